@@ -28,7 +28,18 @@ from boomctl.analysis.sampled_loops.further_delay import FurtherDelay
 from boomctl.arrays import Array
 from boomctl.checks import known
 from boomctl.lti.bilinear import continuous_image, omega_of_image
-from boomctl.lti.frequency import DRAWN, Response, Triangular, resonance_grid, singular_values, smooth_curve, triangular
+from boomctl.lti.frequency import (
+    BEYOND,
+    CURVE,
+    DRAWN,
+    EMPTY,
+    Response,
+    Triangular,
+    resonance_grid,
+    singular_values,
+    smooth_curve,
+    triangular,
+)
 from boomctl.lti.modal import resolved, side_of_axis, sides
 from boomctl.lti.rounding import CERTIFIED, DIGIT, LEVEL, SOLVED
 from boomctl.lti.system import Lti, of
@@ -47,13 +58,10 @@ _AT_ONE = 1e-6  # distance from a gain of one within which a Hamiltonian eigenva
 # that the last digit of a frequency turns it by more is not told from a pole on the axis
 _REAL = 1e-3
 _TINY = float(np.finfo(float).tiny)  # least step of a search that ends by the relative one
-_POINTS = 240  # of the grid, beside those at the resonances (a choice)
 _PER_DECADE = 30  # of these at least, where the poles are spread wide (a choice)
 _FLANK = 0.1  # share of its frequency up to which a resonance has points of its own (a choice)
 _NARROWEST = 1e-14  # share of its frequency below which the width of a resonance is rounding
 _FURTHER = 4  # points a decade of the distance from a resonance, from where DRAWN ends to where the grid is as fine
-_BEYOND = 100.0  # how far the grid reaches below the slowest pole and above the fastest (a choice)
-_INTEGRATING = (1e-3, 1e3)  # [rad/s], the grid of a loop all poles of which are at zero (a choice)
 _ROUNDING = 1e-9  # of L = 1 - 1/S: a factor above 1e9 or below 1e-9 is none
 _LOOKED_AT = 32  # least damped resonances at which rounding is looked for (a choice)
 _WAY = 9  # frequencies from rest to a crossing at which the gain is looked at; near rest it is a parabola (a choice)
@@ -532,10 +540,10 @@ def grid_of_loop(system: Lti) -> Array:
     if not len(poles):
         return np.array([0.0])
     around: Array = np.concatenate([poles, _zeros(system)])
-    around = around[(np.imag(around) >= 0.0) & (np.abs(around) <= np.abs(poles).max() * _BEYOND)]
+    around = around[(np.imag(around) >= 0.0) & (np.abs(around) <= np.abs(poles).max() * BEYOND)]
     size = np.abs(poles[resolved(poles)])
-    low, high = (size.min() / _BEYOND, size.max() * _BEYOND) if len(size) else _INTEGRATING
-    points = max(_POINTS, int(_PER_DECADE * np.log10(high / low)))
+    low, high = (size.min() / BEYOND, size.max() * BEYOND) if len(size) else EMPTY
+    points = max(CURVE, int(_PER_DECADE * np.log10(high / low)))
     flanks = [
         pole.imag + side * np.geomspace(start, end, 1 + int(_FURTHER * np.log10(end / start)))
         for pole in around

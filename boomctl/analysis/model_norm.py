@@ -32,7 +32,16 @@ from scipy import linalg
 
 from boomctl.analysis.norm import NormCertificate, axis_eigenvalues, level_shows, matrices_norm, norm_of_data
 from boomctl.arrays import Array
-from boomctl.lti.frequency import DRAWN, Resonances, Response, resonance_grid, singular_values
+from boomctl.lti.frequency import (
+    ABOVE,
+    BELOW,
+    DRAWN,
+    MODES,
+    Resonances,
+    Response,
+    resonance_grid,
+    singular_values,
+)
 from boomctl.lti.modal import side_of_axis
 from boomctl.lti.system import Lti, beside, is_frequency_response, of, static
 from boomctl.structure.matrices import dense, halves
@@ -49,7 +58,7 @@ if TYPE_CHECKING:
 
     LinearSystem = SecondOrderModel | control.StateSpace | control.TransferFunction | control.FrequencyResponseData
 
-_CORE_FROM = 40  # coordinates from which on a core is worth its building (a choice)
+CORE_FROM = 40  # coordinates from which on a core, or its bound, is worth its building (a choice)
 # verified error of a core, relative, that a norm may be certified with: a hundredth of what that allows
 _CORE_ERROR = 1e-7
 _FEWER = 0.8  # share of a part's coordinates that a core has at most; of more, it is no smaller problem (a choice)
@@ -57,13 +66,7 @@ _CORE_ABOVE = 4.0  # where a core ends, relative to the band's last mode: above 
 _WIDE = 1e7  # ratio of a band's last mode to its lowest: beyond, it ends below (a choice)
 # ratio of a small structure's fastest pole to its lowest mode, from which on no state space holds both: some 1e-3/eps
 _HELD = 1e12
-_BAND = 8  # elastic modes that a picture shows and a core speaks for (a choice)
 _SPARE = 3  # modes asked for beyond these, so that as many are left without the rigid ones of a plane body
-_SCANNED = 200  # frequencies of a scan without proof, beside those at resonances (a choice)
-_SHOWN = 1.5  # how far above its modes a band reaches, so that the last peak is seen from both sides (a choice)
-_BELOW = 0.25  # where it begins, relative to the lowest mode (a choice)
-_ALMOST_ZERO = 1e-9  # [rad/s], in place of zero for integrated inputs, whose response there is infinite
-_NEAR = 1e-9  # share of its frequency by which an undamped pole is missed, where the response is infinite (a choice)
 TOO_FINE = f"over {LARGEST} coordinates; use high-order elements"  # no upper bound
 
 
@@ -116,7 +119,7 @@ class SplitModel:
     @cached_property
     def bands(self) -> tuple["_Band | None", ...]:
         """The band of each part that is not taken whole; None of one that is, or has no real modes."""
-        return tuple(_Band.of(part) if part.n >= _CORE_FROM else None for part in self.parts)
+        return tuple(_Band.of(part) if part.n >= CORE_FROM else None for part in self.parts)
 
     @classmethod
     def of(cls, model: SecondOrderModel) -> "SplitModel":
@@ -148,10 +151,10 @@ class SplitModel:
         shown = _modal_band(*(self.parts if len(self.parts) == 2 else [self.model]))
         if shown is None:
             return Resonances.of(first_order_poles(dense(self.model.M), dense(self.model.C), dense(self.model.K)), high)
-        low, top = shown[0], _SHOWN * shown[1] if high is None else high
+        low, top = shown[0], ABOVE * shown[1] if high is None else high
         found = (_poles(part, band, top) for part, band in zip(self.parts, self.bands, strict=True))
         poles = [np.zeros(0, complex), *found]
-        return Resonances(np.concatenate(poles), _BELOW * low, top)
+        return Resonances(np.concatenate(poles), BELOW * low, top)
 
     def norm(self) -> NormCertificate:
         """Return the certified H-infinity norm; infinite with undamped or integrating modes.
@@ -163,7 +166,7 @@ class SplitModel:
         """
         if not self.parts:
             return NormCertificate(0.0, 0.0, 0.0, "no response", ("halves",))
-        small = len(self.parts) > 1 and all(part.n < _CORE_FROM for part in self.parts)
+        small = len(self.parts) > 1 and all(part.n < CORE_FROM for part in self.parts)
         if small:
             found = _norms_of_small(self.parts)
         else:
@@ -185,11 +188,11 @@ def singular_values_together(given: Sequence[SplitModel], omega: Array) -> list[
 def _modal_band(*parts: SecondOrderModel) -> tuple[float, float] | None:
     """Return the lowest and the eighth elastic frequency of all [rad/s]; None for matrices that have no real modes."""
     try:
-        found = [undamped_modes(part.structure, min(_BAND + _SPARE, part.n))[0] for part in parts]
+        found = [undamped_modes(part.structure, min(MODES + _SPARE, part.n))[0] for part in parts]
     except ValueError:
         return None
     frequencies = np.sort(np.concatenate(found))
-    shown = frequencies[elastic(frequencies)][:_BAND]
+    shown = frequencies[elastic(frequencies)][:MODES]
     shown = shown[shown <= _WIDE * shown[:1]]
     return (float(shown[0]), float(shown[-1])) if len(shown) else None
 
@@ -208,13 +211,13 @@ class _Band:
         if band is None:
             return None
         core = Core.of(part.structure, part.ports, _CORE_ABOVE * band[1]) if part.n <= LARGEST else None
-        return cls(*band, core if core is None or core.structure.n < _FEWER * part.n or part.n < _CORE_FROM else None)
+        return cls(*band, core if core is None or core.structure.n < _FEWER * part.n or part.n < CORE_FROM else None)
 
 
 def _poles(part: SecondOrderModel, band: _Band | None, top: float) -> Array:
     """Return the poles of a part up to a frequency."""
     if part.n > LARGEST:
-        return damped_poles(part.structure, _BAND)
+        return damped_poles(part.structure, MODES)
     small = part.structure if band is None or band.core is None else band.core.structure
     if small.elastic is not None and small.noise > top**2 and small.strain_form is not None:
         poles = small.strain_form.poles()
@@ -232,7 +235,7 @@ def _part_norm(part: SecondOrderModel, band: _Band | None) -> NormCertificate:
             return given.norm()
     low, top, core = band.low, _CORE_ABOVE * band.last, band.core
     if part.n > LARGEST:
-        omega = resonance_grid(_poles(part, band, top), _BELOW * low, top, points=_SCANNED, places=DRAWN)
+        omega = resonance_grid(_poles(part, band, top), BELOW * low, top, places=DRAWN)
         values = singular_values(respond_parts([(part.structure, part.ports)], omega)[0].values)[0]
         best = int(np.argmax(values))
         return NormCertificate(float(values[best]), inf, float(omega[best]), TOO_FINE, ("scan",))
@@ -242,7 +245,7 @@ def _part_norm(part: SecondOrderModel, band: _Band | None) -> NormCertificate:
     inside = replace(inside, path=(f"core of {core.structure.n}", *inside.path))
     if inf in (inside.lower, inside.upper):
         return inside
-    error = core.error(np.array([_BELOW * low, np.clip(inside.omega, _BELOW * low, top), _SHOWN * band.last, top]))
+    error = core.error(np.array([BELOW * low, np.clip(inside.omega, BELOW * low, top), ABOVE * band.last, top]))
     if error > _CORE_ERROR:
         lower = inside.lower * max(1.0 - error, 0.0)
         return replace(inside, lower=lower, upper=inf, method="a core that could not be verified")
@@ -286,9 +289,9 @@ class _Realised:
         poles = self.system.poles[self.system.poles.imag > 0.0]
         if not len(poles):
             return inf, inf
-        beside = poles.imag + np.abs(poles.real) + _NEAR * np.abs(poles)
-        values = singular_values(self.respond(beside))[0]
-        return float(values.max()), float(beside[np.argmax(values)])
+        near = beside(poles.imag + np.abs(poles.real))
+        values = singular_values(self.respond(near))[0]
+        return float(values.max()), float(near[np.argmax(values)])
 
     def stays_below(self, level: float) -> bool:
         """Return whether it is proved that no singular value reaches a level at any frequency."""
@@ -312,7 +315,7 @@ def _norms_of_small(parts: tuple[SecondOrderModel, ...]) -> list[NormCertificate
 
 
 def _response(small: SecondOrderModel, omega: Array) -> Array:
-    seen = np.maximum(omega, _ALMOST_ZERO) if any(small.ports.integrators) else omega
+    seen = np.maximum(omega, beside(np.zeros(1))) if any(small.ports.integrators) else omega
     try:
         return direct_response(small.structure, small.ports, seen)
     except ValueError:  # one of the frequencies is that of an undamped mode, which may not show

@@ -22,7 +22,7 @@ from boomctl.analysis.marginal_poles import MarginalPoles, marginal_poles
 from boomctl.analysis.prove import Claim
 from boomctl.arrays import Array
 from boomctl.lti.bilinear import continuous_image, omega_of_image
-from boomctl.lti.frequency import Resonances, Response, largest_gain, resonance_grid, singular_values
+from boomctl.lti.frequency import RAISED, Resonances, Response, largest_gain, resonance_grid, singular_values
 from boomctl.lti.rounding import CERTIFIED, DIGIT, EPS, LEVEL
 from boomctl.lti.system import BATCH, Lti, System, beside, of
 
@@ -30,13 +30,11 @@ if TYPE_CHECKING:
     from boomctl.structure.model import SecondOrderModel
 
 _WIDER = 6e-6  # how far above the largest gain a level is tried where rounding hides a nearer one: certified still
-_ROUNDS = 30  # levels tried before giving up: each rises to a higher peak, so that a few do
 _ROUNDING = 1e2 * EPS  # share of the Hamiltonian matrix's norm by which its eigenvalues may be off the axis
 _BESIDE = 1e-2  # share of its size by which an eigenvalue that is worth a look lies off the axis (a choice)
 _RELATIVE_ROUNDING = 1e-12  # and share of the eigenvalue itself (both are choices, far below LEVEL)
 
 _LIGHTEST = 10  # resonances, those of least damping, at which the share of rounding is looked at (a choice)
-_LOOKED_AT = 200  # frequencies, beside resonances, at which a response without upper bound is looked at (a choice)
 _TINY = 1e-150  # norms below which squares of responses are not numbers of full precision
 
 # What tells a norm, in the order looked at: one of these is a certificate's ``method``.
@@ -240,7 +238,7 @@ def _surely(given: System) -> tuple[float, float]:
     system = given.system
     top = 10.0 * float(np.abs(system.rates[np.isfinite(system.rates)]).max(initial=0.1))
     seen = Resonances.of_system(system, min(top, system.nyquist))
-    grid = resonance_grid(seen.poles[seen.poles.imag > 0.0], seen.low, seen.high, points=_LOOKED_AT)
+    grid = resonance_grid(seen.poles[seen.poles.imag > 0.0], seen.low, seen.high)
     if system.dt != 0.0:
         grid = beside(grid)  # a pole that rounding alone keeps from the circle is often hit to the last digit
     G, doubts = _responses(given, grid)
@@ -277,7 +275,7 @@ def _responses(given: System, omega: Array) -> tuple[Array, Array]:
 
 def _raised(system: Lti, respond: Response, peak: float, at: float, above: float) -> NormCertificate:
     """Raise a lower bound until no singular value reaches a level that is so much above it, relative."""
-    for _ in range(_ROUNDS):
+    for _ in range(RAISED):
         level = peak * (1.0 + above)
         if level == 0.0:
             return NormCertificate(0.0, 0.0, 0.0, NO_RESPONSE)

@@ -16,10 +16,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from boomctl.analysis.loops import named_response, signals_of
-from boomctl.analysis.sigma import NARROWEST
 from boomctl.arrays import Array
 from boomctl.checks import frequencies, function_of, nonnegative, plain_array, positive, whole
-from boomctl.lti.frequency import DRAWN, resonance_grid, singular_values
+from boomctl.lti.frequency import BEYOND, CURVE, DRAWN, NARROWEST, resonance_grid, singular_values
 from boomctl.lti.modal import side_of_axis
 from boomctl.lti.system import Lti, of
 
@@ -31,16 +30,13 @@ _STEP = np.deg2rad(30.0)
 # how far the middle of a step may lie off its chord, of the lesser end: the phase is followed, not guessed
 _STRAIGHT = 0.2
 _HALVINGS = 40  # of a step: beyond a trillionth of it the loop has a pole on the axis
-_POINTS = 240  # of the first walk, beside those at the resonances (a choice)
-_BELOW = 0.01  # where the first walk begins after zero, relative to the slowest pole (a choice)
 _SMALL = 0.5  # loop gain that counts as below one for good where it was only looked at (a choice)
 _DECADES = 2.0  # beyond, over which it is looked at (a choice)
-_SEARCH = 200  # frequencies at which (a choice)
 _FAR = 8.0  # decades over which the controller's gain is looked at, where a bound of the plant is known (a choice)
 _SAFE = 1.1  # by how much that gain is taken to be larger than what was seen (a choice)
 _WIDER = 1.5  # by how much the search goes on from a frequency where the gain is still large (a choice)
 _TRIES = 60  # times: ten decades
-_INTEGER = 1e-3  # distance from a whole number of windings that is rounding (a choice)
+WHOLE = 1e-2  # distance from a whole number of windings that is rounding, and what is left beyond the end (a choice)
 
 
 @dataclass(frozen=True)
@@ -201,15 +197,15 @@ def exact_loop_stability(
     if plant_bound is not None:
         function_of("plant_bound", plant_bound, "the frequency")
     end = _top(gain, K, 2.0 * reach if top is None else positive("top", top), plant_bound)
-    low = _BELOW * float(np.abs(near).min(initial=1.0))
-    grid = resonance_grid(near, low, end, points=_POINTS, places=DRAWN, narrowest=NARROWEST, also=[0.0, end])
+    low = float(np.abs(near).min(initial=1.0)) / BEYOND
+    grid = resonance_grid(near, low, end, places=DRAWN, narrowest=NARROWEST, also=[0.0, end])
     omega, values = walked(gain, grid, limit)
     determinants = np.linalg.det(values)
     turned = float(np.angle(determinants[1:] / determinants[:-1]).sum())
     rest = float(np.angle(np.linalg.eigvals(values[-1])).sum())
     windings = (turned - rest) / np.pi
     count = round(windings)
-    if abs(windings - count) > _INTEGER:
+    if abs(windings - count) > WHOLE:
         raise ArithmeticError(f"the loop winds {windings:.4f} times about zero, not a whole number of times")
     unstable = int((side > 0).sum())
     if unstable - count < 0:
@@ -246,11 +242,11 @@ def _top(gain: _LoopGain, K: Lti, start: float, bound: Callable[[float], float] 
     """Return a frequency beyond which the loop gain stays below one."""
     end = start
     for _ in range(_TRIES):
-        ahead = end * np.logspace(0.0, _DECADES, _SEARCH)
+        ahead = end * np.logspace(0.0, _DECADES, CURVE)
         if bound is None:
             small = bool((gain.size(ahead) < _SMALL).all())
         else:
-            far = end * np.logspace(0.0, _FAR, 4 * _SEARCH)
+            far = end * np.logspace(0.0, _FAR, 4 * CURVE)
             peak = float(singular_values(K.response(far))[0].max())
             small = nonnegative("plant_bound(top)", bound(end)) * peak * _SAFE < 1.0
         if small:

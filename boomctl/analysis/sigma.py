@@ -17,7 +17,7 @@ from boomctl.analysis.norm import UNSTABLE, NormCertificate, matrices_norm, norm
 from boomctl.analysis.prove import Claim
 from boomctl.arrays import Array
 from boomctl.checks import exactly, frequencies, known, mapping, names, up_to
-from boomctl.lti.frequency import DRAWN, Resonances, resonance_grid, singular_values
+from boomctl.lti.frequency import DRAWN, NARROWEST, Resonances, resonance_grid, singular_values
 from boomctl.lti.modal import side_of_axis, sides
 from boomctl.lti.rounding import ALIKE
 from boomctl.lti.system import Lti, is_frequency_response, of
@@ -33,10 +33,8 @@ if TYPE_CHECKING:
 
     from boomctl.analysis.model_norm import LinearSystem
 
-_POINTS = 240  # of a curve, beside those at the resonances: about 100 a decade on a boom's band (a choice)
 _PRINTED = 100  # coordinates up to which printing waits for the poles: tens of milliseconds (measured)
 _BESIDE = 0.1  # share of it beside an undamped mode that is not drawn: half of the way to the next place (`DRAWN`)
-NARROWEST = 1e-6  # share of its frequency as which a narrower resonance is drawn: no eye tells them apart (a choice)
 
 
 @dataclass(frozen=True)
@@ -289,7 +287,6 @@ def drawn_grid(found: Resonances, also: Sequence[float] = ()) -> Array:
         found.poles,
         found.low,
         found.high,
-        points=_POINTS,
         places=DRAWN,
         narrowest=NARROWEST,
         also=[omega for omega in also if found.low <= omega < np.inf],

@@ -37,17 +37,28 @@ _COMPARED = 8  # frequencies of the grid at which eigenvectors must show what so
 _ALIKE = (
     1e-5  # their difference, over the largest value, up to which they do: two peaks so near are told apart by either
 )
-_SEARCHED = 60  # frequencies between the resonances at which a largest gain is searched for (a choice)
+# Frequencies between the resonances (choices): of what is drawn, or looked at without proof, about 100 a decade on a boom's
+# band; of a search that goes on to the top of a peak
+CURVE = 240
+SEARCHED = 60
 _LOWEST = 1e-12  # least frequency [rad/s] that is asked for beside zero
 _TOPS = 3  # rounds in which a peak is placed on a grid: each leaves the square of what was missing (a choice)
 _SMOOTH = 0.05  # share of its distance from zero, plus one, by which a step of a Nyquist curve may move (a choice)
 _HALVINGS = 10  # of a step of a Nyquist curve at most: a narrow resonance is a circle of many steps (a choice)
-_BAND = 16  # poles that a picture shows by default: eight modes (a choice)
+MODES = 8  # that a picture shows by default (a choice)
+BELOW, ABOVE = (
+    0.25,
+    1.5,
+)  # of the lowest and of the last of them, ends of its band: a peak is seen from both sides (a choice)
+BEYOND = 100.0  # times below the slowest pole and above the fastest, how far a loop is looked at (a choice)
+RAISED = 30  # levels tried before giving up: each rises to a higher peak, so that a few do
 _RESTING = 1e-9  # share of the fastest pole up to which a slow one is no reason to show so low frequencies (a choice)
 _LOWEST_SHOWN = (
     0.1  # share of half the sampling rate from which a picture begins at least, where no pole says so (a choice)
 )
-_EMPTY = (0.1, 100.0)  # [rad/s], what a picture shows of a system without dynamics (a choice)
+EMPTY = (0.1, 100.0)  # [rad/s], what a picture shows of a system without dynamics (a choice)
+
+NARROWEST = 1e-6  # share of its frequency as which a narrower resonance is drawn: no eye tells them apart (a choice)
 
 # Places around a resonance, in half-power half-widths |Re p| from Im p (both choices):
 # for a curve, dense at the peak and up to 23 half-widths to either side; for a search, which narrows in on the highest
@@ -85,7 +96,7 @@ def resonance_grid(
     low: float,
     high: float,
     *,
-    points: int,
+    points: int = CURVE,
     places: ArrayLike = SOUGHT,
     narrowest: float = 0.0,
     also: ArrayLike = (),
@@ -249,7 +260,7 @@ def largest_gain(system: Lti, respond: Response | None = None, refined: int = _R
         poles[(poles.imag > 0.0) & (side_of_axis(poles) != 0)],
         0.1 * max(ends[0], _LOWEST),
         10.0 * max(ends[1], _LOWEST),
-        points=_SEARCHED,
+        points=SEARCHED,
         also=[0.0] if seen.all() else (),
     )
     if respond is not None or len(system.A) <= _SCREENED:
@@ -281,7 +292,7 @@ class Resonances:
     def of(cls, poles: Array, high: float | None = None) -> Resonances:
         """Return the lowest resonances among all poles of a system, or those up to ``high``, and a band that shows them."""
         size = np.sort(np.abs(poles[np.abs(poles) > _RESTING * np.abs(poles).max(initial=0.0)]))
-        low, top = (0.25 * size[0], 1.5 * size[min(len(size), _BAND) - 1]) if len(size) else _EMPTY
+        low, top = (BELOW * size[0], ABOVE * size[min(len(size), 2 * MODES) - 1]) if len(size) else EMPTY
         top = top if high is None else high
         return cls(poles[(poles.imag >= 0.0) & (np.abs(poles) <= top)], float(low), float(top))
 

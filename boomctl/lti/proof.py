@@ -28,6 +28,7 @@ from flint import acb, arb, arb_mat, fmpq, fmpq_mat, fmpq_poly
 
 from boomctl.arrays import Array
 from boomctl.lti.bilinear import image_of_omega, omega_of_image
+from boomctl.lti.frequency import RAISED
 from boomctl.lti.rounding import LEVEL
 from boomctl.lti.system import Lti, System, closed
 
@@ -35,7 +36,6 @@ PATIENCE = 1.0  # s for a proof that nobody asked for (a choice)
 _BITS = 64  # that roots and solutions are first enclosed with; doubled until they decide
 _MOST_BITS = 2**15  # beyond which no enclosure is tried: far above what stored doubles need (measured: 1,500)
 _DIGITS = 2.0**-44  # relative width of an enclosure that is worth no more bits: below what any certificate states
-_RAISED = 30  # levels tried: each rises to a higher peak, so that a few do
 _WORK = 5e-9  # s a state^4 and entry of the response: exact arithmetic on a slow machine (measured, 8 to 100 states)
 
 
@@ -242,7 +242,7 @@ class Exact:
         peak, at = max(
             (float(np.linalg.norm(through, 2)) * (1.0 - LEVEL), inf), *((below(self.gain(x)), x) for x in asked)
         )
-        for _ in range(_RAISED):
+        for _ in range(RAISED):
             level = max(peak * (1.0 + LEVEL), float(np.finfo(float).tiny))
             places, stays = self.crossings(level)
             if stays and not places:

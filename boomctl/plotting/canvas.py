@@ -50,6 +50,7 @@ _LOOK: dict[Any, Any] = {
     "svg.hashsalt": "boomctl",
 }
 
+IN_A_ROW = 3  # panels of one kind (a choice)
 _DECADES, _FRACTION = (
     0.9,
     0.4,

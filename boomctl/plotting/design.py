@@ -8,6 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import FigureBase
 
 from boomctl.arrays import Array
+from boomctl.lti.rounding import VISIBLE
 from boomctl.plotting.canvas import COLOURS, UNITS, few_labels, frequency_axis, legend, line_look, panels
 
 if TYPE_CHECKING:
@@ -18,9 +19,7 @@ if TYPE_CHECKING:
     from boomctl.synthesis.lq.recovery import RecoveryResult
     from boomctl.tuning.result import TuneResult
 
-_BELOW = 1e-4  # share of the largest error down to which it is shown (a choice)
 _SHOWN = 8  # loops that are drawn at most, those whose peaks are highest (a choice)
-_MOST = 6  # outputs that have a colour of their own
 
 
 def plot_reduction(result: "ReductionResult", ax: Any = None, *, unit: str | None = None, **style: Any) -> Any:
@@ -61,7 +60,7 @@ def plot_reduction(result: "ReductionResult", ax: Any = None, *, unit: str | Non
                 axes.plot(across, [level, level], linestyle=dash, color="0.2", linewidth=1.0, label=text)
         if (largest := float(curves.error.max())) > 0.0:
             low, high = axes.get_ylim()
-            axes.set_ylim(max(low, _BELOW * largest), high)
+            axes.set_ylim(max(low, VISIBLE * largest), high)
         axes.set_ylabel("singular values")
         few_labels(axes)
         axes.set_title(f"Reduction by the method {result.method!r}")
@@ -138,7 +137,9 @@ def plot_sines(result: "SineResponse", ax: Any = None, *, unit: str | None = Non
         top, below = axes
         scale = frequency_axis(below, unit)
         x = result.omega / scale
-        for k, (name, line) in enumerate(list(zip(result.outputs, np.abs(result.response), strict=True))[:_MOST]):
+        for k, (name, line) in enumerate(
+            list(zip(result.outputs, np.abs(result.response), strict=True))[: len(COLOURS)]
+        ):
             look = line_look(style, color=COLOURS[k % len(COLOURS)], marker="o", markersize=3, label=name)
             top.loglog(x, line, **look)
             top.plot(x[stuck], line[stuck], "o", color=look["color"], markersize=4, markerfacecolor="white")

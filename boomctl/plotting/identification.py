@@ -9,7 +9,6 @@ from boomctl.plotting.canvas import COLOURS, style
 if TYPE_CHECKING:
     from boomctl.identification.result import FitResult
 
-_LEGEND = 6  # curves up to which each is named (a choice)
 _BEFORE = "0.6"  # grey of what the start gave (a choice)
 
 
@@ -57,7 +56,7 @@ def _draw_curves(result: "FitResult", ax: Any, drawn: dict[str, Any]) -> None:
     fitted, begun = (np.abs(given).reshape(-1, len(hz)) for given in (result.fitted, result.begun))
     for k, (seen, line, before) in enumerate(zip(measured, fitted, begun, strict=True)):
         colour = COLOURS[k % len(COLOURS)]
-        named = len(measured) <= _LEGEND
+        named = len(measured) <= len(COLOURS)
         what = "singular value" if data.kind == "singular values" else "entry"
         number = f", {what} {k + 1}" if len(measured) > 1 else ""
         ax.plot(hz, before, ":", color=_BEFORE, linewidth=1.0, label="start" if k == 0 else None)

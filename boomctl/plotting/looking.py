@@ -12,8 +12,10 @@ from matplotlib.ticker import MaxNLocator
 
 from boomctl.arrays import Array
 from boomctl.checks import names
+from boomctl.lti.frequency import MODES
+from boomctl.lti.rounding import SUMMED
 from boomctl.plotting.canvas import COLOURS, beside, few_labels, frequency_axis, legend, line_look, panels
-from boomctl.plotting.margins import SHADE, draw_critical
+from boomctl.plotting.margins import NARROW, ROOM, SHADE, WIDE, draw_critical
 
 if TYPE_CHECKING:
     from boomctl.analysis.looking.bode import BodeResult
@@ -26,13 +28,8 @@ if TYPE_CHECKING:
 
 _STYLES = ("-", "--", ":", "-.")  # of lines, one each time that the colours have been through
 _STEPS = [1.0, 1.5, 3.0, 4.5, 9.0, 10.0]  # of ticks of an angle: 45, 90 and 180 degrees among them
-_SQUARE = 1.7  # half of the side of the square that a Nyquist picture shows at least: unit circle and -1 (a choice)
-_WIDEST = 4.0  # and at most, whatever the curve does (a choice)
-_SHOWN = 16  # poles that a picture shows, the slowest: eight modes (a choice)
 _DAMPINGS = (0.0005, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5)  # ratios that a line is drawn for (a choice)
-_PANELS = 6  # signals that a comparison draws unless some are named (a choice)
 _BETWEEN = 6  # places that are drawn from one that was computed to the next (a choice)
-_SAME = 1e-12  # of the largest, distance of places that are one
 _LINES = 4  # of equal damping that are drawn at most: more touch (a choice)
 
 
@@ -116,7 +113,7 @@ def _around(ax: Any, curve: Array, disk: "DiskMargin | None", said: str, name: s
     draw_critical(ax, disk if fresh else None)
     ax.plot(curve.real, curve.imag, label=f"{label}: {said}" if label else said, **look)
     ax.plot(curve.real, -curve.imag, **(look | {"alpha": 0.35, "linewidth": 0.8}))
-    half = float(np.clip(1.15 * np.percentile(np.abs(curve), 90), _SQUARE, _WIDEST))
+    half = float(np.clip(ROOM * np.percentile(np.abs(curve), 90), NARROW, WIDE))
     half = half if fresh else max(half, ax.get_xlim()[1])
     _arrows(ax, curve, half, look["color"])
     if disk is not None and fresh:
@@ -132,7 +129,7 @@ def _smooth(curve: Array) -> Array:
     from scipy.interpolate import CubicSpline  # long to import
 
     apart = np.abs(np.diff(curve))
-    kept = np.append(True, apart > _SAME * np.abs(curve).max())
+    kept = np.append(True, apart > SUMMED * np.abs(curve).max())
     along = np.cumsum(np.append(0.0, np.sqrt(np.abs(np.diff(curve[kept])))))  # of the root: no loops beside long steps
     if len(along) < 3:
         return curve
@@ -231,7 +228,7 @@ def plot_pole_zero(result: "PoleZeroResult", ax: Any = None, **style: Any) -> An
 def _top(result: "PoleZeroResult") -> float:
     """Return the size up to which poles are shown: that of the slowest modes."""
     size = np.sort(np.abs(result.poles))
-    return float("inf") if result.dt or len(size) <= _SHOWN else 1.05 * float(size[_SHOWN - 1])
+    return float("inf") if result.dt or len(size) <= 2 * MODES else 1.05 * float(size[2 * MODES - 1])
 
 
 def _damping_lines(ax: Any) -> None:
@@ -284,7 +281,7 @@ def plot_comparison(what: str, drawn: dict[str, Any], ax: Any = None, *, signals
         shapes = {name: [np.asarray(part[0][name]) for part in drawn.values()] for name in common}
         apart = [name for name, all_ in shapes.items() if any(not np.array_equal(all_[0], each) for each in all_[1:])]
         common = common if len(signals) or not apart else apart
-    chosen = common[:_PANELS] if not len(signals) else list(names("signal", signals, common))
+    chosen = common[: len(COLOURS)] if not len(signals) else list(names("signal", signals, common))
     if not chosen:
         raise ValueError("signals: all of them have none in common")
     if what == "time":
@@ -307,7 +304,7 @@ def plot_comparison(what: str, drawn: dict[str, Any], ax: Any = None, *, signals
 
     with panels(ax, chosen, (3.6 * columns, 4.2 * -(-len(chosen) // columns)), divide) as axes:
         for each, signal in zip(axes, chosen, strict=True):
-            half = _SQUARE
+            half = NARROW
             for (name, margins), (_, look) in zip(drawn.items(), _named(style, drawn), strict=True):
                 loop = margins[signal]
                 L = -loop.open_loop[1]
@@ -315,7 +312,7 @@ def plot_comparison(what: str, drawn: dict[str, Any], ax: Any = None, *, signals
                 words = f"{look['label'] or name}: disk {loop.disk.alpha:.3g}"
                 each.plot(L.real, L.imag, **(look | {"label": words}))
                 gains = [1.0 / g for g in (loop.gain_low, loop.gain_high) if 0.0 < g < np.inf]
-                half = float(np.clip(1.15 * max(gains, default=1.0), half, _WIDEST))
+                half = float(np.clip(ROOM * max(gains, default=1.0), half, WIDE))
             each.set(xlim=(-half, half), ylim=(-half, half), aspect="equal", xlabel="Re(−L)", ylabel="Im(−L)")
             place = {"loc": "lower left", "bbox_to_anchor": (-0.05, 1.0)} if beside(each) else {"loc": "upper left"}
             each.legend(title=f"opened at {signal}", title_fontsize=8, fontsize=7, alignment="left", **place)

@@ -13,7 +13,6 @@ if TYPE_CHECKING:
     from boomctl.simulation.forced_response import ForcedResponse
     from boomctl.simulation.result import LoopResult
 
-_MOST = 6  # outputs that are drawn unless some are named: as many as there are colours
 # outputs by how their names end, and the panel that they have to themselves: one with the others would show only some
 _APART = {"_acceleration": "accelerations", "_moment": "moments", "_strain": "strains"}
 _ABOVE = 1.6  # of the largest control, shown of what was asked for (a choice)
@@ -69,7 +68,7 @@ def _outputs(
     if asked is not None:
         chosen = list(names("output", asked, tuple(there)))
     else:
-        chosen = [name for name in there if name not in without][:_MOST]
+        chosen = [name for name in there if name not in without][: len(COLOURS)]
     found: dict[str, dict[str, Any]] = {title: {} for title in ("outputs", *_APART.values())}
     for name in chosen:
         title = next((panel for end, panel in _APART.items() if name.endswith(end)), "outputs")

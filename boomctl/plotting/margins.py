@@ -8,17 +8,14 @@ from matplotlib.axes import Axes
 from matplotlib.figure import FigureBase
 
 from boomctl.arrays import Array
-from boomctl.plotting.canvas import COLOURS, beside, line_look, panels
+from boomctl.plotting.canvas import COLOURS, IN_A_ROW, beside, line_look, panels
 
 if TYPE_CHECKING:
     from boomctl.analysis.margins import DiskMargin, LoopMargin, Margins
 
-_IN_A_ROW = 3  # panels (a choice)
-_LEAST, _MOST = (
-    1.6,
-    4.0,
-)  # half of the side of the square that is shown: unit circle and critical point at least (a choice)
-_ROOM = 1.15  # of the square beyond the farthest margin (a choice)
+# half of the side of the square that is shown, at least (the unit circle and the critical point) and at most (choices)
+NARROW, WIDE = 1.7, 4.0
+ROOM = 1.15  # of the square beyond the farthest margin (a choice)
 _FLAT = 1e3  # gain of a disk margin from which the disk is a half plane to the eye (a choice)
 SHADE = "#f3d9c9"
 
@@ -39,7 +36,7 @@ def plot_margins(result: "Margins", ax: Any = None, **style: Any) -> Array:
     (n,) ndarray of matplotlib Axes
     """
     count = len(result.loops)
-    columns = min(count, _IN_A_ROW)
+    columns = min(count, IN_A_ROW)
     rows = -(-count // columns)
 
     def divide(figure: FigureBase) -> Iterable[Axes]:
@@ -86,7 +83,7 @@ def draw_critical(ax: Any, disk: "DiskMargin | None", *, outlined: Any = None) -
         else:
             ax.plot(middle + radius * across, radius * up, color=outlined, linewidth=0.8, linestyle="--")
     elif disk is not None and outlined is None:
-        ax.axvspan(-_MOST * 10.0, 0.0, color=SHADE, zorder=0)
+        ax.axvspan(-WIDE * 10.0, 0.0, color=SHADE, zorder=0)
     ax.plot(across, up, color="0.6", linewidth=0.8, linestyle=":")
     ax.plot([-1.0], [0.0], "+", color="black", markersize=9, markeredgewidth=1.6)
 
@@ -96,7 +93,7 @@ def _draw(ax: Any, loop: "LoopMargin", style: dict[str, Any]) -> None:
     curve, disk = -L, loop.disk
     look = line_look(style, color=COLOURS[0], marker="." if len(L) == 1 else "none")  # a static loop is a point
     far = [1.0, *(1.0 / factor for factor in (loop.gain_low, loop.gain_high) if 0.0 < factor < np.inf)]
-    half = float(np.clip(_ROOM * max(far), _LEAST, _MOST))
+    half = float(np.clip(ROOM * max(far), NARROW, WIDE))
     draw_critical(ax, disk)
     ax.plot(curve.real, curve.imag, **look)
     ax.plot(curve.real, -curve.imag, **(look | {"alpha": 0.35, "linewidth": 0.8, "label": None}))

@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import FigureBase
 
 from boomctl.arrays import Array
-from boomctl.plotting.canvas import COLOURS, beside, common_legend, line_look, panels
+from boomctl.plotting.canvas import COLOURS, IN_A_ROW, beside, common_legend, line_look, panels
 
 if TYPE_CHECKING:
     from boomctl.structure.response.mode_shapes import ModeShapes, ShapeLine
@@ -16,7 +16,6 @@ _FLAT = (
     0.02  # share of its length up to which a machine is a line, whose motion is drawn to a scale of its own (a choice)
 )
 _SCALE = 0.15  # of a machine's size, as which the largest motion of others is drawn (a choice)
-_IN_A_ROW = 3  # pictures of a machine in the plane (a choice)
 _ACROSS = "along the beam, drawn across"  # said of a motion that has no room along the line
 _MOST_NAMED = 30  # coordinates that are named below their bars (a choice)
 
@@ -39,7 +38,7 @@ def plot_mode_shapes(result: "ModeShapes", ax: Any = None, **style: Any) -> Arra
     count = len(result.names)
     rests = np.vstack([line.points for line in result.lines]) if result.lines else np.zeros((0, 2))
     flat = bool(len(rests)) and float(np.ptp(rests[:, 1])) <= _FLAT * float(np.ptp(rests[:, 0]))
-    columns = 1 if flat or not len(rests) else min(count, _IN_A_ROW)
+    columns = 1 if flat or not len(rests) else min(count, IN_A_ROW)
     rows = -(-count // columns)
 
     def divide(figure: FigureBase) -> list[Axes]:

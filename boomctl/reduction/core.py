@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from boomctl.analysis.model_norm import CORE_FROM
 from boomctl.arrays import Array
 from boomctl.lti.modal import ModalSystem, diagonalized, told_apart
 from boomctl.lti.rounding import ALIKE
@@ -25,7 +26,6 @@ ALL_MODES = "all undamped modes"  # of other structures with strain rows: they k
 STRONGEST_MODES = "the strongest modes, the others bounded by their peaks"  # of a large state space: less to balance
 WHOLE = "all states"  # nothing is left out
 
-_CORE_FROM = 40  # coordinates from which on leaving modes out is worth its bound (a choice)
 _MANY_STATES = 80  # states up to which all of a system stay: balancing them takes milliseconds (a choice)
 _ALL_MODES = 0.8  # share of its modes from which on a structure is rather taken whole (a choice)
 
@@ -62,7 +62,7 @@ def core_of(system: Lti | SecondOrderModel, modes: int) -> SystemCore:
     """Return a core of about ``modes`` modes, more where fewer would not do."""
     if not isinstance(system, SecondOrderModel):
         return _statespace_core(system, 2 * modes, WHOLE)
-    found = structure_core(system, modes) if system.n >= _CORE_FROM else None
+    found = structure_core(system, modes) if system.n >= CORE_FROM else None
     if found is not None:
         return found
     if system.n > LARGEST:

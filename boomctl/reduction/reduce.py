@@ -2,6 +2,7 @@
 
 import warnings
 from dataclasses import replace
+from functools import partial
 from math import inf
 from typing import TYPE_CHECKING
 
@@ -17,7 +18,7 @@ from boomctl.analysis.norm import (
 from boomctl.arrays import Array
 from boomctl.checks import finite_array, known, positive, up_to, whole
 from boomctl.lti.bilinear import continuous_image, discrete_image, image_of_omega
-from boomctl.lti.frequency import resonance_grid, singular_values
+from boomctl.lti.frequency import singular_values
 from boomctl.lti.modal import sides, split_and_doubt
 from boomctl.lti.rounding import CERTIFIED
 from boomctl.lti.system import Lti, of
@@ -34,7 +35,7 @@ from boomctl.reduction.reducers import (
     StrongestModes,
 )
 from boomctl.reduction.result import LowerOrderWarning, ReductionError, ReductionResult
-from boomctl.reduction.verify import POINTS, SLACK, START, Band, Verified, difference
+from boomctl.reduction.verify import SLACK, START, Band, Verified, difference, peak_in_band
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.response.modal_form import modal_form
 
@@ -296,11 +297,8 @@ def _on_circle(full: Lti, found: ReductionResult, band: Band | None) -> Reductio
 def _in_band(gap: Lti, found: ReductionResult, band: Band) -> NormCertificate:
     """Return the largest error of a discrete system in a band, on a grid around its poles, below what the image's is."""
     rates = gap.rates[np.isfinite(gap.rates)]
-    low = max(band[0], START * band[1])
-    omega = resonance_grid(rates, low, band[1], points=POINTS, also=[band[0], band[1]])
-    values = singular_values(gap.response(omega, quiet=True))[0]
-    best = int(np.argmax(values))
-    return NormCertificate(float(values[best]), found.measured_error, float(omega[best]), found.certificate.method)
+    peak, at = peak_in_band(rates, partial(gap.response, quiet=True), band)
+    return NormCertificate(peak, found.measured_error, at, found.certificate.method)
 
 
 def _states(system: Lti | SecondOrderModel) -> int:

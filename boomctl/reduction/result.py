@@ -14,7 +14,7 @@ from boomctl.analysis.norm import NormCertificate
 from boomctl.analysis.prove import Claim
 from boomctl.analysis.sigma import drawn_grid
 from boomctl.arrays import Array
-from boomctl.lti.frequency import Resonances, singular_values
+from boomctl.lti.frequency import ABOVE, Resonances, singular_values
 from boomctl.lti.system import Lti, of
 from boomctl.printing import between, compact
 from boomctl.structure.model import SecondOrderModel
@@ -23,8 +23,6 @@ from boomctl.structure.response.direct import respond
 if TYPE_CHECKING:
     import control
     from matplotlib.axes import Axes
-
-_BESIDE = 1.5  # how far above the frequency of the largest error a picture reaches at least (a choice)
 
 
 class ReductionError(RuntimeError):
@@ -155,7 +153,7 @@ class ReductionResult:
     def curves(self) -> ReductionCurves:
         """Singular values of the full system, of the reduced one and of their difference, computed when first asked for."""
         full, worst = self._full, self.certificate.omega
-        top = _BESIDE * max(worst if worst < inf else 0.0, 0.0 if self.band is None else self.band[1])
+        top = ABOVE * max(worst if worst < inf else 0.0, 0.0 if self.band is None else self.band[1])
         if isinstance(full, Lti):
             found = Resonances.of_system(full)
             found = Resonances.of_system(full, top) if top > found.high else found

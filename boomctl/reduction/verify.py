@@ -19,7 +19,15 @@ from boomctl.analysis.norm import (
     proved_norm,
 )
 from boomctl.arrays import Array
-from boomctl.lti.frequency import Response, highest_peak, resonance_grid, singular_values, triangular
+from boomctl.lti.frequency import (
+    RAISED,
+    SEARCHED,
+    Response,
+    highest_peak,
+    resonance_grid,
+    singular_values,
+    triangular,
+)
 from boomctl.lti.modal import ModalSystem, resolved, side_of_axis
 from boomctl.lti.rounding import ALIKE, CANCELLED, DIGIT, LEVEL
 from boomctl.lti.system import Lti
@@ -31,9 +39,7 @@ Band = tuple[float, float]
 
 # How far above the largest value found, or what counts as rounding where that is more, a level is tried
 _ABOVE = (1.0 + LEVEL, 1.001, 2.0, 10.0, 100.0, 1000.0)
-POINTS = 200  # of a band, beside those at the resonances (a choice)
 START = 1e-6  # where the grid of a band from zero begins, relative to its end (a choice)
-_ROUNDS = 20  # of raising the largest value found within a band; each rises to a higher peak
 _LARGE = 100  # states beyond which a Schur form, once made, answers faster than solving (measured: ten times at 480)
 SLACK = 1e-3  # share by which an error may exceed its bound, or one found otherwise, for rounding on the way (a choice)
 # Of the largest response: an error below that may exceed its bound, since Hankel singular values are products of factors of
@@ -163,6 +169,13 @@ def _levels(peak: float, floor: float) -> list[float]:
     return [factor * max(peak, floor) for factor in _ABOVE]
 
 
+def peak_in_band(poles: Array, respond: Response, band: Band) -> tuple[float, float]:
+    """Return the largest singular value found within a band, from a grid around poles on, and its frequency."""
+    low, high = band
+    grid = resonance_grid(poles, max(low, START * high), high, points=SEARCHED, also=[low, high])
+    return highest_peak(lambda omega: singular_values(respond(omega))[0], grid)
+
+
 def band_norm(gap: Lti, respond: Response, band: Band, floor: float = 0.0) -> NormCertificate:
     """Return the largest singular value within a band: attained, and not crossed by any Hamiltonian eigenvalue there.
 
@@ -172,15 +185,10 @@ def band_norm(gap: Lti, respond: Response, band: Band, floor: float = 0.0) -> No
     low, high = band
     if (side_of_axis(gap.poles) >= 0).any():
         return NormCertificate(inf, inf, float("nan"), UNSTABLE)
-
-    def value(omega: Array) -> Array:
-        return singular_values(respond(omega))[0]
-
-    start = low if low > 0.0 else START * high
-    peak, at = highest_peak(value, resonance_grid(gap.poles, start, high, points=POINTS, also=[low]))
+    peak, at = peak_in_band(gap.poles, respond, band)
     if max(peak, floor) == 0.0:
         return NormCertificate(0.0, 0.0, at, NO_RESPONSE)
-    for _ in range(_ROUNDS):
+    for _ in range(RAISED):
         for level in _levels(peak, floor):
             try:
                 crossings = axis_eigenvalues(gap, level)
@@ -193,7 +201,7 @@ def band_norm(gap: Lti, respond: Response, band: Band, floor: float = 0.0) -> No
                 return NormCertificate(peak, level, at, f"{NO_CROSSING} in the band")
             ends = np.concatenate([[low], inside, [high]])
             tried = np.concatenate([inside, 0.5 * (ends[1:] + ends[:-1])])
-            values = value(tried)
+            values = singular_values(respond(tried))[0]
             if values.max() > level:
                 peak, at = float(values.max()), float(tried[int(np.argmax(values))])
                 break

@@ -26,14 +26,13 @@ from boomctl.structure.beams.exact import ExactLayout, ExactModel
 from boomctl.structure.beams.mesh import BeamMesh
 from boomctl.structure.elimination import eliminate
 from boomctl.structure.kinematics import Kinematics, Row, attachments, kinematics, row_matrix
-from boomctl.structure.layout import Layout, Weights, squared_sums
+from boomctl.structure.layout import KEPT, Layout, Weights, squared_sums
 from boomctl.structure.matrices import Structure, dense
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.outline import Line, Outline
 from boomctl.structure.parts import Beam, CutJoint, Force, Ground, Output, Point, RigidBody, SpringDamper
 from boomctl.structure.ports import Ports
 
-_KEPT = 8  # mechanisms kept for the next machine with its parts at the same places (a choice of memory)
 _DRAWN = 10  # points of a picture on each element (a choice)
 _POINTS = (60, 600)  # on a beam at least and at most: finer than a picture shows (a choice)
 _UNEVEN = 0.41421356  # share of its length at which a free beam is cut in two: sqrt 2 - 1, no node of a low mode
@@ -307,7 +306,7 @@ def _where(assembly: Assembly) -> tuple[Hashable, ...]:
     )
 
 
-@lru_cache(maxsize=_KEPT)
+@lru_cache(maxsize=KEPT)
 def _kept_mechanism(place: _Place) -> Mechanism:
     return _find_mechanism(place.assembly, place.exact)
 

@@ -12,11 +12,10 @@ from scipy import linalg, sparse
 
 from boomctl.arrays import Array, Matrix
 from boomctl.lti.rounding import ALIKE, SUMMED
-from boomctl.structure.layout import Layout
+from boomctl.structure.layout import KEPT, Layout
 from boomctl.structure.matrices import Structure, dense
 
 _DIGITS = 13  # of a damper's row, relative to its largest entry, in which its image agrees with it
-_KEPT = 16  # choices of dampers kept for the next structure of the same rows (a choice of memory)
 _MOST_DAMPERS = 12  # beyond, damping is not "proportional but for a few" (a choice)
 _ENDS = 8  # coordinates that a damper may touch, where it has to be found in the matrix: two bodies of a beam each
 
@@ -44,7 +43,7 @@ def separated_damping(structure: Structure) -> Damping | None:
     return Damping(beta, U, np.bincount(image, share * gamma[apart], U.shape[1])[: U.shape[1]])
 
 
-@lru_cache(maxsize=_KEPT)
+@lru_cache(maxsize=KEPT)
 def _distinct_rows(layout: Layout, places: tuple[int, ...]) -> tuple[Array, Array, Array]:
     """Return elastic rows as columns, those of one shape once, which of them each row is, and its square in theirs.
 

@@ -12,13 +12,12 @@ import numpy as np
 from boomctl.arrays import Array, Matrix, combined
 from boomctl.checks import instance, known, mapping, names, truth
 from boomctl.structure.elimination import Elimination, eliminate
-from boomctl.structure.layout import Layout
+from boomctl.structure.layout import KEPT, Layout
 from boomctl.structure.matrices import Structure, dense
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.ports import Ports
 
 MOTIONS = ("displacement", "velocity", "acceleration")
-_KEPT = 8  # eliminations kept for the next structure with the same rows (a choice of memory)
 
 
 def prescribe_displacement(
@@ -104,7 +103,7 @@ def prescribe_displacement(
     )
 
 
-@lru_cache(maxsize=_KEPT)
+@lru_cache(maxsize=KEPT)
 def _eliminated(layout: Layout, names: tuple[str, ...], columns: bytes) -> tuple[Elimination, Layout, "_Side"]:
     """Return what imposing motion at the columns of ``names`` makes of rows, whatever the structure weighs."""
     choice = eliminate(np.frombuffer(columns).reshape(layout.n, len(names)), names)

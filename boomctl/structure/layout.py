@@ -23,6 +23,7 @@ from boomctl.printing import compact
 from boomctl.structure.elimination import Elimination
 from boomctl.structure.symmetry import Mirror
 
+KEPT = 16  # of each kind of result, for the next structure with the same rows or places (a choice of memory)
 _FULL = 0.1  # share of the entries of sparse rows beyond which they are dense: their products are nearly all (a choice)
 _PROBE = 0.7390851332151607  # [rad], for numbers without a pattern: the angle that is its own cosine
 

@@ -14,7 +14,7 @@ from scipy import sparse
 from boomctl.arrays import DENSE_LIMIT, Array, Matrix
 from boomctl.lti.rounding import ALIKE, SUMMED
 from boomctl.printing import compact
-from boomctl.structure.layout import HalfLayout, Layout, Weights, squared_sums
+from boomctl.structure.layout import KEPT, HalfLayout, Layout, Weights, squared_sums
 from boomctl.structure.outline import Outline
 from boomctl.structure.ports import Ports
 from boomctl.structure.strain_coordinates import StrainForm, strain_form
@@ -25,7 +25,6 @@ _DENSE_HALF = 220
 # largest over median stiffness over mass of coordinates, from which on a mesh is not split: the rounding of its stations
 # makes images of its shortest elements unlike each other, and a half that holds both would lock
 _GRADED = 1e14
-_KEPT = 8  # layouts with a mirror kept for the next structure of the same rows (a choice of memory)
 
 
 @dataclass(frozen=True)
@@ -231,7 +230,7 @@ class HalfStructure:
     __repr__ = compact
 
 
-@lru_cache(maxsize=_KEPT)
+@lru_cache(maxsize=KEPT)
 def _mirrored(layout: Layout, mirror: Mirror) -> Layout:
     """Return a layout with a mirror; one for all structures that share the layout."""
     return replace(layout, mirror=mirror)

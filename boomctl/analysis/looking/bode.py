@@ -25,7 +25,7 @@ from boomctl.analysis.sigma import (
 )
 from boomctl.arrays import Array
 from boomctl.checks import known, names
-from boomctl.lti.frequency import with_peaks
+from boomctl.lti.frequency import ABOVE, with_peaks
 from boomctl.lti.system import is_frequency_response
 from boomctl.printing import between
 
@@ -33,8 +33,6 @@ if TYPE_CHECKING:
     import control
 
     from boomctl.structure.model import SecondOrderModel
-
-_ABOVE = 1.2  # how far above the highest peak a band reaches, so that it is seen from both sides (a choice)
 
 
 @dataclass(frozen=True)
@@ -185,8 +183,8 @@ def bode(
         grid = below_nyquist(asked, given, "omega" if frequency_hz is None else "frequency_hz")
         return BodeResult(grid, _finite(grid, given.response(grid)), chosen.inputs, chosen.outputs, unit, given)
     found, peak = given.resonances(), given.norm().omega
-    if found.high < _ABOVE * peak < np.inf:
-        found = given.resonances(_ABOVE * peak)
+    if found.high < ABOVE * peak < np.inf:
+        found = given.resonances(ABOVE * peak)
     grid, values = with_peaks(
         lambda w: given.response(w, quiet=True), drawn_grid(found, [peak]), lambda w: beside_undamped(found, w)
     )

@@ -12,13 +12,12 @@ from boomctl.structure.beams.dynamic_stiffness import Segment, clamped_count, en
 from boomctl.structure.beams.strains import StrainSystem, wave_numbers
 from boomctl.structure.beams.terms import Lines, Terms, kinds_of
 from boomctl.structure.elimination import eliminate
-from boomctl.structure.layout import Layout, Weights
+from boomctl.structure.layout import KEPT, Layout, Weights
 from boomctl.structure.matrices import dense
 from boomctl.structure.ports import Ports
 from boomctl.structure.response.rounding import warn_of_rounding
 from boomctl.structure.symmetry import Mirror
 
-_KEPT = 16  # layouts and arrangements kept for the next structure with the same rows (a choice of memory)
 _RESIDUAL = 1e-11  # of an equation's terms; where elimination leaves more, strain coordinates answer (a choice)
 _CANCELLED = 3e4  # nodal stiffness over its pivot, likewise: by then, 1e-10 of the response may be lost (measured)
 # stiffness of the stiffest segment over that of all in a row, up to which nodal stiffnesses answer: errors of 1e-10 on random
@@ -72,7 +71,7 @@ class ExactLayout:
         return self.rigid.N @ P, self.rigid.R @ P, self.S @ P
 
 
-@lru_cache(maxsize=_KEPT)
+@lru_cache(maxsize=KEPT)
 def _prescribed(layout: ExactLayout, inputs: tuple[str, ...]) -> ExactLayout:
     """Return the layout with the motion of the points of the force inputs named imposed."""
     choice = eliminate(np.column_stack([layout.ports.force_column(name) for name in inputs]), inputs)
@@ -189,7 +188,7 @@ class ExactModel:
         return self.layout.terms.weighed(self.weights, kinds_of(self.segments)[1]).reshape(-1, n, n)
 
 
-@lru_cache(maxsize=_KEPT)
+@lru_cache(maxsize=KEPT)
 def _mirrored(layout: ExactLayout, mirror: Mirror) -> ExactLayout:
     return replace(layout, rigid=replace(layout.rigid, mirror=mirror))
 
@@ -328,7 +327,7 @@ class _Arrangement:
     direct: Array
 
 
-@lru_cache(maxsize=_KEPT)
+@lru_cache(maxsize=KEPT)
 def _arranged(
     layout: ExactLayout, mirror: Mirror | None, inputs: tuple[str, ...], outputs: tuple[str, ...]
 ) -> _Arrangement:
