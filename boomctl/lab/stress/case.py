@@ -2,7 +2,7 @@
 
 import linecache
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from enum import StrEnum
 from math import isfinite
@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 _PACKAGE = Path(__file__).parents[2]
+SCALES = (1e-9, 1e-6, 1e-3, 1e3, 1e6, 1e9)  # by which units are changed: up to nine powers of ten
 _SECONDS = 20.0  # that a case may take before it counts as hung (a choice: what a user waits without asking)
 
 
@@ -86,6 +87,38 @@ class Case:
     def name(self) -> str:
         """Area, what is tried and how much of it."""
         return f"{self.area}: {self.what}, {self.amount}"
+
+
+def rows(
+    area: str,
+    what: str,
+    measure: str,
+    work: Callable[..., Seen],
+    over: Iterable[Any],
+    *,
+    promise: float | Callable[[Any], float] | None,
+    amount: str | Callable[[Any], str] = "{:g}",
+    answered: bool | Callable[[Any], bool] = False,
+    full: bool | Callable[[Any], bool] = False,
+    seconds: float = _SECONDS,
+) -> Iterator[Case]:
+    """Return the cases of one thing that is tried over several amounts, each of which ``work`` is given.
+
+    Parameters
+    ----------
+    area, what, measure, work, seconds
+        As of :class:`Case`.
+    over : iterable
+        The amounts.
+    promise, answered, full
+        As of :class:`Case`, or functions of an amount.
+    amount : str or callable
+        How an amount is written: a format, or a function of it.
+    """
+    for value in over:
+        words = amount(value) if callable(amount) else amount.format(value)
+        promised, must, long = (x(value) if callable(x) else x for x in (promise, answered, full))
+        yield Case(area, what, words, promised, measure, work, (value,), must, long, seconds)
 
 
 @dataclass(frozen=True)

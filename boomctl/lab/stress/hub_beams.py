@@ -2,11 +2,12 @@
 
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 from math import pi, sqrt
 
 import numpy as np
 
-from boomctl.lab.stress.case import Case, Seen, each_relative
+from boomctl.lab.stress.case import SCALES, Case, Seen, each_relative, rows
 from boomctl.lab.stress.references import clamped_free_frequencies, rotating_frequencies
 from boomctl.rotating_beam.factory import hub_beam
 from boomctl.rotating_beam.manoeuvres import hold, hub_profile, sine_torque, spin_up
@@ -25,65 +26,69 @@ def cases() -> Iterator[Case]:
 
 def _frequencies() -> Iterator[Case]:
     """Return the cases of frequencies."""
-    for modes in (1, 5, 12, 20, 50, 100, 200):
-        what, measure = "frequencies at rest", "relative, cos b cosh b = -1 in sixty digits"
-        yield Case(_AREA, what, _modes(modes), 1e-10, measure, _at_rest, (modes,), answered=modes <= 20)
-    for speed in (0.0, 1.0, 100.0, 1e4):
-        for tip in (0.0, 0.5):
-            what, measure = f"three modes of SFOAM turning, {tip:g} kg at the tip", "relative, sixty digits"
-            yield Case(
-                _AREA, what, f"{speed:g} rad/s", 1e-10, measure, _turning, (speed, tip), answered=True, seconds=40.0
-            )
-    for ratio in (1e-6, 1.0, 1e3, 1e6):
-        what, measure = "three modes at 1 rad/s", "relative, sixty digits"
-        # of a mass so heavy the first mode is a difference of terms as large as the mass itself
-        promise = max(1e-10, 1e2 * _EPS * ratio)
-        yield Case(_AREA, what, f"tip mass {ratio:g} times the beam's", promise, measure, _heavy, (ratio,))
-    for delta in (1e-1, 1e-3, 1e-6, 1e-9, 1e-12):
-        what, measure = "TLAM's frequency near its critical speed", "relative, sqrt(critical^2 - speed^2)"
-        promise = max(1e-10, 20 * _EPS / delta)
-        yield Case(_AREA, what, f"{delta:g} below it", promise, measure, _near_critical, (delta,))
-    for delta in (0.0, 1e-12, 1e-3):
-        what, measure = "TLAM's frequency beyond its critical speed", "a refusal"
-        yield Case(_AREA, what, f"{delta:g} beyond it" if delta else "at it", None, measure, _beyond, (delta,))
+    modes = (1, 5, 12, 20, 50, 100, 200)
+    what, measure = "frequencies at rest", "relative, cos b cosh b = -1 in sixty digits"
+    yield from rows(_AREA, what, measure, _at_rest, modes, amount=_modes, promise=1e-10, answered=lambda n: n <= 20)
+    measure = "relative, sixty digits"
+    for tip in (0.0, 0.5):
+        what, work = f"three modes of SFOAM turning, {tip:g} kg at the tip", partial(_turning, tip=tip)
+        speeds, words = (0.0, 1.0, 100.0, 1e4), "{:g} rad/s"
+        yield from rows(_AREA, what, measure, work, speeds, amount=words, promise=1e-10, answered=True, seconds=40.0)
+
+    def of_heavy(ratio: float) -> float:
+        return max(1e-10, 1e2 * _EPS * ratio)  # the first mode is a difference of terms as large as the mass itself
+
+    words, ratios = "tip mass {:g} times the beam's", (1e-6, 1.0, 1e3, 1e6)
+    yield from rows(_AREA, "three modes at 1 rad/s", measure, _heavy, ratios, amount=words, promise=of_heavy)
+    what, measure = "TLAM's frequency near its critical speed", "relative, sqrt(critical^2 - speed^2)"
+
+    def below(delta: float) -> float:
+        return max(1e-10, 20 * _EPS / delta)
+
+    deltas = (1e-1, 1e-3, 1e-6, 1e-9, 1e-12)
+    yield from rows(_AREA, what, measure, _near_critical, deltas, amount="{:g} below it", promise=below)
+    yield from rows(
+        _AREA,
+        "TLAM's frequency beyond its critical speed",
+        "a refusal",
+        _beyond,
+        (0.0, 1e-12, 1e-3),
+        amount=lambda delta: f"{delta:g} beyond it" if delta else "at it",
+        promise=None,
+    )
 
 
 def _units_and_motion() -> Iterator[Case]:
     """Return the cases of units and of motion."""
-    for scale in (1e-9, 1e-6, 1e-3, 1e3, 1e6, 1e9):
-        for unit in ("length", "force", "time"):
-            what, measure = f"frequencies in other units of {unit}", "relative, the law of scaling"
-            yield Case(_AREA, what, f"{scale:g}", 1e-9, measure, _units, (unit, scale))
+    for unit in ("length", "force", "time"):
+        what, measure = f"frequencies in other units of {unit}", "relative, the law of scaling"
+        yield from rows(_AREA, what, measure, partial(_units, unit), SCALES, promise=1e-9)
     for model in _MODELS:
-        for rate in (1e-3, 1.0, 1e2):
-            what, measure = f"{model}: energy without torque", "relative change of energy over ten periods"
-            yield Case(_AREA, what, f"started at {rate:g} rad/s", 1e-6, measure, _energy, (model, rate), seconds=40.0)
-    for speed in (1e-6, 1e-3, 0.1):
-        what, measure = "deflection of a slow spin-up", "of the largest, TLAM against FOAM"
-        # the models differ by the square of speed over first frequency, 2.9 rad/s
-        promise = max(1e-6, 2.0 * (speed / 2.9) ** 2)
-        yield Case(_AREA, what, f"to {speed:g} rad/s", promise, measure, _slow_spin_up, (speed,), seconds=60.0)
-    for off in (1e-2, 1e-4, 1e-6, 1e-8, 1e-12):
-        what, measure = "a profile whose acceleration is off", "of the largest deflection, the profile itself"
-        yield Case(_AREA, what, f"by {off:g} of it", 1e-8, measure, _profile_off, (off,))
-    for modes in (2, 4, 8, 16):
-        what = "geometrically exact, a spin-up that leaves the tip behind"
-        measure = "error of the tip over the one estimated, 24 polynomials"
-        yield Case(_AREA, what, f"{modes} polynomials", 1.0, measure, _whip, (modes,), seconds=60.0, answered=True)
-    for amplitude in (1e-6, 1e-2, 1.0):
-        what, measure = "SFOAM under a sine of torque", "of the largest, python-control on its linear model"
-        promise = max(1e-5, 1e-4 * amplitude**2)
-        yield Case(
-            _AREA,
-            what,
-            f"{amplitude:g} N m",
-            promise,
-            measure,
-            _small_torque,
-            (amplitude,),
-            seconds=60.0,
-            answered=True,
-        )
+        what, measure = f"{model}: energy without torque", "relative change of energy over ten periods"
+        work, words = partial(_energy, model), "started at {:g} rad/s"
+        yield from rows(_AREA, what, measure, work, (1e-3, 1.0, 1e2), amount=words, promise=1e-6, seconds=40.0)
+
+    def apart(speed: float) -> float:
+        return max(1e-6, 2.0 * (speed / 2.9) ** 2)  # the models' distance: square of speed over first frequency, rad/s
+
+    what, measure, words = "deflection of a slow spin-up", "of the largest, TLAM against FOAM", "to {:g} rad/s"
+    yield from rows(_AREA, what, measure, _slow_spin_up, (1e-6, 1e-3, 0.1), amount=words, promise=apart, seconds=60.0)
+    what, measure = "a profile whose acceleration is off", "of the largest deflection, the profile itself"
+    amounts = (1e-2, 1e-4, 1e-6, 1e-8, 1e-12)
+    yield from rows(_AREA, what, measure, _profile_off, amounts, amount="by {:g} of it", promise=1e-8)
+    what = "geometrically exact, a spin-up that leaves the tip behind"
+    measure = "error of the tip over the one estimated, 24 polynomials"
+    few, words = (2, 4, 8, 16), "{} polynomials"
+    yield from rows(_AREA, what, measure, _whip, few, amount=words, promise=1.0, answered=True, seconds=60.0)
+
+    def linear(torque: float) -> float:
+        return max(1e-5, 1e-4 * torque**2)
+
+    torques, words = (1e-6, 1e-2, 1.0), "{:g} N m"
+    what, measure = "SFOAM under a sine of torque", "of the largest, python-control on its linear model"
+    yield from rows(
+        _AREA, what, measure, _small_torque, torques, amount=words, promise=linear, answered=True, seconds=60.0
+    )
 
 
 def _modes(count: int) -> str:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import fields, replace
+from functools import partial
 from math import inf, nan
 from typing import Any
 
@@ -15,7 +16,7 @@ from boomctl.boom.exact import exact_eigenfrequencies_hz, exact_frequency_respon
 from boomctl.boom.factory import spray_boom
 from boomctl.boom.model import ACTUATORS, TIPS
 from boomctl.boom.parameters import BoomParameters
-from boomctl.lab.stress.case import Case, Seen, relative, said_by_us
+from boomctl.lab.stress.case import Case, Seen, relative, rows, said_by_us
 from boomctl.lti.system import Lti
 from boomctl.reduction.reduce import reduce
 from boomctl.rotating_beam.factory import hub_beam
@@ -112,32 +113,19 @@ def _each_field(make: Callable[[Any], object], plain: Any, value: float) -> None
 def cases() -> Iterator[Case]:
     """Return the cases of numbers that are none."""
     for door in _CALLS:
-        for value in _BAD:
-            yield Case(_DOORS, door, f"{value:g}", None, "a refusal", _refused, (door, value))
+        yield from rows(_DOORS, door, "a refusal", partial(_refused, door), _BAD, promise=None)
     for name in ("spring_stiffness", "cradle_damping", "hinge_damping", "structural_damping", "platform_mass"):
-        for value in (_DENORMAL, 1e-310):
-            measure = "tips against those of no such part, of the largest"
-            what = f"the boom with a {name.replace('_', ' ')}"
-            yield Case(_NEXT_TO_ZERO, what, f"of {value:g}", 1e-9, measure, _boom_beside_zero, (name, value))
-    for value in (_DENORMAL, 1e-310, 1e-300):
-        yield Case(
-            _NEXT_TO_ZERO,
-            "exact frequencies, spring stiffness",
-            f"of {value:g}",
-            1e-9,
-            "relative, a spring of 1e-20 N/m",
-            _exact_beside_zero,
-            (value,),
+        what, measure = (
+            f"the boom with a {name.replace('_', ' ')}",
+            "tips against those of no such part, of the largest",
         )
-        yield Case(
-            _NEXT_TO_ZERO,
-            "response of a mass on a spring of stiffness",
-            f"{value:g}",
-            1e-9,
-            "relative, -1/w^2",
-            _mass_beside_zero,
-            (value,),
-        )
+        tiny, work = (_DENORMAL, 1e-310), partial(_boom_beside_zero, name)
+        yield from rows(_NEXT_TO_ZERO, what, measure, work, tiny, amount="of {:g}", promise=1e-9)
+    tiny = (_DENORMAL, 1e-310, 1e-300)
+    what, measure = "exact frequencies, spring stiffness", "relative, a spring of 1e-20 N/m"
+    yield from rows(_NEXT_TO_ZERO, what, measure, _exact_beside_zero, tiny, amount="of {:g}", promise=1e-9)
+    what = "response of a mass on a spring of stiffness"
+    yield from rows(_NEXT_TO_ZERO, what, "relative, -1/w^2", _mass_beside_zero, tiny, promise=1e-9)
 
 
 def _refused(door: str, value: float) -> Seen:

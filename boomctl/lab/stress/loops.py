@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 from itertools import combinations, product
 from math import acos, degrees, inf, pi, sqrt
 
@@ -11,7 +12,7 @@ from scipy import linalg
 
 from boomctl.analysis.margins import margins
 from boomctl.analysis.model_norm import hinf_norm
-from boomctl.lab.stress.case import Case, Seen
+from boomctl.lab.stress.case import SCALES, Case, Seen, rows
 from boomctl.lab.stress.references import DIGITS, state_space_response
 from boomctl.lti.system import Lti
 from boomctl.simulation.conditioning import conditioning_gains
@@ -30,101 +31,78 @@ from boomctl.tuning.tune import tune
 
 _REGULATORS, _HINF, _TUNED = "LQR and LQG", "H-infinity and H2 designs", "Tuning"
 _MARGINS, _WINDUP = "Margins", "Anti-windup"
-_SCALES = (1e-9, 1e-6, 1e-3, 1e3, 1e6, 1e9)  # units of time, a unit changed by up to nine powers of ten
+_RATES = (1e-6, 1e-3, 1.0, 1e3, 1e6)  # rad/s, of a plant
+_CLOSED = "relative, closed form"
 
 
 def cases() -> Iterator[Case]:
     """Return the cases of control."""
     yield from _regulators()
-    exact = "relative, closed form"
-    for scale in (1e-6, 1e-3, 1.0, 1e3, 1e6):
-        measure = "share by which the verified norm misses the loop's own, or lies below the bound or the known optimum"
-        yield Case(
-            _HINF, "a first-order plant, units of time", f"{scale:g}", 1e-5, measure, _hinf, (scale,), seconds=60.0
-        )
-    for pole in (1.0, 1e3, 1e6):
-        measure = "share by which the verified norm misses the loop's own or lies below its bound"
-        yield Case(
-            _HINF, "an unstable plant", f"pole {pole:g} rad/s", 1e-5, measure, _hinf_unstable, (pole,), seconds=60.0
-        )
-    for zeta in (0.0, 1e-8, 1e-4, 1e-1):
-        measure = "share by which the verified norm misses the loop's own or lies below its bound"
-        amount = f"damping ratio {zeta:g}"
-        yield Case(_HINF, "an oscillator", amount, 1e-5, measure, _hinf_oscillator, (zeta,), seconds=60.0)
-        measure = "relative, two scalar Riccati equations or the regulator's and the filter's"
-        yield Case(_HINF, "H2 optimum of an oscillator", amount, 1e-6, measure, _h2_oscillator, (zeta,))
-    for omega in (1e-6, 1e-3, 1.0, 1e3, 1e6):
-        amount = f"{omega:g} rad/s"
-        yield Case(
-            _MARGINS,
-            "phase and delay of an integrator's loop",
-            amount,
-            1e-6,
-            exact,
-            _integrator,
-            (omega,),
-            answered=True,
-        )
-        yield Case(_MARGINS, "gain of 1/(s + 1)^3, time scaled", amount, 1e-6, exact, _cubic, (omega,), answered=True)
-    for gain in (0.5, 1.0, 1.0 + 1e-9, 1.5, 1e6):
-        what = "delay of a loop whose gain at infinite frequency is"
-        yield Case(_MARGINS, what, f"{gain:.10g}", 1e-6, exact, _direct, (gain,), answered=True)
-    for zeta in (1e-2, 1e-4, 1e-6, 1e-8):
-        what = "delay of a lightly damped loop"
-        yield Case(_MARGINS, what, f"damping ratio {zeta:g}", 1e-6, exact, _light, (zeta,), answered=zeta >= 1e-6)
-    for gain in (1.1, 1.5, 1.9, 1.9999):
-        what = "further delay of an integrator sampled once a second"
-        yield Case(_MARGINS, what, f"gain {gain:g}", 1e-6, exact, _sampled_delay, (gain,), answered=True)
-    for cost in (1.0, 1e-1, 1e-2, 1e-3):
-        what = "cheap control, an unstable plant of 5 states, as near to the best as can be had"
-        measure = "share by which the loop's gain, of plant and controller in sixty digits, lies outside the bounds"
-        yield Case(_HINF, what, f"costs {cost:g}", 1e-9, measure, _cheap, (cost,), seconds=60.0)
-    for order in (1, 2):
-        what, measure = (
-            "tuned, an unstable plant of 2 states",
-            "share by which the norm is above that of one order less",
-        )
-        yield Case(_TUNED, what, f"order {order}", 1e-6, measure, _grown, (order,), seconds=60.0)
-    for budget in (1.0, 0.6, 0.4):
-        what, measure = "a budget of force, over a family", "share by which a corner's norm exceeds the worst told"
-        yield Case(_TUNED, what, f"{budget:g}", 1e-6, measure, _budgeted, (budget,), seconds=60.0)
-    for zeta in (1e-2, 1e-4, 1e-6, 1e-8):
-        what, measure = "three controls, any of them at their limits", "what is left of a state after 2^50 samples"
-        yield Case(_WINDUP, what, f"damping ratio {zeta:g}", 1e-6, measure, _windup, (zeta,), answered=True)
+    yield from _designs()
+    yield from _margins()
+    tried = partial(rows, _TUNED, seconds=60.0)
+    what, measure = "tuned, an unstable plant of 2 states", "share by which the norm is above that of one order less"
+    yield from tried(what, measure, _grown, (1, 2), amount="order {}", promise=1e-6)
+    what, measure = "a budget of force, over a family", "share by which a corner's norm exceeds the worst told"
+    yield from tried(what, measure, _budgeted, (1.0, 0.6, 0.4), promise=1e-6)
+    tried, zetas = partial(rows, _WINDUP), (1e-2, 1e-4, 1e-6, 1e-8)
+    what, measure = "three controls, any of them at their limits", "what is left of a state after 2^50 samples"
+    yield from tried(what, measure, _windup, zetas, amount="damping ratio {:g}", promise=1e-6, answered=True)
+
+
+def _designs() -> Iterator[Case]:
+    """Return the cases of H-infinity and H2 designs."""
+    tried = partial(rows, _HINF, seconds=60.0)
+    measure = "share by which the verified norm misses the loop's own, or lies below the bound or the known optimum"
+    yield from tried("a first-order plant, units of time", measure, _hinf, _RATES, promise=1e-5)
+    measure = "share by which the verified norm misses the loop's own or lies below its bound"
+    poles = (1.0, 1e3, 1e6)
+    yield from tried("an unstable plant", measure, _hinf_unstable, poles, amount="pole {:g} rad/s", promise=1e-5)
+    zetas, words = (0.0, 1e-8, 1e-4, 1e-1), "damping ratio {:g}"
+    yield from tried("an oscillator", measure, _hinf_oscillator, zetas, amount=words, promise=1e-5)
+    what, measure = (
+        "H2 optimum of an oscillator",
+        "relative, two scalar Riccati equations or the regulator's and the filter's",
+    )
+    yield from rows(_HINF, what, measure, _h2_oscillator, zetas, amount=words, promise=1e-6)
+    what = "cheap control, an unstable plant of 5 states, as near to the best as can be had"
+    measure = "share by which the loop's gain, of plant and controller in sixty digits, lies outside the bounds"
+    yield from tried(what, measure, _cheap, (1.0, 1e-1, 1e-2, 1e-3), amount="costs {:g}", promise=1e-9)
+
+
+def _margins() -> Iterator[Case]:
+    """Return the cases of margins."""
+    tried = partial(rows, _MARGINS, measure=_CLOSED, promise=1e-6)
+    for what, work in (
+        ("phase and delay of an integrator's loop", _integrator),
+        ("gain of 1/(s + 1)^3, time scaled", _cubic),
+    ):
+        yield from tried(what, work=work, over=_RATES, amount="{:g} rad/s", answered=True)
+    what = "delay of a loop whose gain at infinite frequency is"
+    yield from tried(what, work=_direct, over=(0.5, 1.0, 1.0 + 1e-9, 1.5, 1e6), amount="{:.10g}", answered=True)
+    what, zetas, words = "delay of a lightly damped loop", (1e-2, 1e-4, 1e-6, 1e-8), "damping ratio {:g}"
+    yield from tried(what, work=_light, over=zetas, amount=words, answered=lambda zeta: zeta >= 1e-6)
+    what = "further delay of an integrator sampled once a second"
+    yield from tried(what, work=_sampled_delay, over=(1.1, 1.5, 1.9, 1.9999), amount="gain {:g}", answered=True)
 
 
 def _regulators() -> Iterator[Case]:
     """Return the cases of regulators and filters."""
-    exact = "relative, closed form"
-    for weight in (1e-12, 1e-6, 1.0, 1e6, 1e12):
-        yield Case(
-            _REGULATORS,
-            "gain of a double integrator",
-            f"R = {weight:g}",
-            1e-8,
-            exact,
-            _double,
-            (weight,),
-            answered=True,
-        )
-    for zeta in (0.0, 1e-12, 1e-8, 1e-4, 1.0, 1e4):
-        amount = f"damping ratio {zeta:g}"
-        yield Case(
-            _REGULATORS, "cost of an oscillator", amount, 1e-8, exact, _oscillator, (zeta,), answered=zeta <= 1.0
-        )
-    for gap in (1e-1, 1e-4, 1e-8, 1e-12, 0.0):
-        what = "an unstable mode that the control hardly moves"
-        yield Case(_REGULATORS, what, f"by {gap:g}", 1e-6, exact, _hardly_moved, (gap,), answered=gap >= 1e-4)
-    for scale in _SCALES:
-        what, measure = "cost in other units of time", "relative, the law of scaling"
-        yield Case(_REGULATORS, f"LQG: {what}", f"{scale:g}", 1e-6, measure, _lqg_units, (scale,), answered=True)
-    for spread in (1e2, 1e6, 1e10, 1e14):
-        what = "cost with poles far apart"
-        yield Case(_REGULATORS, what, f"-1 and -{spread:g}", 1e-8, exact, _lqr_spread, (spread,))
-    for variance in (1.0, 1e-8, 1e-16):
-        what = "a sampled filter beside modes that no noise reaches"
-        amount = f"variance {variance:g}"
-        yield Case(_REGULATORS, what, amount, 1e-8, exact, _unreached, (variance,), answered=True)
+    tried = partial(rows, _REGULATORS)
+    what, weights = "gain of a double integrator", (1e-12, 1e-6, 1.0, 1e6, 1e12)
+    yield from tried(what, _CLOSED, _double, weights, amount="R = {:g}", promise=1e-8, answered=True)
+    what, zetas, words = "cost of an oscillator", (0.0, 1e-12, 1e-8, 1e-4, 1.0, 1e4), "damping ratio {:g}"
+    yield from tried(what, _CLOSED, _oscillator, zetas, amount=words, promise=1e-8, answered=lambda zeta: zeta <= 1.0)
+    what, gaps = "an unstable mode that the control hardly moves", (1e-1, 1e-4, 1e-8, 1e-12, 0.0)
+    yield from tried(
+        what, _CLOSED, _hardly_moved, gaps, amount="by {:g}", promise=1e-6, answered=lambda gap: gap >= 1e-4
+    )
+    what, measure = "LQG: cost in other units of time", "relative, the law of scaling"
+    yield from tried(what, measure, _lqg_units, SCALES, promise=1e-6, answered=True)
+    what, spreads = "cost with poles far apart", (1e2, 1e6, 1e10, 1e14)
+    yield from tried(what, _CLOSED, _lqr_spread, spreads, amount="-1 and -{:g}", promise=1e-8)
+    what, variances = "a sampled filter beside modes that no noise reaches", (1.0, 1e-8, 1e-16)
+    yield from tried(what, _CLOSED, _unreached, variances, amount="variance {:g}", promise=1e-8, answered=True)
 
 
 def _named(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray | None = None) -> Lti:

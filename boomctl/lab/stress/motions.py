@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 from math import pi, sqrt
 from typing import Any
 
@@ -9,7 +10,7 @@ import mpmath as mp
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.lab.stress.case import Case, Seen, relative
+from boomctl.lab.stress.case import SCALES, Case, Seen, relative, rows
 from boomctl.lab.stress.references import DIGITS
 from boomctl.lti.system import Lti
 from boomctl.rotating_beam.factory import hub_beam
@@ -20,108 +21,75 @@ from boomctl.structure.model import SecondOrderModel
 
 _FORCED, _LOOP, _SLEW = "Forced responses", "Sampled loops", "Slews"
 _EPS = float(np.finfo(float).eps)
-_SCALES = (1e-9, 1e-6, 1e-3, 1e3, 1e6, 1e9)  # of units: up to nine powers of ten
+_RATES = (1e-6, 1e-3, 1.0, 1e3, 1e6)  # rad/s, of an oscillator
+_DIGITS = "of the largest, sixty digits"
 
 
 def cases() -> Iterator[Case]:
     """Return the cases of motion."""
-    exact = "of the largest, sixty digits"
-    for omega in (1e-6, 1e-3, 1.0, 1e3, 1e6):
-        amount = f"{omega:g} rad/s"
-        yield Case(
-            _FORCED,
-            "an oscillator pushed by a ramp, a hundred periods",
-            amount,
-            1e-9,
-            exact,
-            _ramp,
-            (omega, 0.01),
-            answered=True,
+    yield from _forced()
+    yield from _loops()
+    yield from _slews()
+
+
+def _forced() -> Iterator[Case]:
+    """Return the cases of forced responses."""
+    tried = partial(rows, _FORCED, measure=_DIGITS)
+    what, work = "an oscillator pushed by a ramp, a hundred periods", partial(_ramp, zeta=0.01)
+    yield from tried(what, work=work, over=_RATES, amount="{:g} rad/s", promise=1e-9, answered=True)
+
+    def of_fastest(zeta: float) -> float:
+        return max(1e-9, 4.0 * _EPS * zeta**2)  # rounding of the fastest pole is as large as so much of the slowest
+
+    for what, work in (
+        ("an oscillator of 1 rad/s pushed by a ramp", partial(_ramp, 1.0)),
+        ("a mass on a spring pushed by a ramp", _ramp_model),
+    ):
+        ratios, words = (0.0, 1e-12, 1e-6, 1.0, 1e2, 1e6), "damping ratio {:g}"
+        yield from tried(
+            what, work=work, over=ratios, amount=words, promise=of_fastest, answered=lambda zeta: zeta <= 1.0
         )
-        yield Case(
-            _LOOP, "the same without a controller", amount, 1e-9, exact, _open_loop, (omega, 0.01), answered=True
-        )
-    for zeta in (0.0, 1e-12, 1e-6, 1.0, 1e2, 1e6):
-        amount = f"damping ratio {zeta:g}"
-        # rounding of the fastest pole is as large as so much of the slowest
-        left = max(1e-9, 4.0 * _EPS * zeta**2)
-        yield Case(
-            _FORCED,
-            "an oscillator of 1 rad/s pushed by a ramp",
-            amount,
-            left,
-            exact,
-            _ramp,
-            (1.0, zeta),
-            answered=zeta <= 1.0,
-        )
-        yield Case(
-            _FORCED,
-            "a mass on a spring pushed by a ramp",
-            amount,
-            left,
-            exact,
-            _ramp_model,
-            (zeta,),
-            answered=zeta <= 1.0,
-        )
-    for count in (2, 4, 8):
-        yield Case(
-            _FORCED,
-            "1/(s + 1)^n, one pole repeated, a step",
-            f"{count} times",
-            1e-9,
-            exact,
-            _repeated,
-            (count,),
-            answered=True,
-        )
-    for spread in (1e3, 1e6, 1e10, 1e14):
-        yield Case(
-            _FORCED, "poles -1 and -a, a step", f"a = {spread:g}", 1e-9, exact, _spread, (spread,), answered=True
-        )
-    for count in (10, 1_000, 100_000):
-        measure = "relative, the recursion of the sampled loop"
-        yield Case(
-            _LOOP,
-            "an integrator under a sampled gain",
-            f"{count:,} samples",
-            1e-9,
-            measure,
-            _sampled,
-            (count,),
-            answered=True,
-        )
-    for delay in (0.0, 1e-9, 0.3, 1.0, 1.7):
-        measure = "of the largest, the recursion of the delayed loop"
-        what = "an integrator under a delayed gain"
-        yield Case(_LOOP, what, f"{delay:g} samples late", 1e-8, measure, _delayed, (delay,), answered=True)
-    for scale in _SCALES:
-        for unit in ("time", "torque", "angle"):
-            what, measure = (
-                f"least time of a double integrator, other units of {unit}",
-                "relative, 2 sqrt(angle/torque)",
-            )
-            yield Case(_SLEW, what, f"{scale:g}", 1e-6, measure, _rigid, (unit, scale), answered=1e-7 < scale < 1e7)
-    for frequency in (1e-2, 1.0, 1e2):
-        what, measure = "least time of two masses and a spring", "the law of scaling, published 4.218"
-        yield Case(
-            _SLEW,
-            what,
-            f"spring's unit of time {1 / frequency:g} s",
-            2e-4,
-            measure,
-            _two_masses,
-            (frequency,),
-            answered=True,
-        )
-    for ratio in (1e-3, 0.1, 1.0):
-        what, measure = "least time of SFOAM, one mode", "angle missed in the replay [rad]"
-        yield Case(_SLEW, what, f"tip mass {ratio:g} kg", 1e-5, measure, _beam_slew, (ratio,), seconds=60.0)
-    for limit in (1e-3, 1e-1, 1e1):
-        what = "least time of SFOAM, one mode"
-        measure = "share by which it is shorter than that of the rigid body or its end is missed"
-        yield Case(_SLEW, what, f"{limit:g} N m", 1e-5, measure, _weak_slew, (limit,), seconds=60.0)
+    what = "1/(s + 1)^n, one pole repeated, a step"
+    yield from tried(what, work=_repeated, over=(2, 4, 8), amount="{} times", promise=1e-9, answered=True)
+    what, spreads = "poles -1 and -a, a step", (1e3, 1e6, 1e10, 1e14)
+    yield from tried(what, work=_spread, over=spreads, amount="a = {:g}", promise=1e-9, answered=True)
+
+
+def _loops() -> Iterator[Case]:
+    """Return the cases of sampled loops."""
+    tried, work = partial(rows, _LOOP), partial(_open_loop, zeta=0.01)
+    what = "the same without a controller"
+    yield from tried(what, _DIGITS, work, _RATES, amount="{:g} rad/s", promise=1e-9, answered=True)
+    what, measure = "an integrator under a sampled gain", "relative, the recursion of the sampled loop"
+    counts = (10, 1_000, 100_000)
+    yield from tried(what, measure, _sampled, counts, amount="{:,} samples", promise=1e-9, answered=True)
+    what, measure = "an integrator under a delayed gain", "of the largest, the recursion of the delayed loop"
+    delays = (0.0, 1e-9, 0.3, 1.0, 1.7)
+    yield from tried(what, measure, _delayed, delays, amount="{:g} samples late", promise=1e-8, answered=True)
+
+
+def _slews() -> Iterator[Case]:
+    """Return the cases of slews."""
+    tried = partial(rows, _SLEW)
+    for unit in ("time", "torque", "angle"):
+        what, work = f"least time of a double integrator, other units of {unit}", partial(_rigid, unit)
+        measure = "relative, 2 sqrt(angle/torque)"
+        yield from tried(what, measure, work, SCALES, promise=1e-6, answered=lambda scale: 1e-7 < scale < 1e7)
+    yield from tried(
+        "least time of two masses and a spring",
+        "the law of scaling, published 4.218",
+        _two_masses,
+        (1e-2, 1.0, 1e2),
+        amount=lambda frequency: f"spring's unit of time {1 / frequency:g} s",
+        promise=2e-4,
+        answered=True,
+    )
+    what, measure = "least time of SFOAM, one mode", "angle missed in the replay [rad]"
+    tips = (1e-3, 0.1, 1.0)
+    yield from tried(what, measure, _beam_slew, tips, amount="tip mass {:g} kg", promise=1e-5, seconds=60.0)
+    measure = "share by which it is shorter than that of the rigid body or its end is missed"
+    limits = (1e-3, 1e-1, 1e1)
+    yield from tried(what, measure, _weak_slew, limits, amount="{:g} N m", promise=1e-5, seconds=60.0)
 
 
 def _plant(A: Array, B: Array, C: Array) -> Lti:

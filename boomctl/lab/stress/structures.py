@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import fields, replace
+from functools import partial
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from boomctl.boom.exact import exact_eigenfrequencies_hz, exact_frequency_respon
 from boomctl.boom.factory import spray_boom
 from boomctl.boom.model import ACTUATORS, TIPS
 from boomctl.boom.parameters import BoomParameters
-from boomctl.lab.stress.case import Case, Seen, each_relative, relative
+from boomctl.lab.stress.case import SCALES, Case, Seen, each_relative, relative, rows
 from boomctl.lab.stress.references import (
     cantilever_frequencies,
     cantilever_response,
@@ -50,110 +51,118 @@ def cases() -> Iterator[Case]:
 
 def _general() -> Iterator[Case]:
     """Return the cases of beams and machines."""
-    for n in (1, 10, 100, 1_000, 10_000, 100_000):
+    tried, digits = partial(rows, _STRUCTURES), "relative, sixty digits"
+
+    def of_mesh(n: int) -> float:
         # beyond 1,000 a stiffness matrix carries the low modes: what would show in six digits is promised, or a warning
-        promise = 1e-12 if n <= 100 else 1e-9 if n <= 1_000 else 1e-6
-        what, measure = "first frequency of a pinned beam of equal elements", "relative, the mesh's own closed form"
-        yield Case(_STRUCTURES, what, _elements(n), promise, measure, _pinned, (n,), answered=n <= 10_000, seconds=60.0)
-    for ratio in (1.0, 1e2, 1e4, 1e6):
-        amount = f"lengths 1 : {ratio:g}"
-        measure = "relative, sixty digits"
-        what = "frequencies of a cantilever of neighbouring elements"
-        yield Case(_STRUCTURES, what, amount, 1e-9, measure, _neighbours, (ratio,), answered=ratio <= 1e4)
-        what = "response of a cantilever of neighbouring elements"
-        yield Case(_STRUCTURES, what, amount, 1e-9, measure, _neighbour_response, (ratio,), answered=ratio <= 1e4)
-    for gap in (1.0, 1e-3, 1e-6, 1e-9, 1e-12, 1e-15):
-        what, measure = "a bar held at one place and moved at another", "relative, the lever's law"
-        yield Case(
-            _STRUCTURES,
-            what,
-            f"{gap:g} of its length away",
-            max(1e-12, 8 * _EPS / gap),
-            measure,
-            _lever,
-            (gap,),
-            answered=gap >= 1e-6,
+        return 1e-12 if n <= 100 else 1e-9 if n <= 1_000 else 1e-6
+
+    what, measure = "first frequency of a pinned beam of equal elements", "relative, the mesh's own closed form"
+    sizes = (1, 10, 100, 1_000, 10_000, 100_000)
+    yield from tried(
+        what, measure, _pinned, sizes, amount=_elements, promise=of_mesh, answered=lambda n: n <= 10_000, seconds=60.0
+    )
+    for shown, work in (("frequencies", _neighbours), ("response", _neighbour_response)):
+        what, ratios = f"{shown} of a cantilever of neighbouring elements", (1.0, 1e2, 1e4, 1e6)
+        yield from tried(
+            what, digits, work, ratios, amount="lengths 1 : {:g}", promise=1e-9, answered=lambda ratio: ratio <= 1e4
         )
-    for gap in (1e-3, 1e-8, 1e-12, 1e-14, 0.0):
-        what, measure = "a bar on two hinges", "angle under a moment [rad]; none, or the first hinge's alone"
-        yield Case(_STRUCTURES, what, f"{gap:g} of its length apart", 1e-9, measure, _two_hinges, (gap,))
-    for stiff in (1.0, 1e3, 1e6, 1e9):
-        what, measure = (
-            "state space of a floating machine, a spring beside a held actuator",
-            "relative, without the spring",
-        )
-        yield Case(_STRUCTURES, what, f"stiffness {stiff:g}", 1e-9, measure, _beside, (stiff,), answered=True)
-    for away in (0.0, 1.0, 30.0, 1e3):
-        what, measure = "a held displacement prescribed once more", "none: nothing can have it"
-        yield Case(_STRUCTURES, what, f"{away:g} m along its line", None, measure, _once_more, (away,))
-    for stiff in (1.0, 1e4, 1e8, 1e12, 1e16):
-        what, measure = "response of three masses, springs of unlike stiffness", "relative, sixty digits"
+    yield from tried(
+        "a bar held at one place and moved at another",
+        "relative, the lever's law",
+        _lever,
+        (1.0, 1e-3, 1e-6, 1e-9, 1e-12, 1e-15),
+        amount="{:g} of its length away",
+        promise=lambda gap: max(1e-12, 8 * _EPS / gap),
+        answered=lambda gap: gap >= 1e-6,
+    )
+    measure, gaps = "angle under a moment [rad]; none, or the first hinge's alone", (1e-3, 1e-8, 1e-12, 1e-14, 0.0)
+    words = "{:g} of its length apart"
+    yield from tried("a bar on two hinges", measure, _two_hinges, gaps, amount=words, promise=1e-9)
+    what, measure = "state space of a floating machine, a spring beside a held actuator", "relative, without the spring"
+    stiff = (1.0, 1e3, 1e6, 1e9)
+    yield from tried(what, measure, _beside, stiff, amount="stiffness {:g}", promise=1e-9, answered=True)
+    what, measure, away = "a held displacement prescribed once more", "none: nothing can have it", (0.0, 1.0, 30.0, 1e3)
+    yield from tried(what, measure, _once_more, away, amount="{:g} m along its line", promise=None)
+    yield from tried(
+        "response of three masses, springs of unlike stiffness",
+        digits,
+        _chain,
+        (1.0, 1e4, 1e8, 1e12, 1e16),
+        amount="1 : {:g}",
         # the matrix itself loses these digits of its softest spring; from 1e-4 on a warning is promised
-        promise = max(1e-9, min(1e-4, 10 * _EPS * stiff))
-        yield Case(_STRUCTURES, what, f"1 : {stiff:g}", promise, measure, _chain, (stiff,), answered=stiff <= 1e8)
+        promise=lambda stiff: max(1e-9, min(1e-4, 10 * _EPS * stiff)),
+        answered=lambda stiff: stiff <= 1e8,
+    )
 
 
 def _booms() -> Iterator[Case]:
     """Return the cases of the spray boom's discretisations."""
-    for scale in (1e-9, 1e-6, 1e-3, 1e3, 1e6, 1e9):
-        for unit in ("length", "force", "time"):
-            measure = "relative, the law of scaling"
-            what = f"the boom in other units of {unit}"
-            yield Case(_BOOM, what, f"{scale:g}", 1e-9, measure, _units, (unit, scale))
-    for n in (1, 6, 20, 100, 1_000, 10_000, 100_000):
-        what, measure = "response against the exact boom", "of the peak, the exact boom"
+    tried, digits = partial(rows, _BOOM), "relative, sixty digits"
+    for unit in ("length", "force", "time"):
+        what, measure = f"the boom in other units of {unit}", "relative, the law of scaling"
+        yield from tried(what, measure, partial(_units, unit), SCALES, promise=1e-9)
+
+    def of_mesh(n: int, rounding: float) -> float:
         # the error of cubic elements falls with the fourth power; what 6 and 100 leave was measured, and is doubled here
-        promise = max(2.0 if n < 20 else 8e-4 * (100 / n) ** 4, 1e-8)
-        yield Case(
-            _BOOM, what, _elements(n), promise, measure, _boom_elements, (n,), answered=n <= 10_000, seconds=60.0
-        )
-    for n in (6, 20, 100, 500, 1_000, 10_000):
-        what, measure = "peak of the singular values against the exact boom", "relative, the exact boom's own peak"
-        promise = max(2.0 if n < 20 else 8e-4 * (100 / n) ** 4, 1e-6)
-        yield Case(
-            _BOOM, what, _elements(n), promise, measure, _boom_peak, (n,), answered=n <= 1_000, full=n > 1_000,
-            seconds=240.0,
-        )  # fmt: skip
-    for seed in range(24):
-        what, measure = "response of a machine drawn at random, matrices as they stand", "relative, sixty digits"
-        yield Case(_BOOM, what, f"{seed}", 1e-7, measure, _random_boom, (seed,), answered=True, full=seed >= 4)
-    for omega in (1e-6, 1e-3, 1.0, 1e3, 1e6):
-        measure = "relative, sixty digits"
-        what = "response of 12 elements, matrices as they stand"
-        yield Case(_BOOM, what, f"{omega:g} rad/s", 1e-7, measure, _boom_frequency, (omega,), answered=True)
-    for omega in (1e-6, 1e-4, 1e-2):
-        what, measure = "response to slow motion", "relative, that of a rigid boom"
-        yield Case(
-            _BOOM,
-            what,
-            f"{omega:g} rad/s",
-            max(1e-9, 3.0 * omega**2),
-            measure,
-            _rigid_motion,
-            (omega,),
-            answered=True,
-        )
-    for n, promise in ((1, 1e-9), (12, 1e-9), (40, 1e-8), (100, 1e-7)):
-        what, measure = "the state space, evaluated by python-control", "of the largest, the model's own response"
-        yield Case(_BOOM, what, _elements(n), promise, measure, _exported, (n,), answered=True, seconds=40.0)
+        return max(2.0 if n < 20 else 8e-4 * (100 / n) ** 4, rounding)
+
+    yield from tried(
+        "response against the exact boom",
+        "of the peak, the exact boom",
+        _boom_elements,
+        (1, 6, 20, 100, 1_000, 10_000, 100_000),
+        amount=_elements,
+        promise=partial(of_mesh, rounding=1e-8),
+        answered=lambda n: n <= 10_000,
+        seconds=60.0,
+    )
+    yield from tried(
+        "peak of the singular values against the exact boom",
+        "relative, the exact boom's own peak",
+        _boom_peak,
+        (6, 20, 100, 500, 1_000, 10_000),
+        amount=_elements,
+        promise=partial(of_mesh, rounding=1e-6),
+        answered=lambda n: n <= 1_000,
+        full=lambda n: n > 1_000,
+        seconds=240.0,
+    )
+    what, drawn = "response of a machine drawn at random, matrices as they stand", range(24)
+    yield from tried(what, digits, _random_boom, drawn, promise=1e-7, answered=True, full=lambda seed: seed >= 4)
+    what, omega, words = "response of 12 elements, matrices as they stand", (1e-6, 1e-3, 1.0, 1e3, 1e6), "{:g} rad/s"
+    yield from tried(what, digits, _boom_frequency, omega, amount=words, promise=1e-7, answered=True)
+
+    def of_bending(omega: float) -> float:
+        return max(1e-9, 3.0 * omega**2)
+
+    what, measure, slow = "response to slow motion", "relative, that of a rigid boom", (1e-6, 1e-4, 1e-2)
+    yield from tried(what, measure, _rigid_motion, slow, amount=words, promise=of_bending, answered=True)
+    what, measure = "the state space, evaluated by python-control", "of the largest, the model's own response"
+    left = {1: 1e-9, 12: 1e-9, 40: 1e-8, 100: 1e-7}
+    yield from tried(
+        what, measure, _exported, left, amount=_elements, promise=left.__getitem__, answered=True, seconds=40.0
+    )
     for field in ("structural_damping", "hinge_damping", "cradle_damping"):
-        for factor in (0.0, 1e-6, 1.0, 1e3, 1e6):
-            what, measure = f"response of 12 elements, {field.replace('_', ' ')} multiplied", "relative, sixty digits"
-            yield Case(_BOOM, what, f"by {factor:g}", 1e-7, measure, _boom_damping, (field, factor), answered=True)
+        what, factors = f"response of 12 elements, {field.replace('_', ' ')} multiplied", (0.0, 1e-6, 1.0, 1e3, 1e6)
+        work = partial(_boom_damping, field)
+        yield from tried(what, digits, work, factors, amount="by {:g}", promise=1e-7, answered=True)
 
 
 def _exact_booms() -> Iterator[Case]:
     """Return the cases of the exact boom."""
-    for distance in (1e-1, 1e-2, 1e-3, 1e-4):
-        what, measure = "response with springs close together", "of the peak, 40 elements of order 12"
-        yield Case(_EXACT, what, f"{distance:g} m", 1e-9, measure, _exact_springs, (distance,), seconds=40.0)
-    for omega in (1e-6, 1e-3, 1e3, 1e6):
-        what, measure = "response", "of the largest, the law of reciprocity or of a rigid boom"
-        promise = max(1e-8, 3.0 * omega**2) if omega < 1.0 else 1e-8
-        yield Case(_EXACT, what, f"{omega:g} rad/s", promise, measure, _exact_frequency, (omega,))
-    for count in (1, 5, 50, 200):
-        what, measure = "undamped frequencies", "relative, 120 elements of order 12"
-        yield Case(_EXACT, what, f"the first {count}", 1e-8, measure, _exact_eigen, (count,), answered=True)
+    tried = partial(rows, _EXACT)
+    what, measure = "response with springs close together", "of the peak, 40 elements of order 12"
+    distances = (1e-1, 1e-2, 1e-3, 1e-4)
+    yield from tried(what, measure, _exact_springs, distances, amount="{:g} m", promise=1e-9, seconds=40.0)
+
+    def of_bending(omega: float) -> float:
+        return max(1e-8, 3.0 * omega**2) if omega < 1.0 else 1e-8
+
+    measure, omega = "of the largest, the law of reciprocity or of a rigid boom", (1e-6, 1e-3, 1e3, 1e6)
+    yield from tried("response", measure, _exact_frequency, omega, amount="{:g} rad/s", promise=of_bending)
+    what, measure, counts = "undamped frequencies", "relative, 120 elements of order 12", (1, 5, 50, 200)
+    yield from tried(what, measure, _exact_eigen, counts, amount="the first {}", promise=1e-8, answered=True)
 
 
 def _elements(n: int) -> str:

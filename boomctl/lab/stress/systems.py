@@ -3,6 +3,7 @@
 import warnings
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 from math import comb, inf, isfinite, sqrt
 
 import mpmath as mp
@@ -14,7 +15,7 @@ from boomctl.analysis.model_norm import hinf_norm
 from boomctl.analysis.modes import mode_table
 from boomctl.analysis.sigma import sigma
 from boomctl.arrays import Array
-from boomctl.lab.stress.case import Case, Seen, relative
+from boomctl.lab.stress.case import SCALES, Case, Seen, relative, rows
 from boomctl.lab.stress.references import DIGITS, state_space_gain
 from boomctl.lti.system import Lti
 from boomctl.reduction.reduce import reduce
@@ -26,7 +27,7 @@ _PEAK, _H2 = (
     1.1e-6,
 )  # what a certified peak and a certified H2 norm promise, with a tenth for their own rounding
 _EPS = float(np.finfo(float).eps)
-_SCALES = (1e-9, 1e-6, 1e-3, 1e3, 1e6, 1e9)
+_EXACT, _SCALING = "relative, exact solution", "relative, the law of scaling"
 _DAMPINGS = (0.0, 1e-12, 1e-10, 1e-8, 1e-4, 0.5, 1.0, 1.0 + 1e-8, 1e2, 1e6)  # relative, from none to overcritical
 _KINDS = ("float32", "int64", "int8", "Fortran order", "lists", "a read-only view")
 
@@ -34,151 +35,125 @@ _KINDS = ("float32", "int64", "int8", "Fortran order", "lists", "a read-only vie
 def cases() -> Iterator[Case]:
     """Return the cases of linear systems."""
     yield from _damped()
+    yield from _poles()
     yield from _scales()
     yield from _reductions()
+    what, rates = "two carts on free wheels, a spring between them", (1e-6, 1e-3, 1.0, 1e3, 1e6)
+    yield from rows(_MODES, what, _EXACT, _free, rates, amount="{:g} rad/s", promise=1e-9, answered=True)
+
+
+_norms = partial(rows, _NORMS)
 
 
 def _damped() -> Iterator[Case]:
-    """Return the cases of damping, frequencies and repeated poles."""
-    exact = "relative, exact solution"
-    for zeta in _DAMPINGS:
-        amount = f"ratio {zeta:.10g}"
-        fair = zeta == 0.0 or zeta >= 1e-8
-        yield Case(_NORMS, "peak of one oscillator", amount, _PEAK, exact, _peak, (zeta, "state space"), answered=fair)
-        yield Case(_NORMS, "peak of one mass on a spring", amount, _PEAK, exact, _peak, (zeta, "model"), answered=fair)
-        yield Case(_NORMS, "H2 norm of one oscillator", amount, _H2, exact, _energy, (zeta,), answered=fair)
-        # rounding of the fastest pole is as large as so much of the slowest
-        left = max(1e-7, 4.0 * _EPS * zeta**2)
-        yield Case(_MODES, "poles of one oscillator", amount, left, exact, _damping, (zeta,), answered=zeta != 1.0)
-    for omega in (1e-6, 1e-3, 1e3, 1e6):
-        amount = f"{omega:g} rad/s"
-        yield Case(
-            _NORMS, "peak of one oscillator, damped by a hundredth", amount, _PEAK, exact, _slow_peak, (omega,), True
+    """Return the cases of damping and frequencies."""
+
+    def fair(zeta: float) -> bool:
+        return zeta == 0.0 or zeta >= 1e-8
+
+    for what, work, promise in (
+        ("peak of one oscillator", partial(_peak, kind="state space"), _PEAK),
+        ("peak of one mass on a spring", partial(_peak, kind="model"), _PEAK),
+        ("H2 norm of one oscillator", _energy, _H2),
+    ):
+        yield from _norms(what, _EXACT, work, _DAMPINGS, amount="ratio {:.10g}", promise=promise, answered=fair)
+    yield from rows(
+        _MODES,
+        "poles of one oscillator",
+        _EXACT,
+        _damping,
+        _DAMPINGS,
+        amount="ratio {:.10g}",
+        promise=lambda zeta: max(1e-7, 4.0 * _EPS * zeta**2),  # rounding of the fastest pole is so much of the slowest
+        answered=lambda zeta: zeta != 1.0,
+    )
+    omega, words = (1e-6, 1e-3, 1e3, 1e6), "{:g} rad/s"
+    what = "peak of one oscillator, damped by a hundredth"
+    yield from _norms(what, _EXACT, _slow_peak, omega, amount=words, promise=_PEAK, answered=True)
+    what = "H2 norm, damped by a hundredth"
+    yield from _norms(what, _EXACT, _slow_energy, omega, amount=words, promise=_H2, answered=True)
+
+
+def _poles() -> Iterator[Case]:
+    """Return the cases of poles that are repeated, nearly equal, or ill to compute."""
+    both = (("peak", _PEAK), ("H2 norm", _H2))
+    for norm, promise in both:
+        what, work, counts = (
+            f"{norm} of 1/(s + 1)^n, one pole repeated",
+            partial(_repeated, norm=norm),
+            (2, 4, 6, 8, 12),
         )
-        yield Case(_NORMS, "H2 norm, damped by a hundredth", amount, _H2, exact, _slow_energy, (omega,), answered=True)
-    for count in (2, 4, 6, 8, 12):
-        amount = f"{count} times"
-        yield Case(
-            _NORMS,
-            "peak of 1/(s + 1)^n, one pole repeated",
-            amount,
-            _PEAK,
-            exact,
-            _repeated,
-            (count, "peak"),
-            answered=True,
-        )
-        yield Case(
-            _NORMS,
-            "H2 norm of 1/(s + 1)^n, one pole repeated",
-            amount,
-            _H2,
-            exact,
-            _repeated,
-            (count, "H2"),
-            answered=True,
-        )
+        yield from _norms(what, _EXACT, work, counts, amount="{} times", promise=promise, answered=True)
     measure = "relative, the largest gain found in sixty digits beside poles"
-    for order in (4, 8, 12, 16):
-        what = "peak of an elliptic low-pass in companion form"
-        yield Case(_NORMS, what, f"order {order}", _PEAK, measure, _companion, (order,), answered=True)
-    for coupling in (1e1, 1e3, 1e5):
-        what = "peak of a triangular matrix with large couplings, 8 states"
-        yield Case(_NORMS, what, f"{coupling:g}", _PEAK, measure, _triangular, (coupling,), answered=True)
-    for gap in (1e-2, 1e-5, 1e-8, 1e-11, 1e-14):
-        amount = f"{gap:g} apart"
-        yield Case(_NORMS, "peak of two nearly equal coupled poles", amount, _PEAK, exact, _defective, (gap, "peak"))
-        yield Case(_NORMS, "H2 norm of two nearly equal coupled poles", amount, _H2, exact, _defective, (gap, "H2"))
+    what, orders = "peak of an elliptic low-pass in companion form", (4, 8, 12, 16)
+    yield from _norms(what, measure, _companion, orders, amount="order {}", promise=_PEAK, answered=True)
+    what = "peak of a triangular matrix with large couplings, 8 states"
+    yield from _norms(what, measure, _triangular, (1e1, 1e3, 1e5), promise=_PEAK, answered=True)
+    for norm, promise in both:
+        what, work = f"{norm} of two nearly equal coupled poles", partial(_defective, norm=norm)
+        gaps = (1e-2, 1e-5, 1e-8, 1e-11, 1e-14)
+        yield from _norms(what, _EXACT, work, gaps, amount="{:g} apart", promise=promise)
 
 
 def _scales() -> Iterator[Case]:
     """Return the cases of scales, spreads, kinds of numbers, and of what hardly shows."""
-    exact = "relative, exact solution"
-    for spread in (1e2, 1e6, 1e10, 1e14):
-        amount = f"{spread:g}"
-        yield Case(_NORMS, "peak of 1/(s + 1) + a/(s + a)", amount, _PEAK, exact, _spread, (spread, "peak"))
-        yield Case(_NORMS, "H2 norm of 1/(s + 1) + sqrt(a)/(s + a)", amount, _H2, exact, _spread, (spread, "H2"))
-        yield Case(_NORMS, "peak, an unstable pole of +1 beside -a", amount, _PEAK, exact, _unstable, (spread,))
-    for scale in _SCALES:
-        for unit in ("time", "inputs", "states"):
-            for norm in ("peak", "H2"):
-                what = f"{'peak' if norm == 'peak' else 'H2 norm'} in other units of {unit}"
-                promise = _PEAK if norm == "peak" else _H2
-                measure = "relative, the law of scaling"
-                yield Case(_NORMS, what, f"{scale:g}", promise, measure, _scaled, (scale, unit, norm), answered=True)
-    for kind in _KINDS:
-        measure = "relative, the same numbers in double precision"
-        yield Case(
-            _NORMS, "peak and H2 norm of numbers of another kind", kind, 1e-9, measure, _kinds, (kind,), answered=True
-        )
-    for tiny in (1e-90, 1e-150, 1e-300, 1e-306):
-        yield Case(
-            _NORMS,
-            "peak of a system whose gain is tiny",
-            f"{tiny:g}",
-            _PEAK,
-            exact,
-            _tiny,
-            (tiny,),
-            answered=tiny > 1e-100,
-        )
-    for huge in (1e90, 1e150, 1e300):
-        yield Case(_NORMS, "peak of a system whose gain is huge", f"{huge:g}", _PEAK, exact, _tiny, (huge,))
-    for gain in (1e-2, 1e-5, 1e-8, 1e-12):
-        amount = f"{gain:g} beside 1"
-        yield Case(_NORMS, "peak of 1 + k/(s^2 + 1), undamped", amount, _PEAK, "infinite", _weak, (gain, "undamped"))
-        yield Case(_NORMS, "H2 norm of 1/(s + 1) + k/s, an integrator", amount, _H2, "infinite", _weak, (gain, "H2"))
+    for what, work, promise in (
+        ("peak of 1/(s + 1) + a/(s + a)", partial(_spread, norm="peak"), _PEAK),
+        ("H2 norm of 1/(s + 1) + sqrt(a)/(s + a)", partial(_spread, norm="H2 norm"), _H2),
+        ("peak, an unstable pole of +1 beside -a", _unstable, _PEAK),
+    ):
+        yield from _norms(what, _EXACT, work, (1e2, 1e6, 1e10, 1e14), promise=promise)
+    for unit in ("time", "inputs", "states"):
+        for norm, promise in (("peak", _PEAK), ("H2 norm", _H2)):
+            what, work = f"{norm} in other units of {unit}", partial(_scaled, unit=unit, norm=norm)
+            yield from _norms(what, _SCALING, work, SCALES, promise=promise, answered=True)
+    what, measure = "peak and H2 norm of numbers of another kind", "relative, the same numbers in double precision"
+    yield from _norms(what, measure, _kinds, _KINDS, amount="{}", promise=1e-9, answered=True)
+    what, tiny = "peak of a system whose gain is tiny", (1e-90, 1e-150, 1e-300, 1e-306)
+    yield from _norms(what, _EXACT, _tiny, tiny, promise=_PEAK, answered=lambda gain: gain > 1e-100)
+    yield from _norms("peak of a system whose gain is huge", _EXACT, _tiny, (1e90, 1e150, 1e300), promise=_PEAK)
+    for what, kind in (
+        ("peak of 1 + k/(s^2 + 1), undamped", "undamped"),
+        ("H2 norm of 1/(s + 1) + k/s, an integrator", "H2 norm"),
+    ):
+        gains, work = (1e-2, 1e-5, 1e-8, 1e-12), partial(_weak, what=kind)
+        promise = _PEAK if kind == "undamped" else _H2
+        yield from _norms(what, "infinite", work, gains, amount="{:g} beside 1", promise=promise)
 
 
 def _reductions() -> Iterator[Case]:
     """Return the cases of reduction."""
-    for order in (2, 4, 6, 8):
-        for method in ("balanced", "singular-perturbation", "hankel", "modal"):
-            measure = "share by which the verified error falls below the largest one found in sixty digits"
-            yield Case(
-                _REDUCTION, f"a chain of 6 masses, {method}", f"order {order}", 1e-9, measure, _reduced, (method, order)
-            )
-    for gap in (1e-2, 1e-6, 1e-10, 1e-14):
-        measure = "share by which the verified error falls below the largest one found in sixty digits"
-        what = "nearly equal poles in mixed coordinates, balanced to half"
-        yield Case(_REDUCTION, what, f"{gap:g} apart", 1e-9, measure, _clustered, (gap,))
+    tried = partial(rows, _REDUCTION, promise=1e-9)
+    measure = "share by which the verified error falls below the largest one found in sixty digits"
+    for method in ("balanced", "singular-perturbation", "hankel", "modal"):
+        what, work = f"a chain of 6 masses, {method}", partial(_reduced, method)
+        yield from tried(what, measure, work, (2, 4, 6, 8), amount="order {}")
+    what, gaps = "nearly equal poles in mixed coordinates, balanced to half", (1e-2, 1e-6, 1e-10, 1e-14)
+    yield from tried(what, measure, _clustered, gaps, amount="{:g} apart")
     measure = (
         "share by which the verified error, or the bound known before, falls below the largest one in sixty digits"
     )
-    for radius in (0.5, 0.9, 0.99, 0.9999):
-        for method in ("balanced", "singular-perturbation", "hankel"):
-            what = f"five discrete modes, {method} to four states"
-            yield Case(_REDUCTION, what, f"radius {radius:g}", 1e-9, measure, _discrete, (method, radius))
-    for gap in (1.0, 1e-1, 1e-2):
-        what = "eight modes that cancel, to three states"
-        yield Case(_REDUCTION, what, f"hankel, {gap:g} apart", 1e-9, measure, _cancelling, ("hankel", gap))
-    for pole in (1e-3, 1e-1, 10.0):
-        what = "an unstable pole beside oscillators, modal to five states"
-        yield Case(_REDUCTION, what, f"pole {pole:g} rad/s", 1e-9, measure, _modal, (pole,), answered=True)
-    for share in (1e-1, 1e-4, 1e-8, 1e-12):
-        measure = "share by which the verified error exceeds the one asked for, or falls below the true one"
-        what = "an error asked for, an unstable pole, coordinates of unlike sizes"
-        yield Case(_REDUCTION, what, f"{share:g}", 1e-9, measure, _asked, (share,), answered=True)
-    for viscous in (1e-4, 1e-2, 1.0, 1e2, 1e4):
-        measure = "integrators less than one, or relative error of its residue"
-        yield Case(
-            _REDUCTION,
-            "a cart with friction keeps its integrator",
-            f"{viscous:g} N s/m",
-            1e-6,
-            measure,
-            _cart,
-            (viscous,),
+    for method in ("balanced", "singular-perturbation", "hankel"):
+        what, work, radii = (
+            f"five discrete modes, {method} to four states",
+            partial(_discrete, method),
+            (0.5, 0.9, 0.99, 0.9999),
         )
-    for scale in _SCALES:
-        measure = "relative, the law of scaling"
-        yield Case(
-            _REDUCTION, "verified error in other units of time", f"{scale:g}", 1e-4, measure, _reduced_units, (scale,)
-        )
-
-    for omega in (1e-6, 1e-3, 1.0, 1e3, 1e6):
-        what = "two carts on free wheels, a spring between them"
-        yield Case(_MODES, what, f"{omega:g} rad/s", 1e-9, "relative, exact solution", _free, (omega,), answered=True)
+        yield from tried(what, measure, work, radii, amount="radius {:g}")
+    what, work = "eight modes that cancel, to three states", partial(_cancelling, "hankel")
+    yield from tried(what, measure, work, (1.0, 1e-1, 1e-2), amount="hankel, {:g} apart")
+    what, poles = "an unstable pole beside oscillators, modal to five states", (1e-3, 1e-1, 10.0)
+    yield from tried(what, measure, _modal, poles, amount="pole {:g} rad/s", answered=True)
+    what = "an error asked for, an unstable pole, coordinates of unlike sizes"
+    measure = "share by which the verified error exceeds the one asked for, or falls below the true one"
+    yield from tried(what, measure, _asked, (1e-1, 1e-4, 1e-8, 1e-12), answered=True)
+    what, measure = (
+        "a cart with friction keeps its integrator",
+        "integrators less than one, or relative error of its residue",
+    )
+    frictions = (1e-4, 1e-2, 1.0, 1e2, 1e4)
+    yield from rows(_REDUCTION, what, measure, _cart, frictions, amount="{:g} N s/m", promise=1e-6)
+    yield from rows(_REDUCTION, "verified error in other units of time", _SCALING, _reduced_units, SCALES, promise=1e-4)
 
 
 def _free(omega: float) -> Seen:
