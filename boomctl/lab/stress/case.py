@@ -117,7 +117,9 @@ def rows(
     """
     for value in over:
         words = amount(value) if callable(amount) else amount.format(value)
-        promised, must, long = (x(value) if callable(x) else x for x in (promise, answered, full))
+        promised = promise(value) if callable(promise) else promise
+        must = answered(value) if callable(answered) else answered
+        long = full(value) if callable(full) else full
         yield Case(area, what, words, promised, measure, work, (value,), must, long, seconds)
 
 
