@@ -15,7 +15,7 @@ from boomctl.lab.benchmark.timing import environment
 # name of a scene -> module in scenes/ and the function that makes it; its argument, where it has one
 SCENES: dict[str, str] = {
     "boom-sigma": "boom_sigma:boom_sigma",
-    "boom-rounding": "boom_rounding:boom_rounding",
+    "boom-rounding": "boom_sigma:boom_rounding",
     "boom-peak": "boom_peak:boom_peak",
     "boom-time": "boom_time:boom_time",
     "first-calls": "first_calls:first_calls",

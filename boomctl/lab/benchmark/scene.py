@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from importlib.util import find_spec
 from typing import Any, Literal
 
 from boomctl.lab.benchmark.diagram import Shown
@@ -49,6 +50,34 @@ class Setting:
     prepare: Callable[[], Any] = lambda: None
     call: str = ""
     size: int | None = None
+
+
+def asked(
+    competitor: str,
+    label: str,
+    made: Callable[[float], Any],
+    ask: Callable[[Any], Any],
+    *,
+    ours: bool = False,
+    call: str = "",
+    size: int | None = None,
+) -> Setting:
+    """Return a setting that makes a model of changed parameters and asks it: in cold calls both, in hot ones the latter.
+
+    Parameters
+    ----------
+    competitor, label, ours, call, size
+        As of :class:`Setting`.
+    made : callable
+        Makes a model of parameters that are changed by so much; for hot calls by nothing.
+    ask : callable
+        Takes what was made to the answer.
+    """
+
+    def cold(change: float) -> Any:
+        return ask(made(change))
+
+    return Setting(competitor, label, ours, cold, ask, lambda: made(0.0), call, size)
 
 
 @dataclass(frozen=True)
@@ -102,3 +131,14 @@ class Scene:
 
 SceneMaker = Callable[[Extent], Scene]
 """Makes a scene; its reference is found when an answer is judged."""
+
+
+def there(module: str) -> bool:
+    """Return whether a module can be imported."""
+    return find_spec(module) is not None
+
+
+def missing(**needed: str) -> tuple[str, ...]:
+    """Return what is to be said of modules that are not installed: name of the peer, by the module it needs."""
+    absent = {peer.replace("_", " "): module for peer, module in needed.items() if not there(module)}
+    return tuple(f"{peer}: {'' if peer == module else f'{module} is '}not installed" for peer, module in absent.items())

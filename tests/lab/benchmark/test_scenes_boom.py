@@ -11,7 +11,7 @@ from boomctl.boom.exact import exact_frequency_response
 from boomctl.boom.model import ACTUATORS, TIPS
 from boomctl.boom.parameters import BoomParameters
 from boomctl.lab.benchmark.peers.plain_boom import PlainBoom
-from boomctl.lab.benchmark.peers.programs import there
+from boomctl.lab.benchmark.scene import there
 from boomctl.lab.benchmark.references.high_precision import exact_response, mesh_response, sigma_of, tip_transfer
 from boomctl.lab.benchmark.scenes.boom_peak import boom_peak, peak_in_many_digits
 from boomctl.lab.benchmark.scenes.boom_reduction import boom_reduction
@@ -171,7 +171,7 @@ def test_what_settings_of_motion_say_to_write_gives_their_answer():
 
 
 def test_what_is_not_installed_is_named():
-    from boomctl.lab.benchmark.peers.programs import missing
+    from boomctl.lab.benchmark.scene import missing
 
     assert missing(a_peer="no_such_module") == ("a peer: no_such_module is not installed",)
     assert missing(numpy="numpy") == ()
@@ -182,6 +182,6 @@ def test_what_is_not_installed_is_named():
 def test_singular_values_of_a_symmetric_response_are_those_of_its_halves():
     a, b = np.array([1.0 + 2.0j, 3.0]), np.array([0.5j, -1.0])
     response = np.array([[a, b], [b, a]])
-    from boomctl.lab.benchmark.peers.programs import sigma_of_response
+    from boomctl.lab.benchmark.peers.boom import sigma_of_response
 
     assert sigma_of_response(np.moveaxis(response, 2, 0)) == pytest.approx(sigma_of(response))

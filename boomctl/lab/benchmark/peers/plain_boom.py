@@ -4,17 +4,14 @@ Nothing here is shared with :mod:`boomctl.structure`.  Coordinates are deflectio
 matrices banded; the platform is where the actuators put it, and cradle and middle of the boom move with the hinge.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from scipy import sparse
 
 from boomctl.arrays import Array
 from boomctl.boom.parameters import BoomParameters
-from boomctl.lab.benchmark.scene import Setting
 
 _MASS = np.array([[156, 22, 54, -13], [22, 4, 13, -3], [54, 13, 156, -22], [-13, -3, -22, 4]]) / 420.0  # times m h
 _STIFFNESS = np.array([[12, 6, -12, 6], [6, 4, -6, 2], [-12, -6, 12, -6], [6, 2, -6, 4]], float)  # times E I / h^3
@@ -82,34 +79,6 @@ class PlainBoom:
         A = sparse.block_array([[-self.C, sparse.eye_array(n)], [-self.K, None]], format="csc")
         E = sparse.block_array([[self.M, None], [None, sparse.eye_array(n)]], format="csc")
         return A, np.vstack([self.G, self.F]), np.hstack([self.tips, np.zeros((2, n))]), E
-
-
-def varied(p: BoomParameters, change: float) -> BoomParameters:
-    """Return parameters with another spring."""
-    return replace(p, spring_stiffness=p.spring_stiffness * (1.0 + change))
-
-
-def boom_peer(
-    p: BoomParameters,
-    name: str,
-    label: str,
-    elements: int,
-    made: Callable[[PlainBoom], Any],
-    asked: Callable[[Any], Any],
-) -> Setting:
-    """Return a setting of another program: what it makes of a plain boom, and what it is asked; cold with both in it."""
-
-    def prepared(change: float) -> Any:
-        return made(PlainBoom.of(varied(p, change), elements))
-
-    return Setting(
-        name,
-        label,
-        ours=False,
-        cold=lambda change: asked(prepared(change)),
-        hot=asked,
-        prepare=lambda: prepared(0.0),
-    )
 
 
 def _square(row: sparse.csr_array) -> sparse.csc_array:

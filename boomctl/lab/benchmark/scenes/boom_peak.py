@@ -15,10 +15,10 @@ from boomctl.boom.exact import exact_frequency_response
 from boomctl.boom.factory import spray_boom
 from boomctl.boom.model import ACTUATORS, TIPS
 from boomctl.boom.parameters import BoomParameters
-from boomctl.lab.benchmark.peers.plain_boom import PlainBoom, boom_peer, varied
-from boomctl.lab.benchmark.peers.programs import missing, pymor_model, there
+from boomctl.lab.benchmark.peers.boom import boom_peer, control_boom, control_sigma, our_mesh, pymor_model, varied
+from boomctl.lab.benchmark.peers.plain_boom import PlainBoom
 from boomctl.lab.benchmark.references.high_precision import DIGITS, damped_eigenvalues, tip_transfer
-from boomctl.lab.benchmark.scene import Extent, Scene, Setting
+from boomctl.lab.benchmark.scene import Extent, Scene, Setting, missing, there
 from boomctl.lti.python_control import control
 from boomctl.structure.response.poles import damped_poles
 
@@ -81,48 +81,16 @@ def peak_in_many_digits(p: BoomParameters) -> float:
 
 
 def _ours(p: BoomParameters, extent: Extent) -> Iterator[Setting]:
-    meshes: list[tuple[str, str, str, dict[str, Any]]] = [
-        ("finite elements", f"{n} elements", f'"finite", {n}', {"elements": n}) for n in _FINITE[extent]
-    ]
-    meshes += [
-        (
-            "high-order elements",
-            f"order {order}",
-            f'"high-order", 4, order={order}',
-            {"discretization": "high-order", "elements": 4, "order": order},
-        )
-        for order in _ORDERS[extent]
-    ]
-    meshes += [
-        (
-            "discrete-hermite elements",
-            f"{n} elements",
-            f'"discrete-hermite", {n}',
-            {"discretization": "discrete-hermite", "elements": n},
-        )
-        for n in _DISCRETE[extent]
-    ]
-    for name, label, words, options in meshes:
-        made = partial(_boom, p, options)
-        yield Setting(
-            name,
-            label,
-            ours=True,
-            cold=lambda change, made=made: _peak(made(change)),
-            hot=_peak,
-            prepare=partial(made, 0.0),
-            call=f"bc.sigma(bc.spray_boom(p, {words}), 1.0).peak",
-        )
+    for kind, sizes in (("finite", _FINITE), ("high-order", _ORDERS), ("discrete-hermite", _DISCRETE)):
+        for size in sizes[extent]:
+            label = "{} {}" if kind == "high-order" else f"{size} elements"
+            yield our_mesh(p, kind, size, _peak, "bc.sigma({}, 1.0).peak", label)
 
     def refined(change: float) -> float:
         q = varied(p, change)
         return refined_peak(lambda omega: sigma(exact_frequency_response(q, omega, ACTUATORS, TIPS)).sigma[0])
 
     yield Setting("exact beam, refined", "exact", ours=True, cold=refined)
-
-
-def _boom(p: BoomParameters, options: dict[str, Any], change: float) -> Any:
-    return spray_boom(varied(p, change), **options)
 
 
 def _peak(model: Any) -> float:
@@ -147,53 +115,33 @@ def refined_peak(largest: Callable[[Array], Array], points: int = 2000) -> float
 
 
 def _others(p: BoomParameters, extent: Extent) -> Iterator[Setting]:
-    peer = partial(boom_peer, p)
-
-    def system_of(boom: PlainBoom) -> Any:
-        return control.ss(*boom.statespace())
-
-    def curve(system: Any, omega: Array) -> Array:
-        return np.abs(np.asarray(control.singular_values_response(system, omega).frdata)[0, 0])
+    def refined(system: Any) -> float:
+        return refined_peak(lambda omega: control_sigma(system, omega)[0], 500)
 
     def on_grid(points: int, system: Any) -> float:
-        return float(curve(system, 2 * np.pi * np.geomspace(_LOW, _HIGH, points)).max())
+        return float(control_sigma(system, 2 * np.pi * np.geomspace(_LOW, _HIGH, points))[0].max())
+
+    def of_meshes(name: str, made: Callable[[PlainBoom], Any], ask: Callable[[Any], float]) -> Iterator[Setting]:
+        return (boom_peer(p, name, f"{n} elements", n, made, ask) for n in _PEERS[extent])
 
     if there("slycot"):
-        for n in _PEERS[extent]:
-            yield peer(
-                "control.linfnorm", f"{n} elements", n, system_of, lambda system: float(control.linfnorm(system)[0])
-            )
-    for n in _PEERS[extent]:
-        yield peer(
-            "control and minimize_scalar",
-            f"{n} elements",
-            n,
-            system_of,
-            lambda system: refined_peak(lambda omega: curve(system, omega), 500),
-        )
+        yield from of_meshes("control.linfnorm", control_boom, lambda system: float(control.linfnorm(system)[0]))
+    yield from of_meshes("control and minimize_scalar", control_boom, refined)
     for points in _GRIDS[extent]:
-        yield peer(
-            f"control on a grid, {_GRID_MESH} elements",
-            f"{points} points",
-            _GRID_MESH,
-            system_of,
-            partial(on_grid, points),
-        )
+        name, label = f"control on a grid, {_GRID_MESH} elements", f"{points} points"
+        yield boom_peer(p, name, label, _GRID_MESH, control_boom, partial(on_grid, points))
     if there("pymor") and there("slycot"):
-        for n in _PEERS[extent]:
-            yield peer(
-                "pyMOR, hinf_norm",
-                f"{n} elements",
-                n,
-                lambda boom: pymor_model(*boom.statespace()),
-                lambda model: float(model.hinf_norm()),
-            )
+        yield from of_meshes(
+            "pyMOR, hinf_norm",
+            lambda boom: pymor_model(*boom.statespace()),
+            lambda model: float(model.hinf_norm()),
+        )
     for n in _PEERS[extent]:
         yield Setting(
             "hinf_norm, state space of control",
             f"{n} elements",
             ours=True,
             hot=lambda system: hinf_norm(system).lower,
-            prepare=lambda n=n: system_of(PlainBoom.of(p, n)),
+            prepare=lambda n=n: control_boom(PlainBoom.of(p, n)),
             call="bc.hinf_norm(control.ss(A, B, C, D))",
         )

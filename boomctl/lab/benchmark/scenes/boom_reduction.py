@@ -1,20 +1,18 @@
 """The boom reduced: order and method against the error that is left."""
 
 from collections.abc import Iterator
-from functools import cache
+from functools import cache, partial
 from importlib import import_module
 from typing import Any
 
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.boom.factory import spray_boom
 from boomctl.boom.model import ACTUATORS, TIPS
 from boomctl.boom.parameters import BoomParameters
-from boomctl.lab.benchmark.peers.plain_boom import varied
-from boomctl.lab.benchmark.peers.programs import missing, pymor_model, there
+from boomctl.lab.benchmark.peers.boom import our_boom, pymor_model
 from boomctl.lab.benchmark.promise import Who, no_less_exact, times_as_fast
-from boomctl.lab.benchmark.scene import Extent, Scene, Setting
+from boomctl.lab.benchmark.scene import Extent, Scene, Setting, asked, missing, there
 from boomctl.lti.python_control import control
 from boomctl.lti.system import Lti, of
 from boomctl.reduction.core import structure_core
@@ -104,25 +102,19 @@ def referee(model: SecondOrderModel, modes: int) -> Any:
 
 
 def _full(p: BoomParameters, elements: int, change: float) -> SecondOrderModel:
-    return spray_boom(varied(p, change), elements=elements).select(ACTUATORS, TIPS)
+    return our_boom(p, change, elements=elements).select(ACTUATORS, TIPS)
 
 
 def _ours(p: BoomParameters, elements: int, methods: tuple[str, ...], orders: tuple[int, ...]) -> Iterator[Setting]:
-    def answer(model: SecondOrderModel, order: int, method: str) -> Any:
+    def answer(order: int, method: str, model: SecondOrderModel) -> Any:
         found = reduce(model, order, method).system
         return found.to_statespace() if isinstance(found, SecondOrderModel) else found
 
     for method in methods:
         for order in orders:
-            yield Setting(
-                f"reduce, {method}",
-                f"order {order}",
-                ours=True,
-                cold=lambda change, order=order, method=method: answer(_full(p, elements, change), order, method),
-                hot=lambda model, order=order, method=method: answer(model, order, method),
-                prepare=lambda: _full(p, elements, 0.0),
-                call=f'bc.reduce(bc.spray_boom(p, elements={elements}).select(actuators, tips), {order}, "{method}")',
-            )
+            call = f'bc.reduce(bc.spray_boom(p, elements={elements}).select(actuators, tips), {order}, "{method}")'
+            made, ask = partial(_full, p, elements), partial(answer, order, method)
+            yield asked(f"reduce, {method}", f"order {order}", made, ask, ours=True, call=call)
 
 
 def _others(p: BoomParameters, elements: int, orders: tuple[int, ...], few: bool) -> Iterator[Setting]:
@@ -130,14 +122,7 @@ def _others(p: BoomParameters, elements: int, orders: tuple[int, ...], few: bool
         def system(change: float) -> Any:
             return _full(p, elements, change).to_statespace()
 
-        return Setting(
-            name,
-            f"order {order}",
-            ours=False,
-            cold=lambda change: answer(system(change), order),
-            hot=lambda given: answer(given, order),
-            prepare=lambda: system(0.0),
-        )
+        return asked(name, f"order {order}", system, lambda full: answer(full, order))
 
     for order in orders:
         if there("slycot"):

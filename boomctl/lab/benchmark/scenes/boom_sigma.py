@@ -1,4 +1,4 @@
-"""The boom's singular values at 500 frequencies, from parameters to numbers."""
+"""The boom's singular values, from parameters to numbers: at 500 frequencies, and what rounding does to them."""
 
 from collections.abc import Callable, Iterator
 from functools import cache, partial
@@ -14,17 +14,25 @@ from boomctl.boom.exact import exact_frequency_response
 from boomctl.boom.factory import spray_boom
 from boomctl.boom.model import ACTUATORS, TIPS
 from boomctl.boom.parameters import BoomParameters
-from boomctl.lab.benchmark.peers.plain_boom import PlainBoom, boom_peer, varied
-from boomctl.lab.benchmark.peers.programs import MESHES, missing, pymor_boom, sigma_of_response, there
+from boomctl.lab.benchmark.peers.boom import (
+    MESHES,
+    boom_peer,
+    control_boom,
+    control_sigma,
+    our_boom,
+    our_mesh,
+    pymor_boom,
+    sigma_of_response,
+    varied,
+)
+from boomctl.lab.benchmark.peers.plain_boom import PlainBoom
 from boomctl.lab.benchmark.promise import Who, exact, no_less_exact, times_as_fast
-from boomctl.lab.benchmark.references.high_precision import damped_eigenvalues, exact_response, sigma_of
-from boomctl.lab.benchmark.scene import Extent, Scene, Setting
-from boomctl.lti.python_control import control
+from boomctl.lab.benchmark.references.high_precision import damped_eigenvalues, exact_response, mesh_response, sigma_of
+from boomctl.lab.benchmark.scene import Extent, Scene, Setting, asked, missing, there
 from boomctl.structure.response.poles import damped_poles
 
 _POINTS, _CLUSTER = 500, 21  # frequencies from 0.1 to 10 Hz, and around each of the first five resonances: 602 together
 _JUDGED: dict[Extent, int] = {"quick": 7, "whole": 1}  # every how many-th frequency is judged
-_SPANS = 4  # high-order elements: one between each two of tip, spring, hinge, spring, tip
 _WIDTH = 3  # rows above and below the diagonal of a plain boom's matrices
 
 _OURS: dict[Extent, dict[str, tuple[int, ...]]] = {
@@ -46,6 +54,10 @@ _WANTED: dict[Extent, tuple[float, ...]] = {"quick": (1e-3,), "whole": (1e-2, 1e
 _BANDED: dict[Extent, tuple[int, ...]] = {"quick": (6, 20), "whole": (6, 10, 20, 50, 100, 200, 500, 1000)}
 _SISO: dict[Extent, tuple[int, ...]] = {"quick": (6,), "whole": (4, 6, 10, 20)}
 _BAND_HZ = 10.0  # the frequencies asked for end there
+# where rounding is told: from a coarse mesh to one whose rounding shows in six digits, and at how many frequencies, each of
+# which takes fifty digits a millisecond an element
+_ROUNDED: dict[Extent, tuple[int, ...]] = {"quick": (6, 20), "whole": (6, 20, 50, 100, 200, 500)}
+_ROUNDED_AT: dict[Extent, int] = {"quick": 12, "whole": 60}
 
 
 _AS_EXACT = 1.0 + 1e-3  # times another's error that ours may have: both are that of the same mesh (a choice)
@@ -107,73 +119,61 @@ def boom_sigma(extent: Extent) -> Scene:
     )
 
 
+def boom_rounding(extent: Extent) -> Scene:
+    """Return the scene of rounding in finite elements."""
+    p, omega = BoomParameters(), 2 * np.pi * np.geomspace(0.1, 10.0, _ROUNDED_AT[extent])
+    true = cache(lambda elements: sigma_of(mesh_response(p, omega, elements)))
+
+    def answer(elements: int, change: float) -> tuple[int, Array]:
+        return elements, sigma(our_boom(p, change, elements=elements), omega).sigma
+
+    return Scene(
+        key="boom-rounding",
+        title=f"Rounding in finite elements of the boom, {len(omega)} frequencies",
+        question="From the boom's parameters to the singular values, actuators -> tips, from 0.1 to 10 Hz.",
+        measure="Largest relative error of any singular value, against the same mesh in 50 digits.",
+        settings=tuple(
+            Setting("finite elements", f"{n} elements", ours=True, cold=partial(answer, n), size=n)
+            for n in _ROUNDED[extent]
+        ),
+        error=lambda answer: float(np.abs(answer[1] / true(answer[0]) - 1.0).max()),
+        promises=(exact(Who("finite elements"), 2e-5),),
+        shows="promises",
+    )
+
+
 def _ours(p: BoomParameters, omega: Array, extent: Extent) -> Iterator[Setting]:
-    names = {"finite": "finite elements", "high-order": "high-order elements"}
+    def ask(model: Any) -> Array:
+        return sigma(model, omega).sigma
+
     for kind, sizes in _OURS[extent].items():
         for size in sizes:
-            chosen: dict[str, Any] = {"elements": _SPANS, "order": size} if kind == "high-order" else {"elements": size}
-            made = partial(_boom, p, {"discretization": kind, **chosen})
-            words = ", ".join(f"{name}={value}" for name, value in chosen.items())
-            yield Setting(
-                names.get(kind, f"{kind} elements"),
-                f"order {size}" if kind == "high-order" else f"{size} elements",
-                ours=True,
-                cold=lambda change, made=made: sigma(made(change), omega).sigma,
-                hot=lambda model: sigma(model, omega).sigma,
-                prepare=partial(made, 0.0),
-                call=f'bc.sigma(bc.spray_boom(p, "{kind}", {words}), omega)',
-            )
+            label = "{} {}" if kind == "high-order" else f"{size} elements"
+            yield our_mesh(p, kind, size, ask, "bc.sigma({}, omega)", label)
     for accuracy in _WANTED[extent]:
-        made = partial(_boom, p, {"accuracy": accuracy, "band_hz": _BAND_HZ})
-        yield Setting(
-            "chosen by accuracy=",
-            f"accuracy={accuracy:g}",
-            ours=True,
-            cold=lambda change, made=made: sigma(made(change), omega).sigma,
-            hot=lambda model: sigma(model, omega).sigma,
-            prepare=partial(made, 0.0),
-            call=f"bc.sigma(bc.spray_boom(p, accuracy={accuracy:g}, band_hz={_BAND_HZ:g}), omega)",
-        )
-
-    def of_exact(q: BoomParameters) -> Array:
-        return sigma(exact_frequency_response(q, omega, ACTUATORS, TIPS)).sigma
-
-    yield Setting(
+        made = partial(our_boom, p, accuracy=accuracy, band_hz=_BAND_HZ)
+        call = f"bc.sigma(bc.spray_boom(p, accuracy={accuracy:g}, band_hz={_BAND_HZ:g}), omega)"
+        yield asked("chosen by accuracy=", f"accuracy={accuracy:g}", made, ask, ours=True, call=call)
+    yield asked(
         "exact beam",
         "exact",
+        partial(varied, p),
+        lambda q: sigma(exact_frequency_response(q, omega, ACTUATORS, TIPS)).sigma,
         ours=True,
-        cold=lambda change: of_exact(varied(p, change)),
-        hot=of_exact,
-        prepare=lambda: p,
         call="bc.sigma(bc.exact_frequency_response(p, omega, actuators, tips))",
     )
 
 
-def _boom(p: BoomParameters, options: dict[str, Any], change: float) -> Any:
-    return spray_boom(varied(p, change), **options)
-
-
 def _others(p: BoomParameters, omega: Array, extent: Extent) -> Iterator[Setting]:
-    def peer(name: str, elements: int, made: Callable[[PlainBoom], Any], asked: Callable[[Any], Array]) -> Setting:
-        return boom_peer(p, name, f"{elements} elements", elements, made, asked)
-
-    for elements in MESHES[extent]:
-        yield peer("python-control", elements, _control_system, lambda system: _control_sigma(system, omega))
-    if there("pymor"):
-        for elements in MESHES[extent]:
-            yield peer("pyMOR", elements, pymor_boom, lambda model: _pymor_sigma(model, omega))
-    for elements in _BANDED[extent]:
-        yield peer("SciPy, banded solves", elements, _bands, lambda bands: _banded_sigma(bands, omega))
-    for elements in _SISO[extent]:
-        yield peer("scipy.signal", elements, _channels, lambda channels: _channel_sigma(channels, omega))
-
-
-def _control_system(boom: PlainBoom) -> Any:
-    return control.ss(*boom.statespace())
-
-
-def _control_sigma(system: Any, omega: Array) -> Array:
-    return np.abs(np.asarray(control.singular_values_response(system, omega).frdata)[:, 0])
+    peers: list[tuple[str, tuple[int, ...], Callable[[PlainBoom], Any], Callable[[Any, Array], Array]]] = [
+        ("python-control", MESHES[extent], control_boom, control_sigma),
+        ("pyMOR", MESHES[extent] if there("pymor") else (), pymor_boom, _pymor_sigma),
+        ("SciPy, banded solves", _BANDED[extent], _bands, _banded_sigma),
+        ("scipy.signal", _SISO[extent], _channels, _channel_sigma),
+    ]
+    for name, sizes, made, ask in peers:
+        for n in sizes:
+            yield boom_peer(p, name, f"{n} elements", n, made, lambda model, ask=ask: ask(model, omega))
 
 
 def _pymor_sigma(model: Any, omega: Array) -> Array:

@@ -14,7 +14,8 @@ from boomctl.arrays import Array
 from boomctl.boom.factory import spray_boom
 from boomctl.boom.model import ACTUATORS, TIPS
 from boomctl.boom.parameters import BoomParameters
-from boomctl.lab.benchmark.peers.plain_boom import PlainBoom, boom_peer, varied
+from boomctl.lab.benchmark.peers.boom import MESHES, boom_peer, control_boom, our_mesh
+from boomctl.lab.benchmark.peers.plain_boom import PlainBoom
 from boomctl.lab.benchmark.promise import Who, exact, times_as_fast
 from boomctl.lab.benchmark.references.high_precision import damped_eigenvalues, tip_transfer
 from boomctl.lab.benchmark.scene import Extent, Scene, Setting
@@ -46,8 +47,7 @@ _OURS: dict[Extent, tuple[tuple[str, tuple[tuple[int, float], ...]], ...]] = {
         ("discrete-hermite", ((6, 1e-2), (10, 1e-3), (20, 1e-4), (50, 1e-5), (100, 1e-6))),
     ),
 }
-# elements; solvers and their relative tolerances: a decade more would take minutes (choices)
-_MESHES: dict[Extent, tuple[int, ...]] = {"quick": (6, 20), "whole": (4, 6, 10, 20, 50, 100, 200)}
+# solvers and their relative tolerances: a decade more would take minutes (choices)
 _SOLVERS: dict[Extent, tuple[tuple[str, tuple[float, ...]], ...]] = {
     "quick": (("Radau", (1e-2,)),),
     "whole": (("Radau", (3e-2, 1e-2, 1e-3)), ("LSODA", (3e-2, 1e-2, 1e-3)), ("BDF", (1e-2,)), ("DOP853", (1e-2,))),
@@ -162,7 +162,6 @@ def _ramp_responses(p: BoomParameters, pairs: int, digits: int) -> list[Callable
 
 def _ours(p: BoomParameters, time: Array, wheels: Array, extent: Extent) -> Iterator[Setting]:
     signals: dict[str, Array] = dict(zip(ACTUATORS, wheels, strict=True))
-    names = {"finite": "finite elements", "high-order": "high-order elements"}
 
     def answer(accuracy: float, model: Any) -> Array:
         found = forced_response(model, signals, time, TIPS, accuracy=accuracy)
@@ -170,36 +169,22 @@ def _ours(p: BoomParameters, time: Array, wheels: Array, extent: Extent) -> Iter
 
     for kind, settings in _OURS[extent]:
         for size, accuracy in settings:
-            high = kind == "high-order"
-            options: dict[str, Any] = {"elements": 4, "order": size} if high else {"elements": size}
-
-            def made(change: float, kind: str = kind, options: dict[str, Any] = options) -> Any:
-                return spray_boom(varied(p, change), kind, **options)
-
-            asked = partial(answer, accuracy)
-            words = ", ".join(f"{name}={value}" for name, value in options.items())
-            yield Setting(
-                names.get(kind, f"{kind} elements"),
-                f"{'order' if high else 'elements'} {size}, accuracy={accuracy:g}",
-                ours=True,
-                cold=lambda change, made=made, asked=asked: asked(made(change)),
-                hot=asked,
-                prepare=partial(made, 0.0),
-                call=f'bc.forced_response(bc.spray_boom(p, "{kind}", {words}), wheels, time, tips, accuracy={accuracy:g})',
-            )
+            call = f"bc.forced_response({{}}, wheels, time, tips, accuracy={accuracy:g})"
+            label = f"{{}} {{}}, accuracy={accuracy:g}"
+            yield our_mesh(p, kind, size, partial(answer, accuracy), call, label)
 
 
 def _others(p: BoomParameters, time: Array, wheels: Array, extent: Extent) -> Iterator[Setting]:
     peer = partial(boom_peer, p)
-    for n in _MESHES[extent]:
+    for n in MESHES[extent]:
         yield peer(
             "control.forced_response",
             f"{n} elements",
             n,
-            lambda boom: control.ss(*boom.statespace()),
+            control_boom,
             lambda system: np.asarray(control.forced_response(system, time, wheels).outputs),
         )
-    for n in _MESHES[extent]:
+    for n in MESHES[extent]:
         yield peer(
             "scipy.signal.lsim",
             f"{n} elements",
