@@ -11,8 +11,8 @@ from boomctl.boom.exact import exact_frequency_response
 from boomctl.boom.model import ACTUATORS, TIPS
 from boomctl.boom.parameters import BoomParameters
 from boomctl.lab.benchmark.peers.plain_boom import PlainBoom
-from boomctl.lab.benchmark.scene import there
 from boomctl.lab.benchmark.references.high_precision import exact_response, mesh_response, sigma_of, tip_transfer
+from boomctl.lab.benchmark.scene import there
 from boomctl.lab.benchmark.scenes.boom_peak import boom_peak, peak_in_many_digits
 from boomctl.lab.benchmark.scenes.boom_reduction import boom_reduction
 from boomctl.lab.benchmark.scenes.boom_sigma import boom_sigma

@@ -5,10 +5,11 @@ import numpy as np
 import pytest
 
 from boomctl.lab.benchmark.measure import measured
-from boomctl.lab.benchmark.peers.exudyn import exudyn_available, exudyn_tip
+from boomctl.lab.benchmark.peers.exudyn import exudyn_tip
 from boomctl.lab.benchmark.peers.hub_beam import Drive, judge, machine, until
-from boomctl.lab.benchmark.peers.integrators import SPIN_UP, TORQUE, Ode, spin_up_ode, torque_ode
+from boomctl.lab.benchmark.peers.integrators import SPIN_UP, TORQUE, Ode
 from boomctl.lab.benchmark.references.extrapolation import extrapolated
+from boomctl.lab.benchmark.scene import there
 from boomctl.lab.benchmark.scenes.hub_beam import (
     hub_beam_models,
     hub_beam_motion,
@@ -42,22 +43,19 @@ def test_extrapolation_is_exact_for_a_forced_oscillator():
 
 
 def test_extrapolation_has_the_order_of_its_columns():
-    drive, ode = until(2.0), spin_up_ode(AssumedModesBeam(machine(), "sfoam", 2))
+    drive, ode = until(2.0), Ode.of(AssumedModesBeam(machine(), "sfoam", 2), SPIN_UP)
     exact = extrapolated(ode, drive, 8)
     coarse, fine = (np.abs(extrapolated(ode, drive, n, columns=2) - exact).max() for n in (2, 4))
     assert coarse / fine == pytest.approx(2.0**4, rel=0.3)
 
 
-@pytest.mark.parametrize(
-    ("manoeuvre", "ode"),
-    [(SPIN_UP, spin_up_ode), (TORQUE, lambda beam: torque_ode(beam, TORQUE))],
-    ids=["spin-up", "torque"],
-)
-def test_the_reference_agrees_with_ours_at_its_tightest(manoeuvre, ode):
+@pytest.mark.parametrize("manoeuvre", [SPIN_UP, TORQUE], ids=["spin-up", "torque"])
+def test_the_reference_agrees_with_ours_at_its_tightest(manoeuvre):
     beam = AssumedModesBeam(machine(), "sfoam", 5)
+    ode = Ode.of(beam, manoeuvre)
     drive = Drive(manoeuvre, until(12.0), "")
-    exact = extrapolated(ode(beam), drive.timepts, 10)
-    finer = extrapolated(ode(beam), drive.timepts, 20)
+    exact = extrapolated(ode, drive.timepts, 10)
+    finer = extrapolated(ode, drive.timepts, 20)
     assert judge(exact)(finer) < 2e-12
     assert judge(exact)(drive.tip(beam, 1e-12)) < 5e-12
 
@@ -105,7 +103,7 @@ def test_the_exact_beam_agrees_with_its_lagrangian_in_another_integrator():
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(not exudyn_available(), reason="exudyn is not installed")
+@pytest.mark.skipif(not there("exudyn"), reason="exudyn is not installed")
 def test_exudyn_tends_to_the_exact_beam():
     drive = Drive(SPIN_UP, until(10.0), "")
     error = judge(drive.tip(hub_beam(machine(), "geometrically-exact", 8), 1e-8))

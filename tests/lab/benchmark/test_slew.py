@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from boomctl.lab.benchmark.peers.opti import Effort, has_rockit, opti_programme, rockit_torque
+from boomctl.lab.benchmark.peers.opti import Effort, opti_programme, rockit_torque
+from boomctl.lab.benchmark.scene import there
 from boomctl.rotating_beam import AssumedModesBeam, HubBeamParameters
 from boomctl.slew import optimal_slew
 
@@ -24,7 +25,7 @@ def planned(effort, substeps, **options):
         lambda effort, substeps: planned(effort, substeps, mapped=True).left,
         pytest.param(
             lambda effort, substeps: rockit_torque(effort, substeps).left,
-            marks=pytest.mark.skipif(not has_rockit(), reason="rockit is not installed"),
+            marks=pytest.mark.skipif(not there("rockit"), reason="rockit is not installed"),
         ),
     ],
 )

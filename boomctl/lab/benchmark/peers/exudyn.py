@@ -6,7 +6,6 @@ length, as in the geometrically exact beam here), a rigid hub, generalised-alpha
 
 from collections.abc import Callable
 from importlib import import_module
-from importlib.util import find_spec
 from itertools import pairwise
 from typing import Any
 
@@ -20,11 +19,6 @@ NEWTON_TOLERANCE = 1e-6
 """Relative and absolute; 1e-8 is often missed in a prescribed motion, and then takes 20 times longer."""
 
 SPECTRAL_RADIUS = 0.5  # of generalised alpha: damps what the time step does not resolve, and keeps second order
-
-
-def exudyn_available() -> bool:
-    """Whether exudyn can be imported."""
-    return find_spec("exudyn") is not None
 
 
 def exudyn_tip(

@@ -2,20 +2,15 @@
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.lab.benchmark.peers.exudyn import exudyn_available, exudyn_tip
-from boomctl.lab.benchmark.peers.integrators import (
-    Motion,
-    casadi_spin_up,
-    casadi_torque,
-    scipy_spin_up,
-    scipy_torque,
-)
-from boomctl.lab.benchmark.scene import Setting
+from boomctl.lab.benchmark.peers.exudyn import exudyn_tip
+from boomctl.lab.benchmark.peers.integrators import Motion, Ode, scipy_motion
+from boomctl.lab.benchmark.scene import Setting, asked, there
 from boomctl.rotating_beam.assumed_modes import ASSUMED_MODES, AssumedModesBeam
 from boomctl.rotating_beam.factory import hub_beam
 from boomctl.rotating_beam.manoeuvres import SineTorque, SpinUp
@@ -23,6 +18,7 @@ from boomctl.rotating_beam.parameters import HubBeamParameters
 
 _ATOL = 1e-15  # m: of ours, so that the relative tolerance alone decides
 _NAMES = {"geometrically-exact": "geometrically exact beam"}
+_CASADI = ("IDAS", "CVODES")
 
 
 @dataclass(frozen=True)
@@ -43,18 +39,6 @@ class Drive:
     def tip(self, beam: Any, rtol: float) -> Array:
         """Return the tip's displacement by this package [m]."""
         return beam.simulate(self.manoeuvre, self.timepts, rtol=rtol, atol=_ATOL).tip_displacement
-
-    def in_scipy(self, beam: AssumedModesBeam, method: str, tolerance: float) -> Motion:
-        """Return the same motion in one of ``solve_ivp``'s methods."""
-        if isinstance(self.manoeuvre, SineTorque):
-            return scipy_torque(beam, self.manoeuvre, method, self.timepts)(tolerance)
-        return scipy_spin_up(beam, method, self.timepts)(tolerance)
-
-    def in_casadi(self, beam: AssumedModesBeam, method: str, tolerance: float) -> Motion:
-        """Return the same motion in one of CasADi's integrators."""
-        if isinstance(self.manoeuvre, SineTorque):
-            return casadi_torque(beam, self.manoeuvre, method, self.timepts)(tolerance)
-        return casadi_spin_up(beam, method, self.timepts)(tolerance)
 
 
 def until(end: float) -> Array:
@@ -77,55 +61,40 @@ def judge(exact: Array) -> Callable[[Array], float]:
 def ours(drive: Drive, model: str, cases: Iterable[tuple[int, float]]) -> Iterator[Setting]:
     """Give this package's settings of a model, each of a number of modes and a relative tolerance."""
     for modes, rtol in cases:
-
-        def tip(beam: Any, rtol: float = rtol) -> Array:
-            return drive.tip(beam, rtol)
-
-        def cold(change: float, modes: int = modes, tip: Callable[[Any], Array] = tip) -> Array:
-            return tip(hub_beam(machine(change), model, modes))
-
-        yield Setting(
-            competitor=_NAMES.get(model, model.upper()),
-            label=f"{modes} modes, rtol {rtol:.0e}",
+        setting = asked(
+            _NAMES.get(model, model.upper()),
+            f"{modes} modes, rtol {rtol:.0e}",
+            lambda change, modes=modes: hub_beam(machine(change), model, modes),
+            lambda beam, rtol=rtol: drive.tip(beam, rtol),
             ours=True,
-            cold=cold,
-            hot=tip if model in ASSUMED_MODES else None,  # to the exact beam's motion its building is nothing
-            prepare=lambda modes=modes: hub_beam(machine(), model, modes),
             call=f'bc.hub_beam(p, "{model}", {modes}).simulate({drive.call}, t, rtol={rtol:.0e}, atol=1e-15)',
         )
+        # to the exact beam's motion its building is nothing
+        yield setting if model in ASSUMED_MODES else replace(setting, hot=None)
 
 
 def integrated(
     drive: Drive, model: str, modes: int, methods: Iterable[tuple[str, tuple[float, ...]]]
 ) -> Iterator[Setting]:
     """Give general-purpose integrators on the equations of a model, each method at some tolerances."""
+
+    def made(method: str, tolerance: float, change: float) -> Motion:
+        beam = AssumedModesBeam(machine(change), model, modes)
+        if method in _CASADI:
+            return Ode.of(beam, drive.manoeuvre).motion(drive.timepts, method, tolerance)
+        return scipy_motion(beam, drive.manoeuvre, drive.timepts, method, tolerance)
+
     for method, tolerances in methods:
-        casadi = method in ("IDAS", "CVODES")
+        name = f"{'CasADi' if method in _CASADI else 'solve_ivp'} {method}, {model.upper()}"
         for tolerance in tolerances:
-
-            def build(
-                change: float, method: str = method, casadi: bool = casadi, tolerance: float = tolerance
-            ) -> Motion:
-                beam = AssumedModesBeam(machine(change), model, modes)
-                return (
-                    drive.in_casadi(beam, method.lower(), tolerance)
-                    if casadi
-                    else drive.in_scipy(beam, method, tolerance)
-                )
-
-            yield Setting(
-                competitor=f"{'CasADi' if casadi else 'solve_ivp'} {method}, {model.upper()}",
-                label=f"{modes} modes, rtol {tolerance:.0e}",
-                ours=False,
-                cold=lambda change, build=build: build(change)(),
-                hot=(lambda motion: motion()) if casadi else None,  # solve_ivp has nothing to keep
-                prepare=lambda build=build: build(0.0),
-            )
+            label = f"{modes} modes, rtol {tolerance:.0e}"
+            setting = asked(name, label, partial(made, method, tolerance), lambda motion: motion())
+            yield setting if method in _CASADI else replace(setting, hot=None)  # solve_ivp has nothing to keep
 
 
 def in_exudyn(drive: Drive, cases: Iterable[tuple[int, float]]) -> Iterator[Setting]:
     """Give exudyn's settings, each of a number of elements and a time step [s]; none where it is not installed."""
-    if not exudyn_available():
+    if not there("exudyn"):
         return
     for elements, step in cases:
         yield Setting(
@@ -134,8 +103,3 @@ def in_exudyn(drive: Drive, cases: Iterable[tuple[int, float]]) -> Iterator[Sett
             ours=False,
             cold=lambda change, n=elements, h=step: exudyn_tip(machine(change), drive.manoeuvre, drive.timepts, n, h),
         )
-
-
-def missing_exudyn() -> tuple[str, ...]:
-    """Name exudyn where it is not installed."""
-    return () if exudyn_available() else ("exudyn: not installed",)

@@ -12,37 +12,57 @@ from boomctl.rotating_beam.manoeuvres import SineTorque, SpinUp
 
 SPIN_UP = SpinUp(2.8, 30.0)  # rad/s, s: of Bai et al. (2009), Fig. 5, near the critical speed of TLAM
 TORQUE = SineTorque(200.0, 10.0, 10.0)  # N m, s, s: of Fig. 8
-INSTANTS = np.linspace(0.0, 60.0, 601)  # of the output [s]; the paper's figures end at 60 s
 
 Motion = Callable[[], Array]
 """Returns the tip's displacement at all instants asked for, m."""
 
 
-def scipy_spin_up(beam: AssumedModesBeam, method: str, timepts: Array = INSTANTS) -> Callable[[float], Motion]:
-    """Return what makes a spin-up in one of ``solve_ivp``'s methods of a relative tolerance."""
+def scipy_motion(
+    beam: AssumedModesBeam, manoeuvre: SpinUp | SineTorque, timepts: Array, method: str, tolerance: float
+) -> Motion:
+    """Return what makes a motion in one of ``solve_ivp``'s methods of a relative tolerance."""
     from scipy.integrate import solve_ivp
 
+    spun = isinstance(manoeuvre, SpinUp)
+    rate, tip = _spin_up_rate(beam, manoeuvre) if spun else _torque_rate(beam, manoeuvre)
+
+    def motion() -> Array:
+        span, start = (0.0, timepts[-1]), np.zeros(len(tip))
+        return tip @ solve_ivp(rate, span, start, method, timepts, rtol=tolerance, atol=1e-2 * tolerance).y
+
+    return motion
+
+
+_Rate = Callable[[float, Array], Array]
+
+
+def _spin_up_rate(beam: AssumedModesBeam, manoeuvre: SpinUp) -> tuple[_Rate, Array]:
+    """Return the states' rates of a beam without axial modes, and the row that reads the tip off the states."""
     m = beam.integrals
     inverse = np.linalg.inv(m.M2)
     stiffness, softening, inertia = inverse @ m.K2, inverse @ (m.M2 - m.D), inverse @ m.V2
-    n, w, duration = m.V2.size, SPIN_UP.final_speed, SPIN_UP.duration
+    n, w, duration = m.V2.size, manoeuvre.final_speed, manoeuvre.duration
 
-    def derivative(t: float, x: Array) -> Array:
+    def rate(t: float, x: Array) -> Array:
         phase = 2.0 * np.pi * min(t / duration, 1.0)
         speed = w * (phase - np.sin(phase)) / (2.0 * np.pi)
         turning = w / duration * (1.0 - np.cos(phase))
         q = x[:n]
         return np.concatenate([x[n:], speed**2 * (softening @ q) - stiffness @ q - turning * inertia])
 
-    def build(tolerance: float) -> Motion:
-        def motion() -> Array:
-            span, start = (0.0, timepts[-1]), np.zeros(2 * n)
-            solution = solve_ivp(derivative, span, start, method, timepts, rtol=tolerance, atol=1e-2 * tolerance)
-            return m.tip2 @ solution.y[:n]
+    return rate, np.append(m.tip2, np.zeros(n))
 
-        return motion
 
-    return build
+def _torque_rate(beam: AssumedModesBeam, manoeuvre: SineTorque) -> tuple[_Rate, Array]:
+    return lambda t, x: beam.equations.state_derivative(x, float(manoeuvre.torque(t))), _tip(beam)
+
+
+def _tip(beam: AssumedModesBeam) -> Array:
+    """Return the row that reads the tip off hub angle and modes and their rates."""
+    size = beam.equations.size
+    tip = np.zeros(2 * size)
+    tip[1:size] = beam.equations.tip.transverse
+    return tip
 
 
 @dataclass(frozen=True)
@@ -54,13 +74,26 @@ class Ode:
     ode: Any
     tip: Array
 
+    @classmethod
+    def of(cls, beam: AssumedModesBeam, manoeuvre: SpinUp | SineTorque) -> "Ode":
+        """Return the spin-up of a beam without axial modes, or the motion of any beam under a torque."""
+        return _spin_up_ode(beam, manoeuvre) if isinstance(manoeuvre, SpinUp) else _torque_ode(beam, manoeuvre)
 
-def spin_up_ode(beam: AssumedModesBeam) -> Ode:
-    """Return the spin-up of a beam without axial modes."""
+    def motion(self, timepts: Array, method: str, tolerance: float) -> Motion:
+        """Return what makes the motion in one of CasADi's integrators of a relative tolerance."""
+        import casadi as ca
+
+        options = {"reltol": tolerance, "abstol": 1e-2 * tolerance, "max_num_steps": 10000000}
+        system = {"x": self.x, "t": self.t, "ode": self.ode}
+        flow = ca.integrator("flow", method.lower(), system, 0.0, timepts[1:], options)
+        return lambda: np.concatenate([[0.0], self.tip @ np.array(flow(x0=0.0)["xf"])])
+
+
+def _spin_up_ode(beam: AssumedModesBeam, manoeuvre: SpinUp) -> Ode:
     import casadi as ca
 
     m = beam.integrals
-    n, w, duration = m.V2.size, SPIN_UP.final_speed, SPIN_UP.duration
+    n, w, duration = m.V2.size, manoeuvre.final_speed, manoeuvre.duration
     x, t = ca.SX.sym("x", 2 * n), ca.SX.sym("t")
     phase = 2.0 * np.pi * ca.fmin(t / duration, 1.0)
     speed = w * (phase - ca.sin(phase)) / (2.0 * np.pi)
@@ -69,66 +102,11 @@ def spin_up_ode(beam: AssumedModesBeam) -> Ode:
     return Ode(x, t, ca.vertcat(x[n:], ca.mtimes(ca.DM(np.linalg.inv(m.M2)), force)), np.append(m.tip2, np.zeros(n)))
 
 
-def torque_ode(beam: AssumedModesBeam, manoeuvre: SineTorque) -> Ode:
+def _torque_ode(beam: AssumedModesBeam, manoeuvre: SineTorque) -> Ode:
     """Return the motion under a torque, of the equations that CasADi derives from the energies."""
     import casadi as ca
 
-    size = beam.equations.size
-    x, t = ca.SX.sym("x", 2 * size), ca.SX.sym("t")
+    x, t = ca.SX.sym("x", 2 * beam.equations.size), ca.SX.sym("t")
     sine = manoeuvre.amplitude * ca.sin(2.0 * np.pi * t / manoeuvre.period)
     xdot, _ = beam.casadi_function()(x, ca.if_else(t <= manoeuvre.duration, sine, 0.0))
-    tip = np.zeros(2 * size)
-    tip[1:size] = beam.equations.tip.transverse
-    return Ode(x, t, xdot, tip)
-
-
-def casadi_motion(equations: Ode, method: str, timepts: Array = INSTANTS) -> Callable[[float], Motion]:
-    """Return what makes a motion in one of CasADi's integrators of a relative tolerance."""
-    import casadi as ca
-
-    system = {"x": equations.x, "t": equations.t, "ode": equations.ode}
-
-    def build(tolerance: float) -> Motion:
-        options = {"reltol": tolerance, "abstol": 1e-2 * tolerance, "max_num_steps": 10000000}
-        flow = ca.integrator("flow", method, system, 0.0, timepts[1:], options)
-
-        def motion() -> Array:
-            return np.concatenate([[0.0], equations.tip @ np.array(flow(x0=0.0)["xf"])])
-
-        return motion
-
-    return build
-
-
-def casadi_spin_up(beam: AssumedModesBeam, method: str, timepts: Array = INSTANTS) -> Callable[[float], Motion]:
-    """Return what makes a spin-up in one of CasADi's integrators of a relative tolerance."""
-    return casadi_motion(spin_up_ode(beam), method, timepts)
-
-
-def scipy_torque(
-    beam: AssumedModesBeam, manoeuvre: SineTorque, method: str = "DOP853", timepts: Array = INSTANTS
-) -> Callable[[float], Motion]:
-    """Return what makes a torque-driven motion in one of ``solve_ivp``'s methods of a relative tolerance."""
-    from scipy.integrate import solve_ivp
-
-    size = beam.equations.size
-
-    def derivative(t: float, x: Array) -> Array:
-        return beam.equations.state_derivative(x, float(manoeuvre.torque(t)))
-
-    def build(tolerance: float) -> Motion:
-        def motion() -> Array:
-            span, start = (0.0, timepts[-1]), np.zeros(2 * size)
-            solution = solve_ivp(derivative, span, start, method, timepts, rtol=tolerance, atol=1e-2 * tolerance)
-            return beam.equations.tip.transverse @ solution.y[1:size]
-
-        return motion
-
-    return build
-
-
-def casadi_torque(
-    beam: AssumedModesBeam, manoeuvre: SineTorque, method: str = "idas", timepts: Array = INSTANTS
-) -> Callable[[float], Motion]:
-    """Return what makes a torque-driven motion in one of CasADi's integrators of a relative tolerance."""
-    return casadi_motion(torque_ode(beam, manoeuvre), method, timepts)
+    return Ode(x, t, xdot, _tip(beam))

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
@@ -43,11 +42,6 @@ class Effort:
         states[:, 0] = self.angle * (3.0 * s**2 - 2.0 * s**3)
         states[:, self.beam.equations.size] = self.angle * 6.0 * s * (1.0 - s) / self.duration
         return states
-
-
-def has_rockit() -> bool:
-    """Whether rockit is installed."""
-    return find_spec("rockit") is not None
 
 
 @dataclass(frozen=True)

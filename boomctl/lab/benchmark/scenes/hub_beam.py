@@ -1,23 +1,14 @@
 """The hub-beam spun up, and driven by a torque: the error of integrators on the same equations, and that of models."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 
-from boomctl.lab.benchmark.peers.hub_beam import (
-    Drive,
-    in_exudyn,
-    integrated,
-    judge,
-    machine,
-    missing_exudyn,
-    ours,
-    until,
-)
-from boomctl.lab.benchmark.peers.integrators import SPIN_UP, TORQUE, Ode, spin_up_ode, torque_ode
+from boomctl.lab.benchmark.peers.hub_beam import Drive, in_exudyn, integrated, judge, machine, ours, until
+from boomctl.lab.benchmark.peers.integrators import SPIN_UP, TORQUE, Ode
 from boomctl.lab.benchmark.promise import Promise, Who, exact, number, times_as_fast
 from boomctl.lab.benchmark.references.extrapolation import extrapolated
-from boomctl.lab.benchmark.scene import Extent, Scene, Setting
+from boomctl.lab.benchmark.scene import Extent, Scene, Setting, missing
 from boomctl.rotating_beam.assumed_modes import AssumedModesBeam
 from boomctl.rotating_beam.factory import hub_beam
 from boomctl.rotating_beam.manoeuvres import SineTorque, SpinUp
@@ -50,7 +41,6 @@ class _Study:
     call: str
     title: str
     words: str
-    ode: Callable[[AssumedModesBeam], Ode]
     end_of_drive: float
     models_end: Mapping[Extent, float]
     converged: Mapping[Extent, tuple[int, float]]
@@ -75,7 +65,6 @@ _SPUN = _Study(
     call=f"bc.spin_up({SPIN_UP.final_speed:g}, {SPIN_UP.duration:g})",
     title="Spin-up of the hub-beam",
     words=f"the hub spun up to {SPIN_UP.final_speed:g} rad/s in {SPIN_UP.duration:g} s",
-    ode=spin_up_ode,
     end_of_drive=SPIN_UP.duration,
     models_end={"quick": _QUICK_END, "whole": _END},
     converged={"quick": (12, 1e-10), "whole": (12, 1e-10)},
@@ -137,7 +126,6 @@ _DRIVEN = _Study(
     call=f"bc.sine_torque({TORQUE.amplitude:g}, {TORQUE.period:g}, {TORQUE.duration:g})",
     title="The hub-beam under a torque",
     words=f"under one period of a sine of {TORQUE.amplitude:g} N m in {TORQUE.duration:g} s",
-    ode=lambda beam: torque_ode(beam, TORQUE),
     end_of_drive=TORQUE.duration,
     models_end={"quick": _QUICK_END, "whole": 30.0},
     converged={"quick": (6, 1e-7), "whole": (8, 1e-8)},
@@ -222,7 +210,9 @@ def hub_beam_torque_models(extent: Extent) -> Scene:
 def _integrators(study: _Study, extent: Extent) -> Scene:
     drive = Drive(study.manoeuvre, until(_END), study.call)
     true = cache(
-        lambda: extrapolated(study.ode(AssumedModesBeam(machine(), "sfoam", _MODES)), drive.timepts, _SUBSTEPS)
+        lambda: extrapolated(
+            Ode.of(AssumedModesBeam(machine(), "sfoam", _MODES), study.manoeuvre), drive.timepts, _SUBSTEPS
+        )
     )
     after = drive.timepts > study.end_of_drive
     mine = ours(drive, "sfoam", ((_MODES, rtol) for rtol in study.tolerances[extent]))
@@ -258,7 +248,7 @@ def _models(study: _Study, extent: Extent) -> Scene:
         f" {modes} polynomials to {rtol:.0e}, {study.agrees}.",
         settings=(*settings, *in_exudyn(drive, study.exudyn[extent])),
         error=lambda tip: judge(true())(tip),
-        missing=missing_exudyn(),
+        missing=missing(exudyn="exudyn"),
         remarks=study.model_remarks,
         promises=study.model_promises,
     )

@@ -9,9 +9,9 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.lab.benchmark.peers.hub_beam import machine, until
-from boomctl.lab.benchmark.peers.integrators import TORQUE, casadi_torque
+from boomctl.lab.benchmark.peers.integrators import TORQUE, Ode
 from boomctl.lab.benchmark.promise import Who, exact, times_as_fast
-from boomctl.lab.benchmark.scene import Extent, Scene, Setting
+from boomctl.lab.benchmark.scene import Extent, Scene, Setting, asked
 from boomctl.rotating_beam.assumed_modes import AssumedModesBeam
 from boomctl.rotating_beam.parameters import HubBeamParameters
 from boomctl.slew.optimal import optimal_slew
@@ -54,11 +54,11 @@ def many_torques(extent: Extent) -> Scene:
             f"rtol {tolerance:.0e}",
             ours=False,
             hot=lambda runs: np.array([run() for run in runs]),
-            prepare=lambda: [casadi_torque(beam(), each, timepts=times)(tolerance) for each in torques],
+            prepare=lambda: [Ode.of(beam(), each).motion(times, "idas", tolerance) for each in torques],
         )
 
     def own(name: str, run: Callable[[AssumedModesBeam], Array]) -> Setting:
-        return Setting(name, f"rtol {_RTOL:.0e}", True, cold=lambda change: run(beam(change)), hot=run, prepare=beam)
+        return asked(name, f"rtol {_RTOL:.0e}", beam, run, ours=True)
 
     true = cache(lambda: together(beam(), _TRUE))
     ours = Who("simulate_many", error=_RTOL)

@@ -17,7 +17,7 @@ from scipy.linalg import eigh
 from boomctl.arrays import Array
 from boomctl.lab.benchmark.diagram import Diagram
 from boomctl.lab.benchmark.promise import Promise
-from boomctl.lab.benchmark.scene import Extent, Scene, Setting
+from boomctl.lab.benchmark.scene import Extent, Scene, Setting, asked
 from boomctl.structure.assembly import Assembly
 from boomctl.structure.beams.eigenvalues import undamped_frequencies
 from boomctl.structure.beams.elements import DiscreteElements, FiniteElements
@@ -154,17 +154,12 @@ def _ours(ratio: float, extent: Extent) -> Iterator[Setting]:
             )
         )
     for name, label, mesh, size, words in meshes:
-
-        def made(change: float, mesh: Discretization = mesh) -> Any:
-            return _arm(ratio, change, mesh).assemble()
-
-        yield Setting(
+        yield asked(
             name,
             label,
+            lambda change, mesh=mesh: _arm(ratio, change, mesh).assemble(),
+            _frequencies,
             ours=True,
-            cold=lambda change, made=made: _frequencies(made(change)),
-            hot=_frequencies,
-            prepare=partial(made, 0.0),
             call=f"s.Assembly((s.Beam(..., {words}), motor, payload)).assemble().eigenfrequencies_hz({_MODES})",
             size=size,
         )
@@ -179,19 +174,8 @@ def _ours(ratio: float, extent: Extent) -> Iterator[Setting]:
 def _others(ratio: float, extent: Extent) -> Iterator[Setting]:
     for name, lumped in (("SciPy, eigh, consistent masses", False), ("SciPy, eigh, lumped masses", True)):
         for n in _SIZES[extent]:
-
-            def made(change: float, n: int = n, lumped: bool = lumped) -> tuple[Array, Array]:
-                return _plain_matrices(ratio, 2 * n, change, lumped)
-
-            yield Setting(
-                name,
-                f"{2 * n} elements",
-                ours=False,
-                cold=lambda change, made=made: _by_eigh(made(change)),
-                hot=_by_eigh,
-                prepare=partial(made, 0.0),
-                size=2 * n if lumped else 4 * n,
-            )
+            made = partial(_plain_matrices, ratio, 2 * n, lumped)
+            yield asked(name, f"{2 * n} elements", made, _by_eigh, size=2 * n if lumped else 4 * n)
 
 
 def _by_eigh(matrices: tuple[Array, Array]) -> Array:
@@ -201,7 +185,7 @@ def _by_eigh(matrices: tuple[Array, Array]) -> Array:
     return found if len(found) == _MODES else np.full(_MODES, np.nan)
 
 
-def _plain_matrices(ratio: float, elements: int, change: float, lumped: bool) -> tuple[Array, Array]:
+def _plain_matrices(ratio: float, elements: int, lumped: bool, change: float) -> tuple[Array, Array]:
     """Return ``M, K`` of the arm by cubic elements over deflections and slopes, clamped, as textbooks have them."""
     h = 2 * _LINK / elements
     rho, stiffness = _BEAM_MASS / (2 * _LINK), _STIFFNESS * (1.0 + change)

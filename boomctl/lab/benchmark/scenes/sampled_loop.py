@@ -6,7 +6,7 @@ solution of that.
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
@@ -17,7 +17,7 @@ from boomctl.lab.benchmark.peers import beam_loop as of_beam
 from boomctl.lab.benchmark.peers import boom_loop as of_boom
 from boomctl.lab.benchmark.peers.hub_beam import machine
 from boomctl.lab.benchmark.promise import Who, exact, times_as_fast
-from boomctl.lab.benchmark.scene import Extent, Scene, Setting
+from boomctl.lab.benchmark.scene import Extent, Scene, Setting, asked
 from boomctl.rotating_beam.assumed_modes import AssumedModesBeam
 
 _STEP = 1e-3  # s, of the samples
@@ -86,39 +86,13 @@ def boom_loop(extent: Extent) -> Scene:
         return of_boom.loop_scene(span, replace(p, spring_stiffness=p.spring_stiffness * (1.0 + change)))
 
     ready = made(0.0)
-
-    def setting(
-        name: str, label: str, which: str, run: Callable[[of_boom.LoopScene], Array], call: str = ""
-    ) -> Setting:
-        return Setting(
-            name,
-            label,
-            ours=bool(call),
-            cold=lambda change: (which, run(made(change))),
-            hot=lambda loop: (which, run(loop)),
-            prepare=lambda: made(0.0),
-            call=call,
-        )
-
-    def settings() -> Iterator[Setting]:
-        call = "bc.simulate_loop(plant, controller, disturbance, t, sample_time=1e-3, force_limit=0.25)"
-        yield setting("simulate_loop", "exact", "sampled", of_boom.ours_of, call)
-        for method, tolerance in _each(_CONTROL[extent]):
-            yield setting(
-                f"control.input_output_response, {method}",
-                f"rtol {tolerance:.0e}",
-                "continuous",
-                lambda loop, method=method, tolerance=tolerance: of_boom.continuous_loop(loop, method, tolerance),
-            )
-        yield setting("control, plant sampled beforehand", "disturbance held", "sampled", of_boom.sampled_loop)
-        for method, tolerance in _each(_RESTARTED[extent]):
-            yield setting(
-                f"solve_ivp {method}, restarted",
-                f"rtol {tolerance:.0e}",
-                "sampled",
-                lambda loop, method=method, tolerance=tolerance: of_boom.restarted_loop(loop, method, tolerance),
-            )
-
+    call = "bc.simulate_loop(plant, controller, disturbance, t, sample_time=1e-3, force_limit=0.25)"
+    settings = (
+        _setting("simulate_loop", "exact", "sampled", made, of_boom.ours_of, call),
+        *_each(_CONTROL[extent], f"{_PEER}, {{}}", "continuous", made, of_boom.continuous_loop),
+        _setting("control, plant sampled beforehand", "disturbance held", "sampled", made, of_boom.sampled_loop),
+        *_each(_RESTARTED[extent], "solve_ivp {}, restarted", "sampled", made, of_boom.restarted_loop),
+    )
     return Scene(
         key="boom-loop",
         title=f"The boom's suspension with a force limit, {span:g} s sampled at 1 kHz",
@@ -126,7 +100,7 @@ def boom_loop(extent: Extent) -> Scene:
         f" strokes, {ready.limit:g} N at most.",
         measure="Largest error of the tips' displacements over the largest displacement, against the exact solution in"
         f" extended precision (sampled), or solve_ivp to {_TRUE:.0e} from sample to sample (continuous).",
-        settings=tuple(settings()),
+        settings=settings,
         error=_judge(lambda: of_boom.sampled_reference(ready), lambda: of_boom.continuous_reference(ready, _TRUE)),
         remarks=(
             *_REMARKS,
@@ -148,49 +122,26 @@ def beam_loop(extent: Extent) -> Scene:
     def made(change: float) -> AssumedModesBeam:
         return AssumedModesBeam(replace(machine(change), tip_mass=_TIP_MASS), "sfoam", _MODES)
 
-    def settings() -> Iterator[Setting]:
-        def setting(
-            name: str,
-            tolerance: float,
-            which: str,
-            run: Callable[[Any], Array],
-            build: Callable[[AssumedModesBeam], Any] = lambda beam: beam,
-            call: str = "",
-        ) -> Setting:
-            return Setting(
-                name,
-                f"rtol {tolerance:.0e}",
-                ours=bool(call),
-                cold=lambda change: (which, run(build(made(change)))),
-                hot=lambda loop: (which, run(loop)),
-                prepare=lambda: build(made(0.0)),
-                call=call,
-            )
+    def ours(rtol: float) -> Setting:
+        options = f"sample_time=1e-3, force_limit=60.0, reference=wanted, rtol={rtol:.0e}"
+        call = f"bc.simulate_loop(beam, pd, None, t, {options})"
+        run = partial(of_beam.ours, time=time, rtol=rtol)
+        return _setting("simulate_loop", f"rtol {rtol:.0e}", "sampled", made, run, call)
 
-        for rtol in _TOLERANCES[extent]:
-            call = (
-                "bc.simulate_loop(beam, pd, None, t, sample_time=1e-3, force_limit=60.0, reference=wanted,"
-                f" rtol={rtol:.0e})"
-            )
-            yield setting(
-                "simulate_loop", rtol, "sampled", lambda beam, rtol=rtol: of_beam.ours(beam, time, rtol), call=call
-            )
-        for method, tolerance in _each(_CONTROL[extent]):
-            yield setting(
-                f"control.input_output_response, {method}",
-                tolerance,
-                "continuous",
-                lambda loop, method=method, tolerance=tolerance: of_beam.response(loop, time, method, tolerance),
-                of_beam.continuous_loop,
-            )
-        for method, tolerance in _each(_RESTARTED[extent]):
-            yield setting(
-                f"solve_ivp {method}, restarted",
-                tolerance,
-                "sampled",
-                lambda beam, method=method, tolerance=tolerance: of_beam.restarted(beam, time, tolerance, method),
-            )
+    def joined(change: float) -> Any:
+        return of_beam.continuous_loop(made(change))
 
+    def response(loop: Any, method: str, tolerance: float) -> Array:
+        return of_beam.response(loop, time, method, tolerance)
+
+    def restarted(beam: AssumedModesBeam, method: str, tolerance: float) -> Array:
+        return of_beam.restarted(beam, time, tolerance, method)
+
+    settings = (
+        *map(ours, _TOLERANCES[extent]),
+        *_each(_CONTROL[extent], f"{_PEER}, {{}}", "continuous", joined, response),
+        *_each(_RESTARTED[extent], "solve_ivp {}, restarted", "sampled", made, restarted),
+    )
     beam = made(0.0)
     return Scene(
         key="beam-loop",
@@ -199,7 +150,7 @@ def beam_loop(extent: Extent) -> Scene:
         " proportional-derivative feedback of the hub's angle.",
         measure="Largest error of the displacement over the largest displacement, against extrapolation of order 16 from"
         f" sample to sample, or DOP853 to {_TRUE:.0e} (continuous controller); errors below {_SAME:.0e} count as that.",
-        settings=tuple(settings()),
+        settings=settings,
         error=_judge(
             lambda: of_beam.sampled_reference(beam, time), lambda: of_beam.responded(beam, time, "DOP853", _TRUE)
         ),
@@ -211,7 +162,25 @@ def beam_loop(extent: Extent) -> Scene:
     )
 
 
-def _each(methods: tuple[tuple[str, tuple[float, ...]], ...]) -> Iterator[tuple[str, float]]:
+def _setting(
+    name: str, label: str, which: str, made: Callable[[float], Any], run: Callable[[Any], Array], call: str = ""
+) -> Setting:
+    """Return the setting of who solves one of the two loops; ours, where it says what a user writes."""
+    return asked(name, label, made, lambda loop: (which, run(loop)), ours=bool(call), call=call)
+
+
+def _each(
+    methods: tuple[tuple[str, tuple[float, ...]], ...],
+    name: str,
+    which: str,
+    made: Callable[[float], Any],
+    run: Callable[[Any, str, float], Array],
+) -> Iterator[Setting]:
+    """Return the settings of some methods of an integrator, each at some relative tolerances."""
     for method, tolerances in methods:
         for tolerance in tolerances:
-            yield method, tolerance
+
+            def ask(loop: Any, method: str = method, tolerance: float = tolerance) -> Array:
+                return run(loop, method, tolerance)
+
+            yield _setting(name.format(method), f"rtol {tolerance:.0e}", which, made, ask)

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 
 from boomctl.lab.benchmark.peers.hub_beam import machine
-from boomctl.lab.benchmark.peers.opti import Effort, has_rockit, opti_programme, rockit_torque
+from boomctl.lab.benchmark.peers.opti import Effort, opti_programme, rockit_torque
 from boomctl.lab.benchmark.promise import Promise, Who, exact, kept_ready, number, times_as_fast
 from boomctl.lab.benchmark.references.slews import Referee
-from boomctl.lab.benchmark.scene import Extent, Scene, Setting
+from boomctl.lab.benchmark.scene import Extent, Scene, Setting, missing, there
 from boomctl.lti.python_control import control
 from boomctl.rotating_beam.assumed_modes import AssumedModesBeam
 from boomctl.rotating_beam.parameters import HubBeamParameters
@@ -90,10 +90,6 @@ class _Plan:
         return Effort(self.beam(change), _ANGLE, _LIMIT, self.duration, intervals)
 
 
-def _missing() -> tuple[str, ...]:
-    return () if has_rockit() else ("rockit: not installed",)
-
-
 def least_effort(extent: Extent) -> Scene:
     """Return the scene of least effort in a given time."""
     plan = _Plan(_MODES[extent], _DURATION[extent])
@@ -108,7 +104,7 @@ def least_effort(extent: Extent) -> Scene:
             yield _planned(plan, method, intervals)
         for mapped, intervals, substeps in _OPTI[extent]:
             yield _shot(plan, mapped, intervals, substeps, fastest=False)
-        if has_rockit():
+        if there("rockit"):
             for intervals in _ROCKIT[extent]:
                 yield _rocket(plan, intervals, fastest=False)
 
@@ -121,7 +117,7 @@ def least_effort(extent: Extent) -> Scene:
         " extrapolated from Opti's on fine meshes.",
         settings=tuple(settings()),
         error=error,
-        missing=_missing(),
+        missing=missing(rockit="rockit"),
         remarks=(
             "Cold: beam, programme and solution. Hot: the programme is built and a slew through 0.99 of the angle solved"
             " beforehand; ours by resolve, Opti's with a parameter and a start from solution and multipliers.",
@@ -168,7 +164,7 @@ def _fastest(key: str, extent: Extent, modes: int) -> Scene:
         for mapped, intervals, substeps in _OPTI[extent]:
             if mapped:
                 yield _shot(plan, mapped, intervals, substeps, fastest=True)
-        if has_rockit():
+        if there("rockit"):
             for intervals in _ROCKIT[extent]:
                 yield _rocket(plan, intervals, fastest=True)
 
@@ -181,7 +177,7 @@ def _fastest(key: str, extent: Extent, modes: int) -> Scene:
         " found from Opti's by extrapolated motions.",
         settings=tuple(settings()),
         error=error,
-        missing=_missing(),
+        missing=missing(rockit="rockit"),
         remarks=(
             "Ours has the durations of arcs as unknowns and certifies that the torque is an extremal; torques that are held"
             " on a mesh take a little longer.",
