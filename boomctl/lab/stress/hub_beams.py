@@ -8,6 +8,7 @@ from math import pi, sqrt
 import numpy as np
 
 from boomctl.lab.stress.case import SCALES, Case, Seen, each_relative, rows
+from boomctl.lab.stress.plants import in_other_units
 from boomctl.lab.stress.references import clamped_free_frequencies, rotating_frequencies
 from boomctl.rotating_beam.factory import hub_beam
 from boomctl.rotating_beam.manoeuvres import hold, hub_profile, sine_torque, spin_up
@@ -161,11 +162,9 @@ _UNITS = {
 
 
 def _units(unit: str, scale: float) -> Seen:
-    place = ("length", "force", "time").index(unit)
     p = HubBeamParameters(tip_mass=0.1)
-    changed = {name: getattr(p, name) * scale ** float(powers[place]) for name, powers in _UNITS.items()}
     slower = scale if unit == "time" else 1.0
-    found = hub_beam(replace(p, **changed), "sfoam", 3).frequencies_hz(1.0 / slower) * slower
+    found = hub_beam(in_other_units(p, _UNITS, unit, scale), "sfoam", 3).frequencies_hz(1.0 / slower) * slower
     return Seen(each_relative(found, hub_beam(p, "sfoam", 3).frequencies_hz(1.0)))
 
 

@@ -10,9 +10,10 @@ import mpmath as mp
 import numpy as np
 from scipy import linalg
 
-from boomctl.analysis.margins import margins
+from boomctl.analysis.margins import LoopMargin, margins
 from boomctl.analysis.model_norm import hinf_norm
 from boomctl.lab.stress.case import SCALES, Case, Seen, rows
+from boomctl.lab.stress.plants import named, oscillator, repeated_pole, static
 from boomctl.lab.stress.references import DIGITS, state_space_response
 from boomctl.lti.system import Lti
 from boomctl.simulation.conditioning import conditioning_gains
@@ -105,28 +106,17 @@ def _regulators() -> Iterator[Case]:
     yield from tried(what, _CLOSED, _unreached, variances, amount="variance {:g}", promise=1e-8, answered=True)
 
 
-def _named(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray | None = None) -> Lti:
-    D = np.zeros((len(C), B.shape[1])) if D is None else D
-    inputs, outputs = (tuple(f"{letter}{i}" for i in range(n)) for letter, n in (("u", D.shape[1]), ("y", len(D))))
-    return Lti(A, B, C, D, inputs, outputs, tuple(f"x{i}" for i in range(len(A))))
-
-
 def _double(weight: float) -> Seen:
     """Gains ``1/sqrt(r)`` and ``sqrt(2) / r^(1/4)``."""
-    system = _named(np.array([[0.0, 1.0], [0.0, 0.0]]), np.array([[0.0], [1.0]]), np.eye(2))
+    system = named(np.array([[0.0, 1.0], [0.0, 0.0]]), np.array([[0.0], [1.0]]), np.eye(2))
     found = lqr(system.statespace("plant"), np.diag([1.0, 0.0]), weight).gain[0]
     true = np.array([weight**-0.5, sqrt(2.0) * weight**-0.25])
     return Seen(float(np.abs(found / true - 1.0).max()))
 
 
-def _oscillator_plant(zeta: float) -> Lti:
-    A = np.array([[0.0, 1.0], [-1.0, -2.0 * zeta]])
-    return _named(A, np.array([[0.0], [1.0]]), np.eye(2))
-
-
 def _oscillator(zeta: float) -> Seen:
     """``x'' + 2 z x' + x = u`` with weights 1: of the cost matrix ``p12 = sqrt 2 - 1``, and ``p22`` from a quadratic."""
-    found = lqr(_oscillator_plant(zeta).statespace("plant"), np.eye(2), 1.0).cost
+    found = lqr(oscillator(zeta).statespace("plant"), np.eye(2), 1.0).cost
     p12 = 1.0 / (1.0 + sqrt(2.0))
     rest = 2.0 * p12 + 1.0
     p22 = rest / (2.0 * zeta + sqrt(4.0 * zeta**2 + rest))
@@ -137,22 +127,21 @@ def _oscillator(zeta: float) -> Seen:
 
 def _hardly_moved(gap: float) -> Seen:
     """``x' = x + g u``: of the cost matrix ``p = (1 + sqrt(1 + g^2)) / g^2``."""
-    system = _named(np.diag([1.0, -1.0]), np.array([[gap], [1.0]]), np.eye(2))
+    system = named(np.diag([1.0, -1.0]), np.array([[gap], [1.0]]), np.eye(2))
     found = lqr(system.statespace("plant"), np.diag([1.0, 0.0]), 1.0).cost[0, 0]
     return Seen(abs(found * gap**2 / (1.0 + sqrt(1.0 + gap**2)) - 1.0) if gap else inf)
 
 
 def _lqr_spread(spread: float) -> Seen:
     """Two modes, each weighted and moved by a control of its own: ``p = q / (a + sqrt(a^2 + q))``."""
-    system = _named(np.diag([-1.0, -spread]), np.eye(2), np.eye(2))
+    system = named(np.diag([-1.0, -spread]), np.eye(2), np.eye(2))
     found = np.diag(lqr(system.statespace("plant"), np.eye(2), np.eye(2)).cost)
     true = [1.0 / (a + sqrt(a * a + 1.0)) for a in (1.0, spread)]
     return Seen(float(np.abs(found / true - 1.0).max()))
 
 
 def _lqg_units(scale: float) -> Seen:
-    system = _oscillator_plant(0.05)
-    one = replace(system, C=system.C[:1], D=system.D[:1], outputs=("y0",))
+    one = oscillator(0.05)
     other = replace(one, A=scale * one.A, B=scale * one.B)
     # in faster time the same noise has less intensity; what drives the states grows with their rate, twice
     costs = [
@@ -166,7 +155,7 @@ def _unreached(variance: float) -> Seen:
     """Return the covariance of a random walk, measured together with lightly damped modes that rest."""
     modes = [0.999 * np.array([[np.cos(w), np.sin(w)], [-np.sin(w), np.cos(w)]]) for w in (0.3, 0.7, 1.1)]
     A, B = linalg.block_diag(1.0, *modes), np.eye(7)[:, :1]
-    plant = replace(_named(A, B, np.array([[1.0, 1e6, 0.0, 1.0, 0.0, 1e-6, 0.0]])), dt=1e-5)
+    plant = named(A, B, np.array([[1.0, 1e6, 0.0, 1.0, 0.0, 1e-6, 0.0]]), dt=1e-5)
     found = kalman(plant.statespace("plant"), {plant.inputs[0]: variance}, 1.0, disturbances=plant.inputs)
     true = 0.5 * (variance + sqrt(variance**2 + 4.0 * variance))
     return Seen(max(float(found.covariance[1:].any()), abs(found.covariance[0, 0] / true - 1.0)))
@@ -178,7 +167,7 @@ def _generalized(plant: Lti) -> Lti:
     n = len(plant.A)
     B1, C1 = np.hstack([B, np.zeros((n, 1))]), np.vstack([C, np.zeros((1, n))])
     D = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0]])
-    return _named(plant.A, np.hstack([B1, B]), np.vstack([C1, C]), D)
+    return named(plant.A, np.hstack([B1, B]), np.vstack([C1, C]), D)
 
 
 def _design(plant: Lti) -> float:
@@ -189,45 +178,41 @@ def _design(plant: Lti) -> float:
 
 
 def _hinf(scale: float) -> Seen:
-    plant = _named(-scale * np.eye(1), scale * np.ones((1, 1)), np.ones((1, 1)))
+    plant = named(-scale * np.eye(1), scale * np.ones((1, 1)), np.ones((1, 1)))
     return Seen(_design(plant))
 
 
 def _hinf_unstable(pole: float) -> Seen:
-    return Seen(_design(_named(pole * np.eye(1), pole * np.ones((1, 1)), np.ones((1, 1)))))
+    return Seen(_design(named(pole * np.eye(1), pole * np.ones((1, 1)), np.ones((1, 1)))))
 
 
 def _hinf_oscillator(zeta: float) -> Seen:
-    plant = _oscillator_plant(zeta)
-    return Seen(_design(replace(plant, C=plant.C[:1], D=plant.D[:1], outputs=("y0",))))
+    return Seen(_design(oscillator(zeta)))
 
 
 def _h2_oscillator(zeta: float) -> Seen:
-    plant = _oscillator_plant(zeta)
-    P = _generalized(replace(plant, C=plant.C[:1], D=plant.D[:1], outputs=("y0",)))
-    A, B, C = plant.A, plant.B, plant.C[:1]
+    plant = oscillator(zeta)
+    P = _generalized(plant)
+    A, B, C = plant.A, plant.B, plant.C
     X = linalg.solve_continuous_are(A, B, C.T @ C, np.eye(1))
     Y = linalg.solve_continuous_are(A.T, C.T, B @ B.T, np.eye(1))
     true = np.trace(B.T @ X @ B) + np.trace(B.T @ X @ Y @ X @ B)
     return Seen(abs(h2(P.statespace("P"), 1, 1).norm ** 2 / true - 1.0))
 
 
-def _loop(plant: Lti, gain: float) -> tuple[object, object]:
-    named = replace(plant, inputs=("u",), outputs=("y",), states=())
-    K = Lti(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.array([[-gain]]), ("y",), ("u",))
-    return named.statespace("plant"), K.statespace("controller")
+def _margins_with(plant: Lti, gain: float) -> LoopMargin:
+    """Return the margins of the loop of a plant and a gain."""
+    return margins(plant.statespace("plant"), static(-gain, plant.dt).statespace("controller")).loops[0]
 
 
 def _integrator(omega: float) -> Seen:
-    told = margins(*_loop(_named(np.zeros((1, 1)), np.ones((1, 1)), np.ones((1, 1))), omega)).loops[0]  # type: ignore[arg-type]
+    told = _margins_with(named(np.zeros((1, 1)), np.ones((1, 1)), np.ones((1, 1))), omega)
     wrong = [told.phase_deg / 90.0 - 1.0, told.delay * omega / (0.5 * pi) - 1.0, told.phase_omega / omega - 1.0]
     return Seen(max(map(abs, wrong)) if told.gain_high == inf else inf)
 
 
 def _cubic(omega: float) -> Seen:
-    A = omega * (-np.eye(3) + np.diag([1.0, 1.0], 1))
-    plant = _named(A, omega * np.eye(3)[:, -1:], np.eye(3)[:1])
-    told = margins(*_loop(plant, 2.0)).loops[0]  # type: ignore[arg-type]
+    told = _margins_with(repeated_pole(3, omega), 2.0)
     # 2/(1 + x^2)^(3/2) = 1 where x^2 = 4^(1/3) - 1; the phase is then 180 - 3 atan x degrees
     x = sqrt(4.0 ** (1.0 / 3.0) - 1.0)
     phase = 180.0 - 3.0 * degrees(acos(1.0 / sqrt(1.0 + x * x)))
@@ -242,8 +227,8 @@ def _cubic(omega: float) -> Seen:
 
 def _direct(gain: float) -> Seen:
     """``g (s + 3)/(s + 1)``: any delay is too much unless the gain at infinite frequency is below one."""
-    plant = _named(-np.eye(1), np.ones((1, 1)), np.array([[2.0]]), np.ones((1, 1)))
-    told = margins(*_loop(plant, gain)).loops[0]  # type: ignore[arg-type]
+    plant = named(-np.eye(1), np.ones((1, 1)), np.array([[2.0]]), np.ones((1, 1)))
+    told = _margins_with(plant, gain)
     if gain >= 1.0:
         return Seen(told.delay)
     # (9 + w^2) g^2 = 1 + w^2
@@ -254,9 +239,7 @@ def _direct(gain: float) -> Seen:
 
 def _light(zeta: float) -> Seen:
     """``1/(s^2 + 2 z s + 1)`` fed back with gain 1: its gain is one at ``w^2 = 2 - 4 z^2`` and at rest."""
-    A = np.array([[0.0, 1.0], [-1.0, -2.0 * zeta]])
-    plant = _named(A, np.array([[0.0], [1.0]]), np.array([[1.0, 0.0]]))
-    told = margins(*_loop(plant, 1.0)).loops[0]  # type: ignore[arg-type]
+    told = _margins_with(oscillator(zeta), 1.0)
     w = sqrt(2.0 - 4.0 * zeta**2)
     left = np.arctan2(2.0 * zeta * w, w * w - 1.0)  # pi less the phase's lag there
     return Seen(abs(told.delay * w / left - 1.0))
@@ -264,8 +247,7 @@ def _light(zeta: float) -> Seen:
 
 def _sampled_delay(gain: float) -> Seen:
     """``z^2 - (1 - g (1 - d)) z + g d``, with a delay of ``d < 1`` samples: its roots leave the circle where ``g d = 1``."""
-    plant = _named(np.zeros((1, 1)), np.ones((1, 1)), np.ones((1, 1)))
-    K = Lti(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.array([[-gain]]), ("y0",), ("u0",), dt=1.0)
+    plant, K = named(np.zeros((1, 1)), np.ones((1, 1)), np.ones((1, 1))), static(-gain, dt=1.0)
     told = margins(plant.statespace("plant"), K.statespace("controller")).loops[0]
     return Seen(abs(told.delay * gain - 1.0))
 
@@ -280,7 +262,7 @@ def _unstable_plant(order: int, cost: float) -> Lti:
     )
     D = np.zeros((4, 4))
     D[2, 3] = D[3, 2] = cost
-    return _named(A, B, C.T, D)
+    return named(A, B, C.T, D)
 
 
 def _cheap(cost: float) -> Seen:
@@ -333,7 +315,7 @@ def _windup(zeta: float) -> Seen:
     rng, A = np.random.default_rng(0), np.zeros((8, 8))
     for k, w in enumerate((0.03, 0.1, 0.3, 0.6)):
         A[2 * k : 2 * k + 2, 2 * k : 2 * k + 2] = linalg.expm(np.array([[0.0, w], [-w, -2.0 * zeta * w]]))
-    K = _named(A, rng.standard_normal((8, 2)), rng.standard_normal((3, 8)))
+    K = named(A, rng.standard_normal((8, 2)), rng.standard_normal((3, 8)))
     gains, proved = conditioning_gains((K,), np.ones(3, dtype=bool))
     left = 0.0
     for S in (list(S) for count in (1, 2, 3) for S in combinations(range(3), count)):

@@ -11,8 +11,8 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.lab.stress.case import SCALES, Case, Seen, relative, rows
+from boomctl.lab.stress.plants import named, oscillator, repeated_pole, static
 from boomctl.lab.stress.references import DIGITS
-from boomctl.lti.system import Lti
 from boomctl.rotating_beam.factory import hub_beam
 from boomctl.simulation.forced_response import forced_response
 from boomctl.simulation.loop import simulate_loop
@@ -92,16 +92,6 @@ def _slews() -> Iterator[Case]:
     yield from tried(what, measure, _weak_slew, limits, amount="{:g} N m", promise=1e-5, seconds=60.0)
 
 
-def _plant(A: Array, B: Array, C: Array) -> Lti:
-    inputs, outputs = (tuple(f"{x}{i}" for i in range(n)) for x, n in (("u", B.shape[1]), ("y", len(C))))
-    return Lti(A, B, C, np.zeros((len(C), B.shape[1])), inputs, outputs, tuple(f"x{i}" for i in range(len(A))))
-
-
-def _oscillator(omega: float, zeta: float) -> Lti:
-    A = np.array([[0.0, omega], [-omega, -2.0 * zeta * omega]])
-    return _plant(A, np.array([[0.0], [omega]]), np.array([[1.0, 0.0]]))
-
-
 def _ramp_answer(omega: float, zeta: float, times: Array) -> Array:
     """Return ``y`` of ``y'' + 2 z w y' + w^2 y = w^2 (w t)``, from rest, matrices as they stand in double precision."""
     with mp.workdps(DIGITS):
@@ -130,7 +120,7 @@ def _times(omega: float) -> Array:
 
 def _ramp(omega: float, zeta: float) -> Seen:
     times = _times(omega)
-    found = forced_response(_oscillator(omega, zeta).statespace("plant"), {"u0": omega * times}, times)["y0"]
+    found = forced_response(oscillator(zeta, omega).statespace("plant"), {"u0": omega * times}, times)["y0"]
     return Seen(relative(found, _ramp_answer(omega, zeta, times)))
 
 
@@ -143,16 +133,15 @@ def _ramp_model(zeta: float) -> Seen:
 
 def _open_loop(omega: float, zeta: float) -> Seen:
     times = _times(omega)
-    plant = _oscillator(omega, zeta).statespace("plant")
+    plant = oscillator(zeta, omega).statespace("plant")
     run = simulate_loop(plant, None, {"u0": omega * times}, times, sample_time=float(times[1]))
     return Seen(relative(run["y0"], _ramp_answer(omega, zeta, times)))
 
 
 def _repeated(count: int) -> Seen:
     """The step response is ``1 - e^-t sum_k t^k / k!``."""
-    A = -np.eye(count) + np.diag(np.ones(count - 1), 1)
     times = np.linspace(0.0, 30.0, 301)
-    plant = _plant(A, np.eye(count)[:, -1:], np.eye(count)[:1]).statespace("plant")
+    plant = repeated_pole(count).statespace("plant")
     found = forced_response(plant, {"u0": np.ones_like(times)}, times)["y0"]
     with mp.workdps(DIGITS):
         true = [
@@ -164,26 +153,23 @@ def _repeated(count: int) -> Seen:
 
 def _spread(spread: float) -> Seen:
     times = np.linspace(0.0, 10.0, 101)
-    plant = _plant(np.diag([-1.0, -spread]), np.array([[1.0], [spread]]), np.eye(2)).statespace("plant")
+    plant = named(np.diag([-1.0, -spread]), np.array([[1.0], [spread]]), np.eye(2)).statespace("plant")
     run = forced_response(plant, {"u0": np.ones_like(times)}, times)
     true = [-np.expm1(-times), -np.expm1(-spread * times)]
     return Seen(relative([run["y0"], run["y1"]], true))
 
 
-def _gain(value: float) -> Any:
-    K = Lti(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.array([[value]]), ("y0",), ("u0",))
-    return K.statespace("controller")
-
-
 def _integrator() -> Any:
-    return _plant(np.zeros((1, 1)), np.ones((1, 2)), np.ones((1, 1))).statespace("plant")
+    return named(np.zeros((1, 1)), np.ones((1, 2)), np.ones((1, 1))).statespace("plant")
 
 
 def _sampled(count: int) -> Seen:
     """``x' = u + w``, ``u = -k x`` held for a sample, ``w = 1``: ``x`` goes to ``1/k`` by factors ``1 - k h``."""
     h, k = 0.1, 0.5
     times = h * np.arange(count + 1)
-    run = simulate_loop(_integrator(), _gain(-k), {"u1": np.ones_like(times)}, times, sample_time=h)
+    run = simulate_loop(
+        _integrator(), static(-k).statespace("controller"), {"u1": np.ones_like(times)}, times, sample_time=h
+    )
     true = -np.expm1(np.arange(count + 1) * np.log1p(-k * h)) / k
     return Seen(relative(run["y0"], true))
 
@@ -191,7 +177,14 @@ def _sampled(count: int) -> Seen:
 def _delayed(delay: float) -> Seen:
     h, k, count = 0.1, 0.5, 200
     times = h * np.arange(count + 1)
-    run = simulate_loop(_integrator(), _gain(-k), {"u1": np.ones_like(times)}, times, sample_time=h, delay=delay * h)
+    run = simulate_loop(
+        _integrator(),
+        static(-k).statespace("controller"),
+        {"u1": np.ones_like(times)},
+        times,
+        sample_time=h,
+        delay=delay * h,
+    )
     whole, part = int(delay), delay - int(delay)
     x = [0.0]
     for n in range(count):
@@ -205,7 +198,7 @@ def _rigid(unit: str, scale: float) -> Seen:
     gain, angle = rate**2, 1.0
     limit = scale if unit == "torque" else 1.0
     angle = scale if unit == "angle" else 1.0
-    plant = _plant(np.array([[0.0, 1.0], [0.0, 0.0]]), np.array([[0.0], [gain]]), np.array([[1.0, 0.0]]))
+    plant = named(np.array([[0.0, 1.0], [0.0, 0.0]]), np.array([[0.0], [gain]]), np.array([[1.0, 0.0]]))
     found = optimal_slew(plant.statespace("plant"), angle, limit)
     return Seen(abs(found.duration / (2.0 * sqrt(angle / (gain * limit))) - 1.0))
 
@@ -214,7 +207,7 @@ def _two_masses(frequency: float) -> Seen:
     """Both masses one, the spring ``frequency^2``, and the force that makes it the published problem in other units."""
     f = frequency
     A = np.array([[0.0, 0, 1, 0], [0, 0, 0, 1], [-f * f, f * f, 0, 0], [f * f, -f * f, 0, 0]])
-    plant = _plant(A, np.array([[0.0], [0.0], [f * f], [0.0]]), np.array([[1.0, 0.0, 0.0, 0.0]]))
+    plant = named(A, np.array([[0.0], [0.0], [f * f], [0.0]]), np.array([[1.0, 0.0, 0.0, 0.0]]))
     found = optimal_slew(plant.statespace("plant"), 1.0, 1.0)
     switches = np.asarray(found.history.switches) * f
     published = np.array([1.003, 2.109, 3.215])

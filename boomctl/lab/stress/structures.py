@@ -13,6 +13,7 @@ from boomctl.boom.factory import spray_boom
 from boomctl.boom.model import ACTUATORS, TIPS
 from boomctl.boom.parameters import BoomParameters
 from boomctl.lab.stress.case import SCALES, Case, Seen, each_relative, relative, rows
+from boomctl.lab.stress.plants import in_other_units
 from boomctl.lab.stress.references import (
     cantilever_frequencies,
     cantilever_response,
@@ -288,14 +289,11 @@ _FORCE_TIME = {
 
 
 def _units(unit: str, scale: float) -> Seen:
-    place = ("length", "force", "time").index(unit)
     p = BoomParameters()
-    changed = {
-        f.name: getattr(p, f.name) * scale ** float(_FORCE_TIME.get(f.name, (1, 0, 0))[place]) for f in fields(p)
-    }
+    powers = {f.name: _FORCE_TIME.get(f.name, (1, 0, 0)) for f in fields(p)}
     slower = scale if unit == "time" else 1.0
     omega = np.array([0.1, 1.0, 1.5, 6.0, 30.0])
-    found = spray_boom(replace(p, **changed)).frequency_response(omega / slower, ACTUATORS, TIPS)
+    found = spray_boom(in_other_units(p, powers, unit, scale)).frequency_response(omega / slower, ACTUATORS, TIPS)
     true = spray_boom(p).frequency_response(omega, ACTUATORS, TIPS)
     return Seen(each_relative(_norms(found.frdata), _norms(true.frdata)))
 

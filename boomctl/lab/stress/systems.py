@@ -16,6 +16,7 @@ from boomctl.analysis.modes import mode_table
 from boomctl.analysis.sigma import sigma
 from boomctl.arrays import Array
 from boomctl.lab.stress.case import SCALES, Case, Seen, relative, rows
+from boomctl.lab.stress.plants import named, oscillator, repeated_pole
 from boomctl.lab.stress.references import DIGITS, state_space_gain
 from boomctl.lti.system import Lti
 from boomctl.reduction.reduce import reduce
@@ -168,11 +169,6 @@ def _free(omega: float) -> Seen:
     return Seen(abs(elastic.pole - 1j * sqrt(2.0) * omega) / omega if rigid else inf)
 
 
-def _oscillator(zeta: float, omega: float = 1.0) -> Lti:
-    A = np.array([[0.0, omega], [-omega, -2.0 * zeta * omega]])
-    return Lti(A, np.array([[0.0], [omega]]), np.array([[1.0, 0.0]]), np.zeros((1, 1)))
-
-
 def _of(found: float, true: float, certified: bool, said: str) -> Seen:
     """Compare a norm with the true one; two infinite ones are equal."""
     if not isfinite(true) or not isfinite(found):
@@ -201,11 +197,11 @@ def _peak(zeta: float, kind: str) -> Seen:
     if kind == "model":
         one = {"f": [1.0]}, {"y": [1.0]}
         return _peak_of(SecondOrderModel([[1.0]], [[2.0 * zeta]], [[1.0]], *one), _true_peak(zeta))
-    return _peak_of(_oscillator(zeta), _true_peak(zeta))
+    return _peak_of(oscillator(zeta), _true_peak(zeta))
 
 
 def _energy(zeta: float) -> Seen:
-    return _h2_of(_oscillator(zeta), 0.5 / sqrt(zeta) if zeta else inf)
+    return _h2_of(oscillator(zeta), 0.5 / sqrt(zeta) if zeta else inf)
 
 
 def _damping(zeta: float) -> Seen:
@@ -221,16 +217,15 @@ def _damping(zeta: float) -> Seen:
 
 
 def _slow_peak(omega: float) -> Seen:
-    return _peak_of(_oscillator(0.01, omega), _true_peak(0.01))
+    return _peak_of(oscillator(0.01, omega), _true_peak(0.01))
 
 
 def _slow_energy(omega: float) -> Seen:
-    return _h2_of(_oscillator(0.01, omega), sqrt(omega) * 0.5 / sqrt(0.01))
+    return _h2_of(oscillator(0.01, omega), sqrt(omega) * 0.5 / sqrt(0.01))
 
 
 def _repeated(count: int, norm: str) -> Seen:
-    A = -np.eye(count) + np.diag(np.ones(count - 1), 1)
-    system = Lti(A, np.eye(count)[:, -1:], np.eye(count)[:1], np.zeros((1, 1)))
+    system = repeated_pole(count)
     if norm == "peak":
         return _peak_of(system, 1.0)
     return _h2_of(system, sqrt(comb(2 * count - 2, count - 1) / 2.0 ** (2 * count - 1)))
@@ -248,7 +243,7 @@ def _companion(order: int) -> Seen:
 def _triangular(coupling: float) -> Seen:
     n = 8
     A = np.triu(np.full((n, n), coupling), 1) - np.diag(np.arange(1.0, n + 1))
-    return _peak_beside_poles(Lti(A, np.eye(n)[:, -1:], np.eye(n)[:1], np.zeros((1, 1))))
+    return _peak_beside_poles(named(A, np.eye(n)[:, -1:], np.eye(n)[:1]))
 
 
 def _peak_beside_poles(system: Lti) -> Seen:
@@ -265,21 +260,21 @@ def _defective(gap: float, norm: str) -> Seen:
     c, s = np.cos(0.7), np.sin(0.7)
     Q = np.array([[c, -s], [s, c]])
     A = Q @ np.array([[-1.0, 1.0], [0.0, -1.0 - gap]]) @ Q.T
-    system = Lti(A, Q @ np.array([[0.0], [1.0]]), np.array([[1.0, 0.0]]) @ Q.T, np.zeros((1, 1)))
+    system = named(A, Q @ np.array([[0.0], [1.0]]), np.array([[1.0, 0.0]]) @ Q.T)
     b = 1.0 + gap
     return _peak_of(system, 1.0 / b) if norm == "peak" else _h2_of(system, sqrt(1.0 / (2.0 * b * (1.0 + b))))
 
 
 def _spread(spread: float, norm: str) -> Seen:
     gain = spread if norm == "peak" else sqrt(spread)
-    system = Lti(np.diag([-1.0, -spread]), np.ones((2, 1)), np.array([[1.0, gain]]), np.zeros((1, 1)))
+    system = named(np.diag([-1.0, -spread]), np.ones((2, 1)), np.array([[1.0, gain]]))
     if norm == "peak":
         return _peak_of(system, 2.0)
     return _h2_of(system, sqrt(0.5 + 0.5 + 2.0 * gain / (1.0 + spread)))
 
 
 def _unstable(spread: float) -> Seen:
-    system = Lti(np.diag([1.0, -spread]), np.ones((2, 1)), np.array([[1.0, spread]]), np.zeros((1, 1)))
+    system = named(np.diag([1.0, -spread]), np.ones((2, 1)), np.array([[1.0, spread]]))
     return _peak_of(system, inf)
 
 
@@ -291,7 +286,7 @@ def _some() -> Lti:
     A = linalg.block_diag(*blocks)
     Q = np.linalg.qr(rng.standard_normal(A.shape))[0]
     B, C = rng.standard_normal((len(A), 2)), rng.standard_normal((2, len(A)))
-    return Lti(Q @ A @ Q.T, Q @ B, C @ Q.T, np.zeros((2, 2)))
+    return named(Q @ A @ Q.T, Q @ B, C @ Q.T)
 
 
 def _scaled(scale: float, unit: str, norm: str) -> Seen:
@@ -343,7 +338,7 @@ def _kinds(kind: str) -> Seen:
 
 
 def _tiny(gain: float) -> Seen:
-    system = Lti(-np.eye(1), np.ones((1, 1)), gain * np.ones((1, 1)), np.zeros((1, 1)))
+    system = named(-np.eye(1), np.ones((1, 1)), gain * np.ones((1, 1)))
     return _peak_of(system, gain)
 
 
@@ -353,7 +348,7 @@ def _weak(gain: float, what: str) -> Seen:
             np.array([[0.0, 1.0], [-1.0, 0.0]]), np.array([[0.0], [gain]]), np.array([[1.0, 0.0]]), np.ones((1, 1))
         )
         return _peak_of(one, inf)
-    return _h2_of(Lti(np.diag([0.0, -1.0]), np.ones((2, 1)), np.array([[gain, 1.0]]), np.zeros((1, 1))), inf)
+    return _h2_of(named(np.diag([0.0, -1.0]), np.ones((2, 1)), np.array([[gain, 1.0]])), inf)
 
 
 def _chain() -> Lti:
@@ -363,7 +358,7 @@ def _chain() -> Lti:
     A = np.block([[np.zeros((count, count)), np.eye(count)], [-K, -0.02 * K - 0.01 * np.eye(count)]])
     B, C = np.zeros((2 * count, 1)), np.zeros((1, 2 * count))
     B[count], C[0, count - 1] = 1.0, 1.0
-    return Lti(A, B, C, np.zeros((1, 1)))
+    return named(A, B, C)
 
 
 def _largest_difference(full: Lti, reduced: Lti) -> float:
@@ -396,7 +391,7 @@ def _in_other_coordinates(A: Array, seed: int, dt: float = 0.0) -> Lti:
     rng, n = np.random.default_rng(seed), len(A)
     T = rng.standard_normal((n, n))
     B, C = rng.standard_normal((n, 2)), rng.standard_normal((2, n))
-    return Lti(T @ A @ np.linalg.inv(T), T @ B, C, np.zeros((2, 2)), dt=dt)
+    return named(T @ A @ np.linalg.inv(T), T @ B, C, dt=dt)
 
 
 def _pairs(poles: Array) -> Array:
@@ -420,7 +415,7 @@ def _asked(share: float) -> Seen:
 def _cancelling(method: str, gap: float) -> Seen:
     """Modes that lie so near to each other that their residues are huge and cancel."""
     A = np.triu(np.full((8, 8), 1.0), 1) - np.diag(1.0 + gap * np.arange(8.0))
-    return _fallen_short(Lti(A, np.eye(8)[:, -1:], np.eye(8)[:1], np.zeros((1, 1))), 3, method)
+    return _fallen_short(named(A, np.eye(8)[:, -1:], np.eye(8)[:1]), 3, method)
 
 
 def _modal(pole: float) -> Seen:
@@ -439,7 +434,7 @@ def _clustered(gap: float) -> Seen:
     T = np.linalg.qr(rng.standard_normal(A.shape))[0] * 10.0 ** rng.uniform(-2.0, 2.0, 6)
     back = np.linalg.inv(T)
     B, C = rng.standard_normal((6, 1)), rng.standard_normal((1, 6))
-    return _fallen_short(Lti(T @ A @ back, T @ B, C @ back, np.zeros((1, 1))), 3, "balanced")
+    return _fallen_short(named(T @ A @ back, T @ B, C @ back), 3, "balanced")
 
 
 def _cart(viscous: float) -> Seen:
@@ -450,7 +445,7 @@ def _cart(viscous: float) -> Seen:
     K = np.array([[1.0, -1.0], [-1.0, 1.0]])
     C = np.array([[c + 0.1, -0.1], [-0.1, 0.1]])
     A = np.block([[np.zeros((2, 2)), np.eye(2)], [-K, -C]])
-    system = Lti(A, np.array([[0.0], [0.0], [1.0], [0.0]]), np.array([[0.0, 1.0, 0.0, 0.0]]), np.zeros((1, 1)))
+    system = named(A, np.array([[0.0], [0.0], [1.0], [0.0]]), np.array([[0.0, 1.0, 0.0, 0.0]]))
     told = of(reduce(system.statespace("cart"), order=3).system)
     slow = 1e-7 * min(c, 1.0)
     G = complex(told.response(np.array([slow]))[0, 0, 0])
