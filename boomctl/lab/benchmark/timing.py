@@ -8,7 +8,7 @@ import os
 import platform
 import time
 import tracemalloc
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -51,7 +51,7 @@ def peak_memory(run: Callable[[], object]) -> int:
             tracemalloc.stop()
 
 
-def environment(packages: Sequence[str] = _PACKAGES) -> dict[str, str]:
+def environment() -> dict[str, str]:
     """Return machine, versions, cores and threads, for whoever compares runs."""
     from threadpoolctl import threadpool_info
 
@@ -60,7 +60,7 @@ def environment(packages: Sequence[str] = _PACKAGES) -> dict[str, str]:
         "python": platform.python_version(),
         "system": f"{platform.system()} {platform.machine()}",
     }
-    for package in packages:
+    for package in _PACKAGES:
         try:
             facts[package] = version(package)
         except PackageNotFoundError:

@@ -69,6 +69,6 @@ def test_the_sampled_loop_tends_to_the_continuous_one(short):
 def test_the_peers_solve_their_loops(short):
     begin = short.until(201)
     exact = continuous_reference(begin)
-    np.testing.assert_allclose(continuous_loop(begin, "RK45"), exact, atol=1e-3 * np.abs(exact).max())
+    np.testing.assert_allclose(continuous_loop(begin, "RK45", 1e-3), exact, atol=1e-3 * np.abs(exact).max())
     np.testing.assert_allclose(sampled_loop(begin), sampled_reference(begin), atol=2e-2 * np.abs(exact).max())
     assert begin.plant.nstates == 40

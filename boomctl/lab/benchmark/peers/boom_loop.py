@@ -182,14 +182,9 @@ def restarted_loop(scene: LoopScene, method: str, tolerance: float) -> Array:
     return y
 
 
-def continuous_loop(scene: LoopScene, method: str, tolerance: float | None = None) -> Array:
-    """Return the tips of the loop whose controller is continuous, integrated by ``input_output_response``.
-
-    Without a tolerance it has its own, 1e-3.
-    """
-    options: dict[str, Any] = {"solve_ivp_method": method}
-    if tolerance is not None:
-        options["solve_ivp_kwargs"] = {"rtol": tolerance, "atol": 1e-3 * tolerance}
+def continuous_loop(scene: LoopScene, method: str, tolerance: float) -> Array:
+    """Return the tips of the loop whose controller is continuous, integrated by ``input_output_response``."""
+    options = {"solve_ivp_method": method, "solve_ivp_kwargs": {"rtol": tolerance, "atol": 1e-3 * tolerance}}
     return _responded(scene, scene.plant, scene.controller, options)
 
 

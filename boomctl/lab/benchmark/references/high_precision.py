@@ -50,12 +50,13 @@ def _middle(p: BoomParameters, parity: int, s: _Number) -> tuple[_Number, _Numbe
     return beyond * s * s + p.hinge_damping * s, -p.hinge_damping * s * 2 / mp.mpf(p.actuator_distance)
 
 
-def _times(A: _Lines, B: _Lines) -> _Lines:
+def times(A: _Lines, B: _Lines) -> _Lines:
+    """Return the product of two matrices."""
     columns = list(zip(*B, strict=True))
     return [[mp.fdot(zip(line, column, strict=True)) for column in columns] for line in A]
 
 
-def _krylov(beta: _Number, length: _Number) -> _Lines:
+def carried(beta: _Number, length: _Number) -> _Lines:
     """Return the matrix that carries deflection and its first three derivatives over ``length``."""
     z = beta * length
     ch, sh, c, s = mp.cosh(z), mp.sinh(z), mp.cos(z), mp.sin(z)
@@ -81,13 +82,13 @@ def _exact_half(p: BoomParameters, s: _Number, parity: int) -> tuple[_Lines, _Li
     beta = mp.sqrt(mp.sqrt(-s * s * mass / stiffness))
     spring = mp.mpf(p.spring_distance) / 2
     start = _start(3)
-    state = _times(_krylov(beta, mp.mpf(p.length) / 2 - spring), start)
+    state = times(carried(beta, mp.mpf(p.length) / 2 - spring), start)
     stroke = [*state[0]]
     stroke[_ACTUATOR] -= _platform(p, parity, spring)
     push = [-p.spring_stiffness * w for w in stroke]
     push[_SUSPENSION] += 1
     state[3] = [w + force / stiffness for w, force in zip(state[3], push, strict=True)]
-    w, slope, bent, sheared = _times(_krylov(beta, spring), state)
+    w, slope, bent, sheared = times(carried(beta, spring), state)
     own, platform = _middle(p, parity, s)
     if parity == _SYMMETRIC:
         force = [-2 * stiffness * third + own * here for third, here in zip(sheared, w, strict=True)]
@@ -114,8 +115,8 @@ def _inwards(D: _Lines, load: list[_Number] | None = None) -> tuple[_Lines, list
     a, b, c, d = D[2][0], D[2][1], D[3][0], D[3][1]
     determinant = a * d - b * c
     inverse = [[d / determinant, -b / determinant], [-c / determinant, a / determinant]]
-    follow = _times(inverse, [[-D[2][2], -D[2][3], 1, 0], [-D[3][2], -D[3][3], 0, 1]])
-    carried = _times([D[0][:2], D[1][:2]], follow)
+    follow = times(inverse, [[-D[2][2], -D[2][3], 1, 0], [-D[3][2], -D[3][3], 0, 1]])
+    carried = times([D[0][:2], D[1][:2]], follow)
     felt = [[-(carried[i][j] + (D[i][2 + j] if j < 2 else 0)) for j in range(4)] for i in range(2)]
     if load is None:
         return follow + felt, [mp.mpf(0)] * 4
@@ -128,7 +129,7 @@ def _advanced(powers: list[_Lines], count: int, state: _Lines) -> _Lines:
     """Return the state ``count`` elements further inwards; ``powers`` are those of one element, 1, 2, 4, ..."""
     for bit, power in enumerate(powers):
         if count >> bit & 1:
-            state = _times(power, state)
+            state = times(power, state)
     return state
 
 
@@ -143,14 +144,14 @@ def _mesh_conditions(p: BoomParameters, elements: int) -> Callable[[_Number], tu
         D = _element(p, h, s)
         powers = [_inwards(D)[0]]
         while len(powers) < max(inner, half - 1 - inner).bit_length():
-            powers.append(_times(powers[-1], powers[-1]))
+            powers.append(times(powers[-1], powers[-1]))
         outside = _advanced(powers, half - 1 - inner, _start(1))
         sprung = [[D[i][j] + p.spring_stiffness * row[i] * row[j] for j in range(4)] for i in range(4)]
         both = []
         for parity in (_SYMMETRIC, _ANTISYMMETRIC):
             pull = p.spring_stiffness * _platform(p, parity, spring)
             T, offset = _inwards(sprung, [pull * value for value in row])
-            state = _times(T, outside)
+            state = times(T, outside)
             for line, value in zip(state, offset, strict=True):
                 line[_ACTUATOR] += value
             both.append(_mesh_hinge(p, s, parity, _advanced(powers, inner, state)))

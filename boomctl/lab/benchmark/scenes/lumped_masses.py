@@ -17,6 +17,7 @@ from scipy.linalg import eigh
 from boomctl.arrays import Array
 from boomctl.lab.benchmark.diagram import Diagram
 from boomctl.lab.benchmark.promise import Promise
+from boomctl.lab.benchmark.references.high_precision import carried, times
 from boomctl.lab.benchmark.scene import Extent, Scene, Setting, asked
 from boomctl.structure.assembly import Assembly
 from boomctl.structure.beams.eigenvalues import undamped_frequencies
@@ -98,23 +99,16 @@ def exact_frequencies(ratio: float) -> Array:
     with mp.workdps(_DIGITS):
         mass, stiffness = mp.mpf(_BEAM_MASS) / (2 * _LINK), mp.mpf(_STIFFNESS)
 
-        def carried(beta: Any, state: list[Any]) -> list[Any]:
-            z = beta * _LINK
-            ch, sh, c, s = mp.cosh(z), mp.sinh(z), mp.cos(z), mp.sin(z)
-            k = ((ch + c) / 2, (sh + s) / (2 * beta), (ch - c) / (2 * beta**2), (sh - s) / (2 * beta**3))
-            return [
-                mp.fsum((k[j - i] if j >= i else beta**4 * k[4 + j - i]) * state[j] for j in range(4)) for i in range(4)
-            ]
-
         def determinant(omega: Any) -> Any:
             beta = mp.sqrt(omega * mp.sqrt(mass / stiffness))
-            ends = []
-            for start in ([0, 0, 1, 0], [0, 0, 0, 1]):
-                state = carried(beta, [mp.mpf(v) for v in start])
-                state[3] += motor * omega**2 * state[0] / stiffness  # E I w''' jumps by what accelerates the motor
-                state = carried(beta, state)
-                ends.append((state[2], state[3] + payload * omega**2 * state[0] / stiffness))
-            return ends[0][0] * ends[1][1] - ends[0][1] * ends[1][0]
+            link = carried(beta, mp.mpf(_LINK))
+            state = [row[2:] for row in link]  # of a unit moment, and a unit force, at the clamp
+            jump = motor * omega**2 / stiffness  # E I w''' jumps by what accelerates the motor
+            state[3] = [third + jump * w for third, w in zip(state[3], state[0], strict=True)]
+            w, _, bent, sheared = times(link, state)
+            a, b = bent
+            c, d = (third + payload * omega**2 / stiffness * here for third, here in zip(sheared, w, strict=True))
+            return a * d - b * c
 
         return np.array([float(mp.findroot(determinant, mp.mpf(float(start)))) for start in starts])
 

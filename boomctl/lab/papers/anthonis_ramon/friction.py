@@ -110,10 +110,10 @@ class BoomFriction:
                 found[f"friction {reading.name}, {method}"] = self.change(response.omega, response.gain)
         return found
 
-    def change(self, omega: Array, jolt: Array, band_hz: tuple[float, float] = BAND_HZ) -> float:
-        """Return the mean (geometric) ratio of a lower singular value to the linear one within a band."""
+    def change(self, omega: Array, jolt: Array) -> float:
+        """Return the mean (geometric) ratio of a lower singular value to the linear one, from 2.5 to 3.5 Hz."""
         freq_hz = omega / (2.0 * np.pi)
-        chosen = (freq_hz >= band_hz[0]) & (freq_hz <= band_hz[1])
+        chosen = (freq_hz >= BAND_HZ[0]) & (freq_hz <= BAND_HZ[1])
         return float(np.exp(np.log(self.ratio(omega, jolt)[chosen]).mean()))
 
 

@@ -47,9 +47,9 @@ class Validity:
     residual: dict[str, Array]
 
 
-def tips(model: str, torques: tuple[float, ...], modes: int = MODES) -> list[Array]:
+def tips(model: str, torques: tuple[float, ...]) -> list[Array]:
     """Return the tip displacement of a model over :data:`TIME` for each torque [m]; inf where it cannot be followed."""
-    return [_tip(model, modes, torque) for torque in torques]
+    return [_tip(model, torque) for torque in torques]
 
 
 def judged(torques: tuple[float, ...], found: dict[str, list[Array]]) -> Validity:
@@ -63,8 +63,8 @@ def judged(torques: tuple[float, ...], found: dict[str, list[Array]]) -> Validit
     return Validity(np.array(torques), whole, residual)
 
 
-def _tip(model: str, modes: int, torque: float) -> Array:
-    beam = hub_beam(HubBeamParameters(), model, modes)
+def _tip(model: str, torque: float) -> Array:
+    beam = hub_beam(HubBeamParameters(), model, MODES)
     try:
         return beam.simulate(sine_torque(torque, 10.0, 10.0), TIME, rtol=1e-6).tip_displacement
     except SimulationError:
