@@ -6,7 +6,7 @@ import pytest
 
 from boomctl.lab.benchmark.measure import measured
 from boomctl.lab.benchmark.peers import hinfsyn
-from boomctl.lab.benchmark.scenes.h_infinity import h_infinity_cheap, h_infinity_si
+from boomctl.lab.benchmark.run import maker
 
 
 def only(scene, *names):
@@ -17,7 +17,7 @@ def only(scene, *names):
 
 @pytest.mark.slow
 def test_ours_is_near_the_bound_and_the_peer_is_judged_by_its_loop():
-    ours, peer = measured(only(h_infinity_si("quick"), "control.hinfsyn"), 1e-3, lambda text: None).points
+    ours, peer = measured(only(maker("h-infinity-si")("quick"), "control.hinfsyn"), 1e-3, lambda text: None).points
     assert 0.0 <= ours.error <= 0.0101
     assert peer.error > 10.0
 
@@ -25,6 +25,6 @@ def test_ours_is_near_the_bound_and_the_peer_is_judged_by_its_loop():
 @pytest.mark.slow
 def test_a_peer_that_hangs_is_killed(monkeypatch):
     monkeypatch.setattr(hinfsyn, "PATIENCE", 1e-3)
-    ours, peer = measured(only(h_infinity_cheap("quick"), "control.hinfsyn"), 1e-3, lambda text: None).points
+    ours, peer = measured(only(maker("h-infinity-cheap")("quick"), "control.hinfsyn"), 1e-3, lambda text: None).points
     assert "killed after 0.001 s" in peer.failed
     assert 0.0 <= ours.error <= 0.0101

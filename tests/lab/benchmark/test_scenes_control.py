@@ -38,9 +38,9 @@ def test_the_bound_of_h_infinity_is_where_hinfsyn_ends():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("maker", [synthesis.h_infinity_design, synthesis.h_infinity_si], ids=lambda m: m.__name__)
-def test_ours_comes_as_near_the_bound_as_asked(maker):
-    scene = maker("whole")
+@pytest.mark.parametrize("key", ["h-infinity", "h-infinity-si"])
+def test_ours_comes_as_near_the_bound_as_asked(key):
+    scene = synthesis.design(key, "whole")
     before = scene.elsewhere()
     for setting in scene.settings:
         if setting.ours:

@@ -9,20 +9,15 @@ from boomctl.lab.benchmark.peers.exudyn import exudyn_tip
 from boomctl.lab.benchmark.peers.hub_beam import Drive, judge, machine, until
 from boomctl.lab.benchmark.peers.integrators import SPIN_UP, TORQUE, Ode
 from boomctl.lab.benchmark.references.extrapolation import extrapolated
+from boomctl.lab.benchmark.run import maker
 from boomctl.lab.benchmark.scene import there
-from boomctl.lab.benchmark.scenes.hub_beam import (
-    hub_beam_models,
-    hub_beam_motion,
-    hub_beam_torque,
-    hub_beam_torque_models,
-)
 from boomctl.lab.benchmark.scenes.hub_beam_many import followers, many_torques
 from boomctl.lab.benchmark.scenes.hub_beam_modes import hub_beam_modes, hub_beam_stiff_modes
 from boomctl.rotating_beam import AssumedModesBeam, hub_beam
 from boomctl.rotating_beam.exact.forced import exact_lagrangian
 from boomctl.rotating_beam.modal.energy import state_function
 
-SCENES = (hub_beam_motion, hub_beam_models, hub_beam_torque, hub_beam_torque_models)
+SCENES = ("hub-beam-motion", "hub-beam-models", "hub-beam-torque", "hub-beam-torque-models")
 
 
 def errors(scene, ours):
@@ -61,9 +56,9 @@ def test_the_reference_agrees_with_ours_at_its_tightest(manoeuvre):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("maker", SCENES, ids=lambda maker: maker.__name__)
-def test_everybody_answers_and_ours_is_most_exact(maker):
-    scene = maker("quick")
+@pytest.mark.parametrize("key", SCENES)
+def test_everybody_answers_and_ours_is_most_exact(key):
+    scene = maker(key)("quick")
     mine, theirs = errors(scene, ours=True), errors(scene, ours=False)
     assert all(np.isfinite(each).all() for each in (*mine.values(), *theirs.values()))
     assert min(map(min, mine.values())) < min(map(min, theirs.values()))
@@ -72,9 +67,9 @@ def test_everybody_answers_and_ours_is_most_exact(maker):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("maker", SCENES, ids=lambda maker: maker.__name__)
-def test_hot_answers_are_the_cold_ones(maker):
-    scene = maker("quick")
+@pytest.mark.parametrize("key", SCENES)
+def test_hot_answers_are_the_cold_ones(key):
+    scene = maker(key)("quick")
     for setting in scene.settings:
         if setting.hot is not None:
             hot, cold = setting.hot(setting.prepare()), setting.cold(0.0)
@@ -114,11 +109,11 @@ def test_exudyn_tends_to_the_exact_beam():
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "maker", [hub_beam_modes, hub_beam_stiff_modes, many_torques, followers], ids=lambda m: m.__name__
+    "made", [hub_beam_modes, hub_beam_stiff_modes, many_torques, followers], ids=lambda m: m.__name__
 )
-def test_ours_keeps_its_errors_with_many_modes_torques_and_machines(maker):
+def test_ours_keeps_its_errors_with_many_modes_torques_and_machines(made):
     """What is promised of errors holds at a small size; others answer the same questions."""
-    found = measured(maker("quick"), 1e-3, lambda text: None)
+    found = measured(made("quick"), 1e-3, lambda text: None)
     assert all(p.error < 1e-2 for p in found.points), [p for p in found.points if p.failed]
     errors = [kept for kept in found.kept if kept.text.endswith("error")]
     assert errors

@@ -84,22 +84,18 @@ def cheap_control_plant() -> control.StateSpace:
     )
 
 
-def h_infinity_design(extent: Extent) -> Scene:
-    """Return the scene whose signals count in units of their own."""
-    return _scene(extent, "h-infinity", "signals in units of their own", yaw_and_jolt_plant(units=True))
+_PLANTS: dict[str, tuple[str, Callable[[], control.StateSpace]]] = {
+    "h-infinity": ("signals in units of their own", partial(yaw_and_jolt_plant, units=True)),
+    "h-infinity-si": ("signals in SI units, cheap control", partial(yaw_and_jolt_plant, units=False)),
+    "h-infinity-cheap": ("antisymmetric half, effort weight 0.01", cheap_control_plant),
+}
+"""What is said of the plant of each scene, and what makes it."""
 
 
-def h_infinity_si(extent: Extent) -> Scene:
-    """Return the scene whose signals count in SI units and whose control is cheap."""
-    return _scene(extent, "h-infinity-si", "signals in SI units, cheap control", yaw_and_jolt_plant(units=False))
-
-
-def h_infinity_cheap(extent: Extent) -> Scene:
-    """Return the scene of one half of the boom whose control is cheaper still."""
-    return _scene(extent, "h-infinity-cheap", "antisymmetric half, effort weight 0.01", cheap_control_plant())
-
-
-def _scene(extent: Extent, key: str, what: str, P: control.StateSpace) -> Scene:
+def design(key: str, extent: Extent) -> Scene:
+    """Return the scene of one of the plants."""
+    what, made = _PLANTS[key]
+    P = made()
     ncon = sum(name.startswith("suspension") for name in P.input_labels)
     lower = cache(lambda: h_infinity(P, _NMEAS, ncon, tolerance=_REFERENCE, fastest_pole=_FAST).certificate.lower)
     peer = cache(HinfsynProcess)

@@ -187,27 +187,12 @@ _DRIVEN = _Study(
 )
 
 
-def hub_beam_motion(extent: Extent) -> Scene:
-    """Return the scene of integrators: the spin-up of SFOAM."""
-    return _integrators(_SPUN, extent)
+_STUDIES = {"spin-up": _SPUN, "torque": _DRIVEN}
 
 
-def hub_beam_models(extent: Extent) -> Scene:
-    """Return the scene of models: the spin-up against the geometrically exact beam."""
-    return _models(_SPUN, extent)
-
-
-def hub_beam_torque(extent: Extent) -> Scene:
-    """Return the scene of integrators: SFOAM under a torque."""
-    return _integrators(_DRIVEN, extent)
-
-
-def hub_beam_torque_models(extent: Extent) -> Scene:
-    """Return the scene of models: the torque-driven motion against the geometrically exact beam."""
-    return _models(_DRIVEN, extent)
-
-
-def _integrators(study: _Study, extent: Extent) -> Scene:
+def integrators(name: str, extent: Extent) -> Scene:
+    """Return the scene of integrators: SFOAM spun up, or under a torque."""
+    study = _STUDIES[name]
     drive = Drive(study.manoeuvre, until(_END), study.call)
     true = cache(
         lambda: extrapolated(
@@ -231,7 +216,9 @@ def _integrators(study: _Study, extent: Extent) -> Scene:
     )
 
 
-def _models(study: _Study, extent: Extent) -> Scene:
+def models(name: str, extent: Extent) -> Scene:
+    """Return the scene of models: either motion against that of the geometrically exact beam."""
+    study = _STUDIES[name]
     drive = Drive(study.manoeuvre, until(study.models_end[extent]), study.call)
     modes, rtol = study.converged[extent]
     true = cache(lambda: drive.tip(hub_beam(machine(), "geometrically-exact", modes), rtol))
