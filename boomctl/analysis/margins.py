@@ -41,7 +41,7 @@ from boomctl.lti.frequency import (
     triangular,
 )
 from boomctl.lti.modal import resolved, side_of_axis, sides
-from boomctl.lti.rounding import CERTIFIED, DIGIT, LEVEL, SOLVED
+from boomctl.lti.rounding import ALIKE, CERTIFIED, DIGIT, EPS, LEVEL, SOLVED, SUMMED
 from boomctl.lti.system import Lti, of
 from boomctl.printing import listed, table_html
 
@@ -52,8 +52,6 @@ if TYPE_CHECKING:
     from boomctl.structure.model import SecondOrderModel
 
 _COSTLY = 10.0 ** (-3.0 / 20.0)  # share of a disk margin that sampling must leave: 3 dB (a choice)
-_ONE = 1e-9  # relative distance from one within which a gain or a disk counts as one: rounding of the response
-_AT_ONE = 1e-6  # distance from a gain of one within which a Hamiltonian eigenvalue is a crossing, not another level's
 # share of its size that the imaginary part of a real value may have, at a crossing found by its sign: a resonance so narrow
 # that the last digit of a frequency turns it by more is not told from a pole on the axis
 _REAL = 1e-3
@@ -62,10 +60,8 @@ _PER_DECADE = 30  # of these at least, where the poles are spread wide (a choice
 _FLANK = 0.1  # share of its frequency up to which a resonance has points of its own (a choice)
 _NARROWEST = 1e-14  # share of its frequency below which the width of a resonance is rounding
 _FURTHER = 4  # points a decade of the distance from a resonance, from where DRAWN ends to where the grid is as fine
-_ROUNDING = 1e-9  # of L = 1 - 1/S: a factor above 1e9 or below 1e-9 is none
 _LOOKED_AT = 32  # least damped resonances at which rounding is looked for (a choice)
 _WAY = 9  # frequencies from rest to a crossing at which the gain is looked at; near rest it is a parabola (a choice)
-_POLE = 1e-12  # a sensitivity below this is a pole of the loop, of infinite gain
 _ACTIVE = 24  # frequencies at which a scaling is made good, those of the largest values found so far (a choice)
 _ROUNDS = 12  # of adding those where it is not; two or three do
 _SWEEPS = 50  # over rows and columns, to make them alike; few do, for the start of a search
@@ -118,7 +114,7 @@ class DiskMargin:
     @property
     def gain(self) -> float:
         """Factor by which the gains may rise, and by which they may fall."""
-        return (2.0 + self.alpha) / (2.0 - self.alpha) if self.alpha < 2.0 * (1.0 - _ONE) else inf
+        return (2.0 + self.alpha) / (2.0 - self.alpha) if self.alpha < 2.0 * (1.0 - ALIKE) else inf
 
     @property
     def phase_deg(self) -> float:
@@ -434,7 +430,7 @@ def _rounding(S: Lti) -> Array:
     except np.linalg.LinAlgError:  # a pole that rounding alone keeps from the axis
         return np.full_like(S.D, inf)
     values = np.abs(S.C @ acts + S.D)
-    changes = np.moveaxis(np.abs(reads), 1, 2) @ (np.finfo(float).eps * np.abs(S.A)) @ np.abs(acts)
+    changes = np.moveaxis(np.abs(reads), 1, 2) @ (EPS * np.abs(S.A)) @ np.abs(acts)
     return (changes / np.maximum(values, 1.0)).max(axis=0)
 
 
@@ -592,7 +588,7 @@ def _loop_margin(
     grid = np.concatenate([known[0], more])
     values = np.concatenate([known[1], quick.response(more)[0, 0]])[order := np.argsort(grid)]
     grid = grid[order]
-    there = np.abs(values) > _POLE
+    there = np.abs(values) > SUMMED  # of one; less is a pole of the loop, of infinite gain
     grid, values = grid[there], 1.0 - 1.0 / values[there]
 
     def response(omega: Array) -> Array:
@@ -658,7 +654,7 @@ def _crossings(response: Response, grid: Array, values: Array, height: Callable[
 def _opened(S: Lti) -> Lti | None:
     """Return ``L = 1 - 1/S``; None where ``S`` is zero at infinite frequency, and ``L`` infinite."""
     d = float(S.D[0, 0])
-    if abs(d) <= _POLE:
+    if abs(d) <= SUMMED:
         return None
     return Lti(S.A - S.B @ S.C / d, S.B / d, S.C / d, np.array([[1.0 - 1.0 / d]]))
 
@@ -678,7 +674,7 @@ def _gain_limits(
         crossings = crossings[(np.abs(crossings[:, None] - np.abs(undamped.imag)) > doubt).all(axis=1)]
     low, high = (0.0, float("nan")), (inf, float("nan"))
     found = [(1.0 / float(x.real), w) for w in crossings if _positive(x := response(np.array([w]))[0])]
-    if _ROUNDING < D < inf:
+    if ALIKE < D < inf:
         found.append((1.0 / D, inf))
     for factor, omega in found:
         if factor > 1.0 and factor < high[0]:
@@ -690,9 +686,7 @@ def _gain_limits(
 
 def _positive(value: complex) -> bool:
     """Return whether a value is a positive real number, not the other side of a pole, and not rounding."""
-    return (
-        bool(np.isfinite(value)) and _ROUNDING < value.real < 1.0 / _ROUNDING and abs(value.imag) < _REAL * abs(value)
-    )
+    return bool(np.isfinite(value)) and ALIKE < value.real < 1.0 / ALIKE and abs(value.imag) < _REAL * abs(value)
 
 
 def _phase_limits(
@@ -703,20 +697,21 @@ def _phase_limits(
     Of an image, the angle with its frequency in the image, and the delay with that of the loop itself.
     """
     crossings = [
-        0.0 if _at_rest(response, w, _ONE) else w for w in _crossings(response, grid, values, lambda x: np.abs(x) - 1.0)
+        0.0 if _at_rest(response, w, ALIKE) else w
+        for w in _crossings(response, grid, values, lambda x: np.abs(x) - 1.0)
     ]
-    if _at_rest(response, 0.0, _ONE):
+    if _at_rest(response, 0.0, ALIKE):
         crossings.append(0.0)
     D = inf if L is None else float(L.D[0, 0])
     phase, delays = (inf, float("nan")), []
-    if abs(abs(D) - 1.0) <= _ONE:
+    if abs(abs(D) - 1.0) <= ALIKE:
         phase = (float(np.degrees(abs(np.angle(D)))), inf)
         if dt != 0.0:
             delays.append((float(np.angle(D) % (2.0 * np.pi)) * dt / np.pi, np.pi / dt))
     elif L is not None and len(L.A):
         extra = [float(w) for w in axis_eigenvalues(L, 1.0)]
-        close = [w for w in extra if abs(abs(response(np.array([w]))[0]) - 1.0) < _AT_ONE]
-        crossings += [w for w in close if not _at_rest(response, w, _AT_ONE)]
+        close = [w for w in extra if abs(abs(response(np.array([w]))[0]) - 1.0) < LEVEL]
+        crossings += [w for w in close if not _at_rest(response, w, LEVEL)]
     for omega in crossings:
         angle = float(np.angle(response(np.array([omega]))[0]))
         if abs(angle) < np.radians(phase[0]):
@@ -724,7 +719,7 @@ def _phase_limits(
         turning = float(omega_of_image(omega, dt))
         if omega > 0.0:
             delays.append(((angle % (2.0 * np.pi)) / turning, turning))
-    if abs(D) >= 1.0 - _ONE and dt == 0.0:  # a delay turns the phase by any angle at some high frequency
+    if abs(D) >= 1.0 - ALIKE and dt == 0.0:  # a delay turns the phase by any angle at some high frequency
         delays = [(0.0, inf)]
     return phase, delays
 

@@ -35,11 +35,9 @@ from boomctl.arrays import Array
 from boomctl.lti.frequency import (
     ABOVE,
     BELOW,
-    DRAWN,
     MODES,
     Resonances,
     Response,
-    resonance_grid,
     singular_values,
 )
 from boomctl.lti.modal import side_of_axis
@@ -61,7 +59,7 @@ if TYPE_CHECKING:
 CORE_FROM = 40  # coordinates from which on a core, or its bound, is worth its building (a choice)
 # verified error of a core, relative, that a norm may be certified with: a hundredth of what that allows
 _CORE_ERROR = 1e-7
-_FEWER = 0.8  # share of a part's coordinates that a core has at most; of more, it is no smaller problem (a choice)
+FEWER = 0.8  # share of a part's coordinates that a core has at most; of more, it is no smaller problem (a choice)
 _CORE_ABOVE = 4.0  # where a core ends, relative to the band's last mode: above it dissipation does the rest (a choice)
 _WIDE = 1e7  # ratio of a band's last mode to its lowest: beyond, it ends below (a choice)
 # ratio of a small structure's fastest pole to its lowest mode, from which on no state space holds both: some 1e-3/eps
@@ -211,7 +209,7 @@ class _Band:
         if band is None:
             return None
         core = Core.of(part.structure, part.ports, _CORE_ABOVE * band[1]) if part.n <= LARGEST else None
-        return cls(*band, core if core is None or core.structure.n < _FEWER * part.n or part.n < CORE_FROM else None)
+        return cls(*band, core if core is None or core.structure.n < FEWER * part.n or part.n < CORE_FROM else None)
 
 
 def _poles(part: SecondOrderModel, band: _Band | None, top: float) -> Array:
@@ -235,7 +233,7 @@ def _part_norm(part: SecondOrderModel, band: _Band | None) -> NormCertificate:
             return given.norm()
     low, top, core = band.low, _CORE_ABOVE * band.last, band.core
     if part.n > LARGEST:
-        omega = resonance_grid(_poles(part, band, top), BELOW * low, top, places=DRAWN)
+        omega = Resonances(_poles(part, band, top), BELOW * low, top).curve()
         values = singular_values(respond_parts([(part.structure, part.ports)], omega)[0].values)[0]
         best = int(np.argmax(values))
         return NormCertificate(float(values[best]), inf, float(omega[best]), TOO_FINE, ("scan",))

@@ -23,7 +23,7 @@ from boomctl.analysis.prove import Claim
 from boomctl.arrays import Array
 from boomctl.lti.bilinear import continuous_image, omega_of_image
 from boomctl.lti.frequency import RAISED, Resonances, Response, largest_gain, resonance_grid, singular_values
-from boomctl.lti.rounding import CERTIFIED, DIGIT, EPS, LEVEL
+from boomctl.lti.rounding import CERTIFIED, DIGIT, EPS, LEVEL, SUMMED
 from boomctl.lti.system import BATCH, Lti, System, beside, of
 
 if TYPE_CHECKING:
@@ -32,7 +32,6 @@ if TYPE_CHECKING:
 _WIDER = 6e-6  # how far above the largest gain a level is tried where rounding hides a nearer one: certified still
 _ROUNDING = 1e2 * EPS  # share of the Hamiltonian matrix's norm by which its eigenvalues may be off the axis
 _BESIDE = 1e-2  # share of its size by which an eigenvalue that is worth a look lies off the axis (a choice)
-_RELATIVE_ROUNDING = 1e-12  # and share of the eigenvalue itself (both are choices, far below LEVEL)
 
 _LIGHTEST = 10  # resonances, those of least damping, at which the share of rounding is looked at (a choice)
 _TINY = 1e-150  # norms below which squares of responses are not numbers of full precision
@@ -343,7 +342,7 @@ def _near_axis(H: Array) -> tuple[Array, Array]:
     is worth a look.
     """
     values = linalg.eigvals(H)
-    noise = _ROUNDING * np.linalg.norm(H) + _RELATIVE_ROUNDING * np.abs(values)
+    noise = _ROUNDING * np.linalg.norm(H) + SUMMED * np.abs(values)
     upper = values.imag >= 0.0
     close = upper & (np.abs(values.real) <= noise)
     beside = upper & ~close & (np.abs(values.real) <= _BESIDE * np.abs(values))

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 from boomctl.analysis.loops import named_response, signals_of
 from boomctl.arrays import Array
 from boomctl.checks import frequencies, function_of, nonnegative, plain_array, positive, whole
-from boomctl.lti.frequency import BEYOND, CURVE, DRAWN, NARROWEST, resonance_grid, singular_values
+from boomctl.lti.frequency import BEYOND, CURVE, Resonances, singular_values
 from boomctl.lti.modal import side_of_axis
 from boomctl.lti.system import Lti, of
 
@@ -198,8 +198,7 @@ def exact_loop_stability(
         function_of("plant_bound", plant_bound, "the frequency")
     end = _top(gain, K, 2.0 * reach if top is None else positive("top", top), plant_bound)
     low = float(np.abs(near).min(initial=1.0)) / BEYOND
-    grid = resonance_grid(near, low, end, places=DRAWN, narrowest=NARROWEST, also=[0.0, end])
-    omega, values = walked(gain, grid, limit)
+    omega, values = walked(gain, Resonances(near, low, end).curve([0.0, end]), limit)
     determinants = np.linalg.det(values)
     turned = float(np.angle(determinants[1:] / determinants[:-1]).sum())
     rest = float(np.angle(np.linalg.eigvals(values[-1])).sum())

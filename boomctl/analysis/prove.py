@@ -7,12 +7,12 @@ from time import perf_counter
 from typing import TYPE_CHECKING, Protocol
 
 from boomctl.checks import positive
+from boomctl.lti.rounding import SUMMED
 from boomctl.lti.system import ClosedLoop, Lti
 
 if TYPE_CHECKING:
     from boomctl.lti.proof import Exact
 
-_ROUNDED = 1e-12  # relative: a bound is the rounded result of a few operations, and is given so much way
 _LEAST = 1e-300  # level of a bound that is zero: its square is a rational number still
 
 
@@ -199,13 +199,13 @@ def _norm_shown(claim: Claim, exact: "Exact", low: float, high: float, omega: fl
         lowest, highest, _ = exact.norm(guess)
         return f"norm between {lowest:.9g} and {highest:.9g} as stored, where the result vouches for no upper bound"
     inside = 0.5 * (band[0] + band[1]) if band[1] < inf else band[0] + 1.0
-    places, stays = exact.crossings(max(high * (1.0 + _ROUNDED), _LEAST), inside)
+    places, stays = exact.crossings(max(high * (1.0 + SUMMED), _LEAST), inside)
     reached = [float(x) for x in places if band[0] < float(x) < band[1]]
     if reached or not stays:
         at = f" at {exact.omega(reached[0]):.9g} rad/s" if reached else ""
         _refute(claim, f"a gain of {high:.9g} is exceeded{at}")
     if low > 0.0 and not (guess < inf and exact.gain(guess) >= low):
-        places, stays = exact.crossings(low * (1.0 - _ROUNDED), inside)
+        places, stays = exact.crossings(low * (1.0 - SUMMED), inside)
         if stays and not any(band[0] < float(x) < band[1] for x in places):
             _refute(claim, f"no gain reaches {low:.9g}")
     return f"norm from {low:.9g} to {high:.9g}{over}"
@@ -219,7 +219,7 @@ def _energy_shown(claim: Claim, exact: "Exact", low: float, high: float) -> str:
             _refute(claim, f"the H2 norm is infinite, not {high:.9g}")
         return "H2 norm infinite as stored"
     found = exact.energy().sqrt()
-    if found > high * (1.0 + _ROUNDED) or found < low * (1.0 - _ROUNDED):
+    if found > high * (1.0 + SUMMED) or found < low * (1.0 - SUMMED):
         _refute(claim, f"the H2 norm is {float(found):.9g}, not from {low:.9g} to {high:.9g}")
     return f"H2 norm {float(found):.9g}"
 

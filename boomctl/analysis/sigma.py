@@ -17,7 +17,7 @@ from boomctl.analysis.norm import UNSTABLE, NormCertificate, matrices_norm, norm
 from boomctl.analysis.prove import Claim
 from boomctl.arrays import Array
 from boomctl.checks import exactly, frequencies, known, mapping, names, up_to
-from boomctl.lti.frequency import DRAWN, NARROWEST, Resonances, resonance_grid, singular_values
+from boomctl.lti.frequency import NARROWEST, Resonances, singular_values
 from boomctl.lti.modal import side_of_axis, sides
 from boomctl.lti.rounding import ALIKE
 from boomctl.lti.system import Lti, is_frequency_response, of
@@ -283,15 +283,7 @@ def below_nyquist(omega: Array, given: SplitModel | GivenSystem, what: str) -> A
 
 def drawn_grid(found: Resonances, also: Sequence[float] = ()) -> Array:
     """Return frequencies that show the resonances in their band, and others where they are in it and above it."""
-    grid = resonance_grid(
-        found.poles,
-        found.low,
-        found.high,
-        places=DRAWN,
-        narrowest=NARROWEST,
-        also=[omega for omega in also if found.low <= omega < np.inf],
-    )
-    return beside_undamped(found, grid)
+    return beside_undamped(found, found.curve([omega for omega in also if found.low <= omega < np.inf]))
 
 
 def beside_undamped(found: Resonances, grid: Array) -> Array:

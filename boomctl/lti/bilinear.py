@@ -10,14 +10,11 @@ from numpy.typing import ArrayLike
 from scipy import linalg
 
 from boomctl.arrays import Array
-from boomctl.lti.rounding import DIGIT
+from boomctl.lti.rounding import DIGIT, SUMMED
 from boomctl.lti.system import Lti, balance
 
 # share of the largest singular value of A + 1 (of 1 - A/g) below which a pole lies at z = -1 (at w = g) but for rounding
 _SINGULAR = 1e-15
-_LAST = (
-    1e-12  # share of pi/dt by which a frequency below it counts as pi/dt, whose image is infinite (rounding of both)
-)
 
 
 def image_of_omega(omega: ArrayLike, dt: float) -> Array:
@@ -29,7 +26,7 @@ def image_of_omega(omega: ArrayLike, dt: float) -> Array:
         return np.asarray(omega, dtype=float)
     half = 0.5 * dt * np.asarray(omega, dtype=float)
     with np.errstate(over="ignore", invalid="ignore"):
-        return np.where(half >= 0.5 * np.pi * (1.0 - _LAST), np.inf, (2.0 / dt) * np.tan(half))
+        return np.where(half >= 0.5 * np.pi * (1.0 - SUMMED), np.inf, (2.0 / dt) * np.tan(half))
 
 
 def omega_of_image(v: ArrayLike, dt: float) -> Array:

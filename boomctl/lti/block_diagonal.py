@@ -5,9 +5,10 @@ import slycot
 from scipy import linalg
 
 from boomctl.arrays import Array
+from boomctl.lti.rounding import EPS
 
-_DOUBLE = float(np.finfo(float).eps) ** 0.5  # share of a pair's real part below which it may be a double real pole
-_WORST = float(np.finfo(float).eps) ** -0.5  # condition of the change of coordinates: half of all digits are left
+_DOUBLE = EPS**0.5  # share of a pair's real part below which it may be a double real pole
+_WORST = EPS**-0.5  # condition of the change of coordinates: half of all digits are left
 
 
 def block_diagonal(A: Array, condition: float = _WORST) -> tuple[Array, Array, list[int]]:

@@ -13,7 +13,8 @@ from scipy import linalg
 
 from boomctl.arrays import Array
 from boomctl.lti.modal import partial_fractions, resolved, side_of_axis
-from boomctl.lti.system import Lti
+from boomctl.lti.rounding import CERTIFIED, ROOT, SOLVED
+from boomctl.lti.system import SLOWEST, Lti
 
 Response = Callable[[Array], Array]  # from frequencies (N,) to responses (outputs, inputs, N)
 Value = TypeVar("Value", float, Array)  # one frequency or height, or many
@@ -22,10 +23,6 @@ Value = TypeVar("Value", float, Array)  # one frequency or height, or many
 _NEARLY_EQUAL = 1e-5
 _COLUMNS = 256  # right-hand sides substituted at once: what stays in the cache
 _PLACED = 1e-10  # of a peak's frequency: how finely it is searched for; its height is then right to rounding
-# A search ends where a step raises the peak by rounding only, and the bracket's ends lie so little below it, both as
-# shares of its height, that the top of a parabola through them misses it by the square of that
-_RISEN = 1e-13
-_FLAT = 1e-7
 # share of a bracket, asked beside its parabola's top to close it in from both sides (measured: few steps)
 _CLOSE = 0.03
 _SLOW = 0.25  # share of a bracket that is left after a slow step, which middles then follow (a choice)
@@ -34,22 +31,16 @@ _REFINED = 3
 # states beyond which eigenvectors show where the peak is, as solving for each frequency takes long (a choice)
 _SCREENED = 60
 _COMPARED = 8  # frequencies of the grid at which eigenvectors must show what solving does (a choice)
-_ALIKE = (
-    1e-5  # their difference, over the largest value, up to which they do: two peaks so near are told apart by either
-)
 # Frequencies between the resonances (choices): of what is drawn, or looked at without proof, about 100 a decade on a boom's
 # band; of a search that goes on to the top of a peak
 CURVE = 240
 SEARCHED = 60
-_LOWEST = 1e-12  # least frequency [rad/s] that is asked for beside zero
 _TOPS = 3  # rounds in which a peak is placed on a grid: each leaves the square of what was missing (a choice)
 _SMOOTH = 0.05  # share of its distance from zero, plus one, by which a step of a Nyquist curve may move (a choice)
 _HALVINGS = 10  # of a step of a Nyquist curve at most: a narrow resonance is a circle of many steps (a choice)
 MODES = 8  # that a picture shows by default (a choice)
-BELOW, ABOVE = (
-    0.25,
-    1.5,
-)  # of the lowest and of the last of them, ends of its band: a peak is seen from both sides (a choice)
+# of the lowest and of the last of them, ends of its band: a peak is seen from both sides (choices)
+BELOW, ABOVE = 0.25, 1.5
 BEYOND = 100.0  # times below the slowest pole and above the fastest, how far a loop is looked at (a choice)
 RAISED = 30  # levels tried before giving up: each rises to a higher peak, so that a few do
 _RESTING = 1e-9  # share of the fastest pole up to which a slow one is no reason to show so low frequencies (a choice)
@@ -57,7 +48,6 @@ _LOWEST_SHOWN = (
     0.1  # share of half the sampling rate from which a picture begins at least, where no pole says so (a choice)
 )
 EMPTY = (0.1, 100.0)  # [rad/s], what a picture shows of a system without dynamics (a choice)
-
 NARROWEST = 1e-6  # share of its frequency as which a narrower resonance is drawn: no eye tells them apart (a choice)
 
 # Places around a resonance, in half-power half-widths |Re p| from Im p (both choices):
@@ -156,7 +146,9 @@ def highest_peak(
             peak, at = float(found[best, 1]), float(finer[best, 1])
         width, top = np.ptp(finer, axis=1), found[:, 1]
         slow = width > _SLOW * np.ptp(omega, axis=1)
-        flat = (top <= heights[:, 1] * (1.0 + _RISEN)) & (found.min(axis=1) >= top * (1.0 - _FLAT))
+        # a step has raised the peak by rounding only, and the ends lie so little below it that the top of a parabola
+        # through them misses it by the square of that
+        flat = (top <= heights[:, 1] * (1.0 + SOLVED)) & (found.min(axis=1) >= top * (1.0 - ROOT))
         going = (width > _PLACED * finer[:, 2]) & ~flat
         omega, heights, slow = finer[going], found[going], slow[going]
     return peak, at
@@ -258,8 +250,8 @@ def largest_gain(system: Lti, respond: Response | None = None, refined: int = _R
     ends = float(size[seen].min()) if seen.any() else 0.0, float(size.max())
     grid = resonance_grid(
         poles[(poles.imag > 0.0) & (side_of_axis(poles) != 0)],
-        0.1 * max(ends[0], _LOWEST),
-        10.0 * max(ends[1], _LOWEST),
+        0.1 * max(ends[0], SLOWEST),
+        10.0 * max(ends[1], SLOWEST),
         points=SEARCHED,
         also=[0.0] if seen.all() else (),
     )
@@ -275,14 +267,14 @@ def largest_gain(system: Lti, respond: Response | None = None, refined: int = _R
 
     few = np.append(grid[:: max(1, len(grid) // _COMPARED)], grid[np.argmax(screen(grid))])
     shown, there = screen(few), value(few)
-    if not np.abs(shown - there).max() <= _ALIKE * there.max():  # eigenvectors that are nearly dependent
+    if not np.abs(shown - there).max() <= CERTIFIED * there.max():  # eigenvectors that are nearly dependent
         return highest_peak(value, grid, refined=refined)
     return highest_peak(value, grid, screen, refined=1)
 
 
 @dataclass(frozen=True)
 class Resonances:
-    """Poles that a picture shows, and its band [rad/s]."""
+    """Poles that a curve shows, and its band [rad/s]."""
 
     poles: Array
     low: float
@@ -305,6 +297,10 @@ class Resonances:
         found = cls.of(rates[np.isfinite(rates)], high)
         end = min(found.high, top) if len(found.poles) else top
         return cls(found.poles[found.poles.imag <= end], min(found.low, _LOWEST_SHOWN * end), end)
+
+    def curve(self, also: ArrayLike = ()) -> Array:
+        """Return frequencies through which a curve shows the poles in the band, and others wherever they lie."""
+        return resonance_grid(self.poles, self.low, self.high, places=DRAWN, narrowest=NARROWEST, also=also)
 
 
 @dataclass(frozen=True)

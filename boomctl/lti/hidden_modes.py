@@ -13,17 +13,15 @@ from scipy import linalg
 
 from boomctl.arrays import Array
 from boomctl.lti.modal import side_of_axis, sides
-from boomctl.lti.rounding import DIGIT, EPS, SUMMED
-from boomctl.lti.system import balance, rates_of
+from boomctl.lti.rounding import ALIKE, DIGIT, EPS, SUMMED
+from boomctl.lti.system import SLOWEST, balance, rates_of
 
-_WEAK = 1e-9  # cosine between a mode and the columns of B up to which they do not reach it (a choice above rounding)
 _FARTHEST = 1e-6  # of the norm of the matrix: no pole is in more doubt than that, however ill-conditioned (a choice)
 # share of the largest singular value below which eigenvectors of a cluster add no direction (a choice)
 _PARALLEL = 1e-6
 _PASSED = (
     10.0  # times the doubt of its poles, up to which what a cluster passes on within itself is rounding (a choice)
 )
-_ZERO = 1e-12  # natural frequency [rad/s] below which a mode is called integrating in a message
 
 
 @dataclass(frozen=True)
@@ -48,7 +46,7 @@ class HiddenMode:
 
     def __str__(self) -> str:
         size = self.omega
-        if size <= _ZERO:
+        if size <= SLOWEST:
             return f"the mode at 0 rad/s (integrating or rigid-body, mostly in state {self.state!r})"
         side = int(side_of_axis(np.array([self.pole]))[0])
         damping = -self.pole.real / size if side else 0.0
@@ -94,9 +92,9 @@ def unmoved(
             basis.shape[1]
         )  # to one another, as a place to a speed
         rounding = _PASSED * (2.0 * doubt[cluster].max() + SUMMED * abs(pole))
-        passed *= _WEAK / max(rounding, float(np.finfo(float).tiny))
+        passed *= ALIKE / max(rounding, float(np.finfo(float).tiny))
         directions, cosines, _ = linalg.svd(np.hstack([basis.conj().T @ acting, passed]))
-        for k in np.flatnonzero(cosines <= _WEAK):
+        for k in np.flatnonzero(cosines <= ALIKE):
             shape = basis @ directions[:, k]
             if dt != 0.0:
                 pole = complex(rates_of(np.array([pole if abs(pole) > EPS else EPS]), dt)[0])

@@ -14,7 +14,7 @@ from scipy import linalg
 
 from boomctl.arrays import Array
 from boomctl.lti.integrators import doubt_of_split, without_integrators
-from boomctl.lti.rounding import CANCELLED, DIGIT, EPS, ROOT, SOLVED
+from boomctl.lti.rounding import ALIKE, CANCELLED, DIGIT, EPS, ROOT, SOLVED
 from boomctl.lti.system import Lti, append, rates_of
 from boomctl.printing import compact
 
@@ -23,9 +23,8 @@ from boomctl.printing import compact
 # 1e-4 and more.
 UNDAMPED = 1e-10
 _CLUSTER = 10.0  # poles of such a block differ in size by less than this factor (a choice)
-_BLOCK_NOISE = 1e2 * float(np.finfo(float).eps)  # share of the fastest pole that belongs to such a block in any case
+_BLOCK_NOISE = 1e2 * EPS  # share of the fastest pole that belongs to such a block in any case
 _CONDITION = 1e9  # of the eigenvectors: modal coordinates of a worse one keep fewer than seven digits
-_RESIDUAL = 1e-9  # of A V = V diag(p), relative to A: more means that the eigenvectors are wrong
 
 
 def side_of_axis(poles: Array, doubt: Array | float = 0.0) -> Array:
@@ -140,7 +139,7 @@ def diagonalized(system: Lti) -> ModalSystem | None:
     if np.linalg.cond(V) > _CONDITION:
         return None
     residual = np.abs(system.A @ V - V * poles).max()
-    if residual > _RESIDUAL * np.abs(system.A).max():
+    if residual > ALIKE * np.abs(system.A).max():
         return None
     B, C = np.linalg.solve(V, system.B.astype(complex)), system.C @ V
     reads, acts = np.linalg.norm(C, axis=0), np.linalg.norm(B, axis=1)

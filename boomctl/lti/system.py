@@ -16,6 +16,7 @@ from scipy import linalg
 
 from boomctl.arrays import Array
 from boomctl.checks import names
+from boomctl.lti.rounding import ALIKE, SUMMED
 from boomctl.lti.transfer_functions import realized
 from boomctl.printing import compact
 
@@ -23,14 +24,10 @@ if TYPE_CHECKING:
     import control
 
 BATCH = 2**16  # entries of the pencils that are solved at once: what stays in the cache
-# Where a pole is hit exactly, the response is taken so far beside it, relative to the frequency (a choice)
 # sizes of a matrix between which products of its entries, and times of its poles, are numbers still (a choice)
 _SIZES = (1e-250, 1e100)
 _TIMES = (1e-30, 1e30)  # sampling times [s] with which rates and frequencies are numbers still (a choice)
-_BESIDE = 1e-9
-_BESIDE_ZERO = 1e-12  # and this [rad/s] on top, for a pole at zero (a choice)
-# Least singular value of I - D_K D22 relative to its largest: below it, four digits are left or fewer
-_WELL_POSED = 1e-12
+SLOWEST = 1e-12  # [rad/s], up to which a frequency is zero (a choice)
 
 
 class SingularFrequencyWarning(UserWarning):
@@ -191,7 +188,7 @@ def rates_of(poles: Array, dt: float) -> Array:
 
 def beside(omega: Array) -> Array:
     """Return the frequencies that answer for those at which a pole lies: a billionth above them [rad/s]."""
-    return omega * (1.0 + _BESIDE) + _BESIDE_ZERO
+    return omega * (1.0 + ALIKE) + SLOWEST
 
 
 def static(gain: Array, inputs: Sequence[str] = (), outputs: Sequence[str] = ()) -> Lti:
@@ -333,7 +330,7 @@ def well_posed_inverse(matrix: Array) -> Array:
         return matrix
     balanced, scale = balance(matrix)
     values = linalg.svdvals(balanced)
-    if values[-1] <= _WELL_POSED * max(1.0, values[0]):
+    if values[-1] <= SUMMED * max(1.0, values[0]):  # its inverse has four digits or fewer
         raise ValueError("the loop is not well-posed: the feedthroughs of plant and controller cancel one another")
     return linalg.inv(balanced) * scale[:, None] / scale
 

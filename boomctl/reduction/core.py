@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from boomctl.analysis.model_norm import CORE_FROM
+from boomctl.analysis.model_norm import CORE_FROM, FEWER
 from boomctl.arrays import Array
 from boomctl.lti.modal import ModalSystem, diagonalized, told_apart
 from boomctl.lti.rounding import ALIKE
@@ -27,7 +27,6 @@ STRONGEST_MODES = "the strongest modes, the others bounded by their peaks"  # of
 WHOLE = "all states"  # nothing is left out
 
 _MANY_STATES = 80  # states up to which all of a system stay: balancing them takes milliseconds (a choice)
-_ALL_MODES = 0.8  # share of its modes from which on a structure is rather taken whole (a choice)
 
 
 @dataclass(frozen=True)
@@ -152,7 +151,7 @@ def _lowest_modes(model: SecondOrderModel, modes: int) -> tuple[Lti, float] | No
     """Return a structure in its lowest undamped modes and the bound of the others, or None where there is none."""
     damping = separated_damping(model.structure)
     loads = loads_of(model)
-    if damping is None or damping.beta <= 0.0 or loads is None or modes >= _ALL_MODES * model.n:
+    if damping is None or damping.beta <= 0.0 or loads is None or modes >= FEWER * model.n:
         return None
     try:
         frequencies, shapes = undamped_modes(model.structure, modes + 1)

@@ -28,7 +28,7 @@ from scipy import linalg
 from boomctl.arrays import Array
 from boomctl.lti.frequency import resonance_grid
 from boomctl.lti.modal import ModalSystem, diagonalized, side_of_axis
-from boomctl.lti.rounding import SOLVED, SUMMED
+from boomctl.lti.rounding import ALIKE, EPS, SOLVED, SUMMED
 from boomctl.lti.system import Lti
 from boomctl.structure.damping import Damping
 from boomctl.structure.model import SecondOrderModel
@@ -40,9 +40,8 @@ _INTERVALS = 400  # of the frequency axis, beside those at the resonances (a cho
 # places of their ends around a resonance, in half-widths (a choice)
 _PLACES = np.array([-8.0, -3.0, -1.0, 0.0, 1.0, 3.0, 8.0])
 _LOW, _HIGH = 1e-4, 100.0  # from the lowest mode left out down, from the highest pole up, cut into intervals (a choice)
-_UNSEEN = 1e-9  # share of the largest load up to which modes that do not dissipate are not loaded
 # share of the damping's norm by which the dissipation may be less than computed
-_ROUNDING = 1e3 * float(np.finfo(float).eps)
+_ROUNDING = 1e3 * EPS
 
 
 @dataclass(frozen=True)
@@ -143,7 +142,7 @@ def damping_between(C_V: Array, loaded: Array) -> Array | None:
     values, X = linalg.eigh(C_V)
     good = values > SUMMED * max(values[-1], 0.0)
     seen = X.T @ loaded
-    if np.abs(seen[~good]).max(initial=0.0) > _UNSEEN * np.abs(seen).max(initial=0.0):
+    if np.abs(seen[~good]).max(initial=0.0) > ALIKE * np.abs(seen).max(initial=0.0):
         return None
     return seen[good].T @ (seen[good] / values[good, None])
 

@@ -12,7 +12,7 @@ from scipy import linalg, sparse
 
 from boomctl.arrays import DENSE_LIMIT, ROUNDED, Array, Matrix, combined
 
-_RANK_TOLERANCE = 1e-10  # of the largest pivot; conditions that differ by less depend on each other (a choice)
+DEPENDENT = 1e-10  # of the largest pivot, or of what was there; what differs by less depends on the others (a choice)
 
 
 @dataclass(frozen=True)
@@ -96,7 +96,7 @@ def _check_rank(block: Array, norms: Array, names: Sequence[str]) -> None:
     if block.shape[0] < block.shape[1]:
         raise ValueError(f"{', '.join(map(repr, names))}: more displacements are prescribed than the points can move")
     _, R, order = linalg.qr(block / norms, mode="economic", pivoting=True)
-    small = np.flatnonzero(np.abs(np.diag(R)) < _RANK_TOLERANCE)
+    small = np.flatnonzero(np.abs(np.diag(R)) < DEPENDENT)
     if len(small):
         others = [names[i] for i in order[: small[0]]]
         raise ValueError(

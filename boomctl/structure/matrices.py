@@ -12,7 +12,7 @@ import numpy as np
 from scipy import sparse
 
 from boomctl.arrays import DENSE_LIMIT, Array, Matrix
-from boomctl.lti.rounding import ALIKE, SUMMED
+from boomctl.lti.rounding import ALIKE, EPS, SUMMED
 from boomctl.printing import compact
 from boomctl.structure.layout import KEPT, HalfLayout, Layout, Weights, squared_sums
 from boomctl.structure.outline import Outline
@@ -20,8 +20,8 @@ from boomctl.structure.ports import Ports
 from boomctl.structure.strain_coordinates import StrainForm, strain_form
 from boomctl.structure.symmetry import Mirror
 
-# coordinates up to which halves are dense, as their factors are: sparse is faster from there (measured)
-_DENSE_HALF = 220
+# coordinates up to which halves and factors of stiffness are dense: sparse is faster from there (measured)
+DENSE = 220
 # largest over median stiffness over mass of coordinates, from which on a mesh is not split: the rounding of its stations
 # makes images of its shortest elements unlike each other, and a half that holds both would lock
 _GRADED = 1e14
@@ -155,7 +155,7 @@ class Structure:
     def noise(self) -> float:
         """What rounding of the stiffness matrix is over the mass matrix, at most: an uncertainty of ``omega^2``."""
         stiffness, mass = np.abs(self.K.diagonal()), self.M.diagonal()
-        return float(np.finfo(float).eps * (stiffness[mass > 0.0] / mass[mass > 0.0]).max(initial=0.0))
+        return float(EPS * (stiffness[mass > 0.0] / mass[mass > 0.0]).max(initial=0.0))
 
     @cached_property
     def graded(self) -> bool:
@@ -239,7 +239,7 @@ def _mirrored(layout: Layout, mirror: Mirror) -> Layout:
 def _half_structure(whole: Structure, parity: int) -> HalfStructure:
     if whole.layout is not None and whole.weights is not None:
         found: HalfLayout = whole.layout.symmetric_half if parity > 0 else whole.layout.antisymmetric_half
-        structure = Structure.weighed(found.layout, whole.weights, dense_up_to=_DENSE_HALF)
+        structure = Structure.weighed(found.layout, whole.weights, dense_up_to=DENSE)
         return HalfStructure(found.P, structure.drawn_as(whole.outline, found.P, parity))
     if whole.mirror is None:
         raise ValueError("the structure carries no mirror")

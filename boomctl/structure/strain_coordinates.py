@@ -14,7 +14,7 @@ import numpy as np
 from scipy import linalg
 
 from boomctl.arrays import Array, combined
-from boomctl.lti.rounding import CANCELLED, SUMMED
+from boomctl.lti.rounding import CANCELLED, EPS, SUMMED
 from boomctl.structure.layout import Layout, Weights, squared_sums
 from boomctl.structure.ports import Ports
 
@@ -93,7 +93,7 @@ class StrainForm:
         own = np.zeros((n, n))
         own[r:, : self.rigid] = np.eye(self.rigid)
         _, slowness, mixed = np.linalg.svd(self.N[:, :r], full_matrices=False)
-        slowness = np.maximum(slowness, np.finfo(float).eps * slowness.max(initial=0.0))
+        slowness = np.maximum(slowness, EPS * slowness.max(initial=0.0))
         own[:r, self.rigid :] = mixed.T / slowness
         return np.concatenate([np.zeros(self.rigid), 1.0 / slowness]), own
 

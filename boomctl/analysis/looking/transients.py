@@ -32,8 +32,9 @@ _PER_PERIOD = 20  # instants in a period of the fastest vibration that is seen (
 _PER_CONSTANT = 10  # instants in its time constant (a choice)
 _SEEN = 1e-3  # share of the largest modal part of a response up to which one does not show (a choice)
 _FEWEST, _MOST = 200, 20_000  # instants of a picture (a choice)
-_NONE = 10.0  # [s], shown of a system without dynamics (a choice)
-_INTEGRATED = 10.0  # of the fastest time constants, shown of a system that only integrates besides (a choice)
+_LONG = (
+    10.0  # fastest time constants, shown of a system that only integrates besides; seconds of one without (a choice)
+)
 
 
 @dataclass(frozen=True)
@@ -251,7 +252,7 @@ def _shown(system: Lti) -> tuple[float, float]:
     """Return how long a response is worth showing, and steps that show its fastest part [s]."""
     rates = _seen(system)
     if not len(rates):
-        return _NONE, _NONE / _FEWEST
+        return _LONG, _LONG / _FEWEST
     side, decay, turning = side_of_axis(rates), np.abs(rates.real), np.abs(rates.imag)
     swings = turning > decay
     if (side > 0).any():
@@ -262,9 +263,7 @@ def _shown(system: Lti) -> tuple[float, float]:
         periods = 2.0 * np.pi * _PERIODS / turning[swings].min() if swings.any() else np.inf
         span = float(min(settled if settled > 0.0 else np.inf, max(periods, creeping)))
         if not swings.any() and (side == 0).any():  # what integrates goes on for good
-            span = max(
-                span if np.isfinite(span) else 0.0, _INTEGRATED / float(np.abs(rates).max() or _INTEGRATED / _NONE)
-            )
+            span = max(span if np.isfinite(span) else 0.0, _LONG / float(np.abs(rates).max() or 1.0))
     width = min(
         span / _FEWEST,
         2.0 * np.pi / _PER_PERIOD / max(turning.max(), np.finfo(float).tiny),

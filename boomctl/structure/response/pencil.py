@@ -19,11 +19,9 @@ from scipy.linalg import lapack
 from scipy.sparse.linalg import splu
 
 from boomctl.arrays import Array
-from boomctl.structure.matrices import Structure, dense
+from boomctl.structure.matrices import DENSE, Structure, dense
 
 Solve = Callable[[Array], Array]
-
-_DENSE = 220  # coordinates up to which factors are dense: sparse is faster from some 200 on (measured)
 
 
 def factorized(structure: Structure, m: float) -> Solve:
@@ -34,7 +32,7 @@ def factorized(structure: Structure, m: float) -> Solve:
     LinAlgError
         It is not.
     """
-    if structure.n <= _DENSE:
+    if structure.n <= DENSE:
         return factorized_dense(dense(structure.K) + m * dense(structure.M))
     return factorized_sparse(structure, m)
 

@@ -8,6 +8,7 @@ from scipy.sparse.linalg import LinearOperator, eigsh
 
 from boomctl.arrays import Array, Matrix
 from boomctl.lti.rounding import DIGIT, EPS, ROOT, SUMMED
+from boomctl.structure.elimination import DEPENDENT
 from boomctl.structure.matrices import Structure, dense, is_symmetric
 from boomctl.structure.response.pencil import factorized, factorized_sparse
 from boomctl.structure.response.rounding import warn_of_rounding
@@ -36,7 +37,6 @@ PROMISED = 1e-8  # of frequencies, what rounding may be before a user is warned 
 # share of its terms up to which each strain of a motion is rounding, and the motion rigid: a mode strains some row by about
 # as much as its terms, a rigid motion of 10,000 elements strains none by more than some 1e-8 of them (measured)
 _STRAINLESS = 1e-5
-_DEPENDENT = 1e-10  # of what was there before; what of a motion is below it, beside others, is rounding
 _LOST = "singular to rounding: expected elements that differ less, or a description from which its rows are known"
 _NOISE = 1e3 * EPS  # of the largest stiffness over mass: rounding, with room (a choice)
 
@@ -254,7 +254,7 @@ def _orthonormal(M: Matrix, block: Array, against: Array) -> Array:
         if not kept.shape[1]:
             return kept
         values, mix = linalg.eigh(kept.T @ (M @ kept), check_finite=False)
-        good = values > _DEPENDENT**2 * max(values[-1], 1e-6)
+        good = values > DEPENDENT**2 * max(values[-1], 1e-6)
         kept = kept @ (mix[:, good] / np.sqrt(values[good]))
     return kept
 
