@@ -278,8 +278,8 @@ def _raised(system: Lti, respond: Response, peak: float, at: float, above: float
         level = peak * (1.0 + above)
         if level == 0.0:
             return NormCertificate(0.0, 0.0, 0.0, NO_RESPONSE)
-        H = _hamiltonian(system, level)
-        crossings, beside = _near_axis(H[0])
+        H = hamiltonian_matrix(system, level)
+        crossings, beside = near_axis(H[0])
         seen = np.sort(np.concatenate([crossings, beside]))
         middles = np.concatenate([seen, 0.5 * (seen[1:] + seen[:-1])])
         values = singular_values(respond(middles))[0] if len(middles) else np.zeros(1)
@@ -291,7 +291,7 @@ def _raised(system: Lti, respond: Response, peak: float, at: float, above: float
     return NormCertificate(peak, inf, at, NOT_TOLD)
 
 
-def _hamiltonian(system: Lti, level: float) -> tuple[Array, Array]:
+def hamiltonian_matrix(system: Lti, level: float) -> tuple[Array, Array]:
     """Return the balanced Hamiltonian matrix of a level, and the scales of its coordinates."""
     A, B, C, D = system.A, system.B / np.sqrt(level), system.C / np.sqrt(level), system.D / level
     shifted, acting, reading = A, B.T, C
@@ -321,7 +321,7 @@ def level_shows(system: Lti, level: float, omega: float, hamiltonian: tuple[Arra
         x, p = states @ v, np.linalg.solve(pencil.conj().T, system.C.T @ y) / level
     except np.linalg.LinAlgError:  # a pole that rounding alone keeps from the axis
         return False
-    H, scale = _hamiltonian(system, level) if hamiltonian is None else hamiltonian
+    H, scale = hamiltonian_matrix(system, level) if hamiltonian is None else hamiltonian
     gap = (1.0 - (np.linalg.norm(y) / level) ** 2) * np.linalg.norm((system.B @ v) / scale[:n])
     return bool(gap > DIGIT * np.linalg.norm(H) * np.linalg.norm(np.concatenate([x, p]) / scale))
 
@@ -332,10 +332,10 @@ def axis_eigenvalues(system: Lti, level: float) -> Array:
     They are the imaginary parts, not below zero, of eigenvalues of the Hamiltonian matrix on the imaginary axis, or as
     near as rounding may have moved them: by a multiple of the norm of the balanced matrix, not of its eigenvalues.
     """
-    return _near_axis(_hamiltonian(system, level)[0])[0]
+    return near_axis(hamiltonian_matrix(system, level)[0])[0]
 
 
-def _near_axis(H: Array) -> tuple[Array, Array]:
+def near_axis(H: Array) -> tuple[Array, Array]:
     """Return the imaginary parts of eigenvalues on the imaginary axis, and of those that lie so near to it.
 
     Where two crossings have nearly met, rounding moves their eigenvalues off the axis by its root and more: what lies near

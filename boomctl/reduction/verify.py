@@ -14,8 +14,10 @@ from boomctl.analysis.norm import (
     UNSTABLE,
     NormCertificate,
     axis_eigenvalues,
+    hamiltonian_matrix,
     level_norm,
     level_shows,
+    near_axis,
     proved_norm,
 )
 from boomctl.arrays import Array
@@ -191,20 +193,18 @@ def band_norm(gap: Lti, respond: Response, band: Band, floor: float = 0.0) -> No
     for _ in range(RAISED):
         for level in _levels(peak, floor):
             try:
-                crossings = axis_eigenvalues(gap, level)
+                H = hamiltonian_matrix(gap, level)
             except np.linalg.LinAlgError:  # a singular value of D to the last digit, of which the matrix is not defined
                 continue
-            inside = crossings[(crossings > low) & (crossings < high)]
-            if not len(inside):
-                if not level_shows(gap, level, at):
-                    continue
-                return NormCertificate(peak, level, at, f"{NO_CROSSING} in the band")
-            ends = np.concatenate([[low], inside, [high]])
-            tried = np.concatenate([inside, 0.5 * (ends[1:] + ends[:-1])])
+            crossings, beside = (found[(found > low) & (found < high)] for found in near_axis(H[0]))
+            seen = np.sort(np.concatenate([[low], crossings, beside, [high]]))
+            tried = np.concatenate([seen[1:-1], 0.5 * (seen[1:] + seen[:-1])])
             values = singular_values(respond(tried))[0]
             if values.max() > level:
                 peak, at = float(values.max()), float(tried[int(np.argmax(values))])
                 break
+            if not len(crossings) and level_shows(gap, level, at, H):
+                return NormCertificate(peak, level, at, f"{NO_CROSSING} in the band")
         else:
             break
     return NormCertificate(peak, inf, at, NOT_TOLD)
