@@ -15,7 +15,7 @@ import pytest
 from flint import fmpq
 
 import boomctl as bc
-from boomctl.lti.modal import side_of_axis, told_apart
+from boomctl.lti.modal import side_of_axis, spectral_parts
 from boomctl.lti.system import of
 from boomctl.reduction.result import ReductionError
 from tests.exact import Exact, dyadic, loop_is_stable, loop_of, loop_truth, on_axis
@@ -68,7 +68,7 @@ def squared(exact, omega):
 
 def error_beside_kept(system, exact, error):
     """Return the largest error beyond rounding, away from the poles that are kept, at resonances and between."""
-    kept = told_apart(of(system).balanced()).kept.poles
+    kept = spectral_parts(of(system).balanced()).kept.poles
     poles = np.array([complex(float(p.real), float(p.imag)) for p in exact.poles_in_rad()])
     width = KEPT * np.where(side_of_axis(kept) == 0, np.maximum(np.abs(kept), KEPT * np.abs(poles).max()), 0.0)
     around = np.abs(poles.imag) + np.array([-1.0, -0.3, 0.0, 0.3, 1.0])[:, None] * np.abs(poles.real)

@@ -119,7 +119,7 @@ def _norm(given: Lti) -> H2Certificate:
         return _fed_through(given)
     if axis.doubtful is not None:
         return _doubtful(balanced, axis.open, f"a mode at {abs(axis.doubtful):.6g} rad/s {doubtful(given)}")
-    return _proved(balanced) if axis.silent.any() else _finite(balanced)
+    return _proved(balanced) if axis.hidden.any() else _finite(balanced)
 
 
 def _fed_through(given: Lti) -> H2Certificate:

@@ -30,13 +30,13 @@ class MarginalPoles:
         rate ``log(z)/dt``.
     doubtful : complex or None
         One of which the digits given do not tell; None if there is an infinite one.  A rate in discrete time.
-    silent, open : (n,) ndarray of bool
+    hidden, open : (n,) ndarray of bool
         Which poles lie on the axis and do not show; which ones are doubtful.
     """
 
     infinite: complex | None
     doubtful: complex | None
-    silent: Array
+    hidden: Array
     open: Array
 
 
@@ -68,13 +68,13 @@ def marginal_poles(given: System) -> MarginalPoles:
     if shown:
         return replace(found, infinite=complex(0.0, abs(rates_of(np.array(shown), system.dt).imag).min()))
     for pole in on_axis:
-        found.silent[np.argmin(np.where(found.silent, np.inf, np.abs(poles - pole)))] = True
-    open_ = ~found.silent & (decay <= moved)
+        found.hidden[np.argmin(np.where(found.hidden, np.inf, np.abs(poles - pole)))] = True
+    open_ = ~found.hidden & (decay <= moved)
     if not growing and (not open_.any() or _stays(system, size, poles[open_], 0.0)):
         return found
-    worst = int(np.argmin(np.where(found.silent, np.inf, decay / moved)))
+    worst = int(np.argmin(np.where(found.hidden, np.inf, decay / moved)))
     open_[worst] = True
-    return replace(found, doubtful=complex(system.rates[worst]), silent=np.zeros_like(open_), open=open_)
+    return replace(found, doubtful=complex(system.rates[worst]), hidden=np.zeros_like(open_), open=open_)
 
 
 def _stays(system: Lti, size: Array, poles: Array, inside: float) -> bool:

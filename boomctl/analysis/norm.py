@@ -127,17 +127,17 @@ def matrices_norm(
         grows, undamped = axis.infinite.real > 0.0, UNDAMPED if system.dt == 0.0 else ON_CIRCLE
         return NormCertificate(inf, inf, float("nan") if grows else axis.infinite.imag, UNSTABLE if grows else undamped)
     if axis.doubtful is not None:
-        peak, at = _surely(given)
+        peak, at = _largest_beyond_rounding(given)
         return NormCertificate(peak, inf, at, f"a mode at {abs(axis.doubtful):.6g} rad/s {doubtful(system)}")
-    if axis.silent.any():
-        return proved_norm(given, *_surely(given))
+    if axis.hidden.any():
+        return proved_norm(given, *_largest_beyond_rounding(given))
     found = level_norm(system, response) if system.dt == 0.0 else _by_circle(system)
-    felt = _felt(given, found.omega)
-    sharp = found.certified and felt <= LEVEL * found.lower and (found.lower >= _TINY or felt == 0.0)
+    rounding = _rounding_of_response(given, found.omega)
+    sharp = found.certified and rounding <= LEVEL * found.lower and (found.lower >= _TINY or rounding == 0.0)
     if not sharp:
-        found = proved_norm(given, max(found.lower - felt, 0.0), found.omega)
+        found = proved_norm(given, max(found.lower - rounding, 0.0), found.omega)
     if sharp or response is not None:  # what is stored only stands for a structure: its last digits count
-        found = replace(found, lower=max(found.lower - felt, 0.0), upper=found.upper + felt)
+        found = replace(found, lower=max(found.lower - rounding, 0.0), upper=found.upper + rounding)
     return found if sharp or response is None or found.certified else replace(found, method=LOST)
 
 
@@ -223,7 +223,7 @@ def doubtful(system: Lti) -> str:
     return f"that the digits given do not tell from one on the {boundary}, where the norm would be infinite"
 
 
-def _felt(given: System, omega: float) -> float:
+def _rounding_of_response(given: System, omega: float) -> float:
     """Return how much of the response at a frequency, and at the lightest resonances, may be rounding."""
     rates = given.system.rates
     poles = rates[rates.imag > 0.0]
@@ -232,7 +232,7 @@ def _felt(given: System, omega: float) -> float:
     return float(_responses(given, asked)[1].max())
 
 
-def _surely(given: System) -> tuple[float, float]:
+def _largest_beyond_rounding(given: System) -> tuple[float, float]:
     """Return the largest singular value that is not rounding, near the poles and between them, and its frequency."""
     system = given.system
     top = 10.0 * float(np.abs(system.rates[np.isfinite(system.rates)]).max(initial=0.1))
@@ -267,8 +267,8 @@ def _responses(given: System, omega: Array) -> tuple[Array, Array]:
             states = np.abs(acting)
             off = DIGIT * (size.A @ states + size.B) + np.abs(system.B - pencil @ acting)
             off = reading.transpose(0, 2, 1) @ off + DIGIT * (size.C @ states + size.D)
-            felt = off.max(axis=(1, 2)) * system.D.size**0.5  # no squares, which may be zero
-        doubts[few] = np.where(np.isfinite(felt), felt, inf)
+            rounding = off.max(axis=(1, 2)) * system.D.size**0.5  # no squares, which may be zero
+        doubts[few] = np.where(np.isfinite(rounding), rounding, inf)
     return G, doubts
 
 

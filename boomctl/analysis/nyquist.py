@@ -198,7 +198,7 @@ def exact_loop_stability(
         function_of("plant_bound", plant_bound, "the frequency")
     end = _top(gain, K, 2.0 * reach if top is None else positive("top", top), plant_bound)
     low = float(np.abs(near).min(initial=1.0)) / BEYOND
-    omega, values = walked(gain, Resonances(near, low, end).curve([0.0, end]), limit)
+    omega, values = followed(gain, Resonances(near, low, end).curve([0.0, end]), limit)
     determinants = np.linalg.det(values)
     turned = float(np.angle(determinants[1:] / determinants[:-1]).sum())
     rest = float(np.angle(np.linalg.eigvals(values[-1])).sum())
@@ -254,7 +254,7 @@ def _top(gain: _LoopGain, K: Lti, start: float, bound: Callable[[float], float] 
     raise ValueError("the loop gain does not fall below one: give plant_bound, or let the controller roll off")
 
 
-def walked(gain: _Followed, grid: Array, limit: int) -> tuple[Array, Array]:
+def followed(gain: _Followed, grid: Array, limit: int) -> tuple[Array, Array]:
     """Return frequencies and ``I - G K`` at them, so close that the determinant's phase cannot be mistaken."""
     omega, values = grid, gain.difference(grid)
     settled = np.zeros(len(grid) - 1, dtype=bool)

@@ -167,13 +167,7 @@ class SpectralParts:
     doubt: float
 
 
-def spectral_parts(system: Lti) -> tuple[Lti, Lti]:
-    """Return the stable part and the kept part of a system: see :func:`told_apart`."""
-    parts = told_apart(system)
-    return parts.fast, parts.kept
-
-
-def told_apart(system: Lti) -> SpectralParts:
+def spectral_parts(system: Lti) -> SpectralParts:
     """Return the stable part (with ``D``) and the kept part (unstable, undamped, rigid-body; without ``D``).
 
     Integrators and rigid bodies go first, by structure (:func:`without_integrators`).  Other Jordan blocks stay whole:

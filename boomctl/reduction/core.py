@@ -6,7 +6,7 @@ import numpy as np
 
 from boomctl.analysis.model_norm import CORE_FROM, FEWER
 from boomctl.arrays import Array
-from boomctl.lti.modal import ModalSystem, diagonalized, told_apart
+from boomctl.lti.modal import ModalSystem, diagonalized, spectral_parts
 from boomctl.lti.rounding import ALIKE
 from boomctl.lti.system import Lti, append
 from boomctl.lti.verified_modal_form import in_verified_modal_form
@@ -85,7 +85,7 @@ def _statespace_core(system: Lti, states: int, way: str) -> SystemCore:
     """Return a core of a state-space system; modes too weak to matter are left out of a large one."""
     balanced = system.balanced()
     _ = balanced.eigensystem  # whose eigenvalues tell the parts apart, and whose vectors are their modes
-    parts = told_apart(balanced)
+    parts = spectral_parts(balanced)
     modal, gap = in_verified_modal_form(parts.fast, parts.doubt)
     fast, kept = parts.fast, parts.kept
     if modal is None:
@@ -121,11 +121,11 @@ def structure_core(model: SecondOrderModel, modes: int) -> SystemCore | None:
         if found is None:
             return None
         system, left_out = found
-        told = told_apart(Lti(system.A, system.B @ W_in.T, W_out @ system.C, W_out @ system.D @ W_in.T))
-        modal, gap = in_verified_modal_form(told.fast, told.doubt)
-        fast.append(told.fast)
+        split_off = spectral_parts(Lti(system.A, system.B @ W_in.T, W_out @ system.C, W_out @ system.D @ W_in.T))
+        modal, gap = in_verified_modal_form(split_off.fast, split_off.doubt)
+        fast.append(split_off.fast)
         modals.append(modal)
-        kept.append(told.kept)
+        kept.append(split_off.kept)
         tail = max(tail, left_out + gap)  # the singular values of orthonormal parts are those of the whole
     if not fast:
         return None

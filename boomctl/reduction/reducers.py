@@ -206,7 +206,8 @@ class HankelApproximation(GramianReducer):
         sigma = float(values[r])
         k = int((values[r:] >= sigma * (1.0 - ROOT)).sum())
         dilated = _dilated(balanced, r, k, sigma)
-        stable, antistable = spectral_parts(dilated)
+        parts = spectral_parts(dilated)
+        stable, antistable = parts.fast, parts.kept
         if len(stable.A) != r or len(antistable.A) != n - r - k:
             raise ValueError(
                 f"order {r}: the all-pass dilation has {len(stable.A)} stable poles; Hankel singular values "
@@ -340,7 +341,8 @@ class StrongestModes:
             raise ValueError(f"order = {order}: expected an even number, two states a coordinate, at least {least}")
         chosen = self.ranking[: order // 2]
         smaller = self._projected(chosen)
-        stable, kept = spectral_parts(realize(smaller.structure, smaller.ports).balanced())
+        parts = spectral_parts(realize(smaller.structure, smaller.ports).balanced())
+        stable, kept = parts.fast, parts.kept
         if not _same(self.core.kept, kept):
             raise ReductionError(
                 f"{len(self.core.kept.A)} unstable, undamped or rigid-body states do not come out as they went in "

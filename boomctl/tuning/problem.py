@@ -64,7 +64,7 @@ class ScaledPlant:
         B, C = s.B / states[:, None], s.C * states
         nw, nz = plant.nw, plant.nz
         return cls(
-            _told_apart(s.A * states / states[:, None]),
+            _without_jordan_blocks(s.A * states / states[:, None]),
             B[:, :nw],
             B[:, nw:],
             C[:nz],
@@ -110,7 +110,7 @@ class ScaledPlant:
         return np.block([[self.A, self.B1, self.B2], [self.C1, self.D11, self.D12], [self.C2, self.D21, self.D22]])
 
 
-def _told_apart(A: Array) -> Array:
+def _without_jordan_blocks(A: Array) -> Array:
     """Return a matrix whose equal eigenvalues without eigenvectors of their own, as of weights, are a hair apart.
 
     The search alone uses it: responses are then fast, and off by no more than that hair.

@@ -33,6 +33,9 @@ def _exact_accelerations(dynamics, y, rate, forces):
     return np.linalg.solve(dynamics.mass_matrix(y), given)
 
 
+ATOL = 1e-14  # [m, rad, ...] to which the reference is solved where a state is nearly zero
+
+
 def brute_force(beam, law, disturbance, time, *, sample_time, read, start=None, **options):
     """States at the times, and what the controller was given at each sample.
 
@@ -84,6 +87,6 @@ def brute_force(beam, law, disturbance, time, *, sample_time, read, start=None, 
         def derivative(s, x, control=control):
             return np.concatenate([x[size:], accelerations(beam, x[:size], x[size:], forces(s, control))])
 
-        x = solve_ivp(derivative, (t, events[number + 1]), x, "DOP853", rtol=1e-12, atol=1e-14).y[:, -1]
+        x = solve_ivp(derivative, (t, events[number + 1]), x, "DOP853", rtol=1e-12, atol=ATOL).y[:, -1]
     places = [int(np.abs(events - t).argmin()) for t in time]
     return np.array(states)[places], np.array(given)

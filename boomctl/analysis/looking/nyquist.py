@@ -20,7 +20,7 @@ import numpy as np
 from boomctl.analysis.looking.given import controller_of, looked_at, matrices
 from boomctl.analysis.loops import joined
 from boomctl.analysis.margins import DiskMargin, grid_of_loop, single_disk
-from boomctl.analysis.nyquist import WHOLE, walked
+from boomctl.analysis.nyquist import WHOLE, followed
 from boomctl.arrays import Array
 from boomctl.lti.bilinear import continuous_image, omega_of_image
 from boomctl.lti.frequency import Triangular, smooth_curve, triangular
@@ -274,6 +274,6 @@ def _between(grid: Array, low: float, high: float) -> Array:
 
 def _turned(S: Triangular, place: Callable[[Array], Array], t: Array) -> float:
     """Return by how much the determinant turns along a part of the way [rad]."""
-    _, values = walked(_Way(place, S), t, _LIMIT)
+    _, values = followed(_Way(place, S), t, _LIMIT)
     determinants = values[:, 0, 0]
     return float(np.angle(determinants[1:] / determinants[:-1]).sum())

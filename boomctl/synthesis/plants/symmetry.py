@@ -139,7 +139,7 @@ def split_controller(
     moved = _FELT * _EPS * float(np.linalg.norm(K.A)) / nearest  # share of a gain that is rounding of the poles
     halves, lost = [], np.full((2, len(grid)), np.inf)
     for faint in _FAINT:
-        halves = _told_apart(K, sides, faint)
+        halves = _controllers_of_halves(K, sides, faint)
         for k, half in enumerate(halves):
             found, whole = np.moveaxis(half.response(grid, quiet=True), 2, 0) / units[k], parts[k, k]
             gain = np.maximum(np.abs(whole).max(axis=(1, 2), initial=0.0), _NO_GAIN * size)
@@ -192,7 +192,7 @@ def _around(K: Lti) -> Array:
     return grid
 
 
-def _told_apart(K: Lti, sides: list[_Side], faint: float) -> list[Lti]:
+def _controllers_of_halves(K: Lti, sides: list[_Side], faint: float) -> list[Lti]:
     """Return the controllers of the halves: of each group of poles, the states that a half reaches and sees.
 
     Poles apart are groups of their own.  A group that both halves use, with more states than it has, holds poles that

@@ -377,7 +377,7 @@ class Sum(Structure):
     parts: tuple[Structure, ...]
 
     def free(self, ports: Ports) -> tuple[Free, ...]:
-        return _told_apart([part.free(ports) for part in self.parts])
+        return _uniquely_named([part.free(ports) for part in self.parts])
 
     def system(self, x: Array, ports: Ports) -> SystemJet:
         found, start = static(fixed(np.zeros(ports.shape), len(x))), 0
@@ -432,7 +432,7 @@ class Series(Structure):
 
     def free(self, ports: Ports) -> tuple[Free, ...]:
         behind, before = self._ports(ports)
-        return _told_apart([self.last.free(behind), self.first.free(before)])
+        return _uniquely_named([self.last.free(behind), self.first.free(before)])
 
     def system(self, x: Array, ports: Ports) -> SystemJet:
         behind, before = self._ports(ports)
@@ -478,7 +478,7 @@ class Decentralised(Structure):
     def free(self, ports: Ports) -> tuple[Free, ...]:
         own = self._own(ports)
         found = [part.free(own.part(rows, columns)) for rows, columns, part in self._loops(ports)]
-        return found[0] if self.shared else _told_apart(found)
+        return found[0] if self.shared else _uniquely_named(found)
 
     def system(self, x: Array, ports: Ports) -> SystemJet:
         found, start, own = static(fixed(np.zeros(ports.shape), len(x))), 0, self._own(ports)
@@ -491,7 +491,7 @@ class Decentralised(Structure):
         return found
 
 
-def _told_apart(groups: list[tuple[Free, ...]]) -> tuple[Free, ...]:
+def _uniquely_named(groups: list[tuple[Free, ...]]) -> tuple[Free, ...]:
     """Return free numbers of several parts; names that come twice get the number of their part."""
     names = [free.name for group in groups for free in group]
     found = []

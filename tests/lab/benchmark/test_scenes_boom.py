@@ -1,5 +1,6 @@
 """The scenes of run time against error: references against other references, what settings say they write, plain codes."""
 
+import inspect
 from math import inf
 
 import numpy as np
@@ -138,8 +139,13 @@ def test_what_settings_of_sigma_say_to_write_gives_their_answer():
 
 def scene_omega(scene):
     """Return the frequencies of the scene of sigma, which its settings close over."""
-    cold = scene.settings[0].cold
-    return next(cell.cell_contents for cell in cold.__closure__ if isinstance(cell.cell_contents, np.ndarray))
+
+    def held(function):
+        for cell in function.__closure__ or ():
+            value = cell.cell_contents
+            yield from [value] if isinstance(value, np.ndarray) else held(value) if inspect.isfunction(value) else ()
+
+    return next(held(scene.settings[0].cold))
 
 
 @pytest.mark.slow  # references, and others' programs
