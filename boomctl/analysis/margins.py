@@ -52,6 +52,8 @@ if TYPE_CHECKING:
     from boomctl.structure.model import SecondOrderModel
 
 _COSTLY = 10.0 ** (-3.0 / 20.0)  # share of a disk margin that sampling must leave: 3 dB (a choice)
+_FAINTEST = 1e-9  # of L = 1 - 1/S: a factor above 1e9 or below 1e-9 is none
+_AT_ONE = 1e-6  # distance from a gain of one within which a Hamiltonian eigenvalue is a crossing, not another level's
 # share of its size that the imaginary part of a real value may have, at a crossing found by its sign: a resonance so narrow
 # that the last digit of a frequency turns it by more is not told from a pole on the axis
 _REAL = 1e-3
@@ -674,7 +676,7 @@ def _gain_limits(
         crossings = crossings[(np.abs(crossings[:, None] - np.abs(undamped.imag)) > doubt).all(axis=1)]
     low, high = (0.0, float("nan")), (inf, float("nan"))
     found = [(1.0 / float(x.real), w) for w in crossings if _positive(x := response(np.array([w]))[0])]
-    if ALIKE < D < inf:
+    if _FAINTEST < D < inf:
         found.append((1.0 / D, inf))
     for factor, omega in found:
         if factor > 1.0 and factor < high[0]:
@@ -686,7 +688,8 @@ def _gain_limits(
 
 def _positive(value: complex) -> bool:
     """Return whether a value is a positive real number, not the other side of a pole, and not rounding."""
-    return bool(np.isfinite(value)) and ALIKE < value.real < 1.0 / ALIKE and abs(value.imag) < _REAL * abs(value)
+    between = _FAINTEST < value.real < 1.0 / _FAINTEST
+    return bool(np.isfinite(value)) and between and abs(value.imag) < _REAL * abs(value)
 
 
 def _phase_limits(
@@ -710,8 +713,8 @@ def _phase_limits(
             delays.append((float(np.angle(D) % (2.0 * np.pi)) * dt / np.pi, np.pi / dt))
     elif L is not None and len(L.A):
         extra = [float(w) for w in axis_eigenvalues(L, 1.0)]
-        close = [w for w in extra if abs(abs(response(np.array([w]))[0]) - 1.0) < LEVEL]
-        crossings += [w for w in close if not _at_rest(response, w, LEVEL)]
+        close = [w for w in extra if abs(abs(response(np.array([w]))[0]) - 1.0) < _AT_ONE]
+        crossings += [w for w in close if not _at_rest(response, w, _AT_ONE)]
     for omega in crossings:
         angle = float(np.angle(response(np.array([omega]))[0]))
         if abs(angle) < np.radians(phase[0]):

@@ -36,7 +36,7 @@ _FAR = 8.0  # decades over which the controller's gain is looked at, where a bou
 _SAFE = 1.1  # by how much that gain is taken to be larger than what was seen (a choice)
 _WIDER = 1.5  # by how much the search goes on from a frequency where the gain is still large (a choice)
 _TRIES = 60  # times: ten decades
-WHOLE = 1e-2  # distance from a whole number of windings that is rounding, and what is left beyond the end (a choice)
+_WHOLE = 1e-3  # distance from a whole number of windings that is rounding: what is beyond the end is added (a choice)
 
 
 @dataclass(frozen=True)
@@ -204,7 +204,7 @@ def exact_loop_stability(
     rest = float(np.angle(np.linalg.eigvals(values[-1])).sum())
     windings = (turned - rest) / np.pi
     count = round(windings)
-    if abs(windings - count) > WHOLE:
+    if abs(windings - count) > _WHOLE:
         raise ArithmeticError(f"the loop winds {windings:.4f} times about zero, not a whole number of times")
     unstable = int((side > 0).sum())
     if unstable - count < 0:

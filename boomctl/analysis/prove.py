@@ -198,6 +198,7 @@ def _norm_shown(claim: Claim, exact: "Exact", low: float, high: float, omega: fl
     if high == inf:
         lowest, highest, _ = exact.norm(guess)
         return f"norm between {lowest:.9g} and {highest:.9g} as stored, where the result vouches for no upper bound"
+    # a bound is the rounded result of a few operations, and is given so much way
     inside = 0.5 * (band[0] + band[1]) if band[1] < inf else band[0] + 1.0
     places, stays = exact.crossings(max(high * (1.0 + SUMMED), _LEAST), inside)
     reached = [float(x) for x in places if band[0] < float(x) < band[1]]

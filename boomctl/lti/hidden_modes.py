@@ -13,10 +13,11 @@ from scipy import linalg
 
 from boomctl.arrays import Array
 from boomctl.lti.modal import side_of_axis, sides
-from boomctl.lti.rounding import ALIKE, DIGIT, EPS, SUMMED
+from boomctl.lti.rounding import DIGIT, EPS, SUMMED
 from boomctl.lti.system import SLOWEST, balance, rates_of
 
 _FARTHEST = 1e-6  # of the norm of the matrix: no pole is in more doubt than that, however ill-conditioned (a choice)
+_WEAK = 1e-9  # cosine between a mode and the columns of B up to which they do not reach it (a choice above rounding)
 # share of the largest singular value below which eigenvectors of a cluster add no direction (a choice)
 _PARALLEL = 1e-6
 _PASSED = (
@@ -92,9 +93,9 @@ def unmoved(
             basis.shape[1]
         )  # to one another, as a place to a speed
         rounding = _PASSED * (2.0 * doubt[cluster].max() + SUMMED * abs(pole))
-        passed *= ALIKE / max(rounding, float(np.finfo(float).tiny))
+        passed *= _WEAK / max(rounding, float(np.finfo(float).tiny))
         directions, cosines, _ = linalg.svd(np.hstack([basis.conj().T @ acting, passed]))
-        for k in np.flatnonzero(cosines <= ALIKE):
+        for k in np.flatnonzero(cosines <= _WEAK):
             shape = basis @ directions[:, k]
             if dt != 0.0:
                 pole = complex(rates_of(np.array([pole if abs(pole) > EPS else EPS]), dt)[0])

@@ -43,6 +43,7 @@ def side_of_axis(poles: Array, doubt: Array | float = 0.0) -> Array:
     fastest = size.max(initial=0.0)
     margin = np.maximum(UNDAMPED * size, doubt)
     side = np.zeros(len(poles), dtype=int)
+    # a pole may be rounding of one at zero, and rounding may have moved one to the right
     side[(poles.real < -margin) & (size > DIGIT * fastest)] = -1
     side[poles.real > np.maximum(margin, SOLVED * fastest)] = 1
     return side
@@ -139,7 +140,7 @@ def diagonalized(system: Lti) -> ModalSystem | None:
     if np.linalg.cond(V) > _CONDITION:
         return None
     residual = np.abs(system.A @ V - V * poles).max()
-    if residual > ALIKE * np.abs(system.A).max():
+    if residual > ALIKE * np.abs(system.A).max():  # these are no eigenvectors
         return None
     B, C = np.linalg.solve(V, system.B.astype(complex)), system.C @ V
     reads, acts = np.linalg.norm(C, axis=0), np.linalg.norm(B, axis=1)

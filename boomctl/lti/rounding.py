@@ -7,12 +7,10 @@ the terms of a sum.  A number that a proof needs and that holds for one computat
 import numpy as np
 
 EPS = float(np.finfo(float).eps)  # the unit of rounding: distance of one from the next number
-DIGIT = (
-    4.0 * EPS
-)  # of a few operations, of their result; of a solver, of the norm of its matrix (measured: below one unit)
-CANCELLED = (
-    8.0 * EPS
-)  # of the terms of a sum or product of entries given, up to which it is what their last places leave
+# of a few operations, of their result; of a solver, of the norm of its matrix (measured: below one unit)
+DIGIT = 4.0 * EPS
+# of the terms of a sum or product of entries given, up to which it is what their last places leave
+CANCELLED = 8.0 * EPS
 SOLVED = 1e-13  # of the largest number of a problem, what a chain of decompositions may leave: 500 units (a choice)
 SUMMED = 1e-12  # of its terms, up to which an entry of products of whole matrices is rounding: some 1e4 units
 ALIKE = 1e-9  # of its size, up to which a number from data or an assembly is another one: far above rounding (a choice)

@@ -140,7 +140,7 @@ def _compliances(model: SecondOrderModel, V: Array, lowest: float, columns: tupl
 def damping_between(C_V: Array, loaded: Array) -> Array | None:
     """Return ``loaded^T C_V^-1 loaded``, or None where the kept modes do not dissipate what is loaded."""
     values, X = linalg.eigh(C_V)
-    good = values > SUMMED * max(values[-1], 0.0)
+    good = values > SUMMED * max(values[-1], 0.0)  # what dissipates; the rest must not be loaded but for rounding
     seen = X.T @ loaded
     if np.abs(seen[~good]).max(initial=0.0) > ALIKE * np.abs(seen).max(initial=0.0):
         return None

@@ -39,8 +39,10 @@ from boomctl.reduction.result import ReductionError
 
 Band = tuple[float, float]
 
-# How far above the largest value found, or what counts as rounding where that is more, a level is tried
-_ABOVE = (1.0 + LEVEL, 1.001, 2.0, 10.0, 100.0, 1000.0)
+# Times the largest value found at which a level is tried, and times the size below which errors are rounding: where rounding
+# hides the nearer levels, the error is stated so much more coarsely, or not at all (choices)
+_ABOVE = (1.0 + LEVEL, 1.001, 1.1, 2.0)
+_ABOVE_ROUNDING = (1.0, 10.0, 100.0, 1000.0)
 START = 1e-6  # where the grid of a band from zero begins, relative to its end (a choice)
 _LARGE = 100  # states beyond which a Schur form, once made, answers faster than solving (measured: ten times at 480)
 SLACK = 1e-3  # share by which an error may exceed its bound, or one found otherwise, for rounding on the way (a choice)
@@ -168,7 +170,8 @@ def verified_norm(
 
 def _levels(peak: float, floor: float) -> list[float]:
     """Return the levels that are tried above the largest value found, in this order: the closest that rounding allows."""
-    return [factor * max(peak, floor) for factor in _ABOVE]
+    levels = {max(factor * peak, floor) for factor in _ABOVE} | {factor * floor for factor in _ABOVE_ROUNDING}
+    return sorted(level for level in levels if level > peak)
 
 
 def peak_in_band(poles: Array, respond: Response, band: Band) -> tuple[float, float]:

@@ -20,7 +20,7 @@ import numpy as np
 from boomctl.analysis.looking.given import controller_of, looked_at, matrices
 from boomctl.analysis.loops import joined
 from boomctl.analysis.margins import DiskMargin, grid_of_loop, single_disk
-from boomctl.analysis.nyquist import WHOLE, followed
+from boomctl.analysis.nyquist import followed
 from boomctl.arrays import Array
 from boomctl.lti.bilinear import continuous_image, omega_of_image
 from boomctl.lti.frequency import Triangular, smooth_curve, triangular
@@ -37,6 +37,7 @@ if TYPE_CHECKING:
 _FAR = 1e4  # how far beyond the fastest pole the curve is followed: what is left turns by less than a thousandth each
 _DETOUR = 0.1  # of the distance from a pole on the axis to the next one, the radius of the way round it (a choice)
 _ON_ARC = 33  # places on the way round a pole to begin with: steps of less than 6 degrees (a choice)
+_WHOLE = 1e-2  # distance from a whole number of windings that is rounding and what is left beyond the end (a choice)
 _STATIC = 1.0  # [rad/s], where a loop without dynamics is asked: its response is the same everywhere
 _LIMIT = 200_000  # frequencies that one way may take: as many as of a loop around an exact boom
 
@@ -262,7 +263,7 @@ def _windings(image: Lti, opened: Lti, S: Triangular, grid: Array) -> tuple[int,
     turned += float(np.angle(1.0 / np.linalg.det(S.D) / at_end))
     windings = turned / np.pi
     turns = round(windings)
-    if abs(windings - turns) > WHOLE:
+    if abs(windings - turns) > _WHOLE:
         raise ArithmeticError(f"the loop winds {windings:.4f} times about -1, not a whole number of times")
     return turns, int(((side > 0) & ~at_zero).sum())
 
