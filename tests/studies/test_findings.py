@@ -1,6 +1,7 @@
 """What was found of a design is told the same everywhere: terminal, notebook, numbers, report."""
 
 import json
+from dataclasses import replace
 from html import escape
 
 import control
@@ -8,9 +9,12 @@ import numpy as np
 import pytest
 
 import boomctl as bc
+from boomctl.analysis import NormCertificate
 from boomctl.files import plain
 from boomctl.structure import SecondOrderModel
 from boomctl.studies.findings import Finding, finite, numbers, picked, scalars, tabled, words
+from boomctl.studies.suspension.assurance import told_margins
+from boomctl.studies.suspension.performance import _peak
 
 
 @pytest.fixture(scope="module")
@@ -61,3 +65,19 @@ def test_what_is_not_finite_is_none_however_deep():
         "a": [1.0, None],
         "b": [None, "x", True],
     }
+
+
+def test_what_is_not_certified_is_not_said_to_be():
+    """Of a suspension whose peaks, and whose disk margin, could not be shown to be as large as that."""
+    norm = NormCertificate(2.0, np.inf, 1.0, "not told")
+    assert [_peak("certified peak", each, "peak").text for each in (norm, replace(norm, upper=2.0))] == [
+        "2.000, NOT certified",
+        "2.000",
+    ]
+    plant = SecondOrderModel([[1.0]], [[0.02]], [[4.0]], {"force": [1.0]}, {"position": [1.0]})
+    damper = control.ss(-20.0, 20.0, 40.0, -40.0, inputs="position", outputs="force")
+    true = bc.margins(plant, damper)
+    doubted = replace(true, loops=tuple(replace(loop, disk=replace(loop.disk, certified=False)) for loop in true.loops))
+    said = [told_margins(found) for found in (true, doubted)]
+    assert [each.proved for each in said] == [True, None]
+    assert [each.text.rpartition("(")[2] for each in said] == ["certified)", "NOT certified)"]

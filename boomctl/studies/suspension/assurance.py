@@ -16,7 +16,7 @@ import numpy as np
 from boomctl.analysis.box.robustness import RobustStability, robust_stability
 from boomctl.analysis.box.worst_case import worst_case
 from boomctl.analysis.loops import closed_loop_response
-from boomctl.analysis.margins import SamplingCostsMarginWarning, margins
+from boomctl.analysis.margins import Margins, SamplingCostsMarginWarning, margins
 from boomctl.analysis.nyquist import exact_loop_stability
 from boomctl.analysis.sigma import SigmaResult, sigma
 from boomctl.arrays import Array
@@ -240,14 +240,19 @@ def _controllers(model: SecondOrderModel, K: control.StateSpace | None) -> dict[
 def _margins(plant: SecondOrderModel, K: control.StateSpace, delay: float) -> Finding:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", SamplingCostsMarginWarning)  # margins are reported: what they were is not asked
-        found = margins(plant, K, delay=delay)
+        return told_margins(margins(plant, K, delay=delay))
+
+
+def told_margins(found: Margins) -> Finding:
+    """Return the margins of the first loop as they are told."""
     loop = found.loops[0]
     upwards = f"gain from {loop.gain_low:.2g} times upwards"
     gains = f"gain from {loop.gain_low:.2g} to {loop.gain_high:.3g} times" if loop.gain_high < inf else upwards
     phase = f"phase {loop.phase_deg:.0f} degrees" if loop.phase_deg < inf else "any phase"
     late = f"delay {1e3 * loop.delay:.0f} ms" if loop.delay < inf else "any delay"
-    text = f"{gains}, {phase}, {late}; disk margin {loop.disk.alpha:.2f} (certified)"
-    return Finding("margins at the actuator", found, proved=True, text=text)
+    certified = "certified" if loop.disk.certified else "NOT certified"
+    text = f"{gains}, {phase}, {late}; disk margin {loop.disk.alpha:.2f} ({certified})"
+    return Finding("margins at the actuator", found, proved=loop.disk.certified or None, text=text)
 
 
 def _over_the_box(

@@ -192,9 +192,10 @@ class SuspensionResult(Judged):
     def verdict(self) -> str:
         """The result in a sentence."""
         a, b, scene = self.active, self.passive, self.scene
+        peak = "Certified peak" if a.sigma.certified and b.sigma.certified else "Peak, NOT certified,"
         held = "within" if self.within_limits else "NOT within"
         return (
-            f"Certified peak from {b.sigma.peak:.4g} to {a.sigma.peak:.4g} (the yaw by {self.yaw_reduction_db:.1f} dB),"
+            f"{peak} from {b.sigma.peak:.4g} to {a.sigma.peak:.4g} (the yaw by {self.yaw_reduction_db:.1f} dB),"
             f" deposit CV from {100 * b.spray.cv:.2f} to {100 * a.spray.cv:.2f} %, {held} the limits of"
             f" ±{1e3 * scene.stroke_limit:g} mm and {scene.force_limit:g} N."
         )
