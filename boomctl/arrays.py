@@ -1,5 +1,6 @@
 """Names for the kinds of arrays that signatures speak of, and where matrices become sparse."""
 
+from collections.abc import Sequence
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -27,3 +28,26 @@ def combined(lines: Matrix, T: Matrix) -> Matrix:
     if isinstance(product, np.ndarray):
         return np.where(np.abs(product) > ROUNDED * terms, product, 0.0)
     return product.multiply(abs(product) > ROUNDED * terms).tocsr()
+
+
+def blocks(rows: Sequence[Sequence[Array]]) -> Array:
+    """Return the matrix of these blocks, each of them a matrix: what ``numpy.block`` does, in a tenth of its calls."""
+    return np.concatenate([np.concatenate(row, axis=1) for row in rows])
+
+
+def balance(matrix: Array) -> tuple[Array, Array]:
+    """Return a real matrix whose rows and columns have like sizes, and the scales of its coordinates, powers of two.
+
+    Raises
+    ------
+    ValueError
+        The matrix is not finite.
+    """
+    from scipy.linalg import lapack
+
+    if not len(matrix):
+        return matrix, np.ones(0)
+    if not np.isfinite(matrix).all():
+        raise ValueError("a matrix that is not finite cannot be balanced")
+    balanced, _, _, scale, _ = lapack.dgebal(matrix, scale=True, permute=False)
+    return balanced, scale

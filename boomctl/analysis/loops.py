@@ -242,12 +242,12 @@ def closed_loop_response(
 
     data = named_response(plant, omega)
     K = of(controller, "controller", "StateSpace").balanced()
-    grid, G = np.asarray(data.omega, dtype=float), np.moveaxis(np.asarray(data.frdata), 2, 0)
+    grid, G = np.asarray(data.omega, dtype=float), np.asarray(data.frdata).transpose(2, 0, 1)
     acting, measured = signals_of(K, data.input_labels, data.output_labels)
     others = [i for i in range(data.ninputs) if i not in acting]
     if not others:
         raise ValueError("the controller drives every input of the plant, and nothing drives the loop")
-    Kw = np.moveaxis(K.response(grid), 2, 0)
+    Kw = K.response(grid).transpose(2, 0, 1)
     loop = np.eye(len(acting)) - Kw @ G[:, measured][:, :, acting]
     try:
         u = np.linalg.solve(loop, Kw @ G[:, measured][:, :, others])
@@ -255,7 +255,7 @@ def closed_loop_response(
         raise ValueError("the loop has a pole at one of the frequencies asked for") from None
     z = G[:, :, others] + G[:, :, acting] @ u
     return control.frd(
-        np.moveaxis(np.concatenate([z, u], axis=1), 0, 2),
+        np.concatenate([z, u], axis=1).transpose(1, 2, 0),
         grid,
         inputs=[data.input_labels[i] for i in others],
         outputs=[*data.output_labels, *K.outputs],

@@ -25,7 +25,7 @@ from boomctl.analysis.marginal_poles import MarginalPoles, marginal_poles
 from boomctl.analysis.norm import axis_eigenvalues, matrices_norm
 from boomctl.analysis.prove import Claim
 from boomctl.analysis.sampled_loops.further_delay import FurtherDelay
-from boomctl.arrays import Array
+from boomctl.arrays import Array, blocks
 from boomctl.checks import known
 from boomctl.lti.bilinear import continuous_image, omega_of_image
 from boomctl.lti.frequency import (
@@ -523,7 +523,7 @@ def _least(G: Array, start: Array) -> tuple[Array, float]:
 def _slope(log: Array, G: Array) -> tuple[float, Array]:
     """Return the largest singular value of a scaled response, and how it grows with the scaling's logarithm."""
     d = np.exp(np.append(log, 0.0))
-    U, values, Vh = np.linalg.svd(np.moveaxis(d[:, None, None] * G / d[None, :, None], 2, 0))
+    U, values, Vh = np.linalg.svd((d[:, None, None] * G / d[None, :, None]).transpose(2, 0, 1))
     k = int(np.argmax(values[:, 0]))
     return float(values[k, 0]), values[k, 0] * (np.abs(U[k, :, 0]) ** 2 - np.abs(Vh[k, 0]) ** 2)[:-1]
 
@@ -556,7 +556,7 @@ def _zeros(system: Lti) -> Array:
     """Return the finite transmission zeros of a system of one input and one output; of others none."""
     if system.D.shape != (1, 1):
         return np.zeros(0, complex)
-    pencil = np.block([[system.A, system.B], [system.C, system.D]])
+    pencil = blocks([[system.A, system.B], [system.C, system.D]])
     found = linalg.eigvals(pencil, np.diag(np.append(np.ones(len(system.A)), 0.0)))
     return found[np.isfinite(found)]
 

@@ -119,6 +119,11 @@ class SplitModel:
         """The band of each part that is not taken whole; None of one that is, or has no real modes."""
         return tuple(_Band.of(part) if part.n >= CORE_FROM else None for part in self.parts)
 
+    @cached_property
+    def realised(self) -> tuple["_Realised", ...]:
+        """The state spaces of small parts."""
+        return tuple(_Realised.of(part) for part in self.parts)
+
     @classmethod
     def of(cls, model: SecondOrderModel) -> "SplitModel":
         """Return a model with its parts; a half without inputs or outputs is none."""
@@ -150,9 +155,11 @@ class SplitModel:
         if shown is None:
             return Resonances.of(first_order_poles(dense(self.model.M), dense(self.model.C), dense(self.model.K)), high)
         low, top = shown[0], ABOVE * shown[1] if high is None else high
-        found = (_poles(part, band, top) for part, band in zip(self.parts, self.bands, strict=True))
-        poles = [np.zeros(0, complex), *found]
-        return Resonances(np.concatenate(poles), BELOW * low, top)
+        if "realised" in self.__dict__ and not any(part.wide for part in self.realised):
+            found = [_upper(part.system.poles, top) for part in self.realised]  # the norm was asked for before
+        else:
+            found = [_poles(part, band, top) for part, band in zip(self.parts, self.bands, strict=True)]
+        return Resonances(np.concatenate([np.zeros(0, complex), *found]), BELOW * low, top)
 
     def norm(self) -> NormCertificate:
         """Return the certified H-infinity norm; infinite with undamped or integrating modes.
@@ -166,7 +173,7 @@ class SplitModel:
             return NormCertificate(0.0, 0.0, 0.0, "no response", ("halves",))
         small = len(self.parts) > 1 and all(part.n < CORE_FROM for part in self.parts)
         if small:
-            found = _norms_of_small(self.parts)
+            found = _norms_of_small(self.parts, self.realised)
         else:
             found = [_part_norm(part, band) for part, band in zip(self.parts, self.bands, strict=True)]
         largest, widest = max(found, key=lambda norm: norm.lower), max(found, key=lambda norm: norm.upper)
@@ -221,6 +228,10 @@ def _poles(part: SecondOrderModel, band: _Band | None, top: float) -> Array:
         poles = small.strain_form.poles()
     else:
         poles = first_order_poles(dense(small.M), dense(small.C), dense(small.K))
+    return _upper(poles, top)
+
+
+def _upper(poles: Array, top: float) -> Array:
     return poles[(poles.imag >= 0.0) & (np.abs(poles) <= top)]
 
 
@@ -298,9 +309,8 @@ class _Realised:
         return level_shows(self.system, level, self.guess[1]) and not len(axis_eigenvalues(self.system, level))
 
 
-def _norms_of_small(parts: tuple[SecondOrderModel, ...]) -> list[NormCertificate]:
+def _norms_of_small(parts: tuple[SecondOrderModel, ...], systems: tuple["_Realised", ...]) -> list[NormCertificate]:
     """Return the norms of small parts; of one proved to stay below another's norm, the other's bound alone."""
-    systems = [_Realised.of(part) for part in parts]
     if any(system.wide for system in systems):
         return [_part_norm(part, None) for part in parts]
     order = sorted(range(len(parts)), key=lambda i: -systems[i].guess[0])

@@ -20,7 +20,7 @@ from scipy import linalg
 
 from boomctl.analysis.marginal_poles import MarginalPoles, marginal_poles
 from boomctl.analysis.prove import Claim
-from boomctl.arrays import Array
+from boomctl.arrays import Array, balance, blocks
 from boomctl.lti.bilinear import continuous_image, omega_of_image
 from boomctl.lti.frequency import RAISED, Resonances, Response, largest_gain, resonance_grid, singular_values
 from boomctl.lti.rounding import CERTIFIED, DIGIT, EPS, LEVEL, SUMMED
@@ -263,7 +263,7 @@ def _responses(given: System, omega: Array) -> tuple[Array, Array]:
         except np.linalg.LinAlgError:
             continue
         with np.errstate(invalid="ignore", over="ignore"):  # at a pole: what is not finite is doubtful altogether
-            G[:, :, few] = np.moveaxis(system.C @ acting + system.D, 0, 2)
+            G[:, :, few] = (system.C @ acting + system.D).transpose(1, 2, 0)
             states = np.abs(acting)
             off = DIGIT * (size.A @ states + size.B) + np.abs(system.B - pencil @ acting)
             off = reading.transpose(0, 2, 1) @ off + DIGIT * (size.C @ states + size.D)
@@ -298,10 +298,8 @@ def hamiltonian_matrix(system: Lti, level: float) -> tuple[Array, Array]:
     if D.any():
         R, S = np.eye(D.shape[1]) - D.T @ D, np.eye(D.shape[0]) - D @ D.T
         shifted, acting, reading = A + B @ np.linalg.solve(R, D.T @ C), np.linalg.solve(R, B.T), np.linalg.solve(S, C)
-    H = np.block([[shifted, B @ acting], [-C.T @ reading, -shifted.T]])
-    with np.errstate(invalid="ignore"):  # scipy casts what may be large scales to permutations, which are not used
-        H, (scale, _) = linalg.matrix_balance(H, permute=False, separate=True)
-    return H, np.asarray(scale)
+    H = blocks([[shifted, B @ acting], [-C.T @ reading, -shifted.T]])
+    return balance(H)
 
 
 def level_shows(system: Lti, level: float, omega: float, hamiltonian: tuple[Array, Array] | None = None) -> bool:
@@ -341,7 +339,7 @@ def near_axis(H: Array) -> tuple[Array, Array]:
     Where two crossings have nearly met, rounding moves their eigenvalues off the axis by its root and more: what lies near
     is worth a look.
     """
-    values = linalg.eigvals(H)
+    values = np.linalg.eigvals(H)
     noise = _ROUNDING * np.linalg.norm(H) + SUMMED * np.abs(values)
     upper = values.imag >= 0.0
     close = upper & (np.abs(values.real) <= noise)

@@ -119,7 +119,7 @@ class _LoopGain:
         data = named_response(self.plant, omega)
         i, o = signals_of(self.controller, data.input_labels, data.output_labels)
         G = np.asarray(data.frdata)[np.ix_(o, i)]
-        return np.moveaxis(G, 2, 0), np.moveaxis(self.controller.response(omega), 2, 0)
+        return G.transpose(2, 0, 1), self.controller.response(omega).transpose(2, 0, 1)
 
     def difference(self, omega: Array) -> Array:
         """Return ``I - G K``."""
@@ -129,7 +129,7 @@ class _LoopGain:
     def size(self, omega: Array) -> Array:
         """Return the largest singular value of ``K G``, whose units are those of the controls."""
         G, K = self.parts(omega)
-        return np.min([singular_values(np.moveaxis(L, 0, 2))[0] for L in (K @ G, G @ K)], axis=0)
+        return np.min([singular_values(L.transpose(1, 2, 0))[0] for L in (K @ G, G @ K)], axis=0)
 
 
 def exact_loop_stability(
@@ -209,7 +209,7 @@ def exact_loop_stability(
     unstable = int((side > 0).sum())
     if unstable - count < 0:
         raise ArithmeticError(f"{count} encirclements with {unstable} unstable poles: the plant itself is not stable")
-    least = singular_values(np.moveaxis(values, 0, 2))[-1]
+    least = singular_values(values.transpose(1, 2, 0))[-1]
     best = int(np.argmin(least))
     return ExactLoopStability(
         stable=count == unstable,

@@ -228,11 +228,10 @@ def sigma(
         values = _finite(asked, given.singular_values(asked))
         return SigmaResult(asked, values, chosen.inputs, chosen.outputs, given, unit)
     with computing("singular values"):
-        tell("resonances")
-        found = given.resonances()
         tell("certified peak")
         certificate = given.norm()
-        grid = drawn_grid(found, [certificate.omega])
+        tell("resonances")
+        grid = drawn_grid(given.resonances(), [certificate.omega])
         tell(f"{len(grid)} frequencies")
         values = _finite(grid, given.singular_values(grid, quiet=True))
     return SigmaResult(grid, values, chosen.inputs, chosen.outputs, certificate)

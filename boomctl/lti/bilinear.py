@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import linalg
 
-from boomctl.arrays import Array
+from boomctl.arrays import Array, balance
 from boomctl.lti.rounding import DIGIT, SUMMED
-from boomctl.lti.system import Lti, balance
+from boomctl.lti.system import Lti
 
 # share of the largest singular value of A + 1 (of 1 - A/g) below which a pole lies at z = -1 (at w = g) but for rounding
 _SINGULAR = 1e-15

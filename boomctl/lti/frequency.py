@@ -68,7 +68,7 @@ def singular_values(G: Array) -> Array:
     if min(p, m) == 1:
         return np.sqrt((G.real**2 + G.imag**2).sum(axis=(0, 1)))[None, :]
     if (p, m) != (2, 2):
-        return np.linalg.svd(np.moveaxis(G, 2, 0), compute_uv=False).T
+        return np.linalg.svd(G.transpose(2, 0, 1), compute_uv=False).T
     total = (G.real**2 + G.imag**2).sum(axis=(0, 1))
     product = np.abs(G[0, 0] * G[1, 1] - G[0, 1] * G[1, 0])
     gap = total - 2.0 * product
@@ -77,7 +77,7 @@ def singular_values(G: Array) -> Array:
         values = np.array([first, np.where(first > 0.0, product / first, 0.0)])
     near = gap < _NEARLY_EQUAL * total
     if near.any():
-        values[:, near] = np.linalg.svd(np.moveaxis(G[:, :, near], 2, 0), compute_uv=False).T
+        values[:, near] = np.linalg.svd(G[:, :, near].transpose(2, 0, 1), compute_uv=False).T
     return values
 
 

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import linalg
 
-from boomctl.arrays import Array
+from boomctl.arrays import Array, balance
 from boomctl.lti.modal import side_of_axis, sides
 from boomctl.lti.rounding import DIGIT, EPS, SUMMED
-from boomctl.lti.system import SLOWEST, balance, rates_of
+from boomctl.lti.system import SLOWEST, rates_of
 
 _FARTHEST = 1e-6  # of the norm of the matrix: no pole is in more doubt than that, however ill-conditioned (a choice)
 _WEAK = 1e-9  # cosine between a mode and the columns of B up to which they do not reach it (a choice above rounding)

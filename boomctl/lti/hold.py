@@ -201,7 +201,7 @@ class Lifted:
         """Return the blocks of a recursion."""
         seen, power = observability(Phi, C, size)
         reached = observability(Phi.T, G.T, size)[0][::-1]
-        answers = np.moveaxis(seen[:-1] @ G, 0, 2)
+        answers = (seen[:-1] @ G).transpose(1, 2, 0)
         return cls(size, seen, power, reached, np.concatenate([D[:, :, None], answers], axis=2))
 
     def columns(self, U: Array) -> Array:

@@ -26,7 +26,7 @@ import flint
 import numpy as np
 from flint import acb, arb, arb_mat, fmpq, fmpq_mat, fmpq_poly
 
-from boomctl.arrays import Array
+from boomctl.arrays import Array, blocks
 from boomctl.lti.bilinear import image_of_omega, omega_of_image
 from boomctl.lti.frequency import RAISED
 from boomctl.lti.rounding import LEVEL
@@ -78,7 +78,7 @@ class Exact:
             M = closed(plant, K, np.array(_matrix(once).inv().tolist()).reshape(once.shape))
         if minus is not None:
             other, corner = _rational(minus), np.zeros((len(M.A), len(minus.A)), int)
-            A = np.block([[M.A, corner], [corner.T, other.A]])
+            A = blocks([[M.A, corner], [corner.T, other.A]])
             M = replace(M, A=A, B=np.vstack([M.B, other.B]), C=np.hstack([M.C, -other.C]), D=M.D - other.D)
         return cls(_matrix(M.A), _matrix(M.B), _matrix(M.C), _matrix(M.D), M.dt, perf_counter() + seconds)
 

@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from boomctl.arrays import Array
+from boomctl.arrays import Array, balance
 from boomctl.checks import exactly, names, nonnegative, positive
 from boomctl.lti.hold import changing, zero_order_hold
-from boomctl.lti.system import Lti, balance, of
+from boomctl.lti.system import Lti, of
 
 if TYPE_CHECKING:
     import control
@@ -259,7 +259,7 @@ def sampled_plant(
     Lti
         In discrete time, inputs and outputs as the plant's.  Outputs are those just before the controls change.
     """
-    scale = balance(plant.A)[1] if len(plant.A) else np.ones(0)
+    scale = balance(plant.A)[1]
     scaled = replace(plant, A=plant.A * scale / scale[:, None], B=plant.B / scale[:, None], C=plant.C * scale)
     held = Held.of(scaled, acting, [whole_samples(delay, dt) for delay in delays])
     found = held.sampled(plant.dt or dt)

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias, TypeGuard
 import numpy as np
 from scipy import linalg
 
-from boomctl.arrays import Array
+from boomctl.arrays import Array, balance, blocks
 from boomctl.checks import names
 from boomctl.lti.rounding import ALIKE, SUMMED
 from boomctl.lti.transfer_functions import realized
@@ -84,8 +84,6 @@ class Lti:
 
     def balanced(self) -> "Lti":
         """Return the system with states scaled by powers of two, so that rows and columns of ``A`` have like sizes."""
-        if not len(self.A):
-            return self
         A, scale = balance(self.A)
         return replace(self, A=A, B=self.B / scale[:, None], C=self.C * scale[None, :])
 
@@ -94,7 +92,7 @@ class Lti:
         """Eigenvalues of ``A`` [rad/s]; in discrete time without a unit."""
         if "eigensystem" in self.__dict__:
             return self.eigensystem[0]
-        return linalg.eigvals(self.A) if len(self.A) else np.zeros(0, complex)
+        return np.linalg.eigvals(self.A).astype(complex) if len(self.A) else np.zeros(0, complex)
 
     @cached_property
     def eigensystem(self) -> tuple[Array, Array, Array]:
@@ -124,7 +122,7 @@ class Lti:
         step = max(1, BATCH // max(len(self.A), 1) ** 2)
         for i in range(0, len(omega), step):
             states[i : i + step] = self._resolvent(omega[i : i + step], quiet)
-        return np.moveaxis(self.C @ states + self.D, 0, 2)
+        return (self.C @ states + self.D).transpose(1, 2, 0)
 
     def _resolvent(self, omega: Array, quiet: bool) -> Array:
         pencil, places = np.tile(-self.A.astype(complex), (len(omega), 1, 1)), np.arange(len(self.A))
@@ -208,7 +206,7 @@ def append(first: Lti, *others: Lti) -> Lti:
 def series(first: Lti, second: Lti) -> Lti:
     """Return ``second`` driven by the outputs of ``first``, in their order; the states of ``first`` come first."""
     corner = np.zeros((len(first.A), len(second.A)))
-    A = np.block([[first.A, corner], [second.B @ first.C, second.A]])
+    A = blocks([[first.A, corner], [second.B @ first.C, second.A]])
     B, C = np.vstack([first.B, second.B @ first.D]), np.hstack([second.D @ first.C, second.C])
     states = _labels("states", first, second)
     return Lti(A, B, C, second.D @ first.D, first.inputs, second.outputs, states, first.dt)
@@ -246,7 +244,7 @@ class ClosedLoop:
 
     @cached_property
     def _balance(self) -> tuple[Array, Array]:
-        return balance(self.whole.A) if len(self.whole.A) else (self.whole.A, np.ones(0))
+        return balance(self.whole.A)
 
     @cached_property
     def system(self) -> Lti:
@@ -295,18 +293,11 @@ def closed(plant: Lti, K: Lti, solved: Array) -> Lti:
     D11, D12, D21, D22 = plant.D[:p, :m], plant.D[:p, m:], plant.D[p:, :m], plant.D[p:, m:]
     direct, state = solved @ K.D, solved @ K.C
     read = K.B + K.B @ (D22 @ direct)
-    A = np.block([[plant.A + B2 @ direct @ C2, B2 @ state], [read @ C2, K.A + K.B @ D22 @ state]])
+    A = blocks([[plant.A + B2 @ direct @ C2, B2 @ state], [read @ C2, K.A + K.B @ D22 @ state]])
     B = np.vstack([B1 + B2 @ direct @ D21, read @ D21])
     C = np.hstack([C1 + D12 @ direct @ C2, D12 @ state])
     states = _labels("states", plant, K)
     return Lti(A, B, C, D11 + D12 @ direct @ D21, plant.inputs[:m], plant.outputs[:p], states, plant.dt)
-
-
-def balance(matrix: Array) -> tuple[Array, Array]:
-    """Return a matrix whose rows and columns have like sizes, and the scales of its coordinates, powers of two."""
-    with np.errstate(invalid="ignore"):  # scipy casts what may be large scales to permutations, which are not used
-        balanced, (scale, _) = linalg.matrix_balance(matrix, permute=False, separate=True)
-    return balanced, np.asarray(scale)
 
 
 def signal_scales(A: Array, B: Array, C: Array) -> Array:

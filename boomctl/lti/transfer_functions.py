@@ -8,9 +8,8 @@ compared with what the coefficients say, around every pole and zero: nothing is 
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy import linalg
 
-from boomctl.arrays import Array
+from boomctl.arrays import Array, balance
 from boomctl.lti.rounding import LEVEL, SUMMED
 
 if TYPE_CHECKING:
@@ -41,9 +40,8 @@ def realized(given: "control.TransferFunction", what: str) -> tuple[Array, Array
         if len(np.trim_zeros(n, "f")) > len(np.trim_zeros(d, "f")):
             raise ValueError(f"{what}: expected a proper transfer function, got a numerator of higher order")
     A, B, C, D = _companion(*entries[0]) if len(entries) == 1 else _minimal(given)
-    if len(A):
-        A, (scale, _) = linalg.matrix_balance(A, permute=False, separate=True)
-        B, C = B / scale[:, None], C * scale
+    A, scale = balance(A)
+    B, C = B / scale[:, None], C * scale
     if given.isctime():
         rates = np.abs(np.concatenate([np.roots(part) for entry in entries for part in entry]))
         at = 1j * np.unique(np.outer(rates[rates > 0.0] if rates.any() else [_REST], _BESIDE))

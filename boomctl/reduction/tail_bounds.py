@@ -25,7 +25,7 @@ from math import inf
 import numpy as np
 from scipy import linalg
 
-from boomctl.arrays import Array
+from boomctl.arrays import Array, blocks
 from boomctl.lti.frequency import resonance_grid
 from boomctl.lti.modal import ModalSystem, diagonalized, side_of_axis
 from boomctl.lti.rounding import ALIKE, EPS, SOLVED, SUMMED
@@ -224,7 +224,7 @@ def modal_states(M: Array, K: Array, C: Array, loads: Loads, V: Array) -> Lti:
     B0, B1, L = V.T @ loads.B0, V.T @ loads.B1, loads.L @ V
     inverse = np.linalg.inv(M)
     B1 = inverse @ B1
-    A = np.block([[np.zeros((k, k)), np.eye(k)], [-inverse @ K, -inverse @ C]])
+    A = blocks([[np.zeros((k, k)), np.eye(k)], [-inverse @ K, -inverse @ C]])
     return Lti(
         A,
         np.vstack([B1, inverse @ B0 - inverse @ C @ B1]),

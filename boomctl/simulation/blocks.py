@@ -167,7 +167,7 @@ def run_if_no_stop_is_met(p: LoopProblem, fine: LoopProblem) -> tuple[Array, Con
         for j in range(1, per_step):
             strokes[j] += positions @ _pushed(p, fine, log, j)
         offsets = np.array([stop.offsets(fine.W, fine.grid.h, fine.grid.per_point)[0] for stop in stops])
-        strokes += np.moveaxis(offsets[:, :-1].reshape(len(stops), -1, per_step), 2, 0)
+        strokes += offsets[:, :-1].reshape(len(stops), -1, per_step).transpose(2, 0, 1)
         last = found[outputs : outputs + len(stops), -1] + offsets[:, -1]
         limits = fine.contacts.stop_maps.limits
         free = (np.abs(strokes) <= limits[:, None]).all() and (np.abs(last) <= limits).all()

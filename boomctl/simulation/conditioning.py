@@ -19,7 +19,7 @@ from math import frexp
 import numpy as np
 from scipy import linalg
 
-from boomctl.arrays import Array
+from boomctl.arrays import Array, balance
 from boomctl.lti.system import Lti
 
 # share of the noise added everywhere, so that the Riccati equation is solvable; below all that is felt
@@ -244,7 +244,7 @@ def _lyapunov_matrix(V: Array) -> Array | None:
     """Return what is nearly ``P = V' P V + I``, in units of the states in which the matrix is balanced; None if it grows."""
     if not np.isfinite(V).all():
         return None
-    power, (scale, _) = linalg.matrix_balance(V, permute=False, separate=True)
+    power, scale = balance(V)
     P = np.eye(len(V))
     with np.errstate(all="ignore"):
         for _ in range(_DOUBLINGS):

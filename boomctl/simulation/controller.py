@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 
 from boomctl.analysis.loops import signals_of
-from boomctl.arrays import Array
+from boomctl.arrays import Array, blocks
 from boomctl.checks import exactly, known, up_to
 from boomctl.lti.controllers.scheduled import ScheduledController
 from boomctl.lti.controllers.time_varying import TimeVaryingController
@@ -124,7 +124,7 @@ def sampled_controller(
     none = np.zeros((len(found), len(found[0].A), len(found[0].C)))
     laws = None
     if scheduled is not None:
-        law = np.array([np.block([[each.D, each.C], [each.B, each.A]]) for each in found])
+        law = np.array([blocks([[each.D, each.C], [each.B, each.A]]) for each in found])
         laws = Laws(law, none, scheduled.place, scheduled.values)
     return SampledController(
         A=found[0].A,

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from boomctl.arrays import Array
+from boomctl.arrays import Array, balance
 from boomctl.checks import known
 from boomctl.lti.block_diagonal import block_diagonal
 from boomctl.lti.hold import Step, changing, linear_hold
-from boomctl.lti.system import Lti, balance, of
+from boomctl.lti.system import Lti, of
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.response.pencil import factorized
 from boomctl.structure.response.poles import undamped_modes
@@ -92,7 +92,7 @@ def modal_plant(
 
 def in_modal_coordinates(system: Lti) -> ModalPlant:
     """Return a linear system in real modal coordinates, balanced first."""
-    balanced, scale = balance(system.A) if len(system.A) else (system.A, np.ones(0))
+    balanced, scale = balance(system.A)
     blocks, T, sizes = block_diagonal(balanced, _CONDITION)
     parts = tuple(slice(int(end - size), int(end)) for end, size in zip(np.cumsum(sizes), sizes, strict=True))
     modal = np.zeros_like(balanced)

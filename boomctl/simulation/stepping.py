@@ -6,7 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
-from boomctl.arrays import Array
+from boomctl.arrays import Array, blocks
 from boomctl.lti.hold import Step
 from boomctl.lti.sampled import Held, whole_samples
 from boomctl.lti.system import Lti, closed
@@ -211,7 +211,7 @@ def sampler(p: LoopProblem, log: ControlLog) -> Callable[[int, Array], None]:
     if p.added.noise is not None:
         heard += p.added.noise
     wanted, forward = p.added.reference, p.added.feedforward
-    law = np.block([[c.D, c.C], [c.B, c.A]])
+    law = blocks([[c.D, c.C], [c.B, c.A]])
     known, found = np.zeros(ny + len(c.A)), np.zeros(nu + len(c.A))
     y, state, u, following = known[:ny], known[ny:], found[:nu], found[nu:]
     grain = (

@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.linalg import matrix_balance
 
-from boomctl.arrays import Array
+from boomctl.arrays import Array, balance, blocks
 from boomctl.lti import system as lti
 from boomctl.lti.hidden_modes import unmoved
 
@@ -235,8 +234,8 @@ def _linear(system: lti.Lti) -> SlewPlant:
     if not b.size or system.D[0, 0] != 0.0 or abs(C[0] @ b) > 0.0:
         raise ValueError("h: expected an angle that follows the torque with two integrations (C B = 0 and D = 0)")
     # powers of two in which states are measured, such that it does not matter which units they came in
-    whole = np.block([[A, b[:, None]], [C[:1], np.zeros((1, 1))]])
-    scale = matrix_balance(whole, permute=False, separate=True)[1][0]
+    whole = blocks([[A, b[:, None]], [C[:1], np.zeros((1, 1))]])
+    scale = balance(whole)[1]
     unit = scale[:-1] / scale[-1]
     A, b, C = A * unit / unit[:, None], b / unit, C * unit
     hidden = unmoved(A, b[:, None], system.states, stable=True)

@@ -151,7 +151,7 @@ class Structure:
         names = tuple(f"z{i}" for i in range(self.n))
         return Structure(names, (form.N.T @ form.N, form.C, form.K))
 
-    @property
+    @cached_property
     def noise(self) -> float:
         """What rounding of the stiffness matrix is over the mass matrix, at most: an uncertainty of ``omega^2``."""
         stiffness, mass = np.abs(self.K.diagonal()), self.M.diagonal()

@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 from scipy import linalg
 
-from boomctl.arrays import Array, combined
+from boomctl.arrays import Array, blocks, combined
 from boomctl.lti.rounding import CANCELLED, EPS, SUMMED
 from boomctl.structure.layout import Layout, Weights, squared_sums
 from boomctl.structure.ports import Ports
@@ -105,7 +105,7 @@ class StrainForm:
         r, n = self.strains, len(self.V) - self.free
         M, C = (self.N.T @ self.N)[:n, :n], self.C[:n, :n]
         still = np.zeros(2 * self.free)
-        companion = np.block([[np.zeros((n, n)), np.eye(n)], [-M, -C]])
+        companion = blocks([[np.zeros((n, n)), np.eye(n)], [-M, -C]])
         if n == r:
             slowness = linalg.eigvals(companion)
             return np.concatenate([still, 1.0 / slowness[slowness != 0.0]])

@@ -10,7 +10,7 @@ import numpy as np
 from scipy import linalg
 
 from boomctl.analysis.norm import NormCertificate
-from boomctl.arrays import Array
+from boomctl.arrays import Array, balance
 from boomctl.checks import nonnegative, positive, whole
 from boomctl.lti.modal import residualised
 from boomctl.lti.system import Lti, lower_lft
@@ -173,7 +173,7 @@ def _balanced_in_loop(plant: GeneralizedPlant, K: Lti) -> tuple[Lti, Array]:
     if not len(K.A):
         return K, np.zeros(0)
     loop, n = lower_lft(plant.system, K), len(plant.A)
-    A, (scale, _) = linalg.matrix_balance(loop.A, permute=False, separate=True)
+    A, scale = balance(loop.A)
     B, C = loop.B / scale[:, None], loop.C * scale[None, :]
     if K.dt == 0.0:
         P, Q = linalg.solve_continuous_lyapunov(A, -B @ B.T), linalg.solve_continuous_lyapunov(A.T, -C.T @ C)

@@ -5,11 +5,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from boomctl.arrays import Array
+from boomctl.arrays import Array, balance
 from boomctl.checks import known, mapping, real, within
 from boomctl.lti.system import Lti, is_statespace, of
 from boomctl.tuning.parts.structures import GAIN, Physical, StateSpace, Sum
-from boomctl.tuning.problem import Problem, balancing
+from boomctl.tuning.problem import Problem
 from boomctl.tuning.solver.starts import grown
 
 if TYPE_CHECKING:
@@ -90,7 +90,7 @@ def _numbers(problem: Problem, K: Lti, wanted: StateSpace) -> Array:
     """Return the free numbers of a controller, its states balanced, and further ones that do next to nothing yet."""
     ports = problem.ports
     A, B, C = K.A / ports.rate, K.B * ports.reads / ports.rate, K.C / ports.acts[:, None]
-    states = balancing(A)
+    states = balance(A)[1]
     parts = [(A * states / states[:, None]).ravel(), (B / states[:, None]).ravel(), (C * states).ravel()]
     if not wanted.strictly_proper:
         parts.append((K.D * ports.reads / ports.acts[:, None]).ravel())

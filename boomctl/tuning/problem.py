@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 from scipy import linalg
 
-from boomctl.arrays import Array
+from boomctl.arrays import Array, balance, blocks
 from boomctl.lti.block_diagonal import block_diagonal
 from boomctl.lti.system import Lti
 from boomctl.synthesis.plants.partition import GeneralizedPlant
@@ -60,7 +60,7 @@ class ScaledPlant:
         """Return a plant with its states divided by ``states``, by default by what balances it."""
         s = plant.system
         if states is None:
-            states = balancing(s.A)
+            states = balance(s.A)[1]
         B, C = s.B / states[:, None], s.C * states
         nw, nz = plant.nw, plant.nz
         return cls(
@@ -107,7 +107,7 @@ class ScaledPlant:
     @property
     def matrix(self) -> Array:
         """All of it in one matrix."""
-        return np.block([[self.A, self.B1, self.B2], [self.C1, self.D11, self.D12], [self.C2, self.D21, self.D22]])
+        return blocks([[self.A, self.B1, self.B2], [self.C1, self.D11, self.D12], [self.C2, self.D21, self.D22]])
 
 
 def _without_jordan_blocks(A: Array) -> Array:
@@ -141,13 +141,6 @@ def independent(A: Array) -> tuple[Array, Array, Array] | None:
     if not np.abs(inverse).sum(axis=1).max() <= _INDEPENDENT:  # of vectors of length one
         return None
     return values.astype(complex), inverse.astype(complex), vectors.astype(complex)
-
-
-def balancing(A: Array) -> Array:
-    """Return powers of two that balance a matrix."""
-    if not len(A):
-        return np.ones(0)
-    return np.asarray(linalg.matrix_balance(A, permute=False, separate=True)[1][0])
 
 
 @dataclass(frozen=True)

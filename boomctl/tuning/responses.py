@@ -103,7 +103,7 @@ def _largest_eigenvalues(G: Array) -> Array:
     if len(G) == 2:
         (a, d), product = (G.real**2 + G.imag**2).sum(axis=1), (G[0] * G[1].conj()).sum(axis=0)
         return 0.5 * (a + d) + np.hypot(0.5 * (a - d), np.abs(product))
-    G = np.moveaxis(G, 2, 0)
+    G = G.transpose(2, 0, 1)
     gram = G @ G.conj().swapaxes(1, 2)
     there = np.isfinite(gram).all(axis=(1, 2))
     found = np.full(len(G), np.inf)

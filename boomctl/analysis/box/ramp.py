@@ -32,7 +32,7 @@ from scipy.special import binom
 from boomctl.analysis.box.loop_pencil import LoopPencil, closed_pencil
 from boomctl.analysis.box.loops import BoxLoops, controller_at, without
 from boomctl.analysis.box.zero_exclusion import Cell, Terms
-from boomctl.arrays import Array
+from boomctl.arrays import Array, balance
 from boomctl.checks import known, positive, whole
 from boomctl.lti.controllers.scheduled import ScheduledController
 from boomctl.lti.system import of
@@ -227,8 +227,7 @@ class _Scene:
     def of(cls, loops: BoxLoops, axis: int) -> _Scene:
         middle = loops.at(np.zeros(loops.family.size))
         F = np.linalg.solve(middle.E.T, middle.A.T).T
-        _, (scale, _) = linalg.matrix_balance(F, permute=False, separate=True)
-        left = np.diag(1.0 / np.asarray(scale))
+        left = np.diag(1.0 / balance(F)[1])
         scene = cls(loops, axis, left, np.linalg.inv(left @ middle.E), np.zeros_like(F))
         poles, W = scene.modes(np.zeros(loops.family.size))
         return replace(scene, weight=np.real(W.conj().T @ (2.0 * np.abs(poles.real)[:, None] * W)))

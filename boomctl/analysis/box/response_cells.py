@@ -26,8 +26,7 @@ from numpy.typing import NDArray
 from scipy import linalg
 
 from boomctl.analysis.box.zero_exclusion import Cell
-from boomctl.arrays import Array
-from boomctl.lti.system import balance
+from boomctl.arrays import Array, balance
 from boomctl.progress import tell
 
 

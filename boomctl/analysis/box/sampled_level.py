@@ -25,10 +25,10 @@ from boomctl.analysis.box.response_cells import Polynomial, ResponseCells
 from boomctl.analysis.box.zero_exclusion import Cell, CellProof, Terms, prove_pencil, value_at
 from boomctl.analysis.loops import joined
 from boomctl.analysis.norm import circle_pencil
-from boomctl.arrays import Array
+from boomctl.arrays import Array, balance
 from boomctl.chebyshev import points, points_needed, powers, series
 from boomctl.lti.frequency import singular_values
-from boomctl.lti.system import Lti, balance, signal_scales
+from boomctl.lti.system import Lti, signal_scales
 from boomctl.structure.families import Family
 from boomctl.structure.matrices import Structure, dense
 from boomctl.structure.response.poles import undamped_modes

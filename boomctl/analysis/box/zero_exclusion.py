@@ -24,8 +24,7 @@ from numpy.typing import NDArray
 from scipy import linalg
 
 from boomctl.analysis.box.loop_pencil import LoopPencil
-from boomctl.arrays import Array
-from boomctl.lti.system import balance
+from boomctl.arrays import Array, balance
 
 # directions in which a diagonal may stay from zero: within 8 % of the best (cos 22.5)
 _DIRECTIONS = np.exp(-0.25j * np.pi * np.arange(8))

@@ -212,7 +212,7 @@ def _determinant(S: Triangular, s: Array) -> Array:
         A pole of the closed loop lies there.
     """
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        values = np.moveaxis(S.at(s), 2, 0)
+        values = S.at(s).transpose(2, 0, 1)
         if not np.isfinite(values).all():
             raise ArithmeticError(
                 "encirclements cannot be told: the closed loop has a pole on the boundary of stability"

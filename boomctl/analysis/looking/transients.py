@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from scipy import linalg
 
 from boomctl.analysis.looking.given import matrices
-from boomctl.arrays import Array
+from boomctl.arrays import Array, blocks
 from boomctl.checks import finite_array, known, plain_array, positive
 from boomctl.lti.hold import BLOCK, observability
 from boomctl.lti.modal import side_of_axis, sides
@@ -162,7 +162,7 @@ def step(
     L = matrices(system, inputs, outputs)
     n, m = L.B.shape
     held = np.eye(m) if L.dt else np.zeros((m, m))  # the input stays: as a state, its rate is zero
-    A = np.block([[L.A, L.B], [np.zeros((m, n)), held]])
+    A = blocks([[L.A, L.B], [np.zeros((m, n)), held]])
     return _moved("step", L, timepts, (A, np.vstack([np.zeros((n, m)), np.eye(m)]), np.hstack([L.C, L.D])))
 
 
@@ -204,7 +204,7 @@ def impulse(
     if not L.dt:
         return _moved("impulse", L, timepts, (L.A, L.B, L.C))
     n, m = L.B.shape  # the input is a state that lasts for one sample
-    A = np.block([[L.A, L.B], [np.zeros((m, n + m))]])
+    A = blocks([[L.A, L.B], [np.zeros((m, n + m))]])
     return _moved("impulse", L, timepts, (A, np.vstack([np.zeros((n, m)), np.eye(m)]) / L.dt, np.hstack([L.C, L.D])))
 
 
@@ -222,7 +222,7 @@ def _moved(
         for _ in range(-(-count // len(seen))):
             blocks.append(seen @ X)
             X = power @ X
-        values = np.moveaxis(np.concatenate(blocks)[:count], 0, 2)
+        values = np.concatenate(blocks)[:count].transpose(1, 2, 0)
     if not np.isfinite(values).all():
         raise ValueError(f"system: its outputs grow beyond all numbers within {time[-1]:g} s; it is unstable")
     return TransientResult(kind, time, values, system.inputs, system.outputs, system.dt, system)

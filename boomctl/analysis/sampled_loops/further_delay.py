@@ -21,12 +21,12 @@ from numpy.polynomial import chebyshev
 from scipy import linalg
 
 from boomctl.analysis.loops import signals_of
-from boomctl.arrays import Array
+from boomctl.arrays import Array, balance
 from boomctl.chebyshev import points_needed, series
 from boomctl.lti.hold import zero_order_hold
 from boomctl.lti.modal import sides, split
 from boomctl.lti.sampled import Held, sampled_plant, whole_samples
-from boomctl.lti.system import Lti, balance, lower_lft
+from boomctl.lti.system import Lti, lower_lft
 
 _EPS = float(np.finfo(float).eps)
 _TERMS = 16.0  # roundings of a term of a response, beside one for each that it is added to

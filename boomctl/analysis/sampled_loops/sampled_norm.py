@@ -20,7 +20,7 @@ import numpy as np
 from scipy import linalg
 
 from boomctl.analysis.norm import NormCertificate, matrices_norm
-from boomctl.arrays import Array
+from boomctl.arrays import Array, blocks
 from boomctl.checks import names
 from boomctl.lti.modal import sides
 from boomctl.lti.sampled import Held, time_of_loop, whole_samples
@@ -164,7 +164,7 @@ def _step(system: Lti, duration: float, level: float) -> _Step | None:
     inverse = linalg.inv(np.eye(B.shape[1]) - D.T @ D / level**2)
     moved = A + B @ inverse @ D.T @ C / level**2
     weighed = C + D @ (inverse @ (D.T @ C)) / level**2
-    H = np.block([[moved, B @ inverse @ B.T / level], [-C.T @ weighed / level, -moved.T]])
+    H = blocks([[moved, B @ inverse @ B.T / level], [-C.T @ weighed / level, -moved.T]])
     size = float(np.linalg.norm(H, 2)) * duration
     gain = float(np.linalg.norm(B, 2) * np.linalg.norm(C, 2)) * duration * np.exp(_SMALL)
     shares = size / _SMALL, gain / (_SHORT * (level - direct))
@@ -377,7 +377,7 @@ def _moved_and_energy(F: Array, C: Array, duration: float) -> tuple[Array, Array
     """Return ``exp(F h)`` and the integral of ``exp(F^T t) C^T C exp(F t)`` over ``h``: of a short step, then doubled."""
     n = len(F)
     count = max(0, int(np.ceil(np.log2(max(float(np.linalg.norm(F, 2)) * duration / _SMALL, 1.0)))))
-    upper = linalg.expm(np.ldexp(np.block([[-F.T, C.T @ C], [np.zeros((n, n)), F]]) * duration, -count))
+    upper = linalg.expm(np.ldexp(blocks([[-F.T, C.T @ C], [np.zeros((n, n)), F]]) * duration, -count))
     moved = upper[n:, n:]
     energy = moved.T @ upper[:n, n:]
     for _ in range(count):

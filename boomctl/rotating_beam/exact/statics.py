@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from boomctl.arrays import Array
+from boomctl.arrays import Array, blocks
 from boomctl.rotating_beam.exact.basis import StrainBasis
 from boomctl.rotating_beam.exact.dynamics import ExactBeamDynamics
 
@@ -78,7 +78,7 @@ def coupled_frequencies(dynamics: ExactBeamDynamics, hub_speed: float) -> Array:
     cross = solve_triangular(root, cholesky(mass[1:, 1:], lower=True), lower=True)
     half = solve_triangular(root, (coupling - coupling.T)[1:, 1:], lower=True)
     gyroscopic = solve_triangular(root, half.T, lower=True).T
-    periods = np.linalg.eigvalsh(1j * np.block([[np.zeros_like(cross), -cross.T], [cross, gyroscopic]]))
+    periods = np.linalg.eigvalsh(1j * blocks([[np.zeros_like(cross), -cross.T], [cross, gyroscopic]]))
     return 1.0 / periods[periods > 0.0][::-1]
 
 

@@ -9,7 +9,7 @@ from typing import final
 
 import numpy as np
 
-from boomctl.arrays import Array
+from boomctl.arrays import Array, blocks
 from boomctl.rotating_beam.modal.equations import (
     BeamSpeedTerms,
     Equations,
@@ -167,7 +167,7 @@ def foam(integrals: ModalIntegrals) -> FirstOrderEquations:
         rigid_inertia=m.inertia,
         M=block_diagonal(m.M1, m.M2),
         N=block_diagonal(m.M1, m.M2 - m.D),
-        B=np.block([[zero, m.R], [-m.R.T, zero]]),
+        B=blocks([[zero, m.R], [-m.R.T, zero]]),
         C=block_diagonal(m.C1, m.C2),
         K=block_diagonal(m.K1, m.K2),
         V=np.concatenate([m.V1, np.zeros_like(m.V2)]),

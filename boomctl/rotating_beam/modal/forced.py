@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 
-from boomctl.arrays import Array
+from boomctl.arrays import Array, blocks
 from boomctl.rotating_beam.modal.energy import Lagrangian, accelerations
 from boomctl.rotating_beam.modal.first_order import FirstOrderEquations
 from boomctl.rotating_beam.modal.shapes import axial_modes, transverse_modes
@@ -138,7 +138,7 @@ class RestModes:
     def V(self) -> Array:
         """Modes over the coordinates, hub angle first."""
         n = self.lean.size
-        return np.block([[np.full((1, 1), self.inertia**-0.5), self.lean[None]], [np.zeros((n, 1)), self.shapes]])
+        return blocks([[np.full((1, 1), self.inertia**-0.5), self.lean[None]], [np.zeros((n, 1)), self.shapes]])
 
 
 def rest_modes(mass: Array, damping: Array, stiffness: Array) -> RestModes:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from boomctl.arrays import Array
+from boomctl.arrays import Array, blocks
 from boomctl.checks import exactly
 from boomctl.progress import tell
 from boomctl.simulation.controller import SampledController
@@ -322,7 +322,7 @@ def _laws(c: SampledController, y: casadi.SX, w: casadi.SX, beside: StepSignals)
         return ca.SX(ca.sparsify(ca.DM(matrix)))
 
     if c.laws is None:
-        return sparse(np.block([[c.D, c.C], [c.B, c.A]])), sparse(c.L) if c.L.any() else None
+        return sparse(blocks([[c.D, c.C], [c.B, c.A]])), sparse(c.L) if c.L.any() else None
     laws, found = c.laws, []
     for each, given in ((laws.law, beside.law), (laws.correction, beside.correction)):
         _, rows, columns = each.shape

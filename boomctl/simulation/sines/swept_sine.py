@@ -195,7 +195,7 @@ def _prepared(shaken: _Shaken, grid: Array, count: int) -> _Sweep:
     offset = np.array([place.through[1] @ waves + place.rate @ rate for place, rate in zip(places, rates, strict=True)])
     return _Sweep(
         Phi=np.array([step.Phi for step in maps]),
-        forcing=np.ascontiguousarray(np.moveaxis(forcing, 2, 0)),
+        forcing=np.ascontiguousarray(forcing.transpose(2, 0, 1)),
         velocity=places[0].velocity,
         held=np.array([place.held for place in places]),
         gain=np.array([place.gain for place in places]),

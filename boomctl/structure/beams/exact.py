@@ -427,7 +427,7 @@ class PreparedResponse:
             worst = int(np.argmax(share))
             of = f"the exact beam's response at {omega[worst]:.6g} rad/s"
             warn_of_rounding(of, float(share[worst]), PROMISED)
-        return np.moveaxis(total, 0, 2)
+        return total.transpose(1, 2, 0)
 
 
 def solve_symmetric(n: int, D: Entries, B: list[Array], check: Array, check_B: Array) -> tuple[list[Array], Array]:

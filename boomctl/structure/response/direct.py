@@ -196,6 +196,6 @@ def _warn(rounding: float) -> None:
 
 def _conditioned(ports: Ports, s: Array, Y: Array) -> Array:
     if ports.plain:
-        return np.moveaxis(Y, 0, 2)
+        return Y.transpose(1, 2, 0)
     after, before = ports.conditioning(s)
-    return np.moveaxis(after[:, :, None] * Y * before[:, None, :], 0, 2)
+    return (after[:, :, None] * Y * before[:, None, :]).transpose(1, 2, 0)

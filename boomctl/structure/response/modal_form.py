@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 from scipy import linalg
 
-from boomctl.arrays import Array, combined
+from boomctl.arrays import Array, balance, combined
 from boomctl.lti.rounding import VISIBLE
 from boomctl.lti.system import Lti
 from boomctl.structure.matrices import Structure, is_symmetric
@@ -99,7 +99,7 @@ def handed_out(structure: Structure, ports: Ports, states: str | None) -> Lti:
         return realize(structure, ports)
     if states is None and structure.elastic is None:
         own = realize(structure, ports)
-        _, (scale, _) = linalg.matrix_balance(own.A, permute=False, separate=True)
+        scale = balance(own.A)[1]
         if scale.max() <= _EVEN * scale.min():
             return own
     try:

@@ -48,7 +48,7 @@ def respond_by_modes(parts: Sequence[Part], omega: Array) -> list[Array | None]:
 def _response(ports: Ports, driven: "_Driven", sums: Array, s: Array) -> Array:
     """Return the response, summed over the derivatives that inputs act through and outputs read."""
     p, m = len(ports.outputs), len(ports.inputs)
-    Y = np.moveaxis(evaluate(ports.E, s), 0, 2) if ports.E.any() else np.zeros((p, m, len(s)), dtype=complex)
+    Y = evaluate(ports.E, s).transpose(1, 2, 0) if ports.E.any() else np.zeros((p, m, len(s)), dtype=complex)
     for a, power_L in enumerate(driven.read):
         for b, power_B in enumerate(driven.acting):
             part = sums[a * p : (a + 1) * p, b * m : (b + 1) * m]

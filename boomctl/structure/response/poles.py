@@ -6,7 +6,7 @@ import numpy as np
 from scipy import linalg, sparse
 from scipy.sparse.linalg import LinearOperator, eigsh
 
-from boomctl.arrays import Array, Matrix
+from boomctl.arrays import Array, Matrix, blocks
 from boomctl.lti.rounding import DIGIT, EPS, ROOT, SUMMED
 from boomctl.structure.elimination import DEPENDENT
 from boomctl.structure.matrices import Structure, dense, is_symmetric
@@ -175,13 +175,13 @@ def first_order_poles(M: Array, C: Array, K: Array) -> Array:
             raise linalg.LinAlgError
         L = linalg.cholesky(M, lower=True)
     except linalg.LinAlgError:
-        A = np.block([[np.zeros((n, n)), np.eye(n)], [-K, -C]])
-        E = np.block([[np.eye(n), np.zeros((n, n))], [np.zeros((n, n)), M]])
+        A = blocks([[np.zeros((n, n)), np.eye(n)], [-K, -C]])
+        E = blocks([[np.eye(n), np.zeros((n, n))], [np.zeros((n, n)), M]])
         poles = linalg.eigvals(A, E)
         return poles[np.isfinite(poles)]
     scaled_K = linalg.solve_triangular(L, linalg.solve_triangular(L, K, lower=True).T, lower=True)
     scaled_C = linalg.solve_triangular(L, linalg.solve_triangular(L, C, lower=True).T, lower=True).T
-    return linalg.eigvals(np.block([[np.zeros((n, n)), np.eye(n)], [-scaled_K.T, -scaled_C]]))
+    return np.linalg.eigvals(blocks([[np.zeros((n, n)), np.eye(n)], [-scaled_K.T, -scaled_C]]))
 
 
 def damped_poles(structure: Structure, count: int) -> Array:

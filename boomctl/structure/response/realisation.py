@@ -12,7 +12,7 @@ from functools import partial
 import numpy as np
 from scipy import linalg
 
-from boomctl.arrays import Array
+from boomctl.arrays import Array, blocks
 from boomctl.lti.rounding import SUMMED
 from boomctl.lti.system import Lti
 from boomctl.structure.matrices import Structure, dense, is_symmetric
@@ -199,7 +199,7 @@ def _filtered(
     if not bandwidths:
         return A, B, y, []
     size, names = A.shape[0], []
-    A = np.block(
+    A = blocks(
         [[A, np.zeros((size, 2 * len(bandwidths)))], [np.zeros((2 * len(bandwidths), size + 2 * len(bandwidths)))]]
     )
     B = np.vstack([B, np.zeros((2 * len(bandwidths), B.shape[1]))])

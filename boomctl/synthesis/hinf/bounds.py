@@ -221,7 +221,7 @@ def _out_of_reach(plant: GeneralizedPlant, F: Array) -> tuple[float, float]:
     system = Lti(closed, plant.system.B, plant.C1 + plant.D12 @ F, plant.system.D[: plant.nz])
 
     def rest(omega: Array) -> Array:
-        G = np.moveaxis(system.response(omega, quiet=True), 2, 0)
+        G = system.response(omega, quiet=True).transpose(2, 0, 1)
         inputs, reached = G[:, :, :nw], G[:, :, nw:]
         basis = np.linalg.qr(reached)[0]  # orthonormal but for rounding, which light damping and long chains magnify
         left = inputs - basis @ (np.conj(np.swapaxes(basis, 1, 2)) @ inputs)

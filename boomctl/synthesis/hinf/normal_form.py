@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import linalg
 
-from boomctl.arrays import Array
+from boomctl.arrays import Array, balance
 from boomctl.lti.block_diagonal import block_diagonal
 from boomctl.lti.system import Lti, signal_scales
 from boomctl.synthesis.plants.partition import GeneralizedPlant
@@ -92,12 +92,11 @@ def _modal_basis(A: Array, B: Array, C: Array) -> Array:
 
 def _blocks(A: Array) -> tuple[Array, list[int]]:
     """Return columns that bring ``A`` to diagonal blocks without being near to dependent, and the blocks' widths."""
-    balanced, (scale, _) = linalg.matrix_balance(A, permute=False, separate=True)
+    balanced, scale = balance(A)
     blocks, columns, widths = block_diagonal(balanced, _INDEPENDENT)
-    basis, start = np.asarray(scale)[:, None] * columns, 0
+    basis, start = scale[:, None] * columns, 0
     for width in widths:
         part = slice(start, start + width)
-        _, (inner, _) = linalg.matrix_balance(blocks[part, part], permute=False, separate=True)
-        basis[:, part] *= inner
+        basis[:, part] *= balance(blocks[part, part])[1]
         start += width
     return basis, widths

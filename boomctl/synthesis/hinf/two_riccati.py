@@ -11,7 +11,7 @@ from functools import cached_property
 import numpy as np
 from scipy import linalg
 
-from boomctl.arrays import Array
+from boomctl.arrays import Array, blocks
 from boomctl.lti.system import Lti, lower_lft, static
 from boomctl.synthesis.hinf.normal_form import NormalizedPlant
 from boomctl.synthesis.plants.partition import GeneralizedPlant
@@ -147,7 +147,7 @@ def _stabilising(equation: _StateFeedback) -> Array | None:
         return np.zeros((0, 0))
     size_g, size_q = np.linalg.norm(equation.G), np.linalg.norm(equation.Q)
     scale = np.sqrt(size_q / size_g) if size_g > 0.0 and size_q > 0.0 else 1.0
-    hamiltonian = np.block([[equation.F, -equation.G * scale], [-equation.Q / scale, -equation.F.T]])
+    hamiltonian = blocks([[equation.F, -equation.G * scale], [-equation.Q / scale, -equation.F.T]])
     if not np.isfinite(hamiltonian).all():
         return None
     try:
@@ -246,6 +246,6 @@ def controllers_of(ready: NormalizedPlant, level: Level) -> GeneralizedPlant:
     B1 = -coupling @ L2 + B2 @ np.linalg.solve(E12, E11)
     inner = np.linalg.solve(E21, C2)
     A = ready.A + ready.system.B @ F + B1 @ inner
-    through = np.block([[E11, E12], [E21, np.zeros((len(E21), len(E12)))]])
+    through = blocks([[E11, E12], [E21, np.zeros((len(E21), len(E12)))]])
     family = Lti(A, np.hstack([B1, B2]), np.vstack([F2 + E11 @ inner, C2]), through)
     return GeneralizedPlant(family, nmeas=ready.nmeas, ncon=ready.ncon)

@@ -13,7 +13,7 @@ import numpy as np
 from scipy import linalg
 
 from boomctl.analysis.prove import Claim
-from boomctl.arrays import Array
+from boomctl.arrays import Array, blocks
 from boomctl.lti.system import Lti, lower_lft
 from boomctl.printing import system
 from boomctl.synthesis.assumptions import SynthesisError, check_modes, check_ranks, check_zeros
@@ -194,7 +194,7 @@ def _with_direct(parts: GeneralizedPlant, direct: Array) -> GeneralizedPlant:
     B = np.hstack([p.B1 + p.B2 @ direct @ p.D21, p.B2])
     C = np.vstack([p.C1 + p.D12 @ direct @ p.C2, p.C2])
     left = np.zeros_like(p.D11) if p.system.dt == 0.0 else p.D11
-    D = np.block([[left, p.D12], [p.D21, np.zeros_like(p.D22)]])
+    D = blocks([[left, p.D12], [p.D21, np.zeros_like(p.D22)]])
     return replace(p, system=replace(p.system, A=p.A + p.B2 @ direct @ p.C2, B=B, C=C, D=D))
 
 

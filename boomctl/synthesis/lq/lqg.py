@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from boomctl.analysis.prove import Claim
-from boomctl.arrays import Array
+from boomctl.arrays import Array, blocks
 from boomctl.checks import exactly, nonnegative
 from boomctl.lti.system import Lti, lower_lft
 from boomctl.printing import system
@@ -169,11 +169,11 @@ def _with_recovery(noise: Noise, way: Lti, q: float) -> Noise:
 def _weighted(way: Lti, problem: RiccatiProblem, noise: Noise) -> Lti:
     """Return the generalised plant whose H2 norm squared is the cost: unit noise in, weighted states and controls out."""
     n = len(way.A)
-    weight = square_root(np.block([[problem.Q, problem.N], [problem.N.T, problem.R]])).T
-    drive = square_root(np.block([[noise.W, noise.S], [noise.S.T, noise.V]]))
+    weight = square_root(blocks([[problem.Q, problem.N], [problem.N.T, problem.R]])).T
+    drive = square_root(blocks([[noise.W, noise.S], [noise.S.T, noise.V]]))
     B, C = np.hstack([drive[:n], way.B]), np.vstack([weight[:, :n], way.C])
     return Lti(
-        way.A, B, C, np.block([[np.zeros((len(weight), drive.shape[1])), weight[:, n:]], [drive[n:], way.D]]), dt=way.dt
+        way.A, B, C, blocks([[np.zeros((len(weight), drive.shape[1])), weight[:, n:]], [drive[n:], way.D]]), dt=way.dt
     )
 
 

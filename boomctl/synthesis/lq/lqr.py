@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from scipy import linalg
 
 from boomctl.analysis.prove import Claim
-from boomctl.arrays import Array
+from boomctl.arrays import Array, blocks
 from boomctl.checks import finite_array, sequence
 from boomctl.lti.bilinear import continuous_image
 from boomctl.lti.frequency import largest_gain
@@ -214,7 +214,7 @@ def _with_integrators(plant: Lti, integrated: Sequence[str]) -> Lti:
     kept, share = (0.0, 1.0) if plant.dt == 0.0 else (1.0, plant.dt)
     return replace(
         plant,
-        A=np.block([[plant.A, np.zeros((n, k))], [share * read.C, kept * np.eye(k)]]),
+        A=blocks([[plant.A, np.zeros((n, k))], [share * read.C, kept * np.eye(k)]]),
         B=np.vstack([plant.B, share * read.D]),
         C=np.hstack([plant.C, np.zeros((len(plant.C), k))]),
         states=(*plant.states, *(f"integral.{name}" for name in integrated)),

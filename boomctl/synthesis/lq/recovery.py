@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import linalg
 
-from boomctl.arrays import Array
+from boomctl.arrays import Array, blocks
 from boomctl.checks import finite_array, frequencies, positive
 from boomctl.lti.frequency import singular_values
 from boomctl.lti.system import Lti
@@ -207,7 +207,7 @@ def _square_zeros(system: Lti, mix: Array) -> Array:
     A, B, C, D = s.A, s.B, mix @ s.C, mix @ s.D
     size = max(float(np.linalg.norm(A)), _TINY)
     B, C = B * (size / max(float(np.linalg.norm(B)), _TINY)), C / max(float(np.linalg.norm(C)), _TINY)
-    pencil = np.block([[A, B], [C, D]])
+    pencil = blocks([[A, B], [C, D]])
     mass = linalg.block_diag(np.eye(n), np.zeros((m, m)))
     with np.errstate(divide="ignore", invalid="ignore"):
         values = linalg.eigvals(pencil, mass)

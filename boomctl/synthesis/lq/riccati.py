@@ -14,7 +14,7 @@ import slycot
 from scipy import linalg
 from slycot.exceptions import SlycotError
 
-from boomctl.arrays import Array
+from boomctl.arrays import Array, balance
 from boomctl.printing import compact
 from boomctl.synthesis.assumptions import SynthesisError
 
@@ -138,7 +138,7 @@ def _modal(A: Array, acting: Array, Q: Array) -> Change | None:
 
 
 def _balanced(A: Array, acting: Array, Q: Array) -> Change:
-    scale = np.asarray(linalg.matrix_balance(A, permute=False, separate=True)[1][0])
+    scale = balance(A)[1]
     one = np.zeros(len(A), dtype=int)
     d = scale * _mode_scales(acting / scale[:, None], Q * np.outer(scale, scale), mode=one)
     return np.diag(d), np.diag(1.0 / d)
@@ -250,7 +250,7 @@ def _refined(own: RiccatiProblem, X: Array) -> Array | None:
 
 def newton_step(problem: RiccatiProblem, X: Array, residual: Array) -> tuple[Array | None, Array]:
     """Return the change of ``X`` that Newton's method makes (None where ``X`` does not stabilise) and the poles."""
-    closed, (d, _) = linalg.matrix_balance(problem.A - problem.B @ problem.gain(X), permute=False, separate=True)
+    closed, d = balance(problem.A - problem.B @ problem.gain(X))
     T, Z = linalg.schur(closed, output="complex")
     poles = np.asarray(np.diag(T), dtype=complex)
     if _abscissa(poles) >= 0.0:

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 from scipy import linalg
 
-from boomctl.arrays import Array
+from boomctl.arrays import Array, balance
 from boomctl.lti.modal import sides
 from boomctl.lti.system import rates_of
 from boomctl.synthesis.assumptions import SynthesisError
@@ -181,10 +181,7 @@ def _certified(p: RiccatiProblem, X: Array, near: bool) -> tuple[RiccatiSolution
     entry = np.asarray(np.sum(sums, axis=0), dtype=float)
     step = None
     if (sides(poles, p.dt) < 0).all():
-        if near:
-            d = 1.0 / np.sqrt(np.where(np.diag(own) > 0.0, np.diag(own), 1.0))
-        else:
-            d = np.asarray(linalg.matrix_balance(closed, permute=False, separate=True)[1][0])
+        d = 1.0 / np.sqrt(np.where(np.diag(own) > 0.0, np.diag(own), 1.0)) if near else balance(closed)[1]
         scaled = closed * d / d[:, None]
         step = _even(_summed(scaled, _even(residual) * np.outer(d, d))) / np.outer(d, d)
     certificate = RiccatiCertificate(

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from boomctl.analysis.norm import NormCertificate, axis_eigenvalues, matrices_norm
-from boomctl.arrays import Array
+from boomctl.arrays import Array, blocks
 from boomctl.lti.bilinear import continuous_image
 from boomctl.lti.frequency import largest_gain, singular_values
 from boomctl.lti.modal import sides
@@ -189,7 +189,7 @@ def _share(reduction: ReductionResult, plant: GeneralizedPlant, K: Lti) -> float
         plant.A,
         np.hstack([np.zeros((n, p)), plant.B2]),
         np.vstack([np.zeros((m, n)), plant.C2]),
-        np.block([[np.zeros((m, p)), np.eye(m)], [np.eye(p), plant.D22]]),
+        blocks([[np.zeros((m, p)), np.eye(m)], [np.eye(p), plant.D22]]),
         dt=plant.system.dt,
     )
     parts = ClosedLoop(added, K)

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from boomctl.arrays import Array
+from boomctl.arrays import Array, blocks
 from boomctl.checks import exactly, known, names, real
 from boomctl.lti.bilinear import discrete_image
 from boomctl.lti.modal import sides
@@ -132,13 +132,13 @@ def _weighed(
     first = append(*w.values(), *n.values(), _through(set_))
     middle = append(system, _through((*n, *set_)))
     last = append(*z.values(), *e.values(), _through(read))
-    entry = np.block(
+    entry = blocks(
         [
             [_selection(ins, w).T, np.zeros((len(ins), len(n))), _selection(ins, set_).T],
             [np.zeros((len(n) + len(set_), len(w))), np.eye(len(n) + len(set_))],
         ]
     )
-    leave = np.block(
+    leave = blocks(
         [
             [_selection(outs, z), np.zeros((len(z), len(n) + len(set_)))],
             [np.zeros((len(e), len(outs) + len(n))), _selection(set_, e)],
@@ -211,7 +211,7 @@ def _weighed_sensitivity(system: Lti, *, weights: list[Lti], given: list[bool]) 
     p, m = len(outs), len(ins)
     first = _through((*(f"r_{name}" for name in outs), *ins))
     middle = append(_through(outs), system, _through(ins))
-    entry = np.block([[np.eye(p), np.zeros((p, m))], [np.zeros((m, p)), np.eye(m)], [np.zeros((m, p)), np.eye(m)]])
+    entry = blocks([[np.eye(p), np.zeros((p, m))], [np.zeros((m, p)), np.eye(m)], [np.zeros((m, p)), np.eye(m)]])
     error = np.hstack([np.eye(p), -np.eye(p), np.zeros((p, m))])
     output = np.hstack([np.zeros((p, p)), np.eye(p), np.zeros((p, m))])
     effort = np.hstack([np.zeros((m, 2 * p)), np.eye(m)])

@@ -130,7 +130,7 @@ def split_controller(
             raise ValueError("controller: expected both signals of each pair, left and right")
         sides.append(_Side(read[0], drive[0], read[1], drive[1]))
     grid = _around(K)
-    response = np.moveaxis(K.response(grid, quiet=True), 2, 0)
+    response = K.response(grid, quiet=True).transpose(2, 0, 1)
     largest = np.abs(response).max(axis=(0, 1), initial=0.0)
     units = [(side.entry**2).T @ np.where(largest > 0.0, largest, 1.0) for side in sides]  # the same for both of a pair
     parts = {(i, j): sides[i].leave.T @ response @ sides[j].entry / units[j] for i in (0, 1) for j in (0, 1)}
@@ -141,7 +141,7 @@ def split_controller(
     for faint in _FAINT:
         halves = _controllers_of_halves(K, sides, faint)
         for k, half in enumerate(halves):
-            found, whole = np.moveaxis(half.response(grid, quiet=True), 2, 0) / units[k], parts[k, k]
+            found, whole = half.response(grid, quiet=True).transpose(2, 0, 1) / units[k], parts[k, k]
             gain = np.maximum(np.abs(whole).max(axis=(1, 2), initial=0.0), _NO_GAIN * size)
             share = np.abs(found - whole).max(axis=(1, 2), initial=0.0) / np.where(gain > 0.0, gain, 1.0)
             lost[k] = np.maximum(share - moved, 0.0)

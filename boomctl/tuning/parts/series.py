@@ -13,9 +13,9 @@ from math import prod
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from boomctl.arrays import Array
+from boomctl.arrays import Array, balance, blocks
 from boomctl.synthesis.plants.partition import GeneralizedPlant
-from boomctl.tuning.problem import ScaledPlant, balancing
+from boomctl.tuning.problem import ScaledPlant
 
 _COUNTS = (
     5,
@@ -72,7 +72,7 @@ class PlantSeries:
         found, slopes, bends = self.at(numbers)
         s, n = self.plant.system, len(self.plant.A)
         here = replace(s, A=found[:n, :n], B=found[:n, n:], C=found[n:, :n], D=found[n:, n:])
-        states = balancing(here.A)
+        states = balance(here.A)[1]
         return ScaledPlant.of(replace(self.plant, system=here), states).moving(slopes, bends, states)
 
 
@@ -93,7 +93,7 @@ def plant_series(make: Make, given: Make, size: int, over: Callable[[], bool]) -
     base = np.random.default_rng(0).uniform(-0.7, 0.7, size)  # where nothing cancels
     try:
         first = make(base)
-        scale = balancing(first.A)
+        scale = balance(first.A)[1]
         counts = []
         for unit in np.eye(size):
             found = _count(lambda x, unit=unit: make(np.where(unit > 0.0, x, base)), scale, over)
@@ -135,7 +135,7 @@ def _count(line: Callable[[float], GeneralizedPlant], scale: Array, over: Callab
 def _matrix(plant: GeneralizedPlant, scale: Array | None = None) -> Array:
     s = plant.system
     rows = np.ones(len(s.A)) if scale is None else scale
-    return np.block([[s.A * rows / rows[:, None], s.B / rows[:, None]], [s.C * rows, s.D]])
+    return blocks([[s.A * rows / rows[:, None], s.B / rows[:, None]], [s.C * rows, s.D]])
 
 
 def _meets(series: PlantSeries, plant: GeneralizedPlant, point: Array) -> bool:
