@@ -22,7 +22,12 @@ _GONE = {
     "boomctl.to_pymor": "pymor.models.iosys.LTIModel.from_matrices(s.A, s.B, s.C, s.D) of s = model.to_statespace() does it",
     **{
         f"boomctl.synthesis.{name}": f"it is boomctl.tuning.{name} now"
-        for name in ("ActivePeak", "ChannelNorm", "TuneCertificate", "TuneResult", "TuneStart", "tune")
+        for name in ("ActivePeak", "ChannelNorm", "TuneResult", "TuneStart", "tune")
+    },
+    "boomctl.analysis.H2Certificate": "it is boomctl.analysis.NormCertificate now",
+    **{
+        f"boomctl.{name}Certificate": "it is boomctl.synthesis.DesignCertificate now"
+        for name in ("synthesis.FullPlant", "synthesis.HInfinity", "synthesis.Tune", "tuning.Tune")
     },
     "boomctl.studies.suspension.trade_off": "give boomctl.sweep a function that makes and judges a design",
     "boomctl.studies.suspension.TradeCurve": "give boomctl.sweep a function that makes and judges a design",

@@ -65,7 +65,7 @@ def design() -> SuspensionDesign:
     for side, half in zip(("sym", "anti"), bc.split_symmetric(model), strict=True):
         controllers[side], synthesis, reduced = half_design(half, side)
         name = {"sym": "jolt", "anti": "yaw"}[side]
-        facts[f"{name}: least expected cost"] = f"{synthesis.cost:.4g}, by two Gramians and the Riccati equations"
+        facts[f"{name}: least expected cost"] = f"{synthesis.cost:.4g}, of the loop and by the Riccati equations"
         facts[f"{name}: proved in ball arithmetic"] = bc.prove(synthesis).statement
         share = reduced.measured_error / bc.sigma(reduced.full).peak
         facts[f"{name}: reduction"] = (

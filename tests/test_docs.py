@@ -37,10 +37,8 @@ HANDED_OUT = (  # classes of what functions and results hold, which are exported
     ("studies.suspension.performance", "Performance"),
     ("studies.sweeps.result", "FailedPoint"),
     ("studies.sweeps.result", "SweepResult"),
-    ("synthesis.lq.lqr", "LqrCertificate"),
-    ("synthesis.lq.output_feedback", "FeedbackCertificate"),
-    ("synthesis.lq.output_feedback", "QuadraticNorm"),
-    ("synthesis.lq.riccati", "RiccatiCertificate"),
+    ("synthesis.hinf.bounds", "Bounds"),
+    ("synthesis.lq.riccati", "RiccatiSolution"),
 )
 
 

@@ -53,6 +53,8 @@ def test_an_unknown_name_is_refused_with_those_that_exist(package):
 def test_names_that_left_say_what_to_use_instead():
     for name, instead in (
         ("boomctl.to_scipy", r"signal\.StateSpace"),
+        ("boomctl.analysis.H2Certificate", "NormCertificate"),
+        ("boomctl.tuning.TuneCertificate", "DesignCertificate"),
         ("boomctl.studies.suspension.trade_off", "sweep"),
     ):
         package, _, name = name.rpartition(".")

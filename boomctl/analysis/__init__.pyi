@@ -8,7 +8,7 @@ from boomctl.analysis.box.robustness import (
     structured_margin,
 )
 from boomctl.analysis.box.worst_case import WorstCase, worst_case
-from boomctl.analysis.h2 import H2Certificate, h2_norm
+from boomctl.analysis.h2 import h2_norm
 from boomctl.analysis.looking.bode import BodeResult, bode
 from boomctl.analysis.looking.comparison import Comparison, compare
 from boomctl.analysis.looking.nyquist import NyquistResult, nyquist
@@ -32,7 +32,6 @@ __all__ = [
     "Comparison",
     "DiskMargin",
     "ExactLoopStability",
-    "H2Certificate",
     "LoopMargin",
     "Margins",
     "MeasuredCurve",

@@ -1,21 +1,20 @@
-"""Certified H2 norms.
+"""How H2 norms are found between two bounds.
 
 In modal coordinates that answer for their rounding (:mod:`boomctl.lti.verified_modal_form`) its square is a sum over pairs of
 modes, ``|G|^2 = -sum_ij (c_i^* c_j)(b_j b_i^*)/(p_j + p_i^*)``; in discrete time with ``1/(1 - p_i p_j^*)``.  Where that has
 too few digits, the norm is enclosed in ball arithmetic (:mod:`boomctl.lti.proof`).
 """
 
-from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
-from math import inf, sqrt
+from dataclasses import replace
+from math import inf, nan, sqrt
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from boomctl.analysis.marginal_poles import marginal_poles
-from boomctl.analysis.norm import NOT_PROVED, ON_CIRCLE, PROVED, UNDAMPED, UNSTABLE, doubtful
-from boomctl.analysis.prove import Claim
+from boomctl.analysis.norm import NOT_PROVED, ON_CIRCLE, PROVED, UNDAMPED, UNSTABLE, NormCertificate, doubtful
 from boomctl.arrays import Array
+from boomctl.lti.gramians import refined_gramian
 from boomctl.lti.modal import split
 from boomctl.lti.rounding import EPS
 from boomctl.lti.system import Lti, of
@@ -27,47 +26,11 @@ if TYPE_CHECKING:
     import control
 
 BY_MODES = "a sum over pairs of modes"
-_AGREEMENT = 1e-6  # relative distance of the bounds up to which a norm is certified (a choice)
 _CANCELLED = 4.0  # roundings of one, in the difference of one and the product of two poles
 _TERMS = 16.0  # roundings of a term of a sum over pairs of modes, beside one for each that it is added to
 
 
-@dataclass(frozen=True)
-class H2Certificate:
-    """An H2 norm between two bounds.
-
-    Attributes
-    ----------
-    value : float
-        The norm; ``inf`` with an unstable pole, an undamped mode that shows, or, in continuous time, a feedthrough.
-    lower, upper : float
-        Bounds: what rounding may have changed.
-    method : str
-        How it was obtained, or why it is infinite.
-    """
-
-    value: float
-    lower: float
-    upper: float
-    method: str
-    _given: Lti | None = field(default=None, repr=False, compare=False)
-
-    def __claims__(self) -> Iterator[Claim]:
-        """Yield what can be proved."""
-        if self._given is not None:
-            yield Claim("the system", self._given, energy=(self.lower, self.upper))
-
-    def __repr__(self) -> str:
-        certified = "certified" if self.certified else f"not certified: {self.lower:.6g} to {self.upper:.6g}"
-        return f"H2Certificate: H2 norm {self.value:.6g}, {certified}\n  {self.method}"
-
-    @property
-    def certified(self) -> bool:
-        """Whether the bounds agree to a millionth, or the norm is known to be infinite."""
-        return self.value == inf or self.upper - self.lower <= _AGREEMENT * self.upper < inf
-
-
-def h2_norm(system: "SecondOrderModel | control.StateSpace | control.TransferFunction") -> H2Certificate:
+def h2_norm(system: "SecondOrderModel | control.StateSpace | control.TransferFunction") -> NormCertificate:
     """Return the certified H2 norm: the RMS of the outputs to white noise of unit intensity at every input.
 
     In discrete time it is white noise of unit variance at every sample.  The square of the norm is then the sum of the
@@ -80,7 +43,7 @@ def h2_norm(system: "SecondOrderModel | control.StateSpace | control.TransferFun
 
     Returns
     -------
-    H2Certificate
+    NormCertificate
         The norm, and bounds of it.
 
     Raises
@@ -98,23 +61,24 @@ def h2_norm(system: "SecondOrderModel | control.StateSpace | control.TransferFun
     1.0
     """
     if isinstance(system, SecondOrderModel):
-        return _norm(modal_form(system.structure, system.ports))
+        return matrices_h2_norm(modal_form(system.structure, system.ports))
     given = of(system, sampled=True)
-    return replace(_norm(given), _given=given)
+    return replace(matrices_h2_norm(given), _given=given)
 
 
-def _norm(given: Lti) -> H2Certificate:
+def matrices_h2_norm(given: Lti) -> NormCertificate:
+    """Return the certified H2 norm of ``A, B, C, D``."""
     if not len(given.A) or min(given.D.shape) == 0:
         through = float(np.linalg.norm(given.D))
         if through and given.dt == 0.0:
             return _fed_through(given)
-        return H2Certificate(through, through, through, "no states")
+        return _between(through, through, through, "no states")
     balanced = given.balanced()
     axis = marginal_poles(balanced)
     if axis.infinite is not None:
         pole = axis.infinite
         what = UNSTABLE if pole.real > 0.0 else UNDAMPED if given.dt == 0.0 else ON_CIRCLE
-        return H2Certificate(inf, inf, inf, f"{what} at {pole.real:.4g}{pole.imag:+.4g}j rad/s")
+        return _between(inf, inf, inf, f"{what} at {pole.real:.4g}{pole.imag:+.4g}j rad/s")
     if given.D.any() and given.dt == 0.0:
         return _fed_through(given)
     if axis.doubtful is not None:
@@ -122,41 +86,57 @@ def _norm(given: Lti) -> H2Certificate:
     return _proved(balanced) if axis.hidden.any() else _finite(balanced)
 
 
-def _fed_through(given: Lti) -> H2Certificate:
+def _between(lower: float, value: float, upper: float, method: str) -> NormCertificate:
+    return NormCertificate(lower, upper, nan, method, kind="h2", _value=value)
+
+
+def _fed_through(given: Lti) -> NormCertificate:
     o, i = np.unravel_index(int(np.argmax(np.abs(given.D))), given.D.shape)
-    return H2Certificate(inf, inf, inf, f"a feedthrough to {given.outputs[int(o)]!r} from {given.inputs[int(i)]!r}")
+    return _between(inf, inf, inf, f"a feedthrough to {given.outputs[int(o)]!r} from {given.inputs[int(i)]!r}")
 
 
-def _doubtful(system: Lti, near: Array, why: str) -> H2Certificate:
+def _doubtful(system: Lti, near: Array, why: str) -> NormCertificate:
     """Return the value without the modes that may be undamped, where that can be told; the norm may be infinite."""
     try:
         conjugates = np.abs(system.poles[:, None] - system.poles.conj()).argmin(axis=1)
         rest = _finite(split(system, near | near[conjugates], "undamped modes")[1])
     except ValueError:
-        return H2Certificate(0.0, 0.0, inf, why)
-    return H2Certificate(rest.value, 0.0, inf, why)
+        return _between(0.0, 0.0, inf, why)
+    return _between(0.0, rest.value, inf, why)
 
 
-def _finite(system: Lti) -> H2Certificate:
+def _finite(system: Lti) -> NormCertificate:
     """Return the norm of a stable system, in continuous time without a feedthrough."""
     modes = verified_modal_form(system)
     found = None if modes is None else _by_modes(modes, system.dt)
-    return found if found is not None and found.certified else _proved(system, found)
+    if found is not None and found.certified:
+        return found
+    known = _proved(system)
+    if known.upper < inf:
+        return known
+    known = found or known
+    return replace(known, _value=float(np.clip(_by_gramian(system), known.lower, known.upper)))
 
 
-def _proved(system: Lti, found: H2Certificate | None = None) -> H2Certificate:
-    """Return the norm of a system whose poles decay or do not show, as its numbers are stored; what is known already else."""
+def _proved(system: Lti) -> NormCertificate:
+    """Return the norm of a system whose poles decay or do not show, as they are stored; no upper bound if undecided."""
     from boomctl.lti.proof import PATIENCE, Exact, Undecided, below
 
     try:
         square = Exact.of(system, PATIENCE).energy()
     except Undecided:
-        return found or H2Certificate(0.0, 0.0, inf, NOT_PROVED)
+        return _between(0.0, 0.0, inf, NOT_PROVED)
     low, high = below(square.sqrt()), -below(-square.sqrt())
-    return H2Certificate(float(square.sqrt()), max(low, 0.0), high, PROVED)
+    return _between(max(low, 0.0), float(square.sqrt()), high, PROVED)
 
 
-def _by_modes(modes: VerifiedModalForm, dt: float) -> H2Certificate:
+def _by_gramian(system: Lti) -> float:
+    """Return the norm where modes nearly coincide and a proof takes too long: a value without bounds of its own."""
+    P = refined_gramian(system.A, system.B, system.dt != 0.0)
+    return sqrt(max(float(np.sum((system.C @ P) * system.C) + np.sum(system.D**2)), 0.0))
+
+
+def _by_modes(modes: VerifiedModalForm, dt: float) -> NormCertificate:
     """Return the norm as a sum over pairs of modes."""
     modal, p = modes.modal, modes.modal.poles
     through = float(np.sum(modal.D**2))
@@ -170,4 +150,4 @@ def _by_modes(modes: VerifiedModalForm, dt: float) -> H2Certificate:
     sizes = (np.abs(modal.C).T @ np.abs(modal.C)) * (np.abs(modal.B) @ np.abs(modal.B).T) * np.abs(shares)
     rounding = EPS * (float(np.sum(sizes * units)) + _TERMS * through)
     low, value, high = (sqrt(x) for x in (max(square - rounding, 0.0), square, square + rounding))
-    return H2Certificate(value, max(low - modes.energy_gap, 0.0), high + modes.energy_gap, BY_MODES)
+    return _between(max(low - modes.energy_gap, 0.0), value, high + modes.energy_gap, BY_MODES)

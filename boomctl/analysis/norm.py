@@ -1,6 +1,6 @@
-"""Certified H-infinity norms.
+"""Norms between two bounds, and how those of H-infinity norms are found.
 
-A norm is reported with two bounds of its own: the largest singular value found (attained at a frequency, from the
+An H-infinity norm is reported with two bounds of its own: the largest singular value found (attained at a frequency, from the
 system's own response), and a level that no singular value reaches at any frequency (no eigenvalue of the Hamiltonian
 matrix on the imaginary axis; Boyd, Balakrishnan & Kabamba 1989, Bruinsma & Steinbuch 1990).
 
@@ -36,6 +36,7 @@ _BESIDE = 1e-2  # share of its size by which an eigenvalue that is worth a look 
 _LIGHTEST = 10  # resonances, those of least damping, at which the share of rounding is looked at (a choice)
 _TINY = 1e-150  # norms below which squares of responses are not numbers of full precision
 
+NAMES = {"hinf": "H-infinity", "h2": "H2"}  # what the kinds of norm are called
 # What tells a norm, in the order looked at: one of these is a certificate's ``method``.
 STATIC_GAIN = "static gain"  # no states: the norm of D
 UNSTABLE = "an unstable pole"  # infinite
@@ -53,20 +54,23 @@ NOT_PROVED = "rounding may change it, and a proof takes too long"  # no upper bo
 
 @dataclass(frozen=True)
 class NormCertificate:
-    """An H-infinity norm between two bounds.
+    """A norm between two bounds.
 
     Attributes
     ----------
     lower : float
-        Largest singular value found, at ``omega``, less what rounding may have added to it.
+        The norm is at least this: of an H-infinity norm the largest singular value found, at ``omega``, less what rounding
+        may have added to it.
     upper : float
-        No singular value is larger; ``inf`` where that could not be shown.
+        The norm is at most this; ``inf`` where that could not be shown.
     omega : float
-        Angular frequency of the peak [rad/s]; ``nan`` if the norm is infinite at no single frequency.
+        Angular frequency of the peak [rad/s]; ``nan`` of an H2 norm, or if the norm is infinite at no single frequency.
     method : str
-        How the upper bound was obtained, or why there is none.
+        How the bounds were obtained, or why there is none.
     path : tuple of str
         What stood for a structure, from the first to the last; empty of a state-space system, which stands for itself.
+    kind : str
+        "hinf", the largest singular value over frequency, or "h2", the RMS of the outputs to white noise.
     """
 
     lower: float
@@ -74,20 +78,47 @@ class NormCertificate:
     omega: float
     method: str
     path: tuple[str, ...] = ()
+    kind: str = "hinf"
+    _value: float | None = field(default=None, repr=False)
     _given: "Lti | SecondOrderModel | None" = field(default=None, repr=False, compare=False)
 
     def __claims__(self) -> Iterator[Claim]:
         """Yield what can be proved."""
         if self._given is not None:
             stands = "" if isinstance(self._given, Lti) else "the state space that stands for the structure"
-            norm = (self.lower, self.upper, self.omega)
-            yield Claim(stands or "the system", of(self._given, sampled=True), norm=norm, rounded=stands)
+            system = of(self._given, sampled=True)
+            yield replace(self.claim(stands or "the system", system), rounded=stands)
+
+    def claim(self, what: str, system: Lti, controller: Lti | None = None) -> Claim:
+        """Return the claim that these are bounds of the norm of a system, or of its loop with a controller.
+
+        Parameters
+        ----------
+        what : str
+            What it is about, as messages call it.
+        system, controller : Lti
+            As they were handed in.
+
+        Returns
+        -------
+        Claim
+            For :func:`prove`.
+        """
+        if self.kind == "h2":
+            return Claim(what, system, controller, energy=(self.lower, self.upper))
+        return Claim(what, system, controller, norm=(self.lower, self.upper, self.omega))
 
     def __repr__(self) -> str:
         at = f" at {self.omega:.6g} rad/s" if isfinite(self.omega) else ""
+        at_least = f"at least {self.lower:.6g}, " if self.lower < self.value else ""
         at_most = f"at most {self.upper:.6g}" if isfinite(self.upper) else "no upper bound"
-        doubt = "certified" if self.certified else f"not certified, {at_most}"
-        return f"NormCertificate: H-infinity norm {self.lower:.6g}{at}, {doubt}\n  {self.method}"
+        doubt = "certified" if self.certified else f"not certified, {at_least}{at_most}"
+        return f"NormCertificate: {NAMES[self.kind]} norm {self.value:.6g}{at}, {doubt}\n  {self.method}"
+
+    @property
+    def value(self) -> float:
+        """The norm: of an H-infinity norm the lower bound, of an H2 norm a number between the bounds."""
+        return self.lower if self._value is None else self._value
 
     @property
     def certified(self) -> bool:

@@ -97,7 +97,7 @@ def prove(result: Claiming, *, time_limit: float = 60.0) -> Proof:
 
     Parameters
     ----------
-    result : NormCertificate, H2Certificate, ReductionResult, Margins, TuneResult, or of a synthesis
+    result : NormCertificate, ReductionResult, Margins, TuneResult, or of a synthesis
         Of :func:`boomctl.hinf_norm`, :func:`boomctl.h2_norm`, :func:`boomctl.reduce` and so on.
     time_limit : float, optional
         Seconds after which a proof is given up.

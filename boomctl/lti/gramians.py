@@ -54,7 +54,7 @@ def _hammarling(A: Array, B: Array) -> Array:
 
 def refined_gramian(A: Array, B: Array, steps: bool = False) -> Array:
     """Return the solution of ``A P + P A^T + B B^T = 0``, of ``steps`` ``A P A^T - P + B B^T = 0``, in extended precision."""
-    wide = np.longdouble
+    wide = np.longdouble if len(A) <= EXTENDED else np.float64
     A_, B_ = A.astype(wide), B.astype(wide)
     P, BB = np.zeros(A.shape, dtype=wide), B_ @ B_.T
     left = BB

@@ -2,14 +2,15 @@
 
 from boomctl.lti.controllers.scheduled import ScheduledController, schedule
 from boomctl.synthesis.assumptions import SynthesisError
+from boomctl.synthesis.certificate import DesignCertificate
 from boomctl.synthesis.discretise import discretize
-from boomctl.synthesis.hinf.h_infinity import HInfinityCertificate, HInfinityResult, h_infinity
+from boomctl.synthesis.hinf.h_infinity import HInfinityResult, h_infinity
 from boomctl.synthesis.lq.h2 import H2Result, h2
 from boomctl.synthesis.lq.kalman import KalmanResult, kalman
 from boomctl.synthesis.lq.lqg import LqgResult, lqg
 from boomctl.synthesis.lq.lqr import LqrResult, lqr
 from boomctl.synthesis.lq.recovery import RecoveryResult, loop_transfer_recovery
-from boomctl.synthesis.plants.full_plant import FullPlantCertificate, ReductionWarning
+from boomctl.synthesis.plants.full_plant import ReductionWarning
 from boomctl.synthesis.plants.generalized import generalized_plant, mixed_sensitivity, select_channels
 from boomctl.synthesis.plants.partition import close_loop
 from boomctl.synthesis.plants.symmetry import join_symmetric, split_controller
@@ -18,9 +19,8 @@ from boomctl.synthesis.plants.weights import band_pass, high_pass, low_pass, she
 from boomctl.synthesis.reduce_controller import ReducedController, reduce_controller
 
 __all__ = [
-    "FullPlantCertificate",
+    "DesignCertificate",
     "H2Result",
-    "HInfinityCertificate",
     "HInfinityResult",
     "KalmanResult",
     "LqgResult",

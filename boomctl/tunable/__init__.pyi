@@ -1,6 +1,6 @@
 # The public names and where each is defined: `__init__.py` loads them from there when they are first used.
 
-from boomctl.tuning.channels import budget, objective
+from boomctl.synthesis.plants.channels import budget, objective
 from boomctl.tuning.parts.makers import (
     decentralised,
     gain,

@@ -1,6 +1,6 @@
 # The public names and where each is defined: `__init__.py` loads them from there when they are first used.
 
-from boomctl.tuning.certificate import ActivePeak, ChannelNorm, TuneCertificate
+from boomctl.synthesis.certificate import ActivePeak, ChannelNorm
 from boomctl.tuning.result import TuneResult
 from boomctl.tuning.solver.search import TuneStart
 from boomctl.tuning.tune import tune
@@ -8,7 +8,6 @@ from boomctl.tuning.tune import tune
 __all__ = [
     "ActivePeak",
     "ChannelNorm",
-    "TuneCertificate",
     "TuneResult",
     "TuneStart",
     "tune",

@@ -10,8 +10,8 @@ from scipy import linalg
 from boomctl.arrays import Array, balance, blocks
 from boomctl.lti.block_diagonal import block_diagonal
 from boomctl.lti.system import Lti
+from boomctl.synthesis.plants.channels import Channel
 from boomctl.synthesis.plants.partition import GeneralizedPlant
-from boomctl.tuning.channels import Channel
 from boomctl.tuning.parts.jets import Jet
 from boomctl.tuning.parts.structures import PHYSICAL, Free, Ports, Structure
 

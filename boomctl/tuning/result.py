@@ -6,13 +6,13 @@ from functools import cached_property
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from boomctl.analysis.norm import NormCertificate
 from boomctl.analysis.prove import Claim
 from boomctl.analysis.sigma import sigma
 from boomctl.lti.system import Lti
 from boomctl.printing import count, listed, system
+from boomctl.synthesis.certificate import DesignCertificate
+from boomctl.synthesis.plants.channels import channel_of
 from boomctl.synthesis.plants.partition import GeneralizedPlant
-from boomctl.tuning.certificate import TuneCertificate, channel_of
 from boomctl.tuning.solver.search import TuneStart
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ class TuneResult:
         Those of all models.
     gamma : float
         The largest objective over all models, verified.
-    certificate : TuneCertificate
+    certificate : DesignCertificate
         What vouches for the controller, and how far from the best of any order it is.
     values : dict of str to float
         The free numbers by name, in the units of the signals and rad/s.
@@ -49,7 +49,7 @@ class TuneResult:
     _loops: tuple[Lti, ...] = field(repr=False)
     _worst: int = field(repr=False)
     gamma: float
-    certificate: TuneCertificate
+    certificate: DesignCertificate
     values: dict[str, float]
     physical: dict[str, float]
     starts: tuple[TuneStart, ...]
@@ -63,15 +63,9 @@ class TuneResult:
             controller = self._controller if plant.ncon else None
             yield Claim(what, plant.system, controller, stable=True)
             for each in self.certificate.norms:
-                if each.model != name:
-                    continue
-                told, norm, energy = each.norm, None, None
-                if isinstance(told, NormCertificate):
-                    norm = (told.lower, told.upper, told.omega)
-                else:
-                    energy = (told.lower, told.upper)
-                part = channel_of(plant, each.channel).system
-                yield Claim(f"{what}, {each.channel.text}", part, controller, norm=norm, energy=energy)
+                if each.model == name:
+                    part = channel_of(plant, each.channel).system
+                    yield each.norm.claim(f"{what}, {each.channel.text}", part, controller)
 
     @cached_property
     def controller(self) -> "control.StateSpace":

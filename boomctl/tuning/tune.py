@@ -4,31 +4,23 @@ import time
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from math import exp, inf, isfinite, log
+from math import exp, inf, isfinite, log, nan
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from boomctl.analysis.box.robustness import pattern_search
-from boomctl.analysis.norm import NormCertificate
+from boomctl.analysis.norm import UNSTABLE, NormCertificate
 from boomctl.arrays import Array
 from boomctl.checks import function_of, instance, known, positive, sequence, whole, within
 from boomctl.printing import count as counted
 from boomctl.progress import Listener, computing, tell
 from boomctl.structure.families import Family
 from boomctl.synthesis.assumptions import SynthesisError, check_detectable, check_stabilizable
+from boomctl.synthesis.certificate import ActivePeak, ChannelNorm, DesignCertificate
+from boomctl.synthesis.plants.channels import Channel, objective, places
 from boomctl.synthesis.plants.partition import GeneralizedPlant
-from boomctl.tuning.certificate import (
-    ActivePeak,
-    ChannelNorm,
-    TuneCertificate,
-    channel_norm,
-    edge_of,
-    full_order_bound,
-    loop_of,
-    places,
-)
-from boomctl.tuning.channels import Channel, objective
+from boomctl.tuning.certificate import channel_norm, edge_of, full_order_bound, loop_of
 from boomctl.tuning.initial import initial_numbers
 from boomctl.tuning.parts.structures import GAIN, Decentralised, Ports, Series, Structure, Sum
 from boomctl.tuning.plants import FamilyPlants, Plants, fixed_plants, made_plants
@@ -433,7 +425,7 @@ def _worst(task: _Task, over: FamilyPlants, found: Search) -> tuple[float, Array
 
     def aimed(point: Array) -> tuple[float, ChannelNorm]:
         """Return the worst of what is to be small, which a budget that is worst elsewhere does not show."""
-        bad = NormCertificate(inf, inf, float("nan"), "an unstable pole")
+        bad = NormCertificate(inf, inf, nan, UNSTABLE)
         shown = [each for each in norms(point) if each[1].channel in aims]
         return max(shown, key=lambda each: each[0], default=(inf, ChannelNorm(over.label(point), aims[0], bad)))
 
@@ -482,7 +474,7 @@ def _result(task: _Task, found: Search, worst: "ChannelNorm | None", path: tuple
     peaks, least = _peaks(task, problem, point)
     fastest = float(np.abs(K.poles).max(initial=0.0)) if len(K.A) else 0.0
     slowest = max((float(loop.poles.real.max()) for loop in loops if len(loop.A)), default=-inf)
-    certificate = TuneCertificate(
+    certificate = DesignCertificate(
         norm=top.norm,
         norms=tuple(each for _, each in norms),
         slowest_pole=slowest,
@@ -588,7 +580,9 @@ def _peaks(task: _Task, problem: Problem, point: Point) -> tuple[tuple[ActivePea
     return found, stationarity(near, point, problem.low, problem.high)
 
 
-def _statement(c: TuneCertificate, top: ChannelNorm, models: int, least: float, found: Search, edges: list[str]) -> str:
+def _statement(
+    c: DesignCertificate, top: ChannelNorm, models: int, least: float, found: Search, edges: list[str]
+) -> str:
     kind = "verified" if top.norm.certified else f"between {top.norm.lower:.6g} and {top.norm.upper:.6g}"
     over = f", the largest of {models} models" if models > 1 else ""
     said = f"{top.channel.text} {top.value:.6g}{over}, {kind}"

@@ -63,8 +63,8 @@ def test_a_result_is_written_with_its_certificate(tmp_path):
     assert same(bc.read_controller(tmp_path / "lqg.json"), design.controller)
     notes = bc.exchange.read_controller_notes(tmp_path / "lqg.json")
     assert notes.units == {"tip": "m", "torque": "N m"}
-    assert notes.certificate["least_norm"] == pytest.approx(design.certificate.least_norm)
-    assert notes.certificate["regulator"]["abscissa"] < 0.0
+    assert notes.certificate["lower"] == pytest.approx(design.certificate.lower)
+    assert notes.certificate["riccati"]["abscissa"] < 0.0
     assert notes.provenance["boomctl"] == bc.__version__
     assert notes.provenance["plant"] == "a mass"
 

@@ -34,7 +34,7 @@ def test_double_integrator_with_noise(noise):
     design = bc.h_infinity(P, 1, 1)
     assert design.gamma <= 1.01 * design.certificate.lower
     assert_verified(P, design.controller, design.gamma, design.certificate.norm.omega)
-    assert_allclose(design.certificate.frequency_bound, 1.0, rtol=1e-6)
+    assert_allclose(design.bounds.frequency, 1.0, rtol=1e-6)
 
 
 def test_mixed_sensitivity_without_effort_is_refused():

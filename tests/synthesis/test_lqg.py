@@ -5,11 +5,12 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy import linalg, optimize
+from scipy import linalg
 
 import boomctl as bc
+from boomctl.analysis.h2 import matrices_h2_norm
 from boomctl.lti.system import Lti, lower_lft, of
-from boomctl.synthesis.lq.output_feedback import _distance, observer, quadratic_norm
+from boomctl.synthesis.lq.output_feedback import observer
 from boomctl.synthesis.plants.partition import partition
 from tests.profiles import examples
 from tests.strategies import seeds
@@ -69,11 +70,10 @@ def test_separation_and_the_cost_by_three_routes(seed):
         ]
     )
     assert np.poly(linalg.eigvals(loop.A)) == pytest.approx(np.poly(poles), rel=1e-6, abs=1e-6)
-    assert design.certificate.separation_error < 1e-4
-    norm = quadratic_norm(loop)
-    assert norm.disagreement < 1e-6
+    norm = matrices_h2_norm(loop)
+    assert norm.certified
     assert norm.value**2 == pytest.approx(design.cost, rel=1e-6)
-    assert design.certificate.least_norm**2 == pytest.approx(design.cost, rel=1e-6)
+    assert design.certificate.lower**2 == pytest.approx(design.cost, rel=1e-6)
 
 
 @given(seeds)
@@ -85,10 +85,10 @@ def test_any_other_controller_costs_more(seed):
     P, best = partition(generalised(system, Q, R, W, V), 2, 2).system, matrices(design.controller)
     for size in (1e-3, 1e-2, 1e-1):
         parts = [m + size * rng.standard_normal(m.shape) * np.abs(m).max() for m in (best.A, best.B, best.C)]
-        assert quadratic_norm(lower_lft(P, Lti(*parts, best.D))).value ** 2 >= design.cost * (1.0 - 1e-9)
+        assert matrices_h2_norm(lower_lft(P, Lti(*parts, best.D))).value ** 2 >= design.cost * (1.0 - 1e-9)
         gains = [g + size * rng.standard_normal(g.shape) for g in (design.regulator_gain, design.filter_gain)]
         other = observer(Lti(system.A, system.B, system.C, system.D), *gains)
-        assert quadratic_norm(lower_lft(P, other)).value ** 2 >= design.cost * (1.0 - 1e-9)
+        assert matrices_h2_norm(lower_lft(P, other)).value ** 2 >= design.cost * (1.0 - 1e-9)
 
 
 @given(seeds)
@@ -132,8 +132,8 @@ def test_the_boom_with_strokes_and_accelerometers(elements):
     assert design.controller.output_labels == list(SUSPENSIONS)
     assert design.closed_loop.input_labels == ["actuator_left", "actuator_right", "cradle"]
     assert design.closed_loop.output_labels == list(model.outputs)
-    assert design.certificate.disagreement < 1e-5
-    assert design.certificate.abscissa < 0.0
+    assert design.cost == pytest.approx(design.certificate.lower**2, rel=1e-5)
+    assert design.certificate.slowest_pole < 0.0
     tips = bc.sigma(design.closed_loop, inputs=["actuator_left", "actuator_right"], outputs=["tip_left", "tip_right"])
     assert tips.peak < 0.2 * bc.sigma(model).peak
 
@@ -248,12 +248,14 @@ def test_recovery_of_nothing_is_refused(options, message):
         bc.synthesis.loop_transfer_recovery(mass, **(given | options), band=(0.1, 10.0))
 
 
-@examples(60)
-@given(seeds, st.integers(1, 8), st.sampled_from([1e-9, 0.3, 3.0]))
-def test_poles_are_paired_so_that_the_sum_of_distances_is_least(seed, count, apart):
-    rng = np.random.default_rng(seed)
-    expected = rng.normal(size=count) + 1j * rng.normal(size=count)
-    found = rng.permutation(expected * (1.0 + apart * rng.uniform(-1.0, 1.0, count)))
-    gaps = np.abs(found[:, None] - expected[None, :]) / np.abs(expected)[None, :]
-    rows, columns = optimize.linear_sum_assignment(gaps)
-    assert _distance(found, expected) == gaps[rows, columns].max()
+def test_a_loop_in_which_each_mode_stands_twice_has_its_norm():
+    """Regulator and filter of a collocated chain are each other's dual: every pole is double, in a chain of two."""
+    n = 30
+    K = 2.0 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1)
+    w, V = np.linalg.eigh(K)
+    w, B = np.sqrt(w), np.vstack([np.zeros((n, 1)), V[-1:].T])
+    chain = control.ss(np.block([[np.zeros((n, n)), np.diag(w)], [-np.diag(w), -0.02 * np.diag(w)]]), B, B.T, 0.0)
+    design = bc.lqg(chain, B @ B.T, 1.0, B @ B.T, 1.0)
+    assert design.cost == pytest.approx(design.certificate.lower**2, rel=1e-9)
+    assert not design.certificate.norm.certified  # modes say nothing, and a proof takes too long
+    assert "not certified" in repr(design)

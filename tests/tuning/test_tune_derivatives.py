@@ -6,8 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import boomctl as bc
+from boomctl.synthesis.plants.channels import places
 from boomctl.synthesis.plants.partition import partition
-from boomctl.tuning.certificate import places
 from boomctl.tuning.hessian import peak_hessian
 from boomctl.tuning.paths import Paths
 from boomctl.tuning.point import Point

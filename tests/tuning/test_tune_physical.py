@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 import boomctl as bc
 from boomctl.boom.families import scaled_boom
 from boomctl.structure import AffineFamily
+from boomctl.synthesis.plants.channels import places
 from boomctl.synthesis.plants.partition import partition
-from boomctl.tuning.certificate import places
 from boomctl.tuning.hessian import peak_hessian
 from boomctl.tuning.parts.structures import Physical
 from boomctl.tuning.plants import FamilyPlants, made_plants

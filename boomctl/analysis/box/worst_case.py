@@ -13,9 +13,9 @@ from boomctl.analysis.box.prove import WORTH, BoxProof, Statement, prove_box
 from boomctl.analysis.box.robustness import listed_values, pattern_search
 from boomctl.analysis.box.sampled_level import SampledLoops
 from boomctl.analysis.box.zero_exclusion import value_at
-from boomctl.analysis.h2 import H2Certificate, h2_norm
+from boomctl.analysis.h2 import matrices_h2_norm
 from boomctl.analysis.loops import joined, signals_of
-from boomctl.analysis.norm import NormCertificate, matrices_norm
+from boomctl.analysis.norm import NAMES, NormCertificate, matrices_norm
 from boomctl.arrays import Array
 from boomctl.checks import exactly, from_on, instance, known, nonnegative, positive, whole
 from boomctl.lti.controllers.scheduled import ScheduledController
@@ -30,7 +30,6 @@ if TYPE_CHECKING:
 
     import control
 
-_NORMS = ("hinf", "h2")
 _CELLS = 60_000  # most cells that are tried at one level (a choice of patience: some ten seconds)
 _LARGEST = 1.0  # a tolerance beyond which a bound says nothing (a choice)
 _LOOSER = 10.0  # times the tolerance: the next level where cells run out (a choice)
@@ -47,11 +46,11 @@ class WorstCase:
 
     Attributes
     ----------
-    norm : NormCertificate or H2Certificate
+    norm : NormCertificate
         The norm at the worst point found; infinite where the loop is unstable.
     values : dict
         Parameter values of that point.
-    nominal : NormCertificate or H2Certificate
+    nominal : NormCertificate
         The norm in the middle of the box.
     evaluations : int
         Number of points tried.
@@ -65,9 +64,9 @@ class WorstCase:
         How many cells of which kind proved it; empty where none was.
     """
 
-    norm: NormCertificate | H2Certificate
+    norm: NormCertificate
     values: dict[str, float]
-    nominal: NormCertificate | H2Certificate
+    nominal: NormCertificate
     evaluations: int
     upper_bound: float = inf
     cells: int = 0
@@ -90,12 +89,13 @@ class WorstCase:
         str
             A sentence.
         """
-        name, where = "H2", f"at {listed_values(self.values)}"
-        if isinstance(self.norm, NormCertificate):
-            name, where = "H-infinity", f"{where} and {self.norm.omega:.4g} rad/s"
+        where = f"at {listed_values(self.values)}"
+        if self.norm.kind == "hinf":
+            where += f" and {self.norm.omega:.4g} rad/s"
         middle = f"in the middle of the box {self.nominal.lower:.5g}"
         proved = f"none above {from_on(self.upper_bound)} anywhere in the box, proved in {self.cells} cells"
         bound = proved if self.upper_bound < inf else f"no bound proved ({self.reason})"
+        name = NAMES[self.norm.kind]
         return f"{name} norm up to {self.norm.lower:.5g} {where}; {bound}; {middle}; {self.evaluations} points tried"
 
     def __figures__(self) -> dict[str, float]:
@@ -180,7 +180,7 @@ def worst_case(
     wanted = None if tolerance is None else positive("tolerance", tolerance)
     if wanted is not None and wanted > _LARGEST:
         raise ValueError(f"tolerance = {wanted:g}: expected at most {_LARGEST:g}")
-    known("norm", norm, _NORMS)
+    known("norm", norm, NAMES)
     K, late = _checked(family, controller, delay)
 
     def loop_at(delta: Array) -> Lti:
@@ -194,7 +194,7 @@ def worst_case(
         found = seen.get(delta.tobytes())
         if found is None:
             loop = loop_at(delta)
-            found = h2_norm(loop.statespace("loop")) if norm == "h2" else matrices_norm(loop.balanced())
+            found = matrices_h2_norm(loop) if norm == "h2" else matrices_norm(loop.balanced())
             seen[delta.tobytes()] = found
         return found
 

@@ -24,9 +24,9 @@ from boomctl.synthesis.lq.h2 import h2
 from boomctl.synthesis.lq.kalman import kalman
 from boomctl.synthesis.lq.lqg import lqg
 from boomctl.synthesis.lq.lqr import lqr
+from boomctl.synthesis.plants import channels
 from boomctl.synthesis.plants.generalized import generalized_plant
 from boomctl.synthesis.plants.partition import close_loop
-from boomctl.tuning import channels
 from boomctl.tuning.parts import makers
 from boomctl.tuning.tune import tune
 

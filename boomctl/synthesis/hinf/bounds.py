@@ -17,6 +17,7 @@ from scipy import linalg
 
 from boomctl.arrays import Array
 from boomctl.lti.system import Lti
+from boomctl.printing import compact
 from boomctl.progress import tell
 from boomctl.synthesis.assumptions import SynthesisError
 from boomctl.synthesis.hinf.normal_form import NormalizedPlant
@@ -87,13 +88,35 @@ class Bounds:
     reason: str
     band: float
 
+    __repr__ = compact
+
     @property
     def lower(self) -> float:
         """What no controller beats."""
         return max(self.frequency, self.riccati)
 
+    @property
+    def why(self) -> str:
+        """Which of the two says so."""
+        if self.lower == 0.0:
+            return "none: nothing bounds the norm from below"
+        if self.frequency >= self.riccati:
+            return f"at {self.omega:.4g} rad/s no controller goes below {self.frequency:.6g}"
+        return f"below {self.riccati:.6g} {self.reason}"
+
     def below(self, norm: float) -> "Bounds":
-        """Return what the verified norm of a loop does not refute; a bound it beats was made by rounding, and is zero."""
+        """Return what the verified norm of a loop does not refute; a bound it beats was made by rounding, and is zero.
+
+        Parameters
+        ----------
+        norm : float
+            That norm.
+
+        Returns
+        -------
+        Bounds
+            No bound lies above the norm.
+        """
         frequency, riccati = (
             0.0 if bound > norm * (1.0 + REFUTED) else min(bound, norm) for bound in (self.frequency, self.riccati)
         )

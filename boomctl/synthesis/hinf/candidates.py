@@ -49,8 +49,6 @@ class Candidate:
     loop: Lti
     norm: NormCertificate
     slowest: float
-    level: float
-    solver: str = ""
     path: tuple[str, ...] = ()
 
 
@@ -124,7 +122,7 @@ def _first_of(task: Task, levels: Sequence[float], tried: list[_Tried]) -> Candi
             found = judged(task.plant, K, limit)
             if isinstance(found, Candidate):
                 tried.append(_Tried(solver, level, "passed"))
-                return replace(found, level=level, solver=solver)
+                return found
             tried.append(_Tried(solver, level, found))
     return None
 
@@ -190,4 +188,4 @@ def judged(plant: GeneralizedPlant, K: Lti, limit: float) -> Candidate | str:
         return f"the norm of its loop could not be certified ({norm.method})"
     if norm.upper > limit or norm.lower == np.inf:
         return f"its loop has norm {norm.lower:.6g}, more than {limit:.6g}"
-    return Candidate(K, loop, norm, slowest, level=norm.upper)
+    return Candidate(K, loop, norm, slowest)

@@ -8,21 +8,22 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from boomctl.analysis.norm import NormCertificate, matrices_norm
+from boomctl.analysis.norm import matrices_norm
 from boomctl.analysis.prove import Claim
 from boomctl.analysis.sigma import sigma
 from boomctl.checks import positive, within
 from boomctl.lti.bilinear import continuous_image, discrete_image, omega_of_image
 from boomctl.lti.modal import sides
 from boomctl.lti.system import ClosedLoop, Lti, rates_of
-from boomctl.printing import sentence, system
+from boomctl.printing import system
 from boomctl.progress import Listener, computing
 from boomctl.reduction.result import ReductionResult
 from boomctl.synthesis.assumptions import SynthesisError, check_modes, check_ranks, check_zeros
-from boomctl.synthesis.hinf.bounds import Deadline, lowest_level
+from boomctl.synthesis.certificate import DesignCertificate
+from boomctl.synthesis.hinf.bounds import Bounds, Deadline, lowest_level
 from boomctl.synthesis.hinf.candidates import Candidate, Task, first_accepted, largest_pole
 from boomctl.synthesis.hinf.normal_form import normalised
-from boomctl.synthesis.plants.full_plant import FullPlantCertificate, ReducedPlant, judged_on_full_plant, origin_of
+from boomctl.synthesis.plants.full_plant import ReducedPlant, judged_on_full_plant, origin_of
 from boomctl.synthesis.plants.partition import GeneralizedPlant, partition
 
 if TYPE_CHECKING:
@@ -32,67 +33,6 @@ _LEVELS = (1e-100, 1e100)  # between which a wanted level lies: squares of them 
 _MORE = 1e-4  # share by which the norm on the unit circle may exceed that of the image: rounding of the map (a choice)
 _BAND = 1000.0  # poles so many times faster than plant and H2 loop cannot be implemented (a choice)
 _SEARCH = 0.25  # share of the tolerance to which the lowest level is found: the rest is left to the controllers
-
-
-@dataclass(frozen=True)
-class HInfinityCertificate:
-    """What vouches for a controller, and how far from the best possible one it is.
-
-    Attributes
-    ----------
-    norm : NormCertificate
-        The closed loop's H-infinity norm between two bounds.
-    slowest_pole : float
-        Largest real part of the closed loop's poles [rad/s], negative; ``-inf`` without states.  In discrete time of their
-        rates ``log(z)/dt``.
-    lower : float
-        A norm that no controller goes below: the larger of the two bounds that follow.
-    frequency_bound, frequency_omega : float
-        What no controller beats at one frequency [rad/s], whatever it knows.
-    riccati_bound : float
-        The highest level at which a condition of the two Riccati equations was seen to fail, checked by residuals and
-        signs; below it no controller exists.
-    riccati_reason : str
-        Which condition failed there.
-    level : float
-        The level for which the controller was computed.
-    fastest_pole, fastest_pole_limit : float
-        Largest magnitude of the controller's poles and what was allowed [rad/s]; in discrete time of ``z``, and ``inf``.
-    solver : str
-        How the controller that passed was computed: from the states as they are or in another order, without fast poles.
-    path : tuple of str
-        What was tried, in that order: solver, level and what came of it.
-    statement : str
-        All this in a sentence.
-    full_plant : FullPlantCertificate or None
-        Of a design on a reduced plant: what is known of the loop on the full one.
-    """
-
-    norm: NormCertificate
-    slowest_pole: float
-    lower: float
-    frequency_bound: float
-    frequency_omega: float
-    riccati_bound: float
-    riccati_reason: str
-    level: float
-    fastest_pole: float
-    fastest_pole_limit: float
-    solver: str
-    path: tuple[str, ...]
-    statement: str
-    full_plant: FullPlantCertificate | None = None
-
-    def __repr__(self) -> str:
-        full = "" if self.full_plant is None else f"; {self.full_plant.statement}"
-        return sentence("HInfinityCertificate", self.statement + full)
-
-    @property
-    def distance(self) -> float:
-        """How far above the lower bound the closed loop's norm lies at most, relative to it."""
-        if self.lower > 0.0:
-            return self.norm.upper / self.lower - 1.0
-        return float("inf") if self.norm.upper > 0.0 else 0.0
 
 
 @dataclass(frozen=True)
@@ -107,22 +47,24 @@ class HInfinityResult:
         The loop from the disturbances to the performance signals, named likewise.
     gamma : float
         The closed loop's H-infinity norm, verified.
-    certificate : HInfinityCertificate
+    certificate : DesignCertificate
         What vouches for the controller, and how far from the best possible one it is.
+    bounds : Bounds
+        What no controller beats, at one frequency and by the two Riccati equations; and the level that these say can be
+        reached.  Of a discrete plant those of its continuous image, ``omega`` mapped back.
     """
 
     _controller: Lti = field(repr=False)
     _closed_loop: Lti = field(repr=False)
     gamma: float
-    certificate: HInfinityCertificate
+    certificate: DesignCertificate
+    bounds: Bounds
     _plant: Lti | None = field(default=None, repr=False, compare=False)
 
     def __claims__(self) -> Iterator[Claim]:
         """Yield what can be proved: of the loop of the plant that was handed in."""
-        norm = self.certificate.norm
         if self._plant is not None:
-            bounds = (norm.lower, norm.upper, norm.omega)
-            yield Claim("the closed loop", self._plant, self._controller, stable=True, norm=bounds)
+            yield replace(self.certificate.norm.claim("the closed loop", self._plant, self._controller), stable=True)
 
     @cached_property
     def controller(self) -> "control.StateSpace":
@@ -253,12 +195,7 @@ def h_infinity(
         deadline = Deadline.after(limit)
         bounds = lowest_level(ready, _SEARCH * share, deadline)
         if wanted is not None and wanted < bounds.lower:
-            why = (
-                f"at {bounds.omega:.4g} rad/s no controller goes below {bounds.frequency:.6g}"
-                if bounds.frequency >= bounds.riccati
-                else f"below {bounds.riccati:.6g} {bounds.reason}"
-            )
-            raise SynthesisError(f"gamma = {wanted:.6g} cannot be reached: {why}")
+            raise SynthesisError(f"gamma = {wanted:.6g} cannot be reached: {bounds.why}")
         fastest = allowed if allowed is not None else (_BAND * bounds.band or np.inf)
         task = Task(
             plant=plant, ready=ready, bounds=bounds, fastest=fastest, tolerance=share, deadline=deadline, wanted=wanted
@@ -291,41 +228,35 @@ def _on_circle(plant: GeneralizedPlant, found: HInfinityResult, origin: ReducedP
             f"{found.gamma:.6g}, largest pole {np.abs(poles).max(initial=0.0):.7g}"
         )
     c = found.certificate
+    bounds = replace(found.bounds, omega=float(omega_of_image(found.bounds.omega, dt)))
     certificate = replace(
         c,
         norm=norm,
         slowest_pole=float(rates_of(poles, dt).real.max(initial=-np.inf)),
-        frequency_omega=float(omega_of_image(c.frequency_omega, dt)),
-        fastest_pole=float(np.abs(K.poles).max(initial=0.0)),
-        fastest_pole_limit=np.inf,
+        fastest_pole=largest_pole(K),
+        lower_reason=bounds.why,
         path=(*c.path, "mapped to the unit circle"),
         statement=f"{c.statement}; verified anew on the unit circle",
         full_plant=None if origin is None else judged_on_full_plant(origin, plant, K, norm.upper),
     )
-    return HInfinityResult(K, loop, norm.lower, certificate, plant.system)
+    return HInfinityResult(K, loop, norm.lower, certificate, bounds, plant.system)
 
 
 def _result(task: Task, found: Candidate, origin: ReducedPlant | None) -> HInfinityResult:
     task = replace(task, bounds=task.bounds.below(found.norm.upper))
     plant, bounds = task.plant, task.bounds
-    certificate = HInfinityCertificate(
+    certificate = DesignCertificate(
         norm=found.norm,
         slowest_pole=found.slowest,
-        lower=bounds.lower,
-        frequency_bound=bounds.frequency,
-        frequency_omega=bounds.omega,
-        riccati_bound=bounds.riccati,
-        riccati_reason=bounds.reason,
-        level=found.level,
         fastest_pole=largest_pole(found.K),
-        fastest_pole_limit=task.fastest,
-        solver=found.solver,
+        lower=bounds.lower,
+        lower_reason=bounds.why,
         path=found.path,
         statement=_statement(task, found),
         full_plant=None if origin is None else judged_on_full_plant(origin, plant, found.K, found.norm.upper),
     )
     K = replace(found.K, inputs=plant.measurements, outputs=plant.controls)
-    return HInfinityResult(K, found.loop, found.norm.lower, certificate, plant.system)
+    return HInfinityResult(K, found.loop, found.norm.lower, certificate, bounds, plant.system)
 
 
 def _statement(task: Task, found: Candidate) -> str:

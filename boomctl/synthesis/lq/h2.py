@@ -17,8 +17,9 @@ from boomctl.arrays import Array, blocks
 from boomctl.lti.system import Lti, lower_lft
 from boomctl.printing import system
 from boomctl.synthesis.assumptions import SynthesisError, check_modes, check_ranks, check_zeros
+from boomctl.synthesis.certificate import DesignCertificate
 from boomctl.synthesis.hinf.normal_form import normalised
-from boomctl.synthesis.lq.output_feedback import FeedbackCertificate, certify, least_cost, observer
+from boomctl.synthesis.lq.output_feedback import certify, least_cost, observer
 from boomctl.synthesis.lq.riccati import RiccatiProblem, RiccatiSolution
 from boomctl.synthesis.lq.riccati_steps import solution_of
 from boomctl.synthesis.plants.partition import GeneralizedPlant, partition, with_feedthrough
@@ -40,13 +41,13 @@ class H2Result:
     closed_loop : control.StateSpace
         The loop from the disturbances to the performance outputs, named as in the generalised plant.
     norm : float
-        H2 norm of the closed loop, by Gramians of the loop itself.
+        H2 norm of the closed loop, found of the loop itself.
     optimum : float
         The least H2 norm of any controller, from the Riccati solutions alone.
     poles : complex ndarray
         Poles of the closed loop [rad/s]: those of the regulator, then those of the filter.
-    certificate : FeedbackCertificate
-        How well both Riccati equations are solved, and the norm found in other ways.
+    certificate : DesignCertificate
+        The norm between two bounds, the least one by the Riccati equations, and how well these are solved.
     """
 
     _controller: Lti = field(repr=False)
@@ -54,7 +55,7 @@ class H2Result:
     norm: float
     optimum: float
     poles: Array = field(repr=False)
-    certificate: FeedbackCertificate
+    certificate: DesignCertificate
     _plant: Lti | None = field(default=None, repr=False, compare=False)
 
     def __claims__(self) -> Iterator[Claim]:
@@ -73,7 +74,8 @@ class H2Result:
         return self._closed_loop.statespace("closed_loop")
 
     def __repr__(self) -> str:
-        norms = f"H2 norm of the closed loop {self.norm:.6g}, verified; least possible {self.optimum:.6g}"
+        verified = "verified" if self.certificate.norm.certified else "not certified"
+        norms = f"H2 norm of the closed loop {self.norm:.6g}, {verified}; least possible {self.optimum:.6g}"
         return f"H2Result: controller of {system(self._controller)}\n  {norms}"
 
 
@@ -103,7 +105,7 @@ def h2(P: "control.StateSpace", nmeas: int, ncon: int) -> H2Result:
     SynthesisError
         A control that no performance output weighs, a measurement without noise, a direct way from a disturbance to a
         performance output that no controller can cancel (in continuous time), a mode in the way: each named.  A loop
-        whose norms disagree.
+        whose norm is not what the Riccati equations say.
 
     Examples
     --------
@@ -137,12 +139,12 @@ def h2(P: "control.StateSpace", nmeas: int, ncon: int) -> H2Result:
         initial=0.0
     ):
         loop = replace(loop, D=np.zeros_like(loop.D))  # what rounding leaves of the direct way that is cancelled
-    certificate = certify(loop, least, regulator, estimator)
+    certificate = certify(loop, K, least, regulator, estimator)
     return H2Result(
         _controller=K,
         _closed_loop=loop,
         norm=certificate.norm.value,
-        optimum=certificate.least_norm,
+        optimum=certificate.lower,
         poles=np.concatenate([regulator.poles, estimator.poles]),
         certificate=certificate,
         _plant=plant.system,

@@ -14,7 +14,7 @@ from boomctl.lti.system import Lti
 from boomctl.printing import system
 from boomctl.synthesis.assumptions import check_detectable, check_excited
 from boomctl.synthesis.lq.problem import Noise, Weight, chosen, noise_of, plant_of, square_root
-from boomctl.synthesis.lq.riccati import RiccatiCertificate, RiccatiProblem, RiccatiSolution
+from boomctl.synthesis.lq.riccati import RiccatiProblem, RiccatiSolution
 from boomctl.synthesis.lq.riccati_steps import solution_of
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ class KalmanResult:
         (dots in their names replaced by ``_``).
     poles : (n,) complex ndarray
         Poles of the estimator [rad/s].
-    certificate : RiccatiCertificate
+    certificate : RiccatiSolution
         How well the Riccati equation is solved.
     """
 
@@ -46,7 +46,7 @@ class KalmanResult:
     covariance: Array = field(repr=False)
     _estimator: Lti = field(repr=False)
     poles: Array = field(repr=False)
-    certificate: RiccatiCertificate
+    certificate: RiccatiSolution
 
     @cached_property
     def estimator(self) -> control.StateSpace:
@@ -98,7 +98,7 @@ def kalman(
         Another kind of system; unknown names; wrong shapes; an indefinite intensity, whose eigenvalue is named.
     SynthesisError
         An unstable or undamped mode that no measurement sees, or an undamped one that no noise reaches (named by
-        frequency and damping); a solution that fails its certificate.
+        frequency and damping); a solution that is not exact enough.
 
     Examples
     --------
@@ -123,7 +123,7 @@ def kalman(
         covariance=solution.X,
         _estimator=estimator.without_dots(),
         poles=solution.poles,
-        certificate=solution.certificate,
+        certificate=solution,
     )
 
 

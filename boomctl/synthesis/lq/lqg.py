@@ -14,9 +14,10 @@ from boomctl.arrays import Array, blocks
 from boomctl.checks import exactly, nonnegative
 from boomctl.lti.system import Lti, lower_lft
 from boomctl.printing import system
+from boomctl.synthesis.certificate import DesignCertificate
 from boomctl.synthesis.lq.kalman import solved_filter
 from boomctl.synthesis.lq.lqr import regulator_problem, solved_regulator
-from boomctl.synthesis.lq.output_feedback import FeedbackCertificate, certify, least_cost, observer
+from boomctl.synthesis.lq.output_feedback import certify, least_cost, observer
 from boomctl.synthesis.lq.problem import Noise, Weight, chosen, noise_of, plant_of, square_root
 from boomctl.synthesis.lq.riccati import RiccatiProblem
 
@@ -43,8 +44,8 @@ class LqgResult:
         Poles of the closed loop [rad/s]: those of the regulator, then those of the filter.
     cost : float
         Expected value of ``x^T Q x + y^T W y + u^T R u`` at rest in the noise.
-    certificate : FeedbackCertificate
-        How well both Riccati equations are solved, and the cost found in other ways.
+    certificate : DesignCertificate
+        The H2 norm of the loop, the least one by the Riccati equations, and how well these are solved.
     """
 
     _controller: Lti = field(repr=False)
@@ -53,7 +54,7 @@ class LqgResult:
     filter_gain: Array = field(repr=False)
     poles: Array = field(repr=False)
     cost: float
-    certificate: FeedbackCertificate
+    certificate: DesignCertificate
     _plant: Lti | None = field(default=None, repr=False, compare=False)
 
     def __claims__(self) -> Iterator[Claim]:
@@ -72,10 +73,9 @@ class LqgResult:
         return self._closed_loop.statespace("closed_loop")
 
     def __repr__(self) -> str:
-        norms = (
-            f"cost {self.cost:.6g}, two Gramians and the Riccati equations agree to {self.certificate.disagreement:.0e}"
-        )
-        return f"LqgResult: controller of {system(self._controller)}\n  {norms}"
+        least = f"least possible {self.certificate.lower**2:.6g}"
+        verified = "verified" if self.certificate.norm.certified else "not certified"
+        return f"LqgResult: controller of {system(self._controller)}\n  cost {self.cost:.6g}, {verified}; {least}"
 
 
 def lqg(
@@ -119,8 +119,8 @@ def lqg(
     TypeError, ValueError
         As :func:`lqr` and :func:`kalman`.
     SynthesisError
-        A mode in the way, named by frequency and damping; a closed loop that is not stable or whose cost differs
-        between the two Gramians and the Riccati equations.
+        A mode in the way, named by frequency and damping; a closed loop that is not stable or whose cost is not what
+        the Riccati equations say.
 
     Examples
     --------
@@ -145,7 +145,7 @@ def lqg(
     K = observer(way, regulator.gain, estimator.gain.T)
     loop = lower_lft(_weighted(way, problem, noise), K)
     effort = problem.R if plant.dt == 0.0 else problem.R + problem.B.T @ regulator.X @ problem.B
-    certificate = certify(loop, least_cost(noise.W, effort, regulator, estimator), regulator, estimator)
+    certificate = certify(loop, K, least_cost(noise.W, effort, regulator, estimator), regulator, estimator)
     return LqgResult(
         _controller=K,
         _closed_loop=lower_lft(_between_all(plant, driven, measured), K),

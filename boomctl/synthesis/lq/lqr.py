@@ -5,23 +5,26 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from math import inf
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy import linalg
 
+from boomctl.analysis.norm import NormCertificate
 from boomctl.analysis.prove import Claim
 from boomctl.arrays import Array, blocks
 from boomctl.checks import finite_array, sequence
-from boomctl.lti.bilinear import continuous_image
+from boomctl.lti.bilinear import continuous_image, omega_of_image
 from boomctl.lti.frequency import largest_gain
 from boomctl.lti.hidden_modes import HiddenMode, unmoved
 from boomctl.lti.system import Lti, static
-from boomctl.printing import between, compact, count
+from boomctl.printing import between, count
 from boomctl.synthesis.assumptions import SynthesisError, check_stabilizable, check_weighted
+from boomctl.synthesis.certificate import DesignCertificate
 from boomctl.synthesis.lq.problem import Weight, chosen, definite, plant_of, semidefinite, square_root
-from boomctl.synthesis.lq.riccati import RiccatiCertificate, RiccatiProblem, RiccatiSolution
+from boomctl.synthesis.lq.riccati import RiccatiProblem, RiccatiSolution
 from boomctl.synthesis.lq.riccati_steps import solution_of
 
 if TYPE_CHECKING:
@@ -30,29 +33,6 @@ if TYPE_CHECKING:
     from boomctl.structure.model import SecondOrderModel
 
 _RETURN_DIFFERENCE = 1e-2  # how far rounding on fine meshes may take the return difference below 1 (a choice)
-
-
-@dataclass(frozen=True)
-class LqrCertificate:
-    """What was found about a regulator, apart from the solver.
-
-    Attributes
-    ----------
-    riccati : RiccatiCertificate
-        Residual, backward error and doubt of the Riccati solution; largest real part of the closed-loop poles.
-    return_difference : float
-        Smallest singular value of ``R^1/2 (I + F (s I - A)^-1 B) R^-1/2`` found at any frequency.  Of an optimal
-        regulator it is 1 (Kalman's inequality), whence margins of 60 degrees and from one half to infinity in each
-        control; on very fine meshes rounding of the gain takes some of its digits, and below 0.99 no regulator is
-        returned.  In discrete time, where a regulator has no such margins, of ``(R + B^T X B)^1/2 (I + F (z I - A)^-1 B)
-        R^-1/2`` on the unit circle, likewise at least 1.  With a cross weight ``N``, where the inequality does not
-        hold, it is what was found.
-    """
-
-    riccati: RiccatiCertificate
-    return_difference: float
-
-    __repr__ = compact
 
 
 @dataclass(frozen=True)
@@ -77,7 +57,7 @@ class LqrResult:
         Poles of the closed loop [rad/s].
     unmoved : tuple of HiddenMode
         Stable modes that the controls cannot move; they stay as they are.
-    certificate : LqrCertificate
+    certificate : DesignCertificate
         How well the Riccati equation is solved, and what that proves of the loop.
     """
 
@@ -88,7 +68,7 @@ class LqrResult:
     _effort: Lti = field(repr=False)
     poles: Array = field(repr=False)
     unmoved: tuple[HiddenMode, ...]
-    certificate: LqrCertificate
+    certificate: DesignCertificate
     _plant: Lti | None = field(default=None, repr=False, compare=False)
 
     def __claims__(self) -> Iterator[Claim]:
@@ -113,11 +93,8 @@ class LqrResult:
 
     def __repr__(self) -> str:
         left = f", {count(len(self.unmoved), 'mode')} not moved" if self.unmoved else ""
-        rate = self.certificate.riccati.abscissa if self._controller.dt else self.poles.real.max(initial=-np.inf)
-        slowest = f"slowest pole of the closed loop {rate:.4g} rad/s"
-        checked = f"Riccati residual {self.certificate.riccati.residual:.1e}"
         between_signals = between(self._controller.inputs, self._controller.outputs)
-        return f"LqrResult: state feedback, {between_signals}{left}\n  {slowest}; {checked}"
+        return f"LqrResult: state feedback, {between_signals}{left}\n  {self.certificate.statement}"
 
 
 def lqr(
@@ -163,7 +140,7 @@ def lqr(
         Another kind of system; unknown names; wrong shapes; an indefinite weight, whose eigenvalue is named.
     SynthesisError
         An unstable or undamped mode that the controls cannot move, or an undamped one that no weight sees (named by
-        frequency and damping); a solution that fails its certificate.
+        frequency and damping); a solution that is not exact enough.
 
     Examples
     --------
@@ -188,11 +165,7 @@ def lqr(
         cross = np.vstack([problem.N, np.zeros((len(integrated), len(driven)))])
         problem = RiccatiProblem(plant.A, plant.select(driven).B, weights, problem.R, cross, bare.dt)
     solution = solved_regulator(problem, driven, plant.states)
-    certificate = LqrCertificate(solution.certificate, return_difference(problem, solution))
-    if not problem.N.any() and certificate.return_difference < 1.0 - _RETURN_DIFFERENCE:
-        raise SynthesisError(
-            f"the return difference of the regulator falls to {certificate.return_difference:.6g}, below 1: not optimal"
-        )
+    certificate = _certify(problem, solution)
     closed_loop, effort = _loops(plant, driven, solution.gain)
     return LqrResult(
         gain=solution.gain,
@@ -260,19 +233,39 @@ def solved_regulator(problem: RiccatiProblem, controls: Sequence[str], states: S
     return solution_of(problem, "the Riccati equation of the regulator")
 
 
-def return_difference(problem: RiccatiProblem, solution: RiccatiSolution) -> float:
-    """Return the smallest singular value of the return difference, one over the peak of its inverse.
+def _certify(problem: RiccatiProblem, solution: RiccatiSolution) -> DesignCertificate:
+    """Return what vouches for a regulator: the smallest singular value of the return difference, one over its inverse's peak.
 
     The inverse ``I - F (s I - A + B F)^-1 B`` is stable, also where the loop itself has integrators; of both sides the
     weight is made one, in discrete time on the left that of what a control costs with all that follows, ``R + B' X B``.
+
+    Raises
+    ------
+    SynthesisError
+        It falls below one where it cannot of an optimal regulator.
     """
     B, L = problem.B, linalg.cholesky(problem.R, lower=True)
     wide = L if problem.dt == 0.0 else linalg.cholesky(problem.R + B.T @ solution.X @ B, lower=True)
     acting, direct = (linalg.solve_triangular(wide, each, lower=True).T for each in (B.T, L))
     inverse = Lti(problem.A - B @ solution.gain, acting, -L.T @ solution.gain, direct, dt=problem.dt).balanced()
     # around the highest point of the grid alone: what is asked is whether the peak rises above one
-    peak, _ = largest_gain(continuous_image(inverse), refined=1)
-    return 1.0 / peak if peak > 1.0 else 1.0
+    peak, at = largest_gain(continuous_image(inverse), refined=1)
+    peak, at = (peak, float(omega_of_image(at, problem.dt))) if peak > 1.0 else (1.0, inf)
+    least, slowest = 1.0 / peak, solution.abscissa
+    if not problem.N.any() and least < 1.0 - _RETURN_DIFFERENCE:
+        raise SynthesisError(f"the return difference of the regulator falls to {least:.6g}, below 1: not optimal")
+    residual = f"Riccati residual {solution.residual:.1e}"
+    return DesignCertificate(
+        norm=NormCertificate(peak, inf, at, "largest value found of the inverse return difference"),
+        slowest_pole=slowest,
+        fastest_pole=0.0,
+        lower=0.0,
+        lower_reason="none: the cost is what is least",
+        path=solution.path,
+        statement=f"slowest pole {slowest:.4g} rad/s; {residual}; return difference at least {least:.6g}",
+        riccati=solution,
+        return_difference=least,
+    )
 
 
 def _controller(plant: Lti, controls: Sequence[str], integrated: Sequence[str], gain: Array) -> Lti:

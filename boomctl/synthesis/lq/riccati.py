@@ -7,7 +7,7 @@ them all: the certificate is computed there nevertheless, apart from the solver.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import slycot
@@ -25,9 +25,7 @@ _GOAL = 1e-12  # change of the solution, each state scaled by its own cost, at w
 _POLISHING = 4  # Newton steps in the coordinates of the problem, from a solution that is nearly right
 _POLISHED = 1e-8  # share of what a certificate allows at which these stop: a cost in doubt by 1e-12
 _GOOD = 1e-2  # share of what a certificate allows at which no other coordinates are tried
-LARGEST_RESIDUAL = (
-    1e-6  # largest residual of a solution that is vouched for, relative to the terms of the equation (a choice)
-)
+LARGEST_RESIDUAL = 1e-6  # of a solution that is vouched for, relative to the terms of the equation (a choice)
 LARGEST_COST_ERROR = 1e-4  # and share of the cost that may be in doubt (a choice)
 EXTENDED = 300  # states up to which residuals are computed in long numbers, which take seconds beyond
 TINY = float(np.finfo(float).tiny)
@@ -79,11 +77,17 @@ class RiccatiProblem:
 
 
 @dataclass(frozen=True)
-class RiccatiCertificate:
-    """What was found about a solution, in the coordinates of the problem and apart from the solver.
+class RiccatiSolution:
+    """A stabilising solution, and what was found about it in the coordinates of the problem and apart from the solver.
 
     Attributes
     ----------
+    X : (n, n) ndarray
+        The solution.
+    gain : (m, n) ndarray
+        ``F`` of ``u = -F x``.
+    poles : (n,) complex ndarray
+        Poles of the loop that it closes.
     residual : float
         Residual of the equation, relative to the largest of its terms (Frobenius norms).
     backward_error : float
@@ -98,23 +102,14 @@ class RiccatiCertificate:
         Coordinates and solvers tried, in that order; the most exact of their solutions is the one.
     """
 
+    X: Array = field(repr=False)
+    gain: Array = field(repr=False)
+    poles: Array = field(repr=False)
     residual: float
     backward_error: float
     cost_error: float
     abscissa: float
     path: tuple[str, ...] = ()
-
-    __repr__ = compact
-
-
-@dataclass(frozen=True)
-class RiccatiSolution:
-    """Stabilising solution ``X``, the gain ``F`` of ``u = -F x``, the closed-loop poles and the certificate."""
-
-    X: Array
-    gain: Array
-    poles: Array
-    certificate: RiccatiCertificate
 
     __repr__ = compact
 
@@ -174,7 +169,7 @@ def solve_riccati(problem: RiccatiProblem, what: str = "Riccati equation") -> Ri
     Raises
     ------
     SynthesisError
-        None was found, or the best one found fails its certificate.
+        None was found, or the best one found is not exact enough.
     """
     best: RiccatiSolution | None = None
     path: list[str] = []
@@ -194,27 +189,23 @@ def solve_riccati(problem: RiccatiProblem, what: str = "Riccati equation") -> Ri
         if Z is None:
             continue
         found = _polished(problem, _even(inverse.T @ Z @ inverse))
-        if best is None or _rank(found.certificate) < _rank(best.certificate):
+        if best is None or _rank(found) < _rank(best):
             best = found
-        if _sound(best.certificate, _GOOD):
+        if _rank(best) <= _GOOD:
             break
     if best is None:
         raise SynthesisError(f"{what}: no stabilising solution was found; eigenvalues lie too close to the axis")
-    if not _sound(best.certificate):
-        c = best.certificate
+    if not _rank(best) <= 1.0:
         raise SynthesisError(
-            f"{what}: the best solution found is not exact enough to vouch for (relative residual {c.residual:.1e}, "
-            f"cost in doubt by {c.cost_error:.1e}, largest real part of the poles {c.abscissa:.3g} rad/s)"
+            f"{what}: the best solution found is not exact enough to vouch for (relative residual {best.residual:.1e}, "
+            f"cost in doubt by {best.cost_error:.1e}, largest real part of the poles {best.abscissa:.3g} rad/s)"
         )
-    return replace(best, certificate=replace(best.certificate, path=tuple(path)))
+    return replace(best, path=tuple(path))
 
 
-def _rank(c: RiccatiCertificate) -> float:
+def _rank(c: RiccatiSolution) -> float:
+    """Return what is in doubt of a solution as a share of what may be; ``inf`` where it does not stabilise."""
     return max(c.cost_error / LARGEST_COST_ERROR, c.residual / LARGEST_RESIDUAL) if c.abscissa < 0.0 else np.inf
-
-
-def _sound(c: RiccatiCertificate, share: float = 1.0) -> bool:
-    return _rank(c) <= share
 
 
 def _start(own: RiccatiProblem) -> tuple[str, Array | None]:
@@ -262,33 +253,36 @@ def newton_step(problem: RiccatiProblem, X: Array, residual: Array) -> tuple[Arr
 
 
 def _polished(problem: RiccatiProblem, X: Array) -> RiccatiSolution:
-    """Return a certified solution after Newton steps in the coordinates of the problem, as long as they help."""
+    """Return a solution after Newton steps in the coordinates of the problem, as long as they help."""
     best, step = _certified(problem, X)
     for _ in range(_POLISHING):
-        if step is None or _sound(best.certificate, _POLISHED):
+        if step is None or _rank(best) <= _POLISHED:
             break
         found, step = _certified(problem, _even(best.X + step))
-        if _rank(found.certificate) >= _rank(best.certificate):
+        if _rank(found) >= _rank(best):
             break
         best = found
     poles = np.asarray(linalg.eigvals(problem.A - problem.B @ best.gain))
-    return replace(best, poles=poles, certificate=replace(best.certificate, abscissa=_abscissa(poles)))
+    return replace(best, poles=poles, abscissa=_abscissa(poles))
 
 
 def _certified(problem: RiccatiProblem, X: Array) -> tuple[RiccatiSolution, Array | None]:
-    """Return a solution with its certificate, and the Newton step from there."""
+    """Return what is found about a solution, and the Newton step from there."""
     residual = problem.residual(X, extended=len(X) <= EXTENDED)
     terms = max(float(np.linalg.norm(term)) for term in (*problem.terms(X), problem.Q))
     entry = _sizes(problem, X)
     allowed = np.sqrt(np.outer(entry, entry))
     step, poles = newton_step(problem, X, residual)
-    certificate = RiccatiCertificate(
+    found = RiccatiSolution(
+        X,
+        problem.gain(X),
+        poles,
         residual=float(np.linalg.norm(residual)) / max(terms, TINY),
         backward_error=float((np.abs(residual) / np.maximum(allowed, TINY)).max(initial=0.0)),
         cost_error=np.inf if step is None else scaled_size(step, X),
         abscissa=_abscissa(poles),
     )
-    return RiccatiSolution(X, problem.gain(X), poles, certificate), step
+    return found, step
 
 
 def _sizes(problem: RiccatiProblem, X: Array) -> Array:

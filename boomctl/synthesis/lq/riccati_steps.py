@@ -19,7 +19,6 @@ from boomctl.synthesis.lq.riccati import (
     LARGEST_COST_ERROR,
     LARGEST_RESIDUAL,
     TINY,
-    RiccatiCertificate,
     RiccatiProblem,
     RiccatiSolution,
     scaled_size,
@@ -45,7 +44,7 @@ def solution_of(problem: RiccatiProblem, what: str) -> RiccatiSolution:
     Raises
     ------
     SynthesisError
-        None was found, or the best one found fails its certificate.
+        None was found, or the best one found is not exact enough.
     """
     solve = solve_riccati if problem.dt == 0.0 else solve_steps
     kept = _weighted_states(problem)
@@ -54,14 +53,14 @@ def solution_of(problem: RiccatiProblem, what: str) -> RiccatiSolution:
         return solve(problem, what)
     n, m = problem.B.shape
     X, F, poles, inside = np.zeros((n, n)), np.zeros((m, n)), others, np.ix_(kept, kept)
-    certificate = RiccatiCertificate(0.0, 0.0, 0.0, -np.inf, ("zero: nothing is weighed",))
+    found = RiccatiSolution(X, F, others, 0.0, 0.0, 0.0, -np.inf, ("zero: nothing is weighed",))
     if kept.any():
         part = replace(problem, A=problem.A[inside], B=problem.B[kept], Q=problem.Q[inside], N=problem.N[kept])
         found = solve(part, what)
         X[inside], F[:, kept] = found.X, found.gain
-        poles, certificate = np.concatenate([found.poles, others]), found.certificate
+        poles = np.concatenate([found.poles, others])
     abscissa = float(rates_of(poles, problem.dt).real.max())
-    return RiccatiSolution(X, F, poles, replace(certificate, abscissa=abscissa))
+    return replace(found, X=X, gain=F, poles=poles, abscissa=abscissa)
 
 
 def _weighted_states(problem: RiccatiProblem) -> Array:
@@ -81,7 +80,7 @@ def solve_steps(problem: RiccatiProblem, what: str) -> RiccatiSolution:
     Raises
     ------
     SynthesisError
-        None was found, or the one found fails its certificate.
+        None was found, or the one found is not exact enough.
     """
     p = problem
     best: RiccatiSolution | None = None
@@ -101,20 +100,18 @@ def solve_steps(problem: RiccatiProblem, what: str) -> RiccatiSolution:
                 break
     if best is None or _rank(best, p.dt) == np.inf:
         raise SynthesisError(f"{what}: no stabilising solution was found; eigenvalues lie too close to the unit circle")
-    c = best.certificate
     if _rank(best, p.dt) > 1.0:
         raise SynthesisError(
-            f"{what}: the solution found is not exact enough to vouch for (relative residual {c.residual:.1e}, cost in "
-            f"doubt by {c.cost_error:.1e}, largest pole {np.abs(best.poles).max():.9g})"
+            f"{what}: the solution found is not exact enough to vouch for (relative residual {best.residual:.1e}, cost in "
+            f"doubt by {best.cost_error:.1e}, largest pole {np.abs(best.poles).max():.9g})"
         )
-    return replace(best, certificate=replace(c, path=tuple(path)))
+    return replace(best, path=tuple(path))
 
 
 def _rank(found: RiccatiSolution, dt: float) -> float:
-    """Return what a certificate says as a share of what it may say; ``inf`` of a loop that does not decay."""
-    c = found.certificate
+    """Return what is in doubt of a solution as a share of what may be; ``inf`` of a loop that does not decay."""
     sound = bool((sides(found.poles, dt) < 0).all())
-    return max(c.cost_error / LARGEST_COST_ERROR, c.residual / LARGEST_RESIDUAL) if sound else np.inf
+    return max(found.cost_error / LARGEST_COST_ERROR, found.residual / LARGEST_RESIDUAL) if sound else np.inf
 
 
 def _doubled(p: RiccatiProblem) -> Array:
@@ -145,12 +142,12 @@ def _refined(p: RiccatiProblem, X: Array) -> RiccatiSolution:
     best, step = _certified(p, _even(X).astype(np.longdouble if len(X) <= EXTENDED else float), near=False)
     X = best.X
     for _ in range(_STEPS):
-        if step is None or best.certificate.cost_error <= _GOAL:
+        if step is None or best.cost_error <= _GOAL:
             break
         X = _even(X + step)
-        near = best.certificate.cost_error < _NEAR
+        near = best.cost_error < _NEAR
         found, step = _certified(p, X, near)
-        if found.certificate.cost_error < best.certificate.cost_error or not near:
+        if found.cost_error < best.cost_error or not near:
             best = found
         else:
             break
@@ -158,7 +155,7 @@ def _refined(p: RiccatiProblem, X: Array) -> RiccatiSolution:
 
 
 def _certified(p: RiccatiProblem, X: Array, near: bool) -> tuple[RiccatiSolution, Array | None]:
-    """Return a solution with its certificate, and the Newton step from there; None where it does not stabilise.
+    """Return what is found about a solution, and the Newton step from there; None where it does not stabilise.
 
     Where ``X`` is ``near``, the step is solved for with each state scaled by its own cost, the scale in which it is judged:
     in any other the rounding of the states that cost most hides those that cost least.
@@ -184,13 +181,16 @@ def _certified(p: RiccatiProblem, X: Array, near: bool) -> tuple[RiccatiSolution
         d = 1.0 / np.sqrt(np.where(np.diag(own) > 0.0, np.diag(own), 1.0)) if near else balance(closed)[1]
         scaled = closed * d / d[:, None]
         step = _even(_summed(scaled, _even(residual) * np.outer(d, d))) / np.outer(d, d)
-    certificate = RiccatiCertificate(
+    found = RiccatiSolution(
+        X,
+        gain,
+        poles,
         residual=float(np.linalg.norm(residual)) / max(terms, TINY),
         backward_error=float((np.abs(residual) / np.maximum(np.sqrt(np.outer(entry, entry)), TINY)).max(initial=0.0)),
         cost_error=float("inf") if step is None else scaled_size(step, own),
         abscissa=float(rates_of(poles, p.dt).real.max()),
     )
-    return RiccatiSolution(X, gain, poles, certificate), step
+    return found, step
 
 
 def _summed(A: Array, R: Array) -> Array:

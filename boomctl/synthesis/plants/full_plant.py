@@ -8,27 +8,29 @@ necessary: where it does not hold, and the full plant is not too large, the pole
 
 import warnings
 from collections.abc import Callable
-from dataclasses import dataclass, field
-from math import inf, isfinite
+from dataclasses import dataclass
+from math import inf, isfinite, nan
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from boomctl.analysis.norm import NormCertificate, axis_eigenvalues, matrices_norm
+from boomctl.analysis.norm import UNSTABLE, NormCertificate, axis_eigenvalues, matrices_norm
 from boomctl.arrays import Array, blocks
 from boomctl.lti.bilinear import continuous_image
 from boomctl.lti.frequency import largest_gain, singular_values
 from boomctl.lti.modal import sides
 from boomctl.lti.system import ClosedLoop, Lti, of
-from boomctl.printing import compact, sentence
+from boomctl.printing import compact
 from boomctl.reduction.result import ReductionResult
 from boomctl.reduction.verify import band_norm
+from boomctl.synthesis.certificate import DesignCertificate
 from boomctl.synthesis.plants.partition import GeneralizedPlant
 
 if TYPE_CHECKING:
     import control
 
 _ORIGIN = "_boomctl_reduced_plant"  # the attribute in which a generalised plant carries what it was made of
+NOT_COMPUTED = "not computed"  # the method of a norm that nobody looked for
 _MOST_POLES = 800  # states of a full loop whose poles are computed: two seconds (a choice)
 _MOST_NORM = 200  # states of a full loop whose norm is certified: a second (a choice)
 _WORSE = 1.1  # times the norm on the reduced plant: a norm on the full one above that is worth a warning (a choice)
@@ -55,41 +57,6 @@ class ReducedPlant:
     around: Callable[[Lti], Lti]
 
     __repr__ = compact
-
-
-@dataclass(frozen=True)
-class FullPlantCertificate:
-    """What is known of a loop on the full plant whose controller was designed on a reduced one.
-
-    Attributes
-    ----------
-    stable : bool or None
-        Whether the loop is stable on the full plant; None where that was not proved either way.
-    share : float
-        The largest ``K S`` (from what is added to the measurements to the controls) times the error of the reduction, at
-        any frequency: below one, the loop is proved stable.
-    error : float
-        Error of the reduction, verified.
-    full_order : int
-        Number of states of the full plant, without weights.
-    slowest_pole : float
-        Largest real part of the poles of the full loop [rad/s]; ``nan`` where they were not computed.
-    norm : NormCertificate or None
-        H-infinity norm of the loop on the full plant; None where it is not stable, or was not computed.
-    statement : str
-        All this in a sentence.
-    """
-
-    stable: bool | None
-    share: float
-    error: float
-    full_order: int
-    slowest_pole: float
-    norm: NormCertificate | None = field(repr=False)
-    statement: str
-
-    def __repr__(self) -> str:
-        return sentence("FullPlantCertificate", self.statement)
 
 
 def plant_within(plant: Any, expected: str = "SecondOrderModel, StateSpace or ReductionResult") -> Lti:
@@ -135,32 +102,40 @@ def warn_of_lost_channels(plant: Any, channels: dict[str, tuple[tuple[str, ...],
         warnings.warn(said, ReductionWarning, stacklevel=3)
 
 
-def judged_on_full_plant(origin: ReducedPlant, plant: GeneralizedPlant, K: Lti, gamma: float) -> FullPlantCertificate:
+def judged_on_full_plant(origin: ReducedPlant, plant: GeneralizedPlant, K: Lti, gamma: float) -> DesignCertificate:
     """Return what is known of a loop on the full plant, and warn; ``gamma`` is its norm on the reduced one."""
     reduction = origin.reduction
     share = _share(reduction, plant, K)
     size = reduction.full_order + len(plant.A) - reduction.order + len(K.A)  # with weights and controller
-    stable, slowest, norm = True if share < 1.0 else None, float("nan"), None
+    stable, slowest, norm = True if share < 1.0 else None, nan, NormCertificate(0.0, inf, nan, NOT_COMPUTED)
+    path = [f"small gain {share:.3g}"]
     if size <= _MOST_POLES:
         try:
             parts = ClosedLoop(origin.around(of(reduction.full, sampled=True)), K)
             loop = parts.system
         except ValueError:  # not well-posed on the full plant
             stable, slowest = False, inf
+            path.append("not well-posed")
         else:
             slowest = float(loop.rates.real.max(initial=-inf))
             side = int(sides(loop.poles, loop.dt).max(initial=-1))
             stable = {-1: True, 0: stable, 1: False}[side]  # of poles that stand on the axis the small gain alone tells
-            if stable and size <= _MOST_NORM:
+            path.append("poles")
+            if stable is False:
+                norm = NormCertificate(inf, inf, nan, UNSTABLE)
+            elif stable and size <= _MOST_NORM:
                 norm = matrices_norm(parts)
+                path.append(f"norm: {norm.method}")
     statement = _statement(reduction, stable, share, slowest, norm)
-    if not stable or (norm is not None and norm.upper > _WORSE * gamma):
+    if not stable or (norm.method != NOT_COMPUTED and norm.upper > _WORSE * gamma):
         warnings.warn(f"the controller was designed on a reduced plant: {statement}", ReductionWarning, stacklevel=4)
-    return FullPlantCertificate(stable, share, reduction.measured_error, reduction.full_order, slowest, norm, statement)
+    fastest = float(np.abs(K.poles).max(initial=0.0))
+    reason = "none: sought for the reduced plant"
+    return DesignCertificate(norm, slowest, fastest, 0.0, reason, tuple(path), statement, stable, share=share)
 
 
 def _statement(
-    reduction: ReductionResult, stable: bool | None, share: float, slowest: float, norm: NormCertificate | None
+    reduction: ReductionResult, stable: bool | None, share: float, slowest: float, norm: NormCertificate
 ) -> str:
     gain = f"K S times the reduction's error of {reduction.measured_error:.3g} is up to {share:.3g}"
     if stable is False:
@@ -175,7 +150,7 @@ def _statement(
         )
     how = f"proved: {gain}, below 1" if share < 1.0 else f"its poles were computed, the slowest at {slowest:.3g} rad/s"
     told = f"stable on the full plant of {reduction.full_order} states ({how})"
-    if norm is None:
+    if norm.method == NOT_COMPUTED:
         return told
     if isfinite(norm.upper):
         return f"{told}; its norm there is {norm.upper:.6g}"

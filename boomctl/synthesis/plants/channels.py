@@ -1,12 +1,12 @@
 """What is to be small, between which signals: objectives, and budgets that are not to be exceeded."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+from boomctl.analysis.norm import NAMES
 from boomctl.checks import known, positive
 from boomctl.printing import listed
-
-NORMS = ("hinf", "h2")
+from boomctl.synthesis.plants.partition import GeneralizedPlant
 
 
 @dataclass(frozen=True)
@@ -35,10 +35,9 @@ class Channel:
     @property
     def text(self) -> str:
         """The channel in a few words."""
-        name = {"hinf": "H-infinity", "h2": "H2"}[self.norm]
         ends = [listed(signals, 30) if signals else "all" for signals in (self.inputs, self.outputs)]
         where = "" if self.inputs is None and self.outputs is None else f" from {ends[0]} to {ends[1]}"
-        return f"{name} norm{where}"
+        return f"{NAMES[self.norm]} norm{where}"
 
 
 def _signals(name: str, given: str | Sequence[str] | None) -> tuple[str, ...] | None:
@@ -81,7 +80,7 @@ def objective(
     >>> bc.tunable.objective("w_track", ["z_tip", "z_stroke"])
     Channel: H-infinity norm from w_track to z_tip, z_stroke as small as possible
     """
-    return Channel(_signals("inputs", inputs), _signals("outputs", outputs), known("norm", norm, NORMS))
+    return Channel(_signals("inputs", inputs), _signals("outputs", outputs), known("norm", norm, NAMES))
 
 
 def budget(
@@ -116,3 +115,17 @@ def budget(
     """
     channel = objective(inputs, outputs, norm)
     return Channel(channel.inputs, channel.outputs, channel.norm, positive("limit", limit))
+
+
+def channel_of(plant: GeneralizedPlant, channel: Channel) -> GeneralizedPlant:
+    """Return a plant with the disturbances and performance signals of one channel."""
+    columns, rows = places(plant, channel)
+    (p, m), (z, w) = plant.system.D.shape, (plant.nz, plant.nw)
+    return replace(plant, system=plant.system.between([*columns, *range(w, m)], [*rows, *range(z, p)]))
+
+
+def places(plant: GeneralizedPlant, channel: Channel) -> tuple[list[int], list[int]]:
+    """Return columns and rows of a channel among disturbances and performance signals."""
+    columns = plant.disturbances if channel.inputs is None else channel.inputs
+    rows = plant.performance if channel.outputs is None else channel.outputs
+    return [plant.disturbances.index(name) for name in columns], [plant.performance.index(name) for name in rows]

@@ -1,0 +1,145 @@
+"""What vouches for a controller, whichever way it was designed: found of its loop, apart from what computed it."""
+
+from dataclasses import dataclass, field
+from math import inf, nan
+
+from boomctl.analysis.norm import NormCertificate
+from boomctl.printing import compact, sentence
+from boomctl.synthesis.lq.riccati import RiccatiSolution
+from boomctl.synthesis.plants.channels import Channel
+
+
+@dataclass(frozen=True)
+class ChannelNorm:
+    """A certified norm of one channel of one loop.
+
+    Attributes
+    ----------
+    model : str
+        Which of the models; empty where there is only one.
+    channel : Channel
+        Which channel.
+    norm : NormCertificate
+        Its norm, between two bounds.
+    """
+
+    model: str
+    channel: Channel
+    norm: NormCertificate
+
+    @property
+    def value(self) -> float:
+        """The norm; of an H-infinity norm the largest value found."""
+        return self.norm.value
+
+    def __repr__(self) -> str:
+        budget = "" if self.channel.budget is None else f", budget {self.channel.budget:.6g}"
+        where = f", {self.model}" if self.model else ""
+        return f"ChannelNorm: {self.channel.text}{where}: {self.value:.6g}{budget}"
+
+
+@dataclass(frozen=True)
+class ActivePeak:
+    """One of the peaks that keep a norm from going lower.
+
+    Attributes
+    ----------
+    model : str
+        Which of the models; empty where there is only one.
+    channel : Channel
+        Which channel.
+    omega : float
+        Its frequency [rad/s]; nan of an H2 norm.
+    value : float
+        The singular value there, or the H2 norm.
+    """
+
+    model: str
+    channel: Channel
+    omega: float
+    value: float
+
+    __repr__ = compact
+
+
+@dataclass(frozen=True)
+class DesignCertificate:
+    """What vouches for a controller, and how far from the best possible one it is.
+
+    Attributes
+    ----------
+    norm : NormCertificate
+        The closed loop's norm between two bounds: the H-infinity norm; of `lqg` and `h2` the H2 norm, whose square is the
+        cost; of `tune` the largest objective, computed anew from the plant as it was handed in; of `lqr` the H-infinity norm
+        of the inverse return difference, whose largest value found it is.
+    slowest_pole : float
+        Largest real part of the closed loop's poles [rad/s], negative; ``-inf`` without states.  In discrete time of their
+        rates ``log(z)/dt``.
+    fastest_pole : float
+        Largest magnitude of the controller's poles [rad/s]; in discrete time of ``z``.
+    lower : float
+        A norm that no controller of any order goes below; 0 where none is known.
+    lower_reason : str
+        Where that bound comes from, or why there is none.
+    path : tuple of str
+        What was done or tried, in that order, and what came of it.
+    statement : str
+        All this in a sentence.
+    stable : bool or None
+        Whether the loop is stable; None of a loop on a full plant where that was not proved either way.
+    full_plant : DesignCertificate or None
+        Of a design on a reduced plant: what is known of the loop on the full one.
+    share : float
+        Of a loop on a full plant: the largest ``K S`` (from what is added to the measurements to the controls) times the
+        error of the reduction, at any frequency: below one, the loop is proved stable.
+    riccati, filter : RiccatiSolution or None
+        Of `lqr`, `lqg` and `h2`: the solutions of the Riccati equations of regulator and filter, and how exact they are.
+    return_difference : float
+        Of `lqr`: smallest singular value of ``R^1/2 (I + F (s I - A)^-1 B) R^-1/2`` found at any frequency.  Of an optimal
+        regulator it is 1 (Kalman's inequality), whence margins of 60 degrees and from one half to infinity in each
+        control; on very fine meshes rounding of the gain takes some of its digits, and below 0.99 no regulator is
+        returned.  In discrete time, where a regulator has no such margins, of ``(R + B^T X B)^1/2 (I + F (z I - A)^-1 B)
+        R^-1/2`` on the unit circle, likewise at least 1.  With a cross weight ``N``, where the inequality does not
+        hold, it is what was found.
+    norms : tuple of ChannelNorm
+        Of `tune`: each channel of each model.
+    peaks : tuple of ActivePeak
+        Of `tune`: the peaks that keep the norm from going lower.
+    stationarity : float
+        Of `tune`: length of the least element of the hull of the gradients of these peaks, over that of the longest of them:
+        near zero where no small step goes lower, one where a single smooth peak still falls.
+    active : tuple of str
+        Of `tune`: bounds that are used up.
+    worst : ChannelNorm or None
+        Of `tune` over a family: the worst norm found anywhere in it.
+    """
+
+    norm: NormCertificate
+    slowest_pole: float
+    fastest_pole: float
+    lower: float
+    lower_reason: str
+    path: tuple[str, ...]
+    statement: str
+    stable: bool | None = True
+    full_plant: "DesignCertificate | None" = None
+    share: float = nan
+    riccati: RiccatiSolution | None = field(default=None, repr=False)
+    filter: RiccatiSolution | None = field(default=None, repr=False)
+    return_difference: float = nan
+    norms: tuple[ChannelNorm, ...] = ()
+    peaks: tuple[ActivePeak, ...] = ()
+    stationarity: float = nan
+    active: tuple[str, ...] = ()
+    worst: ChannelNorm | None = None
+
+    def __repr__(self) -> str:
+        full = "" if self.full_plant is None else f"; {self.full_plant.statement}"
+        return sentence("DesignCertificate", self.statement + full)
+
+    @property
+    def distance(self) -> float:
+        """How far above the lower bound the norm lies at most, relative to it; ``inf`` where there is no bound."""
+        if self.lower > 0.0:
+            return self.norm.upper / self.lower - 1.0
+        return inf if self.norm.upper > 0.0 else 0.0
