@@ -18,7 +18,6 @@ from boomctl.arrays import Array
 from boomctl.tuning.paths import Passage, Paths
 from boomctl.tuning.problem import Closed, Problem, ScaledPlant, close
 from boomctl.tuning.responses import BELOW, Response, coarse, grid, peaks, same_place
-from boomctl.tuning.solver.highest import STATES, highest_peak
 
 WINDOW = 0.1  # share below the highest within which peaks are looked at (a choice)
 _STEP = 1e-3  # of differences, in halves of a parameter's range: rounding and what is left out are 1e-12 then (derived)
@@ -64,10 +63,7 @@ class Piece:
 class Point:
     """The loops at one choice of the free numbers."""
 
-    def __init__(
-        self, problem: Problem, x: Array, known: "dict[tuple[int, int], Array] | None" = None, quick: bool = False
-    ) -> None:
-        self.quick = quick  # the highest peak alone, to a millionth where another is as high: enough for a descent
+    def __init__(self, problem: Problem, x: Array, known: "dict[tuple[int, int], Array] | None" = None) -> None:
         self.problem, self.x = problem, x
         self._known = {} if known is None else known
         self._responses: dict[tuple[int, int], Response] = {}
@@ -146,7 +142,7 @@ class Point:
             return False
         for loop in self.loops:
             assert loop is not None
-            if self._sums and (not self.quick or len(loop.A) > STATES):
+            if self._sums:
                 _ = loop.coordinates  # which peaks ask for next, and hold the poles
             if not loop.abscissa < -loop.margin:
                 return False
@@ -364,27 +360,13 @@ class Point:
         """Return frequencies and values of the peaks of a channel within a share of the highest."""
         seen, at, values = self._peaks.get((model, channel), (-1.0, np.zeros(0), np.zeros(0)))
         if seen < window:
-            found = self._at_once(model, channel) if self.quick and window == 0.0 else None
-            if found is None:
-                seen = window if self.quick else max(window, WINDOW)  # whose pieces will be asked for, as a rule
-                found = peaks(self.response(model, channel), *self._coarse(model, channel)[:2], seen)
-            else:
-                seen = 0.0
-            at, values = found
+            seen = max(window, WINDOW)  # whose pieces will be asked for, as a rule
+            at, values = peaks(self.response(model, channel), *self._coarse(model, channel)[:2], seen)
             self._peaks[model, channel] = seen, at, values
         if seen == window:
             return at, values
         kept = values >= (1.0 - window) * values[0]
         return at[kept], values[kept]
-
-    def _at_once(self, model: int, channel: int) -> tuple[Array, Array] | None:
-        """Return the highest peak of a small loop without a grid; None where there is none or the loop is large."""
-        loop = self.loops[model] if model >= 0 else None
-        if loop is None or not 0 < len(loop.A) <= STATES:
-            return None
-        parts = loop.part(self.problem.columns[channel], self.problem.rows[channel])
-        found = highest_peak(loop.A, *parts, self._known.get((model, channel), np.zeros(0)))
-        return None if found is None else (np.array([found[0]]), np.array([found[1]]))
 
     def _coarse(self, model: int, channel: int) -> tuple[Array, Array, float]:
         """Return a grid, the largest singular values there, and the largest of all."""

@@ -109,11 +109,11 @@ class Search:
     known: dict[tuple[int, int], Array] = field(default_factory=dict)
     path: list[str] = field(default_factory=list)
 
-    def point(self, x: Array, quick: bool = False) -> Point:
+    def point(self, x: Array) -> Point:
         """Return the loops at free numbers; out of time where it is."""
         if time.monotonic() > self.deadline:
             raise OutOfTime
-        return Point(self.problem, x, self.known, quick)
+        return Point(self.problem, x, self.known)
 
     def keep(self, x: Array, point: Point | None = None) -> None:
         """Remember a point if it is the best so far: within the bounds first, then the lowest."""
@@ -212,13 +212,13 @@ class Search:
         edge = min(local.edge, 0.5 * start.apart)
         problem, before = replace(self.problem, edge=edge if edge >= _LAST_EDGE else None), local.merit
 
-        def point_at(x: Array, quick: bool = False) -> Point:
+        def point_at(x: Array) -> Point:
             if time.monotonic() > self.deadline:
                 raise OutOfTime
-            return Point(problem, x, self.known, quick)
+            return Point(problem, x, self.known)
 
         down = descend(
-            lambda x: point_at(x, quick=True).merit(local.weight),
+            lambda x: point_at(x).merit(local.weight),
             local.x,
             problem.low,
             problem.high,
