@@ -16,7 +16,7 @@ from boomctl.analysis.norm import NOT_PROVED, ON_CIRCLE, PROVED, UNDAMPED, UNSTA
 from boomctl.arrays import Array
 from boomctl.lti.gramians import refined_gramian
 from boomctl.lti.modal import split
-from boomctl.lti.rounding import EPS
+from boomctl.lti.rounding import EPS, TERMS
 from boomctl.lti.system import Lti, of
 from boomctl.lti.verified_modal_form import VerifiedModalForm, verified_modal_form
 from boomctl.structure.model import SecondOrderModel
@@ -27,7 +27,6 @@ if TYPE_CHECKING:
 
 BY_MODES = "a sum over pairs of modes"
 _CANCELLED = 4.0  # roundings of one, in the difference of one and the product of two poles
-_TERMS = 16.0  # roundings of a term of a sum over pairs of modes, beside one for each that it is added to
 
 
 def h2_norm(system: "SecondOrderModel | control.StateSpace | control.TransferFunction") -> NormCertificate:
@@ -143,11 +142,11 @@ def _by_modes(modes: VerifiedModalForm, dt: float) -> NormCertificate:
     acting: Array = modal.B @ modal.B.conj().T
     reading: Array = modal.C.conj().T @ modal.C
     pairs = -(p[:, None] + p.conj()[None, :]) if dt == 0.0 else 1.0 - p[:, None] * p.conj()[None, :]
-    shares, units = 1.0 / pairs, _TERMS + len(p)
+    shares, units = 1.0 / pairs, TERMS + len(p)
     if dt != 0.0:  # where 1 and the product of two poles nearly cancel, the difference is off by a few roundings of one
         units = units + _CANCELLED * np.abs(shares)
     square = max(float(np.sum(reading.T * acting * shares).real), 0.0) + through
     sizes = (np.abs(modal.C).T @ np.abs(modal.C)) * (np.abs(modal.B) @ np.abs(modal.B).T) * np.abs(shares)
-    rounding = EPS * (float(np.sum(sizes * units)) + _TERMS * through)
+    rounding = EPS * (float(np.sum(sizes * units)) + TERMS * through)
     low, value, high = (sqrt(x) for x in (max(square - rounding, 0.0), square, square + rounding))
     return _between(max(low - modes.energy_gap, 0.0), value, high + modes.energy_gap, BY_MODES)

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.lti.rounding import CANCELLED, EPS
+from boomctl.lti.rounding import CANCELLED, EPS, TINY
 from boomctl.lti.system import Lti, System, rates_of
 from boomctl.lti.verified_modal_form import INVERSE
 
@@ -48,7 +48,7 @@ def marginal_poles(given: System) -> MarginalPoles:
         return found
     poles, left, right = system.eigensystem
     decay = -poles.real if system.dt == 0.0 else 1.0 - np.abs(poles)
-    cosine = np.maximum(np.abs(np.einsum("ij,ij->j", left.conj(), right)), np.finfo(float).tiny)
+    cosine = np.maximum(np.abs(np.einsum("ij,ij->j", left.conj(), right)), TINY)
     reads = np.abs(left.T) / cosine[:, None]
     size, on_axis, shown = given.magnitudes.A, [], []
     if (decay > 0.0).all() and _decay(system, size, reads, decay):
@@ -59,7 +59,7 @@ def marginal_poles(given: System) -> MarginalPoles:
         growing, on_axis, shown = Exact.of(given, PATIENCE).sides
     except Undecided:  # what is known is what an eigenvalue solver says, whose errors are those of the matrix's norm
         growing, size = int((decay < 0.0).sum()), np.full_like(size, np.abs(system.A).max())
-    moved = CANCELLED * np.einsum("ji,ij->j", reads, size @ np.abs(right)) + np.finfo(float).tiny
+    moved = CANCELLED * np.einsum("ji,ij->j", reads, size @ np.abs(right)) + TINY
     least = int(np.argmin(decay / moved))
     fastest = complex(system.rates[np.argmin(decay)])
     slowest = float(decay.min())
@@ -90,7 +90,7 @@ def _stays(system: Lti, size: Array, poles: Array, inside: float) -> bool:
         return False
     powers, radius = CANCELLED * resolvents @ size, np.ones(len(poles))
     for k in range(_SQUARED):  # the norm of a power tells the largest eigenvalue from above
-        norm = np.maximum(np.linalg.norm(powers, np.inf, axis=(1, 2)), np.finfo(float).tiny)
+        norm = np.maximum(np.linalg.norm(powers, np.inf, axis=(1, 2)), TINY)
         radius *= norm ** (0.5**k)
         powers = np.linalg.matrix_power(powers / norm[:, None, None], 2)
     return bool((radius < 1.0).all())

@@ -41,7 +41,7 @@ from boomctl.lti.frequency import (
     triangular,
 )
 from boomctl.lti.modal import resolved, side_of_axis, sides
-from boomctl.lti.rounding import ALIKE, CERTIFIED, DIGIT, EPS, LEVEL, SOLVED, SUMMED
+from boomctl.lti.rounding import ALIKE, CERTIFIED, DIGIT, EPS, LEVEL, SOLVED, SUMMED, TINY
 from boomctl.lti.system import Lti, of
 from boomctl.printing import listed, table_html
 
@@ -57,7 +57,6 @@ _AT_ONE = 1e-6  # distance from a gain of one within which a Hamiltonian eigenva
 # share of its size that the imaginary part of a real value may have, at a crossing found by its sign: a resonance so narrow
 # that the last digit of a frequency turns it by more is not told from a pole on the axis
 _REAL = 1e-3
-_TINY = float(np.finfo(float).tiny)  # least step of a search that ends by the relative one
 _PER_DECADE = 30  # of these at least, where the poles are spread wide (a choice)
 _FLANK = 0.1  # share of its frequency up to which a resonance has points of its own (a choice)
 _NARROWEST = 1e-14  # share of its frequency below which the width of a resonance is rounding
@@ -649,7 +648,7 @@ def _crossings(response: Response, grid: Array, values: Array, height: Callable[
         return 0.0 if np.isnan(value) else value  # a pole of L itself, through which the sign changes: told apart later
 
     for i in flips:
-        found.append(float(optimize.brentq(at, grid[i], grid[i + 1], xtol=_TINY, rtol=DIGIT)))  # type: ignore[arg-type]
+        found.append(float(optimize.brentq(at, grid[i], grid[i + 1], xtol=TINY, rtol=DIGIT)))  # type: ignore[arg-type]
     return found
 
 

@@ -17,6 +17,7 @@ import numpy as np
 from boomctl.arrays import Array
 from boomctl.lti.integrators import without_integrators
 from boomctl.lti.modal import diagonalized, sides
+from boomctl.lti.rounding import TINY
 from boomctl.lti.system import Lti, of, rates_of
 from boomctl.printing import between, table_html
 from boomctl.structure.model import SecondOrderModel
@@ -205,7 +206,7 @@ def mode_table(system: "SecondOrderModel | control.StateSpace | control.Transfer
     poles, undamped = modal.poles[chosen], (sides(modal.poles, dt) == 0)[chosen, None, None]
     decay = np.abs(poles.real) if dt == 0.0 else np.abs(1.0 - np.abs(poles))
     peaks = residues / np.where(undamped, 1.0, decay[:, None, None])
-    shown = residues > _HIDDEN * residues.max(axis=0, initial=np.finfo(float).tiny)
+    shown = residues > _HIDDEN * residues.max(axis=0, initial=TINY)
     peaks = np.where(undamped, np.where(shown, np.inf, 0.0), peaks)
     count = len(chain)
     peaks = np.concatenate([np.repeat(np.where(chain.any(axis=0), np.inf, 0.0)[None], count, axis=0), peaks])

@@ -23,7 +23,7 @@ from boomctl.analysis.prove import Claim
 from boomctl.arrays import Array, balance, blocks
 from boomctl.lti.bilinear import continuous_image, omega_of_image
 from boomctl.lti.frequency import RAISED, Resonances, Response, largest_gain, resonance_grid, singular_values
-from boomctl.lti.rounding import CERTIFIED, DIGIT, EPS, LEVEL, SUMMED
+from boomctl.lti.rounding import CERTIFIED, DIGIT, EPS, LEVEL, SUMMED, TINY
 from boomctl.lti.system import BATCH, Lti, System, beside, of
 
 if TYPE_CHECKING:
@@ -123,7 +123,7 @@ class NormCertificate:
     @property
     def certified(self) -> bool:
         """Whether the bounds agree to one part in 1e5, or the norm is known to be infinite."""
-        return self.lower == inf or self.upper <= self.lower * (1.0 + CERTIFIED) + np.finfo(float).tiny
+        return self.lower == inf or self.upper <= self.lower * (1.0 + CERTIFIED) + TINY
 
 
 def norm_of_data(omega: Array, response: Array) -> NormCertificate:

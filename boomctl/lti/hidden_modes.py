@@ -13,7 +13,7 @@ from scipy import linalg
 
 from boomctl.arrays import Array, balance
 from boomctl.lti.modal import side_of_axis, sides
-from boomctl.lti.rounding import DIGIT, EPS, SUMMED
+from boomctl.lti.rounding import DIGIT, EPS, SUMMED, TINY
 from boomctl.lti.system import SLOWEST, rates_of
 
 _FARTHEST = 1e-6  # of the norm of the matrix: no pole is in more doubt than that, however ill-conditioned (a choice)
@@ -93,7 +93,7 @@ def unmoved(
             basis.shape[1]
         )  # to one another, as a place to a speed
         rounding = _PASSED * (2.0 * doubt[cluster].max() + SUMMED * abs(pole))
-        passed *= _WEAK / max(rounding, float(np.finfo(float).tiny))
+        passed *= _WEAK / max(rounding, TINY)
         directions, cosines, _ = linalg.svd(np.hstack([basis.conj().T @ acting, passed]))
         for k in np.flatnonzero(cosines <= _WEAK):
             shape = basis @ directions[:, k]
@@ -107,7 +107,7 @@ def _doubt(A: Array, left: Array, right: Array) -> Array:
     """Return how far rounding may have moved each pole: by the more, the smaller the angle of its two eigenvectors."""
     size = float(np.linalg.norm(A, 2))
     cosine = np.abs(np.einsum("ij,ij->j", left.conj(), right))
-    return np.minimum(DIGIT * size / np.maximum(cosine, np.finfo(float).tiny), _FARTHEST * size)
+    return np.minimum(DIGIT * size / np.maximum(cosine, TINY), _FARTHEST * size)
 
 
 def _clusters(poles: Array, doubt: Array, chosen: Array) -> list[list[int]]:

@@ -29,7 +29,7 @@ from flint import acb, arb, arb_mat, fmpq, fmpq_mat, fmpq_poly
 from boomctl.arrays import Array, blocks
 from boomctl.lti.bilinear import image_of_omega, omega_of_image
 from boomctl.lti.frequency import RAISED
-from boomctl.lti.rounding import LEVEL
+from boomctl.lti.rounding import LEVEL, TINY
 from boomctl.lti.system import Lti, System, closed
 
 PATIENCE = 1.0  # s for a proof that nobody asked for (a choice)
@@ -243,7 +243,7 @@ class Exact:
             (float(np.linalg.norm(through, 2)) * (1.0 - LEVEL), inf), *((below(self.gain(x)), x) for x in asked)
         )
         for _ in range(RAISED):
-            level = max(peak * (1.0 + LEVEL), float(np.finfo(float).tiny))
+            level = max(peak * (1.0 + LEVEL), TINY)
             places, stays = self.crossings(level)
             if stays and not places:
                 return peak, level, at

@@ -7,8 +7,10 @@ the terms of a sum.  A number that a proof needs and that holds for one computat
 import numpy as np
 
 EPS = float(np.finfo(float).eps)  # the unit of rounding: distance of one from the next number
+TERMS = 16.0  # units of a term of a sum over modes, beside one for each that it is added to
 # of a few operations, of their result; of a solver, of the norm of its matrix (measured: below one unit)
 DIGIT = 4.0 * EPS
+TINY = float(np.finfo(float).tiny)  # the least number of full precision
 # of the terms of a sum or product of entries given, up to which it is what their last places leave
 CANCELLED = 8.0 * EPS
 SOLVED = 1e-13  # of the largest number of a problem, what a chain of decompositions may leave: 500 units (a choice)

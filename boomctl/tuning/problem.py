@@ -1,6 +1,6 @@
 """The loops that are tuned: plants in well-chosen units, a structure between them, and what its free numbers are."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -9,13 +9,14 @@ from scipy import linalg
 
 from boomctl.arrays import Array, balance, blocks
 from boomctl.lti.block_diagonal import block_diagonal
+from boomctl.lti.rounding import TINY
 from boomctl.lti.system import Lti
 from boomctl.synthesis.plants.channels import Channel
 from boomctl.synthesis.plants.partition import GeneralizedPlant
 from boomctl.tuning.parts.jets import Jet
 from boomctl.tuning.parts.structures import PHYSICAL, Free, Ports, Structure
 
-_POINTS = 24  # frequencies at which sizes of signals are looked at (a choice)
+_POINTS = 24  # frequencies at which plants are looked at (a choice)
 _ROUNDS = 30  # of scaling rows and columns in turn: each takes the square of what is left (a choice)
 _SLOWEST = 1e-6  # share of the fastest pole below which a slow one says nothing about the band (a choice)
 _MARGIN = 1e-9  # share of a loop's own band by which its poles stay left of the axis: above rounding (a choice)
@@ -125,7 +126,7 @@ def _without_jordan_blocks(A: Array) -> Array:
         if width > 1 and independent(block) is None:  # the transpose of what is nilpotent tells them apart the most
             nilpotent = block - np.eye(width) * np.trace(block) / width
             size = float(np.linalg.norm(nilpotent))
-            apart[part, part] = _HAIR * float(np.linalg.norm(block)) * nilpotent.T / max(size, np.finfo(float).tiny)
+            apart[part, part] = _HAIR * float(np.linalg.norm(block)) * nilpotent.T / max(size, TINY)
         start += width
     found = A + columns @ apart @ np.linalg.inv(columns)
     return found if independent(found) is not None else A
@@ -318,12 +319,16 @@ class Problem:
         return Lti(K[:n, :n], K[:n, n:], K[n:, :n], K[n:, n:], measurements, controls, states)
 
 
+def band_of(systems: Sequence[Lti]) -> tuple[Array, Array]:
+    """Return the rates of the poles of systems, and frequencies around all of these at which the systems are looked at."""
+    sizes = [rates[rates > _SLOWEST * rates.max(initial=0.0)] for rates in (np.abs(s.poles) for s in systems)]
+    rates = np.concatenate([size for size in sizes if len(size)] or [np.ones(1)])
+    return rates, np.geomspace(rates.min() / 3.0, rates.max() * 3.0, _POINTS)
+
+
 def ports_of(plants: tuple[GeneralizedPlant, ...]) -> Ports:
     """Return the ports of a controller: the sizes of its signals are such that ``P22`` is near one in the plant's band."""
-    sizes = [rates[rates > _SLOWEST * rates.max(initial=0.0)] for rates in (np.abs(p.system.poles) for p in plants)]
-    rates = np.concatenate([size for size in sizes if len(size)] or [np.ones(1)])
-    slowest, fastest = float(rates.min()), float(rates.max())
-    omega = np.geomspace(slowest / 3.0, fastest * 3.0, _POINTS)
+    rates, omega = band_of([plant.system for plant in plants])
     first = plants[0]
     rows, columns = np.zeros(first.nmeas), np.zeros(first.ncon)
     if first.nmeas and first.ncon:
@@ -343,8 +348,8 @@ def ports_of(plants: tuple[GeneralizedPlant, ...]) -> Ports:
         np.exp(rows),
         np.exp(columns),
         float(np.exp(np.mean(np.log(rates)))),
-        slowest,
-        fastest,
+        float(rates.min()),
+        float(rates.max()),
     )
 
 
@@ -357,7 +362,7 @@ def _size(part: Lti, omega: Array) -> Array:
         moved = np.abs(states.response(omega, quiet=True)).max(axis=0)
         found = np.where(found > _NOTHING * np.linalg.norm(part.C, axis=1)[:, None, None] * moved, found, 0.0)
     top = found.max(axis=2)
-    there = (top > np.finfo(float).tiny) & np.isfinite(top)
+    there = (top > TINY) & np.isfinite(top)
     with np.errstate(divide="ignore"):
         size = np.log(np.maximum(found, _LOW * top[:, :, None])).mean(axis=2)
     return np.where(there, size, np.nan)

@@ -13,6 +13,7 @@ from boomctl.analysis.box.robustness import pattern_search
 from boomctl.analysis.norm import UNSTABLE, NormCertificate
 from boomctl.arrays import Array
 from boomctl.checks import function_of, instance, known, positive, sequence, whole, within
+from boomctl.lti.rounding import CERTIFIED
 from boomctl.printing import count as counted
 from boomctl.progress import Listener, computing, tell
 from boomctl.structure.families import Family
@@ -38,7 +39,6 @@ _TELLING = 10.0  # times a bound up to which a norm so far above it says somethi
 _ACTIVE = 1e-3  # share of a norm or of a bound within which a peak or bound is active (a choice)
 _AT_END = 1e-6  # share of a range within which a number rests at its end (a choice)
 _WORSE = 1e-3  # how much worse than at the points tuned for the family may be, relative (a choice)
-_BEYOND = 1e-5  # share by which a verified norm may exceed its budget: what norms are certified to
 _MORE_POINTS = 8  # worst points that are added to a family's corners at most (a choice of patience)
 _AGAIN = 3  # starts with each point added, the best so far among them (a choice)
 _BOUND_TIME = 20.0  # s that the bound on any controller may take beyond the time limit (a choice)
@@ -510,7 +510,7 @@ def _check_kept(problem: Problem, x: Array, norms: "tuple[tuple[int, ChannelNorm
     only = all(channel.budget is not None for channel in problem.channels)
     for _, each in norms:
         budget = each.channel.budget
-        if budget is not None and each.value > budget * (1.0 + _BEYOND):
+        if budget is not None and each.value > budget * (1.0 + CERTIFIED):
             what = (
                 "the budgets cannot all be kept as far as was found" if only else "no controller found keeps its budget"
             )
@@ -518,11 +518,11 @@ def _check_kept(problem: Problem, x: Array, norms: "tuple[tuple[int, ChannelNorm
             raise SynthesisError(f"{what}: {each.channel.text}{where} is {each.value:.6g}, allowed are {budget:.6g}")
     point = Point(problem, x)
     for piece in point.bounds:
-        if piece.value > _BEYOND:
+        if piece.value > CERTIFIED:
             raise SynthesisError(f"no controller found keeps its bound: {_bound_text(problem, piece.channel)}")
     if problem.gain_limit is not None:
         value = float(point.norm_peaks(-1, GAIN_LIMIT, 0.0)[1][0])
-        if value > problem.gain_limit * (1.0 + _BEYOND):
+        if value > problem.gain_limit * (1.0 + CERTIFIED):
             raise SynthesisError(
                 f"no controller found keeps gain_limit = {problem.gain_limit:.6g}: it reaches {value:.6g}"
             )

@@ -35,6 +35,7 @@ from boomctl.analysis.box.zero_exclusion import Cell, Terms
 from boomctl.arrays import Array, balance
 from boomctl.checks import known, positive, whole
 from boomctl.lti.controllers.scheduled import ScheduledController
+from boomctl.lti.rounding import EPS
 from boomctl.lti.system import of
 from boomctl.printing import sentence
 from boomctl.progress import Listener, computing, tell
@@ -48,7 +49,7 @@ _FIRST_CELLS = 4  # of each stretch of a schedule along the parameter that chang
 _FIRST_BESIDE = 2  # along every other parameter (a choice)
 _MOST_CELLS = 100_000  # that may be asked for: half a minute and 0.6 GB for half a boom (measured)
 _CELLS = 4000  # most cells of a grid (a choice of patience: some ten seconds)
-_ROUNDING = 16.0 * np.finfo(float).eps  # of sums of products of a few matrices, relative to their size
+_ROUNDING = 16.0 * EPS  # of sums of products of a few matrices, relative to their size
 _SMALL = (
     1e-11  # share of A below which a term of its polynomial in a cell is left out and counts as an error (measured)
 )

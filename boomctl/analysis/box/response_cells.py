@@ -25,8 +25,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg
 
-from boomctl.analysis.box.zero_exclusion import Cell
+from boomctl.analysis.box.zero_exclusion import BELOW, TOP, Cell, evened
 from boomctl.arrays import Array, balance
+from boomctl.lti.rounding import EPS
 from boomctl.progress import tell
 
 
@@ -40,20 +41,16 @@ def _hull(count: int) -> Array:
 Polynomial = Mapping[tuple[int, ...], Array]
 
 _PARALLEL = 0.9  # cosine of eigenvectors beyond which they are made orthogonal: their inverse would be large (a choice)
-ROUNDING = 1e3 * float(
-    np.finfo(float).eps
-)  # of entries of products of three matrices, over that of magnitudes (derived: 3 n eps, for n up to 300 states)
+# of entries of products of three matrices, over that of magnitudes (derived: 3 n eps, for n up to 300 states)
+ROUNDING = 1e3 * EPS
 _LEVEL = 1.0 - 1e-9  # share of a level below which a gain has to stay: more than rounding of the gain itself
-_BELOW = 1.0 - 1e-10  # below one by more than the rounding of a matrix times a vector
 _SWEEPS = 5  # of the power iteration for the vector: it need not be exact, any positive one bounds (measured)
-_LEAST = 1e-9  # smallest entry of the vector, relative: without it, entries could vanish
 _FAR = 0.6  # bound of ``Z`` beyond which it, not the terms of second order, decides where to cut (measured: 0.5 to 0.8 alike)
 _WEDGE = (
     1.0  # width of a cell in its middle over how much that changes across it, below which slopes are no use (a choice)
 )
 _KEPT = 2  # parameters in a product whose matrix keeps its phases; longer products count by their magnitudes
 _FIRST = 0.5  # share of the slowest pole at which the chain of frequencies begins after zero (a choice)
-_TOP = 4.0  # times the fastest pole where it ends: from there on nothing resonates (a choice)
 _HULLS = (_hull(5), _hull(3), _hull(2))  # of the frequency, of few parameters, of many: corners multiply (a choice)
 _FEW = 4  # variables, the frequency among them, that are few: 6 times 4 times 4 times 4 corners (a choice)
 _DESCENTS = 200  # by which it is estimated how many cells a proof takes: an order of magnitude (a choice)
@@ -181,7 +178,7 @@ class ResponseCells:
 
     def start(self, boxes: Sequence[Cell] = ()) -> Frontier:
         """Return parts of the box, by default the whole, over all frequencies."""
-        low, high = _FIRST * float(np.abs(self.poles).min()), _TOP * float(np.abs(self.poles).max())
+        low, high = _FIRST * float(np.abs(self.poles).min()), TOP * float(np.abs(self.poles).max())
         chain = np.concatenate([[0.0], np.geomspace(low, high, 2 + int(np.log2(high / low)))])
         ends = np.zeros((len(chain), 2, 1 + self.size))
         ends[:-1, 0, 0], ends[:-1, 1, 0], ends[-1, 1, 0] = chain[:-1], chain[1:], 1.0 / high
@@ -206,7 +203,7 @@ class ResponseCells:
         bounds = series.regularity()
         gain, bound, second, rest = series.gains(bounds)
         axes, between = series.cuts(bounds, second, rest)
-        return _Looked(np.where(bounds.rho < _BELOW, bound, np.inf), gain, axes, between)
+        return _Looked(np.where(bounds.rho < BELOW, bound, np.inf), gain, axes, between)
 
     def prove(
         self, cells: Frontier, level: float, limit: int, seen: Callable[[float, Array], float]
@@ -414,8 +411,7 @@ class _Series:
         beside = sum((np.abs(Z) for Z in self.second.values()), self.higher)
         d = np.ones((*main.shape[:2], 1))
         for _ in range(_SWEEPS):
-            d = np.sqrt(d * np.maximum(main @ d, np.finfo(float).tiny))
-            d = np.maximum(d / d.max(axis=1, keepdims=True), _LEAST)
+            d = evened(d, main @ d)
         own = [Z @ d for Z in sizes]
         rho = ((sum(own[1:], own[0]) + beside @ d) / d).max(axis=(1, 2))
         pairs = {pair: np.abs(Z) @ d for pair, Z in self.second.items()}
@@ -437,7 +433,7 @@ class _Series:
             residual = residual + np.abs(step).reshape(*step.shape[:2], count, m).sum(axis=2)
             judged = judged + np.abs(C @ step).reshape(len(step), -1, count, m).sum(axis=2)
             weight = weight + np.abs(C @ Z)
-        spare = np.where(bounds.rho < _BELOW, 1.0 - bounds.rho, np.nan)[:, None, None]
+        spare = np.where(bounds.rho < BELOW, 1.0 - bounds.rho, np.nan)[:, None, None]
         rest = _size(judged + (weight @ d) * ((residual / d).max(axis=1, keepdims=True) / spare))
         G2 = {pair: C @ x for pair, x in zip(combinations_with_replacement(range(len(x1)), 2), x2, strict=True)}
         total, second = rest, np.zeros((len(G0), len(x1)))

@@ -28,13 +28,13 @@ from boomctl.analysis.norm import circle_pencil
 from boomctl.arrays import Array, balance
 from boomctl.chebyshev import points, points_needed, powers, series
 from boomctl.lti.frequency import singular_values
+from boomctl.lti.rounding import SOLVED
 from boomctl.lti.system import Lti, signal_scales
 from boomctl.structure.families import Family
 from boomctl.structure.matrices import Structure, dense
 from boomctl.structure.response.poles import undamped_modes
 from boomctl.structure.response.realisation import realize
 
-_NOISE = 1e-13  # share of the largest entry below which a coefficient is rounding (a choice)
 _EXACT = 1e-9  # share of the largest entry that a polynomial may miss (a choice: far below what damps a loop)
 _DEGREE = 32  # of a parameter, which is enough to tell that it is too large (a choice)
 # points of a parameter's range at most, beyond which it is halved: coefficients of higher powers grow, and cancel (measured:
@@ -289,7 +289,7 @@ def _polynomials(
                 terms[tuple(i for i, exponent in enumerate(exponents) for _ in range(exponent))] = grid[exponents]
         errors = [np.abs(_value(terms, delta) - X) for delta, X in zip(tried, wanted[letter], strict=True)]
         worst = np.max(errors, axis=0)
-        if (worst > _EXACT / _NOISE * least).any():
+        if (worst > _EXACT / SOLVED * least).any():
             raise ValueError(f"{_FAST}: polynomials through {np.prod(counts)} points miss it by {worst.max():.2g}")
         found[letter], off[letter] = terms, _SPARE * worst
     return found, off
@@ -313,4 +313,4 @@ def _points_along(at: Matrices, axis: Array) -> int:
 
 
 def _negligible(stacks: Mapping[str, Array]) -> dict[str, float]:
-    return {letter: _NOISE * float(np.abs(stack).max(initial=0.0)) for letter, stack in stacks.items()}
+    return {letter: SOLVED * float(np.abs(stack).max(initial=0.0)) for letter, stack in stacks.items()}

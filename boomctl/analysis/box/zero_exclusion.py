@@ -25,19 +25,20 @@ from scipy import linalg
 
 from boomctl.analysis.box.loop_pencil import LoopPencil
 from boomctl.arrays import Array, balance
+from boomctl.lti.rounding import EPS, TINY
 
 # directions in which a diagonal may stay from zero: within 8 % of the best (cos 22.5)
 _DIRECTIONS = np.exp(-0.25j * np.pi * np.arange(8))
 _TURN = 0.5  # most that eigenvectors follow a parameter across its range: beyond, first order is no help (a choice)
 # places around a resonance, in half-widths, at which intervals are cut first (a choice)
 _WIDTHS = np.array([-27.0, -3.0, 3.0, 27.0])
-_TOP = 4.0  # where the last interval begins, relative to the fastest pole: from there on nothing resonates (a choice)
+TOP = 4.0  # where the last interval begins, relative to the fastest pole: from there on nothing resonates (a choice)
 _DEPTH = 5  # how often intervals that fail are cut (a choice)
 _PARTS = 4  # into how many
-_SWEEPS = (4, 20)  # of the power iteration: after how many what is shown is left out, and how many at most (a choice)
+_SWEEPS = 20  # of the power iteration at most (a choice)
 _BATCH = 2**17  # entries of the matrices handled at once: what stays in the cache
-_ROUNDING = 32.0 * np.finfo(float).eps  # of sums of products of a few terms each
-_BELOW = 1.0 - 1e-10  # below one by more than the rounding of a matrix times a vector
+_ROUNDING = 32.0 * EPS  # of sums of products of a few terms each
+BELOW = 1.0 - 1e-10  # below one by more than the rounding of a matrix times a vector
 _LEAST = 1e-12  # smallest entry of the vector, relative: without it, entries could vanish
 _CLOSE = 1e-4  # share of the narrowest half-width that no interval is narrower than, so that none is empty
 _PRODUCTS = 3  # parameters in a product whose matrix keeps its phases; longer products are small (a choice)
@@ -279,7 +280,7 @@ def _breaks(modes: _Modes) -> Array:
     width = np.abs(modes.poles.real)
     offsets = np.sign(_WIDTHS) * drift[:, None] + width[:, None] * _WIDTHS
     ends = (modes.poles.imag[:, None] + offsets).ravel()
-    top = _TOP * float(np.abs(modes.poles).max())
+    top = TOP * float(np.abs(modes.poles).max())
     ends = np.sort(ends[(ends > 0.0) & (ends < top)])
     gap = _CLOSE * float(width.min())
     kept = ends[np.concatenate([[True], np.diff(ends) > gap])] if len(ends) else ends
@@ -361,14 +362,19 @@ def _below_one(H: Array) -> NDArray[np.bool_]:
     """Return which of the nonnegative matrices ``H[f]`` have been shown to have a spectral radius below one."""
     shown, rest = np.zeros(len(H), dtype=bool), np.arange(len(H))
     x = np.ones((*H.shape[:2], 1))
-    for sweep in range(_SWEEPS[1]):
+    for _ in range(_SWEEPS):
         if not len(rest):
             break
         y = H @ x
-        good = (y < _BELOW * x).all(axis=(1, 2))
-        x = np.sqrt(x * np.maximum(y, np.finfo(float).tiny))
-        x = np.maximum(x / x.max(axis=1, keepdims=True), _LEAST)
+        good = (y < BELOW * x).all(axis=(1, 2))
+        x = evened(x, y)
         shown[rest[good]] = True
-        if good.all() or (sweep % _SWEEPS[0] == 0 and good.any()):
+        if good.any():
             rest, H, x = rest[~good], H[~good], x[~good]
     return shown
+
+
+def evened(x: Array, y: Array) -> Array:
+    """Return positive vectors whose ratios to their products with nonnegative matrices, ``y = H x``, are more alike."""
+    x = np.sqrt(x * np.maximum(y, TINY))
+    return np.maximum(x / x.max(axis=1, keepdims=True), _LEAST)

@@ -16,7 +16,7 @@ from boomctl.arrays import Array, blocks
 from boomctl.checks import finite_array, known, plain_array, positive
 from boomctl.lti.hold import BLOCK, observability
 from boomctl.lti.modal import side_of_axis, sides
-from boomctl.lti.rounding import ALIKE, ROOT
+from boomctl.lti.rounding import ALIKE, ROOT, TINY
 from boomctl.lti.system import Lti
 from boomctl.printing import between
 
@@ -266,8 +266,8 @@ def _shown(system: Lti) -> tuple[float, float]:
             span = max(span if np.isfinite(span) else 0.0, _LONG / float(np.abs(rates).max() or 1.0))
     width = min(
         span / _FEWEST,
-        2.0 * np.pi / _PER_PERIOD / max(turning.max(), np.finfo(float).tiny),
-        1.0 / _PER_CONSTANT / max(decay.max(), np.finfo(float).tiny),
+        2.0 * np.pi / _PER_PERIOD / max(turning.max(), TINY),
+        1.0 / _PER_CONSTANT / max(decay.max(), TINY),
     )
     return float(span), float(width)
 

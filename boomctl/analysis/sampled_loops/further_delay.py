@@ -25,12 +25,10 @@ from boomctl.arrays import Array, balance
 from boomctl.chebyshev import points_needed, series
 from boomctl.lti.hold import zero_order_hold
 from boomctl.lti.modal import sides, split
+from boomctl.lti.rounding import EPS, SUMMED, TERMS
 from boomctl.lti.sampled import Held, sampled_plant, whole_samples
 from boomctl.lti.system import Lti, lower_lft
 
-_EPS = float(np.finfo(float).eps)
-_TERMS = 16.0  # roundings of a term of a response, beside one for each that it is added to
-_NOISE = 1e-12  # share of the largest value below which a coefficient of a polynomial is rounding (a choice)
 _DEGREE = 500  # of the polynomials at most: a plant that turns by as many radians a sample
 _SMALL = 0.7  # poles below its square, and perhaps below it, are taken by their pulse response (a choice)
 _PARALLEL = 1e4  # one over the cosine of a pole and its mirror: beyond, it may be one of several (a choice)
@@ -185,7 +183,7 @@ def _terms(N: Array, row: Array, acts: Array, place: complex) -> list[Array]:
         That takes too many.
     """
     terms, size = [], float(np.linalg.norm(row))
-    while np.linalg.norm(row) > _EPS * size * (1.0 - abs(place)) ** len(terms):
+    while np.linalg.norm(row) > EPS * size * (1.0 - abs(place)) ** len(terms):
         if len(terms) >= _ORDERS:
             raise ValueError("poles that are nearly parallel lie too far apart")
         terms.append(row @ acts)
@@ -206,14 +204,14 @@ def _fractions(system: Lti) -> list[tuple[complex, float, float, Array]]:
     """
     A = system.A
     poles, V = linalg.eig(A) if len(A) else (np.zeros(0, complex), A)
-    W, unit = np.linalg.inv(V), _EPS * float(np.linalg.norm(A))
+    W, unit = np.linalg.inv(V), EPS * float(np.linalg.norm(A))
     angle = np.linalg.norm(W, axis=1) * np.linalg.norm(V, axis=0)
     waiting = angle > _PARALLEL
     alone = np.flatnonzero(~waiting)
     found = [(poles[i], 1.0, unit * angle[i], (system.C @ V[:, i]) * (W[i] @ system.B)) for i in alone]
     while waiting.any():
         first = complex(poles[np.flatnonzero(waiting)[0]])
-        reach = _TOGETHER * max(1.0 - abs(first), _EPS)
+        reach = _TOGETHER * max(1.0 - abs(first), EPS)
         these = waiting & (np.abs(poles - first) <= reach)
         T, Z, count = linalg.schur(A, output="complex", sort=lambda p, at=first, far=reach: abs(p - at) <= far)  # type: ignore[misc]
         if count != these.sum():
@@ -245,7 +243,7 @@ class _Curve:
         def at(places: Array) -> dict[str, Array]:
             return {"": np.array([moving(middle + reach * place) for place in places]) @ functions.shares.T}
 
-        count = points_needed(at, lambda found: {"": _NOISE * np.abs(found[""]).max()}, _DEGREE)
+        count = points_needed(at, lambda found: {"": SUMMED * np.abs(found[""]).max()}, _DEGREE)
         if count > _DEGREE:
             raise ValueError("the plant is too fast for a polynomial over a sample")
         return cls(functions, middle, reach, series(at(chebyshev.chebpts1(count))[""], (count,)).T)
@@ -263,8 +261,8 @@ class _Curve:
             [degrees**0.0, degrees**2 / self.reach, degrees**2 * (degrees**2 - 1.0) / 3.0 / self.reach**2]
         )
         R = growth @ np.abs(shares).T  # of the shares and their derivatives, at most
-        unit = _NOISE + _EPS * (_TERMS + len(R.T) + len(degrees))  # of rounding, and of what the series leave out
-        rounding = bounds[0] @ (unit * (R[0] + R[0].max())) + bounds[1] @ (_TERMS * self.functions.doubt * R[0])
+        unit = SUMMED + EPS * (TERMS + len(R.T) + len(degrees))  # of rounding, and of what the series leave out
+        rounding = bounds[0] @ (unit * (R[0] + R[0].max())) + bounds[1] @ (TERMS * self.functions.doubt * R[0])
         value, over, along = ((a * b).sum(axis=1) for a, b in ((f, r), (slope, r), (f, dr)))
         bent = 0.5 * half**2 * (bounds[2] @ R[0]), 0.5 * wide**2 * (bounds[0] @ R[2])
         rest = bent[0] + bent[1] + half * wide * (bounds[1] @ R[1]) + rounding
@@ -289,7 +287,7 @@ class _Curve:
             G: Array = np.log(Q / N)
             over: Array = q[0] - n[0]
             along: Array = q[1] - n[1]
-            rem = far + off + _TERMS * _EPS * cells[:, 4]
+            rem = far + off + TERMS * EPS * cells[:, 4]
             omega, half, part, wide, W, only = cells.T
             apart |= np.abs(G.real) > half * np.abs(over.real) + wide * np.abs(along.real) + rem
             turn = over.imag - W

@@ -16,6 +16,7 @@ import numpy as np
 from scipy import linalg
 
 from boomctl.arrays import Array
+from boomctl.lti.rounding import TINY
 from boomctl.lti.system import Lti
 from boomctl.printing import compact
 from boomctl.progress import tell
@@ -221,7 +222,7 @@ def _size(ready: NormalizedPlant) -> float:
     """Return a level to start from where nothing bounds it from below."""
     B1, C1 = np.linalg.norm(ready.B1), np.linalg.norm(ready.C1)
     rate = np.linalg.norm(ready.A) + C1 * np.linalg.norm(ready.B2) + B1 * np.linalg.norm(ready.C2)
-    return float(np.linalg.norm(ready.D11) + C1 * B1 / max(rate, np.finfo(float).tiny)) or 1.0
+    return float(np.linalg.norm(ready.D11) + C1 * B1 / max(rate, TINY)) or 1.0
 
 
 def frequency_bound(ready: NormalizedPlant, F: Array, L: Array) -> tuple[float, float]:

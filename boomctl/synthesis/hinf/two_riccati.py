@@ -12,6 +12,7 @@ import numpy as np
 from scipy import linalg
 
 from boomctl.arrays import Array, blocks
+from boomctl.lti.rounding import TINY
 from boomctl.lti.system import Lti, lower_lft, static
 from boomctl.synthesis.hinf.normal_form import NormalizedPlant
 from boomctl.synthesis.plants.partition import GeneralizedPlant
@@ -137,7 +138,7 @@ def _indefinite(X: Array) -> bool:
     if not len(X):
         return False
     values = linalg.eigvalsh(X)
-    return bool(values[0] < -_NEGATIVE * max(abs(values[-1]), abs(values[0]), np.finfo(float).tiny))
+    return bool(values[0] < -_NEGATIVE * max(abs(values[-1]), abs(values[0]), TINY))
 
 
 def _stabilising(equation: _StateFeedback) -> Array | None:

@@ -12,6 +12,7 @@ from scipy import linalg
 
 from boomctl.arrays import Array
 from boomctl.checks import finite_array, known, names, real
+from boomctl.lti.rounding import DIGIT
 from boomctl.lti.system import Lti, of
 
 Weight: TypeAlias = ArrayLike | Mapping[str, float]
@@ -89,7 +90,7 @@ def square_root(matrix: Array) -> Array:
     size = np.sqrt(np.maximum(np.diag(matrix), 0.0))
     safe = np.where(size > 0.0, size, 1.0)
     values, vectors = linalg.eigh(matrix / np.outer(safe, safe))
-    good = values > 4.0 * np.finfo(float).eps * len(matrix) * max(float(values.max(initial=0.0)), 0.0)
+    good = values > DIGIT * len(matrix) * max(float(values.max(initial=0.0)), 0.0)
     return size[:, None] * (vectors[:, good] * np.sqrt(values[good]))
 
 

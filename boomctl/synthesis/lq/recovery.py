@@ -14,6 +14,7 @@ from scipy import linalg
 from boomctl.arrays import Array, blocks
 from boomctl.checks import finite_array, frequencies, positive
 from boomctl.lti.frequency import singular_values
+from boomctl.lti.rounding import TINY
 from boomctl.lti.system import Lti
 from boomctl.printing import count, listed
 from boomctl.synthesis.lq.lqg import LqgResult, lqg
@@ -27,7 +28,6 @@ if TYPE_CHECKING:
 _SHARED = 1e-6  # relative distance of zeros of two random projections that are one: half of the digits, and some more
 _RIGHT = 1e-9  # relative distance from the axis of a zero on the right: zeros of a pencil have fewer digits than poles
 _INFINITE = 1e6  # multiple of the size of A beyond which a zero is an infinite one that rounding has moved
-_TINY = float(np.finfo(float).tiny)
 _POINTS = 400  # frequencies at which loops are compared, spread evenly in the logarithm (a choice)
 
 
@@ -205,8 +205,8 @@ def _square_zeros(system: Lti, mix: Array) -> Array:
     n, m = system.B.shape
     s = system.balanced()
     A, B, C, D = s.A, s.B, mix @ s.C, mix @ s.D
-    size = max(float(np.linalg.norm(A)), _TINY)
-    B, C = B * (size / max(float(np.linalg.norm(B)), _TINY)), C / max(float(np.linalg.norm(C)), _TINY)
+    size = max(float(np.linalg.norm(A)), TINY)
+    B, C = B * (size / max(float(np.linalg.norm(B)), TINY)), C / max(float(np.linalg.norm(C)), TINY)
     pencil = blocks([[A, B], [C, D]])
     mass = linalg.block_diag(np.eye(n), np.zeros((m, m)))
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -15,6 +15,7 @@ from scipy import linalg
 from slycot.exceptions import SlycotError
 
 from boomctl.arrays import Array, balance
+from boomctl.lti.rounding import TINY
 from boomctl.printing import compact
 from boomctl.synthesis.assumptions import SynthesisError
 
@@ -28,7 +29,6 @@ _GOOD = 1e-2  # share of what a certificate allows at which no other coordinates
 LARGEST_RESIDUAL = 1e-6  # of a solution that is vouched for, relative to the terms of the equation (a choice)
 LARGEST_COST_ERROR = 1e-4  # and share of the cost that may be in doubt (a choice)
 EXTENDED = 300  # states up to which residuals are computed in long numbers, which take seconds beyond
-TINY = float(np.finfo(float).tiny)
 
 
 @dataclass(frozen=True)

@@ -12,13 +12,13 @@ from scipy import linalg
 
 from boomctl.arrays import Array, balance
 from boomctl.lti.modal import sides
+from boomctl.lti.rounding import EPS, TINY
 from boomctl.lti.system import rates_of
 from boomctl.synthesis.assumptions import SynthesisError
 from boomctl.synthesis.lq.riccati import (
     EXTENDED,
     LARGEST_COST_ERROR,
     LARGEST_RESIDUAL,
-    TINY,
     RiccatiProblem,
     RiccatiSolution,
     scaled_size,
@@ -32,7 +32,6 @@ _GOAL = 1e-13  # change of the solution, each state scaled by its own cost, at w
 _DOUBLINGS = (
     64  # of the number of steps: a pole that lies one unit of rounding within the unit circle has decayed after 57
 )
-_EPS = float(np.finfo(float).eps)
 
 
 def solution_of(problem: RiccatiProblem, what: str) -> RiccatiSolution:
@@ -123,7 +122,7 @@ def _doubled(p: RiccatiProblem) -> Array:
         onward, spread = solved[:, : len(A)], solved[:, len(A) :]
         more = A.T @ H @ onward
         G, H, A = _even(G + A @ spread @ A.T), _even(H + more), A @ onward
-        if not np.abs(more).max() > _EPS * np.abs(H).max():
+        if not np.abs(more).max() > EPS * np.abs(H).max():
             break
     return H
 
@@ -199,7 +198,7 @@ def _summed(A: Array, R: Array) -> Array:
     for _ in range(_DOUBLINGS):
         more = power.T @ total @ power
         total, power = total + more, power @ power
-        if np.abs(more).max() <= _EPS * np.abs(total).max():
+        if np.abs(more).max() <= EPS * np.abs(total).max():
             break
     return total
 

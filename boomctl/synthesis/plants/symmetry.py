@@ -10,6 +10,7 @@ from boomctl.arrays import Array
 from boomctl.lti.bilinear import continuous_image, discrete_image
 from boomctl.lti.block_diagonal import block_diagonal
 from boomctl.lti.modal import resolved
+from boomctl.lti.rounding import EPS, TINY
 from boomctl.lti.system import Lti, append, of
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.symmetry import Mirror
@@ -17,7 +18,6 @@ from boomctl.structure.symmetry import Mirror
 if TYPE_CHECKING:
     import control
 
-_EPS = float(np.finfo(float).eps)
 _FAINT = 1e-7, 1e-9, 1e-11  # shares of a state's size that are rounding, tried in turn until nothing is lost (choices)
 _NO_GAIN = 1e-7  # share of the largest gain that is none: half of all digits
 _LOST = 1e-6  # share of a half's gain, at any frequency looked at, that it may differ by from the controller (a choice)
@@ -136,7 +136,7 @@ def split_controller(
     parts = {(i, j): sides[i].leave.T @ response @ sides[j].entry / units[j] for i in (0, 1) for j in (0, 1)}
     size = max(float(np.abs(part).max(initial=0.0)) for part in parts.values())
     nearest = np.abs(1j * grid[:, None] - K.poles).min(axis=1, initial=np.inf)
-    moved = _FELT * _EPS * float(np.linalg.norm(K.A)) / nearest  # share of a gain that is rounding of the poles
+    moved = _FELT * EPS * float(np.linalg.norm(K.A)) / nearest  # share of a gain that is rounding of the poles
     halves, lost = [], np.full((2, len(grid)), np.inf)
     for faint in _FAINT:
         halves = _controllers_of_halves(K, sides, faint)
@@ -234,7 +234,7 @@ def _blocks(K: Lti) -> list[_Block]:
     blocks, columns, widths = block_diagonal(K.A)
     rows = linalg.inv(columns) if len(K.A) else K.A
     B, C = rows @ K.B, K.C @ columns
-    noise_B, noise_C = _UNITS * _EPS * (np.abs(rows) @ np.abs(K.B)), _UNITS * _EPS * (np.abs(K.C) @ np.abs(columns))
+    noise_B, noise_C = _UNITS * EPS * (np.abs(rows) @ np.abs(K.B)), _UNITS * EPS * (np.abs(K.C) @ np.abs(columns))
     ends = np.cumsum(widths).astype(int)
     found = []
     for end, width in zip(ends, widths, strict=True):
@@ -276,7 +276,7 @@ def _minimal(block: _Block, side: _Side, faint: float) -> Lti:
 
 def columns_spanned(A: Array, start: Array, faint: float) -> Array:
     """Return orthonormal columns that span what ``A`` makes of those given, without what is fainter than a share of them."""
-    basis, size = np.zeros((len(A), 0)), max(float(np.linalg.norm(A)), float(np.finfo(float).tiny))
+    basis, size = np.zeros((len(A), 0)), max(float(np.linalg.norm(A)), TINY)
     while start.shape[1]:
         left, strength, _ = linalg.svd(start - basis @ (basis.T @ start), full_matrices=False)
         new = left[:, strength > faint]

@@ -15,7 +15,7 @@ from numpy.polynomial import chebyshev
 
 from boomctl.arrays import Array, balance, blocks
 from boomctl.synthesis.plants.partition import GeneralizedPlant
-from boomctl.tuning.problem import ScaledPlant
+from boomctl.tuning.problem import ScaledPlant, band_of
 
 _COUNTS = (
     5,
@@ -28,9 +28,7 @@ _SMALL = 1e-11  # share of a row's size up to which the last coefficients must h
 _ROUNDING = 1e-14  # and this, up to which a coefficient is left out: 1e2 eps, as small errors may cancel large motions
 _SAME = 1e-8  # share of a response's peak to which a polynomial meets plants beside its own: far below what is tuned to
 _NOTHING = 1e-10  # share of a signal's other responses below which one is rounding (a choice)
-_POINTS = 24  # frequencies at which responses are compared (a choice)
 _BESIDE = 3  # points drawn at which they are, and two corners (a choice)
-_SLOWEST = 1e-6  # share of the fastest pole below which a slow one says nothing about the band (a choice)
 
 Make = Callable[[Array], GeneralizedPlant]
 
@@ -144,9 +142,7 @@ def _meets(series: PlantSeries, plant: GeneralizedPlant, point: Array) -> bool:
     n = len(s.A)
     if found.shape != (n + len(s.C), n + s.B.shape[1]):
         return False
-    rates = np.abs(s.poles)
-    rates = rates[rates > _SLOWEST * rates.max(initial=0.0)]
-    omega = np.geomspace(rates.min() / 3.0, rates.max() * 3.0, _POINTS) if len(rates) else np.ones(1)
+    omega = band_of([s])[1]
     mine = replace(s, A=found[:n, :n], B=found[:n, n:], C=found[n:, :n], D=found[n:, n:])
     exact = s.response(omega, quiet=True)
     apart, size = np.abs(mine.response(omega, quiet=True) - exact).max(axis=2), np.abs(exact).max(axis=2)

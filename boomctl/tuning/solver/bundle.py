@@ -7,6 +7,7 @@ from math import inf, isfinite
 import numpy as np
 
 from boomctl.arrays import Array
+from boomctl.lti.rounding import TINY
 from boomctl.tuning.hessian import peak_hessian
 from boomctl.tuning.point import WINDOW, Piece, Point
 from boomctl.tuning.responses import same_place
@@ -26,7 +27,6 @@ _DAMPING, _LEAST, _LARGEST = (
 )  # weight of a step's length in natural sizes: first, least, largest (choices)
 _FAR, _HAIR = 1e4, 1e-11  # natural sizes: how far an end is no matter, and room where there is none (choices)
 _FLAT = 1e-10  # share of the largest natural size below which a number's own is taken to be that
-_TINIEST = float(np.finfo(float).tiny)  # of all numbers
 _LITTLE = 1e-6  # step of differences of an H2 norm's gradient
 
 
@@ -117,7 +117,7 @@ def polish(
 def _sizes(pieces: list[Piece], H: Array) -> Array:
     """Return squares of the inverse natural sizes of the free numbers: slopes and curvatures."""
     squares = np.max([p.gradient**2 for p in pieces], axis=0) + np.abs(np.diag(H))
-    return np.maximum(squares, _FLAT * max(float(squares.max(initial=0.0)), _TINIEST))
+    return np.maximum(squares, _FLAT * max(float(squares.max(initial=0.0)), TINY))
 
 
 def _curvature(point: Point, pieces: list[Piece], multipliers: Array, sizes: Array) -> Array:

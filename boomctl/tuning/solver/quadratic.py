@@ -6,6 +6,7 @@ import numpy as np
 from scipy.linalg import lapack
 
 from boomctl.arrays import Array
+from boomctl.lti.rounding import TINY
 
 _STEPS = 60  # of Newton's method at most: a dozen are the rule
 _ENOUGH = 1e-11  # complementarity and residuals, relative, at which it ends
@@ -13,7 +14,6 @@ _ROOM = 1e-3  # below rows that are met at which it begins: it then takes fewer 
 _NEARLY = 1e-7  # residual, relative, from which on it ends where rounding keeps it from halving (a choice)
 _RIDGE = 1e-14  # share of the diagonal that is added to it: less than its rounding costs (a choice)
 _NO_ROW = 1e-12  # share of the longest row below which a row bounds nothing, and is not made longer (a choice)
-_TINIEST = float(np.finfo(float).tiny)  # of all numbers
 _BACK = 0.995  # share of the way to the boundary that a step takes (a choice, as usual)
 
 
@@ -25,7 +25,7 @@ def least(H: Array, c: Array, G: Array, h: Array) -> tuple[Array, Array]:
     """
     n, m = len(c), len(h)
     size = np.sqrt((G * G).sum(axis=1))
-    size = np.maximum(size, max(_NO_ROW * float(size.max(initial=0.0)), _TINIEST))
+    size = np.maximum(size, max(_NO_ROW * float(size.max(initial=0.0)), TINY))
     G, h = G / size[:, None], h / size
     y, s, z = np.zeros(n), np.maximum(h, _ROOM), np.ones(m)
     scale = 1.0 + max(float(np.abs(c).max(initial=0.0)), float(np.abs(h).max(initial=0.0)))

@@ -10,6 +10,7 @@ import numpy as np
 
 from boomctl.analysis.norm import level_norm
 from boomctl.arrays import Array
+from boomctl.lti.rounding import LEVEL
 from boomctl.lti.system import Lti
 from boomctl.progress import tell
 from boomctl.tuning.point import Point
@@ -34,7 +35,6 @@ _WEIGHT = 10.0  # what a unit of an exceeded bound costs at first (a choice); gr
 _EDGE, _LAST_EDGE = 1e-2, 1e-8  # how far from the edge of stability the first turns stay, and the last ones (choices)
 _AT_EDGE = 2.0  # times the distance kept from the edge of stability, up to which it is what held a turn up (a choice)
 _NEARER = 0.1  # share of its distance from the edge of stability that a turn may come nearer to it (a choice)
-_KEPT = 1e-6  # by how much a bound may be exceeded: what the certificate allows too (a choice)
 _MISSED = 1e-7  # relative height above the peaks known from which on one counts as missed: a tenth of what is certified
 _ZERO = 1e-9  # share of the first norm seen below which a norm counts as zero: nothing is left to gain
 
@@ -120,14 +120,14 @@ class Search:
         point = Point(self.problem, x, self.known) if point is None else point
         if not point.stable or not isfinite(point.aim):
             return
-        excess = max(point.excess, _KEPT)
+        excess = max(point.excess, LEVEL)
         if self.floor == -inf:
             self.floor = point.aim + log(_ZERO)
         if (excess, point.aim) >= (self.excess, self.value):
             return
         if not self.checked(x):  # with the peaks that were missed it counts anew
             point = Point(self.problem, x, self.known)
-            excess = max(point.excess, _KEPT)
+            excess = max(point.excess, LEVEL)
         if (excess, point.aim) < (self.excess, self.value):
             self.best, self.value, self.excess = x.copy(), point.aim, excess
 
@@ -244,7 +244,7 @@ class Search:
         local.stationary = done.stationary
         self.keep(local.x)
         fine, point = self.checked(local.x), self.point(local.x)
-        if point.excess > _KEPT:
+        if point.excess > LEVEL:
             local.weight *= 10.0
             local.gain = local.merit = inf  # merits of two weights tell nothing of each other
             return
