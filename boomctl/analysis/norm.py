@@ -29,7 +29,6 @@ from boomctl.lti.system import BATCH, Lti, System, beside, of
 if TYPE_CHECKING:
     from boomctl.structure.model import SecondOrderModel
 
-_WIDER = 6e-6  # how far above the largest gain a level is tried where rounding hides a nearer one: certified still
 _ROUNDING = 1e2 * EPS  # share of the Hamiltonian matrix's norm by which its eigenvalues may be off the axis
 _BESIDE = 1e-2  # share of its size by which an eigenvalue that is worth a look lies off the axis (a choice)
 
@@ -190,8 +189,24 @@ def level_norm(system: Lti, response: Response | None = None) -> NormCertificate
     For those who answer for that rounding themselves; :func:`matrices_norm` does.
     """
     respond = partial(system.response, quiet=True) if response is None else response
-    found = _raised(system, respond, *_found(system, response), LEVEL)
-    return found if found.upper < inf else _raised(system, respond, found.lower, found.omega, _WIDER)
+    peak, at = largest_gain(system, response)
+    static = float(np.linalg.norm(system.D, 2))
+    peak, at = (peak, at) if peak >= static else (static, inf)
+    for _ in range(RAISED):
+        level = peak * (1.0 + LEVEL)
+        if level == 0.0:
+            return NormCertificate(0.0, 0.0, 0.0, NO_RESPONSE)
+        H = hamiltonian_matrix(system, level)
+        crossings, beside = near_axis(H[0])
+        seen = np.sort(np.concatenate([crossings, beside]))
+        middles = np.concatenate([seen, 0.5 * (seen[1:] + seen[:-1])])
+        values = singular_values(respond(middles))[0] if len(middles) else np.zeros(1)
+        best = int(np.argmax(values))
+        if values[best] <= level:
+            told = not len(crossings) and level_shows(system, level, at, H)
+            return NormCertificate(peak, level if told else inf, at, NO_CROSSING if told else NOT_TOLD)
+        peak, at = float(values[best]), float(middles[best])
+    return NormCertificate(peak, inf, at, NOT_TOLD)
 
 
 def _by_circle(system: Lti) -> NormCertificate:
@@ -239,13 +254,6 @@ def circle_pencil(A: Array, B: Array, C: Array, D: Array) -> tuple[Array, Array]
     right[n : 2 * n, :n], right[n : 2 * n, n : 2 * n], right[n : 2 * n, 2 * n :] = -C.T @ C, np.eye(n), -C.T @ D
     right[2 * n :, :n], right[2 * n :, 2 * n :] = -D.T @ C, np.eye(m) - D.T @ D
     return left, right
-
-
-def _found(system: Lti, response: Response | None) -> tuple[float, float]:
-    """Return the largest singular value found, and its frequency."""
-    peak, at = largest_gain(system, response)
-    static = float(np.linalg.norm(system.D, 2))
-    return (peak, at) if peak >= static else (static, inf)
 
 
 def doubtful(system: Lti) -> str:
@@ -301,25 +309,6 @@ def _responses(given: System, omega: Array) -> tuple[Array, Array]:
             rounding = off.max(axis=(1, 2)) * system.D.size**0.5  # no squares, which may be zero
         doubts[few] = np.where(np.isfinite(rounding), rounding, inf)
     return G, doubts
-
-
-def _raised(system: Lti, respond: Response, peak: float, at: float, above: float) -> NormCertificate:
-    """Raise a lower bound until no singular value reaches a level that is so much above it, relative."""
-    for _ in range(RAISED):
-        level = peak * (1.0 + above)
-        if level == 0.0:
-            return NormCertificate(0.0, 0.0, 0.0, NO_RESPONSE)
-        H = hamiltonian_matrix(system, level)
-        crossings, beside = near_axis(H[0])
-        seen = np.sort(np.concatenate([crossings, beside]))
-        middles = np.concatenate([seen, 0.5 * (seen[1:] + seen[:-1])])
-        values = singular_values(respond(middles))[0] if len(middles) else np.zeros(1)
-        best = int(np.argmax(values))
-        if values[best] <= level:
-            told = not len(crossings) and level_shows(system, level, at, H)
-            return NormCertificate(peak, level if told else inf, at, NO_CROSSING if told else NOT_TOLD)
-        peak, at = float(values[best]), float(middles[best])
-    return NormCertificate(peak, inf, at, NOT_TOLD)
 
 
 def hamiltonian_matrix(system: Lti, level: float) -> tuple[Array, Array]:
