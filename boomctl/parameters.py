@@ -1,8 +1,9 @@
 """What all parameters of a machine have in common: they come from a file, print as code, and have a default."""
 
-from dataclasses import fields
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import fields, replace
 from pathlib import Path
-from typing import ClassVar, Self, TypeVar
+from typing import Any, ClassVar, Self, TypeVar
 
 import numpy as np
 
@@ -23,6 +24,32 @@ class Parameters:
         for name, value in vars(self).items():
             if isinstance(value, np.generic):
                 object.__setattr__(self, name, value.item() if isinstance(value, np.integer) else float(value))
+
+    def replace(self, **changes: float | None) -> Self:
+        """Return the parameters with some changed.
+
+        Parameters
+        ----------
+        **changes : float
+            New values by name.
+
+        Returns
+        -------
+        the parameters
+            A new record; this one stays as it is.
+
+        Raises
+        ------
+        TypeError, ValueError
+            A name that is not there; a value of the wrong kind or out of its range.
+
+        Examples
+        --------
+        >>> import boomctl as bc
+        >>> bc.BoomParameters().replace(spring_stiffness=900.0).spring_stiffness
+        900.0
+        """
+        return or_default(type(self), "parameters", self, changes)
 
     @classmethod
     def from_toml(cls, path: str | Path) -> Self:
@@ -64,10 +91,26 @@ class Parameters:
 P = TypeVar("P", bound=Parameters)
 
 
-def or_default(kind: type[P], name: str, given: object) -> P:
-    """Return the parameters given, the defaults for None; anything else is refused by the argument's name."""
-    if given is None:
-        return kind()
-    if not isinstance(given, kind):
+def signature_of(function: Callable[..., Any]) -> tuple[str, ...]:
+    """Return the names of a function's arguments, without those that it takes by any name."""
+    return function.__code__.co_varnames[: function.__code__.co_argcount + function.__code__.co_kwonlyargcount]
+
+
+def or_default(
+    kind: type[P], name: str, given: object, changes: Mapping[str, Any] | None = None, beside: Sequence[str] = ()
+) -> P:
+    """Return the parameters given, the defaults for None, with changes by name; anything else is refused.
+
+    ``beside`` are the other arguments of the function that takes the changes: what a name may have been meant for.
+    """
+    if given is not None and not isinstance(given, kind):
         raise TypeError(f"{name}: expected {kind.__name__}, got {type(given).__name__}")
-    return given
+    p = kind() if given is None else given
+    allowed = [field.name for field in fields(kind)]  # type: ignore[arg-type]
+    for key in changes or {}:
+        if key not in allowed:
+            try:
+                known("argument", key, [*beside, *allowed])
+            except ValueError as error:
+                raise TypeError(str(error)) from None
+    return replace(p, **changes) if changes else p  # type: ignore[type-var]

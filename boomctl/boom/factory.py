@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 from boomctl.arrays import Array
 from boomctl.boom.model import boom_discretization, boom_model, nozzle_places
 from boomctl.boom.parameters import BoomParameters, boom_parameters
 from boomctl.checks import known, positive, shown, truth
+from boomctl.parameters import signature_of
 from boomctl.structure.displacement_input import MOTIONS
 from boomctl.structure.model import SecondOrderModel
 
@@ -23,6 +25,7 @@ def spray_boom(
     nozzles: Sequence[float] | Array | None = None,
     accuracy: float | None = None,
     band_hz: float | None = None,
+    **changes: Any,
 ) -> SecondOrderModel:
     """Return the horizontal dynamics of the spray boom.
 
@@ -56,6 +59,8 @@ def spray_boom(
         Instead of ``discretization``, ``elements`` and ``order``: the coarsest mesh is chosen whose response is so exact,
         relative, at all frequencies up to ``band_hz`` [Hz], its own resonances included.  Meshes of high-order elements
         are tried against the exact beam; the model's `chosen` says which one was taken, and why.
+    **changes : float
+        Parameters of the boom by name, in place of those of ``parameters``.
 
     Returns
     -------
@@ -68,8 +73,8 @@ def spray_boom(
     Raises
     ------
     TypeError, ValueError
-        Unknown discretisation or excitation; fewer than one element; nodes unsorted or not covering the boom; an accuracy
-        without a band, beside a mesh, or that no mesh reaches.
+        Unknown parameter, discretisation or excitation; fewer than one element; nodes unsorted or not covering the boom; an
+        accuracy without a band, beside a mesh, or that no mesh reaches.
 
     Examples
     --------
@@ -77,13 +82,15 @@ def spray_boom(
     >>> boom = bc.spray_boom()
     >>> boom.eigenfrequencies_hz(3).round(3)
     array([0.245, 0.587, 0.935])
+    >>> bc.spray_boom(spring_stiffness=900.0).eigenfrequencies_hz(1).round(3)  # softer springs
+    array([0.225])
     >>> finer = bc.spray_boom(elements=20, nozzles=[-3.0, 3.0])
     >>> finer.outputs[-2:]
     ('nozzle_01', 'nozzle_02')
     >>> bc.spray_boom(accuracy=1e-3, band_hz=10.0).chosen.order
     9
     """
-    p = boom_parameters(parameters)
+    p = boom_parameters(parameters, changes, signature_of(spray_boom))
     known("excitation", excitation, (*MOTIONS, "force"))
     if truth("reactions", reactions) and excitation == "force":
         raise ValueError("reactions = True: the actuators' forces are inputs where excitation = 'force'")

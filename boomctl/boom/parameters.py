@@ -1,7 +1,9 @@
 """Parameters of the spray boom."""
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from math import sqrt
+from typing import Any
 
 from boomctl.checks import exactly, from_on, nonnegative, positive
 from boomctl.parameters import Parameters, or_default
@@ -110,7 +112,10 @@ class BoomParameters(Parameters):
             ("boom_inertia", self.boom_inertia, self.tube_inertia),
         ):
             if value < tube * (1.0 - 1e-12):
-                raise ValueError(f"{name} = {exactly(value)}: expected at least that of the tube, {from_on(tube)}")
+                raise ValueError(
+                    f"{name} = {exactly(value)}: expected at least that of the tube, {from_on(tube)}; `scaled` in place of"
+                    f" `replace` takes mass and inertia along with the tube"
+                )
 
         wave, mass = 2.0 * _FIRST / self.length, self.mass_per_length
         bending = wave * wave * sqrt(self.bending_stiffness / mass) if mass > 0.0 else 0.0
@@ -120,6 +125,40 @@ class BoomParameters(Parameters):
                 f" outer_width = {self.outer_width:g}: the boom's arms would bend at {bending:.3g} rad/s;"
                 f" expected {_BENDING[0]:g} to {_BENDING[1]:g} rad/s, in SI units"
             )
+
+    def scaled(self, **changes: float) -> "BoomParameters":
+        """Return the parameters with another tube, whose mass and inertia the boom's own follow.
+
+        What the boom has beyond its tube, at the hinge, stays as it is.
+
+        Parameters
+        ----------
+        **changes : float
+            New values by name, such as ``length``, ``density`` or the sides of the section.  Mass and inertia of the boom
+            that are among them are taken as they are given.
+
+        Returns
+        -------
+        BoomParameters
+            A new record.
+
+        Raises
+        ------
+        TypeError, ValueError
+            As of :meth:`replace`.
+
+        Examples
+        --------
+        >>> import boomctl as bc
+        >>> wide = bc.BoomParameters().scaled(length=24.0)
+        >>> round(wide.boom_mass, 2), round(wide.boom_inertia, 1)  # kg, kg m^2
+        (65.82, 2886.9)
+        """
+        heavy = dict.fromkeys(("boom_mass", "boom_inertia"), _LARGEST)
+        tube = self.replace(**{**heavy, **changes})
+        mass, inertia = tube.tube_mass - self.tube_mass, tube.tube_inertia - self.tube_inertia
+        along = {"boom_mass": self.boom_mass + mass, "boom_inertia": self.boom_inertia + inertia}
+        return self.replace(**{**along, **changes})
 
     @property
     def area(self) -> float:
@@ -152,6 +191,8 @@ class BoomParameters(Parameters):
         return self.tube_mass * self.length**2 / 12.0
 
 
-def boom_parameters(parameters: BoomParameters | None) -> BoomParameters:
-    """Return the parameters given, those of Table 2 for None; anything else is refused."""
-    return or_default(BoomParameters, "parameters", parameters)
+def boom_parameters(
+    parameters: BoomParameters | None, changes: Mapping[str, Any] | None = None, beside: Sequence[str] = ()
+) -> BoomParameters:
+    """Return the parameters given, those of Table 2 for None, with changes by name; anything else is refused."""
+    return or_default(BoomParameters, "parameters", parameters, changes, beside)

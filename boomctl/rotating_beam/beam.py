@@ -28,11 +28,20 @@ from boomctl.checks import (
     whole,
     within,
 )
+from boomctl.lti.rounding import ROOT
 from boomctl.printing import WIDTH, count, listed
 from boomctl.progress import computing
 from boomctl.rotating_beam.campbell import CampbellDiagram, campbell_diagram
 from boomctl.rotating_beam.chosen import ModelChoice
-from boomctl.rotating_beam.manoeuvres import HubProfile, Manoeuvre, PrescribedMotion, Torque, TorqueDriven
+from boomctl.rotating_beam.manoeuvres import (
+    HubProfile,
+    Manoeuvre,
+    PlannedSlew,
+    PlannedTorque,
+    PrescribedMotion,
+    Torque,
+    TorqueDriven,
+)
 from boomctl.rotating_beam.parameters import HubBeamParameters
 from boomctl.rotating_beam.result import Details, Motion, SimulationResult, named_failure
 
@@ -279,8 +288,8 @@ class HubBeam(ABC):
 
     def simulate(
         self,
-        manoeuvre: Manoeuvre,
-        timepts: ArrayLike,
+        manoeuvre: Manoeuvre | PlannedTorque | PlannedSlew,
+        timepts: ArrayLike | None = None,
         initial: ArrayLike | None = None,
         rtol: float | None = None,
         atol: float | None = None,
@@ -289,10 +298,12 @@ class HubBeam(ABC):
 
         Parameters
         ----------
-        manoeuvre : PrescribedMotion or TorqueDriven
-            As `spin_up`, `hub_profile`, `hold`, `sine_torque`, `torque` or `free` return it.
-        timepts : array_like
-            Instants at which the motion is wanted, s; ascending, >= 0. The motion starts at t = 0 in any case.
+        manoeuvre : PrescribedMotion, TorqueDriven, SlewResult or TorqueHistory
+            As `spin_up`, `hub_profile`, `hold`, `sine_torque`, `torque` or `free` return it; or a slew that was planned,
+            for this beam or another one, whose torque is played, or its ``history``.
+        timepts : array_like, optional
+            Instants at which the motion is wanted, s; ascending, >= 0. The motion starts at t = 0 in any case. Of a slew,
+            by default its own.
         initial : array_like or None
             State at t = 0 in the order of `state_names`; None is rest. With the hub's motion prescribed its hub angle
             and speed are to be those of the manoeuvre.
@@ -311,12 +322,17 @@ class HubBeam(ABC):
         TypeError
             If the manoeuvre is none.
         ValueError
-            If `timepts`, `initial` or a tolerance is out of its range, or the functions of a hub profile do not belong
-            together.
+            If `timepts`, `initial` or a tolerance is out of its range, the functions of a hub profile do not belong
+            together, or a slew does not begin at rest and no `initial` is given.
         SimulationError
             If the mass matrix ceases to be positive definite, the deflection overflows, or the tolerance is missed.
         """
+        if timepts is None:
+            timepts = getattr(manoeuvre, "time", None)
+            if timepts is None:
+                raise TypeError("timepts: expected instants [s], got none")
         instants = _instants(timepts)
+        manoeuvre = _played(manoeuvre, initial)
         tolerance = self._tolerance((manoeuvre,), initial, rtol, atol)
         start = self._start(manoeuvre, initial)
         manoeuvre = _checked(manoeuvre, float(instants[-1]))
@@ -746,6 +762,18 @@ def _instants(value: ArrayLike) -> Array:
     if timepts.size > 1 and np.diff(timepts).min() < _SHORTEST:
         raise ValueError(f"timepts: expected instants at least {_SHORTEST:g} s apart, got {np.diff(timepts).min():g} s")
     return timepts
+
+
+def _played(given: Any, initial: ArrayLike | None) -> Manoeuvre:
+    """Return the torque of a slew, or of its history, as a manoeuvre; manoeuvres as they are."""
+    history: Any = getattr(given, "history", given)
+    breakpoints = getattr(history, "breakpoints", None)
+    if breakpoints is None or not callable(history):
+        return given
+    size = np.abs(getattr(given, "states", np.zeros((1, 1))))
+    if initial is None and (size[0] > ROOT * size.max(axis=0)).any():
+        raise ValueError("initial: expected the state that the slew begins with, which is not at rest, got none")
+    return Torque(history, breakpoints)
 
 
 def _checked(manoeuvre: Manoeuvre, end: float) -> Manoeuvre:

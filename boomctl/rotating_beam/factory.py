@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Literal, overload
+from typing import Any, Literal, overload
 
 from numpy.typing import ArrayLike
 
 from boomctl.checks import shown
+from boomctl.parameters import or_default, signature_of
 from boomctl.rotating_beam.assumed_modes import AssumedModesBeam
 from boomctl.rotating_beam.beam import Enough, HubBeam, in_model
 from boomctl.rotating_beam.exact.beam import GeometricallyExactBeam
@@ -19,24 +20,35 @@ def hub_beam(
     parameters: HubBeamParameters | None = None,
     model: Literal["tlam", "sfoam", "sfoam-consistent", "foam", "cfoam"] | None = None,
     modes: int | None = None,
+    **changes: Any,
 ) -> AssumedModesBeam: ...
 
 
 @overload
 def hub_beam(
-    parameters: HubBeamParameters | None, model: Literal["geometrically-exact"], modes: int | None = None
+    parameters: HubBeamParameters | None,
+    model: Literal["geometrically-exact"],
+    modes: int | None = None,
+    **changes: Any,
 ) -> GeometricallyExactBeam: ...
 
 
 @overload
 def hub_beam(
-    parameters: HubBeamParameters | None = None, *, model: Literal["geometrically-exact"], modes: int | None = None
+    parameters: HubBeamParameters | None = None,
+    *,
+    model: Literal["geometrically-exact"],
+    modes: int | None = None,
+    **changes: Any,
 ) -> GeometricallyExactBeam: ...
 
 
 @overload
 def hub_beam(
-    parameters: HubBeamParameters | None = None, model: str | None = None, modes: int | None = None
+    parameters: HubBeamParameters | None = None,
+    model: str | None = None,
+    modes: int | None = None,
+    **changes: Any,
 ) -> HubBeam: ...
 
 
@@ -47,6 +59,7 @@ def hub_beam(
     accuracy: float,
     manoeuvre: Manoeuvre,
     time: float | ArrayLike | None = None,
+    **changes: Any,
 ) -> HubBeam: ...
 
 
@@ -57,6 +70,7 @@ def hub_beam(
     accuracy: float | None = None,
     manoeuvre: Manoeuvre | None = None,
     time: float | ArrayLike | None = None,
+    **changes: Any,
 ) -> HubBeam:
     """Return a flexible beam on a rotating hub, in one of several models.
 
@@ -84,6 +98,8 @@ def hub_beam(
     time : float or array_like, optional
         Until when the accuracy holds [s]; of instants, the last one. By default five periods of the slowest mode after the
         last breakpoint of the manoeuvre.
+    **changes : float
+        Parameters of the machine by name, in place of those of `parameters`.
 
     Returns
     -------
@@ -93,7 +109,7 @@ def hub_beam(
     Raises
     ------
     TypeError
-        If `parameters`, `modes` or another argument is of another kind.
+        If `parameters`, `modes` or another argument is of another kind, or a parameter is unknown.
     ValueError
         If the model is unknown, or `modes` less than 1 or too many; an accuracy beside a model, without a manoeuvre, or that
         cannot be reached or proved.
@@ -101,7 +117,7 @@ def hub_beam(
     Examples
     --------
     >>> import boomctl as bc
-    >>> beam = bc.hub_beam(bc.HubBeamParameters(tip_mass=1.0), "sfoam", modes=3)
+    >>> beam = bc.hub_beam(model="sfoam", modes=3, tip_mass=1.0)
     >>> beam.frequencies_hz().round(3)  # at rest
     array([0.247, 2.207, 6.916])
     >>> beam.frequencies_hz(hub_speed=4.0).round(3)  # stiffer, as it turns
@@ -110,14 +126,12 @@ def hub_beam(
     >>> print(bc.hub_beam(accuracy=1e-3, manoeuvre=spin).chosen)
     3 modes of sfoam: error 3.3e-04 up to 40.7898 s, 0.001 asked for
     """
-    p = HubBeamParameters() if parameters is None else parameters
+    p = or_default(HubBeamParameters, "parameters", parameters, changes, signature_of(hub_beam))
     if accuracy is None and manoeuvre is None and time is None:
         return in_model(p, "sfoam" if model is None else model, Enough(5) if modes is None else modes)
     for name, given in (("model", model), ("modes", modes)):
         if given is not None:
             raise ValueError(f"{name} = {shown(given)}: expected none beside accuracy and manoeuvre, which choose it")
-    if not isinstance(p, HubBeamParameters):
-        raise TypeError(f"parameters = {shown(p)}: expected HubBeamParameters")
     from boomctl.rotating_beam.accuracy import chosen_beam  # and what it takes to judge
 
     return chosen_beam(p, accuracy, manoeuvre, time)

@@ -9,7 +9,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import final
+from typing import Protocol, final
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -85,6 +85,28 @@ class TorqueDriven(ABC):
 
 
 Manoeuvre = PrescribedMotion | TorqueDriven
+
+
+class PlannedTorque(Protocol):
+    """A torque over time that was planned, and the instants at which it or its slope jumps."""
+
+    def __call__(self, t: ArrayLike, /) -> Array: ...
+
+    @property
+    def breakpoints(self) -> tuple[float, ...]: ...
+
+
+class PlannedSlew(Protocol):
+    """A slew that was planned: its torque, instants and states on the way."""
+
+    @property
+    def history(self) -> PlannedTorque: ...
+
+    @property
+    def time(self) -> Array: ...
+
+    @property
+    def states(self) -> Array: ...
 
 
 @final

@@ -12,15 +12,19 @@ The ways, in the order in which they are tried; the path of a result names those
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
+from math import radians, tau
+from types import EllipsisType
 from typing import TYPE_CHECKING, TypeAlias
 
 from numpy.typing import ArrayLike
 
-from boomctl.checks import positive
+from boomctl.checks import positive, real
+from boomctl.lti.system import is_statespace
 from boomctl.printing import compact
 from boomctl.progress import computing, tell
 from boomctl.slew.budget import Budget, OutOfTime, SlewProgress, listening
@@ -126,11 +130,12 @@ _WAYS: tuple[tuple[Callable[[SlewProblem], bool], Callable[..., _Outcome]], ...]
 
 def optimal_slew(
     h: SlewMachine | control.StateSpace,
-    angle: float | None,
-    torque_limit: float,
+    angle: float | EllipsisType | None = ...,
+    torque_limit: float | None = None,
     objective: str = "time",
     duration: float | None = None,
     *,
+    angle_deg: float | None = None,
     torque_rate_limit: float | None = None,
     speed_limit: float | None = None,
     tip_limit: float | None = None,
@@ -154,6 +159,8 @@ def optimal_slew(
         and that angle. Outputs "tip_displacement" and "root_moment" are known by name.
     angle, torque_limit : float
         Angle to turn through [rad] (None leaves it free), and largest torque either way [N m].
+    angle_deg : float, optional
+        The angle in degrees, in place of ``angle``.
     objective, duration : str, float or None
         "time"; or in a given duration [s] "effort" (integral of the torque squared), "jerk" (of the hub's jerk
         squared), "torque-rate" (of the torque's slope squared), "tip" (largest tip displacement).
@@ -188,10 +195,16 @@ def optimal_slew(
     Raises
     ------
     TypeError, ValueError, SlewError
-        A bad argument; a slew that no torque within the limits can do: the message names the limits that bind, since
-        when, and what would do; the time limit is over before there is a slew: the message says what was reached.
+        A bad argument, or no angle or torque limit; a slew that no torque within the limits can do: the message names the
+        limits that bind, since when, and what would do; the time limit is over before there is a slew: the message says
+        what was reached.
     KeyboardInterrupt
         Within two seconds of an interrupt, also while a solver runs.
+
+    Warns
+    -----
+    UserWarning
+        A hub-beam is to turn further than once round: an angle in degrees, it may be.
 
     Examples
     --------
@@ -204,9 +217,11 @@ def optimal_slew(
     (2.0, 1, 'proved')
     """
     budget = _budget(time_limit, progress)
+    if torque_limit is None:
+        raise TypeError("torque_limit: expected the largest torque [N m], got none")
     problem = slew_problem(
         h,
-        angle,
+        _turned(h, angle, angle_deg),
         Limits(torque_limit, torque_rate_limit, speed_limit, tip_limit, moment_limit),
         objective,
         duration,
@@ -221,6 +236,22 @@ def optimal_slew(
     )
     with computing("optimal slew"), _in_time(budget):
         return _planned(problem)
+
+
+def _turned(h: object, angle: float | EllipsisType | None, angle_deg: float | None) -> float | None:
+    """Return the angle asked for [rad], None where it is left free."""
+    if angle_deg is not None:
+        if angle is not ...:
+            raise ValueError("angle, angle_deg: expected one of them, got both")
+        return radians(real("angle_deg", angle_deg))
+    if angle is ...:
+        raise TypeError("angle: expected an angle [rad], angle_deg in degrees, or None for a free angle; got none")
+    if angle is not None and not is_statespace(h) and abs(real("angle", angle)) > tau:
+        turns = f"{real('angle', angle) / tau:.3g} turns"
+        warnings.warn(
+            f"angle = {angle:g} rad: {turns}; angle_deg = {angle:g} is {radians(angle):.3g} rad", stacklevel=3
+        )
+    return angle
 
 
 def _planned(problem: SlewProblem) -> SlewResult:

@@ -106,7 +106,7 @@ class Plants:
         return Plants(makers, (*self.labels, label), self.physical, all_settled, self.deadline, list(self._series))
 
 
-def partitioned(P: Any, nmeas: int, ncon: int, what: str = "P") -> GeneralizedPlant:
+def partitioned(P: Any, nmeas: int | None, ncon: int | None, what: str = "P") -> GeneralizedPlant:
     """Return a generalised plant; without measurements and controls, all of it is between disturbances and performance.
 
     Raises
@@ -121,7 +121,7 @@ def partitioned(P: Any, nmeas: int, ncon: int, what: str = "P") -> GeneralizedPl
     return partition(P, nmeas, ncon)
 
 
-def fixed_plants(P: Sequence[Any], nmeas: int, ncon: int) -> Plants:
+def fixed_plants(P: Sequence[Any], nmeas: int | None, ncon: int | None) -> Plants:
     """Return plants that do not depend on anything."""
     found = [partitioned(each, nmeas, ncon) for each in P]
     _alike(found)
@@ -131,7 +131,7 @@ def fixed_plants(P: Sequence[Any], nmeas: int, ncon: int) -> Plants:
 
 
 def made_plants(
-    P: Sequence[Any], nmeas: int, ncon: int, physical: tuple[Physical, ...], deadline: float = inf
+    P: Sequence[Any], nmeas: int | None, ncon: int | None, physical: tuple[Physical, ...], deadline: float = inf
 ) -> Plants:
     """Return plants that functions of the physical parameters make."""
 
@@ -158,15 +158,15 @@ class FamilyPlants:
     family : Family
     make : function
         From a structure of the family to a generalised plant.
-    nmeas, ncon : int
+    nmeas, ncon : int or None
     physical : tuple of Physical
         Parameters of the family that are tuned; the others are uncertain.
     """
 
     family: Family
     make: Callable[[Any], Any]
-    nmeas: int
-    ncon: int
+    nmeas: int | None
+    ncon: int | None
     physical: tuple[Physical, ...]
 
     @property

@@ -46,9 +46,9 @@ _BOUND_TIME = 20.0  # s that the bound on any controller may take beyond the tim
 
 def tune(
     P: Any,
-    nmeas: int,
-    ncon: int,
-    structure: Structure,
+    nmeas: int | None = None,
+    ncon: int | None = None,
+    structure: Structure | None = None,
     *,
     channels: "Sequence[Channel] | None" = None,
     norm: str = "hinf",
@@ -75,8 +75,9 @@ def tune(
         Generalised plant, as for `h_infinity`; of several, with the same signals, the largest norm counts and all are to
         be stable.  A function returns one: from a mapping of the physical parameters of the structure, or, with
         ``family``, from a `SecondOrderModel` of the family.
-    nmeas, ncon : int
-        Numbers of measurements and controls; both 0 where only physical parameters are tuned.
+    nmeas, ncon : int, optional
+        Numbers of measurements and controls; both 0 where only physical parameters are tuned.  Not needed there, nor of
+        what `generalized_plant` or `mixed_sensitivity` made, whose names tell them.
     structure : Structure
         What the controller is made of, from `boomctl.tunable`: parts can be added, and put in series by ``*``.
     channels : sequence of Channel, optional
@@ -134,7 +135,11 @@ def tune(
     (0.7071, 0.7071)
     """
     began = time.monotonic()
-    instance("structure", structure, Structure, "a structure of boomctl.tunable")
+    if isinstance(nmeas, Structure):
+        raise TypeError(
+            "nmeas: expected a whole number, got a structure; where nmeas and ncon are left out, structure=..."
+        )
+    structure = instance("structure", structure, Structure, "a structure of boomctl.tunable")
     listed = _channels(channels, norm)
     limits = {
         "fastest_pole": None if fastest_pole is None else positive("fastest_pole", fastest_pole),
@@ -169,8 +174,11 @@ def _channels(channels: "Sequence[Channel] | None", norm: str) -> tuple[Channel,
     return found
 
 
-def _counts(structure: Structure, nmeas: int, ncon: int) -> tuple[int, int]:
-    """Return the numbers of measurements and controls, both zero where nothing but physical parameters is tuned."""
+def _counts(structure: Structure, nmeas: int | None, ncon: int | None) -> tuple[int | None, int | None]:
+    """Return the numbers of measurements and controls, both zero where nothing but physical parameters is tuned.
+
+    Where they are left out, names tell them.
+    """
     parts = structure.parts if isinstance(structure, Sum) else (structure,)
     passive = len(structure.physicals()) == len(parts)
     names = [each.name for each in structure.physicals()]
@@ -178,15 +186,19 @@ def _counts(structure: Structure, nmeas: int, ncon: int) -> tuple[int, int]:
         twice = next(name for name in names if names.count(name) > 1)
         raise ValueError(f"structure: the physical parameter {twice!r} is there twice")
     least = 0 if passive else 1
-    found = whole("nmeas", nmeas, least), whole("ncon", ncon, least)
+    if passive and nmeas is None and ncon is None:
+        return 0, 0
+    found = tuple(None if n is None else whole(what, n, least) for what, n in (("nmeas", nmeas), ("ncon", ncon)))
     if passive and found != (0, 0):
         raise ValueError(
             f"nmeas, ncon = {found[0]}, {found[1]}: expected 0, 0 for a structure of physical parameters alone"
         )
-    return found
+    return found[0], found[1]
 
 
-def _family(P: Any, nmeas: int, ncon: int, structure: Structure, family: "Family | None") -> FamilyPlants | None:
+def _family(
+    P: Any, nmeas: int | None, ncon: int | None, structure: Structure, family: "Family | None"
+) -> FamilyPlants | None:
     if family is None:
         return None
     given = instance("family", family, Family, "AffineFamily or PolynomialFamily")
@@ -202,7 +214,7 @@ def _family(P: Any, nmeas: int, ncon: int, structure: Structure, family: "Family
     return FamilyPlants(given, make, nmeas, ncon, structure.physicals())
 
 
-def _plants(P: Any, nmeas: int, ncon: int, structure: Structure, deadline: float) -> Plants:
+def _plants(P: Any, nmeas: int | None, ncon: int | None, structure: Structure, deadline: float) -> Plants:
     many = tuple(P) if isinstance(P, (list, tuple)) else (P,)
     if not many:
         raise ValueError("P: expected at least one generalised plant")

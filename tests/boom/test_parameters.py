@@ -158,3 +158,40 @@ def test_whatever_the_parameters_an_infinite_peak_is_not_certified(name, decade)
     if result is not None:
         assert np.isfinite(result.sigma).all()
         assert np.isfinite(result.peak)
+
+
+def test_parameters_by_name():
+    softer = bc.BoomParameters(spring_stiffness=900.0)
+    assert bc.BoomParameters().replace(spring_stiffness=900.0) == softer
+    np.testing.assert_array_equal(bc.spray_boom(spring_stiffness=900.0).K, bc.spray_boom(softer).K)
+    np.testing.assert_array_equal(
+        bc.spray_boom(softer, hinge_damping=3.0).C, bc.spray_boom(softer.replace(hinge_damping=3.0)).C
+    )
+    assert bc.hub_beam(tip_mass=0.1).parameters == bc.HubBeamParameters(tip_mass=0.1)
+    for wrong, near in (
+        (bc.spray_boom, "spring_stiffness"),
+        (bc.hub_beam, "tip_mass"),
+        (bc.BoomParameters().replace, "length"),
+    ):
+        with pytest.raises(TypeError, match=f"did you mean '{near}'"):
+            wrong(**{near[:-1]: 1.0})
+    with pytest.raises(TypeError, match="did you mean 'elements'"):
+        bc.spray_boom(element=6)
+
+
+def test_mass_follows_the_tube():
+    p = bc.BoomParameters()
+    with pytest.raises(ValueError, match=r"boom_mass = 35.76: expected at least that of the tube, 60.\d+; `scaled`"):
+        p.replace(length=24.0)
+    for changes in (
+        {"length": 24.0},
+        {"length": 6.0},
+        {"density": 2700.0},
+        {"outer_width": 0.03, "inner_width": 0.026},
+    ):
+        other = p.scaled(**changes)
+        assert other.boom_mass - other.tube_mass == pytest.approx(p.boom_mass - p.tube_mass)
+        assert other.boom_inertia - other.tube_inertia == pytest.approx(p.boom_inertia - p.tube_inertia)
+        assert all(getattr(other, name) == value for name, value in changes.items())
+    assert p.scaled() == p
+    assert p.scaled(length=24.0, boom_mass=80.0).boom_mass == 80.0

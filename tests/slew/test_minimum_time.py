@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from numpy.testing import assert_allclose
 from scipy import linalg
 
 import boomctl as bc
@@ -277,3 +278,32 @@ def test_a_linear_replay_is_exact_under_torques_that_are_held_or_straight():
         state = Phi @ state + G[:, 0] * first + H[:, 0] * (last - first)
         expected.append(state)
     assert states == pytest.approx(np.array(expected), abs=1e-12 * np.abs(expected).max())
+
+
+def test_an_angle_in_degrees_and_a_slew_played_on_another_beam():
+    beam = bc.hub_beam(modes=1)
+    slew = bc.optimal_slew(beam, angle_deg=60.0, torque_limit=200.0)
+    assert slew.history.edges == pytest.approx(bc.optimal_slew(beam, np.deg2rad(60.0), 200.0).history.edges, rel=1e-12)
+    again = beam.simulate(slew)
+    assert_allclose(again.tip_displacement, slew.tip_displacement, atol=1e-7)
+    loaded = bc.hub_beam(modes=1, tip_mass=0.1)
+    played = loaded.simulate(bc.torque(slew.history, breakpoints=slew.history.breakpoints), slew.time)
+    assert_allclose(loaded.simulate(slew).tip_displacement, played.tip_displacement, atol=1e-12)
+    assert_allclose(loaded.simulate(slew.history, slew.time).hub_angle, played.hub_angle, atol=1e-12)
+    with pytest.raises(TypeError, match="timepts: expected instants"):
+        loaded.simulate(slew.history)
+    moving = bc.optimal_slew(beam, 0.5, 200.0, initial_state=[0.0, 0.0, 0.1, 0.0], final_state=None)
+    with pytest.raises(ValueError, match="initial: expected the state that the slew begins with"):
+        loaded.simulate(moving)
+
+
+def test_an_angle_is_asked_for_once_and_in_radians():
+    beam = bc.hub_beam(modes=1)
+    with pytest.warns(UserWarning, match="angle = 7 rad: 1.11 turns; angle_deg = 7 is 0.122 rad"):
+        bc.optimal_slew(beam, 7.0, 200.0)
+    with pytest.raises(ValueError, match="angle, angle_deg: expected one of them, got both"):
+        bc.optimal_slew(beam, 1.0, 200.0, angle_deg=60.0)
+    with pytest.raises(TypeError, match="angle: expected an angle"):
+        bc.optimal_slew(beam, torque_limit=200.0)
+    with pytest.raises(TypeError, match="torque_limit: expected the largest torque"):
+        bc.optimal_slew(beam, 1.0)

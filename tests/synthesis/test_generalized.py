@@ -176,3 +176,45 @@ def test_selected_channels_keep_the_sampling_time():
         bc.synthesis.select_channels(None)
     with pytest.raises(ValueError, match="inputs: expected at least one"):
         bc.synthesis.select_channels(sampled, [])
+
+
+def test_names_tell_measurements_and_controls(yaw):
+    P = bc.generalized_plant(
+        yaw,
+        disturbances={"actuator_anti": bc.synthesis.band_pass(0.02, 0.5, 5.0)},
+        noises={"stroke_anti": 0.001},
+        performance={"tip_anti": 10.0},
+        effort={"suspension_anti": 0.01},
+        measurements="stroke_anti",
+        controls="suspension_anti",
+    )
+    told = bc.h_infinity(P)
+    assert told.gamma == bc.h_infinity(P, nmeas=1, ncon=1).gamma
+    assert bc.synthesis.h2(P).optimum == bc.synthesis.h2(P, 1, 1).optimum
+    tuned = bc.tune(P, structure=bc.tunable.gain(), starts=1)
+    assert tuned.gamma == bc.tune(P, 1, 1, bc.tunable.gain(), starts=1).gamma
+    lag = control.ss([[-1.0]], [[1.0]], [[1.0]], 0.0, inputs="u", outputs="y")
+    assert bc.h_infinity(bc.mixed_sensitivity(lag, W1=bc.shelf(100.0, 0.5, corner=1.0), W2=0.1)).gamma < 0.93
+
+
+@pytest.mark.parametrize(
+    ("counts", "message"),
+    [
+        ({"nmeas": 2, "ncon": 1}, "nmeas = 2: P has 1 .stroke_anti., its 'z_suspension_anti' is a performance signal"),
+        ({"nmeas": 1, "ncon": 2}, "ncon = 2: P has 1 .suspension_anti., its 'n_stroke_anti' is a disturbance"),
+    ],
+)
+def test_counts_do_not_take_signals_from_outside(pieces, counts, message):
+    with pytest.raises(ValueError, match=message):
+        bc.h_infinity(pieces[0], **counts)
+    with pytest.raises(ValueError, match=message):
+        bc.tune(pieces[0], structure=bc.tunable.gain(), **counts)
+
+
+def test_counts_are_needed_where_names_do_not_tell():
+    plain = control.ss(-1.0, [[1.0, 0.0, 1.0]], [[1.0], [0.0], [1.0]], [[0, 0, 0], [0, 0, 1], [0, 0.1, 0]])
+    for design in (bc.h_infinity, bc.synthesis.h2):
+        with pytest.raises(ValueError, match="nmeas: expected a number, since the names of P do not tell it"):
+            design(plain)
+    with pytest.raises(TypeError, match="nmeas: expected a whole number, got a structure"):
+        bc.tune(plain, bc.tunable.gain())

@@ -111,8 +111,8 @@ class HInfinityResult:
 
 def h_infinity(
     P: "control.StateSpace | ReductionResult",
-    nmeas: int,
-    ncon: int,
+    nmeas: int | None = None,
+    ncon: int | None = None,
     *,
     gamma: float | None = None,
     tolerance: float = 0.01,
@@ -134,8 +134,9 @@ def h_infinity(
         `reduce` returned, the design is judged on the full plant too: ``certificate.full_plant``.  A discrete one is
         designed for as its continuous image by the bilinear map, which has the same loops and norms; controller and loop
         are mapped back, and the loop is verified anew on the unit circle.
-    nmeas, ncon : int
-        Numbers of measurements and controls.
+    nmeas, ncon : int, optional
+        Numbers of measurements and controls; not needed of what `generalized_plant` or `mixed_sensitivity` made, whose
+        names tell them.
     gamma : float, optional
         A level that is enough: the closed loop's norm will not exceed it, and nothing lower is sought.
     tolerance : float

@@ -79,7 +79,7 @@ class H2Result:
         return f"H2Result: controller of {system(self._controller)}\n  {norms}"
 
 
-def h2(P: "control.StateSpace", nmeas: int, ncon: int) -> H2Result:
+def h2(P: "control.StateSpace", nmeas: int | None = None, ncon: int | None = None) -> H2Result:
     """Return the controller that makes the H2 norm of the closed loop as small as can be.
 
     Parameters
@@ -89,8 +89,9 @@ def h2(P: "control.StateSpace", nmeas: int, ncon: int) -> H2Result:
         are disturbances (unit white noise) and performance outputs.  Of a discrete one the controller is the best of all
         whose control at a sample rests on the measurements up to that sample; :func:`boomctl.lqg` gives the best of those
         that rest on the ones before it.
-    nmeas, ncon : int
-        Numbers of measurements and controls.
+    nmeas, ncon : int, optional
+        Numbers of measurements and controls; not needed of what `generalized_plant` or `mixed_sensitivity` made, whose
+        names tell them.
 
     Returns
     -------
@@ -122,7 +123,7 @@ def h2(P: "control.StateSpace", nmeas: int, ncon: int) -> H2Result:
     if not len(plant.A):
         raise ValueError("P: expected at least one state, got a static gain")
     check_ranks(plant)
-    direct = _cancelling(plant) if plant.system.dt == 0.0 else np.zeros((ncon, nmeas))
+    direct = _cancelling(plant) if plant.system.dt == 0.0 else np.zeros((plant.ncon, plant.nmeas))
     shifted = _with_direct(plant, direct)
     ready = normalised(shifted)
     check_modes(shifted, ready)

@@ -10,10 +10,18 @@ from boomctl.arrays import Array
 from boomctl.checks import exactly, whole
 from boomctl.lti.sampled import same_time
 from boomctl.lti.system import Lti, lower_lft, of, static
-from boomctl.printing import compact
+from boomctl.printing import compact, listed
 
 if TYPE_CHECKING:
     import control
+
+
+OUTSIDE = (
+    "z_",
+    "w_",
+    "n_",
+    "r_",
+)  # what names of performance signals, and of disturbances, noises, references begin with
 
 
 @dataclass(frozen=True)
@@ -117,23 +125,50 @@ class GeneralizedPlant:
         return self.system.outputs[self.nz :]
 
 
-def partition(P: "control.StateSpace", nmeas: int, ncon: int, *, sampled: bool = False) -> GeneralizedPlant:
+def partition(
+    P: "control.StateSpace", nmeas: int | None, ncon: int | None, *, sampled: bool = False
+) -> GeneralizedPlant:
     """Return a generalised plant whose last outputs are measured and whose last inputs are controls.
 
-    In discrete time too if ``sampled``.
+    In discrete time too if ``sampled``.  Counts that are None are told by the names that `generalized_plant` and
+    `mixed_sensitivity` give.
 
     Raises
     ------
     TypeError, ValueError
-        Another kind of system, discrete time, not finite; counts that leave no disturbance or no performance signal.
+        Another kind of system, discrete time, not finite; counts that leave no disturbance or no performance signal, that
+        take one of these for a measurement or a control, or that names do not tell.
     """
     system = of(P, "P", "StateSpace", sampled=sampled)
     p, m = system.D.shape
+    nmeas = _count("nmeas", nmeas, system.outputs, OUTSIDE[:1], "output", "performance signal")
+    ncon = _count("ncon", ncon, system.inputs, OUTSIDE[1:], "input", "disturbance")
     if whole("nmeas", nmeas) >= p:
         raise ValueError(f"nmeas = {nmeas}: P has {p} output(s), and at least one must be a performance signal")
     if whole("ncon", ncon) >= m:
         raise ValueError(f"ncon = {ncon}: P has {m} input(s), and at least one must be a disturbance")
     return GeneralizedPlant(system, nmeas, ncon)
+
+
+def _count(
+    what: str, count: int | None, signals: Sequence[str], prefixes: tuple[str, ...], kind: str, other: str
+) -> int:
+    """Return how many signals stand last: as they are named, where no count is given; else the count, held against names."""
+    outside = next((i for i, name in enumerate(signals) if not name.startswith(prefixes)), len(signals))
+    told = outside > 0 and not any(name.startswith(prefixes) for name in signals[outside:])
+    if count is None:
+        if not told:
+            raise ValueError(
+                f"{what}: expected a number, since the names of P do not tell it: as {kind}s, those of generalized_plant"
+                f" that begin with {' or '.join(prefixes)} come first, got {listed(signals)}"
+            )
+        return len(signals) - outside
+    if told and whole(what, count) > len(signals) - outside:
+        raise ValueError(
+            f"{what} = {count}: P has {len(signals) - outside} ({listed(signals[outside:])}), its {signals[outside - 1]!r} is"
+            f" a {other}"
+        )
+    return count
 
 
 def matched(
