@@ -310,6 +310,13 @@ def test_a_stored_slew_is_replayed_and_solved_again():
     assert resolve(slew, angle=1.5).cost == pytest.approx(resolve(one.slew(), angle=1.5).cost, rel=1e-9)
 
 
+def test_singular_values_are_compared_without_an_error():
+    s = bc.sigma(one.boom(), one.OMEGA)
+    assert s == s
+    assert s != bc.sigma(one.boom(), one.OMEGA)  # as systems of python-control: the same object or not
+    assert len({s, s}) == 1
+
+
 def test_a_copied_system_stands_alone():
     first = control.ss(-1.0, 1.0, 1.0, 0.0)
     second = copy.deepcopy(first)

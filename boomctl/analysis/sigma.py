@@ -72,7 +72,7 @@ def has_unstable_pole(given: SplitModel | GivenSystem) -> bool | None:
 NO_SINES = "unstable: these are no responses to sines, which would grow without bound"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class SigmaResult:
     """Singular values over frequency and the largest of all.
 
