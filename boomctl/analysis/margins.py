@@ -12,7 +12,7 @@ circle, so that gains, angles and disks are the same; frequencies are mapped bac
 import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from functools import cached_property, partial
+from functools import cached_property, lru_cache, partial
 from importlib import import_module
 from math import inf
 from typing import TYPE_CHECKING, Any
@@ -66,19 +66,8 @@ _WAY = 9  # frequencies from rest to a crossing at which the gain is looked at; 
 _ACTIVE = 24  # frequencies at which a scaling is made good, those of the largest values found so far (a choice)
 _ROUNDS = 12  # of adding those where it is not; two or three do
 _SWEEPS = 50  # over rows and columns, to make them alike; few do, for the start of a search
-_SEARCH = {"xatol": 1e-4, "fatol": 1e-6}  # of the logarithm of a scaling, and of the value: alpha to six digits
-_STEP = 0.1  # of that logarithm, the first of a search over one (a choice)
-_CLOSE = (
-    1e-4  # share of that logarithm to which it is found, for six digits of the least value: its slope is zero there
-)
-_EVALUATIONS = 80  # of the search, a row of the response (a choice)
-_SIMPLEX = 6  # signals up to which a search without slopes is quick; beyond, it takes minutes
-_ROUNDS_OF_MANY = 3  # with more signals than that
 _SEARCHED = 30  # signals beyond which rows and columns are made alike and no more: a search takes tens of seconds
-_DESCENT = {
-    "maxiter": 30,
-    "gtol": 1e-6,
-}  # of a search with slopes, which loses its way at a kink: any scaling is a bound
+_STEPS = 50  # of a search at most; a dozen does (a choice)
 
 
 class UncertainMarginsWarning(UserWarning):
@@ -456,8 +445,8 @@ def _scaling(G: Array) -> Array:
     """Return a constant diagonal scaling that makes the largest singular value of a response small.
 
     It is convex in the scaling's logarithm.  It is minimized over the frequencies at which it was found largest, and
-    those added at which the scaling found makes it larger still, until there are none.  With many signals the search is
-    shorter, with very many rows and columns are only made alike: whatever the scaling, the margin holds.
+    those added at which the scaling found makes it larger still, until there are none.  With very many signals rows and
+    columns are only made alike: whatever the scaling, the margin holds.
     """
     n = len(G)
     if n == 1:
@@ -468,7 +457,7 @@ def _scaling(G: Array) -> Array:
     values = _scaled_values(best, G)
     lowest, active = float(values.max()), np.argsort(-values)[:_ACTIVE]
     log = best
-    for _ in range(_ROUNDS if n <= _SIMPLEX else _ROUNDS_OF_MANY):
+    for _ in range(_ROUNDS):
         log, reached = _least(G[:, :, active], log)
         values = _scaled_values(log, G)
         if values.max() < lowest:
@@ -497,34 +486,38 @@ def _scaled_values(log: Array, G: Array) -> Array:
 
 
 def _least(G: Array, start: Array) -> tuple[Array, float]:
-    """Return a scaling that makes the largest singular value of a response small, from a start, and that value."""
+    """Return a scaling that makes the largest singular value of a response small, from a start, and that value.
+
+    It is the least number that none of the two largest singular values exceeds at any of the frequencies: these are smooth
+    where the largest of all has a kink.  A scaling beyond the inverse of rounding changes nothing any more.
+    """
     from scipy import optimize  # long to import; a loop of one signal does not come here
 
-    if len(G) > _SIMPLEX:
-        found = optimize.minimize(lambda log: _slope(log, G), start, jac=True, method="BFGS", options=_DESCENT)
-        return found.x, float(found.fun)
+    unit, ends = float(_scaled_values(start, G).max()), -np.log(EPS)
+    n, bounds = len(start), [*((log - ends, log + ends) for log in start), (0.0, None)]
 
-    def largest(log: Array) -> float:
-        return float(_scaled_values(log, G).max())
+    @lru_cache(maxsize=1)
+    def known(log: bytes) -> tuple[Array, Array]:
+        d = np.exp(np.append(np.frombuffer(log), 0.0))
+        U, values, Vh = np.linalg.svd((d[:, None, None] * G / d[None, :, None]).transpose(2, 0, 1))
+        slopes = values[:, :2, None] * (np.abs(U.swapaxes(1, 2)) ** 2 - np.abs(Vh) ** 2)[:, :2, :-1]
+        return values[:, :2].ravel() / unit, slopes.reshape(-1, n) / unit
 
-    if len(G) == 2:
-        found = optimize.minimize_scalar(lambda log: largest(np.array([log])), (start[0], start[0] + _STEP), tol=_CLOSE)
-        return np.array([found.x]), float(found.fun)
+    room = {
+        "type": "ineq",
+        "fun": lambda x: x[-1] - known(x[:-1].tobytes())[0],
+        "jac": lambda x: np.insert(-known(x[:-1].tobytes())[1], n, 1.0, axis=1),
+    }
     found = optimize.minimize(
-        largest,
-        start,
-        method="Nelder-Mead",
-        options={"maxiter": _EVALUATIONS * len(G), **_SEARCH},
+        lambda x: x[-1],
+        np.append(start, 1.0),
+        jac=lambda _: np.eye(n + 1)[-1],
+        method="SLSQP",
+        bounds=bounds,
+        constraints=room,
+        options={"maxiter": _STEPS, "ftol": ALIKE},
     )
-    return found.x, float(found.fun)
-
-
-def _slope(log: Array, G: Array) -> tuple[float, Array]:
-    """Return the largest singular value of a scaled response, and how it grows with the scaling's logarithm."""
-    d = np.exp(np.append(log, 0.0))
-    U, values, Vh = np.linalg.svd((d[:, None, None] * G / d[None, :, None]).transpose(2, 0, 1))
-    k = int(np.argmax(values[:, 0]))
-    return float(values[k, 0]), values[k, 0] * (np.abs(U[k, :, 0]) ** 2 - np.abs(Vh[k, 0]) ** 2)[:-1]
+    return found.x[:-1], float(_scaled_values(found.x[:-1], G).max())
 
 
 def grid_of_loop(system: Lti) -> Array:

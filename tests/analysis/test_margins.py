@@ -181,6 +181,20 @@ def test_loops_without_dynamics_around_one_another_have_margins():
     assert np.isfinite(found.everywhere.alpha)
 
 
+@pytest.mark.parametrize("seed", [0, 10])
+def test_a_cascade_of_six_loops_bears_what_the_weakest_of_them_bears(seed):
+    """Signals scaled further and further apart leave nothing of what leads from one loop to the next."""
+    rng, n = np.random.default_rng(seed), 6
+    A, C = -np.diag(rng.uniform(0.5, 5.0, n)), np.triu(rng.normal(size=(n, n))) * 10.0 ** rng.uniform(-1, 1, (n, 1))
+    C[np.arange(n), np.arange(n)] = np.abs(np.diag(C))
+    u, y = [f"u{i}" for i in range(n)], [f"y{i}" for i in range(n)]
+    K = control.ss([], [], [], -np.diag(rng.uniform(0.2, 2.0, n)), inputs=y, outputs=u)
+    found = margins(control.ss(A, np.eye(n), C, 0.0, inputs=u, outputs=y), K)
+    least = min(loop.disk.alpha for loop in found.loops)
+    assert found.controls.alpha == pytest.approx(least, rel=1e-3)
+    assert found.measurements.alpha == pytest.approx(least, rel=1e-3)
+
+
 def test_margins_of_a_slow_and_narrow_loop_are_those_of_the_loop_in_other_units():
     """Poles eleven decades below the fastest, and a resonance of a billionth of its frequency: both cross."""
     slow = control.ss(np.diag([-1e-7, -1e5]), [[1e-6], [1e4]], [[1.0, 1.0]], 0.0, inputs=["u"], outputs=["y"])
