@@ -8,7 +8,8 @@ A spray boom
 A rotating hub-beam
     hub_beam, HubBeamParameters; how its hub moves: spin_up, sine_torque, hub_profile, torque, hold, free.
 Any machine
-    the package ``structure``; fit finds its parameters from a measured curve: read_measured_curve.
+    the package ``structure``; fit finds its parameters from a measured curve: read_measured_curve; or from a record:
+    estimate_response.
 Look at a system
     sigma, compare_sigma, bode, nyquist, pzmap, step, impulse, mode_table, compare.
 Certify it

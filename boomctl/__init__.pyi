@@ -25,6 +25,7 @@ from boomctl.boom.spray import nozzle_positions, spray_by_motion, spray_deposit
 from boomctl.boom.tracks import iso_track
 from boomctl.exchange.controller_files import read_controller, write_controller
 from boomctl.identification.fit import fit
+from boomctl.identification.response import estimate_response
 from boomctl.lti.controllers.scheduled import schedule
 from boomctl.progress import Progress, listening
 from boomctl.reduction.reduce import reduce
@@ -86,6 +87,7 @@ __all__ = [
     "compare",
     "compare_sigma",
     "discretize",
+    "estimate_response",
     "exact_eigenfrequencies_hz",
     "exact_frequency_response",
     "feedback_loop",

@@ -103,6 +103,11 @@ def regulator():
 
 
 @cache
+def noise():
+    return np.random.default_rng(0).standard_normal(400)
+
+
+@cache
 def friction():
     return bc.CoulombFriction(3.0)
 
@@ -244,6 +249,17 @@ CALLS = {
         "plant_bound": None,
         "top": 50.0,
         "max_evaluations": 200,
+    },
+    "estimate_response": lambda: {
+        "inputs": {"force": noise()},
+        "outputs": {"place": np.cumsum(noise())},
+        "sample_time": 0.01,
+        "quantity": "displacement",
+        "hold": "band-limited",
+        "method": "local-polynomial",
+        "period": None,
+        "resolution_hz": 2.0,
+        "band_hz": (1.0, 20.0),
     },
     "feedback_loop": lambda: {"plant": plant(), "controller": controller(), "added": (), "delay": 0.0},
     "fit": lambda: {

@@ -215,6 +215,22 @@ def measured_curve():
 
 
 @functools.cache
+def record():
+    """Return a force, the place of the mass that it pushes, and the time between samples [s]."""
+    force = np.random.default_rng(0).standard_normal(1000)
+    return (
+        {"force": force},
+        {"place": bc.forced_response(mass(), {"force": force}, 0.1 * np.arange(1000.0))["position"]},
+        0.1,
+    )
+
+
+@functools.cache
+def measured_response():
+    return bc.estimate_response(*record())
+
+
+@functools.cache
 def fitted():
     return bc.fit(bc.spray_boom, [0.25, 0.58, 0.95, 2.8, 4.0], ["spring_stiffness", "youngs_modulus"], starts=2)
 

@@ -85,6 +85,7 @@ FACTORIES = {
     "WorstCase": lambda: bc.worst_case(one.family(), one.suspension(), ["actuator_anti"], ["tip_anti"]),
     "ExactLoopStability": one.exact_loop,
     "MeasuredCurve": one.measured_curve,
+    "MeasuredResponse": one.measured_response,
     "FitResult": one.fitted,
     "FitResult, not determined": lambda: bc.fit(
         bc.hub_beam, [0.46, 2.9], ["youngs_modulus", "second_moment"], starts=1

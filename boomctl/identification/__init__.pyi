@@ -3,6 +3,7 @@
 from boomctl.identification.certificate import FitCertificate
 from boomctl.identification.fit import fit
 from boomctl.identification.identifiability import Combination
+from boomctl.identification.response import estimate_response
 from boomctl.identification.result import FitResult
 
-__all__ = ["Combination", "FitCertificate", "FitResult", "fit"]
+__all__ = ["Combination", "FitCertificate", "FitResult", "estimate_response", "fit"]

@@ -4,12 +4,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from boomctl.plotting.canvas import COLOURS, style
+from boomctl.plotting.canvas import COLOURS, few_labels, frequency_axis, legend, line_look, panels, style
 
 if TYPE_CHECKING:
+    from boomctl.identification.response import MeasuredResponse
     from boomctl.identification.result import FitResult
 
 _BEFORE = "0.6"  # grey of what the start gave (a choice)
+_NORMAL = 1.96  # deviations to either side of a curve that hold 95 % of normal errors
+_SHADE = 0.25  # opacity of an interval (a choice)
 
 
 def plot_fit(result: "FitResult", ax: Any = None, **drawn: Any) -> Any:
@@ -66,3 +69,30 @@ def _draw_curves(result: "FitResult", ax: Any, drawn: dict[str, Any]) -> None:
     ax.set_yscale("log")
     ax.set_xlabel("frequency [Hz]")
     ax.set_ylabel("singular values" if data.kind == "singular values" else "magnitude")
+
+
+def plot_response(response: "MeasuredResponse", ax: Any = None, *, unit: str | None = None, **drawn: Any) -> Any:
+    """Draw the magnitude of each entry with its 95 % interval, and the coherence of each output; return the axes."""
+    size, error = np.abs(response.frdata), _NORMAL * response.deviation
+    entries = [(o, i) for o in range(len(size)) for i in range(size.shape[1])]
+    with panels(ax, ("magnitude", "coherence"), (7.0, 5.0)) as axes:
+        omega = response.omega / [frequency_axis(each, unit) for each in axes].pop()
+        for k, (o, i) in enumerate(entries):
+            name = f"{response.input_labels[i]} -> {response.output_labels[o]}"
+            named = name if len(entries) <= len(COLOURS) else None
+            look = line_look(drawn, color=COLOURS[k % len(COLOURS)], label=named)
+            axes[0].plot(omega, size[o, i], **look)
+            low, high = np.maximum(size[o, i] - error[o, i], size[o, i].min() * _SHADE), size[o, i] + error[o, i]
+            axes[0].fill_between(omega, low, high, color=look["color"], alpha=_SHADE, linewidth=0.0)
+        for o, coherence in enumerate(response.coherence):
+            named = response.output_labels[o] if len(size) <= len(COLOURS) else None
+            axes[1].plot(omega, coherence, **line_look(drawn, color=COLOURS[o % len(COLOURS)], label=named))
+        axes[0].set_yscale("log")
+        axes[0].set_ylabel("magnitude")
+        axes[1].set_ylabel("coherence")
+        axes[1].set_ylim(0.0, 1.05)
+        for each in axes:
+            each.set_xscale("log")
+            legend(each)
+            few_labels(each)
+    return axes

@@ -1,0 +1,174 @@
+"""Records of inputs and outputs over time, as they were sampled: what is read from the user, and what is refused."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from boomctl.arrays import Array
+from boomctl.checks import finite_array, known, positive, real, sequence, shown, signal_name
+from boomctl.printing import compact
+
+QUANTITIES = {"displacement": 0, "velocity": 1, "acceleration": 2}
+"""What an output is, and how often a displacement was differentiated for it."""
+HOLDS = ("band-limited", "zero-order")
+_FEWEST = 32  # samples of a record: fewer tell nothing of a response (a choice)
+_STILL = 16  # samples in a row in which nothing moves at all, amid a record that moves: a gap (a choice)
+_LEVELS = 16  # values of a signal up to which it is coarse, and stands at its limits because of that (a choice)
+_CLIPPED = 5  # samples at a limit, and times as many as at the value beside it: the signal is cut off (a choice)
+_WHOLE = 1e-6  # of a sample, by which a period may miss a whole number of them: rounding of the user's
+
+
+@dataclass(frozen=True)
+class Record:
+    """Sampled inputs and outputs of one or more experiments, less their means.
+
+    Attributes
+    ----------
+    inputs, outputs : tuple of str
+        Names.
+    u, y : tuple of (N, m) ndarray
+        Samples, one array a record.
+    step : float
+        Time between samples [s].
+    quantity : tuple of str
+        What each output is: "displacement", "velocity" or "acceleration".
+    hold : "band-limited" or "zero-order"
+        What the inputs do between samples.
+    """
+
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    u: tuple[Array, ...]
+    y: tuple[Array, ...]
+    step: float
+    quantity: tuple[str, ...]
+    hold: str
+
+    __repr__ = compact
+
+    @classmethod
+    def of(cls, inputs: Any, outputs: Any, sample_time: Any, quantity: Any, hold: Any) -> "Record":
+        """Return what was recorded, checked."""
+        step = positive("sample_time", sample_time)
+        known("hold", hold, HOLDS)
+        ins, u = _signals("inputs", inputs, "in")
+        outs, y = _signals("outputs", outputs, "out")
+        if len(u) != len(y):
+            raise ValueError(f"outputs: expected as many records as inputs has, {len(u)}, got {len(y)}")
+        for k, (a, b) in enumerate(zip(u, y, strict=True)):
+            of = f" of record {k + 1}" if len(u) > 1 else ""
+            if len(a) != len(b):
+                raise ValueError(f"outputs{of}: expected {len(a)} samples, as inputs has, got {len(b)}")
+            if len(a) < _FEWEST:
+                raise ValueError(f"inputs{of}: expected at least {_FEWEST} samples, got {len(a)}")
+            _no_gap(of, np.hstack([a, b]), step)
+        if both := set(ins) & set(outs):
+            raise ValueError(f"outputs: {min(both)!r} is the name of an input too")
+        for what, names, data in (("inputs", ins, u), ("outputs", outs, y)):
+            for i, name in enumerate(names):
+                if not any(np.ptp(record[:, i]) > 0.0 for record in data):
+                    raise ValueError(f"{what}: expected signals that move, got {name!r} constant at {data[0][0, i]:g}")
+                if what == "outputs":
+                    _not_clipped(name, np.concatenate([record[:, i] for record in data]))
+        u, y = (tuple(record - record.mean(axis=0) for record in data) for data in (u, y))
+        return cls(ins, outs, u, y, step, quantities(quantity, outs), str(hold))
+
+    def cut(self, period: Any) -> tuple[int, int]:
+        """Return the samples of a period [s], and how many whole periods the shortest record has."""
+        samples = positive("period", period) / self.step
+        if abs(samples - round(samples)) > _WHOLE * samples or round(samples) < 2:
+            raise ValueError(f"period = {period!r}: expected a whole number of samples, {self.step:g} s apart")
+        count = min(len(u) for u in self.u) // round(samples)
+        if count < 2:
+            raise ValueError(f"period = {period!r}: expected at least two periods in each record, got {count}")
+        return round(samples), count
+
+
+def quantities(quantity: Any, outputs: Sequence[str]) -> tuple[str, ...]:
+    """Return what each output is, from one word or from words by name."""
+    if not isinstance(quantity, Mapping):
+        return (known("quantity", quantity, QUANTITIES),) * len(outputs)
+    for name in quantity:
+        known("output in quantity", name, outputs)
+    if missing := [name for name in outputs if name not in quantity]:
+        raise ValueError(f"quantity: expected a word for each output, got none for {missing[0]!r}")
+    return tuple(known("quantity", quantity[name], QUANTITIES) for name in outputs)
+
+
+def band(band_hz: Any, top: float) -> tuple[float, float]:
+    """Return a band of frequencies [Hz] within those that samples tell apart."""
+    if band_hz is None:
+        return 0.0, top
+    ends = sequence("band_hz", band_hz, "two frequencies [Hz]")
+    if len(ends) != 2:
+        raise ValueError(f"band_hz = {shown(band_hz)}: expected two frequencies [Hz], got {len(ends)}")
+    low, high = (real("band_hz", end) for end in ends)
+    if not 0.0 <= low < high:
+        raise ValueError(f"band_hz = {shown(band_hz)}: expected frequencies not below zero that ascend")
+    if high > top * (1.0 + _WHOLE):
+        raise ValueError(f"band_hz = {shown(band_hz)}: expected at most {top:g} Hz, the highest that was measured")
+    return low, high
+
+
+def _signals(what: str, given: Any, word: str) -> tuple[tuple[str, ...], list[Array]]:
+    """Return names and records of signals: of one record or of a sequence of them, arrays or mappings."""
+    several = isinstance(given, (list, tuple)) and len(given) and all(_whole_record(each) for each in given)
+    found = [_one(what, each, word) for each in (given if several or np.ndim(_bare(given)) == 3 else [given])]
+    if not found:
+        raise ValueError(f"{what}: expected at least one record, got none")
+    if any(names != found[0][0] for names, _ in found):
+        raise ValueError(f"{what}: expected the same signals in every record, in the same order")
+    return found[0][0], [data for _, data in found]
+
+
+def _bare(given: Any) -> Any:
+    return given if isinstance(given, np.ndarray) else 0.0
+
+
+def _whole_record(given: Any) -> bool:
+    return isinstance(given, Mapping) or np.ndim(_bare(given)) == 2
+
+
+def _one(what: str, given: Any, word: str) -> tuple[tuple[str, ...], Array]:
+    if not isinstance(given, Mapping):
+        data = finite_array(what, given)
+        data = data[:, None] if data.ndim == 1 else data
+        if data.ndim != 2 or not data.shape[1]:
+            raise ValueError(f"{what}: expected samples x signals, got shape {data.shape}")
+        if data.shape[1] > len(data):
+            raise ValueError(f"{what}: expected a row a sample, got shape {data.shape}; is it transposed?")
+        return tuple(f"{word}_{k + 1}" for k in range(data.shape[1])), data
+    if not given:
+        raise ValueError(f"{what}: expected at least one signal, got none")
+    names = tuple(signal_name(f"name in {what}", name) for name in given)
+    columns = [finite_array(f"{what}[{name!r}]", values, ndim=1) for name, values in given.items()]
+    for name, column in zip(names, columns, strict=True):
+        if len(column) != len(columns[0]):
+            raise ValueError(f"{what}: expected {len(columns[0])} samples of {name!r}, got {len(column)}")
+    return names, np.column_stack(columns)
+
+
+def _no_gap(of: str, data: Array, step: float) -> None:
+    """Refuse a record in which every signal stands still for a while."""
+    moving = np.flatnonzero((np.diff(data, axis=0) != 0.0).any(axis=1))
+    longest = int(np.argmax(np.diff(moving))) if len(moving) > 1 else 0
+    if len(moving) > 1 and moving[longest + 1] - moving[longest] > _STILL:
+        start, end = step * (moving[longest] + 1), step * moving[longest + 1]
+        raise ValueError(
+            f"inputs, outputs{of}: expected no gap, but every signal stands still from {start:g} to {end:g} s;"
+            " give what lies on its two sides as two records"
+        )
+
+
+def _not_clipped(name: str, signal: Array) -> None:
+    """Refuse an output that is cut off at a limit."""
+    values, counts = np.unique(signal, return_counts=True)
+    if len(values) <= _LEVELS:
+        return
+    for limit, there, beside in ((values[0], counts[0], counts[1]), (values[-1], counts[-1], counts[-2])):
+        if there >= _CLIPPED * max(beside, 2):
+            raise ValueError(
+                f"outputs: expected signals within their range, got {name!r} saturated: {there} samples at {limit:g}"
+            )

@@ -1,0 +1,305 @@
+"""The frequency response of a record, with its deviation and coherence at each frequency."""
+
+from collections.abc import Mapping
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from boomctl.arrays import Array
+from boomctl.checks import known, positive
+from boomctl.identification.record import Record, band
+from boomctl.lti.python_control import control
+from boomctl.printing import between, count
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from numpy.typing import ArrayLike
+
+METHODS = ("local-polynomial", "welch")
+_DEGREE = 2  # of the polynomials in frequency that response and transient are locally (Pintelon & Schoukens)
+_SPARE = 8  # lines of a local fit beyond its unknowns: its deviation is then known to a quarter
+_EXCITED = (
+    1e-4  # of the largest power of an input: where there is less, nothing is said (1 % of its amplitude; a choice)
+)
+_INDEPENDENT = (
+    0.01  # least singular value of a local fit's columns of length one: its answer loses two digits (a choice)
+)
+_SEGMENTS = 8  # that a record is cut into where the resolution is not said (a choice)
+_OVERLAP = 1.0 / 36.0  # squared correlation of Hann windows that overlap by half (Welch 1967)
+
+
+class MeasuredResponse(control.FrequencyResponseData):
+    """A frequency response estimated from a record: python-control's frequency response data, and how sure it is.
+
+    Attributes
+    ----------
+    deviation : (outputs, inputs, n) ndarray
+        Standard deviation of the real and of the imaginary part of each entry.
+    coherence : (outputs, n) ndarray
+        Multiple coherence: the share of each output's power that the inputs explain, from 0 to 1.
+    quantity : tuple of str
+        What each output is: "displacement", "velocity" or "acceleration".
+    source : str
+        What the deviation comes from: local fits, segments or periods, and of how many numbers.
+    """
+
+    deviation: Array
+    coherence: Array
+    quantity: tuple[str, ...]
+    source: str
+
+    def __repr__(self) -> str:
+        hz = self.omega / (2.0 * np.pi)
+        return (
+            f"MeasuredResponse: {between(self.input_labels, self.output_labels)}, {len(hz)} frequencies "
+            f"from {hz[0]:.4g} to {hz[-1]:.4g} Hz\n  median coherence {np.median(self.coherence):.4g}; from {self.source}"
+        )
+
+    __str__ = __repr__
+
+    def plot(self, ax: "Axes | None" = None, *, unit: str | None = None, **style: Any) -> Array:  # type: ignore[override]
+        """Draw the magnitude of each entry with its deviation, and the coherence of each output.
+
+        Parameters
+        ----------
+        ax : sequence of two matplotlib Axes, or a figure, optional
+            Where to draw; by default a new figure of pyplot.
+        unit : {"Hz", "rad/s"}, optional
+            Of the frequency axis; by default that of the curves that are there already, otherwise Hz.
+        **style
+            Of the curves, as matplotlib's lines take it.
+
+        Returns
+        -------
+        ndarray of matplotlib.axes.Axes
+            Magnitude, coherence.
+        """
+        return import_module("boomctl.plotting.identification").plot_response(self, ax, unit=unit, **style)
+
+
+def estimate_response(
+    inputs: "ArrayLike | Mapping[str, ArrayLike] | Any",
+    outputs: "ArrayLike | Mapping[str, ArrayLike] | Any",
+    sample_time: float,
+    *,
+    quantity: str | Mapping[str, str] = "displacement",
+    hold: str = "band-limited",
+    method: str = "local-polynomial",
+    period: float | None = None,
+    resolution_hz: float | None = None,
+    band_hz: tuple[float, float] | None = None,
+) -> MeasuredResponse:
+    """Estimate a frequency response from sampled inputs and outputs: noise, chirps, sines, multisines.
+
+    Parameters
+    ----------
+    inputs, outputs : (N, m) array_like, mapping of names to (N,) array_like, or a sequence of such
+        Samples, a row a sample; several records as a list of arrays or of mappings.
+    sample_time : float
+        Time between samples [s].
+    quantity : "displacement", "velocity", "acceleration", or mapping of outputs to these
+        What each output is: `bc.identify` must know it.
+    hold : "band-limited" or "zero-order"
+        What the inputs do between samples: a filtered measurement, as that of a shaker, is band-limited; the output of
+        a converter is held.
+    method : "local-polynomial" or "welch"
+        Responses and transients that are parabolas over a few lines of the spectrum, fitted by least squares; or
+        averages over segments under Hann windows (H1).
+    period : float, optional
+        Of the excitation [s], if it repeats.  The response is then that of the mean period, and its deviation that of
+        the periods; the record begins in the steady state.  Needs as many records as inputs, each driven another way.
+    resolution_hz : float, optional
+        Between two frequencies of the answer.  By default so fine that neighbours are hardly correlated (local fits), or
+        that of an eighth of the record (segments).
+    band_hz : (float, float), optional
+        Frequencies wanted [Hz].  By default all at which the inputs have power.
+
+    Returns
+    -------
+    MeasuredResponse
+        FrequencyResponseData, with ``deviation`` and ``coherence``, for `fit`, `sigma`, `bode` and `identify`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Signals of unlike lengths, not finite, constant, cut off or with gaps; a record too short; inputs that do not
+        excite, or not independently; a band beyond half the sampling rate.
+
+    Notes
+    -----
+    The local fits are those of Pintelon & Schoukens, System Identification (2012), ch. 7.  A resonance must be wider than
+    a few lines: where it is not, the misfit shows in the deviation, and `bc.identify` finds it from the record itself.
+    Of held inputs the response is divided by that of the hold; what folds over from above half the sampling rate stays.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> import numpy as np
+    >>> force = np.random.default_rng(0).standard_normal(4000)
+    >>> mass = bc.structure.SecondOrderModel([[1.0]], [[2.0]], [[400.0]], {"force": [1.0]}, {"place": [1.0]})
+    >>> moved = bc.forced_response(mass, {"force": force}, 0.02 * np.arange(4000))["place"]
+    >>> H = bc.estimate_response({"force": force}, {"place": moved}, 0.02, band_hz=(0.5, 5.0))
+    >>> exact = mass.frequency_response(H.omega).frdata
+    >>> bool(abs(H.frdata / exact - 1.0).max() < 0.02)
+    True
+    """
+    record = Record.of(inputs, outputs, sample_time, quantity, hold)
+    known("method", method, METHODS)
+    low, high = band(band_hz, 0.5 / record.step)
+    wanted = None if resolution_hz is None else positive("resolution_hz", resolution_hz)
+    if period is not None:
+        if wanted is not None or method != METHODS[0]:
+            raise ValueError("period: expected neither resolution_hz nor a method beside it, as periods say both")
+        estimated = _periods(record, period)
+    else:
+        estimated = (_local if method == METHODS[0] else _welch)(record, wanted)
+    hz, G, variance, coherence, excited, source = estimated
+    inside = (hz > 0.0) & (hz >= low) & (hz <= high)
+    if not (inside & excited).any():
+        raise ValueError(
+            "inputs: expected power, and of each input its own, at some frequency of the band; inputs that move together"
+            " cannot be told apart, nor can many inputs in a short record"
+        )
+    use = inside & excited
+    hz = hz[use]
+    held = through_hold(2j * np.pi * hz, record.step) if record.hold == "zero-order" else 1.0
+    names: dict[str, Any] = {"inputs": list(record.inputs), "outputs": list(record.outputs), "name": "measured"}
+    found = MeasuredResponse(G[..., use] / held, 2.0 * np.pi * hz, **names)
+    found.deviation = np.sqrt(variance[..., use] / 2.0) / np.abs(held)
+    found.coherence, found.quantity, found.source = coherence[:, use], record.quantity, source
+    return found
+
+
+def through_hold(s: Array, step: float) -> Array:
+    """Return what a hold over a step [s] makes of a signal: ``(1 - exp(-s h)) / (s h)``."""
+    return -np.expm1(-s * step) / (s * step)
+
+
+def _local(record: Record, resolution: float | None) -> tuple[Any, ...]:
+    """Return the answer of local fits: at each line, response and transient of each record are parabolas around it."""
+    length = min(map(len, record.u))
+    span = length * record.step
+    U = np.stack([np.fft.rfft(u[:length], axis=0) for u in record.u])  # records x lines x inputs
+    Y = np.stack([np.fft.rfft(y[:length], axis=0) for y in record.y])
+    records, lines, m = U.shape
+    unknowns = (_DEGREE + 1) * (m + records)
+    width = -(-(unknowns + _SPARE) // records)
+    stride = max(round(width / (_DEGREE + 1)), 1)
+    if resolution is not None:
+        stride = max(round(resolution * span), 1)
+        width = max(width, (_DEGREE + 1) * stride)
+    if width > lines - 1:
+        raise ValueError(f"inputs: expected records of at least {2 * width + 2} samples for {m} inputs, got {length}")
+    centres = np.arange(stride, lines, stride)
+    first = np.clip(centres - width // 2, 1, lines - width)
+    at = first[:, None] + np.arange(width)  # centres x width
+    r = (at - centres[:, None]) / width
+    powers = r[..., None] ** np.arange(_DEGREE + 1)
+    K = np.zeros((len(centres), records, width, unknowns), complex)
+    responding = m * (_DEGREE + 1)
+    for e in range(records):
+        K[:, e, :, :responding] = (powers[..., :, None] * U[e][at][..., None, :]).reshape(len(centres), width, -1)
+        own = slice(responding + e * (_DEGREE + 1), responding + (e + 1) * (_DEGREE + 1))
+        K[:, e, :, own] = powers
+    K = K.reshape(len(centres), -1, unknowns)
+    # outputs of all records below each other, as the columns are
+    rhs = np.moveaxis(Y[:, at], 0, 1).reshape(len(centres), -1, Y.shape[2])
+    size = np.linalg.norm(K, axis=1, keepdims=True)
+    size[size == 0.0] = 1.0
+    left, values, right = np.linalg.svd(K / size, full_matrices=False)
+    sound = values[:, -1] > _INDEPENDENT
+    inverse = np.conj(np.swapaxes(right, 1, 2)) / np.where(sound[:, None], values, 1.0)[:, None, :]
+    found = inverse @ (np.conj(np.swapaxes(left, 1, 2)) @ rhs)
+    noise = np.square(np.abs(rhs - (K / size) @ found)).sum(axis=1) / (K.shape[1] - unknowns)  # centres x outputs
+    spread = np.square(np.abs(inverse)).sum(axis=2)[:, :m] / np.square(size[:, 0, :m])
+    explained = np.square(np.abs((K / size)[..., :responding] @ found[:, :responding])).sum(axis=1)
+    power = np.square(np.abs(U[:, at])).mean(axis=(0, 2))  # centres x inputs
+    G = np.moveaxis(found[:, :m] / size[:, 0, :m, None], 0, 2).swapaxes(0, 1)
+    variance = noise.T[:, None, :] * spread.T[None, :, :]
+    coherence = (explained / (explained + K.shape[1] * noise + _least(explained))).T
+    source = f"local fits over {count(width, 'line')} of {count(records, 'record')}"
+    return centres / span, G, variance, coherence, sound & _driven(power), source
+
+
+def _welch(record: Record, resolution: float | None) -> tuple[Any, ...]:
+    """Return the answer of averages over Hann windows that overlap by half."""
+    shortest = min(map(len, record.u))
+    length = shortest // _SEGMENTS if resolution is None else round(1.0 / (resolution * record.step))
+    m = len(record.inputs)
+    starts = [np.arange(0, len(u) - length + 1, max(length // 2, 1)) for u in record.u]
+    segments = sum(map(len, starts))
+    if length < 2 * m + 2 or segments < m + 2:
+        raise ValueError(
+            f"resolution_hz: expected one of which the records have at least {m + 2} segments, got {segments} of"
+            f" {length} samples"
+        )
+    window = np.sin(np.pi * (np.arange(length) + 0.5) / length) ** 2
+    U, Y = (
+        np.concatenate(
+            [
+                np.fft.rfft(window[:, None] * x[k : k + length], axis=0)[None]
+                for x, s in zip(data, starts, strict=True)
+                for k in s
+            ]
+        )
+        for data in (record.u, record.y)
+    )
+    effective = segments / (1.0 + 2.0 * _OVERLAP * (1.0 - 1.0 / segments))
+    spread = 1.0 / (effective - m) if effective > m else np.inf
+    hz = np.fft.rfftfreq(length, record.step)
+    return (hz, *_averaged(U, Y, spread, segments), f"{count(segments, 'segment')} under Hann windows")
+
+
+def _periods(record: Record, period: Any) -> tuple[Any, ...]:
+    """Return the response of the mean periods; the deviation comes from what differs between periods."""
+    samples, periods = record.cut(period)
+    m, records = len(record.inputs), len(record.u)
+    if records < m:
+        raise ValueError(
+            f"period: expected at least {m} records for {m} inputs, each driven another way, got {records}"
+        )
+    U, Y = (
+        np.stack([np.fft.rfft(x[len(x) - periods * samples :].reshape(periods, samples, -1), axis=1) for x in data])
+        for data in (record.u, record.y)
+    )
+    G, _, coherence, excited = _averaged(U.mean(axis=1), Y.mean(axis=1), 1.0, records)
+    change = (Y - Y.mean(axis=1, keepdims=True)) - np.einsum("oik,epki->epko", G, U - U.mean(axis=1, keepdims=True))
+    noise = np.square(np.abs(change)).sum(axis=(0, 1)) / (records * (periods - 1))  # lines x outputs, of one period
+    mean = U.mean(axis=1)
+    gram = np.einsum("eki,ekj->kij", mean.conj(), mean)
+    gram[~excited] = np.eye(m)
+    spread = np.linalg.inv(gram).real[:, range(m), range(m)] / periods
+    signal = np.square(np.abs(np.einsum("oik,eki->eko", G, mean))).mean(axis=0)
+    coherence = (signal / (signal + noise + _least(signal))).T
+    variance = noise.T[:, None, :] * spread.T[None, :, :]
+    hz = np.fft.rfftfreq(samples, record.step)
+    return hz, G, variance, coherence, excited, f"{count(periods, 'period')} in {count(records, 'record')}"
+
+
+def _averaged(U: Array, Y: Array, spread: float, averages: int) -> tuple[Array, Array, Array, Array]:
+    """Return H1, its variance, the multiple coherence and where the inputs excite, of spectra (averages, lines, signals)."""
+    Suu = np.einsum("eki,ekj->kij", U.conj(), U) / averages
+    Suy = np.einsum("eki,eko->kio", U.conj(), Y) / averages
+    power = np.einsum("kii->ki", Suu).real
+    scale = np.sqrt(np.where(power > 0.0, power, 1.0))
+    alike = Suu / (scale[:, :, None] * scale[:, None, :])
+    excited = _driven(power) & (np.linalg.eigvalsh(alike)[:, 0] > _INDEPENDENT**2)
+    alike[~excited] = np.eye(U.shape[2])
+    inverse = np.linalg.inv(alike) / (scale[:, :, None] * scale[:, None, :])
+    H = inverse @ Suy  # lines x inputs x outputs
+    whole = np.square(np.abs(Y)).mean(axis=0)
+    noise = np.square(np.abs(Y - np.einsum("eki,kio->eko", U, H))).mean(axis=0)
+    variance = spread * noise[:, None, :] * np.einsum("kii->ki", inverse).real[:, :, None]
+    coherence = np.clip(1.0 - noise / (whole + _least(whole)), 0.0, 1.0)
+    return H.transpose(2, 1, 0), variance.transpose(2, 1, 0), coherence.T, excited
+
+
+def _driven(power: Array) -> Array:
+    """Return where each input has power, of powers (lines, inputs)."""
+    return (power > _EXCITED * power.max(axis=0)).all(axis=1)
+
+
+def _least(power: Array) -> Array:
+    """Return a number that keeps zero over zero from coherences: what rounding leaves of the largest power."""
+    return np.finfo(float).eps * power.max(axis=0) + np.finfo(float).tiny

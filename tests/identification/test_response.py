@@ -1,0 +1,165 @@
+"""Frequency responses of records: exact without noise, deviations that are those of the errors, one line for bad input."""
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+from scipy import signal
+
+import boomctl as bc
+from boomctl.identification.record import Record
+from tests.identification.chain import response_of_record, three_masses
+
+STEP = 0.02
+
+
+def noise(count, inputs, top_hz, seed):
+    """Return band-limited noise, (count, inputs)."""
+    spectrum = np.fft.rfft(np.random.default_rng(seed).standard_normal((count, inputs)), axis=0)
+    spectrum[np.fft.rfftfreq(count, STEP) > top_hz] = 0.0
+    return np.fft.irfft(spectrum, count, axis=0)
+
+
+@pytest.fixture(scope="module")
+def driven():
+    """Return three masses, noise that pushes two of them and where they are, long before the record began."""
+    model = three_masses(0.03)
+    u = noise(12000, 2, 12.0, seed=3)
+    return model, u[4000:], response_of_record(model, u, STEP)[4000:]
+
+
+@pytest.mark.parametrize("method", ["local-polynomial", "welch"])
+def test_deviations_are_those_of_the_errors(driven, method):
+    model, u, y = driven
+    rng = np.random.default_rng(1)
+    noisy = y + 0.1 * y.std(axis=0) * rng.standard_normal(y.shape)
+    H = bc.estimate_response(u, noisy, STEP, method=method, band_hz=(0.5, 10.0))
+    exact = model.frequency_response(H.omega).frdata
+    away = (H.frdata - exact) / H.deviation
+    assert 0.85 < np.sqrt(np.mean(away.real**2)) < 1.3  # 1 but for bias beside resonances; some 1,000 numbers
+    assert 0.85 < np.sqrt(np.mean(away.imag**2)) < 1.3
+    assert H.coherence.min() >= 0.0
+    assert H.coherence.max() <= 1.0
+
+
+def test_transients_are_taken_out():
+    """A record of a push and what follows, which no window could take: local fits are ten times as near as segments."""
+    model = three_masses(0.05)
+    u = noise(3000, 2, 12.0, seed=5)
+    y = response_of_record(model, np.vstack([20.0 * u, u]), STEP)[3000:]  # it still swings from what was before
+    errors = {}
+    for method in ("local-polynomial", "welch"):
+        H = bc.estimate_response(u, y, STEP, method=method, band_hz=(0.5, 10.0))
+        exact = model.frequency_response(H.omega).frdata
+        errors[method] = np.median(np.abs(H.frdata / exact - 1.0))
+    assert errors["local-polynomial"] < 0.1 * errors["welch"]
+
+
+def test_periods_in_steady_state_are_exact_and_their_scatter_is_the_deviation():
+    model, rng = three_masses(0.01), np.random.default_rng(2)
+    one = [noise(1000, 2, 12.0, seed=k) for k in (1, 2)]
+    u = [np.tile(each, (8, 1)) for each in one]
+    y = [np.tile(response_of_record(model, each, STEP), (8, 1)) for each in one]
+    H = bc.estimate_response(u, y, STEP, period=20.0)
+    exact = model.frequency_response(H.omega).frdata
+    assert np.abs(H.frdata / exact - 1.0).max() < 1e-9
+    assert H.omega.max() / (2.0 * np.pi) == pytest.approx(12.0, abs=0.06)
+    noisy = [each + 0.01 * each.std(axis=0) * rng.standard_normal(each.shape) for each in y]
+    H = bc.estimate_response(u, noisy, STEP, period=20.0)
+    away = (H.frdata - exact) / H.deviation
+    assert 0.95 < np.sqrt(np.mean(np.abs(away) ** 2) / 2.0) < 1.15  # 1, with 14 degrees of freedom of each deviation
+
+
+def test_held_inputs_are_told_from_band_limited_ones():
+    model = three_masses(0.05).select("f1", "y3")
+    force = np.random.default_rng(4).standard_normal(20000)
+    plant = model.to_statespace()
+    discrete = signal.cont2discrete((plant.A, plant.B, plant.C, plant.D), STEP)
+    place = signal.dlsim(discrete, force)[1][:, 0]
+    H = bc.estimate_response(force, place, STEP, hold="zero-order", band_hz=(0.5, 5.0))
+    exact = model.frequency_response(H.omega).frdata
+    assert np.median(np.abs(H.frdata / exact - 1.0)) < 2e-3
+    wrong = bc.estimate_response(force, place, STEP, band_hz=(0.5, 5.0))
+    assert np.median(np.abs(wrong.frdata / exact - 1.0)) > 0.05  # half a sample late
+
+
+def test_a_response_is_taken_by_what_takes_responses(driven):
+    _, u, y = driven
+    H = bc.estimate_response(
+        {"left": u[:, 0], "right": u[:, 1]}, {"a": y[:, 0], "b": y[:, 1], "c": y[:, 2]}, STEP, band_hz=(0.5, 10.0)
+    )
+    assert H.input_labels == ["left", "right"]
+    assert H.output_labels == ["a", "b", "c"]
+    assert bc.sigma(H).sigma.shape == (2, len(H.omega))
+    bc.bode(H)
+    found = bc.fit(three_masses, H, start={"damping": 0.02}, free=["damping"], starts=1)
+    assert found.values["damping"] == pytest.approx(0.03, rel=5e-3)  # local fits round off resonances
+
+
+def wave(**changed):
+    t = STEP * np.arange(500)
+    rng = np.random.default_rng(0)
+    given = {
+        "inputs": {"f": rng.standard_normal(500)},
+        "outputs": {"y": np.sin(t) + 0.1 * rng.standard_normal(500)},
+        "sample_time": STEP,
+    }
+    return {**given, **changed}
+
+
+Y = wave()["outputs"]["y"]
+F = wave()["inputs"]["f"]
+BAD = {
+    "unlike lengths": ({"outputs": Y[:-1]}, "outputs: expected 500 samples, as inputs has, got 499"),
+    "names of unlike lengths": ({"outputs": {"y": Y, "z": Y[1:]}}, "outputs: expected 500 samples of 'z', got 499"),
+    "not a number": (
+        {"outputs": np.r_[Y[:7], np.nan, Y[8:]]},
+        r"outputs: expected finite numbers, got nan at \(7,\)",
+    ),
+    "constant": ({"inputs": np.ones(500)}, "inputs: expected signals that move, got 'in_1' constant at 1"),
+    "a gap": (
+        {"inputs": np.r_[F[:200], np.zeros(100), F[300:]], "outputs": np.r_[Y[:200], np.zeros(100), Y[300:]]},
+        "expected no gap, but every signal stands still from 4 to 5.98 s",
+    ),
+    "saturated": ({"outputs": np.minimum(Y, 0.8)}, "got 'out_1' saturated: .* samples at 0.8"),
+    "together": ({"inputs": np.column_stack([F, -2.0 * F])}, "inputs that move together cannot be told apart"),
+    "too short": ({"inputs": F[:20], "outputs": Y[:20]}, "expected at least 32 samples, got 20"),
+    "short for the inputs": (
+        {"inputs": np.random.default_rng(1).standard_normal((50, 6)), "outputs": Y[:50]},
+        "expected records of at least 60 samples for 6 inputs, got 50",
+    ),
+    "transposed": ({"inputs": F[None, :]}, r"expected a row a sample, got shape \(1, 500\); is it transposed"),
+    "beyond half the rate": ({"band_hz": (1.0, 30.0)}, "band_hz = .*: expected at most 25 Hz"),
+    "descending": ({"band_hz": (2.0, 1.0)}, "band_hz = .*: expected frequencies not below zero that ascend"),
+    "unknown quantity": ({"quantity": "place"}, "unknown quantity 'place'"),
+    "quantity of none": ({"quantity": {"x": "velocity"}}, "unknown output in quantity 'x'"),
+    "one name twice": ({"outputs": {"f": Y}}, "outputs: 'f' is the name of an input too"),
+    "period of parts": ({"period": 0.031}, "period = 0.031: expected a whole number of samples"),
+    "one period": ({"period": 6.0}, "expected at least two periods in each record, got 1"),
+    "unlike records": ({"outputs": [np.c_[Y], np.c_[Y]]}, "outputs: expected as many records as inputs has, 1, got 2"),
+    "sampling time": ({"sample_time": 0.0}, "sample_time = 0.0: expected a number greater than zero"),
+    "two ways": ({"period": 2.0, "method": "welch"}, "period: expected neither"),
+    "few segments": ({"resolution_hz": 0.1, "method": "welch"}, "resolution_hz: expected one of which"),
+}
+
+
+@pytest.mark.parametrize(("changed", "said"), BAD.values(), ids=BAD.keys())
+def test_bad_records_are_refused_in_one_line(changed, said):
+    with pytest.raises(ValueError, match=said) as refused:
+        bc.estimate_response(**wave(**changed))
+    assert "\n" not in str(refused.value)
+
+
+def test_coarse_signals_at_rest_and_two_level_inputs_are_no_bad_records():
+    rng = np.random.default_rng(0)
+    levels = np.sign(rng.standard_normal(2000))
+    swinging = np.round(20.0 * np.sin(STEP * np.arange(2000) * 3.0)) + levels
+    Record.of({"f": levels}, {"y": swinging}, STEP, "displacement", "zero-order")
+
+
+def test_the_picture_shows_magnitudes_with_deviations_and_coherences(driven):
+    _, u, y = driven
+    H = bc.estimate_response(u, y, STEP, band_hz=(0.5, 10.0))
+    magnitude, coherence = H.plot(ax=Figure(), color="#123456")
+    assert len(magnitude.get_lines()) == len(magnitude.collections) == 6
+    assert [line.get_color() for line in coherence.get_lines()] == ["#123456"] * 3
+    assert np.allclose(magnitude.get_lines()[0].get_ydata(), np.abs(H.frdata[0, 0]))
