@@ -9,7 +9,7 @@ A rotating hub-beam
     hub_beam, HubBeamParameters; how its hub moves: spin_up, sine_torque, hub_profile, torque, hold, free.
 Any machine
     the package ``structure``; fit finds its parameters from a measured curve: read_measured_curve; or from a record:
-    estimate_response.
+    estimate_response, identify.
 Look at a system
     sigma, compare_sigma, bode, nyquist, pzmap, step, impulse, mode_table, compare.
 Certify it

@@ -25,6 +25,7 @@ from boomctl.boom.spray import nozzle_positions, spray_by_motion, spray_deposit
 from boomctl.boom.tracks import iso_track
 from boomctl.exchange.controller_files import read_controller, write_controller
 from boomctl.identification.fit import fit
+from boomctl.identification.identify import identify
 from boomctl.identification.response import estimate_response
 from boomctl.lti.controllers.scheduled import schedule
 from boomctl.progress import Progress, listening
@@ -103,6 +104,7 @@ __all__ = [
     "hold",
     "hub_beam",
     "hub_profile",
+    "identify",
     "impulse",
     "in_units",
     "iso_track",

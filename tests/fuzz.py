@@ -108,6 +108,12 @@ def noise():
 
 
 @cache
+def swinging():
+    mass = bs.SecondOrderModel([[1.0]], [[0.2]], [[16.0]], {"force": [1.0]}, {"place": [1.0]})
+    return bc.forced_response(mass, {"force": noise()}, 0.1 * np.arange(400))["place"]
+
+
+@cache
 def friction():
     return bc.CoulombFriction(3.0)
 
@@ -260,6 +266,18 @@ CALLS = {
         "period": None,
         "resolution_hz": 2.0,
         "band_hz": (1.0, 20.0),
+    },
+    "identify": lambda: {
+        "inputs": {"force": noise()},
+        "outputs": {"place": swinging()},
+        "sample_time": 0.1,
+        "modes": 1,
+        "band_hz": (0.1, 2.0),
+        "quantity": "displacement",
+        "hold": "band-limited",
+        "held_back": 0.3,
+        "order": 10,
+        "confidence": 0.95,
     },
     "feedback_loop": lambda: {"plant": plant(), "controller": controller(), "added": (), "delay": 0.0},
     "fit": lambda: {

@@ -231,6 +231,11 @@ def measured_response():
 
 
 @functools.cache
+def identified():
+    return bc.identify(*record())
+
+
+@functools.cache
 def fitted():
     return bc.fit(bc.spray_boom, [0.25, 0.58, 0.95, 2.8, 4.0], ["spring_stiffness", "youngs_modulus"], starts=2)
 

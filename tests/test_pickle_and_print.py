@@ -86,6 +86,8 @@ FACTORIES = {
     "ExactLoopStability": one.exact_loop,
     "MeasuredCurve": one.measured_curve,
     "MeasuredResponse": one.measured_response,
+    "Identification": one.identified,
+    "IdentifiedMode": lambda: one.identified().modes[0],
     "FitResult": one.fitted,
     "FitResult, not determined": lambda: bc.fit(
         bc.hub_beam, [0.46, 2.9], ["youngs_modulus", "second_moment"], starts=1

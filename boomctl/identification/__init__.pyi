@@ -3,7 +3,17 @@
 from boomctl.identification.certificate import FitCertificate
 from boomctl.identification.fit import fit
 from boomctl.identification.identifiability import Combination
+from boomctl.identification.identify import Identification, IdentifiedMode, identify
 from boomctl.identification.response import estimate_response
 from boomctl.identification.result import FitResult
 
-__all__ = ["Combination", "FitCertificate", "FitResult", "estimate_response", "fit"]
+__all__ = [
+    "Combination",
+    "FitCertificate",
+    "FitResult",
+    "Identification",
+    "IdentifiedMode",
+    "estimate_response",
+    "fit",
+    "identify",
+]

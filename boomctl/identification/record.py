@@ -13,6 +13,7 @@ from boomctl.printing import compact
 QUANTITIES = {"displacement": 0, "velocity": 1, "acceleration": 2}
 """What an output is, and how often a displacement was differentiated for it."""
 HOLDS = ("band-limited", "zero-order")
+EXCITED = 1e-3  # of the largest power of an input: less says nothing (3 % of its amplitude; a choice)
 _FEWEST = 32  # samples of a record: fewer tell nothing of a response (a choice)
 _STILL = 16  # samples in a row in which nothing moves at all, amid a record that moves: a gap (a choice)
 _LEVELS = 16  # values of a signal up to which it is coarse, and stands at its limits because of that (a choice)

@@ -8,7 +8,7 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.checks import known, positive
-from boomctl.identification.record import Record, band
+from boomctl.identification.record import EXCITED, Record, band
 from boomctl.lti.python_control import control
 from boomctl.printing import between, count
 
@@ -19,9 +19,6 @@ if TYPE_CHECKING:
 METHODS = ("local-polynomial", "welch")
 _DEGREE = 2  # of the polynomials in frequency that response and transient are locally (Pintelon & Schoukens)
 _SPARE = 8  # lines of a local fit beyond its unknowns: its deviation is then known to a quarter
-_EXCITED = (
-    1e-4  # of the largest power of an input: where there is less, nothing is said (1 % of its amplitude; a choice)
-)
 _INDEPENDENT = (
     0.01  # least singular value of a local fit's columns of length one: its answer loses two digits (a choice)
 )
@@ -297,7 +294,7 @@ def _averaged(U: Array, Y: Array, spread: float, averages: int) -> tuple[Array, 
 
 def _driven(power: Array) -> Array:
     """Return where each input has power, of powers (lines, inputs)."""
-    return (power > _EXCITED * power.max(axis=0)).all(axis=1)
+    return (power > EXCITED * power.max(axis=0)).all(axis=1)
 
 
 def _least(power: Array) -> Array:

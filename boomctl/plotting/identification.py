@@ -7,6 +7,7 @@ import numpy as np
 from boomctl.plotting.canvas import COLOURS, few_labels, frequency_axis, legend, line_look, panels, style
 
 if TYPE_CHECKING:
+    from boomctl.identification.identify import Identification
     from boomctl.identification.response import MeasuredResponse
     from boomctl.identification.result import FitResult
 
@@ -95,4 +96,29 @@ def plot_response(response: "MeasuredResponse", ax: Any = None, *, unit: str | N
             each.set_xscale("log")
             legend(each)
             few_labels(each)
+    return axes
+
+
+def plot_identification(found: "Identification", ax: Any = None, **drawn: Any) -> Any:
+    """Draw poles over orders with the modes found, and outputs held back beside what is not predicted; return the axes."""
+    with panels(ax, ("stabilisation", "validation"), (7.0, 5.5)) as axes:
+        first = {"label": "pole before the fit"}
+        for order, poles in found.stabilization.items():
+            look = line_look({}, marker=".", linestyle="none", color=_BEFORE, **first)
+            axes[0].plot(poles.imag / (2.0 * np.pi), np.full(len(poles), order), **look)
+            first = {}
+        for k, mode in enumerate(found.modes):
+            label = None if k else "mode, 95 % interval" if found.confidence == 0.95 else "mode, interval"
+            axes[0].axvline(mode.frequency_hz, color=COLOURS[1], linewidth=1.0, label=label)
+            axes[0].axvspan(*mode.frequency_interval_hz, color=COLOURS[1], alpha=_SHADE, linewidth=0.0)
+        hz, outputs, left = found.spectra
+        axes[1].plot(hz, outputs, **line_look(drawn, color=COLOURS[0], label="outputs"))
+        axes[1].plot(hz, left, **line_look(drawn, color=COLOURS[5], linewidth=0.8, label="not predicted"))
+        axes[1].set_yscale("log")
+        axes[0].set_ylabel("order")
+        axes[1].set_ylabel("size over outputs' size")
+        for each in axes:
+            frequency_axis(each)
+            each.set_xlim(*found.band_hz)
+            legend(each, loc="upper right")
     return axes

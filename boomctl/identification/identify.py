@@ -1,0 +1,444 @@
+"""A modal model in continuous time from a record or from a measured frequency response."""
+
+import warnings
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib import import_module
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from scipy import special, stats
+
+from boomctl.arrays import Array
+from boomctl.checks import real as real_number
+from boomctl.checks import whole
+from boomctl.identification.common_poles import CommonPoles
+from boomctl.identification.realised import RankOne
+from boomctl.identification.record import EXCITED, QUANTITIES, Record, band, quantities
+from boomctl.identification.search import searched, strongest
+from boomctl.identification.spectra import Spectra, complex_of, rms
+from boomctl.lti.system import is_frequency_response
+from boomctl.printing import LINES, WIDTH, between, compact, count, table_html
+from boomctl.structure.model import SecondOrderModel
+
+if TYPE_CHECKING:
+    import control
+    from matplotlib.axes import Axes
+    from numpy.typing import ArrayLike
+
+_SMOOTH = 31  # lines over which powers are averaged for that (a choice)
+_TOGETHER = 1e-4  # least eigenvalue of the inputs' correlation, below which they move together (a choice)
+_FEWEST = 24  # lines of a spectrum in the band: fewer bear no mode with its background (a choice)
+_TOP = 0.98  # of half the sampling rate: above, filters and what folds over say more than the structure (a choice)
+_ORDERS = 11  # from half to the highest order, at which poles are tried (a choice)
+_HIGHEST = 60  # order where none is said: some three times as many as modes are sought (a choice)
+_BLOCKS = 24  # that a record is cut into for intervals: their deviation is known to a seventh (a choice)
+_WIDEST = 20.0  # logarithm of a factor of damping: it is not determined then
+_LOSS = 1.0  # points of the fit that a structure may cost (a choice)
+_FEEDBACK = 6.0  # deviations of a correlation of errors with inputs that come later: one in a thousand million
+_LATER = 3  # lags that are not asked, as the band alone correlates neighbours (a choice)
+
+
+@dataclass(frozen=True)
+class IdentifiedMode:
+    """A mode as a record shows it.
+
+    Attributes
+    ----------
+    frequency_hz : float
+        Damped frequency [Hz], as ``eigenfrequencies_hz`` of models.
+    damping : float
+        Damping ratio.
+    frequency_interval_hz, damping_interval : (float, float)
+        Intervals of ``confidence``, from blocks of the record.
+    shape : (p,) ndarray
+        How the outputs move in the mode, as displacements; complex, the largest is one.
+    share : float
+        Of the energy of what inputs move, outputs in units of their size, in that of all modes.
+    orders : float
+        Share of the orders tried at which the mode stood before any fit; 0: found in residuals.
+    """
+
+    frequency_hz: float
+    damping: float
+    frequency_interval_hz: tuple[float, float]
+    damping_interval: tuple[float, float]
+    shape: Array
+    share: float
+    orders: float
+
+    __repr__ = compact
+
+
+@dataclass(frozen=True)
+class Identification:
+    """A modal model of a record, and how it was validated.
+
+    Attributes
+    ----------
+    modes : tuple of IdentifiedMode
+        Those within the band, by frequency.
+    system : StateSpace
+        In continuous time, inputs and outputs named; modes outside the band are its feedthrough and states "outside".
+    model : SecondOrderModel or None
+        The same as a structure whose forces are the inputs, where all outputs are displacements and real modes explain
+        them.
+    fit_percent : dict of str to float
+        ``100 (1 - |y - predicted| / |y|)`` of each output within the band on the part held back.
+    whiteness : dict of str to float
+        Chance of residuals as coloured as each output's, were they white noise (Bartlett's cumulated periodogram).
+    band_hz : (float, float)
+        Frequencies within which modes were sought [Hz].
+    confidence : float
+        Of the intervals.
+    source : str
+        What intervals and validation come from.
+    stabilization : dict of int to ndarray
+        Poles [rad/s] at each order tried, before the fit.
+    spectra : (3, n) ndarray
+        Frequencies [Hz]; size of the outputs and of what is not predicted, on the part held back, over the outputs' size.
+    """
+
+    modes: tuple[IdentifiedMode, ...]
+    system: "control.StateSpace"
+    model: SecondOrderModel | None
+    fit_percent: dict[str, float]
+    whiteness: dict[str, float]
+    band_hz: tuple[float, float]
+    confidence: float
+    source: str
+    stabilization: dict[int, Array]
+    spectra: Array
+
+    def __repr__(self) -> str:
+        lines = [f"Identification: {self._head()}"]
+        shown = self.modes if len(self.modes) <= LINES - 2 else self.modes[: LINES - 3]
+        lines += ["  " + ", ".join(self._row(mode)[:3]) for mode in shown]
+        if len(shown) < len(self.modes):
+            lines.append(f"  ... ({len(self.modes)})")
+        lines.append(f"  {self._fit()}; {self.source}")
+        return "\n".join(line if len(line) <= WIDTH else line[: WIDTH - 3] + "..." for line in lines)
+
+    def _repr_html_(self) -> str:
+        heads = ("frequency", "damping", "share of energy")
+        return table_html(f"{self._head()}; {self._fit()}; {self.source}", heads, map(self._row, self.modes))
+
+    def render(self) -> str:
+        """Return modes with their intervals, and the fit of each output, as lines of text.
+
+        Returns
+        -------
+        str
+            One line a mode, one an output.
+        """
+        lines = [self._head(), *("  " + ", ".join(self._row(mode)) for mode in self.modes)]
+        return "\n".join([*lines, *(f"  {name}: {fit:.2f} %" for name, fit in self.fit_percent.items()), self.source])
+
+    def _head(self) -> str:
+        names = between(self.system.input_labels, self.system.output_labels)
+        return f"{count(len(self.modes), 'mode')} from {self.band_hz[0]:.4g} to {self.band_hz[1]:.4g} Hz, {names}"
+
+    def _fit(self) -> str:
+        fits = list(self.fit_percent.values())
+        return f"fit {np.mean(fits):.2f} % mean, {min(fits):.2f} % least"
+
+    @staticmethod
+    def _row(mode: IdentifiedMode) -> tuple[str, str, str]:
+        about = 0.5 * (mode.frequency_interval_hz[1] - mode.frequency_interval_hz[0])
+        low, high = mode.damping_interval
+        damping = f"damping {100.0 * mode.damping:.3g} % ({100.0 * low:.3g} to {100.0 * high:.3g})"
+        return f"{mode.frequency_hz:.6g} +- {about:.2g} Hz", damping, f"{100.0 * mode.share:.3g} % of the energy"
+
+    def plot(self, ax: "Axes | None" = None, **style: Any) -> Array:
+        """Draw poles over orders with the modes found, and the spectrum held back beside what is not predicted of it.
+
+        Parameters
+        ----------
+        ax : sequence of two matplotlib Axes, or a figure, optional
+            Where to draw; by default a new figure of pyplot.
+        **style
+            Of what is measured, as matplotlib's lines take it.
+
+        Returns
+        -------
+        ndarray of matplotlib.axes.Axes
+            Stabilisation, validation.
+        """
+        return import_module("boomctl.plotting.identification").plot_identification(self, ax, **style)
+
+
+def identify(
+    inputs: "ArrayLike | Mapping[str, ArrayLike] | control.FrequencyResponseData | Any",
+    outputs: "ArrayLike | Mapping[str, ArrayLike] | Any" = None,
+    sample_time: float | None = None,
+    *,
+    modes: int | None = None,
+    band_hz: tuple[float, float] | None = None,
+    quantity: str | Mapping[str, str] | None = None,
+    hold: str = "band-limited",
+    held_back: float = 0.3,
+    order: int | None = None,
+    confidence: float = 0.95,
+) -> Identification:
+    """Identify the modes of a structure from a record, and a model with them.
+
+    Parameters
+    ----------
+    inputs, outputs : (N, m) array_like, mapping of names to (N,) array_like, or a sequence of such
+        Samples, a row a sample; several records as a list.  Or FrequencyResponseData alone, in place of inputs.
+    sample_time : float
+        Time between samples [s].
+    modes : int, optional
+        How many modes the band has.  By default all that have evidence.
+    band_hz : (float, float), optional
+        Frequencies of the modes wanted [Hz].  By default where all inputs have power.
+    quantity : "displacement", "velocity", "acceleration", or mapping of outputs to these, optional
+        What each output is; by default displacements, or what a response of `estimate_response` says.
+    hold : "band-limited" or "zero-order"
+        What the inputs do between samples: a filtered measurement is band-limited, the output of a converter is held.
+    held_back : float
+        Share of each record, at its end, that the model is validated on and never fitted to; 0: validated on all.
+    order : int, optional
+        Highest order of the denominators from which poles are begun; the modes hardly depend on it.
+    confidence : float
+        Of the intervals, between 0.5 and 1.
+
+    Returns
+    -------
+    Identification
+        Modes with intervals, a ``StateSpace``, a structure where there is one, and the fit on what was held back.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Bad signals, as `estimate_response` refuses them; too short a record; inputs that move together; no mode with
+        evidence, or fewer than asked for.
+
+    Warns
+    -----
+    UserWarning
+        Inputs follow from errors of the outputs: the record was taken in a closed loop.
+
+    Notes
+    -----
+    Poles begin with a common denominator by linear least squares (Peeters, Van der Auweraer, Guillaume & Leuridan 2004)
+    and are then those of least squares in the frequency domain, residues and free motions solved for (variable
+    projection, Golub & Pereyra 1973).  What residuals show is tried, and a mode stays if noise alone would show its
+    like in one of a thousand records.  Intervals come from blocks of the record: how much each of them pulls at the
+    poles (a sandwich of blocks, Liang & Zeger 1986), so that they hold for coloured errors too.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> import numpy as np
+    >>> force = np.random.default_rng(0).standard_normal(4000)
+    >>> mass = bc.structure.SecondOrderModel([[1.0]], [[0.8]], [[400.0]], {"force": [1.0]}, {"place": [1.0]})
+    >>> moved = bc.forced_response(mass, {"force": force}, 0.02 * np.arange(4000))["place"]
+    >>> found = bc.identify({"force": force}, {"place": moved}, 0.02, band_hz=(0.5, 8.0))
+    >>> [(round(mode.frequency_hz, 2), round(mode.damping, 3)) for mode in found.modes]
+    [(3.18, 0.02)]
+    """
+    level = real_number("confidence", confidence)
+    if not 0.5 <= level < 1.0:
+        raise ValueError(f"confidence = {confidence!r}: expected a number from 0.5 to below 1")
+    back = real_number("held_back", held_back)
+    if not 0.0 <= back <= 0.8:
+        raise ValueError(f"held_back = {held_back!r}: expected a share from 0 to 0.8")
+    wanted = None if modes is None else whole("modes", modes)
+    highest = _HIGHEST if order is None else whole("order", order, least=4, most=400)
+    if is_frequency_response(inputs):
+        if outputs is not None or sample_time is not None:
+            raise TypeError("outputs, sample_time: expected None beside a measured frequency response")
+        low, high = band(band_hz, float(inputs.omega[-1]) / (2.0 * np.pi))
+        data = tested = Spectra.of_response(inputs, low, high)
+        names = tuple(inputs.input_labels), tuple(inputs.output_labels)
+        said = getattr(inputs, "quantity", ("displacement",) * len(names[1]))
+        kinds = said if quantity is None else quantities(quantity, names[1])
+        source = f"intervals from {_BLOCKS} groups of frequencies, validated on all of them"
+    else:
+        record = Record.of(inputs, outputs, sample_time, quantity or "displacement", hold)
+        low, high = _band(record, band_hz)
+        data = Spectra.of_record(record, low, high, slice(0.0, 1.0 - back))
+        tested = Spectra.of_record(record, low, high, slice(1.0 - back, 1.0)) if back else data
+        tested = tested.scaled(data.scale / tested.scale)
+        names, kinds = (record.inputs, record.outputs), record.quantity
+        part = f"the last {100.0 * back:g} % of the record" if back else "what it was fitted to"
+        source = f"intervals from {_BLOCKS} blocks of the record, validated on {part}"
+    _enough(data)
+    highest = min(highest, len(data.lines[0]) // (2 * data.U.shape[1] + 2))
+    orders = tuple(sorted({round(each) for each in np.linspace(max(highest // 2, 2), highest, _ORDERS)}))
+    ends = 2.0 * np.pi * max(low, 0.0), 2.0 * np.pi * high
+    fit, found = searched(data, *ends, orders)
+    inside = (fit.poles.imag >= ends[0]) & (fit.poles.imag <= ends[1])
+    if wanted is not None and inside.sum() > wanted:
+        fit = strongest(fit, inside, wanted)
+        inside = (fit.poles.imag >= ends[0]) & (fit.poles.imag <= ends[1])
+    if not inside.any() or (wanted or 0) > inside.sum():
+        noise = 100.0 * np.mean(fit.deviation * np.sqrt(2.0) / rms(fit.data.Y))
+        raise ValueError(
+            f"outputs: expected {count(wanted or 1, 'mode')} from {low:.4g} to {high:.4g} Hz, got evidence of"
+            f" {inside.sum()}: {min(noise, 100.0):.3g} % of the outputs is not explained by the inputs"
+        )
+    order_of = np.argsort(np.where(inside, fit.poles.imag, np.inf), kind="stable")
+    fit = CommonPoles(fit.data, fit.poles[order_of], fit.fixed)
+    number = int(inside.sum())
+    simple = RankOne.of(fit)
+    tested = tested.scaled(fit.data.scale / tested.scale)
+    left = complex_of(simple.left(tested))
+    percent = 100.0 * (1.0 - rms(left) / rms(tested.Y))
+    if data.lengths:
+        _said_of_feedback(fit)
+    model = None
+    if set(kinds) == {"displacement"}:
+        model, loose = simple.structure(fit.data, *names)
+        loss = rms(complex_of(loose)) / rms(fit.data.Y) - rms(complex_of(fit.residuals)) / rms(fit.data.Y)
+        model = None if 100.0 * loss.max() > _LOSS else model
+    steps = _deviations(fit)[:number] * stats.t.ppf(0.5 + 0.5 * level, _BLOCKS - 1)
+    rows = tuple(
+        _mode(pole, step, c, kinds, part, _steadiness(pole, found, len(orders)))
+        for pole, step, c, part in zip(fit.poles, steps, simple.c, fit.shares / fit.shares.sum(), strict=False)
+    )
+    spectrum = [np.sqrt(np.square(np.abs(x) / rms(tested.Y)).mean(axis=1)) for x in (tested.Y, left)]
+    return Identification(
+        rows,
+        simple.system(*names).without_dots().statespace("identified"),
+        model,
+        dict(zip(names[1], percent.tolist(), strict=True)),
+        dict(zip(names[1], _whiteness(left[tested.record == 0]).tolist(), strict=True)),
+        (low, high),
+        level,
+        source,
+        {
+            each: np.array([p for t in found for p, o in zip(t.poles, t.orders, strict=True) if o == each])
+            for each in orders
+        },
+        np.array([tested.s.imag / (2.0 * np.pi), *spectrum])[:, tested.record == 0],
+    )
+
+
+def _mode(pole: complex, step: Array, c: Array, kinds: tuple[str, ...], share: float, orders: float) -> IdentifiedMode:
+    shape = c / np.array([pole ** QUANTITIES[kind] for kind in kinds])
+    shape = shape / shape[np.argmax(np.abs(shape))]
+    rate, hz, damping = -pole.real, float(pole.imag / (2.0 * np.pi)), float(-pole.real / abs(pole))
+    width, factor = float(rate * step[1] / (2.0 * np.pi)), float(np.exp(min(step[0], _WIDEST)))
+    interval = damping / factor, min(damping * factor, 1.0)
+    return IdentifiedMode(hz, damping, (hz - width, hz + width), interval, shape, float(share), orders)
+
+
+def _band(record: Record, band_hz: Any) -> tuple[float, float]:
+    """Return the band asked for, or where all inputs have power; inputs that move together are refused."""
+    low, high = band(band_hz, 0.5 / record.step)
+    long = max(range(len(record.u)), key=lambda k: len(record.u[k]))
+    hz = np.fft.rfftfreq(len(record.u[long]), record.step)
+    U = np.fft.rfft(record.u[long], axis=0)
+    if band_hz is None:
+        window = np.ones(_SMOOTH) / _SMOOTH
+        power = np.array([np.convolve(np.square(np.abs(each)), window, mode="same") for each in U.T])
+        driven = np.flatnonzero((power > EXCITED * power.max(axis=1, keepdims=True)).all(axis=0))
+        if not len(driven):
+            raise ValueError("inputs: expected power at the same frequencies in all of them, got none")
+        low, high = (
+            float(hz[driven[0]]) if driven[0] > _SMOOTH else 0.0,
+            min(float(hz[driven[-1]]), _TOP * 0.5 / record.step),
+        )
+    inside = np.concatenate(
+        [
+            np.fft.rfft(u, axis=0)[(f >= low) & (f <= high)]
+            for u in record.u
+            for f in [np.fft.rfftfreq(len(u), record.step)]
+        ]
+    )
+    size = rms(inside)
+    alike = (inside / size).conj().T @ (inside / size) / max(len(inside), 1)
+    if np.linalg.eigvalsh(alike)[0] < _TOGETHER or (np.diagonal(alike) == 0.0).any():
+        raise ValueError(
+            f"inputs: expected each to move by itself from {low:.4g} to {high:.4g} Hz; inputs that move together cannot be"
+            " told apart"
+        )
+    return low, high
+
+
+def _enough(data: Spectra) -> None:
+    lines, m = min(map(len, data.lines)), data.U.shape[1]
+    if lines < _FEWEST * m:
+        raise ValueError(
+            f"inputs: expected at least {_FEWEST * m} lines of the spectrum in the band for {count(m, 'input')}, got {lines};"
+            " a longer record or a wider band has more"
+        )
+
+
+def _deviations(fit: CommonPoles) -> Array:
+    """Return deviations of the logarithm of each pole's decay rate and of its frequency in rates, (k, 2), from blocks.
+
+    The slope of the sum of squares is a sum over time; it is zero in all, and what blocks of the record have of it
+    says how much the poles would differ by the block.
+    """
+    columns, factors = fit.slopes
+    k, w = columns.shape[1:]
+    flat, residuals = columns.reshape(len(columns), -1), fit.residuals
+    if fit.data.lengths:
+        pairs = list(zip(fit.data.in_time(flat), fit.data.in_time(residuals), strict=True))
+        pairs = [(a * len(a), b) for a, b in pairs]
+    else:
+        once = np.argsort(np.tile(np.abs(fit.data.s), 2), kind="stable")
+        pairs = [(flat[once], residuals[once])]
+    longest = sum(len(a) for a, _ in pairs) / _BLOCKS
+    pulls = []
+    for a, b in pairs:
+        blocks = max(round(len(a) / longest), 1)
+        ends = np.linspace(0, len(a), blocks + 1).astype(int)
+        for begin, end in pairwise(ends):
+            product = (a[begin:end].T @ b[begin:end]).reshape(k, w, -1)
+            pulls.append(np.einsum("aiwo,awo->ai", factors, product).ravel())
+    score = np.array(pulls) * (0.5 if fit.data.lengths else 1.0)
+    score = score - score.mean(axis=0)
+    curvature, _ = fit.normal_equations
+    moved = np.linalg.solve(curvature, score.T)
+    larger = (
+        len(score) / max(len(score) - 1, 1) * len(residuals) / fit.freedom
+    )  # than residuals, which were fitted, say
+    return np.sqrt(larger * np.square(moved).sum(axis=1)).reshape(-1, 2)
+
+
+def _steadiness(pole: complex, found: Any, orders: int) -> float:
+    """Return at which share of the orders a pole near this one stood."""
+    near = [len(t.orders) for t in found if abs(t.pole - pole) < -pole.real]
+    return max(near, default=0) / orders
+
+
+def _whiteness(left: Array) -> Array:
+    """Return the chance of cumulated periodograms as far from a straight line, were the residuals white."""
+    power = np.cumsum(np.square(np.abs(left)), axis=0)
+    total = np.where(power[-1] > 0.0, power[-1], 1.0)
+    line = np.arange(1, len(power) + 1)[:, None] / len(power)
+    return special.kolmogorov(np.sqrt(len(power)) * np.abs(power / total - line).max(axis=0))
+
+
+def _said_of_feedback(fit: CommonPoles) -> None:
+    """Warn where errors of the outputs are followed by inputs."""
+    data = fit.data
+    E, U = complex_of(fit.residuals), data.U
+    rows = data.record == 0
+    length, lines = data.lengths[0], data.lines[0]
+    for o in range(E.shape[1]):
+        for i in range(U.shape[1]):
+            cross = np.zeros(length // 2 + 1, complex)
+            size = np.abs(U[rows, i])
+            cross[lines] = U[rows, i] / np.where(size > 0.0, size, 1.0) * E[rows, o].conj()
+            lag = np.fft.irfft(cross, length)
+            deviation = np.sqrt(2.0 * np.square(np.abs(cross)).sum()) / length
+            later = lag[_LATER : length // 4]
+            sooner = lag[-(length // 4) : -_LATER]
+            if (
+                len(later)
+                and np.abs(later).max() > _FEEDBACK * deviation
+                and np.abs(later).max() > 2.0 * np.abs(sooner).max()
+            ):
+                warnings.warn(
+                    f"inputs follow from errors of output {o + 1}, as in a closed loop: the model then mixes structure and"
+                    " controller, unless errors are small; add a signal of your own to the inputs",
+                    UserWarning,
+                    stacklevel=3,
+                )
+                return

@@ -1,0 +1,180 @@
+"""Spectra of records and measured responses, and what modes are in them: columns of a linear least-squares problem."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from boomctl.arrays import Array
+from boomctl.identification.record import Record
+from boomctl.lti.python_control import control
+
+_HEAVIEST = 100.0  # weight of a row of a measured response, in those of its median (a choice)
+EDGES = 4  # powers of frequency that stand for what a record's ends leave beside free motions (measured: 2 to 6 alike)
+
+
+@dataclass(frozen=True)
+class Spectra:
+    """Rows of complex equations ``Y = G U + transients``, those of several records below each other.
+
+    Attributes
+    ----------
+    s : (n,) ndarray
+        ``j omega`` [rad/s].
+    U, Y : (n, m), (n, p) ndarray
+        Spectra of inputs and outputs; outputs are divided by ``scale``.
+    record : (n,) ndarray of int
+        Of which record a row is.
+    lines : tuple of ndarray
+        Which lines of each record's spectrum its rows are.
+    lengths : tuple of int
+        Samples of each record; empty for a measured response, which has no transients.
+    step : float
+        Time between samples [s].
+    held : bool
+        Whether inputs are held between samples.
+    scale : (p,) ndarray
+        What the outputs are divided by.
+    """
+
+    s: Array
+    U: Array
+    Y: Array
+    record: Array
+    lines: tuple[Array, ...]
+    lengths: tuple[int, ...]
+    step: float
+    held: bool
+    scale: Array
+
+    @classmethod
+    def of_record(cls, record: Record, low: float, high: float, span: slice) -> "Spectra":
+        """Return the spectra of a part of each record within a band [Hz], zero left out."""
+        parts, lines, lengths = [], [], []
+        for k, (u, y) in enumerate(zip(record.u, record.y, strict=True)):
+            part = slice(*(round(len(u) * end) for end in (span.start, span.stop)))
+            u, y = u[part] - u[part].mean(axis=0), y[part] - y[part].mean(axis=0)
+            hz = np.fft.rfftfreq(len(u), record.step)
+            use = np.flatnonzero((hz > 0.0) & (hz >= low) & (hz <= high) & (hz < 0.5 / record.step))
+            spectra = (np.fft.rfft(x, axis=0)[use] / np.sqrt(len(u)) for x in (u, y))
+            parts.append((2j * np.pi * hz[use], *spectra, np.full(len(use), k)))
+            lines.append(use)
+            lengths.append(len(u))
+        s, U, Y, which = (np.concatenate(each) for each in zip(*parts, strict=True))
+        held = record.hold == "zero-order"
+        return cls(s, U, Y, which, tuple(lines), tuple(lengths), record.step, held, np.ones(Y.shape[1])).scaled(rms(Y))
+
+    @classmethod
+    def of_response(cls, response: "control.FrequencyResponseData", low: float, high: float) -> "Spectra":
+        """Return a measured response as rows with one input of one each."""
+        omega = np.asarray(response.omega)
+        use = np.flatnonzero((omega > 0.0) & (omega >= 2.0 * np.pi * low) & (omega <= 2.0 * np.pi * high))
+        G = np.asarray(response.frdata)[..., use]
+        m = G.shape[1]
+        Y = G.transpose(1, 2, 0).reshape(-1, len(G))
+        U = np.repeat(np.eye(m), len(use), axis=0).astype(complex)
+        if hasattr(response, "deviation"):  # rows of like errors
+            error = response.deviation[..., use].transpose(1, 2, 0).reshape(Y.shape) / rms(Y)
+            weight = np.median(rms(error.T)) / np.maximum(rms(error.T), np.finfo(float).tiny)
+            weight = np.minimum(weight, _HEAVIEST)[:, None]
+            U, Y = U * weight, Y * weight
+        s, which = np.tile(1j * omega[use], m), np.repeat(np.arange(m), len(use))
+        return cls(s, U, Y, which, (use,) * m, (), 0.0, False, np.ones(len(G))).scaled(rms(Y))
+
+    def scaled(self, scale: Array) -> "Spectra":
+        """Return the same with outputs divided by a scale (p,) once more."""
+        return replace(self, Y=self.Y / scale, scale=self.scale * scale)
+
+    @property
+    def records(self) -> int:
+        """How many records have transients."""
+        return len(self.lengths)
+
+    @property
+    def resolution(self) -> float:
+        """Between two lines [rad/s]."""
+        return (self.top - float(np.abs(self.s).min())) / max(max(map(len, self.lines)) - 1, 1)
+
+    @property
+    def top(self) -> float:
+        """Highest frequency [rad/s]."""
+        return float(np.abs(self.s).max())
+
+    def simple(self, poles: Array) -> tuple[Array, Array, Array, Array]:
+        """Return responses to the inputs and free motions of simple poles, each with its derivative, (n, poles)."""
+        s = self.s[:, None]
+        decay = np.exp(poles * self.step)
+        if self.records:
+            z = np.exp(s * self.step)
+            free = z / (z - decay) / np.sqrt(max(self.lengths))
+            free_slope = free * self.step * decay / (z - decay)
+        else:
+            free = free_slope = np.zeros((len(s), 0))
+        if not self.held:
+            forced = 1.0 / (s - poles)
+            return forced, np.square(forced), free, free_slope
+        gain = np.expm1(poles * self.step) / poles
+        gain_slope = (self.step * decay - gain) / poles
+        z = np.exp(s * self.step)
+        forced = gain / (z - decay)
+        return forced, (gain_slope + forced * self.step * decay) / (z - decay), free, free_slope
+
+    def pairs(self, poles: Array) -> tuple[Array, Array]:
+        """Return columns of pairs of poles and their derivatives, (2 n, poles, 2, m + records).
+
+        Real coefficients of the two columns of a pair are the real and the imaginary part of a residue.  The derivative
+        for the real part of the pole is the same of the derivatives; for the imaginary part ``(second, -first)``.
+        """
+        above, below = self.simple(poles), self.simple(poles.conj())
+        forced, slopes, free, free_slopes = (
+            np.stack([a + b, 1j * (a - b)], axis=2) for a, b in zip(above, below, strict=True)
+        )
+        found = []
+        for answer, motion in ((forced, free), (slopes, free_slopes)):
+            columns = [answer[..., None] * self.U[:, None, None, :]]
+            if self.records:
+                columns.append(motion[..., None] * self._own[:, None, None, :])
+            found.append(real(np.concatenate(columns, axis=3)))
+        return found[0], found[1]
+
+    @property
+    def _own(self) -> Array:
+        """Which record each row belongs to, as columns of zeros and ones."""
+        return (self.record[:, None] == np.arange(self.records)).astype(float)
+
+    def rest(self, fixed: Array) -> Array:
+        """Return the columns beside the pairs, (2 n, k): feedthrough, fixed pairs of poles, ends of each record."""
+        columns = [self.U]
+        if len(fixed):
+            above, below = self.simple(fixed)[0], self.simple(fixed.conj())[0]
+            both = np.stack([above + below, 1j * (above - below)], axis=2)
+            columns.append((both[..., None] * self.U[:, None, None, :]).reshape(len(self.s), -1))
+        if self.records:
+            powers = (self.s[:, None] / self.top) ** np.arange(EDGES)
+            columns.append((self._own[:, :, None] * powers[:, None, :]).reshape(len(self.s), -1))
+        return real(np.concatenate(columns, axis=1))
+
+    def in_time(self, columns: Array) -> tuple[Array, ...]:
+        """Return real columns (2 n, k) over time, (N, k) for each record."""
+        whole = complex_of(columns)
+        found = []
+        for k, (lines, length) in enumerate(zip(self.lines, self.lengths, strict=True)):
+            spectrum = np.zeros((length // 2 + 1, whole.shape[1]), complex)
+            spectrum[lines] = whole[self.record == k]
+            found.append(np.fft.irfft(spectrum, length, axis=0))
+        return tuple(found)
+
+
+def real(columns: Array) -> Array:
+    """Return complex rows as twice as many real ones."""
+    return np.concatenate([columns.real, columns.imag])
+
+
+def complex_of(rows: Array) -> Array:
+    """Return real rows as half as many complex ones."""
+    return rows[: len(rows) // 2] + 1j * rows[len(rows) // 2 :]
+
+
+def rms(columns: Array) -> Array:
+    """Return the root mean square of each column; one where it is zero."""
+    size = np.sqrt(np.square(np.abs(columns)).mean(axis=0))
+    return np.where(size > 0.0, size, 1.0)
