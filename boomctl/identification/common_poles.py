@@ -66,6 +66,11 @@ class CommonPoles:
         return basis, inverse, inverse @ within, y - basis @ within
 
     @property
+    def basis(self) -> Array:
+        """Orthonormal columns of all that is linear, (2 n, c)."""
+        return self._solved[0]
+
+    @property
     def residuals(self) -> Array:
         """What is not explained, (2 n, p)."""
         return self._solved[3]

@@ -34,6 +34,7 @@ _TOP = 0.98  # of half the sampling rate: above, filters and what folds over say
 _ORDERS = 11  # from half to the highest order, at which poles are tried (a choice)
 _HIGHEST = 60  # order where none is said: some three times as many as modes are sought (a choice)
 _BLOCKS = 24  # that a record is cut into for intervals: their deviation is known to a seventh (a choice)
+_ALONE = 0.9  # share of a coefficient up to which a block alone may say it; the rest of the record says more (a choice)
 _WIDEST = 20.0  # logarithm of a factor of damping: it is not determined then
 _LOSS = 1.0  # points of the fit that a structure may cost (a choice)
 _FEEDBACK = 6.0  # deviations of a correlation of errors with inputs that come later: one in a thousand million
@@ -226,7 +227,7 @@ def identify(
     and are then those of least squares in the frequency domain, residues and free motions solved for (variable
     projection, Golub & Pereyra 1973).  What residuals show is tried, and a mode stays if noise alone would show its
     like in one of a thousand records.  Intervals come from blocks of the record: how much each of them pulls at the
-    poles (a sandwich of blocks, Liang & Zeger 1986), so that they hold for coloured errors too.
+    poles (a jackknife of blocks), so that they hold for coloured errors too.
 
     Examples
     --------
@@ -371,34 +372,35 @@ def _enough(data: Spectra) -> None:
 def _deviations(fit: CommonPoles) -> Array:
     """Return deviations of the logarithm of each pole's decay rate and of its frequency in rates, (k, 2), from blocks.
 
-    The slope of the sum of squares is a sum over time; it is zero in all, and what blocks of the record have of it
-    says how much the poles would differ by the block.
+    The slope of the sum of squares is a sum over time.  What a block has of it says how much the poles would move if it
+    were left out, residues and all: a jackknife, by one Gauss-Newton step each.
     """
     columns, factors = fit.slopes
     k, w = columns.shape[1:]
-    flat, residuals = columns.reshape(len(columns), -1), fit.residuals
+    everything = np.concatenate([columns.reshape(len(columns), -1), fit.basis, fit.residuals], axis=1)
     if fit.data.lengths:
-        pairs = list(zip(fit.data.in_time(flat), fit.data.in_time(residuals), strict=True))
-        pairs = [(a * len(a), b) for a, b in pairs]
+        parts = [
+            each * np.sqrt(0.5 * len(each)) for each in fit.data.in_time(everything)
+        ]  # products are those of spectra
     else:
-        once = np.argsort(np.tile(np.abs(fit.data.s), 2), kind="stable")
-        pairs = [(flat[once], residuals[once])]
-    longest = sum(len(a) for a, _ in pairs) / _BLOCKS
-    pulls = []
-    for a, b in pairs:
-        blocks = max(round(len(a) / longest), 1)
-        ends = np.linspace(0, len(a), blocks + 1).astype(int)
-        for begin, end in pairwise(ends):
-            product = (a[begin:end].T @ b[begin:end]).reshape(k, w, -1)
-            pulls.append(np.einsum("aiwo,awo->ai", factors, product).ravel())
-    score = np.array(pulls) * (0.5 if fit.data.lengths else 1.0)
-    score = score - score.mean(axis=0)
+        parts = [everything[np.argsort(np.tile(np.abs(fit.data.s), 2), kind="stable")]]
+    longest = sum(map(len, parts)) / _BLOCKS
     curvature, _ = fit.normal_equations
-    moved = np.linalg.solve(curvature, score.T)
-    larger = (
-        len(score) / max(len(score) - 1, 1) * len(residuals) / fit.freedom
-    )  # than residuals, which were fitted, say
-    return np.sqrt(larger * np.square(moved).sum(axis=1)).reshape(-1, 2)
+    moved = []
+    for part in parts:
+        ends = np.linspace(0, len(part), max(round(len(part) / longest), 1) + 1).astype(int)
+        for begin, end in pairwise(ends):
+            slopes, basis, left = np.split(part[begin:end], [k * w, k * w + fit.basis.shape[1]], axis=1)
+            known, directions = np.linalg.eigh(basis.T @ basis)  # how far the block alone says what residues are
+            turned = basis @ directions
+            left = left + turned / (1.0 - np.minimum(known, _ALONE)) @ (turned.T @ left)
+            pull = np.einsum("aiwo,awo->ai", factors, (slopes.T @ left).reshape(k, w, -1)).ravel()
+            own = np.einsum(
+                "aivo,avbw,bjwo->aibj", factors, (slopes.T @ slopes).reshape(k, w, k, w), factors, optimize=True
+            ).reshape(2 * k, 2 * k)
+            moved.append(np.linalg.solve(curvature - _ALONE * own, pull))
+    apart = np.array(moved) - np.mean(moved, axis=0)
+    return np.sqrt(np.square(apart).sum(axis=0) * (len(moved) - 1) / len(moved)).reshape(-1, 2)
 
 
 def _steadiness(pole: complex, found: Any, orders: int) -> float:
