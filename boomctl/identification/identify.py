@@ -29,8 +29,8 @@ if TYPE_CHECKING:
 
 _SMOOTH = 31  # lines over which powers are averaged for that (a choice)
 _TOGETHER = 1e-4  # least eigenvalue of the inputs' correlation, below which they move together (a choice)
-_FEWEST = 24  # lines of a spectrum in the band: fewer bear no mode with its background (a choice)
 _TOP = 0.98  # of half the sampling rate: above, filters and what folds over say more than the structure (a choice)
+_FOLDED, _LARGE = 0.95, 0.2  # of half the sampling rate, and of the energy: what folds over looks like that (a choice)
 _ORDERS = 11  # from half to the highest order, at which poles are tried (a choice)
 _HIGHEST = 60  # order where none is said: some three times as many as modes are sought (a choice)
 _BLOCKS = 24  # that a record is cut into for intervals: their deviation is known to a seventh (a choice)
@@ -258,7 +258,7 @@ def identify(
         kinds = said if quantity is None else quantities(quantity, names[1])
         source = f"intervals from {_BLOCKS} groups of frequencies, validated on all of them"
     else:
-        record = Record.of(inputs, outputs, sample_time, quantity or "displacement", hold)
+        record = Record.of(inputs, outputs, sample_time, "displacement" if quantity is None else quantity, hold)
         low, high = _band(record, band_hz)
         data = Spectra.of_record(record, low, high, slice(0.0, 1.0 - back))
         tested = Spectra.of_record(record, low, high, slice(1.0 - back, 1.0)) if back else data
@@ -266,7 +266,6 @@ def identify(
         names, kinds = (record.inputs, record.outputs), record.quantity
         part = f"the last {100.0 * back:g} % of the record" if back else "what it was fitted to"
         source = f"intervals from {_BLOCKS} blocks of the record, validated on {part}"
-    _enough(data)
     highest = min(highest, len(data.lines[0]) // (2 * data.U.shape[1] + 2))
     orders = tuple(sorted({round(each) for each in np.linspace(max(highest // 2, 2), highest, _ORDERS)}))
     ends = 2.0 * np.pi * max(low, 0.0), 2.0 * np.pi * high
@@ -280,6 +279,14 @@ def identify(
         raise ValueError(
             f"outputs: expected {count(wanted or 1, 'mode')} from {low:.4g} to {high:.4g} Hz, got evidence of"
             f" {inside.sum()}: {min(noise, 100.0):.3g} % of the outputs is not explained by the inputs"
+        )
+    if (
+        data.lengths
+        and (folded := fit.poles[(fit.poles.imag > np.pi * _FOLDED / data.step) & (fit.shares > _LARGE)]).size
+    ):
+        raise ValueError(
+            f"sample_time = {sample_time!r}: expected resonances well below half the sampling rate, got one at"
+            f" {folded[0].imag / (2.0 * np.pi):.4g} Hz of {0.5 / data.step:.4g}; sample faster, or filter before sampling"
         )
     order_of = np.argsort(np.where(inside, fit.poles.imag, np.inf), kind="stable")
     fit = CommonPoles(fit.data, fit.poles[order_of], fit.fixed)
@@ -350,6 +357,8 @@ def _band(record: Record, band_hz: Any) -> tuple[float, float]:
             for f in [np.fft.rfftfreq(len(u), record.step)]
         ]
     )
+    if not len(inside):
+        raise ValueError(f"band_hz: expected frequencies that the record has, got none from {low:.4g} to {high:.4g} Hz")
     size = rms(inside)
     alike = (inside / size).conj().T @ (inside / size) / max(len(inside), 1)
     if np.linalg.eigvalsh(alike)[0] < _TOGETHER or (np.diagonal(alike) == 0.0).any():
@@ -358,15 +367,6 @@ def _band(record: Record, band_hz: Any) -> tuple[float, float]:
             " told apart"
         )
     return low, high
-
-
-def _enough(data: Spectra) -> None:
-    lines, m = min(map(len, data.lines)), data.U.shape[1]
-    if lines < _FEWEST * m:
-        raise ValueError(
-            f"inputs: expected at least {_FEWEST * m} lines of the spectrum in the band for {count(m, 'input')}, got {lines};"
-            " a longer record or a wider band has more"
-        )
 
 
 def _deviations(fit: CommonPoles) -> Array:

@@ -9,6 +9,7 @@ from boomctl.identification.record import Record
 from boomctl.lti.python_control import control
 
 _HEAVIEST = 100.0  # weight of a row of a measured response, in those of its median (a choice)
+_FEWEST = 24  # lines in the band for each input: fewer bear no mode with its background (a choice)
 EDGES = 4  # powers of frequency that stand for what a record's ends leave beside free motions (measured: 2 to 6 alike)
 
 
@@ -52,9 +53,11 @@ class Spectra:
         parts, lines, lengths = [], [], []
         for k, (u, y) in enumerate(zip(record.u, record.y, strict=True)):
             part = slice(*(round(len(u) * end) for end in (span.start, span.stop)))
+            _enough((part.stop - part.start) // 2, u.shape[1])
             u, y = u[part] - u[part].mean(axis=0), y[part] - y[part].mean(axis=0)
             hz = np.fft.rfftfreq(len(u), record.step)
             use = np.flatnonzero((hz > 0.0) & (hz >= low) & (hz <= high) & (hz < 0.5 / record.step))
+            _enough(len(use), u.shape[1])
             spectra = (np.fft.rfft(x, axis=0)[use] / np.sqrt(len(u)) for x in (u, y))
             parts.append((2j * np.pi * hz[use], *spectra, np.full(len(use), k)))
             lines.append(use)
@@ -69,6 +72,7 @@ class Spectra:
         omega = np.asarray(response.omega)
         use = np.flatnonzero((omega > 0.0) & (omega >= 2.0 * np.pi * low) & (omega <= 2.0 * np.pi * high))
         G = np.asarray(response.frdata)[..., use]
+        _enough(len(use), G.shape[1])
         m = G.shape[1]
         Y = G.transpose(1, 2, 0).reshape(-1, len(G))
         U = np.repeat(np.eye(m), len(use), axis=0).astype(complex)
@@ -178,3 +182,12 @@ def rms(columns: Array) -> Array:
     """Return the root mean square of each column; one where it is zero."""
     size = np.sqrt(np.square(np.abs(columns)).mean(axis=0))
     return np.where(size > 0.0, size, 1.0)
+
+
+def _enough(lines: int, inputs: int) -> None:
+    """Refuse a part of a record with hardly a line in the band."""
+    if lines < _FEWEST * inputs:
+        raise ValueError(
+            f"inputs: expected at least {_FEWEST * inputs} lines of the spectrum in the band, got {lines}"
+            " in the part that is fitted or held back; a longer record or a wider band has more"
+        )

@@ -281,6 +281,14 @@ def test_bad_records_are_refused_in_one_line(chain, changed, said):
     assert "\n" not in str(refused.value)
 
 
+def test_resonances_beside_half_the_sampling_rate_are_refused():
+    model = bc.structure.SecondOrderModel([[1.0]], [[0.5]], [[(2.0 * np.pi * 24.2) ** 2]], {"f": [1.0]}, {"y": [1.0]})
+    with pytest.raises(
+        ValueError, match=r"sample_time = 0.02: expected resonances well below half .* got one at 24.2 Hz of 25"
+    ):
+        bc.identify(*driven(model, 4000, seed=0, errors=0.01, top_hz=24.9), STEP, band_hz=(0.0, 24.8))
+
+
 def test_a_response_takes_no_outputs_beside_it(chain):
     model, u, _, _ = chain
     with pytest.raises(TypeError, match="expected None beside a measured frequency response"):
