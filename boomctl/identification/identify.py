@@ -280,10 +280,8 @@ def identify(
             f"outputs: expected {count(wanted or 1, 'mode')} from {low:.4g} to {high:.4g} Hz, got evidence of"
             f" {inside.sum()}: {min(noise, 100.0):.3g} % of the outputs is not explained by the inputs"
         )
-    if (
-        data.lengths
-        and (folded := fit.poles[(fit.poles.imag > np.pi * _FOLDED / data.step) & (fit.shares > _LARGE)]).size
-    ):
+    folded = fit.poles[inside & (fit.shares > _LARGE) & (fit.poles.imag * data.step > np.pi * _FOLDED)]
+    if len(folded):
         raise ValueError(
             f"sample_time = {sample_time!r}: expected resonances well below half the sampling rate, got one at"
             f" {folded[0].imag / (2.0 * np.pi):.4g} Hz of {0.5 / data.step:.4g}; sample faster, or filter before sampling"
