@@ -12,6 +12,7 @@ import ast
 import sys
 import warnings
 from collections.abc import Callable
+from difflib import get_close_matches
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
@@ -33,6 +34,40 @@ _GONE = {
     "boomctl.studies.suspension.TradeCurve": "give boomctl.sweep a function that makes and judges a design",
 }
 """Names that left, for one version: what to use instead."""
+
+TRANSLATED = {
+    word: ours
+    for ours, words in {
+        "bode": "bode_plot bodemag",
+        "close_loop": "lft",
+        "compare_sigma": "singular_values_plot",
+        "discretize": "c2d sample_system",
+        "estimate_response": "etfe spa tfestimate modalfrf",
+        "feedback_loop": "feedback connect interconnect",
+        "fit": "greyest",
+        "forced_response": "lsim",
+        "generalized_plant": "augw",
+        "h2": "h2syn",
+        "h2_norm": "norm2",
+        "h_infinity": "hinfsyn mixsyn",
+        "hinf_norm": "linfnorm getPeakGain system_norm norm",
+        "identify": "n4sid ssest tfest modalfit era",
+        "impulse": "impulse_response impulseplot",
+        "kalman": "lqe",
+        "margins": "margin allmargin diskmargin stability_margins",
+        "mode_table": "damp pole poles",
+        "nyquist": "nyquist_plot nyquist_response",
+        "pzmap": "pole_zero_map pole_zero_plot iopzmap",
+        "reduce": "balred modred balreal hankelmr",
+        "robust_stability": "robstab",
+        "sigma": "singular_values_response sigmaplot",
+        "step": "step_response stepplot step_info",
+        "tune": "systune hinfstruct looptune",
+        "worst_case": "wcgain",
+    }.items()
+    for word in words.split()
+}
+"""Words of MATLAB and of python-control for what a public name of the top does."""
 
 MOVED = {
     name: package
@@ -81,8 +116,13 @@ def loader(package: str) -> tuple[list[str], Callable[[str], Any], Callable[[], 
             warnings.warn(said, DeprecationWarning, stacklevel=2)
             return getattr(import_module(f"boomctl.{MOVED[name]}"), name)
         if name not in home:
-            said = f"module {package!r} has no attribute {name!r}; it offers {', '.join(sorted(home))}"
-            raise AttributeError(said, name=name, obj=module)
+            known = TRANSLATED.get(name) if package == "boomctl" else None
+            if known is not None:
+                hint = f"here it is boomctl.{known}"
+            else:
+                near = get_close_matches(name, home, n=1, cutoff=0.5)
+                hint = (f"did you mean {near[0]!r}? " if near else "") + f"help({package}) lists what there is"
+            raise AttributeError(f"module {package!r} has no attribute {name!r}; {hint}", name=name, obj=module)
         if not home[name]:
             return import_module(f"{package}.{name}")  # which becomes an attribute of the package by that
         value = getattr(import_module(home[name]), name)

@@ -15,6 +15,7 @@ from pathlib import Path
 import pytest
 
 import boomctl
+from boomctl import lazy
 from boomctl.lazy import MOVED
 
 PACKAGE = Path(boomctl.__file__).parent
@@ -44,10 +45,29 @@ def test_a_stub_exports_all_names_that_the_package_loads_from_where_they_are_def
     assert set(package.__all__) <= set(dir(package))
 
 
-@pytest.mark.parametrize("package", ["boomctl", "boomctl.structure"])
-def test_an_unknown_name_is_refused_with_those_that_exist(package):
-    with pytest.raises(AttributeError, match=r"has no attribute 'Boom'; it offers .*SecondOrderModel|BoomParameters"):
-        _ = import_module(package).Boom
+@pytest.mark.parametrize(
+    ("package", "name", "hint"),
+    [
+        ("boomctl", "sgima", r"did you mean 'sigma'\? help\(boomctl\) lists what there is"),
+        ("boomctl.structure", "SecondOrdrModel", "'SecondOrderModel'"),
+        ("boomctl", "c2d", "here it is boomctl.discretize"),
+        ("boomctl", "qqqq", r"help\(boomctl\) lists what there is"),
+    ],
+)
+def test_an_unknown_name_is_told_the_nearest(package, name, hint):
+    with pytest.raises(AttributeError, match=f"has no attribute '{name}'; .*{hint}") as refused:
+        getattr(import_module(package), name)
+    assert len(str(refused.value)) < 150
+
+
+def test_words_of_others_are_translated_on_their_page():
+    assert set(lazy.TRANSLATED.values()) <= set(boomctl.__all__)
+    assert not set(lazy.TRANSLATED) & set(boomctl.__all__)
+    page = (Path(__file__).parents[1] / "docs" / "other_words.md").read_text(encoding="utf-8")
+    rows = [line for line in page.splitlines() if line.startswith("| `")]
+    table = {word: row.split("|")[2] for row in rows for word in re.findall(r"`(\w+)`", row.split("|")[1])}
+    for word, ours in lazy.TRANSLATED.items():
+        assert f"`{ours}`" in table[word]
 
 
 def test_names_that_left_say_what_to_use_instead():
