@@ -272,7 +272,7 @@ CALLS = {
         "outputs": {"place": swinging()},
         "sample_time": 0.1,
         "modes": 1,
-        "band_hz": (0.1, 2.0),
+        "band_hz": (0.1, 2.5),
         "quantity": "displacement",
         "hold": "band-limited",
         "held_back": 0.3,
