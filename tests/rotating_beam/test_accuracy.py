@@ -266,7 +266,7 @@ def test_kinds():
         bc.hub_beam(accuracy=1e-3, manoeuvre=3.0)
     with pytest.raises(TypeError, match=r"^accuracy = 'high': expected a real number"):
         bc.hub_beam(accuracy="high", manoeuvre=SPIN_UP)
-    with pytest.raises(TypeError, match="^parameters: expected HubBeamParameters, got float"):
+    with pytest.raises(TypeError, match=r"^parameters: expected HubBeamParameters, got float"):
         bc.hub_beam(3.0, accuracy=1e-3, manoeuvre=SPIN_UP)
 
 
