@@ -198,6 +198,8 @@ def finite_array(name: str, value: ArrayLike, ndim: int | None = None) -> Array:
 
 def frequencies(name: str, value: ArrayLike) -> Array:
     """Return ``value`` as a one-dimensional array of angular frequencies, rad/s, none negative."""
+    if isinstance(value, str):
+        raise TypeError(f"{name} = {value!r}: expected frequencies; signals are named by inputs= and outputs=")
     omega = np.atleast_1d(finite_array(name, value))
     if omega.ndim != 1 or omega.size == 0:
         raise ValueError(f"{name}: expected one dimension and at least one frequency, got shape {omega.shape}")

@@ -81,6 +81,9 @@ class NormCertificate:
     _value: float | None = field(default=None, repr=False)
     _given: "Lti | SecondOrderModel | None" = field(default=None, repr=False, compare=False)
 
+    def __float__(self) -> float:
+        return self.value
+
     def __claims__(self) -> Iterator[Claim]:
         """Yield what can be proved."""
         if self._given is not None:

@@ -371,7 +371,7 @@ def of(
     ----------
     system : StateSpace, TransferFunction, SecondOrderModel or Lti
     what : str
-        What a message calls it: the parameter's name.
+        What a message calls it: the parameter's name.  Of a design handed in as "controller" its controller is taken.
     expected : str
         What a message says was expected.  Where "SecondOrderModel" is expected, anything is taken that has a method
         ``__lti__``, which returns an :class:`Lti` without python-control, or ``to_statespace``.
@@ -391,6 +391,8 @@ def of(
     """
     if isinstance(system, Lti):
         return system
+    if what == "controller" and is_statespace(getattr(system, "controller", None)):
+        system = getattr(system, "controller")  # of a design  # noqa: B009
     given: Any = system
     models = "SecondOrderModel" in expected
     if models and hasattr(system, "__lti__"):

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from scipy import sparse
 
 from boomctl.arrays import Array, Matrix
-from boomctl.checks import finite_array, frequencies, instance, mapping, sequence, signal_name, some_names, whole
+from boomctl.checks import finite_array, frequencies, instance, mapping, sequence, shown, signal_name, some_names, whole
 from boomctl.lti.rounding import ALIKE
 from boomctl.lti.system import Lti
 from boomctl.printing import count, signals
@@ -26,6 +26,23 @@ from boomctl.structure.symmetry import Mirror
 
 if TYPE_CHECKING:
     import control
+
+
+_OF_STATES = (
+    "A",
+    "B",
+    "D",
+    "zeros",
+    "damp",
+    "dcgain",
+    "feedback",
+    "sample",
+    "ninputs",
+    "noutputs",
+    "nstates",
+    "input_labels",
+)
+"""What users of python-control look for at a system, and a structure does not have."""
 
 
 @dataclass(frozen=True, init=False, eq=False)
@@ -192,6 +209,37 @@ class SecondOrderModel:
             if wanted is not None:
                 some_names(what, wanted, there)
         return SecondOrderModel.of(self.structure, self.ports.select(inputs, outputs), self.chosen)
+
+    def __getitem__(self, signals: tuple[Any, Any]) -> SecondOrderModel:
+        """Return the model between signals, outputs first, as systems of python-control take them: ``m["tip", "force"]``."""
+        if not isinstance(signals, tuple) or len(signals) != 2:
+            raise TypeError(f"expected model[outputs, inputs] with names of signals, got model[{shown(signals)}]")
+        return self.select(signals[1], signals[0])
+
+    def __getattr__(self, name: str) -> Any:
+        """Say where something is that state spaces have."""
+        said = f"{type(self).__name__!r} object has no attribute {name!r}"
+        hint = (
+            "; its .to_statespace() has, and boomctl.sigma, bode, step, ... take the model"
+            if name in _OF_STATES
+            else ""
+        )
+        raise AttributeError(f"{said}{hint}", name=name, obj=self)
+
+    def poles(self) -> Array:
+        """Return the poles of the model's state space.
+
+        Returns
+        -------
+        (k,) complex ndarray
+            [rad/s], those of python-control's ``model.to_statespace().poles()``.
+
+        Raises
+        ------
+        ValueError
+            An output that needs a derivative of an input.
+        """
+        return self.__lti__().poles
 
     def eigenfrequencies_hz(self, count: int = 5) -> Array:
         """Return the lowest damped eigenfrequencies, ``Im(lambda)/2 pi > 0``, ascending [Hz].

@@ -54,6 +54,7 @@ def discretize(
     >>> bc.discretize(lag, 0.1).A.round(4)
     array([[0.8182]])
     """
+    controller = getattr(controller, "controller", controller)
     poles = of(controller, "controller", "StateSpace").poles
     T = positive("sample_time", sample_time)
     known("method", method, _METHODS)

@@ -181,4 +181,4 @@ def test_names_that_cannot_be_are_refused():
         bc.with_states(np.eye(2))  # type: ignore[arg-type]
     design = bc.lqr(control.ss(A, B, [[1.0, 0.0]], 0.0), 1.0, 1.0)
     with pytest.raises(TypeError, match=r"got LqrResult; its \.controller is one"):
-        bc.margins(other, design)  # type: ignore[arg-type]
+        bc.hinf_norm(design)  # type: ignore[arg-type]

@@ -218,3 +218,26 @@ def test_counts_are_needed_where_names_do_not_tell():
             design(plain)
     with pytest.raises(TypeError, match="nmeas: expected a whole number, got a structure"):
         bc.tune(plain, bc.tunable.gain())
+
+
+def test_a_design_is_taken_where_a_controller_is():
+    plant = control.ss([[0.0, 1.0], [-4.0, -0.2]], [[0.0], [1.0]], [[1.0, 0.0]], 0.0, inputs="force", outputs="place")
+    P = bc.generalized_plant(
+        plant,
+        disturbances={"force": 1.0},
+        noises={"place": 0.1},
+        performance={"place": 1.0},
+        effort={"force": 0.1},
+        measurements="place",
+        controls="force",
+    )
+    design, time = bc.h_infinity(P), 0.01 * np.arange(50)
+    K = design.controller
+    assert str(bc.margins(plant, design)) == str(bc.margins(plant, K))
+    loops = [bc.feedback_loop(plant, each, "force").A for each in (design, K)]
+    assert_allclose(*loops)
+    assert_allclose(bc.close_loop(P, design).A, bc.close_loop(P, K).A)
+    assert_allclose(bc.discretize(design, 0.01).A, bc.discretize(K, 0.01).A)
+    push = {"force": np.ones(50)}
+    runs = [bc.simulate_loop(plant, each, push, time, sample_time=0.01)["place"] for each in (design, K)]
+    assert_allclose(runs[0], runs[1])

@@ -71,6 +71,10 @@ class LqrResult:
     certificate: DesignCertificate
     _plant: Lti | None = field(default=None, repr=False, compare=False)
 
+    def __iter__(self) -> Iterator[Array]:
+        """Yield gain, cost and poles: ``K, S, E = lqr(...)``, as python-control's ``lqr`` returns them."""
+        return iter((self.gain, self.cost, self.poles))
+
     def __claims__(self) -> Iterator[Claim]:
         """Yield what can be proved: of the loop of the plant that was handed in."""
         if self._plant is not None:

@@ -1,0 +1,50 @@
+"""What a user of python-control looks for at a structure, a norm and a regulator is there, or says where."""
+
+import control
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+import boomctl as bc
+
+
+def test_signals_by_index_are_outputs_first():
+    boom = bc.spray_boom()
+    one = boom["tip_left", "actuator_left"]
+    assert (one.inputs, one.outputs) == (("actuator_left",), ("tip_left",))
+    assert boom[["tip_right", "tip_left"], "cradle"].outputs == ("tip_right", "tip_left")
+    with pytest.raises(ValueError, match="did you mean 'tip_left'"):
+        boom["tip_lef", "cradle"]
+    with pytest.raises(TypeError, match=r"expected model\[outputs, inputs\]"):
+        boom["tip_left"]  # type: ignore[index]
+
+
+def test_poles_are_those_of_the_state_space():
+    boom = bc.spray_boom()
+    assert_allclose(np.sort_complex(boom.poles()), np.sort_complex(boom.to_statespace().poles()), rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize("name", ["A", "dcgain", "sample"])
+def test_what_only_state_spaces_have_says_so(name):
+    with pytest.raises(AttributeError, match=rf"no attribute '{name}'; its \.to_statespace\(\) has"):
+        getattr(bc.spray_boom(), name)
+
+
+def test_a_norm_is_a_number_and_a_regulator_unpacks():
+    swing = control.ss([[0.0, 1.0], [-1.0, -0.1]], [[0.0], [1.0]], [[1.0, 0.0]], 0.0)
+    assert float(bc.hinf_norm(swing)) == bc.hinf_norm(swing).lower
+    assert float(bc.h2_norm(swing)) == bc.h2_norm(swing).value
+    K, S, E = bc.lqr(swing, np.eye(2), np.eye(1))
+    K2, S2, E2 = control.lqr(swing, np.eye(2), np.eye(1))
+    assert_allclose(K, K2)
+    assert_allclose(S, S2)
+    assert_allclose(np.sort_complex(E), np.sort_complex(E2))
+
+
+def test_a_name_where_frequencies_stand_and_speeds_where_one_stands():
+    with pytest.raises(
+        TypeError, match="omega = 'tip_left': expected frequencies; signals are named by inputs= and outputs="
+    ):
+        bc.sigma(bc.spray_boom(), "tip_left")
+    with pytest.raises(TypeError, match=r"\.campbell\(speeds\) takes many"):
+        bc.hub_beam(modes=1).frequencies_hz(np.array([0.0, 1.0]))
