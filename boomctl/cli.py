@@ -16,6 +16,7 @@ from io import TextIOWrapper
 from math import isfinite, pi, tau
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
+from warnings import catch_warnings, filterwarnings
 
 if TYPE_CHECKING:
     from boomctl.lab.papers.side_by_side import Job
@@ -515,7 +516,8 @@ def slew(words: Sequence[str]) -> None:
     given = {name: getattr(asked, name) for name in limits if getattr(asked, name) is not None}
     beam = AssumedModesBeam(HubBeamParameters(tip_mass=asked.tip_mass), asked.model, asked.modes)
     aside = _results_alone() if asked.json else nullcontext()
-    with aside, locked_folder(asked.out) as folder, _progress(STEPS) as progress:
+    with aside, locked_folder(asked.out) as folder, _progress(STEPS) as progress, catch_warnings():
+        filterwarnings("ignore", "angle = ")  # said above, in words of the command
         evaluation = evaluated_plan(
             beam,
             angle=angle,

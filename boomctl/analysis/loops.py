@@ -13,7 +13,7 @@ from boomctl.arrays import Array
 from boomctl.checks import frequencies, known, names
 from boomctl.lti.bilinear import continuous_image
 from boomctl.lti.sampled import sampled_plant, time_of_loop
-from boomctl.lti.system import Lti, is_frequency_response, lower_lft, of
+from boomctl.lti.system import Lti, controller_of, is_frequency_response, lower_lft, of
 from boomctl.printing import compact
 from boomctl.structure.model import SecondOrderModel
 
@@ -85,7 +85,7 @@ def joined(
         no input of it; a loop that is not well-posed.
     """
     either = delay is not None
-    P, K = of(plant, "plant", sampled=either), of(controller, "controller", "StateSpace", sampled=either)
+    P, K = of(plant, "plant", sampled=either), controller_of(controller, sampled=either)
     K = replace(K, states=tuple(f"controller_{label}" for label in K.states))
     acting, measured = signals_of(K, P.inputs, P.outputs, P.states)
     dt, late = time_of_loop(P, K, 0.0 if delay is None else delay)
@@ -241,7 +241,7 @@ def closed_loop_response(
     from boomctl.lti.python_control import control
 
     data = named_response(plant, omega)
-    K = of(controller, "controller", "StateSpace").balanced()
+    K = controller_of(controller).balanced()
     grid, G = np.asarray(data.omega, dtype=float), np.asarray(data.frdata).transpose(2, 0, 1)
     acting, measured = signals_of(K, data.input_labels, data.output_labels)
     others = [i for i in range(data.ninputs) if i not in acting]

@@ -42,7 +42,7 @@ from boomctl.lti.frequency import (
 )
 from boomctl.lti.modal import resolved, side_of_axis, sides
 from boomctl.lti.rounding import ALIKE, CERTIFIED, DIGIT, EPS, LEVEL, SOLVED, SUMMED, TINY
-from boomctl.lti.system import Lti, of
+from boomctl.lti.system import Lti, controller_of, of
 from boomctl.printing import listed, table_html
 
 if TYPE_CHECKING:
@@ -333,7 +333,7 @@ def margins(
     >>> round(bc.margins(mass, bc.discretize(lead, 0.01), delay=0.004)["force"].phase_deg, 1)  # sampling takes some
     33.2
     """
-    P, K = of(plant, "plant", sampled=True), of(controller, "controller", "StateSpace", sampled=True)
+    P, K = of(plant, "plant", sampled=True), controller_of(controller, sampled=True)
     loop = joined(P, K, delay)
     dt = loop.system.dt
     poles = loop.system.poles

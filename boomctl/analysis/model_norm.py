@@ -120,9 +120,15 @@ class SplitModel:
         return tuple(_Band.of(part) if part.n >= CORE_FROM else None for part in self.parts)
 
     @cached_property
-    def realised(self) -> tuple["_Realised", ...]:
-        """The state spaces of small parts."""
-        return tuple(_Realised.of(part) for part in self.parts)
+    def realised(self) -> tuple["_Realised", ...] | None:
+        """The state spaces of two small parts; None of others, and where there are none that hold all poles."""
+        if len(self.parts) < 2 or any(part.n >= CORE_FROM for part in self.parts):
+            return None
+        try:
+            found = tuple(_Realised.of(part) for part in self.parts)
+        except ValueError:  # an output that needs a derivative of an input: its norm is refused, not its response
+            return None
+        return None if any(part.wide for part in found) else found
 
     @classmethod
     def of(cls, model: SecondOrderModel) -> "SplitModel":
@@ -155,8 +161,8 @@ class SplitModel:
         if shown is None:
             return Resonances.of(first_order_poles(dense(self.model.M), dense(self.model.C), dense(self.model.K)), high)
         low, top = shown[0], ABOVE * shown[1] if high is None else high
-        if "realised" in self.__dict__ and not any(part.wide for part in self.realised):
-            found = [_upper(part.system.poles, top) for part in self.realised]  # the norm was asked for before
+        if self.realised is not None:
+            found = [_upper(part.system.poles, top) for part in self.realised]
         else:
             found = [_poles(part, band, top) for part, band in zip(self.parts, self.bands, strict=True)]
         return Resonances(np.concatenate([np.zeros(0, complex), *found]), BELOW * low, top)
@@ -171,9 +177,8 @@ class SplitModel:
         """
         if not self.parts:
             return NormCertificate(0.0, 0.0, 0.0, "no response", ("halves",))
-        small = len(self.parts) > 1 and all(part.n < CORE_FROM for part in self.parts)
-        if small:
-            found = _norms_of_small(self.parts, self.realised)
+        if self.realised is not None:
+            found = _norms_of_small(self.realised)
         else:
             found = [_part_norm(part, band) for part, band in zip(self.parts, self.bands, strict=True)]
         largest, widest = max(found, key=lambda norm: norm.lower), max(found, key=lambda norm: norm.upper)
@@ -309,17 +314,15 @@ class _Realised:
         return level_shows(self.system, level, self.guess[1]) and not len(axis_eigenvalues(self.system, level))
 
 
-def _norms_of_small(parts: tuple[SecondOrderModel, ...], systems: tuple["_Realised", ...]) -> list[NormCertificate]:
+def _norms_of_small(systems: tuple["_Realised", ...]) -> list[NormCertificate]:
     """Return the norms of small parts; of one proved to stay below another's norm, the other's bound alone."""
-    if any(system.wide for system in systems):
-        return [_part_norm(part, None) for part in parts]
-    order = sorted(range(len(parts)), key=lambda i: -systems[i].guess[0])
+    order = sorted(range(len(systems)), key=lambda i: -systems[i].guess[0])
     found = {order[0]: systems[order[0]].norm()}
     first = found[order[0]]
     for i in order[1:]:
         below = first.lower == inf or systems[i].stays_below(first.lower)
         found[i] = replace(first, lower=0.0, path=systems[i].path) if below else systems[i].norm()
-    return [found[i] for i in range(len(parts))]
+    return [found[i] for i in range(len(systems))]
 
 
 def _response(small: SecondOrderModel, omega: Array) -> Array:

@@ -20,7 +20,7 @@ from boomctl.arrays import Array
 from boomctl.checks import frequencies, function_of, nonnegative, plain_array, positive, whole
 from boomctl.lti.frequency import BEYOND, CURVE, Resonances, singular_values
 from boomctl.lti.modal import side_of_axis
-from boomctl.lti.system import Lti, of
+from boomctl.lti.system import Lti, controller_of
 
 if TYPE_CHECKING:
     import control
@@ -185,7 +185,7 @@ def exact_loop_stability(
     >>> bc.analysis.exact_loop_stability(boom, damper, poles[abs(poles) < 50.0]).unstable_poles
     0
     """
-    K, limit = of(controller, "controller", "StateSpace").balanced(), whole("max_evaluations", max_evaluations)
+    K, limit = controller_of(controller).balanced(), whole("max_evaluations", max_evaluations)
     own, side = K.poles, side_of_axis(K.poles)
     if (side == 0).any():
         raise ValueError("controller: expected no pole on the imaginary axis (an integrator, an undamped mode)")

@@ -15,7 +15,7 @@ from boomctl.exchange.c_code import RunningController, c_files
 from boomctl.exchange.controller_schema import checked_controller
 from boomctl.exchange.matlab import matlab_files, read_matlab
 from boomctl.files import json_text, write_all
-from boomctl.lti.system import Lti, of
+from boomctl.lti.system import Lti, controller_of, of
 from boomctl.printing import listed
 from boomctl.simulation.conditioning import correction
 from boomctl.simulation.signals import per_signal
@@ -146,7 +146,7 @@ def controller_contents(
     """Return what :func:`write_controller` writes, as contents by name of file."""
     known("suffix", suffix, SUFFIXES)
     own = getattr(controller, "certificate", None)
-    K = of(getattr(controller, "controller", controller), "controller", "StateSpace", any_time=True)
+    K = controller_of(controller, any_time=True)
     if not np.isnan(K.dt):
         nonnegative("controller: its sampling time", K.dt)
     if K.states and len(K.states) != len(K.A):

@@ -371,7 +371,7 @@ def of(
     ----------
     system : StateSpace, TransferFunction, SecondOrderModel or Lti
     what : str
-        What a message calls it: the parameter's name.  Of a design handed in as "controller" its controller is taken.
+        What a message calls it: the parameter's name.
     expected : str
         What a message says was expected.  Where "SecondOrderModel" is expected, anything is taken that has a method
         ``__lti__``, which returns an :class:`Lti` without python-control, or ``to_statespace``.
@@ -391,8 +391,6 @@ def of(
     """
     if isinstance(system, Lti):
         return system
-    if what == "controller" and is_statespace(getattr(system, "controller", None)):
-        system = getattr(system, "controller")  # of a design  # noqa: B009
     given: Any = system
     models = "SecondOrderModel" in expected
     if models and hasattr(system, "__lti__"):
@@ -423,6 +421,11 @@ def of(
             )
     _check_names(what, found)
     return found
+
+
+def controller_of(given: object, expected: str = "StateSpace", *, any_time: bool = False, **time: bool) -> Lti:
+    """Return the matrices and names of a controller, or of that of a design, as :func:`of` does of a system."""
+    return of(getattr(given, "controller", given), "controller", expected, any_time=any_time, **time)
 
 
 def _instead(system: object) -> str:

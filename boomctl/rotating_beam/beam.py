@@ -343,7 +343,7 @@ class HubBeam(ABC):
 
     def simulate_many(
         self,
-        manoeuvres: Sequence[Manoeuvre],
+        manoeuvres: Sequence[Manoeuvre | PlannedTorque | PlannedSlew],
         timepts: ArrayLike,
         initial: ArrayLike | None = None,
         rtol: float | None = None,
@@ -355,7 +355,7 @@ class HubBeam(ABC):
 
         Parameters
         ----------
-        manoeuvres : sequence of PrescribedMotion or TorqueDriven
+        manoeuvres : sequence of PrescribedMotion, TorqueDriven, SlewResult or TorqueHistory
             As for `simulate`.
         timepts : array_like
             Instants at which all motions are wanted, s; as in `simulate`.
@@ -375,7 +375,7 @@ class HubBeam(ABC):
             As `simulate` does; it names the manoeuvre.
         """
         instants = _instants(timepts)
-        given = sequence("manoeuvres", manoeuvres, "manoeuvres")
+        given = [_played(each, initial) for each in sequence("manoeuvres", manoeuvres, "manoeuvres")]
         tolerance = self._tolerance(given, initial, rtol, atol)
         starting = None if initial is None else finite_array("initial", initial)
         states = [starting] * len(given) if starting is None or starting.ndim == 1 else list(np.atleast_2d(starting))
@@ -713,7 +713,7 @@ class HubBeam(ABC):
 
     def _motions(
         self,
-        manoeuvres: Sequence[Manoeuvre],
+        manoeuvres: Sequence[Manoeuvre | PlannedTorque | PlannedSlew],
         timepts: Array,
         starts: Sequence[tuple[Array, Array]],
         tolerance: tuple[float, float],

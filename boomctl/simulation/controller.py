@@ -11,7 +11,7 @@ from boomctl.checks import exactly, known, up_to
 from boomctl.lti.controllers.scheduled import ScheduledController
 from boomctl.lti.controllers.time_varying import TimeVaryingController
 from boomctl.lti.sampled import same_time
-from boomctl.lti.system import Lti, of
+from boomctl.lti.system import Lti, controller_of, of
 from boomctl.simulation.conditioning import bounded_correction, correction
 from boomctl.simulation.conditioning import conditioning_gain as conditioning_gain
 from boomctl.simulation.machine.machine import MachineModes
@@ -114,7 +114,7 @@ def sampled_controller(
         return _time_varying(controller, plant, sample_time)
     scheduled = controller if isinstance(controller, ScheduledController) else None
     if scheduled is None:
-        given = (of(controller, "controller", expected="StateSpace, ScheduledController or None", any_time=True),)
+        given = (controller_of(controller, "StateSpace, ScheduledController or None", any_time=True),)
     else:
         given = scheduled.systems
     driven, measured = signals_of(

@@ -1,11 +1,13 @@
 """Controllers for a computer: a sampled version of a controller in continuous time, names kept."""
 
+from typing import Any
+
 import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.checks import exactly, from_on, known, positive, up_to
 from boomctl.lti.python_control import control
-from boomctl.lti.system import of
+from boomctl.lti.system import controller_of
 
 _METHODS = ("tustin", "zoh")
 _CORNER = 1e-6  # relative distance from 2/T within which a pole counts as lying there: ten digits are then lost
@@ -54,8 +56,8 @@ def discretize(
     >>> bc.discretize(lag, 0.1).A.round(4)
     array([[0.8182]])
     """
-    controller = getattr(controller, "controller", controller)
-    poles = of(controller, "controller", "StateSpace").poles
+    given: Any = getattr(controller, "controller", controller)
+    poles = controller_of(given).poles
     T = positive("sample_time", sample_time)
     known("method", method, _METHODS)
     if positive("samples_per_period", samples_per_period) < 2.0:
@@ -74,7 +76,7 @@ def discretize(
     _check_rate(poles, T, samples_per_period)
     if method == "tustin":
         _check_corner(poles, T if warped is None else 2.0 * np.tan(0.5 * warped * T) / warped)
-    return control.sample_system(controller, T, method, prewarp_frequency=warped, name=f"{controller.name}_discrete")
+    return control.sample_system(given, T, method, prewarp_frequency=warped, name=f"{given.name}_discrete")
 
 
 def _check_corner(poles: Array, T: float) -> None:

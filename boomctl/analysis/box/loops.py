@@ -15,7 +15,7 @@ from boomctl.analysis.loops import signals_of
 from boomctl.arrays import Array
 from boomctl.checks import exactly, instance, known
 from boomctl.lti.controllers.scheduled import ScheduledController, frozen
-from boomctl.lti.system import Lti, of
+from boomctl.lti.system import Lti, controller_of, of
 from boomctl.structure.families import Family
 from boomctl.structure.matrices import Structure
 from boomctl.structure.model import SecondOrderModel
@@ -129,7 +129,7 @@ def controller_at(
 ) -> control.StateSpace | Lti:
     """Return a controller as it is at a point of the box, in the states that it has in `BoxLoops`."""
     if not isinstance(controller, ScheduledController):
-        return of(controller, "controller", "StateSpace or ScheduledController", any_time=True).balanced()
+        return controller_of(controller, "StateSpace or ScheduledController", any_time=True).balanced()
     return frozen(controller, family.values(delta)[controller.signal])
 
 

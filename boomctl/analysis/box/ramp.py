@@ -36,7 +36,7 @@ from boomctl.arrays import Array, balance
 from boomctl.checks import known, positive, whole
 from boomctl.lti.controllers.scheduled import ScheduledController
 from boomctl.lti.rounding import EPS
-from boomctl.lti.system import of
+from boomctl.lti.system import controller_of
 from boomctl.printing import sentence
 from boomctl.progress import Listener, computing, tell
 from boomctl.structure.families import Family
@@ -419,7 +419,7 @@ def _slack(family: Family, controller: control.StateSpace | ScheduledController,
     rng, least = np.random.default_rng(0), 1.0
 
     def closed(delta: Array) -> LoopPencil:
-        K = of(controller_at(family, controller, delta), "controller", "StateSpace")
+        K = controller_of(controller_at(family, controller, delta))
         whole = closed_pencil(family.at(delta).select(K.outputs, K.inputs), K)
         return without({(): whole}, family.unfelt)[()]
 

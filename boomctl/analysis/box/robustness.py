@@ -15,7 +15,7 @@ from boomctl.arrays import Array
 from boomctl.checks import exactly, instance, nonnegative, positive, whole
 from boomctl.lti.controllers.scheduled import ScheduledController
 from boomctl.lti.sampled import time_of_loop
-from boomctl.lti.system import Lti, of, rates_of
+from boomctl.lti.system import Lti, controller_of, rates_of
 from boomctl.printing import sentence
 from boomctl.progress import Listener, computing, tell
 from boomctl.structure.families import Family
@@ -190,7 +190,7 @@ def robust_stability(
     True
     """
     limit = whole("max_cells", max_cells)
-    K = None if isinstance(controller, ScheduledController) else of(controller, "controller", _KINDS, sampled=True)
+    K = None if isinstance(controller, ScheduledController) else controller_of(controller, _KINDS, sampled=True)
     loops = _Sampled.of(family, K, delay) if K is not None and K.dt != 0.0 else None
     if loops is None:
         if nonnegative("delay", delay):

@@ -20,7 +20,7 @@ from boomctl.arrays import Array
 from boomctl.checks import exactly, from_on, instance, known, nonnegative, positive, whole
 from boomctl.lti.controllers.scheduled import ScheduledController
 from boomctl.lti.sampled import time_of_loop
-from boomctl.lti.system import Lti, of
+from boomctl.lti.system import Lti, controller_of
 from boomctl.printing import sentence
 from boomctl.progress import Listener, computing, tell
 from boomctl.structure.families import Family
@@ -315,7 +315,7 @@ def _checked(
     instance("family", family, Family, "AffineFamily or PolynomialFamily")
     late = nonnegative("delay", delay)
     scheduled = isinstance(controller, ScheduledController)
-    K = None if scheduled else of(controller, "controller", "StateSpace or ScheduledController", sampled=True)
+    K = None if scheduled else controller_of(controller, "StateSpace or ScheduledController", sampled=True)
     if K is not None and K.dt != 0.0:
         signals_of(K, family.centre.inputs, family.centre.outputs)
         time_of_loop(Lti(K.A, K.B, K.C, K.D), K, late)

@@ -17,16 +17,6 @@ def looked_at(given: object, what: str = "system") -> Any:
     for part in ("_closed_loop", "_reduced"):
         if isinstance(found := getattr(given, part, None), Lti | SecondOrderModel):
             return found
-    return _realised(given, what)
-
-
-def controller_of(given: object) -> Any:
-    """Return a controller: that of a design, a transfer function as a state space; all else as it is."""
-    found = getattr(given, "_controller", None)
-    return found if isinstance(found, Lti) else _realised(given, "controller")
-
-
-def _realised(given: object, what: str) -> Any:
     control = sys.modules.get("control")
     if control is None or not isinstance(given, control.TransferFunction):
         return given

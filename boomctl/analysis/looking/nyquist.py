@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from boomctl.analysis.looking.given import controller_of, looked_at, matrices
+from boomctl.analysis.looking.given import looked_at, matrices
 from boomctl.analysis.loops import joined
 from boomctl.analysis.margins import DiskMargin, grid_of_loop, single_disk
 from boomctl.analysis.nyquist import followed
@@ -26,7 +26,7 @@ from boomctl.lti.bilinear import continuous_image, omega_of_image
 from boomctl.lti.frequency import Triangular, smooth_curve, triangular
 from boomctl.lti.modal import side_of_axis
 from boomctl.lti.rounding import ROOT, SUMMED
-from boomctl.lti.system import Lti, of, well_posed_inverse
+from boomctl.lti.system import Lti, controller_of, of, well_posed_inverse
 from boomctl.printing import count, listed
 
 if TYPE_CHECKING:
@@ -158,7 +158,7 @@ def nyquist(
             raise ValueError(f"delay = {delay!r}: expected 0 without a controller")
         opened, S, signals = _of_gain(matrices(system))
     else:
-        opened, S, signals = _of_loop(looked_at(system, "plant"), controller_of(controller), delay)
+        opened, S, signals = _of_loop(looked_at(system, "plant"), controller, delay)
     images = image, _ = continuous_image(S), continuous_image(opened)
     grid = np.union1d(*(grid_of_loop(each) for each in images))
     quick = triangular(image)
@@ -194,7 +194,7 @@ def _of_gain(L: Lti) -> tuple[Lti, Lti, tuple[str, ...]]:
 
 def _of_loop(plant: Any, controller: Any, delay: float) -> tuple[Lti, Lti, tuple[str, ...]]:
     """Return the open loop, the sensitivity at the controls, and these, of ``u = K y``."""
-    P, K = of(plant, "plant", sampled=True), of(controller, "controller", "StateSpace", sampled=True)
+    P, K = of(plant, "plant", sampled=True), controller_of(controller, sampled=True)
     loop = joined(P, K, delay)
     still = joined(
         P, replace(K, C=0.0 * K.C, D=0.0 * K.D), delay

@@ -24,7 +24,7 @@ from boomctl.arrays import Array, blocks
 from boomctl.checks import names
 from boomctl.lti.modal import sides
 from boomctl.lti.sampled import Held, time_of_loop, whole_samples
-from boomctl.lti.system import Lti, lower_lft, of
+from boomctl.lti.system import Lti, controller_of, lower_lft, of
 
 if TYPE_CHECKING:
     import control
@@ -99,7 +99,7 @@ def sampled_norm(
     """
     from boomctl.analysis.loops import signals_of
 
-    P, K = of(plant, "plant"), of(controller, "controller", "StateSpace", discrete=True, sampled=True)
+    P, K = of(plant, "plant"), controller_of(controller, discrete=True, sampled=True)
     if K.dt == 0.0:
         raise ValueError("controller: expected a sampling time, got continuous time; boomctl.discretize samples it")
     acting, measured = signals_of(K, P.inputs, P.outputs, P.states)

@@ -9,7 +9,7 @@ import numpy as np
 from boomctl.arrays import Array
 from boomctl.checks import exactly, whole
 from boomctl.lti.sampled import same_time
-from boomctl.lti.system import Lti, lower_lft, of, static
+from boomctl.lti.system import Lti, controller_of, lower_lft, of, static
 from boomctl.printing import compact, listed
 
 if TYPE_CHECKING:
@@ -183,7 +183,7 @@ def matched(
     TypeError, ValueError
         Other kinds of system, another kind of time, sampling times that differ, not finite, too many signals.
     """
-    K = of(controller, "controller", "StateSpace", sampled=sampled)
+    K = controller_of(controller, sampled=sampled)
     plant = partition(P, K.B.shape[1], len(K.C), sampled=sampled)
     if not same_time(K.dt, plant.system.dt):
         wanted, got = (

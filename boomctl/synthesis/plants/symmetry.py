@@ -11,7 +11,7 @@ from boomctl.lti.bilinear import continuous_image, discrete_image
 from boomctl.lti.block_diagonal import block_diagonal
 from boomctl.lti.modal import resolved
 from boomctl.lti.rounding import EPS, TINY
-from boomctl.lti.system import Lti, append, of
+from boomctl.lti.system import Lti, append, controller_of, of
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.symmetry import Mirror
 
@@ -121,7 +121,7 @@ def split_controller(
     >>> jolt.D.round(6), yaw.D.round(6), round(missed, 9)
     (array([[-200.]]), array([[-100.]]), 0.0)
     """
-    mirror, given = _mirror(model), of(controller, "controller", "StateSpace", sampled=True).balanced()
+    mirror, given = _mirror(model), controller_of(controller, sampled=True).balanced()
     # a discrete one is told apart as the continuous controller whose Tustin discretisation it is
     K, sides = continuous_image(given).balanced(), []
     for parity in (1, -1):

@@ -8,7 +8,7 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.checks import finite_array, known, positive
-from boomctl.lti.system import Lti, of
+from boomctl.lti.system import Lti, controller_of, of
 
 if TYPE_CHECKING:
     import control
@@ -84,7 +84,7 @@ def from_units(controller: "control.StateSpace", units: Mapping[str, float]) -> 
     >>> bc.from_units(gain, {"force": 100.0, "place": 0.001}).D.round(1)  # N/m
     array([[-200000.]])
     """
-    plain = of(controller, "controller", "StateSpace", any_time=True)
+    plain = controller_of(controller, any_time=True)
     _check(units)
     return _scaled(plain, _inverse(units, plain.inputs), _sizes(units, plain.outputs)).statespace(controller.name)
 
