@@ -20,6 +20,8 @@ from boomctl.structure.model import SecondOrderModel
 if TYPE_CHECKING:
     import control
 
+    from boomctl.lti.system import Controller
+
 
 @dataclass(frozen=True)
 class Loop:
@@ -147,7 +149,7 @@ def signals_of(
 
 def feedback_loop(
     plant: SecondOrderModel | control.StateSpace | control.TransferFunction,
-    controller: control.StateSpace | control.TransferFunction,
+    controller: Controller,
     added: str | Sequence[str] = (),
     *,
     delay: float = 0.0,
@@ -163,7 +165,7 @@ def feedback_loop(
     plant : SecondOrderModel, control.StateSpace or control.TransferFunction
         The plant, signals named.  A discrete one needs a discrete controller of the same sampling time.
         :func:`boomctl.with_states` makes outputs of its states, for controllers that read these.
-    controller : control.StateSpace or control.TransferFunction
+    controller : control.StateSpace, control.TransferFunction, or a design, which holds one
         Its inputs are outputs of the plant, its outputs inputs of the plant.
     added : str or sequence of str, optional
         Controls and measurements at which a further signal is added, ``u = K (y + n) + v``; its name is that of the

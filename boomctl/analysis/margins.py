@@ -49,6 +49,7 @@ if TYPE_CHECKING:
     import control
     from matplotlib.axes import Axes
 
+    from boomctl.lti.system import Controller
     from boomctl.structure.model import SecondOrderModel
 
 _COSTLY = 10.0 ** (-3.0 / 20.0)  # share of a disk margin that sampling must leave: 3 dB (a choice)
@@ -283,7 +284,7 @@ class Margins:
 
 def margins(
     plant: "SecondOrderModel | control.StateSpace | control.TransferFunction",
-    controller: "control.StateSpace | control.TransferFunction",
+    controller: "Controller",
     *,
     delay: float = 0.0,
 ) -> Margins:
@@ -294,7 +295,7 @@ def margins(
     plant : SecondOrderModel, control.StateSpace or control.TransferFunction
         The plant, signals named.  A discrete one needs a discrete controller of the same sampling time.
         :func:`boomctl.with_states` makes outputs of its states, for controllers that read these.
-    controller : control.StateSpace or control.TransferFunction
+    controller : control.StateSpace, control.TransferFunction, or a design, which holds one
         Its inputs are outputs of the plant, its outputs inputs of the plant.  A discrete one makes the sampled loop of
         :func:`boomctl.feedback_loop`.  Its margins are those at the samples: of what is sent at a control, and of what
         is read at a measurement.

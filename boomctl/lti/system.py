@@ -9,7 +9,7 @@ import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, TypeAlias, TypeGuard
+from typing import TYPE_CHECKING, Any, Protocol, TypeAlias, TypeGuard
 
 import numpy as np
 from scipy import linalg
@@ -22,6 +22,14 @@ from boomctl.printing import compact
 
 if TYPE_CHECKING:
     import control
+
+    class Design(Protocol):
+        """What a synthesis returns: it holds a controller."""
+
+        @property
+        def controller(self) -> control.StateSpace: ...
+
+    Controller: TypeAlias = control.StateSpace | control.TransferFunction | Design
 
 BATCH = 2**16  # entries of the pencils that are solved at once: what stays in the cache
 # sizes of a matrix between which products of its entries, and times of its poles, are numbers still (a choice)

@@ -77,7 +77,7 @@ def plot_response(response: "MeasuredResponse", ax: Any = None, *, unit: str | N
     size, error = np.abs(response.frdata), _NORMAL * response.deviation
     entries = [(o, i) for o in range(len(size)) for i in range(size.shape[1])]
     with panels(ax, ("magnitude", "coherence"), (7.0, 5.0)) as axes:
-        omega = response.omega / [frequency_axis(each, unit) for each in axes].pop()
+        omega = response.omega / frequency_axis(axes[1], unit)
         for k, (o, i) in enumerate(entries):
             name = f"{response.input_labels[i]} -> {response.output_labels[o]}"
             named = name if len(entries) <= len(COLOURS) else None
@@ -117,8 +117,8 @@ def plot_identification(found: "Identification", ax: Any = None, **drawn: Any) -
         axes[1].set_yscale("log")
         axes[0].set_ylabel("order")
         axes[1].set_ylabel("size over outputs' size")
+        frequency_axis(axes[1])
         for each in axes:
-            frequency_axis(each)
             each.set_xlim(*found.band_hz)
             legend(each, loc="upper right")
     return axes

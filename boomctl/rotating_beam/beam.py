@@ -713,7 +713,7 @@ class HubBeam(ABC):
 
     def _motions(
         self,
-        manoeuvres: Sequence[Manoeuvre | PlannedTorque | PlannedSlew],
+        manoeuvres: Sequence[Manoeuvre],
         timepts: Array,
         starts: Sequence[tuple[Array, Array]],
         tolerance: tuple[float, float],

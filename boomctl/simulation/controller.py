@@ -18,9 +18,9 @@ from boomctl.simulation.machine.machine import MachineModes
 from boomctl.simulation.plant import ModalPlant
 
 if TYPE_CHECKING:
-    import control
+    from boomctl.lti.system import Controller as Fixed
 
-    Controller: TypeAlias = control.StateSpace | control.TransferFunction | ScheduledController | TimeVaryingController
+    Controller: TypeAlias = Fixed | ScheduledController | TimeVaryingController
 
 DISCRETIZATIONS = ("tustin", "zoh")
 

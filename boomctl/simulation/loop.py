@@ -92,7 +92,7 @@ def simulate_loop(
         the outputs ``hub_angle``, ``hub_speed``, ``tip_displacement``, ``root_moment``, ``tip_acceleration`` (absolute,
         across the undeformed beam), those of its ``sensors``, and those of its states that the controller reads by their
         names, as one of :func:`boomctl.lqr` does.
-    controller : control.StateSpace, control.TransferFunction, ScheduledController, TimeVaryingController or None
+    controller : control.StateSpace, TransferFunction, a design, ScheduledController, TimeVaryingController or None
         ``u = K y``: its inputs are named as outputs of the plant, its outputs as inputs of the plant.  A discrete one
         has ``sample_time`` as its own; a continuous one is discretised.  Of a scheduled one (:func:`boomctl.schedule`)
         each controller is discretised, and the matrices follow the measurement as it is read, no reference taken from it.

@@ -1,6 +1,6 @@
 """Controllers for a computer: a sampled version of a controller in continuous time, names kept."""
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -9,12 +9,15 @@ from boomctl.checks import exactly, from_on, known, positive, up_to
 from boomctl.lti.python_control import control
 from boomctl.lti.system import controller_of
 
+if TYPE_CHECKING:
+    from boomctl.lti.system import Controller
+
 _METHODS = ("tustin", "zoh")
 _CORNER = 1e-6  # relative distance from 2/T within which a pole counts as lying there: ten digits are then lost
 
 
 def discretize(
-    controller: control.StateSpace,
+    controller: "Controller",
     sample_time: float,
     method: str = "tustin",
     *,
@@ -25,7 +28,7 @@ def discretize(
 
     Parameters
     ----------
-    controller : control.StateSpace
+    controller : control.StateSpace, control.TransferFunction, or a design, which holds one
         In continuous time.
     sample_time : float
         Time between samples [s].

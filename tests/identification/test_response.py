@@ -153,13 +153,15 @@ def test_coarse_signals_at_rest_and_two_level_inputs_are_no_bad_records():
     rng = np.random.default_rng(0)
     levels = np.sign(rng.standard_normal(2000))
     swinging = np.round(20.0 * np.sin(STEP * np.arange(2000) * 3.0)) + levels
-    Record.of({"f": levels}, {"y": swinging}, STEP, "displacement", "zero-order")
+    record = Record.of({"f": levels}, {"y": swinging}, STEP, "displacement", "zero-order")
+    assert np.allclose(record.y[0][:, 0], swinging - swinging.mean())
 
 
 def test_the_picture_shows_magnitudes_with_deviations_and_coherences(driven):
     _, u, y = driven
     H = bc.estimate_response(u, y, STEP, band_hz=(0.5, 10.0))
     magnitude, coherence = H.plot(ax=Figure(), color="#123456")
+    assert (magnitude.get_xlabel(), coherence.get_xlabel()) == ("", "frequency [Hz]")
     assert len(magnitude.get_lines()) == len(magnitude.collections) == 6
     assert [line.get_color() for line in coherence.get_lines()] == ["#123456"] * 3
     assert np.allclose(magnitude.get_lines()[0].get_ydata(), np.abs(H.frdata[0, 0]))

@@ -15,6 +15,8 @@ from boomctl.printing import compact, listed
 if TYPE_CHECKING:
     import control
 
+    from boomctl.lti.system import Controller
+
 
 OUTSIDE = (
     "z_",
@@ -209,7 +211,7 @@ def _places(what: str, wanted: Sequence[str], names: Sequence[str], there: Seque
     return list(range(len(listed)))
 
 
-def close_loop(P: "control.StateSpace", controller: "control.StateSpace") -> "control.StateSpace":
+def close_loop(P: "control.StateSpace", controller: "Controller") -> "control.StateSpace":
     """Return a generalised plant closed by a controller from its measurements to its controls.
 
     The controller's inputs are the last outputs of ``P`` and its outputs the last inputs: found by name where the
@@ -219,7 +221,7 @@ def close_loop(P: "control.StateSpace", controller: "control.StateSpace") -> "co
     ----------
     P : control.StateSpace
         Generalised plant: its last inputs are controls, its last outputs measurements.
-    controller : control.StateSpace
+    controller : control.StateSpace, control.TransferFunction, or a design, which holds one
         ``u = K y``, of the same sampling time if there is one.
 
     Returns
