@@ -83,7 +83,7 @@ def spray_boom(
     >>> boom.eigenfrequencies_hz(3).round(3)
     array([0.245, 0.587, 0.935])
     >>> bc.spray_boom(spring_stiffness=900.0).eigenfrequencies_hz(1).round(3)  # softer springs
-    array([0.225])
+    array([0.224])
     >>> finer = bc.spray_boom(elements=20, nozzles=[-3.0, 3.0])
     >>> finer.outputs[-2:]
     ('nozzle_01', 'nozzle_02')

@@ -152,7 +152,7 @@ class BoomParameters(Parameters):
         >>> import boomctl as bc
         >>> wide = bc.BoomParameters().scaled(length=24.0)
         >>> round(wide.boom_mass, 2), round(wide.boom_inertia, 1)  # kg, kg m^2
-        (65.82, 2886.9)
+        (65.82, 2886.8)
         """
         heavy = dict.fromkeys(("boom_mass", "boom_inertia"), _LARGEST)
         tube = self.replace(**{**heavy, **changes})

@@ -187,7 +187,7 @@ class HubBeam(ABC):
             At a hub speed at which the stiffness is lost, or if `coupled` is asked of a model without axial modes; arguments
             of another kind.
         """
-        if np.ndim(hub_speed):
+        if isinstance(hub_speed, (list, tuple, np.ndarray)):
             raise TypeError("hub_speed: expected one speed [rad/s]; .campbell(speeds) takes many")
         speed = within("hub_speed", hub_speed, -_FASTEST, _FASTEST, "rad/s")
         if truth("coupled", coupled) and not self.has_axial_modes:

@@ -6,7 +6,7 @@ from dataclasses import replace
 import control
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from scipy import linalg
@@ -69,13 +69,15 @@ def test_static_plants():
 
 
 @examples(30)
+@example(seed=4, n=1, sizes=(0, 0, 1, 1), feedthrough=False)  # an optimum of zero, but for rounding
 @given(seed=st.integers(0, 10**6), n=st.integers(1, 8), sizes=SIZES, feedthrough=st.booleans())
 def test_norm_is_what_others_find_and_no_bound_lies_above_it(seed, n, sizes, feedthrough):
     P = random_plant(seed, n, sizes, feedthrough)
     design = bc.h_infinity(P, sizes[3], sizes[2])
     certificate = design.certificate
     assert_verified(P, design.controller, design.gamma, design.certificate.norm.omega)
-    assert_allclose(bc.sigma(design.closed_loop).peak, design.gamma, rtol=1e-5)
+    # the norm is that of plant and controller; their loop's own matrices, of numbers near one, are rounded
+    assert_allclose(bc.sigma(design.closed_loop).peak, design.gamma, rtol=1e-5, atol=1e-14)
     level = float(re.search(r"gamma = (\S+): passed$", certificate.path[-1])[1])
     assert design.gamma <= 1.01 * level * (1.0 + 1e-5)  # of six digits
     assert certificate.lower <= design.gamma * (1.0 + 1e-7)
