@@ -20,7 +20,6 @@ from boomctl.lti.rounding import EPS, TERMS
 from boomctl.lti.system import Lti, of
 from boomctl.lti.verified_modal_form import VerifiedModalForm, verified_modal_form
 from boomctl.structure.model import SecondOrderModel
-from boomctl.structure.response.modal_form import modal_form
 
 if TYPE_CHECKING:
     import control
@@ -60,7 +59,7 @@ def h2_norm(system: "SecondOrderModel | control.StateSpace | control.TransferFun
     1.0
     """
     if isinstance(system, SecondOrderModel):
-        return matrices_h2_norm(modal_form(system.structure, system.ports))
+        return matrices_h2_norm(system.modal_form)
     given = of(system, sampled=True)
     return replace(matrices_h2_norm(given), _given=given)
 

@@ -38,17 +38,17 @@ from boomctl.lti.frequency import (
     MODES,
     Resonances,
     Response,
+    gain_by_eigenvectors,
     singular_values,
 )
 from boomctl.lti.modal import side_of_axis
 from boomctl.lti.system import Lti, beside, is_frequency_response, of, static
-from boomctl.structure.matrices import dense, halves
+from boomctl.structure.matrices import dense
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.response.core import Core
 from boomctl.structure.response.direct import direct_response, respond, respond_parts
-from boomctl.structure.response.modal_form import elastic, in_modes
+from boomctl.structure.response.modal_form import elastic
 from boomctl.structure.response.poles import damped_poles, first_order_poles, undamped_modes
-from boomctl.structure.response.realisation import realize
 from boomctl.structure.strain_coordinates import LARGEST
 
 if TYPE_CHECKING:
@@ -133,9 +133,7 @@ class SplitModel:
     @classmethod
     def of(cls, model: SecondOrderModel) -> "SplitModel":
         """Return a model with its parts; a half without inputs or outputs is none."""
-        found = halves(model.structure, model.ports)
-        parts = (model,) if found is None else (SecondOrderModel.of(half.structure, half.ports) for half in found)
-        return cls(model, tuple(parts))
+        return cls(model, (model,) if model.halves is None else model.halves)
 
     def singular_values(self, omega: Array, quiet: bool = False) -> Array:
         """Return the singular values, descending, shape (min(outputs, inputs), frequencies)."""
@@ -271,8 +269,8 @@ def _part_norm(part: SecondOrderModel, band: _Band | None) -> NormCertificate:
 class _Realised:
     """A small model in state space: over its undamped modes, or without them over its own coordinates.
 
-    Its response comes from its matrices, which is more accurate than any state space.  One whose poles lie too ``wide`` apart
-    has no state space that holds them all.
+    The response at its peak comes from its matrices, which is more accurate than any state space.  One whose poles lie too
+    ``wide`` apart has no state space that holds them all.
     """
 
     system: Lti
@@ -286,12 +284,12 @@ class _Realised:
         try:
             frequencies, V = undamped_modes(small.structure)
         except ValueError:
-            return cls(realize(small.structure, small.ports).balanced(), respond, ("given coordinates",))
+            return cls(small.modal_form, respond, ("given coordinates",))
         moving = frequencies[elastic(frequencies)]
         fastest = max(float(frequencies[-1]), float(V[:, -1] @ (small.C @ V[:, -1])))
         if len(moving) and fastest > _HELD * moving[0] and small.structure.strain_form is not None:
             return cls(static(small.ports.E[0]), respond, ("undamped modes",), True)
-        return cls(in_modes(small.structure, small.ports, frequencies, V).balanced(), respond, ("undamped modes",))
+        return cls(small.modal_form, respond, ("undamped modes",))
 
     def norm(self) -> NormCertificate:
         """Return the norm between its bounds."""
@@ -304,7 +302,7 @@ class _Realised:
         if not len(poles):
             return inf, inf
         near = beside(poles.imag + np.abs(poles.real))
-        values = singular_values(self.respond(near))[0]
+        values = gain_by_eigenvectors(self.system)(near)
         return float(values.max()), float(near[np.argmax(values)])
 
     def stays_below(self, level: float) -> bool:

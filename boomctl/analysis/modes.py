@@ -21,7 +21,6 @@ from boomctl.lti.rounding import TINY
 from boomctl.lti.system import Lti, of, rates_of
 from boomctl.printing import between, table_html
 from boomctl.structure.model import SecondOrderModel
-from boomctl.structure.response.modal_form import modal_form
 
 if TYPE_CHECKING:
     import control
@@ -192,9 +191,7 @@ def mode_table(system: "SecondOrderModel | control.StateSpace | control.Transfer
     >>> [(round(mode.frequency_hz, 3), round(mode.damping, 4)) for mode in table.rows[:2]]
     [(0.245, 0.0014), (0.587, 0.0214)]
     """
-    given = (
-        modal_form(system.structure, system.ports) if isinstance(system, SecondOrderModel) else of(system, sampled=True)
-    )
+    given = system.modal_form if isinstance(system, SecondOrderModel) else of(system, sampled=True)
     chain, rest = _rigid(given.balanced())
     modal = diagonalized(rest)
     if modal is None:

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy import linalg
+from scipy.linalg import lapack
 
 from boomctl.analysis.marginal_poles import MarginalPoles, marginal_poles
 from boomctl.analysis.prove import Claim
@@ -30,7 +31,6 @@ if TYPE_CHECKING:
     from boomctl.structure.model import SecondOrderModel
 
 _ROUNDING = 1e2 * EPS  # share of the Hamiltonian matrix's norm by which its eigenvalues may be off the axis
-_BESIDE = 1e-2  # share of its size by which an eigenvalue that is worth a look lies off the axis (a choice)
 
 _LIGHTEST = 10  # resonances, those of least damping, at which the share of rounding is looked at (a choice)
 _TINY = 1e-150  # norms below which squares of responses are not numbers of full precision
@@ -334,14 +334,15 @@ def level_shows(system: Lti, level: float, omega: float, hamiltonian: tuple[Arra
     """
     if not isfinite(omega):
         return True
-    n, pencil = len(system.A), 1j * omega * np.eye(len(system.A)) - system.A
-    try:
-        states = np.linalg.solve(pencil, system.B + 0j)
-        v = np.linalg.svd(system.C @ states + system.D)[2][0].conj()
-        y = system.C @ (states @ v) + system.D @ v
-        x, p = states @ v, np.linalg.solve(pencil.conj().T, system.C.T @ y) / level
-    except np.linalg.LinAlgError:  # a pole that rounding alone keeps from the axis
+    n = len(system.A)
+    factors, swapped, singular = lapack.zgetrf(1j * omega * np.eye(n) - system.A)
+    if singular:  # a pole that rounding alone keeps from the axis
         return False
+    states = lapack.zgetrs(factors, swapped, system.B)[0]
+    v = np.linalg.svd(system.C @ states + system.D)[2][0].conj()
+    x = states @ v
+    y = system.C @ x + system.D @ v
+    p = lapack.zgetrs(factors, swapped, system.C.T @ y, trans=2)[0] / level
     H, scale = hamiltonian_matrix(system, level) if hamiltonian is None else hamiltonian
     gap = (1.0 - (np.linalg.norm(y) / level) ** 2) * np.linalg.norm((system.B @ v) / scale[:n])
     return bool(gap > DIGIT * np.linalg.norm(H) * np.linalg.norm(np.concatenate([x, p]) / scale))
@@ -359,12 +360,12 @@ def axis_eigenvalues(system: Lti, level: float) -> Array:
 def near_axis(H: Array) -> tuple[Array, Array]:
     """Return the imaginary parts of eigenvalues on the imaginary axis, and of those that lie so near to it.
 
-    Where two crossings have nearly met, rounding moves their eigenvalues off the axis by its root and more: what lies near
-    is worth a look.
+    Where two crossings have nearly met, rounding moves their eigenvalues off the axis by its root: what lies so near is
+    worth a look.
     """
     values = np.linalg.eigvals(H)
     noise = _ROUNDING * np.linalg.norm(H) + SUMMED * np.abs(values)
     upper = values.imag >= 0.0
     close = upper & (np.abs(values.real) <= noise)
-    beside = upper & ~close & (np.abs(values.real) <= _BESIDE * np.abs(values))
+    beside = upper & ~close & (np.abs(values.real) <= np.sqrt(noise * np.abs(values)))
     return np.sort(values[close].imag), np.sort(values[beside].imag)

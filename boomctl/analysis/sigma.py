@@ -253,8 +253,7 @@ def between_signals(
 ) -> tuple[SecondOrderModel | Lti, SplitModel | GivenSystem]:
     """Return a system between the chosen signals, and what answers for it."""
     if isinstance(system, SecondOrderModel):
-        first = system.ports.primary or (None, None)
-        model = system.select(first[0] if inputs is None else inputs, first[1] if outputs is None else outputs)
+        model = system.between(inputs, outputs)
         for kind, there in (("inputs", model.inputs), ("outputs", model.outputs)):
             if not there:
                 raise ValueError(f"system: expected a model with {kind}, got none")

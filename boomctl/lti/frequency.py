@@ -28,9 +28,6 @@ _CLOSE = 0.03
 _SLOW = 0.25  # share of a bracket that is left after a slow step, which middles then follow (a choice)
 # highest points of a grid around which a peak is searched for: the highest peak may be at the second (a choice)
 _REFINED = 3
-# states beyond which eigenvectors show where the peak is, as solving for each frequency takes long (a choice)
-_SCREENED = 60
-_COMPARED = 8  # frequencies of the grid at which eigenvectors must show what solving does (a choice)
 # Frequencies between the resonances (choices): of what is drawn, or looked at without proof, about 100 a decade on a boom's
 # band; of a search that goes on to the top of a peak
 CURVE = 240
@@ -114,12 +111,7 @@ def resonance_grid(
     return np.unique(np.concatenate([np.geomspace(low, high, points), near, np.atleast_1d(also)]))
 
 
-def highest_peak(
-    value: Callable[[Array], Array],
-    grid: Array,
-    screen: Callable[[Array], Array] | None = None,
-    refined: int = _REFINED,
-) -> tuple[float, float]:
+def highest_peak(value: Callable[[Array], Array], grid: Array) -> tuple[float, float]:
     """Return the largest value around the highest points of a grid, and its frequency.
 
     Parameters
@@ -127,16 +119,11 @@ def highest_peak(
     value : function from frequencies to as many numbers, not negative
     grid : (n,) ndarray
         Ascending, so fine that the highest peak is among the highest points.
-    screen : function, optional
-        A faster one that is asked on the whole grid, to see where the peaks are.
-    refined : int
-        Around how many points of the grid a peak is searched for.
     """
-    values = (value if screen is None else screen)(grid)
-    order = np.argsort(values)[::-1][:refined]
+    values = value(grid)
+    order = np.argsort(values)[::-1][:_REFINED]
     around = np.clip(order[:, None] + np.array([-1, 0, 1]), 0, len(grid) - 1)
-    omega = grid[around]
-    heights = values[around] if screen is None else value(omega.ravel()).reshape(omega.shape)
+    omega, heights = grid[around], values[around]
     best, slow = int(np.argmax(heights[:, 1])), np.ones(len(omega), bool)
     peak, at = float(heights[best, 1]), float(omega[best, 1])
     while len(omega):
@@ -235,17 +222,14 @@ def _narrowed(value: Callable[[Array], Array], omega: Array, heights: Array, hal
     return places[row, around], values[row, around]
 
 
-def largest_gain(system: Lti, respond: Response | None = None, refined: int = _REFINED) -> tuple[float, float]:
+def largest_gain(system: Lti, respond: Response | None = None) -> tuple[float, float]:
     """Return the largest singular value near the poles and at the ends of the axis, and its frequency.
 
-    ``respond`` may be a more accurate response of a system.  Without one, a large system is asked in the coordinates of
-    its eigenvectors where its peak is, and anew around that; a small one around ``refined`` points of a grid.
+    Its place is searched for in the coordinates of the eigenvectors, its height is the system's own there, or that of
+    ``respond``, a more accurate response of it.  Where the two heights differ, eigenvectors are nearly dependent, and the
+    place is searched for anew in the system's own response.
     """
     poles, exact = system.poles, partial(system.response, quiet=True) if respond is None else respond
-
-    def value(omega: Array) -> Array:
-        return singular_values(exact(omega))[0]
-
     size, seen = np.abs(poles), resolved(poles)
     ends = float(size[seen].min()) if seen.any() else 0.0, float(size.max())
     grid = resonance_grid(
@@ -255,21 +239,26 @@ def largest_gain(system: Lti, respond: Response | None = None, refined: int = _R
         points=SEARCHED,
         also=[0.0] if seen.all() else (),
     )
-    if respond is not None or len(system.A) <= _SCREENED:
-        return highest_peak(value, grid, refined=refined)
-    try:
-        quick = partial_fractions(system)
-    except np.linalg.LinAlgError:  # equal poles in a chain have no eigenvectors of their own
-        return highest_peak(value, grid, refined=refined)
+    shown, at = highest_peak(gain_by_eigenvectors(system), grid)
+    there = float(singular_values(exact(np.array([at])))[0, 0])
+    if abs(shown - there) <= CERTIFIED * there:
+        return there, at
+    return highest_peak(lambda omega: singular_values(exact(omega))[0], grid)
 
-    def screen(omega: Array) -> Array:
-        return singular_values(quick.response(omega))[0]
 
-    few = np.append(grid[:: max(1, len(grid) // _COMPARED)], grid[np.argmax(screen(grid))])
-    shown, there = screen(few), value(few)
-    if not np.abs(shown - there).max() <= CERTIFIED * there.max():  # eigenvectors that are nearly dependent
-        return highest_peak(value, grid, refined=refined)
-    return highest_peak(value, grid, screen, refined=1)
+def gain_by_eigenvectors(system: Lti) -> Callable[[Array], Array]:
+    """Return the function from frequencies to the largest singular value in the coordinates of the eigenvectors.
+
+    It is fast, and right where these are not nearly dependent; where they lose all digits it is infinite.
+    """
+    quick = partial_fractions(system)
+
+    def gain(omega: Array) -> Array:
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            values = singular_values(quick.response(omega))[0]
+        return np.where(np.isnan(values), np.inf, values)
+
+    return gain
 
 
 @dataclass(frozen=True)

@@ -125,8 +125,10 @@ def partial_fractions(system: Lti) -> ModalSystem:
     """
     if not len(system.A):
         return ModalSystem(np.zeros(0, complex), system.B.astype(complex), system.C.astype(complex), system.D)
-    poles, V = linalg.eig(system.A)
-    return ModalSystem(poles, np.linalg.solve(V, system.B.astype(complex)), system.C @ V, system.D)
+    poles, left, right = system.eigensystem
+    with np.errstate(divide="ignore", invalid="ignore"):  # equal poles in a chain have no eigenvectors of their own
+        B = (left.conj().T @ system.B) / np.einsum("ij,ij->j", left.conj(), right)[:, None]
+    return ModalSystem(poles, B, system.C @ right, system.D)
 
 
 def diagonalized(system: Lti) -> ModalSystem | None:

@@ -37,7 +37,6 @@ from boomctl.reduction.reducers import (
 from boomctl.reduction.result import LowerOrderWarning, ReductionError, ReductionResult
 from boomctl.reduction.verify import SLACK, START, Band, Verified, difference, peak_in_band
 from boomctl.structure.model import SecondOrderModel
-from boomctl.structure.response.modal_form import modal_form
 
 if TYPE_CHECKING:
     import control
@@ -229,7 +228,7 @@ def _as_given(given: Lti | SecondOrderModel, method: str) -> Lti | SecondOrderMo
     """Return the given system as what a method returns."""
     if isinstance(given, Lti) or method == "second-order":
         return given
-    return modal_form(given.structure, given.ports)
+    return given.modal_form
 
 
 def _kept(system: Lti) -> Array:

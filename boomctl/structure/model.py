@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,10 +16,10 @@ from boomctl.checks import finite_array, frequencies, instance, mapping, sequenc
 from boomctl.lti.rounding import ALIKE
 from boomctl.lti.system import Lti
 from boomctl.printing import count, signals
-from boomctl.structure.matrices import Structure, half
+from boomctl.structure.matrices import Structure, half, halves
 from boomctl.structure.ports import Ports
 from boomctl.structure.response.direct import respond
-from boomctl.structure.response.modal_form import COORDINATES, MODES, handed_out
+from boomctl.structure.response.modal_form import COORDINATES, MODES, handed_out, modal_form
 from boomctl.structure.response.mode_shapes import ModeShapes, mode_shapes
 from boomctl.structure.response.poles import PROMISED, poles_and_rounding
 from boomctl.structure.response.rounding import warn_of_rounding
@@ -145,6 +146,10 @@ class SecondOrderModel:
         object.__setattr__(model, "ports", ports)
         return model
 
+    def __getstate__(self) -> dict[str, Any]:
+        """Pickle what it is made of; what was computed when asked for can be computed again."""
+        return {"structure": self.structure, "ports": self.ports, "chosen": self.chosen}
+
     @property
     def M(self) -> Array | sparse.csr_array:
         """Mass matrix."""
@@ -209,6 +214,52 @@ class SecondOrderModel:
             if wanted is not None:
                 some_names(what, wanted, there)
         return SecondOrderModel.of(self.structure, self.ports.select(inputs, outputs), self.chosen)
+
+    @cached_property
+    def _primary(self) -> SecondOrderModel:
+        return self if self.ports.primary is None else self.select(*self.ports.primary)
+
+    def between(
+        self, inputs: str | Sequence[str] | None = None, outputs: str | Sequence[str] | None = None
+    ) -> SecondOrderModel:
+        """Return the model between signals as :meth:`select` does; unnamed ones of a boom are platform actuators and tips.
+
+        Parameters
+        ----------
+        inputs, outputs : str or sequence of str, optional
+            Names; by default those that the model is looked at between.
+
+        Returns
+        -------
+        SecondOrderModel
+            The same structure; nothing is computed anew.
+
+        Raises
+        ------
+        TypeError, ValueError
+            Unknown names, or one asked for twice.
+        """
+        if inputs is None and outputs is None:
+            return self._primary
+        first = self.ports.primary or (None, None)
+        return self.select(first[0] if inputs is None else inputs, first[1] if outputs is None else outputs)
+
+    @cached_property
+    def halves(self) -> tuple[SecondOrderModel, ...] | None:
+        """Its symmetric and antisymmetric half, as far as they have inputs and outputs; None of one that does not split."""
+        found = halves(self.structure, self.ports)
+        return None if found is None else tuple(SecondOrderModel.of(part.structure, part.ports) for part in found)
+
+    @cached_property
+    def modal_form(self) -> Lti:
+        """The balanced state space over undamped modes, or without such modes over the coordinates: matrices alone.
+
+        Raises
+        ------
+        ValueError
+            An output that needs a derivative of an input.
+        """
+        return modal_form(self.structure, self.ports).balanced()
 
     def __getitem__(self, signals: tuple[Any, Any]) -> SecondOrderModel:
         """Return the model between signals, outputs first, as systems of python-control take them: ``m["tip", "force"]``."""

@@ -188,7 +188,8 @@ def compare(results: Mapping[str, Any], *, omega: ArrayLike | None = None) -> Co
         for k, member in enumerate(members):
             if not hasattr(type(member), "__figures__"):
                 with _naming(name):
-                    system = _between_its_signals(looked_at(member))
+                    system = looked_at(member)
+                    system = system.between() if isinstance(system, SecondOrderModel) else system
                     systems[f"{name} {k}"] = system, matrices(system)
                     linear[f"{name} {k}"] = system.statespace("system") if isinstance(system, Lti) else system
     curves = compare_sigma(linear, omega) if linear else {}  # all on one grid
@@ -206,12 +207,6 @@ def compare(results: Mapping[str, Any], *, omega: ArrayLike | None = None) -> Co
     for figures in values.values():
         order |= dict.fromkeys(figures)
     return Comparison(tuple(results), tuple(order), values, parts)
-
-
-def _between_its_signals(system: Any) -> Any:
-    """Return a system between those of its signals that all figures are of: of a boom, platform actuators and tips."""
-    ports = system.ports.primary if isinstance(system, SecondOrderModel) else None
-    return system if ports is None else system.select(*ports)
 
 
 @contextmanager

@@ -41,9 +41,7 @@ def matrices(
     """
     system = looked_at(given, what)
     if isinstance(system, SecondOrderModel):
-        first = system.ports.primary or (None, None)
-        system = system.select(first[0] if inputs is None else inputs, first[1] if outputs is None else outputs)
-        found = of(system)
+        found = of(system.between(inputs, outputs))
     else:
         found = of(system, what, f"SecondOrderModel, {EXPECTED.removeprefix('a SecondOrderModel, ')}", sampled=True)
         found = found.select(inputs, outputs)

@@ -11,7 +11,7 @@ from boomctl.analysis.sigma import sigma
 from boomctl.arrays import Array
 from boomctl.boom.factory import spray_boom
 from boomctl.boom.parameters import BoomParameters
-from boomctl.checks import frequencies, function_of, instance, known, names, sequence, truth
+from boomctl.checks import frequencies, function_of, instance, known, sequence, truth
 from boomctl.printing import compact
 from boomctl.structure.model import SecondOrderModel
 
@@ -127,12 +127,7 @@ class SigmaStudy:
         model = (_boom if self.build is None else self.build)(**point)
         if not isinstance(model, SecondOrderModel):
             raise TypeError(f"build: expected a function that returns a SecondOrderModel, got {type(model).__name__}")
-        first = model.ports.primary or (None, None)
-        chosen = (
-            names("input", first[0] if self.inputs is None else self.inputs, model.inputs),
-            names("output", first[1] if self.outputs is None else self.outputs, model.outputs),
-        )
-        return model.select(*chosen)
+        return model.between(self.inputs, self.outputs)
 
     def _peaks(self, models: Sequence[SecondOrderModel]) -> Iterator[dict[str, float]]:
         for model in models:

@@ -252,8 +252,7 @@ def _certify(problem: RiccatiProblem, solution: RiccatiSolution) -> DesignCertif
     wide = L if problem.dt == 0.0 else linalg.cholesky(problem.R + B.T @ solution.X @ B, lower=True)
     acting, direct = (linalg.solve_triangular(wide, each, lower=True).T for each in (B.T, L))
     inverse = Lti(problem.A - B @ solution.gain, acting, -L.T @ solution.gain, direct, dt=problem.dt).balanced()
-    # around the highest point of the grid alone: what is asked is whether the peak rises above one
-    peak, at = largest_gain(continuous_image(inverse), refined=1)
+    peak, at = largest_gain(continuous_image(inverse))
     peak, at = (peak, float(omega_of_image(at, problem.dt))) if peak > 1.0 else (1.0, inf)
     least, slowest = 1.0 / peak, solution.abscissa
     if not problem.N.any() and least < 1.0 - _RETURN_DIFFERENCE:
