@@ -16,7 +16,7 @@ from boomctl.lti.modal import residualised
 from boomctl.lti.system import Lti, lower_lft
 from boomctl.printing import system
 from boomctl.synthesis.assumptions import SynthesisError
-from boomctl.synthesis.hinf.candidates import Candidate, judged, largest_pole, without_fast_poles
+from boomctl.synthesis.hinf.candidates import Candidate, largest_pole, verified_candidate, without_fast_poles
 from boomctl.synthesis.plants.partition import GeneralizedPlant, matched
 
 if TYPE_CHECKING:
@@ -132,12 +132,12 @@ def reduce_controller(
     limit = np.inf if fastest_pole is None else positive("fastest_pole", fastest_pole)
     if order is not None and whole("order", order, 0) > len(K.A):
         raise ValueError(f"order = {order}: the controller has only {len(K.A)} states")
-    full = judged(plant, K, np.inf)
+    full = verified_candidate(plant, K, np.inf)
     if isinstance(full, str):
         raise SynthesisError(f"the controller cannot be reduced: {full}")
     if largest_pole(K) > limit:
         slower = without_fast_poles(K, limit)
-        found = "they cannot be split off" if slower is None else judged(plant, slower, np.inf)
+        found = "they cannot be split off" if slower is None else verified_candidate(plant, slower, np.inf)
         if slower is None or isinstance(found, str):  # it must stabilise, or nothing can be balanced
             raise SynthesisError(f"the controller does not work without its poles above {limit:.3g} rad/s: {found}")
         K = slower
@@ -150,7 +150,7 @@ def reduce_controller(
         if largest_pole(smaller) > limit:
             rejected = f"a pole at {largest_pole(smaller):.3g} rad/s where {limit:.3g} are allowed"
             continue
-        found = judged(plant, smaller, allowed)
+        found = verified_candidate(plant, smaller, allowed)
         if isinstance(found, Candidate):
             return ReducedController(
                 _controller=found.K,

@@ -9,13 +9,13 @@ holds nevertheless.
 """
 
 import time
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import linalg
 
 from boomctl.arrays import Array
+from boomctl.lti.frequency import SEARCHED, highest_peak, resonance_grid
 from boomctl.lti.rounding import TINY
 from boomctl.lti.system import Lti
 from boomctl.printing import compact
@@ -24,9 +24,6 @@ from boomctl.synthesis.assumptions import SynthesisError
 from boomctl.synthesis.hinf.normal_form import NormalizedPlant
 from boomctl.synthesis.hinf.two_riccati import COUPLING, Level, gains, level_of
 from boomctl.synthesis.plants.partition import GeneralizedPlant
-
-_POINTS = 90  # first grid of the frequency bound, spread evenly in the logarithm beside the poles (a choice)
-_ZOOMS, _ZOOM = 4, 9  # narrowings around its peak, and points of each: to 4^-4 of a gap of the grid (a choice)
 
 # Levels tried upwards, as multiples of the first guess: tight where it is a bound, wide where it only has the right unit.
 _GROWTH = (1.01, 1.1, 1.5, 3.0, 10.0, 100.0, 1e4, 1e6, 1e9)
@@ -49,19 +46,11 @@ class Deadline:
         """Return the moment ``limit`` seconds from now."""
         return cls(limit, time.monotonic() + limit)
 
-    def left(self, doing: str) -> float:
-        """Return the seconds left.
-
-        Raises
-        ------
-        SynthesisError
-            None is left.
-        """
+    def check(self, doing: str) -> None:
+        """Tell what is done, and raise :class:`SynthesisError` if no time is left for it."""
         tell(doing)
-        rest = self.end - time.monotonic()
-        if rest <= 0.0:
+        if time.monotonic() >= self.end:
             raise SynthesisError(f"the time limit of {self.limit:g} s ran out while {doing}; no controller is returned")
-        return rest
 
 
 @dataclass(frozen=True)
@@ -140,9 +129,9 @@ def lowest_level(ready: NormalizedPlant, tolerance: float, deadline: Deadline) -
     frequency, omega = frequency_bound(ready, F2, L2)
     parts = (ready.A, ready.A + ready.B2 @ F2, ready.A + L2 @ ready.C2)
     band = max((float(np.abs(linalg.eigvals(part)).max()) for part in parts if len(part)), default=0.0)
-    span, levels = _narrowed(_Span(max(frequency, relaxed.radius), np.inf), ready, tolerance, deadline)
+    reached, levels = _lowest_reached(max(frequency, relaxed.radius), ready, tolerance, deadline)
     riccati, reason = _proven([relaxed, *levels])
-    return Bounds(reached=span.high, frequency=frequency, omega=omega, riccati=riccati, reason=reason, band=band)
+    return Bounds(reached=reached, frequency=frequency, omega=omega, riccati=riccati, reason=reason, band=band)
 
 
 def _proven(levels: list[Level]) -> tuple[float, str]:
@@ -160,33 +149,23 @@ def _promise(level: Level) -> float:
     return min(level.radius, level.gamma) if np.isfinite(level.radius) else (level.gamma if level.reason else 0.0)
 
 
-@dataclass(frozen=True)
-class _Span:
-    """Levels between which the lowest one seems to lie."""
-
-    low: float
-    high: float
-
-    def with_level(self, level: Level) -> "_Span":
-        """Return the span narrowed by what a level tells; as the level falls, the radius grows."""
-        if level.reason:
-            return _Span(max(self.low, level.gamma), self.high)
-        return _Span(max(self.low, level.radius), min(self.high, level.gamma))
-
-
-def _narrowed(span: _Span, ready: NormalizedPlant, tolerance: float, deadline: Deadline) -> tuple[_Span, list[Level]]:
-    """Return a span as narrow as asked for, and the levels that were looked at."""
-    levels = _reached(ready, span.low if span.low > 0.0 else _size(ready), deadline)
-    for level in levels:
-        span = span.with_level(level)
-    floor = _NOTHING * _size(ready)
-    for step in range(_STEPS):
-        if span.high <= max(span.low * (1.0 + tolerance), floor):
-            break
-        deadline.left("searching for the lowest level")
-        levels.append(level_of(ready, _middle(span) if step % 3 == 2 else _next(span, levels, tolerance)))
-        span = span.with_level(levels[-1])
-    return span, levels
+def _lowest_reached(
+    low: float, ready: NormalizedPlant, tolerance: float, deadline: Deadline
+) -> tuple[float, list[Level]]:
+    """Return the lowest level above ``low`` that can be reached, as closely as asked for, and all that were looked at."""
+    levels = _reached(ready, low if low > 0.0 else _size(ready), deadline)
+    floor, step = _NOTHING * _size(ready), 0
+    while True:
+        # as the level falls, the radius grows
+        low = max(low, *(level.gamma if level.reason else level.radius for level in levels))
+        high = min(level.gamma for level in levels if not level.reason)
+        if step == _STEPS or high <= max(low * (1.0 + tolerance), floor):
+            return high, levels
+        deadline.check("searching for the lowest level")
+        middle = float(np.sqrt(max(low, 1e-3 * high) * high))  # of an open span, three decades
+        guess = middle if step % 3 == 2 else _secant(levels, tolerance)
+        levels.append(level_of(ready, guess if low < guess < high else middle))
+        step += 1
 
 
 def _reached(ready: NormalizedPlant, base: float, deadline: Deadline) -> list[Level]:
@@ -194,7 +173,7 @@ def _reached(ready: NormalizedPlant, base: float, deadline: Deadline) -> list[Le
     levels: list[Level] = []
     enough = np.inf
     for growth in _GROWTH:
-        deadline.left("looking for a level that can be reached")
+        deadline.check("looking for a level that can be reached")
         levels.append(level_of(ready, min(growth * base, enough)))
         if not levels[-1].reason:
             return levels
@@ -203,19 +182,14 @@ def _reached(ready: NormalizedPlant, base: float, deadline: Deadline) -> list[Le
     raise SynthesisError(f"no level up to {_GROWTH[-1] * base:.3g} can be reached: {levels[-1].reason}")
 
 
-def _middle(span: _Span) -> float:
-    return float(np.sqrt(max(span.low, 1e-3 * span.high) * span.high))  # of an open span, three decades
-
-
-def _next(span: _Span, levels: list[Level], tolerance: float) -> float:
-    """Return a level just above where a line through two levels says that the radius equals it, else the middle."""
+def _secant(levels: list[Level], tolerance: float) -> float:
+    """Return a level just above where a line through two levels says that the radius equals it; nan without two."""
     below = max((v for v in levels if v.reason and v.radius > 0.0), key=lambda v: v.gamma, default=None)
     above = min((v for v in levels if not v.reason and v.radius > 0.0), key=lambda v: v.gamma, default=None)
     if below is None or above is None:
-        return _middle(span)
+        return np.nan
     a, b = np.log(below.radius / below.gamma), np.log(above.radius / above.gamma)
-    guess = below.gamma * (above.gamma / below.gamma) ** (a / (a - b)) * (1.0 + 0.4 * tolerance)
-    return float(guess) if span.low < guess < span.high else _middle(span)
+    return float(below.gamma * (above.gamma / below.gamma) ** (a / (a - b)) * (1.0 + 0.4 * tolerance))
 
 
 def _size(ready: NormalizedPlant) -> float:
@@ -251,24 +225,9 @@ def _out_of_reach(plant: GeneralizedPlant, F: Array) -> tuple[float, float]:
         left = inputs - basis @ (np.conj(np.swapaxes(basis, 1, 2)) @ inputs)
         return np.linalg.norm(left, 2, axis=(1, 2)) if min(left.shape[1:]) > 1 else np.linalg.norm(left, axis=(1, 2))
 
-    peak, omega = _peak(rest, np.concatenate([np.linalg.eigvals(closed), np.linalg.eigvals(plant.A)]))
-    return (peak, omega) if peak >= last else (last, np.inf)
-
-
-def _peak(rest: Callable[[Array], Array], poles: Array) -> tuple[float, float]:
-    size = np.abs(poles)
+    size = np.abs(np.concatenate([np.linalg.eigvals(closed), np.linalg.eigvals(plant.A)]))
     size = size[size > _SLOWEST * size.max()]
     low, high = (size.min(), size.max()) if len(size) else (1.0, 1.0)
-    grid = np.unique(np.concatenate([[0.0], np.geomspace(low / 10.0, high * 10.0, _POINTS), np.abs(poles)]))
-    values = rest(grid)
-    best = int(np.argmax(values))
-    peak, at = float(values[best]), float(grid[best])
-    a, b = float(grid[max(best - 1, 0)]), float(grid[min(best + 1, len(grid) - 1)])
-    for _ in range(_ZOOMS):
-        fine = np.linspace(a, b, _ZOOM)
-        values = rest(fine)
-        best = int(np.argmax(values))
-        if values[best] > peak:
-            peak, at = float(values[best]), float(fine[best])
-        a, b = float(fine[max(best - 1, 0)]), float(fine[min(best + 1, _ZOOM - 1)])
-    return peak, at
+    grid = resonance_grid(np.zeros(0), low / 10.0, high * 10.0, points=SEARCHED, also=[0.0, *size])
+    peak, omega = highest_peak(rest, grid, refined=1)
+    return (peak, omega) if peak >= last else (last, np.inf)

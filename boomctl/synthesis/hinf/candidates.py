@@ -12,7 +12,7 @@ from boomctl.lti.system import ClosedLoop, Lti
 from boomctl.synthesis.assumptions import SynthesisError
 from boomctl.synthesis.hinf.bounds import Bounds, Deadline
 from boomctl.synthesis.hinf.normal_form import NormalizedPlant
-from boomctl.synthesis.hinf.two_riccati import controller_of, level_of
+from boomctl.synthesis.hinf.two_riccati import level_of, suboptimal_controller
 from boomctl.synthesis.plants.partition import GeneralizedPlant, with_feedthrough
 
 # Share by which a loop's norm may exceed the level its controller was computed for: rounding of the solver
@@ -26,6 +26,9 @@ _FAR = (0.1, 0.2, 0.4, 0.7, 1.0)  # then up to twice the bound, where poles may 
 _ANY = (*_FAR, 3.0, 10.0, 100.0)  # where slow poles were asked for, at whatever cost
 # Of the ratio between the last level that failed and the first that passed: to an eighth of its logarithm
 _HALVINGS = 3
+
+# A controller that was tried: who computed it, for which level, and what came of it
+_Tried = tuple[str, float, str]
 
 
 @dataclass(frozen=True)
@@ -52,18 +55,6 @@ class Candidate:
     path: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True)
-class _Tried:
-    """A controller that was tried: who computed it, for which level, and what came of it."""
-
-    solver: str
-    level: float
-    outcome: str
-
-    def __str__(self) -> str:
-        return f"{self.solver} at gamma = {self.level:.6g}: {self.outcome}"
-
-
 def first_accepted(task: Task, strict: bool) -> Candidate:
     """Return a controller whose poles may be implemented, as near to the lower bound as that allows.
 
@@ -86,8 +77,9 @@ def first_accepted(task: Task, strict: bool) -> Candidate:
     if found is None and not strict:
         found = _first_of(replace(task, fastest=np.inf), _levels(task, (first[0], t, *_ANY)), tried)
     if found is not None:
-        return replace(found, path=tuple(map(str, tried)))
-    last = {one.solver: one.outcome for one in tried}
+        path = (f"{solver} at gamma = {level:.6g}: {outcome}" for solver, level, outcome in tried)
+        return replace(found, path=tuple(path))
+    last = {solver: outcome for solver, _, outcome in tried}
     told = "; ".join(f"{solver}: {outcome}" for solver, outcome in last.items())
     raise SynthesisError(f"no controller passed verification, from gamma = {task.bounds.reached:.6g} on ({told})")
 
@@ -118,37 +110,37 @@ def _first_of(task: Task, levels: Sequence[float], tried: list[_Tried]) -> Candi
     for level in levels:
         limit = task.wanted if task.wanted is not None else (1.0 + _ACCEPT) * level
         for solver, K in _controllers(task, level, tried):
-            task.deadline.left(f"verifying a controller for gamma = {level:.6g}")
-            found = judged(task.plant, K, limit)
+            task.deadline.check(f"verifying a controller for gamma = {level:.6g}")
+            found = verified_candidate(task.plant, K, limit)
             if isinstance(found, Candidate):
-                tried.append(_Tried(solver, level, "passed"))
+                tried.append((solver, level, "passed"))
                 return found
-            tried.append(_Tried(solver, level, found))
+            tried.append((solver, level, found))
     return None
 
 
 def _controllers(task: Task, level: float, tried: list[_Tried]) -> Iterator[tuple[str, Lti]]:
     """Yield controllers of a level, one with poles that are too fast without these; refusals go into ``tried``."""
     for solver, ready in (("two Riccati equations", task.ready), ("states in another order", task.ready.reordered)):
-        task.deadline.left(f"computing a controller for gamma = {level:.6g}")
+        task.deadline.check(f"computing a controller for gamma = {level:.6g}")
         outward, inward = ready.from_controls, ready.from_measurements
         try:
             found = level_of(ready, level)
             if found.reason:
                 raise ValueError(found.reason)
-            K = controller_of(ready, found, inward @ task.plant.D22 @ outward)
+            K = suboptimal_controller(ready, found, inward @ task.plant.D22 @ outward)
             K = Lti(K.A, K.B @ inward, outward @ K.C, outward @ K.D @ inward)
             if not all(np.isfinite(part).all() for part in (K.A, K.B, K.C, K.D)):
                 raise ValueError("a controller that is not finite")
             K = with_feedthrough(K, task.plant.D22)
         except (ValueError, np.linalg.LinAlgError) as error:
-            tried.append(_Tried(solver, level, str(error)))
+            tried.append((solver, level, str(error)))
             continue
         speed = largest_pole(K)
         if speed <= task.fastest:
             yield solver, K
             continue
-        tried.append(_Tried(solver, level, f"a pole at {speed:.3g} rad/s where {task.fastest:.3g} are allowed"))
+        tried.append((solver, level, f"a pole at {speed:.3g} rad/s where {task.fastest:.3g} are allowed"))
         slower = without_fast_poles(K, task.fastest)
         if slower is not None:
             yield f"{solver}, fast poles residualised", slower
@@ -173,7 +165,7 @@ def without_fast_poles(K: Lti, fastest: float) -> Lti | None:
     return slower if all(np.isfinite(part).all() for part in (slower.B, slower.C, slower.D)) else None
 
 
-def judged(plant: GeneralizedPlant, K: Lti, limit: float) -> Candidate | str:
+def verified_candidate(plant: GeneralizedPlant, K: Lti, limit: float) -> Candidate | str:
     """Return a controller with its certificate if its loop is stable and its norm not above ``limit``; else why not."""
     try:
         parts = ClosedLoop(plant.system, K)

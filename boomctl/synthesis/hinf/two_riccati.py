@@ -170,9 +170,8 @@ def _error(equation: _StateFeedback, X: Array) -> float:
     if linalg.eigvals(closed).real.max() >= 0.0:
         return np.inf
     try:
-        with (
-            warnings.catch_warnings()
-        ):  # next to the axis SciPy moves an eigenvalue by its rounding: the step is as long as ever
+        with warnings.catch_warnings():
+            # next to the axis SciPy moves an eigenvalue by its rounding: the step is as long as ever
             warnings.simplefilter("ignore", RuntimeWarning)
             step = linalg.solve_continuous_lyapunov(closed.T, -residual)
     except np.linalg.LinAlgError:
@@ -194,7 +193,7 @@ def gains(ready: NormalizedPlant, level: Level) -> tuple[Array, Array]:
     return F, _state_feedback(ready.dual, level.gamma).gain(level.Y).T
 
 
-def controller_of(ready: NormalizedPlant, level: Level, D22: Array) -> Lti:
+def suboptimal_controller(ready: NormalizedPlant, level: Level, D22: Array) -> Lti:
     """Return a controller of a level in normalised signals: the central one, where its loop is well-posed.
 
     Otherwise it is the one, of three, with which ``I + D_K D22`` is farthest from singular.
@@ -204,7 +203,7 @@ def controller_of(ready: NormalizedPlant, level: Level, D22: Array) -> Lti:
     ValueError
         The level has no Riccati solutions.
     """
-    family = controllers_of(ready, level)
+    family = _all_controllers(ready, level)
 
     def well_posedness(K: Lti) -> float:
         values = linalg.svdvals(np.eye(len(K.D)) + K.D @ D22)
@@ -218,7 +217,7 @@ def controller_of(ready: NormalizedPlant, level: Level, D22: Array) -> Lti:
     return max(central, *(lower_lft(family.system, static(Q)) for Q in (aligned, -aligned)), key=well_posedness)
 
 
-def controllers_of(ready: NormalizedPlant, level: Level) -> GeneralizedPlant:
+def _all_controllers(ready: NormalizedPlant, level: Level) -> GeneralizedPlant:
     """Return all controllers of a level, from its Riccati solutions.
 
     Closed by ``q = Q p`` with any stable ``Q`` smaller than the level, what comes back is a controller of the level,
