@@ -30,8 +30,8 @@ from boomctl.reduction.reducers import (
     BalancedTruncation,
     HankelApproximation,
     ModalTruncation,
-    Reducer,
     SingularPerturbation,
+    StateReducer,
     StrongestModes,
 )
 from boomctl.reduction.result import LowerOrderWarning, ReductionError, ReductionResult
@@ -135,7 +135,7 @@ def reduce(
         raise TypeError(f"method 'second-order': expected a SecondOrderModel, got {type(system).__name__}")
     with computing("reduction", progress):
         reduced = _by_image if isinstance(given, Lti) and given.dt != 0.0 else _by_cores
-        result = reduced(given, (order, wanted), method, limits)  # type: ignore[arg-type]
+        result = reduced(given, order, wanted, method, limits)  # type: ignore[arg-type]
     if order is not None and result.order < order:
         reason = (
             "a pair of poles stays whole"
@@ -147,16 +147,16 @@ def reduce(
 
 
 def _by_cores(
-    given: Lti | SecondOrderModel, aim: tuple[int | None, float | None], method: str, band: Band | None
+    given: Lti | SecondOrderModel, order: int | None, wanted: float | None, method: str, band: Band | None
 ) -> ReductionResult:
     """Return the reduction to an order or within an error, of the first core large enough."""
-    (order, wanted), path = aim, []
+    path: list[str] = []
     modes, size, truncated = _MODES + (order or 0), _states(given), 0.0
     while True:
         tell(f"core of up to {modes} modes")
         core = core_of(given, modes)
         path.append(core.way)
-        reducer: Reducer = METHODS[method](given, core, band, modes)
+        reducer = METHODS[method](given, core, band, modes)
         last, floor = modes >= _LARGEST_CORE, _ROUNDING * float(reducer.values.max(initial=0.0))
         modes *= 2  # of the next core, where this one does not do
         if not (core.complete or last) and wanted is not None and core.tail > max(_TAIL_SHARE * wanted, floor):
@@ -171,7 +171,7 @@ def _by_cores(
             smaller, found = None, None
         if found is None or (isinstance(given, Lti) and _states(smaller) >= size):  # type: ignore[arg-type]
             # no system differs less from one than itself
-            smaller, found = _as_given(given, method), Verified(core.stable, 0.0, 0.0, NO_ERROR)
+            smaller, found = _as_given(given, method), Verified(0.0, 0.0, NO_ERROR)
             path.append(AS_GIVEN)
             break
         if core.complete or last or core.tail <= max(_TAIL_SHARE * found.measured, floor):
@@ -197,15 +197,14 @@ def _by_cores(
     )
 
 
-def _by_image(given: Lti, aim: tuple[int | None, float | None], method: str, band: Band | None) -> ReductionResult:
+def _by_image(given: Lti, order: int | None, wanted: float | None, method: str, band: Band | None) -> ReductionResult:
     """Return the reduction of a discrete system, by orders of its image until the error on the circle is small enough."""
-    order, wanted = aim
     inside = None if band is None else _band_of_image(given, band)
     # what the discrete error is proved to stay below is a little more than that of the image
     within = None if wanted is None else wanted * (1.0 - CERTIFIED)
     image = continuous_image(given)
     while True:
-        found = _by_cores(image, (order, within), method, inside)
+        found = _by_cores(image, order, within, method, inside)
         try:
             result = _on_circle(given, found, band)
         except ReductionError:
@@ -318,7 +317,7 @@ def _band(band: object) -> Band | None:
     return float(limits[0]), float(limits[1])
 
 
-def _within(reducer: Reducer, error: float) -> tuple[Lti | SecondOrderModel, Verified]:
+def _within(reducer: StateReducer | StrongestModes, error: float) -> tuple[Lti | SecondOrderModel, Verified]:
     """Return the reduction of lowest order whose verified error is not above the one wanted.
 
     Raises

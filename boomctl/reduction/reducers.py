@@ -9,7 +9,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from math import inf
-from typing import Protocol, final
+from typing import final
 
 import numpy as np
 from scipy import linalg
@@ -38,36 +38,6 @@ _SAME = 1e-6  # relative difference up to which Markov parameters are the same, 
 _MOMENTS = 4  # Markov parameters compared: two systems of so few kept states that agree in them are the same
 
 
-class Reducer(Protocol):
-    """A core made ready to be reduced to any order."""
-
-    @property
-    def values(self) -> Array:
-        """Hankel singular values of what is reduced, descending."""
-        ...
-
-    @property
-    def complete(self) -> bool:
-        """Whether no larger core would allow a smaller error."""
-        ...
-
-    def orders(self, error: float) -> Iterator[int]:
-        """Yield the orders, ascending, that may have an error not above one wanted; those of the kept part included."""
-        ...
-
-    def reduced(self, order: int) -> tuple[Lti | SecondOrderModel, Verified]:
-        """Return the reduced system, kept part included, and how its stable part was verified.
-
-        Raises
-        ------
-        ValueError
-            There is no such order.
-        ReductionError
-            The error exceeds its bound, or could not be verified.
-        """
-        ...
-
-
 @dataclass(frozen=True)
 class Balanced:
     """A stable system whose Gramians are both ``diag(values)``, minimal; ``lost`` bounds what was not minimal."""
@@ -91,7 +61,15 @@ def balance(system: Lti, modal: ModalSystem | None) -> Balanced:
 
 
 class StateReducer(ABC):
-    """What the methods that give a state space have in common: the stable part is reduced, the kept part joined."""
+    """What the methods that give a state space have in common: the stable part is reduced, the kept part joined.
+
+    Attributes
+    ----------
+    values : (n,) ndarray
+        Hankel singular values of what is reduced, descending.
+    complete : bool
+        Whether no larger core would allow a smaller error.
+    """
 
     values: Array
 
@@ -105,12 +83,23 @@ class StateReducer(ABC):
         """Return the stable part in so many states, or fewer, and a bound of the error."""
 
     def orders(self, error: float) -> Iterator[int]:
-        """Yield orders: no fewer states come nearer than the first Hankel singular value that goes."""
+        """Yield the orders, ascending, kept part included, that may have an error not above one wanted.
+
+        No fewer states come nearer than the first Hankel singular value that goes.
+        """
         first = int((self.values > error).sum()) if self.band is None else 0
         yield from range(len(self.core.kept.A) + first, len(self.core.kept.A) + len(self.values) + 1)
 
     def reduced(self, order: int) -> tuple[Lti, Verified]:
-        """Return the reduced system and how it was verified."""
+        """Return the reduced system, kept part included, and how its stable part was verified.
+
+        Raises
+        ------
+        ValueError
+            There is no such order.
+        ReductionError
+            The error exceeds its bound, or could not be verified.
+        """
         kept = self.core.kept
         if order < len(kept.A):
             raise ValueError(

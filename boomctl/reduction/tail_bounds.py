@@ -28,7 +28,7 @@ from scipy import linalg
 from boomctl.arrays import Array, blocks
 from boomctl.lti.frequency import resonance_grid
 from boomctl.lti.modal import ModalSystem, diagonalized, side_of_axis
-from boomctl.lti.rounding import ALIKE, EPS, SOLVED, SUMMED
+from boomctl.lti.rounding import ALIKE, EPS, SOLVED, SUMMED, TINY
 from boomctl.lti.system import Lti
 from boomctl.structure.damping import Damping
 from boomctl.structure.model import SecondOrderModel
@@ -93,16 +93,29 @@ def tail_bound(
     if dissipated <= 0.0:
         return inf
     softened = u_all * (np.abs(gamma).max(initial=0.0) + float(np.linalg.norm(coupling, 2) if len(gamma) else 0.0))
-    low, high = intervals(closed, lowest)
+    ends = intervals(closed, lowest)
+    by_outputs, by_inputs = damper_forces(closed, N, np.abs(gamma), loads.B0.shape[1], ends)
+    reads, b0 = reads + np.array(u) @ by_outputs, b0 + np.array(u) @ by_inputs
+    return _over_intervals(ends, reads, b0, b1, lowest=lowest, softened=softened, dissipated=dissipated)
+
+
+def _over_intervals(
+    ends: tuple[Array, Array],
+    reads: Array,
+    b0: Array,
+    b1: float,
+    *,
+    lowest: float,
+    softened: float,
+    dissipated: float,
+) -> float:
+    """Return the largest of ``reads |S^-1| (b0 + w b1)`` over all intervals, in each of which ``reads`` and ``b0`` hold."""
+    low, high = ends
     stiff = 1.0 - (high / lowest) ** 2 - high * softened
     with np.errstate(divide="ignore"):
         inverse = np.minimum(np.where(stiff > 0.0, 1.0 / stiff, inf), 1.0 / (dissipated * low))
-    by_outputs, by_inputs = damper_forces(closed, N, np.abs(gamma), loads.B0.shape[1], (low, high))
-    acting = b0 + np.array(u) @ by_inputs + high * b1
-    parts = (reads + np.array(u) @ by_outputs) * inverse * acting
-    last = (reads + np.array(u) @ by_outputs[:, -1]) * (
-        b0 / (dissipated * low[-1]) + (np.array(u) @ by_inputs[:, -1] / low[-1] + b1) / dissipated
-    )
+    parts = reads * inverse * (b0 + high * b1)
+    last = reads[-1] * (b0[-1] / low[-1] + b1) / dissipated  # of the open one, where the frequency cancels
     return float(max(parts[:-1].max(), last))
 
 
@@ -159,7 +172,7 @@ def damper_forces(
     poles = closed.poles[:, None]
     off = np.maximum(0.0, np.maximum(low - poles.imag, poles.imag - high))
     gain = high / np.hypot(poles.real, off)
-    gain[:, -1] = low[-1] / np.maximum(low[-1] - np.abs(closed.poles), 1e-300)
+    gain[:, -1] = low[-1] / np.maximum(low[-1] - np.abs(closed.poles), TINY)
     C = gamma[:, None] * np.abs(closed.C)
     acting, reading = (np.linalg.norm(B, axis=1) for B in (closed.B[:, :inputs], closed.B[:, inputs:]))
     ends_move = (gamma * np.linalg.norm(N, axis=1))[:, None] * high
@@ -198,16 +211,14 @@ def truncation_bound(stiffness: Array, C: Array, loads: Loads, kept: Array) -> f
     closed = _motions(stiffness[kept], C[np.ix_(kept, kept)], ours, X)
     if closed is None or (side_of_axis(closed.poles) >= 0).any():
         return inf
-    low, high = intervals(closed, float(w.min()))
-    stiff = 1.0 - (high / w.min()) ** 2 - high * float(np.linalg.norm(between, 2))
-    with np.errstate(divide="ignore"):
-        inverse = np.minimum(np.where(stiff > 0.0, 1.0 / stiff, inf), 1.0 / (dissipated * low))
-    forces = damper_forces(closed, np.zeros((len(w), m)), np.ones(len(w)), m, (low, high))
+    lowest = float(w.min())
+    ends = intervals(closed, lowest)
+    forces = damper_forces(closed, np.zeros((len(w), m)), np.ones(len(w)), m, ends)
     by_outputs, by_inputs = (np.linalg.norm(each, axis=0) for each in forces)
     b0, b1, reads = (float(np.linalg.norm(each / w[:, None], 2)) for each in (others.B0, others.B1, others.L.T))
-    parts = (reads + by_outputs) * inverse * (b0 + by_inputs + high * b1)
-    last = (reads + by_outputs[-1]) * ((b0 + by_inputs[-1]) / low[-1] + b1) / dissipated
-    return float(max(parts[:-1].max(), last))
+    softened = float(np.linalg.norm(between, 2))
+    reads, b0 = reads + by_outputs, b0 + by_inputs
+    return _over_intervals(ends, reads, b0, b1, lowest=lowest, softened=softened, dissipated=dissipated)
 
 
 def _motions(stiffness: Array, C: Array, loads: Loads, rows: Array) -> ModalSystem | None:

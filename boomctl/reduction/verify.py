@@ -53,9 +53,8 @@ _GRAMIANS = float(np.sqrt(DIGIT))
 
 @dataclass(frozen=True)
 class Verified:
-    """A reduced stable part, its bound and its verified error, what the core leaves out included in both."""
+    """The bound of a reduction and its verified error, what the core leaves out included in both."""
 
-    reduced: Lti
     bound: float
     measured: float
     certificate: NormCertificate
@@ -101,7 +100,7 @@ def verified(core: SystemCore, reduced: Lti, bound: float, band: Band | None) ->
         )
     # the bound does not know of rounding, nor by how little what is proved lies above the largest value found
     measured = found.upper + own
-    return Verified(reduced, max(bound, measured) + core.tail, measured + core.tail, found)
+    return Verified(max(bound, measured) + core.tail, measured + core.tail, found)
 
 
 def _at_poles(system: Lti, reduced: Lti, band: Band | None) -> tuple[float, tuple[float, float]]:
