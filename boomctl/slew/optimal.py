@@ -19,7 +19,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from math import radians, tau
 from types import EllipsisType
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING
 
 from numpy.typing import ArrayLike
 
@@ -75,26 +75,15 @@ class _Candidate:
     path: tuple[str, ...] = ()
 
 
-_Outcome: TypeAlias = tuple[_Candidate | None, tuple[str, ...]]
-"""Of one way: a torque, or none where the next way is to be taken, and what was done."""
-
-
-def _switching_times(problem: SlewProblem, least: Extremal) -> _Outcome:
-    """The least time of a linear plant is known already; its distance from the bound is what is left to find."""
-    gap = time_gap(linear_time_problem(problem), least)
-    optimality = "proved" if problem.waits and gap < 1.0 else "extremal"
-    return _Candidate(least.history, "switching times", gap, optimality), ()
-
-
-def _arc_durations(problem: SlewProblem, first: TorqueHistory) -> _Outcome:
-    """Durations of a bang-bang torque's arcs, from a first torque; None where they are no extremal."""
+def _arc_durations(problem: SlewProblem, first: TorqueHistory) -> tuple[_Candidate | None, tuple[str, ...]]:
+    """Durations of a bang-bang torque's arcs, from a first torque; None where they are no extremal; and what was done."""
     found = least_time_arcs(problem, first)
     if found is None or found.gain >= _EXTREMAL:
         return None, ("durations of arcs: none found",)
     return _Candidate(found.history, "switching times", found.gain, "extremal"), ("durations of arcs", *found.path)
 
 
-def _programme(problem: SlewProblem, least: Extremal | None) -> _Outcome:
+def _programme(problem: SlewProblem, least: Extremal | None) -> tuple[_Candidate, tuple[str, ...]]:
     """The torque of a programme on a mesh; where it is bang-bang, the durations of its arcs once more."""
     found = refined(problem, None if least is None else least.history)
     history, path, limit = found.solution.history, found.path, problem.limits.torque
@@ -115,17 +104,6 @@ def _programme(problem: SlewProblem, least: Extremal | None) -> _Outcome:
     if problem.linear and problem.objective == "effort" and not problem.limits.beside_torque:
         torque = replace(torque, gap=effort_gap(problem, history), optimality="proved")
     return torque, path
-
-
-_WAYS: tuple[tuple[Callable[[SlewProblem], bool], Callable[..., _Outcome]], ...] = (
-    (lambda problem: problem.fastest and problem.linear, _switching_times),
-    (
-        lambda problem: problem.fastest and not problem.linear,
-        lambda problem, least: _arc_durations(problem, least.history),
-    ),
-    (lambda problem: not (problem.fastest and problem.linear), _programme),
-)
-"""When a way serves, and what it does with the problem and the linear part's least time, where that is asked for."""
 
 
 def optimal_slew(
@@ -257,26 +235,25 @@ def _turned(h: object, angle: float | EllipsisType | None, angle_deg: float | No
 def _planned(problem: SlewProblem) -> SlewResult:
     """Plan a slew by the first way that finds one."""
     least = least_time(problem) if problem.objective == "time" else None  # of the linear part: where every way starts
-    path = () if least is None else least.path
-    for serves, planned in _WAYS:
-        if serves(problem):
-            found, ran = planned(problem, least)
-            path += ran
-            if found is not None:
-                return _certified(problem, replace(found, path=path))
-    raise AssertionError("the last way finds a torque or says why there is none")
+    path, found = () if least is None else least.path, None
+    if problem.fastest and least is not None:
+        if problem.linear:  # it is the answer: what is left to find is its distance from the bound
+            gap = time_gap(linear_time_problem(problem), least)
+            optimality = "proved" if problem.waits and gap < 1.0 else "extremal"
+            return _certified(problem, _Candidate(least.history, "switching times", gap, optimality, path=path))
+        found, ran = _arc_durations(problem, least.history)
+        path += ran
+    if found is None:
+        found, ran = _programme(problem, least)
+        path += ran
+    return _certified(problem, replace(found, path=path))
 
 
 def _budget(time_limit: float, progress: Callable[[SlewProgress], object] | None) -> Budget:
-    """Check what bounds a search and who is told of it."""
+    """Check what bounds a search and who is told of it: by default those who listen to computations."""
     if progress is not None and not callable(progress):
         raise TypeError(f"progress = {progress!r}: expected a function of a SlewProgress, or None")
-    return Budget(positive("time_limit", time_limit), _told if progress is None else progress)
-
-
-def _told(seen: SlewProgress) -> None:
-    """Tell those who listen to computations."""
-    tell(seen.stage)
+    return Budget(positive("time_limit", time_limit), progress or (lambda seen: tell(seen.stage)))
 
 
 @contextmanager
