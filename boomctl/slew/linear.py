@@ -56,11 +56,13 @@ def flow(problem: SlewProblem) -> LinearFlow:
 class LeastEffort:
     """The linear part's slew of least effort: the torque, and the costate c at the end.
 
-    ``u = c^T exp(A (T - t)) B`` within the limit.
+    ``u = c^T exp(A (T - t)) B`` within the limit.  ``missed`` is what it misses of the end conditions, relative to the
+    largest of them: rounding, unless the limit is too low for the time.
     """
 
     history: TorqueHistory
     costate: Array
+    missed: float
 
 
 def least_effort(problem: SlewProblem, duration: float, intervals: int) -> LeastEffort:
@@ -96,7 +98,8 @@ def least_effort(problem: SlewProblem, duration: float, intervals: int) -> Least
         c = c + size * move
     values = np.clip(rows.T @ c, -limit, limit)
     costate = (c / scale) @ problem.ends * (duration / intervals)
-    return LeastEffort(held(np.linspace(0.0, duration, intervals + 1), values), costate)
+    missed = float(np.abs(wanted - rows @ values).max() / np.abs(wanted).max())
+    return LeastEffort(held(np.linspace(0.0, duration, intervals + 1), values), costate, missed)
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,15 +166,11 @@ def effort_gap(problem: SlewProblem, history: TorqueHistory) -> float:
     c = 2.0 * least_effort(problem, history.duration, intervals).costate
     linear, gauss = flow(problem), gauss_method(_POINTS)
     h, limit = history.duration / intervals, problem.limits.torque
-    before_end = h * (1.0 - gauss.nodes)
-    ahead: Array = np.array([linear.step(float(s))[0] @ problem.B for s in before_end])
-    Phi = linear.step(h)[0]
-    row, total = c, 0.0
-    for _ in range(intervals):
-        p = np.abs(ahead @ row)
-        conjugate = np.where(p <= 2.0 * limit, 0.25 * p**2, limit * p - limit**2)
-        total += h * float(gauss.weights @ conjugate)
-        row = row @ Phi
+    ahead: Array = np.array([linear.step(float(s))[0] @ problem.B for s in h * (1.0 - gauss.nodes)])
+    rows, beyond = observability(linear.step(h)[0], c[None], intervals)
+    p = np.abs(rows[:, 0] @ ahead.T)
+    conjugate = np.where(p <= 2.0 * limit, 0.25 * p**2, limit * p - limit**2)
+    total = h * float((conjugate @ gauss.weights).sum())
     multipliers = np.linalg.lstsq(problem.ends.T, c, rcond=None)[0]
-    bound = float(multipliers @ (problem.ends @ problem.target) - row @ problem.start - total)
+    bound = float(multipliers @ (problem.ends @ problem.target) - c @ beyond @ problem.start - total)
     return history.effort / bound - 1.0

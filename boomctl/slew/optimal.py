@@ -6,7 +6,9 @@ The ways, in the order in which they are tried; the path of a result names those
    are exact, and weak duality proves that they are optimal.
 2. Durations of arcs of a nonlinear plant, for the same: a few unknowns, started from the linear part's, accurate to the
    tolerance. Halved or without axial modes where that is the same slew, or nearly.
-3. A programme on a mesh, for all else and where the durations lead nowhere; a bang-bang torque that it finds is handed to
+3. Least effort of a linear plant under the torque's limit alone: the torque held on a mesh is a closed form, clipped at the
+   limit, in as many unknowns as the end has conditions; weak duality says how far any torque is from it.
+4. A programme on a mesh, for all else and where the durations lead nowhere; a bang-bang torque that it finds is handed to
    the durations of its arcs once more.
 """
 
@@ -17,7 +19,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
-from math import radians, tau
+from math import inf, radians, tau
 from types import EllipsisType
 from typing import TYPE_CHECKING
 
@@ -31,9 +33,9 @@ from boomctl.slew.budget import Budget, OutOfTime, SlewProgress, listening
 from boomctl.slew.least_time.arc_count import arcs_behind
 from boomctl.slew.least_time.newton import least_time_arcs
 from boomctl.slew.least_time.switching import Extremal, least_time, linear_time_problem, time_gap
-from boomctl.slew.linear import effort_gap
+from boomctl.slew.linear import effort_gap, least_effort
 from boomctl.slew.nlp.programme import Programme, Solution
-from boomctl.slew.nlp.refinement import refined, solved_again
+from boomctl.slew.nlp.refinement import MESH_GAP, MESHES, refined, solved_again
 from boomctl.slew.objectives import OBJECTIVES
 from boomctl.slew.problem import Limits, SlewProblem, changed, slew_problem
 from boomctl.slew.replay import Motion, binding, free_errors, other_models, played, prescribed_error, violation
@@ -48,6 +50,7 @@ if TYPE_CHECKING:
 TIME_LIMIT = 120.0  # [s] for a search unless another is given: ten times what the slowest of the designs takes
 _EXTREMAL = 1e-4  # time that durations of arcs may leave to be gained, relative: more, and there are too few arcs
 _ROUNDING = 1e-12  # error of the end, relative, that no tolerance forbids
+_ARRIVES = 1e-9  # of the end conditions, that a torque within its limit may miss: far more than rounding (a choice)
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,9 +104,26 @@ def _programme(problem: SlewProblem, least: Extremal | None) -> tuple[_Candidate
         solution=found.solution,
         motions=found.motions,
     )
-    if problem.linear and problem.objective == "effort" and not problem.limits.beside_torque:
-        torque = replace(torque, gap=effort_gap(problem, history), optimality="proved")
     return torque, path
+
+
+def _linear_effort(problem: SlewProblem) -> _Candidate | None:
+    """The least effort of a linear plant within the torque's limit, of which no more than the end has to be found.
+
+    None where the limit is too low, of which a programme says when it binds and what would do.
+    """
+    cost, path = inf, ()
+    assert problem.duration is not None
+    for intervals in MESHES if problem.intervals is None else (problem.intervals,):
+        found = least_effort(problem, problem.duration, intervals)
+        if found.missed > _ARRIVES:
+            return None
+        path = (*path, f"least effort on {intervals} intervals")
+        coarser, cost = cost, found.history.effort
+        if abs(coarser - cost) < MESH_GAP * cost:
+            break
+    gap = effort_gap(problem, found.history)
+    return _Candidate(found.history, "least effort", gap, "proved", path=path)
 
 
 def optimal_slew(
@@ -153,7 +173,7 @@ def optimal_slew(
     tip_masses : tuple of float
         Other payloads [kg] that the same torque leaves without vibration; the angle is that of h itself.
     method : str
-        "collocation" (Gauss-Legendre), "radau" (Radau IIA) or "shooting", on the same mesh.
+        "collocation" (Gauss-Legendre), "radau" (Radau IIA) or "shooting", on the same mesh, where a programme is needed.
     tolerance : float
         Largest relative error of the prescribed end state in the replay. What the torque does not move in the linear
         part, as FOAM's axial motion, is not prescribed; what is left of it is in ``end_error``.
@@ -243,6 +263,9 @@ def _planned(problem: SlewProblem) -> SlewResult:
             return _certified(problem, _Candidate(least.history, "switching times", gap, optimality, path=path))
         found, ran = _arc_durations(problem, least.history)
         path += ran
+    if problem.linear and problem.objective == "effort" and not problem.limits.beside_torque:
+        found = _linear_effort(problem)
+        path = () if found is None else found.path
     if found is None:
         found, ran = _programme(problem, least)
         path += ran
@@ -279,12 +302,12 @@ def resolve(
 ) -> SlewResult:
     """Solve a planned slew again with another angle or torque limit, started from its solution.
 
-    Nothing is built anew, which makes it fast.
+    A programme is not built anew, which makes it fast; what was planned without one is planned once more.
 
     Parameters
     ----------
     result : SlewResult
-        What `optimal_slew` returned, with method "collocation" or "shooting" in its certificate.
+        What `optimal_slew` returned.
     angle, torque_limit : float or None
         The new angle [rad] and the new limit [N m]; None: as before.
     time_limit, progress
@@ -298,7 +321,7 @@ def resolve(
     Raises
     ------
     TypeError, ValueError
-        If the slew was not planned by a programme, or its angle was free or part of given states.
+        Another kind of result, or an angle that was free or part of given states.
     SlewError
         As `optimal_slew`.
 
@@ -313,11 +336,13 @@ def resolve(
     if not isinstance(result, SlewResult):
         raise TypeError(f"result = {type(result).__name__}: expected what optimal_slew returns")
     before = result.plan
-    if before is None or before.programme is None or before.solution is None:
-        raise ValueError("result: expected a slew planned by collocation or shooting; plan this one anew")
+    if before is None:
+        raise ValueError("result: expected a slew that optimal_slew planned; plan this one anew")
     budget = _budget(time_limit, progress)
     problem = replace(changed(before.problem, angle, torque_limit), budget=budget)
     with computing("slew"), _in_time(budget):
+        if before.programme is None or before.solution is None:
+            return _planned(problem)
         solution, motions = solved_again(problem, before.programme, before.solution)
     gap = result.certificate.optimality_gap
     path = (f"{problem.method}, solved again on its mesh",)
@@ -355,7 +380,7 @@ def _certified(problem: SlewProblem, found: _Candidate) -> SlewResult:
         optimality_gap=found.gap,
         optimality=found.optimality,
         switches=int(history.switches.size) if found.method == "switching times" else None,
-        intervals=None if found.programme is None else found.programme.transcription.scheme.intervals,
+        intervals=None if found.method == "switching times" else int(history.left.size),
     )
     paths = [(plant, each.time, each.coordinates) for plant, each in zip(problem.plants, motions, strict=True)]
     first = motions[0]

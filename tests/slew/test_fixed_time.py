@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 import boomctl as bc
 from boomctl.slew import mesh_study, resolve, track
 from boomctl.slew.objectives import OBJECTIVES, Objective
+from boomctl.slew.result import SlewError
 from tests.profiles import examples
 from tests.slew.systems import rigid
 
@@ -167,8 +168,26 @@ def test_solving_again_with_other_data(beam):
     fresh = bc.optimal_slew(beam, 1.4, 180.0, "effort", 3.6, method="shooting", intervals=60)
     assert again.cost == pytest.approx(fresh.cost, rel=1e-7)
     assert again.hub_angle[-1] == pytest.approx(1.4, abs=1e-6)
-    with pytest.raises(ValueError, match="collocation or shooting"):
-        resolve(bc.optimal_slew(beam, ANGLE, LIMIT), angle=1.0)
+    fastest = bc.optimal_slew(rigid(50.0), 1.0, 100.0)  # planned without a programme: planned once more
+    assert resolve(fastest, angle=1.4).duration == pytest.approx(np.sqrt(1.4) * fastest.duration, rel=1e-9)
+
+
+@pytest.mark.parametrize("limit", [200.0, 120.0])
+def test_least_effort_of_a_linear_beam_is_what_a_programme_finds(limit):
+    """A limit of the speed that is never met asks for the programme, which knows nothing of the closed form."""
+    plant = bc.hub_beam(bc.HubBeamParameters(tip_mass=0.1), modes=2).linearize()
+    known, found = (
+        bc.optimal_slew(plant, ANGLE, limit, "effort", 4.0, intervals=60, speed_limit=most) for most in (None, 50.0)
+    )
+    assert known.path == ("least effort on 60 intervals",)
+    assert found.certificate.method == "collocation"
+    assert known.cost == pytest.approx(found.cost, rel=1e-7)
+    assert known.history.left == pytest.approx(found.history.left, abs=1e-3 * limit)
+    assert known.end_error < 1e-11
+    assert ("torque_limit" in known.certificate.binding) == (limit == 120.0)
+    assert 0.0 < known.certificate.optimality_gap < 2e-3
+    with pytest.raises(SlewError, match=r"torque_limit = 97\.7 N m binds from"):
+        bc.optimal_slew(plant, ANGLE, 97.7, "effort", 4.0, intervals=60)
 
 
 @pytest.mark.slow

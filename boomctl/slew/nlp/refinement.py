@@ -14,8 +14,8 @@ from boomctl.slew.replay import Motion, played, prescribed_error, violation
 from boomctl.slew.result import LimitsTooTight, SlewError
 from boomctl.slew.torque import TorqueHistory
 
-_MESHES = (50, 100, 200, 400, 800)  # intervals, the coarsest and the finest a choice; each halves those before
-_MESH_GAP = 1e-4  # relative change of the cost by a halved mesh that is accepted: what a user would see
+MESHES = (50, 100, 200, 400, 800)  # intervals, the coarsest and the finest a choice; each halves those before
+MESH_GAP = 1e-4  # relative change of the cost by a halved mesh that is accepted: what a user would see
 _TOO_MUCH = 0.05  # by which a coarse mesh may exceed a limit and a finer still keep it; a choice
 _SEARCH = 0.6  # share of the time in which meshes are refined; the rest is for a verified answer on a coarser one
 _ROUNDS = 10  # solutions on a mesh at most, with a higher order or tighter limits each; a safeguard
@@ -98,16 +98,16 @@ def _on_finer_meshes(problem: SlewProblem, least: TorqueHistory | None, best: li
     """Solve on finer and finer meshes; all that is solved on the way is entered in `best`."""
     cost, failure, before, path, coarser = np.inf, SlewError("no mesh was tried"), np.inf, (), None
     whole = problem.budget
-    for intervals in _MESHES:
+    for intervals in MESHES:
         if best:  # there is something to fall back on
             problem = replace(problem, budget=replace(whole, limit=_SEARCH * whole.limit))
-        last, path = intervals == _MESHES[-1], (*path, f"{problem.method} on {intervals} intervals")
+        last, path = intervals == MESHES[-1], (*path, f"{problem.method} on {intervals} intervals")
         try:
             guess = _guess(problem, least, coarser, intervals)
             programme, solution, motions = _solved(problem, guess, intervals, rough=not last)
             gap = _gap(solution.cost, cost)
             best.append(Refined(programme, solution, gap, path))
-            if gap < _MESH_GAP and not last:
+            if gap < MESH_GAP and not last:
                 guess = _guess(problem, least, solution.history, intervals)
                 programme, solution, motions = _solved(problem, guess, intervals)
         except LimitsTooTight as error:
@@ -119,7 +119,7 @@ def _on_finer_meshes(problem: SlewProblem, least: TorqueHistory | None, best: li
             failure = error
             continue
         cost, coarser = solution.cost, solution.history
-        if gap < _MESH_GAP or last:
+        if gap < MESH_GAP or last:
             return Refined(programme, solution, gap, path, motions)
     raise failure
 

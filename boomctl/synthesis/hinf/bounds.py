@@ -229,5 +229,5 @@ def _out_of_reach(plant: GeneralizedPlant, F: Array) -> tuple[float, float]:
     size = size[size > _SLOWEST * size.max()]
     low, high = (size.min(), size.max()) if len(size) else (1.0, 1.0)
     grid = resonance_grid(np.zeros(0), low / 10.0, high * 10.0, points=SEARCHED, also=[0.0, *size])
-    peak, omega = highest_peak(rest, grid, refined=1)
+    peak, omega = highest_peak(rest, grid)
     return (peak, omega) if peak >= last else (last, np.inf)
