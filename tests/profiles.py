@@ -8,9 +8,10 @@ from math import ceil
 
 from hypothesis import HealthCheck, settings
 
-FULL = 100  # examples of a property that names no number, full profile: hypothesis's own default
+ALL = 100  # examples of a property that names no number: hypothesis's own default
 QUICK = 3  # of a hundred: the whole suite then takes a minute on two cores
-HUNT = 1000  # of a hundred: ten times the full profile, a choice
+FULL = 40  # of a hundred: all tests, the slow ones too, then take some twenty minutes on two cores
+HUNT = 1000  # of a hundred: ten times as many as a property names, a choice
 FEWEST = 2  # examples of any property: one would not tell a law from a coincidence
 
 for _name, _count in (("quick", QUICK), ("full", FULL), ("hunt", HUNT)):
@@ -24,11 +25,11 @@ for _name, _count in (("quick", QUICK), ("full", FULL), ("hunt", HUNT)):
 
 
 def examples(count):
-    """Return the decorator that tries a property on so many examples in the full profile, in others in proportion.
+    """Return the decorator that gives a property another number of examples than :data:`ALL`.
 
-    A property without it is tried on :data:`FULL`.
+    Each profile draws its share of them.
     """
-    return settings(max_examples=max(min(count, FEWEST), ceil(count * settings().max_examples / FULL)))
+    return settings(max_examples=max(min(count, FEWEST), ceil(count * settings().max_examples / ALL)))
 
 
 def is_quick():

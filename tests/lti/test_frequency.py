@@ -4,7 +4,7 @@ import warnings
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from scipy import optimize
 
@@ -17,10 +17,11 @@ from boomctl.lti.frequency import (
     triangular,
 )
 from boomctl.lti.system import Lti, SingularFrequencyWarning
+from tests.profiles import examples
 
 
 @given(st.integers(0, 10_000), st.integers(0, 9), st.integers(1, 3), st.integers(0, 300))
-@settings(max_examples=30)
+@examples(30)
 def test_a_triangular_form_responds_as_the_system_does(seed, n, m, count):
     rng = np.random.default_rng(seed)
     A = rng.standard_normal((n, n))
