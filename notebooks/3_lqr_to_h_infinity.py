@@ -235,7 +235,7 @@ assert proof.proved
 # %%
 track = bc.iso_track("E", 130.0, seed=1)
 motion = bc.platform_motion(track, speed=3.0, duration=40.0, sample_time=0.002)
-turning = {disturbance: (motion.right - motion.left) / np.sqrt(2)}
+turning = {disturbance: motion.anti}
 K, runs = controllers["H-infinity"], {}
 runs["passive"] = bc.simulate_loop(yaw, None, turning, motion.time, sample_time=0.002)
 for delay in (0.002, 0.040, 0.080, 0.140):

@@ -96,7 +96,10 @@ class PlatformMotion(TimeSeries):
         return import_module("boomctl.plotting").plot_motion(self, ax, **style)
 
     def _outputs(self) -> dict[str, Array]:
-        return {"actuator_left": self.left, "actuator_right": self.right, "jolt": self.jolt, "yaw": self.yaw}
+        return {
+            "actuator_left": self.left, "actuator_right": self.right, "jolt": self.jolt, "yaw": self.yaw,
+            "actuator_sym": self.sym, "actuator_anti": self.anti,
+        }  # fmt: skip
 
     @property
     def sample_time(self) -> float:
@@ -107,6 +110,16 @@ class PlatformMotion(TimeSeries):
     def actuators(self) -> Array:
         """Left and right displacement as the two rows of a disturbance (2 x n) [m]."""
         return np.array([self.left, self.right])
+
+    @property
+    def sym(self) -> Array:
+        """What drives ``actuator_sym`` of a boom's symmetric half: ``(right + left)/sqrt 2``, root of two times the jolt [m]."""
+        return (self.right + self.left) / np.sqrt(2.0)
+
+    @property
+    def anti(self) -> Array:
+        """What drives ``actuator_anti`` of a boom's antisymmetric half: ``(right - left)/sqrt 2`` [m]; not the yaw, an angle."""
+        return (self.right - self.left) / np.sqrt(2.0)
 
     @property
     def jolt(self) -> Array:

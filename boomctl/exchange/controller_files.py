@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from boomctl.checks import known, mapping, nonnegative, positive, shown
+from boomctl.checks import known, mapping, nonnegative, positive, shown, truth
 from boomctl.checks import path as checked_path
 from boomctl.exchange.c_code import RunningController, c_files
 from boomctl.exchange.controller_schema import checked_controller
@@ -19,6 +19,7 @@ from boomctl.lti.system import Lti, controller_of, of
 from boomctl.printing import listed
 from boomctl.simulation.conditioning import correction
 from boomctl.simulation.signals import per_signal
+from boomctl.structure.units import half_unit, is_half
 
 if TYPE_CHECKING:
     import control
@@ -65,6 +66,7 @@ def write_controller(
     units: Mapping[str, str] | None = None,
     certificate: object = None,
     provenance: Mapping[str, Any] | None = None,
+    half: bool = False,
 ) -> tuple[Path, ...]:
     """Write a controller ``u = K y`` to a file; what is written depends on the file's suffix.
 
@@ -94,6 +96,9 @@ def write_controller(
         A certificate, or a mapping; by default that of the result.
     provenance : mapping, optional
         Whatever shall stand in the file beside boomctl's version.
+    half : bool
+        Write the controller of a half, whose signals end in ``_sym`` or ``_anti``.  No machine has such signals: they are
+        root of two times a mean or half a difference, and ``force_limit`` counts in them.
 
     Returns
     -------
@@ -104,7 +109,7 @@ def write_controller(
     ------
     TypeError, ValueError
         Another kind of controller or suffix; names of signals not there; continuous time for C; a name that C or
-        MATLAB does not allow.
+        MATLAB does not allow; signals of a half, where ``half`` is not True.
     OSError
         The folder cannot be written to.
 
@@ -121,6 +126,8 @@ def write_controller(
     ['lag.c', 'lag.h', 'lag_test.c']
     """
     file = checked_path("path", path)
+    if not truth("half", half):
+        _refuse_half(controller_of(controller, any_time=True))
     contents = controller_contents(
         controller, file.stem, file.suffix, sample_time=sample_time, force_limit=force_limit, rate_limit=rate_limit,
         anti_windup=anti_windup, units=units, certificate=certificate, provenance=provenance,
@@ -279,6 +286,15 @@ def _refused(file: Path) -> Iterator[None]:
         raise ValueError(f"{file}: a controller is not complete there: {type(error).__name__} {error}") from None
 
 
+def _refuse_half(K: Lti) -> None:
+    found = [name for name in (*K.inputs, *K.outputs) if is_half(name)]
+    if found:
+        raise ValueError(
+            f"controller: {found[0]!r} is a signal of a half, root of two times what a machine has; expected the controller"
+            " that join_symmetric makes of those of both halves, or half=True"
+        )
+
+
 def _sampled(K: Lti, sample_time: float) -> Lti:
     if K.dt == 0.0:
         from boomctl.synthesis.discretise import discretize  # with python-control, for those who sample
@@ -296,7 +312,7 @@ def _units(K: Lti, given: Mapping[str, str]) -> dict[str, str]:
     for name in (*K.inputs, *K.outputs):
         rate = next((unit for ending, unit in _RATES.items() if ending in name), None)
         stem = next((unit for start, unit in _UNITS.items() if name.startswith(start)), "")
-        found[name] = str(given.get(name, rate or stem))
+        found[name] = str(given.get(name, half_unit(rate or stem, name)))
     return found
 
 

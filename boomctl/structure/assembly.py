@@ -32,6 +32,7 @@ from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.outline import Line, Outline
 from boomctl.structure.parts import Beam, CutJoint, Force, Ground, Output, Point, RigidBody, SpringDamper
 from boomctl.structure.ports import Ports
+from boomctl.structure.units import motion_unit
 
 _DRAWN = 10  # points of a picture on each element (a choice)
 _POINTS = (60, 600)  # on a beam at least and at most: finer than a picture shows (a choice)
@@ -420,6 +421,8 @@ def _ports(assembly: Assembly, motion: Kinematics, rows: Callable[[list[Row]], M
         outputs=tuple(o.name for o in assembly.outputs),
         lines=L,
         bandwidths=tuple(None if o.bandwidth_hz is None else 2 * np.pi * o.bandwidth_hz for o in assembly.outputs),
+        units={f.name: "N m" if f.direction == "theta" else "N" for f in assembly.forces}
+        | {o.name: motion_unit(o.direction == "theta", o.derivative) for o in assembly.outputs},
     )
 
 

@@ -16,6 +16,7 @@ from boomctl.structure.layout import KEPT, Layout
 from boomctl.structure.matrices import Structure, dense
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.ports import Ports
+from boomctl.structure.units import motion_unit
 
 MOTIONS = ("displacement", "velocity", "acceleration")
 
@@ -188,8 +189,14 @@ class _Prescribed:
                 L, E = np.concatenate([L, force_L], axis=1), np.concatenate([E, force_E], axis=1)
                 outputs = outputs + tuple(f"{name}_force" for name in both)
                 bandwidths = bandwidths + (None,) * len(both)
+        units = dict(old.units)
+        for name in both:
+            if name in old.units:
+                units[f"{name}_force"] = old.units[name]
+                units[name] = motion_unit(old.units[name] == "N m", orders.get(name, 0))
         return replace(
             old,
+            units=units,
             inputs=kept,
             outputs=outputs,
             B=B,

@@ -190,6 +190,11 @@ class SecondOrderModel:
         """Names of the outputs."""
         return self.ports.outputs
 
+    @property
+    def units(self) -> dict[str, str]:
+        """Units of the inputs and outputs by name, ``""`` where only whoever gave the matrices knows them."""
+        return {name: self.ports.units.get(name, "") for name in (*self.inputs, *self.outputs)}
+
     def select(
         self, inputs: str | Sequence[str] | None = None, outputs: str | Sequence[str] | None = None
     ) -> SecondOrderModel:
@@ -435,6 +440,10 @@ def split_symmetric(model: SecondOrderModel) -> tuple[SecondOrderModel, SecondOr
 
     Signals that come in pairs become ``stem_sym = (right + left)/sqrt 2`` and ``stem_anti = (right - left)/sqrt 2``;
     the transformation is orthonormal, so that the singular values of the two halves are those of the whole.
+
+    So they are no metres and newtons of the machine, but root of two times the mean, or half the difference: 150 N of each
+    actuator against the other are 212 of ``suspension_anti``.  ``.units`` of a half says so, ``PlatformMotion.sym`` and ``.anti``
+    give what drives it, and :func:`boomctl.join_symmetric` makes of its controllers one of the machine.
 
     Parameters
     ----------

@@ -10,8 +10,8 @@ acceleration of a displacement input, ``integrators`` says how often the signal 
 An output may pass a second-order low-pass filter (damping ratio ``1/sqrt 2``) of a given bandwidth.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy import sparse
@@ -19,6 +19,7 @@ from scipy import sparse
 from boomctl.arrays import Array, Matrix, combined
 from boomctl.checks import known, names
 from boomctl.printing import compact
+from boomctl.structure.units import half_unit
 
 FILTER_DAMPING = np.sqrt(0.5)  # of the outputs' low-pass filters: the flattest pass band (Butterworth)
 
@@ -58,6 +59,8 @@ class Ports:
         ``B[0]`` itself is made of forces far larger than what they push.  Zero for other inputs.
     tensions : (p, rows) ndarray, or None
         What outputs that are reactions read of the forces of these rows, ``L[0] = tensions diag(k) R``, likewise.
+    units : mapping from signal to str
+        SI units of the signals whose unit is known.
     """
 
     inputs: tuple[str, ...]
@@ -71,6 +74,7 @@ class Ports:
     primary: tuple[tuple[str, ...], tuple[str, ...]] | None = None
     strains: Array | None = None
     tensions: Array | None = None
+    units: Mapping[str, str] = field(default_factory=dict)
 
     __repr__ = compact
 
@@ -82,6 +86,7 @@ class Ports:
         outputs: tuple[str, ...],
         lines: Array,
         bandwidths: tuple[float | None, ...] | None = None,
+        units: Mapping[str, str] | None = None,
     ) -> "Ports":
         """Return the ports of force inputs (columns, (n, m)) and outputs (lines, (3, p, n)) without feedthrough."""
         n, m, p = columns.shape[0], len(inputs), len(outputs)
@@ -96,6 +101,7 @@ class Ports:
             moved=(False,) * m,
             integrators=(0,) * m,
             bandwidths=bandwidths or (None,) * p,
+            units=units or {},
         )
 
     @property
@@ -161,8 +167,12 @@ class Ports:
     ) -> "Ports":
         """Return the ports whose inputs ``v`` and outputs are ``d = W_in v``, ``W_out^T y``."""
         first_in, first_out = np.abs(W_in).argmax(axis=0), np.abs(W_out).argmax(axis=0)
+        sources = {new: self.inputs[k] for new, k in zip(inputs, first_in, strict=True)}
+        sources |= {new: self.outputs[k] for new, k in zip(outputs, first_out, strict=True)}
+        units = {new: (self.units.get(old, ""), new != old) for new, old in sources.items()}
         return replace(
             self,
+            units={name: half_unit(unit, name) if half else unit for name, (unit, half) in units.items()},
             inputs=inputs,
             outputs=outputs,
             B=self.B @ W_in,

@@ -40,7 +40,7 @@ def _(bc, np):
     SPEED, SAMPLE_TIME = 3.0, 0.008  # of the tractor [m/s]; of the controller [s]
     UNITS = {"actuator_anti": 0.03, "suspension_anti": 150.0, "tip_anti": 0.2, "stroke_anti": 0.05}
     motion = bc.platform_motion(bc.iso_track("E", 200.0, seed=1), speed=SPEED, duration=40.0, sample_time=SAMPLE_TIME)
-    platform = {"actuator_anti": (motion.right - motion.left) / np.sqrt(2.0)}
+    platform = {"actuator_anti": motion.anti}
     frequencies_hz = np.geomspace(0.05, 10.0, 250)
 
     def sprayed(run):

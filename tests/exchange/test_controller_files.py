@@ -17,6 +17,7 @@ from tests.profiles import examples
 
 CC = shutil.which("cc")
 OCTAVE = shutil.which("octave-cli")
+SYMMETRIC = {"inputs": "stroke_sym", "outputs": "suspension_sym"}
 STRICT = ["-std=c99", "-O2", "-Wall", "-Wextra", "-Werror", "-pedantic"]
 
 
@@ -223,3 +224,19 @@ def test_c_needs_signals():
     own = of(control.ss([], [], [], np.zeros((1, 1)), 0.1), any_time=True).between([], [0])
     with pytest.raises(ValueError, match="at least one input and one output"):
         c_files("none", RunningController(own, np.zeros((0, 1)), np.array([np.inf]), np.array([np.inf])), {})
+
+
+@pytest.mark.parametrize("suffix", [".json", ".mat", ".c"])
+def test_the_controller_of_a_half_is_refused_unless_a_half_is_meant(tmp_path, suffix):
+    signals = {"inputs": "stroke_anti", "outputs": "suspension_anti"}
+    K, path = control.ss([], [], [], [[-100.0]], 0.01, **signals), tmp_path / f"yaw{suffix}"
+    with pytest.raises(ValueError, match="'stroke_anti' is a signal of a half.*join_symmetric"):
+        bc.write_controller(K, path)
+    written = bc.write_controller(K, path, half=True)
+    if suffix == ".json":
+        notes = bc.exchange.read_controller_notes(path)
+        assert notes.units["suspension_anti"] == "N (orthonormal, root of two times half the difference)"
+    else:
+        assert path in written
+    whole = bc.join_symmetric(bc.spray_boom(), control.ss([], [], [], [[-1.0]], 0.01, **SYMMETRIC), K)
+    assert bc.write_controller(whole, tmp_path / f"boom{suffix}")

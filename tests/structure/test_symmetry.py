@@ -140,3 +140,33 @@ def test_symmetric_means_of_the_parameters_given():
     assert np.sort([*jolt.eigenfrequencies_hz(2), *yaw.eigenfrequencies_hz(2)])[:2] == pytest.approx(
         bc.spray_boom(p).eigenfrequencies_hz(2), rel=1e-9
     )
+
+
+def test_units_say_what_a_signal_is():
+    """Of a whole machine the plain ones, of the motion that is imposed; of a half that it carries a root of two."""
+    names = ("tip_left", "tip_left_acceleration", "suspension_left", "actuator_left")
+    for excitation, unit in zip(EXCITATIONS, ("m", "m/s", "m/s^2", "N"), strict=True):
+        whole = bc.spray_boom(excitation=excitation, accelerometer_bandwidth_hz=20.0)
+        assert [whole.units[name] for name in names] == ["m", "m/s^2", "N", unit]
+    assert bc.spray_boom(reactions=True).units["actuator_left_force"] == "N"
+    jolt, yaw = split_symmetric(bc.spray_boom(excitation="force"))
+    assert yaw.units["tip_anti"] == "m (orthonormal, root of two times half the difference)"
+    assert jolt.units["actuator_sym"] == "N (orthonormal, root of two times the mean)"
+    assert jolt.units["cradle"] == "N"  # its own image: no pair, no root
+    assert SecondOrderModel([[1.0]], [[0.0]], [[4.0]], {"f": [1.0]}, {"y": [1.0]}).units == {"f": "", "y": ""}
+
+
+def test_a_platform_moves_the_halves_as_it_moves_the_boom():
+    rng = np.random.default_rng(2)
+    time = 0.01 * np.arange(300)
+    moved = np.cumsum(rng.standard_normal((2, 300)), axis=1) * 1e-3
+    motion = bc.boom.PlatformMotion(time, *moved, actuator_distance=2.0)
+    whole = bc.spray_boom()
+    both = {"actuator_left": motion.left, "actuator_right": motion.right}
+    tips = bc.forced_response(whole, both, time, ["tip_left", "tip_right"], 1e-9)
+    jolt, yaw = split_symmetric(whole)
+    sym = bc.forced_response(jolt, {"actuator_sym": motion.sym}, time, "tip_sym", 1e-9)["tip_sym"]
+    anti = bc.forced_response(yaw, {"actuator_anti": motion.anti}, time, "tip_anti", 1e-9)["tip_anti"]
+    largest = np.abs(tips["tip_right"]).max()
+    assert tips["tip_right"] == pytest.approx(ROOT * (sym + anti), abs=1e-8 * largest)
+    assert tips["tip_left"] == pytest.approx(ROOT * (sym - anti), abs=1e-8 * largest)
