@@ -142,7 +142,8 @@ def fit(
         What it refuses with a ValueError or an ArithmeticError is not searched.
     measured : array_like, mapping, FrequencyResponseData, MeasuredCurve or SigmaResult
         Eigenfrequencies [Hz], ascending (damped, if the model's are), or a mapping from the numbers of modes, from 1,
-        to them; a complex frequency response; singular values (magnitudes).
+        to them; a complex frequency response; singular values (magnitudes).  A curve that has its phase is fitted as the
+        complex response that it is; singular values where there is no phase.  ``measured.kind`` of the result says which.
     free : names, or mapping from names to (low, high) or None
         Names of the parameters that are fitted. A range limits the search, and is where further starts are drawn. Of a
         family all are fitted by default.

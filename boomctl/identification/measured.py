@@ -30,6 +30,7 @@ from boomctl.structure.families import AffineFamily
 from boomctl.structure.model import SecondOrderModel
 
 ERRORS = ("relative", "absolute")
+RESPONSE = "complex frequency response"
 BOUNDED = "bounded relative"  # for the search alone
 _MISSED = 3  # modes that the measurement may have missed and that are offered beside those measured (a choice)
 _SAME = 1e-9  # relative difference of two frequencies up to which they are the same: rounding between Hz and rad/s
@@ -44,7 +45,7 @@ class Measured:
     Attributes
     ----------
     kind : str
-        ``"eigenfrequencies"``, ``"frequency response"`` or ``"singular values"``.
+        ``"eigenfrequencies"``, ``"complex frequency response"`` or ``"singular values"``.
     values : ndarray
         Eigenfrequencies [Hz], (m,); complex response, (p, m, n); singular values, descending, (k, n).
     spread : ndarray
@@ -90,6 +91,8 @@ class Measured:
             listed = (given,) if isinstance(given, str) else given
             signals[name] = None if given is None else tuple(sequence(name, listed, "names"))
         labels = omega = None
+        if isinstance(measured, MeasuredCurve) and measured.response is not None:
+            measured = measured.response  # with its phase, which singular values lose
         if isinstance(measured, (MeasuredCurve, SigmaResult)):
             curve = isinstance(measured, MeasuredCurve)
             omega = frequencies("frequencies of measured", 2.0 * np.pi * measured.freq_hz if curve else measured.omega)
@@ -98,7 +101,7 @@ class Measured:
             if not curve:
                 labels = measured.inputs, measured.outputs
         elif is_frequency_response(measured):
-            kind, values = "frequency response", np.asarray(measured.frdata, dtype=complex)
+            kind, values = RESPONSE, np.asarray(measured.frdata, dtype=complex)
             omega = frequencies("frequencies of measured", np.asarray(measured.omega))
             labels = tuple(measured.input_labels), tuple(measured.output_labels)
             if not np.isfinite(values).all():
@@ -292,7 +295,7 @@ class Builder:
             model = self.build(parameters, **handed)
         if data.kind == "eigenfrequencies":
             return self._frequencies(model)
-        return self._response(model) if data.kind == "frequency response" else self._singular_values(model)
+        return self._response(model) if data.kind == RESPONSE else self._singular_values(model)
 
     def _count(self) -> int | None:
         data = self.data

@@ -541,3 +541,25 @@ def test_a_picture_shows_measured_beside_fitted_and_is_known_to_pyplot(kind):
     assert len(plt.get_fignums()) == 1
     plt.close("all")
     assert "matplotlib" in sys.modules
+
+
+def test_a_file_of_complex_responses_is_fitted_with_its_phase(tmp_path):
+    """A delay changes the phase alone: complex data tell it, their singular values do not."""
+    late = np.exp(-0.02j * OMEGA) * response(CHAIN, OMEGA)[0, 0]
+    rows = [f"{w / (2.0 * np.pi)!r},{y.real!r},{y.imag!r}" for w, y in zip(OMEGA.tolist(), late.tolist(), strict=True)]
+    file = tmp_path / "shaker.csv"
+    file.write_text("\n".join(["freq_hz,re_1_1,im_1_1", *rows]))
+    curve = bc.read_measured_curve(file)
+
+    def build(p, omega):
+        return np.exp(-1j * p["delay"] * omega) * response(CHAIN, omega)[:1, :1]
+
+    found = bc.fit(build, curve, {"delay": (0.0, 0.05)}, {"delay": 0.01}, starts=1)
+    assert found.values["delay"] == pytest.approx(0.02, rel=1e-9)
+    assert found.measured.kind == "complex frequency response"
+    assert "numbers (complex frequency response)" in found.render()
+    without = bc.fit(lambda p, omega: np.abs(build(p, omega)[0]), bc.sigma(curve.response), **{
+        "free": {"delay": (0.0, 0.05)}, "start": {"delay": 0.01}, "starts": 1,
+    })  # fmt: skip
+    assert without.measured.kind == "singular values"
+    assert without.unseen
