@@ -122,7 +122,7 @@ def test_a_slider_moves_the_numbers(address, browser, tmp_path):
 
 
 @pytest.mark.slow
-def test_the_page_computes_soon():
+def test_the_page_computes_soon_and_draws_what_it_says():
     """Without a browser: its cells, run once to load what they need, and once again."""
     pytest.importorskip("marimo")
     pytest.importorskip("plotly")
@@ -131,8 +131,18 @@ def test_the_page_computes_soon():
     spec.loader.exec_module(page)
     page.app.run()
     began = time.process_time()
-    _, found = page.app.run()
+    shown, found = page.app.run()
     spent = time.process_time() - began
     assert found["active"].certified
     assert found["spray"].cv < found["passive_spray"].cv
     assert spent < 5.0 * SOON  # all cells, also those that a move of one slider leaves alone
+    first = next(each for each in shown if each is not None)
+    assert first.text.startswith("<span"), "the page begins with its words"
+    assert "live" in first.text
+    figure = shown[-1]
+    curves = {trace.name: trace.y.max() for trace in figure.data if trace.name}
+    assert curves["passive"] == pytest.approx(found["passive"].peak, rel=1e-6)  # the curve reaches the peak beside it
+    assert curves["controlled"] == pytest.approx(found["active"].peak, rel=1e-6)
+    titles = [figure.layout[key].title.text for key in figure.layout if key.startswith(("xaxis", "yaxis"))]
+    assert len(titles) == 8
+    assert all(title.endswith("]") for title in titles), titles

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 # share of the largest residue between two signals up to which an undamped mode does not show (a choice)
 _HIDDEN = 1e-10
 _WIDE = 20  # characters of a pole z in a table
+_SHARES = "signals in %: peak of the mode over that of the highest mode, with the other signal that shows it most"
 
 
 @dataclass(frozen=True)
@@ -110,7 +111,7 @@ class ModeTable:
             shares = [f"{100.0 * share:.1f}" for share in (*row.input_shares, *row.output_shares)]
             z = [] if row.z is None else [_z(row.z)]
             rows.append([f"{row.omega:.6g}", f"{row.frequency_hz:.4g}", f"{100.0 * row.damping:.4g}", *z, *shares])
-        return table_html("Modes, and the share of each in the largest peak of a signal", heads, rows)
+        return table_html(f"Modes; {_SHARES}", heads, rows)
 
     def render(self, count: int | None = None) -> str:
         """Return the modes as text, shares in per cent.
@@ -123,12 +124,12 @@ class ModeTable:
         Returns
         -------
         str
-            A table, one line for each mode.
+            What the columns of the signals are, their heads, and one line for each mode.
         """
         wide = [max(len(name), 6) for name in (*self.inputs, *self.outputs)]
         heads = [f"{name:>{w}}" for name, w in zip((*self.inputs, *self.outputs), wide, strict=True)]
         z = f"{'z':>{_WIDE}}  " if self._discrete else ""
-        lines = ["  omega [rad/s]   [Hz]  damping [%]  " + z + "  ".join(heads)]
+        lines = [_SHARES, "  omega [rad/s]   [Hz]  damping [%]  " + z + "  ".join(heads)]
         for row in self.rows[:count]:
             shares = [*row.input_shares, *row.output_shares]
             cells = [f"{100.0 * share:{w}.1f}" for share, w in zip(shares, wide, strict=True)]

@@ -26,6 +26,7 @@ from boomctl.progress import computing, tell
 from boomctl.structure.matrices import dense
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.response.poles import first_order_poles
+from boomctl.structure.units import gain_unit
 
 if TYPE_CHECKING:
     import control
@@ -92,6 +93,9 @@ class SigmaResult:
         more than 700 coordinates, or of a half that has more, never does: elements of high order need fewer.
     unit : str
         Unit in which the frequencies were asked for, "Hz" where none were; pictures use it.
+    value_unit : str
+        Unit of the singular values of a structural model, such as "m/N", or "m or rad per N" where signals differ; empty where
+        it is not known, as of a ``StateSpace``.
     """
 
     omega: Array
@@ -100,6 +104,7 @@ class SigmaResult:
     outputs: tuple[str, ...]
     _of: SplitModel | GivenSystem | NormCertificate  # what the norm is of; the norm itself where it is known
     unit: str = "Hz"
+    value_unit: str = ""
 
     @cached_property
     def certificate(self) -> NormCertificate:
@@ -226,7 +231,7 @@ def sigma(
     if asked is not None:
         asked = below_nyquist(asked, given, "omega" if frequency_hz is None else "frequency_hz")
         values = _finite(asked, given.singular_values(asked))
-        return SigmaResult(asked, values, chosen.inputs, chosen.outputs, given, unit)
+        return SigmaResult(asked, values, chosen.inputs, chosen.outputs, given, unit, _unit_of(chosen))
     with computing("singular values"):
         tell("certified peak")
         certificate = given.norm()
@@ -234,7 +239,7 @@ def sigma(
         grid = drawn_grid(given.resonances(), [certificate.omega])
         tell(f"{len(grid)} frequencies")
         values = _finite(grid, given.singular_values(grid, quiet=True))
-    return SigmaResult(grid, values, chosen.inputs, chosen.outputs, certificate)
+    return SigmaResult(grid, values, chosen.inputs, chosen.outputs, certificate, value_unit=_unit_of(chosen))
 
 
 def asked_frequencies(omega: ArrayLike | None, frequency_hz: ArrayLike | None) -> tuple[Array | None, str]:
@@ -261,6 +266,11 @@ def between_signals(
     expected = "SecondOrderModel, StateSpace or FrequencyResponseData"
     chosen = of(system, expected=expected, sampled=True).select(inputs, outputs).balanced()
     return chosen, GivenSystem(chosen)
+
+
+def _unit_of(chosen: SecondOrderModel | Lti) -> str:
+    """Return the unit of a gain between the signals of a structure; other systems do not say theirs."""
+    return gain_unit(chosen.units, chosen.inputs, chosen.outputs) if isinstance(chosen, SecondOrderModel) else ""
 
 
 def _nyquist(given: SplitModel | GivenSystem) -> float:
@@ -401,7 +411,9 @@ def compare_sigma(
                 asked, given, f"systems[{name!r}]: {'omega' if frequency_hz is None else 'frequency_hz'}"
             )
         values = _finite(grid, given.singular_values(grid, quiet=asked is None))
-        done[name] = SigmaResult(grid, values, chosen.inputs, chosen.outputs, norms.get(name, given), unit)
+        done[name] = SigmaResult(
+            grid, values, chosen.inputs, chosen.outputs, norms.get(name, given), unit, _unit_of(chosen)
+        )
     return SigmaComparison({name: done[name] for name in systems})
 
 

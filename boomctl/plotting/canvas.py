@@ -194,6 +194,13 @@ def legend(ax: Any, **place: Any) -> None:
         ax.legend(**place)
 
 
+def labelled(name: str, unit: str) -> str:
+    """Return the label of an axis with its unit, where that is known."""
+    plain, _, half = unit.partition(" (")
+    said = f"[{plain.replace('^2', '²')}{', orthonormal' if half else ''}]"
+    return f"{name}{chr(10) if half else ' '}{said}" if unit else name
+
+
 def few_labels(ax: Any) -> None:
     """Label the ticks between the decades of logarithmic axes only where there are few decades, so that none touch."""
     for axis in (ax.xaxis, ax.yaxis):

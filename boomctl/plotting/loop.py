@@ -1,13 +1,13 @@
 """Pictures over time: a simulated loop with its controls, stops and friction, and a forced response."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.checks import names
-from boomctl.plotting.canvas import COLOURS, beside, legend, line_look, panels
+from boomctl.plotting.canvas import COLOURS, beside, labelled, legend, line_look, panels
 
 if TYPE_CHECKING:
     from boomctl.simulation.forced_response import ForcedResponse
@@ -21,14 +21,14 @@ _ABOVE = 1.6  # of the largest control, shown of what was asked for (a choice)
 def plot_loop(
     result: "LoopResult", ax: Any = None, *, outputs: str | Sequence[str] | None = None, **style: Any
 ) -> Array:
-    """Draw a simulated loop, one panel a kind of signal.
+    """Draw a simulated loop, one panel a kind of signal and unit.
 
     Parameters
     ----------
     result : LoopResult
     ax : sequence of matplotlib Axes, or a figure, optional
-        One for the outputs, those of accelerations, moments and strains, the strokes, the controls and the friction,
-        those that there are; by default a new figure of pyplot.
+        One for the outputs of each unit, the strokes, the controls and the friction, those that there are; accelerations,
+        moments and strains are apart where units are not known.  By default a new figure of pyplot.
     outputs : str or sequence of str, optional
         By default the first six that are not strokes.
     **style
@@ -43,57 +43,60 @@ def plot_loop(
     TypeError, ValueError
         Unknown outputs; other axes, or not so many; no property of a line.
     """
-    groups: list[tuple[str, dict[str, Any]]] = [
-        *_outputs(result.outputs, outputs, without=result.strokes),
-        ("strokes", result.strokes),
-        ("controls", result.controls),
+    groups = [
+        *_panels("outputs", _chosen(result.outputs, outputs, without=result.strokes), result.units),
+        *_panels("strokes", result.strokes, result.units),
+        *_panels("controls", result.controls, result.units),
     ]
     if result.friction is not None:
-        groups.append(("friction [N]", {result.friction.input: result.friction.force}))
-    shown = [(title, signals) for title, signals in groups if signals]
-    if not shown:
+        groups.append(("friction", "friction [N]", {result.friction.input: result.friction.force}))
+    if not groups:
         raise ValueError("outputs: expected at least one name, got none, and there is nothing else to draw")
-    with panels(ax, [title for title, _ in shown], (7.4, 1.2 + 1.7 * len(shown))) as axes:
-        for each, (title, signals) in zip(axes, shown, strict=True):
-            _draw(each, result, title, signals, style)
+    with panels(ax, [title for _, title, _ in groups], (7.4, 1.2 + 1.7 * len(groups))) as axes:
+        for each, (kind, title, signals) in zip(axes, groups, strict=True):
+            _draw(each, result, kind, signals, style)
+            _finish(each, title)
         axes[-1].set_xlabel("time [s]")
         axes[0].figure.align_ylabels(list(axes))
     return axes
 
 
-def _outputs(
+def _chosen(
     there: dict[str, Any], asked: str | Sequence[str] | None, without: Iterable[str] = ()
-) -> list[tuple[str, dict[str, Any]]]:
-    """Return the outputs to draw, those asked for or the first, in panels of about one size."""
+) -> dict[str, Any]:
+    """Return the outputs to draw: those asked for, or the first."""
     if asked is not None:
-        chosen = list(names("output", asked, tuple(there)))
-    else:
-        chosen = [name for name in there if name not in without][: len(COLOURS)]
-    found: dict[str, dict[str, Any]] = {title: {} for title in ("outputs", *_APART.values())}
-    for name in chosen:
-        title = next((panel for end, panel in _APART.items() if name.endswith(end)), "outputs")
-        found[title][name] = there[name]
-    return list(found.items())
+        return {name: there[name] for name in names("output", asked, tuple(there))}
+    return {name: there[name] for name in [name for name in there if name not in without][: len(COLOURS)]}
 
 
-def _draw(ax: Any, result: "LoopResult", title: str, signals: dict[str, Any], style: dict[str, Any]) -> None:
+def _panels(kind: str, signals: dict[str, Any], units: Mapping[str, str]) -> list[tuple[str, str, dict[str, Any]]]:
+    """Return kind, label and signals of each panel: one for each unit, and for what differs in kind where that is unknown."""
+    found: dict[str, dict[str, Any]] = {}
+    for name, values in signals.items():
+        whole = name.removesuffix("_sym").removesuffix("_anti")
+        apart = next((panel for end, panel in _APART.items() if kind == "outputs" and whole.endswith(end)), kind)
+        found.setdefault(labelled(apart, units.get(name, "")), {})[name] = values
+    return [(kind, label, each) for label, each in found.items()]
+
+
+def _draw(ax: Any, result: "LoopResult", kind: str, signals: dict[str, Any], style: dict[str, Any]) -> None:
     """Draw some signals; behind controls what was asked for, on strokes where a stop was met."""
     low, high = ax.get_ylim() if ax.has_data() else (0.0, 0.0)
     for k, (name, values) in enumerate(signals.items()):
         look = line_look(style, color=COLOURS[k % len(COLOURS)], linewidth=1.0, label=name)
-        if title == "controls" and (result.saturation_share[name] or result.rate_share[name]):
+        if kind == "controls" and (result.saturation_share[name] or result.rate_share[name]):
             behind = look | {"linewidth": 0.8, "alpha": 0.35, "label": f"{look['label']}, asked for"}
             ax.plot(result.time, result.asked[name], **behind)
         ax.plot(result.time, values, **look)
-        hits = [hit.time for hit in result.stops if hit.output == name] if title == "strokes" else []
+        hits = [hit.time for hit in result.stops if hit.output == name] if kind == "strokes" else []
         if hits:
             label = f"{look['label']}: {len(hits)} {'hit' if len(hits) == 1 else 'hits'}"
             at = np.interp(hits, result.time, values)
             ax.plot(hits, at, "v", color=look["color"], markersize=4, label=label)
-    if title == "controls":  # what was asked for may be far beyond what was given
+    if kind == "controls":  # what was asked for may be far beyond what was given
         size = _ABOVE * max((float(np.abs(values).max()) for values in signals.values()), default=0.0) or 1.0
         ax.set_ylim(min(low, -size), max(high, size))
-    _finish(ax, title)
 
 
 def _finish(ax: Any, title: str) -> None:
@@ -111,8 +114,7 @@ def plot_forced_response(
     ----------
     result : ForcedResponse
     ax : sequence of matplotlib Axes, or a figure, optional
-        One for the inputs, one for the outputs, and those of accelerations, moments and strains among them; by default a
-        new figure of pyplot.
+        One for the inputs and for the outputs of each unit; by default a new figure of pyplot.
     outputs : str or sequence of str, optional
         By default the first six.
     **style
@@ -122,10 +124,12 @@ def plot_forced_response(
     -------
     (n,) ndarray of matplotlib Axes
     """
-    groups = [("inputs", result.inputs), *_outputs(result.outputs, outputs)]
-    shown = [(title, signals) for title, signals in groups if signals]
-    with panels(ax, [title for title, _ in shown], (7.4, 1.2 + 1.7 * len(shown))) as axes:
-        for each, (title, signals) in zip(axes, shown, strict=True):
+    groups = [
+        *_panels("inputs", result.inputs, result.units),
+        *_panels("outputs", _chosen(result.outputs, outputs), result.units),
+    ]
+    with panels(ax, [title for _, title, _ in groups], (7.4, 1.2 + 1.7 * len(groups))) as axes:
+        for each, (_, title, signals) in zip(axes, groups, strict=True):
             for k, (name, values) in enumerate(signals.items()):
                 look = line_look(style, color=COLOURS[k % len(COLOURS)], linewidth=1.0, label=name)
                 each.plot(result.time, values, **look)

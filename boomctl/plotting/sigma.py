@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from boomctl.plotting.canvas import few_labels, frequency_axis, legend, line_look, panels
+from boomctl.plotting.canvas import few_labels, frequency_axis, labelled, legend, line_look, panels
 
 if TYPE_CHECKING:
     from boomctl.analysis.measured import MeasuredCurve
@@ -64,7 +64,8 @@ def _draw(result: "SigmaResult", ax: Any, unit: str | None, style: dict[str, Any
         said = None if _PEAK in ax.get_legend_handles_labels()[1] else _PEAK
         x, y = result.peak_omega / scale, result.peak
         ax.plot(x, y, "o", color=color, markersize=4, fillstyle="none", label=said)
-    ax.set_ylabel("singular values")
+    if result.value_unit or not ax.get_ylabel():
+        ax.set_ylabel(labelled("singular values", result.value_unit))
     few_labels(ax)
 
 

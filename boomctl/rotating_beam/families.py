@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from boomctl.checks import nonnegative, sequence
-from boomctl.rotating_beam.sensors import LOOP_INPUTS, LOOP_OUTPUTS, checked_sensors
+from boomctl.rotating_beam.sensors import LOOP_INPUTS, LOOP_OUTPUTS, LOOP_UNITS, QUANTITIES, checked_sensors
 from boomctl.structure.families import PolynomialFamily, interval
 from boomctl.structure.matrices import Structure
 from boomctl.structure.model import SecondOrderModel
@@ -57,6 +57,7 @@ def hub_beam_family(
     rows = np.vstack([C, np.eye(2 * size)[states]])
     lines = np.array([rows[:, :size], rows[:, size:], np.zeros((len(rows), size))])
     outputs = (*outputs, *(beam.state_names[i] for i in states))
+    units = LOOP_UNITS | {sensor.name: QUANTITIES[sensor.quantity] for sensor in given}
     reach, beams = p.hub_radius + p.length, {p.tip_mass: beam}
 
     def make(values: Mapping[str, float]) -> SecondOrderModel:
@@ -67,6 +68,6 @@ def hub_beam_family(
         columns[0, :2], columns[1:, 2] = 1.0, tip.transverse
         columns[0, 2] = reach + tip.axial @ here._steady_coordinates(speed)
         structure = Structure.of(motion.mass, motion.damping, motion.stiffness, coordinates)
-        return SecondOrderModel.of(structure, Ports.of_forces(LOOP_INPUTS, columns, outputs, lines))
+        return SecondOrderModel.of(structure, Ports.of_forces(LOOP_INPUTS, columns, outputs, lines, units=units))
 
     return PolynomialFamily.through(ranges, make, free=coordinates[:1])

@@ -6,13 +6,20 @@ from typing import Final, final
 
 from boomctl.checks import instance, known, nonnegative, real, signal_name
 
-QUANTITIES: Final = ("displacement", "slope", "moment", "strain", "acceleration")
+QUANTITIES: Final = {"displacement": "m", "slope": "rad", "moment": "N m", "strain": "m/m", "acceleration": "m/s^2"}
+"""What a sensor reads, and in which unit."""
 
 LOOP_INPUTS: Final = ("torque", "disturbance_torque", "tip_force")
-"""Of a beam in a loop: torque of the drive and of anything else on the hub [N m], transverse force at the free end [N]."""
+"""Of a beam in a loop: torque of the drive and of anything else on the hub, transverse force at the free end."""
 
 LOOP_OUTPUTS: Final = ("hub_angle", "hub_speed", "tip_displacement", "root_moment", "tip_acceleration")
 """Of a beam in a loop, whatever its sensors are."""
+
+LOOP_UNITS: Final = {
+    **dict(zip(LOOP_INPUTS, ("N m", "N m", "N"), strict=True)),
+    **dict(zip(LOOP_OUTPUTS, ("rad", "rad/s", "m", "N m", "m/s^2"), strict=True)),
+}
+"""SI units of these."""
 
 
 @final

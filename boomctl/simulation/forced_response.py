@@ -49,6 +49,8 @@ class ForcedResponse(TimeSeries):
         Estimated error by the modes left out, relative to the largest output; 0 where none were.
     modes : int
         Number of modes used; of a state-space system, of states.
+    units : dict from name to str
+        Units of the signals of a structure; empty of a ``StateSpace``, which does not say them.
     """
 
     time: Array
@@ -56,6 +58,7 @@ class ForcedResponse(TimeSeries):
     inputs: dict[str, Array] = field(repr=False)
     error_estimate: float
     modes: int
+    units: dict[str, str] = field(default_factory=dict, repr=False)
 
     def __repr__(self) -> str:
         span = f"{self.time[0]:.6g} to {self.time[-1]:.6g} s, {len(self.time)} samples"
@@ -74,7 +77,8 @@ class ForcedResponse(TimeSeries):
         Parameters
         ----------
         ax : sequence of matplotlib Axes, or a figure, optional
-            Where to draw: inputs, outputs and accelerations among them; by default a new figure of pyplot.
+            Where to draw: inputs and outputs, one axes for each unit, which its label says where it is known; by default a
+            new figure of pyplot.
         outputs : str or sequence of str, optional
             By default the first six.
         **style
@@ -167,7 +171,7 @@ def forced_response(
         modes += used
     sizes = np.abs(total).max(axis=1)
     estimate = float(np.max(errors / np.where(sizes > 0.0, sizes, 1.0)))
-    return ForcedResponse(time, dict(zip(read, total, strict=True)), _given(signals), estimate, modes)
+    return ForcedResponse(time, dict(zip(read, total, strict=True)), _given(signals), estimate, modes, plant.units)
 
 
 def _given(signals: Mapping[str, ArrayLike]) -> dict[str, Array]:

@@ -351,6 +351,7 @@ def _told(
         friction=None,
         sample_time=p.grid.per_sample * p.grid.h,
         delay=p.delay,
+        units=dict(plant.units),
     )
 
 

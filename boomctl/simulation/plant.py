@@ -3,6 +3,7 @@
 A large structure is seen through its lowest undamped modes; the others answer as they do at rest.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
@@ -31,7 +32,7 @@ class ModalPlant(Lti):
     """``z' = A z + B d``, ``y = C z + D d``, ``x = T z``, with ``A`` block-diagonal.
 
     ``states`` are the names that states of the plant have where they are handed out, so that a loop that reads one can say
-    what is missing.
+    what is missing, and ``units`` those of its signals that are known.
 
     A block is a real pole, a complex pair, or poles too close together to be told apart (rigid-body modes, Jordan
     blocks): those stay one dense block.
@@ -39,6 +40,7 @@ class ModalPlant(Lti):
 
     T: Array = field(kw_only=True)
     blocks: tuple[slice, ...] = field(kw_only=True)
+    units: Mapping[str, str] = field(default_factory=dict, kw_only=True)
 
     def motion(self, duration: float) -> tuple[Array, Array, Array]:
         """Return ``exp(A h)``, ``int_0^h exp(A s) ds`` and ``int_0^h exp(A (h - s)) s ds``, block-diagonal."""
@@ -86,7 +88,7 @@ def modal_plant(
         compliance[:, [system.inputs.index(name) for name in keep_rigid]] = 0.0
         handed_out = (*(f"mode{k + 1}" for k in range(small.n)), *small.structure.coordinates)
         states = tuple(f"{name}.{part}" for name in handed_out for part in ("x1", "x2"))
-        return replace(in_modal_coordinates(realized(small, compliance)), states=states)
+        return replace(in_modal_coordinates(realized(small, compliance)), states=states, units=system.units)
     return in_modal_coordinates(of(system, "plant"))
 
 

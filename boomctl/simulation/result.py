@@ -75,6 +75,8 @@ class LoopResult(TimeSeries):
         substeps, or with two where there is one.  0 of other linear plants.
     states : (n, states) ndarray or None
         Of a hub-beam, named as in ``to_nlsys()``; None of linear plants.
+    units : dict from name to str
+        Units of the signals that are known: of structural models and hub-beams; a ``StateSpace`` does not say its own.
     """
 
     time: Array
@@ -91,6 +93,7 @@ class LoopResult(TimeSeries):
     path: str = "steps"
     error_estimate: float = 0.0
     states: Array | None = field(default=None, repr=False)
+    units: dict[str, str] = field(default_factory=dict, repr=False)
     _sampled: Array | None = field(
         default=None, repr=False, compare=False
     )  # the loop from sample to sample, no limit met
@@ -150,8 +153,8 @@ class LoopResult(TimeSeries):
         Parameters
         ----------
         ax : sequence of matplotlib Axes, or a figure, optional
-            Where to draw: outputs, accelerations among them, strokes, controls and friction, those that there are; by
-            default a new figure of pyplot.
+            Where to draw: outputs, strokes, controls and friction, those that there are, one axes for each unit, which its
+            label says where it is known; by default a new figure of pyplot.
         outputs : str or sequence of str, optional
             By default the first six that are not strokes.
         **style

@@ -1,5 +1,7 @@
 """SI units of signals: of motions, of forces, and of those of a symmetric machine's halves."""
 
+from collections.abc import Mapping, Sequence
+
 HALVES = {"_sym": "the mean", "_anti": "half the difference"}
 """How the names of a half's signals end, and what these are root of two times (right and left, right less left)."""
 
@@ -20,6 +22,15 @@ def half_unit(unit: str, name: str) -> str:
     """Return the unit of a signal of a half in words: ``"m (orthonormal, root of two times the mean)"``."""
     of = next((words for ending, words in HALVES.items() if name.endswith(ending)), "")
     return f"{unit} (orthonormal, root of two times {of})" if of and unit else unit
+
+
+def gain_unit(units: Mapping[str, str], inputs: Sequence[str], outputs: Sequence[str]) -> str:
+    """Return the unit of a gain between signals, ``"m/N"``: of several, all that there are; ``""`` where one is unknown."""
+    sides = [dict.fromkeys(plain_unit(units.get(name, "")) for name in names) for names in (outputs, inputs)]
+    if any("" in side for side in sides):
+        return ""
+    above, below = (" or ".join(side) for side in sides)
+    return f"{above}/{below}" if above.isalnum() and below.isalnum() else f"{above} per {below}"
 
 
 def plain_unit(unit: str) -> str:

@@ -463,7 +463,7 @@ def test_a_full_disk_margin_has_a_half_plane():
 def test_controls_of_an_overlay_are_not_cut_off():
     def run(size):
         t = np.linspace(0.0, 1.0, 11)
-        words = {"saturation_share": {"u": 0.0}, "rate_share": {"u": 0.0}, "stops": (), "friction": None}
+        words = {"saturation_share": {"u": 0.0}, "rate_share": {"u": 0.0}, "stops": (), "friction": None, "units": {}}
         signals = {"outputs": {"y": t}, "strokes": {}, "controls": {"u": size * t}, "asked": {"u": size * t}}
         return SimpleNamespace(time=t, **words, **signals)
 
@@ -475,3 +475,35 @@ def test_controls_of_an_overlay_are_not_cut_off():
     low, high = axes[1].get_ylim()
     assert low < -10.0
     assert high > 10.0
+
+
+def test_a_loop_has_an_axis_for_each_unit_and_says_it():
+    """No metres beside metres per second squared; of a half that its signals carry a root of two."""
+    time = 0.01 * np.arange(50)
+    model = bc.spray_boom(accelerometer_bandwidth_hz=20.0)
+    yaw = bc.split_symmetric(model)[1]
+    for plant, drive, wanted in (
+        (model, "actuator_left", ["outputs [m]", "accelerations [m/s²]", "strokes [m]"]),
+        (
+            yaw, "actuator_anti",
+            ["outputs\n[m, orthonormal]", "accelerations\n[m/s², orthonormal]", "strokes\n[m, orthonormal]"],
+        ),
+        (yaw.to_statespace(), "actuator_anti", ["outputs", "accelerations", "strokes"]),  # which does not say its units
+        (
+            bc.hub_beam(modes=1), "torque",
+            ["outputs [rad]", "outputs [rad/s]", "outputs [m]", "moments [N m]", "accelerations [m/s²]"],
+        ),
+    ):  # fmt: skip
+        run = bc.simulate_loop(plant, None, {drive: np.sin(time)}, time, sample_time=0.01)
+        assert [each.get_ylabel() for each in run.plot(Figure().subplots(len(wanted), 1))] == wanted
+    moved = bc.forced_response(model, {"actuator_left": time, "cradle": time}, time, ["tip_left", "stroke_left"])
+    assert [each.get_ylabel() for each in moved.plot(Figure())] == ["inputs [m]", "inputs [N]", "outputs [m]"]
+
+
+def test_the_axis_of_singular_values_has_their_unit():
+    model, grid = bc.spray_boom(), [1.0, 2.0]
+    assert bc.sigma(model, grid).plot(Figure().subplots()).get_ylabel() == "singular values [m/m]"
+    assert bc.sigma(bc.spray_boom(excitation="acceleration"), grid).value_unit == "m per m/s^2"
+    assert bc.sigma(model, grid, ["actuator_left", "cradle"]).value_unit == "m per m or N"
+    assert bc.sigma(bc.split_symmetric(model)[1], grid).value_unit == "m/m"  # orthonormal on both sides
+    assert bc.sigma(model.to_statespace(), grid).plot(Figure().subplots()).get_ylabel() == "singular values"

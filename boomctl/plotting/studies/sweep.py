@@ -1,14 +1,17 @@
-"""Pictures of sweeps: all points, and a line through the medians for each word of a parameter."""
+"""Pictures of sweeps: all points over one parameter, a colour and a line of medians for each value of another one."""
 
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from matplotlib import colormaps
 
 from boomctl.checks import known
-from boomctl.plotting.canvas import COLOURS, legend, line_look, panels
+from boomctl.plotting.canvas import COLOURS, labelled, legend, line_look, panels
 
 if TYPE_CHECKING:
     from boomctl.studies.sweeps.result import SweepResult
+
+_DRAWN = "seed"  # of what is drawn at random: no parameter to tell apart by colour
 
 
 def plot_sweep(
@@ -22,21 +25,33 @@ def plot_sweep(
             raise ValueError(f"{what}: expected one that is a number, there is none")
     shown = numbers[0] if column is None else known("column that is a number", column, numbers)
     over = axes[0] if against is None else known("swept parameter that is a number", against, axes)
-    words = next((name for name in result.swept if name not in axes and name != over), None)
+    other = [name for name in result.swept if name not in axes and name != over]
+    other += [name for name in axes if name not in (over, _DRAWN)]
+    second = other[0] if other else None
     rows = [row for row in result.table if _number(row, shown)]
-    groups = list(dict.fromkeys(row[words] for row in rows)) if words else [None]
+    groups: list[Any] = list(dict.fromkeys(row[second] for row in rows)) if second else [None]
+    if second in axes:
+        groups.sort()
+    colours = COLOURS if len(groups) <= len(COLOURS) else colormaps["viridis"](np.linspace(0.0, 0.9, len(groups)))
+    named = {groups[k] for k in np.linspace(0, len(groups) - 1, min(len(groups), len(COLOURS))).round().astype(int)}
+    medians = False
     with panels(ax, ["numbers"], (7.0, 4.2)) as (drawn_on,):
-        for k, word in enumerate(groups):
-            own = [row for row in rows if words is None or row[words] == word]
+        for colour, value in zip(colours, groups, strict=False):
+            own = [row for row in rows if second is None or row[second] == value]
             x, y = np.array([row[over] for row in own], float), np.array([row[shown] for row in own], float)
             places = np.unique(x)
-            name = {} if words is None else {"label": str(word)}
-            look = line_look(drawn, color=COLOURS[k % len(COLOURS)], **name)
+            said = f"{value:.4g}" if second in axes else str(value)
+            name = {"label": said} if second is not None and value in named else {}
+            look = line_look(drawn, color=colour, **name)
             (line,) = drawn_on.plot(places, [np.median(y[x == place]) for place in places], **look)
             drawn_on.plot(x, y, ".", color=line.get_color(), alpha=0.5)
+            medians |= len(places) < len(x)
+        if medians:
+            rest = [name for name in result.swept if name not in (over, second)]
+            drawn_on.set_title(f"dots: all points; line: their median over {' and '.join(rest) or over}", fontsize="medium")
         drawn_on.set_xlabel(_with_unit(result, over))
         drawn_on.set_ylabel(_with_unit(result, shown))
-        legend(drawn_on, title=words)
+        legend(drawn_on, title=None if second is None else _with_unit(result, second))
     return drawn_on
 
 
@@ -45,5 +60,4 @@ def _number(row: Any, name: str) -> bool:
 
 
 def _with_unit(result: "SweepResult", name: str) -> str:
-    unit = result.units.get(name)
-    return f"{name} [{unit}]" if unit else name
+    return labelled(name, result.units.get(name, ""))

@@ -6,7 +6,7 @@ vibration at rest leaves out stands on the right.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
@@ -17,7 +17,7 @@ from boomctl.rotating_beam.modal.energy import Lagrangian, accelerations
 from boomctl.rotating_beam.modal.first_order import FirstOrderEquations
 from boomctl.rotating_beam.modal.shapes import axial_modes, transverse_modes
 from boomctl.rotating_beam.parameters import HubBeamParameters
-from boomctl.rotating_beam.sensors import LOOP_INPUTS, LOOP_OUTPUTS, BeamSensor, checked_sensors
+from boomctl.rotating_beam.sensors import LOOP_INPUTS, LOOP_OUTPUTS, LOOP_UNITS, QUANTITIES, BeamSensor, checked_sensors
 
 if TYPE_CHECKING:
     import casadi
@@ -49,6 +49,8 @@ class ForcedModes:
         ``(z and z', u) -> outputs, margin``; the mass matrix is positive definite where the margin is above zero.
     judged : casadi.Function
         ``(z and z') -> (radius of the free end times hub angle, its displacement)`` [m], by which an error is judged.
+    units : mapping from signal to str
+        Of inputs, outputs and sensors.
     """
 
     inputs: tuple[str, ...]
@@ -62,6 +64,7 @@ class ForcedModes:
     rest: casadi.Function
     read: casadi.Function
     judged: casadi.Function
+    units: Mapping[str, str]
 
 
 class Place(NamedTuple):
@@ -262,6 +265,7 @@ def forced_modes(
         rest=ca.Function("rest", [state, given], [moved.rest]),
         read=ca.Function("read", [state, given], [outputs, moved.margin]),
         judged=ca.Function("judged", [state], [ca.vertcat(reach * angle, outputs[2])]),
+        units={**LOOP_UNITS, **{sensor.name: QUANTITIES[sensor.quantity] for sensor in further}},
     )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
@@ -30,6 +30,11 @@ class MachineModes(Protocol):
     @property
     def states(self) -> tuple[str, ...]:
         """Names of the states."""
+        ...
+
+    @property
+    def units(self) -> Mapping[str, str]:
+        """Units of inputs and outputs, as far as they are known."""
         ...
 
     @property

@@ -205,7 +205,9 @@ class SweepResult:
     def plot(
         self, ax: Axes | None = None, *, column: str | None = None, against: str | None = None, **style: Any
     ) -> Axes:
-        """Draw a number over a swept parameter: all points, and a line through their medians.
+        """Draw a number over a swept parameter: all points, and a line through them.
+
+        Where there are several points at a value, the line is their median, and the picture says over which parameters.
 
         Parameters
         ----------
@@ -214,8 +216,8 @@ class SweepResult:
         column : str, optional
             Which answer; by default the first that is a number.
         against : str, optional
-            Over which parameter; by default the first that is swept and a number.  For each value of the first swept
-            parameter that holds words there is a line.
+            Over which parameter; by default the first that is swept and a number.  Each value of another one has a colour
+            and a line of its own: the first that holds words, otherwise the next number but a ``seed``.
         **style
             Of the lines, as matplotlib takes it.
 
