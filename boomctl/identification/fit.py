@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from boomctl.arrays import Array
 from boomctl.checks import positive, real, whole
+from boomctl.identification.blocks import Spread, limits, of_blocks, of_sets
 from boomctl.identification.certificate import FitCertificate, minimum
 from boomctl.identification.free import FreeParameters
 from boomctl.identification.identifiability import Forward, Seen, differences, slopes
@@ -16,7 +17,7 @@ from boomctl.identification.intervals import BetterFit, Profile
 from boomctl.identification.measured import BOUNDED, Builder, Measured
 from boomctl.identification.result import FitResult
 from boomctl.progress import Listener, computing, tell
-from boomctl.structure.families import AffineFamily
+from boomctl.structure.families import Family
 
 if TYPE_CHECKING:
     import control
@@ -25,7 +26,8 @@ if TYPE_CHECKING:
     from boomctl.analysis.sigma import SigmaResult
 
     Range = tuple[float, float]
-    Measurement = ArrayLike | Mapping[int, float] | control.FrequencyResponseData | MeasuredCurve | SigmaResult
+    One = ArrayLike | Mapping[int, float] | control.FrequencyResponseData | MeasuredCurve | SigmaResult
+    Measurement = One | Mapping[str, One] | Sequence[One]
 
 _SEARCH = {"xtol": 1e-6, "ftol": 1e-10, "gtol": 1e-12, "max_nfev": 60}  # of a start: near enough to tell minima apart
 _POLISH = {"xtol": 1e-13, "ftol": 1e-15, "gtol": 1e-15, "max_nfev": 100}  # of the best of them: down to rounding
@@ -36,6 +38,7 @@ _AGREE = 0.05  # of the squared size of errors, by which sums of squares of the 
 _EXACT = 1e-9  # relative: smaller errors than these are of the model's rounding, not of a measurement
 _ENDED = 1e-6  # relative size of the residuals with which a start that should come to none may end
 _CHANGED = 1e-5  # relative change of what was measured below which it is said that nothing changes (a choice)
+_LEAST = 1e-2  # of a white deviation: a narrower spread is that of a few data sets that agree by chance (a choice)
 _MOST_STARTS = 1000  # (a choice)
 
 
@@ -114,7 +117,7 @@ class _Candidate:
 
 
 def fit(
-    build: "Callable[..., Any] | AffineFamily",
+    build: "Callable[..., Any] | Family",
     measured: "Measurement",
     free: "Iterable[str] | Mapping[str, Range | None] | None" = None,
     start: Any = None,
@@ -134,7 +137,7 @@ def fit(
 
     Parameters
     ----------
-    build : callable or AffineFamily
+    build : callable or Family
         A function of the parameters, such as ``bc.spray_boom``, ``bc.exact_eigenfrequencies_hz`` or one's own.  It
         returns a model (:class:`SecondOrderModel`, ``StateSpace``, a hub-beam), or what was measured of it:
         eigenfrequencies [Hz], a frequency response at the measured frequencies, singular values.  Parameters of the
@@ -144,6 +147,7 @@ def fit(
         Eigenfrequencies [Hz], ascending (damped, if the model's are), or a mapping from the numbers of modes, from 1,
         to them; a complex frequency response; singular values (magnitudes).  A curve that has its phase is fitted as the
         complex response that it is; singular values where there is no phase.  ``measured.kind`` of the result says which.
+        A mapping from names, or a list, of such: several data sets of one kind, such as days.
     free : names, or mapping from names to (low, high) or None
         Names of the parameters that are fitted. A range limits the search, and is where further starts are drawn. Of a
         family all are fitted by default.
@@ -154,8 +158,9 @@ def fit(
         Which mode of the model each eigenfrequency is, from 1.  By default the nearest ones in order, some of which may
         have been missed in the measurement.
     weights : array_like, optional
-        How much each value counts: one over the size of its error beside that of the others. By default 1 for each; 0
-        leaves a value out.
+        How much each value counts: one over the size of its error beside that of the others. By default as the
+        ``deviation`` of a response of :func:`boomctl.estimate_response` says, otherwise 1 for each; 0 leaves a value out.
+        Of several data sets the same for all, or a mapping from their names.
     errors : "relative" or "absolute"
         "relative": the errors are shares of the values (differences of logarithms, also of complex values). "absolute":
         they are in the unit of the values.
@@ -189,8 +194,12 @@ def fit(
 
     Notes
     -----
-    Intervals hold if the model is right and the errors are independent, normal, and as large beside each other as the
-    weights say.  What the measurements do not see has no interval: it is infinite, and said in ``unseen``.
+    Intervals come from what repeats itself in the measurements, and ``source`` says from what: of several data sets from
+    how much they differ, so that they hold for the value in another one; of a response from blocks of neighbouring
+    frequencies, so that errors need not be independent.  Of few numbers, or with ``deviation``, errors are taken for
+    independent and normal, as large beside each other as the weights say.  A model error that is the same in every data set
+    no interval sees: ``repeated`` says how large it is.  What the measurements do not see has no interval: it is infinite,
+    and said in ``unseen``.
 
     Examples
     --------
@@ -216,7 +225,7 @@ def fit(
         raise ValueError("build: expected finite values above zero at the start; of absolute errors zeros will do")
     with computing("fit", progress):
         candidates, path = _search(problem, count, seed)
-        best, seen, size, freedom, ends, names = _polished(problem, candidates[0], known_size, confidence)
+        best, seen, size, freedom, ends, names, spread, each = _polished(problem, candidates[0], known_size, confidence)
     f = problem.at(best.modes)
     offset, shown = minimum(f, free_parameters, best.x, seen, size if size > 0.0 else 1.0)
     limit = _quantile(confidence, freedom, known_size)
@@ -245,31 +254,40 @@ def fit(
     fitted = data.matched(problem.builder(free_parameters.at(best.x)), best.modes)
     changed = _CHANGED * data.scale * np.sqrt(data.size)
     values = free_parameters.values(best.x)
-    covariance = _covariance(free_parameters, best.x, seen, size if limit < np.inf else np.inf)
-    spread = np.sqrt(np.diag(covariance))
-    with np.errstate(invalid="ignore"):
-        correlation = covariance / np.outer(spread, spread)
+    covariance = _covariance(free_parameters, best.x, seen, spread)
+    deviations = np.sqrt(np.diag(covariance))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        correlation = covariance / np.outer(deviations, deviations)
     listed = free_parameters.names
+    residuals = data.difference(fitted)
     return FitResult(
         parameters=free_parameters.at(best.x),
         names=listed,
         values=dict(zip(listed, values.tolist(), strict=True)),
         intervals=dict(zip(listed, ends, strict=True)),
         confidence=float(confidence),
-        standard_errors=dict(zip(listed, spread.tolist(), strict=True)),
+        standard_errors=dict(zip(listed, deviations.tolist(), strict=True)),
         covariance=covariance,
         correlation=correlation,
         measured=data,
         fitted=fitted,
         begun=begun,
         modes=best.modes,
-        residuals=data.difference(fitted),
+        residuals=residuals,
         deviation=size if limit < np.inf else float("nan"),
         estimated=known_size is None,
         freedom=freedom,
         unseen=seen.combinations(f, best.x, free_parameters, limit * size if limit < np.inf else 0.0, changed),
         certificate=certificate,
         path=(*path, *names),
+        source=spread.source,
+        freedoms=dict(zip(listed, spread.freedom.tolist(), strict=True)),
+        each={
+            name: dict(zip(listed, free_parameters.values(x).tolist(), strict=True))
+            for name, x in zip(data.sets, each, strict=False)
+        },
+        repeated=data.repeated(residuals),
+        build=build,
     )
 
 
@@ -300,8 +318,10 @@ def _search(problem: _Problem, count: int, seed: int) -> tuple[list[_Candidate],
 
 def _polished(
     problem: _Problem, best: _Candidate, known: float | None, confidence: float
-) -> tuple[_Candidate, Seen, float, int, list[tuple[float, float]], tuple[str, ...]]:
-    """Return the fit to the last digit, what is seen, the size of errors, degrees of freedom, intervals, what was done."""
+) -> tuple[_Candidate, Seen, float, int, list[tuple[float, float]], tuple[str, ...], Spread, Array]:
+    """Return the fit to the last digit, what is seen, the size of errors, degrees of freedom, intervals, what was done,
+    how far parameters spread, and what each of several data sets says.
+    """
     free, data = problem.free, problem.builder.data
     path = ["steps by comparison"]
     for _ in range(_POLISHES):
@@ -313,20 +333,47 @@ def _polished(
         size = known if known is not None else np.sqrt(best.cost / freedom) if freedom else 0.0
         floor = _EXACT * data.scale
         size, exact = max(float(size), floor), bool(size < floor)
-        quantile = _quantile(confidence, freedom, known)
-        profile = Profile(f, free, best.x, found.steps, seen, size, quantile)
+        each = _of_each(problem, best, found.steps)
+        covariance = seen.covariance() * size**2
+        spread = None
+        if len(each):
+            spread = of_sets(each, data.sets)
+        elif known is None and not exact:
+            spread = of_blocks(found.matrix, f(best.x), data, seen)
+        if spread is None:
+            said = "the deviation given" if known is not None else "all residuals"
+            lost = np.inf if known is not None else freedom if freedom else 0
+            spread = Spread(covariance, np.full(free.size, lost), f"{said}, as independent errors")
+        white = np.sqrt(np.diag(covariance))
+        # in white deviations, which profiles are drawn over; a parameter that spreads less than their rounding has some
+        times = np.maximum(np.sqrt(np.diag(spread.covariance)) / np.where(white > 0.0, white, np.inf), _LEAST)
+        times[seen.hidden] = 1.0
+        quantiles = np.where(spread.freedom > 0.0, limits(confidence, np.maximum(spread.freedom, 1.0)), np.inf) * times
         try:
-            ends = [_ends(profile, i, exact) for i in range(free.size)]
+            ends = [
+                _ends(Profile(f, free, best.x, found.steps, seen, size, float(quantiles[i])), i, exact)
+                for i in range(free.size)
+            ]
         except BetterFit as better:
             best = _Candidate(best.cost, better.x, best.modes)
             path.append("a profile found a better fit")
             continue
         path.append("intervals of the linearised model" if exact else "intervals by profiles")
-        return best, seen, size, freedom, ends, tuple(path)
+        return best, seen, size, freedom, ends, tuple(path), spread, each
     raise ArithmeticError(
         "fit: profiles go on finding better fits; the sum of squares has many minima, or the model refuses what lies beside"
         " the least: try more starts, narrower ranges, or ranges that end where the model does"
     )
+
+
+def _of_each(problem: _Problem, best: _Candidate, steps: Array) -> Array:
+    """Return the coordinates at which each of several data sets is fitted by itself, from the fit to all."""
+    data, found = problem.builder.data, []
+    for k in range(len(data.sets) if data.member is not None else 0):
+        tell("data sets", k, len(data.sets))
+        alone = replace(problem, builder=replace(problem.builder, data=data.one(k)))
+        found.append(alone.solve(best.x, steps, _SEARCH).x)
+    return np.array(found)
 
 
 def _infinite(free: FreeParameters, i: int) -> tuple[float, float]:
@@ -354,12 +401,9 @@ def _ends(profile: Profile, i: int, exact: bool) -> tuple[float, float]:
 
 def _quantile(confidence: float, freedom: int, known: float | None) -> float:
     """Return how many standard deviations are within confidence: normal, or Student's t; infinite without freedom."""
-    from scipy.special import ndtri, stdtrit
-
-    tail = 0.5 + 0.5 * confidence
-    if known is not None:
-        return float(ndtri(tail))
-    return float(stdtrit(freedom, tail)) if freedom > 0 else np.inf
+    if known is None and freedom == 0:
+        return np.inf
+    return float(limits(confidence, np.array(np.inf if known is not None else freedom)))
 
 
 def _chance(cost: float, freedom: int, known: float | None) -> tuple[float, float]:
@@ -371,12 +415,12 @@ def _chance(cost: float, freedom: int, known: float | None) -> tuple[float, floa
     return float(chdtrc(freedom, cost / known**2)), float(np.sqrt(cost / freedom) / known)
 
 
-def _covariance(free: FreeParameters, x: Array, seen: Seen, size: float) -> Array:
+def _covariance(free: FreeParameters, x: Array, seen: Seen, spread: Spread) -> Array:
     """Return the covariance of the parameters, infinite where they are not seen."""
-    if not np.isfinite(size):
+    if not (spread.freedom > 0.0).all():
         return np.where(np.eye(free.size, dtype=bool), np.inf, np.nan)
     scale = free.slopes(x)
-    found = seen.covariance() * size**2 * np.outer(scale, scale)
+    found = spread.covariance * np.outer(scale, scale)
     hidden = np.flatnonzero(seen.hidden)
     found[hidden] = np.nan
     found[:, hidden] = np.nan

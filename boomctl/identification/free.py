@@ -10,7 +10,7 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.checks import known, mapping, names, real
-from boomctl.structure.families import AffineFamily, interval
+from boomctl.structure.families import Family, interval
 
 _AROUND = 2.0  # factor up and down within which starts are drawn where no range is given (a choice)
 _FAR = 1e4  # factor up and down, without a range, within which the end of an interval is looked for (a choice)
@@ -46,7 +46,7 @@ class FreeParameters:
     def of(cls, build: object, free: object, start: object) -> "FreeParameters":
         """Return what is free, checked against the record of parameters."""
         record = _start(build, free, start)
-        if free is None and isinstance(build, AffineFamily):
+        if free is None and isinstance(build, Family):
             free = build.names
         if free is None:
             raise TypeError("free = None: expected names of parameters, or a mapping from names to (low, high)")
@@ -55,7 +55,7 @@ class FreeParameters:
         listed = names("free parameter", tuple(ranges) if ranges else free, tuple(numbers))  # type: ignore[arg-type]
         if not listed:
             raise ValueError("free: expected at least one parameter, got none")
-        if isinstance(build, AffineFamily):
+        if isinstance(build, Family):
             box = dict(zip(build.names, zip(build.low.tolist(), build.high.tolist(), strict=True), strict=True))
             ranges = {name: ranges.get(name) or box[name] for name in listed}
         first, scale = np.empty(len(listed)), np.full(len(listed), np.nan)
@@ -129,7 +129,7 @@ class FreeParameters:
 
 def _start(build: object, free: object, start: object) -> Any:
     """Return the record to begin from: the one given, a family's middle, or what `build` says it takes, by default."""
-    if isinstance(build, AffineFamily):
+    if isinstance(build, Family):
         middle = build.values(np.zeros(build.size))
         if start is None:
             return middle

@@ -2,7 +2,8 @@
 
 import inspect
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from types import SimpleNamespace
 from typing import Any
 
@@ -26,7 +27,7 @@ from boomctl.checks import (
 from boomctl.lti.frequency import singular_values
 from boomctl.lti.system import is_frequency_response, is_statespace, of
 from boomctl.printing import compact
-from boomctl.structure.families import AffineFamily
+from boomctl.structure.families import Family
 from boomctl.structure.model import SecondOrderModel
 
 ERRORS = ("relative", "absolute")
@@ -35,6 +36,7 @@ BOUNDED = "bounded relative"  # for the search alone
 _MISSED = 3  # modes that the measurement may have missed and that are offered beside those measured (a choice)
 _SAME = 1e-9  # relative difference of two frequencies up to which they are the same: rounding between Hz and rad/s
 _LIGHTEST = 1e-50  # of weights that count: squares of what is divided by them are numbers still (a choice)
+_SUREST = 1e-3  # of the usual deviation: a value that is said to be surer counts as this one (a choice)
 _HANDED = ("omega", "count", "inputs", "outputs")  # what a function is given where it has a parameter of this name
 
 
@@ -53,13 +55,19 @@ class Measured:
     errors : "relative" or "absolute"
         Whether errors are of the logarithm or of the value itself.
     omega : (n,) ndarray or None
-        Angular frequencies [rad/s].
+        Angular frequencies [rad/s], those of several data sets one set after the other.
     modes : tuple of int or None
         Which mode of the model each eigenfrequency is, from 1; None: the nearest, in order.
     inputs, outputs : tuple of str or None
         Signals that the user named.
     labels : (tuple of str, tuple of str) or None
         Inputs and outputs that stand in the measured data.
+    sets : tuple of str
+        Names of the data sets, such as days; one without a name where there is one.
+    member : (n,) ndarray of int, or None
+        Which of them each entry of the last axis of ``values`` is from; None: there is one.
+    noise : ndarray or None
+        Deviation of each value as a share of its ``spread``, where the measurement says it.
     """
 
     kind: str
@@ -71,6 +79,9 @@ class Measured:
     inputs: tuple[str, ...] | None = None
     outputs: tuple[str, ...] | None = None
     labels: tuple[tuple[str, ...], tuple[str, ...]] | None = None
+    sets: tuple[str, ...] = ("",)
+    member: Array | None = None
+    noise: Array | None = None
 
     __repr__ = compact
 
@@ -84,8 +95,16 @@ class Measured:
         inputs: object,
         outputs: object,
     ) -> "Measured":
-        """Return what was measured, checked."""
+        """Return what was measured, checked; of a list or a mapping of data sets, all of them side by side."""
         known("kind of errors", errors, ERRORS)
+        several = _sets(measured)
+        if several is not None:
+            return _side_by_side(
+                {
+                    name: cls.of(each, modes, _weights_of(weights, name, several), errors, inputs, outputs)
+                    for name, each in several.items()
+                }
+            )
         signals = {}
         for name, given in (("inputs", inputs), ("outputs", outputs)):
             listed = (given,) if isinstance(given, str) else given
@@ -113,12 +132,43 @@ class Measured:
             raise ValueError("modes: expected None, as what was measured are no eigenfrequencies")
         if kind == "eigenfrequencies" and (inputs is not None or outputs is not None):
             raise ValueError("inputs, outputs: expected None, as eigenfrequencies have no signals")
+        said = getattr(measured, "deviation", None) if kind == RESPONSE else None
+        if said is not None and weights is None:
+            weights = _weights(np.asarray(said, float), values if errors == "relative" else np.ones(values.shape))
         spread = _spread(weights, values)
         if errors == "relative" and (values[np.isfinite(spread)] == 0.0).any():
             raise ValueError(
                 "measured: a value of zero has no relative error; expected weights that leave it out, or errors='absolute'"
             )
-        return cls(kind, values, spread, str(errors), omega, modes, **signals, labels=labels)  # type: ignore[arg-type]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            size = np.abs(values) if errors == "relative" else 1.0
+            noise = None if said is None else np.nan_to_num(np.asarray(said, float) / size / spread)
+        return cls(kind, values, spread, str(errors), omega, modes, **signals, labels=labels, noise=noise)  # type: ignore[arg-type]
+
+    @cached_property
+    def asked(self) -> tuple[Array, Array] | None:
+        """Angular frequencies at which a model is asked, ascending, and which of them each entry is at."""
+        return None if self.omega is None else np.unique(self.omega, return_inverse=True)
+
+    @property
+    def longest(self) -> int:
+        """Most eigenfrequencies that a data set has."""
+        return len(self.values) if self.member is None else int(np.bincount(self.member).max())
+
+    def one(self, k: int) -> "Measured":
+        """Return one of the data sets."""
+        if self.member is None:
+            return self
+        own = self.member == k
+        modes = None if self.modes is None else tuple(np.array(self.modes)[own].tolist())
+        omega, noise = (None if x is None else x[..., own] for x in (self.omega, self.noise))
+        values, spread = self.values[..., own], self.spread[..., own]
+        return replace(self, values=values, spread=spread, omega=omega, modes=modes, noise=noise, member=None)
+
+    def labelled(self, labels: Array) -> Array:
+        """Return a label of each entry of the last axis for each of the residuals."""
+        found = np.broadcast_to(labels, self.values.shape)[self.kept]
+        return np.concatenate([found, found]) if np.iscomplexobj(self.values) else found
 
     @property
     def kept(self) -> Array:
@@ -144,6 +194,8 @@ class Measured:
         """
         if self.modes is not None:
             return self.modes
+        if self.member is not None:
+            return tuple(mode for k in range(len(self.sets)) for mode in self.one(k).nearest(offered))
         m, n = len(self.values), len(offered)
         cost = np.square(_difference(offered[None, :], self.values[:, None], self.errors) / self.spread[:, None])
         cost[~self.kept] = 0.0
@@ -167,6 +219,26 @@ class Measured:
     def difference(self, fitted: Array) -> Array:
         """Return measured less fitted; of relative errors, of the logarithms."""
         return -_difference(fitted, self.values, self.errors)
+
+    def repeated(self, differences: Array) -> float:
+        """Return the share of the squared differences that is the same in every data set, or more than the noise said.
+
+        ``nan`` where neither is known.
+        """
+        scaled = np.where(self.kept, differences / self.spread, 0.0)
+        whole = float(np.square(np.abs(scaled)).sum())
+        sets = len(self.sets)
+        if self.member is not None and len(set(np.bincount(self.member))) == 1 and self.omega is not None:
+            omega = self.omega.reshape(sets, -1)
+            if (omega == omega[0]).all():
+                apart = scaled.reshape(*scaled.shape[:-1], sets, -1)
+                noise = float(np.square(np.abs(apart - apart.mean(axis=-2, keepdims=True))).sum()) * sets / (sets - 1)
+                return max(1.0 - noise / whole, 0.0) if whole > 0.0 else 0.0
+        if self.noise is None:
+            return float("nan")
+        parts = 2.0 if np.iscomplexobj(self.values) else 1.0  # the deviation is that of each part
+        noise = parts * float(np.square(self.noise[self.kept]).sum())
+        return max(1.0 - noise / whole, 0.0) if whole > 0.0 else 0.0
 
     def residuals(self, fitted: Array) -> Array:
         """Return the differences over their spread, real, those left out left out."""
@@ -197,6 +269,64 @@ def _difference(fitted: Array, measured: Array, errors: str) -> Array:
         return fitted - measured
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.log(fitted / np.where(measured == 0.0, np.nan, measured))
+
+
+def _sets(measured: object) -> dict[str, Any] | None:
+    """Return data sets by name, where several were given: by a mapping from names, or in a list."""
+    if isinstance(measured, Mapping) and measured and all(isinstance(name, str) for name in measured):
+        return dict(measured)
+    if isinstance(measured, (list, tuple)) and measured and not any(np.isscalar(each) for each in measured):
+        return {f"set {k + 1}": each for k, each in enumerate(measured)}
+    return None
+
+
+def _weights_of(weights: object, name: str, several: Mapping[str, object]) -> object:
+    """Return the weights of a data set: by its name, or the same for all."""
+    if not isinstance(weights, Mapping):
+        return weights
+    for each in weights:
+        known("data set in weights", each, tuple(several))
+    return weights.get(name)
+
+
+def _side_by_side(sets: Mapping[str, "Measured"]) -> "Measured":
+    """Return data sets as one, refused where they are not of the same kind."""
+    first, *others = sets.values()
+    for name, each in list(sets.items())[1:]:
+        same = each.kind == first.kind and each.labels == first.labels and (each.modes is None) == (first.modes is None)
+        if not same or each.values.shape[:-1] != first.values.shape[:-1]:
+            raise ValueError(
+                f"measured: expected data sets alike, got {first.kind} of shape {first.values.shape} and, in {name!r},"
+                f" {each.kind} of shape {each.values.shape}, or other signals"
+            )
+    if not others:
+        return first
+
+    def joined(name: str) -> Any:
+        parts = [getattr(each, name) for each in sets.values()]
+        return None if any(part is None for part in parts) else np.concatenate(parts, axis=-1)
+
+    modes = joined("modes")
+    return replace(
+        first,
+        values=joined("values"),
+        spread=joined("spread"),
+        omega=joined("omega"),
+        modes=None if modes is None else tuple(modes.tolist()),
+        sets=tuple(sets),
+        member=np.repeat(np.arange(len(sets)), [each.values.shape[-1] for each in sets.values()]),
+        noise=joined("noise"),
+    )
+
+
+def _weights(deviation: Array, size: Array) -> Array | None:
+    """Return weights from deviations that a measurement says, one in the middle; None where it says none."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = deviation / np.abs(size)
+    usual = float(np.median(share[np.isfinite(share)])) if np.isfinite(share).any() else 0.0
+    if usual == 0.0:
+        return None
+    return np.where(np.isfinite(share), usual / np.maximum(share, _SUREST * usual), 0.0)
 
 
 def _eigenfrequencies(measured: object, modes: object) -> tuple[Array, tuple[int, ...] | None]:
@@ -257,55 +387,60 @@ class Builder:
 
     Attributes
     ----------
-    build : callable or AffineFamily
+    build : callable or Family
     data : Measured
     handed : tuple of str
         Which of ``omega``, ``count``, ``inputs``, ``outputs`` the function is given.
     """
 
-    build: Callable[..., Any] | AffineFamily
+    build: Callable[..., Any] | Family
     data: Measured
     handed: tuple[str, ...]
 
     @classmethod
     def of(cls, build: Any, data: Measured) -> "Builder":
         """Return the function, and what it is given beside the parameters."""
-        if isinstance(build, AffineFamily):
+        if isinstance(build, Family):
             return cls(build, data, ())
-        function_of("build", build, "the parameters, or an AffineFamily")
+        function_of("build", build, "the parameters, or a family")
         try:
             there = list(inspect.signature(build).parameters)[1:]
         except (TypeError, ValueError):  # some functions of other languages do not say what they take
             there = []
         return cls(build, data, tuple(name for name in _HANDED if name in there))
 
+    def model(self, parameters: Any) -> Any:
+        """Return what is built of parameters."""
+        data = self.data
+        if isinstance(self.build, Family):
+            return self.build.at(self.build.deltas(parameters))
+        given = {
+            "omega": data.asked and data.asked[0],
+            "count": self._count(),
+            "inputs": data.inputs,
+            "outputs": data.outputs,
+        }
+        handed = {name: given[name] for name in self.handed if given[name] is not None}
+        return self.build(parameters, **handed)
+
     def __call__(self, parameters: Any) -> Array:
         """Return all values that the model offers: modes [Hz], its response, or singular values."""
-        data = self.data
-        if isinstance(self.build, AffineFamily):
-            model = self.build.at(self.build.deltas(parameters))
-        else:
-            given = {
-                "omega": data.omega,
-                "count": self._count(),
-                "inputs": data.inputs,
-                "outputs": data.outputs,
-            }
-            handed = {name: given[name] for name in self.handed if given[name] is not None}
-            model = self.build(parameters, **handed)
-        if data.kind == "eigenfrequencies":
+        data, model = self.data, self.model(parameters)
+        if data.asked is None:
             return self._frequencies(model)
-        return self._response(model) if data.kind == RESPONSE else self._singular_values(model)
+        omega, at = data.asked
+        found = (self._response if data.kind == RESPONSE else self._singular_values)(model, omega)
+        return found[..., at]
 
     def _count(self) -> int | None:
         data = self.data
         if data.kind != "eigenfrequencies":
             return None
-        return max(data.modes) if data.modes else len(data.values) + _MISSED
+        return max(data.modes) if data.modes else data.longest + _MISSED
 
     def _frequencies(self, model: Any) -> Array:
         wanted = self._count() or 0
-        least = max(self.data.modes) if self.data.modes else len(self.data.values)
+        least = max(self.data.modes) if self.data.modes else self.data.longest
         if isinstance(model, SecondOrderModel):
             for count in range(min(wanted, model.n), 0, -1):
                 try:
@@ -329,42 +464,41 @@ class Builder:
             raise ValueError(f"build: expected a model with at least {least} eigenfrequencies, got {len(offered)}")
         return offered
 
-    def _response(self, model: Any) -> Array:
+    def _response(self, model: Any, omega: Array) -> Array:
         data = self.data
-        assert data.omega is not None
         model = model.linearize() if hasattr(model, "frequencies_hz") else model  # a hub-beam
         if isinstance(model, SecondOrderModel):
             ins, outs = _signals(data, model)
-            found = np.asarray(model.frequency_response(data.omega, ins, outs).frdata)
+            found = np.asarray(model.frequency_response(omega, ins, outs).frdata)
         elif is_statespace(model):
             system = of(model, "build")
-            found = system.select(*_signals(data, system)).response(data.omega)
+            found = system.select(*_signals(data, system)).response(omega)
         elif is_frequency_response(model):
-            found = _of_data(model, data)
+            found = _of_data(model, data, omega)
         else:
             found = np.asarray(_numbers(model, "a model or its frequency response"), dtype=complex)
-        if found.shape != data.values.shape:
+        wanted = (*data.values.shape[:-1], len(omega))
+        if found.shape != wanted:
             raise ValueError(
-                f"build: expected a response of shape {data.values.shape} (outputs, inputs, frequencies), as it was measured,"
+                f"build: expected a response of shape {wanted} (outputs, inputs, frequencies), as it was measured,"
                 f" got {found.shape}; say `inputs` and `outputs`"
             )
         return found
 
-    def _singular_values(self, model: Any) -> Array:
+    def _singular_values(self, model: Any, omega: Array) -> Array:
         data = self.data
-        assert data.omega is not None
         model = model.linearize() if hasattr(model, "frequencies_hz") else model  # a hub-beam
         said = data.inputs is not None and data.outputs is not None
         if isinstance(model, SecondOrderModel) or is_statespace(model):
-            found = sigma(model, data.omega, data.inputs, data.outputs).sigma
+            found = sigma(model, omega, data.inputs, data.outputs).sigma
         elif is_frequency_response(model):
-            found = singular_values(_of_data(model, data))
+            found = singular_values(_of_data(model, data, omega))
         else:
             found = finite_array("answer of build", _numbers(model, "a model or its singular values"), ndim=2)
         curves = len(data.values)
-        if len(found) < curves or (len(found) > curves and not said) or found.shape[1] != len(data.omega):
+        if len(found) < curves or (len(found) > curves and not said) or found.shape[1] != len(omega):
             raise ValueError(
-                f"build: expected {curves} singular values at {len(data.omega)} frequencies, as they were measured, got"
+                f"build: expected {curves} singular values at {len(omega)} frequencies, as they were measured, got"
                 f" {len(found)} at {found.shape[1]}; say `inputs` and `outputs`"
             )
         return found[:curves]
@@ -396,9 +530,9 @@ def _signals(data: Measured, model: Any) -> tuple[Sequence[str] | None, Sequence
     return found[0], found[1]
 
 
-def _of_data(model: Any, data: Measured) -> Array:
+def _of_data(model: Any, data: Measured, asked: Array) -> Array:
     """Return frequency response data between the signals asked for, at the measured frequencies."""
-    grid, asked = np.asarray(model.omega), np.asarray(data.omega)
+    grid = np.asarray(model.omega)
     if grid.shape != asked.shape or not np.allclose(grid, asked, rtol=_SAME, atol=0.0):
         raise ValueError("build: expected a response at the measured frequencies; take them as a parameter `omega`")
     there = SimpleNamespace(inputs=tuple(model.input_labels), outputs=tuple(model.output_labels))

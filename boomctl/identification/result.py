@@ -1,6 +1,7 @@
 """The result of a fit: parameters, how sure they are, what the measurements do not see."""
 
-from dataclasses import dataclass
+import pickle
+from dataclasses import dataclass, field
 from importlib import import_module
 from math import inf
 from typing import TYPE_CHECKING, Any
@@ -31,14 +32,14 @@ class FitResult:
         Fitted values of the free parameters.
     intervals : dict of str to (float, float)
         Interval of each free parameter, in which it lies with ``confidence``: by profile likelihood, so that they need
-        not be symmetric.  An end is infinite (0 for a parameter above zero) where the measurements do not bound the
-        parameter.
+        not be symmetric, as wide as ``source`` says.  An end is infinite (0 for a parameter above zero) where the
+        measurements do not bound the parameter.
     confidence : float
         Confidence of the intervals, between 0.5 and 1.
     standard_errors : dict of str to float
-        Standard error of each parameter by the linearised model; ``inf`` where a parameter is not seen.
+        Standard error of each parameter, from ``source``; ``inf`` where a parameter is not seen.
     covariance : (p, p) ndarray
-        Covariance of the free parameters by the linearised model, in the parameters' units; ``inf`` and ``nan`` in rows
+        Covariance of the free parameters, from ``source``, in the parameters' units; ``inf`` and ``nan`` in rows
         and columns of what is not seen.
     correlation : (p, p) ndarray
         Correlation of the free parameters; ``nan`` for what is not seen.
@@ -63,6 +64,17 @@ class FitResult:
         What was found about the fit apart from its solver.
     path : tuple of str
         What was done, in order.
+    source : str
+        What the intervals come from: data sets, blocks of frequencies, or residuals taken for independent.
+    freedoms : dict of str to float
+        Degrees of freedom of each standard error, for Student's t; infinite where the deviation was given.
+    each : dict of str to dict
+        Values that each of several data sets has by itself; empty of one.
+    repeated : float
+        Share of the squared residuals that is the same in all data sets, or more than the deviation that was measured
+        with a response: an error of the model; ``nan`` where that is not known.
+    build : callable or family, or None
+        What makes the model of its parameters; None after unpickling where it does not pickle.
     """
 
     parameters: Any
@@ -84,6 +96,19 @@ class FitResult:
     unseen: tuple[Combination, ...]
     certificate: FitCertificate
     path: tuple[str, ...]
+    source: str
+    freedoms: dict[str, float]
+    each: dict[str, dict[str, float]]
+    repeated: float
+    build: Any = field(default=None, repr=False, compare=False)
+
+    def __getstate__(self) -> dict[str, Any]:
+        state = dict(self.__dict__)
+        try:
+            pickle.dumps(self.build)
+        except (pickle.PicklingError, AttributeError, TypeError):  # a function within a function
+            state["build"] = None
+        return state
 
     @property
     def certified(self) -> bool:
@@ -126,7 +151,16 @@ class FitResult:
         )
         lines = [head, *(f"  {n:{width}}  {self.values[n]:<12.6g} {self.interval_text(n)}" for n in self.names)]
         lines += [f"  not determined: {each.text}" for each in self.unseen]
-        return "\n".join([*lines, f"  {self._errors()}", *map(str.strip, f"  {self._verdict()}".split("\n"))])
+        for name, values in self.each.items():
+            lines.append(f"  {name}: {', '.join(f'{n} = {value:.5g}' for n, value in values.items())}")
+        return "\n".join(
+            [
+                *lines,
+                f"  {self._errors()}",
+                f"  intervals from {self.source}",
+                *map(str.strip, f"  {self._verdict()}".split("\n")),
+            ]
+        )
 
     def __repr__(self) -> str:
         shown = self.names[: LINES - 3 if self.unseen else LINES - 2]
@@ -154,7 +188,12 @@ class FitResult:
             return "as many parameters as numbers: the residuals do not tell how large the errors are; give a deviation"
         unit = " %" if self.measured.errors == "relative" else ""
         size = 100.0 * self.deviation if unit else self.deviation
-        return f"errors of {size:.3g}{unit}, {'estimated from the residuals' if self.estimated else 'as given'}"
+        repeats = (
+            "" if np.isnan(self.repeated) else f"; {100.0 * self.repeated:.2g} % of their squares repeat: the model's"
+        )
+        return (
+            f"errors of {size:.3g}{unit}, {'estimated from the residuals' if self.estimated else 'as given'}{repeats}"
+        )
 
     def _verdict(self) -> str:
         return f"{'certified' if self.certified else 'NOT certified'}: {self.certificate.statement}"

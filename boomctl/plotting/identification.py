@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from boomctl.identification.response import MeasuredResponse
     from boomctl.identification.result import FitResult
 
+_TOGETHER = "0.15"  # nearly black, of what is fitted to several data sets, each of which has a colour (a choice)
 _BEFORE = "0.6"  # grey of what the start gave (a choice)
 _NORMAL = 1.96  # deviations to either side of a curve that hold 95 % of normal errors
 _SHADE = 0.25  # opacity of an interval (a choice)
@@ -19,8 +20,8 @@ _SHADE = 0.25  # opacity of an interval (a choice)
 def plot_fit(result: "FitResult", ax: Any = None, **drawn: Any) -> Any:
     """Draw measured values beside fitted ones and those at the start; return the axes.
 
-    Eigenfrequencies stand over the numbers of their modes with the confidence limit of their errors; responses and singular
-    values by magnitude over frequency.  ``drawn`` is the style of what is fitted.
+    Eigenfrequencies stand over the numbers of their modes with the deviation of their errors; responses and singular values
+    by magnitude over frequency; of several data sets each in a colour of its own.  ``drawn`` is the style of what is fitted.
     """
     with style():
         if ax is None:
@@ -43,7 +44,11 @@ def _draw_eigenfrequencies(result: "FitResult", ax: Any, drawn: dict[str, Any]) 
         error = np.array([data.values * -np.expm1(-error), data.values * np.expm1(error)])[:, kept]
     else:
         error = error[kept]
-    ax.errorbar(modes[kept], data.values[kept], yerr=error, fmt="o", color=COLOURS[0], label="measured, ± 1 deviation")
+    for k, name in enumerate(data.sets):
+        own = (np.zeros(len(kept), int) if data.member is None else data.member)[kept] == k
+        label = f"measured{name and ', '}{name}, ± 1 deviation"
+        at, values, bars = modes[kept][own], data.values[kept][own], error[..., own]
+        ax.errorbar(at, values, yerr=bars, fmt="o", color=COLOURS[_of_set(k)], label=label)
     ax.plot(modes, result.begun, "x", color=_BEFORE, label="start")
     look = {"marker": "s", "linestyle": "none", "fillstyle": "none", "color": COLOURS[1], "markersize": 9}
     ax.plot(modes, result.fitted, **{**look, "label": "fitted", **drawn})
@@ -53,19 +58,29 @@ def _draw_eigenfrequencies(result: "FitResult", ax: Any, drawn: dict[str, Any]) 
     ax.set_ylabel("frequency [Hz]")
 
 
+def _of_set(k: int) -> int:
+    """Return which colour a data set has: not that of what is fitted, which is the second, where there are others."""
+    return 0 if k == 0 else 2 + (k - 1) % (len(COLOURS) - 2)
+
+
 def _draw_curves(result: "FitResult", ax: Any, drawn: dict[str, Any]) -> None:
     data = result.measured
     hz = data.omega / (2.0 * np.pi)  # type: ignore[operator]
     measured = np.where(data.kept, np.abs(data.values), np.nan).reshape(-1, len(hz))
-    fitted, begun = (np.abs(given).reshape(-1, len(hz)) for given in (result.fitted, result.begun))
+    first = np.unique(hz, return_index=True)[1]  # the model answers the same to every data set
+    fitted, begun = (np.abs(given).reshape(-1, len(hz))[:, first] for given in (result.fitted, result.begun))
+    what = "singular value" if data.kind == "singular values" else "entry"
     for k, (seen, line, before) in enumerate(zip(measured, fitted, begun, strict=True)):
-        colour = COLOURS[k % len(COLOURS)]
+        colour = COLOURS[k % len(COLOURS)] if data.member is None else _TOGETHER
         named = len(measured) <= len(COLOURS)
-        what = "singular value" if data.kind == "singular values" else "entry"
         number = f", {what} {k + 1}" if len(measured) > 1 else ""
-        ax.plot(hz, before, ":", color=_BEFORE, linewidth=1.0, label="start" if k == 0 else None)
-        ax.plot(hz, seen, ".", color=colour, markersize=3, label=f"measured{number}" if named else None)
-        ax.plot(hz, line, **{"color": colour, "label": f"fitted{number}" if named else None, **drawn})
+        ax.plot(hz[first], before, ":", color=_BEFORE, linewidth=1.0, label="start" if k == 0 else None)
+        if data.member is None:
+            ax.plot(hz, seen, ".", color=colour, markersize=3, label=f"measured{number}" if named else None)
+        for j, name in enumerate(data.sets if data.member is not None else ()):
+            own, label = data.member == j, f"measured, {name}" if k == 0 else None
+            ax.plot(hz[own], seen[own], ".", color=COLOURS[_of_set(j)], markersize=3, label=label)
+        ax.plot(hz[first], line, **{"color": colour, "label": f"fitted{number}" if named else None, **drawn})
     ax.set_xscale("log" if (hz > 0.0).all() else "linear")
     ax.set_yscale("log")
     ax.set_xlabel("frequency [Hz]")

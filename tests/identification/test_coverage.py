@@ -8,12 +8,14 @@ from dataclasses import replace
 import control
 import numpy as np
 import pytest
+from scipy import signal
 
 import boomctl as bc
 from boomctl.analysis import MeasuredCurve
 from tests.identification.chain import CHAIN, OMEGA, frequencies, response
 
 LOW, HIGH = 0.93, 0.97  # what is asked of intervals of 95 %
+SAFE = 0.995  # at most, of intervals from blocks, which are wider where few frequencies say something of a parameter
 
 
 def chain_frequencies(rng):
@@ -70,7 +72,22 @@ def test_intervals_of_half_hold_half_of_the_time(draw):
 def test_intervals_of_95_per_cent_hold_as_often(draw):
     """Each parameter by itself."""
     shares = held(draw, CHAIN, CHAIN, 400)
-    assert ((shares > LOW) & (shares < HIGH)).all(), shares
+    assert ((shares > LOW) & (shares < (HIGH if draw is chain_frequencies else SAFE))).all(), shares
+
+
+def correlated(rng):
+    """A complex response on a fine grid, its errors correlated over some three lines to either side."""
+    omega, c = np.linspace(5.0, 50.0, 150), 4e-3
+    e = signal.lfilter([np.sqrt(0.51)], [1.0, -0.7], rng.standard_normal((2, 300)), axis=1)[:, -150:]
+    measured = control.frd(response({**CHAIN, "c": c}, omega) * np.exp(0.05 * (e[0] + 1j * e[1])), omega)
+    return {"build": response, "measured": measured, "free": ["k1", "k3"]}
+
+
+@pytest.mark.slow
+def test_intervals_of_correlated_errors_hold_where_those_of_independent_ones_do_not():
+    truth = {**CHAIN, "c": 4e-3}
+    assert (held(correlated, truth, truth, 100) > 0.88).all()  # 0.93 and 0.92 seen; chance is 2.5 %
+    assert (held(correlated, truth, truth, 100, deviation=0.05) < 0.8).all()
 
 
 TRUTH = replace(bc.BoomParameters(), spring_stiffness=1400.0, youngs_modulus=2.1e11)
@@ -103,4 +120,4 @@ def boom_sigma(rng):
 def test_intervals_of_a_boom_hold_as_often_as_they_say(draw, sets):
     """All parameters together, two of 200 or three of 100 data sets: chance is 1.1 to 1.3 %."""
     shares = held(lambda rng: {"build": bc.spray_boom, **draw(rng)}, vars(TRUTH), bc.BoomParameters(), sets)
-    assert LOW < shares.mean() < HIGH, shares
+    assert LOW < shares.mean() < (HIGH if draw is boom_frequencies else SAFE), shares

@@ -435,7 +435,7 @@ class Spring:
 @pytest.mark.parametrize(
     ("changed", "message"),
     [
-        ({"build": 3}, "build = 3: expected a function of the parameters, or an AffineFamily, got int"),
+        ({"build": 3}, "build = 3: expected a function of the parameters, or a family, got int"),
         ({"build": lambda p: None}, "build: expected eigenfrequencies"),
         ({"build": lambda p: [1.0]}, "at least 3 eigenfrequencies, got 1"),
         ({"build": lambda p: [np.nan] * 3}, "answer of build: expected finite"),
@@ -563,3 +563,66 @@ def test_a_file_of_complex_responses_is_fitted_with_its_phase(tmp_path):
     })  # fmt: skip
     assert without.measured.kind == "singular values"
     assert without.unseen
+
+
+# -- several data sets, and errors that are no independent numbers -------------------------------------------------------
+
+DENSE = np.linspace(5.0, 50.0, 100)
+
+
+def day(rng, stiffness, model_error=0.0):
+    """Return the response of a day: errors of a percent, and what no parameter explains, the same each day."""
+    noise = 0.01 * (rng.standard_normal(len(DENSE)) + 1j * rng.standard_normal(len(DENSE)))
+    wrong = model_error * np.sin(np.arange(len(DENSE)) / 3.0)
+    return control.frd(response({**CHAIN, "c": 4e-3, "k1": stiffness}, DENSE) * np.exp(noise + wrong), DENSE)
+
+
+def test_days_that_differ_make_the_interval_as_wide_as_they_do():
+    """The values of each day alone, and the interval of a normal value to be drawn anew, by the textbook."""
+    rng, stiffness = np.random.default_rng(1), np.array([880.0, 905.0, 893.0, 921.0])
+    days = {f"day {k}": day(rng, value) for k, value in enumerate(stiffness)}
+    found = bc.fit(response, days, ["k1"], {**CHAIN, "c": 4e-3}, starts=1)
+    each = np.array([found.each[name]["k1"] for name in days])
+    np.testing.assert_allclose(each, stiffness, rtol=2e-3)
+    half = 3.182 * np.log(each).std(ddof=1) * np.sqrt(1.0 + 1.0 / 4.0)  # Student's t of three degrees of freedom
+    low, high = found.intervals["k1"]
+    np.testing.assert_allclose([np.log(found.values["k1"] / low), np.log(high / found.values["k1"])], half, rtol=0.05)
+    alone = bc.fit(response, days["day 0"], ["k1"], {**CHAIN, "c": 4e-3}, starts=1)
+    assert not alone.intervals["k1"][0] < 921.0 < alone.intervals["k1"][1]
+    assert "4 data sets differ" in found.source
+    assert "day 3: k1 = 92" in found.render()
+    labels = found.plot().get_legend_handles_labels()[1]
+    assert [f"measured, {name}" in labels for name in days] == [True] * 4
+
+
+@pytest.mark.parametrize("wrong", [0.0, 0.02])
+def test_an_error_of_the_model_is_told_from_noise_by_days_that_repeat_it(wrong):
+    rng = np.random.default_rng(2)
+    days = [day(rng, 900.0, wrong) for _ in range(4)]
+    found = bc.fit(response, days, ["k1", "k3", "c"], {**CHAIN, "c": 4e-3}, starts=1)
+    share = 0.5 * wrong**2 / (0.5 * wrong**2 + 2.0 * 0.01**2)
+    assert abs(found.repeated - share) < 0.1
+
+
+def test_days_of_frequencies_are_paired_with_modes_each_by_itself():
+    exact = frequencies(CHAIN)
+    found = bc.fit(frequencies, [exact * 1.001, exact[:2], exact * 0.999], ["k1", "k2", "k3"], CHAIN, starts=1)
+    assert found.modes == (1, 2, 3, 1, 2, 1, 2, 3)
+    np.testing.assert_allclose(found.each["set 1"]["k1"], CHAIN["k1"] * 1.001**2, rtol=1e-5)
+
+
+def test_data_sets_that_are_not_alike_are_refused():
+    rng = np.random.default_rng(0)
+    with pytest.raises(ValueError, match=r"measured: expected data sets alike, got complex frequency response .* in 'set 2'"):
+        bc.fit(response, [day(rng, 900.0), frequencies(CHAIN)], ["k1"], CHAIN)
+
+
+def test_what_an_estimated_response_says_of_its_errors_weighs():
+    """Lines that are said to be bad, and are, do not matter."""
+    rng = np.random.default_rng(3)
+    H = day(rng, 900.0)
+    H.frdata[0, 0, ::2] *= 3.0
+    H.deviation = np.where(np.arange(len(DENSE)) % 2 == 0, 100.0, 0.01) * np.abs(H.frdata)
+    found = bc.fit(response, H, ["k1"], {**CHAIN, "c": 4e-3}, starts=1)
+    assert abs(found.values["k1"] / 900.0 - 1.0) < 2e-3
+    assert found.repeated < 0.3

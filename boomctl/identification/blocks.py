@@ -1,0 +1,119 @@
+"""How far parameters spread, from blocks of what was measured or from data sets, instead of a formula for white noise.
+
+Errors of neighbouring frequencies, and what a model does not explain, are no independent numbers.  A block of frequencies
+that is left out moves the parameters by what all of its errors do together; how much the blocks differ in this is the
+deviation of the parameters (a jackknife, by one Gauss-Newton step each).  Where few blocks say something of a parameter,
+this is known badly, so that it is drawn towards what all residuals say, with the correlation of neighbours that they have.
+Of several data sets, such as days, the parameters of each tell.
+
+Sources: Bell & McCaffrey (2002), Survey Methodology 28 (degrees of freedom of blocks); Newey & West (1987), Econometrica 55
+(correlated residuals); Smyth (2004), Stat. Appl. Genet. Mol. Biol. 3 (deviations drawn towards a common one).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import special
+
+from boomctl.arrays import Array
+from boomctl.identification.identifiability import Seen
+from boomctl.identification.measured import Measured
+from boomctl.printing import count
+
+_BLOCKS = 12  # that frequencies are cut into: wide enough that errors of two are hardly correlated (a choice)
+_FEWEST = 6  # blocks of which a deviation is known to a third; below, errors are taken for independent (a choice)
+_LINES = 2  # frequencies that a block has at least on the average (a choice)
+_COMMON = 16.0  # degrees of freedom with which all residuals count beside the blocks of a parameter (a choice)
+_REACH = 5  # share of the frequencies, inverse, up to which residuals are asked for their correlation (a choice)
+_ALONE = 0.999  # share of a combination that a block alone may say: the rest of the data must say something, too
+
+
+@dataclass(frozen=True)
+class Spread:
+    """How far coordinates of parameters spread, and from what that is known.
+
+    Attributes
+    ----------
+    covariance : (p, p) ndarray
+        Of the coordinates.
+    freedom : (p,) ndarray
+        Degrees of freedom of each deviation, for Student's t.
+    source : str
+        What it is from, in words.
+    """
+
+    covariance: Array
+    freedom: Array
+    source: str
+
+
+def of_sets(each: Array, names: tuple[str, ...]) -> Spread:
+    """Return the spread of what another data set would say, of what each one says (sets, p)."""
+    size = len(each)
+    found = np.atleast_2d(np.cov(each.T, ddof=1)) * (1.0 + 1.0 / size)
+    source = f"how much {count(size, 'data set')} differ ({', '.join(names)}): they hold for another one"
+    return Spread(found, np.full(each.shape[1], size - 1.0), source)
+
+
+def of_blocks(slopes: Array, residuals: Array, data: Measured, seen: Seen) -> Spread | None:
+    """Return the spread that blocks of frequencies show, None where there are too few of them.
+
+    Blocks are neighbours, each with about the same say in the parameters.
+    """
+    if data.omega is None or not seen.rank:
+        return None
+    entry = data.labelled(np.argsort(np.argsort(data.omega, kind="stable")))
+    lines = len(data.omega)
+    blocks = min(_BLOCKS, len(np.unique(entry)) // _LINES)
+    if blocks < _FEWEST:
+        return None
+    rows = seen.directions[: seen.rank]
+    J = slopes @ rows.T
+    inverse = np.linalg.inv(J.T @ J)
+    say = np.bincount(entry, np.einsum("nr,rs,ns->n", J, inverse, J), lines)
+    place = np.minimum((np.cumsum(say) - 0.5 * say) / say.sum() * blocks, blocks - 1).astype(int)
+    block = np.unique(place[entry], return_inverse=True)[1]
+    moved, shares = [], []
+    for k in range(block.max() + 1):
+        own = J[block == k]
+        curvature = own.T @ own
+        moved.append(np.linalg.solve(J.T @ J - _ALONE * curvature, own.T @ residuals[block == k]) @ rows)
+        shares.append(np.einsum("ri,rs,si->i", rows, inverse @ curvature @ inverse, rows))
+    total, parts = np.array(moved), np.array(shares)
+    size = len(total)
+    whole = parts.sum(axis=0)
+    parts = parts / np.where(whole > 0.0, whole, 1.0)
+    own = np.maximum(1.0 / np.maximum(np.square(parts).sum(axis=0), 1.0 / size) - 1.0, 0.0)
+    apart = total.T @ total * (size - 1.0) / size
+    together, freedom = _correlated(J, residuals, data, entry)
+    together = rows.T @ inverse @ together @ inverse @ rows
+    common = min(_COMMON, freedom)
+    weight = np.sqrt(np.outer(own, own))
+    covariance = (weight * apart + common * together) / (np.outer(*2 * [np.sqrt(own + common)]))
+    return Spread(covariance, own + common, f"{count(size, 'block')} of neighbouring frequencies")
+
+
+def _correlated(J: Array, residuals: Array, data: Measured, entry: Array) -> tuple[Array, float]:
+    """Return the covariance of ``J^T`` errors, which are correlated as the residuals are, and its degrees of freedom."""
+    lines, series = data.values.shape[-1], data.kept.reshape(-1, data.values.shape[-1]).nonzero()[0]
+    series = np.concatenate([series, series + series.max() + 1]) if np.iscomplexobj(data.values) else series
+    left, columns = np.zeros((series.max() + 1, lines)), np.zeros((series.max() + 1, lines, J.shape[1]))
+    left[series, entry], columns[series, entry] = residuals, J
+    n, r = J.shape
+    power = float(np.square(residuals).sum()) / max(n - r, 1)
+    found, lost, reach = columns.reshape(-1, r).T @ columns.reshape(-1, r), 1.0, max(lines // _REACH, 1)
+    for lag in range(1, reach + 1):
+        share = float((left[:, :-lag] * left[:, lag:]).sum() / np.square(left).sum()) * (1.0 - lag / (reach + 1.0))
+        beside = np.einsum("skr,skt->rt", columns[:, :-lag], columns[:, lag:])
+        found = found + share * (beside + beside.T)
+        lost += 2.0 * share**2
+    values, turned = np.linalg.eigh(found)
+    whole = np.linalg.eigvalsh(J.T @ J)
+    return power * (turned * np.maximum(values, whole[0] / n)) @ turned.T, max(n - r, 1) / lost
+
+
+def limits(confidence: float, freedom: Array) -> Array:
+    """Return how many deviations are within confidence, by Student's t; of infinite freedom, normal."""
+    tail = 0.5 + 0.5 * confidence
+    finite = np.isfinite(freedom)
+    return np.where(finite, special.stdtrit(np.where(finite, freedom, 1.0), tail), special.ndtri(tail))
