@@ -68,13 +68,7 @@ def plot_simulation(result: "SimulationResult", ax: Any = None, **style: Any) ->
             each.plot(result.time, values, **look)
             each.set_ylabel(label)
             each.set_xmargin(0.0)
-        until = result.small_deformation_until
-        if result.time[0] <= until <= result.time[-1]:
-            axes[-1].axvline(until, color="0.4", linewidth=0.9, linestyle="--")
-            axes[-1].annotate(
-                "beyond a tenth\nof the length", (until, 0.04), xycoords=("data", "axes fraction"),
-                xytext=(4, 0), textcoords="offset points", fontsize=7, color="0.3",
-            )  # fmt: skip
+        mark_large(axes[-1], result)
         if first:
             axes[0].set_title(f"Hub-beam, model {result.model}")
         if "label" in look:
@@ -82,6 +76,17 @@ def plot_simulation(result: "SimulationResult", ax: Any = None, **style: Any) ->
         axes[-1].set_xlabel("time [s]")
         axes[0].figure.align_ylabels(list(axes))
     return axes
+
+
+def mark_large(ax: Any, result: Any) -> None:
+    """Mark the instant from which on the tip is beyond a tenth of the length."""
+    until = result.small_deformation_until
+    if result.time[0] <= until <= result.time[-1]:
+        ax.axvline(until, color="0.4", linewidth=0.9, linestyle="--")
+        ax.annotate(
+            "beyond a tenth\nof the length", (until, 0.04), xycoords=("data", "axes fraction"),
+            xytext=(4, 0), textcoords="offset points", fontsize=7, color="0.3",
+        )  # fmt: skip
 
 
 def plot_campbell(result: "CampbellDiagram", ax: Any = None, **style: Any) -> Any:

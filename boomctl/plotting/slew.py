@@ -11,7 +11,8 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 from boomctl.arrays import Array
 from boomctl.checks import known
-from boomctl.plotting.canvas import COLOURS, common_legend, line_look, new_figure, panels, style
+from boomctl.plotting.canvas import COLOURS, common_legend, labelled, line_look, new_figure, panels, style
+from boomctl.plotting.rotating_beam import mark_large
 
 _SHAPES = "osDPXph*d<>"
 _BANDS = 0.05, 0.25, 0.5, 0.75, 0.95  # quantiles drawn: the middle run, the middle half, nine of ten (a choice)
@@ -38,24 +39,25 @@ def plot_slew(result: Any, ax: Any = None, **style: Any) -> Array:
     (n,) ndarray of matplotlib Axes
     """
     limits = result.plan.problem.limits.given
-    curves = [
-        ("torque [N m]", result.torque, limits["torque"]),
-        ("hub angle [rad]", result.hub_angle, None),
-        ("hub speed [rad/s]", result.hub_speed, limits.get("speed")),
-        ("tip displacement [m]", result.tip_displacement, limits.get("tip")),
-        ("root moment [N m]", result.root_moment, limits.get("moment")),
-    ]
-    curves = [curve for curve in curves if curve[1] is not None]
-    names = [label for label, _, _ in curves]
-    with panels(ax, names, (7.0, 1.45 * len(curves) + 0.4)) as axes:
+    there = {
+        "torque": result.torque,
+        "angle": result.hub_angle,
+        "speed": result.hub_speed,
+        "tip": result.tip_displacement,
+        "moment": result.root_moment,
+    }
+    curves = [(kind, values, limits.get(kind)) for kind, values in there.items() if values is not None]
+    with panels(ax, [kind for kind, _, _ in curves], (7.0, 1.45 * len(curves) + 0.4)) as axes:
         first, limited, look = not axes[0].has_data(), False, line_look(style)
-        for each, (label, values, limit) in zip(axes, curves, strict=True):
+        for each, (kind, values, limit) in zip(axes, curves, strict=True):
             limited |= _draw_limit(each, limit, values)
-            if label.startswith("torque"):
+            if kind == "torque":
                 _draw_torque(each, result.history, look)
             else:
                 each.plot(result.time, values, **look)
-            each.set_ylabel(label)
+            if kind == "tip":
+                mark_large(each, result)
+            each.set_ylabel(labelled(*result._labels[kind]))
             each.set_xmargin(_AROUND)
         if first:
             note = "; broken lines: limits" if limited else ""
@@ -85,7 +87,7 @@ def plot_torque(history: Any, ax: Any = None, **style: Any) -> Any:
     with panels(ax, ("torque",), (6.4, 2.6)) as (axes,):
         look = line_look(style)
         _draw_torque(axes, history, look)
-        axes.set(xlabel="time [s]", ylabel="torque [N m]")
+        axes.set(xlabel="time [s]", ylabel=labelled("torque", history.unit))
         axes.set_xmargin(_AROUND)
         if "label" in look:
             axes.legend()

@@ -154,7 +154,8 @@ def optimal_slew(
     ----------
     h : hub-beam or control.StateSpace
         A linear system's first input is the torque, its first output the angle; it ends at the rest with ``A x = 0``
-        and that angle. Outputs "tip_displacement" and "root_moment" are known by name.
+        and that angle. Outputs "tip_displacement" and "root_moment" are known by name.  Words and pictures call its signals
+        by their own names, and give units where these are those of a hub-beam, "torque" and "hub_angle".
     angle, torque_limit : float
         Angle to turn through [rad] (None leaves it free), and largest torque either way [N m].
     angle_deg : float, optional
@@ -219,7 +220,7 @@ def optimal_slew(
         raise TypeError("torque_limit: expected the largest torque [N m], got none")
     problem = slew_problem(
         h,
-        _turned(h, angle, angle_deg),
+        _turned(is_statespace(h), angle, angle_deg),
         Limits(torque_limit, torque_rate_limit, speed_limit, tip_limit, moment_limit),
         objective,
         duration,
@@ -236,7 +237,7 @@ def optimal_slew(
         return _planned(problem)
 
 
-def _turned(h: object, angle: float | EllipsisType | None, angle_deg: float | None) -> float | None:
+def _turned(linear: bool, angle: float | EllipsisType | None, angle_deg: float | None) -> float | None:
     """Return the angle asked for [rad], None where it is left free."""
     if angle_deg is not None:
         if angle is not ...:
@@ -244,7 +245,7 @@ def _turned(h: object, angle: float | EllipsisType | None, angle_deg: float | No
         return radians(real("angle_deg", angle_deg))
     if angle is ...:
         raise TypeError("angle: expected an angle [rad], angle_deg in degrees, or None for a free angle; got none")
-    if angle is not None and not is_statespace(h) and abs(real("angle", angle)) > tau:
+    if angle is not None and not linear and abs(real("angle", angle)) > tau:
         turns = f"{real('angle', angle) / tau:.3g} turns"
         warnings.warn(
             f"angle = {angle:g} rad: {turns}; angle_deg = {angle:g} is {radians(angle):.3g} rad", stacklevel=3
@@ -297,6 +298,7 @@ def resolve(
     *,
     angle: float | None = None,
     torque_limit: float | None = None,
+    angle_deg: float | None = None,
     time_limit: float = TIME_LIMIT,
     progress: Callable[[SlewProgress], object] | None = None,
 ) -> SlewResult:
@@ -310,6 +312,8 @@ def resolve(
         What `optimal_slew` returned.
     angle, torque_limit : float or None
         The new angle [rad] and the new limit [N m]; None: as before.
+    angle_deg : float, optional
+        The new angle in degrees, in place of ``angle``.
     time_limit, progress
         As in `optimal_slew`.
 
@@ -323,6 +327,11 @@ def resolve(
     TypeError, ValueError
         Another kind of result, or an angle that was free or part of given states.
     SlewError
+        As `optimal_slew`.
+
+    Warns
+    -----
+    UserWarning
         As `optimal_slew`.
 
     Examples
@@ -339,6 +348,8 @@ def resolve(
     if before is None:
         raise ValueError("result: expected a slew that optimal_slew planned; plan this one anew")
     budget = _budget(time_limit, progress)
+    if angle is not None or angle_deg is not None:
+        angle = _turned(before.problem.linear, ... if angle is None else angle, angle_deg)
     problem = replace(changed(before.problem, angle, torque_limit), budget=budget)
     with computing("slew"), _in_time(budget):
         if before.programme is None or before.solution is None:
@@ -382,6 +393,7 @@ def _certified(problem: SlewProblem, found: _Candidate) -> SlewResult:
         switches=int(history.switches.size) if found.method == "switching times" else None,
         intervals=None if found.method == "switching times" else int(history.left.size),
     )
+    history = replace(history, unit=problem.plants[0].labels["torque"][1])
     paths = [(plant, each.time, each.coordinates) for plant, each in zip(problem.plants, motions, strict=True)]
     first = motions[0]
     rows = {name: first.coordinates @ row for name, row in problem.plants[0].rows.items()}
@@ -403,4 +415,5 @@ def _certified(problem: SlewProblem, found: _Candidate) -> SlewResult:
         replay=partial(other_models, problem, history),
         plan=Planned(problem, found.programme, found.solution),
         path=found.path,
+        small_deformation_until=first.small_deformation_until,
     )

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 import numpy as np
@@ -84,6 +84,17 @@ class SlewMachine(Protocol):
         ...
 
 
+LABELS = {
+    "torque": ("torque", "N m"),
+    "torque_rate": ("torque rate", "N m/s"),
+    "angle": ("hub angle", "rad"),
+    "speed": ("hub speed", "rad/s"),
+    "tip": ("tip displacement", "m"),
+    "moment": ("root moment", "N m"),
+}
+"""What the quantities of a hub-beam's slew are called, and their units, by kind."""
+
+
 @dataclass(frozen=True, eq=False)
 class SlewPlant:
     """What a torque slews, in coordinates z with states ``x = to_state z``.
@@ -103,6 +114,8 @@ class SlewPlant:
         Which coordinates the torque moves in the linear part; the others' end is not prescribed, but reported.
     machine : SlewMachine or None
         The nonlinear beam behind it; None for a linear system.
+    labels : mapping from kind to (str, str)
+        Names and units, as `LABELS`; of a linear system by the names of its signals, its units empty.
     """
 
     A: Array
@@ -113,6 +126,11 @@ class SlewPlant:
     frequencies: Array | None
     controllable: Array
     machine: SlewMachine | None
+    labels: Mapping[str, tuple[str, str]] = field(default_factory=lambda: LABELS)
+
+    def with_unit(self, kind: str, number: str) -> str:
+        """Return a number of some kind with its unit, where that is known."""
+        return f"{number} {self.labels[kind][1]}".rstrip()
 
     @property
     def n(self) -> int:
@@ -254,7 +272,18 @@ def _linear(system: lti.Lti) -> SlewPlant:
         frequencies=None,
         controllable=np.ones(b.size, dtype=bool),
         machine=None,
+        labels=_labels(system.inputs[0], system.outputs[0]),
     )
+
+
+def _labels(torque: str, angle: str) -> Mapping[str, tuple[str, str]]:
+    """Return what a linear system's quantities are called; the units of those that a hub-beam has are known."""
+    if (torque, angle) == ("torque", "hub_angle"):
+        return LABELS
+    # python-control calls signals without names u[0] and y[0]
+    torque, angle = "torque" if torque == "u[0]" else torque, "angle" if angle == "y[0]" else angle
+    own = {"torque": torque, "torque_rate": f"rate of {torque}", "angle": angle, "speed": f"rate of {angle}"}
+    return {kind: (own.get(kind, name), "") for kind, (name, _) in LABELS.items()}
 
 
 def _solved(matrix: Array, right: Array) -> Array | None:

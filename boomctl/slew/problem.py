@@ -16,12 +16,10 @@ from boomctl.checks import exactly, finite_array, from_on, known, nonnegative, p
 from boomctl.printing import compact
 from boomctl.slew.budget import Budget
 from boomctl.slew.objectives import OBJECTIVES
-from boomctl.slew.plant import SlewMachine, SlewPlant, plant_of
+from boomctl.slew.plant import LABELS, SlewMachine, SlewPlant, plant_of
 from boomctl.slew.result import SlewError
 
 METHODS = ("collocation", "radau", "shooting")
-UNITS = {"torque": "N m", "torque_rate": "N m/s", "speed": "rad/s", "tip": "m", "moment": "N m"}
-"""Units of the limits, by kind."""
 AT_LIMIT = (
     0.999  # share of a limit from which it counts as met, in words and where a solver keeps bounds to 1e-7 (a choice)
 )
@@ -292,7 +290,8 @@ def end_conditions(
     led = float(first.rows["angle"] @ target) - begin
     if final is not None and angle is not None and abs(led - angle) > _SLACK * max(abs(led), abs(angle)):
         raise ValueError(
-            f"angle = {angle!r}: expected None or the {led:.9g} rad to the final_state; it is given by both"
+            f"angle = {angle!r}: expected None or {first.with_unit('angle', f'{led:.9g}')}, as the final_state has it; "
+            "it is given by both"
         )
     rows = np.eye(first.n)[first.controllable]
     if angle is None and final is None:  # the angle is free: rows across the direction of rest
@@ -324,7 +323,7 @@ def _refuse(problem: SlewProblem) -> None:
     most = problem.limits.most("speed")
     if abs(problem.final_speed) > most:
         raise SlewError(
-            f"final_speed = {exactly(problem.final_speed)}: expected at most speed_limit = {exactly(most)} rad/s"
+            f"final_speed = {exactly(problem.final_speed)}: expected at most speed_limit = {plant.with_unit('speed', exactly(most))}"
         )
     _refuse_states(problem)
     least, what = (problem.rigid_time, "angle") if problem.duration is None else (problem.duration, "duration")
@@ -338,12 +337,18 @@ def _refuse(problem: SlewProblem) -> None:
         return
     if problem.angle is not None and turn > most * problem.duration:
         raise SlewError(
-            f"duration = {exactly(problem.duration)} s: too short for {turn:g} rad at speed_limit = {exactly(most)} rad/s, "
-            f"which takes {from_on(turn / most)} s at least"
+            f"duration = {exactly(problem.duration)} s: too short for {_turn(plant, turn)} at speed_limit ="
+            f" {plant.with_unit('speed', exactly(most))}, which takes {from_on(turn / most)} s at least"
         )
     if problem.waits and plant.inertia is not None:
         resting = change == 0.0 and not np.any(np.abs(plant.rows["speed"] @ problem.start[own]) > 0.0)
         _refuse_short(problem, plant.inertia, turn if resting and problem.angle is not None else 0.0, change)
+
+
+def _turn(plant: SlewPlant, turn: float) -> str:
+    """Return in words what is turned through, or moved by."""
+    name, unit = plant.labels["angle"]
+    return f"{turn:g} {unit}" if unit else f"a change of {name} by {turn:g}"
 
 
 def _coasts(problem: SlewProblem, duration: float) -> bool:
@@ -370,8 +375,8 @@ def _refuse_states(problem: SlewProblem) -> None:
             size = 0.0 if row is None else abs(float(row @ state[own]))
             if size > limit * (1.0 + _SLACK):
                 raise SlewError(
-                    f"{kind}_limit = {limit:g} {UNITS[kind]}: the {name} has {size:.4g} {UNITS[kind]} at t = {t}; "
-                    "expected states within the limit"
+                    f"{kind}_limit = {plant.with_unit(kind, f'{limit:g}')}: the {name} has"
+                    f" {plant.with_unit(kind, f'{size:.4g}')} at t = {t}; expected states within the limit"
                 )
 
 
@@ -380,7 +385,9 @@ def _refuse_short(problem: SlewProblem, inertia: float, turn: float, change: flo
     assert problem.duration is not None
     margin = 1.0 - 1e-12 if problem.linear else _SHORTER  # rounding alone where the plant is what it seems
     T, torque, rate = problem.duration, problem.limits.torque, problem.limits.most("torque_rate")
-    around, faster = f"{turn:g} rad", f"a change of {change:g} rad/s"
+    plant = problem.plants[0]
+    around, faster = _turn(plant, turn), f"a change of {plant.with_unit('speed', f'{change:g}')}"
+    what_turns = f"{inertia:.4g} kg m^2" if plant.labels is LABELS else f"inertia {inertia:.4g}"
     # a rigid body's least times under a limited slope of the torque, then under a limited torque
     for what, least, limited in (
         (around, (32.0 * turn * inertia / rate) ** (1 / 3), (rate, 32.0 * inertia * turn / T**3, "torque_rate")),
@@ -391,7 +398,7 @@ def _refuse_short(problem: SlewProblem, inertia: float, turn: float, change: flo
         if margin * least > T:
             limit, needed, kind = limited
             raise SlewError(
-                f"duration = {exactly(T)} s: too short for {what}; a rigid body of {inertia:.4g} kg m^2 takes "
-                f"{from_on(least)} s at {kind}_limit = {exactly(limit)} {UNITS[kind]}, or needs "
-                f"{from_on(needed)} {UNITS[kind]}"
+                f"duration = {exactly(T)} s: too short for {what}; a rigid body of {what_turns} takes {from_on(least)} s"
+                f" at {kind}_limit = {plant.with_unit(kind, exactly(limit))}, or needs"
+                f" {plant.with_unit(kind, from_on(needed))}"
             )

@@ -35,6 +35,8 @@ class Motion:
         Largest tip displacement afterwards, m; 0 of a plant without tip.
     residual_energy : float or None
         J.
+    small_deformation_until : float
+        Instant at which a beam's tip first exceeds a tenth of its length, s; inf if it never does.
     """
 
     time: Array
@@ -42,6 +44,7 @@ class Motion:
     coordinates: Array
     swing: float
     residual_energy: float | None
+    small_deformation_until: float = np.inf
 
 
 def played(problem: SlewProblem, history: TorqueHistory, samples: int = _SAMPLES) -> tuple[Motion, ...]:
@@ -60,7 +63,7 @@ def played(problem: SlewProblem, history: TorqueHistory, samples: int = _SAMPLES
         r = plant.machine.simulate_torque(history, both, history.breakpoints, plant.to_state @ start, **_ACCURATE)
         states, swing = r.states[: t.size], float(np.abs(r.tip_displacement[t.size :]).max())
         energy = plant.machine.residual_energy(states[-1], problem.final_speed)
-        motions.append(Motion(t, states, states @ plant.from_state.T, swing, energy))
+        motions.append(Motion(t, states, states @ plant.from_state.T, swing, energy, r.small_deformation_until))
     return tuple(motions)
 
 

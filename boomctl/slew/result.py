@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from importlib import import_module
+from math import inf, isfinite
 from typing import TYPE_CHECKING, Any
 
 from boomctl.arrays import Array
 from boomctl.lti.time_series import TimeSeries
 from boomctl.printing import compact
 from boomctl.slew.objectives import OBJECTIVES
+from boomctl.slew.plant import LABELS
 from boomctl.slew.torque import TorqueHistory
 
 if TYPE_CHECKING:
@@ -32,7 +34,7 @@ class SlewError(RuntimeError):
     ...     bc.optimal_slew(rigid, angle=1.0, torque_limit=1.0, objective="effort", duration=1.0)
     ... except bc.SlewError as error:
     ...     print(str(error).split(";")[0])
-    duration = 1 s: too short for 1 rad
+    duration = 1 s: too short for a change of angle by 1
     """
 
 
@@ -153,7 +155,7 @@ class SlewResult(TimeSeries):
         How long the slew takes [s].
     cost : float
         Value of the objective: s for "time", N^2 m^2 s for "effort", rad^2/s^5 for "jerk", N^2 m^2/s for "torque-rate",
-        m for "tip".
+        m for "tip".  Of a linear system other than a hub-beam's, all of these are in the units of its own signals.
     time : ndarray, k
         Instants of the dense replay, s.
     torque, hub_angle, hub_speed : ndarray, k
@@ -179,6 +181,10 @@ class SlewResult(TimeSeries):
         What `resolve` and `track` start from.
     path : tuple of str
         The ways that were tried to find it, in order, each in words; the last one found it.
+    small_deformation_until : float
+        Instant at which the tip of a hub-beam first exceeds a tenth of its length [s], up to one and a half of the slowest
+        periods after the end: beyond it, only the geometrically exact model holds. inf if it never does, and of a linear
+        system, whose length nobody says.
     """
 
     objective: str
@@ -198,19 +204,32 @@ class SlewResult(TimeSeries):
     replay: Callable[[], tuple[Replay, ...]] = field(repr=False, default=tuple)
     plan: Any = field(repr=False, default=None)
     path: tuple[str, ...] = field(repr=False, default=())
+    small_deformation_until: float = inf
 
     def __repr__(self) -> str:
-        turned = f"{self.hub_angle[-1] - self.hub_angle[0]:.6g} rad in {self.duration:.6g} s"
-        tip = f", tip up to {abs(self.tip_displacement).max():.4g} m" if self.tip_displacement is not None else ""
+        name, unit = self._labels["angle"]
+        turned = f"{self.hub_angle[-1] - self.hub_angle[0]:.6g}"
+        turned = f"{f'{turned} {unit}' if unit else f'{name} by {turned}'} in {self.duration:.6g} s"
+        tip = ""
+        if self.tip_displacement is not None:
+            tip = f", tip up to {abs(self.tip_displacement).max():.4g} {self._labels['tip'][1]}".rstrip()
+        if isfinite(self.small_deformation_until):
+            tip += f", beyond a tenth of the length after {self.small_deformation_until:.4g} s"
         free = (
             f" ({self.certificate.prescribed_error:.1e} without axial motion)" if self.certificate.free_errors else ""
         )
         left = f"{free}, {self.residual_energy:.1e} J left" if self.residual_energy is not None else free
-        torque = f"torque up to {self.history.peak:.6g} N m{tip}"
+        name, unit = self._labels["torque"]
+        torque = f"{name} up to {f'{self.history.peak:.6g} {unit}'.rstrip()}{tip}"
         return (
             f"SlewResult: {self.title}, {turned}\n  {torque}\n"
             f"  end error {self.end_error:.1e}{left}\n  {self.certificate.verdict}"
         )
+
+    @property
+    def _labels(self) -> Mapping[str, tuple[str, str]]:
+        """Names and units of what it is said in, by kind."""
+        return LABELS if self.plan is None else self.plan.problem.plants[0].labels
 
     @property
     def title(self) -> str:
@@ -319,10 +338,11 @@ class SlewResult(TimeSeries):
 
     def __figures__(self) -> dict[str, float]:
         """Return what a comparison shows."""
-        found = {"duration [s]": self.duration, "torque: peak [N m]": self.history.peak}
-        found["effort [N^2 m^2 s]"] = self.history.effort
+        own = self._labels is not LABELS  # units of its own, which nobody says
+        found = {"duration [s]": self.duration, f"{self._labels['torque'][0]}: peak{'' if own else ' [N m]'}": self.history.peak}
+        found["effort" if own else "effort [N^2 m^2 s]"] = self.history.effort
         if self.tip_displacement is not None:
-            found["tip displacement: peak [m]"] = float(abs(self.tip_displacement).max())
+            found[f"tip displacement: peak{'' if own else ' [m]'}"] = float(abs(self.tip_displacement).max())
         if self.residual_energy is not None:
             found["energy left [J]"] = self.residual_energy
         return found | {"end error": self.end_error}

@@ -29,16 +29,19 @@ class TorqueHistory:
         Instants at which the intervals meet [s]; ascending, the first is 0.
     left, right : ndarray, N
         Torque at the beginning and at the end of each interval [N m].
+    unit : str
+        Its unit in words and pictures: "N m", or nothing of a linear system that does not say its own.
     """
 
     edges: Array
     left: Array
     right: Array
+    unit: str = "N m"
 
     def __repr__(self) -> str:
         switching = f", {count(len(self.switches), 'switch', 'switches')}" if self.switches.size else ""
         parts = f"{count(len(self.left), 'interval')}{switching}"
-        return f"TorqueHistory: {self.duration:.6g} s, up to {self.peak:.6g} N m; {parts}"
+        return f"TorqueHistory: {self.duration:.6g} s, up to {f'{self.peak:.6g} {self.unit}'.rstrip()}; {parts}"
 
     def __call__(self, t: ArrayLike) -> Array:
         """Torque at instants t [s], N m; where it jumps, the value after the jump, and at the end the last one."""

@@ -5,6 +5,7 @@ import re
 import control
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 import boomctl as bc
 from tests.slew.systems import rigid, two_masses
@@ -15,11 +16,11 @@ pytestmark = pytest.mark.early
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"duration": 1.0}, "duration = 1 s: too short for 1 rad"),
-        ({"duration": 3.0, "speed_limit": 0.1}, "speed_limit = 0.1 rad/s"),
+        ({"duration": 1.0}, "duration = 1 s: too short for a change of angle by 1; "),
+        ({"duration": 3.0, "speed_limit": 0.1}, "speed_limit = 0.1, which takes"),
         ({"duration": 3.0, "final_speed": 2.0, "angle": None, "speed_limit": 1.0}, "final_speed"),
-        ({"duration": 4.0, "torque_rate_limit": 50.0}, "torque_rate_limit = 50 N m/s"),
-        ({"duration": 3.0, "final_speed": 20.0, "angle": None}, "too short for a change of 20 rad/s"),
+        ({"duration": 4.0, "torque_rate_limit": 50.0}, "torque_rate_limit = 50, or needs"),
+        ({"duration": 3.0, "final_speed": 20.0, "angle": None}, "too short for a change of 20; "),
     ],
 )
 def test_infeasible_asks_are_refused(change, words):
@@ -68,7 +69,7 @@ def test_failure_names_the_limit_the_time_and_what_would_do(name, value, duratio
 
 def test_states_beyond_a_limit_are_refused():
     system = control.ss([[0, 1], [0, 0]], [[0], [1]], [[1, 0]], 0)
-    with pytest.raises(bc.SlewError, match="speed_limit = 1 rad/s: the initial_state has 2 rad/s at t = 0"):
+    with pytest.raises(bc.SlewError, match="speed_limit = 1: the initial_state has 2 at t = 0"):
         bc.optimal_slew(system, 1.0, 1.0, initial_state=[0.0, 2.0], speed_limit=1.0)
 
 
@@ -130,7 +131,7 @@ def test_a_slew_that_needs_no_torque_is_refused():
 
 
 def test_an_angle_beside_another_final_state_is_refused():
-    with pytest.raises(ValueError, match=r"angle = 1\.0: expected None or the 2 rad"):
+    with pytest.raises(ValueError, match=r"angle = 1\.0: expected None or 2, as the final_state has it"):
         bc.optimal_slew(two_masses(), 1.0, 1.0, final_state=[2.0, 2.0, 0.0, 0.0])
 
 
@@ -144,3 +145,44 @@ def test_a_torque_that_breaks_the_beam_is_refused_in_words():
     h = bc.hub_beam(bc.HubBeamParameters(tip_mass=0.1), modes=2)
     with pytest.raises(bc.SlewError, match=r"torque_limit = 1e\+06 N m: bends"):
         bc.optimal_slew(h, 1.0, 1e6)
+
+
+def test_units_are_those_of_the_plant_or_none():
+    """Metres and newtons are called by their own names, without a unit; a hub-beam's linear model has its units."""
+    A, B, C = [[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]], [[1.0, 0.0]]
+    crane = control.ss(A, B, C, 0.0, inputs="force", outputs="place")
+    slew = bc.optimal_slew(crane, 2.0, 1.0)
+    said = repr(slew) + repr(slew.history) + str(list(slew.__figures__()))
+    assert not re.search(r"\brad\b|N m|torque|angle", said)
+    assert "place by 2 in" in said
+    assert "force up to 1\n" in said
+    assert [each.get_ylabel() for each in slew.plot(Figure().subplots(3, 1))] == ["force", "place", "rate of place"]
+    assert slew.history.plot(Figure().subplots()).get_ylabel() == "torque"
+    with pytest.raises(bc.SlewError, match="too short for a change of place by 2; a rigid body of inertia 1 takes"):
+        bc.optimal_slew(crane, 2.0, 1.0, "effort", 1.0)
+    turned = control.ss(A, B, C, 0.0, inputs="torque", outputs="hub_angle")
+    slew = bc.optimal_slew(turned, 2.0, 1.0)
+    assert "2 rad in" in repr(slew)
+    assert slew.plot(Figure().subplots(3, 1))[0].get_ylabel() == "torque [N m]"
+
+
+def test_a_tip_beyond_a_tenth_of_the_length_is_said():
+    """As the replay in the same model says; of a gentler slew there is nothing to say."""
+    beam = bc.hub_beam(modes=1)
+    far, near = (bc.optimal_slew(beam, 1.0, 200.0, "effort", T, intervals=20) for T in (3.0, 6.0))
+    again = beam.simulate(far)
+    assert far.small_deformation_until == pytest.approx(again.small_deformation_until, abs=1e-3)
+    assert f"beyond a tenth of the length after {far.small_deformation_until:.4g} s" in repr(far)
+    assert far.plot(Figure().subplots(5, 1))[3].texts[0].get_text().startswith("beyond a tenth")
+    assert np.isinf(near.small_deformation_until)
+    assert "tenth" not in repr(near)
+    assert not near.plot(Figure().subplots(5, 1))[3].texts
+
+
+def test_a_slew_is_solved_again_in_degrees():
+    slew = bc.optimal_slew(bc.hub_beam(modes=1), 1.0, 200.0, "effort", 4.0, intervals=20)
+    assert bc.slew.resolve(slew, angle_deg=60.0).hub_angle[-1] == pytest.approx(np.pi / 3.0, abs=1e-6)
+    with pytest.raises(ValueError, match="angle, angle_deg: expected one of them"):
+        bc.slew.resolve(slew, angle=1.0, angle_deg=60.0)
+    with pytest.warns(UserWarning, match="60 rad: 9.55 turns"), pytest.raises(bc.SlewError):
+        bc.slew.resolve(slew, angle=60.0)

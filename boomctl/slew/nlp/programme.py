@@ -19,7 +19,7 @@ from boomctl.slew.nlp.diagnosis import Relaxed, relaxed
 from boomctl.slew.nlp.interval import Units
 from boomctl.slew.nlp.transcription import Scheme, Transcription, transcribe
 from boomctl.slew.objectives import OBJECTIVES
-from boomctl.slew.problem import AT_LIMIT, UNITS, Limits, SlewProblem
+from boomctl.slew.problem import AT_LIMIT, Limits, SlewProblem
 from boomctl.slew.result import LimitsTooTight, SlewError
 from boomctl.slew.torque import TorqueHistory, held, ramped
 
@@ -213,16 +213,18 @@ class Programme:
             if stages[k, t.defects + j] > max(worst, _SHOWN):
                 worst, where, when = float(stages[k, t.defects + j]), name, k * duration / N
         torques, most = np.abs(x[t.layout.torques]) * t.units.torque, problem.limits.torque
-        bound = f"torque_limit = {most:g} N m binds on {np.mean(torques > AT_LIMIT * most):.0%} of it"
+        limit = problem.plants[0].with_unit("torque", f"{most:g}")
+        bound = f"torque_limit = {limit} binds on {np.mean(torques > AT_LIMIT * most):.0%} of it"
         return f"no slew of {duration:.6g} s was found: {where} cannot be met at t = {when:.4g} s; {bound}"
 
 
 def _told(problem: SlewProblem, found: Relaxed) -> str:
     """Which limits bind, when, and what would do."""
-    given = {kind: f"{kind}_limit = {limit:g} {UNITS[kind]}" for kind, limit in problem.limits.given.items()}
+    said = problem.plants[0].with_unit
+    given = {kind: f"{kind}_limit = {said(kind, f'{limit:g}')}" for kind, limit in problem.limits.given.items()}
     parts = [
         f"{given[each.kind]} binds from t = {each.first:.4g} s, most at t = {each.worst:.4g} s; "
-        f"{each.needed:.4g} {UNITS[each.kind]} would do"
+        f"{said(each.kind, f'{each.needed:.4g}')} would do"
         for each in found.excesses
     ]
     parts += [f"{given[kind]} is met from t = {when:.4g} s" for kind, when in found.met.items()]
