@@ -94,8 +94,8 @@ class SigmaResult:
     unit : str
         Unit in which the frequencies were asked for, "Hz" where none were; pictures use it.
     value_unit : str
-        Unit of the singular values of a structural model, such as "m/N", or "m or rad per N" where signals differ; empty where
-        it is not known, as of a ``StateSpace``.
+        Unit of the singular values of a structural model, such as "m/N", or "m or rad per N" where signals differ; empty
+        where it is not known, as of a ``StateSpace``.
     """
 
     omega: Array

@@ -113,12 +113,12 @@ class PlatformMotion(TimeSeries):
 
     @property
     def sym(self) -> Array:
-        """What drives ``actuator_sym`` of a boom's symmetric half: ``(right + left)/sqrt 2``, root of two times the jolt [m]."""
+        """What drives ``actuator_sym`` of a symmetric half: ``(right + left)/sqrt 2``, root of two times the jolt [m]."""
         return (self.right + self.left) / np.sqrt(2.0)
 
     @property
     def anti(self) -> Array:
-        """What drives ``actuator_anti`` of a boom's antisymmetric half: ``(right - left)/sqrt 2`` [m]; not the yaw, an angle."""
+        """What drives ``actuator_anti`` of an antisymmetric half: ``(right - left)/sqrt 2`` [m]; not the yaw, an angle."""
         return (self.right - self.left) / np.sqrt(2.0)
 
     @property

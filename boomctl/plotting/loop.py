@@ -61,9 +61,7 @@ def plot_loop(
     return axes
 
 
-def _chosen(
-    there: dict[str, Any], asked: str | Sequence[str] | None, without: Iterable[str] = ()
-) -> dict[str, Any]:
+def _chosen(there: dict[str, Any], asked: str | Sequence[str] | None, without: Iterable[str] = ()) -> dict[str, Any]:
     """Return the outputs to draw: those asked for, or the first."""
     if asked is not None:
         return {name: there[name] for name in names("output", asked, tuple(there))}

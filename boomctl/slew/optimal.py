@@ -412,7 +412,7 @@ def _certified(problem: SlewProblem, found: _Candidate) -> SlewResult:
         end_error=whole,
         certificate=certificate,
         history=history,
-        replay=partial(other_models, problem, history),
+        _others=partial(other_models, problem, history),
         plan=Planned(problem, found.programme, found.solution),
         path=found.path,
         small_deformation_until=first.small_deformation_until,

@@ -323,7 +323,8 @@ def _refuse(problem: SlewProblem) -> None:
     most = problem.limits.most("speed")
     if abs(problem.final_speed) > most:
         raise SlewError(
-            f"final_speed = {exactly(problem.final_speed)}: expected at most speed_limit = {plant.with_unit('speed', exactly(most))}"
+            f"final_speed = {exactly(problem.final_speed)}: expected at most speed_limit ="
+            f" {plant.with_unit('speed', exactly(most))}"
         )
     _refuse_states(problem)
     least, what = (problem.rigid_time, "angle") if problem.duration is None else (problem.duration, "duration")

@@ -175,8 +175,6 @@ class SlewResult(TimeSeries):
         How close the slew is to what was asked and to the best there is.
     history : TorqueHistory
         The torque as a function of time.
-    replay : callable
-        Computes `replays`.
     plan : object
         What `resolve` and `track` start from.
     path : tuple of str
@@ -201,7 +199,7 @@ class SlewResult(TimeSeries):
     end_error: float
     certificate: SlewCertificate
     history: TorqueHistory = field(repr=False)
-    replay: Callable[[], tuple[Replay, ...]] = field(repr=False, default=tuple)
+    _others: Callable[[], tuple[Replay, ...]] = field(repr=False, default=tuple)
     plan: Any = field(repr=False, default=None)
     path: tuple[str, ...] = field(repr=False, default=())
     small_deformation_until: float = inf
@@ -238,8 +236,31 @@ class SlewResult(TimeSeries):
 
     @cached_property
     def replays(self) -> tuple[Replay, ...]:
-        """What the torque does to the other payloads, to FOAM and to the geometrically exact beam; computed when asked."""
+        """What `replay` returns, computed once."""
         return self.replay()
+
+    def replay(self) -> tuple[Replay, ...]:
+        """Play the torque on the other payloads of the plan, on the FOAM and on the geometrically exact beam.
+
+        Any other beam plays it by ``beam.simulate(slew)``, and returns its whole motion.
+
+        Returns
+        -------
+        tuple of Replay
+            One for each: how far it is off at the end, and how much it vibrates then.  None of a linear system, nor of a plan
+            that does not begin at rest.
+
+        Examples
+        --------
+        >>> import boomctl as bc
+        >>> slew = bc.optimal_slew(bc.hub_beam(modes=1), 1.0, 200.0, "effort", 4.0, intervals=20)
+        >>> [each.model for each in slew.replay()]
+        ['foam', 'geometrically-exact']
+        >>> heavier = bc.hub_beam(tip_mass=0.5, modes=1).simulate(slew)
+        >>> round(float(heavier.hub_angle[-1]), 2)
+        0.87
+        """
+        return self._others()
 
     def track(
         self,
@@ -339,7 +360,10 @@ class SlewResult(TimeSeries):
     def __figures__(self) -> dict[str, float]:
         """Return what a comparison shows."""
         own = self._labels is not LABELS  # units of its own, which nobody says
-        found = {"duration [s]": self.duration, f"{self._labels['torque'][0]}: peak{'' if own else ' [N m]'}": self.history.peak}
+        found = {
+            "duration [s]": self.duration,
+            f"{self._labels['torque'][0]}: peak{'' if own else ' [N m]'}": self.history.peak,
+        }
         found["effort" if own else "effort [N^2 m^2 s]"] = self.history.effort
         if self.tip_displacement is not None:
             found[f"tip displacement: peak{'' if own else ' [m]'}"] = float(abs(self.tip_displacement).max())

@@ -300,6 +300,9 @@ class SecondOrderModel:
     def eigenfrequencies_hz(self, count: int = 5) -> Array:
         """Return the lowest damped eigenfrequencies, ``Im(lambda)/2 pi > 0``, ascending [Hz].
 
+        Number ``k`` of them, from 1, is that of mode ``k`` of :meth:`mode_shapes`, where no mode is damped beyond critical:
+        rigid motions count in neither.
+
         Parameters
         ----------
         count : int
@@ -330,7 +333,7 @@ class SecondOrderModel:
         Parameters
         ----------
         count : int
-            How many modes, from the lowest; rigid motions count.
+            How many modes, from the lowest; rigid motions come first, and have no number.
 
         Returns
         -------
@@ -442,8 +445,8 @@ def split_symmetric(model: SecondOrderModel) -> tuple[SecondOrderModel, SecondOr
     the transformation is orthonormal, so that the singular values of the two halves are those of the whole.
 
     So they are no metres and newtons of the machine, but root of two times the mean, or half the difference: 150 N of each
-    actuator against the other are 212 of ``suspension_anti``.  ``.units`` of a half says so, ``PlatformMotion.sym`` and ``.anti``
-    give what drives it, and :func:`boomctl.join_symmetric` makes of its controllers one of the machine.
+    actuator against the other are 212 of ``suspension_anti``.  ``.units`` of a half says so, ``PlatformMotion.sym`` and
+    ``.anti`` give what drives it, and :func:`boomctl.join_symmetric` makes of its controllers one of the machine.
 
     Parameters
     ----------

@@ -230,7 +230,7 @@ def test_c_needs_signals():
 def test_the_controller_of_a_half_is_refused_unless_a_half_is_meant(tmp_path, suffix):
     signals = {"inputs": "stroke_anti", "outputs": "suspension_anti"}
     K, path = control.ss([], [], [], [[-100.0]], 0.01, **signals), tmp_path / f"yaw{suffix}"
-    with pytest.raises(ValueError, match="'stroke_anti' is a signal of a half.*join_symmetric"):
+    with pytest.raises(ValueError, match=r"'stroke_anti' is a signal of a half.*join_symmetric"):
         bc.write_controller(K, path)
     written = bc.write_controller(K, path, half=True)
     if suffix == ".json":

@@ -558,9 +558,8 @@ def test_a_file_of_complex_responses_is_fitted_with_its_phase(tmp_path):
     assert found.values["delay"] == pytest.approx(0.02, rel=1e-9)
     assert found.measured.kind == "complex frequency response"
     assert "numbers (complex frequency response)" in found.render()
-    without = bc.fit(lambda p, omega: np.abs(build(p, omega)[0]), bc.sigma(curve.response), **{
-        "free": {"delay": (0.0, 0.05)}, "start": {"delay": 0.01}, "starts": 1,
-    })  # fmt: skip
+    lost, start = bc.sigma(curve.response), {"delay": 0.01}
+    without = bc.fit(lambda p, omega: np.abs(build(p, omega)[0]), lost, {"delay": (0.0, 0.05)}, start, starts=1)
     assert without.measured.kind == "singular values"
     assert without.unseen
 

@@ -1,5 +1,6 @@
 """Fixed time and limits: two transcriptions, one optimum; a bound that does not know the mesh; limits kept."""
 
+import inspect
 from functools import partial
 
 import casadi as ca
@@ -254,3 +255,13 @@ def test_solving_again_keeps_the_limits_between_the_nodes(beam, limit):
 def test_something_that_is_no_slew_is_refused(again):
     with pytest.raises(TypeError, match="result = int: expected what optimal_slew returns"):
         again(5)
+
+
+@pytest.mark.slow
+def test_a_replay_is_asked_for_by_a_method_and_kept():
+    slew = bc.optimal_slew(bc.hub_beam(modes=1), 1.0, 200.0, "effort", 4.0, intervals=20)
+    assert inspect.getdoc(bc.slew.SlewResult.replay).startswith("Play the torque on the other payloads")
+    found = slew.replay()
+    assert [each.model for each in found] == ["foam", "geometrically-exact"]
+    assert slew.replays is slew.replays
+    assert slew.replays == found

@@ -60,6 +60,7 @@ def test_a_free_beam_has_rigid_motions_and_its_nodes_where_they_are_known():
     """Nodes of the first two bending modes at 0.22416 and 0.13211 of the length (Young & Felgar 1949)."""
     found = beam(s.free("y", "theta")).mode_shapes(4)
     assert found.frequencies_hz[:2] == pytest.approx(0.0, abs=1e-5)
+    assert found.numbers == (0, 0, 1, 2)
     line = found["beam"]
     x = line.points[:, 0] / 2.0
     for mode, nodes, parity in ((2, [0.22416, 0.77584], 1.0), (3, [0.13211, 0.5, 0.86789], -1.0)):
@@ -101,3 +102,17 @@ def test_matrices_alone_have_shapes_without_places_and_members_of_a_family_have_
         m.mode_shapes(3)
     with pytest.raises(ValueError, match="unknown body 'arm'"):
         bc.spray_boom().mode_shapes(1)["arm"]
+
+
+def test_modes_are_numbered_as_eigenfrequencies_are():
+    """Whatever floats: the actuators of this boom push, so that its platform is free."""
+    for model in (bc.spray_boom(), bc.spray_boom(excitation="force")):
+        shapes, frequencies = model.mode_shapes(6), model.eigenfrequencies_hz(4)
+        for number, undamped, name in zip(shapes.numbers, shapes.frequencies_hz, shapes.names, strict=True):
+            if number == 0:
+                assert undamped == 0.0
+                assert name.startswith("rigid: ")
+            elif number <= 4:
+                assert undamped == pytest.approx(frequencies[number - 1], rel=0.05)  # damping moves them by so much
+                assert name.startswith(f"{number}: ")
+    assert shapes.numbers == (0, 0, 1, 2, 3, 4)

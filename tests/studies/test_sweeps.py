@@ -589,7 +589,10 @@ def test_a_sweep_is_drawn():
     numbered = bc.sweep(lambda x, y, seed: x + 10.0 * y + seed**2, {"x": [1.0, 2.0], "y": [2, 1], "seed": [0, 1, 2]})
     ax = numbered.plot()
     assert ax.get_title(loc="left") == "dots: all points; line: their median over seed"
-    assert (ax.get_legend().get_title().get_text(), [t.get_text() for t in ax.get_legend().get_texts()]) == ("y", ["1", "2"])
+    assert (ax.get_legend().get_title().get_text(), [t.get_text() for t in ax.get_legend().get_texts()]) == (
+        "y",
+        ["1", "2"],
+    )
     assert [line.get_ydata().tolist() for line in ax.lines[::2]] == [[12.0, 13.0], [22.0, 23.0]]
     assert len({line.get_color() for line in ax.lines}) == 2
     many = bc.sweep(lambda x, y: x * y, {"x": [1.0, 2.0], "y": np.linspace(0.0, 1.0, 9)}).plot()

@@ -81,11 +81,17 @@ class ModeShapes:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """What each mode is called: its number, its kind, and its frequency."""
+        """What each mode is called: its number, its kind, and its frequency; rigid motions have no number."""
         return tuple(
-            f"{k + 1}: {f'{kind}, ' if kind else ''}{frequency:.4g} Hz"
-            for k, (kind, frequency) in enumerate(zip(self.kinds, self.frequencies_hz, strict=True))
+            f"{number or 'rigid'}: {f'{kind}, ' if kind else ''}{frequency:.4g} Hz"
+            for number, kind, frequency in zip(self.numbers, self.kinds, self.frequencies_hz, strict=True)
         )
+
+    @property
+    def numbers(self) -> tuple[int, ...]:
+        """The number of each mode, from 1, as ``eigenfrequencies_hz`` counts them; 0 of rigid motions, which come first."""
+        rigid = int((self.frequencies_hz == 0.0).sum())
+        return tuple(max(0, k + 1 - rigid) for k in range(len(self.kinds)))
 
     def plot(self, ax: Any = None, **style: Any) -> Array:
         """Draw each mode: bodies as they swing, each picture to its own scale; without places, the coordinates as bars.
