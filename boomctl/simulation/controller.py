@@ -196,7 +196,8 @@ def _discrete(controller: Lti, sample_time: float, method: str) -> Lti:
     if abs(fastest) > limit:
         raise ValueError(
             f"sample_time = {exactly(sample_time)} s is too long for the controller's pole at {fastest:.4g} rad/s: half the "
-            f"sampling rate is {limit:.4g} rad/s; sample at least every {up_to(np.pi / abs(fastest))} s"
+            f"sampling rate is {limit:.4g} rad/s; sample at least every {up_to(np.pi / abs(fastest))} s, or take faster poles"
+            f" out: reduce_controller(P, K, fastest_pole={limit:.4g})"
         )
     from boomctl.lti.python_control import (
         control,  # where a controller is sampled, and not to name what can be asked for

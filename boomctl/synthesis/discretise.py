@@ -100,6 +100,6 @@ def _check_rate(poles: Array, T: float, samples: float) -> None:
     if needed * T > 1.0:
         raise ValueError(
             f"sample_time = {exactly(T)} s: too long for the pole of the controller at {fastest:.4g} rad/s, which needs "
-            f"{from_on(needed)} Hz or more ({samples:g} samples in each {2.0 * np.pi / abs(fastest):.4g} s); sample faster, "
-            "or reduce the controller first"
+            f"{from_on(needed)} Hz or more ({samples:g} samples in each {2.0 * np.pi / abs(fastest):.4g} s); sample faster,"
+            f" or take faster poles out: reduce_controller(P, K, fastest_pole={2.0 * np.pi / (samples * T):.4g})"
         )

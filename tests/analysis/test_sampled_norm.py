@@ -158,8 +158,12 @@ def test_controls_may_count_and_wrong_loops_are_refused():
     with pytest.raises(ValueError, match="continuous time"):
         bc.analysis.sampled_norm(bc.analysis.sample_plant(plant, _DT), K)
     direct = control.ss(-1.0, [[1.0, 1.0]], [[1.0]], [[1.0, 0.0]], inputs=["w", "u"], outputs="y")
-    with pytest.raises(ValueError, match="disturbance 'w' acts on measurement 'y' directly: expected a filter"):
+    with pytest.raises(ValueError, match="disturbance 'w' acts on measurement 'y' directly: samples of it") as refused:
         bc.analysis.sampled_norm(direct, K)
+    said = {"P": direct, "boomctl": bc, "control": control}
+    exec(str(refused.value).partition("before it: ")[2], said)  # what the message says to write
+    weak = control.ss([], [], [], [[-0.1]], _DT, inputs="y", outputs="u")
+    assert bc.analysis.sampled_norm(said["P"], weak, "filtered").certified
     with pytest.raises(ValueError, match="unknown disturbance"):
         bc.analysis.sampled_norm(plant, K, "u")
 

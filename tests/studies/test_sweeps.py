@@ -187,8 +187,19 @@ def test_failures_in_processes_are_told_alike():
     with pytest.warns(SweepWarning):
         there = bc.sweep(picky, GRID, 1)
     assert [f.text for f in here.failures] == [f.text for f in there.failures]
-    with pytest.raises(RuntimeError, match="at every point"):  # what does not pickle cannot be sent
-        bc.sweep(lambda x: x, {"x": [1.0]}, 1)
+
+
+def test_a_function_that_processes_cannot_find_is_refused_and_threads_take_it():
+    def inner(x):
+        return x
+
+    for function in (lambda x: x, inner):
+        with pytest.raises(TypeError, match=r"function: .* cannot be sent .* defined with a name in a module"):
+            bc.sweep(function, {"x": [1.0]}, 1)
+        with ThreadPoolExecutor(1) as threads:
+            assert bc.sweep(function, {"x": [1.0]}, threads)["value"].tolist() == [1.0]
+    with ProcessPoolExecutor(1) as pool, pytest.raises(TypeError, match="<lambda> cannot be sent"):
+        bc.sweep(lambda x: x, {"x": [1.0]}, pool)
 
 
 @pytest.mark.parametrize("executor", [None, 1])

@@ -60,9 +60,12 @@ def test_a_gain_stays_a_gain():
 def test_a_rate_too_low_for_a_pole_names_both():
     fast = control.ss([[-3.0, 0.0], [0.0, -2000.0]], [[1], [1]], [[1, 1]], 0)
     with pytest.raises(
-        ValueError, match=r"sample_time = 0.001 s: too long for the pole .* at -2000\S* rad/s, which needs 1273\S* Hz"
+        ValueError,
+        match=r"sample_time = 0.001 s: too long for the pole .* at -2000\S* rad/s, which needs 1273\S* Hz.*"
+        r"reduce_controller\(P, K, fastest_pole=1571\)",
     ):
         bc.discretize(fast, 1e-3)
+    assert bc.discretize(control.ss([[-1570.0]], [[1.0]], [[1.0]], 0), 1e-3).nstates == 1
     assert bc.discretize(fast, 1e-3, samples_per_period=2.0).nstates == 2
     assert bc.discretize(fast, 1.0 / 1274.0).nstates == 2
 
@@ -84,7 +87,7 @@ def test_an_lqg_controller_of_a_fine_mesh_needs_reduction_and_a_coarse_one_runs(
         if possible:
             assert bc.discretize(design.controller, 1e-3).output_labels == ["suspension_left", "suspension_right"]
         else:
-            with pytest.raises(ValueError, match="reduce the controller"):
+            with pytest.raises(ValueError, match="or take faster poles out: reduce_controller"):
                 bc.discretize(design.controller, 1e-3)
 
 

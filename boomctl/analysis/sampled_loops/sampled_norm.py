@@ -225,9 +225,13 @@ class SampledLoop:
         direct = P.D[np.ix_(signals.measured, signals.driven)]
         if direct.any():
             o, i = (int(k[0]) for k in np.nonzero(direct))
+            name, corner = P.inputs[signals.driven[i]], np.pi / dt  # half the sampling rate
+            others = [each for each in P.inputs if each != name]
             raise ValueError(
-                f"disturbance {P.inputs[signals.driven[i]]!r} acts on measurement {P.outputs[signals.measured[o]]!r} "
-                "directly: expected a filter between the two (a low-pass weight), without which samples of it have no bound"
+                f"disturbance {name!r} acts on measurement {P.outputs[signals.measured[o]]!r} directly: samples of it have no"
+                f" bound without a filter before it: W = boomctl.low_pass(1.0, {corner:.4g});"
+                f" W.input_labels, W.output_labels = ['filtered'], [{name!r}]; P = control.interconnect([P, W],"
+                f" inputs={['filtered', *others]}, outputs={list(P.outputs)})"
             )
         P, late = P.balanced(), whole_samples(delay, dt)
         n, m = len(P.A), len(signals.acting)

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import inspect
 import os
+import pickle
 import warnings
 from collections.abc import Callable, Generator, Mapping, Sequence
-from concurrent.futures import BrokenExecutor, Executor, Future, as_completed
+from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor, as_completed
 from contextlib import closing, nullcontext
 from functools import partial
 from typing import Any
@@ -90,7 +91,7 @@ def sweep(
     ------
     TypeError, ValueError
         Not a function of these parameters; no values, or values that are there twice; with "zip", unlike many; with ``file``,
-        objects without names; a file of another sweep.
+        objects without names; a file of another sweep; for processes, a function that is not defined in a module.
     OSError
         The file cannot be written to, or another sweep writes to it.
     RuntimeError
@@ -126,6 +127,8 @@ def sweep(
         instance(f"unit of {name!r}", unit, str)
     size = whole("chunk", getattr(function, "chunk", 1) if chunk is None else chunk)
     where = executor if executor is None or isinstance(executor, Executor) else _processes(executor)
+    if isinstance(where, (int, ProcessPoolExecutor)):
+        _check_sent(function)
     with computing("sweep", progress) as tell, kept_sweep(file, function, plan.axes) as kept:
         if kept and kept.changed:
             warnings.warn(
@@ -185,6 +188,18 @@ def _check_call(function: Callable[..., Any], plan: Plan) -> None:
         signature.bind(**dict.fromkeys(names))
     except TypeError as error:
         raise TypeError(f"function: expected one that is called with {', '.join(names)}: {error}") from None
+
+
+def _check_sent(function: Callable[..., Any]) -> None:
+    """Refuse what other processes cannot find."""
+    try:
+        pickle.dumps(function)
+    except Exception as error:  # pickle raises anything
+        name = getattr(function, "__qualname__", type(function).__name__)
+        raise TypeError(
+            f"function: {name} cannot be sent to other processes ({type(error).__name__}); expected one that is defined with"
+            " a name in a module, no lambda and none within another function, or no executor"
+        ) from None
 
 
 def _processes(executor: object) -> int:
