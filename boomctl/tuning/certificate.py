@@ -10,8 +10,8 @@ from boomctl.analysis.norm import NormCertificate, matrices_norm
 from boomctl.lti.modal import sides
 from boomctl.lti.system import ClosedLoop, Lti, lower_lft
 from boomctl.synthesis.assumptions import SynthesisError
-from boomctl.synthesis.hinf import full_order as any_order
 from boomctl.synthesis.hinf.bounds import REFUTED, Deadline
+from boomctl.synthesis.hinf.full_order import full_order_bound
 from boomctl.synthesis.lq.h2 import h2
 from boomctl.synthesis.plants.channels import Channel, channel_of, places
 from boomctl.synthesis.plants.partition import GeneralizedPlant
@@ -75,7 +75,7 @@ def channel_norm(loop: Lti, plant: GeneralizedPlant, K: Lti, channel: Channel) -
     return matrices_h2_norm(replace(part, D=np.zeros_like(part.D)))
 
 
-def full_order_bound(
+def lower_bound(
     plants: list[GeneralizedPlant], values: list[tuple[float, int, Channel]], limit: float
 ) -> tuple[float, str]:
     """Return a norm that no controller of any order goes below, and where it comes from, or why there is none.
@@ -116,7 +116,7 @@ def _bound(plant: GeneralizedPlant, channel: Channel, limit: float) -> float:
         return h2(plant.system.statespace("P"), plant.nmeas, plant.ncon).optimum
     if not (plant.nmeas and plant.ncon):
         raise SynthesisError("there is no controller")
-    found = any_order.full_order_bound(plant, Deadline.after(limit))
+    found = full_order_bound(plant, Deadline.after(limit))
     if found.lower == 0.0 and found.told:
         raise SynthesisError(found.told)
     return found.lower

@@ -12,6 +12,7 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.checks import function_of
+from boomctl.lti.system import of
 from boomctl.structure.families import Family
 from boomctl.structure.model import SecondOrderModel
 from boomctl.synthesis.plants.partition import GeneralizedPlant, partition
@@ -114,8 +115,6 @@ def partitioned(P: Any, nmeas: int | None, ncon: int | None, what: str = "P") ->
     TypeError, ValueError
         Another kind of system, discrete time, not finite; counts out of range.
     """
-    from boomctl.lti.system import of
-
     if nmeas == 0 and ncon == 0:
         return GeneralizedPlant(of(P, what, "StateSpace"), 0, 0)
     return partition(P, nmeas, ncon)

@@ -376,12 +376,13 @@ class Point:
             self._grids[model, channel] = (omega, *coarse(response, omega))
         return self._grids[model, channel]
 
-    def _offset(self, channel: int) -> float:
+    def offset(self, channel: int) -> float:
         """Return the logarithm of what a norm counts in."""
         limit = self.problem.gain_limit if channel == GAIN_LIMIT else self.problem.channels[channel].budget
         return 0.0 if limit is None else log(limit)
 
-    def _is_limit(self, channel: int) -> bool:
+    def is_limit(self, channel: int) -> bool:
+        """Return whether a norm is only to stay below its budget."""
         if channel == GAIN_LIMIT:
             return True
         only = all(each.budget is not None for each in self.problem.channels)
@@ -404,22 +405,22 @@ class Point:
         found = []
         for model, channel in self._sums:
             at, value = self.norm_peaks(model, channel, 0.0)
-            found.append((model, channel, float(at[0]), log(max(float(value[0]), _TINY)) - self._offset(channel)))
+            found.append((model, channel, float(at[0]), log(max(float(value[0]), _TINY)) - self.offset(channel)))
         found += self._squares_of(False) + self._squares_of(True)
         return found
 
     def _highest(self, limits: bool) -> tuple[int, int, float, float] | None:
         """Return model, channel, frequency and value of the highest objective, or of the highest budget."""
-        pairs = [pair for pair in self._sums if self._is_limit(pair[1]) == limits]
+        pairs = [pair for pair in self._sums if self.is_limit(pair[1]) == limits]
         alone = len(pairs) == 1
-        rough = [0.0 if alone else log(max(self._coarse(*p)[2], _TINY)) - self._offset(p[1]) for p in pairs]
+        rough = [0.0 if alone else log(max(self._coarse(*p)[2], _TINY)) - self.offset(p[1]) for p in pairs]
         best: tuple[int, int, float, float] | None = None
         for i in np.argsort(rough)[::-1]:
             if best is not None and rough[i] < best[3] + log(BELOW):
                 break  # the grid shows so much of a peak that none of these is higher
             model, channel = pairs[i]
             at, value = self.norm_peaks(model, channel, 0.0)
-            height = log(max(float(value[0]), _TINY)) - self._offset(channel)
+            height = log(max(float(value[0]), _TINY)) - self.offset(channel)
             if best is None or height > best[3]:
                 best = model, channel, float(at[0]), height
         for each in self._squares_of(limits):
@@ -435,9 +436,9 @@ class Point:
     def _squares_of(self, limits: bool) -> list[tuple[int, int, float, float]]:
         found = []
         for c, channel in enumerate(self.problem.channels):
-            if channel.norm == "h2" and self._is_limit(c) == limits:
+            if channel.norm == "h2" and self.is_limit(c) == limits:
                 for i in range(self.problem.count):
-                    value = log(max(self._h2(i, c)[0], _TINY)) - self._offset(c)
+                    value = log(max(self._h2(i, c)[0], _TINY)) - self.offset(c)
                     found.append((i, c, np.nan, value))
         return found
 
@@ -488,8 +489,8 @@ class Point:
         found: list[Piece] = []
         top = self.aim
         for model, channel in self._sums:
-            limit = self._is_limit(channel)
-            offset, floor = self._offset(channel), (0.0 if limit else top) + log(1.0 - window)
+            limit = self.is_limit(channel)
+            offset, floor = self.offset(channel), (0.0 if limit else top) + log(1.0 - window)
             if log(max(self._coarse(model, channel)[2], _TINY)) - offset < floor + log(BELOW):
                 continue
             places, values = self.norm_peaks(model, channel, window)
@@ -502,7 +503,7 @@ class Point:
                 found += self._singular(model, channel, [omega], 0.0)
         for model, channel, omega, value in self._squares_of(False) + self._squares_of(True):
             gradient = self._h2(model, channel)[1]
-            found.append(Piece(model, channel, omega, value, gradient, self._is_limit(channel)))
+            found.append(Piece(model, channel, omega, value, gradient, self.is_limit(channel)))
         return found + self.bounds
 
     def _singular(self, model: int, channel: int, omega: list[float], window: float) -> list[Piece]:
@@ -540,7 +541,7 @@ class Point:
             for k, i in enumerate(owner):
                 changes = [w * (us[k] @ M @ vs[k]).real for w, M in zip(weights, moved[i], strict=True)]
                 gradients[k, place] = float(sum(changes))
-        offset, limit = self._offset(channel), self._is_limit(channel)
+        offset, limit = self.offset(channel), self.is_limit(channel)
         found: list[list[Piece]] = [[] for _ in omega]
         for i, (_, _, value, top), gradient in zip(owner, seen, gradients, strict=True):
             size = max(value, _TINY)

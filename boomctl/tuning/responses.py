@@ -1,5 +1,6 @@
 """Peaks of the largest singular value of a closed loop over frequency, found on a grid that follows the poles."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from math import inf, isfinite, log
@@ -8,7 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.lti.frequency import top_of_resonance
+from boomctl.lti.frequency import Triangular, top_of_resonance
+from boomctl.lti.modal import ModalSystem
 from boomctl.tuning.problem import Closed
 
 _POINTS = 24  # spread evenly in the logarithm, beside the resonances (a choice)
@@ -21,7 +23,6 @@ _CLOSE = 0.05  # share of a bracket to either side of a parabola's top (a choice
 _PLACED = 1e-7  # relative width of a bracket that needs no narrowing: the value is then known to its square
 _FLAT = 1e-9  # share by which a bracket's ends lie below its top where the top is known to its square (a choice)
 BELOW = 0.8  # share of a peak's height that the grid shows at least (a choice: it follows the poles)
-_COLUMNS = 200_000  # entries of states at once: what stays in the cache (a choice)
 
 
 @dataclass(frozen=True)
@@ -56,35 +57,9 @@ class Response:
         return float(np.linalg.norm(self.D, 2)) if self.D.any() else 0.0
 
     @cached_property
-    def _terms(self) -> Array:
-        """What each pole has in each entry of the response, where the coordinates are those of the eigenvectors."""
-        return (self.C[:, None, :] * self.B.T).reshape(-1, len(self.poles))
-
-    def response(self, omega: Array) -> Array:
-        """Return the frequency response, shape (outputs, inputs, frequencies)."""
-        (n, m), p, count = self.B.shape, len(self.C), len(omega)
-        if not n:
-            return np.repeat(self.D[:, :, None].astype(complex), count, axis=2)
-        shares = 1.0 / (1j * omega - self.poles[:, None])
-        if self.A.ndim == 1:
-            return (self._terms @ shares).reshape(p, m, count) + self.D[:, :, None]
-        step = max(1, _COLUMNS // (n * min(m, p)))
-        if count > step:
-            parts = [self.response(omega[i : i + step]) for i in range(0, count, step)]
-            return np.concatenate(parts, axis=2)
-        if m <= p:  # the fewer are solved for
-            x = np.empty((n, m, count), complex)
-            flat = x.reshape(n, -1)
-            for i in range(n - 1, -1, -1):
-                known = (self.A[i, i + 1 :] @ flat[i + 1 :]).reshape(m, count)
-                x[i] = (known + self.B[i][:, None]) * shares[i]
-            return (self.C @ flat).reshape(p, m, count) + self.D[:, :, None]
-        x = np.empty((n, p, count), complex)
-        flat = x.reshape(n, -1)
-        for i in range(n):
-            known = (self.A[:i, i] @ flat[:i]).reshape(p, count)
-            x[i] = (known + self.C[:, i][:, None]) * shares[i]
-        return np.moveaxis((self.B.T @ flat).reshape(m, p, count), 0, 1) + self.D[:, :, None]
+    def response(self) -> Callable[[Array], Array]:
+        """Takes frequencies to the frequency response, shape (outputs, inputs, frequencies)."""
+        return (ModalSystem if self.A.ndim == 1 else Triangular)(self.A, self.B, self.C, self.D).response
 
     def largest(self, omega: Array) -> Array:
         """Return the largest singular values."""

@@ -21,7 +21,7 @@ from boomctl.synthesis.assumptions import SynthesisError, check_detectable, chec
 from boomctl.synthesis.certificate import ActivePeak, ChannelNorm, DesignCertificate
 from boomctl.synthesis.plants.channels import Channel, objective, places
 from boomctl.synthesis.plants.partition import GeneralizedPlant
-from boomctl.tuning.certificate import channel_norm, edge_of, full_order_bound, loop_of
+from boomctl.tuning.certificate import channel_norm, edge_of, loop_of, lower_bound
 from boomctl.tuning.initial import initial_numbers
 from boomctl.tuning.parts.structures import GAIN, Decentralised, Ports, Series, Structure, Sum
 from boomctl.tuning.plants import FamilyPlants, Plants, fixed_plants, made_plants
@@ -395,7 +395,7 @@ def _over_family(
             break
         path.append(f"added {over.label(point)}")
         more = replace(
-            task, plants=task.plants.with_more(over.maker(point), over.maker(point, True), over.label(point))
+            task, plants=task.plants.with_more(over.maker(point), over.maker(point, settled=True), over.label(point))
         )
         try:
             again = more.searched(_AGAIN, np.random.default_rng(seed + extra + 1), [found.best])
@@ -480,7 +480,7 @@ def _result(task: _Task, found: Search, worst: "ChannelNorm | None", path: tuple
         lower, reason = 0.0, "none: the plant itself is tuned"
     else:
         tell("bound on any controller")
-        lower, reason = full_order_bound(list(plants), values, _BOUND_TIME)
+        lower, reason = lower_bound(list(plants), values, _BOUND_TIME)
     point = Point(problem, x, found.known)
     active = _active(problem, x, point)
     peaks, least = _peaks(task, problem, point)
@@ -566,11 +566,10 @@ def _active(problem: Problem, x: Array, point: Point) -> tuple[str, ...]:
         value = float(point.norm_peaks(-1, GAIN_LIMIT, 0.0)[1][0])
         if value > problem.gain_limit * (1.0 - _ACTIVE):
             found.append(_bound_text(problem, GAIN_LIMIT))
-    for i, c, _, value in point.norms:
-        if c >= 0 and problem.channels[c].budget is not None and value > -_ACTIVE and point._is_limit(c):
+    for _, c, _, value in point.norms:
+        if c >= 0 and problem.channels[c].budget is not None and value > -_ACTIVE and point.is_limit(c):
             text = f"budget of the {problem.channels[c].text}"
             found += [] if text in found else [text]
-        del i
     return tuple(found)
 
 

@@ -143,7 +143,7 @@ class Search:
             rows, columns = self.problem.rows[channel], self.problem.columns[channel]
             B, C, D = loop.part(columns, rows)
             norm = level_norm(Lti(loop.A, B, C, D))
-            here = exp(value + point._offset(channel))
+            here = exp(value + point.offset(channel))
             if norm.lower > here * (1.0 + _MISSED) and isfinite(norm.omega):
                 self.known[model, channel] = np.append(self.known.get((model, channel), np.zeros(0)), norm.omega)
                 missed = True
