@@ -38,6 +38,7 @@ from boomctl.checks import (
     up_to,
     whole,
 )
+from boomctl.lti.rounding import ALIKE
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -50,7 +51,6 @@ BAND = (0.01, 3.0)  # 1/m: waves of 100 m to 0.33 m, 0.025 to 7.5 Hz at 2.5 m/s;
 MOST_STEPS = 50_000_000  # of a track or a motion: 400 MB a signal (a choice)
 GROUND_LENGTH = 10_000.0  # m, after which a seed's ground repeats: 100 of the longest waves, 55 min at 3 m/s (a choice)
 _MOST_WAVES = 5_000_000  # of a ground, 500 to the metre: 160 MB of random numbers (a choice)
-_EDGE = 1e-9  # share of a wave number by which rounding may put it across the edge of a band
 _BLOCK = 2**15  # points of a track summed at once at least, so that phases keep their digits (a choice)
 _TAPERED = 4  # waves in a track with ends from which its density is read; longer ones the taper blurs by more than 7 %
 
@@ -337,7 +337,8 @@ def iso_track(
     round_trip = truth("periodic", periodic)
     period = count * spacing if round_trip else GROUND_LENGTH
     if not round_trip:
-        if count * spacing > period * (1.0 + _EDGE):
+        # share of a wave number by which rounding may put it across the edge of a band
+        if count * spacing > period * (1.0 + ALIKE):
             raise ValueError(
                 f"length = {exactly(longest)}: expected at most {GROUND_LENGTH:g} m, the ground of a seed, or periodic=True"
             )
@@ -345,8 +346,8 @@ def iso_track(
             raise ValueError(
                 f"band = ({low:g}, {high:g}): expected at most {_MOST_WAVES / GROUND_LENGTH:g} /m, or periodic=True"
             )
-    n = np.arange(1, int(high * period * (1.0 + _EDGE)) + 1) / period
-    inside = n >= low * (1.0 - _EDGE)
+    n = np.arange(1, int(high * period * (1.0 + ALIKE)) + 1) / period
+    inside = n >= low * (1.0 - ALIKE)
     if not inside.any():
         raise ValueError(
             f"length = {longest:g}: no wave of the band ({low:g} to {high:g} /m) fits into it"
@@ -496,7 +497,7 @@ def averaged_density(tracks: Sequence[Track], band: tuple[float, float], name: s
     count, step = sizes[0]
     sides = np.array([side for track in tracks for side in (track.left, track.right)])
     n = np.fft.rfftfreq(count, step)[1:]
-    inside = (n >= band[0] * (1.0 - _EDGE)) & (n <= band[1] * (1.0 + _EDGE))
+    inside = (n >= band[0] * (1.0 - ALIKE)) & (n <= band[1] * (1.0 + ALIKE))
     taper = np.ones(count)
     if not tracks[0].periodic:
         taper -= np.cos(2.0 * np.pi * np.arange(count) / count)

@@ -16,6 +16,7 @@ from boomctl.identification.identifiability import Forward, Seen, differences, s
 from boomctl.identification.intervals import BetterFit, Profile
 from boomctl.identification.measured import BOUNDED, Builder, Measured
 from boomctl.identification.result import FitResult
+from boomctl.lti.rounding import ALIKE
 from boomctl.progress import Listener, computing, tell
 from boomctl.structure.families import Family
 
@@ -35,7 +36,6 @@ _STEP = 1e-5  # of a coordinate, for differences on the way; at the end steps ar
 _PAIRINGS = 10  # times that modes are paired anew; two or three do
 _POLISHES = 4  # times that a profile may find a better fit (a choice)
 _AGREE = 0.05  # of the squared size of errors, by which sums of squares of the same fit differ (a choice)
-_EXACT = 1e-9  # relative: smaller errors than these are of the model's rounding, not of a measurement
 _ENDED = 1e-6  # relative size of the residuals with which a start that should come to none may end
 _CHANGED = 1e-5  # relative change of what was measured below which it is said that nothing changes (a choice)
 _LEAST = 1e-2  # of a white deviation: a narrower spread is that of a few data sets that agree by chance (a choice)
@@ -331,7 +331,8 @@ def _polished(
         seen = Seen.of(found, f, best.x, free)
         freedom = max(data.size - seen.rank, 0)
         size = known if known is not None else np.sqrt(best.cost / freedom) if freedom else 0.0
-        floor = _EXACT * data.scale
+        # relative: smaller errors than these are of the model's rounding, not of a measurement
+        floor = ALIKE * data.scale
         size, exact = max(float(size), floor), bool(size < floor)
         each = _of_each(problem, best, found.steps)
         covariance = seen.covariance() * size**2

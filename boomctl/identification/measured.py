@@ -25,6 +25,7 @@ from boomctl.checks import (
     whole,
 )
 from boomctl.lti.frequency import singular_values
+from boomctl.lti.rounding import ALIKE
 from boomctl.lti.system import is_frequency_response, is_statespace, of
 from boomctl.printing import compact
 from boomctl.structure.families import Family
@@ -34,7 +35,6 @@ ERRORS = ("relative", "absolute")
 RESPONSE = "complex frequency response"
 BOUNDED = "bounded relative"  # for the search alone
 _MISSED = 3  # modes that the measurement may have missed and that are offered beside those measured (a choice)
-_SAME = 1e-9  # relative difference of two frequencies up to which they are the same: rounding between Hz and rad/s
 _LIGHTEST = 1e-50  # of weights that count: squares of what is divided by them are numbers still (a choice)
 _SUREST = 1e-3  # of the usual deviation: a value that is said to be surer counts as this one (a choice)
 _HANDED = ("omega", "count", "inputs", "outputs")  # what a function is given where it has a parameter of this name
@@ -533,7 +533,7 @@ def _signals(data: Measured, model: Any) -> tuple[Sequence[str] | None, Sequence
 def _of_data(model: Any, data: Measured, asked: Array) -> Array:
     """Return frequency response data between the signals asked for, at the measured frequencies."""
     grid = np.asarray(model.omega)
-    if grid.shape != asked.shape or not np.allclose(grid, asked, rtol=_SAME, atol=0.0):
+    if grid.shape != asked.shape or not np.allclose(grid, asked, rtol=ALIKE, atol=0.0):
         raise ValueError("build: expected a response at the measured frequencies; take them as a parameter `omega`")
     there = SimpleNamespace(inputs=tuple(model.input_labels), outputs=tuple(model.output_labels))
     ins, outs = _signals(data, there)

@@ -7,6 +7,7 @@ from boomctl.identification.common_poles import CommonPoles, fitted, fixed_poles
 from boomctl.identification.missed import missed, needed
 from boomctl.identification.spectra import Spectra
 from boomctl.identification.start import Track, poles_by_order, tracks
+from boomctl.lti.rounding import ALIKE
 
 _ROUNDS = 30  # of looking for what was missed; two to six do
 _ROUGH = 15  # steps of a fit whose modes are not yet the last ones (a choice)
@@ -14,7 +15,6 @@ _STEADY = 0.5  # of the orders at which a pole stands that the fit begins with (
 _LEAST_SHARE = (
     3e-5  # of the response, half a percent of its size: less is taken for what the model does not explain (a choice)
 )
-_EXACT = 1e-9  # of an output: smaller residuals are rounding, and no errors to weigh by
 
 
 def searched(data: Spectra, low: float, high: float, orders: tuple[int, ...]) -> tuple[CommonPoles, tuple[Track, ...]]:
@@ -49,7 +49,8 @@ def _with(fit: CommonPoles, poles: Array) -> CommonPoles:
 
 def _weighted(fit: CommonPoles) -> CommonPoles:
     """Return the fit with each output in units of its own errors."""
-    scale = np.maximum(fit.deviation, _EXACT * np.sqrt(np.square(np.abs(fit.data.Y)).mean(axis=0)))
+    # of an output: smaller residuals are rounding, and no errors to weigh by
+    scale = np.maximum(fit.deviation, ALIKE * np.sqrt(np.square(np.abs(fit.data.Y)).mean(axis=0)))
     return CommonPoles(fit.data.scaled(scale), fit.poles, fit.fixed)
 
 

@@ -15,6 +15,7 @@ import numpy as np
 from boomctl.arrays import Array, balance
 from boomctl.checks import exactly, names, nonnegative, positive
 from boomctl.lti.hold import changing, zero_order_hold
+from boomctl.lti.rounding import ALIKE
 from boomctl.lti.system import Lti, of
 
 if TYPE_CHECKING:
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
     from boomctl.structure.model import SecondOrderModel
 
 _SAME = 1e-6  # relative difference of two sampling times that are meant to be the same: what a user types in
-_ROUNDING = 1e-9  # share of a sample up to which a delay is a whole number of them (a choice)
 _MOST_SAMPLES = 1000  # of a delay, each of which is a state for each control: more is a mistake of unit (a choice)
 
 
@@ -34,9 +34,9 @@ def same_time(own: float, wanted: float) -> bool:
 
 def whole_samples(delay: float, dt: float) -> tuple[int, float]:
     """Return a delay as whole samples and what is left of it [s]."""
-    whole = int(np.floor(delay / dt + _ROUNDING))
+    whole = int(np.floor(delay / dt + ALIKE))  # share of a sample up to which a delay is a whole number of them
     rest = delay - whole * dt
-    return whole, rest if rest > _ROUNDING * dt else 0.0
+    return whole, rest if rest > ALIKE * dt else 0.0
 
 
 def time_of_loop(plant: Lti, controller: Lti, delay: float) -> tuple[float, float]:

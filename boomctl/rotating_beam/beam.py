@@ -28,7 +28,7 @@ from boomctl.checks import (
     whole,
     within,
 )
-from boomctl.lti.rounding import ROOT
+from boomctl.lti.rounding import ROOT, SUMMED
 from boomctl.printing import WIDTH, count, listed
 from boomctl.progress import computing
 from boomctl.rotating_beam.campbell import CampbellDiagram, campbell_diagram
@@ -63,7 +63,6 @@ _SMALL = 1e-6  # of the length, by which coordinates are moved either way to see
 _JUST_BELOW = 1.0 - 1e-6  # of the speed at which the stiffness is lost, where a diagram ends: a frequency is nearly 0
 _STEEP = 12  # speeds before it that a diagram gains there (a choice)
 _TOLERANCE = 1e-8, 1e-10  # rtol and atol [m] of a simulation where none are given (a choice)
-_START_TOLERANCE = 1e-12  # an initial hub angle or speed is the manoeuvre's but for rounding, relative or in rad, rad/s
 
 
 class Enough(int):
@@ -664,7 +663,8 @@ class HubBeam(ABC):
             for index, name in ((0, "angle"), (size, "speed")):
                 prescribed = float(getattr(manoeuvre, name)(0.0))
                 apart = abs(state[index] - prescribed)
-                if initial is not None and apart > _START_TOLERANCE * max(1.0, abs(prescribed)):
+                # an initial hub angle or speed is the manoeuvre's but for rounding, relative or in rad, rad/s
+                if initial is not None and apart > SUMMED * max(1.0, abs(prescribed)):
                     raise ValueError(
                         f"initial hub {name} = {exactly(state[index])}: expected {exactly(prescribed)}, as "
                         f"the manoeuvre has it"

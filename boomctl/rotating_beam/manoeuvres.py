@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 from boomctl.arrays import Array
 from boomctl.checks import function_of, plain_array, positive, real, sequence, shown
 from boomctl.gauss import gauss_method
+from boomctl.lti.rounding import SOLVED, SUMMED
 from boomctl.rotating_beam.corners import found_corners
 
 TimeFunction = Callable[..., object]
@@ -25,14 +26,12 @@ _CHECKED_INTERVALS = 64  # on which a profile's functions are compared: a choice
 # parts of an interval on which they seem not to belong together, one after the other (a choice)
 _CHECKED_PARTS = (1, 16, 256, 4096)
 _SHORT_STEPS = 48  # steps of a motion found so, each far shorter than what moves (a choice)
-_STILL = 1e-13  # share of the largest step of such a motion below which it rests (a choice)
 _CHECK_POINTS = 6  # Gauss points on each: exact for polynomials of degree 11
 _UNSEEN = 1e-2  # share of the largest gain that a look at even intervals may miss: more is a short motion (a choice)
 # a resonance makes a thousand times as much of what functions differ by, which is a motion's own tolerance
 _BELONGING = 1e-11  # of how far a function goes, by which it may differ from the integral of its slope (measured)
 _RESOLVED = 1e-9  # likewise where the speed at Gauss points tells of all of it: the motion is slow there (a choice)
 _ROUNDING = 16.0 * np.finfo(float).eps  # of the largest value: what a user's function may be off (a choice)
-_ONE = 1e-12  # of the whole time: two instants nearer than that are one, and no step lies between them (a choice)
 _SPLIT = 16  # parts of an interval on which a slope's integral is not exact enough: a choice
 _CUT_OUT = 3  # times that a place is split so that it is one at which a slope jumps, and not swift (a choice)
 _MOST_JUMPS = 1000  # found so; of more, the function is no smooth one between them (a choice)
@@ -262,7 +261,8 @@ class HubProfile(PrescribedMotion):
         if not short and not len(jumps):
             return self
         inside = np.unique(np.concatenate([self.breakpoints, *short, jumps]))
-        inside = inside[np.diff(inside, prepend=-np.inf) > _ONE * end]
+        # of the whole time: two instants nearer than that are one, and no step lies between them
+        inside = inside[np.diff(inside, prepend=-np.inf) > SUMMED * end]
         return replace(self, breakpoints=tuple(inside.tolist()))
 
     def _agree(self, name: str, slope: str, edges: Array) -> Array:
@@ -582,7 +582,8 @@ def free() -> Free:
 def _moving(times: Array, way: Array) -> Array:
     """Return the first and the last of some times between which a motion goes its way, and a few between them."""
     steps = np.abs(np.diff(way, prepend=0.0))
-    moved = np.flatnonzero(steps > _STILL * steps.max())
+    # share of the largest step of such a motion below which it rests
+    moved = np.flatnonzero(steps > SOLVED * steps.max())
     return np.linspace(times[moved[0]], times[moved[-1] + 1], _SHORT_STEPS + 1) if len(moved) else times[:0]
 
 

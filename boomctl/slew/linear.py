@@ -7,11 +7,11 @@ import numpy as np
 from boomctl.arrays import Array
 from boomctl.gauss import gauss_method
 from boomctl.lti.hold import observability, recursion, zero_order_hold
+from boomctl.lti.rounding import SOLVED
 from boomctl.slew.problem import SlewProblem
 from boomctl.slew.torque import TorqueHistory, held
 
 _NEWTON = 60  # steps of Newton's method on the dual at most; a safeguard, for it is damped
-_MET = 1e-13  # of the end conditions, relative: rounding
 _REGULAR = 1e-12  # of a matrix of unit rows, where few intervals are inside the limit: keeps Newton's equation solvable
 _ARMIJO = 1e-4  # share of the decrease promised that a step of Newton's method has to bring: customary
 _SHORTEST = 1e-6  # of a step of Newton's method; below it the torque limit is too low for the time
@@ -86,7 +86,7 @@ def least_effort(problem: SlewProblem, duration: float, intervals: int) -> Least
     for _ in range(_NEWTON):
         free = rows.T @ c
         defect = wanted - rows @ np.clip(free, -limit, limit)
-        if np.abs(defect).max() <= _MET * np.abs(wanted).max():
+        if np.abs(defect).max() <= SOLVED * np.abs(wanted).max():  # of the end conditions, relative: rounding
             break
         inner = rows[:, np.abs(free) < limit]
         move = np.linalg.lstsq(inner @ inner.T + _REGULAR * np.eye(c.size), defect, rcond=1e-14)[0]

@@ -26,6 +26,7 @@ from typing import TYPE_CHECKING
 from numpy.typing import ArrayLike
 
 from boomctl.checks import positive, real
+from boomctl.lti.rounding import ALIKE, SUMMED
 from boomctl.lti.system import is_statespace
 from boomctl.printing import compact
 from boomctl.progress import computing, tell
@@ -49,8 +50,6 @@ if TYPE_CHECKING:
 
 TIME_LIMIT = 120.0  # [s] for a search unless another is given: ten times what the slowest of the designs takes
 _EXTREMAL = 1e-4  # time that durations of arcs may leave to be gained, relative: more, and there are too few arcs
-_ROUNDING = 1e-12  # error of the end, relative, that no tolerance forbids
-_ARRIVES = 1e-9  # of the end conditions, that a torque within its limit may miss: far more than rounding (a choice)
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,7 +115,7 @@ def _linear_effort(problem: SlewProblem) -> _Candidate | None:
     assert problem.duration is not None
     for intervals in MESHES if problem.intervals is None else (problem.intervals,):
         found = least_effort(problem, problem.duration, intervals)
-        if found.missed > _ARRIVES:
+        if found.missed > ALIKE:
             return None
         path = (*path, f"least effort on {intervals} intervals")
         coarser, cost = cost, found.history.effort
@@ -376,7 +375,7 @@ def _certified(problem: SlewProblem, found: _Candidate) -> SlewResult:
     motions = played(problem, history) if found.motions is None else found.motions
     error, free = prescribed_error(problem, motions), free_errors(problem, motions)
     excess, whole = violation(problem, history, motions), max(error, *free.values(), 0.0)
-    if error > max(problem.tolerance, _ROUNDING):
+    if error > max(problem.tolerance, SUMMED):  # error of the end, relative, that no tolerance forbids
         raise SlewError(
             f"the replay ends {error:.1e} off the end state; expected {problem.tolerance:.1e}. "
             "A larger tolerance, or the objective 'effort' with a given duration, may do"

@@ -12,14 +12,12 @@ from numpy.typing import ArrayLike
 from boomctl.arrays import Array, balance, blocks
 from boomctl.lti import system as lti
 from boomctl.lti.hidden_modes import unmoved
+from boomctl.lti.rounding import ALIKE, SUMMED
 
 if TYPE_CHECKING:
     import casadi
 
-_NOTHING = 1e-12  # share of a norm at which a push is rounding: a choice, between 1e-16 and any coupling
 _SPLIT = 1e-6  # share of |A| below which an eigenvalue is zero: a double zero splits by the root of rounding, 1e-8
-_STILL = 1e-9  # share of |A| |z| below which nothing moves: a choice
-_CONSISTENT = 1e-9  # residual of an equation for a state of rest that counts as solved, relative: a choice
 
 
 @runtime_checkable
@@ -150,7 +148,8 @@ class SlewPlant:
             turning = float(left @ self.rest(0.0, 1.0))
         except ValueError:
             return None
-        if abs(turning) <= _NOTHING:  # the torque drives the acceleration itself
+        # share of a norm at which a push is rounding
+        if abs(turning) <= SUMMED:  # the torque drives the acceleration itself
             return None
         return abs(turning / float(left @ self.B))  # whichever way the angle is counted
 
@@ -168,7 +167,8 @@ class SlewPlant:
 
     def still(self, z: Array) -> bool:
         """Whether nothing moves at z without torque."""
-        return bool(np.abs(self.A @ z).max() <= _STILL * max(1.0, np.abs(self.A).max() * np.abs(z).max()))
+        # share of |A| |z| below which nothing moves
+        return bool(np.abs(self.A @ z).max() <= ALIKE * max(1.0, np.abs(self.A).max() * np.abs(z).max()))
 
     def rest(self, angle: float, speed: float) -> Array:
         """Coordinates z at an angle [rad] in steady rotation at a speed [rad/s].
@@ -226,7 +226,7 @@ def _beam(h: SlewMachine) -> SlewPlant:
     shapes[:, 0], squares[0] = np.eye(size)[0], 0.0
     inverse = np.linalg.inv(shapes)
     push = inverse @ B[size:, 0]
-    felt = np.abs(push) * np.linalg.norm(shapes, axis=0) > _NOTHING * np.linalg.norm(B)
+    felt = np.abs(push) * np.linalg.norm(shapes, axis=0) > SUMMED * np.linalg.norm(B)
     scale = np.where(felt, push / push[0], 1.0)
     shapes, inverse, push = shapes * scale, inverse / scale[:, None], np.where(felt, push / scale, 0.0)
     to_state, from_state = (np.kron(np.eye(2), each) for each in (shapes, inverse))
@@ -289,4 +289,5 @@ def _labels(torque: str, angle: str) -> Mapping[str, tuple[str, str]]:
 def _solved(matrix: Array, right: Array) -> Array | None:
     x = np.linalg.lstsq(matrix, right, rcond=None)[0]
     scale = max(np.abs(right).max(), np.abs(matrix).max() * np.abs(x).max())
-    return x if np.abs(matrix @ x - right).max() <= _CONSISTENT * scale else None
+    # residual of an equation for a state of rest that counts as solved, relative
+    return x if np.abs(matrix @ x - right).max() <= ALIKE * scale else None

@@ -13,6 +13,7 @@ from scipy.linalg import block_diag, expm
 
 from boomctl.arrays import Array
 from boomctl.checks import exactly, finite_array, from_on, known, nonnegative, positive, real, sequence, whole
+from boomctl.lti.rounding import ALIKE
 from boomctl.printing import compact
 from boomctl.slew.budget import Budget
 from boomctl.slew.objectives import OBJECTIVES
@@ -23,11 +24,9 @@ METHODS = ("collocation", "radau", "shooting")
 AT_LIMIT = (
     0.999  # share of a limit from which it counts as met, in words and where a solver keeps bounds to 1e-7 (a choice)
 )
-_STILL = 1e-9  # share of a state's size that counts as nothing: a choice, far above rounding and below any tolerance
 _SHARE = 0.1  # of the slowest time constant: what bringing a state to rest takes at least, as a first guess; a choice
 _LEAST = 1e-9  # [s], a first guess of a time is never shorter: it only keeps logarithms finite
 _MOST_PERIODS = 100  # of a beam's slowest vibration that a slew may last: searches would take hours beyond (a choice)
-_SLACK = 1e-9  # share of a limit by which given states may exceed it: rounding of what users print and read again
 _SHORTER = 0.9  # share of the rigid body's time that a beam is left: bent, it has a little less inertia; a choice
 
 
@@ -162,7 +161,8 @@ class SlewProblem:
             return 1.0 / float(np.linalg.norm(first.A, 2))
         start, end = self.start[own], self.target[own]
         turn, change = (abs(float(first.rows[name] @ (end - start))) for name in ("angle", "speed"))
-        if not np.any(np.abs(self.ends[:, own] @ first.rest(1.0, 0.0)) > _STILL):
+        # share of a state's size that counts as nothing
+        if not np.any(np.abs(self.ends[:, own] @ first.rest(1.0, 0.0)) > ALIKE):
             turn = 0.0
         torque = self.limits.torque / first.inertia
         if self.waits:
@@ -288,7 +288,8 @@ def end_conditions(
     rested = first.rest(begin + (angle or 0.0), final_speed)
     target = rested if final is None else given("final_state", final)
     led = float(first.rows["angle"] @ target) - begin
-    if final is not None and angle is not None and abs(led - angle) > _SLACK * max(abs(led), abs(angle)):
+    # share of a limit by which given states may exceed it: rounding of what users print and read again
+    if final is not None and angle is not None and abs(led - angle) > ALIKE * max(abs(led), abs(angle)):
         raise ValueError(
             f"angle = {angle!r}: expected None or {first.with_unit('angle', f'{led:.9g}')}, as the final_state has it; "
             "it is given by both"
@@ -360,11 +361,11 @@ def _coasts(problem: SlewProblem, duration: float) -> bool:
     else:
         first = start[: plant.n]
         angle, speed = (float(plant.rows[name] @ first) for name in ("angle", "speed"))
-        if len(problem.plants) > 1 or np.abs(plant.rest(angle, speed) - first).max() > _STILL * np.abs(first).max():
+        if len(problem.plants) > 1 or np.abs(plant.rest(angle, speed) - first).max() > ALIKE * np.abs(first).max():
             return False
         end = first + plant.rest(speed * duration, 0.0)
     scale = np.abs(problem.ends) @ np.maximum(np.abs(end), np.abs(problem.target))
-    return bool(np.all(np.abs(problem.ends @ (end - problem.target)) <= _STILL * scale))
+    return bool(np.all(np.abs(problem.ends @ (end - problem.target)) <= ALIKE * scale))
 
 
 def _refuse_states(problem: SlewProblem) -> None:
@@ -374,7 +375,7 @@ def _refuse_states(problem: SlewProblem) -> None:
         for kind in ("speed", "tip", "moment"):
             limit, row = problem.limits.most(kind), plant.rows.get(kind)
             size = 0.0 if row is None else abs(float(row @ state[own]))
-            if size > limit * (1.0 + _SLACK):
+            if size > limit * (1.0 + ALIKE):
                 raise SlewError(
                     f"{kind}_limit = {plant.with_unit(kind, f'{limit:g}')}: the {name} has"
                     f" {plant.with_unit(kind, f'{size:.4g}')} at t = {t}; expected states within the limit"

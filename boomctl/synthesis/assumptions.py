@@ -7,6 +7,7 @@ from scipy import linalg
 
 from boomctl.arrays import Array
 from boomctl.lti.hidden_modes import HiddenMode, unmoved
+from boomctl.lti.rounding import SOLVED
 from boomctl.synthesis.hinf.normal_form import NormalizedPlant
 from boomctl.synthesis.plants.partition import GeneralizedPlant
 
@@ -14,7 +15,6 @@ from boomctl.synthesis.plants.partition import GeneralizedPlant
 _RANK = 1e-10
 _ZERO = 1e-14  # share of the largest column below which a column is nothing but rounding
 _SHARE = 1e-3  # least part in a dependent combination that a signal is named for (a choice)
-_NOISE = 1e-13  # share of all performance rows below which one of them is what rounding leaves of a rotation
 
 
 class SynthesisError(RuntimeError):
@@ -149,7 +149,8 @@ def _zeros_on_axis(ready: GeneralizedPlant) -> tuple[HiddenMode, ...]:
     """Return zeros from controls to performance signals on the axis: modes that control can hide from these signals."""
     free = ready.nz - ready.ncon
     rows = ready.C1[:free]
-    rows = rows[np.linalg.norm(rows, axis=1) > _NOISE * np.linalg.norm(ready.C1)]
+    # share of all performance rows below which one of them is what rounding leaves of a rotation
+    rows = rows[np.linalg.norm(rows, axis=1) > SOLVED * np.linalg.norm(ready.C1)]
     shifted, dt = ready.A - ready.B2 @ ready.C1[free:], ready.system.dt
     return unmoved(shifted.T, rows.T, ready.system.states, axis_only=True, dt=dt)
 

@@ -13,6 +13,7 @@ from boomctl.analysis.norm import NormCertificate
 from boomctl.arrays import Array, balance
 from boomctl.checks import nonnegative, positive, whole
 from boomctl.lti.modal import residualised
+from boomctl.lti.rounding import SUMMED
 from boomctl.lti.system import Lti, lower_lft
 from boomctl.printing import system
 from boomctl.synthesis.assumptions import SynthesisError
@@ -22,7 +23,6 @@ from boomctl.synthesis.plants.partition import GeneralizedPlant, matched
 if TYPE_CHECKING:
     import control
 
-_NEGLIGIBLE = 1e-12  # share of the largest singular value below which a state does nothing but rounding
 _SINGULAR = 1e12  # condition above which states left out have no rest to be put at: four digits would be left
 
 
@@ -181,7 +181,8 @@ def _balanced_in_loop(plant: GeneralizedPlant, K: Lti) -> tuple[Lti, Array]:
         P, Q = linalg.solve_discrete_lyapunov(A, B @ B.T), linalg.solve_discrete_lyapunov(A.T, C.T @ C)
     driven, seen = _root(P[n:, n:]), _root(Q[n:, n:])
     left, values, right = linalg.svd(seen.T @ driven)
-    kept = values > _NEGLIGIBLE * values[0]
+    # share of the largest singular value below which a state does nothing but rounding
+    kept = values > SUMMED * values[0]
     into = (left[:, kept] / np.sqrt(values[kept])).T @ seen.T / scale[n:]
     out = scale[n:, None] * (driven @ (right[kept].T / np.sqrt(values[kept])))
     return replace(K, A=into @ K.A @ out, B=into @ K.B, C=K.C @ out, states=()), values

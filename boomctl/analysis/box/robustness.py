@@ -14,6 +14,7 @@ from boomctl.analysis.loops import signals_of
 from boomctl.arrays import Array
 from boomctl.checks import exactly, instance, nonnegative, positive, whole
 from boomctl.lti.controllers.scheduled import ScheduledController
+from boomctl.lti.rounding import ALIKE
 from boomctl.lti.sampled import time_of_loop
 from boomctl.lti.system import Lti, controller_of, rates_of
 from boomctl.printing import sentence
@@ -28,7 +29,6 @@ if TYPE_CHECKING:
 _CELLS = 500  # most cells of a proof (a choice of patience: seconds to a minute)
 _MARGIN_CELLS = 100  # most cells of each of the proofs of a margin (a choice)
 _STEPS = (0.5, 0.25, 0.125, 0.0625)  # of a pattern search, in half-widths of the box (a choice)
-_BETTER = 1e-9  # by how much a point must be worse than the worst so far, relative, to be gone to: more than rounding
 _KINDS = "StateSpace or ScheduledController"
 _PROOFS = 12  # at most, of a margin
 _FINER = 0.1  # share of the tolerance to which the factor of known instability is narrowed down, before proofs begin
@@ -281,7 +281,8 @@ def pattern_search(
                     continue
                 tried += 1
                 found = value(point)
-                if found > top * (1.0 + _BETTER * np.sign(top)):
+                # by how much a point must be worse than the worst so far, relative, to be gone to: more than rounding
+                if found > top * (1.0 + ALIKE * np.sign(top)):
                     at, top, moved = point, found, found < inf
     return at, top, tried
 

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.polynomial.legendre import legder, legvander
 
 from boomctl.arrays import Array
+from boomctl.lti.rounding import ALIKE
 from boomctl.rotating_beam.exact.dynamics import ExactBeamDynamics
 from boomctl.rotating_beam.exact.integrator import StepFailed, Trajectory, march
 from boomctl.rotating_beam.manoeuvres import Manoeuvre
@@ -21,7 +22,6 @@ from boomctl.rotating_beam.result import Motion, SimulationError, kept_states, s
 
 _WINDOW = 6  # ends of steps that an interpolation goes through: of degree 11, beyond the order of the steps
 _LEAST_STEPS = 2 * _WINDOW  # between two corners: a choice
-_COINCIDENT = 1e-9  # fraction of a step within which an instant is the end of a step
 _MOST_STEPS = 300_000  # where a run is given up: a choice
 _PROBES = 513  # instants, besides those asked for, at which two runs must agree
 _LONG = (
@@ -203,7 +203,8 @@ def _steps(start: float, stop: float, step: float, timepts: Array, least: int) -
     """Number of steps between two corners; if equal steps can, they end at the instants wanted."""
     count = max(least, int(np.ceil((stop - start) / step)))
     gaps = np.diff(np.unique([start, *timepts[(timepts > start) & (timepts < stop)], stop]))
-    uniform = np.ptp(gaps) <= _COINCIDENT * gaps[0] and gaps.size <= count
+    # fraction of a step within which an instant is the end of a step
+    uniform = np.ptp(gaps) <= ALIKE * gaps[0] and gaps.size <= count
     return -(-count // gaps.size) * gaps.size if uniform else count
 
 
@@ -262,7 +263,7 @@ def interpolate(trajectory: Trajectory, times: Array) -> tuple[Array, Array]:
             slopes[:, j, None] * trajectory.q[left + j]
             + slopes[:, _WINDOW + j, None] * (half * h) * trajectory.v[left + j]
         )
-    near = np.abs(place - np.rint(place)) < _COINCIDENT
+    near = np.abs(place - np.rint(place)) < ALIKE
     ends = np.rint(place[near]).astype(int)
     q[near], v[near] = trajectory.q[ends], trajectory.v[ends]
     return q, v

@@ -14,13 +14,13 @@ from numpy.polynomial import legendre
 
 from boomctl.arrays import Array
 from boomctl.gauss import CollocationMethod, integrated_legendre
+from boomctl.lti.rounding import SOLVED
 from boomctl.progress import tell
 from boomctl.rotating_beam.modal.equations import Tangents
 from boomctl.rotating_beam.motion.problems import Problem
 
 WINDOW = 64  # steps solved at once: a choice; 8 take half as long again, 256 no less (measured, a torque on SFOAM)
 _ITERATIONS = 12  # of Newton's method: it takes one to three (measured), more only in a window that is too long
-_NEWTON_ROUNDING = 1e-13  # change, relative to the motion, below which rounding is all that is left
 _SMALLEST_STEP = 1e-7  # of the whole time: where shorter ones fail too, there is no solution
 
 
@@ -212,7 +212,7 @@ def _newton(
         current = _Window(current.q + step.q, current.v + step.v, current.stages + step.stages)
         size = max(np.abs(current.q).max(), (h[:, None, None] * np.abs(current.stages)).max(), 1e-300)
         expected = change * min(1.0, change / size if previous == np.inf else change / previous)
-        if change <= _NEWTON_ROUNDING * size:
+        if change <= SOLVED * size:  # change, relative to the motion, below which rounding is all that is left
             expected = 0.0
         yield float(expected), current
         previous = change

@@ -16,6 +16,7 @@ from numpy.polynomial import legendre
 
 from boomctl.arrays import Array
 from boomctl.gauss import gauss_method
+from boomctl.lti.rounding import ALIKE, SUMMED
 from boomctl.rotating_beam.manoeuvres import TorqueDriven
 from boomctl.rotating_beam.modal.equations import FreeHubForm
 from boomctl.rotating_beam.motion.free_modes import FreeModes, free_modes
@@ -48,8 +49,6 @@ _DECAYED = 300.0  # decay rate times length of a window at most: its exponential
 _INSIDE = 1e-4  # of a step: so near to its ends a torque is looked at for what the nodes have not seen
 _TIGHTER = 0.1  # factor of the error allowed in a window when all together have missed the tolerance
 _ATTEMPTS = 3  # with ever tighter windows
-_REACHED = 1e-12  # of the whole time: a corner so near ahead is reached already
-_EVEN = 1e-9  # relative difference below which intervals between corners count as equal: rounding of their ends
 
 
 @final
@@ -135,18 +134,20 @@ class _Progress:
     @property
     def done(self) -> bool:
         """Whether there is nothing to do any more."""
-        return self.failed or self.scene.end - self.time <= _REACHED * self.scene.end
+        # of the whole time: a corner so near ahead is reached already
+        return self.failed or self.scene.end - self.time <= SUMMED * self.scene.end
 
     def window(self) -> float:
         """Length of the next window, s: it ends at a corner, or its steps do at all corners within it."""
         length, left = min(self.length, self.longest, STEPS * self.most), self.scene.corners - self.time
-        left = left[left > _REACHED * self.scene.end]
+        left = left[left > SUMMED * self.scene.end]
         gap = left[0]
         if length < 2.0 * gap:
-            return float(gap / np.ceil(gap / length * (1.0 - _EVEN)))
-        apart = np.abs(left[:STEPS] - gap * np.arange(1, min(left.size, STEPS) + 1)) > _EVEN * gap
+            # relative difference below which intervals between corners count as equal: rounding of their ends
+            return float(gap / np.ceil(gap / length * (1.0 - ALIKE)))
+        apart = np.abs(left[:STEPS] - gap * np.arange(1, min(left.size, STEPS) + 1)) > ALIKE * gap
         even = int(np.argmax(apart)) if apart.any() else apart.size
-        count = min(even, int(length / gap * (1.0 + _EVEN)))
+        count = min(even, int(length / gap * (1.0 + ALIKE)))
         return float(left[2 ** (count.bit_length() - 1) - 1])
 
     def allowed(self, peaks: Array) -> Array:
@@ -302,7 +303,7 @@ def _after(run: _Progress, length: float, tried: _Tried | None) -> _Progress:
     corner = float(run.scene.corners[int(np.argmin(np.abs(run.scene.corners - end)))])
     return replace(
         run,
-        time=corner if abs(corner - end) <= _EVEN * length else end,
+        time=corner if abs(corner - end) <= ALIKE * length else end,
         states=tried.states,
         length=following,
         most=run.most if len(pieces) % _RELAXED else 2.0 * run.most,

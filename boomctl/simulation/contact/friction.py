@@ -12,8 +12,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from boomctl.checks import exactly, nonnegative, positive, signal_name, whole
-
-_END = 1e-12  # share of a step: what rounding leaves of it is no rest
+from boomctl.lti.rounding import SUMMED
 
 
 @dataclass(frozen=True)
@@ -136,7 +135,7 @@ def friction_step(slip: Slip, free: float, gain: float, law: CoulombFriction) ->
         return FrictionStep(first, end, False, 1.0, first)
     share = velocity / (velocity - end) if velocity != end else 1.0
     rest = 1.0 - share
-    if rest < _END:
+    if rest < SUMMED:  # share of a step: what rounding leaves of it is no rest
         return FrictionStep(holding, 0.0, True, 1.0, first)
     needed = (holding - share * first) / rest
     if abs(needed) <= law.breakaway:

@@ -12,15 +12,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from boomctl.arrays import Array
+from boomctl.lti.rounding import ALIKE, SOLVED, SUMMED
 from boomctl.simulation.contact.contacts import Contacts
 from boomctl.simulation.contact.friction import CoulombFriction, FrictionStep, Slip, friction_step
 from boomctl.simulation.contact.stops import StopMaps, StopStep, stop_step
 from boomctl.simulation.stepping import ControlLog, LoopProblem, sampler
 
-_AGREED = 1e-9  # of the largest friction force: two forces that differ by less are the same
-_NARROW = 1e-13  # of the largest friction force: an interval that no bisection makes narrower
 _ROUNDS = 80  # bisections at most: 1e-13 takes 43, each may be preceded by a step that gains little
-_REST = 1e-12  # of the largest slip velocity: less at the beginning is rounding, the slip is at rest
 
 Outcome = tuple[Array, FrictionStep | None, StopStep | None]
 
@@ -149,7 +147,8 @@ def _together(rows: ContactRows, row: Array, slip: Slip, alone: FrictionStep) ->
             continue
         for trial in sliding:
             end, step, stops = _under(rows, row, slip, trial)
-            if abs(step.force - trial) <= _AGREED * force:
+            # of the largest friction force: two forces that differ by less are the same
+            if abs(step.force - trial) <= ALIKE * force:
                 return end, step, stops
     return _reversing(rows, row, slip)
 
@@ -187,10 +186,10 @@ def _reversing(rows: ContactRows, row: Array, slip: Slip) -> Outcome:
     end, step, stops = _under(rows, row, slip, force)
     for _ in range(_ROUNDS):
         off = step.force - force
-        if abs(off) <= _AGREED * size:
+        if abs(off) <= ALIKE * size:
             return end, step, stops
         low, high = (force, high) if off > 0.0 else (low, force)
-        if high - low <= _NARROW * size:
+        if high - low <= SOLVED * size:  # of the largest friction force: an interval that no bisection makes narrower
             break
         force = step.force if low + 0.1 * (high - low) < step.force < high - 0.1 * (high - low) else 0.5 * (low + high)
         end, step, stops = _under(rows, row, slip, force)
@@ -296,4 +295,5 @@ def _at_start(p: LoopProblem, rows: ContactRows) -> Slip:
         return Slip(0.0, True, None)
     speed = float(rows.reads[0] @ p.start + rows.offsets[0, 0])
     size = float(np.abs(rows.reads[0]) @ np.abs(p.start)) + float(np.abs(rows.offsets[:, 0]).max())
-    return Slip(speed, abs(speed) <= _REST * size, None)
+    # of the largest slip velocity: less at the beginning is rounding, the slip is at rest
+    return Slip(speed, abs(speed) <= SUMMED * size, None)

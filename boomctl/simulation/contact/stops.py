@@ -13,9 +13,9 @@ from itertools import chain, combinations, product
 import numpy as np
 
 from boomctl.arrays import Array
+from boomctl.lti.rounding import ALIKE
 from boomctl.printing import compact
 
-_ROUNDING = 1e-9  # of a stroke: what may be left over where a stop is met
 _DEPENDENT = 1e10  # condition of the stops' equations from which they count as one: six digits of a force are left
 
 Set = tuple[int, ...]
@@ -141,9 +141,9 @@ def _consistent(maps: StopMaps, end: list[float], amounts: list[float], met: tup
         if (amounts[i] + amounts[count + i]) * side > 0.0:
             return False
         own = float(maps.position[i, i]) * amounts[i] + float(maps.position[i, count + i]) * amounts[count + i]
-        if (end[i] - own) * side < limits[i] * (1.0 - _ROUNDING):
+        if (end[i] - own) * side < limits[i] * (1.0 - ALIKE):  # of a stroke: what may be left over where a stop is met
             return False
-    return all(abs(x) <= limit * (1.0 + _ROUNDING) for x, limit in zip(end, limits, strict=True))
+    return all(abs(x) <= limit * (1.0 + ALIKE) for x, limit in zip(end, limits, strict=True))
 
 
 def _cases(over: list[float]) -> Iterator[tuple[Set, Set, tuple[float, ...]]]:

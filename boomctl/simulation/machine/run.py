@@ -16,6 +16,7 @@ import numpy as np
 
 from boomctl.arrays import Array, blocks
 from boomctl.checks import exactly
+from boomctl.lti.rounding import ALIKE
 from boomctl.progress import tell
 from boomctl.simulation.controller import SampledController
 from boomctl.simulation.machine.buffered import BLOCK, Buffered, at_columns
@@ -30,7 +31,6 @@ PATH = "exponential steps"
 
 _ANGLE = 3.0  # radians that the fastest mode which an input moves turns in a first step (a choice: halved if need be)
 _DAMPED = 2.0  # share of a rate that damping takes away in a first step: explicit steps are stable below 2.5
-_FELT = 1e-9  # share of the largest push below which an input does not move a mode (a choice)
 _ORDER = 4  # of the scheme; lower where axial modes turn many times in a step
 _MOST_DOUBLINGS = 3  # of the number of steps from one trial to the next: an early guess of the error is a poor one
 _ROUNDING = 1e-10  # of the displacements: runs this near that come no nearer differ by rounding (a choice)
@@ -79,7 +79,8 @@ class MachineRun:
 
 def moved_by(push: Array) -> Array:
     """Return which modes inputs move, by what they do to each."""
-    return np.abs(push) > _FELT * np.abs(push).max()
+    # share of the largest push below which an input does not move a mode
+    return np.abs(push) > ALIKE * np.abs(push).max()
 
 
 def steps_for(machine: MachineModes, length: float) -> int:

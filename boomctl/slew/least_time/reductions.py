@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from boomctl.arrays import Array
+from boomctl.lti.rounding import ALIKE, SUMMED
 from boomctl.slew.dynamics import rates
 from boomctl.slew.plant import SlewPlant, plant_of
 from boomctl.slew.problem import SlewProblem, end_conditions
@@ -12,8 +13,6 @@ from boomctl.slew.torque import TorqueHistory, held
 
 _WITHOUT_AXIAL = "sfoam-consistent"  # the model in which axial motion follows the transverse at once
 _PROBES = 3  # random states at which the equations are mirrored: one would do but for chance
-_ROUNDING = 1e-9  # of the mirrored equations, relative: far above rounding, far below any damping that matters
-_WITHIN = 1e-12  # share of a duration by which an edge has to lie before its middle: rounding
 
 
 def halved(problem: SlewProblem) -> SlewProblem | None:
@@ -56,7 +55,8 @@ def _reversible(plant: SlewPlant, twice: Array) -> bool:
         z, u = 0.1 * random.standard_normal(plant.n), float(random.standard_normal()) / np.abs(plant.B).max()
         here = np.array(f(z, u)).ravel()
         there = np.array(f(turn * z + shift, -u)).ravel()
-        if np.abs(there + turn * here).max() > _ROUNDING * np.abs(here).max():
+        # of the mirrored equations, relative: far above rounding, far below any damping that matters
+        if np.abs(there + turn * here).max() > ALIKE * np.abs(here).max():
             return False
     return True
 
@@ -64,7 +64,8 @@ def _reversible(plant: SlewPlant, twice: Array) -> bool:
 def first_half(history: TorqueHistory) -> TorqueHistory:
     """A torque up to the middle of its duration."""
     middle = 0.5 * history.duration
-    inner = history.edges[history.edges < middle * (1.0 - _WITHIN)]
+    # share of a duration by which an edge has to lie before its middle: rounding
+    inner = history.edges[history.edges < middle * (1.0 - SUMMED)]
     edges = np.append(inner, middle)
     return held(edges, history.left[: inner.size])
 

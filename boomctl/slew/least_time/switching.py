@@ -13,6 +13,7 @@ import numpy as np
 from scipy.optimize import brentq, linprog
 
 from boomctl.arrays import Array
+from boomctl.lti.rounding import SUMMED
 from boomctl.slew.budget import Budget
 from boomctl.slew.linear import LinearFlow, flow
 from boomctl.slew.problem import AT_LIMIT, SlewProblem
@@ -37,7 +38,6 @@ _MISSED = 1e-6  # of the end state, by which its conditions may be missed: what 
 _SHORTEST = 1e-4  # of a step of Newton's method; below it switching times cross
 _TOGETHER = 1e-7  # share of the duration below which two switching times are one: the arc between them does nothing
 _AGREE = 1e-6  # size of a switching function of the wrong sign, over its largest, that is rounding at the switches
-_EVEN = 1e-12  # share of the duration by which instants may be unevenly spaced: rounding
 _SAMPLES = 4000  # instants at which the signs of torque and switching function are compared; a choice
 _PARTS = 2000  # of the duration, in which the integral of |p| is summed: |p| is smooth between switches
 
@@ -230,7 +230,8 @@ def _fastest_vibration(flow: LinearFlow) -> float:
 def switching_function(problem: LinearTimeProblem, found: Extremal, t: Array) -> Array:
     """``p(t) = costate^T exp(A (T - t)) B`` at instants t [s], 1/(N m s); the torque follows its sign."""
     gaps = np.diff(t)
-    if t.size > 1 and gaps[0] > 0.0 and np.ptp(gaps) <= _EVEN * found.duration:
+    # share of the duration by which instants may be unevenly spaced: rounding
+    if t.size > 1 and gaps[0] > 0.0 and np.ptp(gaps) <= SUMMED * found.duration:
         last = problem.flow.step(found.duration - float(t[-1]))[0] @ problem.flow.B
         return (found.costate @ problem.flow.carried(last, float(t[-1] - t[0]) / (t.size - 1), t.size))[::-1]
     order = np.argsort(-t)

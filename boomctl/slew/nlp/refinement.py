@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from boomctl.lti.rounding import ALIKE
 from boomctl.slew.budget import OutOfTime
 from boomctl.slew.linear import Guess, effort_guess, guess_from, least_effort
 from boomctl.slew.nlp.programme import Programme, Solution, prepare
@@ -19,7 +20,6 @@ MESH_GAP = 1e-4  # relative change of the cost by a halved mesh that is accepted
 _TOO_MUCH = 0.05  # by which a coarse mesh may exceed a limit and a finer still keep it; a choice
 _SEARCH = 0.6  # share of the time in which meshes are refined; the rest is for a verified answer on a coarser one
 _ROUNDS = 10  # solutions on a mesh at most, with a higher order or tighter limits each; a safeguard
-_EXCESS = 1e-9  # relative, over a limit, in a replay: rounding of the integrator
 _TIGHTER, _AT_LEAST = 1.1, 1e-6  # by how many times an excess, and how much more, a limit is tightened
 _HIGHEST = 9  # collocation points, order 17 and more: beyond, a step is not what the replay finds in error; a choice
 _ARRIVES = 1e-6  # of the largest of each state on the way, that a first guess may miss at the end: rounding is far less
@@ -85,7 +85,8 @@ def refined(problem: SlewProblem, least: TorqueHistory | None) -> Refined:
         motions = played(problem, found.solution.history)
         excess = violation(problem, found.solution.history, motions)
         path = (*found.path, f"out of time: {over}")
-        if prescribed_error(problem, motions) <= problem.tolerance and max(excess.values()) <= _EXCESS:
+        # relative, over a limit, in a replay: rounding of the integrator
+        if prescribed_error(problem, motions) <= problem.tolerance and max(excess.values()) <= ALIKE:
             return replace(found, path=path, motions=motions)
         found = best[max(0, len(best) - 2)]  # a coarser mesh, on which the order can be raised in the time that is left
         intervals = found.programme.transcription.scheme.intervals
@@ -206,7 +207,7 @@ def _solved(
             if order >= _HIGHEST and problem.method != "shooting":
                 break
             order, programme, before = 2 * order if problem.method == "shooting" else order + 1, None, guess
-        elif worst > _EXCESS:
+        elif worst > ALIKE:
             limits, before = _tightened(limits, excess), solution
         else:
             return programme, solution, motions
@@ -233,7 +234,7 @@ def solved_again(problem: SlewProblem, programme: Programme, before: Solution) -
         motions = played(problem, before.history)
         excess = violation(problem, before.history, motions)
         worst = max((excess[kind] for kind in limits.beside_torque), default=0.0)
-        if worst <= _EXCESS:
+        if worst <= ALIKE:
             return before, motions
         limits = _tightened(limits, excess)
     raise SlewError(f"result: solved again on its mesh a limit is exceeded by {worst:.1e}; plan this one anew")

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from boomctl.arrays import Array
 from boomctl.checks import instance, mapping, nonnegative, positive, sequence, some_names, truth, whole, within
 from boomctl.lti.controllers.time_varying import TimeVaryingController
+from boomctl.lti.rounding import ALIKE
 from boomctl.printing import listed
 from boomctl.progress import computing
 from boomctl.simulation.controller import sampled_controller
@@ -41,7 +42,6 @@ _JUDGED = 1.5  # slowest periods after the end in which a vibration is looked fo
 _RESERVE = 1.5  # largest torque over that of the planning, unless it is said: a slew of least time leaves none
 _DISTURBED = 0.1  # share of the largest torque by which an observer takes it to be disturbed (a choice)
 _REST = 1e-12  # largest entry of a state that is at rest: rounding of coordinates changed to and fro
-_ROUNDING = 1e-9  # share of a torque by which the plan may exceed the limit (a choice)
 _LEAST_WEIGHT = 1e-9  # of errors beside the torque, and one over the largest: beyond, digits are lost (a choice)
 _MOST_SAMPLES = 1e5  # of a slew: each has a matrix of its own (a choice)
 _MOST_RUNS = 100_000  # of a study: more do not fit into the memory (a choice)
@@ -425,7 +425,7 @@ def tracked_slew(
     step = history.duration / count
     after = int(np.ceil(rest / step))
     limit = positive("torque_limit", _RESERVE * planned_limit if torque_limit is None else torque_limit)
-    if limit < history.peak * (1.0 - _ROUNDING):
+    if limit < history.peak * (1.0 - ALIKE):  # share of a torque by which the plan may exceed the limit
         raise ValueError(
             f"torque_limit = {limit:g}: expected at least {history.peak:g} N m, the largest torque of the plan"
         )

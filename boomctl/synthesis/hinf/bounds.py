@@ -31,7 +31,9 @@ _STEPS = 60  # levels looked at: every third halves the span, and 20 halvings ta
 _SLOWEST = 1e-9  # share of the fastest pole below which the frequency bound is not looked for: no peak lies there
 _NOTHING = 1e-8  # share of the plant's own size below which a level counts as zero
 _ABOVE = 1e-3  # how far above the radius of a level that only the coupling refuses another one can be reached
-REFUTED = 1e-6  # a verified norm below a bound by more than this share refutes it: norms are certified to as much
+REFUTED = (
+    1e-6  # a verified norm below a bound by more than this share refutes it: a tenth of what norms are certified to
+)
 
 
 @dataclass(frozen=True)

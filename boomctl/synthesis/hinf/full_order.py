@@ -15,13 +15,13 @@ import numpy as np
 from scipy import linalg
 
 from boomctl.arrays import Array
+from boomctl.lti.rounding import ALIKE
 from boomctl.lti.system import Lti
 from boomctl.synthesis.assumptions import SynthesisError
 from boomctl.synthesis.hinf.bounds import Deadline, lowest_level
 from boomctl.synthesis.hinf.normal_form import normalised
 from boomctl.synthesis.plants.partition import GeneralizedPlant
 
-_RANK = 1e-9  # share of the largest singular value below which a row of D21 counts as none (a choice)
 _TOLERANCE = 1e-4  # to which the lowest level is found (a choice)
 _SHIFTS = (0.0, 1e-6, 1e-4)  # to the right, over the fastest pole: what is lost is of this order (a choice)
 _FAILED = (SynthesisError, np.linalg.LinAlgError, ValueError)  # how numbers that the equations cannot take end
@@ -91,7 +91,8 @@ def _noisy(plant: GeneralizedPlant) -> tuple[GeneralizedPlant, str]:
     """Return a plant whose ``D21`` has full row rank, on which a controller can do no less, and how it came about."""
     A, B1, C, D = plant.A, plant.B1, plant.C2, plant.D21
     rate = _fastest(A)
-    floor = _RANK * max(np.linalg.norm(D), np.linalg.norm(C) * np.linalg.norm(B1) / rate)
+    # share of the largest singular value below which a row of D21 counts as none
+    floor = ALIKE * max(np.linalg.norm(D), np.linalg.norm(C) * np.linalg.norm(B1) / rate)
     for turn in range(len(A) + 1):
         left, values, _ = np.linalg.svd(D)
         bare = np.concatenate([values, np.zeros(len(D) - len(values))]) <= floor

@@ -10,7 +10,7 @@ from boomctl.arrays import Array
 from boomctl.lti.bilinear import continuous_image, discrete_image
 from boomctl.lti.block_diagonal import block_diagonal
 from boomctl.lti.modal import resolved
-from boomctl.lti.rounding import EPS, TINY
+from boomctl.lti.rounding import EPS, ROOT, TINY
 from boomctl.lti.system import Lti, append, controller_of, of
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.symmetry import Mirror
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     import control
 
 _FAINT = 1e-7, 1e-9, 1e-11  # shares of a state's size that are rounding, tried in turn until nothing is lost (choices)
-_NO_GAIN = 1e-7  # share of the largest gain that is none: half of all digits
 _LOST = 1e-6  # share of a half's gain, at any frequency looked at, that it may differ by from the controller (a choice)
 _FELT = 100.0  # units of rounding of the norm of A by which its poles may be off, with room (a choice)
 _UNITS = 1e3  # of rounding of a product, below which an entry tells nothing (a choice)
@@ -142,7 +141,8 @@ def split_controller(
         halves = _controllers_of_halves(K, sides, faint)
         for k, half in enumerate(halves):
             found, whole = half.response(grid, quiet=True).transpose(2, 0, 1) / units[k], parts[k, k]
-            gain = np.maximum(np.abs(whole).max(axis=(1, 2), initial=0.0), _NO_GAIN * size)
+            # share of the largest gain that is none: half of all digits
+            gain = np.maximum(np.abs(whole).max(axis=(1, 2), initial=0.0), ROOT * size)
             share = np.abs(found - whole).max(axis=(1, 2), initial=0.0) / np.where(gain > 0.0, gain, 1.0)
             lost[k] = np.maximum(share - moved, 0.0)
         if lost.max() <= _LOST:

@@ -18,11 +18,11 @@ from boomctl.lab.benchmark.peers import boom_loop as of_boom
 from boomctl.lab.benchmark.peers.hub_beam import machine
 from boomctl.lab.benchmark.promise import Who, exact, times_as_fast
 from boomctl.lab.benchmark.scene import Extent, Scene, Setting, asked
+from boomctl.lti.rounding import SUMMED
 from boomctl.rotating_beam.assumed_modes import AssumedModesBeam
 
 _STEP = 1e-3  # s, of the samples
 _TRUE = 1e-12  # tolerance of the references that are integrated
-_SAME = 1e-12  # error below which none is told from another: rounding, of the references too
 _MODES, _TIP_MASS = 5, 0.1  # of SFOAM; kg
 
 _SPAN: dict[Extent, float] = {"quick": 0.25, "whole": 1.0}
@@ -68,7 +68,8 @@ def _judge(sampled: Callable[[], Array], continuous: Callable[[], Array]) -> Cal
     def error(answer: Answer) -> float:
         which, found = answer
         true = references[which]()
-        return max(float(np.abs(found - true).max() / np.abs(true).max()), _SAME)
+        # error below which none is told from another: rounding, of the references too
+        return max(float(np.abs(found - true).max() / np.abs(true).max()), SUMMED)
 
     return error
 
@@ -149,7 +150,7 @@ def beam_loop(extent: Extent) -> Scene:
         question=f"From the beam's parameters to the tip's displacement; SFOAM, {_MODES} modes, {_TIP_MASS:g} kg at the tip,"
         " proportional-derivative feedback of the hub's angle.",
         measure="Largest error of the displacement over the largest displacement, against extrapolation of order 16 from"
-        f" sample to sample, or DOP853 to {_TRUE:.0e} (continuous controller); errors below {_SAME:.0e} count as that.",
+        f" sample to sample, or DOP853 to {_TRUE:.0e} (continuous controller); errors below {SUMMED:.0e} count as that.",
         settings=settings,
         error=_judge(
             lambda: of_beam.sampled_reference(beam, time), lambda: of_beam.responded(beam, time, "DOP853", _TRUE)

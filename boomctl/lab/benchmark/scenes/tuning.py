@@ -16,6 +16,7 @@ from boomctl.analysis.model_norm import hinf_norm
 from boomctl.lab.benchmark.promise import Promise, Who, number, seconds
 from boomctl.lab.benchmark.references.plants import plant, plant_names
 from boomctl.lab.benchmark.scene import Extent, Scene, Setting
+from boomctl.lti.rounding import LEVEL
 from boomctl.synthesis.hinf.bounds import Deadline
 from boomctl.synthesis.hinf.full_order import full_order_bound
 from boomctl.synthesis.plants.partition import close_loop, partition
@@ -29,7 +30,6 @@ _MEASURED_STATES = 12  # states of the plants that are measured where not all ar
 _QUICK = ("HE1", "REA2")  # plants of a quick run
 _PATIENCE = 600.0  # given to one tuning [s]
 _BOUND_PATIENCE = 60.0  # given to a bound of all orders [s]
-_AGREE = 1e-6  # share by which a norm computed anew may exceed what the result says: norms are certified to as much
 _NORM, _BOUND, _CERTIFIED = "norm", "norm over the bound of all orders", "stable, its norm certified anew"
 
 # designs: largest certified peak, proved worst peak, deposit CV and force [N] asked for
@@ -160,7 +160,8 @@ def _promises(goal: Goal, starts: int) -> list[Promise]:
     found = [
         number(who, _CERTIFIED, 1.0, least=True),
         number(who, _NORM, goal.limit),
-        number(who, _BOUND, 1.0 - _AGREE, least=True),
+        # share by which a norm computed anew may exceed what the result says: a tenth of what norms are certified to
+        number(who, _BOUND, 1.0 - LEVEL, least=True),
     ]
     return [*found, *([] if allowed is None else [seconds(who, starts * allowed)])]
 
@@ -174,7 +175,7 @@ def tuned(goal: Goal, starts: int, change: float = 0.0) -> Tuned:
     loop = close_loop(p.P, design.controller)
     norm = hinf_norm(loop)
     stable = bool(loop.poles().real.max(initial=-inf) < 0.0)
-    certified = stable and norm.certified and norm.lower <= design.gamma * (1.0 + _AGREE)
+    certified = stable and norm.certified and norm.lower <= design.gamma * (1.0 + LEVEL)
     return Tuned(goal, norm.upper, certified, _bound(goal.plant))
 
 
