@@ -1,11 +1,12 @@
 """Which modes a record has: begun by a common denominator, completed from residuals, and none without evidence."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.identification.common_poles import CommonPoles, fitted, fixed_poles
-from boomctl.identification.missed import missed, needed
-from boomctl.identification.spectra import Spectra
+from boomctl.identification.spectra import Spectra, complex_of
 from boomctl.identification.start import Track, poles_by_order, tracks
 from boomctl.lti.rounding import ALIKE
 
@@ -15,6 +16,12 @@ _STEADY = 0.5  # of the orders at which a pole stands that the fit begins with (
 _LEAST_SHARE = (
     3e-5  # of the response, half a percent of its size: less is taken for what the model does not explain (a choice)
 )
+_REACH = 6.0  # decay rates to either side of a resonance within which it is looked at (a choice)
+_FEWEST = 12  # lines to either side at least: residues, background and errors are then told apart (a choice)
+_MOST = 64  # lines to either side at most: of wider windows every second line and so on is left out (a choice)
+_RATES = 7  # rates of decay, each twice the one before, from half the resolution on (a choice)
+_BESIDE = 0.1  # of the largest evidence: less may be what is left of it, and is looked at once more (a choice)
+_CHANCE = 1e-3  # chance that a record of noise alone has one mode in it (a choice)
 
 
 def searched(data: Spectra, low: float, high: float, orders: tuple[int, ...]) -> tuple[CommonPoles, tuple[Track, ...]]:
@@ -64,3 +71,53 @@ def _with_evidence(fit: CommonPoles) -> CommonPoles:
         weakest = lacking[np.argsort(evidence[lacking])][: -(-len(lacking) // 2)]
         fit = fitted(_with(fit, np.delete(fit.poles, weakest)), _ROUGH)
     return fit
+
+
+def needed(fit: CommonPoles) -> float:
+    """Return the evidence that a mode needs: more than noise gives anywhere in the record (Laurent & Massart 2000)."""
+    m, p = fit.data.U.shape[1], fit.data.Y.shape[1]
+    freedom, rare = 2 * m * p + 2, np.log(len(fit.data.s) / _CHANCE)
+    return float(freedom + 2.0 * np.sqrt(freedom * rare) + 2.0 * rare)
+
+
+def missed(fit: CommonPoles) -> Array:
+    """Return poles that residuals show [rad/s], each the best one of its neighbourhood."""
+    data = replace(fit.data, Y=complex_of(fit.residuals) / np.sqrt(fit.errors))
+    least = needed(fit)
+    found: list[tuple[float, complex]] = []
+    for k in range(_RATES):
+        gains, poles = _tried(data, 0.5 * 2.0**k)
+        found += [(gain, pole) for gain, pole in zip(gains, poles, strict=True) if gain > least]
+    kept: list[complex] = []
+    found.sort(key=lambda each: -each[0])
+    for gain, pole in found:
+        if gain > _BESIDE * found[0][0] and all(
+            abs(pole.imag - other.imag) > -3.0 * (pole.real + other.real) for other in kept
+        ):
+            kept.append(pole)
+    return np.array(kept, complex)
+
+
+def _tried(data: Spectra, rate: float) -> tuple[Array, Array]:
+    """Return what poles of a rate of decay, in lines, explain at each frequency, and the poles."""
+    gains: dict[float, float] = {}
+    for k in range(len(data.lines)):
+        rows = np.flatnonzero(data.record == k)
+        omega, U, E = data.s[rows].imag, data.U[rows], data.Y[rows]
+        half = max(round(_REACH * rate), _FEWEST)
+        thin = -(-half // _MOST)
+        side = thin * np.arange(-(half // thin), half // thin + 1)
+        centres = np.arange(half, len(omega) - half, max(round(rate), 1))
+        if not len(centres):
+            continue
+        at = centres[:, None] + side
+        s = 1j * (omega[at] - omega[centres][:, None]) / data.resolution
+        ground = np.concatenate([U[at], s[..., None] * U[at] / half, np.ones((*at.shape, 1))], axis=2)
+        mode = U[at] / (s + rate)[..., None]
+        basis = np.linalg.qr(ground)[0]
+        mode = mode - basis @ (basis.conj().swapaxes(1, 2) @ mode)
+        rest = np.linalg.qr(mode)[0]
+        within = np.square(np.abs(rest.conj().swapaxes(1, 2) @ E[at])).sum(axis=(1, 2))
+        for centre, gain in zip(omega[centres], within, strict=True):
+            gains[float(centre)] = gains.get(float(centre), 0.0) + float(gain)
+    return np.array(list(gains.values())), -rate * data.resolution + 1j * np.array(list(gains))

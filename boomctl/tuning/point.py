@@ -15,9 +15,8 @@ import numpy as np
 from scipy import linalg
 
 from boomctl.arrays import Array
-from boomctl.tuning.paths import Passage, Paths
 from boomctl.tuning.problem import Closed, Problem, ScaledPlant, close
-from boomctl.tuning.responses import BELOW, Response, coarse, grid, peaks, same_place
+from boomctl.tuning.responses import BELOW, Passage, Paths, Response, coarse, grid, peaks, same_place
 
 WINDOW = 0.1  # share below the highest within which peaks are looked at (a choice)
 _STEP = 1e-3  # of differences, in halves of a parameter's range: rounding and what is left out are 1e-12 then (derived)

@@ -13,8 +13,7 @@ import boomctl as bc
 from boomctl.slew.dynamics import rates
 from boomctl.slew.least_time.arc_count import arcs_behind, counted
 from boomctl.slew.least_time.arcs import end_map
-from boomctl.slew.least_time.newton import least_time_arcs
-from boomctl.slew.least_time.reductions import doubled, first_half, halved, without_axial_modes
+from boomctl.slew.least_time.newton import doubled, first_half, halved, least_time_arcs, without_axial_modes
 from boomctl.slew.least_time.switching import least_time
 from boomctl.slew.plant import plant_of
 from boomctl.slew.problem import Limits, slew_problem

@@ -9,10 +9,9 @@ import boomctl as bc
 from boomctl.synthesis.plants.channels import places
 from boomctl.synthesis.plants.partition import partition
 from boomctl.tuning.hessian import peak_hessian
-from boomctl.tuning.paths import Paths
 from boomctl.tuning.point import Point
 from boomctl.tuning.problem import Closed, Problem, ScaledPlant, ports_of
-from boomctl.tuning.responses import Response, grid, peaks
+from boomctl.tuning.responses import Paths, Response, grid, peaks
 from boomctl.tuning.solver.quadratic import least
 from tests.profiles import examples
 from tests.tuning.test_tune import swing
