@@ -33,7 +33,7 @@ from boomctl.progress import computing, tell
 from boomctl.slew.budget import Budget, OutOfTime, SlewProgress, listening
 from boomctl.slew.least_time.arc_count import arcs_behind
 from boomctl.slew.least_time.newton import least_time_arcs
-from boomctl.slew.least_time.switching import Extremal, least_time, linear_time_problem, time_gap
+from boomctl.slew.least_time.switching import Extremal, least_time, time_gap
 from boomctl.slew.linear import effort_gap, least_effort
 from boomctl.slew.nlp.programme import Programme, Solution
 from boomctl.slew.nlp.refinement import MESH_GAP, MESHES, refined, solved_again
@@ -258,7 +258,7 @@ def _planned(problem: SlewProblem) -> SlewResult:
     path, found = () if least is None else least.path, None
     if problem.fastest and least is not None:
         if problem.linear:  # it is the answer: what is left to find is its distance from the bound
-            gap = time_gap(linear_time_problem(problem), least)
+            gap = time_gap(problem, least)
             optimality = "proved" if problem.waits and gap < 1.0 else "extremal"
             return _certified(problem, _Candidate(least.history, "switching times", gap, optimality, path=path))
         found, ran = _arc_durations(problem, least.history)

@@ -139,12 +139,12 @@ class SlewProblem:
         """Whether all plants are linear."""
         return all(plant.linear for plant in self.plants)
 
-    @property
+    @cached_property
     def A(self) -> Array:
         """Linear part of all plants."""
         return block_diag(*[plant.A for plant in self.plants])
 
-    @property
+    @cached_property
     def B(self) -> Array:
         """What the torque pushes."""
         return np.concatenate([plant.B for plant in self.plants])

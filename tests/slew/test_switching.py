@@ -30,9 +30,9 @@ def test_reweighted_least_squares_and_linear_programmes_lead_to_one_torque(modes
 def test_too_few_switches_are_not_taken_for_converged():
     """Solved in least squares, Newton's steps end there too, but the end state is missed."""
     asked = problem(3, 0.0, -2.0, 400.0)
-    linear, right = switching.linear_time_problem(asked), switching.least_time(asked)
+    right = switching.least_time(asked)
     fewer = switching.replace(right, switches=np.delete(right.switches, [3, 4]))
-    assert switching._newton(linear, switching._fitted(linear, fewer)) is None
+    assert switching._newton(asked, switching._fitted(asked, fewer)) is None
 
 
 @pytest.mark.parametrize("count", [1, 2, 7, 64, 201])
@@ -49,7 +49,7 @@ def test_what_is_carried_by_doubling_is_what_is_carried_step_by_step(count):
 
 def test_even_instants_have_the_switching_function_of_any():
     asked = problem(2)
-    linear, found = switching.linear_time_problem(asked), switching.least_time(asked)
+    found = switching.least_time(asked)
     t = np.linspace(0.0, found.duration, 33)
-    one_by_one = [float(switching.switching_function(linear, found, t[[k]])[0]) for k in range(t.size)]
-    assert switching.switching_function(linear, found, t) == pytest.approx(one_by_one, rel=1e-9, abs=1e-12)
+    one_by_one = [float(switching.switching_function(asked, found, t[[k]])[0]) for k in range(t.size)]
+    assert switching.switching_function(asked, found, t) == pytest.approx(one_by_one, rel=1e-9, abs=1e-12)

@@ -1,5 +1,7 @@
 """Minimum time of a linear system under a torque limit: exact switching times, and the proof that they are optimal.
 
+Of a problem the linear part counts alone, and of its limits that of the torque.
+
 The problem is convex and normal, so Pontryagin's principle is sufficient: a torque ``u = limit sign(p)``, with the
 switching function ``p(t) = costate^T exp(A (T - t)) B``, that reaches the end state takes the least time. A linear
 programme on a grid shows how often p changes its sign; Newton's method on the end conditions, ``p(t_i) = 0`` and
@@ -7,14 +9,13 @@ programme on a grid shows how often p changes its sign; Newton's method on the e
 """
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import brentq, linprog
 
 from boomctl.arrays import Array
 from boomctl.lti.rounding import SUMMED
-from boomctl.slew.budget import Budget
 from boomctl.slew.linear import LinearFlow, flow
 from boomctl.slew.problem import AT_LIMIT, SlewProblem
 from boomctl.slew.result import SlewError
@@ -44,31 +45,6 @@ _PARTS = 2000  # of the duration, in which the integral of |p| is summed: |p| is
 
 class SwitchesNotFound(SlewError):
     """A torque leads to the end, but the switching times of the fastest were not found."""
-
-
-@dataclass(frozen=True, eq=False)
-class LinearTimeProblem:
-    """From z = start to ``ends z(T) = target`` in least time.
-
-    Attributes
-    ----------
-    flow : LinearFlow
-    start : ndarray, n
-    ends : ndarray, m x n
-        Rows of the end state that are prescribed, independent.
-    target : ndarray, m
-    limit : float
-        Of the torque, N m.
-    budget : Budget
-        How long the switching times may be sought.
-    """
-
-    flow: LinearFlow
-    start: Array
-    ends: Array
-    target: Array
-    limit: float
-    budget: Budget = field(default_factory=Budget)
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,12 +83,6 @@ class Extremal:
         return bang_bang(self.switches, self.duration, self.limit, self.sign)
 
 
-def linear_time_problem(problem: SlewProblem) -> LinearTimeProblem:
-    """Minimum time of the linear part under the torque's limit alone."""
-    target = problem.ends @ problem.target
-    return LinearTimeProblem(flow(problem), problem.start, problem.ends, target, problem.limits.torque, problem.budget)
-
-
 def least_time(problem: SlewProblem) -> Extremal:
     """Minimum-time slew of the linear part: where nonlinear plants start, and for linear ones the answer itself.
 
@@ -121,33 +91,34 @@ def least_time(problem: SlewProblem) -> Extremal:
     SlewError
         If no torque within the limit leads to the end, or the switching times are not found.
     """
-    linear, guess = linear_time_problem(problem), problem.rigid_time
+    limits, guess = problem.limits, problem.rigid_time
     try:
-        return _fastest(linear, guess)
+        return _fastest(problem, guess)
     except SwitchesNotFound as failure:
         # where an arc is about to appear, no grid shows how many there are; a torque limit beside the given one may
         for factor in _BESIDE:
             try:
-                near = replace(_fastest(replace(linear, limit=factor * linear.limit), guess), limit=linear.limit)
+                beside = replace(problem, limits=replace(limits, torque=factor * limits.torque))
+                near = replace(_fastest(beside, guess), limit=limits.torque)
             except SlewError:
                 continue
-            found = _merged(linear, _newton(linear, _fitted(linear, near)))
-            if found is not None and misfit(linear, found) < _AGREE:
+            found = _merged(problem, _newton(problem, _fitted(problem, near)))
+            if found is not None and misfit(problem, found) < _AGREE:
                 return replace(found, path=(*found.path, f"started from {factor:g} of the torque limit"))
         raise failure
 
 
-def time_gap(problem: LinearTimeProblem, found: Extremal) -> float:
+def time_gap(problem: SlewProblem, found: Extremal) -> float:
     """Time that might still be gained, relative: by weak duality, and where the torque has the wrong sign; at most all."""
     return min(1.0, max(1.0 - lower_bound(problem, found) / found.duration, misfit(problem, found)))
 
 
-def _fastest(problem: LinearTimeProblem, guess: float) -> Extremal:
+def _fastest(problem: SlewProblem, guess: float) -> Extremal:
     """The least time from a guess of it [s]."""
     likely = _likely(problem, guess)
     if likely is not None:
         return likely
-    best, vibration = None, _fastest_vibration(problem.flow)
+    best, vibration = None, _fastest_vibration(flow(problem))
     for intervals in _GRIDS:
         turn = vibration * guess / intervals
         if turn > _BLIND and intervals != _GRIDS[-1]:
@@ -169,7 +140,7 @@ def _fastest(problem: LinearTimeProblem, guess: float) -> Extremal:
     raise SwitchesNotFound(f"minimum time: the switching times could not be found; {missing}")
 
 
-def _likely(problem: LinearTimeProblem, guess: float) -> Extremal | None:
+def _likely(problem: SlewProblem, guess: float) -> Extremal | None:
     """The extremal that reweighted least squares on a grid lead to, where they do: ten times as fast as programmes.
 
     The least peak of the torque for a given time is the largest ``d^T y`` with ``sum |G^T y| <= 1``; so few unknowns y, one
@@ -220,33 +191,33 @@ def _least_sum(G: Array, d: Array) -> Array | None:
     return y
 
 
-def _fastest_vibration(flow: LinearFlow) -> float:
+def _fastest_vibration(linear: LinearFlow) -> float:
     """Frequency of the fastest vibration that the torque moves, rad/s."""
-    values, left = np.linalg.eig(flow.A.T)
-    felt = np.abs(left.T @ flow.B) > 1e-12 * np.linalg.norm(left, axis=0) * np.linalg.norm(flow.B)
+    values, left = np.linalg.eig(linear.A.T)
+    felt = np.abs(left.T @ linear.B) > 1e-12 * np.linalg.norm(left, axis=0) * np.linalg.norm(linear.B)
     return float(np.abs(np.imag(values[felt])).max(initial=0.0))
 
 
-def switching_function(problem: LinearTimeProblem, found: Extremal, t: Array) -> Array:
+def switching_function(problem: SlewProblem, found: Extremal, t: Array) -> Array:
     """``p(t) = costate^T exp(A (T - t)) B`` at instants t [s], 1/(N m s); the torque follows its sign."""
     gaps = np.diff(t)
     # share of the duration by which instants may be unevenly spaced: rounding
     if t.size > 1 and gaps[0] > 0.0 and np.ptp(gaps) <= SUMMED * found.duration:
-        last = problem.flow.step(found.duration - float(t[-1]))[0] @ problem.flow.B
-        return (found.costate @ problem.flow.carried(last, float(t[-1] - t[0]) / (t.size - 1), t.size))[::-1]
+        last = flow(problem).step(found.duration - float(t[-1]))[0] @ flow(problem).B
+        return (found.costate @ flow(problem).carried(last, float(t[-1] - t[0]) / (t.size - 1), t.size))[::-1]
     order = np.argsort(-t)
     row, before, values = found.costate, found.duration, np.empty(t.size)
     steps: dict[float, Array] = {}
     for k in order:
         gap = float(f"{before - t[k]:.13g}")
         if gap not in steps:
-            steps[gap] = problem.flow.step(gap)[0]
+            steps[gap] = flow(problem).step(gap)[0]
         row, before = row @ steps[gap], t[k]
-        values[k] = row @ problem.flow.B
+        values[k] = row @ flow(problem).B
     return values
 
 
-def lower_bound(problem: LinearTimeProblem, found: Extremal) -> float:
+def lower_bound(problem: SlewProblem, found: Extremal) -> float:
     """A time that no torque within the limit can beat, s, by weak duality.
 
     With ``c`` the costate, any torque that leads from start to target in the time T has
@@ -257,15 +228,15 @@ def lower_bound(problem: LinearTimeProblem, found: Extremal) -> float:
     row, most = found.costate, 0.0
     for arc in np.diff(np.concatenate([[0.0], found.switches, [found.duration]]))[::-1]:
         parts = math.ceil(_PARTS * arc / found.duration)
-        Phi, push = problem.flow.step(arc / parts)
-        most += problem.limit * float(np.abs(row @ problem.flow.carried(push, arc / parts, parts)).sum())
+        Phi, push = flow(problem).step(arc / parts)
+        most += problem.limits.torque * float(np.abs(row @ flow(problem).carried(push, arc / parts, parts)).sum())
         row = row @ np.linalg.matrix_power(Phi, parts)
     weights = np.linalg.lstsq(problem.ends.T, found.costate, rcond=None)[0]
-    needed = float(weights @ problem.target - row @ problem.start)
+    needed = float(weights @ problem.ends @ problem.target - row @ problem.start)
     return found.duration - abs(needed - most)
 
 
-def _grid_solution(problem: LinearTimeProblem, guess: float, intervals: int) -> tuple[float, Array, Array]:
+def _grid_solution(problem: SlewProblem, guess: float, intervals: int) -> tuple[float, Array, Array]:
     """Least time [s] of torques held on equal intervals, the torque over its limit, and the costate."""
 
     def excess(logarithm: float) -> float:
@@ -289,11 +260,11 @@ def _grid_solution(problem: LinearTimeProblem, guess: float, intervals: int) -> 
     return duration, values, costate
 
 
-def _grid_system(problem: LinearTimeProblem, duration: float, intervals: int) -> tuple[Array, Array, Array] | None:
+def _grid_system(problem: SlewProblem, duration: float, intervals: int) -> tuple[Array, Array, Array] | None:
     """``G u = d`` of torques over their limit on equal intervals, rows of size one, and their size; None if it overflows."""
-    G = problem.ends @ problem.flow.responses(duration, intervals) * problem.limit
-    Phi = problem.flow.step(duration)[0]
-    d = problem.target - problem.ends @ (Phi @ problem.start)
+    G = problem.ends @ flow(problem).responses(duration, intervals) * problem.limits.torque
+    Phi = flow(problem).step(duration)[0]
+    d = problem.ends @ (problem.target - Phi @ problem.start)
     scale = np.linalg.norm(G, axis=1)
     if not np.any(d):
         raise SlewError("angle: the plant is at its end state already; expected a slew that leads somewhere")
@@ -302,7 +273,7 @@ def _grid_system(problem: LinearTimeProblem, duration: float, intervals: int) ->
     return G / scale[:, None], d / scale, scale
 
 
-def _least_peak(problem: LinearTimeProblem, duration: float, intervals: int) -> tuple[float, Array, Array]:
+def _least_peak(problem: SlewProblem, duration: float, intervals: int) -> tuple[float, Array, Array]:
     """Least peak of the torque over its limit, the torque over its limit, and the costate, for a given time."""
     problem.budget.spend(f"switching times of the linear part on {intervals} intervals")
     system = _grid_system(problem, duration, intervals)
@@ -327,11 +298,11 @@ def _least_peak(problem: LinearTimeProblem, duration: float, intervals: int) -> 
     return 1.0 / float(answer.x[-1]), answer.x[:-1], costate
 
 
-def _from_costate(problem: LinearTimeProblem, duration: float, values: Array, costate: Array) -> Extremal | None:
+def _from_costate(problem: SlewProblem, duration: float, values: Array, costate: Array) -> Extremal | None:
     """Switches where the grid's costate has its switching function change sign."""
     if values[np.abs(values) > _DECIDED].size == 0:
         return None
-    rough = Extremal(np.zeros(0), duration, 1.0, problem.limit, costate, np.inf)
+    rough = Extremal(np.zeros(0), duration, 1.0, problem.limits.torque, costate, np.inf)
     t = np.linspace(0.0, duration, 2 * values.size + 1)
     p = switching_function(problem, rough, t)
     sign = np.sign(values[np.abs(values) > _DECIDED][0])
@@ -347,7 +318,7 @@ def _from_costate(problem: LinearTimeProblem, duration: float, values: Array, co
     return replace(rough, costate=costate / hamiltonian)
 
 
-def _from_values(problem: LinearTimeProblem, duration: float, values: Array, costate: Array) -> Extremal | None:
+def _from_values(problem: SlewProblem, duration: float, values: Array, costate: Array) -> Extremal | None:
     """Switches where the grid's torque changes sign, placed so that they have its mean."""
     h = duration / values.size
     switches, sign = [], 0.0
@@ -359,14 +330,14 @@ def _from_values(problem: LinearTimeProblem, duration: float, values: Array, cos
         elif k and abs(values[k - 1]) >= AT_LIMIT and value * values[k - 1] < 0.0:
             switches.append(k * h)
         sign = sign or float(np.sign(value) if abs(value) > AT_LIMIT else 0.0)
-    rough = Extremal(np.array(switches), duration, sign or 1.0, problem.limit, costate, np.inf)
+    rough = Extremal(np.array(switches), duration, sign or 1.0, problem.limits.torque, costate, np.inf)
     return _fitted(problem, rough)
 
 
-def _fitted(problem: LinearTimeProblem, rough: Extremal) -> Extremal:
+def _fitted(problem: SlewProblem, rough: Extremal) -> Extremal:
     """The costate whose switching function vanishes at the switches, its Hamiltonian 1; the grid's may not be unique."""
     _, rate = _end(problem, rough)
-    later = [problem.flow.step(rough.duration - float(t))[0] @ problem.flow.B for t in rough.switches]
+    later = [flow(problem).step(rough.duration - float(t))[0] @ flow(problem).B for t in rough.switches]
     lines = np.array([*later, rate]) @ problem.ends.T
     weights = _least_squares(lines, np.append(np.zeros(rough.switches.size), 1.0), 1e-12)
     return replace(rough, costate=weights @ problem.ends)
@@ -379,18 +350,18 @@ def _least_squares(matrix: Array, right: Array, rcond: float) -> Array:
     return np.linalg.lstsq(matrix / columns / lines[:, None], right / lines, rcond=rcond)[0] / columns
 
 
-def _end(problem: LinearTimeProblem, found: Extremal) -> tuple[Array, Array]:
+def _end(problem: SlewProblem, found: Extremal) -> tuple[Array, Array]:
     """End state and its rate."""
     edges = np.concatenate([[0.0], found.switches, [found.duration]])
-    z, value = problem.start, found.sign * problem.limit
+    z, value = problem.start, found.sign * problem.limits.torque
     for k, h in enumerate(np.diff(edges)):
-        Phi, push = problem.flow.step(float(h))
+        Phi, push = flow(problem).step(float(h))
         z = Phi @ z + push * value * (-1.0) ** k
     last = value * (-1.0) ** found.switches.size
-    return z, problem.flow.A @ z + problem.flow.B * last
+    return z, flow(problem).A @ z + flow(problem).B * last
 
 
-def _merged(problem: LinearTimeProblem, found: Extremal | None) -> Extremal | None:
+def _merged(problem: SlewProblem, found: Extremal | None) -> Extremal | None:
     """Leave out pairs of switches that coincide, and solve for the rest again."""
     while found is not None and found.switches.size > 1:
         gaps = np.diff(found.switches)
@@ -401,7 +372,7 @@ def _merged(problem: LinearTimeProblem, found: Extremal | None) -> Extremal | No
     return found
 
 
-def _newton(problem: LinearTimeProblem, first: Extremal) -> Extremal | None:
+def _newton(problem: SlewProblem, first: Extremal) -> Extremal | None:
     """Newton's method on all of Pontryagin's conditions; None if the switches cross or it does not converge.
 
     With too few switches its steps, solved for in least squares, may end where the end conditions are not met: None too.
@@ -409,7 +380,7 @@ def _newton(problem: LinearTimeProblem, first: Extremal) -> Extremal | None:
     found, ends = first, problem.ends
     weights = np.linalg.lstsq(ends.T, first.costate, rcond=None)[0]
     best, size, missed = None, np.inf, np.inf
-    reached = max(float(np.abs(problem.target).max()), float(np.abs(ends @ problem.start).max()))
+    reached = max(float(np.abs(ends @ problem.target).max()), float(np.abs(ends @ problem.start).max()))
     for _ in range(_NEWTON):
         problem.budget.spend(f"{found.switches.size} switching times of the linear part", found.duration)
         residual, slope = _conditions(problem, found, weights)
@@ -434,19 +405,19 @@ def _newton(problem: LinearTimeProblem, first: Extremal) -> Extremal | None:
     return best if size < _CONVERGED and missed < _MISSED else None
 
 
-def _conditions(problem: LinearTimeProblem, found: Extremal, weights: Array) -> tuple[Array, Array]:
+def _conditions(problem: SlewProblem, found: Extremal, weights: Array) -> tuple[Array, Array]:
     """Defects of end conditions, switching function and Hamiltonian, and their derivatives (switches, time, weights)."""
-    A, B, ends = problem.flow.A, problem.flow.B, problem.ends
+    A, B, ends = flow(problem).A, flow(problem).B, problem.ends
     m, k = ends.shape[0], found.switches.size
     z, rate = _end(problem, found)
     moved = np.empty((B.size, k + 1))  # d z(T) / d (switches, T)
     later = np.empty((B.size, k))  # exp(A (T - t_i)) B
     for i, t in enumerate(found.switches):
-        later[:, i] = problem.flow.step(found.duration - float(t))[0] @ B
-        moved[:, i] = later[:, i] * 2.0 * found.sign * problem.limit * (-1.0) ** i
+        later[:, i] = flow(problem).step(found.duration - float(t))[0] @ B
+        moved[:, i] = later[:, i] * 2.0 * found.sign * problem.limits.torque * (-1.0) ** i
     moved[:, k] = rate
     row = weights @ ends
-    residual = np.concatenate([ends @ z - problem.target, row @ later, [row @ rate - 1.0]])
+    residual = np.concatenate([ends @ (z - problem.target), row @ later, [row @ rate - 1.0]])
     slope = np.zeros((m + k + 1, k + 1 + m))
     slope[:m, : k + 1] = ends @ moved
     turn = row @ A @ later
@@ -455,7 +426,7 @@ def _conditions(problem: LinearTimeProblem, found: Extremal, weights: Array) -> 
     return residual, slope
 
 
-def misfit(problem: LinearTimeProblem, found: Extremal) -> float:
+def misfit(problem: SlewProblem, found: Extremal) -> float:
     """Largest size of the switching function where the torque has the other sign, over its largest size."""
     t = (np.arange(_SAMPLES) + 0.5) * found.duration / _SAMPLES
     p = switching_function(problem, found, t)
