@@ -30,19 +30,31 @@ PACKAGES = [".".join(stub.parent.relative_to(PACKAGE.parent).parts) for stub in 
 def test_a_stub_exports_all_names_that_the_package_loads_from_where_they_are_defined(stub):
     package = import_module(".".join(stub.parent.relative_to(PACKAGE.parent).parts))
     tree = ast.parse(stub.read_text())
-    homes = {
-        name.name: node.module
-        for node in tree.body
-        if isinstance(node, ast.ImportFrom) and node.module
-        for name in node.names
-    }
-    (exported,) = [node.value for node in tree.body if isinstance(node, ast.Assign)]
-    assert sorted(ast.literal_eval(exported)) == sorted(package.__all__)
+    imports = [node for node in tree.body if isinstance(node, ast.ImportFrom)]
+    assert all(name.asname == name.name for node in imports for name in node.names)  # else editors take it for private
+    homes = {name.name: node.module for node in imports if node.module for name in node.names}
+    assert {*homes} == {*package.__all__} - {"__version__"}
     for name, home in homes.items():
         value = getattr(package, name)
         assert value is getattr(import_module(home), name)
         assert getattr(value, "__module__", home) == home
     assert set(package.__all__) <= set(dir(package))
+
+
+@pytest.mark.parametrize(
+    ("typed", "completed"),
+    [
+        ("bc.spr", {"spray_boom", "spray_deposit", "spray_by_motion"}),
+        ("bc.slew.compare_sl", {"compare_slews"}),
+        ("bc.spray_boom().eig", {"eigenfrequencies_hz"}),
+        ("bc.sigma(bc.spray_boom()).pe", {"peak", "peak_omega"}),
+    ],
+)
+def test_jedi_completes_public_names_and_what_results_have(typed, completed):
+    """The completion of IPython and of many editors, which reads the stubs as they stand."""
+    jedi = pytest.importorskip("jedi")
+    script = jedi.Script(f"import boomctl as bc\n{typed}", project=jedi.Project(PACKAGE.parent))
+    assert {found.name for found in script.complete()} == completed
 
 
 @pytest.mark.parametrize(

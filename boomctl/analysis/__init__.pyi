@@ -1,74 +1,46 @@
 # The public names and where each is defined: `__init__.py` loads them from there when they are first used.
 
-from boomctl.analysis.box.ramp import RampBound, ramp_bound
-from boomctl.analysis.box.robustness import (
-    RobustStability,
-    StructuredMargin,
-    robust_stability,
-    structured_margin,
-)
-from boomctl.analysis.box.worst_case import WorstCase, worst_case
-from boomctl.analysis.h2 import h2_norm
-from boomctl.analysis.looking.bode import BodeResult, bode
-from boomctl.analysis.looking.comparison import Comparison, compare
-from boomctl.analysis.looking.nyquist import NyquistResult, nyquist
-from boomctl.analysis.looking.pole_zero import PoleZeroResult, pzmap
-from boomctl.analysis.looking.transients import TransientResult, impulse, step
-from boomctl.analysis.loops import closed_loop_response, feedback_loop
-from boomctl.analysis.margins import DiskMargin, LoopMargin, Margins, margins
-from boomctl.analysis.measured import MeasuredCurve, read_measured_curve
-from boomctl.analysis.model_norm import hinf_norm
-from boomctl.analysis.modes import ModeRow, ModeTable, mode_table
-from boomctl.analysis.norm import NormCertificate
-from boomctl.analysis.nyquist import ExactLoopStability, exact_loop_stability
-from boomctl.analysis.prove import prove
-from boomctl.analysis.sampled_loops.sampled_norm import sampled_norm
-from boomctl.analysis.sigma import SigmaComparison, SigmaResult, compare_sigma, sigma
-from boomctl.analysis.state_outputs import with_states
-from boomctl.lti.sampled import sample_plant
-
-__all__ = [
-    "BodeResult",
-    "Comparison",
-    "DiskMargin",
-    "ExactLoopStability",
-    "LoopMargin",
-    "Margins",
-    "MeasuredCurve",
-    "ModeRow",
-    "ModeTable",
-    "NormCertificate",
-    "NyquistResult",
-    "PoleZeroResult",
-    "RampBound",
-    "RobustStability",
-    "SigmaComparison",
-    "SigmaResult",
-    "StructuredMargin",
-    "TransientResult",
-    "WorstCase",
-    "bode",
-    "closed_loop_response",
-    "compare",
-    "compare_sigma",
-    "exact_loop_stability",
-    "feedback_loop",
-    "h2_norm",
-    "hinf_norm",
-    "impulse",
-    "margins",
-    "mode_table",
-    "nyquist",
-    "prove",
-    "pzmap",
-    "ramp_bound",
-    "read_measured_curve",
-    "robust_stability",
-    "sample_plant",
-    "sampled_norm",
-    "sigma",
-    "step",
-    "structured_margin",
-    "with_states",
-    "worst_case",
-]
+from boomctl.analysis.box.ramp import RampBound as RampBound
+from boomctl.analysis.box.ramp import ramp_bound as ramp_bound
+from boomctl.analysis.box.robustness import RobustStability as RobustStability
+from boomctl.analysis.box.robustness import StructuredMargin as StructuredMargin
+from boomctl.analysis.box.robustness import robust_stability as robust_stability
+from boomctl.analysis.box.robustness import structured_margin as structured_margin
+from boomctl.analysis.box.worst_case import WorstCase as WorstCase
+from boomctl.analysis.box.worst_case import worst_case as worst_case
+from boomctl.analysis.h2 import h2_norm as h2_norm
+from boomctl.analysis.looking.bode import BodeResult as BodeResult
+from boomctl.analysis.looking.bode import bode as bode
+from boomctl.analysis.looking.comparison import Comparison as Comparison
+from boomctl.analysis.looking.comparison import compare as compare
+from boomctl.analysis.looking.nyquist import NyquistResult as NyquistResult
+from boomctl.analysis.looking.nyquist import nyquist as nyquist
+from boomctl.analysis.looking.pole_zero import PoleZeroResult as PoleZeroResult
+from boomctl.analysis.looking.pole_zero import pzmap as pzmap
+from boomctl.analysis.looking.transients import TransientResult as TransientResult
+from boomctl.analysis.looking.transients import impulse as impulse
+from boomctl.analysis.looking.transients import step as step
+from boomctl.analysis.loops import closed_loop_response as closed_loop_response
+from boomctl.analysis.loops import feedback_loop as feedback_loop
+from boomctl.analysis.margins import DiskMargin as DiskMargin
+from boomctl.analysis.margins import LoopMargin as LoopMargin
+from boomctl.analysis.margins import Margins as Margins
+from boomctl.analysis.margins import margins as margins
+from boomctl.analysis.measured import MeasuredCurve as MeasuredCurve
+from boomctl.analysis.measured import read_measured_curve as read_measured_curve
+from boomctl.analysis.model_norm import hinf_norm as hinf_norm
+from boomctl.analysis.modes import ModeRow as ModeRow
+from boomctl.analysis.modes import ModeTable as ModeTable
+from boomctl.analysis.modes import mode_table as mode_table
+from boomctl.analysis.norm import NormCertificate as NormCertificate
+from boomctl.analysis.nyquist import ExactLoopStability as ExactLoopStability
+from boomctl.analysis.nyquist import exact_loop_stability as exact_loop_stability
+from boomctl.analysis.prove import Proof as Proof
+from boomctl.analysis.prove import prove as prove
+from boomctl.analysis.sampled_loops.sampled_norm import sampled_norm as sampled_norm
+from boomctl.analysis.sigma import SigmaComparison as SigmaComparison
+from boomctl.analysis.sigma import SigmaResult as SigmaResult
+from boomctl.analysis.sigma import compare_sigma as compare_sigma
+from boomctl.analysis.sigma import sigma as sigma
+from boomctl.analysis.state_outputs import with_states as with_states
+from boomctl.lti.sampled import sample_plant as sample_plant

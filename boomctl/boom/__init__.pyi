@@ -1,41 +1,31 @@
 # The public names and where each is defined: `__init__.py` loads them from there when they are first used.
 
-from boomctl.boom.exact import exact_eigenfrequencies_hz, exact_frequency_response
-from boomctl.boom.factory import spray_boom
-from boomctl.boom.families import boom_family, yaw_family
-from boomctl.boom.motion import PlatformMotion, platform_motion, read_motion, sine_sweep, write_motion
-from boomctl.boom.parameters import BoomParameters
-from boomctl.boom.spray import Footprint, SprayResult, nozzle_positions, split_motion, spray_by_motion, spray_deposit
-from boomctl.boom.track_filter import PlatformDensity, platform_density, track_filter
-from boomctl.boom.tracks import Track, bump_track, iso_track, road_density, track_coherence
-from boomctl.boom.tractor import TractorParameters, tractor_system
+from boomctl.boom.exact import exact_eigenfrequencies_hz as exact_eigenfrequencies_hz
+from boomctl.boom.exact import exact_frequency_response as exact_frequency_response
+from boomctl.boom.factory import spray_boom as spray_boom
+from boomctl.boom.families import boom_family as boom_family
+from boomctl.boom.families import yaw_family as yaw_family
+from boomctl.boom.motion import PlatformMotion as PlatformMotion
+from boomctl.boom.motion import platform_motion as platform_motion
+from boomctl.boom.motion import read_motion as read_motion
+from boomctl.boom.motion import sine_sweep as sine_sweep
+from boomctl.boom.motion import write_motion as write_motion
+from boomctl.boom.parameters import BoomParameters as BoomParameters
+from boomctl.boom.spray import Footprint as Footprint
+from boomctl.boom.spray import SprayResult as SprayResult
+from boomctl.boom.spray import nozzle_positions as nozzle_positions
+from boomctl.boom.spray import split_motion as split_motion
+from boomctl.boom.spray import spray_by_motion as spray_by_motion
+from boomctl.boom.spray import spray_deposit as spray_deposit
+from boomctl.boom.track_filter import PlatformDensity as PlatformDensity
+from boomctl.boom.track_filter import platform_density as platform_density
+from boomctl.boom.track_filter import track_filter as track_filter
+from boomctl.boom.tracks import Track as Track
+from boomctl.boom.tracks import bump_track as bump_track
+from boomctl.boom.tracks import iso_track as iso_track
+from boomctl.boom.tracks import road_density as road_density
+from boomctl.boom.tracks import track_coherence as track_coherence
+from boomctl.boom.tractor import TractorParameters as TractorParameters
+from boomctl.boom.tractor import tractor_system as tractor_system
 
-__all__ = [
-    "BoomParameters",
-    "Footprint",
-    "PlatformDensity",
-    "PlatformMotion",
-    "SprayResult",
-    "Track",
-    "TractorParameters",
-    "boom_family",
-    "bump_track",
-    "exact_eigenfrequencies_hz",
-    "exact_frequency_response",
-    "iso_track",
-    "nozzle_positions",
-    "platform_density",
-    "platform_motion",
-    "read_motion",
-    "road_density",
-    "sine_sweep",
-    "split_motion",
-    "spray_boom",
-    "spray_by_motion",
-    "spray_deposit",
-    "track_coherence",
-    "track_filter",
-    "tractor_system",
-    "write_motion",
-    "yaw_family",
-]
+from . import published as published

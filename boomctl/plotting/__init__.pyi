@@ -1,91 +1,49 @@
 # The public names and where each is defined: `__init__.py` loads them from there when they are first used.
 
-from boomctl.plotting.canvas import figure_bytes, figure_of, new_figure, picture, style
-from boomctl.plotting.design import plot_h_infinity, plot_recovery, plot_reduction, plot_sines, plot_tune
-from boomctl.plotting.looking import (
-    plot_bode,
-    plot_comparison,
-    plot_exact_loop,
-    plot_mode_table,
-    plot_nyquist,
-    plot_pole_zero,
-    plot_transient,
-)
-from boomctl.plotting.loop import plot_forced_response, plot_loop
-from boomctl.plotting.margins import plot_loop_margin, plot_margins
-from boomctl.plotting.mode_shapes import plot_mode_shapes
-from boomctl.plotting.rotating_beam import plot_campbell, plot_simulation
-from boomctl.plotting.sigma import plot_measured, plot_sigma, plot_sigma_comparison
-from boomctl.plotting.slew import (
-    plot_mesh_study,
-    plot_payloads,
-    plot_shaper,
-    plot_slew,
-    plot_slew_comparison,
-    plot_spin_ups,
-    plot_switching,
-    plot_torque,
-    plot_tracking,
-    plot_tracking_study,
-    slew_film,
-)
-from boomctl.plotting.spray import (
-    draw_deposit,
-    draw_motion,
-    draw_track_density,
-    plot_density,
-    plot_deposit,
-    plot_motion,
-    plot_track,
-)
-from boomctl.plotting.studies.spin_up import plot_decay, plot_spin_up_runs
-
-__all__ = [
-    "draw_deposit",
-    "draw_motion",
-    "draw_track_density",
-    "figure_bytes",
-    "figure_of",
-    "new_figure",
-    "picture",
-    "plot_bode",
-    "plot_campbell",
-    "plot_comparison",
-    "plot_decay",
-    "plot_density",
-    "plot_deposit",
-    "plot_exact_loop",
-    "plot_forced_response",
-    "plot_h_infinity",
-    "plot_loop",
-    "plot_loop_margin",
-    "plot_margins",
-    "plot_measured",
-    "plot_mesh_study",
-    "plot_mode_shapes",
-    "plot_mode_table",
-    "plot_motion",
-    "plot_nyquist",
-    "plot_payloads",
-    "plot_pole_zero",
-    "plot_recovery",
-    "plot_reduction",
-    "plot_shaper",
-    "plot_sigma",
-    "plot_sigma_comparison",
-    "plot_simulation",
-    "plot_sines",
-    "plot_slew",
-    "plot_slew_comparison",
-    "plot_spin_up_runs",
-    "plot_spin_ups",
-    "plot_switching",
-    "plot_torque",
-    "plot_track",
-    "plot_tracking",
-    "plot_tracking_study",
-    "plot_transient",
-    "plot_tune",
-    "slew_film",
-    "style",
-]
+from boomctl.plotting.canvas import figure_bytes as figure_bytes
+from boomctl.plotting.canvas import figure_of as figure_of
+from boomctl.plotting.canvas import new_figure as new_figure
+from boomctl.plotting.canvas import picture as picture
+from boomctl.plotting.canvas import style as style
+from boomctl.plotting.design import plot_h_infinity as plot_h_infinity
+from boomctl.plotting.design import plot_recovery as plot_recovery
+from boomctl.plotting.design import plot_reduction as plot_reduction
+from boomctl.plotting.design import plot_sines as plot_sines
+from boomctl.plotting.design import plot_tune as plot_tune
+from boomctl.plotting.looking import plot_bode as plot_bode
+from boomctl.plotting.looking import plot_comparison as plot_comparison
+from boomctl.plotting.looking import plot_exact_loop as plot_exact_loop
+from boomctl.plotting.looking import plot_mode_table as plot_mode_table
+from boomctl.plotting.looking import plot_nyquist as plot_nyquist
+from boomctl.plotting.looking import plot_pole_zero as plot_pole_zero
+from boomctl.plotting.looking import plot_transient as plot_transient
+from boomctl.plotting.loop import plot_forced_response as plot_forced_response
+from boomctl.plotting.loop import plot_loop as plot_loop
+from boomctl.plotting.margins import plot_loop_margin as plot_loop_margin
+from boomctl.plotting.margins import plot_margins as plot_margins
+from boomctl.plotting.mode_shapes import plot_mode_shapes as plot_mode_shapes
+from boomctl.plotting.rotating_beam import plot_campbell as plot_campbell
+from boomctl.plotting.rotating_beam import plot_simulation as plot_simulation
+from boomctl.plotting.sigma import plot_measured as plot_measured
+from boomctl.plotting.sigma import plot_sigma as plot_sigma
+from boomctl.plotting.sigma import plot_sigma_comparison as plot_sigma_comparison
+from boomctl.plotting.slew import plot_mesh_study as plot_mesh_study
+from boomctl.plotting.slew import plot_payloads as plot_payloads
+from boomctl.plotting.slew import plot_shaper as plot_shaper
+from boomctl.plotting.slew import plot_slew as plot_slew
+from boomctl.plotting.slew import plot_slew_comparison as plot_slew_comparison
+from boomctl.plotting.slew import plot_spin_ups as plot_spin_ups
+from boomctl.plotting.slew import plot_switching as plot_switching
+from boomctl.plotting.slew import plot_torque as plot_torque
+from boomctl.plotting.slew import plot_tracking as plot_tracking
+from boomctl.plotting.slew import plot_tracking_study as plot_tracking_study
+from boomctl.plotting.slew import slew_film as slew_film
+from boomctl.plotting.spray import draw_deposit as draw_deposit
+from boomctl.plotting.spray import draw_motion as draw_motion
+from boomctl.plotting.spray import draw_track_density as draw_track_density
+from boomctl.plotting.spray import plot_density as plot_density
+from boomctl.plotting.spray import plot_deposit as plot_deposit
+from boomctl.plotting.spray import plot_motion as plot_motion
+from boomctl.plotting.spray import plot_track as plot_track
+from boomctl.plotting.studies.spin_up import plot_decay as plot_decay
+from boomctl.plotting.studies.spin_up import plot_spin_up_runs as plot_spin_up_runs

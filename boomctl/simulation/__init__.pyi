@@ -1,25 +1,14 @@
 # The public names and where each is defined: `__init__.py` loads them from there when they are first used.
 
-from boomctl.lti.controllers.time_varying import TimeVaryingController
-from boomctl.simulation.contact.friction import CoulombFriction
-from boomctl.simulation.contact.stops import StopHit
-from boomctl.simulation.forced_response import ForcedResponse, forced_response
-from boomctl.simulation.loop import simulate_loop
-from boomctl.simulation.result import FrictionReport, LoopResult
-from boomctl.simulation.sines.describing_function import SineResponse, describing_function
-from boomctl.simulation.sines.swept_sine import sine_sigma, swept_sine
-
-__all__ = [
-    "CoulombFriction",
-    "ForcedResponse",
-    "FrictionReport",
-    "LoopResult",
-    "SineResponse",
-    "StopHit",
-    "TimeVaryingController",
-    "describing_function",
-    "forced_response",
-    "simulate_loop",
-    "sine_sigma",
-    "swept_sine",
-]
+from boomctl.lti.controllers.time_varying import TimeVaryingController as TimeVaryingController
+from boomctl.simulation.contact.friction import CoulombFriction as CoulombFriction
+from boomctl.simulation.contact.stops import StopHit as StopHit
+from boomctl.simulation.forced_response import ForcedResponse as ForcedResponse
+from boomctl.simulation.forced_response import forced_response as forced_response
+from boomctl.simulation.loop import simulate_loop as simulate_loop
+from boomctl.simulation.result import FrictionReport as FrictionReport
+from boomctl.simulation.result import LoopResult as LoopResult
+from boomctl.simulation.sines.describing_function import SineResponse as SineResponse
+from boomctl.simulation.sines.describing_function import describing_function as describing_function
+from boomctl.simulation.sines.swept_sine import sine_sigma as sine_sigma
+from boomctl.simulation.sines.swept_sine import swept_sine as swept_sine

@@ -1,43 +1,28 @@
 # The public names and where each is defined: `__init__.py` loads them from there when they are first used.
 
-from boomctl.slew.budget import SlewProgress
-from boomctl.slew.classical.comparison import SlewComparison, SlewLine, compare_slews
-from boomctl.slew.classical.shapers import Shaper, classical_spin_up, classical_torque, shaper
-from boomctl.slew.classical.tracking import TrackingResult, track
-from boomctl.slew.least_time.arcs import SwitchingCurve, switching_curve
-from boomctl.slew.nlp.mesh_study import MeshStudy, mesh_study
-from boomctl.slew.optimal import optimal_slew, resolve
-from boomctl.slew.payloads import PayloadComparison, PayloadLine, compare_payloads
-from boomctl.slew.result import Replay, SlewCertificate, SlewError, SlewResult
-from boomctl.slew.torque import TorqueHistory
-from boomctl.slew.tracking.monte_carlo import TrackingStudy
-from boomctl.slew.tracking.tracked import TrackedSlew
-
-__all__ = [
-    "MeshStudy",
-    "PayloadComparison",
-    "PayloadLine",
-    "Replay",
-    "Shaper",
-    "SlewCertificate",
-    "SlewComparison",
-    "SlewError",
-    "SlewLine",
-    "SlewProgress",
-    "SlewResult",
-    "SwitchingCurve",
-    "TorqueHistory",
-    "TrackedSlew",
-    "TrackingResult",
-    "TrackingStudy",
-    "classical_spin_up",
-    "classical_torque",
-    "compare_payloads",
-    "compare_slews",
-    "mesh_study",
-    "optimal_slew",
-    "resolve",
-    "shaper",
-    "switching_curve",
-    "track",
-]
+from boomctl.slew.budget import SlewProgress as SlewProgress
+from boomctl.slew.classical.comparison import SlewComparison as SlewComparison
+from boomctl.slew.classical.comparison import SlewLine as SlewLine
+from boomctl.slew.classical.comparison import compare_slews as compare_slews
+from boomctl.slew.classical.shapers import Shaper as Shaper
+from boomctl.slew.classical.shapers import classical_spin_up as classical_spin_up
+from boomctl.slew.classical.shapers import classical_torque as classical_torque
+from boomctl.slew.classical.shapers import shaper as shaper
+from boomctl.slew.classical.tracking import TrackingResult as TrackingResult
+from boomctl.slew.classical.tracking import track as track
+from boomctl.slew.least_time.arcs import SwitchingCurve as SwitchingCurve
+from boomctl.slew.least_time.arcs import switching_curve as switching_curve
+from boomctl.slew.nlp.mesh_study import MeshStudy as MeshStudy
+from boomctl.slew.nlp.mesh_study import mesh_study as mesh_study
+from boomctl.slew.optimal import optimal_slew as optimal_slew
+from boomctl.slew.optimal import resolve as resolve
+from boomctl.slew.payloads import PayloadComparison as PayloadComparison
+from boomctl.slew.payloads import PayloadLine as PayloadLine
+from boomctl.slew.payloads import compare_payloads as compare_payloads
+from boomctl.slew.result import Replay as Replay
+from boomctl.slew.result import SlewCertificate as SlewCertificate
+from boomctl.slew.result import SlewError as SlewError
+from boomctl.slew.result import SlewResult as SlewResult
+from boomctl.slew.torque import TorqueHistory as TorqueHistory
+from boomctl.slew.tracking.monte_carlo import TrackingStudy as TrackingStudy
+from boomctl.slew.tracking.tracked import TrackedSlew as TrackedSlew

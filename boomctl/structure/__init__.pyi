@@ -1,65 +1,32 @@
 # The public names and where each is defined: `__init__.py` loads them from there when they are first used.
 
-from boomctl.structure.assembly import Assembly
-from boomctl.structure.beams.cross_sections import (
-    CrossSection,
-    bar_section,
-    i_section,
-    rod_section,
-    round_tube_section,
-    tube_section,
-)
-from boomctl.structure.beams.elements import DiscreteElements, FiniteElements
-from boomctl.structure.displacement_input import prescribe_displacement
-from boomctl.structure.families import AffineFamily, PolynomialFamily
-from boomctl.structure.model import SecondOrderModel, split_symmetric
-from boomctl.structure.parts import (
-    GROUND,
-    Beam,
-    BeamSection,
-    CutJoint,
-    Force,
-    Joint,
-    Output,
-    Point,
-    RigidBody,
-    SpringDamper,
-    fixed,
-    free,
-    prismatic,
-    revolute,
-)
-from boomctl.structure.response.mode_shapes import ModeShapes, ShapeLine
-
-__all__ = [
-    "GROUND",
-    "AffineFamily",
-    "Assembly",
-    "Beam",
-    "BeamSection",
-    "CrossSection",
-    "CutJoint",
-    "DiscreteElements",
-    "FiniteElements",
-    "Force",
-    "Joint",
-    "ModeShapes",
-    "Output",
-    "Point",
-    "PolynomialFamily",
-    "RigidBody",
-    "SecondOrderModel",
-    "ShapeLine",
-    "SpringDamper",
-    "bar_section",
-    "fixed",
-    "free",
-    "i_section",
-    "prescribe_displacement",
-    "prismatic",
-    "revolute",
-    "rod_section",
-    "round_tube_section",
-    "split_symmetric",
-    "tube_section",
-]
+from boomctl.structure.assembly import Assembly as Assembly
+from boomctl.structure.beams.cross_sections import CrossSection as CrossSection
+from boomctl.structure.beams.cross_sections import bar_section as bar_section
+from boomctl.structure.beams.cross_sections import i_section as i_section
+from boomctl.structure.beams.cross_sections import rod_section as rod_section
+from boomctl.structure.beams.cross_sections import round_tube_section as round_tube_section
+from boomctl.structure.beams.cross_sections import tube_section as tube_section
+from boomctl.structure.beams.elements import DiscreteElements as DiscreteElements
+from boomctl.structure.beams.elements import FiniteElements as FiniteElements
+from boomctl.structure.displacement_input import prescribe_displacement as prescribe_displacement
+from boomctl.structure.families import AffineFamily as AffineFamily
+from boomctl.structure.families import PolynomialFamily as PolynomialFamily
+from boomctl.structure.model import SecondOrderModel as SecondOrderModel
+from boomctl.structure.model import split_symmetric as split_symmetric
+from boomctl.structure.parts import GROUND as GROUND
+from boomctl.structure.parts import Beam as Beam
+from boomctl.structure.parts import BeamSection as BeamSection
+from boomctl.structure.parts import CutJoint as CutJoint
+from boomctl.structure.parts import Force as Force
+from boomctl.structure.parts import Joint as Joint
+from boomctl.structure.parts import Output as Output
+from boomctl.structure.parts import Point as Point
+from boomctl.structure.parts import RigidBody as RigidBody
+from boomctl.structure.parts import SpringDamper as SpringDamper
+from boomctl.structure.parts import fixed as fixed
+from boomctl.structure.parts import free as free
+from boomctl.structure.parts import prismatic as prismatic
+from boomctl.structure.parts import revolute as revolute
+from boomctl.structure.response.mode_shapes import ModeShapes as ModeShapes
+from boomctl.structure.response.mode_shapes import ShapeLine as ShapeLine

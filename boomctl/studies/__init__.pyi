@@ -1,28 +1,16 @@
 # The public names and where each is defined: `__init__.py` loads them from there when they are first used.
 
-from boomctl.studies.catalogue import design_names, load_design
-from boomctl.studies.machine import MachineDesign
-from boomctl.studies.slew.design import SlewDesign
-from boomctl.studies.spin_up import SpinUpDesign
-from boomctl.studies.suspension.design import SuspensionDesign
-from boomctl.studies.suspension.performance import performance
-from boomctl.studies.suspension.scene import FieldScene
-from boomctl.studies.sweeps.booms import SigmaStudy
-from boomctl.studies.sweeps.field import FieldStudy
+from boomctl.studies.catalogue import design_names as design_names
+from boomctl.studies.catalogue import load_design as load_design
+from boomctl.studies.machine import MachineDesign as MachineDesign
+from boomctl.studies.slew.design import SlewDesign as SlewDesign
+from boomctl.studies.spin_up import SpinUpDesign as SpinUpDesign
+from boomctl.studies.suspension.design import SuspensionDesign as SuspensionDesign
+from boomctl.studies.suspension.performance import performance as performance
+from boomctl.studies.suspension.scene import FieldScene as FieldScene
+from boomctl.studies.sweeps.booms import SigmaStudy as SigmaStudy
+from boomctl.studies.sweeps.field import FieldStudy as FieldStudy
 
 from . import slew as slew
 from . import suspension as suspension
 from . import sweeps as sweeps
-
-__all__ = [
-    "FieldScene",
-    "FieldStudy",
-    "MachineDesign",
-    "SigmaStudy",
-    "SlewDesign",
-    "SpinUpDesign",
-    "SuspensionDesign",
-    "design_names",
-    "load_design",
-    "performance",
-]

@@ -10,21 +10,19 @@ from boomctl.boom.exact import exact_eigenfrequencies_hz, exact_frequency_respon
 from boomctl.boom.factory import spray_boom
 from boomctl.boom.model import ACTUATORS, TIPS, boom_assembly
 from boomctl.boom.parameters import BoomParameters
+from boomctl.boom.published import COMPUTED_HZ, MEASURED_HZ
 from boomctl.structure.beams.elements import DiscreteElements
 from boomctl.structure.displacement_input import prescribe_displacement
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.response.direct import direct_response
 from boomctl.structure.response.poles import damped_poles, undamped_modes
 
-MEASURED_HZ = (0.34, 0.59, 0.88, 2.8, 4.2)
-"""Table 1, measured eigenfrequencies."""
-
-TABLE_1 = {
-    "finite elements, 6": (0.2450, 0.5869, 0.9352, 2.7874, 4.0393),
-    "discrete elements, Hermitian mass, 6": (0.2442, 0.5866, 0.9326, 2.7984, 4.0501),
-    "discrete elements, geometrical mass, 20": (0.2436, 0.5814, 0.9305, 2.9316, 3.9881),
+NAMES = {
+    "finite": "finite elements",
+    "discrete-hermite": "discrete elements, Hermitian mass",
+    "discrete-geometric": "discrete elements, geometrical mass",
 }
-"""Table 1, computed eigenfrequencies [Hz], one method a line."""
+"""What the paper calls the discretisations."""
 
 _MODES = 5  # eigenfrequencies that the paper lists
 _FINITE = (4, 5, 6, 7, 8, 10, 12, 14, 16, 20, 24, 28, 32, 40, 48, 64, 80, 100, 128, 160, 200, 256, 320, 400)
@@ -120,7 +118,7 @@ def compute(parameters: BoomParameters | None = None) -> BoomReproduction:
     p = BoomParameters() if parameters is None else parameters
     exact = exact_eigenfrequencies_hz(p, _MODES)
     undamped = exact_eigenfrequencies_hz(p, _MODES, damped=False)
-    methods = tuple(_method(p, name, values) for name, values in TABLE_1.items())
+    methods = tuple(_method(p, *mesh, values) for mesh, values in COMPUTED_HZ.items())
     readings = tuple(_reading(p, mass, inner) for mass in ("lumped", "linear") for inner in (2, 4, 6, 8))
     curves = _curves(p)
     deviation = _deviations(p, curves["exact beam"])
@@ -139,11 +137,9 @@ def compute(parameters: BoomParameters | None = None) -> BoomReproduction:
     )
 
 
-def _method(p: BoomParameters, name: str, published: tuple[float, ...]) -> Method:
-    kind = {"finite": "finite", "Hermitian": "discrete-hermite", "geometrical": "discrete-geometric"}
-    discretization = next(value for key, value in kind.items() if key in name)
-    model = spray_boom(p, discretization, int(name.rsplit(" ", 1)[1]))
-    return Method(name, np.array(published), model.eigenfrequencies_hz(_MODES))
+def _method(p: BoomParameters, discretization: str, elements: int, published: tuple[float, ...]) -> Method:
+    computed = spray_boom(p, discretization, elements).eigenfrequencies_hz(_MODES)
+    return Method(f"{NAMES[discretization]}, {elements}", np.array(published), computed)
 
 
 def _reading(p: BoomParameters, mass: str, inner: int) -> Reading:

@@ -14,9 +14,9 @@ import numpy as np
 from boomctl.arrays import Array
 from boomctl.boom.factory import spray_boom
 from boomctl.boom.parameters import BoomParameters
+from boomctl.boom.published import MEASURED_HZ
 from boomctl.identification.fit import fit
 from boomctl.identification.result import FitResult
-from boomctl.lab.papers.anthonis_ramon.figures import MEASURED_HZ
 from boomctl.report import Picture, Section, Table
 from boomctl.structure.model import SecondOrderModel
 
