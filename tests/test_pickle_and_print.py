@@ -253,6 +253,16 @@ def test_so_does_what_its_attributes_lead_to(make):
         assert " object at 0x" not in repr(part)
 
 
+@_parametrised(FACTORIES)
+def test_what_is_asked_by_name_offers_its_names(make):
+    """In brackets: IPython completes what it offers, and each is an answer."""
+    given = make()
+    if getattr(getattr(given, "__getitem__", None), "__module__", "").startswith("boomctl"):
+        offered = given._ipython_key_completions_()
+        assert offered
+        assert all(given[name] is not None for name in offered)
+
+
 TABLES = (
     "BoomParameters, changed",
     "TractorParameters",

@@ -60,7 +60,8 @@ def _members(owner):
     found = {name: "" for name in getattr(owner, "__dataclass_fields__", {}) if not name.startswith("_")}
     for name in dir(owner):
         value = inspect.getattr_static(owner, name)
-        if name.startswith("_") or name in found or hasattr(BaseException, name):
+        home = next((base for base in owner.__mro__ if name in vars(base)), owner)
+        if name.startswith("_") or name in found or not home.__module__.startswith("boomctl"):
             continue
         if isinstance(value, (classmethod, staticmethod)):
             found[name] = _parameters(getattr(owner, name), bound=0)

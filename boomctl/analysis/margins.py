@@ -140,6 +140,16 @@ class LoopMargin:
     rounding : float
         How much rounding of the loop's matrices may change ``1/(1 - L)``, relative and to first order; margins have no
         more digits than that leaves.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> import control
+    >>> half = bc.split_symmetric(bc.spray_boom())[1]
+    >>> damper = control.ss(-300.0, 300.0, 3e5, -3e5, inputs="stroke_anti", outputs="suspension_anti")
+    >>> bc.margins(half, damper)["suspension_anti"]
+    LoopMargin: opened at control suspension_anti
+      gain 0 to inf, phase 55.58 deg, delay 0.004385 s, disk 1.005
     """
 
     signal: str
@@ -217,6 +227,10 @@ class Margins:
     def __getitem__(self, signal: str) -> LoopMargin:
         signals = [loop.signal for loop in self.loops]
         return self.loops[signals.index(known("loop", signal, signals))]
+
+    def _ipython_key_completions_(self) -> list[str]:
+        """Return the names that consoles complete in brackets."""
+        return [loop.signal for loop in self.loops]
 
     def render(self) -> str:
         """Return the margins as text.

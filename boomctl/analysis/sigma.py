@@ -316,6 +316,10 @@ class SigmaComparison:
         """Return the singular values of a system by its name."""
         return self.curves[known("system", name, tuple(self.curves))]
 
+    def _ipython_key_completions_(self) -> list[str]:
+        """Return the names that consoles complete in brackets."""
+        return list(self.curves)
+
     def __repr__(self) -> str:
         heads = [f"SigmaComparison: {listed(list(self.curves))}"]
         for name, curve in list(self.curves.items())[:3]:

@@ -39,6 +39,10 @@ class TimeSeries:
         there = {**self._inputs(), **self._outputs()}
         return there[known("signal", name, tuple(there))]
 
+    def _ipython_key_completions_(self) -> list[str]:
+        """Return the names that consoles complete in brackets."""
+        return [*self._inputs(), *self._outputs()]
+
     @property
     def response(self) -> control.TimeResponseData:
         """The same as python-control's named time response."""

@@ -120,6 +120,10 @@ class LoopResult(TimeSeries):
         """Return an output by name."""
         return self.outputs[known("output", name, tuple(self.outputs))]
 
+    def _ipython_key_completions_(self) -> list[str]:
+        """Return the names that consoles complete in brackets."""
+        return list(self.outputs)
+
     @property
     def strokes(self) -> dict[str, Array]:
         """The outputs named ``stroke_*``."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +12,19 @@ from numpy.typing import ArrayLike
 from scipy import sparse
 
 from boomctl.arrays import Array, Matrix
-from boomctl.checks import finite_array, frequencies, instance, mapping, sequence, shown, signal_name, some_names, whole
+from boomctl.checks import (
+    finite_array,
+    frequencies,
+    instance,
+    mapping,
+    positive,
+    sequence,
+    shown,
+    signal_name,
+    some_names,
+    whole,
+)
+from boomctl.lti.hold import zero_order_hold
 from boomctl.lti.rounding import ALIKE
 from boomctl.lti.system import Lti
 from boomctl.printing import count, signals
@@ -272,6 +284,15 @@ class SecondOrderModel:
             raise TypeError(f"expected model[outputs, inputs] with names of signals, got model[{shown(signals)}]")
         return self.select(signals[1], signals[0])
 
+    def _ipython_key_completions_(self) -> list[tuple[str, str]]:
+        """Return the pairs that consoles complete in brackets."""
+        return [(output, given) for output in self.outputs for given in self.inputs]
+
+    @property
+    def _name(self) -> str:
+        """What it is called beside other systems: two halves must not have the same name."""
+        return {"sym": "jolt", "anti": "yaw"}.get(self.coordinates[0].rpartition("_")[2], "structure")
+
     def __getattr__(self, name: str) -> Any:
         """Say where something is that state spaces have."""
         said = f"{type(self).__name__!r} object has no attribute {name!r}"
@@ -377,7 +398,7 @@ class SecondOrderModel:
 
         grid, ports = frequencies("omega", omega), self.select(inputs, outputs).ports
         values = respond(self.structure, ports, grid, available=self.ports).values
-        return control.frd(values, grid, inputs=list(ports.inputs), outputs=list(ports.outputs), name="structure")
+        return control.frd(values, grid, inputs=list(ports.inputs), outputs=list(ports.outputs), name=self._name)
 
     def to_statespace(
         self,
@@ -385,6 +406,7 @@ class SecondOrderModel:
         outputs: str | Sequence[str] | None = None,
         *,
         states: str | None = None,
+        dt: float | None = None,
     ) -> control.StateSpace:
         """Return a state-space system with named inputs, outputs and states.
 
@@ -402,17 +424,21 @@ class SecondOrderModel:
             digits on fine meshes.  ``"coordinates"``: over the coordinates, not scaled.  By default modes for models
             that were assembled, such as the boom; for matrices given, coordinates if they are even, else modes.  A
             model without real modes is over its coordinates, scaled.
+        dt : float, optional
+            Time between samples [s]: a discrete system, exact at the samples for inputs that are held in between.  By default
+            in continuous time.  A sampled controller sees :func:`boomctl.analysis.sample_plant`, whose controls come late.
 
         Returns
         -------
         control.StateSpace
-            ``A, B, C, D`` with two states for each coordinate or mode, and those of filters behind outputs.
+            ``A, B, C, D`` with two states for each coordinate or mode, and those of filters behind outputs; named "jolt" or
+            "yaw" of a half, else "structure".
 
         Raises
         ------
         TypeError, ValueError
             Unknown names; the mass matrix is singular; an output needs a derivative of an input that is not there; another
-            word for ``states``.
+            word for ``states``; a time between samples that is not above zero.
 
         Warns
         -----
@@ -431,7 +457,11 @@ class SecondOrderModel:
         """
         if states not in (None, MODES, COORDINATES):
             raise ValueError(f"states = {states!r}: expected {MODES!r}, {COORDINATES!r} or None")
-        return handed_out(self.structure, self.select(inputs, outputs).ports, states).statespace("structure")
+        found = handed_out(self.structure, self.select(inputs, outputs).ports, states)
+        if dt is not None:
+            Phi, G = zero_order_hold(found.A, found.B, positive("dt", dt))
+            found = replace(found, A=Phi, B=G, dt=float(dt))
+        return found.statespace(self._name)
 
     def __lti__(self) -> Lti:
         """Return the state-space form as what is computed with a model takes it, without python-control."""

@@ -48,3 +48,22 @@ def test_a_name_where_frequencies_stand_and_speeds_where_one_stands():
         bc.sigma(bc.spray_boom(), "tip_left")
     with pytest.raises(TypeError, match=r"\.campbell\(speeds\) takes many"):
         bc.hub_beam(modes=1).frequencies_hz(np.array([0.0, 1.0]))
+
+
+def test_a_sampled_structure_is_that_of_python_control():
+    """Inputs held between samples."""
+    jolt, _ = bc.split_symmetric(bc.spray_boom())
+    sampled, theirs = jolt.to_statespace(dt=0.01), control.sample_system(jolt.to_statespace(), 0.01)
+    assert (sampled.dt, sampled.input_labels, sampled.state_labels) == (0.01, theirs.input_labels, theirs.state_labels)
+    for ours, other in zip(
+        (sampled.A, sampled.B, sampled.C, sampled.D), (theirs.A, theirs.B, theirs.C, theirs.D), strict=True
+    ):
+        assert_allclose(ours, other, rtol=0, atol=1e-12 * np.abs(other).max(initial=1.0))
+    with pytest.raises(ValueError, match=r"dt = -1\.0: expected"):
+        jolt.to_statespace(dt=-1.0)
+
+
+def test_halves_are_told_apart_by_their_names():
+    boom = bc.spray_boom()
+    halves = [half.to_statespace() for half in bc.split_symmetric(boom)]
+    assert [half.name for half in (*halves, boom.to_statespace())] == ["jolt", "yaw", "structure"]

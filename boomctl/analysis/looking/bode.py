@@ -77,6 +77,10 @@ class BodeResult:
         output, given = known("output", pair[0], self.outputs), known("input", pair[1], self.inputs)
         return self.values[self.outputs.index(output), self.inputs.index(given)]
 
+    def _ipython_key_completions_(self) -> list[tuple[str, str]]:
+        """Return the pairs that consoles complete in brackets."""
+        return [(output, given) for output in self.outputs for given in self.inputs]
+
     @property
     def magnitude(self) -> Array:
         """Sizes, shape (outputs, inputs, frequencies)."""

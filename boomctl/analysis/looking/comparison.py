@@ -56,6 +56,10 @@ class Comparison:
         """Return the figures of one of them by its name."""
         return self.values[known("name", name, self.names)]
 
+    def _ipython_key_completions_(self) -> list[str]:
+        """Return the names that consoles complete in brackets."""
+        return list(self.names)
+
     def __str__(self) -> str:
         return self.render()
 

@@ -79,6 +79,11 @@ class TransientResult:
             raise ValueError(f"{name!r}: expected an output and an input, as result['output', 'input']")
         return row[0] if given is None else row[self.inputs.index(known("input", given, self.inputs))]
 
+    def _ipython_key_completions_(self) -> list[str] | list[tuple[str, str]]:
+        """Return the names, or pairs, that consoles complete in brackets."""
+        pairs = [(output, given) for output in self.outputs for given in self.inputs]
+        return list(self.outputs) if len(self.inputs) == 1 else pairs
+
     @property
     def response(self) -> control.TimeResponseData:
         """The same as python-control's named time response."""

@@ -127,6 +127,10 @@ class SlewComparison:
         """Return a slew by its name, as `line` does."""
         return self.line(name)
 
+    def _ipython_key_completions_(self) -> list[str]:
+        """Return the names that consoles complete in brackets."""
+        return [line.name for line in self.lines]
+
     def line(self, name: str) -> SlewLine:
         """Return the slew of a name.
 

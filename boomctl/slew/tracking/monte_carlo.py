@@ -75,6 +75,10 @@ class TrackingStudy:
         """Return an output of all runs by name."""
         return self.outputs[known("output", name, tuple(self.outputs))]
 
+    def _ipython_key_completions_(self) -> list[str]:
+        """Return the names that consoles complete in brackets."""
+        return list(self.outputs)
+
     def plot(self, ax: Any = None, **style: Any) -> Array:
         """Draw hub angle, tip displacement and torque of all runs: the middle one, the middle half, and nine of ten.
 

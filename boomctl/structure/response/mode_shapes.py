@@ -31,6 +31,12 @@ class ShapeLine:
         Where its points rest [m].
     displacement : (modes, k, 2) ndarray
         How they move, in each mode, of mass-normalised shapes [m].
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> bc.spray_boom().mode_shapes(3)["boom"]
+    ShapeLine: beam 'boom', 61 points, 3 modes
     """
 
     name: str
@@ -60,6 +66,16 @@ class ModeShapes:
         otherwise "".
     lines : tuple of ShapeLine
         The bodies; none of a model that was given as matrices.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> shapes = bc.spray_boom().mode_shapes(3)
+    >>> shapes
+    ModeShapes: 1: yaw, 0.245 Hz, 2: jolt, 0.5825 Hz, 3: jolt, 0.9588 Hz
+      undamped, of platform, cradle, boom, stiff_middle
+    >>> shapes["boom"].displacement.shape  # modes, points, x and y
+    (3, 61, 2)
     """
 
     frequencies_hz: Array
@@ -78,6 +94,10 @@ class ModeShapes:
             if line.name == body:
                 return line
         raise ValueError(f"unknown body {body!r} (there are: {', '.join(x.name for x in self.lines) or 'none'})")
+
+    def _ipython_key_completions_(self) -> list[str]:
+        """Return the names that consoles complete in brackets."""
+        return [line.name for line in self.lines]
 
     @property
     def names(self) -> tuple[str, ...]:

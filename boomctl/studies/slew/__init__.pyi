@@ -1,11 +1,6 @@
 # The public names and where each is defined: `__init__.py` loads them from there when they are first used.
 
-from boomctl.studies.slew.design import SlewDesign, SlewEvaluation
-from boomctl.studies.slew.feedback import FeedbackStudy, Spread
-
-__all__ = [
-    "FeedbackStudy",
-    "SlewDesign",
-    "SlewEvaluation",
-    "Spread",
-]
+from boomctl.studies.slew.design import SlewDesign as SlewDesign
+from boomctl.studies.slew.design import SlewEvaluation as SlewEvaluation
+from boomctl.studies.slew.feedback import FeedbackStudy as FeedbackStudy
+from boomctl.studies.slew.feedback import Spread as Spread

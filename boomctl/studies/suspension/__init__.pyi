@@ -1,25 +1,12 @@
 # The public names and where each is defined: `__init__.py` loads them from there when they are first used.
 
-from boomctl.studies.suspension.design import SuspensionDesign, SuspensionResult
-from boomctl.studies.suspension.performance import Performance, performance
-from boomctl.studies.suspension.scene import (
-    ACCELERATIONS,
-    CONTROLS,
-    STROKES,
-    FieldScene,
-    suspension_family,
-    suspension_model,
-)
-
-__all__ = [
-    "ACCELERATIONS",
-    "CONTROLS",
-    "STROKES",
-    "FieldScene",
-    "Performance",
-    "SuspensionDesign",
-    "SuspensionResult",
-    "performance",
-    "suspension_family",
-    "suspension_model",
-]
+from boomctl.studies.suspension.design import SuspensionDesign as SuspensionDesign
+from boomctl.studies.suspension.design import SuspensionResult as SuspensionResult
+from boomctl.studies.suspension.performance import Performance as Performance
+from boomctl.studies.suspension.performance import performance as performance
+from boomctl.studies.suspension.scene import ACCELERATIONS as ACCELERATIONS
+from boomctl.studies.suspension.scene import CONTROLS as CONTROLS
+from boomctl.studies.suspension.scene import STROKES as STROKES
+from boomctl.studies.suspension.scene import FieldScene as FieldScene
+from boomctl.studies.suspension.scene import suspension_family as suspension_family
+from boomctl.studies.suspension.scene import suspension_model as suspension_model

@@ -136,6 +136,10 @@ class SweepResult:
         values[[k for k, cell in enumerate(found) if cell is not None]] = there
         return values.reshape(self.shape + there[0].shape)
 
+    def _ipython_key_completions_(self) -> list[str]:
+        """Return the names that consoles complete in brackets."""
+        return list(self.columns)
+
     def to_pandas(self) -> pandas.DataFrame:
         """Return the table as a data frame of pandas, one row a point; units in its ``attrs["units"]``.
 
