@@ -211,7 +211,7 @@ def tractor_system(
 
     Returns
     -------
-    StateSpace
+    control.StateSpace
         Inputs ``front_left``, ``front_right``, ``rear_left``, ``rear_right``: height of the ground under each wheel
         [m]. Outputs ``actuator_left``, ``actuator_right``: forward displacement from uniform driving [m].
 

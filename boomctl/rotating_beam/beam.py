@@ -106,6 +106,15 @@ class HubBeam(ABC):
         If `parameters` or `modes` is of another kind.
     ValueError
         If `modes` is less than 1 or too many.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> beam = bc.hub_beam(modes=2)
+    >>> isinstance(beam, bc.rotating_beam.HubBeam), beam.model, beam.modes
+    (True, 'sfoam', 2)
+    >>> beam.frequencies_hz(hub_speed=2.0).round(4)
+    array([0.4935, 3.0065])
     """
 
     parameters: HubBeamParameters

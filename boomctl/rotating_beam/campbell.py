@@ -31,6 +31,12 @@ class SpeedCrossing:
         Hub speed at which they meet [rad/s].
     frequency_hz : float
         Natural frequency there [Hz].
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> bc.hub_beam(modes=3).campbell([0.0, 2.0, 4.0]).crossings[0]
+    SpeedCrossing: 3 x 0.986253 rad/s, mode 1 at 0.4709 Hz
     """
 
     order: float
@@ -60,6 +66,16 @@ class CampbellDiagram:
         Hub speed at which some stiffness is lost [rad/s]; ``inf`` where none is.
     orders : tuple of float
         Multiples of the hub speed.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> diagram = bc.hub_beam(modes=3).campbell([0.0, 2.0, 4.0])
+    >>> diagram
+    CampbellDiagram: sfoam, 3 frequencies, 0 to 4 rad/s
+      critical speeds: 3 x 0.9863 rad/s (mode 1), 2 x 1.511 rad/s (mode 1), 1 x 3.415 rad/s (mode 1)
+    >>> diagram.frequencies_hz.shape  # speeds, frequencies
+    (3, 3)
     """
 
     model: str

@@ -40,6 +40,15 @@ class SlewProgress:
         asked for, else over a typical size. None before there is one.
     violation : float or None
         Largest miss of a scaled condition in the solver's last iteration; None between solvers.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> steps = []
+    >>> beam = bc.hub_beam(modes=1)
+    >>> slew = bc.optimal_slew(beam, 1.0, 200.0, "effort", duration=4.0, intervals=20, progress=steps.append)
+    >>> steps[0].stage
+    'collocation of order 3 on 20 intervals'
     """
 
     stage: str

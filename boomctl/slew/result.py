@@ -68,6 +68,15 @@ class Replay:
         Largest tip displacement in the 1.5 slowest periods after the end [m].
     residual_energy : float or None
         Energy of the deviation from steady rotation at the wanted speed [J].
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> slew = bc.optimal_slew(bc.hub_beam(modes=1), angle=1.0, torque_limit=160.0)
+    >>> [run.model for run in slew.replays]
+    ['foam', 'geometrically-exact']
+    >>> round(slew.replays[0].angle_error, 5)  # [rad]
+    0.0005
     """
 
     model: str
@@ -110,6 +119,13 @@ class SlewCertificate:
         Number of sign changes of a bang-bang torque.
     intervals : int or None
         Number of intervals of the mesh; None without one.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> slew = bc.optimal_slew(bc.hub_beam(modes=1), angle=1.0, torque_limit=160.0)
+    >>> slew.certificate.method, slew.certificate.optimality, slew.certificate.switches
+    ('switching times', 'extremal', 3)
     """
 
     method: str
