@@ -1,28 +1,37 @@
-"""Draws the pictures of ``docs/pictures.md`` anew: ``python -m tests.pictures``.  Each shows what stands above it."""
+"""Draws the pictures of README and docs anew: ``python -m tests.pictures [PART OF A PAGE'S NAME ...]``.
+
+Each shows what stands above it.
+"""
 
 import re
+import sys
 from pathlib import Path
 
-PAGE = Path(__file__).parents[1] / "docs" / "pictures.md"
-STEP = re.compile(r"```python\n(.*?)```|!\[[^\]]*\]\((pictures/\w+\.png)\)", flags=re.DOTALL)
+ROOT = Path(__file__).parents[1]
+PAGES = (ROOT / "README.md", ROOT / "docs" / "pictures.md", ROOT / "docs" / "designs.md")
+STEP = re.compile(r"```python\n(.*?)```|!\[[^\]]*\]\(((?:docs/)?pictures/\w+\.png)\)", flags=re.DOTALL)
 DOTS_PER_INCH = 80  # some 30 kB a picture
 
 
-def main() -> None:
-    """Run the blocks in order; a picture is the last figure that was drawn before it."""
+def main(parts) -> None:
+    """Run the blocks of each page in order; a picture is the last figure drawn before it; one that stands elsewhere has none."""
     import matplotlib
 
     matplotlib.use("Agg")
     from matplotlib import pyplot as plt
 
-    names: dict[str, object] = {}
-    for code, target in STEP.findall(PAGE.read_text(encoding="utf-8")):
-        if code:
-            exec(compile(code, str(PAGE), "exec"), names)
-        else:
-            plt.savefig(PAGE.parent / target, dpi=DOTS_PER_INCH, bbox_inches="tight")
-            plt.close("all")
+    for page in PAGES:
+        names: dict[str, object] = {}
+        steps = (
+            STEP.findall(page.read_text(encoding="utf-8")) if not parts or any(p in page.name for p in parts) else ()
+        )
+        for code, target in steps:
+            if code:
+                exec(compile(code, str(page), "exec"), names)
+            elif plt.get_fignums():
+                plt.savefig(page.parent / target, dpi=DOTS_PER_INCH, bbox_inches="tight")
+                plt.close("all")
 
 
 if __name__ == "__main__":
-    main()
+    main(sys.argv[1:])

@@ -8,13 +8,13 @@ import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from difflib import get_close_matches
+from pathlib import Path
 from re import search
 from threading import RLock
 from typing import Any
 
 import matplotlib as mpl
 import numpy as np
-from cycler import cycler
 from matplotlib.axes import Axes
 from matplotlib.cbook import normalize_kwargs
 from matplotlib.figure import Figure, FigureBase
@@ -25,30 +25,11 @@ from boomctl.arrays import Array
 from boomctl.checks import shown
 from boomctl.report import Picture
 
-COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#444444")
-"""Colours told apart by colour-blind readers too (Okabe & Ito 2008), and a dark grey."""
+_LOOK = mpl.rc_params_from_file(Path(__file__).with_name("look.mplstyle"), use_default_template=False)
+COLOURS: tuple[str, ...] = tuple(_LOOK["axes.prop_cycle"].by_key()["color"])
 
 UNITS = {"Hz": 2.0 * np.pi, "rad/s": 1.0}
 """Units of a frequency axis, and what angular frequencies [rad/s] are divided by in each."""
-
-# sizes in points and shares of opacity: choices, looked at on screen and on paper
-_LOOK: dict[Any, Any] = {
-    "axes.grid": True,
-    "axes.spines.right": False,
-    "axes.spines.top": False,
-    "axes.titlesize": 10,
-    "axes.titleweight": "bold",
-    "axes.titlelocation": "left",
-    "axes.prop_cycle": cycler(color=list(COLOURS)),
-    "font.size": 9,
-    "grid.alpha": 0.3,
-    "grid.linewidth": 0.6,
-    "legend.fontsize": 8,
-    "legend.frameon": False,
-    "lines.linewidth": 1.4,
-    "savefig.dpi": 150,
-    "svg.hashsalt": "boomctl",
-}
 
 IN_A_ROW = 3  # panels of one kind (a choice)
 _DECADES, _FRACTION = (
@@ -64,7 +45,10 @@ if hasattr(os, "register_at_fork"):  # a process that is forked off must not wai
 
 @contextmanager
 def style() -> Iterator[None]:
-    """Draw with the project's look; the caller's settings come back afterwards, also where several threads draw."""
+    """Draw with the project's look; the caller's settings come back afterwards, also where several threads draw.
+
+    ``plt.style.use("boomctl.plotting.look")`` gives the look to all pictures of a script.
+    """
     with _SETTINGS, mpl.rc_context(_LOOK):
         yield
 

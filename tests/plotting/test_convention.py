@@ -222,6 +222,14 @@ def test_what_is_no_axes_or_no_style_is_refused_by_name_and_leaves_nothing(made,
     assert not plt.get_fignums()
 
 
+def test_a_user_s_own_pictures_take_the_same_look():
+    before = dict(mpl.rcParams)
+    with style():
+        ours = dict(mpl.rcParams)
+    with plt.style.context("boomctl.plotting.look"):
+        assert dict(mpl.rcParams) == ours != before
+
+
 def test_a_misspelt_style_is_told_the_nearest():
     with pytest.raises(TypeError, match=r"unexpected keyword argument 'colour', .*; did you mean 'color'"):
         one.track().plot(colour="red")
