@@ -196,10 +196,22 @@ def finite_array(name: str, value: ArrayLike, ndim: int | None = None) -> Array:
     return numbers
 
 
+def no_signals(name: str, value: object, expected: str) -> None:
+    """Refuse names of signals where a grid or a controller stands.
+
+    Raises
+    ------
+    TypeError
+        Which says what is expected there, and where signals are named.
+    """
+    given = [value] if isinstance(value, str) else value
+    if isinstance(given, list | tuple) and any(isinstance(each, str) for each in given):
+        raise TypeError(f"{name} = {shown(value)}: expected {expected}; signals are named by inputs= and outputs=")
+
+
 def frequencies(name: str, value: ArrayLike) -> Array:
     """Return ``value`` as a one-dimensional array of angular frequencies, rad/s, none negative."""
-    if isinstance(value, str):
-        raise TypeError(f"{name} = {value!r}: expected frequencies; signals are named by inputs= and outputs=")
+    no_signals(name, value, "frequencies")
     omega = np.atleast_1d(finite_array(name, value))
     if omega.ndim != 1 or omega.size == 0:
         raise ValueError(f"{name}: expected one dimension and at least one frequency, got shape {omega.shape}")

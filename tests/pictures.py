@@ -14,7 +14,7 @@ DOTS_PER_INCH = 80  # some 30 kB a picture
 
 
 def main(parts) -> None:
-    """Run the blocks of each page in order; a picture is the last figure drawn before it; one that stands elsewhere has none."""
+    """Run the blocks of each page in order; a picture is the last figure drawn before it, if there is one."""
     import matplotlib
 
     matplotlib.use("Agg")

@@ -123,6 +123,11 @@ class NormCertificate:
         return self.lower if self._value is None else self._value
 
     @property
+    def norm(self) -> float:
+        """The same as ``value``: every result that has a norm has it under this name."""
+        return self.value
+
+    @property
     def certified(self) -> bool:
         """Whether the bounds agree to one part in 1e5, or the norm is known to be infinite."""
         return self.lower == inf or self.upper <= self.lower * (1.0 + CERTIFIED) + TINY

@@ -146,6 +146,11 @@ class SigmaResult:
         return self.certificate.lower
 
     @property
+    def norm(self) -> float:
+        """The same as ``peak``: every result that has a norm has it under this name."""
+        return self.peak
+
+    @property
     def peak_omega(self) -> float:
         """Frequency of the largest singular value [rad/s]."""
         return self.certificate.omega

@@ -67,6 +67,11 @@ class TuneResult:
                     part = channel_of(plant, each.channel).system
                     yield each.norm.claim(f"{what}, {each.channel.text}", part, controller)
 
+    @property
+    def norm(self) -> float:
+        """The same as ``gamma``: every result that has a norm has it under this name."""
+        return self.gamma
+
     @cached_property
     def controller(self) -> "control.StateSpace":
         """As a system of python-control; it is made when it is first read."""

@@ -6,6 +6,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 import boomctl as bc
+from tests import handed_out as one
 
 
 def test_signals_by_index_are_outputs_first():
@@ -67,3 +68,49 @@ def test_halves_are_told_apart_by_their_names():
     boom = bc.spray_boom()
     halves = [half.to_statespace() for half in bc.split_symmetric(boom)]
     assert [half.name for half in (*halves, boom.to_statespace())] == ["jolt", "yaw", "structure"]
+
+
+@pytest.mark.parametrize(
+    ("look", "what"),
+    [
+        (lambda boom: bc.bode(boom, "tip_left"), "omega = 'tip_left': expected frequencies"),
+        (lambda boom: bc.sigma(boom, ["tip_left"]), r"omega = \['tip_left'\]: expected frequencies"),
+        (lambda boom: bc.step(boom, "tip_left"), r"timepts = 'tip_left': expected instants \[s\]"),
+        (lambda boom: bc.nyquist(boom, "tip_left"), "controller = 'tip_left': expected a controller"),
+    ],
+)
+def test_names_where_something_else_stands_say_where_they_are_given(look, what):
+    with pytest.raises(TypeError, match=f"{what}; signals are named by inputs= and outputs="):
+        look(bc.spray_boom())
+
+
+def test_nyquist_and_compare_take_signals_as_sigma_does():
+    boom = bc.spray_boom()
+    pair = {"inputs": "suspension_left", "outputs": "stroke_left"}
+    part = boom[pair["outputs"], pair["inputs"]]
+    assert_allclose(bc.nyquist(boom, **pair).curve, bc.nyquist(part).curve)
+    assert bc.compare({"boom": boom}, **pair)["boom"] == bc.compare({"part": part})["part"]
+    both = bc.compare({"boom": boom.to_statespace(), "part": part}, **pair)
+    assert both["boom"]["H-infinity norm"] == pytest.approx(both["part"]["H-infinity norm"], rel=1e-4)
+    spring = control.ss([], [], [], [[-100.0]], inputs="stroke_left", outputs="suspension_left")
+    assert_allclose(bc.nyquist(boom, spring, **pair).curve, bc.nyquist(boom, spring).curve, rtol=1e-6, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("make", "of_old"),
+    [
+        (lambda: bc.hinf_norm(one.mass()), lambda r: r.value),
+        (lambda: bc.h2_norm(one.mass()), lambda r: r.value),
+        (lambda: bc.sigma(one.mass()), lambda r: r.peak),
+        (one.h_infinity, lambda r: r.gamma),
+        (one.tuned, lambda r: r.gamma),
+        (lambda: bc.lqg(one.mass(), np.eye(2), 1.0, np.eye(2), 1.0), lambda r: np.sqrt(r.cost)),
+        (lambda: bc.h2(one.generalized()), lambda r: r.optimum),
+        (lambda: one.h_infinity().certificate, lambda r: r.norm.value),
+        (lambda: bc.reduce_controller(one.generalized(), one.h_infinity().controller, order=1), lambda r: r.gamma),
+        (lambda: bc.worst_case(one.family(), one.suspension(), "actuator_anti", "tip_anti"), lambda r: r.norm.lower),
+    ],
+)
+def test_every_result_that_has_a_norm_has_it_by_this_name(make, of_old):
+    result = make()
+    assert float(result.norm) == pytest.approx(float(of_old(result)), rel=1e-6)

@@ -142,7 +142,13 @@ class Comparison:
         return rows
 
 
-def compare(results: Mapping[str, Any], *, omega: ArrayLike | None = None) -> Comparison:
+def compare(
+    results: Mapping[str, Any],
+    *,
+    omega: ArrayLike | None = None,
+    inputs: str | Sequence[str] | None = None,
+    outputs: str | Sequence[str] | None = None,
+) -> Comparison:
     """Return figures of several loops, designs or runs side by side, to be printed as a table and drawn over each other.
 
     Parameters
@@ -154,6 +160,8 @@ def compare(results: Mapping[str, Any], *, omega: ArrayLike | None = None) -> Co
         gives all figures of its members.
     omega : array_like, optional
         Angular frequencies at which linear systems are drawn [rad/s]; by default those that show the peaks of all.
+    inputs, outputs : str or sequence of str, optional
+        Between which signals of linear systems; by default all, of a boom model platform actuators and tips.
 
     Returns
     -------
@@ -193,7 +201,10 @@ def compare(results: Mapping[str, Any], *, omega: ArrayLike | None = None) -> Co
             if not hasattr(type(member), "__figures__"):
                 with _naming(name):
                     system = looked_at(member)
-                    system = system.between() if isinstance(system, SecondOrderModel) else system
+                    if isinstance(system, SecondOrderModel):
+                        system = system.between(inputs, outputs)
+                    elif inputs is not None or outputs is not None:
+                        system = matrices(system, inputs, outputs)
                     systems[f"{name} {k}"] = system, matrices(system)
                     linear[f"{name} {k}"] = system.statespace("system") if isinstance(system, Lti) else system
     curves = compare_sigma(linear, omega) if linear else {}  # all on one grid

@@ -10,7 +10,7 @@ A sampled loop is looked at through the bilinear map, by which the unit circle i
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
@@ -22,6 +22,7 @@ from boomctl.analysis.loops import joined
 from boomctl.analysis.margins import DiskMargin, grid_of_loop, single_disk
 from boomctl.analysis.nyquist import followed
 from boomctl.arrays import Array
+from boomctl.checks import no_signals
 from boomctl.lti.bilinear import continuous_image, omega_of_image
 from boomctl.lti.frequency import Triangular, smooth_curve, triangular
 from boomctl.lti.modal import side_of_axis
@@ -113,6 +114,8 @@ def nyquist(
     system: SecondOrderModel | control.StateSpace | control.TransferFunction | Any,
     controller: control.StateSpace | control.TransferFunction | Any | None = None,
     *,
+    inputs: str | Sequence[str] | None = None,
+    outputs: str | Sequence[str] | None = None,
     delay: float = 0.0,
 ) -> NyquistResult:
     """Return the Nyquist curve of a loop, and its encirclements of -1.
@@ -127,6 +130,8 @@ def nyquist(
     controller : control.StateSpace, TransferFunction, or a design, optional
         ``u = K y``, signals found by name, as for :func:`boomctl.margins`: then ``L = -K G``.  A discrete one makes the
         sampled loop.
+    inputs, outputs : str or sequence of str, optional
+        Signals of the system that the loop goes through; by default all, of a boom's loop gain platform actuators and tips.
     delay : float, optional
         Time between a sample and the moment its control acts [s]; only with a discrete controller.
 
@@ -153,12 +158,15 @@ def nyquist(
     >>> found.stable, round(found.disk.phase_deg, 1)
     (True, 60.0)
     """
+    no_signals("controller", controller, "a controller")
     if controller is None:
         if delay:
             raise ValueError(f"delay = {delay!r}: expected 0 without a controller")
-        opened, S, signals = _of_gain(matrices(system))
+        opened, S, signals = _of_gain(matrices(system, inputs, outputs))
     else:
-        opened, S, signals = _of_loop(looked_at(system, "plant"), controller, delay)
+        opened, S, signals = _of_loop(
+            of(looked_at(system, "plant"), "plant", sampled=True).select(inputs, outputs), controller, delay
+        )
     images = image, _ = continuous_image(S), continuous_image(opened)
     grid = np.union1d(*(grid_of_loop(each) for each in images))
     quick = triangular(image)
@@ -192,9 +200,9 @@ def _of_gain(L: Lti) -> tuple[Lti, Lti, tuple[str, ...]]:
     return L, replace(L, A=L.A - L.B @ R @ L.C, B=L.B @ R, C=-R @ L.C, D=R).balanced(), L.outputs
 
 
-def _of_loop(plant: Any, controller: Any, delay: float) -> tuple[Lti, Lti, tuple[str, ...]]:
+def _of_loop(P: Lti, controller: Any, delay: float) -> tuple[Lti, Lti, tuple[str, ...]]:
     """Return the open loop, the sensitivity at the controls, and these, of ``u = K y``."""
-    P, K = of(plant, "plant", sampled=True), controller_of(controller, sampled=True)
+    K = controller_of(controller, sampled=True)
     loop = joined(P, K, delay)
     still = joined(
         P, replace(K, C=0.0 * K.C, D=0.0 * K.D), delay

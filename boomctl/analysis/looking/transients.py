@@ -13,7 +13,7 @@ from scipy import linalg
 
 from boomctl.analysis.looking.given import matrices
 from boomctl.arrays import Array, blocks
-from boomctl.checks import finite_array, known, plain_array, positive
+from boomctl.checks import finite_array, known, no_signals, plain_array, positive
 from boomctl.lti.hold import BLOCK, observability
 from boomctl.lti.modal import side_of_axis, sides
 from boomctl.lti.rounding import ALIKE, ROOT, TINY
@@ -235,6 +235,7 @@ def _moved(
 
 def _instants(system: Lti, timepts: ArrayLike | float | None) -> Array:
     """Return instants in equal steps from 0, those asked for or those that show the system."""
+    no_signals("timepts", timepts, "instants [s]")
     if timepts is None or plain_array("timepts", timepts).ndim == 0:
         span, width = _shown(system)
         if timepts is not None:

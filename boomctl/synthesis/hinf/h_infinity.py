@@ -66,6 +66,11 @@ class HInfinityResult:
         if self._plant is not None:
             yield replace(self.certificate.norm.claim("the closed loop", self._plant, self._controller), stable=True)
 
+    @property
+    def norm(self) -> float:
+        """The same as ``gamma``: every result that has a norm has it under this name."""
+        return self.gamma
+
     @cached_property
     def controller(self) -> "control.StateSpace":
         """As a system of python-control; it is made when it is first read."""

@@ -62,6 +62,11 @@ class LqgResult:
         if self._plant is not None:
             yield Claim("the closed loop", self._plant, self._controller, stable=True)
 
+    @property
+    def norm(self) -> float:
+        """The H2 norm of the loop, the root of ``cost``: every result that has a norm has it under this name."""
+        return self.certificate.norm.value
+
     @cached_property
     def controller(self) -> control.StateSpace:
         """As a system of python-control; it is made when it is first read."""
