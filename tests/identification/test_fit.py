@@ -612,7 +612,9 @@ def test_days_of_frequencies_are_paired_with_modes_each_by_itself():
 
 def test_data_sets_that_are_not_alike_are_refused():
     rng = np.random.default_rng(0)
-    with pytest.raises(ValueError, match=r"measured: expected data sets alike, got complex frequency response .* in 'set 2'"):
+    with pytest.raises(
+        ValueError, match=r"measured: expected data sets alike, got complex frequency response .* in 'set 2'"
+    ):
         bc.fit(response, [day(rng, 900.0), frequencies(CHAIN)], ["k1"], CHAIN)
 
 

@@ -200,11 +200,7 @@ def compare(
         for k, member in enumerate(members):
             if not hasattr(type(member), "__figures__"):
                 with _naming(name):
-                    system = looked_at(member)
-                    if isinstance(system, SecondOrderModel):
-                        system = system.between(inputs, outputs)
-                    elif inputs is not None or outputs is not None:
-                        system = matrices(system, inputs, outputs)
+                    system = _between(looked_at(member), inputs, outputs)
                     systems[f"{name} {k}"] = system, matrices(system)
                     linear[f"{name} {k}"] = system.statespace("system") if isinstance(system, Lti) else system
     curves = compare_sigma(linear, omega) if linear else {}  # all on one grid
@@ -222,6 +218,13 @@ def compare(
     for figures in values.values():
         order |= dict.fromkeys(figures)
     return Comparison(tuple(results), tuple(order), values, parts)
+
+
+def _between(system: Any, inputs: str | Sequence[str] | None, outputs: str | Sequence[str] | None) -> Any:
+    """Return a system between the signals that all figures are of: of a boom by default platform actuators and tips."""
+    if isinstance(system, SecondOrderModel):
+        return system.between(inputs, outputs)
+    return system if inputs is None and outputs is None else matrices(system, inputs, outputs)
 
 
 @contextmanager
