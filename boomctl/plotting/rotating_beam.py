@@ -83,9 +83,11 @@ def mark_large(ax: Any, result: Any) -> None:
     until = result.small_deformation_until
     if result.time[0] <= until <= result.time[-1]:
         ax.axvline(until, color="0.4", linewidth=0.9, linestyle="--")
+        below = np.interp(until, result.time, result.tip_displacement) < 0.0  # the curve: words stand above it then
+        y, upright = (0.96, "top") if below else (0.04, "bottom")
         ax.annotate(
-            "beyond a tenth\nof the length", (until, 0.04), xycoords=("data", "axes fraction"),
-            xytext=(4, 0), textcoords="offset points", fontsize=7, color="0.3",
+            "beyond a tenth\nof the length", (until, y), xycoords=("data", "axes fraction"),
+            xytext=(4, 0), textcoords="offset points", fontsize=7, color="0.3", va=upright,
         )  # fmt: skip
 
 

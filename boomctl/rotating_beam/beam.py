@@ -44,6 +44,7 @@ from boomctl.rotating_beam.manoeuvres import (
 )
 from boomctl.rotating_beam.parameters import HubBeamParameters
 from boomctl.rotating_beam.result import Details, Motion, SimulationResult, named_failure
+from boomctl.structure.units import warn_of_units
 
 if TYPE_CHECKING:
     import control
@@ -194,6 +195,11 @@ class HubBeam(ABC):
         TypeError, ValueError
             At a hub speed at which the stiffness is lost, or if `coupled` is asked of a model without axial modes; arguments
             of another kind.
+
+        Warns
+        -----
+        UserWarning
+            The lowest is below 1e-4 Hz and none is above 0.01 Hz, or the lowest is above 1e5 Hz: units that are not SI.
         """
         if isinstance(hub_speed, (list, tuple, np.ndarray)):
             raise TypeError("hub_speed: expected one speed [rad/s]; .campbell(speeds) takes many")
@@ -201,7 +207,9 @@ class HubBeam(ABC):
         if truth("coupled", coupled) and not self.has_axial_modes:
             raise ValueError(f"coupled = True: expected False, for model {self.model!r} has no axial modes")
         self._check_speed(speed, self.critical_speed())
-        return self._frequencies_hz(speed, coupled)
+        found = self._frequencies_hz(speed, coupled)
+        warn_of_units(found)
+        return found
 
     def mode_shapes(self, count: int = 3) -> ModeShapes:
         """Return the lowest undamped modes at rest, the hub held, and what they look like.

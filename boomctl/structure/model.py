@@ -36,6 +36,7 @@ from boomctl.structure.response.mode_shapes import ModeShapes, mode_shapes
 from boomctl.structure.response.poles import PROMISED, poles_and_rounding
 from boomctl.structure.response.rounding import warn_of_rounding
 from boomctl.structure.symmetry import Mirror
+from boomctl.structure.units import warn_of_units
 
 if TYPE_CHECKING:
     import control
@@ -343,10 +344,14 @@ class SecondOrderModel:
         -----
         AccuracyWarning
             Rounding may be more than 1e-8 of them: elements of very unlike length and stiffness, or very fast modes.
+        UserWarning
+            The lowest is below 1e-4 Hz and none is above 0.01 Hz, or the lowest is above 1e5 Hz: units that are not SI.
         """
         poles, rounding = poles_and_rounding(self.structure, whole("count", count))
         warn_of_rounding("the highest eigenfrequency", rounding, PROMISED)
-        return np.sort(poles.imag)[:count] / (2.0 * np.pi)
+        found = np.sort(poles.imag)[:count] / (2.0 * np.pi)
+        warn_of_units(found)
+        return found
 
     def mode_shapes(self, count: int = 5) -> ModeShapes:
         """Return the lowest undamped modes and what they look like.
@@ -366,8 +371,15 @@ class SecondOrderModel:
         ------
         TypeError, ValueError
             ``count`` is not a whole number up to that of the coordinates; matrices without real modes.
+
+        Warns
+        -----
+        UserWarning
+            As :meth:`eigenfrequencies_hz`, of units that are not SI.
         """
-        return mode_shapes(self.structure, count)
+        found = mode_shapes(self.structure, count)
+        warn_of_units(found.frequencies_hz)
+        return found
 
     def frequency_response(
         self,

@@ -1,11 +1,16 @@
 """SI units of signals: of motions, of forces, and of those of a symmetric machine's halves."""
 
+import warnings
 from collections.abc import Mapping, Sequence
+
+from boomctl.arrays import Array
 
 HALVES = {"_sym": "the mean", "_anti": "half the difference"}
 """How the names of a half's signals end, and what these are root of two times (right and left, right less left)."""
 
 _RATES = ("", "/s", "/s^2")
+_SLOW, _FAST = 1e-4, 1e5  # Hz: no machine's lowest mode takes hours, or microseconds (a choice)
+_STIFFER = 1e-2  # Hz: a soft spring in a machine has stiffer modes beside it, above this (a choice)
 
 
 def motion_unit(turns: bool, derivative: int) -> str:
@@ -36,3 +41,14 @@ def gain_unit(units: Mapping[str, str], inputs: Sequence[str], outputs: Sequence
 def plain_unit(unit: str) -> str:
     """Return a unit without the words of a half."""
     return unit.partition(" (")[0]
+
+
+def warn_of_units(frequencies_hz: Array) -> None:
+    """Warn of eigenfrequencies, ascending, that no machine has in SI units; lengths in mm and moduli in GPa give such."""
+    elastic = frequencies_hz[frequencies_hz > 0.0]
+    if len(elastic) and (elastic[0] > _FAST or (elastic[0] < _SLOW and elastic[-1] < _STIFFER)):
+        warnings.warn(
+            f"the lowest eigenfrequency is {elastic[0]:.3g} Hz; expected SI units: lengths in m, masses in kg, stiffness in"
+            " N/m, Young's modulus in Pa, density in kg/m^3",
+            stacklevel=3,
+        )

@@ -1,5 +1,6 @@
 """Mode shapes by their laws: orthogonality, symmetry, nodes of a free beam, and no corners."""
 
+import warnings
 from math import pi
 
 import numpy as np
@@ -116,3 +117,43 @@ def test_modes_are_numbered_as_eigenfrequencies_are():
                 assert undamped == pytest.approx(frequencies[number - 1], rel=0.05)  # damping moves them by so much
                 assert name.startswith(f"{number}: ")
     assert shapes.numbers == (0, 0, 1, 2, 3, 4)
+
+
+def chain(stiffness, mass):
+    """Return three masses on springs: modes at 0.07, 0.20 and 0.29 times the root of stiffness over mass [Hz]."""
+    K = stiffness * np.array([[2.0, -1.0, 0.0], [-1.0, 2.0, -1.0], [0.0, -1.0, 1.0]])
+    return s.SecondOrderModel(mass * np.eye(3), np.zeros((3, 3)), K, {"f": [1.0, 0.0, 0.0]}, {"y": [1.0, 0.0, 0.0]})
+
+
+def bar(length, modulus, area, second_moment):
+    """Return a bar of steel, whatever its units are."""
+    section = s.BeamSection.from_cross_section(length, s.CrossSection(area, second_moment), modulus, 7850.0)
+    body = s.Beam("beam", s.GROUND.at(0), s.fixed(), (0.0, 0.0), (section,), s.FiniteElements(6))
+    return s.Assembly((body,), outputs=(s.Output("tip", body.at(length)),)).assemble()
+
+
+@pytest.mark.parametrize("model", [chain(1e-9, 1.0), chain(1e15, 1.0), bar(2000.0, 210.0, 400.0, 13333.0)])
+def test_frequencies_that_no_machine_has_say_which_units_are_expected(model):
+    """The last one counts in millimetres and gigapascals."""
+    for asked in (model.eigenfrequencies_hz, model.mode_shapes):
+        with pytest.warns(
+            UserWarning, match=r"lowest eigenfrequency is .* Hz; expected SI units: lengths in m"
+        ) as told:
+            asked(3)
+        assert told[0].filename == __file__
+
+
+@pytest.mark.parametrize(
+    "model", [chain(1.0, 1.0), chain(1e9, 1e-2), bar(2.0, 2.1e11, 4e-4, 1.3333e-8), bc.spray_boom(excitation="force")]
+)
+def test_frequencies_of_machines_are_not_warned_of(model):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        model.eigenfrequencies_hz(3)
+        model.mode_shapes(3)
+        bc.hub_beam(modes=1).frequencies_hz()
+        # a soft spring in a machine that is stiff elsewhere
+        soft = s.SecondOrderModel(
+            np.eye(2), np.zeros((2, 2)), np.diag([1e-9, 1e3]), {"f": [1.0, 0.0]}, {"y": [1.0, 0.0]}
+        )
+        soft.eigenfrequencies_hz(2)
