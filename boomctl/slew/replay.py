@@ -31,8 +31,6 @@ class Motion:
         In the plant's own order.
     coordinates : ndarray, k x n
         Those of the planning.
-    swing : float
-        Largest tip displacement afterwards, m; 0 of a plant without tip.
     residual_energy : float or None
         J.
     small_deformation_until : float
@@ -42,7 +40,6 @@ class Motion:
     time: Array
     states: Array
     coordinates: Array
-    swing: float
     residual_energy: float | None
     small_deformation_until: float = np.inf
 
@@ -57,19 +54,12 @@ def played(problem: SlewProblem, history: TorqueHistory, samples: int = _SAMPLES
         start = problem.start[own]
         if plant.machine is None:
             states = _linear_motion(plant, history, start, t)
-            motions.append(Motion(t, states, states @ plant.from_state.T, 0.0, None))
+            motions.append(Motion(t, states, states @ plant.from_state.T, None))
             continue
-        both = np.concatenate([t, history.duration + _ring_down(plant)])
-        r = plant.machine.simulate_torque(history, both, history.breakpoints, plant.to_state @ start, **_ACCURATE)
-        states, swing = r.states[: t.size], float(np.abs(r.tip_displacement[t.size :]).max())
-        energy = plant.machine.residual_energy(states[-1], problem.final_speed)
-        motions.append(Motion(t, states, states @ plant.from_state.T, swing, energy, r.small_deformation_until))
+        r = plant.machine.simulate_torque(history, t, history.breakpoints, plant.to_state @ start, **_ACCURATE)
+        energy = plant.machine.residual_energy(r.states[-1], problem.final_speed)
+        motions.append(Motion(t, r.states, r.states @ plant.from_state.T, energy, r.small_deformation_until))
     return tuple(motions)
-
-
-def _ring_down(plant: SlewPlant) -> Array:
-    """Times after the end: one and a half of the slowest periods."""
-    return np.linspace(0.0, 1.5 * plant.period, _AFTER + 1)[1:]
 
 
 def _linear_motion(plant: SlewPlant, history: TorqueHistory, start: Array, times: Array) -> Array:
@@ -180,7 +170,7 @@ def other_models(problem: SlewProblem, history: TorqueHistory) -> tuple[Replay, 
     machine = problem.plants[0].machine
     if machine is None or np.any(problem.start):
         return ()
-    after = np.concatenate([[history.duration], history.duration + _ring_down(problem.plants[0])])
+    after = history.duration + np.linspace(0.0, 1.5 * problem.plants[0].period, _AFTER + 1)
 
     def replay(other: Any, name: str, tip_mass: float | None) -> Replay:
         """What is left at the end."""
