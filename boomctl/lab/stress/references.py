@@ -8,14 +8,11 @@ import mpmath as mp
 import numpy as np
 
 from boomctl.arrays import Array
+from boomctl.lab.benchmark.references.high_precision import MASS, STIFFNESS
 
 DIGITS = 60  # lengths of ratio 1e6 cost some 18 digits of a stiffness matrix, twice: forty are left
 
 _Number = Any
-_Rows = Sequence[Sequence[int]]
-# a cubic element over w1, h phi1, w2, h phi2: consistent mass over m h / 420, stiffness over E I / h^3
-_MASS: _Rows = ((156, 22, 54, -13), (22, 4, 13, -3), (54, 13, 156, -22), (-13, -3, -22, 4))
-_STIFFNESS: _Rows = ((12, 6, -12, 6), (6, 4, -6, 2), (-12, -6, 12, -6), (6, 2, -6, 4))
 
 
 def pinned_mesh_frequency(count: int) -> float:
@@ -45,8 +42,8 @@ def _cantilever(nodes: Sequence[float], stiffness: Sequence[float], mass: Sequen
         for i in range(4):
             for j in range(4):
                 at = 2 * e + i, 2 * e + j
-                M[at] += mp.mpf(mass[e]) * scale[i] * scale[j] * _MASS[i][j] * h / 420
-                K[at] += mp.mpf(stiffness[e]) * scale[i] * scale[j] * _STIFFNESS[i][j] / h**3
+                M[at] += mp.mpf(mass[e]) * scale[i] * scale[j] * MASS[i][j] * h / 420
+                K[at] += mp.mpf(stiffness[e]) * scale[i] * scale[j] * STIFFNESS[i][j] / h**3
     return M[2:, 2:], K[2:, 2:]
 
 

@@ -11,7 +11,8 @@ from boomctl.lab.benchmark.peers import boom_loop as of_boom
 from boomctl.lab.benchmark.peers.hinfsyn import HinfsynProcess
 from boomctl.lab.benchmark.scenes import h_infinity as synthesis
 from boomctl.lab.benchmark.scenes.h_infinity import yaw_and_jolt_plant
-from boomctl.lab.benchmark.scenes.sampled_loop import _SAME, beam_loop, boom_loop
+from boomctl.lab.benchmark.scenes.sampled_loop import beam_loop, boom_loop
+from boomctl.lti.rounding import SUMMED
 from boomctl.rotating_beam import AssumedModesBeam, HubBeamParameters
 from boomctl.synthesis import h_infinity
 from boomctl.synthesis.plants.partition import close_loop
@@ -53,8 +54,8 @@ def test_ours_comes_as_near_the_bound_as_asked(key):
 def test_the_boom_meets_its_limit_and_ours_is_exact():
     scene = boom_loop("quick")
     errors = {setting.competitor: scene.error(setting.cold(0.0)) for setting in scene.settings}
-    assert errors.pop("simulate_loop") <= _SAME
-    assert min(errors.values()) > _SAME
+    assert errors.pop("simulate_loop") <= SUMMED
+    assert min(errors.values()) > SUMMED
     assert max(errors.values()) < 0.1
     loop = of_boom.loop_scene(0.25)
     free = replace(loop, limit=1e9)

@@ -24,8 +24,8 @@ _SYMMETRIC, _ANTISYMMETRIC = 1, -1  # parity: the sign with which the left half 
 _ACTUATOR, _SUSPENSION, _CRADLE = 2, 3, 4  # columns of the loads, behind those of tip deflection and slope
 
 # a cubic (Hermite) beam element over w1, h phi1, w2, h phi2: consistent mass over m h / 420, stiffness over E I / h^3
-_MASS = ((156, 22, 54, -13), (22, 4, 13, -3), (54, 13, 156, -22), (-13, -3, -22, 4))
-_STIFFNESS = ((12, 6, -12, 6), (6, 4, -6, 2), (-12, -6, 12, -6), (6, 2, -6, 4))
+MASS = ((156, 22, 54, -13), (22, 4, 13, -3), (54, 13, 156, -22), (-13, -3, -22, 4))
+STIFFNESS = ((12, 6, -12, 6), (6, 4, -6, 2), (-12, -6, 12, -6), (6, 2, -6, 4))
 
 
 def _tube(p: BoomParameters) -> tuple[_Number, _Number]:
@@ -107,7 +107,7 @@ def _element(p: BoomParameters, h: _Number, s: _Number) -> _Lines:
     mass, stiffness = _tube(p)
     m, k = s * s * mass * h / 420, stiffness * (1 + s * p.structural_damping) / h**3
     scale = (mp.mpf(1), h, mp.mpf(1), h)
-    return [[scale[i] * scale[j] * (m * _MASS[i][j] + k * _STIFFNESS[i][j]) for j in range(4)] for i in range(4)]
+    return [[scale[i] * scale[j] * (m * MASS[i][j] + k * STIFFNESS[i][j]) for j in range(4)] for i in range(4)]
 
 
 def _inwards(D: _Lines, load: list[_Number] | None = None) -> tuple[_Lines, list[_Number]]:
@@ -169,17 +169,14 @@ def _mesh_hinge(p: BoomParameters, s: _Number, parity: int, state: _Lines) -> _L
     return [held, balance]
 
 
-def _answers(conditions: _Lines, readings: _Lines) -> Array:
+def _answers(conditions: _Lines, readings: _Lines) -> _Lines:
     """Return the readings for a unit of each load, where both conditions are met."""
     (a, b, *f), (c, d, *g) = conditions
     det = a * d - b * c
     ends = [((b * y - d * x) / det, (c * x - a * y) / det) for x, y in zip(f, g, strict=True)]
-    return np.array(
-        [
-            [complex(w * u + slope * v + load) for (u, v), load in zip(ends, loads, strict=True)]
-            for w, slope, *loads in readings
-        ]
-    )
+    return [
+        [w * u + slope * v + load for (u, v), load in zip(ends, loads, strict=True)] for w, slope, *loads in readings
+    ]
 
 
 def _of_sides(symmetric: Array, antisymmetric: Array) -> Array:
@@ -203,7 +200,8 @@ def exact_response(p: BoomParameters, omega: Array, digits: int = DIGITS) -> Arr
     with mp.workdps(digits):
         for w in np.atleast_1d(omega):
             s = mp.mpc(0, float(w))
-            symmetric, antisymmetric = (_answers(*_exact_half(p, s, parity)) for parity in (_SYMMETRIC, _ANTISYMMETRIC))
+            halves = (_answers(*_exact_half(p, s, parity)) for parity in (_SYMMETRIC, _ANTISYMMETRIC))
+            symmetric, antisymmetric = (np.array(half, dtype=complex) for half in halves)
             whole = np.zeros((5, 5), dtype=complex)
             whole[:4, :4] = _of_sides(symmetric[:2, :2], antisymmetric[:, :2])
             whole[4, :4], whole[:4, 4] = 0.5 * symmetric[2, :2].repeat(2), symmetric[:2, 2].repeat(2)
@@ -226,7 +224,9 @@ def mesh_response(p: BoomParameters, omega: Array, elements: int, digits: int = 
         conditions = _mesh_conditions(p, elements)
         tip = _start(1)[:1]
         both = [conditions(mp.mpc(0, float(w))) for w in np.atleast_1d(omega)]
-        return np.stack([_of_sides(*(_answers(half, tip) for half in halves)) for halves in both], axis=2)
+        return np.stack(
+            [_of_sides(*(np.array(_answers(half, tip), dtype=complex) for half in halves)) for halves in both], axis=2
+        )
 
 
 def sigma_of(response: Array) -> Array:
@@ -239,13 +239,7 @@ def sigma_of(response: Array) -> Array:
 def tip_transfer(p: BoomParameters, s: _Number) -> tuple[_Number, _Number]:
     """Return how the tips follow the actuators, moving alike and opposite, at a complex frequency; in mpmath's digits."""
     symmetric, antisymmetric = (_exact_half(p, s, parity) for parity in (_SYMMETRIC, _ANTISYMMETRIC))
-    return _tip(*symmetric), _tip(*antisymmetric)
-
-
-def _tip(conditions: _Lines, readings: _Lines) -> _Number:
-    """Return the tip's reading for a unit of the actuator, where both conditions are met."""
-    (a, b, *f), (c, d, *g) = conditions
-    return (b * g[0] - d * f[0]) / (a * d - b * c) * readings[0][0]
+    return _answers(*symmetric)[0][0], _answers(*antisymmetric)[0][0]
 
 
 def damped_eigenvalues(p: BoomParameters, starts: Array, digits: int = 30) -> Array:

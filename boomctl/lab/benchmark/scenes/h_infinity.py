@@ -45,8 +45,8 @@ _SIDES, _INPUTS, _OUTPUTS = ("sym", "anti"), ("actuator", "suspension"), ("tip",
 _UNITS = {"actuator": 0.03, "suspension": 150.0, "tip": 0.2, "stroke": 0.05}
 
 
-def yaw_and_jolt_plant(units: bool, order: int = 20) -> control.StateSpace:
-    """Return the generalised plant of both halves of the boom, each reduced to half the order.
+def yaw_and_jolt_plant(units: bool) -> control.StateSpace:
+    """Return the generalised plant of both halves of the boom, each reduced to ten states.
 
     Signals count in SI units and control is cheap, or they count in ``_UNITS`` and a force disturbance and an effort of
     like size are weighed.
@@ -55,7 +55,7 @@ def yaw_and_jolt_plant(units: bool, order: int = 20) -> control.StateSpace:
     for side, half in zip(_SIDES, split_symmetric(spray_boom(BoomParameters(), elements=20)), strict=True):
         sizes = {f"{signal}_{side}": size for signal, size in _UNITS.items()}
         chosen = half.select([f"{name}_{side}" for name in _INPUTS], [f"{name}_{side}" for name in _OUTPUTS])
-        halves.append(reduce(in_units(chosen, sizes) if units else chosen, order=order // 2).system)
+        halves.append(reduce(in_units(chosen, sizes) if units else chosen, order=10).system)
     A, B, C, D = (linalg.block_diag(*(getattr(half, name) for half in halves)) for name in "ABCD")
     ins, outs = ([name for half in halves for name in getattr(half, f"{kind}_labels")] for kind in ("input", "output"))
     platform, controls, tips, strokes = ([f"{n}_{s}" for s in _SIDES] for n in (*_INPUTS, *_OUTPUTS))

@@ -98,7 +98,7 @@ def machine_rates() -> Rates:
 
 def limits(extent: Extent) -> Scene:
     """Return the scene of the five hottest paths."""
-    paths = [path(extent) for path in (_exact_sigma, _fine_sigma, _forced_response, _sampled_loop, _reduction)]
+    paths = (_exact_sigma(), _fine_sigma(), _forced_response(), _sampled_loop(_LOOP_S[extent]), _reduction())
     rates = cache(machine_rates)
 
     def told(what: str, work: Work) -> Promise:
@@ -134,8 +134,7 @@ def limits(extent: Extent) -> Scene:
 _Path = tuple[str, str, Work, Callable[[], object]]
 
 
-def _exact_sigma(extent: Extent) -> _Path:
-    del extent
+def _exact_sigma() -> _Path:
     p, points = BoomParameters(), len(_OMEGA)
     prepared = exact_boom(p).prepared(ACTUATORS, TIPS)
     kinds, operations = len(prepared.kinds), 0.0
@@ -156,8 +155,7 @@ def _exact_sigma(extent: Extent) -> _Path:
     )
 
 
-def _fine_sigma(extent: Extent) -> _Path:
-    del extent
+def _fine_sigma() -> _Path:
     model, points = spray_boom(elements=_FINE), len(_OMEGA)
     operations, traffic, sizes = 0.0, 0.0, []
     for part in SplitModel.of(model.select(ACTUATORS, TIPS)).parts:
@@ -174,8 +172,7 @@ def _fine_sigma(extent: Extent) -> _Path:
     )
 
 
-def _forced_response(extent: Extent) -> _Path:
-    del extent
+def _forced_response() -> _Path:
     time, wheels = track()
     model = spray_boom(None, "high-order", 4, order=10)
     signals: dict[str, Array] = dict(zip(ACTUATORS, wheels, strict=True))
@@ -190,8 +187,8 @@ def _forced_response(extent: Extent) -> _Path:
     )
 
 
-def _sampled_loop(extent: Extent) -> _Path:
-    scene = loop_scene(_LOOP_S[extent])
+def _sampled_loop(seconds: float) -> _Path:
+    scene = loop_scene(seconds)
     states, moved, controls = len(scene.plant.A), len(ACTUATORS), len(scene.driven)
     read = len(scene.read) + len(scene.measured)
     a_step = states * 2.0 * (2 + 2 * moved + controls + read)
@@ -203,8 +200,7 @@ def _sampled_loop(extent: Extent) -> _Path:
     )
 
 
-def _reduction(extent: Extent) -> _Path:
-    del extent
+def _reduction() -> _Path:
     model = spray_boom(elements=_CORE_ELEMENTS).select(ACTUATORS, TIPS)
     core = structure_core(model, 14 + _REDUCED)
     if core is None:

@@ -117,8 +117,8 @@ class BoomFriction:
         return float(np.exp(np.log(self.ratio(omega, jolt)[chosen]).mean()))
 
 
-def _jolt(p: BoomParameters, elements: int) -> SecondOrderModel:
-    symmetric, _ = split_symmetric(spray_boom(p, elements=elements))
+def _jolt(p: BoomParameters) -> SecondOrderModel:
+    symmetric, _ = split_symmetric(spray_boom(p, elements=_ELEMENTS))
     return symmetric.select(("actuator_sym", "cradle"), ("tip_sym", "cradle_slip"))
 
 
@@ -163,7 +163,7 @@ def friction_study(
     """
     p = BoomParameters() if parameters is None else parameters
     size, count = positive("amplitude", amplitude) * np.sqrt(2.0), whole("points", points, 8)
-    damped = _jolt(p, _ELEMENTS)
+    damped = _jolt(p)
     force, matched_hz = matched_force(damped, p.cradle_damping, size)
     _, antisymmetric = split_symmetric(spray_boom(p, elements=_ELEMENTS))
     omega, sines = _frequencies(damped, antisymmetric), _sines(count)
@@ -172,7 +172,7 @@ def friction_study(
     readings = []
     for name, viscous, share in _READINGS:
         left, law = max(viscous, _NO_DAMPING) * p.cradle_damping, CoulombFriction(share * force)
-        model = _jolt(replace(p, cradle_damping=left), _ELEMENTS)
+        model = _jolt(replace(p, cradle_damping=left))
         balance = describing_function(model, law, omega, "actuator_sym", size, outputs="tip_sym")
         swept = swept_sine(model, law, sines, "actuator_sym", size, outputs="tip_sym")
         readings.append(FrictionReading(name, viscous * p.cradle_damping, share * force, balance, swept))

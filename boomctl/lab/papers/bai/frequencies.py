@@ -47,7 +47,7 @@ def critical_speeds() -> Part:
     comparisons = [_critical_speed(mass, printed, computed[mass]) for mass, printed in CRITICAL_SPEEDS.items()]
     speeds, places = np.linspace(0.0, 3.5, 141), np.linspace(0.0, 8.0, 41)
     by_speed = tuple(
-        Line(label, speeds, np.array([_smallest_eigenvalue(mass, None, w) for w in speeds]))
+        Line(label, speeds, np.array([_smallest_eigenvalue(mass, w) for w in speeds]))
         for label, mass in (("mass at the clamp, or none", 0.0), ("0.1 kg at the tip", 0.1), ("0.5 kg at the tip", 0.5))
     )
     by_place = tuple(
@@ -95,10 +95,10 @@ def _critical_speed(mass: float, printed: float, computed: float) -> Comparison:
 
 
 def _critical(mass: float, place: float | None) -> float:
-    return float(hub_beam(HubBeamParameters(tip_mass=mass, tip_position=place), "tlam", _MODES).critical_speed())
+    return float(hub_beam(HubBeamParameters(tip_mass=mass), "tlam", _MODES).critical_speed())
 
 
-def _smallest_eigenvalue(mass: float, place: float | None, speed: float) -> float:
+def _smallest_eigenvalue(mass: float, speed: float) -> float:
     """Of ``K2 - w^2 M2`` with the five modes of the paper, N/m."""
-    integrals = AssumedModesBeam(HubBeamParameters(tip_mass=mass, tip_position=place), "tlam", 5).integrals
+    integrals = AssumedModesBeam(HubBeamParameters(tip_mass=mass), "tlam", 5).integrals
     return float(np.linalg.eigvalsh(integrals.K2 - speed**2 * integrals.M2)[0])
