@@ -226,7 +226,7 @@ def _fitted(wide: Array, density: Array, f: Array, sections: int) -> Lti:
     def slopes(x: Array) -> Array:
         return _log_slopes(x, 2.0 * np.pi * grid)
 
-    start = _start(grid, target, sections)
+    start = _start(target, sections)
     low, high = _bounds(grid, sections)
     result = least_squares(
         mismatch, np.clip(start, low + 1e-9, high - 1e-9), jac=slopes, bounds=(low, high), max_nfev=400
@@ -277,7 +277,7 @@ def _log_slopes(x: Array, omega: Array) -> Array:
     return np.hstack(columns)
 
 
-def _start(grid: Array, target: Array, sections: int) -> Array:
+def _start(target: Array, sections: int) -> Array:
     """Return poles and zeros spread over the band, without a peak between them."""
     marks = np.geomspace(2 * np.pi * 0.3, 2 * np.pi * 4.0, 2 * sections - 1)
     poles, zeros = marks[::2], marks[1::2]

@@ -17,9 +17,8 @@ DEPENDENT = 1e-10  # of the largest pivot, or of what was there; what differs by
 
 @dataclass(frozen=True)
 class Elimination:
-    """The congruence ``z = T_d d + T_q z_s`` and the places of the dependent (r) and independent (s) coordinates."""
+    """The congruence ``z = T_d d + T_q z_s`` and the places of the independent coordinates (s)."""
 
-    dependent: Array
     independent: Array
     T_d: Matrix
     T_q: Matrix
@@ -71,7 +70,7 @@ def eliminate(J: Matrix, names: Sequence[str], weights: Array | None = None) -> 
     columns = np.concatenate([np.arange(n - count), column[touched[rest[s]]]])
     T_q = _matrix(rows, columns, np.concatenate([np.ones(n - count), coupling[r, s]]), (n, n - count))
     i, j = np.nonzero(inverse)
-    return Elimination(dependent, independent, _matrix(dependent[i], j, inverse[i, j], (n, count)), T_q)
+    return Elimination(independent, _matrix(dependent[i], j, inverse[i, j], (n, count)), T_q)
 
 
 def _told(matrix: Array) -> Array:

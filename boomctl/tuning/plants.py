@@ -107,7 +107,7 @@ class Plants:
         return Plants(makers, (*self.labels, label), self.physical, all_settled, self.deadline, list(self._series))
 
 
-def partitioned(P: Any, nmeas: int | None, ncon: int | None, what: str = "P") -> GeneralizedPlant:
+def partitioned(P: Any, nmeas: int | None, ncon: int | None) -> GeneralizedPlant:
     """Return a generalised plant; without measurements and controls, all of it is between disturbances and performance.
 
     Raises
@@ -116,7 +116,7 @@ def partitioned(P: Any, nmeas: int | None, ncon: int | None, what: str = "P") ->
         Another kind of system, discrete time, not finite; counts out of range.
     """
     if nmeas == 0 and ncon == 0:
-        return GeneralizedPlant(of(P, what, "StateSpace"), 0, 0)
+        return GeneralizedPlant(of(P, "P", "StateSpace"), 0, 0)
     return partition(P, nmeas, ncon)
 
 

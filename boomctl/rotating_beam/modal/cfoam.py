@@ -12,10 +12,9 @@ from boomctl.rotating_beam.modal.integrals import MassPoints, ModalIntegrals
 
 
 class _Kinematics(NamedTuple):
-    """Kinematics of the p points at k instants; Sq, Su are ``S q_2``, ``S q_2'``; J is k x 2 x p x N."""
+    """Kinematics of the p points at k instants; Su is ``S q_2'``; J is k x 2 x p x N."""
 
     J: Array
-    Sq: Array
     Su: Array
     bias: Array
 
@@ -89,7 +88,7 @@ class CompleteEquations(Equations):
         J[:, 0, :, n + 1 :] = -Sq
         along = -np.einsum("kpi,ki->kp", Su, u2) - 2.0 * speed * rising - speed**2 * place
         across = 2.0 * speed * sliding - speed**2 * deflection
-        return _Kinematics(J, Sq, Su, np.stack([along, across], axis=1))
+        return _Kinematics(J, Su, np.stack([along, across], axis=1))
 
     def _mass(self, J: Array) -> Array:
         result = _pair(self.points.mass[:, None] * J, J)

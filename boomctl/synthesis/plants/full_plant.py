@@ -59,9 +59,10 @@ class ReducedPlant:
     __repr__ = compact
 
 
-def plant_within(plant: Any, expected: str = "SecondOrderModel, StateSpace or ReductionResult") -> Lti:
+def plant_within(plant: Any) -> Lti:
     """Return the system that a design is made on: what was handed in, or the reduced one of a reduction."""
-    return of(plant.system if isinstance(plant, ReductionResult) else plant, "plant", expected, sampled=True)
+    given = plant.system if isinstance(plant, ReductionResult) else plant
+    return of(given, "plant", "SecondOrderModel, StateSpace or ReductionResult", sampled=True)
 
 
 def carrying(P: "control.StateSpace", plant: Any, around: Callable[[Lti], Lti]) -> "control.StateSpace":
