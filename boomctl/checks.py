@@ -53,10 +53,16 @@ def _towards(limit: float, rounding: str, digits: int = _FEW) -> str:
 
 
 def instance(name: str, value: object, kind: type[_Kind] | tuple[type[_Kind], ...], expected: str = "") -> _Kind:
-    """Return ``value`` if it is of a kind; a TypeError names what was expected."""
+    """Return ``value`` if it is of a kind; a TypeError names what was expected, and what makes one.
+
+    What makes one, where it is not the class itself, stands in the class as ``_made_by``.
+    """
     if not isinstance(value, kind):
-        wanted = expected or " or ".join(k.__name__ for k in (kind if isinstance(kind, tuple) else (kind,)))
-        raise TypeError(f"{name} = {shown(value)}: expected {wanted}, got {type(value).__name__}")
+        kinds = kind if isinstance(kind, tuple) else (kind,)
+        wanted = expected or " or ".join(k.__name__ for k in kinds)
+        ways = dict.fromkeys(getattr(k, "_made_by", "") for k in kinds)
+        made = "".join(f"; {way} makes one" for way in ways if way)
+        raise TypeError(f"{name} = {shown(value)}: expected {wanted}, got {type(value).__name__}{made}")
     return value
 
 

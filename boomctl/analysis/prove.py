@@ -127,7 +127,8 @@ def prove(result: Claiming, *, time_limit: float = 60.0) -> Proof:
     limit = positive("time_limit", time_limit)
     if not hasattr(result, "__claims__"):
         raise TypeError(
-            f"result: expected a certificate of a norm, a reduction, a design or margins, got {type(result).__name__}"
+            f"result: expected a certificate of a norm, a reduction, a design or margins, got {type(result).__name__};"
+            " boomctl.hinf_norm(system) makes one"
         )
     claims = list(result.__claims__())
     if not claims:

@@ -12,7 +12,7 @@ from boomctl.arrays import Array
 from boomctl.boom.parameters import BoomParameters
 from boomctl.boom.tracks import MOST_STEPS, SPEEDS, Track, step_count
 from boomctl.boom.tractor import TractorParameters, tractor_lti
-from boomctl.checks import exactly, finite_array, from_on, known, positive, real, truth, up_to, within
+from boomctl.checks import exactly, finite_array, from_on, instance, known, positive, real, truth, up_to, within
 from boomctl.checks import path as checked_path
 from boomctl.files import read_numbers, write_whole
 from boomctl.lti.hold import linear_hold, linear_hold_response, recursion
@@ -54,6 +54,8 @@ class PlatformMotion(TimeSeries):
     >>> motion.jolt, motion.yaw.round(5)  # m, rad
     (array([0.   , 0.005, 0.01 ]), array([0.     , 0.00562, 0.01124]))
     """
+
+    _made_by = "platform_motion(...), sine_sweep(...) or read_motion(...)"
 
     time: Array
     left: Array
@@ -200,8 +202,7 @@ def platform_motion(
     >>> round(1000.0 * float(abs(motion.jolt).max()), 1)  # mm
     5.9
     """
-    if not isinstance(track, Track):
-        raise TypeError(f"track: expected Track, got {type(track).__name__}")
+    instance("track", track, Track)
     p, V = or_default(TractorParameters, "tractor", tractor), within("speed", speed, *SPEEDS, "m/s")
     system = tractor_lti(p, V, positive("actuator_distance", actuator_distance))
     h = positive("sample_time", sample_time)
@@ -456,8 +457,7 @@ def write_motion(path: str | Path, motion: PlatformMotion) -> None:
     >>> bool((again.left == sweep.left).all())
     True
     """
-    if not isinstance(motion, PlatformMotion):
-        raise TypeError(f"motion: expected PlatformMotion, got {type(motion).__name__}")
+    instance("motion", motion, PlatformMotion)
     file = checked_path("path", path)
     if file.is_dir():
         raise ValueError(f"path = {str(file)!r}: expected a file, got a folder")

@@ -84,6 +84,8 @@ class Track:
            [0.  , 0.  ]])
     """
 
+    _made_by = "iso_track(...) or bump_track(...)"
+
     step: float
     left: Array
     right: Array

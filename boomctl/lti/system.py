@@ -412,7 +412,7 @@ def of(
         elif is_statespace(given):
             found = _plain(given)
         else:
-            raise TypeError(f"{what}: expected {expected}, got {type(system).__name__}{_instead(system)}")
+            raise TypeError(f"{what}: expected {expected}, got {type(system).__name__}{_instead(system, models)}")
     if not any_time:
         _check_time(what, found.dt, discrete, sampled)
     for letter in "ABCD":
@@ -436,8 +436,8 @@ def controller_of(given: object, expected: str = "StateSpace", *, any_time: bool
     return of(getattr(given, "controller", given), "controller", expected, any_time=any_time, **time)
 
 
-def _instead(system: object) -> str:
-    """Return what to hand in instead of something that is no system with poles."""
+def _instead(system: object, models: bool) -> str:
+    """Return what to hand in instead of something that is no system with poles; whether structural models will do."""
     if is_frequency_response(system):
         return (
             ", which does not tell its poles: boomctl.fit finds a model for it, boomctl.sigma shows it, and "
@@ -445,7 +445,15 @@ def _instead(system: object) -> str:
         )
     if hasattr(system, "linearize"):
         return ", which is not linear: its .linearize(hub_speed) is one"
-    return "; its .controller is one" if is_statespace(getattr(system, "controller", None)) else ""
+    to_states = "" if models else ".to_statespace()"
+    for held, words in (("controller", ".controller"), ("system", ".system")):
+        if is_statespace(getattr(system, held, None)):
+            return f"; its {words} is one"
+    for method, words in (("to_statespace", ""), ("assemble", ".assemble()"), ("deltas", ".at(...)")):
+        if hasattr(system, method):
+            return f"; its {words}{to_states} is one"
+    ready = "boomctl.spray_boom(), .assemble() of an Assembly or " if models else ""
+    return f"; {ready}control.ss(A, B, C, D) makes one"
 
 
 def _check_names(what: str, found: Lti) -> None:

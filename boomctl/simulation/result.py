@@ -79,6 +79,8 @@ class LoopResult(TimeSeries):
         Units of the signals that are known: of structural models and hub-beams; a ``StateSpace`` does not say its own.
     """
 
+    _made_by = "simulate_loop(...)"
+
     time: Array
     outputs: dict[str, Array] = field(repr=False)
     controls: dict[str, Array] = field(repr=False)

@@ -201,6 +201,8 @@ class SlewResult(TimeSeries):
         system, whose length nobody says.
     """
 
+    _made_by = "optimal_slew(...)"
+
     objective: str
     duration: float
     cost: float

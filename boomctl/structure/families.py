@@ -45,6 +45,8 @@ class Slope:
 class Family:
     """Structures over a box of parameters: one in its middle, and how products of the parameters change its matrices."""
 
+    _made_by = "boom_family(), AffineFamily.through(...) or .family(...) of a hub-beam"
+
     names: tuple[str, ...]
     low: Array
     high: Array

@@ -96,6 +96,8 @@ class SecondOrderModel:
     array([0.3182])
     """
 
+    _made_by = "spray_boom(), .assemble() of an Assembly or .at(...) of a family"
+
     structure: Structure
     ports: Ports
     chosen: Any

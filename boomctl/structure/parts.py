@@ -41,6 +41,8 @@ class Joint:
     True
     """
 
+    _made_by = "revolute(), prismatic(...), fixed() or free(...)"
+
     slides: tuple[tuple[str, float], ...] = ()
     turns: bool = False
 
@@ -169,6 +171,8 @@ class Point:
     >>> bc.structure.GROUND.at(1.5)
     GROUND.at(1.5, 0)
     """
+
+    _made_by = ".at(x, y) of a body or of GROUND"
 
     body: "Ground | RigidBody | Beam"
     x: float

@@ -227,5 +227,5 @@ def test_a_sweep_shorter_than_a_sample_or_longer_than_memory_is_refused():
         bc.sine_sweep(1.0, 1.0, 0.01, 1.0, sample_time=0.1)
     with pytest.raises(ValueError, match=r"duration = 1e.12: expected at most 5e.07 steps of 0.001 s"):
         bc.sine_sweep(1.0, 1.0, 1e12, 1.0)
-    with pytest.raises(TypeError, match="motion: expected PlatformMotion, got NoneType"):
+    with pytest.raises(TypeError, match="motion = None: expected PlatformMotion, got NoneType; platform_motion"):
         bc.boom.write_motion("x.csv", None)

@@ -291,7 +291,7 @@ def test_slow_steering_between_samples_that_do_not_fit_into_a_round_is_the_limit
 
 
 def test_what_is_no_track_and_what_is_beyond_numbers_is_refused():
-    with pytest.raises(TypeError, match="track: expected Track, got NoneType"):
+    with pytest.raises(TypeError, match="track = None: expected Track, got NoneType; iso_track"):
         bc.platform_motion(None)
     with pytest.raises(ValueError, match=r"duration = .*: expected at most 5e.07 steps of 1e-12 s"):
         bc.platform_motion(bc.iso_track("C", 40.0), sample_time=1e-12)

@@ -114,3 +114,31 @@ def test_nyquist_and_compare_take_signals_as_sigma_does():
 def test_every_result_that_has_a_norm_has_it_by_this_name(make, of_old):
     result = make()
     assert float(result.norm) == pytest.approx(float(of_old(result)), rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "remedy"),
+    [
+        (lambda: bc.sigma(one.machine()), r"got Assembly; its \.assemble\(\) is one"),
+        (lambda: bc.sigma(one.family()), r"got AffineFamily; its \.at\(\.\.\.\) is one"),
+        (lambda: bc.sigma(one.hub_beam()), r"its \.linearize\(hub_speed\) is one"),
+        (lambda: bc.hinf_norm(bc.reduce(one.mass(), order=2)), r"got ReductionResult; its \.system is one"),
+        (lambda: bc.discretize(one.mass(), 0.01), r"got SecondOrderModel; its \.to_statespace\(\) is one"),
+        (
+            lambda: bc.write_controller(one.machine(), "law.json"),
+            r"got Assembly; its \.assemble\(\)\.to_statespace\(\) is one",
+        ),
+        (lambda: bc.sigma(np.eye(2)), r"got ndarray; .* or control\.ss\(A, B, C, D\) makes one"),
+        (lambda: bc.split_symmetric(one.machine()), r"got Assembly; .*\.assemble\(\) of an Assembly"),
+        (lambda: bc.structure.Force("push", one.machine().bodies[0]), r"got RigidBody; \.at\(x, y\) of a body"),
+        (
+            lambda: bc.structure.RigidBody("bar", bc.structure.GROUND.at(0), bc.structure.revolute),
+            r"expected Joint, got function; revolute\(\)",
+        ),
+        (lambda: bc.robust_stability(one.boom(), one.suspension()), r"got SecondOrderModel; boom_family\(\)"),
+        (lambda: bc.platform_motion("C", speed=3.0, sample_time=0.01), r"expected Track, got str; iso_track\(\.\.\.\)"),
+    ],
+)
+def test_another_kind_of_thing_is_told_what_makes_the_right_one(wrong, remedy):
+    with pytest.raises(TypeError, match=remedy):
+        wrong()

@@ -68,7 +68,7 @@ def test_a_machine_without_mirror_is_refused():
 
 def test_what_is_no_machine_or_controller_is_refused():
     sym, anti = half_controller("sym", 1), half_controller("anti", 2)
-    with pytest.raises(TypeError, match="model: expected SecondOrderModel, got StateSpace"):
+    with pytest.raises(TypeError, match="expected SecondOrderModel, got StateSpace"):
         join_symmetric(sym, sym, anti)
     with pytest.raises(TypeError, match=r"^symmetric: expected StateSpace, got NoneType"):
         join_symmetric(MODEL, None, anti)
@@ -139,7 +139,7 @@ def test_halves_of_other_times_are_refused():
 
 def test_what_cannot_be_split_is_refused():
     joined = join_symmetric(MODEL, half_controller("sym", 1), half_controller("anti", 2))
-    with pytest.raises(TypeError, match="model: expected SecondOrderModel, got NoneType"):
+    with pytest.raises(TypeError, match="model = None: expected SecondOrderModel, got NoneType"):
         split_controller(None, joined)
     with pytest.raises(TypeError, match=r"controller: expected StateSpace, got float"):
         split_controller(MODEL, 1.0)

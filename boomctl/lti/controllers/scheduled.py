@@ -50,6 +50,8 @@ class ScheduledController:
     -225.0
     """
 
+    _made_by = "schedule(...)"
+
     signal: str
     values: Array
     A: Array

@@ -36,6 +36,8 @@ class Shaper:
         Their sizes; they add up to one.
     """
 
+    _made_by = "slew.shaper(...)"
+
     name: str
     times: Array
     amplitudes: Array

@@ -38,6 +38,8 @@ class CrossSection:
     0.0003
     """
 
+    _made_by = "tube_section(...), round_tube_section(...), bar_section(...), rod_section(...) or i_section(...)"
+
     area: float
     second_moment: float
 

@@ -7,6 +7,7 @@ import numpy as np
 from scipy import linalg
 
 from boomctl.arrays import Array
+from boomctl.checks import instance
 from boomctl.lti.bilinear import continuous_image, discrete_image
 from boomctl.lti.block_diagonal import block_diagonal
 from boomctl.lti.modal import resolved
@@ -172,8 +173,7 @@ class _Side:
 
 
 def _mirror(model: SecondOrderModel) -> Mirror:
-    if not isinstance(model, SecondOrderModel):
-        raise TypeError(f"model: expected SecondOrderModel, got {type(model).__name__}")
+    instance("model", model, SecondOrderModel)
     if model.mirror is None:
         raise ValueError("model: expected one with mirror symmetry, such as spray_boom with a symmetric mesh")
     return model.mirror
