@@ -34,6 +34,7 @@ import numpy as np
 
 import boomctl as bc
 
+plt.style.use("boomctl.plotting.look")  # or a style of your own
 p = bc.BoomParameters()
 ports = ["actuator_left", "actuator_right"], ["tip_left", "tip_right"]
 exact_hz = bc.exact_eigenfrequencies_hz(p, 5)

@@ -30,6 +30,7 @@ import numpy as np
 
 import boomctl as bc
 
+plt.style.use("boomctl.plotting.look")  # or a style of your own
 machine = bc.spray_boom(elements=12, accelerometer_bandwidth_hz=20.0)
 jolt, yaw = bc.split_symmetric(machine)
 disturbance, control, tip = "actuator_anti", "suspension_anti", "tip_anti"

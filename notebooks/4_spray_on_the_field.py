@@ -31,6 +31,7 @@ import numpy as np
 import boomctl as bc
 from boomctl.plotting import draw_deposit, draw_motion
 
+plt.style.use("boomctl.plotting.look")  # or a style of your own
 p = bc.BoomParameters()
 nozzles = bc.nozzle_positions()  # each 0.5 m
 actuators, tips = ["actuator_left", "actuator_right"], ["tip_left", "tip_right"]

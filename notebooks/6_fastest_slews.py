@@ -25,6 +25,7 @@ import numpy as np
 import boomctl as bc
 from boomctl.slew import compare_payloads, compare_slews
 
+plt.style.use("boomctl.plotting.look")  # or a style of your own
 quarter, limit = np.pi / 2, 200.0
 h = bc.hub_beam(bc.HubBeamParameters(tip_mass=0.1), model="sfoam", modes=2)
 

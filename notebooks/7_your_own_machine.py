@@ -52,6 +52,7 @@ from boomctl.structure import (
     prismatic,
 )
 
+plt.style.use("boomctl.plotting.look")  # or a style of your own
 # %% [markdown]
 # ## Bodies, beams, forces, outputs
 #

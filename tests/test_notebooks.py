@@ -53,6 +53,11 @@ def test_outputs_are_stored_complete_and_light(path):
 
 
 @EACH
+def test_its_pictures_have_the_look_of_all(path):
+    assert 'plt.style.use("boomctl.plotting.look")' in _code(path)
+
+
+@EACH
 def test_nothing_in_it_belongs_in_the_library(path):
     tree = ast.parse(_code(path))
     defined = [node.name for node in ast.walk(tree) if isinstance(node, ast.ClassDef)]
