@@ -14,7 +14,7 @@ from boomctl.checks import frequencies, known, names
 from boomctl.lti.bilinear import continuous_image
 from boomctl.lti.sampled import sampled_plant, time_of_loop
 from boomctl.lti.system import Lti, controller_of, is_frequency_response, lower_lft, of
-from boomctl.printing import compact
+from boomctl.printing import compact, listed
 from boomctl.structure.model import SecondOrderModel
 
 if TYPE_CHECKING:
@@ -134,8 +134,19 @@ def signals_of(
     Raises
     ------
     ValueError
-        One is not there; of a state of the plant, how it becomes an output is said.
+        One is not there; of a state of the plant, how it becomes an output is said, and of a controller without names how
+        it gets them.
     """
+    unnamed = [
+        *(f"u[{k}]" for k in range(len(controller.inputs))),
+        *(f"y[{k}]" for k in range(len(controller.outputs))),
+    ]
+    if unnamed == [*controller.inputs, *controller.outputs] and not {*unnamed} & {*inputs, *outputs}:
+        raise ValueError(
+            f"controller: its signals have no names but {listed(unnamed)}: python-control loses them in -K, 2 * K, K1 * K2;"
+            f" K.update_names(inputs=[...], outputs=[...]) gives them: what it reads is among {listed(outputs)}, what it"
+            f" drives among {listed(inputs)}"
+        )
     for label in controller.inputs:
         if label not in outputs and label in (state.replace(".", "_") for state in states):
             raise ValueError(

@@ -142,3 +142,14 @@ def test_every_result_that_has_a_norm_has_it_by_this_name(make, of_old):
 def test_another_kind_of_thing_is_told_what_makes_the_right_one(wrong, remedy):
     with pytest.raises(TypeError, match=remedy):
         wrong()
+
+
+@pytest.mark.parametrize("lost", [lambda K: -K, lambda K: 2.0 * K, lambda K: control.ss(K.A, K.B, K.C, K.D)])
+def test_a_controller_that_lost_its_names_says_where_and_how_it_gets_them_back(lost):
+    K = lost(one.suspension())
+    with pytest.raises(
+        ValueError, match=r"no names but u\[0\], y\[0\]: python-control loses them in -K, .* K\.update_names\("
+    ):
+        bc.margins(one.yaw(), K)
+    K.update_names(inputs=["stroke_anti"], outputs=["suspension_anti"])
+    assert bc.margins(one.yaw(), K).loops
