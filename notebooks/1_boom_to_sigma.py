@@ -100,7 +100,6 @@ for ax, f in zip(axes, exact, strict=True):
     at_largest = shape[np.argmax(abs(shape))]
     ax.plot(x, (shape / at_largest).real)
     ax.set(title=f"{f:.3f} Hz, {kind}", xlabel="x [m]", ylim=(-1.1, 1.1))
-    ax.grid(alpha=0.3)
 axes[0].set_ylabel("displacement, largest = 1")
 plt.show()
 

@@ -68,7 +68,6 @@ for ax, (kind, error) in zip(axes, errors.items(), strict=True):
         ax.set_xscale("log")
         ax.set_xticks([6, 20, 80, 320], [6, 20, 80, 320])
         ax.minorticks_off()
-    ax.grid(alpha=0.3)
 axes[0].set_ylabel("relative error")
 axes[0].legend(fontsize=7)
 plt.show()
@@ -116,15 +115,14 @@ choices = {
     "100 finite": bc.spray_boom(p, "finite", 100),
     "4 of order 12": bc.spray_boom(p, "high-order", 4, order=12),
 }
-fig, ax = plt.subplots(figsize=(7, 3.6), layout="constrained")
+fig, ax = plt.subplots(figsize=(9, 3.6), layout="constrained")
 for name, model in choices.items():
     off = np.abs(bc.sigma(model, omega).sigma / exact - 1).max(axis=0)
     ax.loglog(omega / (2 * np.pi), np.maximum(off, 1e-13), label=f"{name}, {model.n} unknowns")
 ax.axhline(0.1, color="0.5", linestyle="--", linewidth=0.8)
 ax.set(xlabel="frequency [Hz]", ylabel="relative error of singular values", title="Broken line: 10 %")
 ax.set_xlim(0.1, 20)
-ax.legend(fontsize=7)
-ax.grid(alpha=0.3)
+ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
 plt.show()
 
 # %% [markdown]
@@ -168,8 +166,7 @@ for kind in dict.fromkeys(line[0] for line in cost):
     )
 ax.axvline(1e3 * best, color="k", linestyle=":", label="exact beam: no error")
 ax.set(xlabel="run time [ms]", ylabel="error up to 5 Hz", title="Model and 400 frequencies, one core")
-ax.legend(fontsize=8)
-ax.grid(alpha=0.3)
+ax.legend()
 plt.show()
 
 # %% [markdown]

@@ -97,7 +97,6 @@ ax.set(
     title="LQR: force against tip motion",
     ylim=(0.03, 500),
 )
-ax.grid(alpha=0.3)
 plt.show()
 
 # %% [markdown]

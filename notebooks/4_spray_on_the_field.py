@@ -133,7 +133,6 @@ ax.set(
     title="Class E: mean and range of four tracks",
 )
 ax.legend()
-ax.grid(alpha=0.3)
 for speed, line in zip(speeds, 100 * cv[0], strict=True):
     print(f"{speed:.1f} m/s: CV {line.mean():.2f} %, of one track {line.min():.2f} to {line.max():.2f} %")
 plt.show()
@@ -197,7 +196,6 @@ for springs, strokes, cvs in zip((550, 1100), found["stroke"], found["deposit_cv
     ax.plot(1e3 * strokes, 100 * cvs, "o-", label=f"springs {springs} N/m")
 ax.set(xlabel="largest stroke [mm]", ylabel="deposit CV [%]", title="Beside each mark: the cradle's damper [N s/m]")
 ax.legend()
-ax.grid(alpha=0.3)
 plt.show()
 
 # %% [markdown]
@@ -223,7 +221,6 @@ freq_hz = 0.1 * 50.0 ** (sweep.time / 300.0)
 fig, ax = plt.subplots(figsize=(8, 3.0), layout="constrained")
 ax.semilogx(freq_hz, 1e3 * tip, linewidth=0.5)
 ax.set(xlabel="frequency at that time [Hz]", ylabel="right tip [mm]", title="Sine sweep, 1 mm at the actuators")
-ax.grid(alpha=0.3)
 loudest = freq_hz[np.argmax(np.abs(tip))]
 steady = bc.sigma(boom, inputs=["actuator_left", "actuator_right"], outputs="tip_right").peak * np.sqrt(
     2

@@ -112,8 +112,7 @@ for ax, speed in zip(axes, (2.8, 3.0), strict=True):
         if (name, speed) == ("foam", 2.8):
             assert abs(largest - 0.2044) < 1e-4
     ax.set(xlabel="time [s]", ylabel="tip [m]", ylim=(-0.8, 0.4), title=f"Spin-up to {speed} rad/s")
-    ax.legend(loc="lower right", fontsize=8)
-    ax.grid(alpha=0.3)
+    ax.legend(loc="lower right")
 plt.show()
 
 # %% [markdown]
@@ -147,8 +146,7 @@ fig, ax = plt.subplots(figsize=(7, 3.2), layout="constrained")
 for name, run in runs.items():
     ax.plot(run.time, run.tip_displacement, "k:" if name.startswith("geo") else "-", label=name)
 ax.set(xlabel="time [s]", ylabel="tip [m]", title="400 N m", xlim=(0, 20))
-ax.legend(fontsize=8)
-ax.grid(alpha=0.3)
+ax.legend()
 
 assert abs(table[400.0]["foam"] / table[400.0]["geometrically-exact"] - 1) < 0.06
 assert table[400.0]["cfoam"] > 1.3 * table[400.0]["geometrically-exact"]
