@@ -146,7 +146,7 @@ def test_imposed_displacements_carry_the_boom_along_at_rest():
         ([np.inf], ValueError, "omega: expected finite numbers, got inf"),
         ([], ValueError, "omega.*at least one"),
         ([[1.0, 2.0]], ValueError, r"omega: expected one dimension.*\(1, 2\)"),
-        (["a"], TypeError, "omega: expected real numbers"),
+        (["a"], TypeError, "expected frequencies; signals are named"),
         ([1j], TypeError, "omega: expected real numbers"),
     ],
 )
