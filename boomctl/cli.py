@@ -543,6 +543,48 @@ def slew(words: Sequence[str]) -> None:
     print(f"Report: {asked.out / 'report.html'}")
 
 
+def identify(words: Sequence[str]) -> None:
+    """Find the modes of a machine in a record of it, with intervals, and a model; report them.
+
+    The file is a record, CSV with a line of names or .mat with vectors, or a measured frequency response, CSV or UFF.
+    """
+    parser = _Parser(identify)
+    parser.add_argument("record", type=Path, help="the file: .csv, .mat, .uff or .unv")
+    parser.add_argument("--inputs", default="", metavar="NAMES", help="columns that drive the machine, between commas")
+    text = "columns that it answers with, between commas (default: all others but the time)"
+    parser.add_argument("--outputs", default="", metavar="NAMES", help=text)
+    text = "time between samples, s (default: from the column named time)"
+    parser.add_argument("--sample-time", type=float, metavar="SECONDS", help=text)
+    text = "frequencies of the modes wanted, Hz (default: where all inputs have power)"
+    parser.add_argument("--band", type=float, nargs=2, metavar=("LOW", "HIGH"), help=text)
+    parser.add_argument("--modes", type=int, help="number of modes (default: all that have evidence)")
+    text = "what the outputs are: displacement, velocity or acceleration (default: displacement)"
+    parser.add_argument("--quantity", metavar="WORD", help=text)
+    text = "what inputs do between samples: band-limited or zero-order (default: %(default)s)"
+    parser.add_argument("--hold", default="band-limited", metavar="WORD", help=text)
+    parser.add_out("identified")
+    parser.add_json()
+    parser.add_quiet()
+    asked = parser.parse_args(words)
+
+    from boomctl.files import locked_folder, plain
+    from boomctl.studies.measurement import identified_file
+
+    inputs, outputs = (
+        [name.strip() for name in text.split(",") if name.strip()] for text in (asked.inputs, asked.outputs)
+    )
+    band = None if asked.band is None else tuple(asked.band)
+    options = {"band_hz": band, "modes": asked.modes, "quantity": asked.quantity, "hold": asked.hold}
+    with _results_alone() if asked.json else nullcontext(), locked_folder(asked.out) as folder:
+        found = identified_file(asked.record, inputs, outputs, asked.sample_time, **options)
+        _name_others(folder, found.report().write_into(folder))
+    if asked.json:
+        _print_json(plain(found.results))
+        return
+    print(found.identification.render())
+    print(f"Report: {asked.out / 'report.html'}")
+
+
 _BENCHMARKS = ("boom", "hub-beam", "suspension", "slew", "tune", "lumped-masses", "growth", "limits", "all")
 _EVERYTHING = "precision"  # the name that "all" had
 
@@ -785,7 +827,7 @@ def _fish_lines() -> Iterator[str]:
 
 _COMMANDS: dict[str, Callable[[Sequence[str]], None]] = {
     command.__name__: command
-    for command in (design, reproduce, sigma, parameters, slew, notebooks, benchmark, stress, completion)
+    for command in (design, reproduce, sigma, identify, parameters, slew, notebooks, benchmark, stress, completion)
 }
 
 

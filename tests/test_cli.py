@@ -11,13 +11,18 @@ import sys
 import tempfile
 import time
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pytest
+import scipy.io
 
+import boomctl as bc
 from boomctl.cli import _name_others
 from boomctl.files import locked_folder, write_whole
 from boomctl.report import Picture, Report, Section
+from boomctl.structure import SecondOrderModel
+from boomctl.studies.measurement import identified_file
 from tests.command import boomctl
 
 
@@ -552,3 +557,52 @@ def test_files_of_an_earlier_run_beside_a_report_are_named(seed, tmp_path, capsy
     assert said == (
         f"boomctl: {tmp_path}: also has files that are not of this run: {', '.join(left)}\n" if left else ""
     )
+
+
+@pytest.fixture(scope="module")
+def record(tmp_path_factory):
+    """Return a folder with a record of a mass on a spring, 3.18 Hz and 2 %, as CSV and as MAT file."""
+    force, mass = np.random.default_rng(0).standard_normal(4000), [[1.0]]
+    model = SecondOrderModel(mass, [[0.8]], [[400.0]], {"force": [1.0]}, {"place": [1.0]})
+    time = 0.02 * np.arange(len(force))
+    place = bc.forced_response(model, {"force": force}, time)["place"]
+    folder = tmp_path_factory.mktemp("record")
+    table = np.column_stack([time, force, place])
+    np.savetxt(folder / "record.csv", table, delimiter=",", header="time,force,place", comments="")
+    scipy.io.savemat(folder / "record.mat", {"force": force, "place": place})
+    np.savetxt(folder / "uneven.csv", np.delete(table, slice(50, 60), 0), delimiter=",", header="time,force,place")
+    return folder
+
+
+@pytest.mark.slow
+def test_identify_reports_the_modes_of_a_record(record):
+    done = boomctl("identify", "record.csv", "--inputs", "force", "--band", "0.5", "8", "--out", "here", cwd=record)
+    assert done.returncode == 0, done.stderr
+    assert "Report:" in done.stdout
+    results = json.loads((record / "here" / "results.json").read_text())
+    (mode,) = results["modes"]
+    assert abs(mode["frequency_hz"] - 3.1825) < 0.01
+    assert abs(mode["damping"] - 0.02) < 0.002
+    assert json.loads((record / "here" / "model.json").read_text())["inputs"] == ["force"]
+    assert {each.name for each in (record / "here").iterdir()} >= {"report.html", "identification.png", "response.png"}
+    words = ("--inputs", "force", "--sample-time", "0.02", "--band", "0.5", "8", "--out", "there", "--json")
+    again = json.loads(boomctl("identify", "record.mat", *words, cwd=record).stdout)
+    assert abs(again["modes"][0]["frequency_hz"] / mode["frequency_hz"] - 1.0) < 1e-6
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("record.csv",), "expected the names of inputs, --inputs; the file has force, place"),
+        (("record.csv", "--inputs", "forse"), "unknown signal 'forse'; did you mean 'force'"),
+        (("record.mat", "--inputs", "force"), "expected a column named 'time' [s], or --sample-time"),
+        (("record.csv", "--inputs", "force,place"), "expected outputs beside the inputs, got none"),
+        (("uneven.csv", "--inputs", "force"), "expected times at even steps"),
+    ],
+)
+def test_identify_says_in_one_line_what_it_misses(record, words, message, monkeypatch):
+    monkeypatch.chdir(record)
+    path, *others = words
+    inputs = others[1].split(",") if others else []
+    with pytest.raises(ValueError, match=re.escape(message)):
+        identified_file(Path(path), inputs, [], None)

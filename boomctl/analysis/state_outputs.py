@@ -7,7 +7,7 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.lti.system import Lti, of
-from boomctl.structure.families import AffineFamily, PolynomialFamily
+from boomctl.structure.families import AffineFamily, PolynomialFamily, Slope
 from boomctl.structure.model import SecondOrderModel
 
 if TYPE_CHECKING:
@@ -59,7 +59,15 @@ def with_states(plant: Any) -> "control.StateSpace | AffineFamily | PolynomialFa
     True
     """
     if isinstance(plant, AffineFamily | PolynomialFamily):
-        return replace(plant, centre=_centre_with_states(plant.centre))
+        centre = _centre_with_states(plant.centre)
+        more = ((0, 0), (0, len(centre.outputs) - len(plant.centre.outputs)), (0, 0))  # what states read stays
+
+        def wider(slope: Slope) -> Slope:
+            return replace(slope, L=np.pad(slope.L, more)) if slope.L.any() else replace(slope, L=np.zeros(()))
+
+        if isinstance(plant, AffineFamily):
+            return replace(plant, centre=centre, slopes=tuple(map(wider, plant.slopes)))
+        return replace(plant, centre=centre, changes=tuple((power, wider(slope)) for power, slope in plant.changes))
     given = of(plant, "plant", "SecondOrderModel, a family, StateSpace or TransferFunction", any_time=True)
     name = getattr(plant, "name", None)
     return _with_states(given).statespace(name if isinstance(name, str) else "plant")

@@ -104,7 +104,7 @@ class FreeParameters:
     def at(self, x: Array) -> Any:
         """Return the whole record of parameters at coordinates."""
         found = {name: float(value) for name, value in zip(self.names, self.values(x), strict=True)}
-        return {**self.record, **found} if isinstance(self.record, dict) else replace(self.record, **found)
+        return changed(self.record, found)
 
     def drawn(self, count: int, seed: int) -> list[Array]:
         """Return so many starts: the first as given, the others drawn evenly over the ranges."""
@@ -125,6 +125,11 @@ class FreeParameters:
         if self.logarithmic[i]:
             return f"{self.names[i]} times {np.exp(x):.6g}"  # enough digits for what is said of a product to hold
         return f"{self.names[i]} {'plus' if x > 0 else 'minus'} {abs(x) * self.scale[i]:.3g}"
+
+
+def changed(record: Any, values: Mapping[str, float]) -> Any:
+    """Return a record of parameters, a dataclass or a mapping, with some changed."""
+    return {**record, **values} if isinstance(record, dict) else replace(record, **values)
 
 
 def _start(build: object, free: object, start: object) -> Any:

@@ -1,7 +1,7 @@
 """A modal model in continuous time from a record or from a measured frequency response."""
 
 import warnings
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from itertools import pairwise
@@ -14,12 +14,15 @@ from boomctl.arrays import Array
 from boomctl.checks import real as real_number
 from boomctl.checks import whole
 from boomctl.identification.common_poles import CommonPoles
+from boomctl.identification.families import hull as joint
+from boomctl.identification.families import names_of_mode, of_modes
 from boomctl.identification.realised import RankOne
 from boomctl.identification.record import EXCITED, QUANTITIES, Record, band, quantities
 from boomctl.identification.search import searched, strongest
 from boomctl.identification.spectra import Spectra, complex_of, rms
 from boomctl.lti.system import is_frequency_response
 from boomctl.printing import LINES, WIDTH, between, compact, count, table_html
+from boomctl.structure.families import Family
 from boomctl.structure.model import SecondOrderModel
 
 if TYPE_CHECKING:
@@ -111,6 +114,54 @@ class Identification:
     source: str
     stabilization: dict[int, Array]
     spectra: Array
+
+    def family(
+        self, probability: float = 0.95, margin: float = 0.0, *, hull: "Sequence[Identification]" = ()
+    ) -> Family:
+        """Return the structures over a box that holds all frequencies and dampings at once with a probability.
+
+        How much inputs and outputs have of a mode stays as identified.
+
+        Parameters
+        ----------
+        probability : float
+            That the box holds all of them, between 0.5 and 1: ranges are wider than intervals, by Bonferroni's bound.
+        margin : float
+            Share of each value by which its range is widened to either side, for what changes after the measurement.
+        hull : sequence of Identification
+            Others of the same parameters: the box holds the boxes of all.
+
+        Returns
+        -------
+        PolynomialFamily
+            For `tune`, `worst_case`, `robust_stability`, `structured_margin`; ``ranges`` are the box.
+
+        Raises
+        ------
+        TypeError, ValueError
+            No structure (`model`); intervals that are open or without width.
+
+        Examples
+        --------
+        >>> import boomctl as bc
+        >>> import numpy as np
+        >>> force = np.random.default_rng(0).standard_normal(4000)
+        >>> mass = bc.structure.SecondOrderModel([[1.0]], [[0.8]], [[400.0]], {"force": [1.0]}, {"place": [1.0]})
+        >>> moved = bc.forced_response(mass, {"force": force}, 0.02 * np.arange(4000))["place"]
+        >>> found = bc.identify({"force": force}, {"place": moved}, 0.02, band_hz=(0.5, 8.0))
+        >>> found.family(margin=0.1).names
+        ('mode_1_hz', 'mode_1_damping')
+        """
+        return of_modes(self, joint(self, hull, probability, margin))
+
+    @property
+    def uncertain(self) -> tuple[dict[str, tuple[float, float, float]], dict[str, float]]:
+        """Value and ends of the interval of frequency [Hz] and damping of each mode, and degrees of freedom."""
+        found = {}
+        for k, mode in enumerate(self.modes):
+            values = (mode.frequency_hz, *mode.frequency_interval_hz), (mode.damping, *mode.damping_interval)
+            found.update(zip(names_of_mode(k), values, strict=True))
+        return found, dict.fromkeys(found, _BLOCKS - 1.0)
 
     def __repr__(self) -> str:
         lines = [f"Identification: {self._head()}"]

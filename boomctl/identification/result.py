@@ -1,6 +1,7 @@
 """The result of a fit: parameters, how sure they are, what the measurements do not see."""
 
 import pickle
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from importlib import import_module
 from math import inf
@@ -10,9 +11,12 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.identification.certificate import FitCertificate
+from boomctl.identification.families import hull as joint
+from boomctl.identification.families import of_fit
 from boomctl.identification.identifiability import Combination
 from boomctl.identification.measured import Measured
 from boomctl.printing import LINES, WIDTH, count, table_html
+from boomctl.structure.families import Family
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -114,6 +118,50 @@ class FitResult:
     def certified(self) -> bool:
         """Whether the fit is certified; see ``certificate``."""
         return self.certificate.certified
+
+    def family(
+        self, probability: float = 0.95, margin: float = 0.0, *, hull: "Sequence[FitResult]" = (), build: Any = None
+    ) -> Family:
+        """Return the structures over a box that holds all parameters at once with a probability.
+
+        Parameters
+        ----------
+        probability : float
+            That the box holds all of them, between 0.5 and 1: ranges are wider than intervals, by Bonferroni's bound.
+        margin : float
+            Share of each value by which its range is widened to either side, for what changes after the measurement.
+        hull : sequence of FitResult
+            Others of the same parameters: the box holds the boxes of all.
+        build : callable, optional
+            Makes a `SecondOrderModel` of the parameters, or a hub-beam, as controllers are to see it: with its actuators,
+            say, or their delay.  By default that of the fit.
+
+        Returns
+        -------
+        PolynomialFamily
+            For `tune`, `worst_case`, `robust_stability`, `structured_margin`; ``ranges`` are the box.
+
+        Raises
+        ------
+        TypeError, ValueError
+            A parameter that the measurements do not bound, or without width; a function that makes something else, or no
+            polynomial of the parameters.
+
+        Examples
+        --------
+        >>> import boomctl as bc
+        >>> def mass(p):
+        ...     return bc.structure.SecondOrderModel([[2.0]], [[0.1]], [[p["stiffness"]]], {"force": [1.0]}, {"place": [1.0]})
+        >>> found = bc.fit(mass, [0.8], start={"stiffness": 10.0}, free=["stiffness"], deviation=0.01)
+        >>> [round(end, 1) for end in found.family(margin=0.1).ranges["stiffness"]]
+        [44.2, 57.8]
+        """
+        return of_fit(self, joint(self, hull, probability, margin), build)
+
+    @property
+    def uncertain(self) -> tuple[dict[str, tuple[float, float, float]], dict[str, float]]:
+        """Value and ends of the interval of each parameter, and degrees of freedom."""
+        return {name: (self.values[name], *self.intervals[name]) for name in self.names}, self.freedoms
 
     def interval_text(self, name: str) -> str:
         """Return the interval of a parameter in words.

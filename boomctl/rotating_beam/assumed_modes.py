@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from boomctl.rotating_beam.modal.forced import ForcedModes
     from boomctl.rotating_beam.sensors import BeamSensor
     from boomctl.structure.families import PolynomialFamily
+    from boomctl.structure.model import SecondOrderModel
 
 ASSUMED_MODES = ("tlam", "sfoam", "sfoam-consistent", "foam", "cfoam")
 
@@ -148,8 +149,9 @@ class AssumedModesBeam(HubBeam):
         hub_speed: tuple[float, float] | float = 0.0,
         tip_mass: tuple[float, float] | None = None,
         sensors: Sequence[BeamSensor] = (),
+        **ranges: tuple[float, float],
     ) -> PolynomialFamily:
-        """Return the linear models about steady rotation over ranges of hub speed and tip mass.
+        """Return the linear models about steady rotation over ranges of hub speed, tip mass and other parameters.
 
         Parameters
         ----------
@@ -159,13 +161,15 @@ class AssumedModesBeam(HubBeam):
             Least and largest point mass [kg]; by default that of the parameters.
         sensors : sequence of BeamSensor
             Further outputs; none of acceleration.
+        **ranges : (float, float)
+            Least and largest value of any other parameter of the beam, by name.
 
         Returns
         -------
         PolynomialFamily
-            With the parameters ``"hub_speed"`` and ``"tip_mass"``, inputs and outputs as in `simulate_loop` but for
-            ``"tip_acceleration"``, and the states by their names; for :func:`boomctl.robust_stability` and its like.  Proofs
-            leave the hub angle out, an integrator, where the controller does not read it.
+            With the parameters ``"hub_speed"``, ``"tip_mass"`` and those named, inputs and outputs as in `simulate_loop`
+            but for ``"tip_acceleration"``, and the states by their names; for :func:`boomctl.robust_stability` and its
+            like.  Proofs leave the hub angle out, an integrator, where the controller does not read it.
 
         Raises
         ------
@@ -185,7 +189,39 @@ class AssumedModesBeam(HubBeam):
         """
         from boomctl.rotating_beam.families import hub_beam_family  # which a simulation does not need
 
-        return hub_beam_family(self, self.equations.tip, hub_speed, tip_mass, sensors)
+        return hub_beam_family(
+            self, hub_speed, sensors, {**({} if tip_mass is None else {"tip_mass": tip_mass}), **ranges}
+        )
+
+    def structure(self, hub_speed: float = 0.0, sensors: Sequence[BeamSensor] = ()) -> SecondOrderModel:
+        """Return the linear model about steady rotation as a structure, to which drives and friction may be added.
+
+        Parameters
+        ----------
+        hub_speed : float
+            Hub speed [rad/s].
+        sensors : sequence of BeamSensor
+            Further outputs; none of acceleration.
+
+        Returns
+        -------
+        SecondOrderModel
+            Signals as of `family`.
+
+        Raises
+        ------
+        TypeError, ValueError
+            A speed at which there is no steady rotation; a sensor of acceleration.
+
+        Examples
+        --------
+        >>> import boomctl as bc
+        >>> bc.hub_beam(model="sfoam", modes=2).structure().inputs
+        ('torque', 'disturbance_torque', 'tip_force')
+        """
+        from boomctl.rotating_beam.families import read_by, structure_of  # as above
+
+        return structure_of(self, self._steady_speed(hub_speed), read_by(self, sensors))
 
     @property
     def root_moment_row(self) -> Array:

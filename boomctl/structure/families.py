@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import product
 from typing import Any, ClassVar
 
@@ -19,6 +19,7 @@ from boomctl.structure.matrices import Structure, dense
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.ports import Ports
 
+_GRID = 20_000  # points of a grid of all parameters at most, a millisecond or so each (a choice of patience)
 _INSIDE = 24  # points inside the box at which a family is checked besides its corners (a choice)
 
 
@@ -30,14 +31,15 @@ class Slope:
     ----------
     M, C, K : (n, n) ndarray or scipy.sparse array
         Changes of the mass, damping and stiffness matrix.
-    B : ndarray
-        Changes of the columns of the inputs.
+    B, L : ndarray
+        Changes of the columns of the inputs, and of what the outputs read; by default these stay.
     """
 
     M: Matrix
     C: Matrix
     K: Matrix
     B: Array
+    L: Array = field(default_factory=lambda: np.zeros(()))
 
     __repr__ = compact
 
@@ -74,6 +76,11 @@ class Family:
     def size(self) -> int:
         """Number of parameters."""
         return len(self.names)
+
+    @property
+    def ranges(self) -> dict[str, tuple[float, float]]:
+        """Least and largest value of each parameter."""
+        return {name: (float(a), float(b)) for name, a, b in zip(self.names, self.low, self.high, strict=True)}
 
     def deltas(self, values: Mapping[str, float]) -> Array:
         """Return parameter values as ``delta``, from -1 at the lower end of a range to 1 at the upper.
@@ -145,8 +152,11 @@ class Family:
             sum((w * getattr(s, name) for w, (_, s) in zip(shares, self.terms, strict=True)), getattr(c, name))
             for name in ("M", "C", "K")
         )
-        B = sum((w * s.B for w, (_, s) in zip(shares, self.terms, strict=True)), c.ports.B)
-        ports = replace(c.ports, B=B)
+        B, L = (
+            sum((w * getattr(s, name) for w, (_, s) in zip(shares, self.terms, strict=True)), getattr(c.ports, name))
+            for name in ("B", "L")
+        )
+        ports = replace(c.ports, B=B, L=L)
         return SecondOrderModel.of(Structure.of(M, C, K, c.coordinates, c.mirror).drawn_as(c.structure.outline), ports)
 
     def _delta(self, delta: ArrayLike) -> Array:
@@ -194,8 +204,7 @@ class Family:
             if (np.abs(a - b) > ALIKE * size).any():
                 where = ", ".join(f"{key} = {value:.6g}" for key, value in self.values(delta).items())
                 raise ValueError(
-                    f"{name} is {self._no} {', '.join(self.names)}, or an output changes with them: the family misses"
-                    f" what was made at {where}"
+                    f"{name} is {self._no} {', '.join(self.names)}: the family misses what was made at {where}"
                 )
 
 
@@ -203,8 +212,8 @@ class Family:
 class AffineFamily(Family):
     """A family of structures whose matrices depend on uncertain parameters in a straight line (affinely).
 
-    With ``delta`` from -1 to 1 across the range of each parameter, ``M = M_0 + sum_i delta_i M_i``; ``C``, ``K`` and
-    the columns of the inputs alike.  What the outputs read does not change.  `AffineFamily.through` makes one.
+    With ``delta`` from -1 to 1 across the range of each parameter, ``M = M_0 + sum_i delta_i M_i``; ``C``, ``K``, the columns
+    of the inputs and what the outputs read alike.  `AffineFamily.through` makes one.
 
     Attributes
     ----------
@@ -274,7 +283,7 @@ class AffineFamily(Family):
         ------
         TypeError, ValueError
             Empty or reversed ranges; structures of different signals; a corner or a point inside that the affine family
-            misses, or outputs that change.
+            misses, or outputs that feel an input otherwise from point to point.
         """
         names, low, high = _box(ranges)
         middle, width = 0.5 * (low + high), 0.5 * (high - low)
@@ -294,7 +303,7 @@ class PolynomialFamily(Family):
     """A family of structures whose matrices are polynomials of uncertain parameters, as a rotating beam's of its speed.
 
     With ``delta`` from -1 to 1 across the range of each parameter, ``M = M_0 + sum_p delta^p M_p`` over products
-    ``delta^p`` of them; ``C``, ``K`` and the columns of the inputs alike.  What the outputs read does not change.
+    ``delta^p`` of them; ``C``, ``K``, the columns of the inputs and what the outputs read alike.
     `PolynomialFamily.through` makes one.
 
     Attributes
@@ -397,8 +406,8 @@ class PolynomialFamily(Family):
         Raises
         ------
         TypeError, ValueError
-            Empty or reversed ranges; structures of different signals; a corner or a point inside that the family misses,
-            or outputs that change.
+            Empty or reversed ranges; structures of different signals; a corner or a point inside that the family misses, or
+            outputs that feel an input otherwise from point to point; polynomials of too many points.
         """
         names, low, high = _box(ranges)
         middle, width = 0.5 * (low + high), 0.5 * (high - low)
@@ -408,10 +417,13 @@ class PolynomialFamily(Family):
 
         most, axes = whole("degree", degree), np.eye(len(names))
 
-        def line(axis: Array) -> Callable[[Array], dict[str, Array]]:
-            return lambda places: _matrices([at(float(x) * axis) for x in places])
+        def line(axis: Array, others: float = 0.0) -> Callable[[Array], dict[str, Array]]:
+            return lambda places: _matrices([at(float(x) * axis + others * (axis == 0.0)) for x in places])
 
-        counts = tuple(points_needed(line(axis), _negligible, most) for axis in axes)
+        counts = tuple(_count(line, axis, most) for axis in axes)
+        if np.prod(counts) > _GRID:
+            along = ", ".join(f"{name} {count}" for name, count in zip(names, counts, strict=True))
+            raise ValueError(f"ranges: expected polynomials of at most {_GRID} points, got {np.prod(counts)}: {along}")
         made = [at(point) for point in points(counts)]
         stacks, found = _matrices(made), {}
         for letter, least in _negligible(stacks).items():
@@ -420,13 +432,14 @@ class PolynomialFamily(Family):
             found[letter] = powers(grid, counts)
         changes: list[Any] = []
         for exponents in product(*(range(count) for count in counts)):
-            parts = [found[letter][exponents] for letter in ("M", "C", "K", "B")]
+            parts = [found[letter][exponents] for letter in ("M", "C", "K", "B", "L")]
             if sum(exponents) and any(part.any() for part in parts):
                 power = tuple(i for i, exponent in enumerate(exponents) for _ in range(exponent))
                 changes.append((power, Slope(*parts)))
         zero = (0,) * len(names)
         structure = Structure.of(found["M"][zero], found["C"][zero], found["K"][zero], made[0].coordinates)
-        centre = SecondOrderModel.of(structure, replace(made[0].ports, B=found["B"][zero]))
+        ports = replace(made[0].ports, B=found["B"][zero], L=found["L"][zero], strains=None, tensions=None)
+        centre = SecondOrderModel.of(structure, ports)
         order = sorted(changes, key=lambda change: (len(change[0]), change[0]))
         family = cls(names, low, high, centre, tuple(order), tuple(free))
         family._check_inside(at)
@@ -438,7 +451,18 @@ def _matrices(made: Sequence[SecondOrderModel]) -> dict[str, Array]:
     for each in made:
         _slope(made[0], each)
     found = {letter: np.array([dense(getattr(each, letter)) for each in made]) for letter in ("M", "C", "K")}
-    return {**found, "B": np.array([each.ports.B for each in made])}
+    return {**found, **{letter: np.array([getattr(each.ports, letter) for each in made]) for letter in ("B", "L")}}
+
+
+def _count(line: Callable[..., Callable[[Array], dict[str, Array]]], axis: Array, most: int) -> int:
+    """Return at how many points of a parameter's range matrices are to be known, wherever the others are."""
+    count, last = points_needed(line(axis), _negligible, most), 0
+    for others in (-1.0, 0.0, 1.0):
+        stacks = line(axis, others)(np.concatenate(points((count,))))
+        for letter, least in _negligible(stacks).items():
+            there = (np.abs(series(stacks[letter], (count,))) > least).reshape(count, -1).any(axis=1)
+            last = max(last, *np.flatnonzero(there).tolist(), 0)
+    return min(count, last + 1)
 
 
 def _negligible(stacks: Mapping[str, Array]) -> dict[str, Array]:
@@ -455,9 +479,10 @@ def _sizes(stacks: Mapping[str, Array]) -> dict[str, Array]:
     mass, stiffness = np.diag(found["M"]), np.diag(found["K"])
     squares = np.divide(stiffness, mass, out=np.zeros_like(mass), where=mass > 0.0)
     stiffness = np.maximum(stiffness, mass * squares[squares > 0.0].min(initial=np.inf if squares.any() else 0.0))
-    beside = {"M": np.sqrt(np.outer(mass, mass)), "K": np.sqrt(np.outer(stiffness, stiffness))}
+    beside: dict[str, Any] = {"M": np.sqrt(np.outer(mass, mass)), "K": np.sqrt(np.outer(stiffness, stiffness))}
     rates = np.divide(found["C"], beside["M"], out=np.zeros_like(found["C"]), where=beside["M"] > 0.0)
     beside["C"] = rates.max(initial=0.0) * beside["M"]
+    beside["L"] = found["L"].max(axis=-1, keepdims=True) if "L" in found else 0.0  # of what an output reads beside it
     return {letter: np.maximum(size, beside.get(letter, 0.0)) for letter, size in found.items()}
 
 
@@ -484,4 +509,5 @@ def _slope(centre: SecondOrderModel, end: SecondOrderModel) -> Slope:
     before: Ports = centre.ports
     if end.inputs != centre.inputs or end.outputs != centre.outputs or end.n != centre.n:
         raise ValueError("the structures of a family must have the same coordinates, inputs and outputs")
-    return Slope(end.M - centre.M, end.C - centre.C, end.K - centre.K, end.ports.B - before.B)
+    M, C, K = end.M - centre.M, end.C - centre.C, end.K - centre.K
+    return Slope(M, C, K, end.ports.B - before.B, end.ports.L - before.L)

@@ -52,6 +52,56 @@ def test_it_is_the_linear_model_at_every_point(model, damping):
         np.testing.assert_allclose(response / size, true / size, rtol=0.0, atol=1e-6 if model == "cfoam" else 1e-7)
 
 
+def test_any_parameter_of_the_beam_makes_a_family_that_is_the_linear_model():
+    """Readings such as the root moment change with the beam, too."""
+    family = _beam().family(hub_inertia=(180.0, 220.0), length=(7.98, 8.02))
+    assert family.ranges["length"] == (7.98, 8.02)
+    values = {"hub_inertia": 188.0, "length": 7.993}
+    there = bc.HubBeamParameters(damping_ratio=0.01, **values)
+    omega = np.array([0.3, 2.0, 9.0])
+    mine = family.at(family.deltas(values)).frequency_response(omega).frdata
+    linear = bc.hub_beam(there, model="sfoam", modes=2).linearize(sensors=())
+    true = ct.ss(linear.A, linear.B, linear.C, linear.D)(1j * omega)
+    np.testing.assert_allclose(mine[:4], true[:4], rtol=1e-8)
+    assert family.centre.outputs == _beam().structure().outputs
+
+
+def test_what_is_read_and_what_acts_may_both_change_with_the_parameters():
+    """The loop as a polynomial is that of the structure at each point, and so is what is proved of it."""
+
+    def make(values):
+        g, r, k = values["gain"], values["reading"], values["k"]
+        forces = {"f": [g * (1.0 + 0.1 * r), 0.0], "w": [0.0, 1.0]}
+        K = [[k + 1.0, -1.0], [-1.0, 1.0]]
+        return SecondOrderModel(np.eye(2), 0.05 * np.eye(2), K, forces, {"y": [r, 0.2 * g], "z": [0.0, r**2]})
+
+    family = PolynomialFamily.through({"gain": (0.8, 1.2), "reading": (0.9, 1.1), "k": (0.9, 1.1)}, make)
+    K = ct.ss([[-2.0]], [[1.0]], [[0.3]], [[-0.2]], inputs="y", outputs="f")
+    loops = BoxLoops.of(family, K)
+    sampled = bc.discretize(K, 0.1)
+    for delta in (np.array([1.0, -1.0, 0.3]), np.array([-0.4, 0.7, -1.0])):
+        true = bc.feedback_loop(make(family.values(delta)), K).poles()
+        np.testing.assert_allclose(np.sort_complex(loops.at(delta).poles), np.sort_complex(true), atol=1e-9)
+    assert bc.robust_stability(family, K).proved
+    assert bc.robust_stability(family, sampled, delay=0.02).proved
+    found = bc.worst_case(family, sampled, "w", "z", tolerance=0.05)
+    assert found.norm.lower <= found.upper_bound < np.inf
+    assert "change with the parameters" in bc.worst_case(family, K, "w", "z").reason
+
+
+def test_a_family_of_parameters_in_straight_lines_is_known_at_its_corners():
+    made = []
+
+    def make(values):
+        made.append(values)
+        return SecondOrderModel([[1.0 + values["a"]]], [[values["b"]]], [[values["c"]]], {"f": [1.0]}, {"y": [1.0]})
+
+    family = PolynomialFamily.through(dict.fromkeys("abc", (0.9, 1.1)), make)
+    assert [power for power, _ in family.changes] == [(0,), (1,), (2,)]
+    grid = 2**3  # beside what finds that, along each parameter, and what checks it
+    assert len(made) == 3 * (5 + 3 * 5) + grid + 2**3 + 24
+
+
 def test_one_parameter_is_enough():
     assert _beam().family(hub_speed=(-2.0, 2.0)).names == ("hub_speed",)
     fixed = _beam().family(3.0, tip_mass=(0.0, 0.1))

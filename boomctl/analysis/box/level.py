@@ -65,6 +65,11 @@ class DrivenLoops:
         size = 2 * n + f + k
         rows = [centre.outputs.index(name) for name in K.inputs]
         judged = [centre.outputs.index(name) for name in outputs if name in centre.outputs]
+        asked = sorted({*rows, *judged})
+        if any(change.L.any() and change.L[:, asked].any() for _, change in family.terms):
+            raise ValueError(
+                "family: outputs that change with the parameters, of which sampled loops alone have a bound"
+            )
         plain = [[o for o in group if ports.bandwidths[o] is None] for group in (rows, judged)]
         columns = (ports.B, *(change.B for _, change in family.terms))
         derived = [X[1 + k :, group] for k, group in ((1, plain[0]), (0, plain[1])) for X in (ports.L, ports.E)]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import pairwise, product
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -143,25 +143,46 @@ def _terms(family: Family, K: Lti, slope: Lti | None, axis: int) -> Terms:
     """Return the loop with ``K + delta slope``, ``delta`` that of one parameter, as a polynomial of the parameters."""
     centre = family.centre.select(K.outputs, K.inputs)
     acting = [family.centre.inputs.index(name) for name in K.outputs]
+    read = [family.centre.outputs.index(name) for name in K.inputs]
     empty = np.zeros((centre.n, centre.n))
-    bare = SecondOrderModel.of(Structure.of(empty, empty, empty, centre.coordinates), centre.ports)
+    bare = Structure.of(empty, empty, empty, centre.coordinates)
+    unforced, unread = np.zeros_like(centre.ports.B), np.zeros_like(centre.ports.L)
+
+    def pencil(B: Array, L: Array, structure: Structure = bare) -> LoopPencil:
+        return closed_pencil(SecondOrderModel.of(structure, replace(centre.ports, B=B, L=L)), K)
+
     found: dict[tuple[int, ...], LoopPencil] = {(): closed_pencil(centre, K)}
-    unforced = SecondOrderModel.of(bare.structure, replace(centre.ports, B=np.zeros_like(centre.ports.B)))
-    rest = closed_pencil(unforced, K)
-    for power, change in family.terms:
-        columns = change.B[:, :, acting]
-        if slope is not None and columns.any():
-            raise ValueError(
-                "controller: expected no schedule over a family in which the controls act otherwise from point to point"
-            )
-        moved = SecondOrderModel.of(
-            Structure.of(change.M, change.C, change.K, centre.coordinates), replace(centre.ports, B=columns)
+
+    def add(power: tuple[int, ...], *parts: LoopPencil) -> None:
+        """Add one pencil less others."""
+        more = parts[0]
+        for part in parts[1:]:
+            more = _less(more, part)
+        before = found.get(power := tuple(sorted(power)))
+        found[power] = more if before is None else LoopPencil(before.E + more.E, before.A + more.A)
+
+    B0, L0, changes = centre.ports.B, centre.ports.L, family.terms
+    rest = pencil(unforced, unread)
+    columns = {power: change.B[:, :, acting] for power, change in changes if change.B[:, :, acting].any()}
+    lines = {power: change.L[:, read] for power, change in changes if change.L.any() and change.L[:, read].any()}
+    if slope is not None and (columns or lines):
+        raise ValueError(
+            "controller: expected no schedule over a family in which the controls act otherwise from point to point, or the"
+            " outputs read otherwise"
         )
-        found[power] = _less(closed_pencil(moved, K), rest)
+    for power, change in changes:
+        B = columns.get(power, unforced)
+        moved = Structure.of(change.M, change.C, change.K, centre.coordinates)
+        add(power, pencil(B, L0, moved), pencil(unforced, L0))
+        if power in lines:
+            add(power, pencil(B0, lines[power]), pencil(B0, unread))
+    for (p, B), (q, L) in product(columns.items(), lines.items()):  # what acts times what is read
+        both = pencil(B, L)
+        acted, seen = pencil(B, unread), pencil(unforced, L)
+        add((*p, *q), LoopPencil(both.E + rest.E, both.A + rest.A), acted, seen)
     if slope is not None:
-        along = _less(closed_pencil(bare, slope), closed_pencil(bare, _combined((slope, slope), (1.0, -1.0))))
-        more = found.get((axis,))
-        found[(axis,)] = along if more is None else LoopPencil(more.E + along.E, more.A + along.A)
+        plain = SecondOrderModel.of(bare, centre.ports)
+        add((axis,), closed_pencil(plain, slope), closed_pencil(plain, _combined((slope, slope), (1.0, -1.0))))
     return without(found, family.unfelt)
 
 

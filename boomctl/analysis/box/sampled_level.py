@@ -211,20 +211,27 @@ def sampled_loops(
         else:
             structure = given.structure.projected(V, given.coordinates)
     ports = given.ports.congruent(V)
-    middle = (dense(structure.M), dense(structure.C), dense(structure.K), ports.B)
+    middle = (dense(structure.M), dense(structure.C), dense(structure.K), ports.B, ports.L)
     changes = [
-        (power, (*(V.T @ dense(X) @ V for X in (change.M, change.C, change.K)), V.T @ change.B))
+        (
+            power,
+            (
+                *(V.T @ dense(X) @ V for X in (change.M, change.C, change.K)),
+                V.T @ change.B,
+                change.L @ V if change.L.any() else np.zeros_like(ports.L),
+            ),
+        )
         for power, change in family.terms
     ]
 
     def whole(delta: Array) -> Lti:
         shares = [float(np.prod(delta[list(power)])) for power, _ in changes]
-        M, C, stiffness, B = (
+        M, C, stiffness, B, L = (
             X + sum((w * more[i] for w, (_, more) in zip(shares, changes, strict=True)), np.zeros_like(X))
             for i, X in enumerate(middle)
         )
         here = Structure.of(M, C, stiffness, given.coordinates)
-        loop = joined(realize(here, replace(ports, B=B).select(driven, read)), K, delay).system
+        loop = joined(realize(here, replace(ports, B=B, L=L).select(driven, read)), K, delay).system
         if inputs and outputs:
             places = [loop.inputs.index(name) for name in inputs], [loop.outputs.index(name) for name in outputs]
             return loop.between(*places)

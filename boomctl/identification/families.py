@@ -1,0 +1,111 @@
+"""Families of structures over what measurements leave open: boxes that hold all parameters at once."""
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from boomctl.checks import instance, nonnegative, real, sequence
+from boomctl.identification.blocks import limits
+from boomctl.identification.free import changed
+from boomctl.structure.families import Family, PolynomialFamily
+from boomctl.structure.matrices import Structure
+from boomctl.structure.model import SecondOrderModel
+
+if TYPE_CHECKING:
+    from boomctl.identification.identify import Identification
+    from boomctl.identification.result import FitResult
+
+    Range = tuple[float, float]
+
+
+def box(result: "FitResult | Identification", probability: float, margin: float) -> "dict[str, Range]":
+    """Return ranges that hold all parameters at once with a probability, each widened by a share (Bonferroni)."""
+    level = real("probability", probability)
+    if not 0.5 <= level < 1.0:
+        raise ValueError(f"probability = {probability!r}: expected a number from 0.5 to below 1")
+    share, found = nonnegative("margin", margin), {}
+    intervals, freedoms = result.uncertain
+    for name, (value, low, high) in intervals.items():
+        if not np.isfinite([low, high]).all() or (low <= 0.0 < value):
+            raise ValueError(
+                f"family: expected parameters that the measurements bound, got {name} from {low:.4g} to {high:.4g};"
+                " fit without it, or measure what shows it"
+            )
+        freedom = np.array(freedoms[name])
+        each = 1.0 - (1.0 - level) / len(intervals)
+        times = float(limits(each, freedom) / limits(result.confidence, freedom))
+        if low > 0.0:
+            ends = value * (low / value) ** times / (1.0 + share), value * (high / value) ** times * (1.0 + share)
+        else:
+            ends = (
+                value + times * (low - value) - share * abs(value),
+                value + times * (high - value) + share * abs(value),
+            )
+        if not ends[0] < ends[1]:
+            raise ValueError(
+                f"family: {name} has no width at {value:.6g}, as of exact data; expected a margin above zero"
+            )
+        found[name] = ends
+    return found
+
+
+def hull(result: Any, others: Sequence[Any], probability: float, margin: float) -> "dict[str, Range]":
+    """Return the least ranges that hold the boxes of several results of one kind."""
+    ranges = box(result, probability, margin)
+    for other in sequence("hull", others, type(result).__name__):
+        beside = box(instance("hull", other, type(result)), probability, margin)
+        if set(beside) != set(ranges):
+            raise ValueError(
+                f"hull: expected results of the same parameters, {', '.join(ranges)}, got {', '.join(beside)}"
+            )
+        ranges = {name: (min(a, beside[name][0]), max(b, beside[name][1])) for name, (a, b) in ranges.items()}
+    return ranges
+
+
+def of_fit(result: "FitResult", ranges: "Mapping[str, Range]", build: Any) -> Family:
+    """Return the structures that a function makes of fitted parameters, over ranges of them."""
+    make = result.build if build is None else build
+    if make is None:
+        raise ValueError("build = None: expected a function, as that of the fit did not pickle")
+    if isinstance(make, Family):
+        given: Family = make
+        return PolynomialFamily.through(ranges, lambda values: given.at(given.deltas({**result.values, **values})), 32)
+
+    def at(values: Mapping[str, float]) -> Any:
+        return make(changed(result.parameters, values))
+
+    middle = at({})
+    if hasattr(middle, "structure") and hasattr(middle, "family"):  # a hub-beam
+        return middle.family(**ranges)
+    if not isinstance(middle, SecondOrderModel):
+        raise TypeError(
+            f"build: expected a function that makes a SecondOrderModel or a hub-beam of the parameters, got one that makes"
+            f" {type(middle).__name__}; say `build=` of the family"
+        )
+    return PolynomialFamily.through(ranges, at)
+
+
+def of_modes(found: "Identification", ranges: "Mapping[str, Range]") -> Family:
+    """Return the structure of modes over ranges of their frequencies and dampings."""
+    model = found.model
+    if model is None:
+        raise ValueError(
+            "family: expected an identification with a structure, whose outputs are displacements and whose modes are real"
+        )
+    intervals = found.uncertain[0]
+
+    def make(values: Mapping[str, float]) -> SecondOrderModel:
+        C, K = np.array(model.C), np.array(model.K)
+        for k in range(len(found.modes)):
+            hz, damping = (values.get(name, intervals[name][0]) for name in names_of_mode(k))
+            rate = 2.0 * np.pi * hz / np.sqrt(1.0 - damping**2)
+            C[k, k], K[k, k] = 2.0 * damping * rate, rate**2
+        return SecondOrderModel.of(Structure.of(model.M, C, K, model.coordinates), model.ports)
+
+    return PolynomialFamily.through(ranges, make)
+
+
+def names_of_mode(k: int) -> tuple[str, str]:
+    """Return the names of frequency [Hz] and damping ratio of a mode, from zero."""
+    return f"mode_{k + 1}_hz", f"mode_{k + 1}_damping"

@@ -1,0 +1,168 @@
+"""Modes and a model from a file of measurements, with a report: what ``boomctl identify`` does."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from boomctl.analysis.measured import read_measured_curve
+from boomctl.arrays import Array
+from boomctl.checks import known, positive
+from boomctl.files import json_text, read_numbers
+from boomctl.identification.identify import Identification, identify
+from boomctl.identification.response import MeasuredResponse, estimate_response
+from boomctl.plotting.canvas import Sheet, picture
+from boomctl.printing import compact
+from boomctl.report import Report, Section, Table, number
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+_TIMES = ("t", "time", "time_s", "t_s")  # names of a column of times [s]
+_FREQUENCIES = ("freq_hz", "frequency_hz")  # of the first column of a measured response
+_EVEN = 1e-3  # of a sample, by which times may miss an even grid: the digits that files keep (a choice)
+
+
+@dataclass(frozen=True)
+class MeasuredMachine:
+    """What a file of measurements tells of a machine.
+
+    Attributes
+    ----------
+    path : Path
+        The file.
+    identification : Identification
+    response : MeasuredResponse or None
+        That of the record; None where the file holds a response.
+    """
+
+    path: Path
+    identification: Identification
+    response: MeasuredResponse | None
+
+    __repr__ = compact
+
+    @property
+    def results(self) -> "dict[str, Any]":
+        """What ``results.json`` holds."""
+        found = self.identification
+        modes = [
+            {
+                "frequency_hz": mode.frequency_hz,
+                "damping": mode.damping,
+                "frequency_interval_hz": list(mode.frequency_interval_hz),
+                "damping_interval": list(mode.damping_interval),
+                "share": mode.share,
+            }
+            for mode in found.modes
+        ]
+        said = {"band_hz": list(found.band_hz), "confidence": found.confidence, "source": found.source}
+        return {"file": self.path.name, "modes": modes, "fit_percent": found.fit_percent, **said}
+
+    def report(self) -> Report:
+        """Return modes with intervals, the fit of each output, pictures, and the model as a file."""
+        found = self.identification
+        lines = tuple(
+            (
+                f"{k + 1}",
+                number(mode.frequency_hz, 5),
+                " to ".join(number(end, 5) for end in mode.frequency_interval_hz),
+                number(100.0 * mode.damping),
+                " to ".join(number(100.0 * end) for end in mode.damping_interval),
+                number(100.0 * mode.share),
+            )
+            for k, mode in enumerate(found.modes)
+        )
+        level = f"{100.0 * found.confidence:g} % interval"
+        heads = ("mode", "frequency [Hz]", level, "damping [%]", level, "share of energy [%]")
+        fits = tuple((name, number(percent, 4)) for name, percent in found.fit_percent.items())
+        sheet = Sheet()
+        found.plot(sheet)
+        drawn = [picture("identification", sheet, "Poles over orders with the modes found; what is not predicted")]
+        if self.response is not None:
+            sheet = Sheet()
+            self.response.plot(sheet)
+            drawn.append(picture("response", sheet, f"Frequency response and coherence, from {self.response.source}"))
+        system = found.system
+        matrices = {letter: np.asarray(getattr(system, letter)).tolist() for letter in "ABCD"}
+        model = {"inputs": list(system.input_labels), "outputs": list(system.output_labels), **matrices}
+        sections = (
+            Section("Modes", (found.source,), (Table(heads, lines),)),
+            Section("Share of each output that is predicted", (), (Table(("output", "fit [%]"), fits),)),
+            Section("Pictures", (), (), tuple(drawn)),
+        )
+        lead = (f"{len(found.modes)} modes from {found.band_hz[0]:.4g} to {found.band_hz[1]:.4g} Hz.",)
+        return Report(f"Modes of {self.path.name}", lead, sections, self.results, {"model.json": json_text(model)})
+
+
+def identified_file(
+    path: Path, inputs: "Sequence[str]", outputs: "Sequence[str]", sample_time: float | None, **options: Any
+) -> MeasuredMachine:
+    """Return what a file of measurements tells: a record (CSV, .mat) or a measured frequency response (CSV, UFF).
+
+    Raises
+    ------
+    OSError, ValueError
+        The file cannot be read; names that are not in it; times that are not even; what `identify` refuses.
+    """
+    columns = _columns(path)
+    if columns is None:
+        curve = read_measured_curve(path)
+        if curve.response is None:
+            raise ValueError(f"{path}: expected a record over time or a complex frequency response, got magnitudes")
+        if inputs or outputs or sample_time is not None:
+            raise ValueError(f"{path}: expected no inputs, outputs or sample time beside a measured frequency response")
+        return MeasuredMachine(path, identify(curve.response, **options), None)
+    time = next((name for name in columns if name.lower() in _TIMES), None)
+    signals = [name for name in columns if name != time]
+    if not inputs:
+        raise ValueError(f"{path}: expected the names of inputs, --inputs; the file has {', '.join(signals)}")
+    for name in (*inputs, *outputs):
+        known("signal", name, signals)
+    step = _step(path, None if time is None else columns[time], sample_time)
+    driven = {name: columns[name] for name in inputs}
+    moved = {name: columns[name] for name in outputs or signals if name not in inputs}
+    if not moved:
+        raise ValueError(f"{path}: expected outputs beside the inputs, got none")
+    found = identify(driven, moved, step, **options)
+    said = {name: value for name, value in options.items() if name in ("band_hz", "hold") and value is not None}
+    quantity = options.get("quantity") or "displacement"
+    return MeasuredMachine(path, found, estimate_response(driven, moved, step, quantity=quantity, **said))
+
+
+def _columns(path: Path) -> "Mapping[str, Array] | None":
+    """Return the signals of a record by name; None where the file is a response over frequency."""
+    if path.suffix.lower() == ".mat":
+        from scipy import io  # long to import, and few files are such
+
+        try:
+            found = io.loadmat(path, squeeze_me=True)
+        except (NotImplementedError, ValueError) as error:
+            raise ValueError(f"{path}: expected a MAT file up to version 7 ({error})") from None
+        vectors = {name: value for name, value in found.items() if not name.startswith("__") and np.ndim(value) == 1}
+        if not vectors:
+            raise ValueError(f"{path}: expected vectors of numbers, one a signal, got none")
+        return vectors
+    if path.suffix.lower() != ".csv":
+        return None
+    table = read_numbers(path)
+    if table.header[0].lower() in _FREQUENCIES:
+        return None
+    return dict(zip(table.header, table.values.T, strict=True))
+
+
+def _step(path: Path, times: Array | None, given: float | None) -> float:
+    """Return the time between samples, as said or as the column of times has it."""
+    if given is not None:
+        return positive("sample_time", given)
+    if times is None:
+        raise ValueError(f"{path}: expected a column named 'time' [s], or --sample-time")
+    steps = np.diff(times)
+    step = float(steps.mean()) if len(steps) else 0.0
+    if step <= 0.0 or np.abs(steps - step).max() > _EVEN * step:
+        raise ValueError(
+            f"{path}: expected times at even steps, got from {steps.min(initial=np.inf):.6g} to"
+            f" {steps.max(initial=0.0):.6g} s; give the parts beside a gap as files of their own"
+        )
+    return step
