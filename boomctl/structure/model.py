@@ -294,7 +294,7 @@ class SecondOrderModel:
     @property
     def _name(self) -> str:
         """What it is called beside other systems: two halves must not have the same name."""
-        return {"sym": "jolt", "anti": "yaw"}.get(self.coordinates[0].rpartition("_")[2], "structure")
+        return {"sym": "jolt", "anti": "yaw"}.get("".join(self.coordinates[:1]).rpartition("_")[2], "structure")
 
     def __getattr__(self, name: str) -> Any:
         """Say where something is that state spaces have."""
