@@ -25,8 +25,8 @@ def _text(output):
     return "".join(output.get("text", output.get("data", {}).get("text/plain", "")))
 
 
-def test_there_are_seven_and_each_is_stored():
-    assert [path.stem[:2] for path in SCRIPTS] == [f"{k}_" for k in range(1, 8)]
+def test_there_are_eight_and_each_is_stored():
+    assert [path.stem[:2] for path in SCRIPTS] == [f"{k}_" for k in range(1, 9)]
     assert sorted(path.stem for path in FOLDER.glob("*.ipynb")) == [path.stem for path in SCRIPTS]
 
 

@@ -36,11 +36,15 @@ def read_by(beam: AssumedModesBeam, sensors: Sequence[BeamSensor]) -> Read:
     for i, sensor in enumerate(given):
         if sensor.quantity == _ACCELERATION:
             raise ValueError(f"sensors[{i}]: expected no acceleration, whose reading changes with the hub speed")
-    rest, size = beam.linearize(0.0, given), beam._size
-    read = [i for i, name in enumerate(rest.output_labels) if name in LOOP_OUTPUTS[:-1] or i >= len(LOOP_OUTPUTS)]
-    outputs = tuple(rest.output_labels[i] for i in read)
+    size, outputs = beam._size, (*LOOP_OUTPUTS[:-1], *(sensor.name for sensor in given))
+    seen = np.zeros((len(outputs), 2 * size))
+    seen[0, 0] = seen[1, size] = 1.0
+    seen[2, :size], seen[3] = beam._small_motion(0.0).tip, beam.root_moment_row
+    if given:  # which takes long
+        rest = beam.linearize(0.0, given)
+        seen[4:] = np.asarray(rest.C)[[rest.output_labels.index(sensor.name) for sensor in given]]
     states = [i for i, name in enumerate(beam.state_names) if name not in outputs]
-    rows = np.vstack([np.asarray(rest.C)[read], np.eye(2 * size)[states]])
+    rows = np.vstack([seen, np.eye(2 * size)[states]])
     lines = np.array([rows[:, :size], rows[:, size:], np.zeros((len(rows), size))])
     units = LOOP_UNITS | {sensor.name: QUANTITIES[sensor.quantity] for sensor in given}
     return (*outputs, *(beam.state_names[i] for i in states)), lines, units

@@ -77,7 +77,7 @@ class MeasuredMachine:
         level = f"{100.0 * found.confidence:g} % interval"
         heads = ("mode", "frequency [Hz]", level, "damping [%]", level, "share of energy [%]")
         fits = tuple((name, number(percent, 4)) for name, percent in found.fit_percent.items())
-        sheet = Sheet()
+        sheet: Any = Sheet()
         found.plot(sheet)
         drawn = [picture("identification", sheet, "Poles over orders with the modes found; what is not predicted")]
         if self.response is not None:
