@@ -1,7 +1,7 @@
 """Families of structures over what measurements leave open: boxes that hold all parameters at once."""
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -12,14 +12,24 @@ from boomctl.structure.families import Family, PolynomialFamily
 from boomctl.structure.matrices import Structure
 from boomctl.structure.model import SecondOrderModel
 
-if TYPE_CHECKING:
-    from boomctl.identification.identify import Identification
-    from boomctl.identification.result import FitResult
-
-    Range = tuple[float, float]
+Range = tuple[float, float]
 
 
-def box(result: "FitResult | Identification", probability: float, margin: float) -> "dict[str, Range]":
+class Uncertain(Protocol):
+    """A result that says how sure it is of parameters."""
+
+    @property
+    def confidence(self) -> float:
+        """That of its intervals."""
+        ...
+
+    @property
+    def uncertain(self) -> tuple[dict[str, tuple[float, float, float]], dict[str, float]]:
+        """Value and ends of the interval of each parameter, and degrees of freedom."""
+        ...
+
+
+def box(result: Uncertain, probability: float, margin: float) -> dict[str, Range]:
     """Return ranges that hold all parameters at once with a probability, each widened by a share (Bonferroni)."""
     level = real("probability", probability)
     if not 0.5 <= level < 1.0:
@@ -50,7 +60,7 @@ def box(result: "FitResult | Identification", probability: float, margin: float)
     return found
 
 
-def hull(result: Any, others: Sequence[Any], probability: float, margin: float) -> "dict[str, Range]":
+def hull(result: Any, others: Sequence[Any], probability: float, margin: float) -> dict[str, Range]:
     """Return the least ranges that hold the boxes of several results of one kind."""
     ranges = box(result, probability, margin)
     for other in sequence("hull", others, type(result).__name__):
@@ -63,17 +73,16 @@ def hull(result: Any, others: Sequence[Any], probability: float, margin: float) 
     return ranges
 
 
-def of_fit(result: "FitResult", ranges: "Mapping[str, Range]", build: Any) -> Family:
+def of_fit(make: Any, parameters: Any, values: Mapping[str, float], ranges: Mapping[str, Range]) -> Family:
     """Return the structures that a function makes of fitted parameters, over ranges of them."""
-    make = result.build if build is None else build
     if make is None:
         raise ValueError("build = None: expected a function, as that of the fit did not pickle")
     if isinstance(make, Family):
         given: Family = make
-        return PolynomialFamily.through(ranges, lambda values: given.at(given.deltas({**result.values, **values})), 32)
+        return PolynomialFamily.through(ranges, lambda other: given.at(given.deltas({**values, **other})), 32)
 
     def at(values: Mapping[str, float]) -> Any:
-        return make(changed(result.parameters, values))
+        return make(changed(parameters, values))
 
     middle = at({})
     if hasattr(middle, "structure") and hasattr(middle, "family"):  # a hub-beam
@@ -86,19 +95,19 @@ def of_fit(result: "FitResult", ranges: "Mapping[str, Range]", build: Any) -> Fa
     return PolynomialFamily.through(ranges, at)
 
 
-def of_modes(found: "Identification", ranges: "Mapping[str, Range]") -> Family:
-    """Return the structure of modes over ranges of their frequencies and dampings."""
-    model = found.model
+def of_modes(
+    model: SecondOrderModel | None, modes: Sequence[tuple[float, float]], ranges: Mapping[str, Range]
+) -> Family:
+    """Return the structure of modes (frequency [Hz], damping) over ranges of these."""
     if model is None:
         raise ValueError(
             "family: expected an identification with a structure, whose outputs are displacements and whose modes are real"
         )
-    intervals = found.uncertain[0]
 
     def make(values: Mapping[str, float]) -> SecondOrderModel:
         C, K = np.array(model.C), np.array(model.K)
-        for k in range(len(found.modes)):
-            hz, damping = (values.get(name, intervals[name][0]) for name in names_of_mode(k))
+        for k, mode in enumerate(modes):
+            hz, damping = (values.get(name, value) for name, value in zip(names_of_mode(k), mode, strict=True))
             rate = 2.0 * np.pi * hz / np.sqrt(1.0 - damping**2)
             C[k, k], K[k, k] = 2.0 * damping * rate, rate**2
         return SecondOrderModel.of(Structure.of(model.M, C, K, model.coordinates), model.ports)

@@ -152,7 +152,8 @@ class Identification:
         >>> found.family(margin=0.1).names
         ('mode_1_hz', 'mode_1_damping')
         """
-        return of_modes(self, joint(self, hull, probability, margin))
+        modes = [(mode.frequency_hz, mode.damping) for mode in self.modes]
+        return of_modes(self.model, modes, joint(self, hull, probability, margin))
 
     @property
     def uncertain(self) -> tuple[dict[str, tuple[float, float, float]], dict[str, float]]:

@@ -156,7 +156,8 @@ class FitResult:
         >>> [round(end, 1) for end in found.family(margin=0.1).ranges["stiffness"]]
         [44.2, 57.8]
         """
-        return of_fit(self, joint(self, hull, probability, margin), build)
+        ranges = joint(self, hull, probability, margin)
+        return of_fit(self.build if build is None else build, self.parameters, self.values, ranges)
 
     @property
     def uncertain(self) -> tuple[dict[str, tuple[float, float, float]], dict[str, float]]:
@@ -237,7 +238,7 @@ class FitResult:
         unit = " %" if self.measured.errors == "relative" else ""
         size = 100.0 * self.deviation if unit else self.deviation
         repeats = (
-            "" if np.isnan(self.repeated) else f"; {100.0 * self.repeated:.2g} % of their squares repeat: the model's"
+            "" if np.isnan(self.repeated) else f"; {100.0 * self.repeated:.2g} % of their squares are the model's own"
         )
         return (
             f"errors of {size:.3g}{unit}, {'estimated from the residuals' if self.estimated else 'as given'}{repeats}"

@@ -18,7 +18,8 @@ from boomctl.structure.ports import Ports
 
 if TYPE_CHECKING:
     from boomctl.arrays import Array
-    from boomctl.rotating_beam.assumed_modes import AssumedModesBeam
+    from boomctl.rotating_beam.beam import HubBeam
+    from boomctl.rotating_beam.modal.equations import Tip
     from boomctl.rotating_beam.sensors import BeamSensor
 
 # of what changes, what outputs read does not
@@ -30,7 +31,7 @@ Read: TypeAlias = "tuple[tuple[str, ...], Array, dict[str, str]]"
 """Outputs, what they read of coordinates and their rates, and units of signals."""
 
 
-def read_by(beam: AssumedModesBeam, sensors: Sequence[BeamSensor]) -> Read:
+def read_by(beam: HubBeam, sensors: Sequence[BeamSensor]) -> Read:
     """Return what the outputs of a beam in a loop read, its states among them."""
     given = checked_sensors(sequence("sensors", sensors, "BeamSensor"), beam.parameters.length)
     for i, sensor in enumerate(given):
@@ -39,7 +40,7 @@ def read_by(beam: AssumedModesBeam, sensors: Sequence[BeamSensor]) -> Read:
     size, outputs = beam._size, (*LOOP_OUTPUTS[:-1], *(sensor.name for sensor in given))
     seen = np.zeros((len(outputs), 2 * size))
     seen[0, 0] = seen[1, size] = 1.0
-    seen[2, :size], seen[3] = beam._small_motion(0.0).tip, beam.root_moment_row
+    seen[2, :size], seen[3] = beam._small_motion(0.0).tip, beam.root_moment_row  # type: ignore[attr-defined]
     if given:  # which takes long
         rest = beam.linearize(0.0, given)
         seen[4:] = np.asarray(rest.C)[[rest.output_labels.index(sensor.name) for sensor in given]]
@@ -50,9 +51,10 @@ def read_by(beam: AssumedModesBeam, sensors: Sequence[BeamSensor]) -> Read:
     return (*outputs, *(beam.state_names[i] for i in states)), lines, units
 
 
-def structure_of(beam: AssumedModesBeam, speed: float, read: Read) -> SecondOrderModel:
+def structure_of(beam: HubBeam, speed: float, read: Read) -> SecondOrderModel:
     """Return the linear model about steady rotation, with what its outputs read."""
-    motion, tip, size = beam._small_motion(speed), beam.equations.tip, beam._size
+    tip: Tip = beam.equations.tip  # type: ignore[attr-defined]  # of models of assumed modes, the only ones that come here
+    motion, size = beam._small_motion(speed), beam._size
     columns = np.zeros((size, len(LOOP_INPUTS)))
     columns[0, :2], columns[1:, 2] = 1.0, tip.transverse
     reach = beam.parameters.hub_radius + beam.parameters.length
@@ -63,7 +65,7 @@ def structure_of(beam: AssumedModesBeam, speed: float, read: Read) -> SecondOrde
 
 
 def hub_beam_family(
-    beam: AssumedModesBeam,
+    beam: HubBeam,
     hub_speed: tuple[float, float] | float,
     sensors: Sequence[BeamSensor],
     given: Mapping[str, tuple[float, float]],
@@ -87,7 +89,7 @@ def hub_beam_family(
         raise ValueError(f"hub_speed = {hub_speed!r}: expected a range, two ascending numbers, where no other is given")
 
     @cache
-    def made(changes: tuple[tuple[str, float], ...]) -> AssumedModesBeam:
+    def made(changes: tuple[tuple[str, float], ...]) -> HubBeam:
         return beam._with(**dict(changes)) if changes else beam
 
     @cache
