@@ -95,7 +95,7 @@ def _critical_speed(mass: float, printed: float, computed: float) -> Comparison:
 
 
 def _critical(mass: float, place: float | None) -> float:
-    return float(hub_beam(HubBeamParameters(tip_mass=mass), "tlam", _MODES).critical_speed())
+    return float(hub_beam(HubBeamParameters(tip_mass=mass, tip_position=place), "tlam", _MODES).critical_speed())
 
 
 def _smallest_eigenvalue(mass: float, speed: float) -> float:
