@@ -30,6 +30,8 @@ import boomctl as bc
 from boomctl import tunable as T
 from boomctl.structure import SecondOrderModel
 
+plt.style.use("boomctl.plotting.look")  # or a style of your own
+
 # %% [markdown]
 # ## The machine as a function of what is not known
 #

@@ -19,7 +19,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
-from math import inf, radians, tau
+from math import radians, tau
 from types import EllipsisType
 from typing import TYPE_CHECKING
 
@@ -111,16 +111,16 @@ def _linear_effort(problem: SlewProblem) -> _Candidate | None:
 
     None where the limit is too low, of which a programme says when it binds and what would do.
     """
-    cost, path = inf, ()
     assert problem.duration is not None
-    for intervals in MESHES if problem.intervals is None else (problem.intervals,):
-        found = least_effort(problem, problem.duration, intervals)
-        if found.missed > ALIKE:
-            return None
+    meshes = MESHES if problem.intervals is None else (problem.intervals,)
+    found, path = least_effort(problem, problem.duration, meshes[0]), (f"least effort on {meshes[0]} intervals",)
+    for intervals in meshes[1:]:
+        coarser, found = found, least_effort(problem, problem.duration, intervals)
         path = (*path, f"least effort on {intervals} intervals")
-        coarser, cost = cost, found.history.effort
-        if abs(coarser - cost) < MESH_GAP * cost:
+        if abs(coarser.history.effort - found.history.effort) < MESH_GAP * found.history.effort:
             break
+    if found.missed > ALIKE:
+        return None
     gap = effort_gap(problem, found.history)
     return _Candidate(found.history, "least effort", gap, "proved", path=path)
 
