@@ -69,6 +69,28 @@ TRANSLATED = {
 }
 """Words of MATLAB and of python-control for what a public name of the top does."""
 
+_THEIRS = {
+    "acker",
+    "append",
+    "ctrb",
+    "dcgain",
+    "evalfr",
+    "freqresp",
+    "minreal",
+    "obsv",
+    "parallel",
+    "place",
+    "rlocus",
+    "root_locus",
+    "series",
+    "ss",
+    "ss2tf",
+    "tf",
+    "tf2ss",
+    "zeros",
+}
+"""Functions of python-control that have no like here."""
+
 MOVED = {
     name: package
     for package, names in {
@@ -119,8 +141,10 @@ def loader(package: str) -> tuple[list[str], Callable[[str], Any], Callable[[], 
             known = TRANSLATED.get(name) if package == "boomctl" else None
             if known is not None:
                 hint = f"here it is boomctl.{known}"
+            elif package == "boomctl" and name in _THEIRS:
+                hint = f"python-control has it, control.{name}, and takes .to_statespace() of a structure"
             else:
-                near = get_close_matches(name, home, n=1, cutoff=0.5)
+                near = get_close_matches(name, home, n=1, cutoff=0.6)
                 hint = (f"did you mean {near[0]!r}? " if near else "") + f"help({package}) lists what there is"
             raise AttributeError(f"module {package!r} has no attribute {name!r}; {hint}", name=name, obj=module)
         if not home[name]:

@@ -12,6 +12,7 @@ from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
 
+import control
 import pytest
 
 import boomctl
@@ -63,6 +64,7 @@ def test_jedi_completes_public_names_and_what_results_have(typed, completed):
         ("boomctl", "sgima", r"did you mean 'sigma'\? help\(boomctl\) lists what there is"),
         ("boomctl.structure", "SecondOrdrModel", "'SecondOrderModel'"),
         ("boomctl", "c2d", "here it is boomctl.discretize"),
+        ("boomctl", "dcgain", r"python-control has it, control\.dcgain, and takes \.to_statespace\(\)"),
         ("boomctl", "qqqq", r"help\(boomctl\) lists what there is"),
     ],
 )
@@ -75,6 +77,7 @@ def test_an_unknown_name_is_told_the_nearest(package, name, hint):
 def test_words_of_others_are_translated_on_their_page():
     assert set(lazy.TRANSLATED.values()) <= set(boomctl.__all__)
     assert not set(lazy.TRANSLATED) & set(boomctl.__all__)
+    assert all(hasattr(control, name) for name in lazy._THEIRS)
     page = (Path(__file__).parents[1] / "docs" / "other_words.md").read_text(encoding="utf-8")
     rows = [line for line in page.splitlines() if line.startswith("| `")]
     table = {word: row.split("|")[2] for row in rows for word in re.findall(r"`(\w+)`", row.split("|")[1])}

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -305,6 +305,14 @@ class SecondOrderModel:
             else ""
         )
         raise AttributeError(f"{said}{hint}", name=name, obj=self)
+
+    def _combined(self, *others: Any) -> NoReturn:
+        """Say how structures are combined with systems."""
+        raise TypeError(
+            "a structure is not combined by +, -, * and /: its .to_statespace() is, as python-control does it"
+        )
+
+    __add__ = __radd__ = __sub__ = __rsub__ = __mul__ = __rmul__ = __truediv__ = __neg__ = _combined
 
     def poles(self) -> Array:
         """Return the poles of the model's state space.

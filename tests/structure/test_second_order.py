@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given
 from scipy import sparse
 
+import boomctl
 from boomctl.structure import SecondOrderModel
 from tests.references import dense, direct
 from tests.strategies import structures
@@ -144,3 +145,17 @@ def test_unknown_names_are_answered_with_those_that_exist(method, asked, message
 def test_a_count_that_is_none_is_refused(count, error, message):
     with pytest.raises(error, match=message):
         oscillator().eigenfrequencies_hz(count)
+
+
+def test_a_structure_is_combined_as_a_state_space():
+    boom = boomctl.spray_boom(elements=4)
+    for combine in (
+        lambda m: m * m,
+        lambda m: 2.0 * m,
+        lambda m: m + m,
+        lambda m: 1.0 - m,
+        lambda m: m / 2.0,
+        lambda m: -m,
+    ):
+        with pytest.raises(TypeError, match=r"its \.to_statespace\(\) is"):
+            combine(boom)
