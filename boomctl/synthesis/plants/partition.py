@@ -9,7 +9,7 @@ import numpy as np
 from boomctl.arrays import Array
 from boomctl.checks import exactly, whole
 from boomctl.lti.sampled import same_time
-from boomctl.lti.system import Lti, controller_of, lower_lft, of, static
+from boomctl.lti.system import Lti, controller_of, is_statespace, is_transfer_function, lower_lft, of, static
 from boomctl.printing import compact, listed
 
 if TYPE_CHECKING:
@@ -141,6 +141,11 @@ def partition(
         Another kind of system, discrete time, not finite; counts that leave no disturbance or no performance signal, that
         take one of these for a measurement or a control, or that names do not tell.
     """
+    if not (isinstance(P, Lti) or is_statespace(P) or is_transfer_function(P)):
+        raise TypeError(
+            f"P: expected a generalised plant, a StateSpace, got {type(P).__name__}; boomctl.generalized_plant(system, "
+            "performance={...}, measurements=[...], controls=[...], ...) makes one of a structure or a system"
+        )
     system = of(P, "P", "StateSpace", sampled=sampled)
     p, m = system.D.shape
     nmeas = _count("nmeas", nmeas, system.outputs, OUTSIDE[:1], "output", "performance signal")
