@@ -51,6 +51,9 @@ class Parameters:
         """
         return or_default(type(self), "parameters", self, changes)
 
+    def _look_back(self, before: Self, changes: Mapping[str, Any]) -> None:
+        """Warn where what was changed leaves something as it was that physics ties to it."""
+
     @classmethod
     def from_toml(cls, path: str | Path) -> Self:
         """Read parameters from a TOML file whose keys are their names; those not in it keep their defaults.
@@ -113,4 +116,8 @@ def or_default(
                 known("argument", key, [*beside, *allowed])
             except ValueError as error:
                 raise TypeError(str(error)) from None
-    return replace(p, **changes) if changes else p  # type: ignore[type-var]
+    if not changes:
+        return p
+    found = replace(p, **changes)  # type: ignore[type-var]
+    found._look_back(p, changes)
+    return found

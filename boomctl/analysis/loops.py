@@ -64,7 +64,7 @@ class Loop:
         if not first and not extra:
             raise ValueError(
                 "the controller drives every input of the plant, and nothing drives the loop: "
-                f"name in added some of {around}"
+                f"expected a plant with an input beside the controls, or in feedback_loop some of {around} in added"
             )
         inputs = [*range(first), *(first + around.index(name) for name in extra)]
         return self.system.between(inputs, range(len(self.outputs) + len(self.controls)))

@@ -129,11 +129,11 @@ class ModeTable:
         wide = [max(len(name), 6) for name in (*self.inputs, *self.outputs)]
         heads = [f"{name:>{w}}" for name, w in zip((*self.inputs, *self.outputs), wide, strict=True)]
         z = f"{'z':>{_WIDE}}  " if self._discrete else ""
-        lines = [_SHARES, "  omega [rad/s]   [Hz]  damping [%]  " + z + "  ".join(heads)]
+        lines = [_SHARES, "  omega [rad/s]     [Hz]  damping [%]  " + z + "  ".join(heads)]
         for row in self.rows[:count]:
             shares = [*row.input_shares, *row.output_shares]
             cells = [f"{100.0 * share:{w}.1f}" for share, w in zip(shares, wide, strict=True)]
-            start = f"{row.omega:15.6g}{row.frequency_hz:7.4g}{100.0 * row.damping:13.4g}"
+            start = f"{row.omega:15.6g}{row.frequency_hz:9.4g}{100.0 * row.damping:13.4g}"
             z = "" if row.z is None else f"{_z(row.z):>{_WIDE}}  "
             lines.append(start + "  " + z + "  ".join(cells))
         return "\n".join(lines)

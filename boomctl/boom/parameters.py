@@ -1,5 +1,6 @@
 """Parameters of the spray boom."""
 
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from math import sqrt
@@ -11,6 +12,7 @@ from boomctl.parameters import Parameters, or_default
 _LARGEST = 1e15  # of any parameter, SI units: a thousand times the stiffness of diamond, in N/m^2 (a choice)
 # [rad/s], between which the boom may bend: once in a week and 160 kHz (a choice); beyond, no double carries the model
 _BENDING = (1e-5, 1e6)
+_SEEN = 1e-3  # share of the tube from which on what it lost is seen (a choice)
 _FIRST = 1.8751040687119611  # first root of cos x cosh x = -1: a clamped beam's lowest mode
 _MAY_BE_ZERO = (
     "spring_stiffness",
@@ -113,8 +115,8 @@ class BoomParameters(Parameters):
         ):
             if value < tube * (1.0 - 1e-12):
                 raise ValueError(
-                    f"{name} = {exactly(value)}: expected at least that of the tube, {from_on(tube)}; `scaled` in place of"
-                    f" `replace` takes mass and inertia along with the tube"
+                    f"{name} = {exactly(value)}: expected at least that of the tube, {from_on(tube)};"
+                    f" BoomParameters().scaled(length=..., ...) takes mass and inertia along with the tube"
                 )
 
         wave, mass = 2.0 * _FIRST / self.length, self.mass_per_length
@@ -124,6 +126,16 @@ class BoomParameters(Parameters):
                 f"youngs_modulus = {self.youngs_modulus:g}, density = {self.density:g}, length = {self.length:g},"
                 f" outer_width = {self.outer_width:g}: the boom's arms would bend at {bending:.3g} rad/s;"
                 f" expected {_BENDING[0]:g} to {_BENDING[1]:g} rad/s, in SI units"
+            )
+
+    def _look_back(self, before: "BoomParameters", changes: Mapping[str, Any]) -> None:
+        lost = before.tube_mass - self.tube_mass
+        if lost > _SEEN * before.tube_mass and "boom_mass" not in changes:
+            said = ", ".join(f"{name}={value:g}" for name, value in changes.items())
+            warnings.warn(
+                f"boom_mass stays {self.boom_mass:g} kg though the tube is {lost:.3g} kg lighter, and boom_inertia likewise:"
+                f" what the tube lost is put at the hinge; BoomParameters().scaled({said}) takes both along",
+                stacklevel=4,
             )
 
     def scaled(self, **changes: float) -> "BoomParameters":

@@ -101,7 +101,8 @@ def of_modes(
     """Return the structure of modes (frequency [Hz], damping) over ranges of these."""
     if model is None:
         raise ValueError(
-            "family: expected an identification with a structure, whose outputs are displacements and whose modes are real"
+            "family: expected an identification with a structure (`model`): of outputs that are displacements, and of modes"
+            " that are real; where a delay of half a sample makes them complex, hold='zero-order' takes it away"
         )
 
     def make(values: Mapping[str, float]) -> SecondOrderModel:

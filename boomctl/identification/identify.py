@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 _SMOOTH = 31  # lines over which powers are averaged for that (a choice)
 _TOGETHER = 1e-4  # least eigenvalue of the inputs' correlation, below which they move together (a choice)
 _TOP = 0.98  # of half the sampling rate: above, filters and what folds over say more than the structure (a choice)
+_EXPLAINED = 50.0  # per cent of the outputs: less left, and the inputs explain them, though without modes (a choice)
 _FOLDED, _LARGE = 0.95, 0.2  # of half the sampling rate, and of the energy: what folds over looks like that (a choice)
 _ORDERS = 11  # from half to the highest order, at which poles are tried (a choice)
 _HIGHEST = 60  # order where none is said: some three times as many as modes are sought (a choice)
@@ -328,9 +329,10 @@ def identify(
         inside = (fit.poles.imag >= ends[0]) & (fit.poles.imag <= ends[1])
     if not inside.any() or (wanted or 0) > inside.sum():
         noise = 100.0 * np.mean(fit.deviation * np.sqrt(2.0) / rms(fit.data.Y))
+        turned = "; are inputs and outputs interchanged?" if noise < _EXPLAINED and not inside.any() else ""
         raise ValueError(
             f"outputs: expected {count(wanted or 1, 'mode')} from {low:.4g} to {high:.4g} Hz, got evidence of"
-            f" {inside.sum()}: {min(noise, 100.0):.3g} % of the outputs is not explained by the inputs"
+            f" {inside.sum()}: {min(noise, 100.0):.3g} % of the outputs is not explained by the inputs{turned}"
         )
     folded = fit.poles[inside & (fit.shares > _LARGE) & (fit.poles.imag * data.step > np.pi * _FOLDED)]
     if len(folded):

@@ -68,7 +68,8 @@ class RankOne:
             return y
         edges = data.rest(self.fixed)[:, -EDGES * data.records :]
         columns = np.concatenate([_free(data, self.poles), edges], axis=1)
-        columns /= np.linalg.norm(columns, axis=0)
+        size = np.linalg.norm(columns, axis=0)
+        columns /= np.where(size > 0.0, size, 1.0)
         return y - columns @ linalg.lstsq(columns, y)[0]  # type: ignore[index]
 
     def system(self, inputs: tuple[str, ...], outputs: tuple[str, ...]) -> Lti:

@@ -14,12 +14,11 @@ The ways, in the order in which they are tried; the path of a result names those
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
-from math import radians, tau
+from math import radians
 from types import EllipsisType
 from typing import TYPE_CHECKING
 
@@ -38,7 +37,7 @@ from boomctl.slew.linear import effort_gap, least_effort
 from boomctl.slew.nlp.programme import Programme, Solution
 from boomctl.slew.nlp.refinement import MESH_GAP, MESHES, refined, solved_again
 from boomctl.slew.objectives import OBJECTIVES
-from boomctl.slew.problem import Limits, SlewProblem, changed, slew_problem
+from boomctl.slew.problem import Limits, SlewProblem, changed, slew_problem, warn_of_turns
 from boomctl.slew.replay import Motion, binding, free_errors, other_models, played, prescribed_error, violation
 from boomctl.slew.result import SlewCertificate, SlewError, SlewResult
 from boomctl.slew.torque import TorqueHistory
@@ -244,11 +243,8 @@ def _turned(linear: bool, angle: float | EllipsisType | None, angle_deg: float |
         return radians(real("angle_deg", angle_deg))
     if angle is ...:
         raise TypeError("angle: expected an angle [rad], angle_deg in degrees, or None for a free angle; got none")
-    if angle is not None and not linear and abs(real("angle", angle)) > tau:
-        turns = f"{real('angle', angle) / tau:.3g} turns"
-        warnings.warn(
-            f"angle = {angle:g} rad: {turns}; angle_deg = {angle:g} is {radians(angle):.3g} rad", stacklevel=3
-        )
+    if angle is not None and not linear:
+        warn_of_turns(real("angle", angle))
     return angle
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+import warnings
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -171,6 +172,16 @@ class SlewProblem:
         fast = max(abs(float(first.rows["speed"] @ z)) for z in (start, end))
         dash = 2.0 * turn / (fast + math.sqrt(fast**2 + 2.0 * torque * turn)) if turn > 0.0 else 0.0
         return max(0.5 * dash, change / torque, _SHARE / first.slowest, _LEAST)
+
+
+def warn_of_turns(angle: float) -> None:
+    """Warn where a beam is to turn further than once round [rad]: that may be an angle in degrees."""
+    if abs(angle) > math.tau:
+        warnings.warn(
+            f"angle = {angle:g} rad: {angle / math.tau:.3g} turns; {angle:g} degrees (angle_deg = {angle:g} in"
+            f" optimal_slew) are {math.radians(angle):.3g} rad",
+            stacklevel=4,
+        )
 
 
 def slew_problem(

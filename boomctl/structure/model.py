@@ -300,7 +300,7 @@ class SecondOrderModel:
         """Say where something is that state spaces have."""
         said = f"{type(self).__name__!r} object has no attribute {name!r}"
         hint = (
-            "; its .to_statespace() has, and boomctl.sigma, bode, step, ... take the model"
+            "; its .to_statespace() has, and boomctl.sigma, bode, step, ... take the model (its own C is damping)"
             if name in _OF_STATES
             else ""
         )

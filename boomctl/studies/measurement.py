@@ -154,7 +154,7 @@ def _columns(path: Path) -> "Mapping[str, Array] | None":
 
 def _step(path: Path, times: Array | None, given: float | None) -> float:
     """Return the time between samples, as said or as the column of times has it."""
-    if given is not None:
+    if given is not None and times is None:
         return positive("sample_time", given)
     if times is None:
         raise ValueError(f"{path}: expected a column named 'time' [s], or --sample-time")
@@ -165,4 +165,6 @@ def _step(path: Path, times: Array | None, given: float | None) -> float:
             f"{path}: expected times at even steps, got from {steps.min(initial=np.inf):.6g} to"
             f" {steps.max(initial=0.0):.6g} s; give the parts beside a gap as files of their own"
         )
+    if given is not None and abs(given - step) > _EVEN * step:
+        raise ValueError(f"--sample-time = {given:g}: expected the {step:.6g} s of the file's times, or none")
     return step

@@ -298,7 +298,7 @@ def test_an_angle_in_degrees_and_a_slew_played_on_another_beam():
 
 def test_an_angle_is_asked_for_once_and_in_radians():
     beam = bc.hub_beam(modes=1)
-    with pytest.warns(UserWarning, match="angle = 7 rad: 1.11 turns; angle_deg = 7 is 0.122 rad"):
+    with pytest.warns(UserWarning, match=r"angle = 7 rad: 1\.11 turns; .*angle_deg = 7 .* 0\.122 rad"):
         bc.optimal_slew(beam, 7.0, 200.0)
     with pytest.raises(ValueError, match="angle, angle_deg: expected one of them, got both"):
         bc.optimal_slew(beam, 1.0, 200.0, angle_deg=60.0)

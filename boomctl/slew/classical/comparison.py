@@ -13,6 +13,7 @@ from boomctl.lti.time_series import TimeSeries
 from boomctl.printing import compact, table_html
 from boomctl.slew.classical.shapers import classical_spin_up, classical_torque, shaper
 from boomctl.slew.plant import SlewMachine, SlewPlant, plant_of
+from boomctl.slew.problem import warn_of_turns
 from boomctl.slew.result import SlewResult
 from boomctl.slew.torque import TorqueHistory
 
@@ -207,6 +208,11 @@ def compare_slews(
     TypeError, ValueError
         An argument of another kind or out of its range; another machine than a hub-beam.
 
+    Warns
+    -----
+    UserWarning
+        The beam is to turn further than once round: an angle in degrees, it may be.
+
     Examples
     --------
     >>> import boomctl as bc
@@ -224,6 +230,8 @@ def compare_slews(
         raise TypeError(f"optimal = {optimal!r}: expected a dict of what optimal_slew returns")
     if not all(isinstance(each, SlewResult) for each in (optimal or {}).values()):
         raise TypeError("optimal: expected a dict of what optimal_slew returns")
+    if angle is not None:
+        warn_of_turns(real("angle", angle))
     torques = {name: result.history for name, result in (optimal or {}).items()}
     torques |= _classical(plant, angle, real("final_speed", final_speed), limit)
     others = [plant.machine.with_stiffness(factor**2) for factor in _CHANGES]
