@@ -1,5 +1,7 @@
 """LQG controllers: closed forms, optimality, separation, names, recovery of the regulator's loop."""
 
+import warnings
+
 import control
 import numpy as np
 import pytest
@@ -259,3 +261,21 @@ def test_a_loop_in_which_each_mode_stands_twice_has_its_norm():
     assert design.cost == pytest.approx(design.certificate.lower**2, rel=1e-9)
     assert not design.certificate.norm.certified  # modes say nothing, and a proof takes too long
     assert "not certified" in repr(design)
+
+
+def test_noise_inputs_that_would_be_driven_too_are_warned_of():
+    plant = control.ss([[-1.0]], [[1.0, 1.0]], [[1.0]], 0.0, inputs=["push", "gust"], outputs="place")
+    ask = {
+        "Q": None,
+        "R": 1.0,
+        "process_noise": {"gust": 1.0},
+        "measurement_noise": 1.0,
+        "output_weight": {"place": 1.0},
+    }
+    with pytest.warns(UserWarning, match="drives all inputs, gust among them"):
+        both = bc.lqg(plant, **ask)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        one = bc.lqg(plant, **ask, controls="push")
+    assert both.controller.noutputs == 2
+    assert one.controller.noutputs == 1

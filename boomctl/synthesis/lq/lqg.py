@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import warnings
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -127,6 +128,11 @@ def lqg(
         A mode in the way, named by frequency and damping; a closed loop that is not stable or whose cost is not what
         the Riccati equations say.
 
+    Warns
+    -----
+    UserWarning
+        No controls are named, and only some of the inputs are noise.
+
     Examples
     --------
     >>> import boomctl as bc
@@ -138,6 +144,13 @@ def lqg(
     """
     plant = plant_of(system, sampled=True)
     driven = chosen("controls", controls, plant.inputs)
+    noisy = [name for name in plant.inputs if isinstance(process_noise, Mapping) and name in process_noise]
+    if controls is None and noisy and len(noisy) < len(plant.inputs):
+        warnings.warn(
+            f"controls: none named, so that the controller drives all inputs, {', '.join(noisy)} among them, which"
+            " process_noise calls noise; name the inputs it drives",
+            stacklevel=2,
+        )
     measured = chosen("measurements", measurements, plant.outputs)
     problem = regulator_problem(plant, driven, Q, R, output_weight)
     noise = noise_of(plant, process_noise, measurement_noise, measurements=measured, disturbances=disturbances)
