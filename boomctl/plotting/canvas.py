@@ -53,6 +53,13 @@ def style() -> Iterator[None]:
         yield
 
 
+_OF_OTHERS = dict.fromkeys(
+    ("dB", "deg", "Hz", "omega_limits", "display_margins"),
+    "; bode(...).response.plot(...) is python-control's picture and takes it",
+)
+"""What users of python-control say to its pictures, and what draws those."""
+
+
 def new_figure(width: float = 7.0, height: float = 4.2) -> Figure:
     """Return an empty figure of ``width`` by ``height`` inches that belongs to no window."""
     return Figure(figsize=(width, height), layout="constrained")
@@ -162,7 +169,7 @@ def line_look(asked: Mapping[str, Any], **default: Any) -> dict[str, Any]:
         if not hasattr(Line2D, f"set_{name}"):
             there = [word.removeprefix("set_") for word in dir(Line2D) if word.startswith("set_")]
             close = get_close_matches(name, there, n=1, cutoff=0.6)
-            hint = f"; did you mean {close[0]!r}?" if close else ""
+            hint = f"; did you mean {close[0]!r}?" if close else _OF_OTHERS.get(name, "")
             raise TypeError(f"plot() got an unexpected keyword argument {name!r}, which is no property of a line{hint}")
     own = default.get("label")
     if given.get("label") is not None and own is not None:

@@ -60,6 +60,11 @@ def discretize(
     array([[0.8182]])
     """
     given: Any = getattr(controller, "controller", controller)
+    if hasattr(given, "__lti__"):
+        raise TypeError(
+            f"controller: expected StateSpace, got {type(given).__name__}; a structure is sampled by its"
+            f" .to_statespace(dt={sample_time}), with late controls by boomctl.analysis.sample_plant"
+        )
     poles = controller_of(given).poles
     T = positive("sample_time", sample_time)
     known("method", method, _METHODS)

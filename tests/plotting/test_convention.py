@@ -233,6 +233,8 @@ def test_a_user_s_own_pictures_take_the_same_look():
 def test_a_misspelt_style_is_told_the_nearest():
     with pytest.raises(TypeError, match=r"unexpected keyword argument 'colour', .*; did you mean 'color'"):
         one.track().plot(colour="red")
+    with pytest.raises(TypeError, match=r"'dB', .*; bode\(\.\.\.\)\.response\.plot\(\.\.\.\) is python-control's"):
+        one.track().plot(dB=True)
 
 
 def test_a_part_of_a_figure_is_divided():

@@ -95,6 +95,7 @@ def test_an_lqg_controller_of_a_fine_mesh_needs_reduction_and_a_coarse_one_runs(
     ("arguments", "error", "message"),
     [
         ((np.eye(2), 0.1), TypeError, "controller: expected StateSpace"),
+        ((bc.spray_boom(elements=2), 0.1), TypeError, r"sampled by its \.to_statespace\(dt=0\.1\)"),
         ((control.ss([[0.5]], [[1]], [[1]], 0, 0.1), 0.1), ValueError, "sampling time of 0.1 s"),
         ((control.ss([[np.nan]], [[1]], [[1]], 0), 0.1), ValueError, "controller: expected finite"),
         ((control.ss([[-1]], [[1]], [[1]], 0), 0.0), ValueError, "sample_time = 0.0"),
