@@ -53,7 +53,7 @@ def style() -> Iterator[None]:
         yield
 
 
-_OF_OTHERS = dict.fromkeys(
+_OF_OTHERS: dict[str, str] = dict.fromkeys(
     ("dB", "deg", "Hz", "omega_limits", "display_margins"),
     "; bode(...).response.plot(...) is python-control's picture and takes it",
 )
