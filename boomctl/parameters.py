@@ -51,7 +51,7 @@ class Parameters:
         """
         return or_default(type(self), "parameters", self, changes)
 
-    def _look_back(self, before: Self, changes: Mapping[str, Any]) -> None:
+    def _look_back(self, before: Any, changes: Mapping[str, Any]) -> None:
         """Warn where what was changed leaves something as it was that physics ties to it."""
 
     @classmethod

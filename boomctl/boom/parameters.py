@@ -4,7 +4,7 @@ import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from math import sqrt
-from typing import Any, Self
+from typing import Any
 
 from boomctl.checks import exactly, from_on, nonnegative, positive
 from boomctl.parameters import Parameters, or_default
@@ -128,7 +128,7 @@ class BoomParameters(Parameters):
                 f" expected {_BENDING[0]:g} to {_BENDING[1]:g} rad/s, in SI units"
             )
 
-    def _look_back(self, before: Self, changes: Mapping[str, Any]) -> None:
+    def _look_back(self, before: Any, changes: Mapping[str, Any]) -> None:
         lost = before.tube_mass - self.tube_mass
         if lost > _SEEN * before.tube_mass and "boom_mass" not in changes:
             said = ", ".join(f"{name}={value:g}" for name, value in changes.items())
