@@ -11,6 +11,7 @@ import sys
 from functools import cache
 from pathlib import Path
 
+import matplotlib.pyplot as plt
 import pytest
 
 import boomctl
@@ -68,6 +69,7 @@ def test_the_examples_of_a_page_run(name, blocks, tmp_path, monkeypatch):
     names = {"__name__": "__main__"}
     for block in blocks:
         exec(compile(block, name, "exec"), names)
+    plt.close("all")
     results = [value for value in names.values() if hasattr(value, "certificate")]
     assert all(getattr(value.certificate, "certified", True) for value in results)
     assert set(names) > {"__builtins__"}

@@ -3,6 +3,7 @@
 import re
 from pathlib import Path
 
+import matplotlib.pyplot as plt
 import pytest
 
 README = Path(__file__).parents[1] / "README.md"
@@ -17,4 +18,5 @@ def test_a_block_of_the_readme_runs_alone(block, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     names = {"__name__": "__main__"}
     exec(compile(block, "README.md", "exec"), names)
+    plt.close("all")
     assert set(names) > {"__builtins__", "bc"}

@@ -26,7 +26,7 @@ from boomctl.progress import computing, tell
 from boomctl.structure.matrices import dense
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.response.poles import first_order_poles
-from boomctl.structure.units import gain_unit
+from boomctl.units import gain_unit
 
 if TYPE_CHECKING:
     import control

@@ -19,7 +19,7 @@ from boomctl.lti.system import Lti, controller_of, of
 from boomctl.printing import listed
 from boomctl.simulation.conditioning import correction
 from boomctl.simulation.signals import per_signal
-from boomctl.structure.units import half_unit, is_half
+from boomctl.units import half_unit, is_half
 
 if TYPE_CHECKING:
     import control

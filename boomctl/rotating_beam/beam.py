@@ -44,7 +44,7 @@ from boomctl.rotating_beam.manoeuvres import (
 )
 from boomctl.rotating_beam.parameters import HubBeamParameters
 from boomctl.rotating_beam.result import Details, Motion, SimulationResult, named_failure
-from boomctl.structure.units import warn_of_units
+from boomctl.units import warn_of_units
 
 if TYPE_CHECKING:
     import control

@@ -32,7 +32,7 @@ from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.outline import Line, Outline
 from boomctl.structure.parts import Beam, CutJoint, Force, Ground, Output, Point, RigidBody, SpringDamper
 from boomctl.structure.ports import Ports
-from boomctl.structure.units import motion_unit
+from boomctl.units import motion_unit
 
 _DRAWN = 10  # points of a picture on each element (a choice)
 _POINTS = (60, 600)  # on a beam at least and at most: finer than a picture shows (a choice)

@@ -16,7 +16,7 @@ from boomctl.structure.layout import KEPT, Layout
 from boomctl.structure.matrices import Structure, dense
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.ports import Ports
-from boomctl.structure.units import motion_unit
+from boomctl.units import motion_unit
 
 MOTIONS = ("displacement", "velocity", "acceleration")
 

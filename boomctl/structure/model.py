@@ -36,7 +36,7 @@ from boomctl.structure.response.mode_shapes import ModeShapes, mode_shapes
 from boomctl.structure.response.poles import PROMISED, poles_and_rounding
 from boomctl.structure.response.rounding import warn_of_rounding
 from boomctl.structure.symmetry import Mirror
-from boomctl.structure.units import warn_of_units
+from boomctl.units import warn_of_units
 
 if TYPE_CHECKING:
     import control

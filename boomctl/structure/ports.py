@@ -19,7 +19,7 @@ from scipy import sparse
 from boomctl.arrays import Array, Matrix, combined
 from boomctl.checks import known, names
 from boomctl.printing import compact
-from boomctl.structure.units import half_unit
+from boomctl.units import half_unit
 
 FILTER_DAMPING = np.sqrt(0.5)  # of the outputs' low-pass filters: the flattest pass band (Butterworth)
 

@@ -60,7 +60,8 @@ def test_stiffness_is_one_and_rigid_motions_strain_nothing(seed, exponent, eleme
         assert (frequencies[:rigid] == 0.0).all()
         assert (frequencies[rigid:] > 0.0).all()
         root = ROOTS["free-free" if rigid else "clamped-free"][0] ** 2
-        assert frequencies[rigid] == pytest.approx(root, rel=0.05)  # what two long elements are good for
+        # an upper bound (Rayleigh), at worst that of one element alone, sqrt(720) of a free beam
+        assert root * (1.0 - 1e-9) <= frequencies[rigid] <= 1.2 * root
         slow = shapes[:, : rigid + 2]
         assert np.abs(slow.T @ dense(structure.M) @ slow - np.eye(rigid + 2)).max() < 1e-9
         assert np.abs(form.V.T @ dense(structure.M) @ form.V - form.N.T @ form.N).max() < 1e-9
