@@ -123,7 +123,10 @@ def test_every_result_that_has_a_norm_has_it_by_this_name(make, of_old):
         (lambda: bc.sigma(one.family()), r"got AffineFamily; its \.at\(\.\.\.\) is one"),
         (lambda: bc.sigma(one.hub_beam()), r"its \.linearize\(hub_speed\) is one"),
         (lambda: bc.hinf_norm(bc.reduce(one.mass(), order=2)), r"got ReductionResult; its \.system is one"),
-        (lambda: bc.discretize(one.mass(), 0.01), r"got SecondOrderModel; its \.to_statespace\(\) is one"),
+        (
+            lambda: bc.discretize(one.mass(), 0.01),
+            r"got SecondOrderModel; .* sampled by its \.to_statespace\(dt=0\.01\)",
+        ),
         (
             lambda: bc.write_controller(one.machine(), "law.json"),
             r"got Assembly; its \.assemble\(\)\.to_statespace\(\) is one",
