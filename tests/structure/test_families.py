@@ -1,10 +1,17 @@
-"""Families that are not affine in their parameters are refused, wherever they are not."""
+"""Families: what is bent inside the box is refused, and what is proved over it holds where loops are closed anew."""
 
+from itertools import product
+
+import control
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
+import boomctl as bc
 from boomctl.structure import SecondOrderModel
-from boomctl.structure.families import AffineFamily
+from boomctl.structure.families import AffineFamily, PolynomialFamily
+from tests.profiles import examples
 
 BENT = {
     "zero at ends, middle and corners": lambda d: d - d**3,
@@ -59,3 +66,28 @@ def test_a_bent_column_of_an_input_is_refused_and_an_affine_one_is_taken():
 def test_rounding_of_an_assembly_is_no_bend(stiff):
     family = AffineFamily.through({"k": (0.5, 1.7), "c": (0.1, 0.3)}, lambda v: chain(v["k"], v["c"], stiff))
     assert family.size == 2
+
+
+@pytest.mark.parametrize("step", [0.0, 0.02])
+@given(st.integers(0, 10_000))
+@examples(40)
+def test_what_is_proved_holds_where_outputs_read_and_inputs_act_otherwise_from_point_to_point(step, seed):
+    """Loops closed anew on a grid of the box; that of both at once, a product of the two changes, at the corners most."""
+    rng = np.random.default_rng(seed)
+    C, K, softer = np.diag(rng.uniform(0.05, 1.5, 2)), np.diag(rng.uniform(5.0, 200.0, 2)), rng.uniform(0.1, 0.6)
+    b, l, db, dl = rng.standard_normal((4, 2))
+
+    def make(values):
+        x, y = values["x"], values["y"]
+        forces, outputs = {"f": b + 0.5 * y * db}, {"q": l + 0.7 * x * dl + 0.5 * y * db}
+        return SecondOrderModel(np.eye(2), C, K * (1.0 + softer * x), forces, outputs)
+
+    family = PolynomialFamily.through({"x": (-1.0, 1.0), "y": (-1.0, 1.0)}, make)
+    slow = control.ss([[-20.0]], [[20.0]], [[-rng.uniform(0.2, 12.0)]], 0.0, inputs="q", outputs="f")
+    controller, late = (bc.discretize(slow, step), {"delay": 0.5 * step}) if step else (slow, {})
+    proved, grid = bc.robust_stability(family, controller, **late).proved, np.linspace(-1.0, 1.0, 5)
+    for x, y in product(grid, grid):
+        model = make({"x": x, "y": y})
+        plant = bc.analysis.sample_plant(model, step, **late) if step else model
+        poles = bc.feedback_loop(plant, controller, added=["f"]).poles()
+        assert not proved or ((np.abs(poles) < 1.0).all() if step else (poles.real < 0.0).all())
