@@ -138,6 +138,14 @@ class DesignCertificate:
         return sentence("DesignCertificate", self.statement + full)
 
     @property
+    def on_full_plant(self) -> str:
+        """A line on the loop on the full plant, for the ``repr`` of a design; empty where nothing was reduced."""
+        if self.full_plant is None:
+            return ""
+        known = {True: "stable", False: "UNSTABLE", None: "not proved"}
+        return f"\n  {known[self.full_plant.stable]} on the full plant"
+
+    @property
     def distance(self) -> float:
         """How far above the lower bound the norm lies at most, relative to it; ``inf`` where there is no bound."""
         if self.lower > 0.0:

@@ -65,6 +65,39 @@ def test_a_loop_that_is_unstable_on_the_full_plant_is_said_to_be(full):
     assert "UNSTABLE" in repr(found)
 
 
+@pytest.mark.parametrize("order", [2, 16])
+def test_lqg_and_h2_on_a_reduced_plant_are_judged_on_the_full_one(full, order):
+    small = bc.reduce(full, order=order)
+    sensors, push = ["stroke_anti", "tip_acceleration_anti"], ["suspension_anti"]
+    noises = [{"actuator_anti": 1.0, "suspension_anti": 1e-4}, {"stroke_anti": 1e-6, "tip_acceleration_anti": 1e-4}]
+    calls = {
+        "lqg": lambda plant: bc.lqg(plant, None, 1e-6, *noises, sensors, push, output_weight={"tip_anti": 1.0}),
+        "lqg around": lambda plant: bc.lqg(
+            generalized(plant),
+            None,
+            1e-6,
+            {"w_actuator_anti": 1.0},
+            noises[1],
+            sensors,
+            push,
+            output_weight={"z_tip_anti": 1.0},
+        ),
+        "h2": lambda plant: bc.h2(generalized(plant)),
+    }
+    for name, call in calls.items():
+        with warnings.catch_warnings(record=True) as said:
+            warnings.simplefilter("always")
+            found = call(small)
+        told, true = found.certificate.full_plant, slowest_on(full, found.controller)
+        assert told.stable == (true < 0.0), name
+        assert_allclose(told.slowest_pole, true, rtol=1e-6)
+        assert ("UNSTABLE on the full plant" in repr(found)) == (true > 0.0)
+        words = [one for one in said if "designed on a reduced plant" in str(one.message)]
+        assert ["UNSTABLE" in str(one.message) for one in words] == [True] * int(true > 0.0)
+        assert all(one.filename == __file__ for one in words)
+        assert call(small.system if name == "lqg" else small.full).certificate.full_plant is None
+
+
 def test_a_loop_that_is_as_good_on_the_full_plant_is_certified_there_without_a_warning(full):
     found, said = design(generalized(bc.reduce(full, order=16)))
     told = found.certificate.full_plant

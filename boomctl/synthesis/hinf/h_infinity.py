@@ -104,14 +104,9 @@ class HInfinityResult:
     def __repr__(self) -> str:
         least = f"no controller goes below {self.certificate.lower:.6g}"
         verified = f"norm of the closed loop {self.gamma:.6g}, verified; {least}"
-        full = self.certificate.full_plant
-        known = {
-            True: "stable on the full plant",
-            False: "UNSTABLE on the full plant",
-            None: "not proved on the full plant",
-        }
-        told = "" if full is None else f"\n  {known[full.stable]}"
-        return f"HInfinityResult: controller of {system(self._controller)}\n  {verified}{told}"
+        return (
+            f"HInfinityResult: controller of {system(self._controller)}\n  {verified}{self.certificate.on_full_plant}"
+        )
 
 
 def h_infinity(
@@ -243,7 +238,7 @@ def _on_circle(plant: GeneralizedPlant, found: HInfinityResult, origin: ReducedP
         lower_reason=bounds.why,
         path=(*c.path, "mapped to the unit circle"),
         statement=f"{c.statement}; verified anew on the unit circle",
-        full_plant=None if origin is None else judged_on_full_plant(origin, plant, K, norm.upper),
+        full_plant=judged_on_full_plant(origin, plant, K, norm.upper),
     )
     return HInfinityResult(K, loop, norm.lower, certificate, bounds, plant.system)
 
@@ -259,7 +254,7 @@ def _result(task: Task, found: Candidate, origin: ReducedPlant | None) -> HInfin
         lower_reason=bounds.why,
         path=found.path,
         statement=_statement(task, found),
-        full_plant=None if origin is None else judged_on_full_plant(origin, plant, found.K, found.norm.upper),
+        full_plant=judged_on_full_plant(origin, plant, found.K, found.norm.upper),
     )
     K = replace(found.K, inputs=plant.measurements, outputs=plant.controls)
     return HInfinityResult(K, found.loop, found.norm.lower, certificate, bounds, plant.system)

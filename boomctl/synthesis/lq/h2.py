@@ -22,6 +22,7 @@ from boomctl.synthesis.hinf.normal_form import normalised
 from boomctl.synthesis.lq.output_feedback import certify, least_cost, observer
 from boomctl.synthesis.lq.riccati import RiccatiProblem, RiccatiSolution
 from boomctl.synthesis.lq.riccati_steps import solution_of
+from boomctl.synthesis.plants.full_plant import origin_of
 from boomctl.synthesis.plants.partition import GeneralizedPlant, partition, with_feedthrough
 
 if TYPE_CHECKING:
@@ -76,7 +77,7 @@ class H2Result:
     def __repr__(self) -> str:
         verified = "verified" if self.certificate.norm.certified else "not certified"
         norms = f"H2 norm of the closed loop {self.norm:.6g}, {verified}; least possible {self.optimum:.6g}"
-        return f"H2Result: controller of {system(self._controller)}\n  {norms}"
+        return f"H2Result: controller of {system(self._controller)}\n  {norms}{self.certificate.on_full_plant}"
 
 
 def h2(P: "control.StateSpace", nmeas: int | None = None, ncon: int | None = None) -> H2Result:
@@ -88,7 +89,8 @@ def h2(P: "control.StateSpace", nmeas: int | None = None, ncon: int | None = Non
         Generalised plant: its last ``ncon`` inputs are controls, its last ``nmeas`` outputs are measurements; the others
         are disturbances (unit white noise) and performance outputs.  Of a discrete one the controller is the best of all
         whose control at a sample rests on the measurements up to that sample; :func:`boomctl.lqg` gives the best of those
-        that rest on the ones before it.
+        that rest on the ones before it.  Where the plant that `generalized_plant` was given is what `reduce` returned,
+        the loop is judged on the full plant too: ``certificate.full_plant``.
     nmeas, ncon : int, optional
         Numbers of measurements and controls; not needed of what `generalized_plant` or `mixed_sensitivity` made, whose
         names tell them.
@@ -107,6 +109,11 @@ def h2(P: "control.StateSpace", nmeas: int | None = None, ncon: int | None = Non
         A control that no performance output weighs, a measurement without noise, a direct way from a disturbance to a
         performance output that no controller can cancel (in continuous time), a mode in the way: each named.  A loop
         whose norm is not what the Riccati equations say.
+
+    Warns
+    -----
+    ReductionWarning
+        On the full plant the loop is not stable, or not proved to be.
 
     Examples
     --------
@@ -140,7 +147,7 @@ def h2(P: "control.StateSpace", nmeas: int | None = None, ncon: int | None = Non
         initial=0.0
     ):
         loop = replace(loop, D=np.zeros_like(loop.D))  # what rounding leaves of the direct way that is cancelled
-    certificate = certify(loop, K, least, regulator, estimator)
+    certificate = certify(loop, K, least, regulator, estimator, plant=plant, origin=origin_of(P))
     return H2Result(
         _controller=K,
         _closed_loop=loop,

@@ -15,12 +15,15 @@ from boomctl.arrays import Array, blocks
 from boomctl.checks import exactly, nonnegative
 from boomctl.lti.system import Lti, lower_lft
 from boomctl.printing import system
+from boomctl.reduction.result import ReductionResult
 from boomctl.synthesis.certificate import DesignCertificate
 from boomctl.synthesis.lq.kalman import solved_filter
 from boomctl.synthesis.lq.lqr import regulator_problem, solved_regulator
 from boomctl.synthesis.lq.output_feedback import certify, least_cost, observer
 from boomctl.synthesis.lq.problem import Noise, Weight, chosen, noise_of, plant_of, square_root
 from boomctl.synthesis.lq.riccati import RiccatiProblem
+from boomctl.synthesis.plants.full_plant import ReducedPlant, origin_of
+from boomctl.synthesis.plants.partition import GeneralizedPlant
 
 if TYPE_CHECKING:
     import control
@@ -81,11 +84,12 @@ class LqgResult:
     def __repr__(self) -> str:
         least = f"least possible {self.certificate.lower**2:.6g}"
         verified = "verified" if self.certificate.norm.certified else "not certified"
-        return f"LqgResult: controller of {system(self._controller)}\n  cost {self.cost:.6g}, {verified}; {least}"
+        told = f"cost {self.cost:.6g}, {verified}; {least}{self.certificate.on_full_plant}"
+        return f"LqgResult: controller of {system(self._controller)}\n  {told}"
 
 
 def lqg(
-    system: control.StateSpace | SecondOrderModel,
+    system: control.StateSpace | SecondOrderModel | ReductionResult,
     Q: Weight | None,
     R: Weight,
     process_noise: Weight,
@@ -101,9 +105,10 @@ def lqg(
 
     Parameters
     ----------
-    system : control.StateSpace or SecondOrderModel
-        The system, signals named.  Of a discrete one the controller is the best of all whose control at a sample rests
-        on the measurements before it.
+    system : control.StateSpace, SecondOrderModel or ReductionResult
+        The system, signals named.  Of what `reduce` returned, and of a generalised plant around one, the loop is judged
+        on the full plant too: ``certificate.full_plant``.  Of a discrete one the controller is the best of all whose
+        control at a sample rests on the measurements before it.
     Q, R, output_weight
         Weights of states, controls and outputs, as for :func:`lqr`.
     process_noise, measurement_noise, disturbances
@@ -132,6 +137,8 @@ def lqg(
     -----
     UserWarning
         No controls are named, and only some of the inputs are noise.
+    ReductionWarning
+        On the full plant the loop is not stable, or not proved to be.
 
     Examples
     --------
@@ -142,7 +149,7 @@ def lqg(
     >>> round(design.cost, 4), design.controller.nstates
     (8.4853, 2)
     """
-    plant = plant_of(system, sampled=True)
+    plant = plant_of(system.system if isinstance(system, ReductionResult) else system, sampled=True)
     driven = chosen("controls", controls, plant.inputs)
     noisy = [name for name in plant.inputs if isinstance(process_noise, Mapping) and name in process_noise]
     if controls is None and noisy and len(noisy) < len(plant.inputs):
@@ -163,10 +170,16 @@ def lqg(
     K = observer(way, regulator.gain, estimator.gain.T)
     loop = lower_lft(_weighted(way, problem, noise), K)
     effort = problem.R if plant.dt == 0.0 else problem.R + problem.B.T @ regulator.X @ problem.B
-    certificate = certify(loop, K, least_cost(noise.W, effort, regulator, estimator), regulator, estimator)
+    least = least_cost(noise.W, effort, regulator, estimator)
+    origin = origin_of(system)
+    between = GeneralizedPlant(_between_all(plant, driven, measured), len(measured), len(driven))
+    if origin is not None:
+        around = origin.around
+        origin = ReducedPlant(origin.reduction, lambda full: _between_all(around(full), driven, measured))
+    certificate = certify(loop, K, least, regulator, estimator, plant=between, origin=origin)
     return LqgResult(
         _controller=K,
-        _closed_loop=lower_lft(_between_all(plant, driven, measured), K),
+        _closed_loop=lower_lft(between.system, K),
         regulator_gain=regulator.gain,
         filter_gain=estimator.gain.T,
         poles=np.concatenate([regulator.poles, estimator.poles]),

@@ -9,6 +9,8 @@ from boomctl.lti.system import Lti, rates_of
 from boomctl.synthesis.assumptions import SynthesisError
 from boomctl.synthesis.certificate import DesignCertificate
 from boomctl.synthesis.lq.riccati import LARGEST_COST_ERROR, RiccatiSolution
+from boomctl.synthesis.plants.full_plant import ReducedPlant, judged_on_full_plant
+from boomctl.synthesis.plants.partition import GeneralizedPlant
 
 
 def observer(plant: Lti, F: Array, L: Array) -> Lti:
@@ -28,9 +30,18 @@ def least_cost(W: Array, R: Array, regulator: RiccatiSolution, estimator: Riccat
 
 
 def certify(
-    loop: Lti, K: Lti, least: float, regulator: RiccatiSolution, estimator: RiccatiSolution
+    loop: Lti,
+    K: Lti,
+    least: float,
+    regulator: RiccatiSolution,
+    estimator: RiccatiSolution,
+    *,
+    plant: GeneralizedPlant,
+    origin: ReducedPlant | None,
 ) -> DesignCertificate:
     """Return what vouches for a controller: the H2 norm of its loop, and the least one by the two Riccati equations.
+
+    The loop of ``K`` around ``plant`` is judged on the full plant too, where ``origin`` says that it is a reduced one.
 
     Raises
     ------
@@ -57,6 +68,7 @@ def certify(
         path=(*regulator.path, *estimator.path, norm.method),
         statement=f"H2 norm {norm.value:.6g}, {known}; no controller goes below {lower:.6g}, by the Riccati equations; "
         f"slowest pole {slowest:.4g} rad/s; Riccati residuals {regulator.residual:.1e} and {estimator.residual:.1e}",
+        full_plant=judged_on_full_plant(origin, plant, K),
         riccati=regulator,
         filter=estimator,
     )

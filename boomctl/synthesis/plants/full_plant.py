@@ -103,8 +103,15 @@ def warn_of_lost_channels(plant: Any, channels: dict[str, tuple[tuple[str, ...],
         warnings.warn(said, ReductionWarning, stacklevel=3)
 
 
-def judged_on_full_plant(origin: ReducedPlant, plant: GeneralizedPlant, K: Lti, gamma: float) -> DesignCertificate:
-    """Return what is known of a loop on the full plant, and warn; ``gamma`` is its norm on the reduced one."""
+def judged_on_full_plant(
+    origin: ReducedPlant | None, plant: GeneralizedPlant, K: Lti, gamma: float = inf
+) -> DesignCertificate | None:
+    """Return what is known of a loop on the full plant, if its plant is reduced, and warn.
+
+    ``gamma`` is the H-infinity norm on the reduced one, where a design is for that: a larger one is warned of.
+    """
+    if origin is None:
+        return None
     reduction = origin.reduction
     share = _share(reduction, plant, K)
     size = reduction.full_order + len(plant.A) - reduction.order + len(K.A)  # with weights and controller
