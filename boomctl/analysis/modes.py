@@ -87,7 +87,8 @@ class ModeTable:
     inputs, outputs : tuple of str
         Names of the signals, in the order of the shares.
     rows : tuple of ModeRow
-        The modes, in ascending natural frequency.
+        The modes, in ascending natural frequency.  Free bodies, at 0 rad/s, have a share of one where they show, and do
+        not count as the highest mode of the others.
     """
 
     inputs: tuple[str, ...]
@@ -209,7 +210,7 @@ def mode_table(system: "SecondOrderModel | control.StateSpace | control.Transfer
     count = len(chain)
     peaks = np.concatenate([np.repeat(np.where(chain.any(axis=0), np.inf, 0.0)[None], count, axis=0), peaks])
     rates, poles = np.concatenate([np.zeros(count), rates[chosen]]), np.concatenate([np.ones(count), poles])
-    return ModeTable(given.inputs, given.outputs, _rows(rates, peaks, None if dt == 0.0 else poles))
+    return ModeTable(given.inputs, given.outputs, _rows(rates, peaks, None if dt == 0.0 else poles, count))
 
 
 def _rigid(system: Lti) -> tuple[Array, Lti]:
@@ -228,8 +229,9 @@ def _rigid(system: Lti) -> tuple[Array, Lti]:
     return np.array(shown), parts.rest
 
 
-def _rows(poles: Array, peaks: Array, z: Array | None) -> tuple[ModeRow, ...]:
-    largest = peaks.max(axis=0, initial=0.0)
+def _rows(poles: Array, peaks: Array, z: Array | None, free: int) -> tuple[ModeRow, ...]:
+    """Return the modes, the first of which are ``free`` bodies."""
+    largest = peaks[free:].max(axis=0, initial=0.0)
     with np.errstate(invalid="ignore", divide="ignore"):
         shares = np.where(np.isinf(peaks), 1.0, np.where(largest > 0.0, peaks / largest, 0.0))
     return tuple(

@@ -11,14 +11,14 @@ import numpy as np
 from scipy import special, stats
 
 from boomctl.arrays import Array
+from boomctl.checks import known, whole
 from boomctl.checks import real as real_number
-from boomctl.checks import whole
 from boomctl.identification.common_poles import CommonPoles
 from boomctl.identification.families import hull as joint
 from boomctl.identification.families import names_of_mode, of_modes
 from boomctl.identification.realised import RankOne
 from boomctl.identification.record import EXCITED, QUANTITIES, Record, band, quantities
-from boomctl.identification.search import searched, strongest
+from boomctl.identification.search import searched, weakest, without
 from boomctl.identification.spectra import Spectra, complex_of, rms
 from boomctl.lti.system import is_frequency_response
 from boomctl.printing import LINES, WIDTH, between, compact, count, table_html
@@ -40,6 +40,7 @@ _HIGHEST = 60  # order where none is said: some three times as many as modes are
 _BLOCKS = 24  # that a record is cut into for intervals: their deviation is known to a seventh (a choice)
 _ALONE = 0.9  # share of a coefficient up to which a block alone may say it; the rest of the record says more (a choice)
 _WIDEST = 20.0  # logarithm of a factor of damping: it is not determined then
+_VAGUE = 0.5  # of a frequency, that its interval is wide to either side: a drift of the record, and no mode (a choice)
 _LOSS = 1.0  # points of the fit that a structure may cost (a choice)
 _FEEDBACK = 6.0  # deviations of a correlation of errors with inputs that come later: one in a thousand million
 _LATER = 3  # lags that are not asked, as the band alone correlates neighbours (a choice)
@@ -234,6 +235,7 @@ def identify(
     held_back: float = 0.3,
     order: int | None = None,
     confidence: float = 0.95,
+    errors: str | None = None,
 ) -> Identification:
     """Identify the modes of a structure from a record, and a model with them.
 
@@ -257,6 +259,9 @@ def identify(
         Highest order of the denominators from which poles are begun; the modes hardly depend on it.
     confidence : float
         Of the intervals, between 0.5 and 1.
+    errors : "relative" or "absolute", optional
+        How errors of a measured frequency response grow: with its size, which is taken where nothing is said, or not at
+        all.  One of `estimate_response` says its own.
 
     Returns
     -------
@@ -279,8 +284,9 @@ def identify(
     Poles begin with a common denominator by linear least squares (Peeters, Van der Auweraer, Guillaume & Leuridan 2004)
     and are then those of least squares in the frequency domain, residues and free motions solved for (variable
     projection, Golub & Pereyra 1973).  What residuals show is tried, and a mode stays if noise alone would show its
-    like in one of a thousand records.  Intervals come from blocks of the record: how much each of them pulls at the
-    poles (a jackknife of blocks), so that they hold for coloured errors too.
+    like in one of a thousand records, and if the record tells its frequency: what drifts is no mode.  Intervals come
+    from blocks of the record: how much each of them pulls at the poles (a jackknife of blocks), so that they hold for
+    coloured errors too.
 
     Examples
     --------
@@ -305,11 +311,16 @@ def identify(
         if outputs is not None or sample_time is not None:
             raise TypeError("outputs, sample_time: expected None beside a measured frequency response")
         low, high = band(band_hz, float(inputs.omega[-1]) / (2.0 * np.pi))
-        data = tested = Spectra.of_response(inputs, low, high)
+        deviation, told = _deviation(inputs, errors)
+        data = tested = Spectra.of_response(inputs, low, high, deviation)
         names = tuple(inputs.input_labels), tuple(inputs.output_labels)
         said = getattr(inputs, "quantity", ("displacement",) * len(names[1]))
         kinds = said if quantity is None else quantities(quantity, names[1])
-        source = f"intervals from {_BLOCKS} groups of frequencies, validated on all of them"
+        source = f"intervals from {_BLOCKS} groups of frequencies, validated on all of them{told}"
+    elif errors is not None:
+        raise TypeError(
+            f"errors = {errors!r}: expected None for a record, whose residuals say how large its errors are"
+        )
     else:
         record = Record.of(inputs, outputs, sample_time, "displacement" if quantity is None else quantity, hold)
         low, high = _band(record, band_hz)
@@ -323,10 +334,7 @@ def identify(
     orders = tuple(sorted({round(each) for each in np.linspace(max(highest // 2, 2), highest, _ORDERS)}))
     ends = 2.0 * np.pi * max(low, 0.0), 2.0 * np.pi * high
     fit, found = searched(data, *ends, orders)
-    inside = (fit.poles.imag >= ends[0]) & (fit.poles.imag <= ends[1])
-    if wanted is not None and inside.sum() > wanted:
-        fit = strongest(fit, inside, wanted)
-        inside = (fit.poles.imag >= ends[0]) & (fit.poles.imag <= ends[1])
+    fit, inside, steps = _told(fit, ends, wanted, level)
     if not inside.any() or (wanted or 0) > inside.sum():
         noise = 100.0 * np.mean(fit.deviation * np.sqrt(2.0) / rms(fit.data.Y))
         turned = "; are inputs and outputs interchanged?" if noise < _EXPLAINED and not inside.any() else ""
@@ -341,7 +349,7 @@ def identify(
             f" {folded[0].imag / (2.0 * np.pi):.4g} Hz of {0.5 / data.step:.4g}; sample faster, or filter before sampling"
         )
     order_of = np.argsort(np.where(inside, fit.poles.imag, np.inf), kind="stable")
-    fit = CommonPoles(fit.data, fit.poles[order_of], fit.fixed)
+    fit, steps = CommonPoles(fit.data, fit.poles[order_of], fit.fixed), steps[order_of]
     number = int(inside.sum())
     simple = RankOne.of(fit)
     tested = tested.scaled(fit.data.scale / tested.scale)
@@ -354,10 +362,9 @@ def identify(
         model, loose = simple.structure(fit.data, *names)
         loss = rms(complex_of(loose)) / rms(fit.data.Y) - rms(complex_of(fit.residuals)) / rms(fit.data.Y)
         model = None if 100.0 * loss.max() > _LOSS else model
-    steps = _deviations(fit)[:number] * stats.t.ppf(0.5 + 0.5 * level, _BLOCKS - 1)
     rows = tuple(
         _mode(pole, step, c, kinds, part, _steadiness(pole, found, len(orders)))
-        for pole, step, c, part in zip(fit.poles, steps, simple.c, fit.shares / fit.shares.sum(), strict=False)
+        for pole, step, c, part in zip(fit.poles[:number], steps, simple.c, fit.shares / fit.shares.sum(), strict=False)
     )
     spectrum = [np.sqrt(np.square(np.abs(x) / rms(tested.Y)).mean(axis=1)) for x in (tested.Y, left)]
     return Identification(
@@ -375,6 +382,33 @@ def identify(
         },
         np.array([tested.s.imag / (2.0 * np.pi), *spectrum])[:, tested.record == 0],
     )
+
+
+def _deviation(response: Any, errors: str | None) -> tuple[Array | None, str]:
+    """Return how large the errors of a measured response are, up to a factor for each output, and words on that."""
+    if hasattr(response, "deviation"):
+        if errors is not None:
+            raise TypeError(f"errors = {errors!r}: expected None for a response that says its own deviation")
+        return response.deviation, ""
+    kind = known("errors", "relative" if errors is None else errors, ("relative", "absolute"))
+    return (np.abs(response.frdata) if kind == "relative" else None), f"; errors taken for {kind}"
+
+
+def _told(
+    fit: CommonPoles, ends: tuple[float, float], wanted: int | None, level: float
+) -> tuple[CommonPoles, Array, Array]:
+    """Return the fit without poles that a record does not tell from a drift, those within the band, and their intervals."""
+    t = stats.t.ppf(0.5 + 0.5 * level, _BLOCKS - 1)
+    while True:
+        inside = (fit.poles.imag >= ends[0]) & (fit.poles.imag <= ends[1])
+        steps = t * _deviations(fit) if len(fit.poles) else np.zeros((0, 2))
+        vague = inside & (-fit.poles.real * steps[:, 1] > _VAGUE * fit.poles.imag)
+        if vague.any():
+            fit = without(fit, vague)
+        elif wanted is not None and inside.sum() > wanted:
+            fit = without(fit, weakest(fit, inside, int(inside.sum()) - wanted))
+        else:
+            return fit, inside, steps
 
 
 def _mode(pole: complex, step: Array, c: Array, kinds: tuple[str, ...], share: float, orders: float) -> IdentifiedMode:

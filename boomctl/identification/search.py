@@ -43,11 +43,14 @@ def searched(data: Spectra, low: float, high: float, orders: tuple[int, ...]) ->
     return _with_evidence(fitted(_weighted(fitted(fit)))), found
 
 
-def strongest(fit: CommonPoles, inside: Array, count: int) -> CommonPoles:
-    """Return the fit with so many of the poles marked, those of most evidence."""
-    chosen = np.flatnonzero(inside)
-    weakest = chosen[np.argsort(fit.evidence[chosen])][: len(chosen) - count]
-    return fitted(_with(fit, np.delete(fit.poles, weakest)))
+def weakest(fit: CommonPoles, inside: Array, count: int) -> Array:
+    """Return a mark at so many of the poles marked, those of least evidence."""
+    return np.isin(np.arange(len(inside)), np.argsort(np.where(inside, fit.evidence, np.inf))[:count])
+
+
+def without(fit: CommonPoles, which: Array) -> CommonPoles:
+    """Return the fit without some of its poles."""
+    return fitted(_with(fit, np.delete(fit.poles, np.flatnonzero(which))))
 
 
 def _with(fit: CommonPoles, poles: Array) -> CommonPoles:
@@ -68,8 +71,8 @@ def _with_evidence(fit: CommonPoles) -> CommonPoles:
         lacking = np.flatnonzero(evidence < needed(fit))
         if not len(lacking):
             break
-        weakest = lacking[np.argsort(evidence[lacking])][: -(-len(lacking) // 2)]
-        fit = fitted(_with(fit, np.delete(fit.poles, weakest)), _ROUGH)
+        half = lacking[np.argsort(evidence[lacking])][: -(-len(lacking) // 2)]
+        fit = fitted(_with(fit, np.delete(fit.poles, half)), _ROUGH)
     return fit
 
 

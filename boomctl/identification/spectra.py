@@ -10,7 +10,9 @@ from boomctl.lti.python_control import control
 
 _HEAVIEST = 100.0  # weight of a row of a measured response, in those of its median (a choice)
 _FEWEST = 24  # lines in the band for each input: fewer bear no mode with its background (a choice)
-EDGES = 4  # powers of frequency that stand for what a record's ends leave beside free motions (measured: 2 to 6 alike)
+EDGES = (
+    5  # powers of frequency, from -1 (a drift) on, for what a record's ends leave beside free motions (4 to 8 alike)
+)
 
 
 @dataclass(frozen=True)
@@ -67,8 +69,10 @@ class Spectra:
         return cls(s, U, Y, which, tuple(lines), tuple(lengths), record.step, held, np.ones(Y.shape[1])).scaled(rms(Y))
 
     @classmethod
-    def of_response(cls, response: "control.FrequencyResponseData", low: float, high: float) -> "Spectra":
-        """Return a measured response as rows with one input of one each."""
+    def of_response(
+        cls, response: "control.FrequencyResponseData", low: float, high: float, deviation: Array | None
+    ) -> "Spectra":
+        """Return a measured response as rows with one input of one each, weighed so that their errors are alike."""
         omega = np.asarray(response.omega)
         use = np.flatnonzero((omega > 0.0) & (omega >= 2.0 * np.pi * low) & (omega <= 2.0 * np.pi * high))
         G = np.asarray(response.frdata)[..., use]
@@ -76,8 +80,8 @@ class Spectra:
         m = G.shape[1]
         Y = G.transpose(1, 2, 0).reshape(-1, len(G))
         U = np.repeat(np.eye(m), len(use), axis=0).astype(complex)
-        if hasattr(response, "deviation"):  # rows of like errors
-            error = response.deviation[..., use].transpose(1, 2, 0).reshape(Y.shape) / rms(Y)
+        if deviation is not None:
+            error = deviation[..., use].transpose(1, 2, 0).reshape(Y.shape) / rms(Y)
             weight = np.median(rms(error.T)) / np.maximum(rms(error.T), np.finfo(float).tiny)
             weight = np.minimum(weight, _HEAVIEST)[:, None]
             U, Y = U * weight, Y * weight
@@ -153,7 +157,7 @@ class Spectra:
             both = np.stack([above + below, 1j * (above - below)], axis=2)
             columns.append((both[..., None] * self.U[:, None, None, :]).reshape(len(self.s), -1))
         if self.records:
-            powers = (self.s[:, None] / self.top) ** np.arange(EDGES)
+            powers = (self.s[:, None] / self.top) ** (np.arange(EDGES) - 1.0)
             columns.append((self._own[:, :, None] * powers[:, None, :]).reshape(len(self.s), -1))
         return real(np.concatenate(columns, axis=1))
 

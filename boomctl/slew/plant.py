@@ -131,6 +131,13 @@ class SlewPlant:
         return f"{number} {self.labels[kind][1]}".rstrip()
 
     @property
+    def vibration(self) -> tuple[float, float]:
+        """Undamped frequency [rad/s] and damping ratio of a beam's first mode, its hub free to turn."""
+        assert self.frequencies is not None
+        half, frequency = self.n // 2, float(self.frequencies[1])
+        return frequency, float(-0.5 * self.A[half + 1, half + 1] / frequency)
+
+    @property
     def n(self) -> int:
         """Number of states."""
         return self.A.shape[0]

@@ -7,6 +7,7 @@ weights alone share one mechanism, found once.
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -144,8 +145,16 @@ class Assembly:
         ------
         ValueError
             The joints contradict each other, or a coordinate without mass is acted upon.
+
+        Warns
+        -----
+        UserWarning
+            Forces or links that act along what the joints hold.
         """
         mechanism, outline = _mechanism(self, exact=False), Outline(self)
+        if mechanism.idle:
+            said = f"{', '.join(mechanism.idle)}: cannot do anything; the joints leave no motion there along that direction"
+            warnings.warn(said, stacklevel=2)
         layout, ports, weights = mechanism.layout, mechanism.ports, mechanism.weights(self)
         massless = np.flatnonzero(squared_sums(layout.N, weights.m) == 0.0)
         if len(massless):
@@ -237,6 +246,8 @@ class Mechanism:
         Inputs and outputs.
     lengths : tuple of ndarray
         Of the segments of exact beams [m].
+    idle : tuple of str
+        Forces and links along whose direction nothing can move, in words.
     """
 
     meshes: tuple[BeamMesh, ...]
@@ -244,6 +255,7 @@ class Mechanism:
     exact: ExactLayout
     ports: Ports
     lengths: tuple[Array, ...] = ()
+    idle: tuple[str, ...] = ()
 
     def weights(self, assembly: Assembly) -> Weights:
         """Return what the rows of ``layout`` weigh in a machine that moves so, its beams not exact."""
@@ -333,6 +345,12 @@ def _find_mechanism(assembly: Assembly, exact: bool) -> Mechanism:
         else:
             bodies.append(motion.frames[body.name].along(body.angle))
     N, R = rows(bodies), rows([motion.relative(link.a, link.b, link.direction) for link in assembly.links])
+    elongated = np.abs(dense(R)).max(axis=1, initial=0.0)
+    idle = [
+        f"the link of {link.a.body.name!r} and {link.b.body.name!r} along {link.direction!r}"
+        for link, size in zip(assembly.links, elongated, strict=True)
+        if size <= CANCELLED
+    ]
     S, lengths = np.zeros((0, len(names))), ()
     if exact and meshes:
         lengths = tuple(_segment_lengths(beam, mesh.nodes, points) for beam, mesh in zip(beams, meshes, strict=True))
@@ -342,7 +360,9 @@ def _find_mechanism(assembly: Assembly, exact: bool) -> Mechanism:
         strains = [combined(mesh.strain.matrix(at, len(index)), T) for at, mesh in zip(first, meshes, strict=True)]
         N, R = _stacked([N, *deflections]), _stacked([R, *strains])
     layout, ports = Layout(names, N, R), _ports(assembly, motion, rows)
-    return Mechanism(meshes, layout, ExactLayout(layout, S, ports), ports, lengths)
+    forces = zip(assembly.forces, np.abs(ports.B[0]).max(axis=0, initial=0.0), strict=True)
+    idle += [f"force {force.name!r} along {force.direction!r}" for force, size in forces if size <= CANCELLED]
+    return Mechanism(meshes, layout, ExactLayout(layout, S, ports), ports, lengths, tuple(idle))
 
 
 def _segment_ends(lengths: Array, T: Array) -> Array:

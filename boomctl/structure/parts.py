@@ -51,7 +51,7 @@ class Joint:
             if not isinstance(slide, tuple) or len(slide) != 2:
                 raise TypeError(f"slides of a joint: expected pairs of name and angle, got {shown(slide)}")
             signal_name("name of a slide", slide[0])
-            real("angle of a slide", slide[1])
+            _radians("angle of a slide", slide[1])
         truth("turns of a joint", self.turns)
 
 
@@ -115,7 +115,7 @@ def prismatic(angle: float = pi / 2, name: str = "slide") -> Joint:
     >>> bc.structure.prismatic(0.0, "along").slides
     (('along', 0.0),)
     """
-    return Joint(slides=((name, real("angle", angle)),))
+    return Joint(slides=((name, _radians("angle", angle)),))
 
 
 def free(*freedoms: str) -> Joint:
@@ -444,7 +444,7 @@ class Beam:
             given = shown(self.discretization)
             raise TypeError(f"discretization of beam {self.name!r} = {given}: expected FiniteElements or another one")
         _place(f"start of beam {self.name!r}", self.start)
-        real(f"angle of beam {self.name!r}", self.angle)
+        _radians(f"angle of beam {self.name!r}", self.angle)
         object.__setattr__(self, "length", float(sum(section.length for section in self.sections)))
         self.station(self.parent.x, self.parent.y)
 
@@ -533,7 +533,16 @@ def direction_angle(direction: "str | float") -> float | None:
     """Return the angle [rad] of ``"x"``, ``"y"`` or a number; ``None`` stands for ``"theta"``, a rotation."""
     if isinstance(direction, str):
         return {"x": 0.0, "y": pi / 2, "theta": None}[known("direction", direction, ("x", "y", "theta"))]
-    return real("direction", direction)
+    return _radians("direction", direction)
+
+
+def _radians(name: str, value: object) -> float:
+    """Return an angle of at most one turn [rad]: more are degrees."""
+    if abs(real(name, value)) > 2.0 * pi:
+        raise ValueError(
+            f"{name} = {value!r}: expected radians, at most one turn; math.radians({value!r}) makes them of degrees"
+        )
+    return real(name, value)
 
 
 def _check_pair(a: Point, b: Point, what: str, direction: "str | float") -> None:

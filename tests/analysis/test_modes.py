@@ -103,3 +103,4 @@ def test_a_free_train_has_a_rigid_body_and_elastic_modes_in_any_coordinates_and_
         for row, pole in zip(rows[2:], expected, strict=True):
             assert row.pole == pytest.approx(pole, rel=1e-6)
             assert row.peaks[0, 0] < np.inf
+        assert max((row.output_shares[0] for row in rows[2:]), default=1.0) == 1.0  # among those that vibrate

@@ -2,6 +2,7 @@
 
 import warnings
 
+import control
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
@@ -184,6 +185,34 @@ def test_a_measured_response_gives_the_same_modes(chain):
     assert dampings.max() < 1e-6
 
 
+@pytest.mark.parametrize("errors", [None, "absolute"])
+def test_errors_that_grow_with_a_measured_response_show_no_modes(chain, errors):
+    model, omega, rng = chain[0], 2.0 * np.pi * np.linspace(0.5, 10.0, 600), np.random.default_rng(0)
+    exact = model.frequency_response(omega).frdata
+    size = np.abs(exact) if errors is None else np.sqrt(np.square(np.abs(exact)).mean(axis=2, keepdims=True))
+    noise = (rng.standard_normal((2, *exact.shape)).T @ [1.0, 1.0j]).T * size
+    measured = control.FrequencyResponseData(exact + 0.01 * noise, omega)
+    found = bc.identify(measured, errors=errors)
+    frequencies, dampings = errors_of(found, poles_of(model))
+    assert len(found.modes) == len(poles_of(model))
+    assert frequencies.max() < 1e-3
+    assert dampings.max() < 0.05
+    assert found.source.endswith(f"errors taken for {errors or 'relative'}")
+
+
+@pytest.mark.parametrize("drift", ["ramp", "settling", "swing"])
+def test_a_drift_is_no_mode(chain, drift):
+    model, u, y, plain = chain
+    u, y = u[:2500], y[:2500]
+    along = np.linspace(0.0, 1.0, len(y))[:, None]
+    shape = {"ramp": 2.0 * along, "settling": 1.0 - np.exp(-6.0 * along), "swing": np.sin(4.4 * along)}[drift]
+    found = bc.identify(u, y + y.std(axis=0) * shape, STEP)
+    assert len(found.modes) == len(plain.modes)
+    frequencies, dampings = errors_of(found, poles_of(model))
+    assert frequencies.max() < 1e-3
+    assert dampings.max() < 0.05
+
+
 def test_several_records_are_one_identification(chain):
     model, u, y, _ = chain
     parts = [slice(0, 2000), slice(2500, 5000)]
@@ -293,6 +322,8 @@ def test_a_response_takes_no_outputs_beside_it(chain):
     model, u, _, _ = chain
     with pytest.raises(TypeError, match="expected None beside a measured frequency response"):
         bc.identify(model.frequency_response(np.linspace(1.0, 60.0, 200)), u)
+    with pytest.raises(TypeError, match="errors = 'relative': expected None for a record"):
+        bc.identify(*chain[1:3], STEP, errors="relative")
 
 
 def test_the_picture_shows_modes_and_what_is_not_predicted(chain):

@@ -23,6 +23,15 @@ def test_zv_and_zvd_leave_nothing(name, frequency, damping):
     assert train.residual(frequency, damping) < 1e-12
 
 
+def test_the_shaper_of_a_beam_is_that_of_its_mode_with_the_hub_free():
+    h = bc.hub_beam(model="cfoam", modes=3, tip_mass=0.5)
+    poles = h.linearize().poles()
+    first = min(poles[np.abs(poles) > 1e-3], key=abs)
+    assert shaper("ZVD", h).residual(abs(first), -first.real / abs(first)) < 1e-9
+    with pytest.raises(ValueError, match="expected none beside a hub-beam"):
+        shaper("ZV", h, 0.01)
+
+
 @given(frequencies)
 def test_zvd_is_flat_and_ei_is_level(frequency):
     zv, zvd, ei = (shaper(name, frequency) for name in ("ZV", "ZVD", "EI"))

@@ -1,5 +1,6 @@
 """Laws of every assembled machine: symmetry, definiteness, rigid motions, total mass and inertia, reciprocity."""
 
+import warnings
 from dataclasses import fields, replace
 
 import numpy as np
@@ -207,6 +208,21 @@ def test_descriptions_that_contradict_themselves_are_refused(parts, message):
 def test_a_machine_that_cannot_move_is_refused(bodies):
     with pytest.raises(ValueError, match=r"no coordinate|cannot move|nothing.* move|no freedom"):
         Assembly(bodies).assemble()
+
+
+def test_what_acts_along_what_joints_hold_is_warned_of():
+    body = RigidBody("body", GROUND.at(0.0), free("x"), 2.0)
+    parts = {
+        "links": tuple(SpringDamper(body.at(0.0), GROUND.at(0.0), line, 5.0) for line in ("x", "y")),
+        "forces": (Force("lift", body.at(0.0), "y"), Force("push", body.at(0.0), 0.0)),
+    }
+    idle = "the link of 'body' and 'ground' along 'y', force 'lift' along 'y': cannot do anything"
+    for _ in range(2):  # also where the mechanism is known already
+        with pytest.warns(UserWarning, match=idle):
+            Assembly((body,), **parts).assemble()
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        Assembly((body,), parts["links"][:1], parts["forces"][1:]).assemble()
 
 
 def test_a_torque_on_a_coordinate_without_inertia_is_refused():

@@ -89,6 +89,9 @@ def test_places_and_directions_are_finite(build, wrong):
 @pytest.mark.parametrize(
     ("build", "message"),
     [
+        (lambda: Force("f", BODY.at(0.0), 90.0), r"direction = 90\.0: expected radians, at most one turn"),
+        (lambda: beam(angle=45), "angle of beam 'beam' = 45: expected radians"),
+        (lambda: prismatic(180.0), r"angle = 180\.0: expected radians"),
         (lambda: free("z"), r"unknown freedom 'z' \(there are: x, y, theta\)"),
         (lambda: free("teta"), "did you mean 'theta'"),
         (lambda: Force("f", BODY.at(0.0), "thetta"), "unknown direction 'thetta'; did you mean 'theta'"),

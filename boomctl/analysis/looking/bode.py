@@ -132,6 +132,7 @@ def bode(
     outputs: str | Sequence[str] | None = None,
     *,
     frequency_hz: ArrayLike | None = None,
+    **style: Any,
 ) -> BodeResult:
     """Return size and phase of a system's responses over frequency.
 
@@ -150,6 +151,8 @@ def bode(
         Between which signals.  By default all; of a boom model, platform actuators and tips.
     frequency_hz : array_like, optional
         Frequencies in Hz, in place of ``omega``.
+    **style
+        None: what a picture looks like (python-control's ``dB=True``) is said to ``.plot()``.
 
     Returns
     -------
@@ -169,6 +172,12 @@ def bode(
     >>> round(float(found.magnitude.max())), round(bc.sigma(bc.spray_boom(), None, "actuator_left", "tip_left").peak)
     (1236, 1236)
     """
+    if style:
+        name, value = next(iter(style.items()))
+        raise TypeError(
+            f"{name} = {value!r}: unknown to bode; bode(system).plot() draws, its magnitude on a logarithmic axis, and "
+            f"bode(system).response.plot({name}={value!r}) is python-control's picture"
+        )
     asked, unit = asked_frequencies(omega, frequency_hz)
     system = looked_at(system)
     if is_frequency_response(system):

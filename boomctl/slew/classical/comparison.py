@@ -268,14 +268,11 @@ def _classical(plant: SlewPlant, angle: float | None, final_speed: float, limit:
     """Classical torques by name: slews through an angle, or spin-ups where it is None."""
     if (angle is None) == (final_speed == 0.0):
         raise ValueError(f"final_speed = {final_speed:g}: expected an angle, or a speed not zero with angle None")
-    assert plant.frequencies is not None
     assert plant.inertia is not None
-    half, frequency = plant.n // 2, float(plant.frequencies[1])
-    damping = float(-0.5 * plant.A[half + 1, half + 1] / frequency)  # ratio of the first flexible mode
     bodies = {"smoothed": "smoothed bang-bang", "constant": "constant torque", "smooth": "smooth torque"}
     torques = {}
     for shape, name in SPIN_UPS if angle is None else CLASSICAL:
-        train, body = shaper(name, frequency, damping), bodies.get(shape, shape)
+        train, body = shaper(name, *plant.vibration), bodies.get(shape, shape)
         if angle is None:
             history = classical_spin_up(shape, train, final_speed, plant.inertia, limit)
         else:

@@ -16,6 +16,7 @@ import numpy as np
 from boomctl.arrays import Array
 from boomctl.checks import instance, known, nonnegative, positive, real
 from boomctl.printing import compact
+from boomctl.slew.plant import SlewMachine, plant_of
 from boomctl.slew.torque import APART, TorqueHistory, held
 
 _RISE = 0.1  # share of the duration in which a smoothed bang-bang rises: as Junkins, Rahman and Bang (1991)
@@ -89,17 +90,18 @@ _TRAINS: dict[str, Callable[[float, float], list[float]]] = {
 """Amplitudes of impulses half a damped period apart, K the decay in that time; before they are scaled to a sum of one."""
 
 
-def shaper(name: str, frequency: float, damping_ratio: float = 0.0, level: float = 0.05) -> Shaper:
+def shaper(name: str, frequency: float | SlewMachine, damping_ratio: float = 0.0, level: float = 0.05) -> Shaper:
     """Return a shaper: a train of impulses against one vibration.
 
     Parameters
     ----------
     name : str
         "none", "ZV" (zero vibration), "ZVD" (zero vibration and derivative) or "EI" (extra-insensitive).
-    frequency : float
-        Undamped angular frequency of the vibration [rad/s].
+    frequency : float or hub-beam
+        Undamped angular frequency of the vibration [rad/s].  Of a hub-beam it is that of its first mode with the hub free to
+        turn, as a torque moves it; frequencies at a prescribed hub speed (`frequencies_hz`) are lower.
     damping_ratio : float
-        Damping ratio of the vibration, below 1.
+        Damping ratio of the vibration, below 1; of a hub-beam that of the mode.
     level : float
         Of EI: the vibration that it tolerates at the frequency itself, as a share. Without damping it is exact; with little
         damping it is the usual approximation, the amplitudes weighted by the decay.
@@ -122,8 +124,16 @@ def shaper(name: str, frequency: float, damping_ratio: float = 0.0, level: float
     (array([0.    , 1.5708]), array([0.5, 0.5]))
     >>> round(train.residual(2.0), 6), round(train.residual(2.2), 3)  # at the frequency, and 10 % above
     (0.0, 0.156)
+    >>> bc.slew.shaper("ZV", bc.hub_beam()).times.round(4)
+    array([0.    , 0.9872])
     """
     known("shaper", name, _TRAINS)
+    if isinstance(frequency, SlewMachine):
+        if damping_ratio:
+            raise ValueError(
+                f"damping_ratio = {damping_ratio!r}: expected none beside a hub-beam, whose mode has its own"
+            )
+        frequency, damping_ratio = plant_of(frequency).vibration
     zeta = nonnegative("damping_ratio", damping_ratio)
     if zeta >= 1.0:
         raise ValueError(f"damping_ratio = {damping_ratio!r}: expected a number below 1")
