@@ -13,11 +13,11 @@ from numpy.typing import ArrayLike
 
 from boomctl.arrays import Array
 from boomctl.checks import finite_array
-from boomctl.rotating_beam.beam import MODELS, HubBeam, SmallMotion
+from boomctl.rotating_beam.beam import MODELS, HubBeam, SmallMotion, lowest_rate, natural_hz
 from boomctl.rotating_beam.chosen import ModelChoice
 from boomctl.rotating_beam.exact.beam import GeometricallyExactBeam
 from boomctl.rotating_beam.manoeuvres import Manoeuvre, TorqueDriven
-from boomctl.rotating_beam.modal import energy, frequencies
+from boomctl.rotating_beam.modal import energy
 from boomctl.rotating_beam.modal.cfoam import cfoam
 from boomctl.rotating_beam.modal.equations import Equations, block_diagonal
 from boomctl.rotating_beam.modal.first_order import FirstOrderEquations, foam, sfoam, tlam
@@ -107,11 +107,11 @@ class AssumedModesBeam(HubBeam):
 
     def critical_speed(self) -> float:
         if self.model == "tlam":
-            return frequencies.lowest(self.integrals.M2, self.integrals.K2)
+            return lowest_rate(self.integrals.M2, self.integrals.K2)
         return self.steady_limit
 
     def _steady_limit(self) -> float:
-        return frequencies.lowest(self.integrals.M1, self.integrals.K1) if self.has_axial_modes else math.inf
+        return lowest_rate(self.integrals.M1, self.integrals.K1) if self.has_axial_modes else math.inf
 
     def residual_energy(self, state: ArrayLike, hub_speed: float = 0.0) -> float:
         """Return the energy of a state's deviation from steady rotation, whatever the hub angle.
@@ -330,17 +330,29 @@ class AssumedModesBeam(HubBeam):
     def _size(self) -> int:
         return self.equations.size
 
-    def _frequencies_hz(self, speed: float, coupled: bool) -> Array:
-        if coupled:
-            return frequencies.coupled(self.equations, speed)
-        return frequencies.transverse(self.integrals, speed, stiffening=self.model != "tlam")
+    def _transverse_hz(self, speed: float) -> Array:
+        m = self.integrals
+        softening = m.M2 if self.model == "tlam" else m.M2 - m.D
+        return natural_hz(m.M2, m.K2 - speed**2 * softening)
+
+    def _steady(self, speed: float) -> tuple[Array, tuple[Array, Array, Array]]:
+        """Beam coordinates at which the beam is at rest in the hub's frame, and the equations' derivatives there.
+
+        The beam is straight then, so that its equations are linear in its coordinates; the derivatives are those with
+        respect to accelerations, rates and coordinates, 1 x N x N each.
+        """
+        equations = self.equations
+        y, rate, none = (np.zeros((1, equations.size)) for _ in range(3))
+        rate[0, 0] = speed
+        stiffness = equations.tangents(y, rate, none).stiffness[0, 1:, 1:]
+        y[0, 1:] = -np.linalg.solve(stiffness, equations.residual(y, rate, none)[0, 1:])
+        return y[0, 1:], equations.tangents(y, rate, none)
 
     def _steady_coordinates(self, speed: float) -> Array:
-        return frequencies.steady_rotation(self.equations, speed)[0]
+        return self._steady(speed)[0]
 
     def _small_motion(self, speed: float) -> SmallMotion:
-        _, tangents = frequencies.steady_rotation(self.equations, speed)
-        mass, damping, stiffness = (each[0] for each in tangents)
+        mass, damping, stiffness = (each[0] for each in self._steady(speed)[1])
         return SmallMotion(mass, damping, stiffness, np.append(0.0, self.equations.tip.transverse))
 
     def _state_derivative(self, x: Array, torque: float) -> Array:

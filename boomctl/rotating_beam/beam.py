@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from boomctl.arrays import Array
+from boomctl.arrays import Array, blocks
 from boomctl.checks import (
     exactly,
     finite_array,
@@ -207,7 +207,7 @@ class HubBeam(ABC):
         if truth("coupled", coupled) and not self.has_axial_modes:
             raise ValueError(f"coupled = True: expected False, for model {self.model!r} has no axial modes")
         self._check_speed(speed, self.critical_speed())
-        found = self._frequencies_hz(speed, coupled)
+        found = self._coupled_hz(speed) if coupled else self._transverse_hz(speed)
         warn_of_units(found)
         return found
 
@@ -695,8 +695,28 @@ class HubBeam(ABC):
         """Number of coordinates N."""
 
     @abstractmethod
-    def _frequencies_hz(self, speed: float, coupled: bool) -> Array:
+    def _transverse_hz(self, speed: float) -> Array:
         """See `frequencies_hz`; the speed is known to be below the critical one."""
+
+    def _coupled_hz(self, speed: float) -> Array:
+        """As `_transverse_hz`, of all coordinates of the beam and with gyroscopic terms.
+
+        With ``M = L L^T`` and ``K = R R^T`` the periods are eigenvalues of a skew-symmetric matrix, which keeps the low
+        frequencies exact beside axial ones 1e4 times higher.
+        """
+        from scipy.linalg import cholesky, solve_triangular
+
+        small = self._small_motion(speed)
+        mass, damping, stiffness = (each[1:, 1:] for each in (small.mass, small.damping, small.stiffness))
+        try:
+            root = cholesky(0.5 * (stiffness + stiffness.T), lower=True)
+        except np.linalg.LinAlgError:
+            raise ValueError(f"hub_speed = {speed:g}: expected a speed at which the beam keeps its stiffness") from None
+        cross = solve_triangular(root, cholesky(mass, lower=True), lower=True)
+        half = solve_triangular(root, 0.5 * (damping - damping.T), lower=True)
+        gyroscopic = solve_triangular(root, half.T, lower=True).T
+        periods = np.linalg.eigvalsh(1j * blocks([[np.zeros_like(cross), -cross.T], [cross, gyroscopic]]))
+        return 1.0 / (2.0 * np.pi * periods[periods > 0.0][::-1])
 
     @abstractmethod
     def _steady_limit(self) -> float:
@@ -811,3 +831,15 @@ def _initial_state(value: ArrayLike, size: int) -> Array:
     if not np.all(np.isfinite(state)):
         raise ValueError("initial: expected finite numbers")
     return state
+
+
+def natural_hz(mass: Array, stiffness: Array) -> Array:
+    """Natural frequencies of a positive definite pair, by its periods, ascending [Hz]."""
+    from scipy.linalg import eigh
+
+    return 1.0 / (2.0 * np.pi * np.sqrt(eigh(mass, stiffness, eigvals_only=True)[::-1]))
+
+
+def lowest_rate(mass: Array, stiffness: Array) -> float:
+    """The lowest of them, rad/s: where the mass turns round a hub, the speed at which the stiffness is lost."""
+    return 2.0 * np.pi * float(natural_hz(mass, stiffness)[0])

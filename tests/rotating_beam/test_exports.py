@@ -35,13 +35,11 @@ def test_linear_model_is_the_jacobian_of_the_nonlinear_one(model, speed):
     """By automatic differentiation of the derived equations at the steady rotation that the linear model is about."""
     import casadi as ca
 
-    from boomctl.rotating_beam.modal.frequencies import steady_rotation
-
     beam = hub_beam(HubBeamParameters(tip_mass=0.2, damping_ratio=0.01), model, 2)
     linear = beam.linearize(speed)
     size = beam.equations.size
     point = np.zeros(2 * size)
-    point[1:size], point[size] = steady_rotation(beam.equations, speed)[0], speed
+    point[1:size], point[size] = beam._steady_coordinates(speed), speed
     function = beam.casadi_function()
     x, u = ca.SX.sym("x", 2 * size), ca.SX.sym("u")
     xdot, y = function(x, u)

@@ -12,10 +12,11 @@ from numpy.typing import ArrayLike
 
 from boomctl.arrays import Array
 from boomctl.progress import computing
-from boomctl.rotating_beam.beam import Enough, HubBeam, SmallMotion
+from boomctl.rotating_beam.beam import Enough, HubBeam, SmallMotion, lowest_rate, natural_hz
 from boomctl.rotating_beam.chosen import ModelChoice
-from boomctl.rotating_beam.exact.basis import StrainBasis, strain_basis
+from boomctl.rotating_beam.exact.basis import StrainBasis, place_rows, strain_basis
 from boomctl.rotating_beam.exact.dynamics import ExactBeamDynamics
+from boomctl.rotating_beam.exact.integrator import CHUNK
 from boomctl.rotating_beam.exact.polynomials import (
     MOST_POLYNOMIALS,
     Followed,
@@ -25,24 +26,18 @@ from boomctl.rotating_beam.exact.polynomials import (
     with_enough_polynomials,
 )
 from boomctl.rotating_beam.exact.run import Run, run_to_tolerance, run_with_step
-from boomctl.rotating_beam.exact.statics import (
-    coupled_frequencies,
-    critical_speed,
-    damping_matrix,
-    small_motion,
-    steady_rotation,
-    transverse_frequencies,
-)
 from boomctl.rotating_beam.manoeuvres import Manoeuvre, TorqueDriven
 from boomctl.rotating_beam.parameters import HubBeamParameters
 from boomctl.rotating_beam.result import Details, Motion
 
 if TYPE_CHECKING:
-    from boomctl.rotating_beam.modal.forced import ForcedModes
+    import casadi
+
+    from boomctl.rotating_beam.modal.energy import Lagrangian
+    from boomctl.rotating_beam.modal.forced import ForcedModes, Place, Places
 
 _FIRST_STEP = 0.25  # of the second bending period: the coarsest step of a run, a choice
 _FIRST_STEP_ALONE = 0.0625  # of the first bending period, where there is no second one, which is about 6 times as fast
-_CHUNK = 500  # mass matrices held at once: a choice, to bound the memory
 
 
 @final
@@ -98,7 +93,7 @@ class GeometricallyExactBeam(HubBeam):
     @cached_property
     def dynamics(self) -> ExactBeamDynamics:
         """Its energies, momenta and forces."""
-        return ExactBeamDynamics(self.basis, damping_matrix(self.basis, self.parameters.damping_ratio))
+        return ExactBeamDynamics(self.basis, _damping_matrix(self.basis, self.parameters.damping_ratio))
 
     @property
     def state_names(self) -> tuple[str, ...]:
@@ -111,7 +106,20 @@ class GeometricallyExactBeam(HubBeam):
         return self.steady_limit
 
     def _steady_limit(self) -> float:
-        return critical_speed(self.basis)
+        stiffness, mass, _ = self._axial
+        return lowest_rate(mass, stiffness)
+
+    @cached_property
+    def _axial(self) -> tuple[Array, Array, Array]:
+        """Stiffness and mass of the straight beam over the stretches, and the pull ``V`` of a unit speed squared.
+
+        A straight beam that turns at ``w`` is at rest where ``(K - w^2 M) b = w^2 V``.
+        """
+        basis = self.basis
+        positions = basis.integration @ basis.stretch[:, basis.stretching]
+        weighted = basis.point_masses[:, None] * positions
+        stiffness = np.diag(basis.stiffness[basis.stretching])
+        return stiffness, positions.T @ weighted, weighted.T @ basis.integration.sum(axis=1)
 
     def shape(self, states: ArrayLike) -> Array:
         """Return where the beam is, in fixed axes.
@@ -137,24 +145,85 @@ class GeometricallyExactBeam(HubBeam):
     def _size(self) -> int:
         return self.basis.coordinates
 
-    def _frequencies_hz(self, speed: float, coupled: bool) -> Array:
-        frequencies = coupled_frequencies if coupled else transverse_frequencies
-        return frequencies(self.dynamics, speed) / (2.0 * np.pi)
+    def _transverse_hz(self, speed: float) -> Array:
+        mass, _, stiffness = self._linearised(speed)
+        own = self.basis.bending
+        return natural_hz(mass[own, own], stiffness[own, own])
 
     def _steady_coordinates(self, speed: float) -> Array:
-        return steady_rotation(self.basis, speed)[1:]
+        (stiffness, mass, pull), stretching = self._axial, self.basis.stretching
+        q = np.zeros(self._size)
+        q[stretching] = np.linalg.solve(stiffness - speed**2 * mass, speed**2 * pull)
+        return q[1:]
+
+    def _linearised(self, speed: float) -> tuple[Array, Array, Array]:
+        """Derivatives of momentum and force in steady rotation, see `ExactBeamDynamics.linearisation`."""
+        q, v = np.append(0.0, self._steady_coordinates(speed)), np.zeros(self._size)
+        v[0] = speed
+        return self.dynamics.linearisation(q, v)
 
     def _small_motion(self, speed: float) -> SmallMotion:
-        tip = np.imag(self.dynamics.tip_row(steady_rotation(self.basis, speed)))
-        return SmallMotion(*small_motion(self.dynamics, speed), tip)
+        mass, coupling, stiffness = self._linearised(speed)
+        damping = coupling - coupling.T
+        if self.dynamics.damping is not None:
+            damping = damping + self.dynamics.damping
+        tip = np.imag(self.dynamics.tip_row(np.append(0.0, self._steady_coordinates(speed))))
+        return SmallMotion(mass, damping, stiffness, tip)
+
+    def _lagrangian(self) -> Lagrangian:
+        """Energies as CasADi expressions; the kinetic one in the frame of the hub, whose angle it does not depend on."""
+        import casadi as ca
+
+        from boomctl.rotating_beam.modal.energy import Lagrangian
+
+        basis, damping, size = self.basis, self.dynamics.damping, self._size
+        kernel = ca.DM(basis.integration.T @ (basis.point_masses[:, None] * basis.integration))
+        rotation, stretch = (ca.sparsify(ca.DM(each)) for each in (basis.rotation, basis.stretch))
+
+        def kinetic(y: casadi.SX, rate: casadi.SX) -> casadi.SX:
+            angle = ca.mtimes(rotation[:, 1:], y[1:])
+            long, longer = 1.0 + ca.mtimes(stretch, y), ca.mtimes(stretch, rate)
+            turned, cosine, sine = ca.mtimes(rotation, rate) * long, ca.cos(angle), ca.sin(angle)
+            along, across = longer * cosine - turned * sine, longer * sine + turned * cosine
+            energy = ca.bilin(kernel, along, along) + ca.bilin(kernel, across, across)
+            return 0.5 * (energy + basis.hub_inertia * rate[0] ** 2)
+
+        return Lagrangian(
+            kinetic=kinetic,
+            stiffness=np.diag(basis.stiffness[1:]),
+            damping=np.zeros((size - 1, size - 1)) if damping is None else damping[1:, 1:],
+            tip=np.zeros(size - 1),
+            keeps_inertia_torque=True,
+        )
+
+    def _places(self) -> Places:
+        """Return the points of the beam's axis as CasADi expressions."""
+        import casadi as ca
+
+        from boomctl.rotating_beam.modal.forced import Place
+
+        basis = self.basis
+
+        def place(q: casadi.SX, x: float) -> Place:
+            here = place_rows(self.parameters, self.modes, x)
+            angle = ca.mtimes(ca.DM(basis.rotation[:, 1:]), q)
+            long = 1.0 + ca.mtimes(ca.DM(basis.stretch[:, 1:]), q)
+            row = ca.DM(here.integration[None])
+            return Place(
+                along=ca.mtimes(row, long * ca.cos(angle)),
+                across=ca.mtimes(row, long * ca.sin(angle)),
+                slope=ca.mtimes(ca.DM(here.rotation[None]), q),
+                curvature=ca.mtimes(ca.DM(here.curvature[None]), q),
+                stretch=ca.mtimes(ca.DM(here.stretch[None]), q),
+            )
+
+        return place
 
     def _forced_modes(self, sensors: Sequence[object]) -> ForcedModes:
-        from boomctl.rotating_beam.exact.forced import exact_lagrangian, exact_places  # which only a loop needs
-        from boomctl.rotating_beam.modal import forced
+        from boomctl.rotating_beam.modal import forced  # which only a loop needs
 
-        p = self.parameters
-        places = exact_places(p, self.basis, self.modes)
-        law = forced.lagrangian_law(exact_lagrangian(self.basis, self.dynamics.damping), places, p.length)
+        p, places = self.parameters, self._places()
+        law = forced.lagrangian_law(self._lagrangian(), places, p.length)
         small = self._small_motion(0.0)
         modes = forced.rest_modes(small.mass, small.damping, small.stiffness)
         return forced.forced_modes(modes, law, places, p, self.state_names, sensors)
@@ -235,7 +304,7 @@ def _accelerations(
     if dynamics.damping is not None:
         inner -= v @ dynamics.damping
     margin, pull = np.empty(len(timepts)), np.empty(len(timepts))
-    for part in np.array_split(np.arange(len(timepts)), len(timepts) // _CHUNK + 1):
+    for part in np.array_split(np.arange(len(timepts)), len(timepts) // CHUNK + 1):
         mass = dynamics.mass_matrix(q[part])
         column = mass[:, 1:, :1]
         solved = np.linalg.solve(mass[:, 1:, 1:], np.concatenate([column, inner[part, 1:, None]], axis=2))
@@ -246,3 +315,17 @@ def _accelerations(
         return (torque + inner[:, 0] - pull) / margin, torque, margin
     turning = np.array(manoeuvre.acceleration(timepts))
     return turning, margin * turning + pull - force[:, 0], margin
+
+
+def _damping_matrix(basis: StrainBasis, ratio: float) -> Array | None:
+    """Damping that gives every clamped mode of the beam at rest the same ``ratio``; None for a ratio of 0."""
+    if ratio == 0.0:
+        return None
+    from scipy.linalg import eigh
+
+    mass = ExactBeamDynamics(basis).rest_mass[1:, 1:]
+    squares, shapes = eigh(np.diag(basis.stiffness[1:]), mass)
+    weighted = mass @ shapes
+    damping = np.zeros((basis.coordinates, basis.coordinates))
+    damping[1:, 1:] = (weighted * (2.0 * ratio * np.sqrt(squares))) @ weighted.T
+    return damping

@@ -27,8 +27,7 @@ _NOISE = 1e-10  # relative corrections below this that no longer shrink are roun
 _STALLED = 0.5  # contraction above which corrections no longer shrink
 _SLOW = 0.05  # contraction above which the frozen Jacobian is renewed: a choice
 _HOPELESS = 0.7  # contraction above which a frozen Jacobian is given up for a fresh one
-_TOLD = 100  # steps from one word of the progress to the next (a choice)
-_CHUNK = 500  # mass matrices held at once: a choice, to bound the memory
+CHUNK = 500  # mass matrices held at once: a choice, to bound the memory
 
 
 class StepFailed(Exception):
@@ -83,9 +82,9 @@ def march(
     guess = np.tile(v, (rule.stages, 1))
     states, momenta = np.tile(q, (times.size, 1)), np.tile(p, (times.size, 1))
     frozen: Array | None = None
+    stage = f"steps of {h:.2g} s"
     for k in range(times.size - 1):
-        if k % _TOLD == 0:
-            tell(f"steps of {h:.2g} s", k, times.size - 1)
+        tell(stage, k, times.size - 1)
         step = _Step(
             dynamics=dynamics,
             rule=rule,
@@ -211,7 +210,7 @@ def _size(dynamics: ExactBeamDynamics, velocities: Array, first: int) -> float:
 def _velocities(dynamics: ExactBeamDynamics, speed: Array | None, q: Array, p: Array) -> Array:
     """Velocities from momenta, ``M(q) v = p``, the hub's speed as given if it is."""
     v, first = np.empty_like(q), 0 if speed is None else 1
-    for chunk in np.array_split(np.arange(len(q)), max(1, len(q) // _CHUNK)):
+    for chunk in np.array_split(np.arange(len(q)), max(1, len(q) // CHUNK)):
         mass, right = dynamics.mass_matrix(q[chunk]), p[chunk]
         if speed is not None:
             v[chunk, 0] = speed[chunk]
