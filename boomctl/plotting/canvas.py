@@ -179,10 +179,35 @@ def line_look(asked: Mapping[str, Any], **default: Any) -> dict[str, Any]:
     return default | given
 
 
-def legend(ax: Any, **place: Any) -> None:
-    """Draw a legend if a curve has a name."""
+def in_rows(count: int) -> tuple[int, int, Divide]:
+    """Return how many of so many panels stand in a row, how many rows there are, and what divides a figure so."""
+    columns = min(count, IN_A_ROW)
+    rows = -(-count // columns)
+
+    def divide(figure: FigureBase) -> list[Axes]:
+        return [figure.add_subplot(rows, columns, k + 1) for k in range(count)]
+
+    return columns, rows, divide
+
+
+def over_time(axes: Array) -> None:
+    """Finish panels one below the other over time."""
+    axes[-1].set_xlabel("time [s]")
+    axes[0].figure.align_ylabels(list(axes))
+
+
+def legend(ax: Any, outside: str = "", columns: int = 1, **look: Any) -> None:
+    """Draw a legend if a curve has a name: within the axes, or where the layout gives room "above", "above left", "right"."""
     if ax.get_legend_handles_labels()[1]:
-        ax.legend(**place)
+        ax.legend(**look, **(_OUTSIDE[outside] | {"ncols": columns} if outside and beside(ax) else {}))
+
+
+_OUTSIDE: dict[str, dict[str, Any]] = {
+    "above": {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0)},
+    "above left": {"loc": "lower left", "bbox_to_anchor": (-0.05, 1.0)},
+    "right": {"loc": "upper left", "bbox_to_anchor": (1.0, 1.0)},
+}
+"""Where legends stand outside the axes."""
 
 
 def labelled(name: str, unit: str) -> str:

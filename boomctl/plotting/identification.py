@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from boomctl.plotting.canvas import COLOURS, few_labels, frequency_axis, legend, line_look, panels, style
+from boomctl.plotting.canvas import COLOURS, few_labels, frequency_axis, legend, line_look, panels
 
 if TYPE_CHECKING:
     from boomctl.identification.identify import Identification
@@ -23,17 +23,10 @@ def plot_fit(result: "FitResult", ax: Any = None, **drawn: Any) -> Any:
     Eigenfrequencies stand over the numbers of their modes with the deviation of their errors; responses and singular values
     by magnitude over frequency; of several data sets each in a colour of its own.  ``drawn`` is the style of what is fitted.
     """
-    with style():
-        if ax is None:
-            import matplotlib.pyplot as plt
-
-            _, ax = plt.subplots(layout="constrained")
-        if result.modes is not None:
-            _draw_eigenfrequencies(result, ax, drawn)
-        else:
-            _draw_curves(result, ax, drawn)
-        ax.legend()
-    return ax
+    with panels(ax, ("fit",), (6.4, 4.8)) as (axes,):
+        (_draw_curves if result.modes is None else _draw_eigenfrequencies)(result, axes, drawn)
+        axes.legend()
+    return axes
 
 
 def _draw_eigenfrequencies(result: "FitResult", ax: Any, drawn: dict[str, Any]) -> None:

@@ -1,12 +1,10 @@
 """Pictures of systems and loops as python-control names them: Bode, Nyquist, step and impulse, poles and zeros."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable
 from itertools import cycle, product
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import FigureBase
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
@@ -14,7 +12,7 @@ from boomctl.arrays import Array
 from boomctl.checks import names
 from boomctl.lti.frequency import MODES
 from boomctl.lti.rounding import SUMMED
-from boomctl.plotting.canvas import COLOURS, beside, few_labels, frequency_axis, legend, line_look, panels
+from boomctl.plotting.canvas import COLOURS, few_labels, frequency_axis, in_rows, legend, line_look, over_time, panels
 from boomctl.plotting.margins import NARROW, ROOM, SHADE, WIDE, draw_critical
 
 if TYPE_CHECKING:
@@ -33,12 +31,15 @@ _BETWEEN = 6  # places that are drawn from one that was computed to the next (a 
 _LINES = 4  # of equal damping that are drawn at most: more touch (a choice)
 
 
-def _looks(style: dict[str, Any], curves: list[str], **default: Any) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Return how each of several curves looks: colours first, then other lines; one alone carries no name of its own."""
+def _looks(style: dict[str, Any], curves: Iterable[str], named: bool = False, **default: Any) -> list[dict[str, Any]]:
+    """Return how several curves look: colours first, then other lines; one alone carries no name unless ``named``."""
+    names, found = list(curves), []
     kinds = cycle([(colour, line) for line in _STYLES for colour in COLOURS])
-    for name, (colour, line) in zip(curves, kinds, strict=False):
-        given = line_look(style, label=name) if len(curves) > 1 else {"label": name} | line_look(style)
-        yield name, line_look(style, color=colour, linestyle=line, **default) | {"label": given["label"]}
+    for name, (colour, line) in zip(names, kinds, strict=False):
+        own = {"label": name} if named or len(names) > 1 else {}
+        look = line_look(style, color=colour, linestyle=line, **default, **own)
+        found.append({"label": name} | look)
+    return found
 
 
 def plot_bode(result: "BodeResult", ax: Any = None, *, unit: str | None = None, **style: Any) -> Array:
@@ -65,7 +66,7 @@ def plot_bode(result: "BodeResult", ax: Any = None, *, unit: str | None = None, 
         x, pairs = result.omega[seen] / scale, list(product(range(len(result.outputs)), range(len(result.inputs))))
         pair_names = [f"{result.inputs[i]} → {result.outputs[o]}" for o, i in pairs]
         phase = result.phase_deg
-        for (o, i), (_, look) in zip(pairs, _looks(style, pair_names), strict=True):
+        for (o, i), look in zip(pairs, _looks(style, pair_names), strict=True):
             size = np.abs(result.values[o, i])[seen]
             (upper.loglog if (size > 0.0).any() else upper.semilogx)(x, size, **look)
             lower.semilogx(x, phase[o, i][seen], **look)
@@ -120,8 +121,7 @@ def _around(ax: Any, curve: Array, disk: "DiskMargin | None", said: str, name: s
         doubt = "" if disk.certified else ", not certified"
         ax.plot([], [], color=SHADE, linewidth=6, label=f"critical disk: margin {disk.alpha:.3g}{doubt}")
     ax.set(xlim=(-half, half), ylim=(-half, half), aspect="equal", xlabel=f"Re({name})", ylabel=f"Im({name})")
-    place = {"loc": "lower left", "bbox_to_anchor": (-0.05, 1.0)} if beside(ax) else {"loc": "upper left"}
-    ax.legend(fontsize=7, alignment="left", **place)
+    legend(ax, "above left", fontsize=7, alignment="left")
 
 
 def _smooth(curve: Array) -> Array:
@@ -173,14 +173,13 @@ def plot_transient(result: "TransientResult", ax: Any = None, **style: Any) -> A
     with panels(ax, result.outputs, (6.4, 1.2 + 1.7 * len(result.outputs))) as axes:
         steps = [f"{result.kind} of {name}" for name in result.inputs]
         for each, output, rows in zip(axes, result.outputs, result.values, strict=True):
-            for (_, look), row in zip(_looks(style, steps, linewidth=1.0), rows, strict=True):
+            for look, row in zip(_looks(style, steps, linewidth=1.0), rows, strict=True):
                 draw = each.step if result.dt else each.plot
                 draw(result.time, row, **(look | ({"where": "post"} if result.dt else {})))
             each.set_ylabel(output)
             each.set_xmargin(0.0)
-        legend(axes[0], **({"loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "ncols": 2} if beside(axes[0]) else {}))
-        axes[-1].set_xlabel("time [s]")
-        axes[0].figure.align_ylabels(list(axes))
+        legend(axes[0], "above", 2)
+        over_time(axes)
     return axes
 
 
@@ -220,8 +219,7 @@ def plot_pole_zero(result: "PoleZeroResult", ax: Any = None, **style: Any) -> An
             axes.axvline(0.0, color="0.6", linewidth=0.8, zorder=0)
             if fresh:
                 _damping_lines(axes)
-        place = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "ncols": 2} if beside(axes) else {}
-        axes.legend(**place)
+        legend(axes, "above", 2)
     return axes
 
 
@@ -272,7 +270,7 @@ def plot_comparison(what: str, drawn: dict[str, Any], ax: Any = None, *, signals
     """
     if what == "frequency":
         with panels(ax, ("singular values",), (6.4, 4.2)) as axes:
-            for curve, (_, look) in zip(drawn.values(), _named(style, drawn), strict=True):
+            for curve, look in zip(drawn.values(), _looks(style, drawn, named=True), strict=True):
                 curve.plot(axes[0], **look)
         return axes
     there = {name: list(part[0]) if what == "time" else [x.signal for x in part.loops] for name, part in drawn.items()}
@@ -287,46 +285,28 @@ def plot_comparison(what: str, drawn: dict[str, Any], ax: Any = None, *, signals
     if what == "time":
         with panels(ax, chosen, (7.0, 1.2 + 1.5 * len(chosen))) as axes:
             for each, signal in zip(axes, chosen, strict=True):
-                for (values, time), (_, look) in zip(drawn.values(), _named(style, drawn, linewidth=1.0), strict=True):
+                for (values, time), look in zip(drawn.values(), _looks(style, drawn, True, linewidth=1.0), strict=True):
                     each.plot(time, values[signal], **look)
                 each.set_ylabel(signal)
                 each.set_xmargin(0.0)
-            axes[-1].set_xlabel("time [s]")
-            axes[0].figure.align_ylabels(list(axes))
-            above = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "ncols": 4}
-            axes[0].legend(**(above if beside(axes[0]) else {}))
+            over_time(axes)
+            legend(axes[0], "above", 4)
         return axes
-    columns = min(len(chosen), 3)
-
-    def divide(figure: FigureBase) -> list[Axes]:
-        rows = -(-len(chosen) // columns)
-        return [figure.add_subplot(rows, columns, k + 1) for k in range(len(chosen))]
-
-    with panels(ax, chosen, (3.6 * columns, 4.2 * -(-len(chosen) // columns)), divide) as axes:
+    columns, rows, divide = in_rows(len(chosen))
+    with panels(ax, chosen, (3.6 * columns, 4.2 * rows), divide) as axes:
         for each, signal in zip(axes, chosen, strict=True):
             half = NARROW
-            for (name, margins), (_, look) in zip(drawn.items(), _named(style, drawn), strict=True):
+            for margins, look in zip(drawn.values(), _looks(style, drawn, named=True), strict=True):
                 loop = margins[signal]
                 L = -loop.open_loop[1]
                 draw_critical(each, loop.disk, outlined=look["color"])
-                words = f"{look['label'] or name}: disk {loop.disk.alpha:.3g}"
+                words = f"{look['label']}: disk {loop.disk.alpha:.3g}"
                 each.plot(L.real, L.imag, **(look | {"label": words}))
                 gains = [1.0 / g for g in (loop.gain_low, loop.gain_high) if 0.0 < g < np.inf]
                 half = float(np.clip(ROOM * max(gains, default=1.0), half, WIDE))
             each.set(xlim=(-half, half), ylim=(-half, half), aspect="equal", xlabel="Re(−L)", ylabel="Im(−L)")
-            place = {"loc": "lower left", "bbox_to_anchor": (-0.05, 1.0)} if beside(each) else {"loc": "upper left"}
-            each.legend(title=f"opened at {signal}", title_fontsize=8, fontsize=7, alignment="left", **place)
+            legend(each, "above left", title=f"opened at {signal}", title_fontsize=8, fontsize=7, alignment="left")
     return axes
-
-
-def _named(style: dict[str, Any], drawn: dict[str, Any], **default: Any) -> list[tuple[str, dict[str, Any]]]:
-    """Return the look of each of several things that are compared, its name as label, even of one alone."""
-    found = []
-    for k, name in enumerate(drawn):
-        kind = _STYLES[k // len(COLOURS) % len(_STYLES)]
-        look = line_look(style, color=COLOURS[k % len(COLOURS)], linestyle=kind, **default)
-        found.append((name, look | {"label": line_look(style, label=name)["label"]}))
-    return found
 
 
 def plot_exact_loop(result: "ExactLoopStability", ax: Any = None, **style: Any) -> Any:

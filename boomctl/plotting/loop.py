@@ -7,7 +7,7 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.checks import names
-from boomctl.plotting.canvas import COLOURS, beside, labelled, legend, line_look, panels
+from boomctl.plotting.canvas import COLOURS, labelled, legend, line_look, over_time, panels
 
 if TYPE_CHECKING:
     from boomctl.simulation.forced_response import ForcedResponse
@@ -56,8 +56,7 @@ def plot_loop(
         for each, (kind, title, signals) in zip(axes, groups, strict=True):
             _draw(each, result, kind, signals, style)
             _finish(each, title)
-        axes[-1].set_xlabel("time [s]")
-        axes[0].figure.align_ylabels(list(axes))
+        over_time(axes)
     return axes
 
 
@@ -100,7 +99,7 @@ def _draw(ax: Any, result: "LoopResult", kind: str, signals: dict[str, Any], sty
 def _finish(ax: Any, title: str) -> None:
     ax.set_xmargin(0.0)
     ax.set_ylabel(title)
-    legend(ax, **({"loc": "upper left", "bbox_to_anchor": (1.0, 1.0)} if beside(ax) else {}))
+    legend(ax, "right")
 
 
 def plot_forced_response(
@@ -132,6 +131,5 @@ def plot_forced_response(
                 look = line_look(style, color=COLOURS[k % len(COLOURS)], linewidth=1.0, label=name)
                 each.plot(result.time, values, **look)
             _finish(each, title)
-        axes[-1].set_xlabel("time [s]")
-        axes[0].figure.align_ylabels(list(axes))
+        over_time(axes)
     return axes

@@ -1,14 +1,11 @@
 """Nyquist curves of loops around the critical point, with the margins marked."""
 
-from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import FigureBase
 
 from boomctl.arrays import Array
-from boomctl.plotting.canvas import COLOURS, IN_A_ROW, beside, line_look, panels
+from boomctl.plotting.canvas import COLOURS, in_rows, legend, line_look, panels
 
 if TYPE_CHECKING:
     from boomctl.analysis.margins import DiskMargin, LoopMargin, Margins
@@ -35,13 +32,7 @@ def plot_margins(result: "Margins", ax: Any = None, **style: Any) -> Array:
     -------
     (n,) ndarray of matplotlib Axes
     """
-    count = len(result.loops)
-    columns = min(count, IN_A_ROW)
-    rows = -(-count // columns)
-
-    def divide(figure: FigureBase) -> Iterable[Axes]:
-        return [figure.add_subplot(rows, columns, k + 1) for k in range(count)]
-
+    columns, rows, divide = in_rows(len(result.loops))
     names = [f"{loop.place} {loop.signal}" for loop in result.loops]
     with panels(ax, names, (3.4 * columns, 4.3 * rows), divide) as axes:
         for each, loop in zip(axes, result.loops, strict=True):
@@ -101,10 +92,7 @@ def _draw(ax: Any, loop: "LoopMargin", style: dict[str, Any]) -> None:
         look = {"marker": marker, "color": colour, "markersize": 5, "markerfacecolor": "white", "linestyle": "none"}
         ax.plot(np.real(places), np.imag(places), label=words, **look)
     ax.set(xlim=(-half, half), ylim=(-half, half), aspect="equal", xlabel="Re(−L)", ylabel="Im(−L)")
-    inside = {"loc": "upper left", "frameon": True, "framealpha": 0.85, "edgecolor": "none"}
-    above = {"loc": "lower left", "bbox_to_anchor": (-0.05, 1.0)}
-    opened = f"Opened at {loop.signal}"
-    ax.legend(title=opened, title_fontsize=8, fontsize=7, alignment="left", **(above if beside(ax) else inside))
+    legend(ax, "above left", title=f"Opened at {loop.signal}", title_fontsize=8, fontsize=7, alignment="left")
 
 
 def _marks(loop: "LoopMargin", omega: Array, curve: Array) -> list[tuple[str, list[complex], str, str]]:

@@ -3,11 +3,9 @@
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import FigureBase
 
 from boomctl.arrays import Array
-from boomctl.plotting.canvas import COLOURS, IN_A_ROW, beside, common_legend, line_look, panels
+from boomctl.plotting.canvas import COLOURS, common_legend, in_rows, legend, line_look, panels
 
 if TYPE_CHECKING:
     from boomctl.structure.response.mode_shapes import ModeShapes, ShapeLine
@@ -38,16 +36,10 @@ def plot_mode_shapes(result: "ModeShapes", ax: Any = None, **style: Any) -> Arra
     count = len(result.names)
     rests = np.vstack([line.points for line in result.lines]) if result.lines else np.zeros((0, 2))
     flat = bool(len(rests)) and float(np.ptp(rests[:, 1])) <= _FLAT * float(np.ptp(rests[:, 0]))
-    columns = 1 if flat or not len(rests) else min(count, IN_A_ROW)
-    rows = -(-count // columns)
-
-    def divide(figure: FigureBase) -> list[Axes]:
-        if columns == 1:
-            return list(np.ravel(figure.subplots(count, 1, sharex=True)))
-        return [figure.add_subplot(rows, columns, k + 1) for k in range(count)]
-
-    size = (6.4, 1.0 + 1.35 * count) if columns == 1 else (3.0 * columns, 0.4 + 3.0 * rows)
-    with panels(ax, result.names, size, divide) as axes:
+    columns, rows, divide = in_rows(count)
+    below = flat or not len(rests)
+    size = (6.4, 1.0 + 1.35 * count) if below else (3.0 * columns, 0.4 + 3.0 * rows)
+    with panels(ax, result.names, size, None if below else divide) as axes:
         for k, (each, name) in enumerate(zip(axes, result.names, strict=True)):
             if len(rests):
                 _machine(each, result.lines, k, flat, float(np.ptp(rests, axis=0).max()), style)
@@ -56,8 +48,7 @@ def plot_mode_shapes(result: "ModeShapes", ax: Any = None, **style: Any) -> Arra
             each.set_title(name + (f" ({_ACROSS})" if each.get_gid() == _ACROSS else ""))
             each.set_xlabel("" if flat and each is not axes[-1] else "x [m]" if len(rests) else each.get_xlabel())
         if flat:
-            place = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "ncols": 4} if beside(axes[0]) else {}
-            axes[0].legend(**place)
+            legend(axes[0], "above", 4)
         elif len(rests):
             low, high = (np.array([each.viewLim.get_points()[i] for each in axes]) for i in (0, 1))
             for each in axes:  # all of one size

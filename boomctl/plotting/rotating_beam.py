@@ -1,39 +1,24 @@
-"""Pictures of the hub-beam: curves in panels, and the animation of a slew. Data in, matplotlib figures out."""
+"""Pictures of the hub-beam: its motion, spin-ups, curves in panels, and the film of a slew."""
 
 import io
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Literal
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from boomctl.arrays import Array
+from boomctl.plotting.canvas import COLOURS, legend, line_look, new_figure, over_time, panels, style
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from matplotlib.artist import Artist
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
     from boomctl.rotating_beam.campbell import CampbellDiagram
     from boomctl.rotating_beam.result import SimulationResult
 
-Place = Literal["", "best", "upper left", "upper right", "lower left", "lower right"]
-"""Where a legend stands; "" is nowhere."""
-
-COLOURS = {
-    "TLAM": "#d55e00",
-    "SFOAM": "#0072b2",
-    "SFOAM, consistent": "#56b4e9",
-    "FOAM": "#009e73",
-    "CFOAM": "#cc79a7",
-    "exact": "#000000",
-}
-"""One colour a model, told apart by colour-blind readers too (Okabe & Ito 2008)."""
-
-_CYCLE = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000")
-
-
+_DASHES = ("-", "--", ":")
+_ENLARGED = 0.25  # share of the largest displacement after a spin-up that the enlarged panel shows (a choice)
 _CRITICAL = "critical speed"
 
 
@@ -54,8 +39,6 @@ def plot_simulation(result: "SimulationResult", ax: Any = None, **style: Any) ->
     -------
     (4,) ndarray of matplotlib Axes
     """
-    from boomctl.plotting.canvas import line_look, panels
-
     rows = (
         ("torque [N m]", result.torque),
         ("hub angle [rad]", result.hub_angle),
@@ -73,8 +56,7 @@ def plot_simulation(result: "SimulationResult", ax: Any = None, **style: Any) ->
             axes[0].set_title(f"Hub-beam, model {result.model}")
         if "label" in look:
             axes[0].legend()
-        axes[-1].set_xlabel("time [s]")
-        axes[0].figure.align_ylabels(list(axes))
+        over_time(axes)
     return axes
 
 
@@ -106,12 +88,10 @@ def plot_campbell(result: "CampbellDiagram", ax: Any = None, **style: Any) -> An
     -------
     matplotlib Axes
     """
-    from boomctl.plotting import canvas
-
-    with canvas.panels(ax, ("Campbell diagram",), (6.6, 4.4)) as (axes,):
+    with panels(ax, ("Campbell diagram",), (6.6, 4.4)) as (axes,):
         fresh = not axes.has_data()
         before = [name for name in axes.get_legend_handles_labels()[1] if name != _CRITICAL]
-        look = canvas.line_look(style, color=canvas.COLOURS[len(before) % len(canvas.COLOURS)])
+        look = line_look(style, color=COLOURS[len(before) % len(COLOURS)])
         label, speeds = look.pop("label", result.model), result.hub_speeds
         for k, line in enumerate(result.frequencies_hz.T):
             axes.plot(speeds, line, **(look | {"label": label if k == 0 else None}))
@@ -132,11 +112,11 @@ def plot_campbell(result: "CampbellDiagram", ax: Any = None, **style: Any) -> An
                 f"{result.model}: stiffness lost", (result.stiffness_lost, 0.5), xytext=(3, 0), rotation=90,
                 xycoords=("data", "axes fraction"), textcoords="offset points", va="center", fontsize=7, color=look["color"],
             )  # fmt: skip
-        axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=4) if canvas.beside(axes) else axes.legend()
+        legend(axes, "above left", 4)
     return axes
 
 
-def _orders(ax: "Axes", orders: tuple[float, ...], right: float, top: float) -> None:
+def _orders(ax: Axes, orders: tuple[float, ...], right: float, top: float) -> None:
     """Draw multiples of the hub speed, each named where it leaves the picture."""
     for order in orders:
         end = min(right, 2.0 * np.pi * top / order)
@@ -152,87 +132,99 @@ def _orders(ax: "Axes", orders: tuple[float, ...], right: float, top: float) -> 
         )  # fmt: skip
 
 
-@dataclass(frozen=True, eq=False)
-class Line:
-    """A curve: label, abscissae and ordinates, matplotlib line style, and colour (None: next of the cycle)."""
-
-    label: str
-    x: Array
-    y: Array
-    style: str = "-"
-    colour: str | None = None
-
-
-@dataclass(frozen=True, eq=False)
-class Panel:
-    """Curves in one pair of axes.
-
-    Attributes
-    ----------
-    title, xlabel, ylabel : str
-        Texts; the labels carry the units.
-    lines : tuple of Line
-    logarithmic : str
-        "", "x", "y" or "xy".
-    ylim : tuple of float, optional
-        Range of the ordinate.
-    levels : tuple of (float, str)
-        Horizontal lines and what they mean.
-    legend : Place
-        Where the legend stands; "" for none.
-    xticks : tuple of float
-        Marks on a logarithmic abscissa, written out; () for matplotlib's.
-    """
-
-    title: str
-    xlabel: str
-    ylabel: str
-    lines: tuple[Line, ...]
-    logarithmic: str = ""
-    ylim: tuple[float, float] | None = None
-    levels: tuple[tuple[float, str], ...] = ()
-    legend: Place = "best"
-    xticks: tuple[float, ...] = ()
-
-
-@dataclass(frozen=True, eq=False)
-class Chart:
-    """Panels of curves in one figure: file name without ending, caption, panels, and how many of them stand in a row."""
-
-    name: str
-    caption: str
-    panels: tuple[Panel, ...]
-    columns: int = field(default=1)
-
-
-def draw(chart: Chart) -> "Figure":
-    """Draw a chart.
+def plot_spin_up_runs(result: Any, ax: Any = None, **style: Any) -> Array:
+    """Draw the runs of a spin-up with the larger tip mass.
 
     Parameters
     ----------
-    chart : Chart
+    result : SpinUpResult
+    ax : sequence of matplotlib Axes, or a figure, optional
+        One for the deviation of the hub speed, the tip displacement, the same enlarged, and the torque; by default a new
+        figure of pyplot.
+    **style
+        Of the curves, as matplotlib's lines take it.
 
     Returns
     -------
-    matplotlib.figure.Figure
+    (4,) ndarray of matplotlib Axes
     """
-    from matplotlib.figure import Figure
+    from boomctl.rotating_beam.manoeuvres import spin_up
 
+    design, mass = result.design, result.design.tip_mass[-1]
+    manoeuvre = spin_up(design.final_speed, design.duration)
+    panes = ["speed error [rad/s]", "tip displacement [m]", "tip, enlarged [mm]", "torque [N m]"]
+    with panels(ax, panes, (7.4, 7.6)) as axes:
+        largest = 0.0
+        for k, way in enumerate(way for way, each in result.runs if each == mass):
+            run = result.runs[way, mass]
+            torque = run.controls.get("torque", run.disturbances.get("torque", np.zeros(len(run.time))))
+            tip, late = run["tip_displacement"], run.time > design.duration
+            look = line_look(style, color=COLOURS[k % len(COLOURS)], linewidth=1.0, label=way)
+            axes[0].plot(run.time, run["hub_speed"] - manoeuvre.speed(run.time), **look)
+            axes[1].plot(run.time, tip, **look)
+            axes[2].plot(run.time[late], 1e3 * tip[late], **look)
+            axes[3].plot(run.time, torque, **look)
+            largest = max(largest, 1e3 * float(np.abs(tip[late]).max()))
+        for each, name in zip(axes, panes, strict=True):
+            each.set_ylabel(name)
+        axes[2].set_ylim(-_ENLARGED * largest, _ENLARGED * largest)
+        axes[0].legend(loc="best")
+        over_time(axes)
+    return axes
+
+
+def plot_decay(result: Any, ax: Any = None, **style: Any) -> Any:
+    """Draw how fast the slowest mode decays at each hub speed.
+
+    Parameters
+    ----------
+    result : SpinUpResult
+    ax : matplotlib Axes or figure, optional
+        By default a new figure of pyplot.
+    **style
+        Of the curves, as matplotlib's lines take it.
+
+    Returns
+    -------
+    matplotlib Axes
+    """
+    with panels(ax, ["decay"], (7.0, 3.6)) as axes:
+        ways = list(dict.fromkeys(way for way, _ in result.decay))
+        for (way, mass), rates in result.decay.items():
+            dash = _DASHES[result.design.tip_mass.index(mass) % len(_DASHES)]
+            label = f"{way}, {mass:g} kg at the tip"
+            look = line_look(style, color=COLOURS[ways.index(way)], linestyle=dash, linewidth=1.2, label=label)
+            axes[0].plot(result.speeds, rates, **look)
+        axes[0].set_xlabel("hub speed [rad/s]")
+        axes[0].set_ylabel("decay of the slowest mode [1/s]")
+        axes[0].set_ylim(bottom=min(0.0, axes[0].get_ylim()[0]))
+        axes[0].legend()
+    return axes[0]
+
+
+def draw_chart(chart: Any) -> Figure:
+    """Return a chart of :mod:`boomctl.lab.papers.bai`, taken by its attributes, as a figure that belongs to no window."""
     rows = -(-len(chart.panels) // chart.columns)
-    figure = Figure(figsize=(6.4 if chart.columns == 1 else 10.0, 3.1 * rows + 0.3), layout="constrained")
-    axes = np.atleast_1d(figure.subplots(rows, chart.columns)).ravel()
-    for ax, panel in zip(axes, chart.panels, strict=False):
-        _fill(ax, panel)
-    for ax in axes[len(chart.panels) :]:
-        ax.set_axis_off()
+    with style():
+        figure = new_figure(6.4 if chart.columns == 1 else 10.0, 3.1 * rows + 0.3)
+        axes = np.ravel(figure.subplots(rows, chart.columns, squeeze=False))
+        for ax, panel in zip(axes, chart.panels, strict=False):
+            _fill(ax, panel)
+        for ax in axes[len(chart.panels) :]:
+            ax.set_axis_off()
     return figure
 
 
-def _fill(ax: "Axes", panel: Panel) -> None:
-    cycle = iter(_CYCLE * 3)
+def _fill(ax: Axes, panel: Any) -> None:
     for line in panel.lines:
-        colour = line.colour or next(cycle)
-        ax.plot(line.x, line.y, line.style, color=colour, label=line.label, linewidth=1.3, markersize=4)
+        ax.plot(
+            line.x,
+            line.y,
+            line.style,
+            label=line.label,
+            markersize=4,
+            **({"color": line.colour} if line.colour else {}),
+        )
     for height, meaning in panel.levels:
         ax.axhline(height, color="0.6", linewidth=0.8, zorder=0)
         ax.annotate(
@@ -246,47 +238,16 @@ def _fill(ax: "Axes", panel: Panel) -> None:
             ax.set_xticks([], minor=True)
     else:
         ax.margins(x=0.0)
-    if "y" in panel.logarithmic:
-        ax.set_yscale("log")
+    ax.set(
+        title=panel.title,
+        xlabel=panel.xlabel,
+        ylabel=panel.ylabel,
+        yscale="log" if "y" in panel.logarithmic else "linear",
+    )
     if panel.ylim is not None:
         ax.set_ylim(*panel.ylim)
-    ax.set_title(panel.title, fontsize=10, loc="left")
-    ax.set_xlabel(panel.xlabel, fontsize=9)
-    ax.set_ylabel(panel.ylabel, fontsize=9)
-    ax.tick_params(labelsize=8)
-    ax.grid(visible=True, which="major", color="0.92", linewidth=0.6)
-    if panel.legend and any(line.label for line in panel.lines):
-        ax.legend(fontsize=8, loc=panel.legend, framealpha=0.9)
-
-
-def chart_files(chart: Chart, *endings: str) -> dict[str, bytes]:
-    """A chart as the bytes of a file of each kind, drawn and laid out once.
-
-    Parameters
-    ----------
-    chart : Chart
-    endings : str
-        "png", "svg".
-
-    Raises
-    ------
-    ValueError
-        For another ending.
-    """
-    for ending in endings:
-        if ending not in ("png", "svg"):
-            raise ValueError(f"ending = {ending!r}: expected 'png' or 'svg'")
-    from matplotlib import rc_context
-
-    files = {}
-    with rc_context({"svg.hashsalt": chart.name}):
-        figure = draw(chart)
-        for ending in endings:
-            target = io.BytesIO()
-            figure.savefig(target, format=ending, dpi=130, metadata={"Date": None} if ending == "svg" else None)
-            figure.set_layout_engine("none")  # places are found now, and take as long as drawing
-            files[ending] = target.getvalue()
-    return files
+    if panel.legend:
+        legend(ax, loc=panel.legend)
 
 
 @dataclass(frozen=True, eq=False)
@@ -318,7 +279,6 @@ def film_bytes(film: Film) -> bytes:
     film : Film
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
     from PIL import Image
 
     figure = Figure(figsize=(4.4, 4.6), dpi=80)
@@ -340,7 +300,7 @@ def film_bytes(film: Film) -> bytes:
     return target.getvalue()
 
 
-def _stage(figure: "Figure", film: Film) -> "tuple[list[Artist], Callable[[int], None]]":
+def _stage(figure: Figure, film: Film) -> tuple[list[Artist], Callable[[int], None]]:
     """Draw what stays; return what moves, in the order of drawing, and what moves it."""
     from matplotlib.patches import Circle
 
@@ -351,7 +311,7 @@ def _stage(figure: "Figure", film: Film) -> "tuple[list[Artist], Callable[[int],
     ax.add_patch(Circle((0.0, 0.0), film.hub_radius, color="0.75"))
     (spoke,) = ax.plot([], [], ":", color="0.6", linewidth=1.0, label="hub's axis", animated=True)
     lines = [
-        ax.plot([], [], color=COLOURS.get(label, _CYCLE[k % len(_CYCLE)]), label=label, linewidth=1.8, animated=True)[0]
+        ax.plot([], [], color=COLOURS[k % len(COLOURS)], label=label, linewidth=1.8, animated=True)[0]
         for k, (label, _) in enumerate(film.shapes)
     ]
     legend, title = ax.legend(fontsize=8, loc="lower left"), ax.set_title("", fontsize=9, animated=True)

@@ -11,7 +11,7 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 from boomctl.arrays import Array
 from boomctl.checks import known
-from boomctl.plotting.canvas import COLOURS, common_legend, labelled, line_look, new_figure, panels, style
+from boomctl.plotting.canvas import COLOURS, common_legend, labelled, line_look, new_figure, over_time, panels, style
 from boomctl.plotting.rotating_beam import mark_large
 
 _SHAPES = "osDPXph*d<>"
@@ -64,8 +64,7 @@ def plot_slew(result: Any, ax: Any = None, **style: Any) -> Array:
             axes[0].set_title(f"{result.title.capitalize()}: {result.duration:.4g} s{note}")
         if "label" in look:
             axes[0].legend()
-        axes[-1].set_xlabel("time [s]")
-        axes[0].figure.align_ylabels(list(axes))
+        over_time(axes)
     return axes
 
 
@@ -240,8 +239,7 @@ def plot_tracking(result: Any, ax: Any = None, **style: Any) -> Array:
             each.set_xmargin(0.0)
         axes[0].legend(loc="lower right")
         axes[0].set_title(f"The plan followed with a tip mass of {result.tip_mass:g} kg")
-        axes[-1].set_xlabel("time [s]")
-        axes[0].figure.align_ylabels(list(axes))
+        over_time(axes)
     return axes
 
 

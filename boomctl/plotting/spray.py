@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from boomctl.arrays import Array
 from boomctl.checks import finite_array, positive, real
-from boomctl.plotting.canvas import COLOURS, legend, line_look, panels
+from boomctl.plotting.canvas import COLOURS, legend, line_look, over_time, panels
 
 if TYPE_CHECKING:
     from boomctl.boom.motion import PlatformMotion
@@ -300,8 +300,7 @@ def plot_motion(motion: PlatformMotion, ax: Any = None, **style: Any) -> Array:
             each.set_ylabel(label)
             each.set_xmargin(0.0)
         legend(axes[0])
-        axes[-1].set_xlabel("time [s]")
-        axes[0].figure.align_ylabels(list(axes))
+        over_time(axes)
     return axes
 
 

@@ -298,7 +298,7 @@ class SpinUpResult(Judged):
 
     def _sections(self, tell: Callable[[str], None], files: tuple[str, ...]) -> Iterator[Section]:
         from boomctl.plotting.canvas import figure_of, picture
-        from boomctl.plotting.studies.spin_up import plot_decay, plot_spin_up_runs
+        from boomctl.plotting.rotating_beam import plot_decay, plot_spin_up_runs
 
         tell("pictures")
         proofs = (

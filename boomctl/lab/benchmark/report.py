@@ -152,14 +152,13 @@ class BenchmarkReport:
         named = {d.key: d for d in self.diagrams if d.shows == "unknowns"}
         if not named:
             return None
-        from boomctl.plotting.canvas import picture
-        from boomctl.plotting.studies.precision import sizes_figure
+        from boomctl.plotting.canvas import figure_of, picture
+        from boomctl.plotting.precision import plot_sizes
 
         competitors = dict.fromkeys(p.competitor for d in named.values() for p in d.points if p.ours and p.size)
         caption = "Error over the number of unknowns that move with a mass of their own."
-        return Section(
-            "Error over unknowns", pictures=(picture("unknowns", sizes_figure(named, tuple(competitors)), caption),)
-        )
+        drawn = picture("unknowns", figure_of(plot_sizes, named, tuple(competitors)), caption)
+        return Section("Error over unknowns", pictures=(drawn,))
 
     def _reproduce_section(self) -> Section:
         text = (
@@ -192,11 +191,11 @@ def _diagram_section(diagram: Diagram) -> Section:
 
 
 def _picture(diagram: Diagram) -> Picture:
-    from boomctl.plotting.canvas import picture
-    from boomctl.plotting.studies.precision import precision_figure
+    from boomctl.plotting.canvas import figure_of, picture
+    from boomctl.plotting.precision import plot_precision
 
     caption = "Lower left is better. Full lines: this package; dashed: others; grey: the front of all."
-    return picture(diagram.key, precision_figure(diagram), caption)
+    return picture(diagram.key, figure_of(plot_precision, diagram), caption)
 
 
 def _point_table(diagram: Diagram) -> Table:

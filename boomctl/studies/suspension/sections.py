@@ -11,7 +11,7 @@ from boomctl.boom.parameters import BoomParameters
 from boomctl.checks import from_on
 from boomctl.plotting.canvas import figure_of, picture
 from boomctl.plotting.spray import draw_deposit
-from boomctl.plotting.studies.suspension import draw_run, draw_suspension_sigma, draw_weights
+from boomctl.plotting.suspension import draw_run, draw_suspension_sigma, draw_weights
 from boomctl.report import Section, Table, number
 from boomctl.studies.findings import files_section, word_table
 from boomctl.studies.suspension.assurance import Assurance

@@ -235,9 +235,7 @@ class SweepResult:
         ValueError
             No such answer or parameter, or no numbers.
         """
-        return import_module("boomctl.plotting.studies.sweep").plot_sweep(
-            self, ax, column=column, against=against, **style
-        )
+        return import_module("boomctl.plotting.sweep").plot_sweep(self, ax, column=column, against=against, **style)
 
     def _unit(self, name: str) -> dict[str, str]:
         return {"units": self.units[name]} if self.units.get(name) else {}

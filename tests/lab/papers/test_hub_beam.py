@@ -17,7 +17,10 @@ from boomctl.lab.papers.bai.comparison import (
     CORRECTED,
     MET,
     NOT_REPRODUCIBLE,
+    Chart,
     Claim,
+    Line,
+    Panel,
     Part,
     compare,
     judge,
@@ -25,7 +28,8 @@ from boomctl.lab.papers.bai.comparison import (
 from boomctl.lab.papers.bai.report import jobs, report, results
 from boomctl.lab.papers.bai.validity import EXACT, MODELS, judged, leaves, tips
 from boomctl.lab.papers.side_by_side import side_by_side
-from boomctl.plotting.rotating_beam import Chart, Line, Panel, chart_files
+from boomctl.plotting.canvas import picture
+from boomctl.plotting.rotating_beam import draw_chart
 from boomctl.rotating_beam import HubBeamParameters, hub_beam, sine_torque
 from tests.profiles import examples
 
@@ -192,11 +196,11 @@ def test_json_has_no_numbers_that_json_has_not():
 def test_pictures_are_drawn_the_same_each_time():
     line = Line("a", np.array([1.0, 10.0]), np.array([1.0, 2.0]))
     chart = Chart("p", "", (Panel("t", "x", "y", (line,), "xy", levels=((1.5, "level"),), xticks=(1.0, 5.0)),), 2)
-    files = chart_files(chart, "png", "svg")
+    files = picture("p", draw_chart(chart), "").files
     assert files["png"].startswith(b"\x89PNG")
-    assert files == chart_files(chart, "png", "svg")
-    with pytest.raises(ValueError, match="ending"):
-        chart_files(chart, "bmp")
+    assert files == picture("p", draw_chart(chart), "").files
+    with pytest.raises(ValueError, match="bmp"):
+        picture("p", draw_chart(chart), "", "bmp")
 
 
 @pytest.mark.parametrize("torques", [(5.0,), (5.0, 5.0), (0.0, 5.0)])

@@ -1,8 +1,9 @@
-"""A number of the paper beside ours, and the rule by which it counts as met."""
+"""What a part of the paper consists of: numbers beside ours and the rule by which they count as met, statements, charts."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Literal
 
-from boomctl.plotting.rotating_beam import Chart
+from boomctl.arrays import Array
 
 MET = "met"
 CORRECTED = "met with corrected reading"
@@ -56,6 +57,73 @@ class Claim:
     computed: str
     verdict: str
     why: str
+
+
+MODEL_COLOURS = {
+    "TLAM": "#d55e00",
+    "SFOAM": "#0072b2",
+    "SFOAM, consistent": "#56b4e9",
+    "FOAM": "#009e73",
+    "CFOAM": "#cc79a7",
+    "exact": "#000000",
+}
+"""One colour a model, told apart by colour-blind readers too (Okabe & Ito 2008)."""
+
+Place = Literal["", "best", "upper left", "upper right", "lower left", "lower right"]
+"""Where a legend stands; "" is nowhere."""
+
+
+@dataclass(frozen=True, eq=False)
+class Line:
+    """A curve: label, abscissae and ordinates, matplotlib line style, and colour (None: next of the cycle)."""
+
+    label: str
+    x: Array
+    y: Array
+    style: str = "-"
+    colour: str | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Panel:
+    """Curves in one pair of axes.
+
+    Attributes
+    ----------
+    title, xlabel, ylabel : str
+        Texts; the labels carry the units.
+    lines : tuple of Line
+    logarithmic : str
+        "", "x", "y" or "xy".
+    ylim : tuple of float, optional
+        Range of the ordinate.
+    levels : tuple of (float, str)
+        Horizontal lines and what they mean.
+    legend : Place
+        Where the legend stands; "" for none.
+    xticks : tuple of float
+        Marks on a logarithmic abscissa, written out; () for matplotlib's.
+    """
+
+    title: str
+    xlabel: str
+    ylabel: str
+    lines: tuple[Line, ...]
+    logarithmic: str = ""
+    ylim: tuple[float, float] | None = None
+    levels: tuple[tuple[float, str], ...] = ()
+    legend: Place = "best"
+    xticks: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Chart:
+    """Panels of curves in one figure: file name without ending, caption, panels, and how many of them stand in a row."""
+
+    name: str
+    caption: str
+    panels: tuple[Panel, ...]
+    columns: int = field(default=1)
 
 
 @dataclass(frozen=True, eq=False)

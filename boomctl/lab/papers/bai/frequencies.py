@@ -4,8 +4,7 @@ import math
 
 import numpy as np
 
-from boomctl.lab.papers.bai.comparison import Comparison, Part, compare, judge
-from boomctl.plotting.rotating_beam import Chart, Line, Panel
+from boomctl.lab.papers.bai.comparison import Chart, Comparison, Line, Panel, Part, compare, judge
 from boomctl.rotating_beam.assumed_modes import AssumedModesBeam
 from boomctl.rotating_beam.factory import hub_beam
 from boomctl.rotating_beam.parameters import HubBeamParameters

@@ -3,20 +3,22 @@
 from collections.abc import Callable
 from dataclasses import asdict
 from itertools import pairwise
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.lab.papers.bai import frequencies, spin_up, torque
-from boomctl.lab.papers.bai.comparison import CORRECTED, MET, NOT_REPRODUCIBLE, Part
+from boomctl.lab.papers.bai.comparison import CORRECTED, MET, NOT_REPRODUCIBLE, Chart, Part
 from boomctl.lab.papers.bai.validity import EXACT, TORQUES, judged, section, tips
 from boomctl.lab.papers.side_by_side import Job
-from boomctl.plotting.rotating_beam import Chart, Film, chart_files, film_bytes
 from boomctl.report import Picture, Report, Section, Table
 from boomctl.rotating_beam.exact.beam import GeometricallyExactBeam
 from boomctl.rotating_beam.manoeuvres import sine_torque
 from boomctl.rotating_beam.parameters import HubBeamParameters
+
+if TYPE_CHECKING:
+    from boomctl.plotting.rotating_beam import Film
 
 PARTS: dict[str, Callable[[], Part]] = {
     "Table 2": frequencies.table_2,
@@ -87,11 +89,16 @@ def _drawn_parts(names: tuple[str, ...]) -> dict[str, tuple[Part, Section]]:
 
 
 def _film_section() -> Section:
+    from boomctl.plotting.rotating_beam import film_bytes
+
     film = Picture("slew", "Geometrically exact beam, drawn to scale, real time", {"gif": film_bytes(_film())})
     return Section("A slew", pictures=(film,))
 
 
 def _section(part: Part) -> Section:
+    from boomctl.plotting.canvas import picture
+    from boomctl.plotting.rotating_beam import draw_chart
+
     tables = []
     if part.comparisons:
         heads = ("where", "what", "published", "ours", "corrected reading", "tolerance", "unit", "verdict", "why")
@@ -112,7 +119,7 @@ def _section(part: Part) -> Section:
         heads = ("where", "statement", "ours", "verdict", "why")
         rows = tuple((each.where, each.published, each.computed, each.verdict, each.why) for each in part.claims)
         tables.append(Table(heads, rows, align="l", shades=_SHADES))
-    pictures = tuple(Picture(chart.name, chart.caption, chart_files(chart, "png", "svg")) for chart in part.charts)
+    pictures = tuple(picture(chart.name, draw_chart(chart), chart.caption) for chart in part.charts)
     return Section(part.title, (), tuple(tables), pictures)
 
 
@@ -155,9 +162,11 @@ def _thin(values: Array) -> list[float]:
     return [float(f"{value:.6g}") for value in np.asarray(values, dtype=float)[::step]]
 
 
-def _film() -> Film:
+def _film() -> "Film":
     """Film a slew of the exact beam by one period of a sine torque of 200 N m, and the vibration left after it."""
     beam = GeometricallyExactBeam(HubBeamParameters(), 6)
     time = np.arange(141) / 10.0
     states = beam.simulate(sine_torque(200.0, 10.0, 10.0), time, rtol=1e-6).states
+    from boomctl.plotting.rotating_beam import Film
+
     return Film(time, (("exact", beam.shape(states)),), beam.parameters.hub_radius, "slew, 200 N m")

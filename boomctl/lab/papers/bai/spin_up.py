@@ -5,8 +5,7 @@ from functools import cache
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.lab.papers.bai.comparison import Comparison, Part, compare, judge
-from boomctl.plotting.rotating_beam import COLOURS, Chart, Line, Panel
+from boomctl.lab.papers.bai.comparison import MODEL_COLOURS, Chart, Comparison, Line, Panel, Part, compare, judge
 from boomctl.rotating_beam.assumed_modes import AssumedModesBeam
 from boomctl.rotating_beam.factory import hub_beam
 from boomctl.rotating_beam.manoeuvres import spin_up
@@ -92,7 +91,7 @@ def cfoam_and_foam() -> Part:
                         TIME,
                         1e3 * (runs[name].tip_displacement - runs["exact"].tip_displacement),
                         style,
-                        COLOURS[name],
+                        MODEL_COLOURS[name],
                     )
                     for name, style in (("CFOAM", "-"), ("FOAM", "--"))
                 ),
@@ -131,7 +130,7 @@ def _pair(row: int, speed: float, tlam: SimulationResult, foam: SimulationResult
     """Transverse and axial response at a speed; at 3 rad/s TLAM leaves the frame."""
     diverging = speed == 3.0
     axial = tuple(
-        Line(name, TIME, 1e3 * r.axial_tip_displacement, style, COLOURS[name])
+        Line(name, TIME, 1e3 * r.axial_tip_displacement, style, MODEL_COLOURS[name])
         for name, r, style in (("TLAM", tlam, "-"), ("FOAM", foam, "--"))
     )
     return (
@@ -272,8 +271,8 @@ def _fig_10(tlam: dict[float, SimulationResult], foam: dict[float, SimulationRes
             "time [s]",
             "v(L) [m]",
             (
-                Line("TLAM", TIME, tlam[mass].tip_displacement, "-", COLOURS["TLAM"]),
-                Line("FOAM", TIME, foam[mass].tip_displacement, "--", COLOURS["FOAM"]),
+                Line("TLAM", TIME, tlam[mass].tip_displacement, "-", MODEL_COLOURS["TLAM"]),
+                Line("FOAM", TIME, foam[mass].tip_displacement, "--", MODEL_COLOURS["FOAM"]),
             ),
             ylim=(-3.0, 1.0) if mass == 0.5 else None,
             legend="lower left",
@@ -316,7 +315,7 @@ def _modes(shares: Array) -> tuple[Line, ...]:
 def _lines(runs: dict[str, SimulationResult]) -> tuple[Line, ...]:
     styles = {"FOAM": "--", "exact": ":"}
     return tuple(
-        Line(name, r.time, r.tip_displacement, styles.get(name, "-"), COLOURS[name]) for name, r in runs.items()
+        Line(name, r.time, r.tip_displacement, styles.get(name, "-"), MODEL_COLOURS[name]) for name, r in runs.items()
     )
 
 

@@ -6,8 +6,7 @@ from functools import cache
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.lab.papers.bai.comparison import Comparison, Part, compare, judge
-from boomctl.plotting.rotating_beam import COLOURS, Chart, Line, Panel
+from boomctl.lab.papers.bai.comparison import MODEL_COLOURS, Chart, Comparison, Line, Panel, Part, compare, judge
 from boomctl.rotating_beam.factory import hub_beam
 from boomctl.rotating_beam.manoeuvres import sine_torque
 from boomctl.rotating_beam.parameters import HubBeamParameters
@@ -87,12 +86,12 @@ def _fig_7(foam: SimulationResult, largest: dict[float, float]) -> Chart:
     torques = np.array(list(INERTIA_TORQUES))
     published = np.array([*(INERTIA_TORQUES | MENDED).values()])
     over_time = (
-        Line("FOAM", TIME, foam.inertia_torque, "-", COLOURS["FOAM"]),
-        Line("exact", TIME, exact.inertia_torque, ":", COLOURS["exact"]),
+        Line("FOAM", TIME, foam.inertia_torque, "-", MODEL_COLOURS["FOAM"]),
+        Line("exact", TIME, exact.inertia_torque, ":", MODEL_COLOURS["exact"]),
     )
     over_torque = (
-        Line("FOAM", torques, np.array([largest[torque] for torque in INERTIA_TORQUES]), "o-", COLOURS["FOAM"]),
-        Line("published (Table 3, 3.72e-1 for 3.72e-2)", torques, published, "x", COLOURS["TLAM"]),
+        Line("FOAM", torques, np.array([largest[torque] for torque in INERTIA_TORQUES]), "o-", MODEL_COLOURS["FOAM"]),
+        Line("published (Table 3, 3.72e-1 for 3.72e-2)", torques, published, "x", MODEL_COLOURS["TLAM"]),
     )
     return Chart(
         "fig-07",
@@ -245,7 +244,7 @@ def _lead_and_loss(runs: dict[str, SimulationResult]) -> tuple[Comparison, ...]:
 
 
 def _look(name: str) -> tuple[str, str]:
-    return FIG_8_MODELS[name][2], COLOURS.get(name, COLOURS["CFOAM"])
+    return FIG_8_MODELS[name][2], MODEL_COLOURS.get(name, MODEL_COLOURS["CFOAM"])
 
 
 def _gap(one: SimulationResult, other: SimulationResult) -> float:

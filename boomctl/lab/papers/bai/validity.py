@@ -5,8 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.lab.papers.bai.comparison import ADDED, Claim, Part
-from boomctl.plotting.rotating_beam import COLOURS, Chart, Line, Panel
+from boomctl.lab.papers.bai.comparison import ADDED, MODEL_COLOURS, Chart, Claim, Line, Panel, Part
 from boomctl.rotating_beam.factory import hub_beam
 from boomctl.rotating_beam.manoeuvres import sine_torque
 from boomctl.rotating_beam.parameters import HubBeamParameters
@@ -109,7 +108,7 @@ def section(data: Validity) -> Part:
 
     def panel(title: str, errors: dict[str, Array]) -> Panel:
         lines = tuple(
-            Line(label, data.torques, np.where(np.isfinite(e), e, np.nan), styles[label], COLOURS[label])
+            Line(label, data.torques, np.where(np.isfinite(e), e, np.nan), styles[label], MODEL_COLOURS[label])
             for label, e in errors.items()
         )
         return Panel(

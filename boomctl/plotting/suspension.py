@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from boomctl.analysis.sigma import SigmaResult
     from boomctl.simulation.result import LoopResult
 
-_DOTS = 1.07  # ratio of frequencies of two dots that are drawn beside each other (a choice)
 _PASSIVE, _ACTIVE, _FAINT = COLOURS[1], COLOURS[0], "#9bb8d3"
 
 
@@ -51,26 +50,15 @@ def draw_suspension_sigma(
         plot_sigma(passive, ax, unit="Hz", label=labels[0], color=_PASSIVE)
         plot_sigma(active, ax, unit="Hz", label=labels[1], color=_ACTIVE)
         if exact is not None:
-            shown = _apart(exact.omega)
+            dots = {"color": "black", "markersize": 2.8, "markevery": 0.01}  # so far apart that the line below is seen
             for k, line in enumerate(exact.sigma):
                 label = f"{labels[1]}, exact boom" if k == 0 else None
-                ax.loglog(
-                    exact.omega[shown] / (2 * np.pi), line[shown], ".", color="black", markersize=2.8, label=label
-                )
+                ax.loglog(exact.omega / (2 * np.pi), line, ".", label=label, **dots)
         ax.set_xlim(0.03, 20.0)
         ax.set_ylim(1e-3, 1.6 * passive.peak)
         ax.set_title("Platform to tips; circles: certified peaks")
         ax.legend(loc="lower left")
     return figure
-
-
-def _apart(omega: Array) -> list[int]:
-    """Return which frequencies, in ascending order, are so far apart that dots at them leave the line below to be seen."""
-    kept = [0]
-    for k, each in enumerate(omega):
-        if each > _DOTS * omega[kept[-1]]:
-            kept.append(k)
-    return kept
 
 
 def draw_weights(weights: "Mapping[str, control.StateSpace]", omega: Array) -> Any:

@@ -3,44 +3,30 @@
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import cycle
 from math import isfinite
-from typing import Any, Protocol
+from typing import Any
 
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullFormatter, ScalarFormatter
 
-from boomctl.plotting.canvas import COLOURS, common_legend, few_labels, new_figure, panels, style
+from boomctl.plotting.canvas import COLOURS, common_legend, few_labels, panels
 
 _MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "p", "h")  # as many as tell competitors of one colour apart
-_SIZE, _WIDTH = 4.5, 1.2  # of everyone's marks and lines, points (a choice)
 _FLOOR = 1e-17  # where an error of zero is drawn: below what doubles tell
 _USELESS = 10.0  # relative error from which on an answer is not drawn: it is none (a choice)
 _WAYS = {"cold": "cold: from new parameters", "hot": "hot: with the model ready"}
 
 
-class _Point(Protocol):
-    @property
-    def error(self) -> float: ...
-    @property
-    def ours(self) -> bool: ...
-    @property
-    def size(self) -> int | None: ...
-    def seconds(self, way: Any) -> float | None: ...
-
-
-class _Diagram(Protocol):
-    @property
-    def title(self) -> str: ...
-    @property
-    def competitors(self) -> Mapping[str, Sequence[_Point]]: ...
-    def front(self, way: Any, ours: bool | None = None) -> Sequence[_Point]: ...
-
-
-def plot_precision(diagram: _Diagram, ax: Any = None) -> Any:
+def plot_precision(diagram: Any, ax: Any = None) -> Any:
     """Draw run time over error, cold and hot, on two axes; return them.
 
     Full lines are ours, dashed ones others'; the grey line is the front: nobody is both faster and more exact.
     """
-    with panels(ax, list(_WAYS), (10.5, 4.6), lambda figure: figure.subplots(1, 2, sharex=True, sharey=True)) as axes:
+
+    def divide(figure: Any) -> Any:
+        return figure.subplots(1, 2, sharex=True, sharey=True)
+
+    # a line of the legend, which stands below, for each four competitors
+    with panels(ax, list(_WAYS), (10.5, 4.8 + 0.18 * (len(diagram.competitors) // 4)), divide) as axes:
         looks = _looks(diagram.competitors)
         for way, drawn_on in zip(_WAYS, axes, strict=True):
             for name, points in diagram.competitors.items():
@@ -62,21 +48,19 @@ def plot_precision(diagram: _Diagram, ax: Any = None) -> Any:
     return axes
 
 
-def _looks(competitors: Mapping[str, Sequence[_Point]]) -> dict[str, dict[str, Any]]:
+def _looks(competitors: Mapping[str, Sequence[Any]]) -> dict[str, dict[str, Any]]:
     marks = zip(cycle(COLOURS), cycle(_MARKERS))
     return {
         name: {
             "color": colour,
             "marker": marker,
             "linestyle": "-" if points[0].ours else "--",
-            "markersize": _SIZE,
-            "linewidth": _WIDTH,
         }
         for (name, points), (colour, marker) in zip(competitors.items(), marks)  # noqa: B905 -- marks never end
     }
 
 
-def _places(points: Iterable[_Point], way: str) -> list[tuple[float, float]]:
+def _places(points: Iterable[Any], way: str) -> list[tuple[float, float]]:
     """Return error and run time of the points that have both, in their order."""
     timed = ((max(point.error, _FLOOR), point.seconds(way)) for point in points if isfinite(point.error))
     return [(error, seconds) for error, seconds in timed if seconds is not None and error < _USELESS]
@@ -86,16 +70,13 @@ def _draw_front(ax: Any, places: list[tuple[float, float]]) -> None:
     """Draw the front as steps behind everything: what is to be had at each error."""
     if not places:
         return
-    ends = sorted(places)
-    right = ax.get_xlim()[1]
-    errors, seconds = [], []
-    for k, (error, taken) in enumerate(ends):
-        errors += [error, ends[k + 1][0] if k + 1 < len(ends) else max(right, error)]
-        seconds += [taken, taken]
-    ax.plot(errors, seconds, color="#bbbbbb", linewidth=5.0, zorder=0, solid_capstyle="butt")
+    errors, seconds = zip(*sorted(places), strict=True)
+    right = max(ax.get_xlim()[1], errors[-1])
+    look = {"color": "#bbbbbb", "linewidth": 5.0, "zorder": 0, "solid_capstyle": "butt"}
+    ax.step([*errors, right], [*seconds, seconds[-1]], where="post", **look)
 
 
-def plot_sizes(diagrams: Mapping[str, _Diagram], names: Sequence[str], ax: Any = None) -> Any:
+def plot_sizes(diagrams: Mapping[str, Any], names: Sequence[str], ax: Any = None) -> Any:
     """Draw error over the number of unknowns of some competitors, one axes for each diagram; return the axes."""
     width = 2.6 * len(diagrams) + 0.8
 
@@ -111,8 +92,6 @@ def plot_sizes(diagrams: Mapping[str, _Diagram], names: Sequence[str], ax: Any =
                     [max(p.error, _FLOOR) for p in points],
                     color=colour,
                     marker=marker,
-                    markersize=_SIZE,
-                    linewidth=_WIDTH,
                     label=name,
                 )
             drawn_on.set_xscale("log")
@@ -125,18 +104,3 @@ def plot_sizes(diagrams: Mapping[str, _Diagram], names: Sequence[str], ax: Any =
         axes[0].set_ylabel("relative error")
         common_legend(ax, axes[0], ncols=3)
     return axes
-
-
-def precision_figure(diagram: _Diagram) -> Any:
-    """Return the picture of a diagram as a figure that belongs to no window."""
-    figure = new_figure(10.5, 4.8 + 0.18 * (len(diagram.competitors) // 4))
-    plot_precision(diagram, figure)
-    return figure
-
-
-def sizes_figure(diagrams: Mapping[str, _Diagram], names: Sequence[str]) -> Any:
-    """Return the picture of error over unknowns as a figure that belongs to no window."""
-    figure = new_figure(2.6 * len(diagrams) + 0.8, 3.4)
-    with style():
-        plot_sizes(diagrams, names, figure)
-    return figure
