@@ -17,7 +17,7 @@ from scipy.optimize import brentq, linprog
 from boomctl.arrays import Array
 from boomctl.lti.rounding import SUMMED
 from boomctl.slew.linear import LinearFlow, flow
-from boomctl.slew.problem import AT_LIMIT, SlewProblem
+from boomctl.slew.problem import SlewProblem
 from boomctl.slew.result import SlewError
 from boomctl.slew.torque import TorqueHistory, bang_bang
 
@@ -130,12 +130,11 @@ def _fastest(problem: SlewProblem, guess: float) -> Extremal:
                 raise
             continue
         guess = duration
-        for switches_from in (_from_costate, _from_values):
-            first = switches_from(problem, duration, values, costate)
-            found = None if first is None else _merged(problem, _newton(problem, first))
-            if found is not None and misfit(problem, found) < _AGREE:
-                return found
-            best = found or best
+        first = _from_costate(problem, duration, values, costate)
+        found = None if first is None else _merged(problem, _newton(problem, first))
+        if found is not None and misfit(problem, found) < _AGREE:
+            return found
+        best = found or best
     missing = "none converged" if best is None else f"conditions are missed by {best.residual:.1e}"
     raise SwitchesNotFound(f"minimum time: the switching times could not be found; {missing}")
 
@@ -280,19 +279,15 @@ def _least_peak(problem: SlewProblem, duration: float, intervals: int) -> tuple[
     if system is None:
         raise SlewError("torque_limit: no torque within it leads to the end state before the motion overflows")
     G, d, scale = system
-    answer = None
-    for method in ("highs-ds", "highs-ipm"):
-        answer = linprog(
-            np.append(np.zeros(intervals), -1.0),
-            A_eq=np.column_stack([G, -d]),
-            b_eq=np.zeros(d.size),
-            bounds=[(-1.0, 1.0)] * intervals + [(0.0, None)],
-            method=method,
-        )
-        if answer.status == 0:
-            break
+    answer = linprog(
+        np.append(np.zeros(intervals), -1.0),
+        A_eq=np.column_stack([G, -d]),
+        b_eq=np.zeros(d.size),
+        bounds=[(-1.0, 1.0)] * intervals + [(0.0, None)],
+        method="highs-ds",
+    )
     # no torque, which leads nowhere, is always a solution: what fails is arithmetic, in times far too short
-    if answer is None or answer.status != 0 or answer.x[-1] <= 1.0 / _HOPELESS:
+    if answer.status != 0 or answer.x[-1] <= 1.0 / _HOPELESS:
         return _HOPELESS, np.zeros(intervals), np.zeros(problem.start.size)
     costate = (-answer.eqlin.marginals / scale) @ problem.ends
     return 1.0 / float(answer.x[-1]), answer.x[:-1], costate
@@ -316,22 +311,6 @@ def _from_costate(problem: SlewProblem, duration: float, values: Array, costate:
     if not np.isfinite(hamiltonian) or hamiltonian == 0.0:
         return None
     return replace(rough, costate=costate / hamiltonian)
-
-
-def _from_values(problem: SlewProblem, duration: float, values: Array, costate: Array) -> Extremal | None:
-    """Switches where the grid's torque changes sign, placed so that they have its mean."""
-    h = duration / values.size
-    switches, sign = [], 0.0
-    for k, value in enumerate(values):
-        if abs(value) < AT_LIMIT:
-            before = values[k - 1] if k else -(values[k + 1] if k + 1 < values.size else -1.0)
-            if k + 1 < values.size and before * values[k + 1] < 0.0:
-                switches.append((k + 0.5 * (1.0 + value * np.sign(before))) * h)
-        elif k and abs(values[k - 1]) >= AT_LIMIT and value * values[k - 1] < 0.0:
-            switches.append(k * h)
-        sign = sign or float(np.sign(value) if abs(value) > AT_LIMIT else 0.0)
-    rough = Extremal(np.array(switches), duration, sign or 1.0, problem.limits.torque, costate, np.inf)
-    return _fitted(problem, rough)
 
 
 def _fitted(problem: SlewProblem, rough: Extremal) -> Extremal:
