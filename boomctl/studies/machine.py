@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from math import isfinite
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from boomctl.checks import instance, names, positive, signal_name
 from boomctl.lti.modal import side_of_axis
 from boomctl.printing import compact
 from boomctl.report import Section, Table
-from boomctl.studies.findings import Finding, Judged, facts, files_section, finite, stored, word_table
+from boomctl.studies.findings import Finding, Judged, WithoutScene, facts, files_section, finite, stored, word_table
 
 if TYPE_CHECKING:
     import control
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False)
-class MachineDesign:
+class MachineDesign(WithoutScene):
     """A machine, such as `boomctl.structure` assembles, and a controller for it.
 
     Attributes
@@ -87,28 +87,6 @@ class MachineDesign:
         for what in ("sample_time", "force_limit"):
             if getattr(self, what) is not None:
                 positive(what, getattr(self, what))
-
-    @staticmethod
-    def scene(**options: Any) -> None:
-        """Return the scene: a machine of one's own has none.
-
-        Parameters
-        ----------
-        options
-            None are taken.
-
-        Returns
-        -------
-        None
-            Nothing.
-
-        Raises
-        ------
-        ValueError
-            Options are given.
-        """
-        if options:
-            raise ValueError(f"{', '.join(options)}: of suspensions only; expected none for a machine of one's own")
 
     def evaluate(self, scene: None = None) -> MachineResult:
         """Judge the design: peaks without and with the controller, stability, margins.

@@ -20,7 +20,7 @@ from boomctl.rotating_beam.assumed_modes import AssumedModesBeam
 from boomctl.rotating_beam.manoeuvres import spin_up
 from boomctl.simulation.loop import simulate_loop
 from boomctl.structure.families import interval
-from boomctl.studies.findings import Finding, Judged, stored
+from boomctl.studies.findings import Finding, Judged, WithoutScene, stored
 
 if TYPE_CHECKING:
     from boomctl.simulation.result import LoopResult
@@ -38,7 +38,7 @@ _PLACES = 61  # hub speeds at which poles are shown (a choice)
 
 
 @dataclass(frozen=True, eq=False)
-class SpinUpDesign:
+class SpinUpDesign(WithoutScene):
     """A hub-beam, and a drive scheduled over its hub speed that spins it up.
 
     Attributes
@@ -108,28 +108,6 @@ class SpinUpDesign:
             positive(what, getattr(self, what))
         for what in ("gust", "settling"):
             nonnegative(what, getattr(self, what))
-
-    @staticmethod
-    def scene(**options: Any) -> None:
-        """Return the scene: a spin-up has none.
-
-        Parameters
-        ----------
-        options
-            None are taken.
-
-        Returns
-        -------
-        None
-            Nothing.
-
-        Raises
-        ------
-        ValueError
-            Options are given.
-        """
-        if options:
-            raise ValueError(f"{', '.join(options)}: of suspensions only; expected none for a spin-up")
 
     def evaluate(self, scene: None = None) -> SpinUpResult:
         """Judge the design: proofs over speed and tip mass, the rate at which the speed may change, and runs.
