@@ -1,12 +1,6 @@
 # The public names and where each is defined: `__init__.py` loads them from there when they are first used.
 
 from boomctl.structure.assembly import Assembly as Assembly
-from boomctl.structure.beams.cross_sections import CrossSection as CrossSection
-from boomctl.structure.beams.cross_sections import bar_section as bar_section
-from boomctl.structure.beams.cross_sections import i_section as i_section
-from boomctl.structure.beams.cross_sections import rod_section as rod_section
-from boomctl.structure.beams.cross_sections import round_tube_section as round_tube_section
-from boomctl.structure.beams.cross_sections import tube_section as tube_section
 from boomctl.structure.beams.elements import DiscreteElements as DiscreteElements
 from boomctl.structure.beams.elements import FiniteElements as FiniteElements
 from boomctl.structure.displacement_input import prescribe_displacement as prescribe_displacement
@@ -17,6 +11,7 @@ from boomctl.structure.model import split_symmetric as split_symmetric
 from boomctl.structure.parts import GROUND as GROUND
 from boomctl.structure.parts import Beam as Beam
 from boomctl.structure.parts import BeamSection as BeamSection
+from boomctl.structure.parts import CrossSection as CrossSection
 from boomctl.structure.parts import CutJoint as CutJoint
 from boomctl.structure.parts import Force as Force
 from boomctl.structure.parts import Joint as Joint
@@ -24,9 +19,14 @@ from boomctl.structure.parts import Output as Output
 from boomctl.structure.parts import Point as Point
 from boomctl.structure.parts import RigidBody as RigidBody
 from boomctl.structure.parts import SpringDamper as SpringDamper
+from boomctl.structure.parts import bar_section as bar_section
 from boomctl.structure.parts import fixed as fixed
 from boomctl.structure.parts import free as free
+from boomctl.structure.parts import i_section as i_section
 from boomctl.structure.parts import prismatic as prismatic
 from boomctl.structure.parts import revolute as revolute
+from boomctl.structure.parts import rod_section as rod_section
+from boomctl.structure.parts import round_tube_section as round_tube_section
+from boomctl.structure.parts import tube_section as tube_section
 from boomctl.structure.response.mode_shapes import ModeShapes as ModeShapes
 from boomctl.structure.response.mode_shapes import ShapeLine as ShapeLine

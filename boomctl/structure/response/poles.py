@@ -26,7 +26,6 @@ _FLOATING = (
 # leave the real axis by rounding
 _CRITICAL = 1e-6
 _SPARSE_SHARE = 0.3  # of all modes up to which they are found by Lanczos' method: more cost as much as all (a choice)
-_FEW = 0.25  # share of modes below which only those wanted are asked for: more cost as much as all (a choice)
 _SPREAD = 1e7  # of stiffnesses, from which on the softest mode counts as nearly floating (a choice)
 _PASSES = 3  # with the shift at the lowest elastic mode: 100,000 elements that float need them (measured)
 _ALIKE = 10.0  # ratio of the lowest elastic mode's stiffness to the shift, up to which the shift stays (a choice)
@@ -153,7 +152,7 @@ def _dense_modes(structure: Structure, shift: float, count: int) -> Array:
     M, K = dense(structure.M), dense(structure.K)
     try:
         n = len(M)
-        chosen = (n - count, n - 1) if count < _FEW * n else None
+        chosen = None if count == n else (n - count, n - 1)
         _, vectors = linalg.eigh(M, K + shift * M, subset_by_index=chosen)
     except linalg.LinAlgError:
         raise ValueError("undamped modes need a positive semidefinite K") from None
