@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 from itertools import pairwise
 from typing import Any
 
+import flint
 import mpmath as mp
 import numpy as np
 
@@ -148,23 +149,11 @@ def _clamped_free(root: _Number) -> tuple[Callable[[_Number, int], _Number], _Nu
 
 
 def _gauss_points(count: int) -> list[tuple[_Number, _Number]]:
-    """Return points and weights of the Gauss rule over 0 to 1."""
-    starts = np.polynomial.legendre.leggauss(count)[0]
-    points = []
-    for start in starts:
-        x = mp.mpf(float(start))
-        for _ in range(3):  # Newton's steps, each of which doubles sixteen digits
-            before, here = mp.mpf(1), x
-            for k in range(2, count + 1):
-                before, here = here, ((2 * k - 1) * x * here - (k - 1) * before) / k
-            slope = count * (x * here - before) / (x * x - 1)
-            x -= here / slope
-        before, here = mp.mpf(1), x
-        for k in range(2, count + 1):
-            before, here = here, ((2 * k - 1) * x * here - (k - 1) * before) / k
-        slope = count * (x * here - before) / (x * x - 1)
-        points.append(((1 + x) / 2, 1 / ((1 - x * x) * slope**2)))
-    return points
+    """Return points and weights of the Gauss rule over 0 to 1, as python-flint encloses them."""
+    with flint.ctx.workdps(DIGITS + 5), mp.workdps(DIGITS):  # some more than are taken over
+        roots = [flint.arb.legendre_p_root(count, k, weight=True) for k in range(count)]
+        digits = [[mp.mpf(each.str(DIGITS, radius=False)) for each in pair] for pair in roots]
+        return [((1 + x) / 2, weight / 2) for x, weight in digits]
 
 
 def state_space_response(A: Array, B: Array, C: Array, D: Array, s: _Number) -> Any:
