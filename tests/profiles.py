@@ -1,7 +1,8 @@
 """Profiles: how many examples a property is tried on, said once for the whole suite.
 
-``quick`` is what plain ``pytest`` runs, ``full`` what runs on every change, ``hunt`` draws new examples, and many.
-The first two draw the same examples on every run, so that a failure is one of the change.
+``quick`` is what plain ``pytest`` runs, ``full`` what runs on every change, ``hunt`` draws new examples, and many. Of what
+takes long for every case ``full`` tries some cases, ``hunt`` all. The first two draw the same examples on every run, so that
+a failure is one of the change.
 """
 
 from math import ceil
@@ -10,7 +11,7 @@ from hypothesis import HealthCheck, settings
 
 ALL = 100  # examples of a property that names no number: hypothesis's own default
 QUICK = 3  # of a hundred: the whole suite then takes a minute on two cores
-FULL = 40  # of a hundred: all tests, the slow ones too, then take some twenty minutes on two cores
+FULL = 20  # of a hundred: all tests, the slow ones too, then take some twenty minutes on two cores
 HUNT = 1000  # of a hundred: ten times as many as a property names, a choice
 FEWEST = 2  # examples of any property: one would not tell a law from a coincidence
 
@@ -35,3 +36,8 @@ def examples(count):
 def is_quick():
     """Return whether the quick profile runs."""
     return settings().max_examples == QUICK
+
+
+def is_hunt():
+    """Return whether the profile runs that tries all cases of what takes long."""
+    return settings().max_examples == HUNT

@@ -136,7 +136,7 @@ def test_a_hub_beam_with_any_mass_at_its_tip_and_its_certificate(model, damping)
 
 
 @pytest.mark.slow
-@examples(100)
+@examples(40)
 @given(st.integers(0, 10_000))
 def test_the_certificate_is_of_the_loop_in_whatever_states_the_controller_is(seed):
     """With states of sizes far apart: what is proved is found again in loops closed anew."""

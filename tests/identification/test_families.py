@@ -4,15 +4,18 @@ import pickle
 
 import numpy as np
 import pytest
+from scipy import stats
 
 import boomctl as bc
 from boomctl import tunable as T
 from boomctl.structure import PolynomialFamily
 from tests.identification.chain import CHAIN, frequencies, response_of_record, three_masses
 from tests.identification.rig import RIG, START, measured, rig, weighed
+from tests.profiles import is_hunt
 
 FREE = list(RIG)
 TUNED = 10  # every so many data sets a controller is tuned
+CHANCE = 0.02  # of honest boxes to hold the truth less often than is asked: of 100 it leaves 90
 
 
 @pytest.fixture(scope="module")
@@ -112,12 +115,10 @@ def test_identified_modes_make_a_family_over_their_frequencies_and_dampings():
 
 @pytest.mark.slow
 def test_the_box_holds_the_truth_and_a_controller_tuned_over_it_is_stable_there(capsys):
-    """100 data sets; 95 % boxes, Bonferroni's and so a little wide: 90 is 2.3 deviations of chance below 95.
-
-    Every tenth is tuned over, as that takes long.
-    """
+    """Of many data sets: 95 % boxes, Bonferroni's and so a little wide. Every tenth is tuned over, as that takes long."""
+    sets = 100 if is_hunt() else 30
     held, stable, proved = 0, 0, 0
-    for seed in range(100):
+    for seed in range(sets):
         fitted = bc.fit(rig, measured(np.random.default_rng(seed)), FREE, START, starts=1)
         family = fitted.family(probability=0.95)
         held += all(low <= RIG[name] <= high for name, (low, high) in family.ranges.items())
@@ -125,10 +126,10 @@ def test_the_box_holds_the_truth_and_a_controller_tuned_over_it_is_stable_there(
             design = bc.tune(weighed, structure=T.pid(integral=False, high=200.0), family=family, starts=1)
             stable += bool((bc.close_loop(weighed(rig(RIG)), design.controller).poles().real < 0.0).all())
             proved += bc.robust_stability(family, design.controller).proved
-    tuned = 100 // TUNED
+    tuned = sets // TUNED
     with capsys.disabled():
         print(
-            f"\n{held} of 100 boxes hold all; {stable} of {tuned} controllers are stable on the truth, {proved} proved"
+            f"\n{held} of {sets} boxes hold all; {stable} of {tuned} controllers are stable on the truth, {proved} proved"
         )
-    assert held >= 90
+    assert held >= stats.binom.ppf(CHANCE, sets, 0.95)
     assert stable == proved == tuned
