@@ -5,6 +5,7 @@ encoder's noise is limited. The LQG knows all modes and has a state for each; wi
 and far worse at the ends.
 """
 
+from functools import cache
 from itertools import product
 
 import control
@@ -28,6 +29,7 @@ def beam(mass: float) -> control.StateSpace:
     return bc.hub_beam(bc.HubBeamParameters(tip_mass=mass, damping_ratio=0.005), "sfoam", 3).linearize(0.0, sensors=())
 
 
+@cache
 def plant(mass: float) -> control.StateSpace:
     """Return the generalised plant: disturbance torque and encoder noise to what hub and tip do, and to the torque."""
     return bc.generalized_plant(
@@ -59,7 +61,8 @@ def tuned() -> TuneResult:
     return bc.tune([plant(mass) for mass in MASSES], 1, 1, structure, channels=channels, starts=12, time_limit=600.0)
 
 
-def regulators() -> list[control.StateSpace]:
+@cache
+def regulators() -> tuple[control.StateSpace, ...]:
     """Return LQGs for the middle mass that keep the limit of noise, the one best against the disturbance there first."""
     found = []
     for effort, noise in product(EFFORT, NOISE):
@@ -76,9 +79,10 @@ def regulators() -> list[control.StateSpace]:
         disturbed, noisy = norms(K, MASSES[1])
         if noisy <= NOISE_GAIN:
             found.append((disturbed, K))
-    return [K for _, K in sorted(found, key=lambda each: each[0])]
+    return tuple(K for _, K in sorted(found, key=lambda each: each[0]))
 
 
+@cache
 def worst(controller: control.StateSpace) -> float:
     """Return the largest norm at the masses compared; infinite where a loop is unstable."""
     return max(norms(controller, mass)[0] for mass in BETWEEN)

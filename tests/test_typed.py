@@ -47,7 +47,8 @@ def test_a_stub_exports_all_names_that_the_package_loads_from_where_they_are_def
     [
         ("bc.spr", {"spray_boom", "spray_deposit", "spray_by_motion"}),
         ("bc.slew.compare_sl", {"compare_slews"}),
-        ("bc.spray_boom().eig", {"eigenfrequencies_hz"}),
+        # reads libraries, seconds where that was never done before
+        pytest.param("bc.spray_boom().eig", {"eigenfrequencies_hz"}, marks=pytest.mark.slow),
         ("bc.sigma(bc.spray_boom()).pe", {"peak", "peak_omega"}),
     ],
 )

@@ -13,16 +13,16 @@ from boomctl.slew import MeshStudy, optimal_slew
 from boomctl.slew.nlp.mesh_study import MeshLine
 from boomctl.studies.slew import SlewDesign, sections
 from boomctl.studies.slew.design import default_meshes, evaluated_plan
-from tests.profiles import is_quick
+from tests.profiles import is_hunt
 
 pytestmark = pytest.mark.early
 
 
 @pytest.fixture(scope="module", autouse=True)
 def short_films():
-    """Films end early in the quick profile: the frames are what takes long."""
+    """Films end early: the frames are what takes long."""
     with pytest.MonkeyPatch.context() as patch:
-        if is_quick():
+        if not is_hunt():
             patch.setattr(sections, "slew_film", partial(sections.slew_film, seconds_after=-2.0))
         yield
 

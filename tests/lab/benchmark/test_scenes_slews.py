@@ -78,7 +78,10 @@ def test_the_references_of_three_modes_are_ours():
         for n in (200, 400)
     ]
     assert referee.least_effort() == pytest.approx(ours[1] - (ours[0] - ours[1]) / 3.0, rel=5e-7)
-    assert optimal_slew(effort.beam, effort.angle, 200.0).duration == pytest.approx(referee.least_time(), rel=1e-9)
+    least = Referee(
+        replace(effort, intervals=100)
+    ).least_time()  # ends with exact switches from whatever mesh it begins on
+    assert optimal_slew(effort.beam, effort.angle, 200.0).duration == pytest.approx(least, rel=1e-9)
 
 
 @pytest.mark.slow

@@ -22,7 +22,7 @@ from boomctl.plotting.boom import draw_friction
 from boomctl.report import Picture, Report, Section, Table, bound_reports
 from boomctl.structure import split_symmetric
 from tests.command import Done, boomctl
-from tests.profiles import is_quick
+from tests.profiles import is_hunt, is_quick
 
 pytestmark = pytest.mark.early
 
@@ -40,7 +40,7 @@ class Reproduced:
 
 @pytest.fixture(scope="module")
 def reproduced(tmp_path_factory):
-    """``boomctl reproduce boom``; in the quick profile with fewer sines, one start of each fit and a film of two frames."""
+    """``boomctl reproduce boom``, its film short; in the quick profile with fewer sines and one start of each fit too."""
     out, seen = tmp_path_factory.mktemp("results"), {}
 
     def kept(name, of):
@@ -50,10 +50,11 @@ def reproduced(tmp_path_factory):
         patch.setattr(boom_report, "compute", kept("result", compute))
         patch.setattr(boom_report, "friction_study", kept("study", friction_study))
         patch.setattr(boom_report, "updating_study", kept("updating", updating_study))
+        if not is_hunt():
+            patch.setattr(boom_pictures, "animation_gif", partial(boom_pictures.animation_gif, frames=4))
         if is_quick():
             patch.setattr(boom_report, "POINTS", 9)
             patch.setattr(boom_updating, "STARTS", 1)
-            patch.setattr(boom_pictures, "animation_gif", partial(boom_pictures.animation_gif, frames=2))
         done = boomctl("reproduce", "boom", "--out", str(out), "--json", "--workers", "1")
     return Reproduced(done, out, **seen)
 
