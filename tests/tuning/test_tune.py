@@ -356,7 +356,7 @@ def test_over_a_family_nothing_inside_is_worse_than_said():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(1, 9 if is_hunt() else 4))
+@pytest.mark.parametrize("seed", range(1, 9 if is_hunt() else 3))
 def test_the_worst_of_the_objective_over_a_family_is_not_where_a_budget_is_worst(seed):
     rng = np.random.default_rng(seed)
     stiffness, damping = np.sort(rng.uniform(1.0, 6.0, 2)), np.sort(rng.uniform(0.1, 1.0, 2))
@@ -383,7 +383,7 @@ def test_a_parameter_of_the_family_may_be_tuned_and_the_others_are_uncertain():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("starts", [1, 3])
-@pytest.mark.parametrize("seed", range(12 if is_hunt() else 4))
+@pytest.mark.parametrize("seed", range(12 if is_hunt() else 3))
 def test_the_optimum_of_a_lower_order_is_a_start(seed, starts):
     rng = np.random.default_rng(seed)
     n = int(rng.integers(2, 5))
@@ -409,7 +409,7 @@ def test_the_optimum_of_a_lower_order_is_a_start(seed, starts):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [9, 61, *range(200, 230 if is_hunt() else 208)])
+@pytest.mark.parametrize("seed", [9, 61, *range(200, 230 if is_hunt() else 203)])
 def test_what_the_best_start_came_to_is_what_is_verified(seed):
     """Peaks of lightly damped loops that stand side by side: none is passed over, be it higher by a hundred-thousandth."""
     rng = np.random.default_rng(seed)
