@@ -267,6 +267,15 @@ CALLS = {
         "resolution_hz": 2.0,
         "band_hz": (1.0, 20.0),
     },
+    "identification.uncertainty_band": lambda: {
+        "measured": plant().frequency_response(np.geomspace(0.1, 10.0, 30)),
+        "model": plant().frequency_response(np.geomspace(0.1, 10.0, 30)) * 1.1,
+        "inputs": None,
+        "outputs": None,
+        "probability": 0.9,
+        "order": 3,
+        "fall": 1,
+    },
     "identify": lambda: {
         "inputs": {"force": noise()},
         "outputs": {"place": swinging()},
@@ -516,7 +525,13 @@ CALLS = {
         "tolerance": 0.05,
         "fastest_pole": None,
     },
-    "robust_stability": lambda: {"family": family(), "controller": regulator(), "max_cells": 3, "delay": 0.0},
+    "robust_stability": lambda: {
+        "family": family(),
+        "controller": regulator(),
+        "max_cells": 3,
+        "delay": 0.0,
+        "unmodelled": None,
+    },
     "analysis.ramp_bound": lambda: {
         "family": family(),
         "controller": regulator(),

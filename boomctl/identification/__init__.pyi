@@ -9,3 +9,4 @@ from boomctl.identification.identify import identify as identify
 from boomctl.identification.response import MeasuredResponse as MeasuredResponse
 from boomctl.identification.response import estimate_response as estimate_response
 from boomctl.identification.result import FitResult as FitResult
+from boomctl.identification.uncertainty_band import uncertainty_band as uncertainty_band

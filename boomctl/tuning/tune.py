@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from boomctl.analysis.box.robustness import pattern_search
+from boomctl.analysis.box.points import pattern_search
 from boomctl.analysis.norm import UNSTABLE, NormCertificate
 from boomctl.arrays import Array
 from boomctl.checks import function_of, instance, known, positive, sequence, whole, within

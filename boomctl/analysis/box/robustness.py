@@ -1,20 +1,20 @@
 """Stability and performance of a loop over a whole box of real parameters: a proof, and the worst point found."""
 
-from dataclasses import dataclass
-from itertools import product
-from math import inf
+from dataclasses import dataclass, replace
+from math import inf, isnan, nan
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from boomctl.analysis.box.loops import BoxLoops
+from boomctl.analysis.box.points import listed_values, pattern_search
 from boomctl.analysis.box.prove import BoxProof, StablePart, Statement, prove_box
 from boomctl.analysis.box.sampled_level import SampledLoops, sampled_loops
+from boomctl.analysis.box.unmodelled import small_gain
 from boomctl.analysis.loops import signals_of
 from boomctl.arrays import Array
 from boomctl.checks import exactly, instance, nonnegative, positive, whole
 from boomctl.lti.controllers.scheduled import ScheduledController
-from boomctl.lti.rounding import ALIKE
 from boomctl.lti.sampled import time_of_loop
 from boomctl.lti.system import Lti, controller_of, rates_of
 from boomctl.printing import sentence
@@ -28,14 +28,9 @@ if TYPE_CHECKING:
 
 _CELLS = 500  # most cells of a proof (a choice of patience: seconds to a minute)
 _MARGIN_CELLS = 100  # most cells of each of the proofs of a margin (a choice)
-_STEPS = (0.5, 0.25, 0.125, 0.0625)  # of a pattern search, in half-widths of the box (a choice)
 _KINDS = "StateSpace or ScheduledController"
 _PROOFS = 12  # at most, of a margin
 _FINER = 0.1  # share of the tolerance to which the factor of known instability is narrowed down, before proofs begin
-
-
-def listed_values(values: dict[str, float]) -> str:
-    return ", ".join(f"{name} = {value:.5g}" for name, value in values.items())
 
 
 @dataclass(frozen=True)
@@ -60,6 +55,9 @@ class RobustStability:
         Why the proof was given up, and where; empty where it was not.
     path : str
         How many cells of which kind proved it; empty where it was not.
+    gain : float
+        Largest gain found around what is not modelled, in its bounds: below one at every point where it is proved; ``nan``
+        where nothing was said to be unmodelled, or the loop is not proved stable without it.
     """
 
     proved: bool
@@ -69,6 +67,7 @@ class RobustStability:
     worst: dict[str, float]
     reason: str = ""
     path: str = ""
+    gain: float = nan
 
     def __repr__(self) -> str:
         return sentence("RobustStability", self.render())
@@ -85,7 +84,10 @@ class RobustStability:
             return f"unstable at {listed_values(self.unstable_at)} (pole with real part {self.abscissa:.4g} rad/s)"
         verdict = "stable over the whole box, proved" if self.proved else "stable where tried, but not proved,"
         found = f"real parts of poles found up to {self.abscissa:.4g} rad/s, at {listed_values(self.worst)}"
-        return f"{verdict} in {self.cells} cells{f' ({self.reason})' if self.reason else ''}; {found}"
+        around = (
+            "" if isnan(self.gain) else f"; gain around what is not modelled found up to {self.gain:.4g} of its bounds"
+        )
+        return f"{verdict} in {self.cells} cells{f' ({self.reason})' if self.reason else ''}; {found}{around}"
 
 
 @dataclass(frozen=True)
@@ -144,6 +146,7 @@ def robust_stability(
     max_cells: int = _CELLS,
     *,
     delay: float = 0.0,
+    unmodelled: "control.StateSpace | None" = None,
     progress: "Listener | None" = None,
 ) -> RobustStability:
     """Prove that a loop ``u = K y`` is stable over a whole box of parameters, or find where it is not.
@@ -166,6 +169,11 @@ def robust_stability(
         instability is claimed.  Of those of parameters and frequencies, which are smaller, there may be 150 times as many.
     delay : float, optional
         Time between a sample and the moment its control acts [s]; only with a discrete controller.
+    unmodelled : control.StateSpace, optional
+        Bounds of what the family does not model, in continuous time, such as :func:`boomctl.identification.uncertainty_band`
+        makes: from the controls to what is measured, by name.  The plants are all those of the family with any stable
+        dynamics added, each entry below that of the bounds at every frequency.  With a discrete controller bounds must fall
+        with frequency; what samples fold back is in the proof.
     progress : callable, optional
         Is told a `Progress` at each stage.  Without one, after three seconds a line on a terminal or in a notebook says
         what goes on; `listening` hears whatever runs within it.
@@ -178,7 +186,8 @@ def robust_stability(
     Raises
     ------
     TypeError, ValueError
-        Other kinds of system; names that do not meet; controls that impose motion; a delay that the loop cannot have.
+        Other kinds of system; names that do not meet; controls that impose motion; a delay that the loop cannot have; bounds
+        that are not stable, or beside a controller that follows a parameter.
 
     Examples
     --------
@@ -188,9 +197,16 @@ def robust_stability(
     >>> spring = control.ss([], [], [], [[-100.0]], inputs="stroke_anti", outputs="suspension_anti")
     >>> bc.robust_stability(family, spring).proved
     True
+    >>> W = bc.low_pass(1e-4, 20.0, order=2)  # m/N
+    >>> W.update_names(inputs=["suspension_anti"], outputs=["stroke_anti"])
+    >>> around = bc.robust_stability(family, spring, unmodelled=W)
+    >>> around.proved, round(around.gain, 3)
+    (True, 0.353)
     """
     limit = whole("max_cells", max_cells)
     K = None if isinstance(controller, ScheduledController) else controller_of(controller, _KINDS, sampled=True)
+    if unmodelled is not None and K is None:
+        raise ValueError("unmodelled: expected none beside a controller that follows a parameter")
     loops = _Sampled.of(family, K, delay) if K is not None and K.dt != 0.0 else None
     if loops is None:
         if nonnegative("delay", delay):
@@ -208,11 +224,22 @@ def robust_stability(
         except ValueError as error:
             return RobustStability(False, None, 0, rate, worst, str(error))
         found = prove_box(parts, Statement.stable(loops.stable), limit)
-    cells, bad = found.dear + found.cheap, found.refuted
-    if bad is not None:
-        return RobustStability(False, family.values(bad), cells, loops.abscissa(bad), family.values(bad))
-    reason = "" if found.left is None else _given_up(family, loops.abscissa(found.left), found, limit)
-    return RobustStability(found.proved, None, cells, rate, worst, reason, found.path)
+        cells, bad = found.dear + found.cheap, found.refuted
+        if bad is not None:
+            return RobustStability(False, family.values(bad), cells, loops.abscissa(bad), family.values(bad))
+        reason = "" if found.left is None else _given_up(family, loops.abscissa(found.left), found, limit)
+        alone = RobustStability(found.proved, None, cells, rate, worst, reason, found.path)
+        if unmodelled is None or K is None or not found.proved:
+            return alone
+        around = small_gain(family, K, unmodelled, delay, limit)
+    proof = around.proof
+    if around.gain >= 1.0:
+        reason = f"gain {around.gain:.4g} around what is not modelled at {listed_values(family.values(around.at))}"
+    else:
+        reason = "" if proof.proved else around.reason or f"gain not proved below one with max_cells = {limit}"
+    cells += proof.dear + proof.cheap
+    path = f"{alone.path}; {proof.path} with what is not modelled" if proof.proved else ""
+    return replace(alone, proved=proof.proved, cells=cells, reason=reason, path=path, gain=around.gain)
 
 
 @dataclass(frozen=True)
@@ -255,36 +282,6 @@ def _given_up(family: Family, abscissa: float, found: BoxProof, limit: int) -> s
     if found.small:
         return f"given up {where}: not even a cell of 1/{limit} of the box (max_cells) could be proved there"
     return f"given up {where}: it would take more than max_cells = {limit}"
-
-
-def pattern_search(
-    value: "Callable[[Array], float]", size: int, factor: float, start: Array | None = None
-) -> tuple[Array, float, int]:
-    """Return where in the box ``value`` is largest among the points a pattern search visits.
-
-    It begins at a point, or at the worst of the box's lattice.
-    """
-    lattice = (
-        [factor * np.array(point) for point in product((0.0, -1.0, 1.0), repeat=size)] if start is None else [start]
-    )
-    values = [value(point) for point in lattice]
-    best, tried = int(np.argmax(values)), len(lattice)
-    at, top = lattice[best], values[best]
-    for step in _STEPS:
-        moved = top < inf
-        while moved:
-            moved = False
-            for axis, sign in product(range(size), (-1.0, 1.0)):
-                point = at.copy()
-                point[axis] = np.clip(point[axis] + sign * step * factor, -factor, factor)
-                if (point == at).all():
-                    continue
-                tried += 1
-                found = value(point)
-                # by how much a point must be worse than the worst so far, relative, to be gone to: more than rounding
-                if found > top * (1.0 + ALIKE * np.sign(top)):
-                    at, top, moved = point, found, found < inf
-    return at, top, tried
 
 
 def structured_margin(

@@ -9,8 +9,8 @@ import numpy as np
 
 from boomctl.analysis.box.level import DrivenLoops
 from boomctl.analysis.box.loops import BoxLoops, controller_at
+from boomctl.analysis.box.points import listed_values, pattern_search
 from boomctl.analysis.box.prove import WORTH, BoxProof, Statement, prove_box
-from boomctl.analysis.box.robustness import listed_values, pattern_search
 from boomctl.analysis.box.sampled_level import SampledLoops
 from boomctl.analysis.box.zero_exclusion import value_at
 from boomctl.analysis.h2 import matrices_h2_norm
@@ -218,15 +218,15 @@ def worst_case(
             reason = "none is tried for controllers that follow a parameter"
         else:
             tell("loop over the box")
-            parts, reason = _parts(family, K, loop_at(np.zeros(family.size)), late)
-            reason = reason or _hindrance(parts, at, delta)
+            parts, reason = driven_parts(family, K, loop_at(np.zeros(family.size)), late)
+            reason = reason or hindrance(parts, at, delta)
             if not reason:
                 delta, bound, proof, reason = _bounded(parts, at, delta, wanted, limit)
     cells = proof.dear + proof.cheap
     return WorstCase(at(delta), family.values(delta), nominal, tried, bound, cells, reason, proof.path)
 
 
-def _parts(
+def driven_parts(
     family: Family, K: Lti, judged: Lti, late: float
 ) -> "tuple[Sequence[DrivenLoops] | Sequence[SampledLoops], str]":
     """Return the loops whose level is to be proved, between the signals judged, or why there are none."""
@@ -238,7 +238,7 @@ def _parts(
         return [], str(error)
 
 
-def _hindrance(
+def hindrance(
     parts: "Sequence[DrivenLoops] | Sequence[SampledLoops]", at: "Callable[[Array], NormCertificate]", delta: Array
 ) -> str:
     """Return why there is no bound to be looked for; empty where there may be one.

@@ -1,0 +1,47 @@
+"""Points of a box of parameters: as text, and the worst of them that a search visits."""
+
+from collections.abc import Callable
+from itertools import product
+from math import inf
+
+import numpy as np
+
+from boomctl.arrays import Array
+from boomctl.lti.rounding import ALIKE
+
+_STEPS = (0.5, 0.25, 0.125, 0.0625)  # of a pattern search, in half-widths of the box (a choice)
+
+
+def listed_values(values: dict[str, float]) -> str:
+    """Return values of parameters as text."""
+    return ", ".join(f"{name} = {value:.5g}" for name, value in values.items())
+
+
+def pattern_search(
+    value: Callable[[Array], float], size: int, factor: float, start: Array | None = None
+) -> tuple[Array, float, int]:
+    """Return where in the box ``value`` is largest among the points a pattern search visits.
+
+    It begins at a point, or at the worst of the box's lattice.
+    """
+    lattice = (
+        [factor * np.array(point) for point in product((0.0, -1.0, 1.0), repeat=size)] if start is None else [start]
+    )
+    values = [value(point) for point in lattice]
+    best, tried = int(np.argmax(values)), len(lattice)
+    at, top = lattice[best], values[best]
+    for step in _STEPS:
+        moved = top < inf
+        while moved:
+            moved = False
+            for axis, sign in product(range(size), (-1.0, 1.0)):
+                point = at.copy()
+                point[axis] = np.clip(point[axis] + sign * step * factor, -factor, factor)
+                if (point == at).all():
+                    continue
+                tried += 1
+                found = value(point)
+                # by how much a point must be worse than the worst so far, relative, to be gone to: more than rounding
+                if found > top * (1.0 + ALIKE * np.sign(top)):
+                    at, top, moved = point, found, found < inf
+    return at, top, tried

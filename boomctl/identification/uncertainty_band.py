@@ -1,0 +1,114 @@
+"""What parameters cannot explain of a measured response, as a bound over frequency."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from scipy import linalg
+
+from boomctl.checks import real, some_names, whole
+from boomctl.identification.measured import RESPONSE, Builder, Measured
+from boomctl.lti.overbound import overbound
+from boomctl.lti.system import Lti
+
+if TYPE_CHECKING:
+    import control
+
+    from boomctl.identification.response import MeasuredResponse
+
+
+def uncertainty_band(
+    measured: "MeasuredResponse | control.FrequencyResponseData | Sequence[Any]",
+    model: Any,
+    inputs: str | Sequence[str] | None = None,
+    outputs: str | Sequence[str] | None = None,
+    *,
+    probability: float = 0.95,
+    order: int = 6,
+    fall: int = 2,
+) -> "control.StateSpace":
+    """Return filters that bound what a measured response has beside a model, entry by entry.
+
+    At each measured frequency an entry is at least the size of measured less model, and as much more as the deviation of the
+    measurement may hide.  Between and beyond them it is what its real poles say: flat below the measured frequencies, falling
+    above; valleys between resonances are filled.
+
+    Parameters
+    ----------
+    measured : MeasuredResponse, FrequencyResponseData, or a list or mapping of such
+        As `fit` takes it; without ``deviation`` the measurement is taken for exact.  Of several data sets the largest counts.
+    model : SecondOrderModel, StateSpace, FrequencyResponseData, ...
+        The model, such as ``build(found.parameters)`` of a fit, or ``found.model`` of an identification.
+    inputs, outputs : str or sequence of str, optional
+        Entries wanted, by names in what was measured; by default all.
+    probability : float
+        That an entry is within its bound at a measured frequency, between 0.5 and 1: errors are taken for normal.
+    order : int
+        Poles of each entry, spread over the measured frequencies.
+    fall : int
+        Power of frequency with which entries fall above the measured frequencies, at most ``order``: 2 of displacements that
+        forces cause, 1 of speeds, 0 of accelerations.
+
+    Returns
+    -------
+    control.StateSpace
+        Stable, ``order`` states for each entry; for ``unmodelled`` of `robust_stability`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        What was measured is no complex response; unknown signals; a model that does not answer as was measured, or that
+        leaves nothing of an entry; numbers out of range.
+
+    Notes
+    -----
+    The band belongs to a model, such as that at the fitted parameters.  `robust_stability` adds it to every model of a
+    family, so that what is proved holds for more plants than the record leaves open.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> import numpy as np
+    >>> def cart(*masses):  # a mass on a spring, and small ones on stiff springs that a model may leave out
+    ...     k = np.array([30.0, 400.0])[: len(masses)]
+    ...     K = np.diag(k + np.r_[k[1:], 0.0]) - np.diag(k[1:], 1) - np.diag(k[1:], -1)
+    ...     first = np.eye(len(masses))[0]
+    ...     return bc.structure.SecondOrderModel(np.diag(masses), 0.01 * K, K, {"force": first}, {"place": first})
+    >>> H = cart(1.0, 0.05).frequency_response(np.geomspace(1.0, 200.0, 80))
+    >>> W = bc.identification.uncertainty_band(H, cart(1.05))
+    >>> left = abs(H.frdata - cart(1.05).frequency_response(H.omega).frdata)
+    >>> bool((abs(W(1j * H.omega)) >= left[0, 0]).all())
+    True
+    """
+    level = real("probability", probability)
+    if not 0.5 <= level < 1.0:
+        raise ValueError(f"probability = {probability!r}: expected a number from 0.5 to below 1")
+    poles = whole("order", order)
+    falling = whole("fall", fall, 0, poles)
+    data = Measured.of(measured, None, None, "absolute", None, None)
+    if data.kind != RESPONSE or data.omega is None or data.labels is None:
+        raise TypeError(f"measured: expected a complex frequency response, got {data.kind}")
+    ins, outs = (
+        some_names(what, wanted, there)
+        for what, wanted, there in zip(("input", "output"), (inputs, outputs), data.labels, strict=True)
+    )
+    left = np.abs(data.values - Builder.of(lambda parameters: model, data)(None))
+    if data.noise is not None:  # real and imaginary part normal: the size of their error is Rayleigh's
+        hidden = np.where(data.kept, data.noise * np.where(data.kept, data.spread, 0.0), 0.0)
+        left += np.sqrt(-2.0 * np.log(1.0 - level)) * hidden
+    sent, read = np.eye(len(ins)), np.eye(len(outs))
+    omega, entries = data.omega, []
+    for k, y in enumerate(outs):
+        for m, u in enumerate(ins):
+            at = data.labels[1].index(y), data.labels[0].index(u)
+            use = data.kept[at] & (omega > 0.0)
+            if not left[at][use].any():
+                raise ValueError(
+                    f"model: expected one that leaves something of what was measured from {u} to {y}, got none"
+                )
+            entries.append((k, m, overbound(omega[use], left[at][use], poles, falling)))
+    A = linalg.block_diag(*(each.A for _, _, each in entries))
+    B = np.vstack([each.B * sent[m] for _, m, each in entries])
+    C = np.hstack([read[:, [k]] * each.C for k, _, each in entries])
+    D = np.array([each.D[0, 0] for *_, each in entries]).reshape(len(outs), len(ins))
+    return Lti(A, B, C, D, ins, outs).statespace("uncertainty band")

@@ -1,0 +1,228 @@
+"""Stability with dynamics that a family does not model: what is proved is stable with whatever is within the bounds."""
+
+import control
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import boomctl as bc
+from boomctl.analysis.box.unmodelled import _folded
+from boomctl.lti.overbound import overbound
+from boomctl.lti.system import of
+from boomctl.structure import AffineFamily, SecondOrderModel
+from tests.profiles import examples
+from tests.strategies import seeds
+
+
+def family(damping=0.1):
+    """Return two masses of which a stiffness and a mass are uncertain."""
+
+    def make(values):
+        k, m = values["stiffness"], values["mass"]
+        M, K = np.diag([1.0, m]), np.array([[2.0 + k, -k], [-k, k]])
+        C = damping * np.array([[2.0, -1.0], [-1.0, 1.0]])
+        return SecondOrderModel(M, C, K, {"u": [1.0, 0.0], "v": [0.0, 1.0]}, {"y": [1.0, 0.0], "z": [0.0, 1.0]})
+
+    return AffineFamily.through({"stiffness": (0.8, 1.2), "mass": (0.9, 1.1)}, make)
+
+
+def named(system, inputs="u", outputs="y"):
+    system = control.ss(system)
+    time = (system.dt,) if system.dt else ()
+    return control.ss(system.A, system.B, system.C, system.D, *time, inputs=inputs, outputs=outputs)
+
+
+def damper(gain=0.6, corner=8.0):
+    return named(control.ss(-corner, corner, corner * gain, -corner * gain), "y", "u")
+
+
+def with_beside(plant, beside):
+    """Return a plant with dynamics beside it, by names."""
+    P, D = of(plant), of(beside)
+    i, o = ([names.index(n) for n in own] for names, own in ((P.inputs, D.inputs), (P.outputs, D.outputs)))
+    n, k = len(P.A), len(D.A)
+    A, B, C, E = np.zeros((n + k, n + k)), np.zeros((n + k, len(P.inputs))), np.zeros((len(P.C), n + k)), P.D.copy()
+    A[:n, :n], A[n:, n:], B[:n], C[:, :n] = P.A, D.A, P.B, P.C
+    B[np.ix_(range(n, n + k), i)] = D.B
+    C[np.ix_(o, range(n, n + k))] = D.C
+    E[np.ix_(o, i)] += D.D
+    return control.ss(A, B, C, E, inputs=list(P.inputs), outputs=list(P.outputs))
+
+
+def turned(W, rng):
+    """Return dynamics as large as a bound at every frequency, their phase turned by passes of all drawn."""
+    found = control.ss(W) * rng.choice([-1.0, 1.0])
+    for rate in rng.uniform(0.1, 20.0, rng.integers(0, 3)):
+        found = found * control.ss(-rate, 1.0, 2.0 * rate, -1.0)
+    return found
+
+
+def slowest(plant, K, late=0.0):
+    """Return the rate of the slowest pole of a loop."""
+    poles = bc.feedback_loop(plant, K, added=K.input_labels, delay=late).poles()
+    return np.log(np.abs(poles)).max() if K.dt else poles.real.max()
+
+
+BOUND = named(bc.synthesis.band_pass(0.05, 0.3, 6.0) * bc.low_pass(1.0, 9.0))
+
+
+def scaled(W, by):
+    return named(by * control.ss(W))
+
+
+SLOW = [pytest.param(late, marks=pytest.mark.slow) for late in (0.0, 0.07)]
+
+
+@pytest.mark.parametrize("late", [None, *SLOW])
+def test_what_is_proved_is_stable_with_whatever_is_within_the_bounds(late):
+    """Up to 5 % below where small gain ends; drawn: points of the box, and dynamics that touch the bounds everywhere."""
+    rng, plants = np.random.default_rng(0), family()
+    K = damper() if late is None else bc.discretize(damper(), 0.1)
+    loose = bc.robust_stability(plants, K, unmodelled=scaled(BOUND, 0.1), delay=late or 0.0)
+    assert loose.proved
+    W = scaled(BOUND, 0.1 * 0.95 / loose.gain)
+    tight = bc.robust_stability(plants, K, unmodelled=W, delay=late or 0.0)
+    assert tight.proved
+    assert tight.gain == pytest.approx(0.95, rel=1e-3)
+    assert "with what is not modelled" in tight.path
+    for _ in range(40):
+        plant = with_beside(plants.at(rng.uniform(-1.0, 1.0, 2)), named(turned(W, rng)))
+        assert slowest(plant, K, late or 0.0) < 0.0
+
+
+def test_just_beyond_the_bounds_a_plant_is_unstable_and_nothing_is_proved():
+    """Of one entry small gain is necessary: a pass of all turns the phase until a pole crosses the axis."""
+    plants, K = family(), damper()
+    found = bc.robust_stability(plants, K, unmodelled=BOUND)
+    for by in (0.97, 1.03):
+        W = scaled(BOUND, by / found.gain)
+        again = bc.robust_stability(plants, K, unmodelled=W)
+        assert again.proved == (by < 1.0)
+        assert again.unstable_at is None
+    assert "gain 1.03 around what is not modelled" in again.reason
+    gains = []
+    for delta in np.random.default_rng(0).uniform(-1.0, 1.0, (30, 2)):
+        plant = plants.at(delta).select("u", "y").to_statespace()
+        around = control.ss(W) * named(K, "y", "u") * control.feedback(control.ss([], [], [], 1.0), plant * K, sign=1)
+        gains.append((bc.hinf_norm(around), delta, around))
+    norm, delta, around = max(gains, key=lambda each: each[0].lower)
+    assert 0.95 < norm.lower <= 1.03 * (1.0 + 1e-9)
+    omega, value = norm.omega, around(1j * norm.omega)
+    larger = scaled(W, 1.02 / norm.lower)
+    angle = np.angle(1.0 / value) % (2.0 * np.pi)  # of -+ (s - r)/(s + r), from pi down to 0
+    sign, angle = (1.0, angle) if angle < np.pi else (-1.0, angle - np.pi)
+    rate = omega / np.tan(0.5 * (np.pi - angle)) if angle else 0.0
+    turn = sign * control.ss(-rate, 1.0, -2.0 * rate, 1.0)
+    assert np.angle(turn(1j * omega) * value) == pytest.approx(0.0, abs=1e-6)
+    assert slowest(with_beside(plants.at(delta), named(larger * turn)), K) > 0.0
+
+
+@given(seed=seeds)
+@examples(20)
+def test_all_that_samples_make_of_what_is_below_a_bound_is_below_its_discrete_bound(seed):
+    """And near it: no more than 1.5 times above the bound itself, where nothing folds back."""
+    rng = np.random.default_rng(seed)
+    corner, dt = 10.0 ** rng.uniform(-1.0, 1.0), 10.0 ** rng.uniform(-2.0, -0.5)
+    W = named(bc.synthesis.band_pass(1.0, 0.5 * corner, 4.0 * corner) * bc.low_pass(1.0, 6.0 * corner, 1 + seed % 2))
+    folded = _folded(of(W), dt, "")
+    omega = np.geomspace(1e-3 * corner, 0.999 * np.pi / dt, 400)
+    bound = np.abs(folded.response(omega)[0, 0])
+    for _ in range(5):
+        met = control.sample_system(turned(W, rng), dt, "zoh")
+        assert (np.abs(met(np.exp(1j * omega * dt))) <= bound).all()
+    low = omega < 0.02 * np.pi / dt
+    if 6.0 * corner < 0.05 * np.pi / dt:
+        size = np.abs(W(1j * omega))
+        assert np.median(bound[low] / size[low]) < 1.5
+
+
+@given(seed=seeds, order=st.integers(3, 8), fall=st.integers(0, 2))
+@examples(40)
+def test_a_bound_is_above_and_falls_as_it_is_told(seed, order, fall):
+    rng = np.random.default_rng(seed)
+    omega = np.sort(10.0 ** rng.uniform(-1.0, 2.0, 60))
+    size = 10.0 ** rng.uniform(-6.0, 3.0) * rng.rayleigh(size=60) / (1.0 + np.square(omega / 5.0))
+    W = overbound(omega, size, order, fall)
+    assert len(W.A) == order
+    assert (W.poles.real < 0.0).all()
+    there = np.abs(W.response(omega)[0, 0])
+    assert (there >= size).all()
+    assert (there / size).min() == pytest.approx(1.0, abs=1e-6)  # it touches
+    far = 1e4 * omega[-1] * np.array([1.0, 10.0])
+    high = np.abs(W.response(far)[0, 0])
+    assert high[1] / high[0] == pytest.approx(10.0**-fall, rel=1e-3)
+
+
+@pytest.mark.slow
+def test_entries_of_several_signals_are_weighed_whatever_their_units():
+    rng, plants = np.random.default_rng(1), family(0.3)
+    K = control.ss(
+        -8.0 * np.eye(2), 8.0 * np.eye(2), 3.0 * np.eye(2), -3.0 * np.eye(2), inputs=["y", "z"], outputs=["u", "v"]
+    )
+    entry = control.ss(BOUND)
+    W = control.append(*[entry] * 4)
+    W = named(
+        control.ss([], [], [], [[1.0, 0.5, 0.0, 0.0], [0.0, 0.0, 0.5, 1.0]])
+        * W
+        * control.ss([], [], [], [[1.0, 0.0], [0.0, 1.0], [1.0, 0.0], [0.0, 1.0]]),
+        ["u", "v"],
+        ["y", "z"],
+    )
+    found = bc.robust_stability(plants, K, unmodelled=scaled_all(W, 0.1))
+    assert found.proved
+    W = scaled_all(W, 0.095 / found.gain)
+    assert bc.robust_stability(plants, K, unmodelled=W).proved
+    for _ in range(20):
+        plant = plants.at(rng.uniform(-1.0, 1.0, 2))
+        for u in "uv":
+            for y in "yz":
+                share = 0.5 if (u == "v") == (y == "y") else 1.0
+                beside = named(share * 0.095 / found.gain * turned(entry, rng), u, y)
+                plant = with_beside(plant, beside)
+        assert slowest(plant, K) < 0.0
+    rescaled = in_other_units(plants, 1024.0)
+    S = np.diag([1.0, 1024.0])
+    K2 = control.ss(K.A, K.B @ np.linalg.inv(S), K.C, K.D @ np.linalg.inv(S), inputs=["y", "z"], outputs=["u", "v"])
+    W2 = control.ss(W.A, W.B, S @ W.C, S @ W.D, inputs=["u", "v"], outputs=["y", "z"])
+    assert bc.robust_stability(rescaled, K2, unmodelled=W2).gain == pytest.approx(0.95, rel=1e-2)
+
+
+def scaled_all(W, by):
+    return control.ss(W.A, W.B, by * W.C, by * W.D, inputs=["u", "v"], outputs=["y", "z"])
+
+
+def in_other_units(plants, by):
+    """Return a family whose output z is so many times larger."""
+
+    def make(values):
+        here = plants.at(plants.deltas(values))
+        forces = {"u": [1.0, 0.0], "v": [0.0, 1.0]}
+        return SecondOrderModel(here.M, here.C, here.K, forces, {"y": [1.0, 0.0], "z": [0.0, by]})
+
+    return AffineFamily.through(plants.ranges, make)
+
+
+REFUSED = {
+    "names": (named(BOUND, "u", "x"), ValueError, r"unknown output of unmodelled \(the controller has it\) 'y'"),
+    "unstable": (named(control.ss(1.0, 1.0, 1.0, 0.0)), ValueError, "unmodelled: expected a stable bound"),
+    "discrete": (named(control.ss(0.5, 1.0, 1.0, 0.0, 0.1)), ValueError, "unmodelled: expected continuous time"),
+    "a number": (0.1, TypeError, "unmodelled: expected StateSpace"),
+}
+
+
+@pytest.mark.parametrize(("bound", "kind", "said"), REFUSED.values(), ids=REFUSED.keys())
+def test_what_is_no_bound_is_refused_by_name(bound, kind, said):
+    with pytest.raises(kind, match=said) as refused:
+        bc.robust_stability(family(), damper(), unmodelled=bound)
+    assert "\n" not in str(refused.value)
+
+
+def test_bounds_that_samples_fold_without_end_and_schedules_are_refused():
+    flat = named(control.ss([], [], [], 0.01))
+    assert bc.robust_stability(family(), damper(), unmodelled=flat).proved
+    with pytest.raises(ValueError, match=r"expected a bound from u to y that falls with frequency, got 0\.01"):
+        bc.robust_stability(family(), bc.discretize(damper(), 0.1), unmodelled=flat)
+    follows = bc.schedule([damper(0.5), damper(0.6)], [0.8, 1.2], "stiffness")
+    with pytest.raises(ValueError, match="unmodelled: expected none beside a controller that follows a parameter"):
+        bc.robust_stability(family(), follows, unmodelled=flat)
