@@ -5,6 +5,8 @@ import warnings
 import control
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from matplotlib.figure import Figure
 from scipy import signal
 
@@ -14,6 +16,7 @@ from boomctl.identification.record import Record
 from boomctl.identification.spectra import Spectra
 from tests.identification.chain import response_of_record, three_masses
 from tests.identification.test_response import STEP, noise
+from tests.profiles import examples
 
 
 def poles_of(model, top_hz=np.inf):
@@ -132,6 +135,22 @@ def test_intervals_hold():
             held += [low <= -pole.real / abs(pole) <= high]
     assert len(held) == 48
     assert sum(held) >= 40  # one chance in a thousand of fewer
+
+
+@given(seed=st.integers(0, 10**6), counts=st.floats(20.0, 200.0))
+@examples(20)
+def test_a_quantised_twin_gives_its_modes_and_answers_alike_both_ways(seed, counts):
+    """Outputs in so many counts to their RMS.  Sensors stand at the actuators: what one sees of the other is the same."""
+    model = three_masses(0.01)
+    u, y = driven(model, 5000, seed=seed)
+    count = y.std() / counts
+    found = bc.identify(u, count * np.round(y / count), STEP)
+    frequencies, dampings = errors_of(found, poles_of(model))
+    assert frequencies.max() < 1e-4
+    assert dampings.max() < 0.01
+    assert found.model is not None
+    G = found.model.frequency_response(2.0 * np.pi * np.linspace(1.0, 9.0, 60)).frdata
+    assert np.abs(G[0, 1] - G[1, 0]).max() < 0.01 * np.abs(G[0, 1]).max()
 
 
 def test_close_modes_are_told_apart_from_any_order():
