@@ -9,6 +9,7 @@ holds 1e-20 of noise is a free body.  Poles that lie on the axis exactly are the
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.linalg import lapack
 
 from boomctl.arrays import Array
 from boomctl.lti.rounding import CANCELLED, EPS, TINY
@@ -103,7 +104,7 @@ def _decay(system: Lti, entries: Array, reads: Array, decay: Array) -> bool:
     M-matrix.
     """
     A, (poles, left, right) = system.A, system.eigensystem
-    size, product, angles = np.abs(right), A @ right, np.einsum("ij,ij->j", left.conj(), right)
+    size, product, angles = np.abs(right), A @ right, (left.conj() * right).sum(axis=0)
     if not angles.all():
         return False
     inverse = left.conj().T / angles[:, None]
@@ -111,7 +112,5 @@ def _decay(system: Lti, entries: Array, reads: Array, decay: Array) -> bool:
         return False
     rounding = (len(A) * EPS + CANCELLED) * (entries @ size + size * np.abs(poles))
     F = _TWICE * reads @ (np.abs(product - right * poles) + rounding)
-    try:
-        return bool((np.linalg.solve(np.diag(decay) - F, np.ones(len(A))) > 0.0).all())
-    except np.linalg.LinAlgError:
-        return False
+    _, _, found, singular = lapack.dgesv(np.diag(decay) - F, np.ones(len(A)))
+    return not singular and bool((found > 0.0).all())

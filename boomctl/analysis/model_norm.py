@@ -39,6 +39,7 @@ from boomctl.lti.frequency import (
     Resonances,
     Response,
     gain_by_eigenvectors,
+    largest_of,
     singular_values,
 )
 from boomctl.lti.modal import side_of_axis
@@ -379,12 +380,13 @@ class _Realised:
         if not len(poles):
             return inf, inf
         near = beside(poles.imag + np.abs(poles.real))
-        values = gain_by_eigenvectors(self.system)(near)
-        return float(values.max()), float(near[np.argmax(values)])
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            values = gain_by_eigenvectors(self.system)(near)
+        return float(values.max()), float(near[values.argmax()])
 
     def stays_below(self, level: float) -> bool:
         """Return whether it is proved that no singular value reaches a level at any frequency."""
-        if (side_of_axis(self.system.poles) >= 0).any() or np.linalg.norm(self.system.D, 2) >= level:
+        if (side_of_axis(self.system.poles) >= 0).any() or largest_of(self.system.D) >= level:
             return False
         return level_shows(self.system, level, self.guess[1]) and not len(axis_eigenvalues(self.system, level))
 

@@ -17,13 +17,21 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy import linalg
-from scipy.linalg import lapack
+from scipy.linalg import blas, lapack
 
 from boomctl.analysis.marginal_poles import MarginalPoles, marginal_poles
 from boomctl.analysis.prove import Claim
 from boomctl.arrays import Array, balance, blocks
 from boomctl.lti.bilinear import continuous_image, omega_of_image
-from boomctl.lti.frequency import RAISED, Resonances, Response, largest_gain, resonance_grid, singular_values
+from boomctl.lti.frequency import (
+    RAISED,
+    Resonances,
+    Response,
+    largest_gain,
+    largest_of,
+    resonance_grid,
+    singular_values,
+)
 from boomctl.lti.rounding import CERTIFIED, DIGIT, EPS, LEVEL, SUMMED, TINY
 from boomctl.lti.system import BATCH, Lti, System, beside, of
 
@@ -158,7 +166,7 @@ def matrices_norm(
     """
     system = given.system
     if min(system.D.shape) == 0 or not len(system.A):
-        value = float(np.linalg.norm(system.D, 2)) if system.D.size else 0.0
+        value = largest_of(system.D)
         return NormCertificate(value, value, 0.0, STATIC_GAIN)
     axis = marginal_poles(given) if axis is None else axis
     if axis.infinite is not None:
@@ -198,7 +206,7 @@ def level_norm(system: Lti, response: Response | None = None) -> NormCertificate
     """
     respond = partial(system.response, quiet=True) if response is None else response
     peak, at = largest_gain(system, response)
-    static = float(np.linalg.norm(system.D, 2))
+    static = largest_of(system.D)
     peak, at = (peak, at) if peak >= static else (static, inf)
     for _ in range(RAISED):
         level = peak * (1.0 + LEVEL)
@@ -290,7 +298,7 @@ def _largest_beyond_rounding(given: System) -> tuple[float, float]:
     G, doubts = _responses(given, grid)
     values = singular_values(G)[0] - doubts
     best = int(np.argmax(values))
-    static = float(np.linalg.norm(system.D, 2))
+    static = largest_of(system.D)
     return (float(values[best]), float(grid[best])) if values[best] >= static else (static, inf)
 
 
@@ -302,7 +310,8 @@ def _responses(given: System, omega: Array) -> tuple[Array, Array]:
     step = max(1, BATCH // len(A) ** 2)
     for k in range(0, len(omega), step):
         few = slice(k, k + step)
-        pencil = np.tile(-A.astype(complex), (len(omega[few]), 1, 1))
+        pencil = np.zeros((len(omega[few]), *A.shape), complex)
+        pencil -= A
         pencil[:, places, places] += system.boundary(omega[few])[:, None]
         try:
             acting = np.linalg.solve(pencil, system.B + 0j)
@@ -344,13 +353,13 @@ def level_shows(system: Lti, level: float, omega: float, hamiltonian: tuple[Arra
     if singular:  # a pole that rounding alone keeps from the axis
         return False
     states = lapack.zgetrs(factors, swapped, system.B)[0]
-    v = np.linalg.svd(system.C @ states + system.D)[2][0].conj()
+    v = lapack.zgesdd(system.C @ states + system.D)[2][0].conj()
     x = states @ v
     y = system.C @ x + system.D @ v
     p = lapack.zgetrs(factors, swapped, system.C.T @ y, trans=2)[0] / level
     H, scale = hamiltonian_matrix(system, level) if hamiltonian is None else hamiltonian
-    gap = (1.0 - (np.linalg.norm(y) / level) ** 2) * np.linalg.norm((system.B @ v) / scale[:n])
-    return bool(gap > DIGIT * np.linalg.norm(H) * np.linalg.norm(np.concatenate([x, p]) / scale))
+    gap = (1.0 - (blas.dznrm2(y) / level) ** 2) * blas.dznrm2((system.B @ v) / scale[:n])
+    return bool(gap > DIGIT * blas.dnrm2(H.ravel()) * blas.dznrm2(np.concatenate([x, p]) / scale))
 
 
 def axis_eigenvalues(system: Lti, level: float) -> Array:
@@ -369,8 +378,9 @@ def near_axis(H: Array) -> tuple[Array, Array]:
     worth a look.
     """
     values = np.linalg.eigvals(H)
-    noise = _ROUNDING * np.linalg.norm(H) + SUMMED * np.abs(values)
+    values = values[values.imag.argsort()]
+    noise = _ROUNDING * blas.dnrm2(H.ravel()) + SUMMED * np.abs(values)
     upper = values.imag >= 0.0
     close = upper & (np.abs(values.real) <= noise)
     beside = upper & ~close & (np.abs(values.real) <= np.sqrt(noise * np.abs(values)))
-    return np.sort(values[close].imag), np.sort(values[beside].imag)
+    return values[close].imag, values[beside].imag

@@ -21,6 +21,7 @@ Value = TypeVar("Value", float, Array)  # one frequency or height, or many
 
 # share of their squares by which two values must differ: below, the closed form has under ten digits
 _NEARLY_EQUAL = 1e-5
+_AROUND = np.array([-1, 0, 1])  # a point and its neighbours
 _COLUMNS = 256  # right-hand sides substituted at once: what stays in the cache
 _PLACED = 1e-10  # of a peak's frequency: how finely it is searched for; its height is then right to rounding
 # share of a bracket, asked beside its parabola's top to close it in from both sides (measured: few steps)
@@ -60,9 +61,10 @@ def singular_values(G: Array) -> Array:
     meet, where the closed form loses half of the digits.  Otherwise LAPACK.
     """
     p, m, _ = G.shape
-    if min(p, m) == 0:
+    fewer = min(p, m)
+    if fewer == 0:
         return np.zeros((0, G.shape[2]))
-    if min(p, m) == 1:
+    if fewer == 1:
         return np.sqrt((G.real**2 + G.imag**2).sum(axis=(0, 1)))[None, :]
     if (p, m) != (2, 2):
         return np.linalg.svd(G.transpose(2, 0, 1), compute_uv=False).T
@@ -76,6 +78,11 @@ def singular_values(G: Array) -> Array:
     if near.any():
         values[:, near] = np.linalg.svd(G[:, :, near].transpose(2, 0, 1), compute_uv=False).T
     return values
+
+
+def largest_of(D: Array) -> float:
+    """Return the largest singular value of a real matrix, in a few calls; zero where it is empty."""
+    return float(singular_values(D[:, :, None])[0, 0]) if D.any() else 0.0
 
 
 def resonance_grid(
@@ -108,9 +115,16 @@ def resonance_grid(
     width = np.maximum(np.abs(poles.real), narrowest * np.abs(poles))
     near = (np.abs(poles.imag)[:, None] + width[:, None] * np.asarray(places)).ravel()
     near = near[(near >= low) & (near <= high)]
-    return np.unique(np.concatenate([np.geomspace(low, high, points), near, np.atleast_1d(also)]))
+    spread = low * (high / low) ** (np.arange(points) / (points - 1.0))
+    spread[-1] = high  # which rounding may miss
+    found = np.concatenate([spread, near, np.asarray(also, float).ravel()])
+    found.sort()
+    new = np.empty(len(found), bool)
+    new[0], new[1:] = True, found[1:] > found[:-1]
+    return found[new]
 
 
+@np.errstate(divide="ignore", invalid="ignore", over="ignore")  # of values at a pole, and of brackets that are flat
 def highest_peak(value: Callable[[Array], Array], grid: Array) -> tuple[float, float]:
     """Return the largest value around the highest points of a grid, and its frequency.
 
@@ -121,18 +135,18 @@ def highest_peak(value: Callable[[Array], Array], grid: Array) -> tuple[float, f
         Ascending, so fine that the highest peak is among the highest points.
     """
     values = value(grid)
-    order = np.argsort(values)[::-1][:_REFINED]
-    around = np.clip(order[:, None] + np.array([-1, 0, 1]), 0, len(grid) - 1)
+    order = values.argsort()[::-1][:_REFINED]
+    around = np.minimum(np.maximum(order[:, None] + _AROUND, 0), len(grid) - 1)
     omega, heights = grid[around], values[around]
-    best, slow = int(np.argmax(heights[:, 1])), np.ones(len(omega), bool)
+    best, slow = heights[:, 1].argmax(), np.ones(len(omega), bool)
     peak, at = float(heights[best, 1]), float(omega[best, 1])
     while len(omega):
         finer, found = _narrowed(value, omega, heights, halved=bool(slow.any()))
-        best = int(np.argmax(found[:, 1]))
+        best = found[:, 1].argmax()
         if found[best, 1] > peak:
             peak, at = float(found[best, 1]), float(finer[best, 1])
-        width, top = np.ptp(finer, axis=1), found[:, 1]
-        slow = width > _SLOW * np.ptp(omega, axis=1)
+        width, top = finer[:, 2] - finer[:, 0], found[:, 1]
+        slow = width > _SLOW * (omega[:, 2] - omega[:, 0])
         # a step has raised the peak by rounding only, and the ends lie so little below it that the top of a parabola
         # through them misses it by the square of that
         flat = (top <= heights[:, 1] * (1.0 + SOLVED)) & (found.min(axis=1) >= top * (1.0 - ROOT))
@@ -206,8 +220,7 @@ def _narrowed(value: Callable[[Array], Array], omega: Array, heights: Array, hal
     resonance through its three points, close to either side of it, and with ``halved`` in the middles too; all at once.
     """
     (low, middle, high), (left, top, right) = omega.T, heights.T
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        vertex = top_of_resonance(low, middle, high, left, top, right)
+    vertex = top_of_resonance(low, middle, high, left, top, right)
     vertex, beside = np.where((vertex > low) & (vertex < high), vertex, middle), _CLOSE * (high - low)
     asked = [vertex - beside, vertex, vertex + beside]
     if halved:
@@ -215,9 +228,9 @@ def _narrowed(value: Callable[[Array], Array], omega: Array, heights: Array, hal
     new = np.minimum(np.maximum(np.array(asked), low), high).T
     places = np.concatenate([omega, new], axis=1)
     values = np.concatenate([heights, value(new.ravel()).reshape(new.shape)], axis=1)
-    row, order = np.arange(len(places))[:, None], np.argsort(places, axis=1)
+    row, order = np.arange(len(places))[:, None], places.argsort(axis=1)
     places, values = places[row, order], values[row, order]
-    around = np.argmax(values, axis=1)[:, None] + np.array([-1, 0, 1])
+    around = values.argmax(axis=1)[:, None] + _AROUND
     around = np.minimum(np.maximum(around, 0), places.shape[1] - 1)
     return places[row, around], values[row, around]
 
@@ -249,13 +262,12 @@ def largest_gain(system: Lti, respond: Response | None = None) -> tuple[float, f
 def gain_by_eigenvectors(system: Lti) -> Callable[[Array], Array]:
     """Return the function from frequencies to the largest singular value in the coordinates of the eigenvectors.
 
-    It is fast, and right where these are not nearly dependent; where they lose all digits it is infinite.
+    It is fast, and right where these are not nearly dependent; where they lose all digits it is infinite, and numpy warns.
     """
     quick = partial_fractions(system)
 
     def gain(omega: Array) -> Array:
-        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            values = singular_values(quick.response(omega))[0]
+        values = singular_values(quick.response(omega))[0]
         return np.where(np.isnan(values), np.inf, values)
 
     return gain

@@ -127,7 +127,7 @@ def partial_fractions(system: Lti) -> ModalSystem:
         return ModalSystem(np.zeros(0, complex), system.B.astype(complex), system.C.astype(complex), system.D)
     poles, left, right = system.eigensystem
     with np.errstate(divide="ignore", invalid="ignore"):  # equal poles in a chain have no eigenvectors of their own
-        B = (left.conj().T @ system.B) / np.einsum("ij,ij->j", left.conj(), right)[:, None]
+        B = (left.conj().T @ system.B) / (left.conj() * right).sum(axis=0)[:, None]
     return ModalSystem(poles, B, system.C @ right, system.D)
 
 

@@ -26,6 +26,7 @@ from boomctl.lti.frequency import (
     SEARCHED,
     Response,
     highest_peak,
+    largest_of,
     resonance_grid,
     singular_values,
     triangular,
@@ -76,7 +77,7 @@ def verified(core: SystemCore, reduced: Lti, bound: float, band: Band | None) ->
         largest = float((modal.sizes * np.maximum(1.0, CANCELLED / ALIKE * sharpness)).max(initial=0.0))
     else:
         largest, first = _at_poles(core.stable, reduced, band)
-    largest = max(float(np.linalg.norm(D, 2)) if D.size else 0.0, largest)
+    largest = max(largest_of(D), largest)
     floor = ALIKE * largest
     bound += own
 

@@ -36,7 +36,7 @@ def separated_damping(structure: Structure) -> Damping | None:
     k, c = structure.weights.k, structure.weights.c
     beta = _common_ratio(c, k)
     gamma = c - beta * k
-    apart = np.flatnonzero(np.abs(gamma) > SUMMED * np.maximum(c, beta * k))
+    apart = (np.abs(gamma) > SUMMED * np.maximum(c, beta * k)).nonzero()[0]
     if len(apart) > _MOST_DAMPERS:
         return None
     U, image, share = _distinct_rows(structure.layout, tuple(apart.tolist()))
@@ -64,7 +64,9 @@ def _distinct_rows(layout: Layout, places: tuple[int, ...]) -> tuple[Array, Arra
 
 def _common_ratio(c: Array, k: Array) -> float:
     """Return the damping per stiffness that most share."""
-    ratios = np.sort(c[k > 0.0] / k[k > 0.0])
+    stiff = k > 0.0
+    ratios = c[stiff] / k[stiff]
+    ratios.sort()
     return float(ratios[len(ratios) // 2]) if len(ratios) else 0.0
 
 

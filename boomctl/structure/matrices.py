@@ -289,7 +289,7 @@ def halves(structure: Structure, ports: Ports) -> tuple[Half, ...] | None:
 
 def dense(matrix: object) -> Array:
     """Return a matrix as a dense array."""
-    return matrix.toarray() if hasattr(matrix, "toarray") else np.asarray(matrix)  # type: ignore[attr-defined]
+    return matrix if isinstance(matrix, np.ndarray) else matrix.toarray()  # type: ignore[attr-defined]
 
 
 def is_symmetric(matrix: Array) -> bool:

@@ -12,6 +12,7 @@ An output may pass a second-order low-pass filter (damping ratio ``1/sqrt 2``) o
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from scipy import sparse
@@ -24,9 +25,14 @@ from boomctl.units import half_unit
 FILTER_DAMPING = np.sqrt(0.5)  # of the outputs' low-pass filters: the flattest pass band (Butterworth)
 
 
+def _there(terms: Array) -> list[int]:
+    """Return which terms of a polynomial are not zero."""
+    return [k for k, term in enumerate(terms) if term.any()]
+
+
 def evaluate(terms: Array, s: Array) -> Array:
     """Return ``X0 + s X1 + s^2 X2`` for each ``s``, shape (len(s), rows, columns); zero terms cost nothing."""
-    used = [k for k, term in enumerate(terms) if term.any()]
+    used = _there(terms)
     if used in ([], [0]):
         found = np.empty((len(s), *terms[0].shape), complex)
         found[:] = terms[0]
@@ -104,7 +110,17 @@ class Ports:
             units=units or {},
         )
 
-    @property
+    @cached_property
+    def acting(self) -> list[int]:
+        """The derivatives of inputs that act."""
+        return _there(self.B)
+
+    @cached_property
+    def read(self) -> list[int]:
+        """The derivatives of the motion that outputs read."""
+        return _there(self.L)
+
+    @cached_property
     def plain(self) -> bool:
         """Whether no output is filtered and no input integrated."""
         return not any(self.integrators) and all(bandwidth is None for bandwidth in self.bandwidths)

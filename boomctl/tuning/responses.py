@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.lti.frequency import Triangular, top_of_resonance
+from boomctl.lti.frequency import Triangular, largest_of, top_of_resonance
 from boomctl.lti.modal import ModalSystem
 from boomctl.tuning.problem import Closed
 
@@ -56,7 +56,7 @@ class Response:
     @cached_property
     def through(self) -> float:
         """Largest singular value at infinite frequency."""
-        return float(np.linalg.norm(self.D, 2)) if self.D.any() else 0.0
+        return largest_of(self.D)
 
     @cached_property
     def response(self) -> Callable[[Array], Array]:
@@ -121,7 +121,8 @@ class Bracket(NamedTuple):
     def narrowed(self, omega: list[float], values: list[float]) -> "Bracket":
         """Return the bracket around the highest of all that is known."""
         known = sorted([*zip(self[:3], self[3:], strict=True), *zip(omega, values, strict=True)])
-        best = max(range(len(known)), key=lambda k: known[k][1])
+        heights = [height for _, height in known]
+        best = heights.index(max(heights))
         around = [known[k] for k in (max(best - 1, 0), best, min(best + 1, len(known) - 1))]
         return Bracket(*(place for place, _ in around), *(value for _, value in around))
 

@@ -24,6 +24,7 @@ from boomctl.analysis.box.loop_pencil import LoopPencil
 from boomctl.analysis.box.response_cells import ResponseCells
 from boomctl.analysis.box.zero_exclusion import Cell, CellProof, Terms, prove_pencil, value_at
 from boomctl.arrays import Array
+from boomctl.lti.frequency import largest_of
 from boomctl.lti.system import Lti
 from boomctl.structure.families import Family
 from boomctl.structure.matrices import dense
@@ -136,7 +137,7 @@ class DrivenLoops:
     @property
     def at_infinity(self) -> float:
         """The gain at infinite frequency."""
-        return float(np.linalg.norm(self.D, 2)) if self.D.size else 0.0
+        return largest_of(self.D)
 
     @property
     def pencils(self) -> Terms:

@@ -152,7 +152,7 @@ def direct_response(structure: Structure, ports: Ports, omega: Array) -> Array:
     """
     s, rounding = 1j * omega, 0.0
     if structure.strain_form is not None:
-        if structure.noise > _UNEVEN * float(np.max(omega, initial=0.0)) ** 2:
+        if structure.noise > _UNEVEN * float(omega.max(initial=0.0)) ** 2:
             rounding = ports_rounding(structure.in_strains, ports, structure.strain_form.V, omega)
         structure, ports = structure.in_strains, structure.strain_form.ports(ports)
     _warn(rounding)

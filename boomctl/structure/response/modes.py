@@ -77,7 +77,7 @@ class _Driven:
         """Return it; None where nothing is driven or read, dampers are many, or reactions are read, which need strains."""
         if ports.tensions is not None and ports.tensions.any():
             return None
-        acting, read = (np.flatnonzero(terms.any(axis=(1, 2))).tolist() for terms in (ports.B, ports.L))
+        acting, read = ports.acting, ports.read
         if not acting or not read:
             return None
         columns = ports.B[acting].transpose(1, 0, 2).reshape(structure.n, -1)
@@ -274,9 +274,9 @@ def _hold(
         force += _times(rows.R.transpose(0, 2, 1), tension)
     at = s.reshape(len(sums), -1, 1, 1)
     D = at**2 * M[:, None] + at * C[:, None] + K[:, None]
-    missing = lines[:, None] @ np.linalg.solve(D, np.moveaxis(columns[:, :, :, None] - force, 3, 1))
+    missing = lines[:, None] @ np.linalg.solve(D, (columns[:, :, :, None] - force).transpose(0, 3, 1, 2))
     floor = _FLOOR * np.abs(found).max(axis=2, keepdims=True)
-    within = np.abs(np.moveaxis(missing, 1, 3)) <= _AGREEMENT * np.maximum(np.abs(found), floor)
+    within = np.abs(missing.transpose(0, 2, 3, 1)) <= _AGREEMENT * np.maximum(np.abs(found), floor)
     return within.all(axis=(1, 2, 3))
 
 
