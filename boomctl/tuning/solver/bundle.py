@@ -132,7 +132,7 @@ def _curvature(point: Point, pieces: list[Piece], multipliers: Array, sizes: Arr
         return np.zeros((n, n))
     root = np.sqrt(sizes)
     values, vectors = np.linalg.eigh(0.5 * (H + H.T) / root / root[:, None])
-    return (root[:, None] * vectors * np.maximum(values, 0.0)) @ (vectors.T * root)
+    return (root[:, None] * vectors * np.abs(values)) @ (vectors.T * root)
 
 
 def _h2_hessian(point: Point, piece: Piece) -> Array:
