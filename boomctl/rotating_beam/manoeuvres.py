@@ -17,16 +17,24 @@ from numpy.typing import ArrayLike
 from boomctl.arrays import Array
 from boomctl.checks import function_of, plain_array, positive, real, sequence, shown
 from boomctl.gauss import gauss_method
+from boomctl.lti.rounding import SOLVED, SUMMED
 from boomctl.rotating_beam.corners import found_corners
 
 TimeFunction = Callable[..., object]
 
-_CHECKED_INTERVALS = 1024  # on which a profile's functions are compared: they see what lasts some 1e-4 of the time
+_CHECKED_INTERVALS = 64  # on which a profile's functions are compared: a choice
+# parts of an interval on which they seem not to belong together, one after the other (a choice)
+_CHECKED_PARTS = (1, 16, 256, 4096)
+_SHORT_STEPS = 48  # steps of a motion found so, each far shorter than what moves (a choice)
 _CHECK_POINTS = 6  # Gauss points on each: exact for polynomials of degree 11
+_UNSEEN = 1e-2  # share of the largest gain that a look at even intervals may miss: more is a short motion (a choice)
 # a resonance makes a thousand times as much of what functions differ by, which is a motion's own tolerance
 _BELONGING = 1e-11  # of how far a function goes, by which it may differ from the integral of its slope (measured)
+_RESOLVED = 1e-9  # likewise where the speed at Gauss points tells of all of it: the motion is slow there (a choice)
 _ROUNDING = 16.0 * np.finfo(float).eps  # of the largest value: what a user's function may be off (a choice)
 _SPLIT = 16  # parts of an interval on which a slope's integral is not exact enough: a choice
+_CUT_OUT = 3  # times that a place is split so that it is one at which a slope jumps, and not swift (a choice)
+_MOST_JUMPS = 1000  # found so; of more, the function is no smooth one between them (a choice)
 _MOST_PARTS = 2**18  # that are looked at side by side, a quarter of a second (measured)
 
 
@@ -203,8 +211,8 @@ class HubProfile(PrescribedMotion):
     def checked_until(self, end: float) -> HubProfile:
         """Check up to an instant [s] that the functions belong together; return the profile as it is to be simulated.
 
-        Where the acceleration or its slope jumps, and where it becomes swift for a while, it gets breakpoints, as
-        `hub_profile` says, so that no step passes over a short motion.
+        Where the acceleration or its slope jumps it gets breakpoints, as `hub_profile` says. A motion so short that a look
+        at even intervals misses it gets breakpoints around and within it, so that no step passes over it.
 
         Raises
         ------
@@ -214,18 +222,56 @@ class HubProfile(PrescribedMotion):
         """
         if end <= 0.0:
             return self
-        checked = replace(self, breakpoints=found_corners("acceleration", self.acceleration, self.breakpoints, end))
-        even = np.linspace(0.0, end, _CHECKED_INTERVALS + 1)
-        edges = np.unique(np.concatenate([even, [b for b in checked.breakpoints if 0.0 < b < end]]))
-        self._agree("angle", "speed", edges)
-        self._agree("speed", "acceleration", edges)
-        return checked
+        declared = found_corners("acceleration", self.acceleration, self.breakpoints, end)
+        if len(declared) > len(self.breakpoints):
+            return replace(self, breakpoints=declared)._belonging(end)
+        return self._belonging(end)
 
-    def _agree(self, name: str, slope: str, edges: Array) -> None:
+    def _belonging(self, end: float) -> HubProfile:
+        """See `checked_until`; all breakpoints are known."""
+        short: list[Array] = []
+        even = np.linspace(0.0, end, _CHECKED_INTERVALS + 1)
+        edges = np.unique(np.concatenate([even, [b for b in self.breakpoints if 0.0 < b < end]]))
+        # where the angle tells of a motion that the speeds at both ends do not, the acceleration is looked at closely too
+        gains, speeds = np.diff(self.angle(edges)), self.speed(edges)
+        unseen = np.abs(gains - 0.5 * np.diff(edges) * (speeds[1:] + speeds[:-1]))
+        hidden = unseen > _UNSEEN * np.abs(gains).max()
+        for name, slope in (("angle", "speed"), ("speed", "acceleration")):
+            missed, size, open_ = np.zeros(len(edges) - 1), np.zeros(len(edges) - 1), np.arange(len(edges) - 1)
+            for parts in _CHECKED_PARTS:
+                ends = np.linspace(edges[open_], edges[open_ + 1], parts + 1, axis=1)
+                gained = getattr(self, name)(ends[:, 1:]) - getattr(self, name)(ends[:, :1])
+                found = np.cumsum(_integrals(getattr(self, slope), ends), axis=1)
+                missed[open_] = np.abs(gained - found).max(axis=1)
+                size[open_] = np.maximum(np.abs(gained), np.abs(found)).max(axis=1)
+                if parts == 1 and name == "angle":
+                    hidden &= missed > _RESOLVED * size.max()
+                if parts > 1:
+                    short += [_moving(times, way) for times, way in zip(ends, gained, strict=True)]
+                close = hidden if parts == 1 and name == "speed" else False
+                open_ = np.flatnonzero((missed > _UNSEEN * size.max()) | close)
+                if not len(open_):
+                    break
+                if parts == 1:  # the tails of a short motion may lie beside
+                    beside = np.unique(np.concatenate([open_ - 1, open_, open_ + 1]))
+                    open_ = beside[(beside >= 0) & (beside < len(missed))]
+        looked_at = np.unique(np.concatenate([edges, *short]))
+        self._agree("angle", "speed", looked_at)
+        jumps = self._agree("speed", "acceleration", looked_at)
+        if not short and not len(jumps):
+            return self
+        inside = np.unique(np.concatenate([self.breakpoints, *short, jumps]))
+        # of the whole time: two instants nearer than that are one, and no step lies between them
+        inside = inside[np.diff(inside, prepend=-np.inf) > SUMMED * end]
+        return replace(self, breakpoints=tuple(inside.tolist()))
+
+    def _agree(self, name: str, slope: str, edges: Array) -> Array:
         """Refuse a function that is not the integral of another: between some instants and at places within.
 
+        Returned are the places that had to be cut out: there the slope jumps.
+
         Where the integral is not exact enough the interval is split: the parts' shares of what may be missed are as much
-        smaller, so that what differs throughout stays in sight.
+        smaller, so that what differs throughout stays in sight, and what is not smooth at an instant is cut out.
         """
         function, rate = getattr(self, name), getattr(self, slope)
         method = gauss_method(_CHECK_POINTS)
@@ -233,6 +279,7 @@ class HubProfile(PrescribedMotion):
         low, high = edges[:-1], edges[1:]
         share, allowed, floor = 1.0 / len(low), 0.0, 0.0
         settled: list[tuple[Array, Array]] = []
+        jumps, parents, cuts = [low[:0]], low[:0], 0
         while len(low):
             width = (high - low)[:, None]
             inside = low[:, None] + width * method.nodes
@@ -246,6 +293,9 @@ class HubProfile(PrescribedMotion):
             if np.count_nonzero(open_) * _SPLIT > _MOST_PARTS:
                 open_[:] = False
             settled.append((high[~open_], missed[~open_, -1]))
+            if cuts > _CUT_OUT:
+                jumps.append(parents[~open_.reshape(-1, _SPLIT).any(axis=1)])
+            parents, cuts = 0.5 * (low + high)[open_], cuts + 1
             ends = np.linspace(low[open_], high[open_], _SPLIT + 1, axis=1)
             low, high, share = ends[:, :-1].ravel(), ends[:, 1:].ravel(), share / _SPLIT
         at, missed = (np.concatenate(each) for each in zip(*settled, strict=True))
@@ -258,6 +308,8 @@ class HubProfile(PrescribedMotion):
                 f" differs by up to {apart[worst]:.3g} from the integral of the {slope}; of tables take one spline and its"
                 " derivatives"
             )
+        found = np.concatenate(jumps)
+        return found if len(found) <= _MOST_JUMPS else found[:0]
 
     def angle(self, t: ArrayLike) -> Array:
         return _evaluate("angle", self.angle_function, t)
@@ -525,6 +577,20 @@ def free() -> Free:
     True
     """
     return Free()
+
+
+def _moving(times: Array, way: Array) -> Array:
+    """Return the first and the last of some times between which a motion goes its way, and a few between them."""
+    steps = np.abs(np.diff(way, prepend=0.0))
+    # share of the largest step of such a motion below which it rests
+    moved = np.flatnonzero(steps > SOLVED * steps.max())
+    return np.linspace(times[moved[0]], times[moved[-1] + 1], _SHORT_STEPS + 1) if len(moved) else times[:0]
+
+
+def _integrals(function: TimeFunction, ends: Array) -> Array:
+    """Return the integrals of a function over the steps between neighbours of ``ends[interval, place]``."""
+    method, h = gauss_method(_CHECK_POINTS), np.diff(ends, axis=1)
+    return h * (np.asarray(function(ends[:, :-1, None] + h[:, :, None] * method.nodes)) @ method.weights)
 
 
 def _breakpoints(values: tuple[float, ...]) -> tuple[float, ...]:

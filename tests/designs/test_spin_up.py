@@ -103,5 +103,5 @@ def test_a_quick_spin_up_is_followed_until_its_gust_has_settled():
 
 
 def test_a_scene_is_refused():
-    with pytest.raises(ValueError, match="expected none for a spin-up"):
+    with pytest.raises(ValueError, match="speed: of suspensions only; expected none for this design"):
         bc.studies.SpinUpDesign.scene(speed=3.0)

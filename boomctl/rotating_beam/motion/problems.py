@@ -20,6 +20,10 @@ class Problem(ABC):
         """Whether the residual is affine in q, v and a."""
 
     @abstractmethod
+    def drive(self, t: Array) -> Array:
+        """What drives the motion: the hub's acceleration, or the torque on it, of an array of instants."""
+
+    @abstractmethod
     def residual(self, t: Array, q: Array, v: Array, a: Array) -> Array:
         """Residual at k instants, k x n."""
 
@@ -57,6 +61,9 @@ class PrescribedProblem(Problem):
     @property
     def linear(self) -> bool:
         return self.equations.beam_speed_terms is not None
+
+    def drive(self, t: Array) -> Array:
+        return self.manoeuvre.acceleration(t)
 
     def residual(self, t: Array, q: Array, v: Array, a: Array) -> Array:
         return self.equations.residual(*self._whole(t, q, v, a))[:, 1:]
@@ -108,6 +115,9 @@ class TorqueDrivenProblem(Problem):
     def linear(self) -> bool:
         """No: the hub's speed is one of the unknowns."""
         return False
+
+    def drive(self, t: Array) -> Array:
+        return self.manoeuvre.torque(t)
 
     def residual(self, t: Array, q: Array, v: Array, a: Array) -> Array:
         result = self.equations.residual(q, v, a)

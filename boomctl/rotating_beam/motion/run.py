@@ -8,18 +8,19 @@ from typing import NamedTuple, final
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.rotating_beam.manoeuvres import Manoeuvre, PrescribedMotion, Torque
+from boomctl.rotating_beam.manoeuvres import HubProfile, Manoeuvre, PrescribedMotion, Torque
 from boomctl.rotating_beam.modal.equations import Equations
 from boomctl.rotating_beam.motion.collocation import StepTooSmall, Trajectory
 from boomctl.rotating_beam.motion.free_hub import FreeScene, free_motions
 from boomctl.rotating_beam.motion.free_trajectory import FreeTrajectory
 from boomctl.rotating_beam.motion.modal_collocation import ModalTrajectory, modal_refine
 from boomctl.rotating_beam.motion.problems import PrescribedProblem, Problem, TorqueDrivenProblem
-from boomctl.rotating_beam.motion.refinement import Accuracy, NotConverged, TooLong, first_steps, refine
+from boomctl.rotating_beam.motion.refinement import Accuracy, NotConverged, TooLong, first_steps, refine, resolving
 from boomctl.rotating_beam.motion.steady_rotation import steady_motion, vibration_amplitudes
 from boomctl.rotating_beam.result import Motion, SimulationError, kept_states, named_failure, small_deformation_until
 
 _WATCHED = 16.0  # instants in a period of the lowest mode at which the tip is watched: it turns by 22 degrees between
+_JUMP = 1e-11  # of the whole time: steps so short are there for a jump of the torque that lies in them
 _LONGEST = 3e5  # radians of the slowest mode that a motion may last: half a minute and some gigabytes (measured)
 
 FREE_HUB = "free-hub modes"  # the way that can take several scenes at once
@@ -196,7 +197,7 @@ def _by_modes(scene: Scene) -> Motion | None:
     assert form is not None
     assert manoeuvre is not None
     end = min(scene.end, scene.steady_from)
-    edges = _first_steps(scene, end, graded=False)
+    edges = _first_steps(scene, PrescribedProblem(scene.equations, manoeuvre), end, graded=False)
     beam = scene.start[0][1:], scene.start[1][1:]
     accuracy = Accuracy(scene.rtol, scene.atol, (np.stack([tip.transverse, tip.axial]),))
     found = modal_refine(form, manoeuvre, edges, beam, accuracy, vibrates_on=end < scene.end)
@@ -230,11 +231,13 @@ def _by_free_modes(scenes: Sequence[Scene]) -> list[Motion | None]:
 def _free_scene(scene: Scene) -> FreeScene:
     manoeuvre, tip = scene.manoeuvre, scene.equations.tip
     assert not isinstance(manoeuvre, PrescribedMotion)
-    _check_length(scene, scene.end)
+    edges = _first_steps(scene, TorqueDrivenProblem(scene.equations, manoeuvre), scene.end, graded=False)
+    jumps = np.flatnonzero(np.diff(edges) < _JUMP * scene.end)
+    known = np.array([each for each in manoeuvre.breakpoints if 0.0 < each < scene.end])
     return FreeScene(
         manoeuvre=manoeuvre,
         start=scene.start,
-        corners=np.unique([*(each for each in manoeuvre.breakpoints if 0.0 < each < scene.end), scene.end]),
+        corners=np.union1d(np.concatenate([known, edges[jumps[edges[jumps] > 0.0]], edges[jumps + 1]]), scene.end),
         rows=np.stack([tip.transverse, tip.axial]),
         radius=scene.radius,
         rtol=scene.rtol,
@@ -287,7 +290,7 @@ def _collocate(
 ) -> tuple[Trajectory, float]:
     """Motion up to `end` and its estimated error, or what its failure means."""
     try:
-        return refine(problem, _first_steps(scene, end, graded=True), start, accuracy)
+        return refine(problem, _first_steps(scene, problem, end, graded=True), start, accuracy)
     except StepTooSmall as failure:
         raise SimulationError(problem.why(failure.time)) from None
     except TooLong as failure:
@@ -301,19 +304,16 @@ def _collocate(
         ) from None
 
 
-def _first_steps(scene: Scene, end: float, *, graded: bool) -> Array:
-    _check_length(scene, end)
-    return first_steps(scene.equations, scene.manoeuvre.breakpoints, end, graded=graded)
-
-
-def _check_length(scene: Scene, end: float) -> None:
-    """Refuse a motion of too many periods."""
+def _first_steps(scene: Scene, problem: Problem, end: float, *, graded: bool) -> Array:
     radians = end * scene.equations.frequency_range[0]
     if radians > _LONGEST:
         raise SimulationError(
             f"the motion until t = {end:g} s is {radians:.2g} radians of the slowest mode; expected at most {_LONGEST:g},"
             f" which is about {_LONGEST / scene.equations.frequency_range[0]:.2g} s here"
         )
+    edges = first_steps(scene.equations, scene.manoeuvre.breakpoints, end, graded=graded)
+    given = isinstance(scene.manoeuvre, HubProfile | Torque)  # a user's functions, which may jump where they do not say
+    return resolving(edges, problem) if given else edges
 
 
 def _steady_from(scene: Scene, begin: float, beam: tuple[Array, Array], timepts: Array) -> tuple[Array, Array, str]:
