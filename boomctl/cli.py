@@ -585,7 +585,7 @@ def identify(words: Sequence[str]) -> None:
     print(f"Report: {asked.out / 'report.html'}")
 
 
-_BENCHMARKS = ("boom", "hub-beam", "suspension", "slew", "tune", "lumped-masses", "growth", "limits", "all")
+_BENCHMARKS = ("boom", "hub-beam", "suspension", "slew", "tune", "identify", "lumped-masses", "growth", "limits", "all")
 _EVERYTHING = "precision"  # the name that "all" had
 
 

@@ -14,6 +14,8 @@ import boomctl as bc
 from boomctl.identification.common_poles import CommonPoles, fixed_poles
 from boomctl.identification.record import Record
 from boomctl.identification.spectra import Spectra
+from boomctl.lab.benchmark.scenes.steel_frame import BAND, frame_record
+from boomctl.lab.benchmark.scenes.steel_frame import STEP as STEP_OF_FRAME
 from tests.identification.chain import response_of_record, three_masses
 from tests.identification.test_response import STEP, noise
 from tests.profiles import examples
@@ -273,20 +275,9 @@ def test_the_spray_boom_from_ten_minutes():
 @pytest.mark.slow
 def test_a_frame_of_28_accelerometers():
     """16 modes up to 490 Hz, 8,523 samples, 3 % errors: no mode more, none less, each output predicted to 94 %."""
-    rng = np.random.default_rng(0)
-    hz = np.r_[np.sort(rng.uniform(20.0, 470.0, 16)), 600.0, 750.0]
-    hz[5] = 1.01 * hz[4]
-    damping = 10.0 ** rng.uniform(-2.8, -1.7, 18)
-    poles = 2.0 * np.pi * hz * (-damping + 1j * np.sqrt(1.0 - damping**2))
-    b, c = rng.standard_normal((18, 2)), rng.standard_normal((18, 28))
-    step = 1.0 / 1024.0
-    u = noise(2 * 8523, 2, 25.0 * 0.98, seed=1)
-    s = 2j * np.pi * np.fft.rfftfreq(len(u), step)
-    modal = s[:, None] ** 2 / ((s[:, None] - poles) * (s[:, None] - poles.conj()))
-    y = np.fft.irfft((modal * (np.fft.rfft(u, axis=0) @ b.T)) @ c, len(u), axis=0)[8523:]
-    y += 0.03 * y.std(axis=0) * rng.standard_normal(y.shape)
-    found = bc.identify(u[8523:], y, step, band_hz=(5.0, 490.0), quantity="acceleration")
-    frequencies, dampings = errors_of(found, poles[:16][np.argsort(poles[:16].imag)])
+    u, y, poles = frame_record(28)
+    found = bc.identify(u, y, STEP_OF_FRAME, band_hz=BAND, quantity="acceleration")
+    frequencies, dampings = errors_of(found, poles)
     assert frequencies.max() < 1e-3
     assert np.median(dampings) < 0.02
     assert min(found.fit_percent.values()) > 94.0

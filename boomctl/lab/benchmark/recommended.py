@@ -11,7 +11,8 @@ NAMES = (
     "Names: import boomctl as bc; p: parameters, bc.BoomParameters() of the boom, bc.HubBeamParameters() of the hub-beam;"
     ' actuators = ("actuator_left", "actuator_right"); tips = ("tip_left", "tip_right"); omega: frequencies [rad/s]; wheels:'
     ' {"actuator_left": ..., "actuator_right": ...}, motions at the instants time; t: instants [s]; P: a generalised plant;'
-    " plant, controller, disturbance: the boom; beam = bc.hub_beam(p), pd: a sampled controller of it, wanted: its set point."
+    " plant, controller, disturbance: the boom; beam = bc.hub_beam(p), pd: a sampled controller of it, wanted: its set point;"
+    " u, y: samples of a record, dt: the time between them [s]."
 )
 """What stands for what in the settings' calls."""
 
