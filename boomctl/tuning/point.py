@@ -9,7 +9,7 @@ any way, by differences of fourth order of the response at that frequency.
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from math import inf, isfinite, log
+from math import exp, inf, isfinite, log
 
 import numpy as np
 from scipy import linalg
@@ -483,23 +483,26 @@ class Point:
             return self._h2(model, channel)[1]
         return self._singular(model, channel, [omega], 0.0)[0].gradient
 
-    def pieces(self, window: float, asked: "set[tuple[int, int, float]] | None" = None) -> list[Piece]:
-        """Return the pieces within a share of what counts: of the highest objective, and of budgets nearly used up."""
+    def pieces(
+        self, window: float, asked: "set[tuple[int, int, float]] | None" = None, between: float = 0.0
+    ) -> list[Piece]:
+        """Return the pieces within a share of what counts: of the highest objective, and of budgets nearly used up.
+
+        Beside the peaks these are frequencies that are asked for, and those of the grid within the share ``between``.
+        """
         found: list[Piece] = []
-        top = self.aim
         for model, channel in self._sums:
-            limit = self.is_limit(channel)
-            offset, floor = self.offset(channel), (0.0 if limit else top) + log(1.0 - window)
-            if log(max(self._coarse(model, channel)[2], _TINY)) - offset < floor + log(BELOW):
-                continue
-            places, values = self.norm_peaks(model, channel, window)
-            both = zip(places.tolist(), values.tolist(), strict=True)
-            high = [omega for omega, value in both if log(max(value, _TINY)) - offset >= floor]
-            found += self._singular(model, channel, high, window)
-        for model, channel, omega in asked or ():
-            known = any(p.model == model and p.channel == channel and same_place(p.omega, omega, _SAME) for p in found)
-            if not known:
-                found += self._singular(model, channel, [omega], 0.0)
+            level = self.offset(channel) + (0.0 if self.is_limit(channel) else self.aim)
+            omega, seen, rough = self._coarse(model, channel)
+            high: list[float] = []
+            others = sorted(at for i, c, at in asked or () if (i, c) == (model, channel))
+            if log(max(rough, _TINY)) >= level + log((1.0 - window) * BELOW):
+                places, values = self.norm_peaks(model, channel, window)
+                high = places[values >= (1.0 - window) * exp(level)].tolist()
+                if between:
+                    others += omega[seen >= (1.0 - between) * exp(level)].tolist()
+            others = [at for at in others if not any(same_place(at, peak, _SAME) for peak in high)]
+            found += self._singular(model, channel, high, window) + self._singular(model, channel, others, 0.0)
         for model, channel, omega, value in self._squares_of(False) + self._squares_of(True):
             gradient = self._h2(model, channel)[1]
             found.append(Piece(model, channel, omega, value, gradient, self.is_limit(channel)))

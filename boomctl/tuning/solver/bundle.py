@@ -14,6 +14,7 @@ from boomctl.tuning.responses import same_place
 from boomctl.tuning.solver.quadratic import least
 
 _MOST = 80  # pieces at most, the highest (a choice)
+_BETWEEN = 0.03  # share below the highest within which grid frequencies are pieces too (measured: 0.1 costs more)
 _TRIALS = 14  # of a step: each either gains a piece or shortens the step (a choice)
 _FALL = 0.1  # share of the promised gain that makes a step worth taking (a choice)
 _GOOD = 0.6  # share of the promised gain from which on the next step may be longer (a choice)
@@ -146,7 +147,7 @@ def _h2_hessian(point: Point, piece: Piece) -> Array:
 
 
 def _chosen(point: Point, asked: "set[tuple[int, int, float]]") -> list[Piece]:
-    pieces = point.pieces(WINDOW, asked)
+    pieces = point.pieces(WINDOW, asked, between=_BETWEEN)
     order = sorted(range(len(pieces)), key=lambda i: (not pieces[i].limit, pieces[i].value), reverse=True)
     aims = [pieces[i] for i in order if not pieces[i].limit][:_MOST]
     return aims + [pieces[i] for i in order if pieces[i].limit][:_MOST]

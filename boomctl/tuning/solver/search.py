@@ -207,7 +207,7 @@ class Search:
             self.turn(local)
 
     def turn(self, local: "LocalSearch") -> None:
-        """Descend on the highest peak, then polish over all near it."""
+        """Descend on the highest peak, after the first turn only without second derivatives, then polish over all near it."""
         start = self.point(local.x)
         edge = min(local.edge, 0.5 * start.apart)
         problem, before = replace(self.problem, edge=edge if edge >= _LAST_EDGE else None), local.merit
@@ -222,7 +222,7 @@ class Search:
             local.x,
             problem.low,
             problem.high,
-            steps=_DESCENDING if start.exact else _LONG,
+            steps=(_DESCENDING if before == inf else 0) if start.exact else _LONG,
             gain=_GAIN,
             enough=lambda x, value: value < self.floor,
         )
