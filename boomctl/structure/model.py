@@ -54,6 +54,7 @@ _OF_STATES = (
     "ninputs",
     "noutputs",
     "nstates",
+    "plot_phase",  # what control.bode asks for
     "input_labels",
 )
 """What users of python-control look for at a system, and a structure does not have."""

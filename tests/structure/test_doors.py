@@ -25,7 +25,7 @@ def test_poles_are_those_of_the_state_space():
     assert_allclose(np.sort_complex(boom.poles()), np.sort_complex(boom.to_statespace().poles()), rtol=1e-9, atol=1e-9)
 
 
-@pytest.mark.parametrize("name", ["A", "dcgain", "sample"])
+@pytest.mark.parametrize("name", ["A", "dcgain", "sample", "plot_phase"])
 def test_what_only_state_spaces_have_says_so(name):
     with pytest.raises(AttributeError, match=rf"no attribute '{name}'; its \.to_statespace\(\) has"):
         getattr(bc.spray_boom(), name)
