@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy import special, stats
+from threadpoolctl import threadpool_limits
 
 from boomctl.arrays import Array
 from boomctl.checks import known, whole
@@ -394,6 +395,7 @@ def _deviation(response: Any, errors: str | None) -> tuple[Array | None, str]:
     return (np.abs(response.frdata) if kind == "relative" else None), f"; errors taken for {kind}"
 
 
+@threadpool_limits.wrap(limits=1)  # as in `searched`
 def _told(
     fit: CommonPoles, ends: tuple[float, float], wanted: int | None, level: float
 ) -> tuple[CommonPoles, Array, Array]:

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from boomctl.arrays import Array
 from boomctl.identification.common_poles import CommonPoles, fitted, fixed_poles
@@ -24,6 +25,7 @@ _BESIDE = 0.1  # of the largest evidence: less may be what is left of it, and is
 _CHANCE = 1e-3  # chance that a record of noise alone has one mode in it (a choice)
 
 
+@threadpool_limits.wrap(limits=1)  # tall and narrow matrices: two threads wait for one another most of the time
 def searched(data: Spectra, low: float, high: float, orders: tuple[int, ...]) -> tuple[CommonPoles, tuple[Track, ...]]:
     """Return the fit of all poles that have evidence, within the band and beside it, and how they stand over the orders."""
     found = tracks(poles_by_order(data, orders), data.resolution)
