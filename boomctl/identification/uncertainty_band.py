@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 
     from boomctl.identification.response import MeasuredResponse
 
+_MOST = 50  # poles of an entry: more follow the noise of single frequencies (a choice)
+
 
 def uncertainty_band(
     measured: "MeasuredResponse | control.FrequencyResponseData | Sequence[Any]",
@@ -44,7 +46,7 @@ def uncertainty_band(
     probability : float
         That an entry is within its bound at a measured frequency, between 0.5 and 1: errors are taken for normal.
     order : int
-        Poles of each entry, spread over the measured frequencies.
+        Poles of each entry, at most 50, spread over the measured frequencies.
     fall : int
         Power of frequency with which entries fall above the measured frequencies, at most ``order``: 2 of displacements that
         forces cause, 1 of speeds, 0 of accelerations.
@@ -83,7 +85,7 @@ def uncertainty_band(
     level = real("probability", probability)
     if not 0.5 <= level < 1.0:
         raise ValueError(f"probability = {probability!r}: expected a number from 0.5 to below 1")
-    poles = whole("order", order)
+    poles = whole("order", order, most=_MOST)
     falling = whole("fall", fall, 0, poles)
     data = Measured.of(measured, None, None, "absolute", None, None)
     if data.kind != RESPONSE or data.omega is None or data.labels is None:

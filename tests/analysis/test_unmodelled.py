@@ -131,10 +131,10 @@ def test_all_that_samples_make_of_what_is_below_a_bound_is_below_its_discrete_bo
     for _ in range(5):
         met = control.sample_system(turned(W, rng), dt, "zoh")
         assert (np.abs(met(np.exp(1j * omega * dt))) <= bound).all()
-    low = omega < 0.02 * np.pi / dt
+    size = np.abs(W(1j * omega))
+    large = (omega < 0.02 * np.pi / dt) & (size > 0.3 * size.max())  # elsewhere what folds back is not small beside it
     if 6.0 * corner < 0.05 * np.pi / dt:
-        size = np.abs(W(1j * omega))
-        assert np.median(bound[low] / size[low]) < 1.5
+        assert np.median(bound[large] / size[large]) < 1.5
 
 
 @given(seed=seeds, order=st.integers(3, 8), fall=st.integers(0, 2))

@@ -218,7 +218,7 @@ def test_the_whole_reproduction(tmp_path):
     assert names == figures | {"validity.png", "validity.svg", "slew.gif", "results.json", "report.html"}
     assert {path.name for path in (tmp_path / "out").iterdir()} == names
     page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
-    assert page.count("data:image/png;base64,") == 9
+    assert page.count("data:image/svg+xml;base64,") == 9
     assert page.count("data:image/gif;base64,") == 1
     assert not re.findall(r'(?:src|href)="(?!data:)', page)
     assert (
