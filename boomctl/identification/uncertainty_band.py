@@ -8,15 +8,13 @@ from scipy import linalg
 
 from boomctl.checks import real, some_names, whole
 from boomctl.identification.measured import RESPONSE, Builder, Measured
-from boomctl.lti.overbound import overbound
+from boomctl.lti.overbound import MOST, overbound
 from boomctl.lti.system import Lti
 
 if TYPE_CHECKING:
     import control
 
     from boomctl.identification.response import MeasuredResponse
-
-_MOST = 50  # poles of an entry: more follow the noise of single frequencies (a choice)
 
 
 def uncertainty_band(
@@ -32,8 +30,8 @@ def uncertainty_band(
     """Return filters that bound what a measured response has beside a model, entry by entry.
 
     At each measured frequency an entry is at least the size of measured less model, and as much more as the deviation of the
-    measurement may hide.  Between and beyond them it is what its real poles say: flat below the measured frequencies, falling
-    above; valleys between resonances are filled.
+    measurement may hide.  Beyond them it is at least the size at the lowest of them, and at the highest, falling; between
+    them it is what its real poles say, and valleys between resonances are filled.
 
     Parameters
     ----------
@@ -46,7 +44,7 @@ def uncertainty_band(
     probability : float
         That an entry is within its bound at a measured frequency, between 0.5 and 1: errors are taken for normal.
     order : int
-        Poles of each entry, at most 50, spread over the measured frequencies.
+        Poles of each entry, at most 12, spread over the measured frequencies.
     fall : int
         Power of frequency with which entries fall above the measured frequencies, at most ``order``: 2 of displacements that
         forces cause, 1 of speeds, 0 of accelerations.
@@ -85,7 +83,7 @@ def uncertainty_band(
     level = real("probability", probability)
     if not 0.5 <= level < 1.0:
         raise ValueError(f"probability = {probability!r}: expected a number from 0.5 to below 1")
-    poles = whole("order", order, most=_MOST)
+    poles = whole("order", order, most=MOST)
     falling = whole("fall", fall, 0, poles)
     data = Measured.of(measured, None, None, "absolute", None, None)
     if data.kind != RESPONSE or data.omega is None or data.labels is None:

@@ -137,6 +137,21 @@ def test_all_that_samples_make_of_what_is_below_a_bound_is_below_its_discrete_bo
         assert np.median(bound[large] / size[large]) < 1.5
 
 
+@given(seed=seeds, damping=st.floats(-5.0, -1.0))
+@examples(40)
+def test_samples_fold_no_resonance_of_a_bound_past_its_discrete_bound(seed, damping):
+    """However narrow, and wherever samples see it: far below its frequency, or far above it."""
+    rng = np.random.default_rng(seed)
+    corner, dt, zeta = 10.0 ** rng.uniform(-1.0, 2.0), 10.0 ** rng.uniform(-2.0, 0.0), 10.0**damping
+    W = control.ss(control.tf([corner**2], [1.0, 2.0 * zeta * corner, corner**2]))
+    folded, met = _folded(of(named(W)), dt, ""), control.sample_system(W, dt, "zoh")
+    sampling = 2.0 * np.pi / dt
+    seen = np.abs((corner + 0.5 * sampling) % sampling - 0.5 * sampling)
+    omega = np.r_[np.geomspace(1e-6, 0.999, 300) * 0.5 * sampling, seen + zeta * corner * np.linspace(-3.0, 3.0, 61)]
+    omega = np.clip(omega, 1e-7 * sampling, 0.4999 * sampling)
+    assert (np.abs(met(np.exp(1j * omega * dt))) <= np.abs(folded.response(omega)[0, 0])).all()
+
+
 @given(seed=seeds, order=st.integers(3, 8), fall=st.integers(0, 2))
 @examples(40)
 def test_a_bound_is_above_and_falls_as_it_is_told(seed, order, fall):
@@ -146,9 +161,14 @@ def test_a_bound_is_above_and_falls_as_it_is_told(seed, order, fall):
     W = overbound(omega, size, order, fall)
     assert len(W.A) == order
     assert (W.poles.real < 0.0).all()
-    there = np.abs(W.response(omega)[0, 0])
-    assert (there >= size).all()
-    assert (there / size).min() == pytest.approx(1.0, abs=1e-6)  # it touches
+    there = np.abs(W.response(omega)[0, 0]) / size
+    assert there.min() >= 1.0
+    away = np.geomspace(1.0, 1e8, 300)
+    below = np.abs(W.response(omega[0] / away)[0, 0]) / size[0]
+    above = np.abs(W.response(omega[-1] * away)[0, 0]) / (size[-1] * away**-fall)
+    beyond = min(below.min(), above.min())
+    assert beyond >= 0.999
+    assert min(there.min(), beyond) == pytest.approx(1.0, abs=1e-3)  # it touches
     far = 1e4 * omega[-1] * np.array([1.0, 10.0])
     high = np.abs(W.response(far)[0, 0])
     assert high[1] / high[0] == pytest.approx(10.0**-fall, rel=1e-3)

@@ -26,7 +26,8 @@ from boomctl.analysis.norm import matrices_norm
 from boomctl.arrays import Array, balance
 from boomctl.checks import known
 from boomctl.lti.bilinear import discrete_image, omega_of_image
-from boomctl.lti.overbound import overbound
+from boomctl.lti.overbound import MOST, overbound
+from boomctl.lti.rounding import CANCELLED
 from boomctl.lti.system import Lti, of, series
 from boomctl.progress import tell
 from boomctl.structure.families import Family, PolynomialFamily, Slope
@@ -35,8 +36,11 @@ from boomctl.structure.model import SecondOrderModel
 if TYPE_CHECKING:
     import control
 
-_POINTS = 2000  # of a sum of aliases, so dense that between two of them it is straight to 1e-3 (from its slopes)
-_BETWEEN = 1.01  # times that it is taken to be, for what is between them
+_POINTS = 2000  # of a sum of aliases, so dense that between two of them it is straight to 1e-3 but near resonances
+_STEP = (
+    0.1  # of the hyperbolic angle of a distance to a resonance, in half-widths: there it is straight to its square / 8
+)
+_BETWEEN = 1.01  # times that it is taken to be, for what is between the points
 _FROM, _TO = 1e-3, 1e3  # of the slowest pole, of the sampling rate: magnitudes are flat outside (a choice)
 _ALIASES = (
     100  # to either side at least (a choice: of a bound that falls as 1/omega they leave 0.2 % of one at that rate)
@@ -148,7 +152,8 @@ def _folded(W: Lti, dt: float, which: str) -> Lti:
         return replace(W, dt=dt)
     rates, sampling = np.abs(W.poles), 2.0 * np.pi / dt
     v = np.geomspace(_FROM * min(rates.min(), sampling), _TO * sampling, _POINTS)
-    omega = omega_of_image(v, dt)
+    omega = np.unique(np.r_[omega_of_image(v, dt), *(_near(pole, sampling) for pole in W.poles if pole.imag > 0.0)])
+    v = 2.0 / dt * np.tan(0.5 * dt * omega)
     aliases = max(_ALIASES, int(np.ceil(_BEYOND * rates.max() / sampling)))
     total = np.zeros(len(omega))
     for k in range(-aliases, aliases + 1):
@@ -158,7 +163,16 @@ def _folded(W: Lti, dt: float, which: str) -> Lti:
     falling = max(last * abs(W.response(np.array([last]))[0, 0, 0]), abs((W.C @ W.B)[0, 0]))  # omega |W| from there on
     total += 2.0 * falling * dt / (np.pi**2 * (aliases - 0.5))  # the sum of 1/k^2 from there on, either side, twice
     size = _BETWEEN * np.abs(np.sin(0.5 * dt * omega)) * total
-    return discrete_image(overbound(v, size, len(W.A), 0), dt)
+    return discrete_image(overbound(v, size, min(len(W.A), MOST), 0), dt)
+
+
+def _near(pole: complex, sampling: float) -> Array:
+    """Return frequencies around a resonance as samples see them, denser the nearer [rad/s]."""
+    width = -pole.real
+    reach = float(np.arcsinh(0.5 * sampling / width))
+    around = pole.imag + width * np.sinh(np.linspace(-reach, reach, 2 * int(np.ceil(reach / _STEP)) + 1))
+    seen = np.abs((around + 0.5 * sampling) % sampling - 0.5 * sampling)
+    return seen[(seen > 0.0) & (seen < 0.5 * sampling * (1.0 - CANCELLED))]
 
 
 def _joined(
