@@ -14,9 +14,7 @@ for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
 
 settings.load_profile("quick")
 
-LIMIT = (
-    2.0  # s of processor time, above it a test that is not marked slow is named: a choice, a fiftieth of what all take
-)
+LIMIT = 2.0  # s of processor time: a test that takes more and is not marked slow is named (a choice)
 HEAVY = ("casadi", "control", "matplotlib", "scipy.signal")  # imports of a second: not the fault of a test
 
 _SPENT = pytest.StashKey[float]()

@@ -11,7 +11,7 @@ from hypothesis import HealthCheck, settings
 
 ALL = 100  # examples of a property that names no number: hypothesis's own default
 QUICK = 3  # of a hundred: the whole suite then takes a minute on two cores
-FULL = 20  # of a hundred: all tests, the slow ones too, then take some twenty minutes on two cores
+FULL = 20  # of a hundred: all tests, the slow ones too, then take some half an hour on two cores
 HUNT = 1000  # of a hundred: ten times as many as a property names, a choice
 FEWEST = 2  # examples of any property: one would not tell a law from a coincidence
 

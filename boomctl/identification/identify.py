@@ -335,7 +335,7 @@ def identify(
     orders = tuple(sorted({round(each) for each in np.linspace(max(highest // 2, 2), highest, _ORDERS)}))
     ends = 2.0 * np.pi * max(low, 0.0), 2.0 * np.pi * high
     fit, found = searched(data, *ends, orders)
-    fit, inside, steps = _told(fit, ends, wanted, level)
+    fit, inside, steps = _determined(fit, ends, wanted, level)
     if not inside.any() or (wanted or 0) > inside.sum():
         noise = 100.0 * np.mean(fit.deviation * np.sqrt(2.0) / rms(fit.data.Y))
         turned = "; are inputs and outputs interchanged?" if noise < _EXPLAINED and not inside.any() else ""
@@ -396,7 +396,7 @@ def _deviation(response: Any, errors: str | None) -> tuple[Array | None, str]:
 
 
 @threadpool_limits.wrap(limits=1)  # as in `searched`
-def _told(
+def _determined(
     fit: CommonPoles, ends: tuple[float, float], wanted: int | None, level: float
 ) -> tuple[CommonPoles, Array, Array]:
     """Return the fit without poles that a record does not tell from a drift, those within the band, and their intervals."""

@@ -10,9 +10,8 @@ from boomctl.lti.python_control import control
 
 _HEAVIEST = 100.0  # weight of a row of a measured response, in those of its median (a choice)
 _FEWEST = 24  # lines in the band for each input: fewer bear no mode with its background (a choice)
-EDGES = (
-    5  # powers of frequency, from -1 (a drift) on, for what a record's ends leave beside free motions (4 to 8 alike)
-)
+# powers of frequency, from -1 (a drift) on, for what a record's ends leave beside free motions (measured: 3 to 10 alike)
+EDGES = 5
 
 
 @dataclass(frozen=True)

@@ -152,9 +152,6 @@ class Assembly:
             Forces or links that act along what the joints hold.
         """
         mechanism, outline = _mechanism(self, exact=False), Outline(self)
-        if mechanism.idle:
-            said = f"{', '.join(mechanism.idle)}: cannot do anything; the joints leave no motion there along that direction"
-            warnings.warn(said, stacklevel=2)
         layout, ports, weights = mechanism.layout, mechanism.ports, mechanism.weights(self)
         massless = np.flatnonzero(squared_sums(layout.N, weights.m) == 0.0)
         if len(massless):
@@ -271,9 +268,13 @@ class Mechanism:
 
 
 def _mechanism(assembly: Assembly, exact: bool) -> Mechanism:
-    """Return how a machine can move, its beams discretised or exact; known already if one like it was."""
+    """Return how a machine can move, its beams discretised or exact, and warn of what is idle; known if one like it was."""
     place = _Place(_where(assembly), exact, assembly)
-    return _kept_mechanism(place) if place.decides() else _find_mechanism(assembly, exact)
+    found = _kept_mechanism(place) if place.decides() else _find_mechanism(assembly, exact)
+    if found.idle:
+        said = f"{', '.join(found.idle)}: cannot do anything; the joints leave no motion there along that direction"
+        warnings.warn(said, stacklevel=3)
+    return found
 
 
 @dataclass(frozen=True)
