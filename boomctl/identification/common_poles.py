@@ -22,7 +22,6 @@ _FAST = (
 _SLOW = 0.5  # times the lowest frequency: where those below it are put (likewise)
 _AROUND = 10.0  # lines to either side at least that errors around a resonance are taken from (a choice)
 _BLOCK = 64  # lines over which errors are taken for as large: a median of so many is known to a fifth (a choice)
-_RANK = 1e-11  # of the largest singular value of columns of length one: less is rounding
 
 
 def fixed_poles(low: float, high: float) -> Array:
@@ -49,42 +48,62 @@ class CommonPoles:
     fixed: Array
 
     @cached_property
-    def _columns(self) -> tuple[Array, Array]:
-        return self.data.pairs(self.poles)
+    def _rest(self) -> Array:
+        return self.data.rest(self.fixed).T
 
     @cached_property
-    def _solved(self) -> tuple[Array, Array, Array, Array]:
-        """Return an orthonormal basis, the inverse that leads from it to coefficients, coefficients and residuals."""
-        pairs = self._columns[0]
-        columns = np.concatenate([pairs.reshape(len(pairs), -1), self.data.rest(self.fixed)], axis=1)
-        size = np.linalg.norm(columns, axis=0)
-        size[size == 0.0] = 1.0
-        basis, upper = linalg.qr(columns / size, mode="economic", check_finite=False)[:2]
-        inverse = linalg.pinv(upper, rtol=_RANK, check_finite=False) / size[:, None]
-        y = real(self.data.Y)
-        within = basis.T @ y
-        return basis, inverse, inverse @ within, y - basis @ within
+    def _rows(self) -> Array:
+        """Columns of the equations as rows (r, 2 n): derivatives by the poles, then what is linear, pairs first."""
+        rows = np.empty((2 * self._moving + len(self._rest), 2 * len(self.data.s)))
+        moving, rows[2 * self._moving :] = rows[: 2 * self._moving], self._rest
+        self.data.write_pairs(self.poles, moving.reshape(2, len(self.poles), 2, self._width, 2, len(self.data.s)))
+        return rows
+
+    @property
+    def _moving(self) -> int:
+        """How many columns the pairs have."""
+        return 2 * len(self.poles) * self._width
+
+    @property
+    def _width(self) -> int:
+        """How many columns a response has: of inputs and of free motions."""
+        return self.data.U.shape[1] + self.data.records
+
+    @cached_property
+    def _products(self) -> Array:
+        return self._rows @ self._rows.T
+
+    @cached_property
+    def _root(self) -> Array:
+        """Of the inverse of the products of what is linear, (c, r)."""
+        return root_of_inverse(self._products[self._moving :, self._moving :])
+
+    @cached_property
+    def _solved(self) -> tuple[Array, Array]:
+        """Return coefficients and residuals; the second round takes back what rounding of products costs the first."""
+        linear, root = self._rows[self._moving :], self._root
+        left, found = real(self.data.Y), np.zeros((len(linear), self.data.Y.shape[1]))
+        for _ in range(2):
+            step = root @ (root.T @ (linear @ left))
+            left, found = left - linear.T @ step, found + step
+        return found, left
 
     @property
     def basis(self) -> Array:
-        """Orthonormal columns of all that is linear, (2 n, c)."""
-        return self._solved[0]
+        """Orthonormal columns of all that is linear, (2 n, r)."""
+        nearly = self._root.T @ self._rows[self._moving :]
+        return (root_of_inverse(nearly @ nearly.T).T @ nearly).T
 
     @property
     def residuals(self) -> Array:
         """What is not explained, (2 n, p)."""
-        return self._solved[3]
+        return self._solved[1]
 
     @property
     def coefficients(self) -> Array:
         """Of the pairs' columns, (k, 2, m + records, p)."""
-        pairs = self._columns[0]
-        return self._solved[2][: pairs[0].size].reshape(*pairs.shape[1:], -1)
-
-    @property
-    def others(self) -> Array:
-        """Coefficients of the columns beside the pairs."""
-        return self._solved[2][self._columns[0][0].size :]
+        found = self._solved[0]
+        return found[: self._moving].reshape(len(self.poles), 2, self._width, found.shape[1])
 
     @cached_property
     def cost(self) -> float:
@@ -94,7 +113,7 @@ class CommonPoles:
     @property
     def freedom(self) -> int:
         """Real equations of an output beyond its unknowns."""
-        return max(len(self.residuals) - len(self._solved[2]), 1)
+        return max(len(self.residuals) - len(self._solved[0]), 1)
 
     @property
     def deviation(self) -> Array:
@@ -125,10 +144,17 @@ class CommonPoles:
         energy = np.square(np.abs(self.data.Y)).sum(axis=0)
         energy[energy == 0.0] = 1.0
         found = []
-        for columns, answer in zip(self._columns[0].transpose(1, 0, 2, 3), self.coefficients, strict=True):
-            moved = columns[..., :m].reshape(len(columns), -1) @ answer[:, :m].reshape(2 * m, -1)
-            found.append((np.square(moved).sum(axis=0) / energy).mean())
+        for rows, answer in zip(self._of_inputs, self.coefficients[:, :, :m], strict=True):
+            products, c = self._products[np.ix_(rows + self._moving, rows + self._moving)], answer.reshape(2 * m, -1)
+            found.append(((c * (products @ c)).sum(axis=0) / energy).mean())
         return np.array(found)
+
+    @property
+    def _of_inputs(self) -> Array:
+        """Which of the linear columns are the answers of a pair to the inputs, (k, 2 m)."""
+        m = self.data.U.shape[1]
+        pairs = np.arange(self._moving).reshape(len(self.poles), 2, self._width)
+        return pairs[:, :, :m].reshape(len(self.poles), 2 * m)
 
     @property
     def evidence(self) -> Array:
@@ -136,67 +162,99 @@ class CommonPoles:
 
         Errors are those around the resonance.
         """
-        _, inverse, _, _ = self._solved
-        m, size = self.data.U.shape[1], self._columns[0][0, 0].size
+        m = self.data.U.shape[1]
         width = _AROUND * self.data.resolution
         around = 1.0 / (np.square(np.abs(self.data.s[:, None] - self.poles)) + width**2)
         errors = (around / around.sum(axis=0)).T @ self.errors
         found = []
-        for k, answer in enumerate(self.coefficients):
-            rows = (k * size + np.arange(size).reshape(2, -1)[:, :m]).ravel()
-            spread = inverse[rows] @ inverse[rows].T
-            c = answer[:, :m].reshape(2 * m, -1)
+        for k, (rows, answer) in enumerate(zip(self._of_inputs, self.coefficients[:, :, :m], strict=True)):
+            spread, c = self._root[rows] @ self._root[rows].T, answer.reshape(2 * m, -1)
             found.append(float((c * (linalg.pinv(spread, check_finite=False) @ c) / errors[k]).sum()))
         return np.array(found)
 
-    @cached_property
-    def slopes(self) -> tuple[Array, Array]:
-        """Derivatives of the model, residues solved for: columns (2 n, k, w), and what they are multiplied by (k, 2, w, p).
+    @property
+    def slopes(self) -> Array:
+        """Columns of the derivatives by each pole, without what all columns explain of them, (2 n, k, w)."""
+        derived, basis = self._rows[: self._moving].T, self.basis
+        return (derived - basis @ (basis.T @ derived)).reshape(len(derived), len(self.poles), 2 * self._width)
 
-        For the logarithm of each pole's decay rate, and for its frequency in units of that rate.
-        """
-        basis = self._solved[0]
-        derived = self._columns[1].reshape(len(self.residuals), -1)
-        free = derived - basis @ (basis.T @ derived)
+    @property
+    def factors(self) -> Array:
+        """What `slopes` are multiplied by for the logarithm of each decay rate, and its frequency in rates, (k, 2, w, p)."""
         c = self.coefficients
-        k, w = len(c), c[0].size // c.shape[3] if len(c) else 0
-        decay = c.reshape(k, w, -1)
-        swing = np.stack([-c[:, 1], c[:, 0]], axis=1).reshape(k, w, -1)
+        shape = len(c), 2 * self._width, c.shape[3]
+        decay, swing = c.reshape(shape), np.stack([-c[:, 1], c[:, 0]], axis=1).reshape(shape)
         rate = self.poles.real[:, None, None]
-        return free.reshape(len(free), k, w), np.stack([rate * decay, -rate * swing], axis=1)
+        return np.stack([rate * decay, -rate * swing], axis=1)
+
+    def scaled(self, scale: Array) -> "CommonPoles":
+        """Return the same with outputs divided by a scale (p,)."""
+        there = CommonPoles(self.data.scaled(scale), self.poles, self.fixed)
+        vars(there).update({name: getattr(self, name) for name in ("_rest", "_rows", "_products", "_root")})
+        return there
 
     def moved(self, step: Array) -> "CommonPoles":
         """Return the same at other poles: steps of logarithms of rates and of frequencies in rates, (k, 2)."""
         rate = -self.poles.real
         frequency = np.abs(self.poles.imag + rate * step[:, 1])
         decay = np.maximum(rate * np.exp(step[:, 0]), _LEAST_DECAY * frequency)
-        return CommonPoles(self.data, -decay + 1j * frequency, self.fixed)
+        there = CommonPoles(self.data, -decay + 1j * frequency, self.fixed)
+        vars(there).update(_rest=self._rest)
+        return there
 
     @cached_property
     def normal_equations(self) -> tuple[Array, Array]:
         """Curvature (2 k, 2 k) and downward slope (2 k,) of half the sum of squares over the steps."""
-        columns, factors = self.slopes
-        k, w = columns.shape[1:]
-        flat = columns.reshape(len(columns), -1)
-        products = (flat.T @ flat).reshape(k, w, k, w)
-        curvature = np.einsum("aivo,avbw,bjwo->aibj", factors, products, factors, optimize=True)
-        downward = np.einsum("aiwo,awo->ai", factors, (flat.T @ self.residuals).reshape(k, w, -1))
-        return curvature.reshape(2 * k, 2 * k), downward.ravel()
+        linear, explained = self._moving, self._root.T @ self._products[self._moving :, : self._moving]
+        products = self._products[:linear, :linear] - explained.T @ explained
+        return curvature(self.factors, products), pull(self.factors, self._rows[:linear] @ self.residuals)
 
 
-def fitted(start: CommonPoles, steps: int = _STEPS) -> CommonPoles:
-    """Return the least squares over the poles too, or what so many steps towards it give."""
+def curvature(factors: Array, products: Array) -> Array:
+    """Return the second derivatives by the poles, (2 k, 2 k), of products of derivatives (k w, k w)."""
+    k, _, w, p = factors.shape
+    first = factors.transpose(0, 1, 3, 2).reshape(k, 2 * p, w) @ products.reshape(k, w, k * w)
+    first = first.reshape(k, 2, p, k, w).transpose(3, 0, 1, 4, 2).reshape(k, 2 * k, w * p)
+    found = first @ factors.transpose(0, 2, 3, 1).reshape(k, w * p, 2)
+    return found.transpose(1, 0, 2).reshape(2 * k, 2 * k)
+
+
+def pull(factors: Array, products: Array) -> Array:
+    """Return the first derivatives by the poles, (2 k,), of products of derivatives with residuals (k w, p)."""
+    k, _, w, p = factors.shape
+    return (factors * products.reshape(k, 1, w, p)).sum(axis=(2, 3)).ravel()
+
+
+def root_of_inverse(products: Array) -> Array:
+    """Return what makes columns with these products (c, c) orthonormal, (c, r), by Cholesky's factor.
+
+    Columns that others make up, to the root of rounding, are left out.
+    """
+    size = np.sqrt(np.diagonal(products))
+    size = np.where(size > 0.0, size, 1.0)
+    upper, pivots, rank, _ = linalg.lapack.dpstrf(products / size / size[:, None])
+    chosen = pivots[:rank] - 1
+    root = np.zeros((len(size), rank))
+    root[chosen] = np.triu(linalg.lapack.dtrtri(upper[:rank, :rank])[0]) / size[chosen, None]
+    return root
+
+
+def fitted(start: CommonPoles, least: float = _DONE) -> CommonPoles:
+    """Return the least squares over the poles too, or what steps towards it give while they gain more than the least.
+
+    Gains are of the sum of squares, in squared errors of one number.
+    """
     here, damping = start, _DAMPING
     if not len(here.poles):
         return here
-    for _ in range(steps):
-        curvature, downward = here.normal_equations
-        size = np.sqrt(np.diagonal(curvature))
+    for _ in range(_STEPS):
+        second, downward = here.normal_equations
+        size = np.sqrt(np.maximum(np.diagonal(second), 0.0))
         size = np.maximum(size, np.finfo(float).eps * size.max() + np.finfo(float).tiny)
-        curvature, downward = curvature / size / size[:, None], downward / size
+        second, downward = second / size / size[:, None], downward / size
         while True:
-            damped = curvature + damping * np.eye(len(size))
-            step = linalg.solve(damped, downward, assume_a="pos", check_finite=False) / size
+            damped = second + damping * np.eye(len(size))
+            step = np.linalg.solve(damped, downward) / size
             step *= min(1.0, _FARTHEST / max(np.abs(step).max(), np.finfo(float).tiny))
             there = here.moved(step.reshape(-1, 2))
             if there.cost < here.cost or damping > _GIVE_UP:
@@ -206,6 +264,6 @@ def fitted(start: CommonPoles, steps: int = _STEPS) -> CommonPoles:
             return here
         fall = (1.0 - there.cost / here.cost) * here.residuals.size
         here, damping = there, max(damping / 10.0, _LEAST_DAMPING)
-        if fall < _DONE:
+        if fall < least:
             break
     return here

@@ -14,7 +14,7 @@ from threadpoolctl import threadpool_limits
 from boomctl.arrays import Array
 from boomctl.checks import known, whole
 from boomctl.checks import real as real_number
-from boomctl.identification.common_poles import CommonPoles
+from boomctl.identification.common_poles import CommonPoles, curvature, pull
 from boomctl.identification.families import hull as joint
 from boomctl.identification.families import names_of_mode, of_modes
 from boomctl.identification.realised import RankOne
@@ -463,7 +463,7 @@ def _deviations(fit: CommonPoles) -> Array:
     The slope of the sum of squares is a sum over time.  What a block has of it says how much the poles would move if it
     were left out, residues and all: a jackknife, by one Gauss-Newton step each.
     """
-    columns, factors = fit.slopes
+    columns, factors, p = fit.slopes, fit.factors, fit.residuals.shape[1]
     k, w = columns.shape[1:]
     everything = np.concatenate([columns.reshape(len(columns), -1), fit.basis, fit.residuals], axis=1)
     if fit.data.lengths:
@@ -473,20 +473,17 @@ def _deviations(fit: CommonPoles) -> Array:
     else:
         parts = [everything[np.argsort(np.tile(np.abs(fit.data.s), 2), kind="stable")]]
     longest = sum(map(len, parts)) / _BLOCKS
-    curvature, _ = fit.normal_equations
+    of_all, _ = fit.normal_equations
     moved = []
     for part in parts:
         ends = np.linspace(0, len(part), max(round(len(part) / longest), 1) + 1).astype(int)
         for begin, end in pairwise(ends):
-            slopes, basis, left = np.split(part[begin:end], [k * w, k * w + fit.basis.shape[1]], axis=1)
+            slopes, basis, left = np.split(part[begin:end], [k * w, -p], axis=1)
             known, directions = np.linalg.eigh(basis.T @ basis)  # how far the block alone says what residues are
             turned = basis @ directions
             left = left + turned / (1.0 - np.minimum(known, _ALONE)) @ (turned.T @ left)
-            pull = np.einsum("aiwo,awo->ai", factors, (slopes.T @ left).reshape(k, w, -1)).ravel()
-            own = np.einsum(
-                "aivo,avbw,bjwo->aibj", factors, (slopes.T @ slopes).reshape(k, w, k, w), factors, optimize=True
-            ).reshape(2 * k, 2 * k)
-            moved.append(np.linalg.solve(curvature - _ALONE * own, pull))
+            own = curvature(factors, slopes.T @ slopes)
+            moved.append(np.linalg.solve(of_all - _ALONE * own, pull(factors, slopes.T @ left)))
     apart = np.array(moved) - np.mean(moved, axis=0)
     return np.sqrt(np.square(apart).sum(axis=0) * (len(moved) - 1) / len(moved)).reshape(-1, 2)
 

@@ -46,14 +46,14 @@ class RankOne:
             direction = np.linalg.svd(power[:, None] * (first + 1j * second))[0][:, 0] / power
             angle = 0.5 * np.angle(np.square(direction).sum())  # as real as it can be
             b[k] = direction * np.exp(-1j * angle) / np.linalg.norm(direction)
-        columns = np.concatenate([_driven(data, fit.poles, b), data.rest(fit.fixed), _free(data, fit.poles)], axis=1)
+        columns = np.concatenate([_driven(data, fit.poles, b), data.rest(fit.fixed), data.free(fit.poles)], axis=1)
         size = np.linalg.norm(columns, axis=0)
         size[size == 0.0] = 1.0
         found = linalg.lstsq(columns / size, real(data.Y))[0] / size[:, None] * data.scale  # type: ignore[index]
         k, f = len(fit.poles), len(fit.fixed)
         c = found[:k] + 1j * found[k : 2 * k]
         D, residues = found[2 * k : 2 * k + m], found[2 * k + m : 2 * k + m + 2 * f * m]
-        return cls(fit.poles, b, c, D, fit.fixed, residues.reshape(f, 2, m, -1))
+        return cls(fit.poles, b, c, D, fit.fixed, residues.reshape(f, 2, m, found.shape[1]))
 
     def predicted(self, data: Spectra) -> Array:
         """Return what the inputs make of the outputs, in the scale of the data, (2 n, p)."""
@@ -67,7 +67,7 @@ class RankOne:
         if not data.records:
             return y
         edges = data.rest(self.fixed)[:, -EDGES * data.records :]
-        columns = np.concatenate([_free(data, self.poles), edges], axis=1)
+        columns = np.concatenate([data.free(self.poles), edges], axis=1)
         size = np.linalg.norm(columns, axis=0)
         columns /= np.where(size > 0.0, size, 1.0)
         return y - columns @ linalg.lstsq(columns, y)[0]  # type: ignore[index]
@@ -103,7 +103,7 @@ class RankOne:
         if data.held:  # of the same poles: the sampled response of 1/(s^2 + ...)
             pair = data.simple(self.poles)[0], data.simple(self.poles.conj())[0]
             gain = (pair[0] - pair[1]) / (2j * self.poles.imag)
-        columns = np.concatenate([real(gain * (data.U @ b.T)), real(data.U), _free(data, self.poles)], axis=1)
+        columns = np.concatenate([real(gain * (data.U @ b.T)), real(data.U), data.free(self.poles)], axis=1)
         if data.records:
             columns = np.concatenate([columns, data.rest(self.fixed)[:, -EDGES * data.records :]], axis=1)
         size = np.linalg.norm(columns, axis=0)
@@ -134,10 +134,3 @@ def _driven(data: Spectra, poles: Array, b: Array) -> Array:
     above = data.simple(poles)[0] * (data.U @ b.T)
     below = data.simple(poles.conj())[0] * (data.U @ b.conj().T)
     return real(np.concatenate([above + below, 1j * (above - below)], axis=1))
-
-
-def _free(data: Spectra, poles: Array) -> Array:
-    """Return columns of free motions of each record."""
-    m = data.U.shape[1]
-    pairs = data.pairs(poles)[0][..., m:]
-    return pairs.reshape(len(pairs), -1)

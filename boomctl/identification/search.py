@@ -12,7 +12,7 @@ from boomctl.identification.start import Track, poles_by_order, tracks
 from boomctl.lti.rounding import ALIKE
 
 _ROUNDS = 30  # of looking for what was missed; two to six do
-_ROUGH = 15  # steps of a fit whose modes are not yet the last ones (a choice)
+_ROUGH = 0.05  # of the evidence that a mode needs: steps that gain less do not change which modes have it (a choice)
 _STEADY = 0.5  # of the orders at which a pole stands that the fit begins with (a choice)
 _LEAST_SHARE = (
     3e-5  # of the response, half a percent of its size: less is taken for what the model does not explain (a choice)
@@ -20,7 +20,7 @@ _LEAST_SHARE = (
 _REACH = 6.0  # decay rates to either side of a resonance within which it is looked at (a choice)
 _FEWEST = 12  # lines to either side at least: residues, background and errors are then told apart (a choice)
 _MOST = 64  # lines to either side at most: of wider windows every second line and so on is left out (a choice)
-_RATES = 7  # rates of decay, each twice the one before, from half the resolution on (a choice)
+_RATES = 4  # of decay, each four times the one before, from half the resolution on: the best one misses a ninth at most
 _BESIDE = 0.1  # of the largest evidence: less may be what is left of it, and is looked at once more (a choice)
 _CHANCE = 1e-3  # chance that a record of noise alone has one mode in it (a choice)
 
@@ -33,16 +33,17 @@ def searched(data: Spectra, low: float, high: float, orders: tuple[int, ...]) ->
     most = max((len(data.s) - data.U.shape[1]) // (2 * (data.U.shape[1] + data.records)), 1)
     fit = CommonPoles(data, np.array(begun[:most], complex), fixed_poles(low, high))
     for _ in range(_ROUNDS):
-        fit = _weighted(fitted(fit, _ROUGH))
+        fit = _weighted(_roughly(fit))
         kept = _with_evidence(fit)
         more = missed(kept)[: most - len(kept.poles)]
         if not len(more):
             break
-        tried = _with_evidence(_weighted(fitted(_with(kept, np.append(kept.poles, more)), _ROUGH)))
+        tried = _with_evidence(_weighted(_roughly(_with(kept, np.append(kept.poles, more)))))
         fit = tried
         if len(tried.poles) <= len(kept.poles):
             break
-    return _with_evidence(fitted(_weighted(fitted(fit)))), found
+    fit = _with_evidence(fitted(_weighted(fitted(fit))))
+    return fitted(_needed_outside(fit)), found
 
 
 def weakest(fit: CommonPoles, inside: Array, count: int) -> Array:
@@ -59,11 +60,16 @@ def _with(fit: CommonPoles, poles: Array) -> CommonPoles:
     return CommonPoles(fit.data, poles, fit.fixed)
 
 
+def _roughly(fit: CommonPoles) -> CommonPoles:
+    """Return the fit whose poles are as good as it takes to see which of them have evidence."""
+    return fitted(fit, _ROUGH * needed(fit))
+
+
 def _weighted(fit: CommonPoles) -> CommonPoles:
     """Return the fit with each output in units of its own errors."""
     # of an output: smaller residuals are rounding, and no errors to weigh by
     scale = np.maximum(fit.deviation, ALIKE * np.sqrt(np.square(np.abs(fit.data.Y)).mean(axis=0)))
-    return CommonPoles(fit.data.scaled(scale), fit.poles, fit.fixed)
+    return fit.scaled(scale)
 
 
 def _with_evidence(fit: CommonPoles) -> CommonPoles:
@@ -74,7 +80,16 @@ def _with_evidence(fit: CommonPoles) -> CommonPoles:
         if not len(lacking):
             break
         half = lacking[np.argsort(evidence[lacking])][: -(-len(lacking) // 2)]
-        fit = fitted(_with(fit, np.delete(fit.poles, half)), _ROUGH)
+        fit = _roughly(_with(fit, np.delete(fit.poles, half)))
+    return fit
+
+
+def _needed_outside(fit: CommonPoles) -> CommonPoles:
+    """Return the fit without the pairs outside the band that it does as well without."""
+    for pole in fit.fixed:
+        bare = CommonPoles(fit.data, fit.poles, fit.fixed[fit.fixed != pole])
+        if (bare.cost / max(fit.cost, np.finfo(float).tiny) - 1.0) * fit.freedom * fit.data.Y.shape[1] < needed(fit):
+            fit = bare
     return fit
 
 
@@ -91,7 +106,7 @@ def missed(fit: CommonPoles) -> Array:
     least = needed(fit)
     found: list[tuple[float, complex]] = []
     for k in range(_RATES):
-        gains, poles = _tried(data, 0.5 * 2.0**k)
+        gains, poles = _tried(data, 0.5 * 4.0**k)
         found += [(gain, pole) for gain, pole in zip(gains, poles, strict=True) if gain > least]
     kept: list[complex] = []
     found.sort(key=lambda each: -each[0])

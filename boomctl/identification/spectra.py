@@ -125,23 +125,24 @@ class Spectra:
         forced = gain / (z - decay)
         return forced, (gain_slope + forced * self.step * decay) / (z - decay), free, free_slope
 
-    def pairs(self, poles: Array) -> tuple[Array, Array]:
-        """Return columns of pairs of poles and their derivatives, (2 n, poles, 2, m + records).
+    def write_pairs(self, poles: Array, rows: Array) -> None:
+        """Write the derivatives of pairs of poles, and their responses: (2, poles, 2, m + records, 2, n).
 
-        Real coefficients of the two columns of a pair are the real and the imaginary part of a residue.  The derivative
-        for the real part of the pole is the same of the derivatives; for the imaginary part ``(second, -first)``.
+        Real coefficients of the two responses of a pair are the real and the imaginary part of a residue.  Last are real
+        and imaginary parts.  The derivative for the real part of the pole is the same of the derivatives; for the
+        imaginary part ``(second, -first)``.
         """
         above, below = self.simple(poles), self.simple(poles.conj())
-        forced, slopes, free, free_slopes = (
-            np.stack([a + b, 1j * (a - b)], axis=2) for a, b in zip(above, below, strict=True)
-        )
-        found = []
-        for answer, motion in ((forced, free), (slopes, free_slopes)):
-            columns = [answer[..., None] * self.U[:, None, None, :]]
-            if self.records:
-                columns.append(motion[..., None] * self._own[:, None, None, :])
-            found.append(real(np.concatenate(columns, axis=3)))
-        return found[0], found[1]
+        moving = [(0, u) for u in self.U.T] + [(2, own) for own in self._own.T]  # which of the responses, and of what
+        for at, (which, signal) in enumerate(moving):
+            for place, response in ((1, which), (0, which + 1)):
+                a, b = ((each[response] * signal[:, None]).T for each in (above, below))
+                for part, row in enumerate((a + b, 1j * (a - b))):
+                    rows[place, :, part, at, 0], rows[place, :, part, at, 1] = row.real, row.imag
+
+    def free(self, poles: Array) -> Array:
+        """Return columns of free motions of each record, (2 n, 2 poles records)."""
+        return real(_both(self.simple(poles)[2], self.simple(poles.conj())[2], self._own))
 
     @property
     def _own(self) -> Array:
@@ -152,9 +153,7 @@ class Spectra:
         """Return the columns beside the pairs, (2 n, k): feedthrough, fixed pairs of poles, ends of each record."""
         columns = [self.U]
         if len(fixed):
-            above, below = self.simple(fixed)[0], self.simple(fixed.conj())[0]
-            both = np.stack([above + below, 1j * (above - below)], axis=2)
-            columns.append((both[..., None] * self.U[:, None, None, :]).reshape(len(self.s), -1))
+            columns.append(_both(self.simple(fixed)[0], self.simple(fixed.conj())[0], self.U))
         if self.records:
             powers = (self.s[:, None] / self.top) ** (np.arange(EDGES) - 1.0)
             columns.append((self._own[:, :, None] * powers[:, None, :]).reshape(len(self.s), -1))
@@ -169,6 +168,12 @@ class Spectra:
             spectrum[lines] = whole[self.record == k]
             found.append(np.fft.irfft(spectrum, length, axis=0))
         return tuple(found)
+
+
+def _both(above: Array, below: Array, signals: Array) -> Array:
+    """Return the two real combinations of responses of conjugate poles (n, k), times each signal: (n, 2 k m)."""
+    both = np.stack([above + below, 1j * (above - below)], axis=2)
+    return (both[..., None] * signals[:, None, None, :]).reshape(len(signals), 2 * above.shape[1] * signals.shape[1])
 
 
 def real(columns: Array) -> Array:

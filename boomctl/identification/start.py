@@ -57,16 +57,17 @@ def poles_by_order(data: Spectra, orders: tuple[int, ...]) -> dict[int, Array]:
     pairs = (regressors.conj()[:, :, None] * both[:, None, :]).reshape(len(omega), -1)
     products = (q @ pairs).reshape(2 * top + 1, r, r + p)
     own = q @ np.square(np.abs(data.Y)).sum(axis=1)
+    # of a lower order are the leading rows and columns: one factor serves all
+    place = top + np.arange(top + 1)[None, :] - np.arange(top + 1)[:, None]
+    blocks = products[place]  # row power, column power, regressor, column
+    R = blocks[..., :r].transpose(0, 2, 1, 3).reshape((top + 1) * r, -1)
+    S = blocks[..., r:].transpose(0, 2, 3, 1).reshape((top + 1) * r, -1)
+    factor = np.linalg.cholesky(R + _RIDGE * np.abs(R).max() * np.eye(len(R)))
+    explained = linalg.solve_triangular(factor, S, lower=True, check_finite=False).reshape(len(R), p, top + 1)
     found = {}
     for order in orders:
-        place = top + np.arange(order + 1)[None, :] - np.arange(order + 1)[:, None]
-        blocks = products[place]  # row power, column power, regressor, column
-        R = blocks[..., :r].transpose(0, 2, 1, 3).reshape((order + 1) * r, -1)
-        S = blocks[..., r:].transpose(0, 2, 3, 1).reshape((order + 1) * r, -1)
-        R = R + _RIDGE * np.abs(R).max() * np.eye(len(R))
-        solved = linalg.solve(R, S, assume_a="her", check_finite=False)
-        S, solved = (each.reshape(len(R), p, order + 1) for each in (S, solved))
-        M = own[place] - np.einsum("xok,xol->kl", S.conj(), solved, optimize=True)
+        part = explained[: (order + 1) * r, :, : order + 1].reshape(-1, order + 1)
+        M = own[place[: order + 1, : order + 1]] - part.conj().T @ part
         lowest = linalg.lstsq(M[:-1, :-1], -M[:-1, -1], check_finite=False)[0]  # type: ignore[index]
         roots = np.roots(np.concatenate([[1.0], lowest[::-1]]))
         roots = roots[np.abs(roots) > 1.0]
