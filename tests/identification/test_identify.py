@@ -390,11 +390,11 @@ def test_resonances_beside_half_the_sampling_rate_are_refused():
 
 
 def test_a_response_takes_no_outputs_beside_it(chain):
-    model, u, _, _ = chain
+    model, u, y, _ = chain
     with pytest.raises(TypeError, match="expected None beside a measured frequency response"):
         bc.identify(model.frequency_response(np.linspace(1.0, 60.0, 200)), u)
     with pytest.raises(TypeError, match="errors = 'relative': expected None for a record"):
-        bc.identify(*chain[1:3], STEP, errors="relative")
+        bc.identify(u, y, STEP, errors="relative")
 
 
 def test_the_picture_shows_modes_and_what_is_not_predicted(chain):
