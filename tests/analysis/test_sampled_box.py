@@ -7,7 +7,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import boomctl as bc
+from boomctl.analysis.box.sampled_level import SampledLoops, sampled_loops
+from boomctl.arrays import balance
+from boomctl.lti.system import of
 from boomctl.structure import AffineFamily, SecondOrderModel
+from tests.analysis.test_worst_case import chain, sampled
 from tests.profiles import examples
 
 
@@ -56,6 +60,33 @@ def test_a_well_damped_box_is_proved_and_instability_is_named():
     assert not bad.proved
     poles = bc.feedback_loop(family.at(family.deltas(bad.unstable_at)), damper(0.8), delay=1.5).poles()
     assert np.abs(poles).max() >= 1.0
+
+
+@pytest.mark.slow
+def test_boxes_of_five_parameters_are_proved_and_hold_what_is_drawn():
+    """A grid of all parameters would have a hundred thousand points; polynomials of bounded degree in all have hundreds."""
+    rng = np.random.default_rng(500)
+    family, K = chain(rng, 5)
+    Kd, late = sampled(K, rng)
+    assert bc.robust_stability(family, Kd, delay=late).proved
+    worst = bc.worst_case(family, Kd, "push", "z", delay=late, tolerance=0.05)
+    for delta in rng.uniform(-1.0, 1.0, (40, 5)):
+        loop = bc.feedback_loop(family.at(delta), Kd, delay=late)
+        norm = bc.hinf_norm(loop[[1], [loop.input_labels.index("push")]]).lower
+        assert norm <= worst.upper_bound * (1.0 + 1e-9)
+
+
+def test_polynomials_meet_the_loop_wherever_it_is_drawn():
+    """To what they say that they may miss, at points that they have not seen."""
+    family, K = chain(np.random.default_rng(4), 3)
+    Kd = of(sampled(K, np.random.default_rng(4))[0], "K", any_time=True)
+    raw = sampled_loops(family, Kd, ["push"], ["z"], 0.0)
+    (loops,) = SampledLoops.over(family, Kd, ["push"], ["z"], 0.0)
+    scale = balance(raw(np.zeros(3)).A)[1]
+    for delta in np.random.default_rng(9).uniform(-1.0, 1.0, (50, 3)):
+        A = raw(delta).A * scale / scale[:, None]
+        found = sum(np.prod(delta[list(power)]) * X for power, X in loops.A.items())
+        assert (np.abs(found - A) <= loops.missed[0]).all()
 
 
 def test_what_a_sampled_box_cannot_be_is_refused():

@@ -18,6 +18,7 @@ from functools import cached_property
 from itertools import product
 
 import numpy as np
+from numpy.polynomial import chebyshev
 
 from boomctl.analysis.box.loop_pencil import LoopPencil
 from boomctl.analysis.box.prove import with_rounding
@@ -26,9 +27,9 @@ from boomctl.analysis.box.zero_exclusion import Cell, CellProof, Terms, prove_pe
 from boomctl.analysis.loops import joined
 from boomctl.analysis.norm import circle_pencil
 from boomctl.arrays import Array, balance
-from boomctl.chebyshev import points, points_needed, powers, series
+from boomctl.chebyshev import points_needed, series
 from boomctl.lti.frequency import singular_values
-from boomctl.lti.rounding import SOLVED
+from boomctl.lti.rounding import SOLVED, TINY
 from boomctl.lti.system import Lti, signal_scales
 from boomctl.structure.families import Family
 from boomctl.structure.matrices import Structure, dense
@@ -44,7 +45,8 @@ _MOST_PARTS = 64  # of a box at most (a choice of patience)
 # ratio of the scales that balance a state matrix beyond which signals count, too (a choice: a boom's are 1e7 apart)
 _UNEVEN = 1e10
 _BESIDE = 3  # points more than the last coefficient needs that is more than rounding: two to spare (a choice)
-_GRID = 40_000  # points of the grid of all parameters at most, a millisecond or so each (a choice of patience)
+_TERMS = 2_000  # of polynomials at most (a choice of patience)
+_WIDER = 1.25  # times the shares, where points drawn are missed (a choice)
 _INSIDE = 24  # points drawn at which polynomials are compared, besides the corners (a choice)
 _FAST = "the sampled loop changes too fast over the box"
 _SPARE = 10.0  # times what they miss there that they are taken to miss anywhere (a choice)
@@ -274,32 +276,63 @@ def _polynomials(
 ) -> tuple[dict[str, dict[tuple[int, ...], Array]], dict[str, Array]]:
     """Return matrices as polynomials of the parameters, and by how much entries may be off.
 
+    Products of Chebyshev polynomials are taken whose degrees, each as a share of what its axis needs, add up to one, then to
+    more, until points drawn are met.  Coefficients are least squares at twice as many points, which lie as Chebyshev's do
+    (Cohen & Migliorati 2017).
+
     Raises
     ------
     ValueError
-        They are none, to what counts, of a degree that could be handled.
+        They are none, to what counts, of as many terms as can be handled.
     """
-    size = len(counts)
-    if np.prod(counts) > _GRID:
-        raise ValueError(f"{_FAST}: it would take {np.prod(counts)} points to know how")
-    stacks = at(points(counts))
-    drawn = np.random.default_rng(2).uniform(-1.0, 1.0, (_INSIDE, size))
-    tried = [*drawn, *(np.array(corner) for corner in product((-1.0, 1.0), repeat=size))]
-    wanted, found, off = at(tried), {}, {}
-    for letter, least in _negligible(stacks).items():
-        grid = series(stacks[letter], counts)
-        grid[np.abs(grid) <= least] = 0.0
-        grid = powers(grid, counts)
-        terms = {}
-        for exponents in product(*(range(count) for count in counts)):
-            if grid[exponents].any() or not any(exponents):
-                terms[tuple(i for i, exponent in enumerate(exponents) for _ in range(exponent))] = grid[exponents]
-        errors = [np.abs(_value(terms, delta) - X) for delta, X in zip(tried, wanted[letter], strict=True)]
-        worst = np.max(errors, axis=0)
-        if (worst > _EXACT / SOLVED * least).any():
-            raise ValueError(f"{_FAST}: polynomials through {np.prod(counts)} points miss it by {worst.max():.2g}")
-        found[letter], off[letter] = terms, _SPARE * worst
-    return found, off
+    size, rng = len(counts), np.random.default_rng(2)
+    tried = [*rng.uniform(-1.0, 1.0, (_INSIDE, size)), *(np.array(x) for x in product((-1.0, 1.0), repeat=size))]
+    wanted, places, stacks, reach = at(tried), np.zeros((0, size)), {}, 1.0
+    degrees = np.indices(counts).reshape(size, -1).T
+    shares = (degrees / np.maximum(np.array(counts) - 1.0, 1.0)).sum(axis=1)
+    while True:
+        chosen = degrees[shares <= reach + SOLVED]
+        if len(chosen) > _TERMS:
+            raise ValueError(f"{_FAST}: polynomials of it have more than {_TERMS} terms")
+        more = np.cos(np.pi * rng.uniform(size=(2 * len(chosen) - len(places), size)))
+        places, new = np.concatenate([places, more]), at([*more])
+        stacks = {letter: np.concatenate([stacks.get(letter, stack[:0]), stack]) for letter, stack in new.items()}
+        inverse, known = np.linalg.pinv(_products(places, chosen)), _products(np.array(tried), chosen)
+        found, off, miss = {}, {}, 0.0
+        for letter, least in _negligible(stacks).items():
+            coefficients = np.tensordot(inverse, stacks[letter], 1)
+            coefficients[np.abs(coefficients) <= least] = 0.0
+            worst = np.abs(np.tensordot(known, coefficients, 1) - wanted[letter]).max(axis=0)
+            found[letter], off[letter] = _in_powers(coefficients, chosen), _SPARE * worst
+            miss = max(miss, float(worst.max(initial=0.0)) / max(least, TINY))
+        if miss <= _EXACT / SOLVED:
+            return found, off
+        if len(chosen) == len(degrees):
+            raise ValueError(f"{_FAST}: polynomials of {len(chosen)} terms miss it by {miss * SOLVED:.2g}")
+        reach *= _WIDER
+
+
+def _products(places: Array, degrees: Array) -> Array:
+    """Return products of Chebyshev polynomials at places (n, k): (n, terms)."""
+    found = np.ones((len(places), len(degrees)))
+    for x, degree in zip(places.T, degrees.T, strict=True):
+        found *= np.cos(np.arccos(np.clip(x, -1.0, 1.0))[:, None] * degree)
+    return found
+
+
+def _in_powers(coefficients: Array, degrees: Array) -> dict[tuple[int, ...], Array]:
+    """Return a sum of products of Chebyshev polynomials as one of powers, which are among the same degrees."""
+    most = int(degrees.max(initial=0)) + 1
+    table = np.array([np.pad(chebyshev.cheb2poly(np.eye(most)[k, : k + 1]), (0, most - 1 - k)) for k in range(most)])
+    change = np.ones((len(degrees), len(degrees)))
+    for degree in degrees.T:
+        change *= table[degree[:, None], degree]  # of the first in powers, the second
+    terms = np.tensordot(change, coefficients, (0, 0))
+    return {
+        tuple(np.repeat(np.arange(len(degree)), degree).tolist()): X
+        for degree, X in zip(degrees, terms, strict=True)
+        if X.any() or not degree.any()
+    }
 
 
 def _points_along(at: Matrices, axis: Array) -> int:
@@ -311,7 +344,7 @@ def _points_along(at: Matrices, axis: Array) -> int:
     most = points_needed(line, _negligible, _DEGREE)
     last = 0
     for others in (-1.0, 0.0, 1.0):
-        stacks = line(np.concatenate(points((most,))), others)
+        stacks = line(chebyshev.chebpts1(most), others)
         least = _negligible(stacks)
         for letter, stack in stacks.items():
             there = np.abs(series(stack, (most,))).reshape(most, -1).max(axis=1, initial=0.0) > least[letter]
