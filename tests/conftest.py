@@ -1,10 +1,13 @@
 """Settings of every test: its profile, one thread, and what is said of tests that take long and are not marked slow."""
 
+import gc
+import inspect
 import os
+import re
 import sys
 
 import pytest
-from hypothesis import settings
+from hypothesis import is_hypothesis_test, settings
 
 from tests.profiles import is_quick
 
@@ -12,10 +15,16 @@ from tests.profiles import is_quick
 for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_name, "1")
 
+# what one process compiles, the workers and the programs that tests start need not compile again
+sys.dont_write_bytecode = False
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+
 settings.load_profile("quick")
 
-LIMIT = 2.0  # s of processor time: a test that takes more and is not marked slow is named (a choice)
+LIMIT = 1.0  # s of processor time: a test that takes more and is not marked slow is named (a choice)
 HEAVY = ("casadi", "control", "matplotlib", "scipy.signal")  # imports of a second: not the fault of a test
+
+OTHER = re.compile("is_quick|is_hunt|skip")  # words of a file whose tests differ by profile, or by what is installed
 
 _SPENT = pytest.StashKey[float]()
 
@@ -24,9 +33,20 @@ def pytest_addoption(parser):
     parser.addoption("--cpu", type=int, default=0, metavar="N", help="show the N tests that take most processor time")
 
 
+@pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items):
-    """Put files marked early before all others: what takes long must not begin last."""
+    """Put files marked early before all others: what takes long must not begin last.  Mark what does more in full."""
     items.sort(key=lambda item: item.get_closest_marker("early") is None)
+    other = {module: bool(OTHER.search(inspect.getsource(module))) for module in {item.module for item in items}}
+    for item in items:
+        if other[item.module] or is_hypothesis_test(item.obj):
+            item.add_marker("full")
+
+
+def pytest_collection_finish():
+    """Leave out of every later search for garbage what lives to the end: modules, and thousands of tests."""
+    gc.collect()
+    gc.freeze()
 
 
 def _processor_time():

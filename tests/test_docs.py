@@ -20,8 +20,9 @@ import boomctl.tunable
 from tests.docstrings import sections
 from tests.test_public_names import PACKAGES
 
+pytestmark = pytest.mark.early
+
 DOCS = Path(__file__).parents[1] / "docs"
-LONG = ("optimal_slew", "worst_case", "executor=2", 'load_design("')  # what takes seconds
 
 HANDED_OUT = (  # classes of what functions and results hold, which are exported nowhere
     ("report", "Report"),
@@ -57,11 +58,11 @@ def _pages():
     for page in sorted(DOCS.glob("*.md")):
         blocks = re.findall(r"```python\n(.*?)```", page.read_text(encoding="utf-8"), flags=re.DOTALL)
         if blocks:
-            slow = any(name in block for block in blocks for name in LONG)
-            found.append(pytest.param(page.name, blocks, marks=pytest.mark.slow if slow else (), id=page.stem))
+            found.append(pytest.param(page.name, blocks, id=page.stem))
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "blocks"), _pages())
 def test_the_examples_of_a_page_run(name, blocks, tmp_path, monkeypatch):
     """From the first to the last, as a reader would run them."""

@@ -55,6 +55,7 @@ def test_all_arguments_are_those_of_the_functions():
         assert set(made()) - {"*"} <= set(known), name
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("part", range(3))
 def test_what_is_started_from_works(part):
     """A call whose arguments are all as they should be answers; files that are not there are the exception."""

@@ -7,6 +7,8 @@ import pytest
 
 from tests.notebooks import FOLDER, SCRIPTS, executed, script_cells, stored, stored_cells
 
+pytestmark = pytest.mark.early
+
 MOST_BYTES = 400_000  # of a stored notebook, pictures included: light enough to be read on the web
 MOST_LINES = 150  # of code: a narrative, not a library
 NUMBER = r"(?<![\w.])\d+(?:\.\d+)?(?:e[+-]?\d+)?"

@@ -49,7 +49,7 @@ def test_a_stub_exports_all_names_that_the_package_loads_from_where_they_are_def
         ("bc.slew.compare_sl", {"compare_slews"}),
         # reads libraries, seconds where that was never done before
         pytest.param("bc.spray_boom().eig", {"eigenfrequencies_hz"}, marks=pytest.mark.slow),
-        ("bc.sigma(bc.spray_boom()).pe", {"peak", "peak_omega"}),
+        pytest.param("bc.sigma(bc.spray_boom()).pe", {"peak", "peak_omega"}, marks=pytest.mark.slow),
     ],
 )
 def test_jedi_completes_public_names_and_what_results_have(typed, completed):

@@ -181,7 +181,7 @@ def test_loops_without_dynamics_around_one_another_have_margins():
     assert np.isfinite(found.everywhere.alpha)
 
 
-@pytest.mark.parametrize("seed", [0, 10])
+@pytest.mark.parametrize("seed", [0, pytest.param(10, marks=pytest.mark.slow)])
 def test_a_cascade_of_six_loops_bears_what_the_weakest_of_them_bears(seed):
     """Signals scaled further and further apart leave nothing of what leads from one loop to the next."""
     rng, n = np.random.default_rng(seed), 6

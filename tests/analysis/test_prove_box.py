@@ -179,7 +179,7 @@ def test_what_is_proved_is_stable_at_every_point_drawn(seed, parameters, late):
         assert not found.proved
 
 
-@pytest.mark.parametrize("seed", [10, 12, 13, 15])
+@pytest.mark.parametrize("seed", [15, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (10, 12, 13))])
 def test_a_lightly_damped_sampled_loop_takes_few_cells(monkeypatch, seed):
     """Cells of parameters and frequencies alone would be 17 to 45; here nobody asks them."""
     family, K = masses(np.random.default_rng(seed), 3, 2, 0.005, 0.15)

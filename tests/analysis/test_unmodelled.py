@@ -118,6 +118,7 @@ def test_just_beyond_the_bounds_a_plant_is_unstable_and_nothing_is_proved():
     assert slowest(with_beside(plants.at(delta), named(larger * turn)), K) > 0.0
 
 
+@pytest.mark.slow
 @given(seed=seeds)
 @examples(20)
 def test_all_that_samples_make_of_what_is_below_a_bound_is_below_its_discrete_bound(seed):
@@ -238,6 +239,7 @@ def test_what_is_no_bound_is_refused_by_name(bound, kind, said):
     assert "\n" not in str(refused.value)
 
 
+@pytest.mark.slow
 def test_bounds_that_samples_fold_without_end_and_schedules_are_refused():
     flat = named(control.ss([], [], [], 0.01))
     assert bc.robust_stability(family(), damper(), unmodelled=flat).proved

@@ -301,7 +301,7 @@ def test_a_footprint_that_cannot_be_is_refused():
         bc.nozzle_positions(12.0, 20.0)
 
 
-@pytest.mark.parametrize("width", [0.3, 1.0, 1.7, 2.0, 4.0])
+@pytest.mark.parametrize("width", [0.3, *(pytest.param(w, marks=pytest.mark.slow) for w in (1.0, 1.7, 2.0)), 4.0])
 @pytest.mark.parametrize("shape", ["triangle", "box"])
 def test_cells_are_judged_only_where_all_neighbours_spray(width, shape):
     """One nozzle more at each end changes nothing there, however wide the footprint."""

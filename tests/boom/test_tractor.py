@@ -187,7 +187,7 @@ def smoothed(f, density, grid):
     return (np.interp(grid * edge, f, power) - np.interp(grid / edge, f, power)) / (grid * (edge - 1 / edge))
 
 
-@pytest.mark.parametrize("speed", [1.5, 2.0, 2.5, 3.0, 4.0])
+@pytest.mark.parametrize("speed", [1.5, *(pytest.param(v, marks=pytest.mark.slow) for v in (2.0, 2.5, 3.0, 4.0))])
 def test_the_filter_has_the_density_of_the_motion(speed):
     """A third of an octave wide: within 2 dB (RMS over the band); RMS velocity within 5, displacement within 10 %."""
     f, grid = np.geomspace(0.025, 9.0, 6000), np.geomspace(0.05, 5.0, 80)

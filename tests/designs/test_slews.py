@@ -11,7 +11,6 @@ from boomctl.slew import switching_curve
 from boomctl.studies import catalogue
 from boomctl.studies.slew import SlewDesign
 from designs import min_time_slew, robust_payload_slew, spin_up_slew, tracked_slew
-from tests.profiles import is_quick
 
 RUNS = {
     "min_time_slew": lambda: min_time_slew.main(modes=1),
@@ -19,19 +18,11 @@ RUNS = {
     "spin_up_slew": lambda: spin_up_slew.main(modes=1),
     "tracked_slew": lambda: tracked_slew.main(modes=1, runs=8),
 }
-QUICK = ("min_time_slew",)  # the others take two seconds each
 
 
 @cache
 def judged(name):
     return RUNS[name]()
-
-
-@pytest.fixture(scope="module", autouse=True)
-def all_judged():
-    """The runs that the tests of this file share."""
-    for name in QUICK if is_quick() else RUNS:
-        judged(name)
 
 
 def test_the_catalogue_lists_suspensions_and_slews():
@@ -42,9 +33,8 @@ def test_the_catalogue_lists_suspensions_and_slews():
     assert "four_bar" not in catalogue.design_names()
 
 
-@pytest.mark.parametrize(
-    "name", [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in RUNS]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("name", RUNS)
 def test_the_certificate_holds(name):
     evaluation = judged(name)
     design, certificate = evaluation.design, evaluation.design.slew.certificate
@@ -56,9 +46,8 @@ def test_the_certificate_holds(name):
     assert design.title in str(evaluation)
 
 
-@pytest.mark.parametrize(
-    ("name", "switches"), [("min_time_slew", 3), pytest.param("spin_up_slew", 2, marks=pytest.mark.slow)]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "switches"), [("min_time_slew", 3), ("spin_up_slew", 2)])
 def test_the_torque_has_the_sign_of_the_switching_function(name, switches):
     slew = judged(name).design.slew
     curve = switching_curve(slew)
@@ -75,6 +64,7 @@ def test_an_effort_has_no_switching_function():
         switching_curve(judged("robust_payload_slew").design.slew)
 
 
+@pytest.mark.slow
 def test_minimum_time_lies_between_rigid_and_shaped():
     lines = judged("min_time_slew").comparison
     own, rigid, shaped = (lines.line(name) for name in ("minimum time", "bang-bang", "bang-bang, ZV"))

@@ -11,6 +11,7 @@ import pytest
 import boomctl as bc
 from boomctl.studies.spin_up import FIXED, OPEN, SCHEDULED
 from designs import scheduled_spin_up
+from tests import handed_out as one
 
 _PAGE = Path(__file__).parents[2] / "docs" / "designs.md"
 _WAYS = {"scheduled": SCHEDULED, "the controller for rest throughout": FIXED, "torque alone": OPEN}
@@ -22,13 +23,8 @@ def judged(modes):
     return scheduled_spin_up.main(modes)
 
 
-@pytest.fixture(scope="module", autouse=True)
-def with_one_mode():
-    """The run that the quick tests of this file share."""
-    return judged(1)
-
-
-@pytest.mark.parametrize("modes", [1, pytest.param(3, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("modes", [1, 3])
 def test_it_is_proved_and_the_spin_up_keeps_below_the_rate(modes):
     result = judged(modes)
     assert result.stability.proved
@@ -86,12 +82,13 @@ def test_the_page_says_what_was_found():
     ],
 )
 def test_bad_input_is_refused_by_name(change, error, message):
-    design = judged(1).design
+    design = one.spin_up()
     words = ("name", "title", "beam", "drive", "tip_mass", "final_speed", "duration")
     with pytest.raises(error, match=message):
         bc.studies.SpinUpDesign(**{word: getattr(design, word) for word in words} | change)
 
 
+@pytest.mark.slow
 def test_a_quick_spin_up_is_followed_until_its_gust_has_settled():
     """However short it is: what the gust leaves is told."""
     design = dataclasses.replace(judged(1).design, final_speed=0.5, duration=3.0)

@@ -45,19 +45,12 @@ WORST = {  # over springs and mass
 }
 
 
-QUICK = ("lqr_suspension",)
-"""The smallest; the others take five times as long and more, each."""
-
-
 @cache
 def load_design(name):
     return design_file(name).made()
 
 
-@pytest.fixture(
-    scope="module",
-    params=[name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in sorted(PEAKS)],
-)
+@pytest.fixture(scope="module", params=[pytest.param(name, marks=pytest.mark.slow) for name in sorted(PEAKS)])
 def result(request):
     return load_design(request.param).evaluate(SCENE)
 

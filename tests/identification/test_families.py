@@ -43,6 +43,7 @@ def test_a_box_of_all_at_once_is_wider_than_the_intervals_and_a_margin_widens_it
         np.testing.assert_allclose([e, f], [a / 1.1, b * 1.1], rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_the_hull_of_two_holds_both(found):
     other = bc.fit(rig, measured(np.random.default_rng(1)), FREE, START, starts=1)
     hull = found.family(hull=[other]).ranges
@@ -54,6 +55,7 @@ def test_the_hull_of_two_holds_both(found):
         found.family(hull=[fewer])
 
 
+@pytest.mark.slow
 def test_a_function_within_a_function_does_not_pickle_and_is_asked_for(found):
     assert pickle.loads(pickle.dumps(found)).family().ranges == found.family().ranges
     own = bc.fit(lambda p: rig(p), measured(np.random.default_rng(0)), FREE, START, starts=1)

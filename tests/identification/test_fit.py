@@ -173,8 +173,8 @@ def test_exact_frequencies_of_a_boom_give_its_parameters(build):
     assert found.parameters.youngs_modulus == found.values["youngs_modulus"]
 
 
-@pytest.mark.parametrize("build", [bc.spray_boom, bc.exact_frequency_response])
-@pytest.mark.parametrize("errors", ["relative", "absolute"])
+@pytest.mark.parametrize("build", [bc.spray_boom, pytest.param(bc.exact_frequency_response, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("errors", ["relative", pytest.param("absolute", marks=pytest.mark.slow)])
 def test_exact_responses_give_the_parameters(build, errors):
     measured = build(TRUTH, omega=OMEGA) if build is bc.exact_frequency_response else bc.spray_boom(TRUTH)
     if build is bc.spray_boom:

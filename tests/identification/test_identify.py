@@ -90,6 +90,7 @@ def test_shapes_are_those_of_the_structure(chain):
         assert np.abs(mode.shape - exact).max() < 0.02
 
 
+@pytest.mark.slow
 def test_exact_records_give_exact_modes():
     """Held inputs from rest, without errors: discrete motion and free motions are exact, whatever the damping."""
     model = three_masses(0.02)
@@ -120,6 +121,7 @@ def test_slopes_are_those_of_differences(chain):
                 assert -slope == pytest.approx(downward[k, which], rel=1e-4, abs=1e-7 * fit.cost)
 
 
+@pytest.mark.slow
 def test_intervals_hold():
     """Of 240 intervals of 95 %, 216 to 235 hold the truth: nine in ten to all but a few (errors coloured, too)."""
     model = three_masses(0.01)
@@ -156,6 +158,7 @@ def test_a_quantised_twin_gives_its_modes_and_answers_alike_both_ways(seed, coun
     assert np.abs(G[0, 1] - G[1, 0]).max() < 0.01 * np.abs(G[0, 1]).max()
 
 
+@pytest.mark.slow
 def test_close_modes_are_told_apart_from_any_order():
     M, K = np.eye(2), np.diag([400.0, 412.0])  # 1.5 % apart
     model = bc.structure.SecondOrderModel(
@@ -179,7 +182,7 @@ def test_poles_of_an_order_do_not_depend_on_the_orders_beside_it(chain):
         assert np.sort_complex(found) == pytest.approx(np.sort_complex(alone), rel=1e-6)
 
 
-@pytest.mark.parametrize("quantity", ["velocity", "acceleration"])
+@pytest.mark.parametrize("quantity", [pytest.param("velocity", marks=pytest.mark.slow), "acceleration"])
 def test_other_quantities_have_the_same_poles_and_no_structure(quantity):
     model = three_masses(0.01)
     u, y = driven(model, 5000, seed=4)
@@ -203,6 +206,7 @@ def chain_shapes():
     return bc.identify(*driven(model, 5000, seed=3, errors=0.01), STEP).modes
 
 
+@pytest.mark.slow
 def test_a_measured_response_gives_the_same_modes(chain):
     model, wide = chain[0], three_masses(0.05)
     H = bc.estimate_response(*driven(wide, 10000, seed=3, errors=0.02), STEP, band_hz=(0.5, 10.0))
@@ -215,7 +219,7 @@ def test_a_measured_response_gives_the_same_modes(chain):
     assert dampings.max() < 1e-6
 
 
-@pytest.mark.parametrize("errors", [None, "absolute"])
+@pytest.mark.parametrize("errors", [None, pytest.param("absolute", marks=pytest.mark.slow)])
 def test_errors_that_grow_with_a_measured_response_show_no_modes(chain, errors):
     model, omega, rng = chain[0], 2.0 * np.pi * np.linspace(0.5, 10.0, 600), np.random.default_rng(0)
     exact = model.frequency_response(omega).frdata
@@ -230,7 +234,9 @@ def test_errors_that_grow_with_a_measured_response_show_no_modes(chain, errors):
     assert found.source.endswith(f"errors taken for {errors or 'relative'}")
 
 
-@pytest.mark.parametrize("drift", ["ramp", "settling", "swing"])
+@pytest.mark.parametrize(
+    "drift", ["ramp", *(pytest.param(name, marks=pytest.mark.slow) for name in ("settling", "swing"))]
+)
 def test_a_drift_is_no_mode(chain, drift):
     model, u, y, plain = chain
     u, y = u[:2500], y[:2500]
@@ -269,6 +275,7 @@ def test_feedback_in_the_record_is_said(chain):
         bc.identify(*driven(model, 3000, seed=1, errors=0.1), STEP)
 
 
+@pytest.mark.slow
 def test_the_spray_boom_from_ten_minutes():
     """Frequencies below 5 Hz to 0.1 %, dampings to 5 %; the mode of 19 % damping to 1 % and 10 %."""
     boom = bc.spray_boom().select(["actuator_left", "actuator_right"], ["tip_left", "tip_right"])

@@ -35,6 +35,7 @@ def measured(rng, noise=0.02):
     return found
 
 
+@pytest.mark.slow
 def test_a_band_holds_what_the_fitted_model_leaves_of_the_truth():
     """Of the truth, without errors, at all frequencies but a few; it is no larger than it must be at the peak."""
     for seed in range(3):

@@ -103,6 +103,8 @@ RESULTS = {
     "ModeShapes": lambda: one.boom().mode_shapes(3),
     "CampbellDiagram": lambda: one.hub_beam().campbell([0.0, 1.0, 4.0]),
 }
+DEAR = ("PayloadComparison", "PayloadLine", "TrackingStudy")  # slews of several payloads, a study
+NAMES = [pytest.param(name, marks=pytest.mark.slow) if name in DEAR else name for name in RESULTS]
 SEVERAL = {  # pictures of several panels, and how many these have
     "Margins": 2, "RecoveryResult": 2, "LoopResult": 4, "ForcedResponse": 2, "SineResponse": 2, "SimulationResult": 4,
     "PlatformMotion": 2, "SlewResult": 5, "SlewComparison": 5, "SlewLine": 2, "PayloadComparison": 2,
@@ -160,7 +162,7 @@ def test_every_class_with_a_plot_is_tried_here():
         assert all(p.kind is p.KEYWORD_ONLY for p in parameters[1:-1])
 
 
-@pytest.mark.parametrize("name", RESULTS)
+@pytest.mark.parametrize("name", NAMES)
 def test_a_plot_returns_axes_of_one_new_figure_that_pyplot_shows_and_a_report_draws_the_same_on_its_own(made, name):
     before = dict(mpl.rcParams)
     axes = made(name).plot()
@@ -187,7 +189,7 @@ def test_a_picture_becomes_a_file(made, name):
         assert figure_bytes(figure_of(made(name).plot), "png").startswith(b"\x89PNG")
 
 
-@pytest.mark.parametrize("name", RESULTS)
+@pytest.mark.parametrize("name", NAMES)
 def test_given_axes_are_drawn_on_in_the_style_asked_for_and_no_figure_is_left_behind(made, name):
     count = SEVERAL.get(name, 1)
     own = Figure().subplots(count, 1)
@@ -209,7 +211,7 @@ def test_given_axes_are_drawn_on_in_the_style_asked_for_and_no_figure_is_left_be
     assert not plt.get_fignums()
 
 
-@pytest.mark.parametrize("name", RESULTS)
+@pytest.mark.parametrize("name", NAMES)
 def test_what_is_no_axes_or_no_style_is_refused_by_name_and_leaves_nothing(made, name):
     count, ax = SEVERAL.get(name, 1), Figure().add_subplot()
     with pytest.raises(ValueError, match=rf"ax: expected {count} axes .*, got {count + 1}"):

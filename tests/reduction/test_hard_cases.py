@@ -130,7 +130,7 @@ def test_the_bound_of_modes_left_out_holds_with_dampers_between_them(seed, count
     assert shown(model, red, omega).max() <= min(red.measured_error * (1 + 1e-5), red.error_bound)
 
 
-@pytest.mark.parametrize("elements", [36, 60])
+@pytest.mark.parametrize("elements", [36, pytest.param(60, marks=pytest.mark.slow)])
 def test_a_full_core_keeps_the_digits_of_a_fine_mesh(elements):
     """With accelerometers no bound in closed form is known, so that all modes stay, seen through their strains."""
     outputs = (*TIPS, "tip_left_acceleration", "tip_right_acceleration")

@@ -18,7 +18,9 @@ def ladder(count):
     return control.ss(A, np.eye(count)[:, :1], np.eye(count)[-1:], 0.0)
 
 
-@pytest.mark.parametrize("share", [1e-2, 1e-3, 1e-4, 1e-6])
+@pytest.mark.parametrize(
+    "share", [1e-2, *(pytest.param(share, marks=pytest.mark.slow) for share in (1e-3, 1e-4)), 1e-6]
+)
 @pytest.mark.parametrize("masses", [20, pytest.param(30, marks=pytest.mark.slow)])
 def test_modes_are_added_until_a_wanted_error_is_reached(masses, share):
     model = chain(masses, 1e-2)

@@ -29,7 +29,7 @@ def test_the_result_is_a_passive_structure_and_its_error_is_verified(structure):
     assert shown[0] == pytest.approx(0.0, abs=1e-9)
 
 
-@pytest.mark.parametrize("elements", [6, 60])
+@pytest.mark.parametrize("elements", [6, pytest.param(60, marks=pytest.mark.slow)])
 def test_the_boom_keeps_its_names_and_comes_within_a_wanted_error(elements):
     model = bc.spray_boom(elements=elements).select(ACTUATORS, TIPS)
     red = bc.reduce(model, error=1.0, method="second-order")

@@ -130,6 +130,7 @@ def spun_up():
     return bc.hub_beam(accuracy=1e-3, manoeuvre=SPIN_UP)
 
 
+@pytest.mark.slow
 def test_what_was_chosen_is_said_and_is_what_is_built(spun_up):
     chosen = spun_up.chosen
     assert (spun_up.model, spun_up.modes) == (chosen.model, chosen.modes) == ("sfoam", 3)
@@ -168,6 +169,7 @@ def test_an_accuracy_beyond_all_assumed_modes_takes_the_exact_beam():
     assert _error(found, _finer(short, turn, beam.chosen, t)) <= 1e-5
 
 
+@pytest.mark.slow
 def test_tolerances_are_those_of_the_choice_in_its_manoeuvre_alone(spun_up):
     chosen, t = spun_up.chosen, np.linspace(0.0, 40.0, 50)
     assert (chosen.rtol, chosen.atol) == pytest.approx((1e-5, 1e-5 * chosen.largest))
@@ -196,6 +198,7 @@ def test_tiny_motions_are_as_exact():
     assert _error(beam.simulate(tiny, t).tip_displacement, _finer(TABLE, tiny, beam.chosen, t)) <= 1e-4
 
 
+@pytest.mark.slow
 def test_it_is_chosen_once(spun_up):
     assert bc.hub_beam(accuracy=1e-3, manoeuvre=bc.spin_up(2.8, 30.0)).chosen is spun_up.chosen
 
@@ -208,12 +211,14 @@ def test_those_around_are_told():
     assert {"geometrically exact beam with 5 polynomials", "sfoam with 1 mode"} <= {told.stage for told in heard}
 
 
+@pytest.mark.slow
 def test_another_machine_has_not_been_chosen(spun_up):
     assert spun_up.with_tip_mass(0.1).chosen is None
     assert spun_up.with_stiffness(1.1).chosen is None
     assert spun_up.in_model("foam").chosen is None
 
 
+@pytest.mark.slow
 def test_it_is_an_ordinary_hub_beam(spun_up):
     same = bc.hub_beam(model="sfoam", modes=3)
     np.testing.assert_array_equal(spun_up.linearize(1.0).A, same.linearize(1.0).A)

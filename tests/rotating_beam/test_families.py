@@ -28,7 +28,8 @@ def _drive(count=3, last=4.0):
 
 @pytest.mark.parametrize("damping", [0.0, pytest.param(0.02, marks=pytest.mark.slow)])
 @pytest.mark.parametrize(
-    "model", ["tlam", "sfoam", "sfoam-consistent", "foam", pytest.param("cfoam", marks=pytest.mark.slow)]
+    "model",
+    ["tlam", "sfoam", *(pytest.param(name, marks=pytest.mark.slow) for name in ("sfoam-consistent", "foam", "cfoam"))],
 )
 def test_it_is_the_linear_model_at_every_point(model, damping):
     beam, high = _beam(model, damping=damping), 1.8 if model == "tlam" else 5.0
@@ -66,6 +67,7 @@ def test_any_parameter_of_the_beam_makes_a_family_that_is_the_linear_model():
     assert family.centre.outputs == _beam().structure().outputs
 
 
+@pytest.mark.slow
 def test_what_is_read_and_what_acts_may_both_change_with_the_parameters():
     """The loop as a polynomial is that of the structure at each point, and so is what is proved of it."""
 

@@ -158,6 +158,7 @@ def test_simo_vu_quoc_spin_up():
     assert np.mean(turning) == pytest.approx(stretch, rel=1e-4)
 
 
+@pytest.mark.slow
 def test_spin_up_of_bai():
     r = GeometricallyExactBeam(BAI, 6).simulate(spin_up(2.8, 30.0), np.linspace(0, 60, 6001))
     assert np.max(np.abs(r.tip_displacement)) == pytest.approx(0.2043, abs=5e-5)

@@ -210,6 +210,7 @@ def test_spin_up_peaks(model):
     assert np.abs(result.tip_displacement).max() == pytest.approx(references.SPIN_UP_PEAK[model], abs=5e-5)
 
 
+@pytest.mark.slow
 def test_foam_and_cfoam_agree_and_tlam_diverges_at_3_rad_per_s():
     t = np.linspace(0.0, 60.0, 3001)
     foam, cfoam, tlam = (

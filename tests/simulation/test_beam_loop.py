@@ -15,6 +15,7 @@ from tests.simulation.beam_reference import ATOL, accelerations, brute_force
 
 _TS = 0.02
 _MODELS = ("sfoam", "sfoam-consistent", "tlam", "foam")
+_FEW = ["tlam", *(pytest.param(model, marks=pytest.mark.slow) for model in ("sfoam", "sfoam-consistent", "foam"))]
 _SLOW_MODELS = [pytest.param(model, marks=pytest.mark.slow) for model in ("cfoam", "geometrically-exact")]
 
 
@@ -255,7 +256,7 @@ def test_a_long_delay_waits_in_the_log_as_in_a_queue(monkeypatch):
     assert max(apart.values()) < 1e-8, apart
 
 
-@pytest.mark.parametrize("model", _MODELS)
+@pytest.mark.parametrize("model", _FEW)
 def test_small_motions_are_those_of_the_linear_model(model):
     beam, time = _beam(model, 3, 0.1), np.linspace(0.0, 4.0, 401)
     small = 1e-6
@@ -268,7 +269,9 @@ def test_small_motions_are_those_of_the_linear_model(model):
         np.testing.assert_allclose(nonlinear[name], linear[name], rtol=0.0, atol=1e-7 * np.abs(linear[name]).max())
 
 
-@pytest.mark.parametrize("model", ["sfoam-consistent", "foam", "tlam"])
+@pytest.mark.parametrize(
+    "model", ["tlam", *(pytest.param(model, marks=pytest.mark.slow) for model in ("sfoam-consistent", "foam"))]
+)
 def test_energy_and_momentum_are_kept_without_controller_and_damping(model):
     beam, time = _beam(model, 2, 0.1), np.linspace(0.0, 2.0, 101)
     start = np.zeros(len(beam.state_names))
@@ -292,7 +295,9 @@ def test_the_motion_under_a_torque_is_that_of_simulate():
     np.testing.assert_allclose(run.states, other.states, rtol=0.0, atol=1e-6 * np.abs(other.states).max())
 
 
-@pytest.mark.parametrize("model", [*_MODELS, _SLOW_MODELS[0]])
+@pytest.mark.parametrize(
+    "model", ["sfoam", *(pytest.param(name, marks=pytest.mark.slow) for name in (*_MODELS[1:], "cfoam"))]
+)
 def test_the_stated_error_is_not_below_the_true_one(model):
     beam, time = _beam(model, 2, 0.1), np.linspace(0.0, 1.0, 51)
     drive = {"torque": 150.0 * np.sin(5.0 * time), "tip_force": np.cos(7.0 * time)}
@@ -458,7 +463,7 @@ def test_loops_that_cannot_be_followed():
         bc.simulate_loop(_beam(), None, None, [0.0, 1e9], sample_time=1e9)
 
 
-@pytest.mark.parametrize("model", _MODELS)
+@pytest.mark.parametrize("model", _FEW)
 def test_small_motions_are_those_of_the_linear_model_with_its_sensors(model):
     beam, time, small = _beam(model, 3, 0.1, damping=0.01), np.linspace(0.0, 2.0, 201), 1e-6
     kinds = {"displacement": None, "slope": None, "moment": None, "acceleration": None, "strain": 0.01}

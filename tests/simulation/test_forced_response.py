@@ -61,7 +61,7 @@ def test_a_boom_responds_as_it_does_step_by_step(elements):
         np.testing.assert_allclose(found[name], values, atol=1e-8 * np.abs(theirs).max())
 
 
-@pytest.mark.parametrize("accuracy", [1e-3, 1e-5, 1e-7])
+@pytest.mark.parametrize("accuracy", [*(pytest.param(each, marks=pytest.mark.slow) for each in (1e-3, 1e-5)), 1e-7])
 def test_fewer_modes_keep_the_accuracy_asked_for(accuracy):
     model = bc.spray_boom(elements=60)
     whole = forced_response(model, _PLATFORM, _TIME, accuracy=1e-14)

@@ -32,7 +32,7 @@ def _fading(x0, time, stiffness=100.0, mass=1.0, force=1.0):
     return found
 
 
-@pytest.mark.parametrize("x0", [0.37, 0.051, -0.23, 0.0099])
+@pytest.mark.parametrize("x0", [-0.23, 0.0099, *(pytest.param(x0, marks=pytest.mark.slow) for x0 in (0.37, 0.051))])
 def test_free_motion_fades_in_straight_lines_and_stops(x0):
     errors = []
     for steps in (100, 200, 400):
@@ -138,6 +138,7 @@ def test_the_law(velocity, free, gain, force, extra, stuck):
     assert 0.0 <= step.sliding <= 1.0
 
 
+@pytest.mark.slow
 @given(
     force=st.floats(0.1, 5.0),
     damping=st.floats(0.0, 2.0),

@@ -407,7 +407,7 @@ def test_delay_of_a_plant_without_states(share):
     np.testing.assert_allclose(found.controls["u"], [0.0] * late + given[: 8 - late], atol=1e-15)
 
 
-@pytest.mark.parametrize("per_sample", [1, 2, 3])
+@pytest.mark.parametrize("per_sample", [2, *(pytest.param(count, marks=pytest.mark.slow) for count in (1, 3))])
 @pytest.mark.parametrize(
     "limits", [{}, {"force_limit": 0.3}, {"quantization": 1e-6}, {"stroke_limit": {"x": (9.0, "u")}}]
 )

@@ -48,7 +48,9 @@ def _interpolated(measured):
     return found[0], found[1], found[2][0], found[3][0], found[4][:, 0]
 
 
-@pytest.mark.parametrize("scene", _SCENES)
+@pytest.mark.parametrize(
+    "scene", [name if name == "noisy" else pytest.param(name, marks=pytest.mark.slow) for name in _SCENES]
+)
 def test_the_loop_is_what_brute_force_finds(scene):
     options = _SCENES[scene]
     beam = bc.hub_beam(bc.HubBeamParameters(tip_mass=0.1), model="sfoam", modes=2)

@@ -74,7 +74,7 @@ def test_the_harmonic_balance_closes(force, freq_hz):
     np.testing.assert_allclose(5e-3 * np.abs(true[1, 0]), found.slip, rtol=1e-7)
 
 
-@pytest.mark.parametrize("force", [3.0, 8.0])
+@pytest.mark.parametrize("force", [3.0, pytest.param(8.0, marks=pytest.mark.slow)])
 def test_sines_in_time_agree_with_the_harmonic_balance_where_the_cradle_slides(force):
     balance, swept = (
         method(_JOLT, CoulombFriction(force), _OMEGA[2:], "actuator_sym", 5e-3, "tip_sym") for method in _METHODS

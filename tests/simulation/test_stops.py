@@ -125,6 +125,7 @@ def test_a_stroke_beyond_its_stop_to_begin_with_is_refused():
         )
 
 
+@pytest.mark.slow
 def test_boom_with_stops_friction_and_limits_at_once():
     model = bc.spray_boom(elements=6)
     time = np.linspace(0.0, 5.0, 2501)

@@ -214,7 +214,7 @@ def test_without_axial_modes_nothing_is_left_free():
     assert found.end_error == found.certificate.prescribed_error <= 1e-6
 
 
-@pytest.mark.parametrize("objective", ["effort", "jerk", "tip"])
+@pytest.mark.parametrize("objective", ["effort", "jerk", pytest.param("tip", marks=pytest.mark.slow)])
 def test_a_torque_of_fixed_time_has_no_switches(objective):
     found = bc.optimal_slew(sfoam(1), 1.0, 200.0, objective, 4.0, intervals=60)
     assert found.history.switches.size == 0

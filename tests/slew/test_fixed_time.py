@@ -100,7 +100,12 @@ def test_an_entry_in_the_table_is_all_that_a_new_objective_takes(beam, monkeypat
 
 @pytest.mark.parametrize(
     ("name", "value"),
-    [("speed_limit", 0.7), ("tip_limit", 1.0), ("moment_limit", 35.0), ("torque_rate_limit", 800.0)],
+    [
+        ("speed_limit", 0.7),
+        pytest.param("tip_limit", 1.0, marks=pytest.mark.slow),
+        pytest.param("moment_limit", 35.0, marks=pytest.mark.slow),
+        ("torque_rate_limit", 800.0),
+    ],
 )
 def test_limits_are_kept_on_a_dense_replay(beam, name, value):
     slew = bc.optimal_slew(beam, ANGLE, LIMIT, method="shooting", intervals=100, **{name: value})
@@ -173,7 +178,7 @@ def test_solving_again_with_other_data(beam):
     assert resolve(fastest, angle=1.4).duration == pytest.approx(np.sqrt(1.4) * fastest.duration, rel=1e-9)
 
 
-@pytest.mark.parametrize("limit", [200.0, 120.0])
+@pytest.mark.parametrize("limit", [pytest.param(200.0, marks=pytest.mark.slow), 120.0])
 def test_least_effort_of_a_linear_beam_is_what_a_programme_finds(limit):
     """A limit of the speed that is never met asks for the programme, which knows nothing of the closed form."""
     plant = bc.hub_beam(bc.HubBeamParameters(tip_mass=0.1), modes=2).linearize()
@@ -229,7 +234,9 @@ def test_the_gap_is_the_change_of_the_cost_when_the_mesh_is_halved(beam, ask):
     assert fine.certificate.optimality_gap == pytest.approx(change, rel=0.1)
 
 
-@pytest.mark.parametrize(("duration", "other"), [(2.93, 20), (2.92, 80)], ids=["halved", "doubled"])
+@pytest.mark.parametrize(
+    ("duration", "other"), [(2.93, 20), pytest.param(2.92, 80, marks=pytest.mark.slow)], ids=["halved", "doubled"]
+)
 def test_the_gap_of_least_effort_is_to_the_doubled_mesh_where_the_linear_part_shows_the_halved_one_too_coarse(
     duration, other
 ):

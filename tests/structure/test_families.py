@@ -68,7 +68,7 @@ def test_rounding_of_an_assembly_is_no_bend(stiff):
     assert family.size == 2
 
 
-@pytest.mark.parametrize("step", [0.0, 0.02])
+@pytest.mark.parametrize("step", [0.0, pytest.param(0.02, marks=pytest.mark.slow)])
 @given(st.integers(0, 10_000))
 @examples(40)
 def test_what_is_proved_holds_where_outputs_read_and_inputs_act_otherwise_from_point_to_point(step, seed):

@@ -193,7 +193,7 @@ def test_strain_rows_carry_five_thousand_elements_without_warning():
         (6, 3, r"halves, dense solutions, dense solutions"),
         (200, 300, r"halves, undamped modes, undamped modes"),
         (200, 3, r"halves, sparse factorisations, sparse factorisations"),
-        (800, 30, r"halves, sparse factorisations, sparse factorisations"),
+        pytest.param(800, 30, r"halves, sparse factorisations, sparse factorisations", marks=pytest.mark.slow),
     ],
 )
 def test_a_response_names_the_ways_that_led_to_it(elements, points, path):

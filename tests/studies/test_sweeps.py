@@ -169,7 +169,7 @@ def test_an_answer_is_no_parameter():
         found.table  # noqa: B018
 
 
-@pytest.mark.parametrize("chunk", [1, 4])
+@pytest.mark.parametrize("chunk", [pytest.param(1, marks=pytest.mark.slow), 4])
 def test_processes_and_threads_find_the_same(chunk):
     whole = bc.sweep(numbers, GRID)
     for executor in (ProcessPoolExecutor(2), ThreadPoolExecutor(2)):

@@ -65,7 +65,7 @@ def test_a_loop_that_is_unstable_on_the_full_plant_is_said_to_be(full):
     assert "UNSTABLE" in repr(found)
 
 
-@pytest.mark.parametrize("order", [2, 16])
+@pytest.mark.parametrize("order", [2, pytest.param(16, marks=pytest.mark.slow)])
 def test_lqg_and_h2_on_a_reduced_plant_are_judged_on_the_full_one(full, order):
     small = bc.reduce(full, order=order)
     sensors, push = ["stroke_anti", "tip_acceleration_anti"], ["suspension_anti"]

@@ -147,7 +147,10 @@ def test_an_output_with_feedthrough_weighs_controls_too(seed):
     assert design.gain == pytest.approx(same.gain, rel=1e-6, abs=1e-8)
 
 
-@pytest.mark.parametrize(("elements", "residual", "doubt"), [(6, 1e-10, 1e-9), (20, 1e-8, 1e-6), (50, 1e-7, 1e-5)])
+@pytest.mark.parametrize(
+    ("elements", "residual", "doubt"),
+    [(6, 1e-10, 1e-9), (20, 1e-8, 1e-6), pytest.param(50, 1e-7, 1e-5, marks=pytest.mark.slow)],
+)
 def test_the_boom_at_any_mesh(elements, residual, doubt):
     model = bc.spray_boom(elements=elements)
     design = bc.lqr(model, None, 1e-6, output_weight=TIPS, controls=SUSPENSIONS)

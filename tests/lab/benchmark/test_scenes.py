@@ -303,6 +303,7 @@ def test_promises_of_numbers_take_the_worst_of_all_settings_and_failures_break_t
         assert promise.of(diagram(good, failed)).held is False
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("key", SCENES)
 def test_every_promise_is_read_off_what_a_whole_run_measures(key):
     """Its competitors and settings are there, by the names that the promise has for them."""

@@ -43,6 +43,7 @@ def test_extrapolation_has_the_order_of_its_columns():
     assert coarse / fine == pytest.approx(2.0**4, rel=0.3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("manoeuvre", [SPIN_UP, TORQUE], ids=["spin-up", "torque"])
 def test_the_reference_agrees_with_ours_at_its_tightest(manoeuvre):
     beam = AssumedModesBeam(machine(), "sfoam", 5)

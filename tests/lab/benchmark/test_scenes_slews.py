@@ -26,6 +26,7 @@ def test_the_replay_finds_the_end_that_ours_reaches():
         referee.miss(ramped(np.linspace(0.0, 1.0, 3), np.array([0.0, 1.0, 0.0])))
 
 
+@pytest.mark.slow
 def test_the_least_effort_is_that_of_ours_extrapolated():
     ours = [
         optimal_slew(EFFORT.beam, EFFORT.angle, 200.0, "effort", EFFORT.duration, method="shooting", intervals=n).cost
@@ -36,6 +37,7 @@ def test_the_least_effort_is_that_of_ours_extrapolated():
     assert least == pytest.approx(ours[1] - (ours[0] - ours[1]) / 3.0, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_the_least_time_is_ours():
     least = Referee(EFFORT).least_time()
     assert optimal_slew(EFFORT.beam, EFFORT.angle, 200.0, tolerance=1e-8).duration == pytest.approx(least, rel=1e-9)

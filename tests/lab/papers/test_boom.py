@@ -60,9 +60,8 @@ def reproduced(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def result(request):
-    """What the command computes, from the run of the command where that is tried anyway."""
-    return compute() if is_quick() else request.getfixturevalue("reproduced").result
+def result(reproduced):
+    return reproduced.result
 
 
 @pytest.fixture(scope="module")
@@ -103,17 +102,20 @@ def order_of(convergence, first, last):
     return np.log(convergence.error[first] / convergence.error[last]) / ratio
 
 
+@pytest.mark.slow
 def test_the_finite_element_column_is_met_to_the_last_printed_digit(result):
     finite = next(method for method in result.methods if method.name.startswith("finite"))
     printed = 0.5e-4
     assert np.abs(finite.computed_hz - finite.published_hz).max() <= 1e-4 + printed
 
 
+@pytest.mark.slow
 def test_the_hermitian_column_is_met(result):
     hermitian = next(method for method in result.methods if "Hermitian" in method.name)
     assert np.abs(hermitian.difference_percent).max() < 0.15
 
 
+@pytest.mark.slow
 def test_the_geometrical_column_is_shown_with_its_differences(result):
     geometrical = next(method for method in result.methods if "geometrical" in method.name)
     assert np.abs(geometrical.difference_percent[[0, 1, 2]]).max() < 0.5
@@ -122,6 +124,7 @@ def test_the_geometrical_column_is_shown_with_its_differences(result):
     assert all(abs(item.computed_hz[3] / geometrical.published_hz[3] - 1) > 0.03 for item in result.readings)
 
 
+@pytest.mark.slow
 def test_the_errors_fall_with_the_expected_orders(result):
     by_name = {item.name: item for item in result.convergence}
     attached = by_name["finite elements, nodes at hinge and springs"]
@@ -134,6 +137,7 @@ def test_the_errors_fall_with_the_expected_orders(result):
     assert by_name["high-order elements, 4"].error[-1].max() < 1e-10
 
 
+@pytest.mark.slow
 def test_the_peaks_of_figure_3_are_certified_and_agree_with_the_exact_curve(result):
     exact = result.sigma["exact beam"]
     for name, curve in result.sigma.items():

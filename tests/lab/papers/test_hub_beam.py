@@ -65,6 +65,7 @@ def test_table_two_is_met_with_the_factor_of_the_paper_and_not_without():
     assert first["FOAM, 1 rad/s, mode 1"] == pytest.approx(0.47111124, abs=5e-9)
 
 
+@pytest.mark.slow
 def test_critical_speeds():
     section = hub_beam_frequencies.critical_speeds()
     computed = [each.computed for each in section.comparisons]
