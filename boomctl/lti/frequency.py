@@ -252,11 +252,16 @@ def largest_gain(system: Lti, respond: Response | None = None) -> tuple[float, f
         points=SEARCHED,
         also=[0.0] if seen.all() else (),
     )
-    shown, at = highest_peak(gain_by_eigenvectors(system), grid)
-    there = float(singular_values(exact(np.array([at])))[0, 0])
-    if abs(shown - there) <= CERTIFIED * there:
-        return there, at
-    return highest_peak(lambda omega: singular_values(exact(omega))[0], grid)
+    return confirmed_peak(gain_by_eigenvectors(system), lambda omega: singular_values(exact(omega))[0], grid)
+
+
+def confirmed_peak(
+    quick: Callable[[Array], Array], exact: Callable[[Array], Array], grid: Array
+) -> tuple[float, float]:
+    """Return the largest of ``exact`` values, and its frequency, by a search in quick ones; in exact ones if they differ."""
+    shown, at = highest_peak(quick, grid)
+    there = float(exact(np.array([at]))[0])
+    return (there, at) if abs(shown - there) <= CERTIFIED * there else highest_peak(exact, grid)
 
 
 def gain_by_eigenvectors(system: Lti) -> Callable[[Array], Array]:

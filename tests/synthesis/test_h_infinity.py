@@ -12,7 +12,7 @@ from numpy.testing import assert_allclose
 from scipy import linalg
 
 import boomctl as bc
-from boomctl.synthesis.hinf.bounds import Bounds, frequency_bound
+from boomctl.synthesis.hinf.bounds import Bounds, Deadline, frequency_bound, lowest_level
 from boomctl.synthesis.hinf.normal_form import normalised
 from boomctl.synthesis.plants.partition import partition
 from tests.profiles import examples
@@ -227,6 +227,21 @@ def test_the_frequency_bound_holds_with_any_feedback():
     nothing = np.zeros((1, 5)), np.zeros((5, 1))
     F, L = 0.3 * np.ones((1, 5)), 0.3 * np.ones((5, 1))
     assert_allclose(frequency_bound(ready, F, L)[0], frequency_bound(ready, *nothing)[0], rtol=1e-3)
+
+
+@examples(20)
+@given(seed=st.integers(0, 10**6), n=st.integers(1, 8), sizes=SIZES, tolerance=st.sampled_from([1e-4, 1e-2, 1.0]))
+def test_the_lowest_level_is_as_close_to_its_bound_as_asked_for(seed, n, sizes, tolerance):
+    """What reaches it stabilises at that level, and the bounds of two tolerances do not contradict each other."""
+    ready = normalised(partition(random_plant(seed, n, sizes, False), sizes[3], sizes[2]))
+    loose, level = lowest_level(ready, tolerance, Deadline.after(60.0))
+    tight, _ = lowest_level(ready, 1e-5, Deadline.after(60.0))
+    assert (level.gamma, level.reason) == (loose.reached, "")
+    assert level.radius < level.gamma
+    assert loose.lower <= tight.reached * (1.0 + 1e-6)
+    assert tight.lower <= loose.reached * (1.0 + 1e-6)
+    if min(n, loose.frequency) > 0:  # no optimum of zero
+        assert loose.reached <= loose.lower * (1.0 + tolerance)
 
 
 def test_a_bound_that_a_verified_loop_beats_is_given_up():

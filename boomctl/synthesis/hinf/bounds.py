@@ -12,10 +12,10 @@ import time
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import linalg
 
 from boomctl.arrays import Array
-from boomctl.lti.frequency import SEARCHED, highest_peak, resonance_grid
+from boomctl.lti.frequency import SEARCHED, confirmed_peak, resonance_grid, singular_values
+from boomctl.lti.modal import partial_fractions
 from boomctl.lti.rounding import TINY
 from boomctl.lti.system import Lti
 from boomctl.printing import compact
@@ -25,8 +25,13 @@ from boomctl.synthesis.hinf.normal_form import NormalizedPlant
 from boomctl.synthesis.hinf.two_riccati import COUPLING, Level, gains, level_of
 from boomctl.synthesis.plants.partition import GeneralizedPlant
 
-# Levels tried upwards, as multiples of the first guess: tight where it is a bound, wide where it only has the right unit.
-_GROWTH = (1.01, 1.1, 1.5, 3.0, 10.0, 100.0, 1e4, 1e6, 1e9)
+# Of the tolerance, how far above a bound a controller is looked for first: what is left is for rounding (a choice)
+CLOSEST = 0.95
+_SEARCH = 0.25  # share of the tolerance to which the lowest level is found: the rest is left to the controllers
+_BESIDE = 0.5  # of the tolerance that is left above a level that a line tells, whose slope it allows for (a choice)
+_FREE = 0.5  # radius over its level up to which the coupling is far from setting the lowest level (a choice)
+# Levels tried upwards after that, as multiples of the first guess: wide where it only has the right unit.
+_GROWTH = (1.1, 1.5, 3.0, 10.0, 100.0, 1e4, 1e6, 1e9)
 _STEPS = 60  # levels looked at: every third halves the span, and 20 halvings take a ratio of 1e9 to 1 + 2e-5
 _SLOWEST = 1e-9  # share of the fastest pole below which the frequency bound is not looked for: no peak lies there
 _NOTHING = 1e-8  # share of the plant's own size below which a level counts as zero
@@ -115,8 +120,10 @@ class Bounds:
         return replace(self, frequency=frequency, riccati=riccati, reason=self.reason if riccati > 0.0 else "")
 
 
-def lowest_level(ready: NormalizedPlant, tolerance: float, deadline: Deadline) -> Bounds:
-    """Return the lowest level that can be reached, to within ``tolerance`` of what bounds it from below.
+def lowest_level(ready: NormalizedPlant, tolerance: float, deadline: Deadline) -> tuple[Bounds, Level]:
+    """Return the lowest level that can be reached, to within ``tolerance`` of what bounds it from below, and its equations.
+
+    Where the coupling sets it, it is found to a quarter of that, so that controllers may stay away from it.
 
     Raises
     ------
@@ -129,11 +136,14 @@ def lowest_level(ready: NormalizedPlant, tolerance: float, deadline: Deadline) -
     F, L = gains(ready, relaxed)
     F2, L2 = F[ready.nw :], L[:, ready.nz :]
     frequency, omega = frequency_bound(ready, F2, L2)
-    parts = (ready.A, ready.A + ready.B2 @ F2, ready.A + L2 @ ready.C2)
-    band = max((float(np.abs(linalg.eigvals(part)).max()) for part in parts if len(part)), default=0.0)
-    reached, levels = _lowest_reached(max(frequency, relaxed.radius), ready, tolerance, deadline)
-    riccati, reason = _proven([relaxed, *levels])
-    return Bounds(reached=reached, frequency=frequency, omega=omega, riccati=riccati, reason=reason, band=band)
+    poles = ready.system.poles, *(np.linalg.eigvals(A) for A in (ready.A + ready.B2 @ F2, ready.A + L2 @ ready.C2))
+    band = float(np.abs(np.concatenate(poles)).max(initial=0.0))
+    levels = _reached(relaxed, frequency, tolerance, deadline)
+    if levels[-1].gamma > frequency * (1.0 + tolerance) or levels[-1].radius > _FREE * levels[-1].gamma:
+        levels = _refined(levels, frequency, _SEARCH * tolerance, deadline)
+    reached = min((level for level in levels if not level.reason), key=lambda level: level.gamma)
+    riccati, reason = _proven(levels)
+    return Bounds(reached.gamma, frequency, omega, riccati, reason, band), reached
 
 
 def _proven(levels: list[Level]) -> tuple[float, str]:
@@ -151,18 +161,30 @@ def _promise(level: Level) -> float:
     return min(level.radius, level.gamma) if np.isfinite(level.radius) else (level.gamma if level.reason else 0.0)
 
 
-def _lowest_reached(
-    low: float, ready: NormalizedPlant, tolerance: float, deadline: Deadline
-) -> tuple[float, list[Level]]:
-    """Return the lowest level above ``low`` that can be reached, as closely as asked for, and all that were looked at."""
-    levels = _reached(ready, low if low > 0.0 else _size(ready), deadline)
+def _reached(relaxed: Level, frequency: float, tolerance: float, deadline: Deadline) -> list[Level]:
+    """Return that of H2 and levels that grow until the last can be reached; where only the coupling fails, its radius can."""
+    levels, enough = [relaxed], np.inf
+    base = max(frequency, relaxed.radius) or _size(relaxed.ready)
+    for growth in (1.0 + CLOSEST * tolerance, *_GROWTH):
+        deadline.check("looking for a level that can be reached")
+        levels.append(level_of(relaxed.ready, min(growth * base, enough)))
+        if not levels[-1].reason:
+            return levels
+        if np.isfinite(levels[-1].radius):
+            enough = _secant(levels, tolerance) if len(levels) == 2 else levels[-1].radius * (1.0 + _ABOVE)
+    raise SynthesisError(f"no level up to {_GROWTH[-1] * base:.3g} can be reached: {levels[-1].reason}")
+
+
+def _refined(levels: list[Level], low: float, tolerance: float, deadline: Deadline) -> list[Level]:
+    """Return levels among which the lowest above ``low`` that can be reached is found as closely as asked for."""
+    levels, ready = levels.copy(), levels[0].ready
     floor, step = _NOTHING * _size(ready), 0
     while True:
         # as the level falls, the radius grows
         low = max(low, *(level.gamma if level.reason else level.radius for level in levels))
         high = min(level.gamma for level in levels if not level.reason)
         if step == _STEPS or high <= max(low * (1.0 + tolerance), floor):
-            return high, levels
+            return levels
         deadline.check("searching for the lowest level")
         middle = float(np.sqrt(max(low, 1e-3 * high) * high))  # of an open span, three decades
         guess = middle if step % 3 == 2 else _secant(levels, tolerance)
@@ -170,28 +192,22 @@ def _lowest_reached(
         step += 1
 
 
-def _reached(ready: NormalizedPlant, base: float, deadline: Deadline) -> list[Level]:
-    """Return levels that grow until the last can be reached; where only the coupling fails, its radius can be."""
-    levels: list[Level] = []
-    enough = np.inf
-    for growth in _GROWTH:
-        deadline.check("looking for a level that can be reached")
-        levels.append(level_of(ready, min(growth * base, enough)))
-        if not levels[-1].reason:
-            return levels
-        if np.isfinite(levels[-1].radius):
-            enough = levels[-1].radius * (1.0 + _ABOVE)
-    raise SynthesisError(f"no level up to {_GROWTH[-1] * base:.3g} can be reached: {levels[-1].reason}")
-
-
 def _secant(levels: list[Level], tolerance: float) -> float:
-    """Return a level just above where a line through two levels says that the radius equals it; nan without two."""
-    below = max((v for v in levels if v.reason and v.radius > 0.0), key=lambda v: v.gamma, default=None)
-    above = min((v for v in levels if not v.reason and v.radius > 0.0), key=lambda v: v.gamma, default=None)
-    if below is None or above is None:
+    """Return a level just above where a line through two levels says that the radius equals it; nan without two.
+
+    It is one of inverse squares: those of the radius fall by that of the level where the solutions are near those of H2.
+    """
+    below = [v for v in levels if v.reason and v.radius > 0.0]
+    above = sorted((v for v in levels if not v.reason and v.radius > 0.0), key=lambda v: v.gamma)
+    ends = [*above[: 1 if below else 2], *sorted(below, key=lambda v: v.gamma)[-1:]]
+    if len(ends) < 2:
         return np.nan
-    a, b = np.log(below.radius / below.gamma), np.log(above.radius / above.gamma)
-    return float(below.gamma * (above.gamma / below.gamma) ** (a / (a - b)) * (1.0 + 0.4 * tolerance))
+    unit = ends[0].radius
+    with np.errstate(divide="ignore", over="ignore", invalid="ignore"):  # radii too far apart, or the same
+        inverse = (unit / np.array([(v.gamma, v.radius) for v in ends])) ** 2
+        gap = inverse[:, 1] - inverse[:, 0]
+        slope = (inverse[1, 0] - inverse[0, 0]) / (gap[1] - gap[0])
+        return float(unit / np.sqrt(inverse[0, 0] - slope * gap[0]) * (1.0 + _BESIDE * tolerance * abs(slope)))
 
 
 def _size(ready: NormalizedPlant) -> float:
@@ -217,19 +233,23 @@ def _out_of_reach(plant: GeneralizedPlant, F: Array) -> tuple[float, float]:
     last = float(np.linalg.norm(plant.D11[:free], 2))
     if not len(plant.A):
         return last, np.inf
-    closed = plant.A + plant.B2 @ F
-    system = Lti(closed, plant.system.B, plant.C1 + plant.D12 @ F, plant.system.D[: plant.nz])
+    system = Lti(plant.A + plant.B2 @ F, plant.system.B, plant.C1 + plant.D12 @ F, plant.system.D[: plant.nz])
+    fractions = partial_fractions(system)
 
-    def rest(omega: Array) -> Array:
-        G = system.response(omega, quiet=True).transpose(2, 0, 1)
-        inputs, reached = G[:, :, :nw], G[:, :, nw:]
-        basis = np.linalg.qr(reached)[0]  # orthonormal but for rounding, which light damping and long chains magnify
-        left = inputs - basis @ (np.conj(np.swapaxes(basis, 1, 2)) @ inputs)
-        return np.linalg.norm(left, 2, axis=(1, 2)) if min(left.shape[1:]) > 1 else np.linalg.norm(left, axis=(1, 2))
+    def rest(response: Array) -> Array:
+        G = response.transpose(2, 0, 1)
+        # orthonormal but for rounding, which light damping and long chains magnify
+        basis = np.linalg.qr(G[:, :, nw:], mode="complete")[0][:, :, plant.ncon :]
+        return singular_values((np.conj(np.swapaxes(basis, 1, 2)) @ G[:, :, :nw]).transpose(1, 2, 0))[0]
 
-    size = np.abs(np.concatenate([np.linalg.eigvals(closed), np.linalg.eigvals(plant.A)]))
+    size = np.abs(np.concatenate([system.poles, plant.system.poles]))
     size = size[size > _SLOWEST * size.max()]
     low, high = (size.min(), size.max()) if len(size) else (1.0, 1.0)
     grid = resonance_grid(np.zeros(0), low / 10.0, high * 10.0, points=SEARCHED, also=[0.0, *size])
-    peak, omega = highest_peak(rest, grid)
+
+    def quick(omega: Array) -> Array:
+        response = fractions.response(omega)  # of eigenvectors that may be dependent
+        return rest(response) if np.isfinite(response).all() else np.full(len(omega), np.inf)
+
+    peak, omega = confirmed_peak(quick, lambda omega: rest(system.response(omega, quiet=True)), grid)
     return (peak, omega) if peak >= last else (last, np.inf)

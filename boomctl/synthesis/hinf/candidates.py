@@ -8,11 +8,11 @@ import numpy as np
 
 from boomctl.analysis.norm import NormCertificate, matrices_norm
 from boomctl.lti.modal import split
-from boomctl.lti.system import ClosedLoop, Lti
+from boomctl.lti.system import ClosedLoop, Lti, rates_of
 from boomctl.synthesis.assumptions import SynthesisError
-from boomctl.synthesis.hinf.bounds import Bounds, Deadline
+from boomctl.synthesis.hinf.bounds import CLOSEST, Bounds, Deadline
 from boomctl.synthesis.hinf.normal_form import NormalizedPlant
-from boomctl.synthesis.hinf.two_riccati import level_of, suboptimal_controller
+from boomctl.synthesis.hinf.two_riccati import Level, level_of, suboptimal_controller
 from boomctl.synthesis.plants.partition import GeneralizedPlant, with_feedthrough
 
 # Share by which a loop's norm may exceed the level its controller was computed for: rounding of the solver
@@ -20,7 +20,7 @@ _ACCEPT = 0.01
 
 # Levels in the order tried, as shares above the lower bound.  All are choices: a controller nearer the optimum has faster
 # poles, so that the first level takes up nearly all of the tolerance and leaves the rest to rounding.
-_FIRST = (0.95, 0.5, 1.0)  # of the tolerance
+_FIRST = (CLOSEST, 0.5, 1.0)  # of the tolerance
 _CLOSE = (0.02, 0.0485)  # up to 5 % with rounding: then twice the tolerance and these, where they are more than it
 _FAR = (0.1, 0.2, 0.4, 0.7, 1.0)  # then up to twice the bound, where poles may stay slow only at that cost
 _ANY = (*_FAR, 3.0, 10.0, 100.0)  # where slow poles were asked for, at whatever cost
@@ -33,11 +33,12 @@ _Tried = tuple[str, float, str]
 
 @dataclass(frozen=True)
 class Task:
-    """A plant, what bounds its loops from below, and what is wanted of a controller."""
+    """A plant, what bounds its loops from below, the equations of the level reached, and what is wanted of a controller."""
 
     plant: GeneralizedPlant
     ready: NormalizedPlant
     bounds: Bounds
+    reached: Level
     fastest: float
     tolerance: float
     deadline: Deadline
@@ -86,8 +87,9 @@ def first_accepted(task: Task, strict: bool) -> Candidate:
 
 def _levels(task: Task, shares: Sequence[float]) -> list[float]:
     """Return levels that lie these shares above the lower bound, none of them below what can be reached."""
-    base, least = task.bounds.lower or task.bounds.reached, task.bounds.reached * (1.0 + 0.1 * task.tolerance)
-    return [max(base * (1.0 + share), least) for share in shares]
+    reached = task.bounds.reached
+    levels = [(task.bounds.lower or reached) * (1.0 + share) for share in shares]
+    return [level if level >= reached else reached * (1.0 + 0.1 * task.tolerance) for level in levels]
 
 
 def _farther(task: Task, last: float, strict: bool, tried: list[_Tried]) -> Candidate | None:
@@ -125,7 +127,8 @@ def _controllers(task: Task, level: float, tried: list[_Tried]) -> Iterator[tupl
         task.deadline.check(f"computing a controller for gamma = {level:.6g}")
         outward, inward = ready.from_controls, ready.from_measurements
         try:
-            found = level_of(ready, level)
+            known = level == task.reached.gamma and ready is task.ready
+            found = task.reached if known else level_of(ready, level)
             if found.reason:
                 raise ValueError(found.reason)
             K = suboptimal_controller(ready, found, inward @ task.plant.D22 @ outward)
@@ -172,7 +175,7 @@ def verified_candidate(plant: GeneralizedPlant, K: Lti, limit: float) -> Candida
         loop = parts.system
     except ValueError as error:
         return str(error)
-    slowest = float(loop.rates.real.max(initial=-np.inf))
+    slowest = float(rates_of(loop.eigensystem[0], loop.dt).real.max(initial=-np.inf))
     if slowest >= 0.0:
         return f"its loop has a pole with real part {slowest:.3g} rad/s"
     norm = matrices_norm(parts)

@@ -64,7 +64,7 @@ def full_order_bound(plant: GeneralizedPlant, deadline: Deadline) -> FullOrderBo
         try:
             measured, seen = _noisy(_shifted(plant, shift))
             weighed, moved = _noisy(measured.dual)
-            bounds = lowest_level(normalised(weighed.dual), _TOLERANCE, deadline)
+            bounds, _ = lowest_level(normalised(weighed.dual), _TOLERANCE, deadline)
         except _FAILED as error:
             reason = reason or " ".join(str(error).split())
             continue

@@ -32,7 +32,6 @@ if TYPE_CHECKING:
 _LEVELS = (1e-100, 1e100)  # between which a wanted level lies: squares of them are numbers still (a choice)
 _MORE = 1e-4  # share by which the norm on the unit circle may exceed that of the image: rounding of the map (a choice)
 _BAND = 1000.0  # poles so many times faster than plant and H2 loop cannot be implemented (a choice)
-_SEARCH = 0.25  # share of the tolerance to which the lowest level is found: the rest is left to the controllers
 
 
 @dataclass(frozen=True)
@@ -194,12 +193,19 @@ def h_infinity(
     check_zeros(plant, ready)
     with computing("H-infinity synthesis", progress):
         deadline = Deadline.after(limit)
-        bounds = lowest_level(ready, _SEARCH * share, deadline)
+        bounds, reached = lowest_level(ready, share, deadline)
         if wanted is not None and wanted < bounds.lower:
             raise SynthesisError(f"gamma = {wanted:.6g} cannot be reached: {bounds.why}")
         fastest = allowed if allowed is not None else (_BAND * bounds.band or np.inf)
         task = Task(
-            plant=plant, ready=ready, bounds=bounds, fastest=fastest, tolerance=share, deadline=deadline, wanted=wanted
+            plant=plant,
+            ready=ready,
+            bounds=bounds,
+            reached=reached,
+            fastest=fastest,
+            tolerance=share,
+            deadline=deadline,
+            wanted=wanted,
         )
         found = first_accepted(task, strict=allowed is not None)
         if discrete:

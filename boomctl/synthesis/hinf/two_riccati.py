@@ -105,7 +105,11 @@ class Level:
             if X is None:
                 continue
             errors[k] = _MARGIN * _error(_state_feedback(plant, self.gamma), X)
-            if np.isfinite(self.gamma) and len(X) and linalg.eigvalsh(X)[0] < -max(errors[k], _EPS * np.abs(X).max()):
+            if (
+                np.isfinite(self.gamma)
+                and len(X)
+                and np.linalg.eigvalsh(X)[0] < -max(errors[k], _EPS * np.abs(X).max())
+            ):
                 return self.gamma
         if self.X is None or self.Y is None or not np.isfinite(self.radius):
             return 0.0
@@ -129,7 +133,7 @@ def level_of(ready: NormalizedPlant, gamma: float) -> Level:
     if _indefinite(Y):
         reason = "with all states driven at will no controller reaches it (Y is indefinite)"
         return Level(gamma, reason, np.nan, ready, Y=Y)
-    values = linalg.eigvals(X @ Y).real if len(X) else np.zeros(1)
+    values = np.linalg.eigvals(X @ Y).real if len(X) else np.zeros(1)
     radius = float(np.sqrt(max(values.max(), 0.0)))
     return Level(gamma, COUPLING if radius >= gamma else "", radius, ready, X=X, Y=Y)
 
@@ -137,7 +141,7 @@ def level_of(ready: NormalizedPlant, gamma: float) -> Level:
 def _indefinite(X: Array) -> bool:
     if not len(X):
         return False
-    values = linalg.eigvalsh(X)
+    values = np.linalg.eigvalsh(X)
     return bool(values[0] < -_NEGATIVE * max(abs(values[-1]), abs(values[0]), TINY))
 
 
@@ -167,7 +171,7 @@ def _error(equation: _StateFeedback, X: Array) -> float:
         return 0.0
     closed = equation.F - equation.G @ X
     residual = equation.F.T @ X + X @ equation.F - X @ equation.G @ X + equation.Q
-    if linalg.eigvals(closed).real.max() >= 0.0:
+    if np.linalg.eigvals(closed).real.max() >= 0.0:
         return np.inf
     try:
         with warnings.catch_warnings():
