@@ -282,8 +282,8 @@ def small_deformation_until(
         return float(time[0])
     first, side = last - 1, np.sign(tip_displacement[last])
     step = time[last] - time[first]
-    before, after = side * tip_displacement[first] - limit, side * tip_displacement[last] - limit
-    slopes = side * step * tip_rate(slice(first, last + 1))
+    before, after = (float(side * tip_displacement[end] - limit) for end in (first, last))
+    slopes = (side * step * tip_rate(slice(first, last + 1))).tolist()
     low, high = 0.0, 1.0
     for _ in range(_HALVINGS):
         s = 0.5 * (low + high)

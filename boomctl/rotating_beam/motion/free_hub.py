@@ -28,7 +28,9 @@ STEPS = 64  # of a window: a choice; 48 take up to twice as long with five modes
 STAGES = 10, 12  # nodes of a step in the two orders, 20 and 24: a choice; 8 and 10 take up to twice as long (measured)
 _SCENES = 16  # side by side: a choice, 1.7 to 4 times as fast as singly (measured, ten modes to one); more gain little
 
-_FIRST_PHASE = 1.0  # of the lowest mode in a step of the first window: a choice, the error tells for the others
+# Of the lowest mode in a step of the first window at a tolerance of one: a choice, the error tells for the others.  It falls
+# with the tolerance as lengths do; with 1 at every tolerance loose ones take up to twice as long (measured).
+_FIRST_PHASE = 6.0
 _SETTLED = 0.2  # of the error that a window may add, for what its sweeps leave
 _ROUNDING = 1e-14  # of the largest displacement or torque: less is rounding
 _LOCAL = 0.3  # of the allowed error that all windows together may add
@@ -42,7 +44,7 @@ _RELAXED = 8  # windows after which steps that are short for the sake of a fast 
 _SMALLEST = 1e-6  # of the whole time: where the sweeps of shorter windows do not settle either, they are given up
 _MOST_WINDOWS = 600  # where a motion is given up: as many steps as plain collocation may take, which then does better
 _MORE_WINDOWS = (
-    4.0  # more of them for every window of the first length, for long motions, and for every corner: a choice
+    4.0  # more of them for every window whose steps are a radian of the lowest mode, and for every corner: a choice
 )
 _RESOLVED = 4.0  # times as many windows as it takes to see a fast mode at all, to follow it: measured, axial modes
 _DECAYED = 300.0  # decay rate times length of a window at most: its exponential and its inverse are then finite
@@ -188,9 +190,10 @@ def _begin(form: FreeHubForm, scene: FreeScene, share: float) -> _Progress:
         state[1:] = np.linalg.solve(form.to_q, each[1:])
         state[0] = (each[0] - form.lean @ state[1:]) * np.sqrt(form.inertia)
     none = np.zeros(2)
-    length = STEPS * _FIRST_PHASE / np.sqrt(form.softest)
+    radian = STEPS / np.sqrt(form.softest)
+    length = _FIRST_PHASE * max(scene.rtol, _ROUNDING) ** (1.0 / _ORDER) * radian
     longest = _DECAYED / form.decay if form.decay else np.inf
-    windows = _MOST_WINDOWS + _MORE_WINDOWS * (scene.end / length + scene.corners.size)
+    windows = _MOST_WINDOWS + _MORE_WINDOWS * (scene.end / radian + scene.corners.size)
     return _Progress(scene, share, 0.0, np.stack([states, states]), length, np.inf, longest, windows, none, none, none)
 
 
@@ -321,12 +324,12 @@ def _tried(form: FreeHubForm, runs: Sequence[_Progress], lengths: Array) -> list
     low, high = STAGES
     begin, h = np.array([run.time for run in runs]), lengths / STEPS
     states = np.stack([run.states for run in runs])
-    modes = free_modes(form, states[:, 1, 1, 0] / np.sqrt(form.inertia) + states[:, 1, 1, 1:] @ form.lean)
+    torque = _torque(runs, begin, h, low)
+    modes = free_modes(form, _typical_speed(form, states[:, 1, 1, 0], torque, h))
     weights = _weights(form, modes, runs)
     states[..., 1:] = states[..., 1:] @ modes.shapes[:, None]
     starts = [modes.oscillators.states(states[:, order, 0], states[:, order, 1]) for order in (0, 1)]
     moved = flow(modes.oscillators, h, STEPS, low)
-    torque = _torque(runs, begin, h, low)
     force = (modes.push[..., None] * torque).reshape(*modes.push.shape, STEPS, low)
     peaks = _peaks(weights, modes, moved.at_nodes(force, moved.states(force, starts[0]))[0])
     addable = np.stack([run.addable(*each) for run, *each in zip(runs, peaks, lengths, strict=True)])
@@ -366,6 +369,13 @@ def _tried(form: FreeHubForm, runs: Sequence[_Progress], lengths: Array) -> list
         else None
         for i in range(len(runs))
     ]
+
+
+def _typical_speed(form: FreeHubForm, rate: Array, torque: Array, h: Array) -> Array:
+    """Hub speeds whose squares are the mean ones of a rigid beam in the windows, rad/s, b: from the free mass's rates."""
+    impulse = torque.reshape(rate.size, STEPS, -1) @ gauss_method(STAGES[0]).weights * h[:, None]
+    speed = rate[:, None] / np.sqrt(form.inertia) + np.cumsum(impulse, axis=1) / form.inertia
+    return np.sqrt(np.mean(speed**2, axis=1))
 
 
 def _torque(runs: Sequence[_Progress], begin: Array, h: Array, stages: int) -> Array:

@@ -14,7 +14,7 @@ from boomctl.arrays import Array
 from boomctl.rotating_beam.motion.free_modes import FreeModes
 from boomctl.rotating_beam.motion.oscillators import Flow
 
-_SWEEPS = 40  # where a window is given up: 10 to 25 are taken (measured), and a shorter window takes fewer
+_SWEEPS = 40  # where a window is given up: 6 to 25 are taken (measured), and a shorter window takes fewer
 _NEAR = 10.0  # times what may be left: such a change is the last where it was also smaller by that than the one before
 
 
