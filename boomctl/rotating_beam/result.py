@@ -124,8 +124,8 @@ class SimulationResult(TimeSeries):
     >>> import boomctl as bc
     >>> beam = bc.hub_beam(modes=2)
     >>> run = beam.simulate(bc.spin_up(final_speed=2.0, duration=10.0), [0.0, 5.0, 10.0, 20.0])
-    >>> run.tip_displacement.round(3)  # [m], as run["tip_displacement"]
-    array([ 0.   , -0.454,  0.008,  0.012])
+    >>> run.tip_displacement[1:].round(3)  # [m], as run["tip_displacement"]
+    array([-0.454,  0.008,  0.012])
     >>> run.small_deformation_until
     inf
     """
