@@ -39,6 +39,7 @@ from boomctl.rotating_beam.manoeuvres import (
     PlannedSlew,
     PlannedTorque,
     PrescribedMotion,
+    StraightTorque,
     Torque,
     TorqueDriven,
 )
@@ -806,13 +807,12 @@ def _instants(value: ArrayLike) -> Array:
 def _played(given: Any, initial: ArrayLike | None) -> Manoeuvre:
     """Return the torque of a slew, or of its history, as a manoeuvre; manoeuvres as they are."""
     history: Any = getattr(given, "history", given)
-    breakpoints = getattr(history, "breakpoints", None)
-    if breakpoints is None or not callable(history):
+    if not all(hasattr(history, name) for name in ("edges", "left", "right")):
         return given
     size = np.abs(getattr(given, "states", np.zeros((1, 1))))
     if initial is None and (size[0] > ROOT * size.max(axis=0)).any():
         raise ValueError("initial: expected the state that the slew begins with, which is not at rest, got none")
-    return Torque(history, breakpoints)
+    return StraightTorque(history.edges, history.left, history.right)
 
 
 def _checked(manoeuvre: Manoeuvre, end: float) -> Manoeuvre:

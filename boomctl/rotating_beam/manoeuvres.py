@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from boomctl.arrays import Array
-from boomctl.checks import function_of, plain_array, positive, real, sequence, shown
+from boomctl.checks import finite_array, function_of, plain_array, positive, real, sequence, shown
 from boomctl.gauss import gauss_method
 from boomctl.lti.rounding import SOLVED, SUMMED
 from boomctl.rotating_beam.corners import found_corners
@@ -87,12 +87,16 @@ Manoeuvre = PrescribedMotion | TorqueDriven
 
 
 class PlannedTorque(Protocol):
-    """A torque over time that was planned, and the instants at which it or its slope jumps."""
-
-    def __call__(self, t: ArrayLike, /) -> Array: ...
+    """A torque that was planned: a straight line on each of N intervals between N + 1 edges [s], and zero outside them."""
 
     @property
-    def breakpoints(self) -> tuple[float, ...]: ...
+    def edges(self) -> Array: ...
+
+    @property
+    def left(self) -> Array: ...
+
+    @property
+    def right(self) -> Array: ...
 
 
 class PlannedSlew(Protocol):
@@ -387,6 +391,38 @@ class Torque(TorqueDriven):
 
     def torque(self, t: ArrayLike) -> Array:
         return _evaluate("torque", self.function, t)
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class StraightTorque(TorqueDriven):
+    """A planned torque: it is known where it is not smooth, and nothing has to be looked for between.
+
+    Parameters
+    ----------
+    edges : ndarray, N + 1
+        Instants, ascending from 0 [s].
+    left, right : ndarray, N
+        Torque at the beginning and at the end of each interval [N m].
+    """
+
+    edges: Array
+    left: Array
+    right: Array
+    breakpoints: tuple[float, ...] = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        for name in ("edges", "left", "right"):
+            finite_array(name, getattr(self, name), 1)
+        object.__setattr__(self, "breakpoints", tuple(self.edges[1:].tolist()))
+
+    def torque(self, t: ArrayLike) -> Array:
+        t = np.asarray(t, dtype=float)
+        k = np.minimum(np.maximum(self.edges.searchsorted(t, "right") - 1, 0), self.left.size - 1)
+        slope = (self.right - self.left) / np.diff(self.edges)
+        value: Array = self.left[k] + slope[k] * (t - self.edges[k])
+        value[(t < self.edges[0]) | (t > self.edges[-1])] = 0.0
+        return value
 
 
 @final

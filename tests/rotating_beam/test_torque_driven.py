@@ -184,6 +184,22 @@ def test_kinks_lie_at_the_ends_of_steps(model, history):
     assert np.abs(ends[:, None] - history.edges).min(axis=0).max() <= 1e-9
 
 
+@pytest.mark.parametrize("intervals", [1, 7, 55, 220, 257, pytest.param(600, marks=pytest.mark.slow)])
+def test_a_planned_torque_moves_the_beam_as_its_function_does(intervals):
+    """Windows end at even corners, whatever their number; a function's are looked for, a planned torque's are known."""
+    beam, rng = hub_beam(BAI, "sfoam", 2), np.random.default_rng(intervals)
+    history = held(np.linspace(0.0, 3.0, intervals + 1), rng.uniform(-80.0, 80.0, intervals))
+    timepts = np.linspace(0.0, 3.0, 61)
+    found = beam.simulate(history, timepts, rtol=1e-10, atol=1e-14)
+    exact = collocated(beam, torque(history, history.breakpoints), timepts, 1e-11)
+    assert found.path == SWEPT
+    assert np.abs(found.tip_displacement - exact.tip).max() <= 1e-9 * np.abs(exact.tip).max()
+    ends = np.concatenate([
+        p.begin + p.h * np.arange(p.force.shape[1] + 1) for p in found.details.args[2].states.func.pieces
+    ])  # fmt: skip
+    assert np.abs(ends[:, None] - history.edges).min(axis=0).max() <= 1e-9
+
+
 @examples(10)
 @given(jump=st.floats(0.5, 3.5))
 def test_jumps_that_the_user_does_not_name_are_found(jump):

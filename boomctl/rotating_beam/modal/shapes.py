@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -115,20 +116,23 @@ class AxialModes:
 
 
 def transverse_modes(count: int, length: float) -> TransverseModes:
-    """Return the first `count` clamped-free bending modes of a beam of a `length` [m].
+    """Return the first `count` clamped-free bending modes of a beam of a `length` [m]."""
+    odd, z = _roots(count)
+    sech, decay = _sech(z), np.exp(-z)
+    sine = np.tanh(z) / (1.0 + odd * sech)
+    tip_decay = (odd + decay) / ((1.0 + decay**2) * (1.0 + odd * sech))
+    return TransverseModes(length, z / length, 0.5 * (1.0 + sine), tip_decay, sine)
 
-    ``cos z cosh z = -1`` is solved for the small angle by which z differs from ``(i - 1/2) pi``.
-    """
+
+@lru_cache(maxsize=64)
+def _roots(count: int) -> tuple[Array, Array]:
+    """1 and -1 in turn, and the roots of ``cos z cosh z = -1`` by the small angle between z and ``(i - 1/2) pi``."""
     odd = np.where(np.arange(count) % 2 == 0, 1.0, -1.0)
     middle = (np.arange(count) + 0.5) * np.pi
     angle = np.zeros(count)
     for _ in range(60):
         angle = odd * np.arcsin(_sech(middle + angle))
-    z = middle + angle
-    sech, decay = _sech(z), np.exp(-z)
-    sine = np.tanh(z) / (1.0 + odd * sech)
-    tip_decay = (odd + decay) / ((1.0 + decay**2) * (1.0 + odd * sech))
-    return TransverseModes(length, z / length, 0.5 * (1.0 + sine), tip_decay, sine)
+    return odd, middle + angle
 
 
 def axial_modes(count: int, length: float) -> AxialModes:

@@ -25,6 +25,7 @@ from boomctl.rotating_beam.motion.oscillators import FAST, flow
 from boomctl.rotating_beam.motion.sweeps import Swept, Window, settle
 
 STEPS = 64  # of a window: a choice; 48 take up to twice as long with five modes (measured, a torque on SFOAM)
+_MOST_STEPS = 256  # of a window where corners are even: a choice, for one of so many takes half of the time of four
 STAGES = 10, 12  # nodes of a step in the two orders, 20 and 24: a choice; 8 and 10 take up to twice as long (measured)
 _SCENES = 16  # side by side: a choice, 1.7 to 4 times as fast as singly (measured, ten modes to one); more gain little
 
@@ -108,6 +109,8 @@ class _Progress:
         Longest step at which the fast modes that have to be are resolved, s.
     longest : float
         Longest window, s.
+    steps : int
+        Of a window.
     most_windows : float
         Where the motion is given up.
     peaks, errors, unseen : ndarray, 2
@@ -125,6 +128,7 @@ class _Progress:
     length: float
     most: float
     longest: float
+    steps: int
     most_windows: float
     peaks: Array
     errors: Array
@@ -141,16 +145,14 @@ class _Progress:
 
     def window(self) -> float:
         """Length of the next window, s: it ends at a corner, or its steps do at all corners within it."""
-        length, left = min(self.length, self.longest, STEPS * self.most), self.scene.corners - self.time
+        length, left = min(self.length, self.longest, self.steps * self.most), self.scene.corners - self.time
         left = left[left > SUMMED * self.scene.end]
         gap = left[0]
         if length < 2.0 * gap:
             # relative difference below which intervals between corners count as equal: rounding of their ends
             return float(gap / np.ceil(gap / length * (1.0 - ALIKE)))
-        apart = np.abs(left[:STEPS] - gap * np.arange(1, min(left.size, STEPS) + 1)) > ALIKE * gap
-        even = int(np.argmax(apart)) if apart.any() else apart.size
-        count = min(even, int(length / gap * (1.0 + ALIKE)))
-        return float(left[2 ** (count.bit_length() - 1) - 1])
+        count = min(_even(left[: self.steps]), int(length / gap * (1.0 + ALIKE)))
+        return float(left[next(each for each in range(count, 0, -1) if self.steps % each == 0) - 1])
 
     def allowed(self, peaks: Array) -> Array:
         """Allowed errors at given largest values, m."""
@@ -161,14 +163,29 @@ class _Progress:
         return self.share * max(_LEAST_LOCAL, length / self.scene.end) * self.allowed(peaks)
 
 
+def _even(corners: Array) -> int:
+    """How many corners [s] follow 0 and each other at the same distance, but for rounding of their places."""
+    apart = np.abs(corners - corners[0] * np.arange(1, corners.size + 1)) > ALIKE * corners[0]
+    return int(np.argmax(apart)) if apart.any() else corners.size
+
+
+def _steps(scenes: Sequence[FreeScene]) -> int:
+    """Steps of the windows of all scenes: where corners are even, such that few windows end at some and steps at all."""
+    counts = {scene.corners.size if _even(scene.corners) == scene.corners.size else 1 for scene in scenes}
+    within, rest = divmod(max(counts), -(-max(counts) // _MOST_STEPS))
+    if len(counts) > 1 or rest:
+        return STEPS
+    return within * max(1, STEPS // within)
+
+
 def free_motions(form: FreeHubForm, scenes: Sequence[FreeScene]) -> list[tuple[FreeTrajectory, float] | None]:
     """Return the motion of each scene and the error of its free end [m]; None where the tolerance is not kept."""
     found: list[tuple[FreeTrajectory, float] | None] = [None] * len(scenes)
     for first in range(0, len(scenes), _SCENES):
         waiting = list(range(first, min(first + _SCENES, len(scenes))))
-        share = _LOCAL
+        share, steps = _LOCAL, _steps([scenes[i] for i in waiting])
         for _ in range(_ATTEMPTS):
-            runs = _march(form, [_begin(form, scenes[i], share) for i in waiting])
+            runs = _march(form, [_begin(form, scenes[i], share, steps) for i in waiting])
             missed = []
             for i, run in zip(waiting, runs, strict=True):
                 errors = (
@@ -184,17 +201,28 @@ def free_motions(form: FreeHubForm, scenes: Sequence[FreeScene]) -> list[tuple[F
     return found
 
 
-def _begin(form: FreeHubForm, scene: FreeScene, share: float) -> _Progress:
+def _begin(form: FreeHubForm, scene: FreeScene, share: float, steps: int) -> _Progress:
     states = np.empty((2, form.lean.size + 1))
     for state, each in zip(states, scene.start, strict=True):
         state[1:] = np.linalg.solve(form.to_q, each[1:])
         state[0] = (each[0] - form.lean @ state[1:]) * np.sqrt(form.inertia)
     none = np.zeros(2)
-    radian = STEPS / np.sqrt(form.softest)
-    length = _FIRST_PHASE * max(scene.rtol, _ROUNDING) ** (1.0 / _ORDER) * radian
+    radian = steps / np.sqrt(form.softest)
     longest = _DECAYED / form.decay if form.decay else np.inf
-    windows = _MOST_WINDOWS + _MORE_WINDOWS * (scene.end / radian + scene.corners.size)
-    return _Progress(scene, share, 0.0, np.stack([states, states]), length, np.inf, longest, windows, none, none, none)
+    return _Progress(
+        scene=scene,
+        share=share,
+        time=0.0,
+        states=np.stack([states, states]),
+        length=_FIRST_PHASE * max(scene.rtol, _ROUNDING) ** (1.0 / _ORDER) * radian,
+        most=np.inf,
+        longest=longest,
+        steps=steps,
+        most_windows=_MOST_WINDOWS + _MORE_WINDOWS * (scene.end / radian + scene.corners.size),
+        peaks=none,
+        errors=none,
+        unseen=none,
+    )
 
 
 def _march(form: FreeHubForm, runs: list[_Progress]) -> list[_Progress]:
@@ -297,7 +325,7 @@ def _after(run: _Progress, length: float, tried: _Tried | None) -> _Progress:
     if excess > 1.0:
         return replace(run, length=min(factor, _CAUTION) * length)
     if (tried.unseen > _UNSEEN * run.allowed(tried.peaks)).any():
-        hopeless = _RESOLVED * (run.scene.end - run.time) > run.most_windows * STEPS * tried.needed
+        hopeless = _RESOLVED * (run.scene.end - run.time) > run.most_windows * run.steps * tried.needed
         return replace(run, most=tried.needed, failed=hopeless)
     following = length * min(factor, max(_MANY_SWEEPS / tried.sweeps, 0.5))
     if length < _CAUTION * run.length:  # cut short by a corner, which says nothing of the windows behind it
@@ -322,15 +350,16 @@ def _after(run: _Progress, length: float, tried: _Tried | None) -> _Progress:
 def _tried(form: FreeHubForm, runs: Sequence[_Progress], lengths: Array) -> list[_Tried | None]:
     """Windows of given lengths [s], swept in both orders; None where the sweeps do not settle."""
     low, high = STAGES
-    begin, h = np.array([run.time for run in runs]), lengths / STEPS
+    steps = runs[0].steps
+    begin, h = np.array([run.time for run in runs]), lengths / steps
     states = np.stack([run.states for run in runs])
     torque = _torque(runs, begin, h, low)
     modes = free_modes(form, _typical_speed(form, states[:, 1, 1, 0], torque, h))
     weights = _weights(form, modes, runs)
     states[..., 1:] = states[..., 1:] @ modes.shapes[:, None]
     starts = [modes.oscillators.states(states[:, order, 0], states[:, order, 1]) for order in (0, 1)]
-    moved = flow(modes.oscillators, h, STEPS, low)
-    force = (modes.push[..., None] * torque).reshape(*modes.push.shape, STEPS, low)
+    moved = flow(modes.oscillators, h, steps, low)
+    force = (modes.push[..., None] * torque).reshape(*modes.push.shape, steps, low)
     peaks = _peaks(weights, modes, moved.at_nodes(force, moved.states(force, starts[0]))[0])
     addable = np.stack([run.addable(*each) for run, *each in zip(runs, peaks, lengths, strict=True)])
     left = np.maximum(_SETTLED * addable, _ROUNDING * peaks)
@@ -341,7 +370,7 @@ def _tried(form: FreeHubForm, runs: Sequence[_Progress], lengths: Array) -> list
         found = iter(_tried(form, [runs[i] for i in kept], lengths[kept]) if kept else [])
         return [next(found) if settled else None for settled in coarse.settled]
     torque = _torque(runs, begin, h, high)
-    moved = flow(modes.oscillators, h, STEPS, high)
+    moved = flow(modes.oscillators, h, steps, high)
     window = Window(modes, moved, starts[1], torque, rows, speed)
     fine = settle(window, coarse.force @ _between(low, high).T)
     peaks = _peaks(weights, modes, fine.z)
@@ -373,14 +402,14 @@ def _tried(form: FreeHubForm, runs: Sequence[_Progress], lengths: Array) -> list
 
 def _typical_speed(form: FreeHubForm, rate: Array, torque: Array, h: Array) -> Array:
     """Hub speeds whose squares are the mean ones of a rigid beam in the windows, rad/s, b: from the free mass's rates."""
-    impulse = torque.reshape(rate.size, STEPS, -1) @ gauss_method(STAGES[0]).weights * h[:, None]
+    impulse = torque.reshape(*rate.shape, -1, STAGES[0]) @ gauss_method(STAGES[0]).weights * h[:, None]
     speed = rate[:, None] / np.sqrt(form.inertia) + np.cumsum(impulse, axis=1) / form.inertia
     return np.sqrt(np.mean(speed**2, axis=1))
 
 
 def _torque(runs: Sequence[_Progress], begin: Array, h: Array, stages: int) -> Array:
     """Torque at the nodes of the windows, b x 1 x (m s)."""
-    nodes = (np.arange(STEPS)[:, None] + gauss_method(stages).nodes).ravel()
+    nodes = (np.arange(runs[0].steps)[:, None] + gauss_method(stages).nodes).ravel()
     instants = begin[:, None] + h[:, None] * nodes
     return np.stack([run.scene.manoeuvre.torque(t) for run, t in zip(runs, instants, strict=True)])[:, None]
 
@@ -393,8 +422,8 @@ def _overlooked(weights: _Weights, runs: Sequence[_Progress], begin: Array, wind
     places = np.array([_INSIDE, 1.0 - _INSIDE])
     for i, run in enumerate(runs):
         if run.scene.given:
-            nodes = window.torque[i].reshape(STEPS, -1)
-            values = run.scene.manoeuvre.torque(begin[i] + h[i] * (np.arange(STEPS)[:, None] + places))
+            nodes = window.torque[i].reshape(run.steps, -1)
+            values = run.scene.manoeuvre.torque(begin[i] + h[i] * (np.arange(run.steps)[:, None] + places))
             apart = np.abs(values - nodes @ _places(nodes.shape[1], tuple(places)).T).max(axis=1)
             apart[apart <= _ROUNDING * np.abs(values).max()] = 0.0
             found[i] = h[i] * apart.sum() * np.array([to_tip[i], to_hub[i]])
@@ -460,7 +489,7 @@ def _unseen(weights: _Weights, fine: Swept, window: Window) -> tuple[Array, Arra
     slope, gyro = np.abs(modes.slope), np.abs(modes.gyro)
     own = square * np.einsum("bii->bi", slope) + (omega * pushed) ** 2 * inertia + (omega * coupling) ** 2 * mobility
     own += 4.0 * speed**2 * np.einsum("bij,bij->bi", gyro, gyro)
-    shift = np.minimum(2.0, 0.5 * own / omega * (window.flow.h * STEPS)[:, None])
+    shift = np.minimum(2.0, 0.5 * own / omega * (window.flow.h * fine.force.shape[2])[:, None])
     others = 2.0 * speed[..., None] * gyro + square[..., None] * slope / omega[:, None]
     to_tip = (weights.tip[:, None, 1:] @ others)[:, 0] + np.sum(weights.tip[:, 1:] * pushed, axis=1)[:, None] * varies
     tip = (weights.tip[:, 1:] * shift + to_tip / omega) * rate
