@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property, partial
-from typing import TYPE_CHECKING, final
+from functools import cached_property, lru_cache, partial
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any, final
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -26,6 +27,7 @@ from boomctl.rotating_beam.modal.shapes import axial_modes, transverse_modes
 from boomctl.rotating_beam.motion.run import Scene, motion_of, motions_of
 from boomctl.rotating_beam.parameters import HubBeamParameters
 from boomctl.rotating_beam.result import Details, Motion
+from boomctl.symbolic import Places, lifted, symbols
 
 if TYPE_CHECKING:
     import casadi
@@ -248,17 +250,11 @@ class AssumedModesBeam(HubBeam):
     def lagrangian(self) -> energy.Lagrangian:
         """Energies and damping, from which CasADi derives the equations of motion."""
         m, axial = self.integrals, self.has_axial_modes
+        stiffness, damping = (block_diagonal(m.K1, m.K2), block_diagonal(m.C1, m.C2)) if axial else (m.K2, m.C2)
         if self.model == "cfoam":
             kinetic = partial(energy.complete_energy, self._points, self.parameters.hub_inertia)
-        else:
-            kinetic = partial(energy.first_order_energy, m, stiffening=self.model != "tlam", axial=axial)
-        return energy.Lagrangian(
-            kinetic=kinetic,
-            stiffness=block_diagonal(m.K1, m.K2) if axial else m.K2,
-            damping=block_diagonal(m.C1, m.C2) if axial else m.C2,
-            tip=self.equations.tip.transverse,
-            keeps_inertia_torque=self.model != "sfoam",
-        )
+            return energy.Lagrangian(kinetic, stiffness, damping, self.equations.tip.transverse, True)
+        return _lagrangian(self.model, m, stiffness, damping, self.equations.tip.transverse)
 
     def casadi_function(self) -> casadi.Function:
         """Return the model as a CasADi function ``(x, torque) -> (xdot, y)``, derived from its energies.
@@ -270,7 +266,31 @@ class AssumedModesBeam(HubBeam):
         casadi.Function
             From state and torque [N m] to the state's rate and the outputs.
         """
-        return energy.state_function(self.lagrangian, self._system_name)
+        import casadi as ca
+
+        function, constants = self.casadi_equations()
+        x, torque = ca.SX.sym("x", 2 * self._size), ca.SX.sym("torque")
+        names = ["x", "torque"], ["xdot", "y"]
+        return ca.Function(self._system_name, [x, torque], function.call([x, torque, constants]), *names)
+
+    def casadi_equations(self) -> tuple[casadi.Function, Array]:
+        """Return a CasADi function ``(x, torque, constants) -> (xdot, y)`` and this model's constants.
+
+        Models that differ in their constants alone share it, and with it whatever is built on it; but for CFOAM, whose
+        constants are in a function of its own.
+        """
+        if self.model == "cfoam":
+            return energy.state_function(self.lagrangian, "equations"), np.zeros(0)
+        m, lagrangian = self.integrals, self.lagrangian
+        names = ("inertia", "M1", "V1", "R", "M2", "V2", "D") if self.has_axial_modes else ("inertia", "M2", "V2", "D")
+        given: tuple[Any, ...] = (
+            *(getattr(m, name) for name in names),
+            lagrangian.stiffness,
+            lagrangian.damping,
+            lagrangian.tip,
+        )
+        places, constants = lifted(given)
+        return _equations(self.model, names, places), constants
 
     def _forced_modes(self, sensors: Sequence[object]) -> ForcedModes:
         from boomctl.rotating_beam.modal import forced  # which only a loop needs
@@ -335,7 +355,15 @@ class AssumedModesBeam(HubBeam):
         softening = m.M2 if self.model == "tlam" else m.M2 - m.D
         return natural_hz(m.M2, m.K2 - speed**2 * softening)
 
+    @cached_property
+    def _at_rest(self) -> tuple[Array, tuple[Array, Array, Array]]:
+        """`_steady` without a speed, which is asked for again and again."""
+        return self._turning(0.0)
+
     def _steady(self, speed: float) -> tuple[Array, tuple[Array, Array, Array]]:
+        return self._turning(speed) if speed else self._at_rest
+
+    def _turning(self, speed: float) -> tuple[Array, tuple[Array, Array, Array]]:
         """Beam coordinates at which the beam is at rest in the hub's frame, and the equations' derivatives there.
 
         The beam is straight then, so that its equations are linear in its coordinates; the derivatives are those with
@@ -438,3 +466,18 @@ def _dynamics(equations: Equations, manoeuvre: Manoeuvre, timepts: Array, y: Arr
     q = y[:, 1:]
     total = 0.5 * np.sum(momenta * rate, axis=1) + 0.5 * np.sum((q @ equations.K) * q, axis=1)
     return torque, turning, equations.inertia_torque(y, rate), total, momenta[:, 0], inertia.margin()
+
+
+def _lagrangian(model: str, integrals: Any, stiffness: Any, damping: Any, tip: Any) -> energy.Lagrangian:
+    """Energies of a first-order model, from numbers or symbols."""
+    axial, stiffening = not model.startswith("sfoam"), model != "tlam"
+    kinetic = partial(energy.first_order_energy, integrals, stiffening=stiffening, axial=axial)
+    return energy.Lagrangian(kinetic, stiffness, damping, tip, model != "sfoam")
+
+
+@lru_cache(maxsize=32)  # structures: each model with a few numbers of modes
+def _equations(model: str, names: tuple[str, ...], places: tuple[Places, ...]) -> casadi.Function:
+    """Equations of all beams with matrices that are filled at the same places."""
+    vector, matrices = symbols(places)
+    integrals = SimpleNamespace(**dict(zip(names, matrices, strict=False)))
+    return energy.state_function(_lagrangian(model, integrals, *matrices[len(names) :]), "equations", vector)

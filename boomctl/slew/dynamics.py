@@ -6,29 +6,90 @@ parabola through the rest's values against the flow; it serves where modes that 
 turn many times in a step. Both are of fourth order. The implicit steps, by collocation, are in `nlp.transcription`.
 """
 
+from functools import lru_cache
+from typing import Any, NamedTuple
+
 import casadi as ca
 import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.simulation.machine.exponential_step import krogstad, pushing, stumpff
 from boomctl.slew.plant import SlewPlant
+from boomctl.symbolic import Places, lifted, symbols
 
 _TAYLOR = 14  # terms of a linear motion: 1 / 15! = 8e-13 is left out where |A h| is 1, below what a replay resolves
-_ZERO = 1e-15  # entry of a constant matrix, over its largest, that is a rounded zero
+KINDS = 64  # of functions that are remembered: those of a few models with a few numbers of modes
 
 
-def times(matrix: Array, vector: ca.SX) -> ca.SX:
-    """Product with a constant matrix whose zeros cost nothing."""
-    return ca.mtimes(ca.sparsify(ca.DM(np.where(np.abs(matrix) > _ZERO * np.abs(matrix).max(), matrix, 0.0))), vector)
+class Kind(NamedTuple):
+    """What plants have in common whose motions differ in constants alone.
+
+    Attributes
+    ----------
+    n : int
+        Number of states.
+    followed : bool
+        Whether the torque moves all modes.
+    places : tuple of Places
+        Of linear part and push; of a machine also of the changes of coordinates and of the squares of its frequencies.
+    equations : casadi.Function or None
+        ``(x, torque, constants) -> (xdot, y)`` of a machine.
+    """
+
+    n: int
+    followed: bool
+    places: tuple[Places, ...]
+    equations: ca.Function | None
+
+
+@lru_cache(maxsize=KINDS)
+def kind_of(plant: SlewPlant) -> tuple[Kind, Array]:
+    """Return the kind of a plant, and its constants in one vector."""
+    given, equations, constants = [plant.A, plant.B], None, np.zeros(0)
+    if plant.machine is not None:
+        equations, constants = plant.machine.casadi_equations()
+        given += [plant.to_state, plant.from_state, plant.frequencies]
+    places, own = lifted(given)
+    return Kind(plant.n, bool(plant.controllable.all()), places, equations), np.concatenate([own, constants])
+
+
+class _Symbols:
+    """A plant whose constants are symbols."""
+
+    def __init__(self, kind: Kind) -> None:
+        own, matrices = symbols(kind.places)
+        self.kind, self.n, self.constants = kind, kind.n, own
+        self.A, self.B = matrices[0], matrices[1]
+        self.frequencies: Any = None
+        if kind.equations is not None:
+            self.to_state, self.from_state, self.frequencies = matrices[2:]
+            self.machine = ca.SX.sym("machine", kind.equations.size1_in(2))
+            self.constants = ca.vertcat(own, self.machine)
+
+    def rates(self, z: ca.SX, u: ca.SX) -> ca.SX:
+        """``z'``."""
+        if self.kind.equations is None:
+            return ca.mtimes(self.A, z) + self.B * u
+        turned = self.kind.equations(ca.mtimes(self.to_state, z), u, self.machine)[0]
+        return ca.mtimes(self.from_state, turned)
+
+    def rest(self, z: ca.SX, u: ca.SX) -> ca.SX:
+        """What the undamped linear vibration under the torque leaves out of the accelerations."""
+        half = self.n // 2
+        return self.rates(z, u)[half:] - (self.B[half:] * u - self.frequencies**2 * z[:half])
+
+
+@lru_cache(maxsize=KINDS)
+def rates_of(kind: Kind) -> ca.Function:
+    """``(z, u, constants) -> z'`` of all plants of a kind, in SX."""
+    plant, z, u = _Symbols(kind), ca.SX.sym("z", kind.n), ca.SX.sym("u")
+    return ca.Function("rates", [z, u, plant.constants], [plant.rates(z, u)])
 
 
 def rates(plant: SlewPlant) -> ca.Function:
-    """``(z, u) -> z'`` of a plant, in SX."""
-    z, u = ca.SX.sym("z", plant.n), ca.SX.sym("u")
-    if plant.machine is None:
-        return ca.Function("rates", [z, u], [times(plant.A, z) + ca.SX(ca.DM(plant.B)) * u])
-    turned = plant.machine.casadi_function()(times(plant.to_state, z), u)[0]
-    return ca.Function("rates", [z, u], [times(plant.from_state, turned)])
+    """``(z, u) -> z'`` of one plant."""
+    (kind, constants), z, u = kind_of(plant), ca.SX.sym("z", plant.n), ca.SX.sym("u")
+    return ca.Function("rates", [z, u], [rates_of(kind)(z, u, constants)])
 
 
 def hub_jerk(plant: SlewPlant) -> ca.Function:
@@ -40,32 +101,31 @@ def hub_jerk(plant: SlewPlant) -> ca.Function:
     return ca.Function("jerk", [z, u, slope], [jerk])
 
 
-def explicit_step(plant: SlewPlant, substeps: int) -> ca.Function:
-    """``(z, u0, u1, h) -> z`` after a step h [s] on which the torque goes straight from u0 to u1, in `substeps` parts."""
-    z, u0, u1, h = ca.SX.sym("z", plant.n), ca.SX.sym("u0"), ca.SX.sym("u1"), ca.SX.sym("h")
-    slope, part, now = (u1 - u0) / h, h / substeps, z
-    scheme = _lawson if plant.controllable.all() else _krogstad
-    nonlinear = None if plant.linear else _nonlinear(plant)
+@lru_cache(maxsize=KINDS)
+def step_of(kind: Kind, substeps: int) -> ca.Function:
+    """``(z, u0, u1, h, constants) -> z`` after a step h [s] on which the torque goes straight from u0 to u1, in parts."""
+    z, u0, u1, h = ca.SX.sym("z", kind.n), ca.SX.sym("u0"), ca.SX.sym("u1"), ca.SX.sym("h")
+    plant, slope, part, now = _Symbols(kind), (u1 - u0) / h, h / substeps, z
+    scheme = _flow if kind.equations is None else _lawson if kind.followed else _krogstad
     for k in range(substeps):
-        u = u0 + slope * (k * part)
-        now = _flow(plant, now, u, slope, part) if nonlinear is None else scheme(plant, nonlinear, now, u, slope, part)
-    return ca.Function("step", [z, u0, u1, h], [now])
+        now = scheme(plant, now, u0 + slope * (k * part), slope, part)
+    return ca.Function("step", [z, u0, u1, h, plant.constants], [now])
 
 
-def _nonlinear(plant: SlewPlant) -> ca.Function:
-    """``(z, u)`` -> what the undamped linear vibration under the torque leaves out of the accelerations."""
-    z, u = ca.SX.sym("z", plant.n), ca.SX.sym("u")
-    half, frequencies = plant.n // 2, plant.frequencies
-    assert frequencies is not None
-    oscillation = -ca.DM(frequencies**2) * z[:half] + ca.SX(ca.DM(plant.B[half:])) * u
-    return ca.Function("nonlinear", [z, u], [rates(plant)(z, u)[half:] - oscillation])
+def explicit_step(plant: SlewPlant, substeps: int) -> ca.Function:
+    """``(z, u0, u1, h) -> z``, the same step of one plant."""
+    (kind, constants), given = (
+        kind_of(plant),
+        [ca.SX.sym("z", plant.n), *(ca.SX.sym(name) for name in ("u0", "u1", "h"))],
+    )
+    return ca.Function("step", given, [step_of(kind, substeps)(*given, constants)])
 
 
-def _lawson(plant: SlewPlant, nonlinear: ca.Function, z: ca.SX, u: ca.SX, slope: ca.SX, h: ca.SX) -> ca.SX:
+def _lawson(plant: _Symbols, z: ca.SX, u: ca.SX, slope: ca.SX, h: ca.SX) -> ca.SX:
     """One step; carried along the linear flow the rest is integrated as if it were all."""
 
     def rest(at: ca.SX, torque: ca.SX) -> ca.SX:
-        return ca.vertcat(ca.SX.zeros(plant.n // 2), nonlinear(at, torque))
+        return ca.vertcat(ca.SX.zeros(plant.n // 2), plant.rest(at, torque))
 
     def carried(vector: ca.SX) -> ca.SX:
         return _flow(plant, vector, None, None, 0.5 * h)
@@ -81,40 +141,39 @@ def _lawson(plant: SlewPlant, nonlinear: ca.Function, z: ca.SX, u: ca.SX, slope:
     return end + h / 6.0 * (carried(pushed + 2.0 * (k2 + k3)) + k4)
 
 
-def _krogstad(plant: SlewPlant, nonlinear: ca.Function, z: ca.SX, u: ca.SX, slope: ca.SX, h: ca.SX) -> ca.SX:
+def _krogstad(plant: _Symbols, z: ca.SX, u: ca.SX, slope: ca.SX, h: ca.SX) -> ca.SX:
     """One step; the oscillators' motion under a rest that is a power of time is exact."""
-    assert plant.frequencies is not None
     torques = u, u + 0.5 * h * slope, u + h * slope
     half, whole = (
-        (_flow(plant, z, u, slope, part), pushing(stumpff((ca.DM(plant.frequencies) * part) ** 2), part))
+        (_flow(plant, z, u, slope, part), pushing(stumpff(ca.densify(plant.frequencies * part) ** 2), part))
         for part in (0.5 * h, h)
     )
-    return krogstad(lambda at, stage: nonlinear(at, torques[stage]), z, half, whole)
+    return krogstad(lambda at, stage: plant.rest(at, torques[stage]), z, half, whole)
 
 
-def _flow(plant: SlewPlant, z: ca.SX, u: ca.SX | None, slope: ca.SX | None, h: ca.SX) -> ca.SX:
+def _flow(plant: _Symbols, z: ca.SX, u: ca.SX | None, slope: ca.SX | None, h: ca.SX) -> ca.SX:
     """Linear motion for a time h under ``u + slope t``, or none: modes in closed form, other plants by Taylor's series."""
     if plant.frequencies is None:
-        b, term, total = ca.SX(ca.DM(plant.B)), z, z
+        term, total = z, z
         for k in range(1, _TAYLOR + 1):
-            term = times(plant.A, term)
+            term = ca.mtimes(plant.A, term)
             if u is not None and slope is not None and k <= 2:
-                term += b * (u if k == 1 else slope * h)
+                term += plant.B * (u if k == 1 else slope * h)
             term = term * (h / k)
             total = total + term
         return total
     half = plant.n // 2
     positions, speeds = [], []
-    for k, w in enumerate(plant.frequencies):
-        p, v, b = z[k], z[half + k], float(plant.B[half + k])
-        if w == 0.0:
+    for k in range(half):
+        p, v, w, b = z[k], z[half + k], plant.frequencies[k], plant.B[half + k]
+        if w.nnz() == 0:  # the rigid motion
             p, v = p + h * v, v
             held, ramp = (0.5 * h**2, h), (h**3 / 6.0, 0.5 * h**2)
         else:
             c, s = ca.cos(w * h), ca.sin(w * h)
             p, v = p * c + v * (s / w), v * c - p * (w * s)
             held, ramp = ((1.0 - c) / w**2, s / w), ((h - s / w) / w**2, (1.0 - c) / w**2)
-        if u is not None and slope is not None and b != 0.0:
+        if u is not None and slope is not None and b.nnz():
             p, v = p + b * (held[0] * u + ramp[0] * slope), v + b * (held[1] * u + ramp[1] * slope)
         positions.append(p)
         speeds.append(v)

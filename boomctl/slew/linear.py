@@ -14,6 +14,7 @@ from boomctl.slew.torque import TorqueHistory, held
 _NEWTON = 60  # steps of Newton's method on the dual at most; a safeguard, for it is damped
 _REGULAR = 1e-12  # of a matrix of unit rows, where few intervals are inside the limit: keeps Newton's equation solvable
 _ARMIJO = 1e-4  # share of the decrease promised that a step of Newton's method has to bring: customary
+_NEARER = 0.5  # factor by which a whole step has to bring the end nearer, to be taken at once; a choice
 _SHORTEST = 1e-6  # of a step of Newton's method; below it the torque limit is too low for the time
 _UNSEEN = 1e-9, 1e-6  # a state below the first share of the largest is taken to be of the second: it scales, no more
 _MESH = 800  # intervals at least for the bound of the effort, which their number brings nearer; a choice
@@ -68,38 +69,64 @@ class LeastEffort:
 def least_effort(problem: SlewProblem, duration: float, intervals: int) -> LeastEffort:
     """Least effort of the linear part in a given time, the torque held on equal intervals and within its limit.
 
-    ``u = clip(G^T c)`` with as many unknowns c as there are end conditions: Newton's method on ``G u = d``, which is the
-    gradient of a convex function of c. Where the limit is too low for the time, the best of it is returned.
+    Where the limit is too low for the time, the best of it is returned.
     """
     linear = flow(problem)
     G = problem.ends @ linear.responses(duration, intervals)
     d = problem.ends @ (problem.target - linear.step(duration)[0] @ problem.start)
+    found = clipped(G, d, problem.limits.torque)
+    costate = found.weights @ problem.ends * (duration / intervals)
+    return LeastEffort(held(np.linspace(0.0, duration, intervals + 1), found.torques), costate, found.missed)
+
+
+@dataclass(frozen=True, eq=False)
+class Clipped:
+    """Torques ``u = clip(G^T c)`` with the weights c, and what ``G u = d`` is missed by, over the largest of d."""
+
+    torques: Array
+    weights: Array
+    missed: float
+
+
+def clipped(G: Array, d: Array, limit: float | Array, first: Array | None = None) -> Clipped:
+    """The least ``|u|`` with ``G u = d`` and no ``|u_k|`` beyond a limit, one for all or its own.
+
+    As many unknowns c as there are rows: Newton's method on ``G clip(G^T c) = d``, the gradient of a convex function of c;
+    from first weights, if any.
+    """
     scale = np.linalg.norm(G, axis=1)
-    rows, wanted, limit = G / scale[:, None], d / scale, problem.limits.torque
+    rows, wanted = G / scale[:, None], d / scale
 
     def dual(c: Array) -> float:
         free = rows.T @ c
         u = np.clip(free, -limit, limit)
         return float(np.sum(u * free - 0.5 * u**2) - c @ wanted)
 
-    c = np.linalg.lstsq(rows @ rows.T, wanted, rcond=1e-13)[0]  # rcond: directions below rounding are left alone
-    for _ in range(_NEWTON):
+    # rcond: directions below rounding are left alone
+    c = np.linalg.lstsq(rows @ rows.T, wanted, rcond=1e-13)[0] if first is None else first * scale
+
+    def missing(c: Array) -> tuple[Array, Array, float]:
         free = rows.T @ c
-        defect = wanted - rows @ np.clip(free, -limit, limit)
-        if np.abs(defect).max() <= SOLVED * np.abs(wanted).max():  # of the end conditions, relative: rounding
+        u = np.clip(free, -limit, limit)
+        defect = wanted - rows @ u
+        return u, defect, float(np.abs(defect).max() / np.abs(wanted).max())
+
+    u, defect, missed = missing(c)
+    for _ in range(_NEWTON):
+        if missed <= SOLVED:  # of the end conditions, relative: rounding
             break
-        inner = rows[:, np.abs(free) < limit]
+        inner = rows[:, np.abs(u) < limit]
         move = np.linalg.lstsq(inner @ inner.T + _REGULAR * np.eye(c.size), defect, rcond=1e-14)[0]
-        size, before = 1.0, dual(c)
-        while size > _SHORTEST and dual(c + size * move) > before - _ARMIJO * size * float(move @ defect):
-            size *= 0.5
-        if size <= _SHORTEST:
-            break
-        c = c + size * move
-    values = np.clip(rows.T @ c, -limit, limit)
-    costate = (c / scale) @ problem.ends * (duration / intervals)
-    missed = float(np.abs(wanted - rows @ values).max() / np.abs(wanted).max())
-    return LeastEffort(held(np.linspace(0.0, duration, intervals + 1), values), costate, missed)
+        whole = missing(c + move)
+        if whole[2] > _NEARER * missed:  # too far, or to where others are inside the limit: a step that goes down
+            size, before = 1.0, dual(c)
+            while size > _SHORTEST and dual(c + size * move) > before - _ARMIJO * size * float(move @ defect):
+                size *= 0.5
+            if size <= _SHORTEST:
+                break
+            move, whole = size * move, missing(c + size * move)
+        c, (u, defect, missed) = c + move, whole
+    return Clipped(u, c / scale, missed)
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,17 +141,11 @@ class Guess:
         At intervals or nodes, N m.
     states : ndarray, (N + 1) x n
         At nodes.
-    costates : ndarray, N x n, or None
-        Of least effort, at the ends of the intervals: the free torque is ``costate^T B``.
-    free : ndarray, N, or None
-        The torque of least effort without limit, N m.
     """
 
     duration: float
     torques: Array
     states: Array
-    costates: Array | None = None
-    free: Array | None = None
 
     @property
     def sizes(self) -> Array:
@@ -141,19 +162,6 @@ def guess_from(problem: SlewProblem, history: TorqueHistory, intervals: int = 20
     if ramp:
         means = np.concatenate([[0.0], 0.5 * (means[1:] + means[:-1]), [0.0]])
     return Guess(history.duration, means, states)
-
-
-def effort_guess(problem: SlewProblem, duration: float, intervals: int) -> Guess:
-    """The linear part's least effort with its costates, where every programme of least effort starts best."""
-    least = least_effort(problem, duration, intervals)
-    guess = guess_from(problem, least.history, intervals)
-    Phi, push = flow(problem).step(duration / intervals)
-    costates = np.empty((intervals, problem.start.size))
-    costates[-1] = least.costate
-    for k in range(intervals - 1, 0, -1):
-        costates[k - 1] = costates[k] @ Phi
-    free = costates @ push * (intervals / duration)
-    return Guess(duration, guess.torques, guess.states, costates, free)
 
 
 def effort_gap(problem: SlewProblem, history: TorqueHistory) -> float:

@@ -5,9 +5,11 @@ The ways, in the order in which they are tried; the path of a result names those
 1. Switching times of a linear plant, for the least time under the torque's limit alone: the problem is convex, the times
    are exact, and weak duality proves that they are optimal.
 2. Durations of arcs of a nonlinear plant, for the same: a few unknowns, started from the linear part's, accurate to the
-   tolerance. Halved or without axial modes where that is the same slew, or nearly.
-3. Least effort of a linear plant under the torque's limit alone: the torque held on a mesh is a closed form, clipped at the
-   limit, in as many unknowns as the end has conditions; weak duality says how far any torque is from it.
+   tolerance. Halved or without axial modes where that is the same slew, or nearly. With one mode they start from the rigid
+   body with its slowest vibration, two unknowns in closed form.
+3. Least effort under the torque's limit alone: the torque held on a mesh is a closed form, clipped at the limit, in as many
+   unknowns as the end has conditions. Of a linear plant weak duality says how far any torque is from it; of others the
+   closed form is taken again along the motion.
 4. A programme on a mesh, for all else and where the durations lead nowhere; a bang-bang torque that it finds is handed to
    the durations of its arcs once more.
 """
@@ -18,7 +20,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
-from math import radians
+from math import inf, radians
 from types import EllipsisType
 from typing import TYPE_CHECKING
 
@@ -30,9 +32,10 @@ from boomctl.lti.system import is_statespace
 from boomctl.printing import compact
 from boomctl.progress import computing, tell
 from boomctl.slew.budget import Budget, OutOfTime, SlewProgress, listening
+from boomctl.slew.effort import effort_on_mesh
 from boomctl.slew.least_time.arc_count import arcs_behind
 from boomctl.slew.least_time.newton import least_time_arcs
-from boomctl.slew.least_time.switching import Extremal, least_time, time_gap
+from boomctl.slew.least_time.switching import Extremal, least_time, rigid_and_slowest, time_gap
 from boomctl.slew.linear import effort_gap, least_effort
 from boomctl.slew.nlp.programme import Programme, Solution
 from boomctl.slew.nlp.refinement import MESH_GAP, MESHES, refined, solved_again
@@ -105,23 +108,43 @@ def _programme(problem: SlewProblem, least: Extremal | None) -> tuple[_Candidate
     return torque, path
 
 
-def _linear_effort(problem: SlewProblem) -> _Candidate | None:
-    """The least effort of a linear plant within the torque's limit, of which no more than the end has to be found.
+def _least_effort(problem: SlewProblem) -> _Candidate | None:
+    """The least effort within the torque's limit, of which no more than the end has to be found.
 
-    None where the limit is too low, of which a programme says when it binds and what would do.
+    Of a linear plant weak duality tells how far it is from the least of all; of others, how much a mesh half as fine
+    changes, or one twice as fine where that has no slew. None where the limit is too low, of which a programme says when
+    it binds and what would do, and where Newton's method failed.
     """
-    assert problem.duration is not None
-    meshes = MESHES if problem.intervals is None else (problem.intervals,)
-    found, path = least_effort(problem, problem.duration, meshes[0]), (f"least effort on {meshes[0]} intervals",)
-    for intervals in meshes[1:]:
-        coarser, found = found, least_effort(problem, problem.duration, intervals)
-        path = (*path, f"least effort on {intervals} intervals")
-        if abs(coarser.history.effort - found.history.effort) < MESH_GAP * found.history.effort:
-            break
-    if found.missed > ALIKE:
+    duration, asked = problem.duration, problem.intervals
+    assert duration is not None
+
+    def on_mesh(intervals: int) -> tuple[TorqueHistory, float] | None:
+        if not problem.linear:
+            return effort_on_mesh(problem, duration, intervals)
+        found = least_effort(problem, duration, intervals)
+        return (found.history, inf) if found.missed <= ALIKE else None
+
+    found, path, gap = None, (), inf
+    try:
+        for intervals in MESHES if asked is None else (asked,):
+            path = (*path, f"least effort on {intervals} intervals")
+            coarser, found = found, on_mesh(intervals)
+            if found is not None:
+                gap = found[1] if coarser is None else abs(coarser[0].effort / found[0].effort - 1.0)
+                if gap < MESH_GAP:
+                    break
+        if found is not None and gap == inf and not problem.linear:
+            finer = on_mesh(2 * found[0].left.size)
+            gap = inf if finer is None else abs(finer[0].effort / found[0].effort - 1.0)
+    except OutOfTime as over:
+        if found is None:
+            raise
+        path = (*path, f"out of time: {over}")
+    if found is None:
         return None
-    gap = effort_gap(problem, found.history)
-    return _Candidate(found.history, "least effort", gap, "proved", path=path)
+    if problem.linear:
+        return _Candidate(found[0], "least effort", effort_gap(problem, found[0]), "proved", path=path)
+    return _Candidate(found[0], "least effort", gap, "stationary", path=path)
 
 
 def optimal_slew(
@@ -250,17 +273,24 @@ def _turned(linear: bool, angle: float | EllipsisType | None, angle_deg: float |
 
 def _planned(problem: SlewProblem) -> SlewResult:
     """Plan a slew by the first way that finds one."""
-    least = least_time(problem) if problem.objective == "time" else None  # of the linear part: where every way starts
-    path, found = () if least is None else least.path, None
-    if problem.fastest and least is not None:
-        if problem.linear:  # it is the answer: what is left to find is its distance from the bound
+    path, found, least = (), None, None
+    if problem.fastest and not problem.linear:
+        first = rigid_and_slowest(problem)
+        if first is not None and first.left.size == problem.ends.shape[0]:  # fewer arcs than conditions would not do
+            found, ran = _arc_durations(problem, first)
+            path = ("rigid body and slowest mode", *ran)
+    if problem.objective == "time" and found is None:
+        least = least_time(problem)  # of the linear part: where every other way starts
+        path += least.path
+        if problem.fastest and problem.linear:  # it is the answer: what is left to find is its distance from the bound
             gap = time_gap(problem, least)
             optimality = "proved" if problem.waits and gap < 1.0 else "extremal"
             return _certified(problem, _Candidate(least.history, "switching times", gap, optimality, path=path))
-        found, ran = _arc_durations(problem, least.history)
-        path += ran
-    if problem.linear and problem.objective == "effort" and not problem.limits.beside_torque:
-        found = _linear_effort(problem)
+        if problem.fastest:
+            found, ran = _arc_durations(problem, least.history)
+            path += ran
+    if problem.objective == "effort" and not problem.limits.beside_torque:
+        found = _least_effort(problem)
         path = () if found is None else found.path
     if found is None:
         found, ran = _programme(problem, least)

@@ -189,7 +189,7 @@ def compare_payloads(
     for name, slew in slews.items():
         after, history = slew.duration + np.linspace(0.0, rest, _SWEPT), slew.history
         loaded = (machine.with_tip_mass(float(mass)) for mass in sweep)
-        motions = (each.simulate_torque(history, after, history.breakpoints, **_COARSE) for each in loaded)
+        motions = (each.simulate(history, after, **_COARSE) for each in loaded)
         vibrations[name] = np.array([np.abs(motion.tip_displacement).max() for motion in motions])
     return PayloadComparison(lines, {name: slew.duration for name, slew in slews.items()}, sweep, vibrations)
 
@@ -198,7 +198,7 @@ def _line(name: str, slew: SlewResult, machine: SlewMachine, mass: float, *, pla
     """Play one slew with one payload, and watch it for a time after its end [s]."""
     history, angle = slew.history, slew.plan.problem.angle
     t = np.concatenate([np.linspace(0.0, slew.duration, _DURING)[:-1], slew.duration + np.linspace(0.0, rest, _AFTER)])
-    r = machine.with_tip_mass(mass).simulate_torque(history, t, history.breakpoints)
+    r = machine.with_tip_mass(mass).simulate(history, t)
     late, tip = t >= slew.duration, np.abs(r.tip_displacement)
     angles = r.hub_angle[late]
     error = 0.0 if angle is None else float(0.5 * (angles.max() + angles.min()) - angle)

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, Protocol, TypeGuard
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,7 +21,6 @@ if TYPE_CHECKING:
 _SPLIT = 1e-6  # share of |A| below which an eigenvalue is zero: a double zero splits by the root of rounding, 1e-8
 
 
-@runtime_checkable
 class SlewMachine(Protocol):
     """A flexible beam on a hub that a torque turns, as `boomctl.rotating_beam` offers it.
 
@@ -37,8 +37,8 @@ class SlewMachine(Protocol):
         """Row that reads the bending moment at the clamp off a state, N m."""
         ...
 
-    def casadi_function(self) -> casadi.Function:
-        """``(x, torque) -> (xdot, y)``, y = hub angle, hub speed, tip displacement."""
+    def casadi_equations(self) -> tuple[casadi.Function, Array]:
+        """``(x, torque, constants) -> (xdot, y)``, y = hub angle, hub speed, tip displacement; and the constants."""
         ...
 
     def _linear(self, speed: float) -> lti.Lti:
@@ -53,16 +53,15 @@ class SlewMachine(Protocol):
         """Energy of the deviation from steady rotation, J."""
         ...
 
-    def simulate_torque(
+    def simulate(
         self,
-        function: Callable[..., object],
-        timepts: ArrayLike,
-        breakpoints: tuple[float, ...] = (),
+        manoeuvre: Any,
+        timepts: ArrayLike | None = None,
         initial: ArrayLike | None = None,
-        rtol: float = 1e-8,
-        atol: float = 1e-10,
+        rtol: float | None = None,
+        atol: float | None = None,
     ) -> Any:
-        """Motion under a torque: a result with ``states``, ``tip_displacement``, ``hub_angle``, ``hub_speed``."""
+        """Motion under a `TorqueHistory`: a result with ``states``, ``tip_displacement``, ``hub_angle``, ``hub_speed``."""
         ...
 
     def with_tip_mass(self, tip_mass: float) -> SlewMachine:
@@ -80,6 +79,11 @@ class SlewMachine(Protocol):
     def shape(self, states: ArrayLike) -> Array:
         """Positions x + i y along the beam for k states, m."""
         ...
+
+
+def is_machine(h: object) -> TypeGuard[SlewMachine]:
+    """Whether something is a hub-beam with equations of motion for CasADi: its class is asked, its properties are not run."""
+    return hasattr(type(h), "casadi_equations")
 
 
 LABELS = {
@@ -147,7 +151,7 @@ class SlewPlant:
         """Whether the linear part is all there is."""
         return self.machine is None
 
-    @property
+    @cached_property
     def inertia(self) -> float | None:
         """Rigid inertia: torque over the size of the angular acceleration in the mean, kg m^2; None without one."""
         left = np.linalg.svd(self.A.T)[2][-1]
@@ -166,7 +170,7 @@ class SlewPlant:
         assert self.frequencies is not None
         return 2.0 * np.pi / float(self.frequencies[1])
 
-    @property
+    @cached_property
     def slowest(self) -> float:
         """Least size of an eigenvalue that is not zero, 1/s; infinite if there is none. A double zero splits by rounding."""
         sizes = np.abs(np.linalg.eigvals(self.A))
@@ -177,6 +181,12 @@ class SlewPlant:
         # share of |A| |z| below which nothing moves
         return bool(np.abs(self.A @ z).max() <= ALIKE * max(1.0, np.abs(self.A).max() * np.abs(z).max()))
 
+    @cached_property
+    def _still(self) -> Array:
+        """State of a machine that stands still."""
+        assert self.machine is not None
+        return self.machine.steady_state(0.0)
+
     def rest(self, angle: float, speed: float) -> Array:
         """Coordinates z at an angle [rad] in steady rotation at a speed [rad/s].
 
@@ -186,7 +196,7 @@ class SlewPlant:
             If a linear plant has no such state: ``A x`` is to be the shift of the angle at that speed.
         """
         if self.machine is not None:
-            x = np.array(self.machine.steady_state(speed), dtype=float)
+            x = np.array(self.machine.steady_state(speed) if speed else self._still, dtype=float)
             x[0] += angle
             return self.from_state @ x
         unit = _solved(np.vstack([self.A, self.rows["angle"]]), np.append(np.zeros(self.n), 1.0))
@@ -216,7 +226,7 @@ def plant_of(h: object) -> SlewPlant:
     ValueError
         If the system is discrete, its angle feels the torque directly, or its numbers are not finite.
     """
-    if isinstance(h, SlewMachine):
+    if is_machine(h):
         return _beam(h)
     return _linear(lti.of(h, "h", "a hub-beam with an equation of motion, or a control.StateSpace"))
 

@@ -18,7 +18,7 @@ from boomctl.lti.rounding import ALIKE
 from boomctl.printing import compact
 from boomctl.slew.budget import Budget
 from boomctl.slew.objectives import OBJECTIVES
-from boomctl.slew.plant import LABELS, SlewMachine, SlewPlant, plant_of
+from boomctl.slew.plant import LABELS, SlewPlant, is_machine, plant_of
 from boomctl.slew.result import SlewError
 
 METHODS = ("collocation", "radau", "shooting")
@@ -150,7 +150,7 @@ class SlewProblem:
         """What the torque pushes."""
         return np.concatenate([plant.B for plant in self.plants])
 
-    @property
+    @cached_property
     def rigid_time(self) -> float:
         """A time scale, s: the least time of the rigid body with this inertia for this turn, or for this speed.
 
@@ -267,7 +267,7 @@ def _plants(h: object, masses: tuple[float, ...]) -> tuple[SlewPlant, ...]:
     first = plant_of(h)
     if not masses:
         return (first,)
-    if not isinstance(h, SlewMachine):
+    if not is_machine(h):
         raise ValueError("tip_masses: expected none for a linear system; they are of a hub-beam")
     plants = [first]
     for each in (plant_of(h.with_tip_mass(mass)) for mass in dict.fromkeys(masses)):

@@ -1,19 +1,21 @@
 """The plan is played back by integrators that planning does not use, and judged."""
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.slew.plant import SlewMachine, SlewPlant
+from boomctl.slew.plant import SlewPlant, is_machine
 from boomctl.slew.problem import AT_LIMIT, SlewProblem
 from boomctl.slew.result import Replay
 from boomctl.slew.torque import APART, TorqueHistory
 
 _SAMPLES = 1001  # instants of a replay at least: limits are judged, and pictures drawn, from them
 _AFTER = 96  # instants in one and a half of the slowest periods after the end; a choice
-_TAYLOR, _TURN = 30, 0.5  # terms of a linear motion, and |A h| of a step: 0.5^30 / 30! is 4e-42
+_TAYLOR, _TURN = 30, 0.5  # terms of a linear motion, and |A h| of a part of a step: 0.5^30 / 30! is 4e-42
+_SMALL = 1e-12  # least |A| [1/s]: keeps a logarithm finite
 _EXACT_MODES = 6  # of the geometrically exact beam; a choice
 _ACCURATE = {"rtol": 1e-10, "atol": 1e-13}  # of a replay that judges a plan to 1e-9
 _COARSE = {"rtol": 1e-5, "atol": 1e-7}  # of other models, which differ by more
@@ -56,46 +58,70 @@ def played(problem: SlewProblem, history: TorqueHistory, samples: int = _SAMPLES
             states = _linear_motion(plant, history, start, t)
             motions.append(Motion(t, states, states @ plant.from_state.T, None))
             continue
-        r = plant.machine.simulate_torque(history, t, history.breakpoints, plant.to_state @ start, **_ACCURATE)
+        r = plant.machine.simulate(history, t, plant.to_state @ start, **_ACCURATE)
         energy = plant.machine.residual_energy(r.states[-1], problem.final_speed)
         motions.append(Motion(t, r.states, r.states @ plant.from_state.T, energy, r.small_deformation_until))
     return tuple(motions)
 
 
 def _linear_motion(plant: SlewPlant, history: TorqueHistory, start: Array, times: Array) -> Array:
-    """Linear motion by its Taylor series, in steps on which ``A h`` is below one half; one map for equal steps in a row."""
+    """Linear motion by its Taylor series, in steps between all instants and edges."""
     knots = np.unique(np.concatenate([times, history.edges]))
-    size = max(np.abs(np.linalg.eigvals(plant.A)).max(), 1e-12)
     widths = np.diff(knots)
     k = np.minimum(np.searchsorted(history.edges, knots[:-1] + 0.5 * widths) - 1, history.left.size - 1)
     slopes = ((history.right - history.left) / np.diff(history.edges))[k]
     torques = history.left[k] + slopes * (knots[:-1] - history.edges[k])
-    counts = np.maximum(1, np.ceil(size * widths / _TURN).astype(int))
-    steps = widths / counts
-    maps = _taylor_maps(plant, steps)
-    states = np.empty((knots.size, plant.n))
-    states[0] = z = start.astype(float)
-    for i, (Phi, count) in enumerate(zip(maps[:, :, : plant.n], counts, strict=True)):
-        push, ramp = maps[i, :, plant.n], maps[i, :, plant.n + 1] * slopes[i]
-        for j in range(count):
-            z = Phi @ z + (push * (torques[i] + slopes[i] * (j * steps[i])) + ramp)
-        states[i + 1] = z
+    maps, n = _taylor_maps(plant, widths), plant.n
+    pushes = maps[:, :n, n] * torques[:, None] + maps[:, :n, n + 1] * slopes[:, None]
+    states = _one_after_another(maps[:, :n, :n], pushes, start)
     return states[np.searchsorted(knots, times)] @ plant.to_state.T
 
 
 def _taylor_maps(plant: SlewPlant, steps: Array) -> Array:
-    """What a state, a torque and its slope become in each step h [s], steps x n x (n + 2), by Taylor's series."""
-    longest = steps.max()
+    """What states, a torque and its slope become in each step h [s], K x (n + 2) x (n + 2).
+
+    By Taylor's series of a part of the step, in which ``A h`` is below one half, squared until it is the whole.
+    """
+    longest, size = steps.max(), max(np.abs(np.linalg.eigvals(plant.A)).max(), _SMALL)
+    doublings = max(0, int(np.ceil(np.log2(size * longest / _TURN))))
     generator = np.zeros((plant.n + 2, plant.n + 2))
     generator[: plant.n, : plant.n], generator[: plant.n, plant.n], generator[-2, -1] = plant.A, plant.B, 1.0
-    generator *= longest
+    generator *= longest / 2**doublings
     term, terms = np.eye(plant.n + 2), []
     for order in range(_TAYLOR):
         term = term if order == 0 else generator @ term / order
-        terms.append(term[: plant.n].ravel())
-    return ((steps / longest)[:, None] ** np.arange(_TAYLOR) @ np.array(terms)).reshape(
-        steps.size, plant.n, plant.n + 2
-    )
+        terms.append(term.ravel())
+    shares = (steps / longest)[:, None] ** np.arange(_TAYLOR)
+    maps: Array = (shares @ np.array(terms)).reshape(-1, plant.n + 2, plant.n + 2)
+    for _ in range(doublings):
+        maps = maps @ maps
+    return maps
+
+
+def _one_after_another(maps: Array, pushes: Array, start: Array) -> Array:
+    """States ``z_k+1 = maps_k z_k + pushes_k`` from a first one, (K + 1) x n.
+
+    In blocks side by side: what each does to any state, then where each begins, then the states within.
+    """
+    count, n = pushes.shape
+    width = math.isqrt(count) + 1
+    blocks = -(-count // width)
+    every = np.broadcast_to(np.eye(n), (blocks * width, n, n)).copy()
+    every[:count], push = maps, np.zeros((blocks * width, n))
+    push[:count] = pushes
+    every, push = every.reshape(blocks, width, n, n), push.reshape(blocks, width, n, 1)
+    gain, shift = np.broadcast_to(np.eye(n), (blocks, n, n)), np.zeros((blocks, n, 1))
+    for j in range(width):
+        gain, shift = every[:, j] @ gain, every[:, j] @ shift + push[:, j]
+    z = np.empty((blocks, n, 1))
+    z[0, :, 0] = start
+    for i in range(blocks - 1):
+        z[i + 1] = gain[i] @ z[i] + shift[i]
+    states = np.empty((blocks, width, n))
+    for j in range(width):
+        z = every[:, j] @ z + push[:, j]
+        states[:, j] = z[..., 0]
+    return np.concatenate([start[None], states.reshape(-1, n)[:count]])
 
 
 def prescribed_error(problem: SlewProblem, motions: tuple[Motion, ...]) -> float:
@@ -174,9 +200,9 @@ def other_models(problem: SlewProblem, history: TorqueHistory) -> tuple[Replay, 
 
     def replay(other: Any, name: str, tip_mass: float | None) -> Replay:
         """What is left at the end."""
-        r = other.simulate_torque(history, after, history.breakpoints, **_COARSE)
+        r = other.simulate(history, after, **_COARSE)
         angle = 0.0 if problem.angle is None else float(r.hub_angle[0]) - problem.angle
-        energy = other.residual_energy(r.states[0], problem.final_speed) if isinstance(other, SlewMachine) else None
+        energy = other.residual_energy(r.states[0], problem.final_speed) if is_machine(other) else None
         if energy is None and problem.final_speed == 0.0:
             energy = float(r.energy[0])
         swing = float(np.abs(r.tip_displacement).max())

@@ -96,7 +96,7 @@ class SlewCertificate:
     Attributes
     ----------
     method : str
-        "switching times", "least effort" (of a linear plant), "collocation", "radau" or "shooting".
+        "switching times", "least effort", "collocation", "radau" or "shooting".
     end_error : float
         Largest deviation of the end state in the replay, of all coordinates of the model, each relative to its largest size
         on the way.

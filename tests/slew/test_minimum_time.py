@@ -13,7 +13,7 @@ from scipy import linalg
 
 import boomctl as bc
 from boomctl.lti.hold import linear_hold
-from boomctl.slew.least_time.switching import least_time, misfit, switching_function, time_gap
+from boomctl.slew.least_time.switching import least_time, misfit, rigid_and_slowest, switching_function, time_gap
 from boomctl.slew.plant import plant_of
 from boomctl.slew.problem import Limits, slew_problem
 from boomctl.slew.replay import _linear_motion
@@ -250,6 +250,32 @@ def test_units_of_the_states_do_not_matter(decades):
     assert slew.states[-1] / unit == pytest.approx([1.0, 1.0, 0.0, 0.0], abs=1e-9)
     bent = bc.optimal_slew(scaled, None, 1.0, initial_state=unit * [0.1, -0.1, 0.0, 0.0])
     assert bent.states[-1][2:] / unit[2:] == pytest.approx([0.0, 0.0], abs=1e-9)
+
+
+@examples(25)
+@given(st.floats(-3.0, 3.0).filter(lambda angle: abs(angle) > 0.05), torques, st.floats(0.0, 0.5))
+def test_the_rigid_body_with_its_slowest_vibration_turns_in_the_least_time(angle, torque, tip_mass):
+    """With one mode and no damping the closed form is the linear part's optimum; with more, the time is nearly theirs."""
+    problem = slew_problem(bc.hub_beam(tip_mass=tip_mass, modes=1), angle, Limits(torque))
+    first = rigid_and_slowest(problem)
+    assert first is not None
+    exact = least_time(problem)
+    assert first.duration == pytest.approx(exact.duration, rel=1e-9)
+    assert first.switches == pytest.approx(exact.switches, abs=1e-6 * exact.duration)
+    more = least_time(slew_problem(bc.hub_beam(tip_mass=tip_mass, modes=3), angle, Limits(torque)))
+    assert first.duration == pytest.approx(more.duration, rel=3e-2)
+
+
+@pytest.mark.parametrize(
+    "ask",
+    [
+        {"angle": None, "final_speed": 1.0},
+        {"angle": 1.0, "tip_masses": (0.3,)},
+        {"angle": 1.0, "initial_state": [0.0, 0.1, 0.0, 0.0]},
+    ],
+)
+def test_what_is_no_turn_of_one_beam_has_no_such_start(ask):
+    assert rigid_and_slowest(slew_problem(bc.hub_beam(modes=1), limits=Limits(100.0), **ask)) is None
 
 
 @pytest.mark.parametrize("modes", [1, 3])

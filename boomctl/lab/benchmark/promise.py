@@ -89,16 +89,6 @@ def _ratio(top: Who, bottom: Who, way: Way) -> Callable[[Diagram], float | None]
     return read
 
 
-def kept_ready(who: Who, share: float) -> Promise:
-    """Promise that a call with the model ready takes so large a share of one from new parameters, at most."""
-
-    def read(diagram: Diagram) -> float | None:
-        cold, hot = who.fastest(diagram, "cold"), who.fastest(diagram, "hot")
-        return hot / cold if cold and hot and cold < inf else None
-
-    return Promise(f"{who}: run time with the model ready over that from new parameters", read, share, of_time=True)
-
-
 def seconds(who: Who, most: float, way: Way = "cold") -> Promise:
     """Promise that a call takes so long at most [s]."""
     return Promise(f"{who}: run time [s], {_WAYS[way]}", lambda diagram: who.fastest(diagram, way), most, of_time=True)

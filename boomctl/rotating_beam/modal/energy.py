@@ -102,7 +102,7 @@ def equations_of_motion(lagrangian: Lagrangian) -> tuple["casadi.SX", "casadi.SX
     """Coordinates, rates, accelerations, and the left-hand sides of Lagrange's equations in them."""
     import casadi as ca
 
-    size = lagrangian.tip.size + 1
+    size = lagrangian.tip.shape[0] + 1
     y, rate, acceleration = (ca.SX.sym(name, size) for name in ("y", "rate", "acceleration"))
     kinetic = lagrangian.kinetic(y, rate)
     elastic = 0.5 * ca.bilin(lagrangian.stiffness, y[1:], y[1:])
@@ -131,10 +131,11 @@ def accelerations(
     return y, rate, forces, ca.vertcat(turning, reduced[:, 0] - reduced[:, 1] * turning), margin
 
 
-def state_function(lagrangian: Lagrangian, name: str) -> "casadi.Function":
-    """Equations of motion as a CasADi function ``(x, torque) -> (xdot, y)`` of that name.
+def state_function(lagrangian: Lagrangian, name: str, constants: "casadi.SX | None" = None) -> "casadi.Function":
+    """Equations of motion as a CasADi function ``(x, torque, constants) -> (xdot, y)`` of that name.
 
-    The state x has coordinates and rates; y is hub angle, hub speed and the displacement of the free end.
+    The state x has coordinates and rates; y is hub angle, hub speed and the displacement of the free end.  The constants
+    are symbols in the energies; by default there are none.
     """
     import casadi as ca
 
@@ -146,7 +147,8 @@ def state_function(lagrangian: Lagrangian, name: str) -> "casadi.Function":
     x = ca.vertcat(y, rate)
     state = ca.SX.sym("x", 2 * size)
     xdot, outputs = ca.substitute([xdot, outputs], [x], [state])
-    return ca.Function(name, [state, torque], [xdot, outputs], ["x", "torque"], ["xdot", "y"])
+    given = [state, torque, ca.SX(0, 1) if constants is None else constants]
+    return ca.Function(name, given, [xdot, outputs], ["x", "torque", "constants"], ["xdot", "y"])
 
 
 def _solve_beam(mass: "casadi.SX", right: "casadi.SX") -> "casadi.SX":

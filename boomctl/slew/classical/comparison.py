@@ -239,11 +239,8 @@ def compare_slews(
     for name, history in torques.items():
         after = history.duration + np.linspace(0.0, 1.5 * plant.period, _AFTER)
         t = np.concatenate([np.linspace(0.0, history.duration, _DURING)[:-1], after])
-        r = plant.machine.simulate_torque(history, t, history.breakpoints)
-        low, high = (
-            float(np.abs(each.simulate_torque(history, after, history.breakpoints).tip_displacement).max())
-            for each in others
-        )
+        r = plant.machine.simulate(history, t)
+        low, high = (float(np.abs(each.simulate(history, after).tip_displacement).max()) for each in others)
         late = t >= after[0]
         lines.append(
             SlewLine(

@@ -16,7 +16,7 @@ import numpy as np
 from boomctl.arrays import Array
 from boomctl.checks import instance, known, nonnegative, positive, real
 from boomctl.printing import compact
-from boomctl.slew.plant import SlewMachine, plant_of
+from boomctl.slew.plant import SlewMachine, is_machine, plant_of
 from boomctl.slew.torque import APART, TorqueHistory, held
 
 _RISE = 0.1  # share of the duration in which a smoothed bang-bang rises: as Junkins, Rahman and Bang (1991)
@@ -128,7 +128,7 @@ def shaper(name: str, frequency: float | SlewMachine, damping_ratio: float = 0.0
     array([0.    , 0.9872])
     """
     known("shaper", name, _TRAINS)
-    if isinstance(frequency, SlewMachine):
+    if is_machine(frequency):
         if damping_ratio:
             raise ValueError(
                 f"damping_ratio = {damping_ratio!r}: expected none beside a hub-beam, whose mode has its own"

@@ -6,7 +6,7 @@ to the torques, weighted by the multipliers of the end conditions, is the switch
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from importlib import import_module
 from typing import Any
 
@@ -17,9 +17,8 @@ from boomctl.arrays import Array
 from boomctl.checks import instance
 from boomctl.lti.time_series import TimeSeries
 from boomctl.printing import count
-from boomctl.slew.dynamics import explicit_step
+from boomctl.slew.dynamics import KINDS, Kind, kind_of, step_of
 from boomctl.slew.linear import guess_from
-from boomctl.slew.plant import SlewPlant
 from boomctl.slew.problem import SlewProblem
 from boomctl.slew.result import SlewResult
 from boomctl.slew.torque import TorqueHistory
@@ -80,43 +79,58 @@ class Sensitivity:
 
 @dataclass(frozen=True, eq=False)
 class _Stepper:
-    """A plant's step ``(z, u, h) -> z`` and its Jacobian n x (n + 2); ``after`` is the step of the symbols."""
+    """Steps of a plant, by functions that all of its kind share, and its constants."""
 
-    plant: SlewPlant
-    symbols: tuple[ca.SX, ca.SX, ca.SX]
-    after: ca.SX
-    step: ca.Function
-    jacobian: ca.Function
-
-    @cached_property
-    def hessian(self) -> ca.Function:
-        """The Hessian of l^T z by (z, h): made when it is asked for, which many slews do not."""
-        (z, u, h), l = self.symbols, ca.SX.sym("l", self.plant.n)
-        second = ca.densify(ca.hessian(ca.dot(l, self.after), ca.vertcat(z, h))[0])
-        return ca.Function("hessian", [z, u, h, l], [second])
+    kind: Kind
+    constants: Array
 
     def motion(self, start: Array, u: Array, h: Array) -> Array:
         """States before and after all steps, n x (K + 1)."""
-        return np.column_stack([start, np.array(self.step.mapaccum(u.size)(start, u[None, :], h[None, :]))])
+        steps = _repeated(_step(self.kind), u.size)
+        return np.column_stack([start, steps(start, u[None, :], h[None, :], self.constants).full()])
 
-    def jacobians(self, z: Array, u: Array, h: Array) -> Array:
-        """K x n x (n + 2)."""
-        each = np.array(self.jacobian.map(u.size)(z[:, :-1], u[None, :], h[None, :]))
-        return each.reshape(self.plant.n, u.size, self.plant.n + 2).transpose(1, 0, 2)
+    def linearised(self, start: Array, u: Array, h: Array) -> tuple[Array, Array]:
+        """The same, and the Jacobians of the steps by state, torque and width, K x n x (n + 2)."""
+        after, each = _repeated(_jacobian(self.kind), u.size)(start, u[None, :], h[None, :], self.constants)
+        jacobians = each.full().reshape(self.kind.n, u.size, self.kind.n + 2).transpose(1, 0, 2)
+        return np.column_stack([start, after.full()]), jacobians
 
     def hessians(self, z: Array, u: Array, h: Array, after: Array) -> Array:
-        """K x (n + 1) x (n + 1), of the costates K x n after the steps."""
-        size = self.plant.n + 1
-        each = np.array(self.hessian.map(u.size)(z[:, :-1], u[None, :], h[None, :], after.T))
+        """By state and width, K x (n + 1) x (n + 1), of the costates K x n after the steps."""
+        size, steps = self.kind.n + 1, _hessian(self.kind).map(u.size)
+        each = np.array(steps(z[:, :-1], u[None, :], h[None, :], self.constants, after.T))
         return each.reshape(size, u.size, size).transpose(1, 0, 2)
 
 
-def _stepper(plant: SlewPlant) -> _Stepper:
-    z, u, h = ca.SX.sym("z", plant.n), ca.SX.sym("u"), ca.SX.sym("h")
-    after = explicit_step(plant, 1)(z, u, u, h)
+@lru_cache(maxsize=4 * KINDS)  # a few numbers of steps for each kind
+def _repeated(function: ca.Function, count: int) -> ca.Function:
+    """One step after another."""
+    return function.mapaccum(count)
+
+
+@lru_cache(maxsize=KINDS)
+def _step(kind: Kind) -> ca.Function:
+    """``(z, u, h, constants) -> z``."""
+    whole = step_of(kind, 1)
+    z, u, h, constants = (ca.SX.sym(name, whole.size1_in(i)) for i, name in ((0, "z"), (1, "u"), (3, "h"), (4, "c")))
+    return ca.Function("step", [z, u, h, constants], [whole(z, u, u, h, constants)])
+
+
+@lru_cache(maxsize=KINDS)
+def _jacobian(kind: Kind) -> ca.Function:
+    """``(z, u, h, constants) -> z`` and its Jacobian n x (n + 2)."""
+    z, u, h, constants = _step(kind).sx_in()
+    after = _step(kind)(z, u, h, constants)
     jacobian = ca.densify(ca.jacobian(after, ca.vertcat(z, u, h)))
-    step = ca.Function("step", [z, u, h], [after])
-    return _Stepper(plant, (z, u, h), after, step, ca.Function("jacobian", [z, u, h], [jacobian]))
+    return ca.Function("jacobian", [z, u, h, constants], [after, jacobian])
+
+
+@lru_cache(maxsize=KINDS)
+def _hessian(kind: Kind) -> ca.Function:
+    """``(z, u, h, constants, l) ->`` the Hessian of l^T z by (z, h)."""
+    (z, u, h, constants), l = _step(kind).sx_in(), ca.SX.sym("l", kind.n)
+    second = ca.densify(ca.hessian(ca.dot(l, _step(kind)(z, u, h, constants)), ca.vertcat(z, h))[0])
+    return ca.Function("hessian", [z, u, h, constants, l], [second])
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,8 +186,7 @@ class EndMap:
         end, by_torque, by_width, motions = np.zeros(m), np.zeros((m, u.size)), np.zeros((m, u.size)), []
         for stepper, (plant, own) in zip(self._steppers, self.problem.parts, strict=True):
             self.problem.budget.spend(f"sensitivity of the end to {u.size} steps")
-            z = stepper.motion(self.problem.start[own], u, h)
-            jacobians = stepper.jacobians(z, u, h)
+            z, jacobians = stepper.linearised(self.problem.start[own], u, h)
             after = _carried_back(jacobians, self.rows[:, own])
             end += self.rows[:, own] @ z[:, -1]
             by_torque += np.einsum("kmi,ki->mk", after, jacobians[:, :, plant.n])
@@ -211,7 +224,7 @@ def _carried_back(jacobians: Array, rows: Array) -> Array:
 def end_map(problem: SlewProblem, first: TorqueHistory) -> EndMap:
     """Prepare the steps of a problem; rows of its end are scaled by the sizes of the states under a first torque."""
     rows = problem.ends / np.abs(problem.ends * guess_from(problem, first).sizes).max(axis=1, keepdims=True)
-    return EndMap(problem, rows, [_stepper(plant) for plant in problem.plants])
+    return EndMap(problem, rows, [_Stepper(*kind_of(plant)) for plant in problem.plants])
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,7 +12,7 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.lti.rounding import ALIKE, SUMMED
-from boomctl.slew.dynamics import rates
+from boomctl.slew.dynamics import kind_of, rates_of
 from boomctl.slew.least_time.arc_count import Overflows, counted
 from boomctl.slew.least_time.arcs import EndMap, end_map
 from boomctl.slew.plant import SlewPlant, plant_of
@@ -299,12 +299,13 @@ def without_axial_modes(problem: SlewProblem) -> SlewProblem | None:
 
 def _reversible(plant: SlewPlant, twice: Array) -> bool:
     """Whether ``z -> (twice - positions, rates)`` with time and torque reversed leaves the equations of motion alone."""
-    f, random, half = rates(plant), np.random.default_rng(0), plant.n // 2
+    (kind, constants), random, half = kind_of(plant), np.random.default_rng(0), plant.n // 2
+    f = rates_of(kind)
     shift, turn = np.where(np.arange(plant.n) < half, twice, 0.0), np.repeat([-1.0, 1.0], half)
     for _ in range(_PROBES):
         z, u = 0.1 * random.standard_normal(plant.n), float(random.standard_normal()) / np.abs(plant.B).max()
-        here = np.array(f(z, u)).ravel()
-        there = np.array(f(turn * z + shift, -u)).ravel()
+        here = np.array(f(z, u, constants)).ravel()
+        there = np.array(f(turn * z + shift, -u, constants)).ravel()
         # of the mirrored equations, relative: far above rounding, far below any damping that matters
         if np.abs(there + turn * here).max() > ALIKE * np.abs(here).max():
             return False

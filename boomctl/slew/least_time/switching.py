@@ -30,7 +30,10 @@ _EXACT = 1e-11  # relative accuracy of the least time on a grid, far below what 
 _HOPELESS = 1e9  # torque over its limit that stands for "in no time like this one"
 _SECANTS = 12  # times tried until the least peak on a grid is about the limit; some five do
 _ROUGHLY = 1e-3  # of the logarithm of the peak, near enough for Newton's method: a fifth of an interval of the grid
-_REWEIGHTED = 40  # least-squares problems until the signs stay; a choice, for Newton's method does the rest
+_REWEIGHTED = (
+    20  # least-squares problems for each time tried, whose weights the next goes on from, and after the last (a
+)
+# choice): with 40 in all the signs stay, and Newton's method does the rest
 _THIN = 1e-6  # share of the largest |G^T y| below which weights grow no further
 _DECIDED = 0.5  # share of the limit from which a torque on a grid shows its sign
 _NEWTON = 60  # steps of Newton's method at most; from where arcs are about to appear it is damped and slow
@@ -91,7 +94,8 @@ def least_time(problem: SlewProblem) -> Extremal:
     SlewError
         If no torque within the limit leads to the end, or the switching times are not found.
     """
-    limits, guess = problem.limits, problem.rigid_time
+    limits, first = problem.limits, rigid_and_slowest(problem)
+    guess = problem.rigid_time if first is None else first.duration
     try:
         return _fastest(problem, guess)
     except SwitchesNotFound as failure:
@@ -146,18 +150,23 @@ def _likely(problem: SlewProblem, guess: float) -> Extremal | None:
     an end condition, are found by solving for the weights ``1/|G^T y|`` again and again.  Nothing is taken on trust:
     Newton's method and the signs of the switching function judge what comes out.
     """
-    logarithms, peaks = [math.log(guess)], []
+    logarithms, peaks, weights = [math.log(guess)], [], np.ones(_GRIDS[0])
     for _ in range(_SECANTS):
         system = _grid_system(problem, math.exp(logarithms[-1]), _GRIDS[0])
         if system is None:
             return None
         G, d, scale = system
-        y = _least_sum(G, d)
-        if y is None:
+        found = _least_sum(G, d, weights)
+        if found is None:
             return None
+        y, weights = found
         peaks.append(-math.log(float(np.abs(y @ G).sum())))
         if abs(peaks[-1]) < _ROUGHLY:
-            duration, costate = math.exp(logarithms[-1]), (y / scale) @ problem.ends
+            found = _least_sum(G, d, weights)
+            if found is None:
+                return None
+            y, duration = found[0], math.exp(logarithms[-1])
+            costate = (y / scale) @ problem.ends
             first = _from_costate(problem, duration, np.sign(y @ G), costate)
             found = None if first is None else _merged(problem, _newton(problem, first))
             return found if found is not None and misfit(problem, found) < _AGREE else None
@@ -172,9 +181,11 @@ def _likely(problem: SlewProblem, guess: float) -> Extremal | None:
     return None
 
 
-def _least_sum(G: Array, d: Array) -> Array | None:
-    """The y with ``d^T y = 1`` and nearly the least ``sum |G^T y|``; None where the equations have no solution."""
-    weights = np.ones(G.shape[1])
+def _least_sum(G: Array, d: Array, weights: Array) -> tuple[Array, Array] | None:
+    """The y with ``d^T y = 1`` and nearly the least ``sum |G^T y|``, and weights to go on from.
+
+    None where the equations have no solution.
+    """
     y = np.zeros(d.size)
     for _ in range(_REWEIGHTED):
         try:
@@ -187,7 +198,26 @@ def _least_sum(G: Array, d: Array) -> Array | None:
         y /= reached
         size = np.abs(y @ G)
         weights = 1.0 / np.maximum(size, _THIN * size.max())
-    return y
+    return y, weights
+
+
+def rigid_and_slowest(problem: SlewProblem) -> TorqueHistory | None:
+    """The fastest turn of a beam with its slowest vibration alone, without damping; None of what is no turn of one beam.
+
+    Switches are in the middle, at H, and b before and after it: ``limit / inertia (H^2 - 2 b^2)`` is the angle, and the
+    vibration ends with ``cos(w H) - 2 cos(w b) + 1 = 0``, not positive at b = 0, nor negative at a quarter of a period.
+    """
+    plant, start = problem.plants[0], problem.start
+    if len(problem.plants) > 1 or plant.frequencies is None or plant.inertia is None or problem.angle is None:
+        return None
+    if problem.final_speed or not (plant.still(start) and plant.still(problem.target)):
+        return None
+    turn = float(plant.rows["angle"] @ (problem.target - start))
+    area, w = abs(turn) * plant.inertia / problem.limits.torque, float(plant.frequencies[1])
+    swing = lambda b: math.cos(w * math.sqrt(area + 2.0 * b * b)) - 2.0 * math.cos(w * b) + 1.0  # noqa: E731
+    b = float(brentq(swing, 0.0, 0.5 * math.pi / w))
+    half = math.sqrt(area + 2.0 * b * b)
+    return bang_bang(np.array([half - b, half, half + b]), 2.0 * half, problem.limits.torque, math.copysign(1.0, turn))
 
 
 def _fastest_vibration(linear: LinearFlow) -> float:
@@ -315,9 +345,8 @@ def _from_costate(problem: SlewProblem, duration: float, values: Array, costate:
 
 def _fitted(problem: SlewProblem, rough: Extremal) -> Extremal:
     """The costate whose switching function vanishes at the switches, its Hamiltonian 1; the grid's may not be unique."""
-    _, rate = _end(problem, rough)
-    later = [flow(problem).step(rough.duration - float(t))[0] @ flow(problem).B for t in rough.switches]
-    lines = np.array([*later, rate]) @ problem.ends.T
+    _, rate, later = _end(problem, rough)
+    lines = np.vstack([later.T, rate]) @ problem.ends.T
     weights = _least_squares(lines, np.append(np.zeros(rough.switches.size), 1.0), 1e-12)
     return replace(rough, costate=weights @ problem.ends)
 
@@ -329,15 +358,16 @@ def _least_squares(matrix: Array, right: Array, rcond: float) -> Array:
     return np.linalg.lstsq(matrix / columns / lines[:, None], right / lines, rcond=rcond)[0] / columns
 
 
-def _end(problem: SlewProblem, found: Extremal) -> tuple[Array, Array]:
-    """End state and its rate."""
+def _end(problem: SlewProblem, found: Extremal) -> tuple[Array, Array, Array]:
+    """End state and its rate, and ``exp(A (T - t_i)) B``, n x k: what a torque at each switch does to the end."""
     edges = np.concatenate([[0.0], found.switches, [found.duration]])
-    z, value = problem.start, found.sign * problem.limits.torque
-    for k, h in enumerate(np.diff(edges)):
-        Phi, push = flow(problem).step(float(h))
-        z = Phi @ z + push * value * (-1.0) ** k
-    last = value * (-1.0) ** found.switches.size
-    return z, flow(problem).A @ z + flow(problem).B * last
+    linear, z, value = flow(problem), problem.start, found.sign * problem.limits.torque
+    later = np.empty((z.size, 0))
+    for h in np.diff(edges):
+        Phi, push = linear.step(float(h))
+        z, value = Phi @ z + push * value, -value
+        later = Phi @ np.column_stack([later, linear.B])
+    return z, linear.A @ z - linear.B * value, later[:, 1:]
 
 
 def _merged(problem: SlewProblem, found: Extremal | None) -> Extremal | None:
@@ -386,15 +416,11 @@ def _newton(problem: SlewProblem, first: Extremal) -> Extremal | None:
 
 def _conditions(problem: SlewProblem, found: Extremal, weights: Array) -> tuple[Array, Array]:
     """Defects of end conditions, switching function and Hamiltonian, and their derivatives (switches, time, weights)."""
-    A, B, ends = flow(problem).A, flow(problem).B, problem.ends
+    A, ends = problem.A, problem.ends
     m, k = ends.shape[0], found.switches.size
-    z, rate = _end(problem, found)
-    moved = np.empty((B.size, k + 1))  # d z(T) / d (switches, T)
-    later = np.empty((B.size, k))  # exp(A (T - t_i)) B
-    for i, t in enumerate(found.switches):
-        later[:, i] = flow(problem).step(found.duration - float(t))[0] @ B
-        moved[:, i] = later[:, i] * 2.0 * found.sign * problem.limits.torque * (-1.0) ** i
-    moved[:, k] = rate
+    z, rate, later = _end(problem, found)
+    jumps = 2.0 * found.sign * problem.limits.torque * (-1.0) ** np.arange(k)
+    moved = np.column_stack([later * jumps, rate])  # d z(T) / d (switches, T)
     row = weights @ ends
     residual = np.concatenate([ends @ (z - problem.target), row @ later, [row @ rate - 1.0]])
     slope = np.zeros((m + k + 1, k + 1 + m))

@@ -2,7 +2,7 @@
 
 Fatrop is not used. On the benchmark of least effort (shooting, 3 modes, 200 intervals, the same programme and states to
 start from, CasADi's interface with the stages given) it found the same optimum to 5e-9, in 13 iterations and 0.45 s of
-processor time with its building; IPOPT, which also takes the multipliers of the linear part, in 4 and 0.08 s.
+processor time with its building; IPOPT, started with the multipliers of the linear part, in 4 and 0.08 s.
 """
 
 from dataclasses import dataclass, field
@@ -48,7 +48,6 @@ _OPTIONS = {
     "ipopt.mu_init": 1e-4,  # for the same reason
 }
 _TOLERANCE, _SHARE = 1e-9, 1e-3  # of the optimality conditions at most, and as a share of the end state's tolerance
-_EFFORT_PUSH = 1e-9  # as the pushes of a warm start; of least effort the first guess is nearer still
 _LEAST_TIME = 1e-3  # of the duration over its typical size: a bound that only keeps it positive
 _SHOWN = 1e-7  # of a scaled condition: a smaller miss is not told
 
@@ -136,7 +135,7 @@ class Programme:
         return {"lbx": lower, "ubx": upper, "lbg": low, "ubg": high, "p": p}
 
     def _start(self, problem: SlewProblem, guess: Guess) -> dict[str, Array]:
-        """First guess, and where they are known the multipliers: those of the linear part's least effort."""
+        """First guess."""
         t, units, layout = self.transcription, self.transcription.units, self.transcription.layout
         N, x = t.scheme.intervals, np.zeros(layout.size)
         x[layout.states] = guess.states / units.states
@@ -147,18 +146,7 @@ class Programme:
             x[layout.rates] = np.hstack([np.tile(slopes[:, own], t.scheme.order) for own in t.blocks])
         if layout.duration is not None:
             x[layout.duration] = guess.duration / units.time
-        if (
-            guess.costates is None
-            or guess.free is None
-            or t.scheme.method != "shooting"
-            or problem.limits.beside_torque
-        ):
-            return {"x0": x}
-        dynamics = -2.0 / (N * units.torque**2 * (guess.duration / N)) * guess.costates * units.states
-        ends = np.linalg.lstsq(t.ends.T, dynamics[-1], rcond=None)[0]
-        bounds = np.zeros(layout.size)
-        bounds[layout.torques] = 2.0 / N * (guess.free - guess.torques) / units.torque
-        return {"x0": x, "lam_g0": np.concatenate([dynamics.ravel(), ends]), "lam_x0": bounds}
+        return {"x0": x}
 
     def _again(self, problem: SlewProblem, arguments: dict[str, Array], raw: dict[str, Any]) -> dict[str, Any]:
         """Let the limits give: where none has to, start from what that finds; else say which gives, when and how much."""
@@ -254,8 +242,6 @@ def prepare(problem: SlewProblem, scheme: Scheme, guess: Guess, tolerance: float
 def _solvable(transcription: Transcription, tolerance: float) -> Programme:
     """A programme with its solver."""
     options = _OPTIONS | transcription.derivatives | {"ipopt.tol": min(_TOLERANCE, _SHARE * tolerance)}
-    if transcription.scheme.objective == "effort":
-        options |= {f"ipopt.warm_start_{kind}_push": _EFFORT_PUSH for kind in ("bound", "mult_bound", "slack_bound")}
     watch = Watch(transcription.layout.size, int(transcription.nlp.size1_out(1)))
     options |= {"iteration_callback": watch}
     return Programme(transcription, tolerance, ca.nlpsol("slew", "ipopt", transcription.nlp, options), watch)

@@ -6,7 +6,7 @@ import numpy as np
 
 from boomctl.lti.rounding import ALIKE
 from boomctl.slew.budget import OutOfTime
-from boomctl.slew.linear import Guess, effort_guess, guess_from, least_effort
+from boomctl.slew.linear import Guess, guess_from, least_effort
 from boomctl.slew.nlp.programme import Programme, Solution, prepare
 from boomctl.slew.nlp.transcription import Scheme
 from boomctl.slew.objectives import OBJECTIVES
@@ -22,7 +22,6 @@ _SEARCH = 0.6  # share of the time in which meshes are refined; the rest is for 
 _ROUNDS = 10  # solutions on a mesh at most, with a higher order or tighter limits each; a safeguard
 _TIGHTER, _AT_LEAST = 1.1, 1e-6  # by how many times an excess, and how much more, a limit is tightened
 _HIGHEST = 9  # collocation points, order 17 and more: beyond, a step is not what the replay finds in error; a choice
-_ARRIVES = 1e-6  # of the largest of each state on the way, that a first guess may miss at the end: rounding is far less
 _LONGER = 1.5  # times the linear part's least time: what a first guess takes within more limits than the torque's
 
 
@@ -132,27 +131,19 @@ def _gap(cost: float, other: float) -> float:
 def _companion(problem: SlewProblem, programme: Programme, solution: Solution) -> Solution:
     """The solution on a mesh half as fine, or twice as fine where that one is too coarse; it is about as exact as the given.
 
-    Too coarse is a mesh on which the linear part's least effort does not come to the end, or that allows no slew. The
-    solution tells the cost alone: it is not replayed.
+    Too coarse is a mesh that allows no slew. The solution tells the cost alone: it is not replayed.
     """
     scheme = programme.transcription.scheme
     intervals, order = scheme.intervals, scheme.order
     if intervals >= 4 * problem.ends.shape[0]:  # fewer than two an end condition would leave nothing to choose
         guess = _guess(problem, None, solution.history, intervals // 2)
-        if guess.free is None or _arrives(problem, guess):
-            finer = 2 * order if problem.method == "shooting" else min(order + 1, _HIGHEST)
-            try:
-                return _solved(problem, guess, intervals // 2, rough=True, order=finer)[1]
-            except SlewError:
-                pass
+        finer = 2 * order if problem.method == "shooting" else min(order + 1, _HIGHEST)
+        try:
+            return _solved(problem, guess, intervals // 2, rough=True, order=finer)[1]
+        except SlewError:
+            pass
     guess = _guess(problem, None, solution.history, 2 * intervals)
     return _solved(problem, guess, 2 * intervals, rough=True, order=order)[1]
-
-
-def _arrives(problem: SlewProblem, guess: Guess) -> bool:
-    """Whether the linear part's least effort comes to the end: where it does not, the mesh is most likely too coarse."""
-    way = np.abs(problem.ends) @ guess.sizes
-    return bool((np.abs(problem.ends @ (guess.states[-1] - problem.target)) <= _ARRIVES * way).all())
 
 
 def _ramps(problem: SlewProblem) -> bool:
@@ -162,8 +153,6 @@ def _ramps(problem: SlewProblem) -> bool:
 
 def _guess(problem: SlewProblem, least: TorqueHistory | None, before: TorqueHistory | None, intervals: int) -> Guess:
     """Where to start: from the torque of another mesh; else from the linear part's least time, or least effort."""
-    if problem.objective == "effort" and not problem.limits.beside_torque and problem.duration is not None:
-        return effort_guess(problem, problem.duration, intervals)
     if before is None and problem.fastest:
         before = least
     if before is None:

@@ -442,7 +442,7 @@ def tracked_slew(
     if measurements is None and noise is not None:
         raise ValueError("noise: expected None without measurements, for the states are known then")
     torques = np.concatenate([history.means(time[: count + 1]), np.zeros(after)])
-    motion = machine.simulate_torque(history, time, history.breakpoints, start)
+    motion = machine.simulate(history, time, start)
     states = motion.states @ modes.from_state.T
     along = linearised_along(
         modes, [modes.outputs.index(name) for name in wanted], states[: count + 1], torques[:count], step

@@ -314,7 +314,7 @@ class SlewEvaluation(Judged):
             history = self.comparison.line(name).history
             t = np.linspace(0.0, design.slew.duration + _AFTER, 601)
             label = "rigid body's bang-bang" if name == "bang-bang" else name
-            curves[label] = (t, beam.shape(beam.simulate_torque(history, t, history.breakpoints).states))
+            curves[label] = (t, beam.shape(beam.simulate(history, t).states))
         return curves
 
 

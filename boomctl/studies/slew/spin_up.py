@@ -57,7 +57,7 @@ def spin_ups(
     t = np.unique(np.concatenate([t, [profile.duration, history.duration]]))
     speed = profile.final_speed
     return (
-        _motion(label, history.duration, speed, h.simulate_torque(history, t, history.breakpoints)),
+        _motion(label, history.duration, speed, h.simulate(history, t)),
         _motion("profile, Eq. (43)", profile.duration, speed, h.simulate(profile, t)),
     )
 

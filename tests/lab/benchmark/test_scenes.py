@@ -20,7 +20,6 @@ from boomctl.lab.benchmark.promise import (
     Who,
     exact,
     growth,
-    kept_ready,
     number,
     seconds,
     times_as_fast,
@@ -293,7 +292,6 @@ def test_promises_of_numbers_take_the_worst_of_all_settings_and_failures_break_t
         (number(A, "norm", 1.01), 1.0 + 1e-3, True),
         (number(A, "norm", 1.0, least=True), 1.0 + 1e-6, True),
         (seconds(A, 1e-4), 1e-3, False),
-        (kept_ready(A, 0.5), 0.5, True),
         (exact(B, 1.0), None, None),
     ):
         kept = promise.of(diagram(good, worse))

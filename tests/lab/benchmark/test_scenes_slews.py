@@ -29,8 +29,7 @@ def test_the_replay_finds_the_end_that_ours_reaches():
 @pytest.mark.slow
 def test_the_least_effort_is_that_of_ours_extrapolated():
     ours = [
-        optimal_slew(EFFORT.beam, EFFORT.angle, 200.0, "effort", EFFORT.duration, method="shooting", intervals=n).cost
-        for n in (100, 200)
+        optimal_slew(EFFORT.beam, EFFORT.angle, 200.0, "effort", EFFORT.duration, intervals=n).cost for n in (100, 200)
     ]
     least = Referee(EFFORT).least_effort()
     assert least < ours[1] < ours[0]
@@ -75,10 +74,7 @@ def test_everybody_answers_and_finer_is_better(maker):
 def test_the_references_of_three_modes_are_ours():
     effort = replace(EFFORT, beam=AssumedModesBeam(HubBeamParameters(), "sfoam", 3), duration=3.0, intervals=400)
     referee = Referee(effort)
-    ours = [
-        optimal_slew(effort.beam, effort.angle, 200.0, "effort", 3.0, method="shooting", intervals=n).cost
-        for n in (200, 400)
-    ]
+    ours = [optimal_slew(effort.beam, effort.angle, 200.0, "effort", 3.0, intervals=n).cost for n in (200, 400)]
     assert referee.least_effort() == pytest.approx(ours[1] - (ours[0] - ours[1]) / 3.0, rel=5e-7)
     least = Referee(
         replace(effort, intervals=100)

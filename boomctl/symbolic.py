@@ -1,0 +1,52 @@
+"""Constants of CasADi functions as arguments: one function serves all that have their zeros at the same places."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from boomctl.arrays import Array
+
+if TYPE_CHECKING:
+    import casadi
+
+_ZERO = 1e-15  # entry of a matrix, over its largest, that is a rounded zero
+
+
+class Places(NamedTuple):
+    """Where a matrix has entries that are not zero, row after row: what functions are remembered by."""
+
+    rows: int
+    columns: int
+    filled: bytes
+
+
+def lifted(matrices: Sequence[Array | float]) -> tuple[tuple[Places, ...], Array]:
+    """Return the places of matrices, vectors (as columns) and numbers, and the entries there, those of all in one vector."""
+    places, entries = [], []
+    for each in matrices:
+        matrix = np.asarray(each, dtype=float)
+        matrix = matrix.reshape(matrix.shape[0] if matrix.ndim else 1, -1)
+        size = np.abs(matrix)
+        filled = size > _ZERO * size.max(initial=0.0)
+        places.append(Places(*matrix.shape, filled.tobytes()))
+        entries.append(matrix.T[filled.T])
+    return tuple(places), np.concatenate(entries)
+
+
+def symbols(places: Sequence[Places]) -> tuple[casadi.SX, list[casadi.SX]]:
+    """Return a vector of symbols, and the matrices with these places that it fills, in the order of `lifted`."""
+    import casadi as ca
+
+    patterns = []
+    for rows, columns, filled in places:
+        column, row = np.nonzero(np.frombuffer(filled, dtype=bool).reshape(rows, columns).T)
+        patterns.append(ca.Sparsity.triplet(rows, columns, row.tolist(), column.tolist()))
+    vector, ends = (
+        ca.SX.sym("constants", sum(each.nnz() for each in patterns)),
+        np.cumsum([0, *map(ca.Sparsity.nnz, patterns)]),
+    )
+    spans = zip(patterns, ends[:-1].tolist(), ends[1:].tolist(), strict=True)
+    return vector, [ca.SX(pattern, vector[first:last]) for pattern, first, last in spans]
