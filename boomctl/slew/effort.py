@@ -1,79 +1,184 @@
-"""Least effort of a nonlinear plant within the torque's limit: a torque held on equal intervals.
+"""Least effort of a plant within its limits: a torque held on equal intervals.
 
-Torques u lead to an end e(u). About any of them the least effort that the first derivatives G allow is a closed form,
-clipped at the limit; it is taken again and again (Gauss and Newton's method). What is not linear in a slew is weak: each
-turn gains two digits (measured, also with tips that go out to half of the length). Where it ends, ``u = clip(G^T c)``
-leads to the target: the conditions of the optimum on the mesh. They are exact, for G is.
+Torques u lead to an end e(u), and on the way past nodes with limits. About any of them the least effort that the first
+derivatives allow is a closed form, clipped at the torque's limit, with as many unknowns as the end has conditions and
+limits are met at nodes; it is taken again and again (Gauss and Newton's method). What is not linear in a slew is weak: each
+turn gains two digits (measured, also with tips that go out to half of the length). Where it ends, ``u = clip(G^T c)`` leads
+to the target: the conditions of the optimum on the mesh. They are exact, for G is. A programme takes ten times as long.
 """
+
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.lti.rounding import ALIKE
-from boomctl.slew.least_time.arcs import Steps, end_map
-from boomctl.slew.linear import clipped, least_effort
-from boomctl.slew.problem import SlewProblem
+from boomctl.lti.rounding import ALIKE, SUMMED
+from boomctl.slew.least_time.arcs import EndMap, Steps, end_map
+from boomctl.slew.linear import Clipped, clipped, least_effort
+from boomctl.slew.problem import Limits, SlewProblem
 from boomctl.slew.torque import TorqueHistory, held
 
 _TURNS = 20  # at most; a safeguard
 _STATIONARY = 1e-6  # of the torque limit, that another turn would change: of the effort it is worth the square of that
+_EXCHANGES = 100  # of nodes at which limits are met, at most; a safeguard, for 3 to 12 do
+_PATIENCE = 3  # exchanges of all nodes without fewer that are wrong, until they are exchanged one at a time; a choice
 _CHORDS = 6  # corrections with derivatives of coarser steps at most; one or none does
 _CLOSED = 1e-3  # of the tolerance: defect of the scaled end after them
 _STEP_SHARE = 0.5  # of the tolerance, for what half as long steps change; what remains is a sixteenth of it
 _MOST_STEPS = 20000  # of a motion: a safeguard, for rounding grows with them
 
 
-def effort_on_mesh(problem: SlewProblem, duration: float, intervals: int) -> tuple[TorqueHistory, float] | None:
-    """The torque of least effort in a given time [s] on a mesh; None where it was not found, or the limit is too low.
+@dataclass(frozen=True, eq=False)
+class _Local:
+    """Least effort about torques: ``G u = d``, and ``|P u + rest| <= most`` at the nodes within the mesh, r x (N - 1) x N."""
+
+    G: Array
+    d: Array
+    P: Array
+    rest: Array
+    most: Array
+
+    def joined(self, first: Array) -> "_Local":
+        """Torques that begin with some of the intervals and are held until the next one begins."""
+        root = np.sqrt(np.diff(np.append(first, self.G.shape[1])))
+        inner = first[1:] - 1
+        G, P = (np.add.reduceat(each, first, axis=-1) / root for each in (self.G, self.P[:, inner]))
+        return _Local(G, self.d, P, self.rest[:, inner], self.most)
+
+    def solve(self, limit: float | Array, met: Array) -> tuple[Clipped, Array] | None:
+        """The torques, and the nodes at which limits are met: 1 above, -1 below, 0 where they are not, r x (N - 1).
+
+        Where limits are exceeded most they are met next, those whose multiplier has the wrong sign are left: all at once,
+        and where that turns in circles one at a time (Judice and Pires 1994). None where it does not end, or not at the
+        target.
+        """
+        fewest, patience = np.inf, _PATIENCE
+        for _ in range(_EXCHANGES):
+            at = np.nonzero(met)
+            rows, wanted = self.P[at], met[at] * self.most[at[0]] - self.rest[at]
+            found = clipped(np.vstack([self.G, rows]), np.concatenate([self.d, wanted]), limit)
+            if found.missed > ALIKE:
+                return None
+            values = self.P @ found.torques + self.rest
+            size = np.pad(np.where(met == 0.0, np.abs(values), 0.0), ((0, 0), (1, 1)))
+            peak = (size[:, 1:-1] >= size[:, :-2]) & (size[:, 1:-1] > size[:, 2:])
+            following = np.where(peak & (size[:, 1:-1] > self.most[:, None] * (1.0 + SUMMED)), np.sign(values), met)
+            following[at] = np.where(met[at] * found.weights[self.G.shape[0] :] <= 0.0, met[at], 0.0)
+            changes = np.argwhere(following != met)
+            if not len(changes):
+                return found, met
+            fewest, patience = (len(changes), _PATIENCE) if len(changes) < fewest else (fewest, patience - 1)
+            if patience < 0:
+                last = tuple(changes[-1])
+                following, met = met.copy(), following
+                following[last] = met[last]
+            met = following
+        return None
+
+
+@dataclass(frozen=True, eq=False)
+class _Mesh:
+    """Equal intervals of a slew, and lines over the states, r x n, whose size is limited at the nodes within."""
+
+    ends: EndMap
+    duration: float
+    intervals: int
+    lines: Array
+    most: Array
+    limit: float
+
+    def steps(self, u: Array, parts: int) -> Steps:
+        """Each interval in equal parts."""
+        count = self.intervals * parts
+        return Steps(np.repeat(u, parts), np.full(count, self.duration / count), np.zeros((count, 0)))
+
+    def about(self, u: Array, parts: int) -> _Local:
+        """Least effort about torques."""
+        reached = self.ends.sensitivity(self.steps(u, parts))
+        G = reached.by_torque.reshape(-1, self.intervals, parts).sum(axis=2)
+        shape = len(self.lines), self.intervals - 1
+        values, P = np.zeros(shape), np.zeros((*shape, self.intervals))
+        motions = reached.motions if len(self.lines) else ()
+        for (z, jacobians), (plant, own) in zip(motions, self.ends.problem.parts, strict=False):
+            values += self.lines[:, own] @ z[:, parts:-1:parts]
+            moved = np.zeros((plant.n, self.intervals))
+            for k in range(shape[1] * parts):
+                moved = jacobians[k, :, : plant.n] @ moved
+                moved[:, k // parts] += jacobians[k, :, plant.n]
+                if (k + 1) % parts == 0:
+                    P[:, k // parts] += self.lines[:, own] @ moved
+        return _Local(G, G @ u + self.ends.target - reached.end, P, values - P @ u, self.most)
+
+    def best(self, u: Array, parts: int) -> tuple[_Local, Clipped, Array] | None:
+        """The torques at which another turn changes nothing, with what is known about them; None where it never ends."""
+        met, size = np.zeros((len(self.lines), self.intervals - 1)), np.inf
+        for _ in range(_TURNS):
+            local = self.about(u, parts)
+            answer = local.solve(self.limit, met) if np.isfinite(local.G).all() else None
+            if answer is None:
+                return None
+            found, met = answer
+            before, size = size, float(np.abs(found.torques - u).max()) / self.limit
+            if size > before:
+                return None
+            u = found.torques
+            if size * (size / before if before < np.inf else 1.0) <= _STATIONARY:  # what the next turn would change
+                return local, found, met
+        return None
+
+    def led(self, local: _Local, found: Clipped, met: Array, parts: int) -> tuple[Clipped, float, float]:
+        """Torques led to the end of other steps by the same derivatives; its defect before and after."""
+        at = np.nonzero(met)
+        rows, values = np.vstack([local.G, local.P[at]]), met[at] * self.most[at[0]] - local.rest[at]
+        defects = [self.ends.defect(self.steps(found.torques, parts))]
+        while np.abs(defects[-1]).max() > _CLOSED * self.ends.problem.tolerance and len(defects) <= _CHORDS:
+            wanted = np.concatenate([local.G @ found.torques - defects[-1], values])
+            found = clipped(rows, wanted, self.limit, found.weights)
+            defects.append(self.ends.defect(self.steps(found.torques, parts)))
+        return found, float(np.abs(defects[0]).max()), float(np.abs(defects[-1]).max())
+
+
+def effort_on_mesh(
+    problem: SlewProblem, duration: float, intervals: int, limits: Limits
+) -> tuple[TorqueHistory, float] | None:
+    """The torque of least effort in a given time [s] on a mesh; None where it was not found, or a limit is too low.
 
     Steps are halved until the end stays where it is, within the tolerance. With the torque comes by how much more effort
     it would take, relative, if it were held on two intervals at a time: by the derivatives along its motion, infinite
     where that does not lead to the end.
+
+    Parameters
+    ----------
+    problem : SlewProblem
+    duration : float
+        s.
+    intervals : int
+    limits : Limits
+        Tighter ones than the problem's, which keep the motion within those between the nodes too.
     """
-    limit, tolerance = problem.limits.torque, problem.tolerance
     first = least_effort(problem, duration, intervals).history
-    ends = end_map(problem, first)
-    u, weights, size = first.left, None, np.inf
-    parts = max(1, int(np.ceil(duration * ends.step_frequency / intervals)))
-
-    def steps(parts: int) -> Steps:
-        count = intervals * parts
-        return Steps(np.repeat(u, parts), np.full(count, duration / count), np.zeros((count, 0)))
-
-    for _ in range(_TURNS):
-        reached = ends.sensitivity(steps(parts))
-        G = reached.by_torque.reshape(-1, intervals, parts).sum(axis=2)
-        if not np.isfinite(G).all():
-            return None
-        found = clipped(G, G @ u + ends.target - reached.end, limit, weights)
-        before, size = size, float(np.abs(found.torques - u).max()) / limit
-        if found.missed > ALIKE or size > before:
-            return None
-        u, weights = found.torques, found.weights
-        if size * (size / before if before < np.inf else 1.0) <= _STATIONARY:  # what the next turn would change
-            break
-    else:
+    watched = [(kind, part) for kind in limits.beside_torque for part in problem.parts]
+    lines = np.zeros((len(watched), problem.start.size))
+    for line, (kind, (plant, own)) in zip(lines, watched, strict=True):
+        line[own] = plant.rows[kind]
+    most = np.array([limits.most(kind) for kind, _ in watched])
+    mesh = _Mesh(end_map(problem, first), duration, intervals, lines, most, limits.torque)
+    parts = max(1, int(np.ceil(duration * mesh.ends.step_frequency / intervals)))
+    answer = mesh.best(first.left, parts)
+    if answer is None:
         return None
-    while True:
+    local, found, met = answer
+    missed = np.inf
+    while missed > _STEP_SHARE * problem.tolerance:
         parts *= 2
         if parts * intervals > _MOST_STEPS:
             return None
-        defects = [ends.defect(steps(parts))]
-        while np.abs(defects[-1]).max() > _CLOSED * tolerance and len(defects) <= _CHORDS:
-            found = clipped(G, G @ u - defects[-1], limit, weights)
-            u, weights = found.torques, found.weights
-            defects.append(ends.defect(steps(parts)))
-        before, after = (float(np.abs(defects[k]).max()) for k in (0, -1))
-        if not after <= _STEP_SHARE * tolerance:
+        found, missed, left = mesh.led(local, found, met, parts)
+        if not left <= _STEP_SHARE * problem.tolerance:
             return None
-        if before <= _STEP_SHARE * tolerance:
-            break
-    return held(np.linspace(0.0, duration, intervals + 1), u), _joined(G, u, limit)
-
-
-def _joined(G: Array, u: Array, limit: float) -> float:
-    """More effort, relative, of torques on two intervals at a time (the last of an odd number is left alone)."""
-    first = np.arange(0, u.size, 2)
-    root = np.sqrt(np.diff(np.append(first, u.size)))
-    found = clipped(np.add.reduceat(G, first, axis=1) / root, G @ u, limit * root)
-    return float(np.sum(found.torques**2) / np.sum(u**2)) - 1.0 if found.missed <= ALIKE else np.inf
+    pairs = np.arange(0, intervals, 2)
+    joined = replace(local, d=local.G @ found.torques).joined(pairs)
+    root = np.sqrt(np.diff(np.append(pairs, intervals)))
+    fewer = joined.solve(limits.torque * root, np.zeros(joined.rest.shape))
+    more = np.inf if fewer is None else float(np.sum(fewer[0].torques ** 2) / np.sum(found.torques**2)) - 1.0
+    return held(np.linspace(0.0, duration, intervals + 1), found.torques), more

@@ -7,9 +7,9 @@ The ways, in the order in which they are tried; the path of a result names those
 2. Durations of arcs of a nonlinear plant, for the same: a few unknowns, started from the linear part's, accurate to the
    tolerance. Halved or without axial modes where that is the same slew, or nearly. With one mode they start from the rigid
    body with its slowest vibration, two unknowns in closed form.
-3. Least effort under the torque's limit alone: the torque held on a mesh is a closed form, clipped at the limit, in as many
-   unknowns as the end has conditions. Of a linear plant weak duality says how far any torque is from it; of others the
-   closed form is taken again along the motion.
+3. Least effort, but with a limit of the torque's slope: the torque held on a mesh is a closed form, clipped at its limit, in
+   as many unknowns as the end has conditions and limits are met at nodes. Of a linear plant under the torque's limit
+   alone weak duality says how far any torque is from it; of others the closed form is taken again along the motion.
 4. A programme on a mesh, for all else and where the durations lead nowhere; a bang-bang torque that it finds is handed to
    the durations of its arcs once more.
 """
@@ -38,7 +38,7 @@ from boomctl.slew.least_time.newton import least_time_arcs
 from boomctl.slew.least_time.switching import Extremal, least_time, rigid_and_slowest, time_gap
 from boomctl.slew.linear import effort_gap, least_effort
 from boomctl.slew.nlp.programme import Programme, Solution
-from boomctl.slew.nlp.refinement import MESH_GAP, MESHES, refined, solved_again
+from boomctl.slew.nlp.refinement import MESH_GAP, MESHES, ROUNDS, refined, solved_again, tightened
 from boomctl.slew.objectives import OBJECTIVES
 from boomctl.slew.problem import Limits, SlewProblem, changed, slew_problem, warn_of_turns
 from boomctl.slew.replay import Motion, binding, free_errors, other_models, played, prescribed_error, violation
@@ -109,42 +109,56 @@ def _programme(problem: SlewProblem, least: Extremal | None) -> tuple[_Candidate
 
 
 def _least_effort(problem: SlewProblem) -> _Candidate | None:
-    """The least effort within the torque's limit, of which no more than the end has to be found.
+    """The least effort of a torque that is held, of which no more than the end and the limits that are met have to be found.
 
-    Of a linear plant weak duality tells how far it is from the least of all; of others, how much a mesh half as fine
-    changes, or one twice as fine where that has no slew. None where the limit is too low, of which a programme says when
-    it binds and what would do, and where Newton's method failed.
+    Of a linear plant within the torque's limit alone weak duality tells how far it is from the least of all; of others,
+    how much a mesh half as fine changes, or one twice as fine where that has no slew. None where a limit is too low, of
+    which a programme says when it binds and what would do, and where Newton's method failed.
     """
-    duration, asked = problem.duration, problem.intervals
-    assert duration is not None
-
-    def on_mesh(intervals: int) -> tuple[TorqueHistory, float] | None:
-        if not problem.linear:
-            return effort_on_mesh(problem, duration, intervals)
-        found = least_effort(problem, duration, intervals)
-        return (found.history, inf) if found.missed <= ALIKE else None
-
+    asked = problem.intervals
+    proved = problem.linear and not problem.limits.beside_torque
     found, path, gap = None, (), inf
     try:
         for intervals in MESHES if asked is None else (asked,):
             path = (*path, f"least effort on {intervals} intervals")
-            coarser, found = found, on_mesh(intervals)
+            coarser, found = found, _effort_within(problem, intervals)
             if found is not None:
-                gap = found[1] if coarser is None else abs(coarser[0].effort / found[0].effort - 1.0)
+                gap = found.gap if coarser is None else abs(coarser.history.effort / found.history.effort - 1.0)
                 if gap < MESH_GAP:
                     break
-        if found is not None and gap == inf and not problem.linear:
-            finer = on_mesh(2 * found[0].left.size)
-            gap = inf if finer is None else abs(finer[0].effort / found[0].effort - 1.0)
+        if found is not None and gap == inf and not proved:
+            finer = _effort_within(problem, 2 * found.history.left.size)
+            gap = inf if finer is None else abs(finer.history.effort / found.history.effort - 1.0)
     except OutOfTime as over:
         if found is None:
             raise
         path = (*path, f"out of time: {over}")
     if found is None:
         return None
-    if problem.linear:
-        return _Candidate(found[0], "least effort", effort_gap(problem, found[0]), "proved", path=path)
-    return _Candidate(found[0], "least effort", gap, "stationary", path=path)
+    return replace(found, gap=effort_gap(problem, found.history) if proved else gap, path=path)
+
+
+def _effort_within(problem: SlewProblem, intervals: int) -> _Candidate | None:
+    """Least effort on a mesh, the limits tightened until the replay keeps them between the nodes too; None without any."""
+    duration, limits = problem.duration, problem.limits
+    assert duration is not None
+    if not limits.beside_torque and problem.linear:
+        least = least_effort(problem, duration, intervals)
+        return _Candidate(least.history, "least effort", inf, "proved") if least.missed <= ALIKE else None
+    for _ in range(ROUNDS):
+        found = effort_on_mesh(problem, duration, intervals, limits)
+        if found is None:
+            return None
+        candidate = _Candidate(found[0], "least effort", found[1], "stationary")
+        if not limits.beside_torque:
+            return candidate
+        motions = played(problem, candidate.history)
+        excess = violation(problem, candidate.history, motions)
+        # relative, over a limit, in a replay: rounding of the integrator
+        if max(excess.values()) <= ALIKE:
+            return replace(candidate, motions=motions)
+        limits = tightened(limits, excess)
+    return None
 
 
 def optimal_slew(
@@ -289,7 +303,7 @@ def _planned(problem: SlewProblem) -> SlewResult:
         if problem.fastest:
             found, ran = _arc_durations(problem, least.history)
             path += ran
-    if problem.objective == "effort" and not problem.limits.beside_torque:
+    if problem.objective == "effort" and problem.limits.torque_rate is None:
         found = _least_effort(problem)
         path = () if found is None else found.path
     if found is None:

@@ -11,7 +11,10 @@ from hypothesis import strategies as st
 
 import boomctl as bc
 from boomctl.slew import mesh_study, resolve, track
+from boomctl.slew.effort import effort_on_mesh
+from boomctl.slew.nlp.refinement import refined
 from boomctl.slew.objectives import OBJECTIVES, Objective
+from boomctl.slew.problem import Limits, slew_problem
 from boomctl.slew.result import SlewError
 from tests.profiles import examples
 from tests.slew.systems import rigid
@@ -50,12 +53,10 @@ def test_rigid_jerk_is_the_fifth_order_polynomial(angle, duration):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("objective", ["effort", "torque-rate", "jerk", pytest.param("tip", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("objective", ["torque-rate", "jerk", pytest.param("tip", marks=pytest.mark.slow)])
 def test_shooting_and_collocation_agree(beam, objective):
-    """A limit of the speed that is never met asks for the programme, where least effort has a way of its own."""
-    ask = {"intervals": 60, "tolerance": 1e-7, "speed_limit": 50.0}
     slews = [
-        bc.optimal_slew(beam, ANGLE, LIMIT, objective, 3.6, method=method, **ask)
+        bc.optimal_slew(beam, ANGLE, LIMIT, objective, 3.6, method=method, intervals=60, tolerance=1e-7)
         for method in ("shooting", "collocation", "radau")
     ]
     costs = [slew.plan.solution.cost for slew in slews]
@@ -180,17 +181,21 @@ def test_solving_again_with_other_data(beam):
     assert resolve(fastest, angle=1.4).duration == pytest.approx(np.sqrt(1.4) * fastest.duration, rel=1e-9)
 
 
+def _programme(h, angle, limits, duration, intervals, method="shooting", **ask):
+    """The least effort that a programme finds on a mesh, which knows nothing of closed forms."""
+    problem = slew_problem(h, angle, limits, "effort", duration, intervals=intervals, method=method, **ask)
+    found = refined(problem, None)
+    return found.solution.history, found.gap
+
+
 @pytest.mark.parametrize("limit", [pytest.param(200.0, marks=pytest.mark.slow), 120.0])
 def test_least_effort_of_a_linear_beam_is_what_a_programme_finds(limit):
-    """A limit of the speed that is never met asks for the programme, which knows nothing of the closed form."""
     plant = bc.hub_beam(bc.HubBeamParameters(tip_mass=0.1), modes=2).linearize()
-    known, found = (
-        bc.optimal_slew(plant, ANGLE, limit, "effort", 4.0, intervals=60, speed_limit=most) for most in (None, 50.0)
-    )
+    known = bc.optimal_slew(plant, ANGLE, limit, "effort", 4.0, intervals=60)
+    found, _ = _programme(plant, ANGLE, Limits(limit), 4.0, 60, "collocation")
     assert known.path == ("least effort on 60 intervals",)
-    assert found.certificate.method == "collocation"
-    assert known.cost == pytest.approx(found.cost, rel=1e-7)
-    assert known.history.left == pytest.approx(found.history.left, abs=1e-3 * limit)
+    assert known.cost == pytest.approx(found.effort, rel=1e-7)
+    assert known.history.left == pytest.approx(found.left, abs=1e-3 * limit)
     assert known.end_error < 1e-11
     assert ("torque_limit" in known.certificate.binding) == (limit == 120.0)
     assert 0.0 < known.certificate.optimality_gap < 2e-3
@@ -259,25 +264,65 @@ def test_the_gap_of_least_effort_is_to_the_doubled_mesh_where_the_halved_one_has
 )
 def test_least_effort_of_a_beam_is_what_a_programme_finds(limit, change, ask):
     h = bc.hub_beam(bc.HubBeamParameters(tip_mass=0.1), **({"modes": 1} | change))
-    ask = {"torque_limit": limit, "objective": "effort", "duration": 4.0, "intervals": 60, "tolerance": 1e-7} | ask
-    known, found = bc.optimal_slew(h, **ask), bc.optimal_slew(h, **ask, method="shooting", speed_limit=50.0)
+    ask = dict(ask)
+    turn = ask.pop("angle")
+    known = bc.optimal_slew(h, turn, limit, "effort", 4.0, intervals=60, tolerance=1e-7, **ask)
+    found, gap = _programme(h, turn, Limits(limit), 4.0, 60, tolerance=1e-7, **ask)
     assert known.certificate.method == "least effort"
-    assert found.certificate.method == "shooting"
-    assert known.path == ("least effort on 60 intervals",)
-    assert known.cost == pytest.approx(found.cost, rel=1e-6)
-    assert known.history.left == pytest.approx(found.history.left, abs=1e-3 * limit)
-    assert known.certificate.binding.keys() == found.certificate.binding.keys()
     assert known.certificate.optimality == "stationary"
-    assert known.certificate.optimality_gap == pytest.approx(found.certificate.optimality_gap, rel=1e-2)
+    assert known.path == ("least effort on 60 intervals",)
+    assert known.cost == pytest.approx(found.effort, rel=1e-6)
+    assert known.history.left == pytest.approx(found.left, abs=1e-3 * limit)
+    assert known.certificate.optimality_gap == pytest.approx(gap, rel=1e-2)
+    assert ("torque_limit" in known.certificate.binding) == (found.peak > 0.9999 * limit)
 
 
 def test_a_beam_that_bends_far_has_the_least_effort_that_a_programme_finds():
     """The tip goes out to nearly half of the length: beyond what the model is for, and far from the linear part."""
     h = bc.hub_beam(bc.HubBeamParameters(tip_mass=0.5), modes=1)
-    ask = {"angle": 3.0, "torque_limit": 2000.0, "objective": "effort", "duration": 4.0, "intervals": 80}
-    known, found = bc.optimal_slew(h, **ask), bc.optimal_slew(h, **ask, method="shooting", speed_limit=50.0)
+    known = bc.optimal_slew(h, 3.0, 2000.0, "effort", 4.0, intervals=80)
     assert np.abs(known.tip_displacement).max() > 2.0
-    assert known.cost == pytest.approx(found.cost, rel=1e-6)
+    assert known.cost == pytest.approx(_programme(h, 3.0, Limits(2000.0), 4.0, 80)[0].effort, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("limits", "ask", "linear"),
+    [
+        ({"speed": 0.66}, {}, False),
+        ({"tip": 0.8}, {}, False),
+        ({"moment": 25.0, "speed": 0.67}, {}, False),
+        ({"tip": 1.05}, {"tip_masses": (0.3,)}, False),
+        ({"speed": 0.66, "tip": 0.84}, {}, True),
+    ],
+    ids=["speed", "tip", "moment and speed", "payload", "linear"],
+)
+def test_least_effort_within_limits_on_the_way_is_what_a_programme_finds(limits, ask, linear):
+    """Nodes at which limits are met are exchanged; both ways tighten limits by what is exceeded between the nodes."""
+    h = bc.hub_beam(modes=1)
+    h = h.linearize() if linear else h
+    given = {f"{kind}_limit": value for kind, value in limits.items()}
+    known = bc.optimal_slew(h, ANGLE, LIMIT, "effort", 4.0, intervals=60, **given, **ask)
+    found, _ = _programme(h, ANGLE, Limits(LIMIT, **limits), 4.0, 60, **ask)
+    free = bc.optimal_slew(h, ANGLE, LIMIT, "effort", 4.0, intervals=60, **ask)
+    assert known.certificate.method == "least effort"
+    assert known.certificate.constraint_violation <= 1e-9
+    assert known.certificate.prescribed_error <= 1e-6
+    assert set(known.certificate.binding) <= {*given, "torque_limit"}
+    assert free.cost < known.cost * (1.0 - 1e-6)  # the limits are met
+    assert known.cost == pytest.approx(found.effort, rel=1e-6)
+    assert known.history.left == pytest.approx(found.left, abs=1e-3 * LIMIT)
+
+
+@pytest.mark.parametrize("limits", [{}, {"speed": 0.66}, {"tip": 0.8}])
+def test_joined_intervals_take_the_effort_of_a_mesh_half_as_fine(limits):
+    problem = slew_problem(bc.hub_beam(modes=1), ANGLE, Limits(LIMIT, **limits), "effort", 4.0)
+    (fine, more), (coarse, _) = (effort_on_mesh(problem, 4.0, n, problem.limits) for n in (60, 30))
+    assert more == pytest.approx(coarse.effort / fine.effort - 1.0, rel=1e-2)
+
+
+def test_limits_too_tight_are_left_to_the_programme():
+    with pytest.raises(SlewError, match=r"speed_limit = 0\.5 rad/s binds from"):
+        bc.optimal_slew(bc.hub_beam(modes=1), ANGLE, LIMIT, "effort", 4.0, intervals=40, speed_limit=0.5)
 
 
 @pytest.mark.slow

@@ -19,7 +19,7 @@ MESHES = (50, 100, 200, 400, 800)  # intervals, the coarsest and the finest a ch
 MESH_GAP = 1e-4  # relative change of the cost by a halved mesh that is accepted: what a user would see
 _TOO_MUCH = 0.05  # by which a coarse mesh may exceed a limit and a finer still keep it; a choice
 _SEARCH = 0.6  # share of the time in which meshes are refined; the rest is for a verified answer on a coarser one
-_ROUNDS = 10  # solutions on a mesh at most, with a higher order or tighter limits each; a safeguard
+ROUNDS = 10  # solutions on a mesh at most, with a higher order or tighter limits each; a safeguard
 _TIGHTER, _AT_LEAST = 1.1, 1e-6  # by how many times an excess, and how much more, a limit is tightened
 _HIGHEST = 9  # collocation points, order 17 and more: beyond, a step is not what the replay finds in error; a choice
 _LONGER = 1.5  # times the linear part's least time: what a first guess takes within more limits than the torque's
@@ -172,7 +172,7 @@ def _solved(
         order = 1 if problem.method == "shooting" else 3
     limits = problem.limits
     programme, before, missed, worst = None, guess, np.inf, np.inf
-    for _ in range(_ROUNDS):
+    for _ in range(ROUNDS):
         if programme is None:
             kinds = tuple(limits.beside_torque)
             scheme = Scheme(
@@ -197,7 +197,7 @@ def _solved(
                 break
             order, programme, before = 2 * order if problem.method == "shooting" else order + 1, None, guess
         elif worst > ALIKE:
-            limits, before = _tightened(limits, excess), solution
+            limits, before = tightened(limits, excess), solution
         else:
             return programme, solution, motions
     raise SlewError(
@@ -206,7 +206,7 @@ def _solved(
     )
 
 
-def _tightened(limits: Limits, excess: dict[str, float]) -> Limits:
+def tightened(limits: Limits, excess: dict[str, float]) -> Limits:
     """Limits beside the torque's, smaller where one is exceeded."""
     smaller = {
         kind: limit / (1.0 + _TIGHTER * excess[kind] + _AT_LEAST * (excess[kind] > 0.0))
@@ -218,12 +218,12 @@ def _tightened(limits: Limits, excess: dict[str, float]) -> Limits:
 def solved_again(problem: SlewProblem, programme: Programme, before: Solution) -> tuple[Solution, tuple[Motion, ...]]:
     """Solve a programme with other data, the limits tightened until the replay, returned too, keeps them."""
     limits, worst = problem.limits, np.inf
-    for _ in range(_ROUNDS):
+    for _ in range(ROUNDS):
         before = programme.solve(problem, before, limits)
         motions = played(problem, before.history)
         excess = violation(problem, before.history, motions)
         worst = max((excess[kind] for kind in limits.beside_torque), default=0.0)
         if worst <= ALIKE:
             return before, motions
-        limits = _tightened(limits, excess)
+        limits = tightened(limits, excess)
     raise SlewError(f"result: solved again on its mesh a limit is exceeded by {worst:.1e}; plan this one anew")
