@@ -268,12 +268,12 @@ class AssumedModesBeam(HubBeam):
         """
         import casadi as ca
 
-        function, constants = self.casadi_equations()
+        function, constants = self._casadi_equations()
         x, torque = ca.SX.sym("x", 2 * self._size), ca.SX.sym("torque")
         names = ["x", "torque"], ["xdot", "y"]
         return ca.Function(self._system_name, [x, torque], function.call([x, torque, constants]), *names)
 
-    def casadi_equations(self) -> tuple[casadi.Function, Array]:
+    def _casadi_equations(self) -> tuple[casadi.Function, Array]:
         """Return a CasADi function ``(x, torque, constants) -> (xdot, y)`` and this model's constants.
 
         Models that differ in their constants alone share it, and with it whatever is built on it; but for CFOAM, whose

@@ -47,7 +47,7 @@ def kind_of(plant: SlewPlant) -> tuple[Kind, Array]:
     """Return the kind of a plant, and its constants in one vector."""
     given, equations, constants = [plant.A, plant.B], None, np.zeros(0)
     if plant.machine is not None:
-        equations, constants = plant.machine.casadi_equations()
+        equations, constants = plant.machine._casadi_equations()
         given += [plant.to_state, plant.from_state, plant.frequencies]
     places, own = lifted(given)
     return Kind(plant.n, bool(plant.controllable.all()), places, equations), np.concatenate([own, constants])

@@ -37,7 +37,7 @@ class SlewMachine(Protocol):
         """Row that reads the bending moment at the clamp off a state, N m."""
         ...
 
-    def casadi_equations(self) -> tuple[casadi.Function, Array]:
+    def _casadi_equations(self) -> tuple[casadi.Function, Array]:
         """``(x, torque, constants) -> (xdot, y)``, y = hub angle, hub speed, tip displacement; and the constants."""
         ...
 
@@ -83,7 +83,7 @@ class SlewMachine(Protocol):
 
 def is_machine(h: object) -> TypeGuard[SlewMachine]:
     """Whether something is a hub-beam with equations of motion for CasADi: its class is asked, its properties are not run."""
-    return hasattr(type(h), "casadi_equations")
+    return hasattr(type(h), "_casadi_equations")
 
 
 LABELS = {
