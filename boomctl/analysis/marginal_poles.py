@@ -49,10 +49,10 @@ def marginal_poles(given: System) -> MarginalPoles:
         return found
     poles, left, right = system.eigensystem
     decay = -poles.real if system.dt == 0.0 else 1.0 - np.abs(poles)
-    cosine = np.maximum(np.abs(np.einsum("ij,ij->j", left.conj(), right)), TINY)
-    reads = np.abs(left.T) / cosine[:, None]
+    angles = (left.conj() * right).sum(axis=0)
+    reads = np.abs(left.T) / np.maximum(np.abs(angles), TINY)[:, None]
     size, on_axis, shown = given.magnitudes.A, [], []
-    if (decay > 0.0).all() and _decay(system, size, reads, decay):
+    if (decay > 0.0).all() and _decay(system, size, reads, angles, decay):
         return found
     from boomctl.lti.proof import PATIENCE, Exact, Undecided
 
@@ -97,14 +97,14 @@ def _stays(system: Lti, size: Array, poles: Array, inside: float) -> bool:
     return bool((radius < 1.0).all())
 
 
-def _decay(system: Lti, entries: Array, reads: Array, decay: Array) -> bool:
+def _decay(system: Lti, entries: Array, reads: Array, angles: Array, decay: Array) -> bool:
     """Return whether eigenvectors show that all poles decay, with entries that are off in their last place too.
 
     In their coordinates the matrix is diagonal but for an error, ``|E| <= F``; it is stable where ``diag(decay) - F`` is an
     M-matrix.
     """
     A, (poles, left, right) = system.A, system.eigensystem
-    size, product, angles = np.abs(right), A @ right, (left.conj() * right).sum(axis=0)
+    size, product = np.abs(right), A @ right
     if not angles.all():
         return False
     inverse = left.conj().T / angles[:, None]

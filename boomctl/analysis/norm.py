@@ -214,7 +214,9 @@ def level_norm(system: Lti, response: Response | None = None) -> NormCertificate
             return NormCertificate(0.0, 0.0, 0.0, NO_RESPONSE)
         H = hamiltonian_matrix(system, level)
         crossings, beside = near_axis(H[0])
-        seen = np.sort(np.concatenate([crossings, beside]))
+        # at the peak known they lie as far off the axis as the level lies above it: no news
+        beside = beside[np.abs(beside.imag - at) > np.abs(beside.real)]
+        seen = np.sort(np.concatenate([crossings.imag, beside.imag]))
         middles = np.concatenate([seen, 0.5 * (seen[1:] + seen[:-1])])
         values = singular_values(respond(middles))[0] if len(middles) else np.zeros(1)
         best = int(np.argmax(values))
@@ -305,26 +307,35 @@ def _largest_beyond_rounding(given: System) -> tuple[float, float]:
 def _responses(given: System, omega: Array) -> tuple[Array, Array]:
     """Return responses, and how much of each may be rounding: of the entries, and of solving; ``inf`` at a pole."""
     system, size = given.system, given.magnitudes
-    A, places = system.A, np.arange(len(system.A))
-    G, doubts = np.zeros((*system.D.shape, len(omega)), dtype=complex), np.full(len(omega), inf)
-    step = max(1, BATCH // len(A) ** 2)
+    (n, m), p = system.B.shape, len(system.C)
+    G, doubts = np.zeros((p, m, len(omega)), dtype=complex), np.full(len(omega), inf)
+    step = max(1, BATCH // (n * (m + p)))
     for k in range(0, len(omega), step):
-        few = slice(k, k + step)
-        pencil = np.zeros((len(omega[few]), *A.shape), complex)
-        pencil -= A
-        pencil[:, places, places] += system.boundary(omega[few])[:, None]
-        try:
-            acting = np.linalg.solve(pencil, system.B + 0j)
-            reading = np.abs(np.linalg.solve(pencil.transpose(0, 2, 1), system.C.T + 0j))
-        except np.linalg.LinAlgError:
-            continue
+        s = system.boundary(omega[k : k + step])
+        acting, reading, there = (
+            np.zeros((n, len(s), m), complex),
+            np.zeros((n, len(s), p), complex),
+            np.ones(len(s), bool),
+        )
+        pencil, places = -system.A.astype(complex), np.arange(n)
+        diagonal = pencil[places, places]
+        for i in range(len(s)):
+            pencil[places, places] = diagonal + s[i]
+            factors, swapped, singular = lapack.zgetrf(pencil)
+            if singular:
+                there[i] = False
+                continue
+            acting[:, i] = lapack.zgetrs(factors, swapped, system.B)[0]
+            reading[:, i] = lapack.zgetrs(factors, swapped, system.C.T, trans=1)[0]
         with np.errstate(invalid="ignore", over="ignore"):  # at a pole: what is not finite is doubtful altogether
-            G[:, :, few] = (system.C @ acting + system.D).transpose(1, 2, 0)
-            states = np.abs(acting)
-            off = DIGIT * (size.A @ states + size.B) + np.abs(system.B - pencil @ acting)
-            off = reading.transpose(0, 2, 1) @ off + DIGIT * (size.C @ states + size.D)
+            wide = acting.reshape(n, -1)
+            G[:, :, k : k + step] = ((system.C @ wide).reshape(p, -1, m) + system.D[:, None]).transpose(0, 2, 1)
+            states, left = np.abs(wide), system.B[:, None] + (system.A @ wide).reshape(n, -1, m) - s[:, None] * acting
+            off = DIGIT * ((size.A @ states).reshape(n, -1, m) + size.B[:, None]) + np.abs(left)
+            through = (size.C @ states).reshape(p, -1, m) + size.D[:, None]
+            off = np.abs(reading).transpose(1, 2, 0) @ off.transpose(1, 0, 2) + DIGIT * through.transpose(1, 0, 2)
             rounding = off.max(axis=(1, 2)) * system.D.size**0.5  # no squares, which may be zero
-        doubts[few] = np.where(np.isfinite(rounding), rounding, inf)
+        doubts[k : k + step] = np.where(there & np.isfinite(rounding), rounding, inf)
     return G, doubts
 
 
@@ -368,19 +379,21 @@ def axis_eigenvalues(system: Lti, level: float) -> Array:
     They are the imaginary parts, not below zero, of eigenvalues of the Hamiltonian matrix on the imaginary axis, or as
     near as rounding may have moved them: by a multiple of the norm of the balanced matrix, not of its eigenvalues.
     """
-    return near_axis(hamiltonian_matrix(system, level)[0])[0]
+    return near_axis(hamiltonian_matrix(system, level)[0])[0].imag
 
 
 def near_axis(H: Array) -> tuple[Array, Array]:
-    """Return the imaginary parts of eigenvalues on the imaginary axis, and of those that lie so near to it.
+    """Return the eigenvalues, not below the real axis, on the imaginary axis, and those that lie so near to it.
 
     Where two crossings have nearly met, rounding moves their eigenvalues off the axis by its root: what lies so near is
-    worth a look.
+    worth a look.  So is an eigenvalue that lies no farther from the axis than from the nearest mirror image of another:
+    eigenvalues off the axis come in such pairs, and this one is off it by rounding.
     """
     values = np.linalg.eigvals(H)
+    values = values[values.imag >= 0.0]
     values = values[values.imag.argsort()]
-    noise = _ROUNDING * blas.dnrm2(H.ravel()) + SUMMED * np.abs(values)
-    upper = values.imag >= 0.0
-    close = upper & (np.abs(values.real) <= noise)
-    beside = upper & ~close & (np.abs(values.real) <= np.sqrt(noise * np.abs(values)))
-    return values[close].imag, values[beside].imag
+    size, off = np.abs(values), np.abs(values.real)
+    noise = _ROUNDING * blas.dnrm2(H.ravel()) + SUMMED * size
+    close = off <= noise
+    alone = off <= np.abs(values[:, None] + values.conj()).min(axis=1)
+    return values[close], values[~close & (alone | (off <= np.sqrt(noise * size)))]

@@ -19,8 +19,6 @@ from boomctl.lti.system import SLOWEST, Lti
 Response = Callable[[Array], Array]  # from frequencies (N,) to responses (outputs, inputs, N)
 Value = TypeVar("Value", float, Array)  # one frequency or height, or many
 
-# share of their squares by which two values must differ: below, the closed form has under ten digits
-_NEARLY_EQUAL = 1e-5
 _AROUND = np.array([-1, 0, 1])  # a point and its neighbours
 _COLUMNS = 256  # right-hand sides substituted at once: what stays in the cache
 _PLACED = 1e-10  # of a peak's frequency: how finely it is searched for; its height is then right to rounding
@@ -57,8 +55,7 @@ SOUGHT = np.array([-3.0, -1.0, -0.5, -0.2, 0.0, 0.2, 0.5, 1.0, 3.0])
 def singular_values(G: Array) -> Array:
     """Return the singular values of ``G[:, :, f]``, descending, shape (min(p, m), N).
 
-    One row or column: its length.  Two by two: in closed form, but for the frequencies at which the two values nearly
-    meet, where the closed form loses half of the digits.  Otherwise LAPACK.
+    One row or column: its length.  Two by two: in closed form.  Otherwise LAPACK.
     """
     p, m, _ = G.shape
     fewer = min(p, m)
@@ -68,16 +65,19 @@ def singular_values(G: Array) -> Array:
         return np.sqrt((G.real**2 + G.imag**2).sum(axis=(0, 1)))[None, :]
     if (p, m) != (2, 2):
         return np.linalg.svd(G.transpose(2, 0, 1), compute_uv=False).T
-    total = (G.real**2 + G.imag**2).sum(axis=(0, 1))
-    product = np.abs(G[0, 0] * G[1, 1] - G[0, 1] * G[1, 0])
-    gap = total - 2.0 * product
-    first = 0.5 * (np.sqrt(total + 2.0 * product) + np.sqrt(np.maximum(gap, 0.0)))
+    (a, b), (c, d) = G
+    determinant = a * d - b * c
+    product = np.abs(determinant)
     with np.errstate(invalid="ignore", divide="ignore"):
-        values = np.array([first, np.where(first > 0.0, product / first, 0.0)])
-    near = gap < _NEARLY_EQUAL * total
-    if near.any():
-        values[:, near] = np.linalg.svd(G[:, :, near].transpose(2, 0, 1), compute_uv=False).T
-    return values
+        turn = np.where(product > 0.0, determinant / product, 1.0)
+        # their sum and their difference, which are sums of squares: no digit is lost where the two values meet
+        d, c = turn * d.conj(), turn * c.conj()
+        first = 0.5 * (np.sqrt(_square(a + d) + _square(b - c)) + np.sqrt(_square(a - d) + _square(b + c)))
+        return np.array([first, np.where(first > 0.0, product / first, 0.0)])
+
+
+def _square(x: Array) -> Array:
+    return x.real**2 + x.imag**2
 
 
 def largest_of(D: Array) -> float:

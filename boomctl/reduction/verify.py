@@ -199,7 +199,8 @@ def band_norm(gap: Lti, respond: Response, band: Band, floor: float = 0.0) -> No
                 H = hamiltonian_matrix(gap, level)
             except np.linalg.LinAlgError:  # a singular value of D to the last digit, of which the matrix is not defined
                 continue
-            crossings, beside = (found[(found > low) & (found < high)] for found in near_axis(H[0]))
+            near = (found.imag for found in near_axis(H[0]))
+            crossings, beside = (found[(found > low) & (found < high)] for found in near)
             seen = np.sort(np.concatenate([[low], crossings, beside, [high]]))
             tried = np.concatenate([seen[1:-1], 0.5 * (seen[1:] + seen[:-1])])
             values = singular_values(respond(tried))[0]
