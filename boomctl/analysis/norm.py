@@ -214,8 +214,6 @@ def level_norm(system: Lti, response: Response | None = None) -> NormCertificate
             return NormCertificate(0.0, 0.0, 0.0, NO_RESPONSE)
         H = hamiltonian_matrix(system, level)
         crossings, beside = near_axis(H[0])
-        # at the peak known they lie as far off the axis as the level lies above it: no news
-        beside = beside[np.abs(beside.imag - at) > np.abs(beside.real)]
         seen = np.sort(np.concatenate([crossings.imag, beside.imag]))
         middles = np.concatenate([seen, 0.5 * (seen[1:] + seen[:-1])])
         values = singular_values(respond(middles))[0] if len(middles) else np.zeros(1)
