@@ -48,7 +48,7 @@ class SlewProgress:
     >>> beam = bc.hub_beam(modes=1)
     >>> slew = bc.optimal_slew(beam, 1.0, 200.0, "effort", duration=4.0, intervals=20, progress=steps.append)
     >>> steps[0].stage
-    'collocation of order 3 on 20 intervals'
+    'sensitivity of the end to 20 steps'
     """
 
     stage: str
