@@ -30,7 +30,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import linalg
 
-from boomctl.analysis.norm import NormCertificate, axis_eigenvalues, level_shows, matrices_norm, norm_of_data
+from boomctl.analysis.norm import NormCertificate, matrices_norm, norm_of_data, stays_below
 from boomctl.arrays import Array
 from boomctl.lti.frequency import (
     ABOVE,
@@ -388,7 +388,7 @@ class _Realised:
         """Return whether it is proved that no singular value reaches a level at any frequency."""
         if (side_of_axis(self.system.poles) >= 0).any() or largest_of(self.system.D) >= level:
             return False
-        return level_shows(self.system, level, self.guess[1]) and not len(axis_eigenvalues(self.system, level))
+        return stays_below(self.system, level, self.guess[1])
 
 
 def _norms_of_small(systems: tuple["_Realised", ...]) -> list[NormCertificate]:

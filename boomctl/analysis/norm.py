@@ -213,16 +213,36 @@ def level_norm(system: Lti, response: Response | None = None) -> NormCertificate
         if level == 0.0:
             return NormCertificate(0.0, 0.0, 0.0, NO_RESPONSE)
         H = hamiltonian_matrix(system, level)
-        crossings, beside = near_axis(H[0])
-        seen = np.sort(np.concatenate([crossings.imag, beside.imag]))
-        middles = np.concatenate([seen, 0.5 * (seen[1:] + seen[:-1])])
-        values = singular_values(respond(middles))[0] if len(middles) else np.zeros(1)
-        best = int(np.argmax(values))
-        if values[best] <= level:
+        crossings, near = near_axis(H[0])
+        value, omega = _highest_at(respond, np.concatenate([crossings, near]).imag)
+        if value <= level:
             told = not len(crossings) and level_shows(system, level, at, H)
             return NormCertificate(peak, level if told else inf, at, NO_CROSSING if told else NOT_TOLD)
-        peak, at = float(values[best]), float(middles[best])
+        peak, at = value, omega
     return NormCertificate(peak, inf, at, NOT_TOLD)
+
+
+def stays_below(system: Lti, level: float, at: float, response: Response | None = None) -> bool:
+    """Return whether no singular value of a stable system reaches a level, as far as eigenvalues tell it.
+
+    None lies on the imaginary axis, and the response stays below where some lie near it, and between these.  Rounding does
+    not hide the level where the response is high, at ``at``.
+    """
+    H = hamiltonian_matrix(system, level)
+    crossings, near = near_axis(H[0])
+    if len(crossings) or not level_shows(system, level, at, H):
+        return False
+    return _highest_at(partial(system.response, quiet=True) if response is None else response, near.imag)[0] <= level
+
+
+def _highest_at(respond: Response, omega: Array) -> tuple[float, float]:
+    """Return the largest singular value at frequencies and halfway between them, and where; zero without any."""
+    seen = np.sort(omega)
+    seen = np.concatenate([seen, 0.5 * (seen[1:] + seen[:-1])])
+    if not len(seen):
+        return 0.0, 0.0
+    values = singular_values(respond(seen))[0]
+    return float(values.max()), float(seen[values.argmax()])
 
 
 def _by_circle(system: Lti) -> NormCertificate:
@@ -244,7 +264,8 @@ def stays_below_on_circle(system: Lti, level: float) -> bool:
 
     With ``x+ = A x + B u``, ``p = A^T p+ + C^T y``, ``level^2 u = B^T p+ + D^T y`` a singular value equals the level at ``z``
     where ``z`` is an eigenvalue of this pencil, of which nothing is inverted (Pappas & Laub 1980); and at one frequency, the
-    highest, all are below.  Eigenvalues as near to the circle as rounding may have moved them count as lying on it.
+    highest, all are below.  Eigenvalues as near to the circle as rounding may have moved them count as lying on it.  Where
+    two crossings have nearly met, rounding moves them off it by its root: there, and between, the response is looked at.
     """
     B, C, D = system.B / np.sqrt(level), system.C / np.sqrt(level), system.D / level
     size_B, size_C = float(np.linalg.norm(B)), float(np.linalg.norm(C))
@@ -256,9 +277,14 @@ def stays_below_on_circle(system: Lti, level: float) -> bool:
         return False
     left, right = circle_pencil(system.A, B, C, D)
     alpha, beta = linalg.eig(right, left, right=False, homogeneous_eigvals=True)
+    angle = np.abs(np.angle(alpha * beta.conj()))
     alpha, beta = np.abs(alpha), np.abs(beta)
     noise = _ROUNDING * max(float(np.linalg.norm(left)), float(np.linalg.norm(right)))
-    return bool((np.abs(alpha - beta) > noise * np.maximum(1.0, np.maximum(alpha, beta))).all())
+    size = np.maximum(1.0, np.maximum(alpha, beta))
+    off = np.abs(alpha - beta)
+    if (off <= noise * size).any():
+        return False
+    return _highest_at(partial(system.response, quiet=True), angle[off <= np.sqrt(noise) * size] / system.dt)[0] < level
 
 
 def circle_pencil(A: Array, B: Array, C: Array, D: Array) -> tuple[Array, Array]:
@@ -374,10 +400,10 @@ def level_shows(system: Lti, level: float, omega: float, hamiltonian: tuple[Arra
 def axis_eigenvalues(system: Lti, level: float) -> Array:
     """Return the frequencies at which a singular value may equal ``level``, which is none of those of ``D``.
 
-    They are the imaginary parts, not below zero, of eigenvalues of the Hamiltonian matrix on the imaginary axis, or as
-    near as rounding may have moved them: by a multiple of the norm of the balanced matrix, not of its eigenvalues.
+    They are the imaginary parts, not below zero, of eigenvalues of the Hamiltonian matrix on the imaginary axis, or so near
+    to it that rounding may have moved them off it.
     """
-    return near_axis(hamiltonian_matrix(system, level)[0])[0].imag
+    return np.concatenate(near_axis(hamiltonian_matrix(system, level)[0])).imag
 
 
 def near_axis(H: Array) -> tuple[Array, Array]:
@@ -385,7 +411,7 @@ def near_axis(H: Array) -> tuple[Array, Array]:
 
     Where two crossings have nearly met, rounding moves their eigenvalues off the axis by its root: what lies so near is
     worth a look.  So is an eigenvalue that lies no farther from the axis than from the nearest mirror image of another:
-    eigenvalues off the axis come in such pairs, and this one is off it by rounding.
+    eigenvalues off the axis come in such pairs, and this one may be off it by rounding.
     """
     values = np.linalg.eigvals(H)
     values = values[values.imag >= 0.0]

@@ -13,12 +13,12 @@ from boomctl.analysis.norm import (
     STATIC_GAIN,
     UNSTABLE,
     NormCertificate,
-    axis_eigenvalues,
     hamiltonian_matrix,
     level_norm,
     level_shows,
     near_axis,
     proved_norm,
+    stays_below,
 )
 from boomctl.arrays import Array
 from boomctl.lti.frequency import (
@@ -163,7 +163,7 @@ def verified_norm(
         return found
     least = float(np.linalg.norm(gap.D, 2))
     for level in _levels(found.lower, floor):
-        if level > least and level_shows(gap, level, found.omega) and not len(axis_eigenvalues(gap, level)):
+        if level > least and stays_below(gap, level, found.omega, respond):
             return NormCertificate(found.lower, level, found.omega, NO_CROSSING)
     return found
 

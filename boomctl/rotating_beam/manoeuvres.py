@@ -420,9 +420,8 @@ class StraightTorque(TorqueDriven):
         t = np.asarray(t, dtype=float)
         k = np.minimum(np.maximum(self.edges.searchsorted(t, "right") - 1, 0), self.left.size - 1)
         slope = (self.right - self.left) / np.diff(self.edges)
-        value: Array = self.left[k] + slope[k] * (t - self.edges[k])
-        value[(t < self.edges[0]) | (t > self.edges[-1])] = 0.0
-        return value
+        outside = (t < self.edges[0]) | (t > self.edges[-1])
+        return np.where(outside, 0.0, self.left[k] + slope[k] * (t - self.edges[k]))
 
 
 @final

@@ -31,7 +31,7 @@ class Kind(NamedTuple):
     followed : bool
         Whether the torque moves all modes.
     places : tuple of Places
-        Of linear part and push; of a machine also of the changes of coordinates and of the squares of its frequencies.
+        Of linear part and push; of a machine also of the changes of coordinates and of its frequencies.
     equations : casadi.Function or None
         ``(x, torque, constants) -> (xdot, y)`` of a machine.
     """

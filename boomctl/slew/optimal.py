@@ -51,6 +51,7 @@ if TYPE_CHECKING:
     from boomctl.slew.plant import SlewMachine
 
 TIME_LIMIT = 120.0  # [s] for a search unless another is given: ten times what the slowest of the designs takes
+_FAILED = 2  # meshes without a torque of least effort, after which none is tried (a choice)
 _EXTREMAL = 1e-4  # time that durations of arcs may leave to be gained, relative: more, and there are too few arcs
 
 
@@ -108,12 +109,12 @@ def _programme(problem: SlewProblem, least: Extremal | None) -> tuple[_Candidate
     return torque, path
 
 
-def _least_effort(problem: SlewProblem) -> _Candidate | None:
+def _least_effort(problem: SlewProblem) -> tuple[_Candidate | None, tuple[str, ...]]:
     """The least effort of a torque that is held, of which no more than the end and the limits that are met have to be found.
 
     Of a linear plant within the torque's limit alone weak duality tells how far it is from the least of all; of others,
     how much a mesh half as fine changes, or one twice as fine where that has no slew. None where a limit is too low, of
-    which a programme says when it binds and what would do, and where Newton's method failed.
+    which a programme says when it binds and what would do, and where Newton's method failed: on two meshes, the coarsest.
     """
     asked = problem.intervals
     proved = problem.linear and not problem.limits.beside_torque
@@ -121,11 +122,15 @@ def _least_effort(problem: SlewProblem) -> _Candidate | None:
     try:
         for intervals in MESHES if asked is None else (asked,):
             path = (*path, f"least effort on {intervals} intervals")
-            coarser, found = found, _effort_within(problem, intervals)
-            if found is not None:
-                gap = found.gap if coarser is None else abs(coarser.history.effort / found.history.effort - 1.0)
-                if gap < MESH_GAP:
+            finer = _effort_within(problem, intervals)
+            if finer is None:
+                if found is not None or len(path) == _FAILED:
                     break
+                continue
+            coarser, found = found, finer
+            gap = found.gap if coarser is None else abs(coarser.history.effort / found.history.effort - 1.0)
+            if gap < MESH_GAP:
+                break
         if found is not None and gap == inf and not proved:
             finer = _effort_within(problem, 2 * found.history.left.size)
             gap = inf if finer is None else abs(finer.history.effort / found.history.effort - 1.0)
@@ -134,8 +139,8 @@ def _least_effort(problem: SlewProblem) -> _Candidate | None:
             raise
         path = (*path, f"out of time: {over}")
     if found is None:
-        return None
-    return replace(found, gap=effort_gap(problem, found.history) if proved else gap, path=path)
+        return None, (*path, "no least effort found")
+    return replace(found, gap=effort_gap(problem, found.history) if proved else gap), path
 
 
 def _effort_within(problem: SlewProblem, intervals: int) -> _Candidate | None:
@@ -304,8 +309,7 @@ def _planned(problem: SlewProblem) -> SlewResult:
             found, ran = _arc_durations(problem, least.history)
             path += ran
     if problem.objective == "effort" and problem.limits.torque_rate is None:
-        found = _least_effort(problem)
-        path = () if found is None else found.path
+        found, path = _least_effort(problem)
     if found is None:
         found, ran = _programme(problem, least)
         path += ran

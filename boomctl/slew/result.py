@@ -113,8 +113,8 @@ class SlewCertificate:
         Distance from the least cost there is, relative; what it rests on stands in ``optimality``.
     optimality : str
         "proved": a duality bound or Pontryagin's principle on a convex problem; "extremal": Pontryagin's conditions hold on
-        a problem that is not convex; "stationary": the programme's optimality conditions hold on its mesh, and the gap
-        is that of halving the mesh.
+        a problem that is not convex; "stationary": the conditions of an optimum hold on the mesh, and the gap is
+        that of halving the mesh, where one mesh of least effort was asked for to first order.
     switches : int or None
         Number of sign changes of a bang-bang torque.
     intervals : int or None

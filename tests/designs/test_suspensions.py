@@ -160,10 +160,10 @@ def test_the_sampled_suspension_is_worth_what_its_page_says(result):
     assert (K.dt, K.nstates, result.active.run.sample_time, result.active.run.delay) == (0.02, 13, 0.02, 0.01)
     assert result.yaw_reduction_db == pytest.approx(48.4, abs=0.1)
     assert any(each.name == "mesh of 60 elements" and each.value < 1.0 for each in assured.findings)
-    assert [each.upper_bound for each in result.worst.values()] == pytest.approx([8.367, 13.842], abs=1e-3)
-    assert [each.controls.alpha for each in assured.of(Margins).values()] == pytest.approx([0.48, 0.52], abs=5e-3)
+    assert [each.upper_bound for each in result.worst.values()] == pytest.approx([8.091, 13.842], abs=1e-3)
+    assert [each.controls.alpha for each in assured.of(Margins).values()] == pytest.approx([0.42, 0.52], abs=5e-3)
     between = [text for name, text in result.design.facts.items() if "between samples" in name]
-    assert ["0.380228" in between[0], "1.26685" in between[1]] == [True, True]
+    assert ["0.377865" in between[0], "1.26685" in between[1]] == [True, True]
     split = load_design("h_infinity_split").controller
     names = {"inputs": split.input_labels, "outputs": split.output_labels}
     slow = control.sample_system(split, 0.02, "tustin")
@@ -206,9 +206,9 @@ def test_the_sampled_suspension_has_the_row_of_its_page():
         after = performance("after", scene, made.parameters, made.controller, delay=made.delay)
         assert not after.run.stops
         if seed == 1:
-            assert after.spray.cv == pytest.approx(0.0107, abs=5e-5)
+            assert after.spray.cv == pytest.approx(0.0106, abs=5e-5)
             assert after.spray.share_outside_10 == 0.0
-            assert (after.stroke, after.force) == (pytest.approx(0.028, abs=5e-4), pytest.approx(15.0, abs=0.5))
+            assert (after.stroke, after.force) == (pytest.approx(0.027, abs=5e-4), pytest.approx(15.0, abs=0.5))
             assert (after.spray.lowest_dose, after.spray.highest_dose) == pytest.approx((0.95, 1.05), abs=5e-3)
         else:
             assert after.spray.cv < performance("before", scene, made.parameters).spray.cv

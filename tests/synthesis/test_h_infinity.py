@@ -244,6 +244,15 @@ def test_the_lowest_level_is_as_close_to_its_bound_as_asked_for(seed, n, sizes, 
         assert loose.reached <= loose.lower * (1.0 + tolerance)
 
 
+@given(seed=st.integers(0, 10**6))
+@examples(40)
+def test_a_level_little_above_the_best_is_reached_where_it_is_asked_for(seed):
+    """Within the tolerance by which the best is known: the search must not stop above it."""
+    P = random_plant(seed, 5, (2, 2, 1, 1), False)
+    wanted = 1.004 * bc.h_infinity(P, 1, 1, tolerance=1e-3).gamma
+    assert bc.h_infinity(P, 1, 1, gamma=wanted).gamma <= wanted
+
+
 def test_a_bound_that_a_verified_loop_beats_is_given_up():
     bounds = Bounds(10.0, 8.0, 1.0, 3.0, "because", 1.0)
     assert bounds.below(9.0) == bounds

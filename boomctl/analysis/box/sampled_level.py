@@ -297,12 +297,14 @@ def _polynomials(
         more = np.cos(np.pi * rng.uniform(size=(2 * len(chosen) - len(places), size)))
         places, new = np.concatenate([places, more]), at([*more])
         stacks = {letter: np.concatenate([stacks.get(letter, stack[:0]), stack]) for letter, stack in new.items()}
-        inverse, known = np.linalg.pinv(_products(places, chosen)), _products(np.array(tried), chosen)
+        fitted, known = _products(places, chosen), _products(np.array(tried), chosen)
+        inverse = np.linalg.pinv(fitted)
         found, off, miss = {}, {}, 0.0
         for letter, least in _negligible(stacks).items():
             coefficients = np.tensordot(inverse, stacks[letter], 1)
             coefficients[np.abs(coefficients) <= least] = 0.0
-            worst = np.abs(np.tensordot(known, coefficients, 1) - wanted[letter]).max(axis=0)
+            misses = ((known, wanted[letter]), (fitted, stacks[letter]))
+            worst = np.maximum(*(np.abs(np.tensordot(there, coefficients, 1) - X).max(axis=0) for there, X in misses))
             found[letter], off[letter] = _in_powers(coefficients, chosen), _SPARE * worst
             miss = max(miss, float(worst.max(initial=0.0)) / max(least, TINY))
         if miss <= _EXACT / SOLVED:

@@ -30,10 +30,9 @@ _EXACT = 1e-11  # relative accuracy of the least time on a grid, far below what 
 _HOPELESS = 1e9  # torque over its limit that stands for "in no time like this one"
 _SECANTS = 12  # times tried until the least peak on a grid is about the limit; some five do
 _ROUGHLY = 1e-3  # of the logarithm of the peak, near enough for Newton's method: a fifth of an interval of the grid
-_REWEIGHTED = (
-    20  # least-squares problems for each time tried, whose weights the next goes on from, and after the last (a
-)
-# choice): with 40 in all the signs stay, and Newton's method does the rest
+# Least-squares problems for each time tried, whose weights the next goes on from, and after the last (a choice): with 40
+# in all the signs stay, and Newton's method does the rest
+_REWEIGHTED = 20
 _THIN = 1e-6  # share of the largest |G^T y| below which weights grow no further
 _DECIDED = 0.5  # share of the limit from which a torque on a grid shows its sign
 _NEWTON = 60  # steps of Newton's method at most; from where arcs are about to appear it is damped and slow

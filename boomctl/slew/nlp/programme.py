@@ -2,7 +2,7 @@
 
 Fatrop is not used. On the benchmark of least effort (shooting, 3 modes, 200 intervals, the same programme and states to
 start from, CasADi's interface with the stages given) it found the same optimum to 5e-9, in 13 iterations and 0.45 s of
-processor time with its building; IPOPT, started with the multipliers of the linear part, in 4 and 0.08 s.
+processor time with its building; IPOPT, started with multipliers of the linear part, in 4 and 0.08 s.
 """
 
 from dataclasses import dataclass, field

@@ -120,10 +120,12 @@ class Bounds:
         return replace(self, frequency=frequency, riccati=riccati, reason=self.reason if riccati > 0.0 else "")
 
 
-def lowest_level(ready: NormalizedPlant, tolerance: float, deadline: Deadline) -> tuple[Bounds, Level]:
+def lowest_level(
+    ready: NormalizedPlant, tolerance: float, deadline: Deadline, wanted: float | None = None
+) -> tuple[Bounds, Level]:
     """Return the lowest level that can be reached, to within ``tolerance`` of what bounds it from below, and its equations.
 
-    Where the coupling sets it, it is found to a quarter of that, so that controllers may stay away from it.
+    Where the coupling sets it, and where it is to lie below a wanted one, it is found to a quarter of that.
 
     Raises
     ------
@@ -139,7 +141,9 @@ def lowest_level(ready: NormalizedPlant, tolerance: float, deadline: Deadline) -
     poles = ready.system.poles, *(np.linalg.eigvals(A) for A in (ready.A + ready.B2 @ F2, ready.A + L2 @ ready.C2))
     band = float(np.abs(np.concatenate(poles)).max(initial=0.0))
     levels = _reached(relaxed, frequency, tolerance, deadline)
-    if levels[-1].gamma > frequency * (1.0 + tolerance) or levels[-1].radius > _FREE * levels[-1].gamma:
+    first = levels[-1]
+    enough = frequency * (1.0 + tolerance) if wanted is None else min(frequency * (1.0 + tolerance), wanted)
+    if first.gamma > enough or first.radius > _FREE * first.gamma:
         levels = _refined(levels, frequency, _SEARCH * tolerance, deadline)
     reached = min((level for level in levels if not level.reason), key=lambda level: level.gamma)
     riccati, reason = _proven(levels)

@@ -193,7 +193,7 @@ def h_infinity(
     check_zeros(plant, ready)
     with computing("H-infinity synthesis", progress):
         deadline = Deadline.after(limit)
-        bounds, reached = lowest_level(ready, share, deadline)
+        bounds, reached = lowest_level(ready, share, deadline, wanted)
         if wanted is not None and wanted < bounds.lower:
             raise SynthesisError(f"gamma = {wanted:.6g} cannot be reached: {bounds.why}")
         fastest = allowed if allowed is not None else (_BAND * bounds.band or np.inf)
@@ -275,8 +275,8 @@ def _statement(task: Task, found: Candidate) -> str:
         told += f", at most {100.0 * above:.2g} % above {bounds.lower:.6g}, which no controller beats"
         if task.wanted is None and above > task.tolerance:
             told += f"; the {100.0 * task.tolerance:.3g} % wanted could not be had "
-            open_ = bounds.reached > bounds.lower * (1.0 + 0.5 * task.tolerance)
-            told += "for rounding" if open_ else f"with poles below {task.fastest:.3g} rad/s"
+            out_of_reach = bounds.reached > bounds.lower * (1.0 + task.tolerance)
+            told += "for rounding" if out_of_reach else f"with poles below {task.fastest:.3g} rad/s"
     if fast > task.fastest:
         told += f"; the controller has a pole at {fast:.3g} rad/s, no slower one passed below {task.fastest:.3g} rad/s"
     return told

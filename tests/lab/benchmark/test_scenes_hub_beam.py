@@ -89,7 +89,7 @@ def test_the_exact_beam_agrees_with_its_lagrangian_in_another_integrator():
     function = state_function(beam._lagrangian(), "exact")
     size = len(beam.state_names)
     x, t = ca.SX.sym("x", size), ca.SX.sym("t")
-    rate, _ = function(x, TORQUE.amplitude * ca.sin(2.0 * np.pi * t / TORQUE.period))
+    rate, _ = function(x, TORQUE.amplitude * ca.sin(2.0 * np.pi * t / TORQUE.period), ca.SX(0, 1))  # no constants
     options = {"reltol": 1e-8, "abstol": 1e-11, "max_num_steps": 10_000_000}
     system = {"x": x, "t": t, "ode": rate}
     states = np.array(ca.integrator("flow", "cvodes", system, 0.0, drive.timepts[1:], options)(x0=0.0)["xf"])

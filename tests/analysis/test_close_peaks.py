@@ -1,0 +1,62 @@
+"""Levels below the peak of narrow resonances of nearly one height are never called levels that nothing reaches."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy import linalg, stats
+
+from boomctl.analysis.norm import level_norm, stays_below, stays_below_on_circle
+from boomctl.lti.system import Lti
+from tests.profiles import examples
+
+
+def resonances(seed):
+    """Return a system in mixed coordinates whose peaks differ by 1e-7 to 1e-2, and the highest, looked for around each."""
+    rng = np.random.default_rng(seed)
+    count = int(rng.integers(2, 5))
+    omega, damping = 10.0 ** rng.uniform(-0.5, 2.0, count), 10.0 ** rng.uniform(-5.0, -1.3, count)
+    gain = 2.0 * damping * omega * (1.0 + 10.0 ** rng.uniform(-7.0, -2.0) * rng.standard_normal(count))
+    A = linalg.block_diag(*(w * np.array([[-z, 1.0], [-1.0, -z]]) for w, z in zip(omega, damping, strict=True)))
+    B = np.kron(np.sqrt(gain), [1.0, 0.0])[:, None]
+    turns = stats.ortho_group.rvs(2 * count, size=2, random_state=rng)
+    T = turns[0] * 10.0 ** rng.uniform(-1.0, 1.0, 2 * count) @ turns[1]
+    system = Lti(T @ A @ np.linalg.inv(T), T @ B, B.T @ np.linalg.inv(T), np.zeros((1, 1))).balanced()
+    near = (omega[:, None] * (1.0 + damping[:, None] * np.linspace(-3.0, 3.0, 601))).ravel()
+    return system, omega, float(np.abs(system.response(near, quiet=True)[0, 0]).max())
+
+
+@given(seed=st.integers(0, 10**6))
+@examples(300)
+def test_no_level_below_a_second_peak_is_one_that_nothing_reaches(seed):
+    system, omega, peak = resonances(seed)
+    for below in (1e-2, 1e-3, 1e-4):
+        for at in omega:
+            assert not stays_below(system, peak * (1.0 - below), float(at))
+    assert level_norm(system).upper >= peak * (1.0 - 1e-9)
+
+
+@pytest.mark.slow
+def test_it_does_so_where_rounding_moves_crossings_off_the_axis():
+    """One in thirty such levels had no eigenvalue on the axis to rounding."""
+    for seed in range(400):
+        system, omega, peak = resonances(seed)
+        assert not stays_below(system, 0.9999 * peak, float(omega[0]))
+
+
+@pytest.mark.slow
+def test_nor_is_one_on_the_circle_of_a_slow_mode_and_a_fast_one():
+    """Rounding of the slow one's pole, beside one, moved the crossings of one in a hundred off the circle."""
+    for seed in range(300):
+        rng = np.random.default_rng(seed)
+        omega = np.array([10.0 ** rng.uniform(-1.0, 0.5), rng.uniform(40.0, 60.0)])
+        damping, dt = rng.uniform(0.02, 0.03, 2), 10.0 ** rng.uniform(-4.0, -1.6)
+        A = linalg.block_diag(*(w * np.array([[-z, 1.0], [-1.0, -z]]) for w, z in zip(omega, damping, strict=True)))
+        B, C = np.tile([1.0, 0.0], 2)[:, None], np.kron(10.0 ** rng.uniform(-3.0, 1.0, 2), [1.0, 0.0])[None]
+        held = linalg.expm(A * dt)
+        system = Lti(held, np.linalg.solve(A, (held - np.eye(4)) @ B), C, np.zeros((1, 1)), dt=dt)
+        near = (omega[:, None] * (1.0 + damping[:, None] * np.linspace(-3.0, 3.0, 601))).ravel()
+        peak = float(np.abs(system.response(near, quiet=True)[0, 0]).max())
+        for part in (1e-2, 1e-3, 1e-4):
+            assert not stays_below_on_circle(system, peak * (1.0 - part))
+            assert stays_below_on_circle(system, peak * (1.0 + part))
