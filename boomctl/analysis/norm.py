@@ -214,7 +214,7 @@ def level_norm(system: Lti, response: Response | None = None) -> NormCertificate
             return NormCertificate(0.0, 0.0, 0.0, NO_RESPONSE)
         H = hamiltonian_matrix(system, level)
         crossings, near = near_axis(H[0])
-        value, omega = _highest_at(respond, np.concatenate([crossings, near]).imag)
+        value, omega = _highest_at(respond, np.concatenate([crossings.imag, near.imag]))
         if value <= level:
             told = not len(crossings) and level_shows(system, level, at, H)
             return NormCertificate(peak, level if told else inf, at, NO_CROSSING if told else NOT_TOLD)
@@ -403,7 +403,7 @@ def axis_eigenvalues(system: Lti, level: float) -> Array:
     They are the imaginary parts, not below zero, of eigenvalues of the Hamiltonian matrix on the imaginary axis, or so near
     to it that rounding may have moved them off it.
     """
-    return np.concatenate(near_axis(hamiltonian_matrix(system, level)[0])).imag
+    return np.concatenate([found.imag for found in near_axis(hamiltonian_matrix(system, level)[0])])
 
 
 def near_axis(H: Array) -> tuple[Array, Array]:
