@@ -20,7 +20,7 @@ def slew(modes: int = 2, intervals: int = 200) -> SlewDesign:
     """Plan for three payloads, and for one."""
     beam = hub_beam(HubBeamParameters(tip_mass=NOMINAL), "sfoam", modes)
     robust, plain = (
-        optimal_slew(beam, ANGLE, LIMIT, "effort", DURATION, tip_masses=masses, method="shooting", intervals=intervals)
+        optimal_slew(beam, ANGLE, LIMIT, "effort", DURATION, tip_masses=masses, intervals=intervals)
         for masses in (OTHERS, ())
     )
     return SlewDesign(

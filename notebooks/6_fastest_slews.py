@@ -105,9 +105,7 @@ print(f"{'sfoam, 5 modes':20} tip swings by {1e3 * np.abs(played.tip_displacemen
 
 # %%
 effort = bc.optimal_slew(h, quarter, limit, "effort", duration=4.5, intervals=200)
-robust = bc.optimal_slew(
-    h, quarter, limit, "effort", duration=4.5, tip_masses=(0.0, 0.2), method="shooting", intervals=200
-)
+robust = bc.optimal_slew(h, quarter, limit, "effort", duration=4.5, tip_masses=(0.0, 0.2), intervals=200)
 plans = {"minimum time": fastest, "least effort": effort, "for 0, 0.1 and 0.2 kg": robust}
 payloads = compare_payloads(plans, (0.0, 0.05, 0.1, 0.15, 0.2), 0.1)
 for name, left in payloads.vibrations.items():

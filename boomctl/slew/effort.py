@@ -13,7 +13,7 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.lti.rounding import ALIKE, SUMMED
-from boomctl.slew.least_time.arcs import EndMap, Steps, end_map
+from boomctl.slew.least_time.arcs import MOST_STEPS, STEP_SHARE, EndMap, Steps, end_map
 from boomctl.slew.linear import Clipped, clipped, least_effort
 from boomctl.slew.problem import Limits, SlewProblem
 from boomctl.slew.torque import TorqueHistory, held
@@ -24,8 +24,6 @@ _EXCHANGES = 100  # of nodes at which limits are met, at most; a safeguard, for 
 _PATIENCE = 3  # exchanges of all nodes without fewer that are wrong, until they are exchanged one at a time; a choice
 _CHORDS = 6  # corrections with derivatives of coarser steps at most; one or none does
 _CLOSED = 1e-3  # of the tolerance: defect of the scaled end after them
-_STEP_SHARE = 0.5  # of the tolerance, for what half as long steps change; what remains is a sixteenth of it
-_MOST_STEPS = 20000  # of a motion: a safeguard, for rounding grows with them
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,12 +167,12 @@ def effort_on_mesh(
         return None
     local, found, met = answer
     missed = np.inf
-    while missed > _STEP_SHARE * problem.tolerance:
+    while missed > STEP_SHARE * problem.tolerance:
         parts *= 2
-        if parts * intervals > _MOST_STEPS:
+        if parts * intervals > MOST_STEPS:
             return None
         found, missed, left = mesh.led(local, found, met, parts)
-        if not left <= _STEP_SHARE * problem.tolerance:
+        if not left <= STEP_SHARE * problem.tolerance:
             return None
     pairs = np.arange(0, intervals, 2)
     joined = replace(local, d=local.G @ found.torques).joined(pairs)

@@ -23,6 +23,8 @@ from boomctl.slew.problem import SlewProblem
 from boomctl.slew.result import SlewResult
 from boomctl.slew.torque import TorqueHistory
 
+STEP_SHARE = 0.5  # of the tolerance, for what half as long steps change; what remains is a sixteenth of it
+MOST_STEPS = 20000  # of a motion: a safeguard, for rounding grows with them
 _FOLLOWED = 0.5  # steps a radian for a mode that the torque does not move: its own scheme is exact in the linear part
 _CURVE = 1500  # steps at least of a switching curve: it is drawn
 

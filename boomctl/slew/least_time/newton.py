@@ -14,20 +14,18 @@ from boomctl.arrays import Array
 from boomctl.lti.rounding import ALIKE, SUMMED
 from boomctl.slew.dynamics import kind_of, rates_of
 from boomctl.slew.least_time.arc_count import Overflows, counted
-from boomctl.slew.least_time.arcs import EndMap, end_map
+from boomctl.slew.least_time.arcs import MOST_STEPS, STEP_SHARE, EndMap, end_map
 from boomctl.slew.plant import SlewPlant, plant_of
 from boomctl.slew.problem import SlewProblem, end_conditions
 from boomctl.slew.torque import TorqueHistory, bang_bang, held
 
 _GRIDS = (200, 600, 1800)  # intervals on which arcs are counted, the next where the switching function is still wrong
-_MOST_STEPS = 20000  # of a motion: a safeguard, for rounding grows with them
 _NEWTON = 40  # steps of Newton's method at most; a safeguard
 _PATIENCE = 5  # steps without nearing the end, as long as it is _FAR
 _FAR = 1e-3  # defect of the scaled end from which Newton's method may still be given up
 _NEARER = 0.7  # factor by which the defect has to fall to count as nearing the end
 _EMPTY = 3e-6  # share of the duration below which an arc is left out; _NOTHING where the end needs it
 _NOTHING = 1e-11  # share of the duration that is rounding
-_STEP_SHARE = 0.5  # of the tolerance, for what half as long steps change; what remains is a sixteenth of it
 _FOURTH_ORDER = 15.0  # 2^4 - 1: halved steps change the end by so many times what they leave in error
 _CHORDS = 6  # corrections with derivatives of coarser steps at most: with more Newton's method is as fast
 _FINER = 2  # times the usual steps for durations taken over from the beam without axial modes; a choice
@@ -148,7 +146,7 @@ def _with_right_signs(ends: EndMap, start: TorqueHistory) -> tuple[_Arcs | None,
 def _refined(ends: EndMap, found: _Arcs, finer: int = 1, exact: bool = True) -> ArcSlew | None:
     """Halve the steps until the end stays where it is; if not exact, durations are led to the end, not to the least sum."""
     tolerance, error = ends.problem.tolerance, np.inf
-    while error > _STEP_SHARE * tolerance and finer * _counts(ends, found.durations).sum() < _MOST_STEPS:
+    while error > STEP_SHARE * tolerance and finer * _counts(ends, found.durations).sum() < MOST_STEPS:
         finer *= 2
         near, error = _corrected(ends, found, finer)
         if near is None and exact:

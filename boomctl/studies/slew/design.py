@@ -363,7 +363,7 @@ def evaluated_plan(
     if "minimum time" not in planned:
         planned["minimum time"] = optimal_slew(h, angle, torque_limit, **search)
     roomy = _ROOM * planned["minimum time"].duration
-    effort = optimal_slew(h, angle, torque_limit, "effort", roomy, method="shooting", intervals=200, **search)
+    effort = optimal_slew(h, angle, torque_limit, "effort", roomy, intervals=200, **search)
     planned.setdefault(_title(effort), effort)
     evaluation = SlewDesign("slew", "A slew of a flexible beam", h, planned).evaluate()
     tell("errors over meshes")

@@ -125,7 +125,8 @@ def lowest_level(
 ) -> tuple[Bounds, Level]:
     """Return the lowest level that can be reached, to within ``tolerance`` of what bounds it from below, and its equations.
 
-    Where the coupling sets it, and where it is to lie below a wanted one, it is found to a quarter of that.
+    Where the coupling sets it, it is found to a quarter of that; where one is wanted, the search goes on until that is
+    reached.
 
     Raises
     ------
@@ -144,7 +145,7 @@ def lowest_level(
     first = levels[-1]
     enough = frequency * (1.0 + tolerance) if wanted is None else min(frequency * (1.0 + tolerance), wanted)
     if first.gamma > enough or first.radius > _FREE * first.gamma:
-        levels = _refined(levels, frequency, _SEARCH * tolerance, deadline)
+        levels = _refined(levels, frequency, _SEARCH * tolerance, np.inf if wanted is None else wanted, deadline)
     reached = min((level for level in levels if not level.reason), key=lambda level: level.gamma)
     riccati, reason = _proven(levels)
     return Bounds(reached.gamma, frequency, omega, riccati, reason, band), reached
@@ -179,15 +180,19 @@ def _reached(relaxed: Level, frequency: float, tolerance: float, deadline: Deadl
     raise SynthesisError(f"no level up to {_GROWTH[-1] * base:.3g} can be reached: {levels[-1].reason}")
 
 
-def _refined(levels: list[Level], low: float, tolerance: float, deadline: Deadline) -> list[Level]:
-    """Return levels among which the lowest above ``low`` that can be reached is found as closely as asked for."""
+def _refined(levels: list[Level], low: float, tolerance: float, wanted: float, deadline: Deadline) -> list[Level]:
+    """Return levels among which the lowest above ``low`` that can be reached is found as closely as asked for.
+
+    They go on to a wanted one, as long as it may be reached.
+    """
     levels, ready = levels.copy(), levels[0].ready
     floor, step = _NOTHING * _size(ready), 0
     while True:
         # as the level falls, the radius grows
         low = max(low, *(level.gamma if level.reason else level.radius for level in levels))
         high = min(level.gamma for level in levels if not level.reason)
-        if step == _STEPS or high <= max(low * (1.0 + tolerance), floor):
+        near = high <= max(low * (1.0 + tolerance), floor) and not low < wanted < high
+        if near or step == _STEPS:
             return levels
         deadline.check("searching for the lowest level")
         middle = float(np.sqrt(max(low, 1e-3 * high) * high))  # of an open span, three decades

@@ -127,6 +127,7 @@ def _controllers(task: Task, level: float, tried: list[_Tried]) -> Iterator[tupl
         task.deadline.check(f"computing a controller for gamma = {level:.6g}")
         outward, inward = ready.from_controls, ready.from_measurements
         try:
+            # to the last bit: the first level is computed alike where the lowest one is sought; else it is solved anew
             known = level == task.reached.gamma and ready is task.ready
             found = task.reached if known else level_of(ready, level)
             if found.reason:

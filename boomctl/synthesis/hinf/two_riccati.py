@@ -82,6 +82,8 @@ class Level:
         Empty where the level can be reached; otherwise what fails.
     radius : float
         Square root of the spectral radius of ``X Y``; nan where one of them does not exist or is indefinite.
+    ready : NormalizedPlant
+        What the equations are of.
     X, Y : (n, n) ndarray or None
         Stabilising solutions, as far as they were computed.
     """
