@@ -10,7 +10,7 @@ from boomctl.arrays import Array
 from boomctl.identification.spectra import Spectra, complex_of, real
 
 _STEPS = 40  # Gauss-Newton steps of a fit: ten do where the start is near (a choice)
-_DONE = 0.01  # fall of the sum of squares, in squared errors of one number, that ends them: a tenth of a standard error
+_DONE = 0.1  # fall of the sum of squares, in squared errors of one number, that ends them: a third of a standard error
 _DAMPING = 1e-3  # of the curvature that is added at first (Marquardt)
 _LEAST_DAMPING = 1e-6  # what is always added: rounding of the curvature stays far below
 _GIVE_UP = 1e6  # damping at which no step falls: rounding
@@ -22,6 +22,7 @@ _FAST = (
 _SLOW = 0.5  # times the lowest frequency: where those below it are put (likewise)
 _AROUND = 10.0  # lines to either side at least that errors around a resonance are taken from (a choice)
 _BLOCK = 64  # lines over which errors are taken for as large: a median of so many is known to a fifth (a choice)
+_CLEAN = 1e-6  # of the energy of the outputs: of residuals that have more, rounding of products is a negligible part
 
 
 def fixed_poles(low: float, high: float) -> Array:
@@ -52,17 +53,18 @@ class CommonPoles:
         return self.data.rest(self.fixed).T
 
     @cached_property
-    def _rows(self) -> Array:
-        """Columns of the equations as rows (r, 2 n): derivatives by the poles, then what is linear, pairs first."""
-        rows = np.empty((2 * self._moving + len(self._rest), 2 * len(self.data.s)))
-        moving, rows[2 * self._moving :] = rows[: 2 * self._moving], self._rest
-        self.data.write_pairs(self.poles, moving.reshape(2, len(self.poles), 2, self._width, 2, len(self.data.s)))
-        return rows
+    def _responses(self) -> tuple[tuple[Array, ...], tuple[Array, ...]]:
+        return self.data.simple(self.poles), self.data.simple(self.poles.conj())
 
-    @property
-    def _moving(self) -> int:
-        """How many columns the pairs have."""
-        return 2 * len(self.poles) * self._width
+    @cached_property
+    def _rows(self) -> Array:
+        """Columns of what is linear as rows (r, 2 n), pairs first."""
+        return np.concatenate([self.data.rows(*self._responses, derived=False), self._rest])
+
+    @cached_property
+    def _derived(self) -> Array:
+        """Derivatives of the pairs' columns by the poles as rows (q, 2 n)."""
+        return self.data.rows(*self._responses, derived=True)
 
     @property
     def _width(self) -> int:
@@ -75,23 +77,25 @@ class CommonPoles:
 
     @cached_property
     def _root(self) -> Array:
-        """Of the inverse of the products of what is linear, (c, r)."""
-        return root_of_inverse(self._products[self._moving :, self._moving :])
+        """Of the inverse of the products of what is linear, (r, c)."""
+        return root_of_inverse(self._products)
 
     @cached_property
     def _solved(self) -> tuple[Array, Array]:
         """Return coefficients and residuals; the second round takes back what rounding of products costs the first."""
-        linear, root = self._rows[self._moving :], self._root
-        left, found = real(self.data.Y), np.zeros((len(linear), self.data.Y.shape[1]))
+        left, found = real(self.data.Y), np.zeros((len(self._rows), self.data.Y.shape[1]))
+        rounding = _CLEAN * np.square(left).sum()
         for _ in range(2):
-            step = root @ (root.T @ (linear @ left))
-            left, found = left - linear.T @ step, found + step
+            step = self._root @ (self._root.T @ (self._rows @ left))
+            left, found = left - self._rows.T @ step, found + step
+            if np.square(left).sum() > rounding:
+                break
         return found, left
 
     @property
     def basis(self) -> Array:
         """Orthonormal columns of all that is linear, (2 n, r)."""
-        nearly = self._root.T @ self._rows[self._moving :]
+        nearly = self._root.T @ self._rows
         return (root_of_inverse(nearly @ nearly.T).T @ nearly).T
 
     @property
@@ -103,7 +107,7 @@ class CommonPoles:
     def coefficients(self) -> Array:
         """Of the pairs' columns, (k, 2, m + records, p)."""
         found = self._solved[0]
-        return found[: self._moving].reshape(len(self.poles), 2, self._width, found.shape[1])
+        return found[: len(found) - len(self._rest)].reshape(len(self.poles), 2, self._width, found.shape[1])
 
     @cached_property
     def cost(self) -> float:
@@ -129,12 +133,13 @@ class CommonPoles:
         power = np.square(np.abs(complex_of(self.residuals))) * (0.5 * len(self.residuals) / self.freedom)
         floor = power.mean(axis=0) + np.finfo(float).tiny
         levels = np.empty_like(power)
-        for k in range(len(self.data.lines)):
-            rows = np.flatnonzero(self.data.record == k)
-            blocks = np.array_split(power[rows], max(len(rows) // _BLOCK, 1))
-            middle = np.array([np.median(block, axis=0) for block in blocks]) / np.log(2.0)
-            centres = np.linspace(0.0, len(rows), 2 * len(blocks) + 1)[1::2]
-            levels[rows] = np.array([np.interp(np.arange(len(rows)), centres, level) for level in middle.T]).T
+        for k, lines in enumerate(self.data.lines):
+            rows, size = np.flatnonzero(self.data.record == k), min(_BLOCK, len(lines))
+            begin = np.linspace(0, len(rows) - size, max(len(rows) // size, 2)).astype(int)
+            middle = np.median(power[rows[begin[:, None] + np.arange(size)]], axis=1) / np.log(2.0)
+            place = np.interp(np.arange(len(rows)), begin + 0.5 * size, np.arange(len(begin)))[:, None]
+            left = np.minimum(place.astype(int), len(begin) - 2)
+            levels[rows] = middle[left[:, 0]] + (place - left) * (middle[left[:, 0] + 1] - middle[left[:, 0]])
         return np.maximum(levels, floor)
 
     @property
@@ -145,7 +150,7 @@ class CommonPoles:
         energy[energy == 0.0] = 1.0
         found = []
         for rows, answer in zip(self._of_inputs, self.coefficients[:, :, :m], strict=True):
-            products, c = self._products[np.ix_(rows + self._moving, rows + self._moving)], answer.reshape(2 * m, -1)
+            products, c = self._products[np.ix_(rows, rows)], answer.reshape(2 * m, -1)
             found.append(((c * (products @ c)).sum(axis=0) / energy).mean())
         return np.array(found)
 
@@ -153,7 +158,7 @@ class CommonPoles:
     def _of_inputs(self) -> Array:
         """Which of the linear columns are the answers of a pair to the inputs, (k, 2 m)."""
         m = self.data.U.shape[1]
-        pairs = np.arange(self._moving).reshape(len(self.poles), 2, self._width)
+        pairs = np.arange(2 * len(self.poles) * self._width).reshape(len(self.poles), 2, self._width)
         return pairs[:, :, :m].reshape(len(self.poles), 2 * m)
 
     @property
@@ -175,7 +180,7 @@ class CommonPoles:
     @property
     def slopes(self) -> Array:
         """Columns of the derivatives by each pole, without what all columns explain of them, (2 n, k, w)."""
-        derived, basis = self._rows[: self._moving].T, self.basis
+        derived, basis = self._derived.T, self.basis
         return (derived - basis @ (basis.T @ derived)).reshape(len(derived), len(self.poles), 2 * self._width)
 
     @property
@@ -190,7 +195,9 @@ class CommonPoles:
     def scaled(self, scale: Array) -> "CommonPoles":
         """Return the same with outputs divided by a scale (p,)."""
         there = CommonPoles(self.data.scaled(scale), self.poles, self.fixed)
-        vars(there).update({name: getattr(self, name) for name in ("_rest", "_rows", "_products", "_root")})
+        vars(there).update(
+            {name: getattr(self, name) for name in ("_rest", "_responses", "_rows", "_products", "_root")}
+        )
         return there
 
     def moved(self, step: Array) -> "CommonPoles":
@@ -205,9 +212,10 @@ class CommonPoles:
     @cached_property
     def normal_equations(self) -> tuple[Array, Array]:
         """Curvature (2 k, 2 k) and downward slope (2 k,) of half the sum of squares over the steps."""
-        linear, explained = self._moving, self._root.T @ self._products[self._moving :, : self._moving]
-        products = self._products[:linear, :linear] - explained.T @ explained
-        return curvature(self.factors, products), pull(self.factors, self._rows[:linear] @ self.residuals)
+        derived = self._derived
+        explained = self._root.T @ (self._rows @ derived.T)
+        products = derived @ derived.T - explained.T @ explained
+        return curvature(self.factors, products), pull(self.factors, derived @ self.residuals)
 
 
 def curvature(factors: Array, products: Array) -> Array:

@@ -471,7 +471,7 @@ def _deviations(fit: CommonPoles) -> Array:
             each * np.sqrt(0.5 * len(each)) for each in fit.data.in_time(everything)
         ]  # products are those of spectra
     else:
-        parts = [everything[np.argsort(np.tile(np.abs(fit.data.s), 2), kind="stable")]]
+        parts = [everything[np.argsort(np.repeat(np.abs(fit.data.s), 2), kind="stable")]]
     longest = sum(map(len, parts)) / _BLOCKS
     of_all, _ = fit.normal_equations
     moved = []

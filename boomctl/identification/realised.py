@@ -7,7 +7,7 @@ from scipy import linalg
 
 from boomctl.arrays import Array
 from boomctl.identification.common_poles import CommonPoles
-from boomctl.identification.spectra import EDGES, Spectra, real
+from boomctl.identification.spectra import EDGES, Spectra, pairs, real
 from boomctl.lti.system import Lti
 from boomctl.structure.model import SecondOrderModel
 
@@ -102,7 +102,7 @@ class RankOne:
         gain = 1.0 / (np.square(data.s)[:, None] + rate * data.s[:, None] + square)
         if data.held:  # of the same poles: the sampled response of 1/(s^2 + ...)
             pair = data.simple(self.poles)[0], data.simple(self.poles.conj())[0]
-            gain = (pair[0] - pair[1]) / (2j * self.poles.imag)
+            gain = ((pair[0] - pair[1]) / (2j * self.poles.imag[:, None])).T
         columns = np.concatenate([real(gain * (data.U @ b.T)), real(data.U), data.free(self.poles)], axis=1)
         if data.records:
             columns = np.concatenate([columns, data.rest(self.fixed)[:, -EDGES * data.records :]], axis=1)
@@ -131,6 +131,6 @@ class RankOne:
 
 def _driven(data: Spectra, poles: Array, b: Array) -> Array:
     """Return columns of modes driven along one direction each: of real, then of imaginary parts of ``c``."""
-    above = data.simple(poles)[0] * (data.U @ b.T)
-    below = data.simple(poles.conj())[0] * (data.U @ b.conj().T)
-    return real(np.concatenate([above + below, 1j * (above - below)], axis=1))
+    above = data.simple(poles)[0] * (b @ data.U.T)
+    below = data.simple(poles.conj())[0] * (b.conj() @ data.U.T)
+    return real(np.concatenate(pairs(above, below)).T)

@@ -1,8 +1,10 @@
 """Which modes a record has: begun by a common denominator, completed from residuals, and none without evidence."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from threadpoolctl import threadpool_limits
 
 from boomctl.arrays import Array
@@ -17,11 +19,15 @@ _STEADY = 0.5  # of the orders at which a pole stands that the fit begins with (
 _LEAST_SHARE = (
     3e-5  # of the response, half a percent of its size: less is taken for what the model does not explain (a choice)
 )
+_ABOVE = 1.25 * (-0.05 + 1.0j)  # times the highest frequency: where a mode above the band is begun (a choice)
 _REACH = 6.0  # decay rates to either side of a resonance within which it is looked at (a choice)
 _FEWEST = 12  # lines to either side at least: residues, background and errors are then told apart (a choice)
 _MOST = 64  # lines to either side at most: of wider windows every second line and so on is left out (a choice)
 _RATES = 4  # of decay, each four times the one before, from half the resolution on: the best one misses a ninth at most
 _BESIDE = 0.1  # of the largest evidence: less may be what is left of it, and is looked at once more (a choice)
+_STRAY = (
+    8.0  # times the rate of decay: what is broader by its residuals is no mode, and none begins narrower (a choice)
+)
 _CHANCE = 1e-3  # chance that a record of noise alone has one mode in it (a choice)
 
 
@@ -31,19 +37,16 @@ def searched(data: Spectra, low: float, high: float, orders: tuple[int, ...]) ->
     found = tracks(poles_by_order(data, orders), data.resolution)
     begun = [track.pole for track in found if len(track.orders) >= _STEADY * len(orders)]
     most = max((len(data.s) - data.U.shape[1]) // (2 * (data.U.shape[1] + data.records)), 1)
-    fit = CommonPoles(data, np.array(begun[:most], complex), fixed_poles(low, high))
+    fit = CommonPoles(data, np.array([*begun, _ABOVE * high][:most], complex), fixed_poles(low, high))
+    fit = _with_evidence(_weighted(_roughly(fit)))
     for _ in range(_ROUNDS):
-        fit = _weighted(_roughly(fit))
-        kept = _with_evidence(fit)
-        more = missed(kept)[: most - len(kept.poles)]
+        more = missed(fit)[: most - len(fit.poles)]
         if not len(more):
             break
-        tried = _with_evidence(_weighted(_roughly(_with(kept, np.append(kept.poles, more)))))
-        fit = tried
-        if len(tried.poles) <= len(kept.poles):
+        before, fit = len(fit.poles), _with_evidence(_weighted(_roughly(_with(fit, np.append(fit.poles, more)))))
+        if len(fit.poles) <= before:
             break
-    fit = _with_evidence(fitted(_weighted(fitted(fit))))
-    return fitted(_needed_outside(fit)), found
+    return _with_evidence(fitted(_weighted(_roughly(_needed_outside(fit)))), fitted), found
 
 
 def weakest(fit: CommonPoles, inside: Array, count: int) -> Array:
@@ -72,7 +75,7 @@ def _weighted(fit: CommonPoles) -> CommonPoles:
     return fit.scaled(scale)
 
 
-def _with_evidence(fit: CommonPoles) -> CommonPoles:
+def _with_evidence(fit: CommonPoles, refit: Callable[[CommonPoles], CommonPoles] = _roughly) -> CommonPoles:
     """Return the fit without the poles that lack evidence: the weaker half of them goes, then all are judged anew."""
     while len(fit.poles):
         evidence = np.where(fit.shares < _LEAST_SHARE, 0.0, fit.evidence)
@@ -80,7 +83,7 @@ def _with_evidence(fit: CommonPoles) -> CommonPoles:
         if not len(lacking):
             break
         half = lacking[np.argsort(evidence[lacking])][: -(-len(lacking) // 2)]
-        fit = _roughly(_with(fit, np.delete(fit.poles, half)))
+        fit = refit(_with(fit, np.delete(fit.poles, half)))
     return fit
 
 
@@ -101,7 +104,7 @@ def needed(fit: CommonPoles) -> float:
 
 
 def missed(fit: CommonPoles) -> Array:
-    """Return poles that residuals show [rad/s], each the best one of its neighbourhood."""
+    """Return poles that residuals show [rad/s], each the best one of its neighbourhood, and as it fits best there alone."""
     data = replace(fit.data, Y=complex_of(fit.residuals) / np.sqrt(fit.errors))
     least = needed(fit)
     found: list[tuple[float, complex]] = []
@@ -111,11 +114,19 @@ def missed(fit: CommonPoles) -> Array:
     kept: list[complex] = []
     found.sort(key=lambda each: -each[0])
     for gain, pole in found:
-        if gain > _BESIDE * found[0][0] and all(
-            abs(pole.imag - other.imag) > -3.0 * (pole.real + other.real) for other in kept
-        ):
-            kept.append(pole)
+        if gain > _BESIDE * found[0][0] and _apart(pole, kept):
+            half = max(round(-_REACH * pole.real / data.resolution), _FEWEST) * data.resolution
+            around = data.within(pole.imag - half, pole.imag + half)
+            best = fitted(CommonPoles(around, np.array([pole]), np.zeros(0)), _ROUGH * least).poles[0]
+            best = complex(min(best.real, pole.real / _STRAY), best.imag)
+            if not _apart(best, [pole]) and best.real > _STRAY * pole.real and _apart(best, kept):
+                kept.append(best)
     return np.array(kept, complex)
+
+
+def _apart(pole: complex, others: list[complex]) -> bool:
+    """Return whether a pole's neighbourhood has none of the others'."""
+    return all(abs(pole.imag - other.imag) > -3.0 * (pole.real + other.real) for other in others)
 
 
 def _tried(data: Spectra, rate: float) -> tuple[Array, Array]:
@@ -127,17 +138,17 @@ def _tried(data: Spectra, rate: float) -> tuple[Array, Array]:
         half = max(round(_REACH * rate), _FEWEST)
         thin = -(-half // _MOST)
         side = thin * np.arange(-(half // thin), half // thin + 1)
-        centres = np.arange(half, len(omega) - half, max(round(rate), 1))
+        apart = max(round(rate), 1)
+        centres = np.arange(half, len(omega) - half, apart)
         if not len(centres):
             continue
         at = centres[:, None] + side
         s = 1j * (omega[at] - omega[centres][:, None]) / data.resolution
         ground = np.concatenate([U[at], s[..., None] * U[at] / half, np.ones((*at.shape, 1))], axis=2)
         mode = U[at] / (s + rate)[..., None]
-        basis = np.linalg.qr(ground)[0]
-        mode = mode - basis @ (basis.conj().swapaxes(1, 2) @ mode)
-        rest = np.linalg.qr(mode)[0]
-        within = np.square(np.abs(rest.conj().swapaxes(1, 2) @ E[at])).sum(axis=(1, 2))
+        rest = np.linalg.qr(np.concatenate([ground, mode], axis=2))[0][..., -U.shape[1] :]
+        windows = sliding_window_view(E, side[-1] - side[0] + 1, axis=0)[at[0, 0] : at[-1, 0] + 1 : apart, :, ::thin]
+        within = np.square(np.abs(windows @ rest.conj())).sum(axis=(1, 2))
         for centre, gain in zip(omega[centres], within, strict=True):
             gains[float(centre)] = gains.get(float(centre), 0.0) + float(gain)
     return np.array(list(gains.values())), -rate * data.resolution + 1j * np.array(list(gains))

@@ -91,6 +91,12 @@ class Spectra:
         """Return the same with outputs divided by a scale (p,) once more."""
         return replace(self, Y=self.Y / scale, scale=self.scale * scale)
 
+    def within(self, low: float, high: float) -> "Spectra":
+        """Return the rows of frequencies from low to high [rad/s]."""
+        use = (self.s.imag >= low) & (self.s.imag <= high)
+        lines = tuple(each[use[self.record == k]] for k, each in enumerate(self.lines))
+        return replace(self, s=self.s[use], U=self.U[use], Y=self.Y[use], record=self.record[use], lines=lines)
+
     @property
     def records(self) -> int:
         """How many records have transients."""
@@ -107,15 +113,15 @@ class Spectra:
         return float(np.abs(self.s).max())
 
     def simple(self, poles: Array) -> tuple[Array, Array, Array, Array]:
-        """Return responses to the inputs and free motions of simple poles, each with its derivative, (n, poles)."""
-        s = self.s[:, None]
+        """Return responses to the inputs and free motions of simple poles, each with its derivative, (poles, n)."""
+        s, poles = self.s, poles[:, None]
         decay = np.exp(poles * self.step)
         if self.records:
             z = np.exp(s * self.step)
             free = z / (z - decay) / np.sqrt(max(self.lengths))
-            free_slope = free * self.step * decay / (z - decay)
+            free_slope = free * (self.step * decay) / (z - decay)
         else:
-            free = free_slope = np.zeros((len(s), 0))
+            free = free_slope = np.zeros((0, len(s)))
         if not self.held:
             forced = 1.0 / (s - poles)
             return forced, np.square(forced), free, free_slope
@@ -125,20 +131,20 @@ class Spectra:
         forced = gain / (z - decay)
         return forced, (gain_slope + forced * self.step * decay) / (z - decay), free, free_slope
 
-    def write_pairs(self, poles: Array, rows: Array) -> None:
-        """Write the derivatives of pairs of poles, and their responses: (2, poles, 2, m + records, 2, n).
+    def rows(self, above: tuple[Array, ...], below: tuple[Array, ...], derived: bool) -> Array:
+        """Return what pairs of poles give by their `simple` responses, or its derivatives: (poles 2 (m + records), 2 n).
 
-        Real coefficients of the two responses of a pair are the real and the imaginary part of a residue.  Last are real
-        and imaginary parts.  The derivative for the real part of the pole is the same of the derivatives; for the
-        imaginary part ``(second, -first)``.
+        Real coefficients of the two responses of a pair are the real and the imaginary part of a residue.  The
+        derivative for the real part of the pole is the same of the derivatives; for the imaginary part
+        ``(second, -first)``.
         """
-        above, below = self.simple(poles), self.simple(poles.conj())
-        moving = [(0, u) for u in self.U.T] + [(2, own) for own in self._own.T]  # which of the responses, and of what
-        for at, (which, signal) in enumerate(moving):
-            for place, response in ((1, which), (0, which + 1)):
-                a, b = ((each[response] * signal[:, None]).T for each in (above, below))
-                for part, row in enumerate((a + b, 1j * (a - b))):
-                    rows[place, :, part, at, 0], rows[place, :, part, at, 1] = row.real, row.imag
+        m = self.U.shape[1]
+        found = np.empty((len(above[0]), 2, m + self.records, len(self.s)), complex)
+        for which, signals, at in ((0, self.U.T, slice(m)), (2, self._own.T, slice(m, None))):
+            if len(signals):
+                for part, pair in enumerate(pairs(above[which + derived], below[which + derived])):
+                    np.multiply(pair[:, None], signals, out=found[:, part, at])
+        return found.reshape(-1, len(self.s)).view(float)
 
     def free(self, poles: Array) -> Array:
         """Return columns of free motions of each record, (2 n, 2 poles records)."""
@@ -170,20 +176,25 @@ class Spectra:
         return tuple(found)
 
 
+def pairs(above: Array, below: Array) -> tuple[Array, Array]:
+    """Return what the real and the imaginary part of a residue multiply, by responses of conjugate poles."""
+    return above + below, 1j * (above - below)
+
+
 def _both(above: Array, below: Array, signals: Array) -> Array:
-    """Return the two real combinations of responses of conjugate poles (n, k), times each signal: (n, 2 k m)."""
-    both = np.stack([above + below, 1j * (above - below)], axis=2)
-    return (both[..., None] * signals[:, None, None, :]).reshape(len(signals), 2 * above.shape[1] * signals.shape[1])
+    """Return the two real combinations of responses of conjugate poles (k, n), times each signal: (n, 2 k m)."""
+    both = np.stack(pairs(above, below), axis=1)
+    return (both[:, :, None] * signals.T).reshape(2 * above.shape[0] * signals.shape[1], len(signals)).T
 
 
 def real(columns: Array) -> Array:
-    """Return complex rows as twice as many real ones."""
-    return np.concatenate([columns.real, columns.imag])
+    """Return complex rows as twice as many real ones: real and imaginary part in turns."""
+    return np.ascontiguousarray(columns.T).view(float).T
 
 
 def complex_of(rows: Array) -> Array:
     """Return real rows as half as many complex ones."""
-    return rows[: len(rows) // 2] + 1j * rows[len(rows) // 2 :]
+    return np.ascontiguousarray(rows.T).view(complex).T
 
 
 def rms(columns: Array) -> Array:

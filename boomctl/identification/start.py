@@ -1,6 +1,7 @@
 """Poles to begin from: a common denominator by linear least squares (polyreference least squares), at many orders."""
 
 from dataclasses import dataclass
+from statistics import median
 
 import numpy as np
 from scipy import linalg
@@ -32,8 +33,7 @@ class Track:
     @property
     def pole(self) -> complex:
         """The middle one."""
-        found = np.asarray(self.poles, dtype=complex)
-        return complex(float(np.median(np.real(found))), float(np.median(np.imag(found))))
+        return complex(median(pole.real for pole in self.poles), median(pole.imag for pole in self.poles))
 
 
 def poles_by_order(data: Spectra, orders: tuple[int, ...]) -> dict[int, Array]:

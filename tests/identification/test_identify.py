@@ -321,8 +321,8 @@ def twin(seed):
 def test_intervals_of_random_twins_hold_and_modes_are_those_of_the_truth():
     """Errors of 0.1 to 30 %, dampings of 0.05 to 5 %, modes 1 % apart, 8 to 600 periods, quantised."""
     held, false = [], 0
-    twins = 200 if is_hunt() else 60
-    for seed in range(twins):
+    seeds = range(200) if is_hunt() else [*range(60), 169]  # in the last one a weak mode stands beside a strong one
+    for seed in seeds:
         u, y, poles, shares, errors, periods = twin(seed)
         modes = list(bc.identify(u, y, 0.01, band_hz=(0.5, 45.0)).modes)
         for pole, share in sorted(zip(poles, shares, strict=True), key=lambda each: -each[1]):
@@ -337,7 +337,7 @@ def test_intervals_of_random_twins_hold_and_modes_are_those_of_the_truth():
         false += bool(modes)
     assert (np.mean(held, axis=0) > 0.9).all()
     assert (np.mean(held, axis=0) < 0.98).all()
-    assert false <= 0.05 * twins
+    assert false <= 0.05 * len(seeds)
 
 
 @pytest.mark.slow
