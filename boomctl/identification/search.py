@@ -118,7 +118,7 @@ def missed(fit: CommonPoles) -> Array:
             half = max(round(-_REACH * pole.real / data.resolution), _FEWEST) * data.resolution
             around = data.within(pole.imag - half, pole.imag + half)
             best = fitted(CommonPoles(around, np.array([pole]), np.zeros(0)), _ROUGH * least).poles[0]
-            best = complex(min(best.real, pole.real / _STRAY), best.imag)
+            best = complex(min(best.real, pole.real), best.imag)
             if not _apart(best, [pole]) and best.real > _STRAY * pole.real and _apart(best, kept):
                 kept.append(best)
     return np.array(kept, complex)
