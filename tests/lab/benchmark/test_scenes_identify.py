@@ -5,6 +5,7 @@ import pytest
 from scipy import signal
 
 from boomctl.lab.benchmark.peers.subspace import subspace, unexplained
+from boomctl.lab.benchmark.scenes.rotary_days import rotary_days
 from boomctl.lab.benchmark.scenes.steel_frame import BAND, STEP, errors, fit_percent, frequencies, steel_frame
 
 
@@ -42,3 +43,15 @@ def test_ours_predicts_more_than_the_peer_and_keeps_its_promises():
     assert scene.error(peer) < 1e-2
     for name in ("mean fit held back [%]", "least fit held back [%]"):
         assert 90.0 < numbers[1][name] < numbers[0][name] < 98.0
+
+
+@pytest.mark.slow
+def test_the_days_of_a_beam_are_fitted_and_its_loop_is_proved():
+    ours, peer, proof, worst = rotary_days("quick").settings
+    error, found = (getattr(rotary_days("quick"), name) for name in ("error", "found"))
+    fitted = ours.cold(0.0)
+    assert error(fitted) == pytest.approx(error(peer.cold(0.0)), rel=1e-3)  # least squares of the same
+    assert error(fitted) < 0.02
+    assert all(value > 95.0 for value in found(fitted).values())
+    assert error(proof.cold(0.0)) == 0.0
+    assert error(worst.cold(0.0)) < 0.051
