@@ -10,8 +10,8 @@ from boomctl.slew.classical.shapers import classical_torque as classical_torque
 from boomctl.slew.classical.shapers import shaper as shaper
 from boomctl.slew.classical.tracking import TrackingResult as TrackingResult
 from boomctl.slew.classical.tracking import track as track
-from boomctl.slew.least_time.arcs import SwitchingCurve as SwitchingCurve
-from boomctl.slew.least_time.arcs import switching_curve as switching_curve
+from boomctl.slew.least_time.switching_curve import SwitchingCurve as SwitchingCurve
+from boomctl.slew.least_time.switching_curve import switching_curve as switching_curve
 from boomctl.slew.nlp.mesh_study import MeshStudy as MeshStudy
 from boomctl.slew.nlp.mesh_study import mesh_study as mesh_study
 from boomctl.slew.optimal import optimal_slew as optimal_slew

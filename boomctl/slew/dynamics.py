@@ -1,13 +1,14 @@
 """Equations of motion of a slew as CasADi functions, and one explicit step of them.
 
-A step takes the linear part by its exact flow, the rest by a Runge-Kutta scheme. Lawson's (1967) takes the rest into the
-frame that moves with the linear flow; it costs least where a step follows every mode. Krogstad's (2005) integrates a
-parabola through the rest's values against the flow; it serves where modes that the torque does not move, the axial ones,
-turn many times in a step. Both are of fourth order. The implicit steps, by collocation, are in `nlp.transcription`.
+A step takes the linear part by its exact flow, the remainder by a Runge-Kutta scheme. Lawson's (1967) takes the remainder
+into the frame that moves with the linear flow; it costs least where a step follows every mode. Krogstad's (2005) integrates
+a parabola through the remainder's values against the flow; it serves where modes that the torque does not move, the axial
+ones, turn many times in a step. Both are of fourth order. The implicit steps, by collocation, are in `nlp.transcription`.
 """
 
 from functools import lru_cache
 from typing import Any, NamedTuple
+from weakref import WeakKeyDictionary
 
 import casadi as ca
 import numpy as np
@@ -42,15 +43,23 @@ class Kind(NamedTuple):
     equations: ca.Function | None
 
 
-@lru_cache(maxsize=KINDS)
+_KIND_OF: WeakKeyDictionary[SlewPlant, tuple[Kind, Array]] = WeakKeyDictionary()
+
+
 def kind_of(plant: SlewPlant) -> tuple[Kind, Array]:
-    """Return the kind of a plant, and its constants in one vector."""
+    """Return the kind of a plant, and its constants in one vector.
+
+    It is remembered as long as the plant is: CFOAM's equations, which no other plant shares, take 0.2 s to make.
+    """
+    if plant in _KIND_OF:
+        return _KIND_OF[plant]
     given, equations, constants = [plant.A, plant.B], None, np.zeros(0)
     if plant.machine is not None:
         equations, constants = plant.machine._casadi_equations()
         given += [plant.to_state, plant.from_state, plant.frequencies]
     places, own = lifted(given)
-    return Kind(plant.n, bool(plant.controllable.all()), places, equations), np.concatenate([own, constants])
+    kind = Kind(plant.n, bool(plant.controllable.all()), places, equations)
+    return _KIND_OF.setdefault(plant, (kind, np.concatenate([own, constants])))
 
 
 class _Symbols:
@@ -73,7 +82,7 @@ class _Symbols:
         turned = self.kind.equations(ca.mtimes(self.to_state, z), u, self.machine)[0]
         return ca.mtimes(self.from_state, turned)
 
-    def rest(self, z: ca.SX, u: ca.SX) -> ca.SX:
+    def remainder(self, z: ca.SX, u: ca.SX) -> ca.SX:
         """What the undamped linear vibration under the torque leaves out of the accelerations."""
         half = self.n // 2
         return self.rates(z, u)[half:] - (self.B[half:] * u - self.frequencies**2 * z[:half])
@@ -122,33 +131,33 @@ def explicit_step(plant: SlewPlant, substeps: int) -> ca.Function:
 
 
 def _lawson(plant: _Symbols, z: ca.SX, u: ca.SX, slope: ca.SX, h: ca.SX) -> ca.SX:
-    """One step; carried along the linear flow the rest is integrated as if it were all."""
+    """One step; carried along the linear flow the remainder is integrated as if it were all."""
 
-    def rest(at: ca.SX, torque: ca.SX) -> ca.SX:
-        return ca.vertcat(ca.SX.zeros(plant.n // 2), plant.rest(at, torque))
+    def changed(at: ca.SX, torque: ca.SX) -> ca.SX:
+        return ca.vertcat(ca.SX.zeros(plant.n // 2), plant.remainder(at, torque))
 
     def carried(vector: ca.SX) -> ca.SX:
         return _flow(plant, vector, None, None, 0.5 * h)
 
     middle = u + 0.5 * h * slope
-    k1 = rest(z, u)
+    k1 = changed(z, u)
     drifted = _flow(plant, z, u, slope, 0.5 * h)
     pushed = carried(k1)
-    k2 = rest(drifted + 0.5 * h * pushed, middle)
-    k3 = rest(drifted + 0.5 * h * k2, middle)
+    k2 = changed(drifted + 0.5 * h * pushed, middle)
+    k3 = changed(drifted + 0.5 * h * k2, middle)
     end = _flow(plant, drifted, middle, slope, 0.5 * h)
-    k4 = rest(end + h * carried(k3), u + h * slope)
+    k4 = changed(end + h * carried(k3), u + h * slope)
     return end + h / 6.0 * (carried(pushed + 2.0 * (k2 + k3)) + k4)
 
 
 def _krogstad(plant: _Symbols, z: ca.SX, u: ca.SX, slope: ca.SX, h: ca.SX) -> ca.SX:
-    """One step; the oscillators' motion under a rest that is a power of time is exact."""
+    """One step; the oscillators' motion under a remainder that is a power of time is exact."""
     torques = u, u + 0.5 * h * slope, u + h * slope
     half, whole = (
         (_flow(plant, z, u, slope, part), pushing(stumpff(ca.densify(plant.frequencies * part) ** 2), part))
         for part in (0.5 * h, h)
     )
-    return krogstad(lambda at, stage: plant.rest(at, torques[stage]), z, half, whole)
+    return krogstad(lambda at, stage: plant.remainder(at, torques[stage]), z, half, whole)
 
 
 def _flow(plant: _Symbols, z: ca.SX, u: ca.SX | None, slope: ca.SX | None, h: ca.SX) -> ca.SX:

@@ -13,7 +13,7 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.lti.rounding import ALIKE, SUMMED
-from boomctl.slew.least_time.arcs import MOST_STEPS, STEP_SHARE, EndMap, Steps, end_map
+from boomctl.slew.end_map import MOST_STEPS, STEP_SHARE, EndMap, Steps, end_map
 from boomctl.slew.linear import Clipped, clipped, least_effort
 from boomctl.slew.problem import Limits, SlewProblem
 from boomctl.slew.torque import TorqueHistory, held

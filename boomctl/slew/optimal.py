@@ -38,9 +38,18 @@ from boomctl.slew.least_time.newton import least_time_arcs
 from boomctl.slew.least_time.switching import Extremal, least_time, rigid_and_slowest, time_gap
 from boomctl.slew.linear import effort_gap, least_effort
 from boomctl.slew.nlp.programme import Programme, Solution
-from boomctl.slew.nlp.refinement import MESH_GAP, MESHES, ROUNDS, refined, solved_again, tightened
+from boomctl.slew.nlp.refinement import refined, solved_again
 from boomctl.slew.objectives import OBJECTIVES
-from boomctl.slew.problem import Limits, SlewProblem, changed, slew_problem, warn_of_turns
+from boomctl.slew.problem import (
+    MESH_GAP,
+    MESHES,
+    ROUNDS,
+    Limits,
+    SlewProblem,
+    changed,
+    slew_problem,
+    warn_of_turns,
+)
 from boomctl.slew.replay import Motion, binding, free_errors, other_models, played, prescribed_error, violation
 from boomctl.slew.result import SlewCertificate, SlewError, SlewResult
 from boomctl.slew.torque import TorqueHistory
@@ -162,7 +171,7 @@ def _effort_within(problem: SlewProblem, intervals: int) -> _Candidate | None:
         # relative, over a limit, in a replay: rounding of the integrator
         if max(excess.values()) <= ALIKE:
             return replace(candidate, motions=motions)
-        limits = tightened(limits, excess)
+        limits = limits.tightened(excess)
     return None
 
 

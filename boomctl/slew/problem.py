@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 import warnings
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -22,6 +23,10 @@ from boomctl.slew.plant import LABELS, SlewPlant, is_machine, plant_of
 from boomctl.slew.result import SlewError
 
 METHODS = ("collocation", "radau", "shooting")
+MESHES = (50, 100, 200, 400, 800)  # intervals tried, the coarsest and the finest a choice; each halves those before
+MESH_GAP = 1e-4  # relative change of the cost by a halved mesh that is accepted: what a user would see
+ROUNDS = 10  # solutions on a mesh at most, with a higher order or tighter limits each; a safeguard
+_TIGHTER, _AT_LEAST = 1.1, 1e-6  # by how many times an excess, and how much more, a limit is tightened
 AT_LIMIT = (
     0.999  # share of a limit from which it counts as met, in words and where a solver keeps bounds to 1e-7 (a choice)
 )
@@ -73,6 +78,14 @@ class Limits:
     def most(self, kind: str) -> float:
         """Return the limit of a kind; infinite where there is none."""
         return self.given.get(kind, math.inf)
+
+    def tightened(self, excess: Mapping[str, float]) -> Limits:
+        """Return limits beside the torque's that are smaller where a motion exceeds one, by shares of it."""
+        smaller = {
+            kind: limit / (1.0 + _TIGHTER * excess[kind] + _AT_LEAST * (excess[kind] > 0.0))
+            for kind, limit in self.beside_torque.items()
+        }
+        return replace(self, **smaller)
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,8 +11,8 @@ from scipy.integrate import solve_ivp
 
 import boomctl as bc
 from boomctl.slew.dynamics import rates
+from boomctl.slew.end_map import end_map
 from boomctl.slew.least_time.arc_count import arcs_behind, counted
-from boomctl.slew.least_time.arcs import end_map
 from boomctl.slew.least_time.newton import doubled, first_half, halved, least_time_arcs, without_axial_modes
 from boomctl.slew.least_time.switching import least_time
 from boomctl.slew.plant import plant_of

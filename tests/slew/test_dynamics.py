@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 import boomctl as bc
 from boomctl.simulation.machine.exponential_step import stumpff
 from boomctl.slew.dynamics import explicit_step
-from boomctl.slew.least_time.arcs import Steps, end_map
+from boomctl.slew.end_map import Steps, end_map
 from boomctl.slew.plant import plant_of
 from boomctl.slew.problem import Limits, slew_problem
 from boomctl.slew.torque import held

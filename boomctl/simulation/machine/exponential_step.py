@@ -1,7 +1,7 @@
 """One explicit step of vibrations under forces that are not linear.
 
-``z'' + Omega^2 z = r(z, z', u)``: the vibration is taken by its exact flow, the rest by Krogstad's (2005) exponential
-Runge-Kutta scheme of fourth order, which integrates a parabola through the rest's values against that flow.  Forces that
+``z'' + Omega^2 z = r(z, z', u)``: the vibration is taken by its exact flow, the remainder by Krogstad's (2005) exponential
+Runge-Kutta scheme of fourth order, which integrates a parabola through the remainder's values against that flow.  Forces that
 run along straight lines are exact by that, and modes that nothing excites may turn many times in a step.
 """
 

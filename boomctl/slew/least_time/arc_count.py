@@ -4,7 +4,7 @@ import numpy as np
 from scipy.optimize import linprog
 
 from boomctl.arrays import Array
-from boomctl.slew.least_time.arcs import EndMap, Steps
+from boomctl.slew.end_map import EndMap, Steps
 from boomctl.slew.problem import AT_LIMIT
 from boomctl.slew.result import SlewError
 from boomctl.slew.torque import TorqueHistory, held

@@ -13,8 +13,8 @@ import numpy as np
 from boomctl.arrays import Array
 from boomctl.lti.rounding import ALIKE, SUMMED
 from boomctl.slew.dynamics import kind_of, rates_of
+from boomctl.slew.end_map import MOST_STEPS, STEP_SHARE, EndMap, end_map
 from boomctl.slew.least_time.arc_count import Overflows, counted
-from boomctl.slew.least_time.arcs import MOST_STEPS, STEP_SHARE, EndMap, end_map
 from boomctl.slew.plant import SlewPlant, plant_of
 from boomctl.slew.problem import SlewProblem, end_conditions
 from boomctl.slew.torque import TorqueHistory, bang_bang, held

@@ -13,7 +13,7 @@ from boomctl.progress import Listener, computing, tell
 from boomctl.slew.linear import guess_from, least_effort
 from boomctl.slew.nlp.programme import prepare
 from boomctl.slew.nlp.transcription import Scheme
-from boomctl.slew.problem import METHODS, Limits, slew_problem
+from boomctl.slew.problem import MESHES, METHODS, Limits, slew_problem
 from boomctl.slew.replay import played, prescribed_error
 from boomctl.slew.result import SlewError
 
@@ -97,7 +97,7 @@ def mesh_study(
     torque_limit: float,
     duration: float,
     schemes: tuple[tuple[str, int], ...] = (("shooting", 1), ("collocation", 2), ("radau", 2), ("collocation", 3)),
-    intervals: tuple[int, ...] = (50, 100, 200, 400, 800),
+    intervals: tuple[int, ...] = MESHES,
     *,
     progress: "Listener | None" = None,
 ) -> MeshStudy:

@@ -10,17 +10,13 @@ from boomctl.slew.linear import Guess, guess_from, least_effort
 from boomctl.slew.nlp.programme import Programme, Solution, prepare
 from boomctl.slew.nlp.transcription import Scheme
 from boomctl.slew.objectives import OBJECTIVES
-from boomctl.slew.problem import Limits, SlewProblem
+from boomctl.slew.problem import MESH_GAP, MESHES, ROUNDS, SlewProblem
 from boomctl.slew.replay import Motion, played, prescribed_error, violation
 from boomctl.slew.result import LimitsTooTight, SlewError
 from boomctl.slew.torque import TorqueHistory
 
-MESHES = (50, 100, 200, 400, 800)  # intervals, the coarsest and the finest a choice; each halves those before
-MESH_GAP = 1e-4  # relative change of the cost by a halved mesh that is accepted: what a user would see
 _TOO_MUCH = 0.05  # by which a coarse mesh may exceed a limit and a finer still keep it; a choice
 _SEARCH = 0.6  # share of the time in which meshes are refined; the rest is for a verified answer on a coarser one
-ROUNDS = 10  # solutions on a mesh at most, with a higher order or tighter limits each; a safeguard
-_TIGHTER, _AT_LEAST = 1.1, 1e-6  # by how many times an excess, and how much more, a limit is tightened
 _HIGHEST = 9  # collocation points, order 17 and more: beyond, a step is not what the replay finds in error; a choice
 _LONGER = 1.5  # times the linear part's least time: what a first guess takes within more limits than the torque's
 
@@ -197,22 +193,13 @@ def _solved(
                 break
             order, programme, before = 2 * order if problem.method == "shooting" else order + 1, None, guess
         elif worst > ALIKE:
-            limits, before = tightened(limits, excess), solution
+            limits, before = limits.tightened(excess), solution
         else:
             return programme, solution, motions
     raise SlewError(
         f"intervals = {intervals}: the replay misses the end by {missed:.1e} or exceeds a limit by "
         f"{worst:.1e}; expected {problem.tolerance:.1e}. More intervals may help"
     )
-
-
-def tightened(limits: Limits, excess: dict[str, float]) -> Limits:
-    """Limits beside the torque's, smaller where one is exceeded."""
-    smaller = {
-        kind: limit / (1.0 + _TIGHTER * excess[kind] + _AT_LEAST * (excess[kind] > 0.0))
-        for kind, limit in limits.beside_torque.items()
-    }
-    return replace(limits, **smaller)
 
 
 def solved_again(problem: SlewProblem, programme: Programme, before: Solution) -> tuple[Solution, tuple[Motion, ...]]:
@@ -225,5 +212,5 @@ def solved_again(problem: SlewProblem, programme: Programme, before: Solution) -
         worst = max((excess[kind] for kind in limits.beside_torque), default=0.0)
         if worst <= ALIKE:
             return before, motions
-        limits = tightened(limits, excess)
+        limits = limits.tightened(excess)
     raise SlewError(f"result: solved again on its mesh a limit is exceeded by {worst:.1e}; plan this one anew")

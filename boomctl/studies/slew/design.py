@@ -16,7 +16,7 @@ from boomctl.rotating_beam.manoeuvres import SpinUp
 from boomctl.slew.budget import SlewProgress
 from boomctl.slew.classical.comparison import SlewComparison, compare_slews
 from boomctl.slew.classical.tracking import TrackingResult, track
-from boomctl.slew.least_time.arcs import SwitchingCurve, switching_curve
+from boomctl.slew.least_time.switching_curve import SwitchingCurve, switching_curve
 from boomctl.slew.nlp.mesh_study import MeshStudy, mesh_study
 from boomctl.slew.optimal import TIME_LIMIT, optimal_slew
 from boomctl.slew.payloads import PayloadComparison, compare_payloads

@@ -15,7 +15,7 @@ from boomctl.report import Picture, Section, Table, number, power
 from boomctl.rotating_beam.assumed_modes import AssumedModesBeam
 from boomctl.slew.classical.comparison import SlewComparison
 from boomctl.slew.classical.tracking import TrackingResult
-from boomctl.slew.least_time.arcs import SwitchingCurve
+from boomctl.slew.least_time.switching_curve import SwitchingCurve
 from boomctl.slew.nlp.mesh_study import MeshStudy
 from boomctl.slew.payloads import PayloadComparison
 from boomctl.slew.problem import SlewProblem
