@@ -6,6 +6,7 @@ standard error or in a notebook, which goes away when the computation ends.  Whe
 A computation within another tells through the outer one, and :func:`tell` tells through the one under way, if any.
 """
 
+import math
 import os
 import sys
 import threading
@@ -52,6 +53,42 @@ class Progress:
         count = "" if self.done is None else f" {self.done}" if self.total is None else f" {self.done} of {self.total}"
         stage = f": {self.stage}" if self.stage else ""
         return f"{self.task}{stage}{count} ({self.seconds:.0f} s)"
+
+
+class OutOfTime(Exception):
+    """The time for a computation is over; the message says what was being done."""
+
+
+@dataclass(frozen=True, eq=False)
+class Deadline:
+    """Time for a computation, from when this is made.
+
+    Attributes
+    ----------
+    limit : float
+        s; infinite: none.
+    begun : float
+        Of the monotonic clock, s.
+    """
+
+    limit: float = math.inf
+    begun: float = field(default_factory=time.monotonic)
+
+    @property
+    def seconds(self) -> float:
+        """Since the computation began."""
+        return time.monotonic() - self.begun
+
+    @property
+    def over(self) -> bool:
+        """Whether no time is left."""
+        return self.seconds >= self.limit
+
+    def check(self, doing: str) -> None:
+        """Tell what is done, and raise `OutOfTime` if no time is left for it."""
+        tell(doing)
+        if self.over:
+            raise OutOfTime(doing)
 
 
 Listener = Callable[[Progress], object]

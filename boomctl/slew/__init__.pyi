@@ -1,6 +1,5 @@
 # The public names and where each is defined: `__init__.py` loads them from there when they are first used.
 
-from boomctl.slew.budget import SlewProgress as SlewProgress
 from boomctl.slew.classical.comparison import SlewComparison as SlewComparison
 from boomctl.slew.classical.comparison import SlewLine as SlewLine
 from boomctl.slew.classical.comparison import compare_slews as compare_slews
@@ -10,6 +9,7 @@ from boomctl.slew.classical.shapers import classical_torque as classical_torque
 from boomctl.slew.classical.shapers import shaper as shaper
 from boomctl.slew.classical.tracking import TrackingResult as TrackingResult
 from boomctl.slew.classical.tracking import track as track
+from boomctl.slew.deadline import SlewProgress as SlewProgress
 from boomctl.slew.least_time.switching_curve import SwitchingCurve as SwitchingCurve
 from boomctl.slew.least_time.switching_curve import switching_curve as switching_curve
 from boomctl.slew.nlp.mesh_study import MeshStudy as MeshStudy

@@ -180,7 +180,7 @@ class EndMap:
         u, h, m = steps.u, steps.h, self.rows.shape[0]
         end, by_torque, by_width, motions = np.zeros(m), np.zeros((m, u.size)), np.zeros((m, u.size)), []
         for stepper, (plant, own) in zip(self._steppers, self.problem.parts, strict=True):
-            self.problem.budget.spend(f"sensitivity of the end to {u.size} steps")
+            self.problem.deadline.check(f"sensitivity of the end to {u.size} steps")
             z, jacobians = stepper.linearised(self.problem.start[own], u, h)
             after = _carried_back(jacobians, self.rows[:, own])
             end += self.rows[:, own] @ z[:, -1]
@@ -196,7 +196,7 @@ class EndMap:
         parts = zip(self._steppers, self.problem.parts, found.motions, strict=True)
         for stepper, (plant, own), (z, jacobians) in parts:
             n = plant.n
-            self.problem.budget.spend(f"curvature of the end over {u.size} steps")
+            self.problem.deadline.check(f"curvature of the end over {u.size} steps")
             after = _carried_back(jacobians, weights[None, :] @ self.rows[:, own])[:, 0, :]
             shifted = np.zeros((u.size, n + 1, moved.shape[1]))
             shifted[:, n, :] = moved

@@ -30,8 +30,8 @@ from boomctl.checks import positive, real
 from boomctl.lti.rounding import ALIKE, SUMMED
 from boomctl.lti.system import is_statespace
 from boomctl.printing import compact
-from boomctl.progress import computing, tell
-from boomctl.slew.budget import Budget, OutOfTime, SlewProgress, listening
+from boomctl.progress import OutOfTime, computing, tell
+from boomctl.slew.deadline import SlewDeadline, SlewProgress, listening
 from boomctl.slew.effort import effort_on_mesh
 from boomctl.slew.least_time.arc_count import arcs_behind
 from boomctl.slew.least_time.newton import least_time_arcs
@@ -264,7 +264,7 @@ def optimal_slew(
     >>> round(slew.duration, 4), slew.certificate.switches, slew.certificate.optimality
     (2.0, 1, 'proved')
     """
-    budget = _budget(time_limit, progress)
+    deadline = _deadline(time_limit, progress)
     if torque_limit is None:
         raise TypeError("torque_limit: expected the largest torque [N m], got none")
     problem = slew_problem(
@@ -280,9 +280,9 @@ def optimal_slew(
         method=method,
         tolerance=tolerance,
         intervals=intervals,
-        budget=budget,
+        deadline=deadline,
     )
-    with computing("optimal slew"), _in_time(budget):
+    with computing("optimal slew"), _in_time(deadline):
         return _planned(problem)
 
 
@@ -325,22 +325,22 @@ def _planned(problem: SlewProblem) -> SlewResult:
     return _certified(problem, replace(found, path=path))
 
 
-def _budget(time_limit: float, progress: Callable[[SlewProgress], object] | None) -> Budget:
+def _deadline(time_limit: float, progress: Callable[[SlewProgress], object] | None) -> SlewDeadline:
     """Check what bounds a search and who is told of it: by default those who listen to computations."""
     if progress is not None and not callable(progress):
         raise TypeError(f"progress = {progress!r}: expected a function of a SlewProgress, or None")
-    return Budget(positive("time_limit", time_limit), progress or (lambda seen: tell(seen.stage)))
+    return SlewDeadline(positive("time_limit", time_limit), tell=progress or (lambda seen: tell(seen.stage)))
 
 
 @contextmanager
-def _in_time(budget: Budget) -> Iterator[None]:
+def _in_time(deadline: SlewDeadline) -> Iterator[None]:
     """Turn the end of the time into words."""
     try:
-        with listening(budget):
+        with listening(deadline):
             yield
     except OutOfTime as over:
         raise SlewError(
-            f"time_limit = {budget.limit:g} s: over before there was a slew that the replay confirms; reached: {over}. "
+            f"time_limit = {deadline.limit:g} s: over before there was a slew that the replay confirms; reached: {over}. "
             "Expected more time, fewer modes or payloads, or a larger tolerance"
         ) from None
 
@@ -399,11 +399,11 @@ def resolve(
     before = result.plan
     if before is None:
         raise ValueError("result: expected a slew that optimal_slew planned; plan this one anew")
-    budget = _budget(time_limit, progress)
+    deadline = _deadline(time_limit, progress)
     if angle is not None or angle_deg is not None:
         angle = _turned(before.problem.linear, ... if angle is None else angle, angle_deg)
-    problem = replace(changed(before.problem, angle, torque_limit), budget=budget)
-    with computing("slew"), _in_time(budget):
+    problem = replace(changed(before.problem, angle, torque_limit), deadline=deadline)
+    with computing("slew"), _in_time(deadline):
         if before.programme is None or before.solution is None:
             return _planned(problem)
         solution, motions = solved_again(problem, before.programme, before.solution)
@@ -424,7 +424,7 @@ def resolve(
 
 def _certified(problem: SlewProblem, found: _Candidate) -> SlewResult:
     """Play a torque back, unless it was, judge it, and put the result together."""
-    history, problem = found.history, replace(problem, budget=Budget())  # what is kept of it tells nobody
+    history, problem = found.history, replace(problem, deadline=SlewDeadline())  # what is kept of it tells nobody
     motions = played(problem, history) if found.motions is None else found.motions
     error, free = prescribed_error(problem, motions), free_errors(problem, motions)
     excess, whole = violation(problem, history, motions), max(error, *free.values(), 0.0)

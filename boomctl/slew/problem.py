@@ -17,7 +17,7 @@ from boomctl.arrays import Array
 from boomctl.checks import exactly, finite_array, from_on, known, nonnegative, positive, real, sequence, whole
 from boomctl.lti.rounding import ALIKE
 from boomctl.printing import compact
-from boomctl.slew.budget import Budget
+from boomctl.slew.deadline import SlewDeadline
 from boomctl.slew.objectives import OBJECTIVES
 from boomctl.slew.plant import LABELS, SlewPlant, is_machine, plant_of
 from boomctl.slew.result import SlewError
@@ -115,7 +115,7 @@ class SlewProblem:
     intervals : int or None
     tip_masses : tuple of float
         Of the other payloads, kg.
-    budget : Budget
+    deadline : SlewDeadline
         How long it may be sought, and who is told.
     """
 
@@ -133,7 +133,7 @@ class SlewProblem:
     tolerance: float
     intervals: int | None
     tip_masses: tuple[float, ...] = ()
-    budget: Budget = field(default_factory=Budget)
+    deadline: SlewDeadline = field(default_factory=SlewDeadline)
 
     __repr__ = compact
 
@@ -211,7 +211,7 @@ def slew_problem(
     method: str = "collocation",
     tolerance: float = 1e-6,
     intervals: int | None = None,
-    budget: Budget | None = None,
+    deadline: SlewDeadline | None = None,
 ) -> SlewProblem:
     """Check and put together what is asked; the arguments are those of `optimal_slew`."""
     known("objective", objective, OBJECTIVES)
@@ -246,7 +246,7 @@ def slew_problem(
         tolerance=positive("tolerance", tolerance),
         intervals=None if intervals is None else whole("intervals", intervals, 4),
         tip_masses=masses,
-        budget=Budget() if budget is None else budget,
+        deadline=SlewDeadline() if deadline is None else deadline,
     )
     _refuse(problem)
     return problem

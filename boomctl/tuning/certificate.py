@@ -9,8 +9,9 @@ from boomctl.analysis.h2 import matrices_h2_norm
 from boomctl.analysis.norm import NormCertificate, matrices_norm
 from boomctl.lti.modal import sides
 from boomctl.lti.system import ClosedLoop, Lti, lower_lft
+from boomctl.progress import Deadline
 from boomctl.synthesis.assumptions import SynthesisError
-from boomctl.synthesis.hinf.bounds import REFUTED, Deadline
+from boomctl.synthesis.hinf.bounds import REFUTED
 from boomctl.synthesis.hinf.full_order import full_order_bound
 from boomctl.synthesis.lq.h2 import h2
 from boomctl.synthesis.plants.channels import Channel, channel_of, places
@@ -116,7 +117,7 @@ def _bound(plant: GeneralizedPlant, channel: Channel, limit: float) -> float:
         return h2(plant.system.statespace("P"), plant.nmeas, plant.ncon).optimum
     if not (plant.nmeas and plant.ncon):
         raise SynthesisError("there is no controller")
-    found = full_order_bound(plant, Deadline.after(limit))
+    found = full_order_bound(plant, Deadline(limit))
     if found.lower == 0.0 and found.told:
         raise SynthesisError(found.told)
     return found.lower

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import boomctl as bc
-from boomctl.synthesis.hinf.bounds import Deadline
+from boomctl.progress import Deadline
 from boomctl.synthesis.hinf.full_order import full_order_bound
 from boomctl.synthesis.plants.partition import partition
 from tests.profiles import examples
@@ -16,7 +16,7 @@ ROUNDING = 1e-6  # relative: norms are certified to as much
 
 
 def bound(P, nmeas, ncon):
-    return full_order_bound(partition(P, nmeas, ncon), Deadline.after(20.0))
+    return full_order_bound(partition(P, nmeas, ncon), Deadline(20.0))
 
 
 def plant(rng, n, nw, nmeas, noise=0.0, ncon=1, weight=1.0):

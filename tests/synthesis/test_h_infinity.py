@@ -12,7 +12,8 @@ from numpy.testing import assert_allclose
 from scipy import linalg
 
 import boomctl as bc
-from boomctl.synthesis.hinf.bounds import Bounds, Deadline, frequency_bound, lowest_level
+from boomctl.progress import Deadline
+from boomctl.synthesis.hinf.bounds import Bounds, frequency_bound, lowest_level
 from boomctl.synthesis.hinf.normal_form import normalised
 from boomctl.synthesis.plants.partition import partition
 from tests.profiles import examples
@@ -234,8 +235,8 @@ def test_the_frequency_bound_holds_with_any_feedback():
 def test_the_lowest_level_is_as_close_to_its_bound_as_asked_for(seed, n, sizes, tolerance):
     """What reaches it stabilises at that level, and the bounds of two tolerances do not contradict each other."""
     ready = normalised(partition(random_plant(seed, n, sizes, False), sizes[3], sizes[2]))
-    loose, level = lowest_level(ready, tolerance, Deadline.after(60.0))
-    tight, _ = lowest_level(ready, 1e-5, Deadline.after(60.0))
+    loose, level = lowest_level(ready, tolerance, Deadline(60.0))
+    tight, _ = lowest_level(ready, 1e-5, Deadline(60.0))
     assert (level.gamma, level.reason) == (loose.reached, "")
     assert level.radius < level.gamma
     assert loose.lower <= tight.reached * (1.0 + 1e-6)

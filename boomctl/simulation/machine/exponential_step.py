@@ -26,13 +26,13 @@ _TERMS = 9  # of that series: 1 / 19! = 8e-18 is left out where the angle is 1
 
 
 def exponential_step(
-    rest: casadi.Function, omega: Array, h: float, z: casadi.SX, first: casadi.SX, last: casadi.SX
+    remainder: casadi.Function, omega: Array, h: float, z: casadi.SX, first: casadi.SX, last: casadi.SX
 ) -> casadi.SX:
     """Return modal coordinates and rates after a step.
 
     Parameters
     ----------
-    rest : casadi.Function
+    remainder : casadi.Function
         ``(z, u) -> r``.
     omega : ndarray, m
         Frequencies, rad/s.
@@ -54,11 +54,11 @@ def exponential_step(
         free = ca.vertcat(cosine * place + sine * rate, cosine * rate - ca.DM(omega**2) * sine * place)
         return free, pushing(c, duration)
 
-    return krogstad(lambda at, stage: rest(at, given[stage]), z, motion(0.5 * h), motion(h))
+    return krogstad(lambda at, stage: remainder(at, given[stage]), z, motion(0.5 * h), motion(h))
 
 
 def krogstad(
-    rest: Callable[[casadi.SX, int], casadi.SX],
+    remainder: Callable[[casadi.SX, int], casadi.SX],
     z: casadi.SX,
     half: tuple[casadi.SX, Pushed],
     whole: tuple[casadi.SX, Pushed],
@@ -67,7 +67,7 @@ def krogstad(
 
     Parameters
     ----------
-    rest : function of a state and 0, 1 or 2
+    remainder : function of a state and 0, 1 or 2
         What the exact motion leaves out of the accelerations at the beginning, the middle or the end of the step.
     z : casadi.SX
         The state at the beginning.
@@ -75,12 +75,12 @@ def krogstad(
         The state after half a step and after a whole one by the exact motion alone, and `pushing` over that time.
     """
     (at, pushed), (end, thrust) = half, whole
-    n1 = rest(z, 0)
+    n1 = remainder(z, 0)
     at += pushed(0, n1)
-    n2 = rest(at, 1)
-    n3 = rest(at + 2.0 * pushed(1, n2 - n1), 1)
+    n2 = remainder(at, 1)
+    n3 = remainder(at + 2.0 * pushed(1, n2 - n1), 1)
     end += thrust(0, n1)
-    n4 = rest(end + 2.0 * thrust(1, n3 - n1), 2)
+    n4 = remainder(end + 2.0 * thrust(1, n3 - n1), 2)
     both = n2 + n3
     return end + thrust(1, 2.0 * both - 3.0 * n1 - n4) + thrust(2, 2.0 * (n1 + n4 - both))
 

@@ -31,7 +31,7 @@ def counted(ends: EndMap, first: TorqueHistory, intervals: int) -> TorqueHistory
     values = first.means(np.linspace(0.0, duration, intervals + 1)) / limit
     parts = max(1, int(np.ceil(duration * ends.step_frequency / intervals / _STEP)))
     for _ in range(_TURNS):
-        ends.problem.budget.spend(f"counting arcs on {intervals} intervals")
+        ends.problem.deadline.check(f"counting arcs on {intervals} intervals")
         count = intervals * parts
         steps = Steps(np.repeat(values * limit, parts), np.full(count, duration / count), np.zeros((count, 0)))
         found = ends.sensitivity(steps)

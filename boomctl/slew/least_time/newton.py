@@ -180,7 +180,7 @@ def _corrected(ends: EndMap, found: _Arcs, finer: int) -> tuple[_Arcs | None, fl
     """Lead to the end with finer steps by the derivatives of the coarser; None if they do not; the defect at first."""
     counts, d, errors = finer * _counts(ends, found.durations), found.durations, []
     for _ in range(_CHORDS):
-        ends.problem.budget.spend(f"durations of {d.size} arcs in {counts.sum()} steps", float(d.sum()))
+        ends.problem.deadline.check(f"durations of {d.size} arcs in {counts.sum()} steps", float(d.sum()))
         defect = ends.defect(ends.steps(found.sign, d, counts))
         errors.append(float(np.abs(defect).max()))
         d = d - np.linalg.lstsq(found.slope, defect, rcond=None)[0]
@@ -220,7 +220,7 @@ def _newton(ends: EndMap, found: _Arcs, counts: Array) -> _Arcs | None:
     size, before, total, count = np.inf, np.inf, float(found.durations.sum()), found.durations.size
     least, patience = np.inf, _PATIENCE
     for _ in range(_NEWTON):
-        ends.problem.budget.spend(f"durations of {count} arcs in {counts.sum()} steps", total)
+        ends.problem.deadline.check(f"durations of {count} arcs in {counts.sum()} steps", total)
         reached = ends.sensitivity(ends.steps(found.sign, found.durations, counts))
         defect, slope = reached.end - ends.target, reached.by_duration
         patience = _PATIENCE if np.abs(defect).max() < _NEARER * least else patience - 1

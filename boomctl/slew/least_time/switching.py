@@ -303,7 +303,7 @@ def _grid_system(problem: SlewProblem, duration: float, intervals: int) -> tuple
 
 def _least_peak(problem: SlewProblem, duration: float, intervals: int) -> tuple[float, Array, Array]:
     """Least peak of the torque over its limit, the torque over its limit, and the costate, for a given time."""
-    problem.budget.spend(f"switching times of the linear part on {intervals} intervals")
+    problem.deadline.check(f"switching times of the linear part on {intervals} intervals")
     system = _grid_system(problem, duration, intervals)
     if system is None:
         raise SlewError("torque_limit: no torque within it leads to the end state before the motion overflows")
@@ -390,7 +390,7 @@ def _newton(problem: SlewProblem, first: Extremal) -> Extremal | None:
     best, size, missed = None, np.inf, np.inf
     reached = max(float(np.abs(ends @ problem.target).max()), float(np.abs(ends @ problem.start).max()))
     for _ in range(_NEWTON):
-        problem.budget.spend(f"{found.switches.size} switching times of the linear part", found.duration)
+        problem.deadline.check(f"{found.switches.size} switching times of the linear part", found.duration)
         residual, slope = _conditions(problem, found, weights)
         move = _least_squares(slope, -residual, 1e-14)
         count = found.switches.size

@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.slew.budget import Budget, Watch, solved
+from boomctl.slew.deadline import SlewDeadline, Watch, solved
 from boomctl.slew.nlp.transcription import Transcription
 from boomctl.slew.problem import AT_LIMIT
 
@@ -64,7 +64,11 @@ class Relaxed:
 
 
 def relaxed(
-    t: Transcription, arguments: dict[str, Array], limits: dict[str, float], duration: float | None, budget: Budget
+    t: Transcription,
+    arguments: dict[str, Array],
+    limits: dict[str, float],
+    duration: float | None,
+    deadline: SlewDeadline,
 ) -> Relaxed | None:
     """Solve with limits that give.
 
@@ -77,7 +81,7 @@ def relaxed(
         By kind, the torque's first.
     duration : float or None
         s; None if free.
-    budget : Budget
+    deadline : SlewDeadline
 
     Returns
     -------
@@ -109,7 +113,7 @@ def relaxed(
         "lbg": np.append(arguments["lbg"], np.full(rows, -np.inf)),
         "ubg": np.append(arguments["ubg"], np.zeros(rows)),
     }
-    raw = solved(solver, watch, data, budget, f"which limits are too tight, on {t.scheme.intervals} intervals")
+    raw = solved(solver, watch, data, deadline, f"which limits are too tight, on {t.scheme.intervals} intervals")
     found, g = np.array(raw["x"]).ravel(), np.array(raw["g"]).ravel()
     high, low = arguments["ubg"], arguments["lbg"]
     equal = np.flatnonzero(high == low)

@@ -13,7 +13,7 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.printing import compact
-from boomctl.slew.budget import Watch, solved
+from boomctl.slew.deadline import Watch, solved
 from boomctl.slew.linear import Guess
 from boomctl.slew.nlp.diagnosis import Relaxed, relaxed
 from boomctl.slew.nlp.interval import Units
@@ -112,7 +112,7 @@ class Programme:
         scheme = self.transcription.scheme
         unit = OBJECTIVES[scheme.objective].unit(self.transcription.units)
         stage = f"{scheme.method} of order {scheme.order} on {scheme.intervals} intervals"
-        return solved(self.solver, self.watch, arguments, problem.budget, stage, unit)
+        return solved(self.solver, self.watch, arguments, problem.deadline, stage, unit)
 
     def _bounds(self, problem: SlewProblem, limits: Limits) -> dict[str, Array]:
         """Data, and bounds of unknowns and conditions."""
@@ -151,7 +151,7 @@ class Programme:
     def _again(self, problem: SlewProblem, arguments: dict[str, Array], raw: dict[str, Any]) -> dict[str, Any]:
         """Let the limits give: where none has to, start from what that finds; else say which gives, when and how much."""
         limits = problem.limits.given
-        found = relaxed(self.transcription, arguments, limits, problem.duration, problem.budget)
+        found = relaxed(self.transcription, arguments, limits, problem.duration, problem.deadline)
         if found is None:
             raise SlewError(self._failure(problem, raw, arguments["lbg"], arguments["ubg"]))
         if found.excesses:

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from boomctl.lti.rounding import ALIKE
-from boomctl.slew.budget import OutOfTime
+from boomctl.progress import OutOfTime
 from boomctl.slew.linear import Guess, guess_from, least_effort
 from boomctl.slew.nlp.programme import Programme, Solution, prepare
 from boomctl.slew.nlp.transcription import Scheme
@@ -93,10 +93,10 @@ def refined(problem: SlewProblem, least: TorqueHistory | None) -> Refined:
 def _on_finer_meshes(problem: SlewProblem, least: TorqueHistory | None, best: list[Refined]) -> Refined:
     """Solve on finer and finer meshes; all that is solved on the way is entered in `best`."""
     cost, failure, before, path, coarser = np.inf, SlewError("no mesh was tried"), np.inf, (), None
-    whole = problem.budget
+    whole = problem.deadline
     for intervals in MESHES:
         if best:  # there is something to fall back on
-            problem = replace(problem, budget=replace(whole, limit=_SEARCH * whole.limit))
+            problem = replace(problem, deadline=replace(whole, limit=_SEARCH * whole.limit))
         last, path = intervals == MESHES[-1], (*path, f"{problem.method} on {intervals} intervals")
         try:
             guess = _guess(problem, least, coarser, intervals)

@@ -13,9 +13,9 @@ from boomctl.printing import compact
 from boomctl.report import Section
 from boomctl.rotating_beam.assumed_modes import AssumedModesBeam
 from boomctl.rotating_beam.manoeuvres import SpinUp
-from boomctl.slew.budget import SlewProgress
 from boomctl.slew.classical.comparison import SlewComparison, compare_slews
 from boomctl.slew.classical.tracking import TrackingResult, track
+from boomctl.slew.deadline import SlewProgress
 from boomctl.slew.least_time.switching_curve import SwitchingCurve, switching_curve
 from boomctl.slew.nlp.mesh_study import MeshStudy, mesh_study
 from boomctl.slew.optimal import TIME_LIMIT, optimal_slew

@@ -8,7 +8,6 @@ so that an undamped mode does no harm to the digits.  Where rounding leaves the 
 holds nevertheless.
 """
 
-import time
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,7 +18,7 @@ from boomctl.lti.modal import partial_fractions
 from boomctl.lti.rounding import TINY
 from boomctl.lti.system import Lti
 from boomctl.printing import compact
-from boomctl.progress import tell
+from boomctl.progress import Deadline
 from boomctl.synthesis.assumptions import SynthesisError
 from boomctl.synthesis.hinf.normal_form import NormalizedPlant
 from boomctl.synthesis.hinf.two_riccati import COUPLING, Level, gains, level_of
@@ -39,25 +38,6 @@ _ABOVE = 1e-3  # how far above the radius of a level that only the coupling refu
 REFUTED = (
     1e-6  # a verified norm below a bound by more than this share refutes it: a tenth of what norms are certified to
 )
-
-
-@dataclass(frozen=True)
-class Deadline:
-    """A moment at which a computation gives up."""
-
-    limit: float
-    end: float
-
-    @classmethod
-    def after(cls, limit: float) -> "Deadline":
-        """Return the moment ``limit`` seconds from now."""
-        return cls(limit, time.monotonic() + limit)
-
-    def check(self, doing: str) -> None:
-        """Tell what is done, and raise :class:`SynthesisError` if no time is left for it."""
-        tell(doing)
-        if time.monotonic() >= self.end:
-            raise SynthesisError(f"the time limit of {self.limit:g} s ran out while {doing}; no controller is returned")
 
 
 @dataclass(frozen=True)
@@ -131,7 +111,9 @@ def lowest_level(
     Raises
     ------
     SynthesisError
-        Not even the H2 Riccati equations could be solved; no level can be reached; out of time.
+        Not even the H2 Riccati equations could be solved; no level can be reached.
+    OutOfTime
+        There was no time left for it.
     """
     relaxed = level_of(ready, np.inf)
     if relaxed.X is None or relaxed.Y is None:

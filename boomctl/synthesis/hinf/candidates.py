@@ -8,9 +8,11 @@ import numpy as np
 
 from boomctl.analysis.norm import NormCertificate, matrices_norm
 from boomctl.lti.modal import split
+from boomctl.lti.rounding import SOLVED
 from boomctl.lti.system import ClosedLoop, Lti, rates_of
+from boomctl.progress import Deadline
 from boomctl.synthesis.assumptions import SynthesisError
-from boomctl.synthesis.hinf.bounds import CLOSEST, Bounds, Deadline
+from boomctl.synthesis.hinf.bounds import CLOSEST, Bounds
 from boomctl.synthesis.hinf.normal_form import NormalizedPlant
 from boomctl.synthesis.hinf.two_riccati import Level, level_of, suboptimal_controller
 from boomctl.synthesis.plants.partition import GeneralizedPlant, with_feedthrough
@@ -65,6 +67,8 @@ def first_accepted(task: Task, strict: bool) -> Candidate:
     ------
     SynthesisError
         No controller passes; why each was rejected is told.
+    OutOfTime
+        There was no time left for another one.
     """
     tried: list[_Tried] = []
     t = task.tolerance
@@ -127,8 +131,8 @@ def _controllers(task: Task, level: float, tried: list[_Tried]) -> Iterator[tupl
         task.deadline.check(f"computing a controller for gamma = {level:.6g}")
         outward, inward = ready.from_controls, ready.from_measurements
         try:
-            # to the last bit: the first level is computed alike where the lowest one is sought; else it is solved anew
-            known = level == task.reached.gamma and ready is task.ready
+            # the first level tried is often the one that was reached
+            known = ready is task.ready and abs(level / task.reached.gamma - 1.0) <= SOLVED
             found = task.reached if known else level_of(ready, level)
             if found.reason:
                 raise ValueError(found.reason)

@@ -17,8 +17,9 @@ from scipy import linalg
 from boomctl.arrays import Array
 from boomctl.lti.rounding import ALIKE
 from boomctl.lti.system import Lti
+from boomctl.progress import Deadline, OutOfTime
 from boomctl.synthesis.assumptions import SynthesisError
-from boomctl.synthesis.hinf.bounds import Deadline, lowest_level
+from boomctl.synthesis.hinf.bounds import lowest_level
 from boomctl.synthesis.hinf.normal_form import normalised
 from boomctl.synthesis.plants.partition import GeneralizedPlant
 
@@ -65,6 +66,8 @@ def full_order_bound(plant: GeneralizedPlant, deadline: Deadline) -> FullOrderBo
             measured, seen = _noisy(_shifted(plant, shift))
             weighed, moved = _noisy(measured.dual)
             bounds, _ = lowest_level(normalised(weighed.dual), _TOLERANCE, deadline)
+        except OutOfTime as over:
+            return FullOrderBound(0.0, f"the time ran out while {over}")
         except _FAILED as error:
             reason = reason or " ".join(str(error).split())
             continue

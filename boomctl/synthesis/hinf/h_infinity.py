@@ -16,11 +16,11 @@ from boomctl.lti.bilinear import continuous_image, discrete_image, omega_of_imag
 from boomctl.lti.modal import sides
 from boomctl.lti.system import ClosedLoop, Lti, rates_of
 from boomctl.printing import system
-from boomctl.progress import Listener, computing
+from boomctl.progress import Deadline, Listener, OutOfTime, computing
 from boomctl.reduction.result import ReductionResult
 from boomctl.synthesis.assumptions import SynthesisError, check_modes, check_ranks, check_zeros
 from boomctl.synthesis.certificate import DesignCertificate
-from boomctl.synthesis.hinf.bounds import Bounds, Deadline, lowest_level
+from boomctl.synthesis.hinf.bounds import Bounds, lowest_level
 from boomctl.synthesis.hinf.candidates import Candidate, Task, first_accepted, largest_pole
 from boomctl.synthesis.hinf.normal_form import normalised
 from boomctl.synthesis.plants.full_plant import ReducedPlant, judged_on_full_plant, origin_of
@@ -192,22 +192,26 @@ def h_infinity(
     check_modes(plant, ready)
     check_zeros(plant, ready)
     with computing("H-infinity synthesis", progress):
-        deadline = Deadline.after(limit)
-        bounds, reached = lowest_level(ready, share, deadline, wanted)
-        if wanted is not None and wanted < bounds.lower:
-            raise SynthesisError(f"gamma = {wanted:.6g} cannot be reached: {bounds.why}")
-        fastest = allowed if allowed is not None else (_BAND * bounds.band or np.inf)
-        task = Task(
-            plant=plant,
-            ready=ready,
-            bounds=bounds,
-            reached=reached,
-            fastest=fastest,
-            tolerance=share,
-            deadline=deadline,
-            wanted=wanted,
-        )
-        found = first_accepted(task, strict=allowed is not None)
+        deadline = Deadline(limit)
+        try:
+            bounds, reached = lowest_level(ready, share, deadline, wanted)
+            if wanted is not None and wanted < bounds.lower:
+                raise SynthesisError(f"gamma = {wanted:.6g} cannot be reached: {bounds.why}")
+            task = Task(
+                plant=plant,
+                ready=ready,
+                bounds=bounds,
+                reached=reached,
+                fastest=allowed if allowed is not None else (_BAND * bounds.band or np.inf),
+                tolerance=share,
+                deadline=deadline,
+                wanted=wanted,
+            )
+            found = first_accepted(task, strict=allowed is not None)
+        except OutOfTime as over:
+            raise SynthesisError(
+                f"the time limit of {limit:g} s ran out while {over}; no controller is returned"
+            ) from None
         if discrete:
             return _on_circle(given, _result(task, found, None), origin_of(P))
         return _result(task, found, origin_of(P))

@@ -7,7 +7,7 @@ from scipy import io
 from boomctl.lab.benchmark.references import plants
 from boomctl.lab.benchmark.references.plants import plant, plant_names
 from boomctl.lab.benchmark.scenes.tuning import GOALS
-from boomctl.synthesis.hinf.bounds import Deadline
+from boomctl.progress import Deadline
 from boomctl.synthesis.hinf.full_order import full_order_bound
 from boomctl.synthesis.plants.partition import partition
 from tests.test_collections import KEYS, gym_folder, gym_names
@@ -66,7 +66,7 @@ def test_the_rod_conducts_all_heat_in_the_end():
 @pytest.mark.parametrize("name", FULL_ORDER)
 def test_bounds_of_all_orders_are_the_published_ones(name):
     found = plant(name)
-    bound = full_order_bound(partition(found.P, found.nmeas, found.ncon), Deadline.after(20.0))
+    bound = full_order_bound(partition(found.P, found.nmeas, found.ncon), Deadline(20.0))
     assert bound.lower == pytest.approx(FULL_ORDER[name], rel=1e-4)
 
 

@@ -17,7 +17,7 @@ from boomctl.lab.benchmark.promise import Promise, Who, number, seconds
 from boomctl.lab.benchmark.references.plants import plant, plant_names
 from boomctl.lab.benchmark.scene import Extent, Scene, Setting
 from boomctl.lti.rounding import LEVEL
-from boomctl.synthesis.hinf.bounds import Deadline
+from boomctl.progress import Deadline
 from boomctl.synthesis.hinf.full_order import full_order_bound
 from boomctl.synthesis.plants.partition import close_loop, partition
 from boomctl.tuning.parts import makers as tunable
@@ -183,7 +183,7 @@ def tuned(goal: Goal, starts: int, change: float = 0.0) -> Tuned:
 def _bound(name: str) -> float:
     """Return what no controller of any order beats."""
     p = plant(name)
-    return full_order_bound(partition(p.P, p.nmeas, p.ncon), Deadline.after(_BOUND_PATIENCE)).lower
+    return full_order_bound(partition(p.P, p.nmeas, p.ncon), Deadline(_BOUND_PATIENCE)).lower
 
 
 def designs(extent: Extent) -> Scene:

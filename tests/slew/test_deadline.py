@@ -15,8 +15,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import boomctl as bc
+from boomctl.progress import OutOfTime
 from boomctl.slew import SlewProgress, TorqueHistory, resolve
-from boomctl.slew.budget import Budget, OutOfTime, Watch, solved
+from boomctl.slew.deadline import SlewDeadline, Watch, solved
 from boomctl.slew.linear import guess_from, least_effort
 from boomctl.slew.nlp import refinement
 from boomctl.slew.nlp.programme import prepare
@@ -98,7 +99,7 @@ def test_an_iteration_that_takes_long_does_not_outlast_the_time(limit):
     begun = time.monotonic()
     try:
         with pytest.raises(OutOfTime, match="a long one"):
-            solved(lambda **_: freed.wait(20.0), watch, {"lbg": none, "ubg": none}, Budget(limit), "a long one")
+            solved(lambda **_: freed.wait(20.0), watch, {"lbg": none, "ubg": none}, SlewDeadline(limit), "a long one")
         assert limit < time.monotonic() - begun < limit + 3.0
         assert watch.stop
     finally:
@@ -107,11 +108,11 @@ def test_an_iteration_that_takes_long_does_not_outlast_the_time(limit):
 
 @pytest.mark.slow
 def test_all_the_time_is_for_the_first_slew_and_a_share_for_finer_ones(monkeypatch):
-    problem = slew_problem(sfoam(1), 1.0, Limits(200.0), "effort", 4.0, budget=Budget(1000.0))
+    problem = slew_problem(sfoam(1), 1.0, Limits(200.0), "effort", 4.0, deadline=SlewDeadline(1000.0))
     limits = []
 
     def noted(problem, guess, intervals, rough=False, order=None):
-        limits.append(problem.budget.limit)
+        limits.append(problem.deadline.limit)
         if len(limits) < 3:
             raise bc.SlewError("no slew on so coarse a mesh")
         return once(problem, guess, intervals, rough, order)

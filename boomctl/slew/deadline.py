@@ -6,7 +6,6 @@ tells of progress, and hears an interrupt at once. The solver is asked to stop a
 
 import signal
 import threading
-import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -17,6 +16,7 @@ import casadi as ca
 import numpy as np
 
 from boomctl.arrays import Array
+from boomctl.progress import Deadline, OutOfTime
 
 THREAD = "boomctl-slew"  # name of the threads in which solvers run
 _POLL = 0.05  # [s] between two looks at clock and progress: a tenth of what a user notices
@@ -57,43 +57,28 @@ class SlewProgress:
     violation: float | None
 
 
-class OutOfTime(Exception):
-    """The time limit is over; the message says what was being done."""
-
-
 @dataclass(frozen=True, eq=False)
-class Budget:
-    """Time for a search, and who is told of it.
+class SlewDeadline(Deadline):
+    """Time for the search for a slew, who is told of it, and whether it is interrupted.
 
     Attributes
     ----------
-    limit : float
-        s; infinite: none.
     tell : callable or None
         Told a `SlewProgress`.
-    begun : float
-        Of the monotonic clock, s.
     heard : list
         Interrupts since the search began; see `listening`.
     """
 
-    limit: float = np.inf
     tell: Callable[[SlewProgress], object] | None = None
-    begun: float = field(default_factory=time.monotonic)
     heard: list[int] = field(default_factory=list)
 
-    @property
-    def seconds(self) -> float:
-        """Since the search began."""
-        return time.monotonic() - self.begun
-
-    def spend(self, stage: str, objective: float | None = None) -> None:
+    def check(self, doing: str, objective: float | None = None) -> None:
         """Tell what is done; or raise `OutOfTime`, or `KeyboardInterrupt` if one was heard."""
         self.obey()
         if self.tell is not None:
-            self.tell(SlewProgress(stage, self.seconds, objective, None))
-        if self.seconds > self.limit:
-            raise OutOfTime(stage)
+            self.tell(SlewProgress(doing, self.seconds, objective, None))
+        if self.over:
+            raise OutOfTime(doing)
 
     def obey(self) -> None:
         """Raise `KeyboardInterrupt` if an interrupt was heard."""
@@ -102,7 +87,7 @@ class Budget:
 
 
 @contextmanager
-def listening(budget: Budget) -> Iterator[None]:
+def listening(deadline: SlewDeadline) -> Iterator[None]:
     """Note interrupts, so that the search obeys them between its steps; a second one is obeyed wherever it comes.
 
     Within a call of CasADi Python's own handler raises where CasADi takes it for a wrong argument, or swallows it.
@@ -113,8 +98,8 @@ def listening(budget: Budget) -> Iterator[None]:
         return
 
     def hear(number: int, frame: Any) -> None:
-        budget.heard.append(number)
-        if len(budget.heard) > 1:
+        deadline.heard.append(number)
+        if len(deadline.heard) > 1:
             before(number, frame)
 
     signal.signal(signal.SIGINT, hear)
@@ -122,7 +107,7 @@ def listening(budget: Budget) -> Iterator[None]:
         yield
     finally:
         signal.signal(signal.SIGINT, before)
-        if budget.heard:
+        if deadline.heard:
             before(signal.SIGINT, None)
 
 
@@ -164,9 +149,9 @@ class Watch(ca.Callback):
 
 
 def solved(
-    solver: Any, watch: Watch, arguments: dict[str, Array], budget: Budget, stage: str, unit: float = 1.0
+    solver: Any, watch: Watch, arguments: dict[str, Array], deadline: SlewDeadline, stage: str, unit: float = 1.0
 ) -> dict[str, Any]:
-    """Let a solver of CasADi solve, within a budget.
+    """Let a solver of CasADi solve, within a deadline.
 
     Parameters
     ----------
@@ -175,7 +160,7 @@ def solved(
     watch : Watch
     arguments : dict of str to ndarray
         Of the solver, by name.
-    budget : Budget
+    deadline : SlewDeadline
     stage : str
         In words.
     unit : float
@@ -184,7 +169,7 @@ def solved(
     Raises
     ------
     OutOfTime
-        If the budget is spent; the solver has stopped then.
+        If no time is left; the solver has stopped then.
     KeyboardInterrupt
         On an interrupt, at most a second later.
     """
@@ -201,10 +186,10 @@ def solved(
             finally:
                 done.set()
 
-    budget.spend(stage)
+    deadline.check(stage)
     with watch.running:  # an interrupted solution may still be under way
         watch.stop, watch.iterations, watch.seen = False, 0, None
-        watch.bounds = (arguments["lbg"], arguments["ubg"]) if budget.tell is not None else None
+        watch.bounds = (arguments["lbg"], arguments["ubg"]) if deadline.tell is not None else None
     # no daemon: Python would end its life in the midst of CasADi, which aborts the process
     thread = Thread(target=run, name=THREAD)
     thread.start()
@@ -212,17 +197,17 @@ def solved(
     best: float | None = None
     try:
         while not done.wait(_POLL):
-            budget.obey()
-            if budget.seconds > budget.limit:
+            deadline.obey()
+            if deadline.over:
                 over = watch.stop = True
-            if budget.seconds > budget.limit + _GRACE:
+            if deadline.seconds > deadline.limit + _GRACE:
                 raise OutOfTime(stage)
             seen: Any = watch.seen  # of the other thread
-            if budget.tell is not None and seen is not None and watch.iterations > told:
+            if deadline.tell is not None and seen is not None and watch.iterations > told:
                 told, (cost, violation) = watch.iterations, seen
                 if violation <= _KEPT:
                     best = unit * cost if best is None else min(best, unit * cost)
-                budget.tell(SlewProgress(f"{stage}, iteration {told}", budget.seconds, best, violation))
+                deadline.tell(SlewProgress(f"{stage}, iteration {told}", deadline.seconds, best, violation))
     except BaseException:
         watch.stop = True
         done.wait(_GRACE)
