@@ -46,6 +46,8 @@ def _hammarling(A: Array, B: Array) -> Array:
     if B.shape[1] > len(B):
         B = np.linalg.qr(B.T)[1].T  # as many columns as rows, of the same B B^T
     n, m = B.shape
+    if not m:  # nothing acts
+        return np.zeros((n, 0))
     padded = np.zeros((n, n))
     padded[:m] = B.T
     U, scale, _ = slycot.sb03od(n, m, A.T.copy(), np.zeros((n, n)), padded, "C", fact="N", trans="N")[:3]

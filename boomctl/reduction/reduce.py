@@ -2,7 +2,6 @@
 
 import warnings
 from dataclasses import replace
-from functools import partial
 from math import inf
 from typing import TYPE_CHECKING
 
@@ -17,7 +16,7 @@ from boomctl.analysis.norm import (
 )
 from boomctl.arrays import Array
 from boomctl.checks import finite_array, known, positive, up_to, whole
-from boomctl.lti.bilinear import continuous_image, discrete_image, image_of_omega
+from boomctl.lti.bilinear import continuous_image, discrete_image, image_of_omega, omega_of_image
 from boomctl.lti.frequency import singular_values
 from boomctl.lti.modal import sides, split_and_doubt
 from boomctl.lti.rounding import CERTIFIED
@@ -35,7 +34,7 @@ from boomctl.reduction.reducers import (
     StrongestModes,
 )
 from boomctl.reduction.result import LowerOrderWarning, ReductionError, ReductionResult
-from boomctl.reduction.verify import SLACK, START, Band, Verified, difference, peak_in_band
+from boomctl.reduction.verify import SLACK, START, Band, Verified, band_norm, difference
 from boomctl.structure.model import SecondOrderModel
 
 if TYPE_CHECKING:
@@ -106,7 +105,8 @@ def reduce(
     TypeError, ValueError
         Another kind of system, discrete time that does not say its sampling time, a pole at ``z = -1``, not finite;
         unknown method; both or none of ``order`` and ``error``; an
-        order above the system's or below its kept part; a band that does not ascend.
+        order above the system's or below its kept part, or one that parts equal Hankel singular values ("hankel"); a band
+        that does not ascend, or that is too far from the poles.
     ReductionError
         The error exceeds its bound or could not be verified.
 
@@ -270,33 +270,38 @@ def _on_circle(full: Lti, found: ReductionResult, band: Band | None) -> Reductio
     gap = replace(difference(*apart), dt=dt)
     largest = matrices_norm(apart[0].balanced()).lower
     floor = _ROUNDING * largest
-    norm = matrices_norm(gap) if band is None else _in_band(gap, found, band)
+    everywhere = matrices_norm(gap)
+    norm = everywhere if band is None else _in_band(gap, band, floor)
     level = found.measured_error * (1.0 + SLACK) + floor
     if norm.lower > level:
         raise ReductionError(
             f"the error on the unit circle, {norm.lower:.4g} at {norm.omega:.4g} rad/s, is not that of the image, "
             f"{found.measured_error:.4g}"
         )
-    if norm.upper == inf and len(gap.A) and stays_below_on_circle(gap, level):
-        norm = replace(norm, upper=level, method=NO_CIRCLE_CROSSING)
+    if everywhere.upper == inf and len(gap.A) and stays_below_on_circle(gap, level):
+        everywhere = replace(everywhere, upper=level, method=NO_CIRCLE_CROSSING)
+        norm = everywhere if band is None else norm
     if norm.upper == inf:
         raise ReductionError(f"the error on the unit circle could not be verified ({norm.method})")
     return replace(
         found,
         _full=full,
         _reduced=small,
-        error_bound=max(found.error_bound, norm.upper + own),  # which knows of rounding, and of that of the map
+        error_bound=max(found.error_bound, everywhere.upper + own),  # which knows of rounding, and of that of the map
         measured_error=max(found.measured_error, norm.upper + own),
         certificate=norm,
         band=band,
     )
 
 
-def _in_band(gap: Lti, found: ReductionResult, band: Band) -> NormCertificate:
-    """Return the largest error of a discrete system in a band, on a grid around its poles, below what the image's is."""
-    rates = gap.rates[np.isfinite(gap.rates)]
-    peak, at = peak_in_band(rates, partial(gap.response, quiet=True), band)
-    return NormCertificate(peak, found.measured_error, at, found.certificate.method)
+def _in_band(gap: Lti, band: Band, floor: float) -> NormCertificate:
+    """Return the largest error of a discrete system in a band: its own response, below levels that its image proves."""
+
+    def respond(v: Array) -> Array:
+        return gap.response(omega_of_image(v, gap.dt), quiet=True)
+
+    found = band_norm(continuous_image(gap), respond, _band_of_image(gap, band), floor)
+    return replace(found, omega=float(omega_of_image(found.omega, gap.dt)))
 
 
 def _states(system: Lti | SecondOrderModel) -> int:

@@ -185,8 +185,9 @@ class HankelApproximation(GramianReducer):
         if r >= n:
             return balanced.system, balanced.lost
         distinct = np.concatenate([[0], np.flatnonzero(values[:-1] > values[1:] * (1.0 + ROOT)) + 1, [n]])
+        kept = len(self.core.kept.A)
         if r not in distinct:
-            kept, place = len(self.core.kept.A), int(np.searchsorted(distinct, r))
+            place = int(np.searchsorted(distinct, r))
             low, high = int(distinct[place - 1]), int(distinct[place])
             raise ValueError(
                 f"order {r + kept}: Hankel singular values {low + 1} to {high} are equal ({values[r]:.6g}), so that they "
@@ -199,7 +200,7 @@ class HankelApproximation(GramianReducer):
         stable, antistable = parts.fast, parts.kept
         if len(stable.A) != r or len(antistable.A) != n - r - k:
             raise ValueError(
-                f"order {r}: the all-pass dilation has {len(stable.A)} stable poles; Hankel singular values "
+                f"order {r + kept}: the all-pass dilation has {len(stable.A)} stable poles; Hankel singular values "
                 f"{values[r]:.3g} and its neighbours are too close to tell apart"
             )
         bound = sigma + 2.0 * float(values[r + k :].sum()) + balanced.lost

@@ -174,13 +174,6 @@ def _levels(peak: float, floor: float) -> list[float]:
     return sorted(level for level in levels if level > peak)
 
 
-def peak_in_band(poles: Array, respond: Response, band: Band) -> tuple[float, float]:
-    """Return the largest singular value found within a band, from a grid around poles on, and its frequency."""
-    low, high = band
-    grid = resonance_grid(poles, max(low, START * high), high, points=SEARCHED, also=[low, high])
-    return highest_peak(lambda omega: singular_values(respond(omega))[0], grid)
-
-
 def band_norm(gap: Lti, respond: Response, band: Band, floor: float = 0.0) -> NormCertificate:
     """Return the largest singular value within a band: attained, and not crossed by any Hamiltonian eigenvalue there.
 
@@ -190,7 +183,8 @@ def band_norm(gap: Lti, respond: Response, band: Band, floor: float = 0.0) -> No
     low, high = band
     if (side_of_axis(gap.poles) >= 0).any():
         return NormCertificate(inf, inf, float("nan"), UNSTABLE)
-    peak, at = peak_in_band(gap.poles, respond, band)
+    grid = resonance_grid(gap.poles, max(low, START * high), high, points=SEARCHED, also=[low, high])
+    peak, at = highest_peak(lambda omega: singular_values(respond(omega))[0], grid)
     if max(peak, floor) == 0.0:
         return NormCertificate(0.0, 0.0, at, NO_RESPONSE)
     for _ in range(RAISED):

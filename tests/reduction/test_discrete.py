@@ -191,3 +191,51 @@ def test_a_band_far_from_a_pole_near_minus_one_is_judged_or_refused_in_words(see
     else:
         return
     assert not isinstance(said, np.linalg.LinAlgError)
+
+
+@examples(60)
+@example(seed=28)
+@example(seed=64)
+@example(seed=96)
+@example(seed=153)
+@given(seed=st.integers(0, 10**6))
+def test_in_a_band_and_beside_it_errors_are_those_on_the_circle(seed):
+    """Rounding of the map there and back counts: of slow poles that hardly decay it is more than the error."""
+    found, full, omega = in_a_band(seed)
+    if found is None:
+        return
+    with mp.workdps(40):
+        matrices = [[exact(part) for part in (s.A, s.B, s.C, s.D)] for s in (full, found.system)]
+
+        def response(z, A, B, C, D):
+            return C * mp.inverse(z * mp.eye(A.rows) - A) * B + D if A.rows else D
+
+        for w in omega:
+            z = mp.expj(mp.mpf(w) * mp.mpf(full.dt))
+            error = float(largest(response(z, *matrices[0]) - response(z, *matrices[1])))
+            inside = found.band[0] <= w <= found.band[1]
+            assert error <= (1.0 + 1e-9) * (found.measured_error if inside else found.error_bound)
+
+
+def in_a_band(seed):
+    """Return a reduction of a slow, lightly damped discrete system in a band, None if refused, and where to look."""
+    rng = np.random.default_rng(seed)
+    blocks = []
+    for _ in range(int(rng.integers(1, 4))):
+        angle = 10.0 ** rng.uniform(-4.0, 0.0)
+        turn = [[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]]
+        blocks.append((1.0 - 10.0 ** rng.uniform(-9.0, -1.0)) * np.array(turn))
+    A = linalg.block_diag(*blocks, np.diag(1.0 - 10.0 ** rng.uniform(-7.0, 0.0, 2)))
+    n = len(A)
+    Q = np.linalg.qr(rng.standard_normal((n, n)))[0]
+    full = control.ss(Q @ A @ Q.T, rng.standard_normal((n, 2)), rng.standard_normal((2, n)), np.zeros((2, 2)), 1.0)
+    low, high = np.sort(10.0 ** rng.uniform(-4.0, 0.0, 2))
+    order, method = int(rng.integers(1, n)), str(rng.choice(["balanced", "hankel"]))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", LowerOrderWarning)
+        try:
+            found = reduce(full, order, method, band=(low, high))
+        except (ReductionError, ValueError):  # refused: nothing is said of it
+            return None, full, []
+    near = [np.abs(np.angle(np.linalg.eigvals(part))) for part in (full.A, found.system.A)]
+    return found, full, np.unique(np.concatenate([[0.0, low, 0.5 * (low + high), high], *near]))
