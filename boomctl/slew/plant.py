@@ -176,6 +176,12 @@ class SlewPlant:
         sizes = np.abs(np.linalg.eigvals(self.A))
         return float(np.min(sizes, where=sizes > _SPLIT * np.abs(self.A).max(), initial=np.inf))
 
+    @cached_property
+    def fastest_vibration(self) -> float:
+        """Frequency of the fastest vibration that the torque moves, rad/s."""
+        moved = self.controllable
+        return float(np.abs(np.linalg.eigvals(self.A[np.ix_(moved, moved)]).imag).max())
+
     def still(self, z: Array) -> bool:
         """Whether nothing moves at z without torque."""
         # share of |A| |z| below which nothing moves

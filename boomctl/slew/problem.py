@@ -153,6 +153,11 @@ class SlewProblem:
         """Whether all plants are linear."""
         return all(plant.linear for plant in self.plants)
 
+    @property
+    def fastest_vibration(self) -> float:
+        """Frequency of the fastest vibration that the torque moves, rad/s."""
+        return max(plant.fastest_vibration for plant in self.plants)
+
     @cached_property
     def A(self) -> Array:
         """Linear part of all plants."""

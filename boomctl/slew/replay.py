@@ -7,12 +7,17 @@ from typing import Any
 import numpy as np
 
 from boomctl.arrays import Array
+from boomctl.slew.objectives import OBJECTIVES
 from boomctl.slew.plant import SlewPlant, is_machine
 from boomctl.slew.problem import AT_LIMIT, SlewProblem
 from boomctl.slew.result import Replay
 from boomctl.slew.torque import APART, TorqueHistory
 
-_SAMPLES = 1001  # instants of a replay at least: limits are judged, and pictures drawn, from them
+_SAMPLES = 1001  # instants of a replay at least: pictures are drawn from them
+# instants in a period of the fastest vibration, where motion is limited: between two of them it may exceed what is seen by
+# 0.3 % of its own amplitude, which is a small share of the whole (a choice)
+_IN_PERIOD = 40
+_MOST_SAMPLES = 200_000  # instants of a replay at most: a second (a choice)
 _AFTER = 96  # instants in one and a half of the slowest periods after the end; a choice
 _TAYLOR, _TURN = 30, 0.5  # terms of a linear motion, and |A h| of a part of a step: 0.5^30 / 30! is 4e-42
 _SMALL = 1e-12  # least |A| [1/s]: keeps a logarithm finite
@@ -47,7 +52,10 @@ class Motion:
 
 
 def played(problem: SlewProblem, history: TorqueHistory, samples: int = _SAMPLES) -> tuple[Motion, ...]:
-    """Play a torque back on all plants of a problem."""
+    """Play a torque back on all plants of a problem; where their motion is limited, every vibration is seen."""
+    if OBJECTIVES[problem.objective].bounds_tip or set(problem.limits.beside_torque) - {"torque_rate"}:
+        turns = problem.fastest_vibration * history.duration / (2.0 * np.pi)
+        samples = max(samples, min(int(_IN_PERIOD * turns), _MOST_SAMPLES))
     t = np.unique(np.concatenate([np.linspace(0.0, history.duration, samples), history.edges]))
     t = t[np.diff(t, prepend=-1.0) > APART * history.duration]
     t[-1] = history.duration

@@ -154,9 +154,10 @@ class SlewCertificate:
         if self.optimality == "extremal":
             within = f" within {gap:.0e}" if gap > 0.0 else ""
             return f"Pontryagin's conditions hold{within}, on a problem that is not convex"
+        mesh = f"stationary on its mesh of {self.intervals} intervals"
         if gap == float("inf"):
-            return f"stationary on its mesh of {self.intervals} intervals; there was no time for another mesh"
-        return f"stationary on its mesh of {self.intervals} intervals; half as many change the cost by {gap:.0e}"
+            return f"{mesh}; no other mesh tells how near that is to the best"
+        return f"{mesh}; one half or twice as fine changes the cost by {gap:.0e}"
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,6 +15,7 @@ from boomctl.slew.effort import effort_on_mesh
 from boomctl.slew.nlp.refinement import refined
 from boomctl.slew.objectives import OBJECTIVES, Objective
 from boomctl.slew.problem import Limits, slew_problem
+from boomctl.slew.replay import played, violation
 from boomctl.slew.result import SlewError
 from tests.profiles import examples
 from tests.slew.systems import rigid
@@ -350,3 +351,16 @@ def test_a_replay_is_asked_for_by_a_method_and_kept():
     assert [each.model for each in found] == ["foam", "geometrically-exact"]
     assert slew.replays is slew.replays
     assert slew.replays == found
+
+
+@pytest.mark.slow
+def test_between_two_instants_of_a_long_slew_no_limit_is_exceeded_either():
+    """The second mode turns 175 times on the way: at 1001 instants its peaks are missed."""
+    beam = bc.hub_beam(modes=2)
+    free = bc.optimal_slew(beam, 1.5, 200.0, "effort", 60.0)
+    most = 0.7 * float(np.abs(free.root_moment).max())
+    slew = bc.optimal_slew(beam, 1.5, 200.0, "effort", 60.0, moment_limit=most)
+    problem = slew.plan.problem
+    dense = violation(problem, slew.history, played(problem, slew.history, 50_001))
+    assert slew.certificate.constraint_violation <= 1e-9
+    assert dense["moment"] <= 1e-5

@@ -16,7 +16,7 @@ from scipy.optimize import brentq, linprog
 
 from boomctl.arrays import Array
 from boomctl.lti.rounding import SUMMED
-from boomctl.slew.linear import LinearFlow, flow
+from boomctl.slew.linear import flow
 from boomctl.slew.problem import SlewProblem
 from boomctl.slew.result import SlewError
 from boomctl.slew.torque import TorqueHistory, bang_bang
@@ -121,7 +121,7 @@ def _fastest(problem: SlewProblem, guess: float) -> Extremal:
     likely = _likely(problem, guess)
     if likely is not None:
         return likely
-    best, vibration = None, _fastest_vibration(flow(problem))
+    best, vibration = None, problem.fastest_vibration
     for intervals in _GRIDS:
         turn = vibration * guess / intervals
         if turn > _BLIND and intervals != _GRIDS[-1]:
@@ -217,13 +217,6 @@ def rigid_and_slowest(problem: SlewProblem) -> TorqueHistory | None:
     b = float(brentq(swing, 0.0, 0.5 * math.pi / w))
     half = math.sqrt(area + 2.0 * b * b)
     return bang_bang(np.array([half - b, half, half + b]), 2.0 * half, problem.limits.torque, math.copysign(1.0, turn))
-
-
-def _fastest_vibration(linear: LinearFlow) -> float:
-    """Frequency of the fastest vibration that the torque moves, rad/s."""
-    values, left = np.linalg.eig(linear.A.T)
-    felt = np.abs(left.T @ linear.B) > 1e-12 * np.linalg.norm(left, axis=0) * np.linalg.norm(linear.B)
-    return float(np.abs(np.imag(values[felt])).max(initial=0.0))
 
 
 def switching_function(problem: SlewProblem, found: Extremal, t: Array) -> Array:
