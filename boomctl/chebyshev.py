@@ -1,45 +1,34 @@
-"""Polynomials of several variables through values at Chebyshev points, from -1 to 1 in each."""
+"""Polynomials of several variables, from -1 to 1 in each, through what functions are at points of the box."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from itertools import product
 
 import numpy as np
 from numpy.polynomial import chebyshev
 
 from boomctl.arrays import Array
+from boomctl.lti.rounding import SOLVED, TINY
 
 _FIRST_POINTS = 5  # at which a polynomial is tried first: enough for squares (a choice)
+_INSIDE = 24  # points drawn at which polynomials are compared, besides the corners (a choice)
+_TERMS = 2_000  # of polynomials at most (a choice of patience)
+_WIDER = 1.25  # times the shares, where points tried are missed (a choice)
+
+Functions = Callable[[Sequence[Array]], dict[str, Array]]
+"""From points to values of each function there, stacked."""
+
+Sizes = Callable[[Mapping[str, Array]], Mapping[str, Array | float]]
+"""From such values to what of each function is rounding."""
 
 
-def points(counts: tuple[int, ...]) -> list[Array]:
-    """Return the points of a grid, the last variable running first."""
-    return [np.array(point) for point in product(*(chebyshev.chebpts1(count) for count in counts))]
+def series(values: Array) -> Array:
+    """Return coefficients of Chebyshev polynomials of one variable, of values at as many Chebyshev points."""
+    count = len(values)
+    return np.tensordot(np.linalg.inv(chebyshev.chebvander(chebyshev.chebpts1(count), count - 1)), values, 1)
 
 
-def series(values: Array, counts: tuple[int, ...]) -> Array:
-    """Return coefficients of products of Chebyshev polynomials, shape (*counts, ...), of values at the points of a grid."""
-    found = values.reshape(*counts, *values.shape[1:])
-    for axis, count in enumerate(counts):
-        to_series = np.linalg.inv(chebyshev.chebvander(chebyshev.chebpts1(count), count - 1))
-        found = np.moveaxis(np.tensordot(to_series, found, (1, axis)), 0, axis)
-    return found
-
-
-def powers(coefficients: Array, counts: tuple[int, ...]) -> Array:
-    """Return coefficients of products of powers, of those of Chebyshev polynomials."""
-    found = coefficients
-    for axis, count in enumerate(counts):
-        to_powers = np.array([np.pad(chebyshev.cheb2poly(unit), (0, count))[:count] for unit in np.eye(count)]).T
-        found = np.moveaxis(np.tensordot(to_powers, found, (1, axis)), 0, axis)
-    return found
-
-
-def points_needed(
-    at: Callable[[Array], Mapping[str, Array]],
-    negligible: Callable[[Mapping[str, Array]], Mapping[str, Array | float]],
-    degree: int,
-) -> int:
-    """Return at how many points of a line functions are to be known, so that what is left is rounding; at most degree + 1.
+def resolved(at: Callable[[Array], dict[str, Array]], negligible: Sizes, degree: int) -> dict[str, Array]:
+    """Return functions at so many Chebyshev points of a line that what is left is rounding; at degree + 1, if at none fewer.
 
     Parameters
     ----------
@@ -50,11 +39,114 @@ def points_needed(
     degree : int
         Largest degree of interest.
     """
-    count = _FIRST_POINTS
-    while count <= degree:
+    count = min(_FIRST_POINTS, degree + 1)
+    while True:
         found = at(chebyshev.chebpts1(count))
         least = negligible(found)
-        if all((np.abs(series(stack, (count,))[-2:]) <= least[name]).all() for name, stack in found.items()):
-            return count
-        count = 2 * count - 1
-    return degree + 1
+        if count > degree or all((np.abs(series(stack)[-2:]) <= least[name]).all() for name, stack in found.items()):
+            return found
+        count = min(2 * count - 1, degree + 1)
+
+
+def points_along(at: Functions, axis: Array, negligible: Sizes, degree: int, spare: int = 0) -> int:
+    """Return at how many points of a variable's range functions are to be known, wherever the others are.
+
+    Those are as many as the last coefficient asks for that is more than rounding, and ``spare`` ones.
+    """
+
+    def line(places: Array, others: float = 0.0) -> dict[str, Array]:
+        return at([float(x) * axis + others * (axis == 0.0) for x in places])
+
+    middle, last = resolved(line, negligible, degree), 0
+    count = len(next(iter(middle.values())))
+    for stacks in (middle, *(line(chebyshev.chebpts1(count), others) for others in (-1.0, 1.0))):
+        least = negligible(stacks)
+        for name, stack in stacks.items():
+            there = (np.abs(series(stack)) > least[name]).reshape(count, -1).any(axis=1)
+            last = max(last, *np.flatnonzero(there).tolist(), 0)
+    return min(count, last + 1 + spare)
+
+
+def tried_points(size: int) -> list[Array]:
+    """Return the corners of a box, and points drawn inside it."""
+    inside = np.random.default_rng(0).uniform(-1.0, 1.0, (_INSIDE, size))
+    return [*(np.array(corner) for corner in product((-1.0, 1.0), repeat=size)), *inside]
+
+
+def fitted(
+    at: Functions, counts: Sequence[int], wanted: Mapping[str, Array], negligible: Sizes, exact: float, what: str
+) -> tuple[dict[str, dict[tuple[int, ...], Array]], dict[str, Array], float]:
+    """Return functions as polynomials, by how much each entry is missed, and the largest miss over what is rounding.
+
+    Products of Chebyshev polynomials are taken whose degrees, each as a share of what its axis needs, add up to one, then to
+    more, until all points are met or there are no more.  Coefficients are least squares at twice as many points, which lie as
+    Chebyshev's do (Cohen & Migliorati 2017).
+
+    Parameters
+    ----------
+    at : callable
+        From points to values of each function there, stacked.
+    counts : sequence of int
+        How many points each axis needs.
+    wanted : mapping
+        Values at `tried_points`.
+    negligible : callable
+        From values to what of each function is rounding.
+    exact : float
+        By how many times that points may be missed.
+    what : str
+        What the polynomials are of, in the words of an error.
+
+    Raises
+    ------
+    ValueError
+        More terms than can be handled.
+    """
+    size, rng = len(counts), np.random.default_rng(2)
+    places, stacks, reach = np.zeros((0, size)), {}, 1.0
+    degrees = np.indices(counts).reshape(size, -1).T
+    shares = (degrees / np.maximum(np.array(counts) - 1.0, 1.0)).sum(axis=1)
+    tried = np.array(tried_points(size))
+    while True:
+        chosen = degrees[shares <= reach + SOLVED]
+        if len(chosen) > _TERMS:
+            raise ValueError(f"{what}: polynomials of it have more than {_TERMS} terms")
+        more = np.cos(np.pi * rng.uniform(size=(2 * len(chosen) - len(places), size)))
+        places, new = np.concatenate([places, more]), at([*more])
+        stacks = {name: np.concatenate([stacks.get(name, stack[:0]), stack]) for name, stack in new.items()}
+        products, known = _products(places, chosen), _products(tried, chosen)
+        inverse = np.linalg.pinv(products)
+        found, off, miss = {}, {}, 0.0
+        for name, least in negligible(stacks).items():
+            coefficients = np.tensordot(inverse, stacks[name], 1)
+            coefficients[np.abs(coefficients) <= least] = 0.0
+            misses = ((known, wanted[name]), (products, stacks[name]))
+            off[name] = np.maximum(*(np.abs(np.tensordot(T, coefficients, 1) - X).max(axis=0) for T, X in misses))
+            found[name] = _in_powers(coefficients, chosen)
+            miss = max(miss, float((off[name] / np.maximum(least, TINY)).max(initial=0.0)))
+        if miss <= exact or len(chosen) == len(degrees):
+            return found, off, miss
+        reach = max(_WIDER * reach, float(shares[shares > reach + SOLVED].min()))  # by one term at least
+
+
+def _products(places: Array, degrees: Array) -> Array:
+    """Return products of Chebyshev polynomials at places (n, k): (n, terms)."""
+    found = np.ones((len(places), len(degrees)))
+    for x, degree in zip(places.T, degrees.T, strict=True):
+        found *= np.cos(np.arccos(np.clip(x, -1.0, 1.0))[:, None] * degree)
+    return found
+
+
+def _in_powers(coefficients: Array, degrees: Array) -> dict[tuple[int, ...], Array]:
+    """Return a sum of products of Chebyshev polynomials as one of powers, which are among the same degrees."""
+    most = int(degrees.max(initial=0)) + 1
+    table = np.array([np.pad(chebyshev.cheb2poly(np.eye(most)[k, : k + 1]), (0, most - 1 - k)) for k in range(most)])
+    change = np.ones((len(degrees), len(degrees)))
+    for degree in degrees.T:
+        change *= table[degree[:, None], degree]  # of the first in powers, the second
+    terms = np.tensordot(change, coefficients, (0, 0))
+    return {
+        tuple(np.repeat(np.arange(len(degree)), degree).tolist()): X
+        for degree, X in zip(degrees, terms, strict=True)
+        if X.any() or not degree.any()
+    }

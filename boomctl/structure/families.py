@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import product
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from boomctl.arrays import Array, Matrix
-from boomctl.chebyshev import points, points_needed, powers, series
+from boomctl.chebyshev import fitted, points_along, tried_points
 from boomctl.checks import finite_array, instance, known, mapping, real, sequence, signal_name, whole
 from boomctl.lti.rounding import ALIKE, SUMMED
 from boomctl.printing import compact, listed, signals
@@ -19,8 +18,7 @@ from boomctl.structure.matrices import Structure, dense
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.ports import Ports
 
-_GRID = 20_000  # points of a grid of all parameters at most, a millisecond or so each (a choice of patience)
-_INSIDE = 24  # points inside the box at which a family is checked besides its corners (a choice)
+_EXACT = 0.1  # of what a family is checked to, by which polynomials may miss what they are fitted to (a choice)
 
 
 @dataclass(frozen=True)
@@ -181,11 +179,10 @@ class Family:
         if not (self.low < self.high).all():
             raise ValueError(f"low = {self.low.tolist()}, high = {self.high.tolist()}: expected low below high")
 
-    def _check_inside(self, at: Callable[[Array], SecondOrderModel]) -> None:
+    def _check_all(self, made: Sequence[SecondOrderModel]) -> None:
         """Refuse a family that misses what a function makes at a corner of the box or a point drawn inside it."""
-        inside = np.random.default_rng(0).uniform(-1.0, 1.0, (_INSIDE, self.size))
-        for delta in (*np.array(list(product((-1.0, 1.0), repeat=self.size))), *inside):
-            self._check(delta, at(delta))
+        for delta, exact in zip(tried_points(self.size), made, strict=True):
+            self._check(delta, exact)
 
     def _check(self, delta: Array, exact: SecondOrderModel) -> None:
         mine = self.at(delta)
@@ -294,7 +291,7 @@ class AffineFamily(Family):
         centre = at(np.zeros(len(names)))
         ends = [at(unit) for unit in np.eye(len(names))]
         family = cls(names, low, high, centre, tuple(_slope(centre, end) for end in ends))
-        family._check_inside(at)
+        family._check_all([at(delta) for delta in tried_points(len(names))])
         return family
 
 
@@ -381,7 +378,7 @@ class PolynomialFamily(Family):
         degree: int = 16,
         free: Sequence[str] = (),
     ) -> PolynomialFamily:
-        """Return the family through the structures that a function makes, at Chebyshev points of the box.
+        """Return the family through the structures that a function makes, by least squares.
 
         Coefficients that are rounding are left out.  The family is checked at every corner of the box and at points drawn
         inside it: entries are met to 1e-9.
@@ -407,7 +404,7 @@ class PolynomialFamily(Family):
         ------
         TypeError, ValueError
             Empty or reversed ranges; structures of different signals; a corner or a point inside that the family misses, or
-            outputs that feel an input otherwise from point to point; polynomials of too many points.
+            outputs that feel an input otherwise from point to point; polynomials of too many terms.
         """
         names, low, high = _box(ranges)
         middle, width = 0.5 * (low + high), 0.5 * (high - low)
@@ -415,54 +412,40 @@ class PolynomialFamily(Family):
         def at(delta: Array) -> SecondOrderModel:
             return make({n: float(v) for n, v in zip(names, middle + delta * width, strict=True)})
 
-        most, axes = whole("degree", degree), np.eye(len(names))
+        tried, most = [at(delta) for delta in tried_points(len(names))], whole("degree", degree)
 
-        def line(axis: Array, others: float = 0.0) -> Callable[[Array], dict[str, Array]]:
-            return lambda places: _matrices([at(float(x) * axis + others * (axis == 0.0)) for x in places])
+        def matrices(points: Sequence[Array]) -> dict[str, Array]:
+            return _matrices(tried[0], [at(delta) for delta in points])
 
-        counts = tuple(_count(line, axis, most) for axis in axes)
-        if np.prod(counts) > _GRID:
-            along = ", ".join(f"{name} {count}" for name, count in zip(names, counts, strict=True))
-            raise ValueError(f"ranges: expected polynomials of at most {_GRID} points, got {np.prod(counts)}: {along}")
-        made = [at(point) for point in points(counts)]
-        stacks, found = _matrices(made), {}
-        for letter, least in _negligible(stacks).items():
-            grid = series(stacks[letter], counts)
-            grid[np.abs(grid) <= least] = 0.0
-            found[letter] = powers(grid, counts)
+        counts = [points_along(matrices, axis, _negligible, most) for axis in np.eye(len(names))]
+        found, _, _ = fitted(
+            matrices,
+            counts,
+            _matrices(tried[0], tried),
+            _negligible,
+            _EXACT * ALIKE / SUMMED,
+            f"family of {listed(names)}",
+        )
+        letters = ("M", "C", "K", "B", "L")
+        nothing = {letter: np.zeros_like(found[letter][()]) for letter in letters}
         changes: list[Any] = []
-        for exponents in product(*(range(count) for count in counts)):
-            parts = [found[letter][exponents] for letter in ("M", "C", "K", "B", "L")]
-            if sum(exponents) and any(part.any() for part in parts):
-                power = tuple(i for i, exponent in enumerate(exponents) for _ in range(exponent))
-                changes.append((power, Slope(*parts)))
-        zero = (0,) * len(names)
-        structure = Structure.of(found["M"][zero], found["C"][zero], found["K"][zero], made[0].coordinates)
-        ports = replace(made[0].ports, B=found["B"][zero], L=found["L"][zero], strains=None, tensions=None)
-        centre = SecondOrderModel.of(structure, ports)
+        for power in dict.fromkeys(power for letter in letters for power in found[letter] if power):
+            changes.append((power, Slope(*(found[letter].get(power, nothing[letter]) for letter in letters))))
+        M, C, K, B, L = (found[letter][()] for letter in letters)
+        structure = Structure.of(M, C, K, tried[0].coordinates)
+        centre = SecondOrderModel.of(structure, replace(tried[0].ports, B=B, L=L, strains=None, tensions=None))
         order = sorted(changes, key=lambda change: (len(change[0]), change[0]))
         family = cls(names, low, high, centre, tuple(order), tuple(free))
-        family._check_inside(at)
+        family._check_all(tried)
         return family
 
 
-def _matrices(made: Sequence[SecondOrderModel]) -> dict[str, Array]:
-    """Return the matrices of structures and the columns of their inputs, stacked; refused where signals differ."""
+def _matrices(first: SecondOrderModel, made: Sequence[SecondOrderModel]) -> dict[str, Array]:
+    """Return matrices and columns of inputs of structures, stacked; refused where signals are not those of the first."""
     for each in made:
-        _slope(made[0], each)
+        _slope(first, each)
     found = {letter: np.array([dense(getattr(each, letter)) for each in made]) for letter in ("M", "C", "K")}
     return {**found, **{letter: np.array([getattr(each.ports, letter) for each in made]) for letter in ("B", "L")}}
-
-
-def _count(line: Callable[..., Callable[[Array], dict[str, Array]]], axis: Array, most: int) -> int:
-    """Return at how many points of a parameter's range matrices are to be known, wherever the others are."""
-    count, last = points_needed(line(axis), _negligible, most), 0
-    for others in (-1.0, 0.0, 1.0):
-        stacks = line(axis, others)(np.concatenate(points((count,))))
-        for letter, least in _negligible(stacks).items():
-            there = (np.abs(series(stacks[letter], (count,))) > least).reshape(count, -1).any(axis=1)
-            last = max(last, *np.flatnonzero(there).tolist(), 0)
-    return min(count, last + 1)
 
 
 def _negligible(stacks: Mapping[str, Array]) -> dict[str, Array]:

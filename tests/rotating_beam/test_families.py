@@ -100,8 +100,8 @@ def test_a_family_of_parameters_in_straight_lines_is_known_at_its_corners():
 
     family = PolynomialFamily.through(dict.fromkeys("abc", (0.9, 1.1)), make)
     assert [power for power, _ in family.changes] == [(0,), (1,), (2,)]
-    grid = 2**3  # beside what finds that, along each parameter, and what checks it
-    assert len(made) == 3 * (5 + 3 * 5) + grid + 2**3 + 24
+    fitted = 2 * (1 + 3)  # beside what finds that, along each parameter, and what checks it
+    assert len(made) == 3 * 3 * 5 + fitted + 2**3 + 24
 
 
 def test_one_parameter_is_enough():

@@ -15,10 +15,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import product
 
 import numpy as np
-from numpy.polynomial import chebyshev
 
 from boomctl.analysis.box.loop_pencil import LoopPencil
 from boomctl.analysis.box.prove import with_rounding
@@ -27,9 +25,9 @@ from boomctl.analysis.box.zero_exclusion import Cell, CellProof, Terms, prove_pe
 from boomctl.analysis.loops import joined
 from boomctl.analysis.norm import circle_pencil
 from boomctl.arrays import Array, balance
-from boomctl.chebyshev import points_needed, series
+from boomctl.chebyshev import Functions, fitted, points_along, tried_points
 from boomctl.lti.frequency import singular_values
-from boomctl.lti.rounding import SOLVED, TINY
+from boomctl.lti.rounding import SOLVED
 from boomctl.lti.system import Lti, signal_scales
 from boomctl.structure.families import Family
 from boomctl.structure.matrices import Structure, dense
@@ -44,15 +42,9 @@ _MOST_POINTS = 20
 _MOST_PARTS = 64  # of a box at most (a choice of patience)
 # ratio of the scales that balance a state matrix beyond which signals count, too (a choice: a boom's are 1e7 apart)
 _UNEVEN = 1e10
-_BESIDE = 3  # points more than the last coefficient needs that is more than rounding: two to spare (a choice)
-_TERMS = 2_000  # of polynomials at most (a choice of patience)
-_WIDER = 1.25  # times the shares, where points drawn are missed (a choice)
-_INSIDE = 24  # points drawn at which polynomials are compared, besides the corners (a choice)
+_SPARE_POINTS = 2  # more than the last coefficient needs that is more than rounding (a choice)
 _FAST = "the sampled loop changes too fast over the box"
 _SPARE = 10.0  # times what they miss there that they are taken to miss anywhere (a choice)
-
-
-Matrices = Callable[[Sequence[Array]], dict[str, Array]]
 
 
 @dataclass(frozen=True)
@@ -99,7 +91,7 @@ class SampledLoops:
         while waiting:
             cell = waiting.pop()
             at = _matrices(raw, cell)
-            counts = [_points_along(at, axis) for axis in np.eye(family.size)]
+            counts = [points_along(at, axis, _negligible, _DEGREE, _SPARE_POINTS) for axis in np.eye(family.size)]
             if max(counts) <= _MOST_POINTS:
                 found.append(cls._of(cell, at, tuple(counts), K.dt))
             elif np.prod(cell.reach) * _MOST_PARTS > 1.0:
@@ -109,10 +101,14 @@ class SampledLoops:
         return tuple(found)
 
     @classmethod
-    def _of(cls, cell: Cell, at: Matrices, counts: tuple[int, ...], dt: float) -> SampledLoops:
+    def _of(cls, cell: Cell, at: Functions, counts: tuple[int, ...], dt: float) -> SampledLoops:
         """Return the loops over a part of the box, known at so many points of each parameter's range."""
-        terms, off = _polynomials(at, counts)
+        exact = _EXACT / SOLVED
+        terms, off, miss = fitted(at, counts, at(tried_points(len(counts))), _negligible, exact, _FAST)
+        if miss > exact:
+            raise ValueError(f"{_FAST}: polynomials of it miss it by {miss * SOLVED:.2g}")
         A, B, C, D = (terms[letter] for letter in "ABCD")
+        off = {letter: _SPARE * worst for letter, worst in off.items()}
         if len(C) == 1 and len(D) == 1:
             return cls(cell, A, B, C[()], D[()], (off["A"], off["B"]), dt)
         # what is judged becomes a state, a sample later: all gains stay what they are
@@ -256,7 +252,7 @@ def _value(terms: Polynomial, delta: Array) -> Array:
     return np.asarray(sum(float(np.prod(delta[list(power)])) * X for power, X in terms.items()))
 
 
-def _matrices(raw: Callable[[Array], Lti], cell: Cell) -> Matrices:
+def _matrices(raw: Callable[[Array], Lti], cell: Cell) -> Functions:
     """Return what gives stacked matrices, balanced in the middle of a part of a box, at points of the part."""
     middle = raw(cell.middle)
     scale = balance(middle.A)[1]
@@ -269,89 +265,6 @@ def _matrices(raw: Callable[[Array], Lti], cell: Cell) -> Matrices:
         return {"A": A * scale / scale[:, None], "B": B / scale[:, None], "C": C * scale, "D": D}
 
     return at
-
-
-def _polynomials(
-    at: Matrices, counts: tuple[int, ...]
-) -> tuple[dict[str, dict[tuple[int, ...], Array]], dict[str, Array]]:
-    """Return matrices as polynomials of the parameters, and by how much entries may be off.
-
-    Products of Chebyshev polynomials are taken whose degrees, each as a share of what its axis needs, add up to one, then to
-    more, until points drawn are met.  Coefficients are least squares at twice as many points, which lie as Chebyshev's do
-    (Cohen & Migliorati 2017).
-
-    Raises
-    ------
-    ValueError
-        They are none, to what counts, of as many terms as can be handled.
-    """
-    size, rng = len(counts), np.random.default_rng(2)
-    tried = [*rng.uniform(-1.0, 1.0, (_INSIDE, size)), *(np.array(x) for x in product((-1.0, 1.0), repeat=size))]
-    wanted, places, stacks, reach = at(tried), np.zeros((0, size)), {}, 1.0
-    degrees = np.indices(counts).reshape(size, -1).T
-    shares = (degrees / np.maximum(np.array(counts) - 1.0, 1.0)).sum(axis=1)
-    while True:
-        chosen = degrees[shares <= reach + SOLVED]
-        if len(chosen) > _TERMS:
-            raise ValueError(f"{_FAST}: polynomials of it have more than {_TERMS} terms")
-        more = np.cos(np.pi * rng.uniform(size=(2 * len(chosen) - len(places), size)))
-        places, new = np.concatenate([places, more]), at([*more])
-        stacks = {letter: np.concatenate([stacks.get(letter, stack[:0]), stack]) for letter, stack in new.items()}
-        fitted, known = _products(places, chosen), _products(np.array(tried), chosen)
-        inverse = np.linalg.pinv(fitted)
-        found, off, miss = {}, {}, 0.0
-        for letter, least in _negligible(stacks).items():
-            coefficients = np.tensordot(inverse, stacks[letter], 1)
-            coefficients[np.abs(coefficients) <= least] = 0.0
-            misses = ((known, wanted[letter]), (fitted, stacks[letter]))
-            worst = np.maximum(*(np.abs(np.tensordot(there, coefficients, 1) - X).max(axis=0) for there, X in misses))
-            found[letter], off[letter] = _in_powers(coefficients, chosen), _SPARE * worst
-            miss = max(miss, float(worst.max(initial=0.0)) / max(least, TINY))
-        if miss <= _EXACT / SOLVED:
-            return found, off
-        if len(chosen) == len(degrees):
-            raise ValueError(f"{_FAST}: polynomials of {len(chosen)} terms miss it by {miss * SOLVED:.2g}")
-        reach *= _WIDER
-
-
-def _products(places: Array, degrees: Array) -> Array:
-    """Return products of Chebyshev polynomials at places (n, k): (n, terms)."""
-    found = np.ones((len(places), len(degrees)))
-    for x, degree in zip(places.T, degrees.T, strict=True):
-        found *= np.cos(np.arccos(np.clip(x, -1.0, 1.0))[:, None] * degree)
-    return found
-
-
-def _in_powers(coefficients: Array, degrees: Array) -> dict[tuple[int, ...], Array]:
-    """Return a sum of products of Chebyshev polynomials as one of powers, which are among the same degrees."""
-    most = int(degrees.max(initial=0)) + 1
-    table = np.array([np.pad(chebyshev.cheb2poly(np.eye(most)[k, : k + 1]), (0, most - 1 - k)) for k in range(most)])
-    change = np.ones((len(degrees), len(degrees)))
-    for degree in degrees.T:
-        change *= table[degree[:, None], degree]  # of the first in powers, the second
-    terms = np.tensordot(change, coefficients, (0, 0))
-    return {
-        tuple(np.repeat(np.arange(len(degree)), degree).tolist()): X
-        for degree, X in zip(degrees, terms, strict=True)
-        if X.any() or not degree.any()
-    }
-
-
-def _points_along(at: Matrices, axis: Array) -> int:
-    """Return at how many points of a parameter's range matrices are to be known, wherever the others are."""
-
-    def line(places: Array, others: float = 0.0) -> dict[str, Array]:
-        return at([float(x) * axis + others * (1.0 - axis) for x in places])
-
-    most = points_needed(line, _negligible, _DEGREE)
-    last = 0
-    for others in (-1.0, 0.0, 1.0):
-        stacks = line(chebyshev.chebpts1(most), others)
-        least = _negligible(stacks)
-        for letter, stack in stacks.items():
-            there = np.abs(series(stack, (most,))).reshape(most, -1).max(axis=1, initial=0.0) > least[letter]
-            last = max(last, *np.flatnonzero(there).tolist(), 0)
-    return min(most, last + _BESIDE)
 
 
 def _negligible(stacks: Mapping[str, Array]) -> dict[str, float]:

@@ -22,7 +22,7 @@ from scipy import linalg
 
 from boomctl.analysis.loops import signals_of
 from boomctl.arrays import Array, balance
-from boomctl.chebyshev import points_needed, series
+from boomctl.chebyshev import resolved, series
 from boomctl.lti.hold import zero_order_hold
 from boomctl.lti.modal import sides, split
 from boomctl.lti.rounding import EPS, SUMMED, TERMS
@@ -243,10 +243,10 @@ class _Curve:
         def at(places: Array) -> dict[str, Array]:
             return {"": np.array([moving(middle + reach * place) for place in places]) @ functions.shares.T}
 
-        count = points_needed(at, lambda found: {"": SUMMED * np.abs(found[""]).max()}, _DEGREE)
-        if count > _DEGREE:
+        values = resolved(at, lambda found: {"": SUMMED * np.abs(found[""]).max()}, _DEGREE)[""]
+        if len(values) > _DEGREE:
             raise ValueError("the plant is too fast for a polynomial over a sample")
-        return cls(functions, middle, reach, series(at(chebyshev.chebpts1(count))[""], (count,)).T)
+        return cls(functions, middle, reach, series(values).T)
 
     def _logarithm(self, known: tuple[Array, Array, Array], cells: Array, shares: Array) -> tuple[Array, ...]:
         """Return a response in cells, the slopes of its logarithm, how far that is from linear, and what changes it.
