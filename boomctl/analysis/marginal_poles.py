@@ -7,6 +7,7 @@ holds 1e-20 of noise is a free body.  Poles that lie on the axis exactly are the
 """
 
 from dataclasses import dataclass, replace
+from math import inf
 
 import numpy as np
 from scipy.linalg import lapack
@@ -33,17 +34,22 @@ class MarginalPoles:
         One of which the digits given do not tell; None if there is an infinite one.  A rate in discrete time.
     hidden, open : (n,) ndarray of bool
         Which poles lie on the axis and do not show; which ones are doubtful.
+    bound, doubt : float
+        No singular value is larger at any frequency, and none is off by more where entries are off in their last place; by
+        sums over the modes, ``inf`` where eigenvectors do not show it.
     """
 
     infinite: complex | None
     doubtful: complex | None
     hidden: Array
     open: Array
+    bound: float = inf
+    doubt: float = inf
 
 
 def marginal_poles(given: System) -> MarginalPoles:
     """Return what is known of the poles of a (balanced) system at the imaginary axis; of a loop, as its parts are stored."""
-    system = given.system
+    system, made = given.system, given.magnitudes
     found = MarginalPoles(None, None, *np.zeros((2, len(system.A)), bool))
     if not len(system.A):
         return found
@@ -51,11 +57,12 @@ def marginal_poles(given: System) -> MarginalPoles:
     decay = -poles.real if system.dt == 0.0 else 1.0 - np.abs(poles)
     angles = (left.conj() * right).sum(axis=0)
     reads = np.abs(left.T) / np.maximum(np.abs(angles), TINY)[:, None]
-    size, on_axis, shown = given.magnitudes.A, [], []
-    if (decay > 0.0).all() and _decay(system, size, reads, angles, decay):
-        return found
+    bounds = _bounds(system, made, reads, angles, decay) if (decay > 0.0).all() else None
+    if bounds is not None:
+        return MarginalPoles(None, None, found.hidden, found.open, *bounds)
     from boomctl.lti.proof import PATIENCE, Exact, Undecided
 
+    size, on_axis, shown = made.A, [], []
     try:
         growing, on_axis, shown = Exact.of(given, PATIENCE).sides
     except Undecided:  # what is known is what an eigenvalue solver says, whose errors are those of the matrix's norm
@@ -97,20 +104,31 @@ def _stays(system: Lti, size: Array, poles: Array, inside: float) -> bool:
     return bool((radius < 1.0).all())
 
 
-def _decay(system: Lti, entries: Array, reads: Array, angles: Array, decay: Array) -> bool:
-    """Return whether eigenvectors show that all poles decay, with entries that are off in their last place too.
+def _bounds(system: Lti, made: Lti, reads: Array, angles: Array, decay: Array) -> tuple[float, float] | None:
+    """Return what no singular value exceeds, and by how much entries that are off in their last place change one at most.
 
-    In their coordinates the matrix is diagonal but for an error, ``|E| <= F``; it is stable where ``diag(decay) - F`` is an
-    M-matrix.
+    None where eigenvectors do not show that all poles decay, with such entries too.  In the coordinates of the eigenvectors
+    the matrix is diagonal but for an error, ``|E| <= F``.  Where ``diag(decay) - F`` is an M-matrix, the system is stable,
+    and the inverse of that matrix is larger than the resolvent at every frequency, entry by entry.
     """
-    A, (poles, left, right) = system.A, system.eigensystem
-    size, product = np.abs(right), A @ right
+    n, m, (poles, left, right) = len(system.A), system.B.shape[1], system.eigensystem
+    size, lost = np.abs(right), n * EPS + CANCELLED
     if not angles.all():
-        return False
+        return None
     inverse = left.conj().T / angles[:, None]
-    if np.abs(inverse @ right - np.eye(len(A))).sum(axis=1).max() > INVERSE:
-        return False
-    rounding = (len(A) * EPS + CANCELLED) * (entries @ size + size * np.abs(poles))
-    F = _TWICE * reads @ (np.abs(product - right * poles) + rounding)
-    _, _, found, singular = lapack.dgesv(np.diag(decay) - F, np.ones(len(A)))
-    return not singular and bool((found > 0.0).all())
+    apart = (np.abs(inverse @ right - np.eye(n)) + lost * (reads @ size)).sum(axis=1)
+    if apart.max() > INVERSE:
+        return None
+    rounding = lost * (made.A @ size + size * np.abs(poles))
+    F = _TWICE * reads @ (np.abs(system.A @ right - right * poles) + rounding)
+    acting = np.ones((n, m + 1))
+    acting[:, 1:], off = np.abs(inverse @ system.B), _TWICE * lost * (reads @ made.B)
+    acting[:, 1:] += off + _TWICE * apart[:, None] * acting[:, 1:].max(axis=0, initial=0.0)  # the inverse is off by as much
+    factors, order, states, singular = lapack.dgesv(np.diag(decay) - F, acting)
+    if singular or not (states[:, 0] > 0.0).all():
+        return None
+    states, blurred = states[:, 1:], lost * (made.C @ size)
+    reading = np.abs(system.C @ right) + blurred
+    largest = np.linalg.norm(reading @ states + made.D)
+    change = np.linalg.norm(reading @ lapack.dgetrs(factors, order, F @ states + off)[0] + blurred @ states + lost * made.D)
+    return (1.0 + INVERSE) * float(largest), (1.0 + INVERSE) * float(change)  # with room for what floats lose on the way

@@ -30,7 +30,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import linalg
 
-from boomctl.analysis.norm import NormCertificate, matrices_norm, norm_of_data, stays_below
+from boomctl.analysis.marginal_poles import MarginalPoles, marginal_poles
+from boomctl.analysis.norm import NormCertificate, matrices_norm, norm_of_data
 from boomctl.arrays import Array
 from boomctl.lti.frequency import (
     ABOVE,
@@ -38,11 +39,8 @@ from boomctl.lti.frequency import (
     MODES,
     Resonances,
     Response,
-    gain_by_eigenvectors,
-    largest_of,
     singular_values,
 )
-from boomctl.lti.modal import side_of_axis
 from boomctl.lti.rounding import ALIKE
 from boomctl.lti.system import Lti, beside, is_frequency_response, of, static
 from boomctl.structure.matrices import Structure, dense
@@ -249,7 +247,8 @@ class _Core:
         if form is None:
             (frequencies, own), seen, damping = undamped_modes(structure), ports, dense(structure.C)
         else:
-            (frequencies, own), seen, damping = form.own_modes, form.ports(ports), form.C
+            B, L = form.seen(ports)
+            (frequencies, own), seen, damping = form.own_modes, replace(ports, B=B, L=L), form.C
         low = frequencies <= _KEPT * top
         slow, fast, rates = own[:, low], own[:, ~low], frequencies[~low]
         coupled, size, _ = np.linalg.svd(fast.T @ damping @ slow, full_matrices=False)
@@ -369,36 +368,20 @@ class _Realised:
             return cls(static(small.ports.E[0]), respond, ("undamped modes",), True)
         return cls(small.modal_form, respond, ("undamped modes",))
 
-    def norm(self) -> NormCertificate:
-        """Return the norm between its bounds."""
-        return replace(matrices_norm(self.system, self.respond), path=self.path)
-
-    @cached_property
-    def guess(self) -> tuple[float, float]:
-        """The largest singular value half a width beside the resonances, and where: no bound, but near the norm."""
-        poles = self.system.poles[self.system.poles.imag > 0.0]
-        if not len(poles):
-            return inf, inf
-        near = beside(poles.imag + np.abs(poles.real))
-        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            values = gain_by_eigenvectors(self.system)(near)
-        return float(values.max()), float(near[values.argmax()])
-
-    def stays_below(self, level: float) -> bool:
-        """Return whether it is proved that no singular value reaches a level at any frequency."""
-        if (side_of_axis(self.system.poles) >= 0).any() or largest_of(self.system.D) >= level:
-            return False
-        return stays_below(self.system, level, self.guess[1])
+    def norm(self, axis: MarginalPoles | None = None) -> NormCertificate:
+        """Return the norm between its bounds; ``axis`` is what is known of its poles."""
+        return replace(matrices_norm(self.system, self.respond, axis), path=self.path)
 
 
 def _norms_of_small(systems: tuple["_Realised", ...]) -> list[NormCertificate]:
     """Return the norms of small parts; of one proved to stay below another's norm, the other's bound alone."""
-    order = sorted(range(len(systems)), key=lambda i: -systems[i].guess[0])
-    found = {order[0]: systems[order[0]].norm()}
-    first = found[order[0]]
+    axes = [marginal_poles(part.system) for part in systems]
+    order = sorted(range(len(systems)), key=lambda i: -axes[i].bound)
+    first = systems[order[0]].norm(axes[order[0]])
+    found = {order[0]: first}
     for i in order[1:]:
-        below = first.lower == inf or systems[i].stays_below(first.lower)
-        found[i] = replace(first, lower=0.0, path=systems[i].path) if below else systems[i].norm()
+        below = axes[i].bound <= first.lower
+        found[i] = replace(first, lower=0.0, path=systems[i].path) if below else systems[i].norm(axes[i])
     return [found[i] for i in range(len(systems))]
 
 
@@ -417,11 +400,11 @@ def _dissipation_bound(model: SecondOrderModel, omega: float) -> float:
     form, ports = model.structure.strain_form, model.ports
     if ports.B[2].any() or any(line.any() for line in ports.L[1:]) or any(e.any() for e in ports.E[1:]):
         return inf
-    C, seen = (dense(model.C), ports) if form is None else (form.C, form.ports(ports))
+    C, (B, L) = (dense(model.C), (ports.B, ports.L)) if form is None else (form.C, form.seen(ports))
     try:
         half = linalg.cholesky(0.5 * (C + C.T), lower=True)  # gyroscopic terms dissipate nothing
     except linalg.LinAlgError:
         return inf
-    weighed = (linalg.solve_triangular(half, columns, lower=True) for columns in (seen.L[0].T, seen.B[0], seen.B[1]))
+    weighed = (linalg.solve_triangular(half, columns, lower=True) for columns in (L[0].T, B[0], B[1]))
     reading, *acting = (float(np.linalg.norm(columns, 2)) for columns in weighed)
     return reading * (acting[0] / omega + acting[1]) + float(np.linalg.norm(ports.E[0], 2))

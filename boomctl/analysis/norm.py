@@ -41,6 +41,7 @@ if TYPE_CHECKING:
 _ROUNDING = 1e2 * EPS  # share of the Hamiltonian matrix's norm by which its eigenvalues may be off the axis
 
 _LIGHTEST = 10  # resonances, those of least damping, at which the share of rounding is looked at (a choice)
+_CLEAR = 1e-2 * LEVEL  # of a norm, a bound of rounding at all frequencies up to which no closer look is worth its time (a choice)
 _TINY = 1e-150  # norms below which squares of responses are not numbers of full precision
 
 NAMES = {"hinf": "H-infinity", "h2": "H2"}  # what the kinds of norm are called
@@ -178,12 +179,14 @@ def matrices_norm(
     if axis.hidden.any():
         return proved_norm(given, *_largest_beyond_rounding(given))
     found = level_norm(system, response) if system.dt == 0.0 else _by_circle(system)
-    rounding = _rounding_of_response(given, found.omega)
+    clear = axis.doubt <= _CLEAR * found.lower
+    rounding = _rounding_of_response(given, found.omega, 0 if clear else _LIGHTEST)
     sharp = found.certified and rounding <= LEVEL * found.lower and (found.lower >= _TINY or rounding == 0.0)
     if not sharp:
         found = proved_norm(given, max(found.lower - rounding, 0.0), found.omega)
     if sharp or response is not None:  # what is stored only stands for a structure: its last digits count
-        found = replace(found, lower=max(found.lower - rounding, 0.0), upper=found.upper + rounding)
+        upper = found.upper + (axis.doubt if clear else rounding)
+        found = replace(found, lower=max(found.lower - rounding, 0.0), upper=upper)
     return found if sharp or response is None or found.certified else replace(found, method=LOST)
 
 
@@ -236,11 +239,11 @@ def stays_below(system: Lti, level: float, at: float, response: Response | None 
 
 
 def _highest_at(respond: Response, omega: Array) -> tuple[float, float]:
-    """Return the largest singular value at frequencies and halfway between them, and where; zero without any."""
-    seen = np.sort(omega)
-    seen = np.concatenate([seen, 0.5 * (seen[1:] + seen[:-1])])
-    if not len(seen):
+    """Return the largest singular value at frequencies, between and on both sides of them, and where; zero without any."""
+    if not len(omega):
         return 0.0, 0.0
+    seen = np.sort(omega)
+    seen = np.concatenate([seen, 0.5 * (seen[1:] + seen[:-1]), [0.5 * seen[0], 2.0 * seen[-1]]])
     values = singular_values(respond(seen))[0]
     return float(values.max()), float(seen[values.argmax()])
 
@@ -304,12 +307,13 @@ def doubtful(system: Lti) -> str:
     return f"that the digits given do not tell from one on the {boundary}, where the norm would be infinite"
 
 
-def _rounding_of_response(given: System, omega: float) -> float:
-    """Return how much of the response at a frequency, and at the lightest resonances, may be rounding."""
-    rates = given.system.rates
-    poles = rates[rates.imag > 0.0]
-    light = poles[np.argsort(np.abs(poles.real) / np.abs(poles))[:_LIGHTEST]]
-    asked = np.concatenate([light.imag, [omega if isfinite(omega) else 0.0]])
+def _rounding_of_response(given: System, omega: float, count: int) -> float:
+    """Return how much of the response at a frequency, and at so many of the lightest resonances, may be rounding."""
+    asked = np.array([omega if isfinite(omega) else 0.0])
+    if count:
+        rates = given.system.rates
+        poles = rates[rates.imag > 0.0]
+        asked = np.append(asked, poles[np.argsort(np.abs(poles.real) / np.abs(poles))[:count]].imag)
     return float(_responses(given, asked)[1].max())
 
 
@@ -366,11 +370,13 @@ def _responses(given: System, omega: Array) -> tuple[Array, Array]:
 def hamiltonian_matrix(system: Lti, level: float) -> tuple[Array, Array]:
     """Return the balanced Hamiltonian matrix of a level, and the scales of its coordinates."""
     A, B, C, D = system.A, system.B / np.sqrt(level), system.C / np.sqrt(level), system.D / level
-    shifted, acting, reading = A, B.T, C
     if D.any():
-        R, S = np.eye(D.shape[1]) - D.T @ D, np.eye(D.shape[0]) - D @ D.T
-        shifted, acting, reading = A + B @ np.linalg.solve(R, D.T @ C), np.linalg.solve(R, B.T), np.linalg.solve(S, C)
-    H = blocks([[shifted, B @ acting], [-C.T @ reading, -shifted.T]])
+        n = len(A)
+        fed = np.linalg.solve(np.eye(D.shape[1]) - D.T @ D, np.concatenate([D.T @ C, B.T], axis=1))
+        A, C_, B_ = A + B @ fed[:, :n], C + D @ fed[:, :n], fed[:, n:]
+    else:
+        C_, B_ = C, B.T
+    H = blocks([[A, B @ B_], [-C.T @ C_, -A.T]])
     return balance(H)
 
 
@@ -410,14 +416,14 @@ def near_axis(H: Array) -> tuple[Array, Array]:
     """Return the eigenvalues, not below the real axis, on the imaginary axis, and those that lie so near to it.
 
     Where two crossings have nearly met, rounding moves their eigenvalues off the axis by its root: what lies so near is
-    worth a look.  So is an eigenvalue that lies no farther from the axis than from the nearest mirror image of another:
-    eigenvalues off the axis come in such pairs, and this one may be off it by rounding.
+    worth a look, once for the two.  So is an eigenvalue that lies no farther from the axis than from the nearest mirror
+    image of another: eigenvalues off the axis come in such pairs, and this one may be off it by rounding.
     """
     values = np.linalg.eigvals(H)
     values = values[values.imag >= 0.0]
-    values = values[values.imag.argsort()]
     size, off = np.abs(values), np.abs(values.real)
     noise = _ROUNDING * blas.dnrm2(H.ravel()) + SUMMED * size
     close = off <= noise
     alone = off <= np.abs(values[:, None] + values.conj()).min(axis=1)
-    return values[close], values[~close & (alone | (off <= np.sqrt(noise * size)))]
+    met = (values.real <= 0.0) & (off <= 2.0 * np.sqrt(noise * size))  # its mirror image lies up to twice as far off
+    return values[close], values[~close & (alone | met)]

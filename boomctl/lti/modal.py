@@ -113,9 +113,16 @@ class ModalSystem:
 
     def response(self, omega: Array) -> Array:
         """Return the frequency response, shape (outputs, inputs, frequencies)."""
-        shares = 1.0 / (1j * omega[None, :] - self.poles[:, None])
-        terms = (self.C.T[:, :, None] * self.B[:, None, :]).reshape(len(self.poles), self.D.size)
-        return (terms.T @ shares).reshape(*self.D.shape, len(omega)) + self.D[:, :, None]
+        return (self.terms.T @ self.shares(omega)).reshape(*self.D.shape, len(omega)) + self.D[:, :, None]
+
+    @property
+    def terms(self) -> Array:
+        """What each mode adds to the response times its distance from the frequency, (modes, entries of ``D``)."""
+        return (self.C.T[:, :, None] * self.B[:, None, :]).reshape(len(self.poles), self.D.size)
+
+    def shares(self, omega: Array) -> Array:
+        """Return the inverse of each mode's distance from frequencies, (modes, frequencies)."""
+        return 1.0 / (1j * omega - self.poles[:, None])
 
 
 def partial_fractions(system: Lti) -> ModalSystem:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeAlias, TypeGuard
 
 import numpy as np
 from scipy import linalg
+from scipy.linalg import lapack
 
 from boomctl.arrays import Array, balance, blocks
 from boomctl.checks import names
@@ -35,6 +36,7 @@ BATCH = 2**16  # entries of the pencils that are solved at once: what stays in t
 # sizes of a matrix between which products of its entries, and times of its poles, are numbers still (a choice)
 _SIZES = (1e-250, 1e100)
 _TIMES = (1e-30, 1e30)  # sampling times [s] with which rates and frequencies are numbers still (a choice)
+_WORK = 36  # numbers of working memory for a state with which eigenvalues are found by blocks of 32
 SLOWEST = 1e-12  # [rad/s], up to which a frequency is zero (a choice)
 
 
@@ -105,8 +107,16 @@ class Lti:
     @cached_property
     def eigensystem(self) -> tuple[Array, Array, Array]:
         """Eigenvalues of ``A`` [rad/s], left and right eigenvectors as columns of length one."""
-        poles, left, right = linalg.eig(self.A, left=True, right=True)  # type: ignore[misc]
-        return poles, left, right
+        n = len(self.A)
+        re, im, *vectors, failed = lapack.dgeev(self.A, lwork=_WORK * n + 1)
+        if failed:
+            raise linalg.LinAlgError("eigenvalues were not found")
+        first = (im > 0.0).nonzero()[0]
+        left, right = (each.astype(complex) for each in vectors)
+        for each, own in zip((left, right), vectors, strict=True):  # of a pair real and imaginary part stand side by side
+            each.imag[:, first], each.imag[:, first + 1] = own[:, first + 1], -own[:, first + 1]
+            each.real[:, first + 1] = own[:, first]
+        return re + 1j * im, left, right
 
     def response(self, omega: Array, *, quiet: bool = False) -> Array:
         """Return the frequency response, shape (outputs, inputs, frequencies); in discrete time at ``exp(j omega dt)``.

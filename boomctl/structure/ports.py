@@ -30,13 +30,14 @@ def _there(terms: Array) -> list[int]:
     return [k for k, term in enumerate(terms) if term.any()]
 
 
-def evaluate(terms: Array, s: Array) -> Array:
-    """Return ``X0 + s X1 + s^2 X2`` for each ``s``, shape (len(s), rows, columns); zero terms cost nothing."""
-    used = _there(terms)
+def evaluate(terms: Array, s: Array, used: list[int] | None = None) -> Array:
+    """Return ``X0 + s X1 + s^2 X2`` for each ``s``, shape (len(s), rows, columns); zero terms cost nothing.
+
+    ``used`` are the terms that are not zero, where that is known.
+    """
+    used = _there(terms) if used is None else used
     if used in ([], [0]):
-        found = np.empty((len(s), *terms[0].shape), complex)
-        found[:] = terms[0]
-        return found
+        return np.full((len(s), *terms[0].shape), terms[0], complex)
     powers = s[:, None] ** np.array(used)
     _, rows, columns = terms.shape
     return (powers @ terms[used].reshape(len(used), rows * columns)).reshape(len(s), rows, columns)

@@ -63,16 +63,19 @@ class StrainForm:
         """Stiffness."""
         return np.diag(np.repeat([1.0, 0.0], [self.strains, self.rigid]))
 
-    def ports(self, ports: Ports) -> Ports:
-        """Return inputs and outputs over these coordinates."""
-        rigid = np.arange(self.strains, len(self.V))
-        seen = ports.felt(self.V, rigid) if self.rigid else ports.congruent(self.V)
+    def seen(self, ports: Ports) -> tuple[Array, Array]:
+        """Return the matrices ``B`` and ``L`` of inputs and outputs over these coordinates."""
+        if self.rigid:
+            felt = ports.felt(self.V, np.arange(self.strains, len(self.V)))
+            B, L = felt.B, felt.L
+        else:
+            B, L = self.V.T @ ports.B, ports.L @ self.V
         if ports.strains is not None:
-            seen.B[0] = np.where(ports.moved, -(self.forces.T @ ports.strains), seen.B[0])
+            B[0] = np.where(ports.moved, -(self.forces.T @ ports.strains), B[0])
         if ports.tensions is not None:
             reads = ports.tensions.any(axis=1)
-            seen.L[0, reads] = ports.tensions[reads] @ self.forces
-        return seen
+            L[0, reads] = ports.tensions[reads] @ self.forces
+        return B, L
 
     def modes(self) -> tuple[Array, Array]:
         """Return undamped frequencies [rad/s], ascending, and mass-normalised shapes over the old coordinates.

@@ -150,19 +150,18 @@ def direct_response(structure: Structure, ports: Ports, omega: Array) -> Array:
     ValueError
         The structure has an undamped resonance exactly at one of the frequencies.
     """
-    s, rounding = 1j * omega, 0.0
-    if structure.strain_form is not None:
+    s, form, B, L = 1j * omega, structure.strain_form, ports.B, ports.L
+    if form is not None:
         if structure.noise > _UNEVEN * float(omega.max(initial=0.0)) ** 2:
-            rounding = ports_rounding(structure.in_strains, ports, structure.strain_form.V, omega)
-        structure, ports = structure.in_strains, structure.strain_form.ports(ports)
-    _warn(rounding)
+            _warn(ports_rounding(structure.in_strains, ports, form.V, omega))
+        structure, (B, L) = structure.in_strains, form.seen(ports)
     try:
-        X = np.linalg.solve(structure.at(s), evaluate(ports.B, s))
+        X = np.linalg.solve(structure.at(s), evaluate(B, s, ports.acting))
     except np.linalg.LinAlgError:
         raise ValueError(
             "omega hits an undamped resonance (or a rigid-body mode at 0): the response is infinite"
         ) from None
-    Y = evaluate(ports.L, s) @ X
+    Y = evaluate(L, s, ports.read) @ X
     return _conditioned(ports, s, Y + evaluate(ports.E, s) if ports.E.any() else Y)
 
 
