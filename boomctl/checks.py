@@ -221,6 +221,8 @@ def frequencies(name: str, value: ArrayLike) -> Array:
     omega = np.atleast_1d(finite_array(name, value))
     if omega.ndim != 1 or omega.size == 0:
         raise ValueError(f"{name}: expected one dimension and at least one frequency, got shape {omega.shape}")
+    if omega.min() >= _SMALLEST and omega.max() <= _FASTEST:
+        return omega
     if (omega < 0.0).any():
         raise ValueError(f"{name}: expected frequencies not below zero, got {omega.min()}")
     if ((omega > 0.0) & (omega < _SMALLEST)).any():

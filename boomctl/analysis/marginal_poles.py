@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from math import inf
 
 import numpy as np
-from scipy.linalg import lapack
+from scipy.linalg import blas, lapack
 
 from boomctl.arrays import Array
 from boomctl.lti.rounding import CANCELLED, EPS, TINY
@@ -123,12 +123,17 @@ def _bounds(system: Lti, made: Lti, reads: Array, angles: Array, decay: Array) -
     F = _TWICE * reads @ (np.abs(system.A @ right - right * poles) + rounding)
     acting = np.ones((n, m + 1))
     acting[:, 1:], off = np.abs(inverse @ system.B), _TWICE * lost * (reads @ made.B)
-    acting[:, 1:] += off + _TWICE * apart[:, None] * acting[:, 1:].max(axis=0, initial=0.0)  # the inverse is off by as much
+    acting[:, 1:] += off + _TWICE * apart[:, None] * acting[:, 1:].max(
+        axis=0, initial=0.0
+    )  # the inverse is off by as much
     factors, order, states, singular = lapack.dgesv(np.diag(decay) - F, acting)
     if singular or not (states[:, 0] > 0.0).all():
         return None
     states, blurred = states[:, 1:], lost * (made.C @ size)
     reading = np.abs(system.C @ right) + blurred
-    largest = np.linalg.norm(reading @ states + made.D)
-    change = np.linalg.norm(reading @ lapack.dgetrs(factors, order, F @ states + off)[0] + blurred @ states + lost * made.D)
-    return (1.0 + INVERSE) * float(largest), (1.0 + INVERSE) * float(change)  # with room for what floats lose on the way
+    largest = reading @ states + made.D
+    change = reading @ lapack.dgetrs(factors, order, F @ states + off)[0] + blurred @ states + lost * made.D
+    largest, change = (
+        (1.0 + INVERSE) * blas.dnrm2(each.ravel()) for each in (largest, change)
+    )  # room for floats' own errors
+    return largest, change

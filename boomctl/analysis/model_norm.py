@@ -381,7 +381,8 @@ def _norms_of_small(systems: tuple["_Realised", ...]) -> list[NormCertificate]:
     found = {order[0]: first}
     for i in order[1:]:
         below = axes[i].bound <= first.lower
-        found[i] = replace(first, lower=0.0, path=systems[i].path) if below else systems[i].norm(axes[i])
+        bound = NormCertificate(0.0, first.upper, first.omega, first.method, systems[i].path)
+        found[i] = bound if below else systems[i].norm(axes[i])
     return [found[i] for i in range(len(systems))]
 
 

@@ -33,7 +33,7 @@ from boomctl.lti.frequency import (
     singular_values,
 )
 from boomctl.lti.rounding import CERTIFIED, DIGIT, EPS, LEVEL, SUMMED, TINY
-from boomctl.lti.system import BATCH, Lti, System, beside, of
+from boomctl.lti.system import BATCH, WORK, Lti, System, beside, of
 
 if TYPE_CHECKING:
     from boomctl.structure.model import SecondOrderModel
@@ -41,7 +41,8 @@ if TYPE_CHECKING:
 _ROUNDING = 1e2 * EPS  # share of the Hamiltonian matrix's norm by which its eigenvalues may be off the axis
 
 _LIGHTEST = 10  # resonances, those of least damping, at which the share of rounding is looked at (a choice)
-_CLEAR = 1e-2 * LEVEL  # of a norm, a bound of rounding at all frequencies up to which no closer look is worth its time (a choice)
+# of a norm, a bound of rounding at all frequencies up to which no closer look is worth its time (a choice)
+_CLEAR = 1e-2 * LEVEL
 _TINY = 1e-150  # norms below which squares of responses are not numbers of full precision
 
 NAMES = {"hinf": "H-infinity", "h2": "H2"}  # what the kinds of norm are called
@@ -185,7 +186,7 @@ def matrices_norm(
     if not sharp:
         found = proved_norm(given, max(found.lower - rounding, 0.0), found.omega)
     if sharp or response is not None:  # what is stored only stands for a structure: its last digits count
-        upper = found.upper + (axis.doubt if clear else rounding)
+        upper = found.upper + (_CLEAR * found.lower if clear else rounding)
         found = replace(found, lower=max(found.lower - rounding, 0.0), upper=upper)
     return found if sharp or response is None or found.certified else replace(found, method=LOST)
 
@@ -419,8 +420,10 @@ def near_axis(H: Array) -> tuple[Array, Array]:
     worth a look, once for the two.  So is an eigenvalue that lies no farther from the axis than from the nearest mirror
     image of another: eigenvalues off the axis come in such pairs, and this one may be off it by rounding.
     """
-    values = np.linalg.eigvals(H)
-    values = values[values.imag >= 0.0]
+    re, im, _, _, failed = lapack.dgeev(H, compute_vl=0, compute_vr=0, lwork=WORK * len(H))
+    if failed:
+        raise np.linalg.LinAlgError("eigenvalues of a Hamiltonian matrix were not found")
+    values = (re + 1j * im)[im >= 0.0]
     size, off = np.abs(values), np.abs(values.real)
     noise = _ROUNDING * blas.dnrm2(H.ravel()) + SUMMED * size
     close = off <= noise

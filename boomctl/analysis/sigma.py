@@ -428,13 +428,13 @@ def compare_sigma(
 
 def _finite(omega: Array, values: Array) -> Array:
     """Return singular values; those beyond all floating-point numbers are refused."""
-    bad = ~np.isfinite(values).all(axis=0)
-    if bad.any():
-        raise ValueError(
-            f"system: its response at {omega[bad][0]:g} rad/s is beyond all floating-point numbers;"
-            " expected a system in units in which it is not"
-        )
-    return values
+    told = np.isfinite(values)
+    if told.all():
+        return values
+    raise ValueError(
+        f"system: its response at {omega[~told.all(axis=0)][0]:g} rad/s is beyond all floating-point numbers;"
+        " expected a system in units in which it is not"
+    )
 
 
 def _of_data(

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from scipy import linalg
 
 from boomctl.arrays import Array
-from boomctl.lti.modal import ModalSystem, partial_fractions, resolved, side_of_axis
+from boomctl.lti.modal import UNDAMPED, ModalSystem, partial_fractions
 from boomctl.lti.rounding import CERTIFIED, EPS, ROOT, SOLVED
 from boomctl.lti.system import SLOWEST, Lti
 
@@ -25,6 +25,9 @@ _PLACED = 1e-10  # of a peak's frequency: how finely it is searched for; its hei
 # share of a bracket, asked beside its parabola's top to close it in from both sides (measured: few steps)
 _CLOSE = 0.03
 _SLOW = 0.25  # share of a bracket that is left after a slow step, which middles then follow (a choice)
+# share of the largest value on such a grid that a point next to the highest peak has: half a half-width from it nine tenths,
+# beside other resonances less (a choice)
+_WORTH = 0.8
 # highest points of a grid around which a peak is searched for: the highest peak may be at the second (a choice)
 _REFINED = 3
 # Frequencies between the resonances (choices): of what is drawn, or looked at without proof, about 100 a decade on a boom's
@@ -51,6 +54,7 @@ NARROWEST = 1e-6  # share of its frequency as which a narrower resonance is draw
 # for a curve, dense at the peak and up to 23 half-widths to either side; for a search, which narrows in on the highest
 DRAWN = np.sinh(np.linspace(-4.0, 4.0, 33)) / np.sinh(1.0)
 SOUGHT = np.array([-3.0, -1.0, -0.5, -0.2, 0.0, 0.2, 0.5, 1.0, 3.0])
+_STARTS = np.array([-1.0, 0.0, 1.0])  # likewise, from where Newton's method goes on
 
 
 def singular_values(G: Array) -> Array:
@@ -62,6 +66,8 @@ def singular_values(G: Array) -> Array:
     fewer = min(p, m)
     if fewer == 0:
         return np.zeros((0, G.shape[2]))
+    if p == m == 1:
+        return np.abs(G[0])
     if fewer == 1:
         return np.sqrt((G.real**2 + G.imag**2).sum(axis=(0, 1)))[None, :]
     if (p, m) != (2, 2):
@@ -244,14 +250,16 @@ def largest_gain(system: Lti, respond: Response | None = None) -> tuple[float, f
     place is searched for anew in the system's own response.
     """
     poles, exact = system.poles, partial(system.response, quiet=True) if respond is None else respond
-    size, seen = np.abs(poles), resolved(poles)
-    ends = float(size[seen].min()) if seen.any() else 0.0, float(size.max())
+    size = np.abs(poles)
+    fastest = float(size.max())
+    seen = size[size > SOLVED * fastest]
     grid = resonance_grid(
-        poles[(poles.imag > 0.0) & (side_of_axis(poles) != 0)],
-        0.1 * max(ends[0], SLOWEST),
-        10.0 * max(ends[1], SLOWEST),
+        poles[(poles.imag > 0.0) & (np.abs(poles.real) > UNDAMPED * size)],
+        0.1 * max(float(seen.min(initial=fastest)), SLOWEST),
+        10.0 * max(fastest, SLOWEST),
         points=SEARCHED,
-        also=[0.0] if seen.all() else (),
+        places=_STARTS,
+        also=[0.0] if len(seen) == len(size) else (),
     )
     shown, at = _peak_of_modes(partial_fractions(system), grid)
     there = float(singular_values(exact(np.array([at])))[0, 0])
@@ -269,14 +277,15 @@ def _peak_of_modes(modes: ModalSystem, grid: Array) -> tuple[float, float]:
     square, which is a parabola at a resonance.
     """
     terms, last = modes.terms, len(grid) - 1
-    size = np.sqrt(_square(terms.T @ modes.shares(grid) + modes.D.reshape(-1, 1)).sum(axis=0))
-    at = float(grid[size.argmax()])
-    high = (size >= (1.0 - ROOT) * size.max() / max(1, min(modes.D.shape)) ** 0.5).nonzero()[0]
+    G = terms.T @ modes.shares(grid) + modes.D.reshape(-1, 1)
+    size = np.sqrt(_square(G).sum(axis=0))
+    high = (size >= _WORTH * size.max() / max(1, min(modes.D.shape)) ** 0.5).nonzero()[0]
     heights = np.full(last + 3, -1.0)
-    heights[1 + high] = singular_values(modes.response(grid[high]))[0]
+    heights[1 + high] = singular_values(G[:, high].reshape(*modes.D.shape, -1))[0]
     tops = high[(heights[1 + high] >= heights[high]) & (heights[1 + high] >= heights[2 + high])]
     tops = tops[heights[1 + tops].argsort()[-_REFINED:]]
-    peak, omega, low, high = 0.0, grid[tops], grid[np.maximum(tops - 1, 0)], grid[np.minimum(tops + 1, last)]
+    peak, at, omega = 0.0, float(grid[size.argmax()]), grid[tops]
+    low, high = grid[np.maximum(tops - 1, 0)], grid[np.minimum(tops + 1, last)]
     for _ in range(_STEPS if len(tops) else 0):
         shares = modes.shares(omega)
         G = (terms.T @ shares).T.reshape(-1, *modes.D.shape) + modes.D

@@ -36,7 +36,7 @@ BATCH = 2**16  # entries of the pencils that are solved at once: what stays in t
 # sizes of a matrix between which products of its entries, and times of its poles, are numbers still (a choice)
 _SIZES = (1e-250, 1e100)
 _TIMES = (1e-30, 1e30)  # sampling times [s] with which rates and frequencies are numbers still (a choice)
-_WORK = 36  # numbers of working memory for a state with which eigenvalues are found by blocks of 32
+WORK = 36  # numbers of working memory for a state with which eigenvalues are found by blocks of 32
 SLOWEST = 1e-12  # [rad/s], up to which a frequency is zero (a choice)
 
 
@@ -108,12 +108,14 @@ class Lti:
     def eigensystem(self) -> tuple[Array, Array, Array]:
         """Eigenvalues of ``A`` [rad/s], left and right eigenvectors as columns of length one."""
         n = len(self.A)
-        re, im, *vectors, failed = lapack.dgeev(self.A, lwork=_WORK * n + 1)
+        re, im, *vectors, failed = lapack.dgeev(self.A, lwork=WORK * n + 1)
         if failed:
             raise linalg.LinAlgError("eigenvalues were not found")
         first = (im > 0.0).nonzero()[0]
         left, right = (each.astype(complex) for each in vectors)
-        for each, own in zip((left, right), vectors, strict=True):  # of a pair real and imaginary part stand side by side
+        for each, own in zip(
+            (left, right), vectors, strict=True
+        ):  # of a pair real and imaginary part stand side by side
             each.imag[:, first], each.imag[:, first + 1] = own[:, first + 1], -own[:, first + 1]
             each.real[:, first + 1] = own[:, first]
         return re + 1j * im, left, right
@@ -427,11 +429,11 @@ def of(
         _check_time(what, found.dt, discrete, sampled)
     for letter in "ABCD":
         matrix = getattr(found, letter)
-        if not np.isfinite(matrix).all():
+        largest = float(np.abs(matrix).max(initial=0.0))
+        if not np.isfinite(largest):
             row, column = np.argwhere(~np.isfinite(matrix))[0]
             value = matrix[row, column]
             raise ValueError(f"{what}: expected finite numbers, got {letter}[{row}, {column}] = {value}")
-        largest = float(np.abs(matrix).max(initial=0.0))
         if largest > _SIZES[1] or (letter == "A" and 0.0 < largest < _SIZES[0]):
             raise ValueError(
                 f"{what}: the largest entry of {letter} is {largest:g} in size; expected from {_SIZES[0]:g} to {_SIZES[1]:g}:"

@@ -12,6 +12,7 @@ from functools import cached_property
 
 import numpy as np
 from scipy import linalg
+from scipy.linalg import lapack
 
 from boomctl.arrays import Array, blocks, combined
 from boomctl.lti.rounding import CANCELLED, EPS, SUMMED
@@ -116,20 +117,24 @@ class StrainForm:
         return np.concatenate([still, (beta / alpha)[alpha != 0.0]])
 
 
-def _spread(S: Array) -> tuple[Array, Array, Array]:
-    """Return the rows that are not zero at size one, their singular values, and all right singular vectors as rows."""
+def _spread(S: Array) -> tuple[Array, Array]:
+    """Return the rows that are not zero at size one, and their singular values."""
     size = np.linalg.norm(S, axis=1)
     unit = S[size > 0.0] / size[size > 0.0][:, None]
-    _, spread, motions = np.linalg.svd(unit, full_matrices=len(unit) < S.shape[1])
-    return unit, spread, motions
+    return unit, np.linalg.svd(unit, compute_uv=False)
+
+
+def _motions(unit: Array) -> Array:
+    """Return all right singular vectors of such rows, as columns."""
+    return np.linalg.svd(unit, full_matrices=len(unit) < unit.shape[1])[2].T
 
 
 def parted(lines: Array) -> tuple[Array, int]:
     """Return an orthogonal combination of motions that lines read, and how many, the last ones, they do not see."""
     if not lines.any():
         return np.eye(lines.shape[1]), lines.shape[1]
-    _, spread, motions = _spread(lines)
-    return motions.T, lines.shape[1] - int((spread > SUMMED * spread[0]).sum())
+    unit, spread = _spread(lines)
+    return _motions(unit), lines.shape[1] - int((spread > SUMMED * spread[0]).sum())
 
 
 def _even(rows: Array) -> Array:
@@ -172,19 +177,21 @@ def unstrained(S: Array, rows: Array, column: Array) -> tuple[Array, Array, Arra
     """
     n, given = S.shape[1], S
     S = given * column
-    unit, spread, motions = _spread(S)
+    unit, spread = _spread(S)
     if spread[min(unit.shape) - 1] < _CLEAR:
         column = _even(rows)
         S = given * column
-        unit, spread, motions = _spread(S)
+        unit, spread = _spread(S)
     r = int((spread > SUMMED * spread[0]).sum())
     order = np.argsort(-np.abs(S).max(axis=1), kind="stable")
-    Q, T, places = linalg.qr(S[order], mode="economic", pivoting=True)
-    V = np.zeros((n, n))
-    V[places[:r], :r] = linalg.solve_triangular(T[:r, :r], np.eye(r))
-    V[:, r:] = motions[r:].T
+    T, places, tau, _, _ = lapack.dgeqp3(S[order])
+    V, Q = np.zeros((n, n)), np.zeros_like(S)
+    Q[:, :r] = lapack.dorgqr(T[:, : len(tau)], tau)[0][:, :r]
+    V[places[:r] - 1, :r] = np.triu(lapack.dtrtri(T[:r, :r])[0])
+    if r < n:
+        V[:, r:] = _motions(unit)[:, r:]
     V *= column[:, None]
-    return V, np.hstack([Q[:, :r], np.zeros((len(Q), n - r))]), order, r
+    return V, Q, order, r
 
 
 def strain_form(layout: Layout, weights: Weights) -> StrainForm | None:

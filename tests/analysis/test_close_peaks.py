@@ -6,8 +6,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import linalg, stats
 
+from boomctl import h_infinity
 from boomctl.analysis.norm import level_norm, stays_below, stays_below_on_circle
-from boomctl.lti.system import Lti
+from boomctl.lti.frequency import singular_values
+from boomctl.lti.system import Lti, of
+from tests.lti.test_proof import cheap
 from tests.profiles import examples
 
 
@@ -60,3 +63,17 @@ def test_nor_is_one_on_the_circle_of_a_slow_mode_and_a_fast_one():
         for part in (1e-2, 1e-3, 1e-4):
             assert not stays_below_on_circle(system, peak * (1.0 - part))
             assert stays_below_on_circle(system, peak * (1.0 + part))
+
+
+@pytest.mark.parametrize("seed", [7, 16, 26, 38])
+def test_no_level_below_a_flat_top_is_one_that_nothing_reaches(seed):
+    """An optimal loop's response is flat: it crosses a level once, slowly, where rounding moves an eigenvalue far."""
+    found = h_infinity(cheap(seed), 1, 1, **({"tolerance": 1e-9, "fastest_pole": 1e10} if seed % 2 else {}))
+    loop = of(found.closed_loop).balanced()
+    size = np.abs(loop.poles)
+    omega = np.geomspace(size.min() / 10.0, 10.0 * size.max(), 1000)
+    gains = singular_values(loop.response(omega, quiet=True))[0]
+    for below in (1e-5, 1e-4, 1e-3):
+        level = gains.max() * (1.0 - below)
+        for at in omega[np.abs(gains - level) < 1e-3 * level][::10]:
+            assert not stays_below(loop, level, float(at))
