@@ -12,7 +12,7 @@ from functools import cached_property
 
 import numpy as np
 from scipy import linalg
-from scipy.linalg import lapack
+from scipy.linalg import blas, lapack
 
 from boomctl.arrays import Array, blocks, combined
 from boomctl.lti.rounding import CANCELLED, EPS, SUMMED
@@ -187,7 +187,7 @@ def unstrained(S: Array, rows: Array, column: Array) -> tuple[Array, Array, Arra
     T, places, tau, _, _ = lapack.dgeqp3(S[order])
     V, Q = np.zeros((n, n)), np.zeros_like(S)
     Q[:, :r] = lapack.dorgqr(T[:, : len(tau)], tau)[0][:, :r]
-    V[places[:r] - 1, :r] = np.triu(lapack.dtrtri(T[:r, :r])[0])
+    V[places[:r] - 1, :r] = blas.dtrsm(1.0, T[:r, :r], np.eye(r))
     if r < n:
         V[:, r:] = _motions(unit)[:, r:]
     V *= column[:, None]

@@ -51,10 +51,11 @@ def realize(structure: Structure, ports: Ports) -> Lti:
     _check_proper(ports, dynamics.missing, dynamics.felt)
     outputs = _outputs(ports, dynamics.q, dynamics.d)
     rates, y, filter_states = _filtered(ports, dynamics.rates, *outputs)
-    A, B, C, D = (part for signal in (rates, y) for part in np.split(signal, [len(rates)], axis=1))
+    size = len(rates)
     states = [f"{name}.x1" for name in structure.coordinates] + [f"{name}.x2" for name in structure.coordinates]
     for name, count in zip(ports.inputs, ports.integrators, strict=True):
         states += [f"{name}.displacement", f"{name}.velocity"][:count]
+    A, B, C, D = rates[:, :size], rates[:, size:], y[:, :size], y[:, size:]
     return Lti(A, B, C, D, ports.inputs, ports.outputs, (*states, *filter_states))
 
 
