@@ -50,7 +50,7 @@ class MarginalPoles:
 def marginal_poles(given: System) -> MarginalPoles:
     """Return what is known of the poles of a (balanced) system at the imaginary axis; of a loop, as its parts are stored."""
     system, made = given.system, given.magnitudes
-    found = MarginalPoles(None, None, *np.zeros((2, len(system.A)), bool))
+    found = MarginalPoles(None, None, np.zeros(len(system.A), bool), np.zeros(len(system.A), bool))
     if not len(system.A):
         return found
     poles, left, right = system.eigensystem
@@ -119,21 +119,19 @@ def _bounds(system: Lti, made: Lti, reads: Array, angles: Array, decay: Array) -
     apart = (np.abs(inverse @ right - np.eye(n)) + lost * (reads @ size)).sum(axis=1)
     if apart.max() > INVERSE:
         return None
-    rounding = lost * (made.A @ size + size * np.abs(poles))
-    F = _TWICE * reads @ (np.abs(system.A @ right - right * poles) + rounding)
+    residual = np.abs(system.A @ right - right * poles) + lost * (made.A @ size + size * np.abs(poles))
+    F, blur = reads @ residual, lost * (reads @ made.B)
     acting = np.ones((n, m + 1))
-    acting[:, 1:], off = np.abs(inverse @ system.B), _TWICE * lost * (reads @ made.B)
-    acting[:, 1:] += off + _TWICE * apart[:, None] * acting[:, 1:].max(
-        axis=0, initial=0.0
-    )  # the inverse is off by as much
+    acting[:, 1:] = np.abs(inverse @ system.B) + blur
+    for each in (F, acting[:, 1:], blur):  # of the exact inverse: this one is off by as much
+        each += _TWICE * apart[:, None] * each.max(axis=0, initial=0.0)
+    F *= _TWICE
     factors, order, states, singular = lapack.dgesv(np.diag(decay) - F, acting)
     if singular or not (states[:, 0] > 0.0).all():
         return None
     states, blurred = states[:, 1:], lost * (made.C @ size)
     reading = np.abs(system.C @ right) + blurred
     largest = reading @ states + made.D
-    change = reading @ lapack.dgetrs(factors, order, F @ states + off)[0] + blurred @ states + lost * made.D
-    largest, change = (
-        (1.0 + INVERSE) * blas.dnrm2(each.ravel()) for each in (largest, change)
-    )  # room for floats' own errors
-    return largest, change
+    change = reading @ lapack.dgetrs(factors, order, F @ states + blur)[0] + blurred @ states + lost * made.D
+    room = 1.0 + INVERSE  # for what floats lose on the way
+    return float(room * blas.dnrm2(largest.ravel())), float(room * blas.dnrm2(change.ravel()))

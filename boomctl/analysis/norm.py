@@ -11,7 +11,7 @@ symplectic pencil on the unit circle.
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import lru_cache, partial
 from math import inf, isfinite
 from typing import TYPE_CHECKING
 
@@ -33,7 +33,7 @@ from boomctl.lti.frequency import (
     singular_values,
 )
 from boomctl.lti.rounding import CERTIFIED, DIGIT, EPS, LEVEL, SUMMED, TINY
-from boomctl.lti.system import BATCH, WORK, Lti, System, beside, of
+from boomctl.lti.system import BATCH, Lti, System, beside, of
 
 if TYPE_CHECKING:
     from boomctl.structure.model import SecondOrderModel
@@ -344,18 +344,12 @@ def _responses(given: System, omega: Array) -> tuple[Array, Array]:
         acting, reading, there = (
             np.zeros((n, len(s), m), complex),
             np.zeros((n, len(s), p), complex),
-            np.ones(len(s), bool),
+            np.zeros(len(s), bool),
         )
-        pencil, places = -system.A.astype(complex), np.arange(n)
-        diagonal = pencil[places, places]
-        for i in range(len(s)):
-            pencil[places, places] = diagonal + s[i]
-            factors, swapped, singular = lapack.zgetrf(pencil)
-            if singular:
-                there[i] = False
-                continue
-            acting[:, i] = lapack.zgetrs(factors, swapped, system.B)[0]
-            reading[:, i] = lapack.zgetrs(factors, swapped, system.C.T, trans=1)[0]
+        for i, w in enumerate(omega[k : k + step].tolist()):
+            solved = _solved(system, w)
+            if solved is not None:
+                (acting[:, i], reading[:, i]), there[i] = solved, True
         with np.errstate(invalid="ignore", over="ignore"):  # at a pole: what is not finite is doubtful altogether
             wide = acting.reshape(n, -1)
             G[:, :, k : k + step] = ((system.C @ wide).reshape(p, -1, m) + system.D[:, None]).transpose(0, 2, 1)
@@ -366,6 +360,16 @@ def _responses(given: System, omega: Array) -> tuple[Array, Array]:
             rounding = off.max(axis=(1, 2)) * system.D.size**0.5  # no squares, which may be zero
         doubts[k : k + step] = np.where(there & np.isfinite(rounding), rounding, inf)
     return G, doubts
+
+
+@lru_cache(maxsize=1)  # at the peak a level and then the share of rounding are looked at
+def _solved(system: Lti, omega: float) -> tuple[Array, Array] | None:
+    """Return ``(s - A)^-1 B`` and ``(s - A)^-T C^T`` at a frequency; None at a pole that rounding keeps from the axis."""
+    pencil = np.diag(np.full(len(system.A), system.boundary(np.array(omega)), complex))
+    factors, swapped, singular = lapack.zgetrf(pencil - system.A)
+    if singular:
+        return None
+    return lapack.zgetrs(factors, swapped, system.B)[0], lapack.zgetrs(factors, swapped, system.C.T, trans=1)[0]
 
 
 def hamiltonian_matrix(system: Lti, level: float) -> tuple[Array, Array]:
@@ -390,15 +394,14 @@ def level_shows(system: Lti, level: float, omega: float, hamiltonian: tuple[Arra
     """
     if not isfinite(omega):
         return True
-    n = len(system.A)
-    factors, swapped, singular = lapack.zgetrf(1j * omega * np.eye(n) - system.A)
-    if singular:  # a pole that rounding alone keeps from the axis
+    n, solved = len(system.A), _solved(system, omega)
+    if solved is None:
         return False
-    states = lapack.zgetrs(factors, swapped, system.B)[0]
+    states, adjoint = solved
     v = lapack.zgesdd(system.C @ states + system.D)[2][0].conj()
     x = states @ v
     y = system.C @ x + system.D @ v
-    p = lapack.zgetrs(factors, swapped, system.C.T @ y, trans=2)[0] / level
+    p = adjoint.conj() @ y / level
     H, scale = hamiltonian_matrix(system, level) if hamiltonian is None else hamiltonian
     gap = (1.0 - (blas.dznrm2(y) / level) ** 2) * blas.dznrm2((system.B @ v) / scale[:n])
     return bool(gap > DIGIT * blas.dnrm2(H.ravel()) * blas.dznrm2(np.concatenate([x, p]) / scale))
@@ -420,7 +423,7 @@ def near_axis(H: Array) -> tuple[Array, Array]:
     worth a look, once for the two.  So is an eigenvalue that lies no farther from the axis than from the nearest mirror
     image of another: eigenvalues off the axis come in such pairs, and this one may be off it by rounding.
     """
-    re, im, _, _, failed = lapack.dgeev(H, compute_vl=0, compute_vr=0, lwork=WORK * len(H))
+    re, im, _, _, failed = lapack.dgeev(H, compute_vl=0, compute_vr=0, lwork=int(lapack.dgeev_lwork(len(H), 0, 0)[0]))
     if failed:
         raise np.linalg.LinAlgError("eigenvalues of a Hamiltonian matrix were not found")
     values = (re + 1j * im)[im >= 0.0]

@@ -261,11 +261,8 @@ def largest_gain(system: Lti, respond: Response | None = None) -> tuple[float, f
         places=_STARTS,
         also=[0.0] if len(seen) == len(size) else (),
     )
-    shown, at = _peak_of_modes(partial_fractions(system), grid)
-    there = float(singular_values(exact(np.array([at])))[0, 0])
-    if abs(shown - there) <= CERTIFIED * there:
-        return there, at
-    return highest_peak(lambda omega: singular_values(exact(omega))[0], grid)
+    found = _peak_of_modes(partial_fractions(system), grid)
+    return confirmed_peak(found, lambda omega: singular_values(exact(omega))[0], grid)
 
 
 @np.errstate(divide="ignore", invalid="ignore", over="ignore")  # of eigenvectors that lose all digits
@@ -305,11 +302,9 @@ def _peak_of_modes(modes: ModalSystem, grid: Array) -> tuple[float, float]:
     return peak, at
 
 
-def confirmed_peak(
-    quick: Callable[[Array], Array], exact: Callable[[Array], Array], grid: Array
-) -> tuple[float, float]:
-    """Return the largest of ``exact`` values, and its frequency, by a search in quick ones; in exact ones if they differ."""
-    shown, at = highest_peak(quick, grid)
+def confirmed_peak(found: tuple[float, float], exact: Callable[[Array], Array], grid: Array) -> tuple[float, float]:
+    """Return a peak found in quick values, and its frequency, as ``exact`` values are there; searched anew if they differ."""
+    shown, at = found
     there = float(exact(np.array([at]))[0])
     return (there, at) if abs(shown - there) <= CERTIFIED * there else highest_peak(exact, grid)
 

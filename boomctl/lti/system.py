@@ -36,7 +36,6 @@ BATCH = 2**16  # entries of the pencils that are solved at once: what stays in t
 # sizes of a matrix between which products of its entries, and times of its poles, are numbers still (a choice)
 _SIZES = (1e-250, 1e100)
 _TIMES = (1e-30, 1e30)  # sampling times [s] with which rates and frequencies are numbers still (a choice)
-WORK = 36  # numbers of working memory for a state with which eigenvalues are found by blocks of 32
 SLOWEST = 1e-12  # [rad/s], up to which a frequency is zero (a choice)
 
 
@@ -108,14 +107,14 @@ class Lti:
     def eigensystem(self) -> tuple[Array, Array, Array]:
         """Eigenvalues of ``A`` [rad/s], left and right eigenvectors as columns of length one."""
         n = len(self.A)
-        re, im, *vectors, failed = lapack.dgeev(self.A, lwork=WORK * n + 1)
+        if not n:
+            return np.zeros(0, complex), np.zeros((0, 0)), np.zeros((0, 0))
+        re, im, *vectors, failed = lapack.dgeev(self.A, lwork=int(lapack.dgeev_lwork(n)[0]))
         if failed:
             raise linalg.LinAlgError("eigenvalues were not found")
         first = (im > 0.0).nonzero()[0]
         left, right = (each.astype(complex) for each in vectors)
-        for each, own in zip(
-            (left, right), vectors, strict=True
-        ):  # of a pair real and imaginary part stand side by side
+        for each, own in ((left, vectors[0]), (right, vectors[1])):  # of a pair both parts stand side by side
             each.imag[:, first], each.imag[:, first + 1] = own[:, first + 1], -own[:, first + 1]
             each.real[:, first + 1] = own[:, first]
         return re + 1j * im, left, right

@@ -5,8 +5,13 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy import linalg
 
 import boomctl as bc
+from boomctl.analysis.marginal_poles import marginal_poles
+from boomctl.lti.frequency import singular_values
+from boomctl.lti.rounding import CANCELLED
+from boomctl.lti.system import Lti
 from tests.profiles import examples
 
 REST = 0.7  # gain of a lag that stands beside the modes
@@ -118,3 +123,26 @@ def test_undamped_booms_are_infinite_however_they_are_handed_over():
     model = bc.spray_boom(p, elements=4)
     assert bc.sigma(model).peak == np.inf
     assert bc.hinf_norm(model.to_statespace()).lower == np.inf
+
+
+@given(seed=st.integers(0, 10**6), dt=st.sampled_from([0.0, 0.1]))
+@examples(100)
+def test_no_gain_is_above_the_sum_over_modes_and_no_change_of_last_places_above_its_doubt(seed, dt):
+    rng = np.random.default_rng(seed)
+    n, m, p = int(rng.integers(1, 13)), *rng.integers(1, 4, 2)
+    poles = -(10.0 ** rng.uniform(-3.0, 0.0, n)) + 1j * 10.0 ** rng.uniform(-1.0, 1.0, n) * rng.integers(0, 2, n)
+    parts = [[[z.real, z.imag], [-z.imag, z.real]] if z.imag else [[z.real]] for z in poles]
+    A = linalg.expm(linalg.block_diag(*parts) * dt) if dt else linalg.block_diag(*parts)
+    T = rng.standard_normal((len(A), len(A))) + 2.0 * np.eye(len(A))
+    B, C, D = rng.standard_normal((len(A), m)), rng.standard_normal((p, len(A))), rng.standard_normal((p, m))
+    system = Lti(T @ A @ np.linalg.inv(T), T @ B, C @ np.linalg.inv(T), D, dt=dt)
+    axis = marginal_poles(system)
+    rates = system.rates
+    omega = np.abs(rates.imag[:, None] + rates.real[:, None] * np.linspace(-3.0, 3.0, 25)).ravel()
+    G = system.response(omega, quiet=True)
+    assert singular_values(G)[0].max() <= axis.bound
+    # a thousand last places: what rounding of the response itself leaves does not count beside them
+    off = 1e3 * CANCELLED
+    moved = [M * (1.0 + off * rng.choice([-1.0, 1.0], M.shape)) for M in (system.A, system.B, system.C, system.D)]
+    change = singular_values(Lti(*moved, dt=dt).response(omega, quiet=True) - G)[0].max()
+    assert change <= 1.1e3 * axis.doubt or axis.doubt * 1e3 > 0.1 * axis.bound

@@ -129,10 +129,10 @@ def _outputs(
     """Return the parts of the outputs with no, one and two derivatives still to be taken by a filter, if there is one."""
     parts = [ports.L[k] @ q[k] + ports.E[k] @ d[k] for k in range(3)]
     if all(bandwidth is None for bandwidth in ports.bandwidths):
-        return sum(parts[1:], parts[0]), None, None
+        return parts[0] + parts[1] + parts[2], None, None
     plain = np.array([b is None for b in ports.bandwidths], dtype=bool)[:, None]
     later = [ports.L[k] @ q[0] + ports.E[k] @ d[0] for k in range(3)]
-    return np.where(plain, sum(parts[1:], parts[0]), later[0]), later[1], later[2]
+    return np.where(plain, parts[0] + parts[1] + parts[2], later[0]), later[1], later[2]
 
 
 def _check_proper(ports: Ports, missing: tuple[Array, Array, Array], felt: Callable[[], tuple[Array, Array]]) -> None:

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.lti.frequency import SEARCHED, confirmed_peak, resonance_grid, singular_values
+from boomctl.lti.frequency import SEARCHED, confirmed_peak, highest_peak, resonance_grid, singular_values
 from boomctl.lti.modal import partial_fractions
 from boomctl.lti.rounding import TINY
 from boomctl.lti.system import Lti
@@ -242,5 +242,6 @@ def _out_of_reach(plant: GeneralizedPlant, F: Array) -> tuple[float, float]:
         response = fractions.response(omega)  # of eigenvectors that may be dependent
         return rest(response) if np.isfinite(response).all() else np.full(len(omega), np.inf)
 
-    peak, omega = confirmed_peak(quick, lambda omega: rest(system.response(omega, quiet=True)), grid)
+    found = highest_peak(quick, grid)
+    peak, omega = confirmed_peak(found, lambda omega: rest(system.response(omega, quiet=True)), grid)
     return (peak, omega) if peak >= last else (last, np.inf)
