@@ -42,7 +42,7 @@ _ROUNDING = 1e2 * EPS  # share of the Hamiltonian matrix's norm by which its eig
 
 _LIGHTEST = 10  # resonances, those of least damping, at which the share of rounding is looked at (a choice)
 # of a norm, a bound of rounding at all frequencies up to which no closer look is worth its time (a choice)
-_CLEAR = 1e-2 * LEVEL
+_CLEAR = 0.1 * LEVEL
 _TINY = 1e-150  # norms below which squares of responses are not numbers of full precision
 
 NAMES = {"hinf": "H-infinity", "h2": "H2"}  # what the kinds of norm are called
