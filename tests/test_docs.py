@@ -47,7 +47,7 @@ HANDED_ON = {
     "Torque",
     "Hold",
     "Free",
-    "ControllerStructure",
+    "ControllerForm",
     "Channel",
 }  # made, not looked into
 BESIDE = ("exchange", "studies", "tunable")  # packages whose names are listed, beside those whose members are frozen

@@ -14,7 +14,7 @@ from boomctl.lti.system import Lti
 from boomctl.synthesis.plants.channels import Channel
 from boomctl.synthesis.plants.partition import GeneralizedPlant
 from boomctl.tuning.parts.jets import Jet
-from boomctl.tuning.parts.structures import PHYSICAL, ControllerStructure, Free, Ports
+from boomctl.tuning.parts.structures import PHYSICAL, ControllerForm, Free, Ports
 
 _POINTS = 24  # frequencies at which plants are looked at (a choice)
 _ROUNDS = 30  # of scaling rows and columns in turn: each takes the square of what is left (a choice)
@@ -236,7 +236,7 @@ class Problem:
 
     Attributes
     ----------
-    structure : ControllerStructure
+    structure : ControllerForm
     ports : Ports
     free : tuple of Free
     low, high : ndarray
@@ -256,7 +256,7 @@ class Problem:
         How far from the edge of stability the search keeps for now: decay of a pole over its size.
     """
 
-    structure: ControllerStructure
+    structure: ControllerForm
     ports: Ports
     free: tuple[Free, ...]
     low: Array

@@ -23,7 +23,7 @@ from boomctl.synthesis.plants.channels import Channel, objective, places
 from boomctl.synthesis.plants.partition import GeneralizedPlant
 from boomctl.tuning.certificate import channel_norm, edge_of, loop_of, lower_bound
 from boomctl.tuning.initial import initial_numbers
-from boomctl.tuning.parts.structures import GAIN, ControllerStructure, Decentralised, Ports, Series, Sum
+from boomctl.tuning.parts.structures import GAIN, ControllerForm, Decentralised, Ports, Series, Sum
 from boomctl.tuning.plants import FamilyPlants, Plants, fixed_plants, made_plants
 from boomctl.tuning.point import DAMPING, DECAY, FASTEST_POLE, GAIN_LIMIT, Point
 from boomctl.tuning.problem import Problem, ports_of
@@ -48,7 +48,7 @@ def tune(
     P: Any,
     nmeas: int | None = None,
     ncon: int | None = None,
-    structure: ControllerStructure | None = None,
+    structure: ControllerForm | None = None,
     *,
     channels: "Sequence[Channel] | None" = None,
     norm: str = "hinf",
@@ -78,7 +78,7 @@ def tune(
     nmeas, ncon : int, optional
         Numbers of measurements and controls; both 0 where only physical parameters are tuned.  Not needed there, nor of
         what `generalized_plant` or `mixed_sensitivity` made, whose names tell them.
-    structure : ControllerStructure
+    structure : ControllerForm
         What the controller is made of, from `boomctl.tunable`: parts can be added, and put in series by ``*``.
     channels : sequence of Channel, optional
         `boomctl.tunable.objective` and `boomctl.tunable.budget`; by default one objective, the whole loop.
@@ -135,11 +135,11 @@ def tune(
     (0.7071, 0.7071)
     """
     began = time.monotonic()
-    if isinstance(nmeas, ControllerStructure):
+    if isinstance(nmeas, ControllerForm):
         raise TypeError(
             "nmeas: expected a whole number, got a structure; where nmeas and ncon are left out, structure=..."
         )
-    structure = instance("structure", structure, ControllerStructure, "a structure of boomctl.tunable")
+    structure = instance("structure", structure, ControllerForm, "a structure of boomctl.tunable")
     listed = _channels(channels, norm)
     limits = {
         "fastest_pole": None if fastest_pole is None else positive("fastest_pole", fastest_pole),
@@ -174,7 +174,7 @@ def _channels(channels: "Sequence[Channel] | None", norm: str) -> tuple[Channel,
     return found
 
 
-def _counts(structure: ControllerStructure, nmeas: int | None, ncon: int | None) -> tuple[int | None, int | None]:
+def _counts(structure: ControllerForm, nmeas: int | None, ncon: int | None) -> tuple[int | None, int | None]:
     """Return the numbers of measurements and controls, both zero where nothing but physical parameters is tuned.
 
     Where they are left out, names tell them.
@@ -197,7 +197,7 @@ def _counts(structure: ControllerStructure, nmeas: int | None, ncon: int | None)
 
 
 def _family(
-    P: Any, nmeas: int | None, ncon: int | None, structure: ControllerStructure, family: "Family | None"
+    P: Any, nmeas: int | None, ncon: int | None, structure: ControllerForm, family: "Family | None"
 ) -> FamilyPlants | None:
     if family is None:
         return None
@@ -214,7 +214,7 @@ def _family(
     return FamilyPlants(given, make, nmeas, ncon, structure.physicals())
 
 
-def _plants(P: Any, nmeas: int | None, ncon: int | None, structure: ControllerStructure, deadline: float) -> Plants:
+def _plants(P: Any, nmeas: int | None, ncon: int | None, structure: ControllerForm, deadline: float) -> Plants:
     many = tuple(P) if isinstance(P, (list, tuple)) else (P,)
     if not many:
         raise ValueError("P: expected at least one generalised plant")
@@ -230,7 +230,7 @@ def _plants(P: Any, nmeas: int | None, ncon: int | None, structure: ControllerSt
 class _Task:
     """What is tuned, for which plants."""
 
-    structure: ControllerStructure
+    structure: ControllerForm
     channels: tuple[Channel, ...]
     limits: dict[str, float | None]
     plants: Plants
@@ -248,7 +248,7 @@ class _Task:
             found if limit is None else replace(found, fastest=min(found.fastest, limit), rate=min(found.rate, limit))
         )
 
-    def problem(self, structure: ControllerStructure, ports: Ports | None = None) -> Problem:
+    def problem(self, structure: ControllerForm, ports: Ports | None = None) -> Problem:
         """Return the problem of a structure."""
         ports = self.ports() if ports is None else ports
         plant = self.middle()[0]
@@ -349,7 +349,7 @@ class _Task:
         return found
 
 
-def _check_loops(structure: ControllerStructure, measurements: tuple[str, ...], controls: tuple[str, ...]) -> None:
+def _check_loops(structure: ControllerForm, measurements: tuple[str, ...], controls: tuple[str, ...]) -> None:
     """Refuse a decentralised structure whose signals are not there, or a square one between numbers that differ."""
     if isinstance(structure, Sum):
         for part in structure.parts:

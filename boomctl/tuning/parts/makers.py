@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from boomctl.checks import instance, positive, real, sequence, signal_name, truth, whole
 from boomctl.tuning.parts.structures import (
-    ControllerStructure,
+    ControllerForm,
     Decentralised,
     Gain,
     Lead,
@@ -19,12 +19,12 @@ _LARGEST_ORDER = 60  # beyond which a controller's free numbers are too many to 
 _MOST_MODES = 20  # of a positive position feedback (a choice)
 
 
-def gain() -> ControllerStructure:
+def gain() -> ControllerForm:
     """Return a matrix of gains, one from each measurement to each control.
 
     Returns
     -------
-    ControllerStructure
+    ControllerForm
         For :func:`boomctl.tune`.
 
     Examples
@@ -38,7 +38,7 @@ def gain() -> ControllerStructure:
 
 def pid(
     integral: bool = True, derivative: bool = True, *, low: float | None = None, high: float | None = None
-) -> ControllerStructure:
+) -> ControllerForm:
     """Return proportional, integral and derivative gains, ``G_p + G_i/s + G_d s/(s/w + 1)``.
 
     Parameters
@@ -50,7 +50,7 @@ def pid(
 
     Returns
     -------
-    ControllerStructure
+    ControllerForm
         For :func:`boomctl.tune`.
 
     Raises
@@ -68,7 +68,7 @@ def pid(
     return Pid(truth("integral", integral), truth("derivative", derivative), *_ends(low, high))
 
 
-def lead(low: float | None = None, high: float | None = None) -> ControllerStructure:
+def lead(low: float | None = None, high: float | None = None) -> ControllerForm:
     """Return gains behind a lead or lag, ``G (s/z + 1)/(s/p + 1)``.
 
     Parameters
@@ -78,7 +78,7 @@ def lead(low: float | None = None, high: float | None = None) -> ControllerStruc
 
     Returns
     -------
-    ControllerStructure
+    ControllerForm
         For :func:`boomctl.tune`.
 
     Raises
@@ -95,7 +95,7 @@ def lead(low: float | None = None, high: float | None = None) -> ControllerStruc
     return Lead(*_ends(low, high))
 
 
-def notch(low: float | None = None, high: float | None = None) -> ControllerStructure:
+def notch(low: float | None = None, high: float | None = None) -> ControllerForm:
     """Return a notch on each of the signals that pass, ``(s^2 + 2 a w s + w^2)/(s^2 + 2 b w s + w^2)``.
 
     It has no gain of its own: put it in series with what has.
@@ -107,7 +107,7 @@ def notch(low: float | None = None, high: float | None = None) -> ControllerStru
 
     Returns
     -------
-    ControllerStructure
+    ControllerForm
         For :func:`boomctl.tune`.
 
     Raises
@@ -124,7 +124,7 @@ def notch(low: float | None = None, high: float | None = None) -> ControllerStru
     return Notch(*_ends(low, high))
 
 
-def ppf(modes: int = 1, low: float | None = None, high: float | None = None) -> ControllerStructure:
+def ppf(modes: int = 1, low: float | None = None, high: float | None = None) -> ControllerForm:
     """Return positive position feedback, a sum of ``G w^2/(s^2 + 2 z w s + w^2)`` (Fanson & Caughey 1990).
 
     Gains of either sign are tried, as a plant's own sign may be either.
@@ -138,7 +138,7 @@ def ppf(modes: int = 1, low: float | None = None, high: float | None = None) -> 
 
     Returns
     -------
-    ControllerStructure
+    ControllerForm
         For :func:`boomctl.tune`.
 
     Raises
@@ -155,7 +155,7 @@ def ppf(modes: int = 1, low: float | None = None, high: float | None = None) -> 
     return Ppf(whole("modes", modes, 1, _MOST_MODES), *_ends(low, high))
 
 
-def state_space(order: int, strictly_proper: bool = False) -> ControllerStructure:
+def state_space(order: int, strictly_proper: bool = False) -> ControllerForm:
     """Return a controller of some order, all its matrices free.
 
     Parameters
@@ -167,7 +167,7 @@ def state_space(order: int, strictly_proper: bool = False) -> ControllerStructur
 
     Returns
     -------
-    ControllerStructure
+    ControllerForm
         For :func:`boomctl.tune`.
 
     Raises
@@ -188,21 +188,21 @@ def state_space(order: int, strictly_proper: bool = False) -> ControllerStructur
 
 
 def decentralised(
-    *loops: "ControllerStructure | tuple[str | Sequence[str], str | Sequence[str], ControllerStructure]",
+    *loops: "ControllerForm | tuple[str | Sequence[str], str | Sequence[str], ControllerForm]",
     shared: bool = False,
-) -> ControllerStructure:
+) -> ControllerForm:
     """Return loops side by side, each between signals of its own.
 
     Parameters
     ----------
-    *loops : ControllerStructure, or tuples of measurements, controls and a structure
+    *loops : ControllerForm, or tuples of measurements, controls and a structure
         One structure alone stands between the first measurement and the first control, between the second ones, and so on.
     shared : bool
         Whether all loops have the same numbers; for one structure alone.
 
     Returns
     -------
-    ControllerStructure
+    ControllerForm
         For :func:`boomctl.tune`.
 
     Raises
@@ -221,13 +221,13 @@ def decentralised(
     same = truth("shared", shared)
     if not loops:
         raise ValueError("loops: expected at least one")
-    if len(loops) == 1 and isinstance(loops[0], ControllerStructure):
+    if len(loops) == 1 and isinstance(loops[0], ControllerForm):
         return Decentralised((), _inner(loops[0]), same)
     if same:
         raise ValueError("shared = True: expected one structure alone")
     found = []
     for loop in loops:
-        if isinstance(loop, ControllerStructure):
+        if isinstance(loop, ControllerForm):
             raise ValueError(
                 "loops: expected one structure alone, or measurements, controls and structure of each loop"
             )
@@ -238,7 +238,7 @@ def decentralised(
     return Decentralised(tuple(found))
 
 
-def physical(name: str, low: float, high: float) -> ControllerStructure:
+def physical(name: str, low: float, high: float) -> ControllerForm:
     """Return a parameter of the plant that is tuned with the controller, or without one.
 
     Where the plant's matrices are polynomials of the parameters, or as smooth as such, as springs, dampers, masses and
@@ -256,7 +256,7 @@ def physical(name: str, low: float, high: float) -> ControllerStructure:
 
     Returns
     -------
-    ControllerStructure
+    ControllerForm
         For :func:`boomctl.tune`, to be added to others.
 
     Raises
@@ -290,8 +290,8 @@ def _listed(what: str, given: object) -> tuple[str, ...]:
     return tuple(instance(what, name, str) for name in listed)
 
 
-def _inner(given: object) -> ControllerStructure:
-    structure = instance("structure", given, ControllerStructure, "a structure of boomctl.tunable")
+def _inner(given: object) -> ControllerForm:
+    structure = instance("structure", given, ControllerForm, "a structure of boomctl.tunable")
     if structure.physicals():
         raise ValueError("decentralised: a physical parameter cannot stand within; add it")
     return structure

@@ -105,7 +105,7 @@ class Ports:
         return (self.slowest / _SPAN if low is None else low), (self.fastest * _SPAN if high is None else high)
 
 
-class ControllerStructure:
+class ControllerForm:
     """What a controller is made of: parts can be added, and put in series by ``*``, the right one reading first."""
 
     square = False  # whether there are as many outputs as inputs, whatever their number
@@ -137,12 +137,12 @@ class ControllerStructure:
         return f"{type(self).__name__}({', '.join(words)})"
 
     def __add__(self, other: object) -> "Sum":
-        if not isinstance(other, ControllerStructure):
+        if not isinstance(other, ControllerForm):
             raise TypeError(f"structure: expected a structure to add, got {type(other).__name__}")
         return Sum((*_parts(self), *_parts(other)))
 
     def __mul__(self, other: object) -> "Series":
-        if not isinstance(other, ControllerStructure):
+        if not isinstance(other, ControllerForm):
             raise TypeError(f"structure: expected a structure to put in series, got {type(other).__name__}")
         for part in (self, other):
             if part.physicals():
@@ -150,7 +150,7 @@ class ControllerStructure:
         return Series(self, other)
 
 
-def _parts(structure: ControllerStructure) -> tuple[ControllerStructure, ...]:
+def _parts(structure: ControllerForm) -> tuple[ControllerForm, ...]:
     return structure.parts if isinstance(structure, Sum) else (structure,)
 
 
@@ -168,7 +168,7 @@ def _scaled(jet: Jet, ports: Ports) -> Jet:
 
 
 @dataclass(frozen=True, repr=False)
-class Gain(ControllerStructure):
+class Gain(ControllerForm):
     """A matrix of gains."""
 
     def free(self, ports: Ports) -> tuple[Free, ...]:
@@ -179,7 +179,7 @@ class Gain(ControllerStructure):
 
 
 @dataclass(frozen=True, repr=False)
-class Pid(ControllerStructure):
+class Pid(ControllerForm):
     """Proportional, integral and filtered derivative gains."""
 
     integral: bool = True
@@ -223,7 +223,7 @@ class Pid(ControllerStructure):
 
 
 @dataclass(frozen=True, repr=False)
-class Lead(ControllerStructure):
+class Lead(ControllerForm):
     """A gain with a zero and a pole: ``G (s/z + 1)/(s/p + 1)``."""
 
     low: float | None = None
@@ -249,7 +249,7 @@ class Lead(ControllerStructure):
 
 
 @dataclass(frozen=True, repr=False)
-class Notch(ControllerStructure):
+class Notch(ControllerForm):
     """A notch on each of the signals that pass: ``(s^2 + 2 a w s + w^2)/(s^2 + 2 b w s + w^2)``."""
 
     low: float | None = None
@@ -274,7 +274,7 @@ class Notch(ControllerStructure):
 
 
 @dataclass(frozen=True, repr=False)
-class Ppf(ControllerStructure):
+class Ppf(ControllerForm):
     """Positive position feedback: ``G w^2/(s^2 + 2 z w s + w^2)``, a sum of one or more."""
 
     modes: int = 1
@@ -309,7 +309,7 @@ class Ppf(ControllerStructure):
 
 
 @dataclass(frozen=True, repr=False)
-class StateSpace(ControllerStructure):
+class StateSpace(ControllerForm):
     """All matrices free."""
 
     order: int
@@ -344,7 +344,7 @@ class StateSpace(ControllerStructure):
 
 
 @dataclass(frozen=True, repr=False)
-class Physical(ControllerStructure):
+class Physical(ControllerForm):
     """A parameter of the plant."""
 
     name: str
@@ -371,10 +371,10 @@ class Physical(ControllerStructure):
 
 
 @dataclass(frozen=True, repr=False)
-class Sum(ControllerStructure):
+class Sum(ControllerForm):
     """Parts that read the same measurements and whose outputs add up."""
 
-    parts: tuple[ControllerStructure, ...]
+    parts: tuple[ControllerForm, ...]
 
     def free(self, ports: Ports) -> tuple[Free, ...]:
         return _uniquely_named([part.free(ports) for part in self.parts])
@@ -399,11 +399,11 @@ class Sum(ControllerStructure):
 
 
 @dataclass(frozen=True, repr=False)
-class Series(ControllerStructure):
+class Series(ControllerForm):
     """One part after the other: the right one reads the measurements."""
 
-    last: ControllerStructure
-    first: ControllerStructure
+    last: ControllerForm
+    first: ControllerForm
 
     @property
     def text(self) -> str:
@@ -442,11 +442,11 @@ class Series(ControllerStructure):
 
 
 @dataclass(frozen=True, repr=False)
-class Decentralised(ControllerStructure):
+class Decentralised(ControllerForm):
     """Parts between signals of their own: each from some measurements to some controls."""
 
-    loops: tuple[tuple[tuple[str, ...], tuple[str, ...], ControllerStructure], ...]
-    each: ControllerStructure | None = None
+    loops: tuple[tuple[tuple[str, ...], tuple[str, ...], ControllerForm], ...]
+    each: ControllerForm | None = None
     shared: bool = False
 
     @property
@@ -459,7 +459,7 @@ class Decentralised(ControllerStructure):
     def __repr__(self) -> str:
         return self.text
 
-    def _loops(self, ports: Ports) -> list[tuple[list[int], list[int], ControllerStructure]]:
+    def _loops(self, ports: Ports) -> list[tuple[list[int], list[int], ControllerForm]]:
         """Return rows, columns and structure of each loop."""
         if self.each is not None:
             return [([i], [i], self.each) for i in range(len(ports.controls))]

@@ -6,7 +6,7 @@ from boomctl.arrays import Array
 from boomctl.tuning.parts.structures import (
     GAIN,
     PHYSICAL,
-    ControllerStructure,
+    ControllerForm,
     Decentralised,
     Gain,
     Ports,
@@ -20,13 +20,13 @@ _DAMPED = (0.1, 1.0)  # damping ratios of a drawn controller's modes (a choice)
 _QUIET = 1e-2  # gains of the quiet start, over their natural size (a choice)
 
 
-def drawn(structure: ControllerStructure, ports: Ports, rng: np.random.Generator, *, quiet: bool) -> Array:
+def drawn(structure: ControllerForm, ports: Ports, rng: np.random.Generator, *, quiet: bool) -> Array:
     """Return free numbers to begin with: gains of one size, drawn, rates within the plant's band."""
     level = _QUIET if quiet else float(10.0 ** rng.uniform(*_LEVELS))
     return _drawn(structure, ports, rng, level, quiet)
 
 
-def _drawn(structure: ControllerStructure, ports: Ports, rng: np.random.Generator, level: float, quiet: bool) -> Array:
+def _drawn(structure: ControllerForm, ports: Ports, rng: np.random.Generator, level: float, quiet: bool) -> Array:
     if isinstance(structure, Sum):
         return np.concatenate([_drawn(part, ports, rng, level, quiet) for part in structure.parts])
     if isinstance(structure, Decentralised):
@@ -77,7 +77,7 @@ def _state_space(structure: StateSpace, ports: Ports, rng: np.random.Generator, 
     return np.concatenate(parts)
 
 
-def lower(structure: ControllerStructure) -> ControllerStructure | None:
+def lower(structure: ControllerForm) -> ControllerForm | None:
     """Return the structure with a state less, where there is one."""
     if isinstance(structure, StateSpace):
         if structure.order == 1:
@@ -91,9 +91,7 @@ def lower(structure: ControllerStructure) -> ControllerStructure | None:
     return None
 
 
-def grown(
-    structure: ControllerStructure, ports: Ports, x: Array, rng: np.random.Generator, size: float = _QUIET
-) -> Array:
+def grown(structure: ControllerForm, ports: Ports, x: Array, rng: np.random.Generator, size: float = _QUIET) -> Array:
     """Return what `lower` reached as numbers of the structure itself: a state more, which does next to nothing yet.
 
     Of ``size`` zero it is driven, but does not act: the controller is the same one.
