@@ -7,9 +7,9 @@ any way, by differences of fourth order of the response at that frequency.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from math import exp, inf, isfinite, log
+from typing import NamedTuple
 
 import numpy as np
 from scipy import linalg
@@ -30,8 +30,7 @@ _NEAR_EDGE = 4.0  # times as far from the edge of stability as asked for, up to 
 GAIN_LIMIT, FASTEST_POLE, DAMPING, DECAY, EDGE = -1, -2, -3, -4, -5  # what stands in place of a channel
 
 
-@dataclass(frozen=True)
-class Piece:
+class Piece(NamedTuple):
     """One function that is to be small.
 
     Attributes
@@ -57,6 +56,16 @@ class Piece:
     gradient: Array
     limit: bool
     top: bool = True
+
+
+class Bound(NamedTuple):
+    """How a pole keeps to what is asked of it: a piece whose gradient is not yet known."""
+
+    model: int
+    kind: int
+    omega: float
+    value: float
+    gradient: Callable[[], Array]
 
 
 class Point:
@@ -163,7 +172,7 @@ class Point:
         if limit is not None and n:
             beyond = float(np.abs(np.linalg.eigvals(K[:n, :n])).max()) / limit - 1.0
             if beyond > value:
-                return beyond, lambda: self._controller_poles()[0].gradient
+                return beyond, lambda: self._controller_poles()[0].gradient()
 
         def gradient() -> Array:
             poles, left, right = self._eigen(worst)
@@ -206,7 +215,7 @@ class Point:
             found[place] = weights @ np.array(changes)
         return of(found)
 
-    def _controller_poles(self) -> list[Piece]:
+    def _controller_poles(self) -> list[Bound]:
         """Return how much faster than allowed the controller's fastest poles are."""
         n, limit = self.problem.order, self.problem.fastest_pole
         if limit is None or not n:
@@ -221,19 +230,23 @@ class Point:
             def of(change: Array, pole: complex = pole) -> Array:
                 return (pole.conjugate() * change).real / abs(pole) / limit
 
-            gradient = self._of_pole(-1, pole, left[:, k], right[:, k], of, own=True)
-            found.append(Piece(-1, FASTEST_POLE, float(abs(pole)), abs(pole) / limit - 1.0, gradient, True))
+            gradient = partial(self._of_pole, -1, pole, left[:, k], right[:, k], of, own=True)
+            found.append(Bound(-1, FASTEST_POLE, float(abs(pole)), abs(pole) / limit - 1.0, gradient))
         return found
+
+    @cached_property
+    def _bounds(self) -> list[Bound]:
+        return self._controller_poles() + self._loop_poles() + self._edge_poles()
 
     @cached_property
     def bounds(self) -> list[Piece]:
         """Bounds on poles."""
-        return self._controller_poles() + self._loop_poles() + self._edge_poles()
+        return [Piece(*each[:4], each.gradient(), True) for each in self._bounds]
 
-    def _loop_poles(self) -> list[Piece]:
+    def _loop_poles(self) -> list[Bound]:
         """Return how far poles of the loops are from the damping and decay asked for."""
         damping, decay = self.problem.damping, self.problem.decay
-        found: list[Piece] = []
+        found: list[Bound] = []
         rate = self.problem.ports.rate
         if damping is None and decay is None:
             return found
@@ -256,36 +269,38 @@ class Point:
                 )
         return found
 
-    def _apart(self, loop: Closed) -> Array:
-        """Return how far each pole of a loop is from the axis, over its size and the plant's slowest rate together."""
-        poles = loop.poles
-        return -poles.real / (np.abs(poles) + self.problem.ports.slowest)
+    @cached_property
+    def _distances(self) -> list[Array]:
+        """How far each pole of each loop is from the axis, over its size and the plant's slowest rate together."""
+        slowest = self.problem.ports.slowest
+        return [-loop.poles.real / (np.abs(loop.poles) + slowest) for loop in self.loops if loop is not None]
 
     @cached_property
     def apart(self) -> float:
         """How far the loops are from the edge of stability."""
-        return min((float(self._apart(loop).min(initial=1.0)) for loop in self.loops if loop is not None), default=1.0)
+        return min((float(each.min(initial=1.0)) for each in self._distances), default=1.0)
 
-    def _edge_poles(self) -> list[Piece]:
+    def _edge_poles(self) -> list[Bound]:
         """Return poles near the edge of stability: logarithms of how far they are to stay from it, over how far they are."""
         edge, slowest = self.problem.edge, self.problem.ports.slowest
-        found: list[Piece] = []
+        found: list[Bound] = []
         if edge is None or self.apart > _NEAR_EDGE * edge:
             return found
-        for i, loop in enumerate(self.loops):
-            assert loop is not None
-            if self._apart(loop).min(initial=1.0) > _NEAR_EDGE * edge:
+        for i, apart in enumerate(self._distances):
+            if apart.min(initial=1.0) > _NEAR_EDGE * edge:
                 continue
             poles, left, right = self._eigen(i)
-            apart = -poles.real / (np.abs(poles) + slowest)
+            apart = -poles.real / (
+                np.abs(poles) + slowest
+            )  # of other poles where the coordinates are not the eigenvectors
             for k in np.flatnonzero((apart <= _NEAR_EDGE * edge) & (poles.imag >= 0.0)):
                 pole, size = poles[k], abs(poles[k]) + slowest
 
                 def of(change: Array, pole: complex = pole, size: float = size) -> Array:
-                    return np.real(change) / pole.real - (pole.conjugate() * change).real / max(abs(pole), _TINY) / size
+                    return (pole.conjugate() * change).real / max(abs(pole), _TINY) / size - np.real(change) / pole.real
 
-                gradient = -self._of_pole(i, pole, left[:, k], right[:, k], of)
-                found.append(Piece(i, EDGE, float(abs(pole)), log(edge / max(float(apart[k]), _TINY)), gradient, True))
+                gradient = partial(self._of_pole, i, pole, left[:, k], right[:, k], of)
+                found.append(Bound(i, EDGE, float(abs(pole)), log(edge / max(float(apart[k]), _TINY)), gradient))
         return found
 
     def _poles_near_top(
@@ -295,17 +310,18 @@ class Point:
         values: Array,
         eigen: tuple[Array, Array, Array],
         of: Callable[[Array, complex], Array],
-    ) -> list[Piece]:
+    ) -> list[Bound]:
         poles, left, right = eigen
         chosen = np.flatnonzero((values >= values.max() - _ALIKE_POLES) & (poles.imag >= 0.0))
         return [
-            Piece(
+            Bound(
                 model,
                 kind,
                 float(abs(poles[k])),
                 float(values[k]),
-                self._of_pole(model, poles[k], left[:, k], right[:, k], lambda change, k=k: of(change, poles[k])),
-                True,
+                partial(
+                    self._of_pole, model, poles[k], left[:, k], right[:, k], lambda change, k=k: of(change, poles[k])
+                ),
             )
             for k in chosen
         ]
@@ -412,12 +428,11 @@ class Point:
         """Return model, channel, frequency and value of the highest objective, or of the highest budget."""
         pairs = [pair for pair in self._sums if self.is_limit(pair[1]) == limits]
         alone = len(pairs) == 1
-        rough = [0.0 if alone else log(max(self._coarse(*p)[2], _TINY)) - self.offset(p[1]) for p in pairs]
+        rough = [(0.0 if alone else log(max(self._coarse(*p)[2], _TINY)) - self.offset(p[1]), p) for p in pairs]
         best: tuple[int, int, float, float] | None = None
-        for i in np.argsort(rough)[::-1]:
-            if best is not None and rough[i] < best[3] + log(BELOW):
+        for seen, (model, channel) in sorted(rough, reverse=True):
+            if best is not None and seen < best[3] + log(BELOW):
                 break  # the grid shows so much of a peak that none of these is higher
-            model, channel = pairs[i]
             at, value = self.norm_peaks(model, channel, 0.0)
             height = log(max(float(value[0]), _TINY)) - self.offset(channel)
             if best is None or height > best[3]:
@@ -459,18 +474,18 @@ class Point:
             return self.aim, lambda: self._gradient(*self._top[:3])
 
         def gradient() -> Array:
-            most = max(self.bounds, key=lambda piece: piece.value, default=None)
+            most = max(self._bounds, key=lambda bound: bound.value, default=None)
             if self._over is not None and (most is None or self._over[3] >= most.value):
                 return self._gradient(*self._top[:3]) + weight * self._gradient(*self._over[:3])
             assert most is not None
-            return self._gradient(*self._top[:3]) + weight * most.gradient
+            return self._gradient(*self._top[:3]) + weight * most.gradient()
 
         return self.aim + weight * self.excess, gradient
 
     @cached_property
     def excess(self) -> float:
         """By how much the worst bound is exceeded; zero or less where all are kept."""
-        found = [piece.value for piece in self.bounds]
+        found = [bound.value for bound in self._bounds]
         return max(found if self._over is None else [*found, self._over[3]], default=-inf)
 
     @cached_property
@@ -481,7 +496,7 @@ class Point:
     def _gradient(self, model: int, channel: int, omega: float) -> Array:
         if np.isnan(omega):
             return self._h2(model, channel)[1]
-        return self._singular(model, channel, [omega], 0.0)[0].gradient
+        return self._singular(model, channel, [(omega, 0.0)])[0].gradient
 
     def pieces(
         self, window: float, asked: "set[tuple[int, int, float]] | None" = None, between: float = 0.0
@@ -492,37 +507,55 @@ class Point:
         """
         found: list[Piece] = []
         for model, channel in self._sums:
-            level = self.offset(channel) + (0.0 if self.is_limit(channel) else self.aim)
-            omega, seen, rough = self._coarse(model, channel)
-            high: list[float] = []
+            high = self._near(model, channel, window)[0]
             others = sorted(at for i, c, at in asked or () if (i, c) == (model, channel))
-            if log(max(rough, _TINY)) >= level + log((1.0 - window) * BELOW):
-                places, values = self.norm_peaks(model, channel, window)
-                high = places[values >= (1.0 - window) * exp(level)].tolist()
-                if between:
-                    others += omega[seen >= (1.0 - between) * exp(level)].tolist()
+            if between and high:
+                omega, seen, _ = self._coarse(model, channel)
+                others += omega[seen >= (1.0 - between) * exp(self._level(channel))].tolist()
             others = [at for at in others if not any(same_place(at, peak, _SAME) for peak in high)]
-            found += self._singular(model, channel, high, window) + self._singular(model, channel, others, 0.0)
+            found += self._singular(model, channel, [(at, window) for at in high] + [(at, 0.0) for at in others])
         for model, channel, omega, value in self._squares_of(False) + self._squares_of(True):
             gradient = self._h2(model, channel)[1]
             found.append(Piece(model, channel, omega, value, gradient, self.is_limit(channel)))
         return found + self.bounds
 
-    def _singular(self, model: int, channel: int, omega: list[float], window: float) -> list[Piece]:
+    def tops(self, window: float) -> list[tuple[int, int, float, float]]:
+        """Return model, channel, frequency and value of the pieces of a window that are the largest singular value itself."""
+        found = []
+        for model, channel in self._sums:
+            offset = self.offset(channel)
+            for at, value in zip(*self._near(model, channel, window), strict=True):
+                found.append((model, channel, at, log(max(value, _TINY)) - offset))
+        return found + self._squares_of(False) + self._squares_of(True) + [bound[:4] for bound in self._bounds]
+
+    def _near(self, model: int, channel: int, window: float) -> tuple[list[float], list[float]]:
+        """Return frequencies and values of a channel's peaks within a share of what counts."""
+        level = self._level(channel)
+        if log(max(self._coarse(model, channel)[2], _TINY)) < level + log((1.0 - window) * BELOW):
+            return [], []
+        places, values = self.norm_peaks(model, channel, window)
+        kept = values >= (1.0 - window) * exp(level)
+        return places[kept].tolist(), values[kept].tolist()
+
+    def _level(self, channel: int) -> float:
+        """Return the logarithm of the norm of a channel that counts: the highest objective's, or the budget."""
+        return self.offset(channel) + (0.0 if self.is_limit(channel) else self.aim)
+
+    def _singular(self, model: int, channel: int, wanted: list[tuple[float, float]]) -> list[Piece]:
         """Return the largest singular values at frequencies, and with a window those near them and mixtures of the two."""
         known = self._pieces
-        new = [each for each in omega if (model, channel, each, window) not in known]
+        new = [each for each in wanted if (model, channel, *each) not in known]
         if new:
-            found = self._pieces_at(model, channel, new, window)
-            known.update(((model, channel, each, window), pieces) for each, pieces in zip(new, found, strict=True))
-        return [piece for each in omega for piece in known[model, channel, each, window]]
+            found = self._pieces_at(model, channel, new)
+            known.update(((model, channel, *each), pieces) for each, pieces in zip(new, found, strict=True))
+        return [piece for each in wanted for piece in known[model, channel, *each]]
 
-    def _pieces_at(self, model: int, channel: int, omega: list[float], window: float) -> list[list[Piece]]:
-        """Return the pieces at frequencies, for each of these."""
-        owner: list[int] = []
+    def _pieces_at(self, model: int, channel: int, wanted: list[tuple[float, float]]) -> list[list[Piece]]:
+        """Return the pieces at frequencies, each with its window, for each of these."""
+        omega, owner = [at for at, _ in wanted], []
         seen: list[tuple[Array, Array, float, bool]] = []
         passages = self._passages_at(model, channel, omega)
-        for i, (at, passage) in enumerate(zip(omega, passages, strict=True)):
+        for i, ((at, window), passage) in enumerate(zip(wanted, passages, strict=True)):
             U, V, values = passage.U.T, passage.Vh.conj(), passage.values.tolist()
             seen.append((U[0], V[0], values[0], True))
             for k in range(1, len(values) if window else 1):

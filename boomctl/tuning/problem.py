@@ -196,7 +196,7 @@ class Closed:
 
     def part(self, columns: Array, rows: Array) -> tuple[Array, Array, Array]:
         """Return ``B``, ``C`` and ``D`` of a channel."""
-        return self.B[:, columns], self.C[rows], self.D[np.ix_(rows, columns)]
+        return self.B[:, columns], self.C[rows], self.D[rows][:, columns]
 
 
 def close(plant: ScaledPlant, K: Array, order: int) -> Closed | None:

@@ -2,7 +2,6 @@
 poles, and what carries changes of the controller to them.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from math import inf, isfinite, log
@@ -11,8 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.lti.frequency import Triangular, largest_of, top_of_resonance
-from boomctl.lti.modal import ModalSystem
+from boomctl.lti.frequency import Triangular, top_of_resonance
 from boomctl.tuning.problem import Closed
 
 _POINTS = 24  # spread evenly in the logarithm, beside the resonances (a choice)
@@ -56,22 +54,33 @@ class Response:
     @cached_property
     def through(self) -> float:
         """Largest singular value at infinite frequency."""
-        return largest_of(self.D)
+        return float(_largest(self.D[:, :, None])[0]) if self.D.any() else 0.0
 
     @cached_property
-    def response(self) -> Callable[[Array], Array]:
-        """Takes frequencies to the frequency response, shape (outputs, inputs, frequencies)."""
-        return (ModalSystem if self.A.ndim == 1 else Triangular)(self.A, self.B, self.C, self.D).response
+    def _residues(self) -> Array:
+        """What each pole brings to the entries of the response, one after the other."""
+        return (self.C[:, None] * self.B.T).reshape(self.D.size, len(self.A))
+
+    def response(self, omega: Array) -> Array:
+        """Return the frequency response, shape (outputs, inputs, frequencies)."""
+        if self.A.ndim == 2:  # without independent eigenvectors, as is rare
+            return Triangular(self.A, self.B, self.C, self.D).response(omega)
+        G = self._residues @ (1.0 / (1j * omega - self.A[:, None]))
+        return G.reshape(*self.D.shape, len(omega)) + self.D[:, :, None]
 
     def largest(self, omega: Array) -> Array:
         """Return the largest singular values."""
         with np.errstate(all="ignore"):
-            G = self.response(omega)
-            fewer = min(G.shape[:2])
-            if fewer == 0:
-                return np.zeros(len(omega))
-            found = np.sqrt((G.real**2 + G.imag**2).sum(axis=(0, 1)) if fewer == 1 else _largest_eigenvalues(G))
+            found = _largest(self.response(omega))
         return np.where(np.isfinite(found), found, np.inf)
+
+
+def _largest(G: Array) -> Array:
+    """Return the largest singular values of matrices that lie along the last axis."""
+    fewer = min(G.shape[:2])
+    if fewer == 0:
+        return np.zeros(G.shape[2])
+    return np.sqrt((G.real**2 + G.imag**2).sum(axis=(0, 1)) if fewer == 1 else _largest_eigenvalues(G))
 
 
 def _largest_eigenvalues(G: Array) -> Array:

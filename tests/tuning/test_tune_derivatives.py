@@ -173,6 +173,21 @@ def test_a_quadratic_programme_meets_its_conditions(seed):
     assert np.abs(z * (G @ y - h)).max() <= 1e-8
 
 
+@pytest.mark.parametrize("seed", range(10))
+def test_rows_that_are_alike_share_what_they_carry_where_they_give_way(seed):
+    """A programme whose rows give way meets its conditions with each row higher by that, and doubled rows carry halves."""
+    rng, give = np.random.default_rng(seed), 1e-3
+    n, m = int(rng.integers(1, 7)), int(rng.integers(1, 8))
+    root, c, G, h = rng.normal(size=(n, n)), rng.normal(size=n), rng.normal(size=(m, n)), rng.uniform(0.01, 1.0, m)
+    H, G, h = root @ root.T + 1e-3 * np.eye(n), np.vstack([G, G]), np.tile(h, 2)
+    G, h = G / (length := np.linalg.norm(G, axis=1))[:, None], h / length
+    y, z = least(H, c, G, h, give)
+    assert np.abs(H @ y + c + G.T @ z).max() <= 1e-7
+    assert (G @ y - h - give * z).max() <= 1e-8
+    assert np.abs(z * (G @ y - h - give * z)).max() <= 1e-8
+    assert np.abs(z[:m] - z[m:]).max() <= 1e-7
+
+
 @pytest.mark.parametrize("seed", [365, 518, 653, 1247, *range(20)])
 def test_the_programme_of_a_step_meets_its_conditions_where_rounding_holds_residuals_up(seed):
     """Pieces nearly as high as the highest, little curvature, ends near and far: going on past rounding would spoil it."""

@@ -1,9 +1,8 @@
 """The search from many starts: stabilise, descend, polish, in turn until nothing changes; the best so far is kept."""
 
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
-from itertools import chain
 from math import exp, inf, isfinite, log
 
 import numpy as np
@@ -239,6 +238,7 @@ class Search:
             weight=local.weight,
             steps=_POLISHING,
             gain=_PROMISE,
+            hard=-inf if before == inf else _PROMISE,  # the last digits are for those that are finished
         )
         local.x, local.steps, local.merit = done.x, local.steps + done.steps, done.value
         local.stationary = done.stationary
@@ -302,14 +302,14 @@ def search(
     work = Search(problem, deadline)
     try:
         begun: list[tuple[str, Array]] = [("given", x) for x in first]
-        less = lower(problem.structure)
+        less, reached = lower(problem.structure), -inf
         if less is not None and (starts > 1 or not first):
             small = problem_of(less)
             # what a call for that order comes to: the same starts and the same numbers drawn
             inner = search(small, starts, rng, _share(deadline, _LOWER), [], problem_of)
             work.path += inner.path
             if inner.best is not None:
-                name = f"from order {small.order}: {exp(inner.value):.6g}"
+                name, reached = f"from order {small.order}: {exp(inner.value):.6g}", inner.value
                 work.path.append(name)
                 same = grown(problem.structure, problem.ports, inner.best, rng, 0.0)
                 near = grown(problem.structure, problem.ports, inner.best, rng)
@@ -319,10 +319,16 @@ def search(
                     work.keep(problem.clipped(x))
                 return work
         more = max(starts - len(begun), 1)
-        fresh = (
-            ("drawn" if k else "quiet", drawn(problem.structure, problem.ports, rng, quiet=k == 0)) for k in range(more)
-        )
-        work.from_starts(chain(begun, fresh), len(begun) + more, starts > _MANY, rng)
+
+        def every() -> Iterator[tuple[str, Array]]:
+            """Yield starts, from beside the optimum of the order below only where that itself led no further."""
+            for k, each in enumerate(begun):
+                if k < len(begun) - 1 or work.value >= reached - _GAIN:
+                    yield each
+            for k in range(more):
+                yield "drawn" if k else "quiet", drawn(problem.structure, problem.ports, rng, quiet=k == 0)
+
+        work.from_starts(every(), len(begun) + more, starts > _MANY, rng)
     except OutOfTime:
         work.path.append("out of time")
     except KeyboardInterrupt:
