@@ -253,6 +253,8 @@ class Search:
         local.open = local.gain >= _GAIN
         if problem.edge is not None and point.apart < _AT_EDGE * problem.edge:  # on along it, and nearer
             local.edge, local.open = _NEARER * problem.edge, True
+        elif fine and done.stationary:
+            local.gain = 0.0  # the last digits alone are left
 
     def stabilised(self, x: Array) -> tuple[Array | None, int]:
         """Return free numbers at which all loops are stable, found by descending the spectral abscissa."""
