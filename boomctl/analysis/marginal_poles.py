@@ -133,5 +133,7 @@ def _bounds(system: Lti, made: Lti, reads: Array, angles: Array, decay: Array) -
     reading = np.abs(system.C @ right) + blurred
     largest = reading @ states + made.D
     change = reading @ lapack.dgetrs(factors, order, F @ states + blur)[0] + blurred @ states + lost * made.D
+    if not largest.size:
+        return 0.0, 0.0
     room = 1.0 + INVERSE  # for what floats lose on the way
     return float(room * blas.dnrm2(largest.ravel())), float(room * blas.dnrm2(change.ravel()))

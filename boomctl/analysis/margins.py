@@ -11,7 +11,7 @@ circle, so that gains, angles and disks are the same; frequencies are mapped bac
 
 import warnings
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache, partial
 from importlib import import_module
 from math import inf
@@ -442,12 +442,13 @@ def _rounding(S: Lti) -> Array:
 def _disk(S: Lti, G: Array, rounding: float, axis: MarginalPoles) -> DiskMargin:
     """Return the disk margin of a sensitivity of response ``G`` on a grid; ``S - T = 2 S - 1``.
 
-    The sensitivities of all signals have the same ``A``, so that ``axis`` is decided once.
+    The sensitivities of all signals have the same ``A``, so that ``axis`` is decided once; what it says of the responses of
+    its own system does not hold of others.
     """
-    eye = np.eye(len(S.D))
+    eye, poles = np.eye(len(S.D)), replace(axis, bound=inf, doubt=inf)
     scale = _scaling(2.0 * G - eye[:, :, None])
     C, D = scale[:, None] * 2.0 * S.C, scale[:, None] * (2.0 * S.D - eye) / scale
-    norm = matrices_norm(Lti(S.A, S.B / scale, C, D, dt=S.dt), axis=axis)
+    norm = matrices_norm(Lti(S.A, S.B / scale, C, D, dt=S.dt), axis=poles)
     return DiskMargin(2.0 / max(norm.upper, 1.0), norm.omega, norm.certified and rounding <= CERTIFIED)
 
 

@@ -163,8 +163,9 @@ def matrices_norm(
 ) -> NormCertificate:
     """Return the certified norm of ``A, B, C, D``, which are balanced.
 
-    ``response`` may be a more accurate one; ``axis`` is what is known of the poles of several systems of the same ``A``.  The
-    norm of a loop is that of its parts as they are stored: its own matrices are rounded.
+    ``response`` may be a more accurate one; ``axis`` is what is known of the poles, with a ``doubt`` of infinity where that
+    of other inputs or outputs of the same ``A`` was found.  The norm of a loop is that of its parts as they are stored: its
+    own matrices are rounded.
     """
     system = given.system
     if min(system.D.shape) == 0 or not len(system.A):

@@ -146,3 +146,10 @@ def test_no_gain_is_above_the_sum_over_modes_and_no_change_of_last_places_above_
     moved = [M * (1.0 + off * rng.choice([-1.0, 1.0], M.shape)) for M in (system.A, system.B, system.C, system.D)]
     change = singular_values(Lti(*moved, dt=dt).response(omega, quiet=True) - G)[0].max()
     assert change <= 1.1e3 * axis.doubt or axis.doubt * 1e3 > 0.1 * axis.bound
+
+
+@pytest.mark.parametrize(("inputs", "outputs"), [(0, 1), (1, 0), (0, 0)])
+def test_what_nothing_acts_on_or_reads_has_no_gain(inputs, outputs):
+    A, B, C = np.array([[-1.0, 1.0], [0.0, -2.0]]), np.ones((2, inputs)), np.ones((outputs, 2))
+    axis = marginal_poles(Lti(A, B, C, np.zeros((outputs, inputs))))
+    assert (axis.infinite, axis.doubtful, axis.bound, axis.doubt) == (None, None, 0.0, 0.0)

@@ -1,5 +1,7 @@
 """Margins: loops with margins in closed form, limits that are limits, and no dependence on units."""
 
+from importlib import import_module
+
 import control
 import numpy as np
 import pytest
@@ -7,7 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from boomctl.analysis import feedback_loop, margins
+from boomctl.analysis.marginal_poles import marginal_poles
 from boomctl.analysis.margins import UncertainMarginsWarning
+from boomctl.analysis.norm import matrices_norm
 from tests.analysis.loop_cases import SIGNALS, chain, velocity_feedback
 from tests.profiles import examples
 
@@ -193,6 +197,22 @@ def test_a_cascade_of_six_loops_bears_what_the_weakest_of_them_bears(seed):
     least = min(loop.disk.alpha for loop in found.loops)
     assert found.controls.alpha == pytest.approx(least, rel=1e-3)
     assert found.measurements.alpha == pytest.approx(least, rel=1e-3)
+
+
+@given(st.integers(0, 200))
+@examples(4)
+def test_rounding_of_a_loop_that_a_disk_rests_on_is_that_of_what_it_is_the_norm_of(seed):
+    handed = []
+
+    def noted(system, axis):
+        handed.append((system, axis))
+        return matrices_norm(system, axis=axis)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(import_module("boomctl.analysis.margins"), "matrices_norm", noted)
+        margins(chain(seed), velocity_feedback(0.2, 8.0))
+    assert handed
+    assert all(axis.doubt >= marginal_poles(system).doubt for system, axis in handed)
 
 
 def test_margins_of_a_slow_and_narrow_loop_are_those_of_the_loop_in_other_units():
