@@ -204,6 +204,9 @@ class CommonPoles:
         """Return the same at other poles: steps of logarithms of rates and of frequencies in rates, (k, 2)."""
         rate = -self.poles.real
         frequency = np.abs(self.poles.imag + rate * step[:, 1])
+        if self.data.held:  # a mode above half the sampling rate answers as its mirror image below does
+            half = np.pi / self.data.step
+            frequency = np.abs((frequency + half) % (2.0 * half) - half)
         decay = np.maximum(rate * np.exp(step[:, 0]), _LEAST_DECAY * frequency)
         there = CommonPoles(self.data, -decay + 1j * frequency, self.fixed)
         vars(there).update(_rest=self._rest)
@@ -258,7 +261,9 @@ def fitted(start: CommonPoles, least: float = _DONE) -> CommonPoles:
     for _ in range(_STEPS):
         second, downward = here.normal_equations
         size = np.sqrt(np.maximum(np.diagonal(second), 0.0))
-        size = np.maximum(size, np.finfo(float).eps * size.max() + np.finfo(float).tiny)
+        if not size.any():  # wherever the poles are, what they do is explained
+            return here
+        size = np.maximum(size, np.finfo(float).eps * size.max())
         second, downward = second / size / size[:, None], downward / size
         while True:
             damped = second + damping * np.eye(len(size))

@@ -37,7 +37,9 @@ def searched(data: Spectra, low: float, high: float, orders: tuple[int, ...]) ->
     found = tracks(poles_by_order(data, orders), data.resolution)
     begun = [track.pole for track in found if len(track.orders) >= _STEADY * len(orders)]
     most = max((len(data.s) - data.U.shape[1]) // (2 * (data.U.shape[1] + data.records)), 1)
-    fit = CommonPoles(data, np.array([*begun, _ABOVE * high][:most], complex), fixed_poles(low, high))
+    if not data.held or _ABOVE.imag * high * data.step < np.pi:  # held inputs tell of none above half their rate
+        begun.append(_ABOVE * high)
+    fit = CommonPoles(data, np.array(begun[:most], complex), fixed_poles(low, high))
     fit = _with_evidence(_weighted(_roughly(fit)))
     for _ in range(_ROUNDS):
         more = missed(fit)[: most - len(fit.poles)]

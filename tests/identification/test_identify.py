@@ -11,12 +11,13 @@ from matplotlib.figure import Figure
 from scipy import signal
 
 import boomctl as bc
-from boomctl.identification.common_poles import CommonPoles, fixed_poles
+from boomctl.identification.common_poles import CommonPoles, fitted, fixed_poles
 from boomctl.identification.record import Record
 from boomctl.identification.spectra import Spectra
 from boomctl.identification.start import poles_by_order
 from boomctl.lab.benchmark.scenes.steel_frame import BAND, frame_record
 from boomctl.lab.benchmark.scenes.steel_frame import STEP as STEP_OF_FRAME
+from boomctl.structure import SecondOrderModel
 from tests.identification.chain import response_of_record, three_masses
 from tests.identification.test_response import STEP, noise
 from tests.profiles import examples, is_hunt
@@ -119,6 +120,42 @@ def test_slopes_are_those_of_differences(chain):
                 step[k, which] = 1e-4
                 slope = 0.5 * (fit.moved(step).cost - fit.moved(-step).cost) / 2e-4
                 assert -slope == pytest.approx(downward[k, which], rel=1e-4, abs=1e-7 * fit.cost)
+
+
+def test_a_mode_is_found_where_it_is_and_not_at_its_mirror_image_above_half_the_sampling_rate():
+    """Of held inputs both answer alike: what is found above the band lies in none."""
+    omega, damping = 2.0 * np.pi * np.array([4.0, 36.0]), np.array([0.005, 0.04])
+    columns = {"f": [1.0, 1.0]}, {"y": [1.0, 1.0]}
+    plant = SecondOrderModel(np.eye(2), np.diag(2.0 * damping * omega), np.diag(omega**2), *columns).to_statespace()
+    discrete = signal.cont2discrete((plant.A, plant.B, plant.C, plant.D), 0.01)
+    for seed in range(6):
+        rng = np.random.default_rng(seed)
+        u = rng.standard_normal((1500, 1))
+        y = signal.dlsim(discrete, u)[1]
+        y += 0.01 * y.std() * rng.standard_normal(y.shape)
+        found = bc.identify(u, y, 0.01, hold="zero-order")
+        assert [mode.frequency_hz for mode in found.modes] == pytest.approx([4.0, 36.0], rel=0.01)
+
+
+@given(seed=st.integers(0, 10**6), hz=st.floats(2.0, 48.0))
+@examples(20)
+def test_of_held_inputs_a_pole_and_its_mirror_image_fit_alike_and_the_lower_one_is_taken(seed, hz):
+    u, y = np.random.default_rng(seed).standard_normal((2, 300, 2))
+    data = Spectra.of_record(Record.of(u, y, 0.01, "displacement", "zero-order"), 0.0, 50.0, slice(0.0, 1.0))
+    poles = -3.0 + 2j * np.pi * np.array([hz, 100.0 - hz, 100.0 + hz])
+    below, *above = (CommonPoles(data, np.array([pole]), np.zeros(0)) for pole in poles)
+    for fit in above:
+        assert fit.cost == pytest.approx(below.cost, rel=1e-9)
+        assert fit.moved(np.zeros((1, 2))).poles == pytest.approx(below.poles, rel=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_a_pole_too_fast_to_be_told_stays_a_number(seed):
+    u, y = np.random.default_rng(seed).standard_normal((2, 200, 2))
+    data = Spectra.of_record(Record.of(u, y, 0.01, "displacement", "zero-order"), 0.0, 50.0, slice(0.0, 1.0))
+    for low in (0.0, 100.0, 200.0):
+        around = data.within(low, low + 24.0 * data.resolution)
+        assert np.isfinite(fitted(CommonPoles(around, np.array([-2000.0 + 1j * (low + 1.0)]), np.zeros(0))).poles).all()
 
 
 @pytest.mark.slow
