@@ -117,13 +117,18 @@ def missed(fit: CommonPoles) -> Array:
     found.sort(key=lambda each: -each[0])
     for gain, pole in found:
         if gain > _BESIDE * found[0][0] and _apart(pole, kept):
-            half = max(round(-_REACH * pole.real / data.resolution), _FEWEST) * data.resolution
+            half = _side(data, -pole.real / data.resolution) * data.resolution
             around = data.within(pole.imag - half, pole.imag + half)
             best = fitted(CommonPoles(around, np.array([pole]), np.zeros(0)), _ROUGH * least).poles[0]
             best = complex(min(best.real, pole.real), best.imag)
             if not _apart(best, [pole]) and best.real > _STRAY * pole.real and _apart(best, kept):
                 kept.append(best)
     return np.array(kept, complex)
+
+
+def _side(data: Spectra, rate: float) -> int:
+    """Return how many lines to either side show a pole of a rate of decay, in lines: more than twice as many as columns."""
+    return max(round(_REACH * rate), _FEWEST, 3 * data.U.shape[1] + 1)
 
 
 def _apart(pole: complex, others: list[complex]) -> bool:
@@ -137,7 +142,7 @@ def _tried(data: Spectra, rate: float) -> tuple[Array, Array]:
     for k in range(len(data.lines)):
         rows = np.flatnonzero(data.record == k)
         omega, U, E = data.s[rows].imag, data.U[rows], data.Y[rows]
-        half = max(round(_REACH * rate), _FEWEST)
+        half = _side(data, rate)
         thin = -(-half // _MOST)
         side = thin * np.arange(-(half // thin), half // thin + 1)
         apart = max(round(rate), 1)

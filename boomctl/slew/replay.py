@@ -1,6 +1,7 @@
 """The plan is played back by integrators that planning does not use, and judged."""
 
 import math
+import warnings
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,7 +18,8 @@ _SAMPLES = 1001  # instants of a replay at least: pictures are drawn from them
 # instants in a period of the fastest vibration, where motion is limited: between two of them it may exceed what is seen by
 # 0.3 % of its own amplitude, which is a small share of the whole (a choice)
 _IN_PERIOD = 40
-_MOST_SAMPLES = 200_000  # instants of a replay at most: a second (a choice)
+_MOST_SAMPLES = 200_000  # instants of a replay at most: some seconds (a choice)
+_AT_ONCE = 20_000  # steps of a linear motion that are mapped at once: 60 MB with eight modes (a choice)
 _AFTER = 96  # instants in one and a half of the slowest periods after the end; a choice
 _TAYLOR, _TURN = 30, 0.5  # terms of a linear motion, and |A h| of a part of a step: 0.5^30 / 30! is 4e-42
 _SMALL = 1e-12  # least |A| [1/s]: keeps a logarithm finite
@@ -55,6 +57,13 @@ def played(problem: SlewProblem, history: TorqueHistory, samples: int = _SAMPLES
     """Play a torque back on all plants of a problem; where their motion is limited, every vibration is seen."""
     if OBJECTIVES[problem.objective].bounds_tip or set(problem.limits.beside_torque) - {"torque_rate"}:
         turns = problem.fastest_vibration * history.duration / (2.0 * np.pi)
+        if _IN_PERIOD * turns > _MOST_SAMPLES:
+            warnings.warn(
+                f"limits of the motion are judged at {_MOST_SAMPLES / turns:.2g} instants in a period of the fastest"
+                " vibration: between them it may exceed them; fewer modes or a shorter slew are judged closely",
+                UserWarning,
+                stacklevel=2,
+            )
         samples = max(samples, min(int(_IN_PERIOD * turns), _MOST_SAMPLES))
     t = np.unique(np.concatenate([np.linspace(0.0, history.duration, samples), history.edges]))
     t = t[np.diff(t, prepend=-1.0) > APART * history.duration]
@@ -79,10 +88,13 @@ def _linear_motion(plant: SlewPlant, history: TorqueHistory, start: Array, times
     k = np.minimum(np.searchsorted(history.edges, knots[:-1] + 0.5 * widths) - 1, history.left.size - 1)
     slopes = ((history.right - history.left) / np.diff(history.edges))[k]
     torques = history.left[k] + slopes * (knots[:-1] - history.edges[k])
-    maps, n = _taylor_maps(plant, widths), plant.n
-    pushes = maps[:, :n, n] * torques[:, None] + maps[:, :n, n + 1] * slopes[:, None]
-    states = _one_after_another(maps[:, :n, :n], pushes, start)
-    return states[np.searchsorted(knots, times)] @ plant.to_state.T
+    n, states = plant.n, [start[None]]
+    for first in range(0, widths.size, _AT_ONCE):
+        part = slice(first, first + _AT_ONCE)
+        maps = _taylor_maps(plant, widths[part])
+        pushes = maps[:, :n, n] * torques[part, None] + maps[:, :n, n + 1] * slopes[part, None]
+        states.append(_one_after_another(maps[:, :n, :n], pushes, states[-1][-1])[1:])
+    return np.concatenate(states)[np.searchsorted(knots, times)] @ plant.to_state.T
 
 
 def _taylor_maps(plant: SlewPlant, steps: Array) -> Array:

@@ -13,6 +13,7 @@ from scipy import signal
 import boomctl as bc
 from boomctl.identification.common_poles import CommonPoles, fitted, fixed_poles
 from boomctl.identification.record import Record
+from boomctl.identification.search import _tried
 from boomctl.identification.spectra import Spectra
 from boomctl.identification.start import poles_by_order
 from boomctl.lab.benchmark.scenes.steel_frame import BAND, frame_record
@@ -156,6 +157,18 @@ def test_a_pole_too_fast_to_be_told_stays_a_number(seed):
     for low in (0.0, 100.0, 200.0):
         around = data.within(low, low + 24.0 * data.resolution)
         assert np.isfinite(fitted(CommonPoles(around, np.array([-2000.0 + 1j * (low + 1.0)]), np.zeros(0))).poles).all()
+
+
+@pytest.mark.parametrize("inputs", [1, 4, 12])
+def test_what_follows_the_inputs_and_their_rates_shows_no_mode_however_many_there_are(inputs):
+    rng = np.random.default_rng(inputs)
+    u = rng.standard_normal((2000, inputs))
+    rates = np.fft.irfft(2j * np.pi * np.fft.rfftfreq(2000, 0.01)[:, None] * np.fft.rfft(u, axis=0), 2000, axis=0)
+    y = rates @ rng.standard_normal((inputs, 3))
+    data = Spectra.of_record(Record.of(u, y, 0.01, "displacement", "band-limited"), 0.5, 45.0, slice(0.0, 1.0))
+    for rate in (0.5, 2.0, 8.0):
+        gains, _ = _tried(data, rate)
+        assert gains.max() < 1e-20
 
 
 @pytest.mark.slow

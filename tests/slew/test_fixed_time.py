@@ -364,3 +364,16 @@ def test_between_two_instants_of_a_long_slew_no_limit_is_exceeded_either():
     dense = violation(problem, slew.history, played(problem, slew.history, 50_001))
     assert slew.certificate.constraint_violation <= 1e-9
     assert dense["moment"] <= 1e-5
+
+
+def test_a_long_replay_goes_in_parts_and_says_where_it_looks_less_closely(monkeypatch):
+    """The motion is the same in parts; limits that cannot be seen at every vibration are told."""
+    plant = bc.hub_beam(modes=3).linearize()
+    asked = {"duration": 6.0, "objective": "effort", "speed_limit": 1.0}
+    whole = bc.optimal_slew(plant, ANGLE, LIMIT, **asked)
+    monkeypatch.setattr("boomctl.slew.replay._AT_ONCE", 300)
+    parts = bc.optimal_slew(plant, ANGLE, LIMIT, **asked)
+    assert parts.hub_angle == pytest.approx(whole.hub_angle, abs=1e-12)
+    monkeypatch.setattr("boomctl.slew.replay._MOST_SAMPLES", 1200)
+    with pytest.warns(UserWarning, match="in a period of the fastest vibration"):
+        bc.optimal_slew(plant, ANGLE, LIMIT, **asked)
