@@ -278,8 +278,9 @@ def _on_circle(full: Lti, found: ReductionResult, band: Band | None) -> Reductio
             f"the error on the unit circle, {norm.lower:.4g} at {norm.omega:.4g} rad/s, is not that of the image, "
             f"{found.measured_error:.4g}"
         )
-    if everywhere.upper == inf and len(gap.A) and stays_below_on_circle(gap, level):
-        everywhere = replace(everywhere, upper=level, method=NO_CIRCLE_CROSSING)
+    beside = level if band is None else max(level, found.error_bound * (1.0 + SLACK) + floor)
+    if everywhere.upper == inf and len(gap.A) and beside < inf and stays_below_on_circle(gap, beside):
+        everywhere = replace(everywhere, upper=beside, method=NO_CIRCLE_CROSSING)
         norm = everywhere if band is None else norm
     if norm.upper == inf:
         raise ReductionError(f"the error on the unit circle could not be verified ({norm.method})")
