@@ -87,7 +87,7 @@ def changing(
         How long after the beginning each input changes [s].
     """
     before, after = np.zeros_like(whole), np.zeros_like(whole)
-    for change in np.unique(changes):
+    for change in sorted(set(changes.tolist())):
         these = changes == change
         if change <= 0.0:
             after[:, these] = whole[:, these]

@@ -190,16 +190,24 @@ def linear_loop(p: LoopProblem, maps: Step, late: tuple[int, float]) -> LinearLo
     plant, c, nu = p.plant, p.controller, len(p.controller.driven)
     held = Held.of(plant, c.driven.tolist(), [late] * nu, remembered=True)
     A, B = held.matrices(maps.Phi, maps.before, maps.after)
-    (n, m), size, acting, given = maps.first.shape, len(A), B[:, c.driven], held.starts[c.driven]
-    moving, asked = np.pad(plant.C, ((0, 0), (0, size - n))), np.zeros((nu, size))
+    m, size, acting, given = maps.first.shape[1], len(A), B[:, c.driven], held.starts[c.driven]
+    moving, asked = _grown(plant.C, len(plant.C), size), np.zeros((nu, size))
     C = np.vstack([moving, asked, asked - np.eye(size)[given], held.answers(0.0)[0][c.measured]])
     D, read = np.zeros((len(C), m + nu)), len(moving) + 2 * nu
-    D[len(moving) : read, m:], D[read:, :m] = np.tile(np.eye(nu), (2, 1)), plant.D[c.measured]
-    first = np.pad(maps.first, ((0, size - n), (0, 0)))
+    D[len(moving) : len(moving) + nu, m:] = D[len(moving) + nu : read, m:] = np.eye(nu)
+    D[read:, :m] = plant.D[c.measured]
+    first = _grown(maps.first, size, m)
     # no control is felt before it is given: the loop is well-posed, with nothing to solve
     loop = closed(Lti(A, np.hstack([first, acting]), C, D), Lti(c.A, c.B, c.C, c.D), np.eye(nu))
-    last = np.pad(maps.last, ((0, len(loop.A) - n), (0, 0)))
+    last = _grown(maps.last, len(loop.A), m)
     return LinearLoop(loop.A, loop.B, last, loop.C, loop.D, mend=np.vstack([acting, c.L]), given=given)
+
+
+def _grown(matrix: Array, rows: int, columns: int) -> Array:
+    """Return a matrix with zeros below and behind it."""
+    found = np.zeros((rows, columns))
+    found[: matrix.shape[0], : matrix.shape[1]] = matrix
+    return found
 
 
 def sampler(p: LoopProblem, log: ControlLog) -> Callable[[int, Array], None]:
