@@ -27,7 +27,7 @@ def series(values: Array) -> Array:
     return np.tensordot(np.linalg.inv(chebyshev.chebvander(chebyshev.chebpts1(count), count - 1)), values, 1)
 
 
-def resolved(at: Callable[[Array], dict[str, Array]], negligible: Sizes, degree: int) -> dict[str, Array]:
+def known_along(at: Callable[[Array], dict[str, Array]], negligible: Sizes, degree: int) -> dict[str, Array]:
     """Return functions at so many Chebyshev points of a line that what is left is rounding; at degree + 1, if at none fewer.
 
     Parameters
@@ -57,7 +57,7 @@ def points_along(at: Functions, axis: Array, negligible: Sizes, degree: int, spa
     def line(places: Array, others: float = 0.0) -> dict[str, Array]:
         return at([float(x) * axis + others * (axis == 0.0) for x in places])
 
-    middle, last = resolved(line, negligible, degree), 0
+    middle, last = known_along(line, negligible, degree), 0
     count = len(next(iter(middle.values())))
     for stacks in (middle, *(line(chebyshev.chebpts1(count), others) for others in (-1.0, 1.0))):
         least = negligible(stacks)

@@ -25,9 +25,7 @@ _FEWEST = 12  # lines to either side at least: residues, background and errors a
 _MOST = 64  # lines to either side at most: of wider windows every second line and so on is left out (a choice)
 _RATES = 4  # of decay, each four times the one before, from half the resolution on: the best one misses a ninth at most
 _BESIDE = 0.1  # of the largest evidence: less may be what is left of it, and is looked at once more (a choice)
-_STRAY = (
-    8.0  # times the rate of decay: what is broader by its residuals is no mode, and none begins narrower (a choice)
-)
+_STRAY = 8.0  # times the rate of decay tried: what is broader by its residuals is no mode (a choice)
 _CHANCE = 1e-3  # chance that a record of noise alone has one mode in it (a choice)
 
 
@@ -120,7 +118,7 @@ def missed(fit: CommonPoles) -> Array:
             half = _side(data, -pole.real / data.resolution) * data.resolution
             around = data.within(pole.imag - half, pole.imag + half)
             best = fitted(CommonPoles(around, np.array([pole]), np.zeros(0)), _ROUGH * least).poles[0]
-            best = complex(min(best.real, pole.real), best.imag)
+            best = complex(min(best.real, pole.real), best.imag)  # narrower ones hardly move when all are fitted
             if not _apart(best, [pole]) and best.real > _STRAY * pole.real and _apart(best, kept):
                 kept.append(best)
     return np.array(kept, complex)

@@ -22,7 +22,7 @@ from scipy import linalg
 
 from boomctl.analysis.loops import signals_of
 from boomctl.arrays import Array, balance
-from boomctl.chebyshev import resolved, series
+from boomctl.chebyshev import known_along, series
 from boomctl.lti.hold import zero_order_hold
 from boomctl.lti.modal import sides, split
 from boomctl.lti.rounding import EPS, SUMMED, TERMS
@@ -243,7 +243,7 @@ class _Curve:
         def at(places: Array) -> dict[str, Array]:
             return {"": np.array([moving(middle + reach * place) for place in places]) @ functions.shares.T}
 
-        values = resolved(at, lambda found: {"": SUMMED * np.abs(found[""]).max()}, _DEGREE)[""]
+        values = known_along(at, lambda found: {"": SUMMED * np.abs(found[""]).max()}, _DEGREE)[""]
         if len(values) > _DEGREE:
             raise ValueError("the plant is too fast for a polynomial over a sample")
         return cls(functions, middle, reach, series(values).T)
