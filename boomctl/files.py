@@ -5,7 +5,7 @@ import json
 import os
 import tempfile
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -70,25 +70,30 @@ _LOCKED: set[int] = set()  # open files and folders that this process has locked
 
 @contextmanager
 def locked(handle: int, taken: str) -> Iterator[None]:
-    """Lock an open file or folder until it is closed; ``taken`` is what an OSError says where another run has it.
+    """Lock an open file or folder meanwhile; ``taken`` is what an OSError says where another run has it.
 
     The lock is the operating system's: it leaves no file, and ends with this process.  Where there is none (Windows, some
-    network drives) nothing is locked.
+    network drives) nothing is locked.  It is given back and not left to the closing of the file, which a process that is
+    being forked off may still have open, too.
     """
-    with suppress(ImportError):
-        import fcntl  # there is none on Windows
-
-        try:
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            raise OSError(taken) from None
-        except OSError:
-            pass  # a drive without locks
+    try:
+        import fcntl
+    except ImportError:  # there is none on Windows
+        yield
+        return
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        raise OSError(taken) from None
+    except OSError:  # a drive without locks
+        yield
+        return
     _LOCKED.add(handle)
     try:
         yield
     finally:
         _LOCKED.discard(handle)
+        fcntl.flock(handle, fcntl.LOCK_UN)
 
 
 def _let_go() -> None:

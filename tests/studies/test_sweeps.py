@@ -19,6 +19,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import boomctl as bc
+from boomctl.files import locked
 from boomctl.studies.sweeps import SweepResult, SweepWarning
 from boomctl.studies.sweeps import kept as kept_module
 from boomctl.studies.sweeps.outcome import computed
@@ -351,6 +352,17 @@ def test_a_pool_that_outlives_its_sweep_keeps_no_file_locked(tmp_path):
         first = bc.sweep(picky, {"x": [1.0], "y": [0]}, pool, file=file)
         more = bc.sweep(picky, {"x": [1.0, 2.0], "y": [0]}, pool, file=file)
     assert (first.path, more.path) == (("ProcessPoolExecutor",), (f"1 points of {file}", "ProcessPoolExecutor"))
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no locks")
+def test_a_lock_ends_with_its_owner_though_a_process_that_starts_has_the_file_open_still(tmp_path):
+    where = tmp_path / "sweep.jsonl"
+    with open(where, "wb") as file, locked(file.fileno(), "taken"):
+        copy = os.dup(file.fileno())  # what a process has that is being forked off
+        with open(where, "rb") as other, pytest.raises(OSError, match="taken"), locked(other.fileno(), "taken"):
+            pass
+    with open(where, "rb") as other, locked(other.fileno(), "taken"):
+        os.close(copy)
 
 
 # written as they are, escaped, and in two, three and four bytes: all of Unicode takes seconds to be listed
