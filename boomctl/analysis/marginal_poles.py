@@ -10,15 +10,13 @@ from dataclasses import dataclass, replace
 from math import inf
 
 import numpy as np
-from scipy.linalg import blas, lapack
 
+from boomctl.analysis.sum_over_modes import bounds
 from boomctl.arrays import Array
-from boomctl.lti.rounding import CANCELLED, EPS, TINY
+from boomctl.lti.rounding import CANCELLED, TINY
 from boomctl.lti.system import Lti, System, rates_of
-from boomctl.lti.verified_modal_form import INVERSE
 
 _SQUARED = 5  # times a matrix is squared: the norm of its power 32 tells its largest eigenvalue to a tenth
-_TWICE = 2.0  # of a bound that is itself computed in floats, from an inverse that is off by INVERSE at most
 
 
 @dataclass(frozen=True)
@@ -35,8 +33,8 @@ class MarginalPoles:
     hidden, open : (n,) ndarray of bool
         Which poles lie on the axis and do not show; which ones are doubtful.
     bound, doubt : float
-        No singular value is larger at any frequency, and none is off by more where entries are off in their last place; by
-        sums over the modes, ``inf`` where eigenvectors do not show it.
+        No singular value is larger at any frequency, and none is off by more where entries are off in their last place, nor
+        is the sum over the modes; ``inf`` where eigenvectors do not show it.
     """
 
     infinite: complex | None
@@ -57,9 +55,9 @@ def marginal_poles(given: System) -> MarginalPoles:
     decay = -poles.real if system.dt == 0.0 else 1.0 - np.abs(poles)
     angles = (left.conj() * right).sum(axis=0)
     reads = np.abs(left.T) / np.maximum(np.abs(angles), TINY)[:, None]
-    bounds = _bounds(system, made, reads, angles, decay) if (decay > 0.0).all() else None
-    if bounds is not None:
-        return MarginalPoles(None, None, found.hidden, found.open, *bounds)
+    known = bounds(system, made, reads, angles, decay) if (decay > 0.0).all() else None
+    if known is not None:
+        return MarginalPoles(None, None, found.hidden, found.open, *known)
     from boomctl.lti.proof import PATIENCE, Exact, Undecided
 
     size, on_axis, shown = made.A, [], []
@@ -102,38 +100,3 @@ def _stays(system: Lti, size: Array, poles: Array, inside: float) -> bool:
         radius *= norm ** (0.5**k)
         powers = np.linalg.matrix_power(powers / norm[:, None, None], 2)
     return bool((radius < 1.0).all())
-
-
-def _bounds(system: Lti, made: Lti, reads: Array, angles: Array, decay: Array) -> tuple[float, float] | None:
-    """Return what no singular value exceeds, and by how much entries that are off in their last place change one at most.
-
-    None where eigenvectors do not show that all poles decay, with such entries too.  In the coordinates of the eigenvectors
-    the matrix is diagonal but for an error, ``|E| <= F``.  Where ``diag(decay) - F`` is an M-matrix, the system is stable,
-    and the inverse of that matrix is larger than the resolvent at every frequency, entry by entry.
-    """
-    n, m, (poles, left, right) = len(system.A), system.B.shape[1], system.eigensystem
-    size, lost = np.abs(right), n * EPS + CANCELLED
-    if not angles.all():
-        return None
-    inverse = left.conj().T / angles[:, None]
-    apart = (np.abs(inverse @ right - np.eye(n)) + lost * (reads @ size)).sum(axis=1)
-    if apart.max() > INVERSE:
-        return None
-    residual = np.abs(system.A @ right - right * poles) + lost * (made.A @ size + size * np.abs(poles))
-    F, blur = reads @ residual, lost * (reads @ made.B)
-    acting = np.ones((n, m + 1))
-    acting[:, 1:] = np.abs(inverse @ system.B) + blur
-    for each in (F, acting[:, 1:], blur):  # of the exact inverse: this one is off by as much
-        each += _TWICE * apart[:, None] * each.max(axis=0, initial=0.0)
-    F *= _TWICE
-    factors, order, states, singular = lapack.dgesv(np.diag(decay) - F, acting)
-    if singular or not (states[:, 0] > 0.0).all():
-        return None
-    states, blurred = states[:, 1:], lost * (made.C @ size)
-    reading = np.abs(system.C @ right) + blurred
-    largest = reading @ states + made.D
-    change = reading @ lapack.dgetrs(factors, order, F @ states + blur)[0] + blurred @ states + lost * made.D
-    if not largest.size:
-        return 0.0, 0.0
-    room = 1.0 + INVERSE  # for what floats lose on the way
-    return float(room * blas.dnrm2(largest.ravel())), float(room * blas.dnrm2(change.ravel()))

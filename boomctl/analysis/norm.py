@@ -1,8 +1,9 @@
 """Norms between two bounds, and how those of H-infinity norms are found.
 
 An H-infinity norm is reported with two bounds of its own: the largest singular value found (attained at a frequency, from the
-system's own response), and a level that no singular value reaches at any frequency (no eigenvalue of the Hamiltonian
-matrix on the imaginary axis; Boyd, Balakrishnan & Kabamba 1989, Bruinsma & Steinbuch 1990).
+system's own response), and a level that no singular value reaches at any frequency.  The sum over the modes proves it
+(:mod:`boomctl.analysis.sum_over_modes`); where eigenvectors lose digits, no eigenvalue of the Hamiltonian matrix lies on the
+imaginary axis (Boyd, Balakrishnan & Kabamba 1989, Bruinsma & Steinbuch 1990).
 
 In discrete time the level is found by the continuous image of the bilinear map, which has the same norm.  The largest value
 is then the system's own on the unit circle, and the level is proved anew without the map: no generalised eigenvalue of the
@@ -19,6 +20,7 @@ import numpy as np
 from scipy import linalg
 from scipy.linalg import blas, lapack
 
+from boomctl.analysis import sum_over_modes
 from boomctl.analysis.marginal_poles import MarginalPoles, marginal_poles
 from boomctl.analysis.prove import Claim
 from boomctl.arrays import Array, balance, blocks
@@ -32,6 +34,7 @@ from boomctl.lti.frequency import (
     resonance_grid,
     singular_values,
 )
+from boomctl.lti.modal import partial_fractions
 from boomctl.lti.rounding import CERTIFIED, DIGIT, EPS, LEVEL, SUMMED, TINY
 from boomctl.lti.system import BATCH, Lti, System, beside, of
 
@@ -43,6 +46,7 @@ _ROUNDING = 1e2 * EPS  # share of the Hamiltonian matrix's norm by which its eig
 _LIGHTEST = 10  # resonances, those of least damping, at which the share of rounding is looked at (a choice)
 # of a norm, a bound of rounding at all frequencies up to which no closer look is worth its time (a choice)
 _CLEAR = 0.1 * LEVEL
+_TWICE = 2.0  # of it: once for the entries, once for the sum over the modes
 _TINY = 1e-150  # norms below which squares of responses are not numbers of full precision
 
 NAMES = {"hinf": "H-infinity", "h2": "H2"}  # what the kinds of norm are called
@@ -52,7 +56,8 @@ UNSTABLE = "an unstable pole"  # infinite
 UNDAMPED = "a pole on the imaginary axis"  # infinite, if the pole shows in the response
 ON_CIRCLE = "a pole on the unit circle"  # the same in discrete time
 NO_RESPONSE = "zero response"
-NO_CROSSING = "no Hamiltonian eigenvalue on the imaginary axis"  # what is left: a level just above the largest value
+IN_MODES = "the sum over the modes stays below at all frequencies"  # what is left: a level just above the largest value
+NO_CROSSING = "no Hamiltonian eigenvalue on the imaginary axis"  # the same, where eigenvectors lose digits
 NO_CIRCLE_CROSSING = "no eigenvalue of the symplectic pencil on the unit circle"  # a level in discrete time
 NOT_TOLD = "an eigenvalue too close to the boundary of stability to tell"  # no upper bound
 OF_DATA = "largest value on the grid of the data"  # no upper bound
@@ -180,7 +185,7 @@ def matrices_norm(
         return NormCertificate(peak, inf, at, f"a mode at {abs(axis.doubtful):.6g} rad/s {doubtful(system)}")
     if axis.hidden.any():
         return proved_norm(given, *_largest_beyond_rounding(given))
-    found = level_norm(system, response) if system.dt == 0.0 else _by_circle(system)
+    found = level_norm(system, response, axis.doubt) if system.dt == 0.0 else _by_circle(system)
     clear = axis.doubt <= _CLEAR * found.lower
     rounding = _rounding_of_response(given, found.omega, 0 if clear else _LIGHTEST)
     sharp = found.certified and rounding <= LEVEL * found.lower and (found.lower >= _TINY or rounding == 0.0)
@@ -204,10 +209,11 @@ def proved_norm(given: System, lower: float, omega: float) -> NormCertificate:
     return NormCertificate(peak, level, exact.omega(square), PROVED)
 
 
-def level_norm(system: Lti, response: Response | None = None) -> NormCertificate:
-    """Return the norm of a stable system by levels that its Hamiltonian matrix proves, as if ``A, B, C, D`` had no rounding.
+def level_norm(system: Lti, response: Response | None = None, doubt: float = inf) -> NormCertificate:
+    """Return the norm of a stable system by levels proved not to be reached, as if ``A, B, C, D`` had no rounding.
 
-    For those who answer for that rounding themselves; :func:`matrices_norm` does.
+    For those who answer for that rounding themselves; :func:`matrices_norm` does.  Where it and the sum over the modes are
+    known to be off by ``doubt`` at most, and that is little, the sum proves a level; elsewhere the Hamiltonian matrix does.
     """
     respond = partial(system.response, quiet=True) if response is None else response
     peak, at = largest_gain(system, response)
@@ -217,6 +223,14 @@ def level_norm(system: Lti, response: Response | None = None) -> NormCertificate
         level = peak * (1.0 + LEVEL)
         if level == 0.0:
             return NormCertificate(0.0, 0.0, 0.0, NO_RESPONSE)
+        if doubt <= _CLEAR * peak and isfinite(at):
+            told, higher = sum_over_modes.stays_below(partial_fractions(system), level - _TWICE * doubt, at)
+            if told:
+                return NormCertificate(peak, level, at, IN_MODES)
+            value, omega = _highest_at(respond, higher)
+            if value > peak:
+                peak, at = value, omega
+                continue
         H = hamiltonian_matrix(system, level)
         crossings, near = near_axis(H[0])
         value, omega = _highest_at(respond, np.concatenate([crossings.imag, near.imag]))

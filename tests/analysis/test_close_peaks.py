@@ -7,8 +7,10 @@ from hypothesis import strategies as st
 from scipy import linalg, stats
 
 from boomctl import h_infinity
+from boomctl.analysis import sum_over_modes
 from boomctl.analysis.norm import level_norm, stays_below, stays_below_on_circle
 from boomctl.lti.frequency import singular_values
+from boomctl.lti.modal import partial_fractions
 from boomctl.lti.system import Lti, of
 from tests.lti.test_proof import cheap
 from tests.profiles import examples
@@ -37,6 +39,34 @@ def test_no_level_below_a_second_peak_is_one_that_nothing_reaches(seed):
         for at in omega:
             assert not stays_below(system, peak * (1.0 - below), float(at))
     assert level_norm(system).upper >= peak * (1.0 - 1e-9)
+
+
+@given(seed=st.integers(0, 10**6))
+@examples(300)
+def test_nor_does_the_sum_over_the_modes_and_it_proves_those_above(seed):
+    system, omega, peak = resonances(seed)
+    modes = partial_fractions(system)
+    for below in (1e-2, 1e-4, 1e-6):
+        for at in omega:
+            told, higher = sum_over_modes.stays_below(modes, peak * (1.0 - below), float(at))
+            assert not told
+            assert not len(higher) or singular_values(system.response(higher))[0].max() > peak * (1.0 - below)
+    assert sum_over_modes.stays_below(modes, peak * (1.0 + 2e-5), float(omega[0]))[0]  # the peak is known to 1.3e-5
+
+
+@given(seed=st.integers(0, 10**6))
+@examples(300)
+def test_nor_does_it_of_several_signals_and_a_direct_way(seed):
+    rng = np.random.default_rng(seed)
+    count, outputs, inputs = (int(k) for k in rng.integers(1, 5, 3))
+    omega, damping = 10.0 ** rng.uniform(-1.0, 2.0, count), 10.0 ** rng.uniform(-4.0, -0.1, count)
+    A = linalg.block_diag(*(w * np.array([[-z, 1.0], [-1.0, -z]]) for w, z in zip(omega, damping, strict=True)))
+    B, C = rng.normal(size=(2 * count, inputs)) * np.repeat(damping, 2)[:, None], rng.normal(size=(outputs, 2 * count))
+    modes = partial_fractions(Lti(A, B, C, rng.normal(size=(outputs, inputs)) * rng.integers(0, 2)))
+    near = (omega[:, None] * (1.0 + damping[:, None] * np.sinh(np.linspace(-5.0, 5.0, 201)))).ravel()
+    peak = singular_values(modes.response(np.append(np.abs(near), 0.0)))[0].max()
+    for below in (1e-1, 1e-3, 1e-9):
+        assert not sum_over_modes.stays_below(modes, peak * (1.0 - below), float(rng.choice(omega)))[0]
 
 
 @pytest.mark.slow

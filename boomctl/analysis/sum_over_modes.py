@@ -1,0 +1,112 @@
+"""What the sum over a system's modes proves of its response at all frequencies.
+
+With eigenvectors ``V`` the response is ``C V (s - diag(poles) - E)^-1 V^-1 B + D``: a sum over the modes but for what the
+error ``E`` of the eigenvectors, and rounding, may add.  :func:`bounds` says how large the sum and that addition are at most;
+:func:`stays_below` proves that the sum stays below a level.
+"""
+
+import numpy as np
+from scipy.linalg import blas, lapack
+
+from boomctl.arrays import Array
+from boomctl.lti.frequency import singular_values
+from boomctl.lti.modal import ModalSystem
+from boomctl.lti.rounding import CANCELLED, EPS
+from boomctl.lti.system import Lti
+from boomctl.lti.verified_modal_form import INVERSE
+
+_TWICE = 2.0  # of a bound that is itself computed in floats, from an inverse that is off by INVERSE at most
+
+# Ends of the first cells, from which others are made where these say nothing (choices, but for what they say):
+_SPREAD = 24  # over all frequencies, evenly in the logarithm
+_AROUND = np.array([-4.0, -1.0, 0.0, 1.0, 4.0])  # around each mode, in half-widths of its resonance
+# around the highest resonance likewise.  Its height ``1 - x^2/2`` leaves a cell of half the width ``h`` that is ``x`` away
+# room for ``3 h^2/2`` where ``h < 0.58 x``: each is little more than twice as wide as the one before
+_BESIDE = np.append(7e-4 * 2.1 ** np.arange(11), [3.5, 14.0, 120.0])
+_CLOSE = np.concatenate([-_BESIDE[::-1], _BESIDE])
+_SPLIT = 8  # parts of a cell at most
+_CELLS, _CELLS_OF_MODE = 400, 10  # tried at most, and for each mode: more cost as much as another proof (measured)
+
+
+def bounds(system: Lti, made: Lti, reads: Array, angles: Array, decay: Array) -> tuple[float, float] | None:
+    """Return what no singular value exceeds, and by how much entries that are off in their last place change one at most.
+
+    By as much, at most, the sum over the modes of :func:`boomctl.lti.modal.partial_fractions` is off, too.  None where
+    eigenvectors do not show that all poles decay, with such entries too.  In the coordinates of the eigenvectors the matrix
+    is diagonal but for an error, ``|E| <= F``.  Where ``diag(decay) - F`` is an M-matrix, the system is stable, and the
+    inverse of that matrix is larger than the resolvent at every frequency, entry by entry.
+    """
+    n, m, (poles, left, right) = len(system.A), system.B.shape[1], system.eigensystem
+    size, lost = np.abs(right), n * EPS + CANCELLED
+    if not angles.all():
+        return None
+    inverse = left.conj().T / angles[:, None]
+    apart = (np.abs(inverse @ right - np.eye(n)) + lost * (reads @ size)).sum(axis=1)
+    if apart.max() > INVERSE:
+        return None
+    residual = np.abs(system.A @ right - right * poles) + lost * (made.A @ size + size * np.abs(poles))
+    F, blur = reads @ residual, lost * (reads @ made.B)
+    acting = np.ones((n, m + 1))
+    acting[:, 1:] = np.abs(inverse @ system.B) + blur
+    for each in (F, acting[:, 1:], blur):  # of the exact inverse: this one is off by as much
+        each += _TWICE * apart[:, None] * each.max(axis=0, initial=0.0)
+    F *= _TWICE
+    factors, order, states, singular = lapack.dgesv(np.diag(decay) - F, acting)
+    if singular or not (states[:, 0] > 0.0).all():
+        return None
+    states, blurred = states[:, 1:], lost * (made.C @ size)
+    reading = np.abs(system.C @ right) + blurred
+    largest = reading @ states + made.D
+    change = reading @ lapack.dgetrs(factors, order, F @ states + blur)[0] + blurred @ states + lost * made.D
+    if not largest.size:
+        return 0.0, 0.0
+    room = 1.0 + INVERSE  # for what floats lose on the way
+    return float(room * blas.dnrm2(largest.ravel())), float(room * blas.dnrm2(change.ravel()))
+
+
+def stays_below(modes: ModalSystem, level: float, at: float) -> tuple[bool, Array]:
+    """Return whether the sum over modes that decay stays below a level at all frequencies, and some around where it does not.
+
+    Neither, where that takes too long.  The axis is cut into cells; ``at`` lies near the highest resonance.  In a cell
+    around ``m`` the sum is ``S(m) + x S'(m)``, whose norm is largest at one of the ends ``x = -h, h``, but for
+    ``h^2 sum_k |R_k|/d_k^3``, with ``d_k`` the distance of the pole ``k`` from the cell and ``R_k`` its residue.
+    """
+    poles, terms, D = modes.poles[:, None], modes.terms, modes.D.reshape(-1, 1)
+    decay, swing, rates = -modes.poles.real, modes.poles.imag, np.abs(modes.poles)
+    size = np.sqrt((terms.real**2 + terms.imag**2).sum(axis=1))
+    slowest, fastest = 0.1 * rates.min(), 10.0 * rates.max()
+    if (size / (fastest - rates)).sum() + blas.dnrm2(D.ravel()) > level:  # above the fastest
+        return False, np.zeros(0)
+    upper = swing >= 0.0
+    spread = slowest * (fastest / slowest) ** (np.arange(_SPREAD) / (_SPREAD - 1.0))
+    around = swing[upper, None] + decay[upper, None] * _AROUND
+    close = at + decay[np.abs(modes.poles - 1j * at).argmin()] * _CLOSE
+    ends = np.concatenate([spread, around.ravel(), close])
+    ends = np.concatenate([[0.0], np.sort(ends[(ends > 0.0) & (ends < fastest)]), [fastest]])
+    low, high, left = ends[:-1], ends[1:], _CELLS + _CELLS_OF_MODE * len(poles)
+    while (left := left - len(low)) >= 0:
+        m = 0.5 * (low + high)
+        h = np.maximum(high - m, m - low)
+        shares = modes.shares(m)
+        S, slope = terms.T @ shares + D, h * (terms.T @ (shares * shares))
+        beside = np.maximum(np.abs(m - poles.imag) - h, 0.0)
+        square = decay[:, None] ** 2 + beside * beside
+        rest = h * h * (size @ (1.0 / (square * np.sqrt(square))))
+        both = np.array([S - 1j * slope, S + 1j * slope])
+        most = np.sqrt((both.real**2 + both.imag**2).sum(axis=1).max(axis=0)) + rest
+        open_ = (most > level).nonzero()[0]
+        if len(open_) and min(modes.D.shape) > 1:  # the root of the sum of all squares is more than the largest value
+            ended = both[:, :, open_].transpose(1, 0, 2).reshape(*modes.D.shape, -1)
+            most[open_] = singular_values(ended)[0].reshape(2, -1).max(axis=0) + rest[open_]
+            open_ = open_[most[open_] > level]
+        if not len(open_):
+            return True, np.zeros(0)
+        there = singular_values(S[:, open_].reshape(*modes.D.shape, -1))[0]
+        if there.max() > level:
+            highest = open_[there.argmax()]
+            return False, np.array([low[highest], m[highest], high[highest]])
+        parts = int(min(np.sqrt(((most[open_] - there) / (level - there)).max()) + 2.0, _SPLIT))
+        ends = low[open_, None] + 2.0 * h[open_, None] * (np.arange(parts + 1) / parts)
+        ends[:, -1] = high[open_]
+        low, high = ends[:, :-1].ravel(), ends[:, 1:].ravel()
+    return False, np.zeros(0)
