@@ -13,7 +13,7 @@ symplectic pencil on the unit circle.
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import lru_cache, partial
-from math import inf, isfinite
+from math import inf, isfinite, log2
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -29,6 +29,7 @@ from boomctl.lti.frequency import (
     RAISED,
     Resonances,
     Response,
+    highest_peak,
     largest_gain,
     largest_of,
     resonance_grid,
@@ -227,10 +228,11 @@ def level_norm(system: Lti, response: Response | None = None, doubt: float = inf
             told, higher = sum_over_modes.stays_below(partial_fractions(system), level - _TWICE * doubt, at)
             if told:
                 return NormCertificate(peak, level, at, IN_MODES)
-            value, omega = _highest_at(respond, higher)
-            if value > peak:
-                peak, at = value, omega
-                continue
+            if len(higher):
+                value, omega = highest_peak(lambda omega: singular_values(respond(omega))[0], higher)
+                if value > peak:
+                    peak, at = value, omega
+                    continue
         H = hamiltonian_matrix(system, level)
         crossings, near = near_axis(H[0])
         value, omega = _highest_at(respond, np.concatenate([crossings.imag, near.imag]))
@@ -286,11 +288,7 @@ def stays_below_on_circle(system: Lti, level: float) -> bool:
     highest, all are below.  Eigenvalues as near to the circle as rounding may have moved them count as lying on it.  Where
     two crossings have nearly met, rounding moves them off it by its root: there, and between, the response is looked at.
     """
-    B, C, D = system.B / np.sqrt(level), system.C / np.sqrt(level), system.D / level
-    size_B, size_C = float(np.linalg.norm(B)), float(np.linalg.norm(C))
-    if size_B > 0.0 and size_C > 0.0:  # scales that make both alike, by a power of two: no rounding
-        up = 2.0 ** np.round(0.5 * np.log2(size_C / size_B))
-        B, C = up * B, C / up
+    B, C, D, _ = _at_level(system, level)
     at_the_end = system.response(np.array([system.nyquist]), quiet=True)
     if singular_values(at_the_end)[0, 0] >= level:
         return False
@@ -304,6 +302,17 @@ def stays_below_on_circle(system: Lti, level: float) -> bool:
     if (off <= noise * size).any():
         return False
     return _highest_at(partial(system.response, quiet=True), angle[off <= np.sqrt(noise) * size] / system.dt)[0] < level
+
+
+def _at_level(system: Lti, level: float) -> tuple[Array, Array, Array, float]:
+    """Return ``B``, ``C``, ``D`` with which the response at a level has the size one, and by how much states are larger.
+
+    They are so by a power of two, without rounding, that makes ``B`` and ``C`` alike: their squares are numbers.
+    """
+    B, C = system.B / np.sqrt(level), system.C / np.sqrt(level)
+    size_B, size_C = blas.dnrm2(B.ravel()), blas.dnrm2(C.ravel())
+    up = 2.0 ** round(0.5 * log2(size_C / size_B)) if size_B > 0.0 and size_C > 0.0 else 1.0
+    return up * B, C / up, system.D / level, up
 
 
 def circle_pencil(A: Array, B: Array, C: Array, D: Array) -> tuple[Array, Array]:
@@ -389,15 +398,14 @@ def _solved(system: Lti, omega: float) -> tuple[Array, Array] | None:
 
 def hamiltonian_matrix(system: Lti, level: float) -> tuple[Array, Array]:
     """Return the balanced Hamiltonian matrix of a level, and the scales of its coordinates."""
-    A, B, C, D = system.A, system.B / np.sqrt(level), system.C / np.sqrt(level), system.D / level
+    A, n, (B, C, D, up) = system.A, len(system.A), _at_level(system, level)
     if D.any():
-        n = len(A)
         fed = np.linalg.solve(np.eye(D.shape[1]) - D.T @ D, np.concatenate([D.T @ C, B.T], axis=1))
         A, C_, B_ = A + B @ fed[:, :n], C + D @ fed[:, :n], fed[:, n:]
     else:
         C_, B_ = C, B.T
-    H = blocks([[A, B @ B_], [-C.T @ C_, -A.T]])
-    return balance(H)
+    H, scale = balance(blocks([[A, B @ B_], [-C.T @ C_, -A.T]]))
+    return H, scale * np.repeat([1.0 / up, up], n)
 
 
 def level_shows(system: Lti, level: float, omega: float, hamiltonian: tuple[Array, Array] | None = None) -> bool:

@@ -19,7 +19,7 @@ _TWICE = 2.0  # of a bound that is itself computed in floats, from an inverse th
 
 # Ends of the first cells, from which others are made where these say nothing (choices, but for what they say):
 _SPREAD = 24  # over all frequencies, evenly in the logarithm
-_AROUND = np.array([-4.0, -1.0, 0.0, 1.0, 4.0])  # around each mode, in half-widths of its resonance
+_AROUND = np.array([-2.5, 0.0, 2.5])  # around each mode, in half-widths of its resonance
 # around the highest resonance likewise.  Its height ``1 - x^2/2`` leaves a cell of half the width ``h`` that is ``x`` away
 # room for ``3 h^2/2`` where ``h < 0.58 x``: each is little more than twice as wide as the one before
 _BESIDE = np.append(7e-4 * 2.1 ** np.arange(11), [3.5, 14.0, 120.0])
@@ -64,6 +64,7 @@ def bounds(system: Lti, made: Lti, reads: Array, angles: Array, decay: Array) ->
     return float(room * blas.dnrm2(largest.ravel())), float(room * blas.dnrm2(change.ravel()))
 
 
+@np.errstate(divide="ignore", over="ignore", invalid="ignore")  # of squares that are no numbers
 def stays_below(modes: ModalSystem, level: float, at: float) -> tuple[bool, Array]:
     """Return whether the sum over modes that decay stays below a level at all frequencies, and some around where it does not.
 
@@ -75,7 +76,7 @@ def stays_below(modes: ModalSystem, level: float, at: float) -> tuple[bool, Arra
     decay, swing, rates = -modes.poles.real, modes.poles.imag, np.abs(modes.poles)
     size = np.sqrt((terms.real**2 + terms.imag**2).sum(axis=1))
     slowest, fastest = 0.1 * rates.min(), 10.0 * rates.max()
-    if (size / (fastest - rates)).sum() + blas.dnrm2(D.ravel()) > level:  # above the fastest
+    if not (size / (fastest - rates)).sum() + blas.dnrm2(D.ravel()) <= level:  # above the fastest
         return False, np.zeros(0)
     upper = swing >= 0.0
     spread = slowest * (fastest / slowest) ** (np.arange(_SPREAD) / (_SPREAD - 1.0))
@@ -94,6 +95,8 @@ def stays_below(modes: ModalSystem, level: float, at: float) -> tuple[bool, Arra
         rest = h * h * (size @ (1.0 / (square * np.sqrt(square))))
         both = np.array([S - 1j * slope, S + 1j * slope])
         most = np.sqrt((both.real**2 + both.imag**2).sum(axis=1).max(axis=0)) + rest
+        if not np.isfinite(most).all():
+            return False, np.zeros(0)
         open_ = (most > level).nonzero()[0]
         if len(open_) and min(modes.D.shape) > 1:  # the root of the sum of all squares is more than the largest value
             ended = both[:, :, open_].transpose(1, 0, 2).reshape(*modes.D.shape, -1)
@@ -102,7 +105,7 @@ def stays_below(modes: ModalSystem, level: float, at: float) -> tuple[bool, Arra
         if not len(open_):
             return True, np.zeros(0)
         there = singular_values(S[:, open_].reshape(*modes.D.shape, -1))[0]
-        if there.max() > level:
+        if there.max() >= level:
             highest = open_[there.argmax()]
             return False, np.array([low[highest], m[highest], high[highest]])
         parts = int(min(np.sqrt(((most[open_] - there) / (level - there)).max()) + 2.0, _SPLIT))

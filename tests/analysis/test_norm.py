@@ -36,6 +36,17 @@ def test_an_oscillators_norm_is_its_closed_form(zeta):
     assert certificate.omega == pytest.approx(2.0 * np.sqrt(1.0 - 2.0 * zeta**2), rel=1e-4)
 
 
+@pytest.mark.parametrize("rate", [1e-120, 1e-60, 1.0, 1e60])
+@pytest.mark.parametrize("gain", [1e-100, 1.0, 1e30])
+def test_whatever_the_units_it_is_the_same(rate, gain):
+    """Squares of entries of 1e-220 are no numbers: a level of a tenth of the peak counted as reached by nothing."""
+    A, B = rate * np.array([[0.0, 1.0], [-1.0, -0.1]]), np.array([[0.0], [gain * rate]])
+    norm, exact = hinf_norm(control.ss(A, B, [[1.0, 0.0]], 0.0)), gain / (0.1 * np.sqrt(1.0 - 0.0025))
+    assert norm.certified
+    assert norm.lower == pytest.approx(exact, rel=1e-10)
+    assert norm.lower <= exact * (1.0 + 1e-14) <= norm.upper
+
+
 @given(st.integers(0, 10_000))
 def test_the_norm_of_random_systems_is_that_of_slicot_and_bounds_the_response(seed):
     rng = np.random.default_rng(seed)
