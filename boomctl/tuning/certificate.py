@@ -1,6 +1,5 @@
 """What vouches for a tuned controller: norms of the loops as the user handed them in, and what no controller beats."""
 
-import time
 from dataclasses import replace
 
 import numpy as np
@@ -90,15 +89,14 @@ def lower_bound(
         Seconds for all of it.
     """
     best, said, reasons = 0.0, "", []
-    end = time.monotonic() + limit
+    deadline = Deadline(limit)
     for value, model, channel in sorted(values, key=lambda each: each[0], reverse=True)[:_MOST_BOUNDS]:
         plant = channel_of(plants[model], channel)
-        left = end - time.monotonic()
-        if left <= 0.0:
+        if deadline.over:
             reasons.append("out of time")
             break
         try:
-            bound = _bound(plant, channel, left)
+            bound = _bound(plant, channel, deadline)
         except (SynthesisError, np.linalg.LinAlgError, ValueError, ArithmeticError) as error:
             reasons.append(str(error))
             continue
@@ -112,12 +110,12 @@ def lower_bound(
     return 0.0, f"none: {reasons[0]}" if reasons else "none: full-order synthesis reaches zero"
 
 
-def _bound(plant: GeneralizedPlant, channel: Channel, limit: float) -> float:
+def _bound(plant: GeneralizedPlant, channel: Channel, deadline: Deadline) -> float:
     if channel.norm == "h2":
         return h2(plant.system.statespace("P"), plant.nmeas, plant.ncon).optimum
     if not (plant.nmeas and plant.ncon):
         raise SynthesisError("there is no controller")
-    found = full_order_bound(plant, Deadline(limit))
+    found = full_order_bound(plant, deadline)
     if found.lower == 0.0 and found.told:
         raise SynthesisError(found.told)
     return found.lower

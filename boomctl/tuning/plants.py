@@ -1,11 +1,9 @@
 """The plants that one controller is tuned for: given ones, made from physical parameters, or points of a family."""
 
-import time
 from collections import OrderedDict
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
-from math import inf
 from typing import Any
 
 import numpy as np
@@ -13,6 +11,7 @@ import numpy as np
 from boomctl.arrays import Array
 from boomctl.checks import function_of
 from boomctl.lti.system import of
+from boomctl.progress import Deadline
 from boomctl.structure.families import Family
 from boomctl.structure.model import SecondOrderModel
 from boomctl.synthesis.plants.partition import GeneralizedPlant, partition
@@ -23,6 +22,7 @@ from boomctl.tuning.problem import ScaledPlant
 _REMEMBERED = 256  # sets of plants that are kept for when they are asked for again (a choice)
 _MOVING = 16  # of those that are polynomials, quickly evaluated: the last few points of the search (a choice)
 _MOST_PARAMETERS = 6  # of a family that may be uncertain: its corners are all tuned for (a choice)
+_ENDLESS = Deadline()
 
 Maker = Callable[[dict[str, float]], GeneralizedPlant]
 
@@ -40,15 +40,15 @@ class Plants:
     physical : tuple of Physical
     settled : tuple of function
         The same plants, with the same states at all values as far as that can be.
-    deadline : float
-        By `time.monotonic`, until when polynomials of the plants are looked for.
+    deadline : Deadline
+        Until when polynomials of the plants are looked for.
     """
 
     makers: tuple[Maker, ...]
     labels: tuple[str, ...]
     physical: tuple[Physical, ...]
     settled: tuple[Maker, ...]
-    deadline: float = inf
+    deadline: Deadline = _ENDLESS
     _series: "list[PlantSeries | None]" = field(default_factory=list, repr=False)
     _scaled: "OrderedDict[bytes, tuple[ScaledPlant, ...]]" = field(default_factory=OrderedDict, repr=False)
 
@@ -77,9 +77,7 @@ class Plants:
         for maker, settled in list(zip(self.makers, self.settled, strict=True))[len(self._series) :]:
             given, make = (lambda x, each=each: each(self.values(x)) for each in (maker, settled))
             size = len(self.physical)
-            self._series.append(
-                plant_series(make, given, size, lambda: time.monotonic() > self.deadline) if size else None
-            )
+            self._series.append(plant_series(make, given, size, lambda: self.deadline.over) if size else None)
         return tuple(self._series)
 
     @property
@@ -130,7 +128,7 @@ def fixed_plants(P: Sequence[Any], nmeas: int | None, ncon: int | None) -> Plant
 
 
 def made_plants(
-    P: Sequence[Any], nmeas: int | None, ncon: int | None, physical: tuple[Physical, ...], deadline: float = inf
+    P: Sequence[Any], nmeas: int | None, ncon: int | None, physical: tuple[Physical, ...], deadline: Deadline = _ENDLESS
 ) -> Plants:
     """Return plants that functions of the physical parameters make."""
 
@@ -211,7 +209,7 @@ class FamilyPlants:
             return lambda values: plant
         return lambda values: self.plant(values, point, settled)
 
-    def plants(self, deadline: float = inf) -> Plants:
+    def plants(self, deadline: Deadline = _ENDLESS) -> Plants:
         """Return the plants in the middle and at the corners."""
         points = self.points()
         labels = tuple(self.label(point) for point in points)

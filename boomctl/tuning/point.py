@@ -23,7 +23,8 @@ _STEP = 1e-3  # of differences, in halves of a parameter's range: rounding and w
 _BEND = 1e-5  # of differences of a controller's derivatives: they need to be right to some digits alone
 _STENCIL = np.arange(5) - 2  # places of a difference of fourth order
 _TINY = 1e-100  # norm that stands for zero, whose logarithm is a number
-_SAME = 1e-6  # relative distance of frequencies that are one: far less than any resonance is wide (a choice)
+# share of its frequency by which a peak may lie beside another frequency and stand for it: its bend is that of all so near
+BESIDE = 1e-3  # (measured: with 1e-6 twice the steps, with 1e-4 to 1e-2 as many)
 _MIXED = (1.0, -1.0, 1j, -1j)  # phases in which two singular vectors of like values are mixed (a choice)
 _ALIKE_POLES = 0.05  # how near to the highest a pole's bound must come to be a piece (a choice)
 _NEAR_EDGE = 4.0  # times as far from the edge of stability as asked for, up to which a pole is a piece (a choice)
@@ -188,17 +189,10 @@ class Point:
         values, inverse, vectors = loop.coordinates
         return (values, inverse.conj().T, vectors) if values.ndim == 1 else _eigen(loop.A)
 
-    def _of_pole(
-        self, model: int, pole: complex, left: Array, right: Array, of: Callable[[Array], Array], own: bool = False
-    ) -> Array:
+    def _of_pole(self, model: int, pole: complex, left: Array, right: Array, of: Callable[[Array], Array]) -> Array:
         """Return the gradient of a function of a pole, which is a real part of a multiple of its change."""
         scale = left.conj() @ right
         l, r = left.conj() / scale, right
-        if own:
-            n = self.problem.order
-            change = np.zeros(self.controller[0].shape, complex)
-            change[:n, :n] = np.outer(l, r)
-            return of(self.controller[1] @ change.ravel())
         loop = self.loops[model]
         assert loop is not None
         n = len(loop.A)
@@ -215,12 +209,21 @@ class Point:
             found[place] = weights @ np.array(changes)
         return of(found)
 
+    def _of_own_pole(self, pole: complex, of: Callable[[Array], Array]) -> Array:
+        """Return the gradient of such a function of a pole of the controller."""
+        n = self.problem.order
+        poles, left, right = _eigen(self.controller[0][:n, :n])
+        k = int(np.argmin(np.abs(poles - pole)))
+        change = np.zeros(self.controller[0].shape, complex)
+        change[:n, :n] = np.outer(left[:, k].conj() / (left[:, k].conj() @ right[:, k]), right[:, k])
+        return of(self.controller[1] @ change.ravel())
+
     def _controller_poles(self) -> list[Bound]:
         """Return how much faster than allowed the controller's fastest poles are."""
         n, limit = self.problem.order, self.problem.fastest_pole
         if limit is None or not n:
             return []
-        poles, left, right = _eigen(self.controller[0][:n, :n])
+        poles = np.linalg.eigvals(self.controller[0][:n, :n])
         found = []
         for k in np.flatnonzero((np.abs(poles) >= (1.0 - _ALIKE_POLES) * np.abs(poles).max()) & (poles.imag >= 0.0)):
             pole = poles[k]
@@ -230,7 +233,7 @@ class Point:
             def of(change: Array, pole: complex = pole) -> Array:
                 return (pole.conjugate() * change).real / abs(pole) / limit
 
-            gradient = partial(self._of_pole, -1, pole, left[:, k], right[:, k], of, own=True)
+            gradient = partial(self._of_own_pole, pole, of)
             found.append(Bound(-1, FASTEST_POLE, float(abs(pole)), abs(pole) / limit - 1.0, gradient))
         return found
 
@@ -512,7 +515,7 @@ class Point:
             if between and high:
                 omega, seen, _ = self._coarse(model, channel)
                 others += omega[seen >= (1.0 - between) * exp(self._level(channel))].tolist()
-            others = [at for at in others if not any(same_place(at, peak, _SAME) for peak in high)]
+            others = [at for at in others if not any(same_place(at, peak, BESIDE) for peak in high)]
             found += self._singular(model, channel, [(at, window) for at in high] + [(at, 0.0) for at in others])
         for model, channel, omega, value in self._squares_of(False) + self._squares_of(True):
             gradient = self._h2(model, channel)[1]

@@ -1,6 +1,5 @@
 """``tune``: controllers of a given structure, the largest norm over all models and channels as small as can be found."""
 
-import time
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -15,7 +14,7 @@ from boomctl.arrays import Array
 from boomctl.checks import function_of, instance, known, positive, sequence, whole, within
 from boomctl.lti.rounding import CERTIFIED
 from boomctl.printing import count as counted
-from boomctl.progress import Listener, computing, tell
+from boomctl.progress import Deadline, Listener, computing, tell
 from boomctl.structure.families import Family
 from boomctl.synthesis.assumptions import SynthesisError, check_detectable, check_stabilizable
 from boomctl.synthesis.certificate import ActivePeak, ChannelNorm, DesignCertificate
@@ -134,7 +133,6 @@ def tune(
     >>> round(design.gamma, 4), round(best.certificate.lower, 4)
     (0.7071, 0.7071)
     """
-    began = time.monotonic()
     if isinstance(nmeas, ControllerForm):
         raise TypeError(
             "nmeas: expected a whole number, got a structure; where nmeas and ncon are left out, structure=..."
@@ -148,7 +146,7 @@ def tune(
         "decay": None if decay is None else positive("decay", decay),
     }
     count, number = whole("starts", starts), whole("seed", seed, 0)
-    deadline = began + positive("time_limit", time_limit)
+    deadline = Deadline(positive("time_limit", time_limit))
     nmeas, ncon = _counts(structure, nmeas, ncon)
     with computing("tuning", progress):
         tell("plants")
@@ -214,7 +212,7 @@ def _family(
     return FamilyPlants(given, make, nmeas, ncon, structure.physicals())
 
 
-def _plants(P: Any, nmeas: int | None, ncon: int | None, structure: ControllerForm, deadline: float) -> Plants:
+def _plants(P: Any, nmeas: int | None, ncon: int | None, structure: ControllerForm, deadline: Deadline) -> Plants:
     many = tuple(P) if isinstance(P, (list, tuple)) else (P,)
     if not many:
         raise ValueError("P: expected at least one generalised plant")
@@ -234,7 +232,7 @@ class _Task:
     channels: tuple[Channel, ...]
     limits: dict[str, float | None]
     plants: Plants
-    deadline: float
+    deadline: Deadline
 
     def middle(self) -> tuple[GeneralizedPlant, ...]:
         """Return the plants in the middle of the physical parameters' ranges."""
@@ -389,7 +387,7 @@ def _over_family(
         if excess <= _WORSE:
             path.append(f"nothing worse in the family, {len(task.plants.labels)} points")
             break
-        stopped = "stopped" in found.path or time.monotonic() > task.deadline
+        stopped = "stopped" in found.path or task.deadline.over
         if extra == _MORE_POINTS or stopped:
             path.append(f"worse by {100.0 * excess:.3g} % at {over.label(point)}")
             break

@@ -11,7 +11,7 @@ import numpy as np
 from boomctl.arrays import Array
 from boomctl.lti.rounding import TINY
 from boomctl.tuning.hessian import peak_hessian
-from boomctl.tuning.point import WINDOW, Piece, Point
+from boomctl.tuning.point import BESIDE, WINDOW, Piece, Point
 from boomctl.tuning.responses import same_place
 from boomctl.tuning.solver.quadratic import least
 
@@ -22,13 +22,14 @@ _CORRECTIONS = 2  # of a step for what the pieces bend, at most (measured: a six
 _FALL = 0.1  # share of the promised gain that makes a step worth taking (a choice)
 _GOOD = 0.6  # share of the promised gain from which on the next step may be longer (a choice)
 _ACTIVE = 1e-6  # multiplier from which on a piece is active (a choice)
-_BESIDE = 1e-3  # share of its frequency by which a peak that stands out may lie beside a piece and be it (a choice)
 _NEAR = 0.1  # share of its frequency by which a peak may move in a step and be the same (a choice)
 _DAMPING, _LEAST, _LARGEST = (
     1.0,
     1e-9,
     1e9,
 )  # weight of a step's length in natural sizes: first, least, largest (choices)
+# times the curvature along a step to loops that are not stable, which the next step's weight is at least: a quarter is left
+_SHORTER = 3.0  # of it (a choice; where a step merely gains too little, one plant ended 0.1 % higher so)
 _FAR = 1e4  # natural sizes from which on an end is too far to matter (a choice)
 # share of its multiplier by which a row gives way: of pieces that are nearly alike each then carries its share, and what they
 # bend is seen of all (measured: with hard rows a half more steps)
@@ -134,7 +135,8 @@ def polish(
             if more:
                 asked |= more
                 pieces = _chosen(point, asked)
-            damping = min((2.0 if more else 6.0) * damping, _LARGEST)
+            bends = 0.0 if isfinite(found) else _SHORTER * float(d @ H @ d) / float(d @ (sizes * d))
+            damping = min(max((2.0 if more else 6.0) * damping, bends), _LARGEST)
         else:
             return Polished(x, value, k, False)
         if not exact:
@@ -292,7 +294,7 @@ def _unseen(trial: Point, pieces: list[Piece], asked: "set[tuple[int, int, float
     found = set()
     for model, channel, omega in trial.highest:
         there = [p.omega for p in pieces if p.model == model and p.channel == channel]
-        if not any(same_place(omega, each, _BESIDE) for each in there):
+        if not any(same_place(omega, each, BESIDE) for each in there):
             found.add((model, channel, omega))
     return found - asked
 

@@ -1,6 +1,5 @@
 """The search from many starts: stabilise, descend, polish, in turn until nothing changes; the best so far is kept."""
 
-import time
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from math import exp, inf, isfinite, log
@@ -11,7 +10,7 @@ from boomctl.analysis.norm import level_norm
 from boomctl.arrays import Array
 from boomctl.lti.rounding import LEVEL
 from boomctl.lti.system import Lti
-from boomctl.progress import tell
+from boomctl.progress import Deadline, OutOfTime, tell
 from boomctl.tuning.point import Point
 from boomctl.tuning.problem import Problem
 from boomctl.tuning.solver.bundle import polish
@@ -36,10 +35,6 @@ _AT_EDGE = 2.0  # times the distance kept from the edge of stability, up to whic
 _NEARER = 0.1  # share of its distance from the edge of stability that a turn may come nearer to it (a choice)
 _MISSED = 1e-7  # relative height above the peaks known from which on one counts as missed: a tenth of what is certified
 _ZERO = 1e-9  # share of the first norm seen below which a norm counts as zero: nothing is left to gain
-
-
-class OutOfTime(Exception):
-    """The time is up."""
 
 
 @dataclass(frozen=True)
@@ -92,12 +87,11 @@ class Search:
     Attributes
     ----------
     problem : Problem
-    deadline : float
-        Moment by the clock [s].
+    deadline : Deadline
     """
 
     problem: Problem
-    deadline: float
+    deadline: Deadline
     best: Array | None = None
     value: float = inf
     excess: float = inf
@@ -108,37 +102,35 @@ class Search:
     known: dict[tuple[int, int], Array] = field(default_factory=dict)
     path: list[str] = field(default_factory=list)
 
-    def point(self, x: Array) -> Point:
+    def point(self, x: Array, problem: Problem | None = None) -> Point:
         """Return the loops at free numbers; out of time where it is."""
-        if time.monotonic() > self.deadline:
+        if self.deadline.over:
             raise OutOfTime
-        return Point(self.problem, x, self.known)
+        return Point(self.problem if problem is None else problem, x, self.known)
 
-    def keep(self, x: Array, point: Point | None = None) -> None:
-        """Remember a point if it is the best so far: within the bounds first, then the lowest."""
-        point = Point(self.problem, x, self.known) if point is None else point
+    def keep(self, point: Point, *, complete: bool = False) -> None:
+        """Remember a point if it is the best so far, by all its peaks: within the bounds first, then the lowest."""
         if not point.stable or not isfinite(point.aim):
             return
-        excess = max(point.excess, LEVEL)
         if self.floor == -inf:
             self.floor = point.aim + log(_ZERO)
+        excess = max(point.excess, LEVEL)
         if (excess, point.aim) >= (self.excess, self.value):
             return
-        if not self.checked(x):  # with the peaks that were missed it counts anew
-            point = Point(self.problem, x, self.known)
-            excess = max(point.excess, LEVEL)
-        if (excess, point.aim) < (self.excess, self.value):
-            self.best, self.value, self.excess = x.copy(), point.aim, excess
+        if complete:
+            self.best, self.value, self.excess = point.x.copy(), point.aim, excess
+        else:
+            self.keep(self.checked(point)[0], complete=True)
 
-    def checked(self, x: Array) -> bool:
-        """Return whether the peaks known are all there are; what a Hamiltonian matrix shows beyond them is remembered."""
-        point, missed = Point(self.problem, x, self.known), False
+    def checked(self, point: Point) -> tuple[Point, bool]:
+        """Return a point with all its peaks, and whether these were known; those that a Hamiltonian matrix shows now are."""
+        missed = False
         for model, channel, _, value in point.norms:
             if model < 0 or self.problem.channels[channel].norm == "h2":
                 continue
             loop = point.loops[model]
             if loop is None:
-                return True
+                return point, True
             rows, columns = self.problem.rows[channel], self.problem.columns[channel]
             B, C, D = loop.part(columns, rows)
             norm = level_norm(Lti(loop.A, B, C, D))
@@ -146,7 +138,7 @@ class Search:
             if norm.lower > here * (1.0 + _MISSED) and isfinite(norm.omega):
                 self.known[model, channel] = np.append(self.known.get((model, channel), np.zeros(0)), norm.omega)
                 missed = True
-        return not missed
+        return (point.beside(point.x), False) if missed else (point, True)
 
     @property
     def starts(self) -> list[TuneStart]:
@@ -174,7 +166,7 @@ class Search:
             self.begin(self.problem.clipped(x), kind)
             if self.nothing_left():
                 return
-            if self.best is not None and time.monotonic() > half:
+            if self.best is not None and half.over:
                 self.path.append(f"time for {k + 1} starts")
                 break
         for k, local in enumerate(sorted(self.searches, key=lambda each: each.value)[:_FINISHED]):
@@ -194,7 +186,7 @@ class Search:
         found, local.steps = self.stabilised(x)
         if found is not None:
             local.x, local.open = found, True
-            self.keep(found)
+            self.keep(Point(self.problem, found, self.known))
             self.turn(local)
         return local
 
@@ -210,14 +202,8 @@ class Search:
         start = self.point(local.x)
         edge = min(local.edge, 0.5 * start.apart)
         problem, before = replace(self.problem, edge=edge if edge >= _LAST_EDGE else None), local.merit
-
-        def point_at(x: Array) -> Point:
-            if time.monotonic() > self.deadline:
-                raise OutOfTime
-            return Point(problem, x, self.known)
-
         down = descend(
-            lambda x: point_at(x).merit(local.weight),
+            lambda x: self.point(x, problem).merit(local.weight),
             local.x,
             problem.low,
             problem.high,
@@ -226,12 +212,13 @@ class Search:
             enough=lambda x, value: value < self.floor,
         )
         local.x, local.steps, local.merit = down.x, local.steps + down.steps, down.value
-        self.keep(local.x)
+        if down.steps:
+            self.keep(Point(self.problem, local.x, self.known))
         if down.value < self.floor:
             local.value, local.open = down.value, False
             return
         done = polish(
-            point_at,
+            lambda x: self.point(x, problem),
             local.x,
             problem.low,
             problem.high,
@@ -242,8 +229,8 @@ class Search:
         )
         local.x, local.steps, local.merit = done.x, local.steps + done.steps, done.value
         local.stationary = done.stationary
-        self.keep(local.x)
-        fine, point = self.checked(local.x), self.point(local.x)
+        point, fine = self.checked(Point(self.problem, local.x, self.known))
+        self.keep(point, complete=True)
         if point.excess > LEVEL:
             local.weight *= 10.0
             local.gain = local.merit = inf  # merits of two weights tell nothing of each other
@@ -283,7 +270,7 @@ def search(
     problem: Problem,
     starts: int,
     rng: np.random.Generator,
-    deadline: float,
+    deadline: Deadline,
     first: list[Array],
     problem_of: Callable[..., Problem],
 ) -> Search:
@@ -294,8 +281,7 @@ def search(
     problem : Problem
     starts : int
     rng : Generator
-    deadline : float
-        Moment by the clock [s].
+    deadline : Deadline
     first : list of ndarray
         Starts that are given.
     problem_of : function
@@ -318,7 +304,7 @@ def search(
                 begun += [(f"order {small.order}", same), (f"order {small.order}", near)]
             if "stopped" in inner.path:
                 for _, x in begun:
-                    work.keep(problem.clipped(x))
+                    work.keep(Point(problem, problem.clipped(x), work.known))
                 return work
         more = max(starts - len(begun), 1)
 
@@ -338,6 +324,5 @@ def search(
     return work
 
 
-def _share(deadline: float, share: float) -> float:
-    now = time.monotonic()
-    return now + share * max(deadline - now, 0.0)
+def _share(deadline: Deadline, share: float) -> Deadline:
+    return Deadline(share * max(deadline.limit - deadline.seconds, 0.0))
