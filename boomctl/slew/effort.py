@@ -21,7 +21,9 @@ from boomctl.slew.torque import TorqueHistory, held
 _TURNS = 20  # at most; a safeguard
 _STATIONARY = 1e-6  # of the torque limit, that another turn would change: of the effort it is worth the square of that
 _EXCHANGES = 100  # of nodes at which limits are met, at most; a safeguard, for 3 to 12 do
-_PATIENCE = 3  # exchanges of all nodes without fewer that are wrong, until they are exchanged one at a time; a choice
+# Exchanges of all nodes without fewer that are wrong, until they are exchanged one at a time.  Where a limit is met all along
+# an arc, twice as many nodes follow each time: 3 would do for 15 of them, 6 do for 100 (a choice)
+_PATIENCE = 6
 _CHORDS = 6  # corrections with derivatives of coarser steps at most; one or none does
 _CLOSED = 1e-3  # of the tolerance: defect of the scaled end after them
 
@@ -107,9 +109,9 @@ class _Mesh:
                     P[:, k // parts] += self.lines[:, own] @ moved
         return _Local(G, G @ u + self.ends.target - reached.end, P, values - P @ u, self.most)
 
-    def best(self, u: Array, parts: int) -> tuple[_Local, Clipped, Array] | None:
+    def best(self, u: Array, met: Array, parts: int) -> tuple[_Local, Clipped, Array] | None:
         """The torques at which another turn changes nothing, with what is known about them; None where it never ends."""
-        met, size = np.zeros((len(self.lines), self.intervals - 1)), np.inf
+        size = np.inf
         for _ in range(_TURNS):
             local = self.about(u, parts)
             answer = local.solve(self.limit, met) if np.isfinite(local.G).all() else None
@@ -136,14 +138,31 @@ class _Mesh:
         return found, float(np.abs(defects[0]).max()), float(np.abs(defects[-1]).max())
 
 
+@dataclass(frozen=True, eq=False)
+class HeldEffort:
+    """The torque of least effort on a mesh.
+
+    Attributes
+    ----------
+    history : TorqueHistory
+    more : float
+        By how much more effort it would take, relative, if it were held on two intervals at a time: by the derivatives
+        along its motion, infinite where that does not lead to the end.
+    met : ndarray, r x (N - 1)
+        Nodes at which limits are met: 1 above, -1 below, 0 where they are not.
+    """
+
+    history: TorqueHistory
+    more: float
+    met: Array
+
+
 def effort_on_mesh(
-    problem: SlewProblem, duration: float, intervals: int, limits: Limits
-) -> tuple[TorqueHistory, float] | None:
+    problem: SlewProblem, duration: float, intervals: int, limits: Limits, before: HeldEffort | None = None
+) -> HeldEffort | None:
     """The torque of least effort in a given time [s] on a mesh; None where it was not found, or a limit is too low.
 
-    Steps are halved until the end stays where it is, within the tolerance. With the torque comes by how much more effort
-    it would take, relative, if it were held on two intervals at a time: by the derivatives along its motion, infinite
-    where that does not lead to the end.
+    Steps are halved until the end stays where it is, within the tolerance.
 
     Parameters
     ----------
@@ -153,8 +172,10 @@ def effort_on_mesh(
     intervals : int
     limits : Limits
         Tighter ones than the problem's, which keep the motion within those between the nodes too.
+    before : HeldEffort, optional
+        With other limits on the same mesh: where to begin.
     """
-    first = least_effort(problem, duration, intervals).history
+    first = least_effort(problem, duration, intervals).history if before is None else before.history
     watched = [(kind, part) for kind in limits.beside_torque for part in problem.parts]
     lines = np.zeros((len(watched), problem.start.size))
     for line, (kind, (plant, own)) in zip(lines, watched, strict=True):
@@ -162,7 +183,8 @@ def effort_on_mesh(
     most = np.array([limits.most(kind) for kind, _ in watched])
     mesh = _Mesh(end_map(problem, first), duration, intervals, lines, most, limits.torque)
     parts = max(1, int(np.ceil(duration * mesh.ends.step_frequency / intervals)))
-    answer = mesh.best(first.left, parts)
+    met = np.zeros((len(lines), intervals - 1)) if before is None else before.met
+    answer = mesh.best(first.left, met, parts)
     if answer is None:
         return None
     local, found, met = answer
@@ -177,6 +199,6 @@ def effort_on_mesh(
     pairs = np.arange(0, intervals, 2)
     joined = replace(local, d=local.G @ found.torques).joined(pairs)
     root = np.sqrt(np.diff(np.append(pairs, intervals)))
-    fewer = joined.solve(limits.torque * root, np.zeros(joined.rest.shape))
+    fewer = joined.solve(limits.torque * root, met[:, pairs[1:] - 1])
     more = np.inf if fewer is None else float(np.sum(fewer[0].torques ** 2) / np.sum(found.torques**2)) - 1.0
-    return held(np.linspace(0.0, duration, intervals + 1), found.torques), more
+    return HeldEffort(held(np.linspace(0.0, duration, intervals + 1), found.torques), more, met)

@@ -159,11 +159,12 @@ def _effort_within(problem: SlewProblem, intervals: int) -> _Candidate | None:
     if not limits.beside_torque and problem.linear:
         least = least_effort(problem, duration, intervals)
         return _Candidate(least.history, "least effort", inf, "proved") if least.missed <= ALIKE else None
+    found = None
     for _ in range(ROUNDS):
-        found = effort_on_mesh(problem, duration, intervals, limits)
+        found = effort_on_mesh(problem, duration, intervals, limits, found)
         if found is None:
             return None
-        candidate = _Candidate(found[0], "least effort", found[1], "stationary")
+        candidate = _Candidate(found.history, "least effort", found.more, "stationary")
         if not limits.beside_torque:
             return candidate
         motions = played(problem, candidate.history)

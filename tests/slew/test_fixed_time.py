@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 import boomctl as bc
 from boomctl.slew import mesh_study, resolve, track
 from boomctl.slew.effort import effort_on_mesh
+from boomctl.slew.linear import clipped
 from boomctl.slew.nlp.refinement import refined
 from boomctl.slew.objectives import OBJECTIVES, Objective
 from boomctl.slew.problem import Limits, slew_problem
@@ -317,8 +318,34 @@ def test_least_effort_within_limits_on_the_way_is_what_a_programme_finds(limits,
 @pytest.mark.parametrize("limits", [{}, {"speed": 0.66}, {"tip": 0.8}])
 def test_joined_intervals_take_the_effort_of_a_mesh_half_as_fine(limits):
     problem = slew_problem(bc.hub_beam(modes=1), ANGLE, Limits(LIMIT, **limits), "effort", 4.0)
-    (fine, more), (coarse, _) = (effort_on_mesh(problem, 4.0, n, problem.limits) for n in (60, 30))
-    assert more == pytest.approx(coarse.effort / fine.effort - 1.0, rel=1e-2)
+    fine, coarse = (effort_on_mesh(problem, 4.0, n, problem.limits) for n in (60, 30))
+    assert fine.more == pytest.approx(coarse.history.effort / fine.history.effort - 1.0, rel=1e-2)
+
+
+def test_an_arc_on_which_a_limit_is_met_is_found_in_few_exchanges(monkeypatch):
+    """Nodes that follow double with each exchange, and tighter limits begin with those that are met: 17 for 53 nodes."""
+    solved = []
+
+    def counted(G, *rest):
+        solved.append(len(G))
+        return clipped(G, *rest)
+
+    monkeypatch.setattr("boomctl.slew.effort.clipped", counted)
+    bc.optimal_slew(bc.hub_beam(modes=1), ANGLE, LIMIT, "effort", 4.0, intervals=200, speed_limit=0.59)
+    assert max(solved) > 50  # conditions of the end and nodes: the limit is met for long
+    assert len(solved) <= 24
+
+
+def test_least_effort_does_not_depend_on_where_it_begins():
+    tight, loose = (
+        slew_problem(bc.hub_beam(modes=1), ANGLE, Limits(LIMIT, speed=speed), "effort", 4.0) for speed in (0.6, 0.66)
+    )
+    before = effort_on_mesh(loose, 4.0, 60, loose.limits)
+    known, found = (effort_on_mesh(tight, 4.0, 60, tight.limits, each) for each in (None, before))
+    assert np.any(before.met != found.met)
+    assert np.array_equal(known.met, found.met)
+    assert found.history.left == pytest.approx(known.history.left, abs=1e-6 * LIMIT)
+    assert found.more == pytest.approx(known.more, rel=1e-6)
 
 
 def test_limits_too_tight_are_left_to_the_programme():

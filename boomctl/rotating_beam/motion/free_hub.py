@@ -332,12 +332,13 @@ def _after(run: _Progress, length: float, tried: _Tried | None) -> _Progress:
         following = max(following, run.length)
     end, pieces = run.time + length, (*run.pieces, tried.piece)
     corner = float(run.scene.corners[int(np.argmin(np.abs(run.scene.corners - end)))])
+    over = abs(corner - end) <= ALIKE * length  # what made a fast mode vibrate, perhaps: longer steps are tried anew
     return replace(
         run,
-        time=corner if abs(corner - end) <= ALIKE * length else end,
+        time=corner if over else end,
         states=tried.states,
         length=following,
-        most=run.most if len(pieces) % _RELAXED else 2.0 * run.most,
+        most=np.inf if over else run.most if len(pieces) % _RELAXED else 2.0 * run.most,
         peaks=np.maximum(run.peaks, tried.peaks),
         errors=np.maximum(run.errors, tried.errors),
         unseen=np.maximum(run.unseen, tried.unseen),

@@ -210,7 +210,7 @@ def responses(oscillators: Oscillators, h: Array, stages: int, smooth_above: flo
     vibrating[slow, 1:] = (kernel.swapaxes(0, 1) @ table.quadrature).swapaxes(0, 1)
     if not slow.all():
         powers = -((1.0 / rate[~slow])[:, None] ** np.arange(1, stages + 1))
-        vibrating[~slow] = np.tensordot(powers, table.derivatives, 1)
+        vibrating[~slow] = (powers @ table.derivatives.reshape(stages, -1)).reshape(-1, stages + 2, stages)
     vibrating *= h[:, None, None, None]
     return result
 

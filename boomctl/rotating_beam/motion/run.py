@@ -231,18 +231,21 @@ def _by_free_modes(scenes: Sequence[Scene]) -> list[Motion | None]:
 def _free_scene(scene: Scene) -> FreeScene:
     manoeuvre, tip = scene.manoeuvre, scene.equations.tip
     assert not isinstance(manoeuvre, PrescribedMotion)
-    edges = _first_steps(scene, TorqueDrivenProblem(scene.equations, manoeuvre), scene.end, graded=False)
-    jumps = np.flatnonzero(np.diff(edges) < _JUMP * scene.end)
-    known = np.array([each for each in manoeuvre.breakpoints if 0.0 < each < scene.end])
+    corners, given = np.array([*manoeuvre.breakpoints, scene.end]), isinstance(manoeuvre, Torque)
+    _refuse_long(scene, scene.end)
+    if given:
+        edges = _first_steps(scene, TorqueDrivenProblem(scene.equations, manoeuvre), scene.end, graded=False)
+        jumps = np.flatnonzero(np.diff(edges) < _JUMP * scene.end)
+        corners = np.concatenate([corners, edges[jumps], edges[jumps + 1]])
     return FreeScene(
         manoeuvre=manoeuvre,
         start=scene.start,
-        corners=np.union1d(np.concatenate([known, edges[jumps[edges[jumps] > 0.0]], edges[jumps + 1]]), scene.end),
+        corners=np.unique(corners[(corners > 0.0) & (corners <= scene.end)]),
         rows=np.stack([tip.transverse, tip.axial]),
         radius=scene.radius,
         rtol=scene.rtol,
         atol=scene.atol,
-        given=isinstance(manoeuvre, Torque),
+        given=given,
     )
 
 
@@ -304,13 +307,17 @@ def _collocate(
         ) from None
 
 
-def _first_steps(scene: Scene, problem: Problem, end: float, *, graded: bool) -> Array:
+def _refuse_long(scene: Scene, end: float) -> None:
     radians = end * scene.equations.frequency_range[0]
     if radians > _LONGEST:
         raise SimulationError(
             f"the motion until t = {end:g} s is {radians:.2g} radians of the slowest mode; expected at most {_LONGEST:g},"
             f" which is about {_LONGEST / scene.equations.frequency_range[0]:.2g} s here"
         )
+
+
+def _first_steps(scene: Scene, problem: Problem, end: float, *, graded: bool) -> Array:
+    _refuse_long(scene, end)
     edges = first_steps(scene.equations, scene.manoeuvre.breakpoints, end, graded=graded)
     given = isinstance(scene.manoeuvre, HubProfile | Torque)  # a user's functions, which may jump where they do not say
     return resolving(edges, problem) if given else edges

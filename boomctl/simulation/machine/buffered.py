@@ -11,7 +11,9 @@ from boomctl.arrays import Array
 if TYPE_CHECKING:
     import casadi
 
-BLOCK = 1000  # columns that are one call: what repeats a function for more takes longer to build (measured)
+BLOCK = (
+    250  # columns that are one call: 1000 take a third longer over a second, 30 a quarter longer over five (measured)
+)
 
 
 class Buffered:
