@@ -13,13 +13,14 @@ from concurrent.futures import ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from multiprocessing import get_context, parent_process
+from multiprocessing import get_context, parent_process, resource_tracker
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from types import TracebackType
 from typing import Any
 
 _BLAS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")  # what numpy's libraries read at their start
+_MASKS = hasattr(signal, "pthread_sigmask")  # not on Windows, where no process inherits what becomes of interrupts
 _WATCH = "boomctl-parent"  # name of the thread that looks whether the parent is there
 _LOOKED = 1.0  # s between two looks whether the parent is there: how long a process outlives it (a choice)
 
@@ -88,6 +89,8 @@ class Processes(ThreadPoolExecutor):
         self._context = get_context(method)
         self._changing, self._closed = threading.Lock(), False
         self._all: set[_Process] = set()
+        if _MASKS and self._context.get_start_method() != "fork":
+            resource_tracker.ensure_running()  # where it starts later, it lets interrupts through again
         try:
             for _ in range(count):  # here, not in the threads: a process is best forked while there are few of them
                 self._started()
@@ -161,20 +164,20 @@ class Processes(ThreadPoolExecutor):
 
 @contextmanager
 def _quiet_start() -> Iterator[None]:
-    """Let processes that begin meanwhile compute with one thread and ignore interrupts, from the first moment on."""
+    """Let processes that begin meanwhile compute with one thread and hear no interrupts, from the first moment on.
+
+    One that comes meanwhile is for this process, which hears it afterwards.
+    """
     added = [name for name in _BLAS if name not in os.environ]
-    main = threading.current_thread() is threading.main_thread()  # which alone may say what becomes of interrupts
-    before = signal.getsignal(signal.SIGINT) if main else None
     os.environ.update(dict.fromkeys(added, "1"))
-    if before is not None:
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT}) if _MASKS else set()
     try:
         yield
     finally:
-        if before is not None:
-            signal.signal(signal.SIGINT, before)
         for name in added:
             del os.environ[name]
+        if _MASKS:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _serve(connection: Connection) -> None:

@@ -223,6 +223,8 @@ class _Line:
         from rich.errors import LiveError
         from rich.markup import escape
 
+        if self._ended.is_set():  # while rich was loaded
+            return
         console = Console(stderr=True)
         try:
             with console.status(escape(str(self._computation.now()))) as shown:

@@ -19,7 +19,7 @@ import boomctl.structure as bs
 from boomctl.lab.stress.case import said_by_us
 from tests.docstrings import sections
 
-LONGEST = 20.0  # s that a call may take: what a user waits without asking
+LONGEST = 20.0  # s of processor time that a call may take: what a user waits without asking
 SHORT = 5.0  # [s], of what takes a time limit
 _TIMES = np.linspace(0.0, 0.5, 51)
 
@@ -1071,13 +1071,13 @@ def in_time(seconds=LONGEST):
     def ring(*_):
         raise Hung
 
-    before = signal.signal(signal.SIGALRM, ring)
-    signal.setitimer(signal.ITIMER_REAL, seconds)
+    before = signal.signal(signal.SIGPROF, ring)
+    signal.setitimer(signal.ITIMER_PROF, seconds)
     try:
         yield
     finally:
-        signal.setitimer(signal.ITIMER_REAL, 0.0)
-        signal.signal(signal.SIGALRM, before)
+        signal.setitimer(signal.ITIMER_PROF, 0.0)
+        signal.signal(signal.SIGPROF, before)
 
 
 def fault(name, arguments):

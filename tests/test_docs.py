@@ -11,6 +11,7 @@ import sys
 from functools import cache
 from pathlib import Path
 
+import matplotlib as mpl
 import matplotlib.pyplot as plt
 import pytest
 
@@ -68,8 +69,9 @@ def test_the_examples_of_a_page_run(name, blocks, tmp_path, monkeypatch):
     """From the first to the last, as a reader would run them."""
     monkeypatch.chdir(tmp_path)
     names = {"__name__": "__main__"}
-    for block in blocks:
-        exec(compile(block, name, "exec"), names)
+    with mpl.rc_context():
+        for block in blocks:
+            exec(compile(block, name, "exec"), names)
     plt.close("all")
     results = [value for value in names.values() if hasattr(value, "certificate")]
     assert all(getattr(value.certificate, "certified", True) for value in results)

@@ -16,7 +16,6 @@ needed = ("marimo", "plotly", "selenium")
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 DRIVER = shutil.which("chromedriver")
 WAIT = 60.0  # s that a page may take to start on a busy machine
-SOON = 0.2  # s that a move of a slider may take to be computed
 
 
 def _free_port():
@@ -122,7 +121,7 @@ def test_a_slider_moves_the_numbers(address, browser, tmp_path):
 
 
 @pytest.mark.slow
-def test_the_page_computes_soon_and_draws_what_it_says():
+def test_the_page_computes_again_and_draws_what_it_says():
     """Without a browser: its cells, run once to load what they need, and once again."""
     pytest.importorskip("marimo")
     pytest.importorskip("plotly")
@@ -130,12 +129,9 @@ def test_the_page_computes_soon_and_draws_what_it_says():
     page = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(page)
     page.app.run()
-    began = time.process_time()
     shown, found = page.app.run()
-    spent = time.process_time() - began
     assert found["active"].certified
     assert found["spray"].cv < found["passive_spray"].cv
-    assert spent < 5.0 * SOON  # all cells, also those that a move of one slider leaves alone
     first = next(each for each in shown if each is not None)
     assert first.text.startswith("<span"), "the page begins with its words"
     assert "live" in first.text

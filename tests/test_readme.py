@@ -3,6 +3,7 @@
 import re
 from pathlib import Path
 
+import matplotlib as mpl
 import matplotlib.pyplot as plt
 import pytest
 
@@ -17,6 +18,7 @@ def test_a_block_of_the_readme_runs_alone(block, tmp_path, monkeypatch):
     """What it writes is written elsewhere."""
     monkeypatch.chdir(tmp_path)
     names = {"__name__": "__main__"}
-    exec(compile(block, "README.md", "exec"), names)
+    with mpl.rc_context():
+        exec(compile(block, "README.md", "exec"), names)
     plt.close("all")
     assert set(names) > {"__builtins__", "bc"}

@@ -4,6 +4,7 @@ import signal
 import threading
 import time
 from itertools import pairwise, product
+from types import SimpleNamespace
 
 import control
 import numpy as np
@@ -14,6 +15,7 @@ from hypothesis import strategies as st
 import boomctl as bc
 from boomctl.structure import SecondOrderModel
 from boomctl.synthesis.assumptions import SynthesisError
+from boomctl.tuning.solver import search
 from tests.profiles import examples, is_hunt
 
 T = bc.tunable
@@ -497,10 +499,18 @@ def test_what_cannot_be_is_refused_in_one_line(name):
 
 
 @pytest.mark.slow
-def test_the_time_limit_returns_the_best_so_far_verified():
-    P = swing(13, states=12, nmeas=3, ncon=3)
-    found = bc.tune(P, 3, 3, T.state_space(3), starts=50, time_limit=1.0)
-    assert found.certificate.path[-1] == "out of time"
+@pytest.mark.parametrize("stage", ["order 1, start", "order 2, start"])
+def test_the_time_limit_returns_the_best_so_far_verified(stage, monkeypatch):
+    P, late = swing(13, states=12, nmeas=3, ncon=3), []
+    clock = SimpleNamespace(monotonic=lambda: time.monotonic() + 1e6 * len(late))
+    monkeypatch.setattr(search, "time", clock)
+
+    def over(told):
+        if (told.stage, told.done) == (stage, 3):
+            late.append(told)
+
+    found = bc.tune(P, 3, 3, T.state_space(2), starts=5, time_limit=1e5, progress=over)
+    assert "out of time" in found.certificate.path
     assert bc.hinf_norm(bc.close_loop(P, found.controller)).lower == pytest.approx(found.gamma, rel=1e-6)
 
 
@@ -514,15 +524,19 @@ def test_out_of_time_before_anything_is_stable_is_said():
 def test_an_interrupt_returns_the_best_so_far_verified():
     before = signal.signal(signal.SIGINT, signal.default_int_handler)  # tests may run where it is ignored
     P = swing(13, states=12, nmeas=3, ncon=3)
-    main = threading.main_thread().ident
+    main, begun = threading.main_thread().ident, threading.Event()
+
+    def heard(told):
+        if told.done == 3:
+            begun.set()
 
     def interrupt():
-        time.sleep(0.7)
+        begun.wait()
         signal.pthread_kill(main, signal.SIGINT)
 
     threading.Thread(target=interrupt, daemon=True).start()
     try:
-        found = bc.tune(P, 3, 3, T.state_space(3), starts=500, time_limit=120.0)
+        found = bc.tune(P, 3, 3, T.state_space(3), starts=500, time_limit=1e5, progress=heard)
     finally:
         signal.signal(signal.SIGINT, before)
     assert "stopped" in found.certificate.path
