@@ -321,7 +321,8 @@ def _stage(figure: Figure, film: Film) -> tuple[list[Artist], Callable[[int], No
     def frame(k: int) -> None:
         for line, (_, shape) in zip(lines, film.shapes, strict=True):
             line.set_data(shape[k].real, shape[k].imag)
-        radial = first[k, 0] / abs(first[k, 0]) * np.array([0.0, abs(first[k, 0]) + abs(first[0, -1] - first[0, 0])])
+        near = first[k, 0] or first[k, 1]  # of a hub without a radius the place next to its middle
+        radial = near / abs(near) * np.array([0.0, abs(first[k, 0]) + abs(first[0, -1] - first[0, 0])])
         spoke.set_data(radial.real, radial.imag)
         title.set_text(f"{film.caption}, t = {film.time[k]:.1f} s")
 

@@ -55,7 +55,7 @@ def draw_suspension_sigma(
                 label = f"{labels[1]}, exact boom" if k == 0 else None
                 ax.loglog(exact.omega / (2 * np.pi), line, ".", label=label, **dots)
         ax.set_xlim(0.03, 20.0)
-        ax.set_ylim(1e-3, 1.6 * passive.peak)
+        ax.set_ylim(1e-3, max((1.6 * each.peak for each in (passive, active) if np.isfinite(each.peak)), default=None))
         ax.set_title("Platform to tips; circles: certified peaks")
         ax.legend(loc="lower left")
     return figure

@@ -7,7 +7,15 @@ import pytest
 
 import boomctl as bc
 from boomctl.plotting import figure_of
+from boomctl.plotting.rotating_beam import Film, film_bytes
 from boomctl.slew import SlewError, compare_slews, mesh_study
+
+
+def test_a_film_of_a_hub_without_a_radius_shows_its_axis():
+    time = np.arange(0.0, 0.2, 0.05)
+    along = np.linspace(0.0, 8.0, 9) * np.exp(1j * time[:, None])
+    with np.errstate(all="raise"):
+        assert film_bytes(Film(time, (("rigid", along),), 0.0, "a slew")).startswith(b"GIF")
 
 
 @pytest.fixture(scope="module")

@@ -1,11 +1,14 @@
 """What a suspension is judged by: each number is computed once, and is what asking for it alone would give."""
 
+import control
 import numpy as np
+import pytest
 
 from boomctl.analysis.sigma import sigma
 from boomctl.boom.parameters import BoomParameters
-from boomctl.studies.suspension.performance import _FREQUENCIES, InField, _loop_sigma
-from boomctl.studies.suspension.scene import FieldScene, suspension_model
+from boomctl.plotting.suspension import draw_suspension_sigma
+from boomctl.studies.suspension.performance import _FREQUENCIES, InField, _loop_sigma, performance
+from boomctl.studies.suspension.scene import CONTROLS, STROKES, FieldScene, suspension_model
 
 
 def test_the_curve_of_a_loop_is_that_on_all_its_frequencies_with_the_loops_peak():
@@ -15,3 +18,25 @@ def test_the_curve_of_a_loop_is_that_on_all_its_frequencies_with_the_loops_peak(
     np.testing.assert_array_equal(found.omega, whole.omega)
     np.testing.assert_array_equal(found.sigma, whole.sigma)
     assert found.certificate == alone.certificate
+
+
+def test_a_peak_that_is_infinite_or_higher_than_the_passive_one_is_drawn():
+    drawn = [sigma(control.ss(-decay, 1.0, 1.0, 0.0)) for decay in (0.0, 0.01, 1.0)]
+    for passive, active, top in ((0, 1, 160.0), (1, 0, 160.0), (2, 1, 160.0), (1, 2, 160.0), (2, 2, 1.6)):
+        figure = draw_suspension_sigma(drawn[passive], drawn[active], ("passive", "active"))
+        assert figure.axes[0].get_ylim() == pytest.approx((1e-3, top))
+    draw_suspension_sigma(drawn[0], drawn[0], ("passive", "active"))
+
+
+def test_a_run_begins_without_a_jump_and_forces_change_as_fast_however_often_they_are_sampled():
+    scene = FieldScene(run_in=1.0, duration=4.0, elements=4)
+    gain, rates = np.eye(2), []
+    for step in (0.002, 0.0005):  # the second one four times in each step of the track's motion
+        left = np.exp(-30.0 * step)
+        damper = control.ss(left * gain, gain, 900.0 * (1.0 - left) * gain, -900.0 * gain, step)
+        damper.input_labels, damper.output_labels = list(STROKES), list(CONTROLS)
+        found = performance("damper", scene, BoomParameters(), damper)
+        first = [abs(found.run.controls[name][:20]).max() for name in CONTROLS]
+        assert max(first) < 0.01 * found.force
+        rates.append(found.force_rate)
+    assert rates[1] == pytest.approx(rates[0], rel=0.2)

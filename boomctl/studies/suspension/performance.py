@@ -99,8 +99,11 @@ class Performance:
 
     @property
     def force_rate(self) -> float:
-        """Largest change of an actuator's force from sample to sample [N/s]."""
-        step = self.run.sample_time
+        """Largest change of an actuator's force from sample to sample, or from one time to the next where these are longer.
+
+        In N/s.
+        """
+        step = max(self.run.sample_time, self.run.time[1] - self.run.time[0])
         return max((float(np.abs(np.diff(f)).max()) / step for f in self.run.controls.values()), default=0.0)
 
 
@@ -207,6 +210,8 @@ class InField:
     ) -> tuple[LoopResult, tuple[SprayResult, SprayResult, SprayResult]]:
         """Return a run over the field, and the spray of all motion, of its symmetric and of its antisymmetric part."""
         K, scene, motion = self.K, self.scene, self.scene.motion()
+        # the boom begins at rest, as the tractor does, and not with a jump
+        driven = {name: side - side[0] for name, side in zip(ACTUATORS, (motion.left, motion.right), strict=True)}
         active = (
             {}
             if K is None
@@ -219,7 +224,7 @@ class InField:
         run = simulate_loop(
             machine,
             K,
-            {"actuator_left": motion.left, "actuator_right": motion.right},
+            driven,
             motion.time,
             sample_time=scene.sample_time if K is None or K.isctime() else K.dt,
             stroke_limit=dict(zip(STROKES, [(scene.stroke_limit, name) for name in CONTROLS], strict=True)),
