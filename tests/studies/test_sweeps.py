@@ -322,10 +322,15 @@ def test_a_file_of_something_else_is_refused(tmp_path):
     file.write_text(file.read_text() + "[]\n")
     with pytest.raises(ValueError, match="line 3: not a point"):
         bc.sweep(picky, {"x": 1.0, "y": [0]}, file=file)
-    file.write_text("time,value\n1,2\n")
-    with pytest.raises(ValueError, match="expected a file that a sweep wrote"):
-        bc.sweep(picky, {"x": 1.0, "y": [0]}, file=file)
-    assert file.read_text() == "time,value\n1,2\n"
+    for other in ("time,value\n1,2\n", "one line, without an end"):
+        file.write_text(other)
+        with pytest.raises(ValueError, match="expected a file that a sweep wrote"):
+            bc.sweep(picky, {"x": 1.0, "y": [0]}, file=file)
+        assert file.read_text() == other
+    for begun in ("", '{"for', '{"format": "boomctl sweep 1", "fun'):  # it was ended while it wrote the first line
+        file.write_text(begun)
+        assert bc.sweep(picky, {"x": 1.0, "y": [0]}, file=file)["value"].tolist() == [1.0]
+        assert len(file.read_text().splitlines()) == 2
     with pytest.raises(ValueError, match="expected a mapping of names to values"):
         bc.sweep(lambda boom: 1.0, {"boom": [bc.BoomParameters()]}, file=tmp_path / "new.jsonl")
     with pytest.raises(ValueError, match="expected a mapping of names to values"):

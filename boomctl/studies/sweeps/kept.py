@@ -28,6 +28,7 @@ from boomctl.studies.sweeps.outcome import Outcome
 from boomctl.studies.sweeps.plan import Axis, Label
 
 _FORMAT = "boomctl sweep 1"
+_BEGIN = json.dumps({"format": _FORMAT}).rstrip("}").encode("utf-8")
 _ARRAY, _PICKLE, _FLOAT, _MAPPING = "array", "pickle", "float", "mapping"
 
 
@@ -53,7 +54,8 @@ class KeptSweep:
         text = file.read()
         whole, _, torn = text.rpartition(b"\n")
         lines = whole.split(b"\n") if whole else []
-        before = self._head(lines[0], head) if lines else head
+        new = not lines and _BEGIN.startswith(text[: len(_BEGIN)])  # nothing is there, or a head that was cut off
+        before = head if new else self._head(lines[0] if lines else text, head)
         self.changed = before["code"] != head["code"]
         for number, line in enumerate(lines[1:], 2):
             try:
