@@ -46,6 +46,8 @@ class Performance:
         Spray of the whole motion, of its symmetric and of its antisymmetric part.
     sampled : bool
         Whether the singular values are those at the samples of a discrete controller.
+    run_in : float
+        How long the run goes before what it leaves on the field counts [s].
     """
 
     title: str
@@ -57,6 +59,7 @@ class Performance:
     spray_by_jolt: SprayResult = field(repr=False)
     spray_by_yaw: SprayResult = field(repr=False)
     sampled: bool = False
+    run_in: float = 0.0
 
     __repr__ = compact
 
@@ -99,12 +102,13 @@ class Performance:
 
     @property
     def force_rate(self) -> float:
-        """Largest change of an actuator's force from sample to sample, or from one time to the next where these are longer.
+        """Largest change of an actuator's force from sample to sample after the run-in, which begins with a jump [N/s].
 
-        In N/s.
+        From one time of the run to the next where these are longer.
         """
-        step = max(self.run.sample_time, self.run.time[1] - self.run.time[0])
-        return max((float(np.abs(np.diff(f)).max()) / step for f in self.run.controls.values()), default=0.0)
+        time, forces = self.run.time, self.run.controls.values()
+        step, judged = max(self.run.sample_time, time[1] - time[0]), time >= time[0] + self.run_in
+        return max((float(np.abs(np.diff(force[judged])).max()) / step for force in forces), default=0.0)
 
 
 def _peak(name: str, found: NormCertificate, key: str) -> Finding:
@@ -170,7 +174,8 @@ def performance(
     loop = boom.to_tips(machine)
     run, sprays = boom.run(machine, friction)
     peaks = _half_norm(loop, 1.0), _half_norm(loop, -1.0)
-    return Performance(title, _loop_sigma(loop), *peaks, run, *sprays, sampled=loop.isdtime(strict=True))
+    sampled = loop.isdtime(strict=True)
+    return Performance(title, _loop_sigma(loop), *peaks, run, *sprays, sampled=sampled, run_in=scene.run_in)
 
 
 @dataclass(frozen=True)
@@ -210,8 +215,6 @@ class InField:
     ) -> tuple[LoopResult, tuple[SprayResult, SprayResult, SprayResult]]:
         """Return a run over the field, and the spray of all motion, of its symmetric and of its antisymmetric part."""
         K, scene, motion = self.K, self.scene, self.scene.motion()
-        # the boom begins at rest, as the tractor does, and not with a jump
-        driven = {name: side - side[0] for name, side in zip(ACTUATORS, (motion.left, motion.right), strict=True)}
         active = (
             {}
             if K is None
@@ -224,7 +227,7 @@ class InField:
         run = simulate_loop(
             machine,
             K,
-            driven,
+            {"actuator_left": motion.left, "actuator_right": motion.right},
             motion.time,
             sample_time=scene.sample_time if K is None or K.isctime() else K.dt,
             stroke_limit=dict(zip(STROKES, [(scene.stroke_limit, name) for name in CONTROLS], strict=True)),

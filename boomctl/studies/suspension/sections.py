@@ -83,7 +83,14 @@ def run_section(before: Performance, after: Performance, scene: FieldScene) -> S
         " and yaw of the platform."
         f"{sampled if active else ''} End stops at ±{1e3 * s.stroke_limit:g} mm (a design assumption)."
     )
-    heads = ("", "largest stroke", "end stops hit", "largest force", "time at the force limit", "largest force rate")
+    heads = (
+        "",
+        "largest stroke",
+        "end stops hit",
+        "largest force",
+        "time at the force limit",
+        "largest force rate after the run-in",
+    )
     lines = []
     for each in (before, after):
         forces = ("no actuator", "-", "-")
