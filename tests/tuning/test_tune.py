@@ -15,7 +15,6 @@ from hypothesis import strategies as st
 import boomctl as bc
 from boomctl.structure import SecondOrderModel
 from boomctl.synthesis.assumptions import SynthesisError
-from boomctl.tuning.solver import search
 from tests.profiles import examples, is_hunt
 
 T = bc.tunable
@@ -503,7 +502,7 @@ def test_what_cannot_be_is_refused_in_one_line(name):
 def test_the_time_limit_returns_the_best_so_far_verified(stage, monkeypatch):
     P, late = swing(13, states=12, nmeas=3, ncon=3), []
     clock = SimpleNamespace(monotonic=lambda: time.monotonic() + 1e6 * len(late))
-    monkeypatch.setattr(search, "time", clock)
+    monkeypatch.setattr("boomctl.progress.time", clock)
 
     def over(told):
         if (told.stage, told.done) == (stage, 3):

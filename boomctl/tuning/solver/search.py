@@ -302,7 +302,7 @@ def search(
                 same = grown(problem.structure, problem.ports, inner.best, rng, 0.0)
                 near = grown(problem.structure, problem.ports, inner.best, rng)
                 begun += [(f"order {small.order}", same), (f"order {small.order}", near)]
-            if "stopped" in inner.path or time.monotonic() > deadline:
+            if "stopped" in inner.path or deadline.over:
                 for _, x in begun:
                     work.keep(Point(problem, problem.clipped(x), work.known))
                 return work
