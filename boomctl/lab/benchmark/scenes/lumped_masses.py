@@ -17,7 +17,7 @@ from scipy.linalg import eigh
 from boomctl.arrays import Array
 from boomctl.lab.benchmark.diagram import Diagram
 from boomctl.lab.benchmark.promise import Promise
-from boomctl.lab.benchmark.references.high_precision import carried, times
+from boomctl.lab.benchmark.references.high_precision import MASS, STIFFNESS, carried
 from boomctl.lab.benchmark.scene import Extent, Scene, Setting, asked
 from boomctl.structure.assembly import Assembly
 from boomctl.structure.beams.eigenvalues import undamped_frequencies
@@ -102,13 +102,11 @@ def exact_frequencies(ratio: float) -> Array:
         def determinant(omega: Any) -> Any:
             beta = mp.sqrt(omega * mp.sqrt(mass / stiffness))
             link = carried(beta, mp.mpf(_LINK))
-            state = [row[2:] for row in link]  # of a unit moment, and a unit force, at the clamp
-            jump = motor * omega**2 / stiffness  # E I w''' jumps by what accelerates the motor
-            state[3] = [third + jump * w for third, w in zip(state[3], state[0], strict=True)]
-            w, _, bent, sheared = times(link, state)
-            a, b = bent
-            c, d = (third + payload * omega**2 / stiffness * here for third, here in zip(sheared, w, strict=True))
-            return a * d - b * c
+            state = link[:, 2:]  # of a unit moment, and a unit force, at the clamp
+            state[3, :] += motor * omega**2 / stiffness * state[0, :]  # E I w''' jumps by what accelerates the motor
+            state = link * state
+            state[3, :] += payload * omega**2 / stiffness * state[0, :]
+            return mp.det(state[2:, :])
 
         return np.array([float(mp.findroot(determinant, mp.mpf(float(start)))) for start in starts])
 
@@ -183,15 +181,12 @@ def _plain_matrices(ratio: float, elements: int, lumped: bool, change: float) ->
     """Return ``M, K`` of the arm by cubic elements over deflections and slopes, clamped, as textbooks have them."""
     h = 2 * _LINK / elements
     rho, stiffness = _BEAM_MASS / (2 * _LINK), _STIFFNESS * (1.0 + change)
-    m = np.array(
-        [[156, 22 * h, 54, -13 * h], [0, 4 * h * h, 13 * h, -3 * h * h], [0, 0, 156, -22 * h], [0, 0, 0, 4 * h * h]]
-    )
-    k = np.array([[12, 6 * h, -12, 6 * h], [0, 4 * h * h, -6 * h, 2 * h * h], [0, 0, 12, -6 * h], [0, 0, 0, 4 * h * h]])
+    scale = np.array([1.0, h, 1.0, h])
     M, K = (np.zeros((2 * elements + 2,) * 2) for _ in range(2))
     for e in range(elements):
         at = slice(2 * e, 2 * e + 4)
-        M[at, at] += (m + np.triu(m, 1).T) * rho * h / 420
-        K[at, at] += (k + np.triu(k, 1).T) * stiffness / h**3
+        M[at, at] += np.outer(scale, scale) * MASS * rho * h / 420
+        K[at, at] += np.outer(scale, scale) * STIFFNESS * stiffness / h**3
     motor, payload = _masses(ratio)
     deflections, slopes = np.arange(2, 2 * elements + 2, 2), np.arange(3, 2 * elements + 2, 2)
     if lumped:
