@@ -2,7 +2,6 @@
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from itertools import groupby
 from math import inf, isfinite
 from typing import Literal
 
@@ -125,7 +124,13 @@ class Diagram:
         ours : bool, optional
             Only ours, or only the others'.
         """
-        return front((p for p in self.points if ours is None or p.ours is ours), way)
+        chosen = (p for p in self.points if ours is None or p.ours is ours)
+        timed = [p for p in chosen if p.seconds(way) is not None and isfinite(p.error)]
+        kept: list[Point] = []
+        for point in sorted(timed, key=lambda p: (p.seconds(way), p.error)):
+            if not kept or point.error < kept[-1].error:
+                kept.append(point)
+        return tuple(kept)
 
     def leads(self, way: Way) -> tuple[Lead, ...]:
         """Return our front beside each point of the others' front."""
@@ -149,15 +154,3 @@ class Diagram:
         """The points of each competitor, in the order of its settings."""
         names = dict.fromkeys(p.competitor for p in self.points)
         return {name: tuple(p for p in self.points if p.competitor == name) for name in names}
-
-
-def front(points: Iterable[Point], way: Way) -> tuple[Point, ...]:
-    """Return the points than which none is both faster and at least as exact, the fastest first."""
-    timed = [p for p in points if p.seconds(way) is not None and isfinite(p.error)]
-    timed.sort(key=lambda p: (p.seconds(way), p.error))
-    kept: list[Point] = []
-    for _, group in groupby(timed, key=lambda p: p.seconds(way)):
-        best = next(iter(group))
-        if not kept or best.error < kept[-1].error:
-            kept.append(best)
-    return tuple(kept)

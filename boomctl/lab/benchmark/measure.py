@@ -7,12 +7,12 @@ it waited for, with one thread in BLAS; a call that is short is repeated in its 
 
 import gc
 import warnings
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from itertools import count
 from math import ceil, inf, isfinite, sqrt
 from statistics import median
+from timeit import Timer
 from typing import Any
 
 from boomctl.lab.benchmark.diagram import Diagram, Point, Way
@@ -52,25 +52,11 @@ class _Run:
 
     def taken(self, times: int) -> float:
         """Return the processor time of so many calls [s]; what fails with changed parameters takes no further turns."""
-        with _no_collection():
-            start = self.clock()
-            try:
-                for _ in range(times):
-                    self.call()
-            except Exception as raised:
-                self.failed = _in_words(raised)
-            return self.clock() - start
-
-
-@dataclass(frozen=True)
-class _Answered:
-    """A setting that answered or failed."""
-
-    setting: Setting
-    error: float
-    failed: str
-    runs: dict[Way, _Run]
-    found: Mapping[str, float] = field(default_factory=dict)
+        try:
+            return Timer(self.call, timer=self.clock).timeit(times)  # garbage is not collected meanwhile
+        except Exception as raised:
+            self.failed = _in_words(raised)
+            return 0.0
 
 
 def measured(scene: Scene, seconds: float, tell: Tell) -> Diagram:
@@ -94,15 +80,15 @@ def measured(scene: Scene, seconds: float, tell: Tell) -> Diagram:
     changes, seconds = _changes(), scene.share * seconds
     with one_thread(), warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        answered = []
+        answered: list[tuple[Point, dict[Way, _Run]]] = []
         for setting in scene.settings:
             tell(f"{scene.key}: {setting.competitor}, {setting.label}")
             answered.append(_answer(setting, scene, changes))
-        runs = [run for found in answered if not found.failed for run in found.runs.values()]
+        runs = [run for point, ways in answered if not point.failed for run in ways.values()]
         tell(f"{scene.key}: {len(runs)} runs take turns")
         _take_turns(runs, seconds)
         tell(f"{scene.key}: memory")
-        points = tuple(_point(found, min(_LONG, _TRACED * seconds)) for found in answered)
+        points = tuple(_timed(*found, min(_LONG, _TRACED * seconds)) for found in answered)
     said = scene.title, scene.question, scene.measure
     found = Diagram(scene.key, *said, points, scene.missing, scene.remarks, shows=scene.shows)
     return replace(found, kept=tuple(promise.of(found) for promise in scene.promises))
@@ -113,14 +99,15 @@ def _changes() -> Iterator[float]:
     return (low + (high - low) * (k * _GOLDEN % 1.0) for k in count(1))
 
 
-def _answer(setting: Setting, scene: Scene, changes: Iterator[float]) -> _Answered:
+def _answer(setting: Setting, scene: Scene, changes: Iterator[float]) -> tuple[Point, dict[Way, _Run]]:
     """Ask a setting once in either way, unchanged, and judge what it says."""
 
     def clock() -> float:
         return processor_time() + scene.elsewhere()
 
     runs: dict[Way, _Run] = {}
-    worst, answer, numbers = 0.0, None, {}
+    worst, answer = 0.0, None
+    silent = Point(setting.competitor, setting.label, setting.ours, inf, call=setting.call, size=setting.size)
     try:
         cold, hot = setting.cold, setting.hot
         if cold is not None:
@@ -136,9 +123,9 @@ def _answer(setting: Setting, scene: Scene, changes: Iterator[float]) -> _Answer
             worst = max(worst, _judged(scene.error, answer))
         numbers = scene.found(answer) if runs else {}
     except Exception as raised:  # whatever a competitor raises is a point that failed, and said to be one
-        return _Answered(setting, inf, _in_words(raised), {})
+        return replace(silent, failed=_in_words(raised)), {}
     failed = "" if runs and isfinite(worst) else "its answer is not finite" if runs else "it has no way to answer"
-    return _Answered(setting, worst if runs else inf, failed, runs, numbers)
+    return replace(silent, error=worst if runs else inf, failed=failed, found=numbers), runs
 
 
 def _in_words(raised: Exception) -> str:
@@ -168,14 +155,11 @@ def _take_turns(runs: list[_Run], seconds: float) -> None:
                 run.turns.append(run.taken(run.calls) / run.calls)
 
 
-def _point(found: _Answered, traced: float) -> Point:
-    """Return what was measured of a setting, its memory included where a call takes no longer than ``traced``."""
-    setting, runs = found.setting, found.runs
-    told = {"call": setting.call, "size": setting.size, "found": found.found}
-    named = Point(setting.competitor, setting.label, setting.ours, found.error, **told)
-    failed = found.failed or next((run.failed for run in runs.values() if run.failed), "")
+def _timed(point: Point, runs: dict[Way, _Run], traced: float) -> Point:
+    """Return a point with what was measured, its memory included where a call takes no longer than ``traced``."""
+    failed = point.failed or next((run.failed for run in runs.values() if run.failed), "")
     if failed:
-        return replace(named, error=inf, failed=failed)
+        return replace(point, error=inf, failed=failed)
     memory = None
     from_new = runs.get("cold") or runs["hot"]
     if median(from_new.turns) <= traced:
@@ -183,20 +167,9 @@ def _point(found: _Answered, traced: float) -> Point:
     times = {way: median(run.turns) for way, run in runs.items()}
     again = runs.get("hot") or runs["cold"]
     return replace(
-        named,
+        point,
         cold=times.get("cold"),
         hot=times.get("hot"),
         memory=memory,
         calls=len(again.turns) * again.calls,
     )
-
-
-@contextmanager
-def _no_collection() -> Iterator[None]:
-    enabled = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if enabled:
-            gc.enable()

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from statistics import median
+from timeit import repeat
 
 import numpy as np
 
@@ -83,13 +84,8 @@ def machine_rates() -> Rates:
     z, into = 1j * np.linspace(0.0, 3.0, _ROW) - 0.1, np.empty(_ROW, complex)
 
     def taken(run: Callable[[], object]) -> float:
-        turns = []
-        for _ in range(_TURNS):
-            start = processor_time()
-            for _ in range(_CALLS):
-                run()
-            turns.append((processor_time() - start) / _CALLS)
-        return max(median(turns), 1e-9)
+        turns = repeat(run, timer=processor_time, repeat=_TURNS, number=_CALLS)
+        return max(median(turns) / _CALLS, 1e-9)
 
     with one_thread():
         products, copies = taken(lambda: A @ A), taken(lambda: np.copyto(target, source))
