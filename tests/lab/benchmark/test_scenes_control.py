@@ -24,7 +24,6 @@ def test_an_unstable_loop_counts_as_infinitely_wrong():
     lower = design.certificate.lower
     assert 0.0 < synthesis._excess(P, design.controller, lower) < 1.1e-3
     assert synthesis._excess(P, control.ss([], [], [], [[0.0]]), lower) == np.inf
-    assert synthesis._excess(P, None, lower) == np.inf
 
 
 @pytest.mark.slow
@@ -36,7 +35,7 @@ def test_the_bound_of_h_infinity_is_where_hinfsyn_ends():
     with HinfsynProcess() as peer:
         for _ in range(10):  # where it ends moves by 3e-7 with the last digits of what it is given (measured)
             A, B, C, D = (M * (1.0 + 2e-16 * rng.choice([-1, 0, 1], M.shape)) for M in (P.A, P.B, P.C, P.D))
-            K = peer.ask(control.ss(A, B, C, D), 2, 2).controller
+            K = peer.ask(control.ss(A, B, C, D), 2, 2)
             assert lower * (1.0 - 1e-9) <= control.linfnorm(close_loop(P, K), tol=1e-10)[0]
             excess.append(synthesis._excess(P, K, lower))
             if excess[-1] <= synthesis._SAME:

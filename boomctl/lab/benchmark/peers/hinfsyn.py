@@ -4,8 +4,6 @@ import atexit
 import os
 import time
 from concurrent.futures import BrokenExecutor
-from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
@@ -14,21 +12,6 @@ from boomctl.lti.python_control import control
 from boomctl.processes import Processes
 
 PATIENCE = 120.0  # given to a call of the peer before it is killed [s]; one that ends takes a few
-
-
-@dataclass(frozen=True)
-class Answer:
-    """What the peer said: processor time [s], the norm it claims, its controller's matrices; None where it said none."""
-
-    seconds: float | None
-    gamma: float | None
-    K: tuple[Array, ...] | None
-    error: str = ""
-
-    @cached_property
-    def controller(self) -> control.StateSpace | None:
-        """The controller, None where there is none."""
-        return None if self.K is None else control.ss(*self.K)
 
 
 class HinfsynProcess:
@@ -50,20 +33,26 @@ class HinfsynProcess:
         atexit.unregister(self.__exit__)
         self._processes.__exit__(None, None, None)
 
-    def ask(self, P: control.StateSpace, nmeas: int, ncon: int) -> Answer:
-        """Run it once."""
+    def ask(self, P: control.StateSpace, nmeas: int, ncon: int) -> control.StateSpace:
+        """Return the controller that it finds.
+
+        Raises
+        ------
+        RuntimeError
+            It finds none, or was killed.
+        """
         plant = tuple(np.asarray(getattr(P, name), dtype=float) for name in "ABCD")
         asked = self._processes.submit(self._processes.ask, _called, plant, nmeas, ncon, seconds=PATIENCE)
         try:
-            answer = asked.result()
+            spent, K = asked.result()
         except (TimeoutError, BrokenExecutor):
-            return Answer(None, None, None, f"killed after {PATIENCE:g} s")
-        self._spent += answer.seconds
-        return answer
+            raise RuntimeError(f"killed after {PATIENCE:g} s") from None
+        self._spent += spent
+        return control.ss(*K)
 
 
-def _called(plant: tuple[Array, ...], nmeas: int, ncon: int) -> Answer:
-    """Return what the peer says, whose compiled code writes to standard output, in this process."""
+def _called(plant: tuple[Array, ...], nmeas: int, ncon: int) -> tuple[float, tuple[Array, ...]]:
+    """Return the time that it takes and its controller's matrices; its compiled code writes to standard output."""
     nothing = os.open(os.devnull, os.O_WRONLY)
     for stream in (1, 2):
         os.dup2(nothing, stream)
@@ -71,8 +60,7 @@ def _called(plant: tuple[Array, ...], nmeas: int, ncon: int) -> Answer:
     P = control.ss(*plant)
     began = time.process_time()
     try:
-        K, _, gamma, _ = control.hinfsyn(P, nmeas, ncon)
+        K = control.hinfsyn(P, nmeas, ncon)[0]
     except Exception as error:
-        return Answer(time.process_time() - began, None, None, " ".join(str(error).split()))
-    spent = time.process_time() - began
-    return Answer(spent, float(gamma), tuple(np.asarray(part) for part in (K.A, K.B, K.C, K.D)))
+        raise RuntimeError(" ".join(str(error).split())) from None
+    return time.process_time() - began, tuple(np.asarray(part) for part in (K.A, K.B, K.C, K.D))
