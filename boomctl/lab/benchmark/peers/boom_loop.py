@@ -1,6 +1,7 @@
 """A loop around the boom with force limits: solved by us, in ways that share nothing with that, and as others would."""
 
 import warnings
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -114,30 +115,43 @@ def extended_maps(A: Array, B: Array, h: float) -> tuple[Array, Array, Array]:
     return total[:n, :n], total[:n, n : n + m], total[:n, n + m :]
 
 
-def sampled_reference(scene: LoopScene) -> Array:
-    """Return the outputs of the loop whose discrete controller samples at each time, in extended precision."""
-    P, K = scene.plant, scene.controller
-    h = float(scene.time[-1] - scene.time[0]) / (len(scene.time) - 1)
-    Phi, held, ramp = extended_maps(P.A, P.B, h)
-    found = K.sample(h, method="bilinear")
-    x, state = np.zeros(P.nstates, dtype=np.longdouble), np.zeros(K.nstates, dtype=np.longdouble)
-    forcing = held @ scene.W[:, :-1] + ramp @ np.diff(scene.W, axis=1)
+def _sampled(scene: LoopScene, x: Array, advance: Callable[[int, Array, Array], Array]) -> Array:
+    """Return the outputs of the loop whose controller samples at each time, from states ``x`` of the plant.
+
+    ``advance`` takes the place of a time, the states there and the controls from there on to the states at the next.
+    """
+    P, K = scene.plant, scene.controller.sample(_step(scene), method="bilinear")
+    state = np.zeros(K.nstates, dtype=x.dtype)
     y = np.empty((len(scene.read), len(scene.time)))
     for k in range(len(scene.time)):
         everything = P.C @ x + P.D @ scene.W[:, k]
         y[:, k] = everything[scene.read].astype(float)
         heard = everything[scene.measured]
-        u = np.clip(found.C @ state + found.D @ heard, -scene.limit, scene.limit)
-        state = found.A @ state + found.B @ heard
+        u = np.clip(K.C @ state + K.D @ heard, -scene.limit, scene.limit)
+        state = K.A @ state + K.B @ heard
         if k < len(scene.time) - 1:
-            x = Phi @ x + held[:, scene.driven] @ u + forcing[:, k]
+            x = advance(k, x, u)
     return y
+
+
+def _step(scene: LoopScene) -> float:
+    return float(scene.time[-1] - scene.time[0]) / (len(scene.time) - 1)
+
+
+def sampled_reference(scene: LoopScene) -> Array:
+    """Return the outputs of the loop whose discrete controller samples at each time, in extended precision."""
+    P = scene.plant
+    Phi, held, ramp = extended_maps(P.A, P.B, _step(scene))
+    forcing = held @ scene.W[:, :-1] + ramp @ np.diff(scene.W, axis=1)
+    driven = held[:, scene.driven]
+    rest = np.zeros(P.nstates, dtype=np.longdouble)
+    return _sampled(scene, rest, lambda k, x, u: Phi @ x + driven @ u + forcing[:, k])
 
 
 def continuous_reference(scene: LoopScene, tolerance: float = 1e-11) -> Array:
     """Return the outputs of the loop whose controller is continuous, integrated from sample to sample."""
     P, K = scene.plant, scene.controller
-    n, h = P.nstates, float(scene.time[1] - scene.time[0])
+    n, h = P.nstates, _step(scene)
     slopes = np.diff(scene.W, axis=1) / h
     Bu = P.B[:, scene.driven]
     z = np.zeros(n + K.nstates)
@@ -159,27 +173,18 @@ def continuous_reference(scene: LoopScene, tolerance: float = 1e-11) -> Array:
 
 def restarted_loop(scene: LoopScene, method: str, tolerance: float) -> Array:
     """Return the outputs of the loop whose controller samples at each time, by ``solve_ivp``, restarted at each sample."""
-    P = scene.plant
-    h = float(scene.time[1] - scene.time[0])
-    K = scene.controller.sample(h, method="bilinear")
-    x, state = np.zeros(P.nstates), np.zeros(K.nstates)
-    y = np.empty((len(scene.read), len(scene.time)))
-    for k in range(len(scene.time)):
-        start = scene.W[:, k]
-        everything = P.C @ x + P.D @ start
-        y[:, k] = everything[scene.read]
-        heard = everything[scene.measured]
-        u = np.clip(K.C @ state + K.D @ heard, -scene.limit, scene.limit)
-        state = K.A @ state + K.B @ heard
-        if k == len(scene.time) - 1:
-            break
-        slope, pushed = (scene.W[:, k + 1] - start) / h, P.B[:, scene.driven] @ u
+    P, h = scene.plant, _step(scene)
 
-        def rate(t: float, x: Array, start: Array = start, slope: Array = slope, pushed: Array = pushed) -> Array:
+    def advance(k: int, x: Array, u: Array) -> Array:
+        start, pushed = scene.W[:, k], P.B[:, scene.driven] @ u
+        slope = (scene.W[:, k + 1] - start) / h
+
+        def rate(t: float, x: Array) -> Array:
             return P.A @ x + P.B @ (start + slope * t) + pushed
 
-        x = integrate.solve_ivp(rate, (0.0, h), x, method, rtol=tolerance, atol=1e-3 * tolerance).y[:, -1]
-    return y
+        return integrate.solve_ivp(rate, (0.0, h), x, method, rtol=tolerance, atol=1e-3 * tolerance).y[:, -1]
+
+    return _sampled(scene, np.zeros(P.nstates), advance)
 
 
 def continuous_loop(scene: LoopScene, method: str, tolerance: float) -> Array:
@@ -190,7 +195,7 @@ def continuous_loop(scene: LoopScene, method: str, tolerance: float) -> Array:
 
 def sampled_loop(scene: LoopScene) -> Array:
     """Return the tips of the loop whose plant and controller are both sampled, disturbances held in between."""
-    step = float(scene.time[1] - scene.time[0])
+    step = _step(scene)
     return _responded(scene, scene.plant.sample(step, "zoh"), scene.controller.sample(step, "bilinear"), {})
 
 
