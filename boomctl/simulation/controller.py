@@ -1,5 +1,6 @@
 """A controller as it runs: discrete, its signals matched to the plant's, its state corrected where it saturates."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, TypeAlias
 
@@ -86,6 +87,14 @@ class SampledController:
     outputs: tuple[str, ...]
     laws: Laws | None = None
 
+    @classmethod
+    def of(
+        cls, K: Lti, L: Array, driven: Sequence[int], measured: Sequence[int], laws: Laws | None = None
+    ) -> "SampledController":
+        """Return a discrete system as it runs, or the first of those that it is in turn."""
+        places = (np.array(each, dtype=int) for each in (measured, driven))
+        return cls(K.A, K.B, K.C, K.D, L, *places, K.inputs, K.outputs, laws)
+
 
 def sampled_controller(
     controller: "Controller | None",
@@ -105,10 +114,7 @@ def sampled_controller(
     """
     if controller is None:
         none = np.zeros((0, 0))
-        nothing = np.zeros(0, dtype=int)
-        return SampledController(
-            A=none, B=none, C=none, D=none, L=none, measured=nothing, driven=nothing, inputs=(), outputs=()
-        )
+        return SampledController.of(Lti(none, none, none, none), none, (), ())
     known("discretization", discretization, DISCRETIZATIONS)
     if isinstance(controller, TimeVaryingController):
         return _time_varying(controller, plant, sample_time)
@@ -126,18 +132,7 @@ def sampled_controller(
     if scheduled is not None:
         law = np.array([blocks([[each.D, each.C], [each.B, each.A]]) for each in found])
         laws = Laws(law, none, scheduled.place, scheduled.values)
-    return SampledController(
-        A=found[0].A,
-        B=found[0].B,
-        C=found[0].C,
-        D=found[0].D,
-        L=none[0],
-        measured=np.array(measured, dtype=int),
-        driven=np.array(driven, dtype=int),
-        inputs=given[0].inputs,
-        outputs=given[0].outputs,
-        laws=laws,
-    )
+    return SampledController.of(found[0], none[0], driven, measured, laws)
 
 
 def corrected(K: SampledController, force: Array, rate: Array, anti_windup: bool) -> SampledController:
@@ -164,18 +159,8 @@ def _time_varying(
     A, B, C, D, L = (getattr(controller, letter) for letter in "ABCDL")
     first = Lti(A[0], B[0], C[0], D[0], tuple(controller.inputs), tuple(controller.outputs))
     driven, measured = signals_of(first, plant.inputs, plant.outputs)
-    return SampledController(
-        A=A[0],
-        B=B[0],
-        C=C[0],
-        D=D[0],
-        L=L[0],
-        measured=np.array(measured, dtype=int),
-        driven=np.array(driven, dtype=int),
-        inputs=first.inputs,
-        outputs=first.outputs,
-        laws=Laws(controller.laws, L, None, np.zeros(0)),
-    )
+    laws = Laws(controller.laws, L, None, np.zeros(0))
+    return SampledController.of(first, L[0], driven, measured, laws)
 
 
 def _check_time(own: float, sample_time: float) -> None:
