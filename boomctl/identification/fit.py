@@ -377,17 +377,13 @@ def _of_each(problem: _Problem, best: _Candidate, steps: Array) -> Array:
     return np.array(found)
 
 
-def _infinite(free: FreeParameters, i: int) -> tuple[float, float]:
-    return (0.0 if free.logarithmic[i] else -np.inf, np.inf)
-
-
 def _ends(profile: Profile, i: int, exact: bool) -> tuple[float, float]:
     """Return the interval of a parameter, in its unit."""
     free = profile.free
     tell("intervals", i, free.size)
     lost = profile.seen.hidden[i] and (exact or not profile.seen.alone[i])
     if lost or not np.isfinite(profile.quantile):
-        return _infinite(free, i)
+        return (0.0 if free.logarithmic[i] else -np.inf, np.inf)
     if exact:  # the profile would be one of rounding
         half = profile.quantile * profile.size * np.sqrt(profile.seen.covariance()[i, i])
         ends = [profile.x[i] - half, profile.x[i] + half]

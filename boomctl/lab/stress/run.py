@@ -1,7 +1,7 @@
 """All cases, those asked for of them, and what came of them."""
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import BrokenExecutor
 from contextlib import suppress
 from dataclasses import replace
@@ -42,17 +42,13 @@ def all_cases(full: bool = False, rows: str = "") -> list[Case]:
     ValueError
         There is no such case.
     """
-    every = [case for room in _ROOMS for case in _cases(room) if full or not case.full]
+    every = [case for room in _ROOMS for case in import_module(room).cases() if full or not case.full]
     wanted = rows.lower() if "*" in rows else f"*{rows.lower()}*"
     chosen = [case for case in every if fnmatchcase(case.name.lower(), wanted)]
     if not chosen:
         areas = ", ".join(dict.fromkeys(case.area for case in every))
         raise ValueError(f"rows = {rows!r}: expected part of a row's name; there are rows of: {areas}")
     return chosen
-
-
-def _cases(room: str) -> Iterator[Case]:
-    return import_module(room).cases()
 
 
 def stressed(cases: list[Case], workers: int = 2, tell: Callable[[str], None] = lambda text: None) -> StressReport:

@@ -74,10 +74,6 @@ def _judge(sampled: Callable[[], Array], continuous: Callable[[], Array]) -> Cal
     return error
 
 
-def _grid(extent: Extent) -> Array:
-    return np.linspace(0.0, _SPAN[extent], round(_SPAN[extent] / _STEP) + 1)
-
-
 def boom_loop(extent: Extent) -> Scene:
     """Return the scene of the boom's suspension, on its lowest 20 modes."""
     span = _SPAN[extent]
@@ -118,7 +114,7 @@ def boom_loop(extent: Extent) -> Scene:
 
 def beam_loop(extent: Extent) -> Scene:
     """Return the scene of the hub-beam that is turned to an angle."""
-    time = _grid(extent)
+    time = np.linspace(0.0, _SPAN[extent], round(_SPAN[extent] / _STEP) + 1)
 
     def made(change: float) -> AssumedModesBeam:
         return AssumedModesBeam(replace(machine(change), tip_mass=_TIP_MASS), "sfoam", _MODES)
