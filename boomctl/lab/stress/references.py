@@ -112,23 +112,18 @@ def rotating_frequencies(
         span, rho, w2 = mp.mpf(length), mp.mpf(mass), mp.mpf(speed) ** 2
         shapes = [_clamped_free(b) for b in clamped_free_roots(modes)]
         points = _gauss_points(max(40, 12 * modes))
-        M, D = mp.zeros(modes), mp.zeros(modes)
-        K = mp.zeros(modes)
-        heights = [[f(z, 0) for z, _ in points] for f, _ in shapes]
-        slopes = [[f(z, 1) / span for z, _ in points] for f, _ in shapes]
+        weights = mp.diag([c for _, c in points])
+        heights = mp.matrix([[f(z, 0) for f, _ in shapes] for z, _ in points])
+        slopes = mp.matrix([[f(z, 1) / span for f, _ in shapes] for z, _ in points])
+        tips = mp.matrix([f(mp.mpf(1), 0) for f, _ in shapes])
         # int_x^L rhoA (r + s) ds, and the tip mass at the end
-        pull = [
+        pull = mp.diag([
             rho * (radius * span * (1 - z) + span**2 * (1 - z * z) / 2) + tip_mass * (radius + span) for z, _ in points
-        ]
-        for i in range(modes):
-            for j in range(modes):
-                tip = tip_mass * shapes[i][0](mp.mpf(1), 0) * shapes[j][0](mp.mpf(1), 0)
-                both = zip(points, heights[i], heights[j], strict=True)
-                M[i, j] = span * rho * mp.fsum(c * a * b for (_, c), a, b in both) + tip
-                along = zip(points, slopes[i], slopes[j], pull, strict=True)
-                D[i, j] = span * mp.fsum(c * a * b * p for (_, c), a, b, p in along)
-            square = mp.fsum(c * a * a for (_, c), a in zip(points, heights[i], strict=True))
-            K[i, i] = mp.mpf(stiffness) * shapes[i][1] ** 4 / span**3 * square
+        ])  # fmt: skip
+        squares = heights.T * weights * heights
+        M = span * rho * squares + tip_mass * tips * tips.T
+        D = span * slopes.T * weights * pull * slopes
+        K = mp.diag([mp.mpf(stiffness) * b**4 / span**3 * squares[i, i] for i, (_, b) in enumerate(shapes)])
         root = mp.inverse(mp.cholesky(M))
         A = root * (K + w2 * (D - M)) * root.T
         values = mp.eigsy((A + A.T) / 2, eigvals_only=True)
