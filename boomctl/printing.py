@@ -47,9 +47,7 @@ def value(given: Any) -> str:
     """Return a field's value in a few words: numbers to six digits, an array's shape and range."""
     if isinstance(given, bool) or given is None:
         return str(given)
-    if isinstance(given, complex):
-        return f"{given:.6g}"
-    if isinstance(given, float):
+    if isinstance(given, (float, complex)):
         return f"{given:.6g}"
     if isinstance(given, str):
         return repr(given) if len(given) <= 60 else repr(given[:57] + "...")

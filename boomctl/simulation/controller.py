@@ -92,8 +92,8 @@ class SampledController:
         cls, K: Lti, L: Array, driven: Sequence[int], measured: Sequence[int], laws: Laws | None = None
     ) -> "SampledController":
         """Return a discrete system as it runs, or the first of those that it is in turn."""
-        places = (np.array(each, dtype=int) for each in (measured, driven))
-        return cls(K.A, K.B, K.C, K.D, L, *places, K.inputs, K.outputs, laws)
+        read, moved = (np.array(each, dtype=int) for each in (measured, driven))
+        return cls(K.A, K.B, K.C, K.D, L, read, moved, K.inputs, K.outputs, laws)
 
 
 def sampled_controller(

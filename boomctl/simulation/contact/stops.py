@@ -7,7 +7,7 @@ decided for all of them together, by trying the cases in order of likelihood.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import chain, combinations, product
 
 import numpy as np
@@ -176,28 +176,12 @@ def merged_hits(
     for stop, side, step, impulse, speed in touched:
         going_on = last.get(stop) == step - 1 and hits[open_hit[stop]].side == side
         last[stop] = step
+        until = start + (step + 1) * h
         if going_on:
             old = hits[open_hit[stop]]
-            hits[open_hit[stop]] = StopHit(
-                output=old.output,
-                side=side,
-                time=old.time,
-                until=start + (step + 1) * h,
-                speed=old.speed,
-                impulse=old.impulse + impulse,
-                largest_force=max(old.largest_force, abs(impulse) / h),
-            )
+            largest = max(old.largest_force, abs(impulse) / h)
+            hits[open_hit[stop]] = replace(old, until=until, impulse=old.impulse + impulse, largest_force=largest)
         else:
             open_hit[stop] = len(hits)
-            hits.append(
-                StopHit(
-                    output=names[stop],
-                    side=side,
-                    time=start + step * h,
-                    until=start + (step + 1) * h,
-                    speed=speed,
-                    impulse=impulse,
-                    largest_force=abs(impulse) / h,
-                )
-            )
+            hits.append(StopHit(names[stop], side, start + step * h, until, speed, impulse, abs(impulse) / h))
     return tuple(hits)
