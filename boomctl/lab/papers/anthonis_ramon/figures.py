@@ -1,5 +1,6 @@
 """Anthonis & Ramon (2003) computed again: Table 1, Fig. 3, convergence, mode shapes, and the boom in motion."""
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -78,18 +79,21 @@ class Deviation:
 class MachineMotion:
     """How the machine moves at one frequency, in complex amplitudes: the boom over ``x``, cradle and platform.
 
-    ``platform`` and ``platform_turn`` are the platform's displacement [m] and rotation [rad], ``cradle`` the cradle's
-    displacement, all absolute.
+    ``platform`` and ``platform_turn`` are the platform's displacement [m] and rotation [rad], absolute as all others are.
     """
 
     title: str
     freq_hz: float
-    damping_ratio: float
     x: Array
     boom: Array
-    cradle: complex
-    platform: complex
-    platform_turn: complex
+    damping_ratio: float = np.nan
+    platform: complex = 0j
+    platform_turn: complex = 0j
+
+    @property
+    def cradle(self) -> complex:
+        """Displacement of the cradle, which moves with the hinge in the boom's middle."""
+        return complex(self.boom[len(self.boom) // 2])
 
 
 @dataclass(frozen=True)
@@ -117,21 +121,16 @@ def compute(parameters: BoomParameters | None = None) -> BoomReproduction:
     """
     p = BoomParameters() if parameters is None else parameters
     exact = exact_eigenfrequencies_hz(p, _MODES)
-    undamped = exact_eigenfrequencies_hz(p, _MODES, damped=False)
-    methods = tuple(_method(p, *mesh, values) for mesh, values in COMPUTED_HZ.items())
-    readings = tuple(_reading(p, mass, inner) for mass in ("lumped", "linear") for inner in (2, 4, 6, 8))
-    curves = _curves(p)
-    deviation = _deviations(p, curves["exact beam"])
-    convergence = _convergence(p, exact)
+    curves, deviation = _curves(p)
     return BoomReproduction(
         measured_hz=np.array(MEASURED_HZ),
         exact_hz=exact,
-        exact_undamped_hz=undamped,
-        methods=methods,
-        readings=readings,
+        exact_undamped_hz=exact_eigenfrequencies_hz(p, _MODES, damped=False),
+        methods=tuple(_method(p, *mesh, values) for mesh, values in COMPUTED_HZ.items()),
+        readings=tuple(_reading(p, mass, inner) for mass in ("lumped", "linear") for inner in (2, 4, 6, 8)),
         sigma=curves,
         deviation=deviation,
-        convergence=convergence,
+        convergence=_convergence(p, exact),
         modes=_mode_shapes(p),
         driven=_driven(p, exact),
     )
@@ -151,38 +150,38 @@ def _reading(p: BoomParameters, mass: str, inner: int) -> Reading:
     return Reading(mass, inner, prescribe_displacement(force_driven, ACTUATORS).eigenfrequencies_hz(_MODES))
 
 
-def _curves(p: BoomParameters) -> dict[str, SigmaResult]:
-    """Return the curves of Fig. 3 on grids that resolve the peaks of each."""
-    finite = sigma(spray_boom(p, "finite", 6))
-    geometric = sigma(spray_boom(p, "discrete-geometric", 20))
-    fine = sigma(spray_boom(p, "high-order", 4))
-    exact = sigma(exact_frequency_response(p, fine.omega, ACTUATORS, TIPS))
-    return {"finite elements, 6": finite, "discrete elements, geometrical mass, 20": geometric, "exact beam": exact}
-
-
-def _deviations(p: BoomParameters, exact: SigmaResult) -> dict[str, Deviation]:
-    """Return how far the two approximations of Fig. 3 lie from the exact beam, on the exact curve's grid."""
+def _curves(p: BoomParameters) -> tuple[dict[str, SigmaResult], dict[str, Deviation]]:
+    """Return the curves of Fig. 3 on grids that resolve the peaks of each, and how far two of them lie from the exact one."""
     models = {
         "finite elements, 6": spray_boom(p, "finite", 6),
         "discrete elements, geometrical mass, 20": spray_boom(p, "discrete-geometric", 20),
     }
+    fine = sigma(spray_boom(p, "high-order", 4))
+    exact = sigma(exact_frequency_response(p, fine.omega, ACTUATORS, TIPS))
     ratios = {name: sigma(model, exact.omega).sigma / exact.sigma - 1.0 for name, model in models.items()}
-    return {name: Deviation(exact.omega, np.abs(ratio).max(axis=0)) for name, ratio in ratios.items()}
+    deviation = {name: Deviation(exact.omega, np.abs(ratio).max(axis=0)) for name, ratio in ratios.items()}
+    return {name: sigma(model) for name, model in models.items()} | {"exact beam": exact}, deviation
 
 
 def _convergence(p: BoomParameters, exact: Array) -> tuple[Convergence, ...]:
-    def errors(name: str, discretization: str, counts: tuple[int, ...], of: str = "elements") -> Convergence:
-        models = [spray_boom(p, discretization, n) for n in counts]
-        return _errors(name, models, counts, exact, of)
+    def errors(
+        name: str, models: Iterable[SecondOrderModel], sizes: Sequence[int], of: str = "elements"
+    ) -> Convergence:
+        found = [(model.n, np.abs(model.eigenfrequencies_hz(_MODES) / exact - 1.0)) for model in models]
+        unknowns, error = map(np.array, zip(*found, strict=True))
+        return Convergence(name, np.array(sizes), unknowns, error, of)
 
-    attached = [spray_boom(p, "finite", _attached(p, n)) for n in _ATTACHED]
-    orders = [spray_boom(p, "high-order", 4, order=k) for k in _ORDERS]
+    def meshes(discretization: str, counts: Sequence[int]) -> Iterable[SecondOrderModel]:
+        return (spray_boom(p, discretization, n) for n in counts)
+
+    attached = (spray_boom(p, "finite", _attached(p, n)) for n in _ATTACHED)
+    orders = (spray_boom(p, "high-order", 4, order=k) for k in _ORDERS)
     return (
-        errors("finite elements, equal", "finite", _FINITE),
-        _errors("finite elements, nodes at hinge and springs", attached, _ATTACHED, exact, "elements"),
-        errors("discrete elements, Hermitian mass", "discrete-hermite", _ATTACHED),
-        errors("discrete elements, geometrical mass", "discrete-geometric", _ATTACHED),
-        _errors("high-order elements, 4", orders, _ORDERS, exact, "order"),
+        errors("finite elements, equal", meshes("finite", _FINITE), _FINITE),
+        errors("finite elements, nodes at hinge and springs", attached, _ATTACHED),
+        errors("discrete elements, Hermitian mass", meshes("discrete-hermite", _ATTACHED), _ATTACHED),
+        errors("discrete elements, geometrical mass", meshes("discrete-geometric", _ATTACHED), _ATTACHED),
+        errors("high-order elements, 4", orders, _ORDERS, "order"),
     )
 
 
@@ -193,12 +192,6 @@ def _attached(p: BoomParameters, elements: int) -> Array:
     outer = np.linspace(-half, -spring, elements // 2 - inner + 1)
     left = np.concatenate([outer, np.linspace(-spring, 0.0, inner + 1)[1:]])
     return np.concatenate([left, -left[-2::-1]])
-
-
-def _errors(name: str, models: list[SecondOrderModel], counts: tuple[int, ...], exact: Array, of: str) -> Convergence:
-    found = np.array([np.abs(model.eigenfrequencies_hz(_MODES) / exact - 1.0) for model in models])
-    unknowns = np.array([model.n for model in models])
-    return Convergence(name, np.array(counts), unknowns, found, of)
 
 
 def _shape_model(p: BoomParameters) -> tuple[SecondOrderModel, Array]:
@@ -225,19 +218,7 @@ def _mode_shapes(p: BoomParameters) -> tuple[MachineMotion, ...]:
     for k, pole in enumerate(poles):
         w = model.ports.L[0] @ shapes[:, k]
         w = w / w[np.argmax(np.abs(w))]
-        middle = complex(w[len(w) // 2])
-        motions.append(
-            MachineMotion(
-                f"mode {k + 1}",
-                pole.imag / (2 * np.pi),
-                damping_ratio=-pole.real / abs(pole),
-                x=x,
-                boom=w,
-                cradle=middle,
-                platform=0j,
-                platform_turn=0j,
-            )
-        )
+        motions.append(MachineMotion(f"mode {k + 1}", pole.imag / (2 * np.pi), x, w, -pole.real / abs(pole)))
     return tuple(motions)
 
 
@@ -248,18 +229,7 @@ def _driven(p: BoomParameters, exact: Array) -> tuple[MachineMotion, ...]:
     for title, freq, sides in (("yaw", exact[0], (-1.0, 1.0)), ("jolt", exact[1], (1.0, 1.0))):
         response = direct_response(model.structure, model.ports, np.array([2 * np.pi * freq]))[:, :, 0]
         d = np.array(sides)
-        w = response @ d
         turn = (d[1] - d[0]) / p.actuator_distance
-        motions.append(
-            MachineMotion(
-                title,
-                float(freq),
-                damping_ratio=np.nan,
-                x=x,
-                boom=w,
-                cradle=complex(w[len(w) // 2]),
-                platform=complex(d.mean()),
-                platform_turn=turn,
-            )
-        )
+        platform = {"platform": complex(d.mean()), "platform_turn": turn}
+        motions.append(MachineMotion(title, float(freq), x, response @ d, **platform))
     return tuple(motions)
