@@ -92,11 +92,11 @@ class Scene:
         Of the diagram.
     question : str
         What is computed, from what to what, in one or two sentences.
+    settings : tuple of Setting
     measure : str
         What the error is, in one sentence, and against which reference.
-    settings : tuple of Setting
     error : callable
-        Takes an answer to its relative error; what is not finite counts as infinite.
+        Takes an answer to its relative error; what is not finite counts as infinite.  By default there is none to be had.
     missing : tuple of str
         Peers that are not installed, or cannot do this, with the reason; named in the report.
     remarks : tuple of str
@@ -117,9 +117,9 @@ class Scene:
     key: str
     title: str
     question: str
-    measure: str
     settings: tuple[Setting, ...]
-    error: Callable[[Any], float]
+    measure: str = "none."
+    error: Callable[[Any], float] = field(default=lambda answer: 0.0)
     missing: tuple[str, ...] = ()
     remarks: tuple[str, ...] = ()
     promises: tuple[Promise, ...] = ()

@@ -100,7 +100,7 @@ def test_a_recommended_setting_is_exact_enough_and_about_as_fast_as_any(found):
 
 
 def scene(*settings, error=lambda answer: abs(answer - 1.0)):
-    return Scene("tiny", "A tiny scene", "What is one?", "Distance from one.", settings, error, ("none: not there",))
+    return Scene("tiny", "A tiny scene", "What is one?", settings, "Distance from one.", error, ("none: not there",))
 
 
 @pytest.mark.slow

@@ -3,8 +3,7 @@
 import os
 import subprocess
 import sys
-from collections.abc import Callable
-from functools import cache
+from functools import cache, partial
 from tempfile import TemporaryDirectory
 
 from boomctl.lab.benchmark.promise import Promise, Who, times_the_cost
@@ -44,8 +43,8 @@ def first_calls(extent: Extent) -> Scene:
         question="From the start of Python to the end of a first call, with bytecode compiled beforehand.",
         measure="none: a process that fails has no answer.",
         settings=(
-            *(Setting(job, "new process", ours=True, cold=_process(code)) for job, code, _, _ in jobs),
-            *(Setting(peer, "new process", ours=False, cold=_process(_PEERS[peer])) for peer in peers),
+            *(Setting(job, "new process", ours=True, cold=partial(_process, code)) for job, code, _, _ in jobs),
+            *(Setting(peer, "new process", ours=False, cold=partial(_process, _PEERS[peer])) for peer in peers),
         ),
         error=float,
         promises=tuple(promises),
@@ -53,15 +52,10 @@ def first_calls(extent: Extent) -> Scene:
     )
 
 
-def _process(code: str) -> Callable[[float], int]:
-    """Return what runs some lines of Python in a new process."""
-
-    def run(change: float) -> int:
-        del change
-        words = [sys.executable, "-c", code]
-        return subprocess.run(words, capture_output=True, check=True, timeout=_PATIENCE, env=_variables()).returncode
-
-    return run
+def _process(code: str, change: float) -> int:
+    """Run some lines of Python in a new process, which knows no parameters to change."""
+    words = [sys.executable, "-c", code]
+    return subprocess.run(words, capture_output=True, check=True, timeout=_PATIENCE, env=_variables()).returncode
 
 
 @cache

@@ -36,10 +36,10 @@ class Task:
 
     what: str
     sizes: tuple[int, ...]
-    made: Callable[[int], Any]
     work: Callable[[Any], object]
     expected: float
     why: str
+    made: Callable[[int], Any] = lambda size: size
     promises: tuple[Promise, ...] = ()
 
 
@@ -54,11 +54,9 @@ def growth(name: str, extent: Extent) -> Scene:
         key=f"growth-{name}",
         title=f"How cost grows: {task.what}",
         question=f"Expected for large sizes: an exponent of {task.expected:g}; {task.why}.",
-        measure="none.",
         settings=tuple(
             Setting(task.what, f"{n:,}", ours=True, hot=task.work, prepare=partial(task.made, n), size=n) for n in sizes
         ),
-        error=lambda answer: 0.0,
         promises=(grows(who, task.expected + _FASTER), *task.promises),
         shows="promises",
         share=_SHARE,
@@ -80,7 +78,6 @@ def tasks() -> dict[str, Task]:
         "elements": Task(
             "sigma of the boom, finite elements, over elements",
             (6, 12, 25, 50, 100, 200, 400),
-            lambda n: n,
             lambda n: sigma(spray_boom(p, elements=n), _OMEGA).sigma,
             3.0,
             "all modes at once, found densely",
@@ -88,49 +85,46 @@ def tasks() -> dict[str, Task]:
         "fine-meshes": Task(
             _FINE,
             (800, 1600, 3200, 6400, 12_800),
-            lambda n: n,
             lambda n: sigma(spray_boom(p, elements=n), _OMEGA[::200]).sigma,
             1.0,
             "beyond 700 elements a sparse factorisation a frequency",
-            (grows(Who(_FINE), _LINEAR, "memory"),),
+            promises=(grows(Who(_FINE), _LINEAR, "memory"),),
         ),
         "frequencies": Task(
             "sigma of the boom, exact beam, over frequencies",
             (500, 1000, 2000, 4000, 8000, 16_000, 32_000),
-            lambda n: 2 * np.pi * np.geomspace(0.1, 10.0, n),
             lambda omega: sigma(exact_frequency_response(p, omega, ACTUATORS, TIPS)).sigma,
             1.0,
             "each frequency for itself",
+            made=lambda n: 2 * np.pi * np.geomspace(0.1, 10.0, n),
         ),
         "outputs": Task(
             "sigma of the boom, order 10, over outputs (nozzles)",
             (2, 4, 8, 16, 32, 64, 128),
-            lambda n: spray_boom(p, "high-order", 4, order=10, nozzles=np.linspace(-5.9, 5.9, n)),
             lambda boom: sigma(boom, _OMEGA, ACTUATORS, [o for o in boom.outputs if o.startswith("nozzle")]).sigma,
             1.0,
             "a row of the response for each",
+            made=lambda n: spray_boom(p, "high-order", 4, order=10, nozzles=np.linspace(-5.9, 5.9, n)),
         ),
         "duration": Task(
             "forced_response of the boom, order 10, over its duration",
             (15, 30, 60, 120, 240, 480, 960),
-            driven,
             lambda given: forced_response(model, given[1], given[0], TIPS),
             1.0,
             "a step after the other, in blocks",
+            made=driven,
         ),
         "models": Task(
             _MODEL,
             (6, 20, 100, 1000, 2000, 5000),
-            lambda n: n,
             lambda n: spray_boom(p, elements=n),
             1.0,
             "rows of elements that are alike",
-            (seconds(Who(_MODEL, "6"), 2e-3, "hot"), seconds(Who(_MODEL, "1,000"), 10e-3, "hot")),
+            promises=(seconds(Who(_MODEL, "6"), 2e-3, "hot"), seconds(Who(_MODEL, "1,000"), 10e-3, "hot")),
         ),
         "order": Task(
             "reduce of the boom of 100 elements, over the order",
             (4, 8, 12, 16, 24, 32, 48),
-            lambda n: n,
             lambda n: reduce(spray_boom(p, elements=100).select(ACTUATORS, TIPS), n),
             3.0,
             "a core of some times the order, balanced densely",
@@ -138,15 +132,14 @@ def tasks() -> dict[str, Task]:
         "modes": Task(
             "spin-up of the hub-beam, SFOAM, over modes",
             (1, 2, 5, 10, 20, 50, 100, 200),
-            lambda n: hub_beam(model="sfoam", modes=n),
             lambda beam: beam.simulate(spin_up(2.8, 30.0), few),
             3.0,
             "dense matrices of the modes; steps as short as the fastest mode is not damped out of",
+            made=lambda n: hub_beam(model="sfoam", modes=n),
         ),
         "intervals": Task(
             "least-time slew of the hub-beam, one mode, over intervals",
             (10, 20, 40, 80, 160),
-            lambda n: n,
             lambda n: optimal_slew(hub_beam(modes=1), 0.6, 200.0, intervals=n),
             1.0,
             "banded equations, and steps of the solver whose number does not grow",

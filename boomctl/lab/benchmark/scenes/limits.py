@@ -113,11 +113,9 @@ def limits(extent: Extent) -> Scene:
         f" takes at the rates of this machine, on one thread: {rates().operations / 1e9:.3g}·10⁹ operations in a second in"
         f" matrix products, {rates().bytes / 1e9:.3g} GB/s copied, {rates().exponentials / 1e6:.3g}·10⁶ complex exponentials"
         " in a second.",
-        measure="none.",
         settings=tuple(
             Setting(what, counted, ours=True, hot=lambda _, run=run: run()) for what, counted, _, run in paths
         ),
-        error=lambda answer: 0.0,
         remarks=(
             "What lies above the limit: matrices too small for the full rate, NumPy's calls and temporary arrays, checks and"
             " certificates.",

@@ -135,16 +135,9 @@ def _ours(ratio: float, extent: Extent) -> Iterator[Setting]:
             (FINITE, label, FiniteElements(2 * n), 4 * n, f"s.FiniteElements({2 * n})"),
             (DISCRETE, label, DiscreteElements(2 * n, "lumped"), 2 * n, f's.DiscreteElements({2 * n}, "lumped")'),
         ]
-    for order in _ORDERS[extent]:
-        meshes.append(
-            (
-                "high-order elements",
-                f"order {order}",
-                FiniteElements(2, order),
-                2 * (order - 1),
-                f"s.FiniteElements(2, order={order})",
-            )
-        )
+    for k in _ORDERS[extent]:
+        words = f"s.FiniteElements(2, order={k})"
+        meshes.append(("high-order elements", f"order {k}", FiniteElements(2, k), 2 * (k - 1), words))
     for name, label, mesh, size, words in meshes:
         yield asked(
             name,

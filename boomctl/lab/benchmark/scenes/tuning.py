@@ -168,7 +168,6 @@ def _promises(goal: Goal, starts: int) -> list[Promise]:
 
 def tuned(goal: Goal, starts: int, change: float = 0.0) -> Tuned:
     """Tune for a goal and verify the loop anew; what it is closed from is never kept from another call."""
-    del change
     p = plant(goal.plant)
     structure = tunable.state_space(goal.order) if goal.order else tunable.gain()
     design = tune(p.P, p.nmeas, p.ncon, structure, starts=starts, seed=0, time_limit=_PATIENCE)
@@ -188,14 +187,11 @@ def _bound(name: str) -> float:
 
 def designs(extent: Extent) -> Scene:
     """Return the scene of the boom's suspensions that were tuned over the whole box, as ``boomctl design`` judges them."""
-    del extent
     return Scene(
         key="designs",
         title="Tuned suspensions of the boom, springs ±30 % and mass ±20 %",
         question="From parameters to a certified controller and its report, each in a process of its own.",
-        measure="none.",
         settings=tuple(Setting(name, "as it comes", ours=True, cold=partial(_judged, name)) for name in LIMITS),
-        error=lambda found: 0.0,
         promises=tuple(
             number(Who(name), what, limit)
             for name, limits in LIMITS.items()
@@ -222,7 +218,6 @@ def _judged(name: str, change: float) -> dict[str, Any]:
     RuntimeError
         It does not come with this package, or fails; the message is its own.
     """
-    del change
     home = str(Path(__file__).resolve().parents[4])
     paths = os.pathsep.join([home, *filter(None, [os.environ.get("PYTHONPATH")])])
     with TemporaryDirectory(prefix="boomctl-") as folder:
