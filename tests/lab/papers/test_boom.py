@@ -131,6 +131,7 @@ def test_the_errors_fall_with_the_expected_orders(result):
     assert order_of(attached, 8, 16) == pytest.approx(4.0, abs=0.25)
     geometrical = by_name["discrete elements, geometrical mass"]
     assert order_of(geometrical, 0, 5)[[0, 1, 2]] == pytest.approx(2.0, abs=1.0)
+    assert (by_name["discrete elements, Hermitian mass"].error < geometrical.error).all()
     equal = by_name["finite elements, equal"]
     assert (np.diff(equal.error[:, 0]) > 0).any()
     assert (order_of(equal, 3, len(equal.sizes) - 1) > 2.5).all()

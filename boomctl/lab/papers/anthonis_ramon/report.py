@@ -184,14 +184,8 @@ def _readings(result: BoomReproduction) -> Table:
 
 
 def _results(result: BoomReproduction) -> dict[str, Any]:
-    methods = {
-        method.name: {
-            "published_hz": method.published_hz,
-            "computed_hz": method.computed_hz,
-            "difference_percent": method.difference_percent,
-        }
-        for method in result.methods
-    }
+    columns = ("published_hz", "computed_hz", "difference_percent")
+    methods = {method.name: {key: getattr(method, key) for key in columns} for method in result.methods}
     return {
         "table_1": {
             "measured_hz": result.measured_hz,

@@ -75,30 +75,22 @@ def neglected_terms() -> Part:
 
 def cfoam_and_foam() -> Part:
     """Fig. 4: CFOAM and FOAM agree at 3 rad/s; with the exact beam, which the paper has not."""
-    runs = {"CFOAM": _run("cfoam", 3.0), "FOAM": _run("foam", 3.0), "exact": _run("geometrically-exact", 3.0)}
+    models = {"CFOAM": "cfoam", "FOAM": "foam", "exact": "geometrically-exact"}
+    tips = {name: _run(model, 3.0).tip_displacement for name, model in models.items()}
     chart = Chart(
         "fig-04",
         "Fig. 4. Tip displacement of CFOAM and FOAM, spin-up to 3 rad/s, and their distances from the exact beam",
         (
-            Panel("(a) tip displacement", "time [s]", "v(L) [m]", _lines(runs)),
+            Panel("(a) tip displacement", "time [s]", "v(L) [m]", _lines(tips)),
             Panel(
                 "(b) difference from the geometrically exact beam",
                 "time [s]",
                 "Δv(L) [mm]",
-                tuple(
-                    Line(
-                        name,
-                        TIME,
-                        1e3 * (runs[name].tip_displacement - runs["exact"].tip_displacement),
-                        style,
-                        MODEL_COLOURS[name],
-                    )
-                    for name, style in (("CFOAM", "-"), ("FOAM", "--"))
-                ),
+                _lines({name: 1e3 * (tips[name] - tips["exact"]) for name in ("CFOAM", "FOAM")}),
             ),
         ),
     )
-    gap = _peak(runs["CFOAM"].tip_displacement - runs["FOAM"].tip_displacement) / _peak(runs["FOAM"].tip_displacement)
+    gap = _peak(tips["CFOAM"] - tips["FOAM"]) / _peak(tips["FOAM"])
     claim = judge(
         "Fig. 4",
         "the displacements of CFOAM and FOAM are exactly the same at 3 rad/s",
@@ -129,16 +121,14 @@ def foam_and_tlam() -> Part:
 def _pair(row: int, speed: float, tlam: SimulationResult, foam: SimulationResult) -> tuple[Panel, Panel]:
     """Transverse and axial response at a speed; at 3 rad/s TLAM leaves the frame."""
     diverging = speed == 3.0
-    axial = tuple(
-        Line(name, TIME, 1e3 * r.axial_tip_displacement, style, MODEL_COLOURS[name])
-        for name, r, style in (("TLAM", tlam, "-"), ("FOAM", foam, "--"))
-    )
+    transverse = _lines({"TLAM": tlam.tip_displacement, "FOAM": foam.tip_displacement})
+    axial = _lines({"TLAM": 1e3 * tlam.axial_tip_displacement, "FOAM": 1e3 * foam.axial_tip_displacement})
     return (
         Panel(
             f"(a{row}) transverse, {speed} rad/s",
             "time [s]",
             "v(L) [m]",
-            _lines({"TLAM": tlam, "FOAM": foam}),
+            transverse,
             ylim=(-3.0, 1.0) if diverging else None,
         ),
         Panel(
@@ -270,10 +260,7 @@ def _fig_10(tlam: dict[float, SimulationResult], foam: dict[float, SimulationRes
             f"({letter}) tip mass {mass:g} kg",
             "time [s]",
             "v(L) [m]",
-            (
-                Line("TLAM", TIME, tlam[mass].tip_displacement, "-", MODEL_COLOURS["TLAM"]),
-                Line("FOAM", TIME, foam[mass].tip_displacement, "--", MODEL_COLOURS["FOAM"]),
-            ),
+            _lines({"TLAM": tlam[mass].tip_displacement, "FOAM": foam[mass].tip_displacement}),
             ylim=(-3.0, 1.0) if mass == 0.5 else None,
             legend="lower left",
         )
@@ -312,11 +299,9 @@ def _modes(shares: Array) -> tuple[Line, ...]:
     return tuple(Line(f"mode {i + 1}", TIME, shares[:, i]) for i in range(shares.shape[1]))
 
 
-def _lines(runs: dict[str, SimulationResult]) -> tuple[Line, ...]:
+def _lines(curves: dict[str, Array]) -> tuple[Line, ...]:
     styles = {"FOAM": "--", "exact": ":"}
-    return tuple(
-        Line(name, r.time, r.tip_displacement, styles.get(name, "-"), MODEL_COLOURS[name]) for name, r in runs.items()
-    )
+    return tuple(Line(name, TIME, y, styles.get(name, "-"), MODEL_COLOURS[name]) for name, y in curves.items())
 
 
 def _peak(values: Array) -> float:
