@@ -60,7 +60,7 @@ _STARTS = np.array([-1.0, 0.0, 1.0])  # likewise, from where Newton's method goe
 def singular_values(G: Array) -> Array:
     """Return the singular values of ``G[:, :, f]``, descending, shape (min(p, m), N).
 
-    One row or column: its length.  Two by two: in closed form.  Otherwise LAPACK.
+    One row or column: its length.  Two: in closed form.  Otherwise LAPACK.
     """
     p, m, _ = G.shape
     fewer = min(p, m)
@@ -70,16 +70,16 @@ def singular_values(G: Array) -> Array:
         return np.abs(G[0])
     if fewer == 1:
         return np.sqrt((G.real**2 + G.imag**2).sum(axis=(0, 1)))[None, :]
-    if (p, m) != (2, 2):
+    if fewer > 2:
         return np.linalg.svd(G.transpose(2, 0, 1), compute_uv=False).T
-    (a, b), (c, d) = G
-    determinant = a * d - b * c
-    product = np.abs(determinant)
+    x, y = G.swapaxes(0, 1) if m == 2 else G
     with np.errstate(invalid="ignore", divide="ignore"):
-        turn = np.where(product > 0.0, determinant / product, 1.0)
-        # their sum and their difference, which are sums of squares: no digit is lost where the two values meet
-        d, c = turn * d.conj(), turn * c.conj()
-        first = 0.5 * (np.sqrt(_square(a + d) + _square(b - c)) + np.sqrt(_square(a - d) + _square(b + c)))
+        a, c, b = _square(x).sum(axis=0), _square(y).sum(axis=0), (x.conj() * y).sum(axis=0)
+        first = np.sqrt(0.5 * (a + c) + np.hypot(0.5 * (a - c), np.abs(b)))
+        if p == m:
+            product = np.abs(x[0] * y[1] - x[1] * y[0])
+        else:  # the length of one times what the other has across it
+            product = np.sqrt(a * _square(y - np.where(a > 0.0, b / a, 0.0) * x).sum(axis=0))
         return np.array([first, np.where(first > 0.0, product / first, 0.0)])
 
 

@@ -144,7 +144,8 @@ class Lti:
         return (self.C @ states + self.D).transpose(1, 2, 0)
 
     def _resolvent(self, omega: Array, quiet: bool) -> Array:
-        pencil, places = np.tile(-self.A.astype(complex), (len(omega), 1, 1)), np.arange(len(self.A))
+        pencil, places = np.empty((len(omega), *self.A.shape), complex), np.arange(len(self.A))
+        pencil[:] = -self.A
         pencil[:, places, places] += self.boundary(omega)[:, None]
         try:
             return np.linalg.solve(pencil, self.B.astype(complex))
