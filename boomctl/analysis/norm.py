@@ -216,8 +216,8 @@ def level_norm(system: Lti, response: Response | None = None, doubt: float = inf
     For those who answer for that rounding themselves; :func:`matrices_norm` does.  Where it and the sum over the modes are
     known to be off by ``doubt`` at most, and that is little, the sum proves a level; elsewhere the Hamiltonian matrix does.
     """
-    respond = partial(system.response, quiet=True) if response is None else response
-    peak, at = largest_gain(system, response)
+    respond = partial(_response, system) if response is None else response
+    peak, at = largest_gain(system, respond)
     static = largest_of(system.D)
     peak, at = (peak, at) if peak >= static else (static, inf)
     for _ in range(RAISED):
@@ -386,7 +386,13 @@ def _responses(given: System, omega: Array) -> tuple[Array, Array]:
     return G, doubts
 
 
-@lru_cache(maxsize=1)  # at the peak a level and then the share of rounding are looked at
+def _response(system: Lti, omega: Array) -> Array:
+    """Return a system's response; of one frequency with what tells how much of it is rounding, which may be asked next."""
+    solved = _solved(system, float(omega[0])) if len(omega) == 1 else None
+    return system.response(omega, quiet=True) if solved is None else (system.C @ solved[0] + system.D)[:, :, None]
+
+
+@lru_cache(maxsize=1)  # at the peak the response, a level, and then the share of rounding are looked at
 def _solved(system: Lti, omega: float) -> tuple[Array, Array] | None:
     """Return ``(s - A)^-1 B`` and ``(s - A)^-T C^T`` at a frequency; None at a pole that rounding keeps from the axis."""
     pencil = np.diag(np.full(len(system.A), system.boundary(np.array(omega)), complex))

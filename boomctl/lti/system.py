@@ -145,7 +145,7 @@ class Lti:
 
     def _resolvent(self, omega: Array, quiet: bool) -> Array:
         pencil, places = np.empty((len(omega), *self.A.shape), complex), np.arange(len(self.A))
-        pencil[:] = -self.A
+        pencil[:] = -self.A.astype(complex)
         pencil[:, places, places] += self.boundary(omega)[:, None]
         try:
             return np.linalg.solve(pencil, self.B.astype(complex))

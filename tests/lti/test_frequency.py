@@ -130,3 +130,25 @@ def test_no_peak_is_lower_than_what_a_bounded_search_finds(seed, n):
         best = optimize.minimize_scalar(lambda w: -value(np.array([w]))[0], bounds=bounds, method="bounded")
         found = max(found, -best.fun)
     assert peak >= found * (1.0 - 1e-12)
+
+
+@given(seed=st.integers(0, 10**6), p=st.integers(1, 6), m=st.integers(1, 6))
+@examples(200)
+def test_singular_values_are_those_of_lapack_to_rounding_of_the_largest(seed, p, m):
+    rng = np.random.default_rng(seed)
+    G = (rng.normal(size=(p, m, 40)) + 1j * rng.normal(size=(p, m, 40))) * 10.0 ** rng.uniform(-6.0, 6.0, (p, 1, 40))
+    G[:, :, :10] *= 10.0 ** rng.uniform(-6.0, 6.0, (1, m, 10))
+    G[:, -1, 10:20] = (1.0 + 1e-9 * rng.normal(size=10)) * G[:, 0, 10:20]  # columns that hardly differ
+    G[-1, :, 20:25], G[:, 0, 25:30], G[:, :, 30] = 0.0, 0.0, 0.0
+    G[:, :, 31] = np.eye(p, m)  # values that meet
+    found, known = singular_values(G), np.linalg.svd(G.transpose(2, 0, 1), compute_uv=False).T
+    assert found.shape == known.shape
+    assert np.all(np.abs(found - known) <= 1e-14 * known[0])
+    assert np.all(np.diff(found, axis=0) <= 0.0)
+
+
+def test_two_by_two_the_smaller_keeps_its_digits_whatever_the_units_of_outputs():
+    G = np.array([[3.0 + 1.0j, 1.0], [2.0, 1.0 - 1.0j]])[:, :, None]
+    small = singular_values(G * np.array([1e9, 1.0])[:, None, None])[1, 0]
+    determinant, long = abs(G[0, 0, 0] * G[1, 1, 0] - G[0, 1, 0] * G[1, 0, 0]), np.sqrt(11.0)  # the first row's length
+    assert small == pytest.approx(determinant / long, rel=1e-12)
