@@ -48,13 +48,12 @@ def boom_peak(extent: Extent) -> Scene:
         error=lambda found: abs(float(found) / true() - 1.0),
         missing=missing(pyMOR="pymor", slycot="slycot"),
         remarks=(
-            "Ours are certified: no singular value at any frequency is larger, which is proved in the time shown. linfnorm"
-            " and pyMOR search by the eigenvalues of the Hamiltonian matrix too (slycot's ab13dd); a search on a grid proves"
-            " nothing.",
+            "Ours are certified: no singular value at any frequency is larger, which a sum over the modes proves in the time"
+            " shown. linfnorm and pyMOR search by the eigenvalues of the Hamiltonian matrix (slycot's ab13dd); a search on a"
+            " grid proves nothing.",
             "Where others are ahead, on systems of a few dozen states: ab13dd is compiled; ours takes some thousand Python"
             " calls for two halves, a search in the response of the structure itself, which keeps digits that a state space"
-            " loses, and a proof apart from it."
-            " Ours of a state space of 200 states sums residuals of its modes in extended precision.",
+            " loses, and a proof apart from it. Of 28 states eigenvalues and eigenvectors take a tenth of our time.",
             "'exact beam, refined' is ours without a proof: the exact response on a grid, and around its largest value.",
         ),
     )
