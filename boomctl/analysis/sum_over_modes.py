@@ -11,7 +11,7 @@ from scipy.linalg import blas, lapack
 from boomctl.arrays import Array
 from boomctl.lti.frequency import singular_values
 from boomctl.lti.modal import ModalSystem
-from boomctl.lti.rounding import CANCELLED, EPS
+from boomctl.lti.rounding import CANCELLED, EPS, TINY
 from boomctl.lti.system import Lti
 from boomctl.lti.verified_modal_form import INVERSE
 
@@ -41,13 +41,14 @@ def bounds(system: Lti, made: Lti, reads: Array, angles: Array, decay: Array) ->
     if not angles.all():
         return None
     inverse = left.conj().T / angles[:, None]
-    apart = (np.abs(inverse @ right - np.eye(n)) + lost * (reads @ size)).sum(axis=1)
+    off = np.abs(inverse @ right - np.eye(n)) + lost * (reads @ size)
+    apart = off.sum(axis=1)
     if apart.max() > INVERSE:
         return None
     residual = np.abs(system.A @ right - right * poles) + lost * (made.A @ size + size * np.abs(poles))
-    F, blur = reads @ residual, lost * (reads @ made.B)
-    acting = np.ones((n, m + 1))
-    acting[:, 1:] = np.abs(inverse @ system.B) + blur
+    acting, acts = np.ones((n, m + 1)), np.abs(inverse @ system.B)
+    F, blur = reads @ residual, lost * (reads @ made.B) + off @ acts
+    acting[:, 1:] = acts + blur
     for each in (F, acting[:, 1:], blur):  # of the exact inverse: this one is off by as much
         each += _TWICE * apart[:, None] * each.max(axis=0, initial=0.0)
     F *= _TWICE
@@ -72,11 +73,12 @@ def stays_below(modes: ModalSystem, level: float, at: float) -> tuple[bool, Arra
     around ``m`` the sum is ``S(m) + x S'(m)``, whose norm is largest at one of the ends ``x = -h, h``, but for
     ``h^2 sum_k |R_k|/d_k^3``, with ``d_k`` the distance of the pole ``k`` from the cell and ``R_k`` its residue.
     """
-    poles, terms, D = modes.poles[:, None], modes.terms, modes.D.reshape(-1, 1)
+    poles, terms, D = modes.poles[:, None], modes.terms / level, modes.D.reshape(-1, 1) / level
     decay, swing, rates = -modes.poles.real, modes.poles.imag, np.abs(modes.poles)
-    size = np.sqrt((terms.real**2 + terms.imag**2).sum(axis=1))
+    largest = np.maximum(np.abs(terms).max(axis=1, initial=0.0), TINY)  # its square may be no number
+    size = largest * np.sqrt((np.abs(terms / largest[:, None]) ** 2).sum(axis=1))
     slowest, fastest = 0.1 * rates.min(), 10.0 * rates.max()
-    if not (size / (fastest - rates)).sum() + blas.dnrm2(D.ravel()) <= level:  # above the fastest
+    if not (size / (fastest - rates)).sum() + blas.dnrm2(D.ravel()) <= 1.0:  # above the fastest
         return False, np.zeros(0)
     upper = swing >= 0.0
     spread = slowest * (fastest / slowest) ** (np.arange(_SPREAD) / (_SPREAD - 1.0))
@@ -97,18 +99,18 @@ def stays_below(modes: ModalSystem, level: float, at: float) -> tuple[bool, Arra
         most = np.sqrt((both.real**2 + both.imag**2).sum(axis=1).max(axis=0)) + rest
         if not np.isfinite(most).all():
             return False, np.zeros(0)
-        open_ = (most > level).nonzero()[0]
+        open_ = (most > 1.0).nonzero()[0]
         if len(open_) and min(modes.D.shape) > 1:  # the root of the sum of all squares is more than the largest value
             ended = both[:, :, open_].transpose(1, 0, 2).reshape(*modes.D.shape, -1)
             most[open_] = singular_values(ended)[0].reshape(2, -1).max(axis=0) + rest[open_]
-            open_ = open_[most[open_] > level]
+            open_ = open_[most[open_] > 1.0]
         if not len(open_):
             return True, np.zeros(0)
         there = singular_values(S[:, open_].reshape(*modes.D.shape, -1))[0]
-        if there.max() >= level:
+        if there.max() >= 1.0:
             highest = open_[there.argmax()]
             return False, np.array([low[highest], m[highest], high[highest]])
-        parts = int(min(np.sqrt(((most[open_] - there) / (level - there)).max()) + 2.0, _SPLIT))
+        parts = int(min(np.sqrt(((most[open_] - there) / (1.0 - there)).max()) + 2.0, _SPLIT))
         ends = low[open_, None] + 2.0 * h[open_, None] * (np.arange(parts + 1) / parts)
         ends[:, -1] = high[open_]
         low, high = ends[:, :-1].ravel(), ends[:, 1:].ravel()
