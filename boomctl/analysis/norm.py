@@ -304,14 +304,17 @@ def stays_below_on_circle(system: Lti, level: float) -> bool:
     return _highest_at(partial(system.response, quiet=True), angle[off <= np.sqrt(noise) * size] / system.dt)[0] < level
 
 
-def _at_level(system: Lti, level: float) -> tuple[Array, Array, Array, float]:
+def _at_level(system: Lti, level: float, least: float = inf) -> tuple[Array, Array, Array, float]:
     """Return ``B``, ``C``, ``D`` with which the response at a level has the size one, and by how much states are larger.
 
-    They are so by a power of two, without rounding, that makes ``B`` and ``C`` alike: their squares are numbers.
+    Where ``B`` or ``C`` is smaller than ``least``, or larger than its inverse, they are so by a power of two, without
+    rounding, that makes both alike: their squares are numbers.
     """
     B, C = system.B / np.sqrt(level), system.C / np.sqrt(level)
     size_B, size_C = blas.dnrm2(B.ravel()), blas.dnrm2(C.ravel())
-    up = 2.0 ** round(0.5 * log2(size_C / size_B)) if size_B > 0.0 and size_C > 0.0 else 1.0
+    small, large = sorted([float(size_B), float(size_C)])
+    far = small > 0.0 and (small < least or large > 1.0 / least)
+    up = 2.0 ** round(0.5 * (log2(size_C) - log2(size_B))) if far else 1.0
     return up * B, C / up, system.D / level, up
 
 
@@ -404,7 +407,8 @@ def _solved(system: Lti, omega: float) -> tuple[Array, Array] | None:
 
 def hamiltonian_matrix(system: Lti, level: float) -> tuple[Array, Array]:
     """Return the balanced Hamiltonian matrix of a level, and the scales of its coordinates."""
-    A, n, (B, C, D, up) = system.A, len(system.A), _at_level(system, level)
+    # where squares are numbers states stay as they are: others hide levels of stiff structures in rounding (measured)
+    A, n, (B, C, D, up) = system.A, len(system.A), _at_level(system, level, _TINY)
     if D.any():
         fed = np.linalg.solve(np.eye(D.shape[1]) - D.T @ D, np.concatenate([D.T @ C, B.T], axis=1))
         A, C_, B_ = A + B @ fed[:, :n], C + D @ fed[:, :n], fed[:, n:]

@@ -10,7 +10,7 @@ from scipy import sparse
 import boomctl as bc
 from boomctl.analysis import hinf_norm
 from boomctl.analysis.model_norm import SplitModel
-from boomctl.analysis.norm import axis_eigenvalues
+from boomctl.analysis.norm import NO_CROSSING, axis_eigenvalues
 from boomctl.boom import spray_boom
 from boomctl.boom.model import ACTUATORS, TIPS
 from boomctl.boom.parameters import BoomParameters
@@ -45,6 +45,15 @@ def test_whatever_the_units_it_is_the_same(rate, gain):
     assert norm.certified
     assert norm.lower == pytest.approx(exact, rel=1e-10)
     assert norm.lower <= exact * (1.0 + 1e-14) <= norm.upper
+
+
+@pytest.mark.parametrize("order", [14, 20])
+def test_that_of_a_stiff_structure_is_told_by_eigenvalues(order):
+    """Of elements of such an order eigenvectors lose digits, and a proof of stored numbers takes too long."""
+    norm = hinf_norm(spray_boom(BoomParameters(), "high-order", 4, order=order))
+    assert norm.certified
+    assert norm.lower == pytest.approx(2469.1458521, rel=1e-6)
+    assert norm.method == NO_CROSSING
 
 
 @given(st.integers(0, 10_000))
