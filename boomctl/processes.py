@@ -154,11 +154,11 @@ class Processes(ThreadPoolExecutor):
     def _started(self) -> _Process:
         ours, theirs = self._context.Pipe()
         process = self._context.Process(target=_serve, args=(theirs,))  # type: ignore[attr-defined]
+        started = _Process(process, ours)
         with _quiet_start():
             process.start()
+            self._all.add(started)  # before an interrupt is heard, which ends it, too
         theirs.close()
-        started = _Process(process, ours)
-        self._all.add(started)
         return started
 
 
@@ -169,13 +169,17 @@ def _quiet_start() -> Iterator[None]:
     One that comes meanwhile is for this process, which hears it afterwards.
     """
     added = [name for name in _BLAS if name not in os.environ]
-    os.environ.update(dict.fromkeys(added, "1"))
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT}) if _MASKS else set()
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, ()) if _MASKS else set()
     try:
+        os.environ.update(dict.fromkeys(added, "1"))
+        if _MASKS:
+            signal.pthread_sigmask(
+                signal.SIG_BLOCK, {signal.SIGINT}
+            )  # one that came just now may be raised here, blocked
         yield
     finally:
         for name in added:
-            del os.environ[name]
+            os.environ.pop(name, None)  # another thread's start may have ended before
         if _MASKS:
             signal.pthread_sigmask(signal.SIG_SETMASK, before)
 

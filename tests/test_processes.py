@@ -7,6 +7,7 @@ import threading
 import time
 from concurrent.futures import BrokenExecutor
 from concurrent.futures.process import BrokenProcessPool
+from multiprocessing import get_context
 from pathlib import Path
 
 import pytest
@@ -140,6 +141,52 @@ def test_an_interrupt_that_comes_while_they_start_is_heard_afterwards():
     finally:
         signal.signal(signal.SIGINT, before)
     assert started
+
+
+@pytest.mark.skipif(not hasattr(signal, "pthread_sigmask"), reason="signals of POSIX")
+@pytest.mark.parametrize("method", METHODS)
+def test_and_ends_those_that_have_started(monkeypatch, method):
+    """This process waits for them at its end: it did so for ever."""
+    process = get_context(method).Process
+    start, started = process.start, []
+
+    def interrupted(self):
+        start(self)
+        started.append(self)
+        if len(started) == 2:
+            signal.raise_signal(signal.SIGINT)
+
+    monkeypatch.setattr(process, "start", interrupted)
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            Processes(3, method)
+        for each in started:
+            each.join(20.0)
+        assert len(started) == 2
+        assert not any(each.is_alive() for each in started)
+    finally:
+        signal.signal(signal.SIGINT, before)
+        for each in started:
+            each.kill()
+
+
+@pytest.mark.skipif(not hasattr(signal, "pthread_sigmask"), reason="signals of POSIX")
+def test_interrupts_are_heard_again_where_one_is_raised_as_they_are_masked(monkeypatch):
+    mask, environment = signal.pthread_sigmask, dict(os.environ)
+    before = mask(signal.SIG_BLOCK, ())
+
+    def raising(how, signals):
+        found = mask(how, signals)
+        if signal.SIGINT in signals:
+            raise KeyboardInterrupt
+        return found
+
+    monkeypatch.setattr(signal, "pthread_sigmask", raising)
+    with pytest.raises(KeyboardInterrupt), _quiet_start():
+        pass
+    assert mask(signal.SIG_SETMASK, before) == before
+    assert dict(os.environ) == environment
 
 
 def test_a_machine_has_cores():
