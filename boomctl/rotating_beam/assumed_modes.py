@@ -32,7 +32,7 @@ from boomctl.symbolic import Places, lifted, symbols
 if TYPE_CHECKING:
     import casadi
 
-    from boomctl.rotating_beam.modal.forced import ForcedModes
+    from boomctl.lti.machine_modes import MachineModes
     from boomctl.rotating_beam.sensors import BeamSensor
     from boomctl.structure.families import PolynomialFamily
     from boomctl.structure.model import SecondOrderModel
@@ -292,7 +292,7 @@ class AssumedModesBeam(HubBeam):
         places, constants = lifted(given)
         return _equations(self.model, names, places), constants
 
-    def _forced_modes(self, sensors: Sequence[object]) -> ForcedModes:
+    def _forced_modes(self, sensors: Sequence[object]) -> MachineModes:
         from boomctl.rotating_beam.modal import forced  # which only a loop needs
 
         p, equations = self.parameters, self.equations
@@ -303,7 +303,7 @@ class AssumedModesBeam(HubBeam):
         modes = forced.rest_modes(small.mass, small.damping, small.stiffness)
         return forced.forced_modes(modes, law, places, p, self.state_names, sensors)
 
-    def _varied_modes(self, sensors: Sequence[object]) -> ForcedModes:
+    def _varied_modes(self, sensors: Sequence[object]) -> MachineModes:
         """As `_forced_modes`, with tip mass [kg], what multiplies the stiffness, and damping (if any) among the inputs."""
         import casadi as ca
 

@@ -50,8 +50,8 @@ from boomctl.units import warn_of_units
 if TYPE_CHECKING:
     import control
 
+    from boomctl.lti.machine_modes import MachineModes
     from boomctl.lti.system import Lti
-    from boomctl.rotating_beam.modal.forced import ForcedModes
     from boomctl.rotating_beam.sensors import BeamSensor
     from boomctl.structure.response.mode_shapes import ModeShapes
 
@@ -732,7 +732,7 @@ class HubBeam(ABC):
         """Small motion about steady rotation at a hub speed [rad/s]."""
 
     @abstractmethod
-    def _forced_modes(self, sensors: Sequence[object]) -> ForcedModes:
+    def _forced_modes(self, sensors: Sequence[object]) -> MachineModes:
         """Equations under forces on hub and tip, in modes at rest, with sensors among the outputs."""
 
     @abstractmethod

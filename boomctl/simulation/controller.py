@@ -11,11 +11,11 @@ from boomctl.arrays import Array, blocks
 from boomctl.checks import exactly, known, up_to
 from boomctl.lti.controllers.scheduled import ScheduledController
 from boomctl.lti.controllers.time_varying import TimeVaryingController
+from boomctl.lti.machine_modes import MachineModes
 from boomctl.lti.sampled import same_time
 from boomctl.lti.system import Lti, controller_of, of
 from boomctl.simulation.conditioning import bounded_correction, correction
 from boomctl.simulation.conditioning import conditioning_gain as conditioning_gain
-from boomctl.simulation.machine.machine import MachineModes
 from boomctl.simulation.plant import ModalPlant
 
 if TYPE_CHECKING:

@@ -25,6 +25,7 @@ from numpy.typing import ArrayLike
 
 from boomctl.arrays import Array
 from boomctl.checks import exactly, finite_array, nonnegative, positive, sequence, truth
+from boomctl.lti.machine_modes import MachineModes
 from boomctl.progress import computing
 from boomctl.simulation.blocks import LONGEST_QUEUE, in_blocks, run_fast, run_if_no_stop_is_met
 from boomctl.simulation.contact.contacts import StrokeLimit, contacts_of, stop_places
@@ -32,7 +33,7 @@ from boomctl.simulation.contact.friction import CoulombFriction, friction_law
 from boomctl.simulation.contact.stepping import ContactLog, run_contact
 from boomctl.simulation.contact.stops import merged_hits
 from boomctl.simulation.controller import corrected, sampled_controller
-from boomctl.simulation.machine.machine import Machine, MachineModes, reading_states
+from boomctl.simulation.machine.machine import Machine, reading_states
 from boomctl.simulation.plant import ModalPlant, modal_plant
 from boomctl.simulation.result import FrictionReport, LoopResult
 from boomctl.simulation.signals import disturbance_rows, per_signal, sampled_noise, sampled_signals, time_grid

@@ -33,8 +33,9 @@ from boomctl.rotating_beam.result import Details, Motion
 if TYPE_CHECKING:
     import casadi
 
+    from boomctl.lti.machine_modes import MachineModes
     from boomctl.rotating_beam.modal.energy import Lagrangian
-    from boomctl.rotating_beam.modal.forced import ForcedModes, Place, Places
+    from boomctl.rotating_beam.modal.forced import Place, Places
 
 _FIRST_STEP = 0.25  # of the second bending period: the coarsest step of a run, a choice
 _FIRST_STEP_ALONE = 0.0625  # of the first bending period, where there is no second one, which is about 6 times as fast
@@ -219,7 +220,7 @@ class GeometricallyExactBeam(HubBeam):
 
         return place
 
-    def _forced_modes(self, sensors: Sequence[object]) -> ForcedModes:
+    def _forced_modes(self, sensors: Sequence[object]) -> MachineModes:
         from boomctl.rotating_beam.modal import forced  # which only a loop needs
 
         p, places = self.parameters, self._places()

@@ -6,13 +6,14 @@ vibration at rest leaves out stands on the right.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 
 from boomctl.arrays import Array, blocks
+from boomctl.lti.machine_modes import MachineModes
 from boomctl.rotating_beam.modal.energy import Lagrangian, accelerations
 from boomctl.rotating_beam.modal.first_order import FirstOrderEquations
 from boomctl.rotating_beam.modal.shapes import axial_modes, transverse_modes
@@ -25,46 +26,6 @@ if TYPE_CHECKING:
     from boomctl.lti.system import Lti
 
 _ZERO = 1e-14  # entry of a constant matrix, over its largest, that is a rounded zero
-
-
-@dataclass(frozen=True, eq=False)
-class ForcedModes:
-    """Equations ``z'' + Omega^2 z = r(z, z', u)`` and what is measured.
-
-    Attributes
-    ----------
-    inputs, outputs, states : tuple of str
-        Names; the states are those of ``to_nlsys()``.
-    omega : ndarray, m
-        Frequencies, rad/s; the first, of the rigid rotation, is 0.
-    decay : float
-        Largest rate at which damping, which is in r, takes a rate away, 1/s.
-    push : ndarray, m x inputs
-        What each input does to each mode at rest.
-    to_state, from_state : ndarray, 2 m x 2 m
-        State from modal coordinates and rates, and back.
-    rest : casadi.Function
-        ``(z and z', u) -> r``.
-    read : casadi.Function
-        ``(z and z', u) -> outputs, margin``; the mass matrix is positive definite where the margin is above zero.
-    judged : casadi.Function
-        ``(z and z') -> (radius of the free end times hub angle, its displacement)`` [m], by which an error is judged.
-    units : mapping from signal to str
-        Of inputs, outputs and sensors.
-    """
-
-    inputs: tuple[str, ...]
-    outputs: tuple[str, ...]
-    states: tuple[str, ...]
-    omega: Array
-    decay: float
-    push: Array
-    to_state: Array
-    from_state: Array
-    rest: casadi.Function
-    read: casadi.Function
-    judged: casadi.Function
-    units: Mapping[str, str]
 
 
 class Place(NamedTuple):
@@ -192,7 +153,7 @@ def forced_modes(
     states: tuple[str, ...],
     sensors: Sequence[object],
     varied: Varied | None = None,
-) -> ForcedModes:
+) -> MachineModes:
     """Return a beam in its modes at rest.
 
     Parameters
@@ -253,7 +214,7 @@ def forced_modes(
     if varied is not None:
         names, given = varied.names, ca.vertcat(u, varied.symbols)
     on_tip = np.concatenate([[reach], row.ravel()])
-    return ForcedModes(
+    return MachineModes(
         inputs=(*LOOP_INPUTS, *names),
         outputs=(*LOOP_OUTPUTS, *(sensor.name for sensor in further)),
         states=states,
@@ -269,7 +230,7 @@ def forced_modes(
     )
 
 
-def linearised(modes: ForcedModes, state: Array) -> Lti:
+def linearised(modes: MachineModes, state: Array) -> Lti:
     """Return the linear model about a state of steady rotation, without forces."""
     import casadi as ca
 

@@ -2,80 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
-from boomctl.arrays import Array
-
-if TYPE_CHECKING:
-    import casadi
-
-
-class MachineModes(Protocol):
-    """``z'' + Omega^2 z = r(z, z', u)`` in m coordinates, as `boomctl.rotating_beam` offers it."""
-
-    @property
-    def inputs(self) -> tuple[str, ...]:
-        """Names of u."""
-        ...
-
-    @property
-    def outputs(self) -> tuple[str, ...]:
-        """Names of what is measured."""
-        ...
-
-    @property
-    def states(self) -> tuple[str, ...]:
-        """Names of the states."""
-        ...
-
-    @property
-    def units(self) -> Mapping[str, str]:
-        """Units of inputs and outputs, as far as they are known."""
-        ...
-
-    @property
-    def omega(self) -> Array:
-        """Frequencies, rad/s, m."""
-        ...
-
-    @property
-    def decay(self) -> float:
-        """Largest rate at which damping, which is in r, takes a rate away, 1/s."""
-        ...
-
-    @property
-    def push(self) -> Array:
-        """What each input does to each mode at rest, m x inputs."""
-        ...
-
-    @property
-    def to_state(self) -> Array:
-        """State from modal coordinates and rates, 2 m x 2 m."""
-        ...
-
-    @property
-    def from_state(self) -> Array:
-        """Modal coordinates and rates from the state, 2 m x 2 m."""
-        ...
-
-    @property
-    def rest(self) -> casadi.Function:
-        """``(z and z', u) -> r``."""
-        ...
-
-    @property
-    def read(self) -> casadi.Function:
-        """``(z and z', u) -> outputs, margin``; beyond the model's range the margin is not above zero."""
-        ...
-
-    @property
-    def judged(self) -> casadi.Function:
-        """``(z and z') -> displacements`` [m], by which the error is judged."""
-        ...
+from boomctl.lti.machine_modes import MachineModes
 
 
 @runtime_checkable
@@ -98,8 +31,7 @@ def reading_states(machine: MachineModes, wanted: Sequence[str]) -> MachineModes
     outputs, margin = machine.read.call([z, u])
     rows = machine.to_state[[machine.states.index(name) for name in more]]
     read = ca.Function("read", [z, u], [ca.vertcat(outputs, ca.mtimes(ca.sparsify(ca.DM(rows)), z)), margin])
-    whole: Any = machine  # a dataclass, whatever machine it is
-    return replace(whole, outputs=(*machine.outputs, *more), read=read)
+    return replace(machine, outputs=(*machine.outputs, *more), read=read)
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,9 +81,8 @@ def rubbing(modes: MachineModes, friction: Any, creep: float) -> MachineModes:
     speed = modes.outputs.index("hub_speed")
     hub_speed = modes.read(z, u)[0][speed]
     acting[on_hub] -= torque * ca.tanh(hub_speed / creep)
-    record: Any = modes
     return replace(
-        record,
+        modes,
         inputs=inputs,
         push=np.pad(modes.push, ((0, 0), (0, len(inputs) - modes.push.shape[1]))),
         rest=ca.Function("rest", [z, given], [modes.rest(z, acting)]),

@@ -19,7 +19,7 @@ from boomctl.simulation.machine.exponential_step import exponential_step
 from boomctl.simulation.machine.run import moved_by, steps_for
 
 if TYPE_CHECKING:
-    from boomctl.simulation.machine.machine import MachineModes
+    from boomctl.lti.machine_modes import MachineModes
 
 _SMALL = 1e-12  # largest planned value below which nothing is planned there: it keeps quotients finite
 

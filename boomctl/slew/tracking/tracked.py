@@ -12,13 +12,14 @@ from numpy.typing import ArrayLike
 from boomctl.arrays import Array
 from boomctl.checks import instance, mapping, nonnegative, positive, sequence, some_names, truth, whole, within
 from boomctl.lti.controllers.time_varying import TimeVaryingController
+from boomctl.lti.machine_modes import MachineModes
 from boomctl.lti.rounding import ALIKE
 from boomctl.printing import listed
 from boomctl.progress import computing
 from boomctl.simulation.controller import sampled_controller
 from boomctl.simulation.loop import simulate_loop
 from boomctl.simulation.machine.batch import Batch, run_batch
-from boomctl.simulation.machine.machine import Machine, MachineModes, RubbingMachine, reading_states, rubbing
+from boomctl.simulation.machine.machine import Machine, RubbingMachine, reading_states, rubbing
 from boomctl.simulation.machine.run import MachineLoop
 from boomctl.simulation.result import LoopResult
 from boomctl.simulation.signals import Levels, per_signal, sampled_noise, sampled_signals, time_grid
