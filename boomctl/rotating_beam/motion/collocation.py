@@ -18,6 +18,7 @@ from boomctl.lti.rounding import SOLVED
 from boomctl.progress import tell
 from boomctl.rotating_beam.modal.equations import Tangents
 from boomctl.rotating_beam.motion.problems import Problem
+from boomctl.rotating_beam.result import SimulationError
 
 WINDOW = 64  # steps solved at once: a choice; 8 take half as long again, 256 no less (measured, a torque on SFOAM)
 _ITERATIONS = 12  # of Newton's method: it takes one to three (measured), more only in a window that is too long
@@ -62,10 +63,6 @@ class Trajectory:
         moved = np.einsum("kj,kjn->kn", integrated_legendre(place, degree), coefficients)
         return self.q[step] + 0.5 * length[step, None] * moved, v
 
-    def end(self) -> tuple[Array, Array]:
-        """Coordinates and rates at the end of the last step."""
-        return self.q[-1], self.v[-1]
-
     def at_places(self, places: tuple[float, ...]) -> Array:
         """Coordinates at the same places of every step, given on [0, 1]; steps x places x n."""
         moved = integrated_legendre(2.0 * np.array(places) - 1.0, self.method.stages + 1)
@@ -98,14 +95,6 @@ class _Window:
     stages: Array
 
 
-class StepTooSmall(Exception):
-    """The equations could not be solved from an instant on, however small the step."""
-
-    def __init__(self, time: float) -> None:
-        super().__init__(f"no solution from t = {time:g} s on")
-        self.time = time
-
-
 def march(
     problem: Problem,
     method: CollocationMethod,
@@ -133,8 +122,8 @@ def march(
 
     Raises
     ------
-    StepTooSmall
-        If halving the step does not help.
+    SimulationError
+        If the equations have no solution from some instant on: halving the step does not help.
     """
     smallest = _SMALLEST_STEP * (edges[-1] - edges[0])
     pieces, ends, first, wanted = [], [edges[:1]], 0, WINDOW
@@ -151,13 +140,9 @@ def march(
         elif last - first > 1:
             wanted = max(1, (last - first) // 4)
         elif here[1] - here[0] < smallest:
-            raise StepTooSmall(float(here[0]))
+            raise SimulationError(problem.why(float(here[0])))
         else:
             edges = np.insert(edges, first + 1, 0.5 * (here[0] + here[1]))
-    return _join(method, ends, pieces)
-
-
-def _join(method: CollocationMethod, ends: list[Array], pieces: list[_Window]) -> Trajectory:
     q = np.concatenate([pieces[0].q[:1], *(piece.q[1:] for piece in pieces)])
     v = np.concatenate([pieces[0].v[:1], *(piece.v[1:] for piece in pieces)])
     return Trajectory(method, np.concatenate(ends), q, v, np.concatenate([piece.stages for piece in pieces]))

@@ -15,9 +15,9 @@ class Problem(ABC):
     """Second-order equations ``residual(t, q, v, a) = 0`` in n unknown coordinates."""
 
     @property
-    @abstractmethod
     def linear(self) -> bool:
-        """Whether the residual is affine in q, v and a."""
+        """Whether the residual is affine in q, v and a: not where the hub's speed is one of the unknowns."""
+        return False
 
     @abstractmethod
     def drive(self, t: Array) -> Array:
@@ -35,9 +35,9 @@ class Problem(ABC):
     def first_guess(self, t: Array, start: float, v: Array) -> Array:
         """Rates at m x s nodes to start Newton's method from, m x s x n."""
 
-    @abstractmethod
     def is_admissible(self, q: Array) -> bool:
-        """Whether the equations can be solved for the accelerations at all of k coordinates."""
+        """Whether the equations can be solved for the accelerations at all of k coordinates: the beam's own always can."""
+        return True
 
     @abstractmethod
     def why(self, time: float) -> str:
@@ -84,10 +84,6 @@ class PrescribedProblem(Problem):
         """No motion of the beam."""
         return np.zeros((*t.shape, v.size))
 
-    def is_admissible(self, q: Array) -> bool:
-        """Always: the beam's own mass matrix is positive definite."""
-        return True
-
     def why(self, time: float) -> str:
         return f"the deflection grows beyond all bounds from t = {time:.6g} s on: the model has lost its stiffness"
 
@@ -110,11 +106,6 @@ class TorqueDrivenProblem(Problem):
 
     equations: Equations
     manoeuvre: TorqueDriven
-
-    @property
-    def linear(self) -> bool:
-        """No: the hub's speed is one of the unknowns."""
-        return False
 
     def drive(self, t: Array) -> Array:
         return self.manoeuvre.torque(t)

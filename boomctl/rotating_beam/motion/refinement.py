@@ -13,6 +13,7 @@ from boomctl.gauss import gauss_method
 from boomctl.rotating_beam.modal.equations import Equations
 from boomctl.rotating_beam.motion.collocation import Trajectory, march
 from boomctl.rotating_beam.motion.problems import Problem
+from boomctl.rotating_beam.result import SimulationError
 
 STAGES = 8  # of the collocation, order 16: a choice; 4 and 6 take longer (measured, a torque on FOAM, 5 + 5 modes)
 
@@ -124,22 +125,6 @@ class Accuracy:
         return np.max(parts, axis=0)
 
 
-class NotConverged(Exception):
-    """The tolerance was not reached with the smallest step."""
-
-    def __init__(self, error: float) -> None:
-        super().__init__(f"the error stays at {error:g} m")
-        self.error = error
-
-
-class TooLong(Exception):
-    """A motion would take too many steps: how many, and up to when they would do [s]."""
-
-    def __init__(self, steps: float, until: float) -> None:
-        super().__init__(f"about {steps:.2g} steps")
-        self.steps, self.until = steps, until
-
-
 def refine(problem: Problem, edges: Array, start: tuple[Array, Array], accuracy: Accuracy) -> tuple[Trajectory, float]:
     """Solve on steps halved again and again until the watched displacements are as exact as asked for.
 
@@ -161,18 +146,18 @@ def refine(problem: Problem, edges: Array, start: tuple[Array, Array], accuracy:
 
     Raises
     ------
-    NotConverged
-        If the tolerance is not reached.
-    TooLong
-        If the beginning shows that the whole would take far too many steps.
-    StepTooSmall
-        If the equations have no solution from some instant on.
+    SimulationError
+        If the tolerance is not reached with the smallest step, the beginning shows that the whole would take far too many
+        steps, or the equations have no solution from some instant on.
     """
     if edges.size > _LONG:
         first = edges[: edges.size // _PILOT]
         needed = refine(problem, first, start, accuracy)[0].edges.size / first.size * edges.size
         if needed > _HOPELESS * _MOST_STEPS:
-            raise TooLong(needed, float(edges[-1]) * _MOST_STEPS / needed)
+            raise SimulationError(
+                f"the motion until t = {edges[-1]:g} s would take about {needed:.1e} steps; expected at most about "
+                f"{edges[-1] * _MOST_STEPS / needed:.2g} s, a larger rtol or atol, or a model without axial motion"
+            )
     method = gauss_method(STAGES)
     coarse = march(problem, method, edges, start, None, _FIRST_TOLERANCE)
     error = np.inf
@@ -185,7 +170,7 @@ def refine(problem: Problem, edges: Array, start: tuple[Array, Array], accuracy:
         if all(each <= bound for each, bound in zip(errors, allowed, strict=True)):
             return fine, error
         coarse = fine
-    raise NotConverged(error)
+    raise SimulationError(f"the tip displacement's error stays at {error:.1e} m: raise rtol or atol")
 
 
 def _split(edges: Array, rough: Array) -> Array:

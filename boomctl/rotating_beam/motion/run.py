@@ -10,12 +10,11 @@ import numpy as np
 from boomctl.arrays import Array
 from boomctl.rotating_beam.manoeuvres import HubProfile, Manoeuvre, PrescribedMotion, Torque
 from boomctl.rotating_beam.modal.equations import Equations
-from boomctl.rotating_beam.motion.collocation import StepTooSmall, Trajectory
 from boomctl.rotating_beam.motion.free_hub import FreeScene, free_motions
 from boomctl.rotating_beam.motion.free_trajectory import FreeTrajectory
 from boomctl.rotating_beam.motion.modal_collocation import ModalTrajectory, modal_refine
 from boomctl.rotating_beam.motion.problems import PrescribedProblem, Problem, TorqueDrivenProblem
-from boomctl.rotating_beam.motion.refinement import Accuracy, NotConverged, TooLong, first_steps, refine, resolving
+from boomctl.rotating_beam.motion.refinement import Accuracy, first_steps, refine, resolving
 from boomctl.rotating_beam.motion.steady_rotation import steady_motion, vibration_amplitudes
 from boomctl.rotating_beam.result import Motion, SimulationError, kept_states, named_failure, small_deformation_until
 
@@ -268,7 +267,7 @@ def _collocated(scene: Scene) -> Motion:
         rows[0, 1:], rows[1, 1:], rows[2, 0] = tip.transverse, tip.axial, scene.radius
         accuracy = Accuracy(scene.rtol, scene.atol, (rows[:2], rows[2:]))
         problem = TorqueDrivenProblem(scene.equations, manoeuvre)
-        trajectory, error = _collocate(problem, scene, scene.start, scene.end, accuracy)
+        trajectory, error = refine(problem, _first_steps(scene, problem, scene.end, graded=True), scene.start, accuracy)
         y, rate = trajectory(scene.watched)
         return _sampled(scene, y, rate, error, trajectory.edges.size - 1, ("collocation",))
 
@@ -278,33 +277,15 @@ def _collocated(scene: Scene) -> Motion:
         accuracy = replace(accuracy, modal=vibration_amplitudes(terms, float(manoeuvre.speed(end)), tip.transverse))
     beam = scene.start[0][1:], scene.start[1][1:]
     problem = PrescribedProblem(scene.equations, manoeuvre)
-    trajectory, error = _collocate(problem, scene, beam, end, accuracy)
+    trajectory, error = refine(problem, _first_steps(scene, problem, end, graded=True), beam, accuracy)
     path = ("collocation",)
     late = int(np.searchsorted(scene.watched, end, side="right"))
     q, v = trajectory(scene.watched[:late])
     if late < scene.watched.size:
-        q_late, v_late, name = _steady_from(scene, end, trajectory.end(), scene.watched[late:])
+        last = trajectory.q[-1], trajectory.v[-1]
+        q_late, v_late, name = _steady_from(scene, end, last, scene.watched[late:])
         q, v, path = np.concatenate([q, q_late]), np.concatenate([v, v_late]), (*path, name)
     return _sampled(scene, *_with_hub(scene, q, v), error, trajectory.edges.size - 1, path)
-
-
-def _collocate(
-    problem: Problem, scene: Scene, start: tuple[Array, Array], end: float, accuracy: Accuracy
-) -> tuple[Trajectory, float]:
-    """Motion up to `end` and its estimated error, or what its failure means."""
-    try:
-        return refine(problem, _first_steps(scene, problem, end, graded=True), start, accuracy)
-    except StepTooSmall as failure:
-        raise SimulationError(problem.why(failure.time)) from None
-    except TooLong as failure:
-        raise SimulationError(
-            f"the motion until t = {end:g} s would take about {failure.steps:.1e} steps; expected at most about "
-            f"{failure.until:.2g} s, a larger rtol or atol, or a model without axial motion"
-        ) from None
-    except NotConverged as failure:
-        raise SimulationError(
-            f"the tip displacement's error stays at {failure.error:.1e} m: raise rtol or atol"
-        ) from None
 
 
 def _refuse_long(scene: Scene, end: float) -> None:
