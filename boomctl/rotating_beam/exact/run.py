@@ -98,7 +98,10 @@ def run_with_step(
     counts = [_steps(start, stop, step, timepts, least) for start, stop in pairwise(bounds)]
     if sum(counts) > _MOST_STEPS:
         raise _TooMany(f"steps of {step:.2g} s: too many")
-    trajectories = _run(dynamics, manoeuvre, bounds, counts, state)
+    trajectories: list[Trajectory] = []
+    for (start, stop), count in zip(pairwise(bounds), counts, strict=True):
+        trajectories.append(march(dynamics, manoeuvre, np.linspace(start, stop, count + 1), state))
+        state = trajectories[-1].q[-1], trajectories[-1].v[-1]
     probes = np.union1d(timepts, np.linspace(0.0, end, _PROBES))
     q, v = _at(trajectories, probes)
     arm = q[:, 0] * float(np.sum(dynamics.basis.tip_row))
@@ -206,20 +209,6 @@ def _steps(start: float, stop: float, step: float, timepts: Array, least: int) -
     # fraction of a step within which an instant is the end of a step
     uniform = np.ptp(gaps) <= ALIKE * gaps[0] and gaps.size <= count
     return -(-count // gaps.size) * gaps.size if uniform else count
-
-
-def _run(
-    dynamics: ExactBeamDynamics,
-    manoeuvre: Manoeuvre,
-    bounds: Array,
-    counts: list[int],
-    state: tuple[Array, Array],
-) -> list[Trajectory]:
-    trajectories = []
-    for (start, end), count in zip(pairwise(bounds), counts, strict=True):
-        trajectories.append(march(dynamics, manoeuvre, np.linspace(start, end, count + 1), state))
-        state = trajectories[-1].q[-1], trajectories[-1].v[-1]
-    return trajectories
 
 
 def _at(trajectories: list[Trajectory], timepts: Array) -> tuple[Array, Array]:

@@ -226,12 +226,15 @@ def _begin(form: FreeHubForm, scene: FreeScene, share: float, steps: int) -> _Pr
 
 
 def _march(form: FreeHubForm, runs: list[_Progress]) -> list[_Progress]:
+    """Take each scene through its windows, one after the other; one that was too long is shortened."""
     while True:
         active = [i for i, run in enumerate(runs) if not run.done]
         if not active:
             return runs
-        for i, run in zip(active, _advance(form, [runs[i] for i in active]), strict=True):
-            runs[i] = run
+        lengths = [runs[i].window() for i in active]
+        tried = _tried(form, [runs[i] for i in active], np.array(lengths))
+        for i, length, window in zip(active, lengths, tried, strict=True):
+            runs[i] = _after(runs[i], length, window)
 
 
 @dataclass(frozen=True, eq=False)
@@ -274,8 +277,6 @@ class _Tried:
 
     Attributes
     ----------
-    length : float
-        s.
     sweeps : int
     peaks, errors, unseen : ndarray, 2
         As in `_Progress`.
@@ -292,7 +293,6 @@ class _Tried:
     piece : Piece
     """
 
-    length: float
     sweeps: int
     peaks: Array
     errors: Array
@@ -304,13 +304,6 @@ class _Tried:
     needed: float
     states: Array
     piece: Piece
-
-
-def _advance(form: FreeHubForm, runs: Sequence[_Progress]) -> list[_Progress]:
-    """Take each scene through its next window, or shorten that."""
-    lengths = [run.window() for run in runs]
-    tried = _tried(form, runs, np.array(lengths))
-    return [_after(run, length, window) for run, length, window in zip(runs, lengths, tried, strict=True)]
 
 
 def _after(run: _Progress, length: float, tried: _Tried | None) -> _Progress:
@@ -373,7 +366,7 @@ def _tried(form: FreeHubForm, runs: Sequence[_Progress], lengths: Array) -> list
     torque = _torque(runs, begin, h, high)
     moved = flow(modes.oscillators, h, steps, high)
     window = Window(modes, moved, starts[1], torque, rows, speed)
-    fine = settle(window, coarse.force @ _between(low, high).T)
+    fine = settle(window, coarse.force @ _places(low, tuple(gauss_method(high).nodes)).T)
     peaks = _peaks(weights, modes, fine.z)
     errors, added, turning = _errors(weights, coarse, fine, window)
     hidden = _overlooked(weights, runs, begin, window)
@@ -382,7 +375,6 @@ def _tried(form: FreeHubForm, runs: Sequence[_Progress], lengths: Array) -> list
     ends[..., 1:] = ends[..., 1:] @ modes.shapes.swapaxes(1, 2)[:, None]
     return [
         _Tried(
-            length=float(lengths[i]),
             sweeps=int(coarse.sweeps[i]),
             peaks=peaks[i],
             errors=errors[i],
@@ -429,11 +421,6 @@ def _overlooked(weights: _Weights, runs: Sequence[_Progress], begin: Array, wind
             apart[apart <= _ROUNDING * np.abs(values).max()] = 0.0
             found[i] = h[i] * apart.sum() * np.array([to_tip[i], to_hub[i]])
     return found
-
-
-def _between(low: int, high: int) -> Array:
-    """From values at the nodes of one order to those at the other's, of the same polynomial."""
-    return _places(low, tuple(gauss_method(high).nodes))
 
 
 @lru_cache(maxsize=4)
