@@ -299,9 +299,7 @@ class AssumedModesBeam(HubBeam):
         places = forced.shape_places(p, self.modes, axial=self.has_axial_modes, shortening=self.model != "tlam")
         closed = isinstance(equations, FirstOrderEquations)
         law = forced.first_order_law(equations) if closed else forced.lagrangian_law(self.lagrangian, places, p.length)
-        small = self._small_motion(0.0)
-        modes = forced.rest_modes(small.mass, small.damping, small.stiffness)
-        return forced.forced_modes(modes, law, places, p, self.state_names, sensors)
+        return forced.forced_modes(self._small_motion(0.0), law, places, p, self.state_names, sensors)
 
     def _varied_modes(self, sensors: Sequence[object]) -> MachineModes:
         """As `_forced_modes`, with tip mass [kg], what multiplies the stiffness, and damping (if any) among the inputs."""
@@ -334,10 +332,8 @@ class AssumedModesBeam(HubBeam):
         )
         places = forced.shape_places(p, self.modes, axial=axial, shortening=self.model != "tlam")
         law = forced.lagrangian_law(varied, places, p.length)
-        small = self._small_motion(0.0)
-        modes = forced.rest_modes(small.mass, small.damping, small.stiffness)
         inputs = forced.Varied(names, symbols, stiffness)
-        return forced.forced_modes(modes, law, places, p, self.state_names, sensors, inputs)
+        return forced.forced_modes(self._small_motion(0.0), law, places, p, self.state_names, sensors, inputs)
 
     def _variation(self, tip_mass: float, stiffness: float) -> Array:
         """Return the values of those inputs for another tip mass [kg], and a stiffness multiplied by a factor."""

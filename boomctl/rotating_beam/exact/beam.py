@@ -225,9 +225,7 @@ class GeometricallyExactBeam(HubBeam):
 
         p, places = self.parameters, self._places()
         law = forced.lagrangian_law(self._lagrangian(), places, p.length)
-        small = self._small_motion(0.0)
-        modes = forced.rest_modes(small.mass, small.damping, small.stiffness)
-        return forced.forced_modes(modes, law, places, p, self.state_names, sensors)
+        return forced.forced_modes(self._small_motion(0.0), law, places, p, self.state_names, sensors)
 
     def _state_derivative(self, x: Array, torque: float) -> Array:
         y, rate = x[: self._size], x[self._size :]

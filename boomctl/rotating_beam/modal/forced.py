@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -75,14 +75,9 @@ class Moved(NamedTuple):
     margin: casadi.SX
 
 
-class Law(Protocol):
-    """Equations of motion in modal coordinates."""
-
-    def __call__(
-        self, modes: RestModes, z: casadi.SX, rate: casadi.SX, torque: casadi.SX, force: casadi.SX, tip: Place
-    ) -> Moved:
-        """Accelerations under a torque [N m] and a force [N] across the beam at its free end."""
-        ...
+Law = Callable[["RestModes", "casadi.SX", "casadi.SX", "casadi.SX", "casadi.SX", Place], Moved]
+"""From modes at rest, modal coordinates and rates, a torque [N m] and a force [N] across the free end, and that end to the
+accelerations."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,7 +141,7 @@ class Varied(NamedTuple):
 
 
 def forced_modes(
-    modes: RestModes,
+    small: tuple[Array, Array, Array, Array],
     law: Law,
     places: Places,
     parameters: HubBeamParameters,
@@ -158,7 +153,8 @@ def forced_modes(
 
     Parameters
     ----------
-    modes : RestModes
+    small : tuple of ndarray
+        Mass, damping, stiffness of small motion about rest, as a beam's ``_small_motion(0.0)`` returns them.
     law : Law
     places : Places
     parameters : HubBeamParameters
@@ -171,6 +167,7 @@ def forced_modes(
     """
     import casadi as ca
 
+    modes = rest_modes(*small[:3])
     p, size, further = parameters, modes.lean.size + 1, checked_sensors(sensors, parameters.length)
     state, u = ca.SX.sym("z", 2 * size), ca.SX.sym("u", len(LOOP_INPUTS))
     z, rate = state[:size], state[size:]
