@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from boomctl.arrays import Array
 from boomctl.boom.model import ACTUATORS, boom_assembly, boom_mirror
 from boomctl.boom.parameters import BoomParameters
-from boomctl.checks import frequencies, known, some_names, truth, whole
+from boomctl.checks import frequencies, instance, known, some_names, truth, whole
 from boomctl.structure.beams.eigenvalues import damped_eigenvalues, undamped_frequencies
 from boomctl.structure.beams.elements import FiniteElements
 from boomctl.structure.beams.exact import ExactModel, PreparedResponse
@@ -99,8 +99,7 @@ def exact_frequency_response(
     >>> abs(response.complex).round(3)
     array([6.492, 0.247])
     """
-    if not isinstance(parameters, BoomParameters):
-        raise TypeError(f"parameters: expected BoomParameters, got {type(parameters).__name__}")
+    instance("parameters", parameters, BoomParameters)
     grid = frequencies("omega", omega)
     known("excitation", excitation, (*MOTIONS, "force"))
     ports = _exact_boom(parameters).ports
@@ -154,8 +153,7 @@ def exact_eigenfrequencies_hz(parameters: BoomParameters, count: int = 5, damped
     >>> bc.exact_eigenfrequencies_hz(bc.BoomParameters(), 3).round(3)
     array([0.244, 0.586, 0.933])
     """
-    if not isinstance(parameters, BoomParameters):
-        raise TypeError(f"parameters: expected BoomParameters, got {type(parameters).__name__}")
+    instance("parameters", parameters, BoomParameters)
     wanted = whole("count", count, most=_MOST)
     model = exact_boom(parameters)
     if not truth("damped", damped):

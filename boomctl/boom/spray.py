@@ -22,7 +22,7 @@ from boomctl.arrays import Array
 from boomctl.boom.motion import uneven
 from boomctl.boom.parameters import BoomParameters
 from boomctl.boom.tracks import SPEEDS
-from boomctl.checks import exactly, finite_array, known, nonnegative, positive, within
+from boomctl.checks import exactly, finite_array, instance, known, nonnegative, positive, within
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -307,9 +307,7 @@ def spray_deposit(
     V = within("speed", speed, *SPEEDS, "m/s")
     at = x if nozzles is None else _nozzles(nozzles, x)
     spacing = _spacing(at)
-    pattern = Footprint(2.0 * spacing) if footprint is None else footprint
-    if not isinstance(pattern, Footprint):
-        raise TypeError(f"footprint: expected Footprint, got {type(pattern).__name__}")
+    pattern = Footprint(2.0 * spacing) if footprint is None else instance("footprint", footprint, Footprint)
     dx, dy = _cell(cell)
     offset, driven = _between(x, moved, at), V * (t - t[0])
     path, half = offset + driven, 0.5 * pattern.thickness

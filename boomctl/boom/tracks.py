@@ -95,8 +95,7 @@ class Track:
     def __post_init__(self) -> None:
         for name in ("step", "width"):
             positive(name, getattr(self, name))
-        if not isinstance(self.periodic, (bool, np.bool_)):
-            raise TypeError(f"periodic = {self.periodic!r}: expected True or False, got {type(self.periodic).__name__}")
+        truth("periodic", self.periodic)
         for side in ("left", "right"):
             object.__setattr__(self, side, finite_array(side, getattr(self, side), ndim=1))
         if len(self.left) != len(self.right) or len(self.left) < 2:

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from boomctl.arrays import Array
-from boomctl.checks import exactly, plain_array, positive, shown, up_to
+from boomctl.checks import exactly, instance, plain_array, positive, shown, up_to
 from boomctl.printing import count
 from boomctl.progress import computing, tell
 from boomctl.rotating_beam.beam import HubBeam, in_model
@@ -77,8 +77,7 @@ def chosen_beam(
         raise ValueError("accuracy = None: expected a number; accuracy and manoeuvre go together")
     if manoeuvre is None:
         raise ValueError("manoeuvre = None: expected one as spin_up, sine_torque, ... return it; it goes with accuracy")
-    if not isinstance(manoeuvre, PrescribedMotion | TorqueDriven):
-        raise TypeError(f"manoeuvre = {shown(manoeuvre)}: expected one as spin_up, sine_torque, ... return it")
+    instance("manoeuvre", manoeuvre, (PrescribedMotion, TorqueDriven), "one as spin_up, sine_torque, ... return it")
     wanted = positive("accuracy", accuracy)
     if not ACCURACIES[0] <= wanted <= ACCURACIES[1]:
         raise ValueError(f"accuracy = {exactly(wanted)}: expected {ACCURACIES[0]:g} to {ACCURACIES[1]:g}")

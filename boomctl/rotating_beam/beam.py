@@ -19,7 +19,7 @@ from boomctl.arrays import Array, blocks
 from boomctl.checks import (
     exactly,
     finite_array,
-    plain_array,
+    instance,
     positive,
     sequence,
     shown,
@@ -125,8 +125,7 @@ class HubBeam(ABC):
     chosen: ModelChoice | None
 
     def __post_init__(self) -> None:
-        if not isinstance(self.parameters, HubBeamParameters):
-            raise TypeError(f"parameters = {self.parameters!r}: expected HubBeamParameters")
+        instance("parameters", self.parameters, HubBeamParameters)
         modes = whole("modes", self.modes)
         if modes > self.most_modes:
             raise ValueError(f"modes = {modes}: expected 1 to {self.most_modes} for model {self.model!r}")
@@ -671,10 +670,7 @@ class HubBeam(ABC):
 
     def _start(self, manoeuvre: Manoeuvre, initial: ArrayLike | None) -> tuple[Array, Array]:
         """Coordinates and rates at t = 0, the hub's as the manoeuvre has them."""
-        if not isinstance(manoeuvre, PrescribedMotion | TorqueDriven):
-            raise TypeError(
-                f"manoeuvre = {shown(manoeuvre)}: expected one as spin_up, sine_torque, hold, ... return it"
-            )
+        instance("manoeuvre", manoeuvre, (PrescribedMotion, TorqueDriven), "one as spin_up, hold, ... return it")
         size = self._size
         state = np.zeros(2 * size) if initial is None else _initial_state(initial, 2 * size)
         if isinstance(manoeuvre, PrescribedMotion):
@@ -785,14 +781,9 @@ def in_model(parameters: HubBeamParameters, model: str, modes: int) -> HubBeam:
 
 def _instants(value: ArrayLike) -> Array:
     """Return the instants at which a simulation is wanted: one-dimensional, finite, strictly ascending, from 0 on."""
-    array = plain_array("timepts", value)
-    if array.dtype.kind not in "iuf":
-        raise TypeError(f"timepts: expected a sequence of real numbers [s], got an array of {array.dtype}")
-    timepts = array.astype(float)
-    if timepts.ndim != 1 or timepts.size == 0:
-        raise ValueError(f"timepts of shape {timepts.shape}: expected one dimension and at least one instant")
-    if not np.isfinite(timepts).all():
-        raise ValueError("timepts: expected finite instants")
+    timepts = finite_array("timepts", value, ndim=1)
+    if not timepts.size:
+        raise ValueError("timepts: expected at least one instant [s], got none")
     if timepts[0] < 0.0:
         raise ValueError(f"timepts[0] = {timepts[0]!r}: expected instants >= 0; a manoeuvre starts at 0")
     if (timepts[1:] <= timepts[:-1]).any():
@@ -822,14 +813,9 @@ def _checked(manoeuvre: Manoeuvre, end: float) -> Manoeuvre:
 
 def _initial_state(value: ArrayLike, size: int) -> Array:
     """Return an initial state of `size` finite numbers."""
-    array = plain_array("initial", value)
-    if array.dtype.kind not in "iuf":
-        raise TypeError(f"initial: expected {size} real numbers, got an array of {array.dtype}")
-    state = array.astype(float)
+    state = finite_array("initial", value)
     if state.shape != (size,):
         raise ValueError(f"initial of shape {state.shape}: expected ({size},), the states of to_nlsys() in their order")
-    if not np.all(np.isfinite(state)):
-        raise ValueError("initial: expected finite numbers")
     return state
 
 

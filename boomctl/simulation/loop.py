@@ -24,12 +24,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from boomctl.arrays import Array
-from boomctl.checks import exactly, finite_array, nonnegative, positive, sequence, truth
+from boomctl.checks import exactly, finite_array, instance, nonnegative, positive, sequence, truth
 from boomctl.lti.machine_modes import MachineModes
 from boomctl.progress import computing
 from boomctl.simulation.blocks import LONGEST_QUEUE, in_blocks, run_fast, run_if_no_stop_is_met
 from boomctl.simulation.contact.contacts import StrokeLimit, contacts_of, stop_places
-from boomctl.simulation.contact.friction import CoulombFriction, friction_law
+from boomctl.simulation.contact.friction import CoulombFriction
 from boomctl.simulation.contact.stepping import ContactLog, run_contact
 from boomctl.simulation.contact.stops import merged_hits
 from boomctl.simulation.controller import corrected, sampled_controller
@@ -164,7 +164,8 @@ def simulate_loop(
     """
     late = nonnegative("delay", delay)
     tolerance = positive("rtol", rtol), positive("atol", atol)
-    friction = None if friction is None else friction_law(friction)
+    if friction is not None:
+        instance("friction", friction, CoulombFriction)
     modal: ModalPlant | MachineModes
     if isinstance(plant, Machine):
         for name, value in (("friction", friction), ("stroke_limit", stroke_limit)):

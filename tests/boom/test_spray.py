@@ -333,7 +333,7 @@ def test_a_thick_footprint_on_fine_cells_is_done_in_portions(monkeypatch):
 @pytest.mark.parametrize(
     ("arguments", "error", "message"),
     [
-        ({"footprint": 0.5}, TypeError, "footprint: expected Footprint, got float"),
+        ({"footprint": 0.5}, TypeError, "footprint = .*: expected Footprint, got float"),
         ({"cell": (0.1,)}, ValueError, "cell = .0.1,.: expected one size, or that along the boom"),
         ({"cell": (1e-9, 0.1)}, ValueError, "too much for cells of 1e-09 by 0.1 m"),
         ({"footprint": bc.boom.Footprint(1.0, 1e9)}, ValueError, "too much for cells of 0.1 by 0.1 m"),

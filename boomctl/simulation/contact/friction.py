@@ -74,13 +74,6 @@ class CoulombFriction:
         return float(self.force if self.static_force is None else self.static_force)
 
 
-def friction_law(friction: object) -> CoulombFriction:
-    """Return a friction law; anything else is a TypeError."""
-    if not isinstance(friction, CoulombFriction):
-        raise TypeError(f"friction = {friction!r}: expected CoulombFriction, got {type(friction).__name__}")
-    return friction
-
-
 class Slip(NamedTuple):
     """Slip velocity, whether it is at rest, and the mean force that held it over the whole step before (or ``None``).
 

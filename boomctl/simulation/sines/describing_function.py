@@ -19,10 +19,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from boomctl.arrays import Array
-from boomctl.checks import frequencies, known, names, positive, some_names
+from boomctl.checks import frequencies, instance, known, names, positive, some_names
 from boomctl.lti.frequency import singular_values
 from boomctl.printing import between
-from boomctl.simulation.contact.friction import CoulombFriction, friction_law
+from boomctl.simulation.contact.friction import CoulombFriction
 from boomctl.structure.model import SecondOrderModel
 
 if TYPE_CHECKING:
@@ -169,7 +169,11 @@ def describing_function(
     [1.43]
     [1.487]
     """
-    grid, size, law = positive_grid(omega), positive("amplitude", amplitude), friction_law(friction)
+    grid, size, law = (
+        positive_grid(omega),
+        positive("amplitude", amplitude),
+        instance("friction", friction, CoulombFriction),
+    )
     excited, shape = sine_pattern(plant_inputs(plant), excitation)
     read = some_names("output", outputs, plant_outputs(plant))
     known("input of the friction", law.input, plant_inputs(plant))
@@ -226,8 +230,7 @@ def plant_inputs(plant: SecondOrderModel | control.StateSpace) -> tuple[str, ...
     """Return the names of a plant's inputs; another kind of plant is an error."""
     from boomctl.lti.python_control import control
 
-    if not isinstance(plant, (SecondOrderModel, control.StateSpace)):
-        raise TypeError(f"plant: expected control.StateSpace or SecondOrderModel, got {type(plant).__name__}")
+    instance("plant", plant, (control.StateSpace, SecondOrderModel))
     return plant.inputs if isinstance(plant, SecondOrderModel) else tuple(plant.input_labels)
 
 

@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from boomctl.arrays import Array
-from boomctl.checks import known, positive, some_names, whole
+from boomctl.checks import instance, known, positive, some_names, whole
 from boomctl.lti.frequency import singular_values
 from boomctl.progress import computing, tell
 from boomctl.simulation.contact.contacts import Contact, contact_at
-from boomctl.simulation.contact.friction import CoulombFriction, Slip, friction_law, friction_step
+from boomctl.simulation.contact.friction import CoulombFriction, Slip, friction_step
 from boomctl.simulation.plant import ModalPlant, modal_plant
 from boomctl.simulation.sines.describing_function import (
     SineResponse,
@@ -85,7 +85,11 @@ def swept_sine(
     >>> found.gain.round(2), bool(found.stuck[0])
     (array([1.42]), False)
     """
-    grid, size, law = positive_grid(omega), positive("amplitude", amplitude), friction_law(friction)
+    grid, size, law = (
+        positive_grid(omega),
+        positive("amplitude", amplitude),
+        instance("friction", friction, CoulombFriction),
+    )
     count, most = whole("steps", steps, 16, _MOST), whole("periods", periods, _LEAST_PERIODS, _MOST)
     modal = modal_plant(plant, (law.input,) if isinstance(plant, SecondOrderModel) else ())
     excited, shape = sine_pattern(modal.inputs, excitation)
