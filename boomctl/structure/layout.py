@@ -93,16 +93,6 @@ def _filled(rows: sparse.csr_array) -> float:
     return rows.nnz / max(1, rows.shape[0] * rows.shape[1])
 
 
-@dataclass(frozen=True)
-class HalfLayout:
-    """The motions of one parity, ``q = P q_half``, and the rows over them."""
-
-    P: Matrix
-    layout: "Layout"
-
-    __repr__ = compact
-
-
 @dataclass(frozen=True, eq=False)
 class Layout:
     """Rows over named coordinates.
@@ -167,20 +157,15 @@ class Layout:
         return 0.5 * (total + total.T)
 
     @cached_property
-    def symmetric_half(self) -> HalfLayout:
-        """The rows over symmetric motions; the layout has a mirror."""
-        return self._half(1)
-
-    @cached_property
-    def antisymmetric_half(self) -> HalfLayout:
-        """The rows over antisymmetric motions; the layout has a mirror."""
-        return self._half(-1)
-
-    def _half(self, parity: int) -> HalfLayout:
+    def halves(self) -> "dict[int, tuple[Matrix, Layout]]":
+        """The motions of each parity, ``q = P q_half``, and the rows over them; the layout has a mirror."""
         if self.mirror is None:
             raise ValueError("the structure carries no mirror")
-        P = self.mirror.basis(parity)
-        return HalfLayout(P, self.congruent(P, self.mirror.half_coordinates(self.coordinates, parity)))
+        found = {}
+        for parity in (1, -1):
+            P = self.mirror.basis(parity)
+            found[parity] = P, self.congruent(P, self.mirror.half_coordinates(self.coordinates, parity))
+        return found
 
     def keeps_mirror(self, mirror: Mirror, weights: Weights) -> bool:
         """Return whether a reflection leaves mass, damping and stiffness as they are.

@@ -14,7 +14,7 @@ from scipy import sparse
 from boomctl.arrays import DENSE_LIMIT, Array, Matrix
 from boomctl.lti.rounding import ALIKE, EPS, SUMMED
 from boomctl.printing import compact
-from boomctl.structure.layout import KEPT, HalfLayout, Layout, Weights, squared_sums
+from boomctl.structure.layout import KEPT, Layout, Weights, squared_sums
 from boomctl.structure.outline import Outline
 from boomctl.structure.ports import Ports
 from boomctl.structure.strain_coordinates import StrainForm, strain_form
@@ -210,24 +210,9 @@ class Structure:
         return replace(self, layout=_mirrored(self.layout, mirror), mirror=mirror)
 
     @cached_property
-    def symmetric_half(self) -> "HalfStructure":
-        """Half of a structure with a mirror, as it moves symmetrically."""
-        return _half_structure(self, 1)
-
-    @cached_property
-    def antisymmetric_half(self) -> "HalfStructure":
-        """Half of a structure with a mirror, as it moves antisymmetrically."""
-        return _half_structure(self, -1)
-
-
-@dataclass(frozen=True)
-class HalfStructure:
-    """Half of a symmetric structure: the motions of one parity, ``q = P q_half``, and the structure that they see."""
-
-    P: Array | sparse.csr_array
-    structure: Structure
-
-    __repr__ = compact
+    def halves(self) -> "dict[int, tuple[Matrix, Structure]]":
+        """Of a structure with a mirror: the motions of each parity, ``q = P q_half``, and the structure that they see."""
+        return {parity: _half_structure(self, parity) for parity in (1, -1)}
 
 
 @lru_cache(maxsize=KEPT)
@@ -236,17 +221,17 @@ def _mirrored(layout: Layout, mirror: Mirror) -> Layout:
     return replace(layout, mirror=mirror)
 
 
-def _half_structure(whole: Structure, parity: int) -> HalfStructure:
+def _half_structure(whole: Structure, parity: int) -> tuple[Matrix, Structure]:
     if whole.layout is not None and whole.weights is not None:
-        found: HalfLayout = whole.layout.symmetric_half if parity > 0 else whole.layout.antisymmetric_half
-        structure = Structure.weighed(found.layout, whole.weights, dense_up_to=DENSE)
-        return HalfStructure(found.P, structure.drawn_as(whole.outline, found.P, parity))
+        P, layout = whole.layout.halves[parity]
+        structure = Structure.weighed(layout, whole.weights, dense_up_to=DENSE)
+        return P, structure.drawn_as(whole.outline, P, parity)
     if whole.mirror is None:
         raise ValueError("the structure carries no mirror")
     P, names = whole.mirror.basis(parity), whole.mirror.half_coordinates(whole.coordinates, parity)
     M, C, K = (P.T @ (matrix @ P) for matrix in (whole.M, whole.C, whole.K))
     moved = replace(Structure.of(M, C, K, names), settled=whole.settled)
-    return HalfStructure(P, moved.drawn_as(whole.outline, P, parity))
+    return P, moved.drawn_as(whole.outline, P, parity)
 
 
 @dataclass(frozen=True)
@@ -274,9 +259,9 @@ def half(structure: Structure, ports: Ports, parity: int) -> Half | None:
         pair = [mirror.signals(names, parity) for names in ports.primary]
         if pair[0] is not None and pair[1] is not None:
             primary = tuple(n for n in pair[0][1] if n in ins[1]), tuple(n for n in pair[1][1] if n in outs[1])
-    part = structure.symmetric_half if parity > 0 else structure.antisymmetric_half
+    P, part = structure.halves[parity]
     mixed = ports.mixed(ins[0], outs[0], ins[1], outs[1], primary)
-    return Half(part.structure, mixed.congruent(part.P), ins[0], outs[0])
+    return Half(part, mixed.congruent(P), ins[0], outs[0])
 
 
 def halves(structure: Structure, ports: Ports) -> tuple[Half, ...] | None:

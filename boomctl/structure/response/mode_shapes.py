@@ -142,9 +142,10 @@ def mode_shapes(structure: Structure, count: int) -> ModeShapes:
     wanted = whole("count", count, most=structure.n)
     parts: list[tuple[Array, Array, str]] = []
     if structure.mirror is not None:
-        for half, kind in ((structure.symmetric_half, JOLT), (structure.antisymmetric_half, YAW)):
-            frequencies, shapes = undamped_modes(half.structure, min(wanted, half.structure.n))
-            parts.append((frequencies, np.asarray(half.P @ shapes), kind))
+        for parity, kind in ((1, JOLT), (-1, YAW)):
+            P, half = structure.halves[parity]
+            frequencies, shapes = undamped_modes(half, min(wanted, half.n))
+            parts.append((frequencies, np.asarray(P @ shapes), kind))
     else:
         parity = 0 if structure.outline is None else structure.outline.parity
         parts.append((*undamped_modes(structure, wanted), {1: JOLT, -1: YAW, 0: ""}[parity]))
