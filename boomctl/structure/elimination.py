@@ -6,6 +6,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy import linalg, sparse
@@ -68,9 +69,9 @@ def eliminate(J: Matrix, names: Sequence[str], weights: Array | None = None) -> 
     r, s = np.nonzero(coupling)
     rows = np.concatenate([independent, dependent[r]])
     columns = np.concatenate([np.arange(n - count), column[touched[rest[s]]]])
-    T_q = _matrix(rows, columns, np.concatenate([np.ones(n - count), coupling[r, s]]), (n, n - count))
+    T_q = from_entries(rows, columns, np.concatenate([np.ones(n - count), coupling[r, s]]), (n, n - count), n)
     i, j = np.nonzero(inverse)
-    return Elimination(independent, _matrix(dependent[i], j, inverse[i, j], (n, count)), T_q)
+    return Elimination(independent, from_entries(dependent[i], j, inverse[i, j], (n, count), n), T_q)
 
 
 def _told(matrix: Array) -> Array:
@@ -78,9 +79,9 @@ def _told(matrix: Array) -> Array:
     return np.where(np.abs(matrix) > ROUNDED * np.abs(matrix).max(initial=0.0), matrix, 0.0)
 
 
-def _matrix(rows: Array, columns: Array, values: Array, shape: tuple[int, int]) -> Matrix:
-    """Return a matrix of these entries, each place once; sparse where rows are many."""
-    if shape[0] > DENSE_LIMIT:
+def from_entries(rows: Any, columns: Any, values: Any, shape: tuple[int, int], coordinates: int) -> Matrix:
+    """Return a matrix of these entries, each place once; sparse where the coordinates of the structure are many."""
+    if coordinates > DENSE_LIMIT:
         return sparse.csr_array((values, (rows, columns)), shape=shape)
     full = np.zeros(shape)
     full[rows, columns] = values

@@ -5,11 +5,11 @@ from dataclasses import dataclass, field, replace
 from math import cos, pi, sin
 
 import numpy as np
-from scipy import sparse
 
-from boomctl.arrays import DENSE_LIMIT, Array, Matrix
+from boomctl.arrays import Array, Matrix
 from boomctl.lti.rounding import CANCELLED
 from boomctl.structure.beams.mesh import BeamMesh
+from boomctl.structure.elimination import from_entries
 from boomctl.structure.parts import Beam, CutJoint, Ground, Point, RigidBody, direction_angle
 
 Body = RigidBody | Beam
@@ -31,11 +31,6 @@ class Row:
 
     terms: Mapping[str, float] = field(default_factory=dict)
     sizes: Mapping[str, float] = field(default_factory=dict)
-
-    @classmethod
-    def of(cls, coordinate: str) -> "Row":
-        """Return the row that reads one coordinate."""
-        return cls({coordinate: 1.0})
 
     def size(self, name: str) -> float:
         """Return how large what the term of a coordinate was made of is; zero without one."""
@@ -91,11 +86,7 @@ def row_matrix(rows: Sequence[Row], index: Mapping[str, int]) -> Matrix:
     data = [value for row in rows for value in row.terms.values()]
     line = [i for i, row in enumerate(rows) for _ in row.terms]
     column = [index[name] for row in rows for name in row.terms]
-    if len(index) > DENSE_LIMIT:
-        return sparse.csr_array((np.array(data, float), (line, column)), shape=(len(rows), len(index)))
-    full = np.zeros((len(rows), len(index)))
-    full[line, column] = data
-    return full
+    return from_entries(line, column, np.array(data, float), (len(rows), len(index)), len(index))
 
 
 @dataclass(frozen=True)
@@ -202,11 +193,11 @@ def _joint_motion(body: Body, parent: Frame) -> tuple[list[str], Frame]:
     x, y, theta = parent.x, parent.y, parent.theta
     names = []
     for label, angle in body.joint.slides:
-        slide = Row.of(f"{body.name}.{label}")
+        slide = Row({f"{body.name}.{label}": 1.0})
         x, y = x + _along(slide, angle, cos), y + _along(slide, angle, sin)
         names.append(f"{body.name}.{label}")
     if body.joint.turns:
-        theta = theta + Row.of(f"{body.name}.theta")
+        theta = theta + Row({f"{body.name}.theta": 1.0})
         names.append(f"{body.name}.theta")
     return names, Frame(parent.x0, parent.y0, x, y, theta)
 

@@ -7,9 +7,9 @@ from functools import lru_cache
 import numpy as np
 from scipy import sparse
 
-from boomctl.arrays import DENSE_LIMIT, Array, Matrix
+from boomctl.arrays import Array, Matrix
 from boomctl.printing import compact
-from boomctl.structure.elimination import Elimination
+from boomctl.structure.elimination import Elimination, from_entries
 
 _KEPT = 256  # choices of signals kept, so that they are split in halves once (a choice of memory)
 
@@ -57,12 +57,8 @@ class Mirror:
         rows = np.concatenate([first, image[paired]])
         columns = np.concatenate([here, here[paired]])
         own, other = np.where(paired, np.sqrt(0.5), 1.0), (parity * np.sqrt(0.5)) * self.sign[first[paired]]
-        values, shape = np.concatenate([own, other]), (len(self.partner), len(first))
-        if shape[0] > DENSE_LIMIT:
-            return sparse.csr_array((values, (rows, columns)), shape=shape)
-        P = np.zeros(shape)
-        P[rows, columns] = values
-        return P
+        n = len(self.partner)
+        return from_entries(rows, columns, np.concatenate([own, other]), (n, len(first)), n)
 
     def half_coordinates(self, coordinates: Sequence[str], parity: int) -> tuple[str, ...]:
         """Return the names of the coordinates of a half."""

@@ -128,7 +128,7 @@ def test_a_place_is_a_number(wrong):
 
 def test_a_point_moves_with_its_body():
     """Turning by a small angle moves a point across its lever arm; lengths stay."""
-    frame = Frame(1.0, 2.0, Row.of("x"), Row.of("y"), Row.of("turn"))
+    frame = Frame(1.0, 2.0, Row({"x": 1.0}), Row({"y": 1.0}), Row({"turn": 1.0}))
     point = frame.moved_to(4.0, 6.0)
     assert point.x.terms == {"x": 1.0, "turn": -4.0}
     assert point.y.terms == {"y": 1.0, "turn": 3.0}
@@ -138,7 +138,7 @@ def test_a_point_moves_with_its_body():
 
 
 def test_rows_add_and_cancel():
-    a, b = Row.of("a"), Row.of("b")
+    a, b = Row({"a": 1.0}), Row({"b": 1.0})
     assert (a.scaled(2.0, 2.0) + b - a).terms == {"a": 1.0, "b": 1.0}
     assert (a - a).terms == {}
     assert a.scaled(0.0, 1.0).terms == {}
