@@ -34,7 +34,7 @@ def separated_damping(structure: Structure) -> Damping | None:
     if structure.layout is None or structure.weights is None:
         return _from_matrices(structure.C, structure.K)
     k, c = structure.weights.k, structure.weights.c
-    beta = _common_ratio(c, k)
+    beta = common_ratio(c, k)
     gamma = c - beta * k
     apart = (np.abs(gamma) > SUMMED * np.maximum(c, beta * k)).nonzero()[0]
     if len(apart) > _MOST_DAMPERS:
@@ -62,7 +62,7 @@ def _distinct_rows(layout: Layout, places: tuple[int, ...]) -> tuple[Array, Arra
     return rows[kept].T, image, share
 
 
-def _common_ratio(c: Array, k: Array) -> float:
+def common_ratio(c: Array, k: Array) -> float:
     """Return the damping per stiffness that most share."""
     stiff = k > 0.0
     ratios = c[stiff] / k[stiff]
@@ -72,7 +72,7 @@ def _common_ratio(c: Array, k: Array) -> float:
 
 def _from_matrices(C: Matrix, K: Matrix) -> Damping | None:
     c, k = C.diagonal(), K.diagonal()
-    beta, rest = _common_ratio(c, k), C
+    beta, rest = common_ratio(c, k), C
     if beta:
         rest = C - beta * K
     if sparse.issparse(rest):

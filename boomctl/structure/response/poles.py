@@ -3,11 +3,12 @@
 from typing import Any
 
 import numpy as np
-from scipy import linalg, sparse
+from scipy import linalg
 from scipy.sparse.linalg import LinearOperator, eigsh
 
 from boomctl.arrays import Array, Matrix, blocks
 from boomctl.lti.rounding import DIGIT, EPS, ROOT, SUMMED
+from boomctl.structure.damping import common_ratio
 from boomctl.structure.elimination import DEPENDENT
 from boomctl.structure.matrices import Structure, dense, is_symmetric
 from boomctl.structure.response.pencil import factorized, factorized_sparse
@@ -264,18 +265,11 @@ def _damper_forces(structure: Structure, shapes: Array) -> Array:
     """Return forces of the dampers that are not in proportion to stiffness, as columns, for motions."""
     rows = structure.elastic
     if rows is None:
-        K, C = sparse.csr_array(structure.K), sparse.csr_array(structure.C)
-        loaded = sparse.csr_array(C - _common_damping(K, C) * K) @ shapes
+        K, C = structure.K, structure.C
+        loaded = (C - common_ratio(C.diagonal(), K.diagonal()) * K) @ shapes
     else:  # through strains, whose differences keep the digits that those of two matrices lose
-        ratios = rows.c[rows.k > 0.0] / rows.k[rows.k > 0.0]
-        common = float(np.median(ratios)) * rows.k if len(ratios) else 0.0 * rows.k
+        common = common_ratio(rows.c, rows.k) * rows.k
         apart = np.where(np.abs(rows.c - common) > SUMMED * np.maximum(rows.c, common), rows.c - common, 0.0)
         loaded = rows.R.T @ (apart[:, None] * (rows.R @ shapes))
     left, size, _ = linalg.svd(loaded, full_matrices=False)
     return left[:, size > 1e-9 * size.max(initial=1e-300)]
-
-
-def _common_damping(K: sparse.csr_array, C: sparse.csr_array) -> float:
-    """Return the damping per stiffness that most of the structure shares."""
-    k, c = K.diagonal(), C.diagonal()
-    return float(np.median(c[k > 0] / k[k > 0])) if (k > 0).any() else 0.0
