@@ -5,7 +5,7 @@ picture is asked for.
 """
 
 from dataclasses import dataclass, field, replace
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -38,12 +38,6 @@ class Line:
     __repr__ = compact
 
 
-class Drawn(Protocol):
-    """A machine that knows its lines over its own coordinates."""
-
-    def lines(self) -> tuple[Line, ...]: ...
-
-
 @dataclass(frozen=True, eq=False)
 class Outline:
     """A machine's lines, over coordinates that its own follow from by matrices, the first applied last.
@@ -51,7 +45,7 @@ class Outline:
     Attributes
     ----------
     machine : object
-        With the method ``lines()``.
+        With the method ``lines()``, which returns them over its own coordinates.
     maps : tuple of ndarray or sparse array
         ``q = maps[0] @ maps[1] @ ... z``.
     parity : int
@@ -70,5 +64,5 @@ class Outline:
         """Return each line, and how its points move (motions, points, 2) with motions of the coordinates in columns."""
         for T in reversed(self.maps):
             shapes = T @ shapes
-        machine: Drawn = self.machine
-        return tuple((line, np.stack([(line.x @ shapes).T, (line.y @ shapes).T], axis=2)) for line in machine.lines())
+        lines: tuple[Line, ...] = self.machine.lines()
+        return tuple((line, np.stack([(line.x @ shapes).T, (line.y @ shapes).T], axis=2)) for line in lines)

@@ -19,7 +19,7 @@ from scipy.linalg import lapack
 from boomctl.arrays import Array
 from boomctl.lti.rounding import SOLVED
 from boomctl.structure.damping import separated_damping
-from boomctl.structure.matrices import Structure, dense
+from boomctl.structure.matrices import ElasticRows, Structure, dense
 from boomctl.structure.ports import Ports, evaluate
 
 _AGREEMENT = 1e-10  # what outputs may miss, relative, at the frequencies checked: rounding, with room (a choice)
@@ -104,7 +104,7 @@ def _receptances(group: list[_Driven], omega: Array) -> tuple[Array, Array]:
     first, rows = group[0], None
     if first.structure.elastic is not None:
         weights = [item.structure.elastic for item in group]
-        rows = _Rows(*(np.array([dense(getattr(item, name)) for item in weights]) for name in ("R", "k", "c")))
+        rows = ElasticRows(*(np.array([dense(getattr(item, name)) for item in weights]) for name in ("R", "k", "c")))
     doubtful = np.zeros(len(group)), np.zeros(len(group), dtype=bool)
     try:
         modes = _Modes.of(M, C, K, rows, group)
@@ -122,15 +122,6 @@ def _receptances(group: list[_Driven], omega: Array) -> tuple[Array, Array]:
 
 
 @dataclass(frozen=True)
-class _Rows:
-    """Strain rows and what they weigh, of each structure."""
-
-    R: Array
-    k: Array
-    c: Array
-
-
-@dataclass(frozen=True)
 class _Modes:
     """Modes of unit stiffness, their modal masses, and the damping in them: ``beta I + u diag(gamma) u^T``.
 
@@ -144,7 +135,7 @@ class _Modes:
     gamma: Array
 
     @classmethod
-    def of(cls, M: Array, C: Array, K: Array, rows: _Rows | None, group: list[_Driven]) -> "_Modes":
+    def of(cls, M: Array, C: Array, K: Array, rows: ElasticRows | None, group: list[_Driven]) -> "_Modes":
         """Return the modes; a floating structure is a ``LinAlgError``."""
         mass, V = _eigen(M, K)
         if rows is None:
@@ -250,7 +241,7 @@ def _hold(
     M: Array,
     C: Array,
     K: Array,
-    rows: _Rows | None,
+    rows: ElasticRows | None,
     modes: _Modes,
     sums: Array,
     lines: Array,
