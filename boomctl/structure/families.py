@@ -146,13 +146,10 @@ class Family:
         """
         d, c = self._delta(delta), self.centre
         shares = [float(np.prod(d[list(power)])) for power, _ in self.terms]
-        M, C, K = (
-            sum((w * getattr(s, name) for w, (_, s) in zip(shares, self.terms, strict=True)), getattr(c, name))
-            for name in ("M", "C", "K")
-        )
-        B, L = (
-            sum((w * getattr(s, name) for w, (_, s) in zip(shares, self.terms, strict=True)), getattr(c.ports, name))
-            for name in ("B", "L")
+        M, C, K, B, L = (
+            sum((w * getattr(s, name) for w, (_, s) in zip(shares, self.terms, strict=True)), getattr(middle, name))
+            for middle, names in ((c, "MCK"), (c.ports, "BL"))
+            for name in names
         )
         ports = replace(c.ports, B=B, L=L)
         return SecondOrderModel.of(Structure.of(M, C, K, c.coordinates, c.mirror).drawn_as(c.structure.outline), ports)
@@ -282,12 +279,7 @@ class AffineFamily(Family):
             Empty or reversed ranges; structures of different signals; a corner or a point inside that the affine family
             misses, or outputs that feel an input otherwise from point to point.
         """
-        names, low, high = _box(ranges)
-        middle, width = 0.5 * (low + high), 0.5 * (high - low)
-
-        def at(delta: Array) -> SecondOrderModel:
-            return make({n: float(v) for n, v in zip(names, middle + delta * width, strict=True)})
-
+        names, low, high, at = _box(ranges, make)
         centre = at(np.zeros(len(names)))
         ends = [at(unit) for unit in np.eye(len(names))]
         family = cls(names, low, high, centre, tuple(_slope(centre, end) for end in ends))
@@ -406,12 +398,7 @@ class PolynomialFamily(Family):
             Empty or reversed ranges; structures of different signals; a corner or a point inside that the family misses, or
             outputs that feel an input otherwise from point to point; polynomials of too many terms.
         """
-        names, low, high = _box(ranges)
-        middle, width = 0.5 * (low + high), 0.5 * (high - low)
-
-        def at(delta: Array) -> SecondOrderModel:
-            return make({n: float(v) for n, v in zip(names, middle + delta * width, strict=True)})
-
+        names, low, high, at = _box(ranges, make)
         tried, most = [at(delta) for delta in tried_points(len(names))], whole("degree", degree)
 
         def matrices(points: Sequence[Array]) -> dict[str, Array]:
@@ -469,13 +456,21 @@ def _sizes(stacks: Mapping[str, Array]) -> dict[str, Array]:
     return {letter: np.maximum(size, beside.get(letter, 0.0)) for letter, size in found.items()}
 
 
-def _box(ranges: Mapping[str, tuple[float, float]]) -> tuple[tuple[str, ...], Array, Array]:
-    """Return names and ends of a box of parameters that a user hands in."""
+def _box(
+    ranges: Mapping[str, tuple[float, float]], make: Callable[[Mapping[str, float]], SecondOrderModel]
+) -> tuple[tuple[str, ...], Array, Array, Callable[[Array], SecondOrderModel]]:
+    """Return names and ends of a box of parameters that a user hands in, and what is made at a place in it."""
     if not mapping("ranges", ranges, "parameters to pairs"):
         raise ValueError("ranges: expected at least one parameter")
     names = tuple(signal_name("parameter", name) for name in ranges)
     pairs = [interval(name, ranges[name]) for name in names]
-    return names, np.array([pair[0] for pair in pairs]), np.array([pair[1] for pair in pairs])
+    low, high = (np.array(ends) for ends in zip(*pairs, strict=True))
+    middle, width = 0.5 * (low + high), 0.5 * (high - low)
+
+    def at(delta: Array) -> SecondOrderModel:
+        return make({n: float(v) for n, v in zip(names, middle + delta * width, strict=True)})
+
+    return names, low, high, at
 
 
 def interval(name: str, given: object) -> tuple[float, float]:
