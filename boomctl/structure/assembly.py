@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Hashable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from itertools import pairwise
 from math import hypot
@@ -21,7 +21,6 @@ from boomctl.arrays import DENSE_LIMIT, Array, Matrix, combined
 from boomctl.checks import instance, sequence, signal_name
 from boomctl.lti.rounding import ALIKE, CANCELLED
 from boomctl.printing import count, listed, signals
-from boomctl.structure.beams.dynamic_stiffness import Segment
 from boomctl.structure.beams.elements import FiniteElements, distinct, element_nodes
 from boomctl.structure.beams.exact import ExactLayout, ExactModel
 from boomctl.structure.beams.mesh import BeamMesh
@@ -200,12 +199,7 @@ class Assembly:
         """
         mechanism = _mechanism(self, exact=True)
         segments = tuple(
-            Segment(
-                float(length),
-                body.sections[place].mass_per_length,
-                body.sections[place].bending_stiffness,
-                body.sections[place].damping,
-            )
+            replace(body.sections[place], length=float(length))
             for body, mesh, lengths in zip(self._beams(), mechanism.meshes, mechanism.lengths, strict=True)
             for place, length in zip(mesh.section, lengths, strict=True)
         )

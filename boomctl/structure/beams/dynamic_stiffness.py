@@ -11,7 +11,6 @@ The interior of a segment with clamped ends has natural frequencies of its own; 
 the count of Wittrick and Williams (1971) adds to the negative pivots of the dynamic stiffness.
 """
 
-from dataclasses import dataclass
 from fractions import Fraction
 from math import factorial
 
@@ -23,24 +22,25 @@ _SERIES_LIMIT = 2.0  # |z| up to which the series is taken; exponentials cancel 
 _TERMS = 8  # of each series; what follows is below 1e-22 at |z| = 2: 4^8 2^32/33!
 
 
-def _series(offset: int, ratio: float, factor: float) -> Array:
-    """Return the coefficients of ``factor * sum ratio^k x^k/(4k + offset)!``, lowest power first."""
-    return np.array([factor * ratio**k / factorial(4 * k + offset) for k in range(_TERMS)])
+# offset, ratio and factor of ``factor * sum ratio^k x^k/(4k + offset)!``: the six end functions are fractions of such series,
+# of which the seventh is the common denominator (derived: cosh, sinh, cos, sin in x)
+_FRACTIONS = ((1, -4, 2), (2, -4, 2), (3, -4, 4), (1, 1, -2), (2, 1, 2), (3, 1, 2), (4, -4, 4))
 
 
-# the six end functions as fractions: numerators and, last, their common denominator (derived: cosh, sinh, cos, sin in x)
-_SERIES = np.array(
-    [
-        _series(1, -4.0, 2.0),
-        _series(2, -4.0, 2.0),
-        _series(3, -4.0, 4.0),
-        _series(1, 1.0, -2.0),
-        _series(2, 1.0, 2.0),
-        _series(3, 1.0, 2.0),
-        _series(4, -4.0, 4.0),
-    ]
-)
-_SERIES.setflags(write=False)
+def _series(weights: Array) -> Array:
+    """Return the coefficients of sums of the six numerators, and last those of the denominator, lowest power first.
+
+    They are summed exactly: static shares of the strain functions cancel to the last digit, and so do others.
+    """
+    lines, padded = [], np.pad(weights, (0, 1))
+    padded[-1, -1] = 1.0
+    for line in padded.tolist():
+        parts = [(Fraction(w) * factor, o, ratio) for w, (o, ratio, factor) in zip(line, _FRACTIONS, strict=True) if w]
+        powers = [[w * Fraction(ratio) ** k / factorial(4 * k + o) for w, o, ratio in parts] for k in range(_TERMS)]
+        lines.append([float(sum(terms)) for terms in powers])
+    found = np.array(lines)
+    found.setflags(write=False)
+    return found
 
 
 # The six strain functions as sums of the six end functions, derived from end displacements and rotations
@@ -59,39 +59,8 @@ _STRAINS = np.array(
 _STRAINS.setflags(write=False)
 
 
-def _strain_series() -> Array:
-    """Return the series of the strain functions, summed exactly: static shares cancel to the last digit, and so do others.
-
-    The last line is their common denominator.
-    """
-    kinds = [(1, -4, 2), (2, -4, 2), (3, -4, 4), (1, 1, -2), (2, 1, 2), (3, 1, 2)]  # as of _SERIES
-    lines = []
-    for weights in _STRAINS:
-        parts = [
-            (Fraction(float(w)) * factor, offset, ratio)
-            for w, (offset, ratio, factor) in zip(weights, kinds, strict=True)
-        ]
-        lines.append(
-            [
-                float(sum(w * Fraction(ratio) ** k / factorial(4 * k + offset) for w, offset, ratio in parts))
-                for k in range(_TERMS)
-            ]
-        )
-    return np.array([*lines, _SERIES[6]])
-
-
-_STRAIN_SERIES = _strain_series()
-_STRAIN_SERIES.setflags(write=False)
-
-
-@dataclass(frozen=True)
-class Segment:
-    """A uniform stretch of beam between two attachments: length [m], rhoA [kg/m], EI [N m^2], damping [s]."""
-
-    length: float
-    mass_per_length: float
-    bending_stiffness: float
-    damping: float
+# of the end functions (each numerator alone) and of the strain functions
+_SERIES, _STRAIN_SERIES = _series(np.eye(6)), _series(_STRAINS)
 
 
 def end_functions(x: Array) -> Array:

@@ -8,12 +8,13 @@ import numpy as np
 
 from boomctl.arrays import Array, combined
 from boomctl.lti.rounding import ALIKE
-from boomctl.structure.beams.dynamic_stiffness import Segment, clamped_count, end_functions
+from boomctl.structure.beams.dynamic_stiffness import clamped_count, end_functions
 from boomctl.structure.beams.strains import StrainSystem, wave_numbers
 from boomctl.structure.beams.terms import Lines, Terms, kinds_of
 from boomctl.structure.elimination import eliminate
 from boomctl.structure.layout import KEPT, Layout, Weights
 from boomctl.structure.matrices import dense
+from boomctl.structure.parts import BeamSection
 from boomctl.structure.ports import Ports
 from boomctl.structure.response.rounding import warn_of_rounding
 from boomctl.structure.symmetry import Mirror
@@ -96,7 +97,7 @@ class ExactModel:
         Rows over its coordinates, inputs and outputs.
     weights : Weights
         Of everything but the beams' bending.
-    segments : tuple of Segment
+    segments : tuple of BeamSection
         The beams, segment by segment.
     mirror : Mirror or None
         The reflection about ``x = 0`` that leaves the structure as it is, if there is one.
@@ -104,7 +105,7 @@ class ExactModel:
 
     layout: ExactLayout
     weights: Weights
-    segments: tuple[Segment, ...]
+    segments: tuple[BeamSection, ...]
     mirror: Mirror | None = None
 
     @property
@@ -152,8 +153,9 @@ class ExactModel:
         """Return the frequency response, shape (outputs, inputs, frequencies), of displacement outputs."""
         return self.prepared(inputs, outputs).at(omega)
 
-    def undamped(self) -> "ExactModel":
-        """Return the structure without any damping."""
+    @cached_property
+    def _at_rest(self) -> "ExactModel":
+        """The structure without any damping."""
         weights = replace(self.weights, c=np.zeros_like(self.weights.c))
         return replace(self, weights=weights, segments=tuple(replace(s, damping=0.0) for s in self.segments))
 
@@ -178,10 +180,6 @@ class ExactModel:
         N, R, S = (np.zeros((len(rows), 0)) for rows in left)
         return StrainSystem(left, (N, R, S), np.zeros((n, 0)), self.weights, self.segments)
 
-    @cached_property
-    def _at_rest(self) -> "ExactModel":
-        return self.undamped()
-
     def _dynamic_terms(self) -> Array:
         """Return the matrices that multiply ``1, s, s^2`` and six functions a kind of segment."""
         n = self.layout.n
@@ -193,7 +191,7 @@ def _mirrored(layout: ExactLayout, mirror: Mirror) -> ExactLayout:
     return replace(layout, rigid=replace(layout.rigid, mirror=mirror))
 
 
-def _functions(kinds: Sequence[Segment], s: Array) -> Array:
+def _functions(kinds: Sequence[BeamSection], s: Array) -> Array:
     """Return ``1, s, s^2`` and six functions a kind of segment at each ``s``."""
     values = np.empty((3 + 6 * len(kinds), len(s)), dtype=complex)
     values[0], values[1], values[2] = 1.0, s, s * s
@@ -367,8 +365,8 @@ class PreparedResponse:
 
     arrangement: _Arrangement
     weights: Weights
-    segments: tuple[Segment, ...]
-    kinds: tuple[Segment, ...]
+    segments: tuple[BeamSection, ...]
+    kinds: tuple[BeamSection, ...]
     coefficients: tuple[Array, ...]
     even: bool
 
