@@ -208,14 +208,15 @@ def _split_by_axis(system: Lti) -> SpectralParts:
     near = kept & (size <= ROOT * size.max())
     if near.any():
         kept |= size <= max(_CLUSTER * float(size[near].max()), _BLOCK_NOISE * float(size.max()))
-    slow, fast, doubt = split_and_doubt(system, kept, "unstable, undamped or rigid-body poles")
+    slow, fast, doubt = split(system, kept, "unstable, undamped or rigid-body poles")
     return SpectralParts(fast, slow, doubt)
 
 
-def split(system: Lti, chosen: Array, what: str = "poles") -> tuple[Lti, Lti]:
-    """Return a system as the sum of two: the poles chosen (without ``D``), and all others (with ``D``).
+def split(system: Lti, chosen: Array, what: str = "poles") -> tuple[Lti, Lti, float]:
+    """Return a system as the sum of two, and how far rounding may have moved the entries of the second one's ``A``.
 
-    By an ordered Schur form and a Sylvester equation.
+    The first has the poles chosen (without ``D``), the second all others (with ``D``).  By an ordered Schur form and a
+    Sylvester equation.
 
     Parameters
     ----------
@@ -230,11 +231,6 @@ def split(system: Lti, chosen: Array, what: str = "poles") -> tuple[Lti, Lti]:
     ValueError
         The poles chosen lie too close to others.
     """
-    return split_and_doubt(system, chosen, what)[:2]
-
-
-def split_and_doubt(system: Lti, chosen: Array, what: str) -> tuple[Lti, Lti, float]:
-    """Return the two parts, and how far rounding may have moved the entries of the second one's ``A``."""
     ours, others = system.poles[chosen], system.poles[~chosen]
 
     def first(re: float, im: float = 0.0) -> bool:

@@ -18,7 +18,7 @@ from boomctl.arrays import Array
 from boomctl.checks import finite_array, known, positive, up_to, whole
 from boomctl.lti.bilinear import continuous_image, discrete_image, image_of_omega, omega_of_image
 from boomctl.lti.frequency import singular_values
-from boomctl.lti.modal import sides, split_and_doubt
+from boomctl.lti.modal import sides, split
 from boomctl.lti.rounding import CERTIFIED
 from boomctl.lti.system import Lti, of
 from boomctl.lti.verified_modal_form import rounding_doubt
@@ -256,7 +256,7 @@ def _on_circle(full: Lti, found: ReductionResult, band: Band | None) -> Reductio
     apart, ours, own = [full.balanced(), small.balanced()], [], 0.0
     for k, system in enumerate(apart):
         if (far := _kept(system)).any():
-            one, apart[k], doubt = split_and_doubt(system, far, kept)
+            one, apart[k], doubt = split(system, far, kept)
             ours.append(one)
             own += rounding_doubt(apart[k], doubt)
     if len(ours) == 2:  # what is kept is the same but for rounding, of the map there and back too

@@ -157,7 +157,7 @@ class _Functions:
         whole = Lti(A, np.diag(1.0 / scale), (read * scale)[None], np.zeros((1, len(A))), dt=1.0)
         ends = np.sort(np.append(np.clip(np.abs(whole.poles), _SMALL**2, _SMALL), [_SMALL**2, _SMALL]))
         gap = int(np.argmax(np.diff(ends)))
-        near, far = split(whole, np.abs(whole.poles) < ends[gap : gap + 2].mean())
+        near, far, _ = split(whole, np.abs(whole.poles) < ends[gap : gap + 2].mean())
         pulses = [(0.0, m + 1.0, 0.0, term) for m, term in enumerate(_terms(near.A, near.C[0], near.B, 0.0))]
         poles, orders, doubt, shares = zip((0.0, 0.0, 0.0, np.zeros(len(A))), *pulses, *_fractions(far), strict=True)
         direct = np.eye(len(shares), 1)

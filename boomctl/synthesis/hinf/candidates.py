@@ -165,7 +165,7 @@ def without_fast_poles(K: Lti, fastest: float) -> Lti | None:
     None comes back where they cannot be split off.  Nothing is said of the loop: verify it.
     """
     try:
-        fast, slow = split(K, np.abs(K.poles) > fastest)
+        fast, slow, _ = split(K, np.abs(K.poles) > fastest)
         D = slow.D - fast.C @ np.linalg.solve(fast.A, fast.B)
     except (np.linalg.LinAlgError, ValueError):
         return None
