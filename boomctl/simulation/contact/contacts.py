@@ -29,9 +29,7 @@ class Contact:
     position, velocity : (n,) ndarray
         Rows that read displacement and velocity from the states.
     through : (2, inputs) ndarray
-        What each input adds to displacement and velocity at once.
-    rate : (inputs,) ndarray
-        What the rate of each input adds to the velocity.
+        What each input adds to displacement and velocity at once; its rate adds the first row to the velocity.
     column : (n,) ndarray
         How the force enters the state equation.
     held : (n,) ndarray
@@ -45,7 +43,6 @@ class Contact:
     position: Array
     velocity: Array
     through: Array
-    rate: Array
     column: Array
     held: Array
     gain: float
@@ -56,13 +53,13 @@ class Contact:
         A prescribed displacement has no corners, at which no friction could hold: between the given times (each
         ``per_point`` steps) it is read along a cubic, whose rates there are the mean of the slopes on both sides.
         """
-        used = np.flatnonzero(self.rate)
+        used = np.flatnonzero(self.through[0])
         if not len(used):
             return self.through[0] @ W, self.through[1] @ W
         values, rates = _smooth(W[used], h, per_point)
         return (
             self.through[0] @ W + self.through[0][used] @ (values - W[used]),
-            self.through[1] @ W + self.rate[used] @ rates,
+            self.through[1] @ W + self.through[0][used] @ rates,
         )
 
 
@@ -133,7 +130,6 @@ def contact_at(
         position=row,
         velocity=velocity,
         through=through,
-        rate=through[0],
         column=column,
         held=maps.held[:, i],
         gain=gain,

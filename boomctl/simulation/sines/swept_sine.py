@@ -196,7 +196,8 @@ def _prepared(shaken: _Shaken, grid: Array, count: int) -> _Sweep:
     places: list[Contact] = [contact_at(plant, step, law.output, law.input) for step in maps]
     forcing = np.array([step.first @ waves[:, :-1] + step.last @ waves[:, 1:] for step in maps])
     rates = np.real(1j * grid[:, None, None] * drive[:, None] * turns)
-    offset = np.array([place.through[1] @ waves + place.rate @ rate for place, rate in zip(places, rates, strict=True)])
+    through = (place.through for place in places)
+    offset = np.array([at_once[1] @ waves + at_once[0] @ rate for at_once, rate in zip(through, rates, strict=True)])
     return _Sweep(
         Phi=np.array([step.Phi for step in maps]),
         forcing=np.ascontiguousarray(forcing.transpose(2, 0, 1)),
