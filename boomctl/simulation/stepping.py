@@ -222,10 +222,8 @@ def sampler(p: LoopProblem, log: ControlLog) -> Callable[[int, Array], None]:
     law = blocks([[c.D, c.C], [c.B, c.A]])
     known, found = np.zeros(ny + len(c.A)), np.zeros(nu + len(c.A))
     y, state, u, following = known[:ny], known[ny:], found[:nu], found[nu:]
-    grain = (
-        np.where(np.isfinite(p.limits.quantum), p.limits.quantum, 1.0) if np.isfinite(p.limits.quantum).any() else None
-    )
     coarse = np.isfinite(p.limits.quantum)
+    grain = np.where(coarse, p.limits.quantum, 1.0) if p.limits.coarse else None
     bounded = bool(np.isfinite(p.limits.force).any() or np.isfinite(p.limits.rate).any())
     force, rate, last = p.limits.force.tolist(), p.limits.rate.tolist(), [0.0] * nu
     asked, given, correction, laws = log.asked, log.given, c.L, c.laws

@@ -90,6 +90,4 @@ class TimeVaryingController:
     @property
     def laws(self) -> Array:
         """``[[D, C], [B, A]]`` of all samples, (k, m + n, p + n)."""
-        return np.concatenate(
-            [np.concatenate([self.D, self.C], axis=2), np.concatenate([self.B, self.A], axis=2)], axis=1
-        )
+        return np.block([[self.D, self.C], [self.B, self.A]])
