@@ -152,11 +152,6 @@ def uneven(time: Array) -> tuple[int, str] | None:
     return None
 
 
-def _of_motions(time: Array, jolt: Array, yaw: Array, distance: float) -> PlatformMotion:
-    half = 0.5 * distance * yaw
-    return PlatformMotion(time, jolt - half, jolt + half, distance)
-
-
 def platform_motion(
     track: Track,
     tractor: TractorParameters | None = None,
@@ -392,7 +387,8 @@ def read_motion(path: str | Path, actuator_distance: float | None = None) -> Pla
         raise ValueError(f"{path}, line {table.lines[bad[0]]}: time_s = {column['time_s'][bad[0]]:g}: {bad[1]}")
     if "left_m" in column:
         return PlatformMotion(column["time_s"], column["left_m"], column["right_m"], distance)
-    return _of_motions(column["time_s"], column["jolt_m"], column["yaw_rad"], distance)
+    half = 0.5 * distance * column["yaw_rad"]
+    return PlatformMotion(column["time_s"], column["jolt_m"] - half, column["jolt_m"] + half, distance)
 
 
 def _distance_of(path: str | Path, comments: tuple[tuple[int, str], ...], given: float | None) -> float:

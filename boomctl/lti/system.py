@@ -491,7 +491,8 @@ def _check_time(what: str, dt: float, discrete: bool, sampled: bool) -> None:
         raise ValueError(f"{what}: expected a sampling time from {_TIMES[0]:g} to {_TIMES[1]:g} s, got {dt:g} s")
     if not sampled and continuous == discrete:
         wanted = "a sampling time" if discrete else "continuous time"
-        got = "continuous time" if continuous else f"a sampling time of {_seconds(dt)}"
+        length = "a length not said" if np.isnan(dt) else f"{dt:g} s"
+        got = "continuous time" if continuous else f"a sampling time of {length}"
         raise ValueError(f"{what}: expected {wanted}, got {got}")
 
 
@@ -507,7 +508,3 @@ def _names(system: "control.StateSpace | control.TransferFunction") -> tuple[tup
 
 def _time(system: "control.StateSpace | control.TransferFunction") -> float:
     return 0.0 if system.isctime() else float("nan") if system.dt is True else float(system.dt)
-
-
-def _seconds(dt: float) -> str:
-    return "a length not said" if np.isnan(dt) else f"{dt:g} s"

@@ -141,8 +141,7 @@ class SpinUp(PrescribedMotion):
         return self.duration
 
     def _phase(self, t: ArrayLike) -> Array:
-        phase: Array = np.minimum(np.maximum(np.asarray(t, dtype=float) / self.duration, 0.0), 1.0)
-        return phase
+        return np.minimum(np.maximum(np.asarray(t, dtype=float) / self.duration, 0.0), 1.0)
 
     def angle(self, t: ArrayLike) -> Array:
         phase = self._phase(t)

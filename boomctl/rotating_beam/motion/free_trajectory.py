@@ -109,8 +109,7 @@ class FreeTrajectory:
 
     def _vibrations(self, window: Array, step: Array, elapsed: Array, waves: Array) -> Array:
         """Free vibrations at instants in their windows and steps, k x n, complex."""
-        free: Array = waves[window, :, step] * self._oscillators.take(window).turning(elapsed)
-        return free
+        return waves[window, :, step] * self._oscillators.take(window).turning(elapsed)
 
     def _placed(self, timepts: Array) -> tuple[Array, Array, Array, Array]:
         """Window and step in which each instant lies, the time since its step began, and Legendre's polynomials there."""

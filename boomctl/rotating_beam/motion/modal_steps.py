@@ -125,14 +125,12 @@ def leading_terms(force: Array) -> tuple[Array, Array]:
 
 def _times(tensor: Array, matrix: Array) -> Array:
     """``tensor @ matrix`` in one product of matrices."""
-    result: Array = (tensor.reshape(-1, tensor.shape[-1]) @ matrix).reshape(*tensor.shape[:-1], -1)
-    return result
+    return (tensor.reshape(-1, tensor.shape[-1]) @ matrix).reshape(*tensor.shape[:-1], -1)
 
 
 def _diagonal(tensor: Array) -> Array:
     """A view, m x n x s, of the entries of an m x n x s x n array that belong to one mode."""
-    view: Array = np.einsum("mnsn->mns", tensor)
-    return view
+    return np.einsum("mnsn->mns", tensor)
 
 
 def _forces(to_nodes: Array, remainder: Array, coupling: Array, free: Array) -> Array:
