@@ -67,14 +67,6 @@ class ForcedResponse(TimeSeries):
             f"{signals(list(self.inputs), list(self.outputs))}"
         )
 
-    def __getitem__(self, name: str) -> Array:
-        """Return an output by name."""
-        return self.outputs[known("output", name, tuple(self.outputs))]
-
-    def _ipython_key_completions_(self) -> list[str]:
-        """Return the names that consoles complete in brackets."""
-        return list(self.outputs)
-
     def plot(self, ax: Any = None, *, outputs: str | Sequence[str] | None = None, **style: Any) -> Array:
         """Draw inputs and outputs over time.
 

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.checks import known
 from boomctl.lti.modal import sides
 from boomctl.lti.time_series import TimeSeries
 from boomctl.printing import count, listed
@@ -117,14 +116,6 @@ class LoopResult(TimeSeries):
         known_error = self.states is not None or self.friction is not None
         last += f"\n  error estimated {self.error_estimate:.1e} m" if known_error else ""
         return f"LoopResult: {span}; {controls}\n  outputs: {listed(list(self.outputs))}{last}"
-
-    def __getitem__(self, name: str) -> Array:
-        """Return an output by name."""
-        return self.outputs[known("output", name, tuple(self.outputs))]
-
-    def _ipython_key_completions_(self) -> list[str]:
-        """Return the names that consoles complete in brackets."""
-        return list(self.outputs)
 
     @property
     def strokes(self) -> dict[str, Array]:
