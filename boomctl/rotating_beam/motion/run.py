@@ -35,46 +35,43 @@ class Way(NamedTuple):
         Whether it can be taken in a scene.
     find : callable
         Returns the motion, or None if it misses the tolerance.
-    reason : str
-        Why it stands where it does.
     """
 
     name: str
     applies: "Callable[[Scene], bool]"
     find: "Callable[[Scene], Motion | None]"
-    reason: str
 
 
 WAYS = (
+    # only t = 0 is asked for: nothing is to be found
     Way(
         "initial state",
         lambda scene: scene.end == 0.0,
         lambda scene: _initial_state(scene),
-        "only t = 0 is asked for: nothing is to be found",
     ),
+    # at constant hub speed the beam's equations have a closed form, exact but for rounding
     Way(
         "steady rotation",
         lambda scene: scene.steady_from <= 0.0,
         lambda scene: _steady(scene),
-        "at constant hub speed the beam's equations have a closed form, exact but for rounding",
     ),
+    # without damping and axial modes each mode vibrates in closed form: few, long steps
     Way(
         "modal collocation",
         lambda scene: scene.prescribed is not None and scene.equations.normal_form is not None,
         lambda scene: _by_modes(scene),
-        "without damping and axial modes each mode vibrates in closed form: few, long steps",
     ),
+    # a torque moves slow modes, which the fast ones follow: each mode's motion is exact, long windows settle by sweeps
     Way(
         FREE_HUB,
         lambda scene: scene.prescribed is None and scene.equations.free_hub_form is not None,
         lambda scene: _by_free_modes([scene])[0],
-        "a torque moves slow modes, which the fast ones follow: each mode's motion is exact, long windows settle by sweeps",
     ),
+    # any equations, any manoeuvre; steady rotation follows it where the hub's speed becomes constant
     Way(
         "collocation",
         lambda scene: True,
         lambda scene: _collocated(scene),
-        "any equations, any manoeuvre; steady rotation follows it where the hub's speed becomes constant",
     ),
 )
 """In the order tried. The first that applies and keeps the tolerance gives the motion; `Motion.path` names all that ran."""
