@@ -386,9 +386,8 @@ class PreparedResponse:
             Rounding may exceed 1e-9 of the largest output to an input.
         """
         direct, batches = self.arrangement.direct, self.arrangement.batches
-        if (omega == 0.0).any():
-            for _, system in self._strained:
-                system.check_static()
+        if (omega == 0.0).any() and any(system.rigid for _, system in self._strained):
+            raise ValueError("omega = 0: the structure moves freely (a rigid-body mode), its response is infinite")
         if not self.even:
             return self._in_strains(omega)
         total = np.empty((direct.size, len(omega)), dtype=complex)

@@ -213,11 +213,6 @@ class StrainSystem:
         groups = [np.flatnonzero(count == k) for k in range(len(self.segments) + 1)]
         return [(places, self._equations(short[places[0]])) for places in groups if len(places)]
 
-    def check_static(self) -> None:
-        """Raise if the structure can move freely, so that its static response is infinite."""
-        if self.rigid:
-            raise ValueError("omega = 0: the structure moves freely (a rigid-body mode), its response is infinite")
-
     def inertia(self, omega: Array) -> Array:
         """Return the eigenvalues of the scaled undamped dynamic stiffness, ascending, shape (len(omega), n)."""
         n = self.forces.shape[0]
