@@ -62,9 +62,6 @@ class Added:
         return self.noise is not None or self.reference is not None or self.feedforward is not None
 
 
-NOTHING_ADDED = Added()
-
-
 @dataclass(frozen=True)
 class ControlLog:
     """What the controller asked for at each sample, what it was given, and where which limit was met."""
@@ -107,7 +104,7 @@ class SampledRun:
     delay: float
     limits: Limits
     start: Array
-    added: Added = NOTHING_ADDED
+    added: Added = Added()
 
     @cached_property
     def lag(self) -> int:
