@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from importlib import import_module
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -100,12 +100,6 @@ class ExactLoopStability:
         known = "by a bound of the plant" if self.plant_bounded else "as far as seen"
         beyond = f"loop gain below one beyond {self.top:.4g} rad/s, {known}"
         return f"ExactLoopStability: {verdict}\n  {near}\n  {beyond}; {self.evaluations} frequencies asked"
-
-
-class _Followed(Protocol):
-    """What is followed along a way: ``I - G K``, as a stack of matrices."""
-
-    def difference(self, omega: Array, /) -> Array: ...
 
 
 @dataclass(frozen=True)
@@ -198,7 +192,7 @@ def exact_loop_stability(
         function_of("plant_bound", plant_bound, "the frequency")
     end = _top(gain, K, 2.0 * reach if top is None else positive("top", top), plant_bound)
     low = float(np.abs(near).min(initial=1.0)) / BEYOND
-    omega, values = followed(gain, Resonances(near, low, end).curve([0.0, end]), limit)
+    omega, values = followed(gain.difference, Resonances(near, low, end).curve([0.0, end]), limit)
     determinants = np.linalg.det(values)
     turned = float(np.angle(determinants[1:] / determinants[:-1]).sum())
     rest = float(np.angle(np.linalg.eigvals(values[-1])).sum())
@@ -254,9 +248,9 @@ def _top(gain: _LoopGain, K: Lti, start: float, bound: Callable[[float], float] 
     raise ValueError("the loop gain does not fall below one: give plant_bound, or let the controller roll off")
 
 
-def followed(gain: _Followed, grid: Array, limit: int) -> tuple[Array, Array]:
-    """Return frequencies and ``I - G K`` at them, so close that the determinant's phase cannot be mistaken."""
-    omega, values = grid, gain.difference(grid)
+def followed(difference: Callable[[Array], Array], grid: Array, limit: int) -> tuple[Array, Array]:
+    """Return frequencies and ``I - G K`` at them, a stack, so close that the determinant's phase cannot be mistaken."""
+    omega, values = grid, difference(grid)
     settled = np.zeros(len(grid) - 1, dtype=bool)
     for _ in range(_HALVINGS):
         open_ = np.flatnonzero(~settled)
@@ -265,7 +259,7 @@ def followed(gain: _Followed, grid: Array, limit: int) -> tuple[Array, Array]:
         if len(omega) + len(open_) > limit:
             break
         middle = 0.5 * (omega[open_] + omega[open_ + 1])
-        found = gain.difference(middle)
+        found = difference(middle)
         a, b, m = (np.linalg.det(x) for x in (values[open_], values[open_ + 1], found))
         if (np.abs(m) == 0.0).any():
             break

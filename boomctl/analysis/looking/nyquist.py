@@ -228,18 +228,6 @@ def _determinant(S: Triangular, s: Array) -> Array:
         return 1.0 / np.linalg.det(values)
 
 
-@dataclass(frozen=True)
-class _Way:
-    """A part of the way along the axis, by a parameter that ascends."""
-
-    place: Callable[[Array], Array]
-    S: Triangular
-
-    def difference(self, t: Array) -> Array:
-        """Return ``I + L`` there, as far as its determinant goes."""
-        return _determinant(self.S, self.place(t))[:, None, None]
-
-
 def _windings(image: Lti, opened: Lti, S: Triangular, grid: Array) -> tuple[int, int]:
     """Return how often ``det(I + L)`` winds around zero, counter-clockwise, over the whole axis, and poles on its right.
 
@@ -282,7 +270,7 @@ def _between(grid: Array, low: float, high: float) -> Array:
 
 
 def _turned(S: Triangular, place: Callable[[Array], Array], t: Array) -> float:
-    """Return by how much the determinant turns along a part of the way [rad]."""
-    _, values = followed(_Way(place, S), t, _LIMIT)
+    """Return by how much the determinant turns along a part of the way, by a parameter that ascends [rad]."""
+    _, values = followed(lambda t: _determinant(S, place(t))[:, None, None], t, _LIMIT)
     determinants = values[:, 0, 0]
     return float(np.angle(determinants[1:] / determinants[:-1]).sum())
