@@ -1,12 +1,36 @@
 """What vouches for a controller, whichever way it was designed: found of its loop, apart from what computed it."""
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from math import inf, nan
+from typing import TYPE_CHECKING
 
 from boomctl.analysis.norm import NormCertificate
+from boomctl.lti.system import Lti
 from boomctl.printing import compact, sentence
 from boomctl.synthesis.lq.riccati import RiccatiSolution
 from boomctl.synthesis.plants.channels import Channel
+
+if TYPE_CHECKING:
+    import control
+
+
+class Design:
+    """A controller and the loop that it closes, which become systems of python-control when they are first read."""
+
+    _controller: Lti
+    _closed_loop: Lti
+    _called = "controller"  # name of that system
+
+    @cached_property
+    def controller(self) -> "control.StateSpace":
+        """As a system of python-control; it is made when it is first read."""
+        return self._controller.statespace(self._called)
+
+    @cached_property
+    def closed_loop(self) -> "control.StateSpace":
+        """As a system of python-control; it is made when it is first read."""
+        return self._closed_loop.statespace("closed_loop")
 
 
 @dataclass(frozen=True)

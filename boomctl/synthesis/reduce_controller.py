@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from itertools import chain
 from typing import TYPE_CHECKING
 
@@ -17,6 +16,7 @@ from boomctl.lti.rounding import SUMMED
 from boomctl.lti.system import Lti, lower_lft
 from boomctl.printing import system
 from boomctl.synthesis.assumptions import SynthesisError
+from boomctl.synthesis.certificate import Design
 from boomctl.synthesis.hinf.candidates import Candidate, largest_pole, verified_candidate, without_fast_poles
 from boomctl.synthesis.plants.partition import GeneralizedPlant, matched
 
@@ -27,7 +27,7 @@ _SINGULAR = 1e12  # condition above which states left out have no rest to be put
 
 
 @dataclass(frozen=True)
-class ReducedController:
+class ReducedController(Design):
     """A smaller controller and the loop it was verified in.
 
     Attributes
@@ -57,16 +57,6 @@ class ReducedController:
     fastest_pole: float
     method: str
     values: Array
-
-    @cached_property
-    def controller(self) -> "control.StateSpace":
-        """As a system of python-control; it is made when it is first read."""
-        return self._controller.statespace("controller")
-
-    @cached_property
-    def closed_loop(self) -> "control.StateSpace":
-        """As a system of python-control; it is made when it is first read."""
-        return self._closed_loop.statespace("closed_loop")
 
     def __repr__(self) -> str:
         norms = f"norm of the closed loop {self.gamma:.6g}, verified; {self.full_gamma:.6g} with the full controller"

@@ -10,7 +10,7 @@ from boomctl.analysis.prove import Claim
 from boomctl.analysis.sigma import sigma
 from boomctl.lti.system import Lti
 from boomctl.printing import count, listed, system
-from boomctl.synthesis.certificate import DesignCertificate
+from boomctl.synthesis.certificate import Design, DesignCertificate
 from boomctl.synthesis.plants.channels import channel_of
 from boomctl.synthesis.plants.partition import GeneralizedPlant
 from boomctl.tuning.solver.search import TuneStart
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class TuneResult:
+class TuneResult(Design):
     """A controller of a given structure, and the closed loops it was verified in.
 
     Attributes
@@ -71,11 +71,6 @@ class TuneResult:
     def norm(self) -> float:
         """The same as ``gamma``: every result that has a norm has it under this name."""
         return self.gamma
-
-    @cached_property
-    def controller(self) -> "control.StateSpace":
-        """As a system of python-control; it is made when it is first read."""
-        return self._controller.statespace("controller")
 
     @cached_property
     def closed_loop(self) -> "control.StateSpace":

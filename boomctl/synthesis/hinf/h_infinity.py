@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -19,7 +18,7 @@ from boomctl.printing import system
 from boomctl.progress import Deadline, Listener, OutOfTime, computing
 from boomctl.reduction.result import ReductionResult
 from boomctl.synthesis.assumptions import SynthesisError, check_modes, check_ranks, check_zeros
-from boomctl.synthesis.certificate import DesignCertificate
+from boomctl.synthesis.certificate import Design, DesignCertificate
 from boomctl.synthesis.hinf.bounds import Bounds, lowest_level
 from boomctl.synthesis.hinf.candidates import Candidate, Task, first_accepted, largest_pole
 from boomctl.synthesis.hinf.normal_form import normalised
@@ -35,7 +34,7 @@ _BAND = 1000.0  # poles so many times faster than plant and H2 loop cannot be im
 
 
 @dataclass(frozen=True)
-class HInfinityResult:
+class HInfinityResult(Design):
     """A controller and the closed loop it was verified in.
 
     Attributes
@@ -69,16 +68,6 @@ class HInfinityResult:
     def norm(self) -> float:
         """The same as ``gamma``: every result that has a norm has it under this name."""
         return self.gamma
-
-    @cached_property
-    def controller(self) -> "control.StateSpace":
-        """As a system of python-control; it is made when it is first read."""
-        return self._controller.statespace("controller")
-
-    @cached_property
-    def closed_loop(self) -> "control.StateSpace":
-        """As a system of python-control; it is made when it is first read."""
-        return self._closed_loop.statespace("closed_loop")
 
     def plot(self, ax: Any = None, *, unit: str | None = None, **style: Any) -> Any:
         """Draw the singular values of the closed loop below its norm, and the bound that no controller goes below.

@@ -6,7 +6,6 @@ Doyle, Glover, Khargonekar & Francis (1989), IEEE Transactions on Automatic Cont
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,7 +16,7 @@ from boomctl.arrays import Array, blocks
 from boomctl.lti.system import Lti, lower_lft
 from boomctl.printing import system
 from boomctl.synthesis.assumptions import SynthesisError, check_modes, check_ranks, check_zeros
-from boomctl.synthesis.certificate import DesignCertificate
+from boomctl.synthesis.certificate import Design, DesignCertificate
 from boomctl.synthesis.hinf.normal_form import normalised
 from boomctl.synthesis.lq.output_feedback import certify, least_cost, observer
 from boomctl.synthesis.lq.riccati import RiccatiProblem, RiccatiSolution
@@ -32,7 +31,7 @@ _FEEDTHROUGH = 1e-10  # share of D11 that rounding may leave of a direct way tha
 
 
 @dataclass(frozen=True)
-class H2Result:
+class H2Result(Design):
     """An H2-optimal controller.
 
     Attributes
@@ -51,6 +50,8 @@ class H2Result:
         The norm between two bounds, the least one by the Riccati equations, and how well these are solved.
     """
 
+    _called = "h2"
+
     _controller: Lti = field(repr=False)
     _closed_loop: Lti = field(repr=False)
     norm: float
@@ -63,16 +64,6 @@ class H2Result:
         """Yield what can be proved: of the loop of the plant that was handed in."""
         if self._plant is not None:
             yield Claim("the closed loop", self._plant, self._controller, stable=True)
-
-    @cached_property
-    def controller(self) -> "control.StateSpace":
-        """As a system of python-control; it is made when it is first read."""
-        return self._controller.statespace("h2")
-
-    @cached_property
-    def closed_loop(self) -> "control.StateSpace":
-        """As a system of python-control; it is made when it is first read."""
-        return self._closed_loop.statespace("closed_loop")
 
     def __repr__(self) -> str:
         verified = "verified" if self.certificate.norm.certified else "not certified"

@@ -5,7 +5,6 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,7 +15,7 @@ from boomctl.checks import exactly, nonnegative
 from boomctl.lti.system import Lti, lower_lft
 from boomctl.printing import system
 from boomctl.reduction.result import ReductionResult
-from boomctl.synthesis.certificate import DesignCertificate
+from boomctl.synthesis.certificate import Design, DesignCertificate
 from boomctl.synthesis.lq.kalman import solved_filter
 from boomctl.synthesis.lq.lqr import regulator_problem, solved_regulator
 from boomctl.synthesis.lq.output_feedback import certify, least_cost, observer
@@ -32,7 +31,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class LqgResult:
+class LqgResult(Design):
     """A linear-quadratic-Gaussian controller.
 
     Attributes
@@ -52,6 +51,8 @@ class LqgResult:
         The H2 norm of the loop, the least one by the Riccati equations, and how well these are solved.
     """
 
+    _called = "lqg"
+
     _controller: Lti = field(repr=False)
     _closed_loop: Lti = field(repr=False)
     regulator_gain: Array = field(repr=False)
@@ -70,16 +71,6 @@ class LqgResult:
     def norm(self) -> float:
         """The H2 norm of the loop, the root of ``cost``: every result that has a norm has it under this name."""
         return self.certificate.norm.value
-
-    @cached_property
-    def controller(self) -> control.StateSpace:
-        """As a system of python-control; it is made when it is first read."""
-        return self._controller.statespace("lqg")
-
-    @cached_property
-    def closed_loop(self) -> control.StateSpace:
-        """As a system of python-control; it is made when it is first read."""
-        return self._closed_loop.statespace("closed_loop")
 
     def __repr__(self) -> str:
         least = f"least possible {self.certificate.lower**2:.6g}"

@@ -22,7 +22,7 @@ from boomctl.lti.hidden_modes import HiddenMode, unmoved
 from boomctl.lti.system import Lti, static
 from boomctl.printing import between, count
 from boomctl.synthesis.assumptions import SynthesisError, check_stabilizable, check_weighted
-from boomctl.synthesis.certificate import DesignCertificate
+from boomctl.synthesis.certificate import Design, DesignCertificate
 from boomctl.synthesis.lq.problem import Weight, chosen, definite, plant_of, semidefinite, square_root
 from boomctl.synthesis.lq.riccati import RiccatiProblem, RiccatiSolution
 from boomctl.synthesis.lq.riccati_steps import solution_of
@@ -36,7 +36,7 @@ _RETURN_DIFFERENCE = 1e-2  # how far rounding on fine meshes may take the return
 
 
 @dataclass(frozen=True)
-class LqrResult:
+class LqrResult(Design):
     """A linear-quadratic regulator.
 
     Attributes
@@ -61,6 +61,8 @@ class LqrResult:
         How well the Riccati equation is solved, and what that proves of the loop.
     """
 
+    _called = "regulator"
+
     gain: Array
     cost: Array = field(repr=False)
     _controller: Lti = field(repr=False)
@@ -79,16 +81,6 @@ class LqrResult:
         """Yield what can be proved: of the loop of the plant that was handed in."""
         if self._plant is not None:
             yield Claim("the closed loop", self._plant, static(-self.gain), stable=True)
-
-    @cached_property
-    def controller(self) -> control.StateSpace:
-        """As a system of python-control; it is made when it is first read."""
-        return self._controller.statespace("regulator")
-
-    @cached_property
-    def closed_loop(self) -> control.StateSpace:
-        """As a system of python-control; it is made when it is first read."""
-        return self._closed_loop.statespace("closed_loop")
 
     @cached_property
     def effort(self) -> control.StateSpace:
