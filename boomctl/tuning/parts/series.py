@@ -14,6 +14,7 @@ import numpy as np
 from numpy.polynomial import chebyshev
 
 from boomctl.arrays import Array, balance, blocks
+from boomctl.chebyshev import series
 from boomctl.synthesis.plants.partition import GeneralizedPlant
 from boomctl.tuning.problem import ScaledPlant, band_of
 
@@ -105,12 +106,12 @@ def plant_series(make: Make, given: Make, size: int, over: Callable[[], bool]) -
             if over():
                 return None
             made.append(_matrix(make(np.array(point))))
-        series = np.array(made).reshape(*counts, *made[0].shape)
+        coefficients = np.array(made).reshape(*counts, *made[0].shape)
     except (ValueError, np.linalg.LinAlgError):  # other sizes, or a plant that does not exist
         return None
-    for axis, count in enumerate(counts):
-        series = np.moveaxis(np.tensordot(_to_series(count), series, (1, axis)), 0, axis)
-    result = PlantSeries(series, first)
+    for axis in range(size):
+        coefficients = np.moveaxis(series(np.moveaxis(coefficients, axis, 0)), 0, axis)
+    result = PlantSeries(coefficients, first)
     inside = np.random.default_rng(1).uniform(-1.0, 1.0, (_BESIDE, size))
     beside = [*inside, -np.ones(size), np.ones(size)]
     return result if all(_meets(result, given(point), point) for point in beside) else None
@@ -123,9 +124,9 @@ def _count(line: Callable[[float], GeneralizedPlant], scale: Array, over: Callab
             return None
         stack = np.array([_matrix(line(float(x)), scale) for x in chebyshev.chebpts1(count)])
         size = np.abs(stack).max(axis=(0, 2))[:, None]
-        series = np.abs(np.tensordot(_to_series(count), stack, 1))
-        if (series[-2:] <= _SMALL * size).all():
-            used = np.flatnonzero((series > _ROUNDING * size).any(axis=(1, 2)))
+        found = np.abs(series(stack))
+        if (found[-2:] <= _SMALL * size).all():
+            used = np.flatnonzero((found > _ROUNDING * size).any(axis=(1, 2)))
             return int(used[-1]) + 1 if len(used) else 1
     return None
 
@@ -148,11 +149,6 @@ def _meets(series: PlantSeries, plant: GeneralizedPlant, point: Array) -> bool:
     apart, size = np.abs(mine.response(omega, quiet=True) - exact).max(axis=2), np.abs(exact).max(axis=2)
     rounding = _NOTHING * np.minimum(size.max(axis=1, initial=0.0)[:, None], size.max(axis=0, initial=0.0))
     return bool((apart <= _SAME * np.maximum(size, rounding)).all())
-
-
-def _to_series(count: int) -> Array:
-    """Return the matrix from values at Chebyshev points to coefficients of Chebyshev polynomials."""
-    return np.linalg.inv(chebyshev.chebvander(chebyshev.chebpts1(count), count - 1))
 
 
 def _powers(count: int, x: float) -> Array:
