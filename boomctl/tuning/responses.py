@@ -228,10 +228,10 @@ class Paths:
     ----------
     response : Response
         The channel.
-    into : (n, r) ndarray
-        What changes of the controller do to the states, in the channel's coordinates.
-    out_of : (c, n) ndarray
-        What the controller reads of the states.
+    into : (n, m + r) ndarray
+        What the inputs and changes of the controller do to the states, in the channel's coordinates.
+    out_of : (p + c, n) ndarray
+        What the outputs show, and the controller reads, of the states.
     beside : (p + c, m + r) ndarray
         What passes the states by.
     """
@@ -247,25 +247,20 @@ class Paths:
         n, (_, into, out_of) = len(loop.A), loop.coordinates
         top = np.concatenate([response.D, loop.before[n + rows]], axis=1)
         beside = np.concatenate([top, np.concatenate([loop.after[:, n + columns], loop.around], axis=1)])
-        return cls(response, into @ loop.before[:n], loop.after[:, :n] @ out_of, beside)
-
-    @cached_property
-    def _ends(self) -> tuple[Array, Array]:
-        """What all paths do to the states, and what they read of them."""
-        into = np.concatenate([self.response.B, self.into], axis=1)
-        return into, np.concatenate([self.response.C, self.out_of])
+        entering = np.concatenate([response.B, into @ loop.before[:n]], axis=1)
+        return cls(response, entering, np.concatenate([response.C, loop.after[:, :n] @ out_of]), beside)
 
     def through_states(self, omega: Array, power: int) -> Array:
         """Return what passes at finite frequencies through a power of the resolvent, (frequencies, p + c, m + r)."""
-        A, (into, out_of) = self.response.A, self._ends
+        A = self.response.A
         if A.ndim == 1:
             shares = 1.0 / (1j * omega[:, None] - A)
             weights = shares
             for _ in range(power - 1):
                 weights = weights * shares
-            return (out_of * weights[:, None, :]) @ into
+            return (self.out_of * weights[:, None, :]) @ self.into
         resolvent = np.linalg.inv(1j * omega[:, None, None] * np.eye(len(A)) - A)
-        return out_of @ np.linalg.matrix_power(resolvent, power) @ into
+        return self.out_of @ np.linalg.matrix_power(resolvent, power) @ self.into
 
     def passages(self, omega: Array) -> list[Passage]:
         """Return the channel at some frequencies, infinity among them or not."""
