@@ -455,7 +455,7 @@ class Point:
         for c, channel in enumerate(self.problem.channels):
             if channel.norm == "h2" and self.is_limit(c) == limits:
                 for i in range(self.problem.count):
-                    value = log(max(self._h2(i, c)[0], _TINY)) - self.offset(c)
+                    value = log(max(self.h2(i, c)[0], _TINY)) - self.offset(c)
                     found.append((i, c, np.nan, value))
         return found
 
@@ -498,7 +498,7 @@ class Point:
 
     def _gradient(self, model: int, channel: int, omega: float) -> Array:
         if np.isnan(omega):
-            return self._h2(model, channel)[1]
+            return self.h2(model, channel)[1]
         return self._singular(model, channel, [(omega, 0.0)])[0].gradient
 
     def pieces(
@@ -518,7 +518,7 @@ class Point:
             others = [at for at in others if not any(same_place(at, peak, BESIDE) for peak in high)]
             found += self._singular(model, channel, [(at, window) for at in high] + [(at, 0.0) for at in others])
         for model, channel, omega, value in self._squares_of(False) + self._squares_of(True):
-            gradient = self._h2(model, channel)[1]
+            gradient = self.h2(model, channel)[1]
             found.append(Piece(model, channel, omega, value, gradient, self.is_limit(channel)))
         return found + self.bounds
 
@@ -587,15 +587,11 @@ class Point:
             found[i].append(piece)
         return found
 
-    def _h2(self, model: int, channel: int) -> tuple[float, Array]:
+    def h2(self, model: int, channel: int) -> tuple[float, Array]:
         """Return an H2 norm and the gradient of its logarithm."""
         if (model, channel) not in self._squares:
             self._squares[model, channel] = self._h2_and_gradient(model, channel)
         return self._squares[model, channel]
-
-    def h2_gradient(self, model: int, channel: int) -> Array:
-        """Return the gradient of the logarithm of an H2 norm."""
-        return self._h2(model, channel)[1]
 
     def beside(self, x: Array) -> "Point":
         """Return the loops at other free numbers."""

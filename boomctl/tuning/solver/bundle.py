@@ -1,7 +1,6 @@
 """Polishing by sequential quadratic programmes over all peaks near the highest, nearly multiple singular values too."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
 from math import inf, isfinite
 from typing import TypeVar
@@ -13,6 +12,7 @@ from boomctl.lti.rounding import TINY
 from boomctl.tuning.hessian import peak_hessian
 from boomctl.tuning.point import BESIDE, WINDOW, Piece, Point
 from boomctl.tuning.responses import same_place
+from boomctl.tuning.solver.descent import Ended
 from boomctl.tuning.solver.quadratic import least
 
 _MOST = 80  # pieces at most, the highest (a choice)
@@ -43,25 +43,6 @@ Place = TypeVar("Place", Piece, tuple[int, int, float, float])  # model, channel
 Tried = tuple[Array, Point, float, Array]
 
 
-@dataclass(frozen=True)
-class Polished:
-    """Where polishing ended.
-
-    Attributes
-    ----------
-    x : ndarray
-    value : float
-    steps : int
-    stationary : bool
-        Whether it ended because no step promises any gain.
-    """
-
-    x: Array
-    value: float
-    steps: int
-    stationary: bool
-
-
 def polish(
     point_at: Callable[[Array], Point],
     x: Array,
@@ -72,7 +53,7 @@ def polish(
     steps: int,
     gain: float,
     hard: float,
-) -> Polished:
+) -> Ended:
     """Return a point from which no small step over all peaks near the highest goes lower.
 
     Parameters
@@ -93,7 +74,7 @@ def polish(
     point, n = point_at(x), len(x)
     value = point.merit(weight)[0]
     if not isfinite(value):
-        return Polished(x, value, 0, False)
+        return Ended(x, value, 0)
     exact = point.exact
     H, damping = np.zeros((n, n)), _DAMPING
     history = [value]
@@ -121,7 +102,7 @@ def polish(
             )
             d, promised, multipliers = solved(pieces)
             if promised <= gain:
-                return Polished(x, value, k, damping < 1e3 * _DAMPING)
+                return Ended(x, value, k, damping < 1e3 * _DAMPING)
             tried = at(x + d, multipliers)
             if exact:
                 tried = _corrected(tried, pieces, x, value - _GOOD * promised, solved, at)
@@ -138,15 +119,15 @@ def polish(
             bends = 0.0 if isfinite(found) else _SHORTER * float(d @ H @ d) / float(d @ (sizes * d))
             damping = min(max((2.0 if more else 6.0) * damping, bends), _LARGEST)
         else:
-            return Polished(x, value, k, False)
+            return Ended(x, value, k)
         if not exact:
             active = [(m, p) for m, p in zip(tried[3], pieces, strict=True) if m > _ACTIVE and p.top]
             H = _updated(H + 1e-3 * damping * np.diag(sizes), tried[0] - x, active, there.pieces(WINDOW))
         x, point, value = tried[:3]
         history.append(value)
         if len(history) > 6 and history[-7] - value < 10.0 * gain:
-            return Polished(x, value, k + 1, False)
-    return Polished(x, value, steps, False)
+            return Ended(x, value, k + 1)
+    return Ended(x, value, steps)
 
 
 def _sizes(pieces: list[Piece], H: Array) -> Array:
@@ -175,7 +156,7 @@ def _h2_hessian(point: Point, piece: Piece) -> Array:
     rows = []
     for step in _LITTLE * np.eye(len(point.x)):
         moved = point.beside(point.x + step)
-        found = moved.h2_gradient(piece.model, piece.channel) if moved.stable else piece.gradient
+        found = moved.h2(piece.model, piece.channel)[1] if moved.stable else piece.gradient
         rows.append((found - piece.gradient) / _LITTLE)
     return np.array(rows)
 

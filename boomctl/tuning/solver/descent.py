@@ -18,19 +18,22 @@ Function = Callable[[Array], tuple[float, Callable[[], Array]]]
 
 
 @dataclass(frozen=True)
-class Descended:
-    """Where a descent ended.
+class Ended:
+    """Where a descent, or polishing, ended.
 
     Attributes
     ----------
     x : ndarray
     value : float
     steps : int
+    stationary : bool
+        Of polishing: whether it ended because no step promises any gain.
     """
 
     x: Array
     value: float
     steps: int
+    stationary: bool = False
 
 
 def descend(
@@ -42,7 +45,7 @@ def descend(
     steps: int,
     gain: float,
     enough: Callable[[Array, float], bool] = lambda x, value: False,
-) -> Descended:
+) -> Ended:
     """Return a point from which BFGS goes no lower.
 
     Parameters
@@ -63,17 +66,17 @@ def descend(
     x = np.minimum(np.maximum(x, low), high)
     value, slope = function(x)
     if not isfinite(value):
-        return Descended(x, value, 0)
+        return Ended(x, value, 0)
     g, n = slope(), len(x)
     H, fresh = np.eye(n), True
     history = [value]
     for k in range(steps):
         if enough(x, value):
-            return Descended(x, value, k)
+            return Ended(x, value, k)
         resting = ((x <= low) & (g > 0.0)) | ((x >= high) & (g < 0.0))
         moving = ~resting
         if not moving.any():
-            return Descended(x, value, k)
+            return Ended(x, value, k)
         d = np.zeros(n)
         d[moving] = -H[np.ix_(moving, moving)] @ g[moving]
         if not np.isfinite(d).all() or g @ d >= 0.0:
@@ -81,11 +84,11 @@ def descend(
             d = np.where(moving, -g, 0.0)
         falling = float(g @ d)
         if -falling <= _LITTLE * gain:
-            return Descended(x, value, k)
+            return Ended(x, value, k)
         new = _weak_wolfe(function, x, d, value, falling, low, high, fresh)
         if new is None:
             if fresh:
-                return Descended(x, value, k)
+                return Ended(x, value, k)
             H, fresh = np.eye(n), True
             continue
         point, found, gradient = new
@@ -100,8 +103,8 @@ def descend(
         x, value, g = point, found, gradient
         history.append(value)
         if len(history) > _STALLED and history[-1 - _STALLED] - value < gain:
-            return Descended(x, value, k + 1)
-    return Descended(x, value, steps)
+            return Ended(x, value, k + 1)
+    return Ended(x, value, steps)
 
 
 def _weak_wolfe(
