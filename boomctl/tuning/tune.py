@@ -3,6 +3,7 @@
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from math import exp, inf, isfinite, log, nan
 from typing import TYPE_CHECKING, Any
 
@@ -238,18 +239,18 @@ class _Task:
         """Return the plants in the middle of the physical parameters' ranges."""
         return self.plants.given(np.zeros(len(self.plants.physical)))
 
+    @cached_property
     def ports(self) -> Ports:
-        """Return the ports of the controller."""
+        """The ports of the controller."""
         found = ports_of(self.middle())
         limit = self.limits["fastest_pole"]
         return (
             found if limit is None else replace(found, fastest=min(found.fastest, limit), rate=min(found.rate, limit))
         )
 
-    def problem(self, structure: ControllerForm, ports: Ports | None = None) -> Problem:
+    def problem(self, structure: ControllerForm) -> Problem:
         """Return the problem of a structure."""
-        ports = self.ports() if ports is None else ports
-        plant = self.middle()[0]
+        ports, plant = self.ports, self.middle()[0]
         free = structure.free(ports)
         ends = np.array([each.ends() for each in free]).reshape(-1, 2)
         gains = np.array([each.kind == GAIN for each in free], dtype=bool)
@@ -330,11 +331,10 @@ class _Task:
         SynthesisError
             No controller that stabilises and keeps the budgets.
         """
-        ports = self.ports()
-        problem = self.problem(self.structure, ports)
+        problem = self.problem(self.structure)
         with np.errstate(all="ignore"), warnings.catch_warnings():
             warnings.simplefilter("ignore", RuntimeWarning)  # of what is tried and given up
-            found = search(problem, starts, rng, self.deadline, begun, lambda less: self.problem(less, ports))
+            found = search(problem, starts, rng, self.deadline, begun, self.problem)
         if found.best is None:
             ended = [each for each in ("out of time", "stopped") if each in found.path]
             when = f" before it was {ended[0]}" if ended == ["stopped"] else " in the time allowed" if ended else ""

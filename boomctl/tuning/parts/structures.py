@@ -90,14 +90,12 @@ class Ports:
 
     def part(self, rows: Sequence[int], columns: Sequence[int]) -> "Ports":
         """Return the ports of a part between some of the signals."""
-        return Ports(
-            tuple(self.measurements[i] for i in columns),
-            tuple(self.controls[i] for i in rows),
-            self.reads[list(columns)],
-            self.acts[list(rows)],
-            self.rate,
-            self.slowest,
-            self.fastest,
+        return replace(
+            self,
+            measurements=tuple(self.measurements[i] for i in columns),
+            controls=tuple(self.controls[i] for i in rows),
+            reads=self.reads[list(columns)],
+            acts=self.acts[list(rows)],
         )
 
     def rates(self, low: float | None, high: float | None) -> tuple[float, float]:
