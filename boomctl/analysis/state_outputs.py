@@ -1,11 +1,11 @@
 """Plants whose states are outputs too, for controllers that read states."""
 
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 
-from boomctl.arrays import Array
 from boomctl.lti.system import Lti, of
 from boomctl.structure.families import AffineFamily, PolynomialFamily, Slope
 from boomctl.structure.model import SecondOrderModel
@@ -76,14 +76,11 @@ def with_states(plant: Any) -> "control.StateSpace | AffineFamily | PolynomialFa
 def _with_states(plant: Lti) -> Lti:
     plain, eye = plant.without_dots(), np.eye(len(plant.A))
     labels = tuple(label.replace(".", "_") for label in plant.states)
-    new: list[int] = []
-    for i, label in enumerate(labels):
-        if label in labels[:i]:
-            raise ValueError(f"plant: expected states of different names, got {label!r} twice")
-        if label not in plain.outputs:
-            new.append(i)
-        elif not _is_state(plain, plain.outputs.index(label), eye[i]):
-            raise ValueError(f"plant: expected output {label!r} to be the state of this name; rename one of them")
+
+    def same(output: int, state: int) -> bool:
+        return bool((plain.C[output] == eye[state]).all() and not plain.D[output].any())
+
+    new = _unread(labels, plain.outputs, same)
     return replace(
         plain,
         C=np.vstack([plain.C, eye[new]]),
@@ -92,8 +89,17 @@ def _with_states(plant: Lti) -> Lti:
     )
 
 
-def _is_state(plant: Lti, output: int, row: Array) -> bool:
-    return bool((plant.C[output] == row).all() and not plant.D[output].any())
+def _unread(states: Sequence[str], outputs: Sequence[str], same: Callable[[int, int], bool]) -> list[int]:
+    """Return which states are no outputs yet; an output of a state's name that is not the ``same`` is refused."""
+    new = []
+    for i, label in enumerate(states):
+        if label in states[:i]:
+            raise ValueError(f"plant: expected states of different names, got {label!r} twice")
+        if label not in outputs:
+            new.append(i)
+        elif not same(outputs.index(label), i):
+            raise ValueError(f"plant: expected output {label!r} to be the state of this name; rename one of them")
+    return new
 
 
 def _centre_with_states(model: SecondOrderModel) -> SecondOrderModel:
@@ -121,14 +127,11 @@ def _centre_with_states(model: SecondOrderModel) -> SecondOrderModel:
     L[0], L[1, n:] = np.vstack([T, -inner @ A11 @ T]), inner @ T
     E[0], E[1, n:] = np.vstack([-T @ D, inner @ (A11 @ T @ D - B1)]), -inner @ T @ D
     labels = tuple(label.replace(".", "_") for label in x.states)
-    new: list[int] = []
-    for i, label in enumerate(labels):
-        if label not in model.outputs:
-            new.append(i)
-            continue
-        there = model.outputs.index(label)
-        if not ((ports.L[:, there] == L[:, i]).all() and (ports.E[:, there] == E[:, i]).all()):
-            raise ValueError(f"plant: expected output {label!r} to be the state of this name; rename one of them")
+
+    def same(output: int, state: int) -> bool:
+        return bool((ports.L[:, output] == L[:, state]).all() and (ports.E[:, output] == E[:, state]).all())
+
+    new = _unread(labels, model.outputs, same)
     read = replace(
         ports,
         outputs=(*model.outputs, *(labels[i] for i in new)),
