@@ -24,6 +24,7 @@ from math import comb
 import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg
+from scipy.sparse.csgraph import connected_components
 
 from boomctl.analysis.box.zero_exclusion import BELOW, TOP, Cell, evened
 from boomctl.arrays import Array, balance
@@ -480,16 +481,11 @@ class _Series:
 
 def _orthogonalise(V: Array) -> None:
     """Make groups of nearly parallel columns orthogonal, in place."""
-    near = np.abs(V.conj().T @ V) > _PARALLEL
-    left = set(range(V.shape[1]))
-    while left:
-        group = [left.pop()]
-        for each in group:
-            more = [other for other in np.flatnonzero(near[each]).tolist() if other in left]
-            left.difference_update(more)
-            group += more
-        if len(group) > 1:
-            V[:, group] = np.linalg.qr(V[:, group])[0]
+    count, group = connected_components(np.abs(V.conj().T @ V) > _PARALLEL, directed=False)
+    for k in range(count):
+        own = np.flatnonzero(group == k)
+        if len(own) > 1:
+            V[:, own] = np.linalg.qr(V[:, own])[0]
 
 
 def _solution(driving: _Expansion, Z: _Expansion) -> tuple[Array, list[Array], list[Array]]:
