@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from boomctl.analysis.norm import UNSTABLE, NormCertificate, axis_eigenvalues, matrices_norm
-from boomctl.arrays import Array, blocks
+from boomctl.arrays import blocks
 from boomctl.lti.bilinear import continuous_image
 from boomctl.lti.frequency import largest_gain, singular_values
 from boomctl.lti.modal import sides
@@ -192,9 +192,5 @@ def _share(reduction: ReductionResult, plant: GeneralizedPlant, K: Lti) -> float
     if values.max() * reduction.error_bound >= 1.0:
         return max(inside, float(values.max()) * reduction.error_bound)
     crossings = axis_eigenvalues(KS, 1.0 / reduction.error_bound)
-    return inside if _within(crossings, low, high) else max(inside, everywhere)
-
-
-def _within(omega: Array, low: float, high: float) -> bool:
-    """Return whether all of these lie within a band, so that nothing reaches the level outside of it."""
-    return bool(((omega > low) & (omega < high)).all())
+    # where all of these lie within the band nothing reaches the level outside of it
+    return inside if ((crossings > low) & (crossings < high)).all() else max(inside, everywhere)
