@@ -38,7 +38,7 @@ from boomctl.slew.least_time.newton import least_time_arcs
 from boomctl.slew.least_time.switching import Extremal, least_time, rigid_and_slowest, time_gap
 from boomctl.slew.linear import effort_gap, least_effort
 from boomctl.slew.nlp.programme import Programme, Solution
-from boomctl.slew.nlp.refinement import refined, solved_again
+from boomctl.slew.nlp.refinement import Refined, refined, solved_again
 from boomctl.slew.objectives import OBJECTIVES
 from boomctl.slew.problem import (
     MESH_GAP,
@@ -106,16 +106,21 @@ def _programme(problem: SlewProblem, least: Extremal | None) -> tuple[_Candidate
         path += ran
         if bang is not None:
             return bang, path
-    torque = _Candidate(
-        history=history,
+    return _on_mesh(problem, found), path
+
+
+def _on_mesh(problem: SlewProblem, found: Refined) -> _Candidate:
+    """The torque of a programme's solution."""
+    return _Candidate(
+        history=found.solution.history,
         method=problem.method,
         gap=found.gap,
         optimality="stationary",
         programme=found.programme,
         solution=found.solution,
         motions=found.motions,
+        path=found.path,
     )
-    return torque, path
 
 
 def _least_effort(problem: SlewProblem) -> tuple[_Candidate | None, tuple[str, ...]]:
@@ -408,19 +413,9 @@ def resolve(
         if before.programme is None or before.solution is None:
             return _planned(problem)
         solution, motions = solved_again(problem, before.programme, before.solution)
-    gap = result.certificate.optimality_gap
     path = (f"{problem.method}, solved again on its mesh",)
-    found = _Candidate(
-        history=solution.history,
-        method=problem.method,
-        gap=gap,
-        optimality="stationary",
-        programme=before.programme,
-        solution=solution,
-        motions=motions,
-        path=path,
-    )
-    return _certified(problem, found)
+    found = Refined(before.programme, solution, result.certificate.optimality_gap, path, motions)
+    return _certified(problem, _on_mesh(problem, found))
 
 
 def _certified(problem: SlewProblem, found: _Candidate) -> SlewResult:

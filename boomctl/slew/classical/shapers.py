@@ -266,9 +266,8 @@ def _smoothed() -> tuple[Array, Array]:
 
 def _turned(edges: Array, values: Array) -> float:
     """Twice integrated from rest."""
-    h = np.diff(edges)
-    speed = np.concatenate([[0.0], np.cumsum(h * values)])
-    return float(np.sum(0.5 * h * (speed[:-1] + speed[1:])))
+    speed = np.concatenate([[0.0], np.cumsum(np.diff(edges) * values)])
+    return float(np.trapezoid(speed, edges))
 
 
 def _convolved(edges: Array, values: Array, train: Shaper) -> TorqueHistory:

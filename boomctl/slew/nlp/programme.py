@@ -54,11 +54,9 @@ _SHOWN = 1e-7  # of a scaled condition: a smaller miss is not told
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """An answer: torque history, states at nodes, duration [s], value of the programme's cost, iterations, multipliers."""
+    """An answer: torque history, value of the programme's cost, iterations, multipliers."""
 
     history: TorqueHistory
-    states: Array
-    duration: float
     cost: float
     iterations: int
     raw: dict[str, Any] = field(repr=False)
@@ -177,15 +175,7 @@ class Programme:
         torques = x[layout.torques] * units.torque
         history = ramped(edges, torques) if scheme.ramp else held(edges, torques)
         unit = OBJECTIVES[scheme.objective].unit(units)
-        iterations = int(self.solver.stats()["iter_count"])
-        return Solution(
-            history=history,
-            states=x[layout.states] * units.states,
-            duration=duration,
-            cost=unit * float(raw["f"]),
-            iterations=iterations,
-            raw=raw,
-        )
+        return Solution(history, unit * float(raw["f"]), int(self.solver.stats()["iter_count"]), raw)
 
     def _failure(self, problem: SlewProblem, raw: dict[str, Any], low: Array, high: Array) -> str:
         """In words: which condition is missed most, and when."""
