@@ -109,20 +109,24 @@ def sampled_norm(
     shown = names("output", outputs, (*P.outputs, *K.outputs)) if outputs is not None else P.outputs
     if not (driven and shown):
         raise ValueError("inputs, outputs: expected at least one disturbance and one output")
-    loop = SampledLoop.of(P, K, Signals(driven, acting, measured, shown), dt, late)
+    direct = P.D[np.ix_(measured, driven)]
+    if direct.any():
+        o, i = (int(k[0]) for k in np.nonzero(direct))
+        name, corner = P.inputs[driven[i]], np.pi / dt  # half the sampling rate
+        others = [each for each in P.inputs if each != name]
+        raise ValueError(
+            f"disturbance {name!r} acts on measurement {P.outputs[measured[o]]!r} directly: samples of it have no"
+            f" bound without a filter before it: W = boomctl.low_pass(1.0, {corner:.4g});"
+            f" W.input_labels, W.output_labels = ['filtered'], [{name!r}]; P = control.interconnect([P, W],"
+            f" inputs={['filtered', *others]}, outputs={list(P.outputs)})"
+        )
+    zero, one = np.zeros((len(acting), len(P.A))), np.eye(len(P.inputs))[acting]  # the controls, as outputs
+    every = replace(P, C=np.vstack([P.C, zero]), D=np.vstack([P.D, one]), outputs=(*P.outputs, *K.outputs))
+    rows = [every.outputs.index(name) for name in shown]
+    loop = SampledLoop.of(every.between([*driven, *acting], [*rows, *measured]).balanced(), K, late)
     if (sides(loop.at_samples.poles, dt) >= 0).any():
         return NormCertificate(inf, inf, float("nan"), NOT_STABLE)
     return loop.norm()
-
-
-@dataclass(frozen=True)
-class Signals:
-    """Which inputs of a plant are disturbances and controls, which outputs are read, and the names of those that count."""
-
-    driven: list[int]
-    acting: list[int]
-    measured: list[int]
-    shown: Sequence[str]
 
 
 @dataclass(frozen=True)
@@ -193,11 +197,8 @@ class SampledLoop:
     Attributes
     ----------
     plant : Lti
-        The plant in continuous time, balanced.
+        The plant in continuous time, balanced: its last inputs are the controls, its last outputs are read.
     controller : Lti
-    signals : Signals
-    dt : float
-        Sampling time [s].
     parts : tuple of (float, Lti)
         The one or two parts of a sample between changes of the controls: how long each is [s], and the plant in it, from
         disturbances to what is shown.  Its states are the plant's, and the controls before and after they change, of which
@@ -212,8 +213,6 @@ class SampledLoop:
 
     plant: Lti
     controller: Lti
-    signals: Signals
-    dt: float
     parts: tuple[tuple[float, Lti], ...]
     queue: Lti
     from_states: Array
@@ -221,35 +220,23 @@ class SampledLoop:
     at_samples: Lti
 
     @classmethod
-    def of(cls, P: Lti, K: Lti, signals: Signals, dt: float, delay: float) -> "SampledLoop":
-        direct = P.D[np.ix_(signals.measured, signals.driven)]
-        if direct.any():
-            o, i = (int(k[0]) for k in np.nonzero(direct))
-            name, corner = P.inputs[signals.driven[i]], np.pi / dt  # half the sampling rate
-            others = [each for each in P.inputs if each != name]
-            raise ValueError(
-                f"disturbance {name!r} acts on measurement {P.outputs[signals.measured[o]]!r} directly: samples of it have no"
-                f" bound without a filter before it: W = boomctl.low_pass(1.0, {corner:.4g});"
-                f" W.input_labels, W.output_labels = ['filtered'], [{name!r}]; P = control.interconnect([P, W],"
-                f" inputs={['filtered', *others]}, outputs={list(P.outputs)})"
-            )
-        P, late = P.balanced(), whole_samples(delay, dt)
-        n, m = len(P.A), len(signals.acting)
-        held = Held.of(P, signals.acting, [late] * m)
+    def of(cls, P: Lti, K: Lti, delay: float) -> "SampledLoop":
+        dt, n, m = K.dt, len(P.A), len(K.C)
+        late, nw, nz = whole_samples(delay, dt), P.B.shape[1] - m, len(P.C) - K.B.shape[1]
+        acting = range(nw, nw + m)
+        held = Held.of(P, acting, [late] * m)
         queue = held.sampled(dt)
-        before, after = held.before[signals.acting], held.after[signals.acting]
-        given = np.vstack([np.zeros((n + m, m)), held.direct[np.ix_(signals.acting, signals.acting)]])
-        states = np.vstack([np.eye(n, len(queue.A)), before, after])
-        closed = lower_lft(queue.between(signals.acting, signals.measured), K)
-        of_state, of_controls, of_disturbances = _shown(P, K, signals)
+        given = np.vstack([np.zeros((n + m, m)), held.direct[nw:, nw:]])
+        states = np.vstack([np.eye(n, len(queue.A)), held.before[nw:], held.after[nw:]])
+        closed = lower_lft(queue.between(acting, range(nz, len(P.C))), K)
         parts = []
         for duration, at in ((late[1], slice(n, n + m)), (dt - late[1], slice(n + m, n + 2 * m))):
             if duration > 0.0:
-                A, C = np.zeros((n + 2 * m, n + 2 * m)), np.zeros((len(of_state), n + 2 * m))
-                A[:n, :n], A[:n, at], C[:, :n], C[:, at] = P.A, P.B[:, signals.acting], of_state, of_controls
-                B = np.vstack([P.B[:, signals.driven], np.zeros((2 * m, len(signals.driven)))])
-                parts.append((duration, Lti(A, B, C, of_disturbances)))
-        return cls(P, K, signals, dt, tuple(parts), queue, states, given, closed)
+                A, C = np.zeros((n + 2 * m, n + 2 * m)), np.zeros((nz, n + 2 * m))
+                A[:n, :n], A[:n, at], C[:, :n], C[:, at] = P.A, P.B[:, nw:], P.C[:nz], P.D[:nz, nw:]
+                B = np.vstack([P.B[:, :nw], np.zeros((2 * m, nw))])
+                parts.append((duration, Lti(A, B, C, P.D[:nz, :nw])))
+        return cls(P, K, tuple(parts), queue, states, given, closed)
 
     def _closed(self, A: Array, B: Array, entering: Array, leaving: Array) -> Lti:
         """Return the loop from sample to sample, with other matrices of the queue, and other signals.
@@ -257,26 +244,27 @@ class SampledLoop:
         ``entering`` are the columns by which they move the plant's state, ``leaving`` the rows by which they are read off it
         and off its controls before and after these change.
         """
-        s, (n, inputs) = self.signals, entering.shape
+        K, (n, inputs) = self.controller, entering.shape
+        read = slice(-K.B.shape[1], None)
         driving = np.vstack([entering, np.zeros((len(A) - n, inputs))])
-        C = np.vstack([leaving @ self.from_states, self.queue.C[s.measured]])
-        given = np.vstack([leaving @ self.from_given, self.queue.D[np.ix_(s.measured, s.acting)]])
+        C = np.vstack([leaving @ self.from_states, self.queue.C[read]])
+        given = np.vstack([leaving @ self.from_given, self.queue.D[read, -len(K.C) :]])
         D = np.hstack([np.zeros((len(C), inputs)), given])
-        return lower_lft(Lti(A, np.hstack([driving, B]), C, D, dt=self.dt), replace(self.controller, states=()))
+        return lower_lft(Lti(A, np.hstack([driving, B]), C, D, dt=K.dt), replace(K, states=()))
 
     def at_level(self, level: float) -> Lti | None:
         """Return the discrete loop whose norm is below one exactly if the level is above that of this loop, or None.
 
         Its states are those of ``at_samples``.  Signals are in units in which the level is one.
         """
-        n, s, total = len(self.plant.A), self.signals, None
+        n, total = len(self.plant.A), None
         for duration, part in self.parts:
             step = _step(part, duration, level)
             total = step if total is None or step is None else total.then(step)
             if total is None:
                 return None
         assert total is not None
-        A, B = self.queue.A.copy(), self.queue.B[:, s.acting].copy()
+        A, B = self.queue.A.copy(), self.queue.B[:, -len(self.controller.C) :].copy()
         A[:n], B[:n] = total.Phi[:n] @ self.from_states, total.Phi[:n] @ self.from_given
         return self._closed(A, B, _root(total.W)[:n], _root(total.X).T)
 
@@ -284,13 +272,13 @@ class SampledLoop:
         """Return the norm of the loop of a level, which is below one exactly if the level is above that of this loop."""
         found = self.at_level(level)
         # where the level can be gained within a sample there is none; below the norm it need not be stable
-        if found is None or (sides(found.poles, self.dt) >= 0).any():
+        if found is None or (sides(found.poles, self.controller.dt) >= 0).any():
             return NormCertificate(inf, inf, 0.0, NOT_STABLE)
         return matrices_norm(found.balanced())
 
     def norm(self) -> NormCertificate:
         """Return the norm between two bounds."""
-        level = max(self.gain(share * np.pi / self.dt, _PARTS[0]) for share in _GUESS)
+        level = max(self.gain(share * np.pi / self.controller.dt, _PARTS[0]) for share in _GUESS)
         if level == 0.0:
             return NormCertificate(0.0, 0.0, 0.0, "no disturbance shows")
         level, omega = self._crossing(level)
@@ -335,10 +323,10 @@ class SampledLoop:
 
         In a part they are ``c + sqrt(3) s d``, ``s`` from -1 to 1, of the energy ``|c|^2 + |d|^2`` times its length.
         """
-        n, s, nw, ends = len(self.plant.A), self.signals, len(self.signals.driven), len(self.parts[0][1].A)
+        m, n, ends, nw = len(self.controller.C), len(self.plant.A), *self.parts[0][1].B.shape
         pieces: list[tuple[float, int]] = []
         for place, (duration, _) in enumerate(self.parts):
-            count = int(np.ceil(parts * duration / self.dt))
+            count = int(np.ceil(parts * duration / self.controller.dt))
             pieces += [(duration / count, place)] * count
         size = ends + 2 * nw * len(pieces)
         reach, energy = (
@@ -370,7 +358,7 @@ class SampledLoop:
             energy += here.T @ gramian @ here
             reach = (moved @ here)[:ends]
         inputs = size - ends
-        closed = self._closed(self.queue.A, self.queue.B[:, s.acting], reach[:n, ends:], np.eye(ends))
+        closed = self._closed(self.queue.A, self.queue.B[:, -m:], reach[:n, ends:], np.eye(ends))
         start = closed.balanced().response(np.array([omega]), quiet=True)[:, :, 0]
         whole = np.vstack([start, np.eye(inputs)])
         values = linalg.eigvalsh(whole.conj().T @ energy @ whole, subset_by_index=[inputs - 1, inputs - 1])
@@ -387,19 +375,6 @@ def _moved_and_energy(F: Array, C: Array, duration: float) -> tuple[Array, Array
     for _ in range(count):
         energy, moved = energy + moved.T @ energy @ moved, moved @ moved
     return moved, 0.5 * (energy + energy.T)
-
-
-def _shown(P: Lti, K: Lti, s: Signals) -> tuple[Array, Array, Array]:
-    """Return the outputs that count, of the plant's state, of the controls that act and of the disturbances."""
-    of_state, of_controls = np.zeros((len(s.shown), len(P.A))), np.zeros((len(s.shown), len(s.acting)))
-    of_disturbances = np.zeros((len(s.shown), len(s.driven)))
-    for k, name in enumerate(s.shown):
-        if name in P.outputs:
-            row = P.outputs.index(name)
-            of_state[k], of_controls[k], of_disturbances[k] = P.C[row], P.D[row, s.acting], P.D[row, s.driven]
-        else:
-            of_controls[k, K.outputs.index(name)] = 1.0
-    return of_state, of_controls, of_disturbances
 
 
 def _next(points: list[tuple[float, float]], low: float, high: float) -> float:
