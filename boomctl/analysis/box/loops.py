@@ -13,8 +13,9 @@ from boomctl.analysis.box.prove import StablePart
 from boomctl.analysis.box.zero_exclusion import Cell, Terms, value_at
 from boomctl.analysis.loops import signals_of
 from boomctl.arrays import Array
-from boomctl.checks import exactly, instance, known
+from boomctl.checks import exactly, instance, known, nonnegative
 from boomctl.lti.controllers.scheduled import ScheduledController, frozen
+from boomctl.lti.sampled import time_of_loop
 from boomctl.lti.system import Lti, controller_of, of
 from boomctl.structure.families import Family
 from boomctl.structure.matrices import Structure
@@ -122,6 +123,22 @@ class BoxLoops:
                 middle[self.axis], reach[self.axis] = 0.5 * (low + high), 0.5 * (high - low)
                 found.append(StablePart.of(each.terms, Cell(middle, reach)))
         return found
+
+
+def checked_controller(
+    family: Family, controller: control.StateSpace | ScheduledController, delay: float
+) -> tuple[Lti | None, float]:
+    """Return a controller, None if it follows a parameter, and its delay [s], refused where they make no sampled loop."""
+    instance("family", family, Family, "AffineFamily or PolynomialFamily")
+    late = nonnegative("delay", delay)
+    scheduled = isinstance(controller, ScheduledController)
+    K = None if scheduled else controller_of(controller, "StateSpace or ScheduledController", sampled=True)
+    if K is not None and K.dt != 0.0:
+        signals_of(K, family.centre.inputs, family.centre.outputs)
+        time_of_loop(Lti(K.A, K.B, K.C, K.D), K, late)  # what a delay may be
+    elif late:
+        raise ValueError(f"delay = {exactly(delay)}: expected 0 with a controller in continuous time")
+    return K, late
 
 
 def controller_at(

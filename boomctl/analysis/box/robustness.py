@@ -6,17 +6,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from boomctl.analysis.box.loops import BoxLoops
+from boomctl.analysis.box.loops import BoxLoops, checked_controller
 from boomctl.analysis.box.points import listed_values, pattern_search
 from boomctl.analysis.box.prove import BoxProof, StablePart, Statement, prove_box
 from boomctl.analysis.box.sampled_level import SampledLoops, sampled_loops
 from boomctl.analysis.box.unmodelled import small_gain
-from boomctl.analysis.loops import signals_of
 from boomctl.arrays import Array
-from boomctl.checks import exactly, instance, nonnegative, positive, whole
+from boomctl.checks import positive, whole
 from boomctl.lti.controllers.scheduled import ScheduledController
-from boomctl.lti.sampled import time_of_loop
-from boomctl.lti.system import Lti, controller_of, rates_of
+from boomctl.lti.system import Lti, rates_of
 from boomctl.printing import sentence
 from boomctl.progress import Listener, computing, tell
 from boomctl.structure.families import Family
@@ -28,7 +26,6 @@ if TYPE_CHECKING:
 
 _CELLS = 500  # most cells of a proof (a choice of patience: seconds to a minute)
 _MARGIN_CELLS = 100  # most cells of each of the proofs of a margin (a choice)
-_KINDS = "StateSpace or ScheduledController"
 _PROOFS = 12  # at most, of a margin
 _FINER = 0.1  # share of the tolerance to which the factor of known instability is narrowed down, before proofs begin
 
@@ -204,13 +201,12 @@ def robust_stability(
     (True, 0.353)
     """
     limit = whole("max_cells", max_cells)
-    K = None if isinstance(controller, ScheduledController) else controller_of(controller, _KINDS, sampled=True)
+    K, late = checked_controller(family, controller, delay)
     if unmodelled is not None and K is None:
         raise ValueError("unmodelled: expected none beside a controller that follows a parameter")
-    loops = _Sampled.of(family, K, delay) if K is not None and K.dt != 0.0 else None
-    if loops is None:
-        if nonnegative("delay", delay):
-            raise ValueError(f"delay = {exactly(delay)}: expected 0 with a controller in continuous time")
+    if K is not None and K.dt != 0.0:
+        loops = _Sampled(family, K, late, sampled_loops(family, K, (), (), late))
+    else:
         loops = BoxLoops.of(family, controller)
     with computing("robust stability", progress):
         tell("points of the box")
@@ -250,14 +246,6 @@ class _Sampled:
     K: Lti
     delay: float
     at: "Callable[[Array], Lti]"
-
-    @classmethod
-    def of(cls, family: Family, K: Lti, delay: float) -> "_Sampled":
-        """Return the loops ``u = K y``."""
-        instance("family", family, Family, "AffineFamily or PolynomialFamily")
-        signals_of(K, family.centre.inputs, family.centre.outputs)
-        time_of_loop(Lti(K.A, K.B, K.C, K.D), K, delay)  # what a delay may be
-        return cls(family, K, delay, sampled_loops(family, K, (), (), delay))
 
     def abscissa(self, delta: Array) -> float:
         """Return the slowest rate at a point [rad/s]."""

@@ -8,19 +8,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from boomctl.analysis.box.level import DrivenLoops
-from boomctl.analysis.box.loops import BoxLoops, controller_at
+from boomctl.analysis.box.loops import BoxLoops, checked_controller, controller_at
 from boomctl.analysis.box.points import listed_values, pattern_search
 from boomctl.analysis.box.prove import WORTH, BoxProof, Statement, prove_box
 from boomctl.analysis.box.sampled_level import SampledLoops
 from boomctl.analysis.box.zero_exclusion import value_at
 from boomctl.analysis.h2 import matrices_h2_norm
-from boomctl.analysis.loops import joined, signals_of
+from boomctl.analysis.loops import joined
 from boomctl.analysis.norm import NAMES, NormCertificate, matrices_norm
 from boomctl.arrays import Array
-from boomctl.checks import exactly, from_on, instance, known, nonnegative, positive, whole
+from boomctl.checks import from_on, known, positive, whole
 from boomctl.lti.controllers.scheduled import ScheduledController
-from boomctl.lti.sampled import time_of_loop
-from boomctl.lti.system import Lti, controller_of
+from boomctl.lti.system import Lti
 from boomctl.printing import sentence
 from boomctl.progress import Listener, computing, tell
 from boomctl.structure.families import Family
@@ -181,7 +180,9 @@ def worst_case(
     if wanted is not None and wanted > _LARGEST:
         raise ValueError(f"tolerance = {wanted:g}: expected at most {_LARGEST:g}")
     known("norm", norm, NAMES)
-    K, late = _checked(family, controller, delay)
+    K, late = checked_controller(family, controller, delay)
+    if K is None or K.dt == 0.0:
+        BoxLoops.of(family, controller)  # which refuses what makes no loop
 
     def loop_at(delta: Array) -> Lti:
         loop = joined(family.at(delta), controller_at(family, controller, delta), late).closed()
@@ -306,21 +307,3 @@ def _bounded(
         return (delta if found.refuted is None else found.refuted), inf, found, _LOST
     about = f"about {found.needed:.0e} cells, more than" if limit < found.needed < inf else "more than"
     return delta, inf, found, f"it would take {about} max_cells = {limit} at {level:.5g}"
-
-
-def _checked(
-    family: Family, controller: "control.StateSpace | ScheduledController", delay: float
-) -> tuple[Lti | None, float]:
-    """Return a controller, None if it follows a parameter, and its delay [s], refused where they make no loop."""
-    instance("family", family, Family, "AffineFamily or PolynomialFamily")
-    late = nonnegative("delay", delay)
-    scheduled = isinstance(controller, ScheduledController)
-    K = None if scheduled else controller_of(controller, "StateSpace or ScheduledController", sampled=True)
-    if K is not None and K.dt != 0.0:
-        signals_of(K, family.centre.inputs, family.centre.outputs)
-        time_of_loop(Lti(K.A, K.B, K.C, K.D), K, late)
-        return K, late
-    if late:
-        raise ValueError(f"delay = {exactly(delay)}: expected 0 with a controller in continuous time")
-    BoxLoops.of(family, controller)
-    return K, late
