@@ -31,25 +31,15 @@ _ILL_POSED = 1e-10  # least singular value of I - K D22 up to which a loop is no
 
 
 @dataclass(frozen=True)
-class ScaledPlant:
+class ScaledPlant(GeneralizedPlant):
     """A generalised plant in units in which its gains are near one, and with balanced states.
 
     Attributes
     ----------
-    A, B1, B2, C1, C2, D11, D12, D21, D22 : ndarray
     slopes, bends : ndarray or None
         First and second derivatives of ``matrix`` by physical parameters, (k, r, c) and (k, k, r, c), where they are known.
     """
 
-    A: Array
-    B1: Array
-    B2: Array
-    C1: Array
-    C2: Array
-    D11: Array
-    D12: Array
-    D21: Array
-    D22: Array
     slopes: Array | None = None
     bends: Array | None = None
     _frames: dict[int, tuple[Array, Array, Array, Array]] = field(
@@ -62,19 +52,8 @@ class ScaledPlant:
         s = plant.system
         if states is None:
             states = balance(s.A)[1]
-        B, C = s.B / states[:, None], s.C * states
-        nw, nz = plant.nw, plant.nz
-        return cls(
-            _without_jordan_blocks(s.A * states / states[:, None]),
-            B[:, :nw],
-            B[:, nw:],
-            C[:nz],
-            C[nz:],
-            plant.D11,
-            plant.D12,
-            plant.D21,
-            plant.D22,
-        )
+        A = _without_jordan_blocks(s.A * states / states[:, None])
+        return cls(replace(s, A=A, B=s.B / states[:, None], C=s.C * states), plant.nmeas, plant.ncon)
 
     def moving(self, slopes: Array, bends: Array, states: Array) -> "ScaledPlant":
         """Return the plant with derivatives of its matrices, its states having been divided by ``states``."""
@@ -89,8 +68,7 @@ class ScaledPlant:
         controls add to that, and what the states and the measurements read of it; last what these read of the controls.
         """
         if order not in self._frames:
-            n, nu, ny = len(self.A), self.B2.shape[1], len(self.C2)
-            nw, nz = self.B1.shape[1], len(self.C1)
+            n, nu, ny, nw, nz = len(self.A), self.ncon, self.nmeas, self.nw, self.nz
             M12 = np.zeros((n + order + nz, order + nu))
             M12[:n, order:], M12[n + order :, order:] = self.B2, self.D12
             M12[n : n + order, :order] = np.eye(order)
@@ -108,7 +86,8 @@ class ScaledPlant:
     @property
     def matrix(self) -> Array:
         """All of it in one matrix."""
-        return blocks([[self.A, self.B1, self.B2], [self.C1, self.D11, self.D12], [self.C2, self.D21, self.D22]])
+        s = self.system
+        return blocks([[s.A, s.B], [s.C, s.D]])
 
 
 def _without_jordan_blocks(A: Array) -> Array:
@@ -201,8 +180,7 @@ class Closed:
 
 def close(plant: ScaledPlant, K: Array, order: int) -> Closed | None:
     """Return a plant closed by a controller ``[[A, B], [C, D]]`` of some order; None where the loop is not well-posed."""
-    n, nu, ny = len(plant.A), plant.B2.shape[1], len(plant.C2)
-    nw, nz = plant.B1.shape[1], len(plant.C1)
+    n, nu, ny, nw, nz = len(plant.A), plant.ncon, plant.nmeas, plant.nw, plant.nz
     M, M12, M21, through = plant.frame(order)
     gain, before, after, around, inverse = K, M12, M21, through, np.eye(len(K))
     if through.any():
