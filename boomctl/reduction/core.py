@@ -6,11 +6,11 @@ import numpy as np
 
 from boomctl.analysis.model_norm import CORE_FROM, FEWER
 from boomctl.arrays import Array
-from boomctl.lti.modal import ModalSystem, diagonalized, spectral_parts
+from boomctl.lti.modal import ModalSystem, spectral_parts
 from boomctl.lti.rounding import ALIKE
 from boomctl.lti.system import Lti, append
 from boomctl.lti.verified_modal_form import in_verified_modal_form
-from boomctl.reduction.tail_bounds import loads_of, modal_states, tail_bound
+from boomctl.reduction.tail_bounds import loads_of, modal_states, motions, tail_bound
 from boomctl.structure.damping import separated_damping
 from boomctl.structure.matrices import halves
 from boomctl.structure.model import SecondOrderModel
@@ -160,14 +160,7 @@ def _lowest_modes(model: SecondOrderModel, modes: int) -> tuple[Lti, float] | No
     V, lowest = shapes[:, :modes], float(frequencies[modes])
     small = model.structure.projected(V)
     core = modal_states(small.M, small.K, small.C, loads, V)
-    closed = diagonalized(
-        Lti(
-            core.A,
-            np.hstack([core.B, np.vstack([np.zeros((modes, len(loads.L))), V.T @ loads.L.T])]),
-            np.hstack([damping.U.T @ V, np.zeros((len(damping.gamma), modes))]),
-            np.zeros((len(damping.gamma), core.B.shape[1] + len(loads.L))),
-        )
-    )
+    closed = motions(core, damping.U.T @ V)
     if closed is None:
         return None
     tail = tail_bound(model, loads, damping, V, lowest, (small.C, closed))

@@ -208,7 +208,8 @@ def truncation_bound(stiffness: Array, C: Array, loads: Loads, kept: Array) -> f
         return inf
     ours, others = (Loads(loads.B0[k], loads.B1[k], loads.L[:, k]) for k in (kept, ~kept))
     m = loads.B0.shape[1]
-    closed = _motions(stiffness[kept], C[np.ix_(kept, kept)], ours, X)
+    one = np.eye(kept.sum())
+    closed = motions(modal_states(one, np.diag(stiffness[kept]), C[np.ix_(kept, kept)], ours, one), X)
     if closed is None or (side_of_axis(closed.poles) >= 0).any():
         return inf
     lowest = float(w.min())
@@ -221,12 +222,11 @@ def truncation_bound(stiffness: Array, C: Array, loads: Loads, kept: Array) -> f
     return _over_intervals(ends, reads, b0, b1, lowest=lowest, softened=softened, dissipated=dissipated)
 
 
-def _motions(stiffness: Array, C: Array, loads: Loads, rows: Array) -> ModalSystem | None:
+def motions(core: Lti, rows: Array) -> ModalSystem | None:
     """Return the modes kept, from inputs and forces at the outputs to ``rows`` of their coordinates."""
-    k, m, p, r = len(stiffness), loads.B0.shape[1], len(loads.L), len(rows)
-    core = modal_states(np.eye(k), np.diag(stiffness), C, loads, np.eye(k))
-    B = np.hstack([core.B, np.vstack([np.zeros((k, p)), loads.L.T])])
-    return diagonalized(Lti(core.A, B, np.hstack([rows, np.zeros((r, k))]), np.zeros((r, m + p))))
+    k = len(core.A) // 2
+    B = np.hstack([core.B, np.vstack([np.zeros((k, len(core.C))), core.C[:, :k].T])])
+    return diagonalized(Lti(core.A, B, np.hstack([rows, np.zeros_like(rows)]), np.zeros((len(rows), B.shape[1]))))
 
 
 def modal_states(M: Array, K: Array, C: Array, loads: Loads, V: Array) -> Lti:
