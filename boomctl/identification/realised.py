@@ -7,7 +7,7 @@ from scipy import linalg
 
 from boomctl.arrays import Array
 from boomctl.identification.common_poles import CommonPoles
-from boomctl.identification.spectra import EDGES, Spectra, pairs, real
+from boomctl.identification.spectra import Spectra, pairs, real
 from boomctl.lti.system import Lti
 from boomctl.structure.model import SecondOrderModel
 
@@ -47,9 +47,7 @@ class RankOne:
             angle = 0.5 * np.angle(np.square(direction).sum())  # as real as it can be
             b[k] = direction * np.exp(-1j * angle) / np.linalg.norm(direction)
         columns = np.concatenate([_driven(data, fit.poles, b), data.rest(fit.fixed), data.free(fit.poles)], axis=1)
-        size = np.linalg.norm(columns, axis=0)
-        size[size == 0.0] = 1.0
-        found = linalg.lstsq(columns / size, real(data.Y))[0] / size[:, None] * data.scale  # type: ignore[index]
+        found = _coefficients(columns, real(data.Y)) * data.scale
         k, f = len(fit.poles), len(fit.fixed)
         c = found[:k] + 1j * found[k : 2 * k]
         D, residues = found[2 * k : 2 * k + m], found[2 * k + m : 2 * k + m + 2 * f * m]
@@ -64,13 +62,8 @@ class RankOne:
     def left(self, data: Spectra) -> Array:
         """Return what is not predicted but by free motions and ends of the record, (2 n, p)."""
         y = real(data.Y) - self.predicted(data)
-        if not data.records:
-            return y
-        edges = data.rest(self.fixed)[:, -EDGES * data.records :]
-        columns = np.concatenate([data.free(self.poles), edges], axis=1)
-        size = np.linalg.norm(columns, axis=0)
-        columns /= np.where(size > 0.0, size, 1.0)
-        return y - columns @ linalg.lstsq(columns, y)[0]  # type: ignore[index]
+        columns = np.concatenate([data.free(self.poles), data.ends], axis=1)
+        return y - columns @ _coefficients(columns, y)
 
     def system(self, inputs: tuple[str, ...], outputs: tuple[str, ...]) -> Lti:
         """Return the system, two states a mode and two an input for each fixed pair."""
@@ -103,21 +96,17 @@ class RankOne:
         if data.held:  # of the same poles: the sampled response of 1/(s^2 + ...)
             pair = data.simple(self.poles)[0], data.simple(self.poles.conj())[0]
             gain = ((pair[0] - pair[1]) / (2j * self.poles.imag[:, None])).T
-        columns = np.concatenate([real(gain * (data.U @ b.T)), real(data.U), data.free(self.poles)], axis=1)
-        if data.records:
-            columns = np.concatenate([columns, data.rest(self.fixed)[:, -EDGES * data.records :]], axis=1)
-        size = np.linalg.norm(columns, axis=0)
-        size[size == 0.0] = 1.0
+        moved = real(gain * (data.U @ b.T)), real(data.U)
+        columns = np.concatenate([*moved, data.free(self.poles), data.ends], axis=1)
         y = real(data.Y)
-        found = linalg.lstsq(columns / size, y)[0]  # type: ignore[index]
-        left = y - columns / size @ found
-        found = found / size[:, None] * data.scale
+        found = _coefficients(columns, y)
+        left = y - columns @ found
         k, m = len(self.poles), len(inputs)
         fast = 10.0 * data.top  # its motion is within a hundredth of the static one (a choice)
         K = np.concatenate([square, np.full(m, fast**2)])
         C = np.concatenate([rate, np.full(m, 2.0 * fast)])
         forces = np.concatenate([b, np.eye(m) * fast**2])
-        rows = found[: k + m]
+        rows = found[: k + m] * data.scale
         model = SecondOrderModel(
             np.eye(k + m),
             np.diag(C),
@@ -127,6 +116,13 @@ class RankOne:
             [f"mode_{j + 1}" for j in range(k)] + [f"static_{name}" for name in inputs],
         )
         return model, left
+
+
+def _coefficients(columns: Array, y: Array) -> Array:
+    """Return the coefficients of columns of any size by least squares."""
+    size = np.linalg.norm(columns, axis=0)
+    size[size == 0.0] = 1.0
+    return linalg.lstsq(columns / size, y)[0] / size[:, None]  # type: ignore[index]
 
 
 def _driven(data: Spectra, poles: Array, b: Array) -> Array:

@@ -11,7 +11,7 @@ from boomctl.lti.python_control import control
 _HEAVIEST = 100.0  # weight of a row of a measured response, in those of its median (a choice)
 _FEWEST = 24  # lines in the band for each input: fewer bear no mode with its background (a choice)
 # powers of frequency, from -1 (a drift) on, for what a record's ends leave beside free motions (measured: 3 to 10 alike)
-EDGES = 5
+_EDGES = 5
 
 
 @dataclass(frozen=True)
@@ -160,10 +160,13 @@ class Spectra:
         columns = [self.U]
         if len(fixed):
             columns.append(_both(self.simple(fixed)[0], self.simple(fixed.conj())[0], self.U))
-        if self.records:
-            powers = (self.s[:, None] / self.top) ** (np.arange(EDGES) - 1.0)
-            columns.append((self._own[:, :, None] * powers[:, None, :]).reshape(len(self.s), -1))
-        return real(np.concatenate(columns, axis=1))
+        return np.concatenate([real(np.concatenate(columns, axis=1)), self.ends], axis=1)
+
+    @property
+    def ends(self) -> Array:
+        """Columns of what each record's ends leave beside free motions, (2 n, k)."""
+        powers = (self.s[:, None] / self.top) ** (np.arange(_EDGES) - 1.0)
+        return real((self._own[:, :, None] * powers[:, None, :]).reshape(len(self.s), _EDGES * self.records))
 
     def in_time(self, columns: Array) -> tuple[Array, ...]:
         """Return real columns (2 n, k) over time, (N, k) for each record."""
