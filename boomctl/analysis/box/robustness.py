@@ -227,15 +227,14 @@ def robust_stability(
         alone = RobustStability(found.proved, None, cells, rate, worst, reason, found.path)
         if unmodelled is None or K is None or not found.proved:
             return alone
-        around = small_gain(family, K, unmodelled, delay, limit)
-    proof = around.proof
-    if around.gain >= 1.0:
-        reason = f"gain {around.gain:.4g} around what is not modelled at {listed_values(family.values(around.at))}"
+        gain, at, proof, refused = small_gain(family, K, unmodelled, delay, limit)
+    if gain >= 1.0:
+        reason = f"gain {gain:.4g} around what is not modelled at {listed_values(family.values(at))}"
     else:
-        reason = "" if proof.proved else around.reason or f"gain not proved below one with max_cells = {limit}"
+        reason = "" if proof.proved else refused or f"gain not proved below one with max_cells = {limit}"
     cells += proof.dear + proof.cheap
     path = f"{alone.path}; {proof.path} with what is not modelled" if proof.proved else ""
-    return replace(alone, proved=proof.proved, cells=cells, reason=reason, path=path, gain=around.gain)
+    return replace(alone, proved=proof.proved, cells=cells, reason=reason, path=path, gain=gain)
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ Of a sampled loop ``D`` is met through the hold and at the samples: all its alia
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import inf
 from typing import TYPE_CHECKING
 
@@ -48,18 +48,12 @@ _ALIASES = (
 _BEYOND = 10.0  # times the fastest pole that they reach at least; above, a bound falls as it will (a choice)
 
 
-@dataclass(frozen=True)
-class SmallGain:
-    """What was found of the gain around what is not modelled: the largest met, where, and the proof that none reaches one."""
-
-    gain: float
-    at: Array
-    proof: BoxProof
-    reason: str
-
-
-def small_gain(family: Family, K: Lti, unmodelled: control.StateSpace, delay: float, limit: int) -> SmallGain:
+def small_gain(
+    family: Family, K: Lti, unmodelled: control.StateSpace, delay: float, limit: int
+) -> tuple[float, Array, BoxProof, str]:
     """Prove that the gain around what a family does not model is below one over the box; ``u = K y`` is stable there.
+
+    Returned are the largest gain met, where, the proof that none reaches one, and why it was given up.
 
     Raises
     ------
@@ -92,12 +86,12 @@ def small_gain(family: Family, K: Lti, unmodelled: control.StateSpace, delay: fl
     tell("points of the box, with what is not modelled")
     worst, gain, _ = pattern_search(lambda delta: at(delta).lower, family.size, 1.0)
     if gain >= 1.0:
-        return SmallGain(gain, worst, BoxProof(False), "")
+        return gain, worst, BoxProof(False), ""
     tell("loop over the box, with what is not modelled")
     parts, reason = driven_parts(wide, driven, loop_at(np.zeros(family.size)), delay)
     reason = reason or hindrance(parts, at, worst)
     if reason:
-        return SmallGain(gain, worst, BoxProof(False), reason)
+        return gain, worst, BoxProof(False), reason
 
     def met(found: float, point: Array) -> None:
         nonlocal worst, gain
@@ -110,7 +104,7 @@ def small_gain(family: Family, K: Lti, unmodelled: control.StateSpace, delay: fl
 
     level = Statement(lambda: 1.0 if gain < 1.0 else inf, met, holds, lambda: False)
     found = prove_box(parts, level, limit)
-    return SmallGain(gain, worst, found, "")
+    return gain, worst, found, ""
 
 
 def _bounds(K: Lti, unmodelled: control.StateSpace) -> list[list[Lti]]:
