@@ -16,6 +16,7 @@ import numpy as np
 from scipy import special
 
 from boomctl.arrays import Array
+from boomctl.checks import real
 from boomctl.identification.identifiability import Seen
 from boomctl.identification.measured import Measured
 from boomctl.printing import count
@@ -110,6 +111,14 @@ def _correlated(J: Array, residuals: Array, data: Measured, entry: Array) -> tup
     values, turned = np.linalg.eigh(found)
     whole = np.linalg.eigvalsh(J.T @ J)
     return power * (turned * np.maximum(values, whole[0] / n)) @ turned.T, max(n - r, 1) / lost
+
+
+def confident(name: str, value: object) -> float:
+    """Return a probability from 0.5 to below 1."""
+    found = real(name, value)
+    if not 0.5 <= found < 1.0:
+        raise ValueError(f"{name} = {value!r}: expected a number from 0.5 to below 1")
+    return found
 
 
 def limits(confidence: float, freedom: Array) -> Array:

@@ -5,8 +5,8 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from boomctl.checks import instance, nonnegative, real, sequence
-from boomctl.identification.blocks import limits
+from boomctl.checks import instance, nonnegative, sequence
+from boomctl.identification.blocks import confident, limits
 from boomctl.identification.free import changed
 from boomctl.structure.families import Family, PolynomialFamily
 from boomctl.structure.matrices import Structure
@@ -31,9 +31,7 @@ class Uncertain(Protocol):
 
 def box(result: Uncertain, probability: float, margin: float) -> dict[str, Range]:
     """Return ranges that hold all parameters at once with a probability, each widened by a share (Bonferroni)."""
-    level = real("probability", probability)
-    if not 0.5 <= level < 1.0:
-        raise ValueError(f"probability = {probability!r}: expected a number from 0.5 to below 1")
+    level = confident("probability", probability)
     share, found = nonnegative("margin", margin), {}
     intervals, freedoms = result.uncertain
     for name, (value, low, high) in intervals.items():

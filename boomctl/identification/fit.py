@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from boomctl.arrays import Array
-from boomctl.checks import positive, real, whole
-from boomctl.identification.blocks import Spread, limits, of_blocks, of_sets
+from boomctl.checks import positive, whole
+from boomctl.identification.blocks import Spread, confident, limits, of_blocks, of_sets
 from boomctl.identification.certificate import FitCertificate, minimum
 from boomctl.identification.free import FreeParameters
 from boomctl.identification.identifiability import Forward, Seen, differences, slopes
@@ -212,8 +212,7 @@ def fit(
     """
     data = Measured.of(measured, modes, weights, errors, inputs, outputs)
     known_size = None if deviation is None else positive("deviation", deviation)
-    if not 0.5 <= real("confidence", confidence) < 1.0:
-        raise ValueError(f"confidence = {confidence!r}: expected a number from 0.5 to below 1")
+    confidence = confident("confidence", confidence)
     count = whole("starts", starts, most=_MOST_STARTS)
     whole("seed", seed, least=0)
     free_parameters = FreeParameters.of(build, free, start)
@@ -265,7 +264,7 @@ def fit(
         names=listed,
         values=dict(zip(listed, values.tolist(), strict=True)),
         intervals=dict(zip(listed, ends, strict=True)),
-        confidence=float(confidence),
+        confidence=confidence,
         standard_errors=dict(zip(listed, deviations.tolist(), strict=True)),
         covariance=covariance,
         correlation=correlation,

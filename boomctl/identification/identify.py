@@ -14,6 +14,7 @@ from threadpoolctl import threadpool_limits
 from boomctl.arrays import Array
 from boomctl.checks import known, whole
 from boomctl.checks import real as real_number
+from boomctl.identification.blocks import confident
 from boomctl.identification.common_poles import CommonPoles, curvature, pull
 from boomctl.identification.families import hull as joint
 from boomctl.identification.families import names_of_mode, of_modes
@@ -300,9 +301,7 @@ def identify(
     >>> [(round(mode.frequency_hz, 2), round(mode.damping, 3)) for mode in found.modes]
     [(3.18, 0.02)]
     """
-    level = real_number("confidence", confidence)
-    if not 0.5 <= level < 1.0:
-        raise ValueError(f"confidence = {confidence!r}: expected a number from 0.5 to below 1")
+    level = confident("confidence", confidence)
     back = real_number("held_back", held_back)
     if not 0.0 <= back <= 0.8:
         raise ValueError(f"held_back = {held_back!r}: expected a share from 0 to 0.8")

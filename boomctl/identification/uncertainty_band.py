@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy import linalg
 
-from boomctl.checks import real, some_names, whole
+from boomctl.checks import some_names, whole
+from boomctl.identification.blocks import confident
 from boomctl.identification.measured import RESPONSE, Builder, Measured
 from boomctl.lti.overbound import MOST, overbound
 from boomctl.lti.system import Lti
@@ -80,9 +81,7 @@ def uncertainty_band(
     >>> bool((abs(W(1j * H.omega)) >= left[0, 0]).all())
     True
     """
-    level = real("probability", probability)
-    if not 0.5 <= level < 1.0:
-        raise ValueError(f"probability = {probability!r}: expected a number from 0.5 to below 1")
+    level = confident("probability", probability)
     poles = whole("order", order, most=MOST)
     falling = whole("fall", fall, 0, poles)
     data = Measured.of(measured, None, None, "absolute", None, None)
