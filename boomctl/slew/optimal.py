@@ -26,7 +26,7 @@ from typing import TYPE_CHECKING
 
 from numpy.typing import ArrayLike
 
-from boomctl.checks import positive, real
+from boomctl.checks import instance, positive, real
 from boomctl.lti.rounding import ALIKE, SUMMED
 from boomctl.lti.system import is_statespace
 from boomctl.printing import compact
@@ -400,9 +400,7 @@ def resolve(
     >>> round(further.cost / slew.cost, 3)  # about 1.1 squared
     1.21
     """
-    if not isinstance(result, SlewResult):
-        raise TypeError(f"result = {type(result).__name__}: expected what optimal_slew returns")
-    before = result.plan
+    before = instance("result", result, SlewResult).plan
     if before is None:
         raise ValueError("result: expected a slew that optimal_slew planned; plan this one anew")
     deadline = _deadline(time_limit, progress)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.checks import known, positive, real
+from boomctl.checks import instance, known, mapping, positive, real
 from boomctl.lti.time_series import TimeSeries
 from boomctl.printing import compact, table_html
 from boomctl.slew.classical.shapers import classical_spin_up, classical_torque, shaper
@@ -226,13 +226,12 @@ def compare_slews(
     if plant.machine is None:
         raise TypeError(f"h = {type(h).__name__}: expected a hub-beam")
     limit = positive("torque_limit", torque_limit)
-    if optimal is not None and not isinstance(optimal, dict):
-        raise TypeError(f"optimal = {optimal!r}: expected a dict of what optimal_slew returns")
-    if not all(isinstance(each, SlewResult) for each in (optimal or {}).values()):
-        raise TypeError("optimal: expected a dict of what optimal_slew returns")
+    planned = {} if optimal is None else mapping("optimal", optimal, "names to slews")
+    for name, each in planned.items():
+        instance(f"optimal[{name!r}]", each, SlewResult)
     if angle is not None:
         warn_of_turns(real("angle", angle))
-    torques = {name: result.history for name, result in (optimal or {}).items()}
+    torques = {name: result.history for name, result in planned.items()}
     torques |= _classical(plant, angle, real("final_speed", final_speed), limit)
     others = [plant.machine.with_stiffness(factor**2) for factor in _CHANGES]
     lines = []

@@ -181,8 +181,7 @@ def classical_torque(shape: str, train: Shaper, angle: float, inertia: float, to
     (4.399, 25.0)
     """
     known("shape", shape, ("bang-bang", "smoothed", "versine"))
-    if not isinstance(train, Shaper):
-        raise TypeError(f"train = {train!r}: expected a Shaper")
+    instance("train", train, Shaper)
     limit, turn = positive("torque_limit", torque_limit), abs(real("angle", angle))
     if turn == 0.0:
         raise ValueError("angle = 0: expected a turn that leads somewhere")

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.checks import nonnegative, positive
+from boomctl.checks import instance, nonnegative, positive
 from boomctl.lti.time_series import TimeSeries
 from boomctl.slew.result import SlewError, SlewResult
 
@@ -137,8 +137,7 @@ def track(
     >>> round(found.open_tip_swing, 2), round(found.tip_swing, 2)  # m, without and with feedback
     (3.64, 0.01)
     """
-    if not isinstance(result, SlewResult):
-        raise TypeError(f"result = {type(result).__name__}: expected what optimal_slew returns")
+    instance("result", result, SlewResult)
     mass = nonnegative("tip_mass", tip_mass)
     tracked = result.track(
         sample_time=sample_time,

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from boomctl.arrays import Array, blocks
-from boomctl.checks import exactly, known, names, real
+from boomctl.checks import exactly, known, mapping, names, real
 from boomctl.lti.bilinear import discrete_image
 from boomctl.lti.modal import sides
 from boomctl.lti.python_control import control
@@ -232,10 +232,8 @@ def _joined(first: Lti, entry: Array, middle: Lti, leave: Array, last: Lti) -> L
 
 def _weighted(what: str, prefix: str, given: Mapping[str, Weight], choices: Sequence[str], dt: float) -> dict[str, Lti]:
     """Return the weight of each signal in ``given``, named as outside; signals unknown and weights that fail are refused."""
-    if not isinstance(given, Mapping):
-        raise TypeError(f"{what}: expected a mapping from signal to weight, got {type(given).__name__}")
     found = {}
-    for name, weight in given.items():
+    for name, weight in mapping(what, given, "signals to weights").items():
         outside = prefix + known(what, name, choices)
         system = _weight(f"weight of {what} {name!r}", weight, dt)
         states = tuple(f"{outside}[{k}]" for k in range(len(system.A)))

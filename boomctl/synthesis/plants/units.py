@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.checks import finite_array, known, positive
+from boomctl.checks import finite_array, known, mapping, positive
 from boomctl.lti.system import Lti, controller_of, of
 
 if TYPE_CHECKING:
@@ -90,9 +90,7 @@ def from_units(controller: "control.StateSpace", units: Mapping[str, float]) -> 
 
 
 def _check(units: Mapping[str, float]) -> None:
-    if not isinstance(units, Mapping):
-        raise TypeError(f"units: expected a mapping from signal to what counts as one, got {type(units).__name__}")
-    for name, value in units.items():
+    for name, value in mapping("units", units, "signals to what counts as one").items():
         positive(f"units[{name!r}]", value)
 
 

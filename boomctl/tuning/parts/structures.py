@@ -7,6 +7,7 @@ from math import exp, inf, log
 import numpy as np
 
 from boomctl.arrays import Array
+from boomctl.checks import instance
 from boomctl.printing import listed
 from boomctl.tuning.parts.jets import Jet, SystemJet, entries, fixed, repeated, static
 
@@ -135,17 +136,14 @@ class ControllerForm:
         return f"{type(self).__name__}({', '.join(words)})"
 
     def __add__(self, other: object) -> "Sum":
-        if not isinstance(other, ControllerForm):
-            raise TypeError(f"structure: expected a structure to add, got {type(other).__name__}")
-        return Sum((*_parts(self), *_parts(other)))
+        added = instance("structure", other, ControllerForm, "a structure to add")
+        return Sum((*_parts(self), *_parts(added)))
 
     def __mul__(self, other: object) -> "Series":
-        if not isinstance(other, ControllerForm):
-            raise TypeError(f"structure: expected a structure to put in series, got {type(other).__name__}")
-        for part in (self, other):
-            if part.physicals():
-                raise ValueError("structure: a physical parameter cannot stand in a series; add it")
-        return Series(self, other)
+        first = instance("structure", other, ControllerForm, "a structure to put in series")
+        if self.physicals() or first.physicals():
+            raise ValueError("structure: a physical parameter cannot stand in a series; add it")
+        return Series(self, first)
 
 
 def _parts(structure: ControllerForm) -> tuple[ControllerForm, ...]:
