@@ -118,22 +118,13 @@ def partitioned(P: Any, nmeas: int | None, ncon: int | None) -> GeneralizedPlant
     return partition(P, nmeas, ncon)
 
 
-def fixed_plants(P: Sequence[Any], nmeas: int | None, ncon: int | None) -> Plants:
-    """Return plants that do not depend on anything."""
-    found = [partitioned(each, nmeas, ncon) for each in P]
-    _alike(found)
-    labels = ("",) if len(found) == 1 else tuple(f"model {i + 1}" for i in range(len(found)))
-    makers = tuple(lambda values, plant=plant: plant for plant in found)
-    return Plants(makers, labels, (), makers)
-
-
 def made_plants(
     P: Sequence[Any], nmeas: int | None, ncon: int | None, physical: tuple[Physical, ...], deadline: Deadline = _ENDLESS
 ) -> Plants:
-    """Return plants that functions of the physical parameters make."""
+    """Return given plants, or those that functions of the physical parameters make, where there are such."""
 
     def maker(each: Any) -> Maker:
-        if not callable(each) or hasattr(each, "ninputs"):
+        if not physical or not callable(each) or hasattr(each, "ninputs"):
             plant = partitioned(each, nmeas, ncon)
             return lambda values: plant
         make = function_of("P", each, "a mapping of physical parameters to a generalised plant")

@@ -24,7 +24,7 @@ from boomctl.synthesis.plants.partition import GeneralizedPlant
 from boomctl.tuning.certificate import channel_norm, edge_of, loop_of, lower_bound
 from boomctl.tuning.initial import initial_numbers
 from boomctl.tuning.parts.structures import GAIN, ControllerForm, Decentralised, Ports, Series, Sum
-from boomctl.tuning.plants import FamilyPlants, Plants, fixed_plants, made_plants
+from boomctl.tuning.plants import FamilyPlants, Plants, made_plants
 from boomctl.tuning.point import DAMPING, DECAY, FASTEST_POLE, GAIN_LIMIT, Point
 from boomctl.tuning.problem import Problem, ports_of
 from boomctl.tuning.result import TuneResult
@@ -218,11 +218,9 @@ def _plants(P: Any, nmeas: int | None, ncon: int | None, structure: ControllerFo
     if not many:
         raise ValueError("P: expected at least one generalised plant")
     physical = structure.physicals()
-    if physical:
-        if not any(callable(each) and not hasattr(each, "ninputs") for each in many):
-            function_of("P", many[0], f"the physical parameters ({', '.join(p.name for p in physical)})")
-        return made_plants(many, nmeas, ncon, physical, deadline)
-    return fixed_plants(many, nmeas, ncon)
+    if physical and not any(callable(each) and not hasattr(each, "ninputs") for each in many):
+        function_of("P", many[0], f"the physical parameters ({', '.join(p.name for p in physical)})")
+    return made_plants(many, nmeas, ncon, physical, deadline)
 
 
 @dataclass(frozen=True)
