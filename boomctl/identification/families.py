@@ -1,7 +1,7 @@
 """Families of structures over what measurements leave open: boxes that hold all parameters at once."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -15,21 +15,7 @@ from boomctl.structure.model import SecondOrderModel
 Range = tuple[float, float]
 
 
-class Uncertain(Protocol):
-    """A result that says how sure it is of parameters."""
-
-    @property
-    def confidence(self) -> float:
-        """That of its intervals."""
-        ...
-
-    @property
-    def uncertain(self) -> tuple[dict[str, tuple[float, float, float]], dict[str, float]]:
-        """Value and ends of the interval of each parameter, and degrees of freedom."""
-        ...
-
-
-def box(result: Uncertain, probability: float, margin: float) -> dict[str, Range]:
+def box(result: Any, probability: float, margin: float) -> dict[str, Range]:
     """Return ranges that hold all parameters at once with a probability, each widened by a share (Bonferroni)."""
     level = confident("probability", probability)
     share, found = nonnegative("margin", margin), {}
