@@ -138,7 +138,7 @@ def c_files(name: str, running: RunningController, units: Mapping[str, str]) -> 
         "WITHIN": str(half),
         "MEASURED": _table(measured),
         "CONTROLS": _table(controls),
-        "BOUND": _hex(bound if isfinite(bound) else 0.0),
+        "BOUND": (bound if isfinite(bound) else 0.0).hex(),
         "BOUND_TEXT": f"{bound:.3g}",
     }
     files = {f"{name}.c": _SOURCE, f"{name}.h": _HEADER, f"{name}_test.c": _TEST}
@@ -218,17 +218,8 @@ def _single_bound(running: RunningController, measured: Array, half: int) -> flo
     return float(_ROOM * (carried + own).max(initial=0.0))
 
 
-def _hex(value: float) -> str:
-    """Return a number in C's hexadecimal notation, which is exact."""
-    return float(value).hex()
-
-
-def _row(values: Array) -> str:
-    return ", ".join(f"R({_hex(value)})" for value in values)
-
-
 def _matrix(name: str, letter: str, matrix: Array) -> str:
-    rows = ",\n".join(f"    {{{_row(row)}}}" for row in matrix)
+    rows = ",\n".join(f"    {{{', '.join(f'R({value.hex()})' for value in row)}}}" for row in matrix.tolist())
     return f"static const {name}_real {letter}[{len(matrix)}][{matrix.shape[1]}] = {{\n{rows}\n}};\n\n"
 
 
@@ -237,13 +228,14 @@ def _limits(name: str, running: RunningController) -> str:
     found = ""
     for label, values in (("FORCE", running.force), ("STEP", running.step)):
         if np.isfinite(values).any():
-            entries = ", ".join(f"R({_hex(value)})" if np.isfinite(value) else "@NAME@_NONE" for value in values)
+            entries = ", ".join(f"R({x.hex()})" if isfinite(x) else "@NAME@_NONE" for x in values.tolist())
             found += f"static const {name}_real {label}[{len(values)}] = {{{entries}}};\n"
     return found
 
 
 def _table(values: Array) -> str:
-    return ",\n".join("    {" + ", ".join(_hex(value) for value in row) + "}" for row in values)
+    """Return numbers in C's hexadecimal notation, which is exact."""
+    return ",\n".join("    {" + ", ".join(value.hex() for value in row) + "}" for row in values.tolist())
 
 
 def _listed(names: tuple[str, ...], units: Mapping[str, str]) -> str:
