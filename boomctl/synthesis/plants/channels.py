@@ -113,8 +113,7 @@ def budget(
     >>> bc.tunable.budget("w_track", "z_force", 12.0, norm="h2")
     Channel: H2 norm from w_track to z_force at most 12
     """
-    channel = objective(inputs, outputs, norm)
-    return Channel(channel.inputs, channel.outputs, channel.norm, positive("limit", limit))
+    return replace(objective(inputs, outputs, norm), budget=positive("limit", limit))
 
 
 def channel_of(plant: GeneralizedPlant, channel: Channel) -> GeneralizedPlant:
