@@ -22,20 +22,23 @@ def factors(system: Lti, modal: ModalSystem | None) -> tuple[Array, Array]:
         return _hammarling(system.A, system.B), _hammarling(system.A.T, system.C.T)
     J = modal.mixing
     P, Q = _closed_form(modal.poles, modal.B), _closed_form(modal.poles.conj(), modal.C.conj().T)
-    return _factor(np.real(J @ P @ J.conj().T)), _factor(np.real(J @ Q @ J.conj().T))
+    return square_root(np.real(J @ P @ J.conj().T)), square_root(np.real(J @ Q @ J.conj().T))
 
 
 def _closed_form(poles: Array, B: Array) -> Array:
     return -(B @ B.conj().T) / (poles[:, None] + poles.conj()[None, :])
 
 
-def _factor(P: Array) -> Array:
-    """Return a factor of a Gramian, scaled to a unit diagonal first, so that weak modes keep their digits."""
+def square_root(P: Array) -> Array:
+    """Return ``F`` with ``F F^T`` the positive semidefinite matrix given, as many columns as its rank.
+
+    It is scaled to a unit diagonal first, so that what is weak keeps its digits.
+    """
     size = np.sqrt(np.maximum(np.diag(P), 0.0))
     safe = np.where(size > 0.0, size, 1.0)
     scaled = P / np.outer(safe, safe)
     values, U = linalg.eigh(0.5 * (scaled + scaled.T))
-    good = values > DIGIT * len(P) * max(values[-1], 0.0)
+    good = values > DIGIT * len(P) * max(float(values.max(initial=0.0)), 0.0)
     return size[:, None] * (U[:, good] * np.sqrt(values[good]))
 
 

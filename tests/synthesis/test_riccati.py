@@ -7,7 +7,7 @@ from hypothesis import given
 from scipy import linalg
 
 import boomctl as bc
-from boomctl.synthesis.lq.problem import square_root
+from boomctl.lti.gramians import square_root
 from boomctl.synthesis.lq.riccati import RiccatiProblem, solve_riccati
 from tests.profiles import examples
 from tests.strategies import seeds

@@ -51,7 +51,7 @@ def test_what_is_no_mapping_no_system_or_beyond_numbers_is_refused():
     K = control.ss([[-2.0]], [[1.0]], [[0.3]], 0.1, inputs=["stroke"], outputs=["push"])
     for units in (None, 2.0, "push", [0.1]):
         for call in (lambda u: bc.in_units(plant(), u), lambda u: bc.from_units(K, u)):
-            with pytest.raises(TypeError, match="units = .*: expected a mapping of signals to what counts as one"):
+            with pytest.raises(TypeError, match=r"units = .*: expected a mapping of signals to what counts as one"):
                 call(units)
     for wrong in (None, control.frd([1.0], [1.0])):
         with pytest.raises(TypeError, match=r"controller: expected StateSpace"):

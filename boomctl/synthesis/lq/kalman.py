@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from boomctl.arrays import Array
+from boomctl.lti.gramians import square_root
 from boomctl.lti.system import Lti
 from boomctl.printing import system
 from boomctl.synthesis.assumptions import check_detectable, check_excited
-from boomctl.synthesis.lq.problem import Noise, Weight, chosen, noise_of, plant_of, square_root
+from boomctl.synthesis.lq.problem import Noise, Weight, chosen, noise_of, plant_of
 from boomctl.synthesis.lq.riccati import RiccatiProblem, RiccatiSolution
 from boomctl.synthesis.lq.riccati_steps import solution_of
 

@@ -12,6 +12,7 @@ import numpy as np
 from boomctl.analysis.prove import Claim
 from boomctl.arrays import Array, blocks
 from boomctl.checks import exactly, nonnegative
+from boomctl.lti.gramians import square_root
 from boomctl.lti.system import Lti, lower_lft
 from boomctl.printing import system
 from boomctl.reduction.result import ReductionResult
@@ -19,7 +20,7 @@ from boomctl.synthesis.certificate import Design, DesignCertificate
 from boomctl.synthesis.lq.kalman import solved_filter
 from boomctl.synthesis.lq.lqr import regulator_problem, solved_regulator
 from boomctl.synthesis.lq.output_feedback import certify, least_cost, observer
-from boomctl.synthesis.lq.problem import Noise, Weight, chosen, noise_of, plant_of, square_root
+from boomctl.synthesis.lq.problem import Noise, Weight, chosen, noise_of, plant_of
 from boomctl.synthesis.lq.riccati import RiccatiProblem
 from boomctl.synthesis.plants.full_plant import ReducedPlant, origin_of
 from boomctl.synthesis.plants.partition import GeneralizedPlant

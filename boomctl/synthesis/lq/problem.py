@@ -12,7 +12,6 @@ from scipy import linalg
 
 from boomctl.arrays import Array
 from boomctl.checks import finite_array, known, names, real
-from boomctl.lti.rounding import DIGIT
 from boomctl.lti.system import Lti, of
 
 Weight: TypeAlias = ArrayLike | Mapping[str, float]
@@ -83,15 +82,6 @@ def definite(what: str, value: Weight, signals: Sequence[str]) -> Array:
             f"{what}: expected a positive definite weight, got an eigenvalue of {_lowest(matrix, lowest):.4g}"
         )
     return matrix
-
-
-def square_root(matrix: Array) -> Array:
-    """Return ``F`` with ``F F^T`` the positive semidefinite matrix given, as many columns as its rank."""
-    size = np.sqrt(np.maximum(np.diag(matrix), 0.0))
-    safe = np.where(size > 0.0, size, 1.0)
-    values, vectors = linalg.eigh(matrix / np.outer(safe, safe))
-    good = values > DIGIT * len(matrix) * max(float(values.max(initial=0.0)), 0.0)
-    return size[:, None] * (vectors[:, good] * np.sqrt(values[good]))
 
 
 def _matrix(what: str, value: Weight, signals: Sequence[str]) -> Array:
