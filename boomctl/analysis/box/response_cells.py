@@ -99,16 +99,6 @@ class Frontier:
 
 
 @dataclass(frozen=True)
-class _Looked:
-    """What is known of cells: a bound of the gain, the gain in their middles, where to cut them."""
-
-    bound: Array
-    gain: Array
-    axes: NDArray[np.int_]
-    between: Array
-
-
-@dataclass(frozen=True)
 class ResponseCells:
     """A loop ``E x' = A x + B w + R w'``, ``z = C x + D w`` over a box, in coordinates near those in which it is diagonal.
 
@@ -198,13 +188,13 @@ class ResponseCells:
         """How many cells are looked at together."""
         return max(8, _BATCH // len(self.poles) ** 2)
 
-    def look(self, cells: Frontier) -> _Looked:
-        """Return bounds of the largest singular value over cells."""
+    def look(self, cells: Frontier) -> tuple[Array, Array, NDArray[np.int_], Array]:
+        """Return bounds of the largest singular value over cells, that in their middles, and where to cut them."""
         series = _Series.of(self, cells)
         bounds = series.regularity()
         gain, bound, second, rest = series.gains(bounds)
         axes, between = series.cuts(bounds, second, rest)
-        return _Looked(np.where(bounds.rho < BELOW, bound, np.inf), gain, axes, between)
+        return np.where(bounds.rho < BELOW, bound, np.inf), gain, axes, between
 
     def prove(
         self, cells: Frontier, level: float, limit: int, seen: Callable[[float, Array], float]
@@ -228,13 +218,13 @@ class ResponseCells:
             cut = max(0, len(cells) - min(self.batch, limit - tried))
             here, cells = cells[cut:], cells[:cut]
             tell("cells of the box proved", proved)
-            found = self.look(here)
+            bound, gain, axes, between = self.look(here)
             tried += len(here)
-            worst = int(np.argmax(found.gain))
-            level = seen(float(found.gain[worst]), here.middle[worst])
-            open_ = ~(found.bound < level * _LEVEL)  # what is not a number is not proved
+            worst = int(np.argmax(gain))
+            level = seen(float(gain[worst]), here.middle[worst])
+            open_ = ~(bound < level * _LEVEL)  # what is not a number is not proved
             proved += int((~open_).sum())
-            cells = cells.with_halves(here[open_], found.axes[open_], found.between[open_])
+            cells = cells.with_halves(here[open_], axes[open_], between[open_])
         return cells, proved
 
     def still_needed(self, cells: Frontier, level: float) -> float:
@@ -246,14 +236,14 @@ class ResponseCells:
         rng = np.random.default_rng(3)
         total, share, here = 0.0, len(cells) / _DESCENTS, cells[rng.integers(0, len(cells), _DESCENTS)]
         for _ in range(_DEEPEST):
-            found = self.look(here)
-            open_ = ~(found.bound < level * _LEVEL)
+            bound, _, axes, between = self.look(here)
+            open_ = ~(bound < level * _LEVEL)
             total += share * float((~open_).sum())
             here = here[open_]
             if not len(here):
                 return total
             share *= 2.0
-            both = here[:0].with_halves(here, found.axes[open_], found.between[open_])
+            both = here[:0].with_halves(here, axes[open_], between[open_])
             count = len(here)
             here = both[np.arange(count) + count * rng.integers(0, 2, count)]
         return total + share * len(here)
