@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from boomctl.analysis.norm import NAMES
-from boomctl.checks import known, positive
+from boomctl.checks import instance, known, positive, sequence
 from boomctl.printing import listed
 from boomctl.synthesis.plants.partition import GeneralizedPlant
 
@@ -40,16 +40,12 @@ class Channel:
         return f"{NAMES[self.norm]} norm{where}"
 
 
-def _signals(name: str, given: str | Sequence[str] | None) -> tuple[str, ...] | None:
-    if given is None:
-        return None
-    if isinstance(given, str):
-        return (given,)
-    if not isinstance(given, (tuple, list)) or not all(isinstance(each, str) for each in given):
-        raise TypeError(f"{name} = {given!r}: expected a name or a sequence of names")
-    if not given:
-        raise ValueError(f"{name}: expected at least one name, got none")
-    return tuple(given)
+def listed_names(what: str, given: object) -> tuple[str, ...]:
+    """Return names of signals from one name or a sequence of them; none at all are refused."""
+    found = (given,) if isinstance(given, str) else sequence(f"{what}s", given, "names")
+    if not found:
+        raise ValueError(f"{what}s: expected at least one name, got none")
+    return tuple(instance(what, name, str) for name in found)
 
 
 def objective(
@@ -80,7 +76,9 @@ def objective(
     >>> bc.tunable.objective("w_track", ["z_tip", "z_stroke"])
     Channel: H-infinity norm from w_track to z_tip, z_stroke as small as possible
     """
-    return Channel(_signals("inputs", inputs), _signals("outputs", outputs), known("norm", norm, NAMES))
+    disturbed = None if inputs is None else listed_names("input", inputs)
+    judged = None if outputs is None else listed_names("output", outputs)
+    return Channel(disturbed, judged, known("norm", norm, NAMES))
 
 
 def budget(

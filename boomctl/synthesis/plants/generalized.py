@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from boomctl.arrays import Array, blocks
-from boomctl.checks import exactly, known, mapping, names, real
+from boomctl.checks import exactly, known, mapping, names, real, some_names
 from boomctl.lti.bilinear import discrete_image
 from boomctl.lti.modal import sides
 from boomctl.lti.python_control import control
@@ -303,7 +303,6 @@ def select_channels(
     (1, 2, True)
     """
     plain = of(system, expected="StateSpace", any_time=True)
-    for what, wanted, choices in (("input", inputs, plain.inputs), ("output", outputs, plain.outputs)):
-        if not names(what, wanted, choices):
-            raise ValueError(f"{what}s: expected at least one")
+    some_names("input", inputs, plain.inputs)
+    some_names("output", outputs, plain.outputs)
     return plain.select(inputs, outputs).statespace(system.name)

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 from boomctl.checks import instance, positive, real, sequence, signal_name, truth, whole
+from boomctl.synthesis.plants.channels import listed_names
 from boomctl.tuning.parts.structures import (
     ControllerForm,
     Decentralised,
@@ -234,7 +235,7 @@ def decentralised(
         parts = sequence("loop", loop, "measurements, controls and a structure")
         if len(parts) != 3:
             raise ValueError(f"loop: expected measurements, controls and a structure, got {len(parts)} things")
-        found.append((_listed("measurement", parts[0]), _listed("control", parts[1]), _inner(parts[2])))
+        found.append((listed_names("measurement", parts[0]), listed_names("control", parts[1]), _inner(parts[2])))
     return Decentralised(tuple(found))
 
 
@@ -281,13 +282,6 @@ def _ends(low: object, high: object) -> tuple[float | None, float | None]:
     if found[0] is not None and found[1] is not None and found[0] >= found[1]:
         raise ValueError(f"low, high = {found[0]:g}, {found[1]:g}: expected ascending ends")
     return found
-
-
-def _listed(what: str, given: object) -> tuple[str, ...]:
-    listed = (given,) if isinstance(given, str) else sequence(f"{what}s", given, "names")
-    if not listed:
-        raise ValueError(f"{what}s: expected at least one name, got none")
-    return tuple(instance(what, name, str) for name in listed)
 
 
 def _inner(given: object) -> ControllerForm:
