@@ -12,8 +12,7 @@ from scipy import special, stats
 from threadpoolctl import threadpool_limits
 
 from boomctl.arrays import Array
-from boomctl.checks import known, whole
-from boomctl.checks import real as real_number
+from boomctl.checks import known, whole, within
 from boomctl.identification.blocks import confident
 from boomctl.identification.common_poles import CommonPoles, curvature, pull
 from boomctl.identification.families import hull as joint
@@ -302,9 +301,7 @@ def identify(
     [(3.18, 0.02)]
     """
     level = confident("confidence", confidence)
-    back = real_number("held_back", held_back)
-    if not 0.0 <= back <= 0.8:
-        raise ValueError(f"held_back = {held_back!r}: expected a share from 0 to 0.8")
+    back = within("held_back", held_back, 0.0, 0.8)
     wanted = None if modes is None else whole("modes", modes)
     highest = _HIGHEST if order is None else whole("order", order, least=4, most=400)
     if is_frequency_response(inputs):

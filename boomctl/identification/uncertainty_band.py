@@ -4,13 +4,12 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy import linalg
 
 from boomctl.checks import some_names, whole
 from boomctl.identification.blocks import confident
 from boomctl.identification.measured import RESPONSE, Builder, Measured
 from boomctl.lti.overbound import MOST, overbound
-from boomctl.lti.system import Lti
+from boomctl.lti.system import Lti, append
 
 if TYPE_CHECKING:
     import control
@@ -95,19 +94,17 @@ def uncertainty_band(
     if data.noise is not None:  # real and imaginary part normal: the size of their error is Rayleigh's
         hidden = np.where(data.kept, data.noise * np.where(data.kept, data.spread, 0.0), 0.0)
         left += np.sqrt(-2.0 * np.log(1.0 - level)) * hidden
-    sent, read = np.eye(len(ins)), np.eye(len(outs))
     omega, entries = data.omega, []
-    for k, y in enumerate(outs):
-        for m, u in enumerate(ins):
+    for y in outs:
+        for u in ins:
             at = data.labels[1].index(y), data.labels[0].index(u)
             use = data.kept[at] & (omega > 0.0)
             if not left[at][use].any():
                 raise ValueError(
                     f"model: expected one that leaves something of what was measured from {u} to {y}, got none"
                 )
-            entries.append((k, m, overbound(omega[use], left[at][use], poles, falling)))
-    A = linalg.block_diag(*(each.A for _, _, each in entries))
-    B = np.vstack([each.B * sent[m] for _, m, each in entries])
-    C = np.hstack([read[:, [k]] * each.C for k, _, each in entries])
-    D = np.array([each.D[0, 0] for *_, each in entries]).reshape(len(outs), len(ins))
-    return Lti(A, B, C, D, ins, outs).statespace("uncertainty band")
+            entries.append(overbound(omega[use], left[at][use], poles, falling))
+    every, sent = append(*entries), np.tile(np.eye(len(ins)), (len(outs), 1))  # an entry's input, and its output
+    read = np.kron(np.eye(len(outs)), np.ones(len(ins)))
+    bound = Lti(every.A, every.B @ sent, read @ every.C, read @ every.D @ sent, ins, outs)
+    return bound.statespace("uncertainty band")

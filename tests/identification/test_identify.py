@@ -418,7 +418,7 @@ BAD = {
     "too short": ({"inputs": slice(0, 60), "outputs": slice(0, 60)}, "at least 48 lines of the spectrum"),
     "together": ({"inputs": "twice"}, "inputs that move together cannot be told apart"),
     "beyond half the rate": ({"band_hz": (1.0, 30.0)}, "band_hz = .*: expected at most 25 Hz"),
-    "all held back": ({"held_back": 1.0}, "held_back = 1.0: expected a share from 0 to 0.8"),
+    "all held back": ({"held_back": 1.0}, "held_back = 1.0: expected a number from 0 to 0.8"),
     "no confidence": ({"confidence": 1.0}, "confidence = 1.0: expected a number from 0.5 to below 1"),
     "no mode": ({"modes": 0}, "modes = 0: expected a whole number not below 1"),
     "quantity": ({"quantity": "force"}, "unknown quantity 'force'"),
