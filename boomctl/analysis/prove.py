@@ -122,7 +122,7 @@ def prove(result: Claiming, *, time_limit: float = 60.0) -> Proof:
     >>> bc.prove(bc.hinf_norm(swing)).proved
     True
     """
-    from boomctl.lti.proof import Undecided
+    from boomctl.lti.proof import Exact, Undecided
 
     limit = positive("time_limit", time_limit)
     if not hasattr(result, "__claims__"):
@@ -138,22 +138,16 @@ def prove(result: Claiming, *, time_limit: float = 60.0) -> Proof:
     begin, sure, said, bits = perf_counter(), True, [], 0
     for claim in claims:
         left = limit - (perf_counter() - begin)
-        text, exact = claim.what, None
+        text = claim.what
         try:
-            exact = _exact(claim, max(left, 0.0))
+            given = claim.system if claim.controller is None else ClosedLoop(claim.system, claim.controller)
+            exact = Exact.of(given, max(left, 0.0), claim.minus)
             text = f"{text}: {', '.join(_shown(claim, exact))}"
             bits = max(bits, exact.bits)
         except Undecided as reason:
             sure, text = False, f"{text}: not decided{f' ({reason})' if str(reason) else ' in time'}"
         said.append(text)
     return Proof(True if sure else None, "; ".join(said), bits, perf_counter() - begin)
-
-
-def _exact(claim: Claim, seconds: float) -> "Exact":
-    from boomctl.lti.proof import Exact
-
-    given = claim.system if claim.controller is None else ClosedLoop(claim.system, claim.controller)
-    return Exact.of(given, seconds, claim.minus)
 
 
 def _shown(claim: Claim, exact: "Exact") -> Iterator[str]:
