@@ -153,6 +153,8 @@ def controller_contents(
     provenance: Mapping[str, Any] | None = None,
 ) -> dict[str, bytes | str]:
     """Return what :func:`write_controller` writes, as contents by name of file."""
+    from boomctl import __version__
+
     known("suffix", suffix, SUFFIXES)
     own = getattr(controller, "certificate", None)
     K = controller_of(controller, any_time=True)
@@ -165,7 +167,9 @@ def controller_contents(
     if sample_time is not None:
         K = _sampled(K, positive("sample_time", sample_time))
     notes = ControllerNotes(
-        _units(K, units or {}), _plain(own if certificate is None else certificate), _provenance(provenance or {})
+        _units(K, units or {}),
+        _plain(own if certificate is None else certificate),
+        {"boomctl": __version__, **(provenance or {})},
     )
     if suffix == ".c":
         if K.dt == 0.0 or np.isnan(K.dt):
@@ -356,12 +360,6 @@ def _plain(certificate: object) -> dict[str, Any]:
         elif isinstance(value, (tuple, list)) and all(isinstance(item, (bool, int, float, str)) for item in value):
             found[entry.name] = list(value)
     return found
-
-
-def _provenance(given: Mapping[str, Any]) -> dict[str, Any]:
-    from boomctl import __version__
-
-    return {"boomctl": __version__, **given}
 
 
 def checked_controller(held: Mapping[str, Any]) -> Lti:
