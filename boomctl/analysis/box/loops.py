@@ -212,11 +212,10 @@ def without(terms: Terms, positions: tuple[int, ...]) -> Terms:
     size = len(terms[()].E)
     unit = np.eye(size)
 
-    def felt(i: int) -> bool:
-        own = all(not x.A[:, i].any() and (x.E[:, i] == (unit[i] if p == () else 0.0)).all() for p, x in terms.items())
-        return not own
+    def alone(i: int) -> bool:
+        return all(not x.A[:, i].any() and (x.E[:, i] == (0.0 if p else unit[i])).all() for p, x in terms.items())
 
-    kept = [i for i in range(size) if i not in positions or felt(i)]
+    kept = [i for i in range(size) if i not in positions or not alone(i)]
     if len(kept) == size:
         return terms
     return {power: LoopPencil(x.E[np.ix_(kept, kept)], x.A[np.ix_(kept, kept)]) for power, x in terms.items()}
