@@ -2,8 +2,9 @@
 
 An H-infinity norm is reported with two bounds of its own: the largest singular value found (attained at a frequency, from the
 system's own response), and a level that no singular value reaches at any frequency.  The sum over the modes proves it
-(:mod:`boomctl.analysis.sum_over_modes`); where eigenvectors lose digits, no eigenvalue of the Hamiltonian matrix lies on the
-imaginary axis (Boyd, Balakrishnan & Kabamba 1989, Bruinsma & Steinbuch 1990).
+(:mod:`boomctl.analysis.sum_over_modes`); where eigenvectors lose digits, or that takes longer, as of a flat response or of
+many signals, no eigenvalue of the Hamiltonian matrix lies on the imaginary axis (Boyd, Balakrishnan & Kabamba 1989,
+Bruinsma & Steinbuch 1990).
 
 In discrete time the level is found by the continuous image of the bilinear map, which has the same norm.  The largest value
 is then the system's own on the unit circle, and the level is proved anew without the map: no generalised eigenvalue of the
@@ -58,7 +59,7 @@ UNDAMPED = "a pole on the imaginary axis"  # infinite, if the pole shows in the 
 ON_CIRCLE = "a pole on the unit circle"  # the same in discrete time
 NO_RESPONSE = "zero response"
 IN_MODES = "the sum over the modes stays below at all frequencies"  # what is left: a level just above the largest value
-NO_CROSSING = "no Hamiltonian eigenvalue on the imaginary axis"  # the same, where eigenvectors lose digits
+NO_CROSSING = "no Hamiltonian eigenvalue on the imaginary axis"  # the same, where the sum does not tell
 NO_CIRCLE_CROSSING = "no eigenvalue of the symplectic pencil on the unit circle"  # a level in discrete time
 NOT_TOLD = "an eigenvalue too close to the boundary of stability to tell"  # no upper bound
 OF_DATA = "largest value on the grid of the data"  # no upper bound

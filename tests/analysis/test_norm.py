@@ -10,7 +10,7 @@ from scipy import sparse
 import boomctl as bc
 from boomctl.analysis import hinf_norm
 from boomctl.analysis.model_norm import SplitModel
-from boomctl.analysis.norm import NO_CROSSING, axis_eigenvalues
+from boomctl.analysis.norm import IN_MODES, NO_CROSSING, axis_eigenvalues
 from boomctl.boom import spray_boom
 from boomctl.boom.model import ACTUATORS, TIPS
 from boomctl.boom.parameters import BoomParameters
@@ -54,6 +54,17 @@ def test_that_of_a_stiff_structure_is_told_by_eigenvalues(order):
     assert norm.certified
     assert norm.lower == pytest.approx(2469.1458521, rel=1e-6)
     assert norm.method == NO_CROSSING
+
+
+@pytest.mark.parametrize(("signals", "method"), [(3, IN_MODES), (12, NO_CROSSING)])
+def test_that_of_many_signals_is_told_by_eigenvalues(signals, method):
+    """A sum over the modes of so many entries takes longer."""
+    rng = np.random.default_rng(1)
+    A, B = np.diag(-rng.uniform(0.1, 10.0, 20)), rng.normal(size=(20, signals))
+    norm = hinf_norm(control.ss(A, B, B.T, 0.0))  # highest at rest: A is symmetric, and the response positive there
+    assert norm.method == method
+    assert norm.certified
+    assert norm.lower == pytest.approx(np.linalg.norm(B.T @ np.linalg.solve(-A, B), 2), rel=1e-9)
 
 
 @given(st.integers(0, 10_000))
