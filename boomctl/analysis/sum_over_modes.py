@@ -25,6 +25,7 @@ _AROUND = np.array([-2.5, 0.0, 2.5])  # around each mode, in half-widths of its 
 _BESIDE = np.append(7e-4 * 2.1 ** np.arange(11), [3.5, 14.0, 120.0])
 _CLOSE = np.concatenate([-_BESIDE[::-1], _BESIDE])
 _SPLIT = 8  # parts of a cell at most
+_OF_TOP = 30.0  # cells that the top of a resonance takes at most: those beside it are twice as wide as the ones before
 _CELLS, _CELLS_OF_MODE = 400, 10  # tried at most, and for each mode: more cost as much as another proof (measured)
 # entries of the response for each mode, of which more take longer than another proof (measured: four half as long to a fifth
 # longer, ten a third longer, twenty twice as long, fifty three times)
@@ -115,7 +116,10 @@ def stays_below(modes: ModalSystem, level: float, at: float) -> tuple[bool, Arra
         if there.max() >= 1.0:
             highest = open_[there.argmax()]
             return False, np.array([low[highest], m[highest], high[highest]])
-        parts = int(min(np.sqrt(((most[open_] - there) / (1.0 - there)).max()) + 2.0, _SPLIT))
+        needed = np.sqrt((most[open_] - there) / (1.0 - there))
+        if np.minimum(needed, _OF_TOP).sum() > left:  # most of them are flat
+            return False, np.zeros(0)
+        parts = int(min(needed.max() + 2.0, _SPLIT))
         ends = low[open_, None] + 2.0 * h[open_, None] * (np.arange(parts + 1) / parts)
         ends[:, -1] = high[open_]
         low, high = ends[:, :-1].ravel(), ends[:, 1:].ravel()
