@@ -656,9 +656,8 @@ def _crossings(response: Response, grid: Array, values: Array, height: Callable[
         value = float(height(response(np.array([omega])))[0])
         return 0.0 if np.isnan(value) else value  # a pole of L itself, through which the sign changes: told apart later
 
-    for i in flips:
-        found.append(float(optimize.brentq(at, grid[i], grid[i + 1], xtol=TINY, rtol=DIGIT)))  # type: ignore[arg-type]
-    return found
+    places = (optimize.brentq(at, grid[i], grid[i + 1], xtol=TINY, rtol=DIGIT) for i in flips)  # type: ignore[arg-type]
+    return [*found, *map(float, places)]
 
 
 def _opened(S: Lti) -> Lti | None:

@@ -287,11 +287,8 @@ def _plants(h: object, masses: tuple[float, ...]) -> tuple[SlewPlant, ...]:
         return (first,)
     if not is_machine(h):
         raise ValueError("tip_masses: expected none for a linear system; they are of a hub-beam")
-    plants = [first]
-    for each in (plant_of(h.with_tip_mass(mass)) for mass in dict.fromkeys(masses)):
-        if not np.array_equal(each.A, first.A):
-            plants.append(each)
-    return tuple(plants)
+    others = (plant_of(h.with_tip_mass(mass)) for mass in dict.fromkeys(masses))
+    return (first, *(each for each in others if not np.array_equal(each.A, first.A)))
 
 
 def end_conditions(
