@@ -115,7 +115,7 @@ def _bound(plant: GeneralizedPlant, channel: Channel, deadline: Deadline) -> flo
         return h2(plant.system.statespace("P"), plant.nmeas, plant.ncon).optimum
     if not (plant.nmeas and plant.ncon):
         raise SynthesisError("there is no controller")
-    found = full_order_bound(plant, deadline)
-    if found.lower == 0.0 and found.told:
-        raise SynthesisError(found.told)
-    return found.lower
+    lower, told = full_order_bound(plant, deadline)
+    if lower == 0.0 and told:
+        raise SynthesisError(told)
+    return lower

@@ -9,7 +9,6 @@ dual plant.  Where a zero lies on the imaginary axis, the plant and the controll
 it, ``s + e`` in place of ``s``: what is stable stays so, and by the maximum principle no norm grows.
 """
 
-from dataclasses import dataclass
 
 import numpy as np
 from scipy import linalg
@@ -28,24 +27,7 @@ _SHIFTS = (0.0, 1e-6, 1e-4)  # to the right, over the fastest pole: what is lost
 _FAILED = (SynthesisError, np.linalg.LinAlgError, ValueError)  # how numbers that the equations cannot take end
 
 
-@dataclass(frozen=True)
-class FullOrderBound:
-    """What no controller of any order beats.
-
-    Attributes
-    ----------
-    lower : float
-        The norm; 0 where none was proved.
-    told : str
-        What stands in for measurements without noise and controls without weight, and from where the axis was seen; or why
-        there is no bound.
-    """
-
-    lower: float
-    told: str
-
-
-def full_order_bound(plant: GeneralizedPlant, deadline: Deadline) -> FullOrderBound:
+def full_order_bound(plant: GeneralizedPlant, deadline: Deadline) -> tuple[float, str]:
     """Return a norm that no stabilising controller goes below, whatever its order.
 
     Parameters
@@ -57,8 +39,11 @@ def full_order_bound(plant: GeneralizedPlant, deadline: Deadline) -> FullOrderBo
 
     Returns
     -------
-    FullOrderBound
-        The norm, and how it was found.
+    lower : float
+        The norm; 0 where none was proved.
+    told : str
+        What stands in for measurements without noise and controls without weight, and from where the axis was seen; or why
+        there is no bound.
     """
     reason = ""
     for shift in _SHIFTS:
@@ -67,13 +52,13 @@ def full_order_bound(plant: GeneralizedPlant, deadline: Deadline) -> FullOrderBo
             weighed, moved = _noisy(measured.dual)
             bounds, _ = lowest_level(normalised(weighed.dual), _TOLERANCE, deadline)
         except OutOfTime as over:
-            return FullOrderBound(0.0, f"the time ran out while {over}")
+            return 0.0, f"the time ran out while {over}"
         except _FAILED as error:
             reason = reason or " ".join(str(error).split())
             continue
         told = {"measurements": seen, "controls": moved, "axis": "seen from its right" if shift else ""}
-        return FullOrderBound(bounds.lower, "; ".join(f"{name}: {text}" for name, text in told.items() if text))
-    return FullOrderBound(0.0, reason)
+        return bounds.lower, "; ".join(f"{name}: {text}" for name, text in told.items() if text)
+    return 0.0, reason
 
 
 def _shifted(plant: GeneralizedPlant, share: float) -> GeneralizedPlant:

@@ -67,7 +67,7 @@ def test_the_rod_conducts_all_heat_in_the_end():
 def test_bounds_of_all_orders_are_the_published_ones(name):
     found = plant(name)
     bound = full_order_bound(partition(found.P, found.nmeas, found.ncon), Deadline(20.0))
-    assert bound.lower == pytest.approx(FULL_ORDER[name], rel=1e-4)
+    assert bound[0] == pytest.approx(FULL_ORDER[name], rel=1e-4)
 
 
 @pytest.mark.skipif(not gym_names(), reason="controlgym is not installed")

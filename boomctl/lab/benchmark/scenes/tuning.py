@@ -182,7 +182,7 @@ def tuned(goal: Goal, starts: int, change: float = 0.0) -> Tuned:
 def _bound(name: str) -> float:
     """Return what no controller of any order beats."""
     p = plant(name)
-    return full_order_bound(partition(p.P, p.nmeas, p.ncon), Deadline(_BOUND_PATIENCE)).lower
+    return full_order_bound(partition(p.P, p.nmeas, p.ncon), Deadline(_BOUND_PATIENCE))[0]
 
 
 def designs(extent: Extent) -> Scene:
