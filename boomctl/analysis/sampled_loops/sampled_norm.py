@@ -252,27 +252,23 @@ class SampledLoop:
         D = np.hstack([np.zeros((len(C), inputs)), given])
         return lower_lft(Lti(A, np.hstack([driving, B]), C, D, dt=K.dt), replace(K, states=()))
 
-    def at_level(self, level: float) -> Lti | None:
-        """Return the discrete loop whose norm is below one exactly if the level is above that of this loop, or None.
+    def of_level(self, level: float) -> NormCertificate:
+        """Return the norm of the loop of a level, which is below one exactly if the level is above that of this loop.
 
-        Its states are those of ``at_samples``.  Signals are in units in which the level is one.
+        Its states are those of ``at_samples``.  Signals are in units in which the level is one.  Where the level can be
+        gained within a sample there is no such loop; below the norm it need not be stable.
         """
         n, total = len(self.plant.A), None
         for duration, part in self.parts:
             step = _step(part, duration, level)
             total = step if total is None or step is None else total.then(step)
             if total is None:
-                return None
+                return NormCertificate(inf, inf, 0.0, NOT_STABLE)
         assert total is not None
         A, B = self.queue.A.copy(), self.queue.B[:, -len(self.controller.C) :].copy()
         A[:n], B[:n] = total.Phi[:n] @ self.from_states, total.Phi[:n] @ self.from_given
-        return self._closed(A, B, _root(total.W)[:n], _root(total.X).T)
-
-    def of_level(self, level: float) -> NormCertificate:
-        """Return the norm of the loop of a level, which is below one exactly if the level is above that of this loop."""
-        found = self.at_level(level)
-        # where the level can be gained within a sample there is none; below the norm it need not be stable
-        if found is None or (sides(found.poles, self.controller.dt) >= 0).any():
+        found = self._closed(A, B, _root(total.W)[:n], _root(total.X).T)
+        if (sides(found.poles, self.controller.dt) >= 0).any():
             return NormCertificate(inf, inf, 0.0, NOT_STABLE)
         return matrices_norm(found.balanced())
 
