@@ -9,7 +9,6 @@ dual plant.  Where a zero lies on the imaginary axis, the plant and the controll
 it, ``s + e`` in place of ``s``: what is stable stays so, and by the maximum principle no norm grows.
 """
 
-
 import numpy as np
 from scipy import linalg
 

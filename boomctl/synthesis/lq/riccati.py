@@ -50,7 +50,7 @@ class RiccatiProblem:
         L = linalg.cholesky(self.R, lower=True)
         acting = linalg.solve_triangular(L, self.B.T, lower=True).T
         crossed = linalg.solve_triangular(L, self.N.T, lower=True)
-        return self.A - acting @ crossed, acting, _even(self.Q - crossed.T @ crossed)
+        return self.A - acting @ crossed, acting, even(self.Q - crossed.T @ crossed)
 
     def gain(self, X: Array) -> Array:
         """Return ``F = R^-1 (B^T X + N^T)``, for ``u = -F x``."""
@@ -181,14 +181,14 @@ def solve_riccati(problem: RiccatiProblem, what: str = "Riccati equation") -> Ri
             continue
         T, inverse = change
         own = RiccatiProblem(
-            inverse @ A @ T, inverse @ acting, _even(T.T @ Q @ T), np.eye(acting.shape[1]), np.zeros_like(acting)
+            inverse @ A @ T, inverse @ acting, even(T.T @ Q @ T), np.eye(acting.shape[1]), np.zeros_like(acting)
         )
         solver, Z = _start(own)
         path.append(f"{name} coordinates: {solver}")
         Z = None if Z is None else _refined(own, Z)
         if Z is None:
             continue
-        found = _polished(problem, _even(inverse.T @ Z @ inverse))
+        found = _polished(problem, even(inverse.T @ Z @ inverse))
         if best is None or _rank(found) < _rank(best):
             best = found
         if _rank(best) <= _GOOD:
@@ -220,7 +220,7 @@ def _start(own: RiccatiProblem) -> tuple[str, Array | None]:
             X = linalg.solve_continuous_are(own.A, own.B, own.Q, own.R)
         except (linalg.LinAlgError, ValueError):
             return f"{solver} refused", None
-    return (solver, _even(np.asarray(X))) if np.isfinite(X).all() else (f"{solver}: not finite", None)
+    return (solver, even(np.asarray(X))) if np.isfinite(X).all() else (f"{solver}: not finite", None)
 
 
 def _refined(own: RiccatiProblem, X: Array) -> Array | None:
@@ -233,7 +233,7 @@ def _refined(own: RiccatiProblem, X: Array) -> Array | None:
         size = scaled_size(step, X + step)
         if size >= 0.5 * last:
             return X
-        X, last = _even(X + step), size
+        X, last = even(X + step), size
         if size <= _GOAL:
             return X
     return X
@@ -247,9 +247,9 @@ def newton_step(problem: RiccatiProblem, X: Array, residual: Array) -> tuple[Arr
     if _abscissa(poles) >= 0.0:
         return None, poles
     solve = linalg.get_lapack_funcs("trsyl", (T,))
-    scaled = _even(residual) * np.outer(d, d)
+    scaled = even(residual) * np.outer(d, d)
     Y, scale, _ = solve(T, T, -(Z.conj().T @ scaled @ Z), trana="C")
-    return _even(np.real(Z @ (Y / scale) @ Z.conj().T)) / np.outer(d, d), poles
+    return even(np.real(Z @ (Y / scale) @ Z.conj().T)) / np.outer(d, d), poles
 
 
 def _polished(problem: RiccatiProblem, X: Array) -> RiccatiSolution:
@@ -258,7 +258,7 @@ def _polished(problem: RiccatiProblem, X: Array) -> RiccatiSolution:
     for _ in range(_POLISHING):
         if step is None or _rank(best) <= _POLISHED:
             break
-        found, step = _certified(problem, _even(best.X + step))
+        found, step = _certified(problem, even(best.X + step))
         if _rank(found) >= _rank(best):
             break
         best = found
@@ -303,5 +303,6 @@ def _abscissa(poles: Array) -> float:
     return float(np.max(np.real(poles)))
 
 
-def _even(matrix: Array) -> Array:
+def even(matrix: Array) -> Array:
+    """Return the symmetric part of a matrix."""
     return 0.5 * (matrix + matrix.T)

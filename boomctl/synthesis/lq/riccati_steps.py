@@ -21,6 +21,7 @@ from boomctl.synthesis.lq.riccati import (
     LARGEST_RESIDUAL,
     RiccatiProblem,
     RiccatiSolution,
+    even,
     scaled_size,
     solve_riccati,
 )
@@ -121,7 +122,7 @@ def _doubled(p: RiccatiProblem) -> Array:
         solved = np.linalg.solve(one + G @ H, np.hstack([A, G]))
         onward, spread = solved[:, : len(A)], solved[:, len(A) :]
         more = A.T @ H @ onward
-        G, H, A = _even(G + A @ spread @ A.T), _even(H + more), A @ onward
+        G, H, A = even(G + A @ spread @ A.T), even(H + more), A @ onward
         if not np.abs(more).max() > EPS * np.abs(H).max():
             break
     return H
@@ -138,12 +139,12 @@ _STARTS = {"structure-preserving doubling": _doubled, "SciPy, extended pencil": 
 def _refined(p: RiccatiProblem, X: Array) -> RiccatiSolution:
     """Return a solution after Newton steps, as many as make it better."""
     # summed in long numbers: what rounding a solution to double precision leaves of a residual is no doubt of it
-    best, step = _certified(p, _even(X).astype(np.longdouble if len(X) <= EXTENDED else float), near=False)
+    best, step = _certified(p, even(X).astype(np.longdouble if len(X) <= EXTENDED else float), near=False)
     X = best.X
     for _ in range(_STEPS):
         if step is None or best.cost_error <= _GOAL:
             break
-        X = _even(X + step)
+        X = even(X + step)
         near = best.cost_error < _NEAR
         found, step = _certified(p, X, near)
         if found.cost_error < best.cost_error or not near:
@@ -179,7 +180,7 @@ def _certified(p: RiccatiProblem, X: Array, near: bool) -> tuple[RiccatiSolution
     if (sides(poles, p.dt) < 0).all():
         d = 1.0 / np.sqrt(np.where(np.diag(own) > 0.0, np.diag(own), 1.0)) if near else balance(closed)[1]
         scaled = closed * d / d[:, None]
-        step = _even(_summed(scaled, _even(residual) * np.outer(d, d))) / np.outer(d, d)
+        step = even(_summed(scaled, even(residual) * np.outer(d, d))) / np.outer(d, d)
     found = RiccatiSolution(
         X,
         gain,
@@ -201,7 +202,3 @@ def _summed(A: Array, R: Array) -> Array:
         if np.abs(more).max() <= EPS * np.abs(total).max():
             break
     return total
-
-
-def _even(matrix: Array) -> Array:
-    return 0.5 * (matrix + matrix.T)
