@@ -173,9 +173,8 @@ def _quiet_start() -> Iterator[None]:
     try:
         os.environ.update(dict.fromkeys(added, "1"))
         if _MASKS:
-            signal.pthread_sigmask(
-                signal.SIG_BLOCK, {signal.SIGINT}
-            )  # one that came just now may be raised here, blocked
+            # one that came just now may be raised here, blocked
+            signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
         yield
     finally:
         for name in added:

@@ -48,7 +48,7 @@ _ROUNDING = 1e2 * EPS  # share of the Hamiltonian matrix's norm by which its eig
 _LIGHTEST = 10  # resonances, those of least damping, at which the share of rounding is looked at (a choice)
 # of a norm, a bound of rounding at all frequencies up to which no closer look is worth its time (a choice)
 _CLEAR = 0.1 * LEVEL
-_TWICE = 2.0  # of it: once for the entries, once for the sum over the modes
+_TWICE = 2.0  # times what rounding may change of a response: once of the system's own, once of the sum over its modes
 _TINY = 1e-150  # norms below which squares of responses are not numbers of full precision
 
 NAMES = {"hinf": "H-infinity", "h2": "H2"}  # what the kinds of norm are called
@@ -218,7 +218,8 @@ def level_norm(system: Lti, response: Response | None = None, doubt: float = inf
     known to be off by ``doubt`` at most, and that is little, the sum proves a level; elsewhere the Hamiltonian matrix does.
     """
     respond = partial(_response, system) if response is None else response
-    peak, at = largest_gain(system, respond)
+    modes = partial_fractions(system)
+    peak, at = largest_gain(system, respond, modes)
     static = largest_of(system.D)
     peak, at = (peak, at) if peak >= static else (static, inf)
     for _ in range(RAISED):
@@ -226,7 +227,7 @@ def level_norm(system: Lti, response: Response | None = None, doubt: float = inf
         if level == 0.0:
             return NormCertificate(0.0, 0.0, 0.0, NO_RESPONSE)
         if doubt <= _CLEAR * peak and isfinite(at):
-            told, higher = sum_over_modes.stays_below(partial_fractions(system), level - _TWICE * doubt, at)
+            told, higher = sum_over_modes.stays_below(modes, level - _TWICE * doubt, at)
             if told:
                 return NormCertificate(peak, level, at, IN_MODES)
             if len(higher):
@@ -308,8 +309,8 @@ def stays_below_on_circle(system: Lti, level: float) -> bool:
 def _at_level(system: Lti, level: float, least: float = inf) -> tuple[Array, Array, Array, float]:
     """Return ``B``, ``C``, ``D`` with which the response at a level has the size one, and by how much states are larger.
 
-    Where ``B`` or ``C`` is smaller than ``least``, or larger than its inverse, they are so by a power of two, without
-    rounding, that makes both alike: their squares are numbers.
+    Where ``B`` or ``C`` is smaller than ``least``, or larger than its inverse, by default always, they are so by a power of
+    two, without rounding, that makes both alike: their squares are numbers.
     """
     B, C = system.B / np.sqrt(level), system.C / np.sqrt(level)
     size_B, size_C = blas.dnrm2(B.ravel()), blas.dnrm2(C.ravel())

@@ -242,12 +242,12 @@ def _narrowed(value: Callable[[Array], Array], omega: Array, heights: Array, hal
     return places[row, around], values[row, around]
 
 
-def largest_gain(system: Lti, respond: Response | None = None) -> tuple[float, float]:
+def largest_gain(system: Lti, respond: Response | None = None, modes: ModalSystem | None = None) -> tuple[float, float]:
     """Return the largest singular value near the poles and at the ends of the axis, and its frequency.
 
     Its place is searched for in the coordinates of the eigenvectors, its height is the system's own there, or that of
     ``respond``, a more accurate response of it.  Where the two heights differ, eigenvectors are nearly dependent, and the
-    place is searched for anew in the system's own response.
+    place is searched for anew in the system's own response.  ``modes`` are its partial fractions, where they are known.
     """
     poles, exact = system.poles, partial(system.response, quiet=True) if respond is None else respond
     size = np.abs(poles)
@@ -261,7 +261,7 @@ def largest_gain(system: Lti, respond: Response | None = None) -> tuple[float, f
         places=_STARTS,
         also=[0.0] if len(seen) == len(size) else (),
     )
-    found = _peak_of_modes(partial_fractions(system), grid)
+    found = _peak_of_modes(partial_fractions(system) if modes is None else modes, grid)
     return confirmed_peak(found, lambda omega: singular_values(exact(omega))[0], grid)
 
 

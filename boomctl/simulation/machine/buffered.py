@@ -11,9 +11,8 @@ from boomctl.arrays import Array
 if TYPE_CHECKING:
     import casadi
 
-BLOCK = (
-    250  # columns that are one call: 1000 take a third longer over a second, 30 a quarter longer over five (measured)
-)
+# columns that are one call: 1000 take a third longer over a second, 30 a quarter longer over five (measured)
+BLOCK = 250
 
 
 class Buffered:
