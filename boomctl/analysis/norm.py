@@ -7,8 +7,8 @@ many signals, no eigenvalue of the Hamiltonian matrix lies on the imaginary axis
 Bruinsma & Steinbuch 1990).
 
 In discrete time the level is found by the continuous image of the bilinear map, which has the same norm.  The largest value
-is then the system's own on the unit circle, and the level is proved anew without the map: no generalised eigenvalue of the
-symplectic pencil on the unit circle.
+is then the system's own on the unit circle.  The sum over the modes, each at its own image, proves the level, or it is proved
+without the map: no generalised eigenvalue of the symplectic pencil on the unit circle.
 """
 
 from collections.abc import Iterator
@@ -36,7 +36,7 @@ from boomctl.lti.frequency import (
     resonance_grid,
     singular_values,
 )
-from boomctl.lti.modal import partial_fractions
+from boomctl.lti.modal import ModalSystem, continuous_image_of_modes, partial_fractions
 from boomctl.lti.rounding import CERTIFIED, DIGIT, EPS, LEVEL, SUMMED, TINY
 from boomctl.lti.system import BATCH, Lti, System, beside, of
 
@@ -187,7 +187,7 @@ def matrices_norm(
         return NormCertificate(peak, inf, at, f"a mode at {abs(axis.doubtful):.6g} rad/s {doubtful(system)}")
     if axis.hidden.any():
         return proved_norm(given, *_largest_beyond_rounding(given))
-    found = level_norm(system, response, axis.doubt) if system.dt == 0.0 else _by_circle(system)
+    found = level_norm(system, response, axis.doubt) if system.dt == 0.0 else _by_circle(system, axis.doubt)
     clear = axis.doubt <= _CLEAR * found.lower
     rounding = _rounding_of_response(given, found.omega, 0 if clear else _LIGHTEST)
     sharp = found.certified and rounding <= LEVEL * found.lower and (found.lower >= _TINY or rounding == 0.0)
@@ -211,14 +211,17 @@ def proved_norm(given: System, lower: float, omega: float) -> NormCertificate:
     return NormCertificate(peak, level, exact.omega(square), PROVED)
 
 
-def level_norm(system: Lti, response: Response | None = None, doubt: float = inf) -> NormCertificate:
+def level_norm(
+    system: Lti, response: Response | None = None, doubt: float = inf, modes: ModalSystem | None = None
+) -> NormCertificate:
     """Return the norm of a stable system by levels proved not to be reached, as if ``A, B, C, D`` had no rounding.
 
     For those who answer for that rounding themselves; :func:`matrices_norm` does.  Where it and the sum over the modes are
     known to be off by ``doubt`` at most, and that is little, the sum proves a level; elsewhere the Hamiltonian matrix does.
+    ``modes`` are its partial fractions, where they are known.
     """
     respond = partial(_response, system) if response is None else response
-    modes = partial_fractions(system)
+    modes = partial_fractions(system) if modes is None else modes
     peak, at = largest_gain(system, respond, modes)
     static = largest_of(system.D)
     peak, at = (peak, at) if peak >= static else (static, inf)
@@ -268,15 +271,20 @@ def _highest_at(respond: Response, omega: Array) -> tuple[float, float]:
     return float(values.max()), float(seen[values.argmax()])
 
 
-def _by_circle(system: Lti) -> NormCertificate:
-    """Return the norm of a stable discrete system: levels of its continuous image, the last one proved without it."""
+def _by_circle(system: Lti, doubt: float) -> NormCertificate:
+    """Return the norm of a stable discrete system, by its continuous image.
+
+    Where eigenvectors have their digits, the sum over its modes, each at its own image, proves the level; elsewhere levels of
+    the image are found, the last one proved without it.
+    """
 
     def respond(v: Array) -> Array:
         return system.response(omega_of_image(v, system.dt), quiet=True)
 
-    found = level_norm(continuous_image(system), respond)
+    modes, off = continuous_image_of_modes(partial_fractions(system), system.dt) if doubt < inf else (None, 0.0)
+    found = level_norm(continuous_image(system), respond, doubt + off, modes)
     found = replace(found, omega=float(omega_of_image(found.omega, system.dt)))
-    if not found.certified or found.lower == 0.0:
+    if not found.certified or found.lower == 0.0 or found.method == IN_MODES:
         return found
     told = stays_below_on_circle(system, found.upper)
     return replace(found, method=NO_CIRCLE_CROSSING) if told else replace(found, upper=inf, method=NOT_TOLD)

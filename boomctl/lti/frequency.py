@@ -249,8 +249,9 @@ def largest_gain(system: Lti, respond: Response | None = None, modes: ModalSyste
     ``respond``, a more accurate response of it.  Where the two heights differ, eigenvectors are nearly dependent, and the
     place is searched for anew in the system's own response.  ``modes`` are its partial fractions, where they are known.
     """
-    poles, exact = system.poles, partial(system.response, quiet=True) if respond is None else respond
-    size = np.abs(poles)
+    exact = partial(system.response, quiet=True) if respond is None else respond
+    modes = partial_fractions(system) if modes is None else modes
+    poles, size = modes.poles, np.abs(modes.poles)
     fastest = float(size.max())
     seen = size[size > SOLVED * fastest]
     grid = resonance_grid(
@@ -261,7 +262,7 @@ def largest_gain(system: Lti, respond: Response | None = None, modes: ModalSyste
         places=_STARTS,
         also=[0.0] if len(seen) == len(size) else (),
     )
-    found = _peak_of_modes(partial_fractions(system) if modes is None else modes, grid)
+    found = _peak_of_modes(modes, grid)
     return confirmed_peak(found, lambda omega: singular_values(exact(omega))[0], grid)
 
 

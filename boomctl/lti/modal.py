@@ -25,6 +25,7 @@ UNDAMPED = 1e-10
 _CLUSTER = 10.0  # poles of such a block differ in size by less than this factor (a choice)
 _BLOCK_NOISE = 1e2 * EPS  # share of the fastest pole that belongs to such a block in any case
 _CONDITION = 1e9  # of the eigenvectors: modal coordinates of a worse one keep fewer than seven digits
+_MAPPED = 16.0  # roundings of a mode on its way to its image
 
 
 def side_of_axis(poles: Array, doubt: Array | float = 0.0) -> Array:
@@ -136,6 +137,21 @@ def partial_fractions(system: Lti) -> ModalSystem:
     with np.errstate(divide="ignore", invalid="ignore"):  # equal poles in a chain have no eigenvectors of their own
         B = (left.conj().T @ system.B) / (left.conj() * right).sum(axis=0)[:, None]
     return ModalSystem(poles, B, system.C @ right, system.D)
+
+
+def continuous_image_of_modes(modes: ModalSystem, dt: float) -> tuple[ModalSystem, float]:
+    """Return the image of discrete modes that decay under the bilinear map, and how much rounding may change of a response.
+
+    With ``w = g (z - 1)/(z + 1)``, ``g = 2/dt``, a mode ``r/(z - pole)`` is ``2 g r/(1 + pole)^2 / (w - p)`` at the pole's
+    own image ``p``, less ``r/(1 + pole)``.  An image that is off by a rounding is that of a pole that is off by no more.
+    """
+    g, after = 2.0 / dt, 1.0 + modes.poles
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        D = (modes.D - ((modes.C / after) @ modes.B)).real
+        image = ModalSystem(g * (modes.poles - 1.0) / after, modes.B * (2.0 * g / after**2)[:, None], modes.C, D)
+        size, decay = np.linalg.norm(modes.terms, axis=1), 1.0 - np.abs(modes.poles)
+        lost = float((size / decay * (1.0 + 1.0 / decay)).sum())
+    return image, (len(decay) + _MAPPED) * EPS * lost
 
 
 def diagonalized(system: Lti) -> ModalSystem | None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
@@ -75,6 +76,17 @@ class Family:
         """Number of parameters."""
         return len(self.names)
 
+    @cached_property
+    def _often(self) -> Array:
+        """How often each term has each parameter as a factor."""
+        return np.array([[power.count(i) for i in range(self.size)] for power, _ in self.terms]).reshape(-1, self.size)
+
+    @cached_property
+    def _acting(self) -> list[list[tuple[int, Matrix]]]:
+        """Of each matrix the terms that change it, and by what."""
+        changes = [[(i, getattr(slope, letter)) for i, (_, slope) in enumerate(self.terms)] for letter in "MCKBL"]
+        return [[(i, X) for i, X in each if abs(X).sum()] for each in changes]
+
     @property
     def ranges(self) -> dict[str, tuple[float, float]]:
         """Least and largest value of each parameter."""
@@ -144,12 +156,10 @@ class Family:
         TypeError, ValueError
             Not as many numbers as parameters, or not finite.
         """
-        d, c = self._delta(delta), self.centre
-        shares = [float(np.prod(d[list(power)])) for power, _ in self.terms]
+        c, shares = self.centre, shares_of(self, self._delta(delta)).tolist()
         M, C, K, B, L = (
-            sum((w * getattr(s, name) for w, (_, s) in zip(shares, self.terms, strict=True)), getattr(middle, name))
-            for middle, names in ((c, "MCK"), (c.ports, "BL"))
-            for name in names
+            sum((shares[i] * change for i, change in acting if shares[i]), getattr(middle, letter))
+            for acting, letter, middle in zip(self._acting, "MCKBL", (c, c, c, c.ports, c.ports), strict=True)
         )
         ports = replace(c.ports, B=B, L=L)
         return SecondOrderModel.of(Structure.of(M, C, K, c.coordinates, c.mirror).drawn_as(c.structure.outline), ports)
@@ -471,6 +481,11 @@ def _box(
         return make({n: float(v) for n, v in zip(names, middle + delta * width, strict=True)})
 
     return names, low, high, at
+
+
+def shares_of(family: Family, delta: Array) -> Array:
+    """Return the products of ``delta``s by which the terms of a family are multiplied at a point of its box."""
+    return np.asarray((delta**family._often).prod(axis=1))
 
 
 def interval(name: str, given: object) -> tuple[float, float]:

@@ -1,12 +1,15 @@
 """The bilinear map: the same response at frequencies that belong together, there and back again."""
 
+import mpmath as mp
 import numpy as np
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from boomctl.lti.bilinear import continuous_image, discrete_image, image_of_omega, omega_of_image
+from boomctl.lti.modal import ModalSystem, continuous_image_of_modes
 from boomctl.lti.system import Lti
+from tests.profiles import examples
 
 
 def discrete(seed, slack=None):
@@ -63,3 +66,28 @@ def test_what_has_no_image_is_refused():
         continuous_image(Lti(-np.eye(1), np.eye(1), np.eye(1), np.zeros((1, 1)), dt=0.1))
     with pytest.raises(ValueError, match="pole at 2/dt = 20 rad/s"):
         discrete_image(Lti(20.0 * np.eye(1), np.eye(1), np.eye(1), np.zeros((1, 1))), 0.1)
+
+
+@examples(60)
+@given(st.integers(0, 100_000))
+def test_modes_at_their_own_images_make_the_same_response_but_for_the_rounding_that_is_told(seed):
+    rng = np.random.default_rng(seed)
+    n, dt = int(rng.integers(1, 6)), float(10.0 ** rng.uniform(-4.0, 0.0))
+    angles = np.pi * rng.choice([1.0, 10.0 ** rng.uniform(-6.0, 0.0), 1.0 - 10.0 ** rng.uniform(-6.0, 0.0)], n)
+    half = (1.0 - 10.0 ** rng.uniform(-7.0, -0.1, n)) * np.exp(1j * angles)
+    B, C = (rng.standard_normal((n, 2)) @ [1.0, 1j] for _ in range(2))
+    modes = ModalSystem(
+        np.concatenate([half, half.conj()]),
+        np.concatenate([B, B.conj()])[:, None],
+        np.concatenate([C, C.conj()])[None],
+        np.ones((1, 1)),
+    )
+    image, lost = continuous_image_of_modes(modes, dt)
+    omega = np.concatenate([[0.0, 1e9 / dt], image.poles.imag * (1.0 + 1e-7), 10.0 ** rng.uniform(-3.0, 3.0, 5) / dt])
+    found = image.response(omega)[0, 0]
+    with mp.workdps(60):
+        for w, G in zip(omega.tolist(), found.tolist(), strict=True):
+            s = mp.mpc(0.0, w) * dt / 2
+            z = (1 + s) / (1 - s)
+            terms = [mp.mpc(c) * b / (z - p) for c, b, p in zip(modes.C[0], modes.B[:, 0], modes.poles, strict=True)]
+            assert abs(G - (1 + mp.fsum(terms))) <= lost

@@ -29,7 +29,7 @@ from boomctl.chebyshev import Functions, fitted, points_along, tried_points
 from boomctl.lti.frequency import singular_values
 from boomctl.lti.rounding import SOLVED
 from boomctl.lti.system import Lti, signal_scales
-from boomctl.structure.families import Family
+from boomctl.structure.families import Family, shares_of
 from boomctl.structure.matrices import Structure, dense
 from boomctl.structure.response.poles import undamped_modes
 from boomctl.structure.response.realisation import realize
@@ -212,22 +212,17 @@ def sampled_loops(
     middle = (dense(structure.M), dense(structure.C), dense(structure.K), ports.B, ports.L)
     changes = [
         (
-            power,
-            (
-                *(V.T @ dense(X) @ V for X in (change.M, change.C, change.K)),
-                V.T @ change.B,
-                change.L @ V if change.L.any() else np.zeros_like(ports.L),
-            ),
+            *(V.T @ dense(X) @ V for X in (change.M, change.C, change.K)),
+            V.T @ change.B,
+            change.L @ V if change.L.any() else np.zeros_like(ports.L),
         )
-        for power, change in family.terms
+        for _, change in family.terms
     ]
+    stacks = [np.array([change[i] for change in changes]).reshape(-1, *X.shape) for i, X in enumerate(middle)]
 
     def whole(delta: Array) -> Lti:
-        shares = [float(np.prod(delta[list(power)])) for power, _ in changes]
-        M, C, stiffness, B, L = (
-            X + sum((w * more[i] for w, (_, more) in zip(shares, changes, strict=True)), np.zeros_like(X))
-            for i, X in enumerate(middle)
-        )
+        shares = shares_of(family, delta)
+        M, C, stiffness, B, L = (X + np.tensordot(shares, stack, 1) for X, stack in zip(middle, stacks, strict=True))
         here = Structure.of(M, C, stiffness, given.coordinates)
         loop = joined(realize(here, replace(ports, B=B, L=L).select(driven, read)), K, delay).system
         if inputs and outputs:
