@@ -26,7 +26,7 @@ from boomctl.rotating_beam.modal.integrals import MassPoints, ModalIntegrals, ma
 from boomctl.rotating_beam.modal.shapes import axial_modes, transverse_modes
 from boomctl.rotating_beam.motion.run import Scene, motion_of, motions_of
 from boomctl.rotating_beam.parameters import HubBeamParameters
-from boomctl.rotating_beam.result import Details, Motion
+from boomctl.rotating_beam.result import Details, Dynamics, Motion
 from boomctl.symbolic import Places, lifted, symbols
 
 if TYPE_CHECKING:
@@ -417,26 +417,14 @@ class AssumedModesBeam(HubBeam):
 
     def _details(self, manoeuvre: Manoeuvre, timepts: Array, motion: Motion) -> Details:
         y, rate = motion.states()
-        parts = [
-            _dynamics(self.equations, manoeuvre, timepts[at], y[at], rate[at])
-            for at in (slice(first, first + _CHUNK) for first in range(0, timepts.size, _CHUNK))
-        ]
-        torque, turning, inertia_torque, total, momentum, margin = (
-            np.concatenate(each) for each in zip(*parts, strict=True)
-        )
         q, tip = y[:, 1:], self.equations.tip
         return Details(
             axial_tip_displacement=q @ tip.axial,
             foreshortening=-0.5 * np.sum((q @ tip.shortening) * q, axis=1),
             hub_angle=y[:, 0],
             hub_speed=rate[:, 0],
-            hub_acceleration=turning,
-            torque=torque,
-            inertia_torque=inertia_torque,
-            energy=total,
-            angular_momentum=momentum,
-            mass_matrix_margin=margin,
             states=np.hstack([y, rate]),
+            dynamics=partial(_dynamics, self.equations, manoeuvre, timepts, y, rate),
         )
 
 
@@ -445,8 +433,16 @@ MODELS.update({name: partial(AssumedModesBeam, model=name) for name in ASSUMED_M
 MODELS["geometrically-exact"] = GeometricallyExactBeam
 
 
-def _dynamics(equations: Equations, manoeuvre: Manoeuvre, timepts: Array, y: Array, rate: Array) -> tuple[Array, ...]:
-    """Torque, hub acceleration, Q_theta, energy, angular momentum and margin, each k."""
+def _dynamics(equations: Equations, manoeuvre: Manoeuvre, timepts: Array, y: Array, rate: Array) -> Dynamics:
+    """What a motion's forces and inertias come to, some instants at a time."""
+    parts = [
+        _part(equations, manoeuvre, timepts[at], y[at], rate[at])
+        for at in (slice(first, first + _CHUNK) for first in range(0, timepts.size, _CHUNK))
+    ]
+    return Dynamics(*(np.concatenate(each) for each in zip(*parts, strict=True)))
+
+
+def _part(equations: Equations, manoeuvre: Manoeuvre, timepts: Array, y: Array, rate: Array) -> Dynamics:
     inertia = equations.inertia(y)
     free = -equations.residual(y, rate, np.zeros_like(y))
     if isinstance(manoeuvre, TorqueDriven):
@@ -461,7 +457,7 @@ def _dynamics(equations: Equations, manoeuvre: Manoeuvre, timepts: Array, y: Arr
     momenta = inertia.momenta(rate)
     q = y[:, 1:]
     total = 0.5 * np.sum(momenta * rate, axis=1) + 0.5 * np.sum((q @ equations.K) * q, axis=1)
-    return torque, turning, equations.inertia_torque(y, rate), total, momenta[:, 0], inertia.margin()
+    return Dynamics(turning, torque, equations.inertia_torque(y, rate), total, momenta[:, 0], inertia.margin())
 
 
 def _lagrangian(model: str, integrals: Any, stiffness: Any, damping: Any, tip: Any) -> energy.Lagrangian:

@@ -51,6 +51,17 @@ def kept_states(y: Array, rate: Array) -> tuple[Array, Array]:
     return y, rate
 
 
+class Dynamics(NamedTuple):
+    """What forces and inertias of a motion come to; meanings and units as of `SimulationResult`."""
+
+    hub_acceleration: Array
+    torque: Array
+    inertia_torque: Array
+    energy: Array
+    angular_momentum: Array
+    mass_matrix_margin: Array
+
+
 class Details(NamedTuple):
     """What a `SimulationResult` computes when first asked for; meanings and units as there."""
 
@@ -58,13 +69,8 @@ class Details(NamedTuple):
     foreshortening: Array
     hub_angle: Array
     hub_speed: Array
-    hub_acceleration: Array
-    torque: Array
-    inertia_torque: Array
-    energy: Array
-    angular_momentum: Array
-    mass_matrix_margin: Array
     states: Array
+    dynamics: Callable[[], Dynamics]
 
 
 @final
@@ -190,6 +196,10 @@ class SimulationResult(TimeSeries):
     def _details(self) -> Details:
         return self.details()
 
+    @cached_property
+    def _dynamics(self) -> Dynamics:
+        return self._details.dynamics()
+
     @property
     def axial_tip_displacement(self) -> Array:
         """Extension w_1 of the beam at x = L, m."""
@@ -213,32 +223,32 @@ class SimulationResult(TimeSeries):
     @property
     def hub_acceleration(self) -> Array:
         """Hub acceleration, rad/s^2."""
-        return self._details.hub_acceleration
+        return self._dynamics.hub_acceleration
 
     @property
     def torque(self) -> Array:
         """Torque on the hub, N m."""
-        return self._details.torque
+        return self._dynamics.torque
 
     @property
     def inertia_torque(self) -> Array:
         """Q_theta, N m."""
-        return self._details.inertia_torque
+        return self._dynamics.inertia_torque
 
     @property
     def energy(self) -> Array:
         """Kinetic plus elastic energy, J."""
-        return self._details.energy
+        return self._dynamics.energy
 
     @property
     def angular_momentum(self) -> Array:
         """Angular momentum about the hub's axis, kg m^2/s."""
-        return self._details.angular_momentum
+        return self._dynamics.angular_momentum
 
     @property
     def mass_matrix_margin(self) -> Array:
         """Schur complement of the beam's mass matrix in the whole one, kg m^2."""
-        return self._details.mass_matrix_margin
+        return self._dynamics.mass_matrix_margin
 
     @property
     def states(self) -> Array:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Any, Protocol, TypeGuard
 
 import numpy as np
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     import casadi
 
 _SPLIT = 1e-6  # share of |A| below which an eigenvalue is zero: a double zero splits by the root of rounding, 1e-8
+_BEAMS = 32  # whose plants are kept: who tries angles and limits asks for the same again (a choice)
 
 
 class SlewMachine(Protocol):
@@ -237,6 +238,7 @@ def plant_of(h: object) -> SlewPlant:
     return _linear(lti.of(h, "h", "a hub-beam with an equation of motion, or a control.StateSpace"))
 
 
+@lru_cache(maxsize=_BEAMS)
 def _beam(h: SlewMachine) -> SlewPlant:
     """The beam in modal coordinates of its linear part about rest."""
     at_rest = h._linear(0.0)

@@ -28,9 +28,13 @@ def pattern_search(
     faces = np.kron(np.eye(size), [[-1.0], [1.0]])
     corners = list(product((-1.0, 1.0), repeat=size)) if size > 1 else np.zeros((0, size))
     begins = [*(factor * np.concatenate([np.zeros((1, size)), faces, corners]))] if start is None else [start]
-    values = [value(point) for point in begins]
-    best, tried = int(np.argmax(values)), len(begins)
-    at, top = begins[best], values[best]
+    at, top, tried = begins[0], -inf, 0
+    for point in begins:
+        tried, found = tried + 1, value(point)
+        if found > top:
+            at, top = point, found
+        if top == inf:  # there is nothing worse
+            break
     for step in _STEPS:
         moved = top < inf
         while moved:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, final
 
 import numpy as np
@@ -28,7 +28,7 @@ from boomctl.rotating_beam.exact.polynomials import (
 from boomctl.rotating_beam.exact.run import Run, run_to_tolerance, run_with_step
 from boomctl.rotating_beam.manoeuvres import Manoeuvre, TorqueDriven
 from boomctl.rotating_beam.parameters import HubBeamParameters
-from boomctl.rotating_beam.result import Details, Motion
+from boomctl.rotating_beam.result import Details, Dynamics, Motion
 
 if TYPE_CHECKING:
     import casadi
@@ -277,27 +277,19 @@ class GeometricallyExactBeam(HubBeam):
         q, v = motion.states()
         modes = self.modes * (q.shape[1] - 1) // (self._size - 1)  # a motion may have more polynomials than its states
         dynamics = self._of(modes).dynamics
-        acceleration, torque, margin = _accelerations(dynamics, manoeuvre, timepts, q, v)
         extension = dynamics.extension(q)
         return Details(
             axial_tip_displacement=extension,
             foreshortening=np.real(dynamics.tip(q)) - np.sum(self.basis.tip_row) - extension,
             hub_angle=q[:, 0],
             hub_speed=v[:, 0],
-            hub_acceleration=acceleration,
-            torque=torque,
-            inertia_torque=-dynamics.convective_force(q, v)[:, 0],
-            energy=dynamics.energy(q, v),
-            angular_momentum=dynamics.momentum_and_force(q, v)[0][:, 0],
-            mass_matrix_margin=margin,
             states=np.hstack([resized(y, modes, self.modes) for y in (q, v)]),
+            dynamics=partial(_forces, dynamics, manoeuvre, timepts, q, v),
         )
 
 
-def _accelerations(
-    dynamics: ExactBeamDynamics, manoeuvre: Manoeuvre, timepts: Array, q: Array, v: Array
-) -> tuple[Array, Array, Array]:
-    """Acceleration of the hub, torque on it, and margin of the mass matrix, each k."""
+def _forces(dynamics: ExactBeamDynamics, manoeuvre: Manoeuvre, timepts: Array, q: Array, v: Array) -> Dynamics:
+    """What a motion's forces and inertias come to."""
     force = -dynamics.convective_force(q, v)
     inner = force - dynamics.basis.stiffness * q
     if dynamics.damping is not None:
@@ -311,9 +303,12 @@ def _accelerations(
         pull[part] = np.sum(column * solved[:, :, 1:], axis=(1, 2))
     if isinstance(manoeuvre, TorqueDriven):
         torque = np.array(manoeuvre.torque(timepts))
-        return (torque + inner[:, 0] - pull) / margin, torque, margin
-    turning = np.array(manoeuvre.acceleration(timepts))
-    return turning, margin * turning + pull - force[:, 0], margin
+        turning = (torque + inner[:, 0] - pull) / margin
+    else:
+        turning = np.array(manoeuvre.acceleration(timepts))
+        torque = margin * turning + pull - force[:, 0]
+    momentum = dynamics.momentum_and_force(q, v)[0][:, 0]
+    return Dynamics(turning, torque, force[:, 0], dynamics.energy(q, v), momentum, margin)
 
 
 def _damping_matrix(basis: StrainBasis, ratio: float) -> Array | None:
