@@ -59,6 +59,8 @@ class _Local:
             found = clipped(np.vstack([self.G, rows]), np.concatenate([self.d, wanted]), limit)
             if found.missed > ALIKE:
                 return None
+            if not len(self.P):
+                return found, met
             values = self.P @ found.torques + self.rest
             size = np.pad(np.where(met == 0.0, np.abs(values), 0.0), ((0, 0), (1, 1)))
             peak = (size[:, 1:-1] >= size[:, :-2]) & (size[:, 1:-1] > size[:, 2:])
