@@ -292,7 +292,7 @@ class AssumedModesBeam(HubBeam):
         places, constants = lifted(given)
         return _equations(self.model, names, places), constants
 
-    def _forced_modes(self, sensors: Sequence[object]) -> MachineModes:
+    def _built_modes(self, sensors: tuple[BeamSensor, ...]) -> MachineModes:
         from boomctl.rotating_beam.modal import forced  # which only a loop needs
 
         p, equations = self.parameters, self.equations
@@ -301,7 +301,7 @@ class AssumedModesBeam(HubBeam):
         law = forced.first_order_law(equations) if closed else forced.lagrangian_law(self.lagrangian, places, p.length)
         return forced.forced_modes(self._small_motion(0.0), law, places, p, self.state_names, sensors)
 
-    def _varied_modes(self, sensors: Sequence[object]) -> MachineModes:
+    def _varied_modes(self, sensors: Sequence[BeamSensor]) -> MachineModes:
         """As `_forced_modes`, with tip mass [kg], what multiplies the stiffness, and damping (if any) among the inputs."""
         import casadi as ca
 

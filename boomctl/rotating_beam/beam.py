@@ -8,7 +8,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import fields, replace
-from functools import cached_property, partial
+from functools import cached_property, lru_cache, partial
 from textwrap import fill, indent
 from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
@@ -45,6 +45,7 @@ from boomctl.rotating_beam.manoeuvres import (
 )
 from boomctl.rotating_beam.parameters import HubBeamParameters
 from boomctl.rotating_beam.result import Details, Motion, SimulationResult, named_failure
+from boomctl.rotating_beam.sensors import BeamSensor, checked_sensors
 from boomctl.units import warn_of_units
 
 if TYPE_CHECKING:
@@ -52,7 +53,6 @@ if TYPE_CHECKING:
 
     from boomctl.lti.machine_modes import MachineModes
     from boomctl.lti.system import Lti
-    from boomctl.rotating_beam.sensors import BeamSensor
     from boomctl.structure.response.mode_shapes import ModeShapes
 
 INPUTS = ("torque",)
@@ -727,9 +727,13 @@ class HubBeam(ABC):
     def _small_motion(self, speed: float) -> SmallMotion:
         """Small motion about steady rotation at a hub speed [rad/s]."""
 
-    @abstractmethod
     def _forced_modes(self, sensors: Sequence[object]) -> MachineModes:
         """Equations under forces on hub and tip, in modes at rest, with sensors among the outputs."""
+        return _kept_modes(self, checked_sensors(sensors, self.parameters.length))
+
+    @abstractmethod
+    def _built_modes(self, sensors: tuple[BeamSensor, ...]) -> MachineModes:
+        """What `_forced_modes` keeps."""
 
     @abstractmethod
     def _state_derivative(self, x: Array, torque: float) -> Array:
@@ -766,6 +770,11 @@ class HubBeam(ABC):
     @abstractmethod
     def _details(self, manoeuvre: Manoeuvre, timepts: Array, motion: Motion) -> Details:
         """Evaluate a motion."""
+
+
+@lru_cache(maxsize=16)  # beams around which loops are closed again and again (a choice)
+def _kept_modes(beam: HubBeam, sensors: tuple[BeamSensor, ...]) -> MachineModes:
+    return beam._built_modes(sensors)
 
 
 MODELS: dict[str, Callable[..., HubBeam]] = {}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, final
@@ -36,6 +35,7 @@ if TYPE_CHECKING:
     from boomctl.lti.machine_modes import MachineModes
     from boomctl.rotating_beam.modal.energy import Lagrangian
     from boomctl.rotating_beam.modal.forced import Place, Places
+    from boomctl.rotating_beam.sensors import BeamSensor
 
 _FIRST_STEP = 0.25  # of the second bending period: the coarsest step of a run, a choice
 _FIRST_STEP_ALONE = 0.0625  # of the first bending period, where there is no second one, which is about 6 times as fast
@@ -220,7 +220,7 @@ class GeometricallyExactBeam(HubBeam):
 
         return place
 
-    def _forced_modes(self, sensors: Sequence[object]) -> MachineModes:
+    def _built_modes(self, sensors: tuple[BeamSensor, ...]) -> MachineModes:
         from boomctl.rotating_beam.modal import forced  # which only a loop needs
 
         p, places = self.parameters, self._places()

@@ -18,7 +18,7 @@ from boomctl.rotating_beam.modal.energy import Lagrangian, accelerations
 from boomctl.rotating_beam.modal.first_order import FirstOrderEquations
 from boomctl.rotating_beam.modal.shapes import axial_modes, transverse_modes
 from boomctl.rotating_beam.parameters import HubBeamParameters
-from boomctl.rotating_beam.sensors import LOOP_INPUTS, LOOP_OUTPUTS, LOOP_UNITS, QUANTITIES, BeamSensor, checked_sensors
+from boomctl.rotating_beam.sensors import LOOP_INPUTS, LOOP_OUTPUTS, LOOP_UNITS, QUANTITIES, BeamSensor
 
 if TYPE_CHECKING:
     import casadi
@@ -146,7 +146,7 @@ def forced_modes(
     places: Places,
     parameters: HubBeamParameters,
     states: tuple[str, ...],
-    sensors: Sequence[object],
+    sensors: Sequence[BeamSensor],
     varied: Varied | None = None,
 ) -> MachineModes:
     """Return a beam in its modes at rest.
@@ -168,7 +168,7 @@ def forced_modes(
     import casadi as ca
 
     modes = rest_modes(*small[:3])
-    p, size, further = parameters, modes.lean.size + 1, checked_sensors(sensors, parameters.length)
+    p, size = parameters, modes.lean.size + 1
     state, u = ca.SX.sym("z", 2 * size), ca.SX.sym("u", len(LOOP_INPUTS))
     z, rate = state[:size], state[size:]
     q, q_rate = _times(modes.shapes, z[1:]), _times(modes.shapes, rate[1:])
@@ -202,7 +202,7 @@ def forced_modes(
 
     tip, root = (BeamSensor("tip_displacement", "displacement", p.length), BeamSensor("root_moment", "moment", 0.0))
     standard = (angle, speed, reading(tip), reading(root), acceleration(p.length))
-    outputs = ca.vertcat(*standard, *(reading(sensor) for sensor in further))
+    outputs = ca.vertcat(*standard, *(reading(sensor) for sensor in sensors))
     row = np.array(
         ca.DM(ca.substitute(ca.jacobian(places(coordinates, p.length).across, coordinates), coordinates, 0.0))
     )
@@ -213,7 +213,7 @@ def forced_modes(
     on_tip = np.concatenate([[reach], row.ravel()])
     return MachineModes(
         inputs=(*LOOP_INPUTS, *names),
-        outputs=(*LOOP_OUTPUTS, *(sensor.name for sensor in further)),
+        outputs=(*LOOP_OUTPUTS, *(sensor.name for sensor in sensors)),
         states=states,
         omega=np.sqrt(np.concatenate([[0.0], modes.squares])),
         decay=modes.decay,
@@ -223,7 +223,7 @@ def forced_modes(
         rest=ca.Function("rest", [state, given], [moved.rest]),
         read=ca.Function("read", [state, given], [outputs, moved.margin]),
         judged=ca.Function("judged", [state], [ca.vertcat(reach * angle, outputs[2])]),
-        units={**LOOP_UNITS, **{sensor.name: QUANTITIES[sensor.quantity] for sensor in further}},
+        units={**LOOP_UNITS, **{sensor.name: QUANTITIES[sensor.quantity] for sensor in sensors}},
     )
 
 
