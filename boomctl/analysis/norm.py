@@ -39,6 +39,7 @@ from boomctl.lti.frequency import (
 from boomctl.lti.modal import ModalSystem, continuous_image_of_modes, partial_fractions
 from boomctl.lti.rounding import CERTIFIED, DIGIT, EPS, LEVEL, SUMMED, TINY
 from boomctl.lti.system import BATCH, Lti, System, beside, of
+from boomctl.lti.verified_modal_form import verified_modal_form
 
 if TYPE_CHECKING:
     from boomctl.structure.model import SecondOrderModel
@@ -48,6 +49,9 @@ _ROUNDING = 1e2 * EPS  # share of the Hamiltonian matrix's norm by which its eig
 _LIGHTEST = 10  # resonances, those of least damping, at which the share of rounding is looked at (a choice)
 # of a norm, a bound of rounding at all frequencies up to which no closer look is worth its time (a choice)
 _CLEAR = 0.1 * LEVEL
+# of a peak, what the sum over the modes may be off, or the response of entries that are: twice that above it, once below,
+# and the level leave bounds that agree to CERTIFIED
+_DOUBT = 0.28 * CERTIFIED
 _TWICE = 2.0  # times what rounding may change of a response: once of the system's own, once of the sum over its modes
 _TINY = 1e-150  # norms below which squares of responses are not numbers of full precision
 
@@ -187,7 +191,17 @@ def matrices_norm(
         return NormCertificate(peak, inf, at, f"a mode at {abs(axis.doubtful):.6g} rad/s {doubtful(system)}")
     if axis.hidden.any():
         return proved_norm(given, *_largest_beyond_rounding(given))
+    if response is None and given is system and not axis.doubt <= _DOUBT * axis.bound:
+        verified = verified_modal_form(system)  # takes longer, and loses less
+        if verified is not None:
+            modes, off = continuous_image_of_modes(verified.modal, system.dt)
+            found = _by_modes(system, modes.response, verified.gap + off, modes)
+            if found.certified and found.lower >= _TINY:
+                off += verified.gap + sum_over_modes.lost_by_floats(modes)
+                return replace(found, lower=found.lower - off, omega=float(omega_of_image(found.omega, system.dt)))
     found = level_norm(system, response, axis.doubt) if system.dt == 0.0 else _by_circle(system, axis.doubt)
+    if found.method == IN_MODES and found.lower >= _TINY:
+        return replace(found, lower=max(found.lower - _rounding_of_response(given, found.omega, 0), 0.0))
     clear = axis.doubt <= _CLEAR * found.lower
     rounding = _rounding_of_response(given, found.omega, 0 if clear else _LIGHTEST)
     sharp = found.certified and rounding <= LEVEL * found.lower and (found.lower >= _TINY or rounding == 0.0)
@@ -221,29 +235,44 @@ def level_norm(
     ``modes`` are its partial fractions, where they are known.
     """
     respond = partial(_response, system) if response is None else response
-    modes = partial_fractions(system) if modes is None else modes
-    peak, at = largest_gain(system, respond, modes)
-    static = largest_of(system.D)
-    peak, at = (peak, at) if peak >= static else (static, inf)
+    found = _by_modes(system, respond, doubt, partial_fractions(system) if modes is None else modes)
+    if found.certified:
+        return found
+    peak, at = found.lower, found.omega
     for _ in range(RAISED):
         level = peak * (1.0 + LEVEL)
-        if level == 0.0:
-            return NormCertificate(0.0, 0.0, 0.0, NO_RESPONSE)
-        if doubt <= _CLEAR * peak and isfinite(at):
-            told, higher = sum_over_modes.stays_below(modes, level - _TWICE * doubt, at)
-            if told:
-                return NormCertificate(peak, level, at, IN_MODES)
-            if len(higher):
-                value, omega = highest_peak(lambda omega: singular_values(respond(omega))[0], higher)
-                if value > peak:
-                    peak, at = value, omega
-                    continue
         H = hamiltonian_matrix(system, level)
         crossings, near = near_axis(H[0])
         value, omega = _highest_at(respond, np.concatenate([crossings.imag, near.imag]))
         if value <= level:
             told = not len(crossings) and level_shows(system, level, at, H)
             return NormCertificate(peak, level if told else inf, at, NO_CROSSING if told else NOT_TOLD)
+        peak, at = value, omega
+    return NormCertificate(peak, inf, at, NOT_TOLD)
+
+
+def _by_modes(system: Lti, respond: Response, doubt: float, modes: ModalSystem) -> NormCertificate:
+    """Return the largest singular value near the modes, and what none exceeds, where the sum over the modes proves it.
+
+    It, and the response itself where entries are off in their last places, are off by ``doubt`` at most.
+    """
+    peak, at = largest_gain(system, respond, modes)
+    static = largest_of(modes.D)
+    peak, at = (peak, at) if peak >= static else (static, inf)
+    if peak == 0.0:
+        return NormCertificate(0.0, 0.0, 0.0, NO_RESPONSE)
+    for _ in range(RAISED):
+        if not (doubt <= _DOUBT * peak and isfinite(at)):
+            break
+        level = peak * (1.0 + LEVEL)
+        told, higher = sum_over_modes.stays_below(modes, level, at)
+        if told:
+            return NormCertificate(peak, level + _TWICE * doubt, at, IN_MODES)
+        value, omega = (
+            highest_peak(lambda omega: singular_values(respond(omega))[0], higher) if len(higher) else (0.0, at)
+        )
+        if value <= peak:
+            break
         peak, at = value, omega
     return NormCertificate(peak, inf, at, NOT_TOLD)
 
@@ -272,7 +301,7 @@ def _highest_at(respond: Response, omega: Array) -> tuple[float, float]:
 
 
 def _by_circle(system: Lti, doubt: float) -> NormCertificate:
-    """Return the norm of a stable discrete system, by its continuous image.
+    """Return the norm of a stable discrete system, by its continuous image, as :func:`level_norm` does.
 
     Where eigenvectors have their digits, the sum over its modes, each at its own image, proves the level; elsewhere levels of
     the image are found, the last one proved without it.

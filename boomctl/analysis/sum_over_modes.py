@@ -8,7 +8,7 @@ error ``E`` of the eigenvectors, and rounding, may add.  :func:`bounds` says how
 import numpy as np
 from scipy.linalg import blas, lapack
 
-from boomctl.arrays import Array
+from boomctl.arrays import Array, squared
 from boomctl.lti.frequency import singular_values
 from boomctl.lti.modal import ModalSystem
 from boomctl.lti.rounding import CANCELLED, EPS, TINY
@@ -19,12 +19,13 @@ _TWICE = 2.0  # of a bound that is itself computed in floats, from an inverse th
 
 # Ends of the first cells, from which others are made where these say nothing (choices, but for what they say):
 _SPREAD = 24  # over all frequencies, evenly in the logarithm
-_AROUND = np.array([-2.5, 0.0, 2.5])  # around each mode, in half-widths of its resonance
+_AROUND = np.array([-5.0, 0.0, 5.0])  # around each mode, in half-widths of its resonance
 # around the highest resonance likewise.  Its height ``1 - x^2/2`` leaves a cell of half the width ``h`` that is ``x`` away
-# room for ``3 h^2/2`` where ``h < 0.58 x``: each is little more than twice as wide as the one before
-_BESIDE = np.append(7e-4 * 2.1 ** np.arange(11), [3.5, 14.0, 120.0])
+# room for ``2 h^2``, what the tangent and the rest take, where ``h < x/2``: each is nearly twice as wide as the one before
+_BESIDE = np.append(7e-4 * 1.9 ** np.arange(13), [3.5, 13.0, 90.0])
 _CLOSE = np.concatenate([-_BESIDE[::-1], _BESIDE])
 _SPLIT = 8  # parts of a cell at most
+_EVALUATED = 16  # roundings of a term of the sum, besides one for each term that is added
 _OF_TOP = 30.0  # cells that the top of a resonance takes at most: those beside it are twice as wide as the ones before
 _CELLS, _CELLS_OF_MODE = 400, 10  # tried at most, and for each mode: more cost as much as another proof (measured)
 # entries of the response for each mode, of which more take longer than another proof (measured: four half as long to a fifth
@@ -81,8 +82,7 @@ def stays_below(modes: ModalSystem, level: float, at: float) -> tuple[bool, Arra
         return False, np.zeros(0)
     poles, terms, D = modes.poles[:, None], modes.terms / level, modes.D.reshape(-1, 1) / level
     decay, swing, rates = -modes.poles.real, modes.poles.imag, np.abs(modes.poles)
-    largest = np.maximum(np.abs(terms).max(axis=1, initial=0.0), TINY)  # its square may be no number
-    size = largest * np.sqrt((np.abs(terms / largest[:, None]) ** 2).sum(axis=1))
+    size, lost = _sizes(terms, decay)
     slowest, fastest = 0.1 * rates.min(), 10.0 * rates.max()
     if not (size / (fastest - rates)).sum() + blas.dnrm2(D.ravel()) <= 1.0:  # above the fastest
         return False, np.zeros(0)
@@ -100,19 +100,25 @@ def stays_below(modes: ModalSystem, level: float, at: float) -> tuple[bool, Arra
         S, slope = terms.T @ shares + D, h * (terms.T @ (shares * shares))
         beside = np.maximum(np.abs(m - poles.imag) - h, 0.0)
         square = decay[:, None] ** 2 + beside * beside
-        rest = h * h * (size @ (1.0 / (square * np.sqrt(square))))
+        rest = lost + h * h * (size @ (1.0 / (square * np.sqrt(square))))
         both = np.array([S - 1j * slope, S + 1j * slope])
-        most = np.sqrt((both.real**2 + both.imag**2).sum(axis=1).max(axis=0)) + rest
+        sides = np.sqrt(squared(both).sum(axis=1).max(axis=0))
+        most = sides + rest
         if not np.isfinite(most).all():
             return False, np.zeros(0)
         open_ = (most > 1.0).nonzero()[0]
-        if len(open_) and min(modes.D.shape) > 1:  # the root of the sum of all squares is more than the largest value
-            ended = both[:, :, open_].transpose(1, 0, 2).reshape(*modes.D.shape, -1)
-            most[open_] = singular_values(ended)[0].reshape(2, -1).max(axis=0) + rest[open_]
+        # the root of the sum of all squares is more than the largest value: where it says nothing that is looked at
+        over = open_[sides[open_] > 1.0] if min(modes.D.shape) > 1 else open_[:0]
+        if len(over):
+            ended = both[:, :, over].transpose(1, 0, 2).reshape(*modes.D.shape, -1)
+            most[over] = singular_values(ended)[0].reshape(2, -1).max(axis=0) + rest[over]
             open_ = open_[most[open_] > 1.0]
         if not len(open_):
             return True, np.zeros(0)
-        there = singular_values(S[:, open_].reshape(*modes.D.shape, -1))[0]
+        there = np.sqrt(squared(S[:, open_]).sum(axis=0))
+        over = there >= 1.0
+        if over.any():
+            there[over] = singular_values(S[:, open_[over]].reshape(*modes.D.shape, -1))[0]
         if there.max() >= 1.0:
             highest = open_[there.argmax()]
             return False, np.array([low[highest], m[highest], high[highest]])
@@ -124,3 +130,15 @@ def stays_below(modes: ModalSystem, level: float, at: float) -> tuple[bool, Arra
         ends[:, -1] = high[open_]
         low, high = ends[:, :-1].ravel(), ends[:, 1:].ravel()
     return False, np.zeros(0)
+
+
+def lost_by_floats(modes: ModalSystem) -> float:
+    """Return how much of the sum over the modes, at any frequency, may be rounding."""
+    return _sizes(modes.terms, -modes.poles.real)[1]
+
+
+def _sizes(terms: Array, decay: Array) -> tuple[Array, float]:
+    """Return the sizes of residues, and how much of their sum may be rounding."""
+    largest = np.maximum(np.abs(terms).max(axis=1, initial=0.0), TINY)  # its square may be no number
+    size = largest * np.sqrt(squared(terms / largest[:, None]).sum(axis=1))
+    return size, (len(decay) + _EVALUATED) * EPS * float((size / decay).sum())

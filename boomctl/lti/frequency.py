@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import linalg
 
-from boomctl.arrays import Array
+from boomctl.arrays import Array, squared
 from boomctl.lti.modal import UNDAMPED, ModalSystem, partial_fractions
 from boomctl.lti.rounding import CERTIFIED, EPS, ROOT, SOLVED
 from boomctl.lti.system import SLOWEST, Lti
@@ -69,22 +69,18 @@ def singular_values(G: Array) -> Array:
     if p == m == 1:
         return np.abs(G[0])
     if fewer == 1:
-        return np.sqrt((G.real**2 + G.imag**2).sum(axis=(0, 1)))[None, :]
+        return np.sqrt(squared(G).sum(axis=(0, 1)))[None, :]
     if fewer > 2:
         return np.linalg.svd(G.transpose(2, 0, 1), compute_uv=False).T
     x, y = G.swapaxes(0, 1) if m == 2 else G
     with np.errstate(invalid="ignore", divide="ignore"):
-        a, c, b = _square(x).sum(axis=0), _square(y).sum(axis=0), (x.conj() * y).sum(axis=0)
+        a, c, b = squared(x).sum(axis=0), squared(y).sum(axis=0), (x.conj() * y).sum(axis=0)
         first = np.sqrt(0.5 * (a + c) + np.hypot(0.5 * (a - c), np.abs(b)))
         if p == m:
             product = np.abs(x[0] * y[1] - x[1] * y[0])
         else:  # the length of one times what the other has across it
-            product = np.sqrt(a * _square(y - np.where(a > 0.0, b / a, 0.0) * x).sum(axis=0))
+            product = np.sqrt(a * squared(y - np.where(a > 0.0, b / a, 0.0) * x).sum(axis=0))
         return np.array([first, np.where(first > 0.0, product / first, 0.0)])
-
-
-def _square(x: Array) -> Array:
-    return x.real**2 + x.imag**2
 
 
 def largest_of(D: Array) -> float:
@@ -276,7 +272,7 @@ def _peak_of_modes(modes: ModalSystem, grid: Array) -> tuple[float, float]:
     """
     terms, last = modes.terms, len(grid) - 1
     G = terms.T @ modes.shares(grid) + modes.D.reshape(-1, 1)
-    size = np.sqrt(_square(G).sum(axis=0))
+    size = np.sqrt(squared(G).sum(axis=0))
     high = (size >= _WORTH * size.max() / max(1, min(modes.D.shape)) ** 0.5).nonzero()[0]
     heights = np.full(last + 3, -1.0)
     heights[1 + high] = singular_values(G[:, high].reshape(*modes.D.shape, -1))[0]
@@ -295,7 +291,7 @@ def _peak_of_modes(modes: ModalSystem, grid: Array) -> tuple[float, float]:
             peak, at = float(values[best, 0]), float(omega[best])
         parts = (modes.C.T @ u[:, :, 0].conj().T) * (modes.B @ v[:, 0].conj().T) * (shares * shares / values[:, 0])
         slope = parts.sum(axis=0)  # of the logarithm, times 1j
-        step = slope.imag / (4.0 * slope.imag**2 - _square(slope) + 2.0 * (parts * shares).sum(axis=0).real)
+        step = slope.imag / (4.0 * slope.imag**2 - squared(slope) + 2.0 * (parts * shares).sum(axis=0).real)
         rising = slope.imag * step > EPS
         if not rising.any():
             break

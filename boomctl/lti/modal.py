@@ -144,7 +144,10 @@ def continuous_image_of_modes(modes: ModalSystem, dt: float) -> tuple[ModalSyste
 
     With ``w = g (z - 1)/(z + 1)``, ``g = 2/dt``, a mode ``r/(z - pole)`` is ``2 g r/(1 + pole)^2 / (w - p)`` at the pole's
     own image ``p``, less ``r/(1 + pole)``.  An image that is off by a rounding is that of a pole that is off by no more.
+    Without ``dt`` they stay.
     """
+    if dt == 0.0:
+        return modes, 0.0
     g, after = 2.0 / dt, 1.0 + modes.poles
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         D = (modes.D - ((modes.C / after) @ modes.B)).real

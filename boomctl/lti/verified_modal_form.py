@@ -1,7 +1,7 @@
 """Modal coordinates that answer for themselves: how far their system can be from the one given, at any frequency.
 
 The eigenvectors ``V`` of a solver are taken for a change of coordinates like any other.  In them the system is
-``diag(p) + E`` with ``E = V^-1 (A V - V diag(p))``, whose residual is summed in extended precision; one step of perturbation
+``diag(p) + E`` with ``E = V^-1 (A V - V diag(p))``, whose residual keeps twice the digits; one step of perturbation
 theory takes out what of ``E`` it can, and what stays bounds the distance: with ``|E| <= F`` and ``r = |Re p|``,
 ``|(s - diag(p) - E)^-1| <= (diag(r) - F)^-1`` entry by entry, on the imaginary axis; in discrete time on the unit circle,
 with ``r = 1 - |p|``.
@@ -15,7 +15,6 @@ from scipy.linalg import lapack
 
 from boomctl.arrays import Array
 from boomctl.lti.frequency import singular_values, triangular
-from boomctl.lti.gramians import EXTENDED
 from boomctl.lti.modal import ModalSystem
 from boomctl.lti.rounding import DIGIT, EPS
 from boomctl.lti.system import Lti
@@ -76,47 +75,48 @@ def verified_modal_form(system: Lti, doubt: float = 0.0) -> VerifiedModalForm | 
         F = np.abs(np.eye(n) - W @ V) + n * EPS * (np.abs(W) @ np.abs(V))
     if not np.isfinite(F).all() or F.sum(axis=1).max() > INVERSE:
         return None
-    wide = np.clongdouble if n <= EXTENDED else np.complex128
+    wide = np.clongdouble
     u = (n + 4) * float(np.finfo(wide).eps)
-    V_, A_, p_ = V.astype(wide), A.astype(wide), poles.astype(wide)
+    V_, p_ = V.astype(wide), poles.astype(wide)
     size_V, size_W = np.abs(V), np.abs(W)
 
     one = np.flatnonzero(poles.imag >= 0.0)  # of a pair the other column is conjugate, and so is its product
-    product = np.empty_like(V_)
-    product[:, one] = A_ @ V_[:, one]
-    product[:, first + 1] = product[:, first].conj()
+    product, lost = np.empty_like(V_), np.empty((n, n))
+    product[:, one], lost[:, one] = _product(A, V[:, one])
+    product[:, first + 1], lost[:, first + 1] = product[:, first].conj(), lost[:, first]
     residual = (product - V_ * p_).astype(complex)
     E = W @ residual
-    lost = u * (np.abs(A) @ size_V + size_V * np.abs(poles)) + doubt * size_V.sum(axis=0)
+    lost = lost + u * (np.abs(A) @ size_V + size_V * np.abs(poles)) + doubt * size_V.sum(axis=0)
     dE = size_W @ (lost + n * EPS * np.abs(residual))
     dE = dE + _beyond(F, np.abs(E) + dE)  # |V^-1| <= (1 - F)^-1 |W|
-    W_ = W.astype(wide)
-    B = W_ @ system.B
-    B = B + W_ @ (system.B - V_ @ B)
+    B = W @ system.B
+    B = B + (W @ (system.B - V_ @ B).astype(complex)).astype(wide)
     left = np.abs(system.B - V_ @ B).astype(float) + u * (np.abs(system.B) + size_V @ np.abs(B).astype(float))
     dB, C = size_W @ left, system.C @ V_
     dB = dB + _beyond(F, dB)
     dC = u * (np.abs(system.C) @ size_V)
 
-    E_ = E.astype(wide)
-    better = p_ + np.diag(E_)
-    between = better[None, :] - better[:, None]
+    better = p_ + np.diag(E)
+    between, moved = (better[None, :] - better[:, None]).astype(complex), (p_ - better).astype(complex)
     np.fill_diagonal(between, 1.0)
-    weak = (np.abs(E_) * n <= _FIRST_ORDER * np.abs(between)) & (between != 0.0)
-    np.fill_diagonal(weak, False)
-    X = np.where(weak, E_ / np.where(weak, between, 1.0), 0.0)
-    size_X = np.abs(X).astype(float)
-    B_new, C_new = B, C + C @ X
-    for _ in range(_NEUMANN):
-        B_new = B - X @ B_new
-    dB = dB + np.abs(B - B_new - X @ B_new).astype(float) + u * np.abs(B).astype(float)
-    dB = dB + _beyond(size_X, dB)  # |(1 + X)^-1| <= (1 - |X|)^-1
-    dC = dC + dC @ size_X + u * np.abs(C).astype(float)
-    rest = np.diag(p_ - better) + (p_[:, None] - better[None, :]) * X + E_ + E @ X.astype(complex)
     size_E = np.abs(E)
-    rounding = 4.0 * u * (np.abs(poles)[:, None] * size_X + size_X * np.abs(poles) + size_E)
-    rounding = rounding + (n + 4) * EPS * (size_E @ size_X)  # of second order: double precision will do
-    F = np.abs(rest).astype(float) + dE + dE @ size_X + rounding
+    weak = (size_E * n <= _FIRST_ORDER * np.abs(between)) & (between != 0.0)
+    np.fill_diagonal(weak, False)
+    X = np.where(weak, E / np.where(weak, between, 1.0), 0.0)
+    size_X, size_C = np.abs(X), np.abs(C).astype(float)
+    C_new, change = C + C.astype(complex) @ X, np.zeros_like(B, complex)
+    for _ in range(_NEUMANN):
+        change = X @ (B - change).astype(complex)
+    B_new = B - change
+    size_B = np.abs(B_new).astype(float)
+    dB = dB + np.abs(change - X @ B_new.astype(complex)) + 2.0 * u * size_B + (n + 4) * EPS * (size_X @ size_B)
+    dB = dB + _beyond(size_X, dB)  # |(1 + X)^-1| <= (1 - |X|)^-1
+    dC = dC + dC @ size_X + u * size_C + (n + 4) * EPS * (size_C @ size_X)
+    rest = (
+        np.diag(moved) + (moved[:, None] - between) * X + E + E @ X
+    )  # the distances are those of the old poles to the new
+    rounding = 4.0 * EPS * (2.0 * size_E + np.abs(moved)[:, None] * size_X) + (n + 4) * EPS * (size_E @ size_X)
+    F = np.abs(rest) + dE + dE @ size_X + rounding
     F = F + _beyond(size_X, F)
 
     if (better.imag[first] <= 0.0).any():  # a pair that is none: two equal real poles
@@ -125,6 +125,31 @@ def verified_modal_form(system: Lti, doubt: float = 0.0) -> VerifiedModalForm | 
     F[np.diag_indices(n)] += np.abs(better - chosen.poles).astype(float)
     dB, dC = dB + np.abs(B_new - chosen.B).astype(float), dC + np.abs(C_new - chosen.C).astype(float)
     return VerifiedModalForm(chosen, *_distances(chosen, F, dB, dC, system.dt != 0.0))
+
+
+def _product(A: Array, X: Array) -> tuple[Array, Array]:
+    """Return the product of a real and a complex matrix in long numbers, and by how much its entries may be off.
+
+    Each matrix is parted in its leading bits, as few as products of such numbers and their sums have no rounding, and what is
+    left, whose products are small (Ozaki et al. 2012, Numerical Algorithms 59).
+    """
+    n = A.shape[1]
+    bits = (np.finfo(float).nmant + 1 - (n - 1).bit_length()) // 2
+    parts = np.concatenate([X.real, X.imag], axis=1)
+    (rows, A1), (columns, X1) = _leading(A, 1, bits), _leading(parts, 0, bits)
+    product = (A1 @ X1).astype(np.longdouble) + (A1 @ (parts - X1) + (A - A1) @ parts)
+    # what is left of an entry is at most half of its last leading bit; the sum of both products is rounded once more
+    sums = np.abs(A).sum(axis=1, keepdims=True) * columns + rows * np.abs(parts).sum(axis=0)
+    lost = (n + 2) * EPS * 2.0**-bits * sums
+    k = X.shape[1]
+    return product[:, :k] + 1j * product[:, k:], lost[:, :k] + lost[:, k:]
+
+
+def _leading(M: Array, axis: int, bits: int) -> tuple[Array, Array]:
+    """Return powers of two above the entries of rows or columns, and the entries rounded to so many bits below these."""
+    above = np.frexp(np.abs(M).max(axis=axis, keepdims=True))[1]
+    far = np.ldexp(1.5, above + np.finfo(float).nmant - bits)
+    return np.ldexp(1.0, above), M + far - far
 
 
 def _beyond(F: Array, M: Array) -> Array:

@@ -1,12 +1,16 @@
 """Modal coordinates: their distance from the system given is bounded, seen in 40 digits."""
 
+import warnings
+
 import mpmath as mp
 import numpy as np
 import pytest
 from hypothesis import assume, given
 
+import boomctl as bc
+from boomctl.analysis import hinf_norm
 from boomctl.lti.system import Lti, of
-from boomctl.lti.verified_modal_form import in_verified_modal_form, verified_modal_form
+from boomctl.lti.verified_modal_form import _product, in_verified_modal_form, verified_modal_form
 from tests.forty_digits import DIGITS, hard_system, largest, poles, resonances, response
 from tests.profiles import examples
 from tests.strategies import seeds
@@ -49,3 +53,41 @@ def test_a_jordan_block_is_left_in_its_own_coordinates():
     modal, gap = in_verified_modal_form(chain)
     assert modal is None
     assert gap <= 1e-9 * np.abs(chain.C @ np.linalg.solve(chain.A, chain.B)).max()
+
+
+@examples(60)
+@given(seeds)
+def test_a_product_in_parts_is_off_by_less_than_it_says(seed):
+    rng = np.random.default_rng(seed)
+    n, k, spread = int(rng.integers(1, 40)), int(rng.integers(1, 4)), rng.uniform(0.0, 12.0)
+    A = rng.standard_normal((n, n)) * 10.0 ** rng.uniform(-spread, spread, (n, n))
+    X = (rng.standard_normal((n, k)) + 1j * rng.standard_normal((n, k))) * 10.0 ** rng.uniform(-spread, spread, (n, 1))
+    A[rng.random((n, n)) < 0.3] = 0.0
+    product, lost = _product(A, X)
+    long = 2.0 * float(np.finfo(np.longdouble).eps)
+    with mp.workdps(60):
+        exact = mp.matrix(A.tolist()) * mp.matrix(X.tolist())
+        for i in range(n):
+            for j in range(k):
+                found = mp.mpc(
+                    *(mp.fsum(map(mp.mpf, _in_doubles(part))) for part in (product[i, j].real, product[i, j].imag))
+                )
+                assert abs(found - exact[i, j]) <= lost[i, j] + long * abs(exact[i, j])
+    most = np.abs(A).max(axis=1, keepdims=True) * np.abs(X).max(axis=0)
+    assert (lost <= 1e-19 * n**3 * most).all()
+
+
+def _in_doubles(number):
+    """Return a long number as a sum of two doubles, which is exact."""
+    return float(number), float(number - np.longdouble(float(number)))
+
+
+@pytest.mark.parametrize("elements", [6, pytest.param(20, marks=pytest.mark.slow)])
+def test_the_norm_of_a_boom_over_coordinates_is_certified(elements):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of what its matrices do not hold
+        system = of(bc.spray_boom(elements=elements).to_statespace(states="coordinates"))
+    norm = hinf_norm(system.statespace("boom"))
+    assert norm.certified
+    with mp.workdps(DIGITS):
+        assert norm.lower <= largest(response(system, norm.omega)) <= norm.upper
