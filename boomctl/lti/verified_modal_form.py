@@ -147,9 +147,10 @@ def _product(A: Array, X: Array) -> tuple[Array, Array]:
 
 def _leading(M: Array, axis: int, bits: int) -> tuple[Array, Array]:
     """Return powers of two above the entries of rows or columns, and the entries rounded to so many bits below these."""
-    above = np.frexp(np.abs(M).max(axis=axis, keepdims=True))[1]
+    largest = np.abs(M).max(axis=axis, keepdims=True)
+    above = np.frexp(largest)[1]
     far = np.ldexp(1.5, above + np.finfo(float).nmant - bits)
-    return np.ldexp(1.0, above), M + far - far
+    return np.where(largest > 0.0, np.ldexp(1.0, above), 0.0), M + far - far
 
 
 def _beyond(F: Array, M: Array) -> Array:
