@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Any, Protocol, TypeGuard
 
@@ -234,7 +234,9 @@ def plant_of(h: object) -> SlewPlant:
         If the system is discrete, its angle feels the torque directly, or its numbers are not finite.
     """
     if is_machine(h):
-        return _beam(h)
+        kept = _beam(h)
+        # equal beams may differ in what they were chosen for, and in who chose their modes
+        return kept if kept.machine is h else replace(kept, machine=h)
     return _linear(lti.of(h, "h", "a hub-beam with an equation of motion, or a control.StateSpace"))
 
 

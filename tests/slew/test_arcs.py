@@ -208,3 +208,11 @@ def test_plants_tell_what_they_follow():
     axial = plant_of(bc.hub_beam(LOADED, model="foam", modes=1))
     assert axial.controllable.sum() == 4
     assert axial.n == 6
+
+
+def test_the_beam_of_a_plant_is_the_one_that_was_asked_about_and_not_one_that_equals_it():
+    """Equal beams may be simulated to other tolerances, and in another model with more modes."""
+    given, by_default = bc.hub_beam(modes=5), bc.hub_beam()
+    assert given == by_default
+    assert plant_of(given).machine is given
+    assert plant_of(by_default).machine is by_default
