@@ -79,7 +79,8 @@ class Family:
     @cached_property
     def _often(self) -> Array:
         """How often each term has each parameter as a factor."""
-        return np.array([[power.count(i) for i in range(self.size)] for power, _ in self.terms]).reshape(-1, self.size)
+        often = [[power.count(i) for i in range(self.size)] for power, _ in self.terms]
+        return np.array(often).reshape(len(often), self.size)
 
     @cached_property
     def _acting(self) -> list[list[tuple[int, Matrix]]]:

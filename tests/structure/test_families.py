@@ -62,6 +62,13 @@ def test_a_bent_column_of_an_input_is_refused_and_an_affine_one_is_taken():
     assert family.at([0.4]).ports.B[0] == pytest.approx(1.4)
 
 
+def test_a_family_without_parameters_is_its_centre():
+    family, controller = AffineFamily((), [], [], chain(1.0), ()), control.ss([], [], [], [[-0.1]], 0.1)
+    controller.update_names(inputs=["y"], outputs=["u"])
+    assert (family.at([]).K == chain(1.0).K).all()
+    assert bc.robust_stability(family, controller).unstable_at is None
+
+
 @pytest.mark.parametrize("stiff", [1.0, 1e6, 1e12])
 def test_rounding_of_an_assembly_is_no_bend(stiff):
     family = AffineFamily.through({"k": (0.5, 1.7), "c": (0.1, 0.3)}, lambda v: chain(v["k"], v["c"], stiff))

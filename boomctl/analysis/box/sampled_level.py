@@ -218,7 +218,7 @@ def sampled_loops(
         )
         for _, change in family.terms
     ]
-    stacks = [np.array([change[i] for change in changes]).reshape(-1, *X.shape) for i, X in enumerate(middle)]
+    stacks = [np.array([change[i] for change in changes]).reshape(len(changes), *X.shape) for i, X in enumerate(middle)]
 
     def whole(delta: Array) -> Lti:
         shares = shares_of(family, delta)
