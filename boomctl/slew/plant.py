@@ -261,7 +261,7 @@ def _beam(h: SlewMachine) -> SlewPlant:
     modal[:size, :size], modal[:size, size:] = 0.0, np.eye(size)
     modal[size:, :size] = -np.diag(squares)
     rows = {"angle": C[0], "speed": C[1], "tip": C[2], "moment": np.asarray(h.root_moment_row)}
-    return SlewPlant(
+    plant = SlewPlant(
         A=modal,
         B=np.concatenate([np.zeros(size), push]),
         to_state=to_state,
@@ -271,6 +271,10 @@ def _beam(h: SlewMachine) -> SlewPlant:
         controllable=np.concatenate([felt, felt]),
         machine=h,
     )
+    for each in (*vars(plant).values(), *plant.rows.values()):
+        if isinstance(each, np.ndarray):
+            each.setflags(write=False)  # whoever asks next has the same ones
+    return plant
 
 
 def _linear(system: lti.Lti) -> SlewPlant:

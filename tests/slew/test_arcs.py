@@ -216,3 +216,10 @@ def test_the_beam_of_a_plant_is_the_one_that_was_asked_about_and_not_one_that_eq
     assert given == by_default
     assert plant_of(given).machine is given
     assert plant_of(by_default).machine is by_default
+
+
+def test_what_is_kept_of_a_beam_cannot_be_changed():
+    plant = plant_of(bc.hub_beam(modes=1))
+    for each in (plant.A, plant.B, plant.to_state, plant.rows["tip"], plant.frequencies):
+        with pytest.raises(ValueError, match="read-only"):
+            each[0] = 7.0
