@@ -199,7 +199,7 @@ def matrices_norm(
             if found.certified and found.lower >= _TINY:
                 off += verified.gap + sum_over_modes.lost_by_floats(modes)
                 return replace(found, lower=found.lower - off, omega=float(omega_of_image(found.omega, system.dt)))
-    found = level_norm(system, response, axis.doubt) if system.dt == 0.0 else _by_circle(system, axis.doubt)
+    found = level_norm(system, response, axis.doubt) if system.dt == 0.0 else _by_circle(given, axis.doubt)
     if found.method == IN_MODES and found.lower >= _TINY:
         return replace(found, lower=max(found.lower - _rounding_of_response(given, found.omega, 0), 0.0))
     clear = axis.doubt <= _CLEAR * found.lower
@@ -300,18 +300,24 @@ def _highest_at(respond: Response, omega: Array) -> tuple[float, float]:
     return float(values.max()), float(seen[values.argmax()])
 
 
-def _by_circle(system: Lti, doubt: float) -> NormCertificate:
+def _by_circle(given: System, doubt: float) -> NormCertificate:
     """Return the norm of a stable discrete system, by its continuous image, as :func:`level_norm` does.
 
     Where eigenvectors have their digits, the sum over its modes, each at its own image, proves the level; elsewhere levels of
-    the image are found, the last one proved without it.
+    the image are found, the last one proved without it.  Where rounding hides the image, no upper bound.
     """
+    system = given.system
+    try:
+        image = continuous_image(system)
+    except ValueError:
+        peak, at = _largest_beyond_rounding(given)
+        return NormCertificate(peak, inf, at, NOT_TOLD)
 
     def respond(v: Array) -> Array:
         return system.response(omega_of_image(v, system.dt), quiet=True)
 
     modes, off = continuous_image_of_modes(partial_fractions(system), system.dt) if doubt < inf else (None, 0.0)
-    found = level_norm(continuous_image(system), respond, doubt + off, modes)
+    found = level_norm(image, respond, doubt + off, modes)
     found = replace(found, omega=float(omega_of_image(found.omega, system.dt)))
     if not found.certified or found.lower == 0.0 or found.method == IN_MODES:
         return found

@@ -59,6 +59,17 @@ def test_the_norm_is_that_of_slicot(seed):
     assert hinf_norm(system).lower == pytest.approx(control.linfnorm(system)[0], rel=1e-3)
 
 
+def test_poles_whose_image_rounding_hides_have_a_norm():
+    """All poles are ``z = -1/2``, but coupled so strongly that ``A + 1`` has no inverse in floats."""
+    n = 16
+    A = 16.0 * np.triu(np.fromfunction(lambda i, k: -((-1.0) ** (i + k)), (n, n)), 1) - 0.5 * np.eye(n)
+    found = hinf_norm(control.ss(A, np.eye(n)[:, -1:], np.eye(n)[:1], 0.0, 0.1))
+    with mp.workdps(60):
+        at_the_end = abs(mp.lu_solve(mp.matrix((-np.eye(n) - A).tolist()), mp.matrix(np.eye(n)[-1].tolist()))[0])
+    assert found.certified
+    assert found.lower == pytest.approx(float(at_the_end), rel=1e-9)
+
+
 @given(st.floats(1e-9, 0.5), st.floats(0.05, 3.0))
 def test_a_pair_of_poles_has_the_norm_of_its_closed_form(slack, angle):
     radius = 1.0 - slack
