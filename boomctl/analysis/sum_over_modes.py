@@ -51,13 +51,13 @@ def bounds(system: Lti, made: Lti, reads: Array, angles: Array, decay: Array) ->
     if apart.max() > INVERSE:
         return None
     residual = np.abs(system.A @ right - right * poles) + lost * (made.A @ size + size * np.abs(poles))
-    acting, acts = np.ones((n, m + 1)), np.abs(inverse @ system.B)
-    F, blur = reads @ residual, lost * (reads @ made.B) + off @ acts
-    acting[:, 1:] = acts + blur
-    for each in (F, acting[:, 1:], blur):  # of the exact inverse: this one is off by as much
-        each += _TWICE * apart[:, None] * each.max(axis=0, initial=0.0)
-    F *= _TWICE
-    factors, order, states, singular = lapack.dgesv(np.diag(decay) - F, acting)
+    acts = np.abs(inverse @ system.B)
+    blur = lost * (reads @ made.B) + off @ acts
+    three = np.concatenate([reads @ residual, acts + blur, blur], axis=1)
+    three += _TWICE * apart[:, None] * three.max(axis=0)  # of the exact inverse: this one is off by as much
+    F, acting, blur = _TWICE * three[:, :n], three[:, n : n + m], three[:, n + m :]
+    ones = np.ones((n, 1))
+    factors, order, states, singular = lapack.dgesv(np.diag(decay) - F, np.concatenate([ones, acting], axis=1))
     if singular or not (states[:, 0] > 0.0).all():
         return None
     states, blurred = states[:, 1:], lost * (made.C @ size)

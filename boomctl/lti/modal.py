@@ -8,6 +8,7 @@ other coordinates they are sums of numbers that nearly cancel.
 """
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from scipy import linalg
@@ -116,7 +117,7 @@ class ModalSystem:
         """Return the frequency response, shape (outputs, inputs, frequencies)."""
         return (self.terms.T @ self.shares(omega)).reshape(*self.D.shape, len(omega)) + self.D[:, :, None]
 
-    @property
+    @cached_property
     def terms(self) -> Array:
         """What each mode adds to the response times its distance from the frequency, (modes, entries of ``D``)."""
         return (self.C.T[:, :, None] * self.B[:, None, :]).reshape(len(self.poles), self.D.size)

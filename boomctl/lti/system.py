@@ -167,7 +167,7 @@ class Lti:
         """Itself: what a :class:`ClosedLoop` is, too."""
         return self
 
-    @property
+    @cached_property
     def magnitudes(self) -> "Lti":
         """How large the numbers are that the entries were made of."""
         return Lti(np.abs(self.A), np.abs(self.B), np.abs(self.C), np.abs(self.D), dt=self.dt)
