@@ -53,7 +53,8 @@ def boom_peak(extent: Extent) -> Scene:
             " grid proves nothing.",
             "Where others are ahead, on systems of a few dozen states: ab13dd is compiled; ours takes some thousand Python"
             " calls for two halves, a search in the response of the structure itself, which keeps digits that a state space"
-            " loses, and a proof apart from it. Of 28 states eigenvalues and eigenvectors take a tenth of our time.",
+            " loses, and a proof apart from it. Of 28 states eigenvalues and eigenvectors take a tenth of our time. Of state"
+            " spaces of 84 states and more ours is ahead, certified.",
             "'exact beam, refined' is ours without a proof: the exact response on a grid, and around its largest value.",
         ),
     )

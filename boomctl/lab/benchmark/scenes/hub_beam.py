@@ -110,6 +110,8 @@ _SPUN = _Study(
         "Of TLAM, SFOAM, FOAM and CFOAM the error that is left with many modes is that of the model.",
         "exudyn has another discretisation of the same beam (ANCF cables); it is judged by the same reference.",
         "solve_ivp and CasADi solve the equations of SFOAM; their modal integrals are ours.",
+        "Where others are ahead, with the model ready: IDAS at the error that SFOAM itself has, by up to a third. It takes"
+        " steps for that error; ours are those in which every mode vibrates exactly, and 500 calls, some of Python.",
     ),
     promises=(
         times_as_fast(_OURS, _SOLVE_IVP, 100.0),
