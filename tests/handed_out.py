@@ -43,10 +43,9 @@ def mass():
     return SecondOrderModel([[1.0]], [[0.1]], [[4.0]], {"force": [1.0]}, {"position": [1.0]})
 
 
-@functools.cache
-def generalized():
+def weighed(plant):
     return bc.generalized_plant(
-        mass(),
+        plant,
         disturbances={"force": 1.0},
         performance={"position": 1.0},
         effort={"force": 0.1},
@@ -54,6 +53,11 @@ def generalized():
         measurements=["position"],
         controls=["force"],
     )
+
+
+@functools.cache
+def generalized():
+    return weighed(mass())
 
 
 @functools.cache
@@ -71,15 +75,7 @@ def tuned():
             mass = SecondOrderModel(
                 [[1.0]], [[values["damping"]]], [[stiffness]], {"force": [1.0]}, {"position": [1.0]}
             )
-            return bc.generalized_plant(
-                mass,
-                disturbances={"force": 1.0},
-                performance={"position": 1.0},
-                effort={"force": 0.1},
-                noises={"position": 0.1},
-                measurements=["position"],
-                controls=["force"],
-            )
+            return weighed(mass)
 
         return make
 
@@ -91,19 +87,7 @@ def tuned():
 def designed_on_a_reduction():
     two = control.tf([1.0], [1.0, 0.1, 4.0]) + control.tf([1.0], [1.0, 9.0, 900.0])
     small = bc.reduce(control.ss(two, inputs="force", outputs="position"), order=2)
-    return bc.h_infinity(
-        bc.generalized_plant(
-            small,
-            disturbances={"force": 1.0},
-            performance={"position": 1.0},
-            effort={"force": 0.1},
-            noises={"position": 0.1},
-            measurements=["position"],
-            controls=["force"],
-        ),
-        1,
-        1,
-    )
+    return bc.h_infinity(weighed(small), 1, 1)
 
 
 @functools.cache
