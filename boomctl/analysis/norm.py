@@ -24,7 +24,7 @@ from scipy.linalg import blas, lapack
 from boomctl.analysis import sum_over_modes
 from boomctl.analysis.marginal_poles import MarginalPoles, marginal_poles
 from boomctl.analysis.prove import Claim
-from boomctl.arrays import Array, balance, blocks
+from boomctl.arrays import Array, balance, blocks, scaled_to_one
 from boomctl.lti.bilinear import continuous_image, omega_of_image
 from boomctl.lti.frequency import (
     RAISED,
@@ -501,10 +501,13 @@ def near_axis(H: Array) -> tuple[Array, Array]:
     worth a look, once for the two.  So is an eigenvalue that lies no farther from the axis than from the nearest mirror
     image of another: eigenvalues off the axis come in such pairs, and this one may be off it by rounding.
     """
-    re, im, _, _, failed = lapack.dgeev(H, compute_vl=0, compute_vr=0, lwork=int(lapack.dgeev_lwork(len(H), 0, 0)[0]))
+    scaled, power = scaled_to_one(H)
+    re, im, _, _, failed = lapack.dgeev(
+        scaled, compute_vl=0, compute_vr=0, lwork=int(lapack.dgeev_lwork(len(H), 0, 0)[0])
+    )
     if failed:
         raise np.linalg.LinAlgError("eigenvalues of a Hamiltonian matrix were not found")
-    values = (re + 1j * im)[im >= 0.0]
+    values = np.ldexp(re, power)[im >= 0.0] + 1j * np.ldexp(im, power)[im >= 0.0]
     size, off = np.abs(values), np.abs(values.real)
     noise = _ROUNDING * blas.dnrm2(H.ravel()) + SUMMED * size
     close = off <= noise

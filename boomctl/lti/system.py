@@ -15,7 +15,7 @@ import numpy as np
 from scipy import linalg
 from scipy.linalg import lapack
 
-from boomctl.arrays import Array, balance, blocks
+from boomctl.arrays import Array, balance, blocks, scaled_to_one
 from boomctl.checks import names
 from boomctl.lti.rounding import ALIKE, SUMMED
 from boomctl.lti.transfer_functions import realized
@@ -109,7 +109,9 @@ class Lti:
         n = len(self.A)
         if not n:
             return np.zeros(0, complex), np.zeros((0, 0)), np.zeros((0, 0))
-        re, im, *vectors, failed = lapack.dgeev(self.A, lwork=int(lapack.dgeev_lwork(n)[0]))
+        A, power = scaled_to_one(self.A)
+        re, im, *vectors, failed = lapack.dgeev(A, lwork=int(lapack.dgeev_lwork(n)[0]))
+        re, im = np.ldexp(re, power), np.ldexp(im, power)
         if failed:
             raise linalg.LinAlgError("eigenvalues were not found")
         first = (im > 0.0).nonzero()[0]

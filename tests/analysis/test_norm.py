@@ -19,6 +19,7 @@ from boomctl.lti.system import of
 from boomctl.structure import SecondOrderModel
 from boomctl.structure.response.direct import direct_response
 from tests.analysis.loop_cases import chain
+from tests.exact import Exact
 from tests.profiles import examples
 
 
@@ -45,6 +46,20 @@ def test_whatever_the_units_it_is_the_same(rate, gain):
     assert norm.certified
     assert norm.lower == pytest.approx(exact, rel=1e-10)
     assert norm.lower <= exact * (1.0 + 1e-14) <= norm.upper
+
+
+@pytest.mark.parametrize(("rate", "seed"), [(1e-139, 17), (1e-150, 46)])
+def test_it_is_certified_where_the_solver_of_eigenvalues_loses_digits(rate, seed):
+    """Of entries below 1e-138: levels 1e5 and 5e7 times below the peak were certified."""
+    rng = np.random.default_rng(seed)
+    turned, stretched = np.linalg.qr(rng.standard_normal((2, 2)))[0], np.diag(10.0 ** rng.uniform(-2.0, 2.0, 2))
+    T = turned @ stretched @ np.linalg.qr(rng.standard_normal((2, 2)))[0]
+    A = T @ (rate * np.array([[-1e-8, 1.0], [-1.0, -1e-8]])) @ np.linalg.inv(T)
+    system = control.ss(A, rng.standard_normal((2, 1)), rng.standard_normal((1, 2)) * rate, 0.0)
+    norm, (low, high, _) = hinf_norm(system), Exact.of(system).norm()
+    assert norm.certified
+    assert norm.lower <= high
+    assert low <= norm.upper
 
 
 @pytest.mark.parametrize(("order", "method"), [(14, IN_MODES), (20, NO_CROSSING)])
