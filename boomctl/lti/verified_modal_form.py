@@ -205,6 +205,7 @@ def _paired(first: Array, poles: Array, B: Array, C: Array, D: Array) -> ModalSy
     return ModalSystem(poles, B, C, D)
 
 
+@np.errstate(over="ignore", invalid="ignore")  # what overflows here is no bound: the last check says so
 def _distances(modal: ModalSystem, F: Array, dB: Array, dC: Array, discrete: bool) -> tuple[float, float]:
     """Return what errors of a modal system, bounded entry by entry, change of its response and its H2 norm at most."""
     decay = 1.0 - np.abs(modal.poles) if discrete else -modal.poles.real
@@ -218,6 +219,8 @@ def _distances(modal: ModalSystem, F: Array, dB: Array, dC: Array, discrete: boo
         return inf, inf
     B, C = np.abs(modal.B), np.abs(modal.C)
     change = (C + dC) @ resolvent @ (F @ (B / decay[:, None]) + dB) + dC @ (B / decay[:, None])
+    if not np.isfinite(change).all():
+        return inf, inf
     far = float(np.linalg.norm(change, 2)) if change.size else 0.0
     # the energy of z' = p z + v is that of v/sqrt(2 r) for an impulse, at most that of v over r for what F feeds back; that
     # of z+ = p z + v is v/sqrt(1 - |p|^2), and 1 - |p|^2 = (1 - |p|)(1 + |p|)

@@ -55,6 +55,14 @@ def test_a_jordan_block_is_left_in_its_own_coordinates():
     assert gap <= 1e-9 * np.abs(chain.C @ np.linalg.solve(chain.A, chain.B)).max()
 
 
+def test_what_is_no_number_is_no_bound():
+    """Of such states, 1e240 times 1e91, and nothing that reads them."""
+    T = np.array([[1.0, 2.0], [1e-3, 1.0]])
+    A = 1e-240 * T @ np.array([[-1e-9, 1.0], [-1.0, -1e-9]]) @ np.linalg.inv(T)
+    unread = Lti(A, np.array([[1e91], [1e90]]), np.zeros((1, 2)), np.zeros((1, 1)))
+    assert verified_modal_form(unread).gap == np.inf
+
+
 @examples(60)
 @given(seeds)
 def test_a_product_in_parts_is_off_by_less_than_it_says(seed):
