@@ -72,7 +72,7 @@ def verified_modal_form(system: Lti, doubt: float = 0.0) -> VerifiedModalForm | 
     except np.linalg.LinAlgError:
         return None
     with np.errstate(over="ignore", invalid="ignore"):
-        F = np.abs(np.eye(n) - W @ V) + n * EPS * (np.abs(W) @ np.abs(V))
+        F = np.abs(np.eye(n) - W @ V) + (n + 4) * EPS * (np.abs(W) @ np.abs(V))
     if not np.isfinite(F).all() or F.sum(axis=1).max() > INVERSE:
         return None
     wide = np.clongdouble
@@ -87,7 +87,7 @@ def verified_modal_form(system: Lti, doubt: float = 0.0) -> VerifiedModalForm | 
     residual = (product - V_ * p_).astype(complex)
     E = W @ residual
     lost = lost + u * (np.abs(A) @ size_V + size_V * np.abs(poles)) + doubt * size_V.sum(axis=0)
-    dE = size_W @ (lost + n * EPS * np.abs(residual))
+    dE = size_W @ (lost + (n + 4) * EPS * np.abs(residual))
     dE = dE + _beyond(F, np.abs(E) + dE)  # |V^-1| <= (1 - F)^-1 |W|
     B = W @ system.B
     B = B + (W @ (system.B - V_ @ B).astype(complex)).astype(wide)
