@@ -27,7 +27,8 @@ def pattern_search(
     """
     faces = np.kron(np.eye(size), [[-1.0], [1.0]])
     corners = list(product((-1.0, 1.0), repeat=size)) if size > 1 else np.zeros((0, size))
-    begins = [*(factor * np.concatenate([np.zeros((1, size)), faces, corners]))] if start is None else [start]
+    # a zero has no sign here: places are told apart by their bits
+    begins = [*(factor * np.concatenate([np.zeros((1, size)), faces, corners]) + 0.0)] if start is None else [start]
     at, top, tried = begins[0], -inf, 0
     for point in begins:
         tried, found = tried + 1, value(point)

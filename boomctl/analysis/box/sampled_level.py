@@ -208,13 +208,14 @@ def sampled_loops(
             pass  # no real modes: over its coordinates, then
         else:
             structure = given.structure.projected(V, given.coordinates)
-    ports = given.ports.congruent(V)
+    ports = given.ports.congruent(V).select(driven, read)
+    columns, lines = [given.inputs.index(name) for name in driven], [given.outputs.index(name) for name in read]
     middle = (dense(structure.M), dense(structure.C), dense(structure.K), ports.B, ports.L)
     changes = [
         (
             *(V.T @ dense(X) @ V for X in (change.M, change.C, change.K)),
-            V.T @ change.B,
-            change.L @ V if change.L.any() else np.zeros_like(ports.L),
+            V.T @ change.B[:, :, columns],
+            change.L[:, lines] @ V if change.L.any() else np.zeros_like(ports.L),
         )
         for _, change in family.terms
     ]
@@ -224,7 +225,7 @@ def sampled_loops(
         shares = shares_of(family, delta)
         M, C, stiffness, B, L = (X + np.tensordot(shares, stack, 1) for X, stack in zip(middle, stacks, strict=True))
         here = Structure.of(M, C, stiffness, given.coordinates)
-        loop = joined(realize(here, replace(ports, B=B, L=L).select(driven, read)), K, delay).system
+        loop = joined(realize(here, replace(ports, B=B, L=L)), K, delay).system
         if inputs and outputs:
             places = [loop.inputs.index(name) for name in inputs], [loop.outputs.index(name) for name in outputs]
             return loop.between(*places)
