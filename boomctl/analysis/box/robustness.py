@@ -10,7 +10,6 @@ from boomctl.analysis.box.loops import BoxLoops, checked_controller
 from boomctl.analysis.box.points import listed_values, pattern_search
 from boomctl.analysis.box.prove import BoxProof, StablePart, Statement, prove_box
 from boomctl.analysis.box.sampled_level import SampledLoops, sampled_loops
-from boomctl.analysis.box.unmodelled import small_gain
 from boomctl.arrays import Array
 from boomctl.checks import positive, whole
 from boomctl.lti.controllers.scheduled import ScheduledController
@@ -227,6 +226,8 @@ def robust_stability(
         alone = RobustStability(found.proved, None, cells, rate, worst, reason, found.path)
         if unmodelled is None or K is None or not found.proved:
             return alone
+        from boomctl.analysis.box.unmodelled import small_gain  # which brings worst cases
+
         gain, at, proof, refused = small_gain(family, K, unmodelled, delay, limit)
     if gain >= 1.0:
         reason = f"gain {gain:.4g} around what is not modelled at {listed_values(family.values(at))}"
