@@ -2,9 +2,10 @@
 
 An H-infinity norm is reported with two bounds of its own: the largest singular value found (attained at a frequency, from the
 system's own response), and a level that no singular value reaches at any frequency.  The sum over the modes proves it
-(:mod:`boomctl.analysis.sum_over_modes`); where eigenvectors lose digits, or that takes longer, as of a flat response or of
-many signals, no eigenvalue of the Hamiltonian matrix lies on the imaginary axis (Boyd, Balakrishnan & Kabamba 1989,
-Bruinsma & Steinbuch 1990).
+(:mod:`boomctl.analysis.sum_over_modes`): over the eigenvectors, or, where these lose digits, in modal coordinates that
+answer for themselves (:mod:`boomctl.lti.verified_modal_form`), whose largest value is then the lower bound, less what they
+lose.  Where neither tells it, or that takes longer, as of a flat response or of many signals, no eigenvalue of the
+Hamiltonian matrix lies on the imaginary axis (Boyd, Balakrishnan & Kabamba 1989, Bruinsma & Steinbuch 1990).
 
 In discrete time the level is found by the continuous image of the bilinear map, which has the same norm.  The largest value
 is then the system's own on the unit circle.  The sum over the modes, each at its own image, proves the level, or it is proved

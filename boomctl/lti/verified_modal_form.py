@@ -112,9 +112,8 @@ def verified_modal_form(system: Lti, doubt: float = 0.0) -> VerifiedModalForm | 
     dB = dB + np.abs(change - X @ B_new.astype(complex)) + 2.0 * u * size_B + (n + 4) * EPS * (size_X @ size_B)
     dB = dB + _beyond(size_X, dB)  # |(1 + X)^-1| <= (1 - |X|)^-1
     dC = dC + dC @ size_X + u * size_C + (n + 4) * EPS * (size_C @ size_X)
-    rest = (
-        np.diag(moved) + (moved[:, None] - between) * X + E + E @ X
-    )  # the distances are those of the old poles to the new
+    # from each pole as it was to the others as they are now
+    rest = np.diag(moved) + (moved[:, None] - between) * X + E + E @ X
     rounding = 4.0 * EPS * (2.0 * size_E + np.abs(moved)[:, None] * size_X) + (n + 4) * EPS * (size_E @ size_X)
     F = np.abs(rest) + dE + dE @ size_X + rounding
     F = F + _beyond(size_X, F)
