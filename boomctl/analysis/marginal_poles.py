@@ -51,11 +51,9 @@ def marginal_poles(given: System) -> MarginalPoles:
     found = MarginalPoles(None, None, np.zeros(len(system.A), bool), np.zeros(len(system.A), bool))
     if not len(system.A):
         return found
-    poles, left, right = system.eigensystem
+    poles, reads, right = system.eigensystem
     decay = -poles.real if system.dt == 0.0 else 1.0 - np.abs(poles)
-    angles = (left.conj() * right).sum(axis=0)
-    reads = np.abs(left.T) / np.maximum(np.abs(angles), TINY)[:, None]
-    known = bounds(system, made, reads, angles, decay) if (decay > 0.0).all() else None
+    known = bounds(system, made, decay) if (decay > 0.0).all() else None
     if known is not None:
         return MarginalPoles(None, None, found.hidden, found.open, *known)
     from boomctl.lti.proof import PATIENCE, Exact, Undecided
@@ -65,6 +63,7 @@ def marginal_poles(given: System) -> MarginalPoles:
         growing, on_axis, shown = Exact.of(given, PATIENCE).sides
     except Undecided:  # what is known is what an eigenvalue solver says, whose errors are those of the matrix's norm
         growing, size = int((decay < 0.0).sum()), np.full_like(size, np.abs(system.A).max())
+    reads = np.fmin(np.abs(reads), 1.0 / TINY)  # none of equal poles in a chain
     moved = CANCELLED * np.einsum("ji,ij->j", reads, size @ np.abs(right)) + TINY
     least = int(np.argmin(decay / moved))
     fastest = complex(system.rates[np.argmin(decay)])

@@ -39,7 +39,7 @@ from boomctl.lti.frequency import (
 )
 from boomctl.lti.modal import ModalSystem, continuous_image_of_modes, partial_fractions
 from boomctl.lti.rounding import CERTIFIED, DIGIT, EPS, LEVEL, SUMMED, TINY
-from boomctl.lti.system import BATCH, Lti, System, beside, of
+from boomctl.lti.system import Lti, System, beside, of
 from boomctl.lti.verified_modal_form import verified_modal_form
 
 if TYPE_CHECKING:
@@ -53,6 +53,8 @@ _CLEAR = 0.1 * LEVEL
 # of a peak, what the sum over the modes may be off, or the response of entries that are: twice that above it, once below,
 # and the level leave bounds that agree to CERTIFIED
 _DOUBT = 0.28 * CERTIFIED
+# how far above the peak, relative, a level is tried where rounding hides the first: the rest is for rounding of the peak
+_HIGHER = 0.8 * CERTIFIED
 _TWICE = 2.0  # times what rounding may change of a response: once of the system's own, once of the sum over its modes
 _TINY = 1e-150  # norms below which squares of responses are not numbers of full precision
 
@@ -240,15 +242,20 @@ def level_norm(
     if found.certified:
         return found
     peak, at = found.lower, found.omega
+    above = LEVEL
     for _ in range(RAISED):
-        level = peak * (1.0 + LEVEL)
+        level = peak * (1.0 + above)
         H = hamiltonian_matrix(system, level)
         crossings, near = near_axis(H[0])
         value, omega = _highest_at(respond, np.concatenate([crossings.imag, near.imag]))
-        if value <= level:
-            told = not len(crossings) and level_shows(system, level, at, H)
-            return NormCertificate(peak, level if told else inf, at, NO_CROSSING if told else NOT_TOLD)
-        peak, at = value, omega
+        if value > level:
+            peak, at, above = value, omega, LEVEL
+        elif not len(crossings) and level_shows(system, level, at, H):
+            return NormCertificate(peak, level, at, NO_CROSSING)
+        elif above == LEVEL:
+            above = _HIGHER
+        else:
+            break
     return NormCertificate(peak, inf, at, NOT_TOLD)
 
 
@@ -383,12 +390,12 @@ def doubtful(system: Lti) -> str:
 
 def _rounding_of_response(given: System, omega: float, count: int) -> float:
     """Return how much of the response at a frequency, and at so many of the lightest resonances, may be rounding."""
-    asked = np.array([omega if isfinite(omega) else 0.0])
+    asked = [omega if isfinite(omega) else 0.0]
     if count:
         rates = given.system.rates
         poles = rates[rates.imag > 0.0]
-        asked = np.append(asked, poles[np.argsort(np.abs(poles.real) / np.abs(poles))[:count]].imag)
-    return float(_responses(given, asked)[1].max())
+        asked += poles[np.argsort(np.abs(poles.real) / np.abs(poles))[:count]].imag.tolist()
+    return max(_responded(given, at)[1] for at in asked)
 
 
 def _largest_beyond_rounding(given: System) -> tuple[float, float]:
@@ -399,40 +406,25 @@ def _largest_beyond_rounding(given: System) -> tuple[float, float]:
     grid = resonance_grid(seen.poles[seen.poles.imag > 0.0], seen.low, seen.high)
     if system.dt != 0.0:
         grid = beside(grid)  # a pole that rounding alone keeps from the circle is often hit to the last digit
-    G, doubts = _responses(given, grid)
-    values = singular_values(G)[0] - doubts
+    found = [_responded(given, omega) for omega in grid.tolist()]
+    values = singular_values(np.array([G for G, _ in found]).transpose(1, 2, 0))[0] - [doubt for _, doubt in found]
     best = int(np.argmax(values))
     static = largest_of(system.D)
     return (float(values[best]), float(grid[best])) if values[best] >= static else (static, inf)
 
 
-def _responses(given: System, omega: Array) -> tuple[Array, Array]:
-    """Return responses, and how much of each may be rounding: of the entries, and of solving; ``inf`` at a pole."""
-    system, size = given.system, given.magnitudes
-    (n, m), p = system.B.shape, len(system.C)
-    G, doubts = np.zeros((p, m, len(omega)), dtype=complex), np.full(len(omega), inf)
-    step = max(1, BATCH // (n * (m + p)))
-    for k in range(0, len(omega), step):
-        s = system.boundary(omega[k : k + step])
-        acting, reading, there = (
-            np.zeros((n, len(s), m), complex),
-            np.zeros((n, len(s), p), complex),
-            np.zeros(len(s), bool),
-        )
-        for i, w in enumerate(omega[k : k + step].tolist()):
-            solved = _solved(system, w)
-            if solved is not None:
-                (acting[:, i], reading[:, i]), there[i] = solved, True
-        with np.errstate(invalid="ignore", over="ignore"):  # at a pole: what is not finite is doubtful altogether
-            wide = acting.reshape(n, -1)
-            G[:, :, k : k + step] = ((system.C @ wide).reshape(p, -1, m) + system.D[:, None]).transpose(0, 2, 1)
-            states, left = np.abs(wide), system.B[:, None] + (system.A @ wide).reshape(n, -1, m) - s[:, None] * acting
-            off = DIGIT * ((size.A @ states).reshape(n, -1, m) + size.B[:, None]) + np.abs(left)
-            through = (size.C @ states).reshape(p, -1, m) + size.D[:, None]
-            off = np.abs(reading).transpose(1, 2, 0) @ off.transpose(1, 0, 2) + DIGIT * through.transpose(1, 0, 2)
-            rounding = off.max(axis=(1, 2)) * system.D.size**0.5  # no squares, which may be zero
-        doubts[k : k + step] = np.where(there & np.isfinite(rounding), rounding, inf)
-    return G, doubts
+def _responded(given: System, omega: float) -> tuple[Array, float]:
+    """Return the response at a frequency, and how much may be rounding: of the entries, and of solving; ``inf`` at a pole."""
+    system, size, solved = given.system, given.magnitudes, _solved(given.system, omega)
+    if solved is None:
+        return np.zeros(system.D.shape), inf
+    acting, reading = solved
+    with np.errstate(invalid="ignore", over="ignore"):  # at a pole: what is not finite is doubtful altogether
+        states = np.abs(acting)
+        left = np.abs(system.B + system.A @ acting - system.boundary(omega) * acting)
+        off = np.abs(reading).T @ (DIGIT * (size.A @ states + size.B) + left) + DIGIT * (size.C @ states + size.D)
+        rounding = float(off.max()) * system.D.size**0.5  # no squares, which may be zero
+        return system.C @ acting + system.D, rounding if isfinite(rounding) else inf
 
 
 def _response(system: Lti, omega: Array) -> Array:
@@ -444,8 +436,9 @@ def _response(system: Lti, omega: Array) -> Array:
 @lru_cache(maxsize=1)  # at the peak the response, a level, and then the share of rounding are looked at
 def _solved(system: Lti, omega: float) -> tuple[Array, Array] | None:
     """Return ``(s - A)^-1 B`` and ``(s - A)^-T C^T`` at a frequency; None at a pole that rounding keeps from the axis."""
-    pencil = np.diag(np.full(len(system.A), system.boundary(np.array(omega)), complex))
-    factors, swapped, singular = lapack.zgetrf(pencil - system.A)
+    pencil = -system.A.astype(complex)
+    pencil.flat[:: len(pencil) + 1] += system.boundary(omega)
+    factors, swapped, singular = lapack.zgetrf(pencil)
     if singular:
         return None
     return lapack.zgetrs(factors, swapped, system.B)[0], lapack.zgetrs(factors, swapped, system.C.T, trans=1)[0]

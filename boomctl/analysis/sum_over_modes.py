@@ -33,35 +33,41 @@ _CELLS, _CELLS_OF_MODE = 400, 10  # tried at most, and for each mode: more cost 
 _ENTRIES = 6
 
 
-def bounds(system: Lti, made: Lti, reads: Array, angles: Array, decay: Array) -> tuple[float, float] | None:
+def bounds(system: Lti, made: Lti, decay: Array) -> tuple[float, float] | None:
     """Return what no singular value exceeds, and by how much entries that are off in their last place change one at most.
 
     By as much, at most, the sum over the modes of :func:`boomctl.lti.modal.partial_fractions` is off, too.  None where
     eigenvectors do not show that all poles decay, with such entries too.  In the coordinates of the eigenvectors the matrix
     is diagonal but for an error, ``|E| <= F``.  Where ``diag(decay) - F`` is an M-matrix, the system is stable, and the
-    inverse of that matrix is larger than the resolvent at every frequency, entry by entry.
+    inverse of that matrix is larger than the resolvent at every frequency, entry by entry.  Of a pair of modes all sizes are
+    those of the first, for which both count.
     """
-    n, m, (poles, left, right) = len(system.A), system.B.shape[1], system.eigensystem
-    size, lost = np.abs(right), n * EPS + CANCELLED
-    if not angles.all():
+    poles, inverse, right = system.eigensystem
+    one = (poles.imag >= 0.0).nonzero()[0]
+    twice, lost = 1.0 + (poles.imag[one] > 0.0), len(poles) * EPS + CANCELLED
+    count, acting = len(one), len(one) + system.B.shape[1]
+    inverse, moving = inverse[one], right[:, one]
+    reads, size = np.abs(inverse), np.abs(moving)
+    if not lost * reads.max() < 1.0:  # they lose all digits, or are no numbers
         return None
-    inverse = left.conj().T / angles[:, None]
-    off = np.abs(inverse @ right - np.eye(n)) + lost * (reads @ size)
+    off = np.add.reduceat(np.abs(inverse @ right - np.eye(len(poles))[one]), one, axis=1) + lost * twice * (
+        reads @ size
+    )
     apart = off.sum(axis=1)
-    if apart.max() > INVERSE:
+    if not apart.max() <= INVERSE:
         return None
-    residual = np.abs(system.A @ right - right * poles) + lost * (made.A @ size + size * np.abs(poles))
+    residual = np.abs(system.A @ moving - moving * poles[one]) + lost * (made.A @ size + size * np.abs(poles[one]))
     acts = np.abs(inverse @ system.B)
     blur = lost * (reads @ made.B) + off @ acts
     three = np.concatenate([reads @ residual, acts + blur, blur], axis=1)
     three += _TWICE * apart[:, None] * three.max(axis=0)  # of the exact inverse: this one is off by as much
-    F, acting, blur = _TWICE * three[:, :n], three[:, n : n + m], three[:, n + m :]
-    ones = np.ones((n, 1))
-    factors, order, states, singular = lapack.dgesv(np.diag(decay) - F, np.concatenate([ones, acting], axis=1))
+    F, blur = _TWICE * twice * three[:, :count], three[:, acting:]
+    sought = np.concatenate([np.ones((count, 1)), three[:, count:acting]], axis=1)
+    factors, order, states, singular = lapack.dgesv(np.diag(decay[one]) - F, sought)
     if singular or not (states[:, 0] > 0.0).all():
         return None
-    states, blurred = states[:, 1:], lost * (made.C @ size)
-    reading = np.abs(system.C @ right) + blurred
+    states, blurred = states[:, 1:], twice * lost * (made.C @ size)
+    reading = twice * np.abs(system.C @ moving) + blurred
     largest = reading @ states + made.D
     change = reading @ lapack.dgetrs(factors, order, F @ states + blur)[0] + blurred @ states + lost * made.D
     if not largest.size:

@@ -10,6 +10,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy import linalg
+from scipy.linalg import lapack
 
 from boomctl.arrays import Array, squared
 from boomctl.lti.modal import UNDAMPED, ModalSystem, partial_fractions
@@ -20,6 +21,7 @@ Response = Callable[[Array], Array]  # from frequencies (N,) to responses (outpu
 Value = TypeVar("Value", float, Array)  # one frequency or height, or many
 
 _AROUND = np.array([-1, 0, 1])  # a point and its neighbours
+_CLOSED_FROM = 12  # frequencies from which on a closed form takes less time than LAPACK (measured)
 _COLUMNS = 256  # right-hand sides substituted at once: what stays in the cache
 _PLACED = 1e-10  # of a peak's frequency: how finely it is searched for; its height is then right to rounding
 # share of a bracket, asked beside its parabola's top to close it in from both sides (measured: few steps)
@@ -60,7 +62,7 @@ _STARTS = np.array([-1.0, 0.0, 1.0])  # likewise, from where Newton's method goe
 def singular_values(G: Array) -> Array:
     """Return the singular values of ``G[:, :, f]``, descending, shape (min(p, m), N).
 
-    One row or column: its length.  Two: in closed form.  Otherwise LAPACK.
+    One row or column: its length.  Two, at many frequencies: in closed form.  Otherwise LAPACK.
     """
     p, m, _ = G.shape
     fewer = min(p, m)
@@ -70,7 +72,7 @@ def singular_values(G: Array) -> Array:
         return np.abs(G[0])
     if fewer == 1:
         return np.sqrt(squared(G).sum(axis=(0, 1)))[None, :]
-    if fewer > 2:
+    if fewer > 2 or G.shape[2] < _CLOSED_FROM:
         return np.linalg.svd(G.transpose(2, 0, 1), compute_uv=False).T
     x, y = G.swapaxes(0, 1) if m == 2 else G
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -278,24 +280,24 @@ def _peak_of_modes(modes: ModalSystem, grid: Array) -> tuple[float, float]:
     heights[1 + high] = singular_values(G[:, high].reshape(*modes.D.shape, -1))[0]
     tops = high[(heights[1 + high] >= heights[high]) & (heights[1 + high] >= heights[2 + high])]
     tops = tops[heights[1 + tops].argsort()[-_REFINED:]]
-    peak, at, omega = 0.0, float(grid[size.argmax()]), grid[tops]
-    low, high = grid[np.maximum(tops - 1, 0)], grid[np.minimum(tops + 1, last)]
-    for _ in range(_STEPS if len(tops) else 0):
-        shares = modes.shares(omega)
-        G = (terms.T @ shares).T.reshape(-1, *modes.D.shape) + modes.D
-        if not np.isfinite(G).all():
-            return np.inf, at
-        u, values, v = np.linalg.svd(G, full_matrices=False)
-        best = values[:, 0].argmax()
-        if values[best, 0] > peak:
-            peak, at = float(values[best, 0]), float(omega[best])
-        parts = (modes.C.T @ u[:, :, 0].conj().T) * (modes.B @ v[:, 0].conj().T) * (shares * shares / values[:, 0])
-        slope = parts.sum(axis=0)  # of the logarithm, times 1j
-        step = slope.imag / (4.0 * slope.imag**2 - squared(slope) + 2.0 * (parts * shares).sum(axis=0).real)
-        rising = slope.imag * step > EPS
-        if not rising.any():
-            break
-        omega = np.where(rising, np.minimum(np.maximum(omega + step, low), high), omega)
+    peak, at = 0.0, float(grid[size.argmax()])
+    for k in tops.tolist():
+        low, omega, high = (float(grid[i]) for i in (max(k - 1, 0), k, min(k + 1, last)))
+        for _ in range(_STEPS):
+            shares = 1.0 / (1j * omega - modes.poles)
+            G = (modes.C * shares) @ modes.B + modes.D
+            if not np.isfinite(G).all():
+                return np.inf, at
+            u, values, v, _ = lapack.zgesdd(G, full_matrices=0)
+            if values[0] > peak:
+                peak, at = float(values[0]), omega
+            parts = (u[:, 0].conj() @ modes.C) * (modes.B @ v[0].conj()) * (shares * shares / values[0])
+            slope, bend = parts.sum(), float(parts.dot(shares).real)  # of the logarithm, times 1j
+            rise = slope.imag**2
+            curve = 4.0 * rise - abs(slope) ** 2 + 2.0 * bend
+            if not (curve > 0.0 and rise > EPS * curve):
+                break
+            omega = min(max(omega + float(slope.imag / curve), low), high)
     return peak, at
 
 

@@ -134,10 +134,9 @@ def partial_fractions(system: Lti) -> ModalSystem:
     """
     if not len(system.A):
         return ModalSystem(np.zeros(0, complex), system.B.astype(complex), system.C.astype(complex), system.D)
-    poles, left, right = system.eigensystem
-    with np.errstate(divide="ignore", invalid="ignore"):  # equal poles in a chain have no eigenvectors of their own
-        B = (left.conj().T @ system.B) / (left.conj() * right).sum(axis=0)[:, None]
-    return ModalSystem(poles, B, system.C @ right, system.D)
+    poles, reads, right = system.eigensystem
+    with np.errstate(over="ignore", invalid="ignore"):  # equal poles in a chain have no eigenvectors of their own
+        return ModalSystem(poles, reads @ system.B, system.C @ right, system.D)
 
 
 def continuous_image_of_modes(modes: ModalSystem, dt: float) -> tuple[ModalSystem, float]:

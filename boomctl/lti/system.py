@@ -105,7 +105,11 @@ class Lti:
 
     @cached_property
     def eigensystem(self) -> tuple[Array, Array, Array]:
-        """Eigenvalues of ``A`` [rad/s], left and right eigenvectors as columns of length one."""
+        """Eigenvalues of ``A`` [rad/s], what reads the modes, as rows, and right eigenvectors as columns of length one.
+
+        Rows are left eigenvectors, so large that their product with the mode's own column is one; no numbers where that is
+        zero, as of equal poles in a chain.
+        """
         n = len(self.A)
         if not n:
             return np.zeros(0, complex), np.zeros((0, 0)), np.zeros((0, 0))
@@ -119,7 +123,9 @@ class Lti:
         for each, own in ((left, vectors[0]), (right, vectors[1])):  # of a pair both parts stand side by side
             each.imag[:, first], each.imag[:, first + 1] = own[:, first + 1], -own[:, first + 1]
             each.real[:, first + 1] = own[:, first]
-        return re + 1j * im, left, right
+        left = left.conj().T
+        with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
+            return re + 1j * im, left / (left * right.T).sum(axis=1)[:, None], right
 
     def response(self, omega: Array, *, quiet: bool = False) -> Array:
         """Return the frequency response, shape (outputs, inputs, frequencies); in discrete time at ``exp(j omega dt)``.
@@ -160,7 +166,7 @@ class Lti:
             warnings.warn(said, SingularFrequencyWarning, stacklevel=3)
         return self._resolvent(asked, quiet)
 
-    def boundary(self, omega: Array) -> Array:
+    def boundary(self, omega: Any) -> Any:
         """Return where the response is that at ``omega``: ``s = j omega``, in discrete time ``z = exp(j omega dt)``."""
         return 1j * omega if self.dt == 0.0 else np.exp(1j * (omega * self.dt))
 

@@ -15,7 +15,7 @@ from boomctl.analysis.looking.given import matrices
 from boomctl.arrays import Array, blocks
 from boomctl.checks import finite_array, known, no_signals, plain_array, positive
 from boomctl.lti.hold import BLOCK, observability
-from boomctl.lti.modal import side_of_axis, sides
+from boomctl.lti.modal import partial_fractions, side_of_axis, sides
 from boomctl.lti.rounding import ALIKE, ROOT, TINY
 from boomctl.lti.system import Lti
 from boomctl.printing import between
@@ -282,12 +282,10 @@ def _seen(system: Lti) -> Array:
     """Return the rates of the modes that show in a response [rad/s]: those of rigid motions in any case."""
     if not len(system.A):
         return np.zeros(0)
-    _, left, right = system.eigensystem
-    rates, overlap = system.rates, np.abs(np.sum(left.conj() * right, axis=0))
-    size = np.abs(system.C @ right).max(axis=0) * np.abs(left.conj().T @ system.B).max(axis=1)
+    rates, modes = system.rates, partial_fractions(system)
     there, fastest = np.isfinite(rates.real), np.abs(rates[np.isfinite(rates)]).max(initial=0.0)
     moving = there & (np.abs(rates) > ROOT * fastest)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        part = size / overlap / np.abs(rates)
+        part = np.abs(modes.C).max(axis=0) * np.abs(modes.B).max(axis=1) / np.abs(rates)
     told = moving & np.isfinite(part)
     return rates[there & (~told | (part > _SEEN * part[told].max(initial=0.0)))]
