@@ -165,7 +165,7 @@ class _Prescribed:
     def ports(self, orders: Mapping[str, int], reactions: bool) -> Ports:
         """Return the ports of the displacement-driven structure, inputs in their old order."""
         old, kept, T_d = self.old, self.kept, dense(self.imposed.T)
-        force = old.select(kept, None).restricted(self.moving.T)
+        force = (old if kept == old.inputs else old.select(kept, None)).restricted(self.moving.T)
         B, L, E = force.B.copy(), force.L, force.E.copy()
         places = [kept.index(name) for name in self.moved]
         B[:, :, places] = -self.blocks(self.moving, self.imposed)[:, :, : len(places)]

@@ -25,7 +25,6 @@ from boomctl.structure.symmetry import Mirror
 
 KEPT = 16  # of each kind of result, for the next structure with the same rows or places (a choice of memory)
 _FULL = 0.1  # share of the entries of sparse rows beyond which they are dense: their products are nearly all (a choice)
-_PROBE = 0.7390851332151607  # [rad], for numbers without a pattern: the angle that is its own cosine
 
 
 @dataclass(frozen=True)
@@ -172,13 +171,13 @@ class Layout:
 
         They are asked for the forces that a motion without any symmetry needs, reflected before and after.
         """
-        motion = 1.0 + 0.5 * np.cos(_PROBE * np.arange(self.n) ** 2)
-        for rows, weight in ((self.N, weights.m), (self.R, weights.c), (self.R, weights.k)):
-            forces = rows.T @ (weight * (rows @ motion))
-            reflected = mirror.reflect(rows.T @ (weight * (rows @ mirror.reflect(motion))))
-            largest = squared_sums(rows, weight).max(initial=0.0)
-            if np.abs(reflected - forces).max(initial=0.0) > ALIKE * largest:
-                return False
+        for rows, each in ((self.N, (weights.m,)), (self.R, (weights.c, weights.k))):
+            strains = rows @ mirror.probe
+            for weight in each:
+                forces, reflected = (rows.T @ (weight[:, None] * strains)).T
+                largest = squared_sums(rows, weight).max(initial=0.0)
+                if np.abs(mirror.reflect(reflected) - forces).max(initial=0.0) > ALIKE * largest:
+                    return False
         return True
 
 

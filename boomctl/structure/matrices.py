@@ -152,19 +152,24 @@ class Structure:
         return Structure(names, (form.N.T @ form.N, form.C, form.K))
 
     @cached_property
+    def _squares(self) -> Array:
+        """Stiffness over mass of the coordinates that have mass, ascending [rad^2/s^2]."""
+        if self.layout is None or self.weights is None:
+            stiffness, mass = np.abs(self.K.diagonal()), self.M.diagonal()
+        else:
+            stiffness, mass = squared_sums(self.layout.R, self.weights.k), squared_sums(self.layout.N, self.weights.m)
+        return np.sort(stiffness[mass > 0.0] / mass[mass > 0.0])
+
+    @property
     def noise(self) -> float:
         """What rounding of the stiffness matrix is over the mass matrix, at most: an uncertainty of ``omega^2``."""
-        stiffness, mass = np.abs(self.K.diagonal()), self.M.diagonal()
-        return float(EPS * (stiffness[mass > 0.0] / mass[mass > 0.0]).max(initial=0.0))
+        return EPS * float(self._squares[-1]) if len(self._squares) else 0.0
 
-    @cached_property
+    @property
     def graded(self) -> bool:
         """Whether rows are known and some elements are so much shorter than most that displacements lose their strains."""
-        if self.layout is None or self.weights is None:
-            return False
-        stiffness, mass = squared_sums(self.layout.R, self.weights.k), squared_sums(self.layout.N, self.weights.m)
-        square = stiffness[mass > 0.0] / mass[mass > 0.0]
-        return len(square) > 0 and bool(square.max() > _GRADED * np.median(square))
+        square = self._squares if self.layout is not None and self.weights is not None else ()
+        return len(square) > 0 and bool(square[-1] > _GRADED * square[len(square) // 2])
 
     def at(self, s: Array) -> Array:
         """Return ``s^2 M + s C + K`` at each ``s``, dense, shape (len(s), n, n)."""

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 from scipy import sparse
@@ -11,6 +11,7 @@ from boomctl.arrays import Array, Matrix
 from boomctl.printing import compact
 from boomctl.structure.elimination import Elimination, from_entries
 
+_PROBE = 0.7390851332151607  # [rad], for numbers without a pattern: the angle that is its own cosine
 _KEPT = 256  # choices of signals kept, so that they are split in halves once (a choice of memory)
 
 
@@ -63,6 +64,12 @@ class Mirror:
     def half_coordinates(self, coordinates: Sequence[str], parity: int) -> tuple[str, ...]:
         """Return the names of the coordinates of a half."""
         return tuple(f"{coordinates[i]}_{'sym' if parity > 0 else 'anti'}" for i in self.representatives(parity))
+
+    @cached_property
+    def probe(self) -> Array:
+        """A motion without any symmetry, and its reflection, as columns."""
+        motion = 1.0 + 0.5 * np.cos(_PROBE * np.arange(len(self.sign)) ** 2)
+        return np.array([motion, self.reflect(motion)]).T
 
     def reflect(self, motion: Array) -> Array:
         """Return a motion, one number a coordinate, as it looks in the mirror."""
