@@ -42,7 +42,7 @@ from boomctl.lti.frequency import (
     singular_values,
 )
 from boomctl.lti.rounding import ALIKE
-from boomctl.lti.system import Lti, beside, is_frequency_response, of, static
+from boomctl.lti.system import Lti, beside, is_frequency_response, of
 from boomctl.structure.matrices import Structure, dense
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.ports import Ports
@@ -56,6 +56,8 @@ if TYPE_CHECKING:
 
     LinearSystem = SecondOrderModel | control.StateSpace | control.TransferFunction | control.FrequencyResponseData
 
+# coordinates up to which halves cost one norm more than they save: each needs its modes (measured)
+_WHOLE = 24
 CORE_FROM = 40  # coordinates from which on a core, or its bound, is worth its building (a choice)
 # verified error of a core, relative, that a norm may be certified with: a hundredth of what that allows
 _CORE_ERROR = 1e-7
@@ -107,7 +109,8 @@ def hinf_norm(system: "LinearSystem") -> NormCertificate:
     if is_frequency_response(system):
         return norm_of_data(np.asarray(system.omega, dtype=float), np.asarray(system.frdata))
     if isinstance(system, SecondOrderModel):
-        return SplitModel.of(system).norm()
+        split = SplitModel(system, (system,)) if system.n <= _WHOLE else SplitModel.of(system)
+        return split.norm()
     handed = of(system, sampled=True)
     return replace(matrices_norm(handed.balanced()), _given=handed)
 
@@ -358,15 +361,15 @@ class _Realised:
     @classmethod
     def of(cls, small: SecondOrderModel) -> "_Realised":
         respond = partial(_response, small)
+        system = small.modal_form
         try:
-            frequencies, V = undamped_modes(small.structure)
+            frequencies, _ = undamped_modes(small.structure)
         except ValueError:
-            return cls(small.modal_form, respond, ("given coordinates",))
+            return cls(system, respond, ("given coordinates",))
         moving = frequencies[elastic(frequencies)]
-        fastest = max(float(frequencies[-1]), float(V[:, -1] @ (small.C @ V[:, -1])))
-        if len(moving) and fastest > _HELD * moving[0] and small.structure.strain_form is not None:
-            return cls(static(small.ports.E[0]), respond, ("undamped modes",), True)
-        return cls(small.modal_form, respond, ("undamped modes",))
+        fastest = max(float(frequencies[-1]), float(np.abs(system.A.diagonal()).max()))
+        wide = len(moving) > 0 and fastest > _HELD * moving[0] and small.structure.strain_form is not None
+        return cls(system, respond, ("undamped modes",), wide)
 
     def norm(self, axis: MarginalPoles | None = None) -> NormCertificate:
         """Return the norm between its bounds; ``axis`` is what is known of its poles."""

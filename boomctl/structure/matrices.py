@@ -193,13 +193,13 @@ class Structure:
     def projected(self, V: Array, coordinates: tuple[str, ...] | None = None) -> "Structure":
         """Return the structure that moves only as the columns of ``V``, ``q = V v``: dense, through its strain rows."""
         names = tuple(f"v{i}" for i in range(V.shape[1])) if coordinates is None else coordinates
-        M = V.T @ (self.M @ V)
-        M = 0.5 * (M + M.T)
-        if self.elastic is None:
-            return Structure(names, (M, V.T @ (self.C @ V), V.T @ (self.K @ V)))
-        rows, strain = self.elastic, self.elastic.R @ V
-        C, K = (strain.T @ (weight[:, None] * strain) for weight in (rows.c, rows.k))
-        return Structure(names, (M, C, K))
+        if self.layout is None or self.weights is None:
+            M, C, K = (V.T @ (matrix @ V) for matrix in (self.M, self.C, self.K))
+        else:
+            moving, strain, weights = self.layout.N @ V, self.layout.R @ V, self.weights
+            M = moving.T @ (weights.m[:, None] * moving)
+            C, K = (strain.T @ (weight[:, None] * strain) for weight in (weights.c, weights.k))
+        return Structure(names, (0.5 * (M + M.T), C, K))
 
     def mirrored(self, mirror: Mirror | None) -> "Structure":
         """Return the structure with a mirror, if that leaves its matrices as they are; otherwise as it is."""

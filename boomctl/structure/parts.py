@@ -748,10 +748,13 @@ def _place(name: str, value: object) -> None:
         real(name, number)
 
 
+_ANGLES = {"x": 0.0, "y": pi / 2, "theta": None}
+
+
 def direction_angle(direction: "str | float") -> float | None:
     """Return the angle [rad] of ``"x"``, ``"y"`` or a number; ``None`` stands for ``"theta"``, a rotation."""
     if isinstance(direction, str):
-        return {"x": 0.0, "y": pi / 2, "theta": None}[known("direction", direction, ("x", "y", "theta"))]
+        return _ANGLES[direction if direction in _ANGLES else known("direction", direction, _ANGLES)]
     return _radians("direction", direction)
 
 

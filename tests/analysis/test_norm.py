@@ -1,5 +1,7 @@
 """Certified norms: against closed forms, against another solver, and never below an attained value."""
 
+from dataclasses import replace
+
 import control
 import numpy as np
 import pytest
@@ -10,7 +12,7 @@ from scipy import sparse
 import boomctl as bc
 from boomctl.analysis import hinf_norm
 from boomctl.analysis.model_norm import SplitModel
-from boomctl.analysis.norm import IN_MODES, NO_CROSSING, axis_eigenvalues
+from boomctl.analysis.norm import IN_MODES, NO_CROSSING, axis_eigenvalues, level_norm
 from boomctl.boom import spray_boom
 from boomctl.boom.model import ACTUATORS, TIPS
 from boomctl.boom.parameters import BoomParameters
@@ -62,13 +64,19 @@ def test_it_is_certified_where_the_solver_of_eigenvalues_loses_digits(rate, seed
     assert low <= norm.upper
 
 
-@pytest.mark.parametrize(("order", "method"), [(14, IN_MODES), (20, NO_CROSSING)])
-def test_that_of_a_stiff_structure_is_told_by_eigenvalues(order, method):
-    """Of elements of a high order eigenvectors lose digits, and a proof of stored numbers takes too long."""
+@pytest.mark.parametrize("order", [14, 20])
+def test_that_of_a_stiff_structure_is_told_though_eigenvectors_lose_digits(order):
     norm = hinf_norm(spray_boom(BoomParameters(), "high-order", 4, order=order))
     assert norm.certified
     assert norm.lower == pytest.approx(2469.1458521, rel=1e-6)
-    assert norm.method == method
+
+
+def test_the_last_digit_of_a_peak_does_not_decide_whether_eigenvalues_tell_it():
+    """Rounding of a stiff structure hides a level just above the peak one time in eight; a higher one is told then."""
+    yaw = spray_boom(discretization="high-order", elements=4, order=18).halves[1].modal_form
+    found = [level_norm(replace(yaw, B=yaw.B * (1.0 + 1e-15 * k))) for k in range(16)]
+    assert all(norm.certified and norm.method == NO_CROSSING for norm in found)
+    assert {round(1e6 * (norm.upper / norm.lower - 1.0)) for norm in found} == {1, 8}
 
 
 @pytest.mark.parametrize(("signals", "method"), [(3, IN_MODES), (12, NO_CROSSING)])

@@ -86,11 +86,13 @@ def _dynamics(structure: Structure, ports: Ports) -> _Dynamics:
     K, C = dense(structure.K), dense(structure.C)
     G = solve(B2 * (order == 0))
     resisted = C @ G
-    H = solve((B1 - resisted) * (order == 0))
-    G_velocity = solve(B2 * (order == 1))
-    q = own[:n] + G @ d[0]
-    rate = own[n:] + H @ d[0] + G_velocity @ d[1]
-    force = B0 @ d[0] + (B1 * (order > 0)) @ d[1] + (B2 * (order > 1)) @ d[2] - K @ q - C @ rate
+    H, G_velocity = solve((B1 - resisted) * (order == 0)), np.zeros_like(G)
+    q, rate, force = own[:n] + G @ d[0], own[n:] + H @ d[0], B0 @ d[0]
+    if order.any():
+        G_velocity = solve(B2 * (order == 1))
+        rate += G_velocity @ d[1]
+        force += (B1 * (order > 0)) @ d[1] + (B2 * (order > 1)) @ d[2]
+    force -= K @ q + C @ rate
     acceleration = solve(force)
     integrated = [d[k + 1][i] for i, count in enumerate(ports.integrators) for k in range(count)]
     rates = np.vstack([rate, acceleration, *integrated])
