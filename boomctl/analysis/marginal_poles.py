@@ -48,7 +48,8 @@ class MarginalPoles:
 def marginal_poles(given: System) -> MarginalPoles:
     """Return what is known of the poles of a (balanced) system at the imaginary axis; of a loop, as its parts are stored."""
     system, made = given.system, given.magnitudes
-    found = MarginalPoles(None, None, np.zeros(len(system.A), bool), np.zeros(len(system.A), bool))
+    hidden, open_ = np.zeros((2, len(system.A)), bool)
+    found = MarginalPoles(None, None, hidden, open_)
     if not len(system.A):
         return found
     poles, reads, right = system.eigensystem

@@ -360,16 +360,17 @@ class _Realised:
 
     @classmethod
     def of(cls, small: SecondOrderModel) -> "_Realised":
-        respond = partial(_response, small)
-        system = small.modal_form
-        try:
-            frequencies, _ = undamped_modes(small.structure)
-        except ValueError:
-            return cls(system, respond, ("given coordinates",))
+        respond, system, form = partial(_response, small), small.modal_form, small.structure.strain_form
+        if form is None:
+            try:
+                undamped_modes(small.structure)
+            except ValueError:
+                return cls(system, respond, ("given coordinates",))
+            return cls(system, respond, ("undamped modes",))
+        frequencies = form.own_modes[0]
         moving = frequencies[elastic(frequencies)]
         fastest = max(float(frequencies[-1]), float(np.abs(system.A.diagonal()).max()))
-        wide = len(moving) > 0 and fastest > _HELD * moving[0] and small.structure.strain_form is not None
-        return cls(system, respond, ("undamped modes",), wide)
+        return cls(system, respond, ("undamped modes",), len(moving) > 0 and fastest > _HELD * moving[0])
 
     def norm(self, axis: MarginalPoles | None = None) -> NormCertificate:
         """Return the norm between its bounds; ``axis`` is what is known of its poles."""

@@ -107,8 +107,10 @@ def stays_below(modes: ModalSystem, level: float, at: float) -> tuple[bool, Arra
         beside = np.maximum(np.abs(m - poles.imag) - h, 0.0)
         square = decay[:, None] ** 2 + beside * beside
         rest = lost + h * h * (size @ (1.0 / (square * np.sqrt(square))))
-        both = np.array([S - 1j * slope, S + 1j * slope])
-        sides = np.sqrt(squared(both).sum(axis=1).max(axis=0))
+        turned = np.abs(
+            (S.conj() * slope).sum(axis=0).imag
+        )  # at one end it adds to the squares, at the other it takes off
+        sides = np.sqrt(squared(S).sum(axis=0) + squared(slope).sum(axis=0) + 2.0 * turned)
         most = sides + rest
         if not np.isfinite(most).all():
             return False, np.zeros(0)
@@ -116,7 +118,8 @@ def stays_below(modes: ModalSystem, level: float, at: float) -> tuple[bool, Arra
         # the root of the sum of all squares is more than the largest value: where it says nothing that is looked at
         over = open_[sides[open_] > 1.0] if min(modes.D.shape) > 1 else open_[:0]
         if len(over):
-            ended = both[:, :, over].transpose(1, 0, 2).reshape(*modes.D.shape, -1)
+            both = np.array([S[:, over] - 1j * slope[:, over], S[:, over] + 1j * slope[:, over]])
+            ended = both.transpose(1, 0, 2).reshape(*modes.D.shape, -1)
             most[over] = singular_values(ended)[0].reshape(2, -1).max(axis=0) + rest[over]
             open_ = open_[most[open_] > 1.0]
         if not len(open_):

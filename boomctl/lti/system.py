@@ -94,7 +94,8 @@ class Lti:
     def balanced(self) -> "Lti":
         """Return the system with states scaled by powers of two, so that rows and columns of ``A`` have like sizes."""
         A, scale = balance(self.A)
-        return replace(self, A=A, B=self.B / scale[:, None], C=self.C * scale[None, :])
+        named = self.D, self.inputs, self.outputs, self.states, self.dt
+        return Lti(A, self.B / scale[:, None], self.C * scale, *named)
 
     @cached_property
     def poles(self) -> Array:
@@ -105,27 +106,24 @@ class Lti:
 
     @cached_property
     def eigensystem(self) -> tuple[Array, Array, Array]:
-        """Eigenvalues of ``A`` [rad/s], what reads the modes, as rows, and right eigenvectors as columns of length one.
+        """Eigenvalues of ``A`` [rad/s], the inverse of the matrix of eigenvectors, and this: columns of length one.
 
-        Rows are left eigenvectors, so large that their product with the mode's own column is one; no numbers where that is
-        zero, as of equal poles in a chain.
+        The inverse is no number where there is none, as of equal poles in a chain.
         """
         n = len(self.A)
         if not n:
             return np.zeros(0, complex), np.zeros((0, 0)), np.zeros((0, 0))
         A, power = scaled_to_one(self.A)
-        re, im, *vectors, failed = lapack.dgeev(A, lwork=int(lapack.dgeev_lwork(n)[0]))
-        re, im = np.ldexp(re, power), np.ldexp(im, power)
+        re, im, _, vectors, failed = lapack.dgeev(A, compute_vl=0, lwork=int(lapack.dgeev_lwork(n, compute_vl=0)[0]))
         if failed:
             raise linalg.LinAlgError("eigenvalues were not found")
-        first = (im > 0.0).nonzero()[0]
-        left, right = (each.astype(complex) for each in vectors)
-        for each, own in ((left, vectors[0]), (right, vectors[1])):  # of a pair both parts stand side by side
-            each.imag[:, first], each.imag[:, first + 1] = own[:, first + 1], -own[:, first + 1]
-            each.real[:, first + 1] = own[:, first]
-        left = left.conj().T
-        with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
-            return re + 1j * im, left / (left * right.T).sum(axis=1)[:, None], right
+        inverse, singular = lapack.dgetri(*lapack.dgetrf(vectors)[:2])
+        first = (im > 0.0).nonzero()[0]  # of a pair real and imaginary part stand side by side
+        right, reads = vectors.astype(complex), (np.full((n, n), np.nan) if singular else inverse).astype(complex)
+        right[:, first] += 1j * vectors[:, first + 1]
+        reads[first] = 0.5 * (reads[first] - 1j * reads[first + 1])
+        right[:, first + 1], reads[first + 1] = right[:, first].conj(), reads[first].conj()
+        return np.ldexp(re, power) + 1j * np.ldexp(im, power), reads, right
 
     def response(self, omega: Array, *, quiet: bool = False) -> Array:
         """Return the frequency response, shape (outputs, inputs, frequencies); in discrete time at ``exp(j omega dt)``.
