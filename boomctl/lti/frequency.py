@@ -275,14 +275,18 @@ def _peak_of_modes(modes: ModalSystem, grid: Array) -> tuple[float, float]:
     terms, last = modes.terms, len(grid) - 1
     G = terms.T @ modes.shares(grid) + modes.D.reshape(-1, 1)
     size = np.sqrt(squared(G).sum(axis=0))
-    high = (size >= _WORTH * size.max() / max(1, min(modes.D.shape)) ** 0.5).nonzero()[0]
-    heights = np.full(last + 3, -1.0)
-    heights[1 + high] = singular_values(G[:, high].reshape(*modes.D.shape, -1))[0]
-    tops = high[(heights[1 + high] >= heights[high]) & (heights[1 + high] >= heights[2 + high])]
-    tops = tops[heights[1 + tops].argsort()[-_REFINED:]]
-    peak, at = 0.0, float(grid[size.argmax()])
-    for k in tops.tolist():
-        low, omega, high = (float(grid[i]) for i in (max(k - 1, 0), k, min(k + 1, last)))
+    first = int(size.argmax())
+    high = (size >= _WORTH * size[first] / max(1, min(modes.D.shape)) ** 0.5).nonzero()[0]
+    if len(high) and high[-1] - high[0] < len(_STARTS):  # one resonance is higher than all else
+        tops = [(high[0] - 1, first, high[-1] + 1)]
+    else:
+        heights = np.full(last + 3, -1.0)
+        heights[1 + high] = singular_values(G[:, high].reshape(*modes.D.shape, -1))[0]
+        tall = high[(heights[1 + high] >= heights[high]) & (heights[1 + high] >= heights[2 + high])]
+        tops = [(k - 1, k, k + 1) for k in tall[heights[1 + tall].argsort()[-_REFINED:]]]
+    peak, at = 0.0, float(grid[first])
+    for places in tops:
+        low, omega, high = (float(grid[min(max(k, 0), last)]) for k in places)
         for _ in range(_STEPS):
             shares = 1.0 / (1j * omega - modes.poles)
             G = (modes.C * shares) @ modes.B + modes.D

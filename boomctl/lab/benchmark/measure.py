@@ -142,8 +142,9 @@ def _take_turns(runs: list[_Run], seconds: float) -> None:
         if run.first > _LONG:
             run.turns.append(run.first)  # the first call is the one
             continue
-        # what an import costs is a share of what is long; above zero: a tick of the clock may be 1e-7 s
-        run.once = run.first if run.first > _SHORT else max(run.taken(1), 1e-7)
+        # what an import costs is a share of what is long; what is short takes longer where others were called before it, so
+        # that its second call tells how many fill a turn; above zero: a tick of the clock may be 1e-7 s
+        run.once = run.first if run.first > _SHORT else max(min(run.taken(1), run.taken(1)), 1e-7)
         run.calls = min(_MOST_CALLS, ceil(_TURN / run.once))
     asked = [run for run in runs if not run.turns]
     share = seconds / max(len(asked), 1)
