@@ -57,6 +57,7 @@ NARROWEST = 1e-6  # share of its frequency as which a narrower resonance is draw
 DRAWN = np.sinh(np.linspace(-4.0, 4.0, 33)) / np.sinh(1.0)
 SOUGHT = np.array([-3.0, -1.0, -0.5, -0.2, 0.0, 0.2, 0.5, 1.0, 3.0])
 _STARTS = np.array([-1.0, 0.0, 1.0])  # likewise, from where Newton's method goes on
+_LIGHT = 0.1  # share of its frequency up to which a mode's decay leaves it a resonance to itself (a choice)
 
 
 def singular_values(G: Array) -> Array:
@@ -268,40 +269,53 @@ def largest_gain(system: Lti, respond: Response | None = None, modes: ModalSyste
 def _peak_of_modes(modes: ModalSystem, grid: Array) -> tuple[float, float]:
     """Return the largest singular value around the points of a grid that may be the highest, and its frequency.
 
-    No singular value is larger than the root of the sum of their squares, which tells where they are worth computing.  From
-    the highest on Newton's method goes to the top of ``u^H G v``, of the singular vectors of each step, by its inverse
-    square, which is a parabola at a resonance.
+    No singular value is larger than the root of the sum of their squares, which tells where they are worth computing.
     """
     terms, last = modes.terms, len(grid) - 1
     G = terms.T @ modes.shares(grid) + modes.D.reshape(-1, 1)
     size = np.sqrt(squared(G).sum(axis=0))
-    first = int(size.argmax())
-    high = (size >= _WORTH * size[first] / max(1, min(modes.D.shape)) ** 0.5).nonzero()[0]
-    if len(high) and high[-1] - high[0] < len(_STARTS):  # one resonance is higher than all else
-        tops = [(high[0] - 1, first, high[-1] + 1)]
-    else:
-        heights = np.full(last + 3, -1.0)
-        heights[1 + high] = singular_values(G[:, high].reshape(*modes.D.shape, -1))[0]
-        tall = high[(heights[1 + high] >= heights[high]) & (heights[1 + high] >= heights[2 + high])]
-        tops = [(k - 1, k, k + 1) for k in tall[heights[1 + tall].argsort()[-_REFINED:]]]
-    peak, at = 0.0, float(grid[first])
-    for places in tops:
-        low, omega, high = (float(grid[min(max(k, 0), last)]) for k in places)
-        for _ in range(_STEPS):
-            shares = 1.0 / (1j * omega - modes.poles)
-            G = (modes.C * shares) @ modes.B + modes.D
-            if not np.isfinite(G).all():
-                return np.inf, at
-            u, values, v, _ = lapack.zgesdd(G, full_matrices=0)
-            if values[0] > peak:
-                peak, at = float(values[0]), omega
-            parts = (u[:, 0].conj() @ modes.C) * (modes.B @ v[0].conj()) * (shares * shares / values[0])
-            slope, bend = parts.sum(), float(parts.dot(shares).real)  # of the logarithm, times 1j
-            rise = slope.imag**2
-            curve = 4.0 * rise - abs(slope) ** 2 + 2.0 * bend
-            if not (curve > 0.0 and rise > EPS * curve):
-                break
-            omega = min(max(omega + float(slope.imag / curve), low), high)
+    high = (size >= _WORTH * size.max() / max(1, min(modes.D.shape)) ** 0.5).nonzero()[0]
+    heights = np.full(last + 3, -1.0)
+    heights[1 + high] = singular_values(G[:, high].reshape(*modes.D.shape, -1))[0]
+    tops = high[(heights[1 + high] >= heights[high]) & (heights[1 + high] >= heights[2 + high])]
+    tops = tops[heights[1 + tops].argsort()[-_REFINED:]]
+    near = ((grid[max(k - 1, 0)], grid[k], grid[min(k + 1, last)]) for k in tops)
+    return max((_climbed(modes, *map(float, places)) for places in near), default=(0.0, float(grid[size.argmax()])))
+
+
+def top_of_a_mode(modes: ModalSystem) -> tuple[float, float] | None:
+    """Return the largest singular value at the resonance of the mode that is highest alone, and its frequency.
+
+    None where it is damped too much for one.  Others together may be higher elsewhere: for those who prove that none is.
+    """
+    highest = int(modes.sizes.argmax())
+    width, omega = -float(modes.poles[highest].real), abs(float(modes.poles[highest].imag))
+    return _climbed(modes, omega - width, omega, omega + width) if width <= _LIGHT * omega else None
+
+
+@np.errstate(divide="ignore", invalid="ignore", over="ignore")
+def _climbed(modes: ModalSystem, low: float, omega: float, high: float) -> tuple[float, float]:
+    """Return the largest singular value that Newton's method finds between two frequencies, and its frequency.
+
+    It goes to the top of ``u^H G v``, of the singular vectors of each step, by its inverse square, which is a parabola at a
+    resonance.  Infinite where the sum is no number.
+    """
+    peak, at = 0.0, omega
+    for _ in range(_STEPS):
+        shares = 1.0 / (1j * omega - modes.poles)
+        G = (modes.C * shares) @ modes.B + modes.D
+        if not np.isfinite(G).all():
+            return np.inf, at
+        u, values, v, _ = lapack.zgesdd(G, full_matrices=0)
+        if values[0] > peak:
+            peak, at = float(values[0]), omega
+        parts = (u[:, 0].conj() @ modes.C) * (modes.B @ v[0].conj()) * (shares * shares / values[0])
+        slope, bend = parts.sum(), float(parts.dot(shares).real)  # of the logarithm, times 1j
+        rise = slope.imag**2
+        curve = 4.0 * rise - abs(slope) ** 2 + 2.0 * bend
+        if not (curve > 0.0 and rise > EPS * curve):
+            break
+        omega = min(max(omega + float(slope.imag / curve), low), high)
     return peak, at
 
 

@@ -6,6 +6,7 @@ from math import inf, isfinite
 from typing import Literal
 
 Way = Literal["cold", "hot"]
+_ALIKE = 1e-6  # of an error, by which two programs on one mesh differ at most: rounding (measured: 1e-9)
 Shown = Literal["front", "unknowns", "promises"]
 
 
@@ -143,9 +144,10 @@ class Diagram:
         return tuple(found)
 
     def cheapest(self, error: float, way: Way, among: Iterable[Point] | None = None) -> Point | None:
-        """Return the fastest point that is at least so exact; None if there is none."""
+        """Return the fastest point that is at least so exact, but for rounding; None if there is none."""
+        exact = error * (1.0 + _ALIKE)
         within = [
-            p for p in (self.points if among is None else among) if p.error <= error and p.seconds(way) is not None
+            p for p in (self.points if among is None else among) if p.error <= exact and p.seconds(way) is not None
         ]
         return min(within, key=lambda p: p.seconds(way) or inf, default=None)
 

@@ -2,7 +2,7 @@
 
 Each setting answers once in either way and is judged by the worse of the two.  Then all take turns, so that a machine that
 is slow for a while is slow for everyone.  What is measured is the processor time of this process and of the processes that
-it waited for, with one thread in BLAS; a call that is short is repeated in its turn, as it is in use.
+it waited for, with one thread in BLAS; a call that is short is repeated in its turn, as it is in use, the first one untimed.
 """
 
 import gc
@@ -142,9 +142,8 @@ def _take_turns(runs: list[_Run], seconds: float) -> None:
         if run.first > _LONG:
             run.turns.append(run.first)  # the first call is the one
             continue
-        # what an import costs is a share of what is long; what is short takes longer where others were called before it, so
-        # that its second call tells how many fill a turn; above zero: a tick of the clock may be 1e-7 s
-        run.once = run.first if run.first > _SHORT else max(min(run.taken(1), run.taken(1)), 1e-7)
+        # what an import costs is a share of what is long; above zero: a tick of the clock may be 1e-7 s
+        run.once = run.first if run.first > _SHORT else max(run.taken(1), 1e-7)
         run.calls = min(_MOST_CALLS, ceil(_TURN / run.once))
     asked = [run for run in runs if not run.turns]
     share = seconds / max(len(asked), 1)
@@ -153,6 +152,8 @@ def _take_turns(runs: list[_Run], seconds: float) -> None:
     for k in range(max(wanted, default=0)):
         for run, turns in zip(asked, wanted, strict=True):
             if k < turns and not run.failed:
+                if run.calls > 1:  # in use a call follows one of its own kind, not another program's
+                    run.taken(1)
                 run.turns.append(run.taken(run.calls) / run.calls)
 
 
