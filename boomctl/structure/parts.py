@@ -748,11 +748,11 @@ def _place(name: str, value: object) -> None:
         real(name, number)
 
 
-_ANGLES = {"x": 0.0, "y": pi / 2, "theta": None}
+_ANGLES = {"x": 0.0, "y": pi / 2, "theta": None}  # from the x axis [rad]; none of a rotation
 
 
 def direction_angle(direction: "str | float") -> float | None:
-    """Return the angle [rad] of ``"x"``, ``"y"`` or a number; ``None`` stands for ``"theta"``, a rotation."""
+    """Return the angle of a direction from the x axis [rad]; ``None`` of a rotation."""
     if isinstance(direction, str):
         return _ANGLES[direction if direction in _ANGLES else known("direction", direction, _ANGLES)]
     return _radians("direction", direction)

@@ -84,7 +84,7 @@ def _ours(p: BoomParameters, extent: Extent) -> Iterator[Setting]:
     for kind, sizes in (("finite", _FINITE), ("high-order", _ORDERS), ("discrete-hermite", _DISCRETE)):
         for size in sizes[extent]:
             label = "{} {}" if kind == "high-order" else f"{size} elements"
-            yield our_mesh(p, kind, size, _peak, "bc.hinf_norm({}.between())", label)
+            yield our_mesh(p, kind, size, _peak, "bc.hinf_norm({}.between()).value", label)
 
     def refined(change: float) -> float:
         q = varied(p, change)
