@@ -54,9 +54,11 @@ def marginal_poles(given: System) -> MarginalPoles:
         return found
     poles, reads, right = system.eigensystem
     decay = -poles.real if system.dt == 0.0 else 1.0 - np.abs(poles)
-    known = bounds(system, made, decay) if (decay > 0.0).all() else None
+    fastest, known = int(np.argmin(decay)), bounds(system, made, decay)
+    if known == (inf, 0.0):
+        return replace(found, infinite=complex(system.rates[fastest]))
     if known is not None:
-        return MarginalPoles(None, None, found.hidden, found.open, *known)
+        return MarginalPoles(None, None, hidden, open_, *known)
     from boomctl.lti.proof import PATIENCE, Exact, Undecided
 
     size, on_axis, shown = made.A, [], []
@@ -67,10 +69,9 @@ def marginal_poles(given: System) -> MarginalPoles:
     reads = np.fmin(np.abs(reads), 1.0 / TINY)  # none of equal poles in a chain
     moved = CANCELLED * np.einsum("ji,ij->j", reads, size @ np.abs(right)) + TINY
     least = int(np.argmin(decay / moved))
-    fastest = complex(system.rates[np.argmin(decay)])
     slowest = float(decay.min())
     if growing and (decay[least] < -moved[least] or (slowest < 0.0 and _stays(system, size, poles, 0.5 * slowest))):
-        return replace(found, infinite=fastest)
+        return replace(found, infinite=complex(system.rates[fastest]))
     if shown:
         return replace(found, infinite=complex(0.0, abs(rates_of(np.array(shown), system.dt).imag).min()))
     for pole in on_axis:

@@ -5,6 +5,8 @@ error ``E`` of the eigenvectors, and rounding, may add.  :func:`bounds` says how
 :func:`stays_below` proves that the sum stays below a level.
 """
 
+from math import inf
+
 import numpy as np
 from scipy.linalg import blas, lapack
 
@@ -39,8 +41,9 @@ def bounds(system: Lti, made: Lti, decay: Array) -> tuple[float, float] | None:
     By as much, at most, the sum over the modes of :func:`boomctl.lti.modal.partial_fractions` is off, too.  None where
     eigenvectors do not show that all poles decay, with such entries too.  In the coordinates of the eigenvectors the matrix
     is diagonal but for an error, ``|E| <= F``.  Where ``diag(decay) - F`` is an M-matrix, the system is stable, and the
-    inverse of that matrix is larger than the resolvent at every frequency, entry by entry.  Of a pair of modes all sizes are
-    those of the first, for which both count.
+    inverse of that matrix is larger than the resolvent at every frequency, entry by entry.  Infinite and zero where some
+    poles grow: the discs around them, as large as the rows of ``F``, lie beyond the boundary and touch no others
+    (Gershgorin).  Of a pair of modes all sizes are those of the first, for which both count.
     """
     poles, inverse, right = system.eigensystem
     one = (poles.imag >= 0.0).nonzero()[0]
@@ -62,8 +65,14 @@ def bounds(system: Lti, made: Lti, decay: Array) -> tuple[float, float] | None:
     three = np.concatenate([reads @ residual, acts + blur, blur], axis=1)
     three += _TWICE * apart[:, None] * three.max(axis=0)  # of the exact inverse: this one is off by as much
     F, blur = _TWICE * twice * three[:, :count], three[:, acting:]
+    poles, decay = poles[one], decay[one]
+    if not (decay > 0.0).all():
+        radius = F.sum(axis=1)
+        grows = decay < -radius
+        gaps = np.abs(poles[grows, None] - poles[~grows]) - radius[grows, None] - radius[~grows]
+        return (inf, 0.0) if grows.any() and (gaps > 0.0).all() else None
     sought = np.concatenate([np.ones((count, 1)), three[:, count:acting]], axis=1)
-    factors, order, states, singular = lapack.dgesv(np.diag(decay[one]) - F, sought)
+    factors, order, states, singular = lapack.dgesv(np.diag(decay) - F, sought)
     if singular or not (states[:, 0] > 0.0).all():
         return None
     states, blurred = states[:, 1:], twice * lost * (made.C @ size)

@@ -9,9 +9,11 @@ from scipy import linalg
 
 import boomctl as bc
 from boomctl.analysis.marginal_poles import marginal_poles
+from boomctl.analysis.sum_over_modes import bounds
 from boomctl.lti.frequency import singular_values
 from boomctl.lti.rounding import CANCELLED
 from boomctl.lti.system import Lti
+from tests.exact import Exact
 from tests.profiles import examples
 
 REST = 0.7  # gain of a lag that stands beside the modes
@@ -153,3 +155,21 @@ def test_what_nothing_acts_on_or_reads_has_no_gain(inputs, outputs):
     A, B, C = np.array([[-1.0, 1.0], [0.0, -2.0]]), np.ones((2, inputs)), np.ones((outputs, 2))
     axis = marginal_poles(Lti(A, B, C, np.zeros((outputs, inputs))))
     assert (axis.infinite, axis.doubtful, axis.bound, axis.doubt) == (None, None, 0.0, 0.0)
+
+
+@given(seed=st.integers(0, 10**6), discrete=st.booleans())
+@examples(200)
+def test_discs_around_poles_say_that_one_grows_where_it_does_and_nowhere_else(seed, discrete):
+    """Exact arithmetic says of the numbers as they are stored whether a pole lies beyond the boundary."""
+    rng = np.random.default_rng(seed)
+    side, omega = rng.choice([-1.0, 0.0, 1.0], 3, p=[0.7, 0.1, 0.2]), 10.0 ** rng.uniform(-1.0, 1.0, 3)
+    A = linalg.block_diag(*(block(-s * 10.0 ** rng.uniform(-18.0, -1.0), w) for s, w in zip(side, omega, strict=True)))
+    T = rng.standard_normal((6, 6)) * 10.0 ** rng.uniform(-1.0, 1.0, 6)
+    A = T @ (linalg.expm(0.1 * A) if discrete else A) @ np.linalg.inv(T)
+    system = Lti(A, rng.standard_normal((6, 1)), rng.standard_normal((1, 6)), np.zeros((1, 1)), dt=0.1 * discrete)
+    poles = [complex(pole) for pole in Exact.of(control.ss(A, system.B, system.C, 0.0)).poles_in_rad()]
+    growth = max(abs(pole) - 1.0 if discrete else pole.real for pole in poles)
+    decay = 1.0 - np.abs(system.poles) if discrete else -system.poles.real
+    told = bounds(system, system.magnitudes, decay) == (np.inf, 0.0)
+    assert growth > 0.0 or not told
+    assert told or growth < 1e-9

@@ -18,12 +18,13 @@ def listed_values(values: dict[str, float]) -> str:
 
 
 def pattern_search(
-    value: Callable[[Array], float], size: int, factor: float, start: Array | None = None
+    value: Callable[[Array], float], size: int, factor: float, start: Array | None = None, enough: float = inf
 ) -> tuple[Array, float, int]:
     """Return where in the box ``value`` is largest among the points a pattern search visits.
 
     It begins at a point, or at the worst of the box's middle, the middles of its faces, and its corners: of 400 random boxes
-    of 2 to 5 parameters a lattice of three to the power of these found the worst in no more (measured).
+    of 2 to 5 parameters a lattice of three to the power of these found the worst in no more (measured).  It ends where a
+    value is ``enough``.
     """
     faces = np.kron(np.eye(size), [[-1.0], [1.0]])
     corners = list(product((-1.0, 1.0), repeat=size)) if size > 1 else np.zeros((0, size))
@@ -34,10 +35,10 @@ def pattern_search(
         tried, found = tried + 1, value(point)
         if found > top:
             at, top = point, found
-        if top == inf:  # there is nothing worse
+        if top >= enough:
             break
     for step in _STEPS:
-        moved = top < inf
+        moved = top < enough
         while moved:
             moved = False
             for axis, sign in product(range(size), (-1.0, 1.0)):
@@ -49,5 +50,5 @@ def pattern_search(
                 found = value(point)
                 # by how much a point must be worse than the worst so far, relative, to be gone to: more than rounding
                 if found > top * (1.0 + ALIKE * np.sign(top)):
-                    at, top, moved = point, found, found < inf
+                    at, top, moved = point, found, found < enough
     return at, top, tried

@@ -8,7 +8,6 @@ import numpy as np
 
 from boomctl.analysis.box.loops import BoxLoops, checked_controller
 from boomctl.analysis.box.points import listed_values, pattern_search
-from boomctl.analysis.box.prove import BoxProof, StablePart, Statement, prove_box
 from boomctl.analysis.box.sampled_level import SampledLoops, sampled_loops
 from boomctl.arrays import Array
 from boomctl.checks import positive, whole
@@ -22,6 +21,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     import control
+
+    from boomctl.analysis.box.prove import BoxProof, StablePart
 
 _CELLS = 500  # most cells of a proof (a choice of patience: seconds to a minute)
 _MARGIN_CELLS = 100  # most cells of each of the proofs of a margin (a choice)
@@ -209,10 +210,12 @@ def robust_stability(
         loops = BoxLoops.of(family, controller)
     with computing("robust stability", progress):
         tell("points of the box")
-        at, rate = pattern_search(loops.abscissa, family.size, 1.0)[:2]
+        at, rate = pattern_search(loops.abscissa, family.size, 1.0, enough=0.0)[:2]
         worst = family.values(at)
         if not loops.stable(at):
             return RobustStability(False, worst, 0, rate, worst)
+        from boomctl.analysis.box.prove import Statement, prove_box
+
         tell("loop over the box")
         try:
             parts = loops.parts(1.0)
@@ -256,13 +259,15 @@ class _Sampled:
         """Return whether the loop is stable at a point."""
         return self.abscissa(delta) < 0.0
 
-    def parts(self, factor: float) -> list[StablePart]:
+    def parts(self, factor: float) -> "list[StablePart]":
         """Return polynomials of the parameters that cover the box; ``factor`` is one."""
+        from boomctl.analysis.box.prove import StablePart
+
         found = SampledLoops.over(self.family, self.K, (), (), self.delay)
         return [StablePart(each.cell, each.pencils, each.missed[0]) for each in found]
 
 
-def _given_up(family: Family, abscissa: float, found: BoxProof, limit: int) -> str:
+def _given_up(family: Family, abscissa: float, found: "BoxProof", limit: int) -> str:
     """Return why a proof ended: a cell is as small as cells get, or there were as many as allowed."""
     assert found.left is not None
     where = f"at {listed_values(family.values(found.left))}, where poles have real parts up to"
@@ -319,6 +324,8 @@ def structured_margin(
     """
     top, close, limit = positive("largest", largest), positive("tolerance", tolerance), whole("max_cells", max_cells)
     loops = BoxLoops.of(family, controller)
+    from boomctl.analysis.box.prove import Statement, prove_box
+
     if not loops.at(np.zeros(family.size)).stable:
         return StructuredMargin(0.0, 0.0, family.values(np.zeros(family.size)))
     with computing("structured margin", progress):
