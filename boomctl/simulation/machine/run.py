@@ -9,8 +9,9 @@ controls of the first, for a rounding that flips is no error of the motion.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
@@ -26,6 +27,9 @@ from boomctl.simulation.stepping import ControlLog, SampledRun
 
 if TYPE_CHECKING:
     import casadi
+
+Acts: TypeAlias = tuple[tuple[int, ...], tuple[int, ...]]
+"""Places among a machine's inputs: of controls, and of disturbances."""
 
 PATH = "exponential steps"
 
@@ -45,6 +49,11 @@ class MachineLoop(SampledRun):
     """What a run around a machine needs."""
 
     machine: MachineModes
+
+    @property
+    def acts(self) -> Acts:
+        """Inputs of the machine that are controls, and those that are disturbances."""
+        return tuple(self.controller.driven.tolist()), tuple(self.disturbed.tolist())
 
     @property
     def queued(self) -> tuple[int, int]:
@@ -263,15 +272,14 @@ class StepSignals:
         return found[:, 0] if at_end else found
 
 
-def _inputs(p: MachineLoop, controls: casadi.SX, disturbances: casadi.SX) -> casadi.SX:
+def _inputs(m: MachineModes, acts: Acts, controls: casadi.SX, disturbances: casadi.SX) -> casadi.SX:
     """Return all inputs of the machine; those that nothing moves are zeros, on which no operation is spent."""
     import casadi as ca
 
-    u = ca.SX.zeros(len(p.machine.inputs))
-    for k, place in enumerate(p.controller.driven):
-        u[int(place)] += controls[k]
-    for k, place in enumerate(p.disturbed):
-        u[int(place)] += disturbances[k]
+    u = ca.SX.zeros(len(m.inputs))
+    for places, values in zip(acts, (controls, disturbances), strict=True):
+        for k, place in enumerate(places):
+            u[place] += values[k]
     return u
 
 
@@ -284,7 +292,7 @@ def _sample(p: MachineLoop, queue: int) -> casadi.Function:
     s, w = ca.SX.sym("s", nz + nu + queue * nu + len(c.A)), ca.SX.sym("w", beside.rows)
     z, acting, last = s[:nz], s[nz : nz + nu], s[nz + nu : nz + 2 * nu]
     state = s[nz + (queue + 1) * nu :]
-    y = p.machine.read(z, _inputs(p, acting, w[beside.first]))[0][c.measured.tolist()]
+    y = p.machine.read(z, _inputs(p.machine, p.acts, acting, w[beside.first]))[0][c.measured.tolist()]
     y = y if p.added.noise is None else y + w[beside.noise]
     for k, quantum in enumerate(limits.quantum):
         if np.isfinite(quantum):
@@ -340,19 +348,28 @@ def _laws(c: SampledController, y: casadi.SX, w: casadi.SX, beside: StepSignals)
 
 def _advance(p: MachineLoop, counts: tuple[int, ...]) -> casadi.Function:
     """Return ``(z, before, after, first, last) -> z`` over a step of the grid, each segment in so many steps."""
+    return _kept_advance(p.machine, p.acts, p.segments, counts, p.grid.h)
+
+
+@lru_cache(maxsize=8)  # for the next loop around the same machine (a choice)
+def _kept_advance(
+    m: MachineModes, acts: Acts, segments: tuple[float, ...], counts: tuple[int, ...], h: float
+) -> casadi.Function:
     import casadi as ca
 
-    nu, nd, m = len(p.controller.driven), len(p.disturbed), p.machine
-    sizes = {"z": len(p.start), "before": nu, "after": nu, "first": nd, "last": nd}
+    nz, nu, nd = 2 * len(m.omega), *map(len, acts)
+    sizes = {"z": nz, "before": nu, "after": nu, "first": nd, "last": nd}
     inline = sum(counts) <= _INLINE
     symbol: Any = ca.SX.sym if inline else ca.MX.sym
     z, before, after, first, last = given = [symbol(name, size) for name, size in sizes.items()]
     begin = 0.0
-    for length, count, control in zip(p.segments, counts, (before, after)[-len(counts) :], strict=True):
-        start, u, d0, d1 = (ca.SX.sym(name, n) for name, n in (("z", len(p.start)), ("u", nu), ("d0", nd), ("d1", nd)))
-        one = exponential_step(m.rest, m.omega, length / count, start, _inputs(p, u, d0), _inputs(p, u, d1))
-        step = ca.Function("step", [start, u, d0, d1], [one])
-        edges = (begin + length * np.arange(count + 1) / count) / p.grid.h
+    for length, count, control in zip(segments, counts, (before, after)[-len(counts) :], strict=True):
+        start, u, d0, d1 = (ca.SX.sym(name, n) for name, n in (("z", nz), ("u", nu), ("d0", nd), ("d1", nd)))
+        pushes = (_inputs(m, acts, u, d) for d in (d0, d1))
+        step = ca.Function(
+            "step", [start, u, d0, d1], [exponential_step(m.rest, m.omega, length / count, start, *pushes)]
+        )
+        edges = (begin + length * np.arange(count + 1) / count) / h
         if inline:
             for e0, e1 in pairwise(edges):
                 z = step(z, control, first + e0 * (last - first), first + e1 * (last - first))
@@ -375,7 +392,7 @@ def measured(p: MachineLoop, states: Array, controls: Array) -> Array:
 
     nz, nu, nd = len(p.start), len(p.controller.driven), len(p.disturbed)
     z, u, d = (ca.SX.sym(name, n) for name, n in (("z", nz), ("u", nu), ("d", nd)))
-    read = ca.Function("read", [z, u, d], list(p.machine.read.call([z, _inputs(p, u, d)])))
+    read = ca.Function("read", [z, u, d], list(p.machine.read.call([z, _inputs(p.machine, p.acts, u, d)])))
     rows = p.W[p.disturbed][:, :: p.grid.per_point]
     outputs, margin = at_columns(read, states, controls, rows)
     beyond = np.flatnonzero(margin[0] <= 0.0)

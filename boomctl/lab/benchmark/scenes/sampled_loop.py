@@ -154,7 +154,8 @@ def beam_loop(extent: Extent) -> Scene:
         remarks=(
             *_REMARKS,
             "solve_ivp's and python-control's derivative of the state is ours.",
-            "Three fifths of our time are building CasADi's functions, which does not grow with the motion.",
+            "Half of our time is building CasADi's functions, which does not grow with the motion; the step of a machine is"
+            " kept for the next loop around it.",
         ),
         promises=(
             times_as_fast(Who("simulate_loop", "rtol 1e-08"), Who(_PEER, error=1e-8), 50.0),
