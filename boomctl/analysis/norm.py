@@ -199,7 +199,7 @@ def matrices_norm(
         verified = verified_modal_form(system)  # takes longer, and loses less
         if verified is not None:
             modes, off = continuous_image_of_modes(verified.modal, system.dt)
-            found = _by_modes(system, modes.response, verified.gap + off, modes)
+            found = _by_modes(replace(system, D=modes.D), modes.response, verified.gap + off, modes)
             if found.certified and found.lower >= _TINY:
                 off += verified.gap + sum_over_modes.lost_by_floats(modes)
                 return replace(found, lower=found.lower - off, omega=float(omega_of_image(found.omega, system.dt)))
@@ -276,7 +276,7 @@ def _by_modes(system: Lti, respond: Response, doubt: float, modes: ModalSystem) 
         if found is not None:
             return found
     peak, at = largest_gain(system, respond, modes)
-    static = largest_of(modes.D)
+    static = largest_of(system.D)  # eigenvectors may have lost digits of that of the modes
     peak, at = (peak, at) if peak >= static else (static, inf)
     if peak == 0.0:
         return NormCertificate(0.0, 0.0, 0.0, NO_RESPONSE)

@@ -89,6 +89,23 @@ def test_the_norm_of_a_tustin_discretisation_is_that_of_the_continuous_system():
     assert hinf_norm(discrete).lower == pytest.approx(hinf_norm(shifted).lower, rel=1e-6)
 
 
+@pytest.mark.parametrize("states", [2, 3, 4])
+def test_the_norm_at_half_the_sampling_rate_is_attained_though_eigenvectors_are_nearly_dependent(states):
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        turned = np.linalg.qr(rng.standard_normal((states, states)))[0]
+        B, C, apart = (
+            rng.standard_normal((states, 1)),
+            rng.standard_normal((1, states)),
+            10.0 ** rng.uniform(-8.0, -2.0),
+        )
+        chain = np.diag(apart * np.arange(states) - 0.5) + np.eye(states, k=1)
+        system = control.ss(turned @ chain @ turned.T, B, C, 0.0, 1.0)
+        found = hinf_norm(system)
+        assert found.certified
+        assert found.lower <= gains(system, np.array([found.omega]))[0] * (1.0 + 1e-12)
+
+
 def test_poles_on_the_circle_count_if_they_show():
     assert hinf_norm(control.ss([[1.0]], [[1.0]], [[1.0]], 0.0, 0.1)).lower == np.inf
     at_the_end = hinf_norm(control.ss([[-1.0]], [[1.0]], [[1.0]], 0.0, 0.1))
