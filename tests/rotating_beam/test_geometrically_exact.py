@@ -219,6 +219,15 @@ def test_interpolation_is_exact_for_degree_eleven():
     np.testing.assert_allclose(v[:, 0], line.deriv()(wanted), rtol=1e-10)
 
 
+def test_interpolation_knows_its_instants_among_many_steps():
+    """The distance of two neighbours has lost the digits that their instants have: the whole run tells the step."""
+    time, wanted = np.linspace(30.0, 60.0, 100_001), np.linspace(30.0, 60.0, 513)
+    piece = Trajectory(time, time[:, None], np.ones((time.size, 1)))
+    q, v = interpolate(piece, wanted)
+    np.testing.assert_allclose(q[:, 0], wanted, rtol=1e-14)
+    assert v == pytest.approx(1.0, abs=1e-9)
+
+
 def test_output_instants_do_not_change_the_motion():
     model = GeometricallyExactBeam(BAI, 4)
     many = model.simulate(spin_up(2.0, 4.0), np.linspace(0, 5, 501))

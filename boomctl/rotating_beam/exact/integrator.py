@@ -204,7 +204,7 @@ class _Step:
 
 def _size(dynamics: ExactBeamDynamics, velocities: Array, first: int) -> float:
     """Length of stage velocities (from coordinate ``first`` on) in the mass matrix of the undeformed beam."""
-    return float(np.sqrt(np.sum((velocities @ dynamics.rest_mass[first:, first:]) * velocities)))
+    return float(np.sqrt(np.vdot(velocities @ dynamics.rest_mass[first:, first:], velocities)))
 
 
 def _velocities(dynamics: ExactBeamDynamics, speed: Array | None, q: Array, p: Array) -> Array:

@@ -234,7 +234,7 @@ def interpolate(trajectory: Trajectory, times: Array) -> tuple[Array, Array]:
     tuple of ndarray
         Shapes ``(m, coordinates)``.
     """
-    h = trajectory.time[1] - trajectory.time[0]
+    h = (trajectory.time[-1] - trajectory.time[0]) / (len(trajectory.time) - 1)
     place = (times - trajectory.time[0]) / h
     left = np.clip(np.floor(place).astype(int) - _WINDOW // 2 + 1, 0, len(trajectory.time) - _WINDOW)
     half = 0.5 * (_WINDOW - 1)

@@ -76,6 +76,13 @@ def test_hot_answers_are_the_cold_ones(key):
             np.testing.assert_allclose(hot, cold, atol=1e-9 * np.abs(cold).max())
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("key", SCENES)
+def test_the_reference_of_a_whole_run_is_reached(key):
+    scene = maker(key)("whole")
+    assert scene.error(next(each for each in scene.settings if each.competitor == "SFOAM").cold(0.0)) < 0.1
+
+
 def test_a_changed_machine_moves_the_tip_by_as_little():
     drive = Drive(SPIN_UP, until(5.0), "")
     before, after = (drive.tip(hub_beam(machine(change), "sfoam", 2), 1e-9) for change in (0.0, 1e-6))
