@@ -112,8 +112,9 @@ _SPUN = _Study(
         "Of TLAM, SFOAM, FOAM and CFOAM the error that is left with many modes is that of the model.",
         "exudyn has another discretisation of the same beam (ANCF cables); it is judged by the same reference.",
         "solve_ivp and CasADi solve the equations of SFOAM; their modal integrals are ours.",
-        "Where others are ahead, with the model ready: IDAS at its loosest, to an error of 0.5 % in 0.4 ms. Ours takes 0.8 ms"
-        " to 0.2 %, at any tolerance: in its steps every mode vibrates exactly, which are 560 calls, some of Python.",
+        "Where others are ahead, with the model ready: IDAS at its loosest, to an error of 0.5 % in 0.5 to 0.6 of our time."
+        " Ours takes 0.8 ms to 0.2 %, at any tolerance: in its steps every mode vibrates exactly, which are 560 calls, some"
+        " of Python.",
     ),
     promises=(
         times_as_fast(_OURS, _SOLVE_IVP, 100.0),
@@ -179,12 +180,11 @@ _DRIVEN = _Study(
         " seventh of the length.",
         "exudyn has another discretisation of the same beam (ANCF cables); it is judged by the same reference.",
         "CasADi solves the equations of SFOAM.",
-        "Where others are ahead: IDAS and CVODES with one mode (1.2 %) in half of our time, with the model ready in a fifth;"
-        " with two (0.8 %) in six to eight tenths, with the model ready in four to five tenths. Ours takes 4 ms to the error"
-        " of the model, 2400 calls, some of Python.",
-        "exudyn, compiled, takes 0.6 to 0.8 of our time to 0.6 %, and about our time from 0.2 % to 0.1 %: the exact beam of"
-        " ours solves each step by NumPy, 0.3 ms, and repeats the motion with shorter steps until two agree, so that its"
-        " error is known: 600 and 900 steps at all tolerances down to 1e-5.",
+        "Where others are ahead: IDAS and CVODES with one mode (1.2 % and more) take 0.5 to 0.6 of our time, with two (0.8 %)"
+        " 0.6 to 0.8; with the model ready 0.2 to 0.3 and 0.35 to 0.5. Ours takes 4 ms to the error of the model: 2400 calls,"
+        " some of Python. exudyn, compiled, takes 0.6 to 0.9 of our time to 0.6 %, and 0.8 to 1.4 from 0.2 % to 0.1 %: the"
+        " exact beam of ours solves each step by NumPy, 0.3 ms, and repeats the motion with shorter steps until two agree,"
+        " so that its error is known: 600 and 900 steps at all tolerances down to 1e-5.",
     ),
     promises=(
         times_as_fast(_OURS, _IDAS, 1.5),
