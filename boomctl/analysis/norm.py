@@ -240,7 +240,7 @@ def level_norm(
     """
     respond = partial(_response, system) if response is None else response
     found = _by_modes(system, respond, doubt, partial_fractions(system) if modes is None else modes)
-    if found.certified:
+    if found.certified or found.lower == 0.0:
         return found
     peak, at = found.lower, found.omega
     above = LEVEL
@@ -249,6 +249,8 @@ def level_norm(
         H = hamiltonian_matrix(system, level)
         crossings, near = near_axis(H[0])
         value, omega = _highest_at(respond, np.concatenate([crossings.imag, near.imag]))
+        if not isfinite(value):
+            break
         if value > level:
             peak, at, above = value, omega, LEVEL
         elif not len(crossings) and level_shows(system, level, at, H):
@@ -280,6 +282,8 @@ def _by_modes(system: Lti, respond: Response, doubt: float, modes: ModalSystem) 
     peak, at = (peak, at) if peak >= static else (static, inf)
     if peak == 0.0:
         return NormCertificate(0.0, 0.0, 0.0, NO_RESPONSE)
+    if not isfinite(peak):  # its square is no number, and nothing is known of it
+        return NormCertificate(0.0, inf, at, NOT_TOLD)
     for _ in range(RAISED):
         found, higher = _proved(modes, peak, at, doubt)
         if found is not None:
@@ -293,7 +297,7 @@ def _by_modes(system: Lti, respond: Response, doubt: float, modes: ModalSystem) 
 
 def _proved(modes: ModalSystem, peak: float, at: float, doubt: float) -> tuple[NormCertificate | None, Array]:
     """Return a norm whose peak is at a frequency, if the sum over the modes proves it, and some where it is higher."""
-    if not (doubt <= _DOUBT * peak and isfinite(at)):
+    if not (doubt <= _DOUBT * peak < inf and isfinite(at)):
         return None, np.zeros(0)
     level = peak * (1.0 + LEVEL)
     told, higher = sum_over_modes.stays_below(modes, level, at)

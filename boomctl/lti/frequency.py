@@ -72,7 +72,8 @@ def singular_values(G: Array) -> Array:
     if p == m == 1:
         return np.abs(G[0])
     if fewer == 1:
-        return np.sqrt(squared(G).sum(axis=(0, 1)))[None, :]
+        with np.errstate(over="ignore"):  # infinite where squares are no numbers
+            return np.sqrt(squared(G).sum(axis=(0, 1)))[None, :]
     if fewer > 2 or G.shape[2] < _CLOSED_FROM:
         return np.linalg.svd(G.transpose(2, 0, 1), compute_uv=False).T
     x, y = G.swapaxes(0, 1) if m == 2 else G

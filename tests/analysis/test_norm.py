@@ -64,6 +64,14 @@ def test_it_is_certified_where_the_solver_of_eigenvalues_loses_digits(rate, seed
     assert low <= norm.upper
 
 
+@pytest.mark.parametrize("slowest", [1e-120, 1e-160])
+def test_a_response_whose_square_is_no_number_is_not_infinite(slowest):
+    lags = control.ss(-slowest * np.diag([1.0, 2.0]), np.full((2, 1), 1e10), np.full((2, 2), 1e30), 0.0)
+    norm = hinf_norm(lags)
+    assert norm.certified
+    assert norm.lower == pytest.approx(1.5e40 * 2.0**0.5 / slowest, rel=1e-9)
+
+
 @pytest.mark.parametrize("order", [14, 20])
 def test_that_of_a_stiff_structure_is_told_though_eigenvectors_lose_digits(order):
     norm = hinf_norm(spray_boom(BoomParameters(), "high-order", 4, order=order))
