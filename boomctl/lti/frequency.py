@@ -284,6 +284,7 @@ def _peak_of_modes(modes: ModalSystem, grid: Array) -> tuple[float, float]:
     return max((_climbed(modes, *map(float, places)) for places in near), default=(0.0, float(grid[size.argmax()])))
 
 
+@np.errstate(invalid="ignore", over="ignore")  # of modes whose squares are no numbers
 def top_of_a_mode(modes: ModalSystem) -> tuple[float, float] | None:
     """Return the largest singular value at the resonance of the mode that is highest alone, and its frequency.
 

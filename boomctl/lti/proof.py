@@ -244,6 +244,8 @@ class Exact:
         )
         for _ in range(RAISED):
             level = max(peak * (1.0 + LEVEL), TINY)
+            if not level < inf:  # larger than any float
+                raise Undecided
             places, stays = self.crossings(level)
             if stays and not places:
                 return peak, level, at

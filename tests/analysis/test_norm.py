@@ -72,6 +72,21 @@ def test_a_response_whose_square_is_no_number_is_not_infinite(slowest):
     assert norm.lower == pytest.approx(1.5e40 * 2.0**0.5 / slowest, rel=1e-9)
 
 
+@pytest.mark.filterwarnings("error")
+def test_modes_whose_squares_are_no_numbers_have_a_norm():
+    decay, step = 0.01, 1e90
+    A = [[-decay, step, 0.0], [-1.0 / step, -decay, step], [0.0, -1.0 / step, -decay]]
+    norm = hinf_norm(control.ss(A, np.full((3, 1), step), np.full((1, 3), 1.0 / step), 0.0))
+    assert norm.certified
+    assert norm.lower == pytest.approx(step**2 / (decay * (decay**2 + 2.0)), rel=1e-9)
+
+
+@pytest.mark.filterwarnings("ignore:overflow:RuntimeWarning")
+def test_a_norm_larger_than_any_float_is_not_certified():
+    lags = -np.eye(6) + 1e99 * np.eye(6, k=1)
+    assert not hinf_norm(control.ss(lags, np.ones((6, 1)), np.ones((1, 6)), 0.0)).certified
+
+
 @pytest.mark.parametrize("order", [14, 20])
 def test_that_of_a_stiff_structure_is_told_though_eigenvectors_lose_digits(order):
     norm = hinf_norm(spray_boom(BoomParameters(), "high-order", 4, order=order))
