@@ -72,6 +72,13 @@ def test_a_response_whose_square_is_no_number_is_not_infinite(slowest):
     assert norm.lower == pytest.approx(1.5e40 * 2.0**0.5 / slowest, rel=1e-9)
 
 
+@pytest.mark.parametrize("excitation", ["velocity", "acceleration"])
+def test_a_symmetric_model_that_integrates_in_both_halves_has_no_finite_norm(excitation):
+    """The whole has double poles at zero, of which digits do not tell."""
+    model = spray_boom(elements=10, excitation=excitation, accelerometer_bandwidth_hz=20.0)
+    assert hinf_norm(model).lower == np.inf
+
+
 @pytest.mark.filterwarnings("error")
 def test_modes_whose_squares_are_no_numbers_have_a_norm():
     decay, step = 0.01, 1e90
