@@ -109,10 +109,11 @@ def hinf_norm(system: "LinearSystem") -> NormCertificate:
     if is_frequency_response(system):
         return norm_of_data(np.asarray(system.omega, dtype=float), np.asarray(system.frdata))
     if isinstance(system, SecondOrderModel):
-        found = SplitModel(system, (system,)).norm() if system.n <= _WHOLE else None
-        # of integrators, or bodies at rest, in either half the whole has double poles at zero, of which digits do not tell
-        told = found is not None and (found.certified or system.halves is None)
-        return found if told else SplitModel.of(system).norm()
+        if system.n <= _WHOLE:
+            found = SplitModel(system, (system,)).norm()
+            if found.certified:  # with integrators in either half the whole has double poles at zero, which digits hide
+                return found
+        return SplitModel.of(system).norm()
     handed = of(system, sampled=True)
     return replace(matrices_norm(handed.balanced()), _given=handed)
 
