@@ -1,7 +1,6 @@
 """The hub-beam: modes, speeds, masses at the tip, the neighbourhood of a critical speed, units, motion."""
 
 from collections.abc import Iterator
-from dataclasses import replace
 from functools import partial
 from math import pi, sqrt
 
@@ -32,7 +31,7 @@ def _frequencies() -> Iterator[Case]:
     yield from rows(_AREA, what, measure, _at_rest, modes, amount=_modes, promise=1e-10, answered=lambda n: n <= 20)
     measure = "relative, sixty digits"
     for tip in (0.0, 0.5):
-        what, work = f"three modes of SFOAM turning, {tip:g} kg at the tip", partial(_turning, tip=tip)
+        what, work = f"three modes of SFOAM turning, {tip:g} kg at the tip", partial(_true, tip=tip)
         speeds, words = (0.0, 1.0, 100.0, 1e4), "{:g} rad/s"
         yield from rows(_AREA, what, measure, work, speeds, amount=words, promise=1e-10, answered=True, seconds=40.0)
 
@@ -107,7 +106,8 @@ def _at_rest(modes: int) -> Seen:
     return Seen(each_relative(found, _rate(p) * clamped_free_frequencies(modes)))
 
 
-def _true(p: HubBeamParameters, speed: float) -> Seen:
+def _true(speed: float, tip: float) -> Seen:
+    p = HubBeamParameters(tip_mass=tip)
     found = 2 * pi * hub_beam(p, "sfoam", 3).frequencies_hz(speed)
     true = rotating_frequencies(
         3,
@@ -121,22 +121,15 @@ def _true(p: HubBeamParameters, speed: float) -> Seen:
     return Seen(each_relative(found, true))
 
 
-def _turning(speed: float, tip: float) -> Seen:
-    return _true(HubBeamParameters(tip_mass=tip), speed)
-
-
 def _heavy(ratio: float) -> Seen:
     p = HubBeamParameters()
-    return _true(replace(p, tip_mass=ratio * p.mass_per_length * p.length), 1.0)
-
-
-def _critical(p: HubBeamParameters) -> float:
-    return _rate(p) * float(clamped_free_frequencies(1)[0])
+    return _true(1.0, ratio * p.mass_per_length * p.length)
 
 
 def _near_critical(delta: float) -> Seen:
     p = HubBeamParameters()
-    critical, speed = _critical(p), _critical(p) * (1.0 - delta)
+    critical = _rate(p) * float(clamped_free_frequencies(1)[0])
+    speed = critical * (1.0 - delta)
     found = 2 * pi * hub_beam(p, "tlam", 1).frequencies_hz(speed)[0]
     return Seen(abs(found / sqrt((critical - speed) * (critical + speed)) - 1.0))
 

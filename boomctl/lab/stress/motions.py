@@ -4,20 +4,18 @@ from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
 from math import pi, sqrt
-from typing import Any
 
 import mpmath as mp
 import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.lab.stress.case import SCALES, Case, Seen, relative, rows
-from boomctl.lab.stress.plants import named, oscillator, repeated_pole, static
+from boomctl.lab.stress.plants import mass_on_spring, named, oscillator, repeated_pole, static
 from boomctl.lab.stress.references import DIGITS
 from boomctl.rotating_beam.factory import hub_beam
 from boomctl.simulation.forced_response import forced_response
 from boomctl.simulation.loop import simulate_loop
 from boomctl.slew.optimal import optimal_slew
-from boomctl.structure.model import SecondOrderModel
 
 _FORCED, _LOOP, _SLEW = "Forced responses", "Sampled loops", "Slews"
 _EPS = float(np.finfo(float).eps)
@@ -43,7 +41,7 @@ def _forced() -> Iterator[Case]:
 
     for what, work in (
         ("an oscillator of 1 rad/s pushed by a ramp", partial(_ramp, 1.0)),
-        ("a mass on a spring pushed by a ramp", _ramp_model),
+        ("a mass on a spring pushed by a ramp", partial(_ramp, 1.0, model=True)),
     ):
         ratios, words = (0.0, 1e-12, 1e-6, 1.0, 1e2, 1e6), "damping ratio {:g}"
         yield from tried(
@@ -118,17 +116,10 @@ def _times(omega: float) -> Array:
     return np.linspace(0.0, 200.0 * pi / omega, 501)
 
 
-def _ramp(omega: float, zeta: float) -> Seen:
-    times = _times(omega)
-    found = forced_response(oscillator(zeta, omega).statespace("plant"), {"u0": omega * times}, times)["y0"]
+def _ramp(omega: float, zeta: float, model: bool = False) -> Seen:
+    times, plant = _times(omega), mass_on_spring(zeta) if model else oscillator(zeta, omega).statespace("plant")
+    found = forced_response(plant, {"u0": omega * times}, times)["y0"]
     return Seen(relative(found, _ramp_answer(omega, zeta, times)))
-
-
-def _ramp_model(zeta: float) -> Seen:
-    times = _times(1.0)
-    model = SecondOrderModel([[1.0]], [[2.0 * zeta]], [[1.0]], {"u0": [1.0]}, {"y0": [1.0]})
-    found = forced_response(model, {"u0": times}, times)["y0"]
-    return Seen(relative(found, _ramp_answer(1.0, zeta, times)))
 
 
 def _open_loop(omega: float, zeta: float) -> Seen:
@@ -159,38 +150,28 @@ def _spread(spread: float) -> Seen:
     return Seen(relative([run["y0"], run["y1"]], true))
 
 
-def _integrator() -> Any:
-    return named(np.zeros((1, 1)), np.ones((1, 2)), np.ones((1, 1))).statespace("plant")
+def _held_gain(h: float, k: float, count: int, delay: float = 0.0) -> Array:
+    """Return ``x`` of ``x' = u + w``, ``u = -k x`` held for a sample of ``h`` and so many samples late, ``w = 1``."""
+    times, K = h * np.arange(count + 1), static(-k).statespace("controller")
+    plant = named(np.zeros((1, 1)), np.ones((1, 2)), np.ones((1, 1))).statespace("plant")
+    return simulate_loop(plant, K, {"u1": np.ones_like(times)}, times, sample_time=h, delay=delay * h)["y0"]
 
 
 def _sampled(count: int) -> Seen:
-    """``x' = u + w``, ``u = -k x`` held for a sample, ``w = 1``: ``x`` goes to ``1/k`` by factors ``1 - k h``."""
+    """Without a delay ``x`` goes to ``1/k`` by factors ``1 - k h``."""
     h, k = 0.1, 0.5
-    times = h * np.arange(count + 1)
-    run = simulate_loop(
-        _integrator(), static(-k).statespace("controller"), {"u1": np.ones_like(times)}, times, sample_time=h
-    )
     true = -np.expm1(np.arange(count + 1) * np.log1p(-k * h)) / k
-    return Seen(relative(run["y0"], true))
+    return Seen(relative(_held_gain(h, k, count), true))
 
 
 def _delayed(delay: float) -> Seen:
     h, k, count = 0.1, 0.5, 200
-    times = h * np.arange(count + 1)
-    run = simulate_loop(
-        _integrator(),
-        static(-k).statespace("controller"),
-        {"u1": np.ones_like(times)},
-        times,
-        sample_time=h,
-        delay=delay * h,
-    )
     whole, part = int(delay), delay - int(delay)
     x = [0.0]
     for n in range(count):
         older = [-k * x[n - late] if n >= late else 0.0 for late in (whole + 1, whole)]
         x.append(x[-1] + h * (1.0 + part * older[0] + (1.0 - part) * older[1]))
-    return Seen(relative(run["y0"], x))
+    return Seen(relative(_held_gain(h, k, count, delay), x))
 
 
 def _rigid(unit: str, scale: float) -> Seen:

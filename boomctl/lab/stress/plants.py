@@ -8,6 +8,7 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.lti.system import Lti
+from boomctl.structure.model import SecondOrderModel
 
 
 def named(A: Array, B: Array, C: Array, D: Array | None = None, dt: float = 0.0) -> Lti:
@@ -22,6 +23,11 @@ def oscillator(zeta: float, omega: float = 1.0) -> Lti:
     """Return ``y'' + 2 z w y' + w^2 y = w^2 u``; the states are ``y`` and ``y'/w``."""
     A = np.array([[0.0, omega], [-omega, -2.0 * zeta * omega]])
     return named(A, np.array([[0.0], [omega]]), np.array([[1.0, 0.0]]))
+
+
+def mass_on_spring(zeta: float) -> SecondOrderModel:
+    """Return the same for 1 rad/s as a model of a mass, ``u0`` the force on it and ``y0`` its place."""
+    return SecondOrderModel([[1.0]], [[2.0 * zeta]], [[1.0]], {"u0": [1.0]}, {"y0": [1.0]})
 
 
 def repeated_pole(count: int, rate: float = 1.0) -> Lti:

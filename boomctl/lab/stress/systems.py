@@ -16,17 +16,15 @@ from boomctl.analysis.modes import mode_table
 from boomctl.analysis.sigma import sigma
 from boomctl.arrays import Array
 from boomctl.lab.stress.case import SCALES, Case, Seen, relative, rows
-from boomctl.lab.stress.plants import named, oscillator, repeated_pole
+from boomctl.lab.stress.plants import mass_on_spring, named, oscillator, repeated_pole
 from boomctl.lab.stress.references import DIGITS, state_space_gain
 from boomctl.lti.system import Lti
 from boomctl.reduction.reduce import reduce
 from boomctl.structure.model import SecondOrderModel
 
 _NORMS, _REDUCTION, _MODES = "Norms", "Reduction", "Modes"
-_PEAK, _H2 = (
-    1.1e-5,
-    1.1e-6,
-)  # what a certified peak and a certified H2 norm promise, with a tenth for their own rounding
+# what a certified peak and a certified H2 norm promise, with a tenth for their own rounding
+_PEAK, _H2 = 1.1e-5, 1.1e-6
 _EPS = float(np.finfo(float).eps)
 _EXACT, _SCALING = "relative, exact solution", "relative, the law of scaling"
 _DAMPINGS = (0.0, 1e-12, 1e-10, 1e-8, 1e-4, 0.5, 1.0, 1.0 + 1e-8, 1e2, 1e6)  # relative, from none to overcritical
@@ -53,8 +51,8 @@ def _damped() -> Iterator[Case]:
         return zeta == 0.0 or zeta >= 1e-8
 
     for what, work, promise in (
-        ("peak of one oscillator", partial(_peak, kind="state space"), _PEAK),
-        ("peak of one mass on a spring", partial(_peak, kind="model"), _PEAK),
+        ("peak of one oscillator", _peak, _PEAK),
+        ("peak of one mass on a spring", _model_peak, _PEAK),
         ("H2 norm of one oscillator", _energy, _H2),
     ):
         yield from _norms(what, _EXACT, work, _DAMPINGS, amount="ratio {:.10g}", promise=promise, answered=fair)
@@ -69,10 +67,11 @@ def _damped() -> Iterator[Case]:
         answered=lambda zeta: zeta != 1.0,
     )
     omega, words = (1e-6, 1e-3, 1e3, 1e6), "{:g} rad/s"
-    what = "peak of one oscillator, damped by a hundredth"
-    yield from _norms(what, _EXACT, _slow_peak, omega, amount=words, promise=_PEAK, answered=True)
-    what = "H2 norm, damped by a hundredth"
-    yield from _norms(what, _EXACT, _slow_energy, omega, amount=words, promise=_H2, answered=True)
+    for what, work, promise in (
+        ("peak of one oscillator, damped by a hundredth", partial(_peak, 0.01), _PEAK),
+        ("H2 norm, damped by a hundredth", partial(_energy, 0.01), _H2),
+    ):
+        yield from _norms(what, _EXACT, work, omega, amount=words, promise=promise, answered=True)
 
 
 def _poles() -> Iterator[Case]:
@@ -193,20 +192,20 @@ def _true_peak(zeta: float) -> float:
     return 1.0 / (2.0 * zeta * sqrt(1.0 - zeta**2)) if zeta < sqrt(0.5) else 1.0
 
 
-def _peak(zeta: float, kind: str) -> Seen:
-    if kind == "model":
-        one = {"f": [1.0]}, {"y": [1.0]}
-        return _peak_of(SecondOrderModel([[1.0]], [[2.0 * zeta]], [[1.0]], *one), _true_peak(zeta))
-    return _peak_of(oscillator(zeta), _true_peak(zeta))
+def _peak(zeta: float, omega: float = 1.0) -> Seen:
+    return _peak_of(oscillator(zeta, omega), _true_peak(zeta))
 
 
-def _energy(zeta: float) -> Seen:
-    return _h2_of(oscillator(zeta), 0.5 / sqrt(zeta) if zeta else inf)
+def _model_peak(zeta: float) -> Seen:
+    return _peak_of(mass_on_spring(zeta), _true_peak(zeta))
+
+
+def _energy(zeta: float, omega: float = 1.0) -> Seen:
+    return _h2_of(oscillator(zeta, omega), sqrt(omega) * 0.5 / sqrt(zeta) if zeta else inf)
 
 
 def _damping(zeta: float) -> Seen:
-    model = SecondOrderModel([[1.0]], [[2.0 * zeta]], [[1.0]], {"f": [1.0]}, {"y": [1.0]})
-    found = sorted((row.pole for row in mode_table(model).rows), key=lambda p: (abs(p), p.imag))
+    found = [row.pole for row in mode_table(mass_on_spring(zeta)).rows]
     with mp.workdps(DIGITS):
         z = mp.mpf(2.0 * zeta) / 2
         root = mp.sqrt(z * z - 1)
@@ -214,14 +213,6 @@ def _damping(zeta: float) -> Seen:
     worst = max(min(abs(p - t) / abs(t) for t in true) for p in found)
     # where two poles meet, half of the digits are those of the data
     return Seen(worst if abs(zeta - 1.0) > 1e-6 else max(0.0, worst - 2.0 * sqrt(_EPS)))
-
-
-def _slow_peak(omega: float) -> Seen:
-    return _peak_of(oscillator(0.01, omega), _true_peak(0.01))
-
-
-def _slow_energy(omega: float) -> Seen:
-    return _h2_of(oscillator(0.01, omega), sqrt(omega) * 0.5 / sqrt(0.01))
 
 
 def _repeated(count: int, norm: str) -> Seen:
