@@ -45,12 +45,15 @@ class _Parser(ArgumentParser):
             raise _Listed(self)
         return super().parse_args(args, namespace)
 
-    def add_quiet(self) -> None:
-        text = "print nothing, show no progress: the exit code, the files written, and what --json asks for"
-        self.add_argument("--quiet", action="store_true", help=text)
-
     def add_json(self) -> None:
         self.add_argument("--json", action="store_true", help="print the results as JSON on standard output")
+
+    def asked(self, words: Sequence[str]) -> Namespace:
+        """Return what some words ask for, of a command that can print JSON or nothing."""
+        self.add_json()
+        text = "print nothing, show no progress: the exit code, the files written, and what --json asks for"
+        self.add_argument("--quiet", action="store_true", help=text)
+        return self.parse_args(words)
 
     def add_out(self, default: str) -> None:
         text = "folder for pictures, report and results (default: %(default)s)"
@@ -247,9 +250,7 @@ def reproduce(words: Sequence[str]) -> None:
     parser.add_argument("--full", action="store_true", help=text)
     text = "processes side by side, one thread each; 1: in this one (default: as many as there are cores)"
     parser.add_argument("--workers", type=int, metavar="COUNT", help=text)
-    parser.add_json()
-    parser.add_quiet()
-    asked = parser.parse_args(words)
+    asked = parser.asked(words)
 
     from boomctl.checks import known, whole
     from boomctl.files import json_text, locked_folder, plain, write_all
@@ -274,10 +275,8 @@ def reproduce(words: Sequence[str]) -> None:
         for name, (work, report_of) in zip(names, papers, strict=True):
             report = report_of([next(found) for _ in work])
             target = folder / name if asked.what == "all" else folder
-            if asked.what == "all":
-                _name_others(target, report.write(target))
-            else:
-                _name_others(target, report.write_into(target))
+            write = report.write if asked.what == "all" else report.write_into
+            _name_others(target, write(target))
             results[name] = plain(report.results)
             reports.append((_PAPERS[name], report.html))
             if not asked.json:
@@ -346,10 +345,8 @@ def design(words: Sequence[str]) -> None:
     """Run a design and report what it is worth: a suspension beside the boom as it is, a slew beside classical ones."""
     from boomctl.studies.catalogue import design_file, design_names
 
-    parser, own = (
-        _Parser(design),
-        "a Python file with a function design(), slew() or drive(), of a machine of your own too",
-    )
+    parser = _Parser(design)
+    own = "a Python file with a function design(), slew() or drive(), of a machine of your own too"
     parser.add_argument("name", help=f"a design of boomctl ({', '.join(design_names())}), or {own}")
     parser.add_out("results")
     parser.add_argument(
@@ -357,9 +354,7 @@ def design(words: Sequence[str]) -> None:
     )
     parser.add_argument("--speed", type=float, help="suspensions: driving speed, m/s (default: 3.0)")
     parser.add_argument("--seed", type=int, help="suspensions: of the random track (default: 1)")
-    parser.add_json()
-    parser.add_quiet()
-    asked = parser.parse_args(words)
+    asked = parser.asked(words)
 
     from boomctl.files import locked_folder  # after the options, so that help and bad use wait for no numpy
 
@@ -397,9 +392,7 @@ def sigma(words: Sequence[str]) -> None:
     parser.add_argument("--parameters", type=Path, metavar="FILE", help="TOML file with boom parameters")
     parser.add_argument("--measured", type=Path, metavar="FILE", help="CSV file with a measured curve")
     parser.add_argument("--out", type=Path, metavar="FILE", help="picture to write, .png or .svg")
-    parser.add_json()
-    parser.add_quiet()
-    asked = parser.parse_args(words)
+    asked = parser.asked(words)
     if asked.out is not None and asked.out.suffix not in (".png", ".svg"):
         raise ValueError(f"--out {asked.out}: expected a name that ends in .png or .svg")
     if asked.out is not None and asked.out.is_dir():
@@ -496,9 +489,7 @@ def slew(words: Sequence[str]) -> None:
     text = "show the error over meshes in the report (default: shown)"
     parser.add_argument("--mesh-study", action=BooleanOptionalAction, default=True, help=text)
     parser.add_out("slew")
-    parser.add_json()
-    parser.add_quiet()
-    asked = parser.parse_args(words)
+    asked = parser.asked(words)
     if asked.angle is not None and asked.angle_deg is not None:
         raise ValueError("--angle and --angle-deg: expected one of the two")
     angle = asked.angle if asked.angle_deg is None else asked.angle_deg * pi / 180.0
@@ -563,9 +554,7 @@ def identify(words: Sequence[str]) -> None:
     text = "what inputs do between samples: band-limited or zero-order (default: %(default)s)"
     parser.add_argument("--hold", default="band-limited", metavar="WORD", help=text)
     parser.add_out("identified")
-    parser.add_json()
-    parser.add_quiet()
-    asked = parser.parse_args(words)
+    asked = parser.asked(words)
 
     from boomctl.files import locked_folder, plain
     from boomctl.studies.measurement import identified_file
@@ -604,9 +593,7 @@ def benchmark(words: Sequence[str]) -> None:
     parser.add_argument("--page", type=Path, metavar="FILE", help=text)
     text = "what --json printed in an earlier run: adds what got slower or less exact since, in one table"
     parser.add_argument("--compare", type=Path, metavar="OLD.json", help=text)
-    parser.add_json()
-    parser.add_quiet()
-    asked = parser.parse_args(words)
+    asked = parser.asked(words)
     from boomctl.files import locked_folder
     from boomctl.lab.benchmark.compare import compared, read_results
     from boomctl.lab.benchmark.recommended import PAGE
@@ -665,9 +652,7 @@ def stress(words: Sequence[str]) -> None:
     parser.add_argument("--out", type=Path, metavar="FOLDER", help="folder for report and results")
     text = "page in Markdown whose tables, between two marks, are written anew"
     parser.add_argument("--page", type=Path, metavar="FILE", help=text)
-    parser.add_json()
-    parser.add_quiet()
-    asked = parser.parse_args(words)
+    asked = parser.asked(words)
 
     from boomctl.checks import whole
     from boomctl.files import locked_folder
@@ -707,9 +692,7 @@ def notebooks(words: Sequence[str]) -> None:
     parser.add_argument("--out", type=Path, default=Path("notebooks"), metavar="FOLDER", help=text)
     text = "write over files of the same names, which may hold changes of your own"
     parser.add_argument("--force", action="store_true", help=text)
-    parser.add_json()
-    parser.add_quiet()
-    asked = parser.parse_args(words)
+    asked = parser.asked(words)
 
     from boomctl.files import prepared_folder, write_all
 
