@@ -24,7 +24,7 @@ _LINES = {"finite": "--", "discrete": ":", "exact": "-"}
 def draw_figure_3(
     curves: "dict[str, SigmaResult]",
     measured_hz: Array,
-    deviation: dict[str, Any],
+    deviation: dict[str, Array],
     measured: "MeasuredCurve | None" = None,
 ) -> Any:
     """Draw the singular values from platform actuators to tips, line styles as in Anthonis & Ramon (2003), Fig. 3."""
@@ -45,18 +45,14 @@ def draw_figure_3(
         ax.set_ylabel("singular values, platform actuators to tips [m/m]")
         ax.set_xlabel("")
         ax.legend(loc="lower left")
-        _draw_deviation(below, deviation)
+        freq_hz = curves["exact beam"].omega / (2 * np.pi)
+        for name, largest in deviation.items():
+            linestyle, color = ("--", COLOURS[0]) if name.startswith("finite") else (":", COLOURS[1])
+            below.loglog(freq_hz, np.maximum(100.0 * largest, 1e-6), linestyle, color=color)
+        below.set_ylim(1e-3, 1e3)
+        below.set_ylabel("off the exact\nbeam by [%]")
+        below.set_xlabel("frequency [Hz]")
     return figure
-
-
-def _draw_deviation(ax: Any, deviation: dict[str, Any]) -> None:
-    """Draw how far singular values lie from the exact ones, the larger one of both solid."""
-    for name, item in deviation.items():
-        linestyle, color = ("--", COLOURS[0]) if name.startswith("finite") else (":", COLOURS[1])
-        ax.loglog(item.omega / (2 * np.pi), np.maximum(100.0 * item.largest, 1e-6), linestyle, color=color)
-    ax.set_ylim(1e-3, 1e3)
-    ax.set_ylabel("off the exact\nbeam by [%]")
-    ax.set_xlabel("frequency [Hz]")
 
 
 def draw_convergence(convergence: tuple[Any, ...]) -> Any:

@@ -116,7 +116,9 @@ class BenchmarkReport:
 
     def page(self) -> str:
         """Return the tables of the page of recommended settings, as Markdown."""
-        return page_text(self.recommended, _machine_words(self.environment))
+        facts = ("processor", "system", "python", "numpy", "scipy")
+        machine = ", ".join(f"{name} {self.environment[name]}" for name in facts if name in self.environment)
+        return page_text(self.recommended, machine)
 
     def render(self) -> "Group":
         """Return promises, recommendations and leads, ready for ``rich.print``."""
@@ -306,8 +308,3 @@ def _in_terminal(title: str, table: Table) -> Any:
 
 def _missing(diagrams: tuple[Diagram, ...]) -> tuple[str, ...]:
     return tuple(f"Missing: {words}" for words in dict.fromkeys(words for d in diagrams for words in d.missing))
-
-
-def _machine_words(environment: Mapping[str, str]) -> str:
-    names = ("processor", "system", "python", "numpy", "scipy")
-    return ", ".join(f"{name} {environment[name]}" for name in names if name in environment)

@@ -29,7 +29,7 @@ from boomctl.lab.benchmark.recommended import PAGE, recommendations
 from boomctl.lab.benchmark.report import BenchmarkReport, lead_words
 from boomctl.lab.benchmark.run import GROUPS, LONG, SCENES, maker, run, steps, wanted
 from boomctl.lab.benchmark.scene import Scene, Setting
-from boomctl.lab.benchmark.scenes.limits import Rates, Work
+from boomctl.lab.benchmark.scenes.limits import Work
 from boomctl.lab.benchmark.scenes.lumped_masses import DISCRETE, FINITE, lumped_masses
 from tests.command import boomctl
 from tests.profiles import examples
@@ -188,7 +188,7 @@ def test_the_exponent_of_a_power_law_is_found(power, scale, count):
 
 
 def test_a_limit_is_the_longest_of_what_cannot_be_done_without():
-    rates = Rates(operations=1e9, bytes=1e10, exponentials=1e7)
+    rates = Work(operations=1e9, bytes=1e10, exponentials=1e7)
     assert Work(1e6, 1e6).seconds(rates) == pytest.approx(1e-3)
     assert Work(1e6, 1e6).bound(rates) == "arithmetic"
     assert Work(1e6, 1e9).seconds(rates) == pytest.approx(0.1)

@@ -99,6 +99,9 @@ def design(key: str, extent: Extent) -> Scene:
     ncon = sum(name.startswith("suspension") for name in P.input_labels)
     lower = cache(lambda: h_infinity(P, _NMEAS, ncon, tolerance=_REFERENCE, fastest_pole=_FAST).certificate.lower)
     peer = cache(HinfsynProcess)
+    hinfsyn = Setting(
+        "control.hinfsyn", "as it is", False, lambda change: peer().ask(_changed(P, change), _NMEAS, ncon)
+    )
     ours = Who("h_infinity", "tolerance 0.01")
     return Scene(
         key=key,
@@ -106,7 +109,7 @@ def design(key: str, extent: Extent) -> Scene:
         question="From the generalised plant of yaw and jolt suspension to a controller.",
         measure="The true norm of the closed loop over the bound that no controller beats, less one; infinite if the loop is"
         f" not stable. The bound is proved by residuals and signs; errors below {_SAME:.0e} count as that.",
-        settings=(*_ours(P, ncon, extent), *_searches(P, ncon, extent), _hinfsyn(P, ncon, peer)),
+        settings=(*_ours(P, ncon, extent), *_searches(P, ncon, extent), hinfsyn),
         error=lambda K: _excess(P, K, lower()),
         remarks=(
             "Where others are ahead: ours verifies the loop's stability and norm, and proves how far from the best it is;"
@@ -177,10 +180,3 @@ def _searched(P: control.StateSpace, ncon: int, job: int, tolerance: float, chan
     sizes = (Q.nstates, Q.ninputs, Q.noutputs, ncon, _NMEAS)
     found = slycot.sb10ad(*sizes, _START, *matrices, job, tolerance, 0.0)
     return control.ss(*found[1:5])
-
-
-def _hinfsyn(P: control.StateSpace, ncon: int, peer: Callable[[], HinfsynProcess]) -> Setting:
-    def ask(change: float) -> control.StateSpace:
-        return peer().ask(_changed(P, change), _NMEAS, ncon)
-
-    return Setting("control.hinfsyn", "as it is", ours=False, cold=ask)

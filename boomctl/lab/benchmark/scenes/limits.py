@@ -47,28 +47,19 @@ _SCHUR = 25  # n^3 operations of a real Schur form, Golub & Van Loan (2013), sec
 
 
 @dataclass(frozen=True)
-class Rates:
-    """What the machine does in a second, on one thread: operations, bytes to and from memory, complex exponentials."""
-
-    operations: float
-    bytes: float
-    exponentials: float
-
-
-@dataclass(frozen=True)
 class Work:
-    """What a method cannot do without."""
+    """Operations, bytes to and from memory, complex exponentials: those that a method needs, or that are done in a second."""
 
     operations: float
     bytes: float
     exponentials: float = 0.0
 
-    def seconds(self, rates: Rates) -> float:
-        """Return the least time that it takes [s]."""
+    def seconds(self, rates: "Work") -> float:
+        """Return the least time that it takes where so much is done in a second [s]."""
         computed = self.operations / rates.operations + self.exponentials / rates.exponentials
         return max(computed, self.bytes / rates.bytes)
 
-    def bound(self, rates: Rates) -> str:
+    def bound(self, rates: "Work") -> str:
         """Return what limits it."""
         arithmetic, traffic = self.operations / rates.operations, self.bytes / rates.bytes
         functions = self.exponentials / rates.exponentials
@@ -77,7 +68,7 @@ class Work:
         return "exponentials" if functions > arithmetic else "arithmetic"
 
 
-def machine_rates() -> Rates:
+def machine_rates() -> Work:
     """Measure what this machine does in a second on one thread."""
     A = np.random.default_rng(0).standard_normal((_DENSE, _DENSE))
     source, target = np.ones(_STREAM), np.empty(_STREAM)
@@ -89,7 +80,7 @@ def machine_rates() -> Rates:
 
     with one_thread():
         products, copies = taken(lambda: A @ A), taken(lambda: np.copyto(target, source))
-        return Rates(2.0 * _DENSE**3 / products, 16.0 * _STREAM / copies, _ROW / taken(lambda: np.exp(z, out=into)))
+        return Work(2.0 * _DENSE**3 / products, 16.0 * _STREAM / copies, _ROW / taken(lambda: np.exp(z, out=into)))
 
 
 def limits(extent: Extent) -> Scene:

@@ -128,16 +128,10 @@ def beam_loop(extent: Extent) -> Scene:
     def joined(change: float) -> Any:
         return of_beam.continuous_loop(made(change))
 
-    def response(loop: Any, method: str, tolerance: float) -> Array:
-        return of_beam.response(loop, time, method, tolerance)
-
-    def restarted(beam: AssumedModesBeam, method: str, tolerance: float) -> Array:
-        return of_beam.restarted(beam, time, tolerance, method)
-
     settings = (
         *map(ours, _TOLERANCES[extent]),
-        *_each(_CONTROL[extent], f"{_PEER}, {{}}", "continuous", joined, response),
-        *_each(_RESTARTED[extent], "solve_ivp {}, restarted", "sampled", made, restarted),
+        *_each(_CONTROL[extent], f"{_PEER}, {{}}", "continuous", joined, partial(of_beam.response, time=time)),
+        *_each(_RESTARTED[extent], "solve_ivp {}, restarted", "sampled", made, partial(of_beam.restarted, time=time)),
     )
     beam = made(0.0)
     return Scene(
@@ -176,13 +170,10 @@ def _each(
     name: str,
     which: str,
     made: Callable[[float], Any],
-    run: Callable[[Any, str, float], Array],
+    run: Callable[..., Array],
 ) -> Iterator[Setting]:
-    """Return the settings of some methods of an integrator, each at some relative tolerances."""
+    """Return the settings of some methods of an integrator, each at some relative tolerances; ``run`` has them by name."""
     for method, tolerances in methods:
         for tolerance in tolerances:
-
-            def ask(loop: Any, method: str = method, tolerance: float = tolerance) -> Array:
-                return run(loop, method, tolerance)
-
+            ask = partial(run, method=method, tolerance=tolerance)
             yield _setting(name.format(method), f"rtol {tolerance:.0e}", which, made, ask)

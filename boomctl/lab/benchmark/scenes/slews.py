@@ -90,15 +90,6 @@ def least_effort(extent: Extent) -> Scene:
     def error(history: TorqueHistory) -> float:
         return max(abs(history.effort / least() - 1.0), referee.miss(history), _SAME)
 
-    def settings() -> Iterator[Setting]:
-        for intervals in _OURS[extent]:
-            yield _planned(plan, intervals)
-        for mapped, intervals, substeps in _OPTI[extent]:
-            yield _shot(plan, mapped, intervals, substeps, fastest=False)
-        if there("rockit"):
-            for intervals in _ROCKIT[extent]:
-                yield _rocket(plan, intervals, fastest=False)
-
     return Scene(
         key="slew-effort",
         title=f"Slew of least effort: a quarter turn in {plan.duration:g} s, SFOAM, {plan.modes} modes",
@@ -106,7 +97,7 @@ def least_effort(extent: Extent) -> Scene:
         measure="The larger of the effort's distance from the least effort of any torque, relative, and the error of the end:"
         " of the hub's angle [rad], its speed [rad/s] or the tip [m], in a replay to rounding. The least effort is"
         " extrapolated from Opti's on fine meshes.",
-        settings=tuple(settings()),
+        settings=(*(_planned(plan, n) for n in _OURS[extent]), *_peers(plan, extent, fastest=False)),
         error=error,
         missing=missing(rockit="rockit"),
         remarks=(
@@ -122,17 +113,9 @@ def least_effort(extent: Extent) -> Scene:
     )
 
 
-def fastest(extent: Extent) -> Scene:
-    """Return the scene of least time."""
-    return _fastest("slew-time", extent, _MODES[extent])
-
-
-def fastest_of_one_mode(extent: Extent) -> Scene:
-    """Return the scene of least time with one mode, where building and first calls are most of the time."""
-    return _fastest("slew-time-one-mode", extent, 1)
-
-
-def _fastest(key: str, extent: Extent, modes: int) -> Scene:
+def fastest(key: str, extent: Extent) -> Scene:
+    """Return the scene of least time; that of one mode, where building and first calls are most of the time, ends so."""
+    modes = 1 if key.endswith("one-mode") else _MODES[extent]
     plan = _Plan(modes, _DURATION["quick"])
     referee = Referee(plan.effort(_REFERENCE["quick"]))  # where to start from is all that the mesh decides
     least = cache(referee.least_time)
@@ -140,23 +123,14 @@ def _fastest(key: str, extent: Extent, modes: int) -> Scene:
     def error(history: TorqueHistory) -> float:
         return max(abs(history.duration / least() - 1.0), referee.miss(history), _SAME)
 
-    def settings() -> Iterator[Setting]:
-        for tolerance in _TOLERANCES[extent]:
-            yield Setting(
-                "optimal_slew, switching times",
-                f"tolerance {tolerance:.0e}",
-                ours=True,
-                cold=lambda change, tolerance=tolerance: (
-                    optimal_slew(plan.beam(change), _ANGLE, _LIMIT, tolerance=tolerance).history
-                ),
-                call=f"bc.optimal_slew(beam, {_ANGLE:.4f}, {_LIMIT:g}, tolerance={tolerance:.0e})",
-            )
-        for mapped, intervals, substeps in _OPTI[extent]:
-            if mapped:
-                yield _shot(plan, mapped, intervals, substeps, fastest=True)
-        if there("rockit"):
-            for intervals in _ROCKIT[extent]:
-                yield _rocket(plan, intervals, fastest=True)
+    def switched(tolerance: float) -> Setting:
+        return Setting(
+            "optimal_slew, switching times",
+            f"tolerance {tolerance:.0e}",
+            ours=True,
+            cold=lambda change: optimal_slew(plan.beam(change), _ANGLE, _LIMIT, tolerance=tolerance).history,
+            call=f"bc.optimal_slew(beam, {_ANGLE:.4f}, {_LIMIT:g}, tolerance={tolerance:.0e})",
+        )
 
     return Scene(
         key=key,
@@ -165,7 +139,7 @@ def _fastest(key: str, extent: Extent, modes: int) -> Scene:
         measure="The larger of the duration's distance from the least time, relative, and the error of the end: of the hub's"
         " angle [rad], its speed [rad/s] or the tip [m], in a replay to rounding. The least time is that of switching times"
         " found from Opti's by extrapolated motions.",
-        settings=tuple(settings()),
+        settings=(*map(switched, _TOLERANCES[extent]), *_peers(plan, extent, fastest=True)),
         error=error,
         missing=missing(rockit="rockit"),
         remarks=(
@@ -266,6 +240,15 @@ def _planned(made: _Plan, intervals: int) -> Setting:
         prepare=lambda: plan(0.0, _NEAR * _ANGLE),
         call=f'bc.optimal_slew(beam, {_ANGLE:.4f}, {_LIMIT:g}, "effort", {made.duration:g}, intervals={intervals})',
     )
+
+
+def _peers(plan: _Plan, extent: Extent, fastest: bool) -> Iterator[Setting]:
+    for mapped, intervals, substeps in _OPTI[extent]:
+        if mapped or not fastest:
+            yield _shot(plan, mapped, intervals, substeps, fastest)
+    if there("rockit"):
+        for intervals in _ROCKIT[extent]:
+            yield _rocket(plan, intervals, fastest)
 
 
 def _shot(plan: _Plan, mapped: bool, intervals: int, substeps: int, fastest: bool) -> Setting:

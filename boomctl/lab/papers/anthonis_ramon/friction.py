@@ -176,12 +176,11 @@ def friction_study(
         balance = describing_function(model, law, omega, "actuator_sym", size, outputs="tip_sym")
         swept = swept_sine(model, law, sines, "actuator_sym", size, outputs="tip_sym")
         readings.append(FrictionReading(name, viscous * p.cradle_damping, share * force, balance, swept))
-    stuck = np.abs(_held(H))
     return BoomFriction(
         omega=omega,
         jolt=np.abs(H[0, 0]),
         yaw=yaw,
-        stuck=stuck,
+        stuck=np.abs(H[0, 0] - H[0, 1] * H[1, 0] / H[1, 1]),  # the slip held at zero
         readings=tuple(readings),
         amplitude=float(amplitude),
         force=force,
@@ -202,11 +201,6 @@ def _sines(count: int) -> Array:
     """Return the frequencies simulated, a third of them in the band of the mismatch."""
     wide, band = np.geomspace(*_SPAN_HZ, count - count // 3), np.linspace(*BAND_HZ, count // 3)
     return 2.0 * np.pi * np.unique(np.concatenate([wide, band]))
-
-
-def _held(H: Array) -> Array:
-    """Return the response with the slip held at zero."""
-    return H[0, 0] - H[0, 1] * H[1, 0] / H[1, 1]
 
 
 def friction_section(study: BoomFriction, picture: Picture) -> Section:

@@ -3,6 +3,8 @@
 from dataclasses import dataclass, field
 from typing import Literal
 
+import numpy as np
+
 from boomctl.arrays import Array
 
 MET = "met"
@@ -134,6 +136,11 @@ class Part:
     charts: tuple[Chart, ...] = ()
     comparisons: tuple[Comparison, ...] = ()
     claims: tuple[Claim, ...] = ()
+
+
+def peak(values: Array) -> float:
+    """Return the largest size of a curve."""
+    return float(np.max(np.abs(values)))
 
 
 def compare(

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from dataclasses import asdict
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -16,9 +16,6 @@ from boomctl.report import Picture, Report, Section, Table
 from boomctl.rotating_beam.exact.beam import GeometricallyExactBeam
 from boomctl.rotating_beam.manoeuvres import sine_torque
 from boomctl.rotating_beam.parameters import HubBeamParameters
-
-if TYPE_CHECKING:
-    from boomctl.plotting.rotating_beam import Film
 
 PARTS: dict[str, Callable[[], Part]] = {
     "Table 2": frequencies.table_2,
@@ -89,10 +86,15 @@ def _drawn_parts(names: tuple[str, ...]) -> dict[str, tuple[Part, Section]]:
 
 
 def _film_section() -> Section:
-    from boomctl.plotting.rotating_beam import film_bytes
+    """Film a slew of the exact beam by one period of a sine torque of 200 N m, and the vibration left after it."""
+    from boomctl.plotting.rotating_beam import Film, film_bytes
 
-    film = Picture("slew", "Geometrically exact beam, drawn to scale, real time", {"gif": film_bytes(_film())})
-    return Section("A slew", pictures=(film,))
+    beam = GeometricallyExactBeam(HubBeamParameters(), 6)
+    time = np.arange(141) / 10.0
+    states = beam.simulate(sine_torque(200.0, 10.0, 10.0), time, rtol=1e-6).states
+    film = Film(time, (("exact", beam.shape(states)),), beam.parameters.hub_radius, "slew, 200 N m")
+    caption = "Geometrically exact beam, drawn to scale, real time"
+    return Section("A slew", pictures=(Picture("slew", caption, {"gif": film_bytes(film)}),))
 
 
 def _section(part: Part) -> Section:
@@ -160,13 +162,3 @@ def _curves(chart: Chart) -> dict[str, object]:
 def _thin(values: Array) -> list[float]:
     step = max(1, (len(values) - 1) // (_CURVE_POINTS - 1))
     return [float(f"{value:.6g}") for value in np.asarray(values, dtype=float)[::step]]
-
-
-def _film() -> "Film":
-    """Film a slew of the exact beam by one period of a sine torque of 200 N m, and the vibration left after it."""
-    beam = GeometricallyExactBeam(HubBeamParameters(), 6)
-    time = np.arange(141) / 10.0
-    states = beam.simulate(sine_torque(200.0, 10.0, 10.0), time, rtol=1e-6).states
-    from boomctl.plotting.rotating_beam import Film
-
-    return Film(time, (("exact", beam.shape(states)),), beam.parameters.hub_radius, "slew, 200 N m")

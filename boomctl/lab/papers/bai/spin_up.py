@@ -5,7 +5,7 @@ from functools import cache
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.lab.papers.bai.comparison import MODEL_COLOURS, Chart, Comparison, Line, Panel, Part, compare, judge
+from boomctl.lab.papers.bai.comparison import MODEL_COLOURS, Chart, Comparison, Line, Panel, Part, compare, judge, peak
 from boomctl.rotating_beam.assumed_modes import AssumedModesBeam
 from boomctl.rotating_beam.factory import hub_beam
 from boomctl.rotating_beam.manoeuvres import spin_up
@@ -40,7 +40,7 @@ def neglected_terms() -> Part:
     bending = np.column_stack([np.zeros(len(y)), inertia.solve_beam(-pull)])
     rest = first.residual(y, rate, bending)[:, 1:] - full.residual(y, rate, bending)[:, 1:]
     hub = full.inertia_torque(y, rate) - first.inertia_torque(y, rate)
-    v, u = (_peak(row) for row in (full.tip.transverse, full.tip.axial))
+    v, u = (peak(row) for row in (full.tip.transverse, full.tip.axial))
     curves = (
         ("(a) inertia, Eq. (35)", r"$\Delta M_{\theta\theta}$ [$10^{-6}$ kg m$^2$]", 1e6 * (inertia.hub - plain.hub)),
         (
@@ -61,11 +61,11 @@ def neglected_terms() -> Part:
         columns=2,
     )
     late = TIME > DURATION
-    shares = [float(np.max(np.abs(y[late])) / np.max(np.abs(y))) for _, _, y in curves[:5]]
+    shares = [peak(y[late]) / peak(y) for _, _, y in curves[:5]]
     claim = judge(
         "Fig. 3",
         "the neglected terms are small and tend to zero after 30 s",
-        f"at most {max(shares):.2g} of their peaks after 30 s; |ΔM_θθ| <= {1e-6 * _peak(curves[0][2]):.1e} kg m²",
+        f"at most {max(shares):.2g} of their peaks after 30 s; |ΔM_θθ| <= {1e-6 * peak(curves[0][2]):.1e} kg m²",
         max(shares) < 0.05,
         "Eqs. (35), (36), (38), (39) as mended: the print has wrong signs and factors, and misses terms",
         corrected=True,
@@ -90,7 +90,7 @@ def cfoam_and_foam() -> Part:
             ),
         ),
     )
-    gap = _peak(tips["CFOAM"] - tips["FOAM"]) / _peak(tips["FOAM"])
+    gap = peak(tips["CFOAM"] - tips["FOAM"]) / peak(tips["FOAM"])
     claim = judge(
         "Fig. 4",
         "the displacements of CFOAM and FOAM are exactly the same at 3 rad/s",
@@ -106,7 +106,7 @@ def foam_and_tlam() -> Part:
     foam, tlam = ({w: _run(model, w) for w in (2.0, 2.8, 3.0)} for model in ("foam", "tlam"))
     panels = tuple(panel for i, w in enumerate(foam) for panel in _pair(i + 1, w, tlam[w], foam[w]))
     chart = Chart("fig-05", "Fig. 5. TLAM and FOAM: the tip during and after spin-up in 30 s", panels, columns=2)
-    until, far, near = tlam[3.0].small_deformation_until, *(_peak(r[3.0].tip_displacement) for r in (tlam, foam))
+    until, far, near = tlam[3.0].small_deformation_until, *(peak(r[3.0].tip_displacement) for r in (tlam, foam))
     claim = judge(
         "Fig. 5",
         "the response of TLAM diverges at 3 rad/s, that of FOAM does not",
@@ -143,15 +143,15 @@ def _pair(row: int, speed: float, tlam: SimulationResult, foam: SimulationResult
 
 def _deflections(tlam: SimulationResult, foam: SimulationResult) -> tuple[Comparison, ...]:
     """Largest and residual deflections at 2.8 rad/s."""
-    exact = _peak(_run("geometrically-exact", 2.8).tip_displacement)
-    rest = [_peak(r.tip_displacement[TIME > DURATION]) for r in (tlam, foam)]
+    exact = peak(_run("geometrically-exact", 2.8).tip_displacement)
+    rest = [peak(r.tip_displacement[TIME > DURATION]) for r in (tlam, foam)]
     rows = (
-        ("largest tip deflection of TLAM, 2.8 rad/s", "m", 0.49, _peak(tlam.tip_displacement), ""),
+        ("largest tip deflection of TLAM, 2.8 rad/s", "m", 0.49, peak(tlam.tip_displacement), ""),
         (
             "largest tip deflection of FOAM, 2.8 rad/s",
             "m",
             0.22,
-            _peak(foam.tip_displacement),
+            peak(foam.tip_displacement),
             f"the exact beam gives {exact:.4f}",
         ),
         (
@@ -174,7 +174,7 @@ def mode_by_mode() -> Part:
     tip = AssumedModesBeam(HubBeamParameters(), "foam", 5).equations.tip
     q = result.states[:, 1:11]
     axial, transverse = q[:, :5] * tip.axial[:5], q[:, 5:] * tip.transverse[5:]
-    ratio = _peak(result.tip_displacement) / _peak(result.axial_tip_displacement)
+    ratio = peak(result.tip_displacement) / peak(result.axial_tip_displacement)
     peaks = np.max(np.abs(transverse), axis=0)
     comparison = compare(
         "Fig. 6",
@@ -188,7 +188,7 @@ def mode_by_mode() -> Part:
     claim = judge(
         "Fig. 6",
         "the first two transverse modes dominate",
-        "peaks " + ", ".join(f"{1e3 * peak:.3g}" for peak in peaks) + " mm",
+        "peaks " + ", ".join(f"{1e3 * each:.3g}" for each in peaks) + " mm",
         bool(peaks[:2].sum() > 20.0 * peaks[2:].sum()),
         "one mode alone gives the tip to a few per cent: panel (d)",
     )
@@ -225,8 +225,7 @@ def tip_mass() -> Part:
     """Fig. 10, at 2 rad/s: above the critical speed of TLAM with 0.5 kg, below that with 0.1 kg or none."""
     tlam, foam = ({mass: _run(model, 2.0, mass=mass) for mass in MASSES} for model in ("tlam", "foam"))
     left = tlam[0.5].small_deformation_until
-    gap = float(np.max(np.abs(tlam[0.0].tip_displacement - foam[0.0].tip_displacement)))
-    share = gap / float(np.max(np.abs(foam[0.0].tip_displacement)))
+    share = peak(tlam[0.0].tip_displacement - foam[0.0].tip_displacement) / peak(foam[0.0].tip_displacement)
     at_ten = {mass: _first("foam", mass, 10.0) for mass in MASSES}
     claims = (
         judge(
@@ -302,7 +301,3 @@ def _modes(shares: Array) -> tuple[Line, ...]:
 def _lines(curves: dict[str, Array]) -> tuple[Line, ...]:
     styles = {"FOAM": "--", "exact": ":"}
     return tuple(Line(name, TIME, y, styles.get(name, "-"), MODEL_COLOURS[name]) for name, y in curves.items())
-
-
-def _peak(values: Array) -> float:
-    return float(np.max(np.abs(values)))

@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.lab.papers.bai.comparison import MODEL_COLOURS, Chart, Comparison, Line, Panel, Part, compare, judge
+from boomctl.lab.papers.bai.comparison import MODEL_COLOURS, Chart, Comparison, Line, Panel, Part, compare, judge, peak
 from boomctl.rotating_beam.factory import hub_beam
 from boomctl.rotating_beam.manoeuvres import sine_torque
 from boomctl.rotating_beam.parameters import HubBeamParameters
@@ -43,7 +43,7 @@ def _driven(model: str, amplitude: float, modes: int, tip_mass: float) -> Simula
 def inertia_torque() -> Part:
     """Fig. 7 and Table 3: the term Q_theta that SFOAM leaves out."""
     foam = {amplitude: _run("foam", amplitude) for amplitude in INERTIA_TORQUES}
-    largest = {amplitude: float(np.max(np.abs(r.inertia_torque))) for amplitude, r in foam.items()}
+    largest = {amplitude: peak(r.inertia_torque) for amplitude, r in foam.items()}
     share = compare(
         "section 4.3",
         "largest Q_theta over torque, 400 N m",
@@ -125,8 +125,8 @@ def _why(amplitude: float) -> str:
             amplitude, ""
         )
     tried = {(name, n): _run(name, 400.0, n) for name in ("foam", "cfoam", "sfoam") for n in (1, 5)}
-    values = [float(np.max(np.abs(r.inertia_torque))) for r in tried.values()]
-    heavy = float(np.max(np.abs(_run("foam", 400.0, 5, tip_mass=0.1).inertia_torque)))
+    values = [peak(r.inertia_torque) for r in tried.values()]
+    heavy = peak(_run("foam", 400.0, 5, tip_mass=0.1).inertia_torque)
     return (
         f"FOAM, CFOAM and SFOAM with 1 and 5 modes give {min(values):.2f} to {max(values):.2f}; "
         f"with the 0.1 kg of Table 1, {heavy:.2f}"
@@ -199,7 +199,8 @@ def _fig_8(runs: dict[float, dict[str, SimulationResult]]) -> Chart:
     panels = []
     for letter, (amplitude, by_model) in zip("ab", runs.items(), strict=True):
         foam = by_model["FOAM"].tip_displacement
-        curves = {name: (r.tip_displacement, *_look(name)) for name, r in by_model.items()}
+        looks = {name: (FIG_8_MODELS[name][2], MODEL_COLOURS.get(name, MODEL_COLOURS["CFOAM"])) for name in by_model}
+        curves = {name: (r.tip_displacement, *looks[name]) for name, r in by_model.items()}
         lines = tuple(Line(name, TIME, tip, style, colour) for name, (tip, style, colour) in curves.items())
         apart = tuple(
             Line(name, TIME, 1e3 * (tip - foam), "-", colour)
@@ -243,10 +244,5 @@ def _lead_and_loss(runs: dict[str, SimulationResult]) -> tuple[Comparison, ...]:
     )
 
 
-def _look(name: str) -> tuple[str, str]:
-    return FIG_8_MODELS[name][2], MODEL_COLOURS.get(name, MODEL_COLOURS["CFOAM"])
-
-
 def _gap(one: SimulationResult, other: SimulationResult) -> float:
-    gap = np.max(np.abs(one.tip_displacement - other.tip_displacement))
-    return float(gap / np.max(np.abs(other.tip_displacement)))
+    return peak(one.tip_displacement - other.tip_displacement) / peak(other.tip_displacement)

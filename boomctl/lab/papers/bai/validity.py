@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.lab.papers.bai.comparison import ADDED, MODEL_COLOURS, Chart, Claim, Line, Panel, Part
+from boomctl.lab.papers.bai.comparison import ADDED, MODEL_COLOURS, Chart, Claim, Line, Panel, Part, peak
 from boomctl.rotating_beam.factory import hub_beam
 from boomctl.rotating_beam.manoeuvres import sine_torque
 from boomctl.rotating_beam.parameters import HubBeamParameters
@@ -71,9 +71,7 @@ def _tip(model: str, torque: float) -> Array:
 
 
 def _error(tip: Array, true: Array) -> float:
-    if not np.all(np.isfinite(tip)):
-        return float("inf")
-    return float(np.max(np.abs(tip - true)) / np.max(np.abs(true)))
+    return peak(tip - true) / peak(true) if np.isfinite(tip).all() else float("inf")
 
 
 def leaves(torques: Array, errors: Array, threshold: float) -> float:
@@ -131,21 +129,18 @@ def section(data: Validity) -> Part:
         (panel("(a) whole motion, 30 s", data.whole), panel("(b) residual vibration, 10 to 30 s", data.residual)),
         columns=2,
     )
+    kinds = (("whole motion", data.whole), ("residual vibration", data.residual))
     claims = tuple(
         Claim(
             "validity",
             f"{label} against the geometrically exact beam",
-            "; ".join(f"{name}: leaves " + _limits(data.torques, errors[label]) for name, errors in _kinds(data)),
+            "; ".join(f"{name}: leaves " + _limits(data.torques, errors[label]) for name, errors in kinds),
             ADDED,
             "error of the tip displacement over its peak",
         )
         for label in data.whole
     )
     return Part("Where each model stops being true", (chart,), claims=claims)
-
-
-def _kinds(data: Validity) -> tuple[tuple[str, dict[str, Array]], ...]:
-    return ("whole motion", data.whole), ("residual vibration", data.residual)
 
 
 def _limits(torques: Array, errors: Array) -> str:
