@@ -49,10 +49,7 @@ def continuous_image(system: Lti) -> Lti:
     """
     if system.dt == 0.0:
         return system
-    g, n = 2.0 / system.dt, len(system.A)
-    if not n:
-        return Lti(system.A, system.B, system.C, system.D, system.inputs, system.outputs, system.states)
-    eye = np.eye(n)
+    g, eye = 2.0 / system.dt, np.eye(len(system.A))
     inverse = _inverse(system.A + eye, "system: it has a pole at z = -1, and so no image in continuous time")
     A = g * (inverse @ (system.A - eye))
     B, C = inverse @ system.B, system.C @ inverse
@@ -74,10 +71,7 @@ def discrete_image(system: Lti, dt: float) -> Lti:
     """
     if dt == 0.0:
         return system
-    g, n = 2.0 / dt, len(system.A)
-    if not n:
-        return Lti(system.A, system.B, system.C, system.D, system.inputs, system.outputs, system.states, dt)
-    eye = np.eye(n)
+    g, eye = 2.0 / dt, np.eye(len(system.A))
     inverse = _inverse(eye - system.A / g, f"system: it has a pole at 2/dt = {g:.6g} rad/s, and so no image")
     B, C, side = inverse @ system.B, system.C @ inverse, np.sqrt(2.0 / g)
     moved = eye + system.A / g
@@ -88,6 +82,8 @@ def discrete_image(system: Lti, dt: float) -> Lti:
 
 
 def _inverse(matrix: Array, refusal: str) -> Array:
+    if not len(matrix):
+        return matrix
     balanced, scale = balance(matrix)
     values = linalg.svdvals(balanced)
     if values[-1] <= _SINGULAR * values[0]:

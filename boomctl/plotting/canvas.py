@@ -190,8 +190,15 @@ def in_rows(count: int) -> tuple[int, int, Divide]:
     return columns, rows, divide
 
 
-def over_time(axes: Array) -> None:
-    """Finish panels one below the other over time."""
+def divided(rows: int, columns: int, **options: Any) -> Divide:
+    """Return what divides a figure into axes in rows and columns, as matplotlib's ``subplots`` takes them."""
+    return lambda figure: np.ravel(figure.subplots(rows, columns, **options))
+
+
+def over_time(axes: Array, labels: Iterable[str], margin: float = 0.0) -> None:
+    """Finish panels one below the other over time, of which a share is left free at both ends, each with its label."""
+    for each, label in zip(axes, labels, strict=True):
+        each.set(ylabel=label, xmargin=margin)
     axes[-1].set_xlabel("time [s]")
     axes[0].figure.align_ylabels(list(axes))
 

@@ -1,15 +1,14 @@
 """Pictures over frequency of what designs are judged by: reductions, recovered loops, sines with friction."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import FigureBase
 
 from boomctl.arrays import Array
 from boomctl.lti.rounding import VISIBLE
-from boomctl.plotting.canvas import COLOURS, UNITS, few_labels, frequency_axis, legend, line_look, panels
+from boomctl.plotting.canvas import COLOURS, UNITS, divided, few_labels, frequency_axis, legend, line_look, panels
 
 if TYPE_CHECKING:
     from boomctl.analysis.sigma import SigmaResult
@@ -85,11 +84,7 @@ def plot_recovery(result: "RecoveryResult", ax: Any = None, *, unit: str | None 
     -------
     (2,) ndarray of matplotlib Axes
     """
-
-    def divide(figure: FigureBase) -> Iterable[Axes]:
-        return figure.subplots(1, 2, width_ratios=(1.4, 1.0))
-
-    with panels(ax, ("loops", "gaps"), (9.0, 3.6), divide) as axes:
+    with panels(ax, ("loops", "gaps"), (9.0, 3.6), divided(1, 2, width_ratios=(1.4, 1.0))) as axes:
         left, right = axes
         x = result.omega / frequency_axis(left, unit)
         for name, lines, default in (

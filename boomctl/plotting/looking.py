@@ -172,14 +172,12 @@ def plot_transient(result: "TransientResult", ax: Any = None, **style: Any) -> A
     """
     with panels(ax, result.outputs, (6.4, 1.2 + 1.7 * len(result.outputs))) as axes:
         steps = [f"{result.kind} of {name}" for name in result.inputs]
-        for each, output, rows in zip(axes, result.outputs, result.values, strict=True):
+        for each, rows in zip(axes, result.values, strict=True):
             for look, row in zip(_looks(style, steps, linewidth=1.0), rows, strict=True):
                 draw = each.step if result.dt else each.plot
                 draw(result.time, row, **(look | ({"where": "post"} if result.dt else {})))
-            each.set_ylabel(output)
-            each.set_xmargin(0.0)
         legend(axes[0], "above", 2)
-        over_time(axes)
+        over_time(axes, result.outputs)
     return axes
 
 
@@ -287,9 +285,7 @@ def plot_comparison(what: str, drawn: dict[str, Any], ax: Any = None, *, signals
             for each, signal in zip(axes, chosen, strict=True):
                 for (values, time), look in zip(drawn.values(), _looks(style, drawn, True, linewidth=1.0), strict=True):
                     each.plot(time, values[signal], **look)
-                each.set_ylabel(signal)
-                each.set_xmargin(0.0)
-            over_time(axes)
+            over_time(axes, chosen)
             legend(axes[0], "above", 4)
         return axes
     columns, rows, divide = in_rows(len(chosen))

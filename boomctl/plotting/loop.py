@@ -52,11 +52,12 @@ def plot_loop(
         groups.append(("friction", "friction [N]", {result.friction.input: result.friction.force}))
     if not groups:
         raise ValueError("outputs: expected at least one name, got none, and there is nothing else to draw")
-    with panels(ax, [title for _, title, _ in groups], (7.4, 1.2 + 1.7 * len(groups))) as axes:
-        for each, (kind, title, signals) in zip(axes, groups, strict=True):
+    labels = [label for _, label, _ in groups]
+    with panels(ax, labels, (7.4, 1.2 + 1.7 * len(groups))) as axes:
+        for each, (kind, _, signals) in zip(axes, groups, strict=True):
             _draw(each, result, kind, signals, style)
-            _finish(each, title)
-        over_time(axes)
+            legend(each, "right")
+        over_time(axes, labels)
     return axes
 
 
@@ -96,12 +97,6 @@ def _draw(ax: Any, result: "LoopResult", kind: str, signals: dict[str, Any], sty
         ax.set_ylim(min(low, -size), max(high, size))
 
 
-def _finish(ax: Any, title: str) -> None:
-    ax.set_xmargin(0.0)
-    ax.set_ylabel(title)
-    legend(ax, "right")
-
-
 def plot_forced_response(
     result: "ForcedResponse", ax: Any = None, *, outputs: str | Sequence[str] | None = None, **style: Any
 ) -> Array:
@@ -125,11 +120,12 @@ def plot_forced_response(
         *_panels("inputs", result.inputs, result.units),
         *_panels("outputs", _chosen(result.outputs, outputs), result.units),
     ]
-    with panels(ax, [title for _, title, _ in groups], (7.4, 1.2 + 1.7 * len(groups))) as axes:
-        for each, (_, title, signals) in zip(axes, groups, strict=True):
+    labels = [label for _, label, _ in groups]
+    with panels(ax, labels, (7.4, 1.2 + 1.7 * len(groups))) as axes:
+        for each, (_, _, signals) in zip(axes, groups, strict=True):
             for k, (name, values) in enumerate(signals.items()):
                 look = line_look(style, color=COLOURS[k % len(COLOURS)], linewidth=1.0, label=name)
                 each.plot(result.time, values, **look)
-            _finish(each, title)
-        over_time(axes)
+            legend(each, "right")
+        over_time(axes, labels)
     return axes

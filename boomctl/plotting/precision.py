@@ -8,7 +8,7 @@ from typing import Any
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullFormatter, ScalarFormatter
 
-from boomctl.plotting.canvas import COLOURS, common_legend, few_labels, panels
+from boomctl.plotting.canvas import COLOURS, common_legend, divided, few_labels, panels
 
 _MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "p", "h")  # as many as tell competitors of one colour apart
 _FLOOR = 1e-17  # where an error of zero is drawn: below what doubles tell
@@ -21,10 +21,7 @@ def plot_precision(diagram: Any, ax: Any = None) -> Any:
 
     Full lines are ours, dashed ones others'; the grey line is the front: nobody is both faster and more exact.
     """
-
-    def divide(figure: Any) -> Any:
-        return figure.subplots(1, 2, sharex=True, sharey=True)
-
+    divide = divided(1, 2, sharex=True, sharey=True)
     # a line of the legend, which stands below, for each four competitors
     with panels(ax, list(_WAYS), (10.5, 4.8 + 0.18 * (len(diagram.competitors) // 4)), divide) as axes:
         looks = _looks(diagram.competitors)
@@ -78,12 +75,8 @@ def _draw_front(ax: Any, places: list[tuple[float, float]]) -> None:
 
 def plot_sizes(diagrams: Mapping[str, Any], names: Sequence[str], ax: Any = None) -> Any:
     """Draw error over the number of unknowns of some competitors, one axes for each diagram; return the axes."""
-    width = 2.6 * len(diagrams) + 0.8
-
-    def divide(figure: Any) -> Any:
-        return figure.subplots(1, len(diagrams), sharex=True, sharey=True, squeeze=False)[0]
-
-    with panels(ax, list(diagrams), (width, 3.4), divide) as axes:
+    divide = divided(1, len(diagrams), sharex=True, sharey=True)
+    with panels(ax, list(diagrams), (2.6 * len(diagrams) + 0.8, 3.4), divide) as axes:
         for (title, diagram), drawn_on in zip(diagrams.items(), axes, strict=True):
             for name, colour, marker in zip(names, cycle(COLOURS), _MARKERS):
                 points = [p for p in diagram.competitors.get(name, ()) if p.size is not None and isfinite(p.error)]

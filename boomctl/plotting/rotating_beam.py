@@ -39,24 +39,22 @@ def plot_simulation(result: "SimulationResult", ax: Any = None, **style: Any) ->
     -------
     (4,) ndarray of matplotlib Axes
     """
-    rows = (
-        ("torque [N m]", result.torque),
-        ("hub angle [rad]", result.hub_angle),
-        ("hub speed [rad/s]", result.hub_speed),
-        ("tip displacement [m]", result.tip_displacement),
-    )
-    with panels(ax, [label for label, _ in rows], (7.0, 6.2)) as axes:
+    rows = {
+        "torque [N m]": result.torque,
+        "hub angle [rad]": result.hub_angle,
+        "hub speed [rad/s]": result.hub_speed,
+        "tip displacement [m]": result.tip_displacement,
+    }
+    with panels(ax, list(rows), (7.0, 6.2)) as axes:
         first, look = not axes[0].has_data(), line_look(style)
-        for each, (label, values) in zip(axes, rows, strict=True):
+        for each, values in zip(axes, rows.values(), strict=True):
             each.plot(result.time, values, **look)
-            each.set_ylabel(label)
-            each.set_xmargin(0.0)
         mark_large(axes[-1], result)
         if first:
             axes[0].set_title(f"Hub-beam, model {result.model}")
         if "label" in look:
             axes[0].legend()
-        over_time(axes)
+        over_time(axes, rows)
     return axes
 
 
@@ -165,11 +163,9 @@ def plot_spin_up_runs(result: Any, ax: Any = None, **style: Any) -> Array:
             axes[2].plot(run.time[late], 1e3 * tip[late], **look)
             axes[3].plot(run.time, torque, **look)
             largest = max(largest, 1e3 * float(np.abs(tip[late]).max()))
-        for each, name in zip(axes, panes, strict=True):
-            each.set_ylabel(name)
         axes[2].set_ylim(-_ENLARGED * largest, _ENLARGED * largest)
         axes[0].legend(loc="best")
-        over_time(axes)
+        over_time(axes, panes, axes[0].get_xmargin())
     return axes
 
 

@@ -11,7 +11,17 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 from boomctl.arrays import Array
 from boomctl.checks import known
-from boomctl.plotting.canvas import COLOURS, common_legend, labelled, line_look, new_figure, over_time, panels, style
+from boomctl.plotting.canvas import (
+    COLOURS,
+    common_legend,
+    divided,
+    labelled,
+    line_look,
+    new_figure,
+    over_time,
+    panels,
+    style,
+)
 from boomctl.plotting.rotating_beam import mark_large
 
 _SHAPES = "osDPXph*d<>"
@@ -57,14 +67,12 @@ def plot_slew(result: Any, ax: Any = None, **style: Any) -> Array:
                 each.plot(result.time, values, **look)
             if kind == "tip":
                 mark_large(each, result)
-            each.set_ylabel(labelled(*result._labels[kind]))
-            each.set_xmargin(_AROUND)
         if first:
             note = "; broken lines: limits" if limited else ""
             axes[0].set_title(f"{result.title.capitalize()}: {result.duration:.4g} s{note}")
         if "label" in look:
             axes[0].legend()
-        over_time(axes)
+        over_time(axes, [labelled(*result._labels[kind]) for kind, _, _ in curves], _AROUND)
     return axes
 
 
@@ -229,17 +237,16 @@ def plot_tracking(result: Any, ax: Any = None, **style: Any) -> Array:
         ("tip displacement [m]", result.reference_tip, result.open_tip_displacement, result.tip_displacement),
         ("torque [N m]", None, result.open_torque, result.torque),
     )
-    with panels(ax, [row[0] for row in rows], (7.0, 5.4)) as axes:
-        for each, (label, planned, free, closed) in zip(axes, rows, strict=True):
+    labels = [row[0] for row in rows]
+    with panels(ax, labels, (7.0, 5.4)) as axes:
+        for each, (_, planned, free, closed) in zip(axes, rows, strict=True):
             if planned is not None:
                 each.plot(result.time, planned, **line_look(style, color="0.6", linewidth=2.6, label="planned"))
             each.plot(result.time, free, **line_look(style, color=COLOURS[1], label="feedforward alone"))
             each.plot(result.time, closed, **line_look(style, color=COLOURS[0], label="with feedback"))
-            each.set_ylabel(label)
-            each.set_xmargin(0.0)
         axes[0].legend(loc="lower right")
         axes[0].set_title(f"The plan followed with a tip mass of {result.tip_mass:g} kg")
-        over_time(axes)
+        over_time(axes, labels)
     return axes
 
 
@@ -348,10 +355,7 @@ def plot_switching(curve: Any, ax: Any = None, **style: Any) -> Array:
     -------
     (2,) ndarray of matplotlib Axes
     """
-
-    def divide(figure: FigureBase) -> Iterable[Axes]:
-        return figure.subplots(2, 1, sharex=True, height_ratios=(1.6, 1.0))
-
+    divide = divided(2, 1, sharex=True, height_ratios=(1.6, 1.0))
     with panels(ax, ("switching function", "torque"), (7.0, 3.6), divide) as axes:
         upper, lower = axes
         for each in axes:
@@ -530,11 +534,7 @@ def plot_shaper(result: Any, ax: Any = None, **style: Any) -> Array:
     -------
     (2,) ndarray of matplotlib Axes
     """
-
-    def divide(figure: FigureBase) -> Iterable[Axes]:
-        return figure.subplots(1, 2)
-
-    with panels(ax, ("impulses", "vibration left"), (7.2, 3.0), divide) as axes:
+    with panels(ax, ("impulses", "vibration left"), (7.2, 3.0), divided(1, 2)) as axes:
         look = line_look(style, color=COLOURS[0], label=result.name)
         times, sizes = result.times, result.amplitudes
         axes[0].vlines(times, 0.0, sizes, color=look["color"], linewidth=1.4)

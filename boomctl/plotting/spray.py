@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import FigureBase
 from numpy.typing import ArrayLike
 
 from boomctl.arrays import Array
 from boomctl.checks import finite_array, positive, real
-from boomctl.plotting.canvas import COLOURS, legend, line_look, over_time, panels
+from boomctl.plotting.canvas import COLOURS, divided, legend, line_look, over_time, panels
 
 if TYPE_CHECKING:
     from boomctl.boom.motion import PlatformMotion
@@ -99,10 +97,7 @@ def draw_deposit(
     begin = None if start is None else real("start", start)
     colours = ListedColormap(list(_SHADES), over=_MORE)
     look: dict[str, Any] = {"cmap": colours, "norm": BoundaryNorm(_STEPS, len(_SHADES)), "rasterized": True, **style}
-
-    def divide(figure: FigureBase) -> Iterable[Axes]:
-        return np.atleast_1d(figure.subplots(len(results), 1, sharex=True, sharey=True))
-
+    divide = divided(len(results), 1, sharex=True, sharey=True)
     with panels(ax, list(results), (9.0, 1.2 + 1.75 * len(results)), divide) as axes:
         drawn: Any = None
         for each, (title, result) in zip(axes, results.items(), strict=True):
@@ -293,14 +288,10 @@ def plot_motion(motion: PlatformMotion, ax: Any = None, **style: Any) -> Array:
     """
     with panels(ax, ("jolt", "yaw"), (7.4, 4.0)) as axes:
         look = line_look(style, linewidth=1.0)
-        for each, values, label in zip(
-            axes, (1e3 * motion.jolt, 1e3 * motion.yaw), ("jolt, ahead [mm]", "yaw [mrad]"), strict=True
-        ):
+        for each, values in zip(axes, (1e3 * motion.jolt, 1e3 * motion.yaw), strict=True):
             each.plot(motion.time, values, **look)
-            each.set_ylabel(label)
-            each.set_xmargin(0.0)
         legend(axes[0])
-        over_time(axes)
+        over_time(axes, ("jolt, ahead [mm]", "yaw [mrad]"))
     return axes
 
 

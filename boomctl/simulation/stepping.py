@@ -202,9 +202,7 @@ def linear_loop(p: LoopProblem, maps: Step, late: tuple[int, float]) -> LinearLo
 
 def _grown(matrix: Array, rows: int, columns: int) -> Array:
     """Return a matrix with zeros below and behind it."""
-    found = np.zeros((rows, columns))
-    found[: matrix.shape[0], : matrix.shape[1]] = matrix
-    return found
+    return np.pad(matrix, ((0, rows - len(matrix)), (0, columns - matrix.shape[1])))
 
 
 def sampler(p: LoopProblem, log: ControlLog) -> Callable[[int, Array], None]:

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from boomctl.arrays import Array
+from boomctl.arrays import Array, blocks
 
 
 class Tangents(NamedTuple):
@@ -222,7 +222,5 @@ class Equations(ABC):
 
 def block_diagonal(first: Array, second: Array) -> Array:
     """Two square blocks, of the axial and the transverse coordinates, on a diagonal."""
-    n = first.shape[0]
-    result = np.zeros((n + second.shape[0], n + second.shape[0]))
-    result[:n, :n], result[n:, n:] = first, second
-    return result
+    across = np.zeros((len(first), len(second)))
+    return blocks([[first, across], [across.T, second]])
