@@ -16,7 +16,6 @@ with the modified Bessel function ``K1``: one for waves much longer than ``b``, 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
@@ -52,7 +51,6 @@ MOST_STEPS = 50_000_000  # of a track or a motion: 400 MB a signal (a choice)
 GROUND_LENGTH = 10_000.0  # m, after which a seed's ground repeats: 100 of the longest waves, 55 min at 3 m/s (a choice)
 _MOST_WAVES = 5_000_000  # of a ground, 500 to the metre: 160 MB of random numbers (a choice)
 _BLOCK = 2**15  # points of a track summed at once at least, so that phases keep their digits (a choice)
-_TAPERED = 4  # waves in a track with ends from which its density is read; longer ones the taper blurs by more than 7 %
 
 
 @dataclass(frozen=True, eq=False)
@@ -459,56 +457,3 @@ def bump_track(
     level = np.zeros_like(raised)
     left = raised if side != "right" else level
     return Track(spacing, left, raised if side != "left" else level, positive("width", width))
-
-
-def averaged_density(tracks: Sequence[Track], band: tuple[float, float], name: str = "tracks") -> tuple[Array, Array]:
-    """Return wave numbers and the one-sided density of random tracks, averaged over them and over near wave numbers.
-
-    Parameters
-    ----------
-    tracks : sequence of Track
-        Of equal length and step, all with ends or all going round; both sides count.
-    band : (float, float)
-        Of wave numbers [1/m].
-    name : str
-        Of the tracks, for messages.
-
-    Returns
-    -------
-    wave_number, density : (n,) ndarray
-        Means over a twelfth of an octave each, of the density times the squared wave number [1/m], [m^3].
-
-    Raises
-    ------
-    ValueError
-        No tracks; tracks that differ in length or step; none of their waves in the band.
-
-    Notes
-    -----
-    Tracks with ends, without their means, are tapered by Hann's window, which keeps the jump from end to beginning out of
-    the short waves; waves of which fewer than four fit into the track are left out, for the taper blurs them.
-    """
-    if not tracks:
-        raise ValueError(f"{name}: expected at least one")
-    if len({track.periodic for track in tracks}) > 1:
-        raise ValueError(f"{name}: expected tracks that all have ends or all go round")
-    sizes = sorted({(len(track.left), track.step) for track in tracks})
-    if len(sizes) > 1:
-        raise ValueError(f"{name}: expected equal numbers of points and steps, got {sizes[0]} and {sizes[1]}")
-    count, step = sizes[0]
-    sides = np.array([side for track in tracks for side in (track.left, track.right)])
-    n = np.fft.rfftfreq(count, step)[1:]
-    inside = (n >= band[0] * (1.0 - ALIKE)) & (n <= band[1] * (1.0 + ALIKE))
-    taper = np.ones(count)
-    if not tracks[0].periodic:
-        taper -= np.cos(2.0 * np.pi * np.arange(count) / count)
-        sides = sides - (sides @ taper)[:, None] / count
-        inside[: _TAPERED - 1] = False
-    density = 2.0 * step / (taper @ taper) * (np.abs(np.fft.rfft(sides * taper, axis=1)) ** 2).mean(axis=0)[1:]
-    if not inside.any():
-        raise ValueError(f"band = ({band[0]:g}, {band[1]:g}): the tracks have no wave in it ({n[0]:g} to {n[-1]:g} /m)")
-    n, level = n[inside], density[inside] * n[inside] ** 2
-    _, group = np.unique(np.floor(12.0 * np.log2(n / band[0]) + 1e-6), return_inverse=True)
-    members = np.bincount(group)
-    middle = np.exp(np.bincount(group, np.log(n)) / members)
-    return middle, np.bincount(group, level) / members / middle**2

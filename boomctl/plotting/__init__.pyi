@@ -42,7 +42,6 @@ from boomctl.plotting.slew import plot_tracking_study as plot_tracking_study
 from boomctl.plotting.slew import slew_film as slew_film
 from boomctl.plotting.spray import draw_deposit as draw_deposit
 from boomctl.plotting.spray import draw_motion as draw_motion
-from boomctl.plotting.spray import draw_track_density as draw_track_density
 from boomctl.plotting.spray import plot_density as plot_density
 from boomctl.plotting.spray import plot_deposit as plot_deposit
 from boomctl.plotting.spray import plot_motion as plot_motion

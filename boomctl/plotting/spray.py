@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -200,50 +200,6 @@ def draw_motion(
         for each in axes[1:] if largest > 0.0 else ():
             each.set_ylim(-1.25 * largest, 1.25 * largest)
         axes[-1].set_xlabel("time [s]")
-    return axes
-
-
-def draw_track_density(
-    tracks: Mapping[str, Sequence[Track]], band: tuple[float, float] = (0.01, 3.0), ax: Any = None, **style: Any
-) -> Any:
-    """Draw the density of tracks over the wave number, beside the line of their class.
-
-    Parameters
-    ----------
-    tracks : mapping of str to sequence of Track
-        Of equal length and step, by the letter of their class; densities are averaged over the tracks of a class and,
-        times the squared wave number, over a twelfth of an octave.  All have ends, and are tapered, or all go round.
-    band : (float, float)
-        Of wave numbers [1/m].
-    ax : matplotlib Axes or figure, optional
-        By default a new figure of pyplot.
-    **style
-        Of the tracks' curves, as matplotlib's lines take it.
-
-    Returns
-    -------
-    matplotlib Axes
-
-    Raises
-    ------
-    ValueError
-        A class without tracks; tracks that differ in length or step; none of their waves in the band.
-    """
-    from boomctl.boom.tracks import averaged_density, road_density
-
-    densities = {letter: averaged_density(several, band, f"tracks[{letter!r}]") for letter, several in tracks.items()}
-    with panels(ax, ("density",), (6.4, 4.4)) as (axes,):
-        line = np.geomspace(*band, 50)
-        points: dict[str, Any] = {"marker": ".", "linewidth": 0.7, "markersize": 3, "alpha": 0.8}
-        for i, (letter, drawn) in enumerate(densities.items()):
-            colour = COLOURS[i % len(COLOURS)]
-            axes.loglog(*drawn, **line_look(style, color=colour, **points))
-            axes.loglog(line, road_density(letter, line), color=colour, linewidth=1.6, label=f"class {letter}")
-        axes.loglog([], [], **line_look(style, color="#555555", label="tracks", **points))
-        axes.set_xlabel("wave number n [1/m]")
-        axes.set_ylabel("one-sided density G$_d$(n) [m³]")
-        axes.set_title("Random tracks beside ISO 8608")
-        axes.legend()
     return axes
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import boomctl as bc
-from boomctl.plotting import draw_deposit, draw_motion, draw_track_density, figure_bytes, figure_of
+from boomctl.plotting import draw_deposit, draw_motion, figure_bytes, figure_of
 
 X = bc.nozzle_positions()
 
@@ -54,17 +54,6 @@ def test_tips_are_drawn_over_the_time_of_the_platform():
     assert platform.get_xlim() == (2.0, 8.0)
 
 
-@pytest.mark.parametrize("periodic", [False, True])
-def test_densities_lie_on_the_line_of_their_class(periodic):
-    tracks = [bc.iso_track("C", 200.0, seed, periodic=periodic) for seed in range(6)]
-    figure = figure_of(draw_track_density, {"C": tracks})
-    points, line = figure.axes[0].get_lines()[:2]
-    expected = np.interp(np.log(points.get_xdata()), np.log(line.get_xdata()), np.log(line.get_ydata()))
-    off = np.log(points.get_ydata()) - expected
-    assert abs(off[-24:].mean()) < 0.05
-    assert np.abs(off[-24:]).max() < 0.5
-
-
 def test_still_tips_and_tips_that_do_not_fit():
     motion = bc.sine_sweep(0.2, 2.0, 10.0, 0.01)
     still = np.zeros((2, len(motion.time)))
@@ -80,22 +69,3 @@ def test_still_tips_and_tips_that_do_not_fit():
         draw_deposit({"even": sprayed(0.0)}, length=-1.0)
     with pytest.raises(TypeError, match="results: expected a mapping"):
         draw_deposit(sprayed(0.0))
-
-
-@pytest.mark.parametrize(
-    ("tracks", "band", "message"),
-    [
-        ([], (0.01, 3.0), r"tracks\['C'\]: expected at least one"),
-        ([bc.iso_track("C", 50.0), bc.iso_track("C", 60.0)], (0.01, 3.0), "expected equal numbers of points"),
-        (
-            [bc.iso_track("C", 50.0), bc.iso_track("C", 50.0, periodic=True)],
-            (0.01, 3.0),
-            "expected tracks that all have ends or all go round",
-        ),
-        ([bc.iso_track("C", 50.0)], (1e-4, 1e-3), "no wave in it"),
-        ([bc.iso_track("C", 50.0)], (0.01, 0.06), "no wave in it"),
-    ],
-)
-def test_tracks_whose_densities_cannot_be_averaged_are_refused(tracks, band, message):
-    with pytest.raises(ValueError, match=message):
-        draw_track_density({"C": tracks}, band)
