@@ -90,9 +90,6 @@ class RiccatiSolution:
         Poles of the loop that it closes.
     residual : float
         Residual of the equation, relative to the largest of its terms (Frobenius norms).
-    backward_error : float
-        Each entry of the residual relative to the sum of the sizes of the products in its row and column; unchanged
-        by other units of the states.  Large where some state hardly matters, which is no harm.
     cost_error : float
         Size of one more Newton step, each state scaled by its own cost: how much of the cost is in doubt.  Above 1e-4,
         or with a residual above 1e-6, no solution is returned.
@@ -106,7 +103,6 @@ class RiccatiSolution:
     gain: Array = field(repr=False)
     poles: Array = field(repr=False)
     residual: float
-    backward_error: float
     cost_error: float
     abscissa: float
     path: tuple[str, ...] = ()
@@ -270,26 +266,16 @@ def _certified(problem: RiccatiProblem, X: Array) -> tuple[RiccatiSolution, Arra
     """Return what is found about a solution, and the Newton step from there."""
     residual = problem.residual(X, extended=len(X) <= EXTENDED)
     terms = max(float(np.linalg.norm(term)) for term in (*problem.terms(X), problem.Q))
-    entry = _sizes(problem, X)
-    allowed = np.sqrt(np.outer(entry, entry))
     step, poles = newton_step(problem, X, residual)
     found = RiccatiSolution(
         X,
         problem.gain(X),
         poles,
         residual=float(np.linalg.norm(residual)) / max(terms, TINY),
-        backward_error=float((np.abs(residual) / np.maximum(allowed, TINY)).max(initial=0.0)),
         cost_error=np.inf if step is None else scaled_size(step, X),
         abscissa=_abscissa(poles),
     )
     return found, step
-
-
-def _sizes(problem: RiccatiProblem, X: Array) -> Array:
-    """Return the sums of the sizes of the products that make up each diagonal entry of the residual."""
-    F = np.abs(problem.gain(X))
-    stored = np.einsum("ji,ji->i", np.abs(problem.A), np.abs(X))
-    return 2.0 * stored + np.abs(np.diag(problem.Q)) + np.einsum("ji,jk,ki->i", F, np.abs(problem.R), F)
 
 
 def scaled_size(step: Array, X: Array) -> float:

@@ -53,7 +53,7 @@ def solution_of(problem: RiccatiProblem, what: str) -> RiccatiSolution:
         return solve(problem, what)
     n, m = problem.B.shape
     X, F, poles, inside = np.zeros((n, n)), np.zeros((m, n)), others, np.ix_(kept, kept)
-    found = RiccatiSolution(X, F, others, 0.0, 0.0, 0.0, -np.inf, ("zero: nothing is weighed",))
+    found = RiccatiSolution(X, F, others, 0.0, 0.0, -np.inf, ("zero: nothing is weighed",))
     if kept.any():
         part = replace(problem, A=problem.A[inside], B=problem.B[kept], Q=problem.Q[inside], N=problem.N[kept])
         found = solve(part, what)
@@ -169,13 +169,6 @@ def _certified(p: RiccatiProblem, X: Array, near: bool) -> tuple[RiccatiSolution
     kept, spent, crossed = moved.T @ X @ moved, F.T @ R @ F, N @ F
     residual = np.asarray(kept - X + Q + spent - crossed - crossed.T, dtype=float)
     terms = max(float(np.linalg.norm(np.asarray(term, dtype=float))) for term in (kept, X, Q, spent, crossed))
-    sums = [
-        np.einsum("ji,jk,ki->i", np.abs(moved), np.abs(X), np.abs(moved)),
-        np.abs(np.diag(X)),
-        np.diag(Q),
-        np.diag(spent),
-    ]
-    entry = np.asarray(np.sum(sums, axis=0), dtype=float)
     step = None
     if (sides(poles, p.dt) < 0).all():
         d = 1.0 / np.sqrt(np.where(np.diag(own) > 0.0, np.diag(own), 1.0)) if near else balance(closed)[1]
@@ -186,7 +179,6 @@ def _certified(p: RiccatiProblem, X: Array, near: bool) -> tuple[RiccatiSolution
         gain,
         poles,
         residual=float(np.linalg.norm(residual)) / max(terms, TINY),
-        backward_error=float((np.abs(residual) / np.maximum(np.sqrt(np.outer(entry, entry)), TINY)).max(initial=0.0)),
         cost_error=float("inf") if step is None else scaled_size(step, own),
         abscissa=float(rates_of(poles, p.dt).real.max()),
     )
