@@ -79,12 +79,6 @@ def _warn(outputs: Sequence[str], left: Array) -> None:
     warnings.warn(text, WindupWarning, stacklevel=5)
 
 
-def conditioning_gain(A: Array, B: Array, C: Array, D: Array, softening: float = 0.1) -> Array:
-    """Return the gain of :func:`conditioning_gains` for one controller whose controls all have limits."""
-    inputs, outputs = (tuple(f"{letter}{i}" for i in range(n)) for letter, n in (("y", B.shape[1]), ("u", len(C))))
-    return conditioning_gains((Lti(A, B, C, D, inputs, outputs),), np.ones(len(C), dtype=bool), softening)[0][0]
-
-
 def conditioning_gains(laws: Sequence[Lti], limited: Array, softening: float = 0.1) -> tuple[Array, bool]:
     """Return the gains through which the controls that were applied correct the controller's state.
 

@@ -15,7 +15,6 @@ from boomctl.lti.machine_modes import MachineModes
 from boomctl.lti.sampled import same_time
 from boomctl.lti.system import Lti, controller_of, of
 from boomctl.simulation.conditioning import bounded_correction, correction
-from boomctl.simulation.conditioning import conditioning_gain as conditioning_gain
 from boomctl.simulation.plant import ModalPlant
 
 if TYPE_CHECKING:

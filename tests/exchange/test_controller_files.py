@@ -144,7 +144,7 @@ def test_the_running_controller_is_that_of_simulate_loop():
         plant, K, {"push": 30.0 * np.sin(9.0 * t)}, t, sample_time=0.01, force_limit=0.6, rate_limit=20.0
     )
     assert run.saturation_share["suspension_0"] > 0.05
-    from boomctl.simulation.controller import conditioning_gain
+    from tests.simulation.cases import conditioning_gain
 
     own = of(K, any_time=True)
     running = RunningController(own, conditioning_gain(own.A, own.B, own.C, own.D), np.array([0.6]), np.array([0.2]))

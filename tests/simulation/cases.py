@@ -4,7 +4,16 @@ import control as ct
 import numpy as np
 from scipy import linalg
 
-__all__ = ["mass_on_spring", "random_controller", "random_plant", "stepped_loop"]
+from boomctl.lti.system import Lti
+from boomctl.simulation.conditioning import conditioning_gains
+
+__all__ = ["conditioning_gain", "mass_on_spring", "random_controller", "random_plant", "stepped_loop"]
+
+
+def conditioning_gain(A, B, C, D, softening=0.1):
+    """Return the gain of one controller whose controls all have limits."""
+    inputs, outputs = (tuple(f"{letter}{i}" for i in range(n)) for letter, n in (("y", B.shape[1]), ("u", len(C))))
+    return conditioning_gains((Lti(A, B, C, D, inputs, outputs),), np.ones(len(C), dtype=bool), softening)[0][0]
 
 
 def mass_on_spring(mass=1.0, stiffness=100.0, damping=0.0):

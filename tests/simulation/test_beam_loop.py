@@ -8,10 +8,10 @@ from hypothesis import strategies as st
 
 import boomctl as bc
 from boomctl.lab.benchmark.peers.beam_loop import ours, responded, restarted
-from boomctl.simulation.controller import conditioning_gain
 from tests.profiles import examples
 from tests.rotating_beam.strategies import parameters
 from tests.simulation.beam_reference import ATOL, accelerations, brute_force
+from tests.simulation.cases import conditioning_gain
 
 _TS = 0.02
 _MODELS = ("sfoam", "sfoam-consistent", "tlam", "foam")

@@ -14,8 +14,8 @@ from boomctl.exchange.c_code import RunningController
 from boomctl.lti.controllers.time_varying import TimeVaryingController
 from boomctl.lti.system import Lti
 from boomctl.simulation.conditioning import WindupWarning, bounded, conditioning_gains, correction, positive_definite
-from boomctl.simulation.controller import conditioning_gain
 from tests.profiles import examples
+from tests.simulation.cases import conditioning_gain
 from tests.strategies import seeds
 
 _TS = 0.01

@@ -8,11 +8,10 @@ from hypothesis import strategies as st
 
 import boomctl as bc
 from boomctl.simulation.blocks import run_fast
-from boomctl.simulation.controller import conditioning_gain
 from boomctl.simulation.loop import simulate_loop
 from boomctl.simulation.stepping import run_smooth
 from tests.profiles import examples
-from tests.simulation.cases import mass_on_spring, random_controller, random_plant, stepped_loop
+from tests.simulation.cases import conditioning_gain, mass_on_spring, random_controller, random_plant, stepped_loop
 from tests.strategies import seeds
 
 _H = 0.05

@@ -10,10 +10,10 @@ from hypothesis import strategies as st
 
 import boomctl as bc
 from boomctl.simulation import loop
-from boomctl.simulation.controller import conditioning_gain, sampled_controller
+from boomctl.simulation.controller import sampled_controller
 from tests.profiles import examples
 from tests.simulation.beam_reference import brute_force
-from tests.simulation.cases import random_plant
+from tests.simulation.cases import conditioning_gain, random_plant
 
 _TS = 0.02
 _SPEEDS = (0.0, 0.03, 0.5)
