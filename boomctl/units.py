@@ -31,16 +31,12 @@ def half_unit(unit: str, name: str) -> str:
 
 def gain_unit(units: Mapping[str, str], inputs: Sequence[str], outputs: Sequence[str]) -> str:
     """Return the unit of a gain between signals, ``"m/N"``: of several, all that there are; ``""`` where one is unknown."""
-    sides = [dict.fromkeys(plain_unit(units.get(name, "")) for name in names) for names in (outputs, inputs)]
+    plain = {name: unit.partition(" (")[0] for name, unit in units.items()}  # without the words of a half
+    sides = [dict.fromkeys(plain.get(name, "") for name in names) for names in (outputs, inputs)]
     if any("" in side for side in sides):
         return ""
     above, below = (" or ".join(side) for side in sides)
     return f"{above}/{below}" if above.isalnum() and below.isalnum() else f"{above} per {below}"
-
-
-def plain_unit(unit: str) -> str:
-    """Return a unit without the words of a half."""
-    return unit.partition(" (")[0]
 
 
 def warn_of_units(frequencies_hz: Array) -> None:

@@ -227,7 +227,9 @@ def fit(
         best, seen, size, freedom, ends, names, spread, each = _polished(problem, candidates[0], known_size, confidence)
     f = problem.at(best.modes)
     offset, shown = minimum(f, free_parameters, best.x, seen, size if size > 0.0 else 1.0)
-    limit = _quantile(confidence, freedom, known_size)
+    # so many standard deviations are within confidence: normal, or Student's t, which has none without freedom
+    degrees = np.inf if known_size is not None else freedom
+    limit = float(limits(confidence, np.array(degrees))) if degrees > 0 else np.inf
     same = best.cost + max(_AGREE * size**2, data.size * (_ENDED * data.scale) ** 2)
     within = [other for other in candidates if other.cost < best.cost + (limit * size) ** 2]
     low, high = np.array(ends).T
@@ -393,13 +395,6 @@ def _ends(profile: Profile, i: int, exact: bool) -> tuple[float, float]:
         x[i] = end
     low, high = (float(free.values(x)[i]) for x in at)
     return low, high
-
-
-def _quantile(confidence: float, freedom: int, known: float | None) -> float:
-    """Return how many standard deviations are within confidence: normal, or Student's t; infinite without freedom."""
-    if known is None and freedom == 0:
-        return np.inf
-    return float(limits(confidence, np.array(np.inf if known is not None else freedom)))
 
 
 def _chance(cost: float, freedom: int, known: float | None) -> tuple[float, float]:

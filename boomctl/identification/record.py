@@ -115,7 +115,8 @@ def band(band_hz: Any, top: float) -> tuple[float, float]:
 
 def _signals(what: str, given: Any, word: str) -> tuple[tuple[str, ...], list[Array]]:
     """Return names and records of signals: of one record or of a sequence of them, arrays or mappings."""
-    several = isinstance(given, (list, tuple)) and len(given) and all(_whole_record(each) for each in given)
+    whole = isinstance(given, (list, tuple)) and [isinstance(x, Mapping) or np.ndim(_bare(x)) == 2 for x in given]
+    several = whole and all(whole)
     found = [_one(what, each, word) for each in (given if several or np.ndim(_bare(given)) == 3 else [given])]
     if not found:
         raise ValueError(f"{what}: expected at least one record, got none")
@@ -126,10 +127,6 @@ def _signals(what: str, given: Any, word: str) -> tuple[tuple[str, ...], list[Ar
 
 def _bare(given: Any) -> Any:
     return given if isinstance(given, np.ndarray) else 0.0
-
-
-def _whole_record(given: Any) -> bool:
-    return isinstance(given, Mapping) or np.ndim(_bare(given)) == 2
 
 
 def _one(what: str, given: Any, word: str) -> tuple[tuple[str, ...], Array]:

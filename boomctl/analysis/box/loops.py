@@ -177,7 +177,7 @@ def _terms(family: Family, K: Lti, slope: Lti | None, axis: int) -> Terms:
         """Add one pencil less others."""
         more = parts[0]
         for part in parts[1:]:
-            more = _less(more, part)
+            more = LoopPencil(more.E - part.E, more.A - part.A)
         before = found.get(power := tuple(sorted(power)))
         found[power] = more if before is None else LoopPencil(before.E + more.E, before.A + more.A)
 
@@ -204,10 +204,6 @@ def _terms(family: Family, K: Lti, slope: Lti | None, axis: int) -> Terms:
         plain = SecondOrderModel.of(bare, centre.ports)
         add((axis,), closed_pencil(plain, slope), closed_pencil(plain, _combined((slope, slope), (1.0, -1.0))))
     return without(found, family.unfelt)
-
-
-def _less(one: LoopPencil, other: LoopPencil) -> LoopPencil:
-    return LoopPencil(one.E - other.E, one.A - other.A)
 
 
 def without(terms: Terms, positions: tuple[int, ...]) -> Terms:

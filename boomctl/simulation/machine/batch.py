@@ -9,7 +9,7 @@ import numpy as np
 from boomctl.arrays import Array
 from boomctl.progress import tell
 from boomctl.simulation.machine.buffered import Buffered
-from boomctl.simulation.machine.run import MachineLoop, StepSignals, loop_step, steps_for
+from boomctl.simulation.machine.run import MachineLoop, StepSignals, inputs_of, loop_step, steps_for
 
 _TOLD = 100  # samples after which it is told how far the runs are (a choice)
 _DOUBLINGS = 8  # of the first number of steps: what is not exact by then will not be (a choice)
@@ -103,13 +103,8 @@ def _run(batch: Batch, counts: tuple[int, ...]) -> tuple[Array, Array, Array] | 
     if batch.noise is not None:
         own[beside.noise] = n
     after = unit(s, own)[0]
-    u = ca.SX.zeros(len(p.machine.inputs))
-    for k, place in enumerate(p.disturbed):
-        u[int(place)] += own[beside.first.start + k]
     acting = (s if p.switch else after)[nz : nz + nu]  # just after the sample
-    for k, place in enumerate(c.driven):
-        u[int(place)] += acting[k]
-    outputs, margin = p.machine.read(s[:nz], u)
+    outputs, margin = p.machine.read(s[:nz], inputs_of(p.machine, p.acts, acting, own[beside.first]))
     kept = ca.vertcat(outputs[wanted], p.machine.judged(s[:nz]), acting, margin)
     every = Buffered(ca.Function("every", [s, w, d, n], [after, kept]).map(runs))
     signals = np.hstack([beside.signals(), beside.signals(at_end=True)[:, None]])

@@ -272,7 +272,7 @@ class StepSignals:
         return found[:, 0] if at_end else found
 
 
-def _inputs(m: MachineModes, acts: Acts, controls: casadi.SX, disturbances: casadi.SX) -> casadi.SX:
+def inputs_of(m: MachineModes, acts: Acts, controls: casadi.SX, disturbances: casadi.SX) -> casadi.SX:
     """Return all inputs of the machine; those that nothing moves are zeros, on which no operation is spent."""
     import casadi as ca
 
@@ -292,7 +292,7 @@ def _sample(p: MachineLoop, queue: int) -> casadi.Function:
     s, w = ca.SX.sym("s", nz + nu + queue * nu + len(c.A)), ca.SX.sym("w", beside.rows)
     z, acting, last = s[:nz], s[nz : nz + nu], s[nz + nu : nz + 2 * nu]
     state = s[nz + (queue + 1) * nu :]
-    y = p.machine.read(z, _inputs(p.machine, p.acts, acting, w[beside.first]))[0][c.measured.tolist()]
+    y = p.machine.read(z, inputs_of(p.machine, p.acts, acting, w[beside.first]))[0][c.measured.tolist()]
     y = y if p.added.noise is None else y + w[beside.noise]
     for k, quantum in enumerate(limits.quantum):
         if np.isfinite(quantum):
@@ -365,7 +365,7 @@ def _kept_advance(
     begin = 0.0
     for length, count, control in zip(segments, counts, (before, after)[-len(counts) :], strict=True):
         start, u, d0, d1 = (ca.SX.sym(name, n) for name, n in (("z", nz), ("u", nu), ("d0", nd), ("d1", nd)))
-        pushes = (_inputs(m, acts, u, d) for d in (d0, d1))
+        pushes = (inputs_of(m, acts, u, d) for d in (d0, d1))
         step = ca.Function(
             "step", [start, u, d0, d1], [exponential_step(m.rest, m.omega, length / count, start, *pushes)]
         )
@@ -392,7 +392,7 @@ def measured(p: MachineLoop, states: Array, controls: Array) -> Array:
 
     nz, nu, nd = len(p.start), len(p.controller.driven), len(p.disturbed)
     z, u, d = (ca.SX.sym(name, n) for name, n in (("z", nz), ("u", nu), ("d", nd)))
-    read = ca.Function("read", [z, u, d], list(p.machine.read.call([z, _inputs(p.machine, p.acts, u, d)])))
+    read = ca.Function("read", [z, u, d], list(p.machine.read.call([z, inputs_of(p.machine, p.acts, u, d)])))
     rows = p.W[p.disturbed][:, :: p.grid.per_point]
     outputs, margin = at_columns(read, states, controls, rows)
     beyond = np.flatnonzero(margin[0] <= 0.0)

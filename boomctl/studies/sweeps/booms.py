@@ -111,7 +111,8 @@ class SigmaStudy:
             Unknown parameters, or out of range; unknown signals; an infinite response.
         """
         models: list[SecondOrderModel] = [None] * len(points)  # type: ignore[list-item]
-        for k in sorted(range(len(points)), key=lambda k: _shape(points[k])):  # booms of one shape share what they can
+        shapes = [repr([point.get(name) for name in _SHAPE]) for point in points]
+        for k in sorted(range(len(points)), key=shapes.__getitem__):  # booms of one shape share what they can
             models[k] = self._model(points[k])
         curves: list[Array] = []
         for k in range(0, len(models), _TOGETHER):
@@ -133,10 +134,6 @@ class SigmaStudy:
         for model in models:
             found = sigma(model, self.omega)
             yield {"peak": found.peak, "peak_omega": found.peak_omega}
-
-
-def _shape(point: Mapping[str, Any]) -> str:
-    return repr([point.get(name) for name in _SHAPE])
 
 
 def _boom(**changes: Any) -> SecondOrderModel:
