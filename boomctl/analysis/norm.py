@@ -425,11 +425,15 @@ def _largest_beyond_rounding(given: System) -> tuple[float, float]:
     grid = resonance_grid(seen.poles[seen.poles.imag > 0.0], seen.low, seen.high)
     if system.dt != 0.0:
         grid = beside(grid)  # a pole that rounding alone keeps from the circle is often hit to the last digit
-    found = [_responded(given, omega) for omega in grid.tolist()]
-    values = singular_values(np.array([G for G, _ in found]).transpose(1, 2, 0))[0] - [doubt for _, doubt in found]
-    best = int(np.argmax(values))
-    static = largest_of(system.D)
-    return (float(values[best]), float(grid[best])) if values[best] >= static else (static, inf)
+    highest, best, at = singular_values(system.response(grid, quiet=True))[0], largest_of(system.D), inf
+    for k in highest.argsort()[::-1]:
+        if highest[k] <= best:
+            break
+        G, doubt = _responded(given, float(grid[k]))
+        value = largest_of(G) - doubt if doubt < inf else 0.0
+        if value > best:
+            best, at = value, float(grid[k])
+    return best, at
 
 
 def _responded(given: System, omega: float) -> tuple[Array, float]:
