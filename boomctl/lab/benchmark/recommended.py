@@ -156,8 +156,6 @@ def page_text(found: Sequence[Recommendation], machine: str) -> str:
             diagram.question,
             f"Error: {diagram.measure}",
             "",
-        ]
-        parts += [
             "| wanted | write | error | new parameters | model ready | memory | best other |",
             "|---|---|---|---|---|---|---|",
         ]

@@ -190,9 +190,9 @@ def _h2_oscillator(zeta: float) -> Seen:
     return Seen(abs(h2(P.statespace("P"), 1, 1).norm ** 2 / true - 1.0))
 
 
-def _margins_with(plant: Lti, gain: float) -> LoopMargin:
-    """Return the margins of the loop of a plant and a gain."""
-    return margins(plant.statespace("plant"), static(-gain, plant.dt).statespace("controller")).loops[0]
+def _margins_with(plant: Lti, gain: float, dt: float = 0.0) -> LoopMargin:
+    """Return the margins of the loop of a plant and a gain, sampled where ``dt`` is given."""
+    return margins(plant.statespace("plant"), static(-gain, dt).statespace("controller")).loops[0]
 
 
 def _integrator(omega: float) -> Seen:
@@ -237,8 +237,7 @@ def _light(zeta: float) -> Seen:
 
 def _sampled_delay(gain: float) -> Seen:
     """``z^2 - (1 - g (1 - d)) z + g d``, with a delay of ``d < 1`` samples: its roots leave the circle where ``g d = 1``."""
-    plant, K = named(np.zeros((1, 1)), np.ones((1, 1)), np.ones((1, 1))), static(-gain, dt=1.0)
-    told = margins(plant.statespace("plant"), K.statespace("controller")).loops[0]
+    told = _margins_with(named(np.zeros((1, 1)), np.ones((1, 1)), np.ones((1, 1))), gain, dt=1.0)
     return Seen(abs(told.delay * gain - 1.0))
 
 

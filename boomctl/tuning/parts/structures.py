@@ -366,8 +366,15 @@ class Physical(ControllerForm):
         return f"Physical {self.name} {self.low:.6g} to {self.high:.6g}"
 
 
+class Composed(ControllerForm):
+    """Structures together, which are shown as their words say."""
+
+    def __repr__(self) -> str:
+        return self.text
+
+
 @dataclass(frozen=True, repr=False)
-class Sum(ControllerForm):
+class Sum(Composed):
     """Parts that read the same measurements and whose outputs add up."""
 
     parts: tuple[ControllerForm, ...]
@@ -387,15 +394,12 @@ class Sum(ControllerForm):
     def text(self) -> str:
         return f"Sum({listed([part.text for part in self.parts], 80)})"
 
-    def __repr__(self) -> str:
-        return self.text
-
     def physicals(self) -> tuple[Physical, ...]:
         return tuple(each for part in self.parts for each in part.physicals())
 
 
 @dataclass(frozen=True, repr=False)
-class Series(ControllerForm):
+class Series(Composed):
     """One part after the other: the right one reads the measurements."""
 
     last: ControllerForm
@@ -404,9 +408,6 @@ class Series(ControllerForm):
     @property
     def text(self) -> str:
         return f"Series({self.last.text}, {self.first.text})"
-
-    def __repr__(self) -> str:
-        return self.text
 
     @property
     def square(self) -> bool:  # type: ignore[override]
@@ -438,7 +439,7 @@ class Series(ControllerForm):
 
 
 @dataclass(frozen=True, repr=False)
-class Decentralised(ControllerForm):
+class Decentralised(Composed):
     """Parts between signals of their own: each from some measurements to some controls."""
 
     loops: tuple[tuple[tuple[str, ...], tuple[str, ...], ControllerForm], ...]
@@ -451,9 +452,6 @@ class Decentralised(ControllerForm):
             return f"Decentralised(each: {self.each.text}{', shared' if self.shared else ''})"
         loops = [f"{', '.join(ys)} -> {', '.join(us)}: {part.text}" for ys, us, part in self.loops]
         return f"Decentralised({listed(loops, 80)})"
-
-    def __repr__(self) -> str:
-        return self.text
 
     def _loops(self, ports: Ports) -> list[tuple[list[int], list[int], ControllerForm]]:
         """Return rows, columns and structure of each loop."""
