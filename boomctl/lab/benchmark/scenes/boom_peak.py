@@ -52,8 +52,8 @@ def boom_peak(extent: Extent) -> Scene:
             " shown. linfnorm and pyMOR search by the eigenvalues of the Hamiltonian matrix (slycot's ab13dd); a search on a"
             " grid proves nothing.",
             "On systems of a few dozen states others are about as fast: ab13dd is compiled; ours takes four hundred Python"
-            " calls, from new parameters 2,200, for the modes, the response of the structure itself, which keeps digits that a"
-            " state space loses, and a proof apart from it. Eigenvalues and eigenvectors of 28 states take an eighth of"
+            " calls, from new parameters 2,200, for the modes, the response of the structure itself, which keeps digits that"
+            " a state space loses, and a proof apart from it. Eigenvalues and eigenvectors of 28 states take an eighth of"
             " hinf_norm's time. Of state spaces of 84 states and more ours is ahead, certified.",
             "'exact beam, refined' is ours without a proof: the exact response on a grid, and around its largest value.",
         ),
