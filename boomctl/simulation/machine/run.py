@@ -388,13 +388,8 @@ def measured(p: MachineLoop, states: Array, controls: Array) -> Array:
     ValueError
         The mass matrix ceases to be positive definite.
     """
-    import casadi as ca
-
-    nz, nu, nd = len(p.start), len(p.controller.driven), len(p.disturbed)
-    z, u, d = (ca.SX.sym(name, n) for name, n in (("z", nz), ("u", nu), ("d", nd)))
-    read = ca.Function("read", [z, u, d], list(p.machine.read.call([z, inputs_of(p.machine, p.acts, u, d)])))
     rows = p.W[p.disturbed][:, :: p.grid.per_point]
-    outputs, margin = at_columns(read, states, controls, rows)
+    outputs, margin = at_columns(_kept_reading(p.machine, p.acts), states, controls, rows)
     beyond = np.flatnonzero(margin[0] <= 0.0)
     if beyond.size:
         raise ValueError(
@@ -402,3 +397,13 @@ def measured(p: MachineLoop, states: Array, controls: Array) -> Array:
             f"the model"
         )
     return outputs
+
+
+@lru_cache(maxsize=8)  # likewise
+def _kept_reading(m: MachineModes, acts: Acts) -> casadi.Function:
+    """Return ``(z, controls, disturbances) -> (outputs, margin)``."""
+    import casadi as ca
+
+    sizes = {"z": 2 * len(m.omega), "u": len(acts[0]), "d": len(acts[1])}
+    z, u, d = given = [ca.SX.sym(name, size) for name, size in sizes.items()]
+    return ca.Function("read", given, list(m.read.call([z, inputs_of(m, acts, u, d)])))
