@@ -9,8 +9,8 @@ The ways to a norm, in the order tried; a certificate's ``path`` names those tha
 ==================  ================================================  ==================================================
 way                 where                                             why
 ==================  ================================================  ==================================================
-halves              a mirror, signals in pairs of images              the larger of two norms; each goes on below, but a
-                                                                      small half that stays below the other's is not
+halves              a mirror, signals in pairs of images; not the     the larger of two norms; each goes on below, but a
+                    norm alone of a small model that decays           small half that stays below the other's is not
                                                                       searched for a peak of its own
 scan                over 700 coordinates                              no proof: elements of high order need fewer
 core                40 coordinates and more, real modes               a few motions stand for all; goes on below
@@ -109,7 +109,7 @@ def hinf_norm(system: "LinearSystem") -> NormCertificate:
     if is_frequency_response(system):
         return norm_of_data(np.asarray(system.omega, dtype=float), np.asarray(system.frdata))
     if isinstance(system, SecondOrderModel):
-        # of motions at rest, or undamped ones, exact arithmetic tells, which takes a small part of the time for each half
+        # where a pole does not decay exact arithmetic tells, whose time grows with the fourth power of the states
         small = system.mirror is not None and system.n <= _WHOLE
         if small and (system.modal_form.eigensystem[0].real < 0.0).all():
             found = SplitModel(system, (system,)).norm()

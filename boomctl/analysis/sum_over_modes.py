@@ -53,9 +53,8 @@ def bounds(system: Lti, made: Lti, decay: Array) -> tuple[float, float] | None:
     reads, size = np.abs(inverse), np.abs(moving)
     if not lost * reads.max() < 1.0:  # they lose all digits, or are no numbers
         return None
-    off = np.add.reduceat(np.abs(inverse @ right - np.eye(len(poles))[one]), one, axis=1) + lost * twice * (
-        reads @ size
-    )
+    missed = np.abs(inverse @ right - np.eye(len(poles))[one])
+    off = np.add.reduceat(missed, one, axis=1) + lost * twice * (reads @ size)  # both columns of a pair
     apart = off.sum(axis=1)
     if not apart.max() <= INVERSE:
         return None
@@ -116,9 +115,7 @@ def stays_below(modes: ModalSystem, level: float, at: float) -> tuple[bool, Arra
         beside = np.maximum(np.abs(m - poles.imag) - h, 0.0)
         square = decay[:, None] ** 2 + beside * beside
         rest = lost + h * h * (size @ (1.0 / (square * np.sqrt(square))))
-        turned = np.abs(
-            (S.conj() * slope).sum(axis=0).imag
-        )  # at one end it adds to the squares, at the other it takes off
+        turned = np.abs((S.conj() * slope).sum(axis=0).imag)  # adds to the squares at one end, takes off at the other
         sides = np.sqrt(squared(S).sum(axis=0) + squared(slope).sum(axis=0) + 2.0 * turned)
         most = sides + rest
         if not np.isfinite(most).all():

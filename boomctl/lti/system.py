@@ -94,8 +94,7 @@ class Lti:
     def balanced(self) -> "Lti":
         """Return the system with states scaled by powers of two, so that rows and columns of ``A`` have like sizes."""
         A, scale = balance(self.A)
-        named = self.D, self.inputs, self.outputs, self.states, self.dt
-        return Lti(A, self.B / scale[:, None], self.C * scale, *named)
+        return replace(self, A=A, B=self.B / scale[:, None], C=self.C * scale)
 
     @cached_property
     def poles(self) -> Array:

@@ -106,7 +106,7 @@ def test_the_last_digit_of_a_peak_does_not_decide_whether_eigenvalues_tell_it():
     yaw = split_symmetric(spray_boom(discretization="high-order", elements=4, order=18))[1].modal_form
     found = [level_norm(replace(yaw, B=yaw.B * (1.0 + 1e-15 * k))) for k in range(16)]
     assert all(norm.certified and norm.method == NO_CROSSING for norm in found)
-    assert {round(1e6 * (norm.upper / norm.lower - 1.0)) for norm in found} == {1, 8}
+    assert {round(1e6 * (norm.upper / norm.lower - 1.0)) for norm in found} <= {1, 8}  # which ones is rounding
 
 
 @pytest.mark.parametrize(("signals", "method"), [(3, IN_MODES), (12, NO_CROSSING)])

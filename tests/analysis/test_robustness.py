@@ -79,6 +79,13 @@ def test_a_proof_is_never_contradicted_by_a_point(seed, gain):
     assert found.proved or found.unstable_at is not None
 
 
+def test_the_search_ends_at_the_first_point_where_the_loop_is_unstable():
+    """It is unstable everywhere: the middle, which is asked first, says so, though a corner is worse."""
+    found = robust_stability(oscillators({"k": (3.0, 5.0)}), feedback(6.0))
+    assert found.unstable_at == found.worst == {"k": 4.0}
+    assert found.abscissa == pytest.approx(np.sqrt(2.0), rel=0.01)
+
+
 def test_the_passive_boom_is_stable_over_the_whole_box():
     none = control.ss([], [], [], [[0.0]], inputs=["stroke_anti"], outputs=["suspension_anti"])
     found = robust_stability(boom_family(half="yaw"), none)

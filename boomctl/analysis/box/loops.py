@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from boomctl.analysis.box.loop_pencil import LoopPencil, closed_pencil
+from boomctl.analysis.box.prove import StablePart
 from boomctl.analysis.box.zero_exclusion import Cell, Terms, value_at
 from boomctl.analysis.loops import signals_of
 from boomctl.arrays import Array
@@ -22,8 +23,6 @@ from boomctl.structure.model import SecondOrderModel
 
 if TYPE_CHECKING:
     import control
-
-    from boomctl.analysis.box.prove import StablePart
 
 
 @dataclass(frozen=True)
@@ -116,8 +115,6 @@ class BoxLoops:
 
     def parts(self, factor: float) -> list[StablePart]:
         """Return the box, enlarged by a factor, as one part a stretch."""
-        from boomctl.analysis.box.prove import StablePart
-
         found = []
         for each in self.stretches:
             low, high = max(each.low, -factor), min(each.high, factor)

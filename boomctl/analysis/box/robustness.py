@@ -8,6 +8,7 @@ import numpy as np
 
 from boomctl.analysis.box.loops import BoxLoops, checked_controller
 from boomctl.analysis.box.points import listed_values, pattern_search
+from boomctl.analysis.box.prove import BoxProof, StablePart, Statement, prove_box
 from boomctl.analysis.box.sampled_level import SampledLoops, sampled_loops
 from boomctl.arrays import Array
 from boomctl.checks import positive, whole
@@ -21,8 +22,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     import control
-
-    from boomctl.analysis.box.prove import BoxProof, StablePart
 
 _CELLS = 500  # most cells of a proof (a choice of patience: seconds to a minute)
 _MARGIN_CELLS = 100  # most cells of each of the proofs of a margin (a choice)
@@ -41,7 +40,7 @@ class RobustStability:
         in any of the cells that cover it.  Of sampled loops what the polynomials miss, by which they are proved, is not
         itself proved: it is measured at points drawn, and counted ten times.
     unstable_at : dict or None
-        Parameter values at which the loop is unstable, if such were found.
+        Parameter values at which the loop is unstable, the first that were found; None where none were.
     cells : int
         Cells in which it was proved (or tried).
     abscissa : float
@@ -214,8 +213,6 @@ def robust_stability(
         worst = family.values(at)
         if not loops.stable(at):
             return RobustStability(False, worst, 0, rate, worst)
-        from boomctl.analysis.box.prove import Statement, prove_box
-
         tell("loop over the box")
         try:
             parts = loops.parts(1.0)
@@ -259,15 +256,13 @@ class _Sampled:
         """Return whether the loop is stable at a point."""
         return self.abscissa(delta) < 0.0
 
-    def parts(self, factor: float) -> "list[StablePart]":
+    def parts(self, factor: float) -> list[StablePart]:
         """Return polynomials of the parameters that cover the box; ``factor`` is one."""
-        from boomctl.analysis.box.prove import StablePart
-
         found = SampledLoops.over(self.family, self.K, (), (), self.delay)
         return [StablePart(each.cell, each.pencils, each.missed[0]) for each in found]
 
 
-def _given_up(family: Family, abscissa: float, found: "BoxProof", limit: int) -> str:
+def _given_up(family: Family, abscissa: float, found: BoxProof, limit: int) -> str:
     """Return why a proof ended: a cell is as small as cells get, or there were as many as allowed."""
     assert found.left is not None
     where = f"at {listed_values(family.values(found.left))}, where poles have real parts up to"
@@ -324,8 +319,6 @@ def structured_margin(
     """
     top, close, limit = positive("largest", largest), positive("tolerance", tolerance), whole("max_cells", max_cells)
     loops = BoxLoops.of(family, controller)
-    from boomctl.analysis.box.prove import Statement, prove_box
-
     if not loops.at(np.zeros(family.size)).stable:
         return StructuredMargin(0.0, 0.0, family.values(np.zeros(family.size)))
     with computing("structured margin", progress):

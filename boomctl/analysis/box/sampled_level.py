@@ -15,11 +15,12 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from boomctl.analysis.box.loop_pencil import LoopPencil
+from boomctl.analysis.box.prove import with_rounding
+from boomctl.analysis.box.response_cells import Polynomial, ResponseCells
 from boomctl.analysis.box.zero_exclusion import Cell, CellProof, Terms, prove_pencil, value_at
 from boomctl.analysis.loops import joined
 from boomctl.analysis.norm import circle_pencil
@@ -32,9 +33,6 @@ from boomctl.structure.families import Family, shares_of
 from boomctl.structure.matrices import Structure, dense
 from boomctl.structure.response.poles import undamped_modes
 from boomctl.structure.response.realisation import realize
-
-if TYPE_CHECKING:
-    from boomctl.analysis.box.response_cells import Polynomial, ResponseCells
 
 _EXACT = 1e-9  # share of the largest entry that a polynomial may miss (a choice: far below what damps a loop)
 _DEGREE = 32  # of a parameter, which is enough to tell that it is too large (a choice)
@@ -170,8 +168,6 @@ class SampledLoops:
 
         That no singular value is at the level on the circle shows it only if all are below it at one frequency, the highest.
         """
-        from boomctl.analysis.box.prove import with_rounding
-
         even, missed = self.even(level)
         missed, pencils = with_rounding(even, missed), self.pencils
 
@@ -184,8 +180,6 @@ class SampledLoops:
 
     def responses(self) -> ResponseCells:
         """Return what bounds the response over cells of parameters and frequencies."""
-        from boomctl.analysis.box.response_cells import ResponseCells
-
         size = len(self.cell.middle)
         E, A = ({power: getattr(x, letter) for power, x in self.pencils.items()} for letter in "EA")
         return ResponseCells.of(E, A, self.B, self.C, self.D, size, {q: -X for q, X in self.B.items()}, self.missed)

@@ -6,8 +6,8 @@ from math import inf, isfinite
 from typing import Literal
 
 Way = Literal["cold", "hot"]
-_ALIKE = 1e-6  # of an error, by which two programs on one mesh differ at most: rounding (measured: 1e-9)
 Shown = Literal["front", "unknowns", "promises"]
+_ALIKE = 1e-6  # of an error, by which two programs on one mesh differ at most: rounding (measured: 1e-9)
 
 
 @dataclass(frozen=True)
