@@ -15,7 +15,7 @@ Look at a system
 Certify it
     hinf_norm, h2_norm, margins, prove.
 Make it smaller
-    reduce, reduce_controller, in_units, from_units.
+    reduce, reduce_controller, scale_signals, unscale_controller, ScaledStateSpace.
 Design a controller
     lqr, kalman, lqg, h2, h_infinity, discretize, schedule, SynthesisError; its plant: with_states, generalized_plant,
     mixed_sensitivity, low_pass, shelf.

@@ -36,6 +36,7 @@ from boomctl.identification.fit import fit as fit
 from boomctl.identification.identify import identify as identify
 from boomctl.identification.response import estimate_response as estimate_response
 from boomctl.lti.controllers.scheduled import schedule as schedule
+from boomctl.lti.python_control import ScaledStateSpace as ScaledStateSpace
 from boomctl.progress import Progress as Progress
 from boomctl.progress import listening as listening
 from boomctl.reduction.reduce import reduce as reduce
@@ -65,9 +66,9 @@ from boomctl.synthesis.lq.lqr import lqr as lqr
 from boomctl.synthesis.plants.generalized import generalized_plant as generalized_plant
 from boomctl.synthesis.plants.generalized import mixed_sensitivity as mixed_sensitivity
 from boomctl.synthesis.plants.partition import close_loop as close_loop
+from boomctl.synthesis.plants.scaling import scale_signals as scale_signals
+from boomctl.synthesis.plants.scaling import unscale_controller as unscale_controller
 from boomctl.synthesis.plants.symmetry import join_symmetric as join_symmetric
-from boomctl.synthesis.plants.units import from_units as from_units
-from boomctl.synthesis.plants.units import in_units as in_units
 from boomctl.synthesis.plants.weights import low_pass as low_pass
 from boomctl.synthesis.plants.weights import shelf as shelf
 from boomctl.synthesis.reduce_controller import reduce_controller as reduce_controller

@@ -18,7 +18,7 @@ from boomctl.studies.suspension import (
 
 ORDER, BAND = 26, (0.0, 80.0)
 SIZES = {"actuator_{}": 0.03, "suspension_{}": 150.0, "tip_{}": 0.2, "stroke_{}": 0.05, "tip_{}_acceleration": 0.5}
-UNITS = {signal.format(side): size for signal, size in SIZES.items() for side in ("left", "right")}
+SCALES = {signal.format(side): size for signal, size in SIZES.items() for side in ("left", "right")}
 TRACK = 2.0  # corner of the platform's motion [rad/s]
 TIP, STROKE, EFFORT, FORCE_DISTURBANCE = 1.0, 2.0, 2.0, 0.05
 STROKE_NOISE, ACCELERATION_NOISE = 0.02, 3.0
@@ -28,7 +28,7 @@ ROLL_OFF, FASTEST = 5.0, 300.0  # between which effort costs more and more [rad/
 def design() -> SuspensionDesign:
     """Return the controller of the whole machine."""
     model = suspension_model()
-    reduced = bc.reduce(bc.in_units(model, UNITS), order=ORDER, band=BAND)
+    reduced = bc.reduce(bc.scale_signals(model, SCALES), order=ORDER, band=BAND)
     track = bc.low_pass(1.0, TRACK)
     effort = bc.shelf(EFFORT, EFFORT * (FASTEST / ROLL_OFF) ** 2, sqrt(FASTEST * ROLL_OFF), order=2)
     P = bc.generalized_plant(
@@ -51,7 +51,7 @@ def design() -> SuspensionDesign:
     return SuspensionDesign(
         "h_infinity_full",
         "H-infinity on the full 2 x 2 plant",
-        controller=bc.from_units(controller, UNITS),
+        controller=controller,
         facts={
             "verified gamma": synthesis.certificate.statement,
             "proved in ball arithmetic": bc.prove(synthesis).statement,

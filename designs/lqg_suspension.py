@@ -10,12 +10,12 @@ import boomctl as bc
 from boomctl.studies.suspension import SuspensionDesign, SuspensionResult, suspension_model
 
 ORDER, BAND = {"sym": 14, "anti": 12}, (0.0, 80.0)
-UNITS = {"actuator": 0.03, "suspension": 150.0, "tip": 0.2, "stroke": 0.05, "tip_acceleration": 0.5}
+SCALES = {"actuator": 0.03, "suspension": 150.0, "tip": 0.2, "stroke": 0.05, "tip_acceleration": 0.5}
 
 
 @dataclass(frozen=True)
 class Weights:
-    """Weights of one half; signals count in UNITS."""
+    """Weights of one half; signals are divided by SCALES."""
 
     track: float  # corner of the platform's motion [rad/s]
     tip: float
@@ -33,11 +33,11 @@ WEIGHTS = {
 
 
 def half_design(model, side):
-    """Return the controller of a half in SI units, its synthesis and the reduction of the plant."""
-    w, units = WEIGHTS[side], {f"{stem}_{side}": size for stem, size in UNITS.items()}
+    """Design the controller of a subsystem; return the synthesis and the reduction of the plant."""
+    w, scales = WEIGHTS[side], {f"{stem}_{side}": size for stem, size in SCALES.items()}
     push, tip = f"suspension_{side}", f"tip_{side}"
     stroke, acceleration = f"stroke_{side}", f"tip_acceleration_{side}"
-    reduced = bc.reduce(bc.in_units(model, units), order=ORDER[side], band=BAND)
+    reduced = bc.reduce(bc.scale_signals(model, scales), order=ORDER[side], band=BAND)
     P = bc.generalized_plant(
         reduced.system,
         disturbances={f"actuator_{side}": bc.low_pass(1.0, w.track), push: w.force_disturbance},
@@ -55,7 +55,7 @@ def half_design(model, side):
         controls=[push],
         output_weight={f"z_{tip}": 1.0, f"z_{stroke}": 1.0},
     )
-    return bc.from_units(synthesis.controller, units), synthesis, reduced
+    return synthesis, reduced
 
 
 def design() -> SuspensionDesign:
@@ -63,7 +63,8 @@ def design() -> SuspensionDesign:
     model = suspension_model()
     controllers, facts = {}, {}
     for side, half in zip(("sym", "anti"), bc.split_symmetric(model), strict=True):
-        controllers[side], synthesis, reduced = half_design(half, side)
+        synthesis, reduced = half_design(half, side)
+        controllers[side] = synthesis.controller
         name = {"sym": "jolt", "anti": "yaw"}[side]
         facts[f"{name}: least expected cost"] = f"{synthesis.cost:.4g}, of the loop and by the Riccati equations"
         facts[f"{name}: proved in ball arithmetic"] = bc.prove(synthesis).statement

@@ -15,7 +15,7 @@ from boomctl.studies.suspension import SuspensionDesign, SuspensionResult, suspe
 
 SAMPLE_TIME, DELAY = 0.02, 0.01  # [s]
 ORDER, BAND, LOST = 20, (0.0, 80.0), 0.02  # of the plant; share of the norm that a smaller controller may cost
-UNITS = {"actuator": 0.03, "suspension": 150.0, "tip": 0.2, "stroke": 0.05, "tip_acceleration": 0.5}
+SCALES = {"actuator": 0.03, "suspension": 150.0, "tip": 0.2, "stroke": 0.05, "tip_acceleration": 0.5}
 NAMES = {"sym": "jolt", "anti": "yaw"}
 TRACK = {"sym": 1.0, "anti": 2.0}  # corner of the platform's motion [rad/s]
 TIP, STROKE, EFFORT = {"sym": 2.0, "anti": 1.0}, {"sym": 1.0, "anti": 2.0}, {"sym": 1.0, "anti": 2.0}
@@ -44,17 +44,18 @@ def weighted(plant, side):
 
 
 def half_design(model, side):
-    """Return the controller of a half in SI units, and what synthesis, reductions and lifting say."""
-    units, name = {f"{stem}_{side}": size for stem, size in UNITS.items()}, NAMES[side]
-    plant = bc.in_units(model, units)
+    """Design the controller of a subsystem; return it with the certified norms of its loops."""
+    scales, name = {f"{stem}_{side}": size for stem, size in SCALES.items()}, NAMES[side]
+    plant = bc.scale_signals(model, scales)
     sampled = bc.analysis.sample_plant(plant, SAMPLE_TIME, f"suspension_{side}", delay=DELAY)
     P = weighted(bc.reduce(sampled, order=ORDER, band=BAND), side)
     synthesis = bc.h_infinity(P, nmeas=2, ncon=1)
-    smaller = bc.reduce_controller(P, synthesis.controller, tolerance=LOST)
-    K = smaller.controller
-    mesh = bc.hinf_norm(bc.close_loop(weighted(sampled, side), K))  # certified: infinite if the loop is not stable
+    smaller = bc.reduce_controller(P, synthesis, tolerance=LOST)
+    mesh = bc.hinf_norm(
+        bc.close_loop(weighted(sampled, side), smaller)
+    )  # certified: infinite if the loop is not stable
     between = bc.analysis.sampled_norm(
-        weighted(plant, side), K, f"w_actuator_{side}", [f"z_tip_{side}", f"z_stroke_{side}"], delay=DELAY
+        weighted(plant, side), smaller, f"w_actuator_{side}", [f"z_tip_{side}", f"z_stroke_{side}"], delay=DELAY
     )
     facts = {
         f"{name}: verified gamma": synthesis.certificate.statement,
@@ -66,7 +67,7 @@ def half_design(model, side):
     }
     if not np.isfinite(mesh.upper):
         raise bc.SynthesisError(f"{name}: the loop is not stable on the whole mesh, or its norm could not be certified")
-    return bc.from_units(K, units), facts
+    return smaller.controller, facts
 
 
 def design() -> SuspensionDesign:

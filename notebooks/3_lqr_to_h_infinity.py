@@ -41,13 +41,13 @@ yaw
 # ## First step: a smaller model, and a look at its error
 #
 # A controller has as many states as the plant it is designed on. So we make the plant small first. Numbers in metres
-# and newtons are of very different size; `units` says what counts as *one* of each signal.
+# and newtons are of very different size; `scales` are the amounts that count as one.
 #
 # **Asked:** how many states are enough up to 80 rad/s (13 Hz)?
 
 # %%
-units = {disturbance: 0.03, control: 150.0, tip: 0.2, "stroke_anti": 0.05, "tip_acceleration_anti": 0.5}
-scaled = bc.in_units(yaw, units)
+scales = {disturbance: 0.03, control: 150.0, tip: 0.2, "stroke_anti": 0.05, "tip_acceleration_anti": 0.5}
+scaled = bc.scale_signals(yaw, scales)
 for order in (4, 6, 8, 10, 12):
     small = bc.reduce(scaled, order=order, band=(0.0, 80.0))
     print(f"{order:2d} states: verified error {small.measured_error:.3g}")
@@ -78,9 +78,10 @@ G = small.system
 weights = np.geomspace(1e-3, 1e4, 15)
 regulators = [bc.lqr(G, None, r, controls=[control], output_weight={tip: 1.0}) for r in weights]
 tip_peak = [
-    bc.sigma(d.closed_loop, inputs=disturbance, outputs=tip).peak * units[tip] / units[disturbance] for d in regulators
+    bc.sigma(d.closed_loop, inputs=disturbance, outputs=tip).peak * scales[tip] / scales[disturbance]
+    for d in regulators
 ]
-force = [bc.sigma(d.effort, inputs=disturbance).peak * units[control] / units[disturbance] for d in regulators]
+force = [bc.sigma(d.effort, inputs=disturbance).peak * scales[control] / scales[disturbance] for d in regulators]
 for k in (0, 4, 8, 11, 14):
     print(f"r = {weights[k]:<7.3g} tip {tip_peak[k]:6.2f} m/m, force {force[k]:6.0f} N/m")
 print(f"smallest return difference of all: {min(d.certificate.return_difference for d in regulators):.4f}")
@@ -112,7 +113,7 @@ plt.show()
 # ## LQG and H-infinity: with sensors
 #
 # Now the controller reads two sensors. Both methods need a *generalised plant*: a list of what comes in, what shall
-# be small, what is measured and what can be done. Each entry has a weight, in the units from above.
+# be small, what is measured and what can be done. Each entry has a weight, for the scaled signals.
 
 
 # %%
@@ -144,7 +145,7 @@ print(hinf.certificate.statement)
 # **Asked:** what do the two do on the *full* model, not on the small one?
 
 # %%
-controllers = {"LQG": bc.from_units(lqg.controller, units), "H-infinity": bc.from_units(hinf.controller, units)}
+controllers = {"LQG": lqg.controller, "H-infinity": hinf.controller}
 loops = {name: bc.feedback_loop(yaw, K) for name, K in controllers.items()}
 compared = bc.compare_sigma({"passive": yaw, **loops}, inputs=disturbance, outputs=tip)
 ax = compared.plot()
@@ -197,7 +198,7 @@ print("effort  gamma   peak  alpha  worst peak")
 trade = {}
 for effort in (0.2, 1.0, 2.0, 5.0, 20.0):
     d = bc.h_infinity(generalised(effort), nmeas=2, ncon=1)
-    K = bc.from_units(d.controller, units)
+    K = d.controller
     peak = bc.sigma(bc.feedback_loop(yaw, K), inputs=disturbance, outputs=tip).peak
     alpha = next(loop.disk.alpha for loop in bc.margins(yaw, K).loops if loop.signal == control)
     trade[effort] = (d.gamma, peak, alpha, bc.worst_case(family, K, [disturbance], [tip]).norm.lower)
@@ -273,9 +274,9 @@ except ValueError as error:
 # is left.
 
 # %%
-slow = bc.reduce_controller(P, hinf.controller, fastest_pole=60.0)
+slow = bc.reduce_controller(P, hinf, fastest_pole=60.0)
 print(f"{hinf.controller.nstates} states become {slow.order}, verified norm {hinf.gamma:.3f} becomes {slow.gamma:.3f}")
-K_slow = bc.from_units(slow.controller, units)
+K_slow = slow.controller
 at_20_ms = bc.simulate_loop(yaw, K_slow, turning, motion.time, sample_time=0.02, delay=0.02)
 print(f"sampled every 20 ms, 20 ms late: RMS of the tip {1e3 * np.std(at_20_ms[tip]):.1f} mm")
 sampled = bc.margins(yaw, bc.discretize(K_slow, 0.02), delay=0.02)  # exact at the samples

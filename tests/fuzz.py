@@ -353,7 +353,7 @@ CALLS = {
     "structure.rod_section": lambda: {"diameter": 0.02},
     "structure.i_section": lambda: {"width": 0.06, "depth": 0.1, "web": 0.004, "flange": 0.006},
     "free": dict,
-    "from_units": lambda: {"controller": controller(), "units": {"y0": 0.1, "u0": 10.0}},
+    "unscale_controller": lambda: {"controller": controller(), "scales": {"y0": 0.1, "u0": 10.0}},
     "generalized_plant": lambda: {
         "plant": plant(),
         "disturbances": {"u1": 1.0},
@@ -417,7 +417,7 @@ CALLS = {
         "acceleration": lambda t: 2 + 0 * t,
         "breakpoints": (),
     },
-    "in_units": lambda: {"system": plant(), "units": {"u0": 2.0}},
+    "scale_signals": lambda: {"system": plant(), "scales": {"u0": 2.0, "u1": 1.0, "y0": 1.0}},
     "iso_track": lambda: {
         "road_class": "C",
         "length": 20.0,

@@ -27,6 +27,7 @@ NOT_CALLED |= {"structure.ModeShapes", "structure.ShapeLine"}
 NOT_CALLED |= {
     "synthesis.ReductionWarning",
     "Progress",
+    "ScaledStateSpace",
     "studies.SuspensionDesign",
     "studies.SlewDesign",
     "studies.performance",

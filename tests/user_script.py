@@ -106,9 +106,10 @@ with bc.listening(print):
 reveal_type(bc.Progress("task", "stage", 1.0).seconds)
 
 # synthesis
-units = {"actuator_anti": 0.03}
-small = bc.in_units(yaw, units)
+scales = {"actuator_anti": 0.03, "suspension_anti": 150.0, "tip_anti": 0.2, "stroke_anti": 0.05}
+small = bc.scale_signals(yaw, scales)
 reveal_type(small)
+reveal_type(bc.ScaledStateSpace(small, scales=small.scales).scales)
 P = bc.generalized_plant(
     small,
     disturbances={"actuator_anti": bc.low_pass(1.0, 2.0)},
@@ -149,10 +150,10 @@ reveal_type(bc.lqr(plant, {"tip_left": 1.0}, np.eye(1)).gain)
 reveal_type(bc.kalman(plant, np.eye(1), np.eye(1)).estimator)
 reveal_type(bc.lqg(plant, None, np.eye(1), np.eye(1), np.eye(1), ["tip_left"], ["cradle"]).controller)
 reveal_type(bc.synthesis.loop_transfer_recovery(plant, None, 1.0, 1.0, 1.0, strengths=[1.0], band=(0.1, 1.0)))
-K = bc.from_units(d.controller, units)
+K = bc.unscale_controller(d.scaled_controller)
 reveal_type(K)
 reveal_type(bc.close_loop(P, d.controller))
-reveal_type(bc.reduce_controller(P, d.controller, order=4))
+reveal_type(bc.reduce_controller(P, d, order=4))
 Kd = bc.discretize(K, 0.002)
 reveal_type(Kd)
 reveal_type(bc.synthesis.select_channels(plant, "cradle", "tip_left"))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +13,7 @@ from boomctl.arrays import Array
 from boomctl.checks import frequencies, known, names
 from boomctl.lti.bilinear import continuous_image
 from boomctl.lti.sampled import sampled_plant, time_of_loop
-from boomctl.lti.system import Lti, controller_of, is_frequency_response, lower_lft, of
+from boomctl.lti.system import Lti, check_scales, controller_of, is_frequency_response, lower_lft, of
 from boomctl.printing import compact, listed
 from boomctl.structure.model import SecondOrderModel
 
@@ -87,9 +87,10 @@ def joined(
         no input of it; a loop that is not well-posed.
     """
     either = delay is not None
-    P, K = of(plant, "plant", sampled=either), controller_of(controller, sampled=either)
+    P = of(plant, "plant", sampled=either)
+    K = controller_of(controller, sampled=either, scales=P.scales)
     K = replace(K, states=tuple(f"controller_{label}" for label in K.states))
-    acting, measured = signals_of(K, P.inputs, P.outputs, P.states)
+    acting, measured = signals_of(K, P.inputs, P.outputs, P.states, P.scales)
     dt, late = time_of_loop(P, K, 0.0 if delay is None else delay)
     if dt:
         P = sampled_plant(P, acting, dt, [late] * len(acting))
@@ -109,7 +110,8 @@ def joined(
     C = np.vstack([P.C, np.zeros((m, len(P.A))), P.C[measured], P.C[measured]])
     disturbances = tuple(P.inputs[i] for i in others)
     inputs = (*disturbances, *(f"{name}_added" for name in K.outputs + K.inputs), *K.outputs)
-    open_loop = Lti(P.A, B, C, D, inputs, P.outputs + K.outputs + K.inputs + K.inputs, P.states, dt)
+    scales = P.scales and {**P.scales, **{f"{name}_added": value for name, value in P.scales.items()}}
+    open_loop = Lti(P.A, B, C, D, inputs, P.outputs + K.outputs + K.inputs + K.inputs, P.states, dt, scales)
     return Loop(disturbances, K.outputs, K.inputs, P.outputs, lower_lft(open_loop, K))
 
 
@@ -127,13 +129,18 @@ def unsampled(P: Lti, K: Lti) -> Loop | None:
 
 
 def signals_of(
-    controller: Lti, inputs: Sequence[str], outputs: Sequence[str], states: Sequence[str] = ()
+    controller: Lti,
+    inputs: Sequence[str],
+    outputs: Sequence[str],
+    states: Sequence[str] = (),
+    scales: Mapping[str, float] | None = None,
 ) -> tuple[list[int], list[int]]:
     """Return which inputs of a plant a controller drives and which of its outputs it reads, by name.
 
     Raises
     ------
     ValueError
+        The controller is not in the scales of the plant.
         One is not there; of a state of the plant, how it becomes an output is said, and of a controller without names how
         it gets them.
     """
@@ -155,6 +162,7 @@ def signals_of(
         known("plant output (it is an input of the controller)", label, outputs)
     for label in controller.outputs:
         known("plant input (it is an output of the controller)", label, inputs)
+    check_scales(controller, scales)
     return [inputs.index(label) for label in controller.outputs], [outputs.index(label) for label in controller.inputs]
 
 
@@ -177,7 +185,7 @@ def feedback_loop(
         The plant, signals named.  A discrete one needs a discrete controller of the same sampling time.
         :func:`boomctl.with_states` makes outputs of its states, for controllers that read these.
     controller : control.StateSpace, control.TransferFunction, or a design, which holds one
-        Its inputs are outputs of the plant, its outputs inputs of the plant.
+        Its inputs are outputs of the plant, its outputs inputs of the plant. In the scales of the plant.
     added : str or sequence of str, optional
         Controls and measurements at which a further signal is added, ``u = K (y + n) + v``; its name is that of the
         signal with ``_added`` behind it.

@@ -348,7 +348,8 @@ def margins(
     >>> round(bc.margins(mass, bc.discretize(lead, 0.01), delay=0.004)["force"].phase_deg, 1)  # sampling takes some
     33.2
     """
-    P, K = of(plant, "plant", sampled=True), controller_of(controller, sampled=True)
+    P = of(plant, "plant", sampled=True)
+    K = controller_of(controller, sampled=True, scales=P.scales)
     loop = joined(P, K, delay)
     dt = loop.system.dt
     poles = loop.system.poles
@@ -401,7 +402,7 @@ def margins(
             said = f"sampling every {dt:g} s with a delay of {delay:g} s takes the disk margin {', and '.join(costs)}"
             warnings.warn(said, SamplingCostsMarginWarning, stacklevel=2)
     if P.dt == K.dt and not delay:
-        handed = P.between(*signals_of(K, P.inputs, P.outputs, P.states)), K
+        handed = P.between(*signals_of(K, P.inputs, P.outputs, P.states, P.scales)), K
     else:
         handed = loop.system, None
     return Margins(loops, first, second, every, handed)

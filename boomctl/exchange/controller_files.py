@@ -15,7 +15,7 @@ from boomctl.checks import path as checked_path
 from boomctl.exchange.c_code import RunningController, c_files
 from boomctl.exchange.matlab import matlab_files, read_matlab
 from boomctl.files import json_text, write_all
-from boomctl.lti.system import Lti, controller_of, of
+from boomctl.lti.system import Lti, check_scales, controller_of, of
 from boomctl.printing import listed
 from boomctl.simulation.conditioning import correction
 from boomctl.simulation.signals import per_signal
@@ -158,6 +158,7 @@ def controller_contents(
     known("suffix", suffix, SUFFIXES)
     own = getattr(controller, "certificate", None)
     K = controller_of(controller, any_time=True)
+    check_scales(K)
     if not np.isnan(K.dt):
         nonnegative("controller: its sampling time", K.dt)
     if K.states and len(K.states) != len(K.A):

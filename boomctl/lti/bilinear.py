@@ -56,7 +56,7 @@ def continuous_image(system: Lti) -> Lti:
     # one factor of 2 g to each side, so that Gramians are those of the discrete system up to no more than that
     side = np.sqrt(2.0 * g)
     D = system.D - system.C @ B
-    return Lti(A, side * B, side * C, D, system.inputs, system.outputs, system.states)
+    return Lti(A, side * B, side * C, D, system.inputs, system.outputs, system.states, scales=system.scales)
 
 
 def discrete_image(system: Lti, dt: float) -> Lti:
@@ -78,7 +78,7 @@ def discrete_image(system: Lti, dt: float) -> Lti:
     A, D = inverse @ moved, system.D + system.C @ B / g
     # of a pole at -2/dt nothing is left but rounding
     A[np.abs(A) <= DIGIT * (np.abs(inverse) @ (eye + np.abs(system.A) / g))] = 0.0
-    return Lti(A, side * B, side * C, D, system.inputs, system.outputs, system.states, dt)
+    return Lti(A, side * B, side * C, D, system.inputs, system.outputs, system.states, dt, system.scales)
 
 
 def _inverse(matrix: Array, refusal: str) -> Array:

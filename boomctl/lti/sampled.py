@@ -232,7 +232,9 @@ class Held:
         plant, lengths = self.plant, np.diff(self.starts)
         queues = [f"{plant.inputs[i]}_held_{k + 1}" for i in np.flatnonzero(self.controls) for k in range(lengths[i])]
         states = (*plant.states, *queues)
-        return Lti(*self.matrices(*self.motion(dt)), *self.answers(0.0), plant.inputs, plant.outputs, states, dt)
+        return Lti(
+            *self.matrices(*self.motion(dt)), *self.answers(0.0), plant.inputs, plant.outputs, states, dt, plant.scales
+        )
 
 
 def sampled_plant(

@@ -6,7 +6,7 @@ check and one message, and :meth:`Lti.statespace` gives a named ``control.StateS
 
 import sys
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Protocol, TypeAlias, TypeGuard
@@ -16,7 +16,7 @@ from scipy import linalg
 from scipy.linalg import lapack
 
 from boomctl.arrays import Array, balance, blocks, scaled_to_one
-from boomctl.checks import names
+from boomctl.checks import finite_array, names
 from boomctl.lti.rounding import ALIKE, SUMMED
 from boomctl.lti.transfer_functions import realized
 from boomctl.printing import compact
@@ -55,6 +55,9 @@ class Lti:
         Names; empty where nobody asks for them.
     dt : float
         Sampling time [s]; 0 in continuous time, ``nan`` in discrete time that does not say.
+    scales : mapping from str to float, or None
+        Amount of each signal that counts as one, 1 where a signal has no entry; empty for a system in the units of the
+        machine, None if unknown. May name signals that the system does not have.
     """
 
     A: Array
@@ -65,6 +68,7 @@ class Lti:
     outputs: tuple[str, ...] = ()
     states: tuple[str, ...] = ()
     dt: float = 0.0
+    scales: Mapping[str, float] | None = None
 
     __repr__ = compact
 
@@ -188,17 +192,24 @@ class Lti:
         return float("inf") if self.dt == 0.0 else float(np.pi / self.dt)
 
     def statespace(self, name: str) -> "control.StateSpace":
-        """Return the system as python-control's, with all its names.
+        """Return the system as python-control's, with all its names; a `ScaledStateSpace` if one of its signals is scaled.
 
         Dots in names of signals become ``_``.
         """
-        from boomctl.lti.python_control import control
+        from boomctl.lti.python_control import UNSCALED, ScaledStateSpace, control
 
         named = self.without_dots()
         given = {kind: list(labels) for kind in ("inputs", "outputs") if (labels := getattr(named, kind))}
         states = list(self.states) or None
         time = {} if self.dt == 0.0 else {"dt": True if np.isnan(self.dt) else self.dt}
-        return control.ss(self.A, self.B, self.C, self.D, name=name, states=states, **given, **time)
+        scales = {label: value for label, value in (self.scales or {}).items() if label in named.inputs + named.outputs}
+        matrices = (self.A, self.B, self.C, self.D)
+        if scales:
+            return ScaledStateSpace(*matrices, name=name, states=states, scales=scales, **given, **time)
+        system = control.ss(*matrices, name=name, states=states, **given, **time)
+        if self.scales is not None:
+            setattr(system, UNSCALED, True)
+        return system
 
 
 def rates_of(poles: Array, dt: float) -> Array:
@@ -322,7 +333,8 @@ def closed(plant: Lti, K: Lti, solved: Array) -> Lti:
     B = np.vstack([B1 + B2 @ direct @ D21, read @ D21])
     C = np.hstack([C1 + D12 @ direct @ C2, D12 @ state])
     states = _labels("states", plant, K)
-    return Lti(A, B, C, D11 + D12 @ direct @ D21, plant.inputs[:m], plant.outputs[:p], states, plant.dt)
+    D = D11 + D12 @ direct @ D21
+    return Lti(A, B, C, D, plant.inputs[:m], plant.outputs[:p], states, plant.dt, plant.scales)
 
 
 def signal_scales(A: Array, B: Array, C: Array) -> Array:
@@ -448,9 +460,80 @@ def of(
     return found
 
 
-def controller_of(given: object, expected: str = "StateSpace", *, any_time: bool = False, **time: bool) -> Lti:
-    """Return the matrices and names of a controller, or of that of a design, as :func:`of` does of a system."""
-    return of(getattr(given, "controller", given), "controller", expected, any_time=any_time, **time)
+def controller_of(
+    given: object,
+    expected: str = "StateSpace",
+    *,
+    what: str = "controller",
+    any_time: bool = False,
+    scales: Mapping[str, float] | None = None,
+    **time: bool,
+) -> Lti:
+    """Return the matrices and names of a controller, or of that of a design, as :func:`of` does of a system.
+
+    ``scales`` are those of the plant: a scaled plant takes the controller of a design in scaled signals.
+    """
+    held = "scaled_controller" if scales and hasattr(given, "scaled_controller") else "controller"
+    return of(getattr(given, held, given), what, expected, any_time=any_time, **time)
+
+
+def rescale(system: Lti, scales: Mapping[str, float]) -> Lti:
+    """Return a system in other scales of its signals; empty scales are the units of the machine.
+
+    Raises
+    ------
+    ValueError
+        If an entry overflows.
+    """
+    before = system.scales or {}
+    with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
+        entry = np.array([scales.get(label, 1.0) / before.get(label, 1.0) for label in system.inputs])
+        leave = np.array([before.get(label, 1.0) / scales.get(label, 1.0) for label in system.outputs])
+        B, C, D = system.B * entry, leave[:, None] * system.C, leave[:, None] * system.D * entry
+    for name, matrix in (("B", B), ("C", C), ("D", D)):
+        finite_array(f"{name} in these scales", matrix)
+    return replace(system, B=B, C=C, D=D, scales=scales)
+
+
+def unscaled(system: Lti) -> Lti:
+    """Return a system in the units of the machine; unchanged if its scales are unknown."""
+    return rescale(system, {}) if system.scales else system
+
+
+def check_scales(controller: Lti, plant: Mapping[str, float] | None = None) -> None:
+    """Check that a controller is in the scales of the plant's signals; one of unknown scales is accepted.
+
+    Parameters
+    ----------
+    controller : Lti
+    plant : mapping from str to float, optional
+        Scales of the plant. None or empty for a plant in the units of the machine.
+
+    Raises
+    ------
+    ValueError
+        If a signal of the controller has another scale than that of the plant.
+    """
+    own, others = controller.scales, plant or {}
+    if own is None:
+        return
+    for label in (*controller.inputs, *controller.outputs):
+        mine, theirs = own.get(label, 1.0), others.get(label, 1.0)
+        if mine == theirs:
+            continue
+        if not others:
+            raise ValueError(
+                f"`controller` must be in the units of the machine, got one in scaled signals ({label!r} by {mine:g}). Pass"
+                " the `.controller` of the design, or boomctl.unscale_controller(controller)."
+            )
+        if not own:
+            raise ValueError(
+                f"`controller` must be in the scaled signals of the plant ({label!r} by {theirs:g}), got one in the units of"
+                " the machine. Pass the plant without scales, or the `.scaled_controller` of the design."
+            )
+        raise ValueError(
+            f"`controller` must have the scales of the plant, got {mine:g} for {label!r} where the plant has {theirs:g}."
+        )
 
 
 def _instead(system: object, models: bool) -> str:
@@ -503,8 +586,13 @@ def _check_time(what: str, dt: float, discrete: bool, sampled: bool) -> None:
 
 def _plain(system: "control.StateSpace") -> Lti:
     """Return the matrices, names and time of a python-control system."""
+    from boomctl.lti.python_control import UNSCALED
+
     A, B, C, D = (np.asarray(getattr(system, letter), dtype=float) for letter in "ABCD")
-    return Lti(A, B, C, D, *_names(system), tuple(system.state_labels), _time(system))
+    scales = getattr(system, "scales", {} if hasattr(system, UNSCALED) else None)
+    if scales:
+        scales = {label: value for label, value in scales.items() if value != 1.0}
+    return Lti(A, B, C, D, *_names(system), tuple(system.state_labels), _time(system), scales)
 
 
 def _names(system: "control.StateSpace | control.TransferFunction") -> tuple[tuple[str, ...], tuple[str, ...]]:

@@ -178,7 +178,8 @@ def _by_cores(
             truncated = core.tail
             break
     if isinstance(smaller, Lti):
-        smaller = replace(smaller, inputs=given.inputs, outputs=given.outputs, states=()).without_dots()
+        scales = getattr(given, "scales", {})  # a structure is in the units of the machine
+        smaller = replace(smaller, inputs=given.inputs, outputs=given.outputs, states=(), scales=scales).without_dots()
     return ReductionResult(
         _full=given,
         _reduced=smaller,  # type: ignore[arg-type]
@@ -251,7 +252,7 @@ def _on_circle(full: Lti, found: ReductionResult, band: Band | None) -> Reductio
     image = found._reduced
     assert isinstance(image, Lti)
     small, dt, kept = discrete_image(image, full.dt), full.dt, "unstable, undamped or rigid-body poles"
-    small = replace(small, inputs=full.inputs, outputs=full.outputs, states=()).without_dots()
+    small = replace(small, inputs=full.inputs, outputs=full.outputs, states=(), scales=full.scales).without_dots()
     # a system without such poles stays as it is: rounding of other coordinates moves what is slow by more than the error
     apart, ours, own = [full.balanced(), small.balanced()], [], 0.0
     for k, system in enumerate(apart):

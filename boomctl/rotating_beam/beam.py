@@ -635,7 +635,7 @@ class HubBeam(ABC):
         B[size:, 0] = np.linalg.solve(motion.mass, np.eye(size)[:, 0])
         C[0, 0] = C[1, size] = 1.0
         C[2, :size] = motion.tip
-        return Lti(A, B, C, np.zeros((3, 1)), inputs=INPUTS, outputs=OUTPUTS, states=self.state_names)
+        return Lti(A, B, C, np.zeros((3, 1)), inputs=INPUTS, outputs=OUTPUTS, states=self.state_names, scales={})
 
     def _steady_speed(self, hub_speed: float) -> float:
         speed = within("hub_speed", hub_speed, -_FASTEST, _FASTEST, "rad/s")

@@ -117,14 +117,13 @@ def sampled_controller(
     known("discretization", discretization, DISCRETIZATIONS)
     if isinstance(controller, TimeVaryingController):
         return _time_varying(controller, plant, sample_time)
+    states, scales = (plant.states, plant.scales) if isinstance(plant, ModalPlant) else ((), None)
     scheduled = controller if isinstance(controller, ScheduledController) else None
     if scheduled is None:
-        given = (controller_of(controller, "StateSpace, ScheduledController or None", any_time=True),)
+        given = (controller_of(controller, "StateSpace, ScheduledController or None", any_time=True, scales=scales),)
     else:
         given = scheduled.systems
-    driven, measured = signals_of(
-        given[0], plant.inputs, plant.outputs, plant.states if isinstance(plant, ModalPlant) else ()
-    )
+    driven, measured = signals_of(given[0], plant.inputs, plant.outputs, states, scales)
     found = [_discrete(each, sample_time, discretization) for each in given]
     none = np.zeros((len(found), len(found[0].A), len(found[0].C)))
     laws = None

@@ -110,6 +110,7 @@ def in_modal_coordinates(system: Lti) -> ModalPlant:
         inputs=system.inputs,
         outputs=system.outputs,
         states=system.states,
+        scales=system.scales,
     )
 
 

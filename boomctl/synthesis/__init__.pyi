@@ -22,10 +22,10 @@ from boomctl.synthesis.plants.generalized import generalized_plant as generalize
 from boomctl.synthesis.plants.generalized import mixed_sensitivity as mixed_sensitivity
 from boomctl.synthesis.plants.generalized import select_channels as select_channels
 from boomctl.synthesis.plants.partition import close_loop as close_loop
+from boomctl.synthesis.plants.scaling import scale_signals as scale_signals
+from boomctl.synthesis.plants.scaling import unscale_controller as unscale_controller
 from boomctl.synthesis.plants.symmetry import join_symmetric as join_symmetric
 from boomctl.synthesis.plants.symmetry import split_controller as split_controller
-from boomctl.synthesis.plants.units import from_units as from_units
-from boomctl.synthesis.plants.units import in_units as in_units
 from boomctl.synthesis.plants.weights import band_pass as band_pass
 from boomctl.synthesis.plants.weights import high_pass as high_pass
 from boomctl.synthesis.plants.weights import low_pass as low_pass

@@ -6,7 +6,7 @@ from math import inf, nan
 from typing import TYPE_CHECKING
 
 from boomctl.analysis.norm import NormCertificate
-from boomctl.lti.system import Lti
+from boomctl.lti.system import Lti, unscaled
 from boomctl.printing import compact, sentence
 from boomctl.synthesis.lq.riccati import RiccatiSolution
 from boomctl.synthesis.plants.channels import Channel
@@ -16,7 +16,10 @@ if TYPE_CHECKING:
 
 
 class Design:
-    """A controller and the loop that it closes, which become systems of python-control when they are first read."""
+    """Controller and closed loop of a design, converted to python-control systems on first access.
+
+    ``_controller`` and ``_closed_loop`` are in the scaled signals of a scaled plant.
+    """
 
     _controller: Lti
     _closed_loop: Lti
@@ -24,7 +27,12 @@ class Design:
 
     @cached_property
     def controller(self) -> "control.StateSpace":
-        """As a system of python-control; it is made when it is first read."""
+        """Controller ``u = K y`` in the units of the machine."""
+        return unscaled(self._controller).statespace(self._called)
+
+    @cached_property
+    def scaled_controller(self) -> "control.StateSpace":
+        """Controller ``u = K y`` in the scaled signals of the plant; equal to ``controller`` for a plant without scales."""
         return self._controller.statespace(self._called)
 
     @cached_property

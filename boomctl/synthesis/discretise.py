@@ -1,5 +1,6 @@
 """Controllers for a computer: a sampled version of a controller in continuous time, names kept."""
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -7,7 +8,7 @@ import numpy as np
 from boomctl.arrays import Array
 from boomctl.checks import exactly, from_on, known, positive, up_to
 from boomctl.lti.python_control import control
-from boomctl.lti.system import controller_of
+from boomctl.lti.system import controller_of, of
 
 if TYPE_CHECKING:
     from boomctl.lti.system import Controller
@@ -43,7 +44,7 @@ def discretize(
     Returns
     -------
     control.StateSpace
-        In discrete time, inputs, outputs and states named as the controller's.
+        In discrete time, inputs, outputs and states named as the controller's, in the same scales.
 
     Raises
     ------
@@ -65,7 +66,7 @@ def discretize(
             f"controller: expected StateSpace, got {type(given).__name__}; a structure is sampled by its"
             f" .to_statespace(dt={sample_time}), with late controls by boomctl.analysis.sample_plant"
         )
-    poles = controller_of(given).poles
+    K = controller_of(given)
     T = positive("sample_time", sample_time)
     known("method", method, _METHODS)
     if positive("samples_per_period", samples_per_period) < 2.0:
@@ -81,10 +82,13 @@ def discretize(
             raise ValueError(
                 f"prewarp_omega = {exactly(warped)}: expected less than pi/sample_time = {up_to(np.pi / T)} rad/s"
             )
-    _check_rate(poles, T, samples_per_period)
+    _check_rate(K.poles, T, samples_per_period)
     if method == "tustin":
-        _check_corner(poles, T if warped is None else 2.0 * np.tan(0.5 * warped * T) / warped)
-    return control.sample_system(given, T, method, prewarp_frequency=warped, name=f"{given.name}_discrete")
+        _check_corner(K.poles, T if warped is None else 2.0 * np.tan(0.5 * warped * T) / warped)
+    sampled = control.sample_system(given, T, method, prewarp_frequency=warped, name=f"{given.name}_discrete")
+    if K.scales is None:
+        return sampled
+    return replace(of(sampled, any_time=True), scales=K.scales).statespace(sampled.name)
 
 
 def _check_corner(poles: Array, T: float) -> None:

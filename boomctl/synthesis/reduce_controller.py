@@ -23,6 +23,8 @@ from boomctl.synthesis.plants.partition import GeneralizedPlant, matched
 if TYPE_CHECKING:
     import control
 
+    from boomctl.lti.system import Controller
+
 _SINGULAR = 1e12  # condition above which states left out have no rest to be put at: four digits would be left
 
 
@@ -33,7 +35,9 @@ class ReducedController(Design):
     Attributes
     ----------
     controller, closed_loop : control.StateSpace
-        Named as in the generalised plant.
+        Labeled as in the generalized plant; the controller is in the units of the machine.
+    scaled_controller : control.StateSpace
+        The same in the scaled signals of the plant; equal to `controller` if the plant has no scales.
     order : int
         Number of states of the controller.
     gamma, full_gamma : float
@@ -65,7 +69,7 @@ class ReducedController(Design):
 
 def reduce_controller(
     P: "control.StateSpace",
-    controller: "control.StateSpace",
+    controller: "Controller",
     *,
     order: int | None = None,
     tolerance: float = 0.05,
@@ -80,8 +84,9 @@ def reduce_controller(
     ----------
     P : control.StateSpace
         Generalised plant, in continuous or discrete time; the controller fits its last outputs and inputs.
-    controller : control.StateSpace
-        ``u = K y``, of the sampling time of ``P`` if it has one; it stabilises ``P``.
+    controller : control.StateSpace, or a design, which holds one
+        ``u = K y``, of the sampling time of ``P`` if it has one; it stabilizes ``P``. For a scaled ``P`` in its scaled
+        signals.
     order : int, optional
         Number of states wanted; fewer where the controller has states that do nothing within the loop.  By default the
         lowest whose loop stays within ``tolerance``, which at the latest is the controller itself.
@@ -99,7 +104,7 @@ def reduce_controller(
     Raises
     ------
     TypeError, ValueError
-        Other kinds of system; sampling times that differ or are not said; numbers out of range; an order above the
+        Other kinds of system; sampling times or scales that differ; numbers out of range; an order above the
         controller's.
     SynthesisError
         The controller does not stabilise ``P``; no one of the order, or without faster poles, stays within the tolerance.
@@ -143,7 +148,7 @@ def reduce_controller(
         found = verified_candidate(plant, smaller, allowed)
         if isinstance(found, Candidate):
             return ReducedController(
-                _controller=found.K,
+                _controller=replace(found.K, scales=plant.system.scales),
                 _closed_loop=found.loop,
                 order=len(found.K.A),
                 gamma=found.norm.lower,

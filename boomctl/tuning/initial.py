@@ -7,25 +7,32 @@ import numpy as np
 
 from boomctl.arrays import Array, balance
 from boomctl.checks import known, mapping, real, within
-from boomctl.lti.system import Lti, is_statespace, of
+from boomctl.lti.system import Lti, check_scales, controller_of, is_statespace
 from boomctl.tuning.parts.structures import GAIN, Physical, StateSpace, Sum
 from boomctl.tuning.problem import Problem
 from boomctl.tuning.solver.starts import grown
 
 if TYPE_CHECKING:
-    import control
+    from boomctl.lti.system import Controller
 
 
-def initial_numbers(problem: Problem, given: "Mapping[str, float] | control.StateSpace") -> Array:
+def initial_numbers(
+    problem: Problem, given: "Mapping[str, float] | Controller", scales: Mapping[str, float] | None
+) -> Array:
     """Return a start that is given by name or as a controller; what is left out is in the middle or zero.
+
+    ``scales`` are those of the plant, and of the controller.
 
     Raises
     ------
     TypeError, ValueError
-        Unknown names, numbers out of range; a controller of another structure, of too high an order, or with other signals.
+        Unknown names, numbers out of range; a controller of another structure, of too high an order, or with other signals
+        or scales.
     """
-    if is_statespace(given):
-        return _of_controller(problem, of(given, "initial", "a mapping of free numbers or a StateSpace"))
+    if is_statespace(given) or hasattr(given, "controller"):
+        K = controller_of(given, "a mapping of free numbers or a StateSpace", what="initial", scales=scales)
+        check_scales(K, scales)
+        return _of_controller(problem, K)
     names = [each.name for each in problem.free]
     for name in mapping("initial", given, "free numbers to values, or a StateSpace"):
         known("free number", name, names)

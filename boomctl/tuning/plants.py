@@ -211,7 +211,7 @@ class FamilyPlants:
 
 
 def _alike(plants: Sequence[GeneralizedPlant]) -> None:
-    """Refuse plants with different signals."""
+    """Check that plants have the same signals and scales."""
     first = plants[0].system
     for i, plant in enumerate(plants[1:], 2):
         for kind in ("inputs", "outputs"):
@@ -220,3 +220,7 @@ def _alike(plants: Sequence[GeneralizedPlant]) -> None:
                 raise ValueError(
                     f"P: the {kind} of model {i} are {', '.join(here)}; expected those of model 1: {', '.join(there)}"
                 )
+        for label in (*plant.measurements, *plant.controls):
+            here, there = ((each.scales or {}).get(label, 1.0) for each in (plant.system, first))
+            if here != there:
+                raise ValueError(f"`P` must have one scale of {label!r} in all models, got {there:g} and {here:g}.")

@@ -26,7 +26,9 @@ class TuneResult(Design):
     Attributes
     ----------
     controller : control.StateSpace
-        ``u = K y``, from the measurements to the controls, named as in the generalised plant.
+        ``u = K y``, from the measurements to the controls, labeled as in the generalized plant, in the units of the machine.
+    scaled_controller : control.StateSpace
+        The same in the scaled signals of the plant; equal to `controller` if the plant has no scales.
     closed_loop : control.StateSpace
         The loop from the disturbances to the performance signals, of the model in which the norm is largest.
     closed_loops : tuple of control.StateSpace

@@ -32,7 +32,7 @@ from boomctl.tuning.solver.bundle import stationarity
 from boomctl.tuning.solver.search import Search, search
 
 if TYPE_CHECKING:
-    import control
+    from boomctl.lti.system import Controller
 
 _LARGEST_GAIN = 1e6  # times its natural size, beyond which no free number goes: an infimum at infinite gain (a choice)
 _TELLING = 10.0  # times a bound up to which a norm so far above it says something of it (a choice)
@@ -59,7 +59,7 @@ def tune(
     damping: float | None = None,
     decay: float | None = None,
     family: "Family | None" = None,
-    initial: "Mapping[str, float] | control.StateSpace | None" = None,
+    initial: "Mapping[str, float] | Controller | None" = None,
     time_limit: float = 60.0,
     progress: "Listener | None" = None,
 ) -> TuneResult:
@@ -101,9 +101,10 @@ def tune(
         Structures over a box of parameters.  The middle and the corners are tuned for at first, then the worst points that
         a search over the box finds too, until none is worse.  Parameters that are `boomctl.tunable.physical` ones of the
         structure are tuned, the others are uncertain.
-    initial : mapping of str to float, or control.StateSpace, optional
+    initial : mapping of str to float, control.StateSpace or a design, optional
         A start of your own: free numbers by name, as `TuneResult.values` holds them; where the structure is a
         `boomctl.tunable.state_space` (physical parameters may be added to it), a controller of its order or of a lower one.
+        In the scaled signals of a scaled plant.
     time_limit : float
         Seconds after which the best so far is returned; so it is when the user interrupts.
     progress : callable, optional
@@ -271,7 +272,7 @@ class _Task:
             **self.limits,
         )
 
-    def begun(self, initial: "Mapping[str, float] | control.StateSpace | None") -> list[Array]:
+    def begun(self, initial: "Mapping[str, float] | Controller | None") -> list[Array]:
         """Return starts that are given, after all has been checked."""
         plants = self.middle()
         self._check_signals(plants[0])
@@ -285,7 +286,7 @@ class _Task:
                     raise SynthesisError(f"{where}{error}") from None
         problem = self.problem(self.structure)
         self._check_norms(problem)
-        return [] if initial is None else [initial_numbers(problem, initial)]
+        return [] if initial is None else [initial_numbers(problem, initial, plants[0].system.scales)]
 
     def _check_signals(self, plant: GeneralizedPlant) -> None:
         for channel in self.channels:
@@ -460,6 +461,7 @@ def _result(task: _Task, found: Search, worst: "ChannelNorm | None", path: tuple
     tell("verifying")
     plants = task.plants.given(x[problem.physical])
     K = problem.lti(x, plants[0].measurements, plants[0].controls).balanced()
+    K = replace(K, scales=plants[0].system.scales)
     loops = [loop_of(plant, K) for plant in plants]
     norms = tuple(
         (i, ChannelNorm(label, channel, channel_norm(loop, plant, K, channel)))

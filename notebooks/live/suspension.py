@@ -39,7 +39,7 @@ def _(mo):
 @app.cell
 def _(bc, np):
     SPEED, SAMPLE_TIME = 3.0, 0.008  # of the tractor [m/s]; of the controller [s]
-    UNITS = {"actuator_anti": 0.03, "suspension_anti": 150.0, "tip_anti": 0.2, "stroke_anti": 0.05}
+    SCALES = {"actuator_anti": 0.03, "suspension_anti": 150.0, "tip_anti": 0.2, "stroke_anti": 0.05}
     motion = bc.platform_motion(bc.iso_track("E", 200.0, seed=1), speed=SPEED, duration=40.0, sample_time=SAMPLE_TIME)
     platform = {"actuator_anti": motion.anti}
     FASTEST = 10.0  # of the frequencies that are drawn [Hz]
@@ -48,7 +48,7 @@ def _(bc, np):
         tips_moved = np.outer([-1.0, 1.0], run["tip_anti"]) / np.sqrt(2.0)
         return bc.spray_deposit(run.time, tips_moved, [-6.0, 6.0], SPEED, nozzles=bc.nozzle_positions())
 
-    return FASTEST, SAMPLE_TIME, UNITS, motion, platform, sprayed
+    return FASTEST, SAMPLE_TIME, SCALES, motion, platform, sprayed
 
 
 @app.cell
@@ -65,11 +65,11 @@ def _(mo):
 
 
 @app.cell
-def _(SAMPLE_TIME, UNITS, bc, motion, platform, springs, sprayed, time):
+def _(SAMPLE_TIME, SCALES, bc, motion, platform, springs, sprayed, time):
     _began = time.perf_counter()
     _parameters = bc.BoomParameters(spring_stiffness=float(springs.value))
     yaw = bc.split_symmetric(bc.spray_boom(_parameters, elements=12, accelerometer_bandwidth_hz=20.0))[1]
-    small = bc.reduce(bc.in_units(yaw, UNITS), order=12, band=(0.0, 80.0))
+    small = bc.reduce(bc.scale_signals(yaw, SCALES), order=12, band=(0.0, 80.0))
     passive = bc.sigma(yaw, inputs="actuator_anti", outputs="tip_anti")  # at frequencies that show each resonance
     passive_run = bc.simulate_loop(yaw, None, platform, motion.time, sample_time=SAMPLE_TIME)
     passive_spray = sprayed(passive_run)
@@ -78,7 +78,7 @@ def _(SAMPLE_TIME, UNITS, bc, motion, platform, springs, sprayed, time):
 
 
 @app.cell
-def _(SAMPLE_TIME, UNITS, bc, effort, motion, np, platform, small, sprayed, stroke, time, tips, yaw):
+def _(SAMPLE_TIME, SCALES, bc, effort, motion, np, platform, small, sprayed, stroke, time, tips, yaw):
     _began = time.perf_counter()
     _plant = bc.generalized_plant(
         small.system,
@@ -90,8 +90,8 @@ def _(SAMPLE_TIME, UNITS, bc, effort, motion, np, platform, small, sprayed, stro
         controls=["suspension_anti"],
     )
     design = bc.h_infinity(_plant, nmeas=2, ncon=1)
-    margins = bc.margins(small.system, design.controller)
-    _controller = bc.from_units(design.controller, UNITS)
+    margins = bc.margins(small.system, design)
+    _controller = design.controller
     _loop = bc.feedback_loop(yaw, _controller)
     active = bc.sigma(_loop, inputs="actuator_anti", outputs="tip_anti")
     step = bc.forced_response(_loop, {"actuator_anti": np.full(500, 0.05 * np.sqrt(2.0))}, np.linspace(0.0, 10.0, 500))

@@ -18,13 +18,19 @@ from boomctl.reduction import ReductionError
 from boomctl.synthesis.plants import full_plant
 from tests.profiles import examples
 
-UNITS = {"actuator_anti": 0.03, "suspension_anti": 150.0, "tip_anti": 0.2, "stroke_anti": 0.05}
+SCALES = {
+    "actuator_anti": 0.03,
+    "suspension_anti": 150.0,
+    "tip_anti": 0.2,
+    "stroke_anti": 0.05,
+    "tip_acceleration_anti": 1.0,
+}
 
 
 @pytest.fixture(scope="module")
 def full():
     _, yaw = bc.split_symmetric(bc.spray_boom(elements=12, accelerometer_bandwidth_hz=20.0))
-    return bc.in_units(yaw, UNITS)
+    return bc.scale_signals(yaw, SCALES)
 
 
 def generalized(plant):
@@ -58,7 +64,7 @@ def test_a_loop_that_is_unstable_on_the_full_plant_is_said_to_be(full):
     told = found.certificate.full_plant
     assert told.stable is False
     assert told.norm.lower == np.inf
-    assert_allclose(told.slowest_pole, slowest_on(full, found.controller), rtol=1e-6)
+    assert_allclose(told.slowest_pole, slowest_on(full, found.scaled_controller), rtol=1e-6)
     assert told.slowest_pole > 0.1
     assert len(said) == 1
     assert "UNSTABLE" in said[0]
@@ -88,7 +94,7 @@ def test_lqg_and_h2_on_a_reduced_plant_are_judged_on_the_full_one(full, order):
         with warnings.catch_warnings(record=True) as said:
             warnings.simplefilter("always")
             found = call(small)
-        told, true = found.certificate.full_plant, slowest_on(full, found.controller)
+        told, true = found.certificate.full_plant, slowest_on(full, found.scaled_controller)
         assert told.stable == (true < 0.0), name
         assert_allclose(told.slowest_pole, true, rtol=1e-6)
         assert ("UNSTABLE on the full plant" in repr(found)) == (true > 0.0)
@@ -103,9 +109,9 @@ def test_a_loop_that_is_as_good_on_the_full_plant_is_certified_there_without_a_w
     told = found.certificate.full_plant
     assert told.stable
     assert not said
-    assert_allclose(told.slowest_pole, slowest_on(full, found.controller), rtol=1e-6)
-    assert slowest_on(full, found.controller) < 0.0
-    assert_allclose(told.norm.lower, control.norm(generalized(full).lft(found.controller), "inf"), rtol=1e-3)
+    assert_allclose(told.slowest_pole, slowest_on(full, found.scaled_controller), rtol=1e-6)
+    assert slowest_on(full, found.scaled_controller) < 0.0
+    assert_allclose(told.norm.lower, control.norm(generalized(full).lft(found.scaled_controller), "inf"), rtol=1e-3)
 
 
 def test_a_norm_that_is_worse_on_the_full_plant_is_warned_of(full):
@@ -150,7 +156,7 @@ def test_a_generalised_plant_may_itself_be_a_reduction(full):
     whole = generalized(full)
     found, said = design(bc.reduce(whole, order=20))
     told = found.certificate.full_plant
-    assert told.stable == bool(whole.lft(found.controller).poles().real.max() < 0.0)
+    assert told.stable == bool(whole.lft(found.scaled_controller).poles().real.max() < 0.0)
     assert f"the full plant of {whole.nstates} states" in told.statement
     assert not said or told.norm.upper > 1.1 * found.gamma or not told.stable
 
@@ -162,7 +168,7 @@ def test_mixed_sensitivity_takes_a_reduction():
     P = bc.mixed_sensitivity(small, W1=bc.low_pass(4.0, 0.5), W2=0.1)
     with pytest.warns(bc.synthesis.ReductionWarning) as said:
         found = bc.h_infinity(P, 1, 1)
-    K = found.controller
+    K = found.scaled_controller
     loop = control.feedback(plant, K, sign=-1)
     told = found.certificate.full_plant
     assert told.stable == bool(loop.poles().real.max() < 0.0)
@@ -234,13 +240,13 @@ def test_what_is_said_of_the_full_plant_is_true(seed, states, kept, banded):
         except bc.SynthesisError:
             return
     told = found.certificate.full_plant
-    slowest = slowest_on(plant, found.controller)
+    slowest = slowest_on(plant, found.scaled_controller)
     if told.stable is not None:
         assert told.stable == (slowest < 0.0)
     if told.share < 1.0:
         assert slowest < 0.0
     if told.norm.certified:
-        whole = bc.close_loop(full_plant_of(P), found.controller)
+        whole = bc.close_loop(full_plant_of(P), found.scaled_controller)
         assert_allclose(bc.hinf_norm(whole).lower, told.norm.lower, rtol=1e-4)
 
 

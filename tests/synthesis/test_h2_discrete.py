@@ -169,8 +169,8 @@ def test_a_smaller_controller_keeps_its_gain_at_rest_where_it_is_residualised(se
 def test_a_design_on_a_reduced_discrete_plant_is_judged_on_the_full_one():
     boom = bc.split_symmetric(bc.spray_boom())[1]
     full = bc.analysis.sample_plant(boom, 0.02, "suspension_anti", delay=0.01)
-    units = {"actuator_anti": 0.03, "suspension_anti": 150.0, "tip_anti": 0.2, "stroke_anti": 0.05}
-    small = bc.reduce(bc.in_units(full, units), order=10)
+    scales = {"actuator_anti": 0.03, "suspension_anti": 150.0, "tip_anti": 0.2, "stroke_anti": 0.05}
+    small = bc.reduce(bc.scale_signals(full, scales), order=10)
     P = bc.generalized_plant(
         small,
         disturbances={"actuator_anti": bc.low_pass(1.0, 2.0)},
@@ -184,6 +184,6 @@ def test_a_design_on_a_reduced_discrete_plant_is_judged_on_the_full_one():
     judged = design.certificate.full_plant
     assert judged is not None
     assert judged.stable
-    K = bc.from_units(design.controller, units)
+    K = design.controller
     loop = bc.feedback_loop(boom, K, delay=0.01)
     assert (np.abs(loop.poles()) < 1.0).all()

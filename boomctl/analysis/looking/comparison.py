@@ -203,6 +203,7 @@ def compare(
                     system = _between(looked_at(member), inputs, outputs)
                     systems[f"{name} {k}"] = system, matrices(system)
                     linear[f"{name} {k}"] = system.statespace("system") if isinstance(system, Lti) else system
+    _check_same_scales(systems)
     curves = compare_sigma(linear, omega) if linear else {}  # all on one grid
     for name, members in parts.items():
         values[name], kept = {}, []
@@ -218,6 +219,19 @@ def compare(
     for figures in values.values():
         order |= dict.fromkeys(figures)
     return Comparison(tuple(results), tuple(order), values, parts)
+
+
+def _check_same_scales(systems: Mapping[str, tuple[Any, Lti]]) -> None:
+    """Check that signals of one name have one scale in all systems."""
+    scales: dict[str, float] = {}
+    for _, system in systems.values():
+        for label in (*system.inputs, *system.outputs):
+            scale = (system.scales or {}).get(label, 1.0)
+            if scales.setdefault(label, scale) != scale:
+                raise ValueError(
+                    f"`results` must be in the same scales, got {label!r} divided by {scales[label]:g} and by {scale:g}."
+                    " Compare systems in the units of the machine, or all scaled alike."
+                )
 
 
 def _between(system: Any, inputs: str | Sequence[str] | None, outputs: str | Sequence[str] | None) -> Any:

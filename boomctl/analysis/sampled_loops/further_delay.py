@@ -71,7 +71,10 @@ class FurtherDelay:
     @classmethod
     def of(cls, plant: Lti, controller: Lti, delay: float, signal: str) -> "FurtherDelay":
         """Return the loop of a plant and a controller, found by name, delayed at a signal."""
-        between, acting = signals_of(controller, plant.inputs, plant.outputs), signal in controller.outputs
+        between, acting = (
+            signals_of(controller, plant.inputs, plant.outputs, scales=plant.scales),
+            signal in controller.outputs,
+        )
         index = (controller.outputs if acting else controller.inputs).index(signal)
         return cls(plant.between(*between).balanced(), controller, delay, acting, index)
 

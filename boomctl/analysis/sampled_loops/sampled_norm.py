@@ -99,10 +99,11 @@ def sampled_norm(
     """
     from boomctl.analysis.loops import signals_of
 
-    P, K = of(plant, "plant"), controller_of(controller, discrete=True, sampled=True)
+    P = of(plant, "plant")
+    K = controller_of(controller, discrete=True, sampled=True, scales=P.scales)
     if K.dt == 0.0:
         raise ValueError("controller: expected a sampling time, got continuous time; boomctl.discretize samples it")
-    acting, measured = signals_of(K, P.inputs, P.outputs, P.states)
+    acting, measured = signals_of(K, P.inputs, P.outputs, P.states, P.scales)
     dt, late = time_of_loop(P, K, delay)
     free = [name for name in P.inputs if name not in K.outputs]
     driven = [P.inputs.index(name) for name in names("disturbance", inputs, free)]

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from boomctl.arrays import Array
 from boomctl.checks import finite_array, names, real, sequence, shown, signal_name
-from boomctl.lti.system import Lti, of
+from boomctl.lti.system import Lti, check_scales, of
 from boomctl.printing import between, count
 
 if TYPE_CHECKING:
@@ -204,6 +204,8 @@ def schedule(
         of(each, f"controllers[{i}]", expected="StateSpace", any_time=True)
         for i, each in enumerate(sequence("controllers", controllers, "StateSpace"))
     ]
+    for each in given:
+        check_scales(each)
     places = finite_array("values", values, ndim=1)
     if len(given) < 2 or len(places) != len(given):
         raise ValueError(

@@ -56,7 +56,7 @@ def realize(structure: Structure, ports: Ports) -> Lti:
     for name, count in zip(ports.inputs, ports.integrators, strict=True):
         states += [f"{name}.displacement", f"{name}.velocity"][:count]
     A, B, C, D = rates[:, :size], rates[:, size:], y[:, :size], y[:, size:]
-    return Lti(A, B, C, D, ports.inputs, ports.outputs, (*states, *filter_states))
+    return Lti(A, B, C, D, ports.inputs, ports.outputs, (*states, *filter_states), scales={})
 
 
 def _solver(mass: Array) -> Solve:

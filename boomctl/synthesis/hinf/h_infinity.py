@@ -40,7 +40,9 @@ class HInfinityResult(Design):
     Attributes
     ----------
     controller : control.StateSpace
-        ``u = K y``, from the measurements to the controls, named as in the generalised plant.
+        ``u = K y``, from the measurements to the controls, labeled as in the generalized plant, in the units of the machine.
+    scaled_controller : control.StateSpace
+        The same in the scaled signals of the plant; equal to `controller` if the plant has no scales.
     closed_loop : control.StateSpace
         The loop from the disturbances to the performance signals, named likewise.
     gamma : float
@@ -255,7 +257,7 @@ def _result(task: Task, found: Candidate, origin: ReducedPlant | None) -> HInfin
         statement=_statement(task, found),
         full_plant=judged_on_full_plant(origin, plant, found.K, found.norm.upper),
     )
-    K = replace(found.K, inputs=plant.measurements, outputs=plant.controls)
+    K = replace(found.K, inputs=plant.measurements, outputs=plant.controls, scales=plant.system.scales)
     return HInfinityResult(K, found.loop, found.norm.lower, certificate, bounds, plant.system)
 
 

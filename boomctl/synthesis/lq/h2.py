@@ -37,7 +37,9 @@ class H2Result(Design):
     Attributes
     ----------
     controller : control.StateSpace
-        ``u = K y``, its signals named as the measurements and controls of the generalised plant.
+        ``u = K y``, labeled as the measurements and controls of the generalized plant, in the units of the machine.
+    scaled_controller : control.StateSpace
+        The same in the scaled signals of the plant; equal to `controller` if the plant has no scales.
     closed_loop : control.StateSpace
         The loop from the disturbances to the performance outputs, named as in the generalised plant.
     norm : float
@@ -157,7 +159,7 @@ def _controller(p: GeneralizedPlant, regulator: RiccatiSolution, estimator: Ricc
     take what the measurement at the sample brings that was not expected: ``M`` times it.
     """
     F, L, s = regulator.gain, estimator.gain.T, p.system
-    way = Lti(p.A, p.B2, p.C2, p.D22, p.controls, p.measurements, s.states, s.dt)
+    way = Lti(p.A, p.B2, p.C2, p.D22, p.controls, p.measurements, s.states, s.dt, s.scales)
     K = observer(way, F, L)
     if s.dt == 0.0:
         return K, least_cost(p.B1 @ p.B1.T, p.D12.T @ p.D12, regulator, estimator)

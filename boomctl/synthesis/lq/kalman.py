@@ -118,7 +118,9 @@ def kalman(
     way = plant.select(known, measured)
     B = np.hstack([L, way.B - L @ way.D])
     inputs, states = (*measured, *known), plant.states
-    estimator = Lti(plant.A - L @ way.C, B, np.eye(n), np.zeros(B.shape), inputs, states, states, plant.dt)
+    estimator = Lti(
+        plant.A - L @ way.C, B, np.eye(n), np.zeros(B.shape), inputs, states, states, plant.dt, plant.scales
+    )
     return KalmanResult(
         gain=L,
         covariance=solution.X,

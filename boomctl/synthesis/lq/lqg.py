@@ -38,7 +38,9 @@ class LqgResult(Design):
     Attributes
     ----------
     controller : control.StateSpace
-        ``u = K y``, from the measurements to the controls, by their names.
+        ``u = K y``, from the measurements to the controls, by their labels, in the units of the machine.
+    scaled_controller : control.StateSpace
+        The same in the scaled signals of the plant; equal to `controller` if the plant has no scales.
     closed_loop : control.StateSpace
         The loop, from the inputs that are no controls (if there are none: from signals added to the controls, of their
         names) to the outputs of the system.

@@ -48,7 +48,10 @@ class LqrResult(Design):
         ``X``: from the state ``x`` the cost is ``x^T X x``.
     controller : control.StateSpace
         ``u = K x``, so ``K = -F``: inputs named as the states, dots replaced by ``_``, and
-        behind them the integrated outputs; outputs named as the controls.  Static unless it integrates.
+        behind them the integrated outputs; outputs named as the controls.  Static unless it integrates.  In the units of
+        the machine.
+    scaled_controller : control.StateSpace
+        The same in the scaled signals of the plant; equal to `controller` if the plant has no scales.
     closed_loop : control.StateSpace
         The loop, from the inputs that are no controls (if there are none: from signals added to the controls, of their
         names) to the outputs of the system.
@@ -272,7 +275,9 @@ def _controller(plant: Lti, controls: Sequence[str], integrated: Sequence[str], 
     reads = np.hstack([np.zeros((k, n)), share * np.eye(k)])
     direct = np.hstack([-gain[:, :n], np.zeros((len(gain), k))])
     inputs = (*plant.states[:n], *integrated)
-    return Lti(kept * np.eye(k), reads, -gain[:, n:], direct, inputs, tuple(controls), plant.states[n:], dt)
+    return Lti(
+        kept * np.eye(k), reads, -gain[:, n:], direct, inputs, tuple(controls), plant.states[n:], dt, plant.scales
+    )
 
 
 def _loops(plant: Lti, controls: Sequence[str], gain: Array) -> tuple[Lti, Lti]:

@@ -98,7 +98,7 @@ def warn_of_lost_channels(plant: Any, channels: dict[str, tuple[tuple[str, ...],
     if lost:
         said = (
             f"the reduction's error, up to {plant.measured_error:.3g}, is as large as all that the reduced plant does from "
-            f"{' and from '.join(lost)}; reduce to more states, or in units in which these signals have like sizes (in_units)"
+            f"{' and from '.join(lost)}; reduce to more states, or scale these signals to similar magnitudes (scale_signals)"
         )
         warnings.warn(said, ReductionWarning, stacklevel=3)
 

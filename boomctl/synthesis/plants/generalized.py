@@ -145,7 +145,7 @@ def _weighed(
             [_selection(outs, read), _selection(read, n).T, np.zeros((len(read), len(set_)))],
         ]
     )
-    return replace(_joined(first, entry, middle, leave, last), dt=system.dt)
+    return replace(_joined(first, entry, middle, leave, last), dt=system.dt, scales=system.scales)
 
 
 def mixed_sensitivity(
@@ -217,7 +217,10 @@ def _weighed_sensitivity(system: Lti, *, weights: list[Lti], given: list[bool]) 
     effort = np.hstack([np.zeros((m, 2 * p)), np.eye(m)])
     shown = [rows for rows, there in zip((error, effort, output), given, strict=True) if there]
     joined = _joined(first, entry, middle, np.vstack([*shown, error]), append(*weights, _through(errors)))
-    return replace(joined, dt=system.dt)
+    scales = system.scales
+    if scales:
+        scales = {**scales, **{f"error_{name}": scales.get(name, 1.0) for name in outs}}
+    return replace(joined, dt=system.dt, scales=scales)
 
 
 def _joined(first: Lti, entry: Array, middle: Lti, leave: Array, last: Lti) -> Lti:

@@ -9,7 +9,17 @@ import numpy as np
 from boomctl.arrays import Array
 from boomctl.checks import exactly, whole
 from boomctl.lti.sampled import same_time
-from boomctl.lti.system import Lti, controller_of, is_statespace, is_transfer_function, lower_lft, of, static
+from boomctl.lti.system import (
+    Lti,
+    check_scales,
+    controller_of,
+    is_statespace,
+    is_transfer_function,
+    lower_lft,
+    of,
+    rescale,
+    static,
+)
 from boomctl.printing import compact, listed
 
 if TYPE_CHECKING:
@@ -179,18 +189,22 @@ def _count(
 
 
 def matched(
-    P: "control.StateSpace", controller: "control.StateSpace", *, sampled: bool = False
+    P: "control.StateSpace", controller: "Controller", *, sampled: bool = False, convert: bool = False
 ) -> tuple[GeneralizedPlant, Lti]:
     """Return a plant partitioned as a controller demands, and the controller with the plant's signals, in their order.
 
-    In discrete time too if ``sampled``.
+    In discrete time too if ``sampled``. If ``convert``, a controller in the units of the machine is scaled as the plant.
 
     Raises
     ------
     TypeError, ValueError
-        Other kinds of system, another kind of time, sampling times that differ, not finite, too many signals.
+        Other kinds of system, another kind of time, sampling times or scales that differ, not finite, too many signals.
     """
-    K = controller_of(controller, sampled=sampled)
+    scales = getattr(P, "scales", None)
+    K = controller_of(controller, sampled=sampled, scales=scales)
+    if convert and scales and K.scales == {}:
+        K = rescale(K, scales)
+    check_scales(K, scales)
     plant = partition(P, K.B.shape[1], len(K.C), sampled=sampled)
     if not same_time(K.dt, plant.system.dt):
         wanted, got = (
@@ -227,7 +241,8 @@ def close_loop(P: "control.StateSpace", controller: "Controller") -> "control.St
     P : control.StateSpace
         Generalised plant: its last inputs are controls, its last outputs measurements.
     controller : control.StateSpace, control.TransferFunction, or a design, which holds one
-        ``u = K y``, of the same sampling time if there is one.
+        ``u = K y``, of the same sampling time if there is one. For a scaled ``P`` in its scaled signals or, if designed
+        by boomctl, in the units of the machine.
 
     Returns
     -------
@@ -237,8 +252,8 @@ def close_loop(P: "control.StateSpace", controller: "Controller") -> "control.St
     Raises
     ------
     TypeError, ValueError
-        Other kinds of system, sampling times that differ, too many signals; names of which some are signals of ``P`` but
-        not those last ones; the loop is not well-posed.
+        Other kinds of system, sampling times or scales that differ, too many signals; names of which some are signals of
+        ``P`` but not those last ones; the loop is not well-posed.
 
     Examples
     --------
@@ -251,7 +266,7 @@ def close_loop(P: "control.StateSpace", controller: "Controller") -> "control.St
     >>> loop.output_labels, round(float(loop.dcgain()), 3)  # the error that is left: 1/(1 + 9)
     (['z_error_y'], 0.1)
     """
-    plant, K = matched(P, controller, sampled=True)
+    plant, K = matched(P, controller, sampled=True, convert=True)
     return lower_lft(plant.system, K).statespace("closed_loop")
 
 
@@ -274,5 +289,6 @@ def with_feedthrough(K: Lti, D22: Array) -> Lti:
         K.outputs * 2,
         K.states,
         K.dt,
+        K.scales,
     )
     return lower_lft(twice, static(-D22))

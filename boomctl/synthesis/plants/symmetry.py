@@ -1,6 +1,6 @@
 """Controllers of a symmetric machine: one of each half joined into one, and one split into those of the halves."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,7 +12,7 @@ from boomctl.lti.bilinear import continuous_image, discrete_image
 from boomctl.lti.block_diagonal import block_diagonal
 from boomctl.lti.modal import resolved
 from boomctl.lti.rounding import EPS, ROOT, TINY
-from boomctl.lti.system import Lti, append, controller_of, of
+from boomctl.lti.system import Lti, append, check_scales, controller_of, of
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.symmetry import Mirror
 
@@ -69,6 +69,8 @@ def join_symmetric(
         (of(symmetric, "symmetric", "StateSpace", any_time=True), 1),
         (of(antisymmetric, "antisymmetric", "StateSpace", any_time=True), -1),
     ]
+    for half, _ in halves:
+        check_scales(half)
     given = (symmetric.dt, antisymmetric.dt)
     times = {half.dt for (half, _), dt in zip(halves, given, strict=True) if dt is not None}
     if len(times) > 1:
@@ -79,7 +81,8 @@ def join_symmetric(
     drive = np.hstack([_matrix(mirror, driven, half.outputs, parity) for half, parity in halves])
     both = append(*(half for half, _ in halves))
     B, C, D = both.B @ read.T, drive @ both.C, drive @ both.D @ read.T
-    return Lti(both.A, B, C, D, tuple(measured), tuple(driven), dt=min(times, default=0.0)).statespace("controller")
+    dt, scales = min(times, default=0.0), None if None in [half.scales for half, _ in halves] else {}
+    return Lti(both.A, B, C, D, tuple(measured), tuple(driven), dt=dt, scales=scales).statespace("controller")
 
 
 def split_controller(
@@ -122,6 +125,7 @@ def split_controller(
     (array([[-200.]]), array([[-100.]]), 0.0)
     """
     mirror, given = _mirror(model), controller_of(controller, sampled=True).balanced()
+    check_scales(given)
     # a discrete one is told apart as the continuous controller whose Tustin discretisation it is
     K, sides = continuous_image(given).balanced(), []
     for parity in (1, -1):
@@ -158,7 +162,9 @@ def split_controller(
     gains = {key: np.abs(part).max(initial=0.0) for key, part in parts.items()}
     kept = max(gains[0, 0], gains[1, 1])
     missed = float(max(gains[0, 1], gains[1, 0]) / kept) if kept else 0.0
-    symmetric, antisymmetric = (discrete_image(half, given.dt).statespace("controller") for half in halves)
+    symmetric, antisymmetric = (
+        replace(discrete_image(half, given.dt), scales=given.scales).statespace("controller") for half in halves
+    )
     return symmetric, antisymmetric, missed
 
 

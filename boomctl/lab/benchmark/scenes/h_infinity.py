@@ -20,7 +20,7 @@ from boomctl.structure.model import split_symmetric
 from boomctl.synthesis.hinf.h_infinity import h_infinity
 from boomctl.synthesis.plants.generalized import generalized_plant
 from boomctl.synthesis.plants.partition import close_loop
-from boomctl.synthesis.plants.units import in_units
+from boomctl.synthesis.plants.scaling import scale_signals
 
 _NMEAS = 2
 _RATIO = 10.0  # of hinfsyn's run time over ours, which this package promised itself
@@ -55,7 +55,7 @@ def yaw_and_jolt_plant(units: bool) -> control.StateSpace:
     for side, half in zip(_SIDES, split_symmetric(spray_boom(BoomParameters(), elements=20)), strict=True):
         sizes = {f"{signal}_{side}": size for signal, size in _UNITS.items()}
         chosen = half.select([f"{name}_{side}" for name in _INPUTS], [f"{name}_{side}" for name in _OUTPUTS])
-        halves.append(reduce(in_units(chosen, sizes) if units else chosen, order=10).system)
+        halves.append(reduce(scale_signals(chosen, sizes) if units else chosen, order=10).system)
     A, B, C, D = (linalg.block_diag(*(getattr(half, name) for half in halves)) for name in "ABCD")
     ins, outs = ([name for half in halves for name in getattr(half, f"{kind}_labels")] for kind in ("input", "output"))
     platform, controls, tips, strokes = ([f"{n}_{s}" for s in _SIDES] for n in (*_INPUTS, *_OUTPUTS))

@@ -1,0 +1,275 @@
+"""Scaled signals: systems that carry their scales, and functions that reject a controller in other scales."""
+
+import pickle
+from copy import deepcopy
+
+import control
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+
+import boomctl as bc
+
+T = 0.02
+SCALES = {"actuator_anti": 0.03, "suspension_anti": 150.0, "tip_anti": 0.2, "stroke_anti": 0.05}
+scale = st.floats(1e-3, 1e3)
+
+
+def weighted(plant):
+    return bc.generalized_plant(
+        plant,
+        disturbances={"actuator_anti": bc.low_pass(1.0, 2.0)},
+        performance={"tip_anti": 1.0},
+        effort={"suspension_anti": 0.5},
+        noises={"stroke_anti": 0.02},
+        measurements=["stroke_anti"],
+        controls=["suspension_anti"],
+    )
+
+
+@pytest.fixture(scope="module")
+def boom():
+    return bc.spray_boom(elements=2)
+
+
+@pytest.fixture(scope="module")
+def yaw(boom):
+    return bc.split_symmetric(boom)[1]
+
+
+@pytest.fixture(scope="module")
+def scaled(yaw):
+    return bc.scale_signals(yaw, SCALES)
+
+
+@pytest.fixture(scope="module")
+def P(scaled):
+    return weighted(scaled)
+
+
+@pytest.fixture(scope="module")
+def design(P):
+    return bc.h2(P)
+
+
+def plant() -> control.StateSpace:
+    rng = np.random.default_rng(3)
+    A = rng.standard_normal((4, 4)) - 4.0 * np.eye(4)
+    B, C, D = rng.standard_normal((4, 2)), rng.standard_normal((2, 4)), rng.standard_normal((2, 2))
+    return control.ss(A, B, C, D, inputs=["push", "pull"], outputs=["stroke", "tip"])
+
+
+def law() -> control.StateSpace:
+    return control.ss([[-2.0]], [[1.0]], [[0.3]], 0.1, inputs=["stroke"], outputs=["push"])
+
+
+@given(scale, scale)
+def test_closed_loop_poles_invariant_to_scales(push, stroke):
+    scales = {"push": push, "pull": 2.0, "stroke": stroke, "tip": 0.5}
+    G, K, poles = plant(), law(), []
+    scaled, unscaled = bc.scale_signals(G, scales), bc.unscale_controller(K, {"push": push, "stroke": stroke})
+    for system, loop in ((scaled, K), (G, unscaled)):
+        one = control.ss(system.A, system.B[:, [0]], system.C[[0]], system.D[[0]][:, [0]])
+        poles.append(np.sort_complex(control.feedback(one, control.ss(loop.A, loop.B, loop.C, loop.D), sign=1).poles()))
+    assert_allclose(*poles, rtol=1e-8, atol=1e-8)
+    assert scaled.scales == scales
+    assert_allclose(scaled(0.5j)[1, 0], G(0.5j)[1, 0] * push / 0.5)
+
+
+@pytest.mark.parametrize(
+    ("scales", "error", "message"),
+    [
+        ({"push": 0.0}, ValueError, r"scales\['push'\] = 0"),
+        ({"pushes": 2.0}, ValueError, "signals of `.*` only.*'pushes'"),
+        ({"stroke": None}, ValueError, "entry for each signal.*'stroke'"),
+        ({"push": 1e-310}, ValueError, "at least 1e-100"),
+        (None, TypeError, "mapping"),
+    ],
+)
+def test_scales_invalid_raises(scales, error, message):
+    complete = {"push": 100.0, "pull": 1.0, "stroke": 0.05, "tip": 0.2}
+    for function, system, labels in (
+        (bc.scale_signals, plant(), complete),
+        (bc.unscale_controller, law(), ("push", "stroke")),
+    ):
+        values = 2.0 if scales is None else {label: complete[label] for label in labels} | scales
+        if scales == {"stroke": None}:
+            del values["stroke"]
+        with pytest.raises(error, match=message):
+            function(system, values)
+
+
+def test_scaled_system_keeps_scales(scaled, P, design):
+    assert isinstance(scaled, bc.ScaledStateSpace)
+    for system in (
+        bc.reduce(scaled, order=4).system,
+        P,
+        bc.mixed_sensitivity(scaled, W1=1.0),
+        bc.with_states(scaled),
+        bc.analysis.sample_plant(scaled, T),
+        bc.reduce(bc.analysis.sample_plant(scaled, T), order=4).system,
+        bc.synthesis.select_channels(scaled, outputs="stroke_anti"),
+        bc.discretize(design.scaled_controller, 1e-3),
+        bc.feedback_loop(scaled, design),
+        bc.kalman(scaled, {"actuator_anti": 1.0}, 1.0).estimator,
+        bc.lqr(scaled, None, 1.0, output_weight=1.0, controls="suspension_anti").closed_loop,
+        pickle.loads(pickle.dumps(scaled)),
+        deepcopy(scaled),
+    ):
+        labels = (*system.input_labels, *system.output_labels)
+        assert {SCALES[label] == system.scales[label] for label in labels if label in SCALES} == {True}
+    assert bc.mixed_sensitivity(scaled, W1=1.0).scales["error_stroke_anti"] == SCALES["stroke_anti"]
+    assert not hasattr(bc.close_loop(P, design), "scales")
+    assert not hasattr(2.0 * scaled, "scales")
+
+
+DESIGNS = {
+    "h2": bc.h2,
+    "h_infinity": bc.h_infinity,
+    "tune": lambda P: bc.tune(P, structure=bc.tunable.gain(), starts=1),
+    "reduce_controller": lambda P: bc.reduce_controller(P, bc.h2(P), tolerance=0.5),
+    "lqg": lambda P: bc.lqg(
+        P, None, 1.0, {"w_actuator_anti": 1.0}, 1.0, "stroke_anti", "suspension_anti", output_weight={"z_tip_anti": 1.0}
+    ),
+}
+
+
+@pytest.mark.parametrize("method", DESIGNS)
+@pytest.mark.parametrize("dt", [0.0, T])
+def test_design_controller_in_machine_units(yaw, scaled, method, dt):
+    """The loop gain at one frequency, computed from the matrices, is that of the scaled loop."""
+    if dt and method == "tune":
+        pytest.skip("continuous time only")
+    plants = [bc.analysis.sample_plant(system, T) if dt else system for system in (yaw, scaled)]
+    design = DESIGNS[method](weighted(plants[1]))
+    assert type(design.controller) is control.StateSpace
+    point = np.exp(0.7j * T) if dt else 0.7j
+    gains = []
+    for system, K in zip(plants, (design.controller, design.scaled_controller), strict=True):
+        G = system if isinstance(system, control.StateSpace) else system.to_statespace()
+        entry = G.input_labels.index("suspension_anti"), G.output_labels.index("stroke_anti")
+        gains.append(
+            np.ravel(G(point))[0 if G.ninputs == 1 else entry[1] * G.ninputs + entry[0]] * np.ravel(K(point))[0]
+        )
+    assert_allclose(gains[0], gains[1], rtol=1e-8)
+    machine, other = (bc.margins(plant, design)["suspension_anti"] for plant in plants)
+    assert_allclose([machine.phase_deg, machine.disk.alpha], [other.phase_deg, other.disk.alpha], rtol=1e-6)
+    if method != "reduce_controller":  # its result makes no claim to prove
+        bc.prove(design)
+
+
+def test_design_without_scales_keeps_controller(yaw):
+    design = bc.h2(weighted(yaw))
+    assert_allclose(design.controller.B, design.scaled_controller.B)
+    assert not hasattr(design.scaled_controller, "scales")
+
+
+def joins(boom, yaw, scaled, P):
+    """Return calls that join a plant and a controller, each with the plant in machine units, then scaled (or None)."""
+    family = bc.boom_family(half="yaw")
+    time = np.linspace(0.0, 0.1, 6)
+    run = {"sample_time": T}
+    sampled = lambda K: bc.discretize(K, T, samples_per_period=2.0)  # noqa: E731
+    return {
+        "margins": (lambda K: bc.margins(yaw, K), lambda K: bc.margins(scaled, K)),
+        "nyquist": (lambda K: bc.nyquist(yaw, K), lambda K: bc.nyquist(scaled, K)),
+        "feedback_loop": (lambda K: bc.feedback_loop(yaw, K), lambda K: bc.feedback_loop(scaled, K)),
+        "close_loop": (lambda K: bc.close_loop(weighted(yaw), K), None),
+        "simulate_loop": (
+            lambda K: bc.simulate_loop(yaw, K, None, time, **run),
+            lambda K: bc.simulate_loop(scaled, K, None, time, **run),
+        ),
+        "sampled_norm": (
+            lambda K: bc.analysis.sampled_norm(yaw, sampled(K)),
+            lambda K: bc.analysis.sampled_norm(scaled, sampled(K)),
+        ),
+        "reduce_controller": (
+            lambda K: bc.reduce_controller(weighted(yaw), K),
+            lambda K: bc.reduce_controller(P, K),
+        ),
+        "tune": (
+            lambda K: bc.tune(weighted(yaw), structure=bc.tunable.state_space(9), initial=K, starts=1),
+            lambda K: bc.tune(P, structure=bc.tunable.state_space(9), initial=K, starts=1),
+        ),
+        "compare": (
+            lambda K: bc.compare({"passive": yaw, "active": bc.feedback_loop(scaled, K)}),
+            None,
+        ),
+        "worst_case": (lambda K: bc.worst_case(family, K), None),
+        "worst_case sampled": (lambda K: bc.worst_case(family, sampled(K)), None),
+        "robust_stability": (lambda K: bc.robust_stability(family, K), None),
+        "structured_margin": (lambda K: bc.analysis.structured_margin(family, K), None),
+        "closed_loop_response": (lambda K: bc.analysis.closed_loop_response(response(yaw), K), None),
+        "join_symmetric": (lambda K: bc.join_symmetric(boom, stroke_gain("sym"), K), None),
+        "schedule": (lambda K: bc.schedule([K, K], [0.0, 1.0]), None),
+    }
+
+
+def response(plant):
+    return plant.frequency_response(np.array([1.0, 2.0]))
+
+
+def stroke_gain(side):
+    return control.ss([], [], [], [[-200.0]], inputs=f"stroke_{side}", outputs=f"suspension_{side}")
+
+
+NAMES = tuple(joins(None, None, None, None))
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_scaled_controller_with_unscaled_plant_raises(boom, yaw, scaled, P, design, name):
+    machine = joins(boom, yaw, scaled, P)[name][0]
+    with pytest.raises(ValueError, match=r"units of the machine.*\.controller|same scales"):
+        machine(design.scaled_controller)
+
+
+@pytest.mark.parametrize("name", [name for name in NAMES if joins(None, None, None, None)[name][1]])
+def test_unscaled_controller_with_scaled_plant_raises(boom, yaw, scaled, P, design, name):
+    call = joins(boom, yaw, scaled, P)[name][1]
+    with pytest.raises(ValueError, match=r"scaled signals of the plant.*\.scaled_controller"):
+        call(design.controller)
+
+
+def test_controller_in_matching_scales_accepted(boom, yaw, scaled, P, design):
+    for name, (machine, other) in joins(boom, yaw, scaled, P).items():
+        if name in ("compare", "close_loop", "reduce_controller", "tune", "sampled_norm"):
+            continue  # the weights of the unscaled plant differ; the stroke passes the disturbance directly
+        machine(design.controller)
+        if other is not None:
+            other(design.scaled_controller)
+
+
+def test_close_loop_scaled_plant_takes_both_controllers(P, design):
+    poles = [
+        np.sort_complex(bc.close_loop(P, K).poles()) for K in (design, design.controller, design.scaled_controller)
+    ]
+    assert_allclose(poles[1], poles[0], rtol=1e-6)
+    assert_allclose(poles[2], poles[0], rtol=1e-6)
+
+
+def test_loop_with_other_scales_raises(yaw, design):
+    other = bc.scale_signals(yaw, SCALES | {"stroke_anti": 0.1})
+    with pytest.raises(ValueError, match=r"0\.05 for 'stroke_anti' where the plant has 0\.1"):
+        bc.margins(other, design.scaled_controller)
+
+
+def test_write_controller_scaled_raises(tmp_path, design):
+    with pytest.raises(ValueError, match=r"units of the machine.*\.controller"):
+        bc.write_controller(design.scaled_controller, tmp_path / "K.json", half=True)
+    assert not list(tmp_path.iterdir())
+    bc.write_controller(design, tmp_path / "K.json", half=True)
+    assert_allclose(bc.read_controller(tmp_path / "K.json").B, design.controller.B)
+
+
+def test_unscale_controller_twice_raises(scaled, design):
+    with pytest.raises(ValueError, match="got one in the units of the machine"):
+        bc.unscale_controller(design.controller, {"stroke_anti": 0.05, "suspension_anti": 150.0})
+    with pytest.raises(ValueError, match="`scales` must be those of the controller"):
+        bc.unscale_controller(design.scaled_controller, {"stroke_anti": 0.1, "suspension_anti": 150.0})
+    with pytest.raises(ValueError, match="must not be scaled"):
+        bc.scale_signals(scaled, SCALES)
+    with pytest.raises(ValueError, match="carries none"):
+        bc.unscale_controller(law())
+    assert_allclose(bc.unscale_controller(design.scaled_controller).B, design.controller.B)
