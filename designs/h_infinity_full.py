@@ -16,7 +16,7 @@ from boomctl.studies.suspension import (
     suspension_model,
 )
 
-ORDER, BAND = 26, (0.0, 80.0)
+ORDER, OMEGA_RANGE = 26, (0.0, 80.0)
 SIZES = {"actuator_{}": 0.03, "suspension_{}": 150.0, "tip_{}": 0.2, "stroke_{}": 0.05, "tip_{}_acceleration": 0.5}
 SCALES = {signal.format(side): size for signal, size in SIZES.items() for side in ("left", "right")}
 TRACK = 2.0  # corner of the platform's motion [rad/s]
@@ -28,7 +28,7 @@ ROLL_OFF, FASTEST = 5.0, 300.0  # between which effort costs more and more [rad/
 def design() -> SuspensionDesign:
     """Return the controller of the whole machine."""
     model = suspension_model()
-    reduced = bc.reduce(bc.scale_signals(model, SCALES), order=ORDER, band=BAND)
+    reduced = bc.reduce(bc.scale_signals(model, SCALES), order=ORDER, omega_range=OMEGA_RANGE)
     track = bc.low_pass(1.0, TRACK)
     effort = bc.shelf(EFFORT, EFFORT * (FASTEST / ROLL_OFF) ** 2, sqrt(FASTEST * ROLL_OFF), order=2)
     P = bc.generalized_plant(
@@ -56,7 +56,8 @@ def design() -> SuspensionDesign:
             "verified gamma": synthesis.certificate.statement,
             "proved in ball arithmetic": bc.prove(synthesis).statement,
             "made symmetric": f"{100 * mixed:.2g} % led from half to half; verified norm without it {norm.upper:.6g}",
-            "reduction": f"to order {reduced.order}, error up to {BAND[1]:g} rad/s at most {100 * share:.2g} % of the peak",
+            "reduction": f"to order {reduced.order}, error up to {OMEGA_RANGE[1]:g} rad/s "
+            f"at most {100 * share:.2g} % of the peak",
         },
         weights={"track": track, "effort": effort},
     )

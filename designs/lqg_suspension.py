@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import boomctl as bc
 from boomctl.studies.suspension import SuspensionDesign, SuspensionResult, suspension_model
 
-ORDER, BAND = {"sym": 14, "anti": 12}, (0.0, 80.0)
+ORDER, OMEGA_RANGE = {"sym": 14, "anti": 12}, (0.0, 80.0)
 SCALES = {"actuator": 0.03, "suspension": 150.0, "tip": 0.2, "stroke": 0.05, "tip_acceleration": 0.5}
 
 
@@ -37,7 +37,7 @@ def half_design(model, side):
     w, scales = WEIGHTS[side], {f"{stem}_{side}": size for stem, size in SCALES.items()}
     push, tip = f"suspension_{side}", f"tip_{side}"
     stroke, acceleration = f"stroke_{side}", f"tip_acceleration_{side}"
-    reduced = bc.reduce(bc.scale_signals(model, scales), order=ORDER[side], band=BAND)
+    reduced = bc.reduce(bc.scale_signals(model, scales), order=ORDER[side], omega_range=OMEGA_RANGE)
     P = bc.generalized_plant(
         reduced.system,
         disturbances={f"actuator_{side}": bc.low_pass(1.0, w.track), push: w.force_disturbance},
@@ -70,7 +70,7 @@ def design() -> SuspensionDesign:
         facts[f"{name}: proved in ball arithmetic"] = bc.prove(synthesis).statement
         share = reduced.measured_error / bc.sigma(reduced.full).peak
         facts[f"{name}: reduction"] = (
-            f"to order {reduced.order}, error up to {BAND[1]:g} rad/s at most {100 * share:.2g} % of the half's peak"
+            f"to order {reduced.order}, error up to {OMEGA_RANGE[1]:g} rad/s at most {100 * share:.2g} % of the half's peak"
         )
     return SuspensionDesign(
         "lqg_suspension",

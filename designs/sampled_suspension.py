@@ -14,7 +14,7 @@ import boomctl as bc
 from boomctl.studies.suspension import SuspensionDesign, SuspensionResult, suspension_model
 
 SAMPLE_TIME, DELAY = 0.02, 0.01  # [s]
-ORDER, BAND, LOST = 20, (0.0, 80.0), 0.02  # of the plant; share of the norm that a smaller controller may cost
+ORDER, OMEGA_RANGE, LOST = 20, (0.0, 80.0), 0.02  # of the plant; share of the norm that a smaller controller may cost
 SCALES = {"actuator": 0.03, "suspension": 150.0, "tip": 0.2, "stroke": 0.05, "tip_acceleration": 0.5}
 NAMES = {"sym": "jolt", "anti": "yaw"}
 TRACK = {"sym": 1.0, "anti": 2.0}  # corner of the platform's motion [rad/s]
@@ -48,7 +48,7 @@ def half_design(model, side):
     scales, name = {f"{stem}_{side}": size for stem, size in SCALES.items()}, NAMES[side]
     plant = bc.scale_signals(model, scales)
     sampled = bc.analysis.sample_plant(plant, SAMPLE_TIME, f"suspension_{side}", delay=DELAY)
-    P = weighted(bc.reduce(sampled, order=ORDER, band=BAND), side)
+    P = weighted(bc.reduce(sampled, order=ORDER, omega_range=OMEGA_RANGE), side)
     synthesis = bc.h_infinity(P, nmeas=2, ncon=1)
     smaller = bc.reduce_controller(P, synthesis, tolerance=LOST)
     mesh = bc.hinf_norm(

@@ -49,7 +49,7 @@ yaw
 scales = {disturbance: 0.03, control: 150.0, tip: 0.2, "stroke_anti": 0.05, "tip_acceleration_anti": 0.5}
 scaled = bc.scale_signals(yaw, scales)
 for order in (4, 6, 8, 10, 12):
-    small = bc.reduce(scaled, order=order, band=(0.0, 80.0))
+    small = bc.reduce(scaled, order=order, omega_range=(0.0, 80.0))
     print(f"{order:2d} states: verified error {small.measured_error:.3g}")
 peak_scaled = bc.sigma(scaled).peak
 print(f"the peak of the model itself: {peak_scaled:.4g}")

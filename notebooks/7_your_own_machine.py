@@ -174,7 +174,7 @@ plt.show()
 # %%
 sensors = ["carriage", "top_acceleration"]
 scales = {"drive": 1000.0, "push": 200.0, "carriage": 0.02, "load": 0.02, "sway": 0.02, "top_acceleration": 1.0}
-small = bc.reduce(bc.scale_signals(machine, scales), order=8, band=(0.0, 100.0))
+small = bc.reduce(bc.scale_signals(machine, scales), order=8, omega_range=(0.0, 100.0))
 P = bc.generalized_plant(
     small.system,
     disturbances={"push": 1.0, "drive": 0.2},

@@ -96,7 +96,7 @@ reveal_type(bc.prove(bc.hinf_norm(plant)).proved)
 reveal_type(bc.mode_table(m).rows[0].damping)
 
 # reduction
-red = bc.reduce(m, order=10, method="balanced", band=(0.0, 80.0))
+red = bc.reduce(m, order=10, method="balanced", omega_range=(0.0, 80.0))
 reveal_type(red)
 reveal_type(red.system)
 reveal_type(red.measured_error)

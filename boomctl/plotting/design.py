@@ -48,9 +48,9 @@ def plot_reduction(result: "ReductionResult", ax: Any = None, *, unit: str | Non
         x = curves.omega / frequency_axis(axes, unit)
         for name, lines, default in looks:
             _curves(axes, x, lines, name, style, default)
-        ends = np.array(result.band if result.band is not None else (curves.omega[0], curves.omega[-1]))
+        ends = np.array(result.omega_range if result.omega_range is not None else (curves.omega[0], curves.omega[-1]))
         ends = np.maximum(ends, curves.omega[0]) * x[0] / curves.omega[0]
-        where = "in the band" if result.band is not None else "everywhere"
+        where = "in the band" if result.omega_range is not None else "everywhere"
         levels = [("verified", where, result.measured_error, "--", ends)]
         levels += [("bound beforehand", "everywhere", result.error_bound, ":", x[[0, -1]])]
         for name, place, level, dash, across in levels:

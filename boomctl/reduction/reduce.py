@@ -64,7 +64,7 @@ def reduce(
     method: str = "balanced",
     *,
     error: float | None = None,
-    band: tuple[float, float] | None = None,
+    omega_range: tuple[float, float] | None = None,
     progress: "Listener | None" = None,
 ) -> ReductionResult:
     """Return a smaller system, with a bound of its error known beforehand and the error verified afterwards.
@@ -88,9 +88,9 @@ def reduce(
     error : float, optional
         Instead of ``order``: the lowest order whose verified error is not above this (absolute).  Where none is, the system
         itself comes back, with an error of zero.
-    band : (float, float), optional
-        Frequencies that matter [rad/s], ascending.  The measured error is then that within the band; the bound still
-        holds at all frequencies.
+    omega_range : (float, float), optional
+        Frequency range [rad/s] in which the reduced system is accurate, ascending.  The measured error is then the
+        largest error in this range; the bound still holds at all frequencies.  If None, all frequencies.
     progress : callable, optional
         Is told a `Progress` at each stage.  Without one, after three seconds a line on a terminal or in a notebook says
         what goes on; `listening` hears whatever runs within it.
@@ -105,8 +105,8 @@ def reduce(
     TypeError, ValueError
         Another kind of system, discrete time that does not say its sampling time, a pole at ``z = -1``, not finite;
         unknown method; both or none of ``order`` and ``error``; an
-        order above the system's or below its kept part, or one that parts equal Hankel singular values ("hankel"); a band
-        that does not ascend, or that is too far from the poles.
+        order above the system's or below its kept part, or one that parts equal Hankel singular values ("hankel"); an
+        `omega_range` that does not ascend, or that is too far from the poles.
     ReductionError
         The error exceeds its bound or could not be verified.
 
@@ -130,7 +130,7 @@ def reduce(
         raise ValueError("order, error: expected exactly one of them")
     if order is not None and whole("order", order, 0) > _states(given):
         raise ValueError(f"order = {order}: the system has only {_states(given)} states")
-    wanted, limits = None if error is None else positive("error", error), _band(band)
+    wanted, limits = None if error is None else positive("error", error), _checked_range(omega_range)
     if method == "second-order" and isinstance(given, Lti):
         raise TypeError(f"method 'second-order': expected a SecondOrderModel, got {type(system).__name__}")
     with computing("reduction", progress):
@@ -193,7 +193,7 @@ def _by_cores(
         hankel_values=reducer.values,
         kept=len(core.kept.A),
         path=tuple(path),
-        band=band,
+        omega_range=band,
         full_order=size,
     )
 
@@ -219,7 +219,9 @@ def _by_image(given: Lti, order: int | None, wanted: float | None, method: str, 
 
 def _band_of_image(full: Lti, band: Band) -> Band:
     if band[1] > full.nyquist:
-        raise ValueError(f"band: expected at most half the sampling rate, {up_to(full.nyquist)} rad/s, got {band[1]:g}")
+        raise ValueError(
+            f"`omega_range` must end at or below half the sampling rate, {up_to(full.nyquist)} rad/s, got {band[1]:g}."
+        )
     end = min(band[1], full.nyquist * (1.0 - START))  # the image of half the sampling rate is at infinity
     return float(image_of_omega(min(band[0], end), full.dt)), float(image_of_omega(end, full.dt))
 
@@ -248,7 +250,7 @@ def _on_circle(full: Lti, found: ReductionResult, band: Band | None) -> Reductio
     """
     if found.order >= len(full.A):
         small = replace(full, states=()).without_dots()
-        return replace(found, _full=full, _reduced=small, certificate=NO_ERROR, band=band)
+        return replace(found, _full=full, _reduced=small, certificate=NO_ERROR, omega_range=band)
     image = found._reduced
     assert isinstance(image, Lti)
     small, dt, kept = discrete_image(image, full.dt), full.dt, "unstable, undamped or rigid-body poles"
@@ -292,7 +294,7 @@ def _on_circle(full: Lti, found: ReductionResult, band: Band | None) -> Reductio
         error_bound=max(found.error_bound, everywhere.upper + own),  # which knows of rounding, and of that of the map
         measured_error=max(found.measured_error, norm.upper + own),
         certificate=norm,
-        band=band,
+        omega_range=band,
     )
 
 
@@ -313,14 +315,14 @@ def _states(system: Lti | SecondOrderModel) -> int:
     return 2 * system.n + sum(system.ports.integrators) + filters
 
 
-def _band(band: object) -> Band | None:
-    if band is None:
+def _checked_range(omega_range: object) -> Band | None:
+    if omega_range is None:
         return None
-    limits = finite_array("band", band)  # type: ignore[arg-type]
-    if limits.shape != (2,):
-        raise ValueError(f"band = {band!r}: expected two frequencies")
-    if not 0.0 <= limits[0] < limits[1]:
-        raise ValueError(f"band = {band!r}: expected two frequencies not below zero, ascending [rad/s]")
+    limits = finite_array("omega_range", omega_range)  # type: ignore[arg-type]
+    if limits.shape != (2,) or not 0.0 <= limits[0] < limits[1]:
+        raise ValueError(
+            f"`omega_range` must be two frequencies [rad/s], nonnegative and ascending, got {omega_range!r}."
+        )
     return float(limits[0]), float(limits[1])
 
 

@@ -440,7 +440,10 @@ def weighted(system: Lti, modal: ModalSystem | None, band: Band | None) -> Weigh
     T, R = np.linalg.lstsq(B, system.B, rcond=None)[0], np.linalg.lstsq(C.T, system.C.T, rcond=None)[0].T
     lost = np.abs(B @ T - system.B).max(initial=0.0), np.abs(R @ C - system.C).max(initial=0.0)
     if lost[0] > _SEEN * np.abs(system.B).max() or lost[1] > _SEEN * np.abs(system.C).max():
-        raise ValueError(f"band = {band}: too far from the poles of the system to see all of its inputs and outputs")
+        raise ValueError(
+            f"`omega_range` must be closer to the poles of the system, got {band} rad/s: some inputs or outputs have almost "
+            "no response there."
+        )
     zero = np.zeros((C.shape[0], B.shape[1]))
     own = None
     if modal is not None:

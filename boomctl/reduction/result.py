@@ -78,7 +78,7 @@ class ReductionResult:
         A priori bound of the largest singular value of the difference at any frequency; ``inf`` where none is known.
         Never below the verified error, in which rounding counts.
     measured_error : float
-        H-infinity norm of the difference, within the band where one was asked for: a level proven not to be reached,
+        H-infinity norm of the difference, within `omega_range` if there is one: a level proven not to be reached,
         the bound of the modes left out of the core included.  Kept states are the system's own but for rounding, which
         beside an undamped pole changes the response by any amount: that is not in it.
     method : str
@@ -90,15 +90,15 @@ class ReductionResult:
         Bound, in closed form, of what the core leaves out of the full system, and of what rounding changed in its
         coordinates; part of both errors.
     hankel_values : (n,) ndarray
-        Hankel singular values of the stable part, descending; of the weighted one where a band was asked for.
+        Hankel singular values of the stable part, descending; weighted by `omega_range` if there is one.
     kept : int
         Number of unstable, undamped and rigid-body states that are kept as they are, but for rounding.
     asked : int or None
         Number of states asked for; None where an error was.
     path : tuple of str
         What stood for the system, smaller cores first: each larger one was needed.
-    band : (float, float) or None
-        Frequencies asked for [rad/s]: ``measured_error`` is that within them, ``error_bound`` holds everywhere.
+    omega_range : (float, float) or None
+        Frequency range [rad/s] of ``measured_error``; ``error_bound`` holds at all frequencies.  None for all.
     full : control.StateSpace or SecondOrderModel
         The system that was reduced.
     full_order : int
@@ -117,7 +117,7 @@ class ReductionResult:
     kept: int = 0
     asked: int | None = None
     path: tuple[str, ...] = ()
-    band: tuple[float, float] | None = None
+    omega_range: tuple[float, float] | None = None
     full_order: int = 0
 
     @cached_property
@@ -144,14 +144,16 @@ class ReductionResult:
             minus=reduced,
             stable=None if self.kept else True,
             norm=norm,
-            band=self.band,
+            band=self.omega_range,
             rounded=stands,
         )
 
     def __repr__(self) -> str:
         ends = between(self._reduced.inputs, self._reduced.outputs)
         kept = f", {self.kept} unstable or rigid-body states kept" if self.kept else ""
-        error = f"error {self.measured_error:.6g}, verified; bound {self.error_bound:.6g}"
+        within = "" if self.omega_range is None else " from {:.6g} to {:.6g} rad/s".format(*self.omega_range)
+        everywhere = within and " at all frequencies"
+        error = f"error {self.measured_error:.6g}{within}, verified; bound {self.error_bound:.6g}{everywhere}"
         asked = "" if self.asked in (None, self.order) else f" ({self.asked} asked for)"
         return (
             f"ReductionResult: {self.order} of {self.full_order} states{asked}, {self.method}: {ends}\n  {error}{kept}"
@@ -161,7 +163,7 @@ class ReductionResult:
     def curves(self) -> ReductionCurves:
         """Singular values of the full system, of the reduced one and of their difference, computed when first asked for."""
         full, worst = self._full, self.certificate.omega
-        top = ABOVE * max(worst if worst < inf else 0.0, 0.0 if self.band is None else self.band[1])
+        top = ABOVE * max(worst if worst < inf else 0.0, 0.0 if self.omega_range is None else self.omega_range[1])
         if isinstance(full, Lti):
             found = Resonances.of_system(full)
             found = Resonances.of_system(full, top) if top > found.high else found

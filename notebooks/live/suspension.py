@@ -69,7 +69,7 @@ def _(SAMPLE_TIME, SCALES, bc, motion, platform, springs, sprayed, time):
     _began = time.perf_counter()
     _parameters = bc.BoomParameters(spring_stiffness=float(springs.value))
     yaw = bc.split_symmetric(bc.spray_boom(_parameters, elements=12, accelerometer_bandwidth_hz=20.0))[1]
-    small = bc.reduce(bc.scale_signals(yaw, SCALES), order=12, band=(0.0, 80.0))
+    small = bc.reduce(bc.scale_signals(yaw, SCALES), order=12, omega_range=(0.0, 80.0))
     passive = bc.sigma(yaw, inputs="actuator_anti", outputs="tip_anti")  # at frequencies that show each resonance
     passive_run = bc.simulate_loop(yaw, None, platform, motion.time, sample_time=SAMPLE_TIME)
     passive_spray = sprayed(passive_run)

@@ -430,7 +430,7 @@ def test_an_unstable_system_says_so_in_a_comparison_too():
 @pytest.mark.parametrize("band", [None, (0.0, 20.0)])
 def test_the_picture_of_a_reduction_shows_the_error_below_what_is_proven(band):
     given = one.boom().select(*ENDS)
-    result = bc.reduce(given, order=10, band=band)
+    result = bc.reduce(given, order=10, omega_range=band)
     curves = result.curves
     inside = slice(None) if band is None else curves.omega <= band[1]
     assert curves.error[inside].max() <= result.measured_error

@@ -76,11 +76,11 @@ def test_the_lowest_order_within_an_error_is_found(seed):
 
 def test_a_band_is_looked_at_in_its_own_frequencies():
     system = random_system(7)
-    found = reduce(system, 3, band=(1.0, 20.0))
+    found = reduce(system, 3, omega_range=(1.0, 20.0))
     assert gains(system, found.system, np.linspace(1.0, 20.0, 2000)).max() <= found.measured_error * (1.0 + 1e-6)
-    assert found.band == (1.0, 20.0)
-    with pytest.raises(ValueError, match=r"^band: expected at most half the sampling rate"):
-        reduce(system, 3, band=(1.0, 100.0))
+    assert found.omega_range == (1.0, 20.0)
+    with pytest.raises(ValueError, match=r"^`omega_range` must end at or below half the sampling rate"):
+        reduce(system, 3, omega_range=(1.0, 100.0))
 
 
 def test_what_has_no_image_is_refused():
@@ -185,7 +185,7 @@ def test_a_band_far_from_a_pole_near_minus_one_is_judged_or_refused_in_words(see
     system = control.ss(T @ A @ np.linalg.inv(T), B, C, np.zeros((2, 2)), 0.1)
     high = 10.0 ** generator.uniform(-4.0, 1.0)
     try:
-        reduce(system, n - 1, "singular-perturbation", band=(0.0, high))
+        reduce(system, n - 1, "singular-perturbation", omega_range=(0.0, high))
     except (ReductionError, ValueError) as refused:
         said = refused
     else:
@@ -213,7 +213,7 @@ def test_in_a_band_and_beside_it_errors_are_those_on_the_circle(seed):
         for w in omega:
             z = mp.expj(mp.mpf(w) * mp.mpf(full.dt))
             error = float(largest(response(z, *matrices[0]) - response(z, *matrices[1])))
-            inside = found.band[0] <= w <= found.band[1]
+            inside = found.omega_range[0] <= w <= found.omega_range[1]
             assert error <= (1.0 + 1e-9) * (found.measured_error if inside else found.error_bound)
 
 
@@ -234,7 +234,7 @@ def in_a_band(seed):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", LowerOrderWarning)
         try:
-            found = reduce(full, order, method, band=(low, high))
+            found = reduce(full, order, method, omega_range=(low, high))
         except (ReductionError, ValueError):  # refused: nothing is said of it
             return None, full, []
     near = [np.abs(np.angle(np.linalg.eigvals(part))) for part in (full.A, found.system.A)]

@@ -73,7 +73,7 @@ def test_the_order_is_picked_for_a_wanted_error(seed, method, exponent):
 def test_a_band_keeps_the_bound_and_the_measured_error_is_that_of_the_band(seed, method, low, ratio):
     full = stable_system(seed)
     band = (low, low * ratio)
-    red = bc.reduce(full, order=6, method=method, band=band)
+    red = bc.reduce(full, order=6, method=method, omega_range=band)
     inside = gap(full, red.system, np.geomspace(*band, 500))
     rounding = 1e-8 * bc.sigma(full).peak
     assert inside.max() <= red.measured_error * (1 + 1e-6) + rounding
@@ -149,6 +149,17 @@ def test_all_of_the_system_is_itself():
     assert red.measured_error <= 1e-8 * bc.sigma(full).peak
 
 
+def test_repr_with_omega_range_names_range_and_unit():
+    full = control.ss(np.diag([-1.0, -30.0]), np.ones((2, 1)), [[1.0, 40.0]], 0.0, inputs="u", outputs="y")
+    plain, ranged = (bc.reduce(full, 1, omega_range=limits) for limits in (None, (20.0, 62.5)))
+    assert ranged.omega_range == (20.0, 62.5)
+    assert "rad/s" not in repr(plain)
+    bounds = f"error {ranged.measured_error:.6g} from 20 to 62.5 rad/s, verified; bound {ranged.error_bound:.6g}"
+    assert f"{bounds} at all frequencies" in repr(ranged)
+    everywhere = gap(full, ranged.system, np.geomspace(1e-3, 1e4, 2000)).max()
+    assert ranged.measured_error < 0.9 * everywhere < 0.9 * ranged.error_bound
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -158,9 +169,9 @@ def test_all_of_the_system_is_itself():
         ({"order": 2, "error": 0.1}, "exactly one"),
         ({"error": 0.0}, "error = 0"),
         ({"order": 2, "method": "balancd"}, "did you mean 'balanced'"),
-        ({"order": 2, "band": (3.0, 1.0)}, "ascending"),
-        ({"order": 2, "band": (1.0, 2.0, 3.0)}, "two frequencies"),
-        ({"order": 2, "band": (np.nan, 1.0)}, "finite"),
+        ({"order": 2, "omega_range": (3.0, 1.0)}, "ascending"),
+        ({"order": 2, "omega_range": (1.0, 2.0, 3.0)}, "two frequencies"),
+        ({"order": 2, "omega_range": (np.nan, 1.0)}, "finite"),
     ],
 )
 def test_bad_arguments_are_refused_in_one_line(arguments, message):

@@ -46,7 +46,7 @@ def test_the_boom_keeps_its_names_and_comes_within_a_wanted_error(elements):
 def test_a_band_is_reduced_for_itself():
     model = bc.spray_boom(elements=20).select(ACTUATORS, TIPS)
     band = (60.0, 75.0)
-    small = bc.reduce(model, order=6, method="second-order", band=band)
+    small = bc.reduce(model, order=6, method="second-order", omega_range=band)
     wide = bc.reduce(model, order=6, method="second-order")
     omega = np.linspace(*band, 400)
     full = np.asarray(model.frequency_response(omega).frdata)

@@ -117,7 +117,7 @@ def test_modes_are_chosen_beside_an_unstable_pole_in_any_coordinates(seed):
 @pytest.mark.parametrize("method", METHODS)
 def test_a_band_may_reach_half_the_sampling_rate(method):
     full = control.ss(np.diag([0.1, 0.2, 0.3]), np.ones((3, 1)), np.ones((1, 3)), 0.0, 0.1)
-    found = bc.reduce(full, 2, method, band=(1.0, np.pi / 0.1))
+    found = bc.reduce(full, 2, method, omega_range=(1.0, np.pi / 0.1))
     assert exact_error(full, found.system) <= found.error_bound
 
 
@@ -128,7 +128,7 @@ def test_states_without_a_static_answer_are_named(monkeypatch):
     monkeypatch.setattr("boomctl.reduction.reducers.residualised", singular)
     full = control.ss(np.diag([-1.0, -2.0]), np.ones((2, 1)), np.ones((1, 2)), 0.0)
     with pytest.raises(ReductionError, match="order 1: the states that go cannot rest"):
-        bc.reduce(full, 1, "singular-perturbation", band=(1.0, 2.0))
+        bc.reduce(full, 1, "singular-perturbation", omega_range=(1.0, 2.0))
 
 
 @pytest.mark.parametrize(("seed", "order"), [(3, 8), (4, 6), (7, 8), (9, 8)])
@@ -138,7 +138,7 @@ def test_no_narrow_peak_within_a_band_exceeds_the_error(seed, order):
     w, z = (0.443, 0.467, 4.83, 5.97, 44.2, 71.9), (5e-4, 1.5e-2, 1.3e-3, 1.6e-3, 9e-4, 3e-4)
     A = linalg.block_diag(*([[0.0, a], [-a, -2.0 * b * a]] for a, b in zip(w, z, strict=True)))
     full = control.ss(A, rng.standard_normal((12, 1)), rng.standard_normal((1, 12)), 0.0)
-    found = bc.reduce(full, order, band=(0.0, 0.48))
+    found = bc.reduce(full, order, omega_range=(0.0, 0.48))
     omega = np.linspace(0.43, 0.48, 2001)
     off = full(1j * omega) - found.system(1j * omega)
     assert np.abs(off).max() <= found.measured_error * (1.0 + 1e-9)

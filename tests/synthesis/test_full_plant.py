@@ -223,7 +223,7 @@ def test_what_is_said_of_the_full_plant_is_true(seed, states, kept, banded):
         warnings.simplefilter("ignore")
         order = min(max(kept, int((A.diagonal() > 0.0).sum())), states)
         try:
-            small = bc.reduce(plant, order=order, band=(0.0, 30.0) if banded else None)
+            small = bc.reduce(plant, order=order, omega_range=(0.0, 30.0) if banded else None)
         except (ReductionError, ValueError):  # refused: a band that the plant does not show itself in
             return
         P = bc.generalized_plant(

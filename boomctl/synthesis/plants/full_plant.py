@@ -180,13 +180,13 @@ def _share(reduction: ReductionResult, plant: GeneralizedPlant, K: Lti) -> float
     if reduction.measured_error == 0.0:
         return 0.0
     largest = matrices_norm(parts).upper
-    if reduction.band is None:
+    if reduction.omega_range is None:
         return largest * min(reduction.measured_error, reduction.error_bound)
     everywhere = largest * reduction.error_bound
     if everywhere < 1.0 or KS.dt != 0.0:  # of a band on the unit circle nothing more is told
         return everywhere
-    inside = band_norm(KS, KS.response, reduction.band).upper * reduction.measured_error
-    low, high = reduction.band
+    inside = band_norm(KS, KS.response, reduction.omega_range).upper * reduction.measured_error
+    low, high = reduction.omega_range
     outside = np.array([0.0, 0.5 * low, _BEYOND * high] if low > 0.0 else [_BEYOND * high])
     values = np.append(singular_values(KS.response(outside, quiet=True))[0], np.linalg.norm(KS.D, 2))
     if values.max() * reduction.error_bound >= 1.0:
