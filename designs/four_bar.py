@@ -46,7 +46,7 @@ def linkage(closed: bool) -> Assembly:
     coupler = Beam("coupler", crank.at(0, HEIGHT), revolute(), (0.0, HEIGHT), (COUPLER,), FiniteElements(8))
     rocker = RigidBody("rocker", GROUND.at(*D), revolute(), mass=1.0, inertia=0.03)
     spring = SpringDamper(crank.at(*A), GROUND.at(*A), "theta", stiffness=40.0, damping=0.05)
-    end, head = coupler.at(SPAN, HEIGHT), rocker.at(SPAN, HEIGHT)
+    end, head = coupler.end, rocker.at(SPAN, HEIGHT)
     joint_forces = (Force("joint_x", end, "x", head), Force("joint_y", end, "y", head))
     return Assembly(
         bodies=(crank, coupler, rocker),
@@ -54,7 +54,7 @@ def linkage(closed: bool) -> Assembly:
         forces=(Force("torque", crank.at(*A), "theta"), *(() if closed else joint_forces)),
         outputs=(
             Output("rocker_angle", rocker.at(*D), "theta"),
-            Output("coupler_middle", coupler.at(SPAN / 2, HEIGHT)),
+            Output("coupler_middle", coupler.at(SPAN / 2)),
         ),
         cuts=(CutJoint(end, head),) if closed else (),
     )

@@ -65,14 +65,14 @@ def crane(load=500.0, height=15.0, elements=10):
     carriage = RigidBody("carriage", GROUND.at(0, 0), prismatic(0.0), mass=3000.0)
     sections = (BeamSection(10.0, 120.0, 2.0e8, damping=2e-4), BeamSection(10.0, 80.0, 1.0e8, damping=2e-4))
     mast = Beam("mast", carriage.at(0, 0), fixed(), (0, 0), sections, FiniteElements(elements), angle=np.pi / 2)
-    pallet = RigidBody("pallet", mast.at(0, height), fixed(), mass=load)
+    pallet = RigidBody("pallet", mast.at(height), fixed(), mass=load)
     rail = SpringDamper(carriage.at(0, 0), GROUND.at(0, 0), "x", damping=150.0)
     place = pallet.at(0, height)
     outputs = (
         Output("carriage", carriage.at(0, 0), "x"),
         Output("load", place, "x"),
         Output("sway", place, "x", relative_to=carriage.at(0, height)),
-        Output("top_acceleration", mast.at(0, 20), "x", derivative=2, bandwidth_hz=30.0),
+        Output("top_acceleration", mast.end, "x", derivative=2, bandwidth_hz=30.0),
     )
     forces = (Force("drive", carriage.at(0, 0), "x"), Force("push", place, "x"))
     return Assembly(bodies=(carriage, mast, pallet), links=(rail,), forces=forces, outputs=outputs).assemble()
@@ -91,7 +91,7 @@ machine
 pole = Beam(
     "pole", GROUND.at(0, 0), fixed(), (0, 0), (BeamSection(20.0, 100.0, 1.5e8),), FiniteElements(10), angle=np.pi / 2
 )
-alone = Assembly(bodies=(pole,), forces=(Force("tip", pole.at(0, 20), "x"),)).assemble()
+alone = Assembly(bodies=(pole,), forces=(Force("tip", pole.end, "x"),)).assemble()
 textbook = 1.875104**2 * np.sqrt(1.5e8 / (100.0 * 20.0**4)) / (2 * np.pi)
 print(f"boomctl {alone.eigenfrequencies_hz(1)[0]:.5f} Hz, textbook {textbook:.5f} Hz")
 assert abs(alone.eigenfrequencies_hz(1)[0] / textbook - 1) < 1e-5

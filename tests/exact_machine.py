@@ -69,7 +69,7 @@ class Machine:
         return float(np.nextafter(float(x), self.rng.choice([-np.inf, np.inf]))) if self.rounded and x else float(x)
 
     def at(self, body, place):
-        return self.bodies[body].at(self.number(place[0]), self.number(place[1]))
+        return self.bodies[body].at_point(self.number(place[0]), self.number(place[1]))
 
     def row(self, body, place, d):
         """Return what the motion of a place of a body is along a direction, or its turn."""

@@ -83,7 +83,7 @@ def random_machine(seed, grounded=True, kinds=("rigid", "beam"), at_nodes=False)
         if not isinstance(body, Beam):
             return body.at(*rng.uniform(-1, 1, 2))
         station = rng.choice(body.discretization.elements) if at_nodes else rng.uniform(0.0, body.length)
-        return body.at_station(float(station))
+        return body.at(float(station))
 
     chosen = rng.choice(kinds, int(rng.integers(1, 4)))
     parent = GROUND.at(*rng.uniform(-1, 1, 2))

@@ -63,14 +63,14 @@ def boom_assembly(
     boom = Beam("boom", cradle.at(0), revolute(), (-half, 0.0), (tube,), discretization)
     stiff_middle = RigidBody(
         "stiff_middle",
-        boom.at(0),
+        boom.at_point(0),
         fixed(),
         max(p.boom_mass - p.tube_mass, 0.0),
         max(p.boom_inertia - p.tube_inertia, 0.0),
     )
     sides = (("left", -1.0), ("right", 1.0))
-    tips = [(side, boom.at(sign * half)) for side, sign in sides]
-    springs = [(side, boom.at(sign * spring), platform.at(sign * spring)) for side, sign in sides]
+    tips = [("left", boom.start), ("right", boom.end)]
+    springs = [(side, boom.at_point(sign * spring), platform.at(sign * spring)) for side, sign in sides]
     on_cradle, on_platform = cradle.at(0), platform.at(0)
     outputs = [Output(f"tip_{side}", tip) for side, tip in tips]
     outputs += [Output(f"stroke_{side}", end, relative_to=base) for side, end, base in springs]
@@ -78,7 +78,7 @@ def boom_assembly(
     if accelerometer_bandwidth_hz is not None:
         band = positive("accelerometer_bandwidth_hz", accelerometer_bandwidth_hz)
         outputs += [Output(f"tip_{side}_acceleration", tip, derivative=2, bandwidth_hz=band) for side, tip in tips]
-    outputs += [Output(nozzle_name(i), boom.at(x)) for i, x in enumerate(nozzles)]
+    outputs += [Output(nozzle_name(i), boom.at_point(x)) for i, x in enumerate(nozzles)]
     return Assembly(
         bodies=(platform, cradle, boom, stiff_middle),
         links=(

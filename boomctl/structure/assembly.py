@@ -177,7 +177,7 @@ class Assembly:
             if isinstance(body, Beam):
                 nodes = mesh_of[body.name].nodes
                 between = np.linspace(0.0, body.length, int(np.clip(_DRAWN * (len(nodes) - 1), *_POINTS)) + 1)
-                shown = [body.at_station(float(s)) for s in between]
+                shown = [body.at(float(s)) for s in between]
             else:
                 own = [body.parent, *(point for point in points if point.body.name == body.name)]
                 places = {(point.x, point.y) for point in own} | ({body.centre} if body.centre else set())
@@ -300,7 +300,7 @@ def _where(assembly: Assembly) -> tuple[Hashable, ...]:
         if isinstance(body, RigidBody):
             return body.name, at(body.parent), body.joint, body.centre
         lengths = tuple(section.length for section in body.sections)
-        return body.name, at(body.parent), body.joint, body.start, body.angle, body.discretization, lengths
+        return body.name, at(body.parent), body.joint, body._origin, body.angle, body.discretization, lengths
 
     return (
         tuple(of(body) for body in assembly.bodies),

@@ -6,9 +6,9 @@ into equations of motion.  Positions are those at rest, in the inertial frame: `
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import InitVar, dataclass, field
 from math import cos, hypot, isclose, pi, sin
-from typing import ClassVar, Protocol
+from typing import TYPE_CHECKING, ClassVar, Never, Protocol
 
 from boomctl.checks import (
     exactly,
@@ -163,14 +163,14 @@ def free(*freedoms: str) -> Joint:
 
 @dataclass(frozen=True)
 class Point:
-    """A point of a body, given by where it is at rest; ``body.at(x, y)`` makes one.
+    """A point of a body, made by ``body.at_point(x, y)`` or, on a beam, by ``beam.at(s)``.
 
     Parameters
     ----------
     body : RigidBody, Beam or GROUND
-        The body that the point moves with.
+        Body that carries the point.
     x, y : float
-        Its position at rest in the inertial frame [m].
+        Position at rest in the inertial frame [m].
 
     Raises
     ------
@@ -180,11 +180,11 @@ class Point:
     Examples
     --------
     >>> import boomctl as bc
-    >>> bc.structure.GROUND.at(1.5)
-    GROUND.at(1.5, 0)
+    >>> bc.structure.GROUND.at_point(1.5)
+    GROUND.at_point(1.5, 0)
     """
 
-    _made_by = ".at(x, y) of a body or of GROUND"
+    _made_by = ".at(s) of a beam, .at_point(x, y) of a body or of GROUND"
 
     body: "Ground | RigidBody | Beam"
     x: float
@@ -198,7 +198,7 @@ class Point:
             self.body.station(self.x, self.y)
 
     def __repr__(self) -> str:
-        return f"{'GROUND' if isinstance(self.body, Ground) else self.body.name}.at({self.x:g}, {self.y:g})"
+        return f"{'GROUND' if isinstance(self.body, Ground) else self.body.name}.at_point({self.x:g}, {self.y:g})"
 
 
 @dataclass(frozen=True)
@@ -210,25 +210,33 @@ class Ground:
     def __repr__(self) -> str:
         return "GROUND"
 
-    def at(self, x: float, y: float = 0.0) -> Point:
-        """Return the point of the ground at ``(x, y)``.
+    def at_point(self, x: float, y: float = 0.0) -> Point:
+        """Return the point of the ground at ``(x, y)``; ``at`` is an alias.
 
         Parameters
         ----------
         x, y : float
-            Its position [m].
+            Position [m].
 
         Returns
         -------
         Point
-            It does not move.
+            The fixed point.
 
         Raises
         ------
         TypeError, ValueError
-            Not finite numbers.
+            If ``x`` or ``y`` is not a finite number.
+
+        Examples
+        --------
+        >>> import boomctl as bc
+        >>> bc.structure.GROUND.at_point(2.0, 0.5)
+        GROUND.at_point(2, 0.5)
         """
         return Point(self, x, y)
+
+    at = at_point
 
 
 GROUND = Ground()
@@ -285,25 +293,35 @@ class RigidBody:
 
     __repr__ = compact
 
-    def at(self, x: float, y: float = 0.0) -> Point:
-        """Return the point of the body that is at ``(x, y)`` when the machine rests.
+    def at_point(self, x: float, y: float = 0.0) -> Point:
+        """Return the point of the body at ``(x, y)`` at rest; ``at`` is an alias.
 
         Parameters
         ----------
         x, y : float
-            Its position at rest [m]; it need not be within the body.
+            Position at rest in the inertial frame [m]; not limited to the outline of the body.
 
         Returns
         -------
         Point
-            It moves and turns with the body.
+            The point, fixed to the body.
 
         Raises
         ------
         TypeError, ValueError
-            Not finite numbers.
+            If ``x`` or ``y`` is not a finite number.
+
+        Examples
+        --------
+        >>> import boomctl as bc
+        >>> s = bc.structure
+        >>> rod = s.RigidBody("rod", s.GROUND.at_point(2.0), s.revolute(), mass=3.0)
+        >>> rod.at_point(3.0)  # 1 m beyond the hinge
+        rod.at_point(3, 0)
         """
         return Point(self, x, y)
+
+    at = at_point
 
 
 @dataclass(frozen=True)
@@ -613,8 +631,9 @@ class Beam:
         Point of another body, or of the ground, at which its joint sits; it must lie on the beam.
     joint : Joint
         How the beam may move relative to its parent at that point.
-    start : (float, float)
-        Where the beam begins at rest [m]; stations are counted from there.
+    start : (float, float) or Point
+        Position of the start of the beam at rest [m].  Of a Point, such as ``other.end``, the position is used.  Read
+        from the beam, ``start`` is the point of the beam at its start.
     sections : sequence of BeamSection
         The stretches, one after the other from the start.
     discretization : FiniteElements or DiscreteElements
@@ -626,6 +645,8 @@ class Beam:
     ----------
     length : float
         Sum of the lengths of the sections [m].
+    end : Point
+        Point of the beam at its end.
 
     Raises
     ------
@@ -640,34 +661,65 @@ class Beam:
     >>> beam = s.Beam("beam", s.GROUND.at(0.0), s.fixed(), (0.0, 0.0), (stretch,), s.FiniteElements(8))
     >>> s.Assembly((beam,)).assemble().eigenfrequencies_hz(2).round(3)  # of a cantilever
     array([ 5.711, 35.795])
+    >>> load = s.RigidBody("load", beam.end, s.fixed(), mass=2.0)
+    >>> s.Assembly((beam, load)).assemble().eigenfrequencies_hz(1).round(3)
+    array([3.72])
     """
 
     name: str
     parent: Point
     joint: Joint
-    start: tuple[float, float]
+    _origin: tuple[float, float] = field(init=False)
     sections: tuple[BeamSection, ...]
     discretization: Discretization
-    angle: float = 0.0
+    angle: float
     length: float = field(init=False)
+    if TYPE_CHECKING:
 
-    def __post_init__(self) -> None:
-        signal_name("name of a body", self.name)
-        instance(f"parent of beam {self.name!r}", self.parent, Point)
-        instance(f"joint of beam {self.name!r}", self.joint, Joint)
-        for section in sequence(f"sections of beam {self.name!r}", self.sections, "BeamSection"):
-            instance(f"section of beam {self.name!r}", section, BeamSection)
-        if not len(self.sections):
-            raise ValueError(f"beam {self.name!r}: expected at least one section")
-        if not callable(getattr(self.discretization, "mesh", None)):
-            given = shown(self.discretization)
-            raise TypeError(f"discretization of beam {self.name!r} = {given}: expected FiniteElements or another one")
-        _place(f"start of beam {self.name!r}", self.start)
-        _radians(f"angle of beam {self.name!r}", self.angle)
-        object.__setattr__(self, "length", float(sum(section.length for section in self.sections)))
-        self.station(self.parent.x, self.parent.y)
+        @property
+        def start(self) -> Point:
+            """Point of the beam at its start."""
+            ...
 
-    __repr__ = compact
+    else:  # An argument for `dataclasses.replace`, no field: the point refers to the beam.
+        start: InitVar[object] = property(
+            lambda self: Point(self, *self._origin), doc="Point of the beam at its start."
+        )
+
+    def __init__(
+        self,
+        name: str,
+        parent: Point,
+        joint: Joint,
+        start: tuple[float, float] | Point,
+        sections: Sequence[BeamSection],
+        discretization: Discretization,
+        angle: float = 0.0,
+    ) -> None:
+        of = f"of beam {signal_name('name of a body', name)!r}"
+        sections = sequence(f"sections {of}", sections, "BeamSection")
+        for section in sections:
+            instance(f"section {of}", section, BeamSection)
+        if not sections:
+            raise ValueError(f"beam {name!r}: expected at least one section")
+        if not callable(getattr(discretization, "mesh", None)):
+            raise TypeError(f"discretization {of} = {shown(discretization)}: expected FiniteElements or another one")
+        values = {
+            "name": name,
+            "parent": instance(f"parent {of}", parent, Point),
+            "joint": instance(f"joint {of}", joint, Joint),
+            "sections": sections,
+            "discretization": discretization,
+            "angle": _radians(f"angle {of}", angle),
+            "length": float(sum(section.length for section in sections)),
+            "_origin": (start.x, start.y) if isinstance(start, Point) else _place(f"start {of}", start),
+        }
+        for attribute, value in values.items():
+            object.__setattr__(self, attribute, value)
+        self.station(parent.x, parent.y)
+
+    def __repr__(self) -> str:
+        return compact(self).replace("_origin=", "start=")
 
     def station(self, x: float, y: float) -> float:
         """Return how far along the beam the point at ``(x, y)`` lies at rest.
@@ -687,7 +739,7 @@ class Beam:
         ValueError
             The point is not on the beam's axis.
         """
-        dx, dy = x - self.start[0], y - self.start[1]
+        dx, dy = x - self._origin[0], y - self._origin[1]
         along, across = dx * cos(self.angle) + dy * sin(self.angle), dy * cos(self.angle) - dx * sin(self.angle)
         slack = 1e-9 * self.length
         if not (-slack <= along <= self.length + slack and abs(across) <= slack):
@@ -697,55 +749,92 @@ class Beam:
             )
         return min(max(along, 0.0), self.length)
 
-    def at(self, x: float, y: float = 0.0) -> Point:
-        """Return the point of the beam that is at ``(x, y)`` when the machine rests.
+    @property
+    def end(self) -> Point:
+        """Point of the beam at its end."""
+        return self.at(self.length)
 
-        Parameters
-        ----------
-        x, y : float
-            Position at rest [m], on the beam's axis.
-
-        Returns
-        -------
-        Point
-            It moves with the beam's axis and turns with its slope.
-
-        Raises
-        ------
-        TypeError, ValueError
-            Not finite numbers, or the point is not on the beam's axis.
-        """
-        return Point(self, x, y)
-
-    def at_station(self, station: float) -> Point:
+    def at(self, s: float, *coordinates: Never) -> Point:
         """Return the point of the beam at a distance from its start.
 
         Parameters
         ----------
-        station : float
-            Distance from the start along the axis [m].
+        s : float
+            Distance from the start along the axis [m], from 0 to ``length``.
+        *coordinates
+            None; a second number raises an error that names ``at_point``.
 
         Returns
         -------
         Point
-            It moves with the beam's axis and turns with its slope.
+            The point; its rotation is the slope of the beam.
+
+        Raises
+        ------
+        TypeError
+            If ``s`` is not a number, or there is a second argument.
+        ValueError
+            If ``s`` is not finite, or outside the beam.
+
+        Examples
+        --------
+        >>> import boomctl as bc
+        >>> s = bc.structure
+        >>> stretch = s.BeamSection(length=3.0, mass_per_length=3.0, bending_stiffness=5e3)
+        >>> arm = s.Beam("arm", s.GROUND.at_point(2.0), s.fixed(), (2.0, 0.0), (stretch,), s.FiniteElements(8))
+        >>> arm.at(1.0)  # 1 m from the start, which is at x = 2 m
+        arm.at_point(3, 0)
+        """
+        if coordinates:
+            raise TypeError(
+                f"`at` of beam {self.name!r} takes one number, the distance from the start of the beam. Use"
+                " `at_point(x, y)` for a position in the drawing."
+            )
+        slack = 1e-9 * self.length
+        if not -slack <= real("s", s) <= self.length + slack:
+            raise ValueError(
+                f"`s` must be from 0 to {self.length:g} m, the length of beam {self.name!r}, got {exactly(s)}. Use"
+                " `at_point(x, y)` for a position in the drawing."
+            )
+        s = min(max(float(s), 0.0), self.length)
+        return Point(self, self._origin[0] + s * cos(self.angle), self._origin[1] + s * sin(self.angle))
+
+    def at_point(self, x: float, y: float = 0.0) -> Point:
+        """Return the point of the beam at ``(x, y)`` at rest.
+
+        Parameters
+        ----------
+        x, y : float
+            Position at rest in the inertial frame [m], on the axis of the beam.
+
+        Returns
+        -------
+        Point
+            The point; its rotation is the slope of the beam.
 
         Raises
         ------
         TypeError, ValueError
-            Not a finite number, negative, or beyond the beam's end.
+            If ``x`` or ``y`` is not a finite number, or the position is not on the axis of the beam.
+
+        Examples
+        --------
+        >>> import boomctl as bc
+        >>> s = bc.structure
+        >>> stretch = s.BeamSection(length=3.0, mass_per_length=3.0, bending_stiffness=5e3)
+        >>> arm = s.Beam("arm", s.GROUND.at_point(2.0), s.fixed(), (2.0, 0.0), (stretch,), s.FiniteElements(8))
+        >>> arm.at_point(3.0) == arm.at(1.0)
+        True
         """
-        station = real("station", station)
-        return Point(self, self.start[0] + station * cos(self.angle), self.start[1] + station * sin(self.angle))
+        return Point(self, x, y)
 
 
-def _place(name: str, value: object) -> None:
-    """Check that a value is a pair of finite numbers."""
+def _place(name: str, value: object) -> tuple[float, float]:
+    """Return a pair of finite numbers."""
     pair = sequence(name, value, "two numbers")
     if len(pair) != 2:
         raise ValueError(f"{name}: expected two numbers, x and y, got {len(pair)}")
-    for number in pair:
-        real(name, number)
+    return real(name, pair[0]), real(name, pair[1])
 
 
 _ANGLES = {"x": 0.0, "y": pi / 2, "theta": None}  # from the x axis [rad]; none of a rotation

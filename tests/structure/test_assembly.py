@@ -38,7 +38,7 @@ def rigid_motion(machine, model, shift, turn):
         if isinstance(body, Beam):
             c, s = np.cos(body.angle), np.sin(body.angle)
             for i, station in enumerate(body.discretization.elements):
-                x, y = body.start[0] + station * c, body.start[1] + station * s
+                x, y = body.start.x + station * c, body.start.y + station * s
                 values[f"{body.name}.w{i}"] = -s * (shift[0] - turn * y) + c * (shift[1] + turn * x)
                 values[f"{body.name}.phi{i}"] = turn
     return np.array([values.get(name, 0.0) for name in model.coordinates])
@@ -55,7 +55,7 @@ def weight(machine):
         for section in body.sections:
             middle = station + section.length / 2
             mass = section.mass_per_length * section.length
-            x, y = body.start[0] + middle * np.cos(body.angle), body.start[1] + middle * np.sin(body.angle)
+            x, y = body.start.x + middle * np.cos(body.angle), body.start.y + middle * np.sin(body.angle)
             parts.append((mass, x, y, mass * section.length**2 / 12))
             station += section.length
     m, x, y, inertia = np.array(parts).T
@@ -147,9 +147,9 @@ def refined(machine, order):
     bodies = {GROUND.name: GROUND}
 
     def copied(part, **changes):
-        named = {f.name: getattr(part, f.name) for f in fields(part) if f.init}
+        named = {f.name: getattr(part, f.name) for f in fields(part)}
         points = {k: replace(v, body=bodies[v.body.name]) for k, v in named.items() if isinstance(v, Point)}
-        return type(part)(**{**named, **points, **changes})
+        return replace(part, **points, **changes)
 
     for body in machine.bodies:
         mesh = {"discretization": replace(body.discretization, order=order)} if isinstance(body, Beam) else {}

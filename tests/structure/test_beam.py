@@ -1,5 +1,8 @@
 """Beam discretisations: patch tests, mass, convergence towards the exact beam, stepped beams."""
 
+from dataclasses import replace
+
+import mpmath as mp
 import numpy as np
 import pytest
 from hypothesis import given
@@ -10,13 +13,16 @@ from boomctl.structure import (
     Assembly,
     Beam,
     BeamSection,
+    CutJoint,
     DiscreteElements,
     FiniteElements,
     Force,
     Output,
     RigidBody,
+    SpringDamper,
     fixed,
     free,
+    revolute,
 )
 from boomctl.structure.beams.eigenvalues import undamped_frequencies
 from tests.references import ROOTS, dense, natural_frequencies
@@ -200,3 +206,88 @@ def test_a_rigid_knob_gives_a_point_mass_its_inertia():
     knob = RigidBody("knob", part.at(1.0), fixed(), 0.1, 0.2)
     model = Assembly((part, knob), (), (Force("t", part.at(1.0), "theta"),), (Output("y", part.at(1.0)),)).assemble()
     assert model.frequency_response([0.0]).frdata[0, 0, 0] == pytest.approx(0.5, rel=1e-12)
+
+
+def tip_mass_frequency(sections, mass, near):
+    """Return the natural frequency [rad/s] near a value of a clamped beam with a point mass at its end.
+
+    The transfer matrix of Euler-Bernoulli beams in 30 digits; the state is deflection, slope, moment and shear force.
+    """
+
+    def boundary(omega):
+        transfer = mp.eye(4)
+        for s in sections:
+            field = mp.zeros(4)
+            field[0, 1] = field[2, 3] = 1
+            field[1, 2], field[3, 0] = 1 / mp.mpf(s.bending_stiffness), s.mass_per_length * omega**2
+            transfer = mp.expm(field * s.length) * transfer
+        load = transfer[3, 2:] + mass * omega**2 * transfer[0, 2:]
+        return transfer[2, 2] * load[1] - transfer[2, 3] * load[0]
+
+    with mp.workdps(30):
+        return float(mp.findroot(boundary, mp.mpf(float(near))))
+
+
+@given(seeds)
+def test_tip_mass_at_beam_end_matches_transfer_matrix(seed):
+    """A script that never computes a position; the beam starts anywhere, at any angle."""
+    rng = np.random.default_rng(seed)
+    sections = [BeamSection(*rng.uniform((0.5, 0.5, 50.0), (3.0, 3.0, 500.0))) for _ in range(rng.integers(1, 4))]
+    base, mass = GROUND.at_point(*rng.uniform(-20.0, 20.0, 2)), float(rng.uniform(0.1, 10.0))
+    arm = Beam("arm", base, fixed(), base, sections, FiniteElements(len(sections) * 2, 8), rng.uniform(-3.0, 3.0))
+    assert arm.end == arm.at(arm.length) == arm.at_point(arm.end.x, arm.end.y)
+    machine = Assembly((arm, RigidBody("load", arm.end, fixed(), mass)))
+    lowest, exact = (
+        2.0 * np.pi * machine.assemble().eigenfrequencies_hz(1)[0],
+        undamped_frequencies(machine.exact(), 1)[0],
+    )
+    np.testing.assert_allclose([lowest, exact], tip_mass_frequency(sections, mass, lowest), rtol=1e-9)
+
+
+@given(seeds)
+def test_moved_and_turned_machine_has_same_frequencies(seed):
+    """A beam of two sections carries another one, whose end a spring and a cut joint connect to the ground."""
+    rng = np.random.default_rng(seed)
+    a, b = rng.uniform(0.5, 3.0, 2)
+    carried, load_at, relative = rng.uniform(0.1, 1.0), rng.uniform(0.0, 1.0), rng.uniform(-1.5, 1.5)
+
+    def machine(start, angle):
+        stepped, base = (BeamSection(0.3 * a, 2.0, 500.0, 1e-4), BeamSection(0.7 * a, 1.0, 300.0)), GROUND.at(*start)
+        mast = Beam("mast", base, fixed(), base, stepped, FiniteElements(4), angle)
+        joint, uniform = mast.at(carried * a), (BeamSection(b, 1.5, 200.0),)
+        arm = Beam("arm", joint, revolute(), joint, uniform, FiniteElements(4), angle + relative)
+        middle, tip = ((p, GROUND.at_point(p.x, p.y)) for p in (arm.at(0.5 * b), arm.end))
+        loads = RigidBody("knob", mast.at(load_at * a), fixed(), 1.0), RigidBody("load", arm.end, fixed(), 3.0, 0.2)
+        spring = SpringDamper(*middle, angle + 1.0, 50.0, 1.0)
+        return Assembly((mast, arm, *loads), (spring,), cuts=(CutJoint(*tip, (angle + 0.7,)),))
+
+    at_origin, moved = machine((0.0, 0.0), 0.0), machine(rng.uniform(-100.0, 100.0, 2).tolist(), rng.uniform(-3.0, 3.0))
+    expected = at_origin.assemble().eigenfrequencies_hz(5)
+    np.testing.assert_allclose(moved.assemble().eigenfrequencies_hz(5), expected, rtol=1e-10)
+
+
+def test_beam_points_are_distances_from_start():
+    arm = Beam("arm", GROUND.at(8.0, 1.0), fixed(), (8.0, 1.0), TWO, FiniteElements(4), np.pi / 6)
+    c, s = np.cos(np.pi / 6), np.sin(np.pi / 6)
+    for point, distance in ((arm.start, 0.0), (arm.at(0.3), 0.3), (arm.at(1.8 + 1e-12), 1.8), (arm.end, 1.8)):
+        assert (point.x, point.y) == pytest.approx((8.0 + distance * c, 1.0 + distance * s), abs=1e-14)
+        assert arm.station(point.x, point.y) == pytest.approx(distance, abs=1e-14)
+        assert point == arm.at_point(point.x, point.y)
+    upright = replace(arm, parent=arm.end, start=arm.end, angle=np.pi / 2)
+    assert (upright.start.x, upright.start.y, upright.start.body) == (arm.end.x, arm.end.y, upright)
+    assert "start=(9.55885, 1.9)" in " ".join(repr(upright).split())
+
+
+@pytest.mark.parametrize("start", [(0.0, 0.0), (-5.0, 2.0)])
+def test_wrong_distance_along_beam_raises(start):
+    arm = Beam("arm", GROUND.at_point(*start), fixed(), start, TWO, FiniteElements(4))
+    for wrong in (-0.01, 1.81, start[0] - 1.0, 8.0):
+        with pytest.raises(
+            ValueError, match=rf"`s` must be from 0 to 1.8 m, the length .* got {wrong:g}\. Use `at_point"
+        ):
+            arm.at(wrong)
+    for arguments in ((0.5, 0.0), (*start,), (0.5, 0.0, 1.0)):
+        with pytest.raises(TypeError, match=r"Use `at_point\(x, y\)` for a position in the drawing"):
+            arm.at(*arguments)  # type: ignore[arg-type]
+    for body in (GROUND, RigidBody("rod", GROUND.at_point(1.0), fixed())):
+        assert body.at(0.5, 2.0) == body.at_point(0.5, 2.0)

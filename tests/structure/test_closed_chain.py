@@ -37,7 +37,7 @@ def linkage(B, C, stiffness, cut, mesh=FiniteElements(4)):  # noqa: B008
     rocker = RigidBody("rocker", GROUND.at(*D), revolute(), 3.0, 0.8, ((C[0] + D[0]) / 2, (C[1] + D[1]) / 2))
     section = BeamSection(length, 0.9, stiffness, 1e-3)
     coupler = Beam("coupler", crank.at(*B), revolute(), B, (section,), mesh, angle)
-    end = coupler.at_station(length)
+    end = coupler.end
     joint = (CutJoint(end, rocker.at(*C)),) if cut else ()
     pairs = () if cut else tuple(Force(f"cut_{d}", end, d, reaction=rocker.at(*C)) for d in "xy")
     return Assembly(
@@ -47,7 +47,7 @@ def linkage(B, C, stiffness, cut, mesh=FiniteElements(4)):  # noqa: B008
         outputs=(
             Output("crank", crank.at(*A), "theta"),
             Output("rocker", rocker.at(*D), "theta"),
-            Output("middle", coupler.at_station(length / 2), "y"),
+            Output("middle", coupler.at(length / 2), "y"),
         ),
         cuts=joint,
     )

@@ -137,7 +137,7 @@ def test_every_result_that_has_a_norm_has_it_by_this_name(make, of_old):
         ),
         (lambda: bc.sigma(np.eye(2)), r"got ndarray; .* or control\.ss\(A, B, C, D\) makes one"),
         (lambda: bc.split_symmetric(one.machine()), r"got Assembly; .*\.assemble\(\) of an Assembly"),
-        (lambda: bc.structure.Force("push", one.machine().bodies[0]), r"got RigidBody; \.at\(x, y\) of a body"),
+        (lambda: bc.structure.Force("push", one.machine().bodies[0]), r"got RigidBody; \.at\(s\) of a beam"),
         (
             lambda: bc.structure.RigidBody("bar", bc.structure.GROUND.at(0), bc.structure.revolute),
             r"expected Joint, got function; revolute\(\)",

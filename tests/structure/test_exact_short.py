@@ -162,7 +162,7 @@ def cantilever(lengths, soft=1.0):
     """Return a clamped beam in sections, with a spring to ground at its end, pushed and read there."""
     sections = tuple(BeamSection(float(length), 2.5, 4000.0, 1e-5) for length in lengths)
     part = Beam("beam", GROUND.at(0.0), fixed(), (0.0, 0.0), sections, FiniteElements(len(sections)))
-    end = part.at_station(part.length)
+    end = part.end
     spring = SpringDamper(end, GROUND.at(part.length), "y", soft, 1e-3)
     return Assembly((part,), (spring,), (Force("f", end, "y"),), (Output("y", end, "y"),))
 
@@ -197,7 +197,7 @@ def test_a_free_beam_moves_as_a_rigid_one_at_low_frequency(seed):
     lengths = 10.0 ** rng.uniform(-4.0, 0.5, 3)
     sections = tuple(BeamSection(float(length), 2.5, 4e6) for length in lengths)
     part = Beam("beam", GROUND.at(0.0), free("y", "theta"), (0.0, 0.0), sections, FiniteElements(3))
-    end, total = part.at_station(part.length), lengths.sum()
+    end, total = part.end, lengths.sum()
     machine = Assembly((part,), (), (Force("f", end, "y"),), (Output("y", end, "y"),)).exact()
     omega = np.array([1e-5])
     expected = -4.0 / (2.5 * total * omega**2)
