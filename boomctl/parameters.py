@@ -1,7 +1,9 @@
 """What all parameters of a machine have in common: they come from a file, print as code, and have a default."""
 
+import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields, replace
+from functools import wraps
 from pathlib import Path
 from typing import Any, ClassVar, Self, TypeVar
 
@@ -52,7 +54,7 @@ class Parameters:
         return or_default(type(self), "parameters", self, changes)
 
     def _look_back(self, before: Any, changes: Mapping[str, Any]) -> None:
-        """Warn where what was changed leaves something as it was that physics ties to it."""
+        """Warn about parameters that do not follow the changed ones although physics relates them."""
 
     @classmethod
     def from_toml(cls, path: str | Path) -> Self:
@@ -80,13 +82,13 @@ class Parameters:
         found = read_toml(path)
         table = found.get(cls._toml_table)
         values = table if isinstance(table, dict) else found
-        allowed = [field.name for field in fields(cls)]  # type: ignore[arg-type]
+        defaults = {field.name: field.default for field in fields(cls)}  # type: ignore[arg-type]
         try:
             for key, value in values.items():
-                known("key", key, allowed)
+                known("key", key, [*defaults])
                 if isinstance(value, bool) or not isinstance(value, (int, float)):
                     raise TypeError(f"{key} = {value!r}: expected a number, got {type(value).__name__}")
-            return cls(**values)
+            return cls(**{key: value for key, value in values.items() if value != defaults[key]})
         except (ValueError, TypeError) as error:
             raise type(error)(f"{path}: {error}") from None
 
@@ -109,15 +111,46 @@ def or_default(
     if given is not None and not isinstance(given, kind):
         raise TypeError(f"{name}: expected {kind.__name__}, got {type(given).__name__}")
     p = kind() if given is None else given
-    allowed = [field.name for field in fields(kind)]  # type: ignore[arg-type]
-    for key in changes or {}:
+    if not changes:
+        return p
+    record = replaced(p, changes, beside)
+    record._look_back(p, changes)
+    return record
+
+
+def replaced(parameters: P, changes: Mapping[str, Any], beside: Sequence[str] = ()) -> P:
+    """Return parameters with changes by name, without a look back; an unknown name raises a TypeError."""
+    allowed = [field.name for field in fields(parameters)]  # type: ignore[arg-type]
+    for key in changes:
         if key not in allowed:
             try:
                 known("argument", key, [*beside, *allowed])
             except ValueError as error:
                 raise TypeError(str(error)) from None
-    if not changes:
-        return p
-    found = replace(p, **changes)  # type: ignore[type-var]
-    found._look_back(p, changes)
-    return found
+    return replace(parameters, **changes)  # type: ignore[type-var]
+
+
+def compared_with_defaults(kind: type[P]) -> type[P]:
+    """Return a class of parameters whose constructor looks back at the defaults, as ``replace`` does at the record.
+
+    A call with all parameters, as that of `dataclasses.replace`, changes no defaults.
+    """
+    init, names = kind.__init__, [field.name for field in fields(kind)]  # type: ignore[arg-type]
+
+    @wraps(init)
+    def construct(self: P, *values: Any, **changes: Any) -> None:
+        init(self, *values, **changes)
+        changes = {**dict(zip(names, values, strict=False)), **changes}
+        if 0 < len(changes) < len(names):
+            self._look_back(kind(), changes)
+
+    setattr(kind, "__init__", construct)  # noqa: B010
+    return kind
+
+
+def user_stacklevel() -> int:
+    """Return the ``stacklevel`` with which a warning of the calling function refers to the first line outside boomctl."""
+    level, frame = 1, sys._getframe(1)
+    while frame.f_back is not None and frame.f_globals.get("__name__", "").partition(".")[0] == "boomctl":
+        level, frame = level + 1, frame.f_back
+    return level

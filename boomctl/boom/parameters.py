@@ -7,12 +7,13 @@ from math import sqrt
 from typing import Any
 
 from boomctl.checks import exactly, from_on, nonnegative, positive
-from boomctl.parameters import Parameters, or_default
+from boomctl.parameters import Parameters, compared_with_defaults, or_default, replaced, user_stacklevel
 
 _LARGEST = 1e15  # of any parameter, SI units: a thousand times the stiffness of diamond, in N/m^2 (a choice)
 # [rad/s], between which the boom may bend: once in a week and 160 kHz (a choice); beyond, no double carries the model
 _BENDING = (1e-5, 1e6)
-_SEEN = 1e-3  # share of the tube from which on what it lost is seen (a choice)
+_HINGE_TOLERANCE = 1e-3  # Largest change of mass or inertia at the hinge without a warning, relative to the tube.
+_TUBE = ("density", "length", "outer_width", "inner_width", "outer_height", "inner_height")
 _FIRST = 1.8751040687119611  # first root of cos x cosh x = -1: a clamped beam's lowest mode
 _MAY_BE_ZERO = (
     "spring_stiffness",
@@ -24,12 +25,14 @@ _MAY_BE_ZERO = (
 )
 
 
+@compared_with_defaults
 @dataclass(frozen=True, repr=False)
 class BoomParameters(Parameters):
     """Physical properties of the spray boom and its suspension, SI units.
 
     The defaults are those of Anthonis & Ramon (2003), Table 2.  The paper's ``b`` is a width here (20 mm, the depth in
-    bending), its ``h`` a height.  Whatever mass and inertia the whole boom has beyond its tube sits at the hinge.
+    bending), its ``h`` a height.  The mass and inertia of the boom beyond those of its tube are at the hinge; `scaled`
+    changes tube and boom together.
 
     Parameters
     ----------
@@ -61,6 +64,11 @@ class BoomParameters(Parameters):
         Not a number, not finite, negative, or inconsistent: a section larger inside than outside, a spring beyond the
         boom's end, less mass or inertia than the tube has; above 1e15; so soft, stiff, long or short that the arms
         would bend slower than 1e-5 rad/s or faster than 1e6 rad/s.
+
+    Warns
+    -----
+    UserWarning
+        If ``boom_mass`` or ``boom_inertia`` is changed and the tube is not, or the tube is and one of them is not.
 
     Examples
     --------
@@ -129,14 +137,36 @@ class BoomParameters(Parameters):
             )
 
     def _look_back(self, before: Any, changes: Mapping[str, Any]) -> None:
-        lost = before.tube_mass - self.tube_mass
-        if lost > _SEEN * before.tube_mass and "boom_mass" not in changes:
-            said = ", ".join(f"{name}={value:g}" for name, value in changes.items())
-            warnings.warn(
-                f"boom_mass stays {self.boom_mass:g} kg though the tube is {lost:.3g} kg lighter, and boom_inertia likewise:"
-                f" what the tube lost is put at the hinge; BoomParameters().scaled({said}) takes both along",
-                stacklevel=4,
+        resized = any(getattr(self, name) != getattr(before, name) for name in _TUBE)
+        at_hinge, added = [], []
+        for name in ("mass", "inertia"):
+            boom, tube = (getattr(self, kind + name) - getattr(before, kind + name) for kind in ("boom_", "tube_"))
+            consistent = resized and f"boom_{name}" in changes
+            if not consistent and abs(boom - tube) > _HINGE_TOLERANCE * getattr(before, f"tube_{name}"):
+                at_hinge.append(f"boom_{name}")
+                added.append(tube)
+        if not at_hinge:
+            return
+        names = " and ".join(f"`{name}`" for name in at_hinge) + (" are" if len(at_hinge) > 1 else " is")
+        inertia_alone = at_hinge == ["boom_inertia"]
+        difference = f"the difference becomes a {'rotary inertia' if inertia_alone else 'point mass'} at the hinge"
+        if resized:
+            tube, unit, words = "tube is", "kg", ("lighter", "heavier")
+            if inertia_alone:
+                tube, unit, words = "inertia of the tube is", "kg m^2", ("lower", "higher")
+            arguments = ", ".join(f"{name}={value:g}" for name, value in changes.items())
+            text = (
+                f"{names} unchanged although the {tube} {abs(added[0]):.3g} {unit} {words[added[0] > 0]};"
+                f" {difference}. Use `{'BoomParameters()' if before == type(before)() else 'p'}.scaled({arguments})` to"
+                f" scale {'them' if len(at_hinge) > 1 else 'it'} too."
             )
+        else:  # Without values: Python displays one of the equal warnings of a sweep or fit of `boom_mass`.
+            text = (
+                f"{names} changed although the tube is not; {difference}. Use `p.scaled(density=1.1 * p.density)` for a"
+                " frame that is 10 % heavier than that of the parameters `p`"
+                f"{', or `cradle_mass` for a mass at the hinge' if at_hinge == ['boom_mass'] else ''}."
+            )
+        warnings.warn(text, stacklevel=user_stacklevel())
 
     def scaled(self, **changes: float) -> "BoomParameters":
         """Return the parameters with another tube, whose mass and inertia the boom's own follow.
@@ -167,7 +197,7 @@ class BoomParameters(Parameters):
         (65.82, 2886.8)
         """
         heavy = dict.fromkeys(("boom_mass", "boom_inertia"), _LARGEST)
-        tube = self.replace(**{**heavy, **changes})
+        tube = replaced(self, {**heavy, **changes})
         mass, inertia = tube.tube_mass - self.tube_mass, tube.tube_inertia - self.tube_inertia
         along = {"boom_mass": self.boom_mass + mass, "boom_inertia": self.boom_inertia + inertia}
         return self.replace(**{**along, **changes})

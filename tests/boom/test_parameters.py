@@ -110,8 +110,8 @@ def test_a_file_that_is_nested_too_deep_is_refused(tmp_path, text):
 @pytest.mark.parametrize("kind", [bc.BoomParameters, bc.HubBeamParameters])
 def test_a_byte_order_mark_is_no_part_of_a_file(tmp_path, kind):
     path = tmp_path / "given.toml"
-    path.write_text("length = 9.0\n", encoding="utf-8-sig")
-    assert kind.from_toml(path) == kind(length=9.0)
+    path.write_text("youngs_modulus = 7e10\n", encoding="utf-8-sig")
+    assert kind.from_toml(path) == kind(youngs_modulus=7e10)
 
 
 HEAVY = {"boom_mass": 1e15, "boom_inertia": 1e15}
@@ -198,12 +198,87 @@ def test_mass_follows_the_tube():
     assert p.scaled(length=24.0, boom_mass=80.0).boom_mass == 80.0
 
 
-def test_a_lighter_tube_that_leaves_the_mass_of_the_boom_is_warned_of():
-    with pytest.warns(UserWarning, match=r"boom_mass stays 35\.76 kg .* 7\.52 kg lighter.*scaled\(length=9\)"):
-        shorter = bc.spray_boom(length=9.0)
+P = bc.BoomParameters()
+HEAVIER = {"boom_mass": 1.1 * P.boom_mass, "boom_inertia": 1.1 * P.boom_inertia}
+MASS = r"`boom_mass` is changed although the tube is not; .* point mass .*`p\.scaled\(density=.* `cradle_mass`"
+INERTIA = r"`boom_inertia` is changed although the tube is not; .* rotary inertia .*`p\.scaled\(density="
+BOTH = r"`boom_mass` and `boom_inertia` are changed although the tube is not; .* point mass .*`p\.scaled\(density="
+UNCHANGED = r"`boom_mass` and `boom_inertia` are unchanged although the tube is "
+LIGHTER = rf"{UNCHANGED}7\.52 kg lighter; .*`BoomParameters\(\)\.scaled\(length=9\)` to scale them too"
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: bc.BoomParameters(boom_mass=1.1 * 35.76), MASS),
+        (lambda: bc.BoomParameters(boom_mass=32.0, spring_stiffness=900.0), MASS),
+        (lambda: bc.BoomParameters(boom_mass=39.3, length=12.0, density=7800.0), MASS),
+        (lambda: P.replace(boom_mass=39.3), MASS),
+        (lambda: P.scaled(boom_mass=39.3), MASS),
+        (lambda: bc.spray_boom(boom_mass=39.3), MASS),
+        (lambda: bc.spray_boom(bc.BoomParameters(boom_mass=39.3)), MASS),
+        (lambda: bc.BoomParameters(boom_inertia=400.0), INERTIA),
+        (lambda: bc.BoomParameters(**HEAVIER), BOTH),
+        (lambda: bc.spray_boom(length=9.0), LIGHTER),
+        (lambda: bc.BoomParameters(length=9.0), LIGHTER),
+        (lambda: P.replace(density=7000.0), rf"{UNCHANGED}3\.08 kg lighter"),
+        (lambda: P.replace(inner_width=0.017), rf"{UNCHANGED}6\.29 kg lighter"),
+        (
+            lambda: P.replace(length=9.0, boom_mass=30.0),
+            r"`boom_inertia` is unchanged although the inertia of the tube is 209 kg m\^2 lower; .* to scale it too",
+        ),
+        (
+            lambda: P.scaled(**HEAVIER, length=11.0).replace(density=7900.0),
+            rf"{UNCHANGED}0\.353 kg heavier; .*`p\.scaled\(density=7900\)`",
+        ),
+    ],
+)
+def test_inconsistent_boom_mass_warns_once(call, message):
+    with pytest.warns(UserWarning, match=message) as caught:
+        call()
+    assert [warning.filename for warning in caught] == [__file__]
+
+
+def test_consistent_boom_mass_does_not_warn():
+    frequencies = bc.spray_boom().eigenfrequencies_hz(4)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        along = bc.BoomParameters().scaled(length=9.0)
-        told = bc.BoomParameters().replace(length=9.0, boom_mass=30.0)
-    assert along.boom_mass < told.boom_mass < 35.76
-    assert bc.spray_boom(along).eigenfrequencies_hz(1)[0] > 1.3 * shorter.eigenfrequencies_hz(1)[0]
+        for q in (bc.BoomParameters(), P.scaled(), P.scaled(spring_stiffness=900.0), P.scaled(length=9.0)):
+            assert bc.BoomParameters(*vars(q).values()) == dataclasses.replace(q)
+        bc.BoomParameters(**HEAVIER, density=1.1 * P.density)
+        bc.BoomParameters(boom_mass=P.boom_mass + 0.02)
+        dataclasses.replace(P, boom_mass=39.3)
+        bc.boom_family(mass=(0.8, 1.2))
+        bc.fit(bc.spray_boom, frequencies, ["boom_mass"], starts=1)
+
+
+@pytest.mark.parametrize("where", ["changed keys", "all keys"])
+def test_parameter_file_warns_as_constructor(tmp_path, where):
+    values = vars(P) if where == "all keys" else {}
+    (tmp_path / "boom.toml").write_text("\n".join(f"{k} = {v}" for k, v in {**values, "boom_mass": 39.3}.items()))
+    with pytest.warns(UserWarning, match=MASS):
+        bc.BoomParameters.from_toml(tmp_path / "boom.toml")
+
+
+def test_sweep_of_boom_mass_displays_one_warning():
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("default")
+        bc.sweep(
+            lambda boom_mass: bc.BoomParameters(boom_mass=boom_mass).boom_mass, over={"boom_mass": [36.0, 38.0, 40.0]}
+        )
+    assert len(caught) == 1
+
+
+def test_scaled_density_gives_frequency_of_heavier_frame():
+    """Yaw moves the boom alone: a frame heavier by a factor has its frequency over the square root of that factor."""
+
+    def yaw(p):
+        return bc.split_symmetric(bc.spray_boom(p))[1].eigenfrequencies_hz(3)
+
+    assert yaw(P.scaled(density=1.1 * P.density)) == pytest.approx(yaw(P) / np.sqrt(1.1), rel=5e-3)
+    assert yaw(P.scaled(density=1.1 * P.density))[0] == pytest.approx(0.2336, abs=5e-5)
+    with pytest.warns(UserWarning, match="`cradle_mass`"):
+        at_hinge = bc.BoomParameters(boom_mass=P.boom_mass + 4.0)
+    assert yaw(at_hinge) == pytest.approx(yaw(P), rel=1e-12)
+    model, other = bc.spray_boom(at_hinge), bc.spray_boom(cradle_mass=P.cradle_mass + 4.0)
+    assert model.eigenfrequencies_hz(4) == pytest.approx(other.eigenfrequencies_hz(4), rel=1e-12)

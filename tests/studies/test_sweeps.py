@@ -114,7 +114,7 @@ def test_objects_go_by_their_names():
     assert found["value"].tolist() == [550.0, 2200.0]
     assert bc.sweep(lambda boom: 1.0, {"boom": list(booms.values())}).labels["boom"] == (0, 1)
     assert bc.sweep(lambda boom: 1.0, {"boom": booms["soft"]}).points == ({"boom": "BoomParameters"},)
-    machines = [bc.BoomParameters(length=9.0), bc.HubBeamParameters(length=7.0)]
+    machines = [bc.BoomParameters().scaled(length=9.0), bc.HubBeamParameters(length=7.0)]
     assert bc.sweep(lambda machine: machine.length, {"machine": machines})["value"].tolist() == [9.0, 7.0]
 
 
