@@ -1,4 +1,4 @@
-"""Feedback loops ``u = K y`` closed by name, with signals added at controls and measurements; continuous or sampled."""
+"""Feedback loops ``u = K y`` closed by name, with injection points at controls and measurements; continuous or sampled."""
 
 from __future__ import annotations
 
@@ -32,9 +32,9 @@ class Loop:
     disturbances, controls, measurements, outputs : tuple of str
         Names; ``outputs`` are all of the plant's.
     system : Lti
-        From the disturbances, what is added to each control, and what is added to each measurement, to the plant's
-        outputs, the controls as the plant feels them, and the measurements as the controller reads them.  Plant states
-        come first, then the controller's.  In discrete time where the controller is.
+        From the disturbances, the signal injected at each control, and the signal injected at each measurement, to the
+        plant's outputs, the controls as the plant feels them, and the measurements as the controller reads them.  Plant
+        states come first, then the controller's.  In discrete time where the controller is.
     """
 
     disturbances: tuple[str, ...]
@@ -47,27 +47,47 @@ class Loop:
 
     @property
     def sensitivity(self) -> Lti:
-        """From what is added to controls and measurements to controls and measurements: ``(I - [0 K; G 0])^-1``."""
+        """From the signals injected at controls and measurements to these: ``(I - [0 K; G 0])^-1``."""
         first, last, size = len(self.disturbances), len(self.outputs), len(self.controls) + len(self.measurements)
         return self.system.between(range(first, first + size), range(last, last + size)).balanced()
 
-    def closed(self, added: str | Sequence[str] = ()) -> Lti:
-        """Return the loop from the disturbances and what is added to some signals to the plant's outputs and the controls.
+    def injections(self, injection_points: str | Sequence[str]) -> list[int]:
+        """Return which inputs of the system are the signals injected at some controls and measurements.
 
         Raises
         ------
-        ValueError
-            Unknown names; nothing drives the loop.
+        TypeError, ValueError
+            Unknown names; an injected signal with the name of another input.
         """
         around = self.controls + self.measurements
-        extra, first = names("control or measurement", added, around), len(self.disturbances)
-        if not first and not extra:
+        points = names("control or measurement (injection_points)", injection_points, around)
+        for label in map(injected, points):
+            if self.system.inputs.count(label) > 1:
+                raise ValueError(
+                    f"`injection_points` must result in new names, got {label!r}, a name of two inputs. Rename a signal."
+                )
+        return [len(self.disturbances) + around.index(name) for name in points]
+
+    def closed(self, injection_points: str | Sequence[str] = ()) -> Lti:
+        """Return the loop from the disturbances and the injected signals to the plant's outputs and the controls.
+
+        Raises
+        ------
+        TypeError, ValueError
+            As `injections`; a loop without inputs.
+        """
+        inputs = [*range(len(self.disturbances)), *self.injections(injection_points)]
+        if not inputs:
             raise ValueError(
-                "the controller drives every input of the plant, and nothing drives the loop: "
-                f"expected a plant with an input beside the controls, or in feedback_loop some of {around} in added"
+                "the controller drives every input of the plant, and nothing drives the loop: `injection_points` must name"
+                f" at least one of {listed(self.controls + self.measurements)}."
             )
-        inputs = [*range(first), *(first + around.index(name) for name in extra)]
         return self.system.between(inputs, range(len(self.outputs) + len(self.controls)))
+
+
+def injected(point: str) -> str:
+    """Return the name of the signal injected at a control or a measurement."""
+    return f"{point}_injected"
 
 
 def joined(
@@ -109,8 +129,8 @@ def joined(
     B = np.hstack([P.B[:, others], P.B[:, acting], np.zeros((len(P.A), p)), P.B[:, acting]])
     C = np.vstack([P.C, np.zeros((m, len(P.A))), P.C[measured], P.C[measured]])
     disturbances = tuple(P.inputs[i] for i in others)
-    inputs = (*disturbances, *(f"{name}_added" for name in K.outputs + K.inputs), *K.outputs)
-    scales = P.scales and {**P.scales, **{f"{name}_added": value for name, value in P.scales.items()}}
+    inputs = (*disturbances, *map(injected, K.outputs + K.inputs), *K.outputs)
+    scales = P.scales and {**P.scales, **{injected(name): value for name, value in P.scales.items()}}
     open_loop = Lti(P.A, B, C, D, inputs, P.outputs + K.outputs + K.inputs + K.inputs, P.states, dt, scales)
     return Loop(disturbances, K.outputs, K.inputs, P.outputs, lower_lft(open_loop, K))
 
@@ -169,7 +189,7 @@ def signals_of(
 def feedback_loop(
     plant: SecondOrderModel | control.StateSpace | control.TransferFunction,
     controller: Controller,
-    added: str | Sequence[str] = (),
+    injection_points: str | Sequence[str] = (),
     *,
     delay: float = 0.0,
 ) -> control.StateSpace:
@@ -186,9 +206,8 @@ def feedback_loop(
         :func:`boomctl.with_states` makes outputs of its states, for controllers that read these.
     controller : control.StateSpace, control.TransferFunction, or a design, which holds one
         Its inputs are outputs of the plant, its outputs inputs of the plant. In the scales of the plant.
-    added : str or sequence of str, optional
-        Controls and measurements at which a further signal is added, ``u = K (y + n) + v``; its name is that of the
-        signal with ``_added`` behind it.
+    injection_points : str or sequence of str, optional
+        Controls and measurements at which a signal is injected, ``u = K (y + n) + v``: ``"force_injected"`` at ``"force"``.
     delay : float, optional
         Between a sample and the moment its control acts [s]: whole samples, a part of one, or both; of whole samples where
         the plant is discrete.  Only with a discrete controller.
@@ -196,7 +215,7 @@ def feedback_loop(
     Returns
     -------
     control.StateSpace
-        Inputs: those of the plant that the controller does not drive, then those added.  Outputs: those of the plant,
+        Inputs: those of the plant that the controller does not drive, then those injected.  Outputs: those of the plant,
         then the controls as the plant feels them (under their own names).  A sampled loop is discrete: its inputs are held
         from sample to sample, its outputs are those just before the controls change, and its controls those that are sent
         at a sample, which the plant feels ``delay`` later.
@@ -215,9 +234,9 @@ def feedback_loop(
     >>> lead = control.ss([[-20.0]], [[1.0]], [[360.0]], -20.0, inputs="place", outputs="force")
     >>> loop = bc.feedback_loop(mass, bc.discretize(lead, 0.05), "force", delay=0.02)
     >>> loop.input_labels, loop.dt, bool(abs(loop.poles()).max() < 1.0)
-    (['force_added'], 0.05, True)
+    (['force_injected'], 0.05, True)
     """
-    return joined(plant, controller, delay).closed(added).statespace("closed loop")
+    return joined(plant, controller, delay).closed(injection_points).statespace("closed loop")
 
 
 def closed_loop_response(

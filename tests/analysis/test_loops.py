@@ -21,8 +21,8 @@ def test_the_loop_solves_its_equations_at_each_frequency(seed):
     )
     K = control.rss(3, 1, 2)
     K = control.ss(K.A, K.B, K.C, 0.1 * rng.standard_normal((1, 2)), inputs=["x", "y"], outputs=["u"])
-    loop = feedback_loop(plant, K, added=["y", "u"])
-    assert loop.input_labels == ["a", "b", "y_added", "u_added"]
+    loop = feedback_loop(plant, K, injection_points=["y", "u"])
+    assert loop.input_labels == ["a", "b", "y_injected", "u_injected"]
     assert loop.output_labels == ["y", "z", "x", "u"]
     s = 0.7j
     response, G, C = loop(s), plant(s), K(s)
@@ -52,7 +52,7 @@ def test_bad_loops_are_refused_by_name():
     through = control.ss([[-1.0]], [[1.0]], [[1.0]], [[2.0]], inputs=["u0"], outputs=["y0"])
     half = control.ss([], [], [], [[0.5]], inputs=["y0"], outputs=["u0"])
     with pytest.raises(ValueError, match="well-posed"):
-        feedback_loop(through, half, added="u0")
+        feedback_loop(through, half, injection_points="u0")
     with pytest.raises(ValueError, match="nothing drives the loop"):
         feedback_loop(through, control.ss([], [], [], [[0.1]], inputs=["y0"], outputs=["u0"]))
     with pytest.raises(TypeError, match="controller"):

@@ -60,7 +60,7 @@ def test_a_regulator_of_one_control_has_kalmans_margins(seed):
     assert found.phase_deg >= 60.0 - 1e-6
     # Kalman's inequality itself: |S| is at most one
     S = bc.feedback_loop(bc.with_states(plant), design.controller, u)
-    i, o = S.input_labels.index(f"{u}_added"), S.output_labels.index(u)
+    i, o = S.input_labels.index(f"{u}_injected"), S.output_labels.index(u)
     assert bc.hinf_norm(control.ss(S.A, S.B[:, [i]], S.C[[o]], S.D[[o], [i]])).upper <= 1.0 + 1e-5
 
 

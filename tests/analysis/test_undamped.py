@@ -71,7 +71,7 @@ def test_loops(damping):
     """The loop is that of the plant: its controller does nothing."""
     plant = structure(damping)
     stable = side(damping) < 0
-    loop = bc.feedback_loop(plant, NOTHING, added=["u"])
+    loop = bc.feedback_loop(plant, NOTHING, injection_points=["u"])
     assert np.isfinite(bc.hinf_norm(loop).lower) == (damping > 0.0)
     if stable:
         assert bc.margins(plant, NOTHING).loops

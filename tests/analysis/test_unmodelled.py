@@ -60,7 +60,7 @@ def turned(W, rng):
 
 def slowest(plant, K, late=0.0):
     """Return the rate of the slowest pole of a loop."""
-    poles = bc.feedback_loop(plant, K, added=K.input_labels, delay=late).poles()
+    poles = bc.feedback_loop(plant, K, injection_points=K.input_labels, delay=late).poles()
     return np.log(np.abs(poles)).max() if K.dt else poles.real.max()
 
 

@@ -82,7 +82,7 @@ def test_what_is_proved_with_the_band_is_stable_on_the_truth():
     soft, stiff = pd(1.0), pd(20.0)
     found = bc.robust_stability(family, soft, unmodelled=W)
     assert found.proved
-    assert bc.feedback_loop(with_stand(RIG), soft, added="motor").poles().real.max() < 0.0
+    assert bc.feedback_loop(with_stand(RIG), soft, injection_points="motor").poles().real.max() < 0.0
     late = bc.robust_stability(family, bc.discretize(soft, 0.005), delay=0.002, unmodelled=W)
     assert late.proved
     assert late.gain > found.gain  # what samples fold back, and the delay

@@ -96,5 +96,5 @@ def test_what_is_proved_holds_where_outputs_read_and_inputs_act_otherwise_from_p
     for x, y in product(grid, grid):
         model = make({"x": x, "y": y})
         plant = bc.analysis.sample_plant(model, step, **late) if step else model
-        poles = bc.feedback_loop(plant, controller, added=["f"]).poles()
+        poles = bc.feedback_loop(plant, controller, injection_points=["f"]).poles()
         assert not proved or ((np.abs(poles) < 1.0).all() if step else (poles.real < 0.0).all())

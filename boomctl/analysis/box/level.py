@@ -23,6 +23,7 @@ import numpy as np
 from boomctl.analysis.box.loop_pencil import LoopPencil
 from boomctl.analysis.box.response_cells import ResponseCells
 from boomctl.analysis.box.zero_exclusion import Cell, CellProof, Terms, prove_pencil, value_at
+from boomctl.analysis.loops import injected
 from boomctl.arrays import Array
 from boomctl.lti.frequency import largest_of
 from boomctl.lti.system import Lti
@@ -46,7 +47,7 @@ class DrivenLoops:
 
     @classmethod
     def of(cls, family: Family, K: Lti, inputs: Sequence[str], outputs: Sequence[str]) -> DrivenLoops:
-        """Return the loops ``u = K y``.
+        """Return the loops ``u = K (y + n) + v`` from some of the disturbances and the injected signals ``n`` and ``v``.
 
         Of a measured speed, ``y = a + b'``, the integral ``b`` moves to the other side: momenta are less by what acts in
         proportion to it, and the controller's states by what it brings to them.
@@ -60,7 +61,11 @@ class DrivenLoops:
         centre = family.centre
         ports, n = centre.ports, centre.n
         controls = [centre.inputs.index(name) for name in K.outputs]
-        disturbed = [centre.inputs.index(name) for name in inputs]
+        labels = (*centre.inputs, *map(injected, K.outputs + K.inputs))
+        entry = np.zeros((len(labels), len(inputs)))
+        entry[[labels.index(name) for name in inputs], range(len(inputs))] = 1.0
+        m = len(centre.inputs)
+        at_plant, at_control, at_reading = entry[:m], entry[m : m + len(K.outputs)], entry[m + len(K.outputs) :]
         filtered = [(o, b) for o, b in enumerate(ports.bandwidths) if b is not None]
         k, f = len(K.A), 2 * len(filtered)
         size = 2 * n + f + k
@@ -74,21 +79,21 @@ class DrivenLoops:
         plain = [[o for o in group if ports.bandwidths[o] is None] for group in (rows, judged)]
         columns = (ports.B, *(change.B for _, change in family.terms))
         derived = [X[1 + k :, group] for k, group in ((1, plain[0]), (0, plain[1])) for X in (ports.L, ports.E)]
-        late = (*(X[2][:, disturbed] for X in columns), *(X[1:, :, controls] for X in columns))
+        late = (*(X[2] @ at_plant for X in columns), *(X[1:, :, controls] for X in columns))
         if any(X.any() for X in (*derived, *late)):
             raise ValueError(
                 "family: expected outputs that are places, or accelerations behind a filter; measured ones may be speeds"
             )
-        read, direct = np.zeros((len(centre.outputs), size)), ports.E[0][:, disturbed].copy()
+        read, direct = np.zeros((len(centre.outputs), size)), ports.E[0] @ at_plant
         read[:, :n] = ports.L[0]
         unfiltered = np.array([b is None for b in ports.bandwidths])
         sped = np.zeros((len(centre.outputs), size))  # what of the outputs is the derivative of
         sped[:, :n] = unfiltered[:, None] * ports.L[1]
-        sped_direct = unfiltered[:, None] * ports.E[1][:, disturbed]
-        A, B = np.zeros((size, size)), np.zeros((size, len(disturbed)))
+        sped_direct = unfiltered[:, None] * ports.E[1] @ at_plant
+        A, B = np.zeros((size, size)), np.zeros((size, len(inputs)))
         for j, (o, b) in enumerate(filtered):
             first, second = 2 * n + 2 * j, 2 * n + 2 * j + 1
-            (l0, l1, l2), (e0, e1, e2) = (X[:, o] for X in (ports.L, ports.E[:, :, disturbed]))
+            (l0, l1, l2), (e0, e1, e2) = (X[:, o] for X in (ports.L, ports.E @ at_plant))
             turn = 2.0 * FILTER_DAMPING * b
             A[first, second], A[first, first], A[second, first] = 1.0, -turn, -(b**2)
             A[first, :n], A[second, :n] = b**2 * (l1 - turn * l2), b**2 * (l0 - b**2 * l2)
@@ -98,30 +103,31 @@ class DrivenLoops:
         force, own = np.zeros((len(K.C), size)), slice(2 * n + f, size)  # what the controller sends
         force[:, own] = K.C
         force += K.D @ read[rows] + K.C @ K.B @ sped[rows]
-        at_once = K.D @ direct[rows] + K.C @ K.B @ sped_direct[rows]
+        heard = direct[rows] + at_reading
+        at_once = K.D @ heard + K.C @ K.B @ sped_direct[rows] + at_control
         impulse, impulse_direct = K.D @ sped[rows], K.D @ sped_direct[rows]  # whose derivative it sends besides
         sent = [K.outputs.index(name) for name in outputs if name not in centre.outputs]
         if impulse[sent].any() or impulse_direct[sent].any():
             raise ValueError("controller: expected one that sends no speed on at once, where what it sends is judged")
         A[own, own] = K.A
         A[own] += K.B @ read[rows] + K.A @ K.B @ sped[rows]
-        B[own] = K.B @ direct[rows] + K.A @ K.B @ sped_direct[rows]
+        B[own] = K.B @ heard + K.A @ K.B @ sped_direct[rows]
         E0 = np.eye(size)
         E0[:n, :n] = dense(centre.M)
         A[:n, :n], A[:n, n : 2 * n] = -dense(centre.C), np.eye(n)
         A[n : 2 * n, :n] = -dense(centre.K)
         A[n : 2 * n] += ports.B[0][:, controls] @ force
         A[:n] += ports.B[0][:, controls] @ impulse
-        B[:n] = ports.B[1][:, disturbed] + ports.B[0][:, controls] @ impulse_direct
-        B[n : 2 * n] = ports.B[0][:, disturbed] + ports.B[0][:, controls] @ at_once
+        B[:n] = ports.B[1] @ at_plant + ports.B[0][:, controls] @ impulse_direct
+        B[n : 2 * n] = ports.B[0] @ at_plant + ports.B[0][:, controls] @ at_once
         found: tuple[Polynomial, Polynomial, Polynomial] = {(): E0}, {(): A}, {(): B}
         for power, change in family.terms:
             e, a, b = np.zeros((size, size)), np.zeros((size, size)), np.zeros_like(B)
             e[:n, :n], a[:n, :n], a[n : 2 * n, :n] = dense(change.M), -dense(change.C), -dense(change.K)
             a[n : 2 * n] += change.B[0][:, controls] @ force
             a[:n] += change.B[0][:, controls] @ impulse
-            b[:n] = change.B[1][:, disturbed] + change.B[0][:, controls] @ impulse_direct
-            b[n : 2 * n] = change.B[0][:, disturbed] + change.B[0][:, controls] @ at_once
+            b[:n] = change.B[1] @ at_plant + change.B[0][:, controls] @ impulse_direct
+            b[n : 2 * n] = change.B[0] @ at_plant + change.B[0][:, controls] @ at_once
             for total, each in zip(found, (e, a, b), strict=True):
                 if each.any():
                     total[power] = each

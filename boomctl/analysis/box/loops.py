@@ -11,7 +11,7 @@ import numpy as np
 from boomctl.analysis.box.loop_pencil import LoopPencil, closed_pencil
 from boomctl.analysis.box.prove import StablePart
 from boomctl.analysis.box.zero_exclusion import Cell, Terms, value_at
-from boomctl.analysis.loops import signals_of
+from boomctl.analysis.loops import Loop, joined, signals_of
 from boomctl.arrays import Array
 from boomctl.checks import exactly, instance, known, nonnegative
 from boomctl.lti.controllers.scheduled import ScheduledController, frozen
@@ -148,6 +148,11 @@ def controller_at(
     if not isinstance(controller, ScheduledController):
         return controller_of(controller, "StateSpace or ScheduledController", any_time=True).balanced()
     return frozen(controller, family.values(delta)[controller.signal])
+
+
+def joined_at(family: Family, controller: control.StateSpace | ScheduledController, delay: float, delta: Array) -> Loop:
+    """Return the closed loop at a point of the box."""
+    return joined(family.at(delta), controller_at(family, controller, delta), delay)
 
 
 def _combined(systems: tuple[Lti, Lti], shares: tuple[float, float]) -> Lti:

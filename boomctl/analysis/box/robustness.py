@@ -1,12 +1,13 @@
 """Stability and performance of a loop over a whole box of real parameters: a proof, and the worst point found."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import inf, isnan, nan
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from boomctl.analysis.box.loops import BoxLoops, checked_controller
+from boomctl.analysis.box.loops import BoxLoops, checked_controller, joined_at
 from boomctl.analysis.box.points import listed_values, pattern_search
 from boomctl.analysis.box.prove import BoxProof, StablePart, Statement, prove_box
 from boomctl.analysis.box.sampled_level import SampledLoops, sampled_loops
@@ -143,6 +144,7 @@ def robust_stability(
     *,
     delay: float = 0.0,
     unmodelled: "control.StateSpace | None" = None,
+    injection_points: str | Sequence[str] = (),
     progress: "Listener | None" = None,
 ) -> RobustStability:
     """Prove that a loop ``u = K y`` is stable over a whole box of parameters, or find where it is not.
@@ -170,6 +172,9 @@ def robust_stability(
         makes: from the controls to what is measured, by name.  The plants are all those of the family with any stable
         dynamics added, each entry below that of the bounds at every frequency.  With a discrete controller bounds must fall
         with frequency; what samples fold back is in the proof.
+    injection_points : str or sequence of str, optional
+        As in :func:`boomctl.worst_case`, so that both accept the same arguments.  Names are checked; the result is the same
+        for all of them, because an injected signal changes no pole and all poles count.
     progress : callable, optional
         Is told a `Progress` at each stage.  Without one, after three seconds a line on a terminal or in a notebook says
         what goes on; `listening` hears whatever runs within it.
@@ -207,6 +212,8 @@ def robust_stability(
         loops = _Sampled(family, K, late, sampled_loops(family, K, (), (), late))
     else:
         loops = BoxLoops.of(family, controller)
+    if not isinstance(injection_points, Sequence) or injection_points:
+        joined_at(family, controller, late, np.zeros(family.size)).injections(injection_points)
     with computing("robust stability", progress):
         tell("points of the box")
         at, rate = pattern_search(loops.abscissa, family.size, 1.0, enough=0.0)[:2]

@@ -21,7 +21,7 @@ from scipy import linalg
 from boomctl.analysis.box.points import pattern_search
 from boomctl.analysis.box.prove import BoxProof, Statement, prove_box
 from boomctl.analysis.box.worst_case import driven_parts, hindrance
-from boomctl.analysis.loops import joined
+from boomctl.analysis.loops import injected, joined
 from boomctl.analysis.norm import matrices_norm
 from boomctl.arrays import Array, balance
 from boomctl.checks import known
@@ -64,16 +64,17 @@ def small_gain(
     bounds = _bounds(K, unmodelled)
     unit = np.ones((len(K.inputs), len(K.outputs)))
     if unit.size > 1:
-        wide, driven, inputs = _joined(family, K, bounds, unit)
-        loop = joined(wide.centre, driven, delay if K.dt else None).closed()
-        gains = np.array([[matrices_norm(loop.select(d, u)).lower for d in inputs] for u in K.outputs])
+        wide, driven, points = _joined(family, K, bounds, unit)
+        loop = joined(wide.centre, driven, delay if K.dt else None).closed(points)
+        gains = np.array([[matrices_norm(loop.select(d, u)).lower for d in map(injected, points)] for u in K.outputs])
         each = np.tile(np.eye(len(K.outputs)), len(K.inputs)).T @ gains  # an entry sees the control that drives it
         unit = balance(each)[1].reshape(unit.shape)
-    wide, driven, inputs = _joined(family, K, bounds, unit)
+    wide, driven, points = _joined(family, K, bounds, unit)
+    inputs = [*map(injected, points)]
     late = delay if K.dt else None
 
     def loop_at(delta: Array) -> Lti:
-        return joined(wide.at(delta), driven, late).closed().select(inputs, K.outputs)
+        return joined(wide.at(delta), driven, late).closed(points).select(inputs, K.outputs)
 
     seen = {}
 
@@ -172,40 +173,32 @@ def _near(pole: complex, sampling: float) -> Array:
 def _joined(
     family: Family, K: Lti, bounds: Sequence[Sequence[Lti]], unit: Array
 ) -> tuple[Family, Lti, tuple[str, ...]]:
-    """Return family and controller with what entries add to outputs as signals, each of size one within its bound.
+    """Return family, controller and its injection points: one for each entry, whose signal has size one within the bound.
 
-    What is added passes the family at once, and the controller weighs it.  ``unit`` are the units of the entries, (p, m);
-    controls are in units in which their size is that of all entries which they drive.
+    The injection points are outputs of the family that are zero; the controller weighs what is injected there.  ``unit`` are
+    the units of the entries, (p, m); controls are in units in which their size is that of all entries which they drive.
     """
     p, m = unit.shape
     size = np.sqrt(np.square(1.0 / unit).sum(axis=0))
     centre, ports = family.centre, family.centre.ports
-    inputs, outputs = (tuple(f"{what} {k + 1}" for k in range(p * m)) for what in ("unmodelled", "added"))
+    points = tuple(f"unmodelled {k + 1}" for k in range(p * m))
     share = np.ones(len(ports.inputs))
     share[[ports.inputs.index(name) for name in K.outputs]] = 1.0 / size
 
-    def wider(X: Array, rows: int, columns: int) -> Array:
-        return np.pad(X, [(0, 0)] * (X.ndim - 2) + [(0, rows), (0, columns)]) if X.ndim else X
+    def wider(X: Array) -> Array:
+        return np.pad(X, [(0, 0)] * (X.ndim - 2) + [(0, p * m), (0, 0)]) if X.ndim else X
 
-    E = wider(ports.E * share, p * m, p * m)
-    E[0, len(ports.outputs) :, len(ports.inputs) :] = np.eye(p * m)
-    more = p * m
     wide = replace(
         ports,
-        inputs=ports.inputs + inputs,
-        outputs=ports.outputs + outputs,
-        B=wider(ports.B * share, 0, more),
-        L=wider(ports.L, more, 0),
-        E=E,
-        moved=ports.moved + (False,) * more,
-        integrators=ports.integrators + (0,) * more,
-        bandwidths=ports.bandwidths + (None,) * more,
-        strains=None if ports.strains is None else wider(ports.strains * share, 0, more),
-        tensions=None if ports.tensions is None else wider(ports.tensions, more, 0),
+        outputs=ports.outputs + points,
+        B=ports.B * share,
+        L=wider(ports.L),
+        E=wider(ports.E * share),
+        bandwidths=ports.bandwidths + (None,) * (p * m),
+        strains=None if ports.strains is None else ports.strains * share,
+        tensions=None if ports.tensions is None else wider(ports.tensions),
     )
-    changes = tuple(
-        (power, Slope(x.M, x.C, x.K, wider(x.B * share, 0, more), wider(x.L, more, 0))) for power, x in family.terms
-    )
+    changes = tuple((power, Slope(x.M, x.C, x.K, x.B * share, wider(x.L))) for power, x in family.terms)
     structure = SecondOrderModel.of(centre.structure, wide)
     free = tuple(centre.coordinates[i] for i in family.unfelt)
     entries = [entry for row in bounds for entry in row]
@@ -213,8 +206,8 @@ def _joined(
     A, B, C, D = (linalg.block_diag(*(getattr(entry, x) for entry in entries)) for x in "ABCD")
     none = np.zeros((len(A), p))
     before = Lti(
-        A, np.hstack([none, B]), rows @ C, np.hstack([np.eye(p), rows @ D]), (*K.inputs, *outputs), K.inputs, dt=K.dt
+        A, np.hstack([none, B]), rows @ C, np.hstack([np.eye(p), rows @ D]), (*K.inputs, *points), K.inputs, dt=K.dt
     )
     driven = series(before, replace(K, states=()))
     driven = replace(driven, C=size[:, None] * driven.C, D=size[:, None] * driven.D)
-    return PolynomialFamily(family.names, family.low, family.high, structure, changes, free), driven, inputs
+    return PolynomialFamily(family.names, family.low, family.high, structure, changes, free), driven, points

@@ -8,13 +8,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from boomctl.analysis.box.level import DrivenLoops
-from boomctl.analysis.box.loops import BoxLoops, checked_controller, controller_at
+from boomctl.analysis.box.loops import BoxLoops, checked_controller, joined_at
 from boomctl.analysis.box.points import listed_values, pattern_search
 from boomctl.analysis.box.prove import WORTH, BoxProof, Statement, prove_box
 from boomctl.analysis.box.sampled_level import SampledLoops
 from boomctl.analysis.box.zero_exclusion import value_at
 from boomctl.analysis.h2 import matrices_h2_norm
-from boomctl.analysis.loops import joined
 from boomctl.analysis.norm import NAMES, NormCertificate, matrices_norm
 from boomctl.arrays import Array
 from boomctl.checks import from_on, known, positive, whole
@@ -116,6 +115,7 @@ def worst_case(
     tolerance: float | None = 1e-3,
     max_cells: int = _CELLS,
     delay: float = 0.0,
+    injection_points: "str | Sequence[str]" = (),
     progress: "Listener | None" = None,
 ) -> WorstCase:
     """Return the largest norm of the loop ``u = K y`` over a box of parameters, the H-infinity norm from both sides.
@@ -137,7 +137,7 @@ def worst_case(
         ``u = K y``; its inputs are outputs of the family, its outputs inputs of it.
     inputs, outputs : str or sequence of str, optional
         Signals of the closed loop (:func:`boomctl.feedback_loop`) between which the norm is taken; by default from all
-        disturbances to all outputs of the family.
+        disturbances and injected signals to all outputs of the family.
     norm : {"hinf", "h2"}
         Largest singular value over frequency, or RMS of the outputs to white noise.  Of the H2 norm only the worst point
         is looked for; no bound is proved, and ``reason`` says so.
@@ -149,6 +149,9 @@ def worst_case(
         are one; of parameters alone, which take longer, are at most one in 150 of it.
     delay : float, optional
         Time between a sample and the moment its control acts [s]; only with a discrete controller.
+    injection_points : str or sequence of str, optional
+        Controls and measurements at which a signal is injected, as in :func:`boomctl.feedback_loop`: ``inputs`` then may
+        name ``"force_injected"``, a disturbance at the control input ``"force"``.
     progress : callable, optional
         Is told a `Progress` at each stage.  Without one, after three seconds a line on a terminal or in a notebook says
         what goes on; `listening` hears whatever runs within it.
@@ -185,7 +188,7 @@ def worst_case(
         BoxLoops.of(family, controller)  # which refuses what makes no loop
 
     def loop_at(delta: Array) -> Lti:
-        loop = joined(family.at(delta), controller_at(family, controller, delta), late).closed()
+        loop = joined_at(family, controller, late, delta).closed(injection_points)
         return loop.select(inputs, family.centre.outputs if outputs is None else outputs)
 
     seen: dict[bytes, Any] = {}
