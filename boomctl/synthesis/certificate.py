@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from math import inf, nan
+from math import inf, isfinite, nan
 from typing import TYPE_CHECKING
 
 from boomctl.analysis.norm import NormCertificate
@@ -13,6 +13,25 @@ from boomctl.synthesis.plants.channels import Channel
 
 if TYPE_CHECKING:
     import control
+
+
+# methods of a norm on a full plant that there is not
+NOT_COMPUTED = "not computed"
+UNDEFINED = "not defined, because states of the reduced plant have weights or noise"
+
+
+def norm_there(norm: NormCertificate, lead: str) -> str:
+    """Return a norm on a full plant as text after a lead, of an H2 norm with its square; empty if it was not computed."""
+    if norm.method == NOT_COMPUTED:
+        return ""
+    if norm.method == UNDEFINED:
+        return f"{lead}cost there is {UNDEFINED}"
+    if norm.kind == "h2":
+        known = "" if norm.certified else f" (not certified: {norm.method})"
+        return f"{lead}H2 norm there is {norm.value:.6g}, a cost of {norm.value**2:.6g}{known}"
+    if isfinite(norm.upper):
+        return f"{lead}norm there is {norm.upper:.6g}"
+    return f"{lead}norm there is at least {norm.lower:.6g} ({norm.method})"
 
 
 class Design:
@@ -120,7 +139,8 @@ class DesignCertificate:
     stable : bool or None
         Whether the loop is stable; None of a loop on a full plant where that was not proved either way.
     full_plant : DesignCertificate or None
-        Of a design on a reduced plant: what is known of the loop on the full one.
+        Of a design on a reduced plant: what is known of the loop on the full one.  Its ``norm`` is of the kind of the
+        design's: of `lqg` the root of the cost on the full plant, of `h2` the H2 norm there.
     share : float
         Of a loop on a full plant: the largest ``K S`` (from what is added to the measurements to the controls) times the
         error of the reduction, at any frequency: below one, the loop is proved stable.
@@ -174,8 +194,9 @@ class DesignCertificate:
         """A line on the loop on the full plant, for the ``repr`` of a design; empty where nothing was reduced."""
         if self.full_plant is None:
             return ""
-        known = {True: "stable", False: "UNSTABLE", None: "not proved"}
-        return f"\n  {known[self.full_plant.stable]} on the full plant"
+        known, judged = {True: "stable", False: "UNSTABLE", None: "not proved"}, self.full_plant
+        there = norm_there(judged.norm, "; ") if judged.stable else ""
+        return f"\n  {known[judged.stable]} on the full plant{there}"
 
     @property
     def distance(self) -> float:

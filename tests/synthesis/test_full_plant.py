@@ -250,6 +250,77 @@ def test_what_is_said_of_the_full_plant_is_true(seed, states, kept, banded):
         assert_allclose(bc.hinf_norm(whole).lower, told.norm.lower, rtol=1e-4)
 
 
+def cost_on(plant, K, weights, noise):
+    """Return the expected ``y^T W y + u^T R u`` at rest of ``u[1] = K y[1]``, by a Lyapunov equation."""
+    W, R, intensity, V, q = *weights, *noise
+    A, B, C, D, n = plant.A, plant.B[:, 1:], plant.C, plant.D[:, 1:], plant.nstates
+    loop = np.block([[A, B @ K.C], [K.B @ C[1:], K.A + K.B @ D[1:] @ K.C]])
+    entering = np.block(
+        [
+            [intensity**0.5 * plant.B[:, :1], np.zeros((n, 1)), q**0.5 * B],
+            [K.B @ np.array([[intensity**0.5 * plant.D[1, 0], V**0.5, q**0.5 * D[1, 0]]])],
+        ]
+    )
+    poles = np.linalg.eigvals(loop)
+    if (poles.real.max() if plant.dt == 0.0 else np.abs(poles).max() - 1.0) >= 0.0:
+        return np.inf
+    solve = linalg.solve_continuous_lyapunov if plant.dt == 0.0 else linalg.solve_discrete_lyapunov
+    covariance = solve(loop, entering @ entering.T * (-1.0 if plant.dt == 0.0 else 1.0))
+    y, u = np.hstack([C, D @ K.C]), np.hstack([np.zeros((1, n)), K.C])
+    return float(np.trace(W * y @ covariance @ y.T) + R * (u @ covariance @ u.T)[0, 0])
+
+
+@pytest.mark.parametrize("sampled", [False, True])
+@given(seed=st.integers(0, 2**32 - 1))
+@examples(120)
+def test_cost_and_h2_norm_on_full_plant_equal_lyapunov(sampled, seed):
+    rng = np.random.default_rng(seed)
+    states, kept = int(rng.integers(3, 9)), int(rng.integers(1, 6))
+    rates, frequencies = np.exp(rng.uniform(-1.0, 1.5, states)), rng.uniform(0.5, 8.0, states // 2)
+    A = np.diag(-rates)
+    for i, omega in enumerate(frequencies):
+        A[2 * i : 2 * i + 2, 2 * i : 2 * i + 2] = [[-0.1 * omega, omega], [-omega, -0.1 * omega]]
+    B, C = rng.normal(size=(states, 2)), rng.normal(size=(2, states)) * rng.uniform(0.02, 1.0, states)
+    D = 0.1 * rng.normal(size=(2, 2)) * [[0.0, 1.0], [1.0, 1.0]]
+    plant = control.ss(A, B, C, D)
+    plant = control.sample_system(plant, 0.1) if sampled else plant
+    weights, noise = np.exp(rng.normal(size=2)), np.exp(rng.normal(size=3)) * [1.0, 1.0, float(not sampled)]
+    (W, R), (intensity, V, q) = weights, noise
+    signals = {"disturbances": {"u[0]": 1.0}, "performance": {"y[0]": 2.0}, "effort": {"u[1]": 0.3}}
+    signals |= {"noises": {"y[1]": 0.3}, "measurements": "y[1]", "controls": "u[1]"}
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        small = bc.reduce(plant, order=min(kept, states - 1))
+        found = bc.lqg(small, None, R, {"u[0]": intensity}, V, "y[1]", "u[1]", output_weight=W, ltr=q)
+        best = bc.h2(bc.generalized_plant(small, **signals))
+    assert cost_on(small.system, found.controller, weights, noise) == pytest.approx(found.cost, rel=1e-7)
+    told, true = found.certificate.full_plant, cost_on(plant, found.controller, weights, noise)
+    assert told.stable == np.isfinite(true)
+    assert told.norm.kind == "h2"
+    assert told.norm.value**2 == pytest.approx(true, rel=1e-7)
+    assert not told.stable or f"a cost of {told.norm.value**2:.6g}" in told.statement
+
+    told, whole = best.certificate.full_plant, bc.generalized_plant(plant, **signals).lft(best.controller)
+    assert told.stable == bool((np.abs(whole.poles()).max() if sampled else np.exp(whole.poles().real.max())) < 1.0)
+    if told.stable:
+        solve = linalg.solve_discrete_lyapunov if sampled else linalg.solve_continuous_lyapunov
+        covariance = solve(whole.A, whole.B @ whole.B.T * (1.0 if sampled else -1.0))
+        true = np.trace(whole.C @ covariance @ whole.C.T) + sampled * np.square(whole.D).sum()
+        assert told.norm.value**2 == pytest.approx(true, rel=1e-7)
+
+
+def test_cost_of_reduced_states_is_undefined_on_full_plant(full):
+    small = bc.reduce(full, order=18)
+    given = (1e-2, {"actuator_anti": 1.0}, 1e-2, "stroke_anti", "suspension_anti")
+    states = bc.lqg(small, 1e-9, *given, output_weight={"tip_anti": 1.0}).certificate.full_plant
+    assert states.stable
+    assert states.norm.upper == np.inf
+    assert "cost there is not defined" in states.statement
+    outputs = bc.lqg(small, None, *given, output_weight={"tip_anti": 1.0})
+    assert outputs.certificate.full_plant.norm.value**2 == pytest.approx(outputs.cost, rel=0.1)
+    assert "a cost of" in repr(outputs)
+
+
 def full_plant_of(P):
     """Return the generalised plant around the full one."""
     origin = full_plant.origin_of(P)

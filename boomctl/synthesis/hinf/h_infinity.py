@@ -239,7 +239,7 @@ def _on_circle(plant: GeneralizedPlant, found: HInfinityResult, origin: ReducedP
         lower_reason=bounds.why,
         path=(*c.path, "mapped to the unit circle"),
         statement=f"{c.statement}; verified anew on the unit circle",
-        full_plant=judged_on_full_plant(origin, plant, K, norm.upper),
+        full_plant=judged_on_full_plant(origin, plant, K, norm),
     )
     return HInfinityResult(K, loop, norm.lower, certificate, bounds, plant.system)
 
@@ -255,7 +255,7 @@ def _result(task: Task, found: Candidate, origin: ReducedPlant | None) -> HInfin
         lower_reason=bounds.why,
         path=found.path,
         statement=_statement(task, found),
-        full_plant=judged_on_full_plant(origin, plant, found.K, found.norm.upper),
+        full_plant=judged_on_full_plant(origin, plant, found.K, found.norm),
     )
     K = replace(found.K, inputs=plant.measurements, outputs=plant.controls, scales=plant.system.scales)
     return HInfinityResult(K, found.loop, found.norm.lower, certificate, bounds, plant.system)

@@ -22,12 +22,10 @@ from boomctl.synthesis.lq.output_feedback import certify, least_cost, observer
 from boomctl.synthesis.lq.riccati import RiccatiProblem, RiccatiSolution
 from boomctl.synthesis.lq.riccati_steps import solution_of
 from boomctl.synthesis.plants.full_plant import origin_of
-from boomctl.synthesis.plants.partition import GeneralizedPlant, partition, with_feedthrough
+from boomctl.synthesis.plants.partition import FEEDTHROUGH, GeneralizedPlant, cancelled, partition, with_feedthrough
 
 if TYPE_CHECKING:
     import control
-
-_FEEDTHROUGH = 1e-10  # share of D11 that rounding may leave of a direct way that the controller cancels
 
 
 @dataclass(frozen=True)
@@ -83,7 +81,7 @@ def h2(P: "control.StateSpace", nmeas: int | None = None, ncon: int | None = Non
         are disturbances (unit white noise) and performance outputs.  Of a discrete one the controller is the best of all
         whose control at a sample rests on the measurements up to that sample; :func:`boomctl.lqg` gives the best of those
         that rest on the ones before it.  Where the plant that `generalized_plant` was given is what `reduce` returned,
-        the loop is judged on the full plant too: ``certificate.full_plant``.
+        the loop is judged on the full plant too, its H2 norm among it: ``certificate.full_plant``.
     nmeas, ncon : int, optional
         Numbers of measurements and controls; not needed of what `generalized_plant` or `mixed_sensitivity` made, whose
         names tell them.
@@ -106,7 +104,7 @@ def h2(P: "control.StateSpace", nmeas: int | None = None, ncon: int | None = Non
     Warns
     -----
     ReductionWarning
-        On the full plant the loop is not stable, or not proved to be.
+        On the full plant the loop is not stable, or not proved to be, or its norm is more than a tenth larger.
 
     Examples
     --------
@@ -135,11 +133,7 @@ def h2(P: "control.StateSpace", nmeas: int | None = None, ncon: int | None = Non
         K = with_feedthrough(replace(K, D=K.D + direct), plant.D22)
     except ValueError as error:
         raise SynthesisError(f"feedthrough from controls to measurements: {error}") from None
-    loop = lower_lft(plant.system, K)
-    if plant.system.dt == 0.0 and np.abs(loop.D).max(initial=0.0) <= 10.0 * _FEEDTHROUGH * np.abs(plant.D11).max(
-        initial=0.0
-    ):
-        loop = replace(loop, D=np.zeros_like(loop.D))  # what rounding leaves of the direct way that is cancelled
+    loop = cancelled(lower_lft(plant.system, K), plant.D11)
     certificate = certify(loop, K, least, regulator, estimator, plant=plant, origin=origin_of(P))
     return H2Result(
         _controller=K,
@@ -179,7 +173,7 @@ def _cancelling(parts: GeneralizedPlant) -> Array:
         return np.zeros((len(parts.controls), len(parts.measurements)))
     direct = -np.linalg.pinv(parts.D12) @ D11 @ np.linalg.pinv(parts.D21)
     left = D11 + parts.D12 @ direct @ parts.D21
-    if np.abs(left).max() > _FEEDTHROUGH * np.abs(D11).max():
+    if np.abs(left).max() > FEEDTHROUGH * np.abs(D11).max():
         i, j = (int(k) for k in np.unravel_index(np.argmax(np.abs(left)), left.shape))
         raise SynthesisError(
             f"disturbance {parts.disturbances[j]!r} acts on performance signal {parts.performance[i]!r} directly (gain "

@@ -20,7 +20,7 @@ from boomctl.synthesis.certificate import Design, DesignCertificate
 from boomctl.synthesis.lq.kalman import solved_filter
 from boomctl.synthesis.lq.lqr import regulator_problem, solved_regulator
 from boomctl.synthesis.lq.output_feedback import certify, least_cost, observer
-from boomctl.synthesis.lq.problem import Noise, Weight, chosen, noise_of, plant_of
+from boomctl.synthesis.lq.problem import Noise, Weight, chosen, noise_of, plant_of, semidefinite
 from boomctl.synthesis.lq.riccati import RiccatiProblem
 from boomctl.synthesis.plants.full_plant import ReducedPlant, origin_of
 from boomctl.synthesis.plants.partition import GeneralizedPlant
@@ -101,8 +101,9 @@ def lqg(
     ----------
     system : control.StateSpace, SecondOrderModel or ReductionResult
         The system, signals named.  Of what `reduce` returned, and of a generalised plant around one, the loop is judged
-        on the full plant too: ``certificate.full_plant``.  Of a discrete one the controller is the best of all whose
-        control at a sample rests on the measurements before it.
+        on the full plant too: ``certificate.full_plant``, whose norm is the root of the cost there.  The full plant has no
+        such cost where ``Q`` or ``process_noise`` is over states of the reduced one.  Of a discrete one the controller is the
+        best of all whose control at a sample rests on the measurements before it.
     Q, R, output_weight
         Weights of states, controls and outputs, as for :func:`lqr`.
     process_noise, measurement_noise, disturbances
@@ -132,7 +133,7 @@ def lqg(
     UserWarning
         No controls are named, and only some of the inputs are noise.
     ReductionWarning
-        On the full plant the loop is not stable, or not proved to be.
+        On the full plant the loop is not stable, or not proved to be, or the root of its cost is more than a tenth larger.
 
     Examples
     --------
@@ -162,18 +163,29 @@ def lqg(
     regulator = solved_regulator(problem, driven, plant.states)
     estimator = solved_filter(plant, noise, measured)
     K = observer(way, regulator.gain, estimator.gain.T)
-    loop = lower_lft(_weighted(way, problem, noise), K)
+    P = GeneralizedPlant(_weighted(way, problem, noise), len(measured), len(driven))
+    loop = lower_lft(P.system, K)
     effort = problem.R if plant.dt == 0.0 else problem.R + problem.B.T @ regulator.X @ problem.B
     least = least_cost(noise.W, effort, regulator, estimator)
     origin = origin_of(system)
-    between = GeneralizedPlant(_between_all(plant, driven, measured), len(measured), len(driven))
+    by_states = not noise.inputs or (Q is not None and bool(semidefinite("Q", Q, plant.states).any()))
     if origin is not None:
         around = origin.around
-        origin = ReducedPlant(origin.reduction, lambda full: _between_all(around(full), driven, measured))
-    certificate = certify(loop, K, least, regulator, estimator, plant=between, origin=origin)
+
+        def with_cost(full: Lti) -> Lti:
+            given = around(full).select(plant.inputs, plant.outputs)
+            if by_states:
+                return _between_all(given, driven, measured)
+            task = regulator_problem(given, driven, 0.0, R, output_weight)
+            noise = noise_of(given, process_noise, measurement_noise, measurements=measured, disturbances=disturbances)
+            way = given.select(driven, measured)
+            return _weighted(way, task, _with_recovery(noise, way, ltr))
+
+        origin = ReducedPlant(origin.reduction, with_cost)
+    certificate = certify(loop, K, least, regulator, estimator, plant=P, origin=origin, by_states=by_states)
     return LqgResult(
         _controller=K,
-        _closed_loop=lower_lft(between.system, K),
+        _closed_loop=lower_lft(_between_all(plant, driven, measured), K),
         regulator_gain=regulator.gain,
         filter_gain=estimator.gain.T,
         poles=np.concatenate([regulator.poles, estimator.poles]),

@@ -38,10 +38,12 @@ def certify(
     *,
     plant: GeneralizedPlant,
     origin: ReducedPlant | None,
+    by_states: bool = False,
 ) -> DesignCertificate:
     """Return what vouches for a controller: the H2 norm of its loop, and the least one by the two Riccati equations.
 
-    The loop of ``K`` around ``plant`` is judged on the full plant too, where ``origin`` says that it is a reduced one.
+    The loop of ``K`` around ``plant`` is judged on the full plant too, where ``origin`` says that it is a reduced one;
+    without its norm where states of the reduced plant are weighed, or driven by noise (``by_states``).
 
     Raises
     ------
@@ -68,7 +70,7 @@ def certify(
         path=(*regulator.path, *estimator.path, norm.method),
         statement=f"H2 norm {norm.value:.6g}, {known}; no controller goes below {lower:.6g}, by the Riccati equations; "
         f"slowest pole {slowest:.4g} rad/s; Riccati residuals {regulator.residual:.1e} and {estimator.residual:.1e}",
-        full_plant=judged_on_full_plant(origin, plant, K),
+        full_plant=judged_on_full_plant(origin, plant, K, None if by_states else norm),
         riccati=regulator,
         filter=estimator,
     )

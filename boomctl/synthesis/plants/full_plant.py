@@ -8,12 +8,13 @@ necessary: where it does not hold, and the full plant is not too large, the pole
 
 import warnings
 from collections.abc import Callable
-from dataclasses import dataclass
-from math import inf, isfinite, nan
+from dataclasses import dataclass, replace
+from math import inf, nan
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from boomctl.analysis.h2 import matrices_h2_norm
 from boomctl.analysis.norm import UNSTABLE, NormCertificate, axis_eigenvalues, matrices_norm
 from boomctl.arrays import blocks
 from boomctl.lti.bilinear import continuous_image
@@ -23,14 +24,13 @@ from boomctl.lti.system import ClosedLoop, Lti, of
 from boomctl.printing import compact
 from boomctl.reduction.result import ReductionResult
 from boomctl.reduction.verify import band_norm
-from boomctl.synthesis.certificate import DesignCertificate
-from boomctl.synthesis.plants.partition import GeneralizedPlant
+from boomctl.synthesis.certificate import NOT_COMPUTED, UNDEFINED, DesignCertificate, norm_there
+from boomctl.synthesis.plants.partition import GeneralizedPlant, cancelled
 
 if TYPE_CHECKING:
     import control
 
 _ORIGIN = "_boomctl_reduced_plant"  # the attribute in which a generalised plant carries what it was made of
-NOT_COMPUTED = "not computed"  # the method of a norm that nobody looked for
 _MOST_POLES = 800  # states of a full loop whose poles are computed: two seconds (a choice)
 _MOST_NORM = 200  # states of a full loop whose norm is certified: a second (a choice)
 _WORSE = 1.1  # times the norm on the reduced plant: a norm on the full one above that is worth a warning (a choice)
@@ -104,22 +104,26 @@ def warn_of_lost_channels(plant: Any, channels: dict[str, tuple[tuple[str, ...],
 
 
 def judged_on_full_plant(
-    origin: ReducedPlant | None, plant: GeneralizedPlant, K: Lti, gamma: float = inf
+    origin: ReducedPlant | None, plant: GeneralizedPlant, K: Lti, reduced: NormCertificate | None
 ) -> DesignCertificate | None:
     """Return what is known of a loop on the full plant, if its plant is reduced, and warn.
 
-    ``gamma`` is the H-infinity norm on the reduced one, where a design is for that: a larger one is warned of.
+    ``reduced`` is the norm on the reduced plant: that on the full one is of the same kind, and a larger one is warned of.
+    None: there is none to compute.
     """
     if origin is None:
         return None
     reduction = origin.reduction
     share = _share(reduction, plant, K)
     size = reduction.full_order + len(plant.A) - reduction.order + len(K.A)  # with weights and controller
-    stable, slowest, norm = True if share < 1.0 else None, nan, NormCertificate(0.0, inf, nan, NOT_COMPUTED)
+    stable, slowest = True if share < 1.0 else None, nan
+    kind, why = ("h2", UNDEFINED) if reduced is None else (reduced.kind, NOT_COMPUTED)
+    norm = NormCertificate(0.0, inf, nan, why, kind=kind)
     path = [f"small gain {share:.3g}"]
     if size <= _MOST_POLES:
+        full = replace(plant, system=origin.around(of(reduction.full, sampled=True)))
         try:
-            parts = ClosedLoop(origin.around(of(reduction.full, sampled=True)), K)
+            parts = ClosedLoop(full.system, K)
             loop = parts.system
         except ValueError:  # not well-posed on the full plant
             stable, slowest = False, inf
@@ -130,12 +134,16 @@ def judged_on_full_plant(
             stable = {-1: True, 0: stable, 1: False}[side]  # of poles that stand on the axis the small gain alone tells
             path.append("poles")
             if stable is False:
-                norm = NormCertificate(inf, inf, nan, UNSTABLE)
-            elif stable and size <= _MOST_NORM:
-                norm = matrices_norm(parts)
+                norm = replace(norm, lower=inf, method=UNSTABLE)
+            elif stable and reduced is not None and size <= _MOST_NORM:
+                norm = matrices_h2_norm(cancelled(loop, full.D11)) if reduced.kind == "h2" else matrices_norm(parts)
                 path.append(f"norm: {norm.method}")
     statement = _statement(reduction, stable, share, slowest, norm)
-    if not stable or (norm.method != NOT_COMPUTED and norm.upper > _WORSE * gamma):
+    worse = False
+    if stable and reduced is not None and norm.method != NOT_COMPUTED:
+        now, before = (norm.value, reduced.value) if norm.kind == "h2" else (norm.upper, reduced.upper)
+        worse = now > _WORSE * before
+    if not stable or worse:
         warnings.warn(f"the controller was designed on a reduced plant: {statement}", ReductionWarning, stacklevel=4)
     fastest = float(np.abs(K.poles).max(initial=0.0))
     reason = "none: sought for the reduced plant"
@@ -158,11 +166,7 @@ def _statement(
         )
     how = f"proved: {gain}, below 1" if share < 1.0 else f"its poles were computed, the slowest at {slowest:.3g} rad/s"
     told = f"stable on the full plant of {reduction.full_order} states ({how})"
-    if norm.method == NOT_COMPUTED:
-        return told
-    if isfinite(norm.upper):
-        return f"{told}; its norm there is {norm.upper:.6g}"
-    return f"{told}; its norm there is at least {norm.lower:.6g} ({norm.method})"
+    return f"{told}{norm_there(norm, '; its ')}"
 
 
 def _share(reduction: ReductionResult, plant: GeneralizedPlant, K: Lti) -> float:

@@ -36,6 +36,9 @@ OUTSIDE = (
 )  # what names of performance signals, and of disturbances, noises, references begin with
 
 
+FEEDTHROUGH = 1e-10  # share of D11 that rounding may leave of a direct way that the controller cancels
+
+
 @dataclass(frozen=True)
 class GeneralizedPlant:
     """``x' = A x + B1 w + B2 u``, ``z = C1 x + D11 w + D12 u``, ``y = C2 x + D21 w + D22 u``.
@@ -292,3 +295,11 @@ def with_feedthrough(K: Lti, D22: Array) -> Lti:
         K.scales,
     )
     return lower_lft(twice, static(-D22))
+
+
+def cancelled(loop: Lti, D11: Array) -> Lti:
+    """Return a loop in continuous time without what rounding leaves of a direct way that the controller cancels."""
+    left = np.abs(loop.D).max(initial=0.0)
+    if loop.dt == 0.0 and left <= 10.0 * FEEDTHROUGH * np.abs(D11).max(initial=0.0):
+        return replace(loop, D=np.zeros_like(loop.D))
+    return loop
