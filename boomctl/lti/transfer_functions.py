@@ -1,34 +1,36 @@
 """Transfer functions as state-space systems, their response compared with that of the polynomials.
 
-One entry becomes its companion form, balanced, which has the coefficients as they are; a table of entries becomes SLICOT's
-minimal realisation.  Polynomials lose digits where modes are many or hardly damped.  What the realisation does is therefore
-compared with what the coefficients say, around every pole and zero: nothing is answered for another system than that given.
+Entries with the same denominator and input, or the same denominator and output, become one companion form, balanced, which
+has the coefficients as they are; an entry that is zero has no state.  States that the response of a matrix does not have are
+removed by SLICOT's staircase algorithm.  Polynomials lose digits where modes are many or lightly damped: the response of the
+realization is compared with that of the polynomials around every pole and zero.
 """
 
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy import linalg
 
-from boomctl.arrays import Array, balance
-from boomctl.lti.rounding import LEVEL, SUMMED
+from boomctl.arrays import Array, balance, blocks
+from boomctl.lti.rounding import ALIKE, LEVEL, SUMMED
 
 if TYPE_CHECKING:
     import control
 
 _BESIDE = (0.5, 0.99, 1.01, 2.0)  # times the size of a pole or zero: frequencies compared; not at a pole itself
 _REST = 1.0  # [rad/s], where all poles and zeros are at zero (any frequency will do)
-_HALF_CIRCLE = np.linspace(0.01, 3.1, 64)  # angles compared in discrete time (a choice)
+_HALF_CIRCLE = np.linspace(0.01, 3.1, 64)  # angles compared in discrete time, with those beside poles and zeros
 
 
 def realized(given: "control.TransferFunction", what: str) -> tuple[Array, Array, Array, Array]:
     """Return ``A, B, C, D`` of a transfer function, balanced.
 
-    Of one entry all poles stay, also those that a zero cancels; of a table only those that its response has.
+    Of one entry all poles stay, also those that a zero cancels; of a matrix only those that its response has.
 
     Raises
     ------
     ValueError
-        Coefficients that are not finite; not proper; realised with another response than the coefficients have.
+        Coefficients that are not finite; not proper; realized with another response than the coefficients have.
     """
     entries = [
         (np.asarray(n, dtype=float), np.asarray(d, dtype=float))
@@ -39,43 +41,93 @@ def realized(given: "control.TransferFunction", what: str) -> tuple[Array, Array
             raise ValueError(f"{what}: expected finite coefficients")
         if len(np.trim_zeros(n, "f")) > len(np.trim_zeros(d, "f")):
             raise ValueError(f"{what}: expected a proper transfer function, got a numerator of higher order")
-    A, B, C, D = _companion(*entries[0]) if len(entries) == 1 else _minimal(given)
-    A, scale = balance(A)
-    B, C = B / scale[:, None], C * scale
+    shape = given.noutputs, given.ninputs
+    roots = np.concatenate([np.roots(part) for entry in entries for part in entry])
     if given.isctime():
-        rates = np.abs(np.concatenate([np.roots(part) for entry in entries for part in entry]))
+        rates = np.abs(roots)
         at = 1j * np.unique(np.outer(rates[rates > 0.0] if rates.any() else [_REST], _BESIDE))
     else:
-        at = np.exp(1j * _HALF_CIRCLE)
+        beside = np.outer(np.abs(np.angle(roots)), _BESIDE)
+        at = np.exp(1j * np.union1d(_HALF_CIRCLE, beside[(beside > 0.0) & (beside < np.pi)]))
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-        answers = C @ np.linalg.solve(at[:, None, None] * np.eye(len(A)) - A, B.astype(complex)[None]) + D
-        for answer, (n, d) in zip(answers.reshape(len(at), -1).T, entries, strict=True):
-            num, den = np.polyval(n, at), np.polyval(d, at)
-            terms = np.polyval(np.abs(n), np.abs(at)) + np.abs(num / den) * np.polyval(np.abs(d), np.abs(at))
-            told = np.abs(answer - num / den) <= LEVEL * np.abs(num / den) + SUMMED * terms / np.abs(den)
-            if not told.all():
-                raise ValueError(
-                    f"{what}: its polynomials have too few digits to tell its response in state space; expected a StateSpace"
-                )
+        num, den, sizes_n, sizes_d = (
+            np.array([np.polyval(size(entry[k]), size(at)) for entry in entries]).reshape(*shape, len(at))
+            for size in (np.asarray, np.abs)
+            for k in (0, 1)
+        )
+        G = num / den
+        out, into = _signal_scales(np.abs(G).max(axis=2, where=np.isfinite(G), initial=0.0))
+        A, B, C, D = _companions(entries, shape)
+        order = len(A)
+        if len(entries) > 1:
+            A, B, C = _minimal(A, B * into, C / out[:, None])
+            B, C = B / into, C * out[:, None]
+        A, scale = balance(A)
+        B, C = B / scale[:, None], C * scale
+        error = C @ np.linalg.solve(at[:, None, None] * np.eye(len(A)) - A, B.astype(complex)[None]) + D
+        error = np.abs(error.transpose(1, 2, 0) - G)
+        allowed = LEVEL * np.abs(G) + SUMMED * (sizes_n + np.abs(G) * sizes_d) / np.abs(den)
+        if len(A) < order:  # entries were mixed: relative to all of them, in units of like sizes and as stored
+            units = (out[:, None] / into)[:, :, None]
+            relative, absolute = (np.abs(G) / units).max(axis=(0, 1)), np.abs(G).max(axis=(0, 1))
+            allowed += np.minimum(SUMMED * relative * units, ALIKE * absolute)
+        if not (error <= allowed).all():
+            raise ValueError(
+                f"{what}: its polynomials have too few digits to tell its response in state space; expected a StateSpace"
+            )
     return A, B, C, D
 
 
-def _companion(num: Array, den: Array) -> tuple[Array, Array, Array, Array]:
-    """Return the controllable companion form of one entry."""
-    den = np.trim_zeros(den, "f")
-    n = len(den) - 1
-    num, den = np.pad(np.trim_zeros(num, "f"), (n + 1, 0))[-n - 1 :] / den[0], den / den[0]
-    A = np.eye(n, k=-1)
-    A[:1] = -den[1:]
-    return A, np.eye(n, 1), (num[1:] - num[0] * den[1:])[None, :], num[None, :1]
+def _companions(entries: list[tuple[Array, Array]], shape: tuple[int, int]) -> tuple[Array, Array, Array, Array]:
+    """Return balanced companion forms: one for entries of the same denominator and input, or denominator and output."""
+    D, groups = np.zeros(shape), {}
+    for k, (num, den) in enumerate(entries):
+        n, d = np.trim_zeros(num, "f"), np.trim_zeros(den, "f")
+        if len(n):
+            i, j = divmod(k, shape[1])
+            n, d = np.pad(n, (len(d) - len(n), 0)) / d[0], d / d[0]
+            D[i, j] = n[0]
+            groups.setdefault(tuple(d[1:]), []).append((i, j, n[1:] - n[0] * d[1:]))
+    parts = [(np.zeros((0, 0)), np.zeros((0, shape[1])), np.zeros((shape[0], 0)))]
+    for d, group in groups.items():
+        a = np.eye(len(d), k=-1)
+        a[:1] = -np.array(d)
+        a, scale = balance(a)
+        by_input = len({j for _, j, _ in group}) <= len({i for i, _, _ in group})
+        for signal in sorted({j if by_input else i for i, j, _ in group}):
+            B, C = np.zeros((len(d), shape[1])), np.zeros((shape[0], len(d)))
+            if by_input:
+                B[:1, signal] = 1.0 / scale[:1]
+            else:
+                C[signal, :1] = 1.0 / scale[:1]
+            for i, j, n in group:
+                if by_input and j == signal:
+                    C[i] = n * scale
+                elif not by_input and i == signal:
+                    B[:, j] = n * scale
+            parts.append((a if by_input else a.T, B, C))
+    A, B, C = zip(*parts, strict=True)
+    return linalg.block_diag(*A), np.vstack(B), np.hstack(C), D
 
 
-def _minimal(given: "control.TransferFunction") -> tuple[Array, Array, Array, Array]:
-    from boomctl.lti.python_control import control
+def _minimal(A: Array, B: Array, C: Array) -> tuple[Array, Array, Array]:
+    """Return a system without the states that its response does not have; unchanged where it has all of them."""
+    import slycot
 
-    found = control.ss(given)
-    A, B, C, D = (np.asarray(getattr(found, letter), dtype=float) for letter in "ABCD")
-    return A, B, C, D
+    n, m, p = len(A), B.shape[1], len(C)
+    if not n:
+        return A, B, C
+    padded = np.pad(B, ((0, 0), (0, max(p - m, 0)))), np.pad(C, ((0, max(m - p, 0)), (0, 0)))
+    a, b, c, order = slycot.tb01pd(n, m, p, A.copy(), *padded, tol=0.0)
+    return (a[:order, :order], b[:order, :m], c[:p, :order]) if order < n else (A, B, C)
+
+
+def _signal_scales(sizes: Array) -> tuple[Array, Array]:
+    """Return sizes of outputs, and inverse ones of inputs, powers of two: entries other than zero are then of like sizes."""
+    p, m = sizes.shape
+    inverse = np.divide(1.0, sizes, out=np.zeros_like(sizes), where=sizes > 0.0)
+    scale = balance(blocks([[np.zeros((p, p)), sizes], [inverse.T, np.zeros((m, m))]]))[1]
+    return scale[:p], scale[p:]
 
 
 def _listed(table: Array) -> list[Array]:

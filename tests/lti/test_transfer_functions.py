@@ -1,14 +1,21 @@
 """Transfer functions handed in: the system is that of their polynomials, or it is refused."""
 
+from itertools import product
+
 import control
 import numpy as np
 import pytest
+from flint import acb, arb, ctx, fmpq, fmpq_poly
 from hypothesis import given
 from hypothesis import strategies as st
 
 import boomctl as bc
+from boomctl.lti import transfer_functions
 from boomctl.lti.system import of
-from tests.profiles import examples
+from tests.profiles import examples, is_quick
+
+PATTERNS = ("lower triangular", "zero row and column", "sparse", "common denominator", "common factor", "integrator")
+MATLAB = control.tf([[[0.0], [3.0, 0.0]], [[1.0, 1.0], [2.0]]], [[[1.0], [1.0, 1.0, 10.0]], [[1.0, 5.0], [1.0, 6.0]]])
 
 
 def table(seed, dt=0.0):
@@ -37,6 +44,104 @@ def table(seed, dt=0.0):
     num = [[rng.standard_normal(rng.integers(1, 5)) for _ in range(shape[1])] for _ in range(shape[0])]
     names = {"inputs": [f"u{i}" for i in range(shape[1])], "outputs": [f"y{i}" for i in range(shape[0])]}
     return control.tf(num, den, dt, **names)
+
+
+def random_polynomial(rng, dt, degree):
+    """Return a polynomial whose roots decay, some of them lightly damped."""
+    p = np.array([1.0])
+    while len(p) <= degree:
+        w, z = np.exp(rng.uniform(-2.0, 3.0)), np.exp(rng.uniform(np.log(1e-3), 0.0))
+        pair = [1.0, 2.0 * z * w, w * w]
+        if dt:
+            w, z = rng.uniform(-0.9, 0.95), rng.uniform(0.1, 3.0)
+            pair = [1.0, -2.0 * abs(w) * np.cos(z), w * w]
+        p = np.polymul(p, pair if len(p) < degree and rng.random() < 0.6 else [1.0, -w if dt else w])
+    return p
+
+
+def sparse_table(seed):
+    """Return a transfer matrix with zero entries, in continuous or discrete time, in units of up to 24 decades."""
+    rng = np.random.default_rng(seed)
+    dt, pattern, scaled = ((0.0, 0.1)[seed % 2], PATTERNS[seed // 2 % len(PATTERNS)], seed // 12 % 2)
+    p, m = rng.integers(2, 4, 2)
+    nonzero = rng.random((p, m)) < 0.6
+    if pattern in ("lower triangular", "common denominator"):
+        nonzero = np.tril(np.ones((p, m), bool))
+    if pattern == "zero row and column":
+        nonzero = np.outer(np.arange(p) != rng.integers(p), np.arange(m) != rng.integers(m))
+    sizes = np.outer(10.0 ** rng.uniform(-6.0, 6.0, p), 10.0 ** rng.uniform(-6.0, 6.0, m)) ** scaled
+    common = [1.0, -1.0 if dt else 0.0] if pattern == "integrator" else random_polynomial(rng, dt, rng.integers(1, 3))
+    num, den = [[[[1.0]] * m for _ in range(p)] for _ in range(2)]
+    for i, j in product(range(p), range(m)):
+        den[i][j] = random_polynomial(rng, dt, rng.integers(1, 4))
+        if pattern == "common denominator":
+            den[i][j] = common
+        elif pattern in ("common factor", "integrator") and rng.random() < 0.7:
+            den[i][j] = np.polymul(common, random_polynomial(rng, dt, 1))
+        num[i][j] = rng.standard_normal(rng.integers(1, len(den[i][j]) + 1)) * sizes[i, j] * nonzero[i, j]
+    return control.tf(num, den, dt)
+
+
+def exact_response(G, omega):
+    """Return the response of the polynomials, in ball arithmetic of 400 bits."""
+    ctx.prec = 400
+
+    def value(coefficients, s):
+        p = fmpq_poly([fmpq(*float(x).as_integer_ratio()) for x in reversed(coefficients)])
+        return sum((arb(c) * s**k for k, c in enumerate(p.coeffs())), acb(0))
+
+    points = [acb(0, float(w)) if G.isctime() else (acb(0, float(w)) * arb(float(G.dt))).exp() for w in omega]
+    return np.array(
+        [
+            [[complex(value(n, s) / value(d, s)) for s in points] for n, d in zip(*row, strict=True)]
+            for row in zip(G.num, G.den, strict=True)
+        ]
+    )
+
+
+def test_sparse_transfer_matrix_keeps_response():
+    omega, refused = np.geomspace(0.05, 30.0, 9), []
+    seeds = range(0, 300, 5 if is_quick() else 1)
+    for seed in seeds:
+        G = sparse_table(seed)
+        try:
+            system = of(G, sampled=True)
+        except ValueError:
+            refused.append(PATTERNS[seed // 2 % len(PATTERNS)])
+            continue
+        exact = exact_response(G, omega)
+        error, sizes = np.abs(system.response(omega) - exact).max(axis=2), np.abs(exact).max(axis=2)
+        assert (error <= 1e-6 * sizes + 1e-8 * sizes.max()).all()
+        states = sum(
+            len(d) - 1 for rows in zip(G.num, G.den, strict=True) for n, d in zip(*rows, strict=True) if any(n)
+        )
+        if len(system.A) == states:  # no entries are mixed
+            assert (error <= 1e-12 * sizes).all()
+    assert len(refused) <= 0.01 * len(seeds)
+    assert set(refused) <= {"common factor", "integrator"}
+
+
+def test_zero_entry_keeps_norm_certified():
+    norm = bc.hinf_norm(MATLAB)
+    assert norm.certified
+    assert norm.value == pytest.approx(3.0150, abs=5e-5)
+
+
+@pytest.mark.parametrize("entry", [(0, 0), (0, 1), (1, 0), (1, 1)])
+def test_inaccurate_realization_of_matrix_raises(monkeypatch, entry):
+    minimal = transfer_functions._minimal
+
+    def disturbed(A, B, C):
+        A, B, C = minimal(A, B, C)
+        C = C.copy()
+        i, j = entry
+        C[i] += 1e-5 * np.abs(C).max() * np.sign(B[:, j])
+        return A, B, C
+
+    assert len(of(MATLAB).A) == 4
+    monkeypatch.setattr(transfer_functions, "_minimal", disturbed)
+    with pytest.raises(ValueError, match="too few digits"):
+        of(MATLAB)
 
 
 @pytest.mark.parametrize("dt", [0.0, 0.1])
@@ -81,8 +186,10 @@ def test_what_has_no_realisation_is_refused():
     modes = np.array([1.0])  # six decades of hardly damped modes: what each does is below the digits of the others
     for w in np.geomspace(1e-3, 1e3, 12):
         modes = np.polymul(modes, [1.0, 2e-3 * w, w * w])
-    with pytest.raises(ValueError, match=r"too few digits.*expected a StateSpace"):
-        bc.hinf_norm(control.tf(np.random.default_rng(1).standard_normal(24), modes))
+    num, one = np.random.default_rng(1).standard_normal(24), [1.0]
+    for G in (control.tf(num, modes), control.tf([[one, [0.0]], [num, one]], [[[1.0, 1.0], one], [modes, [1.0, 2.0]]])):
+        with pytest.raises(ValueError, match=r"too few digits.*expected a StateSpace"):
+            bc.hinf_norm(G)
 
 
 def test_hardly_damped_modes_keep_their_digits():
