@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import os
+import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from decimal import ROUND_CEILING, ROUND_FLOOR, Context
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, TypeVar
+from warnings import warn_explicit
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,6 +21,7 @@ _LARGEST_WHOLE = 2**53  # whole numbers up to here are also numbers in double pr
 # sizes of numbers that a parameter may have: products and quotients of three of them are numbers still (a choice)
 _SMALLEST, _LARGEST = 1e-100, 1e100
 _FEW = 7  # digits of a limit in a message (a choice)
+_INNER = {"boomctl", "contextlib", "functools"}  # packages whose calls are not the user's
 _SHOWN = 60  # letters of a value in a message: enough to know it by (a choice)
 _Kind = TypeVar("_Kind")
 
@@ -27,6 +30,16 @@ def shown(value: object) -> str:
     """Return a value as a message shows it: in one line, and no long one."""
     text = " ".join(repr(value).split())
     return text if len(text) <= _SHOWN else f"{text[:_SHOWN]}..."
+
+
+def warn_user(message: str, category: type[Warning] = UserWarning) -> None:
+    """Warn at the line that called the library, however many of its own calls lie between."""
+    frame = sys._getframe(1)
+    while frame.f_globals.get("__name__", "").partition(".")[0] in _INNER and frame.f_back is not None:
+        frame = frame.f_back
+    registry = frame.f_globals.setdefault("__warningregistry__", {})
+    module = frame.f_globals.get("__name__", "<unknown>")
+    warn_explicit(message, category, frame.f_code.co_filename, frame.f_lineno, module=module, registry=registry)
 
 
 def exactly(value: float) -> str:

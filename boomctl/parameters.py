@@ -1,6 +1,5 @@
 """What all parameters of a machine have in common: they come from a file, print as code, and have a default."""
 
-import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields, replace
 from functools import wraps
@@ -146,11 +145,3 @@ def compared_with_defaults(kind: type[P]) -> type[P]:
 
     setattr(kind, "__init__", construct)  # noqa: B010
     return kind
-
-
-def user_stacklevel() -> int:
-    """Return the ``stacklevel`` with which a warning of the calling function refers to the first line outside boomctl."""
-    level, frame = 1, sys._getframe(1)
-    while frame.f_back is not None and frame.f_globals.get("__name__", "").partition(".")[0] == "boomctl":
-        level, frame = level + 1, frame.f_back
-    return level

@@ -1,9 +1,9 @@
 """SI units of signals: of motions, of forces, and of those of a symmetric machine's halves."""
 
-import warnings
 from collections.abc import Mapping, Sequence
 
 from boomctl.arrays import Array
+from boomctl.checks import warn_user
 
 HALVES = {"_sym": "the mean", "_anti": "half the difference"}
 """How the names of a half's signals end, and what these are root of two times (right and left, right less left)."""
@@ -43,8 +43,7 @@ def warn_of_units(frequencies_hz: Array) -> None:
     """Warn of eigenfrequencies, ascending, that no machine has in SI units; lengths in mm and moduli in GPa give such."""
     elastic = frequencies_hz[frequencies_hz > 0.0]
     if len(elastic) and (elastic[0] > _FAST or (elastic[0] < _SLOW and elastic[-1] < _STIFFER)):
-        warnings.warn(
+        warn_user(
             f"the lowest eigenfrequency is {elastic[0]:.3g} Hz; expected SI units: lengths in m, masses in kg, stiffness in"
-            " N/m, Young's modulus in Pa, density in kg/m^3",
-            stacklevel=3,
+            " N/m, Young's modulus in Pa, density in kg/m^3"
         )

@@ -1,10 +1,14 @@
 """Checks at the boundary: whatever comes in, the message names the parameter."""
 
+import warnings
+
+import control
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import boomctl as bc
 from boomctl import checks
 
 
@@ -72,3 +76,31 @@ def test_values_are_shown_in_one_short_line():
 def test_what_is_not_expected_is_refused_by_name(check, value):
     with pytest.raises((TypeError, ValueError), match=r"^given.*: expected "):
         check("given", value)
+
+
+def sampled_lead():
+    mass = control.ss([[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]], [[1.0, 0.0]], 0.0, inputs="force", outputs="place")
+    lead = control.ss([[-20.0]], [[1.0]], [[360.0]], -20.0, inputs="place", outputs="force")
+    return bc.margins(mass, bc.discretize(lead, 0.05), delay=0.2)
+
+
+def integrator_at_rest():
+    rotor = control.ss([[0.0, 2.0], [-2.0, 0.0]], [[0.0], [1.0]], [[1.0, 0.0]], 0.0)
+    return bc.sigma(rotor, [2.0])
+
+
+WARNED = {
+    "method with an inner __init__": lambda: bc.BoomParameters().replace(density=2000.0),
+    "reduction": lambda: bc.reduce(control.ss(-np.eye(2), np.ones((2, 1)), np.ones((1, 2)), 0.0), order=2),
+    "margins of a sampled loop": sampled_lead,
+    "response at a pole": integrator_at_rest,
+}
+
+
+@pytest.mark.parametrize("call", WARNED.values(), ids=WARNED)
+def test_warning_names_line_of_user(call):
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        call()
+    assert caught
+    assert {warning.filename for warning in caught} == {__file__}

@@ -9,7 +9,6 @@ A sampled loop is looked at through the bilinear map: on the imaginary axis of t
 circle, so that gains, angles and disks are the same; frequencies are mapped back, and delays are of those.
 """
 
-import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache, partial
@@ -26,7 +25,7 @@ from boomctl.analysis.norm import axis_eigenvalues, matrices_norm
 from boomctl.analysis.prove import Claim
 from boomctl.analysis.sampled_loops.further_delay import FurtherDelay
 from boomctl.arrays import Array, blocks
-from boomctl.checks import known
+from boomctl.checks import known, warn_user
 from boomctl.lti.bilinear import continuous_image, omega_of_image
 from boomctl.lti.frequency import (
     BEYOND,
@@ -368,7 +367,7 @@ def margins(
         said = (
             f"rounding of the loop's matrices alone may change its response by {most:.1g} of its size; scale the states"
         )
-        warnings.warn(said, UncertainMarginsWarning, stacklevel=2)
+        warn_user(said, UncertainMarginsWarning)
     loops = tuple(
         _loop_margin(
             name,
@@ -400,7 +399,7 @@ def margins(
         ]
         if costs:
             said = f"sampling every {dt:g} s with a delay of {delay:g} s takes the disk margin {', and '.join(costs)}"
-            warnings.warn(said, SamplingCostsMarginWarning, stacklevel=2)
+            warn_user(said, SamplingCostsMarginWarning)
     if P.dt == K.dt and not delay:
         handed = P.between(*signals_of(K, P.inputs, P.outputs, P.states, P.scales)), K
     else:
@@ -612,7 +611,7 @@ def _loop_margin(
         delays = [(least[0], least[1])]
         if not exact:
             said = f"delay at {signal}: the loop is proved to bear {least[0]:.4g} s more, and may bear a longer delay"
-            warnings.warn(said, UncertainMarginsWarning, stacklevel=4)
+            warn_user(said, UncertainMarginsWarning)
     delay, delay_omega = min(delays, default=(inf, float("nan")), key=lambda found: found[0])
     low_omega, high_omega, phase_omega = omega_of_image([low_omega, high_omega, phase_omega], dt).tolist()
     return LoopMargin(

@@ -1,13 +1,12 @@
 """Parameters of the spray boom."""
 
-import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from math import sqrt
 from typing import Any
 
-from boomctl.checks import exactly, from_on, nonnegative, positive
-from boomctl.parameters import Parameters, compared_with_defaults, or_default, replaced, user_stacklevel
+from boomctl.checks import exactly, from_on, nonnegative, positive, warn_user
+from boomctl.parameters import Parameters, compared_with_defaults, or_default, replaced
 
 _LARGEST = 1e15  # of any parameter, SI units: a thousand times the stiffness of diamond, in N/m^2 (a choice)
 # [rad/s], between which the boom may bend: once in a week and 160 kHz (a choice); beyond, no double carries the model
@@ -166,7 +165,7 @@ class BoomParameters(Parameters):
                 " frame that is 10 % heavier than that of the parameters `p`"
                 f"{', or `cradle_mass` for a mass at the hinge' if at_hinge == ['boom_mass'] else ''}."
             )
-        warnings.warn(text, stacklevel=user_stacklevel())
+        warn_user(text)
 
     def scaled(self, **changes: float) -> "BoomParameters":
         """Return the parameters with another tube, whose mass and inertia the boom's own follow.

@@ -1,6 +1,5 @@
 """A modal model in continuous time from a record or from a measured frequency response."""
 
-import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib import import_module
@@ -12,7 +11,7 @@ from scipy import special, stats
 from threadpoolctl import threadpool_limits
 
 from boomctl.arrays import Array
-from boomctl.checks import known, whole, within
+from boomctl.checks import known, warn_user, whole, within
 from boomctl.identification.blocks import confident
 from boomctl.identification.common_poles import CommonPoles, curvature, pull
 from boomctl.identification.families import hull as joint
@@ -518,10 +517,9 @@ def _said_of_feedback(fit: CommonPoles) -> None:
                 and np.abs(later).max() > _FEEDBACK * deviation
                 and np.abs(later).max() > 2.0 * np.abs(sooner).max()
             ):
-                warnings.warn(
+                warn_user(
                     f"inputs follow from errors of output {o + 1}, as in a closed loop: the model then mixes structure and"
                     " controller, unless errors are small; add a signal of your own to the inputs",
                     UserWarning,
-                    stacklevel=3,
                 )
                 return

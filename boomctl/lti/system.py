@@ -5,7 +5,6 @@ check and one message, and :meth:`Lti.statespace` gives a named ``control.StateS
 """
 
 import sys
-import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -16,7 +15,7 @@ from scipy import linalg
 from scipy.linalg import lapack
 
 from boomctl.arrays import Array, balance, blocks, scaled_to_one
-from boomctl.checks import finite_array, names
+from boomctl.checks import finite_array, names, warn_user
 from boomctl.lti.rounding import ALIKE, SUMMED
 from boomctl.lti.transfer_functions import realized
 from boomctl.printing import compact
@@ -164,7 +163,7 @@ class Lti:
         asked = beside(omega)
         if not quiet:
             said = f"a pole lies at {omega[0]:.17g} rad/s: the response there is that at {asked[0]:.17g} rad/s"
-            warnings.warn(said, SingularFrequencyWarning, stacklevel=3)
+            warn_user(said, SingularFrequencyWarning)
         return self._resolvent(asked, quiet)
 
     def boundary(self, omega: Any) -> Any:

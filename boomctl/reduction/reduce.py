@@ -1,6 +1,5 @@
 """``reduce``: one door to all methods; every result is verified before it is returned."""
 
-import warnings
 from dataclasses import replace
 from math import inf
 from typing import TYPE_CHECKING
@@ -15,7 +14,7 @@ from boomctl.analysis.norm import (
     stays_below_on_circle,
 )
 from boomctl.arrays import Array
-from boomctl.checks import finite_array, known, positive, up_to, whole
+from boomctl.checks import finite_array, known, positive, up_to, warn_user, whole
 from boomctl.lti.bilinear import continuous_image, discrete_image, image_of_omega, omega_of_image
 from boomctl.lti.frequency import singular_values
 from boomctl.lti.modal import sides, split
@@ -142,7 +141,7 @@ def reduce(
             if method == "modal"
             else f"all others have Hankel singular values below {MINIMAL:g} of the largest, which is rounding"
         )
-        warnings.warn(f"order = {order}: {result.order} states come back; {reason}", LowerOrderWarning, stacklevel=2)
+        warn_user(f"order = {order}: {result.order} states come back; {reason}", LowerOrderWarning)
     return result
 
 

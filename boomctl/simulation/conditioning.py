@@ -11,7 +11,6 @@ after what is asked for; of one or two such controls it stays bounded too, for `
 principal minors, and of order two that is a diagonal Lyapunov matrix.
 """
 
-import warnings
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import combinations
 from math import frexp
@@ -20,6 +19,7 @@ import numpy as np
 from scipy import linalg
 
 from boomctl.arrays import Array, balance
+from boomctl.checks import warn_user
 from boomctl.lti.system import Lti
 
 # share of the noise added everywhere, so that the Riccati equation is solvable; below all that is felt
@@ -76,7 +76,7 @@ def _followed(force: Array, rate: Array, count: int) -> Array:
 def _warn(outputs: Sequence[str], left: Array) -> None:
     names = ", ".join(name for name, each in zip(outputs, left, strict=True) if each)
     text = f"anti_windup: where limits are met by {names}, the controller's state is not corrected; no gain is proved bounded"
-    warnings.warn(text, WindupWarning, stacklevel=5)
+    warn_user(text, WindupWarning)
 
 
 def conditioning_gains(laws: Sequence[Lti], limited: Array, softening: float = 0.1) -> tuple[Array, bool]:

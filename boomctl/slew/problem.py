@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 import math
-import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -14,7 +13,18 @@ from numpy.typing import ArrayLike
 from scipy.linalg import block_diag, expm
 
 from boomctl.arrays import Array
-from boomctl.checks import exactly, finite_array, from_on, known, nonnegative, positive, real, sequence, whole
+from boomctl.checks import (
+    exactly,
+    finite_array,
+    from_on,
+    known,
+    nonnegative,
+    positive,
+    real,
+    sequence,
+    warn_user,
+    whole,
+)
 from boomctl.lti.rounding import ALIKE
 from boomctl.printing import compact
 from boomctl.slew.deadline import SlewDeadline
@@ -195,10 +205,9 @@ class SlewProblem:
 def warn_of_turns(angle: float) -> None:
     """Warn where a beam is to turn further than once round [rad]: that may be an angle in degrees."""
     if abs(angle) > math.tau:
-        warnings.warn(
+        warn_user(
             f"angle = {angle:g} rad: {angle / math.tau:.3g} turns; {angle:g} degrees (angle_deg = {angle:g} in"
-            f" optimal_slew) are {math.radians(angle):.3g} rad",
-            stacklevel=4,
+            f" optimal_slew) are {math.radians(angle):.3g} rad"
         )
 
 

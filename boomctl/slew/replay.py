@@ -1,13 +1,13 @@
 """The plan is played back by integrators that planning does not use, and judged."""
 
 import math
-import warnings
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from boomctl.arrays import Array
+from boomctl.checks import warn_user
 from boomctl.slew.objectives import OBJECTIVES
 from boomctl.slew.plant import SlewPlant, is_machine
 from boomctl.slew.problem import AT_LIMIT, SlewProblem
@@ -58,11 +58,10 @@ def played(problem: SlewProblem, history: TorqueHistory, samples: int = _SAMPLES
     if OBJECTIVES[problem.objective].bounds_tip or set(problem.limits.beside_torque) - {"torque_rate"}:
         turns = problem.fastest_vibration * history.duration / (2.0 * np.pi)
         if _IN_PERIOD * turns > _MOST_SAMPLES:
-            warnings.warn(
+            warn_user(
                 f"limits of the motion are judged at {_MOST_SAMPLES / turns:.2g} instants in a period of the fastest"
                 " vibration: between them it may exceed them; fewer modes or a shorter slew are judged closely",
                 UserWarning,
-                stacklevel=2,
             )
         samples = max(samples, min(int(_IN_PERIOD * turns), _MOST_SAMPLES))
     t = np.unique(np.concatenate([np.linspace(0.0, history.duration, samples), history.edges]))

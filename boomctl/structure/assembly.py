@@ -7,7 +7,6 @@ weights alone share one mechanism, found once.
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
@@ -18,7 +17,7 @@ import numpy as np
 from scipy import linalg, sparse
 
 from boomctl.arrays import DENSE_LIMIT, Array, Matrix, combined
-from boomctl.checks import instance, sequence, signal_name
+from boomctl.checks import instance, sequence, signal_name, warn_user
 from boomctl.lti.rounding import ALIKE, CANCELLED
 from boomctl.printing import count, listed, signals
 from boomctl.structure.beams.elements import FiniteElements, distinct, element_nodes
@@ -267,7 +266,7 @@ def _mechanism(assembly: Assembly, exact: bool) -> Mechanism:
     found = _kept_mechanism(place) if place.decides() else _find_mechanism(assembly, exact)
     if found.idle:
         said = f"{', '.join(found.idle)}: cannot do anything; the joints leave no motion there along that direction"
-        warnings.warn(said, stacklevel=3)
+        warn_user(said)
     return found
 
 

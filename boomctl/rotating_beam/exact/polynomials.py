@@ -10,11 +10,11 @@ import math
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import TypeAlias
-from warnings import warn
 
 import numpy as np
 
 from boomctl.arrays import Array
+from boomctl.checks import warn_user
 from boomctl.progress import tell
 from boomctl.rotating_beam.exact.integrator import StepFailed
 from boomctl.rotating_beam.exact.run import Run
@@ -83,10 +83,9 @@ def with_enough_polynomials(
             break
     motion, _ = followed(enough, max(_SHARE * rtol, _BESIDE * apart / max(largest, radius * _TINY)))
     if apart > goal:
-        warn(
+        warn_user(
             f"error of the motion: about {apart:.2g} m with {enough} polynomials, {2.0 * goal:.2g} m asked for; the motion "
-            "is not smooth enough for that; expected a larger rtol or atol, or no jumps",
-            stacklevel=4,
+            "is not smooth enough for that; expected a larger rtol or atol, or no jumps"
         )
     return replace(motion, error=motion.error + apart)
 

@@ -16,13 +16,13 @@ factorisations                                                    time that grow
 ==================  ============================================  ====================================================
 """
 
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from boomctl.arrays import Array
+from boomctl.checks import warn_user
 from boomctl.lti.rounding import EPS, SOLVED, VISIBLE
 from boomctl.structure.matrices import Half, Structure, dense, halves
 from boomctl.structure.ports import Ports, evaluate
@@ -190,7 +190,7 @@ def _by_factorization(structure: Structure, ports: Ports, omega: Array) -> Array
 def _warn(rounding: float) -> None:
     if rounding > VISIBLE:
         message = f"rounding error of the frequency response is estimated at {rounding:.1g} of its size"
-        warnings.warn(f"{message}: the mesh is finer than double precision carries", AccuracyWarning, stacklevel=4)
+        warn_user(f"{message}: the mesh is finer than double precision carries", AccuracyWarning)
 
 
 def _conditioned(ports: Ports, s: Array, Y: Array) -> Array:

@@ -1,6 +1,6 @@
 """What is said where rounding could show in an answer."""
 
-import warnings
+from boomctl.checks import warn_user
 
 
 class AccuracyWarning(UserWarning):
@@ -11,4 +11,4 @@ def warn_of_rounding(what: str, share: float, promised: float) -> None:
     """Warn, if rounding of an answer may be as much as ``share`` of its size and that is more than was ``promised``."""
     if share > promised:
         message = f"rounding of {what} may be as much as {share:.1g} of its size"
-        warnings.warn(f"{message}: more than the {promised:.0e} that is usual", AccuracyWarning, stacklevel=4)
+        warn_user(f"{message}: more than the {promised:.0e} that is usual", AccuracyWarning)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import inspect
 import os
 import pickle
-import warnings
 from collections.abc import Callable, Generator, Mapping, Sequence
 from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor, as_completed
 from contextlib import closing, nullcontext
@@ -15,7 +14,7 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from boomctl.checks import function_of, instance, mapping, shown, whole
+from boomctl.checks import function_of, instance, mapping, shown, warn_user, whole
 from boomctl.processes import Processes, cores
 from boomctl.progress import Listener, computing, counted
 from boomctl.studies.sweeps.kept import kept_sweep
@@ -131,11 +130,10 @@ def sweep(
         _check_sent(function)
     with computing("sweep", progress) as tell, kept_sweep(file, function, plan.axes) as kept:
         if kept and kept.changed:
-            warnings.warn(
+            warn_user(
                 f"{kept.path}: its points were computed when the function was written otherwise, or held other values; delete"
                 " the file to compute them anew",
                 SweepWarning,
-                stacklevel=2,
             )
         found = {
             k: known for k, point in enumerate(points) if kept and (known := kept.get(point, arguments[k])) is not None
@@ -307,6 +305,4 @@ def _report(failures: Sequence[FailedPoint], count: int) -> None:
         error = RuntimeError(f"function: it failed at every point; at {first.text}")
         error.add_note(first.trace)
         raise error
-    warnings.warn(
-        f"{len(failures)} of {count} points failed, as told by .failures; at {first.text}", SweepWarning, stacklevel=3
-    )
+    warn_user(f"{len(failures)} of {count} points failed, as told by .failures; at {first.text}", SweepWarning)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
@@ -11,7 +10,7 @@ import numpy as np
 
 from boomctl.analysis.prove import Claim
 from boomctl.arrays import Array, blocks
-from boomctl.checks import exactly, nonnegative
+from boomctl.checks import exactly, nonnegative, warn_user
 from boomctl.lti.gramians import square_root
 from boomctl.lti.system import Lti, lower_lft
 from boomctl.printing import system
@@ -148,10 +147,9 @@ def lqg(
     driven = chosen("controls", controls, plant.inputs)
     noisy = [name for name in plant.inputs if isinstance(process_noise, Mapping) and name in process_noise]
     if controls is None and noisy and len(noisy) < len(plant.inputs):
-        warnings.warn(
+        warn_user(
             f"controls: none named, so that the controller drives all inputs, {', '.join(noisy)} among them, which"
-            " process_noise calls noise; name the inputs it drives",
-            stacklevel=2,
+            " process_noise calls noise; name the inputs it drives"
         )
     measured = chosen("measurements", measurements, plant.outputs)
     problem = regulator_problem(plant, driven, Q, R, output_weight)

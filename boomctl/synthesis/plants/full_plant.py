@@ -6,7 +6,6 @@ controls, times that error stays below one at every frequency (small gain; ``S =
 necessary: where it does not hold, and the full plant is not too large, the poles of its loop are computed.
 """
 
-import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from math import inf, nan
@@ -17,6 +16,7 @@ import numpy as np
 from boomctl.analysis.h2 import matrices_h2_norm
 from boomctl.analysis.norm import UNSTABLE, NormCertificate, axis_eigenvalues, matrices_norm
 from boomctl.arrays import blocks
+from boomctl.checks import warn_user
 from boomctl.lti.bilinear import continuous_image
 from boomctl.lti.frequency import largest_gain, singular_values
 from boomctl.lti.modal import sides
@@ -100,7 +100,7 @@ def warn_of_lost_channels(plant: Any, channels: dict[str, tuple[tuple[str, ...],
             f"the reduction's error, up to {plant.measured_error:.3g}, is as large as all that the reduced plant does from "
             f"{' and from '.join(lost)}; reduce to more states, or scale these signals to similar magnitudes (scale_signals)"
         )
-        warnings.warn(said, ReductionWarning, stacklevel=3)
+        warn_user(said, ReductionWarning)
 
 
 def judged_on_full_plant(
@@ -144,7 +144,7 @@ def judged_on_full_plant(
         now, before = (norm.value, reduced.value) if norm.kind == "h2" else (norm.upper, reduced.upper)
         worse = now > _WORSE * before
     if not stable or worse:
-        warnings.warn(f"the controller was designed on a reduced plant: {statement}", ReductionWarning, stacklevel=4)
+        warn_user(f"the controller was designed on a reduced plant: {statement}", ReductionWarning)
     fastest = float(np.abs(K.poles).max(initial=0.0))
     reason = "none: sought for the reduced plant"
     return DesignCertificate(norm, slowest, fastest, 0.0, reason, tuple(path), statement, stable, share=share)
