@@ -82,15 +82,10 @@ wrong is one line on standard error. Progress is shown on terminals only, and co
 
 
 def main() -> None:
-    """Run the command line; every failure is one line on standard error.
-
-    Matrices here are small and want one thread; who sets the variables of BLAS is obeyed.
-    """
+    """Run the command line; every failure is one line on standard error."""
     for stream in (sys.stdout, sys.stderr):  # a letter that a terminal does not know ends no command
         if isinstance(stream, TextIOWrapper):
             stream.reconfigure(errors="replace")
-    for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-        os.environ.setdefault(variable, "1")
     try:
         _run(sys.argv[1:])
         sys.stdout.flush()

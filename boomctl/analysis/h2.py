@@ -20,6 +20,7 @@ from boomctl.lti.rounding import EPS, TERMS
 from boomctl.lti.system import Lti, of
 from boomctl.lti.verified_modal_form import VerifiedModalForm, verified_modal_form
 from boomctl.structure.model import SecondOrderModel
+from boomctl.threads import one_blas_thread
 
 if TYPE_CHECKING:
     import control
@@ -28,6 +29,7 @@ BY_MODES = "a sum over pairs of modes"
 _CANCELLED = 4.0  # roundings of one, in the difference of one and the product of two poles
 
 
+@one_blas_thread
 def h2_norm(system: "SecondOrderModel | control.StateSpace | control.TransferFunction") -> NormCertificate:
     """Return the certified H2 norm: the RMS of the outputs to white noise of unit intensity at every input.
 

@@ -16,6 +16,7 @@ from boomctl.lti.sampled import sampled_plant, time_of_loop
 from boomctl.lti.system import Lti, check_scales, controller_of, is_frequency_response, lower_lft, of
 from boomctl.printing import compact, listed
 from boomctl.structure.model import SecondOrderModel
+from boomctl.threads import one_blas_thread
 
 if TYPE_CHECKING:
     import control
@@ -186,6 +187,7 @@ def signals_of(
     return [inputs.index(label) for label in controller.outputs], [outputs.index(label) for label in controller.inputs]
 
 
+@one_blas_thread
 def feedback_loop(
     plant: SecondOrderModel | control.StateSpace | control.TransferFunction,
     controller: Controller,
@@ -239,6 +241,7 @@ def feedback_loop(
     return joined(plant, controller, delay).closed(injection_points).statespace("closed loop")
 
 
+@one_blas_thread
 def closed_loop_response(
     plant: Callable[[Array], control.FrequencyResponseData] | control.FrequencyResponseData,
     controller: control.StateSpace,

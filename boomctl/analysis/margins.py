@@ -43,6 +43,7 @@ from boomctl.lti.modal import resolved, side_of_axis, sides
 from boomctl.lti.rounding import ALIKE, CERTIFIED, DIGIT, EPS, LEVEL, SOLVED, SUMMED, TINY
 from boomctl.lti.system import Lti, controller_of, of
 from boomctl.printing import listed, table_html
+from boomctl.threads import one_blas_thread
 
 if TYPE_CHECKING:
     import control
@@ -171,6 +172,7 @@ class LoopMargin:
         return f"LoopMargin: opened at {self.place} {self.signal}\n  {gains}, {turns}"
 
     @cached_property
+    @one_blas_thread
     def open_loop(self) -> tuple[Array, Array]:
         """Frequencies [rad/s] and the loop's response ``L`` there, so dense that a Nyquist curve through them is smooth."""
         S = self._sensitivity
@@ -295,6 +297,7 @@ class Margins:
         return table
 
 
+@one_blas_thread
 def margins(
     plant: "SecondOrderModel | control.StateSpace | control.TransferFunction",
     controller: "Controller",

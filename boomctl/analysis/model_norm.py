@@ -50,6 +50,7 @@ from boomctl.structure.response.direct import direct_response, ports_rounding, r
 from boomctl.structure.response.modal_form import elastic
 from boomctl.structure.response.poles import damped_poles, first_order_poles, undamped_modes
 from boomctl.structure.strain_coordinates import LARGEST
+from boomctl.threads import one_blas_thread
 
 if TYPE_CHECKING:
     import control
@@ -75,6 +76,7 @@ _SPARE = 3  # modes asked for beyond these, so that as many are left without the
 TOO_FINE = f"over {LARGEST} coordinates; use high-order elements"  # no upper bound
 
 
+@one_blas_thread
 def hinf_norm(system: "LinearSystem") -> NormCertificate:
     """Return the certified H-infinity norm of a linear system; infinite if it is not stable.
 
@@ -178,6 +180,7 @@ class SplitModel:
             found = [_poles(part, band, top) for part, band in zip(self.parts, self.bands, strict=True)]
         return Resonances(np.concatenate([np.zeros(0, complex), *found]), BELOW * low, top)
 
+    @one_blas_thread
     def norm(self) -> NormCertificate:
         """Return the certified H-infinity norm; infinite with undamped or integrating modes.
 

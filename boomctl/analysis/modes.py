@@ -21,6 +21,7 @@ from boomctl.lti.rounding import TINY
 from boomctl.lti.system import Lti, of, rates_of
 from boomctl.printing import between, table_html
 from boomctl.structure.model import SecondOrderModel
+from boomctl.threads import one_blas_thread
 
 if TYPE_CHECKING:
     import control
@@ -165,6 +166,7 @@ def _z(z: complex) -> str:
     return f"{z.real:.6g}" if z.imag == 0.0 else f"{z.real:.6g}{z.imag:+.6g}j"
 
 
+@one_blas_thread
 def mode_table(system: "SecondOrderModel | control.StateSpace | control.TransferFunction") -> ModeTable:
     """Return the modes of a system, and how well each input moves and each output shows them.
 

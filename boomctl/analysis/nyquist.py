@@ -21,6 +21,7 @@ from boomctl.checks import frequencies, function_of, nonnegative, plain_array, p
 from boomctl.lti.frequency import BEYOND, CURVE, Resonances, singular_values
 from boomctl.lti.modal import side_of_axis
 from boomctl.lti.system import Lti, controller_of
+from boomctl.threads import one_blas_thread
 
 if TYPE_CHECKING:
     import control
@@ -126,6 +127,7 @@ class _LoopGain:
         return np.min([singular_values(L.transpose(1, 2, 0))[0] for L in (K @ G, G @ K)], axis=0)
 
 
+@one_blas_thread
 def exact_loop_stability(
     plant: Callable[[Array], control.FrequencyResponseData],
     controller: control.StateSpace,

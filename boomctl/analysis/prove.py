@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Protocol
 from boomctl.checks import positive
 from boomctl.lti.rounding import SUMMED
 from boomctl.lti.system import ClosedLoop, Lti
+from boomctl.threads import one_blas_thread
 
 if TYPE_CHECKING:
     from boomctl.lti.proof import Exact
@@ -89,6 +90,7 @@ class Claiming(Protocol):
     def __claims__(self) -> "Iterator[Claim]": ...
 
 
+@one_blas_thread
 def prove(result: Claiming, *, time_limit: float = 60.0) -> Proof:
     """Prove what a result says of stability and norms, in exact and ball arithmetic, of the doubles that were handed in.
 

@@ -26,6 +26,7 @@ from boomctl.progress import computing, tell
 from boomctl.structure.matrices import dense
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.response.poles import first_order_poles
+from boomctl.threads import one_blas_thread
 from boomctl.units import gain_unit
 
 if TYPE_CHECKING:
@@ -56,6 +57,7 @@ class GivenSystem:
         """Return the lowest resonances, or those up to ``high`` [rad/s], and a band that shows them."""
         return Resonances.of_system(self.system, high)
 
+    @one_blas_thread
     def norm(self) -> NormCertificate:
         """Return the certified H-infinity norm."""
         return replace(matrices_norm(self.system), _given=self.system)
@@ -186,6 +188,7 @@ class SigmaResult:
         return import_module("boomctl.plotting").plot_sigma(self, ax, unit=unit, **style)
 
 
+@one_blas_thread
 def sigma(
     system: LinearSystem,
     omega: ArrayLike | None = None,
@@ -352,6 +355,7 @@ class SigmaComparison:
         return import_module("boomctl.plotting").plot_sigma_comparison(self, ax, unit=unit, **style)
 
 
+@one_blas_thread
 def compare_sigma(
     systems: Mapping[str, LinearSystem],
     omega: ArrayLike | None = None,

@@ -17,6 +17,7 @@ from boomctl.structure.beams.eigenvalues import damped_eigenvalues, undamped_fre
 from boomctl.structure.beams.elements import FiniteElements
 from boomctl.structure.beams.exact import ExactModel, PreparedResponse
 from boomctl.structure.displacement_input import MOTIONS
+from boomctl.threads import one_blas_thread
 
 if TYPE_CHECKING:
     import control
@@ -57,6 +58,7 @@ def _prepared(
     return exact_boom(parameters, "force" if forced else "displacement").prepared(inputs, outputs)
 
 
+@one_blas_thread
 def exact_frequency_response(
     parameters: BoomParameters,
     omega: ArrayLike,
@@ -117,6 +119,7 @@ def exact_frequency_response(
     return control.frd(response, grid, inputs=list(ins), outputs=list(outs), name="exact boom")
 
 
+@one_blas_thread
 def exact_eigenfrequencies_hz(parameters: BoomParameters, count: int = 5, damped: bool = True) -> Array:
     """Return the lowest eigenfrequencies of the boom with an exact beam, platform held by its actuators [Hz].
 

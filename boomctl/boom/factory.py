@@ -12,8 +12,10 @@ from boomctl.checks import known, positive, shown, truth
 from boomctl.parameters import signature_of
 from boomctl.structure.displacement_input import MOTIONS
 from boomctl.structure.model import SecondOrderModel
+from boomctl.threads import one_blas_thread
 
 
+@one_blas_thread
 def spray_boom(
     parameters: BoomParameters | None = None,
     discretization: str | None = None,

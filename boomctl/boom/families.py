@@ -15,6 +15,7 @@ from boomctl.boom.parameters import BoomParameters, boom_parameters
 from boomctl.checks import known, positive
 from boomctl.structure.families import AffineFamily, interval
 from boomctl.structure.model import SecondOrderModel, split_symmetric
+from boomctl.threads import one_blas_thread
 
 _HALVES = ("jolt", "yaw")
 _STIFFEST = 1e4  # times the present stiffness and its inverse: where the search for a spring ends (a choice)
@@ -37,6 +38,7 @@ def _part(model: SecondOrderModel, half: str | None) -> SecondOrderModel:
     return model if half is None else split_symmetric(model)[_HALVES.index(known("half", half, _HALVES))]
 
 
+@one_blas_thread
 def boom_family(
     parameters: BoomParameters | None = None,
     spring: tuple[float, float] = (0.7, 1.3),
@@ -92,6 +94,7 @@ def boom_family(
     return AffineFamily.through(ranges, make)
 
 
+@one_blas_thread
 def yaw_family(
     parameters: BoomParameters | None = None,
     stiffest_hz: float = 0.34,

@@ -19,6 +19,7 @@ from boomctl.lti.hold import linear_hold, linear_hold_response, recursion
 from boomctl.lti.system import Lti
 from boomctl.lti.time_series import TimeSeries
 from boomctl.parameters import or_default
+from boomctl.threads import one_blas_thread
 
 _DISTANCE = BoomParameters.actuator_distance
 _SETTLED = 1e-6  # share of the motion at the start that is left when the record begins (a choice)
@@ -152,6 +153,7 @@ def uneven(time: Array) -> tuple[int, str] | None:
     return None
 
 
+@one_blas_thread
 def platform_motion(
     track: Track,
     tractor: TractorParameters | None = None,

@@ -23,6 +23,7 @@ from boomctl.boom.motion import uneven
 from boomctl.boom.parameters import BoomParameters
 from boomctl.boom.tracks import SPEEDS
 from boomctl.checks import exactly, finite_array, instance, known, nonnegative, positive, within
+from boomctl.threads import one_blas_thread
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -251,6 +252,7 @@ def nozzle_positions(length: float = BoomParameters.length, spacing: float = 0.5
     return spacing * (np.arange(count) - 0.5 * (count - 1))
 
 
+@one_blas_thread
 def spray_deposit(
     time: ArrayLike,
     displacement: ArrayLike,
@@ -394,6 +396,7 @@ def split_motion(displacement: ArrayLike, positions: ArrayLike) -> tuple[Array, 
     return 0.5 * (moved + moved[::-1]), 0.5 * (moved - moved[::-1])
 
 
+@one_blas_thread
 def spray_by_motion(
     time: ArrayLike,
     displacement: ArrayLike,

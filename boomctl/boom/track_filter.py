@@ -18,6 +18,7 @@ from boomctl.checks import frequencies, positive, whole, within
 from boomctl.lti.system import Lti, append, series, static
 from boomctl.parameters import or_default
 from boomctl.printing import compact
+from boomctl.threads import one_blas_thread
 
 if TYPE_CHECKING:
     import control
@@ -68,6 +69,7 @@ class PlatformDensity:
         return import_module("boomctl.plotting").plot_density(self, ax, **style)
 
 
+@one_blas_thread
 def platform_density(
     freq_hz: ArrayLike,
     tractor: TractorParameters | None = None,
@@ -143,6 +145,7 @@ def platform_density(
     return PlatformDensity(f, *parts)
 
 
+@one_blas_thread
 def track_filter(
     tractor: TractorParameters | None = None,
     speed: float = 2.5,

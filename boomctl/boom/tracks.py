@@ -38,6 +38,7 @@ from boomctl.checks import (
     whole,
 )
 from boomctl.lti.rounding import ALIKE
+from boomctl.threads import one_blas_thread
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -261,6 +262,7 @@ def track_coherence(wave_number: ArrayLike, width: float, coherence: str = "isot
     return np.minimum(common, 1.0)
 
 
+@one_blas_thread
 def iso_track(
     road_class: str | int = "C",
     length: float = 200.0,

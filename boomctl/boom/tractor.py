@@ -33,6 +33,7 @@ from boomctl.boom.tracks import SPEEDS
 from boomctl.checks import exactly, nonnegative, positive, within
 from boomctl.lti.system import Lti
 from boomctl.parameters import Parameters, or_default
+from boomctl.threads import one_blas_thread
 
 if TYPE_CHECKING:
     import control
@@ -195,6 +196,7 @@ def _body(p: TractorParameters, speed: float) -> tuple[Array, Array, Array]:
     return M, C, K
 
 
+@one_blas_thread
 def tractor_system(
     tractor: TractorParameters, speed: float, actuator_distance: float = BoomParameters.actuator_distance
 ) -> "control.StateSpace":

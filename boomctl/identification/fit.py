@@ -19,6 +19,7 @@ from boomctl.identification.result import FitResult
 from boomctl.lti.rounding import ALIKE
 from boomctl.progress import Listener, computing, tell
 from boomctl.structure.families import Family
+from boomctl.threads import one_blas_thread
 
 if TYPE_CHECKING:
     import control
@@ -116,6 +117,7 @@ class _Candidate:
     modes: tuple[int, ...] | None
 
 
+@one_blas_thread
 def fit(
     build: "Callable[..., Any] | Family",
     measured: "Measurement",

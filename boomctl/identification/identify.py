@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy import special, stats
-from threadpoolctl import threadpool_limits
 
 from boomctl.arrays import Array
 from boomctl.checks import known, warn_user, whole, within
@@ -24,6 +23,7 @@ from boomctl.lti.system import is_frequency_response
 from boomctl.printing import LINES, WIDTH, between, compact, count, table_html
 from boomctl.structure.families import Family
 from boomctl.structure.model import SecondOrderModel
+from boomctl.threads import one_blas_thread
 
 if TYPE_CHECKING:
     import control
@@ -223,6 +223,7 @@ class Identification:
         return import_module("boomctl.plotting.identification").plot_identification(self, ax, **style)
 
 
+@one_blas_thread
 def identify(
     inputs: "ArrayLike | Mapping[str, ArrayLike] | control.FrequencyResponseData | Any",
     outputs: "ArrayLike | Mapping[str, ArrayLike] | Any" = None,
@@ -390,7 +391,6 @@ def _deviation(response: Any, errors: str | None) -> tuple[Array | None, str]:
     return (np.abs(response.frdata) if kind == "relative" else None), f"; errors taken for {kind}"
 
 
-@threadpool_limits.wrap(limits=1)  # as in `searched`
 def _determined(
     fit: CommonPoles, ends: tuple[float, float], wanted: int | None, level: float
 ) -> tuple[CommonPoles, Array, Array]:

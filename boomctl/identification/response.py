@@ -11,6 +11,7 @@ from boomctl.checks import known, positive
 from boomctl.identification.record import EXCITED, Record, band
 from boomctl.lti.python_control import control
 from boomctl.printing import between, count
+from boomctl.threads import one_blas_thread
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -75,6 +76,7 @@ class MeasuredResponse(control.FrequencyResponseData):
         return import_module("boomctl.plotting.identification").plot_response(self, ax, unit=unit, **style)
 
 
+@one_blas_thread
 def estimate_response(
     inputs: "ArrayLike | Mapping[str, ArrayLike] | Any",
     outputs: "ArrayLike | Mapping[str, ArrayLike] | Any",

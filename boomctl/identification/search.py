@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
-from threadpoolctl import threadpool_limits
 
 from boomctl.arrays import Array
 from boomctl.identification.common_poles import CommonPoles, fitted, fixed_poles
@@ -29,7 +28,6 @@ _STRAY = 8.0  # times the rate of decay tried: what is broader by its residuals 
 _CHANCE = 1e-3  # chance that a record of noise alone has one mode in it (a choice)
 
 
-@threadpool_limits.wrap(limits=1)  # tall and narrow matrices: two threads wait for one another most of the time
 def searched(data: Spectra, low: float, high: float, orders: tuple[int, ...]) -> tuple[CommonPoles, tuple[Track, ...]]:
     """Return the fit of all poles that have evidence, within the band and beside it, and how they stand over the orders."""
     found = tracks(poles_by_order(data, orders), data.resolution)

@@ -10,6 +10,7 @@ from boomctl.identification.blocks import confident
 from boomctl.identification.measured import RESPONSE, Builder, Measured
 from boomctl.lti.overbound import MOST, overbound
 from boomctl.lti.system import Lti, append
+from boomctl.threads import one_blas_thread
 
 if TYPE_CHECKING:
     import control
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from boomctl.identification.response import MeasuredResponse
 
 
+@one_blas_thread
 def uncertainty_band(
     measured: "MeasuredResponse | control.FrequencyResponseData | Sequence[Any]",
     model: Any,

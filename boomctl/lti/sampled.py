@@ -17,6 +17,7 @@ from boomctl.checks import exactly, names, nonnegative, positive
 from boomctl.lti.hold import changing, zero_order_hold
 from boomctl.lti.rounding import ALIKE
 from boomctl.lti.system import Lti, of
+from boomctl.threads import one_blas_thread
 
 if TYPE_CHECKING:
     import control
@@ -74,6 +75,7 @@ def time_of_loop(plant: Lti, controller: Lti, delay: float) -> tuple[float, floa
     return dt, late
 
 
+@one_blas_thread
 def sample_plant(
     plant: "SecondOrderModel | control.StateSpace | control.TransferFunction",
     sample_time: float,

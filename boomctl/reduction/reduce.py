@@ -35,6 +35,7 @@ from boomctl.reduction.reducers import (
 from boomctl.reduction.result import LowerOrderWarning, ReductionError, ReductionResult
 from boomctl.reduction.verify import SLACK, START, Band, Verified, band_norm, difference
 from boomctl.structure.model import SecondOrderModel
+from boomctl.threads import one_blas_thread
 
 if TYPE_CHECKING:
     import control
@@ -57,6 +58,7 @@ _SPLIT = (
 _LARGEST_CORE = 500  # modes beyond which no core grows: its balancing takes a minute (a choice)
 
 
+@one_blas_thread
 def reduce(
     system: "control.StateSpace | control.TransferFunction | SecondOrderModel",
     order: int | None = None,

@@ -19,6 +19,7 @@ from boomctl.lti.system import Lti, of
 from boomctl.printing import between, compact
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.response.direct import respond
+from boomctl.threads import one_blas_thread
 
 if TYPE_CHECKING:
     import control
@@ -160,6 +161,7 @@ class ReductionResult:
         )
 
     @cached_property
+    @one_blas_thread
     def curves(self) -> ReductionCurves:
         """Singular values of the full system, of the reduced one and of their difference, computed when first asked for."""
         full, worst = self._full, self.certificate.omega

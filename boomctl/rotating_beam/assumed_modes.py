@@ -28,6 +28,7 @@ from boomctl.rotating_beam.motion.run import Scene, motion_of, motions_of
 from boomctl.rotating_beam.parameters import HubBeamParameters
 from boomctl.rotating_beam.result import Details, Dynamics, Motion
 from boomctl.symbolic import Places, lifted, symbols
+from boomctl.threads import one_blas_thread
 
 if TYPE_CHECKING:
     import casadi
@@ -107,6 +108,7 @@ class AssumedModesBeam(HubBeam):
         beam = axial + [f"transverse_{i + 1}" for i in range(self.modes)]
         return ("hub_angle", *beam, "hub_speed", *(f"{name}_rate" for name in beam))
 
+    @one_blas_thread
     def critical_speed(self) -> float:
         if self.model == "tlam":
             return lowest_rate(self.integrals.M2, self.integrals.K2)
@@ -146,6 +148,7 @@ class AssumedModesBeam(HubBeam):
         momenta = equations.inertia(x[None, :size]).momenta(rate)
         return float(0.5 * np.sum(momenta * rate) + 0.5 * q @ equations.K @ q)
 
+    @one_blas_thread
     def family(
         self,
         hub_speed: tuple[float, float] | float = 0.0,
@@ -195,6 +198,7 @@ class AssumedModesBeam(HubBeam):
             self, hub_speed, sensors, {**({} if tip_mass is None else {"tip_mass": tip_mass}), **ranges}
         )
 
+    @one_blas_thread
     def structure(self, hub_speed: float = 0.0, sensors: Sequence[BeamSensor] = ()) -> SecondOrderModel:
         """Return the linear model about steady rotation as a structure, to which drives and friction may be added.
 

@@ -46,6 +46,7 @@ from boomctl.rotating_beam.manoeuvres import (
 from boomctl.rotating_beam.parameters import HubBeamParameters
 from boomctl.rotating_beam.result import Details, Motion, SimulationResult, named_failure
 from boomctl.rotating_beam.sensors import BeamSensor, checked_sensors
+from boomctl.threads import one_blas_thread
 from boomctl.units import warn_of_units
 
 if TYPE_CHECKING:
@@ -170,10 +171,12 @@ class HubBeam(ABC):
         """
 
     @cached_property
+    @one_blas_thread
     def steady_limit(self) -> float:
         """Hub speed at which the axial stiffness is lost and a straight beam has no steady rotation, rad/s, or inf."""
         return self._steady_limit()
 
+    @one_blas_thread
     def frequencies_hz(self, hub_speed: float = 0.0, coupled: bool = False) -> Array:
         """Natural frequencies of the beam at a constant, prescribed hub speed, about the beam stretched by the rotation.
 
@@ -211,6 +214,7 @@ class HubBeam(ABC):
         warn_of_units(found)
         return found
 
+    @one_blas_thread
     def mode_shapes(self, count: int = 3) -> ModeShapes:
         """Return the lowest undamped modes at rest, the hub held, and what they look like.
 
@@ -255,6 +259,7 @@ class HubBeam(ABC):
             (ShapeLine("beam", True, points, displacement),),
         )
 
+    @one_blas_thread
     def campbell(
         self,
         speeds: ArrayLike,
@@ -304,6 +309,7 @@ class HubBeam(ABC):
             self.model, lambda speed: self.frequencies_hz(speed, coupled)[:most], below, multiples, lost
         )
 
+    @one_blas_thread
     def simulate(
         self,
         manoeuvre: Manoeuvre | PlannedTorque | PlannedSlew,
@@ -357,6 +363,7 @@ class HubBeam(ABC):
         with computing("motion"):
             return self._result(manoeuvre, instants, start, self._motion(manoeuvre, instants, start, tolerance))
 
+    @one_blas_thread
     def simulate_many(
         self,
         manoeuvres: Sequence[Manoeuvre | PlannedTorque | PlannedSlew],
@@ -408,6 +415,7 @@ class HubBeam(ABC):
         moved = zip(checked, starts, motions, strict=True)
         return tuple(self._result(each, instants, start, found) for each, start, found in moved)
 
+    @one_blas_thread
     def simulate_torque(
         self,
         function: Callable[..., object],
@@ -438,6 +446,7 @@ class HubBeam(ABC):
         """
         return self.simulate(Torque(function, breakpoints), timepts, initial, rtol, atol)
 
+    @one_blas_thread
     def steady_state(self, hub_speed: float = 0.0) -> Array:
         """Return the state of the beam that turns steadily.
 
@@ -574,6 +583,7 @@ class HubBeam(ABC):
         x, size = np.asarray(x, dtype=float), self._size
         return np.array([x[0], x[size], self._tip_displacement(x[:size])])
 
+    @one_blas_thread
     def linearize(self, hub_speed: float = 0.0, sensors: Sequence[BeamSensor] | None = None) -> control.StateSpace:
         """Linearise about steady rotation at a hub speed, the beam stretched as the model has it, the hub free.
 

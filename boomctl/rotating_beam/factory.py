@@ -13,6 +13,7 @@ from boomctl.rotating_beam.beam import Enough, HubBeam, in_model
 from boomctl.rotating_beam.exact.beam import GeometricallyExactBeam
 from boomctl.rotating_beam.manoeuvres import Manoeuvre
 from boomctl.rotating_beam.parameters import HubBeamParameters
+from boomctl.threads import one_blas_thread
 
 
 @overload
@@ -63,6 +64,7 @@ def hub_beam(
 ) -> HubBeam: ...
 
 
+@one_blas_thread
 def hub_beam(
     parameters: HubBeamParameters | None = None,
     model: str | None = None,

@@ -23,6 +23,7 @@ from boomctl.simulation.plant import ModalPlant, in_modal_coordinates, modal_pla
 from boomctl.simulation.signals import disturbance_rows, uniform_times
 from boomctl.structure.matrices import halves
 from boomctl.structure.model import SecondOrderModel
+from boomctl.threads import one_blas_thread
 
 if TYPE_CHECKING:
     import control
@@ -99,6 +100,7 @@ class ForcedResponse(TimeSeries):
         return sizes | {f"{name}: peak": float(np.abs(values).max()) for name, values in self.outputs.items()}
 
 
+@one_blas_thread
 def forced_response(
     plant: SecondOrderModel | control.StateSpace,
     signals: Mapping[str, ArrayLike],

@@ -39,6 +39,7 @@ from boomctl.simulation.result import FrictionReport, LoopResult
 from boomctl.simulation.signals import disturbance_rows, per_signal, sampled_noise, sampled_signals, time_grid
 from boomctl.simulation.stepping import Added, ControlLog, Limits, LoopProblem, SampledRun, linear_loop, whole_steps
 from boomctl.structure.model import SecondOrderModel
+from boomctl.threads import one_blas_thread
 
 if TYPE_CHECKING:
     import control
@@ -53,6 +54,7 @@ _CAUTION = (
 )
 
 
+@one_blas_thread
 def simulate_loop(
     plant: control.StateSpace | control.TransferFunction | SecondOrderModel | Machine,
     controller: Controller | None,

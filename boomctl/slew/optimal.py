@@ -53,6 +53,7 @@ from boomctl.slew.problem import (
 from boomctl.slew.replay import Motion, binding, free_errors, other_models, played, prescribed_error, violation
 from boomctl.slew.result import SlewCertificate, SlewError, SlewResult
 from boomctl.slew.torque import TorqueHistory
+from boomctl.threads import one_blas_thread
 
 if TYPE_CHECKING:
     import control
@@ -181,6 +182,7 @@ def _effort_within(problem: SlewProblem, intervals: int) -> _Candidate | None:
     return None
 
 
+@one_blas_thread
 def optimal_slew(
     h: SlewMachine | control.StateSpace,
     angle: float | EllipsisType | None = ...,
@@ -351,6 +353,7 @@ def _in_time(deadline: SlewDeadline) -> Iterator[None]:
         ) from None
 
 
+@one_blas_thread
 def resolve(
     result: SlewResult,
     *,

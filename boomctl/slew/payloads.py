@@ -13,6 +13,7 @@ from boomctl.lti.time_series import TimeSeries
 from boomctl.printing import compact, table_html
 from boomctl.slew.plant import SlewMachine, plant_of
 from boomctl.slew.result import SlewResult
+from boomctl.threads import one_blas_thread
 
 _SWEEP = 21  # payloads of a curve of vibrations: it is drawn
 _COARSE = {"rtol": 1e-5, "atol": 1e-6}  # a tenth of what a picture shows
@@ -138,6 +139,7 @@ class PayloadComparison:
         return import_module("boomctl.plotting").plot_payloads(self, ax, **style)
 
 
+@one_blas_thread
 def compare_payloads(
     slews: Mapping[str, SlewResult], tip_masses: Sequence[float], nominal: float = 0.0
 ) -> PayloadComparison:

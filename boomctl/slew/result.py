@@ -15,6 +15,7 @@ from boomctl.printing import compact
 from boomctl.slew.objectives import OBJECTIVES
 from boomctl.slew.plant import LABELS
 from boomctl.slew.torque import TorqueHistory
+from boomctl.threads import one_blas_thread
 
 if TYPE_CHECKING:
     from boomctl.simulation.signals import Levels
@@ -254,10 +255,12 @@ class SlewResult(TimeSeries):
         return OBJECTIVES[self.objective].title
 
     @cached_property
+    @one_blas_thread
     def replays(self) -> tuple[Replay, ...]:
         """What `replay` returns, computed once."""
         return self.replay()
 
+    @one_blas_thread
     def replay(self) -> tuple[Replay, ...]:
         """Play the torque on the other payloads of the plan, on the FOAM and on the geometrically exact beam.
 
@@ -281,6 +284,7 @@ class SlewResult(TimeSeries):
         """
         return self._others()
 
+    @one_blas_thread
     def track(
         self,
         *,

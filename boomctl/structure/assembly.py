@@ -31,6 +31,7 @@ from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.outline import Line, Outline
 from boomctl.structure.parts import Beam, CutJoint, Force, Ground, Output, Point, RigidBody, SpringDamper
 from boomctl.structure.ports import Ports
+from boomctl.threads import one_blas_thread
 from boomctl.units import motion_unit
 
 _DRAWN = 10  # points of a picture on each element (a choice)
@@ -131,6 +132,7 @@ class Assembly:
         points += [output.relative_to for output in self.outputs if output.relative_to is not None]
         return points
 
+    @one_blas_thread
     def assemble(self) -> SecondOrderModel:
         """Return the equations of motion, forces as inputs.
 
@@ -187,6 +189,7 @@ class Assembly:
             found.append(Line(body.name, isinstance(body, Beam), places, *rows))
         return tuple(found)
 
+    @one_blas_thread
     def exact(self) -> ExactModel:
         """Return the structure with exact beams, which need no elements; forces are its inputs.
 

@@ -16,11 +16,13 @@ from boomctl.structure.layout import KEPT, Layout
 from boomctl.structure.matrices import Structure, dense
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.ports import Ports
+from boomctl.threads import one_blas_thread
 from boomctl.units import motion_unit
 
 MOTIONS = ("displacement", "velocity", "acceleration")
 
 
+@one_blas_thread
 def prescribe_displacement(
     model: SecondOrderModel,
     inputs: str | Sequence[str] = (),

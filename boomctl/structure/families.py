@@ -18,6 +18,7 @@ from boomctl.printing import compact, listed, signals
 from boomctl.structure.matrices import Structure, dense
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.ports import Ports
+from boomctl.threads import one_blas_thread
 
 _EXACT = 0.1  # of what a family is checked to, by which polynomials may miss what they are fitted to (a choice)
 
@@ -139,6 +140,7 @@ class Family:
         found = 0.5 * (self.low + self.high) + 0.5 * (self.high - self.low) * d
         return {name: float(value) for name, value in zip(self.names, found, strict=True)}
 
+    @one_blas_thread
     def at(self, delta: ArrayLike) -> SecondOrderModel:
         """Return the structure at one point of the box.
 
@@ -265,6 +267,7 @@ class AffineFamily(Family):
         return tuple(((i,), slope) for i, slope in enumerate(self.slopes))
 
     @classmethod
+    @one_blas_thread
     def through(
         cls, ranges: Mapping[str, tuple[float, float]], make: Callable[[Mapping[str, float]], SecondOrderModel]
     ) -> AffineFamily:
@@ -374,6 +377,7 @@ class PolynomialFamily(Family):
         return _sizes({letter: size[None] for letter, size in largest.items()})[name]
 
     @classmethod
+    @one_blas_thread
     def through(
         cls,
         ranges: Mapping[str, tuple[float, float]],

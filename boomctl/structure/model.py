@@ -36,6 +36,7 @@ from boomctl.structure.response.mode_shapes import ModeShapes, mode_shapes
 from boomctl.structure.response.poles import PROMISED, poles_and_rounding
 from boomctl.structure.response.rounding import warn_of_rounding
 from boomctl.structure.symmetry import Mirror
+from boomctl.threads import one_blas_thread
 from boomctl.units import warn_of_units
 
 if TYPE_CHECKING:
@@ -315,6 +316,7 @@ class SecondOrderModel:
 
     __add__ = __radd__ = __sub__ = __rsub__ = __mul__ = __rmul__ = __truediv__ = __neg__ = _combined
 
+    @one_blas_thread
     def poles(self) -> Array:
         """Return the poles of the model's state space.
 
@@ -330,6 +332,7 @@ class SecondOrderModel:
         """
         return self.__lti__().poles
 
+    @one_blas_thread
     def eigenfrequencies_hz(self, count: int = 5) -> Array:
         """Return the lowest damped eigenfrequencies, ``Im(lambda)/2 pi > 0``, ascending [Hz].
 
@@ -364,6 +367,7 @@ class SecondOrderModel:
         warn_of_units(found)
         return found
 
+    @one_blas_thread
     def mode_shapes(self, count: int = 5) -> ModeShapes:
         """Return the lowest undamped modes and what they look like.
 
@@ -392,6 +396,7 @@ class SecondOrderModel:
         warn_of_units(found.frequencies_hz)
         return found
 
+    @one_blas_thread
     def frequency_response(
         self,
         omega: ArrayLike,
@@ -423,6 +428,7 @@ class SecondOrderModel:
         values = respond(self.structure, ports, grid, available=self.ports).values
         return control.frd(values, grid, inputs=list(ports.inputs), outputs=list(ports.outputs), name=self._name)
 
+    @one_blas_thread
     def to_statespace(
         self,
         inputs: str | Sequence[str] | None = None,
@@ -491,6 +497,7 @@ class SecondOrderModel:
         return handed_out(self.structure, self.ports, None)
 
 
+@one_blas_thread
 def split_symmetric(model: SecondOrderModel) -> tuple[SecondOrderModel, SecondOrderModel]:
     """Split a mirror-symmetric model into its symmetric (jolt) and antisymmetric (yaw) half.
 

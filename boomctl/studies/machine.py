@@ -17,6 +17,7 @@ from boomctl.lti.modal import side_of_axis
 from boomctl.printing import compact
 from boomctl.report import Section, Table
 from boomctl.studies.findings import Finding, Judged, WithoutScene, facts, files_section, finite, stored, word_table
+from boomctl.threads import one_blas_thread
 
 if TYPE_CHECKING:
     import control
@@ -88,6 +89,7 @@ class MachineDesign(WithoutScene):
             if getattr(self, what) is not None:
                 positive(what, getattr(self, what))
 
+    @one_blas_thread
     def evaluate(self, scene: None = None) -> MachineResult:
         """Judge the design: peaks without and with the controller, stability, margins.
 

@@ -21,6 +21,7 @@ from boomctl.rotating_beam.manoeuvres import spin_up
 from boomctl.simulation.loop import simulate_loop
 from boomctl.structure.families import interval
 from boomctl.studies.findings import Finding, Judged, WithoutScene, stored
+from boomctl.threads import one_blas_thread
 
 if TYPE_CHECKING:
     from boomctl.simulation.result import LoopResult
@@ -109,6 +110,7 @@ class SpinUpDesign(WithoutScene):
         for what in ("gust", "settling"):
             nonnegative(what, getattr(self, what))
 
+    @one_blas_thread
     def evaluate(self, scene: None = None) -> SpinUpResult:
         """Judge the design: proofs over speed and tip mass, the rate at which the speed may change, and runs.
 

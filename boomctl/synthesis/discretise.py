@@ -9,6 +9,7 @@ from boomctl.arrays import Array
 from boomctl.checks import exactly, from_on, known, positive, up_to
 from boomctl.lti.python_control import control
 from boomctl.lti.system import controller_of, of
+from boomctl.threads import one_blas_thread
 
 if TYPE_CHECKING:
     from boomctl.lti.system import Controller
@@ -17,6 +18,7 @@ _METHODS = ("tustin", "zoh")
 _CORNER = 1e-6  # relative distance from 2/T within which a pole counts as lying there: ten digits are then lost
 
 
+@one_blas_thread
 def discretize(
     controller: "Controller",
     sample_time: float,

@@ -19,6 +19,7 @@ from boomctl.synthesis.assumptions import SynthesisError
 from boomctl.synthesis.certificate import Design
 from boomctl.synthesis.hinf.candidates import Candidate, largest_pole, verified_candidate, without_fast_poles
 from boomctl.synthesis.plants.partition import GeneralizedPlant, matched
+from boomctl.threads import one_blas_thread
 
 if TYPE_CHECKING:
     import control
@@ -67,6 +68,7 @@ class ReducedController(Design):
         return f"ReducedController: controller of {system(self._controller)}, {self.method}\n  {norms}"
 
 
+@one_blas_thread
 def reduce_controller(
     P: "control.StateSpace",
     controller: "Controller",

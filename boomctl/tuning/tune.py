@@ -21,6 +21,7 @@ from boomctl.synthesis.assumptions import SynthesisError, check_detectable, chec
 from boomctl.synthesis.certificate import ActivePeak, ChannelNorm, DesignCertificate
 from boomctl.synthesis.plants.channels import Channel, objective, places
 from boomctl.synthesis.plants.partition import GeneralizedPlant
+from boomctl.threads import one_blas_thread
 from boomctl.tuning.certificate import channel_norm, edge_of, loop_of, lower_bound
 from boomctl.tuning.initial import initial_numbers
 from boomctl.tuning.parts.structures import GAIN, ControllerForm, Decentralised, Ports, Series, Sum
@@ -44,6 +45,7 @@ _AGAIN = 3  # starts with each point added, the best so far among them (a choice
 _BOUND_TIME = 20.0  # s that the bound on any controller may take beyond the time limit (a choice)
 
 
+@one_blas_thread
 def tune(
     P: Any,
     nmeas: int | None = None,

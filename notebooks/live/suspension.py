@@ -13,12 +13,8 @@ def _():
     import numpy as np
     import plotly.graph_objects as go
     from plotly.subplots import make_subplots
-    from threadpoolctl import threadpool_limits
 
     import boomctl as bc
-
-    # the matrices are small: more threads only wait for one another; its name keeps it off the page
-    _limits = threadpool_limits(1)
 
     return bc, go, make_subplots, mo, np, time
 

@@ -40,6 +40,7 @@ from boomctl.lti.system import controller_of
 from boomctl.printing import sentence
 from boomctl.progress import Listener, computing, tell
 from boomctl.structure.families import Family
+from boomctl.threads import one_blas_thread
 
 if TYPE_CHECKING:
     import control
@@ -116,6 +117,7 @@ class RampBound:
         return f"{found}; this function ({self.path}) could show {self.at_most:.4g} at most"
 
 
+@one_blas_thread
 def ramp_bound(
     family: Family,
     controller: control.StateSpace | ScheduledController,

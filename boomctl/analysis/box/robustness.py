@@ -18,6 +18,7 @@ from boomctl.lti.system import Lti, rates_of
 from boomctl.printing import sentence
 from boomctl.progress import Listener, computing, tell
 from boomctl.structure.families import Family
+from boomctl.threads import one_blas_thread
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -137,6 +138,7 @@ def _most_unstable(loops: BoxLoops, factor: float) -> tuple[Array, float]:
     return pattern_search(loops.abscissa, loops.family.size, factor)[:2]
 
 
+@one_blas_thread
 def robust_stability(
     family: Family,
     controller: "control.StateSpace | ScheduledController",
@@ -279,6 +281,7 @@ def _given_up(family: Family, abscissa: float, found: BoxProof, limit: int) -> s
     return f"given up {where}: it would take more than max_cells = {limit}"
 
 
+@one_blas_thread
 def structured_margin(
     family: Family,
     controller: "control.StateSpace | ScheduledController",

@@ -22,6 +22,7 @@ from boomctl.lti.system import Lti
 from boomctl.printing import sentence
 from boomctl.progress import Listener, computing, tell
 from boomctl.structure.families import Family
+from boomctl.threads import one_blas_thread
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -105,6 +106,7 @@ class WorstCase:
         }
 
 
+@one_blas_thread
 def worst_case(
     family: Family,
     controller: "control.StateSpace | ScheduledController",

@@ -28,6 +28,7 @@ from boomctl.checks import known, names
 from boomctl.lti.frequency import ABOVE, with_peaks
 from boomctl.lti.system import is_frequency_response
 from boomctl.printing import between
+from boomctl.threads import one_blas_thread
 
 if TYPE_CHECKING:
     import control
@@ -125,6 +126,7 @@ class BodeResult:
         return import_module("boomctl.plotting").plot_bode(self, ax, unit=unit, **style)
 
 
+@one_blas_thread
 def bode(
     system: SecondOrderModel | control.StateSpace | control.TransferFunction | Any,
     omega: ArrayLike | None = None,

@@ -25,6 +25,7 @@ from boomctl.lti.system import Lti
 from boomctl.lti.time_series import TimeSeries
 from boomctl.printing import between, count, listed, table_html
 from boomctl.structure.model import SecondOrderModel
+from boomctl.threads import one_blas_thread
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -142,6 +143,7 @@ class Comparison:
         return rows
 
 
+@one_blas_thread
 def compare(
     results: Mapping[str, Any],
     *,

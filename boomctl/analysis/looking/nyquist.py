@@ -29,6 +29,7 @@ from boomctl.lti.modal import side_of_axis
 from boomctl.lti.rounding import ROOT, SUMMED
 from boomctl.lti.system import Lti, controller_of, of, well_posed_inverse
 from boomctl.printing import count, listed
+from boomctl.threads import one_blas_thread
 
 if TYPE_CHECKING:
     import control
@@ -110,6 +111,7 @@ class NyquistResult:
         return import_module("boomctl.plotting").plot_nyquist(self, ax, **style)
 
 
+@one_blas_thread
 def nyquist(
     system: SecondOrderModel | control.StateSpace | control.TransferFunction | Any,
     controller: control.StateSpace | control.TransferFunction | Any | None = None,

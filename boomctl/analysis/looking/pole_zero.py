@@ -13,6 +13,7 @@ from boomctl.analysis.looking.given import matrices
 from boomctl.arrays import Array
 from boomctl.lti.modal import sides
 from boomctl.printing import between, count
+from boomctl.threads import one_blas_thread
 
 if TYPE_CHECKING:
     import control
@@ -75,6 +76,7 @@ class PoleZeroResult:
         return import_module("boomctl.plotting").plot_pole_zero(self, ax, **style)
 
 
+@one_blas_thread
 def pzmap(
     system: SecondOrderModel | control.StateSpace | control.TransferFunction | Any,
     inputs: str | Sequence[str] | None = None,

@@ -19,6 +19,7 @@ from boomctl.lti.modal import partial_fractions, side_of_axis, sides
 from boomctl.lti.rounding import ALIKE, ROOT, TINY
 from boomctl.lti.system import Lti
 from boomctl.printing import between
+from boomctl.threads import one_blas_thread
 
 if TYPE_CHECKING:
     import control
@@ -126,6 +127,7 @@ class TransientResult:
         return import_module("boomctl.plotting").plot_transient(self, ax, **style)
 
 
+@one_blas_thread
 def step(
     system: SecondOrderModel | control.StateSpace | control.TransferFunction | Any,
     timepts: ArrayLike | float | None = None,
@@ -171,6 +173,7 @@ def step(
     return _moved("step", L, timepts, (A, np.vstack([np.zeros((n, m)), np.eye(m)]), np.hstack([L.C, L.D])))
 
 
+@one_blas_thread
 def impulse(
     system: SecondOrderModel | control.StateSpace | control.TransferFunction | Any,
     timepts: ArrayLike | float | None = None,

@@ -25,6 +25,7 @@ from boomctl.checks import names
 from boomctl.lti.modal import sides
 from boomctl.lti.sampled import Held, time_of_loop, whole_samples
 from boomctl.lti.system import Lti, controller_of, lower_lft, of
+from boomctl.threads import one_blas_thread
 
 if TYPE_CHECKING:
     import control
@@ -47,6 +48,7 @@ _PARTS = (4, 16, 64, 192)  # of a sample, in the order tried; what is lost falls
 _GUESS = (0.1, 0.3, 0.7)  # shares of half the sampling rate at which the search begins (a choice)
 
 
+@one_blas_thread
 def sampled_norm(
     plant: "SecondOrderModel | control.StateSpace | control.TransferFunction",
     controller: "control.StateSpace | control.TransferFunction",

@@ -1,8 +1,9 @@
 """A scene measured: who answers, how wrong, how fast from new parameters and with the model ready, and with how much memory.
 
 Each setting answers once in either way and is judged by the worse of the two.  Then all take turns, so that a machine that
-is slow for a while is slow for everyone.  What is measured is the processor time of this process and of the processes that
-it waited for, with one thread in BLAS; a call that is short is repeated in its turn, as it is in use, the first one untimed.
+is slow for a while is slow for everyone.  What is measured is the processor time of this process, all its threads, and of
+the processes that it waited for; BLAS has its default threads.  A call that is short is repeated in its turn, as it is in
+use, the first one untimed.
 """
 
 import gc
@@ -17,7 +18,7 @@ from typing import Any
 
 from boomctl.lab.benchmark.diagram import Diagram, Point, Way
 from boomctl.lab.benchmark.scene import Scene, Setting, Tell
-from boomctl.lab.benchmark.timing import one_thread, peak_memory, processor_time
+from boomctl.lab.benchmark.timing import peak_memory, processor_time
 
 _TURN = 0.02  # least duration of a turn [s]: twenty thousand times the resolution of the processor's clock (a choice)
 _MOST_CALLS = 1000  # in a turn (a choice): of what takes 20 us and more a whole turn's worth
@@ -78,7 +79,7 @@ def measured(scene: Scene, seconds: float, tell: Tell) -> Diagram:
     measured for calls longer than 2 s, or than a twentieth of ``seconds``.
     """
     changes, seconds = _changes(), scene.share * seconds
-    with one_thread(), warnings.catch_warnings():
+    with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         answered: list[tuple[Point, dict[Way, _Run]]] = []
         for setting in scene.settings:

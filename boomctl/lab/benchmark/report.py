@@ -165,7 +165,7 @@ class BenchmarkReport:
     def _reproduce_section(self) -> Section:
         text = (
             f"{self.command} (this run took {self.seconds:.0f} s). All settings of a scene answer once and are judged;"
-            " then they take turns, on one thread, and the median of each stands for it. Processor time, that of processes"
+            " then they take turns, and the median of each stands for it. Processor time of all threads, that of processes"
             " waited for included; short calls are repeated to 20 ms a turn, behind one that is not timed. Cold: a parameter"
             " is changed in each call, so that nothing kept from a call before serves it. Hot: the model is there, with what"
             " it keeps by itself.",

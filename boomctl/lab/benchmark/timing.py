@@ -1,28 +1,15 @@
-"""What run times are measured by: the processor's clock, one thread, memory, and on what and with what a run was made.
-
-With one thread the processor time is the run time of a machine at leisure.
-"""
+"""Measures of runs: processor time of all threads, memory, and the machine and the versions of a run."""
 
 import gc
 import os
 import platform
 import time
 import tracemalloc
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 _PACKAGES = ("boomctl", "numpy", "scipy", "control", "slycot", "pymor", "casadi", "exudyn", "mpmath")
-
-
-@contextmanager
-def one_thread() -> Iterator[None]:
-    """Run with one BLAS thread; the number of before is restored."""
-    from threadpoolctl import threadpool_limits
-
-    with threadpool_limits(limits=1):
-        yield
 
 
 def processor_time() -> float:
@@ -66,10 +53,8 @@ def environment() -> dict[str, str]:
         except PackageNotFoundError:
             facts[package] = "source tree" if package == "boomctl" else "not installed"
     facts["cores"] = str(os.cpu_count() or 1)
-    with one_thread():
-        pools = threadpool_info()
-    blas = {f"{pool['internal_api']} {pool['version']}: {pool['num_threads']}" for pool in pools}
-    facts["threads while timing"] = "; ".join(sorted(blas))
+    blas = {f"{pool['internal_api']} {pool['version']}: {pool['num_threads']}" for pool in threadpool_info()}
+    facts["threads"] = "; ".join(sorted(blas))
     return facts
 
 

@@ -14,6 +14,7 @@ from boomctl.arrays import Array
 from boomctl.checks import finite_array, names, real, sequence, shown, signal_name
 from boomctl.lti.system import Lti, check_scales, of
 from boomctl.printing import between, count
+from boomctl.threads import one_blas_thread
 
 if TYPE_CHECKING:
     import control
@@ -155,6 +156,7 @@ def frozen(controller: ScheduledController, value: float) -> Lti:
     return Lti(A, B, C, D, K.inputs, K.outputs, K.states, K.dt)
 
 
+@one_blas_thread
 def schedule(
     controllers: Sequence[control.StateSpace], values: ArrayLike, signal: str = "hub_speed"
 ) -> ScheduledController:

@@ -28,6 +28,7 @@ from boomctl.rotating_beam.exact.run import Run, run_to_tolerance, run_with_step
 from boomctl.rotating_beam.manoeuvres import Manoeuvre, TorqueDriven
 from boomctl.rotating_beam.parameters import HubBeamParameters
 from boomctl.rotating_beam.result import Details, Dynamics, Motion
+from boomctl.threads import one_blas_thread
 
 if TYPE_CHECKING:
     import casadi
@@ -103,6 +104,7 @@ class GeometricallyExactBeam(HubBeam):
         strains = [f"{kind}_{k + 1}" for kind in ("curvature", "stretch") for k in range(count)]
         return ("hub_angle", *strains, "hub_speed", *(f"{name}_rate" for name in strains))
 
+    @one_blas_thread
     def critical_speed(self) -> float:
         return self.steady_limit
 

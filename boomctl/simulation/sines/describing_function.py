@@ -24,6 +24,7 @@ from boomctl.lti.frequency import singular_values
 from boomctl.printing import between
 from boomctl.simulation.contact.friction import CoulombFriction
 from boomctl.structure.model import SecondOrderModel
+from boomctl.threads import one_blas_thread
 
 if TYPE_CHECKING:
     import control
@@ -122,6 +123,7 @@ def receptances(
     return np.asarray(plant.frequency_response(omega).frdata)[np.ix_(o, i)]
 
 
+@one_blas_thread
 def describing_function(
     plant: SecondOrderModel | control.StateSpace,
     friction: CoulombFriction,

@@ -29,6 +29,7 @@ from boomctl.simulation.sines.describing_function import (
     sine_pattern,
 )
 from boomctl.structure.model import SecondOrderModel
+from boomctl.threads import one_blas_thread
 
 if TYPE_CHECKING:
     import control
@@ -40,6 +41,7 @@ _MOST = 10_000  # steps a period, and periods, that can be asked for: a choice o
 _DOUBLINGS = 6  # of the steps a period, at most: 64 times the number asked for
 
 
+@one_blas_thread
 def swept_sine(
     plant: SecondOrderModel | control.StateSpace,
     friction: CoulombFriction,
@@ -262,6 +264,7 @@ def _period(
     return X, slipping, found, at_rest
 
 
+@one_blas_thread
 def sine_sigma(
     plant: SecondOrderModel | control.StateSpace,
     friction: CoulombFriction,

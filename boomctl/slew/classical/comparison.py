@@ -16,6 +16,7 @@ from boomctl.slew.plant import SlewMachine, SlewPlant, plant_of
 from boomctl.slew.problem import warn_of_turns
 from boomctl.slew.result import SlewResult
 from boomctl.slew.torque import TorqueHistory
+from boomctl.threads import one_blas_thread
 
 CLASSICAL = (
     ("bang-bang", "none"),
@@ -173,6 +174,7 @@ class SlewComparison:
         return import_module("boomctl.plotting").plot_slew_comparison(self, ax, names=names, **style)
 
 
+@one_blas_thread
 def compare_slews(
     h: SlewMachine,
     angle: float | None,

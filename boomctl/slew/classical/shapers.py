@@ -18,6 +18,7 @@ from boomctl.checks import instance, known, nonnegative, positive, real
 from boomctl.printing import compact
 from boomctl.slew.plant import SlewMachine, is_machine, plant_of
 from boomctl.slew.torque import APART, TorqueHistory, held
+from boomctl.threads import one_blas_thread
 
 _RISE = 0.1  # share of the duration in which a smoothed bang-bang rises: as Junkins, Rahman and Bang (1991)
 _INTERVALS = 200  # on which a smooth torque is held: its steps are a hundredth of the limit
@@ -90,6 +91,7 @@ _TRAINS: dict[str, Callable[[float, float], list[float]]] = {
 """Amplitudes of impulses half a damped period apart, K the decay in that time; before they are scaled to a sum of one."""
 
 
+@one_blas_thread
 def shaper(name: str, frequency: float | SlewMachine, damping_ratio: float = 0.0, level: float = 0.05) -> Shaper:
     """Return a shaper: a train of impulses against one vibration.
 
@@ -145,6 +147,7 @@ def shaper(name: str, frequency: float | SlewMachine, damping_ratio: float = 0.0
     return Shaper(name, half * np.arange(len(amplitudes)), np.array(amplitudes) / np.sum(amplitudes))
 
 
+@one_blas_thread
 def classical_torque(shape: str, train: Shaper, angle: float, inertia: float, torque_limit: float) -> TorqueHistory:
     """Return a torque that turns a rigid body from rest to rest, shaped.
 
@@ -202,6 +205,7 @@ def classical_torque(shape: str, train: Shaper, angle: float, inertia: float, to
     return _convolved(edges, sign * limit * values, train)
 
 
+@one_blas_thread
 def classical_spin_up(shape: str, train: Shaper, speed: float, inertia: float, torque_limit: float) -> TorqueHistory:
     """Return a torque that spins a rigid body up from rest, shaped.
 

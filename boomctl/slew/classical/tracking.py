@@ -10,6 +10,7 @@ from boomctl.arrays import Array
 from boomctl.checks import instance, nonnegative, positive
 from boomctl.lti.time_series import TimeSeries
 from boomctl.slew.result import SlewError, SlewResult
+from boomctl.threads import one_blas_thread
 
 _RTOL, _ATOL = 1e-7, 1e-9  # of the motions, in which errors of millimetres are looked for (a choice)
 
@@ -87,6 +88,7 @@ class TrackingResult(TimeSeries):
         return import_module("boomctl.plotting").plot_tracking(self, ax, **style)
 
 
+@one_blas_thread
 def track(
     result: SlewResult,
     tip_mass: float,

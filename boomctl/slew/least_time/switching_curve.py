@@ -12,6 +12,7 @@ from boomctl.lti.time_series import TimeSeries
 from boomctl.printing import count
 from boomctl.slew.end_map import end_map
 from boomctl.slew.result import SlewResult
+from boomctl.threads import one_blas_thread
 
 _CURVE = 1500  # steps at least of a switching curve: it is drawn
 
@@ -73,6 +74,7 @@ class SwitchingCurve(TimeSeries):
         return import_module("boomctl.plotting").plot_switching(self, ax, **style)
 
 
+@one_blas_thread
 def switching_curve(result: SlewResult) -> SwitchingCurve:
     """Return the switching function of a minimum-time slew.
 

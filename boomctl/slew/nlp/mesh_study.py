@@ -16,6 +16,7 @@ from boomctl.slew.nlp.transcription import Scheme
 from boomctl.slew.problem import MESHES, METHODS, Limits, slew_problem
 from boomctl.slew.replay import played, prescribed_error
 from boomctl.slew.result import SlewError
+from boomctl.threads import one_blas_thread
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -91,6 +92,7 @@ class MeshStudy:
         return import_module("boomctl.plotting").plot_mesh_study(self, ax, **style)
 
 
+@one_blas_thread
 def mesh_study(
     h: object,
     angle: float,

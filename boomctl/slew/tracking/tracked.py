@@ -36,6 +36,7 @@ from boomctl.slew.tracking.feedback import (
     weights,
 )
 from boomctl.slew.tracking.monte_carlo import TrackingStudy, drawn
+from boomctl.threads import one_blas_thread
 
 _FEWEST = 8  # samples of a slew at least: fewer would not follow it
 _SETTLE = 4.0  # slowest periods for which the plant is followed after the end, unless it is said how long
@@ -109,6 +110,7 @@ class TrackedSlew:
             f"  stable at the end, the slowest pole in {self.settling:.3g} s"
         )
 
+    @one_blas_thread
     def simulate(
         self,
         plant: Machine | None = None,
@@ -190,6 +192,7 @@ class TrackedSlew:
             atol=atol,
         )
 
+    @one_blas_thread
     def monte_carlo(
         self,
         runs: int = 256,
@@ -296,6 +299,7 @@ class TrackedSlew:
             error_estimate=found.error,
         )
 
+    @one_blas_thread
     def vibration(self, run: LoopResult, wait: float = 0.0) -> float:
         """Return the largest distance of the tip from the plan within 1.5 slowest periods after the end of the slew.
 

@@ -26,6 +26,7 @@ from boomctl.studies.findings import Finding, Judged, finite, picked, scalars
 from boomctl.studies.slew import feedback, sections
 from boomctl.studies.slew.feedback import FeedbackStudy, Spread
 from boomctl.studies.slew.spin_up import SpinUpMotion, spin_ups
+from boomctl.threads import one_blas_thread
 
 STEPS = 7  # what `evaluated_plan` (3) and the report (4) tell of
 _SCHEMES = (("shooting", 1), ("collocation", 3), ("radau", 3))
@@ -116,6 +117,7 @@ class SlewDesign:
             Nothing.
         """
 
+    @one_blas_thread
     def evaluate(self, scene: None = None) -> "SlewEvaluation":
         """Set the slew beside the others, with all payloads, by an integrator that planning does not use.
 

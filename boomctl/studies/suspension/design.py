@@ -17,6 +17,7 @@ from boomctl.studies.findings import Finding, Judged, facts, numbers, stored, wo
 from boomctl.studies.suspension.assurance import Assurance, Examined
 from boomctl.studies.suspension.performance import Performance, performance
 from boomctl.studies.suspension.scene import FieldScene
+from boomctl.threads import one_blas_thread
 
 if TYPE_CHECKING:
     import control
@@ -94,6 +95,7 @@ class SuspensionDesign:
         """
         return FieldScene(**options)
 
+    @one_blas_thread
     def evaluate(self, scene: FieldScene | None = None, passive: BoomParameters | None = None) -> SuspensionResult:
         """Judge the design beside a passive boom.
 

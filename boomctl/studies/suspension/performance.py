@@ -22,6 +22,7 @@ from boomctl.structure.model import SecondOrderModel
 from boomctl.studies.findings import Finding, stored
 from boomctl.studies.suspension.scene import CONTROLS, STROKES, FieldScene, suspension_model
 from boomctl.synthesis.plants.generalized import select_channels
+from boomctl.threads import one_blas_thread
 
 _FREQUENCIES = np.geomspace(0.15, 130.0, 400)  # [rad/s], drawn beside those that resolve the peaks
 PEAK_DIGITS = 4  # of peaks in tables: two of them that tables set beside each other differ by more
@@ -120,6 +121,7 @@ def _share(name: str, value: float, key: str = "") -> Finding:
     return Finding(name, value, "%", text=f"{100 * value:.2f}", key=key)
 
 
+@one_blas_thread
 def performance(
     title: str,
     scene: FieldScene,

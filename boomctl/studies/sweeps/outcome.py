@@ -6,13 +6,13 @@ import time
 import traceback
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
 from typing import Any
 
 import numpy as np
 
 from boomctl.processes import end_with_parent
 from boomctl.progress import counted
+from boomctl.threads import one_blas_thread
 
 VALUE = "value"  # name of the column of a function that returns one thing, not things by name
 _TRACE = 20  # calls that are kept of a traceback, the last ones: where it happened and how it came there (a choice)
@@ -46,21 +46,13 @@ def here() -> tuple[str, int]:
 def computed(
     function: Callable[..., Any], arguments: Sequence[dict[str, Any]], asked_by: tuple[str, int]
 ) -> list[Outcome]:
-    """Return what came of points; a process of its own computes with one BLAS thread from then on, and for who asks alone."""
+    """Return what came of points; a process of its own computes with one BLAS thread, and for who asks alone."""
     if asked_by == here():
         return outcomes(function, arguments)
     end_with_parent()
-    _one_thread()
-    with counted(lambda stage: None):  # who asked says what he waits for; a forked process would say it again
+    # the process that waits reports progress
+    with one_blas_thread, counted(lambda stage: None):
         return outcomes(function, arguments)
-
-
-@cache
-def _one_thread() -> object:
-    """Compute with one BLAS thread for as long as this process lives."""
-    from threadpoolctl import threadpool_limits
-
-    return threadpool_limits(limits=1)
 
 
 def outcomes(function: Callable[..., Any], arguments: Sequence[dict[str, Any]]) -> list[Outcome]:

@@ -12,7 +12,6 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from boomctl.checks import function_of, instance, mapping, shown, warn_user, whole
 from boomctl.processes import Processes, cores
@@ -21,6 +20,7 @@ from boomctl.studies.sweeps.kept import kept_sweep
 from boomctl.studies.sweeps.outcome import Outcome, computed, failed, here, outcomes
 from boomctl.studies.sweeps.plan import GRID, Plan
 from boomctl.studies.sweeps.result import FailedPoint, SweepResult
+from boomctl.threads import one_blas_thread
 
 Answer = tuple[int, Outcome]
 """Which point, and what came of it."""
@@ -150,7 +150,7 @@ def sweep(
             )
         else:
             answers = _elsewhere(function, arguments, chunks, where, path)
-        with closing(answers), nullcontext() if where is None else threadpool_limits(limits=1):
+        with closing(answers), nullcontext() if where is None else one_blas_thread:
             tell("", resumed, len(points))
             for place, outcome in answers:
                 found[place] = outcome

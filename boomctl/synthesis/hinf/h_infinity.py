@@ -24,6 +24,7 @@ from boomctl.synthesis.hinf.candidates import Candidate, Task, first_accepted, l
 from boomctl.synthesis.hinf.normal_form import normalised
 from boomctl.synthesis.plants.full_plant import ReducedPlant, judged_on_full_plant, origin_of
 from boomctl.synthesis.plants.partition import GeneralizedPlant, partition
+from boomctl.threads import one_blas_thread
 
 if TYPE_CHECKING:
     import control
@@ -99,6 +100,7 @@ class HInfinityResult(Design):
         )
 
 
+@one_blas_thread
 def h_infinity(
     P: "control.StateSpace | ReductionResult",
     nmeas: int | None = None,

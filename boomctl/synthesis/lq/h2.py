@@ -23,6 +23,7 @@ from boomctl.synthesis.lq.riccati import RiccatiProblem, RiccatiSolution
 from boomctl.synthesis.lq.riccati_steps import solution_of
 from boomctl.synthesis.plants.full_plant import origin_of
 from boomctl.synthesis.plants.partition import FEEDTHROUGH, GeneralizedPlant, cancelled, partition, with_feedthrough
+from boomctl.threads import one_blas_thread
 
 if TYPE_CHECKING:
     import control
@@ -71,6 +72,7 @@ class H2Result(Design):
         return f"H2Result: controller of {system(self._controller)}\n  {norms}{self.certificate.on_full_plant}"
 
 
+@one_blas_thread
 def h2(P: "control.StateSpace", nmeas: int | None = None, ncon: int | None = None) -> H2Result:
     """Return the controller that makes the H2 norm of the closed loop as small as can be.
 

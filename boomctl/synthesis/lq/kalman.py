@@ -17,6 +17,7 @@ from boomctl.synthesis.assumptions import check_detectable, check_excited
 from boomctl.synthesis.lq.problem import Noise, Weight, chosen, noise_of, plant_of
 from boomctl.synthesis.lq.riccati import RiccatiProblem, RiccatiSolution
 from boomctl.synthesis.lq.riccati_steps import solution_of
+from boomctl.threads import one_blas_thread
 
 if TYPE_CHECKING:
     import control
@@ -61,6 +62,7 @@ class KalmanResult:
         return f"KalmanResult: estimator of {system(self._estimator)}\n  {slowest}; {checked}"
 
 
+@one_blas_thread
 def kalman(
     system: control.StateSpace | SecondOrderModel,
     process_noise: Weight,

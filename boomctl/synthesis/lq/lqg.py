@@ -23,6 +23,7 @@ from boomctl.synthesis.lq.problem import Noise, Weight, chosen, noise_of, plant_
 from boomctl.synthesis.lq.riccati import RiccatiProblem
 from boomctl.synthesis.plants.full_plant import ReducedPlant, origin_of
 from boomctl.synthesis.plants.partition import GeneralizedPlant
+from boomctl.threads import one_blas_thread
 
 if TYPE_CHECKING:
     import control
@@ -81,6 +82,7 @@ class LqgResult(Design):
         return f"LqgResult: controller of {system(self._controller)}\n  {told}"
 
 
+@one_blas_thread
 def lqg(
     system: control.StateSpace | SecondOrderModel | ReductionResult,
     Q: Weight | None,

@@ -27,6 +27,7 @@ from boomctl.synthesis.certificate import Design, DesignCertificate
 from boomctl.synthesis.lq.problem import Weight, chosen, definite, plant_of, semidefinite
 from boomctl.synthesis.lq.riccati import RiccatiProblem, RiccatiSolution
 from boomctl.synthesis.lq.riccati_steps import solution_of
+from boomctl.threads import one_blas_thread
 
 if TYPE_CHECKING:
     import control
@@ -97,6 +98,7 @@ class LqrResult(Design):
         return f"LqrResult: state feedback, {between_signals}{left}\n  {self.certificate.statement}"
 
 
+@one_blas_thread
 def lqr(
     system: control.StateSpace | SecondOrderModel,
     Q: Weight | None,

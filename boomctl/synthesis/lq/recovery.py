@@ -19,6 +19,7 @@ from boomctl.lti.system import Lti
 from boomctl.printing import count, listed
 from boomctl.synthesis.lq.lqg import LqgResult, lqg
 from boomctl.synthesis.lq.problem import Weight, chosen, plant_of
+from boomctl.threads import one_blas_thread
 
 if TYPE_CHECKING:
     import control
@@ -90,6 +91,7 @@ class RecoveryResult:
         return import_module("boomctl.plotting").plot_recovery(self, ax, unit=unit, **style)
 
 
+@one_blas_thread
 def loop_transfer_recovery(
     system: control.StateSpace | SecondOrderModel,
     Q: Weight | None,

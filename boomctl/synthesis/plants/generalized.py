@@ -18,10 +18,12 @@ from boomctl.lti.system import Lti, append, of, series, static
 from boomctl.reduction.result import ReductionResult
 from boomctl.structure.model import SecondOrderModel
 from boomctl.synthesis.plants.full_plant import carrying, plant_within, warn_of_lost_channels
+from boomctl.threads import one_blas_thread
 
 Weight = float | control.StateSpace | control.TransferFunction
 
 
+@one_blas_thread
 def generalized_plant(
     plant: control.StateSpace | SecondOrderModel | ReductionResult,
     *,
@@ -148,6 +150,7 @@ def _weighed(
     return replace(_joined(first, entry, middle, leave, last), dt=system.dt, scales=system.scales)
 
 
+@one_blas_thread
 def mixed_sensitivity(
     plant: control.StateSpace | SecondOrderModel | ReductionResult,
     W1: Weight | None = None,

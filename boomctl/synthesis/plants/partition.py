@@ -21,6 +21,7 @@ from boomctl.lti.system import (
     static,
 )
 from boomctl.printing import compact, listed
+from boomctl.threads import one_blas_thread
 
 if TYPE_CHECKING:
     import control
@@ -233,6 +234,7 @@ def _places(what: str, wanted: Sequence[str], names: Sequence[str], there: Seque
     return list(range(len(listed)))
 
 
+@one_blas_thread
 def close_loop(P: "control.StateSpace", controller: "Controller") -> "control.StateSpace":
     """Return a generalised plant closed by a controller from its measurements to its controls.
 

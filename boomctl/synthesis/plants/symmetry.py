@@ -15,6 +15,7 @@ from boomctl.lti.rounding import EPS, ROOT, TINY
 from boomctl.lti.system import Lti, append, check_scales, controller_of, of
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.symmetry import Mirror
+from boomctl.threads import one_blas_thread
 
 if TYPE_CHECKING:
     import control
@@ -27,6 +28,7 @@ _BESIDE = 1e-3  # relative distance kept from undamped poles, where a response h
 _SAME = 1e-6  # share of its size below which what A makes of a column is rounding (a choice)
 
 
+@one_blas_thread
 def join_symmetric(
     model: SecondOrderModel, symmetric: "control.StateSpace", antisymmetric: "control.StateSpace"
 ) -> "control.StateSpace":
@@ -85,6 +87,7 @@ def join_symmetric(
     return Lti(both.A, B, C, D, tuple(measured), tuple(driven), dt=dt, scales=scales).statespace("controller")
 
 
+@one_blas_thread
 def split_controller(
     model: SecondOrderModel, controller: "control.StateSpace"
 ) -> "tuple[control.StateSpace, control.StateSpace, float]":

@@ -26,10 +26,11 @@ from boomctl.lab.benchmark.peers.boom_loop import loop_scene, ours_of
 from boomctl.lab.benchmark.promise import Promise, Who
 from boomctl.lab.benchmark.scene import Extent, Scene, Setting
 from boomctl.lab.benchmark.scenes.boom_time import track
-from boomctl.lab.benchmark.timing import one_thread, processor_time
+from boomctl.lab.benchmark.timing import processor_time
 from boomctl.reduction.core import structure_core
 from boomctl.reduction.reduce import reduce
 from boomctl.simulation.forced_response import forced_response
+from boomctl.threads import one_blas_thread
 
 _OMEGA = 2 * np.pi * np.geomspace(0.1, 10.0, 500)
 _DENSE = 600  # rows of the product by which arithmetic is measured: large enough for its full rate, some 50 ms
@@ -78,7 +79,7 @@ def machine_rates() -> Work:
         turns = repeat(run, timer=processor_time, repeat=_TURNS, number=_CALLS)
         return max(median(turns) / _CALLS, 1e-9)
 
-    with one_thread():
+    with one_blas_thread:
         products, copies = taken(lambda: A @ A), taken(lambda: np.copyto(target, source))
         return Work(2.0 * _DENSE**3 / products, 16.0 * _STREAM / copies, _ROW / taken(lambda: np.exp(z, out=into)))
 
