@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields, replace
 from functools import wraps
+from inspect import unwrap
 from pathlib import Path
 from typing import Any, ClassVar, Self, TypeVar
 
@@ -97,7 +98,8 @@ P = TypeVar("P", bound=Parameters)
 
 def signature_of(function: Callable[..., Any]) -> tuple[str, ...]:
     """Return the names of a function's arguments, without those that it takes by any name."""
-    return function.__code__.co_varnames[: function.__code__.co_argcount + function.__code__.co_kwonlyargcount]
+    code = unwrap(function).__code__
+    return code.co_varnames[: code.co_argcount + code.co_kwonlyargcount]
 
 
 def or_default(

@@ -288,7 +288,7 @@ CALLS = {
         "order": 10,
         "confidence": 0.95,
     },
-    "feedback_loop": lambda: {"plant": plant(), "controller": controller(), "added": (), "delay": 0.0},
+    "feedback_loop": lambda: {"plant": plant(), "controller": controller(), "injection_points": (), "delay": 0.0},
     "fit": lambda: {
         "build": springs,
         "measured": [0.25, 0.58, 0.95],
@@ -517,7 +517,7 @@ CALLS = {
     "read_controller": lambda: {"path": "nowhere.json"},
     "exchange.read_controller_notes": lambda: {"path": "nowhere.json"},
     "write_controller": lambda: {"controller": controller(0.01), "path": "/nowhere/k.json"},
-    "reduce": lambda: {"system": plant(), "order": 2, "method": "balanced", "error": None, "band": None},
+    "reduce": lambda: {"system": plant(), "order": 2, "method": "balanced", "error": None, "omega_range": None},
     "reduce_controller": lambda: {
         "P": generalized(),
         "controller": system(((-1.0,),), ((1.0,),), ((-0.1,),)),
@@ -531,6 +531,7 @@ CALLS = {
         "max_cells": 3,
         "delay": 0.0,
         "unmodelled": None,
+        "injection_points": (),
     },
     "analysis.ramp_bound": lambda: {
         "family": family(),
@@ -663,6 +664,7 @@ CALLS = {
         "norm": "hinf",
         "tolerance": 0.1,
         "max_cells": 3,
+        "injection_points": (),
     },
     "boom.write_motion": lambda: {"path": Path("/nowhere/motion.csv"), "motion": motion()},
     "boom.yaw_family": lambda: {"parameters": None, "stiffest_hz": 0.34, "half": "yaw", "elements": 6},

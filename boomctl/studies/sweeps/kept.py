@@ -161,6 +161,7 @@ def _code(function: Callable[..., Any], deep: bool = True) -> bytes:
     if not (inspect.isfunction(function) and deep):
         return _words(function)
     # defaults, and what it uses of the functions around it
+    function = inspect.unwrap(function)
     held = function.__defaults__, function.__kwdefaults__, inspect.getclosurevars(function).nonlocals
     return _words(function) + (_told(held, deep=False) if any(held) else b"")
 
