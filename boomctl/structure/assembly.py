@@ -149,7 +149,7 @@ class Assembly:
         Warns
         -----
         UserWarning
-            Forces or links that act along what the joints hold.
+            If the joints leave no motion of a point in the direction of a force, a link or an output.
         """
         mechanism, outline = _mechanism(self, exact=False), Outline(self)
         layout, ports, weights = mechanism.layout, mechanism.ports, mechanism.weights(self)
@@ -240,7 +240,7 @@ class Mechanism:
     lengths : tuple of ndarray
         Of the segments of exact beams [m].
     idle : tuple of str
-        Forces and links along whose direction nothing can move, in words.
+        Links, forces and outputs along whose direction nothing can move, in words.
     """
 
     meshes: tuple[BeamMesh, ...]
@@ -264,12 +264,13 @@ class Mechanism:
 
 
 def _mechanism(assembly: Assembly, exact: bool) -> Mechanism:
-    """Return how a machine can move, its beams discretised or exact, and warn of what is idle; known if one like it was."""
+    """Return the mechanism of a machine, its beams discretised or exact; warn of links, forces and outputs without motion."""
     place = _Place(_where(assembly), exact, assembly)
     found = _kept_mechanism(place) if place.decides() else _find_mechanism(assembly, exact)
     if found.idle:
-        said = f"{', '.join(found.idle)}: cannot do anything; the joints leave no motion there along that direction"
-        warn_user(said)
+        warn_user(
+            f"No motion for {', '.join(found.idle)}: the joints constrain the point in that direction. Check the direction."
+        )
     return found
 
 
@@ -359,6 +360,8 @@ def _find_mechanism(assembly: Assembly, exact: bool) -> Mechanism:
     layout, ports = Layout(names, N, R), _ports(assembly, motion, rows)
     forces = zip(assembly.forces, np.abs(ports.B[0]).max(axis=0, initial=0.0), strict=True)
     idle += [f"force {force.name!r} along {force.direction!r}" for force, size in forces if size <= CANCELLED]
+    outputs = zip(assembly.outputs, np.abs(ports.L).max(axis=(0, 2), initial=0.0), strict=True)
+    idle += [f"output {output.name!r} along {output.direction!r}" for output, size in outputs if size <= CANCELLED]
     return Mechanism(meshes, layout, ExactLayout(layout, S, ports), ports, lengths, tuple(idle))
 
 

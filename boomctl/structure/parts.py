@@ -257,7 +257,8 @@ class RigidBody:
     mass, inertia : float
         Mass [kg] and moment of inertia about the centre of mass [kg m^2]; zero is allowed.
     centre : (float, float), optional
-        Centre of mass at rest [m]; by default the joint.
+        Position of the centre of mass at rest in the inertial frame [m], not relative to the joint; by default that of
+        the joint.
 
     Raises
     ------

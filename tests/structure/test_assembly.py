@@ -215,8 +215,9 @@ def test_what_acts_along_what_joints_hold_is_warned_of():
     parts = {
         "links": tuple(SpringDamper(body.at(0.0), GROUND.at(0.0), line, 5.0) for line in ("x", "y")),
         "forces": (Force("lift", body.at(0.0), "y"), Force("push", body.at(0.0), 0.0)),
+        "outputs": (Output("rise", body.at(0.0)), Output("place", body.at(0.0), "x", derivative=2)),
     }
-    idle = "the link of 'body' and 'ground' along 'y', force 'lift' along 'y': cannot do anything"
+    idle = "the link of 'body' and 'ground' along 'y', force 'lift' along 'y', output 'rise' along 'y': the joints"
     machine = Assembly((body,), **parts)
     for made in (machine.assemble, machine.assemble, machine.exact):  # also where the mechanism is known already
         with pytest.warns(UserWarning, match=idle) as said:
@@ -224,7 +225,7 @@ def test_what_acts_along_what_joints_hold_is_warned_of():
         assert said[0].filename == __file__
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        Assembly((body,), parts["links"][:1], parts["forces"][1:]).assemble()
+        Assembly((body,), parts["links"][:1], parts["forces"][1:], parts["outputs"][1:]).assemble()
 
 
 def test_a_torque_on_a_coordinate_without_inertia_is_refused():
