@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache, partial
 from importlib import import_module
-from math import inf
+from math import inf, isfinite, isnan, log10, nan
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -81,12 +81,12 @@ class SamplingCostsMarginWarning(UserWarning):
 
 @dataclass(frozen=True)
 class DiskMargin:
-    """A disk margin that is guaranteed: of the certified upper bound of a norm.
+    """Disk margin from the certified upper bound of a norm: a guaranteed value.
 
     Attributes
     ----------
     alpha : float
-        The margin, at most 2.
+        The margin, at most 2; a lower bound of it, 0 if there is none, where ``certified`` is False.
     omega : float
         Frequency at which it is least [rad/s]; ``inf`` where it is the loop's own at high frequency.
     certified : bool
@@ -98,9 +98,13 @@ class DiskMargin:
     certified: bool
 
     def __repr__(self) -> str:
-        doubt = "" if self.certified else ", not certified"
         ranges = f"gains by {1.0 / self.gain:.4g} to {self.gain:.4g}, phases by {self.phase_deg:.4g} deg"
-        return f"DiskMargin: {self.alpha:.4g} at {self.omega:.4g} rad/s ({ranges}{doubt})"
+        return f"DiskMargin: {self._text} at {self.omega:.4g} rad/s ({ranges}{'' if self.certified else ', not certified'})"
+
+    @property
+    def _text(self) -> str:
+        """The margin as a value, as a lower bound, or as not found."""
+        return _value_or_bound(self.alpha if self.certified else nan, self.alpha)
 
     @property
     def gain(self) -> float:
@@ -128,13 +132,16 @@ class LoopMargin:
     phase_deg, phase_omega : float
         Least angle that makes it unstable [degrees], and where [rad/s]; ``inf`` and ``nan`` without a crossing of gain one.
     delay, delay_omega : float
-        Least delay that makes it unstable [s], and where [rad/s]; 0 and ``inf`` where the loop's gain at infinite frequency
-        is not below one, so that the least delay does (or leaves no decay at high frequencies).  In a sampled loop around a
-        continuous plant it is a further delay of this control, or of this reading, by parts of a sample too, and it is
-        proved that none below ``(1 - 1e-6)`` of it makes the loop unstable.  Where that takes too long, it is the delay up
-        to which it is proved, its frequency is ``nan``, and an ``UncertainMarginsWarning`` says so.  A discrete plant is
-        not known between its samples.  Around one it is the least ``tau`` with which ``L exp(-j omega tau)`` is one at a
-        crossing of gain one: exact for whole samples.
+        Least delay that makes the loop unstable [s], and the frequency there [rad/s]; 0 and ``inf`` if the gain of a
+        continuous loop at infinite frequency is at least one; ``inf`` and ``nan`` without a limit.  In a sampled loop
+        around a continuous plant it is an additional delay of this control or reading, of any fraction of a sample, and
+        limits above 1e6 samples are not computed.  Both are NaN if the value is not known; `delay_lower_bound` is then
+        all there is.  Around a discrete plant it is the least ``tau`` for which ``L exp(-j omega tau)`` is one at a gain
+        crossover, at most one sample if the gain at half the sampling rate is at least one: all whole samples below it
+        are stable.
+    delay_lower_bound : float
+        All delays below it leave the loop stable [s]: `delay` if that is known (in a sampled loop proved up to 1e-6 of
+        it), the delay up to which stability is proved otherwise, 0 if none is.
     disk : DiskMargin
         Its disk margin.
     rounding : float
@@ -149,7 +156,7 @@ class LoopMargin:
     >>> damper = control.ss(-300.0, 300.0, 3e5, -3e5, inputs="stroke_anti", outputs="suspension_anti")
     >>> bc.margins(half, damper)["suspension_anti"]
     LoopMargin: opened at control suspension_anti
-      gain 0 to inf, phase 55.58 deg, delay 0.004385 s, disk 1.005
+      gain 0 to inf (-inf to inf dB), phase 55.58 deg at 221.2 rad/s, delay 0.004385 s, disk 1.005
     """
 
     signal: str
@@ -162,14 +169,21 @@ class LoopMargin:
     phase_omega: float
     delay: float
     delay_omega: float
+    delay_lower_bound: float
     disk: DiskMargin
     rounding: float = 0.0
     _sensitivity: Lti | None = field(default=None, repr=False, compare=False)
 
     def __repr__(self) -> str:
-        gains = f"gain {self.gain_low:.4g} to {self.gain_high:.4g}"
-        turns = f"phase {self.phase_deg:.4g} deg, delay {self.delay:.4g} s, disk {self.disk.alpha:.4g}"
-        return f"LoopMargin: opened at {self.place} {self.signal}\n  {gains}, {turns}"
+        gains = f"gain {self.gain_low:.4g} to {self.gain_high:.4g} ({' to '.join(self._gains_db)} dB)"
+        at = f" at {self.phase_omega:.4g} rad/s" if isfinite(self.phase_omega) else ""
+        delay = _value_or_bound(self.delay, self.delay_lower_bound, " s")
+        limits = f"phase {self.phase_deg:.4g} deg{at}, delay {delay}, disk {self.disk._text}"
+        return f"LoopMargin: opened at {self.place} {self.signal}\n  {gains}, {limits}"
+
+    @property
+    def _gains_db(self) -> list[str]:
+        return [f"{20.0 * log10(gain) if gain > 0.0 else -inf:.4g}" for gain in (self.gain_low, self.gain_high)]
 
     @cached_property
     @one_blas_thread
@@ -241,9 +255,10 @@ class Margins:
         str
             A table, one line for each loop.
         """
-        widths = (24, 9, 9, 11, 10, 6)
-        lines = [[f"{cell:>{width}}" for cell, width in zip(row, widths, strict=True)] for row in self._table()]
-        return "\n".join(" ".join([f"{line[0].strip():{widths[0]}s}", *line[1:]]) for line in lines)
+        table = self._table()
+        first, *widths = (max(map(len, column)) for column in zip(*table, strict=True))
+        rows = [[name.ljust(first), *map(str.rjust, cells, widths)] for name, *cells in table]
+        return "\n".join(" ".join(row).rstrip() for row in rows)
 
     def plot(self, ax: Any = None, **style: Any) -> Array:
         """Draw each loop's Nyquist curve around the critical point, and its margins.
@@ -263,18 +278,27 @@ class Margins:
         return import_module("boomctl.plotting").plot_margins(self, ax, **style)
 
     def __repr__(self) -> str:
-        least = [
-            f"phase {min(x.phase_deg for x in self.loops):.4g} deg, delay {min(x.delay for x in self.loops):.4g} s",
-            f"disk {self.controls.alpha:.3f} at all controls, {self.measurements.alpha:.3f} at all measurements, "
-            f"{self.everywhere.alpha:.3f} everywhere",
-        ]
-        return f"Margins: opened at {listed([x.signal for x in self.loops])}\n  least: {least[0]}\n  {least[1]}"
+        delays = [x.delay for x in self.loops if not isnan(x.delay)]
+        bound = min(x.delay_lower_bound for x in self.loops)
+        some = f" (of {len(delays)} of {len(self.loops)} loops)" if 0 < len(delays) < len(self.loops) else ""
+        delay = f"delay {_value_or_bound(self._least_delay, bound, ' s')}{some}"
+        disks = (
+            f"disk {self.controls._text} at all controls, {self.measurements._text} at all measurements, "
+            f"{self.everywhere._text} everywhere"
+        )
+        least = f"phase {min(x.phase_deg for x in self.loops):.4g} deg, {delay}"
+        return f"Margins: opened at {listed([x.signal for x in self.loops])}\n  least: {least}\n  {disks}"
+
+    @property
+    def _least_delay(self) -> float:
+        """The least delay margin among the known ones; NaN if none is."""
+        return min((x.delay for x in self.loops if not isnan(x.delay)), default=nan)
 
     def __figures__(self) -> dict[str, float]:
         """Return what a comparison shows."""
         return {
             "phase margin, least [deg]": min(x.phase_deg for x in self.loops),
-            "delay margin, least [s]": min(x.delay for x in self.loops),
+            "delay margin, least [s]": self._least_delay,
             "disk margin, all controls": self.controls.alpha,
             "disk margin, all measurements": self.measurements.alpha,
             "disk margin, everywhere": self.everywhere.alpha,
@@ -286,15 +310,32 @@ class Margins:
 
     def _table(self) -> list[tuple[str, ...]]:
         """Return heads and rows of the margins."""
-        table: list[tuple[str, ...]] = [("opened at", "gain from", "to", "phase [deg]", "delay [s]", "disk")]
+        heads = ("opened at", "gain from", "to", "[dB]", "to", "at [rad/s]", "phase [deg]", "at [rad/s]")
+        table: list[tuple[str, ...]] = [(*heads, "delay [s]", "disk")]
         for x in self.loops:
-            numbers = (x.gain_low, x.gain_high, x.phase_deg, x.delay)
-            table.append((x.signal, *(f"{number:.4g}" for number in numbers), f"{x.disk.alpha:.3f}"))
+            limits = [(x.gain_low, x.gain_low_omega), (x.gain_high, x.gain_high_omega)]
+            nearest = min(limits, key=lambda limit: abs(log10(limit[0])) if 0.0 < limit[0] < inf else inf)[1]
+            gains = (f"{x.gain_low:.4g}", f"{x.gain_high:.4g}", *x._gains_db, _frequency(nearest))
+            phase = (f"{x.phase_deg:.4g}", _frequency(x.phase_omega))
+            table.append((x.signal, *gains, *phase, _value_or_bound(x.delay, x.delay_lower_bound), x.disk._text))
         for name in ("controls", "measurements", "everywhere"):
             disk: DiskMargin = getattr(self, name)
-            numbers = (1.0 / disk.gain, disk.gain, disk.phase_deg)
-            table.append((f"all at once: {name}", *(f"{number:.4g}" for number in numbers), "", f"{disk.alpha:.3f}"))
+            factors = 1.0 / disk.gain, disk.gain
+            gains = [f"{x:.4g}" for x in (*factors, *(20.0 * log10(x) if x > 0.0 else -inf for x in factors))]
+            ends = ("", f"{disk.phase_deg:.4g}", _frequency(disk.omega), "", disk._text)
+            table.append((f"all at once: {name}", *gains, *ends))
         return table
+
+
+def _value_or_bound(value: float, bound: float, unit: str = "") -> str:
+    """Return a value as text; if it is NaN, its lower bound; "not found" if that is zero."""
+    if isnan(value):
+        return f">= {bound:.4g}{unit}" if bound > 0.0 else "not found"
+    return f"{value:.4g}{unit}"
+
+
+def _frequency(omega: float) -> str:
+    return "" if isnan(omega) else f"{omega:.4g}"
 
 
 @one_blas_thread
@@ -609,13 +650,13 @@ def _loop_margin(
 
     (low, low_omega), (high, high_omega) = _gain_limits(response, grid, values, open_loop)
     (phase, phase_omega), delays = _phase_limits(response, grid, values, open_loop, dt)
+    delay, delay_omega = min(delays, default=(inf, nan))
+    bound = delay
     if further is not None:
-        *least, exact = further.least()
-        delays = [(least[0], least[1])]
-        if not exact:
-            said = f"delay at {signal}: the loop is proved to bear {least[0]:.4g} s more, and may bear a longer delay"
-            warn_user(said, UncertainMarginsWarning)
-    delay, delay_omega = min(delays, default=(inf, float("nan")), key=lambda found: found[0])
+        delay, delay_omega, bound = further.least()
+        if isnan(delay):
+            known_part = f"It is at least {bound:.4g} s." if bound > 0.0 else "No lower bound is known either."
+            warn_user(f"The delay margin at `{signal}` could not be computed. {known_part}", UncertainMarginsWarning)
     low_omega, high_omega, phase_omega = omega_of_image([low_omega, high_omega, phase_omega], dt).tolist()
     return LoopMargin(
         signal=signal,
@@ -628,6 +669,7 @@ def _loop_margin(
         phase_omega=phase_omega,
         delay=delay,
         delay_omega=delay_omega,
+        delay_lower_bound=bound,
         disk=disk,
         rounding=rounding,
         _sensitivity=S,
@@ -717,10 +759,12 @@ def _phase_limits(
         crossings.append(0.0)
     D = inf if L is None else float(L.D[0, 0])
     phase, delays = (inf, float("nan")), []
+    if dt != 0.0 and abs(D) >= 1.0 - ALIKE:
+        # With `P` poles of `L` outside the unit circle, a stable loop has winding number `P` of `1 - L`. If the gain at
+        # z = -1 is not below one, one sample of delay adds a real pole beyond it.
+        delays.append((dt, np.pi / dt))
     if abs(abs(D) - 1.0) <= ALIKE:
         phase = (float(np.degrees(abs(np.angle(D)))), inf)
-        if dt != 0.0:
-            delays.append((float(np.angle(D) % (2.0 * np.pi)) * dt / np.pi, np.pi / dt))
     elif L is not None and len(L.A):
         extra = [float(w) for w in axis_eigenvalues(L, 1.0)]
         close = [w for w in extra if abs(abs(response(np.array([w]))[0]) - 1.0) < _AT_ONE]

@@ -23,7 +23,7 @@ def step_matrix(plant, controller, delay, *, gain=1.0, of=None, further=0.0, at=
     old = np.array([further if name == at else 0.0 for name in controller.input_labels])
     depth = int(np.ceil((late.max() + old.max()) / dt)) + 2
     size = n + q + depth * (m + n)
-    v = np.eye(size)
+    v = np.eye(size, dtype=type(gain))
     x, xk = v[:n], v[n : n + q]
     sent = v[n + q : n + q + depth * m].reshape(depth, m, size)
     past = v[n + q + depth * m :].reshape(depth, n, size)
@@ -46,7 +46,7 @@ def step_matrix(plant, controller, delay, *, gain=1.0, of=None, further=0.0, at=
             x = E[:, :n] @ x + E[:, n:] @ acting(0.5 * (one + other), new)
         return x
 
-    y = np.zeros((p, size))
+    y = np.zeros((p, size), dtype=type(gain))
     for j, name in enumerate(controller.input_labels):
         age = int(np.ceil(old[j] / dt - _NEAR))
         there = x if age == 0 else moved(past[age - 1], -age * dt, -old[j], None)

@@ -1,5 +1,7 @@
 """Margins: loops with margins in closed form, limits that are limits, and no dependence on units."""
 
+import warnings
+from dataclasses import replace
 from importlib import import_module
 
 import control
@@ -13,6 +15,7 @@ from boomctl.analysis.marginal_poles import marginal_poles
 from boomctl.analysis.margins import UncertainMarginsWarning
 from boomctl.analysis.norm import matrices_norm
 from tests.analysis.loop_cases import SIGNALS, chain, velocity_feedback
+from tests.analysis.stepped import radius
 from tests.profiles import examples
 
 
@@ -259,3 +262,143 @@ def test_a_loop_opened_where_the_rest_of_it_swings_undamped(stiffness):
     assert found["speed"].gain_high == np.inf
     crossing = np.sqrt(0.5 * (1.0 + np.sqrt(1.0 + 4.0 * stiffness**2)))  # where |(s + k)/s^2| is one
     assert found["force"].phase_deg == pytest.approx(np.degrees(np.arctan(crossing / stiffness)), rel=1e-9)
+
+
+def random_case(seed, kind):
+    """Return a stable random loop: a plant and a controller in continuous time, both discrete, or a sampled loop."""
+    rng = np.random.default_rng(seed)
+    n, q, m, p = (int(rng.integers(low, high)) for low, high in ((1, 6), (0, 4), (1, 3), (1, 3)))
+    dt = {"continuous": 0.0, "discrete": 0.1, "sampled": 10.0 ** rng.uniform(-2.0, 0.3)}[kind]
+    u, y = [f"u{i}" for i in range(m)], [f"y{i}" for i in range(p)]
+
+    def stable(size, step):
+        A = 3.0 * rng.standard_normal((size, size))
+        poles = np.linalg.eigvals(A)
+        if step:
+            return A * rng.uniform(0.2, 0.99) / np.abs(poles).max(initial=1e-9)
+        return A - (poles.real.max(initial=0.0) + 10.0 ** rng.uniform(-2.0, 1.0)) * np.eye(size)
+
+    D = rng.standard_normal((p, m)) * (kind == "sampled" and seed % 3 == 0)
+    plant_dt = dt if kind == "discrete" else 0.0
+    B, C = rng.standard_normal((n, m)), rng.standard_normal((p, n))
+    plant = control.ss(stable(n, plant_dt), B, C, D, plant_dt, inputs=u, outputs=y)
+    AK, BK, CK, DK = stable(q, dt), *(rng.standard_normal(shape) for shape in ((q, p), (m, q), (m, p)))
+    gain = 10.0 ** rng.uniform(-1.0, 1.5)
+    while True:
+        K = control.ss(AK, BK, gain * CK, gain * DK, dt, inputs=y, outputs=u)
+        if growth(plant, K, u[0], 1.0) < -1e-4:
+            return plant, K
+        gain /= 2.0
+
+
+def closed_matrix(plant, K, signal, factor, samples=0):
+    """Return the state matrix of ``u = K y`` with a signal multiplied by a factor and delayed by whole samples."""
+    labels, q = (K.output_labels if signal in K.output_labels else K.input_labels), K.nstates
+    A, B, C, D = K.A.astype(complex), K.B.astype(complex), K.C.astype(complex), K.D.astype(complex)
+    i = labels.index(signal)
+    A, ends = np.pad(A, (0, samples)), np.eye(1, samples, samples - 1)[0] * factor
+    A[q:, q:] = np.eye(samples, k=-1)
+    B, C = np.pad(B, ((0, samples), (0, 0))), np.pad(C, ((0, 0), (0, samples)))
+    if signal in K.output_labels:
+        if samples:
+            A[q, :q], B[q], C[i, q:], C[i, :q], D[i] = C[i, :q], D[i], ends, 0.0, 0.0
+        else:
+            C[i], D[i] = factor * C[i], factor * D[i]
+    elif samples:
+        A[:q, q:], C[:, q:] = np.outer(B[:q, i], ends), np.outer(D[:, i], ends)
+        B[:, i], D[:, i] = 0.0, 0.0
+        B[q, i] = 1.0
+    else:
+        B[:, i], D[:, i] = factor * B[:, i], factor * D[:, i]
+    return np.block([[plant.A + plant.B @ D @ plant.C, plant.B @ C], [B @ plant.C, A]])
+
+
+def growth(plant, K, signal, factor, *, delay=0.0):
+    """Return the spectral abscissa of a continuous loop, or the spectral radius of a discrete one less one.
+
+    A continuous loop with a delay is discretized by collocation at Chebyshev points of its history.
+    """
+    if K.dt and not plant.dt:
+        return radius(plant, K, 0.0, gain=factor, of=signal, further=delay, at=signal) - 1.0
+    if K.dt:
+        poles = np.linalg.eigvals(closed_matrix(plant, K, signal, factor, round(delay / K.dt)))
+        return float(np.abs(poles).max()) - 1.0
+    A = closed_matrix(plant, K, signal, factor)
+    if delay:
+        A = A.real
+        late, count, n = A - (first := closed_matrix(plant, K, signal, 0.0).real), 12, len(A)
+        x = np.cos(np.pi * np.arange(count + 1) / count)
+        c = np.array([2.0, *np.ones(count - 1), 2.0]) * (-1.0) ** np.arange(count + 1)
+        slopes = np.outer(c, 1.0 / c) / (x[:, None] - x + np.eye(count + 1))
+        slopes -= np.diag(slopes.sum(axis=1))
+        A = np.kron(slopes * 2.0 / delay, np.eye(n))
+        A[:n], A[:n, :n], A[:n, -n:] = 0.0, first, late
+    return float(np.linalg.eigvals(A).real.max())
+
+
+@pytest.mark.parametrize("kind", ["continuous", "discrete", "sampled"])
+@given(st.integers(0, 100_000))
+@examples(60)
+def test_margin_is_where_brute_force_loses_stability(kind, seed):
+    plant, K = random_case(seed, kind)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)
+        found = margins(plant, K)
+    for loop in found.loops:
+
+        def stable(factor, delay=0.0, signal=loop.signal):
+            return growth(plant, K, signal, factor, delay=delay) < 1e-9
+
+        low, high = max(loop.gain_low, 1e-3) * (1.0 + 1e-4), min(loop.gain_high, 1e3) * (1.0 - 1e-4)
+        assert all(stable(float(factor)) for factor in np.geomspace(low, high, 25))
+        limits = [f for f in (loop.gain_low * (1.0 - 1e-3), loop.gain_high * (1.0 + 1e-3)) if 0.0 < f < 1e6]
+        assert not any(stable(factor) for factor in limits)
+        angle = 1j * np.radians(min(loop.phase_deg, 180.0))
+        assert all(stable(np.exp(sign * x * angle)) for x in np.linspace(0.05, 1.0 - 1e-4, 13) for sign in (-1, 1))
+        if loop.phase_deg < 179.0:
+            assert not all(stable(np.exp(sign * (1.0 + 1e-3) * angle)) for sign in (-1, 1))
+        bound = loop.delay_lower_bound
+        assert bound == loop.delay or np.isnan(loop.delay)
+        if kind == "discrete":
+            assert all(stable(1.0, k * K.dt) for k in range(1, 12) if k * K.dt < bound * (1.0 - 1e-9))
+            if np.isfinite(bound):
+                turned = closed_matrix(plant, K, loop.signal, np.exp(-1j * loop.delay_omega * bound))
+                on_circle = np.abs(np.linalg.eigvals(turned) - np.exp(1j * loop.delay_omega * K.dt)).min() < 1e-5
+                assert on_circle or not stable(1.0, bound)
+        else:
+            longest = min(bound, 5.0 * (K.dt or 1.0))
+            assert all(stable(1.0, x * longest) for x in (0.1, 0.4, 0.8, 1.0 - 1e-3))
+            if 0.0 < loop.delay < 10.0 * (K.dt or 0.1):
+                assert not stable(1.0, loop.delay * (1.0 + 1e-3))
+
+
+def test_discrete_gain_above_one_at_nyquist_allows_no_sample():
+    """``u = -2 y`` around a unit gain: one sample of delay moves the pole to ``z = -2``."""
+    names = {"inputs": "u", "outputs": "y"}
+    found = margins(
+        control.ss([], [], [], 1.0, 0.5, **names), control.ss([], [], [], -2.0, 0.5, inputs="y", outputs="u")
+    )
+    assert [(loop.delay, loop.delay_omega) for loop in found.loops] == [(0.5, pytest.approx(np.pi / 0.5))] * 2
+
+
+def test_printed_delay_is_value_bound_or_not_found():
+    A = np.array([[-1.0, 0.0, 0.0], [0.0, -5.0, 5e3], [0.0, -5e3, -5.0]])  # A mode of 500 rad a sample.
+    plant = control.ss(A, [[1.0], [1.0], [0.0]], [[1.0, 0.0, 1e-3]], 0.0, inputs="u", outputs="y")
+    K = control.ss([], [], [], -2.0, 0.1, inputs="y", outputs="u")
+    with pytest.warns(UncertainMarginsWarning, match="delay margin at `u` could not be computed"):
+        found = margins(plant, K)
+    assert radius(plant, K, 0.0, further=0.1, at="u") < 1.0
+    assert np.isnan(found["u"].delay)
+    assert found["u"].delay_lower_bound == 0.0
+    assert "delay not found" in repr(found)
+    first, second = found.loops
+    first, second = replace(first, delay=0.2, delay_lower_bound=0.2), replace(second, delay_lower_bound=0.05)
+    mixed = replace(found, loops=(first, second))
+    assert "delay 0.2 s (of 1 of 2 loops)" in repr(mixed)
+    assert mixed.__figures__()["delay margin, least [s]"] == 0.2
+    assert "delay >= 0.05 s" in repr(second)
+    heads, one, other = (line.split() for line in mixed.render().splitlines()[:3])
+    assert heads[2:9] == ["gain", "from", "to", "[dB]", "to", "at", "[rad/s]"]
+    assert one[1:6] == ["0", "10.01", "-inf", "20.01", f"{np.pi / 0.1:.4g}"]
+    assert (one[-2], other[-3:-1]) == ("0.2", [">=", "0.05"])
+    assert replace(first.disk, certified=False)._text.startswith(">= ")

@@ -84,22 +84,21 @@ class FurtherDelay:
         (delays if self.acting else readings)[self.index] += further
         return sampled_plant(self.plant, range(len(delays)), self.controller.dt, delays, readings)
 
-    def least(self) -> tuple[float, float, bool]:
-        """Return the least delay [s], its frequency [rad/s], and whether that is known.
+    def least(self) -> tuple[float, float, float]:
+        """Return the least delay [s], its frequency [rad/s], and the delay up to which stability is proved [s].
 
-        Without one they are ``inf`` and ``nan``.  Where it takes too long to know it, the delay is the one up to which the
-        loop has been shown to be stable, the frequency ``nan``.
+        The delay is ``inf`` without a limit, and NaN if it is not known; the frequency is NaN in both cases.
         """
         dt, found, omega = self.controller.dt, inf, nan
         start, known = self.delay / dt if self.acting else 0.0, True
         try:
             curves = self._curves()
         except ValueError:  # poles that do not separate, or a plant far faster than the samples
-            return 0.0, nan, False
+            return nan, nan, 0.0
         for curve in curves:
             found, omega, known = curve.least(start, (found, omega, known))
         if not self.plant.D.any():
-            return found * dt, omega / dt, known
+            return (found * dt if known else nan), omega / dt, found * dt
         # where an output has a feedthrough from a control, the loop jumps as that control passes the sample; a gain that is
         # one nowhere is so whatever the whole samples, and shows at once on which side of one it is
         last = min(found, _JUMPS) if found < inf else 2.0
@@ -107,8 +106,11 @@ class FurtherDelay:
             if 0.0 < place < last:
                 poles = lower_lft(self.sampled((place + _AFTER) * dt), self.controller).balanced().poles
                 if (sides(poles, dt) >= 0).any():
-                    return float(place) * dt, float(abs(np.angle(poles[np.argmax(np.abs(poles))]))) / dt, True
-        return (last * dt, nan, False) if last < found < inf else (found * dt, omega / dt, known)
+                    jump = float(place) * dt
+                    return jump, float(abs(np.angle(poles[np.argmax(np.abs(poles))]))) / dt, jump
+        if last < found < inf:
+            return nan, nan, last * dt
+        return (found * dt if known else nan), omega / dt, found * dt
 
     def _curves(self) -> list["_Curve"]:
         """Return the loop over the parts of a sample between which it changes smoothly."""
