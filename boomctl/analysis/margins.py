@@ -32,6 +32,7 @@ from boomctl.lti.frequency import (
     CURVE,
     DRAWN,
     EMPTY,
+    Refined,
     Response,
     Triangular,
     resonance_grid,
@@ -402,7 +403,7 @@ def margins(
         at = f"{worst:.4g} rad/s" if dt == 0.0 else f"z = {worst:.4g}, of size {abs(worst):.7g}"
         raise ValueError(f"the loop is not stable (pole at {at}): it has no margins")
     S = loop.sensitivity
-    image = continuous_image(S)
+    refined, image = Refined(S, *S.eigensystem), continuous_image(S)
     quick, grid = triangular(image), grid_of_loop(image)
     G = quick.response(grid)
     m, total = len(loop.controls), len(S.D)
@@ -419,6 +420,7 @@ def margins(
             S.between([i], [i]),
             image=image.between([i], [i]),
             quick=quick.only([i]),
+            refined=refined.only(i),
             known=(grid, G[i, i]),
             rounding=float(rounding[i, i]),
             axis=axis,
@@ -615,8 +617,12 @@ def _zeros(system: Lti) -> Array:
 
 def _loop_response(S: Lti, omega: Array) -> Array:
     """Return ``L = 1 - 1/S``."""
+    return _opened_at(S.response(omega)[0, 0])
+
+
+def _opened_at(sensitivity: Array) -> Array:
     with np.errstate(divide="ignore", invalid="ignore"):
-        return 1.0 - 1.0 / S.response(omega)[0, 0]
+        return 1.0 - 1.0 / sensitivity
 
 
 def _loop_margin(
@@ -626,6 +632,7 @@ def _loop_margin(
     *,
     image: Lti,
     quick: Triangular,
+    refined: Refined,
     known: tuple[Array, Array],
     rounding: float,
     axis: MarginalPoles,
@@ -645,8 +652,14 @@ def _loop_margin(
     there = np.abs(values) > SUMMED  # of one; less is a pole of the loop, of infinite gain
     grid, values = grid[there], 1.0 - 1.0 / values[there]
 
+    computed: dict[float, complex] = {}
+
     def response(omega: Array) -> Array:
-        return _loop_response(S, omega_of_image(np.atleast_1d(omega), dt))
+        new = [w for w in omega.tolist() if w not in computed]
+        if new:
+            found = refined.response(omega_of_image(np.array(new), dt))[0]
+            computed.update(zip(new, _opened_at(found).tolist(), strict=True))
+        return np.array([computed[w] for w in omega.tolist()])
 
     (low, low_omega), (high, high_omega) = _gain_limits(response, grid, values, open_loop)
     (phase, phase_omega), delays = _phase_limits(response, grid, values, open_loop, dt)
@@ -692,17 +705,37 @@ def _crossings(response: Response, grid: Array, values: Array, height: Callable[
         if not len(fresh):
             break
         values[fresh], asked[fresh] = response(grid[fresh]), True
-    found = [float(w) for w in grid[signs == 0.0]]
-    if not len(flips):
-        return found
-    from scipy import optimize  # long to import; a loop without crossings does not come here
 
-    def at(omega: float) -> float:
-        value = float(height(response(np.array([omega])))[0])
-        return 0.0 if np.isnan(value) else value  # a pole of L itself, through which the sign changes: told apart later
+    def at(omega: Array) -> Array:
+        return np.nan_to_num(height(response(omega)), nan=0.0)  # NaN: a pole of L, through which the sign changes
 
-    places = (optimize.brentq(at, grid[i], grid[i + 1], xtol=TINY, rtol=DIGIT) for i in flips)  # type: ignore[arg-type]
-    return [*found, *map(float, places)]
+    ends = height(values)
+    roots = _roots(at, (grid[flips], grid[flips + 1]), (ends[flips], ends[flips + 1]))
+    return [*map(float, grid[signs == 0.0]), *roots.tolist()]
+
+
+def _roots(function: Callable[[Array], Array], ends: tuple[Array, Array], values: tuple[Array, Array]) -> Array:
+    """Return zeros of a function in brackets at whose ends its signs differ: Chandrupatla's method, all at once."""
+    (x, y), (f, g) = (np.array(ends), np.array(values))
+    z, h = y.copy(), g.copy()
+    step, found, active = np.full(len(x), 0.5), x.copy(), np.arange(len(x))
+    while len(active):
+        new = x + step * (y - x)
+        at = function(new)
+        same = np.sign(at) == np.sign(f)
+        z, h = np.where(same, x, y), np.where(same, f, g)
+        y, g = np.where(same, y, x), np.where(same, g, f)
+        x, f = new, at
+        found[active] = best = np.where(np.abs(f) < np.abs(g), x, y)
+        width, least = np.abs(y - x), DIGIT * np.abs(best) + TINY
+        left = (width > least) & (f != 0.0)
+        active, x, y, z, f, g, h, width, least = (a[left] for a in (active, x, y, z, f, g, h, width, least))
+        with np.errstate(all="ignore"):  # without a third value of its own a bracket is halved
+            place, height = (x - y) / (z - y), (f - g) / (h - g)
+            inverse = f / (f - g) * h / (h - g) - (z - x) / (y - x) * f / (h - f) * g / (g - h)
+            smooth = (height**2 < place) & ((1.0 - height) ** 2 < 1.0 - place)
+        step = np.clip(np.where(smooth, inverse, 0.5), 0.5 * least / width, 1.0 - 0.5 * least / width)
+    return found
 
 
 def _opened(S: Lti) -> Lti | None:
@@ -784,4 +817,5 @@ def _phase_limits(
 def _at_rest(response: Response, omega: float, doubt: float) -> bool:
     """Return whether a crossing of gain one is that at rest, which rounding has moved: the gain is one all the way."""
     way = omega * np.linspace(0.0, 1.0, _WAY)
-    return bool((np.abs(np.abs(response(way)) - 1.0) <= doubt).all())
+    middle = way[_WAY // 2 : _WAY // 2 + 1]  # first: at a crossing elsewhere it is enough
+    return all(bool((np.abs(np.abs(response(part)) - 1.0) <= doubt).all()) for part in (middle, way))

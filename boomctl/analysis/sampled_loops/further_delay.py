@@ -174,9 +174,12 @@ class _Functions:
         z, m = np.exp(1j * omega)[:, None], self.orders
         x = z - self.poles
         near = 1.0 / np.maximum(np.abs(x) - half[:, None], 1.0 - np.abs(self.poles))
-        steep = m * near ** (m + 1.0)
-        value = x**-m
-        return value, -1j * m * z * value / x, np.array([near**m, steep, steep * (1.0 + (m + 1.0) * near)])
+        value, bound = 1.0 / x, near.copy()
+        slope = -1j * z * value
+        others = m != 1.0  # a pole of its own needs no powers
+        value[:, others], bound[:, others] = x[:, others] ** -m[others], near[:, others] ** m[others]
+        steep = m * bound * near
+        return value, m * slope * value, np.array([bound, steep, steep * (1.0 + (m + 1.0) * near)])
 
 
 def _terms(N: Array, row: Array, acts: Array, place: complex) -> list[Array]:
