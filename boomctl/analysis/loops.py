@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from boomctl.arrays import Array
-from boomctl.checks import frequencies, known, names
+from boomctl.checks import frequencies, known, names, warn_user
 from boomctl.lti.bilinear import continuous_image
+from boomctl.lti.modal import sides
 from boomctl.lti.sampled import sampled_plant, time_of_loop
 from boomctl.lti.system import Lti, check_scales, controller_of, is_frequency_response, lower_lft, of
 from boomctl.printing import compact, listed
@@ -22,6 +23,13 @@ if TYPE_CHECKING:
     import control
 
     from boomctl.lti.system import Controller
+
+SIGN_ADVICE = "The controller acts as u = +K y: pass -K, which stabilizes the loop."
+_MAX_CHECKED_STATES = 200  # States of a loop up to which its poles are computed for a warning: some 20 ms.
+
+
+class FeedbackSignWarning(UserWarning):
+    """The loop ``u = K y`` is unstable, and stable with ``-K``."""
 
 
 @dataclass(frozen=True)
@@ -136,6 +144,21 @@ def joined(
     return Loop(disturbances, K.outputs, K.inputs, P.outputs, lower_lft(open_loop, K))
 
 
+def sign_advice(plant: Lti, controller: Lti, delay: float) -> str:
+    """Return the advice to pass ``-K``, for a loop that is unstable with ``K``; empty if ``-K`` does not stabilize it."""
+    try:
+        loop = joined(plant, replace(controller, C=-controller.C, D=-controller.D), delay).system
+    except ValueError:  # The loop with `-K` is not well-posed.
+        return ""
+    return SIGN_ADVICE if (sides(loop.poles, loop.dt) < 0).all() else ""
+
+
+def warn_of_sign(advice: str) -> None:
+    """Issue the advice on the sign of a controller, if any, as a warning."""
+    if advice:
+        warn_user(f"The loop is unstable. {advice}", FeedbackSignWarning)
+
+
 def unsampled(P: Lti, K: Lti) -> Loop | None:
     """Return the continuous loop of which a sampled one is left: with the controller whose Tustin discretisation ``K`` is.
 
@@ -228,6 +251,11 @@ def feedback_loop(
         Other kinds of system; sampling times that differ or are not said; a delay that the loop cannot have; names that
         do not meet; nothing left to drive the loop; a loop that is not well-posed.
 
+    Warns
+    -----
+    FeedbackSignWarning
+        If the loop is unstable with ``K`` and stable with ``-K``; of a loop of more than 200 states it is not checked.
+
     Examples
     --------
     >>> import boomctl as bc
@@ -238,7 +266,12 @@ def feedback_loop(
     >>> loop.input_labels, loop.dt, bool(abs(loop.poles()).max() < 1.0)
     (['force_injected'], 0.05, True)
     """
-    return joined(plant, controller, delay).closed(injection_points).statespace("closed loop")
+    P = of(plant, "plant", sampled=True)
+    K = controller_of(controller, sampled=True, scales=P.scales)
+    closed = joined(P, K, delay).closed(injection_points)
+    if len(closed.A) <= _MAX_CHECKED_STATES and (sides(closed.poles, closed.dt) > 0).any():
+        warn_of_sign(sign_advice(P, K, delay))
+    return closed.statespace("closed loop")
 
 
 @one_blas_thread

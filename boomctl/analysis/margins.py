@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy import linalg
 
-from boomctl.analysis.loops import joined, signals_of, unsampled
+from boomctl.analysis.loops import joined, sign_advice, signals_of, unsampled
 from boomctl.analysis.marginal_poles import MarginalPoles, marginal_poles
 from boomctl.analysis.norm import axis_eigenvalues, matrices_norm
 from boomctl.analysis.prove import Claim
@@ -401,7 +401,8 @@ def margins(
     if len(bad):
         worst = bad[int(np.argmax(bad.real if dt == 0.0 else np.abs(bad)))]
         at = f"{worst:.4g} rad/s" if dt == 0.0 else f"z = {worst:.4g}, of size {abs(worst):.7g}"
-        raise ValueError(f"the loop is not stable (pole at {at}): it has no margins")
+        advice = sign_advice(P, K, delay)
+        raise ValueError(f"The loop is not stable (pole at {at}): it has no margins. {advice}".rstrip())
     S = loop.sensitivity
     refined, image = Refined(S, *S.eigensystem), continuous_image(S)
     quick, grid = triangular(image), grid_of_loop(image)

@@ -23,9 +23,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from boomctl.analysis.loops import SIGN_ADVICE, warn_of_sign
 from boomctl.arrays import Array
 from boomctl.checks import exactly, finite_array, instance, nonnegative, positive, sequence, truth
 from boomctl.lti.machine_modes import MachineModes
+from boomctl.lti.modal import sides
 from boomctl.progress import computing
 from boomctl.simulation.blocks import LONGEST_QUEUE, in_blocks, run_fast, run_if_no_stop_is_met
 from boomctl.simulation.contact.contacts import StrokeLimit, contacts_of, stop_places
@@ -147,6 +149,11 @@ def simulate_loop(
     ------
     TypeError, ValueError
         Wrong shapes, unknown signals, gaps, times not even, a sampling rate too low for the controller's poles.
+
+    Warns
+    -----
+    FeedbackSignWarning
+        If the loop is unstable with ``K`` and stable with ``-K``.
 
     Examples
     --------
@@ -314,8 +321,13 @@ def _result(p: LoopProblem, log: ControlLog, moving: Array, contacts: ContactLog
     """Return signals by name; ``moving`` is what the outputs read of the states at the given times."""
     plant, grid, controls = p.plant, p.grid, p.at_points(log)
     outputs = moving + plant.D @ p.W[:, :: grid.per_point] + plant.D[:, p.controller.driven] @ controls[0]
+    sampled = _from_sample_to_sample(p)
+    advice = _sign_advice(p, sampled)
     if not np.isfinite(outputs).all():
-        raise ValueError("the loop diverges: its outputs grow beyond all numbers before the last of timepts")
+        raise ValueError(
+            f"the loop diverges: its outputs grow beyond all numbers before the last of timepts. {advice}".rstrip()
+        )
+    warn_of_sign(advice)
     friction = None
     if contacts is not None and p.contacts is not None and p.contacts.law is not None:
         mean = contacts.friction.reshape(-1, grid.per_point).mean(axis=1)
@@ -333,7 +345,7 @@ def _result(p: LoopProblem, log: ControlLog, moving: Array, contacts: ContactLog
         stops=merged_hits(names, grid.h, float(grid.time[0]), touched),
         friction=friction,
         path=path,
-        _sampled=_from_sample_to_sample(p),
+        _sampled=sampled,
     )
 
 
@@ -367,6 +379,16 @@ def _from_sample_to_sample(p: LoopProblem) -> Array | None:
         return None
     loop = p.linear if p.grid.per_sample == 1 else linear_loop(p, p.plant.step(dt, late[1]), late)
     return loop.Phi
+
+
+def _sign_advice(p: LoopProblem, sampled: Array | None) -> str:
+    """Return the advice to pass ``-K`` if the loop is unstable with ``K`` and stable with ``-K``, otherwise nothing."""
+    dt, K = p.grid.per_sample * p.grid.h, p.controller
+    if sampled is None or not (sides(np.linalg.eigvals(sampled), dt) > 0).any():
+        return ""
+    negative = _from_sample_to_sample(replace(p, controller=replace(K, C=-K.C, D=-K.D)))
+    assert negative is not None
+    return SIGN_ADVICE if (sides(np.linalg.eigvals(negative), dt) < 0).all() else ""
 
 
 def _machine_result(p: MachineLoop, rtol: float, atol: float) -> LoopResult:

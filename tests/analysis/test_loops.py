@@ -1,12 +1,16 @@
 """Closed loops by name: against algebra at each frequency, and against python-control."""
 
+import warnings
+
 import control
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import boomctl as bc
 from boomctl.analysis import closed_loop_response, feedback_loop
+from boomctl.analysis.loops import FeedbackSignWarning
 from tests.analysis.loop_cases import SIGNALS, chain, velocity_feedback
 from tests.profiles import examples
 
@@ -60,3 +64,45 @@ def test_bad_loops_are_refused_by_name():
     with pytest.raises(ValueError, match="omega"):
         closed_loop_response(model.frequency_response, velocity_feedback(0.1))
     assert SIGNALS["inputs"] == ["y0", "y1"]
+
+
+@pytest.mark.parametrize("sample_time", [None, 0.01])
+def test_negated_controller_is_reported_with_advice(sample_time):
+    mass = control.ss(
+        [[0.0, 1.0], [0.0, 0.0]], [[0.0, 0.0], [1.0, 1.0]], [[1.0, 0.0]], 0.0, inputs=["force", "load"], outputs="place"
+    )
+    lead = control.ss([[-20.0]], [[1.0]], [[360.0]], -20.0, inputs="place", outputs="force")
+    good = lead if sample_time is None else bc.discretize(lead, sample_time)
+    bad = control.ss(good.A, good.B, -good.C, -good.D, good.dt, inputs="place", outputs="force")
+    advice = r"u = \+K y: pass -K"
+    with pytest.raises(ValueError, match=advice):
+        bc.margins(mass, bad)
+    with pytest.warns(FeedbackSignWarning, match=advice):
+        bc.feedback_loop(mass, bad)
+    time = 0.01 * np.arange(50)
+    with pytest.warns(FeedbackSignWarning, match=advice):
+        bc.simulate_loop(mass, bad, {"load": np.ones(50)}, time, sample_time=0.01)
+    assert "u = +K y: pass -K" in repr(bc.nyquist(mass, bad))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", FeedbackSignWarning)
+        loop = bc.feedback_loop(mass, good)
+        bc.simulate_loop(mass, good, {"load": np.ones(50)}, time, sample_time=0.01)
+    assert (loop.poles().real < 0.0).all() if loop.isctime() else (np.abs(loop.poles()) < 1.0).all()
+    assert "pass -K" not in repr(bc.nyquist(mass, good))
+
+
+def test_unstable_loop_with_either_sign_has_no_sign_advice():
+    plant = control.ss(np.diag([1.0, 2.0]), np.ones((2, 1)), np.ones((1, 2)), 0.0, inputs="u", outputs="y")
+    K = control.ss([], [], [], 0.1, inputs="y", outputs="u")
+    with pytest.raises(ValueError, match=r"it has no margins\.$"):
+        bc.margins(plant, K)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", FeedbackSignWarning)
+        bc.feedback_loop(plant, K, "u")
+
+
+def test_worst_case_of_negated_controller_has_advice():
+    signals = {"inputs": "stroke_anti", "outputs": "suspension_anti"}
+    damper = control.ss([[-30.0]], [[30.0]], [[-3000.0]], [[3000.0]], **signals)
+    worst = bc.worst_case(bc.boom.yaw_family(half="yaw"), damper, "actuator_anti", "tip_anti")
+    assert "u = +K y: pass -K" in repr(worst)

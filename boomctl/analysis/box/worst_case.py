@@ -14,11 +14,12 @@ from boomctl.analysis.box.prove import WORTH, BoxProof, Statement, prove_box
 from boomctl.analysis.box.sampled_level import SampledLoops
 from boomctl.analysis.box.zero_exclusion import value_at
 from boomctl.analysis.h2 import matrices_h2_norm
+from boomctl.analysis.loops import sign_advice
 from boomctl.analysis.norm import NAMES, NormCertificate, matrices_norm
 from boomctl.arrays import Array
 from boomctl.checks import from_on, known, positive, whole
 from boomctl.lti.controllers.scheduled import ScheduledController
-from boomctl.lti.system import Lti
+from boomctl.lti.system import Lti, of
 from boomctl.printing import sentence
 from boomctl.progress import Listener, computing, tell
 from boomctl.structure.families import Family
@@ -228,8 +229,16 @@ def worst_case(
             reason = reason or hindrance(parts, at, delta)
             if not reason:
                 delta, bound, proof, reason = _bounded(parts, at, delta, wanted, limit)
+    if nominal.lower == inf:
+        reason = _advised(reason, family, K, late)
     cells = proof.dear + proof.cheap
     return WorstCase(at(delta), family.values(delta), nominal, tried, bound, cells, reason, proof.path)
+
+
+def _advised(reason: str, family: Family, K: Lti | None, late: float) -> str:
+    """Return the reason, followed by the advice to pass ``-K`` if that stabilizes the nominal loop."""
+    advice = "" if K is None else sign_advice(of(family.at(np.zeros(family.size)), sampled=True), K, late)
+    return f"{reason}; {advice}" if advice else reason
 
 
 def driven_parts(

@@ -12,13 +12,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from boomctl.analysis.looking.given import looked_at, matrices
-from boomctl.analysis.loops import joined
+from boomctl.analysis.loops import joined, sign_advice
 from boomctl.analysis.margins import DiskMargin, grid_of_loop, single_disk
 from boomctl.analysis.nyquist import followed
 from boomctl.arrays import Array
@@ -72,6 +73,7 @@ class NyquistResult:
     open_loop_poles: int
     closed_loop_poles: int
     disk: DiskMargin | None
+    _advice: str = field(default="", repr=False, compare=False)
 
     def __repr__(self) -> str:
         turns = (
@@ -79,7 +81,8 @@ class NyquistResult:
         )
         verdict = "stable" if self.stable else f"{count(self.closed_loop_poles, 'unstable pole')} of the closed loop"
         disk = "" if self.disk is None else f"; disk margin {self.disk.alpha:.4g}"
-        return f"NyquistResult: opened at {listed(self.signals, 60)}\n  {turns}: {verdict}{disk}"
+        advice = f"\n  {self._advice}" if self._advice else ""
+        return f"NyquistResult: opened at {listed(self.signals, 60)}\n  {turns}: {verdict}{disk}{advice}"
 
     @property
     def stable(self) -> bool:
@@ -161,14 +164,16 @@ def nyquist(
     (True, 60.0)
     """
     no_signals("controller", controller, "a controller")
+    negative = str
     if controller is None:
         if delay:
             raise ValueError(f"delay = {delay!r}: expected 0 without a controller")
         opened, S, signals = _of_gain(matrices(system, inputs, outputs))
     else:
-        opened, S, signals = _of_loop(
-            of(looked_at(system, "plant"), "plant", sampled=True).select(inputs, outputs), controller, delay
-        )
+        P = of(looked_at(system, "plant"), "plant", sampled=True).select(inputs, outputs)
+        K = controller_of(controller, sampled=True, scales=P.scales)
+        opened, S, signals = _of_loop(P, K, delay)
+        negative = partial(sign_advice, P, K, delay)
     images = image, _ = continuous_image(S), continuous_image(opened)
     grid = np.union1d(*(grid_of_loop(each) for each in images))
     quick = triangular(image)
@@ -191,6 +196,7 @@ def nyquist(
         open_loop_poles=unstable,
         closed_loop_poles=closed,
         disk=disk,
+        _advice=negative() if closed else "",
     )
 
 
@@ -202,9 +208,8 @@ def _of_gain(L: Lti) -> tuple[Lti, Lti, tuple[str, ...]]:
     return L, replace(L, A=L.A - L.B @ R @ L.C, B=L.B @ R, C=-R @ L.C, D=R).balanced(), L.outputs
 
 
-def _of_loop(P: Lti, controller: Any, delay: float) -> tuple[Lti, Lti, tuple[str, ...]]:
+def _of_loop(P: Lti, K: Lti, delay: float) -> tuple[Lti, Lti, tuple[str, ...]]:
     """Return the open loop, the sensitivity at the controls, and these, of ``u = K y``."""
-    K = controller_of(controller, sampled=True)
     loop = joined(P, K, delay)
     still = joined(
         P, replace(K, C=0.0 * K.C, D=0.0 * K.D), delay
