@@ -229,8 +229,7 @@ def worst_case(
             reason = reason or hindrance(parts, at, delta)
             if not reason:
                 delta, bound, proof, reason = _bounded(parts, at, delta, wanted, limit)
-    if nominal.lower == inf:
-        reason = _advised(reason, family, K, late)
+    reason = reason if nominal.lower < inf else _advised(reason, family, K, late)
     cells = proof.dear + proof.cheap
     return WorstCase(at(delta), family.values(delta), nominal, tried, bound, cells, reason, proof.path)
 
