@@ -39,7 +39,8 @@ def h2_norm(system: "SecondOrderModel | control.StateSpace | control.TransferFun
     Parameters
     ----------
     system : SecondOrderModel, control.StateSpace or control.TransferFunction
-        The system.
+        The system, from all its inputs to all its outputs; a boom model without selected signals from its platform
+        actuators to its tips, as in :func:`boomctl.sigma`.
 
     Returns
     -------
@@ -61,7 +62,8 @@ def h2_norm(system: "SecondOrderModel | control.StateSpace | control.TransferFun
     1.0
     """
     if isinstance(system, SecondOrderModel):
-        return matrices_h2_norm(system.modal_form)
+        chosen = system.between()
+        return replace(matrices_h2_norm(chosen.modal_form), _given=chosen)
     given = of(system, sampled=True)
     return replace(matrices_h2_norm(given), _given=given)
 

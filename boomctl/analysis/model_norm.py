@@ -86,8 +86,9 @@ def hinf_norm(system: "LinearSystem") -> NormCertificate:
     Parameters
     ----------
     system : SecondOrderModel, control.StateSpace, control.TransferFunction or control.FrequencyResponseData
-        The system, from all its inputs to all its outputs.  Of frequency response data the largest value on their grid is
-        returned, which certifies nothing.
+        The system, from all its inputs to all its outputs; a boom model without selected signals from its platform
+        actuators to its tips, as in :func:`sigma`.  Of frequency response data the largest value on their grid is returned,
+        which certifies nothing.
 
     Returns
     -------
@@ -111,6 +112,7 @@ def hinf_norm(system: "LinearSystem") -> NormCertificate:
     if is_frequency_response(system):
         return norm_of_data(np.asarray(system.omega, dtype=float), np.asarray(system.frdata))
     if isinstance(system, SecondOrderModel):
+        system = system.between()
         # where a pole does not decay exact arithmetic tells, whose time grows with the fourth power of the states
         small = system.mirror is not None and system.n <= _WHOLE
         if small and (system.modal_form.eigensystem[0].real < 0.0).all():

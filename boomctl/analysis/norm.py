@@ -42,6 +42,7 @@ from boomctl.lti.modal import ModalSystem, continuous_image_of_modes, partial_fr
 from boomctl.lti.rounding import CERTIFIED, DIGIT, EPS, LEVEL, SUMMED, TINY
 from boomctl.lti.system import Lti, System, beside, of
 from boomctl.lti.verified_modal_form import verified_modal_form
+from boomctl.printing import between
 
 if TYPE_CHECKING:
     from boomctl.structure.model import SecondOrderModel
@@ -140,7 +141,8 @@ class NormCertificate:
         at_least = f"at least {self.lower:.6g}, " if self.lower < self.value else ""
         at_most = f"at most {self.upper:.6g}" if isfinite(self.upper) else "no upper bound"
         doubt = "certified" if self.certified else f"not certified, {at_least}{at_most}"
-        return f"NormCertificate: {NAMES[self.kind]} norm {self.value:.6g}{at}, {doubt}\n  {self.method}"
+        signals = "" if self._given is None else f"\n  {between(self._given.inputs, self._given.outputs)}"
+        return f"NormCertificate: {NAMES[self.kind]} norm {self.value:.6g}{at}, {doubt}{signals}\n  {self.method}"
 
     @property
     def value(self) -> float:

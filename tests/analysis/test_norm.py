@@ -94,9 +94,23 @@ def test_a_norm_larger_than_any_float_is_not_certified():
     assert not hinf_norm(control.ss(lags, np.ones((6, 1)), np.ones((1, 6)), 0.0)).certified
 
 
+def test_norms_of_boom_have_default_signals_of_sigma():
+    boom = spray_boom(elements=4)
+    tips = boom.select(["actuator_left", "actuator_right"], ["tip_left", "tip_right"]).to_statespace()
+    assert hinf_norm(boom).value == pytest.approx(bc.sigma(boom).peak, rel=1e-9)
+    assert hinf_norm(boom).value == pytest.approx(control.linfnorm(tips)[0], rel=1e-6)
+    assert bc.h2_norm(boom).value == pytest.approx(control.norm(tips, 2), rel=1e-6)
+    ends = "actuator_left, actuator_right -> tip_left, tip_right"
+    assert all(ends in repr(found) for found in (hinf_norm(boom), bc.h2_norm(boom), bc.sigma(boom), bc.step(boom)))
+    whole = boom.to_statespace()
+    assert hinf_norm(whole).value > 1.001 * hinf_norm(boom).value
+    assert "actuator_left, ... (5) -> tip_left, tip_right, ... (5)" in repr(hinf_norm(whole))
+
+
 @pytest.mark.parametrize("order", [14, 20])
 def test_that_of_a_stiff_structure_is_told_though_eigenvectors_lose_digits(order):
-    norm = hinf_norm(spray_boom(BoomParameters(), "high-order", 4, order=order))
+    model = spray_boom(BoomParameters(), "high-order", 4, order=order)
+    norm = hinf_norm(model.select(model.inputs, model.outputs))
     assert norm.certified
     assert norm.lower == pytest.approx(2469.1458521, rel=1e-6)
 
@@ -318,7 +332,7 @@ def test_the_norm_of_a_mesh_by_a_core_is_that_of_all_its_coordinates(stiffness, 
 @pytest.mark.parametrize("elements", [4, 12])
 def test_a_model_is_taken_as_its_state_space_is(elements):
     model = bc.spray_boom(elements=elements)
-    found, through = hinf_norm(model), hinf_norm(model.to_statespace())
+    found, through = hinf_norm(model), hinf_norm(model.between().to_statespace())
     assert found.certified
     assert found.lower <= through.upper
     assert through.lower <= found.upper
