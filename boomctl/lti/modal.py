@@ -108,10 +108,11 @@ class ModalSystem:
 
     @property
     def blocks(self) -> Lti:
-        """The same system in real coordinates, a block of two a pair."""
-        J = self.mixing
-        A = (J * self.poles) @ J.conj().T
-        return Lti(np.real(A), np.real(J @ self.B), np.real(self.C @ J.conj().T), self.D)
+        """The same system in real coordinates, a block of two a pair; ``A`` without rounding."""
+        J, first = self.mixing, np.flatnonzero(self.poles.imag > 0.0)
+        A = np.diag(self.poles.real)
+        A[first, first + 1], A[first + 1, first] = -self.poles.imag[first], self.poles.imag[first]
+        return Lti(A, np.real(J @ self.B), np.real(self.C @ J.conj().T), self.D)
 
     def response(self, omega: Array) -> Array:
         """Return the frequency response, shape (outputs, inputs, frequencies)."""
