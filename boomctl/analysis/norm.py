@@ -58,6 +58,9 @@ _DOUBT = 0.28 * CERTIFIED
 # how far above the peak, relative, a level is tried where rounding hides the first: the rest is for rounding of the peak
 _HIGHER = 0.8 * CERTIFIED
 _TWICE = 2.0  # times what rounding may change of a response: once of the system's own, once of the sum over its modes
+# ratio of the distance of a level from the peak to rounding of the Hamiltonian matrix, above which its eigenvalues show
+# whether the level is reached: four of them meet where two systems that cancel have nearly equal poles
+_RESOLVED = 1e2
 _TINY = 1e-150  # norms below which squares of responses are not numbers of full precision
 
 NAMES = {"hinf": "H-infinity", "h2": "H2"}  # what the kinds of norm are called
@@ -219,13 +222,25 @@ def matrices_norm(
     return found if sharp or response is None or found.certified else replace(found, method=LOST)
 
 
-def proved_norm(given: System, lower: float, omega: float) -> NormCertificate:
-    """Return the norm of a system as its numbers are stored, from a guess of the peak; no upper bound if undecided."""
+def proved_norm(
+    given: System,
+    lower: float,
+    omega: float,
+    minus: Lti | None = None,
+    band: tuple[float, float] | None = None,
+) -> NormCertificate:
+    """Compute the norm of a system in exact arithmetic, from a guess of the peak; no upper bound if undecided.
+
+    With ``minus`` it is the norm of the difference of two systems; with ``band`` [rad/s] the largest singular value there.
+    """
     from boomctl.lti.proof import PATIENCE, Exact, Undecided
 
     try:
-        exact = Exact.of(given, PATIENCE)
-        peak, level, square = exact.norm(exact.square(omega))
+        exact = Exact.of(given, PATIENCE, minus)
+        if exact.sides[0]:
+            raise Undecided
+        limits = (0.0, inf) if band is None else (exact.square(band[0]), exact.square(band[1]))
+        peak, level, square = exact.norm(exact.square(omega), limits)
     except Undecided:
         return NormCertificate(lower, inf, omega, NOT_PROVED)
     return NormCertificate(peak, level, exact.omega(square), PROVED)
@@ -255,7 +270,7 @@ def level_norm(
             break
         if value > level:
             peak, at, above = value, omega, LEVEL
-        elif not len(crossings) and level_shows(system, level, at, H):
+        elif not len(crossings) and level_shows(system, level, peak, at, H):
             return NormCertificate(peak, level, at, NO_CROSSING)
         elif above == LEVEL:
             above = _HIGHER
@@ -312,11 +327,13 @@ def stays_below(system: Lti, level: float, at: float, response: Response | None 
     None lies on the imaginary axis, and the response stays below where some lie near it, and between these.  Rounding does
     not hide the level where the response is high, at ``at``.
     """
+    respond = partial(system.response, quiet=True) if response is None else response
+    peak = float(singular_values(respond(np.array([at])))[0, 0]) if isfinite(at) else 0.0
     H = hamiltonian_matrix(system, level)
     crossings, near = near_axis(H[0])
-    if len(crossings) or not level_shows(system, level, at, H):
+    if len(crossings) or peak > level or not level_shows(system, level, peak, at, H):
         return False
-    return _highest_at(partial(system.response, quiet=True) if response is None else response, near.imag)[0] <= level
+    return _highest_at(respond, near.imag)[0] <= level
 
 
 def _highest_at(respond: Response, omega: Array) -> tuple[float, float]:
@@ -482,12 +499,13 @@ def hamiltonian_matrix(system: Lti, level: float) -> tuple[Array, Array]:
     return H, scale * np.repeat([1.0 / up, up], n)
 
 
-def level_shows(system: Lti, level: float, omega: float, hamiltonian: tuple[Array, Array] | None = None) -> bool:
+def level_shows(system: Lti, level: float, peak: float, omega: float, hamiltonian: tuple[Array, Array]) -> bool:
     """Return whether the eigenvalues of the Hamiltonian matrix would show that a level just below this one is reached.
 
     With ``v`` the input of the largest gain ``g`` at the peak, ``x = (j w - A)^-1 B v``, ``p = -(j w + A^T)^-1 C^T y`` make
-    ``(j w - H)[x; p]`` zero but for ``(1 - g^2/level^2) B v``.  Where that is less than rounding of the matrix times its
-    size, as where modes cancel, eigenvalues say nothing.
+    ``(j w - H)[x; p]`` zero but for ``(1 - g^2/level^2) B v``.  Where that is not well above rounding of the matrix times
+    its size, as where modes cancel, eigenvalues show nothing.  The gain ``peak`` is that of an accurate response: of modes
+    that cancel, ``A, B, C`` give another one.
     """
     if not isfinite(omega):
         return True
@@ -499,9 +517,9 @@ def level_shows(system: Lti, level: float, omega: float, hamiltonian: tuple[Arra
     x = states @ v
     y = system.C @ x + system.D @ v
     p = adjoint.conj() @ y / level
-    H, scale = hamiltonian_matrix(system, level) if hamiltonian is None else hamiltonian
-    gap = (1.0 - (blas.dznrm2(y) / level) ** 2) * blas.dznrm2((system.B @ v) / scale[:n])
-    return bool(gap > DIGIT * blas.dnrm2(H.ravel()) * blas.dznrm2(np.concatenate([x, p]) / scale))
+    H, scale = hamiltonian
+    gap = (1.0 - (peak / level) ** 2) * blas.dznrm2((system.B @ v) / scale[:n])
+    return bool(gap > _RESOLVED * DIGIT * blas.dnrm2(H.ravel()) * blas.dznrm2(np.concatenate([x, p]) / scale))
 
 
 def axis_eigenvalues(system: Lti, level: float) -> Array:

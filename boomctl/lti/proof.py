@@ -233,27 +233,34 @@ class Exact:
                 return found
         raise Undecided
 
-    def norm(self, square: float) -> tuple[float, float, float]:
-        """Return two bounds of the H-infinity norm of a stable system and ``omega^2`` of the peak, from a guess of it."""
+    def norm(self, square: float, band: tuple[float, float] = (0.0, inf)) -> tuple[float, float, float]:
+        """Return two bounds of the H-infinity norm of a stable system and ``omega^2`` of the peak, from a guess of it.
+
+        With ``band``, two values of ``omega^2``, the largest singular value between these.
+        """
         a, N = self.response
-        n = a.degree()
-        through = np.array([[float(entry[n] / a[n]) for entry in row] for row in N])
-        asked = [0.0, *([square] if square < inf else [])]
+        n, (low, high) = a.degree(), band
+        through = (
+            np.array([[float(entry[n] / a[n]) for entry in row] for row in N]) if high == inf else np.zeros((1, 1))
+        )
+        asked = {low, *(x for x in (square, high) if low <= x <= high and x < inf)}
         peak, at = max(
             (float(np.linalg.norm(through, 2)) * (1.0 - LEVEL), inf), *((below(self.gain(x)), x) for x in asked)
         )
+        inside = 0.5 * (low + high) if high < inf else low + 1.0
         for _ in range(RAISED):
             level = max(peak * (1.0 + LEVEL), TINY)
             if not level < inf:  # larger than any float
                 raise Undecided
-            places, stays = self.crossings(level)
-            if stays and not places:
+            places, stays = self.crossings(level, inside)
+            reached = [x for x in map(float, places) if low < x < high]
+            if stays and not reached:
                 return peak, level, at
-            # the level is reached: at these places, or everywhere
-            seen = [float(x) for x in places] or [1.0]
-            between = [(x * y) ** 0.5 for x, y in pairwise(seen)]
-            best = max((below(self.gain(x)), x) for x in (seen[0] / 2.0, *between, seen[-1] * 2.0))
-            peak, at = max(best, (level, seen[0]))
+            # the level is reached: at these frequencies, or everywhere
+            reached = reached or [inside]
+            ends = max(low, 0.25 * reached[0]), min(high, 4.0 * reached[-1])
+            between = [(x * y) ** 0.5 for x, y in pairwise([ends[0], *reached, ends[1]])]
+            peak, at = max(*((below(self.gain(x)), x) for x in between), (level, reached[0]))
         raise Undecided
 
     def energy(self) -> arb:

@@ -1,6 +1,6 @@
 """Small systems that stand for large ones: a core in state space, and a bound of what it leaves out."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -47,6 +47,8 @@ class SystemCore:
         Whether nothing was left out.
     way : str
         How it was found.
+    given : Lti or None
+        The state space itself, for proofs in exact arithmetic; None where the core leaves out or separates states.
     """
 
     stable: Lti
@@ -55,12 +57,14 @@ class SystemCore:
     tail: float
     complete: bool
     way: str
+    given: Lti | None = None
 
 
 def core_of(system: Lti | SecondOrderModel, modes: int) -> SystemCore:
     """Return a core of about ``modes`` modes, more where fewer would not do."""
     if not isinstance(system, SecondOrderModel):
-        return _statespace_core(system, 2 * modes, WHOLE)
+        core = _statespace_core(system, 2 * modes, WHOLE)
+        return core if len(core.kept.A) or not core.complete else replace(core, given=system)
     found = structure_core(system, modes) if system.n >= CORE_FROM else None
     if found is not None:
         return found

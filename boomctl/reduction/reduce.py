@@ -11,6 +11,7 @@ from boomctl.analysis.norm import (
     NO_RESPONSE,
     NormCertificate,
     matrices_norm,
+    proved_norm,
     stays_below_on_circle,
 )
 from boomctl.arrays import Array
@@ -172,11 +173,11 @@ def _by_cores(
             smaller, found = None, None
         if found is None or (isinstance(given, Lti) and _states(smaller) >= size):  # type: ignore[arg-type]
             # no system differs less from one than itself
-            smaller, found = _as_given(given, method), Verified(0.0, 0.0, NO_ERROR)
+            smaller, found = _as_given(given, method), Verified(0.0, 0.0, NO_ERROR, 0.0)
             path.append(AS_GIVEN)
             break
         if core.complete or last or core.tail <= max(_TAIL_SHARE * found.measured, floor):
-            truncated = core.tail
+            truncated = found.truncation
             break
     if isinstance(smaller, Lti):
         scales = getattr(given, "scales", {})  # a structure is in the units of the machine
@@ -275,17 +276,15 @@ def _on_circle(full: Lti, found: ReductionResult, band: Band | None) -> Reductio
     largest = matrices_norm(apart[0].balanced()).lower
     floor = _ROUNDING * largest
     everywhere = matrices_norm(gap)
+    level = max(found.measured_error, everywhere.lower) * (1.0 + SLACK) + floor
+    if everywhere.upper == inf and len(gap.A) and stays_below_on_circle(gap, level):
+        everywhere = replace(everywhere, upper=level, method=NO_CIRCLE_CROSSING)
     norm = everywhere if band is None else _in_band(gap, band, floor)
-    level = found.measured_error * (1.0 + SLACK) + floor
-    if norm.lower > level:
+    if norm.lower > found.error_bound * (1.0 + SLACK) + floor:
         raise ReductionError(
-            f"the error on the unit circle, {norm.lower:.4g} at {norm.omega:.4g} rad/s, is not that of the image, "
-            f"{found.measured_error:.4g}"
+            f"the error on the unit circle, {norm.lower:.4g} at {norm.omega:.4g} rad/s, exceeds its bound "
+            f"{found.error_bound:.4g}: rounding of the bilinear map is larger"
         )
-    beside = level if band is None else max(level, found.error_bound * (1.0 + SLACK) + floor)
-    if everywhere.upper == inf and len(gap.A) and beside < inf and stays_below_on_circle(gap, beside):
-        everywhere = replace(everywhere, upper=beside, method=NO_CIRCLE_CROSSING)
-        norm = everywhere if band is None else norm
     if norm.upper == inf:
         raise ReductionError(f"the error on the unit circle could not be verified ({norm.method})")
     return replace(
@@ -293,20 +292,27 @@ def _on_circle(full: Lti, found: ReductionResult, band: Band | None) -> Reductio
         _full=full,
         _reduced=small,
         error_bound=max(found.error_bound, everywhere.upper + own),  # which knows of rounding, and of that of the map
-        measured_error=max(found.measured_error, norm.upper + own),
+        measured_error=norm.upper + own,
         certificate=norm,
         omega_range=band,
     )
 
 
 def _in_band(gap: Lti, band: Band, floor: float) -> NormCertificate:
-    """Return the largest error of a discrete system in a band: its own response, below levels that its image proves."""
+    """Compute the largest error of a discrete system in a band: its own response, below levels that its image proves.
+
+    Where rounding hides these, in exact arithmetic.
+    """
 
     def respond(v: Array) -> Array:
         return gap.response(omega_of_image(v, gap.dt), quiet=True)
 
     found = band_norm(continuous_image(gap), respond, _band_of_image(gap, band), floor)
-    return replace(found, omega=float(omega_of_image(found.omega, gap.dt)))
+    found = replace(found, omega=float(omega_of_image(found.omega, gap.dt)))
+    if found.upper <= found.lower * (1.0 + CERTIFIED):
+        return found
+    exact = proved_norm(gap, found.lower, found.omega, band=band)
+    return exact if exact.upper < inf else found
 
 
 def _states(system: Lti | SecondOrderModel) -> int:

@@ -23,7 +23,7 @@ from boomctl.lti.verified_modal_form import verified_modal_form
 from boomctl.reduction.core import SystemCore
 from boomctl.reduction.result import ReductionError
 from boomctl.reduction.tail_bounds import Loads, loads_of, truncation_bound
-from boomctl.reduction.verify import Band, Verified, verified
+from boomctl.reduction.verify import GRAMIANS, Band, Verified, verified
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.ports import evaluate
 from boomctl.structure.response.modal_form import elastic
@@ -83,12 +83,16 @@ class StateReducer(ABC):
         """Return the stable part in so many states, or fewer, and a bound of the error."""
 
     def orders(self, error: float) -> Iterator[int]:
-        """Yield the orders, ascending, kept part included, that may have an error not above one wanted.
+        """Yield the orders, ascending, kept part included, that may have an error not above one wanted."""
+        yield from range(len(self.core.kept.A) + self.fewest(error), len(self.core.kept.A) + len(self.values) + 1)
 
-        No fewer states come nearer than the first Hankel singular value that goes.
+    def fewest(self, error: float) -> int:
+        """Return the number of Hankel singular values above an error: no system of fewer states has a smaller error.
+
+        Values below the square root of rounding are no numbers of any precision, and count as zero.
         """
-        first = int((self.values > error).sum()) if self.band is None else 0
-        yield from range(len(self.core.kept.A) + first, len(self.core.kept.A) + len(self.values) + 1)
+        least = max(error, GRAMIANS * float(self.values.max(initial=0.0)))
+        return int((self.values > least).sum()) if self.band is None else 0
 
     def reduced(self, order: int) -> tuple[Lti, Verified]:
         """Return the reduced system, kept part included, and how its stable part was verified.
@@ -267,8 +271,7 @@ class ModalTruncation(StateReducer):
     def orders(self, error: float) -> Iterator[int]:
         """Yield orders up to all modes: those whose Hankel singular values are rounding may yet have strong peaks."""
         kept = len(self.core.kept.A)
-        first = int((self.values > error).sum()) if self.band is None else 0
-        yield from range(kept + first, kept + len(self.modal.poles) + 1)
+        yield from range(kept + self.fewest(error), kept + len(self.modal.poles) + 1)
 
     def shortened(self, order: int) -> tuple[Lti, float]:
         """Return the strongest modes, and a bound of the error.

@@ -89,7 +89,7 @@ class ReductionResult:
         between their stable parts on the unit circle.
     truncation_bound : float
         Bound, in closed form, of what the core leaves out of the full system, and of what rounding changed in its
-        coordinates; part of both errors.
+        coordinates; part of both errors in continuous time.  Zero if the error was computed in exact arithmetic.
     hankel_values : (n,) ndarray
         Hankel singular values of the stable part, descending; weighted by `omega_range` if there is one.
     kept : int

@@ -10,6 +10,7 @@ from boomctl.analysis.norm import (
     NO_CROSSING,
     NO_RESPONSE,
     NOT_TOLD,
+    PROVED,
     STATIC_GAIN,
     UNSTABLE,
     NormCertificate,
@@ -49,16 +50,18 @@ _LARGE = 100  # states beyond which a Schur form, once made, answers faster than
 SLACK = 1e-3  # share by which an error may exceed its bound, or one found otherwise, for rounding on the way (a choice)
 # Of the largest response: an error below that may exceed its bound, since Hankel singular values are products of factors of
 # Gramians, which keep the square root of rounding.
-_GRAMIANS = float(np.sqrt(DIGIT))
+GRAMIANS = float(np.sqrt(DIGIT))
+_ROUNDING = 1e-2  # relative uncertainty of an error, by rounding or between its bounds, above which a proof is computed
 
 
 @dataclass(frozen=True)
 class Verified:
-    """The bound of a reduction and its verified error, what the core leaves out included in both."""
+    """The bound of a reduction and its verified error, both with ``truncation``, what the core leaves out."""
 
     bound: float
     measured: float
     certificate: NormCertificate
+    truncation: float
 
 
 def verified(core: SystemCore, reduced: Lti, bound: float, band: Band | None) -> Verified:
@@ -78,30 +81,43 @@ def verified(core: SystemCore, reduced: Lti, bound: float, band: Band | None) ->
     else:
         largest, first = _at_poles(core.stable, reduced, band)
     largest = max(largest_of(D), largest)
-    floor = ALIKE * largest
-    bound += own
+    floor, rounding = ALIKE * largest, own + core.tail
 
     def compare(error: float, omega: float) -> None:
-        if error > max(bound * (1.0 + SLACK) + floor, _GRAMIANS * largest):
+        if error > max((bound + own) * (1.0 + SLACK) + floor, GRAMIANS * largest):
             raise ReductionError(
                 f"the error, {error:.4g} at {omega:.4g} rad/s, exceeds its bound {bound:.4g}: the Gramians were not "
                 "solved accurately"
             )
 
     compare(first[0] - core.tail, first[1])
-    found = verified_norm(core.stable, modal, reduced, band, floor, own_form)
+
+    def error(within: Band | None) -> NormCertificate:
+        return verified_norm(core.stable, modal, reduced, within, floor, own_form, given=core.given, rounding=rounding)
+
+    found = error(band)
+    exact = core.given is not None and found.method == PROVED
     compare(found.lower, found.omega)
     if found.upper == inf:
         raise ReductionError(
             f"the error, at least {found.lower:.4g} at {found.omega:.4g} rad/s, could not be verified ({found.method})"
         )
-    if own + core.tail == inf:
+    if rounding == inf and not exact:
         raise ReductionError(
             "rounding of the system's matrices may change its response without bound: nothing is verified"
         )
-    # the bound does not know of rounding, nor by how little what is proved lies above the largest value found
-    measured = found.upper + own
-    return Verified(max(bound, measured) + core.tail, measured + core.tail, found)
+    if (
+        band is not None and len(core.stable.A) and D.size
+    ):  # the bound has the digits of the Gramians: it may be too low elsewhere
+        omega = np.unique(np.abs(core.stable.poles.imag))
+        full, small = core.stable if modal is None else modal, reduced if own_form is None else own_form
+        if singular_values(full.response(omega) - small.response(omega))[0].max(initial=0.0) > bound:
+            bound = error(None).upper
+    # a bound knows neither of rounding nor of the distance of the proved level from the largest value
+    if not exact:
+        return Verified(max(bound, found.upper) + rounding, found.upper + rounding, found, core.tail)
+    beyond = 0.0 if band is None else rounding  # outside of the band nothing was proved
+    return Verified(max(bound + beyond, found.upper), found.upper, found, 0.0)
 
 
 def _at_poles(system: Lti, reduced: Lti, band: Band | None) -> tuple[float, tuple[float, float]]:
@@ -130,14 +146,18 @@ def verified_norm(
     band: Band | None = None,
     floor: float = 0.0,
     small: ModalSystem | None = None,
+    *,
+    given: Lti | None = None,
+    rounding: float = 0.0,
 ) -> NormCertificate:
     """Return the norm of the difference of two stable systems, over all frequencies or over a band.
 
     ``modal`` and ``small`` are the two in modal coordinates, where these keep their digits.
 
     A level barely above the largest value found is tried first; where rounding hides it, or poles lie too far apart, a proof
-    of the numbers as they are; then higher levels.  Errors below ``floor`` are rounding.  The upper bound is a level proven
-    not to be reached; ``inf`` where none could be proven.
+    in exact arithmetic, of ``given`` in place of ``full`` where there is one; then higher levels.  The proof of ``given`` is
+    also computed where ``rounding`` of ``full`` and ``small`` is not small beside the error.  Errors below ``floor`` are
+    rounding.  The upper bound is a level proven not to be reached; ``inf`` where none could be proven.
     """
     gap = difference(full, reduced if small is None else small.blocks)
     whole = modal if modal is not None else triangular(full) if len(full.A) > _LARGE else full
@@ -146,23 +166,23 @@ def verified_norm(
         first = whole.response(omega)
         return first - (reduced.response(omega) if small is None else small.response(omega))
 
-    if band is not None:
-        return band_norm(gap, respond, band, floor)
     if (side_of_axis(gap.poles) >= 0).any():
         return NormCertificate(inf, inf, float("nan"), UNSTABLE)
     if not (len(gap.A) and gap.D.size):
         value = float(np.linalg.norm(gap.D, 2)) if gap.D.size else 0.0
         return NormCertificate(value, value, 0.0, STATIC_GAIN)
-    found = level_norm(gap, respond)
-    seen = bool(resolved(gap.poles).all())  # matrices do not show what is slower than rounding of the fastest pole
-    if found.lower == inf or (seen and found.upper < inf):
+    found = level_norm(gap, respond) if band is None else band_norm(gap, respond, band, floor)
+    # matrices do not show what is slower than rounding of the fastest pole
+    seen = band is not None or bool(resolved(gap.poles).all())
+    near = found.upper <= found.lower * (1.0 + _ROUNDING) and (given is None or rounding <= _ROUNDING * found.lower)
+    if seen and near:
         return found
-    if not seen or found.lower > floor:  # modes cancel: rounding hides the levels that are reached
-        found = proved_norm(gap, found.lower, found.omega)
-    if found.upper < inf or not seen:
-        return found
+    minus = None if given is None else reduced
+    exact = proved_norm(gap if given is None else given, found.lower, found.omega, minus, band)
+    if exact.upper < inf or not seen:
+        return exact
     least = float(np.linalg.norm(gap.D, 2))
-    for level in _levels(found.lower, floor):
+    for level in _levels(found.lower, floor) if found.upper == inf and band is None else []:
         if level > least and stays_below(gap, level, found.omega, respond):
             return NormCertificate(found.lower, level, found.omega, NO_CROSSING)
     return found
@@ -201,7 +221,7 @@ def band_norm(gap: Lti, respond: Response, band: Band, floor: float = 0.0) -> No
             if values.max() > level:
                 peak, at = float(values.max()), float(tried[int(np.argmax(values))])
                 break
-            if not len(crossings) and level_shows(gap, level, at, H):
+            if not len(crossings) and level_shows(gap, level, peak, at, H):
                 return NormCertificate(peak, level, at, f"{NO_CROSSING} in the band")
         else:
             break

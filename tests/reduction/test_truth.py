@@ -1,6 +1,7 @@
 """Reductions are what they say: errors and bounds against responses in 300 binary digits, at and beside all poles."""
 
 import warnings
+from functools import lru_cache
 
 import control
 import flint
@@ -39,26 +40,39 @@ def sampled(rng, A, B, C):
     return control.ss(held[: len(A), : len(A)], held[: len(A), len(A) :], C, 0.0, dt)
 
 
-def exact_error(full, reduced):
-    """Return the largest difference found: a bound of the norm of the error from below."""
+def exact_error(full, reduced, band=None):
+    """Return the largest difference at all poles and on a refined grid: a lower bound of the norm of the error."""
     dt = full.dt or 0.0
     poles = np.concatenate([system.poles() for system in (full, reduced) if system.nstates])
     width = np.maximum(np.abs(1.0 - np.abs(poles)), 1e-9) if dt else np.abs(poles.real)
     middle = np.abs(np.angle(poles)) if dt else np.abs(poles.imag)
-    asked = np.concatenate([[0.0], np.abs(poles), *(middle + k * width for k in (-1, -0.3, 0, 0.3, 1))])
-    asked = np.unique(np.clip(asked, 0.0, np.pi if dt else np.inf))
+    grid = np.concatenate([[0.0], np.abs(poles), *(middle + k * width for k in (-3, -1, -0.3, 0, 0.3, 1, 3))])
+    low, high = (0.0, np.pi if dt else np.inf) if band is None else np.multiply(band, dt or 1.0)
+    grid = np.unique(np.clip(np.concatenate([grid, np.geomspace(0.1, 10.0, 12) * middle.max()]), low, high))
     before, flint.ctx.prec = flint.ctx.prec, 300
     try:
-        return max(_at(full, reduced, flint.acb(0, w).exp() if dt else flint.acb(0, w)) for w in map(float, asked))
+        values = [_at(full, reduced, flint.acb(0, w).exp() if dt else flint.acb(0, w)) for w in map(float, grid)]
+        for _ in range(6):  # each time around the largest value, at a quarter of the distances
+            best = int(np.argmax(values))
+            near = grid[max(best - 1, 0) : best + 2]
+            more = np.setdiff1d(np.concatenate([near[:-1] + k * np.diff(near) for k in (0.25, 0.5, 0.75)]), grid)
+            values += [_at(full, reduced, flint.acb(0, w).exp() if dt else flint.acb(0, w)) for w in map(float, more)]
+            order = np.argsort(np.concatenate([grid, more]))
+            grid, values = np.concatenate([grid, more])[order], [values[k] for k in order]
+        return max(values)
     finally:
         flint.ctx.prec = before
+
+
+@lru_cache(maxsize=2)
+def _balls(system):
+    return [flint.acb_mat(np.asarray(m, complex).tolist()) for m in (system.A, system.B, system.C, system.D)]
 
 
 def _at(full, reduced, z):
     values = []
     for system in (full, reduced):
-        n = system.nstates
-        A, B, C, D = (flint.acb_mat(np.asarray(m, complex).tolist()) for m in (system.A, system.B, system.C, system.D))
+        n, (A, B, C, D) = system.nstates, _balls(system)
         one = flint.acb_mat([[z if i == j else 0 for j in range(n)] for i in range(n)])
         values.append(C * (one - A).solve(B) + D if n else D)
     gap = (values[0] - values[1]).table()
@@ -142,3 +156,94 @@ def test_no_narrow_peak_within_a_band_exceeds_the_error(seed, order):
     omega = np.linspace(0.43, 0.48, 2001)
     off = full(1j * omega) - found.system(1j * omega)
     assert np.abs(off).max() <= found.measured_error * (1.0 + 1e-9)
+
+
+def lightly_damped(seed):
+    """Return two to four oscillators, every second one with little damping and a high peak, continuous or sampled."""
+    rng = np.random.default_rng(seed)
+    pairs = int(rng.integers(2, 5))
+    light = np.arange(pairs) % 2 == 0
+    w = 10.0 ** rng.uniform(-1, 1, pairs)
+    z = 10.0 ** np.where(light, rng.uniform(-8, -4, pairs), rng.uniform(-3, -0.3, pairs))
+    A = linalg.block_diag(*(a * np.array([[-b, 1.0], [-1.0, -b]]) for a, b in zip(w, z, strict=True)))
+    gains = np.repeat(10.0 ** np.where(light, rng.uniform(-1, 2, pairs), rng.uniform(-3, 0, pairs)), 2)
+    B, C = gains[:, None] * rng.standard_normal((len(A), 2)), rng.standard_normal((1, len(A))) * gains
+    if seed % 2:
+        Q = np.linalg.qr(rng.standard_normal(A.shape))[0]
+        A, B, C = Q @ A @ Q.T, Q @ B, C @ Q.T
+    return sampled(rng, A, B, C) if rng.random() < 0.3 else control.ss(A, B, C, 0.0)
+
+
+# the quick sample has seeds at which rounding of light poles or of Hamiltonian eigenvalues hides the error
+@pytest.mark.filterwarnings("ignore::boomctl.reduction.result.LowerOrderWarning")
+@pytest.mark.parametrize("sample", [(94, 96), pytest.param(range(250), marks=pytest.mark.slow)])
+def test_errors_beside_shared_light_poles_are_true(sample):
+    """Full and reduced system have nearly the same pole, beside which their responses cancel."""
+    refused = 0
+    for seed in sample:
+        full = lightly_damped(seed)
+        for method, order in zip(METHODS, np.random.default_rng(seed).integers(2, full.nstates, 4), strict=True):
+            try:
+                found = bc.reduce(full, int(order), method)
+            except (ReductionError, ValueError):
+                refused += 1
+                continue
+            error = exact_error(full, found.system)
+            assert error <= found.measured_error * (1.0 + 1e-9)
+            assert error <= found.error_bound * (1.0 + 1e-9)
+            bc.prove(found)
+    assert refused <= 0.6 * len(sample)  # of four methods
+
+
+@pytest.mark.filterwarnings("ignore::boomctl.reduction.result.LowerOrderWarning")
+@pytest.mark.parametrize("sample", [range(3), pytest.param(range(120), marks=pytest.mark.slow)])
+def test_errors_in_bands_count_no_rounding_elsewhere(sample):
+    for seed in sample:
+        full, rng = lightly_damped(seed), np.random.default_rng(seed)
+        w = np.abs(np.angle(full.poles())) / full.dt if full.dt else np.abs(full.poles())
+        band = np.sort(np.exp(rng.uniform(np.log(0.3 * w.min()), np.log(w.max()), 2)))
+        for method in METHODS[:2]:
+            try:
+                found = bc.reduce(full, int(rng.integers(2, full.nstates)), method, band=tuple(band))
+            except (ReductionError, ValueError):
+                continue
+            error = exact_error(full, found.system, band)
+            assert error <= found.measured_error * (1.0 + 1e-9)
+            assert found.measured_error <= 1.1 * error
+            assert exact_error(full, found.system) <= found.error_bound * (1.0 + 1e-9)
+            bc.prove(found)
+
+
+def nonminimal(seed):
+    """Return a system in random coordinates with modes that inputs do not reach or outputs do not show; its minimal order."""
+    rng = np.random.default_rng(seed)
+    pairs = int(rng.integers(1, 4))
+    w, z, k = 10.0 ** rng.uniform(-0.5, 1.0, pairs), 10.0 ** rng.uniform(-2.5, -0.3, pairs), 2 * pairs
+    A = linalg.block_diag(*(a * np.array([[-b, 1.0], [-1.0, -b]]) for a, b in zip(w, z, strict=True)))
+    B, C = rng.standard_normal((k, 2)), rng.standard_normal((1, k))
+    unreached, unseen = int(rng.integers(1, 4)), int(rng.integers(0, 4))
+    n = k + unreached + unseen
+    A = linalg.block_diag(A, np.diag(-(10.0 ** rng.uniform(-0.5, 1.0, n - k))))
+    A[:k, k : k + unreached] = rng.standard_normal((k, unreached))
+    A[k + unreached :, : k + unreached] = rng.standard_normal((unseen, k + unreached))
+    B = np.vstack([B, np.zeros((unreached, 2)), rng.standard_normal((unseen, 2))])
+    C = np.hstack([C, rng.standard_normal((1, unreached)), np.zeros((1, unseen))])
+    left, right = (np.linalg.qr(rng.standard_normal((n, n)))[0] for _ in range(2))
+    T = left * 10.0 ** rng.uniform(-1, 1, n) @ right
+    A, B, C = T @ A @ np.linalg.inv(T), T @ B, C @ np.linalg.inv(T)
+    return (sampled(rng, A, B, C) if rng.random() < 0.3 else control.ss(A, B, C, 0.0)), k
+
+
+@pytest.mark.filterwarnings("ignore::boomctl.reduction.result.LowerOrderWarning")
+@pytest.mark.parametrize("sample", [range(2), pytest.param(range(80), marks=pytest.mark.slow)])
+def test_hidden_modes_are_removed_without_error(sample):
+    for seed in sample:
+        full, order = nonminimal(seed)
+        size = bc.hinf_norm(full).lower
+        for method in METHODS[:3]:
+            found = bc.reduce(full, order, method)
+            error = exact_error(full, found.system)
+            assert error <= found.measured_error * (1.0 + 1e-9)
+            assert found.measured_error <= 1.1 * error
+            assert found.measured_error <= 1e-10 * size
+            assert bc.reduce(full, error=1e-9 * size, method=method).order == order
