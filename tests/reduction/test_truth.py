@@ -204,7 +204,7 @@ def test_errors_in_bands_count_no_rounding_elsewhere(sample):
         band = np.sort(np.exp(rng.uniform(np.log(0.3 * w.min()), np.log(w.max()), 2)))
         for method in METHODS[:2]:
             try:
-                found = bc.reduce(full, int(rng.integers(2, full.nstates)), method, band=tuple(band))
+                found = bc.reduce(full, int(rng.integers(2, full.nstates)), method, omega_range=tuple(band))
             except (ReductionError, ValueError):
                 continue
             error = exact_error(full, found.system, band)
