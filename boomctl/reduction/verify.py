@@ -1,6 +1,6 @@
 """Verified errors: a level that the difference of two systems reaches at no frequency, or none within a band."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf
 
 import numpy as np
@@ -33,7 +33,7 @@ from boomctl.lti.frequency import (
     triangular,
 )
 from boomctl.lti.modal import ModalSystem, resolved, side_of_axis
-from boomctl.lti.rounding import ALIKE, CANCELLED, DIGIT, LEVEL
+from boomctl.lti.rounding import ALIKE, CANCELLED, DIGIT, LEVEL, TINY
 from boomctl.lti.system import Lti
 from boomctl.lti.verified_modal_form import in_verified_modal_form
 from boomctl.reduction.core import SystemCore
@@ -184,8 +184,10 @@ def verified_norm(
     least = float(np.linalg.norm(gap.D, 2))
     for level in _levels(found.lower, floor) if found.upper == inf and band is None else []:
         if level > least and stays_below(gap, level, found.omega, respond):
-            return NormCertificate(found.lower, level, found.omega, NO_CROSSING)
-    return found
+            found = NormCertificate(found.lower, level, found.omega, NO_CROSSING)
+            break
+    # eigenvalues show a peak above the level unless it is much nearer to it than the level to the largest value
+    return replace(found, upper=found.upper * min(found.upper / max(found.lower, TINY), _ABOVE[2]))
 
 
 def _levels(peak: float, floor: float) -> list[float]:
