@@ -48,6 +48,7 @@ METHODS = {
     "modal": ModalTruncation,
     "second-order": StrongestModes,
 }
+_WITHOUT_RANGE = ("hankel",)  # Methods whose error in a frequency range is not smaller if the range is given.
 AS_GIVEN = "the system itself"  # of all its states: no system differs less
 NO_ERROR = NormCertificate(0.0, 0.0, 0.0, NO_RESPONSE)
 _MODES = 14  # of a structure, beyond the order, that the first core has: enough for most booms (a choice)
@@ -84,7 +85,8 @@ def reduce(
         rounding, or where "modal" would have to split a pair of poles.
     method : "balanced", "singular-perturbation", "hankel", "modal" or "second-order"
         Balanced truncation (exact at infinite frequency), singular perturbation (exact at zero frequency), optimal
-        Hankel-norm approximation, the strongest modes with the static gain of the others; of a structure, likewise
+        Hankel norm approximation (the Hankel norm of the error is the smallest of that order, its H-infinity norm is
+        not), the strongest modes with the static gain of the others; of a structure, likewise
         with undamped modes, which gives a smaller structure (an even order, two states a coordinate; the bound is
         ``inf`` for more than 700 coordinates, undamped modes, or other outputs than displacements).
     error : float, optional
@@ -92,7 +94,8 @@ def reduce(
         itself comes back, with an error of zero.
     omega_range : (float, float), optional
         Frequency range [rad/s] in which the reduced system is accurate, ascending.  The measured error is then the
-        largest error in this range; the bound still holds at all frequencies.  If None, all frequencies.
+        largest error in this range; the bound still holds at all frequencies.  If None, all frequencies.  Must be None for
+        "hankel", whose error within a range is not smaller with it.
     progress : callable, optional
         Is told a `Progress` at each stage.  Without one, after three seconds a line on a terminal or in a notebook says
         what goes on; `listening` hears whatever runs within it.
@@ -128,6 +131,11 @@ def reduce(
     """
     given = system if isinstance(system, SecondOrderModel) else of(system, sampled=True)
     known("method", method, tuple(METHODS))
+    if omega_range is not None and method in _WITHOUT_RANGE:
+        raise ValueError(
+            f"`omega_range` must be None for method {method!r}, got {omega_range!r}. Use 'balanced' or"
+            " 'singular-perturbation'."
+        )
     if (order is None) == (error is None):
         raise ValueError("order, error: expected exactly one of them")
     if order is not None and whole("order", order, 0) > _states(given):

@@ -171,7 +171,8 @@ class SingularPerturbation(GramianReducer):
 class HankelApproximation(GramianReducer):
     """The stable system nearest in the Hankel norm (Glover 1984, Int. J. Control 39, Theorems 6.3 and 9.7).
 
-    The error's Hankel norm is the first Hankel singular value that goes, the smallest that any system of that order has.
+    The Hankel norm of the error is the first Hankel singular value that goes, the smallest that any system of that order has.
+    Its H-infinity norm is not the smallest: it may exceed that of balanced truncation.
     """
 
     def cut(self, order: int) -> tuple[Lti, float]:

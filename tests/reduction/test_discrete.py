@@ -230,7 +230,7 @@ def in_a_band(seed):
     Q = np.linalg.qr(rng.standard_normal((n, n)))[0]
     full = control.ss(Q @ A @ Q.T, rng.standard_normal((n, 2)), rng.standard_normal((2, n)), np.zeros((2, 2)), 1.0)
     low, high = np.sort(10.0 ** rng.uniform(-4.0, 0.0, 2))
-    order, method = int(rng.integers(1, n)), str(rng.choice(["balanced", "hankel"]))
+    order, method = int(rng.integers(1, n)), str(rng.choice(["balanced", "singular-perturbation"]))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", LowerOrderWarning)
         try:

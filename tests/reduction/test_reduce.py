@@ -3,7 +3,7 @@
 import control
 import numpy as np
 import pytest
-from hypothesis import example, given
+from hypothesis import given
 from hypothesis import strategies as st
 
 import boomctl as bc
@@ -68,8 +68,7 @@ def test_the_order_is_picked_for_a_wanted_error(seed, method, exponent):
     assert red.hankel_values[red.order :].max(initial=0.0) <= wanted
 
 
-@given(seeds, st.sampled_from(METHODS), st.floats(0.3, 3.0), st.floats(1.2, 5.0))
-@example(0, "hankel", 0.3125, 3.25)  # an all-pass error: flat, so that rounding moves Hamiltonian eigenvalues far
+@given(seeds, st.sampled_from(("balanced", "singular-perturbation", "modal")), st.floats(0.3, 3.0), st.floats(1.2, 5.0))
 def test_a_band_keeps_the_bound_and_the_measured_error_is_that_of_the_band(seed, method, low, ratio):
     full = stable_system(seed)
     band = (low, low * ratio)
@@ -143,6 +142,19 @@ def test_the_boom_keeps_its_response_and_its_names(method, elements):
     assert red.certificate.lower <= red.error_bound
 
 
+def test_hankel_error_is_smallest_in_hankel_norm_alone():
+    """The Hankel norm of the error is never larger than that of balanced truncation, the H-infinity norm is sometimes."""
+    larger = 0
+    for seed in range(8):
+        full = stable_system(seed, most=6)
+        one, two = (bc.reduce(full, 2, method) for method in ("hankel", "balanced"))
+        norms = [bc.reduce(full - red.system, 0).hankel_values[0] for red in (one, two)]
+        assert norms[0] <= norms[1] * (1.0 + 1e-6)
+        assert norms[0] == pytest.approx(one.hankel_values[2], rel=1e-5)
+        larger += one.measured_error > two.measured_error * (1.0 + 1e-3)
+    assert larger
+
+
 def test_all_of_the_system_is_itself():
     full = stable_system(5)
     red = bc.reduce(full, order=full.nstates)
@@ -172,6 +184,10 @@ def test_repr_with_omega_range_names_range_and_unit():
         ({"order": 2, "omega_range": (3.0, 1.0)}, "ascending"),
         ({"order": 2, "omega_range": (1.0, 2.0, 3.0)}, "two frequencies"),
         ({"order": 2, "omega_range": (np.nan, 1.0)}, "finite"),
+        (
+            {"order": 2, "omega_range": (1.0, 2.0), "method": "hankel"},
+            "^`omega_range` must be None for method 'hankel', got",
+        ),
     ],
 )
 def test_bad_arguments_are_refused_in_one_line(arguments, message):
