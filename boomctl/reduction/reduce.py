@@ -48,7 +48,7 @@ METHODS = {
     "modal": ModalTruncation,
     "second-order": StrongestModes,
 }
-_WITHOUT_RANGE = ("hankel",)  # Methods whose error in a frequency range is not smaller if the range is given.
+_WITHOUT_RANGE = ("hankel", "modal")  # Methods that accept no frequency range.
 AS_GIVEN = "the system itself"  # of all its states: no system differs less
 NO_ERROR = NormCertificate(0.0, 0.0, 0.0, NO_RESPONSE)
 _MODES = 14  # of a structure, beyond the order, that the first core has: enough for most booms (a choice)
@@ -95,7 +95,7 @@ def reduce(
     omega_range : (float, float), optional
         Frequency range [rad/s] in which the reduced system is accurate, ascending.  The measured error is then the
         largest error in this range; the bound still holds at all frequencies.  If None, all frequencies.  Must be None for
-        "hankel", whose error within a range is not smaller with it.
+        "hankel" and "modal".
     progress : callable, optional
         Is told a `Progress` at each stage.  Without one, after three seconds a line on a terminal or in a notebook says
         what goes on; `listening` hears whatever runs within it.

@@ -277,25 +277,18 @@ class ModalTruncation(StateReducer):
     def shortened(self, order: int) -> tuple[Lti, float]:
         """Return the strongest modes, and a bound of the error.
 
-        What a mode that goes adds to its static gain, ``c b s/(p (s - p))``, is at most ``|c| |b|/|Re p|``, which is what
-        the modes are ranked by; with a band, by the most they reach within it, and in place of the static gain stands the
-        real part of what they give in its middle.
+        What a mode that goes adds to its static gain, ``c b s/(p (s - p))``, is at most ``|c| |b|/|Re p|``, by which the
+        modes are ranked.
         """
-        modal, band, centre, sizes = self.modal, self.band, 0.0, self.modal.sizes
-        if band is not None:
-            centre = _middle(band)
-            nearest = np.clip(np.abs(modal.poles.imag), *band)
-            sizes = sizes * np.abs(modal.poles.real)
-            sizes = sizes / np.hypot(modal.poles.real, nearest - np.abs(modal.poles.imag))
+        modal, sizes = self.modal, self.modal.sizes
         kept = np.zeros(len(modal.poles), dtype=bool)
         for i in np.argsort(-sizes, kind="stable"):
             pair = 2 if modal.poles[i].imag > 0.0 else 1
             if modal.poles[i].imag >= 0.0 and kept.sum() + pair <= order:
                 kept[i : i + pair] = True
         gone, chosen = modal.only(~kept), modal.only(kept).blocks
-        share = np.real((gone.C / (1j * centre - gone.poles)) @ gone.B)
-        bound = float(gone.sizes.sum()) * (1.0 if band is None else 2.0)
-        return replace(chosen, D=modal.D + share), bound + self.lost
+        static = np.real((gone.C / -gone.poles) @ gone.B)
+        return replace(chosen, D=modal.D + static), float(gone.sizes.sum()) + self.lost
 
 
 def _middle(band: Band) -> float:

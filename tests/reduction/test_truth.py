@@ -128,7 +128,7 @@ def test_modes_are_chosen_beside_an_unstable_pole_in_any_coordinates(seed):
     assert found.measured_error <= found.error_bound < np.inf
 
 
-@pytest.mark.parametrize("method", ["balanced", "singular-perturbation", "modal"])
+@pytest.mark.parametrize("method", ["balanced", "singular-perturbation"])
 def test_a_band_may_reach_half_the_sampling_rate(method):
     full = control.ss(np.diag([0.1, 0.2, 0.3]), np.ones((3, 1)), np.ones((1, 3)), 0.0, 0.1)
     found = bc.reduce(full, 2, method, omega_range=(1.0, np.pi / 0.1))
