@@ -141,8 +141,8 @@ class LoopMargin:
         crossover, at most one sample if the gain at half the sampling rate is at least one: all whole samples below it
         are stable.
     delay_lower_bound : float
-        All delays below it leave the loop stable [s]: `delay` if that is known (in a sampled loop proved up to 1e-6 of
-        it), the delay up to which stability is proved otherwise, 0 if none is.
+        All delays below it leave the loop stable [s]: `delay`, or in a sampled loop the delay up to which stability is
+        proved, which is below `delay` by at most 1e-3 of it; 0 if nothing is proved.
     disk : DiskMargin
         Its disk margin.
     rounding : float

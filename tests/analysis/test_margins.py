@@ -358,7 +358,7 @@ def test_margin_is_where_brute_force_loses_stability(kind, seed):
         if loop.phase_deg < 179.0:
             assert not all(stable(np.exp(sign * (1.0 + 1e-3) * angle)) for sign in (-1, 1))
         bound = loop.delay_lower_bound
-        assert bound == loop.delay or np.isnan(loop.delay)
+        assert np.isnan(loop.delay) or bound <= loop.delay <= bound * (1.0 + 1e-3 * (kind == "sampled"))
         if kind == "discrete":
             assert all(stable(1.0, k * K.dt) for k in range(1, 12) if k * K.dt < bound * (1.0 - 1e-9))
             if np.isfinite(bound):

@@ -5,7 +5,7 @@ import warnings
 import control
 import numpy as np
 import pytest
-from hypothesis import assume, given
+from hypothesis import assume, example, given
 from hypothesis import strategies as st
 from scipy import linalg
 
@@ -182,6 +182,7 @@ def test_no_window_of_instability_is_stepped_over(seed):
 
 @examples(60)
 @given(st.integers(0, 100_000))
+@example(5544)  # A fourfold pole: rounding of the response moves the crossing by 3e-5.
 def test_delays_of_loops_with_repeated_poles_are_those_at_which_they_become_unstable(seed):
     """A regulator and a filter of like weights: poles of the loop come twice, or nearly, in Jordan blocks."""
     rng = np.random.default_rng(seed)

@@ -8,7 +8,9 @@ sensitivity ``N`` lie within the unit circle, and the loop with a further delay 
 That is sought, and excluded, over cells of frequency and of ``t``.  In a cell, logarithms of ``h`` and ``N`` are linear but
 for remainders that are bounded from the distances of the poles: their real parts are equal only at places that no
 whole samples change, and their angles there name the next ``W`` that may be one.  What is linear then contracts a cell to
-where a solution may be, or to nothing.  The cells of least delay go first, so that what is found is the least.
+where a solution may be, or to nothing.  The cells of least delay go first, so that no solution has less
+delay than the first small cell. The delay is that of the solution next to it, by Newton's method: with repeated poles,
+rounding may let cells of slightly less delay pass.
 """
 
 from collections.abc import Callable
@@ -40,6 +42,8 @@ _WORK = 5e6  # functions in cells that are evaluated, at most: a second or two (
 _PASS = 2000.0  # of them take as long as what every pass over cells costs (measured)
 _ANGLE = 0.05  # range of angles of a cell above which it is halved where it had no solution (0.5 is slow far out)
 _FOUND = 1e-6  # half width of a cell, relative, at which a solution is found: its middle, by Newton, is far better
+_NEWTON = 8  # steps from a cell to the solution next to it
+_APART = 1e-3  # relative distance of a solution from the cell that it belongs to, at most: rounding of repeated poles
 _LONGEST = 1e6  # samples of delay, beyond which none is looked for (a choice)
 _JUMPS = 300.0  # samples of delay up to which jumps of a feedthrough are looked at: milliseconds each (a choice)
 _AFTER = 1e-6  # of a sample, beside a jump: far above rounding, which must not say on which side of it a delay is
@@ -90,15 +94,20 @@ class FurtherDelay:
         The delay is ``inf`` without a limit, and NaN if it is not known; the frequency is NaN in both cases.
         """
         dt, found, omega = self.controller.dt, inf, nan
-        start, known = self.delay / dt if self.acting else 0.0, True
+        start, known, value = self.delay / dt if self.acting else 0.0, True, inf
         try:
             curves = self._curves()
         except ValueError:  # poles that do not separate, or a plant far faster than the samples
             return nan, nan, 0.0
         for curve in curves:
+            last = found
             found, omega, known = curve.least(start, (found, omega, known))
+            if not known:
+                value, omega = nan, nan
+            elif found < last:
+                value, omega = curve.solution(start, found, omega)
         if not self.plant.D.any():
-            return (found * dt if known else nan), omega / dt, found * dt
+            return value * dt, omega / dt, min(found, value) * dt
         # where an output has a feedthrough from a control, the loop jumps as that control passes the sample; a gain that is
         # one nowhere is so whatever the whole samples, and shows at once on which side of one it is
         last = min(found, _JUMPS) if found < inf else 2.0
@@ -110,7 +119,7 @@ class FurtherDelay:
                     return jump, float(abs(np.angle(poles[np.argmax(np.abs(poles))]))) / dt, jump
         if last < found < inf:
             return nan, nan, last * dt
-        return (found * dt if known else nan), omega / dt, found * dt
+        return value * dt, omega / dt, min(found, value) * dt
 
     def _curves(self) -> list["_Curve"]:
         """Return the loop over the parts of a sample between which it changes smoothly."""
@@ -356,3 +365,23 @@ class _Curve:
             ]
             best = min([best, *here])
             cells = np.concatenate([cells[_BATCH:], rest, found[~narrow]])
+
+    def solution(self, start: float, bound: float, omega: float) -> tuple[float, float]:
+        """Return the delay further than a start and the angle at a solution next to a cell, by Newton's method.
+
+        Rounding may let cells of less delay pass for solutions. Both are NaN if there is no solution near them.
+        """
+        whole = np.round(bound + start + 1.0 - self.middle)
+        place, change = np.array([omega, bound + start + 1.0 - whole]), np.full(2, inf)
+        for _ in range(_NEWTON):
+            cell = np.array([[place[0], 0.0, place[1], 0.0, whole, 1.0]])
+            known = self.functions.at(*cell.T[:2])
+            (Q, *q), (N, *n) = (self._logarithm(known, cell, x)[:3] for x in (self.series, self.functions.sensitivity))
+            over, along, G = (q[0] - n[0])[0] - 1j * whole, (q[1] - n[1])[0], np.log(Q / N)[0] - 1j * whole * place[0]
+            gap = np.array([G.real, np.remainder(G.imag + np.pi, _TURN) - np.pi])
+            slopes = np.array([[over.real, along.real], [over.imag, along.imag]])
+            change = np.linalg.lstsq(slopes, -gap)[0]
+            place = place + change
+        delay = whole - 1.0 + place[1] - start
+        near = abs(delay - bound) <= _APART * max(bound, _FOUND) and np.abs(change).max() <= _FOUND
+        return (float(delay), float(place[0])) if near else (nan, nan)
