@@ -437,16 +437,18 @@ class Refined:
         """Return the frequency response, shape (outputs, frequencies), in discrete time at ``exp(j omega dt)``."""
         A, b, s = self.system.A, self.system.B[:, :1], self.system.boundary(omega)
         x, residual, size = np.zeros((len(A), len(s)), complex), b.astype(complex), np.abs(A)
+        exact = np.zeros(len(s), bool)
         with np.errstate(all="ignore"):  # values that are not finite are solved by elimination
             shares = 1.0 / (s - self.poles[:, None])
             for _ in range(_CORRECTIONS):
                 x += self.right @ (shares * (self.reads @ residual))
                 residual = b - s * x + (A @ x.view(float)).view(complex)
-                small = np.abs(residual) <= _BACKWARD * (np.abs(s) * np.abs(x) + size @ np.abs(x) + np.abs(b))
-                if (exact := small.all(axis=0)).all():
+                largest = np.abs(s) * np.abs(x) + size @ np.abs(x) + np.abs(b)
+                exact = (np.abs(residual) <= _BACKWARD * largest).all(axis=0)
+                if exact.all():
                     break
         found = self.system.C @ x + self.system.D[:, :1]
-        found[:, s.imag == 0.0] = found[:, s.imag == 0.0].real  # at rest a response is real
+        found[:, s.imag == 0.0] = np.real(found[:, s.imag == 0.0])  # at rest a response is real
         if not exact.all():
             found[:, ~exact] = self.system.response(omega[~exact])[:, 0]
         return found

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from boomctl.analysis import feedback_loop, margins
 from boomctl.analysis.marginal_poles import marginal_poles
-from boomctl.analysis.margins import UncertainMarginsWarning
+from boomctl.analysis.margins import UncertainMarginsWarning, _roots
 from boomctl.analysis.norm import matrices_norm
 from tests.analysis.loop_cases import SIGNALS, chain, velocity_feedback
 from tests.analysis.stepped import radius
@@ -402,3 +402,35 @@ def test_printed_delay_is_value_bound_or_not_found():
     assert one[1:6] == ["0", "10.01", "-inf", "20.01", f"{np.pi / 0.1:.4g}"]
     assert (one[-2], other[-3:-1]) == ("0.2", [">=", "0.05"])
     assert replace(first.disk, certified=False)._text.startswith(">= ")
+
+
+@pytest.mark.parametrize(
+    "function",
+    [np.sin, lambda x: np.sin(x) ** 3, lambda x: np.tanh(1e6 * np.sin(x)), lambda x: np.sign(np.sin(x))],
+    ids=["smooth", "flat", "steep", "step"],
+)
+def test_roots_in_brackets_last_digits(function):
+    exact, rng = np.pi * np.arange(1.0, 60.0), np.random.default_rng(3)
+    low, high = exact - rng.uniform(1e-9, 1.5, 59), exact + rng.uniform(1e-9, 1.5, 59)
+    found = _roots(function, (low, high), (function(low), function(high)))
+    if function(exact[:1] + 1e-3)[0] ** 3 < 1e-6:  # flat: powers of the sine vanish to rounding beside the zero
+        np.testing.assert_allclose(found, exact, rtol=1e-7)
+    else:
+        np.testing.assert_allclose(found, exact, rtol=1e-15, atol=0.0)
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_gain_limit_at_rest_sampled_loop_exact(seed):
+    """A loop of positive gain at ``z = 1`` bears the inverse of it: a sum over modes there has real poles and pairs."""
+    rng = np.random.default_rng(seed)
+    poles, T = np.exp(rng.uniform(-3.0, -0.5, 3) + 1j * rng.uniform(0.3, 2.5, 3)), rng.standard_normal((7, 7))
+    A = np.zeros((7, 7))
+    for k, p in enumerate(poles):
+        A[2 * k : 2 * k + 2, 2 * k : 2 * k + 2] = [[p.real, p.imag], [-p.imag, p.real]]
+    A[6, 6] = 0.95
+    A, B, C = T @ A @ np.linalg.inv(T), T[:, 6:], np.linalg.inv(T)[6:]  # one over z - 0.95, and what does not show
+    plant = control.ss(A, B, C, 0.0, dt=0.1, inputs=["u"], outputs=["y"])
+    gain = rng.uniform(0.01, 0.045)
+    found = margins(plant, control.ss([], [], [], [[gain]], dt=0.1, inputs=["y"], outputs=["u"]))["u"]
+    assert found.gain_high == pytest.approx(0.05 / gain, rel=1e-9)
+    assert found.gain_high_omega == 0.0
