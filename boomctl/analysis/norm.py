@@ -237,6 +237,7 @@ def proved_norm(
 
     try:
         exact = Exact.of(given, PATIENCE, minus)
+        exact.check_norm_time()
         if exact.sides[0]:
             raise Undecided
         limits = (0.0, inf) if band is None else (exact.square(band[0]), exact.square(band[1]))

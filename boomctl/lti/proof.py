@@ -17,9 +17,9 @@ question.
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from itertools import chain, pairwise
-from math import inf
+from math import inf, isqrt
 from time import perf_counter
 
 import flint
@@ -99,14 +99,19 @@ class Exact:
     def characteristic(self) -> fmpq_poly:
         """``det(s - A)``, in discrete time of the continuous image: it has lower degree with a pole at ``z = -1``."""
         self._in_time(1)
-        return self._image(self.A.charpoly())
+        return self._image(self._polynomial)
+
+    @property
+    def _polynomial(self) -> fmpq_poly:
+        """``det(s - A)``, in discrete time ``det(z - A)``."""
+        return _characteristic(tuple(self.A.entries()))
 
     @cached_property
     def whole(self) -> tuple[fmpq_poly, list[list[fmpq_poly]]]:
         """``a``, all poles, and ``N``."""
         p, m, n = self.D.nrows(), self.D.ncols(), self.A.nrows()
         self._in_time(p * m)
-        a, moments, X = self.A.charpoly(), [], self.B
+        a, moments, X = self._polynomial, [], self.B
         for _ in range(n):
             moments.append((self.C * X).tolist())
             X = self.A * X
@@ -116,7 +121,7 @@ class Exact:
             for j in range(m):
                 product = a * fmpq_poly([moment[i][j] for moment in reversed(moments)])
                 N[i].append(self._image(fmpq_poly(product.coeffs()[n:]) + self.D[i, j] * a))
-        return self.characteristic, N
+        return self._image(a), N
 
     @cached_property
     def response(self) -> tuple[fmpq_poly, list[list[fmpq_poly]]]:
@@ -153,7 +158,7 @@ class Exact:
     @property
     def slowest(self) -> complex:
         """The pole that grows most, in discrete time the largest, for messages."""
-        poles = [complex(root) for root, _ in _isolated(self.A.charpoly())]
+        poles = [complex(root) for root, _ in _isolated(self._polynomial)]
         return max(poles, key=abs if self.dt else lambda pole: pole.real)
 
     def _on_axis(self, p: fmpq_poly) -> list[complex]:
@@ -263,6 +268,11 @@ class Exact:
             peak, at = max(*((below(self.gain(x)), x) for x in between), (level, reached[0]))
         raise Undecided
 
+    def check_norm_time(self) -> None:
+        """Raise `Undecided` where there is no time for a norm: to find that out in the middle of it takes as long."""
+        p, m = self.D.nrows(), self.D.ncols()
+        self._in_time(p * m + min(p, m) ** 2)
+
     def energy(self) -> arb:
         """Return the square of the H2 norm of a stable system, enclosed; infinite by a feedthrough in continuous time."""
         if self.dt == 0.0 and any(chain(*self.D.tolist())):
@@ -301,6 +311,12 @@ class Exact:
         """Go on only if there is time for arithmetic on so many entries of a response."""
         if perf_counter() + _WORK * self.A.nrows() ** 4 * entries > self.until:
             raise Undecided
+
+
+@lru_cache(maxsize=1)  # the responses of a loop at all its signals have one matrix
+def _characteristic(entries: tuple[fmpq, ...]) -> fmpq_poly:
+    n = isqrt(len(entries))
+    return fmpq_mat(n, n, entries).charpoly()
 
 
 def _isolated(p: fmpq_poly) -> list[tuple[acb, int]]:

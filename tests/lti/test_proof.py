@@ -3,6 +3,7 @@
 What a norm's certificate says is held against the same.
 """
 
+from contextlib import nullcontext
 from functools import wraps
 
 import control
@@ -13,8 +14,8 @@ from scipy import linalg, signal
 
 import boomctl as bc
 from boomctl.analysis.prove import CertificateError
-from boomctl.lti.proof import Exact
-from boomctl.lti.system import of
+from boomctl.lti.proof import Exact, Undecided
+from boomctl.lti.system import Lti, of
 from tests.profiles import is_hunt, is_quick
 
 SLACK = 1e-12  # relative: what the last digits of a bound may do
@@ -359,3 +360,14 @@ def test_a_design_is_certified_for_the_controller_that_is_handed_out(seed):
     assert max(gains) <= norm.upper * (1.0 + SLACK)
     if norm.omega < np.inf:
         assert gains[0] >= norm.lower * (1.0 - SLACK)
+
+
+@pytest.mark.parametrize(("n", "decided"), [(40, True), (120, False)])
+def test_norm_without_time_undecided_at_once(n, decided, monkeypatch):
+    def unwanted(entries):
+        raise AssertionError("expected no arithmetic")
+
+    monkeypatch.setattr("boomctl.lti.proof._characteristic", unwanted)
+    exact = Exact.of(Lti(-np.eye(n), np.ones((n, 1)), np.ones((1, n)), np.zeros((1, 1))), 1.0)
+    with nullcontext() if decided else pytest.raises(Undecided):
+        exact.check_norm_time()
