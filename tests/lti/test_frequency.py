@@ -39,7 +39,7 @@ def test_a_triangular_form_responds_as_the_system_does(seed, n, m, count):
 
 
 def single_input(kind, seed):
-    """Return a system of one input: random, nearly undamped, with equal poles in a chain, with graded entries, or discrete."""
+    """Return a system of one input: random, nearly undamped, with equal poles in a chain, graded, or discrete."""
     rng, n = np.random.default_rng(seed), 8
     A = rng.standard_normal((n, n))
     if kind == "light":
