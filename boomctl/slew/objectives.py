@@ -11,10 +11,10 @@ import casadi as ca
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.slew.dynamics import hub_jerk, rates
+from boomctl.slew.dynamics import path_peak, rates, row_rates
 from boomctl.slew.nlp.interval import Interval, Units
 from boomctl.slew.plant import SlewPlant
-from boomctl.slew.torque import TorqueHistory
+from boomctl.slew.torque import TorqueHistory, lines_between
 
 _CHATTER = 1e-6  # price of the torque and its changes beside the tip's bound: too small to be seen, enough to decide
 
@@ -76,13 +76,9 @@ def _jerk(parts: Parts, units: Units, s: Interval, intervals: int) -> ca.SX:
 def _jerk_squared(history: TorqueHistory, paths: Paths) -> float:
     """Integral of the hub's jerk squared along the replay, whose instants include all corners of the torque."""
     plant, time, coordinates = paths[0]
-    middle = 0.5 * (time[1:] + time[:-1])
-    k = np.clip(np.searchsorted(history.edges, middle) - 1, 0, history.left.size - 1)
-    slope = ((history.right - history.left) / np.diff(history.edges))[k]
-    jerk, squares = hub_jerk(plant).map(middle.size), []
-    for t, z in ((time[:-1], coordinates[:-1]), (time[1:], coordinates[1:])):
-        torque = history.left[k] + slope * (t - history.edges[k])
-        squares.append(np.array(jerk(z.T, torque[None, :], slope[None, :])).ravel() ** 2)
+    start, end, slope = lines_between(history, time)
+    ends = ((start, coordinates[:-1]), (end, coordinates[1:]))
+    squares = [row_rates(plant, plant.rows["speed"], z, torque, slope)[1] ** 2 for torque, z in ends]
     return float(0.5 * np.sum((squares[0] + squares[1]) * np.diff(time)))
 
 
@@ -104,7 +100,7 @@ OBJECTIVES = {
     "tip": Objective(
         title="minimum tip displacement",
         cost=_tip,
-        value=lambda history, paths: max(float(np.abs(z @ plant.rows["tip"]).max()) for plant, _, z in paths),
+        value=lambda history, paths: max(path_peak(plant, "tip", history, t, z) for plant, t, z in paths),
         continuous=True,
         unit=lambda units: units.tip,
         bounds_tip=True,

@@ -8,16 +8,17 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.checks import warn_user
+from boomctl.slew.dynamics import path_peak
 from boomctl.slew.objectives import OBJECTIVES
 from boomctl.slew.plant import SlewPlant, is_machine
 from boomctl.slew.problem import AT_LIMIT, SlewProblem
 from boomctl.slew.result import Replay
-from boomctl.slew.torque import APART, TorqueHistory
+from boomctl.slew.torque import APART, TorqueHistory, lines_between
 
 _SAMPLES = 1001  # instants of a replay at least: pictures are drawn from them
-# instants in a period of the fastest vibration, where motion is limited: between two of them it may exceed what is seen by
-# 0.3 % of its own amplitude, which is a small share of the whole (a choice)
-_IN_PERIOD = 40
+_IN_PERIOD = (
+    40  # times in a period of the fastest vibration, where motion is limited; `path_peak` interpolates between them
+)
 _MOST_SAMPLES = 200_000  # instants of a replay at most: some seconds (a choice)
 _AT_ONCE = 20_000  # steps of a linear motion that are mapped at once: 60 MB with eight modes (a choice)
 _AFTER = 96  # instants in one and a half of the slowest periods after the end; a choice
@@ -84,9 +85,7 @@ def _linear_motion(plant: SlewPlant, history: TorqueHistory, start: Array, times
     """Linear motion by its Taylor series, in steps between all instants and edges."""
     knots = np.unique(np.concatenate([times, history.edges]))
     widths = np.diff(knots)
-    k = np.minimum(np.searchsorted(history.edges, knots[:-1] + 0.5 * widths) - 1, history.left.size - 1)
-    slopes = ((history.right - history.left) / np.diff(history.edges))[k]
-    torques = history.left[k] + slopes * (knots[:-1] - history.edges[k])
+    torques, _, slopes = lines_between(history, knots)
     n, states = plant.n, [start[None]]
     for first in range(0, widths.size, _AT_ONCE):
         part = slice(first, first + _AT_ONCE)
@@ -195,9 +194,17 @@ def _followed(
 
 
 def violation(problem: SlewProblem, history: TorqueHistory, motions: tuple[Motion, ...]) -> dict[str, float]:
-    """Excess over each limit in the replay, relative; 0 where it is kept."""
-    followed = _followed(problem, history, motions)
-    return {kind: max(0.0, float(size.max() / limit) - 1.0) for kind, (limit, _, size) in followed.items()}
+    """Return the relative excess over each limit in the replay, between its times too; 0 where the limit holds."""
+    found = {}
+    for kind, (limit, _, size) in _followed(problem, history, motions).items():
+        peak = float(size.max())
+        if kind in problem.plants[0].rows:
+            peak = max(
+                path_peak(plant, kind, history, motion.time, motion.coordinates, limit)
+                for plant, motion in zip(problem.plants, motions, strict=True)
+            )
+        found[kind] = max(0.0, peak / limit - 1.0)
+    return found
 
 
 def binding(problem: SlewProblem, history: TorqueHistory, motions: tuple[Motion, ...]) -> dict[str, float]:

@@ -107,7 +107,7 @@ class SlewCertificate:
     free_errors : dict of str to float
         The same for the coordinates that planning leaves free, the modes in the order of their frequencies.
     constraint_violation : float
-        Largest relative excess over any limit on the dense replay; 0 if there is none.
+        Largest relative excess over any limit in the replay, local maxima between its times included; 0 if there is none.
     binding : dict of str to float
         Limits that are met within 0.1 %, and the first instant at which they are, s.
     optimality_gap : float

@@ -158,3 +158,15 @@ def bang_bang(switches: Array, duration: float, limit: float, sign: float) -> To
     """
     values = sign * limit * (-1.0) ** np.arange(switches.size + 1)
     return held(np.concatenate([[0.0], switches, [duration]]), values)
+
+
+def lines_between(history: TorqueHistory, time: Array) -> tuple[Array, Array, Array]:
+    """Return the torque at the start and at the end of each step between neighboring times, and its slope there.
+
+    The times include the edges of the torque, at which it may jump: the values are those within the step.
+    """
+    middle = 0.5 * (time[1:] + time[:-1])
+    k = np.clip(np.searchsorted(history.edges, middle) - 1, 0, history.left.size - 1)
+    slope = ((history.right - history.left) / np.diff(history.edges))[k]
+    start, end = (history.left[k] + slope * (t - history.edges[k]) for t in (time[:-1], time[1:]))
+    return start, end, slope
