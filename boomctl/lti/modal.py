@@ -9,9 +9,11 @@ other coordinates they are sums of numbers that nearly cancel.
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from scipy import linalg
+from scipy.cluster import hierarchy
 
 from boomctl.arrays import Array
 from boomctl.lti.integrators import doubt_of_split, without_integrators
@@ -26,6 +28,8 @@ UNDAMPED = 1e-10
 _CLUSTER = 10.0  # poles of such a block differ in size by less than this factor (a choice)
 _BLOCK_NOISE = 1e2 * EPS  # share of the fastest pole that belongs to such a block in any case
 _CONDITION = 1e9  # of the eigenvectors: modal coordinates of a worse one keep fewer than seven digits
+_CLUSTERED = 1e6  # times rounding, whose root times the norm of A is the distance of poles in a cluster
+_OFF = 1e-3  # of the radius of a cluster, up to which its mean lies on the boundary
 _MAPPED = 16.0  # roundings of a mode on its way to its image
 
 
@@ -65,6 +69,51 @@ def sides(poles: Array, dt: float) -> Array:
     side = side_of_axis(np.maximum(rates.real, fastest) + 1j * rates.imag)
     side[np.abs(np.abs(poles) - 1.0) <= CANCELLED] = 0
     return side
+
+
+def boundary_poles(system: Lti) -> tuple[Array, Array]:
+    """Return on which side of the boundary of stability poles lie, as :func:`sides` does, and the poles with clusters moved.
+
+    Rounding moves a pole of multiplicity ``k`` by the ``k``-th root of its own size, on a circle around it.  A cluster of
+    poles lies on the boundary if its mean does and ``A`` less that point is singular to within rounding.
+
+    Parameters
+    ----------
+    system : Lti
+        Balanced.
+
+    Returns
+    -------
+    side : (n,) ndarray of int
+        -1 decays, 1 is unstable, 0 is on the boundary.
+    points : (n,) complex ndarray
+        The poles; those of side 0 are on the boundary exactly, those of a cluster at one point.
+    """
+    A, dt, poles, side = system.A, system.dt, system.poles, sides(system.poles, system.dt)
+    points = np.where(side == 0, _on_boundary(poles, dt), poles)
+    if len(points) < 2:
+        return side, points
+    norm, clustered, members = float(np.linalg.norm(A)), np.zeros(len(A), bool), [[k] for k in range(len(A))]
+    apart = np.abs(points[:, None] - points)[np.triu_indices(len(A), 1)]
+    for first, second, distance, _ in hierarchy.linkage(apart, "single"):
+        chosen = members[int(first)] + members[int(second)]
+        members.append(chosen)
+        point = _on_boundary(poles[chosen].mean(), dt)
+        offset = poles[chosen] - point
+        growth = float((offset if dt == 0.0 else offset * np.conj(point)).real.sum())
+        if (
+            distance <= (_CLUSTERED * EPS) ** (1.0 / len(chosen)) * norm
+            and abs(growth) <= _OFF * np.abs(offset[side[chosen] != 0]).sum() + len(chosen) * CANCELLED * norm
+            and not ((side[chosen] == 0).all() and clustered[chosen].any())
+            and linalg.svdvals(A - point * np.eye(len(A)))[-1] <= len(A) * CANCELLED * norm
+        ):
+            side[chosen], points[chosen], clustered[chosen] = 0, point, True
+    return side, points
+
+
+def _on_boundary(poles: Any, dt: float) -> Any:
+    """Return the points of the boundary of stability nearest to poles."""
+    return 1j * poles.imag if dt == 0.0 else np.exp(1j * np.angle(poles))
 
 
 def resolved(poles: Array) -> Array:

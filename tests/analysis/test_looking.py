@@ -3,6 +3,7 @@
 import control
 import numpy as np
 import pytest
+from flint import fmpq, fmpq_mat, fmpq_poly
 from hypothesis import given
 from hypothesis import strategies as st
 from matplotlib import pyplot as plt
@@ -11,7 +12,8 @@ from scipy import linalg
 import boomctl as bc
 from boomctl.analysis.looking.given import looked_at
 from tests import handed_out as one
-from tests.profiles import examples
+from tests.exact import on_axis, roots
+from tests.profiles import examples, is_quick
 from tests.strategies import seeds
 
 SEEDS = st.integers(0, 2**32 - 1)
@@ -189,6 +191,77 @@ def test_encirclements_say_how_many_poles_of_the_closed_loop_are_unstable(seed, 
         assert found.curve == pytest.approx(L, rel=1e-5, abs=1e-6)
         # outside of the disk: the margin is 2/|S - T|, and S - T = (1 - L)/(1 + L)
         assert np.abs((1.0 - L) / (1.0 + L)).max() <= (1.0 + 1e-5) * 2.0 / found.disk.alpha
+
+
+def repeated_poles(seed):
+    """Return the gain of a loop whose poles on the boundary of stability are repeated, all numbers dyadic."""
+    rng = np.random.default_rng(seed)
+    dt, m, kind, form = (0.0, 0.5)[seed % 2], (1, 1, 2)[seed // 2 % 3], seed // 6 % 6, seed // 36 % 4
+
+    def dyadic(x):
+        return np.round(64.0 * np.asarray(x)) / 64.0
+
+    def chain(pole, k):
+        A = np.kron(np.eye(k), pole)
+        A[len(pole) :, : -len(pole)] += np.kron(np.eye(k - 1), np.eye(len(pole))[:, ::-1] * np.eye(len(pole))[-1:].T)
+        return A
+
+    c = float(dyadic(rng.uniform(-0.9, 0.9))) if dt else float(dyadic(np.exp(rng.uniform(-1.0, 2.0))))
+    pair = np.array([[0.0, 1.0], [-1.0, 2.0 * c] if dt else [-c, 0.0]])
+    integrators, pairs = ((3, 0), (4, 0), (0, 2), (0, 3), (3, 2), (2, 2))[kind]
+    rest = (
+        dyadic(rng.uniform(-1.2, 0.9, rng.integers(3)) if dt else rng.uniform(-6.0, 0.5, rng.integers(3))) + 1.0 / 128.0
+    )  # no pole at -1
+    parts = [chain(np.array([[float(dt > 0.0)]]), integrators)] if integrators else []
+    A = linalg.block_diag(*parts, *([chain(pair, pairs)] if pairs else []), np.diag(rest))
+    n = len(A)
+    B, C, D = (dyadic(rng.standard_normal(size)) for size in ((n, m), (m, n), (m, m)))
+    D *= rng.integers(2)
+    if form == 0:  # a loop that is stable
+        solve = linalg.solve_discrete_are if dt else linalg.solve_continuous_are
+        X = solve(A, B, np.eye(n), np.eye(m))
+        C, D = np.linalg.solve(np.eye(m) + B.T @ X @ B, B.T @ X @ A) if dt else B.T @ X, 0.0 * D
+    if form == 1:  # other coordinates, exactly
+        T = (np.tril(rng.integers(-1, 2, (n, n)), -1) + np.eye(n)) @ (
+            np.triu(rng.integers(-1, 2, (n, n)), 1) + np.eye(n)
+        )
+        inverse = np.round(np.linalg.inv(T))
+        A, B, C = inverse @ A @ T, inverse @ B, C @ T
+    if form == 2:
+        C *= 2.0 ** rng.integers(-8, 9)
+    return dt, A, B, C, D
+
+
+def unstable_poles(A, dt):
+    """Return how many eigenvalues of a rational matrix are unstable, and how many on the boundary, in exact arithmetic."""
+    p, n = A.charpoly(), A.nrows()
+    if dt:  # its image under the bilinear map
+        c = p(fmpq_poly([-1, 2])).coeffs()
+        p = fmpq_poly([fmpq(0)] * (n + 1 - len(c)) + c[::-1])(fmpq_poly([1, -1]))
+    p = p.numer()
+    boundary = [on_axis(root, p) for root in roots(p)]
+    return sum(bool(root.real > 0) for root, on in zip(roots(p), boundary, strict=True) if not on), sum(boundary)
+
+
+def test_encirclements_around_repeated_poles_on_boundary():
+    for seed in range(0, 432, 31 if is_quick() else 1):
+        dt, A, B, C, D = repeated_poles(seed)
+        a, b, c, d = (
+            fmpq_mat(M.shape[0], M.shape[1], [fmpq(*x.as_integer_ratio()) for x in M.ravel().tolist()])
+            for M in (A, B, C, D + np.eye(len(D)))
+        )
+        if abs(np.linalg.det(D + np.eye(len(D)))) < 1e-6:
+            continue
+        (opened, _), (closed, boundary) = unstable_poles(a, dt), unstable_poles(a - b * d.inv() * c, dt)
+        if boundary:
+            continue
+        found = bc.nyquist(control.ss(A, B, C, D, dt))
+        assert (found.open_loop_poles, found.closed_loop_poles, found.encirclements) == (
+            opened,
+            closed,
+            opened - closed,
+        ), seed
+        assert found.stable == (closed == 0)
 
 
 def test_nyquist_of_a_plant_and_a_controller_is_that_of_the_loop():

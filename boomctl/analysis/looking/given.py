@@ -1,6 +1,5 @@
 """What is looked at: a system, or the system that a result is about."""
 
-import sys
 from collections.abc import Sequence
 from typing import Any
 
@@ -10,20 +9,12 @@ from boomctl.structure.model import SecondOrderModel
 EXPECTED = "a SecondOrderModel, StateSpace, TransferFunction, or a result with a closed loop or a reduced system"
 
 
-def looked_at(given: object, what: str = "system") -> Any:
-    """Return the system that is meant: of a design its closed loop, of a reduction the reduced system, a transfer function
-    as a state space; all else as it is.
-    """
+def looked_at(given: object) -> Any:
+    """Return the system that is meant: of a design its closed loop, of a reduction the reduced system; all else as it is."""
     for part in ("_closed_loop", "_reduced"):
         if isinstance(found := getattr(given, part, None), Lti | SecondOrderModel):
             return found
-    control = sys.modules.get("control")
-    if control is None or not isinstance(given, control.TransferFunction):
-        return given
-    try:
-        return control.ss(given)
-    except ValueError as error:
-        raise ValueError(f"{what}: expected a proper transfer function ({' '.join(str(error).split())})") from None
+    return given
 
 
 def matrices(
@@ -39,7 +30,7 @@ def matrices(
     TypeError, ValueError
         Another kind of system; unknown names; no inputs or no outputs; discrete time that does not say its sampling time.
     """
-    system = looked_at(given, what)
+    system = looked_at(given)
     if isinstance(system, SecondOrderModel):
         found = of(system.between(inputs, outputs))
     else:

@@ -24,10 +24,9 @@ from boomctl.analysis.margins import DiskMargin, grid_of_loop, single_disk
 from boomctl.analysis.nyquist import followed
 from boomctl.arrays import Array
 from boomctl.checks import no_signals
-from boomctl.lti.bilinear import continuous_image, omega_of_image
+from boomctl.lti.bilinear import continuous_image, image_of_poles, omega_of_image
 from boomctl.lti.frequency import Triangular, smooth_curve, triangular
-from boomctl.lti.modal import side_of_axis
-from boomctl.lti.rounding import ROOT, SUMMED
+from boomctl.lti.modal import boundary_poles, side_of_axis
 from boomctl.lti.system import Lti, controller_of, of, well_posed_inverse
 from boomctl.printing import count, listed
 from boomctl.threads import one_blas_thread
@@ -39,7 +38,8 @@ if TYPE_CHECKING:
 
 _FAR = 1e4  # how far beyond the fastest pole the curve is followed: what is left turns by less than a thousandth each
 _DETOUR = 0.1  # of the distance from a pole on the axis to the next one, the radius of the way round it (a choice)
-_ON_ARC = 33  # places on the way round a pole to begin with: steps of less than 6 degrees (a choice)
+_TOGETHER = 1e-3  # of the distance from poles on the axis to all others, up to which they have one way round
+_ON_ARC = 9  # points on an arc to begin with, along which the pole itself is divided out
 _WHOLE = 1e-2  # distance from a whole number of windings that is rounding and what is left beyond the end (a choice)
 _STATIC = 1.0  # [rad/s], where a loop without dynamics is asked: its response is the same everywhere
 _LIMIT = 200_000  # frequencies that one way may take: as many as of a loop around an exact boom
@@ -170,14 +170,14 @@ def nyquist(
             raise ValueError(f"delay = {delay!r}: expected 0 without a controller")
         opened, S, signals = _of_gain(matrices(system, inputs, outputs))
     else:
-        P = of(looked_at(system, "plant"), "plant", sampled=True).select(inputs, outputs)
+        P = of(looked_at(system), "plant", sampled=True).select(inputs, outputs)
         K = controller_of(controller, sampled=True, scales=P.scales)
         opened, S, signals = _of_loop(P, K, delay)
         negative = partial(sign_advice, P, K, delay)
-    images = image, _ = continuous_image(S), continuous_image(opened)
+    images = image, gain = continuous_image(S), continuous_image(opened)
     grid = np.union1d(*(grid_of_loop(each) for each in images))
-    quick = triangular(image)
-    turns, unstable = _windings(*images, quick, grid)
+    loop = _Difference(triangular(image), triangular(gain))
+    turns, unstable = _windings(loop, opened, image.poles, grid)
     closed = unstable - turns
     told = side_of_axis(image.poles)
     if (told == 0).any() or closed != int((told > 0).sum()):
@@ -186,7 +186,7 @@ def nyquist(
             f" {int((told > 0).sum())}, and {int((told == 0).sum())} on the boundary of stability"
         )
     grid = grid[grid > 0.0] if len(grid) > 1 else np.array([_STATIC])
-    omega, curve = smooth_curve(lambda w: _determinant(quick, 1j * w) - 1.0, grid)
+    omega, curve = smooth_curve(lambda w: loop.determinant(1j * w) - 1.0, grid)
     disk = single_disk(S) if len(signals) == 1 and not closed else None
     return NyquistResult(
         omega=omega_of_image(omega, S.dt),
@@ -211,64 +211,82 @@ def _of_gain(L: Lti) -> tuple[Lti, Lti, tuple[str, ...]]:
 def _of_loop(P: Lti, K: Lti, delay: float) -> tuple[Lti, Lti, tuple[str, ...]]:
     """Return the open loop, the sensitivity at the controls, and these, of ``u = K y``."""
     loop = joined(P, K, delay)
-    still = joined(
-        P, replace(K, C=0.0 * K.C, D=0.0 * K.D), delay
-    )  # a controller that says nothing leaves the loop open
-    m = len(loop.controls)
-    return still.system, loop.sensitivity.between(range(m), range(m)), loop.controls
+    opened = joined(P, replace(K, C=0.0 * K.C, D=0.0 * K.D), delay)  # states of the plant, then of the controller
+    first, m, measured = len(loop.disturbances), len(loop.controls), len(opened.outputs) + len(loop.controls)
+    G = opened.system.between(range(first, first + m), range(measured, measured + len(loop.measurements)))
+    C = K.D @ G.C
+    C[:, C.shape[1] - K.C.shape[1] :] += K.C
+    L = replace(G, C=-C, D=-K.D @ G.D, outputs=loop.controls)
+    return L.balanced(), loop.sensitivity.between(range(m), range(m)), loop.controls
 
 
-def _determinant(S: Triangular, s: Array) -> Array:
-    """Return ``det(I + L)``, the inverse of that of ``S``; infinite where that is zero.
+@dataclass(frozen=True)
+class _Difference:
+    """``I + L`` of a loop, by its sensitivity ``S`` near poles of the closed loop and by ``L`` near those of the open one."""
 
-    Raises
-    ------
-    ArithmeticError
-        A pole of the closed loop lies there.
-    """
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        values = S.at(s).transpose(2, 0, 1)
-        if not np.isfinite(values).all():
-            raise ArithmeticError(
-                "encirclements cannot be told: the closed loop has a pole on the boundary of stability"
-            )
-        return 1.0 / np.linalg.det(values)
+    S: Triangular
+    L: Triangular
+
+    def determinant(self, s: Array) -> Array:
+        """Return ``det(I + L)``; infinite at a pole of ``L``.
+
+        Raises
+        ------
+        ArithmeticError
+            A pole of the closed loop lies there.
+        """
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            values = self.S.at(s).transpose(2, 0, 1)
+            if not np.isfinite(values).all():
+                raise ArithmeticError(
+                    "encirclements cannot be told: the closed loop has a pole on the boundary of stability"
+                )
+            found = 1.0 / np.linalg.det(values)
+            large = np.isfinite(found) & (np.abs(found) > 1.0)
+            direct = np.linalg.det(np.eye(len(self.L.D)) + self.L.at(s[large]).transpose(2, 0, 1))
+            found[large] = np.where(np.isfinite(direct), direct, found[large])
+        return found
 
 
-def _windings(image: Lti, opened: Lti, S: Triangular, grid: Array) -> tuple[int, int]:
+def _windings(loop: _Difference, opened: Lti, theirs: Array, grid: Array) -> tuple[int, int]:
     """Return how often ``det(I + L)`` winds around zero, counter-clockwise, over the whole axis, and poles on its right.
 
-    Poles of the open loop on the axis, and those near zero that may be, are passed on their right.
+    Poles of the open loop on the axis are passed on their right.  One of multiplicity ``k`` turns the determinant by ``-k``
+    half turns there, all else by what remains.
     """
-    if not len(S.T):
+    if not len(theirs):
         return 0, 0
-    ours, theirs = opened.poles, image.poles
-    size = np.abs(np.concatenate([ours, theirs]))
-    fastest = float(size.max())
-    side = side_of_axis(ours)
-    at_zero = np.abs(ours) <= ROOT * fastest
-    passed = at_zero | (side == 0)
-    centres = np.unique(np.where(at_zero, 0.0, ours.imag)[passed & (at_zero | (ours.imag > 0.0))])
-    others = np.concatenate([ours[~passed], ours[passed & ~at_zero], theirs])
-    end, begin, turned = _FAR * max(fastest, _STATIC), 0.0, 0.0
-    for centre in centres:
-        gaps = np.abs(others - 1j * centre)
-        gaps = gaps[gaps > SUMMED * fastest]
-        radius = _DETOUR * float(gaps.min(initial=end))
-        if centre > 0.0:
-            turned += _turned(S, lambda w: 1j * w, _between(grid, begin, centre - radius))
-        start = 0.0 if centre == 0.0 else -0.5 * np.pi
-        angles = np.linspace(start, 0.5 * np.pi, _ON_ARC)
-        turned += _turned(S, lambda t, c=centre, r=radius: 1j * c + r * np.exp(1j * t), angles)
-        begin = centre + radius
-    turned += _turned(S, lambda w: 1j * w, _between(grid, begin, end))
-    at_end = _determinant(S, np.array([1j * end]))[0]
-    turned += float(np.angle(1.0 / np.linalg.det(S.D) / at_end))
+    side, points = boundary_poles(opened)
+    ours = image_of_poles(points, opened.dt)
+    ours[side == 0] = 1j * ours[side == 0].imag
+    on_axis, rest = np.sort(ours[side == 0].imag), np.concatenate([ours[side != 0], theirs])
+    end, begin, turned = _FAR * max(float(np.abs(np.concatenate([on_axis, rest])).max()), _STATIC), 0.0, 0.0
+    gaps = np.abs(rest[:, None] - 1j * on_axis).min(axis=0, initial=end)
+    apart = np.flatnonzero(np.diff(on_axis) > _TOGETHER * np.minimum(gaps[1:], gaps[:-1])) + 1
+    for group in np.split(on_axis, apart) if len(on_axis) else ():
+        if group[-1] < 0.0:
+            continue
+        center, multiplicity = 0.0 if group[0] <= 0.0 else float(group.mean()), len(group)
+        others = np.concatenate([rest, 1j * np.setdiff1d(on_axis, group)])
+        radius = _DETOUR * float(np.abs(others - 1j * center).min(initial=end))
+        if center > 0.0:
+            turned += _turned(lambda w: loop.determinant(1j * w), _between(grid, begin, center - radius))
+        angles = np.linspace(0.0 if center == 0.0 else -0.5 * np.pi, 0.5 * np.pi, _ON_ARC)
+        turned += _turned(
+            lambda t, c=center, r=radius, k=multiplicity: (
+                loop.determinant(1j * c + r * np.exp(1j * t)) * np.exp(1j * k * t)
+            ),
+            angles,
+        ) - multiplicity * (angles[-1] - angles[0])
+        begin = center + radius
+    turned += _turned(lambda w: loop.determinant(1j * w), _between(grid, begin, end))
+    at_end = loop.determinant(np.array([1j * end]))[0]
+    turned += float(np.angle(1.0 / np.linalg.det(loop.S.D) / at_end))
     windings = turned / np.pi
     turns = round(windings)
     if abs(windings - turns) > _WHOLE:
         raise ArithmeticError(f"the loop winds {windings:.4f} times about -1, not a whole number of times")
-    return turns, int(((side > 0) & ~at_zero).sum())
+    return turns, int((side > 0).sum())
 
 
 def _between(grid: Array, low: float, high: float) -> Array:
@@ -276,8 +294,8 @@ def _between(grid: Array, low: float, high: float) -> Array:
     return np.concatenate([[low], grid[(grid > low) & (grid < high)], [high]])
 
 
-def _turned(S: Triangular, place: Callable[[Array], Array], t: Array) -> float:
+def _turned(determinant: Callable[[Array], Array], t: Array) -> float:
     """Return by how much the determinant turns along a part of the way, by a parameter that ascends [rad]."""
-    _, values = followed(lambda t: _determinant(S, place(t))[:, None, None], t, _LIMIT)
+    _, values = followed(lambda t: determinant(t)[:, None, None], t, _LIMIT)
     determinants = values[:, 0, 0]
     return float(np.angle(determinants[1:] / determinants[:-1]).sum())
