@@ -1,7 +1,7 @@
 """Held and straight inputs: exact steps of linear systems, and many of them at once.
 
 A signal that is held or runs straight between its samples moves a linear system exactly from sample to sample; the maps
-of one step are corners of one matrix exponential, and of two where a held signal changes within the step.  Many steps are
+of one step are blocks of one matrix exponential, and of two where a held signal changes within the step.  Many steps are
 taken in blocks: :func:`recursion` returns all states, :func:`lifted_response` the outputs, where products take the place of
 steps.
 """
@@ -9,17 +9,75 @@ steps.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from math import isqrt
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy import linalg
+from scipy.linalg import lapack
 
-from boomctl.arrays import Array
+from boomctl.arrays import Array, balance
 from boomctl.checks import finite_array, positive
-from boomctl.lti.system import of
+from boomctl.lti.rounding import EPS
+from boomctl.lti.system import Lti, of
 
 BLOCK = 128  # steps a block: measured, where forming the blocks costs as much as they save; flat from 64 to 256
+_GROUP = 4  # Least number of steps that one product moves: more cost accuracy, fewer cost time.
+# Inverse factorials of the Taylor polynomial of exp(X) - I.  Its remainder is below rounding for a norm of X up to 1/2.
+_TAYLOR = (1.0 / np.cumprod(np.arange(1.0, 17.0))).reshape(4, 4)
+# Largest change of an entry of the state matrix by its Schur form, relative to that entry, in multiples of rounding.  Dense
+# matrices have 1e3 and less; where entries are structural zeros or far below the others, it has no limit.
+_SCHUR_ROUNDING = 1e4
+
+
+def matrix_expm1(A: Array) -> Array:
+    """Compute ``exp(A) - I`` of a square matrix, each entry to the rounding of the terms it is summed from.
+
+    A Taylor polynomial of ``X = A/2^k`` is doubled ``k`` times, ``E <- 2 E + E^2``.  Sums and products of entries alone
+    preserve the zeros of ``A``, so a chain of integrators stays exact; without the unit matrix the increments of slow
+    states keep their digits when fast ones set ``k``.  Scaling a state changes no rounding error: the norm that sets ``k``
+    is that of the balanced matrix, which is not itself used.  ``k`` is at least ``log2 n``, so that entries to which only
+    paths through more states than the degree of the polynomial lead are accurate too.
+
+    Source: Higham (2008), Functions of Matrices, chapter 10.
+    """
+    n = len(A)
+    if not n:
+        return A
+    balanced, low, high, _, _ = lapack.dgebal(A, scale=True, permute=True)
+    cycles = np.abs(balanced[low : high + 1, low : high + 1]).sum(axis=0).max(initial=0.0)
+    norm = max(float(cycles), float(np.abs(np.diag(balanced)).max()))
+    if not np.isfinite(norm):
+        return np.full_like(A, np.nan)
+    count = max(int(np.frexp(norm)[1]) + 1, n.bit_length())
+    X = np.ldexp(A, -count)
+    square = X @ X
+    powers = np.stack([X, square, square @ X, square @ square])
+    parts = (_TAYLOR @ powers.reshape(4, -1)).reshape(powers.shape)
+    E = parts[3]
+    for part in parts[2::-1]:  # by Horner's rule in the fourth power
+        E = powers[3] @ E + part
+    for _ in range(count):
+        E = E @ E + (E + E)
+    return E
+
+
+def motion_coordinates(system: Lti) -> tuple[Lti, Array]:
+    """Return a continuous system in coordinates in which its motion keeps its digits, and the map of its states to them.
+
+    Powers of a dense matrix with a large departure from normality, as of equal poles, cancel, but not over Schur vectors.
+    A Schur form changes every entry by rounding of the largest one, however, and the effect of a change in a chain of
+    integrators grows with powers of time.  So a matrix with zeros, or with small entries that would change, stays as it is.
+    """
+    n = len(system.A)
+    A, scale = balance(system.A)
+    if n and A.all():
+        form, Z = linalg.schur(A)
+        if (np.abs(Z @ form @ Z.T - A) <= _SCHUR_ROUNDING * EPS * np.abs(A)).all():
+            to_form = Z.T / scale
+            return replace(system, A=form, B=to_form @ system.B, C=(system.C * scale) @ Z), to_form
+    return system, np.eye(n)
 
 
 def zero_order_hold(A: Array, B: Array, step: float) -> tuple[Array, Array]:
@@ -27,22 +85,21 @@ def zero_order_hold(A: Array, B: Array, step: float) -> tuple[Array, Array]:
     n, m = B.shape
     generator = np.zeros((n + m, n + m))
     generator[:n, :n], generator[:n, n:] = step * A, step * B
-    upper = linalg.expm(generator)[:n]
-    return upper[:, :n], upper[:, n:]
+    upper = matrix_expm1(generator)[:n]
+    return upper[:, :n] + np.eye(n), upper[:, n:]
 
 
 def linear_hold(A: Array, B: Array, step: float) -> tuple[Array, Array, Array]:
     """Return ``Phi, G, H`` of ``x[k+1] = Phi x[k] + G u[k] + H (u[k+1] - u[k])``, exact for inputs straight in between.
 
-    They are the upper rows of the exponential of ``[[A step, B step, 0], [0, 0, I], [0, 0, 0]]``.  ``A`` (..., n, n) and
-    ``B`` (..., n, m) may be stacks of systems.
+    They are the upper rows of the exponential of ``[[A step, B step, 0], [0, 0, I], [0, 0, 0]]``.
     """
-    n, m = B.shape[-2:]
-    generator = np.zeros((*B.shape[:-2], n + 2 * m, n + 2 * m))
-    generator[..., :n, :n], generator[..., :n, n : n + m] = step * A, step * B
-    generator[..., n : n + m, n + m :] = np.eye(m)
-    upper = linalg.expm(generator)[..., :n, :]
-    return upper[..., :n], upper[..., n : n + m], upper[..., n + m :]
+    n, m = B.shape
+    generator = np.zeros((n + 2 * m, n + 2 * m))
+    generator[:n, :n], generator[:n, n : n + m] = step * A, step * B
+    generator[n : n + m, n + m :] = np.eye(m)
+    upper = matrix_expm1(generator)[:n]
+    return upper[:, :n] + np.eye(n), upper[:, n : n + m], upper[:, n + m :]
 
 
 @dataclass(frozen=True)
@@ -152,7 +209,7 @@ def linear_hold_response(system: object, inputs: ArrayLike, step: float, initial
     -----
     Nothing is diagonalised, so that defective systems are served as well.
     """
-    linear = of(system, expected="StateSpace")
+    linear, to_form = motion_coordinates(of(system, expected="StateSpace"))
     u = finite_array("inputs", inputs, ndim=2)
     h = positive("step", step)
     A, B, C, D = linear.A, linear.B, linear.C, linear.D
@@ -165,7 +222,7 @@ def linear_hold_response(system: object, inputs: ArrayLike, step: float, initial
         return D @ u
     with np.errstate(over="ignore", invalid="ignore"):
         Phi, G, H = linear_hold(A, B, h)
-        found = lifted_response((Phi, G - H, H), C, D, u, start)
+        found = lifted_response((Phi, G - H, H), C, D, u, to_form @ start)
     if not np.isfinite(found).all():
         raise ValueError(
             f"system: its outputs grow beyond all numbers within {u.shape[1]} samples, {h:g} s apart; it is unstable, "
@@ -260,12 +317,25 @@ def lifted_response(
 
 
 def observability(Phi: Array, C: Array, size: int) -> tuple[Array, Array]:
-    """Return ``C Phi^k`` for k below ``size``, (size, outputs, n), and ``Phi^size``, by doubling."""
-    rows, power = C[None], Phi
-    while len(rows) < size:
-        rows = np.concatenate([rows, rows @ power])
-        power = power @ power
-    return rows[:size], np.linalg.matrix_power(Phi, size)
+    """Return ``C Phi^k`` for k below ``size``, (size, outputs, n), and ``Phi^size``.
+
+    Steps follow one another in small groups.  Squares of high powers would cancel where powers grow before they decay, as
+    of equal poles in companion form.
+    """
+    outputs, n = C.shape
+    length = max(_GROUP, isqrt(size) // 2)
+    first, moved = [C], Phi
+    for _ in range(length - 1):
+        first.append(first[-1] @ Phi)
+        moved = moved @ Phi
+    groups = [np.concatenate(first)]
+    for _ in range(-(-size // length) - 1):
+        groups.append(groups[-1] @ moved)
+    power = np.eye(n)
+    for factor, count in ((moved, size // length), (Phi, size % length)):
+        for _ in range(count):
+            power = power @ factor
+    return np.concatenate(groups)[: size * outputs].reshape(size, outputs, n), power
 
 
 def _toeplitz(column: Array) -> Array:

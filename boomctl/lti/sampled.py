@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from boomctl.arrays import Array, balance
+from boomctl.arrays import Array
 from boomctl.checks import exactly, names, nonnegative, positive
 from boomctl.lti.hold import changing, zero_order_hold
 from boomctl.lti.rounding import ALIKE
@@ -263,18 +263,14 @@ def sampled_plant(
     Lti
         In discrete time, inputs and outputs as the plant's.  Outputs are those just before the controls change.
     """
-    scale = balance(plant.A)[1]
-    scaled = replace(plant, A=plant.A * scale / scale[:, None], B=plant.B / scale[:, None], C=plant.C * scale)
-    held = Held.of(scaled, acting, [whole_samples(delay, dt) for delay in delays])
+    held = Held.of(plant, acting, [whole_samples(delay, dt) for delay in delays])
     found = held.sampled(plant.dt or dt)
     size = len(found.A)
-    full = np.concatenate([scale, np.ones(size - len(scale))])
-    found = replace(found, A=found.A * full[:, None] / full, B=found.B * full[:, None], C=found.C / full)
     for output, age in enumerate(readings or ()):
         whole, rest = whole_samples(age, dt)
         if rest:  # read between two samples, and known at the later one
             rows, given = held.answers(dt - rest)
-            found = _read(found, output, (rows[output] / full, given[output]), whole + 1)
+            found = _read(found, output, (rows[output], given[output]), whole + 1)
         elif whole:
             found = _read(found, output, (found.C[output, :size], found.D[output]), whole)
     return found

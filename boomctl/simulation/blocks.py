@@ -157,7 +157,7 @@ def run_if_no_stop_is_met(p: LoopProblem, fine: LoopProblem) -> tuple[Array, Con
     assert fine.contacts.stop_maps is not None
     stops, per_step, outputs = fine.contacts.stops, fine.grid.steps // p.grid.steps, len(p.plant.C)
     positions = np.vstack([stop.position for stop in stops])
-    maps = [p.plant.motion(j * fine.grid.h)[0] for j in range(per_step)]
+    maps = [p.plant.hold(j * fine.grid.h, [])[0] for j in range(per_step)]
     C = np.vstack([p.plant.C, *(positions @ Phi for Phi in maps)])
     D = np.vstack([p.plant.D, np.zeros((len(C) - outputs, p.plant.D.shape[1]))])
     seen, log = replace(p, plant=replace(p.plant, C=C, D=D)), p.new_log()

@@ -1,4 +1,4 @@
-"""The response of a linear plant to given signals, mode by mode: exact for signals that run along straight lines.
+"""Response of a linear plant to given signals: exact for signals that are linear between samples.
 
 A structure answers with as many modes as a wanted accuracy needs; the modes left out answer as they do at rest, and
 what the highest modes kept do beyond that estimates the error.
@@ -16,10 +16,11 @@ from numpy.typing import ArrayLike
 
 from boomctl.arrays import Array
 from boomctl.checks import known, names, positive
+from boomctl.lti.block_diagonal import block_diagonal
 from boomctl.lti.hold import lifted_response
 from boomctl.lti.time_series import TimeSeries
 from boomctl.printing import count, signals
-from boomctl.simulation.plant import ModalPlant, in_modal_coordinates, modal_plant, realized, truncated
+from boomctl.simulation.plant import ModalPlant, modal_plant, realized, truncated
 from boomctl.simulation.signals import disturbance_rows, uniform_times
 from boomctl.structure.matrices import halves
 from boomctl.structure.model import SecondOrderModel
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
 _FIRST_MODES = 16  # modes tried first: enough for 1e-3 of a boom's motion; more are taken as the witnesses ask
 # of the number of modes from one trial to the next: all trials together cost less than three times the last
 _GROWTH = 1.6
+_CONDITION = 1e6  # Largest condition of the modal coordinates in which the error is estimated.
 _WITNESSES = 2  # highest modes kept whose motion beyond rest stands for that of the modes left out: one may be hidden
 
 
@@ -201,7 +203,7 @@ def _structure_response(model: SecondOrderModel, U: Array, h: float, accuracy: f
     modes = min(_FIRST_MODES, model.n)
     while True:
         small, rest = truncated(model, modes)
-        plant = in_modal_coordinates(realized(small, rest))
+        plant = ModalPlant.of(realized(small, rest).balanced())
         count = len(plant.C)
         if small.n == model.n:
             y = lifted_response(plant.step(h).of_signals, plant.C, plant.D, U)
@@ -220,10 +222,14 @@ def _witness(plant: ModalPlant, direct: Array) -> tuple[Array, Array]:
     Inputs are ``direct`` or integrated; the answer at rest to an integral belongs to the integrator's block, not to the
     modes' own.
     """
-    speed = [float(np.abs(np.linalg.eigvals(plant.A[part, part])).min()) for part in plant.blocks]
+    A, T, sizes = block_diagonal(plant.A, _CONDITION)
+    back = np.linalg.inv(T)
+    parts = [slice(end - size, end) for end, size in zip(np.cumsum(sizes), sizes, strict=True)]
+    speed = [float(np.abs(np.linalg.eigvals(A[part, part])).min()) for part in parts]
     C, D = np.zeros_like(plant.C), np.zeros_like(plant.D)
     for k in np.argsort(speed)[-_WITNESSES:]:
-        part = plant.blocks[k]
-        C[:, part] = plant.C[:, part]
-        D += plant.C[:, part] @ np.linalg.solve(plant.A[part, part], plant.B[part] * direct)
+        part = parts[k]
+        rows = plant.C @ T[:, part]
+        C += rows @ back[part]
+        D += rows @ np.linalg.solve(A[part, part], back[part] @ (plant.B * direct))
     return C, D

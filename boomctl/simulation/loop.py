@@ -83,10 +83,10 @@ def simulate_loop(
 ) -> LoopResult:
     """Simulate a plant under a sampled controller.
 
-    Between samples a linear plant moves exactly, in modal coordinates, and a hub-beam by its nonlinear equations, to a
-    stated error: controls are held, disturbances run along straight lines from one time to the next.  At a sample the
-    controller reads the plant (just before its control changes), asks for a control, and is given what limits allow:
-    first the force, then the rate; that acts ``delay`` later.
+    Between samples a linear plant moves exactly, and a hub-beam by its nonlinear equations, to a stated error: controls
+    are held, disturbances run along straight lines from one time to the next.  At a sample the controller reads the plant
+    (just before its control changes), asks for a control, and is given what limits allow: first the force, then the rate;
+    that acts ``delay`` later.
 
     Parameters
     ----------
@@ -306,8 +306,7 @@ def _start(initial: ArrayLike | None, plant: ModalPlant) -> Array:
     n = len(plant.A)
     if initial is None:
         return np.zeros(n)
-    given = _initial(initial, n)
-    return np.linalg.solve(plant.T, given) if n else given
+    return plant.from_state @ _initial(initial, n)
 
 
 def _initial(initial: ArrayLike, n: int) -> Array:

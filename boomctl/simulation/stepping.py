@@ -95,7 +95,7 @@ class SampledRun:
     delay : float
         Between a sample and the moment its control acts [s].
     start : (n,) ndarray
-        Modal states at the first time; of a machine, modal coordinates and rates.
+        States of the plant at the first time; of a machine, modal coordinates and rates.
     """
 
     controller: SampledController

@@ -10,7 +10,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.linalg import block_diag, expm
+from scipy.linalg import block_diag
 
 from boomctl.arrays import Array
 from boomctl.checks import (
@@ -25,6 +25,7 @@ from boomctl.checks import (
     warn_user,
     whole,
 )
+from boomctl.lti.hold import matrix_expm1
 from boomctl.lti.rounding import ALIKE
 from boomctl.printing import compact
 from boomctl.slew.deadline import SlewDeadline
@@ -392,7 +393,7 @@ def _coasts(problem: SlewProblem, duration: float) -> bool:
     """Whether no torque at all leads to the end: a linear plant's own motion, or steady rotation."""
     start, plant = problem.start, problem.plants[0]
     if problem.linear:
-        end = expm(duration * problem.A) @ start
+        end = start + matrix_expm1(duration * problem.A) @ start
     else:
         first = start[: plant.n]
         angle, speed = (float(plant.rows[name] @ first) for name in ("angle", "speed"))

@@ -1,5 +1,7 @@
 """Responses to inputs that run straight between samples: exact solutions, halved steps, shapes."""
 
+import math
+
 import control
 import numpy as np
 import pytest
@@ -7,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from boomctl.lti.hold import linear_hold_response, recursion
+from boomctl.lti.hold import linear_hold_response, matrix_expm1, recursion
 from tests.profiles import examples
 from tests.strategies import seeds
 
@@ -53,6 +55,16 @@ def test_samples_put_on_the_straight_lines_change_nothing(seed):
     fine = np.array([np.interp(np.arange(0, 39.2, 0.2), np.arange(40), line) for line in u])
     found, finer = linear_hold_response(system, u, 0.1), linear_hold_response(system, fine, 0.02)
     assert finer[:, ::5] == pytest.approx(found, abs=1e-10 * np.abs(found).max())
+
+
+@pytest.mark.parametrize("n", [1, 4, 40, 90])
+@pytest.mark.parametrize("pole", [0.0, -0.01, -3.0])
+def test_matrix_expm1_chain_matches_closed_form(n, pole):
+    """Every entry to rounding, also where paths are longer than the degree of the polynomial, in any units."""
+    scale = np.exp2(np.random.default_rng(n).integers(-60, 60, n))
+    A = (pole * np.eye(n) + np.eye(n, k=1)) * scale[:, None] / scale
+    exact = sum(np.exp(pole) / math.factorial(k) * np.eye(n, k=k) for k in range(1, n)) + np.expm1(pole) * np.eye(n)
+    np.testing.assert_allclose(matrix_expm1(A), exact * scale[:, None] / scale, rtol=1e-13)
 
 
 def test_integrators_in_a_row_give_powers_of_time():

@@ -1,11 +1,11 @@
-"""Exact motion over a step: against matrix exponentials, for every kind of pole."""
+"""Motion of linear plants and of sampled loops around them: against matrix exponentials at 400 bits and more."""
 
 import control as ct
 import numpy as np
 import pytest
+from flint import arb, arb_mat, ctx
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy import linalg
 
 import boomctl as bc
 from boomctl.simulation.plant import modal_plant
@@ -15,62 +15,163 @@ from tests.strategies import seeds
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*scipy:DeprecationWarning")
 
-
-def _whole(plant, h):
-    """Return the maps over a step in the plant's own coordinates, from one exponential."""
-    n, m = plant.nstates, plant.ninputs
-    big = np.zeros((n + 2 * m, n + 2 * m))
-    big[:n, :n], big[:n, n : n + m], big[n : n + m, n + m :] = plant.A, plant.B, np.eye(m)
-    found = linalg.expm(big * h)
-    ramp = found[:n, n + m :] / h
-    return found[:n, :n], found[:n, n : n + m] - ramp, ramp, found[:n, n : n + m]
+BITS = (400, 1600, 6400)  # tried in turn until the result has 20 digits
+ROUNDING = 100.0  # times the change of a response by one unit in the last place of the matrices
 
 
-@pytest.mark.parametrize(
-    "A",
-    [
-        [[0.0, 1.0], [0.0, 0.0]],
-        [[-1.0, 1.0, 0.0], [0.0, -1.0, 1.0], [0.0, 0.0, -1.0]],
-        [[0.0, 1.0, 0.0, 0.0], [-4.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0], [0.0, 0.0, -4.0, 0.0]],
-        [[-1e5, 0.0], [0.0, -1e-3]],
-        [[0.5, 2.0], [-2.0, 0.5]],
-        [[0.0]],
-    ],
-)
-def test_motion_of_defective_rigid_stiff_and_unstable_plants(A):
-    rng = np.random.default_rng(3)
-    n = len(A)
-    plant = ct.ss(
-        A, rng.standard_normal((n, 2)), rng.standard_normal((2, n)), 0.0, inputs=["a", "b"], outputs=["c", "d"]
-    )
-    modal, h = modal_plant(plant), 0.1
-    step, (Phi, first, last, held) = modal.step(h), _whole(plant, h)
-    T, back = modal.T, np.linalg.inv(modal.T)
-    for ours, theirs in (
-        (T @ step.Phi @ back, Phi),
-        (T @ step.first, first),
-        (T @ step.last, last),
-        (T @ step.held, held),
-    ):
-        np.testing.assert_allclose(ours, theirs, atol=1e-10 * max(1.0, np.abs(theirs).max()))
-    np.testing.assert_allclose(modal.C @ back, plant.C, atol=1e-9)
+def balls(matrix):
+    return arb_mat([[arb(float(x)) for x in row] for row in np.atleast_2d(matrix)])
 
 
-@given(seed=seeds, n=st.integers(1, 9), h=st.floats(1e-3, 1.0))
-@examples(30)
-def test_motion_of_random_plants(seed, n, h):
-    plant = random_plant(np.random.default_rng(seed), n)
-    modal = modal_plant(plant)
-    step, (Phi, first, last, held) = modal.step(h), _whole(plant, h)
-    back = np.linalg.inv(modal.T)
-    scale = np.linalg.cond(modal.T)
-    for ours, theirs in (
-        (modal.T @ step.Phi @ back, Phi),
-        (modal.T @ step.first, first),
-        (modal.T @ step.last, last),
-        (modal.T @ step.held, held),
-    ):
-        np.testing.assert_allclose(ours, theirs, atol=1e-12 * scale * max(1.0, np.abs(theirs).max()))
+def exact_response(plant, signals, h, law=None, lag=0):
+    """Return the outputs at each step under signals that are linear between steps.
+
+    ``law`` is a discrete controller from the first outputs to the first input, ``lag`` steps late.
+    """
+    for bits in BITS:
+        ctx.prec = bits
+        values = _response(plant, signals, h, law, lag)
+        if all(y.rad() < arb(1e-20) * abs(y.mid()) + arb(1e-60) for row in values for y in row):
+            return np.array([[float(y.mid()) for y in row] for row in values]).T
+    raise AssertionError("no digits left")
+
+
+def _response(plant, signals, h, law, lag):
+    n, m, U = plant.nstates, plant.ninputs, balls(signals.T)
+    big = arb_mat(n + 2 * m, n + 2 * m)
+    for i, row in enumerate(np.hstack([plant.A, plant.B]).tolist()):
+        for j, x in enumerate(row):
+            big[i, j] = arb(x) * arb(h)
+    for j in range(m):
+        big[n + j, n + m + j] = 1
+    moved = big.exp()
+    part = [[moved[i, j] for j in range(n + 2 * m)] for i in range(n)]
+    Phi, G, H = (arb_mat([row[a:b] for row in part]) for a, b in ((0, n), (n, n + m), (n + m, n + 2 * m)))
+    C, D, x, rows, controls = balls(plant.C), balls(plant.D), arb_mat(n, 1), [], []
+    if law is not None:
+        order, reads = law.nstates, law.ninputs
+        law_map = balls(np.block([[law.A, law.B], [law.C, law.D]]))
+        state = [arb(0)] * order
+    for k in range(signals.shape[1]):
+        u = arb_mat([[U[k, j]] for j in range(m)])
+        y = C * x + D * u
+        rows.append([y[i, 0] for i in range(len(plant.C))])
+        if k + 1 == signals.shape[1]:
+            return rows
+        following = arb_mat([[U[k + 1, j]] for j in range(m)])
+        if law is not None:
+            moving = law_map * arb_mat([[value] for value in (*state, *rows[-1][:reads])])
+            state = [moving[i, 0] for i in range(order)]
+            controls.append(moving[order, 0])
+            u[0, 0] = following[0, 0] = controls[k - lag] if k >= lag else arb(0)
+        x = Phi * x + G * u + H * (following - u)
+    return rows
+
+
+def rotated(rng, A):
+    Q = np.linalg.qr(rng.standard_normal(A.shape))[0]
+    return Q @ A @ Q.T
+
+
+def rescaled(rng, A):
+    scale = 10.0 ** rng.uniform(-6, 6, len(A))
+    return A * scale[:, None] / scale
+
+
+def integrators(rng):
+    """Return ``A`` of several integrators and lags from a transfer function: entries of 1e-17 and less are left."""
+    den = np.r_[1.0, np.zeros(rng.integers(3, 6))]
+    for rate in 10.0 ** rng.uniform(-1, 2, rng.integers(0, 3)):
+        den = np.polymul(den, [1.0, rate])
+    return ct.ss(ct.tf(rng.standard_normal(2), den)).A
+
+
+def chain(rng):
+    """Return ``A`` of integrators in series with entries far below rounding of the others."""
+    n = rng.integers(3, 6)
+    return np.eye(n, k=1) + 10.0 ** rng.uniform(-26, -12, (n, n)) * rng.choice([-1, 0, 1], (n, n))
+
+
+def jordan(rng):
+    """Return ``A`` of equal or nearly equal real poles or undamped pairs, coupled in series or not."""
+    k, w = rng.integers(2, 5), 10.0 ** rng.uniform(-1, 1)
+    pole = np.array([[-w]]) if rng.integers(2) else w * np.array([[-rng.choice([0.0, 1e-3]), 1.0], [-1.0, 0.0]])
+    A = np.kron(np.eye(k), pole) + rng.choice([0.0, w]) * np.kron(np.eye(k, k=1), np.eye(len(pole)))
+    return A * (1.0 + rng.choice([0.0, 1e-15, 1e-8, 1e-4]) * rng.standard_normal(A.shape))
+
+
+def companion(rng):
+    """Return ``A`` of equal poles from a transfer function."""
+    w, den = 10.0 ** rng.uniform(-1, 1), [1.0]
+    for _ in range(rng.integers(2, 5)):
+        den = np.polymul(den, [1.0, w] if rng.integers(2) else [1.0, 0.0, w * w])
+    return ct.ss(ct.tf([1.0], den)).A
+
+
+def stiff(rng):
+    """Return ``A`` of vibrations and lags from 0.1 to 1000 rad/s."""
+    A, rates = np.zeros((7, 7)), 10.0 ** rng.uniform(-1, 3, 4)
+    A[6, 6] = -rates[3]
+    for k, (w, zeta) in enumerate(zip(rates[:3], 10.0 ** rng.uniform(-4, 0, 3), strict=True)):
+        A[2 * k : 2 * k + 2, 2 * k : 2 * k + 2] = [[0.0, 1.0], [-w * w, -2.0 * zeta * w]]
+    return A
+
+
+KINDS = {
+    "integrators": integrators,
+    "chain": chain,
+    "jordan": jordan,
+    "companion": companion,
+    "stiff": stiff,
+    "integrators, units": lambda rng: rescaled(rng, integrators(rng)),
+    "jordan, units": lambda rng: rescaled(rng, jordan(rng)),
+    "jordan, dense": lambda rng: rotated(rng, jordan(rng)),
+    "stiff, units": lambda rng: rescaled(rng, stiff(rng)),
+    "stiff, dense, units": lambda rng: rescaled(rng, rotated(rng, stiff(rng))),
+}
+
+
+def error(values, exact):
+    return float((np.abs(values - exact).max(axis=1) / np.abs(exact).max(axis=1)).max())
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@given(seed=seeds)
+@examples(60)
+def test_motion_matches_arb(kind, seed):
+    rng = np.random.default_rng(seed)
+    A = KINDS[kind](rng)
+    # inputs and outputs in the units of the states
+    units = np.sqrt(np.divide(*(np.maximum(np.linalg.norm(A, axis=k), 1e-12) for k in (1, 0))))
+    B, C = units[:, None] * rng.standard_normal((len(A), 2)), rng.standard_normal((2, len(A))) / units
+    plant = ct.ss(A, B, C, 0.0, inputs=["u", "w"], outputs=["y", "z"])
+    h, steps = 10.0 ** rng.uniform(-2, 0.5), 40
+    t, U = h * np.arange(steps), rng.choice([0.0, 1.0]) + rng.standard_normal((2, steps))
+    near = ct.ss(*(X * (1.0 + 2.0**-52 * rng.choice([-1, 1], X.shape)) for X in (A, B, C)), 0.0)
+    exact = exact_response(plant, U, h)
+    allowed = 1e-12 + ROUNDING * error(exact_response(near, U, h), exact)
+    signals = dict(zip(plant.input_labels, U, strict=True))
+    forced, run = bc.forced_response(plant, signals, t), bc.simulate_loop(plant, None, signals, t, sample_time=h)
+    for result in (forced, run):
+        assert error(np.array([result["y"], result["z"]]), exact) <= allowed
+    first = exact_response(plant, np.vstack([np.ones(steps), np.zeros(steps)]), h)
+    stepped = bc.step(plant, t, inputs="u").values[:, 0]
+    assert error(stepped, first) <= allowed
+    gain, lag = 0.1 / np.abs(first[0]).max(), int(rng.integers(3))
+    law = ct.ss([[0.5]], [[1.0]], [[gain]], [[-gain]], h, inputs=["y"], outputs=["u"])
+    exact = exact_response(plant, np.vstack([np.zeros(steps), U[1]]), h, law, lag)
+    run = bc.simulate_loop(plant, law, {"w": U[1]}, t, sample_time=h, delay=lag * h)
+    assert error(np.array([run["y"], run["z"]]), exact) <= allowed
+
+
+def test_motion_four_integrators_matches_closed_form():
+    """Sum of the responses of ``0.16/s^3`` and ``1.4/s^4`` to a unit step."""
+    plant, t = ct.ss(ct.tf([0.16, 1.4], [1.0, 0.0, 0.0, 0.0, 0.0])), np.linspace(0.0, 3.0, 4)
+    exact = 0.16 * t**3 / 6.0 + 1.4 * t**4 / 24.0
+    forced = bc.forced_response(plant, {"u[0]": np.ones(4)}, t)["y[0]"]
+    run = bc.simulate_loop(plant, None, {"u[0]": np.ones(4)}, t, sample_time=1.0)["y[0]"]
+    for values in (forced, run, bc.step(plant, t).values[0, 0]):
+        np.testing.assert_allclose(values, exact, atol=1e-13)
 
 
 @given(seed=seeds, share=st.floats(0.05, 0.95))

@@ -9,12 +9,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy import linalg
 
 from boomctl.analysis.looking.given import matrices
 from boomctl.arrays import Array, blocks
 from boomctl.checks import finite_array, known, no_signals, plain_array, positive
-from boomctl.lti.hold import BLOCK, observability
+from boomctl.lti.hold import BLOCK, matrix_expm1, motion_coordinates, observability
 from boomctl.lti.modal import partial_fractions, side_of_axis, sides
 from boomctl.lti.rounding import ALIKE, ROOT, TINY
 from boomctl.lti.system import Lti
@@ -166,7 +165,7 @@ def step(
     >>> round(float(bc.step(swing)["place"].max()), 2)
     1.85
     """
-    L = matrices(system, inputs, outputs)
+    L = _matrices(system, inputs, outputs)
     n, m = L.B.shape
     held = np.eye(m) if L.dt else np.zeros((m, m))  # the input stays: as a state, its rate is zero
     A = blocks([[L.A, L.B], [np.zeros((m, n)), held]])
@@ -208,12 +207,18 @@ def impulse(
     >>> round(float(bc.impulse(swing)["place"].max()), 2)
     0.93
     """
-    L = matrices(system, inputs, outputs)
+    L = _matrices(system, inputs, outputs)
     if not L.dt:
         return _moved("impulse", L, timepts, (L.A, L.B, L.C))
     n, m = L.B.shape  # the input is a state that lasts for one sample
     A = blocks([[L.A, L.B], [np.zeros((m, n + m))]])
     return _moved("impulse", L, timepts, (A, np.vstack([np.zeros((n, m)), np.eye(m)]) / L.dt, np.hstack([L.C, L.D])))
+
+
+def _matrices(system: object, inputs: str | Sequence[str] | None, outputs: str | Sequence[str] | None) -> Lti:
+    """Return the matrices of a system between signals, those of a continuous one in coordinates of its motion."""
+    L = matrices(system, inputs, outputs)
+    return L if L.dt else motion_coordinates(L)[0]
 
 
 def _moved(
@@ -224,7 +229,7 @@ def _moved(
     time = _instants(system, timepts)
     count = len(time)
     with np.errstate(over="ignore", invalid="ignore"):
-        Phi = A if system.dt else linalg.expm(A * (time[1] - time[0]))
+        Phi = A if system.dt else np.eye(len(A)) + matrix_expm1(A * (time[1] - time[0]))
         seen, power = observability(Phi, C, min(BLOCK, count))
         blocks = []
         for _ in range(-(-count // len(seen))):

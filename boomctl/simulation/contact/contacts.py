@@ -14,7 +14,7 @@ from boomctl.simulation.plant import ModalPlant
 
 StrokeLimit = float | Mapping[str, "float | tuple[float, str]"] | None
 
-_NOTHING = 1e-7  # of the terms that it is summed from: a feedthrough below that is rounding of the modal coordinates
+_NOTHING = 1e-7  # of the terms that it is summed from: a feedthrough below that is rounding
 _COARSE = 0.5  # share of a force's velocity that must be left at the end of a step for friction to be resolved
 _MOST_STOPS = 6  # the cases of stops touched grow as 5 to their number: 15,625 with six
 

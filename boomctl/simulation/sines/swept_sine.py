@@ -148,10 +148,10 @@ class _Shaken:
 def _steps_needed(shaken: _Shaken, omega: float, steps: int) -> int:
     """Return how many steps a period takes: more than wanted where a step would be long for the motion at the contact."""
     plant = shaken.plant
-    velocity, column = plant.C[shaken.slip] @ plant.A, plant.B[:, shaken.acts]
+    velocity, column = plant.C[shaken.slip] @ plant.A, plant.B[:, [shaken.acts]]
     for count in steps * 2 ** np.arange(_DOUBLINGS):
         h = 2.0 * np.pi / (omega * count)
-        if velocity @ plant.motion(h)[1] @ column >= _FINE * h * (velocity @ column):
+        if velocity @ plant.hold(h, [shaken.acts])[1] >= _FINE * h * (velocity @ column):
             return int(count)
     return steps * 2**_DOUBLINGS
 
