@@ -14,9 +14,9 @@ from boomctl.checks import known
 from boomctl.lti.hold import Step, changing, linear_hold, motion_coordinates, zero_order_hold
 from boomctl.lti.system import Lti, of
 from boomctl.structure.model import SecondOrderModel
+from boomctl.structure.response.modal_form import handed_out, over_modes
 from boomctl.structure.response.pencil import factorized
 from boomctl.structure.response.poles import undamped_modes
-from boomctl.structure.response.realisation import realize
 
 if TYPE_CHECKING:
     import control
@@ -92,8 +92,8 @@ def truncated(model: SecondOrderModel, modes: int) -> tuple[SecondOrderModel, Ar
         frequencies, shapes = undamped_modes(model.structure, modes)
     except ValueError:
         return model, nothing
-    labels = tuple(f"mode{k}" for k in range(modes))
-    small = SecondOrderModel.of(model.structure.projected(shapes, labels), model.ports.congruent(shapes))
+    structure, ports = over_modes(model.structure, model.ports, frequencies, shapes)
+    small = SecondOrderModel.of(replace(structure, settled=True), ports)
     return small, _at_rest(model, frequencies, shapes)
 
 
@@ -102,7 +102,7 @@ def realized(small: SecondOrderModel, rest: Array) -> Lti:
 
     It follows the displacement of each input: the signal itself, or the state that is its integral.
     """
-    linear = realize(small.structure, small.ports)
+    linear = handed_out(small.structure, small.ports, None)
     C, D = linear.C.copy(), linear.D.copy()
     place = 2 * small.n
     for i, count in enumerate(small.ports.integrators):

@@ -39,7 +39,12 @@ def elastic(frequencies: Array) -> Array:
 
 
 def in_modes(structure: Structure, ports: Ports, frequencies: Array, V: Array) -> Lti:
-    """Return the state-space form of a structure over undamped modes, projected through its strain rows if it has them.
+    """Return the state-space form of a structure over undamped modes."""
+    return realize(*over_modes(structure, ports, frequencies, V))
+
+
+def over_modes(structure: Structure, ports: Ports, frequencies: Array, V: Array) -> tuple[Structure, Ports]:
+    """Return a structure and its ports over undamped modes, projected through its strain rows if it has them.
 
     What a rigid-body mode strains, what inertia it shares with elastic ones, and where nothing else damps it its damping,
     is zero and not rounding.  Gyroscopic terms stay.
@@ -47,12 +52,12 @@ def in_modes(structure: Structure, ports: Ports, frequencies: Array, V: Array) -
     moved = structure.projected(V, tuple(f"mode{i + 1}" for i in range(V.shape[1])))
     rigid = np.flatnonzero(~elastic(frequencies))
     if not len(rigid):
-        return realize(moved, ports.congruent(V))
+        return moved, ports.congruent(V)
     V, C, K = _resisted(structure, V, moved, rigid)
     M, bending = moved.M.copy(), np.setdiff1d(np.arange(len(frequencies)), rigid)
     M[np.ix_(rigid, bending)], M[np.ix_(bending, rigid)] = 0.0, 0.0
     K[rigid], K[:, rigid] = 0.0, 0.0
-    return realize(Structure(moved.coordinates, (M, C, K)), ports.felt(V, rigid))
+    return Structure(moved.coordinates, (M, C, K)), ports.felt(V, rigid)
 
 
 def _resisted(structure: Structure, V: Array, moved: Structure, rigid: Array) -> tuple[Array, Array, Array]:
