@@ -9,11 +9,12 @@ import numpy as np
 from boomctl.analysis.loops import signals_of
 from boomctl.arrays import Array, blocks
 from boomctl.checks import exactly, known, up_to
+from boomctl.lti.bilinear import discretized
 from boomctl.lti.controllers.scheduled import ScheduledController
 from boomctl.lti.controllers.time_varying import TimeVaryingController
 from boomctl.lti.machine_modes import MachineModes
 from boomctl.lti.sampled import same_time
-from boomctl.lti.system import Lti, controller_of, of
+from boomctl.lti.system import Lti, controller_of
 from boomctl.simulation.conditioning import bounded_correction, correction
 from boomctl.simulation.plant import ModalPlant
 
@@ -182,9 +183,4 @@ def _discrete(controller: Lti, sample_time: float, method: str) -> Lti:
             f"sampling rate is {limit:.4g} rad/s; sample at least every {up_to(np.pi / abs(fastest))} s, or take faster poles"
             f" out: reduce_controller(P, K, fastest_pole={limit:.4g})"
         )
-    from boomctl.lti.python_control import (
-        control,  # where a controller is sampled, and not to name what can be asked for
-    )
-
-    rule = "bilinear" if method == "tustin" else "zoh"
-    return of(control.sample_system(controller.statespace("controller"), sample_time, rule), any_time=True)
+    return discretized(controller, sample_time, method)

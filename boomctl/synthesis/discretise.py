@@ -1,17 +1,18 @@
 """Controllers for a computer: a sampled version of a controller in continuous time, names kept."""
 
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.checks import exactly, from_on, known, positive, up_to
-from boomctl.lti.python_control import control
-from boomctl.lti.system import controller_of, of
+from boomctl.lti.bilinear import discretized
+from boomctl.lti.system import controller_of
 from boomctl.threads import one_blas_thread
 
 if TYPE_CHECKING:
+    import control
+
     from boomctl.lti.system import Controller
 
 _METHODS = ("tustin", "zoh")
@@ -26,7 +27,7 @@ def discretize(
     *,
     samples_per_period: float = 4.0,
     prewarp_omega: float | None = None,
-) -> control.StateSpace:
+) -> "control.StateSpace":
     """Return a controller that runs once a sample, refused where it is sampled too slowly for its poles.
 
     Parameters
@@ -87,10 +88,7 @@ def discretize(
     _check_rate(K.poles, T, samples_per_period)
     if method == "tustin":
         _check_corner(K.poles, T if warped is None else 2.0 * np.tan(0.5 * warped * T) / warped)
-    sampled = control.sample_system(given, T, method, prewarp_frequency=warped, name=f"{given.name}_discrete")
-    if K.scales is None:
-        return sampled
-    return replace(of(sampled, any_time=True), scales=K.scales).statespace(sampled.name)
+    return discretized(K, T, method, warped).statespace(f"{given.name}_discrete")
 
 
 def _check_corner(poles: Array, T: float) -> None:

@@ -3,11 +3,13 @@
 import control
 import numpy as np
 import pytest
+from flint import arb, arb_mat, ctx
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy import linalg
 
 import boomctl as bc
+from tests.profiles import examples
 from tests.strategies import seeds
 from tests.synthesis.test_lqr import random_system
 
@@ -29,6 +31,36 @@ def test_held_inputs_are_followed_exactly(seed, sample_time):
     flow = linalg.expm(sample_time * controller.A)
     forced = np.linalg.solve(controller.A, (flow - np.eye(5)) @ controller.B @ u[:2])
     assert digital.A @ x + digital.B @ u[:2] == pytest.approx(flow @ x + forced, rel=1e-7, abs=1e-9)
+
+
+@pytest.mark.parametrize("method", ["tustin", "zoh"])
+@given(seed=seeds)
+@examples(60)
+def test_discretize_integrators_matches_arb(method, seed):
+    """Integrators and lags from a transfer function, states in units from 1e-6 to 1e6: the pulse response."""
+    rng = np.random.default_rng(seed)
+    den = np.r_[1.0, np.zeros(rng.integers(2, 5))]
+    for rate in 10.0 ** rng.uniform(-1, 2, rng.integers(0, 3)):
+        den = np.polymul(den, [1.0, rate])
+    plain = control.ss(control.tf(rng.standard_normal(2), den))
+    scale, ctx.prec = 10.0 ** rng.uniform(-6, 6, plain.nstates), 600
+    K = control.ss(plain.A * scale[:, None] / scale, plain.B * scale[:, None], plain.C / scale, 0.0)
+    h, n = 0.5 / max(1.0, np.abs(K.poles()).max()), K.nstates
+    X, B, C = (arb_mat([[arb(x) for x in row] for row in np.asarray(M).tolist()]) for M in (K.A, K.B, K.C))
+    X, unit = X * arb(h), arb_mat([[int(i == j) for j in range(n)] for i in range(n)])
+    if method == "tustin":
+        inverse = (unit - X * arb(0.5)).inv()
+        A, B, C = inverse * (unit + X * arb(0.5)), inverse * B * arb(h), C * inverse
+    else:
+        big = arb_mat([[*(X[i, j] for j in range(n)), B[i, 0] * arb(h)] for i in range(n)] + [[0] * (n + 1)]).exp()
+        A, B = arb_mat([[big[i, j] for j in range(n)] for i in range(n)]), arb_mat([[big[i, n]] for i in range(n)])
+    digital, exact, values = bc.discretize(K, h, method), [], []
+    x = digital.B[:, 0]
+    for _ in range(60):
+        values.append(float(digital.C[0] @ x))
+        exact.append(float((C * B)[0, 0].mid()))
+        x, B = digital.A @ x, A * B
+    np.testing.assert_allclose(values, exact, atol=1e-11 * np.abs(exact).max())
 
 
 @pytest.mark.parametrize("method", ["tustin", "zoh"])
