@@ -39,11 +39,11 @@ def _run_blocks(p: LoopProblem, log: ControlLog) -> Array:
     first, last, W = loop.first[:, used], loop.last[:, used], _one_more(p.W[used])
     G, D = recursion_without_lead(loop.Phi, first, last, loop.C, loop.D[:, used])
     lifted = Lifted.of(loop.Phi, G, loop.C, D, _BLOCK)
-    columns = lifted.columns(W)
-    starts, clean, stepped = _blocks(p, log, loop, lifted, columns, last)
+    blocks = lifted.blocks(W)
+    starts, clean, stepped = _blocks(p, log, loop, lifted, blocks, last)
     shown = slice(0, outputs + nu)
-    y = lifted.forced(columns, shown) + lifted.free(starts, shown)
-    found = y.transpose(0, 2, 1).reshape(outputs + nu, -1)[:, : p.grid.steps + 1]
+    y = lifted.forced(blocks, shown) + lifted.free(starts, shown)
+    found = y.reshape(outputs + nu, -1)[:, : p.grid.steps + 1]
     for k, rows in stepped:
         found[:outputs, k : k + len(rows)] = p.plant.C @ rows.T
     samples = np.flatnonzero(np.repeat(clean, _BLOCK)[: p.samples])
@@ -57,7 +57,7 @@ def _one_more(W: Array) -> Array:
 
 
 def _blocks(
-    p: LoopProblem, log: ControlLog, loop: LinearLoop, lifted: Lifted, columns: Array, last: Array
+    p: LoopProblem, log: ControlLog, loop: LinearLoop, lifted: Lifted, blocks: Array, last: Array
 ) -> tuple[Array, Array, list[tuple[int, Array]]]:
     """Return the states (without lead) at the beginning of each block, which were clean, and the others' plant states."""
     n, outputs, samples = len(p.plant.A), len(p.plant.C), p.samples
@@ -66,9 +66,9 @@ def _blocks(
     seen = np.ascontiguousarray(lifted.seen[:, watched].transpose(1, 0, 2)).reshape(-1, lifted.seen.shape[2])
     limit = np.repeat(bound[watched - outputs], lifted.size)
     chosen = Lifted(lifted.size, lifted.seen, lifted.power, lifted.reached, lifted.pulse[watched])
-    alone = np.ascontiguousarray(chosen.forced(columns).transpose(2, 0, 1).reshape(columns.shape[2], -1))
-    pushed, lead = lifted.pushed(columns), (last @ columns[:, 0, :]).T
-    count = columns.shape[2]
+    alone = np.ascontiguousarray(chosen.forced(blocks).transpose(1, 0, 2).reshape(blocks.shape[1], -1))
+    pushed, lead = lifted.pushed(blocks), (last @ blocks[:, :, 0]).T
+    count = blocks.shape[1]
     starts, clean = np.zeros((count, len(loop.Phi))), np.ones(count, dtype=bool)
     state = -lead[0]
     state[:n] += p.start

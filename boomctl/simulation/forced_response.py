@@ -1,7 +1,7 @@
 """Response of a linear plant to given signals: exact for signals that are linear between samples.
 
-A structure answers with as many modes as a wanted accuracy needs; the modes left out answer as they do at rest, and
-what the highest modes kept do beyond that estimates the error.
+A structure is projected onto as many modes and static responses as an accuracy needs.  The error is estimated from two
+projections, of which one has fewer of both, or from the rounding of two computations over all modes.
 """
 
 from __future__ import annotations
@@ -16,24 +16,25 @@ from numpy.typing import ArrayLike
 
 from boomctl.arrays import Array
 from boomctl.checks import known, names, positive
-from boomctl.lti.block_diagonal import block_diagonal
-from boomctl.lti.hold import lifted_response
+from boomctl.lti.hold import lifted_motion, lifted_response
+from boomctl.lti.rounding import ROOT, SOLVED, SUMMED
 from boomctl.lti.time_series import TimeSeries
 from boomctl.printing import count, signals
-from boomctl.simulation.plant import ModalPlant, modal_plant, realized, truncated
+from boomctl.simulation.plant import ModalPlant, basis, modal_plant, sub_basis
 from boomctl.simulation.signals import disturbance_rows, uniform_times
 from boomctl.structure.matrices import halves
 from boomctl.structure.model import SecondOrderModel
+from boomctl.structure.response.modal_form import in_modes
 from boomctl.threads import one_blas_thread
 
 if TYPE_CHECKING:
     import control
 
-_FIRST_MODES = 16  # modes tried first: enough for 1e-3 of a boom's motion; more are taken as the witnesses ask
-# of the number of modes from one trial to the next: all trials together cost less than three times the last
-_GROWTH = 1.6
-_CONDITION = 1e6  # Largest condition of the modal coordinates in which the error is estimated.
-_WITNESSES = 2  # highest modes kept whose motion beyond rest stands for that of the modes left out: one may be hidden
+_FIRST_MODES, _FIRST_ORDER = 13, 3  # of the first projection: undamped modes, and order of its static responses
+_FEWER_MODES = 10  # number of undamped modes of the projection with which it is compared
+_GROWTH = 1.6  # ratio of the numbers of modes of successive projections
+_MARGIN = 3.0  # ratio of an error estimate to the difference of responses of two projections
+_ROUNDING = 10.0  # ratio of an error estimate to the difference of two responses by rounding
 
 
 @dataclass(frozen=True)
@@ -49,9 +50,10 @@ class ForcedResponse(TimeSeries):
     inputs : dict from name to (n,) ndarray
         Values of the signals given.
     error_estimate : float
-        Estimated error by the modes left out, relative to the largest output; 0 where none were.
+        Estimated error of a structure's response by truncated modes and rounding, relative to the largest value of each
+        output: the largest of all outputs.  0 for a state-space system.
     modes : int
-        Number of modes used; of a state-space system, of states.
+        Number of modes and static responses used; for a state-space system, of states.
     units : dict from name to str
         Units of the signals of a structure; empty of a ``StateSpace``, which does not say them.
     """
@@ -125,7 +127,8 @@ def forced_response(
     outputs : str or sequence of str, optional
         Outputs that are read; by default all.
     accuracy : float
-        Largest error wanted of a structure's response, relative to the largest value of each output.
+        Largest error of a structure's response by truncated modes, relative to the largest value of each output.
+        Rounding may exceed it; ``error_estimate`` includes both.
 
     Returns
     -------
@@ -163,13 +166,14 @@ def forced_response(
     for name in signals:
         known("signal", name, plant.inputs)
     read = names("output", outputs, plant.outputs)
-    total, errors, modes = np.zeros((len(read), len(time))), np.zeros(len(read)), 0
+    total, errors, sizes, modes = np.zeros((len(read), len(time))), np.zeros(len(read)), np.zeros(len(read)), 0
     for model, U, W in _parts(plant, signals, read, len(time)):
-        y, error, used = _structure_response(model, U, h, wanted)
+        y, error, size, used = _structure_response(model, U, h, wanted)
         total += W @ y
         errors += np.abs(W) @ error
+        sizes += np.abs(W) @ size
         modes += used
-    sizes = np.abs(total).max(axis=1)
+    sizes = _sizes(total, sizes)
     estimate = float(np.max(errors / np.where(sizes > 0.0, sizes, 1.0)))
     return ForcedResponse(time, dict(zip(read, total, strict=True)), _given(signals), estimate, modes, plant.units)
 
@@ -196,40 +200,44 @@ def _parts(
     return [(model.select(inputs, outputs), disturbance_rows(signals, inputs, (), n), np.eye(len(outputs)))]
 
 
-def _structure_response(model: SecondOrderModel, U: Array, h: float, accuracy: float) -> tuple[Array, Array, int]:
-    """Return outputs, the estimated error of each (outputs,), and the number of modes."""
+def _structure_response(
+    model: SecondOrderModel, U: Array, h: float, accuracy: float
+) -> tuple[Array, Array, Array, int]:
+    """Return outputs, the estimated error of each (outputs,), a bound of its size, and the number of modes."""
+    outputs = len(model.outputs)
+    before, last, size = None, np.full(outputs, np.inf), np.zeros(outputs)
     if not U.any():
-        return np.zeros((len(model.outputs), U.shape[1])), np.zeros(len(model.outputs)), 0
-    modes = min(_FIRST_MODES, model.n)
+        return np.zeros((outputs, U.shape[1])), size, size, 0
+    modes, order = _FIRST_MODES, _FIRST_ORDER
     while True:
-        small, rest = truncated(model, modes)
-        plant = ModalPlant.of(realized(small, rest).balanced())
-        count = len(plant.C)
-        if small.n == model.n:
-            y = lifted_response(plant.step(h).of_signals, plant.C, plant.D, U)
-            return y, np.zeros(count), model.n
-        C, D = _witness(plant, np.array(small.ports.integrators) == 0)
-        both = lifted_response(plant.step(h).of_signals, np.vstack([plant.C, C]), np.vstack([plant.D, D]), U)
-        y, error = both[:count], np.abs(both[count:]).max(axis=1)
-        if (error <= accuracy * np.abs(y).max(axis=1)).all():
-            return y, error, modes
-        modes = min(model.n, int(np.ceil(_GROWTH * modes)))
+        frequencies, V = basis(model, min(modes, model.n), order)
+        y, size = _projected_response(model, frequencies, V, U, h)
+        whole = len(frequencies) == model.n
+        if whole:  # modes of another norm for other rounding
+            before, _ = _projected_response(model, frequencies, 1.4 * V, U, h)
+        elif before is None:
+            fewer = sub_basis(model, frequencies, V, _FEWER_MODES, order - 1)
+            before, _ = _projected_response(model, *fewer, U, h)
+        least = _sizes(y, size)
+        error = (_ROUNDING if whole else _MARGIN) * np.abs(y - before).max(axis=1) + SOLVED * least
+        # an error below ROOT that is not reduced from one projection to the next is rounding
+        if whole or ((error <= accuracy * least) | ((error <= ROOT * least) & (error >= 0.5 * last))).all():
+            return y, error, size, len(frequencies)
+        last = error if order > _FIRST_ORDER else last
+        before, order, modes = y, order + 1, int(np.ceil(_GROWTH * modes))
 
 
-def _witness(plant: ModalPlant, direct: Array) -> tuple[Array, Array]:
-    """Return rows that read how far the highest modes are from their answer at rest: the error of leaving others out.
+def _projected_response(
+    model: SecondOrderModel, frequencies: Array, V: Array, U: Array, h: float
+) -> tuple[Array, Array]:
+    """Return the outputs of a structure projected onto ``V``, and a bound of the size of each."""
+    plant = ModalPlant.of(in_modes(model.structure, model.ports, frequencies, V))
+    y, states = lifted_motion(plant.step(h).of_signals, plant.C, plant.D, U)
+    reach = np.linalg.norm(states, axis=1).max()
+    return y, np.linalg.norm(plant.C, axis=1) * reach + np.abs(plant.D) @ np.abs(U).max(axis=1)
 
-    Inputs are ``direct`` or integrated; the answer at rest to an integral belongs to the integrator's block, not to the
-    modes' own.
-    """
-    A, T, sizes = block_diagonal(plant.A, _CONDITION)
-    back = np.linalg.inv(T)
-    parts = [slice(end - size, end) for end, size in zip(np.cumsum(sizes), sizes, strict=True)]
-    speed = [float(np.abs(np.linalg.eigvals(A[part, part])).min()) for part in parts]
-    C, D = np.zeros_like(plant.C), np.zeros_like(plant.D)
-    for k in np.argsort(speed)[-_WITNESSES:]:
-        part = parts[k]
-        rows = plant.C @ T[:, part]
-        C += rows @ back[part]
-        D += rows @ np.linalg.solve(A[part, part], back[part] @ (plant.B * direct))
-    return C, D
+
+def _sizes(y: Array, bound: Array) -> Array:
+    """Return the largest value of each output; of one at rest but for rounding, its bound."""
+    size = np.abs(y).max(axis=1)
+    return np.where(size > SUMMED * bound, size, bound)

@@ -92,11 +92,11 @@ def simulate_loop(
     ----------
     plant : control.StateSpace, control.TransferFunction, SecondOrderModel or AssumedModesBeam
         Continuous time, signals named.  :func:`boomctl.with_states` makes outputs of a linear plant's states.  A model of
-        more than 60 coordinates is projected onto its lowest 60 modes.  A hub-beam has the inputs ``torque``,
-        ``disturbance_torque`` (both on the hub) and ``tip_force`` (across the undeformed beam, turning with the hub), and
-        the outputs ``hub_angle``, ``hub_speed``, ``tip_displacement``, ``root_moment``, ``tip_acceleration`` (absolute,
-        across the undeformed beam), those of its ``sensors``, and those of its states that the controller reads by their
-        names, as one of :func:`boomctl.lqr` does.
+        more than 60 coordinates is projected onto its lowest 60 modes and static responses of the others.  A hub-beam has
+        the inputs ``torque``, ``disturbance_torque`` (both on the hub) and ``tip_force`` (across the undeformed beam,
+        turning with the hub), and the outputs ``hub_angle``, ``hub_speed``, ``tip_displacement``, ``root_moment``,
+        ``tip_acceleration`` (absolute, across the undeformed beam), those of its ``sensors``, and those of its states that
+        the controller reads by their names, as one of :func:`boomctl.lqr` does.
     controller : control.StateSpace, TransferFunction, a design, ScheduledController, TimeVaryingController or None
         ``u = K y``: its inputs are named as outputs of the plant, its outputs as inputs of the plant.  A discrete one
         has ``sample_time`` as its own; a continuous one is discretised.  Of a scheduled one (:func:`boomctl.schedule`)
@@ -186,7 +186,7 @@ def simulate_loop(
     else:
         if sequence("sensors", sensors, "BeamSensor"):
             raise ValueError("sensors: expected none for a linear plant, which has outputs of its own")
-        modal = modal_plant(plant, _contact_inputs(plant, friction, stroke_limit))
+        modal = modal_plant(plant)
         places = stop_places(stroke_limit, modal)
     grid = time_grid(timepts, sample_time)
     K = sampled_controller(controller, modal, float(sample_time), discretization)
@@ -281,25 +281,6 @@ def _friction_error(problem: Callable[[int], LoopProblem], substeps: int, slip: 
         share = 1.0 / abs((substeps / number) ** 2 - 1.0)  # of it that is this run's, if both fall by the second order
         error = max(error, _CAUTION * share * float(np.abs(apart).max()))
     return error
-
-
-def _contact_inputs(
-    plant: control.StateSpace | control.TransferFunction | SecondOrderModel,
-    friction: CoulombFriction | None,
-    limit: StrokeLimit,
-) -> tuple[str, ...]:
-    """Return the inputs of a model at which contact forces act."""
-    if not isinstance(plant, SecondOrderModel):
-        return ()
-    found = [] if friction is None else [friction.input]
-    if limit is not None:
-        named = (
-            [value[-1] for value in limit.values() if isinstance(value, tuple) and value]
-            if isinstance(limit, Mapping)
-            else []
-        )
-        found += [name for name in plant.inputs if name in named or name.startswith("suspension_")]
-    return tuple(dict.fromkeys(found))
 
 
 def _start(initial: ArrayLike | None, plant: ModalPlant) -> Array:

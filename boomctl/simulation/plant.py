@@ -1,6 +1,6 @@
 """A linear plant and its exact motion over a step.
 
-A structure is projected onto its lowest undamped modes; the modes left out contribute their static response.
+A large structure is projected onto its lowest undamped modes and static responses of the others.
 """
 
 from collections.abc import Mapping
@@ -10,19 +10,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.checks import known
 from boomctl.lti.hold import Step, changing, linear_hold, motion_coordinates, zero_order_hold
 from boomctl.lti.system import Lti, of
+from boomctl.structure.matrices import Structure
 from boomctl.structure.model import SecondOrderModel
-from boomctl.structure.response.modal_form import handed_out, over_modes
-from boomctl.structure.response.pencil import factorized
-from boomctl.structure.response.poles import undamped_modes
+from boomctl.structure.response.modal_form import handed_out, in_modes
+from boomctl.structure.response.poles import damper_forces, undamped_modes, with_statics
 
 if TYPE_CHECKING:
     import control
 
-_MODES = 60  # of a structure: five times what its inputs shake in the band of a suspension, and a step stays cheap
-_SHIFT = 1e-6  # of the square of the highest frequency kept: holds rigid bodies, far below the modes left out
+_MODES = 60  # largest number of undamped modes of a structure: five times those in the band of a suspension
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,76 +53,52 @@ class ModalPlant(Lti):
 
 
 def modal_plant(
-    system: "control.StateSpace | control.TransferFunction | SecondOrderModel", keep_rigid: tuple[str, ...] = ()
+    system: "control.StateSpace | control.TransferFunction | SecondOrderModel",
 ) -> ModalPlant:
     """Return the plant of a system.
 
-    A ``SecondOrderModel`` is projected onto its lowest undamped modes; the modes left out contribute their static
-    response, but not to the inputs ``keep_rigid``, at which contact forces act.
+    A ``SecondOrderModel`` of many coordinates is projected onto its lowest undamped modes and the static responses of
+    the others to its inputs and dampers.
 
     Raises
     ------
     TypeError, ValueError
-        Another kind of system, discrete time, numbers that are not finite, a name given twice, unknown inputs.
+        Another kind of system, discrete time, numbers that are not finite, a name given twice.
     """
     if isinstance(system, SecondOrderModel):
-        for name in keep_rigid:
-            known("input of a contact", name, system.inputs)
-        small, compliance = truncated(system, _MODES)
-        compliance[:, [system.inputs.index(name) for name in keep_rigid]] = 0.0
-        coordinates = (*(f"mode{k + 1}" for k in range(small.n)), *small.structure.coordinates)
-        states = tuple(f"{name}.{part}" for name in coordinates for part in ("x1", "x2"))
-        return replace(ModalPlant.of(realized(small, compliance)), states=states, units=system.units)
+        structure, ports = system.structure, system.ports
+        names = *(f"mode{k + 1}" for k in range(system.n)), *structure.coordinates
+        states = tuple(f"{name}.{part}" for name in names for part in ("x1", "x2"))
+        small = system.n <= _MODES
+        linear = handed_out(structure, ports, None) if small else in_modes(structure, ports, *basis(system, _MODES))
+        return replace(ModalPlant.of(linear), states=states, units=system.units)
     return ModalPlant.of(of(system, "plant"))
 
 
-def truncated(model: SecondOrderModel, modes: int) -> tuple[SecondOrderModel, Array]:
-    """Return the model projected onto its lowest modes, and the static response of the others, outputs x inputs.
+def basis(model: SecondOrderModel, modes: int, order: int = 1) -> tuple[Array, Array]:
+    """Return frequencies and shapes onto which a structure is projected: modes :func:`with_statics`, the highest first.
 
-    Of an input that is integrated (an imposed velocity or acceleration) it is the response to the displacement.
-
-    Matrices without real modes, or of no more coordinates than ``modes``, are left as they are.
+    Eigenvalue solvers keep the digits of what is last in a graded matrix.  The coordinates of matrices without real modes
+    stay as they are.
     """
-    nothing = np.zeros((len(model.outputs), len(model.inputs)))
-    if modes >= model.n:
-        return model, nothing
     try:
-        frequencies, shapes = undamped_modes(model.structure, modes)
+        frequencies, V = undamped_modes(model.structure, modes)
+        frequencies, V = with_statics(model.structure, frequencies, V, _loads(model, V), order)
     except ValueError:
-        return model, nothing
-    structure, ports = over_modes(model.structure, model.ports, frequencies, shapes)
-    small = SecondOrderModel.of(replace(structure, settled=True), ports)
-    return small, _at_rest(model, frequencies, shapes)
+        return np.ones(model.n), np.eye(model.n)
+    return frequencies[::-1], V[:, ::-1]
 
 
-def realized(small: SecondOrderModel, rest: Array) -> Lti:
-    """Return a projected model in state space, the static response of the modes left out added.
-
-    It follows the displacement of each input: the signal itself, or the state that is its integral.
-    """
-    linear = handed_out(small.structure, small.ports, None)
-    C, D = linear.C.copy(), linear.D.copy()
-    place = 2 * small.n
-    for i, count in enumerate(small.ports.integrators):
-        if count:
-            C[:, place] += rest[:, i]
-        else:
-            D[:, i] += rest[:, i]
-        place += count
-    return replace(linear, C=C, D=D)
+def sub_basis(model: SecondOrderModel, frequencies: Array, V: Array, modes: int, order: int = 1) -> tuple[Array, Array]:
+    """Return frequencies and shapes of a smaller projection within that onto ``V`` (of :func:`basis`)."""
+    lowest, unit = slice(-1, -modes - 1, -1), np.eye(len(frequencies))
+    loads = V.T @ _loads(model, V[:, lowest])
+    structure = Structure(tuple(map(str, frequencies)), (unit, 0.0 * unit, np.diag(frequencies**2)))
+    fewer, mix = with_statics(structure, frequencies[lowest], unit[:, lowest], loads, order)
+    if len(fewer) == len(frequencies):
+        fewer, mix = frequencies[lowest], unit[:, lowest]
+    return fewer[::-1], V @ mix[:, ::-1]
 
 
-def _at_rest(model: SecondOrderModel, frequencies: Array, shapes: Array) -> Array:
-    """Return ``L (K^-1 - V V^T/omega^2) B0`` for displacement outputs.
-
-    A shift far below the modes left out lets rigid-body modes through.
-    """
-    ports = model.ports
-    shift = _SHIFT * float(frequencies[-1]) ** 2
-    plain_out = np.array([bandwidth is None for bandwidth in ports.bandwidths], dtype=bool)[:, None]
-    loads = ports.B[0]
-    solve = factorized(model.structure, shift)
-    rest = loads - model.M @ (shapes @ (shapes.T @ loads))
-    found = solve(rest)
-    found = found - shapes @ (shapes.T @ (model.M @ found))
-    return (ports.L[0] * plain_out) @ found
+def _loads(model: SecondOrderModel, shapes: Array) -> Array:
+    return np.hstack([*model.ports.B, damper_forces(model.structure, shapes)])

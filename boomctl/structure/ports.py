@@ -10,7 +10,7 @@ acceleration of a displacement input, ``integrators`` says how often the signal 
 An output may pass a second-order low-pass filter (damping ratio ``1/sqrt 2``) of a given bandwidth.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -153,16 +153,17 @@ class Ports:
 
     def congruent(self, T: Matrix) -> "Ports":
         """Return the ports over coordinates ``z`` with ``q = T z``."""
-        if sparse.issparse(T):
-            B = np.array([T.T @ columns for columns in self.B])
-            return replace(self, B=B, L=np.array([(T.T @ lines.T).T for lines in self.L]))
-        return replace(self, B=T.T @ self.B, L=self.L @ T)
+        return self._over(lambda lines: (T.T @ lines.T).T if sparse.issparse(T) else lines @ T)
 
     def restricted(self, T: Matrix) -> "Ports":
         """Return the same where ``T`` leaves out motions: what forces and outputs meet of the others by rounding is zero."""
+        return self._over(lambda lines: combined(lines, T))
+
+    def _over(self, moved: Callable[[Array], Array]) -> "Ports":
+        """Return the ports of which lines of ``B`` (transposed) and ``L`` are ``moved`` to other coordinates."""
         (_, n, m), p = self.B.shape, self.L.shape[1]
-        lines = combined(np.concatenate([self.B.transpose(0, 2, 1).reshape(3 * m, n), self.L.reshape(3 * p, n)]), T)
-        B, L = lines[: 3 * m].reshape(3, m, T.shape[1]), lines[3 * m :].reshape(3, p, T.shape[1])
+        lines = moved(np.concatenate([self.B.transpose(0, 2, 1).reshape(3 * m, n), self.L.reshape(3 * p, n)]))
+        B, L = lines[: 3 * m].reshape(3, m, lines.shape[1]), lines[3 * m :].reshape(3, p, lines.shape[1])
         return replace(self, B=B.transpose(0, 2, 1), L=L)
 
     def felt(self, V: Array, rigid: Array) -> "Ports":

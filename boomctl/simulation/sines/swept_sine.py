@@ -93,7 +93,7 @@ def swept_sine(
         instance("friction", friction, CoulombFriction),
     )
     count, most = whole("steps", steps, 16, _MOST), whole("periods", periods, _LEAST_PERIODS, _MOST)
-    modal = modal_plant(plant, (law.input,) if isinstance(plant, SecondOrderModel) else ())
+    modal = modal_plant(plant)
     excited, shape = sine_pattern(modal.inputs, excitation)
     read = some_names("output", outputs, modal.outputs)
     known("input of the friction", law.input, modal.inputs)

@@ -7,7 +7,7 @@ from scipy import linalg
 from scipy.sparse.linalg import LinearOperator, eigsh
 
 from boomctl.arrays import Array, Matrix, blocks
-from boomctl.lti.rounding import DIGIT, EPS, ROOT, SUMMED
+from boomctl.lti.rounding import ALIKE, DIGIT, EPS, ROOT, SUMMED
 from boomctl.structure.damping import common_ratio
 from boomctl.structure.elimination import DEPENDENT
 from boomctl.structure.matrices import Structure, dense, is_symmetric
@@ -38,6 +38,9 @@ PROMISED = 1e-8  # of frequencies, what rounding may be before a user is warned 
 # as much as its terms, a rigid motion of 10,000 elements strains none by more than some 1e-8 of them (measured)
 _STRAINLESS = 1e-5
 _LOST = "singular to rounding: expected elements that differ less, or a description from which its rows are known"
+# of the square of the highest mode's frequency, a shift that static responses of the higher modes bear: they exist then of
+# a floating structure too
+_STATIC = 1e-6
 _NOISE = 1e3 * EPS  # of the largest stiffness over mass: rounding, with room (a choice)
 
 
@@ -237,7 +240,7 @@ def _pole_basis(structure: Structure, count: int) -> tuple[Array, Array] | None:
     except ValueError:
         return None
     shift = max(1e-3 * float(frequencies[-1]) ** 2, 1e-2)
-    forces = _damper_forces(structure, shapes)
+    forces = damper_forces(structure, shapes)
     if not forces.shape[1]:
         return frequencies, shapes
     try:
@@ -245,6 +248,39 @@ def _pole_basis(structure: Structure, count: int) -> tuple[Array, Array] | None:
     except linalg.LinAlgError:
         raise ValueError(f"poles: the stiffness matrix of {structure.n} coordinates is {_LOST}") from None
     return frequencies, np.hstack([shapes, _orthonormal(structure.M, still, shapes)])
+
+
+def with_statics(
+    structure: Structure, frequencies: Array, shapes: Array, loads: Array, order: int = 1
+) -> tuple[Array, Array]:
+    """Return undamped modes and static responses of the higher ones: frequencies [rad/s] and shapes (columns), ascending.
+
+    The static responses are those to ``loads`` (columns), then, up to ``order``, those to the inertia of the static
+    responses before.  With loads of inputs and :func:`damper_forces`, a projected structure responds to signals that vary
+    slowly, damping included, as the whole one does.  Where all of that is no fewer than the coordinates, all modes are
+    returned.
+
+    Raises
+    ------
+    ValueError
+        As of :func:`undamped_modes`.
+    """
+    shift = _STATIC * float(frequencies[-1]) ** 2
+    if len(frequencies) < structure.n and shift > 0.0:
+        basis, solve = shapes, factorized(structure, max(shift, _GRADED * structure.noise))
+        for _ in range(order):
+            rest = loads - structure.M @ (shapes @ (shapes.T @ loads))
+            rest = rest[:, np.linalg.norm(rest, axis=0) > ALIKE * np.linalg.norm(loads, axis=0)]
+            if not rest.shape[1]:
+                break
+            statics = _orthonormal(structure.M, solve(rest), basis)
+            basis, loads = np.hstack([basis, statics]), structure.M @ statics
+        if basis.shape[1] < structure.n:
+            added = basis[:, len(frequencies) :]
+            squares, mix = linalg.eigh(structure.projected(added).K)
+            above = np.sqrt(np.maximum(squares, frequencies[-1] ** 2))
+            return np.concatenate([frequencies, above]), np.hstack([shapes, added @ mix])
+    return undamped_modes(structure)
 
 
 def _orthonormal(M: Matrix, block: Array, against: Array) -> Array:
@@ -261,7 +297,7 @@ def _orthonormal(M: Matrix, block: Array, against: Array) -> Array:
     return kept
 
 
-def _damper_forces(structure: Structure, shapes: Array) -> Array:
+def damper_forces(structure: Structure, shapes: Array) -> Array:
     """Return forces of the dampers that are not in proportion to stiffness, as columns, for motions."""
     rows = structure.elastic
     if rows is None:
@@ -272,4 +308,5 @@ def _damper_forces(structure: Structure, shapes: Array) -> Array:
         apart = np.where(np.abs(rows.c - common) > SUMMED * np.maximum(rows.c, common), rows.c - common, 0.0)
         loaded = rows.R.T @ (apart[:, None] * (rows.R @ shapes))
     left, size, _ = linalg.svd(loaded, full_matrices=False)
-    return left[:, size > 1e-9 * size.max(initial=1e-300)]
+    least = max(1e-9 * size.max(initial=1e-300), SUMMED * float(np.linalg.norm(structure.C @ shapes)))
+    return left[:, size > least]
