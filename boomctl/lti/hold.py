@@ -23,12 +23,13 @@ from boomctl.lti.rounding import EPS
 from boomctl.lti.system import Lti, of
 
 BLOCK = 64  # steps in a block: the fastest, for systems of some 20 to 50 states
-_GROUP = 4  # Least number of steps that one product moves: more cost accuracy, fewer cost time.
+_GROUP = 4  # Least number of steps that one product moves, of large systems: more cost accuracy, fewer cost time.
+_SINGLE_STEPS = 1024  # States times steps up to which each step is one product.
 # Inverse factorials of the Taylor polynomial of exp(X) - I.  Its remainder is below rounding for a norm of X up to 1/2.
 _TAYLOR = (1.0 / np.cumprod(np.arange(1.0, 17.0))).reshape(4, 4)
 # Largest change of an entry of the state matrix by its Schur form, relative to that entry, in multiples of rounding.  Dense
-# matrices have 1e3 and less; where entries are structural zeros or far below the others, it has no limit.
-_SCHUR_ROUNDING = 1e4
+# matrices have 1e4 and less; where entries are structural zeros or far below the others, it has no limit.
+_SCHUR_ROUNDING = 1e5
 
 
 def matrix_expm1(A: Array) -> Array:
@@ -318,11 +319,11 @@ def lifted_motion(
 def observability(Phi: Array, C: Array, size: int) -> tuple[Array, Array]:
     """Return ``C Phi^k`` for k below ``size``, (size, outputs, n), and ``Phi^size``.
 
-    Steps follow one another in small groups.  Squares of high powers would cancel where powers grow before they decay, as
-    of equal poles in companion form.
+    Steps follow one another, one by one or in small groups.  Squares of high powers would cancel where powers grow before
+    they decay, as of equal poles in companion form.
     """
     outputs, n = C.shape
-    length = max(_GROUP, isqrt(size) // 2)
+    length = 1 if n * size <= _SINGLE_STEPS else max(_GROUP, isqrt(size) // 2)
     first, moved = [C], Phi
     for _ in range(length - 1):
         first.append(first[-1] @ Phi)

@@ -49,10 +49,8 @@ def _response(plant, signals, h, law, lag):
     part = [[moved[i, j] for j in range(n + 2 * m)] for i in range(n)]
     Phi, G, H = (arb_mat([row[a:b] for row in part]) for a, b in ((0, n), (n, n + m), (n + m, n + 2 * m)))
     C, D, x, rows, controls = balls(plant.C), balls(plant.D), arb_mat(n, 1), [], []
-    if law is not None:
-        order, reads = law.nstates, law.ninputs
-        law_map = balls(np.block([[law.A, law.B], [law.C, law.D]]))
-        state = [arb(0)] * order
+    order, reads = (0, 0) if law is None else (law.nstates, law.ninputs)
+    law_map, state = None if law is None else balls(np.block([[law.A, law.B], [law.C, law.D]])), [arb(0)] * order
     for k in range(signals.shape[1]):
         u = arb_mat([[U[k, j]] for j in range(m)])
         y = C * x + D * u
@@ -60,7 +58,7 @@ def _response(plant, signals, h, law, lag):
         if k + 1 == signals.shape[1]:
             return rows
         following = arb_mat([[U[k + 1, j]] for j in range(m)])
-        if law is not None:
+        if law_map is not None:
             moving = law_map * arb_mat([[value] for value in (*state, *rows[-1][:reads])])
             state = [moving[i, 0] for i in range(order)]
             controls.append(moving[order, 0])
