@@ -90,6 +90,7 @@ def sequence(name: str, value: object, of: str = "values") -> tuple[Any, ...]:
     """Return what a sequence holds; a text, and what is no sequence, are a TypeError."""
     if type(value) is tuple:  # nearly every one is
         return value
+    unmasked(name, value)
     if isinstance(value, (str, bytes)) or not isinstance(value, Iterable) or getattr(value, "ndim", 1) == 0:
         raise TypeError(f"{name} = {shown(value)}: expected a sequence of {of}, got {type(value).__name__}")
     return tuple(value)
@@ -188,8 +189,20 @@ def whole(name: str, value: object, least: int = 1, most: int = _LARGEST_WHOLE) 
     return int(value)
 
 
+def unmasked(name: str, value: object) -> None:
+    """Raise a TypeError for a masked array, or a list or tuple that contains one: a conversion would drop the mask."""
+    masked = getattr(sys.modules.get("numpy.ma"), "MaskedArray", None)  # not imported: there is no masked array
+    if masked is None:
+        return
+    if isinstance(value, masked) or (isinstance(value, (list, tuple)) and any(isinstance(x, masked) for x in value)):
+        raise TypeError(
+            f"`{name}` must not be a masked array. Fill or drop the masked entries (`.filled`, `.compressed`)."
+        )
+
+
 def plain_array(name: str, value: ArrayLike) -> Array:
-    """Return ``value`` as an array of whatever it holds; rows of different lengths are refused by name."""
+    """Return ``value`` as an array of its own type; masked arrays and rows of different lengths are refused by name."""
+    unmasked(name, value)
     try:
         return np.asarray(value)
     except ValueError:

@@ -141,7 +141,7 @@ class SpinUp(PrescribedMotion):
         return self.duration
 
     def _phase(self, t: ArrayLike) -> Array:
-        return np.minimum(np.maximum(np.asarray(t, dtype=float) / self.duration, 0.0), 1.0)
+        return np.minimum(np.maximum(plain_array("t", t) / self.duration, 0.0), 1.0)
 
     def angle(self, t: ArrayLike) -> Array:
         phase = self._phase(t)
@@ -351,7 +351,7 @@ class SineTorque(TorqueDriven):
         object.__setattr__(self, "breakpoints", (self.duration,))
 
     def torque(self, t: ArrayLike) -> Array:
-        t = np.asarray(t, dtype=float)
+        t = plain_array("t", t)
         acting = (t >= 0.0) & (t <= self.duration)
         return np.where(acting, self.amplitude * np.sin(2.0 * np.pi * t / self.period), 0.0)
 
@@ -416,7 +416,7 @@ class StraightTorque(TorqueDriven):
         object.__setattr__(self, "breakpoints", tuple(self.edges[1:].tolist()))
 
     def torque(self, t: ArrayLike) -> Array:
-        t = np.asarray(t, dtype=float)
+        t = plain_array("t", t)
         k = np.minimum(np.maximum(self.edges.searchsorted(t, "right") - 1, 0), self.left.size - 1)
         slope = (self.right - self.left) / np.diff(self.edges)
         outside = (t < self.edges[0]) | (t > self.edges[-1])
@@ -633,7 +633,7 @@ def _breakpoints(values: tuple[float, ...]) -> tuple[float, ...]:
 
 def _real_numbers(value: object) -> Array:
     """Return what a user's function returned as real numbers; complex ones are none."""
-    found = np.asarray(value)
+    found = plain_array("function", value)  # type: ignore[arg-type]
     if found.dtype.kind not in "iuf":
         raise TypeError
     return found.astype(float)
@@ -649,7 +649,7 @@ def _number(name: str, value: object, t: float) -> float:
 
 def _evaluate(name: str, function: TimeFunction, t: ArrayLike) -> Array:
     """Values of a user's function at all instants; one that takes only numbers is called once an instant."""
-    t = np.asarray(t, dtype=float)
+    t = plain_array("t", t).astype(float)
     try:
         values = np.broadcast_to(_real_numbers(function(t)), t.shape)
     except (TypeError, ValueError):

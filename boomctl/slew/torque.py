@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from boomctl.arrays import Array
+from boomctl.checks import plain_array
 from boomctl.printing import count
 
 if TYPE_CHECKING:
@@ -45,7 +46,7 @@ class TorqueHistory:
 
     def __call__(self, t: ArrayLike) -> Array:
         """Torque at instants t [s], N m; where it jumps, the value after the jump, and at the end the last one."""
-        t = np.asarray(t, dtype=float)
+        t = plain_array("t", t)
         k = np.clip(np.searchsorted(self.edges, t, side="right") - 1, 0, self.left.size - 1)
         along = (t - self.edges[k]) / (self.edges[k + 1] - self.edges[k])
         value = self.left[k] + along * (self.right[k] - self.left[k])
@@ -124,7 +125,7 @@ class TorqueHistory:
         (k - 1,) ndarray
             Mean torque from each instant to the next [N m].
         """
-        widths = np.diff(self.edges)
+        t, widths = plain_array("t", t), np.diff(self.edges)
         whole = np.concatenate([[0.0], np.cumsum(0.5 * widths * (self.left + self.right))])
         k = np.clip(np.searchsorted(self.edges, t, side="right") - 1, 0, widths.size - 1)
         since = t - self.edges[k]
