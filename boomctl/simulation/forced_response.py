@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     import control
 
 _FIRST_MODES, _FIRST_ORDER = 13, 3  # of the first projection: undamped modes, and order of its static responses
-_FEWER_MODES = 10  # number of undamped modes of the projection with which it is compared
+_FEWER_MODES = 11  # number of undamped modes of the projection with which it is compared
 _GROWTH = 1.6  # ratio of the numbers of modes of successive projections
 _MARGIN = 3.0  # ratio of an error estimate to the difference of responses of two projections
 _ROUNDING = 10.0  # ratio of an error estimate to the difference of two responses by rounding

@@ -11,8 +11,8 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.lti.hold import Step, changing, linear_hold, motion_coordinates, zero_order_hold
+from boomctl.lti.rounding import ALIKE, TINY
 from boomctl.lti.system import Lti, of
-from boomctl.structure.matrices import Structure
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.response.modal_form import handed_out, in_modes
 from boomctl.structure.response.poles import damper_forces, undamped_modes, with_statics
@@ -90,14 +90,22 @@ def basis(model: SecondOrderModel, modes: int, order: int = 1) -> tuple[Array, A
 
 
 def sub_basis(model: SecondOrderModel, frequencies: Array, V: Array, modes: int, order: int = 1) -> tuple[Array, Array]:
-    """Return frequencies and shapes of a smaller projection within that onto ``V`` (of :func:`basis`)."""
-    lowest, unit = slice(-1, -modes - 1, -1), np.eye(len(frequencies))
-    loads = V.T @ _loads(model, V[:, lowest])
-    structure = Structure(tuple(map(str, frequencies)), (unit, 0.0 * unit, np.diag(frequencies**2)))
-    fewer, mix = with_statics(structure, frequencies[lowest], unit[:, lowest], loads, order)
-    if len(fewer) == len(frequencies):
-        fewer, mix = frequencies[lowest], unit[:, lowest]
-    return fewer[::-1], V @ mix[:, ::-1]
+    """Return frequencies and shapes of a smaller projection within that onto ``V`` (of :func:`basis`), likewise made.
+
+    Over ``V``, mass is one and stiffness is diagonal.  Where static responses leave nothing out, none are taken.
+    """
+    higher, squares = slice(0, -modes), frequencies[:-modes, None] ** 2
+    statics, loads = [], V[:, higher].T @ _loads(model, V[:, -modes:])
+    for _ in range(order if squares.all() else 0):
+        loads = loads / squares
+        statics.append(loads / np.maximum(np.linalg.norm(loads, axis=0), TINY))
+    left, size, _ = np.linalg.svd(np.hstack([*statics, 0.0 * squares]), full_matrices=False)
+    left = left[:, size > ALIKE * size[0]]
+    if left.shape[1] == len(squares):
+        left = left[:, :0]
+    added, mix = np.linalg.eigh(left.T @ (squares * left))
+    shapes = V[:, higher] @ left @ mix[:, ::-1]
+    return np.concatenate([np.sqrt(added)[::-1], frequencies[-modes:]]), np.hstack([shapes, V[:, -modes:]])
 
 
 def _loads(model: SecondOrderModel, shapes: Array) -> Array:
