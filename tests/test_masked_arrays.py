@@ -85,7 +85,7 @@ CALLS = {
     "optimal_slew tip_masses": lambda: bc.optimal_slew(hub(), 1.0, 200.0, tip_masses=masked([0.1])),
     "TorqueHistory": lambda: TorqueHistory(np.arange(2.0), np.ones(1), np.ones(1))(masked([0.5])),
     "TorqueHistory.means": lambda: TorqueHistory(np.arange(2.0), np.ones(1), np.ones(1)).means(masked([0.2, 0.5])),
-    "reduce": lambda: bc.reduce(MASS, order=1, band=masked([1.0, 2.0])),
+    "reduce": lambda: bc.reduce(MASS, order=1, omega_range=masked([1.0, 2.0])),
     "spray_boom elements": lambda: bc.spray_boom(elements=masked([0.0, 5.0, 10.0])),
     "spray_boom nozzles": lambda: bc.spray_boom(elements=4, nozzles=masked([1.0, 2.0])),
     "exact_frequency_response": lambda: bc.exact_frequency_response(bc.BoomParameters(), masked(OMEGA)),
