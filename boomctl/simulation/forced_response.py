@@ -7,7 +7,7 @@ projections, of which one has fewer of both, or from the rounding of two computa
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -17,10 +17,11 @@ from numpy.typing import ArrayLike
 from boomctl.arrays import Array
 from boomctl.checks import known, names, positive
 from boomctl.lti.hold import lifted_motion, lifted_response
-from boomctl.lti.rounding import ROOT, SOLVED, SUMMED
+from boomctl.lti.rounding import EPS, ROOT, SOLVED, SUMMED
+from boomctl.lti.system import Lti, of
 from boomctl.lti.time_series import TimeSeries
 from boomctl.printing import count, signals
-from boomctl.simulation.plant import ModalPlant, basis, modal_plant, sub_basis
+from boomctl.simulation.plant import ModalPlant, basis, sub_basis
 from boomctl.simulation.signals import disturbance_rows, uniform_times
 from boomctl.structure.matrices import halves
 from boomctl.structure.model import SecondOrderModel
@@ -34,6 +35,7 @@ _FIRST_MODES, _FIRST_ORDER = 13, 3  # of the first projection: undamped modes, a
 _FEWER_MODES = 11  # number of undamped modes of the projection with which it is compared
 _GROWTH = 1.6  # ratio of the numbers of modes of successive projections
 _MARGIN = 3.0  # ratio of an error estimate to the difference of responses of two projections
+_UNITS = 100.0  # ratio of an error estimate to the change of a response by one unit of rounding of each entry
 _ROUNDING = 10.0  # ratio of an error estimate to the difference of two responses by rounding
 
 
@@ -50,8 +52,8 @@ class ForcedResponse(TimeSeries):
     inputs : dict from name to (n,) ndarray
         Values of the signals given.
     error_estimate : float
-        Estimated error of a structure's response by truncated modes and rounding, relative to the largest value of each
-        output: the largest of all outputs.  0 for a state-space system.
+        Estimated error by truncated modes of a structure and by rounding, relative to the largest value of each output:
+        the largest of all outputs.
     modes : int
         Number of modes and static responses used; for a state-space system, of states.
     units : dict from name to str
@@ -155,14 +157,18 @@ def forced_response(
     if not isinstance(signals, Mapping) or not signals:
         raise TypeError("signals: expected a mapping from inputs of the plant to arrays, not empty")
     if not isinstance(plant, SecondOrderModel):
-        modal = modal_plant(plant)
-        rows = disturbance_rows(signals, modal.inputs, (), len(time))
-        read = names("output", outputs, modal.outputs)
-        places = [modal.outputs.index(name) for name in read]
-        found = lifted_response(modal.step(h).of_signals, modal.C, modal.D, rows)[places]
-        if not np.isfinite(found).all():
+        system = of(plant, "plant")
+        rows = disturbance_rows(signals, system.inputs, (), len(time))
+        read = names("output", outputs, system.outputs)
+        y, nearby = (
+            lifted_response(modal.step(h).of_signals, modal.C, modal.D, rows)
+            for modal in map(ModalPlant.of, (system.select(None, read), _rounded(system.select(None, read))))
+        )
+        if not np.isfinite(y).all():
             raise ValueError("plant: its outputs grow beyond all numbers before the last of timepts")
-        return ForcedResponse(time, dict(zip(read, found, strict=True)), _given(signals), 0.0, len(modal.A))
+        size, change = np.abs(y).max(axis=1), np.abs(y - nearby).max(axis=1)
+        estimate = float(np.max(_UNITS * change / np.where(size > 0.0, size, 1.0)) + SOLVED)
+        return ForcedResponse(time, dict(zip(read, y, strict=True)), _given(signals), estimate, len(system.A))
     for name in signals:
         known("signal", name, plant.inputs)
     read = names("output", outputs, plant.outputs)
@@ -176,6 +182,15 @@ def forced_response(
     sizes = _sizes(total, sizes)
     estimate = float(np.max(errors / np.where(sizes > 0.0, sizes, 1.0)))
     return ForcedResponse(time, dict(zip(read, total, strict=True)), _given(signals), estimate, modes, plant.units)
+
+
+def _rounded(system: Lti) -> Lti:
+    """Return a system of which each entry is changed by one unit of rounding, up or down."""
+    signs = np.random.default_rng(0)
+    A, B, C, D = (
+        X * (1.0 + EPS * signs.choice([-1.0, 1.0], X.shape)) for X in (system.A, system.B, system.C, system.D)
+    )
+    return replace(system, A=A, B=B, C=C, D=D)
 
 
 def _given(signals: Mapping[str, ArrayLike]) -> dict[str, Array]:
