@@ -22,10 +22,8 @@ from boomctl.symbolic import Places, lifted, symbols
 
 _TAYLOR = 14  # terms of a linear motion: 1 / 15! = 8e-13 is left out where |A h| is 1, below what a replay resolves
 _NEAR = 0.97  # share of a peak from which a step may hold a larger value: 40 steps in a period change it by 0.3 %
-_WITHIN, _STEPS = (
-    9,
-    4,
-)  # points of a step at which the search for its largest value starts, and Newton steps of that search
+_WITHIN = 9  # points of a step at which the search for its largest value starts
+_STEPS = 4  # Newton steps of that search
 KINDS = 64  # of functions that are remembered: those of a few models with a few numbers of modes
 
 

@@ -16,9 +16,8 @@ from boomctl.slew.result import Replay
 from boomctl.slew.torque import APART, TorqueHistory, lines_between
 
 _SAMPLES = 1001  # instants of a replay at least: pictures are drawn from them
-_IN_PERIOD = (
-    40  # times in a period of the fastest vibration, where motion is limited; `path_peak` interpolates between them
-)
+# times in a period of the fastest vibration, where motion is limited; `path_peak` interpolates between them
+_IN_PERIOD = 40
 _MOST_SAMPLES = 200_000  # instants of a replay at most: some seconds (a choice)
 _AT_ONCE = 20_000  # steps of a linear motion that are mapped at once: 60 MB with eight modes (a choice)
 _AFTER = 96  # instants in one and a half of the slowest periods after the end; a choice
