@@ -513,7 +513,7 @@ CALLS = {
     "platform_motion": lambda: {"track": track(), "tractor": None, "speed": 2.5, "duration": 1.0, "sample_time": 0.01},
     "read_measured_curve": lambda: {"path": "nowhere.csv"},
     "read_motion": lambda: {"path": "nowhere.csv", "actuator_distance": None},
-    "prove": lambda: {"result": bc.hinf_norm(plant()), "time_limit": 5.0},
+    "prove": lambda: {"result": bc.hinf_norm(plant()), "max_operations": 1e9},
     "read_controller": lambda: {"path": "nowhere.json"},
     "exchange.read_controller_notes": lambda: {"path": "nowhere.json"},
     "write_controller": lambda: {"controller": controller(0.01), "path": "/nowhere/k.json"},

@@ -122,10 +122,10 @@ def _finite(system: Lti) -> NormCertificate:
 
 def _proved(system: Lti) -> NormCertificate:
     """Return the norm of a system whose poles decay or do not show, as they are stored; no upper bound if undecided."""
-    from boomctl.lti.proof import PATIENCE, Exact, Undecided, below
+    from boomctl.lti.proof import OPERATIONS, Exact, Undecided, below
 
     try:
-        square = Exact.of(system, PATIENCE).energy()
+        square = Exact.of(system, OPERATIONS).energy()
     except Undecided:
         return _between(0.0, 0.0, inf, NOT_PROVED)
     low, high = below(square.sqrt()), -below(-square.sqrt())

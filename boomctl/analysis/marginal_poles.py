@@ -59,11 +59,11 @@ def marginal_poles(given: System) -> MarginalPoles:
         return replace(found, infinite=complex(system.rates[fastest]))
     if known is not None:
         return MarginalPoles(None, None, hidden, open_, *known)
-    from boomctl.lti.proof import PATIENCE, Exact, Undecided
+    from boomctl.lti.proof import OPERATIONS, Exact, Undecided
 
     size, on_axis, shown = made.A, [], []
     try:
-        growing, on_axis, shown = Exact.of(given, PATIENCE).sides
+        growing, on_axis, shown = Exact.of(given, OPERATIONS).sides
     except Undecided:  # what is known is what an eigenvalue solver says, whose errors are those of the matrix's norm
         growing, size = int((decay < 0.0).sum()), np.full_like(size, np.abs(system.A).max())
     reads = np.fmin(np.abs(reads), 1.0 / TINY)  # none of equal poles in a chain

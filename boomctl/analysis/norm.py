@@ -233,11 +233,11 @@ def proved_norm(
 
     With ``minus`` it is the norm of the difference of two systems; with ``band`` [rad/s] the largest singular value there.
     """
-    from boomctl.lti.proof import PATIENCE, Exact, Undecided
+    from boomctl.lti.proof import OPERATIONS, Exact, Undecided
 
     try:
-        exact = Exact.of(given, PATIENCE, minus)
-        exact.check_norm_time()
+        exact = Exact.of(given, OPERATIONS, minus)
+        exact.check_norm()
         if exact.sides[0]:
             raise Undecided
         limits = (0.0, inf) if band is None else (exact.square(band[0]), exact.square(band[1]))

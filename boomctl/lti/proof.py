@@ -16,11 +16,10 @@ question.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from itertools import chain, pairwise
 from math import inf, isqrt
-from time import perf_counter
 
 import flint
 import numpy as np
@@ -32,28 +31,47 @@ from boomctl.lti.frequency import RAISED
 from boomctl.lti.rounding import LEVEL, TINY
 from boomctl.lti.system import Lti, System, closed
 
-PATIENCE = 1.0  # s for a proof that nobody asked for (a choice)
+OPERATIONS = 3e8  # limit of a proof that another result rests on: a second or two
 _BITS = 64  # that roots and solutions are first enclosed with; doubled until they decide
 _MOST_BITS = 2**15  # beyond which no enclosure is tried: far above what stored doubles need (measured: 1,500)
 _DIGITS = 2.0**-44  # relative width of an enclosure that is worth no more bits: below what any certificate states
-_WORK = 5e-9  # s a state^4 and entry of the response: exact arithmetic on a slow machine (measured, 8 to 100 states)
+_CUBED = 30.0  # operations per state^3 and entry of the response
+_FOURTH = 1.5  # operations per state^4 and entry, of what follows from the response too
 
 
 class Undecided(Exception):
-    """A proof would take, or has taken, longer than it may."""
+    """A proof would take more operations than it may."""
+
+
+@dataclass
+class _Work:
+    """Operations left to a proof: an estimate from sizes of matrices, polynomials and numbers, some 5 ns each."""
+
+    left: float
+    spent: float = 0.0
+
+    def check(self, operations: float) -> None:
+        """Raise :class:`Undecided` if so many operations are not left."""
+        if operations > self.left:
+            raise Undecided
+
+    def charge(self, operations: float) -> None:
+        """Count operations."""
+        self.left -= operations
+        self.spent += operations
 
 
 @dataclass(frozen=True, eq=False)
 class Exact:
-    """``x' = A x + B u``, ``y = C x + D u`` (in discrete time ``x+``) of rational numbers, and when a proof must have ended.
+    """``x' = A x + B u``, ``y = C x + D u`` (in discrete time ``x+``) of rational numbers, and what a proof of it may take.
 
     Attributes
     ----------
     A, B, C, D : fmpq_mat
     dt : float
         Sampling time [s]; 0 in continuous time.
-    until : float
-        The time at which it is given up, by the clock ``perf_counter`` [s].
+    work : _Work
+        Operations until it is given up.
     """
 
     A: fmpq_mat
@@ -61,13 +79,13 @@ class Exact:
     C: fmpq_mat
     D: fmpq_mat
     dt: float
-    until: float = inf
+    work: _Work = field(default_factory=lambda: _Work(inf))
 
     @classmethod
-    def of(cls, given: System, seconds: float = inf, minus: Lti | None = None) -> "Exact":
+    def of(cls, given: System, operations: float = inf, minus: Lti | None = None) -> "Exact":
         """Return a system as it is stored, a loop as its parts, or what differs from a system of like signals.
 
-        What is asked of it takes so many seconds, or is undecided.
+        What is asked of it takes so many operations, or is undecided.
         """
         if isinstance(given, Lti):
             M = _rational(given)
@@ -80,7 +98,7 @@ class Exact:
             other, corner = _rational(minus), np.zeros((len(M.A), len(minus.A)), int)
             A = blocks([[M.A, corner], [corner.T, other.A]])
             M = replace(M, A=A, B=np.vstack([M.B, other.B]), C=np.hstack([M.C, -other.C]), D=M.D - other.D)
-        return cls(_matrix(M.A), _matrix(M.B), _matrix(M.C), _matrix(M.D), M.dt, perf_counter() + seconds)
+        return cls(_matrix(M.A), _matrix(M.B), _matrix(M.C), _matrix(M.D), M.dt, _Work(operations))
 
     def square(self, omega: float) -> float:
         """Return ``omega^2`` of the image at a frequency [rad/s]: it is ``tan(omega dt/2)`` in discrete time."""
@@ -98,7 +116,7 @@ class Exact:
     @cached_property
     def characteristic(self) -> fmpq_poly:
         """``det(s - A)``, in discrete time of the continuous image: it has lower degree with a pole at ``z = -1``."""
-        self._in_time(1)
+        self._count(1)
         return self._image(self._polynomial)
 
     @property
@@ -110,7 +128,7 @@ class Exact:
     def whole(self) -> tuple[fmpq_poly, list[list[fmpq_poly]]]:
         """``a``, all poles, and ``N``."""
         p, m, n = self.D.nrows(), self.D.ncols(), self.A.nrows()
-        self._in_time(p * m)
+        self._count(p * m)
         a, moments, X = self._polynomial, [], self.B
         for _ in range(n):
             moments.append((self.C * X).tolist())
@@ -158,7 +176,7 @@ class Exact:
     @property
     def slowest(self) -> complex:
         """The pole that grows most, in discrete time the largest, for messages."""
-        poles = [complex(root) for root, _ in _isolated(self._polynomial)]
+        poles = [complex(root) for root, _ in self._isolated(self._polynomial)]
         return max(poles, key=abs if self.dt else lambda pole: pole.real)
 
     def _on_axis(self, p: fmpq_poly) -> list[complex]:
@@ -170,7 +188,7 @@ class Exact:
     def _roots(self, p: fmpq_poly) -> list[tuple[acb, int]]:
         """Return the roots of a polynomial without any on the axis, to as many digits as tell on which side each lies."""
         for _ in self._digits():
-            roots = _isolated(p)
+            roots = self._isolated(p)
             if all(root.real > 0 or root.real < 0 for root, _ in roots):
                 return roots
         raise Undecided
@@ -178,7 +196,7 @@ class Exact:
     def _positive(self, p: fmpq_poly) -> list[arb]:
         """Return the positive roots of a polynomial that has none at zero, in ascending order, as often as they occur."""
         for _ in self._digits():
-            roots = _isolated(p)
+            roots = self._isolated(p)
             real = [(root.real, count) for root, count in roots if root.imag == 0]
             told = all(x > 0 or x < 0 for x, _ in real)
             if told and all(root.imag == 0 or root.imag > 0 or root.imag < 0 for root, _ in roots):
@@ -198,7 +216,7 @@ class Exact:
         if shown or (growing and hidden.degree()):
             raise Undecided
         rows = N if len(N) < len(N[0]) else [list(column) for column in zip(*N, strict=True)]  # the smaller product
-        self._in_time(len(rows) ** 2)
+        self._count(len(rows) ** 2)
         zero, aa, square = fmpq_poly([0]), a * _flipped(a), fmpq(*level.as_integer_ratio()) ** 2
         left = [[-sum((x * _flipped(y) for x, y in zip(r, q, strict=True)), zero) for q in rows] for r in rows]
         for k in range(len(rows)):
@@ -212,7 +230,6 @@ class Exact:
                 for j in range(k + 1, len(rows)):
                     left[i][j] = (pivot * left[i][j] - left[i][k] * left[k][j]) / minors[-1]
             minors.append(pivot)
-            self._in_time()
         # poles on the axis do not show: minors are zero there, as often as aa is
         minors = [minor / (hidden * _flipped(hidden)) for minor in minors[1:]]
         places, at = self._positive(_squares(minors[-1])), fmpq(*inside.as_integer_ratio())
@@ -268,10 +285,10 @@ class Exact:
             peak, at = max(*((below(self.gain(x)), x) for x in between), (level, reached[0]))
         raise Undecided
 
-    def check_norm_time(self) -> None:
-        """Raise `Undecided` where there is no time for a norm: to find that out in the middle of it takes as long."""
+    def check_norm(self) -> None:
+        """Raise `Undecided` where a norm takes more operations than are left: to find out in the middle takes as many."""
         p, m = self.D.nrows(), self.D.ncols()
-        self._in_time(p * m + min(p, m) ** 2)
+        self._check(p * m + min(p, m) ** 2)
 
     def energy(self) -> arb:
         """Return the square of the H2 norm of a stable system, enclosed; infinite by a feedthrough in continuous time."""
@@ -296,32 +313,43 @@ class Exact:
         raise Undecided
 
     def _digits(self) -> Iterator[int]:
-        """Work with more and more bits, until time is up."""
+        """Work with more and more bits, until no operations are left."""
         before, bits = flint.ctx.prec, _BITS
         try:
             while bits <= _MOST_BITS:
-                self._in_time()
+                self.work.check(0.0)
                 flint.ctx.prec = bits
                 yield bits
                 bits *= 2
         finally:
             flint.ctx.prec = before
 
-    def _in_time(self, entries: int = 0) -> None:
-        """Go on only if there is time for arithmetic on so many entries of a response."""
-        if perf_counter() + _WORK * self.A.nrows() ** 4 * entries > self.until:
-            raise Undecided
+    def _check(self, entries: int) -> None:
+        """Raise `Undecided` if arithmetic on so many entries of a response, roots included, is more than is left."""
+        self.work.check(_FOURTH * self.A.nrows() ** 4 * entries)
+
+    def _count(self, entries: int) -> None:
+        """Check and count arithmetic on so many entries of a response."""
+        self._check(entries)
+        self.work.charge(_CUBED * self.A.nrows() ** 3 * entries)
+
+    def _isolated(self, p: fmpq_poly) -> list[tuple[acb, int]]:
+        """Return the roots of a polynomial, each with how often it occurs; real ones have the imaginary part zero.
+
+        The operations are known afterwards, from the digits that it took to separate them.
+        """
+        self.work.check(0.0)
+        roots: list[tuple[acb, int]] = p.numer().complex_roots()  # type: ignore[assignment]
+        parts = [part for root, _ in roots for part in (root.real, root.imag) if not part.is_exact()]
+        digits = max((int(part.rel_accuracy_bits()) for part in parts), default=_BITS)
+        self.work.charge(float(p.degree()) ** 2 * max(float(digits), _BITS) ** 1.5)
+        return roots
 
 
 @lru_cache(maxsize=1)  # the responses of a loop at all its signals have one matrix
 def _characteristic(entries: tuple[fmpq, ...]) -> fmpq_poly:
     n = isqrt(len(entries))
     return fmpq_mat(n, n, entries).charpoly()
-
-
-def _isolated(p: fmpq_poly) -> list[tuple[acb, int]]:
-    """Return the roots of a polynomial, each with how often it occurs; real ones have the imaginary part zero."""
-    return p.numer().complex_roots()  # type: ignore[return-value]
 
 
 def below(x: arb) -> float:

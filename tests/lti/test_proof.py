@@ -3,8 +3,11 @@
 What a norm's certificate says is held against the same.
 """
 
+import ast
+import time
 from contextlib import nullcontext
 from functools import wraps
+from pathlib import Path
 
 import control
 import numpy as np
@@ -14,7 +17,7 @@ from scipy import linalg, signal
 
 import boomctl as bc
 from boomctl.analysis.prove import CertificateError
-from boomctl.lti.proof import Exact, Undecided
+from boomctl.lti.proof import OPERATIONS, Exact, Undecided
 from boomctl.lti.system import Lti, of
 from tests.profiles import is_hunt, is_quick
 
@@ -363,11 +366,70 @@ def test_a_design_is_certified_for_the_controller_that_is_handed_out(seed):
 
 
 @pytest.mark.parametrize(("n", "decided"), [(40, True), (120, False)])
-def test_norm_without_time_undecided_at_once(n, decided, monkeypatch):
+def test_norm_beyond_limit_undecided_at_once(n, decided, monkeypatch):
     def unwanted(entries):
         raise AssertionError("expected no arithmetic")
 
     monkeypatch.setattr("boomctl.lti.proof._characteristic", unwanted)
-    exact = Exact.of(Lti(-np.eye(n), np.ones((n, 1)), np.ones((1, n)), np.zeros((1, 1))), 1.0)
+    exact = Exact.of(Lti(-np.eye(n), np.ones((n, 1)), np.ones((1, n)), np.zeros((1, 1))), OPERATIONS)
     with nullcontext() if decided else pytest.raises(Undecided):
-        exact.check_norm_time()
+        exact.check_norm()
+
+
+def clocks(path):
+    """Return the modules of clocks that a file imports."""
+    nodes = list(ast.walk(ast.parse(path.read_text(encoding="utf-8"))))
+    imported = [alias.name for node in nodes if isinstance(node, ast.Import) for alias in node.names]
+    imported += [node.module or "" for node in nodes if isinstance(node, ast.ImportFrom)]
+    return {"time", "datetime", "timeit"} & {name.split(".")[0] for name in imported}
+
+
+def test_lti_and_analysis_read_no_clock():
+    package = Path(bc.__file__).parent
+    assert {
+        str(path) for name in ("lti", "analysis") for path in (package / name).rglob("*.py") if clocks(path)
+    } == set()
+
+
+@pytest.mark.parametrize("seed", range(8 if is_quick() else 40))
+def test_certificate_does_not_depend_on_clock(seed, monkeypatch):
+    system = drawn(seed)
+    steady, proof = bc.hinf_norm(system), bc.prove(bc.hinf_norm(system))
+    now = iter(range(0, 10**15, 10**6))
+    for clock in ("time", "monotonic", "perf_counter", "process_time"):
+        monkeypatch.setattr(time, clock, lambda: float(next(now)))
+    busy = bc.hinf_norm(system)
+    assert (busy.lower, busy.upper, busy.certified) == (steady.lower, steady.upper, steady.certified)
+    assert bc.prove(busy) == proof
+
+
+def test_proof_ends_at_limit_of_operations():
+    system = drawn(3)
+    exact = Exact.of(of(system))
+    exact.norm(1.0)
+    with pytest.raises(Undecided):
+        Exact.of(of(system), 0.1 * exact.work.spent).norm(1.0)
+    assert Exact.of(of(system), 1.01 * exact.work.spent).norm(1.0) == exact.norm(1.0)
+    proof = bc.prove(bc.hinf_norm(system), max_operations=1.0)
+    assert proof.proved is None
+    assert "not decided within the limit" in proof.statement
+
+
+LARGE = [("random", 60), ("light", 40), ("in_steps", 50), ("light_steps", 30)]
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize(
+    ("kind", "states"), [("light", 14), *(pytest.param(*case, marks=pytest.mark.slow) for case in LARGE)]
+)
+def test_proof_of_large_system_stays_within_limit(kind, states, seed):
+    rng = np.random.default_rng(seed)
+    make, dt = KINDS[kind]
+    A = make(rng, states)
+    system = control.ss(A, rng.standard_normal((len(A), 2)), rng.standard_normal((2, len(A))), 0.0, dt)
+    exact = Exact.of(of(system, sampled=True), OPERATIONS)
+    growing, on_axis, _ = exact.sides
+    assert decays(system) in (None, not (growing or on_axis))
+    if not growing:
+        low, high, _ = exact.norm(1.0)
+        assert 0.0 < low <= high <= low * (1.0 + 2e-6)
