@@ -173,11 +173,16 @@ class Exact:
         infinite = any(entry.degree() > a.degree() for row in N for entry in row)
         return right, self._on_axis(both) + [-1.0 + 0j] * lost, self._on_axis(_symmetric(a)) + [-1.0 + 0j] * infinite
 
+    @cached_property
+    def poles(self) -> Array:
+        """All poles, in discrete time ``z``."""
+        self._count(1)
+        return np.array([complex(root) for root, count in self._isolated(self._polynomial) for _ in range(count)])
+
     @property
     def slowest(self) -> complex:
         """The pole that grows most, in discrete time the largest, for messages."""
-        poles = [complex(root) for root, _ in self._isolated(self._polynomial)]
-        return max(poles, key=abs if self.dt else lambda pole: pole.real)
+        return max(self.poles.tolist(), key=abs if self.dt else lambda pole: pole.real)
 
     def _on_axis(self, p: fmpq_poly) -> list[complex]:
         """Return the roots of a polynomial that lie all on the axis; of a discrete system those on the circle."""

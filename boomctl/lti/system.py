@@ -16,7 +16,7 @@ from scipy.linalg import lapack
 
 from boomctl.arrays import Array, balance, blocks, scaled_to_one
 from boomctl.checks import finite_array, names, warn_user
-from boomctl.lti.rounding import ALIKE, SUMMED
+from boomctl.lti.rounding import ALIKE, CANCELLED, ROOT, SUMMED
 from boomctl.lti.transfer_functions import realized
 from boomctl.printing import compact
 
@@ -101,10 +101,29 @@ class Lti:
 
     @cached_property
     def poles(self) -> Array:
-        """Eigenvalues of ``A`` [rad/s]; in discrete time without a unit."""
-        if "eigensystem" in self.__dict__:
-            return self.eigensystem[0]
-        return np.linalg.eigvals(self.A).astype(complex) if len(self.A) else np.zeros(0, complex)
+        """Eigenvalues of ``A`` [rad/s]; in discrete time without a unit.
+
+        Where rounding may have made one unstable, they are computed in exact arithmetic, of the numbers as they are stored.
+        """
+        if not len(self.A):
+            return np.zeros(0, complex)
+        cached = "eigensystem" in self.__dict__
+        poles: Array = self.eigensystem[0] if cached else np.linalg.eigvals(self.A).astype(complex)
+        growth = poles.real if self.dt == 0.0 else np.abs(poles) - 1.0
+        if growth.max() <= ROOT * np.abs(poles).max():
+            return poles
+        found, reads, right = self.eigensystem
+        growth = found.real if self.dt == 0.0 else np.abs(found) - 1.0
+        with np.errstate(invalid="ignore", over="ignore"):
+            moved = CANCELLED * np.einsum("ji,ij->j", np.abs(reads), np.abs(self.A) @ np.abs(right))
+        if ((growth <= 0.0) | (moved < growth)).all():
+            return poles
+        from boomctl.lti.proof import OPERATIONS, Exact, Undecided
+
+        try:
+            return Exact.of(self, OPERATIONS).poles
+        except Undecided:
+            return poles
 
     @cached_property
     def eigensystem(self) -> tuple[Array, Array, Array]:

@@ -31,6 +31,7 @@ _EXPLODED = 7.0  # time constants of the fastest unstable mode that are shown: i
 _PER_PERIOD = 20  # instants in a period of the fastest vibration that is seen (a choice)
 _PER_CONSTANT = 10  # instants in its time constant (a choice)
 _SEEN = 1e-3  # share of the largest modal part of a response up to which one does not show (a choice)
+_GROWN = 2.0  # growth of a stable system within the time simulated, above which rounding decides its response
 _FEWEST, _MOST = 200, 20_000  # instants of a picture (a choice)
 _LONG = (
     10.0  # fastest time constants, shown of a system that only integrates besides; seconds of one without (a choice)
@@ -156,6 +157,8 @@ def step(
     TypeError, ValueError
         Another kind of system; unknown signals; instants that are not equally spaced from 0; an unstable system whose
         outputs grow beyond all numbers.
+    ArithmeticError
+        A stable system whose response would grow by rounding of its entries.
 
     Examples
     --------
@@ -165,11 +168,11 @@ def step(
     >>> round(float(bc.step(swing)["place"].max()), 2)
     1.85
     """
-    L = _matrices(system, inputs, outputs)
+    given, L = _matrices(system, inputs, outputs)
     n, m = L.B.shape
     held = np.eye(m) if L.dt else np.zeros((m, m))  # the input stays: as a state, its rate is zero
     A = blocks([[L.A, L.B], [np.zeros((m, n)), held]])
-    return _moved("step", L, timepts, (A, np.vstack([np.zeros((n, m)), np.eye(m)]), np.hstack([L.C, L.D])))
+    return _moved("step", given, timepts, (A, np.vstack([np.zeros((n, m)), np.eye(m)]), np.hstack([L.C, L.D])))
 
 
 @one_blas_thread
@@ -196,7 +199,7 @@ def impulse(
 
     Raises
     ------
-    TypeError, ValueError
+    TypeError, ValueError, ArithmeticError
         As for :func:`step`.
 
     Examples
@@ -207,18 +210,22 @@ def impulse(
     >>> round(float(bc.impulse(swing)["place"].max()), 2)
     0.93
     """
-    L = _matrices(system, inputs, outputs)
+    given, L = _matrices(system, inputs, outputs)
     if not L.dt:
-        return _moved("impulse", L, timepts, (L.A, L.B, L.C))
+        return _moved("impulse", given, timepts, (L.A, L.B, L.C))
     n, m = L.B.shape  # the input is a state that lasts for one sample
     A = blocks([[L.A, L.B], [np.zeros((m, n + m))]])
-    return _moved("impulse", L, timepts, (A, np.vstack([np.zeros((n, m)), np.eye(m)]) / L.dt, np.hstack([L.C, L.D])))
+    return _moved(
+        "impulse", given, timepts, (A, np.vstack([np.zeros((n, m)), np.eye(m)]) / L.dt, np.hstack([L.C, L.D]))
+    )
 
 
-def _matrices(system: object, inputs: str | Sequence[str] | None, outputs: str | Sequence[str] | None) -> Lti:
-    """Return the matrices of a system between signals, those of a continuous one in coordinates of its motion."""
+def _matrices(
+    system: object, inputs: str | Sequence[str] | None, outputs: str | Sequence[str] | None
+) -> tuple[Lti, Lti]:
+    """Return the matrices of a system between signals, and those of a continuous one in coordinates of its motion."""
     L = matrices(system, inputs, outputs)
-    return L if L.dt else motion_coordinates(L)[0]
+    return L, L if L.dt else motion_coordinates(L)[0]
 
 
 def _moved(
@@ -230,6 +237,13 @@ def _moved(
     count = len(time)
     with np.errstate(over="ignore", invalid="ignore"):
         Phi = A if system.dt else np.eye(len(A)) + matrix_expm1(A * (time[1] - time[0]))
+        n = len(system.A)
+        radius = np.abs(np.linalg.eigvals(Phi[:n, :n])).max(initial=0.0) if np.isfinite(Phi).all() else np.inf
+        if radius**count > _GROWN and (sides(system.poles, system.dt) < 0).all():
+            raise ArithmeticError(
+                "system: rounding of its entries makes its response grow although all poles are stable. Use another"
+                " realization, such as a modal one."
+            )
         seen, power = observability(Phi, C, min(BLOCK, count))
         blocks = []
         for _ in range(-(-count // len(seen))):
