@@ -31,12 +31,12 @@ from boomctl.lti.frequency import RAISED
 from boomctl.lti.rounding import LEVEL, TINY
 from boomctl.lti.system import Lti, System, closed
 
-OPERATIONS = 3e8  # limit of a proof that another result rests on: a second or two
+OPERATIONS = 4e8  # limit of a proof that another result rests on: a second or two
 _BITS = 64  # that roots and solutions are first enclosed with; doubled until they decide
 _MOST_BITS = 2**15  # beyond which no enclosure is tried: far above what stored doubles need (measured: 1,500)
 _DIGITS = 2.0**-44  # relative width of an enclosure that is worth no more bits: below what any certificate states
 _CUBED = 30.0  # operations per state^3 and entry of the response
-_FOURTH = 1.5  # operations per state^4 and entry, of what follows from the response too
+_FOURTH = 2.0  # operations per state^4 and entry, of what follows from the response too
 
 
 class Undecided(Exception):
