@@ -50,7 +50,7 @@ def test_call_small_system_one_thread():
 
 @pytest.mark.parametrize("wrap", [lambda s: s, lambda s: [s, s], lambda s: {"name": s}], ids=["system", "list", "dict"])
 def test_call_large_system_threads_kept(wrap):
-    n = 600
+    n = 800
     large = bc.structure.SecondOrderModel(np.eye(n), np.eye(n), np.eye(n), {"force": np.ones(n)}, {"place": np.ones(n)})
     assert set(inside(wrap(large))) == set(inside(0.0, plant=wrap(large))) == {3}
     with one_blas_thread:  # threads of the process: limited by an enclosing call
