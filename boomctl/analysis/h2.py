@@ -122,7 +122,8 @@ def _finite(system: Lti) -> NormCertificate:
 
 def _proved(system: Lti) -> NormCertificate:
     """Return the norm of a system whose poles decay or do not show, as they are stored; no upper bound if undecided."""
-    from boomctl.lti.proof import OPERATIONS, Exact, Undecided, below
+    from boomctl.exact_roots import OPERATIONS, Undecided
+    from boomctl.lti.proof import Exact, below
 
     try:
         square = Exact.of(system, OPERATIONS).energy()

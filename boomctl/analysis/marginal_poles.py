@@ -59,7 +59,8 @@ def marginal_poles(given: System) -> MarginalPoles:
         return replace(found, infinite=complex(system.rates[fastest]))
     if known is not None:
         return MarginalPoles(None, None, hidden, open_, *known)
-    from boomctl.lti.proof import OPERATIONS, Exact, Undecided
+    from boomctl.exact_roots import OPERATIONS, Undecided
+    from boomctl.lti.proof import Exact
 
     size, on_axis, shown = made.A, [], []
     try:

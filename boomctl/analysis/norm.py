@@ -233,7 +233,8 @@ def proved_norm(
 
     With ``minus`` it is the norm of the difference of two systems; with ``band`` [rad/s] the largest singular value there.
     """
-    from boomctl.lti.proof import OPERATIONS, Exact, Undecided
+    from boomctl.exact_roots import OPERATIONS, Undecided
+    from boomctl.lti.proof import Exact
 
     try:
         exact = Exact.of(given, OPERATIONS, minus)

@@ -123,7 +123,8 @@ def prove(result: Claiming, *, max_operations: float = 1.2e10) -> Proof:
     >>> bc.prove(bc.hinf_norm(swing)).proved
     True
     """
-    from boomctl.lti.proof import Exact, Undecided
+    from boomctl.exact_roots import Undecided
+    from boomctl.lti.proof import Exact
 
     limit = positive("max_operations", max_operations)
     if not hasattr(result, "__claims__"):
@@ -222,7 +223,7 @@ def _energy_shown(claim: Claim, exact: "Exact", low: float, high: float) -> str:
 
 
 def _refute(claim: Claim, counterexample: str) -> None:
-    from boomctl.lti.proof import Undecided
+    from boomctl.exact_roots import Undecided
 
     if claim.rounded:
         raise Undecided(f"{claim.rounded}: {counterexample}")

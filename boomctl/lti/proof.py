@@ -17,48 +17,31 @@ question.
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
-from functools import cached_property, lru_cache
+from functools import cached_property
 from itertools import chain, pairwise
-from math import inf, isqrt
+from math import inf
 
 import flint
 import numpy as np
 from flint import acb, arb, arb_mat, fmpq, fmpq_mat, fmpq_poly
 
-from boomctl.arrays import Array, blocks
+from boomctl.arrays import blocks
+from boomctl.exact_roots import (
+    BITS,
+    Undecided,
+    Work,
+    characteristic_polynomial,
+    eigenvalues,
+    isolated_roots,
+    rational_matrix,
+)
 from boomctl.lti.bilinear import image_of_omega, omega_of_image
 from boomctl.lti.frequency import RAISED
 from boomctl.lti.rounding import LEVEL, TINY
 from boomctl.lti.system import Lti, System, closed
 
-OPERATIONS = 4e8  # limit of a proof that another result rests on: a second or two
-_BITS = 64  # that roots and solutions are first enclosed with; doubled until they decide
 _MOST_BITS = 2**15  # beyond which no enclosure is tried: far above what stored doubles need (measured: 1,500)
 _DIGITS = 2.0**-44  # relative width of an enclosure that is worth no more bits: below what any certificate states
-_CUBED = 30.0  # operations per state^3 and entry of the response
-_FOURTH = 2.0  # operations per state^4 and entry, of what follows from the response too
-
-
-class Undecided(Exception):
-    """A proof would take more operations than it may."""
-
-
-@dataclass
-class _Work:
-    """Operations left to a proof: an estimate from sizes of matrices, polynomials and numbers, some 5 ns each."""
-
-    left: float
-    spent: float = 0.0
-
-    def check(self, operations: float) -> None:
-        """Raise :class:`Undecided` if so many operations are not left."""
-        if operations > self.left:
-            raise Undecided
-
-    def charge(self, operations: float) -> None:
-        """Count operations."""
-        self.left -= operations
-        self.spent += operations
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +53,7 @@ class Exact:
     A, B, C, D : fmpq_mat
     dt : float
         Sampling time [s]; 0 in continuous time.
-    work : _Work
+    work : Work
         Operations until it is given up.
     """
 
@@ -79,7 +62,7 @@ class Exact:
     C: fmpq_mat
     D: fmpq_mat
     dt: float
-    work: _Work = field(default_factory=lambda: _Work(inf))
+    work: Work = field(default_factory=lambda: Work(inf))
 
     @classmethod
     def of(cls, given: System, operations: float = inf, minus: Lti | None = None) -> "Exact":
@@ -93,12 +76,19 @@ class Exact:
             plant, K = _rational(given.plant), _rational(given.controller)
             p, m = len(plant.C) - K.B.shape[1], plant.B.shape[1] - len(K.C)
             once = np.diag(np.full(len(K.C), fmpq(1))) - K.D @ plant.D[p:, m:]
-            M = closed(plant, K, np.array(_matrix(once).inv().tolist()).reshape(once.shape))
+            M = closed(plant, K, np.array(rational_matrix(once).inv().tolist()).reshape(once.shape))
         if minus is not None:
             other, corner = _rational(minus), np.zeros((len(M.A), len(minus.A)), int)
             A = blocks([[M.A, corner], [corner.T, other.A]])
             M = replace(M, A=A, B=np.vstack([M.B, other.B]), C=np.hstack([M.C, -other.C]), D=M.D - other.D)
-        return cls(_matrix(M.A), _matrix(M.B), _matrix(M.C), _matrix(M.D), M.dt, _Work(operations))
+        return cls(
+            rational_matrix(M.A),
+            rational_matrix(M.B),
+            rational_matrix(M.C),
+            rational_matrix(M.D),
+            M.dt,
+            Work(operations),
+        )
 
     def square(self, omega: float) -> float:
         """Return ``omega^2`` of the image at a frequency [rad/s]: it is ``tan(omega dt/2)`` in discrete time."""
@@ -116,19 +106,19 @@ class Exact:
     @cached_property
     def characteristic(self) -> fmpq_poly:
         """``det(s - A)``, in discrete time of the continuous image: it has lower degree with a pole at ``z = -1``."""
-        self._count(1)
+        self.work.charge_entries(self.A.nrows(), 1)
         return self._image(self._polynomial)
 
     @property
     def _polynomial(self) -> fmpq_poly:
         """``det(s - A)``, in discrete time ``det(z - A)``."""
-        return _characteristic(tuple(self.A.entries()))
+        return characteristic_polynomial(tuple(self.A.entries()))
 
     @cached_property
     def whole(self) -> tuple[fmpq_poly, list[list[fmpq_poly]]]:
         """``a``, all poles, and ``N``."""
         p, m, n = self.D.nrows(), self.D.ncols(), self.A.nrows()
-        self._count(p * m)
+        self.work.charge_entries(self.A.nrows(), p * m)
         a, moments, X = self._polynomial, [], self.B
         for _ in range(n):
             moments.append((self.C * X).tolist())
@@ -173,16 +163,10 @@ class Exact:
         infinite = any(entry.degree() > a.degree() for row in N for entry in row)
         return right, self._on_axis(both) + [-1.0 + 0j] * lost, self._on_axis(_symmetric(a)) + [-1.0 + 0j] * infinite
 
-    @cached_property
-    def poles(self) -> Array:
-        """All poles, in discrete time ``z``."""
-        self._count(1)
-        return np.array([complex(root) for root, count in self._isolated(self._polynomial) for _ in range(count)])
-
     @property
     def slowest(self) -> complex:
         """The pole that grows most, in discrete time the largest, for messages."""
-        return max(self.poles.tolist(), key=abs if self.dt else lambda pole: pole.real)
+        return max(eigenvalues(self.A, self.work).tolist(), key=abs if self.dt else lambda pole: pole.real)
 
     def _on_axis(self, p: fmpq_poly) -> list[complex]:
         """Return the roots of a polynomial that lie all on the axis; of a discrete system those on the circle."""
@@ -193,7 +177,7 @@ class Exact:
     def _roots(self, p: fmpq_poly) -> list[tuple[acb, int]]:
         """Return the roots of a polynomial without any on the axis, to as many digits as tell on which side each lies."""
         for _ in self._digits():
-            roots = self._isolated(p)
+            roots = isolated_roots(p, self.work)
             if all(root.real > 0 or root.real < 0 for root, _ in roots):
                 return roots
         raise Undecided
@@ -201,7 +185,7 @@ class Exact:
     def _positive(self, p: fmpq_poly) -> list[arb]:
         """Return the positive roots of a polynomial that has none at zero, in ascending order, as often as they occur."""
         for _ in self._digits():
-            roots = self._isolated(p)
+            roots = isolated_roots(p, self.work)
             real = [(root.real, count) for root, count in roots if root.imag == 0]
             told = all(x > 0 or x < 0 for x, _ in real)
             if told and all(root.imag == 0 or root.imag > 0 or root.imag < 0 for root, _ in roots):
@@ -221,7 +205,7 @@ class Exact:
         if shown or (growing and hidden.degree()):
             raise Undecided
         rows = N if len(N) < len(N[0]) else [list(column) for column in zip(*N, strict=True)]  # the smaller product
-        self._count(len(rows) ** 2)
+        self.work.charge_entries(self.A.nrows(), len(rows) ** 2)
         zero, aa, square = fmpq_poly([0]), a * _flipped(a), fmpq(*level.as_integer_ratio()) ** 2
         left = [[-sum((x * _flipped(y) for x, y in zip(r, q, strict=True)), zero) for q in rows] for r in rows]
         for k in range(len(rows)):
@@ -293,7 +277,7 @@ class Exact:
     def check_norm(self) -> None:
         """Raise `Undecided` where a norm takes more operations than are left: to find out in the middle takes as many."""
         p, m = self.D.nrows(), self.D.ncols()
-        self._check(p * m + min(p, m) ** 2)
+        self.work.check_entries(self.A.nrows(), p * m + min(p, m) ** 2)
 
     def energy(self) -> arb:
         """Return the square of the H2 norm of a stable system, enclosed; infinite by a feedthrough in continuous time."""
@@ -319,42 +303,15 @@ class Exact:
 
     def _digits(self) -> Iterator[int]:
         """Work with more and more bits, until no operations are left."""
-        before, bits = flint.ctx.prec, _BITS
+        before, bits = flint.ctx.prec, BITS
         try:
             while bits <= _MOST_BITS:
-                self.work.check(0.0)
+                self.work.check()
                 flint.ctx.prec = bits
                 yield bits
                 bits *= 2
         finally:
             flint.ctx.prec = before
-
-    def _check(self, entries: int) -> None:
-        """Raise `Undecided` if arithmetic on so many entries of a response, roots included, is more than is left."""
-        self.work.check(_FOURTH * self.A.nrows() ** 4 * entries)
-
-    def _count(self, entries: int) -> None:
-        """Check and count arithmetic on so many entries of a response."""
-        self._check(entries)
-        self.work.charge(_CUBED * self.A.nrows() ** 3 * entries)
-
-    def _isolated(self, p: fmpq_poly) -> list[tuple[acb, int]]:
-        """Return the roots of a polynomial, each with how often it occurs; real ones have the imaginary part zero.
-
-        The operations are known afterwards, from the digits that it took to separate them.
-        """
-        self.work.check(0.0)
-        roots: list[tuple[acb, int]] = p.numer().complex_roots()  # type: ignore[assignment]
-        parts = [part for root, _ in roots for part in (root.real, root.imag) if not part.is_exact()]
-        digits = max((int(part.rel_accuracy_bits()) for part in parts), default=_BITS)
-        self.work.charge(float(p.degree()) ** 2 * max(float(digits), _BITS) ** 1.5)
-        return roots
-
-
-@lru_cache(maxsize=1)  # the responses of a loop at all its signals have one matrix
-def _characteristic(entries: tuple[fmpq, ...]) -> fmpq_poly:
-    n = isqrt(len(entries))
-    return fmpq_mat(n, n, entries).charpoly()
 
 
 def below(x: arb) -> float:
@@ -384,10 +341,6 @@ def _value(p: fmpq_poly, s: acb) -> acb:
     for c in reversed(p.coeffs()):
         found = found * s + arb(c)
     return found
-
-
-def _matrix(M: Array) -> fmpq_mat:
-    return fmpq_mat(M.shape[0], M.shape[1], M.ravel().tolist())
 
 
 def _rational(system: Lti) -> Lti:

@@ -118,10 +118,10 @@ class Lti:
             moved = CANCELLED * np.einsum("ji,ij->j", np.abs(reads), np.abs(self.A) @ np.abs(right))
         if ((growth <= 0.0) | (moved < growth)).all():
             return poles
-        from boomctl.lti.proof import OPERATIONS, Exact, Undecided
+        from boomctl.exact_roots import OPERATIONS, Undecided, Work, eigenvalues, rational_matrix
 
         try:
-            return Exact.of(self, OPERATIONS).poles
+            return eigenvalues(rational_matrix(self.A), Work(OPERATIONS))
         except Undecided:
             return poles
 

@@ -17,7 +17,8 @@ from scipy import linalg, signal
 
 import boomctl as bc
 from boomctl.analysis.prove import CertificateError
-from boomctl.lti.proof import OPERATIONS, Exact, Undecided
+from boomctl.exact_roots import OPERATIONS, Undecided
+from boomctl.lti.proof import Exact
 from boomctl.lti.system import Lti, of
 from tests.profiles import is_hunt, is_quick
 
@@ -370,7 +371,7 @@ def test_norm_beyond_limit_undecided_at_once(n, decided, monkeypatch):
     def unwanted(entries):
         raise AssertionError("expected no arithmetic")
 
-    monkeypatch.setattr("boomctl.lti.proof._characteristic", unwanted)
+    monkeypatch.setattr("boomctl.lti.proof.characteristic_polynomial", unwanted)
     exact = Exact.of(Lti(-np.eye(n), np.ones((n, 1)), np.ones((1, n)), np.zeros((1, 1))), OPERATIONS)
     with nullcontext() if decided else pytest.raises(Undecided):
         exact.check_norm()
