@@ -11,6 +11,8 @@ from hypothesis import strategies as st
 from slycot.exceptions import SlycotError
 
 import boomctl as bc
+from boomctl.synthesis.hinf.normal_form import normalised
+from boomctl.synthesis.plants.partition import partition
 from tests.profiles import examples
 
 
@@ -79,3 +81,14 @@ def test_a_level_that_is_enough_is_kept():
         bc.h_infinity(P, 1, 1, gamma=0.9 * least.certificate.lower)
     with pytest.raises(ValueError, match=r"^fastest_pole: expected none for a discrete plant"):
         bc.h_infinity(P, 1, 1, fastest_pole=10.0)
+
+
+@pytest.mark.parametrize("split", [0.0, 1e-28, -1e-28])
+def test_normalised_double_pole_stays_bounded(split):
+    """A double pole that rounding splits into a complex pair has eigenvectors that are parallel but for rounding."""
+    A = np.array([[-120.0, 30.0 * split], [30.0, -120.0]])
+    B, C = [[1.0, 0.0, 1.0], [0.0, 0.0, 0.0]], [[0.0, 1.0], [0.0, 0.0], [0.0, 1.0]]
+    P = control.ss(A, B, C, [[0, 0, 0], [0, 0, 1], [0, 1, 0]])
+    ready = normalised(partition(P, 1, 1))
+    assert max(np.linalg.norm(X) for X in (ready.A, ready.system.B, ready.system.C)) < 1e4
+    assert bc.h2(P, 1, 1).certificate.norm.certified

@@ -7,6 +7,7 @@ from scipy import linalg
 
 from boomctl.arrays import Array, balance
 from boomctl.lti.block_diagonal import block_diagonal
+from boomctl.lti.rounding import ROOT
 from boomctl.lti.system import Lti, signal_scales
 from boomctl.synthesis.plants.partition import GeneralizedPlant
 
@@ -77,7 +78,9 @@ def _modal_basis(A: Array, B: Array, C: Array) -> Array:
     ]
     basis = np.array([column for block in blocks for column in block]).T
     widths = [len(block) for block in blocks]
-    if basis.shape != A.shape or np.linalg.cond(basis / np.linalg.norm(basis, axis=0)) > _INDEPENDENT:
+    # a double pole that rounding split into a complex pair: the imaginary part of the eigenvector is rounding
+    double = ((values.imag > 0.0) & (values.imag <= ROOT * np.abs(values))).any()
+    if double or basis.shape != A.shape or np.linalg.cond(basis / np.linalg.norm(basis, axis=0)) > _INDEPENDENT:
         basis, widths = _blocks(A)
     B, C = np.linalg.solve(basis, B), C @ basis
     start = 0
