@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 from scipy import linalg
-from scipy.cluster import hierarchy
 
 from boomctl.arrays import Array
 from boomctl.lti.integrators import doubt_of_split, without_integrators
@@ -89,6 +88,8 @@ def boundary_poles(system: Lti) -> tuple[Array, Array]:
     points : (n,) complex ndarray
         The poles; those of side 0 are on the boundary exactly, those of a cluster at one point.
     """
+    from scipy.cluster import hierarchy  # imports scipy.spatial and scipy.special: only where poles are clustered
+
     A, dt, poles, side = system.A, system.dt, system.poles, sides(system.poles, system.dt)
     points = np.where(side == 0, _on_boundary(poles, dt), poles)
     if len(points) < 2:
