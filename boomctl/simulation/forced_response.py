@@ -160,14 +160,15 @@ def forced_response(
         system = of(plant, "plant")
         rows = disturbance_rows(signals, system.inputs, (), len(time))
         read = names("output", outputs, system.outputs)
+        places = [system.outputs.index(name) for name in read]
         y, nearby = (
-            lifted_response(modal.step(h).of_signals, modal.C, modal.D, rows)
-            for modal in map(ModalPlant.of, (system.select(None, read), _rounded(system.select(None, read))))
+            lifted_response(modal.step(h).of_signals, modal.C, modal.D, rows)[places]
+            for modal in map(ModalPlant.of, (system, _rounded(system)))
         )
         if not np.isfinite(y).all():
             raise ValueError("plant: its outputs grow beyond all numbers before the last of timepts")
         size, change = np.abs(y).max(axis=1), np.abs(y - nearby).max(axis=1)
-        estimate = float(np.max(_UNITS * change / np.where(size > 0.0, size, 1.0)) + SOLVED)
+        estimate = float(np.max(_UNITS * change / np.where(size > 0.0, size, 1.0), initial=0.0) + SOLVED)
         return ForcedResponse(time, dict(zip(read, y, strict=True)), _given(signals), estimate, len(system.A))
     for name in signals:
         known("signal", name, plant.inputs)

@@ -44,15 +44,20 @@ class Design:
     _closed_loop: Lti
     _called = "controller"  # name of that system
 
-    @cached_property
+    @property
     def controller(self) -> "control.StateSpace":
         """Controller ``u = K y`` in the units of the machine."""
-        return unscaled(self._controller).statespace(self._called)
+        return self._controllers[0]
 
-    @cached_property
+    @property
     def scaled_controller(self) -> "control.StateSpace":
         """Controller ``u = K y`` in the scaled signals of the plant; equal to ``controller`` for a plant without scales."""
-        return self._controller.statespace(self._called)
+        return self._controllers[1]
+
+    @cached_property
+    def _controllers(self) -> "tuple[control.StateSpace, control.StateSpace]":
+        scaled = self._controller.statespace(self._called)
+        return unscaled(self._controller).statespace(self._called) if self._controller.scales else scaled, scaled
 
     @cached_property
     def closed_loop(self) -> "control.StateSpace":

@@ -35,7 +35,13 @@ def _(mo):
 @app.cell
 def _(bc, np):
     SPEED, SAMPLE_TIME = 3.0, 0.008  # of the tractor [m/s]; of the controller [s]
-    SCALES = {"actuator_anti": 0.03, "suspension_anti": 150.0, "tip_anti": 0.2, "stroke_anti": 0.05}
+    SCALES = {
+        "actuator_anti": 0.03,
+        "suspension_anti": 150.0,
+        "tip_anti": 0.2,
+        "stroke_anti": 0.05,
+        "tip_acceleration_anti": 1.0,
+    }
     motion = bc.platform_motion(bc.iso_track("E", 200.0, seed=1), speed=SPEED, duration=40.0, sample_time=SAMPLE_TIME)
     platform = {"actuator_anti": motion.anti}
     FASTEST = 10.0  # of the frequencies that are drawn [Hz]
