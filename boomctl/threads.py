@@ -52,8 +52,8 @@ class _OneBlasThread:
             for owner in (0, get_ident()):
                 depth = self._depth.get(owner, 0)
                 if new or not depth:
-                    counts = [(library, library.num_threads or 1) for library in self._libraries[owner != 0]]
-                    more = [(library, threads) for library, threads in counts if threads > 1]
+                    counts = [(library, library.num_threads) for library in self._libraries[owner != 0]]
+                    more = [(library, threads) for library, threads in counts if threads and threads > 1]
                     self._before.setdefault(owner, []).extend(more)
                     _set_threads([(library, 1) for library, _ in more])
                 self._depth[owner] = depth + 1
@@ -90,6 +90,8 @@ def _libraries() -> "dict[bool, list[LibController]]":
 
 def _set_threads(counts: "list[tuple[LibController, int]]") -> None:
     """Set numbers of threads, from any thread of Python: threadpoolctl leaves that to the first one until it is cleared."""
+    if not counts:
+        return
     clear = next(filter(None, (getattr(library, "clear_controlling_thread", None) for library, _ in counts)), None)
     if clear is not None:
         clear(force=True)
