@@ -41,6 +41,7 @@ _LOST = "singular to rounding: expected elements that differ less, or a descript
 # of the square of the highest mode's frequency, a shift that static responses of the higher modes bear: they exist then of
 # a floating structure too
 _STATIC = 1e-6
+_INDEPENDENT = 0.25  # Least square of the norm of a column after its second projection.
 _NOISE = 1e3 * EPS  # of the largest stiffness over mass: rounding, with room (a choice)
 
 
@@ -287,12 +288,13 @@ def _orthonormal(M: Matrix, block: Array, against: Array) -> Array:
     """Return an M-orthonormal basis of the columns of ``block``, M-orthogonal to ``against``."""
     size = np.sqrt(np.einsum("ij,ij->j", block, M @ block))
     kept = block[:, size > 0] / size[size > 0]
-    for _ in range(2):
+    # a column of which the second projection leaves little is rounding of the first
+    for least in (0.0, _INDEPENDENT):
         kept = kept - against @ (against.T @ (M @ kept))
         if not kept.shape[1]:
             return kept
         values, mix = linalg.eigh(kept.T @ (M @ kept), check_finite=False)
-        good = values > DEPENDENT**2 * max(values[-1], 1e-6)
+        good = values > max(DEPENDENT**2 * max(values[-1], 1e-6), least)
         kept = kept @ (mix[:, good] / np.sqrt(values[good]))
     return kept
 
