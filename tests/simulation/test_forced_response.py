@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 import boomctl as bc
 from boomctl.lab.benchmark.peers.boom_loop import extended_maps
 from boomctl.simulation import forced_response, simulate_loop
+from boomctl.simulation.plant import basis
 from boomctl.structure import split_symmetric
 from tests.profiles import examples
 from tests.simulation.cases import random_plant
@@ -91,6 +92,13 @@ def test_response_driven_body_above_soft_modes_complete():
     both = bc.structure.SecondOrderModel(np.eye(2 * n), 1e-3 * K, K, driven, read)
     expected = forced_response(stiff, signals, time)["y"]
     np.testing.assert_allclose(forced_response(both, signals, time)["y"], expected, atol=1e-6 * np.abs(expected).max())
+
+
+def test_projection_dependent_statics_is_orthonormal():
+    """Of 27 coordinates 13 modes and static responses of three orders span all but a few."""
+    model = _random_chain(np.random.default_rng(500158)).select("a", None)
+    _, V = basis(model, 13, 3)
+    np.testing.assert_allclose(V.T @ model.M @ V, np.eye(V.shape[1]), atol=1e-12)
 
 
 @pytest.mark.slow
