@@ -36,7 +36,7 @@ _FEWER_MODES = 11  # number of undamped modes of the projection with which it is
 _GROWTH = 1.6  # ratio of the numbers of modes of successive projections
 _MARGIN = 3.0  # ratio of an error estimate to the difference of responses of two projections
 _UNITS = 100.0  # ratio of an error estimate to the change of a response by one unit of rounding of each entry
-_ROUNDING = 10.0  # ratio of an error estimate to the difference of two responses by rounding
+_ROUNDING = 30.0  # ratio of an error estimate to the difference of two responses by rounding
 
 
 @dataclass(frozen=True)
@@ -235,7 +235,7 @@ def _structure_response(
             fewer = sub_basis(model, frequencies, V, _FEWER_MODES, order - 1)
             before, _ = _projected_response(model, *fewer, U, h)
         least = _sizes(y, size)
-        error = (_ROUNDING if whole else _MARGIN) * np.abs(y - before).max(axis=1) + SOLVED * least
+        error = (_ROUNDING if whole else _MARGIN) * np.abs(y - before).max(axis=1) + SUMMED * least
         # an error below ROOT that is not reduced from one projection to the next is rounding
         if whole or ((error <= accuracy * least) | ((error <= ROOT * least) & (error >= 0.5 * last))).all():
             return y, error, size, len(frequencies)
