@@ -49,7 +49,7 @@ class Work:
 def rational_matrix(M: Array) -> fmpq_mat:
     """Return a matrix of rational numbers equal to the entries."""
     entries = (x if isinstance(x, fmpq) else fmpq(*x.as_integer_ratio()) for x in M.ravel().tolist())
-    return fmpq_mat(*M.shape, [*entries])
+    return fmpq_mat(M.shape[0], M.shape[1], [*entries])
 
 
 @lru_cache(maxsize=1)  # The responses of a loop at all its signals have one matrix.

@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     import control
 
 _FIRST_MODES, _FIRST_ORDER = 13, 3  # of the first projection: undamped modes, and order of its static responses
+_COMPLETE = 40  # number of coordinates up to which all modes are used: a projection would have as many
 _FEWER_MODES = 11  # number of undamped modes of the projection with which it is compared
 _GROWTH = 1.6  # ratio of the numbers of modes of successive projections
 _MARGIN = 3.0  # ratio of an error estimate to the difference of responses of two projections
@@ -224,7 +225,7 @@ def _structure_response(
     before, last, size = None, np.full(outputs, np.inf), np.zeros(outputs)
     if not U.any():
         return np.zeros((outputs, U.shape[1])), size, size, 0
-    modes, order = _FIRST_MODES, _FIRST_ORDER
+    modes, order = (model.n if model.n <= _COMPLETE else _FIRST_MODES), _FIRST_ORDER
     while True:
         frequencies, V = basis(model, min(modes, model.n), order)
         y, size = _projected_response(model, frequencies, V, U, h)

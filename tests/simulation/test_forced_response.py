@@ -73,11 +73,11 @@ def _error(found, exact):
 
 @pytest.mark.parametrize("excitation", ["displacement", "velocity", "acceleration", "force"])
 def test_error_half_boom_ramp_below_estimate(excitation):
-    half, _ = split_symmetric(bc.spray_boom(elements=28, excitation=excitation))
-    time = np.linspace(0.0, 100.0, 201)
+    half, _ = split_symmetric(bc.spray_boom(elements=42, excitation=excitation))
+    time = np.linspace(0.0, 100.0, 101)
     signals = {half.inputs[0]: np.minimum(time, 1.0)}
     found = forced_response(half, signals, time)
-    error = _error(found, exact_response(half, signals, 0.5))
+    error = _error(found, exact_response(half, signals, 1.0))
     assert found.modes < half.n
     assert error <= max(found.error_estimate, _STORED)
     assert found.error_estimate <= 1e-6
