@@ -36,6 +36,7 @@ _COMPLETE = 40  # number of coordinates up to which all modes are used: a projec
 _FEWER_MODES = 11  # number of undamped modes of the projection with which it is compared
 _GROWTH = 1.6  # ratio of the numbers of modes of successive projections
 _MARGIN = 3.0  # ratio of an error estimate to the difference of responses of two projections
+_STORED = 1e-11  # relative error of a structure's response by rounding of its stored rows
 _UNITS = 100.0  # ratio of an error estimate to the change of a response by one unit of rounding of each entry
 _ROUNDING = 30.0  # ratio of an error estimate to the difference of two responses by rounding
 
@@ -236,7 +237,7 @@ def _structure_response(
             fewer = sub_basis(model, frequencies, V, _FEWER_MODES, order - 1)
             before, _ = _projected_response(model, *fewer, U, h)
         least = _sizes(y, size)
-        error = (_ROUNDING if whole else _MARGIN) * np.abs(y - before).max(axis=1) + SUMMED * least
+        error = (_ROUNDING if whole else _MARGIN) * np.abs(y - before).max(axis=1) + _STORED * least
         # an error below ROOT that is not reduced from one projection to the next is rounding
         if whole or ((error <= accuracy * least) | ((error <= ROOT * least) & (error >= 0.5 * last))).all():
             return y, error, size, len(frequencies)
