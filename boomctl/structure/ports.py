@@ -153,7 +153,9 @@ class Ports:
 
     def congruent(self, T: Matrix) -> "Ports":
         """Return the ports over coordinates ``z`` with ``q = T z``."""
-        return self._over(lambda lines: (T.T @ lines.T).T if sparse.issparse(T) else lines @ T)
+        if sparse.issparse(T):
+            return self._over(lambda lines: (T.T @ lines.T).T)
+        return replace(self, B=T.T @ self.B, L=self.L @ T)
 
     def restricted(self, T: Matrix) -> "Ports":
         """Return the same where ``T`` leaves out motions: what forces and outputs meet of the others by rounding is zero."""
