@@ -5,6 +5,7 @@ from boomctl.identification.fit import fit as fit
 from boomctl.identification.identifiability import Combination as Combination
 from boomctl.identification.identify import Identification as Identification
 from boomctl.identification.identify import IdentifiedMode as IdentifiedMode
+from boomctl.identification.identify import RealPole as RealPole
 from boomctl.identification.identify import identify as identify
 from boomctl.identification.response import MeasuredResponse as MeasuredResponse
 from boomctl.identification.response import estimate_response as estimate_response

@@ -1,6 +1,6 @@
 """Poles that all entries share, by least squares: residues are solved for, poles move by damped Gauss-Newton steps."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -22,6 +22,8 @@ _FAST = (
 _SLOW = 0.5  # times the lowest frequency: where those below it are put (likewise)
 _AROUND = 10.0  # lines to either side at least that errors around a resonance are taken from (a choice)
 _BLOCK = 64  # lines over which errors are taken for as large: a median of so many is known to a fifth (a choice)
+_RESONANCES = 3  # Resonances from which the error of the model is known.
+_PEAK = 2.0  # Lines to either side of a resonance at least, from which it is computed.
 _CLEAN = 1e-6  # of the energy of the outputs: of residuals that have more, rounding of products is a negligible part
 
 
@@ -39,18 +41,21 @@ class CommonPoles:
     ----------
     data : Spectra
     poles : (k,) ndarray
-        One of each pair, with positive imaginary part [rad/s].
+        One of each pair, with positive imaginary part, or a real pole [rad/s].
     fixed : ndarray
         Pairs outside the band that are not moved.
+    integrators : int
+        Integrators in series, 2 for a rigid body that a force moves.
     """
 
     data: Spectra
     poles: Array
     fixed: Array
+    integrators: int = 0
 
     @cached_property
     def _rest(self) -> Array:
-        return self.data.rest(self.fixed).T
+        return self.data.rest(self.fixed, self.integrators).T
 
     @cached_property
     def _responses(self) -> tuple[tuple[Array, ...], tuple[Array, ...]]:
@@ -109,6 +114,12 @@ class CommonPoles:
         found = self._solved[0]
         return found[: len(found) - len(self._rest)].reshape(len(self.poles), 2, self._width, found.shape[1])
 
+    @property
+    def of_rest(self) -> Array:
+        """Of the columns beside the poles, (r, p)."""
+        found = self._solved[0]
+        return found[len(found) - len(self._rest) :]
+
     @cached_property
     def cost(self) -> float:
         """Sum of squared residuals."""
@@ -126,9 +137,10 @@ class CommonPoles:
 
     @cached_property
     def errors(self) -> Array:
-        """Mean squared error of each part of each number of ``data.Y``, (n, p): that of all or, where larger, that around it.
+        """Mean squared error of each part of each number of ``data.Y``, (n, p): the largest of three.
 
-        Of the lines around the median is taken, which a mode that was missed hardly changes.
+        These are the mean, the median of the lines around, which a mode that is not in the fit does not change, and the
+        error of the model: a fraction of the response, as large as under most of the resonances.
         """
         power = np.square(np.abs(complex_of(self.residuals))) * (0.5 * len(self.residuals) / self.freedom)
         floor = power.mean(axis=0) + np.finfo(float).tiny
@@ -140,7 +152,24 @@ class CommonPoles:
             place = np.interp(np.arange(len(rows)), begin + 0.5 * size, np.arange(len(begin)))[:, None]
             left = np.minimum(place.astype(int), len(begin) - 2)
             levels[rows] = middle[left[:, 0]] + (place - left) * (middle[left[:, 0] + 1] - middle[left[:, 0]])
-        return np.maximum(levels, floor)
+        return np.maximum(np.maximum(levels, floor), 0.5 * self._model_error * np.square(np.abs(self._response)))
+
+    @property
+    def _response(self) -> Array:
+        """Response of the fit, (n, p)."""
+        return self.data.Y - complex_of(self.residuals)
+
+    @property
+    def _model_error(self) -> float:
+        """Squared error over the squared response under a resonance: the median over resonances, of three and more."""
+        poles = self.poles[self.poles.imag > 0.0]
+        if len(poles) < _RESONANCES:
+            return 0.0
+        near = np.abs(self.data.s.imag[:, None] - poles.imag) < np.maximum(-poles.real, _PEAK * self.data.resolution)
+        error, response = (
+            near.T @ np.square(np.abs(values)).sum(axis=1) for values in (complex_of(self.residuals), self._response)
+        )
+        return float(np.median(error / np.maximum(response, np.finfo(float).tiny)))
 
     @property
     def shares(self) -> Array:
@@ -194,7 +223,7 @@ class CommonPoles:
 
     def scaled(self, scale: Array) -> "CommonPoles":
         """Return the same with outputs divided by a scale (p,)."""
-        there = CommonPoles(self.data.scaled(scale), self.poles, self.fixed)
+        there = replace(self, data=self.data.scaled(scale))
         vars(there).update(
             {name: getattr(self, name) for name in ("_rest", "_responses", "_rows", "_products", "_root")}
         )
@@ -204,11 +233,11 @@ class CommonPoles:
         """Return the same at other poles: steps of logarithms of rates and of frequencies in rates, (k, 2)."""
         rate = -self.poles.real
         frequency = np.abs(self.poles.imag + rate * step[:, 1])
-        if self.data.held:  # a mode above half the sampling rate answers as its mirror image below does
+        if self.data.held:  # a mode above half the sampling rate has the response of its mirror image below
             half = np.pi / self.data.step
             frequency = np.abs((frequency + half) % (2.0 * half) - half)
         decay = np.maximum(rate * np.exp(step[:, 0]), _LEAST_DECAY * frequency)
-        there = CommonPoles(self.data, -decay + 1j * frequency, self.fixed)
+        there = replace(self, poles=-decay + 1j * frequency)
         vars(there).update(_rest=self._rest)
         return there
 

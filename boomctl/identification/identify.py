@@ -1,9 +1,8 @@
 """A modal model in continuous time from a record or from a measured frequency response."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import import_module
-from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,12 +11,13 @@ from scipy import special, stats
 from boomctl.arrays import Array
 from boomctl.checks import known, warn_user, whole, within
 from boomctl.identification.blocks import confident
-from boomctl.identification.common_poles import CommonPoles, curvature, pull
+from boomctl.identification.common_poles import CommonPoles, fitted
 from boomctl.identification.families import hull as joint
 from boomctl.identification.families import names_of_mode, of_modes
+from boomctl.identification.jackknife import BLOCKS, deviations
 from boomctl.identification.realised import RankOne
 from boomctl.identification.record import EXCITED, QUANTITIES, Record, band, quantities
-from boomctl.identification.search import searched, weakest, without
+from boomctl.identification.search import refine, search_poles, unresolved, weakest, without
 from boomctl.identification.spectra import Spectra, complex_of, rms
 from boomctl.lti.system import is_frequency_response
 from boomctl.printing import LINES, WIDTH, between, compact, count, table_html
@@ -37,10 +37,10 @@ _EXPLAINED = 50.0  # per cent of the outputs: less left, and the inputs explain 
 _FOLDED, _LARGE = 0.95, 0.2  # of half the sampling rate, and of the energy: what folds over looks like that (a choice)
 _ORDERS = 11  # from half to the highest order, at which poles are tried (a choice)
 _HIGHEST = 60  # order where none is said: some three times as many as modes are sought (a choice)
-_BLOCKS = 24  # that a record is cut into for intervals: their deviation is known to a seventh (a choice)
-_ALONE = 0.9  # share of a coefficient up to which a block alone may say it; the rest of the record says more (a choice)
+_PARTS = 4  # Parts of a record whose refits give prediction intervals.
+_WHOLE_RECORDS = 3  # Records from which whole ones are held back, and are such parts.
+_POOR = 50.0  # Fit [%] below which a warning is given.
 _WIDEST = 20.0  # logarithm of a factor of damping: it is not determined then
-_VAGUE = 0.5  # of a frequency, that its interval is wide to either side: a drift of the record, and no mode (a choice)
 _LOSS = 1.0  # points of the fit that a structure may cost (a choice)
 _FEEDBACK = 6.0  # deviations of a correlation of errors with inputs that come later: one in a thousand million
 _LATER = 3  # lags that are not asked, as the band alone correlates neighbours (a choice)
@@ -57,13 +57,17 @@ class IdentifiedMode:
     damping : float
         Damping ratio.
     frequency_interval_hz, damping_interval : (float, float)
-        Intervals of ``confidence``, from blocks of the record.
+        Intervals of ``confidence`` of the mean over the record, from blocks of it.
     shape : (p,) ndarray
         How the outputs move in the mode, as displacements; complex, the largest is one.
     share : float
         Of the energy of what inputs move, outputs in units of their size, in that of all modes.
     orders : float
         Share of the orders tried at which the mode stood before any fit; 0: found in residuals.
+    frequency_prediction_interval_hz, damping_ratio_prediction_interval : (float, float)
+        Intervals of ``confidence`` for another record of the kind, from refits on parts of this one: structures drift.
+    maybe_two : bool
+        Whether the residuals leave room for a second mode within three half widths.
     """
 
     frequency_hz: float
@@ -73,6 +77,30 @@ class IdentifiedMode:
     shape: Array
     share: float
     orders: float
+    frequency_prediction_interval_hz: tuple[float, float]
+    damping_ratio_prediction_interval: tuple[float, float]
+    maybe_two: bool
+
+    __repr__ = compact
+
+
+@dataclass(frozen=True)
+class RealPole:
+    """A real pole of a record: no mode, but friction, a motor, or a filter.
+
+    Attributes
+    ----------
+    rate : float
+        Decay rate [rad/s].
+    rate_interval : (float, float)
+        Interval of ``confidence`` of the mean over the record.
+    rate_prediction_interval : (float, float)
+        Interval of ``confidence`` of what another record of the kind gives.
+    """
+
+    rate: float
+    rate_interval: tuple[float, float]
+    rate_prediction_interval: tuple[float, float]
 
     __repr__ = compact
 
@@ -85,6 +113,10 @@ class Identification:
     ----------
     modes : tuple of IdentifiedMode
         Those within the band, by frequency.
+    real_poles : tuple of RealPole
+        Friction, motors and filters.
+    integrators : int
+        1 for a motor whose angle is measured, 2 for a body that a force moves, 0 for a structure on supports.
     system : StateSpace
         In continuous time, inputs and outputs named; modes outside the band are its feedthrough and states "outside".
     model : SecondOrderModel or None
@@ -107,6 +139,8 @@ class Identification:
     """
 
     modes: tuple[IdentifiedMode, ...]
+    real_poles: tuple[RealPole, ...]
+    integrators: int
     system: "control.StateSpace"
     model: SecondOrderModel | None
     fit_percent: dict[str, float]
@@ -164,7 +198,7 @@ class Identification:
         for k, mode in enumerate(self.modes):
             values = (mode.frequency_hz, *mode.frequency_interval_hz), (mode.damping, *mode.damping_interval)
             found.update(zip(names_of_mode(k), values, strict=True))
-        return found, dict.fromkeys(found, _BLOCKS - 1.0)
+        return found, dict.fromkeys(found, BLOCKS - 1.0)
 
     def __repr__(self) -> str:
         lines = [f"Identification: {self._head()}"]
@@ -230,6 +264,7 @@ def identify(
     sample_time: float | None = None,
     *,
     modes: int | None = None,
+    rigid_body: int | None = None,
     band_hz: tuple[float, float] | None = None,
     quantity: str | Mapping[str, str] | None = None,
     hold: str = "band-limited",
@@ -248,6 +283,9 @@ def identify(
         Time between samples [s].
     modes : int, optional
         How many modes the band has.  By default all that have evidence.
+    rigid_body : {0, 1, 2}, optional
+        Integrators of the plant: 1 for a motor whose angle is measured, 2 for a body that a force moves freely, 0 for none.
+        By default found.
     band_hz : (float, float), optional
         Frequencies of the modes wanted [Hz].  By default where all inputs have power.
     quantity : "displacement", "velocity", "acceleration", or mapping of outputs to these, optional
@@ -282,12 +320,19 @@ def identify(
 
     Notes
     -----
-    Poles begin with a common denominator by linear least squares (Peeters, Van der Auweraer, Guillaume & Leuridan 2004)
-    and are then those of least squares in the frequency domain, residues and free motions solved for (variable
-    projection, Golub & Pereyra 1973).  What residuals show is tried, and a mode stays if noise alone would show its
-    like in one of a thousand records, and if the record tells its frequency: what drifts is no mode.  Intervals come
-    from blocks of the record: how much each of them pulls at the poles (a jackknife of blocks), so that they hold for
-    coloured errors too.
+    The search starts from a common denominator, computed by linear least squares (Peeters, Van der Auweraer, Guillaume &
+    Leuridan 2004), and minimizes the squared errors in the frequency domain over the poles, with residues and free motions
+    solved for (variable projection, Golub & Pereyra 1973).  A mode remains if the record determines its damping ratio to a
+    factor of 2 and its frequency to a half width of its resonance, both at 95 %.  Candidates in the residuals pass the same
+    test in a window of their own; beside a mode that is there they must also lower the error on blocks that are left out.
+    Integrators, a real pole, and pairs of poles outside the band are added only where that error falls.
+
+    The fit is that of a free run: the exported system, driven by the inputs alone from one initial state, over the part of
+    the record that is held back.  Then the model is fitted to the whole record.
+
+    Intervals of the mean come from blocks of the record that are left out (jackknife), so that they also hold for colored
+    errors.  Prediction intervals come from refits on parts of the record, or on each of several records: they include how
+    the structure changes with time and level.
 
     Examples
     --------
@@ -303,17 +348,19 @@ def identify(
     level = confident("confidence", confidence)
     back = within("held_back", held_back, 0.0, 0.8)
     wanted = None if modes is None else whole("modes", modes)
+    rigid = None if rigid_body is None else whole("rigid_body", rigid_body, least=0, most=2)
     highest = _HIGHEST if order is None else whole("order", order, least=4, most=400)
     if is_frequency_response(inputs):
         if outputs is not None or sample_time is not None:
             raise TypeError("outputs, sample_time: expected None beside a measured frequency response")
         low, high = band(band_hz, float(inputs.omega[-1]) / (2.0 * np.pi))
         deviation, told = _deviation(inputs, errors)
-        data = tested = Spectra.of_response(inputs, low, high, deviation)
+        data = tested = whole_record = Spectra.of_response(inputs, low, high, deviation)
+        parts: list[Spectra] = []
         names = tuple(inputs.input_labels), tuple(inputs.output_labels)
         said = getattr(inputs, "quantity", ("displacement",) * len(names[1]))
         kinds = said if quantity is None else quantities(quantity, names[1])
-        source = f"intervals from {_BLOCKS} groups of frequencies, validated on all of them{told}"
+        source = f"intervals from {BLOCKS} groups of frequencies, validated on all of them{told}"
     elif errors is not None:
         raise TypeError(
             f"errors = {errors!r}: expected None for a record, whose residuals say how large its errors are"
@@ -321,51 +368,72 @@ def identify(
     else:
         record = Record.of(inputs, outputs, sample_time, "displacement" if quantity is None else quantity, hold)
         low, high = _band(record, band_hz)
-        data = Spectra.of_record(record, low, high, slice(0.0, 1.0 - back))
-        tested = Spectra.of_record(record, low, high, slice(1.0 - back, 1.0)) if back else data
-        tested = tested.scaled(data.scale / tested.scale)
+        whole_record = Spectra.of_record(record, low, high, slice(0.0, 1.0))
+        data, tested, last = _held_back(record, low, high, back) if back else (whole_record, whole_record, "")
+        parts = _parts(record, low, high)
         names, kinds = (record.inputs, record.outputs), record.quantity
-        part = f"the last {100.0 * back:g} % of the record" if back else "what it was fitted to"
-        source = f"intervals from {_BLOCKS} blocks of the record, validated on {part}"
-    highest = min(highest, len(data.lines[0]) // (2 * data.U.shape[1] + 2))
-    orders = tuple(sorted({round(each) for each in np.linspace(max(highest // 2, 2), highest, _ORDERS)}))
-    ends = 2.0 * np.pi * max(low, 0.0), 2.0 * np.pi * high
-    fit, found = searched(data, *ends, orders)
-    fit, inside, steps = _determined(fit, ends, wanted, level)
-    if not inside.any() or (wanted or 0) > inside.sum():
-        noise = 100.0 * np.mean(fit.deviation * np.sqrt(2.0) / rms(fit.data.Y))
-        turned = "; are inputs and outputs interchanged?" if noise < _EXPLAINED and not inside.any() else ""
-        raise ValueError(
-            f"outputs: expected {count(wanted or 1, 'mode')} from {low:.4g} to {high:.4g} Hz, got evidence of"
-            f" {inside.sum()}: {min(noise, 100.0):.3g} % of the outputs is not explained by the inputs{turned}"
+        source = f"intervals from {BLOCKS} blocks of the record, " + (
+            f"validated by a free run over {last}, then fitted to all of it"
+            if back
+            else "validated on what it was fitted to"
         )
+    highest = min(highest, len(data.lines[0]) // (2 * data.U.shape[1] + 2))
+    orders = tuple(sorted({round(order) for order in np.linspace(max(highest // 2, 2), highest, _ORDERS)}))
+    ends = 2.0 * np.pi * max(low, 0.0), 2.0 * np.pi * high
+    fit, found = search_poles(data, *ends, orders, rigid)
+    simple = RankOne.of(fit)
+    left = complex_of(simple.left(tested.scaled(fit.data.scale)))
+    percent = 100.0 * (1.0 - rms(tested.windowed(left * fit.data.scale)) / rms(tested.windowed(tested.Y)))
+    if whole_record is not data:
+        fit = refine(replace(fit, data=whole_record.scaled(fit.data.scale)), *ends, rigid)
+    inside = _inside(fit, ends)
+    if wanted is not None and inside.sum() > wanted:
+        fit = without(fit, weakest(fit, inside, int(inside.sum()) - wanted))
+        inside = _inside(fit, ends)
+    if not inside.any() or (wanted or 0) > inside.sum():
+        raise ValueError(_no_mode(fit, wanted or 1, int(inside.sum()), low, high))
     folded = fit.poles[inside & (fit.shares > _LARGE) & (fit.poles.imag * data.step > np.pi * _FOLDED)]
     if len(folded):
         raise ValueError(
             f"sample_time = {sample_time!r}: expected resonances well below half the sampling rate, got one at"
             f" {folded[0].imag / (2.0 * np.pi):.4g} Hz of {0.5 / data.step:.4g}; sample faster, or filter before sampling"
         )
-    order_of = np.argsort(np.where(inside, fit.poles.imag, np.inf), kind="stable")
-    fit, steps = CommonPoles(fit.data, fit.poles[order_of], fit.fixed), steps[order_of]
+    _check_fit(percent, names[1])
+    fit = replace(fit, poles=fit.poles[np.argsort(np.where(inside, fit.poles.imag, np.inf), kind="stable")])
     number = int(inside.sum())
+    quantile = float(stats.t.ppf(0.5 + 0.5 * level, BLOCKS - 1))
+    steps = quantile * deviations(fit)
+    wider = prediction_steps(fit, parts, level, steps)
     simple = RankOne.of(fit)
-    tested = tested.scaled(fit.data.scale / tested.scale)
-    left = complex_of(simple.left(tested))
-    percent = 100.0 * (1.0 - rms(left) / rms(tested.Y))
     if data.lengths:
         _said_of_feedback(fit)
     model = None
-    if set(kinds) == {"displacement"}:
+    if set(kinds) == {"displacement"} and number == len(fit.poles) and not fit.integrators:
         model, loose = simple.structure(fit.data, *names)
         loss = rms(complex_of(loose)) / rms(fit.data.Y) - rms(complex_of(fit.residuals)) / rms(fit.data.Y)
         model = None if 100.0 * loss.max() > _LOSS else model
+    shares, doubtful = fit.shares / fit.shares.sum(), unresolved(fit)
     rows = tuple(
-        _mode(pole, step, c, kinds, part, _steadiness(pole, found, len(orders)))
-        for pole, step, c, part in zip(fit.poles[:number], steps, simple.c, fit.shares / fit.shares.sum(), strict=False)
+        _mode(
+            fit.poles[k],
+            steps[k],
+            wider[k],
+            simple.c[k],
+            kinds,
+            shares[k],
+            _steadiness(fit.poles[k], found, len(orders)),
+            doubtful[k],
+        )
+        for k in range(number)
     )
-    spectrum = [np.sqrt(np.square(np.abs(x) / rms(tested.Y)).mean(axis=1)) for x in (tested.Y, left)]
+    real_poles = tuple(
+        _real_pole(-float(fit.poles[k].real), steps[k, 0], wider[k, 0]) for k in range(number, len(fit.poles))
+    )
+    spectrum = [np.sqrt(np.square(np.abs(x) / rms(tested.Y)).mean(axis=1)) for x in (tested.Y, left * fit.data.scale)]
     return Identification(
         rows,
+        real_poles,
+        fit.integrators,
         simple.system(*names).without_dots().statespace("identified"),
         model,
         dict(zip(names[1], percent.tolist(), strict=True)),
@@ -374,11 +442,85 @@ def identify(
         level,
         source,
         {
-            each: np.array([p for t in found for p, o in zip(t.poles, t.orders, strict=True) if o == each])
-            for each in orders
+            order: np.array([p for t in found for p, o in zip(t.poles, t.orders, strict=True) if o == order])
+            for order in orders
         },
         np.array([tested.s.imag / (2.0 * np.pi), *spectrum])[:, tested.record == 0],
     )
+
+
+def _held_back(record: Record, low: float, high: float, back: float) -> tuple[Spectra, Spectra, str]:
+    """Return the part that is fitted, the part that is held back, and which it is: whole records, of three and more."""
+    count = len(record.u)
+    if count >= _WHOLE_RECORDS:
+        last = min(max(round(back * count), 1), count - 1)
+        parts = (record.of_numbers(range(count - last)), record.of_numbers(range(count - last, count)))
+        held = "its last experiment" if last == 1 else f"its last {last} experiments"
+        return (*(Spectra.of_record(part, low, high, slice(0.0, 1.0)) for part in parts), held)  # type: ignore[return-value]
+    spans = slice(0.0, 1.0 - back), slice(1.0 - back, 1.0)
+    return (*(Spectra.of_record(record, low, high, span) for span in spans), f"its last {100.0 * back:g} %")  # type: ignore[return-value]
+
+
+def _parts(record: Record, low: float, high: float) -> list[Spectra]:
+    """Return parts of the records for prediction intervals, none if they are too short."""
+    count = len(record.u)
+    if count >= _WHOLE_RECORDS:
+        return [Spectra.of_record(record.of_numbers([k]), low, high, slice(0.0, 1.0)) for k in range(count)]
+    each = _PARTS // count
+    spans = [slice(k / each, (k + 1.0) / each) for k in range(each)]
+    try:
+        return [Spectra.of_record(record.of_numbers([k]), low, high, span) for k in range(count) for span in spans]
+    except ValueError:
+        return []
+
+
+def _inside(fit: CommonPoles, ends: tuple[float, float]) -> Array:
+    """Return which poles are modes of the band."""
+    return (fit.poles.imag > 0.0) & (fit.poles.imag >= ends[0]) & (fit.poles.imag <= ends[1])
+
+
+def _no_mode(fit: CommonPoles, wanted: int, found: int, low: float, high: float) -> str:
+    noise = 100.0 * np.mean(fit.deviation * np.sqrt(2.0) / rms(fit.data.Y))
+    turned = "; are inputs and outputs interchanged?" if noise < _EXPLAINED and not found else ""
+    remedy = "" if turned else "; a longer record, more excitation or another band would help"
+    return (
+        f"outputs: expected {count(wanted, 'mode')} from {low:.4g} to {high:.4g} Hz, got evidence of {found}:"
+        f" {min(noise, 100.0):.3g} % of the outputs is not explained by the inputs{turned}{remedy}"
+    )
+
+
+def _check_fit(percent: Array, outputs: Sequence[str]) -> None:
+    """Raise if the model predicts worse than zero, warn if it predicts less than half."""
+    worst = int(np.argmin(percent))
+    if percent.mean() < 0.0:
+        raise ValueError(
+            f"outputs: expected outputs that the inputs predict, got a fit of {percent.mean():.3g} % on the part that is held"
+            " back; use a longer record, another `band_hz`, or check that the inputs cause the outputs"
+        )
+    if percent.min() < _POOR:
+        warn_user(
+            f"The model predicts {outputs[worst]!r} of the held-back part by {percent[worst]:.3g} % only (mean"
+            f" {percent.mean():.3g} %). Use a longer record, or another `band_hz`.",
+            UserWarning,
+        )
+
+
+def prediction_steps(fit: CommonPoles, parts: Sequence[Spectra], level: float, mean: Array) -> Array:
+    """Compute half widths of prediction intervals from refits on parts of the record, (k, 2) as `deviations`.
+
+    Without parts a second record is as uncertain as the first one.
+    """
+    least = np.sqrt(2.0) * mean
+    if len(parts) < 2:
+        return least
+    rate = -fit.poles.real
+    refits = []
+    for part in parts:
+        poles = fitted(replace(fit, data=part.scaled(fit.data.scale / part.scale))).poles
+        refits.append(np.stack([np.log(-poles.real), poles.imag / rate], axis=1))
+    count = len(refits)
+    quantile = float(stats.t.ppf(0.5 + 0.5 * level, count - 1)) * np.sqrt(1.0 + 1.0 / count)
+    return np.maximum(quantile * np.std(refits, axis=0, ddof=1), least)
 
 
 def _deviation(response: Any, errors: str | None) -> tuple[Array | None, str]:
@@ -391,30 +533,35 @@ def _deviation(response: Any, errors: str | None) -> tuple[Array | None, str]:
     return (np.abs(response.frdata) if kind == "relative" else None), f"; errors taken for {kind}"
 
 
-def _determined(
-    fit: CommonPoles, ends: tuple[float, float], wanted: int | None, level: float
-) -> tuple[CommonPoles, Array, Array]:
-    """Return the fit without poles that a record does not tell from a drift, those within the band, and their intervals."""
-    t = stats.t.ppf(0.5 + 0.5 * level, _BLOCKS - 1)
-    while True:
-        inside = (fit.poles.imag >= ends[0]) & (fit.poles.imag <= ends[1])
-        steps = t * _deviations(fit) if len(fit.poles) else np.zeros((0, 2))
-        vague = inside & (-fit.poles.real * steps[:, 1] > _VAGUE * fit.poles.imag)
-        if vague.any():
-            fit = without(fit, vague)
-        elif wanted is not None and inside.sum() > wanted:
-            fit = without(fit, weakest(fit, inside, int(inside.sum()) - wanted))
-        else:
-            return fit, inside, steps
-
-
-def _mode(pole: complex, step: Array, c: Array, kinds: tuple[str, ...], share: float, orders: float) -> IdentifiedMode:
+def _mode(
+    pole: complex,
+    step: Array,
+    wider: Array,
+    c: Array,
+    kinds: tuple[str, ...],
+    share: float,
+    orders: float,
+    doubtful: bool,
+) -> IdentifiedMode:
     shape = c / np.array([pole ** QUANTITIES[kind] for kind in kinds])
     shape = shape / shape[np.argmax(np.abs(shape))]
-    rate, hz, damping = -pole.real, float(pole.imag / (2.0 * np.pi)), float(-pole.real / abs(pole))
-    width, factor = float(rate * step[1] / (2.0 * np.pi)), float(np.exp(min(step[0], _WIDEST)))
-    interval = damping / factor, min(damping * factor, 1.0)
-    return IdentifiedMode(hz, damping, (hz - width, hz + width), interval, shape, float(share), orders)
+    hz, damping = float(pole.imag / (2.0 * np.pi)), float(-pole.real / abs(pole))
+    widths = [float(-pole.real * half / (2.0 * np.pi)) for half in (step[1], wider[1])]
+    frequencies = [(hz - width, hz + width) for width in widths]
+    dampings = [(low, min(high, 1.0)) for low, high in (_factors(damping, half) for half in (step[0], wider[0]))]
+    intervals = frequencies[0], dampings[0]
+    return IdentifiedMode(
+        hz, damping, *intervals, shape, float(share), orders, frequencies[1], dampings[1], bool(doubtful)
+    )
+
+
+def _real_pole(rate: float, step: float, wider: float) -> RealPole:
+    return RealPole(rate, _factors(rate, step), _factors(rate, wider))
+
+
+def _factors(value: float, step: float) -> tuple[float, float]:
+    factor = float(np.exp(min(step, _WIDEST)))
+    return value / factor, value * factor
 
 
 def _band(record: Record, band_hz: Any) -> tuple[float, float]:
@@ -450,37 +597,6 @@ def _band(record: Record, band_hz: Any) -> tuple[float, float]:
             " told apart"
         )
     return low, high
-
-
-def _deviations(fit: CommonPoles) -> Array:
-    """Return deviations of the logarithm of each pole's decay rate and of its frequency in rates, (k, 2), from blocks.
-
-    The slope of the sum of squares is a sum over time.  What a block has of it says how much the poles would move if it
-    were left out, residues and all: a jackknife, by one Gauss-Newton step each.
-    """
-    columns, factors, p = fit.slopes, fit.factors, fit.residuals.shape[1]
-    k, w = columns.shape[1:]
-    everything = np.concatenate([columns.reshape(len(columns), -1), fit.basis, fit.residuals], axis=1)
-    if fit.data.lengths:
-        parts = [
-            each * np.sqrt(0.5 * len(each)) for each in fit.data.in_time(everything)
-        ]  # products are those of spectra
-    else:
-        parts = [everything[np.argsort(np.repeat(np.abs(fit.data.s), 2), kind="stable")]]
-    longest = sum(map(len, parts)) / _BLOCKS
-    of_all, _ = fit.normal_equations
-    moved = []
-    for part in parts:
-        ends = np.linspace(0, len(part), max(round(len(part) / longest), 1) + 1).astype(int)
-        for begin, end in pairwise(ends):
-            slopes, basis, left = np.split(part[begin:end], [k * w, -p], axis=1)
-            known, directions = np.linalg.eigh(basis.T @ basis)  # how far the block alone says what residues are
-            turned = basis @ directions
-            left = left + turned / (1.0 - np.minimum(known, _ALONE)) @ (turned.T @ left)
-            own = curvature(factors, slopes.T @ slopes)
-            moved.append(np.linalg.solve(of_all - _ALONE * own, pull(factors, slopes.T @ left)))
-    apart = np.array(moved) - np.mean(moved, axis=0)
-    return np.sqrt(np.square(apart).sum(axis=0) * (len(moved) - 1) / len(moved)).reshape(-1, 2)
 
 
 def _steadiness(pole: complex, found: Any, orders: int) -> float:

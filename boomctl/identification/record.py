@@ -1,7 +1,7 @@
 """Records of inputs and outputs over time, as they were sampled: what is read from the user, and what is refused."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -75,6 +75,11 @@ class Record:
                     _not_clipped(name, np.concatenate([record[:, i] for record in data]))
         u, y = (tuple(record - record.mean(axis=0) for record in data) for data in (u, y))
         return cls(ins, outs, u, y, step, quantities(quantity, outs), str(hold))
+
+    def of_numbers(self, numbers: Iterable[int]) -> "Record":
+        """Return some of the records."""
+        which = list(numbers)
+        return replace(self, u=tuple(self.u[k] for k in which), y=tuple(self.y[k] for k in which))
 
     def cut(self, period: Any) -> tuple[int, int]:
         """Return the samples of a period [s], and how many whole periods the shortest record has."""

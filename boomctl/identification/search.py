@@ -1,50 +1,157 @@
-"""Which modes a record has: begun by a common denominator, completed from residuals, and none without evidence."""
+"""Modes in a record: a common denominator gives poles to start from, residuals give candidates, blocks decide."""
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
+from scipy import stats
 
 from boomctl.arrays import Array
 from boomctl.identification.common_poles import CommonPoles, fitted, fixed_poles
+from boomctl.identification.jackknife import BLOCKS, deviations, left_out_errors
 from boomctl.identification.spectra import Spectra, complex_of
 from boomctl.identification.start import Track, poles_by_order, tracks
 from boomctl.lti.rounding import ALIKE
 
-_ROUNDS = 30  # of looking for what was missed; two to six do
-_ROUGH = 0.05  # of the evidence that a mode needs: steps that gain less do not change which modes have it (a choice)
-_STEADY = 0.5  # of the orders at which a pole stands that the fit begins with (a choice)
-_LEAST_SHARE = (
-    3e-5  # of the response, half a percent of its size: less is taken for what the model does not explain (a choice)
-)
-_ABOVE = 1.25 * (-0.05 + 1.0j)  # times the highest frequency: where a mode above the band is begun (a choice)
-_REACH = 6.0  # decay rates to either side of a resonance within which it is looked at (a choice)
-_FEWEST = 12  # lines to either side at least: residues, background and errors are then told apart (a choice)
-_MOST = 64  # lines to either side at most: of wider windows every second line and so on is left out (a choice)
-_RATES = 4  # of decay, each four times the one before, from half the resolution on: the best one misses a ninth at most
-_BESIDE = 0.1  # of the largest evidence: less may be what is left of it, and is looked at once more (a choice)
-_STRAY = 8.0  # times the rate of decay tried: what is broader by its residuals is no mode (a choice)
-_CHANCE = 1e-3  # chance that a record of noise alone has one mode in it (a choice)
+_ROUNDS = 2  # Rounds of candidates.
+_CANDIDATES = 12  # Candidates of a round.
+_FACTOR = 2.0  # Largest factor of the 95 % interval of a damping ratio.
+_HALF_WIDTHS = 1.0  # Largest 95 % interval of a frequency [half-power half widths].
+_QUANTILE = float(stats.t.ppf(0.975, BLOCKS - 1))
+_NEIGHBOR = 3.0  # Half widths within which a candidate must pass a test of the joint fit.
+_LEFT_OUT = 0.7  # Least fall of the left-out error over the fall of the fit's error for such a candidate.
+_SIGNIFICANT = 2.0  # Standard errors by which the left-out error must fall for a term that is no mode of the band.
+_WORTH = 0.05  # Least fall of the left-out error for such a term, relative.
+_REAL = 9  # Real poles that are tried, from the resolution to the highest frequency.
+_SLOWEST = 0.3  # Rate of a real pole over the resolution, below which it is an integrator.
+_ROUGH = 0.05  # Fall of the cost, over the evidence of a mode, below which steps do not change which modes have it.
+_STEADY = 0.5  # Fraction of the orders at which a pole is stable if the fit starts from it.
+_REACH = 6.0  # Half widths to either side of a resonance in its window.
+_FEWEST = 12  # Lines to either side at least.
+_MOST = 64  # Lines to either side at most; of wider windows some lines are left out.
+_RATES = 4  # Decay rates that are tried, each four times the one before, from half the resolution.
+_BESIDE = 0.1  # Least evidence of a candidate over the largest one.
+_CHANCE = 1e-3  # Probability that a record of noise has one mode in it.
 
 
-def searched(data: Spectra, low: float, high: float, orders: tuple[int, ...]) -> tuple[CommonPoles, tuple[Track, ...]]:
-    """Return the fit of all poles that have evidence, within the band and beside it, and how they stand over the orders."""
+def search_poles(
+    data: Spectra, low: float, high: float, orders: tuple[int, ...], integrators: int | None = None
+) -> tuple[CommonPoles, tuple[Track, ...]]:
+    """Search the poles of a record within a band, and beside it where the left-out error falls.
+
+    Parameters
+    ----------
+    data : Spectra
+    low, high : float
+        Band [rad/s].
+    orders : tuple of int
+        Orders of the common denominators to start from.
+    integrators : int, optional
+        How many integrators the plant has. By default found.
+    """
     found = tracks(poles_by_order(data, orders), data.resolution)
-    begun = [track.pole for track in found if len(track.orders) >= _STEADY * len(orders)]
-    most = max((len(data.s) - data.U.shape[1]) // (2 * (data.U.shape[1] + data.records)), 1)
-    if not data.held or _ABOVE.imag * high * data.step < np.pi:  # held inputs tell of none above half their rate
-        begun.append(_ABOVE * high)
-    fit = CommonPoles(data, np.array(begun[:most], complex), fixed_poles(low, high))
-    fit = _with_evidence(_weighted(_roughly(fit)))
+    poles = [track.pole for track in found if len(track.orders) >= _STEADY * len(orders)]
+    start = CommonPoles(data, np.array(poles[: most_poles(data)], complex), np.zeros(0, complex), integrators or 0)
+    fit = with_background(_weighted(start), low, high, integrators)
+    return refine(fit, low, high, integrators), found
+
+
+def refine(fit: CommonPoles, low: float, high: float, integrators: int | None = None) -> CommonPoles:
+    """Fit the poles, remove those that are not determined, and add candidates from the residuals."""
+    fit = pruned(_with_evidence(_roughly(fit)), low, high)
     for _ in range(_ROUNDS):
-        more = missed(fit)[: most - len(fit.poles)]
+        apart, beside = candidates(fit)
+        more = np.concatenate([apart, [pole for pole in beside if _splits(fit, pole)]])
+        more = more[: max(most_poles(fit.data) - len(fit.poles), 0)]
         if not len(more):
             break
-        before, fit = len(fit.poles), _with_evidence(_weighted(_roughly(_with(fit, np.append(fit.poles, more)))))
-        if len(fit.poles) <= before:
+        joined = pruned(_with_evidence(_roughly(_with(fit, np.append(fit.poles, more)))), low, high)
+        if len(joined.poles) <= len(fit.poles):
             break
-    return _with_evidence(fitted(_weighted(_roughly(_needed_outside(fit)))), fitted), found
+        fit = joined
+    fit = with_background(_weighted(fit), low, high, integrators)
+    return pruned(fitted(_weighted(_roughly(fit))), low, high)
+
+
+def most_poles(data: Spectra) -> int:
+    """Return the largest number of poles that the lines of a record can determine."""
+    return max((len(data.s) - data.U.shape[1]) // (2 * (data.U.shape[1] + data.records)), 1)
+
+
+def with_background(fit: CommonPoles, low: float, high: float, integrators: int | None) -> CommonPoles:
+    """Add what is no mode of the band while the left-out error falls: a rigid body, a real pole, pairs outside the band."""
+    fit = _with_rigid_body(fit, integrators)
+    fixed = [pole for pole in fixed_poles(low, high) if pole not in fit.fixed]
+    if fit.data.held and 2.0 * high * fit.data.step > np.pi:
+        fixed = [pole for pole in fixed if abs(pole) < high]
+    errors = left_out_errors(fit)
+    while fixed:
+        trials = [replace(fit, fixed=np.append(fit.fixed, pole)) for pole in fixed]
+        best = min(trials, key=lambda trial: trial.cost)
+        after = left_out_errors(best)
+        if not _falls(errors, after):
+            break
+        fit, errors = best, after
+        fixed = [pole for pole in fixed if pole not in fit.fixed]
+    return fit
+
+
+def _with_rigid_body(fit: CommonPoles, integrators: int | None) -> CommonPoles:
+    """Add integrators and a real pole, the fewest that lower the left-out error as far."""
+    has_pole = bool((fit.poles.imag == 0.0).any())
+    counts = range(fit.integrators, 3) if integrators is None else [integrators]
+    options = [(count, pole) for count in counts for pole in (has_pole, True) if not (pole and count == 2)]
+    options = sorted({*options} - {(fit.integrators, has_pole)})
+    errors, best = left_out_errors(fit), fit
+    for count, pole in options:
+        trial = replace(fit, integrators=count)
+        if pole and not has_pole:
+            rates = np.geomspace(fit.data.resolution, fit.data.top, _REAL)
+            trial = min((_with(trial, np.append(fit.poles, -rate)) for rate in rates), key=lambda one: one.cost)
+        if not _falls(left_out_errors(fit), left_out_errors(trial)):
+            continue
+        trial = _roughly(trial)
+        rates = -trial.poles.real[trial.poles.imag == 0.0]
+        if (rates < _SLOWEST * fit.data.resolution).any():
+            trial = _roughly(_without_real_pole(trial))
+        after = left_out_errors(trial)
+        if _falls(errors, after):
+            best, errors = trial, after
+    return best
+
+
+def _without_real_pole(fit: CommonPoles) -> CommonPoles:
+    """Return the fit without its real pole: a slow one is an integrator, if that lowers the left-out error."""
+    bare = replace(fit, poles=fit.poles[fit.poles.imag != 0.0])
+    slow = -fit.poles.real[fit.poles.imag == 0.0].max() < np.sqrt(fit.data.resolution * fit.data.top)
+    if slow and fit.integrators < 2:
+        more = replace(bare, integrators=fit.integrators + 1)
+        return more if _falls(left_out_errors(bare), left_out_errors(more)) else bare
+    return bare
+
+
+def _falls(before: Array, after: Array) -> bool:
+    """Return whether the left-out error of blocks falls, and by more than chance."""
+    fall = before - after
+    error = fall.std(ddof=1) / np.sqrt(len(fall))
+    return bool(fall.mean() > max(_SIGNIFICANT * error, _WORTH * before.mean()))
+
+
+def pruned(fit: CommonPoles, low: float, high: float) -> CommonPoles:
+    """Remove poles within the band whose damping ratio or frequency the record does not determine."""
+    while len(fit.poles):
+        steps = _QUANTILE * deviations(fit)
+        inside = (fit.poles.imag >= low) & (fit.poles.imag <= high)
+        real = fit.poles.imag == 0.0
+        undetermined = real & ((steps[:, 0] > np.log(_FACTOR)) | (-fit.poles.real > fit.data.top))
+        if undetermined.any():
+            fit = _roughly(_without_real_pole(fit))
+            continue
+        vague = inside & ~real & ((steps[:, 0] > np.log(_FACTOR)) | (steps[:, 1] > _HALF_WIDTHS))
+        if not vague.any():
+            break
+        fit = _roughly(_with(fit, np.delete(fit.poles, np.flatnonzero(weakest(fit, vague, max(vague.sum() // 3, 1))))))
+    return fit
 
 
 def weakest(fit: CommonPoles, inside: Array, count: int) -> Array:
@@ -58,7 +165,7 @@ def without(fit: CommonPoles, which: Array) -> CommonPoles:
 
 
 def _with(fit: CommonPoles, poles: Array) -> CommonPoles:
-    return CommonPoles(fit.data, poles, fit.fixed)
+    return replace(fit, poles=poles)
 
 
 def _roughly(fit: CommonPoles) -> CommonPoles:
@@ -73,24 +180,15 @@ def _weighted(fit: CommonPoles) -> CommonPoles:
     return fit.scaled(scale)
 
 
-def _with_evidence(fit: CommonPoles, refit: Callable[[CommonPoles], CommonPoles] = _roughly) -> CommonPoles:
+def _with_evidence(fit: CommonPoles) -> CommonPoles:
     """Return the fit without the poles that lack evidence: the weaker half of them goes, then all are judged anew."""
     while len(fit.poles):
-        evidence = np.where(fit.shares < _LEAST_SHARE, 0.0, fit.evidence)
+        evidence = fit.evidence
         lacking = np.flatnonzero(evidence < needed(fit))
         if not len(lacking):
             break
         half = lacking[np.argsort(evidence[lacking])][: -(-len(lacking) // 2)]
-        fit = refit(_with(fit, np.delete(fit.poles, half)))
-    return fit
-
-
-def _needed_outside(fit: CommonPoles) -> CommonPoles:
-    """Return the fit without the pairs outside the band that it does as well without."""
-    for pole in fit.fixed:
-        bare = CommonPoles(fit.data, fit.poles, fit.fixed[fit.fixed != pole])
-        if (bare.cost / max(fit.cost, np.finfo(float).tiny) - 1.0) * fit.freedom * fit.data.Y.shape[1] < needed(fit):
-            fit = bare
+        fit = _roughly(_with(fit, np.delete(fit.poles, half)))
     return fit
 
 
@@ -101,25 +199,61 @@ def needed(fit: CommonPoles) -> float:
     return float(freedom + 2.0 * np.sqrt(freedom * rare) + 2.0 * rare)
 
 
-def missed(fit: CommonPoles) -> Array:
-    """Return poles that residuals show [rad/s], each the best one of its neighbourhood, and as it fits best there alone."""
-    data = replace(fit.data, Y=complex_of(fit.residuals) / np.sqrt(fit.errors))
-    least = needed(fit)
+def _in_residuals(fit: CommonPoles) -> tuple[Spectra, list[tuple[float, complex]]]:
+    """Return the residuals in units of their errors, and poles with evidence in them, by evidence."""
+    data, least = replace(fit.data, Y=complex_of(fit.residuals) / np.sqrt(fit.errors)), needed(fit)
     found: list[tuple[float, complex]] = []
     for k in range(_RATES):
         gains, poles = _tried(data, 0.5 * 4.0**k)
         found += [(gain, pole) for gain, pole in zip(gains, poles, strict=True) if gain > least]
-    kept: list[complex] = []
-    found.sort(key=lambda each: -each[0])
+    return data, sorted(found, key=lambda entry: -entry[0])
+
+
+def candidates(fit: CommonPoles) -> tuple[Array, Array]:
+    """Find poles in the residuals [rad/s] that blocks of their own window determine.
+
+    Returns
+    -------
+    apart, beside : ndarray
+        Those apart from the poles of the fit, and those within some half widths of one.
+    """
+    data, found = _in_residuals(fit)
+    least = needed(fit)
+    chosen: list[complex] = []
+    tried: list[complex] = []
     for gain, pole in found:
-        if gain > _BESIDE * found[0][0] and _apart(pole, kept):
-            half = _side(data, -pole.real / data.resolution) * data.resolution
-            around = data.within(pole.imag - half, pole.imag + half)
-            best = fitted(CommonPoles(around, np.array([pole]), np.zeros(0)), _ROUGH * least).poles[0]
-            best = complex(min(best.real, pole.real), best.imag)  # narrower ones hardly move when all are fitted
-            if not _apart(best, [pole]) and best.real > _STRAY * pole.real and _apart(best, kept):
-                kept.append(best)
-    return np.array(kept, complex)
+        if gain <= _BESIDE * found[0][0] or len(tried) >= _CANDIDATES:
+            break
+        if not _apart(pole, tried):
+            continue
+        tried.append(pole)
+        half = _side(data, -pole.real / data.resolution) * data.resolution
+        around = data.within(pole.imag - half, pole.imag + half)
+        local = fitted(CommonPoles(around, np.array([pole]), np.zeros(0)), _ROUGH * least)
+        decay, frequency = _QUANTILE * deviations(local)[0]
+        best = complex(min(local.poles[0].real, pole.real), local.poles[0].imag)
+        if decay <= np.log(_FACTOR) and frequency <= _HALF_WIDTHS and _apart(best, chosen):
+            chosen.append(best)
+    poles = np.array(chosen, complex)
+    beside = _beside(fit, poles).any(axis=0)
+    return poles[~beside], poles[beside]
+
+
+def _beside(fit: CommonPoles, poles: Array) -> Array:
+    """Return which poles of the fit (rows) are within some half widths of others (columns)."""
+    return np.abs(fit.poles.imag[:, None] - poles.imag) < _NEIGHBOR * -fit.poles.real[:, None]
+
+
+def unresolved(fit: CommonPoles) -> Array:
+    """Return which poles of the fit have evidence of another one beside them in the residuals."""
+    return np.any(_beside(fit, candidates(fit)[1]), axis=1)
+
+
+def _splits(fit: CommonPoles, pole: complex) -> bool:
+    """Return whether a pole beside one of the fit lowers the left-out error by most of what it lowers the cost."""
+    joint = _roughly(_with(fit, np.append(fit.poles, pole)))
+    fall = left_out_errors(fit).sum() - left_out_errors(joint).sum()
+    return bool(fall > _LEFT_OUT * (fit.cost - joint.cost))
 
 
 def _side(data: Spectra, rate: float) -> int:

@@ -97,6 +97,12 @@ class Spectra:
         lines = tuple(each[use[self.record == k]] for k, each in enumerate(self.lines))
         return replace(self, s=self.s[use], U=self.U[use], Y=self.Y[use], record=self.record[use], lines=lines)
 
+    def of_record_number(self, k: int) -> "Spectra":
+        """Return the rows of one record."""
+        use = self.record == k
+        rows = {"s": self.s[use], "U": self.U[use], "Y": self.Y[use], "record": np.zeros(use.sum(), int)}
+        return replace(self, **rows, lines=self.lines[k : k + 1], lengths=self.lengths[k : k + 1])
+
     @property
     def records(self) -> int:
         """How many records have transients."""
@@ -155,18 +161,33 @@ class Spectra:
         """Which record each row belongs to, as columns of zeros and ones."""
         return (self.record[:, None] == np.arange(self.records)).astype(float)
 
-    def rest(self, fixed: Array) -> Array:
-        """Return the columns beside the pairs, (2 n, k): feedthrough, fixed pairs of poles, ends of each record."""
+    def rest(self, fixed: Array, integrators: int = 0) -> Array:
+        """Return the columns beside the poles, (2 n, k): feedthrough, fixed pairs, integrators, ends of each record."""
         columns = [self.U]
         if len(fixed):
             columns.append(_both(self.simple(fixed)[0], self.simple(fixed.conj())[0], self.U))
-        return np.concatenate([real(np.concatenate(columns, axis=1)), self.ends], axis=1)
+        columns += [response[:, None] * self.U for response in self.integrated(integrators)]
+        return np.concatenate([real(np.concatenate(columns, axis=1)), self.ends(integrators)], axis=1)
 
-    @property
-    def ends(self) -> Array:
-        """Columns of what each record's ends leave beside free motions, (2 n, k)."""
-        powers = (self.s[:, None] / self.top) ** (np.arange(_EDGES) - 1.0)
-        return real((self._own[:, :, None] * powers[:, None, :]).reshape(len(self.s), _EDGES * self.records))
+    def integrated(self, count: int) -> list[Array]:
+        """Return the responses of one and of two integrators in series, up to a count."""
+        if not self.held:
+            return [1.0 / self.s, 1.0 / np.square(self.s)][:count]
+        z = np.exp(self.s * self.step)
+        return [self.step / (z - 1.0), 0.5 * self.step**2 * (z + 1.0) / np.square(z - 1.0)][:count]
+
+    def ends(self, integrators: int = 0) -> Array:
+        """Return columns of the difference of each record's ends beside free motions, (2 n, k)."""
+        powers = np.arange(-max(integrators, 1), _EDGES - 1.0)
+        columns = (self.s[:, None] / self.top) ** powers
+        return real((self._own[:, :, None] * columns[:, None, :]).reshape(len(self.s), len(powers) * self.records))
+
+    def windowed(self, columns: Array) -> Array:
+        """Return complex columns (n, k) of each record under a Hann window over time; of a response as they are."""
+        if not self.records:
+            return columns
+        parts = (columns[self.record == k] for k in range(self.records))
+        return np.concatenate([2.0 * part[1:-1] - part[2:] - part[:-2] for part in parts])
 
     def in_time(self, columns: Array) -> tuple[Array, ...]:
         """Return real columns (2 n, k) over time, (N, k) for each record."""

@@ -7,7 +7,7 @@ import numpy as np
 from scipy import linalg
 
 from boomctl.arrays import Array
-from boomctl.identification.spectra import Spectra
+from boomctl.identification.spectra import Spectra, rms
 
 _CIRCLE = 0.95  # share of the unit circle that the band takes up: its ends stay apart (a choice)
 _RIDGE = 1e-12  # of the largest entry, added to the products of columns: rounding
@@ -48,9 +48,9 @@ def poles_by_order(data: Spectra, orders: tuple[int, ...]) -> dict[int, Array]:
     time = 2.0 * np.pi * _CIRCLE / (high - low)
     top = max(orders)
     q = np.exp(-1j * np.outer(np.arange(-top, top + 1), (omega - low) * time))
-    regressors = data.U
+    regressors = data.U / rms(data.U)
     if data.records:
-        regressors = np.concatenate([data.U, (data.record[:, None] == np.arange(data.records))], axis=1)
+        regressors = np.concatenate([regressors, (data.record[:, None] == np.arange(data.records))], axis=1)
     r, p = regressors.shape[1], data.Y.shape[1]
     both = np.concatenate([regressors, data.Y], axis=1)
     # mean of conj(a) b q^d for each pair of columns and each difference d

@@ -78,7 +78,7 @@ def test_system_and_structure_answer_as_the_truth(chain):
 def test_what_is_held_back_is_predicted_but_for_its_errors(chain):
     _, _, _, found = chain
     # errors of 2 % are white up to 25 Hz, and half of their power lies within the band up to 12 Hz
-    assert all(fit == pytest.approx(100.0 - 2.0 * np.sqrt(12.0 / 25.0), abs=0.15) for fit in found.fit_percent.values())
+    assert all(fit == pytest.approx(100.0 - 2.0 * np.sqrt(12.0 / 25.0), abs=0.2) for fit in found.fit_percent.values())
     assert min(found.whiteness.values()) > 1e-4
 
 

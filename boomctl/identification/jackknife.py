@@ -1,0 +1,73 @@
+"""Errors of a fit of common poles from blocks of the data that are left out in turn (jackknife)."""
+
+from itertools import pairwise
+
+import numpy as np
+
+from boomctl.arrays import Array
+from boomctl.identification.common_poles import CommonPoles, curvature, pull
+
+BLOCKS = 24  # Blocks of a record: standard deviations are known to 15 %.
+_LEVERAGE = 0.9  # Largest leverage of a block on a coefficient: the rest of the record has information on it.
+_LARGEST = 0.98  # Largest leverage of a block on an error.
+_GROUPS = 6  # Groups of alternate lines of a frequency response that are left out in turn.
+
+
+def deviations(fit: CommonPoles) -> Array:
+    """Compute standard deviations of the poles from blocks that are left out.
+
+    The gradient of the sum of squares is a sum over time.  The share of a block gives the step of the poles if the block
+    is left out, by one Gauss-Newton step with the residues solved for.
+
+    Returns
+    -------
+    (k, 2) ndarray
+        Of the logarithm of each pole's decay rate, and of its frequency over the decay rate.
+    """
+    columns, factors, p = fit.slopes, fit.factors, fit.residuals.shape[1]
+    k, w = columns.shape[1:]
+    together = np.concatenate([columns.reshape(len(columns), -1), fit.basis, fit.residuals], axis=1)
+    total = fit.normal_equations[0]
+    total = total + np.diag(np.diagonal(total) == 0.0)  # the frequency of a real pole is no parameter
+    steps = []
+    for block in _blocks(fit, together):
+        slopes, basis, left = np.split(block, [k * w, -p], axis=1)
+        own = curvature(factors, slopes.T @ slopes)
+        gradient = pull(factors, slopes.T @ (left + _left_out(basis, left)))
+        steps.append(np.linalg.solve(total - _LEVERAGE * own, gradient))
+    apart = np.array(steps) - np.mean(steps, axis=0)
+    return np.sqrt(np.square(apart).sum(axis=0) * (len(steps) - 1) / len(steps)).reshape(-1, 2)
+
+
+def left_out_errors(fit: CommonPoles) -> Array:
+    """Compute the sum of squared errors of each block if the residues are fitted without the block."""
+    p = fit.residuals.shape[1]
+    found = []
+    for block in _blocks(fit, np.concatenate([fit.basis, fit.residuals], axis=1), alternate=True):
+        basis, left = np.split(block, [-p], axis=1)
+        found.append(np.square(left + _left_out(basis, left)).sum())
+    return np.array(found)
+
+
+def _left_out(basis: Array, left: Array) -> Array:
+    """Return by how much the residuals of a block grow if the coefficients are fitted without the block."""
+    rest = np.eye(basis.shape[1]) - _LARGEST * (basis.T @ basis)
+    return basis @ np.linalg.solve(rest, basis.T @ left)
+
+
+def _blocks(fit: CommonPoles, columns: Array, alternate: bool = False) -> list[Array]:
+    """Return blocks of columns: over time, or groups of lines of a frequency response, which may alternate."""
+    if not fit.data.lengths:
+        rows = columns[np.argsort(np.repeat(np.abs(fit.data.s), 2), kind="stable")]
+        if alternate:
+            group = np.arange(len(rows)) // 2 % _GROUPS
+            return [rows[group == k] for k in range(_GROUPS)]
+        parts = [rows]
+    else:  # products over time are those of the spectra
+        parts = [part * np.sqrt(0.5 * len(part)) for part in fit.data.in_time(columns)]
+    length = sum(map(len, parts)) / BLOCKS
+    found = []
+    for part in parts:
+        ends = np.linspace(0, len(part), max(round(len(part) / length), 1) + 1).astype(int)
+        found += [part[begin:end] for begin, end in pairwise(ends)]
+    return found
