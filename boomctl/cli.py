@@ -546,8 +546,8 @@ def identify(words: Sequence[str]) -> None:
     parser.add_argument("--modes", type=int, help="number of modes (default: all that have evidence)")
     text = "what the outputs are: displacement, velocity or acceleration (default: displacement)"
     parser.add_argument("--quantity", metavar="WORD", help=text)
-    text = "what inputs do between samples: band-limited or zero-order (default: %(default)s)"
-    parser.add_argument("--hold", default="band-limited", metavar="WORD", help=text)
+    text = "inputs between samples: bl (band-limited) or zoh (zero-order hold) (default: from the record)"
+    parser.add_argument("--intersample", metavar="WORD", help=text)
     parser.add_out("identified")
     asked = parser.asked(words)
 
@@ -558,7 +558,7 @@ def identify(words: Sequence[str]) -> None:
         [name.strip() for name in text.split(",") if name.strip()] for text in (asked.inputs, asked.outputs)
     )
     band = None if asked.band is None else tuple(asked.band)
-    options = {"band_hz": band, "modes": asked.modes, "quantity": asked.quantity, "hold": asked.hold}
+    options = {"band_hz": band, "modes": asked.modes, "quantity": asked.quantity, "intersample": asked.intersample}
     with _results_alone() if asked.json else nullcontext(), locked_folder(asked.out) as folder:
         found = identified_file(asked.record, inputs, outputs, asked.sample_time, **options)
         _name_others(folder, found.report().write_into(folder))

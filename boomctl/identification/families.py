@@ -86,7 +86,7 @@ def of_modes(
     if model is None:
         raise ValueError(
             "family: expected an identification with a structure (`model`): of outputs that are displacements, and of modes"
-            " that are real; where a delay of half a sample makes them complex, hold='zero-order' takes it away"
+            " that are real; where a delay of half a sample makes them complex, intersample='zoh' removes it"
         )
 
     def make(values: Mapping[str, float]) -> SecondOrderModel:

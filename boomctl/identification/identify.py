@@ -17,6 +17,7 @@ from boomctl.identification.families import names_of_mode, of_modes
 from boomctl.identification.jackknife import BLOCKS, deviations
 from boomctl.identification.realised import RankOne
 from boomctl.identification.record import EXCITED, QUANTITIES, Record, band, quantities
+from boomctl.identification.response import with_intersample
 from boomctl.identification.search import refine, search_poles, unresolved, weakest, without
 from boomctl.identification.spectra import Spectra, complex_of, rms
 from boomctl.lti.system import is_frequency_response
@@ -267,7 +268,7 @@ def identify(
     rigid_body: int | None = None,
     band_hz: tuple[float, float] | None = None,
     quantity: str | Mapping[str, str] | None = None,
-    hold: str = "band-limited",
+    intersample: str | None = None,
     held_back: float = 0.3,
     order: int | None = None,
     confidence: float = 0.95,
@@ -290,8 +291,9 @@ def identify(
         Frequencies of the modes wanted [Hz].  By default where all inputs have power.
     quantity : "displacement", "velocity", "acceleration", or mapping of outputs to these, optional
         What each output is; by default displacements, or what a response of `estimate_response` says.
-    hold : "band-limited" or "zero-order"
-        What the inputs do between samples: a filtered measurement is band-limited, the output of a converter is held.
+    intersample : "bl" or "zoh", optional
+        Inputs between samples: band-limited (a measurement behind an anti-alias filter) or zero-order hold (a computed
+        command).  By default determined from the record.
     held_back : float
         Share of each record, at its end, that the model is validated on and never fitted to; 0: validated on all.
     order : int, optional
@@ -366,8 +368,9 @@ def identify(
             f"errors = {errors!r}: expected None for a record, whose residuals say how large its errors are"
         )
     else:
-        record = Record.of(inputs, outputs, sample_time, "displacement" if quantity is None else quantity, hold)
+        record = Record.of(inputs, outputs, sample_time, "displacement" if quantity is None else quantity, intersample)
         low, high = _band(record, band_hz)
+        record = with_intersample(record, high)
         whole_record = Spectra.of_record(record, low, high, slice(0.0, 1.0))
         data, tested, last = _held_back(record, low, high, back) if back else (whole_record, whole_record, "")
         parts = _parts(record, low, high)
@@ -382,10 +385,11 @@ def identify(
     ends = 2.0 * np.pi * max(low, 0.0), 2.0 * np.pi * high
     fit, found = search_poles(data, *ends, orders, rigid)
     simple = RankOne.of(fit)
-    left = complex_of(simple.left(tested.scaled(fit.data.scale)))
-    percent = 100.0 * (1.0 - rms(tested.windowed(left * fit.data.scale)) / rms(tested.windowed(tested.Y)))
+    tested = tested.scaled(fit.data.scale / tested.scale)
+    left = complex_of(simple.left(tested))
+    percent = 100.0 * (1.0 - rms(tested.windowed(left)) / rms(tested.windowed(tested.Y)))
     if whole_record is not data:
-        fit = refine(replace(fit, data=whole_record.scaled(fit.data.scale)), *ends, rigid)
+        fit = refine(replace(fit, data=whole_record.scaled(fit.data.scale / whole_record.scale)), *ends, rigid)
     inside = _inside(fit, ends)
     if wanted is not None and inside.sum() > wanted:
         fit = without(fit, weakest(fit, inside, int(inside.sum()) - wanted))
@@ -429,7 +433,7 @@ def identify(
     real_poles = tuple(
         _real_pole(-float(fit.poles[k].real), steps[k, 0], wider[k, 0]) for k in range(number, len(fit.poles))
     )
-    spectrum = [np.sqrt(np.square(np.abs(x) / rms(tested.Y)).mean(axis=1)) for x in (tested.Y, left * fit.data.scale)]
+    spectrum = [np.sqrt(np.square(np.abs(x) / rms(tested.Y)).mean(axis=1)) for x in (tested.Y, left)]
     return Identification(
         rows,
         real_poles,

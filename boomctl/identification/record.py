@@ -12,7 +12,8 @@ from boomctl.printing import compact
 
 QUANTITIES = {"displacement": 0, "velocity": 1, "acceleration": 2}
 """What an output is, and how often a displacement was differentiated for it."""
-HOLDS = ("band-limited", "zero-order")
+INTERSAMPLE = ("bl", "zoh")
+"""Inputs between samples: band-limited or zero-order hold."""
 EXCITED = 1e-3  # of the largest power of an input: less says nothing (3 % of its amplitude; a choice)
 _FEWEST = 32  # samples of a record: fewer tell nothing of a response (a choice)
 _STILL = 16  # samples in a row in which nothing moves at all, amid a record that moves: a gap (a choice)
@@ -35,8 +36,8 @@ class Record:
         Time between samples [s].
     quantity : tuple of str
         What each output is: "displacement", "velocity" or "acceleration".
-    hold : "band-limited" or "zero-order"
-        What the inputs do between samples.
+    intersample : "bl", "zoh" or None
+        Inputs between samples: band-limited, zero-order hold, or not known yet.
     """
 
     inputs: tuple[str, ...]
@@ -45,15 +46,16 @@ class Record:
     y: tuple[Array, ...]
     step: float
     quantity: tuple[str, ...]
-    hold: str
+    intersample: str | None
 
     __repr__ = compact
 
     @classmethod
-    def of(cls, inputs: Any, outputs: Any, sample_time: Any, quantity: Any, hold: Any) -> "Record":
+    def of(cls, inputs: Any, outputs: Any, sample_time: Any, quantity: Any, intersample: Any) -> "Record":
         """Return what was recorded, checked."""
         step = positive("sample_time", sample_time)
-        known("hold", hold, HOLDS)
+        if intersample is not None:
+            known("intersample", intersample, INTERSAMPLE)
         ins, u = _signals("inputs", inputs, "in")
         outs, y = _signals("outputs", outputs, "out")
         if len(u) != len(y):
@@ -74,7 +76,7 @@ class Record:
                 if what == "outputs":
                     _not_clipped(name, np.concatenate([record[:, i] for record in data]))
         u, y = (tuple(record - record.mean(axis=0) for record in data) for data in (u, y))
-        return cls(ins, outs, u, y, step, quantities(quantity, outs), str(hold))
+        return cls(ins, outs, u, y, step, quantities(quantity, outs), intersample)
 
     def of_numbers(self, numbers: Iterable[int]) -> "Record":
         """Return some of the records."""

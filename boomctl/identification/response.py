@@ -1,13 +1,14 @@
 """The frequency response of a record, with its deviation and coherence at each frequency."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.checks import known, positive
+from boomctl.checks import known, positive, warn_user
 from boomctl.identification.record import EXCITED, Record, band
 from boomctl.lti.python_control import control
 from boomctl.printing import between, count
@@ -24,6 +25,14 @@ _INDEPENDENT = (
     0.01  # least singular value of a local fit's columns of length one: its answer loses two digits (a choice)
 )
 _SEGMENTS = 8  # that a record is cut into where the resolution is not said (a choice)
+_BLOCKS = 12  # of frequencies, whose scatter gives the deviation of the lag
+_LEAST_LAG, _SURE = 0.15, 2.0  # ratio of lags from -1 (none) to 1 (half a sample): least absolute value, deviations
+_REAL = 0.3  # mean cosine of twice the phase, least, of a response that is real but near resonances
+_SLOW = 1.0 / 180.0  # of the sampling rate: half a sample is one degree there
+_EDGE, _EDGE_LINES = 0.02, 16  # width of the edge below the Nyquist frequency: fraction of the band, least lines
+_UNFILTERED = 0.5  # power at the edge over mean power, above which no anti-alias filter acted
+_REST, _RESTING = 5, 0.02  # least samples of a rest at a level; least fraction of the record in such rests
+_LEVELS = 16  # steps of the range, of which a jump has more than one and a half
 _OVERLAP = 1.0 / 36.0  # squared correlation of Hann windows that overlap by half (Welch 1967)
 
 
@@ -83,7 +92,7 @@ def estimate_response(
     sample_time: float,
     *,
     quantity: str | Mapping[str, str] = "displacement",
-    hold: str = "band-limited",
+    intersample: str | None = None,
     method: str = "local-polynomial",
     period: float | None = None,
     resolution_hz: float | None = None,
@@ -99,9 +108,9 @@ def estimate_response(
         Time between samples [s].
     quantity : "displacement", "velocity", "acceleration", or mapping of outputs to these
         What each output is: `bc.identify` must know it.
-    hold : "band-limited" or "zero-order"
-        What the inputs do between samples: a filtered measurement, as that of a shaker, is band-limited; the output of
-        a converter is held.
+    intersample : "bl" or "zoh", optional
+        Inputs between samples: band-limited (a measurement behind an anti-alias filter, as that of a shaker force) or
+        zero-order hold (a computed command).  By default determined from the record.
     method : "local-polynomial" or "welch"
         Responses and transients that are parabolas over a few lines of the spectrum, fitted by least squares; or
         averages over segments under Hann windows (H1).
@@ -143,9 +152,10 @@ def estimate_response(
     >>> bool(abs(H.frdata / exact - 1.0).max() < 0.02)
     True
     """
-    record = Record.of(inputs, outputs, sample_time, quantity, hold)
+    record = Record.of(inputs, outputs, sample_time, quantity, intersample)
     known("method", method, METHODS)
     low, high = band(band_hz, 0.5 / record.step)
+    record = with_intersample(record, high)
     wanted = None if resolution_hz is None else positive("resolution_hz", resolution_hz)
     if period is not None:
         if wanted is not None or method != METHODS[0]:
@@ -162,7 +172,7 @@ def estimate_response(
         )
     use = inside & excited
     hz = hz[use]
-    held = through_hold(2j * np.pi * hz, record.step) if record.hold == "zero-order" else 1.0
+    held = through_hold(2j * np.pi * hz, record.step) if record.intersample == "zoh" else 1.0
     names: dict[str, Any] = {"inputs": list(record.inputs), "outputs": list(record.outputs), "name": "measured"}
     found = MeasuredResponse(G[..., use] / held, 2.0 * np.pi * hz, **names)
     found.deviation = np.sqrt(variance[..., use] / 2.0) / np.abs(held)
@@ -170,9 +180,112 @@ def estimate_response(
     return found
 
 
+def with_intersample(record: Record, top_hz: float) -> Record:
+    """Return the record with the behavior of its inputs between samples, determined where it was not given."""
+    outputs, inputs = _intersample_of_outputs(record), _intersample_of_inputs(record)
+    expected = outputs or inputs
+    if record.intersample is not None:
+        if expected not in (None, record.intersample):
+            why = "the phase of the outputs is" if outputs else "the spectrum of the inputs is"
+            warn_user(
+                f"intersample = {record.intersample!r}: {why} that of {expected!r}; the wrong one shifts phases by half a"
+                " sample",
+                UserWarning,
+            )
+        return record
+    if expected is None and top_hz > _SLOW / record.step:
+        warn_user(
+            "intersample: the record does not show whether its inputs are band-limited ('bl', taken here: measured behind"
+            " an anti-alias filter) or held between samples ('zoh': a computed command), and the wrong one shifts phases"
+            f" by half a sample, {180.0 * top_hz * record.step:.2g} degrees at {top_hz:.4g} Hz; give intersample",
+            UserWarning,
+        )
+    return replace(record, intersample=expected or "bl")
+
+
+def _intersample_of_outputs(record: Record) -> str | None:
+    """Return what the lag of the outputs shows; None where it is not clear.
+
+    Between displacements and forces of a lightly damped structure the response is real but near resonances (velocity:
+    imaginary), and held inputs delay it by half a sample, all but the feedthrough of accelerations.
+    """
+    width = _local_width(record)[0]
+    if width > min(map(len, record.u)) // 2:
+        return None
+    hz, G, variance, _, use, _ = _local(record, None)
+    if use.sum() < _BLOCKS:
+        return None
+    G, variance, half = G[..., use], variance[..., use], np.pi * hz[use] * record.step
+    G = G * np.array([1j if kind == "velocity" else 1.0 for kind in record.quantity])[:, None, None]
+    size = np.sqrt(np.square(np.abs(G)) + variance + np.finfo(float).tiny)
+    held = G * np.exp(1j * half)
+    row = np.sin(half) / size
+    instant = (held.imag / size * row).sum(axis=2) / np.square(row).sum(axis=2)
+    instant *= np.array([kind == "acceleration" for kind in record.quantity])[:, None]
+    held = held - instant[..., None] * np.expm1(1j * half)
+    real, late = ((x**2).real / (np.square(np.abs(x)) + variance + np.finfo(float).tiny) for x in (G, held))
+    gain = (late - real).sum(axis=(0, 1))
+    clear = np.square(np.abs(G) / size)
+    if max(real.sum(), late.sum()) < _REAL * clear.sum():
+        return None
+    expected = (clear * (1.0 - np.cos(2.0 * half))).sum(axis=(0, 1))
+    ratio = gain.sum() / expected.sum() if expected.any() else 0.0  # -1: no lag; 1: half a sample
+    blocks = np.array([part.sum() for part in np.array_split(gain - ratio * expected, _BLOCKS)])
+    if abs(ratio) < max(
+        _LEAST_LAG, _SURE * np.sqrt(np.square(blocks).sum()) / max(expected.sum(), np.finfo(float).tiny)
+    ):
+        return None
+    return "zoh" if ratio > 0.0 else "bl"
+
+
+def _intersample_of_inputs(record: Record) -> str | None:
+    """Return "zoh" where inputs have power up to the Nyquist frequency or rest at several levels between jumps."""
+    return (
+        "zoh"
+        if all(_unfiltered(signals) or _stepped(signals) for signals in zip(*(u.T for u in record.u), strict=True))
+        else None
+    )
+
+
+def _unfiltered(signals: Sequence[Array]) -> bool:
+    """Return whether the power at the Nyquist frequency excludes an anti-alias filter."""
+    edge = mean = 0.0
+    for signal in signals:
+        power = np.square(np.abs(np.fft.rfft(signal)[1:]))
+        edge += power[-max(round(_EDGE * len(power)), _EDGE_LINES) :].mean()
+        mean += power.mean()
+    return bool(edge > _UNFILTERED * mean)
+
+
+def _stepped(signals: Sequence[Array]) -> bool:
+    """Return whether the signal rests at several levels and leaves them by jumps, as no filtered signal does."""
+    quantum, levels, resting = min(map(_quantum, signals)), set(), 0
+    for signal in signals:
+        change = np.diff(signal)
+        moving = np.flatnonzero(change)
+        length = np.diff(moving, prepend=-1)
+        rests = (length >= _REST) & (np.abs(change[moving]) > 1.5 * quantum)
+        levels |= set(signal[moving[rests]])
+        resting += length[rests].sum()
+    return len(levels) > 1 and resting > _RESTING * sum(map(len, signals))
+
+
+def _quantum(signal: Array) -> float:
+    """Return the least change of a signal, at most a sixteenth of its range."""
+    change = np.abs(np.diff(signal))
+    return float(min(np.ptp(signal) / _LEVELS, change.min(where=change > 0.0, initial=np.inf)))
+
+
 def through_hold(s: Array, step: float) -> Array:
     """Return what a hold over a step [s] makes of a signal: ``(1 - exp(-s h)) / (s h)``."""
     return -np.expm1(-s * step) / (s * step)
+
+
+def _local_width(record: Record) -> tuple[int, int]:
+    """Return lines and unknowns of a local fit."""
+    records = len(record.u)
+    unknowns = (_DEGREE + 1) * (len(record.inputs) + records)
+    return -(-(unknowns + _SPARE) // records), unknowns
 
 
 def _local(record: Record, resolution: float | None) -> tuple[Any, ...]:
@@ -182,8 +295,7 @@ def _local(record: Record, resolution: float | None) -> tuple[Any, ...]:
     U = np.stack([np.fft.rfft(u[:length], axis=0) for u in record.u])  # records x lines x inputs
     Y = np.stack([np.fft.rfft(y[:length], axis=0) for y in record.y])
     records, lines, m = U.shape
-    unknowns = (_DEGREE + 1) * (m + records)
-    width = -(-(unknowns + _SPARE) // records)
+    width, unknowns = _local_width(record)
     stride = max(round(width / (_DEGREE + 1)), 1)
     if resolution is not None:
         stride = max(round(resolution * span), 1)

@@ -64,7 +64,7 @@ class Spectra:
             lines.append(use)
             lengths.append(len(u))
         s, U, Y, which = (np.concatenate(each) for each in zip(*parts, strict=True))
-        held = record.hold == "zero-order"
+        held = record.intersample == "zoh"
         return cls(s, U, Y, which, tuple(lines), tuple(lengths), record.step, held, np.ones(Y.shape[1])).scaled(rms(Y))
 
     @classmethod

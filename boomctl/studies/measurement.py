@@ -126,7 +126,7 @@ def identified_file(
     if not moved:
         raise ValueError(f"{path}: expected outputs beside the inputs, got none")
     found = identify(driven, moved, step, **options)
-    said = {name: value for name, value in options.items() if name in ("band_hz", "hold") and value is not None}
+    said = {name: value for name, value in options.items() if name in ("band_hz", "intersample") and value is not None}
     quantity = options.get("quantity") or "displacement"
     return MeasuredMachine(path, found, estimate_response(driven, moved, step, quantity=quantity, **said))
 

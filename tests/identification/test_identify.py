@@ -100,7 +100,7 @@ def test_exact_records_give_exact_modes():
     u = np.random.default_rng(5).standard_normal((3000, 2))
     discrete = signal.cont2discrete((plant.A, plant.B, plant.C, plant.D), STEP)
     y = signal.dlsim(discrete, u)[1]
-    found = bc.identify(u, y, STEP, hold="zero-order", band_hz=(0.0, 20.0))
+    found = bc.identify(u, y, STEP, intersample="zoh", band_hz=(0.0, 20.0))
     frequencies, dampings = errors_of(found, poles_of(model))
     assert frequencies.max() < 1e-6
     assert dampings.max() < 1e-4
@@ -110,8 +110,8 @@ def test_exact_records_give_exact_modes():
 def test_slopes_are_those_of_differences(chain):
     """Of the sum of squares over each pole's decay and frequency, residues solved for anew."""
     _, u, y, _ = chain
-    for hold in ("band-limited", "zero-order"):
-        record = Record.of(u[:600], y[:600], STEP, "displacement", hold)
+    for intersample in ("bl", "zoh"):
+        record = Record.of(u[:600], y[:600], STEP, "displacement", intersample)
         data = Spectra.of_record(record, 0.0, 12.0, slice(0.0, 1.0))
         fit = CommonPoles(data, np.array([-0.3 + 14.0j, -0.2 + 25.0j]), fixed_poles(0.0, 75.0))
         downward = fit.normal_equations[1].reshape(2, 2)
@@ -134,7 +134,7 @@ def test_a_mode_is_found_where_it_is_and_not_at_its_mirror_image_above_half_the_
         u = rng.standard_normal((1500, 1))
         y = signal.dlsim(discrete, u)[1]
         y += 0.01 * y.std() * rng.standard_normal(y.shape)
-        found = bc.identify(u, y, 0.01, hold="zero-order")
+        found = bc.identify(u, y, 0.01, intersample="zoh")
         assert [mode.frequency_hz for mode in found.modes] == pytest.approx([4.0, 36.0], rel=0.01)
 
 
@@ -142,7 +142,7 @@ def test_a_mode_is_found_where_it_is_and_not_at_its_mirror_image_above_half_the_
 @examples(20)
 def test_of_held_inputs_a_pole_and_its_mirror_image_fit_alike_and_the_lower_one_is_taken(seed, hz):
     u, y = np.random.default_rng(seed).standard_normal((2, 300, 2))
-    data = Spectra.of_record(Record.of(u, y, 0.01, "displacement", "zero-order"), 0.0, 50.0, slice(0.0, 1.0))
+    data = Spectra.of_record(Record.of(u, y, 0.01, "displacement", "zoh"), 0.0, 50.0, slice(0.0, 1.0))
     poles = -3.0 + 2j * np.pi * np.array([hz, 100.0 - hz, 100.0 + hz])
     below, *above = (CommonPoles(data, np.array([pole]), np.zeros(0)) for pole in poles)
     for fit in above:
@@ -153,7 +153,7 @@ def test_of_held_inputs_a_pole_and_its_mirror_image_fit_alike_and_the_lower_one_
 @pytest.mark.parametrize("seed", range(12))
 def test_a_pole_too_fast_to_be_told_stays_a_number(seed):
     u, y = np.random.default_rng(seed).standard_normal((2, 200, 2))
-    data = Spectra.of_record(Record.of(u, y, 0.01, "displacement", "zero-order"), 0.0, 50.0, slice(0.0, 1.0))
+    data = Spectra.of_record(Record.of(u, y, 0.01, "displacement", "zoh"), 0.0, 50.0, slice(0.0, 1.0))
     for low in (0.0, 100.0, 200.0):
         around = data.within(low, low + 24.0 * data.resolution)
         assert np.isfinite(fitted(CommonPoles(around, np.array([-2000.0 + 1j * (low + 1.0)]), np.zeros(0))).poles).all()
@@ -165,7 +165,7 @@ def test_what_follows_the_inputs_and_their_rates_shows_no_mode_however_many_ther
     u = rng.standard_normal((2000, inputs))
     rates = np.fft.irfft(2j * np.pi * np.fft.rfftfreq(2000, 0.01)[:, None] * np.fft.rfft(u, axis=0), 2000, axis=0)
     y = rates @ rng.standard_normal((inputs, 3))
-    data = Spectra.of_record(Record.of(u, y, 0.01, "displacement", "band-limited"), 0.5, 45.0, slice(0.0, 1.0))
+    data = Spectra.of_record(Record.of(u, y, 0.01, "displacement", "bl"), 0.5, 45.0, slice(0.0, 1.0))
     for rate in (0.5, 2.0, 8.0):
         gains, _ = _tried(data, rate)
         assert gains.max() < 1e-20
@@ -226,7 +226,7 @@ def test_close_modes_are_told_apart_from_any_order():
 
 def test_poles_of_an_order_do_not_depend_on_the_orders_beside_it(chain):
     _, u, y, _ = chain
-    data = Spectra.of_record(Record.of(u, y, STEP, "displacement", "band-limited"), 0.0, 12.0, slice(0.0, 1.0))
+    data = Spectra.of_record(Record.of(u, y, STEP, "displacement", "bl"), 0.0, 12.0, slice(0.0, 1.0))
     for order, found in poles_by_order(data, (6, 9, 16)).items():
         alone = poles_by_order(data, (order,))[order]
         assert np.sort_complex(found) == pytest.approx(np.sort_complex(alone), rel=1e-6)
@@ -319,7 +319,7 @@ def test_feedback_in_the_record_is_said(chain):
         u[k] = 0.2 * rng.standard_normal() + (250.0 * (y[k - 4] if k > 3 else 0.0))
         x = discrete[0] @ x + discrete[1][:, 0] * u[k]
     with pytest.warns(UserWarning, match="closed loop"):
-        bc.identify(u, y, STEP, hold="zero-order", band_hz=(0.0, 20.0))
+        bc.identify(u, y, STEP, intersample="zoh", band_hz=(0.0, 20.0))
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         bc.identify(*driven(model, 3000, seed=1, errors=0.1), STEP)
@@ -406,7 +406,7 @@ def test_what_has_no_modes_is_said_in_one_line(chain):
     _, u, y, _ = chain
     rng = np.random.default_rng(0)
     with pytest.raises(ValueError, match=r"expected 1 mode from .* got evidence of 0: 100 % of the outputs") as refused:
-        bc.identify(u, rng.standard_normal(y.shape), STEP)
+        bc.identify(u, rng.standard_normal(y.shape), STEP, intersample="bl")
     assert "\n" not in str(refused.value)
     with pytest.raises(ValueError, match=r"expected 5 modes from .* got evidence of 3"):
         bc.identify(u, y, STEP, modes=5)
@@ -428,7 +428,7 @@ BAD = {
 @pytest.mark.parametrize(("changed", "said"), BAD.values(), ids=BAD.keys())
 def test_bad_records_are_refused_in_one_line(chain, changed, said):
     _, u, y, _ = chain
-    given = {"inputs": u, "outputs": y, "sample_time": STEP, **changed}
+    given = {"inputs": u, "outputs": y, "sample_time": STEP, "intersample": "bl", **changed}
     for name, there in (("inputs", u), ("outputs", y)):
         given[name] = there[given[name]] if isinstance(given[name], slice) else given[name]
     if isinstance(given["inputs"], str):

@@ -1,12 +1,17 @@
 """Frequency responses of records: exact without noise, deviations that are those of the errors, one line for bad input."""
 
+import os
+from pathlib import Path
+
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
 from scipy import signal
+from scipy.io import loadmat
 
 import boomctl as bc
 from boomctl.identification.record import Record
+from boomctl.identification.response import _intersample_of_outputs, with_intersample
 from tests.identification.chain import response_of_record, three_masses
 
 STEP = 0.02
@@ -69,17 +74,96 @@ def test_periods_in_steady_state_are_exact_and_their_scatter_is_the_deviation():
     assert 0.95 < np.sqrt(np.mean(np.abs(away) ** 2) / 2.0) < 1.15  # 1, with 14 degrees of freedom of each deviation
 
 
-def test_held_inputs_are_told_from_band_limited_ones():
-    model = three_masses(0.05).select("f1", "y3")
-    force = np.random.default_rng(4).standard_normal(20000)
-    plant = model.to_statespace()
-    discrete = signal.cont2discrete((plant.A, plant.B, plant.C, plant.D), STEP)
-    place = signal.dlsim(discrete, force)[1][:, 0]
-    H = bc.estimate_response(force, place, STEP, hold="zero-order", band_hz=(0.5, 5.0))
-    exact = model.frequency_response(H.omega).frdata
-    assert np.median(np.abs(H.frdata / exact - 1.0)) < 2e-3
-    wrong = bc.estimate_response(force, place, STEP, band_hz=(0.5, 5.0))
-    assert np.median(np.abs(wrong.frdata / exact - 1.0)) > 0.05  # half a sample late
+@pytest.mark.parametrize("top_hz", [12.0, 25.0])
+@pytest.mark.parametrize("quantity", ["displacement", "velocity", "acceleration"])
+@pytest.mark.parametrize("intersample", ["bl", "zoh"])
+def test_intersample_by_default_matches_record(intersample, quantity, top_hz):
+    """Phase errors below one degree up to a third of the Nyquist frequency; the wrong one warned of."""
+    plant = three_masses(0.01).to_statespace()
+    A, B, C = plant.A, plant.B[:, :1], plant.C[-1:]
+    D = np.zeros((1, 1))
+    for _ in range(["displacement", "velocity", "acceleration"].index(quantity)):
+        C, D = C @ A, C @ B
+    force = noise(24000, 1, top_hz, seed=4)
+    omega = 2.0 * np.pi * np.fft.rfftfreq(24000, STEP)
+
+    def exact(omega):
+        return (C @ np.linalg.solve(1j * omega[:, None, None] * np.eye(len(A)) - A, B) + D)[:, 0, 0]
+
+    if intersample == "zoh":
+        y = signal.dlsim(signal.cont2discrete((A, B, C, D), STEP), force)[1][4000:, 0]
+    else:
+        y = np.fft.irfft(exact(omega) * np.fft.rfft(force[:, 0]), 24000)[4000:]
+    u = force[4000:, 0]
+    H = bc.estimate_response(u, y, STEP, quantity=quantity, band_hz=(0.5, 25.0 / 3.0))
+    phase = np.angle(H.frdata[0, 0] / exact(H.omega), deg=True)
+    assert np.median(np.abs(phase)) < 1.0
+    wrong = {"bl": "zoh", "zoh": "bl"}[intersample]
+    with pytest.warns(UserWarning, match=f"intersample = '{wrong}': .* that of '{intersample}'"):
+        bc.estimate_response(u, y, STEP, quantity=quantity, intersample=wrong, band_hz=(0.5, 8.0))
+
+
+@pytest.mark.slow
+def test_intersample_of_drawn_structures_is_never_wrong():
+    rng = np.random.default_rng(7)
+    clear = 0
+    for case in range(300):
+        count, length = rng.integers(1, 4), int(rng.choice([500, 2000, 6000]))
+        omega, ratio = 2.0 * np.pi * rng.uniform(1.0, 15.0, count), 10.0 ** rng.uniform(-3.0, -1.3, count)
+        poles = omega * (-ratio + 1j * np.sqrt(1.0 - ratio**2))
+        gains = rng.standard_normal(count) / poles.imag
+        u = noise(3 * length, 1, rng.choice([12.5, 20.0, 23.75]), seed=case)[:, 0]
+        s = 2j * np.pi * np.fft.rfftfreq(3 * length, STEP)[:, None]
+        z = np.exp(s * STEP)
+        if case % 2:  # residues 1 / 2j of real modes, their responses over a step in closed form
+            parts = gains / 2j * np.expm1(poles * STEP) / poles / (z - np.exp(poles * STEP))
+            other = -gains / 2j * np.expm1(poles.conj() * STEP) / poles.conj() / (z - np.exp(poles.conj() * STEP))
+        else:
+            parts, other = gains / 2j / (s - poles), -gains / 2j / (s - poles.conj())
+        y = np.fft.irfft((parts + other).sum(axis=1) * np.fft.rfft(u), 3 * length)[length:]
+        y += rng.choice([0.01, 0.03, 0.1]) * y.std() * rng.standard_normal(len(y))
+        record = Record.of(u[length:], y, STEP, "displacement", None)
+        shown = _intersample_of_outputs(record)
+        assert shown in (None, "zoh" if case % 2 else "bl")
+        clear += shown is not None
+    assert clear > 225
+
+
+@pytest.mark.parametrize("held", [1, 5, 20])
+def test_intersample_of_stepped_inputs_is_zoh(held):
+    """Outputs of pure noise show nothing: a computed sequence held over one or several samples."""
+    rng = np.random.default_rng(held)
+    u = np.repeat(rng.standard_normal(4000 // held), held)
+    record = with_intersample(Record.of(u, rng.standard_normal(len(u)), STEP, "displacement", None), 25.0)
+    assert record.intersample == "zoh"
+
+
+def test_intersample_of_filtered_input_and_noise_is_asked():
+    rng = np.random.default_rng(0)
+    u, y = noise(4000, 1, 10.0, seed=1), rng.standard_normal(4000)
+    with pytest.warns(UserWarning, match="give intersample"):
+        assert with_intersample(Record.of(u, y, STEP, "displacement", None), 10.0).intersample == "bl"
+    with_intersample(Record.of(u, y, STEP, "displacement", None), 0.2)  # below one degree: no warning
+
+
+RECORDS = os.environ.get("BOOMCTL_RECORDS")
+
+
+@pytest.mark.skipif(RECORDS is None, reason="BOOMCTL_RECORDS names no folder")
+@pytest.mark.parametrize(
+    ("file", "expected"),
+    [("steel_frame/flexibleStructure.mat", "bl")] + [(f"ruler_robot/ruler_swept{k}.txt", "zoh") for k in range(1, 6)],
+)
+def test_intersample_of_measured_records_is_determined(file, expected):
+    path = Path(RECORDS or "") / file
+    if path.suffix == ".mat":
+        x = next(value for name, value in loadmat(path).items() if not name.startswith("_"))
+        record = Record.of(x[:, :2], x[:, 2:], 1.0 / 1024.0, "acceleration", None)
+    else:
+        x = np.loadtxt(path)
+        kinds = {"out_1": "displacement", "out_2": "acceleration"}
+        record = Record.of(x[:, 3], x[:, 4:6], 1.0 / 500.0, kinds, None)
+    assert with_intersample(record, 0.5 / record.step).intersample == expected
 
 
 def test_a_response_is_taken_by_what_takes_responses(driven):
@@ -153,7 +237,7 @@ def test_coarse_signals_at_rest_and_two_level_inputs_are_no_bad_records():
     rng = np.random.default_rng(0)
     levels = np.sign(rng.standard_normal(2000))
     swinging = np.round(20.0 * np.sin(STEP * np.arange(2000) * 3.0)) + levels
-    record = Record.of({"f": levels}, {"y": swinging}, STEP, "displacement", "zero-order")
+    record = Record.of({"f": levels}, {"y": swinging}, STEP, "displacement", "zoh")
     assert np.allclose(record.y[0][:, 0], swinging - swinging.mean())
 
 
