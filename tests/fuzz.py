@@ -262,7 +262,6 @@ CALLS = {
         "sample_time": 0.01,
         "quantity": "displacement",
         "intersample": "bl",
-        "method": "local-polynomial",
         "period": None,
         "resolution_hz": 2.0,
         "band_hz": (1.0, 20.0),

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.checks import known, positive, warn_user
+from boomctl.checks import positive, warn_user
 from boomctl.identification.record import EXCITED, Record, band
 from boomctl.lti.python_control import control
 from boomctl.printing import between, count
@@ -18,13 +18,11 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from numpy.typing import ArrayLike
 
-METHODS = ("local-polynomial", "welch")
 _DEGREE = 2  # of the polynomials in frequency that response and transient are locally (Pintelon & Schoukens)
 _SPARE = 8  # lines of a local fit beyond its unknowns: its deviation is then known to a quarter
 _INDEPENDENT = (
     0.01  # least singular value of a local fit's columns of length one: its answer loses two digits (a choice)
 )
-_SEGMENTS = 8  # that a record is cut into where the resolution is not said (a choice)
 _BLOCKS = 12  # of frequencies, whose scatter gives the deviation of the lag
 _LEAST_LAG, _SURE = 0.15, 2.0  # ratio of lags from -1 (none) to 1 (half a sample): least absolute value, deviations
 _REAL = 0.3  # mean cosine of twice the phase, least, of a response that is real but near resonances
@@ -33,7 +31,6 @@ _EDGE, _EDGE_LINES = 0.02, 16  # width of the edge below the Nyquist frequency: 
 _UNFILTERED = 0.5  # power at the edge over mean power, above which no anti-alias filter acted
 _REST, _RESTING = 5, 0.02  # least samples of a rest at a level; least fraction of the record in such rests
 _LEVELS = 16  # steps of the range, of which a jump has more than one and a half
-_OVERLAP = 1.0 / 36.0  # squared correlation of Hann windows that overlap by half (Welch 1967)
 
 
 class MeasuredResponse(control.FrequencyResponseData):
@@ -48,7 +45,7 @@ class MeasuredResponse(control.FrequencyResponseData):
     quantity : tuple of str
         What each output is: "displacement", "velocity" or "acceleration".
     source : str
-        What the deviation comes from: local fits, segments or periods, and of how many numbers.
+        What the deviation comes from: local fits or periods, and their number.
     """
 
     deviation: Array
@@ -93,7 +90,6 @@ def estimate_response(
     *,
     quantity: str | Mapping[str, str] = "displacement",
     intersample: str | None = None,
-    method: str = "local-polynomial",
     period: float | None = None,
     resolution_hz: float | None = None,
     band_hz: tuple[float, float] | None = None,
@@ -111,15 +107,11 @@ def estimate_response(
     intersample : "bl" or "zoh", optional
         Inputs between samples: band-limited (a measurement behind an anti-alias filter, as that of a shaker force) or
         zero-order hold (a computed command).  By default determined from the record.
-    method : "local-polynomial" or "welch"
-        Responses and transients that are parabolas over a few lines of the spectrum, fitted by least squares; or
-        averages over segments under Hann windows (H1).
     period : float, optional
         Of the excitation [s], if it repeats.  The response is then that of the mean period, and its deviation that of
         the periods; the record begins in the steady state.  Needs as many records as inputs, each driven another way.
     resolution_hz : float, optional
-        Between two frequencies of the answer.  By default so fine that neighbours are hardly correlated (local fits), or
-        that of an eighth of the record (segments).
+        Between two frequencies of the result.  By default the finest at which neighbors are nearly uncorrelated.
     band_hz : (float, float), optional
         Frequencies wanted [Hz].  By default all at which the inputs have power.
 
@@ -136,7 +128,8 @@ def estimate_response(
 
     Notes
     -----
-    The local fits are those of Pintelon & Schoukens, System Identification (2012), ch. 7.  A resonance must be wider than
+    Response and transients are parabolas over a few lines of the spectrum, fitted by least squares:
+    local fits of Pintelon & Schoukens, System Identification (2012), ch. 7.  A resonance must be wider than
     a few lines: where it is not, the misfit shows in the deviation, and `bc.identify` finds it from the record itself.
     Of held inputs the response is divided by that of the hold; what folds over from above half the sampling rate stays.
 
@@ -153,16 +146,15 @@ def estimate_response(
     True
     """
     record = Record.of(inputs, outputs, sample_time, quantity, intersample)
-    known("method", method, METHODS)
     low, high = band(band_hz, 0.5 / record.step)
     record = with_intersample(record, high)
     wanted = None if resolution_hz is None else positive("resolution_hz", resolution_hz)
     if period is not None:
-        if wanted is not None or method != METHODS[0]:
-            raise ValueError("period: expected neither resolution_hz nor a method beside it, as periods say both")
+        if wanted is not None:
+            raise ValueError(f"`resolution_hz` must be None with a period, which sets it, got {resolution_hz!r}.")
         estimated = _periods(record, period)
     else:
-        estimated = (_local if method == METHODS[0] else _welch)(record, wanted)
+        estimated = _local(record, wanted)
     hz, G, variance, coherence, excited, source = estimated
     inside = (hz > 0.0) & (hz >= low) & (hz <= high)
     if not (inside & excited).any():
@@ -333,35 +325,6 @@ def _local(record: Record, resolution: float | None) -> tuple[Any, ...]:
     return centres / span, G, variance, coherence, sound & _driven(power), source
 
 
-def _welch(record: Record, resolution: float | None) -> tuple[Any, ...]:
-    """Return the answer of averages over Hann windows that overlap by half."""
-    shortest = min(map(len, record.u))
-    length = shortest // _SEGMENTS if resolution is None else round(1.0 / (resolution * record.step))
-    m = len(record.inputs)
-    starts = [np.arange(0, len(u) - length + 1, max(length // 2, 1)) for u in record.u]
-    segments = sum(map(len, starts))
-    if length < 2 * m + 2 or segments < m + 2:
-        raise ValueError(
-            f"resolution_hz: expected one of which the records have at least {m + 2} segments, got {segments} of"
-            f" {length} samples"
-        )
-    window = np.sin(np.pi * (np.arange(length) + 0.5) / length) ** 2
-    U, Y = (
-        np.concatenate(
-            [
-                np.fft.rfft(window[:, None] * x[k : k + length], axis=0)[None]
-                for x, s in zip(data, starts, strict=True)
-                for k in s
-            ]
-        )
-        for data in (record.u, record.y)
-    )
-    effective = segments / (1.0 + 2.0 * _OVERLAP * (1.0 - 1.0 / segments))
-    spread = 1.0 / (effective - m) if effective > m else np.inf
-    hz = np.fft.rfftfreq(length, record.step)
-    return (hz, *_averaged(U, Y, spread, segments), f"{count(segments, 'segment')} under Hann windows")
-
-
 def _periods(record: Record, period: Any) -> tuple[Any, ...]:
     """Return the response of the mean periods; the deviation comes from what differs between periods."""
     samples, periods = record.cut(period)
@@ -374,36 +337,23 @@ def _periods(record: Record, period: Any) -> tuple[Any, ...]:
         np.stack([np.fft.rfft(x[len(x) - periods * samples :].reshape(periods, samples, -1), axis=1) for x in data])
         for data in (record.u, record.y)
     )
-    G, _, coherence, excited = _averaged(U.mean(axis=1), Y.mean(axis=1), 1.0, records)
-    change = (Y - Y.mean(axis=1, keepdims=True)) - np.einsum("oik,epki->epko", G, U - U.mean(axis=1, keepdims=True))
-    noise = np.square(np.abs(change)).sum(axis=(0, 1)) / (records * (periods - 1))  # lines x outputs, of one period
-    mean = U.mean(axis=1)
+    mean, mean_Y = U.mean(axis=1), Y.mean(axis=1)
     gram = np.einsum("eki,ekj->kij", mean.conj(), mean)
-    gram[~excited] = np.eye(m)
-    spread = np.linalg.inv(gram).real[:, range(m), range(m)] / periods
+    power = np.einsum("kii->ki", gram).real
+    scale = np.sqrt(np.where(power > 0.0, power, 1.0))
+    alike = gram / (scale[:, :, None] * scale[:, None, :])
+    excited = _driven(power) & (np.linalg.eigvalsh(alike)[:, 0] > _INDEPENDENT**2)
+    alike[~excited] = np.eye(m)
+    inverse = np.linalg.inv(alike) / (scale[:, :, None] * scale[:, None, :])
+    G = (inverse @ np.einsum("eki,eko->kio", mean.conj(), mean_Y)).transpose(2, 1, 0)
+    change = (Y - mean_Y[:, None]) - np.einsum("oik,epki->epko", G, U - mean[:, None])
+    noise = np.square(np.abs(change)).sum(axis=(0, 1)) / (records * (periods - 1))  # lines x outputs, of one period
+    spread = np.einsum("kii->ki", inverse).real / periods
     signal = np.square(np.abs(np.einsum("oik,eki->eko", G, mean))).mean(axis=0)
     coherence = (signal / (signal + noise + _least(signal))).T
     variance = noise.T[:, None, :] * spread.T[None, :, :]
     hz = np.fft.rfftfreq(samples, record.step)
     return hz, G, variance, coherence, excited, f"{count(periods, 'period')} in {count(records, 'record')}"
-
-
-def _averaged(U: Array, Y: Array, spread: float, averages: int) -> tuple[Array, Array, Array, Array]:
-    """Return H1, its variance, the multiple coherence and where the inputs excite, of spectra (averages, lines, signals)."""
-    Suu = np.einsum("eki,ekj->kij", U.conj(), U) / averages
-    Suy = np.einsum("eki,eko->kio", U.conj(), Y) / averages
-    power = np.einsum("kii->ki", Suu).real
-    scale = np.sqrt(np.where(power > 0.0, power, 1.0))
-    alike = Suu / (scale[:, :, None] * scale[:, None, :])
-    excited = _driven(power) & (np.linalg.eigvalsh(alike)[:, 0] > _INDEPENDENT**2)
-    alike[~excited] = np.eye(U.shape[2])
-    inverse = np.linalg.inv(alike) / (scale[:, :, None] * scale[:, None, :])
-    H = inverse @ Suy  # lines x inputs x outputs
-    whole = np.square(np.abs(Y)).mean(axis=0)
-    noise = np.square(np.abs(Y - np.einsum("eki,kio->eko", U, H))).mean(axis=0)
-    variance = spread * noise[:, None, :] * np.einsum("kii->ki", inverse).real[:, :, None]
-    coherence = np.clip(1.0 - noise / (whole + _least(whole)), 0.0, 1.0)
-    return H.transpose(2, 1, 0), variance.transpose(2, 1, 0), coherence.T, excited
 
 
 def _driven(power: Array) -> Array:
