@@ -114,6 +114,11 @@ class CommonPoles:
         found = self._solved[0]
         return found[: len(found) - len(self._rest)].reshape(len(self.poles), 2, self._width, found.shape[1])
 
+    def contribution(self, k: int) -> Array:
+        """Return the response and the free motions of one pole, (2 n, p)."""
+        rows = slice(2 * self._width * k, 2 * self._width * (k + 1))
+        return self._rows[rows].T @ self._solved[0][rows]
+
     @property
     def of_rest(self) -> Array:
         """Of the columns beside the poles, (r, p)."""

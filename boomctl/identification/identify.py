@@ -11,14 +11,14 @@ from scipy import special, stats
 from boomctl.arrays import Array
 from boomctl.checks import known, warn_user, whole, within
 from boomctl.identification.blocks import confident
-from boomctl.identification.common_poles import CommonPoles, fitted
+from boomctl.identification.common_poles import CommonPoles
 from boomctl.identification.families import hull as joint
 from boomctl.identification.families import names_of_mode, of_modes
 from boomctl.identification.jackknife import BLOCKS, deviations
 from boomctl.identification.realised import RankOne
 from boomctl.identification.record import EXCITED, QUANTITIES, Record, band, quantities
 from boomctl.identification.response import with_intersample
-from boomctl.identification.search import refine, search_poles, unresolved, weakest, without
+from boomctl.identification.search import candidates, refine, search_poles, weakest, without
 from boomctl.identification.spectra import Spectra, complex_of, rms
 from boomctl.lti.system import is_frequency_response
 from boomctl.printing import LINES, WIDTH, between, compact, count, table_html
@@ -38,8 +38,8 @@ _EXPLAINED = 50.0  # per cent of the outputs: less left, and the inputs explain 
 _FOLDED, _LARGE = 0.95, 0.2  # of half the sampling rate, and of the energy: what folds over looks like that (a choice)
 _ORDERS = 11  # from half to the highest order, at which poles are tried (a choice)
 _HIGHEST = 60  # order where none is said: some three times as many as modes are sought (a choice)
-_PARTS = 4  # Parts of a record whose refits give prediction intervals.
-_WHOLE_RECORDS = 3  # Records from which whole ones are held back, and are such parts.
+_PARTS = 4  # Parts of a record that give prediction intervals.
+_WHOLE_RECORDS = 3  # Records from which whole ones are held back.
 _POOR = 50.0  # Fit [%] below which a warning is given.
 _WIDEST = 20.0  # logarithm of a factor of damping: it is not determined then
 _LOSS = 1.0  # points of the fit that a structure may cost (a choice)
@@ -358,7 +358,6 @@ def identify(
         low, high = band(band_hz, float(inputs.omega[-1]) / (2.0 * np.pi))
         deviation, told = _deviation(inputs, errors)
         data = tested = whole_record = Spectra.of_response(inputs, low, high, deviation)
-        parts: list[Spectra] = []
         names = tuple(inputs.input_labels), tuple(inputs.output_labels)
         said = getattr(inputs, "quantity", ("displacement",) * len(names[1]))
         kinds = said if quantity is None else quantities(quantity, names[1])
@@ -373,7 +372,6 @@ def identify(
         record = with_intersample(record, high)
         whole_record = Spectra.of_record(record, low, high, slice(0.0, 1.0))
         data, tested, last = _held_back(record, low, high, back) if back else (whole_record, whole_record, "")
-        parts = _parts(record, low, high)
         names, kinds = (record.inputs, record.outputs), record.quantity
         source = f"intervals from {BLOCKS} blocks of the record, " + (
             f"validated by a free run over {last}, then fitted to all of it"
@@ -383,13 +381,15 @@ def identify(
     highest = min(highest, len(data.lines[0]) // (2 * data.U.shape[1] + 2))
     orders = tuple(sorted({round(order) for order in np.linspace(max(highest // 2, 2), highest, _ORDERS)}))
     ends = 2.0 * np.pi * max(low, 0.0), 2.0 * np.pi * high
-    fit, found = search_poles(data, *ends, orders, rigid)
+    # a force moves a free body: its acceleration has no integrator, its velocity one
+    counts = tuple(range(3 - min(QUANTITIES[kind] for kind in kinds))) if rigid is None else (rigid,)
+    fit, found = search_poles(data, *ends, orders, counts)
     simple = RankOne.of(fit)
     tested = tested.scaled(fit.data.scale / tested.scale)
     left = complex_of(simple.left(tested))
     percent = 100.0 * (1.0 - rms(tested.windowed(left)) / rms(tested.windowed(tested.Y)))
     if whole_record is not data:
-        fit = refine(replace(fit, data=whole_record.scaled(fit.data.scale / whole_record.scale)), *ends, rigid)
+        fit = refine(replace(fit, data=whole_record.scaled(fit.data.scale / whole_record.scale)), *ends, counts)
     inside = _inside(fit, ends)
     if wanted is not None and inside.sum() > wanted:
         fit = without(fit, weakest(fit, inside, int(inside.sum()) - wanted))
@@ -407,7 +407,7 @@ def identify(
     number = int(inside.sum())
     quantile = float(stats.t.ppf(0.5 + 0.5 * level, BLOCKS - 1))
     steps = quantile * deviations(fit)
-    wider = prediction_steps(fit, parts, level, steps)
+    wider = np.maximum(_prediction(fit, level), np.sqrt(2.0) * steps)
     simple = RankOne.of(fit)
     if data.lengths:
         _said_of_feedback(fit)
@@ -416,7 +416,7 @@ def identify(
         model, loose = simple.structure(fit.data, *names)
         loss = rms(complex_of(loose)) / rms(fit.data.Y) - rms(complex_of(fit.residuals)) / rms(fit.data.Y)
         model = None if 100.0 * loss.max() > _LOSS else model
-    shares, doubtful = fit.shares / fit.shares.sum(), unresolved(fit)
+    shares, doubtful = fit.shares / fit.shares.sum(), candidates(fit)[1]
     rows = tuple(
         _mode(
             fit.poles[k],
@@ -465,19 +465,6 @@ def _held_back(record: Record, low: float, high: float, back: float) -> tuple[Sp
     return (*(Spectra.of_record(record, low, high, span) for span in spans), f"its last {100.0 * back:g} %")  # type: ignore[return-value]
 
 
-def _parts(record: Record, low: float, high: float) -> list[Spectra]:
-    """Return parts of the records for prediction intervals, none if they are too short."""
-    count = len(record.u)
-    if count >= _WHOLE_RECORDS:
-        return [Spectra.of_record(record.of_numbers([k]), low, high, slice(0.0, 1.0)) for k in range(count)]
-    each = _PARTS // count
-    spans = [slice(k / each, (k + 1.0) / each) for k in range(each)]
-    try:
-        return [Spectra.of_record(record.of_numbers([k]), low, high, span) for k in range(count) for span in spans]
-    except ValueError:
-        return []
-
-
 def _inside(fit: CommonPoles, ends: tuple[float, float]) -> Array:
     """Return which poles are modes of the band."""
     return (fit.poles.imag > 0.0) & (fit.poles.imag >= ends[0]) & (fit.poles.imag <= ends[1])
@@ -509,22 +496,11 @@ def _check_fit(percent: Array, outputs: Sequence[str]) -> None:
         )
 
 
-def prediction_steps(fit: CommonPoles, parts: Sequence[Spectra], level: float, mean: Array) -> Array:
-    """Compute half widths of prediction intervals from refits on parts of the record, (k, 2) as `deviations`.
-
-    Without parts a second record is as uncertain as the first one.
-    """
-    least = np.sqrt(2.0) * mean
-    if len(parts) < 2:
-        return least
-    rate = -fit.poles.real
-    refits = []
-    for part in parts:
-        poles = fitted(replace(fit, data=part.scaled(fit.data.scale / part.scale))).poles
-        refits.append(np.stack([np.log(-poles.real), poles.imag / rate], axis=1))
-    count = len(refits)
-    quantile = float(stats.t.ppf(0.5 + 0.5 * level, count - 1)) * np.sqrt(1.0 + 1.0 / count)
-    return np.maximum(quantile * np.std(refits, axis=0, ddof=1), least)
+def _prediction(fit: CommonPoles, level: float) -> Array:
+    """Compute half widths of prediction intervals, (k, 2) as `deviations`, from a few long parts, or from each record."""
+    parts = max(len(fit.data.lengths), _PARTS)
+    quantile = float(stats.t.ppf(0.5 + 0.5 * level, parts - 1))
+    return quantile * np.sqrt(parts + 1.0) * deviations(fit, parts)
 
 
 def _deviation(response: Any, errors: str | None) -> tuple[Array | None, str]:

@@ -13,11 +13,13 @@ _LARGEST = 0.98  # Largest leverage of a block on an error.
 _GROUPS = 6  # Groups of alternate lines of a frequency response that are left out in turn.
 
 
-def deviations(fit: CommonPoles) -> Array:
+def deviations(fit: CommonPoles, count: int = BLOCKS) -> Array:
     """Compute standard deviations of the poles from blocks that are left out.
 
     The gradient of the sum of squares is a sum over time.  The share of a block gives the step of the poles if the block
     is left out, by one Gauss-Newton step with the residues solved for.
+
+    Few blocks are long: their deviation includes how the structure changes from one to the next.
 
     Returns
     -------
@@ -30,7 +32,7 @@ def deviations(fit: CommonPoles) -> Array:
     total = fit.normal_equations[0]
     total = total + np.diag(np.diagonal(total) == 0.0)  # the frequency of a real pole is no parameter
     steps = []
-    for block in _blocks(fit, together):
+    for block in _blocks(fit, together, count):
         slopes, basis, left = np.split(block, [k * w, -p], axis=1)
         own = curvature(factors, slopes.T @ slopes)
         gradient = pull(factors, slopes.T @ (left + _left_out(basis, left)))
@@ -43,7 +45,7 @@ def left_out_errors(fit: CommonPoles) -> Array:
     """Compute the sum of squared errors of each block if the residues are fitted without the block."""
     p = fit.residuals.shape[1]
     found = []
-    for block in _blocks(fit, np.concatenate([fit.basis, fit.residuals], axis=1), alternate=True):
+    for block in _blocks(fit, np.concatenate([fit.basis, fit.residuals], axis=1), BLOCKS, alternate=True):
         basis, left = np.split(block, [-p], axis=1)
         found.append(np.square(left + _left_out(basis, left)).sum())
     return np.array(found)
@@ -55,7 +57,7 @@ def _left_out(basis: Array, left: Array) -> Array:
     return basis @ np.linalg.solve(rest, basis.T @ left)
 
 
-def _blocks(fit: CommonPoles, columns: Array, alternate: bool = False) -> list[Array]:
+def _blocks(fit: CommonPoles, columns: Array, count: int, alternate: bool = False) -> list[Array]:
     """Return blocks of columns: over time, or groups of lines of a frequency response, which may alternate."""
     if not fit.data.lengths:
         rows = columns[np.argsort(np.repeat(np.abs(fit.data.s), 2), kind="stable")]
@@ -65,7 +67,7 @@ def _blocks(fit: CommonPoles, columns: Array, alternate: bool = False) -> list[A
         parts = [rows]
     else:  # products over time are those of the spectra
         parts = [part * np.sqrt(0.5 * len(part)) for part in fit.data.in_time(columns)]
-    length = sum(map(len, parts)) / BLOCKS
+    length = sum(map(len, parts)) / count
     found = []
     for part in parts:
         ends = np.linspace(0, len(part), max(round(len(part) / length), 1) + 1).astype(int)

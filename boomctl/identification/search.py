@@ -18,7 +18,9 @@ _CANDIDATES = 12  # Candidates of a round.
 _FACTOR = 2.0  # Largest factor of the 95 % interval of a damping ratio.
 _HALF_WIDTHS = 1.0  # Largest 95 % interval of a frequency [half-power half widths].
 _QUANTILE = float(stats.t.ppf(0.975, BLOCKS - 1))
+_DAMPED = 0.5  # Damping ratio above which a pair of poles is no mode.
 _NEIGHBOR = 3.0  # Half widths within which a candidate must pass a test of the joint fit.
+_STARTS = 3  # Starts of a search for a second pole beside one of the fit.
 _LEFT_OUT = 0.7  # Least fall of the left-out error over the fall of the fit's error for such a candidate.
 _SIGNIFICANT = 2.0  # Standard errors by which the left-out error must fall for a term that is no mode of the band.
 _WORTH = 0.05  # Least fall of the left-out error for such a term, relative.
@@ -35,7 +37,7 @@ _CHANCE = 1e-3  # Probability that a record of noise has one mode in it.
 
 
 def search_poles(
-    data: Spectra, low: float, high: float, orders: tuple[int, ...], integrators: int | None = None
+    data: Spectra, low: float, high: float, orders: tuple[int, ...], integrators: tuple[int, ...] = (0, 1, 2)
 ) -> tuple[CommonPoles, tuple[Track, ...]]:
     """Search the poles of a record within a band, and beside it where the left-out error falls.
 
@@ -46,31 +48,29 @@ def search_poles(
         Band [rad/s].
     orders : tuple of int
         Orders of the common denominators to start from.
-    integrators : int, optional
-        How many integrators the plant has. By default found.
+    integrators : tuple of int
+        Numbers of integrators that the plant may have, ascending.
     """
     found = tracks(poles_by_order(data, orders), data.resolution)
     poles = [track.pole for track in found if len(track.orders) >= _STEADY * len(orders)]
-    start = CommonPoles(data, np.array(poles[: most_poles(data)], complex), np.zeros(0, complex), integrators or 0)
+    start = CommonPoles(data, np.array(poles[: most_poles(data)], complex), np.zeros(0, complex), integrators[0])
     fit = with_background(_weighted(start), low, high, integrators)
     return refine(fit, low, high, integrators), found
 
 
-def refine(fit: CommonPoles, low: float, high: float, integrators: int | None = None) -> CommonPoles:
+def refine(fit: CommonPoles, low: float, high: float, integrators: tuple[int, ...]) -> CommonPoles:
     """Fit the poles, remove those that are not determined, and add candidates from the residuals."""
-    fit = pruned(_with_evidence(_roughly(fit)), low, high)
+    fit = pruned(_with_evidence(_roughly(fit)), low, high, integrators)
     for _ in range(_ROUNDS):
-        apart, beside = candidates(fit)
-        more = np.concatenate([apart, [pole for pole in beside if _splits(fit, pole)]])
-        more = more[: max(most_poles(fit.data) - len(fit.poles), 0)]
+        more = candidates(fit)[0][: max(most_poles(fit.data) - len(fit.poles), 0)]
         if not len(more):
             break
-        joined = pruned(_with_evidence(_roughly(_with(fit, np.append(fit.poles, more)))), low, high)
+        joined = pruned(_with_evidence(_roughly(_with(fit, np.append(fit.poles, more)))), low, high, integrators)
         if len(joined.poles) <= len(fit.poles):
             break
         fit = joined
     fit = with_background(_weighted(fit), low, high, integrators)
-    return pruned(fitted(_weighted(_roughly(fit))), low, high)
+    return pruned(fitted(_weighted(_roughly(fit))), low, high, integrators)
 
 
 def most_poles(data: Spectra) -> int:
@@ -78,7 +78,7 @@ def most_poles(data: Spectra) -> int:
     return max((len(data.s) - data.U.shape[1]) // (2 * (data.U.shape[1] + data.records)), 1)
 
 
-def with_background(fit: CommonPoles, low: float, high: float, integrators: int | None) -> CommonPoles:
+def with_background(fit: CommonPoles, low: float, high: float, integrators: tuple[int, ...]) -> CommonPoles:
     """Add what is no mode of the band while the left-out error falls: a rigid body, a real pole, pairs outside the band."""
     fit = _with_rigid_body(fit, integrators)
     fixed = [pole for pole in fixed_poles(low, high) if pole not in fit.fixed]
@@ -96,10 +96,10 @@ def with_background(fit: CommonPoles, low: float, high: float, integrators: int 
     return fit
 
 
-def _with_rigid_body(fit: CommonPoles, integrators: int | None) -> CommonPoles:
+def _with_rigid_body(fit: CommonPoles, integrators: tuple[int, ...]) -> CommonPoles:
     """Add integrators and a real pole, the fewest that lower the left-out error as far."""
     has_pole = bool((fit.poles.imag == 0.0).any())
-    counts = range(fit.integrators, 3) if integrators is None else [integrators]
+    counts = [count for count in integrators if count >= fit.integrators]
     options = [(count, pole) for count in counts for pole in (has_pole, True) if not (pole and count == 2)]
     options = sorted({*options} - {(fit.integrators, has_pole)})
     errors, best = left_out_errors(fit), fit
@@ -113,18 +113,18 @@ def _with_rigid_body(fit: CommonPoles, integrators: int | None) -> CommonPoles:
         trial = _roughly(trial)
         rates = -trial.poles.real[trial.poles.imag == 0.0]
         if (rates < _SLOWEST * fit.data.resolution).any():
-            trial = _roughly(_without_real_pole(trial))
+            trial = _roughly(_without_real_pole(trial, integrators))
         after = left_out_errors(trial)
         if _falls(errors, after):
             best, errors = trial, after
     return best
 
 
-def _without_real_pole(fit: CommonPoles) -> CommonPoles:
+def _without_real_pole(fit: CommonPoles, integrators: tuple[int, ...]) -> CommonPoles:
     """Return the fit without its real pole: a slow one is an integrator, if that lowers the left-out error."""
     bare = replace(fit, poles=fit.poles[fit.poles.imag != 0.0])
     slow = -fit.poles.real[fit.poles.imag == 0.0].max() < np.sqrt(fit.data.resolution * fit.data.top)
-    if slow and fit.integrators < 2:
+    if slow and fit.integrators < max(integrators):
         more = replace(bare, integrators=fit.integrators + 1)
         return more if _falls(left_out_errors(bare), left_out_errors(more)) else bare
     return bare
@@ -137,7 +137,7 @@ def _falls(before: Array, after: Array) -> bool:
     return bool(fall.mean() > max(_SIGNIFICANT * error, _WORTH * before.mean()))
 
 
-def pruned(fit: CommonPoles, low: float, high: float) -> CommonPoles:
+def pruned(fit: CommonPoles, low: float, high: float, integrators: tuple[int, ...]) -> CommonPoles:
     """Remove poles within the band whose damping ratio or frequency the record does not determine."""
     while len(fit.poles):
         steps = _QUANTILE * deviations(fit)
@@ -145,9 +145,13 @@ def pruned(fit: CommonPoles, low: float, high: float) -> CommonPoles:
         real = fit.poles.imag == 0.0
         undetermined = real & ((steps[:, 0] > np.log(_FACTOR)) | (-fit.poles.real > fit.data.top))
         if undetermined.any():
-            fit = _roughly(_without_real_pole(fit))
+            fit = _roughly(_without_real_pole(fit, integrators))
             continue
-        vague = inside & ~real & ((steps[:, 0] > np.log(_FACTOR)) | (steps[:, 1] > _HALF_WIDTHS))
+        outside = ~real & (~inside | (-fit.poles.real > _DAMPED * np.abs(fit.poles)))
+        if outside.any():
+            fit = _roughly(_with(fit, fit.poles[~outside]))
+            continue
+        vague = ~real & ((steps[:, 0] > np.log(_FACTOR)) | (steps[:, 1] > _HALF_WIDTHS))
         if not vague.any():
             break
         fit = _roughly(_with(fit, np.delete(fit.poles, np.flatnonzero(weakest(fit, vague, max(vague.sum() // 3, 1))))))
@@ -210,50 +214,68 @@ def _in_residuals(fit: CommonPoles) -> tuple[Spectra, list[tuple[float, complex]
 
 
 def candidates(fit: CommonPoles) -> tuple[Array, Array]:
-    """Find poles in the residuals [rad/s] that blocks of their own window determine.
+    """Find poles in the residuals [rad/s] that are determined in a window of their own.
 
     Returns
     -------
-    apart, beside : ndarray
-        Those apart from the poles of the fit, and those within some half widths of one.
+    poles : ndarray
+        New poles, apart from those of the fit or beside one of them.
+    unresolved : (k,) ndarray of bool
+        Poles of the fit that have evidence of another one beside them, which is not determined.
     """
     data, found = _in_residuals(fit)
     least = needed(fit)
     chosen: list[complex] = []
     tried: list[complex] = []
+    starts: dict[int, list[complex]] = {}
     for gain, pole in found:
         if gain <= _BESIDE * found[0][0] or len(tried) >= _CANDIDATES:
             break
+        near = np.flatnonzero(np.abs(fit.poles.imag - pole.imag) < _NEIGHBOR * -fit.poles.real)
+        if len(near):
+            closest = int(near[np.argmin(np.abs(fit.poles[near] - pole))])
+            starts.setdefault(closest, []).append(pole)
+            continue
         if not _apart(pole, tried):
             continue
         tried.append(pole)
         half = _side(data, -pole.real / data.resolution) * data.resolution
         around = data.within(pole.imag - half, pole.imag + half)
         local = fitted(CommonPoles(around, np.array([pole]), np.zeros(0)), _ROUGH * least)
-        decay, frequency = _QUANTILE * deviations(local)[0]
         best = complex(min(local.poles[0].real, pole.real), local.poles[0].imag)
-        if decay <= np.log(_FACTOR) and frequency <= _HALF_WIDTHS and _apart(best, chosen):
+        if _determined(local) and _apart(best, chosen):
             chosen.append(best)
-    poles = np.array(chosen, complex)
-    beside = _beside(fit, poles).any(axis=0)
-    return poles[~beside], poles[beside]
+    unresolved = np.zeros(len(fit.poles), bool)
+    for k, poles in starts.items():
+        second = _second_pole(fit, k, poles[:_STARTS])
+        unresolved[k] = second is None
+        chosen += [] if second is None else [second]
+    return np.array(chosen, complex), unresolved
 
 
-def _beside(fit: CommonPoles, poles: Array) -> Array:
-    """Return which poles of the fit (rows) are within some half widths of others (columns)."""
-    return np.abs(fit.poles.imag[:, None] - poles.imag) < _NEIGHBOR * -fit.poles.real[:, None]
+def _determined(fit: CommonPoles) -> bool:
+    """Return whether all poles have a damping ratio and a frequency that blocks determine."""
+    decay, frequency = (_QUANTILE * deviations(fit)).T
+    return bool((decay <= np.log(_FACTOR)).all() and (frequency <= _HALF_WIDTHS).all())
 
 
-def unresolved(fit: CommonPoles) -> Array:
-    """Return which poles of the fit have evidence of another one beside them in the residuals."""
-    return np.any(_beside(fit, candidates(fit)[1]), axis=1)
+def _second_pole(fit: CommonPoles, k: int, starts: list[complex]) -> complex | None:
+    """Return a pole beside one of the fit, if two describe what the others leave in a window better than one.
 
-
-def _splits(fit: CommonPoles, pole: complex) -> bool:
-    """Return whether a pole beside one of the fit lowers the left-out error by most of what it lowers the cost."""
-    joint = _roughly(_with(fit, np.append(fit.poles, pole)))
-    fall = left_out_errors(fit).sum() - left_out_errors(joint).sum()
-    return bool(fall > _LEFT_OUT * (fit.cost - joint.cost))
+    The left-out error must fall by most of what the error of the fit falls.
+    """
+    others = replace(fit.data, Y=complex_of(fit.residuals + fit.contribution(k)))
+    pole = fit.poles[k]
+    far = max([_NEIGHBOR * -pole.real, *(abs(start.imag - pole.imag) for start in starts)])
+    half = far + _side(fit.data, max(-pole.real / fit.data.resolution, 1.0)) * fit.data.resolution
+    window = others.within(pole.imag - half, pole.imag + half)
+    one = fitted(CommonPoles(window, np.array([pole]), np.zeros(0)))
+    trials = [fitted(CommonPoles(window, np.array([pole, start]), np.zeros(0))) for start in starts]
+    two = min(trials, key=lambda trial: trial.cost)
+    fall = left_out_errors(one).sum() - left_out_errors(two).sum()
+    if fall < _LEFT_OUT * (one.cost - two.cost) or not _determined(two):
+        return None
+    return complex(two.poles[np.argmax(np.abs(two.poles - pole))])
 
 
 def _side(data: Spectra, rate: float) -> int:
