@@ -1,48 +1,56 @@
-"""What is found about a fit apart from its solver: is it a minimum, do several starts agree, does it explain the data."""
+"""Checks of a fit that do not use its solver: adequacy of the model, minimum, agreement of starts."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import special
 
 from boomctl.arrays import Array
 from boomctl.identification.free import FreeParameters
 from boomctl.identification.identifiability import Seen
 from boomctl.printing import count, sentence
 
-_SHARE = 0.1  # of a standard error: how far the sum of squares is asked to either side (a choice)
-_LEAST = 1e-5  # of a coordinate, where that is less: the sum of squares then changes by more than its rounding
-_AT_MINIMUM = 0.05  # standard errors from the parabola's minimum: intervals change by a few parts in a thousand
-_EXACT = 1e-7  # of a coordinate: so near is near enough where the measurements have hardly any errors
-_FALLS = 1e-6  # share by which the sum of squares may fall along what is not seen: rounding
-_UNSEEN = 0.01  # of a coordinate, how far what is not seen is tried (a choice)
-_UNLIKELY = 0.01  # chance below which residuals larger than the deviation given are said not to be chance (a choice)
+_STEP = 0.1  # standard errors between the values of the sum of squares that are compared
+_MIN_STEP = 1e-5  # coordinate step, at least: the sum of squares then changes by more than its rounding error
+_MAX_OFFSET = 0.05  # standard errors from the minimum of the parabola: intervals change by less than 1 %
+_EXACT = 1e-7  # coordinate distance to the minimum that counts as none, for data with almost no errors
+_MAX_DECREASE = 1e-6  # relative decrease of the sum of squares that is rounding error
+_UNSEEN_STEP = 0.01  # coordinate step along combinations that are not identifiable
+_SIGNIFICANCE = 0.01  # p-value below which residuals are larger than the errors
+_MAX_CHI_SQUARE = 2.0  # reduced chi-square with deviations that are estimates: half of it is model error
 
 
 @dataclass(frozen=True)
 class FitCertificate:
-    """What was found about a fit apart from its solver.
+    """Checks of a fit that do not use its solver.
 
     Attributes
     ----------
     offset : float
-        Largest distance to the minimum of a parabola through the sum of squares, computed anew to either side along each
-        combination that is seen, in standard errors.
+        Largest distance to the minimum of a parabola through the sum of squares along the identifiable combinations, in
+        standard errors.
     minimum : bool
-        Whether the sum of squares rises to either side, does not fall along what is not seen, and ``offset`` is small.
+        Whether the sum of squares rises to both sides, does not fall along the other combinations, and ``offset`` is
+        below 0.05.
     starts, agreeing : int
-        How many starts were tried, and how many of them came to this fit.
+        Number of starts, and of those that ended at this fit.
     rivals : tuple of dict
         Other parameters, from other starts, that fit within the confidence limit too.
     at_end : tuple of str
         Parameters at an end of their range: the best fit lies beyond.
     paired : bool
         Whether each measured eigenfrequency is still the nearest in order.
-    chance : float
-        Chance of residuals as large as these, if the model is right and the deviation given is true; ``nan`` where it
-        was estimated.
+    residual_percent : float
+        Norm of the residuals in percent of the norm of the measured values, both weighted; with relative errors the
+        root mean square of the relative residuals.  100 less the fit percent of an uncentered fit.
     excess : float
-        Size of the residuals over the deviation given; ``nan`` where it was estimated.
+        Residuals over the size of the errors: the root of the reduced chi-square.  The errors are known from
+        ``deviation``, from the difference of data sets or from the deviations of a measured response; ``nan`` where
+        none of them is.
+    chance : float
+        p-value of the residuals if the model is right: of chi-square with ``deviation``, of the F test for lack of fit
+        with data sets; ``nan`` otherwise.
     """
 
     offset: float
@@ -52,25 +60,44 @@ class FitCertificate:
     rivals: tuple[dict[str, float], ...]
     at_end: tuple[str, ...]
     paired: bool
-    chance: float
+    residual_percent: float
     excess: float
+    chance: float
 
     @property
     def certified(self) -> bool:
-        """Whether this is a minimum within the ranges, its pairing stands, and no other start fits about as well."""
+        """Whether this is a minimum within the ranges, its pairing holds, and no other start fits about as well.
+
+        A certified minimum may belong to a wrong model: see ``adequacy``.
+        """
         return self.minimum and self.paired and not self.rivals and not self.at_end
 
     @property
     def explained(self) -> bool:
-        """Whether the residuals may be chance; True where the size of the errors was estimated from them."""
-        return not self.chance < _UNLIKELY
+        """Whether the residuals are no larger than the errors allow; True where the errors are not known."""
+        return not (self.chance < _SIGNIFICANCE or (np.isnan(self.chance) and self.excess**2 > _MAX_CHI_SQUARE))
+
+    @property
+    def adequacy(self) -> str:
+        """Residual in percent of the data, and reduced chi-square where the errors are known."""
+        text = f"residual {self.residual_percent:.2g} % of the data"
+        if np.isnan(self.excess):
+            return text
+        text += f", reduced chi-square {self.excess**2:.2g}"
+        return text if self.explained else f"{text} (model inadequate)"
 
     @property
     def statement(self) -> str:
-        """What was found, in words."""
-        parts = ["a minimum" if self.minimum else "NOT shown to be a minimum"]
-        parts[0] += f", to {self.offset:.2g} standard errors" if np.isfinite(self.offset) else ""
-        parts.append(f"{self.agreeing} of {count(self.starts, 'start')} came to it")
+        """Adequacy of the model, then the checks of the minimum."""
+        return f"{self.adequacy}; {self._checks()}"
+
+    def _checks(self) -> str:
+        parts = [f"minimum {'certified' if self.certified else 'NOT certified'}"]
+        if np.isfinite(self.offset):
+            parts[0] += f" to {self.offset:.2g} standard errors" if self.minimum else f", offset {self.offset:.2g}"
+        if not self.minimum:
+            parts.append("the sum of squares is not least here")
+        parts.append(f"{self.agreeing} of {count(self.starts, 'start')} agree")
         if self.rivals:
             values = ", ".join(f"{name} = {value:.4g}" for name, value in self.rivals[0].items())
             parts.append(f"other parameters fit within the confidence limit too, such as {values}")
@@ -79,14 +106,26 @@ class FitCertificate:
         if not self.paired:
             parts.append("another pairing of the modes is nearer")
         if not self.explained:
-            parts.append(
-                f"the residuals are {self.excess:.3g} times as large as the deviation given: the model does not explain what"
-                " was measured, and its intervals are those of a wrong model"
-            )
+            parts.append("the intervals are those of an inadequate model")
         return "; ".join(parts)
 
     def __repr__(self) -> str:
-        return sentence("FitCertificate", f"{'certified' if self.certified else 'NOT certified'}; {self.statement}")
+        return sentence("FitCertificate", self.statement)
+
+
+def lack_of_fit(cost: float, freedom: int, variance: float, known: float) -> tuple[float, float]:
+    """Compute the root of the reduced chi-square and its p-value, for errors of a variance with ``known`` freedom.
+
+    With finite freedom, that of replicates, the F test for lack of fit.  Source: Draper & Smith (1998), section 2.1.
+    """
+    if not freedom > 0 or np.isnan(variance):
+        return float("nan"), float("nan")
+    excess = float(np.sqrt(cost / freedom / variance))
+    if np.isinf(known):
+        return excess, float(special.chdtrc(freedom, cost / variance))
+    left = freedom - known
+    ratio = max(cost - known * variance, 0.0) / left / variance if left > 0.0 else 0.0
+    return excess, float(special.fdtrc(left, known, ratio)) if left > 0.0 else float("nan")
 
 
 def minimum(
@@ -101,10 +140,10 @@ def minimum(
     here, offset, rises = cost(x), 0.0, True
     for k, direction in enumerate(seen.directions):
         value = seen.values[k]
-        step = max(_SHARE * size / value, _LEAST) if value > 0.0 else _UNSEEN
+        step = max(_STEP * size / value, _MIN_STEP) if value > 0.0 else _UNSEEN_STEP
         before, after = cost(x - step * direction), cost(x + step * direction)
         if value == 0.0:
-            rises &= min(before, after) >= here * (1.0 - _FALLS)
+            rises &= min(before, after) >= here * (1.0 - _MAX_DECREASE)
             continue
         curvature = before + after - 2.0 * here
         if not np.isfinite(curvature) or curvature <= 0.0:
@@ -113,4 +152,4 @@ def minimum(
         away = 0.5 * abs(after - before) / curvature * step  # of a coordinate
         if away > _EXACT:
             offset = max(offset, away * value / size)
-    return offset, rises and offset < _AT_MINIMUM
+    return offset, rises and offset < _MAX_OFFSET

@@ -10,10 +10,9 @@ from numpy.typing import ArrayLike
 from boomctl.arrays import Array
 from boomctl.checks import positive, whole
 from boomctl.identification.blocks import Spread, confident, limits, of_blocks, of_sets
-from boomctl.identification.certificate import FitCertificate, minimum
+from boomctl.identification.certificate import FitCertificate, lack_of_fit, minimum
 from boomctl.identification.free import FreeParameters
-from boomctl.identification.identifiability import Forward, Seen, differences, slopes
-from boomctl.identification.intervals import BetterFit, Profile
+from boomctl.identification.identifiability import Seen, differences, slopes
 from boomctl.identification.measured import BOUNDED, Builder, Measured
 from boomctl.identification.result import FitResult
 from boomctl.lti.rounding import ALIKE
@@ -31,16 +30,15 @@ if TYPE_CHECKING:
     One = ArrayLike | Mapping[int, float] | control.FrequencyResponseData | MeasuredCurve | SigmaResult
     Measurement = One | Mapping[str, One] | Sequence[One]
 
-_SEARCH = {"xtol": 1e-6, "ftol": 1e-10, "gtol": 1e-12, "max_nfev": 60}  # of a start: near enough to tell minima apart
-_POLISH = {"xtol": 1e-13, "ftol": 1e-15, "gtol": 1e-15, "max_nfev": 100}  # of the best of them: down to rounding
-_STEP = 1e-5  # of a coordinate, for differences on the way; at the end steps are chosen by comparison
-_PAIRINGS = 10  # times that modes are paired anew; two or three do
-_POLISHES = 4  # times that a profile may find a better fit (a choice)
-_AGREE = 0.05  # of the squared size of errors, by which sums of squares of the same fit differ (a choice)
-_ENDED = 1e-6  # relative size of the residuals with which a start that should come to none may end
-_CHANGED = 1e-5  # relative change of what was measured below which it is said that nothing changes (a choice)
-_LEAST = 1e-2  # of a white deviation: a narrower spread is that of a few data sets that agree by chance (a choice)
-_MOST_STARTS = 1000  # (a choice)
+_SEARCH = {"xtol": 1e-6, "ftol": 1e-10, "gtol": 1e-12, "max_nfev": 60}  # of a start: tells minima from each other
+_POLISH = {"xtol": 1e-13, "ftol": 1e-15, "gtol": 1e-15, "max_nfev": 100}  # of the best start: to rounding
+_STEP = 1e-5  # coordinate step of differences in the search
+_MAX_PAIRINGS = 10  # assignments of measured to computed modes; two or three are usual
+_SAME_FIT = 0.05  # of the squared size of errors by which sums of squares of the same fit differ
+_EXACT = 1e-6  # relative size of residuals that counts as none, for data without errors
+_UNCHANGED = 1e-5  # relative change of the measured values that counts as none
+_MIN_RISE = 0.25  # of the rise of the sum of squares that the linear model predicts at the end of an interval
+_MAX_STARTS = 1000
 
 
 @dataclass(frozen=True)
@@ -79,12 +77,10 @@ class _Problem:
         bounds: Any = (self.free.low, self.free.high)
         modes = self.paired(x)
         cost = np.inf
-        for _ in range(_PAIRINGS):
+        for _ in range(_MAX_PAIRINGS):
             f = self.at(modes)
-            beside = Forward(f, steps, self.free)
-            central = lambda y, f=f: differences(f, y, steps, self.free)  # noqa: E731
-            jac = central if options is _POLISH else beside.slopes
-            found = least_squares(beside.residuals, x, jac=jac, bounds=bounds, **options)
+            jac = lambda y, f=f: differences(f, y, steps, self.free)  # noqa: E731
+            found = least_squares(f, x, jac=jac, bounds=bounds, **options)  # type: ignore[arg-type]
             x, cost = found.x, 2.0 * float(found.cost)
             for at in self.ends_beside(x):
                 beside = float(np.square(f(at)).sum())
@@ -162,7 +158,7 @@ def fit(
     weights : array_like, optional
         How much each value counts: one over the size of its error beside that of the others. By default as the
         ``deviation`` of a response of :func:`boomctl.estimate_response` says, otherwise 1 for each; 0 leaves a value out.
-        Of several data sets the same for all, or a mapping from their names.
+        Of several data sets the same for all.
     errors : "relative" or "absolute"
         "relative": the errors are shares of the values (differences of logarithms, also of complex values). "absolute":
         they are in the unit of the values.
@@ -179,7 +175,7 @@ def fit(
     seed : int
         Seed of the further starts, which are drawn at random.
     progress : callable, optional
-        Is told a `Progress` at each start and at each interval.
+        Called with a `Progress` at each start and each data set.
 
     Returns
     -------
@@ -192,16 +188,17 @@ def fit(
     TypeError, ValueError
         An argument is not what was expected; the model refuses the start, or answers something else than was measured.
     ArithmeticError
-        The sum of squares has so many minima that none can be called the least; the model refuses whatever lies beside.
+        If the model raises at all values near the least of a parameter.
 
     Notes
     -----
-    Intervals come from what repeats itself in the measurements, and ``source`` says from what: of several data sets from
-    how much they differ, so that they hold for the value in another one; of a response from blocks of neighbouring
-    frequencies, so that errors need not be independent.  Of few numbers, or with ``deviation``, errors are taken for
-    independent and normal, as large beside each other as the weights say.  A model error that is the same in every data set
-    no interval sees: ``repeated`` says how large it is.  What the measurements do not see has no interval: it is infinite,
-    and said in ``unseen``.
+    Intervals are those of the linearized model with Student's t, symmetric in the logarithm of positive parameters.
+    ``source`` names the origin of the covariance: for several data sets their differences, so that the intervals hold for
+    the value in another one; for a response blocks of neighbouring frequencies, so that errors may be correlated.  For
+    lists of frequencies, short responses and with ``deviation``, errors are assumed independent and normal with standard
+    deviations in the ratio of the inverse weights.  An error of the model that all data sets have in common does not widen
+    the intervals: ``certificate.adequacy`` compares residuals with errors, ``repeated`` is its part of the squared
+    residuals.  Parameters that are not identifiable have an infinite interval and are listed in ``unseen``.
 
     Examples
     --------
@@ -215,7 +212,7 @@ def fit(
     data = Measured.of(measured, modes, weights, errors, inputs, outputs)
     known_size = None if deviation is None else positive("deviation", deviation)
     confidence = confident("confidence", confidence)
-    count = whole("starts", starts, most=_MOST_STARTS)
+    count = whole("starts", starts, most=_MAX_STARTS)
     whole("seed", seed, least=0)
     free_parameters = FreeParameters.of(build, free, start)
     problem = _Problem(Builder.of(build, data), free_parameters)
@@ -226,50 +223,71 @@ def fit(
         raise ValueError("build: expected finite values above zero at the start; of absolute errors zeros will do")
     with computing("fit", progress):
         candidates, path = _search(problem, count, seed)
-        best, seen, size, freedom, ends, names, spread, each = _polished(problem, candidates[0], known_size, confidence)
-    f = problem.at(best.modes)
-    offset, shown = minimum(f, free_parameters, best.x, seen, size if size > 0.0 else 1.0)
-    # so many standard deviations are within confidence: normal, or Student's t, which has none without freedom
+        best = problem.solve(
+            candidates[0].x, slopes(problem.at(candidates[0].modes), candidates[0].x, free_parameters).steps, _POLISH
+        )
+        f, x = problem.at(best.modes), best.x
+        found = slopes(f, x, free_parameters)
+        seen = Seen.of(found, f, x, free_parameters)
+        each = _of_each(problem, best, found.steps)
+    freedom = max(data.size - seen.rank, 0)
+    size = known_size if known_size is not None else np.sqrt(best.cost / freedom) if freedom else 0.0
+    floor = ALIKE * data.scale  # smaller errors are rounding errors of the model
+    size, exact = max(float(size), floor), bool(size < floor)
+    spread = None
+    if len(each):
+        spread = of_sets(each, data.sets)
+    elif known_size is None and not exact:
+        spread = of_blocks(found.matrix, f(x), data, seen)
+    # number of standard deviations within confidence: normal, or Student's t, which has none without freedom
     degrees = np.inf if known_size is not None else freedom
     limit = float(limits(confidence, np.array(degrees))) if degrees > 0 else np.inf
-    same = best.cost + max(_AGREE * size**2, data.size * (_ENDED * data.scale) ** 2)
-    within = [other for other in candidates if other.cost < best.cost + (limit * size) ** 2]
-    low, high = np.array(ends).T
+    if spread is None:
+        source = f"{'the deviation given' if known_size is not None else 'all residuals'}, as independent errors"
+        spread = Spread(seen.covariance() * size**2, np.full(free_parameters.size, float(degrees)), source)
+    low, high = _intervals(f, free_parameters, x, seen, spread, confidence, best.cost)
+    same = best.cost + max(_SAME_FIT * size**2, data.size * (_EXACT * data.scale) ** 2)
     apart = []  # fits about as well, with a parameter outside its interval
-    for other in within:
-        found = free_parameters.values(other.x)
-        slack = _ENDED * np.abs(found)
-        if (found < low - slack).any() or (found > high + slack).any():
-            apart.append((dict(zip(free_parameters.names, found.tolist(), strict=True)), other.cost))
-    near = np.minimum(best.x - free_parameters.low, free_parameters.high - best.x)
-    chance, excess = _chance(best.cost, freedom, known_size)
+    for other in candidates:
+        values = free_parameters.values(other.x)
+        slack = _EXACT * np.abs(values)
+        if other.cost < best.cost + (limit * size) ** 2 and ((values < low - slack) | (values > high + slack)).any():
+            apart.append((dict(zip(free_parameters.names, values.tolist(), strict=True)), other.cost))
+    near = np.minimum(x - free_parameters.low, free_parameters.high - x)
+    fitted = data.matched(problem.builder(free_parameters.at(x)), best.modes)
+    residuals = data.difference(fitted)
+    offset, shown = minimum(f, free_parameters, x, seen, size)
+    variance, sure = data.variance(residuals, best.modes)
+    tested = (variance, sure) if known_size is None else (known_size**2, np.inf)
+    excess, chance = lack_of_fit(best.cost, freedom, max(tested[0], floor**2), tested[1])
     certificate = FitCertificate(
-        offset,
-        shown,
-        count,
-        sum(other.cost <= same for other in candidates) - sum(cost <= same for _, cost in apart),
-        tuple(found for found, _ in apart),
-        tuple(n for n, d in zip(free_parameters.names, near, strict=True) if d < _STEP),
-        problem.paired(best.x) == best.modes,
-        chance,
-        excess,
+        offset=offset,
+        minimum=shown,
+        starts=count,
+        agreeing=sum(other.cost <= same for other in candidates) - sum(cost <= same for _, cost in apart),
+        rivals=tuple(values for values, _ in apart),
+        at_end=tuple(n for n, d in zip(free_parameters.names, near, strict=True) if d < _STEP),
+        paired=problem.paired(x) == best.modes,
+        residual_percent=data.percent(fitted),
+        excess=excess,
+        chance=chance if known_size is not None or np.isfinite(sure) else float("nan"),
     )
-    fitted = data.matched(problem.builder(free_parameters.at(best.x)), best.modes)
-    changed = _CHANGED * data.scale * np.sqrt(data.size)
-    values = free_parameters.values(best.x)
-    covariance = _covariance(free_parameters, best.x, seen, spread)
+    covariance = _covariance(free_parameters, x, seen, spread)
     deviations = np.sqrt(np.diag(covariance))
     with np.errstate(invalid="ignore", divide="ignore"):
         correlation = covariance / np.outer(deviations, deviations)
-    listed = free_parameters.names
-    residuals = data.difference(fitted)
+    names = free_parameters.names
+
+    def named(numbers: Array) -> dict[str, Any]:
+        return dict(zip(names, numbers.tolist(), strict=True))
+
     return FitResult(
-        parameters=free_parameters.at(best.x),
-        names=listed,
-        values=dict(zip(listed, values.tolist(), strict=True)),
-        intervals=dict(zip(listed, ends, strict=True)),
+        parameters=free_parameters.at(x),
+        names=names,
+        values=named(free_parameters.values(x)),
+        intervals=dict(zip(names, zip(low.tolist(), high.tolist(), strict=True), strict=True)),
         confidence=confidence,
-        standard_errors=dict(zip(listed, deviations.tolist(), strict=True)),
+        standard_errors=named(deviations),
         covariance=covariance,
         correlation=correlation,
         measured=data,
@@ -280,16 +298,15 @@ def fit(
         deviation=size if limit < np.inf else float("nan"),
         estimated=known_size is None,
         freedom=freedom,
-        unseen=seen.combinations(f, best.x, free_parameters, limit * size if limit < np.inf else 0.0, changed),
+        unseen=seen.combinations(
+            f, x, free_parameters, limit * size if limit < np.inf else 0.0, _UNCHANGED * data.scale * np.sqrt(data.size)
+        ),
         certificate=certificate,
-        path=(*path, *names),
+        path=path,
         source=spread.source,
-        freedoms=dict(zip(listed, spread.freedom.tolist(), strict=True)),
-        each={
-            name: dict(zip(listed, free_parameters.values(x).tolist(), strict=True))
-            for name, x in zip(data.sets, each, strict=False)
-        },
-        repeated=data.repeated(residuals),
+        freedoms=named(spread.freedom),
+        each={name: named(free_parameters.values(at)) for name, at in zip(data.sets, each, strict=False)},
+        repeated=float(np.maximum(best.cost - variance * data.size, 0.0) / (best.cost or 1.0)),
         build=build,
     )
 
@@ -319,57 +336,6 @@ def _search(problem: _Problem, count: int, seed: int) -> tuple[list[_Candidate],
     return sorted(found, key=lambda candidate: candidate.cost), tuple(path)
 
 
-def _polished(
-    problem: _Problem, best: _Candidate, known: float | None, confidence: float
-) -> tuple[_Candidate, Seen, float, int, list[tuple[float, float]], tuple[str, ...], Spread, Array]:
-    """Return the fit to the last digit, what is seen, the size of errors, degrees of freedom, intervals, what was done,
-    how far parameters spread, and what each of several data sets says.
-    """
-    free, data = problem.free, problem.builder.data
-    path = ["steps by comparison"]
-    for _ in range(_POLISHES):
-        best = problem.solve(best.x, slopes(problem.at(best.modes), best.x, free).steps, _POLISH)
-        f = problem.at(best.modes)
-        found = slopes(f, best.x, free)
-        seen = Seen.of(found, f, best.x, free)
-        freedom = max(data.size - seen.rank, 0)
-        size = known if known is not None else np.sqrt(best.cost / freedom) if freedom else 0.0
-        # relative: smaller errors than these are of the model's rounding, not of a measurement
-        floor = ALIKE * data.scale
-        size, exact = max(float(size), floor), bool(size < floor)
-        each = _of_each(problem, best, found.steps)
-        covariance = seen.covariance() * size**2
-        spread = None
-        if len(each):
-            spread = of_sets(each, data.sets)
-        elif known is None and not exact:
-            spread = of_blocks(found.matrix, f(best.x), data, seen)
-        if spread is None:
-            said = "the deviation given" if known is not None else "all residuals"
-            lost = np.inf if known is not None else freedom if freedom else 0
-            spread = Spread(covariance, np.full(free.size, lost), f"{said}, as independent errors")
-        white = np.sqrt(np.diag(covariance))
-        # in white deviations, which profiles are drawn over; a parameter that spreads less than their rounding has some
-        times = np.maximum(np.sqrt(np.diag(spread.covariance)) / np.where(white > 0.0, white, np.inf), _LEAST)
-        times[seen.hidden] = 1.0
-        quantiles = np.where(spread.freedom > 0.0, limits(confidence, np.maximum(spread.freedom, 1.0)), np.inf) * times
-        try:
-            ends = [
-                _ends(Profile(f, free, best.x, found.steps, seen, size, float(quantiles[i])), i, exact)
-                for i in range(free.size)
-            ]
-        except BetterFit as better:
-            best = _Candidate(best.cost, better.x, best.modes)
-            path.append("a profile found a better fit")
-            continue
-        path.append("intervals of the linearised model" if exact else "intervals by profiles")
-        return best, seen, size, freedom, ends, tuple(path), spread, each
-    raise ArithmeticError(
-        "fit: profiles go on finding better fits; the sum of squares has many minima, or the model refuses what lies beside"
-        " the least: try more starts, narrower ranges, or ranges that end where the model does"
-    )
-
-
 def _of_each(problem: _Problem, best: _Candidate, steps: Array) -> Array:
     """Return the coordinates at which each of several data sets is fitted by itself, from the fit to all."""
     data, found = problem.builder.data, []
@@ -380,32 +346,35 @@ def _of_each(problem: _Problem, best: _Candidate, steps: Array) -> Array:
     return np.array(found)
 
 
-def _ends(profile: Profile, i: int, exact: bool) -> tuple[float, float]:
-    """Return the interval of a parameter, in its unit."""
-    free = profile.free
-    tell("intervals", i, free.size)
-    lost = profile.seen.hidden[i] and (exact or not profile.seen.alone[i])
-    if lost or not np.isfinite(profile.quantile):
-        return (0.0 if free.logarithmic[i] else -np.inf, np.inf)
-    if exact:  # the profile would be one of rounding
-        half = profile.quantile * profile.size * np.sqrt(profile.seen.covariance()[i, i])
-        ends = [profile.x[i] - half, profile.x[i] + half]
-    else:
-        ends = [profile.end(i, -1), profile.end(i, 1)]
-    at = [profile.x.copy(), profile.x.copy()]
-    for x, end in zip(at, ends, strict=True):
-        x[i] = end
-    low, high = (float(free.values(x)[i]) for x in at)
+def _intervals(
+    f: Callable[[Array], Array],
+    free: FreeParameters,
+    x: Array,
+    seen: Seen,
+    spread: Spread,
+    confidence: float,
+    cost: float,
+) -> tuple[Array, Array]:
+    """Compute the ends of the intervals of the linearized model, in units of the parameters.
+
+    They are infinite (0 for a parameter above zero) for parameters that are not identifiable, and out of reach.  A
+    parameter whose logarithm is not bounded, such as the damping of an undamped structure, has the upper end of the model
+    linear in the parameter itself, if the sum of squares rises there as this model predicts.
+    """
+    unit = seen.covariance()
+    deviations = np.sqrt(np.diag(spread.covariance))
+    deviations[seen.hidden | (deviations == 0.0)] = np.inf
+    half = np.where(spread.freedom > 0.0, limits(confidence, np.maximum(spread.freedom, 1.0)), np.inf) * deviations
+    low, high = (free.values(end) for end in (x - half, x + half))
+    open_low, open_high = (half > free.reach(x, sign) for sign in (-1, 1))
+    low, high = np.where(open_low, np.where(free.logarithmic, 0.0, -np.inf), low), np.where(open_high, np.inf, high)
+    for i in np.flatnonzero(free.logarithmic & open_low & open_high & np.isfinite(half)):
+        at = x + half[i] * unit[:, i] / unit[i, i]
+        at[i] = x[i] + np.log1p(half[i])
+        rise = float(np.square(f(at)).sum()) - cost
+        if at[i] < free.high[i] and _MIN_RISE * half[i] ** 2 / unit[i, i] < rise < np.inf:
+            high[i] = free.values(at)[i]
     return low, high
-
-
-def _chance(cost: float, freedom: int, known: float | None) -> tuple[float, float]:
-    """Return how likely residuals as large as these are, and how large they are beside the deviation given."""
-    from scipy.special import chdtrc
-
-    if known is None or freedom == 0:
-        return float("nan"), float("nan")
-    return float(chdtrc(freedom, cost / known**2)), float(np.sqrt(cost / freedom) / known)
 
 
 def _covariance(free: FreeParameters, x: Array, seen: Seen, spread: Spread) -> Array:

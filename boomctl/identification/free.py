@@ -114,11 +114,11 @@ class FreeParameters:
         others = np.random.default_rng(seed).uniform(low, high, (count - 1, self.size))
         return [np.zeros(self.size), *others]
 
-    def reach(self, x: Array, i: int, sign: int) -> float:
-        """Return how far a coordinate may go from ``x`` while the end of an interval is looked for."""
-        end = self.high[i] if sign > 0 else self.low[i]
-        far = np.log(_FAR) if self.logarithmic[i] else _FAR
-        return abs(end - x[i]) if np.isfinite(end) else far + abs(x[i])
+    def reach(self, x: Array, sign: int) -> Array:
+        """Return how far coordinates may go from ``x`` to the end of an interval."""
+        end = self.high if sign > 0 else self.low
+        far = np.where(self.logarithmic, np.log(_FAR), _FAR) + np.abs(x)
+        return np.where(np.isfinite(end), np.abs(end - x), far)
 
     def told(self, i: int, x: float) -> str:
         """Return a change of one coordinate in words."""
@@ -162,15 +162,11 @@ def _start(build: object, free: object, start: object) -> Any:
 def _record_of(build: Callable[..., Any]) -> type | None:
     """Return the dataclass that a function takes first, if it says so."""
     try:
-        first = next(iter(inspect.signature(build).parameters.values()), None)
-    except (TypeError, ValueError):
-        return None
-    said = None if first is None else first.annotation
-    if isinstance(said, str):
-        try:
+        said = next(iter(inspect.signature(build).parameters.values())).annotation
+        if isinstance(said, str):
             said = eval(said, getattr(inspect.unwrap(build), "__globals__", {}))  # as typing.get_type_hints reads it
-        except (NameError, SyntaxError, TypeError, AttributeError):  # of another parameter's module, or none at all
-            return None
+    except (StopIteration, NameError, SyntaxError, TypeError, ValueError, AttributeError):
+        return None
     kinds = get_args(said) if get_origin(said) in (Union, UnionType) else (said,)
     return next((kind for kind in kinds if isinstance(kind, type) and is_dataclass(kind)), None)
 

@@ -35,8 +35,8 @@ ERRORS = ("relative", "absolute")
 RESPONSE = "complex frequency response"
 BOUNDED = "bounded relative"  # for the search alone
 _MISSED = 3  # modes that the measurement may have missed and that are offered beside those measured (a choice)
-_LIGHTEST = 1e-50  # of weights that count: squares of what is divided by them are numbers still (a choice)
-_SUREST = 1e-3  # of the usual deviation: a value that is said to be surer counts as this one (a choice)
+_MIN_WEIGHT = 1e-50  # Squares of residuals divided by it do not overflow.
+_MIN_RELATIVE_STD = 1e-3  # Floor on standard deviations, relative to their median.
 _HANDED = ("omega", "count", "inputs", "outputs")  # what a function is given where it has a parameter of this name
 
 
@@ -100,10 +100,7 @@ class Measured:
         several = _sets(measured)
         if several is not None:
             return _side_by_side(
-                {
-                    name: cls.of(each, modes, _weights_of(weights, name, several), errors, inputs, outputs)
-                    for name, each in several.items()
-                }
+                {name: cls.of(each, modes, weights, errors, inputs, outputs) for name, each in several.items()}
             )
         signals = {}
         for name, given in (("inputs", inputs), ("outputs", outputs)):
@@ -151,8 +148,10 @@ class Measured:
         return None if self.omega is None else np.unique(self.omega, return_inverse=True)
 
     @property
-    def longest(self) -> int:
-        """Most eigenfrequencies that a data set has."""
+    def least(self) -> int:
+        """Number of eigenfrequencies that a model has at least."""
+        if self.modes:
+            return max(self.modes)
         return len(self.values) if self.member is None else int(np.bincount(self.member).max())
 
     def one(self, k: int) -> "Measured":
@@ -220,25 +219,29 @@ class Measured:
         """Return measured less fitted; of relative errors, of the logarithms."""
         return -_difference(fitted, self.values, self.errors)
 
-    def repeated(self, differences: Array) -> float:
-        """Return the share of the squared differences that is the same in every data set, or more than the noise said.
+    def percent(self, fitted: Array) -> float:
+        """Compute the norm of the residuals in percent of the norm of the values, both weighted."""
+        values, spread = self.values[self.kept], self.spread[self.kept]
+        spread = spread * np.abs(values) if self.errors == "relative" else spread
+        size = float(np.linalg.norm(values / spread))
+        return 100.0 * float(np.linalg.norm((fitted[self.kept] - values) / spread)) / size if size > 0.0 else np.inf
 
-        ``nan`` where neither is known.
+    def variance(self, differences: Array, modes: tuple[int, ...] | None) -> tuple[float, float]:
+        """Compute the mean square of the errors in residuals, and its degrees of freedom; ``nan`` where it is unknown.
+
+        Of data sets of the same frequencies or modes, from their differences, otherwise from the deviations of the
+        response.
         """
-        scaled = np.where(self.kept, differences / self.spread, 0.0)
-        whole = float(np.square(np.abs(scaled)).sum())
-        sets = len(self.sets)
-        if self.member is not None and len(set(np.bincount(self.member))) == 1 and self.omega is not None:
-            omega = self.omega.reshape(sets, -1)
-            if (omega == omega[0]).all():
+        at, sets = modes if self.omega is None else self.omega, len(self.sets)
+        if self.member is not None and len(set(np.bincount(self.member))) == 1:
+            at = np.reshape(np.asarray(at), (sets, -1))
+            if (at == at[0]).all():
+                scaled = np.where(self.kept, differences / self.spread, 0.0)
                 apart = scaled.reshape(*scaled.shape[:-1], sets, -1)
-                noise = float(np.square(np.abs(apart - apart.mean(axis=-2, keepdims=True))).sum()) * sets / (sets - 1)
-                return max(1.0 - noise / whole, 0.0) if whole > 0.0 else 0.0
-        if self.noise is None:
-            return float("nan")
-        parts = 2.0 if np.iscomplexobj(self.values) else 1.0  # the deviation is that of each part
-        noise = parts * float(np.square(self.noise[self.kept]).sum())
-        return max(1.0 - noise / whole, 0.0) if whole > 0.0 else 0.0
+                within = float(np.square(np.abs(apart - apart.mean(axis=-2, keepdims=True))).sum())
+                freedom = self.size * (1.0 - 1.0 / sets)
+                return within / freedom, freedom
+        return (float("nan") if self.noise is None else float(np.square(self.noise[self.kept]).mean())), np.inf
 
     def residuals(self, fitted: Array) -> Array:
         """Return the differences over their spread, real, those left out left out."""
@@ -280,15 +283,6 @@ def _sets(measured: object) -> dict[str, Any] | None:
     return None
 
 
-def _weights_of(weights: object, name: str, several: Mapping[str, object]) -> object:
-    """Return the weights of a data set: by its name, or the same for all."""
-    if not isinstance(weights, Mapping):
-        return weights
-    for each in weights:
-        known("data set in weights", each, tuple(several))
-    return weights.get(name)
-
-
 def _side_by_side(sets: Mapping[str, "Measured"]) -> "Measured":
     """Return data sets as one, refused where they are not of the same kind."""
     first, *others = sets.values()
@@ -320,13 +314,12 @@ def _side_by_side(sets: Mapping[str, "Measured"]) -> "Measured":
 
 
 def _weights(deviation: Array, size: Array) -> Array | None:
-    """Return weights from deviations that a measurement says, one in the middle; None where it says none."""
+    """Return weights from standard deviations, one for the median; None if there are none."""
     with np.errstate(divide="ignore", invalid="ignore"):
-        share = deviation / np.abs(size)
-    usual = float(np.median(share[np.isfinite(share)])) if np.isfinite(share).any() else 0.0
-    if usual == 0.0:
-        return None
-    return np.where(np.isfinite(share), usual / np.maximum(share, _SUREST * usual), 0.0)
+        relative = deviation / np.abs(size)
+    known = np.isfinite(relative)
+    median = float(np.median(relative[known])) if known.any() else 0.0
+    return np.where(known, median / np.maximum(relative, _MIN_RELATIVE_STD * median), 0.0) if median else None
 
 
 def _eigenfrequencies(measured: object, modes: object) -> tuple[Array, tuple[int, ...] | None]:
@@ -336,12 +329,7 @@ def _eigenfrequencies(measured: object, modes: object) -> tuple[Array, tuple[int
             raise ValueError("modes: expected None, as measured names its modes")
         modes, measured = tuple(measured), list(measured.values())
     kinds = "eigenfrequencies [Hz], FrequencyResponseData, a MeasuredCurve or a SigmaResult"
-    if measured is None or isinstance(measured, (str, bytes)):
-        raise TypeError(f"measured: expected {kinds}, got {type(measured).__name__}")
-    array = plain_array("measured", measured)  # type: ignore[arg-type]
-    if array.dtype.kind not in "iuf":
-        raise TypeError(f"measured: expected {kinds}, got {type(measured).__name__}")
-    values = finite_array("measured", array, ndim=1)
+    values = finite_array("measured", _numbers("measured", measured, kinds, "iuf"), ndim=1)
     if not len(values):
         raise ValueError("measured: expected at least one eigenfrequency, got none")
     for value in values:
@@ -365,20 +353,15 @@ def _spread(weights: object, values: Array) -> Array:
     if weights is None:
         return np.ones(values.shape)
     given = finite_array("weights", weights)  # type: ignore[arg-type]
-    if (given < 0.0).any() or not (given > 0.0).any():
-        raise ValueError("weights: expected numbers not below zero, some of them above it")
-    if (given[given > 0.0] < _LIGHTEST).any():
+    if (given < 0.0).any() or not (given > 0.0).any() or (given[given > 0.0] < _MIN_WEIGHT).any():
         raise ValueError(
-            f"weights: expected zeros or numbers of at least {_LIGHTEST:g}, got {given[given > 0.0].min()}"
+            f"`weights` must be zeros and numbers of at least {_MIN_WEIGHT:g}, got {given.min():g} to {given.max():g}."
         )
     try:
-        shaped = np.broadcast_to(given, values.shape)
+        with np.errstate(divide="ignore"):
+            return 1.0 / np.broadcast_to(given, values.shape)
     except ValueError:
-        raise ValueError(
-            f"weights: expected the shape of what was measured, {values.shape}, or one that spreads to it, got {given.shape}"
-        ) from None
-    with np.errstate(divide="ignore"):
-        return 1.0 / shaped
+        raise ValueError(f"`weights` must have the measured shape {values.shape}, got {given.shape}.") from None
 
 
 @dataclass(frozen=True)
@@ -414,14 +397,9 @@ class Builder:
         data = self.data
         if isinstance(self.build, Family):
             return self.build.at(self.build.deltas(parameters))
-        given = {
-            "omega": data.asked and data.asked[0],
-            "count": self._count(),
-            "inputs": data.inputs,
-            "outputs": data.outputs,
-        }
-        handed = {name: given[name] for name in self.handed if given[name] is not None}
-        return self.build(parameters, **handed)
+        omega = None if data.asked is None else data.asked[0]
+        given: dict[str, Any] = dict(zip(_HANDED, (omega, self._count(), data.inputs, data.outputs), strict=True))
+        return self.build(parameters, **{name: given[name] for name in self.handed if given[name] is not None})
 
     def __call__(self, parameters: Any) -> Array:
         """Return all values that the model offers: modes [Hz], its response, or singular values."""
@@ -429,18 +407,14 @@ class Builder:
         if data.asked is None:
             return self._frequencies(model)
         omega, at = data.asked
-        found = (self._response if data.kind == RESPONSE else self._singular_values)(model, omega)
-        return found[..., at]
+        return self._curves(model, omega)[..., at]
 
     def _count(self) -> int | None:
-        data = self.data
-        if data.kind != "eigenfrequencies":
-            return None
-        return max(data.modes) if data.modes else data.longest + _MISSED
+        return self.data.least + (0 if self.data.modes else _MISSED) if self.data.omega is None else None
 
     def _frequencies(self, model: Any) -> Array:
         wanted = self._count() or 0
-        least = max(self.data.modes) if self.data.modes else self.data.longest
+        least = self.data.least
         if isinstance(model, SecondOrderModel):
             for count in range(min(wanted, model.n), 0, -1):
                 try:
@@ -457,62 +431,46 @@ class Builder:
             poles = of(model, "build").poles
             offered = np.sort(poles.imag[poles.imag > 0.0]) / (2.0 * np.pi)
         else:
-            offered = np.sort(finite_array("answer of build", _numbers(model, "eigenfrequencies [Hz]"), ndim=1))
+            offered = np.sort(
+                finite_array("answer of build", _numbers("build", model, "eigenfrequencies [Hz]"), ndim=1)
+            )
         if (offered <= 0.0).any():
             raise ValueError(f"build: expected eigenfrequencies above zero, got {offered.min():g}")
         if len(offered) < least:
             raise ValueError(f"build: expected a model with at least {least} eigenfrequencies, got {len(offered)}")
         return offered
 
-    def _response(self, model: Any, omega: Array) -> Array:
+    def _curves(self, model: Any, omega: Array) -> Array:
+        """Compute the response or the singular values between the measured signals, in the shape of one data set."""
         data = self.data
         model = model.linearize() if hasattr(model, "frequencies_hz") else model  # a hub-beam
-        if isinstance(model, SecondOrderModel):
-            ins, outs = _signals(data, model)
-            found = np.asarray(model.frequency_response(omega, ins, outs).frdata)
+        if data.kind != RESPONSE and (isinstance(model, SecondOrderModel) or is_statespace(model)):
+            found = sigma(model, omega, data.inputs, data.outputs).sigma
+        elif isinstance(model, SecondOrderModel):
+            found = np.asarray(model.frequency_response(omega, *_signals(data, model)).frdata)
         elif is_statespace(model):
             system = of(model, "build")
             found = system.select(*_signals(data, system)).response(omega)
         elif is_frequency_response(model):
             found = _of_data(model, data, omega)
+            found = found if data.kind == RESPONSE else singular_values(found)
         else:
-            found = np.asarray(_numbers(model, "a model or its frequency response"), dtype=complex)
+            found = np.asarray(_numbers("build", model, f"a model or its {data.kind}"))
         wanted = (*data.values.shape[:-1], len(omega))
+        if data.kind != RESPONSE and data.inputs is not None and data.outputs is not None:
+            found = found[: wanted[0]]  # the largest ones
         if found.shape != wanted:
             raise ValueError(
-                f"build: expected a response of shape {wanted} (outputs, inputs, frequencies), as it was measured,"
-                f" got {found.shape}; say `inputs` and `outputs`"
+                f"`build` must return {data.kind} of shape {wanted}, got {found.shape}. Set `inputs` and `outputs`."
             )
         return found
 
-    def _singular_values(self, model: Any, omega: Array) -> Array:
-        data = self.data
-        model = model.linearize() if hasattr(model, "frequencies_hz") else model  # a hub-beam
-        said = data.inputs is not None and data.outputs is not None
-        if isinstance(model, SecondOrderModel) or is_statespace(model):
-            found = sigma(model, omega, data.inputs, data.outputs).sigma
-        elif is_frequency_response(model):
-            found = singular_values(_of_data(model, data, omega))
-        else:
-            found = finite_array("answer of build", _numbers(model, "a model or its singular values"), ndim=2)
-        curves = len(data.values)
-        if len(found) < curves or (len(found) > curves and not said) or found.shape[1] != len(omega):
-            raise ValueError(
-                f"build: expected {curves} singular values at {len(omega)} frequencies, as they were measured, got"
-                f" {len(found)} at {found.shape[1]}; say `inputs` and `outputs`"
-            )
-        return found[:curves]
 
-
-def _numbers(answer: Any, expected: str) -> ArrayLike:
-    """Return an answer of numbers; anything else is refused."""
-    if (
-        answer is None
-        or isinstance(answer, (str, bytes))
-        or plain_array("answer of build", answer).dtype.kind not in "iufc"
-    ):
-        raise TypeError(f"build: expected {expected}, got {type(answer).__name__}")
-    return answer
+def _numbers(name: str, value: Any, expected: str, kinds: str = "iufc") -> ArrayLike:
+    """Return an array of numbers."""
+    if value is None or isinstance(value, (str, bytes)) or plain_array(name, value).dtype.kind not in kinds:
+        raise TypeError(f"{name}: expected {expected}, got {type(value).__name__}")
+    return value
 
 
 def _signals(data: Measured, model: Any) -> tuple[Sequence[str] | None, Sequence[str] | None]:

@@ -35,9 +35,9 @@ class FitResult:
     values : dict of str to float
         Fitted values of the free parameters.
     intervals : dict of str to (float, float)
-        Interval of each free parameter, in which it lies with ``confidence``: by profile likelihood, so that they need
-        not be symmetric, as wide as ``source`` says.  An end is infinite (0 for a parameter above zero) where the
-        measurements do not bound the parameter.
+        Interval of each free parameter, in which it lies with ``confidence``: from the covariance of the linearized
+        model and Student's t, symmetric in the logarithm of positive parameters.  An end is infinite (0 for a parameter
+        above zero) where the measurements, within the range, do not bound the parameter.
     confidence : float
         Confidence of the intervals, between 0.5 and 1.
     standard_errors : dict of str to float
@@ -116,7 +116,7 @@ class FitResult:
 
     @property
     def certified(self) -> bool:
-        """Whether the fit is certified; see ``certificate``."""
+        """Whether the minimum is certified; see ``certificate``, whose ``adequacy`` compares residuals with errors."""
         return self.certificate.certified
 
     def family(
@@ -195,42 +195,35 @@ class FitResult:
             One line for each parameter, then what was found of the fit.
         """
         width = max(len(name) for name in self.names)
-        head = (
-            f"fit of {count(len(self.names), 'parameter')} to {self._data()}, {100.0 * self.confidence:g} % intervals"
-        )
-        lines = [head, *(f"  {n:{width}}  {self.values[n]:<12.6g} {self.interval_text(n)}" for n in self.names)]
-        lines += [f"  not determined: {each.text}" for each in self.unseen]
+        lines = [f"fit of {self._data()}: {self.certificate.adequacy}"]
+        lines += [f"{n:{width}}  {self.values[n]:<12.6g} {self.interval_text(n)}" for n in self.names]
+        lines += [f"not determined: {each.text}" for each in self.unseen]
         for name, values in self.each.items():
-            lines.append(f"  {name}: {', '.join(f'{n} = {value:.5g}' for n, value in values.items())}")
-        return "\n".join(
-            [
-                *lines,
-                f"  {self._errors()}",
-                f"  intervals from {self.source}",
-                *map(str.strip, f"  {self._verdict()}".split("\n")),
-            ]
-        )
+            lines.append(f"{name}: {', '.join(f'{n} = {value:.5g}' for n, value in values.items())}")
+        lines += [self._errors(), f"{100.0 * self.confidence:g} % intervals from {self.source}"]
+        return "\n  ".join([*lines, self.certificate._checks()])
 
     def __repr__(self) -> str:
         shown = self.names[: LINES - 3 if self.unseen else LINES - 2]
         more = f", {len(self.names) - len(shown)} more" if len(shown) < len(self.names) else ""
-        lines = [f"FitResult: {count(len(self.names), 'parameter')} to {self._data()}"]
+        lines = [f"FitResult: {self.certificate.adequacy}"]
         for k, name in enumerate(shown):
             after = more if k == len(shown) - 1 else ""
             lines.append(f"  {name} = {self.values[name]:.6g} ({self.interval_text(name)}){after}")
         if self.unseen:
             lines.append(f"  {self.unseen[0].text}" + (f" ({len(self.unseen)} such)" if len(self.unseen) > 1 else ""))
-        lines.append(f"  {self._verdict()}")
+        lines.append(f"  {self.certificate._checks()}; {self._data()}")
         return "\n".join(line if len(line) <= WIDTH else line[: WIDTH - 3] + "..." for line in lines)
 
     def _repr_html_(self) -> str:
         heads = ("parameter", "fitted", f"{100.0 * self.confidence:g} % interval")
         rows = [(name, f"{self.values[name]:.6g}", self.interval_text(name)) for name in self.names]
         rows += [("", each.text, "") for each in self.unseen]
-        return table_html(f"{self._data()}: {self._errors()}; {self._verdict()}", heads, rows)
+        head = f"{self.certificate.adequacy}; {self._data()}: {self._errors()}; {self.certificate._checks()}"
+        return table_html(head, heads, rows)
 
     def _data(self) -> str:
-        return f"{self.measured.size} numbers ({self.measured.kind})"
+        return f"{count(len(self.names), 'parameter')} to {self.measured.size} numbers ({self.measured.kind})"
 
     def _errors(self) -> str:
         if np.isnan(self.deviation):
@@ -243,9 +236,6 @@ class FitResult:
         return (
             f"errors of {size:.3g}{unit}, {'estimated from the residuals' if self.estimated else 'as given'}{repeats}"
         )
-
-    def _verdict(self) -> str:
-        return f"{'certified' if self.certified else 'NOT certified'}: {self.certificate.statement}"
 
     def plot(self, ax: "Axes | None" = None, **style: Any) -> "Axes":
         """Draw measured values beside fitted ones and those at the start.
