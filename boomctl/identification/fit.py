@@ -38,6 +38,7 @@ _SAME_FIT = 0.05  # of the squared size of errors by which sums of squares of th
 _EXACT = 1e-6  # relative size of residuals that counts as none, for data without errors
 _UNCHANGED = 1e-5  # relative change of the measured values that counts as none
 _MIN_RISE = 0.25  # of the rise of the sum of squares that the linear model predicts at the end of an interval
+_MIN_DEVIATION = 1e-2  # of that for independent errors: a few data sets may agree by chance
 _MAX_STARTS = 1000
 
 
@@ -49,20 +50,14 @@ class _Problem:
     free: FreeParameters
 
     def residuals(self, x: Array, modes: tuple[int, ...] | None) -> Array:
-        """Return the residuals; where the model refuses the parameters, numbers that are not finite."""
+        """Compute the residuals, infinite where the model raises or has too few modes."""
         data = self.builder.data
         try:
             answer = self.builder(self.free.at(x))
-            if modes is not None and max(modes) > len(answer):
-                return self.refused
-            return data.residuals(data.matched(answer, modes))
+            if modes is None or max(modes) <= len(answer):
+                return data.residuals(data.matched(answer, modes))
         except (ValueError, ArithmeticError):
-            return self.refused
-
-    @property
-    def refused(self) -> Array:
-        """What stands for residuals where there is no model."""
-        data = self.builder.data
+            pass
         return np.full(data.residuals(data.values).shape, np.inf)
 
     def paired(self, x: Array) -> tuple[int, ...] | None:
@@ -75,21 +70,19 @@ class _Problem:
         from scipy.optimize import least_squares  # long to import, and only a fit comes here
 
         bounds: Any = (self.free.low, self.free.high)
-        modes = self.paired(x)
-        cost = np.inf
+        modes, previous, cost = self.paired(x), None, np.inf
         for _ in range(_MAX_PAIRINGS):
-            f = self.at(modes)
+            f, previous = self.at(modes), modes
             jac = lambda y, f=f: differences(f, y, steps, self.free)  # noqa: E731
             found = least_squares(f, x, jac=jac, bounds=bounds, **options)  # type: ignore[arg-type]
             x, cost = found.x, 2.0 * float(found.cost)
             for at in self.ends_beside(x):
-                beside = float(np.square(f(at)).sum())
-                x, cost = (at, beside) if beside <= cost else (x, cost)
-            again = self.paired(x)
-            if again == modes:
+                other = float(np.square(f(at)).sum())
+                x, cost = (at, other) if other <= cost else (x, cost)
+            modes = self.paired(x)
+            if modes == previous:
                 break
-            modes = again
-        return _Candidate(cost, x, modes)
+        return _Candidate(cost, x, previous)
 
     def ends_beside(self, x: Array) -> list[Array]:
         """Return the coordinates with those next to an end of their range put there; the solver stays within ranges."""
@@ -245,7 +238,10 @@ def fit(
     if spread is None:
         source = f"{'the deviation given' if known_size is not None else 'all residuals'}, as independent errors"
         spread = Spread(seen.covariance() * size**2, np.full(free_parameters.size, float(degrees)), source)
-    low, high = _intervals(f, free_parameters, x, seen, spread, confidence, best.cost)
+    coordinates = _covariance(spread, seen)
+    floors = _MIN_DEVIATION * size * np.sqrt(np.diag(seen.covariance()))
+    half = limits(confidence, np.maximum(spread.freedom, 1.0)) * np.maximum(np.sqrt(np.diag(coordinates)), floors)
+    low, high = _intervals(problem, best, seen, half)
     same = best.cost + max(_SAME_FIT * size**2, data.size * (_EXACT * data.scale) ** 2)
     apart = []  # fits about as well, with a parameter outside its interval
     for other in candidates:
@@ -272,7 +268,8 @@ def fit(
         excess=excess,
         chance=chance if known_size is not None or np.isfinite(sure) else float("nan"),
     )
-    covariance = _covariance(free_parameters, x, seen, spread)
+    scale = free_parameters.slopes(x)
+    covariance = coordinates * np.outer(scale, scale)
     deviations = np.sqrt(np.diag(covariance))
     with np.errstate(invalid="ignore", divide="ignore"):
         correlation = covariance / np.outer(deviations, deviations)
@@ -346,45 +343,30 @@ def _of_each(problem: _Problem, best: _Candidate, steps: Array) -> Array:
     return np.array(found)
 
 
-def _intervals(
-    f: Callable[[Array], Array],
-    free: FreeParameters,
-    x: Array,
-    seen: Seen,
-    spread: Spread,
-    confidence: float,
-    cost: float,
-) -> tuple[Array, Array]:
+def _covariance(spread: Spread, seen: Seen) -> Array:
+    """Return the covariance of the coordinates, infinite for parameters that are not identifiable."""
+    found, hidden = spread.covariance.copy(), np.flatnonzero(seen.hidden | ~(spread.freedom > 0.0))
+    found[hidden] = np.nan
+    found[:, hidden] = np.nan
+    found[hidden, hidden] = np.inf
+    return found
+
+
+def _intervals(problem: _Problem, best: _Candidate, seen: Seen, half: Array) -> tuple[Array, Array]:
     """Compute the ends of the intervals of the linearized model, in units of the parameters.
 
-    They are infinite (0 for a parameter above zero) for parameters that are not identifiable, and out of reach.  A
-    parameter whose logarithm is not bounded, such as the damping of an undamped structure, has the upper end of the model
-    linear in the parameter itself, if the sum of squares rises there as this model predicts.
+    They are infinite (0 for a parameter above zero) out of reach.  A parameter whose logarithm is not bounded, such as the
+    damping of an undamped structure, has the upper end of the model linear in the parameter itself, if the sum of squares
+    rises there as this model predicts.
     """
-    unit = seen.covariance()
-    deviations = np.sqrt(np.diag(spread.covariance))
-    deviations[seen.hidden | (deviations == 0.0)] = np.inf
-    half = np.where(spread.freedom > 0.0, limits(confidence, np.maximum(spread.freedom, 1.0)), np.inf) * deviations
+    free, x, unit = problem.free, best.x, seen.covariance()
     low, high = (free.values(end) for end in (x - half, x + half))
     open_low, open_high = (half > free.reach(x, sign) for sign in (-1, 1))
     low, high = np.where(open_low, np.where(free.logarithmic, 0.0, -np.inf), low), np.where(open_high, np.inf, high)
     for i in np.flatnonzero(free.logarithmic & open_low & open_high & np.isfinite(half)):
         at = x + half[i] * unit[:, i] / unit[i, i]
         at[i] = x[i] + np.log1p(half[i])
-        rise = float(np.square(f(at)).sum()) - cost
+        rise = float(np.square(problem.residuals(at, best.modes)).sum()) - best.cost
         if at[i] < free.high[i] and _MIN_RISE * half[i] ** 2 / unit[i, i] < rise < np.inf:
             high[i] = free.values(at)[i]
     return low, high
-
-
-def _covariance(free: FreeParameters, x: Array, seen: Seen, spread: Spread) -> Array:
-    """Return the covariance of the parameters, infinite where they are not seen."""
-    if not (spread.freedom > 0.0).all():
-        return np.where(np.eye(free.size, dtype=bool), np.inf, np.nan)
-    scale = free.slopes(x)
-    found = spread.covariance * np.outer(scale, scale)
-    hidden = np.flatnonzero(seen.hidden)
-    found[hidden] = np.nan
-    found[:, hidden] = np.nan
-    found[hidden, hidden] = np.inf
-    return found

@@ -129,17 +129,16 @@ class Measured:
             raise ValueError("modes: expected None, as what was measured are no eigenfrequencies")
         if kind == "eigenfrequencies" and (inputs is not None or outputs is not None):
             raise ValueError("inputs, outputs: expected None, as eigenfrequencies have no signals")
-        said = getattr(measured, "deviation", None) if kind == RESPONSE else None
-        if said is not None and weights is None:
-            weights = _weights(np.asarray(said, float), values if errors == "relative" else np.ones(values.shape))
-        spread = _spread(weights, values)
+        unit = np.abs(values) if errors == "relative" else np.ones(values.shape)
+        deviation = getattr(measured, "deviation", None) if kind == RESPONSE else None
+        with np.errstate(divide="ignore", invalid="ignore"):
+            noise = None if deviation is None else np.asarray(deviation, float) / unit
+        spread = _spread(_weights(noise) if weights is None and noise is not None else weights, values)
         if errors == "relative" and (values[np.isfinite(spread)] == 0.0).any():
             raise ValueError(
-                "measured: a value of zero has no relative error; expected weights that leave it out, or errors='absolute'"
+                "`measured` has zeros, which have no relative error. Set their weight to 0, or errors='absolute'."
             )
-        with np.errstate(divide="ignore", invalid="ignore"):
-            size = np.abs(values) if errors == "relative" else 1.0
-            noise = None if said is None else np.nan_to_num(np.asarray(said, float) / size / spread)
+        noise = None if noise is None else np.nan_to_num(noise) / spread
         return cls(kind, values, spread, str(errors), omega, modes, **signals, labels=labels, noise=noise)  # type: ignore[arg-type]
 
     @cached_property
@@ -275,7 +274,7 @@ def _difference(fitted: Array, measured: Array, errors: str) -> Array:
 
 
 def _sets(measured: object) -> dict[str, Any] | None:
-    """Return data sets by name, where several were given: by a mapping from names, or in a list."""
+    """Return several data sets by name, from a mapping or a list; None for a single one."""
     if isinstance(measured, Mapping) and measured and all(isinstance(name, str) for name in measured):
         return dict(measured)
     if isinstance(measured, (list, tuple)) and measured and not any(np.isscalar(each) for each in measured):
@@ -284,42 +283,31 @@ def _sets(measured: object) -> dict[str, Any] | None:
 
 
 def _side_by_side(sets: Mapping[str, "Measured"]) -> "Measured":
-    """Return data sets as one, refused where they are not of the same kind."""
+    """Return data sets of one kind as one, joined along the last axis."""
     first, *others = sets.values()
-    for name, each in list(sets.items())[1:]:
-        same = each.kind == first.kind and each.labels == first.labels and (each.modes is None) == (first.modes is None)
-        if not same or each.values.shape[:-1] != first.values.shape[:-1]:
+    kind = first.kind, first.values.shape[:-1], first.labels
+    for name, other in zip(list(sets)[1:], others, strict=True):
+        found = other.kind, other.values.shape[:-1], other.labels
+        if found != kind or (other.modes is None) != (first.modes is None):
             raise ValueError(
-                f"measured: expected data sets alike, got {first.kind} of shape {first.values.shape} and, in {name!r},"
-                f" {each.kind} of shape {each.values.shape}, or other signals"
+                f"`measured` must be data sets of one kind, shape and signals, got {kind} and {name!r} with {found}."
             )
     if not others:
         return first
-
-    def joined(name: str) -> Any:
+    joined: dict[str, Any] = {}
+    for name in ("values", "spread", "omega", "modes", "noise"):
         parts = [getattr(each, name) for each in sets.values()]
-        return None if any(part is None for part in parts) else np.concatenate(parts, axis=-1)
-
-    modes = joined("modes")
-    return replace(
-        first,
-        values=joined("values"),
-        spread=joined("spread"),
-        omega=joined("omega"),
-        modes=None if modes is None else tuple(modes.tolist()),
-        sets=tuple(sets),
-        member=np.repeat(np.arange(len(sets)), [each.values.shape[-1] for each in sets.values()]),
-        noise=joined("noise"),
-    )
+        joined[name] = None if any(part is None for part in parts) else np.concatenate(parts, axis=-1)
+    joined["modes"] = None if joined["modes"] is None else tuple(joined["modes"].tolist())
+    member = np.repeat(np.arange(len(sets)), [each.values.shape[-1] for each in sets.values()])
+    return replace(first, **joined, sets=tuple(sets), member=member)
 
 
-def _weights(deviation: Array, size: Array) -> Array | None:
+def _weights(deviation: Array) -> Array | None:
     """Return weights from standard deviations, one for the median; None if there are none."""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        relative = deviation / np.abs(size)
-    known = np.isfinite(relative)
-    median = float(np.median(relative[known])) if known.any() else 0.0
-    return np.where(known, median / np.maximum(relative, _MIN_RELATIVE_STD * median), 0.0) if median else None
+    known = np.isfinite(deviation)
+    median = float(np.median(deviation[known])) if known.any() else 0.0
+    return np.where(known, median / np.maximum(deviation, _MIN_RELATIVE_STD * median), 0.0) if median else None
 
 
 def _eigenfrequencies(measured: object, modes: object) -> tuple[Array, tuple[int, ...] | None]:
@@ -336,15 +324,11 @@ def _eigenfrequencies(measured: object, modes: object) -> tuple[Array, tuple[int
         positive("measured eigenfrequency", float(value))
     if modes is None:
         if not (np.diff(values) >= 0).all():
-            raise ValueError(
-                f"measured = {values.tolist()}: expected eigenfrequencies in ascending order, or their modes"
-            )
+            raise ValueError(f"`measured` must be in ascending order, got {values.tolist()}. Sort it, or give `modes`.")
         return values, None
     numbers = tuple(whole("mode", mode) for mode in sequence("modes", modes, "whole numbers"))
     if len(numbers) != len(values) or len(set(numbers)) != len(numbers):
-        raise ValueError(
-            f"modes = {list(numbers)}: expected {len(values)} different ones, one a measured eigenfrequency"
-        )
+        raise ValueError(f"`modes` must be {len(values)} different numbers, one a frequency, got {list(numbers)}.")
     return values, numbers
 
 
@@ -355,7 +339,7 @@ def _spread(weights: object, values: Array) -> Array:
     given = finite_array("weights", weights)  # type: ignore[arg-type]
     if (given < 0.0).any() or not (given > 0.0).any() or (given[given > 0.0] < _MIN_WEIGHT).any():
         raise ValueError(
-            f"`weights` must be zeros and numbers of at least {_MIN_WEIGHT:g}, got {given.min():g} to {given.max():g}."
+            f"`weights` must be zeros and numbers above {_MIN_WEIGHT:g}, got {given.min():g} to {given.max():g}."
         )
     try:
         with np.errstate(divide="ignore"):
@@ -413,18 +397,16 @@ class Builder:
         return self.data.least + (0 if self.data.modes else _MISSED) if self.data.omega is None else None
 
     def _frequencies(self, model: Any) -> Array:
-        wanted = self._count() or 0
         least = self.data.least
         if isinstance(model, SecondOrderModel):
-            for count in range(min(wanted, model.n), 0, -1):
+            offered = np.zeros(0)
+            for count in range(min(self._count() or 0, model.n), 0, -1):
                 try:
                     offered = model.eigenfrequencies_hz(count)
                     break
-                except ValueError:  # fewer oscillate: some are damped too much
+                except ValueError:  # overdamped modes have none
                     if count <= least:
                         raise
-            else:
-                offered = np.zeros(0)
         elif hasattr(model, "frequencies_hz"):
             offered = np.asarray(model.frequencies_hz(), dtype=float)
         elif is_statespace(model):
@@ -461,7 +443,7 @@ class Builder:
             found = found[: wanted[0]]  # the largest ones
         if found.shape != wanted:
             raise ValueError(
-                f"`build` must return {data.kind} of shape {wanted}, got {found.shape}. Set `inputs` and `outputs`."
+                f"`build` must return {data.kind} {wanted}, got {found.shape}. Set `inputs` and `outputs`."
             )
         return found
 
