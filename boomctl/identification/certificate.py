@@ -13,6 +13,7 @@ from boomctl.printing import count, sentence
 
 _STEP = 0.1  # standard errors between the values of the sum of squares that are compared
 _MIN_STEP = 1e-5  # coordinate step, at least: the sum of squares then changes by more than its rounding error
+_MAX_STEP = 1.0  # coordinate step, at most: a factor of e, along combinations that are hardly identifiable
 _MAX_OFFSET = 0.05  # standard errors from the minimum of the parabola: intervals change by less than 1 %
 _EXACT = 1e-7  # coordinate distance to the minimum that counts as none, for data with almost no errors
 _MAX_DECREASE = 1e-6  # relative decrease of the sum of squares that is rounding error
@@ -140,7 +141,7 @@ def minimum(
     here, offset, rises = cost(x), 0.0, True
     for k, direction in enumerate(seen.directions):
         value = seen.values[k]
-        step = max(_STEP * size / value, _MIN_STEP) if value > 0.0 else _UNSEEN_STEP
+        step = min(max(_STEP * size / value, _MIN_STEP), _MAX_STEP) if value > 0.0 else _UNSEEN_STEP
         before, after = cost(x - step * direction), cost(x + step * direction)
         if value == 0.0:
             rises &= min(before, after) >= here * (1.0 - _MAX_DECREASE)

@@ -58,27 +58,19 @@ class FreeParameters:
         if isinstance(build, Family):
             box = dict(zip(build.names, zip(build.low.tolist(), build.high.tolist(), strict=True), strict=True))
             ranges = {name: ranges.get(name) or box[name] for name in listed}
-        first, scale = np.empty(len(listed)), np.full(len(listed), np.nan)
-        low, high = np.full(len(listed), -np.inf), np.full(len(listed), np.inf)
+        first, scale, low, high = np.full((4, len(listed)), np.nan)
         for i, name in enumerate(listed):
             first[i] = value = real(f"start of {name}", numbers[name])
-            ends = None if ranges.get(name) is None else interval(name, ranges[name])
-            if ends is not None and not ends[0] <= value <= ends[1]:
-                raise ValueError(
-                    f"start of {name} = {value:g}: expected a value in its range, {ends[0]:g} to {ends[1]:g}"
-                )
-            if value > 0.0 and (ends is None or ends[0] > 0.0):
-                if ends is not None:
-                    low[i], high[i] = np.log(ends[0] / value), np.log(ends[1] / value)
-            elif ends is not None:
-                scale[i] = ends[1] - ends[0]
-                low[i], high[i] = (ends[0] - value) / scale[i], (ends[1] - value) / scale[i]
-            elif value < 0.0:
-                scale[i] = -value
-            else:
-                raise ValueError(
-                    f"start of {name} = 0: expected a start above zero, or a range in `free`, for its size"
-                )
+            ends = (-np.inf, np.inf) if ranges.get(name) is None else interval(name, ranges[name])
+            if not ends[0] <= value <= ends[1]:
+                raise ValueError(f"`start` of {name} must be in its range, {ends[0]:g} to {ends[1]:g}, got {value:g}.")
+            if value > 0.0 and (ends[0] > 0.0 or ends[0] == -np.inf):
+                low[i], high[i] = np.log(ends[0] / value) if ends[0] > 0.0 else -np.inf, np.log(ends[1] / value)
+                continue
+            scale[i] = ends[1] - ends[0] if ends[1] < np.inf else -value
+            if scale[i] == 0.0:
+                raise ValueError(f"`start` of {name} must be above zero, or have a range in `free`, got 0.")
+            low[i], high[i] = (ends[0] - value) / scale[i], (ends[1] - value) / scale[i]
         return cls(listed, record, first, scale, low, high)
 
     @property

@@ -227,15 +227,10 @@ class FitResult:
 
     def _errors(self) -> str:
         if np.isnan(self.deviation):
-            return "as many parameters as numbers: the residuals do not tell how large the errors are; give a deviation"
-        unit = " %" if self.measured.errors == "relative" else ""
-        size = 100.0 * self.deviation if unit else self.deviation
-        repeats = (
-            "" if np.isnan(self.repeated) else f"; {100.0 * self.repeated:.2g} % of their squares are the model's own"
-        )
-        return (
-            f"errors of {size:.3g}{unit}, {'estimated from the residuals' if self.estimated else 'as given'}{repeats}"
-        )
+            return "as many parameters as numbers: the residuals do not show the errors; give a deviation"
+        size = f"{100.0 * self.deviation:.3g} %" if self.measured.errors == "relative" else f"{self.deviation:.3g}"
+        part = "" if np.isnan(self.repeated) else f"; {100.0 * self.repeated:.2g} % of their squares are model error"
+        return f"errors of {size}, {'estimated from the residuals' if self.estimated else 'as given'}{part}"
 
     def plot(self, ax: "Axes | None" = None, **style: Any) -> "Axes":
         """Draw measured values beside fitted ones and those at the start.
