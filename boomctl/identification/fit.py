@@ -76,21 +76,10 @@ class _Problem:
             jac = lambda y, f=f: differences(f, y, steps, self.free)  # noqa: E731
             found = least_squares(f, x, jac=jac, bounds=bounds, **options)  # type: ignore[arg-type]
             x, cost = found.x, 2.0 * float(found.cost)
-            for at in self.ends_beside(x):
-                other = float(np.square(f(at)).sum())
-                x, cost = (at, other) if other <= cost else (x, cost)
             modes = self.paired(x)
             if modes == previous:
                 break
         return _Candidate(cost, x, previous)
-
-    def ends_beside(self, x: Array) -> list[Array]:
-        """Return the coordinates with those next to an end of their range put there; the solver stays within ranges."""
-        low, high = self.free.low, self.free.high
-        ends = np.where(x - low < high - x, low, high)
-        near = np.flatnonzero(np.abs(ends - x) < _STEP)
-        moved = [near, *near[:, None]] if len(near) > 1 else [near] if len(near) else []
-        return [np.where(np.isin(np.arange(len(x)), which), ends, x) for which in moved]
 
     def at(self, modes: tuple[int, ...] | None) -> Callable[[Array], Array]:
         """Return the residuals of a pairing as a function of the coordinates."""

@@ -178,13 +178,10 @@ class FitResult:
             Its ends, such as "1060 to 1271", or on which side it is open; "not determined" where it is on both.
         """
         low, high = self.intervals[name]
-        if low in (0.0, -inf) and high == inf:
-            return "not determined"
+        open_low = low == -inf or (low == 0.0 and self.values[name] > 0.0)
         if high == inf:
-            return f"{low:.5g} or more"
-        if low == -inf or (low == 0.0 and self.values[name] > 0.0):
-            return f"{high:.5g} or less"
-        return f"{low:.5g} to {high:.5g}"
+            return "not determined" if open_low else f"{low:.5g} or more"
+        return f"{high:.5g} or less" if open_low else f"{low:.5g} to {high:.5g}"
 
     def render(self) -> str:
         """Return parameters, intervals, what is not seen and the certificate as lines of text.

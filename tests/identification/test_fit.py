@@ -674,10 +674,10 @@ def test_fit_adequacy_is_headline(case, wrong):
 
 @pytest.mark.slow
 def test_fit_adequacy_p_values_are_uniform():
-    """p-values of chi-square and of the F test for lack of fit, over 200 data sets of a right model."""
+    """p-values of chi-square and of the F test for lack of fit, over 100 data sets of a right model."""
     rng = np.random.default_rng(0)
     found = {"known": [], "sets": []}
-    for _ in range(200):
+    for _ in range(100):
         rows = frequencies(CHAIN) * np.exp(0.01 * rng.standard_normal((4, 3)))
         for name, measured, more in (("known", rows[0], {"deviation": 0.01}), ("sets", list(rows), {})):
             fit = bc.fit(frequencies, measured, ["k1"], CHAIN, modes=(1, 2, 3), starts=1, **more)
