@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,10 @@ EXCITED = 1e-3  # of the largest power of an input: less says nothing (3 % of it
 _FEWEST = 32  # samples of a record: fewer tell nothing of a response (a choice)
 _STILL = 16  # samples in a row in which nothing moves at all, amid a record that moves: a gap (a choice)
 _LEVELS = 16  # values of a signal up to which it is coarse, and stands at its limits because of that (a choice)
-_CLIPPED = 5  # samples at a limit, and times as many as at the value beside it: the signal is cut off (a choice)
+_CLIPPED = 5  # least ratio of samples at a limit to samples at the value next to it, of a signal cut off
+_FAST, _UNIFORM, _FEW_VISITS = 2.9, 2.3, 3  # largest ratios of distances before a limit, of many and of few visits
+_RESOLVED, _FLAT = 4.0, 1e-9  # quanta of a distance that count as resolved; least quantum over the range of the signal
+_ABRUPT = 0.5  # change between two samples, in RMS of the changes: an output stops or starts at once
 _WHOLE = 1e-6  # of a sample, by which a period may miss a whole number of them: rounding of the user's
 
 
@@ -59,14 +63,16 @@ class Record:
         ins, u = _signals("inputs", inputs, "in")
         outs, y = _signals("outputs", outputs, "out")
         if len(u) != len(y):
-            raise ValueError(f"outputs: expected as many records as inputs has, {len(u)}, got {len(y)}")
+            raise ValueError(
+                f"outputs: expected as many records as inputs has, {len(u)}, got {len(y)}; signals of one record are columns"
+            )
         for k, (a, b) in enumerate(zip(u, y, strict=True)):
             of = f" of record {k + 1}" if len(u) > 1 else ""
             if len(a) != len(b):
                 raise ValueError(f"outputs{of}: expected {len(a)} samples, as inputs has, got {len(b)}")
             if len(a) < _FEWEST:
                 raise ValueError(f"inputs{of}: expected at least {_FEWEST} samples, got {len(a)}")
-            _no_gap(of, np.hstack([a, b]), step)
+            _no_gap(of, a, b, step)
         if both := set(ins) & set(outs):
             raise ValueError(f"outputs: {min(both)!r} is the name of an input too")
         for what, names, data in (("inputs", ins, u), ("outputs", outs, y)):
@@ -74,7 +80,7 @@ class Record:
                 if not any(np.ptp(record[:, i]) > 0.0 for record in data):
                     raise ValueError(f"{what}: expected signals that move, got {name!r} constant at {data[0][0, i]:g}")
                 if what == "outputs":
-                    _not_clipped(name, np.concatenate([record[:, i] for record in data]))
+                    _not_clipped(name, [record[:, i] for record in data])
         u, y = (tuple(record - record.mean(axis=0) for record in data) for data in (u, y))
         return cls(ins, outs, u, y, step, quantities(quantity, outs), intersample)
 
@@ -122,14 +128,21 @@ def band(band_hz: Any, top: float) -> tuple[float, float]:
 
 def _signals(what: str, given: Any, word: str) -> tuple[tuple[str, ...], list[Array]]:
     """Return names and records of signals: of one record or of a sequence of them, arrays or mappings."""
-    whole = isinstance(given, (list, tuple)) and [isinstance(x, Mapping) or np.ndim(_bare(x)) == 2 for x in given]
-    several = whole and all(whole)
+    several = isinstance(given, (list, tuple)) and all(_is_record(x, len(given)) for x in given)
     found = [_one(what, each, word) for each in (given if several or np.ndim(_bare(given)) == 3 else [given])]
     if not found:
         raise ValueError(f"{what}: expected at least one record, got none")
     if any(names != found[0][0] for names, _ in found):
         raise ValueError(f"{what}: expected the same signals in every record, in the same order")
     return found[0][0], [data for _, data in found]
+
+
+def _is_record(item: Any, count: int) -> bool:
+    """Return whether an item of a sequence is a record: a mapping, a matrix, or a vector longer than any row of signals."""
+    if isinstance(item, Mapping) or np.ndim(_bare(item)) == 2:
+        return True
+    vector = isinstance(item, (list, tuple)) or np.ndim(_bare(item)) == 1
+    return vector and len(item) >= max(_FEWEST, count) and np.ndim(item[0]) == 0
 
 
 def _bare(given: Any) -> Any:
@@ -155,25 +168,59 @@ def _one(what: str, given: Any, word: str) -> tuple[tuple[str, ...], Array]:
     return names, np.column_stack(columns)
 
 
-def _no_gap(of: str, data: Array, step: float) -> None:
-    """Refuse a record in which every signal stands still for a while."""
-    moving = np.flatnonzero((np.diff(data, axis=0) != 0.0).any(axis=1))
-    longest = int(np.argmax(np.diff(moving))) if len(moving) > 1 else 0
-    if len(moving) > 1 and moving[longest + 1] - moving[longest] > _STILL:
-        start, end = step * (moving[longest] + 1), step * moving[longest + 1]
-        raise ValueError(
-            f"inputs, outputs{of}: expected no gap, but every signal stands still from {start:g} to {end:g} s;"
-            " give what lies on its two sides as two records"
-        )
+def _no_gap(of: str, u: Array, y: Array, step: float) -> None:
+    """Raise if all signals stand still at once and an output stops or starts at once, which no structure does."""
+    rates = np.abs(np.diff(y, axis=0))
+    typical = _ABRUPT * np.sqrt(np.square(rates).sum(axis=0) / np.maximum((rates > 0.0).sum(axis=0), 1))
+    typical = np.maximum(
+        typical, 1.5 * rates.min(axis=0, where=rates > 0.0, initial=np.inf)
+    )  # a converter's last digit
+    driven = (np.diff(u, axis=0) != 0.0).any(axis=1)
+    moving = np.flatnonzero(driven | (rates > 0.0).any(axis=1))
+    for stop, start in pairwise(moving):
+        if start - stop <= _STILL:
+            continue
+        if (rates[stop] > typical).any() or (not driven[start] and (rates[start] > typical).any()):
+            raise ValueError(
+                f"inputs, outputs{of}: expected no gap, but every signal stands still from {step * (stop + 1):g} to"
+                f" {step * start:g} s; give what lies on its two sides as two records"
+            )
 
 
-def _not_clipped(name: str, signal: Array) -> None:
-    """Refuse an output that is cut off at a limit."""
-    values, counts = np.unique(signal, return_counts=True)
+def _not_clipped(name: str, signals: Sequence[Array]) -> None:
+    """Raise if an output is cut off at a limit, to which it comes at speed; extrema and rests are smooth."""
+    values, counts = np.unique(np.concatenate(signals), return_counts=True)
     if len(values) <= _LEVELS:
         return
+    quantum = max(float(np.diff(values).min()), _FLAT * float(np.ptp(values)))
     for limit, there, beside in ((values[0], counts[0], counts[1]), (values[-1], counts[-1], counts[-2])):
-        if there >= _CLIPPED * max(beside, 2):
+        if there < _CLIPPED * max(beside, 2):
+            continue
+        visits, growth = _approach(signals, limit, quantum)
+        if visits and growth < (_FAST if visits > _FEW_VISITS else _UNIFORM):
             raise ValueError(
                 f"outputs: expected signals within their range, got {name!r} saturated: {there} samples at {limit:g}"
             )
+
+
+def _approach(signals: Sequence[Array], limit: float, quantum: float) -> tuple[int, float]:
+    """Return how often signals come to a limit, and the median ratio of their distances two windows and one before.
+
+    At constant speed the ratio is 2; on the parabola of an extremum, of which the last quantum does not show, 2.8 to 4;
+    on the way to a rest it is larger.
+    """
+    begins = [np.flatnonzero(np.diff((signal == limit).astype(int)) == 1) + 1 for signal in signals]
+    window = 4
+    while True:
+        pairs = [
+            (s[b - window], s[b - 2 * window])
+            for s, at in zip(signals, begins, strict=True)
+            for b in at
+            if b >= 2 * window
+        ]
+        if not pairs:
+            return 0, np.inf
+        near, far = np.abs(np.array(pairs).T - limit)
+        if np.median(near) >= _RESOLVED * quantum:
+            return len(pairs), float(np.median(far / np.maximum(near, quantum)))
+        window += window // 4
