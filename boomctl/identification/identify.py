@@ -19,7 +19,7 @@ from boomctl.identification.realised import RankOne
 from boomctl.identification.record import EXCITED, QUANTITIES, Record, band, quantities
 from boomctl.identification.response import with_intersample
 from boomctl.identification.search import candidates, refine, search_poles, weakest, without
-from boomctl.identification.spectra import Spectra, complex_of, rms
+from boomctl.identification.spectra import FEWEST, Spectra, complex_of, rms
 from boomctl.lti.system import is_frequency_response
 from boomctl.printing import LINES, WIDTH, between, compact, count, table_html
 from boomctl.structure.families import Family
@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
 _SMOOTH = 31  # lines over which powers are averaged for that (a choice)
+_LOWEST = tuple(EXCITED * 10.0**-k for k in range(5))  # least power of an input in the band over its largest, in turn
 _TOGETHER = 1e-4  # least eigenvalue of the inputs' correlation, below which they move together (a choice)
 _TOP = 0.98  # of half the sampling rate: above, filters and what folds over say more than the structure (a choice)
 _EXPLAINED = 50.0  # per cent of the outputs: less left, and the inputs explain them, though without modes (a choice)
@@ -368,7 +369,8 @@ def identify(
         )
     else:
         record = Record.of(inputs, outputs, sample_time, "displacement" if quantity is None else quantity, intersample)
-        low, high = _band(record, band_hz)
+        least = FEWEST * len(record.inputs) / min(1.0 - back, back or 1.0)
+        low, high = _band(record, band_hz, least)
         record = with_intersample(record, high)
         whole_record = Spectra.of_record(record, low, high, slice(0.0, 1.0))
         data, tested, last = _held_back(record, low, high, back) if back else (whole_record, whole_record, "")
@@ -544,8 +546,8 @@ def _factors(value: float, step: float) -> tuple[float, float]:
     return value / factor, value * factor
 
 
-def _band(record: Record, band_hz: Any) -> tuple[float, float]:
-    """Return the band asked for, or where all inputs have power; inputs that move together are refused."""
+def _band(record: Record, band_hz: Any, least_lines: float) -> tuple[float, float]:
+    """Return the given band, or that of at least so many lines where all inputs have power."""
     low, high = band(band_hz, 0.5 / record.step)
     long = max(range(len(record.u)), key=lambda k: len(record.u[k]))
     hz = np.fft.rfftfreq(len(record.u[long]), record.step)
@@ -553,7 +555,11 @@ def _band(record: Record, band_hz: Any) -> tuple[float, float]:
     if band_hz is None:
         window = np.ones(_SMOOTH) / _SMOOTH
         power = np.array([np.convolve(np.square(np.abs(each)), window, mode="same") for each in U.T])
-        driven = np.flatnonzero((power > EXCITED * power.max(axis=1, keepdims=True)).all(axis=0))
+        share = (power / power.max(axis=1, keepdims=True)).min(axis=0)
+        for least in _LOWEST:  # low-pass inputs leave few lines at the first
+            driven = np.flatnonzero(share > least)
+            if len(driven) and driven[-1] - driven[0] > least_lines * len(hz) / min(len(u) // 2 + 1 for u in record.u):
+                break
         if not len(driven):
             raise ValueError("inputs: expected power at the same frequencies in all of them, got none")
         low, high = (

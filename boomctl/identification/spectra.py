@@ -9,7 +9,7 @@ from boomctl.identification.record import Record
 from boomctl.lti.python_control import control
 
 _HEAVIEST = 100.0  # weight of a row of a measured response, in those of its median (a choice)
-_FEWEST = 24  # lines in the band for each input: fewer bear no mode with its background (a choice)
+FEWEST = 24  # lines in the band for each input: fewer bear no mode with its background (a choice)
 # powers of frequency, from -1 (a drift) on, for what a record's ends leave beside free motions (measured: 3 to 10 alike)
 _EDGES = 5
 
@@ -229,8 +229,8 @@ def rms(columns: Array) -> Array:
 
 def _enough(lines: int, inputs: int) -> None:
     """Refuse a part of a record with hardly a line in the band."""
-    if lines < _FEWEST * inputs:
+    if lines < FEWEST * inputs:
         raise ValueError(
-            f"inputs: expected at least {_FEWEST * inputs} lines of the spectrum in the band, got {lines}"
-            " in the part that is fitted or held back; a longer record or a wider band has more"
+            f"inputs: expected at least {FEWEST * inputs} lines of the spectrum in the band, got {lines}"
+            " in the part that is fitted or held back; a longer record has more, or a wider band where inputs have power"
         )

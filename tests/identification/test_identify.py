@@ -413,6 +413,23 @@ def test_what_has_no_modes_is_said_in_one_line(chain):
     assert len(bc.identify(u, y, STEP, modes=2).modes) == 2
 
 
+@pytest.mark.parametrize("kind", ["steps", "second-order noise"])
+@pytest.mark.parametrize("seed", range(3))
+def test_default_band_of_low_pass_inputs_has_the_mode(kind, seed):
+    rng = np.random.default_rng(seed)
+    hz, ratio = rng.uniform(2.0, 8.0), 0.01
+    if kind == "steps":
+        u = np.repeat(rng.standard_normal((4, 2)), 500, axis=0)
+    else:
+        u = signal.lfilter(*signal.butter(2, 0.02), rng.standard_normal((2000, 2)), axis=0)
+    pole = 2.0 * np.pi * hz * (-ratio + 1j * np.sqrt(1.0 - ratio**2))
+    b = rng.standard_normal(2) / 2j * np.expm1(pole * 0.01) / pole  # of a held input, over one sample
+    y = 2.0 * signal.lfilter([0.0, 1.0], [1.0, -np.exp(0.01 * pole)], u @ b).real[:, None]
+    y += 0.003 * y.std() * rng.standard_normal(y.shape)
+    found = bc.identify(u, y, 0.01, intersample="zoh")
+    assert [mode.frequency_hz for mode in found.modes] == pytest.approx([hz], rel=2e-3)
+
+
 BAD = {
     "unlike lengths": ({"outputs": np.ones(10)}, "outputs: expected 5000 samples, as inputs has, got 10"),
     "too short": ({"inputs": slice(0, 60), "outputs": slice(0, 60)}, "at least 48 lines of the spectrum"),
