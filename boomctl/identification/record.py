@@ -23,6 +23,14 @@ _CLIPPED = 5  # least ratio of samples at a limit to samples at the value next t
 _FAST, _UNIFORM, _FEW_VISITS = 2.9, 2.3, 3  # largest ratios of distances before a limit, of many and of few visits
 _RESOLVED, _FLAT = 4.0, 1e-9  # quanta of a distance that count as resolved; least quantum over the range of the signal
 _ABRUPT = 0.5  # change between two samples, in RMS of the changes: an output stops or starts at once
+PULSE = 0.05  # of the largest input, above which an impact lasts
+_EARLY, _SHORT, _FRONT = (
+    8,
+    16,
+    4,
+)  # fractions of a record: latest impact, longest impact, samples at rest in front of it
+_MEAN = 8  # samples, least, of a mean before the impact
+_AT_REST = 0.3  # deviations of an output, below which it is at rest
 _WHOLE = 1e-6  # of a sample, by which a period may miss a whole number of them: rounding of the user's
 
 
@@ -81,8 +89,10 @@ class Record:
                     raise ValueError(f"{what}: expected signals that move, got {name!r} constant at {data[0][0, i]:g}")
                 if what == "outputs":
                     _not_clipped(name, [record[:, i] for record in data])
+        kinds = quantities(quantity, outs)
+        u, y = zip(*(_from_rest(a, b, kinds) for a, b in zip(u, y, strict=True)), strict=True)
         u, y = (tuple(record - record.mean(axis=0) for record in data) for data in (u, y))
-        return cls(ins, outs, u, y, step, quantities(quantity, outs), intersample)
+        return cls(ins, outs, u, y, step, kinds, intersample)
 
     def of_numbers(self, numbers: Iterable[int]) -> "Record":
         """Return some of the records."""
@@ -166,6 +176,27 @@ def _one(what: str, given: Any, word: str) -> tuple[tuple[str, ...], Array]:
         if len(column) != len(columns[0]):
             raise ValueError(f"{what}: expected {len(columns[0])} samples of {name!r}, got {len(column)}")
     return names, np.column_stack(columns)
+
+
+def _from_rest(u: Array, y: Array, quantity: Sequence[str]) -> tuple[Array, Array]:
+    """Return a record of one early impact with samples at rest in front of it; other records unchanged.
+
+    The free motion of a record that begins with an impact explains as much as the impact; samples at rest exclude it.
+    """
+    largest = np.abs(u).max(axis=0)
+    pulse = np.flatnonzero((np.abs(u) > PULSE * largest).any(axis=1))
+    hit, end = int(pulse[0]), int(pulse[-1])
+    level = np.median(u, axis=0)
+    if hit > len(u) // _EARLY or end - hit > len(u) // _SHORT or (np.abs(level) > PULSE * largest).any():
+        return u, y
+    before, tail = y[: max(hit, 1)], y[len(y) // 2 :].mean(axis=0)
+    first = before.mean(axis=0)
+    rest = first if hit >= _MEAN else np.where(np.abs(first) <= np.abs(first - tail), 0.0, tail)
+    still = np.sqrt(np.square(before - rest).mean(axis=0)) < _AT_REST * y.std(axis=0)
+    if not all(ok or (hit == 0 and kind != "displacement") for ok, kind in zip(still, quantity, strict=True)):
+        return u, y
+    front = np.ones((len(u) // _FRONT, 1))
+    return np.vstack([front * level, u]), np.vstack([front * rest, y])
 
 
 def _no_gap(of: str, u: Array, y: Array, step: float) -> None:

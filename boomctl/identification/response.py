@@ -9,7 +9,7 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.checks import positive, warn_user
-from boomctl.identification.record import EXCITED, Record, band
+from boomctl.identification.record import EXCITED, PULSE, Record, band
 from boomctl.lti.python_control import control
 from boomctl.printing import between, count
 from boomctl.threads import one_blas_thread
@@ -18,7 +18,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from numpy.typing import ArrayLike
 
-_DEGREE = 2  # of the polynomials in frequency that response and transient are locally (Pintelon & Schoukens)
+_DEGREE = 2  # of the polynomials in frequency whose ratios response and transient are locally (McKelvey & Guerin 2012)
+_POLES = 2  # degree of their denominator
+_REGULAR = 1e-5  # least norm of a denominator's column over that of the output, with which it is solved for
 _SPARE = 8  # lines of a local fit beyond its unknowns: its deviation is then known to a quarter
 _INDEPENDENT = (
     0.01  # least singular value of a local fit's columns of length one: its answer loses two digits (a choice)
@@ -29,6 +31,7 @@ _REAL = 0.3  # mean cosine of twice the phase, least, of a response that is real
 _SLOW = 1.0 / 180.0  # of the sampling rate: half a sample is one degree there
 _EDGE, _EDGE_LINES = 0.02, 16  # width of the edge below the Nyquist frequency: fraction of the band, least lines
 _UNFILTERED = 0.5  # power at the edge over mean power, above which no anti-alias filter acted
+_SPARSE = 0.1  # fraction of a record that impacts fill, at most
 _REST, _RESTING = 5, 0.02  # least samples of a rest at a level; least fraction of the record in such rests
 _LEVELS = 16  # steps of the range, of which a jump has more than one and a half
 
@@ -128,9 +131,9 @@ def estimate_response(
 
     Notes
     -----
-    Response and transients are parabolas over a few lines of the spectrum, fitted by least squares:
-    local fits of Pintelon & Schoukens, System Identification (2012), ch. 7.  A resonance must be wider than
-    a few lines: where it is not, the misfit shows in the deviation, and `bc.identify` finds it from the record itself.
+    Response and transients are ratios of polynomials over a few lines of the spectrum, by linear least squares (local
+    rational method, McKelvey & Guerin 2012), so that a record may begin and end in motion and resonances may be narrower
+    than a line.  A record of one early impact is taken to begin at rest.
     Of held inputs the response is divided by that of the hold; what folds over from above half the sampling rate stays.
 
     Examples
@@ -204,8 +207,8 @@ def _intersample_of_outputs(record: Record) -> str | None:
     width = _local_width(record)[0]
     if width > min(map(len, record.u)) // 2:
         return None
-    hz, G, variance, _, use, _ = _local(record, None)
-    if use.sum() < _BLOCKS:
+    hz, G, variance, _, use, _ = _local(record, None, False)
+    if use.sum() < 2 * _BLOCKS:
         return None
     G, variance, half = G[..., use], variance[..., use], np.pi * hz[use] * record.step
     G = G * np.array([1j if kind == "velocity" else 1.0 for kind in record.quantity])[:, None, None]
@@ -242,6 +245,8 @@ def _intersample_of_inputs(record: Record) -> str | None:
 def _unfiltered(signals: Sequence[Array]) -> bool:
     """Return whether the power at the Nyquist frequency excludes an anti-alias filter."""
     edge = mean = 0.0
+    if all(np.mean(np.abs(signal) > PULSE * np.abs(signal).max()) < _SPARSE for signal in signals):
+        return False  # impacts have such spectra too
     for signal in signals:
         power = np.square(np.abs(np.fft.rfft(signal)[1:]))
         edge += power[-max(round(_EDGE * len(power)), _EDGE_LINES) :].mean()
@@ -250,16 +255,16 @@ def _unfiltered(signals: Sequence[Array]) -> bool:
 
 
 def _stepped(signals: Sequence[Array]) -> bool:
-    """Return whether the signal rests at several levels and leaves them by jumps, as no filtered signal does."""
-    quantum, levels, resting = min(map(_quantum, signals)), set(), 0
+    """Return whether the signal rests at several levels of a record and leaves them by jumps, as no filtered signal does."""
+    quantum, levels, resting = min(map(_quantum, signals)), 0, 0
     for signal in signals:
         change = np.diff(signal)
         moving = np.flatnonzero(change)
         length = np.diff(moving, prepend=-1)
         rests = (length >= _REST) & (np.abs(change[moving]) > 1.5 * quantum)
-        levels |= set(signal[moving[rests]])
+        levels = max(levels, len(np.unique(signal[moving[rests]])))
         resting += length[rests].sum()
-    return len(levels) > 1 and resting > _RESTING * sum(map(len, signals))
+    return levels > 1 and resting > _RESTING * sum(map(len, signals))
 
 
 def _quantum(signal: Array) -> float:
@@ -277,11 +282,14 @@ def _local_width(record: Record) -> tuple[int, int]:
     """Return lines and unknowns of a local fit."""
     records = len(record.u)
     unknowns = (_DEGREE + 1) * (len(record.inputs) + records)
-    return -(-(unknowns + _SPARE) // records), unknowns
+    return (_DEGREE + 1) * (len(record.inputs) + 1) + _POLES + _SPARE, unknowns
 
 
-def _local(record: Record, resolution: float | None) -> tuple[Any, ...]:
-    """Return the answer of local fits: at each line, response and transient of each record are parabolas around it."""
+def _local(record: Record, resolution: float | None, rational: bool = True) -> tuple[Any, ...]:
+    """Return the estimates of local fits: around a line, response and transients are ratios of polynomials of degree two.
+
+    All have one denominator, that of the poles nearby; without `rational` it is one.
+    """
     length = min(map(len, record.u))
     span = length * record.step
     U = np.stack([np.fft.rfft(u[:length], axis=0) for u in record.u])  # records x lines x inputs
@@ -313,13 +321,34 @@ def _local(record: Record, resolution: float | None) -> tuple[Any, ...]:
     left, values, right = np.linalg.svd(K / size, full_matrices=False)
     sound = values[:, -1] > _INDEPENDENT
     inverse = np.conj(np.swapaxes(right, 1, 2)) / np.where(sound[:, None], values, 1.0)[:, None, :]
-    found = inverse @ (np.conj(np.swapaxes(left, 1, 2)) @ rhs)
-    noise = np.square(np.abs(rhs - (K / size) @ found)).sum(axis=1) / (K.shape[1] - unknowns)  # centres x outputs
-    spread = np.square(np.abs(inverse)).sum(axis=2)[:, :m] / np.square(size[:, 0, :m])
+
+    def fitted(columns: Array) -> tuple[Array, Array]:
+        known = np.conj(np.swapaxes(left, 1, 2)) @ columns
+        return inverse @ known, columns - left @ known
+
+    found, error = fitted(rhs)
+    spread = np.square(np.abs(inverse)).sum(axis=2)[:, :m, None]  # centres x inputs x outputs
+    unknowns += _POLES * rational
+    if rational:
+        x = np.tile(r, (1, records))[..., None]
+        solved, columns = (
+            np.stack(each, axis=-1) for each in zip(*(fitted(-(x**k) * rhs) for k in (1, 2)), strict=True)
+        )
+        q, triangle = np.linalg.qr(columns.swapaxes(1, 2))  # centres x outputs x rows x powers
+        singular = np.abs(np.einsum("coii->coi", triangle)).min(axis=-1) <= _REGULAR * np.linalg.norm(rhs, axis=1)
+        triangle[singular], q[singular] = np.eye(_POLES), 0.0
+        a = np.linalg.solve(triangle, np.conj(np.swapaxes(q, 2, 3)) @ error.swapaxes(1, 2)[..., None])[..., 0]
+        error = error - np.einsum("croj,coj->cro", columns, a)
+        found = found - np.einsum("ckoj,coj->cko", solved, a)
+        of_poles = np.linalg.solve(np.swapaxes(triangle, 2, 3)[:, None], solved[:, :m, ..., None])[..., 0]
+        of_poles[np.broadcast_to(singular[:, None], of_poles.shape[:3])] = 0.0
+        spread = spread + np.square(np.abs(of_poles)).sum(axis=-1)
+    noise = np.square(np.abs(error)).sum(axis=1) / (K.shape[1] - unknowns)  # centres x outputs
     explained = np.square(np.abs((K / size)[..., :responding] @ found[:, :responding])).sum(axis=1)
     power = np.square(np.abs(U[:, at])).mean(axis=(0, 2))  # centres x inputs
-    G = np.moveaxis(found[:, :m] / size[:, 0, :m, None], 0, 2).swapaxes(0, 1)
-    variance = noise.T[:, None, :] * spread.T[None, :, :]
+    scale = size[:, 0, :m, None]
+    G = (found[:, :m] / scale).T
+    variance = (noise[:, None] * spread / np.square(scale)).T
     coherence = (explained / (explained + K.shape[1] * noise + _least(explained))).T
     source = f"local fits over {count(width, 'line')} of {count(records, 'record')}"
     return centres / span, G, variance, coherence, sound & _driven(power), source

@@ -9,6 +9,7 @@ from boomctl.identification.record import Record
 from boomctl.lti.python_control import control
 
 _HEAVIEST = 100.0  # weight of a row of a measured response, in those of its median (a choice)
+_FREQUENCIES = 8  # of a response in the band: least that show a mode on a background
 FEWEST = 24  # lines in the band for each input: fewer bear no mode with its background (a choice)
 # powers of frequency, from -1 (a drift) on, for what a record's ends leave beside free motions (measured: 3 to 10 alike)
 _EDGES = 5
@@ -75,7 +76,11 @@ class Spectra:
         omega = np.asarray(response.omega)
         use = np.flatnonzero((omega > 0.0) & (omega >= 2.0 * np.pi * low) & (omega <= 2.0 * np.pi * high))
         G = np.asarray(response.frdata)[..., use]
-        _enough(len(use), G.shape[1])
+        if len(use) < _FREQUENCIES:
+            raise ValueError(
+                f"inputs: expected a response at {_FREQUENCIES} frequencies or more in the band, got {len(use)}; a wider band"
+                " or a longer record has more"
+            )
         m = G.shape[1]
         Y = G.transpose(1, 2, 0).reshape(-1, len(G))
         U = np.repeat(np.eye(m), len(use), axis=0).astype(complex)
