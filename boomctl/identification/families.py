@@ -44,14 +44,14 @@ def box(result: Any, probability: float, margin: float) -> dict[str, Range]:
     return found
 
 
-def hull(result: Any, others: Sequence[Any], probability: float, margin: float) -> dict[str, Range]:
-    """Return the least ranges that hold the boxes of several results of one kind."""
+def union(result: Any, others: Sequence[Any], probability: float, margin: float) -> dict[str, Range]:
+    """Return the smallest ranges that contain the boxes of several results of one kind."""
     ranges = box(result, probability, margin)
-    for other in sequence("hull", others, type(result).__name__):
-        beside = box(instance("hull", other, type(result)), probability, margin)
+    for other in sequence("union_with", others, type(result).__name__):
+        beside = box(instance("union_with", other, type(result)), probability, margin)
         if set(beside) != set(ranges):
             raise ValueError(
-                f"hull: expected results of the same parameters, {', '.join(ranges)}, got {', '.join(beside)}"
+                f"`union_with` must be results of the same parameters, {', '.join(ranges)}, got {', '.join(beside)}."
             )
         ranges = {name: (min(a, beside[name][0]), max(b, beside[name][1])) for name, (a, b) in ranges.items()}
     return ranges

@@ -12,8 +12,7 @@ from boomctl.arrays import Array
 from boomctl.checks import known, warn_user, whole, within
 from boomctl.identification.blocks import confident
 from boomctl.identification.common_poles import CommonPoles
-from boomctl.identification.families import hull as joint
-from boomctl.identification.families import names_of_mode, of_modes
+from boomctl.identification.families import names_of_mode, of_modes, union
 from boomctl.identification.jackknife import BLOCKS, deviations
 from boomctl.identification.realised import RankOne
 from boomctl.identification.record import EXCITED, QUANTITIES, Record, band, quantities
@@ -154,7 +153,7 @@ class Identification:
     spectra: Array
 
     def family(
-        self, probability: float = 0.95, margin: float = 0.0, *, hull: "Sequence[Identification]" = ()
+        self, probability: float = 0.95, margin: float = 0.0, *, union_with: "Sequence[Identification]" = ()
     ) -> Family:
         """Return the structures over a box that holds all frequencies and dampings at once with a probability.
 
@@ -166,8 +165,9 @@ class Identification:
             That the box holds all of them, between 0.5 and 1: ranges are wider than intervals, by Bonferroni's bound.
         margin : float
             Share of each value by which its range is widened to either side, for what changes after the measurement.
-        hull : sequence of Identification
-            Others of the same parameters: the box holds the boxes of all.
+        union_with : sequence of Identification
+            Results of other records, such as other levels or days, with the same modes: the box is the smallest that
+            contains the boxes of all.  Residues are those of this record.
 
         Returns
         -------
@@ -191,7 +191,7 @@ class Identification:
         ('mode_1_hz', 'mode_1_damping')
         """
         modes = [(mode.frequency_hz, mode.damping) for mode in self.modes]
-        return of_modes(self.model, modes, joint(self, hull, probability, margin))
+        return of_modes(self.model, modes, union(self, union_with, probability, margin))
 
     @property
     def uncertain(self) -> tuple[dict[str, tuple[float, float, float]], dict[str, float]]:

@@ -11,8 +11,7 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.identification.certificate import FitCertificate
-from boomctl.identification.families import hull as joint
-from boomctl.identification.families import of_fit
+from boomctl.identification.families import of_fit, union
 from boomctl.identification.identifiability import Combination
 from boomctl.identification.measured import Measured
 from boomctl.printing import LINES, WIDTH, count, table_html
@@ -120,7 +119,12 @@ class FitResult:
         return self.certificate.certified
 
     def family(
-        self, probability: float = 0.95, margin: float = 0.0, *, hull: "Sequence[FitResult]" = (), build: Any = None
+        self,
+        probability: float = 0.95,
+        margin: float = 0.0,
+        *,
+        union_with: "Sequence[FitResult]" = (),
+        build: Any = None,
     ) -> Family:
         """Return the structures over a box that holds all parameters at once with a probability.
 
@@ -130,8 +134,8 @@ class FitResult:
             That the box holds all of them, between 0.5 and 1: ranges are wider than intervals, by Bonferroni's bound.
         margin : float
             Share of each value by which its range is widened to either side, for what changes after the measurement.
-        hull : sequence of FitResult
-            Others of the same parameters: the box holds the boxes of all.
+        union_with : sequence of FitResult
+            Fits of the same parameters to other measurements: the box is the smallest that contains the boxes of all.
         build : callable, optional
             Makes a `SecondOrderModel` of the parameters, or a hub-beam, as controllers are to see it: with its actuators,
             say, or their delay.  By default that of the fit.
@@ -156,7 +160,7 @@ class FitResult:
         >>> [round(end, 1) for end in found.family(margin=0.1).ranges["stiffness"]]
         [44.2, 57.8]
         """
-        ranges = joint(self, hull, probability, margin)
+        ranges = union(self, union_with, probability, margin)
         return of_fit(self.build if build is None else build, self.parameters, self.values, ranges)
 
     @property

@@ -44,15 +44,15 @@ def test_a_box_of_all_at_once_is_wider_than_the_intervals_and_a_margin_widens_it
 
 
 @pytest.mark.slow
-def test_the_hull_of_two_holds_both(found):
+def test_family_of_union_contains_both_boxes(found):
     other = bc.fit(rig, measured(np.random.default_rng(1)), FREE, START, starts=1)
-    hull = found.family(hull=[other]).ranges
+    union = found.family(union_with=[other]).ranges
     for name in FREE:
         ends = np.array([found.family().ranges[name], other.family().ranges[name]])
-        np.testing.assert_allclose(hull[name], [ends[:, 0].min(), ends[:, 1].max()], rtol=1e-6)
+        np.testing.assert_allclose(union[name], [ends[:, 0].min(), ends[:, 1].max()], rtol=1e-6)
     fewer = bc.fit(rig, measured(np.random.default_rng(1)), ["gain"], RIG, starts=1)
-    with pytest.raises(ValueError, match="hull: expected results of the same parameters"):
-        found.family(hull=[fewer])
+    with pytest.raises(ValueError, match="`union_with` must be results of the same parameters"):
+        found.family(union_with=[fewer])
 
 
 @pytest.mark.slow

@@ -157,9 +157,9 @@ def _least_squares(change: float) -> dict[str, float]:
 
 @cache
 def _box() -> Family:
-    """Return the hull of what each day leaves open."""
+    """Return the family of the union of the boxes of the days."""
     first, *others = (fit(rig, day, list(_BEGIN), _BEGIN, starts=1) for day in days()[:-1])
-    return first.family(hull=others)
+    return first.family(union_with=others)
 
 
 def _controller(change: float) -> "control.StateSpace":
