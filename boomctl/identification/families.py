@@ -1,15 +1,17 @@
 """Families of structures over what measurements leave open: boxes that hold all parameters at once."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
+from boomctl.arrays import Array
 from boomctl.checks import instance, nonnegative, sequence
 from boomctl.identification.blocks import confident, limits
 from boomctl.identification.free import changed
-from boomctl.structure.families import Family, PolynomialFamily
+from boomctl.structure.families import Family, PolynomialFamily, Slope
 from boomctl.structure.matrices import Structure
+from boomctl.structure.modal_structure import names_of_coordinate, stiffness_and_damping
 from boomctl.structure.model import SecondOrderModel
 
 Range = tuple[float, float]
@@ -80,26 +82,76 @@ def of_fit(make: Any, parameters: Any, values: Mapping[str, float], ranges: Mapp
 
 
 def of_modes(
-    model: SecondOrderModel | None, modes: Sequence[tuple[float, float]], ranges: Mapping[str, Range]
-) -> Family:
-    """Return the structure of modes (frequency [Hz], damping) over ranges of these."""
-    if model is None:
-        raise ValueError(
-            "family: expected an identification with a structure (`model`): of outputs that are displacements, and of modes"
-            " that are real; where a delay of half a sample makes them complex, intersample='zoh' removes it"
-        )
+    model: SecondOrderModel,
+    modes: Sequence[tuple[float, float]],
+    ranges: Mapping[str, Range],
+    real_poles: Sequence[float] = (),
+) -> PolynomialFamily:
+    """Return a modal structure over ranges of its modes (frequency [Hz], damping) and of the rates of its real poles [rad/s].
+
+    A coordinate depends on the parameters of its own poles alone: the polynomials of each are found by themselves, so that
+    their number grows as that of the modes.  What acts on coordinates and what outputs read of them stays.
+    """
+    for name in (name for k in range(len(modes)) for name in names_of_mode(k)[1:] if name in ranges):
+        if ranges[name][1] >= 1.0:
+            raise ValueError(
+                f"`{name}` must stay below 1, got a range up to {ranges[name][1]:.4g}. Leave that mode out."
+            )
+    known = {name: value for k, mode in enumerate(modes) for name, value in zip(names_of_mode(k), mode, strict=True)}
+    known |= {name_of_real_pole(k): -pole for k, pole in enumerate(real_poles)}
+    groups: dict[tuple[str, tuple[int, ...]], list[int]] = {}
+    for position, name in enumerate(model.coordinates):
+        groups.setdefault(names_of_coordinate(name), []).append(position)
+    names, C, K = tuple(ranges), np.array(model.C), np.array(model.K)
+    terms: dict[tuple[int, ...], Array] = {}
+    for (kind, numbers), positions in groups.items():
+        parameters = [name for k in numbers for name in _PARAMETERS[kind](k)]
+        own = {name: ranges[name] for name in parameters if name in ranges}
+        if not own:
+            continue
+        block = PolynomialFamily.through(own, _alone(kind, parameters, known, float(C[positions[0], positions[0]])))
+        C[positions, positions], K[positions, positions] = block.centre.C[0, 0], block.centre.K[0, 0]
+        at = [names.index(name) for name in own]
+        for power, change in block.changes:
+            total = terms.setdefault(tuple(sorted(at[i] for i in power)), np.zeros((2, model.n)))
+            total[:, positions] += np.array([[change.C[0, 0]], [change.K[0, 0]]])
+    low, high = np.array(list(ranges.values()), float).T
+    centre = SecondOrderModel.of(Structure.of(model.M, C, K, model.coordinates), model.ports)
+    still, unmoved = np.zeros_like(C), np.zeros_like(model.ports.B)
+    changes = [(power, Slope(still, np.diag(terms[power][0]), np.diag(terms[power][1]), unmoved)) for power in terms]
+    return PolynomialFamily(names, low, high, centre, tuple(sorted(changes, key=lambda each: (len(each[0]), each[0]))))
+
+
+def _alone(
+    kind: str, parameters: Sequence[str], known: Mapping[str, float], damping: float
+) -> Callable[[Mapping[str, float]], SecondOrderModel]:
+    """Return the function that makes a coordinate of mass one with given poles, damped as much at the known ones."""
+    second = damping - sum(known[name] for name in parameters)  # Rate of the second pole of a single real pole.
 
     def make(values: Mapping[str, float]) -> SecondOrderModel:
-        C, K = np.array(model.C), np.array(model.K)
-        for k, mode in enumerate(modes):
-            hz, damping = (values.get(name, value) for name, value in zip(names_of_mode(k), mode, strict=True))
-            rate = 2.0 * np.pi * hz / np.sqrt(1.0 - damping**2)
-            C[k, k], K[k, k] = 2.0 * damping * rate, rate**2
-        return SecondOrderModel.of(Structure.of(model.M, C, K, model.coordinates), model.ports)
+        given = [values.get(name, known[name]) for name in parameters]
+        if kind == "mode":
+            rate = 2.0 * np.pi * given[0] / np.sqrt(1.0 - given[1] ** 2)
+            K, C = rate**2, 2.0 * given[1] * rate
+        else:
+            K, C = stiffness_and_damping(*(given if len(given) == 2 else (*given, second)))
+        return SecondOrderModel([[1.0]], [[C]], [[K]])
 
-    return PolynomialFamily.through(ranges, make)
+    return make
 
 
 def names_of_mode(k: int) -> tuple[str, str]:
     """Return the names of frequency [Hz] and damping ratio of a mode, from zero."""
     return f"mode_{k + 1}_hz", f"mode_{k + 1}_damping"
+
+
+def name_of_real_pole(k: int) -> str:
+    """Return the name of the rate of a real pole [rad/s], from zero."""
+    return f"real_pole_{k + 1}"
+
+
+_PARAMETERS: Mapping[str, Callable[[int], tuple[str, ...]]] = {
+    "": lambda k: (),
+    "mode": names_of_mode,
+    "real_pole": lambda k: (name_of_real_pole(k),),
+}

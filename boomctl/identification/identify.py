@@ -12,7 +12,7 @@ from boomctl.arrays import Array
 from boomctl.checks import known, warn_user, whole, within
 from boomctl.identification.blocks import confident
 from boomctl.identification.common_poles import CommonPoles
-from boomctl.identification.families import names_of_mode, of_modes, union
+from boomctl.identification.families import name_of_real_pole, names_of_mode, of_modes, union
 from boomctl.identification.jackknife import BLOCKS, deviations
 from boomctl.identification.realised import RankOne
 from boomctl.identification.record import EXCITED, QUANTITIES, Record, band, quantities
@@ -38,6 +38,7 @@ _EXPLAINED = 50.0  # per cent of the outputs: less left, and the inputs explain 
 _FOLDED, _LARGE = 0.95, 0.2  # of half the sampling rate, and of the energy: what folds over looks like that (a choice)
 _ORDERS = 11  # from half to the highest order, at which poles are tried (a choice)
 _HIGHEST = 60  # order where none is said: some three times as many as modes are sought (a choice)
+_MOST_DAMPED = 0.99  # Largest damping ratio in a family.
 _PARTS = 4  # Parts of a record that give prediction intervals.
 _WHOLE_RECORDS = 3  # Records from which whole ones are held back.
 _POOR = 50.0  # Fit [%] below which a warning is given.
@@ -120,9 +121,10 @@ class Identification:
         1 for a motor whose angle is measured, 2 for a body that a force moves, 0 for a structure on supports.
     system : StateSpace
         In continuous time, inputs and outputs named; modes outside the band are its feedthrough and states "outside".
-    model : SecondOrderModel or None
-        The same as a structure whose forces are the inputs, where all outputs are displacements and real modes explain
-        them.
+    model : SecondOrderModel
+        The same as a structure whose forces are the inputs: one coordinate of mass one for each mode.  Of several inputs,
+        whose forces act in phase on a real mode, it is the nearest such structure if that costs less than one point of the
+        fit; otherwise modes have two coordinates.
     fit_percent : dict of str to float
         ``100 (1 - |y - predicted| / |y|)`` of each output within the band on the part held back.
     whiteness : dict of str to float
@@ -143,7 +145,7 @@ class Identification:
     real_poles: tuple[RealPole, ...]
     integrators: int
     system: "control.StateSpace"
-    model: SecondOrderModel | None
+    model: SecondOrderModel
     fit_percent: dict[str, float]
     whiteness: dict[str, float]
     band_hz: tuple[float, float]
@@ -177,7 +179,7 @@ class Identification:
         Raises
         ------
         TypeError, ValueError
-            No structure (`model`); intervals that are open or without width.
+            Intervals that are open or without width.
 
         Examples
         --------
@@ -191,15 +193,23 @@ class Identification:
         ('mode_1_hz', 'mode_1_damping')
         """
         modes = [(mode.frequency_hz, mode.damping) for mode in self.modes]
-        return of_modes(self.model, modes, union(self, union_with, probability, margin))
+        real_poles = [*(-pole.rate for pole in self.real_poles), *[0.0] * min(self.integrators, 1)]
+        ranges = union(self, union_with, probability, margin)
+        for name in ranges:  # a pair of poles has a damping ratio below 1
+            if name.endswith("_damping"):
+                ranges[name] = ranges[name][0], min(ranges[name][1], _MOST_DAMPED)
+        return of_modes(self.model, modes, ranges, real_poles)
 
     @property
     def uncertain(self) -> tuple[dict[str, tuple[float, float, float]], dict[str, float]]:
-        """Value and ends of the interval of frequency [Hz] and damping of each mode, and degrees of freedom."""
+        """Value and prediction interval of each frequency [Hz], damping ratio and real pole [rad/s], degrees of freedom."""
         found = {}
         for k, mode in enumerate(self.modes):
-            values = (mode.frequency_hz, *mode.frequency_interval_hz), (mode.damping, *mode.damping_interval)
-            found.update(zip(names_of_mode(k), values, strict=True))
+            frequency = mode.frequency_hz, *mode.frequency_prediction_interval_hz
+            damping = mode.damping, *mode.damping_ratio_prediction_interval
+            found.update(zip(names_of_mode(k), (frequency, damping), strict=True))
+        for k, pole in enumerate(self.real_poles):
+            found[name_of_real_pole(k)] = pole.rate, *pole.rate_prediction_interval
         return found, dict.fromkeys(found, BLOCKS - 1.0)
 
     def __repr__(self) -> str:
@@ -413,11 +423,7 @@ def identify(
     simple = RankOne.of(fit)
     if data.lengths:
         _said_of_feedback(fit)
-    model = None
-    if set(kinds) == {"displacement"} and number == len(fit.poles) and not fit.integrators:
-        model, loose = simple.structure(fit.data, *names)
-        loss = rms(complex_of(loose)) / rms(fit.data.Y) - rms(complex_of(fit.residuals)) / rms(fit.data.Y)
-        model = None if 100.0 * loss.max() > _LOSS else model
+    model = simple.with_real_directions(fit.data, _LOSS).structure(*names, tuple(QUANTITIES[kind] for kind in kinds))
     shares, doubtful = fit.shares / fit.shares.sum(), candidates(fit)[1]
     rows = tuple(
         _mode(
@@ -474,7 +480,8 @@ def _inside(fit: CommonPoles, ends: tuple[float, float]) -> Array:
 
 def _no_mode(fit: CommonPoles, wanted: int, found: int, low: float, high: float) -> str:
     noise = 100.0 * np.mean(fit.deviation * np.sqrt(2.0) / rms(fit.data.Y))
-    turned = "; are inputs and outputs interchanged?" if noise < _EXPLAINED and not found else ""
+    bare = not found and not fit.integrators and not len(fit.poles)
+    turned = "; are inputs and outputs interchanged?" if noise < _EXPLAINED and bare else ""
     remedy = "" if turned else "; a longer record, more excitation or another band would help"
     return (
         f"outputs: expected {count(wanted, 'mode')} from {low:.4g} to {high:.4g} Hz, got evidence of {found}:"
@@ -552,6 +559,7 @@ def _band(record: Record, band_hz: Any, least_lines: float) -> tuple[float, floa
     long = max(range(len(record.u)), key=lambda k: len(record.u[k]))
     hz = np.fft.rfftfreq(len(record.u[long]), record.step)
     U = np.fft.rfft(record.u[long], axis=0)
+    driven = np.zeros(0, int)
     if band_hz is None:
         window = np.ones(_SMOOTH) / _SMOOTH
         power = np.array([np.convolve(np.square(np.abs(each)), window, mode="same") for each in U.T])

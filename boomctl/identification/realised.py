@@ -1,4 +1,4 @@
-"""A modal model as a system: residues of rank one, what lies outside the band as feedthrough and a few fast states."""
+"""A modal model as a system: residues of rank one, modes outside the band as feedthrough and a few pairs of poles."""
 
 from dataclasses import dataclass
 
@@ -7,9 +7,10 @@ from scipy import linalg
 
 from boomctl.arrays import Array
 from boomctl.identification.common_poles import CommonPoles
-from boomctl.identification.spectra import Spectra, pairs, real
+from boomctl.identification.spectra import Spectra, complex_of, pairs, real, rms
 from boomctl.lti.rounding import ALIKE
 from boomctl.lti.system import Lti
+from boomctl.structure.modal_structure import modal_structure
 from boomctl.structure.model import SecondOrderModel
 
 
@@ -64,13 +65,33 @@ class RankOne:
             weighted = size[:, None, None] * power[:, None] * of_rest
             rigid_b = np.linalg.svd(weighted.transpose(1, 0, 2).reshape(m, -1))[0][:, 0] / power
             rigid_b /= np.linalg.norm(rigid_b)
-        blocks = _columns(data, fit.poles, b, fit.fixed, rigid_b, fit.integrators)
-        blocks += [data.free(fit.poles), data.ends(fit.integrators)]
+        return cls._of_directions(data, fit.poles, b, fit.fixed, rigid_b, fit.integrators)
+
+    @classmethod
+    def _of_directions(
+        cls, data: Spectra, poles: Array, b: Array, fixed: Array, rigid_b: Array, integrators: int
+    ) -> "RankOne":
+        """Return the model with these directions of the inputs, all that is linear by least squares."""
+        blocks = _columns(data, poles, b, fixed, rigid_b, integrators)
+        blocks += [data.free(poles), data.ends(integrators)]
         every = _coefficients(np.concatenate(blocks, axis=1), real(data.Y)) * data.scale
         found = np.split(every, np.cumsum([block.shape[1] for block in blocks]))
-        k, f, p = len(fit.poles), len(fit.fixed), every.shape[1]
+        k, f, m, p = len(poles), len(fixed), b.shape[1], every.shape[1]
         c = found[0][:k] + 1j * found[0][k:]
-        return cls(fit.poles, b, c, found[1], fit.fixed, found[2].reshape(f, 2, m, p), rigid_b, found[3])
+        return cls(poles, b, c, found[1], fixed, found[2].reshape(f, 2, m, p), rigid_b, found[3])
+
+    def with_real_directions(self, data: Spectra, loss: float) -> "RankOne":
+        """Return the model with real ``b``, where that raises the error of no output by more than a percentage; else itself.
+
+        A mode with real ``b`` is one coordinate of a structure, and two otherwise.
+        """
+        if self.b.shape[1] == 1:  # The phase of b is that of c.
+            return self
+        straight = self._of_directions(
+            data, self.poles, self.b.real.astype(complex), self.fixed, self.rigid_b, len(self.rigid_c)
+        )
+        before, after = (rms(complex_of(model.left(data))) / rms(data.Y) for model in (self, straight))
+        return straight if 100.0 * (after - before).max() <= loss else self
 
     def predicted(self, data: Spectra) -> Array:
         """Return the responses of the outputs to the inputs, in the scale of the data, (2 n, p)."""
@@ -118,76 +139,61 @@ class RankOne:
         state = linalg.lstsq(products / size / size[:, None], gradient / size, cond=ALIKE)[0] / size  # type: ignore[index]
         return y - np.column_stack([own @ state for own in columns])
 
+    @property
+    def _pairs(self) -> tuple[Array, Array, Array]:
+        """Poles of modes, and the fixed pairs once for each input, with their ``b`` and ``c``."""
+        m, p = self.D.shape
+        mode = self.poles.imag > 0.0
+        poles = np.concatenate([self.poles[mode], np.repeat(self.fixed, m)])
+        b = np.concatenate([self.b[mode], np.tile(np.eye(m), (len(self.fixed), 1))])
+        outside = (self.residues[:, 0] + 1j * self.residues[:, 1]).reshape(-1, p)
+        return poles, b, np.concatenate([self.c[mode], outside])
+
+    @property
+    def _real(self) -> tuple[Array, Array, Array]:
+        """Real poles with their ``b`` and ``c``."""
+        real = self.poles.imag == 0.0
+        return self.poles[real].real, self.b[real].real, 2.0 * self.c[real].real
+
     def system(self, inputs: tuple[str, ...], outputs: tuple[str, ...]) -> Lti:
         """Return the system: two states a mode, one a real pole, two an input for each fixed pair, one an integrator."""
-        m = len(inputs)
-        outside = (self.residues[:, 0] + 1j * self.residues[:, 1]).reshape(-1, len(outputs))
-        repeated = np.tile(np.eye(m), (len(self.fixed), 1))
-        A, B, C, names = [], [], [], []
-        rigid = len(self.rigid_c)
-        if rigid:
-            A.append(np.eye(rigid, k=-1))
-            B.append(np.eye(rigid, 1) * self.rigid_b)
-            C.append(self.rigid_c.T)
-            names += ["rigid_velocity", "rigid_position"][:rigid] if rigid == 2 else ["integrator"]
-        entries = [(f"mode_{k + 1}", *entry) for k, entry in enumerate(zip(self.poles, self.b, self.c, strict=True))]
-        others = zip(np.repeat(self.fixed, m), repeated, outside, strict=True)
-        entries += [(f"outside_{k + 1}", *entry) for k, entry in enumerate(others)]
-        for name, pole, b, c in entries:
-            if pole.imag == 0.0:
-                A.append(np.array([[pole.real]]))
-                B.append(b.real[None])
-                C.append(2.0 * c.real[:, None])
-                names.append(name.replace("mode", "real_pole"))
-            else:
-                A.append(np.array([[pole.real, -pole.imag], [pole.imag, pole.real]]))
-                B.append(np.array([b.real, b.imag]))
-                C.append(2.0 * np.column_stack([c.real, -c.imag]))
-                names += [f"{name}_re", f"{name}_im"]
-        empty = np.zeros((0, m)), np.zeros((len(outputs), 0))
-        return Lti(
-            linalg.block_diag(*A) if A else np.zeros((0, 0)),
-            np.concatenate([empty[0], *B]),
-            np.concatenate([empty[1], *C], axis=1),
-            self.D.T.copy(),
-            inputs,
-            outputs,
-            tuple(names),
+        poles, b, c = self._pairs
+        decays, entries, rows = self._real
+        m, modes, rigid = len(inputs), int((self.poles.imag > 0.0).sum()), len(self.rigid_c)
+        turns = [np.array([[pole.real, -pole.imag], [pole.imag, pole.real]]) for pole in poles]
+        names = [f"mode_{k + 1}" if k < modes else f"outside_{k - modes + 1}" for k in range(len(poles))]
+        states = [f"{name}_{part}" for name in names for part in ("re", "im")]
+        states += [f"real_pole_{k + 1}" for k in range(len(decays))]
+        states += [f"integrator_{k + 1}" for k in range(rigid)]
+        A = linalg.block_diag(*turns, np.diag(decays), np.eye(rigid, k=-1))
+        B = np.concatenate(
+            [np.stack([b.real, b.imag], axis=1).reshape(-1, m), entries, np.eye(rigid, 1) * self.rigid_b]
         )
+        C = np.concatenate([2.0 * np.stack([c.real, -c.imag], axis=1).reshape(-1, len(outputs)), rows, self.rigid_c])
+        return Lti(A, B, C.T.copy(), self.D.T.copy(), inputs, outputs, tuple(states))
 
     def structure(
-        self, data: Spectra, inputs: tuple[str, ...], outputs: tuple[str, ...]
-    ) -> tuple[SecondOrderModel, Array]:
-        """Return a structure whose forces are the inputs, by real modes, and what of the data it leaves.
-
-        Coordinates are those of the modes, of mass one, and one of each input that is so fast that it follows at once.
-        """
-        square, rate = np.square(np.abs(self.poles)), -2.0 * self.poles.real
-        b = self.b.real
-        gain = 1.0 / (np.square(data.s)[:, None] + rate * data.s[:, None] + square)
-        if data.held:  # of the same poles: the sampled response of 1/(s^2 + ...)
-            pair = data.simple(self.poles)[0], data.simple(self.poles.conj())[0]
-            gain = ((pair[0] - pair[1]) / (2j * self.poles.imag[:, None])).T
-        moved = real(gain * (data.U @ b.T)), real(data.U)
-        columns = np.concatenate([*moved, data.free(self.poles), data.ends()], axis=1)
-        y = real(data.Y)
-        found = _coefficients(columns, y)
-        left = y - columns @ found
-        k, m = len(self.poles), len(inputs)
-        fast = 10.0 * data.top  # its motion is within a hundredth of the static one (a choice)
-        K = np.concatenate([square, np.full(m, fast**2)])
-        C = np.concatenate([rate, np.full(m, 2.0 * fast)])
-        forces = np.concatenate([b, np.eye(m) * fast**2])
-        rows = found[: k + m] * data.scale
-        model = SecondOrderModel(
-            np.eye(k + m),
-            np.diag(C),
-            np.diag(K),
-            dict(zip(inputs, forces.T, strict=True)),
-            dict(zip(outputs, rows.T, strict=True)),
-            [f"mode_{j + 1}" for j in range(k)] + [f"static_{name}" for name in inputs],
+        self, inputs: tuple[str, ...], outputs: tuple[str, ...], derivatives: tuple[int, ...]
+    ) -> SecondOrderModel:
+        """Return the structure of the same transfer function, whose forces are the inputs."""
+        decays, entries, rows = self._real
+        residues = entries[:, :, None] * rows[:, None, :]
+        double = None
+        if len(self.rigid_c):
+            single, *twice = self.rigid_b[:, None] * self.rigid_c[:, None, :]
+            decays, residues = np.append(decays, 0.0), np.concatenate([residues, single[None]])
+            double = twice[0] if twice else None
+        return modal_structure(
+            *self._pairs,
+            self.D.T,
+            inputs,
+            outputs,
+            derivatives=derivatives,
+            modes=int((self.poles.imag > 0.0).sum()),
+            real_poles=decays,
+            real_residues=residues,
+            double_residue=double,
         )
-        return model, left
 
 
 def _coefficients(columns: Array, y: Array) -> Array:
