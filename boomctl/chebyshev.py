@@ -2,15 +2,18 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from itertools import product
+from math import inf, prod
 
 import numpy as np
 from numpy.polynomial import chebyshev
+from numpy.typing import NDArray
 
 from boomctl.arrays import Array
 from boomctl.lti.rounding import SOLVED, TINY
 
 _FIRST_POINTS = 5  # at which a polynomial is tried first: enough for squares (a choice)
 _INSIDE = 24  # points drawn at which polynomials are compared, besides the corners (a choice)
+FEW_PARAMETERS = 10  # Parameters of a box up to which all of its corners are tried.
 _TERMS = 2_000  # of polynomials at most (a choice of patience)
 _WIDER = 1.25  # times the shares, where points tried are missed (a choice)
 
@@ -68,8 +71,11 @@ def points_along(at: Functions, axis: Array, negligible: Sizes, degree: int, spa
 
 
 def tried_points(size: int) -> list[Array]:
-    """Return the corners of a box, and points drawn inside it."""
-    inside = np.random.default_rng(0).uniform(-1.0, 1.0, (_INSIDE, size))
+    """Return the corners of a box, as many drawn ones where there are more than of `FEW_PARAMETERS`, and points inside it."""
+    rng = np.random.default_rng(0)
+    inside = rng.uniform(-1.0, 1.0, (_INSIDE, size))
+    if size > FEW_PARAMETERS:
+        return [*rng.choice([-1.0, 1.0], (2**FEW_PARAMETERS, size)), *inside]
     return [*(np.array(corner) for corner in product((-1.0, 1.0), repeat=size)), *inside]
 
 
@@ -104,11 +110,9 @@ def fitted(
     """
     size, rng = len(counts), np.random.default_rng(2)
     places, stacks, reach = np.zeros((0, size)), {}, 1.0
-    degrees = np.indices(counts).reshape(size, -1).T
-    shares = (degrees / np.maximum(np.array(counts) - 1.0, 1.0)).sum(axis=1)
     tried = np.array(tried_points(size))
     while True:
-        chosen = degrees[shares <= reach + SOLVED]
+        chosen, beyond = _degrees(counts, reach + SOLVED)
         if len(chosen) > _TERMS:
             raise ValueError(f"{what}: polynomials of it have more than {_TERMS} terms")
         more = np.cos(np.pi * rng.uniform(size=(2 * len(chosen) - len(places), size)))
@@ -124,9 +128,30 @@ def fitted(
             off[name] = np.maximum(*(np.abs(np.tensordot(T, coefficients, 1) - X).max(axis=0) for T, X in misses))
             found[name] = _in_powers(coefficients, chosen)
             miss = max(miss, float((off[name] / np.maximum(least, TINY)).max(initial=0.0)))
-        if miss <= exact or len(chosen) == len(degrees):
+        if miss <= exact or len(chosen) == prod(counts):
             return found, off, miss
-        reach = max(_WIDER * reach, float(shares[shares > reach + SOLVED].min()))  # by one term at least
+        reach = max(_WIDER * reach, beyond)  # by one term at least
+
+
+def _degrees(counts: Sequence[int], reach: float) -> tuple[NDArray[np.int_], float]:
+    """Return degrees, each below its count, that add up to a reach as shares of the largest, and the least sum beyond.
+
+    It ends where there are more of them than can be handled.
+    """
+    chosen, beyond = [((), 0.0)], inf
+    for count in counts:
+        longer: list[tuple[tuple[int, ...], float]] = []
+        for degree, share in chosen:
+            for power in range(count):
+                total = share + power / max(count - 1, 1)
+                if total > reach:
+                    beyond = min(beyond, total)
+                    break
+                longer.append(((*degree, power), total))
+        chosen = longer
+        if len(chosen) > _TERMS:
+            break
+    return np.array([degree for degree, _ in chosen]), beyond
 
 
 def _products(places: Array, degrees: Array) -> Array:

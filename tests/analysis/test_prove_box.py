@@ -37,16 +37,16 @@ def polynomials(rng, size, count):
 
 
 @examples(300)
-@given(seed=seeds, reach=st.floats(0.02, 1.0), size=st.integers(1, 6))
-def test_a_cell_is_proved_only_if_all_that_the_polynomial_may_stand_for_is_stable(seed, reach, size):
+@given(seed=seeds, reach=st.floats(0.02, 1.0), size=st.integers(1, 6), count=st.sampled_from((2, 11)))
+def test_a_cell_is_proved_only_if_all_that_the_polynomial_may_stand_for_is_stable(seed, reach, size, count):
     """Every loop within ``missed`` of the polynomial counts, the corners of that included."""
     rng = np.random.default_rng(seed)
-    sampled, missed = polynomials(rng, size, 2), rng.uniform(0.0, 0.1) * rng.random((size, size))
-    cell = Cell(rng.uniform(-1.0, 1.0, 2) * (1.0 - reach), np.full(2, reach))
+    sampled, missed = polynomials(rng, size, count), rng.uniform(0.0, 0.1) * rng.random((size, size))
+    cell = Cell(rng.uniform(-1.0, 1.0, count) * (1.0 - reach), np.full(count, reach))
     if not prove_cell(image(sampled), cell, missed).proved:
         return
-    delta = cell.middle + reach * rng.uniform(-1.0, 1.0, (200, 2))
-    delta[:4] = cell.middle + reach * np.array([[-1, -1], [-1, 1], [1, -1], [1, 1]])
+    delta = cell.middle + reach * rng.uniform(-1.0, 1.0, (200, count))
+    delta[:100] = cell.middle + reach * rng.choice([-1.0, 1.0], (100, count))
     signs = np.where(rng.random((200, 1, 1)) < 0.5, 1.0, rng.choice([-1.0, 1.0], (200, size, size)))
     loops = sum(np.prod(delta[:, list(power)], axis=1)[:, None, None] * A for power, A in sampled.items())
     assert np.abs(np.linalg.eigvals(loops + signs * missed)).max() < 1.0

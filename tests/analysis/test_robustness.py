@@ -10,12 +10,15 @@ from hypothesis import strategies as st
 
 from boomctl.analysis import robust_stability, structured_margin, worst_case
 from boomctl.analysis.box.loop_pencil import closed_pencil
+from boomctl.analysis.box.loops import BoxLoops
 from boomctl.analysis.loops import feedback_loop
 from boomctl.analysis.model_norm import hinf_norm
 from boomctl.boom import boom_family, yaw_family
+from boomctl.identification.families import names_of_mode, of_modes
 from boomctl.lti.system import of
 from boomctl.structure import SecondOrderModel
 from boomctl.structure.families import AffineFamily
+from boomctl.structure.modal_structure import modal_structure
 from tests.analysis.loop_cases import SIGNALS, chain, velocity_feedback
 from tests.profiles import examples
 
@@ -185,3 +188,64 @@ def test_a_proof_that_is_given_up_says_where_and_why(limit, width):
         assert re.search(f"(more than max_cells = {limit}|a cell of 1/{limit} of the box)", found.reason)
         assert found.reason in found.render()
     assert not robust_stability(oscillators({"k": (3.0, 5.0)}), feedback(1.0)).reason
+
+
+def modal(seed, modes, width):
+    """Return a family over frequencies and dampings of the modes of a structure with an accelerometer beside its shaker."""
+    rng = np.random.default_rng(seed)
+    hz, damping = np.cumsum(rng.uniform(0.5, 2.0, modes)), rng.uniform(0.003, 0.02, modes)
+    pole = 2.0 * np.pi * hz * (-damping + 1j * np.sqrt(1.0 - damping**2))
+    shape = rng.uniform(0.5, 1.5, (modes, 1)) * np.exp(0.05j * rng.standard_normal((modes, 1)))
+    D = np.array([[shape.real.sum() + 0.3]])  # Of modes above, too.
+    model = modal_structure(
+        pole, np.ones((modes, 1)), shape * (pole**2 / (2j * pole.imag))[:, None], D, ["u"], ["y"], derivatives=[2]
+    )
+    own = [(abs(p) / (2.0 * np.pi) * np.sqrt(1.0 - z**2), z) for p, z in zip(pole, damping, strict=True)]
+    values = {name: x for k, mode in enumerate(own) for name, x in zip(names_of_mode(k), mode, strict=True)}
+    return of_modes(model, own, {name: (x * (1.0 - width), x * (1.0 + width)) for name, x in values.items()})
+
+
+def acceleration_feedback(gain):
+    return control.ss([[-50.0]], [[50.0]], [[gain]], [[0.2 * gain]], inputs=["y"], outputs=["u"])
+
+
+def sampled_abscissa(family, K, count, seed=0):
+    """Return the largest real part of poles at corners and points drawn, from state spaces."""
+    rng = np.random.default_rng(seed)
+    points = [*rng.choice([-1.0, 1.0], (count, family.size)), *rng.uniform(-1.0, 1.0, (count, family.size))]
+    loops = (feedback_loop(family.at(d), K, injection_points="u") for d in points)
+    return max(np.linalg.eigvals(loop.A).real.max() for loop in loops)
+
+
+def test_loop_with_feedthrough_has_poles_of_state_space():
+    family, K = modal(0, 3, 0.02), acceleration_feedback(-0.2)
+    assert family.centre.ports.E[0].any()
+    for delta in np.random.default_rng(1).uniform(-1.0, 1.0, (5, family.size)):
+        mine = np.sort_complex(BoxLoops.of(family, K).at(delta).poles)
+        true = np.sort_complex(feedback_loop(family.at(delta), K, injection_points="u").poles())
+        np.testing.assert_allclose(mine, true, rtol=1e-9)
+    ill = control.ss([], [], [], [[1.0 / family.centre.ports.E[0, 0, 0]]], inputs=["y"], outputs=["u"])
+    with pytest.raises(ValueError, match="well-posed"):
+        robust_stability(family, ill)
+
+
+@pytest.mark.parametrize("modes", [6, pytest.param(16, marks=pytest.mark.slow)])
+def test_family_of_many_modes_is_proved_or_refuted(modes):
+    family = modal(1, modes, 0.01)
+    stable, unstable = (robust_stability(family, acceleration_feedback(gain), 20) for gain in (-0.01, 0.08))
+    assert family.size == 2 * modes
+    assert stable.proved
+    assert sampled_abscissa(family, acceleration_feedback(-0.01), 50) <= stable.abscissa * (1.0 - 1e-9) < 0.0
+    assert unstable.unstable_at is not None
+
+
+@pytest.mark.slow
+def test_proof_of_many_parameters_agrees_with_points():
+    proved = 0
+    for seed in range(60):
+        rng = np.random.default_rng(seed)
+        family, K = modal(seed, 6, rng.uniform(0.005, 0.05)), acceleration_feedback(-(10.0 ** rng.uniform(-2.5, -0.5)))
+        found = robust_stability(family, K, 20)
+        proved += found.proved
+        assert not found.proved or sampled_abscissa(family, K, 50, seed) < 0.0
+    assert 10 < proved < 60

@@ -16,7 +16,7 @@ from boomctl.arrays import Array
 from boomctl.checks import exactly, instance, known, nonnegative
 from boomctl.lti.controllers.scheduled import ScheduledController, frozen
 from boomctl.lti.sampled import time_of_loop
-from boomctl.lti.system import Lti, controller_of, of
+from boomctl.lti.system import Lti, controller_of, lower_lft, of
 from boomctl.structure.families import Family
 from boomctl.structure.matrices import Structure
 from boomctl.structure.model import SecondOrderModel
@@ -78,6 +78,7 @@ class BoxLoops:
                     "boomctl.robust_stability and boomctl.worst_case have proofs"
                 )
             signals_of(K, family.centre.inputs, family.centre.outputs)
+            family, K = without_feedthrough(family, K)
             return cls(family, 0, (Stretch(-np.inf, np.inf, _terms(family, K, None, 0)),))
         if controller.dt != 0.0:
             raise ValueError(f"controller: expected continuous time, got a sampling time of {controller.dt:g} s")
@@ -153,6 +154,32 @@ def controller_at(
 def joined_at(family: Family, controller: control.StateSpace | ScheduledController, delay: float, delta: Array) -> Loop:
     """Return the closed loop at a point of the box."""
     return joined(family.at(delta), controller_at(family, controller, delta), delay)
+
+
+def without_feedthrough(family: Family, K: Lti) -> tuple[Family, Lti]:
+    """Return plants without feedthrough from the controls to the measurements, and the controller that closes the same loops.
+
+    Feedthrough is the same over the family: with ``y = y0 + E u`` the law ``u = K y`` is one between ``y0`` and ``u``.
+
+    Raises
+    ------
+    ValueError
+        The loop of the feedthrough and the controller's is not well-posed.
+    """
+    ports = family.centre.ports
+    acting = [ports.inputs.index(name) for name in K.outputs]
+    read = [ports.outputs.index(name) for name in K.inputs]
+    E = ports.E[0][np.ix_(read, acting)]
+    if not E.any() or any(ports.bandwidths[o] is not None for o in read):
+        return family, K
+    p, m = E.shape
+    direct = np.block([[np.zeros((m, p)), np.eye(m)], [np.eye(p), E]])
+    signals = (*K.inputs, *K.outputs), (*K.outputs, *K.inputs)
+    closed = lower_lft(Lti(np.zeros((0, 0)), np.zeros((0, p + m)), np.zeros((m + p, 0)), direct, *signals), K)
+    without = ports.E.copy()
+    without[0][np.ix_(read, acting)] = 0.0
+    centre = SecondOrderModel.of(family.centre.structure, replace(ports, E=without))
+    return replace(family, centre=centre), closed  # type: ignore[type-var]
 
 
 def _combined(systems: tuple[Lti, Lti], shares: tuple[float, float]) -> Lti:

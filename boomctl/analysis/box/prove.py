@@ -17,6 +17,7 @@ import numpy as np
 from boomctl.analysis.box.response_cells import ROUNDING, Frontier, ResponseCells
 from boomctl.analysis.box.zero_exclusion import Cell, CellProof, Terms, about, prove_pencil, value_at
 from boomctl.arrays import Array
+from boomctl.chebyshev import FEW_PARAMETERS
 from boomctl.progress import tell
 
 WORTH = 150  # cells of parameters and frequencies that take as long as one of parameters alone (measured: 100 to 300)
@@ -199,23 +200,27 @@ def prove_box(parts: Sequence[Part], statement: Statement, limit: float) -> BoxP
 def _proved(part: Part, statement: Statement, limit: float) -> BoxProof:
     """Prove a part: taste both ways, go on with the one that is to end sooner, told anew at each turn; shares grow."""
     size = len(part.cell.middle)
+    few = size <= FEW_PARAMETERS
+    dear_taste = _TASTES[0] * min(1.0, (FEW_PARAMETERS / size) ** 2)
     cells, frontier, cheap = part.responses(), None, 0
     cover, allowed = _Cover((Cell(np.zeros(size), np.ones(size)),)), min(limit, _FIRST)
     while True:
-        most = max(1, int(2 * allowed)), max(1, int(WORTH * allowed))  # dear ones tried, cheap ones
+        # Dear ones tried, cheap ones: of many parameters these cost as much, and there would be far more of them.
+        most = max(1, int(2 * allowed)), max(1, int(WORTH * allowed)) if few else 0
         start, began, before = cover.tried, cover.left, inf
         cover = replace(cover, small=False)
         while not cover.over and cover.left <= _ON * before and cover.tried - start < most[0]:
             before = cover.left
-            cover = _covered(part, statement, cover, allowed, max(1, int(_TASTES[0] * allowed)))
+            cover = _covered(part, statement, cover, allowed, max(1, int(dear_taste * allowed)))
         if cover.refuted is not None or not cover.waiting:
             return BoxProof(not cover.waiting, cover.proved, cheap, cover.refuted)
         frontier = cells.start(cover.waiting) if frontier is None else frontier
-        frontier, more = _responded(part, statement, cells, frontier, max(1, int(_TASTES[1] * most[1])))
-        cheap += more
+        if few:
+            frontier, more = _responded(part, statement, cells, frontier, max(1, int(_TASTES[1] * most[1])))
+            cheap += more
         tried = cover.tried - start
         to_go = tried * cover.left / max(began - cover.left, _LITTLE)
-        needed = cells.still_needed(frontier, statement.level()) if len(frontier) else 0.0
+        needed = (cells.still_needed(frontier, statement.level()) if few else inf) if len(frontier) else 0.0
         dear_left = 0 if cover.small or cover.left > began * (1.0 - _LITTLE) else most[0] - tried
         cheap_left = 0 if needed > _HOPELESS * most[1] else most[1]
         while len(frontier) and statement.level() < inf and (dear_left > 0 or cheap_left > 0):

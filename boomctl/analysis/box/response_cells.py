@@ -28,6 +28,7 @@ from scipy.sparse.csgraph import connected_components
 
 from boomctl.analysis.box.zero_exclusion import BELOW, TOP, Cell, evened
 from boomctl.arrays import Array, balance
+from boomctl.chebyshev import FEW_PARAMETERS
 from boomctl.lti.rounding import EPS
 from boomctl.progress import tell
 
@@ -436,6 +437,9 @@ class _Series:
             second[:, j] += 0.5 * share
         at = G0[:, None]
         for i, G in enumerate(G1):
+            if i > FEW_PARAMETERS:  # Corners multiply: the others count by magnitudes.
+                total = total + _size(G) + _size(G2[i, i])
+                continue
             hull = _HULLS[0 if i == 0 else 1 if len(G1) <= _FEW else 2]
             at = (
                 at[:, :, None]

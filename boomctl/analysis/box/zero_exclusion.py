@@ -14,7 +14,7 @@ interval that fails is cut; a cell is given up at once where a single frequency 
 eigenvectors follow the parameters to first order, so that the couplings are of second order.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import product
 from math import comb
@@ -42,6 +42,7 @@ BELOW = 1.0 - 1e-10  # below one by more than the rounding of a matrix times a v
 _LEAST = 1e-12  # smallest entry of the vector, relative: without it, entries could vanish
 _CLOSE = 1e-4  # share of the narrowest half-width that no interval is narrower than, so that none is empty
 _PRODUCTS = 3  # parameters in a product whose matrix keeps its phases; longer products are small (a choice)
+_FEW = 10  # Parameters up to which products of three of them are kept: of more they are too many.
 _ASKED = 4  # of the hardest frequencies, whose spectral radius is computed (a choice)
 
 
@@ -110,6 +111,9 @@ class _Modes:
         E, A = (np.diagonal(X[: self.exact], axis1=1, axis2=2) for X in (self.E, self.A))
         return E, A
 
+
+Factors = tuple[Array, Array]
+"""Two matrices in place of their product."""
 
 Terms = Mapping[tuple[int, ...], LoopPencil]
 """A pencil that is a polynomial of parameters: of each product of them, ``()`` for one, ``(0, 0, 1)`` for ``d0^2 d1``."""
@@ -180,46 +184,55 @@ def _modes(local: Terms, reach: Array, missed: Array | None = None) -> _Modes | 
         W = np.linalg.inv(here.E @ V)
     except np.linalg.LinAlgError:  # a singular E
         return None
-    both = {power: (W @ x.E @ V, W @ x.A @ V) for power, x in local.items()}
-    rounding = both.pop(())
-    both[(-1,)] = rounding[0] - np.eye(len(poles)), rounding[1] - np.diag(poles)
+
+    def factors(X: Array) -> tuple[Array, Array]:
+        rows = np.flatnonzero(X.any(axis=1))  # A parameter changes few rows: factors of low rank make products cheap.
+        return W[:, rows], X[rows] @ V
+
+    both = {power: (factors(x.E), factors(x.A)) for power, x in local.items()}
+    eye = np.eye(len(poles), dtype=complex)
+    rounding = [F @ G - X for (F, G), X in zip(both.pop(()), (eye, np.diag(poles)), strict=True)]
+    both[(-1,)] = (eye, rounding[0]), (eye, rounding[1])
     off = np.zeros(state.shape) if missed is None else np.abs(W) @ missed @ np.abs(V)
-    finite = all(np.isfinite(X).all() for pair in both.values() for X in pair)
+    finite = all(np.isfinite(X).all() for pair in both.values() for each in pair for X in each)
     return _straightened(poles, both, reach, off) if finite else None
 
 
 def _straightened(
-    poles: Array, changes: Mapping[tuple[int, ...], tuple[Array, Array]], reach: Array, missed: Array
+    poles: Array, changes: Mapping[tuple[int, ...], tuple[Factors, Factors]], reach: Array, missed: Array
 ) -> _Modes:
     """Return the pencil in eigenvectors that follow the parameters to first order, so that couplings are of second.
 
     ``(1 + sum d_i Y_i)(s E - A)(1 + sum d_i X_i)`` is regular only if ``s E - A`` is; ``changes[(-1,)]`` is rounding, and
-    entries of ``E`` and ``A`` may be off by ``missed``.
+    entries of ``E`` and ``A`` may be off by ``missed``.  Products of more parameters than are kept count by bounds of their
+    magnitudes: of three factors, the product of those of each.
     """
     k, n = len(reach), len(poles)
+    kept = _PRODUCTS if k <= _FEW else 2
     gaps = poles[:, None] - poles[None, :]
     gaps[gaps == 0.0] = np.inf
-    E, A = (np.array([changes[(i,)][j] if (i,) in changes else np.zeros((n, n)) for i in range(k)]) for j in (0, 1))
+    none, eye = (np.zeros((n, 0)), np.zeros((0, n))), np.eye(n, dtype=complex)
+    E, A = (
+        np.array([F @ G for i in range(k) for F, G in [changes.get((i,), (none, none))[j]]]).reshape(k, n, n)
+        for j in (0, 1)
+    )
     X = (E * poles - A) / gaps
     X *= 1.0 - np.eye(n)
     X[np.abs(X) * reach[:, None, None] > _TURN] = 0.0
     Y = -E - X
-    eye, diagonal = np.eye(n, dtype=complex), np.diag(poles)
-    terms: dict[tuple[int, ...], list[Array]] = {}
-    for (left, L), (middle, (e, a)), (right, R) in product(
-        [((), eye), *(((i,), Y[i]) for i in range(k))],
-        [((), (eye, diagonal)), *((power, pair) for power, pair in changes.items() if len(power) <= _PRODUCTS)],
-        [((), eye), *(((i,), X[i]) for i in range(k))],
-    ):
-        power = tuple(sorted((*left, *middle, *right)))
-        if power:
-            sums = terms.setdefault(power, [np.zeros((n, n), complex), np.zeros((n, n), complex)])
-            sums[0] += L @ e @ R
-            sums[1] += L @ a @ R
-    before, after = (np.eye(n) + np.einsum("i,ijk->jk", reach, np.abs(T)) for T in (Y, X))
-    long = {power: pair for power, pair in changes.items() if len(power) > _PRODUCTS}
-    rest = before @ _magnitudes(long, reach, missed) @ after  # one for E, one for A
-    rest += _magnitudes({power: terms.pop(power) for power in [*terms] if len(power) > _PRODUCTS}, reach, 0.0 * missed)
+    lefts, rights = (np.concatenate([eye[None], Z]) for Z in (Y, X))
+    terms: dict[tuple[int, ...], Array] = {}
+    for power, pair in [((), ((eye, eye), (eye, np.diag(poles)))), *changes.items()]:
+        for j, (F, G) in enumerate(pair):
+            if len(power) > kept or not G.size:
+                continue
+            before, after = lefts @ F, G @ rights
+            for left, right in product(range(-1, k), repeat=2):  # -1: the identity
+                whole = tuple(sorted((*(i for i in (left, right) if i >= 0), *power)))
+                if whole and len(whole) <= kept:
+                    total = terms.setdefault(whole, np.zeros((2, n, n), complex))
+                    total[j] += before[left + 1] @ after[right + 1]
+    rest = _beyond(changes, (Y, X), reach, kept, missed)
     order = sorted(terms, key=lambda power: (-1 in power or len(power) > 2, len(power), power))
     bounds = np.array([_range(power, reach) for power in order])
     return _Modes(
@@ -234,10 +247,30 @@ def _straightened(
     )
 
 
-def _magnitudes(changes: Mapping[tuple[int, ...], Sequence[Array]], reach: Array, more: Array) -> Array:
-    """Return bounds of the entries of sums of products of parameters, for E and for A."""
-    sizes = [_range(power, reach)[1] * np.abs(pair) for power, pair in changes.items()]
-    return sum(sizes, np.array([more, more]))
+def _beyond(
+    changes: Mapping[tuple[int, ...], tuple[Factors, Factors]],
+    turns: tuple[Array, Array],
+    reach: Array,
+    kept: int,
+    missed: Array,
+) -> Array:
+    """Return bounds of the entries, for E and for A, of products of more parameters than are kept and of what is missed."""
+    Y, X = (np.einsum("i,ijk->jk", reach, np.abs(T)) for T in turns)
+    before, after = np.eye(len(Y)) + Y, np.eye(len(X)) + X
+    rest = before @ np.array([missed, missed]) @ after
+    for length in {len(power) for power in changes}:
+        size = sum(
+            _range(power, reach)[1] * np.array([np.abs(F @ G) for F, G in pair])
+            for power, pair in changes.items()
+            if len(power) == length
+        )
+        if length > kept:
+            rest += before @ size @ after
+        elif length == kept:
+            rest += Y @ size @ after + size @ X
+        elif length == kept - 1:
+            rest += Y @ size @ X
+    return rest
 
 
 def _range(power: tuple[int, ...], reach: Array) -> tuple[float, float]:
