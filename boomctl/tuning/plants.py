@@ -21,7 +21,9 @@ from boomctl.tuning.problem import ScaledPlant
 
 _REMEMBERED = 256  # sets of plants that are kept for when they are asked for again (a choice)
 _MOVING = 16  # of those that are polynomials, quickly evaluated: the last few points of the search (a choice)
-_MOST_PARAMETERS = 6  # of a family that may be uncertain: its corners are all tuned for (a choice)
+_MOST_PARAMETERS = (
+    6  # Uncertain parameters of a family up to which all of its corners are tuned for from the beginning.
+)
 _ENDLESS = Deadline()
 
 Maker = Callable[[dict[str, float]], GeneralizedPlant]
@@ -186,12 +188,10 @@ class FamilyPlants:
         return ", ".join(found)
 
     def points(self) -> list[Array]:
-        """Return the middle of the uncertain box and its corners."""
+        """Return the middle of the uncertain box and its corners; of many parameters the middle alone."""
         size = len(self.uncertain)
-        if size > _MOST_PARAMETERS:
-            raise ValueError(f"family has {size} uncertain parameters; expected at most {_MOST_PARAMETERS}")
-        corners = [np.array(point) for point in product((-1.0, 1.0), repeat=size)]
-        return [np.zeros(size), *corners] if size else [np.zeros(0)]
+        corners = product((-1.0, 1.0), repeat=size) if 0 < size <= _MOST_PARAMETERS else ()
+        return [np.zeros(size), *(np.array(point) for point in corners)]
 
     def maker(self, point: Array, settled: bool = False) -> Maker:
         """Return the function that makes the plant at a point from the physical parameters."""

@@ -100,8 +100,9 @@ def tune(
     decay : float, optional
         All poles of the loops lie left of ``-decay`` [rad/s].
     family : AffineFamily or PolynomialFamily, optional
-        Structures over a box of parameters.  The middle and the corners are tuned for at first, then the worst points that
-        a search over the box finds too, until none is worse.  Parameters that are `boomctl.tunable.physical` ones of the
+        Structures over a box of parameters.  The middle and the corners, of more than six uncertain parameters the middle
+        alone, are tuned for at first, then the worst points that a search over the box finds too, until none is worse.
+        Parameters that are `boomctl.tunable.physical` ones of the
         structure are tuned, the others are uncertain.
     initial : mapping of str to float, control.StateSpace or a design, optional
         A start of your own: free numbers by name, as `TuneResult.values` holds them; where the structure is a

@@ -1,15 +1,21 @@
 """Boxes of what measurements leave open hold the truth as often as they say, and controllers tuned over them keep it."""
 
+import os
 import pickle
+from dataclasses import replace
+from pathlib import Path
 
+import control
 import numpy as np
 import pytest
-from scipy import stats
+from scipy import io, stats
 
 import boomctl as bc
 from boomctl import tunable as T
-from boomctl.structure import PolynomialFamily
-from tests.identification.chain import CHAIN, frequencies, response_of_record, three_masses
+from boomctl.identification.families import of_modes
+from boomctl.structure import PolynomialFamily, SecondOrderModel
+from boomctl.structure.modal_structure import modal_structure
+from tests.identification.chain import CHAIN, OMEGA, frequencies, response_of_record, three_masses
 from tests.identification.rig import RIG, START, measured, rig, weighed
 from tests.profiles import is_hunt
 
@@ -115,6 +121,94 @@ def test_identified_modes_make_a_family_over_their_frequencies_and_dampings():
         assert low < true[k] < high
 
 
+def accelerometer_record(model, seed, noise=0.01, count=4000, step=0.02):
+    """Return a force and the accelerations of the places of a model, which repeat for ever."""
+    rng = np.random.default_rng(seed)
+    force = rng.standard_normal((count, len(model.inputs)))
+    omega = 2.0 * np.pi * np.fft.rfftfreq(count, step)
+    moved = response_of_record(model, force, step)
+    y = np.fft.irfft(-(omega[:, None] ** 2) * np.fft.rfft(moved, axis=0), count, axis=0)
+    return force, y + noise * y.std(axis=0) * rng.standard_normal(y.shape)
+
+
+@pytest.mark.parametrize(
+    ("damper", "inputs"), [(0.0, ["f1"]), (1.5, ["f1"]), pytest.param(1.5, ["f1", "f2"], marks=pytest.mark.slow)]
+)
+def test_family_of_accelerometer_record_is_proved(damper, inputs):
+    """A damper at one mass makes the modes complex; the truth is in the box, and the controller is stable on it."""
+    mass, end = three_masses(0.01), np.array([0.0, 0.0, 1.0])
+    C = mass.C + damper * np.outer(end, end)
+    columns = dict(zip(mass.inputs, mass.ports.B[0].T, strict=True))
+    outputs = dict(zip(mass.outputs, mass.ports.L[0], strict=True))
+    truth = SecondOrderModel(mass.M, C, mass.K, {name: columns[name] for name in inputs}, outputs)
+    force, y = accelerometer_record(truth, 1)
+    found = bc.identify(
+        dict(zip(inputs, force.T, strict=True)), dict(zip(outputs, y.T, strict=True)), 0.02,
+        band_hz=(0.5, 10.0), quantity="acceleration",
+    )  # fmt: skip
+    family = found.family()
+    poles = truth.poles()
+    for k, pole in enumerate(sorted(poles[poles.imag > 0.0], key=abs)):
+        low, high = family.ranges[f"mode_{k + 1}_hz"]
+        assert low < pole.imag / (2.0 * np.pi) < high
+    same = found.model.frequency_response(OMEGA).frdata, np.asarray(found.system(1j * OMEGA))
+    loss = np.abs(same[0] - same[1].reshape(same[0].shape)).max() / np.abs(same[1]).max()
+    assert loss < (1e-9 if len(inputs) == 1 else 0.05)
+    # acceleration, filtered at 10 rad/s, is a speed: it damps
+    K = control.ss([[-10.0]], [[1.0]], [[-5.0]], [[0.0]], inputs=["y1"], outputs=["f1"])
+    answer = bc.robust_stability(family, K)
+    assert answer.proved, answer.reason
+    loop = bc.feedback_loop(accelerations_of(truth), K, injection_points="f1")
+    assert loop.poles().real.max() < 0.0
+
+
+def accelerations_of(model):
+    """Return a structure whose outputs are the accelerations of the places of another one."""
+    ports = model.ports
+    lines = np.array([0.0 * ports.L[0], 0.0 * ports.L[0], ports.L[0]])
+    return SecondOrderModel.of(model.structure, replace(ports, L=lines))
+
+
+@pytest.mark.parametrize(
+    ("real_poles", "residues"),
+    [((0.0, -0.6), (2.0, -2.0)), ((-0.6,), (1.5,)), ((0.0,), (1.5,)), ((0.0, -0.6), (2.0, 1.0))],
+)
+def test_family_with_real_poles_has_them_and_is_proved(real_poles, residues):
+    """A motor with friction and a mode: the pole at zero stays, the rate of the other one and the mode are parameters."""
+    pole = 12.0 * (-0.02 + 1j * np.sqrt(1.0 - 0.02**2))
+    model = modal_structure(
+        np.array([pole]), np.ones((1, 1)), np.array([[-0.05j]]), np.zeros((1, 1)), ["volt"], ["angle"],
+        real_poles=real_poles, real_residues=np.array(residues)[:, None, None],
+    )  # fmt: skip
+    mode = pole.imag / (2.0 * np.pi), 0.02
+    ranges = {"mode_1_hz": (0.95 * mode[0], 1.05 * mode[0]), "mode_1_damping": (0.015, 0.03)}
+    if -0.6 in real_poles:
+        ranges[f"real_pole_{real_poles.index(-0.6) + 1}"] = (0.4, 0.9)
+    family = of_modes(model, [mode], ranges, real_poles)
+    K = control.ss([], [], [], [[-0.2]], inputs=["angle"], outputs=["volt"])
+    rng = np.random.default_rng(0)
+    for delta in rng.uniform(-1.0, 1.0, (20, family.size)):
+        values, poles = family.values(delta), family.at(delta).poles()
+        rates = [values.get(f"real_pole_{k + 1}", 0.0) for k in range(len(real_poles))]
+        root = (
+            2.0
+            * np.pi
+            * values["mode_1_hz"]
+            * (1j - values["mode_1_damping"] / np.sqrt(1.0 - values["mode_1_damping"] ** 2))
+        )
+        for wanted in (*(-rate for rate in rates), root):
+            assert np.abs(poles - wanted).min() < 1e-7
+        assert bc.feedback_loop(family.at(delta), K, injection_points="volt").poles().real.max() < 0.0
+    assert bc.robust_stability(family, K).proved
+
+
+def test_family_of_damping_beyond_critical_raises():
+    pole = -0.9 + 1j
+    model = modal_structure(np.array([pole]), np.ones((1, 1)), np.ones((1, 1)), np.zeros((1, 1)), ["u"], ["y"])
+    with pytest.raises(ValueError, match=r"`mode_1_damping` must stay below 1, got a range up to 1\.2"):
+        of_modes(model, [(1.0 / (2.0 * np.pi), 0.67)], {"mode_1_damping": (0.5, 1.2)})
+
+
 @pytest.mark.slow
 def test_the_box_holds_the_truth_and_a_controller_tuned_over_it_is_stable_there(capsys):
     """Of many data sets: 95 % boxes, Bonferroni's and so a little wide. Every tenth is tuned over, as that takes long."""
@@ -135,3 +229,34 @@ def test_the_box_holds_the_truth_and_a_controller_tuned_over_it_is_stable_there(
         )
     assert held >= stats.binom.ppf(CHANCE, sets, 0.95)
     assert stable == proved == tuned
+
+
+@pytest.mark.slow
+@pytest.mark.skipif("BOOMCTL_RECORDS" not in os.environ, reason="BOOMCTL_RECORDS names no folder of measured records")
+@pytest.mark.parametrize(("record", "modes", "band_hz"), [("frame", 14, (5.0, 490.0)), ("tower", 6, (0.3, 15.0))])
+def test_family_of_measured_accelerations_is_proved(record, modes, band_hz):
+    """A low-pass filtered acceleration fed back at the largest resonance; poles at points of the box are an oracle."""
+    u, y, step = measured_record(record)
+    inputs, outputs = ({f"{name}{k}": x for k, x in enumerate(X.T)} for name, X in (("u", u), ("y", y)))
+    found = bc.identify(inputs, outputs, step, quantity="acceleration", band_hz=band_hz, modes=modes)
+    family, largest = found.family(), max(found.modes, key=lambda mode: mode.share)
+    rate = 2.0 * np.pi * largest.frequency_hz
+    peak = np.abs(family.centre.frequency_response([rate]).frdata[0, 0, 0])
+    K = control.ss([[-rate]], [[rate]], [[0.1 / peak]], [[0.0]], inputs=["y0"], outputs=["u0"])
+    answer = bc.robust_stability(family, K)
+    assert family.size == 2 * modes
+    assert answer.proved, answer.reason
+    rng = np.random.default_rng(0)
+    for delta in rng.choice([-1.0, 1.0], (50, family.size)):
+        assert bc.feedback_loop(family.at(delta), K, injection_points="u0").poles().real.max() < 0.0
+
+
+def measured_record(name):
+    """Return inputs, outputs and the time between samples of a record of accelerations."""
+    folder = Path(os.environ["BOOMCTL_RECORDS"])
+    if name == "tower":
+        x = np.loadtxt(folder / "unison_tower" / "wn_01.dat.gz")[:15000]
+        return x[:, 1:2], x[:, 2:7], 0.01
+    held = io.loadmat(folder / "steel_frame" / "flexibleStructure.mat")
+    x = next(value for key, value in held.items() if not key.startswith("_"))[:6000]
+    return x[:, :2], x[:, 2:], 1.0 / 1024.0
