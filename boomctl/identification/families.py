@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.checks import instance, nonnegative, sequence
+from boomctl.checks import instance, nonnegative, sequence, warn_user
 from boomctl.identification.blocks import confident, limits
 from boomctl.identification.free import changed
 from boomctl.structure.families import Family, PolynomialFamily, Slope
@@ -15,6 +15,8 @@ from boomctl.structure.modal_structure import names_of_coordinate, stiffness_and
 from boomctl.structure.model import SecondOrderModel
 
 Range = tuple[float, float]
+
+_SAME_MODE = 0.1  # Relative difference of frequencies below which modes of two records may be one.
 
 
 def box(result: Any, probability: float, margin: float) -> dict[str, Range]:
@@ -46,17 +48,54 @@ def box(result: Any, probability: float, margin: float) -> dict[str, Range]:
     return found
 
 
-def union(result: Any, others: Sequence[Any], probability: float, margin: float) -> dict[str, Range]:
-    """Return the smallest ranges that contain the boxes of several results of one kind."""
+def union(
+    result: Any,
+    others: Sequence[Any],
+    probability: float,
+    margin: float,
+    paired: Callable[[Any, Any], Mapping[str, str]] | None = None,
+) -> dict[str, Range]:
+    """Return the smallest ranges that contain the boxes of several results of one kind.
+
+    ``paired`` returns which parameter of another result each parameter is, where results need not have the same ones.
+    """
     ranges = box(result, probability, margin)
     for other in sequence("union_with", others, type(result).__name__):
         beside = box(instance("union_with", other, type(result)), probability, margin)
-        if set(beside) != set(ranges):
+        if paired is None and set(beside) != set(ranges):
             raise ValueError(
                 f"`union_with` must be results of the same parameters, {', '.join(ranges)}, got {', '.join(beside)}."
             )
-        ranges = {name: (min(a, beside[name][0]), max(b, beside[name][1])) for name, (a, b) in ranges.items()}
+        partners = dict.fromkeys(ranges) if paired is None else paired(result, other)
+        for name, partner in partners.items():
+            low, high = beside[partner or name]
+            ranges[name] = min(ranges[name][0], low), max(ranges[name][1], high)
     return ranges
+
+
+def paired_modes(result: Any, other: Any) -> dict[str, str]:
+    """Return the names that parameters of modes have in another identification, whose modes are paired by frequency.
+
+    Warns
+    -----
+    UserWarning
+        Modes of the other one without a partner: the family does not have them.
+    """
+    own, there = (np.log([mode.frequency_hz for mode in each.modes]) for each in (result, other))
+    apart = np.abs(own[:, None] - there)
+    pairs = [
+        (k, j)
+        for k, j in enumerate(apart.argmin(axis=1).tolist())
+        if apart[:, j].argmin() == k and apart[k, j] < _SAME_MODE
+    ]
+    alone = [mode.frequency_hz for j, mode in enumerate(other.modes) if j not in {j for _, j in pairs}]
+    if alone:
+        warn_user(
+            f"The family has no mode for those of `union_with` at {', '.join(f'{hz:.5g}' for hz in alone)} Hz."
+            " Identify all records with the same modes.",
+            UserWarning,
+        )
+    return {a: b for k, j in pairs for a, b in zip(names_of_mode(k), names_of_mode(j), strict=True)}
 
 
 def of_fit(make: Any, parameters: Any, values: Mapping[str, float], ranges: Mapping[str, Range]) -> Family:

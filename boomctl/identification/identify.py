@@ -12,7 +12,7 @@ from boomctl.arrays import Array
 from boomctl.checks import known, warn_user, whole, within
 from boomctl.identification.blocks import confident
 from boomctl.identification.common_poles import CommonPoles
-from boomctl.identification.families import name_of_real_pole, names_of_mode, of_modes, union
+from boomctl.identification.families import name_of_real_pole, names_of_mode, of_modes, paired_modes, union
 from boomctl.identification.jackknife import BLOCKS, deviations
 from boomctl.identification.realised import RankOne
 from boomctl.identification.record import EXCITED, QUANTITIES, Record, band, quantities
@@ -168,8 +168,9 @@ class Identification:
         margin : float
             Share of each value by which its range is widened to either side, for what changes after the measurement.
         union_with : sequence of Identification
-            Results of other records, such as other levels or days, with the same modes: the box is the smallest that
-            contains the boxes of all.  Residues are those of this record.
+            Results of other records, such as other levels or days: the box is the smallest that contains the boxes of all.
+            Modes are paired by frequency, each with the nearest within a tenth; a mode that another record does not have
+            keeps its range.  Residues are those of this record.
 
         Returns
         -------
@@ -180,6 +181,11 @@ class Identification:
         ------
         TypeError, ValueError
             Intervals that are open or without width.
+
+        Warns
+        -----
+        UserWarning
+            Modes of another record that this one does not have.
 
         Examples
         --------
@@ -194,7 +200,7 @@ class Identification:
         """
         modes = [(mode.frequency_hz, mode.damping) for mode in self.modes]
         real_poles = [*(-pole.rate for pole in self.real_poles), *[0.0] * min(self.integrators, 1)]
-        ranges = union(self, union_with, probability, margin)
+        ranges = union(self, union_with, probability, margin, paired_modes)
         for name in ranges:  # a pair of poles has a damping ratio below 1
             if name.endswith("_damping"):
                 ranges[name] = ranges[name][0], min(ranges[name][1], _MOST_DAMPED)

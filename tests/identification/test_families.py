@@ -162,6 +162,27 @@ def test_family_of_accelerometer_record_is_proved(damper, inputs):
     assert loop.poles().real.max() < 0.0
 
 
+def test_union_of_records_pairs_modes_by_frequency():
+    """One record lacks the second mode, and numbers the third as the second."""
+    step, outputs = 0.02, ("y1", "y2", "y3")
+    force, y = accelerometer_record(three_masses(0.01), 1)
+    later, z = accelerometer_record(three_masses(0.02), 2)
+    first, full = (
+        bc.identify({"f1": u[:, :1].ravel(), "f2": u[:, 1]}, dict(zip(outputs, x.T, strict=True)), step,
+                    band_hz=(0.5, 10.0), quantity="acceleration")
+        for u, x in ((force, y), (later, z))
+    )  # fmt: skip
+    fewer = replace(full, modes=(full.modes[0], full.modes[2]))
+    own, united = first.family().ranges, first.family(union_with=[fewer]).ranges
+    there = fewer.family().ranges
+    for k, j in ((1, 1), (3, 2)):
+        ends = own[f"mode_{k}_damping"], there[f"mode_{j}_damping"]
+        np.testing.assert_allclose(united[f"mode_{k}_damping"], (ends[0][0], ends[1][1]), rtol=1e-12)
+    assert united["mode_2_hz"] == own["mode_2_hz"]
+    with pytest.warns(UserWarning, match=r"no mode for those of `union_with` at 4\.\d+ Hz"):
+        fewer.family(union_with=[first])
+
+
 def accelerations_of(model):
     """Return a structure whose outputs are the accelerations of the places of another one."""
     ports = model.ports
