@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from itertools import product
-from math import inf, prod
+from math import inf
 
 import numpy as np
 from numpy.polynomial import chebyshev
@@ -80,7 +80,13 @@ def tried_points(size: int) -> list[Array]:
 
 
 def fitted(
-    at: Functions, counts: Sequence[int], wanted: Mapping[str, Array], negligible: Sizes, exact: float, what: str
+    at: Functions,
+    counts: Sequence[int],
+    wanted: Mapping[str, Array],
+    negligible: Sizes,
+    exact: float,
+    what: str,
+    groups: Sequence[Sequence[int]] = (),
 ) -> tuple[dict[str, dict[tuple[int, ...], Array]], dict[str, Array], float]:
     """Return functions as polynomials, by how much each entry is missed, and the largest miss over what is rounding.
 
@@ -102,6 +108,8 @@ def fitted(
         By how many times that points may be missed.
     what : str
         What the polynomials are of, in the words of an error.
+    groups : sequence of sequence of int
+        Variables that may meet in a product, each in one group; by default all may.
 
     Raises
     ------
@@ -112,7 +120,7 @@ def fitted(
     places, stacks, reach = np.zeros((0, size)), {}, 1.0
     tried = np.array(tried_points(size))
     while True:
-        chosen, beyond = _degrees(counts, reach + SOLVED)
+        chosen, beyond = _degrees_of_groups(counts, reach + SOLVED, groups or [range(size)])
         if len(chosen) > _TERMS:
             raise ValueError(f"{what}: polynomials of it have more than {_TERMS} terms")
         more = np.cos(np.pi * rng.uniform(size=(2 * len(chosen) - len(places), size)))
@@ -128,9 +136,23 @@ def fitted(
             off[name] = np.maximum(*(np.abs(np.tensordot(T, coefficients, 1) - X).max(axis=0) for T, X in misses))
             found[name] = _in_powers(coefficients, chosen)
             miss = max(miss, float((off[name] / np.maximum(least, TINY)).max(initial=0.0)))
-        if miss <= exact or len(chosen) == prod(counts):
+        if miss <= exact or beyond == inf:
             return found, off, miss
         reach = max(_WIDER * reach, beyond)  # by one term at least
+
+
+def _degrees_of_groups(
+    counts: Sequence[int], reach: float, groups: Sequence[Sequence[int]]
+) -> tuple[NDArray[np.int_], float]:
+    """Return the degrees of products of variables of one group, and the least sum beyond the reach."""
+    found, least = [np.zeros((1, len(counts)), int)], inf
+    for group in groups:
+        own, beyond = _degrees([counts[i] for i in group], reach)
+        wide = np.zeros((len(own), len(counts)), int)
+        wide[:, list(group)] = own
+        found.append(wide[own.any(axis=1)])
+        least = min(least, beyond)
+    return np.concatenate(found), least
 
 
 def _degrees(counts: Sequence[int], reach: float) -> tuple[NDArray[np.int_], float]:
@@ -151,7 +173,7 @@ def _degrees(counts: Sequence[int], reach: float) -> tuple[NDArray[np.int_], flo
         chosen = longer
         if len(chosen) > _TERMS:
             break
-    return np.array([degree for degree, _ in chosen]), beyond
+    return np.array([(*degree, *[0] * (len(counts) - len(degree))) for degree, _ in chosen]), beyond
 
 
 def _products(places: Array, degrees: Array) -> Array:

@@ -19,6 +19,7 @@ from boomctl.lti.system import of
 from boomctl.structure import SecondOrderModel
 from boomctl.structure.families import AffineFamily
 from boomctl.structure.modal_structure import modal_structure
+from boomctl.synthesis.discretise import discretize
 from tests.analysis.loop_cases import SIGNALS, chain, velocity_feedback
 from tests.profiles import examples
 
@@ -237,6 +238,18 @@ def test_family_of_many_modes_is_proved_or_refuted(modes):
     assert stable.proved
     assert sampled_abscissa(family, acceleration_feedback(-0.01), 50) <= stable.abscissa * (1.0 - 1e-9) < 0.0
     assert unstable.unstable_at is not None
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("modes", [6, 14])
+def test_sampled_family_of_many_modes_is_proved(modes):
+    """The controller has feedthrough, which couples coordinates; poles of sampled loops at points are an oracle."""
+    family, K = modal(1, modes, 0.005), discretize(acceleration_feedback(-0.01), 0.005)
+    assert K.D.any()
+    assert robust_stability(family, K).proved
+    for delta in np.random.default_rng(0).choice([-1.0, 1.0], (40, family.size)):
+        assert np.abs(feedback_loop(family.at(delta), K, injection_points="u").poles()).max() < 1.0
+    assert robust_stability(family, discretize(acceleration_feedback(0.08), 0.005)).unstable_at is not None
 
 
 @pytest.mark.slow

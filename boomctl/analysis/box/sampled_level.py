@@ -25,7 +25,7 @@ from boomctl.analysis.box.zero_exclusion import Cell, CellProof, Terms, prove_pe
 from boomctl.analysis.loops import joined
 from boomctl.analysis.norm import circle_pencil
 from boomctl.arrays import Array, balance
-from boomctl.chebyshev import Functions, fitted, points_along, tried_points
+from boomctl.chebyshev import FEW_PARAMETERS, Functions, fitted, points_along, tried_points
 from boomctl.lti.frequency import singular_values
 from boomctl.lti.rounding import SOLVED
 from boomctl.lti.system import Lti, signal_scales
@@ -35,6 +35,8 @@ from boomctl.structure.response.poles import undamped_modes
 from boomctl.structure.response.realisation import realize
 
 _EXACT = 1e-9  # share of the largest entry that a polynomial may miss (a choice: far below what damps a loop)
+# The same of many parameters, whose products of different coordinates are left out: they count as what is missed does.
+_COUPLED = 1e-6
 _DEGREE = 32  # of a parameter, which is enough to tell that it is too large (a choice)
 # points of a parameter's range at most, beyond which it is halved: coefficients of higher powers grow, and cancel (measured:
 # cells become too many where a mode turns by more than some two radians a sample over a part)
@@ -93,7 +95,7 @@ class SampledLoops:
             at = _matrices(raw, cell)
             counts = [points_along(at, axis, _negligible, _DEGREE, _SPARE_POINTS) for axis in np.eye(family.size)]
             if max(counts) <= _MOST_POINTS:
-                found.append(cls._of(cell, at, tuple(counts), K.dt))
+                found.append(cls._of(cell, at, tuple(counts), K.dt, _groups(family)))
             elif np.prod(cell.reach) * _MOST_PARTS > 1.0:
                 waiting += cell.halves(int(np.argmax(counts)))
             else:
@@ -101,11 +103,13 @@ class SampledLoops:
         return tuple(found)
 
     @classmethod
-    def _of(cls, cell: Cell, at: Functions, counts: tuple[int, ...], dt: float) -> SampledLoops:
+    def _of(
+        cls, cell: Cell, at: Functions, counts: tuple[int, ...], dt: float, groups: Sequence[Sequence[int]]
+    ) -> SampledLoops:
         """Return the loops over a part of the box, known at so many points of each parameter's range."""
         exact = _EXACT / SOLVED
-        terms, off, miss = fitted(at, counts, at(tried_points(len(counts))), _negligible, exact, _FAST)
-        if miss > exact:
+        terms, off, miss = fitted(at, counts, at(tried_points(len(counts))), _negligible, exact, _FAST, groups)
+        if miss > (_COUPLED / SOLVED if groups else exact):
             raise ValueError(f"{_FAST}: polynomials of it miss it by {miss * SOLVED:.2g}")
         A, B, C, D = (terms[letter] for letter in "ABCD")
         off = {letter: _SPARE * worst for letter, worst in off.items()}
@@ -187,6 +191,31 @@ class SampledLoops:
     def at(self, delta: Array) -> Lti:
         """Return the sampled loop at a point, as a state-space system."""
         return Lti(_value(self.A, delta), _value(self.B, delta), self.C, self.D, dt=self.dt).balanced()
+
+
+def _groups(family: Family) -> list[list[int]]:
+    """Return the parameters of each coordinate of a family of many, whose coordinates are not coupled; otherwise none.
+
+    From sample to sample such a coordinate moves by its own parameters; a controller with feedthrough couples it with others.
+    """
+    if family.size <= FEW_PARAMETERS:
+        return []
+    matrices = [getattr(family.centre, letter) for letter in "MCK"]
+    owners: list[set[int]] = [set() for _ in range(family.centre.n)]
+    for power, change in family.terms:
+        if change.B.any() or change.L.any():
+            return []
+        for X in (dense(getattr(change, letter)) for letter in "MCK"):
+            matrices.append(X)
+            for i in np.flatnonzero(np.diag(X)):
+                owners[i].update(power)
+    if any((dense(X) != np.diag(np.diag(dense(X)))).any() for X in matrices):
+        return []
+    groups: list[set[int]] = []
+    for own in owners:
+        met = [group for group in groups if group & own]
+        groups = [group for group in groups if not group & own] + ([own.union(*met)] if own else [])
+    return [sorted(group) for group in groups]
 
 
 def sampled_loops(
