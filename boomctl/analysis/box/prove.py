@@ -23,6 +23,9 @@ from boomctl.progress import tell
 WORTH = 150  # cells of parameters and frequencies that take as long as one of parameters alone (measured: 100 to 300)
 # share of the cells allowed that either way tastes first, the dear ones before the cheap ones (measured)
 _TASTES = (0.1, 0.02)
+# Parameters up to which cells of parameters and frequencies are tried: what one costs grows with the square of their number,
+# and beyond some 16 it is that of a cell of parameters alone.
+_MOST_PARAMETERS = 16
 _ON = 2.0 / 3.0  # share of what waited that may wait after a taste if the dear ones are to go on at once (measured)
 _LITTLE = 1e-2  # share of a part that counts as some progress at least: nothing is told from less (a choice)
 _HOPELESS = 2.0  # times as many cheap cells as allowed: it is given up, for an estimate may be off by some (a choice)
@@ -200,8 +203,8 @@ def prove_box(parts: Sequence[Part], statement: Statement, limit: float) -> BoxP
 def _proved(part: Part, statement: Statement, limit: float) -> BoxProof:
     """Prove a part: taste both ways, go on with the one that is to end sooner, told anew at each turn; shares grow."""
     size = len(part.cell.middle)
-    few = size <= FEW_PARAMETERS
-    dear_taste = _TASTES[0] * min(1.0, (FEW_PARAMETERS / size) ** 2)
+    few = size <= _MOST_PARAMETERS
+    dear_taste = _TASTES[0] * (1.0 if few else (FEW_PARAMETERS / size) ** 2)
     cells, frontier, cheap = part.responses(), None, 0
     cover, allowed = _Cover((Cell(np.zeros(size), np.ones(size)),)), min(limit, _FIRST)
     while True:
