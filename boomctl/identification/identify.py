@@ -570,6 +570,7 @@ def _band(record: Record, band_hz: Any, least_lines: float) -> tuple[float, floa
         window = np.ones(_SMOOTH) / _SMOOTH
         power = np.array([np.convolve(np.square(np.abs(each)), window, mode="same") for each in U.T])
         share = (power / power.max(axis=1, keepdims=True)).min(axis=0)
+        driven = np.zeros(0, int)
         for least in _LOWEST:  # low-pass inputs leave few lines at the first
             driven = np.flatnonzero(share > least)
             if len(driven) and driven[-1] - driven[0] > least_lines * len(hz) / min(len(u) // 2 + 1 for u in record.u):

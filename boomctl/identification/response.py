@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 _DEGREE = 2  # of the polynomials in frequency whose ratios response and transient are locally (McKelvey & Guerin 2012)
 _POLES = 2  # degree of their denominator
-_REGULAR = 1e-5  # least norm of a denominator's column over that of the output, with which it is solved for
+_REGULAR = 1e-10  # least norm of a column of the denominator off the others, over its norm
 _SPARE = 8  # lines of a local fit beyond its unknowns: its deviation is then known to a quarter
 _INDEPENDENT = (
     0.01  # least singular value of a local fit's columns of length one: its answer loses two digits (a choice)
@@ -327,7 +327,8 @@ def _local(record: Record, resolution: float | None, rational: bool = True) -> t
         return inverse @ known, columns - left @ known
 
     found, error = fitted(rhs)
-    spread = np.square(np.abs(inverse)).sum(axis=2)[:, :m, None]  # centres x inputs x outputs
+    estimator = (inverse[:, :m] @ np.conj(np.swapaxes(left, 1, 2)))[:, :, None]  # centres x inputs x outputs x rows
+    denominator = np.ones((len(centres), K.shape[1], Y.shape[2]))  # which errors are in proportion to
     unknowns += _POLES * rational
     if rational:
         x = np.tile(r, (1, records))[..., None]
@@ -335,15 +336,19 @@ def _local(record: Record, resolution: float | None, rational: bool = True) -> t
             np.stack(each, axis=-1) for each in zip(*(fitted(-(x**k) * rhs) for k in (1, 2)), strict=True)
         )
         q, triangle = np.linalg.qr(columns.swapaxes(1, 2))  # centres x outputs x rows x powers
-        singular = np.abs(np.einsum("coii->coi", triangle)).min(axis=-1) <= _REGULAR * np.linalg.norm(rhs, axis=1)
-        triangle[singular], q[singular] = np.eye(_POLES), 0.0
+        whole = np.stack([np.linalg.norm(x**k * rhs, axis=1) for k in (1, 2)], axis=-1)
+        dependent = np.abs(np.einsum("coii->coi", triangle)) <= _REGULAR * whole
+        triangle[dependent] = np.eye(_POLES)[np.nonzero(dependent)[2]]
+        q.swapaxes(2, 3)[dependent] = 0.0
         a = np.linalg.solve(triangle, np.conj(np.swapaxes(q, 2, 3)) @ error.swapaxes(1, 2)[..., None])[..., 0]
         error = error - np.einsum("croj,coj->cro", columns, a)
         found = found - np.einsum("ckoj,coj->cko", solved, a)
         of_poles = np.linalg.solve(np.swapaxes(triangle, 2, 3)[:, None], solved[:, :m, ..., None])[..., 0]
-        of_poles[np.broadcast_to(singular[:, None], of_poles.shape[:3])] = 0.0
-        spread = spread + np.square(np.abs(of_poles)).sum(axis=-1)
-    noise = np.square(np.abs(error)).sum(axis=1) / (K.shape[1] - unknowns)  # centres x outputs
+        estimator = estimator - np.einsum("cioj,corj->cior", of_poles, np.conj(q))
+        denominator = 1.0 + a[:, None, :, 0] * x + a[:, None, :, 1] * x**2
+    weight = np.square(np.abs(denominator))
+    noise = np.square(np.abs(error)).sum(axis=1) / (K.shape[1] - unknowns) / weight.mean(axis=1)  # centres x outputs
+    spread = (np.square(np.abs(estimator)) * weight.swapaxes(1, 2)[:, None]).sum(axis=-1)
     explained = np.square(np.abs((K / size)[..., :responding] @ found[:, :responding])).sum(axis=1)
     power = np.square(np.abs(U[:, at])).mean(axis=(0, 2))  # centres x inputs
     scale = size[:, 0, :m, None]
