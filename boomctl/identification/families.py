@@ -95,7 +95,9 @@ def paired_modes(result: Any, other: Any) -> dict[str, str]:
             " Identify all records with the same modes.",
             UserWarning,
         )
-    return {a: b for k, j in pairs for a, b in zip(names_of_mode(k), names_of_mode(j), strict=True)}
+    paired = {a: b for k, j in pairs for a, b in zip(names_of_mode(k), names_of_mode(j), strict=True)}
+    both = min(len(result.real_poles), len(other.real_poles))
+    return paired | {name: name for name in map(name_of_real_pole, range(both))}
 
 
 def of_fit(make: Any, parameters: Any, values: Mapping[str, float], ranges: Mapping[str, Range]) -> Family:

@@ -41,6 +41,7 @@ _HIGHEST = 60  # order where none is said: some three times as many as modes are
 _MOST_DAMPED = 0.99  # Largest damping ratio in a family.
 _PARTS = 4  # Parts of a record that give prediction intervals.
 _WHOLE_RECORDS = 3  # Records from which whole ones are held back.
+_QUIET = 0.2  # RMS of the held-back outputs over those that are fitted, below which the fit is not checked.
 _POOR = 50.0  # Fit [%] below which a warning is given.
 _WIDEST = 20.0  # logarithm of a factor of damping: it is not determined then
 _LOSS = 1.0  # points of the fit that a structure may cost (a choice)
@@ -318,8 +319,8 @@ def identify(
     confidence : float
         Of the intervals, between 0.5 and 1.
     errors : "relative" or "absolute", optional
-        How errors of a measured frequency response grow: with its size, which is taken where nothing is said, or not at
-        all.  One of `estimate_response` says its own.
+        How errors of a measured frequency response grow: with its size, or not at all; by default the likelier of the two.
+        One of `estimate_response` has its own.
 
     Returns
     -------
@@ -369,16 +370,19 @@ def identify(
     wanted = None if modes is None else whole("modes", modes)
     rigid = None if rigid_body is None else whole("rigid_body", rigid_body, least=0, most=2)
     highest = _HIGHEST if order is None else whole("order", order, least=4, most=400)
+    tested: Spectra | None = None
+    whole_record: Spectra | None = None
     if is_frequency_response(inputs):
         if outputs is not None or sample_time is not None:
             raise TypeError("outputs, sample_time: expected None beside a measured frequency response")
         low, high = band(band_hz, float(inputs.omega[-1]) / (2.0 * np.pi))
-        deviation, told = _deviation(inputs, errors)
-        data = tested = whole_record = Spectra.of_response(inputs, low, high, deviation)
+        trials = {
+            words: Spectra.of_response(inputs, low, high, size) for words, size in _deviations(inputs, errors).items()
+        }
         names = tuple(inputs.input_labels), tuple(inputs.output_labels)
         said = getattr(inputs, "quantity", ("displacement",) * len(names[1]))
         kinds = said if quantity is None else quantities(quantity, names[1])
-        source = f"intervals from {BLOCKS} groups of frequencies, validated on all of them{told}"
+        source = f"intervals from {BLOCKS} groups of frequencies, validated on all of them"
     elif errors is not None:
         raise TypeError(
             f"errors = {errors!r}: expected None for a record, whose residuals say how large its errors are"
@@ -390,18 +394,26 @@ def identify(
         record = with_intersample(record, high)
         whole_record = Spectra.of_record(record, low, high, slice(0.0, 1.0))
         data, tested, last = _held_back(record, low, high, back) if back else (whole_record, whole_record, "")
+        trials = {"": data}
         names, kinds = (record.inputs, record.outputs), record.quantity
         source = f"intervals from {BLOCKS} blocks of the record, " + (
             f"validated by a free run over {last}, then fitted to all of it"
             if back
             else "validated on what it was fitted to"
         )
+    data = next(iter(trials.values()))
     highest = min(highest, len(data.lines[0]) // (2 * data.U.shape[1] + 2))
     orders = tuple(sorted({round(order) for order in np.linspace(max(highest // 2, 2), highest, _ORDERS)}))
     ends = 2.0 * np.pi * max(low, 0.0), 2.0 * np.pi * high
     # a force moves a free body: its acceleration has no integrator, its velocity one
     counts = tuple(range(3 - min(QUANTITIES[kind] for kind in kinds))) if rigid is None else (rigid,)
-    fit, found = search_poles(data, *ends, orders, counts)
+    searched = {words: search_poles(trial, *ends, orders, counts) for words, trial in trials.items()}
+    words = (
+        max(searched, key=lambda words: _likelihood(searched[words][0])) if len(searched) > 1 else next(iter(searched))
+    )
+    (fit, found), source = searched[words], source + words
+    if whole_record is None or tested is None:  # a measured response, which is validated on what it is fitted to
+        tested = whole_record = data = fit.data
     simple = RankOne.of(fit)
     tested = tested.scaled(fit.data.scale / tested.scale)
     left = complex_of(simple.left(tested))
@@ -420,7 +432,8 @@ def identify(
             f"sample_time = {sample_time!r}: expected resonances well below half the sampling rate, got one at"
             f" {folded[0].imag / (2.0 * np.pi):.4g} Hz of {0.5 / data.step:.4g}; sample faster, or filter before sampling"
         )
-    _check_fit(percent, names[1])
+    if (tested.output_rms > _QUIET * data.output_rms).any():  # not the end of the motion after an impact
+        _check_fit(percent, names[1])
     fit = replace(fit, poles=fit.poles[np.argsort(np.where(inside, fit.poles.imag, np.inf), kind="stable")])
     number = int(inside.sum())
     quantile = float(stats.t.ppf(0.5 + 0.5 * level, BLOCKS - 1))
@@ -518,14 +531,22 @@ def _prediction(fit: CommonPoles, level: float) -> Array:
     return quantile * np.sqrt(parts + 1.0) * deviations(fit, parts)
 
 
-def _deviation(response: Any, errors: str | None) -> tuple[Array | None, str]:
-    """Return how large the errors of a measured response are, up to a factor for each output, and words on that."""
+def _deviations(response: Any, errors: str | None) -> dict[str, Array | None]:
+    """Return how large the errors of a measured response may be, up to a factor for each output, by words on that."""
     if hasattr(response, "deviation"):
         if errors is not None:
             raise TypeError(f"errors = {errors!r}: expected None for a response that says its own deviation")
-        return response.deviation, ""
-    kind = known("errors", "relative" if errors is None else errors, ("relative", "absolute"))
-    return (np.abs(response.frdata) if kind == "relative" else None), f"; errors taken for {kind}"
+        return {"": response.deviation}
+    sizes = {"relative": np.abs(response.frdata), "absolute": None}
+    kinds = [known("errors", errors, sizes)] if errors is not None else list(sizes)
+    return {f"; errors taken for {kind}": sizes[kind] for kind in kinds}
+
+
+def _likelihood(fit: CommonPoles) -> float:
+    """Return the logarithm of the likelihood of a measured response, whose rows have weights."""
+    weights = np.abs(fit.data.U).max(axis=1)
+    deviation = np.maximum(fit.deviation * fit.data.scale, np.finfo(float).tiny)
+    return float(2.0 * len(deviation) * np.log(weights).sum() - 2.0 * len(weights) * np.log(deviation).sum())
 
 
 def _mode(

@@ -10,6 +10,7 @@ from boomctl.identification.common_poles import CommonPoles, curvature, pull
 BLOCKS = 24  # Blocks of a record: standard deviations are known to 15 %.
 _LEVERAGE = 0.9  # Largest leverage of a block on a coefficient: the rest of the record has information on it.
 _LARGEST = 0.98  # Largest leverage of a block on an error.
+_NEIGHBORS = 3  # Lines of a frequency response that stay together.
 _GROUPS = 6  # Groups of alternate lines of a frequency response that are left out in turn.
 
 
@@ -61,12 +62,11 @@ def _blocks(fit: CommonPoles, columns: Array, count: int, alternate: bool = Fals
     """Return blocks of columns: over time, or groups of lines of a frequency response, which may alternate."""
     if not fit.data.lengths:
         rows = columns[np.argsort(np.repeat(np.abs(fit.data.s), 2), kind="stable")]
-        if alternate:
-            group = np.arange(len(rows)) // 2 % _GROUPS
-            return [rows[group == k] for k in range(_GROUPS)]
-        parts = [rows]
-    else:  # products over time are those of the spectra
-        parts = [part * np.sqrt(0.5 * len(part)) for part in fit.data.in_time(columns)]
+        # neighbors, whose errors are correlated, stay together; each resonance has lines in many groups
+        group = np.arange(len(rows)) // (2 * (1 if alternate else _NEIGHBORS)) % (_GROUPS if alternate else count)
+        return [rows[group == k] for k in range(group.max() + 1)]
+    # products over time are those of the spectra
+    parts = [part * np.sqrt(0.5 * len(part)) for part in fit.data.in_time(columns)]
     length = sum(map(len, parts)) / count
     found = []
     for part in parts:

@@ -16,15 +16,17 @@ from boomctl.lti.rounding import ALIKE
 _ROUNDS = 2  # Rounds of candidates.
 _CANDIDATES = 12  # Candidates of a round.
 _FACTOR = 2.0  # Largest factor of the 95 % interval of a damping ratio.
+_FACTOR_BESIDE = 1.6  # The same of a mode within a wider resonance, where errors of the model look like modes.
 _HALF_WIDTHS = 1.0  # Largest 95 % interval of a frequency [half-power half widths].
 _QUANTILE = float(stats.t.ppf(0.975, BLOCKS - 1))
 _DAMPED = 0.5  # Damping ratio above which a pair of poles is no mode.
 _NEIGHBOR = 3.0  # Half widths within which a candidate must pass a test of the joint fit.
-_STARTS = 3  # Starts of a search for a second pole beside one of the fit.
+_ROUGHLY = 4.0  # Factor of the limits of intervals for such a candidate: the fit of all poles determines more.
+_STARTS = 1  # Starts of a search for a second pole beside one of the fit.
 _LEFT_OUT = 0.7  # Least fall of the left-out error over the fall of the fit's error for such a candidate.
-_SIGNIFICANT = 2.0  # Standard errors by which the left-out error must fall for a term that is no mode of the band.
+_SIGNIFICANT = 2.0  # Standard errors by which the left-out error must fall for a term beside the modes that are there.
 _WORTH = 0.05  # Least fall of the left-out error for such a term, relative.
-_REAL = 9  # Real poles that are tried, from the resolution to the highest frequency.
+_REAL = 5  # Real poles that are tried, from the resolution to the highest frequency.
 _SLOWEST = 0.3  # Rate of a real pole over the resolution, below which it is an integrator.
 _ROUGH = 0.05  # Fall of the cost, over the evidence of a mode, below which steps do not change which modes have it.
 _STEADY = 0.5  # Fraction of the orders at which a pole is stable if the fit starts from it.
@@ -55,7 +57,8 @@ def search_poles(
     poles = [track.pole for track in found if len(track.orders) >= _STEADY * len(orders)]
     start = CommonPoles(data, np.array(poles[: most_poles(data)], complex), np.zeros(0, complex), integrators[0])
     fit = with_background(_weighted(start), low, high, integrators)
-    return refine(fit, low, high, integrators), found
+    fit = with_background(_weighted(refine(fit, low, high, integrators)), low, high, integrators)
+    return _settled(fit, low, high, integrators), found
 
 
 def refine(fit: CommonPoles, low: float, high: float, integrators: tuple[int, ...]) -> CommonPoles:
@@ -65,11 +68,20 @@ def refine(fit: CommonPoles, low: float, high: float, integrators: tuple[int, ..
         more = candidates(fit)[0][: max(most_poles(fit.data) - len(fit.poles), 0)]
         if not len(more):
             break
-        joined = pruned(_with_evidence(_roughly(_with(fit, np.append(fit.poles, more)))), low, high, integrators)
+        joined = _roughly(_with(fit, np.append(fit.poles, more)))
+        kept = np.arange(len(joined.poles)) < len(fit.poles)
+        kept |= _is_determined(joined) & (joined.evidence > needed(joined))
+        if kept.sum() == len(fit.poles):
+            break
+        joined = pruned(_with_evidence(_roughly(_with(joined, joined.poles[kept]))), low, high, integrators)
         if len(joined.poles) <= len(fit.poles):
             break
         fit = joined
-    fit = with_background(_weighted(fit), low, high, integrators)
+    return _settled(fit, low, high, integrators)
+
+
+def _settled(fit: CommonPoles, low: float, high: float, integrators: tuple[int, ...]) -> CommonPoles:
+    """Return the fit at its minimum, without poles that are not determined."""
     return pruned(fitted(_weighted(_roughly(fit))), low, high, integrators)
 
 
@@ -151,7 +163,10 @@ def pruned(fit: CommonPoles, low: float, high: float, integrators: tuple[int, ..
         if outside.any():
             fit = _roughly(_with(fit, fit.poles[~outside]))
             continue
-        vague = ~real & ((steps[:, 0] > np.log(_FACTOR)) | (steps[:, 1] > _HALF_WIDTHS))
+        apart = np.abs(fit.poles.imag[:, None] - fit.poles.imag)
+        wider = fit.poles.real[:, None] > fit.poles.real
+        factor = np.where((wider & (apart < _NEIGHBOR * -fit.poles.real)).any(axis=1), _FACTOR_BESIDE, _FACTOR)
+        vague = ~real & ((steps[:, 0] > np.log(factor)) | (steps[:, 1] > _HALF_WIDTHS))
         if not vague.any():
             break
         fit = _roughly(_with(fit, np.delete(fit.poles, np.flatnonzero(weakest(fit, vague, max(vague.sum() // 3, 1))))))
@@ -221,7 +236,7 @@ def candidates(fit: CommonPoles) -> tuple[Array, Array]:
     poles : ndarray
         New poles, apart from those of the fit or beside one of them.
     unresolved : (k,) ndarray of bool
-        Poles of the fit that have evidence of another one beside them, which is not determined.
+        Poles of the fit beside which the left-out error shows another one.
     """
     data, found = _in_residuals(fit)
     least = needed(fit)
@@ -231,7 +246,9 @@ def candidates(fit: CommonPoles) -> tuple[Array, Array]:
     for gain, pole in found:
         if gain <= _BESIDE * found[0][0] or len(tried) >= _CANDIDATES:
             break
-        near = np.flatnonzero(np.abs(fit.poles.imag - pole.imag) < _NEIGHBOR * -fit.poles.real)
+        near = np.flatnonzero(
+            np.abs(fit.poles.imag - pole.imag) < _NEIGHBOR * np.maximum(-fit.poles.real, data.resolution)
+        )
         if len(near):
             closest = int(near[np.argmin(np.abs(fit.poles[near] - pole))])
             starts.setdefault(closest, []).append(pole)
@@ -243,39 +260,49 @@ def candidates(fit: CommonPoles) -> tuple[Array, Array]:
         around = data.within(pole.imag - half, pole.imag + half)
         local = fitted(CommonPoles(around, np.array([pole]), np.zeros(0)), _ROUGH * least)
         best = complex(min(local.poles[0].real, pole.real), local.poles[0].imag)
-        if _determined(local) and _apart(best, chosen):
+        if _is_determined(local).all() and _apart(best, chosen):
             chosen.append(best)
     unresolved = np.zeros(len(fit.poles), bool)
     for k, poles in starts.items():
-        second = _second_pole(fit, k, poles[:_STARTS])
-        unresolved[k] = second is None
-        chosen += [] if second is None else [second]
+        two = _two_poles(fit, k, poles[:_STARTS])
+        if two is not None:
+            unresolved[k] = True
+            second = two.poles[np.argmax(np.abs(two.poles - fit.poles[k]))]
+            chosen += [complex(second)] if _is_determined(two, _ROUGHLY).all() else []
     return np.array(chosen, complex), unresolved
 
 
-def _determined(fit: CommonPoles) -> bool:
-    """Return whether all poles have a damping ratio and a frequency that blocks determine."""
+def _is_determined(fit: CommonPoles, slack: float = 1.0) -> Array:
+    """Return which poles have a damping ratio and a frequency that blocks determine."""
     decay, frequency = (_QUANTILE * deviations(fit)).T
-    return bool((decay <= np.log(_FACTOR)).all() and (frequency <= _HALF_WIDTHS).all())
+    return (decay <= slack * np.log(_FACTOR)) & (frequency <= slack * _HALF_WIDTHS)
 
 
-def _second_pole(fit: CommonPoles, k: int, starts: list[complex]) -> complex | None:
-    """Return a pole beside one of the fit, if two describe what the others leave in a window better than one.
+def _two_poles(fit: CommonPoles, k: int, starts: list[complex]) -> CommonPoles | None:
+    """Return the fit of two poles to what the others leave in a window, None if one pole describes it as well.
 
-    The left-out error must fall by most of what the error of the fit falls.
+    The left-out error must fall by most of what the error of the fit falls.  Within one line of a frequency response two
+    poles cannot be distinguished from a distorted peak.
     """
     others = replace(fit.data, Y=complex_of(fit.residuals + fit.contribution(k)))
     pole = fit.poles[k]
+    resolution = fit.data.resolution
+    split = 1j * max(-pole.real, 0.5 * resolution)
+    starts = [*starts, pole + split, pole - split]
     far = max([_NEIGHBOR * -pole.real, *(abs(start.imag - pole.imag) for start in starts)])
-    half = far + _side(fit.data, max(-pole.real / fit.data.resolution, 1.0)) * fit.data.resolution
+    half = far + _side(fit.data, max(-pole.real / resolution, 1.0)) * resolution
     window = others.within(pole.imag - half, pole.imag + half)
     one = fitted(CommonPoles(window, np.array([pole]), np.zeros(0)))
     trials = [fitted(CommonPoles(window, np.array([pole, start]), np.zeros(0))) for start in starts]
     two = min(trials, key=lambda trial: trial.cost)
-    fall = left_out_errors(one).sum() - left_out_errors(two).sum()
-    if fall < _LEFT_OUT * (one.cost - two.cost) or not _determined(two):
+    fall = left_out_errors(one) - left_out_errors(two)
+    error = fall.std(ddof=1) * np.sqrt(len(fall))
+    apart = np.abs(np.diff(two.poles.imag)[0])
+    if fall.sum() < max(_LEFT_OUT * (one.cost - two.cost), _SIGNIFICANT * error):
         return None
-    return complex(two.poles[np.argmax(np.abs(two.poles - pole))])
+    if not fit.data.lengths and apart < resolution:
+        return None
+    return two
 
 
 def _side(data: Spectra, rate: float) -> int:

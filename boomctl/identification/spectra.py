@@ -114,6 +114,11 @@ class Spectra:
         return len(self.lengths)
 
     @property
+    def output_rms(self) -> Array:
+        """Root mean square of each output within the band, in its unit, (p,)."""
+        return rms(self.Y) * self.scale
+
+    @property
     def resolution(self) -> float:
         """Between two lines [rad/s]."""
         return (self.top - float(np.abs(self.s).min())) / max(max(map(len, self.lines)) - 1, 1)

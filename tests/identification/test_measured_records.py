@@ -1,0 +1,164 @@
+"""Identification of measured records, of which the folder is in ``BOOMCTL_RECORDS``, and of simulated ones of their kinds."""
+
+import gzip
+import os
+import warnings
+from pathlib import Path
+
+import control
+import numpy as np
+import pytest
+from hypothesis import given
+from scipy import io, signal
+
+import boomctl as bc
+from tests.profiles import examples
+from tests.strategies import seeds
+
+_STEP = 0.01
+
+
+def _records():
+    folder = os.environ.get("BOOMCTL_RECORDS")
+    if not folder:
+        pytest.skip("BOOMCTL_RECORDS is not set")
+    return Path(folder)
+
+
+def _free_run_percent(system, u, y, step, band, begin):
+    """Return the fit in a band from a sample on, of the response of a system to the whole input, by NumPy alone."""
+    w = 2j * np.pi * np.fft.rfftfreq(len(u), step)
+    poles, V = np.linalg.eig(system.A)
+    modal = np.fft.rfft(u, axis=0) @ np.linalg.solve(V, system.B).T / (w[:, None] - poles)
+    predicted = np.fft.irfft(modal @ (system.C @ V).T + np.fft.rfft(u, axis=0) @ system.D.T, len(u), axis=0)
+    error, reference = (y - predicted)[begin:-40], y[begin:-40] - y[begin:-40].mean(axis=0)
+    hz = np.fft.rfftfreq(len(error), step)
+    inside = (hz >= band[0]) & (hz <= band[1])
+    sizes = [
+        np.linalg.norm(np.fft.rfft(np.hanning(len(part))[:, None] * part, axis=0)[inside], axis=0)
+        for part in (error, reference)
+    ]
+    return 100.0 * (1.0 - sizes[0] / sizes[1])
+
+
+@pytest.mark.slow
+def test_steel_frame_record_free_run_and_modes():
+    found = io.loadmat(_records() / "steel_frame" / "flexibleStructure.mat")
+    data = next(value for name, value in found.items() if not name.startswith("_"))
+    data = data - data[:6000].mean(axis=0)
+    u, y, step, band = data[:, :2], data[:, 2:], 1.0 / 1024.0, (5.0, 490.0)
+    results = [
+        bc.identify(u[:6000], y[:6000], step, band_hz=band, quantity="acceleration", order=order) for order in (40, 80)
+    ]
+    percent = _free_run_percent(results[0].system, u, y, step, band, 6000)
+    assert percent.mean() > 96.3
+    assert percent.min() > 93.9
+    assert results[0].system.nstates <= 36
+    assert 14 <= len(results[0].modes) <= 16
+    frequencies = [[mode.frequency_hz for mode in result.modes] for result in results]
+    assert frequencies[0] == pytest.approx(frequencies[1], rel=1e-5)
+    for mode in results[0].modes:
+        assert mode.damping_interval[1] < 4.0 * mode.damping_interval[0]
+    held = _free_run_percent(results[0].system, u[:6000], y[:6000], step, band, 4200).mean()
+    assert np.mean(list(results[0].fit_percent.values())) == pytest.approx(held, abs=1.0)
+
+
+@pytest.mark.slow
+def test_tower_records_share_modes():
+    results = []
+    for name in ("wn_01.dat.gz", "wn_02.dat.gz"):
+        with gzip.open(_records() / "unison_tower" / name) as file:
+            data = np.loadtxt(file)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # the first record predicts less than half of an output
+            found = bc.identify(
+                data[:, 1], data[:, 2:7], 0.01, quantity="acceleration", band_hz=(0.3, 15.0), intersample="bl"
+            )
+        results.append(found)
+    hz = [np.array([mode.frequency_hz for mode in result.modes]) for result in results]
+    assert all(6 <= len(frequencies) <= 10 for frequencies in hz)
+    assert sum(np.abs(hz[1] / each - 1.0).min() < 0.03 for each in hz[0]) >= 5
+
+
+@pytest.mark.slow
+def test_beam_responses_six_modes():
+    folder = _records() / "pyuff_beam"
+    lines = [(folder / f"meas_point_{k}.txt").read_text().split("\n")[:1000] for k in (1, 2, 3)]
+    H = np.array([[complex(value.strip().strip("()")) for value in column] for column in lines])[:, None, 1:]
+    found = bc.identify(control.frd(H, 2.0 * np.pi * np.arange(1.0, 1000.0)), quantity="acceleration")
+    expected = [51.5, 142.18, 278.66, 460.39, 687.16, 958.5]
+    assert [mode.frequency_hz for mode in found.modes] == pytest.approx(expected, rel=1e-3)
+
+
+@pytest.mark.slow
+def test_wing_record_without_excitation_raises():
+    data = io.loadmat(_records() / "maewing1_wing" / "maewing_runtest.mat", squeeze_me=True)["signalIn"]
+    with pytest.raises(ValueError, match="got evidence of 0"):
+        bc.identify(data[:, 1], data[:, 2:4], 1.0 / 2000.0, quantity="acceleration", intersample="bl")
+
+
+def _motor(rng):
+    """Return the state matrices of a motor that turns one or two loads through soft shafts, with friction or free."""
+    count = int(rng.integers(1, 3))
+    J, C = np.append(1.0, rng.uniform(0.2, 2.0, count)), np.zeros((count + 1, count + 1))
+    K, first = np.zeros_like(C), 2.0 * np.pi * rng.uniform(3.0, 8.0)
+    for k in range(count):
+        omega, ends = first * (1.0 + 1.2 * k), np.eye(count + 1)[k] - np.eye(count + 1)[k + 1]
+        stiffness = omega**2 * J[k] * J[k + 1] / (J[k] + J[k + 1])
+        K += stiffness * np.outer(ends, ends)
+        C += 2.0 * rng.uniform(0.003, 0.03) / omega * stiffness * np.outer(ends, ends)
+    friction = bool(rng.integers(2))
+    C[0, 0] += friction * 2.0 * np.pi * rng.uniform(0.1, 1.5) * J.sum()
+    n = count + 1
+    A = np.block([[np.zeros((n, n)), np.eye(n)], [-K / J[:, None], -C / J[:, None]]])
+    return A, np.eye(2 * n)[:, [n]], friction
+
+
+@given(seed=seeds)
+@examples(30)
+def test_motor_with_and_without_friction_modes_and_integrators(seed):
+    rng = np.random.default_rng(seed)
+    A, B, friction = _motor(rng)
+    n, power = len(A) // 2, int(rng.integers(3))
+    rows = np.eye(n)[[0, -1]]
+    C = [np.hstack([rows, 0.0 * rows]), np.hstack([0.0 * rows, rows]), rows @ A[n:]][power]
+    D = rows @ B[n:] if power == 2 else np.zeros((2, 1))
+    u = rng.standard_normal((6000, 1))
+    y = signal.dlsim(signal.cont2discrete((A, B, C, D), _STEP), u)[1]
+    poles = np.linalg.eigvals(A)
+    poles = np.sort_complex(1j * poles[poles.imag > 1.0].conj()).conj() * 1j
+    # errors a twentieth as large as the smallest mode
+    s = 2j * np.pi * np.fft.rfftfreq(len(u), _STEP)[:, None]
+    values, V = np.linalg.eig(A + 0j)
+    parts = [
+        np.linalg.norm(
+            2.0 * np.fft.rfft(u, axis=0) / (s - values[k]) * (np.linalg.pinv(V)[k] @ B) * (C @ V[:, k]), axis=0
+        )
+        for k in np.flatnonzero(values.imag > 1.0)
+    ]
+    noise = 0.05 * np.sqrt(2.0) * np.min(parts, axis=0) / len(u)
+    y = y + np.maximum(noise, 1e-9 * y.std(axis=0)) * rng.standard_normal(y.shape)
+    quantity = ("displacement", "velocity", "acceleration")[power]
+    found = bc.identify(u, y, _STEP, quantity=quantity, intersample="zoh")
+    assert len(found.modes) == len(poles)
+    for mode, pole in zip(found.modes, sorted(poles, key=lambda p: p.imag), strict=True):
+        assert mode.frequency_hz == pytest.approx(pole.imag / (2.0 * np.pi), rel=0.01)
+    assert found.integrators == max(2 - power - friction, 0)
+    assert len(found.real_poles) == friction
+
+
+def test_close_modes_are_listed_or_marked():
+    rng = np.random.default_rng(3)
+    missing, s = 0, 2j * np.pi * np.fft.rfftfreq(12000, _STEP)[:, None]
+    for _ in range(10):
+        hz, apart = rng.uniform(4.0, 20.0), 10.0 ** rng.uniform(-2.3, -1.3)
+        omega = 2.0 * np.pi * hz * np.array([1.0, 1.0 + apart])
+        poles = omega * (-(10.0 ** rng.uniform(-3.0, -1.7, 2)) + 1j)
+        U = np.fft.rfft(rng.standard_normal((12000, 1)), axis=0) * (s.imag < 2.0 * np.pi * 45.0)
+        c = rng.standard_normal((2, 4)) * omega[:, None] ** 2
+        Y = U * (1.0 / ((s - poles) * (s - poles.conj()))) @ c
+        u, y = (np.fft.irfft(part, axis=0)[6000:] for part in (U, Y))
+        y += 0.01 * y.std(axis=0) * rng.standard_normal(y.shape)
+        modes = bc.identify(u, y, _STEP, band_hz=(0.5, 45.0), intersample="bl").modes
+        missing += len(modes) < 2 and not any(mode.maybe_two for mode in modes)
+    assert missing == 0
