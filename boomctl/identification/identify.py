@@ -225,7 +225,7 @@ class Identification:
         lines += ["  " + ", ".join(self._row(mode)[:3]) for mode in shown]
         if len(shown) < len(self.modes):
             lines.append(f"  ... ({len(self.modes)})")
-        lines.append(f"  {self._fit()}; {self.source}")
+        lines += [*self._others(), f"  {self._fit()}; {self.source}"]
         return "\n".join(line if len(line) <= WIDTH else line[: WIDTH - 3] + "..." for line in lines)
 
     def _repr_html_(self) -> str:
@@ -240,12 +240,23 @@ class Identification:
         str
             One line a mode, one an output.
         """
-        lines = [self._head(), *("  " + ", ".join(self._row(mode)) for mode in self.modes)]
+        lines = [self._head(), *("  " + ", ".join(self._row(mode)) for mode in self.modes), *self._others()]
         return "\n".join([*lines, *(f"  {name}: {fit:.2f} %" for name, fit in self.fit_percent.items()), self.source])
 
     def _head(self) -> str:
         names = between(self.system.input_labels, self.system.output_labels)
         return f"{count(len(self.modes), 'mode')} from {self.band_hz[0]:.4g} to {self.band_hz[1]:.4g} Hz, {names}"
+
+    def _others(self) -> list[str]:
+        """Return a line for each real pole, one for integrators, and one for modes that may be two."""
+        lines = [
+            f"  real pole {pole.rate:.4g} rad/s ({pole.rate_interval[0]:.4g} to {pole.rate_interval[1]:.4g}), no mode"
+            for pole in self.real_poles
+        ]
+        if self.integrators:
+            lines.append(f"  {count(self.integrators, 'integrator')}: a body that moves freely")
+        double = ", ".join(f"{mode.frequency_hz:.5g}" for mode in self.modes if mode.maybe_two)
+        return lines + ([f"  maybe two modes at {double} Hz"] if double else [])
 
     def _fit(self) -> str:
         fits = list(self.fit_percent.values())
