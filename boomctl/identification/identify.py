@@ -19,6 +19,8 @@ from boomctl.identification.record import EXCITED, QUANTITIES, Record, band, qua
 from boomctl.identification.response import with_intersample
 from boomctl.identification.search import candidates, refine, search_poles, weakest, without
 from boomctl.identification.spectra import FEWEST, Spectra, complex_of, rms
+from boomctl.lti.python_control import control
+from boomctl.lti.rounding import ALIKE
 from boomctl.lti.system import is_frequency_response
 from boomctl.printing import LINES, WIDTH, between, compact, count, table_html
 from boomctl.structure.families import Family
@@ -26,7 +28,6 @@ from boomctl.structure.model import SecondOrderModel
 from boomctl.threads import one_blas_thread
 
 if TYPE_CHECKING:
-    import control
     from matplotlib.axes import Axes
     from numpy.typing import ArrayLike
 
@@ -42,6 +43,7 @@ _MOST_DAMPED = 0.99  # Largest damping ratio in a family.
 _PARTS = 4  # Parts of a record that give prediction intervals.
 _WHOLE_RECORDS = 3  # Records from which whole ones are held back.
 _QUIET = 0.2  # RMS of the held-back outputs over those that are fitted, below which the fit is not checked.
+_REPEATED = 2  # Values at a frequency from which their deviation is known.
 _POOR = 50.0  # Fit [%] below which a warning is given.
 _WIDEST = 20.0  # logarithm of a factor of damping: it is not determined then
 _LOSS = 1.0  # points of the fit that a structure may cost (a choice)
@@ -331,7 +333,7 @@ def identify(
         Of the intervals, between 0.5 and 1.
     errors : "relative" or "absolute", optional
         How errors of a measured frequency response grow: with its size, or not at all; by default the likelier of the two.
-        One of `estimate_response` has its own.
+        One of `estimate_response` has its own, one with repeated frequencies that of the repetitions.
 
     Returns
     -------
@@ -386,12 +388,14 @@ def identify(
     if is_frequency_response(inputs):
         if outputs is not None or sample_time is not None:
             raise TypeError("outputs, sample_time: expected None beside a measured frequency response")
-        low, high = band(band_hz, float(inputs.omega[-1]) / (2.0 * np.pi))
+        response = _merged(inputs)
+        low, high = band(band_hz, float(response.omega[-1]) / (2.0 * np.pi))
         trials = {
-            words: Spectra.of_response(inputs, low, high, size) for words, size in _deviations(inputs, errors).items()
+            words: Spectra.of_response(response, low, high, size)
+            for words, size in _deviations(response, errors).items()
         }
-        names = tuple(inputs.input_labels), tuple(inputs.output_labels)
-        said = getattr(inputs, "quantity", ("displacement",) * len(names[1]))
+        names = tuple(response.input_labels), tuple(response.output_labels)
+        said = getattr(response, "quantity", ("displacement",) * len(names[1]))
         kinds = said if quantity is None else quantities(quantity, names[1])
         source = f"intervals from {BLOCKS} groups of frequencies, validated on all of them"
     elif errors is not None:
@@ -540,6 +544,30 @@ def _prediction(fit: CommonPoles, level: float) -> Array:
     parts = max(len(fit.data.lengths), _PARTS)
     quantile = float(stats.t.ppf(0.5 + 0.5 * level, parts - 1))
     return quantile * np.sqrt(parts + 1.0) * deviations(fit, parts)
+
+
+def _merged(response: Any) -> Any:
+    """Return a response with the median over each repeated frequency, and its deviation; others unchanged.
+
+    A value that disagrees with its repetitions, such as one at the power line, then has a large deviation.
+    """
+    omega = np.asarray(response.omega)
+    order = np.argsort(omega, kind="stable")
+    place = np.append(0, np.cumsum(np.diff(omega[order]) > ALIKE * omega[order][1:]))
+    counts = np.bincount(place)
+    if hasattr(response, "deviation") or counts.max() < _REPEATED:
+        return response
+    G = np.asarray(response.frdata)[..., order]
+    groups = [G[..., place == k] for k in range(len(counts))]
+    middle = np.stack([np.median(np.real(g), axis=-1) + 1j * np.median(np.imag(g), axis=-1) for g in groups], axis=-1)
+    apart = [np.square(np.abs(g - middle[..., [k]])).mean(axis=-1) / counts[k] for k, g in enumerate(groups)]
+    spread, size = np.sqrt(np.stack(apart, axis=-1)), np.maximum(np.abs(middle), np.finfo(float).tiny)
+    typical = np.median((spread / size)[..., counts > 1], axis=-1, keepdims=True)
+    labels = {"inputs": response.input_labels, "outputs": response.output_labels}
+    merged = control.frd(middle, omega[order][np.append(0, np.flatnonzero(np.diff(place)) + 1)], **labels)
+    merged.deviation = np.hypot(spread, typical * size)
+    merged.quantity = getattr(response, "quantity", ("displacement",) * len(middle))
+    return merged
 
 
 def _deviations(response: Any, errors: str | None) -> dict[str, Array | None]:
