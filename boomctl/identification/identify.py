@@ -17,7 +17,7 @@ from boomctl.identification.jackknife import BLOCKS, deviations
 from boomctl.identification.realised import RankOne
 from boomctl.identification.record import EXCITED, QUANTITIES, Record, band, quantities
 from boomctl.identification.response import with_intersample
-from boomctl.identification.search import candidates, refine, search_poles, weakest, without
+from boomctl.identification.search import refine, search_poles, weakest, without
 from boomctl.identification.spectra import FEWEST, Spectra, complex_of, rms
 from boomctl.lti.python_control import control
 from boomctl.lti.rounding import ALIKE
@@ -426,7 +426,7 @@ def identify(
     words = (
         max(searched, key=lambda words: _likelihood(searched[words][0])) if len(searched) > 1 else next(iter(searched))
     )
-    (fit, found), source = searched[words], source + words
+    (fit, unresolved, found), source = searched[words], source + words
     if whole_record is None or tested is None:  # a measured response, which is validated on what it is fitted to
         tested = whole_record = data = fit.data
     simple = RankOne.of(fit)
@@ -434,7 +434,9 @@ def identify(
     left = complex_of(simple.left(tested))
     percent = 100.0 * (1.0 - rms(tested.windowed(left)) / rms(tested.windowed(tested.Y)))
     if whole_record is not data:
-        fit = refine(replace(fit, data=whole_record.scaled(fit.data.scale / whole_record.scale)), *ends, counts)
+        fit, unresolved = refine(
+            replace(fit, data=whole_record.scaled(fit.data.scale / whole_record.scale)), *ends, counts
+        )
     inside = _inside(fit, ends)
     if wanted is not None and inside.sum() > wanted:
         fit = without(fit, weakest(fit, inside, int(inside.sum()) - wanted))
@@ -458,7 +460,8 @@ def identify(
     if data.lengths:
         _said_of_feedback(fit)
     model = simple.with_real_directions(fit.data, _LOSS).structure(*names, tuple(QUANTITIES[kind] for kind in kinds))
-    shares, doubtful = fit.shares / fit.shares.sum(), candidates(fit)[1]
+    shares = fit.shares / fit.shares.sum()
+    doubtful = np.any(np.abs(fit.poles[:, None] - unresolved) < -fit.poles.real[:, None], axis=1)
     rows = tuple(
         _mode(
             fit.poles[k],

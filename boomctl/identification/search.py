@@ -40,8 +40,10 @@ _CHANCE = 1e-3  # Probability that a record of noise has one mode in it.
 
 def search_poles(
     data: Spectra, low: float, high: float, orders: tuple[int, ...], integrators: tuple[int, ...] = (0, 1, 2)
-) -> tuple[CommonPoles, tuple[Track, ...]]:
+) -> tuple[CommonPoles, Array, tuple[Track, ...]]:
     """Search the poles of a record within a band, and beside it where the left-out error falls.
+
+    Returns the fit, those of its poles that may be two, and the poles at each order.
 
     Parameters
     ----------
@@ -57,15 +59,20 @@ def search_poles(
     poles = [track.pole for track in found if len(track.orders) >= _STEADY * len(orders)]
     start = CommonPoles(data, np.array(poles[: most_poles(data)], complex), np.zeros(0, complex), integrators[0])
     fit = with_background(_weighted(start), low, high, integrators)
-    fit = with_background(_weighted(refine(fit, low, high, integrators)), low, high, integrators)
-    return _settled(fit, low, high, integrators), found
+    fit, unresolved = refine(fit, low, high, integrators)
+    fit = with_background(_weighted(fit), low, high, integrators)
+    return _settled(fit, low, high, integrators), unresolved, found
 
 
-def refine(fit: CommonPoles, low: float, high: float, integrators: tuple[int, ...]) -> CommonPoles:
-    """Fit the poles, remove those that are not determined, and add candidates from the residuals."""
-    fit = pruned(_with_evidence(_roughly(fit)), low, high, integrators)
+def refine(fit: CommonPoles, low: float, high: float, integrators: tuple[int, ...]) -> tuple[CommonPoles, Array]:
+    """Fit the poles, remove those that are not determined, and add candidates from the residuals.
+
+    Returns the fit, and those of its poles that may be two.
+    """
+    fit, unresolved = pruned(_with_evidence(_roughly(fit)), low, high, integrators), np.zeros(0, complex)
     for _ in range(_ROUNDS):
-        more = candidates(fit)[0][: max(most_poles(fit.data) - len(fit.poles), 0)]
+        more, marked = candidates(fit)
+        more, unresolved = more[: max(most_poles(fit.data) - len(fit.poles), 0)], fit.poles[marked]
         if not len(more):
             break
         joined = _roughly(_with(fit, np.append(fit.poles, more)))
@@ -77,7 +84,7 @@ def refine(fit: CommonPoles, low: float, high: float, integrators: tuple[int, ..
         if len(joined.poles) <= len(fit.poles):
             break
         fit = joined
-    return _settled(fit, low, high, integrators)
+    return _settled(fit, low, high, integrators), unresolved
 
 
 def _settled(fit: CommonPoles, low: float, high: float, integrators: tuple[int, ...]) -> CommonPoles:
@@ -293,8 +300,8 @@ def _two_poles(fit: CommonPoles, k: int, starts: list[complex]) -> CommonPoles |
     half = far + _side(fit.data, max(-pole.real / resolution, 1.0)) * resolution
     window = others.within(pole.imag - half, pole.imag + half)
     one = fitted(CommonPoles(window, np.array([pole]), np.zeros(0)))
-    trials = [fitted(CommonPoles(window, np.array([pole, start]), np.zeros(0))) for start in starts]
-    two = min(trials, key=lambda trial: trial.cost)
+    trials = (CommonPoles(window, np.array([pole, start]), np.zeros(0)) for start in starts)
+    two = fitted(min(trials, key=lambda trial: trial.cost))
     fall = left_out_errors(one) - left_out_errors(two)
     error = fall.std(ddof=1) * np.sqrt(len(fall))
     apart = np.abs(np.diff(two.poles.imag)[0])
