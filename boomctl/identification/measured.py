@@ -337,6 +337,8 @@ def _spread(weights: object, values: Array) -> Array:
     if weights is None:
         return np.ones(values.shape)
     given = finite_array("weights", weights)  # type: ignore[arg-type]
+    if not given.size:
+        raise ValueError(f"`weights` must have the measured shape {values.shape}, got {given.shape}.")
     if (given < 0.0).any() or not (given > 0.0).any() or (given[given > 0.0] < _MIN_WEIGHT).any():
         raise ValueError(
             f"`weights` must be zeros and numbers above {_MIN_WEIGHT:g}, got {given.min():g} to {given.max():g}."

@@ -261,4 +261,4 @@ def test_proof_of_many_parameters_agrees_with_points():
         found = robust_stability(family, K, 20)
         proved += found.proved
         assert not found.proved or sampled_abscissa(family, K, 50, seed) < 0.0
-    assert 10 < proved < 60
+    assert proved > 10

@@ -53,6 +53,7 @@ _WEDGE = (
 )
 _KEPT = 2  # parameters in a product whose matrix keeps its phases; longer products count by their magnitudes
 _FIRST = 0.5  # share of the slowest pole at which the chain of frequencies begins after zero (a choice)
+_CORNERS = 6  # Variables of a larger box whose corners are combined: memory grows with three to their number.
 _HULLS = (_hull(5), _hull(3), _hull(2))  # of the frequency, of few parameters, of many: corners multiply (a choice)
 _FEW = 4  # variables, the frequency among them, that are few: 6 times 4 times 4 times 4 corners (a choice)
 _DESCENTS = 200  # by which it is estimated how many cells a proof takes: an order of magnitude (a choice)
@@ -436,8 +437,9 @@ class _Series:
             second[:, i] += 0.5 * share
             second[:, j] += 0.5 * share
         at = G0[:, None]
+        corners = FEW_PARAMETERS if len(G1) <= FEW_PARAMETERS + 1 else _CORNERS
         for i, G in enumerate(G1):
-            if i > FEW_PARAMETERS:  # Corners multiply: the others count by magnitudes.
+            if i > corners:  # Corners multiply: the others count by magnitudes.
                 total = total + _size(G) + _size(G2[i, i])
                 continue
             hull = _HULLS[0 if i == 0 else 1 if len(G1) <= _FEW else 2]
