@@ -16,6 +16,7 @@ from boomctl.structure.model import SecondOrderModel
 
 Range = tuple[float, float]
 
+_MOST_DAMPED = 0.99  # Largest damping ratio in a family: a pair of poles has one below 1.
 _SAME_MODE = 0.1  # Relative difference of frequencies below which modes of two records may be one.
 
 
@@ -133,11 +134,10 @@ def of_modes(
     A coordinate depends on the parameters of its own poles alone: the polynomials of each are found by themselves, so that
     their number grows as that of the modes.  What acts on coordinates and what outputs read of them stays.
     """
-    for name in (name for k in range(len(modes)) for name in names_of_mode(k)[1:] if name in ranges):
-        if ranges[name][1] >= 1.0:
-            raise ValueError(
-                f"`{name}` must stay below 1, got a range up to {ranges[name][1]:.4g}. Leave that mode out."
-            )
+    dampings = {names_of_mode(k)[1] for k in range(len(modes))}
+    ranges = {
+        name: (low, min(high, _MOST_DAMPED) if name in dampings else high) for name, (low, high) in ranges.items()
+    }
     known = {name: value for k, mode in enumerate(modes) for name, value in zip(names_of_mode(k), mode, strict=True)}
     known |= {name_of_real_pole(k): -pole for k, pole in enumerate(real_poles)}
     groups: dict[tuple[str, tuple[int, ...]], list[int]] = {}

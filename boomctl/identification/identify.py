@@ -39,11 +39,9 @@ _EXPLAINED = 50.0  # per cent of the outputs: less left, and the inputs explain 
 _FOLDED, _LARGE = 0.95, 0.2  # of half the sampling rate, and of the energy: what folds over looks like that (a choice)
 _ORDERS = 11  # from half to the highest order, at which poles are tried (a choice)
 _HIGHEST = 60  # order where none is said: some three times as many as modes are sought (a choice)
-_MOST_DAMPED = 0.99  # Largest damping ratio in a family.
 _PARTS = 4  # Parts of a record that give prediction intervals.
 _WHOLE_RECORDS = 3  # Records from which whole ones are held back.
 _QUIET = 0.2  # RMS of the held-back outputs over those that are fitted, below which the fit is not checked.
-_REPEATED = 2  # Values at a frequency from which their deviation is known.
 _POOR = 50.0  # Fit [%] below which a warning is given.
 _WIDEST = 20.0  # logarithm of a factor of damping: it is not determined then
 _LOSS = 1.0  # points of the fit that a structure may cost (a choice)
@@ -70,9 +68,9 @@ class IdentifiedMode:
     orders : float
         Share of the orders tried at which the mode stood before any fit; 0: found in residuals.
     frequency_prediction_interval_hz, damping_ratio_prediction_interval : (float, float)
-        Intervals of ``confidence`` for another record of the kind, from refits on parts of this one: structures drift.
-    maybe_two : bool
-        Whether the residuals leave room for a second mode within three half widths.
+        Intervals of ``confidence`` for another record of the kind, from long parts of this one: structures drift.
+    closely_spaced : bool
+        Whether the left-out error shows a second mode within three half widths that the record does not determine.
     """
 
     frequency_hz: float
@@ -84,7 +82,7 @@ class IdentifiedMode:
     orders: float
     frequency_prediction_interval_hz: tuple[float, float]
     damping_ratio_prediction_interval: tuple[float, float]
-    maybe_two: bool
+    closely_spaced: bool
 
     __repr__ = compact
 
@@ -136,6 +134,8 @@ class Identification:
         Frequencies within which modes were sought [Hz].
     confidence : float
         Of the intervals.
+    parts : int
+        Long parts of the record, or records, that prediction intervals come from.
     source : str
         What intervals and validation come from.
     stabilization : dict of int to ndarray
@@ -153,6 +153,7 @@ class Identification:
     whiteness: dict[str, float]
     band_hz: tuple[float, float]
     confidence: float
+    parts: int
     source: str
     stabilization: dict[int, Array]
     spectra: Array
@@ -204,9 +205,6 @@ class Identification:
         modes = [(mode.frequency_hz, mode.damping) for mode in self.modes]
         real_poles = [*(-pole.rate for pole in self.real_poles), *[0.0] * min(self.integrators, 1)]
         ranges = union(self, union_with, probability, margin, paired_modes)
-        for name in ranges:  # a pair of poles has a damping ratio below 1
-            if name.endswith("_damping"):
-                ranges[name] = ranges[name][0], min(ranges[name][1], _MOST_DAMPED)
         return of_modes(self.model, modes, ranges, real_poles)
 
     @property
@@ -219,7 +217,7 @@ class Identification:
             found.update(zip(names_of_mode(k), (frequency, damping), strict=True))
         for k, pole in enumerate(self.real_poles):
             found[name_of_real_pole(k)] = pole.rate, *pole.rate_prediction_interval
-        return found, dict.fromkeys(found, BLOCKS - 1.0)
+        return found, dict.fromkeys(found, self.parts - 1.0)
 
     def __repr__(self) -> str:
         lines = [f"Identification: {self._head()}"]
@@ -257,8 +255,8 @@ class Identification:
         ]
         if self.integrators:
             lines.append(f"  {count(self.integrators, 'integrator')}: a body that moves freely")
-        double = ", ".join(f"{mode.frequency_hz:.5g}" for mode in self.modes if mode.maybe_two)
-        return lines + ([f"  maybe two modes at {double} Hz"] if double else [])
+        double = ", ".join(f"{mode.frequency_hz:.5g}" for mode in self.modes if mode.closely_spaced)
+        return lines + ([f"  possibly closely spaced modes at {double} Hz"] if double else [])
 
     def _fit(self) -> str:
         fits = list(self.fit_percent.values())
@@ -344,12 +342,13 @@ def identify(
     ------
     TypeError, ValueError
         Bad signals, as `estimate_response` refuses them; too short a record; inputs that move together; no mode with
-        evidence, or fewer than asked for.
+        evidence, or fewer than asked for; a model that predicts the held-back part worse than zero does, on average.
 
     Warns
     -----
     UserWarning
-        Inputs follow from errors of the outputs: the record was taken in a closed loop.
+        Inputs follow from errors of the outputs: the record was taken in a closed loop.  An output is predicted by less than
+        50 %.  The record does not show `intersample`.
 
     Notes
     -----
@@ -364,8 +363,8 @@ def identify(
     the record that is held back.  Then the model is fitted to the whole record.
 
     Intervals of the mean come from blocks of the record that are left out (jackknife), so that they also hold for colored
-    errors.  Prediction intervals come from refits on parts of the record, or on each of several records: they include how
-    the structure changes with time and level.
+    errors.  Prediction intervals come from four long parts of the record in the same way, or from each of several records:
+    they include how the structure changes with time and level.
 
     Examples
     --------
@@ -455,7 +454,9 @@ def identify(
     number = int(inside.sum())
     quantile = float(stats.t.ppf(0.5 + 0.5 * level, BLOCKS - 1))
     steps = quantile * deviations(fit)
-    wider = np.maximum(_prediction(fit, level), np.sqrt(2.0) * steps)
+    parts = max(len(fit.data.lengths), _PARTS)
+    wider = float(stats.t.ppf(0.5 + 0.5 * level, parts - 1)) * np.sqrt(parts + 1.0) * deviations(fit, parts)
+    wider = np.maximum(wider, np.sqrt(2.0) * steps)  # another record is at least as uncertain
     simple = RankOne.of(fit)
     if data.lengths:
         _said_of_feedback(fit)
@@ -489,6 +490,7 @@ def identify(
         dict(zip(names[1], _whiteness(left[tested.record == 0]).tolist(), strict=True)),
         (low, high),
         level,
+        parts,
         source,
         {
             order: np.array([p for t in found for p, o in zip(t.poles, t.orders, strict=True) if o == order])
@@ -542,13 +544,6 @@ def _check_fit(percent: Array, outputs: Sequence[str]) -> None:
         )
 
 
-def _prediction(fit: CommonPoles, level: float) -> Array:
-    """Compute half widths of prediction intervals, (k, 2) as `deviations`, from a few long parts, or from each record."""
-    parts = max(len(fit.data.lengths), _PARTS)
-    quantile = float(stats.t.ppf(0.5 + 0.5 * level, parts - 1))
-    return quantile * np.sqrt(parts + 1.0) * deviations(fit, parts)
-
-
 def _merged(response: Any) -> Any:
     """Return a response with the median over each repeated frequency, and its deviation; others unchanged.
 
@@ -558,7 +553,7 @@ def _merged(response: Any) -> Any:
     order = np.argsort(omega, kind="stable")
     place = np.append(0, np.cumsum(np.diff(omega[order]) > ALIKE * omega[order][1:]))
     counts = np.bincount(place)
-    if hasattr(response, "deviation") or counts.max() < _REPEATED:
+    if hasattr(response, "deviation") or counts.max() == 1:
         return response
     G = np.asarray(response.frdata)[..., order]
     groups = [G[..., place == k] for k in range(len(counts))]

@@ -10,8 +10,6 @@ from boomctl.identification.common_poles import CommonPoles, curvature, pull
 BLOCKS = 24  # Blocks of a record: standard deviations are known to 15 %.
 _LEVERAGE = 0.9  # Largest leverage of a block on a coefficient: the rest of the record has information on it.
 _LARGEST = 0.98  # Largest leverage of a block on an error.
-_NEIGHBORS = 3  # Lines of a frequency response that stay together.
-_GROUPS = 6  # Groups of alternate lines of a frequency response that are left out in turn.
 
 
 def deviations(fit: CommonPoles, count: int = BLOCKS) -> Array:
@@ -46,7 +44,7 @@ def left_out_errors(fit: CommonPoles) -> Array:
     """Compute the sum of squared errors of each block if the residues are fitted without the block."""
     p = fit.residuals.shape[1]
     found = []
-    for block in _blocks(fit, np.concatenate([fit.basis, fit.residuals], axis=1), BLOCKS, alternate=True):
+    for block in _blocks(fit, np.concatenate([fit.basis, fit.residuals], axis=1), BLOCKS):
         basis, left = np.split(block, [-p], axis=1)
         found.append(np.square(left + _left_out(basis, left)).sum())
     return np.array(found)
@@ -58,12 +56,11 @@ def _left_out(basis: Array, left: Array) -> Array:
     return basis @ np.linalg.solve(rest, basis.T @ left)
 
 
-def _blocks(fit: CommonPoles, columns: Array, count: int, alternate: bool = False) -> list[Array]:
-    """Return blocks of columns: over time, or groups of lines of a frequency response, which may alternate."""
+def _blocks(fit: CommonPoles, columns: Array, count: int) -> list[Array]:
+    """Return blocks of columns: over time, or groups of lines of a frequency response."""
     if not fit.data.lengths:
         rows = columns[np.argsort(np.repeat(np.abs(fit.data.s), 2), kind="stable")]
-        # neighbors, whose errors are correlated, stay together; each resonance has lines in many groups
-        group = np.arange(len(rows)) // (2 * (1 if alternate else _NEIGHBORS)) % (_GROUPS if alternate else count)
+        group = np.arange(len(rows)) // 2 % count  # each resonance has lines in many groups
         return [rows[group == k] for k in range(group.max() + 1)]
     # products over time are those of the spectra
     parts = [part * np.sqrt(0.5 * len(part)) for part in fit.data.in_time(columns)]

@@ -24,11 +24,9 @@ _FAST, _UNIFORM, _FEW_VISITS = 2.9, 2.3, 3  # largest ratios of distances before
 _RESOLVED, _FLAT = 4.0, 1e-9  # quanta of a distance that count as resolved; least quantum over the range of the signal
 _ABRUPT = 0.5  # change between two samples, in RMS of the changes: an output stops or starts at once
 PULSE = 0.05  # of the largest input, above which an impact lasts
-_EARLY, _SHORT, _FRONT = (
-    8,
-    16,
-    4,
-)  # fractions of a record: latest impact, longest impact, samples at rest in front of it
+_EARLY = 8  # Latest beginning of an early impact: one over the fraction of the record.
+_SHORT = 16  # Longest impact, as above.
+_FRONT = 4  # Samples at rest that are put in front of it, as above.
 _MEAN = 8  # samples, least, of a mean before the impact
 _AT_REST = 0.3  # deviations of an output, below which it is at rest
 _WHOLE = 1e-6  # of a sample, by which a period may miss a whole number of them: rounding of the user's

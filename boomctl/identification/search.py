@@ -22,7 +22,6 @@ _QUANTILE = float(stats.t.ppf(0.975, BLOCKS - 1))
 _DAMPED = 0.6  # Largest damping ratio of a mode.
 _NEIGHBOR = 3.0  # Half widths within which a candidate must pass a test of the joint fit.
 _ROUGHLY = 4.0  # Factor of the limits of intervals for such a candidate: the fit of all poles determines more.
-_STARTS = 1  # Starts of a search for a second pole beside one of the fit.
 _LEFT_OUT = 0.7  # Least fall of the left-out error over the fall of the fit's error for such a candidate.
 _SIGNIFICANT = 2.0  # Standard errors by which the left-out error must fall for a term beside the modes that are there.
 _WORTH = 0.05  # Least fall of the left-out error for such a term, relative.
@@ -121,13 +120,14 @@ def _with_rigid_body(fit: CommonPoles, integrators: tuple[int, ...]) -> CommonPo
     counts = [count for count in integrators if count >= fit.integrators]
     options = [(count, pole) for count in counts for pole in (has_pole, True) if not (pole and count == 2)]
     options = sorted({*options} - {(fit.integrators, has_pole)})
-    errors, best = left_out_errors(fit), fit
+    base = errors = left_out_errors(fit)
+    best = fit
     for count, pole in options:
         trial = replace(fit, integrators=count)
         if pole and not has_pole:
             rates = np.geomspace(fit.data.resolution, fit.data.top, _REAL)
             trial = min((_with(trial, np.append(fit.poles, -rate)) for rate in rates), key=lambda one: one.cost)
-        if not _falls(left_out_errors(fit), left_out_errors(trial)):
+        if not _falls(base, left_out_errors(trial)):
             continue
         trial = _roughly(trial)
         rates = -trial.poles.real[trial.poles.imag == 0.0]
@@ -249,7 +249,7 @@ def candidates(fit: CommonPoles) -> tuple[Array, Array]:
     least = needed(fit)
     chosen: list[complex] = []
     tried: list[complex] = []
-    starts: dict[int, list[complex]] = {}
+    starts: dict[int, complex] = {}
     for gain, pole in found:
         if gain <= _BESIDE * found[0][0] or len(tried) >= _CANDIDATES:
             break
@@ -258,7 +258,7 @@ def candidates(fit: CommonPoles) -> tuple[Array, Array]:
         )
         if len(near):
             closest = int(near[np.argmin(np.abs(fit.poles[near] - pole))])
-            starts.setdefault(closest, []).append(pole)
+            starts.setdefault(closest, pole)
             continue
         if not _apart(pole, tried):
             continue
@@ -270,8 +270,8 @@ def candidates(fit: CommonPoles) -> tuple[Array, Array]:
         if _is_determined(local).all() and _apart(best, chosen):
             chosen.append(best)
     unresolved = np.zeros(len(fit.poles), bool)
-    for k, poles in starts.items():
-        two = _two_poles(fit, k, poles[:_STARTS])
+    for k, pole in starts.items():
+        two = _two_poles(fit, k, pole)
         if two is not None:
             unresolved[k] = True
             second = two.poles[np.argmax(np.abs(two.poles - fit.poles[k]))]
@@ -285,7 +285,7 @@ def _is_determined(fit: CommonPoles, slack: float = 1.0) -> Array:
     return (decay <= slack * np.log(_FACTOR)) & (frequency <= slack * _HALF_WIDTHS)
 
 
-def _two_poles(fit: CommonPoles, k: int, starts: list[complex]) -> CommonPoles | None:
+def _two_poles(fit: CommonPoles, k: int, start: complex) -> CommonPoles | None:
     """Return the fit of two poles to what the others leave in a window, None if one pole describes it as well.
 
     The left-out error must fall by most of what the error of the fit falls.  Within one line of a frequency response two
@@ -295,12 +295,12 @@ def _two_poles(fit: CommonPoles, k: int, starts: list[complex]) -> CommonPoles |
     pole = fit.poles[k]
     resolution = fit.data.resolution
     split = 1j * max(-pole.real, 0.5 * resolution)
-    starts = [*starts, pole + split, pole - split]
-    far = max([_NEIGHBOR * -pole.real, *(abs(start.imag - pole.imag) for start in starts)])
+    starts = [start, pole + split, pole - split]
+    far = max(_NEIGHBOR * -pole.real, *(abs(second.imag - pole.imag) for second in starts))
     half = far + _side(fit.data, max(-pole.real / resolution, 1.0)) * resolution
     window = others.within(pole.imag - half, pole.imag + half)
     one = fitted(CommonPoles(window, np.array([pole]), np.zeros(0)))
-    trials = (CommonPoles(window, np.array([pole, start]), np.zeros(0)) for start in starts)
+    trials = (CommonPoles(window, np.array([pole, second]), np.zeros(0)) for second in starts)
     two = fitted(min(trials, key=lambda trial: trial.cost))
     fall = left_out_errors(one) - left_out_errors(two)
     error = fall.std(ddof=1) * np.sqrt(len(fall))

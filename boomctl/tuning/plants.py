@@ -21,9 +21,7 @@ from boomctl.tuning.problem import ScaledPlant
 
 _REMEMBERED = 256  # sets of plants that are kept for when they are asked for again (a choice)
 _MOVING = 16  # of those that are polynomials, quickly evaluated: the last few points of the search (a choice)
-_MOST_PARAMETERS = (
-    6  # Uncertain parameters of a family up to which all of its corners are tuned for from the beginning.
-)
+_MOST_PARAMETERS = 6  # Uncertain parameters up to which tuning begins from all corners of the box.
 _ENDLESS = Deadline()
 
 Maker = Callable[[dict[str, float]], GeneralizedPlant]

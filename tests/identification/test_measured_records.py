@@ -197,5 +197,5 @@ def test_close_modes_are_listed_or_marked(count):
         u, y = (np.fft.irfft(part, axis=0)[6000:] for part in (U, Y))
         y += 0.01 * y.std(axis=0) * rng.standard_normal(y.shape)
         modes = bc.identify(u, y, _STEP, band_hz=(0.5, 45.0), intersample="bl").modes
-        missing += len(modes) < 2 and not any(mode.maybe_two for mode in modes)
+        missing += len(modes) < 2 and not any(mode.closely_spaced for mode in modes)
     assert missing <= 0.02 * count

@@ -25,6 +25,7 @@ from scipy import linalg
 
 from boomctl.analysis.box.loop_pencil import LoopPencil
 from boomctl.arrays import Array, balance
+from boomctl.chebyshev import FEW_PARAMETERS
 from boomctl.lti.rounding import EPS, TINY
 
 # directions in which a diagonal may stay from zero: within 8 % of the best (cos 22.5)
@@ -42,7 +43,6 @@ BELOW = 1.0 - 1e-10  # below one by more than the rounding of a matrix times a v
 _LEAST = 1e-12  # smallest entry of the vector, relative: without it, entries could vanish
 _CLOSE = 1e-4  # share of the narrowest half-width that no interval is narrower than, so that none is empty
 _PRODUCTS = 3  # parameters in a product whose matrix keeps its phases; longer products are small (a choice)
-_FEW = 10  # Parameters up to which products of three of them are kept: of more they are too many.
 _ASKED = 4  # of the hardest frequencies, whose spectral radius is computed (a choice)
 
 
@@ -208,7 +208,7 @@ def _straightened(
     magnitudes: of three factors, the product of those of each.
     """
     k, n = len(reach), len(poles)
-    kept = _PRODUCTS if k <= _FEW else 2
+    kept = _PRODUCTS if k <= FEW_PARAMETERS else 2
     gaps = poles[:, None] - poles[None, :]
     gaps[gaps == 0.0] = np.inf
     none, eye = (np.zeros((n, 0)), np.zeros((0, n))), np.eye(n, dtype=complex)
