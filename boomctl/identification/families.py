@@ -9,6 +9,7 @@ from boomctl.arrays import Array
 from boomctl.checks import instance, nonnegative, sequence, warn_user
 from boomctl.identification.blocks import confident, limits
 from boomctl.identification.free import changed
+from boomctl.identification.search import MOST_DAMPED
 from boomctl.structure.families import Family, PolynomialFamily, Slope
 from boomctl.structure.matrices import Structure
 from boomctl.structure.modal_structure import names_of_coordinate, stiffness_and_damping
@@ -16,7 +17,6 @@ from boomctl.structure.model import SecondOrderModel
 
 Range = tuple[float, float]
 
-_MOST_DAMPED = 0.99  # Largest damping ratio in a family: a pair of poles has one below 1.
 _SAME_MODE = 0.1  # Relative difference of frequencies below which modes of two records may be one.
 
 
@@ -135,9 +135,7 @@ def of_modes(
     their number grows as that of the modes.  What acts on coordinates and what outputs read of them stays.
     """
     dampings = {names_of_mode(k)[1] for k in range(len(modes))}
-    ranges = {
-        name: (low, min(high, _MOST_DAMPED) if name in dampings else high) for name, (low, high) in ranges.items()
-    }
+    ranges = {name: (low, min(high, MOST_DAMPED) if name in dampings else high) for name, (low, high) in ranges.items()}
     known = {name: value for k, mode in enumerate(modes) for name, value in zip(names_of_mode(k), mode, strict=True)}
     known |= {name_of_real_pole(k): -pole for k, pole in enumerate(real_poles)}
     groups: dict[tuple[str, tuple[int, ...]], list[int]] = {}

@@ -19,7 +19,7 @@ _FACTOR = 2.0  # Largest factor of the 95 % interval of a damping ratio.
 _FACTOR_BESIDE = 1.6  # The same of a mode within a wider resonance, where errors of the model look like modes.
 _HALF_WIDTHS = 1.0  # Largest 95 % interval of a frequency [half-power half widths].
 _QUANTILE = float(stats.t.ppf(0.975, BLOCKS - 1))
-_DAMPED = 0.6  # Largest damping ratio of a mode.
+MOST_DAMPED = 0.6  # Largest damping ratio of a mode.
 _NEIGHBOR = 3.0  # Half widths within which a candidate must pass a test of the joint fit.
 _ROUGHLY = 4.0  # Factor of the limits of intervals for such a candidate: the fit of all poles determines more.
 _LEFT_OUT = 0.7  # Least fall of the left-out error over the fall of the fit's error for such a candidate.
@@ -166,7 +166,7 @@ def pruned(fit: CommonPoles, low: float, high: float, integrators: tuple[int, ..
         if undetermined.any():
             fit = _roughly(_without_real_pole(fit, integrators))
             continue
-        outside = ~real & (~inside | (-fit.poles.real > _DAMPED * np.abs(fit.poles)))
+        outside = ~real & (~inside | (-fit.poles.real > MOST_DAMPED * np.abs(fit.poles)))
         if outside.any():
             fit = _roughly(_with(fit, fit.poles[~outside]))
             continue

@@ -224,10 +224,10 @@ def test_family_with_real_poles_has_them_and_is_proved(real_poles, residues):
 
 
 def test_family_of_damping_beyond_critical_is_cut():
-    pole = -0.9 + 1j
+    pole = -0.3 + 1j
     model = modal_structure(np.array([pole]), np.ones((1, 1)), np.ones((1, 1)), np.zeros((1, 1)), ["u"], ["y"])
-    family = of_modes(model, [(1.0 / (2.0 * np.pi), 0.67)], {"mode_1_damping": (0.5, 1.2)})
-    assert family.ranges["mode_1_damping"] == pytest.approx((0.5, 0.99))
+    family = of_modes(model, [(1.0 / (2.0 * np.pi), 0.287)], {"mode_1_damping": (0.1, 1.2)})
+    assert family.ranges["mode_1_damping"] == pytest.approx((0.1, 0.6))
 
 
 @pytest.mark.slow
