@@ -62,8 +62,7 @@ def _blocks(fit: CommonPoles, columns: Array, count: int) -> list[Array]:
         rows = columns[np.argsort(np.repeat(np.abs(fit.data.s), 2), kind="stable")]
         group = np.arange(len(rows)) // 2 % count  # each resonance has lines in many groups
         return [rows[group == k] for k in range(group.max() + 1)]
-    # products over time are those of the spectra
-    parts = [part * np.sqrt(0.5 * len(part)) for part in fit.data.in_time(columns)]
+    parts = fit.data.in_time(columns)
     length = sum(map(len, parts)) / count
     found = []
     for part in parts:

@@ -3,6 +3,7 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy import fft
 
 from boomctl.arrays import Array
 from boomctl.identification.record import Record
@@ -200,13 +201,15 @@ class Spectra:
         return np.concatenate([2.0 * part[1:-1] - part[2:] - part[:-2] for part in parts])
 
     def in_time(self, columns: Array) -> tuple[Array, ...]:
-        """Return real columns (2 n, k) over time, (N, k) for each record."""
+        """Return the complex envelopes of real columns (2 n, k) over time as real rows, (2 N, k) for each record.
+
+        The transform is unitary: products of columns are the same.
+        """
         whole = complex_of(columns)
         found = []
-        for k, (lines, length) in enumerate(zip(self.lines, self.lengths, strict=True)):
-            spectrum = np.zeros((length // 2 + 1, whole.shape[1]), complex)
-            spectrum[lines] = whole[self.record == k]
-            found.append(np.fft.irfft(spectrum, length, axis=0))
+        for k, lines in enumerate(self.lines):
+            samples = fft.next_fast_len(len(lines))
+            found.append(real(fft.ifft(whole[self.record == k], samples, axis=0, norm="ortho")))
         return tuple(found)
 
 
