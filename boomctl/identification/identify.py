@@ -17,7 +17,7 @@ from boomctl.identification.jackknife import BLOCKS, deviations
 from boomctl.identification.realised import RankOne
 from boomctl.identification.record import EXCITED, QUANTITIES, Record, band, quantities
 from boomctl.identification.response import with_intersample
-from boomctl.identification.search import refine, search_poles, weakest, without
+from boomctl.identification.search import refine, search_poles, settled, weakest, without
 from boomctl.identification.spectra import FEWEST, Spectra, complex_of, rms
 from boomctl.lti.python_control import control
 from boomctl.lti.rounding import ALIKE
@@ -357,7 +357,7 @@ def identify(
     solved for (variable projection, Golub & Pereyra 1973).  A mode remains if the record determines its damping ratio to a
     factor of 2 and its frequency to a half width of its resonance, both at 95 %.  Candidates in the residuals pass the same
     test in a window of their own; beside a mode that is there they must also lower the error on blocks that are left out.
-    Integrators, a real pole, and pairs of poles outside the band are added only where that error falls.
+    Integrators, up to two real poles, and pairs of poles outside the band are added only where that error falls.
 
     The fit is that of a free run: the exported system, driven by the inputs alone from one initial state, over the part of
     the record that is held back.  Then the model is fitted to the whole record.
@@ -436,6 +436,7 @@ def identify(
         fit, unresolved = refine(
             replace(fit, data=whole_record.scaled(fit.data.scale / whole_record.scale)), *ends, counts
         )
+        fit = settled(fit, *ends, counts)
     inside = _inside(fit, ends)
     if wanted is not None and inside.sum() > wanted:
         fit = without(fit, weakest(fit, inside, int(inside.sum()) - wanted))

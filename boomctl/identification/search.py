@@ -7,7 +7,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from scipy import stats
 
 from boomctl.arrays import Array
-from boomctl.identification.common_poles import CommonPoles, fitted, fixed_poles
+from boomctl.identification.common_poles import CommonPoles, fitted, fixed_poles, root_of_inverse
 from boomctl.identification.jackknife import BLOCKS, deviations, left_out_errors
 from boomctl.identification.spectra import Spectra, complex_of
 from boomctl.identification.start import Track, poles_by_order, tracks
@@ -24,11 +24,14 @@ _NEIGHBOR = 3.0  # Half widths within which a candidate must pass a test of the 
 _ROUGHLY = 4.0  # Factor of the limits of intervals for such a candidate: the fit of all poles determines more.
 _LEFT_OUT = 0.7  # Least fall of the left-out error over the fall of the fit's error for such a candidate.
 _SIGNIFICANT = 2.0  # Standard errors by which the left-out error must fall for a term beside the modes that are there.
-_WORTH = 0.05  # Least fall of the left-out error for such a term, relative.
-_REAL = 5  # Real poles that are tried, from the resolution to the highest frequency.
-_SLOWEST = 0.3  # Rate of a real pole over the resolution, below which it is an integrator.
+_WORTH = 0.05  # Least fall of the logarithm of the left-out error for a pair of poles outside the band.
+_WORTH_OF_RIGID_BODY = 0.1  # The same for integrators and real poles.
+_REAL_POLES = 2  # Largest number of real poles.
+_RATES_OF_REAL_POLES = 5  # Rates that are tried, from the slowest to the highest frequency.
+_SLOWEST = 0.3  # Rate of a real pole over the slowest that the data show, below which it is an integrator.
 _ROUGH = 0.05  # Fall of the cost, over the evidence of a mode, below which steps do not change which modes have it.
 _STEADY = 0.5  # Fraction of the orders at which a pole is stable if the fit starts from it.
+_LESS_STEADY = 0.2  # The same where that fit finds no pole.
 _REACH = 6.0  # Half widths to either side of a resonance in its window.
 _FEWEST = 12  # Lines to either side at least.
 _MOST = 64  # Lines to either side at most; of wider windows some lines are left out.
@@ -55,12 +58,20 @@ def search_poles(
         Numbers of integrators that the plant may have, ascending.
     """
     found = tracks(poles_by_order(data, orders), data.resolution)
-    poles = [track.pole for track in found if len(track.orders) >= _STEADY * len(orders)]
-    start = CommonPoles(data, np.array(poles[: most_poles(data)], complex), np.zeros(0, complex), integrators[0])
-    fit = with_background(_weighted(start), low, high, integrators)
-    fit, unresolved = refine(fit, low, high, integrators)
+    fit, unresolved = _from_tracks(data, found, _STEADY * len(orders), low, high, integrators)
+    if not len(fit.poles):
+        fit, unresolved = _from_tracks(data, found, _LESS_STEADY * len(orders), low, high, integrators)
     fit = with_background(_weighted(fit), low, high, integrators)
-    return _settled(fit, low, high, integrators), unresolved, found
+    return settled(fit, low, high, integrators), unresolved, found
+
+
+def _from_tracks(
+    data: Spectra, found: tuple[Track, ...], least: float, low: float, high: float, integrators: tuple[int, ...]
+) -> tuple[CommonPoles, Array]:
+    """Return the fit that starts from poles at so many orders at least, and those of its poles that may be two."""
+    poles = [track.pole for track in found if len(track.orders) >= least]
+    start = CommonPoles(data, np.array(poles[: most_poles(data)], complex), np.zeros(0, complex), integrators[0])
+    return refine(with_background(_weighted(start), low, high, integrators), low, high, integrators)
 
 
 def refine(fit: CommonPoles, low: float, high: float, integrators: tuple[int, ...]) -> tuple[CommonPoles, Array]:
@@ -83,10 +94,10 @@ def refine(fit: CommonPoles, low: float, high: float, integrators: tuple[int, ..
         if len(joined.poles) <= len(fit.poles):
             break
         fit = joined
-    return _settled(fit, low, high, integrators), unresolved
+    return fit, unresolved
 
 
-def _settled(fit: CommonPoles, low: float, high: float, integrators: tuple[int, ...]) -> CommonPoles:
+def settled(fit: CommonPoles, low: float, high: float, integrators: tuple[int, ...]) -> CommonPoles:
     """Return the fit at its minimum, without poles that are not determined."""
     return pruned(fitted(_weighted(_roughly(fit))), low, high, integrators)
 
@@ -98,6 +109,9 @@ def most_poles(data: Spectra) -> int:
 
 def with_background(fit: CommonPoles, low: float, high: float, integrators: tuple[int, ...]) -> CommonPoles:
     """Add what is no mode of the band while the left-out error falls: a rigid body, a real pole, pairs outside the band."""
+    if fit.integrators > integrators[0]:
+        fewer = _roughly(replace(fit, integrators=fit.integrators - 1))
+        fit = fit if _falls(left_out_errors(fewer), left_out_errors(fit)) else fewer
     fit = _with_rigid_body(fit, integrators)
     fixed = [pole for pole in fixed_poles(low, high) if pole not in fit.fixed]
     if fit.data.held and 2.0 * high * fit.data.step > np.pi:
@@ -107,7 +121,7 @@ def with_background(fit: CommonPoles, low: float, high: float, integrators: tupl
         trials = [replace(fit, fixed=np.append(fit.fixed, pole)) for pole in fixed]
         best = min(trials, key=lambda trial: trial.cost)
         after = left_out_errors(best)
-        if not _falls(errors, after):
+        if not _falls(errors, after, _WORTH):
             break
         fit, errors = best, after
         fixed = [pole for pole in fixed if pole not in fit.fixed]
@@ -115,45 +129,62 @@ def with_background(fit: CommonPoles, low: float, high: float, integrators: tupl
 
 
 def _with_rigid_body(fit: CommonPoles, integrators: tuple[int, ...]) -> CommonPoles:
-    """Add integrators and a real pole, the fewest that lower the left-out error as far."""
-    has_pole = bool((fit.poles.imag == 0.0).any())
+    """Add integrators and real poles, the fewest that lower the left-out error as far."""
+    present = int((fit.poles.imag == 0.0).sum())
     counts = [count for count in integrators if count >= fit.integrators]
-    options = [(count, pole) for count in counts for pole in (has_pole, True) if not (pole and count == 2)]
-    options = sorted({*options} - {(fit.integrators, has_pole)})
+    options = [(count, more) for count in counts for more in range(_REAL_POLES + 1 - present)]
+    options = [(count, more) for count, more in options if not (count == 2 and present + more)]
     base = errors = left_out_errors(fit)
     best = fit
-    for count, pole in options:
+    for count, more in sorted({*options} - {(fit.integrators, 0)}, key=lambda option: (sum(option), option)):
         trial = replace(fit, integrators=count)
-        if pole and not has_pole:
-            rates = np.geomspace(fit.data.resolution, fit.data.top, _REAL)
-            trial = min((_with(trial, np.append(fit.poles, -rate)) for rate in rates), key=lambda one: one.cost)
+        for _ in range(more):
+            trial = _with_real_pole(trial)
         if not _falls(base, left_out_errors(trial)):
             continue
         trial = _roughly(trial)
-        rates = -trial.poles.real[trial.poles.imag == 0.0]
-        if (rates < _SLOWEST * fit.data.resolution).any():
-            trial = _roughly(_without_real_pole(trial, integrators))
+        slow = (trial.poles.imag == 0.0) & (-trial.poles.real < _SLOWEST * _slowest(fit.data))
+        if slow.any():
+            trial = _roughly(_without_real_pole(trial, slow, integrators))
         after = left_out_errors(trial)
         if _falls(errors, after):
             best, errors = trial, after
     return best
 
 
-def _without_real_pole(fit: CommonPoles, integrators: tuple[int, ...]) -> CommonPoles:
-    """Return the fit without its real pole: a slow one is an integrator, if that lowers the left-out error."""
-    bare = replace(fit, poles=fit.poles[fit.poles.imag != 0.0])
-    slow = -fit.poles.real[fit.poles.imag == 0.0].max() < np.sqrt(fit.data.resolution * fit.data.top)
+def _with_real_pole(fit: CommonPoles) -> CommonPoles:
+    """Add the real pole, of several rates, whose responses explain most of the residuals."""
+    data, basis = fit.data, fit.basis
+    poles = -np.geomspace(_slowest(data), data.top, _RATES_OF_REAL_POLES).astype(complex)
+    gains = []
+    for pole in poles[:, None]:
+        columns = data.rows(data.simple(pole), data.simple(pole), derived=False).T
+        columns = columns - basis @ (basis.T @ columns)
+        gains.append(np.square(root_of_inverse(columns.T @ columns).T @ (columns.T @ fit.residuals)).sum())
+    return _with(fit, np.append(fit.poles, poles[int(np.argmax(gains))]))
+
+
+def _slowest(data: Spectra) -> float:
+    """Return the slowest rate that the data show [rad/s]: one line, of unequally spaced ones the first."""
+    return min(data.resolution, float(np.abs(data.s).min()))
+
+
+def _without_real_pole(fit: CommonPoles, which: Array, integrators: tuple[int, ...]) -> CommonPoles:
+    """Return the fit without the slowest of some real poles, or with an integrator for it if the left-out error falls."""
+    k = int(np.argmax(np.where(which, fit.poles.real, -np.inf)))
+    bare = _with(fit, np.delete(fit.poles, k))
+    slow = -fit.poles[k].real < np.sqrt(_slowest(fit.data) * fit.data.top)
     if slow and fit.integrators < max(integrators):
         more = replace(bare, integrators=fit.integrators + 1)
         return more if _falls(left_out_errors(bare), left_out_errors(more)) else bare
     return bare
 
 
-def _falls(before: Array, after: Array) -> bool:
-    """Return whether the left-out error of blocks falls, and by more than chance."""
-    fall = before - after
+def _falls(before: Array, after: Array, least: float = _WORTH_OF_RIGID_BODY) -> bool:
+    """Return whether the left-out errors of blocks fall by a factor, and by more than chance."""
+    fall = np.log(np.maximum(before, np.finfo(float).tiny)) - np.log(np.maximum(after, np.finfo(float).tiny))
     error = fall.std(ddof=1) / np.sqrt(len(fall))
-    return bool(fall.mean() > max(_SIGNIFICANT * error, _WORTH * before.mean()))
+    return bool(fall.mean() > max(_SIGNIFICANT * error, least))
 
 
 def pruned(fit: CommonPoles, low: float, high: float, integrators: tuple[int, ...]) -> CommonPoles:
@@ -164,11 +195,13 @@ def pruned(fit: CommonPoles, low: float, high: float, integrators: tuple[int, ..
         real = fit.poles.imag == 0.0
         undetermined = real & ((steps[:, 0] > np.log(_FACTOR)) | (-fit.poles.real > fit.data.top))
         if undetermined.any():
-            fit = _roughly(_without_real_pole(fit, integrators))
+            fit = _roughly(_without_real_pole(fit, undetermined, integrators))
             continue
-        outside = ~real & (~inside | (-fit.poles.real > MOST_DAMPED * np.abs(fit.poles)))
+        overdamped = ~real & (-fit.poles.real > MOST_DAMPED * np.abs(fit.poles))
+        outside = overdamped | ~(real | inside)
         if outside.any():
-            fit = _roughly(_with(fit, fit.poles[~outside]))
+            slow = -np.abs(fit.poles[overdamped])[: _REAL_POLES - real.sum()]
+            fit = _roughly(_with(fit, np.append(fit.poles[~outside], slow)))
             continue
         apart = np.abs(fit.poles.imag[:, None] - fit.poles.imag)
         wider = fit.poles.real[:, None] > fit.poles.real

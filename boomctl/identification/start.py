@@ -11,7 +11,7 @@ from boomctl.identification.spectra import Spectra, rms
 
 _CIRCLE = 0.95  # share of the unit circle that the band takes up: its ends stay apart (a choice)
 _RIDGE = 1e-12  # of the largest entry, added to the products of columns: rounding
-_NEAR = 0.02  # of the frequency, that a pole may move between orders (a choice)
+_NEAR = 0.1  # Largest change of a pole between orders over its frequency.
 _OWN = 0.5  # of its decay rate, or of the resolution of the record, that it may move as well
 
 

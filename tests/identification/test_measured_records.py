@@ -12,6 +12,7 @@ from hypothesis import given
 from scipy import io, signal
 
 import boomctl as bc
+from boomctl import tunable
 from tests.profiles import examples
 from tests.strategies import seeds
 
@@ -105,26 +106,58 @@ def test_repeated_frequencies_outliers_have_little_weight():
     assert found.integrators == 1
 
 
+_DAYS = ("16-Apr-2025_1819", "07-May-2025_1825", "09-May-2025_1421", "18-Apr-2025_1205")
+_GAIN = 1.65  # V/rad of the position loop that was closed
+
+
+def _rotary_beam(day, closed):
+    omega, size, phase = np.loadtxt(_records() / "kyoto_rotary_beam" / f"{day}.dat", delimiter=",")
+    G = size * np.exp(1j * phase)
+    G = G if closed else G / (1.0 - _GAIN * G)
+    return control.frd(G[None, None], omega, inputs="volt", outputs="angle")
+
+
 @pytest.mark.slow
-def test_rotary_beam_responses_family_of_three_days_is_stable():
-    results = []
-    for day in ("16-Apr-2025_1819", "07-May-2025_1825", "09-May-2025_1421"):
-        omega, size, phase = np.loadtxt(_records() / "kyoto_rotary_beam" / f"{day}.dat", delimiter=",")
-        closed = size * np.exp(1j * phase)
-        plant = closed / (1.0 - 1.65 * closed)
-        response = control.frd(plant[None, None], omega, inputs="volt", outputs="angle")
-        results.append(bc.identify(response, band_hz=(1.0, 15.0)))
-    for (
-        found
-    ) in results:  # as a fit of seven parameters with a dead time gives: 4.404, 4.414, 4.450 Hz; dip at 4.12 to 4.14
-        assert [mode.frequency_hz for mode in found.modes] == pytest.approx([4.42], abs=0.05)
-        zeros = np.abs(found.system.zeros()) / (2.0 * np.pi)
-        assert np.abs(zeros - 4.13).min() < 0.03
-    magnitude = np.abs(results[0].system(2j * np.pi * np.linspace(5.0, 8.0, 300)))
-    assert 5.6 < np.linspace(5.0, 8.0, 300)[magnitude.argmax()] < 6.1
-    family = results[0].family(union_with=results[1:])
-    controller = control.ss(control.tf([-1.65], [0.01, 1.0]), inputs="angle", outputs="volt")
-    assert bc.robust_stability(family, controller).proved
+@pytest.mark.parametrize("band", [None, (1.0, 15.0), (2.0, 12.0), (1.0, 40.0), (0.5, 60.0)])
+@pytest.mark.parametrize(("day", "clamped"), [*zip(_DAYS, (4.12, 4.12, 4.14, 4.37), strict=True)])
+def test_rotary_beam_responses_give_resonance_and_zeros(day, clamped, band):
+    for closed, rates in ((False, (55.0,)), (True, (2.9, 51.0))):  # the loop moves integrator and friction
+        found = bc.identify(_rotary_beam(day, closed), band_hz=band)
+        assert found.modes[0].frequency_hz / clamped == pytest.approx(1.06, abs=0.04)
+        assert found.modes[0].damping == pytest.approx(0.29, abs=0.03)
+        assert np.abs(np.abs(found.system.zeros()) / (2.0 * np.pi) - clamped).min() < 0.02
+        assert sorted(pole.rate for pole in found.real_poles)[: len(rates)] == pytest.approx(rates, rel=0.35)
+        for mode in found.modes[1:]:  # beside a zero: the second clamped frequency
+            assert np.abs(np.abs(found.system.zeros()) / (2.0 * np.pi) / mode.frequency_hz - 1.0).min() < 0.01
+
+
+@pytest.mark.slow
+def test_rotary_beam_tuned_controllers_are_stable_over_days():
+    *days, altered = (bc.identify(_rotary_beam(day, closed=False), band_hz=(1.0, 15.0)) for day in _DAYS)
+    # a fit of seven parameters with a dead time gives 4.404, 4.414, 4.450 Hz
+    assert [day.modes[0].frequency_hz for day in days] == pytest.approx([4.404, 4.414, 4.450], abs=0.01)
+    frequencies = np.linspace(5.0, 8.0, 300)
+    for day in days:
+        assert 5.6 < frequencies[np.abs(day.system(2j * np.pi * frequencies)).argmax()] < 6.1
+    family = days[0].family(union_with=days[1:])
+
+    def weighted(model):
+        return bc.generalized_plant(
+            model,
+            disturbances={"volt": 1.0},
+            performance={"angle": 5.0},
+            effort={"volt": 0.3},
+            noises={"angle": 0.05},
+            measurements="angle",
+            controls="volt",
+        )
+
+    structure = tunable.pid(integral=False, high=100.0) * tunable.notch(26.0, 100.0)
+    tuned = bc.tune(weighted, structure=structure, family=family, starts=1, fastest_pole=100.0)
+    optimal = bc.h_infinity(weighted(family.centre), fastest_pole=100.0)
+    for design in (tuned, optimal):
+        assert bc.robust_stability(family, design.controller).proved
+        assert control.feedback(altered.system, design.controller, sign=1).poles().real.max() < 0.0
 
 
 @pytest.mark.slow
