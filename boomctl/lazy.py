@@ -98,7 +98,7 @@ MOVED = {
         "boom": "Footprint PlatformMotion Track TractorParameters bump_track platform_density split_motion track_filter"
         " tractor_system write_motion yaw_family",
         "exchange": "read_controller_notes",
-        "simulation": "TimeVaryingController describing_function sine_sigma swept_sine",
+        "simulation": "TimeVaryingController",
         "slew": "SlewResult",
         "studies": "FieldScene FieldStudy MachineDesign SigmaStudy SlewDesign SpinUpDesign SuspensionDesign design_names"
         " load_design performance",

@@ -225,14 +225,6 @@ CALLS = {
         "controller": regulator_of_the_left(),
         "omega": [0.1, 1.0],
     },
-    "simulation.describing_function": lambda: {
-        "plant": boom(),
-        "friction": friction(),
-        "omega": [9.0],
-        "excitation": "actuator_left",
-        "amplitude": 0.01,
-        "outputs": None,
-    },
     "discretize": lambda: {
         "controller": controller(),
         "sample_time": 0.01,
@@ -584,15 +576,6 @@ CALLS = {
         "rtol": 1e-8,
         "atol": 1e-10,
     },
-    "simulation.sine_sigma": lambda: {
-        "plant": boom(),
-        "friction": friction(),
-        "omega": [9.0],
-        "patterns": [{"actuator_left": 1.0}],
-        "amplitude": 0.01,
-        "outputs": None,
-        "method": "balance",
-    },
     "sine_sweep": lambda: {
         "start_hz": 0.1,
         "stop_hz": 2.0,
@@ -625,17 +608,6 @@ CALLS = {
         "largest": 1.0,
         "tolerance": 0.5,
         "max_cells": 2,
-    },
-    "simulation.swept_sine": lambda: {
-        "plant": boom(),
-        "friction": friction(),
-        "omega": [9.0],
-        "excitation": "actuator_left",
-        "amplitude": 0.01,
-        "outputs": None,
-        "steps": 50,
-        "periods": 4,
-        "tolerance": 1e-1,
     },
     "torque": lambda: {"function": np.sin, "breakpoints": ()},
     "boom.track_filter": lambda: {

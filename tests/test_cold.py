@@ -54,11 +54,6 @@ SCENES = [
         LOOP,
     ),
     (
-        "import boomctl as bc; dry = bc.CoulombFriction(3.0);"
-        " bc.simulation.swept_sine(bc.spray_boom(), dry, [9.0], 'actuator_left', 0.01)",
-        LOOP,
-    ),
-    (
         "import boomctl as bc; print(bc.reduce(bc.spray_boom().select('actuator_left', 'tip_left'), order=6))",
         BOOM | {"boomctl.synthesis"},
     ),

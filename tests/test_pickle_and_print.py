@@ -120,9 +120,6 @@ FACTORIES = {
     "LoopResult": one.loop,
     "FrictionReport": lambda: one.loop().friction,
     "ForcedResponse": lambda: bc.forced_response(one.mass(), {"force": np.ones(50)}, np.linspace(0.0, 5.0, 50)),
-    "SineResponse": lambda: bc.simulation.describing_function(
-        one.boom(), bc.CoulombFriction(8.0), one.OMEGA, "actuator_left", 0.01
-    ),
     "LoopResult, of a hub-beam": one.beam_loop,
     "BeamSensor": lambda: bc.BeamSensor("gauge", "strain", 0.5, 0.01),
     "HubBeamParameters": bc.HubBeamParameters,

@@ -61,9 +61,6 @@ LONG = {
     "closed loop": lambda: bc.simulate_loop(
         one.hub_beam(), None, {"torque": np.ones(11)}, np.linspace(0.0, 0.1, 11), sample_time=0.01
     ),
-    "swept sine": lambda: bc.simulation.swept_sine(
-        one.boom(), bc.CoulombFriction(3.0), [9.0], {"actuator_left": 1.0}, 0.01, ["tip_left"]
-    ),
 }
 
 

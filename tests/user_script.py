@@ -202,9 +202,6 @@ reveal_type(run)
 reveal_type(run["tip_left"])
 reveal_type(run.plot())
 reveal_type(bc.forced_response(m, {"actuator_left": motion.left}, motion.time))
-reveal_type(bc.simulation.describing_function(m, friction, omega, "actuator_left", 0.01))
-reveal_type(bc.simulation.swept_sine(m, friction, omega, "actuator_left", 0.01))
-reveal_type(bc.simulation.sine_sigma(m, friction, omega, [{"actuator_left": 1.0}], 0.01))
 
 # studies
 for name in bc.studies.design_names("suspension"):

@@ -8,7 +8,6 @@ from boomctl.plotting.canvas import style as style
 from boomctl.plotting.design import plot_h_infinity as plot_h_infinity
 from boomctl.plotting.design import plot_recovery as plot_recovery
 from boomctl.plotting.design import plot_reduction as plot_reduction
-from boomctl.plotting.design import plot_sines as plot_sines
 from boomctl.plotting.design import plot_tune as plot_tune
 from boomctl.plotting.looking import plot_bode as plot_bode
 from boomctl.plotting.looking import plot_comparison as plot_comparison

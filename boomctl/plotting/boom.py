@@ -198,13 +198,13 @@ def draw_friction(study: Any, band_hz: tuple[float, float] = (2.5, 3.5)) -> Any:
 
 def _reading(top: Any, below: Any, study: Any, reading: Any, color: str) -> None:
     """Draw one reading: the describing function as a line, the simulated sines as circles."""
-    balance, swept = reading.balance, reading.swept
+    balance, stepped = reading.balance, reading.stepped
     name = f"jolt, {reading.force:.2g} N friction {reading.name}"
     top.plot(balance.omega / (2 * np.pi), balance.gain, color=color, linewidth=1.2, label=name)
     below.plot(balance.omega / (2 * np.pi), study.ratio(balance.omega, balance.gain), color=color, linewidth=1.2)
     look: dict[str, Any] = {"color": color, "markersize": 3.2, "fillstyle": "none"}
-    top.plot(swept.omega / (2 * np.pi), swept.gain, "o", **look)
-    below.plot(swept.omega / (2 * np.pi), study.ratio(swept.omega, swept.gain), "o", **look)
+    top.plot(stepped.omega / (2 * np.pi), stepped.gain, "o", **look)
+    below.plot(stepped.omega / (2 * np.pi), study.ratio(stepped.omega, stepped.gain), "o", **look)
 
 
 def _ticks(ax: Any, freq_hz: Any) -> None:

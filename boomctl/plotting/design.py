@@ -1,4 +1,4 @@
-"""Pictures over frequency of what designs are judged by: reductions, recovered loops, sines with friction."""
+"""Pictures over frequency of what designs are judged by: reductions, recovered loops."""
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
@@ -8,12 +8,11 @@ from matplotlib.axes import Axes
 
 from boomctl.arrays import Array
 from boomctl.lti.rounding import VISIBLE
-from boomctl.plotting.canvas import COLOURS, UNITS, divided, few_labels, frequency_axis, legend, line_look, panels
+from boomctl.plotting.canvas import COLOURS, divided, few_labels, frequency_axis, legend, line_look, panels
 
 if TYPE_CHECKING:
     from boomctl.analysis.sigma import SigmaResult
     from boomctl.reduction.result import ReductionResult
-    from boomctl.simulation.sines.describing_function import SineResponse
     from boomctl.synthesis.hinf.h_infinity import HInfinityResult
     from boomctl.synthesis.lq.recovery import RecoveryResult
     from boomctl.tuning.result import TuneResult
@@ -105,55 +104,6 @@ def plot_recovery(result: "RecoveryResult", ax: Any = None, *, unit: str | None 
         zeros = len(result.zeros)
         right.set_title("Gap" if not zeros else f"Gap; stays: {zeros} zero{'s' * (zeros > 1)} in the right half-plane")
         legend(right)
-    return axes
-
-
-def plot_sines(result: "SineResponse", ax: Any = None, *, unit: str | None = None, **style: Any) -> Array:
-    """Draw the gain of each output and the slip of a plant with friction over frequency.
-
-    Where the contact sticks, gains have hollow markers, and there is no slip.
-
-    Parameters
-    ----------
-    result : SineResponse
-    ax : sequence of two matplotlib Axes, or a figure, optional
-        By default a new figure of pyplot.
-    unit : {"Hz", "rad/s"}, optional
-        Of the frequency axis; by default that of the curves that are there already, otherwise Hz.
-    **style
-        Of the curves, as matplotlib's lines take it; a ``label`` stands before their names.
-
-    Returns
-    -------
-    (2,) ndarray of matplotlib Axes
-    """
-    stuck = np.asarray(result.stuck, dtype=bool)
-    with panels(ax, ("gains", "slip"), (6.4, 5.2)) as axes:
-        top, below = axes
-        scale = frequency_axis(below, unit)
-        x = result.omega / scale
-        for k, (name, line) in enumerate(
-            list(zip(result.outputs, np.abs(result.response), strict=True))[: len(COLOURS)]
-        ):
-            look = line_look(style, color=COLOURS[k % len(COLOURS)], marker="o", markersize=3, label=name)
-            top.loglog(x, line, **look)
-            top.plot(x[stuck], line[stuck], "o", color=look["color"], markersize=4, markerfacecolor="white")
-        if stuck.any():
-            top.plot([], [], "o", color="0.3", markersize=4, markerfacecolor="white", label="stuck")
-        look = line_look(style, color=COLOURS[0], marker="o", markersize=3)
-        below.loglog(x, np.where(stuck, np.nan, result.slip), **look)
-        top.set_ylabel("gain of the fundamental")
-        excited = ", ".join(result.inputs)
-        top.set_title(f"Excited: {excited}, amplitude {result.amplitude:.4g}")
-        below.set_ylabel("slip [m]")
-        legend(top)
-        if top.get_shared_x_axes().joined(top, below):
-            top.tick_params(labelbottom=False)
-        else:
-            top.set_xlabel(f"frequency [{next(name for name, divisor in UNITS.items() if divisor == scale)}]")
-        for each in axes:
-            few_labels(each)
-        top.figure.align_ylabels(list(axes))
     return axes
 
 

@@ -8,7 +8,3 @@ from boomctl.simulation.forced_response import forced_response as forced_respons
 from boomctl.simulation.loop import simulate_loop as simulate_loop
 from boomctl.simulation.result import FrictionReport as FrictionReport
 from boomctl.simulation.result import LoopResult as LoopResult
-from boomctl.simulation.sines.describing_function import SineResponse as SineResponse
-from boomctl.simulation.sines.describing_function import describing_function as describing_function
-from boomctl.simulation.sines.swept_sine import sine_sigma as sine_sigma
-from boomctl.simulation.sines.swept_sine import swept_sine as swept_sine

@@ -71,9 +71,6 @@ RESULTS = {
     ),
     "LoopResult": one.loop,
     "ForcedResponse": lambda: bc.forced_response(one.mass(), {"force": np.ones(50)}, np.linspace(0.0, 5.0, 50)),
-    "SineResponse": lambda: bc.simulation.describing_function(
-        one.boom(), bc.CoulombFriction(8.0), one.OMEGA, "actuator_left", 0.01, ["tip_left"]
-    ),
     "SimulationResult": lambda: one.hub_beam().simulate(bc.spin_up(0.5, 5.0), np.linspace(0.0, 6.0, 50)),
     "SprayResult": one.spray,
     "SweepResult": lambda: bc.sweep(lambda x: {"square": x**2}, {"x": [1.0, 2.0, 3.0]}),
@@ -106,7 +103,7 @@ RESULTS = {
 DEAR = ("PayloadComparison", "PayloadLine", "TrackingStudy")  # slews of several payloads, a study
 NAMES = [pytest.param(name, marks=pytest.mark.slow) if name in DEAR else name for name in RESULTS]
 SEVERAL = {  # pictures of several panels, and how many these have
-    "Margins": 2, "RecoveryResult": 2, "LoopResult": 4, "ForcedResponse": 2, "SineResponse": 2, "SimulationResult": 4,
+    "Margins": 2, "RecoveryResult": 2, "LoopResult": 4, "ForcedResponse": 2, "SimulationResult": 4,
     "PlatformMotion": 2, "SlewResult": 5, "SlewComparison": 5, "SlewLine": 2, "PayloadComparison": 2,
     "PayloadLine": 1, "TrackingResult": 3,
     "TrackingStudy": 4,

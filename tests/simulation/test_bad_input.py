@@ -4,11 +4,9 @@ import control as ct
 import numpy as np
 import pytest
 
-import boomctl as bc
-from boomctl.simulation import CoulombFriction, forced_response, simulate_loop
+from boomctl.simulation import forced_response, simulate_loop
 
 _TIME = 0.01 * np.arange(101)
-_LAW = CoulombFriction(1.0)
 
 
 def _plant(damping=0.4):
@@ -21,38 +19,6 @@ def _plant(damping=0.4):
 def test_friction_of_another_kind(friction):
     with pytest.raises(TypeError, match=r"friction = .*: expected CoulombFriction"):
         simulate_loop(_plant(), None, None, _TIME, sample_time=0.01, friction=friction)
-    for respond in (bc.simulation.describing_function, bc.simulation.swept_sine):
-        with pytest.raises(TypeError, match=r"friction = .*: expected CoulombFriction"):
-            respond(_plant(), friction, [1.0], "d", 1.0)
-
-
-@pytest.mark.parametrize("respond", [bc.simulation.describing_function, bc.simulation.swept_sine])
-@pytest.mark.parametrize("excitation", [None, 1.0, ["d"], {"d": "much"}])
-def test_excitation_of_another_kind(respond, excitation):
-    with pytest.raises(TypeError, match="excitation"):
-        respond(_plant(), _LAW, [1.0], excitation, 1.0)
-
-
-@pytest.mark.parametrize("respond", [bc.simulation.describing_function, bc.simulation.swept_sine])
-def test_no_sine_at_an_undamped_resonance(respond):
-    with pytest.raises(ValueError, match="undamped resonance"):
-        respond(_plant(0.0), _LAW, [1.0, 2.0], "d", 3.0)
-
-
-@pytest.mark.parametrize(("omega", "amplitude"), [(1e300, 1.0), (1.0, 1e300)])
-def test_a_describing_function_of_numbers_too_large(omega, amplitude):
-    with pytest.raises(ValueError, match=r"(omega|amplitude).*1e.300.*expected|expected.*got 1e.300"):
-        bc.simulation.describing_function(_plant(), _LAW, [omega], "d", amplitude)
-
-
-@pytest.mark.parametrize(
-    ("patterns", "error"),
-    [([{"d": 0.0}], ValueError), ([{"d": np.nan}], ValueError), ("ab", TypeError), (1, TypeError), ([], ValueError)],
-)
-@pytest.mark.parametrize("method", ["swept", "balance"])
-def test_patterns_that_are_none(patterns, error, method):
-    with pytest.raises(error, match=r"patterns|excitation"):
-        bc.simulation.sine_sigma(_plant(), _LAW, [1.0], patterns, 1.0, method=method)
 
 
 @pytest.mark.parametrize("pair", [(1.0,), (), (1.0, "cradle", 2)])

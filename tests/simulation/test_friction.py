@@ -236,3 +236,13 @@ def test_friction_needs_a_displacement_and_the_force_that_works_on_it():
                 sample_time=0.1,
                 friction=CoulombFriction(1.0, input="f", output=output),
             )
+
+
+def test_friction_with_steps_too_long_for_the_contact_is_refused():
+    plant = ct.ss(
+        [[0, 1.0], [-4.0, -0.4]], [[0.0], [1.0]], [[1.0, 0.0]], 0.0, inputs=["cradle"], outputs=["cradle_slip"]
+    )
+    for h in (4.0, 8.0):
+        time = h * np.arange(101)
+        with pytest.raises(ValueError, match="finer timepts"):
+            simulate_loop(plant, None, {"cradle": time / 100.0}, time, sample_time=h, friction=CoulombFriction(10.0))

@@ -20,10 +20,9 @@ from boomctl.arrays import Array
 from boomctl.boom.factory import spray_boom
 from boomctl.boom.parameters import BoomParameters
 from boomctl.checks import positive, whole
+from boomctl.lab.papers.anthonis_ramon.sines import SineResponse, describing_function, stepped_sine
 from boomctl.report import Picture, Section, Table
 from boomctl.simulation.contact.friction import CoulombFriction
-from boomctl.simulation.sines.describing_function import SineResponse, describing_function, receptances
-from boomctl.simulation.sines.swept_sine import swept_sine
 from boomctl.structure.model import SecondOrderModel, split_symmetric
 from boomctl.structure.response.poles import damped_poles
 
@@ -54,15 +53,15 @@ class FrictionReading:
         Viscous damping left in the cradle [N s/m].
     force : float
         Friction force [N].
-    balance, swept : SineResponse
-        Jolt from platform to tips by describing function and by stepped sine, time-simulated.
+    balance, stepped : SineResponse
+        Jolt from platform to tips by describing function and by stepped sine, simulated in time.
     """
 
     name: str
     damping: float
     force: float
     balance: SineResponse
-    swept: SineResponse
+    stepped: SineResponse
 
 
 @dataclass(frozen=True)
@@ -106,7 +105,7 @@ class BoomFriction:
         """Return the lower singular value over the linear one, mean over 2.5 to 3.5 Hz, of each reading and method."""
         found = {"stuck": self.change(self.omega, self.stuck)}
         for reading in self.readings:
-            for method, response in (("describing function", reading.balance), ("stepped sine", reading.swept)):
+            for method, response in (("describing function", reading.balance), ("stepped sine", reading.stepped)):
                 found[f"friction {reading.name}, {method}"] = self.change(response.omega, response.gain)
         return found
 
@@ -139,7 +138,7 @@ def matched_force(jolt: SecondOrderModel, damping: float, amplitude: float) -> t
     """
     poles = damped_poles(jolt.structure, 2)
     omega = float(poles[np.argmax(-poles.real / np.abs(poles))].imag)
-    slip = amplitude * abs(complex(receptances(jolt, np.array([omega]), ["actuator_sym"], ["cradle_slip"])[0, 0, 0]))
+    slip = amplitude * abs(complex(jolt.frequency_response([omega], ["actuator_sym"], ["cradle_slip"]).frdata[0, 0, 0]))
     return 0.25 * np.pi * omega * damping * slip, omega / (2.0 * np.pi)
 
 
@@ -173,9 +172,11 @@ def friction_study(
     for name, viscous, share in _READINGS:
         left, law = max(viscous, _NO_DAMPING) * p.cradle_damping, CoulombFriction(share * force)
         model = _jolt(replace(p, cradle_damping=left))
-        balance = describing_function(model, law, omega, "actuator_sym", size, outputs="tip_sym")
-        swept = swept_sine(model, law, sines, "actuator_sym", size, outputs="tip_sym")
-        readings.append(FrictionReading(name, viscous * p.cradle_damping, share * force, balance, swept))
+        balance, stepped = (
+            respond(model, law, grid, "actuator_sym", size, "tip_sym")
+            for respond, grid in ((describing_function, omega), (stepped_sine, sines))
+        )
+        readings.append(FrictionReading(name, viscous * p.cradle_damping, share * force, balance, stepped))
     return BoomFriction(
         omega=omega,
         jolt=np.abs(H[0, 0]),
