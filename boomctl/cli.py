@@ -9,7 +9,7 @@ import re
 import sys
 import threading
 from argparse import ArgumentParser, BooleanOptionalAction, Namespace
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext, redirect_stdout, suppress
 from functools import partial
 from io import TextIOWrapper
@@ -19,11 +19,11 @@ from typing import TYPE_CHECKING, Any, NoReturn
 from warnings import catch_warnings, filterwarnings
 
 if TYPE_CHECKING:
-    from boomctl.lab.papers.side_by_side import Job
+    from boomctl.lab.papers.jobs import Jobs
     from boomctl.progress import Progress as Told
     from boomctl.report import Report
 
-    _Paper = tuple[list[Job], Callable[[list[Any]], Report]]  # what is to be done, and the report of what it finds
+    _Paper = tuple[Jobs, Callable[[Mapping[str, Any]], Report]]  # jobs, and the report of their results
 
 
 _NEGATIVE = re.compile(r"-(\d+\.?\d*|\.\d+)(e[-+]?\d+)?$|-inf$|-nan$", re.IGNORECASE)
@@ -249,14 +249,13 @@ def reproduce(words: Sequence[str]) -> None:
 
     from boomctl.checks import known, whole
     from boomctl.files import json_text, locked_folder, plain, write_all
-    from boomctl.lab.papers.side_by_side import side_by_side
-    from boomctl.processes import cores
+    from boomctl.lab.papers.jobs import run_jobs
     from boomctl.report import bound_reports
 
     known("what to reproduce", asked.what, ("boom", "hub-beam", "all"))
     if asked.what == "hub-beam" and (asked.parameters or asked.measured):
         raise ValueError("--parameters and --measured are of the boom: leave them out for hub-beam")
-    workers = cores() if asked.workers is None else whole("--workers", asked.workers)
+    workers = None if asked.workers is None else whole("--workers", asked.workers)
     results, reports = {}, []
     names = tuple(_PAPERS) if asked.what == "all" else (asked.what,)
     papers = [
@@ -264,11 +263,11 @@ def reproduce(words: Sequence[str]) -> None:
         for name in names
     ]
     with locked_folder(asked.out) as folder:
-        jobs = [job for work, _ in papers for job in work]
+        jobs = {name: work for of_paper, _ in papers for name, work in of_paper.items()}
         with _progress(len(jobs)) as progress:
-            found = iter(side_by_side(jobs, workers, progress))
-        for name, (work, report_of) in zip(names, papers, strict=True):
-            report = report_of([next(found) for _ in work])
+            found = run_jobs(jobs, workers, progress)
+        for name, (_, report_of) in zip(names, papers, strict=True):
+            report = report_of(found)
             target = folder / name if asked.what == "all" else folder
             write = report.write if asked.what == "all" else report.write_into
             _name_others(target, write(target))

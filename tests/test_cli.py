@@ -416,7 +416,7 @@ def test_whatever_a_design_prints_leaves_the_results_alone(tmp_path):
 
 @pytest.mark.slow
 def test_an_interrupt_ends_a_run_and_all_its_processes(tmp_path):
-    words = [sys.executable, "-m", "boomctl.cli", "stress", "--rows", "10,000 elements", "--out", "out"]
+    words = [sys.executable, "-m", "boomctl.cli", "reproduce", "--workers", "2", "--out", "out"]
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
     listens = partial(signal.signal, signal.SIGINT, signal.default_int_handler)  # tests may run where it is ignored
     run = subprocess.Popen(
@@ -430,7 +430,7 @@ def test_an_interrupt_ends_a_run_and_all_its_processes(tmp_path):
     )
     while not (tmp_path / "out").exists():
         time.sleep(0.02)
-    time.sleep(0.3)
+    time.sleep(2.0)  # its processes begin
     run.send_signal(signal.SIGINT)
     out, err = run.communicate(timeout=60)  # ends when the last process that holds the pipe does
     assert (run.returncode, out, err) == (1, "", "boomctl: interrupted\n")

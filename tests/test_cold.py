@@ -81,7 +81,6 @@ NAMES = [
     "sigma",
     "family",
     "forced",
-    "sine",
     "reduction",
     "lqr",
     "kalman",

@@ -27,7 +27,7 @@ from boomctl.lab.papers.bai.comparison import (
 )
 from boomctl.lab.papers.bai.report import jobs, report, results
 from boomctl.lab.papers.bai.validity import EXACT, MODELS, judged, leaves, tips
-from boomctl.lab.papers.side_by_side import side_by_side
+from boomctl.lab.papers.jobs import run_jobs
 from boomctl.plotting.canvas import picture
 from boomctl.plotting.rotating_beam import draw_chart
 from boomctl.rotating_beam import HubBeamParameters, hub_beam, sine_torque
@@ -213,7 +213,7 @@ def test_bad_torques(torques):
 @pytest.mark.slow
 def test_the_whole_reproduction(tmp_path):
     told = []
-    result = report((5.0, 50.0), side_by_side(jobs((5.0, 50.0)), 1, told.append))
+    result = report((5.0, 50.0), run_jobs(jobs((5.0, 50.0)), 1, told.append))
     names = {path.name for path in result.write(tmp_path / "out")}
     figures = {f"fig-{n:02d}.{ending}" for n in range(3, 11) for ending in ("png", "svg")}
     assert names == figures | {"validity.png", "validity.svg", "slew.gif", "results.json", "report.html"}
@@ -227,4 +227,4 @@ def test_the_whole_reproduction(tmp_path):
         == result.results["summary"]
     )
     assert result.results["summary"] == {MET: 14, CORRECTED: 17, NOT_REPRODUCIBLE: 9}
-    assert told == [job.name for job in jobs((5.0, 50.0))]
+    assert told == list(jobs((5.0, 50.0)))

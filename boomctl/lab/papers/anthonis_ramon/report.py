@@ -1,6 +1,8 @@
 """Anthonis & Ramon (2003), reproduced: tables and pictures beside what was published."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -10,7 +12,7 @@ from boomctl.boom.parameters import BoomParameters
 from boomctl.lab.papers.anthonis_ramon.figures import BoomReproduction, compute
 from boomctl.lab.papers.anthonis_ramon.friction import FULL_POINTS, POINTS, friction_section, friction_study
 from boomctl.lab.papers.anthonis_ramon.updating import updating_results, updating_section, updating_study
-from boomctl.lab.papers.side_by_side import Job
+from boomctl.lab.papers.jobs import Jobs
 from boomctl.report import Picture, Report, Section, Table
 
 _LEAD = (
@@ -52,25 +54,25 @@ class Chapter:
     results: dict[str, Any]
 
 
-def jobs(
-    parameters: BoomParameters | None = None, measured: MeasuredCurve | None = None, full: bool = False
-) -> list[Job]:
-    """Return the pieces of work of the reproduction, the longest first; :func:`report` makes a report of what they find.
+def jobs(parameters: BoomParameters | None = None, measured: MeasuredCurve | None = None, full: bool = False) -> Jobs:
+    """Return the jobs of the reproduction, the longest first; :func:`report` makes a report of their results.
 
     Parameters are by default those of Table 2; a measured sigma curve is laid over Fig. 3; ``full`` takes more frequencies
     for the simulated sines.
     """
     p = BoomParameters() if parameters is None else parameters
-    return [
-        Job("friction in the cradle", friction_chapter, (p, FULL_POINTS if full else POINTS)),
-        Job("table and figures", figures_chapter, (p, measured)),
-        Job("fitted parameters", updating_chapter, (p,)),
-    ]
+    return {
+        "friction in the cradle": partial(friction_chapter, p, FULL_POINTS if full else POINTS),
+        "table and figures": partial(figures_chapter, p, measured),
+        "fitted parameters": partial(updating_chapter, p),
+    }
 
 
-def report(found: list[Chapter]) -> Report:
-    """Return the report of what the jobs have found, in their order."""
-    friction, figures, updating = found
+def report(found: Mapping[str, Chapter]) -> Report:
+    """Return the report of the jobs' results."""
+    friction, figures, updating = (
+        found[name] for name in ("friction in the cradle", "table and figures", "fitted parameters")
+    )
     sections = (*figures.sections, *friction.sections, *updating.sections)
     results = {**figures.results, **friction.results, **updating.results}
     return Report("The spray boom of Anthonis & Ramon (2003)", (_LEAD,), sections, results)

@@ -1,7 +1,8 @@
 """Bai et al. (2009), reproduced: every table and figure beside what correct equations give."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import asdict
+from functools import partial
 from itertools import pairwise
 from typing import Any
 
@@ -11,7 +12,7 @@ from boomctl.arrays import Array
 from boomctl.lab.papers.bai import frequencies, spin_up, torque
 from boomctl.lab.papers.bai.comparison import CORRECTED, MET, NOT_REPRODUCIBLE, Chart, Part
 from boomctl.lab.papers.bai.validity import EXACT, TORQUES, judged, section, tips
-from boomctl.lab.papers.side_by_side import Job
+from boomctl.lab.papers.jobs import Jobs
 from boomctl.report import Picture, Report, Section, Table
 from boomctl.rotating_beam.exact.beam import GeometricallyExactBeam
 from boomctl.rotating_beam.manoeuvres import sine_torque
@@ -49,25 +50,23 @@ _RULE = (
 )
 
 
-def jobs(torques: tuple[float, ...] = TORQUES) -> list[Job]:
-    """Return the pieces of work of the reproduction, the longest first; :func:`report` makes a report of what they find.
+def jobs(torques: tuple[float, ...] = TORQUES) -> Jobs:
+    """Return the jobs of the reproduction, the longest first; :func:`report` makes a report of their results.
 
     Torques are amplitudes over which the models are held against the geometrically exact beam, N m: at least two, ascending,
     > 0; otherwise `ValueError`.
     """
     if len(torques) < 2 or torques[0] <= 0.0 or any(b <= a for a, b in pairwise(torques)):
         raise ValueError(f"torques = {torques!r}: expected at least two, ascending and > 0")
-    valid = [Job(f"validity of {model}", tips, (model, torques)) for model in _MODELS]
-    parts = [Job(names[0], _drawn_parts, (names,)) for names in _TOGETHER]
-    return [*valid, *parts, Job("a slew", _film_section)]
+    valid = {f"validity of {model}": partial(tips, model, torques) for model in _MODELS}
+    parts = {names[0]: partial(_drawn_parts, names) for names in _TOGETHER}
+    return valid | parts | {"a slew": _film_section}
 
 
-def report(torques: tuple[float, ...], found: list[Any]) -> Report:
-    """Return the report of what the jobs for these torques have found, in their order."""
-    *several, slew = found
-    models = dict(zip(_MODELS, several, strict=False))
-    drawn = {name: each for group in several[len(_MODELS) :] for name, each in group.items()}
-    valid = section(judged(torques, models))
+def report(torques: tuple[float, ...], found: Mapping[str, Any]) -> Report:
+    """Return the report of the results of the jobs for these torques."""
+    drawn = {name: part for names in _TOGETHER for name, part in found[names[0]].items()}
+    valid = section(judged(torques, {model: found[f"validity of {model}"] for model in _MODELS}))
     parts, sections = zip(*(drawn[name] for name in PARTS), (valid, _section(valid)), strict=True)
     values = results(list(parts))
     counts = "; ".join(f"{count} {verdict}" for verdict, count in values["summary"].items())
@@ -76,7 +75,7 @@ def report(torques: tuple[float, ...], found: list[Any]) -> Report:
         "Transducers 5 (2009) 53-68: every number and curve beside what correct equations give. Numbers and statements: "
         f"{counts}."
     )
-    return Report("A rotating beam with a tip mass, reproduced", (lead, _RULE), (*sections, slew), values)
+    return Report("A rotating beam with a tip mass, reproduced", (lead, _RULE), (*sections, found["a slew"]), values)
 
 
 def _drawn_parts(names: tuple[str, ...]) -> dict[str, tuple[Part, Section]]:

@@ -1,0 +1,48 @@
+"""Jobs of the reproductions: the same results in parallel processes and in one, and errors that end all of them."""
+
+import math
+import os
+import time
+from concurrent.futures.process import BrokenProcessPool
+from functools import partial
+from multiprocessing import active_children
+
+import numpy as np
+import pytest
+
+from boomctl.lab.papers.bai.report import jobs as hub_beam_jobs
+from boomctl.lab.papers.bai.validity import tips
+from boomctl.lab.papers.jobs import run_jobs
+
+ROOTS = {f"root of {k}": partial(math.sqrt, k) for k in range(7)}
+
+
+@pytest.mark.parametrize("workers", [1, pytest.param(2, marks=pytest.mark.slow)])
+def test_run_jobs_returns_results_by_name_in_order(workers):
+    told = []
+    assert list(run_jobs(ROOTS, workers, told.append).items()) == [(name, work()) for name, work in ROOTS.items()]
+    assert len(told) == len(ROOTS)
+    assert run_jobs({}, workers) == {}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("work", "error"), [(partial(math.sqrt, -1.0), ValueError), (partial(os._exit, 3), BrokenProcessPool)]
+)
+def test_run_jobs_error_ends_the_other_jobs(work, error):
+    began = time.monotonic()
+    with pytest.raises(error):
+        run_jobs({"wrong": work, "long": partial(time.sleep, 60.0)}, 2)
+    assert time.monotonic() - began < 30.0
+    assert not active_children()
+
+
+@pytest.mark.slow
+def test_run_jobs_in_processes_equals_one_process():
+    some = {name: job for name, job in hub_beam_jobs().items() if name in ("Table 2", "a slew")}
+    some |= {model: partial(tips, model, (5.0, 50.0)) for model in ("sfoam", "foam")}
+    alone, together = run_jobs(some, 1), run_jobs(some, 2)
+    assert alone["Table 2"]["Table 2"][0].comparisons == together["Table 2"]["Table 2"][0].comparisons
+    assert alone["a slew"] == together["a slew"]
+    for model in ("sfoam", "foam"):
+        np.testing.assert_allclose(alone[model], together[model], rtol=1e-12, atol=1e-15)
