@@ -77,7 +77,7 @@ Control design for flexible structures on a moving base.
 Commands; boomctl COMMAND --help says more:"""
 
 _CODES = """
-Exit codes: 0 done; 1 could not be done (or a promise that stress tries is broken); 2 bad use or bad input. What went
+Exit codes: 0 done; 1 could not be done; 2 bad use or bad input. What went
 wrong is one line on standard error. Progress is shown on terminals only, and colours too; NO_COLOR turns them off."""
 
 
@@ -632,51 +632,6 @@ def benchmark(words: Sequence[str]) -> None:
         print(f"Report: {asked.out / 'report.html'}")
 
 
-def stress(words: Sequence[str]) -> None:
-    """Try the promises of the package where it is hardest, each against a reference of its own.
-
-    Every row ends in one of four ways: held, refused with a reason, said to be uncertain, or BROKEN. The exit code is 1
-    if a row is broken.
-    """
-    parser = _Parser(stress)
-    parser.add_argument("--rows", default="", metavar="PATTERN", help="only rows whose name has this in it; * for any")
-    parser.add_argument("--full", action="store_true", help="include rows that take minutes")
-    text = "processes side by side, one thread each (default: as many as there are cores)"
-    parser.add_argument("--workers", type=int, metavar="COUNT", help=text)
-    parser.add_argument("--out", type=Path, metavar="FOLDER", help="folder for report and results")
-    text = "page in Markdown whose tables, between two marks, are written anew"
-    parser.add_argument("--page", type=Path, metavar="FILE", help=text)
-    asked = parser.asked(words)
-
-    from boomctl.checks import whole
-    from boomctl.files import locked_folder
-    from boomctl.lab.stress.report import PAGE
-    from boomctl.lab.stress.run import all_cases, stressed
-    from boomctl.processes import cores
-
-    workers = cores() if asked.workers is None else whole("--workers", asked.workers)
-    cases = all_cases(asked.full, asked.rows)
-    if asked.page is not None:
-        PAGE.text(asked.page)
-    with nullcontext() if asked.out is None else locked_folder(asked.out) as folder:
-        with _progress(len(cases)) as progress:
-            found = stressed(cases, workers, progress)
-        if folder is not None:
-            _name_others(folder, found.report().write_into(folder))
-    if asked.page is not None:
-        PAGE.write(asked.page, found.page())
-    if asked.json:
-        _print_json(found.as_dict())
-    else:
-        from rich.console import Console
-
-        Console(width=140 if not sys.stdout.isatty() else None).print(found.render())
-        if asked.out is not None:
-            print(f"Report: {asked.out / 'report.html'}")
-    if found.broken:
-        sys.exit(1)
-
-
 def notebooks(words: Sequence[str]) -> None:
     """Copy the notebooks that come with boomctl into a folder."""
     from boomctl.studies.catalogue import shipped
@@ -804,7 +759,7 @@ def _fish_lines() -> Iterator[str]:
 
 _COMMANDS: dict[str, Callable[[Sequence[str]], None]] = {
     command.__name__: command
-    for command in (design, reproduce, sigma, identify, parameters, slew, notebooks, benchmark, stress, completion)
+    for command in (design, reproduce, sigma, identify, parameters, slew, notebooks, benchmark, completion)
 }
 
 

@@ -1,5 +1,6 @@
 """Settings of every test: its profile, one thread, and what is said of tests that take long and are not marked slow."""
 
+import csv
 import gc
 import inspect
 import os
@@ -31,6 +32,7 @@ _SPENT = pytest.StashKey[float]()
 
 def pytest_addoption(parser):
     parser.addoption("--cpu", type=int, default=0, metavar="N", help="show the N tests that take most processor time")
+    parser.addoption("--accuracy", metavar="FILE", help="write how exact each answer in tests/stress is, as CSV")
 
 
 @pytest.hookimpl(tryfirst=True)
@@ -83,16 +85,18 @@ def pytest_runtest_call(item):
 
 def pytest_terminal_summary(terminalreporter, config):
     """Show where the processor time went: tests, and fixtures that several tests share; name those that are too long."""
-    spent = sorted(
-        (
-            (seconds, what, report.nodeid)
-            for outcome in ("passed", "failed")
-            for report in terminalreporter.stats.get(outcome, ())
-            if report.when == "call"
-            for what, seconds in report.user_properties
-        ),
-        reverse=True,
-    )
+    noted = [
+        (value, what, report.nodeid)
+        for outcome in ("passed", "failed")
+        for report in terminalreporter.stats.get(outcome, ())
+        if report.when == "call"
+        for what, value in report.user_properties
+    ]
+    if config.option.accuracy:
+        rows = sorted((name, *value) for value, what, name in noted if what == "accuracy")
+        with open(config.option.accuracy, "w", encoding="utf-8", newline="") as file:
+            csv.writer(file).writerows([("test", "outcome", "error", "limit", "message", "measure"), *rows])
+    spent = sorted((entry for entry in noted if entry[1] != "accuracy"), reverse=True)
     for seconds, what, name in spent:
         if what == "long":
             terminalreporter.line(f"{seconds:.1f} s of processor time, make it cheaper or mark it slow: {name}")

@@ -16,8 +16,8 @@ from hypothesis import strategies as st
 
 import boomctl as bc
 import boomctl.structure as bs
-from boomctl.lab.stress.case import said_by_us
 from tests.docstrings import sections
+from tests.stress.cases import raised_by_boomctl
 
 LONGEST = 20.0  # s of processor time that a call may take: what a user waits without asking
 SHORT = 5.0  # [s], of what takes a time limit
@@ -1092,7 +1092,7 @@ def _refusal(name, function, error):
         return None
     if isinstance(error, ImportError) and "pip install" in str(error):  # what is not installed is named
         return None
-    if not said_by_us(error):
+    if not raised_by_boomctl(error):
         return f"{type(error).__name__}: {error}"
     said = str(error)
     words = set(inspect.signature(function).parameters) | set(_fields(function))

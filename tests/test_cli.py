@@ -60,7 +60,6 @@ def test_the_parameter_file_printed_is_read_again(tmp_path):
         (("sigma", "--measured", "none/curve.csv"), 2, "none/curve.csv: there is no such file"),
         (("reproduce", "boom", "--parameters", "none.toml"), 2, "none.toml: there is no such file"),
         (("benchmark", "boom", "--compare", "none.json"), 2, "none.json: there is no such file"),
-        (("stress", "--page", "none.md"), 2, "there is no such file"),
         (("design", "none/mine.py"), 2, "design 'none/mine.py': there is no such file"),
         (("sigma", "--out", "sigma.doc"), 2, ".png or .svg"),
         (("nothing",), 2, "nothing"),
@@ -95,7 +94,6 @@ def test_a_misspelt_key_names_file_and_key(tmp_path):
         ("reproduce", "boom", "--measured", "."),
         ("benchmark", "boom", "--compare", "."),
         ("benchmark", "precision", "--page", "."),
-        ("stress", "--page", "."),
     ],
 )
 def test_a_folder_in_place_of_a_file_is_bad_use(words, tmp_path):
@@ -464,7 +462,7 @@ def test_bash_completes_commands_options_designs_and_files(tmp_path):
         return done.stdout.split()
 
     assert completed("boomctl", "de") == ["design"]
-    assert set(completed("boomctl", "s")) == {"sigma", "slew", "stress"}
+    assert set(completed("boomctl", "s")) == {"sigma", "slew"}
     assert set(completed("boomctl", "design", "h_")) == {"h_infinity_full", "h_infinity_split"}
     assert completed("boomctl", "design", "mi") == ["min_time_slew", "mine.py"]
     assert completed("boomctl", "slew", "--torque-r") == ["--torque-rate-limit"]
@@ -477,7 +475,7 @@ def test_bash_completes_commands_options_designs_and_files(tmp_path):
 def test_every_option_of_every_command_can_be_completed():
     for shell in ("bash", "zsh", "fish"):
         offered = program("completion", shell).stdout
-        for command in ("design", "reproduce", "sigma", "slew", "notebooks", "benchmark", "stress"):
+        for command in ("design", "reproduce", "sigma", "slew", "notebooks", "benchmark"):
             flags = re.findall(r"^ +(--[a-z-]+)", boomctl(command, "--help").stdout, re.MULTILINE)
             assert flags
             for flag in flags:
@@ -495,9 +493,10 @@ def test_quiet_prints_nothing_but_what_json_asks_for():
     assert len(failed.stderr.splitlines()) == 1
 
 
-@pytest.mark.slow  # the processes of a stress table: 6 s
-def test_output_that_goes_into_a_pipe_has_no_colours():
-    shown = program("stress", "--rows", "a section of a beam", "--workers", "1", environment={"TERM": "xterm-256color"})
+@pytest.mark.slow
+def test_output_that_goes_into_a_pipe_has_no_colours(tmp_path):
+    words = ("design", "passive_tuning", "--out", str(tmp_path / "out"))
+    shown = program(*words, environment={"TERM": "xterm-256color"})
     assert shown.returncode == 0
     assert "\x1b" not in shown.stdout + shown.stderr
 

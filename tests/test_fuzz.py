@@ -100,7 +100,6 @@ WORDS = [
     "design",
     "benchmark",
     "reproduce",
-    "stress",
     "--version",
     "--help",
     "",
@@ -160,7 +159,6 @@ def lines(draw):
         "design",
         "benchmark",
         "reproduce",
-        "stress",
     ):  # what they do well takes seconds: they shall not
         words.append(draw(st.sampled_from(["--nothing", "--out", "--json=x", "--full=x"])))
     return [command, *words]
@@ -188,10 +186,8 @@ def test_any_words_on_the_command_line_end_in_an_answer_or_one_line(tmp_path_fac
         ("sigma", "--elements", "\u03c9"),
         ("sigma", "--parameters", "nowhere.toml"),
         ("design", "passive_tunin"),
-        pytest.param(("stress", "--rows", "nothing"), marks=pytest.mark.slow),
         ("parameters", "extra"),
         ("sigma",),
-        pytest.param(("stress", "--rows", "two hinges"), marks=pytest.mark.slow),
     ],
     ids=" ".join,
 )

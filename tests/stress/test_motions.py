@@ -1,0 +1,154 @@
+"""Motion in time: forced responses, sampled loops, slews."""
+
+from dataclasses import replace
+from math import factorial, inf, pi, sqrt
+
+import mpmath as mp
+import numpy as np
+import pytest
+
+from boomctl.rotating_beam.factory import hub_beam
+from boomctl.simulation.forced_response import forced_response
+from boomctl.simulation.loop import simulate_loop
+from boomctl.slew.optimal import optimal_slew
+from tests.stress.cases import (
+    EPS,
+    RATES,
+    SCALES,
+    each_relative,
+    mass_on_spring,
+    named,
+    oscillator,
+    over,
+    relative,
+    repeated_pole,
+    static,
+)
+from tests.stress.references import DIGITS, ramp_response
+
+
+def hundred_periods(omega):
+    return np.linspace(0.0, 200.0 * pi / omega, 501)
+
+
+@over("omega", *RATES)
+def test_ramp_response_at_any_frequency_equals_sixty_digits(check_error, omega):
+    """An oscillator over a hundred periods, and in a loop without a controller; error of the largest."""
+    times, plant = hundred_periods(omega), oscillator(0.01, omega).statespace("plant")
+    true, push = ramp_response(omega, 0.01, times), {"u0": omega * times}
+    check_error(lambda: relative(forced_response(plant, push, times)["y0"], true), 1e-9)
+    run = lambda: simulate_loop(plant, None, push, times, sample_time=float(times[1]))  # noqa: E731
+    check_error(lambda: relative(run()["y0"], true), 1e-9)
+
+
+@over("zeta", 1e-6, 0.0, 1e-12, 1.0, 1e2, 1e6)
+def test_ramp_response_at_any_damping_equals_sixty_digits(check_error, zeta):
+    """A state space and a mass on a spring, 1 rad/s, over a hundred periods; error of the largest."""
+    times = hundred_periods(1.0)
+    true = ramp_response(1.0, zeta, times)
+    limit = max(1e-9, 4.0 * EPS * zeta**2)  # rounding of the fastest pole is as large as so much of the slowest
+    for plant in (oscillator(zeta).statespace("plant"), mass_on_spring(zeta)):
+        error = lambda plant=plant: relative(forced_response(plant, {"u0": times}, times)["y0"], true)  # noqa: E731
+        check_error(error, limit, may_refuse=zeta > 1.0)
+
+
+@over("count", 4, 2, 8)
+def test_step_response_of_repeated_pole_equals_sixty_digits(check_error, count):
+    """1/(s + 1)^n; error against 1 - e^-t sum_k t^k / k!, of the largest."""
+    times = np.linspace(0.0, 30.0, 301)
+    with mp.workdps(DIGITS):
+        t = [mp.mpf(float(x)) for x in times]
+        true = [float(1 - mp.exp(-x) * sum(x**k / factorial(k) for k in range(count))) for x in t]
+    plant = repeated_pole(count).statespace("plant")
+    check_error(lambda: relative(forced_response(plant, {"u0": np.ones_like(times)}, times)["y0"], true), 1e-9)
+
+
+@over("spread", 1e6, 1e3, 1e10, 1e14)
+def test_step_response_of_spread_poles_equals_closed_form(check_error, spread):
+    """Poles -1 and -a; error of the largest."""
+    times = np.linspace(0.0, 10.0, 101)
+    plant = named(np.diag([-1.0, -spread]), [[1.0], [spread]], np.eye(2)).statespace("plant")
+
+    def error():
+        run = forced_response(plant, {"u0": np.ones_like(times)}, times)
+        return relative([run["y0"], run["y1"]], [-np.expm1(-times), -np.expm1(-spread * times)])
+
+    check_error(error, 1e-9)
+
+
+def held_gain(h, k, count, delay=0.0):
+    """Return ``x`` of ``x' = u + w``, ``u = -k x`` held for a sample of ``h`` and so many samples late, ``w = 1``."""
+    times, K = h * np.arange(count + 1), static(-k).statespace("controller")
+    plant = named([[0.0]], [[1.0, 1.0]], [[1.0]]).statespace("plant")
+    return simulate_loop(plant, K, {"u1": np.ones_like(times)}, times, sample_time=h, delay=delay * h)["y0"]
+
+
+@over("count", 1_000, 10, 100_000)
+def test_sampled_integrator_follows_its_recursion(check_error, count):
+    """Without a delay x goes to 1/k by factors 1 - k h; error of the largest."""
+    true = -np.expm1(np.arange(count + 1) * np.log1p(-0.05)) / 0.5
+    check_error(lambda: relative(held_gain(0.1, 0.5, count), true), 1e-9)
+
+
+@over("delay", 0.3, 0.0, 1e-9, 1.0, 1.7)
+def test_delayed_integrator_follows_its_recursion(check_error, delay):
+    """Error against the recursion of the delayed loop, of the largest."""
+    h, k, x, whole = 0.1, 0.5, [0.0], int(delay)
+    for n in range(200):
+        older = [-k * x[n - late] if n >= late else 0.0 for late in (whole + 1, whole)]
+        x.append(x[-1] + h * (1.0 + (delay - whole) * older[0] + (1.0 - delay + whole) * older[1]))
+    check_error(lambda: relative(held_gain(h, k, 200, delay), x), 1e-8)
+
+
+@pytest.mark.parametrize("unit", ["time", "torque", "angle"])
+@over("scale", *SCALES)
+def test_least_time_of_double_integrator_equals_closed_form(check_error, unit, scale):
+    """In other units; relative error against 2 sqrt(angle/torque)."""
+    gain, limit, angle = (
+        scale**power if unit == name else 1.0 for name, power in (("time", 2), ("torque", 1), ("angle", 1))
+    )
+    plant = named([[0.0, 1.0], [0.0, 0.0]], [[0.0], [gain]], [[1.0, 0.0]]).statespace("plant")
+    true = 2.0 * sqrt(angle / (gain * limit))
+    check_error(
+        lambda: each_relative([optimal_slew(plant, angle, limit).duration], [true]), 1e-6, not 1e-7 < scale < 1e7
+    )
+
+
+@over("omega", 1.0, 1e-2, 1e2)
+def test_least_time_of_two_masses_equals_published(check_error, omega):
+    """In other units of time; error of the duration 4.218, and a fifth of that of the published switches."""
+    f = omega
+    A = [[0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0], [-f * f, f * f, 0.0, 0.0], [f * f, -f * f, 0.0, 0.0]]
+    plant = named(A, [[0.0], [0.0], [f * f], [0.0]], [[1.0, 0.0, 0.0, 0.0]]).statespace("plant")
+
+    def error():
+        found = optimal_slew(plant, 1.0, 1.0)
+        switches = np.asarray(found.history.switches) * f
+        missed = float(np.abs(switches - [1.003, 2.109, 3.215]).max()) if len(switches) == 3 else inf
+        return max(abs(found.duration * f / 4.218 - 1.0), 0.2 * missed)
+
+    check_error(error, 2e-4)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("tip", [1e-3, 0.1, 1.0])
+def test_least_time_of_hub_beam_ends_at_its_angle(check_error, tip):
+    """SFOAM, one mode; angle missed in the replay [rad]."""
+    beam = hub_beam(replace(hub_beam(modes=1).parameters, tip_mass=tip), modes=1)
+    check_error(lambda: float(optimal_slew(beam, 0.6, 200.0).end_error), 1e-5, may_refuse=True)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("limit", [1e-3, 1e-1, 1e1])
+def test_least_time_of_weak_hub_is_not_below_the_rigid_one(check_error, limit):
+    """Fraction by which it is shorter than that of the rigid body, or its end is missed."""
+    beam = hub_beam(modes=1)
+    p = beam.parameters
+    a, b = p.hub_radius, p.hub_radius + p.length
+    rigid = 2.0 * sqrt(0.6 * (p.hub_inertia + p.mass_per_length * (b**3 - a**3) / 3.0) / limit)
+
+    def error():
+        found = optimal_slew(beam, 0.6, limit)
+        return max(float(found.end_error), 1.0 - found.duration / rigid)
+
+    check_error(error, 1e-5, may_refuse=True)

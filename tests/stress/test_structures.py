@@ -1,0 +1,314 @@
+"""Beams, machines and the boom: elements, lengths, constraints, frequencies, units, numbers next to zero."""
+
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+from scipy import optimize
+
+from boomctl.analysis.sigma import sigma
+from boomctl.boom.exact import exact_eigenfrequencies_hz, exact_frequency_response
+from boomctl.boom.factory import spray_boom
+from boomctl.boom.model import ACTUATORS, TIPS
+from boomctl.boom.parameters import BoomParameters
+from boomctl.structure import (
+    GROUND,
+    Assembly,
+    Beam,
+    BeamSection,
+    CutJoint,
+    FiniteElements,
+    Force,
+    Output,
+    RigidBody,
+    SpringDamper,
+    fixed,
+    free,
+    prescribe_displacement,
+    revolute,
+)
+from boomctl.structure.model import SecondOrderModel
+from tests.references import dense
+from tests.stress.cases import EPS, RATES, SCALES, each_relative, in_other_units, over, relative
+from tests.stress.references import (
+    cantilever_frequencies,
+    cantilever_response,
+    dense_response,
+    pinned_mesh_frequency,
+)
+
+SLANT = 0.7  # direction of held actuators from the x axis [rad], along which nothing cancels exactly
+P = BoomParameters()
+
+
+def response(model, omega, inputs=ACTUATORS, outputs=TIPS):
+    return np.asarray(model.frequency_response(omega, inputs, outputs).frdata)
+
+
+@over("count", 10, 1, 100, 190)
+def test_pinned_beam_frequency_equals_closed_form(check_error, count):
+    """Equal elements; relative error against the mesh's own closed form."""
+    part = Beam("beam", GROUND.at(0.0), revolute(), (0.0, 0.0), (BeamSection(1.0, 1.0, 1.0),), FiniteElements(count))
+    model = Assembly((part,), (), (), (), (CutJoint(part.at(1.0), GROUND.at(1.0), ("y",)),)).assemble()
+    held = prescribe_displacement(model, hold=list(model.inputs))
+    found = lambda: 2 * np.pi * held.eigenfrequencies_hz(1)  # noqa: E731
+    check_error(lambda: each_relative(found(), [pinned_mesh_frequency(count)]), 1e-12 if count <= 100 else 1e-9)
+
+
+@over("ratio", 1e4, 1.0, 1e2, 1e6)
+def test_cantilever_of_unlike_elements_equals_sixty_digits(check_error, ratio):
+    """Lengths of neighbours 1 : ratio; relative error of frequencies and responses against sixty digits."""
+    nodes = tuple(np.cumsum([0.0, 1.0, 1.0 / ratio, 1.0, 1.0, 1.0 / ratio]).tolist())
+    section, omega = BeamSection(nodes[-1], 1.0, 1.0), [0.0, 0.1, 1.0, 10.0]
+    part = Beam("beam", GROUND.at(0.0), fixed(), (0.0, 0.0), (section,), FiniteElements(nodes))
+    tip = part.at(nodes[-1])
+    model = Assembly((part,), (), (Force("f", tip),), (Output("y", tip),)).assemble()
+
+    def error():
+        found = 2 * np.pi * model.eigenfrequencies_hz(3), response(model, omega, ["f"], ["y"])[0, 0]
+        true = cantilever_frequencies(nodes)[:3], cantilever_response(nodes, omega)
+        return max(map(each_relative, found, true))
+
+    check_error(error, 1e-9, may_refuse=ratio > 1e4)
+
+
+@over("gap", 1e-3, 1.0, 1e-6, 1e-9, 1e-12, 1e-15)
+def test_bar_held_and_moved_near_the_same_place_is_a_lever(check_error, gap):
+    """A mass hangs on the bar's end by a spring; relative error against the lever's law."""
+    bar = RigidBody("bar", GROUND.at(0.0), free("y", "theta"), 1.0, 1.0, (0.5, 0.0))
+    mass = RigidBody("mass", GROUND.at(1.0), free("y"), 1.0)
+    spring = SpringDamper(bar.at(1.0), mass.at(1.0), "y", 4.0, 0.1)
+    forces = (Force("hold", bar.at(0.0)), Force("push", bar.at(gap)))
+    model = Assembly((bar, mass), (spring,), forces, (Output("tip", mass.at(1.0)),)).assemble()
+
+    def error():
+        moved = prescribe_displacement(model, ["push"], hold=["hold"])
+        return relative(response(moved, [1.0], ["push"], ["tip"]), [[[(4.0 + 0.1j) / (3.0 + 0.1j) / gap]]])
+
+    check_error(error, max(1e-12, 8 * EPS / gap), may_refuse=gap < 1e-6)
+
+
+@over("gap", 1e-3, 1e-8, 1e-12, 1e-14, 0.0)
+def test_bar_on_two_hinges_does_not_turn(check_error, gap):
+    """Angle under a moment [rad], none; where the hinges fall together, that of the first one alone."""
+    bar = RigidBody("bar", GROUND.at(0.0), revolute(), 1.0, 1.0, (0.5, 0.0))
+    cut = CutJoint(bar.at(gap), GROUND.at(gap), ("y",))
+    ends = (Force("moment", bar.at(0.0), "theta"),), (Output("angle", bar.at(0.0), "theta"),)
+    spring = SpringDamper(bar.at(0.0), GROUND.at(0.0), "theta", 1.0, 0.1)
+
+    def error():
+        model = Assembly((bar,), (spring,), *ends, (cut,)).assemble()
+        held = prescribe_displacement(model, hold=[name for name in model.inputs if name != "moment"])
+        if not held.n:
+            return 0.0
+        found = response(held, [1.0], ["moment"], ["angle"])[0, 0, 0]
+        alone = 1.0 / (1.0 + 0.1j - 1.25)  # inertia 1 about the middle, mass 1 half a length from the hinge
+        return abs(found - alone) if gap <= 1e-12 else abs(found)
+
+    check_error(error, 1e-9, may_refuse=True)
+
+
+@over("stiff", 1e6, 1.0, 1e3, 1e9)
+def test_spring_parallel_to_a_held_actuator_has_no_effect(check_error, stiff):
+    """Two bodies move freely but for two held actuators; state space relative to that without the spring."""
+    one = RigidBody("one", GROUND.at(0.3, 0.1), free("x", "y", "theta"), 2.0, 0.7)
+    two = RigidBody("two", one.at(1.1, 0.7), free("x", "y", "theta"), 1.0, 0.2)
+    joined = SpringDamper(two.at(1.1, 0.7), one.at(1.1, 0.7), "x", 3.0, 0.1)
+    at = 0.4 + np.cos(SLANT), 0.9 + np.sin(SLANT)
+    parallel = SpringDamper(two.at(*at), GROUND.at(*at), SLANT, stiff, 0.3)
+    held = Force("hold", one.at(0.2, 0.6), 2.0 * SLANT), Force("slant", two.at(0.4, 0.9), SLANT)
+    ports = (*held, Force("push", two.at(0.0, 1.0), "x")), (Output("tip", two.at(2.0, 0.0)),)
+
+    def found(*links):
+        model = prescribe_displacement(Assembly((one, two), links, *ports).assemble(), hold=["hold", "slant"])
+        return np.asarray(model.to_statespace()(1.3j))
+
+    check_error(lambda: relative(found(joined, parallel), found(joined)), 1e-9)
+
+
+@over("away", 30.0, 0.0, 1.0, 1e3)
+def test_displacement_prescribed_twice_along_its_line_is_refused(away):
+    bar = RigidBody("bar", GROUND.at(0.0), free("x", "y", "theta"), 1.0, 1.0, (0.5, 0.0))
+    place = bar.at(0.3 + away * np.cos(SLANT), 0.1 + away * np.sin(SLANT))
+    forces = (Force("hold", bar.at(0.3, 0.1), SLANT), Force("again", place, SLANT))
+    model = prescribe_displacement(Assembly((bar,), (), forces).assemble(), hold="hold")
+    with pytest.raises(ValueError, match="'again' moves no coordinate"):
+        prescribe_displacement(model, "again")
+
+
+@over("stiff", 1e8, 1.0, 1e4, 1e12, 1e16)
+def test_springs_of_unlike_stiffness_equal_sixty_digits(check_error, stiff):
+    """Response of three masses; relative error against sixty digits."""
+    K = np.array([[1.0 + stiff, -stiff, 0.0], [-stiff, stiff + 1.0, -1.0], [0.0, -1.0, 1.0]])
+    M, C, one, omega = np.eye(3), 0.01 * np.eye(3), np.array([0.0, 0.0, 1.0]), [0.0, 0.3, 1.0, 3.0]
+
+    def error():
+        found = response(SecondOrderModel(M, C, K, {"f": one}, {"y": one}), omega, ["f"], ["y"])
+        return each_relative(found, dense_response(M, C, K, one[:, None], one[None], omega))
+
+    # the matrix itself loses these digits of its softest spring; from 1e-4 on a warning is promised
+    check_error(error, max(1e-9, min(1e-4, 10 * EPS * stiff)), may_refuse=stiff > 1e8)
+
+
+# powers of length, force and time in the unit of each parameter; what is not listed is a length
+FORCE_TIME = {
+    **dict.fromkeys(("platform_mass", "cradle_mass", "boom_mass"), (-1, 1, 2)),
+    **dict.fromkeys(("platform_inertia", "cradle_inertia", "boom_inertia"), (1, 1, 2)),
+    "density": (-4, 1, 2),
+    "youngs_modulus": (-2, 1, 0),
+    "spring_stiffness": (-1, 1, 0),
+    "cradle_damping": (-1, 1, 1),
+    "hinge_damping": (1, 1, 1),
+    "structural_damping": (0, 0, 1),
+}
+
+
+@pytest.mark.parametrize("unit", ["length", "force", "time"])
+@over("scale", 1e3, *(scale for scale in SCALES if scale != 1e3))
+def test_boom_in_other_units_scales(check_error, unit, scale):
+    """Relative error of singular values against the law of scaling."""
+    powers = {field.name: FORCE_TIME.get(field.name, (1, 0, 0)) for field in fields(P)}
+    omega = np.array([0.1, 1.0, 1.5, 6.0, 30.0])
+
+    def gains(p, slower=1.0):
+        return np.linalg.svd(np.moveaxis(response(spray_boom(p), omega / slower), 2, 0), compute_uv=False)[:, 0]
+
+    def error():
+        return each_relative(gains(in_other_units(P, powers, unit, scale), scale if unit == "time" else 1.0), gains(P))
+
+    check_error(error, 1e-9, may_refuse=True)
+
+
+@over("count", 20, 1, 6, 100, 190)
+def test_boom_converges_to_the_exact_boom(check_error, count):
+    """Response and peak over the exact boom's: the error of cubic elements falls with the fourth power."""
+    omega = np.geomspace(0.6, 60.0, 60)
+    model, limit = (
+        spray_boom(elements=count),
+        2.0 if count < 20 else 8e-4 * (100 / count) ** 4,
+    )  # twice what was measured
+    exact = lambda w: exact_frequency_response(P, w, ACTUATORS, TIPS)  # noqa: E731
+    check_error(lambda: relative(response(model, omega), exact(omega).frdata), limit)
+
+    def peak_error():
+        found = sigma(model, [1.0])
+        near = optimize.minimize_scalar(
+            lambda w: -sigma(exact([w])).sigma[0, 0], bounds=found.peak_omega * np.array([0.99, 1.01]), method="bounded"
+        )
+        return abs(found.peak / -near.fun - 1.0), found.certified
+
+    if count >= 6:
+        check_error(peak_error, limit)
+
+
+def error_of_matrices(p, *omega):
+    """Return the error of a response against the solution of the model's own matrices in sixty digits."""
+    model = spray_boom(p, elements=12)
+    ports = model.select(["cradle"], list(TIPS)).ports
+    true = dense_response(dense(model.M), dense(model.C), dense(model.K), ports.B[0], ports.L[0], omega)
+    return relative(response(model, omega, ["cradle"], list(TIPS)), true)
+
+
+@over("seed", *range(24))
+def test_random_boom_response_equals_sixty_digits(check_error, seed):
+    """Relative error against the solution of the same matrices in sixty digits."""
+    rng = np.random.default_rng(seed)
+    names = ["platform_mass", "cradle_mass", "spring_stiffness", "cradle_damping", "hinge_damping", "youngs_modulus"]
+    drawn = {name: getattr(P, name) * 10.0 ** rng.uniform(-1.0, 1.0) for name in names}
+    machine = replace(P, **drawn, spring_distance=P.spring_distance * rng.uniform(0.2, 2.0))
+    check_error(lambda: error_of_matrices(machine, 0.1, 1.0, 20.0, 300.0), 1e-7)
+
+
+@over("omega", *RATES)
+def test_boom_response_equals_sixty_digits(check_error, omega):
+    """Relative error against the solution of the same matrices in sixty digits."""
+    check_error(lambda: error_of_matrices(P, omega), 1e-7)
+
+
+@pytest.mark.parametrize("field", ["structural_damping", "hinge_damping", "cradle_damping"])
+@over("factor", 1e3, 0.0, 1e-6, 1.0, 1e6)
+def test_boom_response_with_other_damping_equals_sixty_digits(check_error, field, factor):
+    """Relative error against the solution of the same matrices in sixty digits."""
+    check_error(lambda: error_of_matrices(replace(P, **{field: factor * getattr(P, field)}), 0.1, 1.0, 20.0), 1e-7)
+
+
+def rigid_response():
+    """Return what tips do when two actuators move a rigid boom."""
+    half, arm = P.actuator_distance / 2, P.length / 2
+    return np.array([[half + arm, half - arm], [half - arm, half + arm]]) / (2 * half)
+
+
+@over("omega", 1e-4, 1e-6, 1e-3, 1e-2)
+def test_slow_boom_moves_as_a_rigid_one(check_error, omega):
+    """Of finite elements and of the exact boom; relative error against a rigid boom."""
+    exact = lambda *args: exact_frequency_response(P, *args)  # noqa: E731
+    for model, rounding in ((spray_boom(elements=12).frequency_response, 1e-9), (exact, 1e-8)):
+        found = np.asarray(model([omega], ACTUATORS, TIPS).frdata)[:, :, 0]
+        check_error(lambda found=found: relative(found, rigid_response()), max(rounding, 3.0 * omega**2))
+
+
+@over("count", 12, 1, 40, 100)
+def test_boom_state_space_responds_as_the_model(check_error, count):
+    """Evaluated by python-control; error of each channel, of the model's own response."""
+    model, omega = spray_boom(elements=count, accelerometer_bandwidth_hz=20.0), np.geomspace(0.3, 60.0, 12)
+
+    def error():
+        true, system = np.asarray(model.frequency_response(omega).frdata), model.to_statespace()
+        found = np.stack([np.asarray(system(1j * w)) for w in omega], axis=2)
+        return max(relative(found[at], true[at]) for at in np.ndindex(true.shape[:2]))
+
+    check_error(error, {40: 1e-8, 100: 1e-7}.get(count, 1e-9))
+
+
+@over("distance", 1e-2, 1e-1, 1e-3, 1e-4)
+def test_exact_boom_with_close_springs_equals_high_order(check_error, distance):
+    """Error of the response against 40 elements of high order, of the peak."""
+    p, omega = BoomParameters(spring_distance=distance), np.geomspace(0.6, 60.0, 40)
+    found = lambda: exact_frequency_response(p, omega, ACTUATORS, TIPS).frdata  # noqa: E731
+    check_error(lambda: relative(found(), response(spray_boom(p, "high-order", 40), omega)), 1e-9, may_refuse=True)
+
+
+@over("omega", 1e3, 1e6)
+def test_exact_boom_response_is_reciprocal(check_error, omega):
+    """What one spring's force does to the other's stroke is mutual; difference, of the largest."""
+
+    def error():
+        ports = ["suspension_left", "suspension_right"], ["stroke_left", "stroke_right"]
+        G = np.asarray(exact_frequency_response(P, [omega], *ports).frdata)[:, :, 0]
+        return relative(G, G.T)
+
+    check_error(error, 1e-8, may_refuse=True)
+
+
+@over("count", 5, 1, 50, 200)
+def test_exact_boom_frequencies_equal_high_order(check_error, count):
+    """Undamped; relative error against 120 elements of order 12."""
+    p = BoomParameters(structural_damping=0.0, hinge_damping=0.0, cradle_damping=0.0)
+    half, spring = p.length / 2, p.spring_distance / 2
+    arm = np.concatenate([np.linspace(0.0, spring, 8), np.linspace(spring, half, 54)[1:]])
+
+    def error():
+        model = spray_boom(p, "high-order", np.concatenate([-arm[:0:-1], arm]))
+        return each_relative(exact_eigenfrequencies_hz(p, count, damped=False), model.eigenfrequencies_hz(count))
+
+    check_error(error, 1e-8)
+
+
+@over("tiny", 5e-324, 1e-310, 1e-300)
+def test_parameters_next_to_zero_act_as_zero(check_error, tiny):
+    """Boom, exact boom and mass on a spring; relative difference from a billionth of a billionth of the usual value."""
+    tips = lambda **change: response(spray_boom(replace(P, **change)), [0.1, 1.0, 10.0])  # noqa: E731
+    for name in ("spring_stiffness", "cradle_damping", "hinge_damping", "structural_damping", "platform_mass"):
+        pair = {name: tiny}, {name: 1e-18 * getattr(P, name)}
+        check_error(lambda pair=pair: relative(tips(**pair[0]), tips(**pair[1])), 1e-9, may_refuse=True)
+
+    def exact_error():
+        found, true = (
+            exact_eigenfrequencies_hz(BoomParameters(spring_stiffness=k), 8, damped=False) for k in (tiny, 1e-20)
+        )
+        # springs next to nothing leave two motions next to rigid: listed with next to no frequency, or not
+        return relative(found[found > 0.1][:5], true[true > 0.1][:5])
+
+    check_error(exact_error, 1e-9, may_refuse=True)
+    model = SecondOrderModel([[1.0]], [[0.1]], [[tiny]], {"f": [1.0]}, {"y": [1.0]})
+    check_error(lambda: relative(response(model, [1.0], ["f"], ["y"])[0, 0], [1.0 / (0.1j - 1.0)]), 1e-9, True)
