@@ -49,8 +49,6 @@ class FrictionReading:
     Attributes
     ----------
     name : str
-    damping : float
-        Viscous damping left in the cradle [N s/m].
     force : float
         Friction force [N].
     balance, stepped : SineResponse
@@ -58,7 +56,6 @@ class FrictionReading:
     """
 
     name: str
-    damping: float
     force: float
     balance: SineResponse
     stepped: SineResponse
@@ -170,13 +167,13 @@ def friction_study(
     H = np.asarray(damped.frequency_response(omega).frdata)
     readings = []
     for name, viscous, share in _READINGS:
-        left, law = max(viscous, _NO_DAMPING) * p.cradle_damping, CoulombFriction(share * force)
-        model = _jolt(replace(p, cradle_damping=left))
+        law = CoulombFriction(share * force)
+        model = _jolt(replace(p, cradle_damping=max(viscous, _NO_DAMPING) * p.cradle_damping))
         balance, stepped = (
             respond(model, law, grid, "actuator_sym", size, "tip_sym")
             for respond, grid in ((describing_function, omega), (stepped_sine, sines))
         )
-        readings.append(FrictionReading(name, viscous * p.cradle_damping, share * force, balance, stepped))
+        readings.append(FrictionReading(name, share * force, balance, stepped))
     return BoomFriction(
         omega=omega,
         jolt=np.abs(H[0, 0]),

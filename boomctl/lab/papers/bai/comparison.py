@@ -92,9 +92,11 @@ class Panel:
 
     Attributes
     ----------
-    title, xlabel, ylabel : str
+    title, ylabel : str
         Texts; the labels carry the units.
     lines : tuple of Line
+    xlabel : str
+        Of the abscissa, by default time.
     logarithmic : str
         "", "x", "y" or "xy".
     ylim : tuple of float, optional
@@ -108,9 +110,9 @@ class Panel:
     """
 
     title: str
-    xlabel: str
     ylabel: str
     lines: tuple[Line, ...]
+    xlabel: str = "time [s]"
     logarithmic: str = ""
     ylim: tuple[float, float] | None = None
     levels: tuple[tuple[float, str], ...] = ()

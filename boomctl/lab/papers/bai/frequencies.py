@@ -59,13 +59,13 @@ def critical_speeds() -> Part:
         (
             Panel(
                 "(a) smallest eigenvalue of K22",
-                "hub speed [rad/s]",
                 "eigenvalue [N/m]",
                 by_speed,
+                "hub speed [rad/s]",
                 ylim=(-15.0, 15.0),
                 levels=((0.0, ""),),
             ),
-            Panel("(b) critical speed", "place of the mass l [m]", "hub speed [rad/s]", by_place),
+            Panel("(b) critical speed", "hub speed [rad/s]", by_place, "place of the mass l [m]"),
         ),
         columns=2,
     )

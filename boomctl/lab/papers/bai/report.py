@@ -11,7 +11,7 @@ import numpy as np
 from boomctl.arrays import Array
 from boomctl.lab.papers.bai import frequencies, spin_up, torque
 from boomctl.lab.papers.bai.comparison import CORRECTED, MET, NOT_REPRODUCIBLE, Chart, Part
-from boomctl.lab.papers.bai.validity import EXACT, TORQUES, judged, section, tips
+from boomctl.lab.papers.bai.validity import EXACT, TORQUES, section, tip_errors, tips
 from boomctl.lab.papers.jobs import Jobs
 from boomctl.report import Picture, Report, Section, Table
 from boomctl.rotating_beam.exact.beam import GeometricallyExactBeam
@@ -66,7 +66,7 @@ def jobs(torques: tuple[float, ...] = TORQUES) -> Jobs:
 def report(torques: tuple[float, ...], found: Mapping[str, Any]) -> Report:
     """Return the report of the results of the jobs for these torques."""
     drawn = {name: part for names in _TOGETHER for name, part in found[names[0]].items()}
-    valid = section(judged(torques, {model: found[f"validity of {model}"] for model in _MODELS}))
+    valid = section(np.array(torques), tip_errors({model: found[f"validity of {model}"] for model in _MODELS}))
     parts, sections = zip(*(drawn[name] for name in PARTS), (valid, _section(valid)), strict=True)
     values = results(list(parts))
     counts = "; ".join(f"{count} {verdict}" for verdict, count in values["summary"].items())

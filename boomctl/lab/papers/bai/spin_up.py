@@ -53,7 +53,7 @@ def neglected_terms() -> Part:
         ("(e) transverse force, Eq. (39)", r"$\Delta Q_{q_2}$ [mN]", 1e3 * rest[:, 1] / v),
         ("(f) tip displacement", "v(L) [m]", result.tip_displacement),
     )
-    panels = tuple(Panel(title, "time [s]", label, (Line("", TIME, y),)) for title, label, y in curves)
+    panels = tuple(Panel(title, label, (Line("", TIME, y),)) for title, label, y in curves)
     chart = Chart(
         "fig-03",
         "Fig. 3. Terms of CFOAM that FOAM neglects, spin-up to 3 rad/s, one mode (scaled to 1 at the tip)",
@@ -77,17 +77,13 @@ def cfoam_and_foam() -> Part:
     """Fig. 4: CFOAM and FOAM agree at 3 rad/s; with the exact beam, which the paper has not."""
     models = {"CFOAM": "cfoam", "FOAM": "foam", "exact": "geometrically-exact"}
     tips = {name: _run(model, 3.0).tip_displacement for name, model in models.items()}
+    differences = {name: 1e3 * (tips[name] - tips["exact"]) for name in ("CFOAM", "FOAM")}
     chart = Chart(
         "fig-04",
         "Fig. 4. Tip displacement of CFOAM and FOAM, spin-up to 3 rad/s, and their distances from the exact beam",
         (
-            Panel("(a) tip displacement", "time [s]", "v(L) [m]", _lines(tips)),
-            Panel(
-                "(b) difference from the geometrically exact beam",
-                "time [s]",
-                "Δv(L) [mm]",
-                _lines({name: 1e3 * (tips[name] - tips["exact"]) for name in ("CFOAM", "FOAM")}),
-            ),
+            Panel("(a) tip displacement", "v(L) [m]", _lines(tips)),
+            Panel("(b) difference from the geometrically exact beam", "Δv(L) [mm]", _lines(differences)),
         ),
     )
     gap = peak(tips["CFOAM"] - tips["FOAM"]) / peak(tips["FOAM"])
@@ -123,21 +119,10 @@ def _pair(row: int, speed: float, tlam: SimulationResult, foam: SimulationResult
     diverging = speed == 3.0
     transverse = _lines({"TLAM": tlam.tip_displacement, "FOAM": foam.tip_displacement})
     axial = _lines({"TLAM": 1e3 * tlam.axial_tip_displacement, "FOAM": 1e3 * foam.axial_tip_displacement})
+    limits = ((-3.0, 1.0), (-0.02, 0.1)) if diverging else (None, None)
     return (
-        Panel(
-            f"(a{row}) transverse, {speed} rad/s",
-            "time [s]",
-            "v(L) [m]",
-            transverse,
-            ylim=(-3.0, 1.0) if diverging else None,
-        ),
-        Panel(
-            f"(b{row}) axial, {speed} rad/s",
-            "time [s]",
-            "w1(L) [mm]",
-            axial,
-            ylim=(-0.02, 0.1) if diverging else None,
-        ),
+        Panel(f"(a{row}) transverse, {speed} rad/s", "v(L) [m]", transverse, ylim=limits[0]),
+        Panel(f"(b{row}) axial, {speed} rad/s", "w1(L) [mm]", axial, ylim=limits[1]),
     )
 
 
@@ -205,17 +190,10 @@ def _fig_6(axial: Array, transverse: Array) -> Chart:
         "fig-06",
         "Fig. 6. FOAM, spin-up to 5 rad/s: share of each mode in the tip displacement",
         (
-            Panel("(a) transverse modes", "time [s]", "share of v(L) [m]", _modes(transverse)),
-            Panel("(b) axial modes", "time [s]", "share of w1(L) [mm]", _modes(1e3 * axial)),
-            Panel(
-                "(c) transverse modes, logarithmic",
-                "time [s]",
-                "|share of v(L)| [m]",
-                sizes,
-                logarithmic="y",
-                ylim=(1e-7, 1.0),
-            ),
-            Panel("(d) number of modes", "time [s]", "v(L) [m]", few),
+            Panel("(a) transverse modes", "share of v(L) [m]", _modes(transverse)),
+            Panel("(b) axial modes", "share of w1(L) [mm]", _modes(1e3 * axial)),
+            Panel("(c) transverse modes, logarithmic", "|share of v(L)| [m]", sizes, logarithmic="y", ylim=(1e-7, 1.0)),
+            Panel("(d) number of modes", "v(L) [m]", few),
         ),
         columns=2,
     )
@@ -257,7 +235,6 @@ def _fig_10(tlam: dict[float, SimulationResult], foam: dict[float, SimulationRes
     panels = tuple(
         Panel(
             f"({letter}) tip mass {mass:g} kg",
-            "time [s]",
             "v(L) [m]",
             _lines({"TLAM": tlam[mass].tip_displacement, "FOAM": foam[mass].tip_displacement}),
             ylim=(-3.0, 1.0) if mass == 0.5 else None,
@@ -265,7 +242,7 @@ def _fig_10(tlam: dict[float, SimulationResult], foam: dict[float, SimulationRes
         )
         for letter, mass in zip("abc", MASSES, strict=True)
     )
-    frequencies = Panel("(d) first frequency", "hub speed [rad/s]", "frequency [rad/s]", _frequency_lines())
+    frequencies = Panel("(d) first frequency", "frequency [rad/s]", _frequency_lines(), "hub speed [rad/s]")
     return Chart(
         "fig-10",
         "Fig. 10. TLAM and FOAM with a tip mass, spin-up to 2 rad/s in 30 s; first frequency over the hub speed",

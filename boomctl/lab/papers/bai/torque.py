@@ -99,7 +99,6 @@ def _fig_7(foam: SimulationResult, largest: dict[float, float]) -> Chart:
         (
             Panel(
                 "(a) 400 N m",
-                "time [s]",
                 "Q_θ [N m]",
                 over_time,
                 levels=((2.62, "published"),),
@@ -108,9 +107,9 @@ def _fig_7(foam: SimulationResult, largest: dict[float, float]) -> Chart:
             ),
             Panel(
                 "(b) largest value",
-                "largest torque [N m]",
                 "|Q_θ| [N m]",
                 over_torque,
+                "largest torque [N m]",
                 logarithmic="xy",
                 xticks=tuple(INERTIA_TORQUES),
             ),
@@ -207,8 +206,8 @@ def _fig_8(runs: dict[float, dict[str, SimulationResult]]) -> Chart:
             for name, (tip, _, colour) in curves.items()
             if name != "FOAM"
         )
-        panels.append(Panel(f"({letter}) {amplitude:g} N m", "time [s]", "v(L) [m]", lines, legend="lower right"))
-        panels.append(Panel(f"({letter}') difference from FOAM", "time [s]", "Δv(L) [mm]", apart))
+        panels.append(Panel(f"({letter}) {amplitude:g} N m", "v(L) [m]", lines, legend="lower right"))
+        panels.append(Panel(f"({letter}') difference from FOAM", "Δv(L) [mm]", apart))
     return Chart("fig-08", "Fig. 8. Tip displacement of FOAM and SFOAM", tuple(panels), columns=2)
 
 

@@ -1,7 +1,5 @@
 """How far each model may be trusted: all five against the geometrically exact beam, over the torque."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from boomctl.arrays import Array
@@ -28,22 +26,8 @@ TIME = np.linspace(0.0, 30.0, 1501)  # [s]: 10 s of torque and 20 s of what it l
 MODES = 8  # with which the exact beam has converged, so that differences are those of the models
 
 
-@dataclass(frozen=True, eq=False)
-class Validity:
-    """Errors of the tip displacement against the geometrically exact beam.
-
-    Attributes
-    ----------
-    torques : ndarray, k
-        Amplitude of the sine torque of 10 s, N m.
-    whole, residual : dict of str to ndarray, k
-        By model: largest error over the largest displacement, until 30 s, and after the torque has ended (10 s); inf
-        where the model could not be followed.
-    """
-
-    torques: Array
-    whole: dict[str, Array]
-    residual: dict[str, Array]
+Errors = dict[str, dict[str, Array]]
+"""By part of the motion and by model: largest error of the tip over the largest displacement, for each torque."""
 
 
 def tips(model: str, torques: tuple[float, ...]) -> list[Array]:
@@ -51,15 +35,16 @@ def tips(model: str, torques: tuple[float, ...]) -> list[Array]:
     return [_tip(model, torque) for torque in torques]
 
 
-def judged(torques: tuple[float, ...], found: dict[str, list[Array]]) -> Validity:
-    """Judge the tips of all models by those of the geometrically exact beam."""
-    late, exact = TIME > 10.0, found[EXACT]
-    whole, residual = {}, {}
-    for label, model in MODELS.items():
-        pairs = list(zip(found[model], exact, strict=True))
-        whole[label] = np.array([_error(tip, true) for tip, true in pairs])
-        residual[label] = np.array([_error(tip[late], true[late]) for tip, true in pairs])
-    return Validity(np.array(torques), whole, residual)
+def tip_errors(found: dict[str, list[Array]]) -> Errors:
+    """Return the errors of all models against the geometrically exact beam: until 30 s, and after the torque (10 s)."""
+    parts = {"whole motion": TIME >= 0.0, "residual vibration": TIME > 10.0}
+    return {
+        part: {
+            label: np.array([_error(tip[at], true[at]) for tip, true in zip(found[model], found[EXACT], strict=True)])
+            for label, model in MODELS.items()
+        }
+        for part, at in parts.items()
+    }
 
 
 def _tip(model: str, torque: float) -> Array:
@@ -99,21 +84,21 @@ def leaves(torques: Array, errors: Array, threshold: float) -> float:
     return float(np.exp(np.log(torques[k - 1]) + share * np.log(torques[k] / torques[k - 1])))
 
 
-def section(data: Validity) -> Part:
-    """The picture and what it says."""
+def section(torques: Array, found: Errors) -> Part:
+    """Return the picture and what it says."""
     levels = tuple((threshold, f"{100 * threshold:g} %") for threshold in THRESHOLDS)
     styles = {"SFOAM, consistent": "s--", "FOAM": "^:", "TLAM": "o-", "SFOAM": "v-", "CFOAM": "D-"}
 
     def panel(title: str, errors: dict[str, Array]) -> Panel:
         lines = tuple(
-            Line(label, data.torques, np.where(np.isfinite(e), e, np.nan), styles[label], MODEL_COLOURS[label])
+            Line(label, torques, np.where(np.isfinite(e), e, np.nan), styles[label], MODEL_COLOURS[label])
             for label, e in errors.items()
         )
         return Panel(
             title,
-            "largest torque [N m]",
             "error of v(L) over its peak",
             lines,
+            "largest torque [N m]",
             logarithmic="xy",
             levels=levels,
             ylim=(1e-5, 3.0),
@@ -124,21 +109,23 @@ def section(data: Validity) -> Part:
     chart = Chart(
         "validity",
         "Not in the paper: where each model leaves the geometrically exact beam; sine torque of 10 s, 8 modes, "
-        f"{len(data.torques)} torques, between which the limits in the table are interpolated, to some 5 % "
+        f"{len(torques)} torques, between which the limits in the table are interpolated, to some 5 % "
         f"(boomctl reproduce --full takes {len(FULL_TORQUES)})",
-        (panel("(a) whole motion, 30 s", data.whole), panel("(b) residual vibration, 10 to 30 s", data.residual)),
+        (
+            panel("(a) whole motion, 30 s", found["whole motion"]),
+            panel("(b) residual vibration, 10 to 30 s", found["residual vibration"]),
+        ),
         columns=2,
     )
-    kinds = (("whole motion", data.whole), ("residual vibration", data.residual))
     claims = tuple(
         Claim(
             "validity",
             f"{label} against the geometrically exact beam",
-            "; ".join(f"{name}: leaves " + _limits(data.torques, errors[label]) for name, errors in kinds),
+            "; ".join(f"{name}: leaves " + _limits(torques, errors[label]) for name, errors in found.items()),
             ADDED,
             "error of the tip displacement over its peak",
         )
-        for label in data.whole
+        for label in MODELS
     )
     return Part("Where each model stops being true", (chart,), claims=claims)
 
