@@ -538,9 +538,10 @@ CALLS = {
     "sweep": lambda: {
         "function": of_two,
         "over": {"x": [1.0, 2.0], "y": 3.0},
-        "executor": None,
+        "n_jobs": 1,
+        "backend": None,
         "combine": "grid",
-        "file": None,
+        "checkpoint": None,
         "units": {"x": "m"},
         "chunk": 1,
     },

@@ -1,6 +1,8 @@
-"""Sweeps: the same table whoever computes it, nothing lost by failures, interruptions and processes that die."""
+"""Sweeps: one table for all backends; failures, interrupts and dead workers lose no finished point."""
 
+import inspect
 import json
+import linecache
 import os
 import signal
 import subprocess
@@ -8,9 +10,7 @@ import sys
 import threading
 import time
 import warnings
-from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
-from contextlib import suppress
-from functools import partial
+from functools import cache, partial
 from itertools import product
 from pathlib import Path
 
@@ -20,10 +20,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import boomctl as bc
-from boomctl.files import locked
 from boomctl.studies.sweeps import SweepResult, SweepWarning
-from boomctl.studies.sweeps import kept as kept_module
-from boomctl.studies.sweeps.outcome import computed
+from boomctl.studies.sweeps import checkpoint as checkpoint_module
 from tests.profiles import examples
 
 GRID = {"x": [1.0, 2.0, 3.0], "y": [0, 1], "z": 5.0}
@@ -47,12 +45,6 @@ def noted(x, folder):
     return {"square": x**2}
 
 
-def interrupted(x, folder):
-    if x == 3:
-        raise KeyboardInterrupt
-    return noted(x, folder)
-
-
 def ending(x):
     """End what runs it, as a script does, at x = 2."""
     if x == 2:
@@ -60,13 +52,10 @@ def ending(x):
     return x**2
 
 
-def deadly(x, folder, always=None):
-    """End the process at x = 2 when it is asked for the first time, at ``always`` each time."""
-    once = Path(folder) / "died"
-    if x == 2 and not once.exists():
-        once.touch()
-        os.kill(os.getpid(), signal.SIGKILL)
-    if x == always:
+def deadly(x, folder):
+    """Kill the process at x = 2 once the other points are written."""
+    if x == 2:
+        time.sleep(1.0)
         os.kill(os.getpid(), signal.SIGKILL)
     return x**2
 
@@ -133,13 +122,13 @@ def test_objects_go_by_their_names():
         ({"over": [1.0]}, TypeError),
         ({"over": {1: [1.0]}}, TypeError),
         ({"function": 3.0}, TypeError),
-        ({"executor": "two"}, TypeError),
-        ({"executor": 0}, ValueError),
-        ({"executor": True}, TypeError),
+        ({"n_jobs": "two"}, TypeError),
+        ({"n_jobs": 0}, ValueError),
+        ({"n_jobs": 2, "backend": "tow"}, ValueError),
         ({"chunk": 0}, ValueError),
         ({"units": {"x": 1.0}}, TypeError),
-        ({"file": "."}, ValueError),
-        ({"file": 3}, TypeError),
+        ({"checkpoint": "."}, ValueError),
+        ({"checkpoint": 3}, TypeError),
         ({"progress": 3}, TypeError),
     ],
 )
@@ -171,71 +160,73 @@ def test_an_answer_is_no_parameter():
         found.table  # noqa: B018
 
 
-@pytest.mark.parametrize("chunk", [pytest.param(1, marks=pytest.mark.slow), 4])
-def test_processes_and_threads_find_the_same(chunk):
-    whole = bc.sweep(numbers, GRID)
-    for executor in (ProcessPoolExecutor(2), ThreadPoolExecutor(2)):
-        with executor:
-            found = bc.sweep(numbers, GRID, executor, chunk=chunk)
-            assert executor.submit(abs, -1).result() == 1  # it is the user's still
-        assert same(found, whole)
-        assert found.path == (type(executor).__name__,)
-    assert same(bc.sweep(numbers, GRID, 2, chunk=chunk), whole)
+@pytest.mark.parametrize("backend", ["threading", pytest.param("loky", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("chunk", [1, 4])
+def test_sweep_backends_return_same_table(backend, chunk):
+    assert same(bc.sweep(numbers, GRID, n_jobs=2, backend=backend, chunk=chunk), bc.sweep(numbers, GRID))
 
 
-def test_failures_in_processes_are_told_alike():
+def test_sweep_failures_in_workers_same_as_in_process():
     with pytest.warns(SweepWarning):
         here = bc.sweep(picky, GRID)
     with pytest.warns(SweepWarning):
-        there = bc.sweep(picky, GRID, 1)
+        there = bc.sweep(picky, GRID, n_jobs=2)
     assert [f.text for f in here.failures] == [f.text for f in there.failures]
+    assert "in picky" in there.failures[0].trace
 
 
-def test_a_function_that_processes_cannot_find_is_refused_and_threads_take_it():
-    def inner(x):
-        return x
-
-    for function in (lambda x: x, inner):
-        with pytest.raises(TypeError, match=r"function: .* cannot be sent .* defined with a name in a module"):
-            bc.sweep(function, {"x": [1.0]}, 1)
-        with ThreadPoolExecutor(1) as threads:
-            assert bc.sweep(function, {"x": [1.0]}, threads)["value"].tolist() == [1.0]
-    with ProcessPoolExecutor(1) as pool, pytest.raises(TypeError, match="<lambda> cannot be sent"):
-        bc.sweep(lambda x: x, {"x": [1.0]}, pool)
+@pytest.mark.slow  # starts workers twice
+def test_sweep_processes_take_local_function():
+    assert bc.sweep(lambda x: x**2, {"x": [1.0, 2.0]}, n_jobs=2)["value"].tolist() == [1.0, 4.0]
+    lock = threading.Lock()
+    with pytest.raises(TypeError, match=r"must be picklable with n_jobs = 2.*backend='threading'"):
+        bc.sweep(lambda x: lock and x, {"x": [1.0, 2.0]}, n_jobs=2)
+    assert bc.sweep(lambda x: lock and x, {"x": [1.0]}, n_jobs=2, backend="threading")["value"].tolist() == [1.0]
 
 
-@pytest.mark.parametrize("executor", [None, 1])
-def test_what_ends_a_script_ends_its_point_alone(executor):
+@pytest.mark.parametrize("n_jobs", [1, pytest.param(2, marks=pytest.mark.slow)])
+def test_sweep_exit_of_function_fails_one_point(n_jobs):
     with pytest.warns(SweepWarning):
-        found = bc.sweep(ending, {"x": [1, 2, 3]}, executor)
+        found = bc.sweep(ending, {"x": [1, 2, 3]}, n_jobs=n_jobs)
     assert [f.error for f in found.failures] == ["SystemExit: no such boom"]
     assert found["value"].tolist()[::2] == [1, 9]
 
 
-def test_processes_compute_with_one_thread():
-    assert bc.sweep(threads, {"x": [1]}, 1)["value"].tolist() == [1]
-    assert computed(threads, [{"x": 1}], ("elsewhere", 0))[0].columns == {"value": 1}
+@pytest.mark.slow
+def test_sweep_workers_use_one_blas_thread():
+    assert bc.sweep(threads, {"x": [1, 2]}, n_jobs=2)["value"].tolist() == [1, 1]
 
 
-def test_what_was_interrupted_goes_on(tmp_path):
-    file, over = tmp_path / "sweep.jsonl", {"x": range(6), "folder": str(tmp_path)}
-    whole = bc.sweep(noted, over)
-    (tmp_path / "calls").unlink()
+class Recorder:
+    """A function that leaves a note of its calls and may be interrupted."""
+
+    stop_at = None
+
+    def __init__(self, folder):
+        self.folder = folder
+
+    def __call__(self, x):
+        if (self.folder / "stop").exists() and x == 3:
+            raise KeyboardInterrupt
+        return noted(x, self.folder)
+
+
+def test_sweep_interrupted_resumes_to_last_bit(tmp_path):
+    file, over, function = tmp_path / "sweep.jsonl", {"x": np.sqrt(range(6))}, Recorder(tmp_path)
+    over["x"][3] = 3.0
+    (tmp_path / "stop").touch()
     with pytest.raises(KeyboardInterrupt):
-        bc.sweep(interrupted, over, file=file)
-    assert calls(tmp_path) == ["0", "1", "2"]
-    text = file.read_text()
-    file.write_text(text.replace('"interrupted"', '"noted"') + '{"point": {"x": 3, "fold')  # cut off in the middle
-    with pytest.warns(SweepWarning, match="written otherwise"):
-        found = bc.sweep(noted, over, file=file)
-    assert calls(tmp_path) == ["0", "1", "2", "3", "4", "5"]
-    assert same(found, whole)
-    assert found.path[0].startswith("3 points of ")
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        more = bc.sweep(partial(noted), {**over, "x": [5, 0, 9]}, file=tmp_path / "other.jsonl")
-    assert more["square"].tolist() == [25, 0, 81]
-    assert len(calls(tmp_path)) == 9
+        bc.sweep(function, over, checkpoint=file)
+    (tmp_path / "stop").unlink()
+    assert len(calls(tmp_path)) == 3
+    with open(file, "a") as cut_off:
+        cut_off.write('{"point": {"x": 3, "fold')
+    found = bc.sweep(function, over, checkpoint=file)
+    assert (found.resumed, len(calls(tmp_path))) == (3, 6)
+    assert same(found, bc.sweep(function, over))
+    more = bc.sweep(function, {"x": [5.5, 3.0, 9.0]}, checkpoint=file)
+    assert more.resumed == 1
+    assert more["square"].tolist() == [5.5**2, 9.0, 81.0]
 
 
 class Times:
@@ -244,6 +235,9 @@ class Times:
 
     def of(self, x):
         return {"value": self.factor * x}
+
+    def __call__(self, x):
+        return self.of(x)
 
 
 def times(factor):
@@ -257,15 +251,9 @@ def with_default(factor):
     return own
 
 
-@pytest.mark.parametrize("made", [lambda f: Times(f).of, times, with_default, lambda f: partial(scaled, factor=f)])
-def test_a_file_says_that_its_function_holds_other_values(tmp_path, made):
-    file = tmp_path / "sweep.jsonl"
-    for _ in range(2):  # the same function, made anew, is the same
-        with warnings.catch_warnings():
-            warnings.simplefilter("error")
-            assert bc.sweep(made(2.0), {"x": [1.0, 2.0]}, file=file)["value"].tolist() == [2.0, 4.0]
-    with pytest.warns(SweepWarning, match="written otherwise"):
-        bc.sweep(made(3.0), {"x": [1.0, 2.0]}, file=file)
+def with_nested(factor):
+    inner = times(factor)
+    return lambda x: max(inner(y)["value"] for y in (x,))
 
 
 def local_times(factor):
@@ -274,35 +262,152 @@ def local_times(factor):
             self.factor = factor
 
         def of(self, x):
-            return self.factor * x
+            return {"value": self.factor * x}
 
-    return Local(factor)
+    return Local(factor).of
 
 
-@pytest.mark.xfail(
-    strict=True, reason="the file identifies a function by its name; the state of its object is not compared"
-)
-@pytest.mark.filterwarnings("ignore::boomctl.studies.sweeps.SweepWarning")
-@pytest.mark.parametrize("made", [lambda f: Times(f), local_times])
-def test_sweep_file_of_other_object_gives_no_stale_value(tmp_path, made):
-    """The values are those of the object, or the file is one of another sweep, which raises."""
-    over, file = {"x": [1.0, 2.0]}, tmp_path / "sweep.jsonl"
-    bc.sweep(made(2.0).of, over, file=file)
-    with suppress(ValueError):
-        assert bc.sweep(made(5.0).of, over, file=file)["value"].tolist() == [5.0, 10.0]
+def class_attribute(factor):
+    class Local:
+        by = factor
+
+        @staticmethod
+        def of(x):
+            return {"value": Local.by * x}
+
+    return Local.of
+
+
+def cached_times(factor):
+    return cache(times(factor))
 
 
 def scaled(x, factor):
     return {"value": factor * x}
 
 
-def test_a_value_that_changed_under_its_name_is_computed_anew(tmp_path):
+FACTOR = 1.0
+
+
+def times_global(x):
+    return {"value": FACTOR * x}
+
+
+def times_nested_global(x):
+    return {"value": max(FACTOR * y for y in (x,))}
+
+
+MADE = {
+    "method": lambda f: Times(f).of,
+    "object": Times,
+    "closure": times,
+    "default": with_default,
+    "nested closure": with_nested,
+    "local class": local_times,
+    "class attribute": class_attribute,
+    "partial": lambda f: partial(scaled, factor=f),
+    "cache": cached_times,
+}
+
+
+@pytest.mark.parametrize("made", MADE.values(), ids=MADE)
+def test_checkpoint_of_other_function_raises(tmp_path, made):
+    over, file = {"x": [1.0, 2.0]}, tmp_path / "sweep.jsonl"
+    for resumed in (0, 2):  # an equal function, created again, is the same
+        found = bc.sweep(made(2.0), over, checkpoint=file)
+        assert (found["value"].tolist(), found.resumed) == ([2.0, 4.0], resumed)
+    before = file.read_bytes()
+    with pytest.raises(ValueError, match=r"`checkpoint` must be a file of the function .* as it is now"):
+        bc.sweep(made(3.0), over, checkpoint=file)
+    assert file.read_bytes() == before
+
+
+@pytest.mark.parametrize("function", [times_global, times_nested_global])
+def test_checkpoint_after_changed_global_raises(tmp_path, monkeypatch, function):
+    over, file = {"x": [1.0]}, tmp_path / "sweep.jsonl"
+    bc.sweep(function, over, checkpoint=file)
+    assert bc.sweep(function, over, checkpoint=file).resumed == 1
+    monkeypatch.setitem(globals(), "FACTOR", 2.0)
+    with pytest.raises(ValueError, match="must be a file of the function"):
+        bc.sweep(function, over, checkpoint=file)
+
+
+def cell(source, namespace, number):
+    """Run a cell of a notebook, whose source IPython stores for `inspect`."""
+    name = f"<ipython-input-{number}>"
+    linecache.cache[name] = (len(source), None, source.splitlines(keepends=True), name)
+    exec(compile(source, name, "exec"), namespace)
+
+
+def test_checkpoint_after_edited_notebook_cell_raises(tmp_path):
+    notebook, over, file = {"__name__": "__main__"}, {"x": [1.0]}, tmp_path / "sweep.jsonl"
+    cell("def helper(x):\n    return 2 * x\n", notebook, 1)
+    cell("def f(x):\n    return helper(x)\n", notebook, 2)
+    assert inspect.getsource(notebook["f"]).endswith("helper(x)\n")
+    bc.sweep(notebook["f"], over, checkpoint=file)
+    cell("def f(x):\n    return helper(x)\n", notebook, 3)  # run again
+    assert bc.sweep(notebook["f"], over, checkpoint=file).resumed == 1
+    for number, edited in enumerate(["def helper(x):\n    return 3 * x\n", "def f(x):\n    return helper(x) + 1\n"], 4):
+        other = dict(notebook)
+        cell("def helper(x):\n    return 2 * x\ndef f(x):\n    return helper(x)\n", other, 10)
+        cell(edited, other, number)
+        with pytest.raises(ValueError, match="must be a file of the function"):
+            bc.sweep(other["f"], over, checkpoint=file)
+
+
+def test_checkpoint_without_source_compares_code(tmp_path):
+    spaces = [{}, {}]
+    for space, body in zip(spaces, ("x + 1", "x + 2"), strict=True):
+        exec(f"f = lambda x: {body}", space)
+    bc.sweep(spaces[0]["f"], {"x": [1.0]}, checkpoint=tmp_path / "s")
+    assert bc.sweep(spaces[0]["f"], {"x": [1.0]}, checkpoint=tmp_path / "s").resumed == 1
+    with pytest.raises(ValueError, match="must be a file of the function"):
+        bc.sweep(spaces[1]["f"], {"x": [1.0]}, checkpoint=tmp_path / "s")
+
+
+def script(tmp_path, name, body):
+    path = tmp_path / name
+    path.write_text(f"import boomctl as bc, helper\n{body}\n")
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path), *sys.path]), "PYTHONHASHSEED": "random"}
+    return subprocess.run([sys.executable, path], capture_output=True, text=True, env=environment, check=False)
+
+
+@pytest.mark.slow  # six processes
+def test_checkpoint_of_two_scripts_with_one_main_f(tmp_path):
+    (tmp_path / "helper.py").write_text("def by():\n    return 2.0\n")
+    text = "def f(x):\n    return {} * x if 'a' in {{'a', 'b', 'c'}} else None\n"
+    run = f"print(bc.sweep(f, {{'x': [1.0]}}, checkpoint={str(tmp_path / 's.jsonl')!r}).resumed)"
+    first = text.format("helper.by()") + run
+    assert [script(tmp_path, "one.py", first).stdout for _ in range(2)] == ["0\n", "1\n"]
+    assert script(tmp_path, "same.py", first).stdout == "1\n"  # the same function, by its content
+    for name, body in (("two.py", text.format("3.0") + run), ("one.py", first)):
+        if name == "one.py":  # unchanged, but not the module that it reads
+            (tmp_path / "helper.py").write_text("def by():\n    return 4.0\n")
+        done = script(tmp_path, name, body)
+        assert "must be a file of the function f as it is now" in done.stderr
+        assert done.stdout == ""
+
+
+def test_checkpoint_of_function_that_cannot_be_hashed_raises(tmp_path):
+    lock, file = threading.Lock(), tmp_path / "sweep.jsonl"
+    with pytest.raises(TypeError, match=r"`checkpoint` must be None where a part of the function .* cannot be hashed"):
+        bc.sweep(lambda x: lock and x, {"x": 1.0}, checkpoint=file)
+    with pytest.raises(TypeError, match=r"a part of over\['x'\] cannot be hashed"):
+        bc.sweep(abs_of, {"x": {"lock": lock}}, checkpoint=file)
+    with pytest.raises(TypeError, match="values that cannot be pickled"):
+        bc.sweep(lambda x: threading.Lock(), {"x": 1.0}, checkpoint=tmp_path / "new.jsonl")
+
+
+def abs_of(x):
+    return abs(x)
+
+
+def test_checkpoint_value_changed_under_its_label_is_recomputed(tmp_path):
     file, old = tmp_path / "sweep.jsonl", {"soft": np.array([1.0]), "hard": np.array([9.0])}
-    assert bc.sweep(first_of, {"x": old}, file=file)["value"].tolist() == [1.0, 9.0]
-    for _ in range(2):
-        found = bc.sweep(first_of, {"x": {**old, "soft": np.array([2.0])}}, file=file)
-        assert found["value"].tolist() == [2.0, 9.0]
-    assert found.path[0].startswith("2 points of ")
+    assert bc.sweep(first_of, {"x": old}, checkpoint=file)["value"].tolist() == [1.0, 9.0]
+    for resumed in (1, 2):
+        found = bc.sweep(first_of, {"x": {**old, "soft": np.array([2.0])}}, checkpoint=file)
+        assert (found["value"].tolist(), found.resumed) == ([2.0, 9.0], resumed)
     assert len(file.read_text().splitlines()) == 1 + 3
 
 
@@ -311,12 +416,10 @@ def first_of(x):
 
 
 @pytest.mark.parametrize("made", [lambda: bc.hub_beam(modes=2), lambda: bc.spray_boom(elements=2)])
-def test_what_a_value_has_computed_of_itself_is_no_change(tmp_path, made):
-    """A machine that was used, here or before, is the machine that it was."""
+def test_checkpoint_ignores_what_a_record_has_computed(tmp_path, made):
     file, used = tmp_path / "sweep.jsonl", made()
     for k, machine in enumerate((made(), used, made(), used)):
-        found = bc.sweep(lowest_of, {"machine": {"own": machine}}, file=file)
-        assert found.path == (("this process",) if k == 0 else (f"1 points of {file}",))
+        assert bc.sweep(lowest_of, {"machine": {"own": machine}}, checkpoint=file).resumed == (k > 0)
         lowest_of(used)
 
 
@@ -326,73 +429,37 @@ def lowest_of(machine):
     return {"value": machine.eigenfrequencies_hz(1)[0], "peak": bc.sigma(machine).peak}
 
 
-def test_a_kept_sweep_takes_further_values_and_tries_failed_points_again(tmp_path):
+def test_checkpoint_failed_point_is_written_and_tried_again(tmp_path):
     file = tmp_path / "sweep.jsonl"
     with pytest.warns(SweepWarning, match="1 of 4 points failed"):
-        bc.sweep(picky, {"x": [1.0, 2.0], "y": [0, 1]}, file=file)
-    assert len(file.read_text().splitlines()) == 1 + 3
+        bc.sweep(picky, {"x": [1.0, 2.0], "y": [0, 1]}, checkpoint=file)
+    rows = [json.loads(line) for line in file.read_text().splitlines()[1:]]
+    assert [row["error"] for row in rows] == [None, None, None, "ValueError: not at 2.0"]
+    assert rows[3]["point"] == {"x": 2.0, "y": 1}
     with pytest.warns(SweepWarning, match="1 of 6 points failed"):
-        found = bc.sweep(picky, {"x": [1.0, 2.0, 3.0], "y": [0, 1]}, 2, file=file)
-    assert found.path == (f"3 points of {file}", "2 processes")
-    assert len(file.read_text().splitlines()) == 1 + 5
+        found = bc.sweep(picky, {"x": [1.0, 2.0, 3.0], "y": [0, 1]}, n_jobs=2, checkpoint=file)
+    assert found.resumed == 3
+    assert len(file.read_text().splitlines()) == 1 + 4 + 3
 
 
-def test_a_file_of_something_else_is_refused(tmp_path):
+def test_checkpoint_of_something_else_raises(tmp_path):
     file = tmp_path / "sweep.jsonl"
-    bc.sweep(picky, {"x": 1.0, "y": [0]}, file=file)
-    with pytest.raises(ValueError, match="the function picky, not numbers"):
-        bc.sweep(numbers, {**GRID}, file=file)
-    with pytest.raises(ValueError, match="parameters"):
-        bc.sweep(picky, {"x": 1.0, "y": [0], "z": 1.0}, file=file)
-    file.write_text(file.read_text() + "[]\n")
-    with pytest.raises(ValueError, match="line 3: not a point"):
-        bc.sweep(picky, {"x": 1.0, "y": [0]}, file=file)
+    bc.sweep(picky, {"x": 1.0, "y": [0]}, checkpoint=file)
+    with pytest.raises(ValueError, match=r"must be a file of the function numbers as it is now, got .* of picky"):
+        bc.sweep(numbers, {**GRID}, checkpoint=file)
+    whole = file.read_text()
+    file.write_text(whole + "[]\n")
+    with pytest.raises(ValueError, match="line 3 is no point"):
+        bc.sweep(picky, {"x": 1.0, "y": [0]}, checkpoint=file)
     for other in ("time,value\n1,2\n", "one line, without an end"):
         file.write_text(other)
-        with pytest.raises(ValueError, match="expected a file that a sweep wrote"):
-            bc.sweep(picky, {"x": 1.0, "y": [0]}, file=file)
+        with pytest.raises(ValueError, match="must be a file that a sweep wrote"):
+            bc.sweep(picky, {"x": 1.0, "y": [0]}, checkpoint=file)
         assert file.read_text() == other
-    for begun in ("", '{"for', '{"format": "boomctl sweep 1", "fun'):  # it was ended while it wrote the first line
+    for begun in ("", '{"for', whole.splitlines()[0]):  # interrupted while the first line was written
         file.write_text(begun)
-        assert bc.sweep(picky, {"x": 1.0, "y": [0]}, file=file)["value"].tolist() == [1.0]
+        assert bc.sweep(picky, {"x": 1.0, "y": [0]}, checkpoint=file)["value"].tolist() == [1.0]
         assert len(file.read_text().splitlines()) == 2
-    with pytest.raises(ValueError, match="expected a mapping of names to values"):
-        bc.sweep(lambda boom: 1.0, {"boom": [bc.BoomParameters()]}, file=tmp_path / "new.jsonl")
-    with pytest.raises(ValueError, match="expected a mapping of names to values"):
-        bc.sweep(lambda boom: 1.0, {"boom": bc.BoomParameters()}, file=tmp_path / "new.jsonl")
-    with pytest.raises(TypeError, match="what no file keeps"):
-        bc.sweep(lambda x: threading.Lock(), {"x": 1.0}, file=tmp_path / "new.jsonl")
-
-
-@pytest.mark.skipif(sys.platform == "win32", reason="no locks")
-def test_two_sweeps_do_not_write_to_one_file(tmp_path):
-    file = tmp_path / "sweep.jsonl"
-
-    def inner(x):
-        return bc.sweep(picky, {"x": x, "y": 0}, file=file)["value"]
-
-    with pytest.raises(RuntimeError, match="another sweep writes to it"):
-        bc.sweep(inner, {"x": [1.0]}, file=file)
-
-
-@pytest.mark.skipif(sys.platform == "win32", reason="no locks")
-def test_a_pool_that_outlives_its_sweep_keeps_no_file_locked(tmp_path):
-    file = tmp_path / "sweep.jsonl"
-    with ProcessPoolExecutor(2) as pool:  # its processes are forked while the first sweep has the file
-        first = bc.sweep(picky, {"x": [1.0], "y": [0]}, pool, file=file)
-        more = bc.sweep(picky, {"x": [1.0, 2.0], "y": [0]}, pool, file=file)
-    assert (first.path, more.path) == (("ProcessPoolExecutor",), (f"1 points of {file}", "ProcessPoolExecutor"))
-
-
-@pytest.mark.skipif(sys.platform == "win32", reason="no locks")
-def test_a_lock_ends_with_its_owner_though_a_process_that_starts_has_the_file_open_still(tmp_path):
-    where = tmp_path / "sweep.jsonl"
-    with open(where, "wb") as file, locked(file.fileno(), "taken"):
-        copy = os.dup(file.fileno())  # what a process has that is being forked off
-        with open(where, "rb") as other, pytest.raises(OSError, match="taken"), locked(other.fileno(), "taken"):
-            pass
-    with open(where, "rb") as other, locked(other.fileno(), "taken"):
-        os.close(copy)
 
 
 # written as they are, escaped, and in two, three and four bytes: all of Unicode takes seconds to be listed
@@ -407,8 +474,8 @@ CELLS = st.recursive(
 @examples(200)
 @given(CELLS)
 def test_a_file_holds_what_was_answered(cell):
-    line = json.loads(json.dumps(kept_module._encoded(cell)))
-    assert repr(kept_module._decoded(line)) == repr(cell)
+    line = json.loads(json.dumps(checkpoint_module._encoded(cell)))
+    assert repr(checkpoint_module._decoded(line)) == repr(cell)
 
 
 def test_a_file_holds_arrays_and_objects_to_the_last_bit(tmp_path):
@@ -423,127 +490,108 @@ def test_a_file_holds_arrays_and_objects_to_the_last_bit(tmp_path):
     def answer(x):
         return answers
 
-    first, again = bc.sweep(answer, {"x": 1}, file=file), bc.sweep(answer, {"x": 1}, file=file)
-    assert again.path == (f"1 points of {file}",)
+    first, again = (bc.sweep(answer, {"x": 1}, checkpoint=file) for _ in range(2))
+    assert again.resumed == 1
     for name in ("array", "whole", "number"):
         assert np.array_equal(first[name], again[name])
         assert first[name].dtype == again[name].dtype
     assert again.table[0]["parameters"] == answers["parameters"]
 
 
+@pytest.mark.slow  # starts two workers, which die
 @pytest.mark.skipif(sys.platform == "win32", reason="no SIGKILL")
-@pytest.mark.parametrize("how", ["own", "pool"])
-def test_a_killed_worker_costs_nothing(tmp_path, how):
+def test_sweep_dead_worker_raises_and_keeps_points(tmp_path):
     over, file = {"x": range(6), "folder": str(tmp_path)}, tmp_path / "sweep.jsonl"
-    if how == "own":
-        found = bc.sweep(deadly, over, 2, file=file)
-    else:
-        with ProcessPoolExecutor(2) as pool:
-            found = bc.sweep(deadly, over, pool, file=file)
-    assert found["value"].tolist() == [x**2 for x in range(6)]
-    assert any("broke" in said or "died" in said for said in found.path)
-    assert len(file.read_text().splitlines()) == 1 + 6
+    with pytest.raises(RuntimeError, match=r"A worker process died.*in the checkpoint"):
+        bc.sweep(deadly, over, n_jobs=2, checkpoint=file)
+    rows = [json.loads(line) for line in file.read_text().splitlines()[1:]]
+    assert {row["point"]["x"] for row in rows} == {0, 1, 3, 4, 5}
+    assert {row["point"]["x"]: row["found"]["value"] for row in rows} == {x: x**2 for x in (0, 1, 3, 4, 5)}
 
 
 def sleeping(x, folder):
     (Path(folder) / f"pid{os.getpid()}").touch()
+    if x < 4:
+        return {"value": x}
+    (Path(folder) / f"slept{x}").touch()
     time.sleep(600.0)
     return {"value": x}
 
 
-WHERE = {
-    "own": "2",
-    "pool": "ProcessPoolExecutor(2)",
-    "spawned pool": "ProcessPoolExecutor(2, get_context('spawn'))",
-}
-
-
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="it reads /proc")
-@pytest.mark.parametrize(
-    ("how", "where"),
-    [("SIGTERM", "own"), ("SIGHUP", "own"), ("SIGKILL", "own"), ("SIGKILL", "pool"), ("SIGKILL", "spawned pool")],
-)
-def test_workers_end_with_the_process_that_asks_and_give_its_file_free(tmp_path, how, where):
-    file, over = tmp_path / "sweep.jsonl", {"x": [1, 2], "folder": str(tmp_path)}
-    script = tmp_path / "script.py"
-    script.write_text(
-        "from concurrent.futures import ProcessPoolExecutor\nfrom multiprocessing import get_context\n"
+@pytest.mark.parametrize("to_group", [True, False])
+def test_sweep_ctrl_c_leaves_no_process_and_keeps_points(tmp_path, to_group):
+    file, over = tmp_path / "sweep.jsonl", {"x": range(8), "folder": str(tmp_path)}
+    path = tmp_path / "script.py"
+    path.write_text(
         "import boomctl as bc\nfrom tests.studies.test_sweeps import sleeping\n"
-        f"if __name__ == '__main__':\n    bc.sweep(sleeping, {over}, {WHERE[where]}, file={str(file)!r})\n"
+        f"if __name__ == '__main__':\n    bc.sweep(sleeping, {over}, n_jobs=2, checkpoint={str(file)!r})\n"
     )
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
-    with subprocess.Popen([sys.executable, str(script)], env=environment, stderr=subprocess.DEVNULL) as child:
-        while len(pids := [int(p.name[3:]) for p in tmp_path.glob("pid*")]) < 2 and child.poll() is None:
+    with subprocess.Popen(
+        [sys.executable, path], env=environment, stderr=subprocess.PIPE, text=True, start_new_session=True
+    ) as child:
+        while len(list(tmp_path.glob("slept*"))) < 2 and child.poll() is None:
             time.sleep(0.1)
-        child.send_signal(getattr(signal, how))
-    begun = time.monotonic()
-    while (alive := [pid for pid in pids if runs(pid)]) and time.monotonic() < begun + 60.0:
-        time.sleep(0.1)
+        time.sleep(1.0)
+        if to_group:  # as a terminal does
+            os.killpg(child.pid, signal.SIGINT)
+        else:
+            child.send_signal(signal.SIGINT)
+        _, said = child.communicate(timeout=60.0)
+    assert "KeyboardInterrupt" in said
+    assert child.returncode != 0
+    pids = [int(p.name[3:]) for p in tmp_path.glob("pid*")]
     assert len(pids) == 2
+    begun = time.monotonic()
+    while (alive := [pid for pid in pids if runs(pid)]) and time.monotonic() < begun + 20.0:
+        time.sleep(0.1)
     assert not alive
-    with pytest.warns(SweepWarning, match="written otherwise"):
-        assert bc.sweep(slept, over, file=file)["value"].tolist() == [1, 2]
+    rows = [json.loads(line) for line in file.read_text().splitlines()[1:]]
+    assert sorted(row["point"]["x"] for row in rows) == [0, 1, 2, 3]
 
 
 def runs(pid):
-    """Return whether a process computes still; one that has ended and that nobody asked for is none."""
+    """Return whether a process is running; a zombie is not."""
     try:
         return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
     except OSError:
         return False
 
 
-def slept(x, folder):
-    return {"value": x}
-
-
-slept.__qualname__ = "sleeping"
-
-
-def test_a_point_that_kills_its_process_is_one_that_failed(tmp_path):
-    (tmp_path / "died").touch()
-    with pytest.warns(SweepWarning, match="1 of 6 points failed.*x = 4.*the process that computed it has ended"):
-        found = bc.sweep(deadly, {"x": range(6), "folder": str(tmp_path), "always": 4}, 2)
-    assert [row["value"] for row in found.table] == [0, 1, 4, 9, None, 25]
-
-
-def test_a_sweep_says_what_it_does():
+@pytest.mark.parametrize("n_jobs", [1, pytest.param(2, marks=pytest.mark.slow)])
+def test_sweep_progress_reports_each_point(n_jobs):
     told = []
-    bc.sweep(numbers, GRID, progress=told.append)
+    bc.sweep(numbers, GRID, n_jobs=n_jobs, progress=told.append)
     assert {each.task for each in told} == {"sweep"}
     assert [each.done for each in told] == list(range(7))
     assert told[-1].total == 6
-    told.clear()
-    bc.sweep(peak, {"x": [1, 2]}, progress=told.append)
-    inner = [each for each in told if each.stage]
-    assert {each.stage for each in inner} >= {"certified peak"}
-    assert {(each.done, each.total) for each in inner} == {(0, 2), (1, 2)}
+
+
+@pytest.mark.parametrize("n_jobs", [1, pytest.param(2, marks=pytest.mark.slow)])
+def test_sweep_progress_error_ends_it(n_jobs):
+    class Enough(Exception):
+        pass
+
+    def stop(told):
+        if told.done == 2:
+            raise Enough
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of joblib, about results that are not used
+        with pytest.raises(Enough):
+            bc.sweep(numbers, GRID, n_jobs=n_jobs, progress=stop)
 
 
 def peak(x):
     return bc.sigma(bc.spray_boom()).peak
 
 
-def test_only_the_process_that_asks_says_what_is_done(tmp_path):
-    def say(told):
-        with open(tmp_path / "told", "a") as file:
-            file.write(f"{os.getpid()}\n")
-
-    bc.sweep(peak, {"x": [1, 2]}, 2, progress=say)
-    assert set((tmp_path / "told").read_text().split()) == {str(os.getpid())}
-
-
-def test_a_listener_ends_a_sweep():
-    class Enough(Exception):
-        pass
-
-    def stop(told):
-        if told.stage:
-            raise Enough
-
-    with pytest.raises(Enough):
-        bc.sweep(peak, {"x": [1, 2]}, progress=stop)
+def test_sweep_hides_progress_within_points():
+    told = []
+    bc.sweep(peak, {"x": [1, 2]}, progress=told.append)
+    assert [(each.stage, each.done) for each in told] == [("", 0), ("", 1), ("", 2)]
 
 
 @pytest.mark.slow
@@ -660,18 +708,16 @@ def test_a_sweep_is_drawn():
 
 
 @pytest.mark.slow
-def test_a_dask_cluster_finds_the_same(tmp_path):
+def test_sweep_dask_backend_returns_same_table():
     distributed = pytest.importorskip("distributed")
     scene = bc.studies.FieldScene(run_in=5.0, duration=10.0)
     over = {"speed": [2.0, 3.0], "seed": [1, 2]}
     with (
         distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster,
-        distributed.Client(cluster) as client,
+        distributed.Client(cluster),
     ):
-        assert same(bc.sweep(numbers, GRID, client.get_executor()), bc.sweep(numbers, GRID))
-        killed = bc.sweep(deadly, {"x": range(6), "folder": str(tmp_path)}, client.get_executor())  # Dask tries again
-        assert killed["value"].tolist() == [x**2 for x in range(6)]
+        assert same(bc.sweep(numbers, GRID, n_jobs=-1, backend="dask"), bc.sweep(numbers, GRID))
         assert same(
-            bc.sweep(bc.studies.FieldStudy(scene), over, client.get_executor()),
+            bc.sweep(bc.studies.FieldStudy(scene), over, n_jobs=-1, backend="dask"),
             bc.sweep(bc.studies.FieldStudy(scene), over),
         )

@@ -1,4 +1,4 @@
-"""The result of a sweep: a table of points and what was found there, with units."""
+"""The result of a sweep: a table of points and of what was found there, with units."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ import numpy as np
 from boomctl.arrays import Array
 from boomctl.checks import known, mapping, sequence
 from boomctl.printing import LINES, WIDTH, compact, count, listed, table_html, value
-from boomctl.studies.sweeps.plan import GRID, Label
+from boomctl.studies.sweeps.points import GRID, Label
 
 if TYPE_CHECKING:
     import pandas  # type: ignore[import-not-found]
     import xarray  # type: ignore[import-not-found]
     from matplotlib.axes import Axes
 
+_HTML_ROWS = 20  # of a table in a notebook
 _POINT = "point"  # dimension of values that are zipped
-_ROWS = 20  # of a table in a notebook (a choice)
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class FailedPoint:
     error : str
         What was raised, in one line.
     trace : str
-        The calls that led there; empty where the process died.
+        The calls that led there.
     """
 
     point: dict[str, Label]
@@ -73,8 +73,8 @@ class SweepResult:
         Units of parameters and answers.
     dims : dict of str to tuple of str
         Names of the own dimensions of answers that are arrays, where a study says them.
-    path : tuple of str
-        Where the points were computed.
+    resumed : int
+        Number of points that a checkpoint held.
     """
 
     labels: dict[str, tuple[Label, ...]]
@@ -86,7 +86,7 @@ class SweepResult:
     seconds: Array
     units: dict[str, str]
     dims: dict[str, tuple[str, ...]]
-    path: tuple[str, ...]
+    resumed: int
 
     @property
     def swept(self) -> tuple[str, ...]:
@@ -125,16 +125,14 @@ class SweepResult:
         """
         known("column", name, self.columns)
         found = [None if row is None else row.get(name) for row in self.values]
-        there = [cell if isinstance(cell, np.ndarray) else np.asarray(cell) for cell in found if _is_numeric(cell)]
-        alike = len({cell.shape for cell in there}) == 1 and len(there) == sum(cell is not None for cell in found)
-        if not alike:
-            objects = np.empty(len(found), dtype=object)
-            objects[:] = found
-            return objects.reshape(self.shape)
-        kind = np.result_type(*there, *([float] if len(there) < len(found) else []))
-        values = np.full((len(found), *there[0].shape), np.nan if kind.kind in "fc" else 0, dtype=kind)
-        values[[k for k, cell in enumerate(found) if cell is not None]] = there
-        return values.reshape(self.shape + there[0].shape)
+        numbers = [np.asarray(cell) for cell in found if isinstance(cell, (bool, int, float, complex, np.ndarray))]
+        alike = len(numbers) == sum(cell is not None for cell in found) and len({cell.shape for cell in numbers}) == 1
+        if not alike or any(cell.dtype.kind not in "biufc" for cell in numbers):
+            values = np.empty(len(found), dtype=object)
+            values[:] = found
+            return values.reshape(self.shape)
+        missing = np.full(numbers[0].shape, np.nan)
+        return np.array([missing if cell is None else cell for cell in found]).reshape(self.shape + missing.shape)
 
     def _ipython_key_completions_(self) -> list[str]:
         """Return the names that consoles complete in brackets."""
@@ -245,11 +243,9 @@ class SweepResult:
         told = []
         for name in self.columns:
             cells, unit = self[name], f" [{self.units[name]}]" if self.units.get(name) else ""
-            if cells.dtype.kind in "if" and cells.ndim == len(self.shape):
-                finite = cells[np.isfinite(cells)]
-                told.append(f"{name}{unit} {finite.min():.4g} to {finite.max():.4g}" if finite.size else f"{name}: nan")
-            elif cells.dtype.kind == "O":
-                told.append(f"{name} ({type(next(row[name] for row in self.values if row and name in row)).__name__})")
+            finite = cells[np.isfinite(cells)] if cells.dtype.kind in "if" else cells[:0]
+            if finite.size and cells.ndim == len(self.shape):
+                told.append(f"{name}{unit} {finite.min():.4g} to {finite.max():.4g}")
             else:
                 told.append(f"{name}{unit} ({' x '.join(map(str, cells.shape[len(self.shape) :])) or cells.dtype})")
         return told
@@ -257,31 +253,23 @@ class SweepResult:
     def __repr__(self) -> str:
         axes = [f"{count(len(self.labels[name]), 'value')} of {name}" for name in self.swept]
         how = (" x " if self.combine == GRID else ", ").join(axes) or "no parameter varies"
-        spent = f"{self.seconds.sum():.3g} s of computing in {listed(self.path)}" if self.path else ""
         lines = [f"SweepResult: {count(len(self.points), 'point')} ({how})", f"  {listed(self._ranges(), WIDTH - 2)}"]
-        if self.failures:
-            lines.append(f"  {len(self.failures)} failed: {self.failures[0].text}")
-        lines = [*lines, f"  {spent}"] if spent else lines
+        lines += [f"  {len(self.failures)} failed: {failure.text}" for failure in self.failures[:1]]
+        resumed = f", {self.resumed} of them from the checkpoint" if self.resumed else ""
+        lines.append(f"  {self.seconds.sum():.3g} s of computing{resumed}")
         return "\n".join(line if len(line) <= WIDTH else line[: WIDTH - 3] + "..." for line in lines[:LINES])
 
     def _repr_html_(self) -> str:
-        heads = [
+        rows = [[value(cell) for cell in row.values()] for row in self.table[:_HTML_ROWS]]
+        more = f", the first {_HTML_ROWS} of {count(len(self.points), 'point')}" if len(self.points) > len(rows) else ""
+        names = [
             f"{name} [{self.units[name]}]" if self.units.get(name) else name for name in (*self.labels, *self.columns)
         ]
-        rows = [[value(cell) for cell in row.values()] for row in self.table[:_ROWS]]
-        more = f"; the first {_ROWS} of {len(self.points)} points" if len(self.points) > _ROWS else ""
-        failed = f"; {len(self.failures)} failed" if self.failures else ""
-        return table_html(f"SweepResult{more}{failed}", heads, rows)
+        return table_html(f"SweepResult{more}, {len(self.failures)} failed", names, rows)
 
 
 def _called(point: Mapping[str, Label]) -> str:
     return ", ".join(f"{name} = {value(label)}" for name, label in point.items())
-
-
-def _is_numeric(cell: Any) -> bool:
-    return isinstance(cell, (bool, int, float, complex)) or (
-        isinstance(cell, np.ndarray) and cell.dtype.kind in "biufc"
-    )
 
 
 def _labels(labels: Sequence[Label]) -> Array:
