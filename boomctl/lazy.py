@@ -100,7 +100,7 @@ MOVED = {
         "exchange": "read_controller_notes",
         "simulation": "TimeVaryingController",
         "slew": "SlewResult",
-        "studies": "FieldScene FieldStudy MachineDesign SigmaStudy SlewDesign SpinUpDesign SuspensionDesign design_names"
+        "studies": "FieldScene FieldStudy MachineDesign SigmaStudy SlewDesign SuspensionDesign design_names"
         " load_design performance",
         "synthesis": "ReductionWarning band_pass high_pass loop_transfer_recovery select_channels split_controller",
     }.items()

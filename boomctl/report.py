@@ -8,7 +8,7 @@ from math import isfinite
 from pathlib import Path
 from typing import Any
 
-from boomctl.files import json_text, locked_folder, write_all
+from boomctl.files import json_text, prepared_folder, write_all
 from boomctl.printing import compact
 
 _ROUNDING = 1e-9  # what reports call "less than": nothing in them is measured or computed finer
@@ -118,32 +118,17 @@ class Report:
         Raises
         ------
         OSError
-            The folder cannot be written to, or another run writes to it.
+            The folder cannot be written to.
         """
-        with locked_folder(folder) as target:
-            return self.write_into(target)
-
-    def write_into(self, folder: Path) -> tuple[Path, ...]:
-        """Write the report into a folder that is there, and locked by the one who asks.
-
-        Parameters
-        ----------
-        folder : Path
-            A folder that is there.
-
-        Returns
-        -------
-        tuple of Path
-            The files.
-        """
+        target = prepared_folder(folder)
         files: dict[Path, bytes | str] = {
-            folder / f"{picture.name}.{ending}": content
+            target / f"{picture.name}.{ending}": content
             for section in self.sections
             for picture in section.pictures
             for ending, content in picture.files.items()
         }
-        files |= {folder / name: content for name, content in self.files.items()}
-        files |= {folder / "results.json": json_text(self.results), folder / "report.html": self.html}
+        files |= {target / name: content for name, content in self.files.items()}
+        files |= {target / "results.json": json_text(self.results), target / "report.html": self.html}
         write_all(files)
         return tuple(files)
 

@@ -14,7 +14,7 @@ from boomctl.studies.slew import SlewDesign, SlewEvaluation
 ANGLE, LIMIT = np.pi / 2, 200.0
 
 
-def slew(modes: int = 2) -> SlewDesign:
+def design(modes: int = 2) -> SlewDesign:
     """Plan the slew."""
     beam = hub_beam(HubBeamParameters(), "sfoam", modes)
     return SlewDesign(
@@ -31,7 +31,7 @@ def slew(modes: int = 2) -> SlewDesign:
 
 def main(modes: int = 2) -> SlewEvaluation:
     """Return what the slew is worth."""
-    return slew(modes).evaluate()
+    return design(modes).evaluate()
 
 
 if __name__ == "__main__":

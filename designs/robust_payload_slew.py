@@ -16,7 +16,7 @@ NOMINAL, OTHERS, BETWEEN = 0.1, (0.0, 0.2), (0.05, 0.15)
 ROBUST, PLAIN = "planned for 0, 0.1 and 0.2 kg", "planned for 0.1 kg alone"
 
 
-def slew(modes: int = 2, intervals: int = 200) -> SlewDesign:
+def design(modes: int = 2, intervals: int = 200) -> SlewDesign:
     """Plan for three payloads, and for one."""
     beam = hub_beam(HubBeamParameters(tip_mass=NOMINAL), "sfoam", modes)
     robust, plain = (
@@ -36,7 +36,7 @@ def slew(modes: int = 2, intervals: int = 200) -> SlewDesign:
 
 def main(modes: int = 2, intervals: int = 200) -> SlewEvaluation:
     """Return what the slew is worth."""
-    return slew(modes, intervals).evaluate()
+    return design(modes, intervals).evaluate()
 
 
 if __name__ == "__main__":

@@ -12,7 +12,7 @@ from boomctl.studies.slew import SlewDesign, SlewEvaluation
 SPEED, LIMIT = 1.0, 200.0
 
 
-def slew(modes: int = 2) -> SlewDesign:
+def design(modes: int = 2) -> SlewDesign:
     """Plan the spin-up."""
     q = HubBeamParameters()
     beam = hub_beam(q, "sfoam", modes)
@@ -29,7 +29,7 @@ def slew(modes: int = 2) -> SlewDesign:
 
 def main(modes: int = 2) -> SlewEvaluation:
     """Return what the spin-up is worth."""
-    return slew(modes).evaluate()
+    return design(modes).evaluate()
 
 
 if __name__ == "__main__":

@@ -18,7 +18,7 @@ NOISE = {"hub_angle": 2e-5, "hub_speed": 2e-4, "root_moment": 0.2}
 SPREAD = Spread(stiffness=0.1, tip_mass=(0.0, 0.05), friction=(0.0, 2.0))
 
 
-def slew(modes: int = 2, runs: int = 256) -> SlewDesign:
+def design(modes: int = 2, runs: int = 256) -> SlewDesign:
     """Plan the slew, and the feedback along it."""
     beam = hub_beam(HubBeamParameters(), "sfoam", modes)
     planned, fastest = (optimal_slew(beam, ANGLE, share * LIMIT) for share in (1.0 - RESERVE, 1.0))
@@ -42,7 +42,7 @@ def slew(modes: int = 2, runs: int = 256) -> SlewDesign:
 
 def main(modes: int = 2, runs: int = 256) -> SlewEvaluation:
     """Return what the slew is worth."""
-    return slew(modes, runs).evaluate()
+    return design(modes, runs).evaluate()
 
 
 if __name__ == "__main__":

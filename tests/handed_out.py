@@ -170,13 +170,6 @@ def drive():
 
 
 @functools.cache
-def spin_up():
-    return bc.studies.SpinUpDesign(
-        "mine", "a drive", bc.hub_beam(model="sfoam", modes=1), drive(), (0.0, 0.1), 0.5, 5.0, sample_time=0.02
-    )
-
-
-@functools.cache
 def linear_slew():
     return bc.optimal_slew(hub_beam().linearize(), 1.0, 200.0)
 

@@ -32,7 +32,6 @@ HANDED_OUT = (  # classes of what functions and results hold, which are exported
     ("studies.findings", "Finding"),
     ("studies.machine", "MachineResult"),
     ("studies.slew.design", "SlewEvaluation"),
-    ("studies.spin_up", "SpinUpResult"),
     ("studies.suspension.assurance", "Assurance"),
     ("studies.suspension.design", "SuspensionResult"),
     ("studies.suspension.performance", "Performance"),

@@ -60,8 +60,6 @@ FACTORIES = {
     ),
     "MachineDesign": lambda: bc.studies.MachineDesign("mine", "a half", one.yaw(), one.suspension()),
     "MachineResult": lambda: bc.studies.MachineDesign("mine", "a half", one.yaw(), one.suspension()).evaluate(),
-    "SpinUpDesign": one.spin_up,
-    "SpinUpResult": lambda: one.spin_up().evaluate(),
     "SlewDesign": lambda: bc.studies.SlewDesign("mine", "a turn", one.hub_beam(), {"planned": one.slew()}),
     "SweepResult": lambda: bc.sweep(abs_of, {"x": [1.0, -2.0]}, units={"x": "m"}),
     "SweepResult, of arrays": lambda: bc.sweep(bc.studies.SigmaStudy(one.OMEGA), {"spring_stiffness": [900.0, 1100.0]}),
@@ -175,7 +173,6 @@ SYSTEMS = {
 SLOW = (
     "SlewComparison",
     "WorstCase",
-    "SpinUpResult",
     "AssumedModesBeam, by accuracy",
     "GeometricallyExactBeam, by accuracy",
     "RampBound",
@@ -271,7 +268,6 @@ TABLES = (
     "ModeTable",
     "Margins",
     "PayloadComparison",
-    "SpinUpResult",
     "SweepResult",
 )
 

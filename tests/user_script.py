@@ -186,7 +186,6 @@ reveal_type(drive.to_nlsys(references="hub_speed"))
 reveal_type(drive.at(3.0))
 reveal_type(bc.robust_stability(turning, drive).proved)
 reveal_type(bc.analysis.ramp_bound(turning, drive).rate)
-reveal_type(bc.studies.SpinUpDesign)
 reveal_type(bc.analysis.structured_margin(family, K).stable_up_to)
 reveal_type(bc.worst_case(family, K, ["actuator_anti"], ["tip_anti"]).norm)
 try:
@@ -204,7 +203,7 @@ reveal_type(run.plot())
 reveal_type(bc.forced_response(m, {"actuator_left": motion.left}, motion.time))
 
 # studies
-for name in bc.studies.design_names("suspension"):
+for name in bc.studies.design_names():
     reveal_type(bc.studies.load_design(name))
 scene = bc.studies.FieldScene(road_class="D")
 reveal_type(bc.studies.performance("passive", scene, p).spray.cv)

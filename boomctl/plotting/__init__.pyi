@@ -22,9 +22,7 @@ from boomctl.plotting.margins import plot_loop_margin as plot_loop_margin
 from boomctl.plotting.margins import plot_margins as plot_margins
 from boomctl.plotting.mode_shapes import plot_mode_shapes as plot_mode_shapes
 from boomctl.plotting.rotating_beam import plot_campbell as plot_campbell
-from boomctl.plotting.rotating_beam import plot_decay as plot_decay
 from boomctl.plotting.rotating_beam import plot_simulation as plot_simulation
-from boomctl.plotting.rotating_beam import plot_spin_up_runs as plot_spin_up_runs
 from boomctl.plotting.sigma import plot_measured as plot_measured
 from boomctl.plotting.sigma import plot_sigma as plot_sigma
 from boomctl.plotting.sigma import plot_sigma_comparison as plot_sigma_comparison

@@ -4,7 +4,6 @@ from boomctl.studies.catalogue import design_names as design_names
 from boomctl.studies.catalogue import load_design as load_design
 from boomctl.studies.machine import MachineDesign as MachineDesign
 from boomctl.studies.slew.design import SlewDesign as SlewDesign
-from boomctl.studies.spin_up import SpinUpDesign as SpinUpDesign
 from boomctl.studies.suspension.design import SuspensionDesign as SuspensionDesign
 from boomctl.studies.suspension.performance import performance as performance
 from boomctl.studies.suspension.scene import FieldScene as FieldScene

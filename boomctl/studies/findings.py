@@ -105,32 +105,6 @@ def word_table(found: Mapping[str, str], heads: tuple[str, str] = ("synthesis", 
     return Table(heads, tuple(found.items()), align="l")
 
 
-class WithoutScene:
-    """A design that is judged by itself; suspensions are judged in a scene."""
-
-    @staticmethod
-    def scene(**options: Any) -> None:
-        """Return the scene: there is none.
-
-        Parameters
-        ----------
-        options
-            None are taken.
-
-        Returns
-        -------
-        None
-            Nothing.
-
-        Raises
-        ------
-        ValueError
-            Options are given.
-        """
-        if options:
-            raise ValueError(f"{', '.join(options)}: of suspensions only; expected none for this design")
-
-
 class Judged(ABC):
     """What a design is worth: all that is shown of it follows from its verdict, its findings and its pictures.
 

@@ -1,22 +1,25 @@
-"""A controller for a machine of one's own: judged by certified peaks before and after, and by margins; a report."""
+"""A controller for a machine of one's own: certified peaks before and after, margins, stability over a family; a report."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from math import isfinite
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from boomctl.analysis.box.robustness import RobustStability, robust_stability
 from boomctl.analysis.loops import joined
 from boomctl.analysis.margins import Margins, margins
 from boomctl.analysis.sigma import SigmaResult, sigma
-from boomctl.checks import instance, names, positive, signal_name
+from boomctl.checks import instance, known, names, positive, signal_name
+from boomctl.lti.controllers.scheduled import ScheduledController
 from boomctl.lti.modal import side_of_axis
 from boomctl.printing import compact
 from boomctl.report import Section, Table
-from boomctl.studies.findings import Finding, Judged, WithoutScene, facts, files_section, finite, stored, word_table
+from boomctl.structure.families import Family
+from boomctl.studies.findings import Finding, Judged, facts, files_section, finite, stored, word_table
 from boomctl.threads import one_blas_thread
 
 if TYPE_CHECKING:
@@ -26,17 +29,18 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False)
-class MachineDesign(WithoutScene):
+class MachineDesign:
     """A machine, such as `boomctl.structure` assembles, and a controller for it.
 
     Attributes
     ----------
     name, title : str
         A name in one word, and what it is in a line.
-    plant : SecondOrderModel or control.StateSpace
-        The machine, signals named.
-    controller : control.StateSpace
-        ``u = K y`` in continuous time; its inputs are outputs of the plant, its outputs inputs of it.
+    plant : SecondOrderModel, control.StateSpace or Family
+        The machine, signals named.  Of a family, peaks and margins are those of its center; stability is that over its box.
+    controller : control.StateSpace or ScheduledController
+        ``u = K y`` in continuous time; its inputs are outputs of the plant, its outputs inputs of it.  A scheduled controller
+        needs a family, one of whose parameters is its signal.
     inputs, outputs : str or sequence of str, optional
         Signals of the plant between which the loop is judged; by default from all inputs that the controller does not
         drive to all outputs.
@@ -48,6 +52,10 @@ class MachineDesign(WithoutScene):
         What synthesis and reduction say of themselves.
     notes : tuple of str
         What a reader of the report should know.
+    results : mapping of str to Any
+        Further numbers for ``results.json``.
+    sections : tuple of Section
+        Further sections of the report.
 
     Raises
     ------
@@ -68,35 +76,44 @@ class MachineDesign(WithoutScene):
 
     name: str
     title: str
-    plant: SecondOrderModel | control.StateSpace
-    controller: control.StateSpace
+    plant: SecondOrderModel | control.StateSpace | Family
+    controller: control.StateSpace | ScheduledController
     inputs: str | Sequence[str] | None = None
     outputs: str | Sequence[str] | None = None
     sample_time: float | None = None
     force_limit: float | None = None
     facts: Mapping[str, str] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    results: Mapping[str, Any] = field(default_factory=dict)
+    sections: tuple[Section, ...] = ()
 
     __repr__ = compact
 
     def __post_init__(self) -> None:
         signal_name("name", self.name)
         instance("title", self.title, str)
-        loop = joined(self.plant, self.controller)
+        loop = joined(*self._nominal)
         names("input", self.inputs, loop.disturbances)
         names("output", self.outputs, loop.outputs)
         for what in ("sample_time", "force_limit"):
             if getattr(self, what) is not None:
                 positive(what, getattr(self, what))
 
-    @one_blas_thread
-    def evaluate(self, scene: None = None) -> MachineResult:
-        """Judge the design: peaks without and with the controller, stability, margins.
+    @property
+    def _nominal(self) -> tuple[SecondOrderModel | control.StateSpace, control.StateSpace]:
+        """The plant and the controller, those in the center of a family."""
+        plant, K = self.plant, self.controller
+        family = instance("plant", plant, Family) if isinstance(K, ScheduledController) else plant
+        if not isinstance(family, Family):
+            return plant, K  # type: ignore[return-value]
+        middle = {name: (low + high) / 2.0 for name, (low, high) in family.ranges.items()}
+        if isinstance(K, ScheduledController):
+            K = K.at(middle[known("parameter of plant", K.signal, middle)])
+        return family.centre, K
 
-        Parameters
-        ----------
-        scene : None
-            A machine of one's own has no scene.
+    @one_blas_thread
+    def evaluate(self) -> MachineResult:
+        """Evaluate the design: peaks without and with the controller, stability, margins.
 
         Returns
         -------
@@ -106,22 +123,24 @@ class MachineDesign(WithoutScene):
         Raises
         ------
         TypeError, ValueError
-            As for :func:`boomctl.sigma` and :func:`boomctl.margins`.
+            As for :func:`boomctl.sigma`, :func:`boomctl.margins` and :func:`boomctl.robust_stability`.
         """
-        loop = joined(self.plant, self.controller)
+        plant, K = self._nominal
+        loop = joined(plant, K)
         inputs = names("input", self.inputs, loop.disturbances)
         outputs = names("output", self.outputs, loop.outputs)
         closed = loop.closed().select(inputs, outputs)
         whole = closed.statespace("closed loop")
-        before, after = sigma(self.plant, inputs=inputs, outputs=outputs), sigma(whole)
+        before, after = sigma(plant, inputs=inputs, outputs=outputs), sigma(whole)
         omega = np.union1d(before.omega, after.omega)  # both on one grid, with the peaks of either
         stable = bool((side_of_axis(loop.system.poles) < 0).all())
         return MachineResult(
             design=self,
-            before=sigma(self.plant, omega, inputs, outputs),
+            before=sigma(plant, omega, inputs, outputs),
             after=sigma(whole, omega),
-            margins=margins(self.plant, self.controller) if stable else None,
+            margins=margins(plant, K) if stable else None,
             stable=stable,
+            robust=robust_stability(self.plant, self.controller) if isinstance(self.plant, Family) else None,
         )
 
 
@@ -139,6 +158,8 @@ class MachineResult(Judged):
         Margins of the loop; None where it is unstable.
     stable : bool
         Whether every pole of the closed loop decays, hidden ones included.
+    robust : RobustStability or None
+        Stability over the box of a family; None without one.
     """
 
     kind, about = "Machine: ", "the machine without and with its controller"
@@ -148,6 +169,7 @@ class MachineResult(Judged):
     after: SigmaResult
     margins: Margins | None
     stable: bool
+    robust: RobustStability | None = None
 
     __repr__ = compact
 
@@ -157,7 +179,15 @@ class MachineResult(Judged):
         peaks = [f"{s.peak:.4g}" if isfinite(s.peak) else "infinite" for s in (self.before, self.after)]
         proof = "certified" if self.after.certified else "NOT certified"
         held = "The loop is stable" if self.stable else "The loop is NOT stable"
-        return f"{held}; largest singular value from {peaks[0]} to {peaks[1]}, {proof}."
+        return f"{held}; largest singular value from {peaks[0]} to {peaks[1]}, {proof}.{self._box}"
+
+    @property
+    def _box(self) -> str:
+        """Stability over the box in a sentence; empty without a family."""
+        if self.robust is None:
+            return ""
+        ranges = [f"{name} {low:g} to {high:g}" for name, (low, high) in self.design.plant.ranges.items()]  # type: ignore[union-attr]
+        return f" {'Proved' if self.robust.proved else 'NOT proved'} stable at every {' and '.join(ranges)}."
 
     @property
     def findings(self) -> tuple[Finding, ...]:
@@ -166,11 +196,18 @@ class MachineResult(Judged):
             finite({"peak": found.peak, "peak_omega": found.peak_omega, "certified": bool(found.certified)})
             for found in (self.before, self.after)
         ]
-        margin = self.margins.everywhere.alpha if self.margins else None
+        margin, robust = self.margins.everywhere.alpha if self.margins else None, ()
+        if (box := self.robust) is not None:
+            robust = (
+                Finding("", box.proved, proved=box.proved, text=box.render(), key="proved"),
+                *stored(slowest_pole=box.abscissa),
+            )
         return (
             *stored(design=self.design.name, stable=self.stable),
             *facts(self.design.facts),
             *stored(before=peaks[0], after=peaks[1], disk_margin=margin),
+            *robust,
+            *stored(**self.design.results),
         )
 
     def __str__(self) -> str:
@@ -195,7 +232,9 @@ class MachineResult(Judged):
         if self.margins is not None:
             heads, *lines = self.margins._table()
             yield Section("Margins", tables=(Table(heads, tuple(lines)),))
-        yield files_section(files)
+        yield from self.design.sections
+        if files:
+            yield files_section(files)
 
     def controller_files(self) -> dict[str, bytes | str]:
         """Return the controller for other programs: JSON, MATLAB, and C99 where it is sampled.
@@ -203,9 +242,11 @@ class MachineResult(Judged):
         Returns
         -------
         dict of str to bytes or str
-            What the files hold, by their names.
+            What the files hold, by their names; none of a scheduled controller.
         """
         design = self.design
+        if isinstance(design.controller, ScheduledController):
+            return {}
         suffixes = (".json", ".mat") if design.sample_time is None else (".json", ".mat", ".c")
         c = {"sample_time": design.sample_time, "force_limit": design.force_limit}
         return self._controller_files({"verdict": self.verdict}, suffixes, **c)

@@ -8,7 +8,7 @@ from designs.tuned_hub import BETWEEN, MASSES, NOISE_GAIN, beam, norms, regulato
 
 
 def test_the_drive_is_a_design_of_a_machine():
-    assert design_names("machine") == ("measured_hub", "tuned_hub")
+    assert {"measured_hub", "tuned_hub"} < set(design_names())
 
 
 @pytest.mark.slow

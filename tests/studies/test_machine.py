@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import boomctl as bc
-from boomctl.structure import SecondOrderModel
+from boomctl.structure import AffineFamily, SecondOrderModel
 from boomctl.studies.catalogue import load_design
 
 SPRUNG = SecondOrderModel([[1.0]], [[0.02]], [[4.0]], {"force": [1.0], "wind": [1.0]}, {"position": [1.0]})
@@ -83,7 +83,37 @@ def test_the_command_line_runs_a_file_of_ones_own(tmp_path):
     assert "of suspensions only" in refused.stderr
 
 
+SPRINGS = AffineFamily.through(
+    {"stiffness": (3.0, 5.0)},
+    lambda p: SecondOrderModel(
+        [[1.0]], [[0.02]], [[p["stiffness"]]], {"force": [1.0], "wind": [1.0]}, {"position": [1.0]}
+    ),
+)
+
+
+def test_machine_design_over_family_proves_stability():
+    result = bc.studies.MachineDesign("mine", "A mass on a spring", SPRINGS, DAMPER, results={"made": 2}).evaluate()
+    assert result.robust.proved
+    assert result.before.peak == pytest.approx(25.0, rel=1e-3)  # of the center
+    found = result.as_dict()
+    assert found["proved"]
+    assert found["slowest_pole"] == result.robust.abscissa < 0.0
+    assert found["made"] == 2
+    assert result.verdict.endswith("Proved stable at every stiffness 3 to 5.")
+    assert "controller.json" in result.controller_files()
+
+
+def test_machine_design_scheduled_over_unknown_signal_raises():
+    K = bc.schedule([DAMPER, DAMPER], [0.0, 1.0], "position")
+    with pytest.raises(TypeError, match=r"plant = .*: expected Family"):
+        bc.studies.MachineDesign("mine", "", SPRUNG, K)
+    with pytest.raises(ValueError, match="unknown parameter of plant 'position'"):
+        bc.studies.MachineDesign("mine", "", SPRINGS, K)
+
+
 def test_a_file_that_makes_something_else_is_told_what_was_expected(tmp_path):
     (tmp_path / "other.py").write_text("def design():\n    return 3\n")
-    with pytest.raises(TypeError, match=r"design\(\) returned int, expected SuspensionDesign or MachineDesign"):
+    with pytest.raises(
+        TypeError, match=r"design\(\) returned int, expected a SuspensionDesign, a MachineDesign or a Slew"
+    ):
         load_design(str(tmp_path / "other.py"))

@@ -125,6 +125,7 @@ def test_objects_go_by_their_names():
         ({"n_jobs": "two"}, TypeError),
         ({"n_jobs": 0}, ValueError),
         ({"n_jobs": 2, "backend": "tow"}, ValueError),
+        ({"backend": 2}, TypeError),
         ({"chunk": 0}, ValueError),
         ({"units": {"x": 1.0}}, TypeError),
         ({"checkpoint": "."}, ValueError),

@@ -107,24 +107,9 @@ class SlewDesign:
         """Name of the fastest torque of a rigid body with the same inertia."""
         return "constant torque" if self.slew.plan.problem.angle is None else "bang-bang"
 
-    @staticmethod
-    def scene() -> None:
-        """Return the scene of a slew: there is none to choose.
-
-        Returns
-        -------
-        None
-            Nothing.
-        """
-
     @one_blas_thread
-    def evaluate(self, scene: None = None) -> "SlewEvaluation":
+    def evaluate(self) -> "SlewEvaluation":
         """Set the slew beside the others, with all payloads, by an integrator that planning does not use.
-
-        Parameters
-        ----------
-        scene : None
-            A slew has no scene.
 
         Returns
         -------

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from math import inf, log10
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from boomctl.analysis.box.worst_case import WorstCase
 from boomctl.boom.parameters import BoomParameters
@@ -73,27 +73,6 @@ class SuspensionDesign:
     def own_plant(self) -> control.StateSpace | None:
         """The machine of its own as it is, that in the middle of a family; None where it is the boom with its sensors."""
         return self.plant.centre.to_statespace() if isinstance(self.plant, AffineFamily) else self.plant
-
-    @staticmethod
-    def scene(**options: Any) -> FieldScene:
-        """Return the field with some of its properties changed; see :class:`FieldScene`.
-
-        Parameters
-        ----------
-        options
-            Properties of :class:`FieldScene` by name.
-
-        Returns
-        -------
-        FieldScene
-            The field, its other properties at their defaults.
-
-        Raises
-        ------
-        TypeError, ValueError
-            As for :class:`FieldScene`.
-        """
-        return FieldScene(**options)
 
     @one_blas_thread
     def evaluate(self, scene: FieldScene | None = None, passive: BoomParameters | None = None) -> SuspensionResult:

@@ -6,10 +6,11 @@ from collections.abc import Callable, Generator, Mapping, Sequence
 from concurrent.futures import BrokenExecutor
 from contextlib import closing, nullcontext
 from pickle import PicklingError
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import joblib
 import numpy as np
+from joblib.parallel import ParallelBackendBase
 
 from boomctl.checks import function_of, instance, mapping, shown, warn_user, whole
 from boomctl.progress import Listener, computing
@@ -17,9 +18,6 @@ from boomctl.studies.sweeps.checkpoint import opened
 from boomctl.studies.sweeps.outcome import Outcome, outcomes, outcomes_in_worker
 from boomctl.studies.sweeps.points import GRID, Points
 from boomctl.studies.sweeps.result import FailedPoint, SweepResult
-
-if TYPE_CHECKING:
-    from joblib.parallel import ParallelBackendBase
 
 
 class SweepWarning(UserWarning):
@@ -33,7 +31,7 @@ def sweep(
     combine: str = GRID,
     checkpoint: str | os.PathLike[str] | None = None,
     n_jobs: int = 1,
-    backend: "str | ParallelBackendBase | None" = None,
+    backend: str | ParallelBackendBase | None = None,
     units: Mapping[str, str] | None = None,
     chunk: int | None = None,
     progress: Listener | None = None,
@@ -110,6 +108,8 @@ def sweep(
     size = whole("chunk", getattr(function, "chunk", 1) if chunk is None else chunk)
     if instance("n_jobs", n_jobs, int) == 0 or isinstance(n_jobs, bool):
         raise ValueError(f"`n_jobs` must be a nonzero integer, got {shown(n_jobs)}.")
+    if backend is not None:
+        instance("backend", backend, (str, ParallelBackendBase), "the name of a joblib backend, or one")
     found: dict[int, Outcome] = {}
     with computing("sweep", progress) as tell, opened(checkpoint, function) as kept:
         if kept is not None:
