@@ -162,9 +162,9 @@ class NumberTable:
 def read_numbers(path: str | Path) -> NumberTable:
     """Read a CSV file with a line of column names; lines that begin with ``#`` are comments, empty ones are skipped.
 
-    Values are separated by commas; or by semicolons or tabs, if the line of names is, and then decimal commas are read as
-    well as decimal points.  A first line ``sep=;``, as spreadsheets write it, is obeyed.  The names may stand in a comment
-    right above the numbers, as ``numpy.savetxt`` writes them.
+    Values are separated by commas; or by semicolons, tabs or blanks, if the line of names is, and then decimal commas are
+    read as well as decimal points.  A first line ``sep=;``, as spreadsheets write it, is obeyed.  The names may stand in a
+    comment right above the numbers, as ``numpy.savetxt`` writes them.
 
     Raises
     ------
@@ -190,7 +190,8 @@ def read_numbers(path: str | Path) -> NumberTable:
         told, comments = [*above[-1:], *told], tuple(line for line in comments if line not in above[-1:])
     if len(told) < 2:
         raise ValueError(f"{path}: expected a line of column names and at least one line of numbers")
-    separator = next((mark for mark in _SEPARATORS if mark in told[0][1]), ",")
+    blanks = len(told[1][1].split()) > 1  # of numbers; a name may hold blanks
+    separator = next((mark for mark in _SEPARATORS if mark in told[0][1]), " " if blanks else ",")
     rows = [(i, _cells(path, i, line, separator)) for i, line in told]
     header = tuple(name.strip() for name in rows[0][1])
     if separator != ",":
@@ -201,6 +202,8 @@ def read_numbers(path: str | Path) -> NumberTable:
 
 def _cells(path: str | Path, line: int, text: str, separator: str) -> list[str]:
     """Return the values of one line; a line is read for itself, so that a stray quotation mark swallows no others."""
+    if separator == " ":
+        return text.split()
     try:
         return next(csv.reader([text], strict=True, delimiter=separator))
     except csv.Error as error:

@@ -10,30 +10,12 @@ not in ``__all__``.
 
 import ast
 import sys
-import warnings
 from collections.abc import Callable
 from difflib import get_close_matches
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
 from typing import Any
-
-_GONE = {
-    "boomctl.to_scipy": "scipy.signal.StateSpace(s.A, s.B, s.C, s.D) of s = model.to_statespace() does it",
-    "boomctl.to_pymor": "pymor.models.iosys.LTIModel.from_matrices(s.A, s.B, s.C, s.D) of s = model.to_statespace() does it",
-    **{
-        f"boomctl.synthesis.{name}": f"it is boomctl.tuning.{name} now"
-        for name in ("ActivePeak", "ChannelNorm", "TuneResult", "TuneStart", "tune")
-    },
-    "boomctl.analysis.H2Certificate": "it is boomctl.analysis.NormCertificate now",
-    **{
-        f"boomctl.{name}Certificate": "it is boomctl.synthesis.DesignCertificate now"
-        for name in ("synthesis.FullPlant", "synthesis.HInfinity", "synthesis.Tune", "tuning.Tune")
-    },
-    "boomctl.studies.suspension.trade_off": "give boomctl.sweep a function that makes and judges a design",
-    "boomctl.studies.suspension.TradeCurve": "give boomctl.sweep a function that makes and judges a design",
-}
-"""Names that left, for one version: what to use instead."""
 
 TRANSLATED = {
     word: ours
@@ -91,23 +73,6 @@ _THEIRS = {
 }
 """Functions of python-control that have no like here."""
 
-MOVED = {
-    name: package
-    for package, names in {
-        "analysis": "closed_loop_response exact_loop_stability ramp_bound sample_plant sampled_norm structured_margin",
-        "boom": "Footprint PlatformMotion Track TractorParameters bump_track platform_density split_motion track_filter"
-        " tractor_system write_motion yaw_family",
-        "exchange": "read_controller_notes",
-        "simulation": "TimeVaryingController",
-        "slew": "SlewResult",
-        "studies": "FieldScene FieldStudy MachineDesign SigmaStudy SlewDesign SuspensionDesign design_names"
-        " load_design performance",
-        "synthesis": "ReductionWarning band_pass high_pass loop_transfer_recovery select_channels split_controller",
-    }.items()
-    for name in names.split()
-}
-"""Names that stood on top: the package that offers them now.  For one version they are still found there, with a warning."""
-
 
 class _Package(ModuleType):
     """A package in which a public name stays what it is, though a submodule of the same name is imported."""
@@ -131,12 +96,6 @@ def loader(package: str) -> tuple[list[str], Callable[[str], Any], Callable[[], 
     module.__class__ = _Package
 
     def load(name: str) -> Any:
-        if f"{package}.{name}" in _GONE:
-            raise AttributeError(f"{package}.{name} is gone: {_GONE[f'{package}.{name}']}", name=name, obj=module)
-        if package == "boomctl" and name in MOVED:
-            said = f"boomctl.{name} is boomctl.{MOVED[name]}.{name} now, and leaves the top in the next version"
-            warnings.warn(said, DeprecationWarning, stacklevel=2)
-            return getattr(import_module(f"boomctl.{MOVED[name]}"), name)
         if name not in home:
             known = TRANSLATED.get(name) if package == "boomctl" else None
             if known is not None:

@@ -83,4 +83,4 @@ def test_what_users_read_has_no_private_words():
 def test_warnings_point_to_users():
     """Only `warn_user` finds the line that called the library; a fixed `stacklevel` counts the library's own calls."""
     sources = {name: path.read_text(encoding="utf-8") for name, path in FILES.items()}
-    assert {name for name, source in sources.items() if "stacklevel" in source} == {"boomctl.lazy"}
+    assert not {name for name, source in sources.items() if "stacklevel" in source}

@@ -15,7 +15,6 @@ import numpy as np
 import boomctl
 import boomctl.structure
 import boomctl.tunable
-from boomctl.lazy import MOVED
 
 STORED = Path(__file__).with_name("public_names.txt")
 
@@ -74,7 +73,12 @@ def _lines():
     lines = []
     classes = {}
     named = [(module, name) for module in (boomctl, boomctl.structure, boomctl.tunable) for name in module.__all__]
-    named += [(import_module(f"boomctl.{package}"), name) for name, package in MOVED.items()]
+    for package in (*PACKAGES, "exchange", "studies"):
+        module = import_module(f"boomctl.{package}")
+        functions = [
+            name for name in module.__all__ if package == "studies" or inspect.isfunction(getattr(module, name))
+        ]
+        named += [(module, name) for name in functions if name not in boomctl.__all__]
     for module, name in named:
         value = getattr(module, name)
         if isinstance(value, type):

@@ -17,7 +17,6 @@ import pytest
 
 import boomctl
 from boomctl import lazy
-from boomctl.lazy import MOVED
 
 PACKAGE = Path(boomctl.__file__).parent
 SCRIPT = Path(__file__).with_name("user_script.py")
@@ -84,25 +83,6 @@ def test_words_of_others_are_translated_on_their_page():
     table = {word: row.split("|")[2] for row in rows for word in re.findall(r"`(\w+)`", row.split("|")[1])}
     for word, ours in lazy.TRANSLATED.items():
         assert f"`{ours}`" in table[word]
-
-
-def test_names_that_left_say_what_to_use_instead():
-    for name, instead in (
-        ("boomctl.to_scipy", r"signal\.StateSpace"),
-        ("boomctl.analysis.H2Certificate", "NormCertificate"),
-        ("boomctl.tuning.TuneCertificate", "DesignCertificate"),
-        ("boomctl.studies.suspension.trade_off", "sweep"),
-    ):
-        package, _, name = name.rpartition(".")
-        with pytest.raises(AttributeError, match=f"is gone: .*{instead}"):
-            getattr(import_module(package), name)
-
-
-def test_names_that_moved_are_found_in_their_packages_and_for_one_version_on_top():
-    for name, package in MOVED.items():
-        assert name not in boomctl.__all__
-        with pytest.warns(DeprecationWarning, match=rf"boomctl\.{name} is boomctl\.{package}\.{name} now"):
-            assert getattr(boomctl, name) is getattr(import_module(f"boomctl.{package}"), name)
 
 
 def test_the_package_lists_each_name_once_by_what_one_wants_to_do():
