@@ -14,6 +14,7 @@ from functools import cache, partial
 from itertools import product
 from pathlib import Path
 
+import control
 import numpy as np
 import pytest
 from hypothesis import given
@@ -414,6 +415,19 @@ def test_checkpoint_value_changed_under_its_label_is_recomputed(tmp_path):
 
 def first_of(x):
     return {"value": float(x[0])}
+
+
+def test_checkpoint_ignores_number_in_name_of_system(tmp_path):
+    """python-control counts systems that are made without a name."""
+
+    def made(gain):
+        K = control.ss([[-1.0]], [[1.0]], [[gain]], [[0.0]])
+        return lambda x: float(K.C[0, 0]) * x
+
+    for resumed in (0, 1):
+        assert bc.sweep(made(2.0), {"x": 3.0}, checkpoint=tmp_path / "s").resumed == resumed
+    with pytest.raises(ValueError, match="must be a file of the function"):
+        bc.sweep(made(2.5), {"x": 3.0}, checkpoint=tmp_path / "s")
 
 
 @pytest.mark.parametrize("made", [lambda: bc.hub_beam(modes=2), lambda: bc.spray_boom(elements=2)])

@@ -72,6 +72,8 @@ class _ContentHasher(NumpyHasher):
             obj = ("frozenset", set(obj))  # joblib sorts sets only
         elif is_dataclass(obj):
             obj = ("record", type(obj), {each.name: getattr(obj, each.name) for each in fields(obj)})
+        elif type(obj).__module__.startswith("control."):  # whose systems are numbered in their names
+            obj = ("record", type(obj), {name: value for name, value in vars(obj).items() if name != "name"})
         elif "__wrapped__" in getattr(obj, "__dict__", ()):  # functools.cache
             obj = ("wrapper", type(obj), obj.__wrapped__)
         super().save(obj)

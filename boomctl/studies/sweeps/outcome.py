@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from boomctl.progress import counted
+from boomctl.progress import silent
 from boomctl.threads import one_blas_thread
 
 _VALUE = "value"  # column of a function that returns no mapping
@@ -39,7 +39,7 @@ class Outcome:
 def outcomes(function: Callable[..., Any], points: Mapping[int, dict[str, Any]]) -> dict[int, Outcome]:
     """Return the outcomes of points by place: of all at once by ``function.many``, or one by one where that fails."""
     many = getattr(function, "many", None)
-    with counted(lambda stage: None):
+    with silent():
         if many is not None and len(points) > 1:
             begun = time.perf_counter()
             with suppress(Exception, SystemExit):
