@@ -1,7 +1,7 @@
 """A slew of the hub-beam that is to be judged, and the judging: beside other slews, with payloads, profiles, feedback."""
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from functools import cached_property
 from typing import Any
 
@@ -15,23 +15,16 @@ from boomctl.rotating_beam.assumed_modes import AssumedModesBeam
 from boomctl.rotating_beam.manoeuvres import SpinUp
 from boomctl.slew.classical.comparison import SlewComparison, compare_slews
 from boomctl.slew.classical.tracking import TrackingResult, track
-from boomctl.slew.deadline import SlewProgress
 from boomctl.slew.least_time.switching_curve import SwitchingCurve, switching_curve
-from boomctl.slew.nlp.mesh_study import MeshStudy, mesh_study
-from boomctl.slew.optimal import TIME_LIMIT, optimal_slew
 from boomctl.slew.payloads import PayloadComparison, compare_payloads
 from boomctl.slew.result import Replay, SlewResult
 from boomctl.slew.tracking.tracked import TrackedSlew
-from boomctl.studies.findings import Finding, Judged, finite, picked, scalars
+from boomctl.studies.findings import Finding, Judged, picked, scalars
 from boomctl.studies.slew import feedback, sections
 from boomctl.studies.slew.feedback import FeedbackStudy, Spread
 from boomctl.studies.slew.spin_up import SpinUpMotion, spin_ups
 from boomctl.threads import one_blas_thread
 
-STEPS = 7  # what `evaluated_plan` (3) and the report (4) tell of
-_SCHEMES = (("shooting", 1), ("collocation", 3), ("radau", 3))
-"""Ways to plan whose errors are shown over meshes, and the substeps or collocation points of each."""
-_ROOM = 1.1  # duration of the cheapest slew over the least time; with less room its torque is nearly bang-bang
 _MORE = 0.1  # by how much the tip mass of the followed beam exceeds the largest planned one [kg]; a choice
 _AFTER = 2.5  # how long motions go on after the end [s]: a little longer than the film, which ends after 2 s
 _OF_SLEW = (
@@ -143,8 +136,6 @@ class SlewEvaluation(Judged):
         The planned slews with several payloads; None where the design names none.
     spin_ups : tuple of SpinUpMotion
         The spin-up designed, and the hub's profile; () without a profile.
-    meshes : MeshStudy or None
-        The error of planning over meshes, to be shown in the report.
     feedback : FeedbackStudy or None
         What feedback along the slew is worth; None where the design has none.
     """
@@ -155,7 +146,6 @@ class SlewEvaluation(Judged):
     comparison: SlewComparison
     payloads: PayloadComparison | None
     spin_ups: tuple[SpinUpMotion, ...]
-    meshes: MeshStudy | None = None
     feedback: FeedbackStudy | None = None
 
     __repr__ = compact
@@ -178,12 +168,11 @@ class SlewEvaluation(Judged):
 
     @property
     def lead(self) -> str:
-        """What the report is about; of a design with a name, what it is worth too."""
+        """What the report is about, and what the slew is worth."""
         said = (
             f"{self.design.slew.title.capitalize()}: planned, replayed by another integrator, and set beside classical"
         )
-        worth = f" {self.verdict[:1].upper()}{self.verdict[1:]}" if self.design.name != "slew" else ""
-        return f"{said} commands.{worth}"
+        return f"{said} commands. {self.verdict[:1].upper()}{self.verdict[1:]}"
 
     def __str__(self) -> str:
         return f"{self.design.title}: {self.verdict}\n{self.design.slew.certificate.verdict}"
@@ -251,11 +240,9 @@ class SlewEvaluation(Judged):
             "comparison": [scalars(each) for each in self.comparison.lines],
             "spin_ups": [scalars(each) for each in self.spin_ups],
             "film_tip_mass": self.film_tip_mass,
-            **dict.fromkeys(("mesh_study", "payloads", "tracking", "feedback")),
+            **dict.fromkeys(("payloads", "tracking", "feedback")),
             **picked([slew], _OF_SLEW)[0],
         }
-        if self.meshes is not None:
-            found["mesh_study"] = finite(asdict(self.meshes))
         if (carried := self.payloads) is not None:
             lines = [scalars(each) for each in carried.lines]
             found["payloads"] = {"lines": lines, "tip_masses": carried.masses, "vibrations": carried.vibrations}
@@ -290,8 +277,6 @@ class SlewEvaluation(Judged):
         yield sections.replay_section(replays, slew.plan.problem.angle is None)
         if following is not None:
             yield sections.tracking_section(planned_mass, following)
-        if self.meshes is not None:
-            yield sections.mesh_section(self.meshes)
         tell("report")
 
     def _filmed(self) -> dict[str, tuple[Array, Array]]:
@@ -312,65 +297,3 @@ def _length(value: float) -> str:
     if value < 1e-3:
         return f"{1e6 * value:.2g} µm"
     return f"{1e3 * value:.2g} mm" if value < 0.1 else f"{value:.2g} m"
-
-
-def evaluated_plan(
-    h: AssumedModesBeam,
-    *,
-    angle: float,
-    torque_limit: float,
-    meshes: tuple[int, ...] | None = None,
-    tell: Callable[[str], None] = lambda text: None,
-    time_limit: float = TIME_LIMIT,
-    progress: Callable[[SlewProgress], object] | None = None,
-    **asked: Any,
-) -> SlewEvaluation:
-    """Plan a slew and judge it beside the fastest, the cheapest and classical ones.
-
-    Parameters
-    ----------
-    h : AssumedModesBeam
-    angle, torque_limit : float
-        rad, N m.
-    meshes : tuple of int
-        Numbers of intervals, ascending, on which the report shows the error of planning; None: three, by the fastest
-        bending vibration; () leaves that out.
-    tell : callable
-        Told in words what comes next.
-    time_limit, progress
-        Of each slew, as `optimal_slew` has them.
-    asked
-        Objective, duration and further limits by the names that `optimal_slew` has for them.
-    """
-    tell("the slew asked for")
-    search = {"time_limit": time_limit, "progress": progress}
-    slew = optimal_slew(h, angle, torque_limit, **asked, **search)
-    tell("slews to compare")
-    planned = {_title(slew): slew}
-    if "minimum time" not in planned:
-        planned["minimum time"] = optimal_slew(h, angle, torque_limit, **search)
-    roomy = _ROOM * planned["minimum time"].duration
-    effort = optimal_slew(h, angle, torque_limit, "effort", roomy, intervals=200, **search)
-    planned.setdefault(_title(effort), effort)
-    evaluation = SlewDesign("slew", "A slew of a flexible beam", h, planned).evaluate()
-    tell("errors over meshes")
-    counts = default_meshes(h, roomy) if meshes is None else meshes
-    if not counts:
-        return evaluation
-    # axial vibrations are too fast for shooting on any of these meshes
-    schemes = tuple(scheme for scheme in _SCHEMES if scheme[0] != "shooting" or not h.has_axial_modes)
-    return replace(evaluation, meshes=mesh_study(h, angle, torque_limit, roomy, schemes=schemes, intervals=counts))
-
-
-def _title(slew: SlewResult) -> str:
-    """Return what sets a slew apart from others of the same beam."""
-    limited = ", with limits" if slew.plan.problem.limits.beside_torque else ""
-    return f"{slew.title}{limited}" if slew.objective == "time" else f"{slew.title}, {slew.duration:.3g} s{limited}"
-
-
-def default_meshes(h: AssumedModesBeam, duration: float) -> tuple[int, ...]:
-    """Return three meshes, the coarsest with four intervals a period of the fastest bending mode, or what is cheap."""
-    bending = AssumedModesBeam(h.parameters, "sfoam", h.modes)
-    needed = 4.0 * duration * float(bending.frequencies_hz().max())
-    first = 10 * min(max(round(needed / 10.0), 2), 10)
-    return (first, 2 * first, 4 * first)

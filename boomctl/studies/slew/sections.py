@@ -16,7 +16,6 @@ from boomctl.rotating_beam.assumed_modes import AssumedModesBeam
 from boomctl.slew.classical.comparison import SlewComparison
 from boomctl.slew.classical.tracking import TrackingResult
 from boomctl.slew.least_time.switching_curve import SwitchingCurve
-from boomctl.slew.nlp.mesh_study import MeshStudy
 from boomctl.slew.payloads import PayloadComparison
 from boomctl.slew.problem import SlewProblem
 from boomctl.slew.result import Replay, SlewResult
@@ -256,28 +255,3 @@ def feedback_section(tracked: TrackedSlew, study: FeedbackStudy) -> Section:
         _drawn("alone", study.open.plot, caption.format("The plan alone")),
     )
     return Section("With feedback, and without", text, (tabled(lines, HELD),), pictures)
-
-
-def mesh_section(study: MeshStudy) -> Section:
-    """Return the section of errors over meshes."""
-    intervals, lines = np.asarray(study.intervals), study.lines
-    text = [
-        f"The slew of least effort in {study.duration:.3g} s, 1.1 times the least time, planned on meshes of equal "
-        "intervals, on each of which the torque is held. The end state is that of the replay; the cost is compared with "
-        "the limit of ever finer meshes. Orders are slopes over the meshes whose error is above the replay's accuracy; a "
-        "mesh too coarse for the fastest vibration does not show the order yet.",
-    ]
-    none = {line.name: [str(n) for n in intervals[~np.isfinite(line.errors)]] for line in lines}
-    gaps = [f"{name} ({', '.join(without)})" for name, without in none.items() if without]
-    if gaps:
-        text.append(f"No solution on these numbers of intervals, or none to compare with: {'; '.join(gaps)}.")
-    heads = ("relative error of", *(f"{n} intervals" for n in intervals), "order", "order in theory")
-    body = []
-    for line in lines:
-        errors = ("–" if not np.isfinite(error) or not error else power(float(error), 2) for error in line.errors)
-        order = f"{line.order:.1f}" if np.isfinite(line.order) else "not seen"
-        body.append((line.name, *errors, order, f"{line.theory:.0f}"))
-    caption = "Relative error over the number of intervals, and the order of each scheme."
-    return Section(
-        "Error against mesh size", tuple(text), (Table(heads, tuple(body)),), (_drawn("mesh", study.plot, caption),)
-    )
