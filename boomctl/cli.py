@@ -101,14 +101,12 @@ def _run(words: Sequence[str]) -> None:
     for flag, given in {**options, **_COMMON}.items():
         parser.add_argument(flag, **given)
     asked = parser.parse_args(words[1:])
-    from boomctl.progress import listening
+    if asked.json or asked.quiet:
+        from boomctl.progress import listening
 
-    silent = asked.json or asked.quiet
-    with (
-        open(os.devnull, "w") as nowhere,
-        redirect_stdout(nowhere if silent else sys.stdout),
-        listening(None) if silent else nullcontext(),
-    ):
+        with open(os.devnull, "w") as nowhere, redirect_stdout(nowhere), listening(None):
+            results = command(asked)
+    else:
         results = command(asked)
     if asked.json:
         import json
@@ -367,10 +365,12 @@ def benchmark(asked: Namespace) -> dict[str, Any]:
 
 def parameters(asked: Namespace) -> dict[str, Any]:
     """Print the boom's parameters as an annotated TOML file, to be changed and passed to --parameters."""
-    import tomllib
-
     text = (Path(__file__).parent / "boom" / "table_2.toml").read_text(encoding="utf-8")
     print(text, end="")
+    if not asked.json:
+        return {}
+    import tomllib
+
     return tomllib.loads(text)
 
 

@@ -134,12 +134,6 @@ def test_a_beam_knows_all_models_from_wherever_it_comes(model):
     assert "boomctl.rotating_beam.factory" not in found
 
 
-@pytest.mark.slow  # a slew, its replays and pictures: 6 s
-def test_the_slew_command_works_in_a_process_of_its_own(tmp_path):
-    imported(f"{COMMAND}; main()", "slew", "--angle", "0.6", "--modes", "1", "--out", str(tmp_path / "slew"))
-    assert (tmp_path / "slew" / "report.html").stat().st_size > 0
-
-
 @pytest.mark.slow
 def test_a_module_named_as_a_public_name_from_elsewhere_is_imported_without_a_warning():
     imported(

@@ -96,10 +96,10 @@ def test_any_arguments_of_what_takes_long_are_answered_or_refused_by_name(call):
 WORDS = [
     "sigma",
     "parameters",
-    "slew",
     "design",
     "benchmark",
     "reproduce",
+    "identify",
     "--version",
     "--help",
     "",
@@ -110,7 +110,7 @@ OPTIONS = [
         "--json",
         "--help",
         "--full",
-        "--no-mesh-study",
+        "--quick",
         "--elements",
         "--discretization",
         "--parameters",
@@ -118,17 +118,14 @@ OPTIONS = [
         "--out",
     ),
     *(
-        "--angle",
-        "--torque-limit",
-        "--objective",
-        "--duration",
-        "--model",
+        "--inputs",
+        "--band",
         "--modes",
-        "--tip-mass",
+        "--quantity",
         "--speed",
         "--seed",
     ),
-    *("--road", "--workers", "--rows", "--page", "--nothing", "-h", "--"),
+    *("--road", "--workers", "--nothing", "-h", "--"),
 ]
 VALUES = [
     *("0", "-1", "1", "3", "1e300", "1e-300", "nan", "inf", "-inf", "x", "", "finite", "exact", "exac", "high-order"),
@@ -154,12 +151,7 @@ def lines(draw):
     """Return the words of a command that has a mistake in it, or asks for what is soon there."""
     command = draw(st.sampled_from(WORDS))
     words = draw(st.lists(st.sampled_from(BAD), max_size=4))
-    if command in (
-        "slew",
-        "design",
-        "benchmark",
-        "reproduce",
-    ):  # what they do well takes seconds: they shall not
+    if command in ("design", "benchmark", "reproduce"):  # what they do well takes seconds: they shall not
         words.append(draw(st.sampled_from(["--nothing", "--out", "--json=x", "--full=x"])))
     return [command, *words]
 
@@ -186,8 +178,10 @@ def test_any_words_on_the_command_line_end_in_an_answer_or_one_line(tmp_path_fac
         ("sigma", "--elements", "\u03c9"),
         ("sigma", "--parameters", "nowhere.toml"),
         ("design", "passive_tunin"),
+        ("identify", "nowhere.csv"),
         ("parameters", "extra"),
         ("sigma",),
+        ("design", "--help"),
     ],
     ids=" ".join,
 )

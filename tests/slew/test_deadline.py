@@ -237,18 +237,13 @@ def test_a_torque_of_fixed_time_has_no_switches(objective):
 
 @pytest.mark.slow
 def test_the_command_line_is_interrupted_and_silent_when_piped(tmp_path):
-    words = [
-        "slew",
-        "--objective",
-        "effort",
-        "--duration",
-        "190",
-        "--angle-deg",
-        "57000",
-        "--time-limit",
-        "60",
-        "--out",
-    ]
+    (tmp_path / "mine.py").write_text(
+        "import boomctl as bc\n\n\ndef design():\n"
+        "    beam = bc.hub_beam(modes=2)\n"
+        "    slew = bc.optimal_slew(beam, angle_deg=57000, torque_limit=200.0, objective='effort', duration=190.0)\n"
+        "    return bc.studies.SlewDesign('long', 'a long slew', beam, {'least effort': slew})\n"
+    )
+    words = ["design", str(tmp_path / "mine.py"), "--out"]
     start = (
         "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); from boomctl.cli import main; main()"
     )
