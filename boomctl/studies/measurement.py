@@ -14,7 +14,8 @@ from boomctl.identification.identify import Identification, identify
 from boomctl.identification.response import MeasuredResponse, estimate_response
 from boomctl.plotting.canvas import Sheet, picture
 from boomctl.printing import compact
-from boomctl.report import Report, Section, Table, number
+from boomctl.report import Picture, Report, Section, Table, number
+from boomctl.studies.findings import picked
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -47,53 +48,44 @@ class MeasuredMachine:
     def results(self) -> "dict[str, Any]":
         """What ``results.json`` holds."""
         found = self.identification
-        modes = [
-            {
-                "frequency_hz": mode.frequency_hz,
-                "damping": mode.damping,
-                "frequency_interval_hz": list(mode.frequency_interval_hz),
-                "damping_interval": list(mode.damping_interval),
-                "share": mode.share,
-            }
-            for mode in found.modes
-        ]
-        said = {"band_hz": list(found.band_hz), "confidence": found.confidence, "source": found.source}
-        return {"file": self.path.name, "modes": modes, "fit_percent": found.fit_percent, **said}
+        modes = picked(found.modes, ("frequency_hz", "damping", "frequency_interval_hz", "damping_interval", "share"))
+        (of_all,) = picked([found], ("fit_percent", "band_hz", "confidence", "source"))
+        return {"file": self.path.name, "modes": modes, **of_all}
 
     def report(self) -> Report:
         """Return modes with intervals, the fit of each output, pictures, and the model as a file."""
         found = self.identification
-        lines = tuple(
-            (
-                f"{k + 1}",
+        lines = []
+        for k, mode in enumerate(found.modes, 1):
+            frequencies = (
                 number(mode.frequency_hz, 5),
                 " to ".join(number(end, 5) for end in mode.frequency_interval_hz),
-                number(100.0 * mode.damping),
-                " to ".join(number(100.0 * end) for end in mode.damping_interval),
-                number(100.0 * mode.share),
             )
-            for k, mode in enumerate(found.modes)
-        )
+            damping = number(100.0 * mode.damping), " to ".join(number(100.0 * end) for end in mode.damping_interval)
+            lines.append((str(k), *frequencies, *damping, number(100.0 * mode.share)))
         level = f"{100.0 * found.confidence:g} % interval"
         heads = ("mode", "frequency [Hz]", level, "damping [%]", level, "share of energy [%]")
         fits = tuple((name, number(percent, 4)) for name, percent in found.fit_percent.items())
-        sheet: Any = Sheet()
-        found.plot(sheet)
-        drawn = [picture("identification", sheet, "Poles over orders with the modes found; what is not predicted")]
+        drawn = [_drawn("identification", found, "Poles over orders with the modes found; what is not predicted")]
         if self.response is not None:
-            sheet = Sheet()
-            self.response.plot(sheet)
-            drawn.append(picture("response", sheet, f"Frequency response and coherence, from {self.response.source}"))
+            source = self.response.source
+            drawn.append(_drawn("response", self.response, f"Frequency response and coherence, from {source}"))
         system = found.system
         matrices = {letter: np.asarray(getattr(system, letter)).tolist() for letter in "ABCD"}
         model = {"inputs": list(system.input_labels), "outputs": list(system.output_labels), **matrices}
         sections = (
-            Section("Modes", (found.source,), (Table(heads, lines),)),
+            Section("Modes", (found.source,), (Table(heads, tuple(lines)),)),
             Section("Share of each output that is predicted", (), (Table(("output", "fit [%]"), fits),)),
             Section("Pictures", (), (), tuple(drawn)),
         )
         lead = (f"{len(found.modes)} modes from {found.band_hz[0]:.4g} to {found.band_hz[1]:.4g} Hz.",)
         return Report(f"Modes of {self.path.name}", lead, sections, self.results, {"model.json": json_text(model)})
+
+
+def _drawn(name: str, result: Any, caption: str) -> Picture:
+    sheet = Sheet()
+    result.plot(sheet)
+    return picture(name, sheet, caption)
 
 
 def identified_file(
