@@ -257,25 +257,23 @@ def reproduce(asked: Namespace) -> dict[str, Any]:
 
     "all" writes the report of each paper into a folder of its own below --out.
     """
-    from joblib import cpu_count
-
     from boomctl.checks import known, whole
     from boomctl.files import json_text, plain, prepared_folder, write_all
-    from boomctl.lab.papers.side_by_side import side_by_side
+    from boomctl.lab.papers.jobs import run_jobs
     from boomctl.report import bound_reports
 
     known("what to reproduce", asked.what, (*_PAPERS, "all"))
     if asked.what == "hub-beam" and (asked.parameters or asked.measured):
         raise ValueError("--parameters and --measured are of the boom: leave them out for hub-beam")
-    workers = cpu_count() if asked.workers is None else whole("--workers", asked.workers)
+    workers = None if asked.workers is None else whole("--workers", asked.workers)
     names = tuple(_PAPERS) if asked.what == "all" else (asked.what,)
     papers = [_boom_paper(asked) if name == "boom" else _hub_beam_paper(asked.full) for name in names]
     folder, results, reports = prepared_folder(asked.out), {}, []
-    jobs = [job for work, _ in papers for job in work]
+    jobs = {name: job for work, _ in papers for name, job in work.items()}
     with _progress(asked, len(jobs)) as progress:
-        found = iter(side_by_side(jobs, workers, progress))
-    for name, (work, report_of) in zip(names, papers, strict=True):
-        report = report_of([next(found) for _ in work])
+        found = run_jobs(jobs, workers, progress)
+    for name, (_, report_of) in zip(names, papers, strict=True):
+        report = report_of(found)
         results[name] = plain(report.results)
         reports.append((_PAPERS[name], report.html))
         _print_paper(name, results[name])
