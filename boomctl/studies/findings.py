@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields
 from math import isfinite
 from typing import Any, ClassVar
@@ -137,7 +137,7 @@ class Judged(ABC):
         """What was found, in the order in which it is told."""
 
     @abstractmethod
-    def _sections(self, tell: Callable[[str], None], files: tuple[str, ...]) -> Iterable[Section]:
+    def _sections(self, files: tuple[str, ...]) -> Iterable[Section]:
         """Return what stands in the report; ``files``: names of those of the controller."""
 
     def __str__(self) -> str:
@@ -159,13 +159,8 @@ class Judged(ABC):
         """
         return numbers(self.findings)
 
-    def report(self, tell: Callable[[str], None] = lambda text: None) -> Report:
+    def report(self) -> Report:
         """Return the report: pictures, tables, and the numbers of ``results.json``.
-
-        Parameters
-        ----------
-        tell : callable, optional
-            Is told in words what comes next.
 
         Returns
         -------
@@ -173,7 +168,7 @@ class Judged(ABC):
             ``.write(folder)`` writes it.
         """
         files = self.controller_files()
-        sections = tuple(self._sections(tell, tuple(files)))
+        sections = tuple(self._sections(tuple(files)))
         return Report(f"{self.kind}{self.design.title}", (self.lead,), sections, self.as_dict(), files)
 
     def controller_files(self) -> dict[str, bytes | str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from math import isfinite
 from typing import TYPE_CHECKING, Any
@@ -214,11 +214,10 @@ class MachineResult(Judged):
         """Return what a terminal shows."""
         return super().__str__() + (f"\n{self.margins.render()}" if self.margins else "")
 
-    def _sections(self, tell: Callable[[str], None], files: tuple[str, ...]) -> Iterator[Section]:
+    def _sections(self, files: tuple[str, ...]) -> Iterator[Section]:
         from boomctl.plotting.canvas import new_figure, picture, style
         from boomctl.plotting.sigma import plot_sigma
 
-        tell("pictures")
         with style():
             figure = new_figure()
             ax = figure.add_subplot()

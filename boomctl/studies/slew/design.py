@@ -1,6 +1,6 @@
 """A slew of the hub-beam that is to be judged, and the judging: beside other slews, with payloads, profiles, feedback."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from typing import Any
@@ -253,14 +253,11 @@ class SlewEvaluation(Judged):
             found["feedback"] = {"machines": machines, "stiffness_ratio": study.stiffness_ratio, "runs": runs}
         return found | super().as_dict()
 
-    def _sections(self, tell: Callable[[str], None], files: tuple[str, ...]) -> Iterator[Section]:
+    def _sections(self, files: tuple[str, ...]) -> Iterator[Section]:
         design, slew, h = self.design, self.design.slew, self.design.beam
         planned_mass = h.parameters.tip_mass
-        tell("other models")
         replays = self.replays
-        tell("following with another payload")
         following = self.following
-        tell("pictures")
         yield sections.slew_section(h, slew, design.notes)
         yield sections.film_section(slew, self._filmed(), self.film_tip_mass if design.payloads else None)
         if design.tracked is not None and self.feedback is not None:
@@ -277,7 +274,6 @@ class SlewEvaluation(Judged):
         yield sections.replay_section(replays, slew.plan.problem.angle is None)
         if following is not None:
             yield sections.tracking_section(planned_mass, following)
-        tell("report")
 
     def _filmed(self) -> dict[str, tuple[Array, Array]]:
         """The slew and its rival on the same beam: instants, and places along it."""

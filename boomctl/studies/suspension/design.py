@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from math import inf, log10
@@ -199,11 +199,10 @@ class SuspensionResult(Judged):
             *assured,
         )
 
-    def _sections(self, tell: Callable[[str], None], files: tuple[str, ...]) -> Iterator[Section]:
+    def _sections(self, files: tuple[str, ...]) -> Iterator[Section]:
         from boomctl.studies.suspension import sections  # it draws
 
         design, scene, before, after = self.design, self.scene, self.passive, self.active
-        tell("pictures")
         tables = (sections.comparison_table(before, after, self.worst),)
         yield Section("What it is worth", (self.verdict, *design.notes), tables)
         yield sections.plant_section((before.title, after.title), self.passive_parameters, design, scene)
