@@ -8,8 +8,8 @@ import os
 import re
 import sys
 from argparse import ArgumentParser, Namespace
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, nullcontext, redirect_stdout, suppress
+from collections.abc import Callable, Sequence
+from contextlib import nullcontext, redirect_stdout, suppress
 from functools import partial
 from io import TextIOWrapper
 from math import isfinite, tau
@@ -17,11 +17,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
 if TYPE_CHECKING:
-    from boomctl.progress import Progress as Reported
     from boomctl.report import Report
 
 _NEGATIVE = re.compile(r"-(\d+\.?\d*|\.\d+)(e[-+]?\d+)?$|-inf$|-nan$", re.IGNORECASE)
-_NAMED_AFTER = 1.0  # s that a computation within a step takes before the progress bar names it
 _DISCRETIZATIONS = ("finite", "high-order", "discrete-hermite", "discrete-geometric", "exact")
 _PAPERS = {
     "boom": "Anthonis & Ramon (2003): the spray boom",
@@ -134,42 +132,6 @@ def _write(report: "Report", folder: Path) -> None:
     print(f"Report: {folder / 'report.html'}")
 
 
-def _print(renderable: Any, width: int) -> None:
-    """Print a table of rich; a pipe has no width of its own."""
-    from rich.console import Console
-
-    Console(width=None if sys.stdout.isatty() else width).print(renderable)
-
-
-@contextmanager
-def _progress(asked: Namespace, steps: int) -> Iterator[Callable[[str], None]]:
-    """Show a progress bar on a terminal's standard error; return the function that advances it by a step."""
-    from boomctl.progress import listening
-
-    if not sys.stderr.isatty() or asked.json or asked.quiet:
-        yield lambda text: None
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn as Bar
-    from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
-
-    columns = (SpinnerColumn(), TextColumn("{task.description}"), Bar(), TimeElapsedColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("starting", total=steps)
-        step = ["starting"]
-
-        def advance(text: str) -> None:
-            step[0] = text
-            bar.update(task, description=text, advance=1)
-
-        def within(reported: "Reported") -> None:
-            if reported.seconds > _NAMED_AFTER:
-                bar.update(task, description=f"{step[0]}; {reported}")
-
-        with listening(within):
-            yield advance
-
-
 def sigma(asked: Namespace) -> dict[str, Any]:
     """Compute the boom's singular values from platform actuators to tips, with a certified peak."""
     if asked.out is not None and asked.out.suffix not in (".png", ".svg"):
@@ -229,6 +191,7 @@ def design(asked: Namespace) -> Any:
 
     path = design_path(asked.name)
     from boomctl.files import prepared_folder
+    from boomctl.progress import computing
     from boomctl.studies.suspension.design import SuspensionDesign
     from boomctl.studies.suspension.scene import FieldScene
 
@@ -236,16 +199,16 @@ def design(asked: Namespace) -> Any:
     chosen = {name: value for name, value in given.items() if value is not None}
     scene, folder = FieldScene(**chosen), prepared_folder(asked.out)
     aside = redirect_stdout(sys.stderr) if asked.json else nullcontext()  # a design may print
-    with _progress(asked, 3) as progress, aside:
-        progress("design")
+    with computing("design") as tell, aside:
+        tell("synthesis", 0, 3)
         made = load_design(path)
         suspension = isinstance(made, SuspensionDesign)
         if chosen and not suspension:
             wrong = ", ".join(f"--{name.removesuffix('_class')}" for name in chosen)
             raise ValueError(f"{wrong}: of suspensions only; expected none for the design {asked.name!r}")
-        progress("evaluation")
+        tell("evaluation", 1, 3)
         result = made.evaluate(scene) if suspension else made.evaluate()
-        progress("report")
+        tell("report", 2, 3)
         report = result.report()
     print(result)
     _write(report, folder)
@@ -260,6 +223,7 @@ def reproduce(asked: Namespace) -> dict[str, Any]:
     from boomctl.checks import known, whole
     from boomctl.files import json_text, plain, prepared_folder, write_all
     from boomctl.lab.papers.jobs import run_jobs
+    from boomctl.progress import computing
     from boomctl.report import bound_reports
 
     known("what to reproduce", asked.what, (*_PAPERS, "all"))
@@ -270,8 +234,8 @@ def reproduce(asked: Namespace) -> dict[str, Any]:
     papers = [_boom_paper(asked) if name == "boom" else _hub_beam_paper(asked.full) for name in names]
     folder, results, reports = prepared_folder(asked.out), {}, []
     jobs = {name: job for work, _ in papers for name, job in work.items()}
-    with _progress(asked, len(jobs)) as progress:
-        found = run_jobs(jobs, workers, progress)
+    with computing("reproduction") as tell:
+        found = run_jobs(jobs, workers, tell)
     for name, (_, report_of) in zip(names, papers, strict=True):
         report = report_of(found)
         results[name] = plain(report.results)
@@ -309,19 +273,9 @@ def _print_paper(name: str, results: dict[str, Any]) -> None:
         verdicts = ", ".join(f"{count} {verdict}" for verdict, count in results["summary"].items())
         print(f"Bai et al. (2009), numbers and statements: {verdicts}.")
         return
-    from rich.table import Table
-
-    table = results["table_1"]
-    shown = Table(title="Anthonis & Ramon (2003), Table 1 [Hz]: published / here (difference in %)")
-    for head in ("", "measured", *table["methods"], "exact beam"):
-        shown.add_column(head, justify="right")
-    for k, exact in enumerate(table["exact_hz"]):
-        cells = [str(k + 1), f"{table['measured_hz'][k]:g}"]
-        for method in table["methods"].values():
-            published, here = method["published_hz"][k], method["computed_hz"][k]
-            cells.append(f"{published:.4f} / {here:.4f} ({method['difference_percent'][k]:+.2f})")
-        shown.add_row(*cells, f"{exact:.5f}")
-    _print(shown, 140)
+    print("Anthonis & Ramon (2003), Table 1, difference from the published frequencies in percent:")
+    for method, found in results["table_1"]["methods"].items():
+        print(f"  {method}: {', '.join(f'{percent:+.2f}' for percent in found['difference_percent'])}")
     print(
         "The geometrical column's fourth value, 2.9316 Hz, is not reproducible under any reading tried; see the report."
     )
@@ -350,12 +304,15 @@ def benchmark(asked: Namespace) -> dict[str, Any]:
     NAME is a scene ("boom-sigma") or the first word of several ("boom"); all scenes by default.
     """
     from boomctl.files import prepared_folder
-    from boomctl.lab.benchmark.run import run, wanted
+    from boomctl.lab.benchmark.run import run
+    from boomctl.progress import computing
 
     folder = None if asked.out is None else prepared_folder(asked.out)
-    with _progress(asked, len(wanted(asked.what))) as progress:
-        found = run(asked.what, quick=asked.quick, progress=progress)
-    _print(found.render(), 160)
+    with computing("benchmark") as tell:
+        found = run(asked.what, quick=asked.quick, progress=tell)
+    from rich.console import Console
+
+    Console(width=None if sys.stdout.isatty() else 160).print(found.render())  # a pipe has no width of its own
     if folder is not None:
         _write(found.report(), folder)
     return found.as_dict()
