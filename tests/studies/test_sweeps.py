@@ -10,7 +10,7 @@ import sys
 import threading
 import time
 import warnings
-from functools import cache, partial
+from functools import cache, cached_property, partial
 from itertools import product
 from pathlib import Path
 
@@ -280,6 +280,24 @@ def class_attribute(factor):
     return Local.of
 
 
+def with_property(factor, kind):
+    class Local:
+        @kind
+        def by(self):
+            return factor
+
+        def of(self, x):
+            return {"value": self.by * x}
+
+    return Local().of
+
+
+def with_methods(factor):
+    inner = Times(factor)
+    chosen = [inner.of]
+    return lambda x: chosen[0](x)
+
+
 def cached_times(factor):
     return cache(times(factor))
 
@@ -309,6 +327,9 @@ MADE = {
     "class attribute": class_attribute,
     "partial": lambda f: partial(scaled, factor=f),
     "cache": cached_times,
+    "property": lambda f: with_property(f, property),
+    "cached property": lambda f: with_property(f, cached_property),
+    "method in a list": with_methods,
 }
 
 
@@ -365,6 +386,23 @@ def test_checkpoint_without_source_compares_code(tmp_path):
     assert bc.sweep(spaces[0]["f"], {"x": [1.0]}, checkpoint=tmp_path / "s").resumed == 1
     with pytest.raises(ValueError, match="must be a file of the function"):
         bc.sweep(spaces[1]["f"], {"x": [1.0]}, checkpoint=tmp_path / "s")
+
+
+def imports_helper(x):
+    import checkpoint_helper
+
+    return {"value": checkpoint_helper.by() * x}
+
+
+def test_checkpoint_after_edited_module_raises(tmp_path, monkeypatch):
+    monkeypatch.syspath_prepend(tmp_path)
+    (tmp_path / "checkpoint_helper.py").write_text("def by():\n    return 2.0\n")
+    for resumed in (0, 1):
+        assert bc.sweep(imports_helper, {"x": [1.0]}, checkpoint=tmp_path / "s").resumed == resumed
+    (tmp_path / "checkpoint_helper.py").write_text("def by():\n    return 3.0\n")
+    with pytest.raises(ValueError, match="must be a file of the function"):
+        bc.sweep(imports_helper, {"x": [1.0]}, checkpoint=tmp_path / "s")
+    monkeypatch.delitem(sys.modules, "checkpoint_helper")
 
 
 def script(tmp_path, name, body):
