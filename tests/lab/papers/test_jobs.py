@@ -32,8 +32,8 @@ def test_run_jobs_returns_results_by_name_in_order(workers):
 def test_run_jobs_error_ends_the_other_jobs(work, error):
     began = time.monotonic()
     with pytest.raises(error):
-        run_jobs({"wrong": work, "long": partial(time.sleep, 60.0)}, 2)
-    assert time.monotonic() - began < 30.0
+        run_jobs({"wrong": work, "long": partial(time.sleep, 600.0)}, 2)
+    assert time.monotonic() - began < 300.0
     assert not active_children()
 
 
