@@ -48,11 +48,11 @@ class Spread:
     source: str
 
 
-def of_sets(each: Array, names: tuple[str, ...]) -> Spread:
+def of_sets(each: Array) -> Spread:
     """Return the spread of what another data set would say, of what each one says (sets, p)."""
     size = len(each)
     found = np.atleast_2d(np.cov(each.T, ddof=1)) * (1.0 + 1.0 / size)
-    source = f"how much {count(size, 'data set')} differ ({', '.join(names)}): they hold for another one"
+    source = f"how much {count(size, 'data set')} differ: they hold for another one"
     return Spread(found, np.full(each.shape[1], size - 1.0), source)
 
 

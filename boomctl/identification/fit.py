@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
     Range = tuple[float, float]
     One = ArrayLike | Mapping[int, float] | control.FrequencyResponseData | MeasuredCurve | SigmaResult
-    Measurement = One | Mapping[str, One] | Sequence[One]
+    Measurement = One | Sequence[One]
 
 _SEARCH = {"xtol": 1e-6, "ftol": 1e-10, "gtol": 1e-12, "max_nfev": 60}  # of a start: tells minima from each other
 _POLISH = {"xtol": 1e-13, "ftol": 1e-15, "gtol": 1e-15, "max_nfev": 100}  # of the best start: to rounding
@@ -127,7 +127,7 @@ def fit(
         Eigenfrequencies [Hz], ascending (damped, if the model's are), or a mapping from the numbers of modes, from 1,
         to them; a complex frequency response; singular values (magnitudes).  A curve that has its phase is fitted as the
         complex response that it is; singular values where there is no phase.  ``measured.kind`` of the result says which.
-        A mapping from names, or a list, of such: several data sets of one kind, such as days.
+        A list of such: several data sets of one kind, such as days.
     free : names, or mapping from names to (low, high) or None
         Names of the parameters that are fitted. A range limits the search, and is where further starts are drawn. Of a
         family all are fitted by default.
@@ -218,7 +218,7 @@ def fit(
     size, exact = max(float(size), floor), bool(size < floor)
     spread = None
     if len(each):
-        spread = of_sets(each, data.sets)
+        spread = of_sets(each)
     elif known_size is None and not exact:
         spread = of_blocks(found.matrix, f(x), data, seen)
     # number of standard deviations within confidence: normal, or Student's t, which has none without freedom
@@ -291,7 +291,7 @@ def fit(
         path=path,
         source=spread.source,
         freedoms=named(spread.freedom),
-        each={name: named(free_parameters.values(at)) for name, at in zip(data.sets, each, strict=False)},
+        each=tuple(named(free_parameters.values(at)) for at in each),
         repeated=float(np.maximum(best.cost - variance * data.size, 0.0) / (best.cost or 1.0)),
         build=build,
     )
@@ -325,8 +325,8 @@ def _search(problem: _Problem, count: int, seed: int) -> tuple[list[_Candidate],
 def _of_each(problem: _Problem, best: _Candidate, steps: Array) -> Array:
     """Return the coordinates at which each of several data sets is fitted by itself, from the fit to all."""
     data, found = problem.builder.data, []
-    for k in range(len(data.sets) if data.member is not None else 0):
-        tell("data sets", k, len(data.sets))
+    for k in range(data.sets if data.sets > 1 else 0):
+        tell("data sets", k, data.sets)
         alone = replace(problem, builder=replace(problem.builder, data=data.one(k)))
         found.append(alone.solve(best.x, steps, _SEARCH).x)
     return np.array(found)

@@ -62,10 +62,8 @@ class Measured:
         Signals that the user named.
     labels : (tuple of str, tuple of str) or None
         Inputs and outputs that stand in the measured data.
-    sets : tuple of str
-        Names of the data sets, such as days; one without a name where there is one.
     member : (n,) ndarray of int, or None
-        Which of them each entry of the last axis of ``values`` is from; None: there is one.
+        Which of several data sets each entry of the last axis of ``values`` is from; None: there is one.
     noise : ndarray or None
         Deviation of each value as a share of its ``spread``, where the measurement says it.
     """
@@ -79,7 +77,6 @@ class Measured:
     inputs: tuple[str, ...] | None = None
     outputs: tuple[str, ...] | None = None
     labels: tuple[tuple[str, ...], tuple[str, ...]] | None = None
-    sets: tuple[str, ...] = ("",)
     member: Array | None = None
     noise: Array | None = None
 
@@ -95,13 +92,10 @@ class Measured:
         inputs: object,
         outputs: object,
     ) -> "Measured":
-        """Return what was measured, checked; of a list or a mapping of data sets, all of them side by side."""
+        """Return what was measured, checked; of a list of data sets, all of them side by side."""
         known("kind of errors", errors, ERRORS)
-        several = _sets(measured)
-        if several is not None:
-            return _side_by_side(
-                {name: cls.of(each, modes, weights, errors, inputs, outputs) for name, each in several.items()}
-            )
+        if isinstance(measured, (list, tuple)) and measured and not any(np.isscalar(each) for each in measured):
+            return _side_by_side([cls.of(each, modes, weights, errors, inputs, outputs) for each in measured])
         signals = {}
         for name, given in (("inputs", inputs), ("outputs", outputs)):
             listed = (given,) if isinstance(given, str) else given
@@ -147,6 +141,11 @@ class Measured:
         return None if self.omega is None else np.unique(self.omega, return_inverse=True)
 
     @property
+    def sets(self) -> int:
+        """Number of data sets."""
+        return 1 if self.member is None else int(self.member[-1]) + 1
+
+    @property
     def least(self) -> int:
         """Number of eigenfrequencies that a model has at least."""
         if self.modes:
@@ -155,8 +154,6 @@ class Measured:
 
     def one(self, k: int) -> "Measured":
         """Return one of the data sets."""
-        if self.member is None:
-            return self
         own = self.member == k
         modes = None if self.modes is None else tuple(np.array(self.modes)[own].tolist())
         omega, noise = (None if x is None else x[..., own] for x in (self.omega, self.noise))
@@ -193,7 +190,7 @@ class Measured:
         if self.modes is not None:
             return self.modes
         if self.member is not None:
-            return tuple(mode for k in range(len(self.sets)) for mode in self.one(k).nearest(offered))
+            return tuple(mode for k in range(self.sets) for mode in self.one(k).nearest(offered))
         m, n = len(self.values), len(offered)
         cost = np.square(_difference(offered[None, :], self.values[:, None], self.errors) / self.spread[:, None])
         cost[~self.kept] = 0.0
@@ -231,7 +228,7 @@ class Measured:
         Of data sets of the same frequencies or modes, from their differences, otherwise from the deviations of the
         response.
         """
-        at, sets = modes if self.omega is None else self.omega, len(self.sets)
+        at, sets = modes if self.omega is None else self.omega, self.sets
         if self.member is not None and len(set(np.bincount(self.member))) == 1:
             at = np.reshape(np.asarray(at), (sets, -1))
             if (at == at[0]).all():
@@ -273,34 +270,25 @@ def _difference(fitted: Array, measured: Array, errors: str) -> Array:
         return np.log(fitted / np.where(measured == 0.0, np.nan, measured))
 
 
-def _sets(measured: object) -> dict[str, Any] | None:
-    """Return several data sets by name, from a mapping or a list; None for a single one."""
-    if isinstance(measured, Mapping) and measured and all(isinstance(name, str) for name in measured):
-        return dict(measured)
-    if isinstance(measured, (list, tuple)) and measured and not any(np.isscalar(each) for each in measured):
-        return {f"set {k + 1}": each for k, each in enumerate(measured)}
-    return None
-
-
-def _side_by_side(sets: Mapping[str, "Measured"]) -> "Measured":
+def _side_by_side(sets: Sequence["Measured"]) -> "Measured":
     """Return data sets of one kind as one, joined along the last axis."""
-    first, *others = sets.values()
+    first, *others = sets
     kind = first.kind, first.values.shape[:-1], first.labels
-    for name, other in zip(list(sets)[1:], others, strict=True):
+    for k, other in enumerate(others, start=2):
         found = other.kind, other.values.shape[:-1], other.labels
         if found != kind or (other.modes is None) != (first.modes is None):
             raise ValueError(
-                f"`measured` must be data sets of one kind, shape and signals, got {kind} and {name!r} with {found}."
+                f"`measured` must be data sets of one kind, shape and signals, got {kind} and set {k} with {found}."
             )
     if not others:
         return first
     joined: dict[str, Any] = {}
     for name in ("values", "spread", "omega", "modes", "noise"):
-        parts = [getattr(each, name) for each in sets.values()]
+        parts = [getattr(each, name) for each in sets]
         joined[name] = None if any(part is None for part in parts) else np.concatenate(parts, axis=-1)
     joined["modes"] = None if joined["modes"] is None else tuple(joined["modes"].tolist())
-    member = np.repeat(np.arange(len(sets)), [each.values.shape[-1] for each in sets.values()])
-    return replace(first, **joined, sets=tuple(sets), member=member)
+    member = np.repeat(np.arange(len(sets)), [each.values.shape[-1] for each in sets])
+    return replace(first, **joined, member=member)
 
 
 def _weights(deviation: Array) -> Array | None:

@@ -71,7 +71,7 @@ class FitResult:
         What the intervals come from: data sets, blocks of frequencies, or residuals taken for independent.
     freedoms : dict of str to float
         Degrees of freedom of each standard error, for Student's t; infinite where the deviation was given.
-    each : dict of str to dict
+    each : tuple of dict
         Values that each of several data sets has by itself; empty of one.
     repeated : float
         Share of the squared residuals that is the same in all data sets, or more than the deviation that was measured
@@ -101,7 +101,7 @@ class FitResult:
     path: tuple[str, ...]
     source: str
     freedoms: dict[str, float]
-    each: dict[str, dict[str, float]]
+    each: tuple[dict[str, float], ...]
     repeated: float
     build: Any = field(default=None, repr=False, compare=False)
 
@@ -199,8 +199,8 @@ class FitResult:
         lines = [f"fit of {self._data()}: {self.certificate.adequacy}"]
         lines += [f"{n:{width}}  {self.values[n]:<12.6g} {self.interval_text(n)}" for n in self.names]
         lines += [f"not determined: {each.text}" for each in self.unseen]
-        for name, values in self.each.items():
-            lines.append(f"{name}: {', '.join(f'{n} = {value:.5g}' for n, value in values.items())}")
+        for k, values in enumerate(self.each, start=1):
+            lines.append(f"data set {k}: {', '.join(f'{n} = {value:.5g}' for n, value in values.items())}")
         lines += [self._errors(), f"{100.0 * self.confidence:g} % intervals from {self.source}"]
         return "\n  ".join([*lines, self.certificate._checks()])
 

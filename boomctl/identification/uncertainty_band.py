@@ -37,7 +37,7 @@ def uncertainty_band(
 
     Parameters
     ----------
-    measured : MeasuredResponse, FrequencyResponseData, or a list or mapping of such
+    measured : MeasuredResponse, FrequencyResponseData, or a list of such
         As `fit` takes it; without ``deviation`` the measurement is taken for exact.  Of several data sets the largest counts.
     model : SecondOrderModel, StateSpace, FrequencyResponseData, ...
         The model, such as ``build(found.parameters)`` of a fit, or ``found.model`` of an identification.

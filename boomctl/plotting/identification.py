@@ -37,9 +37,10 @@ def _draw_eigenfrequencies(result: "FitResult", ax: Any, drawn: dict[str, Any]) 
         error = np.array([data.values * -np.expm1(-error), data.values * np.expm1(error)])[:, kept]
     else:
         error = error[kept]
-    for k, name in enumerate(data.sets):
+    for k in range(data.sets):
         own = (np.zeros(len(kept), int) if data.member is None else data.member)[kept] == k
-        label = f"measured{name and ', '}{name}, ± 1 deviation"
+        number = "" if data.member is None else f", data set {k + 1}"
+        label = f"measured{number}, ± 1 deviation"
         at, values, bars = modes[kept][own], data.values[kept][own], error[..., own]
         ax.errorbar(at, values, yerr=bars, fmt="o", color=COLOURS[_of_set(k)], label=label)
     ax.plot(modes, result.begun, "x", color=_BEFORE, label="start")
@@ -70,8 +71,8 @@ def _draw_curves(result: "FitResult", ax: Any, drawn: dict[str, Any]) -> None:
         ax.plot(hz[first], before, ":", color=_BEFORE, linewidth=1.0, label="start" if k == 0 else None)
         if data.member is None:
             ax.plot(hz, seen, ".", color=colour, markersize=3, label=f"measured{number}" if named else None)
-        for j, name in enumerate(data.sets if data.member is not None else ()):
-            own, label = data.member == j, f"measured, {name}" if k == 0 else None
+        for j in range(data.sets if data.member is not None else 0):
+            own, label = data.member == j, f"measured, data set {j + 1}" if k == 0 else None
             ax.plot(hz[own], seen[own], ".", color=COLOURS[_of_set(j)], markersize=3, label=label)
         ax.plot(hz[first], line, **{"color": colour, "label": f"fitted{number}" if named else None, **drawn})
     ax.set_xscale("log" if (hz > 0.0).all() else "linear")

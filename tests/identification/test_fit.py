@@ -571,19 +571,19 @@ def day(rng, stiffness, model_error=0.0):
 def test_days_that_differ_make_the_interval_as_wide_as_they_do():
     """The values of each day alone, and the interval of a normal value to be drawn anew, by the textbook."""
     rng, stiffness = np.random.default_rng(1), np.array([880.0, 905.0, 893.0, 921.0])
-    days = {f"day {k}": day(rng, value) for k, value in enumerate(stiffness)}
+    days = [day(rng, value) for value in stiffness]
     found = bc.fit(response, days, ["k1"], {**CHAIN, "c": 4e-3}, starts=1)
-    each = np.array([found.each[name]["k1"] for name in days])
+    each = np.array([values["k1"] for values in found.each])
     np.testing.assert_allclose(each, stiffness, rtol=2e-3)
     half = 3.182 * np.log(each).std(ddof=1) * np.sqrt(1.0 + 1.0 / 4.0)  # Student's t of three degrees of freedom
     low, high = found.intervals["k1"]
     np.testing.assert_allclose([np.log(found.values["k1"] / low), np.log(high / found.values["k1"])], half, rtol=0.05)
-    alone = bc.fit(response, days["day 0"], ["k1"], {**CHAIN, "c": 4e-3}, starts=1)
+    alone = bc.fit(response, days[0], ["k1"], {**CHAIN, "c": 4e-3}, starts=1)
     assert not alone.intervals["k1"][0] < 921.0 < alone.intervals["k1"][1]
     assert "4 data sets differ" in found.source
-    assert "day 3: k1 = 92" in found.render()
+    assert "data set 4: k1 = 92" in found.render()
     labels = found.plot().get_legend_handles_labels()[1]
-    assert [f"measured, {name}" in labels for name in days] == [True] * 4
+    assert [f"measured, data set {k + 1}" in labels for k in range(4)] == [True] * 4
 
 
 @pytest.mark.parametrize("wrong", [0.0, 0.02])
@@ -599,13 +599,13 @@ def test_days_of_frequencies_are_paired_with_modes_each_by_itself():
     exact = frequencies(CHAIN)
     found = bc.fit(frequencies, [exact * 1.001, exact[:2], exact * 0.999], ["k1", "k2", "k3"], CHAIN, starts=1)
     assert found.modes == (1, 2, 3, 1, 2, 1, 2, 3)
-    np.testing.assert_allclose(found.each["set 1"]["k1"], CHAIN["k1"] * 1.001**2, rtol=1e-5)
+    np.testing.assert_allclose(found.each[0]["k1"], CHAIN["k1"] * 1.001**2, rtol=1e-5)
 
 
 def test_data_sets_that_are_not_alike_are_refused():
     rng = np.random.default_rng(0)
     with pytest.raises(
-        ValueError, match=r"`measured` must be data sets of one kind, shape and signals, got .*complex.* and 'set 2'"
+        ValueError, match=r"`measured` must be data sets of one kind, shape and signals, got .*complex.* and set 2"
     ):
         bc.fit(response, [day(rng, 900.0), frequencies(CHAIN)], ["k1"], CHAIN)
 

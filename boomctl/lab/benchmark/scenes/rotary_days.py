@@ -140,7 +140,7 @@ def _drawn(family: Family, count: int) -> list[dict[str, float]]:
 
 def _fitted(change: float = 0.0) -> FitResult:
     begin = {name: value * (1.0 + change) for name, value in _BEGIN.items()}
-    return fit(rig, {f"day {k + 1}": day for k, day in enumerate(days()[:-1])}, list(begin), begin, starts=1)
+    return fit(rig, days()[:-1], list(begin), begin, starts=1)
 
 
 def _least_squares(change: float) -> dict[str, float]:
