@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from boomctl.analysis.sigma import SigmaResult
 
     Range = tuple[float, float]
-    One = ArrayLike | Mapping[int, float] | control.FrequencyResponseData | MeasuredCurve | SigmaResult
+    One = ArrayLike | control.FrequencyResponseData | MeasuredCurve | SigmaResult
     Measurement = One | Sequence[One]
 
 _SEARCH = {"xtol": 1e-6, "ftol": 1e-10, "gtol": 1e-12, "max_nfev": 60}  # of a start: tells minima from each other
@@ -123,10 +123,10 @@ def fit(
         eigenfrequencies [Hz], a frequency response at the measured frequencies, singular values.  Parameters of the
         function that are called ``omega`` [rad/s], ``count`` (of modes), ``inputs`` and ``outputs`` are given to it.
         What it refuses with a ValueError or an ArithmeticError is not searched.
-    measured : array_like, mapping, FrequencyResponseData, MeasuredCurve or SigmaResult
-        Eigenfrequencies [Hz], ascending (damped, if the model's are), or a mapping from the numbers of modes, from 1,
-        to them; a complex frequency response; singular values (magnitudes).  A curve that has its phase is fitted as the
-        complex response that it is; singular values where there is no phase.  ``measured.kind`` of the result says which.
+    measured : array_like, FrequencyResponseData, MeasuredCurve or SigmaResult
+        Eigenfrequencies [Hz], ascending without ``modes`` (damped, if the model's are); a complex frequency response;
+        singular values (magnitudes).  A curve that has its phase is fitted as the complex response that it is; singular
+        values where there is no phase.  ``measured.kind`` of the result says which.
         A list of such: several data sets of one kind, such as days.
     free : names, or mapping from names to (low, high) or None
         Names of the parameters that are fitted. A range limits the search, and is where further starts are drawn. Of a
@@ -136,7 +136,7 @@ def fit(
         defaults; the middle of a family; the middle of the ranges.
     modes : sequence of int, optional
         Which mode of the model each eigenfrequency is, from 1.  By default the nearest ones in order, some of which may
-        have been missed in the measurement.
+        have been missed in the measurement.  Of several data sets the same for all.
     weights : array_like, optional
         How much each value counts: one over the size of its error beside that of the others. By default as the
         ``deviation`` of a response of :func:`boomctl.estimate_response` says, otherwise 1 for each; 0 leaves a value out.

@@ -1,7 +1,7 @@
 """What is fitted to: measured eigenfrequencies, complex frequency responses, singular values; and what a model answers."""
 
 import inspect
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from types import SimpleNamespace
@@ -300,10 +300,6 @@ def _weights(deviation: Array) -> Array | None:
 
 def _eigenfrequencies(measured: object, modes: object) -> tuple[Array, tuple[int, ...] | None]:
     """Return measured eigenfrequencies and, where they are said, which modes they are."""
-    if isinstance(measured, Mapping):
-        if modes is not None:
-            raise ValueError("modes: expected None, as measured names its modes")
-        modes, measured = tuple(measured), list(measured.values())
     kinds = "eigenfrequencies [Hz], FrequencyResponseData, a MeasuredCurve or a SigmaResult"
     values = finite_array("measured", _numbers("measured", measured, kinds, "iuf"), ndim=1)
     if not len(values):

@@ -82,10 +82,9 @@ class BoomUpdating:
 def updating_study(parameters: BoomParameters | None = None) -> BoomUpdating:
     """Fit the measured row of Table 1."""
     p = BoomParameters() if parameters is None else parameters
-    row = dict(enumerate(MEASURED_HZ, start=1))
-    readings = tuple(fit(_boom, row, free, p, starts=STARTS) for free in READINGS)
-    later = {mode: value for mode, value in row.items() if mode > 1}
-    others = fit(_boom, later, READINGS[2], p, starts=STARTS)
+    modes = range(1, len(MEASURED_HZ) + 1)
+    readings = tuple(fit(_boom, MEASURED_HZ, free, p, modes=modes, starts=STARTS) for free in READINGS)
+    others = fit(_boom, MEASURED_HZ[1:], READINGS[2], p, modes=modes[1:], starts=STARTS)
     first = _first(others.parameters)
     slope = []
     for name, value in others.values.items():
