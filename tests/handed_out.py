@@ -214,7 +214,8 @@ def identified():
 
 @functools.cache
 def fitted():
-    return bc.fit(bc.spray_boom, [0.25, 0.58, 0.95, 2.8, 4.0], ["spring_stiffness", "youngs_modulus"], starts=2)
+    hz, free = [0.25, 0.58, 0.95, 2.8, 4.0], ["spring_stiffness", "youngs_modulus"]
+    return bc.fit(bc.spray_boom, hz, free, bc.BoomParameters(), starts=2)
 
 
 def exact_loop():

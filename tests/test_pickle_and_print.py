@@ -88,7 +88,7 @@ FACTORIES = {
     "IdentifiedMode": lambda: one.identified().modes[0],
     "FitResult": one.fitted,
     "FitResult, not determined": lambda: bc.fit(
-        bc.hub_beam, [0.46, 2.9], ["youngs_modulus", "second_moment"], starts=1
+        bc.hub_beam, [0.46, 2.9], ["youngs_modulus", "second_moment"], bc.HubBeamParameters(), starts=1
     ),
     "FitCertificate": lambda: one.fitted().certificate,
     "ReductionResult": lambda: bc.reduce(one.yaw().select("actuator_anti", "tip_anti"), order=4),

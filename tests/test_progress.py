@@ -23,7 +23,9 @@ CALLS = {
     "worst case": lambda **given: bc.worst_case(
         one.family(), one.suspension(), ["actuator_anti"], ["tip_anti"], **given
     ),
-    "fit": lambda **given: bc.fit(bc.spray_boom, [0.25, 0.59], ["spring_distance"], starts=2, **given),
+    "fit": lambda **given: bc.fit(
+        bc.spray_boom, [0.25, 0.59], ["spring_distance"], bc.BoomParameters(), starts=2, **given
+    ),
     "mesh study": lambda **given: mesh_study(one.hub_beam(), 1.0, 200.0, 4.0, (("shooting", 1),), (10, 20), **given),
 }
 

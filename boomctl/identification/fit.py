@@ -132,8 +132,7 @@ def fit(
         Names of the parameters that are fitted. A range limits the search, and is where further starts are drawn. Of a
         family all are fitted by default.
     start : dataclass or mapping, optional
-        The parameters to begin from, those that stay among them.  By default those that ``build`` takes, at their
-        defaults; the middle of a family; the middle of the ranges.
+        The parameters to begin from, those that stay among them.  By default the middle of a family, or of the ranges.
     modes : sequence of int, optional
         Which mode of the model each eigenfrequency is, from 1.  By default the nearest ones in order, some of which may
         have been missed in the measurement.  Of several data sets the same for all.

@@ -1,10 +1,8 @@
 """The free parameters of a fit: positive ones by their logarithms, others by shares of a range."""
 
-import inspect
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, fields, is_dataclass, replace
-from types import UnionType
-from typing import Any, Union, get_args, get_origin
+from typing import Any
 
 import numpy as np
 
@@ -125,7 +123,7 @@ def changed(record: Any, values: Mapping[str, float]) -> Any:
 
 
 def _start(build: object, free: object, start: object) -> Any:
-    """Return the record to begin from: the one given, a family's middle, or what `build` says it takes, by default."""
+    """Return the record to begin from: the one given, a family's middle, or the middle of the ranges."""
     if isinstance(build, Family):
         middle = build.values(np.zeros(build.size))
         if start is None:
@@ -139,28 +137,10 @@ def _start(build: object, free: object, start: object) -> Any:
         return start
     if start is not None:
         raise TypeError(f"start: expected a dataclass or a mapping of parameters, got {type(start).__name__}")
-    kind = _record_of(build) if callable(build) else None
-    if kind is not None:
-        try:
-            return kind()
-        except TypeError:
-            raise TypeError(f"start: expected a {kind.__name__}, which has no defaults of its own, got None") from None
     if isinstance(free, Mapping) and free and all(pair is not None for pair in free.values()):
         ends = {str(name): interval(str(name), pair) for name, pair in free.items()}
         return {n: float(np.sqrt(a) * np.sqrt(b)) if a > 0.0 else 0.5 * (a + b) for n, (a, b) in ends.items()}
     raise TypeError("start: expected the parameters to begin from, a dataclass or a mapping, got None")
-
-
-def _record_of(build: Callable[..., Any]) -> type | None:
-    """Return the dataclass that a function takes first, if it says so."""
-    try:
-        said = next(iter(inspect.signature(build).parameters.values())).annotation
-        if isinstance(said, str):
-            said = eval(said, getattr(inspect.unwrap(build), "__globals__", {}))  # as typing.get_type_hints reads it
-    except (StopIteration, NameError, SyntaxError, TypeError, ValueError, AttributeError):
-        return None
-    kinds = get_args(said) if get_origin(said) in (Union, UnionType) else (said,)
-    return next((kind for kind in kinds if isinstance(kind, type) and is_dataclass(kind)), None)
 
 
 def _numbers(record: Any) -> dict[str, Any]:

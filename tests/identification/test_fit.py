@@ -178,7 +178,7 @@ def test_exact_responses_give_the_parameters(build, errors):
     measured = build(TRUTH, omega=OMEGA) if build is bc.exact_frequency_response else bc.spray_boom(TRUTH)
     if build is bc.spray_boom:
         measured = measured.frequency_response(OMEGA, *PORTS.values())
-    found = bc.fit(build, measured, FREE, errors=errors, starts=1)
+    found = bc.fit(build, measured, FREE, bc.BoomParameters(), errors=errors, starts=1)
     assert recovered(found, vars(TRUTH), FREE)
     assert found.certified
 
@@ -268,7 +268,9 @@ def test_units_do_not_change_the_fit(of_parameters, of_values):
 
 def test_modes_that_were_missed_are_left_out():
     every = bc.spray_boom(TRUTH).eigenfrequencies_hz(7)
-    found = bc.fit(bc.spray_boom, every[[0, 1, 3, 5]], ["spring_stiffness", "youngs_modulus"], starts=1)
+    found = bc.fit(
+        bc.spray_boom, every[[0, 1, 3, 5]], ["spring_stiffness", "youngs_modulus"], bc.BoomParameters(), starts=1
+    )
     assert found.modes == (1, 2, 4, 6)
     assert recovered(found, {**vars(TRUTH)}, ["youngs_modulus"], 0.05)
 
@@ -333,7 +335,8 @@ def test_a_product_of_which_both_factors_are_free_is_said():
 @pytest.mark.slow
 def test_what_changes_nothing_by_itself_is_said_by_itself():
     measured = bc.spray_boom(TRUTH).eigenfrequencies_hz(5) * np.array([1.01, 0.99, 1.005, 1.0, 0.998])
-    found = bc.fit(bc.spray_boom, measured, ["platform_mass", "spring_stiffness", "cradle_mass"], starts=1)
+    free = ["platform_mass", "spring_stiffness", "cradle_mass"]
+    found = bc.fit(bc.spray_boom, measured, free, bc.BoomParameters(), starts=1)
     assert [list(each.direction) for each in found.unseen if not each.hardly] == [["platform_mass"]]
     assert "changes nothing that was measured" in repr(found)
     assert found.values["platform_mass"] == pytest.approx(250.0)  # left where it was
@@ -489,7 +492,7 @@ def test_bad_responses_are_refused_by_name(changed, message):
 def test_singular_values_between_signals_not_said_are_refused():
     curve = MeasuredCurve(OMEGA / (2 * np.pi), bc.sigma(bc.spray_boom(), OMEGA).sigma, ("upper", "lower"))
     with pytest.raises(ValueError, match=r"must return singular values \(2, 40\), got \(5, 40\)\. Set `inputs` and"):
-        bc.fit(bc.exact_frequency_response, curve, ["spring_stiffness"])
+        bc.fit(bc.exact_frequency_response, curve, ["spring_stiffness"], bc.BoomParameters())
 
 
 def test_what_a_model_refuses_at_the_start_is_said_as_the_model_says_it():
@@ -502,7 +505,7 @@ def test_parameters_that_a_model_refuses_are_not_searched():
     """A boom cannot weigh less than its tube: the fit ends there, and is not certified."""
     p = bc.BoomParameters()
     measured = 1.2 * bc.spray_boom(p).eigenfrequencies_hz(4)
-    found = bc.fit(bc.spray_boom, measured, ["boom_mass"], starts=1)
+    found = bc.fit(bc.spray_boom, measured, ["boom_mass"], p, starts=1)
     assert found.values["boom_mass"] >= p.tube_mass * (1.0 - 1e-9)
     assert not found.certified
 
