@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from boomctl.arrays import Array
-from boomctl.checks import positive, whole
+from boomctl.checks import function_of, positive, whole
 from boomctl.identification.blocks import Spread, confident, limits, of_blocks, of_sets
 from boomctl.identification.certificate import FitCertificate, lack_of_fit, minimum
 from boomctl.identification.free import FreeParameters
 from boomctl.identification.identifiability import Seen, differences, slopes
-from boomctl.identification.measured import BOUNDED, Builder, Measured
+from boomctl.identification.measured import BOUNDED, Measured, answered
 from boomctl.identification.result import FitResult
 from boomctl.lti.rounding import ALIKE
 from boomctl.progress import Listener, computing, tell
@@ -46,14 +46,19 @@ _MAX_STARTS = 1000
 class _Problem:
     """The model against the measurements, in coordinates."""
 
-    builder: Builder
+    make: Callable[[Any], Any]
+    data: Measured
     free: FreeParameters
+
+    def answer(self, x: Array) -> Array:
+        """Return all values that the model offers at coordinates."""
+        return answered(self.make(self.free.at(x)), self.data)
 
     def residuals(self, x: Array, modes: tuple[int, ...] | None) -> Array:
         """Compute the residuals, infinite where the model raises or has too few modes."""
-        data = self.builder.data
+        data = self.data
         try:
-            answer = self.builder(self.free.at(x))
+            answer = self.answer(x)
             if modes is None or max(modes) <= len(answer):
                 return data.residuals(data.matched(answer, modes))
         except (ValueError, ArithmeticError):
@@ -62,8 +67,8 @@ class _Problem:
 
     def paired(self, x: Array) -> tuple[int, ...] | None:
         """Return which modes are nearest to those measured."""
-        data = self.builder.data
-        return data.nearest(self.builder(self.free.at(x))) if data.kind == "eigenfrequencies" else None
+        data = self.data
+        return data.nearest(self.answer(x)) if data.kind == "eigenfrequencies" else None
 
     def solve(self, x: Array, steps: Array, options: dict[str, Any]) -> "_Candidate":
         """Return the least squares from a start; modes are paired anew until they stay."""
@@ -120,9 +125,8 @@ def fit(
     build : callable or Family
         A function of the parameters, such as ``bc.spray_boom``, ``bc.exact_eigenfrequencies_hz`` or one's own.  It
         returns a model (:class:`SecondOrderModel`, ``StateSpace``, a hub-beam), or what was measured of it:
-        eigenfrequencies [Hz], a frequency response at the measured frequencies, singular values.  Parameters of the
-        function that are called ``omega`` [rad/s], ``count`` (of modes), ``inputs`` and ``outputs`` are given to it.
-        What it refuses with a ValueError or an ArithmeticError is not searched.
+        eigenfrequencies [Hz], a frequency response or singular values at the measured frequencies (of several data sets
+        all of them once, ascending).  What it refuses with a ValueError or an ArithmeticError is not searched.
     measured : array_like, FrequencyResponseData, MeasuredCurve or SigmaResult
         Eigenfrequencies [Hz], ascending without ``modes`` (damped, if the model's are); a complex frequency response;
         singular values (magnitudes).  A curve that has its phase is fitted as the complex response that it is; singular
@@ -190,15 +194,16 @@ def fit(
     >>> round(found.values["stiffness"], 2), [round(end, 1) for end in found.intervals["stiffness"]]
     (50.53, [48.6, 52.6])
     """
+    make = _function(build)
     data = Measured.of(measured, modes, weights, errors, inputs, outputs)
     known_size = None if deviation is None else positive("deviation", deviation)
     confidence = confident("confidence", confidence)
     count = whole("starts", starts, most=_MAX_STARTS)
     whole("seed", seed, least=0)
     free_parameters = FreeParameters.of(build, free, start)
-    problem = _Problem(Builder.of(build, data), free_parameters)
+    problem = _Problem(make, data, free_parameters)
     zero = np.zeros(free_parameters.size)
-    offered = problem.builder(free_parameters.at(zero))  # what is wrong at the start is said from here
+    offered = problem.answer(zero)  # what is wrong at the start is said from here
     begun = data.matched(offered, problem.paired(zero))
     if not np.isfinite(data.residuals(begun)).all():
         raise ValueError("build: expected finite values above zero at the start; of absolute errors zeros will do")
@@ -238,7 +243,7 @@ def fit(
         if other.cost < best.cost + (limit * size) ** 2 and ((values < low - slack) | (values > high + slack)).any():
             apart.append((dict(zip(free_parameters.names, values.tolist(), strict=True)), other.cost))
     near = np.minimum(x - free_parameters.low, free_parameters.high - x)
-    fitted = data.matched(problem.builder(free_parameters.at(x)), best.modes)
+    fitted = data.matched(problem.answer(x), best.modes)
     residuals = data.difference(fitted)
     offset, shown = minimum(f, free_parameters, x, seen, size)
     variance, sure = data.variance(residuals, best.modes)
@@ -296,15 +301,22 @@ def fit(
     )
 
 
+def _function(build: object) -> Callable[[Any], Any]:
+    """Return the function that makes a model of parameters."""
+    if isinstance(build, Family):
+        return lambda parameters: build.at(build.deltas(parameters))
+    return function_of("build", build, "the parameters, or a family")
+
+
 def _search(problem: _Problem, count: int, seed: int) -> tuple[list[_Candidate], tuple[str, ...]]:
     """Return where the starts came to, the best first.
 
     Of a response, the search goes by bounded relative errors first: it finds resonances from further away.
     """
-    data, path = problem.builder.data, []
+    data, path = problem.data, []
     first = None
     if data.kind != "eigenfrequencies" and (data.values[data.kept] != 0.0).all():
-        first = replace(problem, builder=replace(problem.builder, data=replace(data, errors=BOUNDED)))
+        first = replace(problem, data=replace(data, errors=BOUNDED))
         path.append("bounded relative errors first")
     found, steps = [], np.full(problem.free.size, _STEP)
     for k, x in enumerate(problem.free.drawn(count, seed)):
@@ -323,10 +335,10 @@ def _search(problem: _Problem, count: int, seed: int) -> tuple[list[_Candidate],
 
 def _of_each(problem: _Problem, best: _Candidate, steps: Array) -> Array:
     """Return the coordinates at which each of several data sets is fitted by itself, from the fit to all."""
-    data, found = problem.builder.data, []
+    data, found = problem.data, []
     for k in range(data.sets if data.sets > 1 else 0):
         tell("data sets", k, data.sets)
-        alone = replace(problem, builder=replace(problem.builder, data=data.one(k)))
+        alone = replace(problem, data=data.one(k))
         found.append(alone.solve(best.x, steps, _SEARCH).x)
     return np.array(found)
 

@@ -1,7 +1,6 @@
 """What is fitted to: measured eigenfrequencies, complex frequency responses, singular values; and what a model answers."""
 
-import inspect
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from types import SimpleNamespace
@@ -16,7 +15,6 @@ from boomctl.arrays import Array
 from boomctl.checks import (
     finite_array,
     frequencies,
-    function_of,
     known,
     plain_array,
     positive,
@@ -28,7 +26,6 @@ from boomctl.lti.frequency import singular_values
 from boomctl.lti.rounding import ALIKE
 from boomctl.lti.system import is_frequency_response, is_statespace, of
 from boomctl.printing import compact
-from boomctl.structure.families import Family
 from boomctl.structure.model import SecondOrderModel
 
 ERRORS = ("relative", "absolute")
@@ -37,7 +34,6 @@ BOUNDED = "bounded relative"  # for the search alone
 _MISSED = 3  # modes that the measurement may have missed and that are offered beside those measured (a choice)
 _MIN_WEIGHT = 1e-50  # Squares of residuals divided by it do not overflow.
 _MIN_RELATIVE_STD = 1e-3  # Floor on standard deviations, relative to their median.
-_HANDED = ("omega", "count", "inputs", "outputs")  # what a function is given where it has a parameter of this name
 
 
 @dataclass(frozen=True)
@@ -334,104 +330,62 @@ def _spread(weights: object, values: Array) -> Array:
         raise ValueError(f"`weights` must have the measured shape {values.shape}, got {given.shape}.") from None
 
 
-@dataclass(frozen=True)
-class Builder:
-    """A model as a function of its parameters, and how its answer is compared with what was measured.
+def answered(model: Any, data: Measured) -> Array:
+    """Return all values that a model offers: modes [Hz], its response, or singular values."""
+    if data.asked is None:
+        return _frequencies(model, data)
+    omega, at = data.asked
+    return _curves(model, data, omega)[..., at]
 
-    Attributes
-    ----------
-    build : callable or Family
-    data : Measured
-    handed : tuple of str
-        Which of ``omega``, ``count``, ``inputs``, ``outputs`` the function is given.
-    """
 
-    build: Callable[..., Any] | Family
-    data: Measured
-    handed: tuple[str, ...]
+def _frequencies(model: Any, data: Measured) -> Array:
+    """Return the eigenfrequencies that a model offers [Hz]: some more than were measured, unless their modes are known."""
+    least = data.least
+    wanted = least if data.modes else least + _MISSED
+    if isinstance(model, SecondOrderModel):
+        offered = np.zeros(0)
+        for count in range(min(wanted, model.n), 0, -1):
+            try:
+                offered = model.eigenfrequencies_hz(count)
+                break
+            except ValueError:  # overdamped modes have none
+                if count <= least:
+                    raise
+    elif hasattr(model, "frequencies_hz"):
+        offered = np.asarray(model.frequencies_hz(), dtype=float)
+    elif is_statespace(model):
+        poles = of(model, "build").poles
+        offered = np.sort(poles.imag[poles.imag > 0.0]) / (2.0 * np.pi)
+    else:
+        offered = np.sort(finite_array("answer of build", _numbers("build", model, "eigenfrequencies [Hz]"), ndim=1))
+    if (offered <= 0.0).any():
+        raise ValueError(f"build: expected eigenfrequencies above zero, got {offered.min():g}")
+    if len(offered) < least:
+        raise ValueError(f"build: expected a model with at least {least} eigenfrequencies, got {len(offered)}")
+    return offered
 
-    @classmethod
-    def of(cls, build: Any, data: Measured) -> "Builder":
-        """Return the function, and what it is given beside the parameters."""
-        if isinstance(build, Family):
-            return cls(build, data, ())
-        function_of("build", build, "the parameters, or a family")
-        try:
-            there = list(inspect.signature(build).parameters)[1:]
-        except (TypeError, ValueError):  # some functions of other languages do not say what they take
-            there = []
-        return cls(build, data, tuple(name for name in _HANDED if name in there))
 
-    def model(self, parameters: Any) -> Any:
-        """Return what is built of parameters."""
-        data = self.data
-        if isinstance(self.build, Family):
-            return self.build.at(self.build.deltas(parameters))
-        omega = None if data.asked is None else data.asked[0]
-        given: dict[str, Any] = dict(zip(_HANDED, (omega, self._count(), data.inputs, data.outputs), strict=True))
-        return self.build(parameters, **{name: given[name] for name in self.handed if given[name] is not None})
-
-    def __call__(self, parameters: Any) -> Array:
-        """Return all values that the model offers: modes [Hz], its response, or singular values."""
-        data, model = self.data, self.model(parameters)
-        if data.asked is None:
-            return self._frequencies(model)
-        omega, at = data.asked
-        return self._curves(model, omega)[..., at]
-
-    def _count(self) -> int | None:
-        return self.data.least + (0 if self.data.modes else _MISSED) if self.data.omega is None else None
-
-    def _frequencies(self, model: Any) -> Array:
-        least = self.data.least
-        if isinstance(model, SecondOrderModel):
-            offered = np.zeros(0)
-            for count in range(min(self._count() or 0, model.n), 0, -1):
-                try:
-                    offered = model.eigenfrequencies_hz(count)
-                    break
-                except ValueError:  # overdamped modes have none
-                    if count <= least:
-                        raise
-        elif hasattr(model, "frequencies_hz"):
-            offered = np.asarray(model.frequencies_hz(), dtype=float)
-        elif is_statespace(model):
-            poles = of(model, "build").poles
-            offered = np.sort(poles.imag[poles.imag > 0.0]) / (2.0 * np.pi)
-        else:
-            offered = np.sort(
-                finite_array("answer of build", _numbers("build", model, "eigenfrequencies [Hz]"), ndim=1)
-            )
-        if (offered <= 0.0).any():
-            raise ValueError(f"build: expected eigenfrequencies above zero, got {offered.min():g}")
-        if len(offered) < least:
-            raise ValueError(f"build: expected a model with at least {least} eigenfrequencies, got {len(offered)}")
-        return offered
-
-    def _curves(self, model: Any, omega: Array) -> Array:
-        """Compute the response or the singular values between the measured signals, in the shape of one data set."""
-        data = self.data
-        model = model.linearize() if hasattr(model, "frequencies_hz") else model  # a hub-beam
-        if data.kind != RESPONSE and (isinstance(model, SecondOrderModel) or is_statespace(model)):
-            found = sigma(model, omega, data.inputs, data.outputs).sigma
-        elif isinstance(model, SecondOrderModel):
-            found = np.asarray(model.frequency_response(omega, *_signals(data, model)).frdata)
-        elif is_statespace(model):
-            system = of(model, "build")
-            found = system.select(*_signals(data, system)).response(omega)
-        elif is_frequency_response(model):
-            found = _of_data(model, data, omega)
-            found = found if data.kind == RESPONSE else singular_values(found)
-        else:
-            found = np.asarray(_numbers("build", model, f"a model or its {data.kind}"))
-        wanted = (*data.values.shape[:-1], len(omega))
-        if data.kind != RESPONSE and data.inputs is not None and data.outputs is not None:
-            found = found[: wanted[0]]  # the largest ones
-        if found.shape != wanted:
-            raise ValueError(
-                f"`build` must return {data.kind} {wanted}, got {found.shape}. Set `inputs` and `outputs`."
-            )
-        return found
+def _curves(model: Any, data: Measured, omega: Array) -> Array:
+    """Compute the response or the singular values between the measured signals, in the shape of one data set."""
+    model = model.linearize() if hasattr(model, "frequencies_hz") else model  # a hub-beam
+    if data.kind != RESPONSE and (isinstance(model, SecondOrderModel) or is_statespace(model)):
+        found = sigma(model, omega, data.inputs, data.outputs).sigma
+    elif isinstance(model, SecondOrderModel):
+        found = np.asarray(model.frequency_response(omega, *_signals(data, model)).frdata)
+    elif is_statespace(model):
+        system = of(model, "build")
+        found = system.select(*_signals(data, system)).response(omega)
+    elif is_frequency_response(model):
+        found = _of_data(model, data, omega)
+        found = found if data.kind == RESPONSE else singular_values(found)
+    else:
+        found = np.asarray(_numbers("build", model, f"a model or its {data.kind}"))
+    wanted = (*data.values.shape[:-1], len(omega))
+    if data.kind != RESPONSE and data.inputs is not None and data.outputs is not None:
+        found = found[: wanted[0]]  # the largest ones
+    if found.shape != wanted:
+        raise ValueError(f"`build` must return {data.kind} {wanted}, got {found.shape}. Set `inputs` and `outputs`.")
+    return found
 
 
 def _numbers(name: str, value: Any, expected: str, kinds: str = "iufc") -> ArrayLike:
@@ -460,7 +414,7 @@ def _of_data(model: Any, data: Measured, asked: Array) -> Array:
     """Return frequency response data between the signals asked for, at the measured frequencies."""
     grid = np.asarray(model.omega)
     if grid.shape != asked.shape or not np.allclose(grid, asked, rtol=ALIKE, atol=0.0):
-        raise ValueError("build: expected a response at the measured frequencies; take them as a parameter `omega`")
+        raise ValueError("build: expected a response at the measured frequencies, ascending")
     there = SimpleNamespace(inputs=tuple(model.input_labels), outputs=tuple(model.output_labels))
     ins, outs = _signals(data, there)
     i = [there.inputs.index(name) for name in ins or there.inputs]

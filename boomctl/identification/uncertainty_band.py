@@ -7,7 +7,7 @@ import numpy as np
 
 from boomctl.checks import some_names, whole
 from boomctl.identification.blocks import confident
-from boomctl.identification.measured import RESPONSE, Builder, Measured
+from boomctl.identification.measured import RESPONSE, Measured, answered
 from boomctl.lti.overbound import MOST, overbound
 from boomctl.lti.system import Lti, append
 from boomctl.threads import one_blas_thread
@@ -92,7 +92,7 @@ def uncertainty_band(
         some_names(what, wanted, there)
         for what, wanted, there in zip(("input", "output"), (inputs, outputs), data.labels, strict=True)
     )
-    left = np.abs(data.values - Builder.of(lambda parameters: model, data)(None))
+    left = np.abs(data.values - answered(model, data))
     if data.noise is not None:  # real and imaginary part normal: the size of their error is Rayleigh's
         hidden = np.where(data.kept, data.noise * np.where(data.kept, data.spread, 0.0), 0.0)
         left += np.sqrt(-2.0 * np.log(1.0 - level)) * hidden

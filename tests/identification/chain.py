@@ -23,7 +23,7 @@ def frequencies(p):
     return np.sqrt(np.linalg.eigvalsh(root[:, None] * K * root)) / (2.0 * np.pi)
 
 
-def response(p, omega):
+def response(p, omega=OMEGA):
     """Return the response of the last mass to a force on the first, damping in proportion to the stiffness."""
     M, K = matrices(p)
     dynamic = K[None] * (1.0 + 1j * p["c"] * omega[:, None, None]) - omega[:, None, None] ** 2 * M[None]

@@ -44,7 +44,7 @@ def chain_gain(rng):
     """Magnitudes with errors of 5 %: nothing of the phase."""
     gain = np.abs(response(CHAIN, OMEGA)[0]) * np.exp(0.05 * rng.standard_normal(len(OMEGA)))
     curve = MeasuredCurve(OMEGA / (2.0 * np.pi), gain, ("gain",))
-    return {"build": lambda p, omega: np.abs(response(p, omega)[0]), "measured": curve, "free": ["k1", "k3", "c"]}
+    return {"build": lambda p: np.abs(response(p)[0]), "measured": curve, "free": ["k1", "k3", "c"]}
 
 
 def held(draw, truth, start, sets, **more):
@@ -90,7 +90,7 @@ def correlated(rng):
     omega, c = np.linspace(5.0, 50.0, 150), 4e-3
     e = signal.lfilter([np.sqrt(0.51)], [1.0, -0.7], rng.standard_normal((2, 300)), axis=1)[:, -150:]
     measured = control.frd(response({**CHAIN, "c": c}, omega) * np.exp(0.05 * (e[0] + 1j * e[1])), omega)
-    return {"build": response, "measured": measured, "free": ["k1", "k3"]}
+    return {"build": lambda p: response(p, omega), "measured": measured, "free": ["k1", "k3"]}
 
 
 @pytest.mark.slow
