@@ -12,7 +12,7 @@ from boomctl.checks import function_of, positive, whole
 from boomctl.identification.blocks import Spread, confident, limits, of_blocks, of_sets
 from boomctl.identification.certificate import FitCertificate, lack_of_fit, minimum
 from boomctl.identification.free import FreeParameters
-from boomctl.identification.identifiability import Seen, differences, slopes
+from boomctl.identification.identifiability import STEP, Seen, differences, slopes
 from boomctl.identification.measured import BOUNDED, Measured, answered
 from boomctl.identification.result import FitResult
 from boomctl.lti.rounding import ALIKE
@@ -30,9 +30,7 @@ if TYPE_CHECKING:
     One = ArrayLike | control.FrequencyResponseData | MeasuredCurve | SigmaResult
     Measurement = One | Sequence[One]
 
-_SEARCH = {"xtol": 1e-6, "ftol": 1e-10, "gtol": 1e-12, "max_nfev": 60}  # of a start: tells minima from each other
-_POLISH = {"xtol": 1e-13, "ftol": 1e-15, "gtol": 1e-15, "max_nfev": 100}  # of the best start: to rounding
-_STEP = 1e-5  # coordinate step of differences in the search
+_SOLVER = {"xtol": 1e-12, "ftol": 1e-12, "gtol": 1e-15, "max_nfev": 100}  # of least squares: to rounding
 _MAX_PAIRINGS = 10  # assignments of measured to computed modes; two or three are usual
 _SAME_FIT = 0.05  # of the squared size of errors by which sums of squares of the same fit differ
 _EXACT = 1e-6  # relative size of residuals that counts as none, for data without errors
@@ -70,7 +68,7 @@ class _Problem:
         data = self.data
         return data.nearest(self.answer(x)) if data.kind == "eigenfrequencies" else None
 
-    def solve(self, x: Array, steps: Array, options: dict[str, Any]) -> "_Candidate":
+    def solve(self, x: Array) -> "_Candidate":
         """Return the least squares from a start; modes are paired anew until they stay."""
         from scipy.optimize import least_squares  # long to import, and only a fit comes here
 
@@ -78,8 +76,8 @@ class _Problem:
         modes, previous, cost = self.paired(x), None, np.inf
         for _ in range(_MAX_PAIRINGS):
             f, previous = self.at(modes), modes
-            jac = lambda y, f=f: differences(f, y, steps, self.free)  # noqa: E731
-            found = least_squares(f, x, jac=jac, bounds=bounds, **options)  # type: ignore[arg-type]
+            jac = lambda y, f=f: np.nan_to_num(differences(f, y, STEP, self.free))  # noqa: E731
+            found = least_squares(f, x, jac=jac, bounds=bounds, **_SOLVER)  # type: ignore[arg-type]
             x, cost = found.x, 2.0 * float(found.cost)
             modes = self.paired(x)
             if modes == previous:
@@ -209,13 +207,11 @@ def fit(
         raise ValueError("build: expected finite values above zero at the start; of absolute errors zeros will do")
     with computing("fit", progress):
         candidates, path = _search(problem, count, seed)
-        best = problem.solve(
-            candidates[0].x, slopes(problem.at(candidates[0].modes), candidates[0].x, free_parameters).steps, _POLISH
-        )
+        best = candidates[0]
         f, x = problem.at(best.modes), best.x
-        found = slopes(f, x, free_parameters)
-        seen = Seen.of(found, f, x, free_parameters)
-        each = _of_each(problem, best, found.steps)
+        matrix, error = slopes(f, x, free_parameters)
+        seen = Seen.of(matrix, error, f, x, free_parameters)
+        each = _of_each(problem, best)
     freedom = max(data.size - seen.rank, 0)
     size = known_size if known_size is not None else np.sqrt(best.cost / freedom) if freedom else 0.0
     floor = ALIKE * data.scale  # smaller errors are rounding errors of the model
@@ -224,7 +220,7 @@ def fit(
     if len(each):
         spread = of_sets(each)
     elif known_size is None and not exact:
-        spread = of_blocks(found.matrix, f(x), data, seen)
+        spread = of_blocks(matrix, f(x), data, seen)
     # number of standard deviations within confidence: normal, or Student's t, which has none without freedom
     degrees = np.inf if known_size is not None else freedom
     limit = float(limits(confidence, np.array(degrees))) if degrees > 0 else np.inf
@@ -255,7 +251,7 @@ def fit(
         starts=count,
         agreeing=sum(other.cost <= same for other in candidates) - sum(cost <= same for _, cost in apart),
         rivals=tuple(values for values, _ in apart),
-        at_end=tuple(n for n, d in zip(free_parameters.names, near, strict=True) if d < _STEP),
+        at_end=tuple(n for n, d in zip(free_parameters.names, near, strict=True) if d < STEP),
         paired=problem.paired(x) == best.modes,
         residual_percent=data.percent(fitted),
         excess=excess,
@@ -318,7 +314,7 @@ def _search(problem: _Problem, count: int, seed: int) -> tuple[list[_Candidate],
     if data.kind != "eigenfrequencies" and (data.values[data.kept] != 0.0).all():
         first = replace(problem, data=replace(data, errors=BOUNDED))
         path.append("bounded relative errors first")
-    found, steps = [], np.full(problem.free.size, _STEP)
+    found = []
     for k, x in enumerate(problem.free.drawn(count, seed)):
         tell("starts", k, count)
         try:
@@ -327,19 +323,19 @@ def _search(problem: _Problem, count: int, seed: int) -> tuple[list[_Candidate],
         except (ValueError, ArithmeticError):  # drawn where there is no such model
             continue
         if first is not None and np.isfinite(first.residuals(x, None)).all():
-            x = first.solve(x, steps, _SEARCH).x
-        found.append(problem.solve(x, steps, _SEARCH))
+            x = first.solve(x).x
+        found.append(problem.solve(x))
     path.append(f"{count} starts" if count > 1 else "1 start")
     return sorted(found, key=lambda candidate: candidate.cost), tuple(path)
 
 
-def _of_each(problem: _Problem, best: _Candidate, steps: Array) -> Array:
+def _of_each(problem: _Problem, best: _Candidate) -> Array:
     """Return the coordinates at which each of several data sets is fitted by itself, from the fit to all."""
     data, found = problem.data, []
     for k in range(data.sets if data.sets > 1 else 0):
         tell("data sets", k, data.sets)
         alone = replace(problem, data=data.one(k))
-        found.append(alone.solve(best.x, steps, _SEARCH).x)
+        found.append(alone.solve(best.x).x)
     return np.array(found)
 
 

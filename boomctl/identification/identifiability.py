@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 from scipy import linalg
@@ -10,9 +9,9 @@ from scipy import linalg
 from boomctl.arrays import Array
 from boomctl.identification.free import FreeParameters
 
-_STEPS = 10.0 ** -np.arange(3.0, 12.0)  # coordinate steps: truncation errors fall, rounding errors rise
-_TRIED_STEPS = 4  # largest steps with which a combination is tried that the slopes do not resolve
-_RESOLVED = 1e-4  # relative difference of two slopes below which a rise ends the search for a step
+STEP = 1e-5  # coordinate step of differences: truncation errors fall with it, rounding errors rise
+_STEPS = 10.0 ** -np.arange(3.0, 12.0)  # of which slopes take the one that agrees best with the next
+_TRIED_STEPS = 6  # largest steps with which a combination is tried that the slopes do not resolve
 _MIN_STEP_FRACTION = 0.1  # of a step that has to remain at the end of a range
 _MAX_SLOPE_ERROR = 1e-2  # relative error of a slope, at most: columns that differ by more are not zero
 _ERROR_FACTOR = 10.0  # singular values below so many errors of the slopes are tried by differences
@@ -23,31 +22,12 @@ _MIN_TEXT_COMPONENT = 0.02  # relative component from which a parameter is named
 _CHANGES = np.log([2.0, 1.1, 1.01, 1.001])  # coordinate changes for the text; the first that holds is used
 
 
-@dataclass(frozen=True)
-class Slopes:
-    """Derivatives of the residuals with respect to the coordinates.
-
-    Attributes
-    ----------
-    matrix : (n, p) ndarray
-    error : (p,) ndarray
-        How far two different steps disagree, a column.
-    steps : (p,) ndarray
-        Steps taken.
-    """
-
-    matrix: Array
-    error: Array
-    steps: Array
+def differences(f: Callable[[Array], Array], x: Array, step: float, free: FreeParameters) -> Array:
+    """Compute central differences, one-sided at the end of a range; ``nan`` where the model raises on both sides."""
+    return np.array([_along(f, x, axis, step, free) for axis in np.eye(free.size)]).T
 
 
-def differences(f: Callable[[Array], Array], x: Array, steps: Array, free: FreeParameters) -> Array:
-    """Compute central differences, one-sided at the end of a range; zero where the model raises on both sides."""
-    columns = [along(f, x, axis, step, free) for axis, step in zip(np.eye(free.size), steps, strict=True)]
-    return np.nan_to_num(np.array(columns).T)
-
-
-def along(f: Callable[[Array], Array], x: Array, direction: Array, step: float, free: FreeParameters) -> Array:
+def _along(f: Callable[[Array], Array], x: Array, direction: Array, step: float, free: FreeParameters) -> Array:
     """Compute the difference quotient along a direction, ``nan`` without room for a step.
 
     If the model raises on one side, or the range ends there, the difference is one-sided and of second order.
@@ -70,32 +50,32 @@ def along(f: Callable[[Array], Array], x: Array, direction: Array, step: float, 
     return 2.0 * half - whole if np.isfinite(half).all() else whole
 
 
-def slopes(f: Callable[[Array], Array], x: Array, free: FreeParameters) -> Slopes:
-    """Compute the slopes of each column with the step that agrees best with the next smaller one.
+def slopes(f: Callable[[Array], Array], x: Array, free: FreeParameters) -> tuple[Array, Array]:
+    """Compute the derivatives of the residuals, each column with the step that agrees best with the next smaller one.
+
+    Returns
+    -------
+    matrix : (n, p) ndarray
+    error : (p,) ndarray
+        How far the two steps disagree, a column.
 
     Raises
     ------
     ArithmeticError
         If the model raises on both sides of a parameter.
     """
-    found = []
-    for name, value, axis in zip(free.names, free.values(x), np.eye(free.size), strict=True):
-        columns, best = [along(f, x, axis, _STEPS[0], free)], (np.inf,)
-        for step, smaller in pairwise(_STEPS):
-            columns.append(along(f, x, axis, smaller, free))
-            error, size = (float(np.linalg.norm(each)) for each in (columns[-1] - columns[-2], columns[-1]))
-            ratio = error / (size or 1.0)
-            if ratio < best[0]:
-                best = ratio, columns[-2], error, step
-            elif best[0] <= _RESOLVED:
-                break
-        if best[0] == np.inf:
-            raise ArithmeticError(
-                f"fit: the model raises at all values near {name} = {value:.9g}. Use a range that ends where the model does."
-            )
-        found.append(best[1:])
-    columns, errors, steps = zip(*found, strict=True)
-    return Slopes(np.array(columns).T, np.array(errors), np.array(steps))
+    tried = np.array([differences(f, x, step, free) for step in _STEPS])
+    error, size = (np.linalg.norm(each, axis=1) for each in (np.diff(tried, axis=0), tried[1:]))
+    ratio = error / np.where(size == 0.0, 1.0, size)
+    ratio[np.isnan(ratio)] = np.inf
+    best, columns = ratio.argmin(axis=0), np.arange(free.size)
+    if np.isinf(ratio.min(axis=0)).any():
+        k = int(ratio.min(axis=0).argmax())
+        raise ArithmeticError(
+            f"fit: the model raises at all values near {free.names[k]} = {free.values(x)[k]:.9g}."
+            " Use a range that ends where the model does."
+        )
+    return tried[best, :, columns].T, error[best, columns]
 
 
 @dataclass(frozen=True)
@@ -136,20 +116,20 @@ class Seen:
     directions: Array
 
     @classmethod
-    def of(cls, slopes: Slopes, f: Callable[[Array], Array], x: Array, free: FreeParameters) -> "Seen":
+    def of(cls, matrix: Array, error: Array, f: Callable[[Array], Array], x: Array, free: FreeParameters) -> "Seen":
         """Compute the singular values; combinations that the slopes do not resolve are tried by differences.
 
         Columns are scaled to unit length, so that weak parameters do not drown in the errors of strong ones.
         """
-        size = np.linalg.norm(slopes.matrix, axis=0)
+        size = np.linalg.norm(matrix, axis=0)
         size[size == 0.0] = 1.0
-        error, p = np.minimum(slopes.error, _MAX_SLOPE_ERROR * size), len(size)
-        _, values, rows = _svd(slopes.matrix / size)
+        error, p = np.minimum(error, _MAX_SLOPE_ERROR * size), len(size)
+        _, values, rows = _svd(matrix / size)
         least = max(_ERROR_FACTOR * float(np.linalg.norm(error / size)), _ROUNDING * values[0])
         hidden, anywhere, resolved = [], replace(free, low=np.full(p, -np.inf), high=np.full(p, np.inf)), 0.0
         for row in rows[values <= least] / size:
             direction = row / np.linalg.norm(row)
-            tried = [along(f, x, direction, step, anywhere) for step in {*_STEPS[:_TRIED_STEPS], *slopes.steps}]
+            tried = [_along(f, x, direction, step, anywhere) for step in _STEPS[:_TRIED_STEPS]]
             smallest = min((float(np.linalg.norm(each)) for each in tried if np.isfinite(each).all()), default=0.0)
             if smallest > _TRIED_FACTOR * float(np.linalg.norm(error * direction)) + _ROUNDING * values[0] * size.max():
                 resolved = min(resolved or smallest, smallest)
@@ -157,7 +137,7 @@ class Seen:
                 hidden.append(direction)
         null = linalg.orth(np.array(hidden).T) if hidden else np.zeros((p, 0))
         rank = p - null.shape[1]
-        _, values, rows = _svd(slopes.matrix - slopes.matrix @ null @ null.T)
+        _, values, rows = _svd(matrix - matrix @ null @ null.T)
         values = np.append(np.maximum(values[:rank], resolved), np.zeros(p - rank))
         return cls(values, np.vstack([rows[:rank], null.T]))
 
