@@ -1,5 +1,6 @@
 """Errors of a fit of common poles from blocks of the data that are left out in turn (jackknife)."""
 
+from collections.abc import Callable
 from itertools import pairwise
 
 import numpy as np
@@ -18,6 +19,7 @@ def deviations(fit: CommonPoles, count: int = BLOCKS) -> Array:
     The gradient of the sum of squares is a sum over time.  The share of a block gives the step of the poles if the block
     is left out, by one Gauss-Newton step with the residues solved for.
 
+    Blocks of a record have equal information on the poles: the motion after an impact would otherwise be in one of them.
     Few blocks are long: their deviation includes how the structure changes from one to the next.
 
     Returns
@@ -30,8 +32,15 @@ def deviations(fit: CommonPoles, count: int = BLOCKS) -> Array:
     together = np.concatenate([columns.reshape(len(columns), -1), fit.basis, fit.residuals], axis=1)
     total = fit.normal_equations[0]
     total = total + np.diag(np.diagonal(total) == 0.0)  # the frequency of a real pole is no parameter
+    size = np.diagonal(total).reshape(k, 2, 1)
+
+    def information(part: Array) -> Array:
+        """Return the fraction of each row in the curvature of each parameter, summed over the parameters."""
+        slopes = part[:, : k * w].reshape(-1, k, w)
+        return (np.square(np.einsum("nkw,kjwp->nkjp", slopes, factors)) / size).sum(axis=(1, 2, 3))
+
     steps = []
-    for block in _blocks(fit, together, count):
+    for block in _blocks(fit, together, count, information):
         slopes, basis, left = np.split(block, [k * w, -p], axis=1)
         own = curvature(factors, slopes.T @ slopes)
         gradient = pull(factors, slopes.T @ (left + _left_out(basis, left)))
@@ -56,8 +65,10 @@ def _left_out(basis: Array, left: Array) -> Array:
     return basis @ np.linalg.solve(rest, basis.T @ left)
 
 
-def _blocks(fit: CommonPoles, columns: Array, count: int) -> list[Array]:
-    """Return blocks of columns: over time, or groups of lines of a frequency response."""
+def _blocks(
+    fit: CommonPoles, columns: Array, count: int, information: Callable[[Array], Array] | None = None
+) -> list[Array]:
+    """Return blocks of columns: over time, of equal length or information, or groups of lines of a frequency response."""
     if not fit.data.lengths:
         rows = columns[np.argsort(np.repeat(np.abs(fit.data.s), 2), kind="stable")]
         group = np.arange(len(rows)) // 2 % count  # each resonance has lines in many groups
@@ -67,5 +78,8 @@ def _blocks(fit: CommonPoles, columns: Array, count: int) -> list[Array]:
     found = []
     for part in parts:
         ends = np.linspace(0, len(part), max(round(len(part) / length), 1) + 1).astype(int)
+        if information is not None:
+            before = np.append(0.0, np.cumsum(information(part)))
+            ends = np.unique(np.searchsorted(before, before[-1] * ends / len(part)))
         found += [part[begin:end] for begin, end in pairwise(ends)]
     return found
