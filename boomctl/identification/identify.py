@@ -16,7 +16,7 @@ from boomctl.identification.families import name_of_real_pole, names_of_mode, of
 from boomctl.identification.jackknife import BLOCKS, deviations
 from boomctl.identification.realised import RankOne
 from boomctl.identification.record import EXCITED, QUANTITIES, Record, band, quantities
-from boomctl.identification.response import with_intersample
+from boomctl.identification.response import MeasuredResponse, with_intersample
 from boomctl.identification.search import refine, search_poles, settled, weakest, without
 from boomctl.identification.spectra import FEWEST, Spectra, complex_of, rms
 from boomctl.lti.python_control import control
@@ -308,7 +308,8 @@ def identify(
     Parameters
     ----------
     inputs, outputs : (N, m) array_like, mapping of names to (N,) array_like, or a sequence of such
-        Samples, a row a sample; several records as a list.  Or FrequencyResponseData alone, in place of inputs.
+        Samples, a row a sample; several records as a list.  Or FrequencyResponseData alone, in place of inputs; one of
+        `estimate_response` is fitted to its record, within its frequencies, and validated on all of it.
     sample_time : float
         Time between samples [s].
     modes : int, optional
@@ -331,7 +332,7 @@ def identify(
         Of the intervals, between 0.5 and 1.
     errors : "relative" or "absolute", optional
         How errors of a measured frequency response grow: with its size, or not at all; by default the likelier of the two.
-        One of `estimate_response` has its own, one with repeated frequencies that of the repetitions.
+        A mean of periods has its own, a response with repeated frequencies that of the repetitions.
 
     Returns
     -------
@@ -362,9 +363,9 @@ def identify(
     The fit is that of a free run: the exported system, driven by the inputs alone from one initial state, over the part of
     the record that is held back.  Then the model is fitted to the whole record.
 
-    Intervals of the mean come from blocks of the record that are left out (jackknife), so that they also hold for colored
-    errors.  Prediction intervals come from four long parts of the record in the same way, or from each of several records:
-    they include how the structure changes with time and level.
+    Intervals of the mean come from blocks of the record with equal information that are left out (jackknife), so that they
+    also hold for colored errors.  Prediction intervals come from four long parts of the record in the same way, or from each
+    of several records: they include how the structure changes with time and level.
 
     Examples
     --------
@@ -384,9 +385,14 @@ def identify(
     highest = _HIGHEST if order is None else whole("order", order, least=4, most=400)
     tested: Spectra | None = None
     whole_record: Spectra | None = None
-    if is_frequency_response(inputs):
-        if outputs is not None or sample_time is not None:
-            raise TypeError("outputs, sample_time: expected None beside a measured frequency response")
+    recorded = inputs.record if isinstance(inputs, MeasuredResponse) else None
+    if is_frequency_response(inputs) and (outputs is not None or sample_time is not None):
+        raise TypeError("outputs, sample_time: expected None beside a measured frequency response")
+    if errors is not None and (recorded is not None or not is_frequency_response(inputs)):
+        raise TypeError(
+            f"errors = {errors!r}: expected None for a record, whose residuals say how large its errors are"
+        )
+    if is_frequency_response(inputs) and recorded is None:
         response = _merged(inputs)
         low, high = band(band_hz, float(response.omega[-1]) / (2.0 * np.pi))
         trials = {
@@ -397,19 +403,20 @@ def identify(
         said = getattr(response, "quantity", ("displacement",) * len(names[1]))
         kinds = said if quantity is None else quantities(quantity, names[1])
         source = f"intervals from {BLOCKS} groups of frequencies, validated on all of them"
-    elif errors is not None:
-        raise TypeError(
-            f"errors = {errors!r}: expected None for a record, whose residuals say how large its errors are"
-        )
     else:
-        record = Record.of(inputs, outputs, sample_time, "displacement" if quantity is None else quantity, intersample)
-        least = FEWEST * len(record.inputs) / min(1.0 - back, back or 1.0)
-        low, high = _band(record, band_hz, least)
-        record = with_intersample(record, high)
+        if isinstance(inputs, MeasuredResponse) and inputs.record is not None:
+            record, back, ends_hz = inputs.record, 0.0, inputs.omega[[0, -1]] / (2.0 * np.pi)
+            low, high = band(tuple(ends_hz) if band_hz is None else band_hz, float(ends_hz[1]))
+        else:
+            kind = "displacement" if quantity is None else quantity
+            record = Record.of(inputs, outputs, sample_time, kind, intersample)
+            low, high = _band(record, band_hz, FEWEST * len(record.inputs) / min(1.0 - back, back or 1.0))
+            record = with_intersample(record, high)
         whole_record = Spectra.of_record(record, low, high, slice(0.0, 1.0))
         data, tested, last = _held_back(record, low, high, back) if back else (whole_record, whole_record, "")
         trials = {"": data}
-        names, kinds = (record.inputs, record.outputs), record.quantity
+        names = record.inputs, record.outputs
+        kinds = record.quantity if recorded is None or quantity is None else quantities(quantity, record.outputs)
         source = f"intervals from {BLOCKS} blocks of the record, " + (
             f"validated by a free run over {last}, then fitted to all of it"
             if back

@@ -49,12 +49,15 @@ class MeasuredResponse(control.FrequencyResponseData):
         What each output is: "displacement", "velocity" or "acceleration".
     source : str
         What the deviation comes from: local fits or periods, and their number.
+    record : Record or None
+        The record, to which `identify` fits: errors of local fits that overlap are correlated.  None for periods.
     """
 
     deviation: Array
     coherence: Array
     quantity: tuple[str, ...]
     source: str
+    record: Record | None = None
 
     def __repr__(self) -> str:
         hz = self.omega / (2.0 * np.pi)
@@ -172,6 +175,9 @@ def estimate_response(
     found = MeasuredResponse(G[..., use] / held, 2.0 * np.pi * hz, **names)
     found.deviation = np.sqrt(variance[..., use] / 2.0) / np.abs(held)
     found.coherence, found.quantity, found.source = coherence[:, use], record.quantity, source
+    found.record = record if period is None else None
+    for values in (found.frdata, found.omega, found.deviation, found.coherence):
+        values.flags.writeable = False  # Otherwise they could differ from the record.
     return found
 
 
