@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 _DEGREE = 2  # of the polynomials in frequency whose ratios response and transient are locally (McKelvey & Guerin 2012)
 _POLES = 2  # degree of their denominator
-_REGULAR = 1e-10  # least norm of a column of the denominator off the others, over its norm
+_REGULAR = 1e-8  # Least singular value of columns of length one that are not taken for dependent.
 _SPARE = 8  # lines of a local fit beyond its unknowns: its deviation is then known to a quarter
 _INDEPENDENT = (
     0.01  # least singular value of a local fit's columns of length one: its answer loses two digits (a choice)
@@ -210,10 +210,9 @@ def _intersample_of_outputs(record: Record) -> str | None:
     Between displacements and forces of a lightly damped structure the response is real but near resonances (velocity:
     imaginary), and held inputs delay it by half a sample, all but the feedthrough of accelerations.
     """
-    width = _local_width(record)[0]
-    if width > min(map(len, record.u)) // 2:
+    if min(map(len, record.u)) < 4 * _BLOCKS * (len(record.inputs) + _DEGREE + _POLES):
         return None
-    hz, G, variance, _, use, _ = _local(record, None, False)
+    hz, G, variance, _, use, _ = _local(record, None)
     if use.sum() < 2 * _BLOCKS:
         return None
     G, variance, half = G[..., use], variance[..., use], np.pi * hz[use] * record.step
@@ -284,85 +283,67 @@ def through_hold(s: Array, step: float) -> Array:
     return -np.expm1(-s * step) / (s * step)
 
 
-def _local_width(record: Record) -> tuple[int, int]:
-    """Return lines and unknowns of a local fit."""
-    records = len(record.u)
-    unknowns = (_DEGREE + 1) * (len(record.inputs) + records)
-    return (_DEGREE + 1) * (len(record.inputs) + 1) + _POLES + _SPARE, unknowns
-
-
-def _local(record: Record, resolution: float | None, rational: bool = True) -> tuple[Any, ...]:
+def _local(record: Record, resolution: float | None) -> tuple[Any, ...]:
     """Return the estimates of local fits: around a line, response and transients are ratios of polynomials of degree two.
 
-    All have one denominator, that of the poles nearby; without `rational` it is one.
+    All have one denominator, that of the poles nearby.
     """
-    length = min(map(len, record.u))
+    length, order = min(map(len, record.u)), _DEGREE + 1
     span = length * record.step
     U = np.stack([np.fft.rfft(u[:length], axis=0) for u in record.u])  # records x lines x inputs
     Y = np.stack([np.fft.rfft(y[:length], axis=0) for y in record.y])
     records, lines, m = U.shape
-    width, unknowns = _local_width(record)
-    stride = max(round(width / (_DEGREE + 1)), 1)
-    if resolution is not None:
-        stride = max(round(resolution * span), 1)
-        width = max(width, (_DEGREE + 1) * stride)
+    width = order * (m + 1) + _POLES + _SPARE
+    stride = max(round(width / order if resolution is None else resolution * span), 1)
+    width = max(width, order * stride)
     if width > lines - 1:
         raise ValueError(f"inputs: expected records of at least {2 * width + 2} samples for {m} inputs, got {length}")
     centres = np.arange(stride, lines, stride)
     first = np.clip(centres - width // 2, 1, lines - width)
     at = first[:, None] + np.arange(width)  # centres x width
     r = (at - centres[:, None]) / width
-    powers = r[..., None] ** np.arange(_DEGREE + 1)
-    K = np.zeros((len(centres), records, width, unknowns), complex)
-    responding = m * (_DEGREE + 1)
-    for e in range(records):
-        K[:, e, :, :responding] = (powers[..., :, None] * U[e][at][..., None, :]).reshape(len(centres), width, -1)
-        own = slice(responding + e * (_DEGREE + 1), responding + (e + 1) * (_DEGREE + 1))
-        K[:, e, :, own] = powers
-    K = K.reshape(len(centres), -1, unknowns)
-    # outputs of all records below each other, as the columns are
-    rhs = np.moveaxis(Y[:, at], 0, 1).reshape(len(centres), -1, Y.shape[2])
-    size = np.linalg.norm(K, axis=1, keepdims=True)
+    alone = np.broadcast_to(np.eye(records)[:, None], (records, lines, records))  # of the transient of each record
+    signals = np.concatenate([U, alone], axis=2)[:, at]
+    K = np.einsum("ecwj,cwd->cewdj", signals, r[..., None] ** np.arange(order)).reshape(len(at), records * width, -1)
+    size = np.linalg.norm(K, axis=1)
     size[size == 0.0] = 1.0
-    left, values, right = np.linalg.svd(K / size, full_matrices=False)
-    sound = values[:, -1] > _INDEPENDENT
-    inverse = np.conj(np.swapaxes(right, 1, 2)) / np.where(sound[:, None], values, 1.0)[:, None, :]
-
-    def fitted(columns: Array) -> tuple[Array, Array]:
-        known = np.conj(np.swapaxes(left, 1, 2)) @ columns
-        return inverse @ known, columns - left @ known
-
-    found, error = fitted(rhs)
-    estimator = (inverse[:, :m] @ np.conj(np.swapaxes(left, 1, 2)))[:, :, None]  # centres x inputs x outputs x rows
-    denominator = np.ones((len(centres), K.shape[1], Y.shape[2]))  # which errors are in proportion to
-    unknowns += _POLES * rational
-    if rational:
-        x = np.tile(r, (1, records))[..., None]
-        solved, columns = (
-            np.stack(each, axis=-1) for each in zip(*(fitted(-(x**k) * rhs) for k in (1, 2)), strict=True)
-        )
-        q, triangle = np.linalg.qr(columns.swapaxes(1, 2))  # centres x outputs x rows x powers
-        whole = np.stack([np.linalg.norm(x**k * rhs, axis=1) for k in (1, 2)], axis=-1)
-        dependent = np.abs(np.einsum("coii->coi", triangle)) <= _REGULAR * whole
-        triangle[dependent] = np.eye(_POLES)[np.nonzero(dependent)[2]]
-        q.swapaxes(2, 3)[dependent] = 0.0
-        a = np.linalg.solve(triangle, np.conj(np.swapaxes(q, 2, 3)) @ error.swapaxes(1, 2)[..., None])[..., 0]
-        error = error - np.einsum("croj,coj->cro", columns, a)
-        found = found - np.einsum("ckoj,coj->cko", solved, a)
-        of_poles = np.linalg.solve(np.swapaxes(triangle, 2, 3)[:, None], solved[:, :m, ..., None])[..., 0]
-        estimator = estimator - np.einsum("cioj,corj->cior", of_poles, np.conj(q))
-        denominator = 1.0 + a[:, None, :, 0] * x + a[:, None, :, 1] * x**2
-    weight = np.square(np.abs(denominator))
-    noise = np.square(np.abs(error)).sum(axis=1) / (K.shape[1] - unknowns) / weight.mean(axis=1)  # centres x outputs
-    spread = (np.square(np.abs(estimator)) * weight.swapaxes(1, 2)[:, None]).sum(axis=-1)
-    explained = np.square(np.abs((K / size)[..., :responding] @ found[:, :responding])).sum(axis=1)
+    K = K / size[:, None]
+    inverse, values = _inverse(K)
+    by_inputs = np.tile(np.arange(m + records) < m, order)
+    powers = np.tile(r, (1, records))[..., None] ** np.arange(1, _POLES + 1)  # centres x rows x powers
+    found = []
+    for y in np.moveaxis(Y[:, at], 3, 0):
+        rows = np.moveaxis(y, 0, 1).reshape(len(at), -1, 1)
+        columns = -powers * rows / _norm(rows)
+        numerators = inverse @ columns
+        of_poles = _inverse(columns - K @ numerators)[0]
+        denominator = of_poles @ rows
+        fitted = inverse @ rows - numerators @ denominator
+        error = rows - K @ fitted - columns @ denominator
+        weight = np.square(np.abs(1.0 + powers @ (denominator / _norm(rows))))  # of errors
+        noise = np.square(_norm(error))[:, 0, 0] / (error.shape[1] - K.shape[2] - _POLES) / weight.mean(axis=(1, 2))
+        estimator = inverse[:, :m] - numerators[:, :m] @ of_poles
+        spread = (np.square(np.abs(estimator)) @ weight)[..., 0]
+        explained = np.square(_norm(K[..., by_inputs] @ fitted[:, by_inputs]))[:, 0, 0]
+        coherence = explained / (explained + error.shape[1] * noise + _least(explained))
+        found.append((fitted[:, :m, 0] / size[:, :m], noise[:, None] * spread / np.square(size[:, :m]), coherence))
+    G, variance, coherence = (np.stack(each) for each in zip(*found, strict=True))
     power = np.square(np.abs(U[:, at])).mean(axis=(0, 2))  # centres x inputs
-    scale = size[:, 0, :m, None]
-    G = (found[:, :m] / scale).T
-    variance = (noise[:, None] * spread / np.square(scale)).T
-    coherence = (explained / (explained + K.shape[1] * noise + _least(explained))).T
+    excited = _driven(power) & (values[:, -1] > _INDEPENDENT)
     source = f"local fits over {count(width, 'line')} of {count(records, 'record')}"
-    return centres / span, G, variance, coherence, sound & _driven(power), source
+    return centres / span, G.swapaxes(1, 2), variance.swapaxes(1, 2), coherence, excited, source
+
+
+def _inverse(columns: Array) -> tuple[Array, Array]:
+    """Return the pseudoinverses of columns of length one and less, and their singular values."""
+    left, values, right = np.linalg.svd(columns, full_matrices=False)
+    scale = np.where(values > _REGULAR, 1.0 / np.maximum(values, _REGULAR), 0.0)
+    return np.conj(right.swapaxes(1, 2)) * scale[:, None] @ np.conj(left.swapaxes(1, 2)), values
+
+
+def _norm(columns: Array) -> Array:
+    """Return the norm of each column, at least the least number."""
+    return np.linalg.norm(columns, axis=1, keepdims=True) + np.finfo(float).tiny
 
 
 def _periods(record: Record, period: Any) -> tuple[Any, ...]:
@@ -377,19 +358,17 @@ def _periods(record: Record, period: Any) -> tuple[Any, ...]:
         np.stack([np.fft.rfft(x[len(x) - periods * samples :].reshape(periods, samples, -1), axis=1) for x in data])
         for data in (record.u, record.y)
     )
-    mean, mean_Y = U.mean(axis=1), Y.mean(axis=1)
-    gram = np.einsum("eki,ekj->kij", mean.conj(), mean)
-    power = np.einsum("kii->ki", gram).real
-    scale = np.sqrt(np.where(power > 0.0, power, 1.0))
-    alike = gram / (scale[:, :, None] * scale[:, None, :])
-    excited = _driven(power) & (np.linalg.eigvalsh(alike)[:, 0] > _INDEPENDENT**2)
-    alike[~excited] = np.eye(m)
-    inverse = np.linalg.inv(alike) / (scale[:, :, None] * scale[:, None, :])
-    G = (inverse @ np.einsum("eki,eko->kio", mean.conj(), mean_Y)).transpose(2, 1, 0)
-    change = (Y - mean_Y[:, None]) - np.einsum("oik,epki->epko", G, U - mean[:, None])
+    mean, mean_Y = (x.mean(axis=1, keepdims=True) for x in (U, Y))
+    columns = mean[:, 0].swapaxes(0, 1)  # lines x records x inputs
+    size = _norm(columns)
+    inverse, values = _inverse(columns / size)
+    inverse = inverse / size.swapaxes(1, 2)
+    excited = _driven(np.square(size[:, 0])) & (values[:, -1] > _INDEPENDENT)
+    G = (inverse @ mean_Y[:, 0].swapaxes(0, 1)).transpose(2, 1, 0)
+    change = Y - mean_Y - np.einsum("oik,epki->epko", G, U - mean)
     noise = np.square(np.abs(change)).sum(axis=(0, 1)) / (records * (periods - 1))  # lines x outputs, of one period
-    spread = np.einsum("kii->ki", inverse).real / periods
-    signal = np.square(np.abs(np.einsum("oik,eki->eko", G, mean))).mean(axis=0)
+    spread = np.square(np.abs(inverse)).sum(axis=2) / periods
+    signal = np.square(np.abs(np.einsum("oik,epki->epko", G, mean))).mean(axis=(0, 1))
     coherence = (signal / (signal + noise + _least(signal))).T
     variance = noise.T[:, None, :] * spread.T[None, :, :]
     hz = np.fft.rfftfreq(samples, record.step)
