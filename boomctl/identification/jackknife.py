@@ -32,12 +32,12 @@ def deviations(fit: CommonPoles, count: int = BLOCKS) -> Array:
     together = np.concatenate([columns.reshape(len(columns), -1), fit.basis, fit.residuals], axis=1)
     total = fit.normal_equations[0]
     total = total + np.diag(np.diagonal(total) == 0.0)  # the frequency of a real pole is no parameter
-    size = np.diagonal(total).reshape(k, 2, 1)
+    weights = np.einsum("kjwp,kjvp,kj->kwv", factors, factors, 1.0 / np.diagonal(total).reshape(k, 2))
 
     def information(part: Array) -> Array:
         """Return the fraction of each row in the curvature of each parameter, summed over the parameters."""
-        slopes = part[:, : k * w].reshape(-1, k, w)
-        return (np.square(np.einsum("nkw,kjwp->nkjp", slopes, factors)) / size).sum(axis=(1, 2, 3))
+        slopes = part[:, : k * w].reshape(-1, k, w).transpose(1, 0, 2)
+        return ((slopes @ weights) * slopes).sum(axis=(0, 2))
 
     steps = []
     for block in _blocks(fit, together, count, information):

@@ -25,7 +25,7 @@ _RESOLVED, _FLAT = 4.0, 1e-9  # quanta of a distance that count as resolved; lea
 _ABRUPT = 0.5  # change between two samples, in RMS of the changes: an output stops or starts at once
 PULSE = 0.05  # of the largest input, above which an impact lasts
 _EARLY = 8  # Latest beginning of an early impact: one over the fraction of the record.
-_SHORT = 16  # Longest impact, as above.
+_SHORT = 16  # Most samples of impacts, as above.
 _FRONT = 4  # Samples at rest that are put in front of it, as above.
 _MEAN = 8  # samples, least, of a mean before the impact
 _AT_REST = 0.3  # deviations of an output, below which it is at rest
@@ -177,15 +177,15 @@ def _one(what: str, given: Any, word: str) -> tuple[tuple[str, ...], Array]:
 
 
 def _from_rest(u: Array, y: Array, quantity: Sequence[str]) -> tuple[Array, Array]:
-    """Return a record of one early impact with samples at rest in front of it; other records unchanged.
+    """Return a record of impacts, the first of them early, with samples at rest in front of it; other records unchanged.
 
     The free motion of a record that begins with an impact explains as much as the impact; samples at rest exclude it.
     """
     largest = np.abs(u).max(axis=0)
     pulse = np.flatnonzero((np.abs(u) > PULSE * largest).any(axis=1))
-    hit, end = int(pulse[0]), int(pulse[-1])
+    hit = int(pulse[0])
     level = np.median(u, axis=0)
-    if hit > len(u) // _EARLY or end - hit > len(u) // _SHORT or (np.abs(level) > PULSE * largest).any():
+    if hit > len(u) // _EARLY or len(pulse) > len(u) // _SHORT or (np.abs(level) > PULSE * largest).any():
         return u, y
     before, tail = y[: max(hit, 1)], y[len(y) // 2 :].mean(axis=0)
     first = before.mean(axis=0)

@@ -269,7 +269,7 @@ def test_a_measured_response_gives_the_same_modes(chain):
     H = bc.estimate_response(*driven(wide, 10000, seed=3, errors=0.02), STEP, band_hz=(0.5, 10.0))
     frequencies, dampings = errors_of(bc.identify(H), poles_of(wide))
     assert frequencies.max() < 2e-3
-    assert dampings.max() < 0.05  # local fits round off resonances
+    assert dampings.max() < 0.05
     exact = model.frequency_response(2.0 * np.pi * np.linspace(0.5, 10.0, 500))
     frequencies, dampings = errors_of(bc.identify(exact), poles_of(model))
     assert frequencies.max() < 1e-8

@@ -147,6 +147,17 @@ def test_response_of_long_impact_records_intervals_hold(seeds):
     assert (np.concatenate(within, axis=1).mean(axis=1) >= 0.9).all()
 
 
+@pytest.mark.parametrize("seeds", [[44], pytest.param(range(60), marks=pytest.mark.slow)], ids=["quick", "all"])
+def test_record_of_several_impacts_is_identified(seeds):
+    """The last impact may be in the part that is held back."""
+    for seed in seeds:
+        rng = np.random.default_rng([seed, 7])
+        length, hits = int(rng.integers(2000, 8000)), int(rng.integers(2, 5))
+        record, hz, _, _ = impacts(seed, 1, 0.035, 0.005, length, hits)
+        nearest = nearest_modes(bc.identify(*record, intersample="bl", band_hz=(0.6, 40.0)), hz)
+        assert [mode.frequency_hz for mode in nearest] == pytest.approx(hz, rel=2e-3)
+
+
 def test_response_of_record_identification_is_that_of_record(driven):
     u, y = driven[1][:3000], driven[2][:3000, :1]
     H = bc.estimate_response(u, y, STEP, band_hz=(0.5, 10.0))
