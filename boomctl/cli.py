@@ -304,10 +304,13 @@ def benchmark(asked: Namespace) -> dict[str, Any]:
     NAME is a scene ("boom-sigma") or the first word of several ("boom"); all scenes by default.
     """
     from boomctl.files import prepared_folder
+    from boomctl.lab.benchmark.report import PAGE
     from boomctl.lab.benchmark.run import run
     from boomctl.progress import computing
 
     folder = None if asked.out is None else prepared_folder(asked.out)
+    if asked.page is not None:
+        PAGE.text(asked.page)
     with computing("benchmark") as tell:
         found = run(asked.what, quick=asked.quick, progress=tell)
     from rich.console import Console
@@ -315,6 +318,8 @@ def benchmark(asked: Namespace) -> dict[str, Any]:
     Console(width=None if sys.stdout.isatty() else 160).print(found.render())  # a pipe has no width of its own
     if folder is not None:
         _write(found.report(), folder)
+    if asked.page is not None:
+        PAGE.write(asked.page, found.page())
     return found.as_dict()
 
 
@@ -434,6 +439,7 @@ _COMMANDS: dict[str, tuple[Callable[[Namespace], Any], dict[str, dict[str, Any]]
             "what": _option("scenes (default: all)", nargs="*", metavar="NAME"),
             "--quick": _flag("fewer settings, one process for each"),
             "--out": {"type": Path, "metavar": "FOLDER", "help": "folder for report, pictures and results"},
+            "--page": _file("page in Markdown whose table of recommended settings is replaced"),
         },
     ),
     "parameters": (parameters, {}),

@@ -155,7 +155,7 @@ def _bare(said, *titles):
     return [first for title in titles for first, words in said.get(title, []) if not re.sub(r"\[.*?\]", "", words)]
 
 
-@pytest.mark.parametrize("page", ["known_limits", "recommended_settings"])
+@pytest.mark.parametrize("page", ["known_limits"])
 def test_a_long_page_opens_with_the_ten_lines_that_a_user_needs(page):
     opening, *rest = re.split(r"^## ", (DOCS / f"{page}.md").read_text(encoding="utf-8"), flags=re.MULTILINE)
     assert re.findall(r"^\d+(?=\. )", opening, flags=re.MULTILINE) == [str(k) for k in range(1, 11)]

@@ -1,4 +1,4 @@
-"""Pictures of run time against error: all competitors drawn alike, the front of all marked."""
+"""Pictures of run time against error: all methods drawn alike, the front of all marked."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import cycle
@@ -6,14 +6,13 @@ from math import isfinite
 from typing import Any
 
 from matplotlib.lines import Line2D
-from matplotlib.ticker import LogLocator, NullFormatter, ScalarFormatter
 
-from boomctl.plotting.canvas import COLOURS, common_legend, divided, few_labels, panels
+from boomctl.plotting.canvas import COLOURS, divided, few_labels, panels
 
-_MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "p", "h")  # as many as tell competitors of one colour apart
+_MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "p", "h")  # as many as tell methods of one colour apart
 _FLOOR = 1e-17  # where an error of zero is drawn: below what doubles tell
 _USELESS = 10.0  # relative error from which on an answer is not drawn: it is none (a choice)
-_WAYS = {"cold": "cold: from new parameters", "hot": "hot: with the model ready"}
+_WAYS = {"cold": "cold: first call in a new process", "hot": "hot: later calls"}
 
 
 def plot_precision(diagram: Any, ax: Any = None) -> Any:
@@ -22,11 +21,11 @@ def plot_precision(diagram: Any, ax: Any = None) -> Any:
     Full lines are ours, dashed ones others'; the grey line is the front: nobody is both faster and more exact.
     """
     divide = divided(1, 2, sharex=True, sharey=True)
-    # a line of the legend, which stands below, for each four competitors
-    with panels(ax, list(_WAYS), (10.5, 4.8 + 0.18 * (len(diagram.competitors) // 4)), divide) as axes:
-        looks = _looks(diagram.competitors)
+    # a line of the legend, which stands below, for each four methods
+    with panels(ax, list(_WAYS), (10.5, 4.8 + 0.18 * (len(diagram.methods) // 4)), divide) as axes:
+        looks = _looks(diagram.methods)
         for way, drawn_on in zip(_WAYS, axes, strict=True):
-            for name, points in diagram.competitors.items():
+            for name, points in diagram.methods.items():
                 places = _places(points, way)
                 if places:
                     drawn_on.plot(*zip(*places, strict=True), label=name, **looks[name])
@@ -45,7 +44,7 @@ def plot_precision(diagram: Any, ax: Any = None) -> Any:
     return axes
 
 
-def _looks(competitors: Mapping[str, Sequence[Any]]) -> dict[str, dict[str, Any]]:
+def _looks(methods: Mapping[str, Sequence[Any]]) -> dict[str, dict[str, Any]]:
     marks = zip(cycle(COLOURS), cycle(_MARKERS))
     return {
         name: {
@@ -53,14 +52,14 @@ def _looks(competitors: Mapping[str, Sequence[Any]]) -> dict[str, dict[str, Any]
             "marker": marker,
             "linestyle": "-" if points[0].ours else "--",
         }
-        for (name, points), (colour, marker) in zip(competitors.items(), marks)  # noqa: B905 -- marks never end
+        for (name, points), (colour, marker) in zip(methods.items(), marks)  # noqa: B905 -- marks never end
     }
 
 
 def _places(points: Iterable[Any], way: str) -> list[tuple[float, float]]:
     """Return error and run time of the points that have both, in their order."""
-    timed = ((max(point.error, _FLOOR), point.seconds(way)) for point in points if isfinite(point.error))
-    return [(error, seconds) for error, seconds in timed if seconds is not None and error < _USELESS]
+    timed = ((max(point.error, _FLOOR), point.elapsed(way)) for point in points if isfinite(point.error))
+    return [(error, elapsed) for error, elapsed in timed if elapsed is not None and error < _USELESS]
 
 
 def _draw_front(ax: Any, places: list[tuple[float, float]]) -> None:
@@ -71,29 +70,3 @@ def _draw_front(ax: Any, places: list[tuple[float, float]]) -> None:
     right = max(ax.get_xlim()[1], errors[-1])
     look = {"color": "#bbbbbb", "linewidth": 5.0, "zorder": 0, "solid_capstyle": "butt"}
     ax.step([*errors, right], [*seconds, seconds[-1]], where="post", **look)
-
-
-def plot_sizes(diagrams: Mapping[str, Any], names: Sequence[str], ax: Any = None) -> Any:
-    """Draw error over the number of unknowns of some competitors, one axes for each diagram; return the axes."""
-    divide = divided(1, len(diagrams), sharex=True, sharey=True)
-    with panels(ax, list(diagrams), (2.6 * len(diagrams) + 0.8, 3.4), divide) as axes:
-        for (title, diagram), drawn_on in zip(diagrams.items(), axes, strict=True):
-            for name, colour, marker in zip(names, cycle(COLOURS), _MARKERS):
-                points = [p for p in diagram.competitors.get(name, ()) if p.size is not None and isfinite(p.error)]
-                drawn_on.plot(
-                    [p.size for p in points],
-                    [max(p.error, _FLOOR) for p in points],
-                    color=colour,
-                    marker=marker,
-                    label=name,
-                )
-            drawn_on.set_xscale("log")
-            drawn_on.set_yscale("log")
-            drawn_on.xaxis.set_major_locator(LogLocator(4.0))
-            drawn_on.xaxis.set_major_formatter(ScalarFormatter())
-            drawn_on.xaxis.set_minor_formatter(NullFormatter())
-            drawn_on.set_title(title)
-            drawn_on.set_xlabel("unknowns with a mass")
-        axes[0].set_ylabel("relative error")
-        common_legend(ax, axes[0], ncols=3)
-    return axes

@@ -16,8 +16,8 @@ from boomctl.identification.record import Record
 from boomctl.identification.search import _tried
 from boomctl.identification.spectra import Spectra
 from boomctl.identification.start import poles_by_order
-from boomctl.lab.benchmark.scenes.steel_frame import BAND, frame_record
-from boomctl.lab.benchmark.scenes.steel_frame import STEP as STEP_OF_FRAME
+from boomctl.lab.benchmark.scenes.identification import BAND, frame_record
+from boomctl.lab.benchmark.scenes.identification import STEP as STEP_OF_FRAME
 from boomctl.structure import SecondOrderModel
 from tests.identification.chain import response_of_record, three_masses
 from tests.identification.test_response import STEP, noise

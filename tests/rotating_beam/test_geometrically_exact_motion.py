@@ -201,7 +201,7 @@ def test_equals_what_exudyn_computed(case):
 @pytest.mark.parametrize("case", EXUDYN)
 def test_equals_exudyn(case):
     pytest.importorskip("exudyn")
-    from boomctl.lab.benchmark.peers.exudyn import exudyn_tip
+    from tests.rotating_beam.exudyn_tip import exudyn_tip
 
     manoeuvre, step = EXUDYN[case][0], {"spin-up": 0.01, "400 N m": 0.0025}[case]
     times = np.linspace(0, 30, 301)

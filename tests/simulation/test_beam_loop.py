@@ -7,7 +7,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 import boomctl as bc
-from boomctl.lab.benchmark.peers.beam_loop import ours, responded, restarted
+from boomctl.lab.benchmark.scenes.loops import beam_responded, loop_of, simulated
 from tests.profiles import examples
 from tests.rotating_beam.strategies import parameters
 from tests.simulation.beam_reference import ATOL, accelerations, brute_force
@@ -153,9 +153,9 @@ def test_any_beam_and_any_delay_is_what_brute_force_finds(parameters, model, del
 
 def test_the_benchmark_races_the_same_loop():
     beam, time = _beam("sfoam", 5, 0.1), 1e-3 * np.arange(61)
-    found, true = ours(beam, time), restarted(beam, time, 1e-12)
+    found, true = simulated(beam, time, 1e-8), loop_of(beam, time).restarted("DOP853", 1e-12)
     np.testing.assert_allclose(found, true, rtol=0.0, atol=1e-10 * np.abs(true).max())
-    continuous = responded(beam, time, "RK45", 1e-8)
+    continuous = beam_responded(beam, time, "RK45", 1e-8)
     np.testing.assert_allclose(found, continuous, rtol=0.0, atol=2e-2 * np.abs(true).max())
 
 

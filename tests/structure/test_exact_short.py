@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 import boomctl as bc
 from boomctl.boom.exact import exact_boom
 from boomctl.boom.model import ACTUATORS, boom_assembly
-from boomctl.lab.benchmark.references.high_precision import damped_eigenvalues, exact_response
+from boomctl.lab.benchmark.references.high_precision import exact_response
 from boomctl.structure import (
     GROUND,
     Assembly,
@@ -35,6 +35,7 @@ from boomctl.structure.beams.eigenvalues import undamped_frequencies
 from boomctl.structure.beams.exact import PROMISED
 from boomctl.structure.displacement_input import prescribe_displacement
 from boomctl.structure.response.rounding import AccuracyWarning
+from tests.fifty_digits import damped_eigenvalues
 from tests.profiles import examples
 from tests.strategies import seeds
 

@@ -1,144 +1,117 @@
-"""What is measured: a question, its exact answer, who answers it at which settings, and what is promised of that."""
+"""A scene of the benchmark: one problem, its reference solution, and the methods that solve it at various settings."""
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property, partial
 from importlib.util import find_spec
-from typing import Any, Literal
-
-from boomctl.lab.benchmark.diagram import Shown
-from boomctl.lab.benchmark.promise import Promise
-
-Tell = Callable[[str], None]
-"""Told in words what comes next."""
-
-Extent = Literal["quick", "whole"]
-"""How much is measured: all scenes in a minute, with few settings; or in a quarter of an hour, with all."""
+from typing import Any
 
 
 @dataclass(frozen=True)
 class Setting:
-    """A competitor at one of its settings.
+    """A method at one of its settings.
 
     Attributes
     ----------
-    competitor : str
-        Who answers and how, e.g. "finite elements" or "python-control, finite elements"; settings of one are joined by a
-        line.
+    method : str
+        Program and algorithm; a line joins the settings of one method in the pictures.
     label : str
-        The setting, short: "20 elements", "rtol 1e-6".
-    ours : bool
-        Whether it is this package.
-    cold : callable or None
-        Answers from parameters that were never seen before: it is given a small number (1e-9 to 1e-6, another in each call)
-        by which to change a parameter, relative, so that nothing kept from a call before serves it; zero in the call whose
-        answer is judged.  None: the competitor has no such way.
-    hot : callable or None
-        Answers again, with what a user would keep ready beforehand; its answer is judged too.  None: as cold.
-    prepare : callable
-        Makes what ``hot`` is given, once, untimed.
+        The setting, e.g. "20 elements".
+    solve : callable
+        Takes the problem and a relative change of one of its parameters to the answer, everything built from scratch.
+    verified : bool
+        Whether the method checks its answer by an independent computation within the run time shown.
+    modules : tuple of str
+        What has to be installed; it is imported before the clock starts.
     call : str
-        What a user writes to get this, one line of Python; for the table of recommended settings.
-    size : int, optional
-        What cost or error is shown over: unknowns that move with a mass of their own, elements, samples.
+        What a user of this package writes; empty for other programs.
     """
 
-    competitor: str
+    method: str
     label: str
-    ours: bool
-    cold: Callable[[float], Any] | None = None
-    hot: Callable[[Any], Any] | None = None
-    prepare: Callable[[], Any] = lambda: None
+    solve: Callable[[Any, float], Any]
+    verified: bool = False
+    modules: tuple[str, ...] = ()
     call: str = ""
-    size: int | None = None
+
+    @property
+    def ours(self) -> bool:
+        """Whether it is this package."""
+        return bool(self.call)
+
+    @property
+    def missing(self) -> str:
+        """Why the method cannot be measured here; empty if it can."""
+        absent = (name for name in self.modules if find_spec(name.partition(".")[0]) is None)
+        return ", ".join(f"{name.partition('.')[0]} is not installed" for name in absent)
 
 
-def asked(
-    competitor: str,
+def settings(
+    method: str,
     label: str,
-    made: Callable[[float], Any],
-    ask: Callable[[Any], Any],
+    values: Iterable[Any],
+    solve: Callable[..., Any],
     *,
-    ours: bool = False,
+    verified: bool = False,
+    modules: tuple[str, ...] = (),
     call: str = "",
-    size: int | None = None,
-) -> Setting:
-    """Return a setting that makes a model of changed parameters and asks it: in cold calls both, in hot ones the latter.
+) -> Iterator[Setting]:
+    """Yield the settings of one method, the one with the largest error first.
 
     Parameters
     ----------
-    competitor, label, ours, call, size
+    method : str
+    label, call : str
+        With ``{}`` where the values of a setting stand.
+    values : iterable
+        A value, or a tuple of values, for each setting.
+    solve : callable
+        Takes these values, the problem and the relative change of a parameter to the answer.
+    verified, modules
         As of :class:`Setting`.
-    made : callable
-        Makes a model of parameters that are changed by so much; for hot calls by nothing.
-    ask : callable
-        Takes what was made to the answer.
     """
-
-    def cold(change: float) -> Any:
-        return ask(made(change))
-
-    return Setting(competitor, label, ours, cold, ask, lambda: made(0.0), call, size)
+    for value in values:
+        each = value if isinstance(value, tuple) else (value,)
+        yield Setting(method, label.format(*each), partial(solve, *each), verified, modules, call.format(*each))
 
 
 @dataclass(frozen=True)
 class Scene:
-    """A question, and who answers it.
+    """One problem and the methods that solve it.
 
     Attributes
     ----------
-    key : str
-        Short name, for files and the command line: "boom-sigma".
-    title : str
-        Of the diagram.
-    question : str
-        What is computed, from what to what, in one or two sentences.
-    settings : tuple of Setting
-    measure : str
-        What the error is, in one sentence, and against which reference.
+    title, question, measure : str
+        Title, what is computed from what, and what the error is of an answer.
+    problem : callable
+        Makes what all methods are given; not timed.
+    reference : callable
+        Takes the problem to what the answers are compared with.
     error : callable
-        Takes an answer to its relative error; what is not finite counts as infinite.  By default there is none to be had.
-    missing : tuple of str
-        Peers that are not installed, or cannot do this, with the reason; named in the report.
+        Takes the problem, the reference and an answer to the error.
+    methods : iterable of Setting
     remarks : tuple of str
-        What a reader has to know to read the diagram.
-    promises : tuple of Promise
-        What this package promised itself.
-    found : callable
-        Takes an answer to further numbers, by name, that promises are about.
-    elsewhere : callable
-        Processor time that was spent on answers so far by other processes that run on [s]; it counts as ours does.
-    shows : str
-        What is drawn of it: "front", run time over error of all who answer; "unknowns", that and error over size;
-        "promises", nothing.
-    share : float
-        Of the seconds that a scene is given.
+        What a reader has to know to read the picture.
     """
 
-    key: str
     title: str
     question: str
-    settings: tuple[Setting, ...]
-    measure: str = "none."
-    error: Callable[[Any], float] = field(default=lambda answer: 0.0)
-    missing: tuple[str, ...] = ()
+    measure: str
+    problem: Callable[[], Any]
+    reference: Callable[[Any], Any]
+    error: Callable[[Any, Any, Any], float]
+    methods: Iterable[Setting]
     remarks: tuple[str, ...] = ()
-    promises: tuple[Promise, ...] = ()
-    found: Callable[[Any], Mapping[str, float]] = field(default=lambda answer: {})
-    elsewhere: Callable[[], float] = field(default=lambda: 0.0)
-    shows: Shown = "front"
-    share: float = 1.0
 
+    @cached_property
+    def settings(self) -> tuple[Setting, ...]:
+        """All settings of all methods."""
+        return tuple(self.methods)
 
-SceneMaker = Callable[[Extent], Scene]
-"""Makes a scene; its reference is found when an answer is judged."""
-
-
-def there(module: str) -> bool:
-    """Return whether a module can be imported."""
-    return find_spec(module) is not None
-
-
-def missing(**needed: str) -> tuple[str, ...]:
-    """Return what is to be said of modules that are not installed: name of the peer, by the module it needs."""
-    absent = {peer.replace("_", " "): module for peer, module in needed.items() if not there(module)}
-    return tuple(f"{peer}: {'' if peer == module else f'{module} is '}not installed" for peer, module in absent.items())
+    @property
+    def few(self) -> Mapping[int, Setting]:
+        """Every third setting of each method, by its place among all."""
+        places: dict[str, list[int]] = {}
+        for place, setting in enumerate(self.settings):
+            places.setdefault(setting.method, []).append(place)
+        return {place: self.settings[place] for found in places.values() for place in found[::3]}

@@ -1,24 +1,26 @@
-"""What the scenes of the boom have in common: the machine, our meshes of it, and how other programs are asked."""
+"""The spray boom as a user of other programs would write it: cubic finite elements in NumPy, and what solves them.
 
-from collections.abc import Callable
-from dataclasses import replace
-from functools import partial
+Nothing here is shared with :mod:`boomctl.structure`.  Coordinates are deflection and slope of each node, so that the matrices
+are banded; the platform is where the actuators put it, and cradle and middle of the boom move with the hinge.
+"""
+
+from dataclasses import dataclass, replace
 from importlib import import_module
 from typing import Any
 
 import numpy as np
+from scipy import signal, sparse
+from scipy.linalg import solve_banded
 
 from boomctl.arrays import Array
-from boomctl.boom.factory import spray_boom
 from boomctl.boom.parameters import BoomParameters
-from boomctl.lab.benchmark.peers.plain_boom import PlainBoom
-from boomctl.lab.benchmark.scene import Setting, asked
 from boomctl.lti.python_control import control
 
-MESHES = {"quick": (6, 20), "whole": (4, 6, 10, 20, 50, 100, 200)}
-"""Numbers of elements that other programs are asked with: more take minutes with dense matrices."""
-_SPANS = 4  # high-order elements: one between each two of tip, spring, hinge, spring, tip
-_NAMES = {"finite": "finite elements", "high-order": "high-order elements"}
+MASS = ((156, 22, 54, -13), (22, 4, 13, -3), (54, 13, 156, -22), (-13, -3, -22, 4))
+"""Consistent mass of a cubic element over ``w1, h phi1, w2, h phi2``, times 420 / (m h)."""
+STIFFNESS = ((12, 6, -12, 6), (6, 4, -6, 2), (-12, -6, 12, -6), (6, 2, -6, 4))
+"""Its stiffness, times h^3 / (E I)."""
+_WIDTH = 3  # rows above and below the diagonal of the matrices
 
 
 def varied(p: BoomParameters, change: float) -> BoomParameters:
@@ -26,68 +28,81 @@ def varied(p: BoomParameters, change: float) -> BoomParameters:
     return replace(p, spring_stiffness=p.spring_stiffness * (1.0 + change))
 
 
-def our_boom(p: BoomParameters, change: float, **options: Any) -> Any:
-    """Return this package's model of the boom with another spring."""
-    return spray_boom(varied(p, change), **options)
+@dataclass(frozen=True)
+class PlainBoom:
+    """``M q'' + C q' + K q = F d + G d'``; ``d``: both actuators, left and right [m]; tips are the first and last deflection.
 
-
-def our_mesh(
-    p: BoomParameters, kind: str, size: int, ask: Callable[[Any], Any], call: str, label: str = "{} {}"
-) -> Setting:
-    """Return this package's setting of a mesh: of so many elements, or of high-order ones of an order.
-
-    Parameters
-    ----------
-    p : BoomParameters
-    kind : str
-        The discretisation.
-    size : int
-        Elements, or the order.
-    ask : callable
-        Takes the model to the answer.
-    call : str
-        What a user writes, with ``{}`` where the boom stands.
-    label : str
-        Of the setting, with ``{}`` for what counts, "elements" or "order", and for the size.
+    An odd number of elements puts the hinge into the middle of one.
     """
-    counted = "order" if kind == "high-order" else "elements"
-    options = {"elements": _SPANS, "order": size} if kind == "high-order" else {"elements": size}
-    words = ", ".join(f"{name}={value}" for name, value in options.items())
-    made = partial(our_boom, p, discretization=kind, **options)
-    written = call.format(f'bc.spray_boom(p, "{kind}", {words})')
-    return asked(_NAMES.get(kind, f"{kind} elements"), label.format(counted, size), made, ask, ours=True, call=written)
+
+    M: Array
+    C: Array
+    K: Array
+    F: Array
+    G: Array
+
+    @classmethod
+    def of(cls, p: BoomParameters, elements: int, change: float = 0.0) -> "PlainBoom":
+        """Return the boom on a mesh of equal elements, its springs changed."""
+        p, n, h = varied(p, change), 2 * (elements + 1), p.length / elements
+        M, K = np.zeros((n, n)), np.zeros((n, n))
+        scale = np.outer([1.0, h, 1.0, h], [1.0, h, 1.0, h])
+        for k in range(0, n - 2, 2):
+            M[k : k + 4, k : k + 4] += scale * MASS * p.mass_per_length * h / 420.0
+            K[k : k + 4, k : k + 4] += scale * STIFFNESS * p.bending_stiffness / h**3
+        middle, turn = _row(p, elements, 0.0), _row(p, elements, 0.0, slope=True)
+        M += np.outer(middle, middle) * (p.boom_mass - p.tube_mass + p.cradle_mass)
+        M += np.outer(turn, turn) * (p.boom_inertia - p.tube_inertia)
+        C = p.structural_damping * K
+        C += np.outer(middle, middle) * p.cradle_damping + np.outer(turn, turn) * p.hinge_damping
+        shift, angle = np.array([0.5, 0.5]), np.array([-1.0, 1.0]) / p.actuator_distance  # of the platform, over d
+        G = p.cradle_damping * np.outer(middle, shift) + p.hinge_damping * np.outer(turn, angle)
+        F = np.zeros((n, 2))
+        for x in (-p.spring_distance / 2, p.spring_distance / 2):
+            spring = _row(p, elements, x)
+            K += np.outer(spring, spring) * p.spring_stiffness
+            F += np.outer(spring, shift + x * angle) * p.spring_stiffness
+        return cls(M, C, K, F, G)
+
+    def statespace(self) -> tuple[Array, Array, Array, Array]:
+        """Return ``A, B, C, D`` over ``q`` and ``q' - M^-1 G d``."""
+        n = len(self.M)
+        solved = np.linalg.solve(self.M, np.hstack([self.K, self.C, self.F, self.G]))
+        stiffness, damping, force, rate = np.split(solved, (n, 2 * n, 2 * n + 2), axis=1)
+        A = np.block([[np.zeros((n, n)), np.eye(n)], [-stiffness, -damping]])
+        return A, np.vstack([rate, force - damping @ rate]), np.eye(2 * n)[[0, n - 2]], np.zeros((2, 2))
 
 
-def boom_peer(
-    p: BoomParameters,
-    name: str,
-    label: str,
-    elements: int,
-    made: Callable[[PlainBoom], Any],
-    ask: Callable[[Any], Any],
-) -> Setting:
-    """Return a setting of another program: what it makes of a plain boom, and what it is asked; cold with both in it."""
-    return asked(name, label, lambda change: made(PlainBoom.of(varied(p, change), elements)), ask)
+def _row(p: BoomParameters, elements: int, x: float, slope: bool = False) -> Array:
+    """Return the row that reads deflection, or slope, at ``x`` from the hinge [m]."""
+    h = p.length / elements
+    k = min(int((x + p.length / 2) / h), elements - 1)
+    t = (x + p.length / 2) / h - k
+    row = np.zeros(2 * (elements + 1))
+    if slope:
+        row[2 * k : 2 * k + 4] = (6 * t**2 - 6 * t) / h, 1 - 4 * t + 3 * t**2, (6 * t - 6 * t**2) / h, 3 * t**2 - 2 * t
+    else:
+        row[2 * k : 2 * k + 4] = (
+            1 - 3 * t**2 + 2 * t**3,
+            h * (t - 2 * t**2 + t**3),
+            3 * t**2 - 2 * t**3,
+            h * (t**3 - t**2),
+        )
+    return row
 
 
 def control_boom(boom: PlainBoom) -> control.StateSpace:
-    """Return python-control's system of a plain boom."""
+    """Return python-control's system of the plain boom."""
     return control.ss(*boom.statespace())
 
 
 def control_sigma(system: control.StateSpace, omega: Array) -> Array:
-    """Return the singular values of python-control's system."""
+    """Return python-control's singular values."""
     return np.abs(np.asarray(control.singular_values_response(system, omega).frdata)[:, 0])
 
 
-def pymor_boom(boom: PlainBoom) -> Any:
-    """Return pyMOR's descriptor model of a plain boom, sparse, which computes anew whenever it is asked."""
-    A, B, C, E = boom.descriptor()
-    return pymor_model(A, B, C, None, E)
-
-
-def pymor_model(A: Any, B: Any, C: Any, D: Any = None, E: Any = None) -> Any:
-    """Return pyMOR's model of matrices, which computes anew whenever it is asked, and says nothing."""
+def pymor_model(A: Any, B: Array, C: Array, D: Array | None = None, E: Any = None) -> Any:
+    """Return pyMOR's model of matrices, without its cache and its messages."""
     import_module("pymor.core.logger").set_log_levels({"pymor": "ERROR"})
     made = import_module("pymor.models.iosys").LTIModel.from_matrices(A, B, C, D, E)
     made.disable_caching()
@@ -95,6 +110,39 @@ def pymor_model(A: Any, B: Any, C: Any, D: Any = None, E: Any = None) -> Any:
     return made
 
 
-def sigma_of_response(response: Array) -> Array:
-    """Return the singular values over frequency of a response (frequencies, outputs, inputs), descending."""
-    return np.linalg.svd(response, compute_uv=False).T
+def pymor_sigma(boom: PlainBoom, omega: Array) -> Array:
+    """Return pyMOR's singular values, by sparse matrices over ``q`` and ``M q' + C q - G d``."""
+    n = len(boom.M)
+    M, C, K = map(sparse.csc_array, (boom.M, boom.C, boom.K))
+    A = sparse.block_array([[-C, sparse.eye_array(n)], [-K, None]], format="csc")
+    E = sparse.block_array([[M, None], [None, sparse.eye_array(n)]], format="csc")
+    model = pymor_model(A, np.vstack([boom.G, boom.F]), np.eye(2 * n)[[0, n - 2]], None, E)
+    return np.linalg.svd(model.transfer_function.freq_resp(omega), compute_uv=False).T
+
+
+def banded_sigma(boom: PlainBoom, omega: Array) -> Array:
+    """Return the singular values by SciPy's banded solver, a frequency after the other."""
+    M, C, K = (np.zeros((2 * _WIDTH + 1, len(boom.M))) for _ in range(3))
+    for matrix, band in ((boom.M, M), (boom.C, C), (boom.K, K)):
+        for k in range(-_WIDTH, _WIDTH + 1):
+            band[_WIDTH - k, max(k, 0) : max(k, 0) + len(matrix) - abs(k)] = np.diag(matrix, k)
+    found = np.empty((len(omega), 2, 2), complex)
+    for k, w in enumerate(omega):
+        solved = solve_banded(
+            (_WIDTH, _WIDTH), K + 1j * w * C - w * w * M, boom.F + 1j * w * boom.G, check_finite=False
+        )
+        found[k] = solved[[0, -2]]
+    return np.linalg.svd(found, compute_uv=False).T
+
+
+def lsim(boom: PlainBoom, time: Array, inputs: Array) -> Array:
+    """Return the motion of the tips by SciPy's ``lsim``."""
+    return signal.lsim(signal.StateSpace(*boom.statespace()), inputs.T, time)[1].T
+
+
+def balanced_by_pymor(full: control.StateSpace, order: int) -> control.StateSpace:
+    """Return pyMOR's balanced truncation of a system."""
+    model = pymor_model(full.A, full.B, full.C, full.D)
+    A, B, C, D, E = import_module("pymor.reductors.bt").BTReductor(model).reduce(order).to_matrices(format="dense")
+    small = (A, B) if E is None else (np.linalg.solve(E, A), np.linalg.solve(E, B))
+    return control.ss(*small, C, full.D if D is None else D)

@@ -1,105 +1,69 @@
-"""What the scenes of the hub-beam have in common: the machine, who answers with which model and tolerance, and the judge."""
+"""The hub-beam's equations in SciPy's and CasADi's integrators."""
 
-from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, replace
-from functools import partial
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.lab.benchmark.peers.exudyn import exudyn_tip
-from boomctl.lab.benchmark.peers.integrators import Motion, Ode, scipy_motion
-from boomctl.lab.benchmark.scene import Setting, asked, there
-from boomctl.rotating_beam.assumed_modes import ASSUMED_MODES, AssumedModesBeam
-from boomctl.rotating_beam.factory import hub_beam
+from boomctl.rotating_beam.assumed_modes import AssumedModesBeam
 from boomctl.rotating_beam.manoeuvres import SineTorque, SpinUp
 from boomctl.rotating_beam.parameters import HubBeamParameters
 
-_ATOL = 1e-15  # m: of ours, so that the relative tolerance alone decides
-_NAMES = {"geometrically-exact": "geometrically exact beam"}
-_CASADI = ("IDAS", "CVODES")
-
-
-@dataclass(frozen=True)
-class Drive:
-    """A manoeuvre, the instants at which the tip is asked for [s], and how a user writes both.
-
-    Attributes
-    ----------
-    manoeuvre : SpinUp or SineTorque
-    timepts : ndarray, k
-    call : str
-    """
-
-    manoeuvre: SpinUp | SineTorque
-    timepts: Array
-    call: str
-
-    def tip(self, beam: Any, rtol: float) -> Array:
-        """Return the tip's displacement by this package [m]."""
-        return beam.simulate(self.manoeuvre, self.timepts, rtol=rtol, atol=_ATOL).tip_displacement
-
-
-def until(end: float) -> Array:
-    """Return instants ten a second [s]."""
-    return np.linspace(0.0, end, round(10.0 * end) + 1)
-
 
 def machine(change: float = 0.0) -> HubBeamParameters:
-    """Return the machine of Bai et al. (2009) with another length, of which everything depends."""
+    """Return the machine of Bai et al. (2009) with another length, on which everything depends."""
     p = HubBeamParameters()
     return replace(p, length=p.length * (1.0 + change))
 
 
-def judge(exact: Array) -> Callable[[Array], float]:
-    """Return what takes a displacement to its largest error, over the largest displacement."""
-    scale = float(np.abs(exact).max())
-    return lambda tip: float(np.abs(tip - exact).max()) / scale
+def equations(beam: AssumedModesBeam, manoeuvre: SpinUp | SineTorque) -> tuple[dict[str, Any], Array]:
+    """Return the differential equations in CasADi, from rest, and the row that reads the tip off the states [m].
+
+    Parameters
+    ----------
+    beam : AssumedModesBeam
+        Without axial modes where the motion is prescribed.
+    manoeuvre : SpinUp or SineTorque
+    """
+    import casadi as ca
+
+    t = ca.SX.sym("t")
+    if isinstance(manoeuvre, SineTorque):
+        size = beam.equations.size
+        x = ca.SX.sym("x", 2 * size)
+        sine = manoeuvre.amplitude * ca.sin(2.0 * np.pi * t / manoeuvre.period)
+        rate, _ = beam.casadi_function()(x, ca.if_else(t <= manoeuvre.duration, sine, 0.0))
+        return {"x": x, "t": t, "ode": rate}, np.concatenate([[0.0], beam.equations.tip.transverse, np.zeros(size)])
+    m, w, duration = beam.integrals, manoeuvre.final_speed, manoeuvre.duration
+    n = m.V2.size
+    x = ca.SX.sym("x", 2 * n)
+    phase = 2.0 * np.pi * ca.fmin(t / duration, 1.0)
+    speed, turning = w * (phase - ca.sin(phase)) / (2.0 * np.pi), w / duration * (1.0 - ca.cos(phase))
+    force = speed**2 * ca.mtimes(ca.DM(m.M2 - m.D), x[:n]) - ca.mtimes(ca.DM(m.K2), x[:n]) - turning * ca.DM(m.V2)
+    rate = ca.vertcat(x[n:], ca.mtimes(ca.DM(np.linalg.inv(m.M2)), force))
+    return {"x": x, "t": t, "ode": rate}, np.append(m.tip2, np.zeros(n))
 
 
-def ours(drive: Drive, model: str, cases: Iterable[tuple[int, float]]) -> Iterator[Setting]:
-    """Give this package's settings of a model, each of a number of modes and a relative tolerance."""
-    for modes, rtol in cases:
-        setting = asked(
-            _NAMES.get(model, model.upper()),
-            f"{modes} modes, rtol {rtol:.0e}",
-            lambda change, modes=modes: hub_beam(machine(change), model, modes),
-            lambda beam, rtol=rtol: drive.tip(beam, rtol),
-            ours=True,
-            call=f'bc.hub_beam(p, "{model}", {modes}).simulate({drive.call}, t, rtol={rtol:.0e}, atol=1e-15)',
-        )
-        # to the exact beam's motion its building is nothing
-        yield setting if model in ASSUMED_MODES else replace(setting, hot=None)
+def sundials(beam: AssumedModesBeam, manoeuvre: SpinUp | SineTorque, timepts: Array, method: str, rtol: float) -> Array:
+    """Return the tip's displacement [m] by CasADi's IDAS or CVODES."""
+    import casadi as ca
+
+    system, tip = equations(beam, manoeuvre)
+    options = {"reltol": rtol, "abstol": 1e-2 * rtol, "max_num_steps": 10_000_000}
+    flow = ca.integrator("flow", method.lower(), system, 0.0, timepts[1:], options)
+    return np.concatenate([[0.0], tip @ np.array(flow(x0=0.0)["xf"])])
 
 
-def integrated(
-    drive: Drive, model: str, modes: int, methods: Iterable[tuple[str, tuple[float, ...]]]
-) -> Iterator[Setting]:
-    """Give general-purpose integrators on the equations of a model, each method at some tolerances."""
+def scipy_motion(
+    beam: AssumedModesBeam, manoeuvre: SpinUp | SineTorque, timepts: Array, method: str, rtol: float
+) -> Array:
+    """Return the tip's displacement [m] by ``solve_ivp``, the equations compiled by CasADi to one function."""
+    import casadi as ca
+    from scipy.integrate import solve_ivp
 
-    def made(method: str, tolerance: float, change: float) -> Motion:
-        beam = AssumedModesBeam(machine(change), model, modes)
-        if method in _CASADI:
-            return Ode.of(beam, drive.manoeuvre).motion(drive.timepts, method, tolerance)
-        return scipy_motion(beam, drive.manoeuvre, drive.timepts, method, tolerance)
-
-    for method, tolerances in methods:
-        name = f"{'CasADi' if method in _CASADI else 'solve_ivp'} {method}, {model.upper()}"
-        for tolerance in tolerances:
-            label = f"{modes} modes, rtol {tolerance:.0e}"
-            setting = asked(name, label, partial(made, method, tolerance), lambda motion: motion())
-            yield setting if method in _CASADI else replace(setting, hot=None)  # solve_ivp has nothing to keep
-
-
-def in_exudyn(drive: Drive, cases: Iterable[tuple[int, float]]) -> Iterator[Setting]:
-    """Give exudyn's settings, each of a number of elements and a time step [s]; none where it is not installed."""
-    if not there("exudyn"):
-        return
-    for elements, step in cases:
-        yield Setting(
-            competitor="exudyn, ANCF cables",
-            label=f"{elements} elements, {step:g} s",
-            ours=False,
-            cold=lambda change, n=elements, h=step: exudyn_tip(machine(change), drive.manoeuvre, drive.timepts, n, h),
-        )
+    system, tip = equations(beam, manoeuvre)
+    f = ca.Function("f", [system["t"], system["x"]], [system["ode"]])
+    options = {"rtol": rtol, "atol": 1e-2 * rtol}
+    span, start = (0.0, timepts[-1]), np.zeros(len(tip))
+    return tip @ solve_ivp(lambda t, x: np.array(f(t, x)).ravel(), span, start, method, timepts, **options).y

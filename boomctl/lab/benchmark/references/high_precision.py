@@ -1,45 +1,38 @@
-"""The spray boom in fifty digits, as a judge over everything else.
+"""The spray boom with an exact beam in fifty digits, a reference for everything else.
 
 Nothing here is shared with :mod:`boomctl.structure`.  The boom is mirror-symmetric, so it is solved by halves: both
 actuators move alike (symmetric), or opposite to each other (antisymmetric).  From the free tip, where force and moment
 vanish, deflection and slope are carried inwards, over the spring, to the hinge, whose two conditions settle the two
-unknowns of the tip.  A beam carries them by the Krylov functions of ``w'''' = beta^4 w``; a mesh of equal cubic
-elements by the powers of one element's transfer matrix.  Fifty digits bear what such a shooting loses.
+unknowns of the tip, carried by the Krylov functions of the beam.  Fifty digits bear what such a shooting loses.
 """
 
-from collections.abc import Iterator
 from typing import Any
 
 import mpmath as mp
 import numpy as np
+from scipy.optimize import minimize_scalar
 
 from boomctl.arrays import Array
 from boomctl.boom.parameters import BoomParameters
 
-DIGITS = 50  # to calculate with: 70 change no digit of a double, not even on 500 elements
+DIGITS = 50  # to calculate with: 70 change no digit of a double
 
-_Number = Any
-_Matrix = Any  # of mpmath
 _SYMMETRIC, _ANTISYMMETRIC = 1, -1  # parity: the sign with which the left half follows the right one
 _ACTUATOR, _SUSPENSION, _CRADLE = 2, 3, 4  # columns of the loads, behind those of tip deflection and slope
 
-# a cubic (Hermite) beam element over w1, h phi1, w2, h phi2: consistent mass over m h / 420, stiffness over E I / h^3
-MASS = ((156, 22, 54, -13), (22, 4, 13, -3), (54, 13, 156, -22), (-13, -3, -22, 4))
-STIFFNESS = ((12, 6, -12, 6), (6, 4, -6, 2), (-12, -6, 12, -6), (6, 2, -6, 4))
 
-
-def _tube(p: BoomParameters) -> tuple[_Number, _Number]:
+def _tube(p: BoomParameters) -> tuple[Any, Any]:
     """Return mass per length and bending stiffness of the tube."""
     outer, inner, high, low = (mp.mpf(v) for v in (p.outer_width, p.inner_width, p.outer_height, p.inner_height))
     return p.density * (high * outer - low * inner), p.youngs_modulus * (high * outer**3 - low * inner**3) / 12
 
 
-def _platform(p: BoomParameters, parity: int, x: _Number) -> _Number:
+def _platform(p: BoomParameters, parity: int, x: Any) -> Any:
     """Return the platform's displacement at ``x`` when the right actuator moves by one."""
     return mp.mpf(1) if parity == _SYMMETRIC else 2 * mp.mpf(x) / p.actuator_distance
 
 
-def _middle(p: BoomParameters, parity: int, s: _Number) -> tuple[_Number, _Number]:
+def _middle(p: BoomParameters, parity: int, s: Any) -> tuple[Any, Any]:
     """Return what resists the motion of the boom's middle: force (moment) per motion of boom, and of platform."""
     mass, _ = _tube(p)
     length = mp.mpf(p.length)
@@ -50,7 +43,7 @@ def _middle(p: BoomParameters, parity: int, s: _Number) -> tuple[_Number, _Numbe
     return beyond * s * s + p.hinge_damping * s, -p.hinge_damping * s * 2 / mp.mpf(p.actuator_distance)
 
 
-def carried(beta: _Number, length: _Number) -> _Matrix:
+def carried(beta: Any, length: Any) -> Any:
     """Return the matrix that carries deflection and its first three derivatives over ``length``."""
     z = beta * length
     ch, sh, c, s = mp.cosh(z), mp.sinh(z), mp.cos(z), mp.sin(z)
@@ -59,18 +52,18 @@ def carried(beta: _Number, length: _Number) -> _Matrix:
     return mp.matrix([[k[j - i] if j >= i else fourth * k[4 + j - i] for j in range(4)] for i in range(4)])
 
 
-def _start(loads: int) -> _Matrix:
+def _start(loads: int) -> Any:
     """Return the tip's state for a unit deflection, a unit slope, and none of the loads."""
     start = mp.zeros(4, 2 + loads)
     start[0, 0] = start[1, 1] = 1
     return start
 
 
-def _stacked(*rows: _Matrix) -> _Matrix:
+def _stacked(*rows: Any) -> Any:
     return mp.matrix([list(row) for row in rows])
 
 
-def _exact_half(p: BoomParameters, s: _Number, parity: int) -> tuple[_Matrix, _Matrix]:
+def _exact_half(p: BoomParameters, s: Any, parity: int) -> tuple[Any, Any]:
     """Return the two conditions at the hinge, and the readings: tip, stroke and, where the cradle moves, its slip.
 
     Each is over tip deflection and slope, and over the loads: motion of the actuator, force of the suspension, force on
@@ -102,54 +95,12 @@ def _exact_half(p: BoomParameters, s: _Number, parity: int) -> tuple[_Matrix, _M
     return _stacked(w, moment), _stacked(start[0, :], stroke)
 
 
-def _element(p: BoomParameters, h: _Number, s: _Number) -> _Matrix:
-    """Return the dynamic stiffness of a cubic element over ``w1, phi1, w2, phi2``."""
-    mass, stiffness = _tube(p)
-    scale = mp.diag([1, h, 1, h])
-    m, k = s * s * mass * h / 420, stiffness * (1 + s * p.structural_damping) / h**3
-    return scale * (m * mp.matrix(MASS) + k * mp.matrix(STIFFNESS)) * scale
-
-
-def _inwards(D: _Matrix, load: _Matrix) -> tuple[_Matrix, _Matrix]:
-    """Return transfer matrix and offset of an element: from ``w, phi`` and end forces of its right to its left end."""
-    known, found = mp.zeros(2, 5), mp.zeros(4, 5)
-    known[:, :2], known[:, 2:4], known[:, 4] = -D[2:, 2:], mp.eye(2), load[2:, 0]
-    found[:2, :] = D[2:, :2] ** -1 * known
-    found[2:, :] = -D[:2, :2] * found[:2, :]
-    found[2:, :2] -= D[:2, 2:]
-    found[2:, 4] += load[:2, 0]
-    return found[:, :4], found[:, 4]
-
-
-def _mesh_halves(p: BoomParameters, elements: int, s: _Number) -> Iterator[_Matrix]:
-    """Give the two conditions at the hinge of either half of a mesh of equal elements."""
-    half, h, spring = elements // 2, mp.mpf(p.length) / elements, mp.mpf(p.spring_distance) / 2
-    inner = min(int(spring / h), half - 1)
-    t = spring / h - inner
-    column = mp.matrix([1 - 3 * t**2 + 2 * t**3, h * (t - 2 * t**2 + t**3), 3 * t**2 - 2 * t**3, h * (t**3 - t**2)])
-    D = _element(p, h, s)
-    plain, _ = _inwards(D, mp.zeros(4, 1))
-    outside, inside = plain ** (half - 1 - inner) * _start(1), plain**inner
-    for parity in (_SYMMETRIC, _ANTISYMMETRIC):
-        pull = p.spring_stiffness * _platform(p, parity, spring)
-        sprung, offset = _inwards(D + p.spring_stiffness * column * column.T, pull * column)
-        state = sprung * outside
-        state[:, _ACTUATOR] += offset
-        state = inside * state
-        w, slope, force, moment = (state[k, :] for k in range(4))
-        own, platform = _middle(p, parity, s)
-        held, free, end = (slope, w, force) if parity == _SYMMETRIC else (w, slope, moment)
-        balance = own * free - 2 * end
-        balance[_ACTUATOR] += platform
-        yield _stacked(held, balance)
-
-
-def _answers(conditions: _Matrix, readings: _Matrix) -> _Matrix:
+def _answers(conditions: Any, readings: Any) -> Any:
     """Return the readings for a unit of each load, where both conditions are met."""
     return readings[:, 2:] - readings[:, :2] * conditions[:, :2] ** -1 * conditions[:, 2:]
 
 
-def _as_array(matrix: _Matrix) -> Array:
+def _as_array(matrix: Any) -> Array:
     return np.array(matrix.tolist(), dtype=complex)
 
 
@@ -184,22 +135,6 @@ def exact_response(p: BoomParameters, omega: Array, digits: int = DIGITS) -> Arr
     return np.stack(found, axis=2)
 
 
-def mesh_response(p: BoomParameters, omega: Array, elements: int, digits: int = DIGITS) -> Array:
-    """Return the response of the tips to the actuators of a mesh of equal cubic elements, shape (2, 2, frequencies).
-
-    Raises
-    ------
-    ValueError
-        ``elements`` is odd, so that the hinge is not at a node.
-    """
-    if elements < 2 or elements % 2:
-        raise ValueError(f"elements = {elements}: expected an even number, with a node at the hinge")
-    with mp.workdps(digits):
-        tip = _start(1)[0, :]
-        both = [_mesh_halves(p, elements, mp.mpc(0, float(w))) for w in np.atleast_1d(omega)]
-        return np.stack([_of_sides(*(_as_array(_answers(half, tip)) for half in halves)) for halves in both], axis=2)
-
-
 def sigma_of(response: Array) -> Array:
     """Return the singular values, descending, of a mirror-symmetric response ``[[a, b], [b, a]]``."""
     a, b = response[0, 0], response[0, 1]
@@ -207,22 +142,22 @@ def sigma_of(response: Array) -> Array:
     return -np.sort(-values, axis=0)
 
 
-def tip_transfer(p: BoomParameters, s: _Number) -> tuple[_Number, _Number]:
+def tip_transfer(p: BoomParameters, s: Any) -> tuple[Any, Any]:
     """Return how the tips follow the actuators, moving alike and opposite, at a complex frequency; in mpmath's digits."""
     symmetric, antisymmetric = (_exact_half(p, s, parity) for parity in (_SYMMETRIC, _ANTISYMMETRIC))
     return _answers(*symmetric)[0, 0], _answers(*antisymmetric)[0, 0]
 
 
-def damped_eigenvalues(p: BoomParameters, starts: Array, digits: int = 30) -> Array:
-    """Return the exact damped eigenvalue next to each start."""
+def peak_in_many_digits(p: BoomParameters) -> float:
+    """Return the largest singular value over all frequencies, next to the largest of a grid up to 10 Hz."""
 
-    def determinant(s: _Number) -> _Number:
-        both = (_exact_half(p, s, parity)[0] for parity in (_SYMMETRIC, _ANTISYMMETRIC))
-        return mp.fprod(line[0, 0] * line[1, 1] - line[0, 1] * line[1, 0] for line in both)
+    def height(w: float) -> float:
+        with mp.workdps(DIGITS):
+            return max(float(abs(value)) for value in tip_transfer(p, mp.mpc(0, w)))
 
-    with mp.workdps(digits):
-        close = [(mp.mpc(complex(s)), mp.mpc(complex(s) * (1 + 1e-6))) for s in np.atleast_1d(starts)]
-        # a step of half of the digits leaves an error of nearly all of them; a further one may be noise over noise
-        tol = mp.mpf(10) ** (-digits // 2)
-        found = [mp.findroot(determinant, pair, solver="secant", tol=tol, verify=False) for pair in close]
-        return np.array([complex(root) for root in found])
+    grid = 2 * np.pi * np.geomspace(0.1, 10.0, 500)
+    k = int(np.argmax([height(w) for w in grid]))
+    found = minimize_scalar(
+        lambda w: -height(w), bounds=grid[[k - 1, k + 1]], method="bounded", options={"xatol": 1e-9}
+    )
+    return -float(found.fun)

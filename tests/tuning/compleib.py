@@ -1,4 +1,4 @@
-"""The plants of COMPleib that tuning is measured on: those the collection prints, from its own numbers.
+"""The plants of COMPleib that tuning is tested on: those the collection prints, from its own numbers.
 
 Four plants are in data files of the collection that are not text.  They come from ``controlgym``, where it is installed,
 which numbers them anew and keeps four decimals of them; their rows say so.

@@ -5,7 +5,8 @@ import pytest
 
 import boomctl as bc
 from boomctl.boom.model import ACTUATORS, TIPS
-from boomctl.lab.benchmark.references.high_precision import damped_eigenvalues, exact_response, mesh_response, sigma_of
+from boomctl.lab.benchmark.references.high_precision import exact_response, peak_in_many_digits, sigma_of
+from tests.fifty_digits import damped_eigenvalues, mesh_response
 
 OMEGA = 2.0 * np.pi * np.geomspace(0.1, 10.0, 12)
 OTHER = bc.BoomParameters(boom_mass=50.0, boom_inertia=420.0, length=10.0, spring_distance=3.1, structural_damping=4e-4)
@@ -64,3 +65,18 @@ def test_damped_eigenvalues():
 def test_odd_meshes_are_refused():
     with pytest.raises(ValueError, match="even"):
         mesh_response(bc.BoomParameters(), OMEGA, 7)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("elements", [50, 100, 190])
+def test_mesh_with_many_elements_loses_few_digits(elements):
+    p = bc.BoomParameters()
+    ours = bc.sigma(bc.spray_boom(p, elements=elements), OMEGA).sigma
+    assert ours == pytest.approx(sigma_of(mesh_response(p, OMEGA, elements)), rel=2e-5)
+
+
+@pytest.mark.slow
+def test_peak_in_fifty_digits_is_the_certified_one():
+    found = bc.hinf_norm(bc.spray_boom(None, "high-order", 4, order=14).between())
+    assert found.certified
+    assert peak_in_many_digits(bc.BoomParameters()) == pytest.approx(found.value, rel=1e-10)

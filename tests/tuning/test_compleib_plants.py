@@ -4,13 +4,14 @@ import numpy as np
 import pytest
 from scipy import io
 
-from boomctl.lab.benchmark.references import plants
-from boomctl.lab.benchmark.references.plants import plant, plant_names
-from boomctl.lab.benchmark.scenes.tuning import GOALS
+from boomctl.lab.benchmark.scenes.synthesis import published_plants
 from boomctl.progress import Deadline
 from boomctl.synthesis.hinf.full_order import full_order_bound
 from boomctl.synthesis.plants.partition import partition
 from tests.test_collections import KEYS, gym_folder, gym_names
+from tests.tuning import compleib as plants
+from tests.tuning.compleib import plant, plant_names
+from tests.tuning.test_compleib import GOALS
 
 PRINTED = [name for name in plant_names() if not plant(name).data]
 CUT = 1e-4  # four decimals are left in controlgym, of some numbers without rounding
@@ -82,3 +83,11 @@ def test_without_controlgym_its_plants_are_not_there(monkeypatch):
     assert "AC10" not in plant_names()
     with pytest.raises(ValueError, match="controlgym"):
         plant("AC10")
+
+
+def test_plants_of_the_benchmark_are_those_of_the_collection():
+    for name, (P, nmeas, ncon) in published_plants().items():
+        found = plant(name)
+        assert (nmeas, ncon) == (found.nmeas, found.ncon)
+        for key in "ABCD":
+            np.testing.assert_array_equal(getattr(P, key), getattr(found.P, key))

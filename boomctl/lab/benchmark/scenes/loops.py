@@ -1,0 +1,212 @@
+"""Scenes of sampled loops with a limited control: of the boom, which is linear, and of the hub-beam."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from boomctl.arrays import Array
+from boomctl.boom.factory import spray_boom
+from boomctl.boom.model import ACTUATORS, TIPS
+from boomctl.boom.parameters import BoomParameters
+from boomctl.lab.benchmark.peers.boom import varied
+from boomctl.lab.benchmark.peers.hub_beam import machine
+from boomctl.lab.benchmark.peers.loops import Loop, interconnected, responded
+from boomctl.lab.benchmark.references.extrapolation import extrapolated_step
+from boomctl.lab.benchmark.references.loops import extended_maps
+from boomctl.lab.benchmark.scene import Scene, Setting, settings
+from boomctl.lti.python_control import control
+from boomctl.lti.rounding import SUMMED
+from boomctl.rotating_beam.assumed_modes import AssumedModesBeam
+from boomctl.simulation.loop import simulate_loop
+from boomctl.structure.model import SecondOrderModel
+from boomctl.structure.response.poles import undamped_modes
+
+_STEP, _END = 1e-3, 1.0  # s: between samples, and of the motion; run times are proportional to it
+_TIME = np.linspace(0.0, _END, round(_END / _STEP) + 1)
+_MODES, _FORCE = 20, 0.25  # of the boom's plant; limit of the forces [N], so small that it is met
+_STROKES, _FORCES = ("stroke_left", "stroke_right"), ("suspension_left", "suspension_right")
+_GAINS, _ANGLE, _TORQUE = (-150.0, -250.0), 0.5, 60.0  # N m/rad, N m s/rad; rad; N m
+_BEAM_MODES, _TIP_MASS = 5, 0.1  # of SFOAM; kg
+_CONTINUOUS = "python-control's controller is continuous, which is an error of its own, at which its settings end."
+
+
+def _error(problem: Any, true: Array, found: Array) -> float:
+    return max(float(np.abs(found - true).max() / np.abs(true).max()), SUMMED)
+
+
+def _peers(restarted: Callable[..., Array], continuous: Callable[..., Array]) -> Iterator[Setting]:
+    """Yield the settings of SciPy and python-control; both take method, tolerance, problem and change."""
+    for method, rtols in (("RK45", (1e-3, 1e-6, 1e-9)), ("DOP853", (1e-3, 1e-6, 1e-9)), ("LSODA", (1e-3, 1e-6))):
+        cases = [(method, rtol) for rtol in rtols]
+        yield from settings(f"solve_ivp {method}, restarted", "rtol {1:.0e}", cases, restarted)
+        yield from settings(f"input_output_response, {method}", "rtol {1:.0e}", cases[:2], continuous)
+
+
+@dataclass(frozen=True)
+class BoomLoop:
+    """The boom's lowest 20 modes, a spring and damper law on its strokes, and the motion of all inputs at all samples."""
+
+    plant: control.StateSpace
+    law: control.StateSpace
+    motion: Array
+
+    @classmethod
+    def of(cls, change: float = 0.0) -> "BoomLoop":
+        """Return the loop of a boom with other springs."""
+        model = spray_boom(varied(BoomParameters(), change), elements=20)
+        _, shapes = undamped_modes(model.structure, _MODES)
+        modal = model.structure.projected(shapes, tuple(f"mode{k}" for k in range(_MODES)))
+        plant = SecondOrderModel.of(modal, model.ports.congruent(shapes)).to_statespace()
+        names: dict[str, Any] = {"inputs": list(_STROKES), "outputs": list(_FORCES)}
+        law = control.ss(-60.0 * np.eye(2), 60.0 * np.eye(2), 300.0 * np.eye(2), -300.0 * np.eye(2), **names)
+        motion = np.zeros((plant.ninputs, len(_TIME)))
+        motion[[plant.input_labels.index(name) for name in ACTUATORS]] = _rough_ground(_TIME)
+        return cls(plant, law, motion)
+
+    def places(self, names: tuple[str, ...], inputs: bool = False) -> list[int]:
+        """Return the places of signals among the plant's outputs, or inputs."""
+        labels = self.plant.input_labels if inputs else self.plant.output_labels
+        return [labels.index(name) for name in names]
+
+    @property
+    def loop(self) -> Loop:
+        """The loop as others solve it."""
+        P, W = self.plant, self.motion
+        driven, slopes = P.B[:, self.places(_FORCES, inputs=True)], np.diff(W, axis=1) / _STEP
+
+        def rate(t: float, x: Array, u: Array) -> Array:
+            k = min(int(t / _STEP + 1e-6), len(_TIME) - 2)
+            return P.A @ x + P.B @ (W[:, k] + slopes[:, k] * (t - _TIME[k])) + driven @ u
+
+        def read(k: int, x: Array) -> tuple[Array, Array]:
+            y = P.C @ x + P.D @ W[:, k]
+            return y[self.places(_STROKES)], y[self.places(TIPS)]
+
+        return Loop(rate, read, self.law.sample(_STEP, method="bilinear"), _FORCE, _TIME, P.nstates)
+
+    def exact(self) -> Array:
+        """Return the tips by maps from sample to sample in extended precision."""
+        Phi, held, ramp = extended_maps(self.plant.A, self.plant.B, _STEP)
+        forcing = held @ self.motion[:, :-1] + ramp @ np.diff(self.motion, axis=1)
+        driven = held[:, self.places(_FORCES, inputs=True)]
+        return self.loop.advanced(lambda k, x, u: Phi @ x + driven @ u + forcing[:, k], np.longdouble)
+
+    def simulated(self, limit: float = _FORCE) -> Array:
+        """Return the tips by this package."""
+        wheels: dict[str, Array] = dict(zip(ACTUATORS, self.motion[self.places(ACTUATORS, inputs=True)], strict=True))
+        options: dict[str, Any] = {"sample_time": _STEP, "force_limit": limit, "anti_windup": False}  # others have none
+        found = simulate_loop(self.plant, self.law, wheels, _TIME, **options)
+        return np.array([found[name] for name in TIPS]).T
+
+    def responded(self, method: str, rtol: float) -> Array:
+        """Return the tips by python-control, whose controller is continuous."""
+        P = self.plant
+        plant = control.ss(P.A, P.B, P.C, P.D, inputs=P.input_labels, outputs=P.output_labels, name="plant")
+        loop = interconnected(plant, self.law, _FORCE, list(ACTUATORS), list(TIPS))
+        return responded(loop, _TIME, self.motion[self.places(ACTUATORS, inputs=True)], method, rtol)
+
+
+def _rough_ground(time: Array) -> Array:
+    """Return the motion of the two actuators [m]: sines from 0.1 to 5 Hz, equal in velocity, of fixed phases."""
+    freq_hz = np.arange(0.1, 5.0, 0.1)
+    phases = 2.0 * np.pi * np.modf(np.outer([0.618034, 0.414214], np.arange(1, len(freq_hz) + 1) ** 2))[0]
+    lines = [(1.5e-3 / freq_hz) @ np.sin(2 * np.pi * np.outer(freq_hz, time) + phase[:, None]) for phase in phases]
+    return np.array(lines) - np.array(lines)[:, :1]
+
+
+def boom_loop() -> Scene:
+    """Return the scene of the boom's suspension."""
+    call = "bc.simulate_loop(plant, law, wheels, t, sample_time=1e-3, force_limit=0.25)"
+    return Scene(
+        title=f"The boom's suspension with a force limit, {_END:g} s sampled at 1 kHz",
+        question=f"From the boom's parameters to the motion of its tips over rough ground, {_FORCE:g} N at most.",
+        measure=f"Largest error over the largest displacement, against extended precision; at least {SUMMED:.0e}.",
+        problem=BoomLoop.of,
+        reference=lambda problem: problem.exact(),
+        error=_error,
+        methods=(
+            *settings(
+                "simulate_loop", "exact", [()], lambda problem, change: BoomLoop.of(change).simulated(), call=call
+            ),
+            *_peers(
+                lambda method, rtol, problem, change: BoomLoop.of(change).loop.restarted(method, rtol),
+                lambda method, rtol, problem, change: BoomLoop.of(change).responded(method, rtol),
+            ),
+        ),
+        remarks=(_CONTINUOUS, "The modes of the plant are ours, computed in everybody's calls."),
+    )
+
+
+def beam(change: float = 0.0, modes: int = _BEAM_MODES) -> AssumedModesBeam:
+    """Return the hub-beam of the scene."""
+    return AssumedModesBeam(replace(machine(change), tip_mass=_TIP_MASS), "sfoam", modes)
+
+
+def beam_law(dt: float = 0.0) -> control.StateSpace:
+    """Return the feedback of angle and speed of the hub."""
+    return control.ss([], [], [], [_GAINS], dt, inputs=["hub_angle", "hub_speed"], outputs=["torque"])
+
+
+def simulated(beam: AssumedModesBeam, time: Array, rtol: float) -> Array:
+    """Return the tip's displacement by this package."""
+    options: dict[str, Any] = {"force_limit": _TORQUE, "reference": {"hub_angle": np.full(time.size, _ANGLE)}}
+    options |= {"sample_time": _STEP, "rtol": rtol, "atol": 1e-2 * rtol}
+    return simulate_loop(beam, beam_law(_STEP), None, time, **options)["tip_displacement"][:, None]
+
+
+def loop_of(beam: AssumedModesBeam, time: Array) -> Loop:
+    """Return the loop as others solve it."""
+    size, row = beam.equations.size, beam.equations.tip.transverse
+
+    def rate(t: float, x: Array, u: Array) -> Array:
+        return beam.equations.state_derivative(x, float(u[0]))
+
+    def read(k: int, x: Array) -> tuple[Array, Array]:
+        return np.array([x[0] - _ANGLE, x[size]]), np.array([row @ x[1:size]])
+
+    return Loop(rate, read, beam_law(_STEP), _TORQUE, time, 2 * size)
+
+
+def beam_reference(beam: AssumedModesBeam, time: Array) -> Array:
+    """Return the tip's displacement to rounding: the equations derived from the energies, extrapolated between samples."""
+    import casadi as ca
+
+    f, n = beam.casadi_function(), 2 * beam.equations.size
+    x, u = ca.SX.sym("x", n), ca.SX.sym("u")
+    step = ca.Function("step", [x, u], [extrapolated_step(lambda a, _: f(a, u)[0], x, 0.0, _STEP)])
+    return loop_of(beam, time).advanced(lambda k, x, u: np.array(step(x, u)).ravel())
+
+
+def beam_responded(beam: AssumedModesBeam, time: Array, method: str, rtol: float) -> Array:
+    """Return the tip's displacement by python-control, whose controller is continuous."""
+    law = control.ss([], [], [], [_GAINS], inputs=["error", "hub_speed"], outputs=["torque"])
+    compared = control.summing_junction(["hub_angle", "-wanted"], "error", name="compared")
+    loop = interconnected(beam.to_nlsys(), law, _TORQUE, ["wanted"], ["tip_displacement"], compared)
+    return responded(loop, time, np.full(time.size, _ANGLE), method, rtol)
+
+
+def beam_loop() -> Scene:
+    """Return the scene of the hub-beam that is turned to an angle."""
+
+    def ours(rtol: float, problem: Any, change: float) -> Array:
+        return simulated(beam(change), _TIME, rtol)
+
+    call = "bc.simulate_loop(beam, law, None, t, sample_time=1e-3, force_limit=60.0, reference=wanted, rtol={:.0e})"
+    return Scene(
+        title=f"The hub-beam turned by a controller with a torque limit, {_END:g} s sampled at 1 kHz",
+        question=f"From the beam's parameters, SFOAM, {_BEAM_MODES} modes, to the tip's displacement.",
+        measure=f"Largest error over the largest displacement, against extrapolation of order 16; at least {SUMMED:.0e}.",
+        problem=lambda: None,
+        reference=lambda problem: beam_reference(beam(), _TIME),
+        error=_error,
+        methods=(
+            *settings("simulate_loop", "rtol {:.0e}", (1e-2, 1e-4, 1e-6, 1e-8, 1e-10), ours, call=call),
+            *_peers(
+                lambda method, rtol, problem, change: loop_of(beam(change), _TIME).restarted(method, rtol),
+                lambda method, rtol, problem, change: beam_responded(beam(change), _TIME, method, rtol),
+            ),
+        ),
+        remarks=(_CONTINUOUS, "The derivative of the state that others integrate is ours."),
+    )

@@ -1,0 +1,182 @@
+"""Run time against error: fronts and leads of made-up points, a tiny scene measured, the report, the command."""
+
+import json
+from dataclasses import replace
+from io import StringIO
+from math import inf
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from rich.console import Console
+
+from boomctl.lab.benchmark import run as runs
+from boomctl.lab.benchmark.diagram import Diagram, Point
+from boomctl.lab.benchmark.measure import measured, scene_at
+from boomctl.lab.benchmark.report import PAGE, BenchmarkReport, environment
+from boomctl.lab.benchmark.run import SCENES, run, wanted
+from tests.command import boomctl
+from tests.profiles import examples
+
+TINY = "tests.lab.benchmark.tiny:tiny"
+times = st.none() | st.sampled_from([1e-3, 2e-3, 1.0]) | st.floats(1e-6, 10.0)
+errors = st.sampled_from([0.0, 1e-3, 1.0, inf]) | st.floats(0.0, 10.0)
+points = st.lists(
+    st.builds(Point, st.sampled_from("abc"), st.just("1"), st.booleans(), st.booleans(), errors, times, times),
+    max_size=12,
+)
+ways = st.sampled_from(["cold", "hot"])
+
+
+def diagram(*found):
+    return Diagram("tiny", "A tiny scene", "What is one?", "Distance from one.", tuple(found))
+
+
+def dominated(point, others, way):
+    """Whether another one is as fast and has no larger error, and is better in one of them."""
+    mine = point.elapsed(way), point.error
+    theirs = [(p.elapsed(way), p.error) for p in others if p.elapsed(way) is not None]
+    return any(t <= mine[0] and e <= mine[1] and (t, e) != mine for t, e in theirs)
+
+
+@examples(200)
+@given(points, ways)
+def test_front_points_are_the_undominated_ones(found, way):
+    front = diagram(*found).front(way)
+    places = [(p.elapsed(way), p.error) for p in front]
+    assert places == sorted(places)
+    assert [e for _, e in places] == sorted((e for _, e in places), reverse=True)
+    assert len(set(places)) == len(places)
+    for point in found:
+        if point in front:
+            assert not dominated(point, found, way)
+        elif point.elapsed(way) is not None and point.error < inf:
+            assert dominated(point, found, way) or (point.elapsed(way), point.error) in places
+
+
+@examples(200)
+@given(points, ways)
+def test_lead_is_over_our_fastest_point_with_no_larger_error(found, way):
+    seen = diagram(*found)
+    leads = seen.leads(way)
+    assert [lead.other for lead in leads] == list(seen.front(way, ours=False))
+    for lead in leads:
+        able = [p for p in found if p.ours and p.error <= lead.other.error and p.elapsed(way) is not None]
+        assert (lead.ours is None) == (not able)
+        if lead.ours is None:
+            assert lead.ratio == 0.0
+        else:
+            assert lead.ours.elapsed(way) == min(p.elapsed(way) for p in able)
+            assert lead.ratio == pytest.approx(lead.other.elapsed(way) / lead.ours.elapsed(way))
+
+
+@pytest.mark.slow
+def test_measured_tiny_scene_has_times_errors_and_failures():
+    told = []
+    found = measured("tiny", TINY, quick=False, time_limit=10.0, progress=told.append)
+    first, second, other, raises, number, sleeps, dies, absent = found.points
+    assert [p.error for p in (first, second, other)] == [0.5, 0.25, 0.125]
+    for p in (first, second, other):
+        assert min(p.cold, p.hot) > 0.0
+        assert min(p.cold_processor, p.hot_processor) >= 0.0
+        assert p.failed == ""
+    assert (first.ours, first.verified, first.call) == (True, True, "bc.one(0.5)")
+    assert (other.ours, other.verified, other.call) == (False, False, "")
+    assert raises.failed == "ValueError: no answer"
+    assert number.failed == "the error of its answer is not finite"
+    assert sleeps.failed == "no answer within 10 s"
+    assert dies.failed == "exit code 1: gone"
+    assert absent.failed == "no_such_module is not installed"
+    assert all(p.error == inf and p.cold is None for p in (raises, number, sleeps, dies, absent))
+    assert told[0] == "tiny: mine, plus 0.5"
+    assert told[-1] == "tiny: reference solution"
+
+
+def test_few_settings_are_every_third_of_each_method():
+    few = scene_at(TINY).few
+    assert {k: s.label for k, s in few.items()} == {0: "plus 0.5", 2: "0.125", 5: "sleeps", 7: "0.0"}
+
+
+OURS = Point("mine", "a", True, True, 1e-4, 1e-3, 5e-4, 1e-3, 5e-4, "bc.mine()")
+OTHER = Point("other", "b", False, False, 1e-3, 4e-3, 2.5e-4, 4e-3, 1e-3)
+FAILED = Point("other", "c", False, False, failed="ValueError: <no>")
+REPORT = BenchmarkReport((diagram(OURS, OTHER, FAILED),), {"processor": "of sand", "numpy": "2", "scipy": "1"})
+
+
+@pytest.mark.slow  # pictures
+def test_report_has_leads_recommendations_scenes_and_machine(tmp_path):
+    made = REPORT.report()
+    order = ["Whose front leads", "0.1 %", "bc.mine()", "<h2>A tiny scene", "ValueError: &lt;no&gt;", "of sand"]
+    places = [made.html.index(words) for words in order]
+    assert places == sorted(places)
+    assert made.html.count("<img") == 1
+    assert "http" not in made.html.replace("http://www.w3.org", "")
+    assert {path.name for path in made.write(tmp_path)} == {"report.html", "results.json", "tiny.png", "tiny.svg"}
+    written = json.loads((tmp_path / "results.json").read_text(encoding="utf-8"))
+    (scene,) = written["scenes"]
+    assert [p["verified"] for p in scene["points"]] == [True, False, False]
+    assert scene["leads"]["cold"][0]["ratio"] == pytest.approx(4.0)
+    assert scene["leads"]["hot"][0]["ratio"] == pytest.approx(0.5)
+
+
+def test_render_says_where_our_front_does_not_lead():
+    console = Console(width=160, record=True, file=StringIO())
+    console.print(REPORT.render())
+    lines = console.export_text().splitlines()
+    assert any(line.split()[:4] == ["tiny", "cold", "yes", "4"] for line in lines)
+    assert any(line.split()[:4] == ["tiny", "hot", "NO", "0.5"] for line in lines)
+
+
+def test_page_between_its_marks_is_replaced(tmp_path):
+    page = tmp_path / "page.md"
+    mark = "<!-- what {} is written by `boomctl benchmark --page` -->"
+    page.write_text(f"# Head\n{mark.format('follows')}\nold\n{mark.format('precedes')}\nfoot\n", encoding="utf-8")
+    PAGE.write(page, REPORT.page())
+    text = page.read_text(encoding="utf-8")
+    assert "old" not in text
+    assert text.startswith("# Head\n")
+    assert text.endswith("foot\n")
+    row = "| A tiny scene | `bc.mine()` | 1.0·10⁻⁴ | 1\u00a0ms | 500\u00a0µs | other, b: 250\u00a0µs |"
+    assert row in text
+    none = replace(REPORT, diagrams=(diagram(FAILED),)).page()
+    assert "| A tiny scene | none of ours |  |  |  | none |" in none
+    with pytest.raises(ValueError, match="there is no such file"):
+        PAGE.text(tmp_path / "none.md")
+
+
+def test_scenes_are_thirteen_and_named_by_first_words():
+    assert len(SCENES) == 13
+    assert wanted([]) == tuple(SCENES)
+    assert wanted(["slew-effort", "hub"]) == ("hub-spin-up", "hub-torque", "slew-effort")
+    with pytest.raises(ValueError, match="did you mean 'boom-sigma'"):
+        run(["boom-sigmar"])
+    assert {"processor", "numpy", "python", "cores", "BLAS"} <= environment().keys()
+
+
+def test_no_peer_verifies_its_answer_and_ours_do_where_said():
+    """What each method is: changed by nothing but another method."""
+    verified = {"boom-peak", "boom-reduction", "h-infinity", "tuning", "slew-time", "slew-effort", "identification"}
+    for key, place in SCENES.items():
+        settings = scene_at(place).settings
+        assert {s.verified for s in settings if not s.ours} == {False}, key
+        assert {s.verified for s in settings if s.ours} == {key in verified}, key
+
+
+@pytest.mark.slow
+def test_command_measures_and_writes(tmp_path, monkeypatch):
+    monkeypatch.setattr(runs, "SCENES", {"boom-tiny": TINY})
+    monkeypatch.setattr(runs, "_TIME_LIMIT", 5.0)
+    done = boomctl("benchmark", "boom", "--quick", "--json", "--out", "out", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    found = json.loads(done.stdout)
+    assert [scene["key"] for scene in found["scenes"]] == ["boom-tiny"]
+    assert found["command"] == "boomctl benchmark boom --quick"
+    assert (tmp_path / "out" / "report.html").is_file()
+
+
+def test_command_with_bad_input_says_so_in_one_line(tmp_path):
+    for words, part in ((["boom-sigmar"], "boom-sigma"), (["boom", "--page", str(tmp_path)], "folder")):
+        done = boomctl("benchmark", *words, cwd=tmp_path)
+        assert done.returncode == 2, words
+        assert part in done.stderr
+        assert done.stderr.count("\n") == 1
