@@ -60,7 +60,7 @@ def identification() -> Scene:
     options: dict[str, Any] = {"modules": ("ctrlsys",)}
     return Scene(
         title=f"Modes of a steel frame from {_OUTPUTS} accelerometers",
-        question=f"From {_SAMPLES:,} simulated samples, errors of {100 * _ERRORS:g} % to {_MODES} modes up to {BAND[1]:g} Hz.",
+        question=f"From {_SAMPLES:,} simulated samples, errors of {100 * _ERRORS:g} % to {_MODES} modes to {BAND[1]:g} Hz.",
         measure="Largest relative error of a frequency, one pole for each mode; 1 where none is left for it.",
         problem=lambda: frame_record(_OUTPUTS),
         reference=lambda problem: problem[2].imag / (2.0 * np.pi),
