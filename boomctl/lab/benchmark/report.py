@@ -77,7 +77,8 @@ class BenchmarkReport:
         """Return the table of recommended settings, as Markdown."""
         table = self._recommended()
         facts = ", ".join(f"{name} {self.environment[name]}" for name in ("processor", "numpy", "scipy"))
-        lines = (f"| {' | '.join(cells)} |" for cells in (table.heads, ["---"] * len(table.heads), *table.lines))
+        rows = (table.heads, ["---"] * len(table.heads), *((a, f"`{b}`", *rest) for a, b, *rest in table.lines))
+        lines = (f"| {' | '.join(cells)} |" for cells in rows)
         return f"Measured on {facts}.\n\n" + "\n".join(lines) + "\n"
 
     def render(self) -> "Group":
@@ -102,7 +103,7 @@ class BenchmarkReport:
         lines = []
         for diagram in self.diagrams:
             ours, other = (diagram.fastest(WANTED, "hot", ours) for ours in (True, False))
-            write = f"`{ours.call}`" if ours else "none of ours"
+            write = ours.call if ours else "none of ours"
             cells = (error_words(ours.error), duration(ours.cold), duration(ours.hot)) if ours else ("", "", "")
             lines.append((diagram.title, write, *cells, f"{_name(other)}: {duration(other.hot)}" if other else "none"))
         heads = ("Question", "Write", "Error", "First call", "Later calls", "Fastest other")

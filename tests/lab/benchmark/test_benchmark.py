@@ -139,7 +139,7 @@ def test_page_between_its_marks_is_replaced(tmp_path):
     row = "| A tiny scene | `bc.mine()` | 1.0·10⁻⁴ | 1\u00a0ms | 500\u00a0µs | other, b: 250\u00a0µs |"
     assert row in text
     none = replace(REPORT, diagrams=(diagram(FAILED),)).page()
-    assert "| A tiny scene | none of ours |  |  |  | none |" in none
+    assert "| A tiny scene | `none of ours` |  |  |  | none |" in none
     with pytest.raises(ValueError, match="there is no such file"):
         PAGE.text(tmp_path / "none.md")
 

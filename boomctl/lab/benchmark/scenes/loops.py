@@ -75,6 +75,7 @@ class BoomLoop:
         """The loop as others solve it."""
         P, W = self.plant, self.motion
         driven, slopes = P.B[:, self.places(_FORCES, inputs=True)], np.diff(W, axis=1) / _STEP
+        strokes, tips = self.places(_STROKES), self.places(TIPS)
 
         def rate(t: float, x: Array, u: Array) -> Array:
             k = min(int(t / _STEP + 1e-6), len(_TIME) - 2)
@@ -82,7 +83,7 @@ class BoomLoop:
 
         def read(k: int, x: Array) -> tuple[Array, Array]:
             y = P.C @ x + P.D @ W[:, k]
-            return y[self.places(_STROKES)], y[self.places(TIPS)]
+            return y[strokes], y[tips]
 
         return Loop(rate, read, self.law.sample(_STEP, method="bilinear"), _FORCE, _TIME, P.nstates)
 
