@@ -1,6 +1,6 @@
 """Measure the settings of a scene, each in a new Python process with the default number of BLAS threads.
 
-The process makes the problem, imports what the method needs, and calls it: the first call is the cold one.  Later calls
+The process makes the problem and calls the method: the first call, with what it imports, is the cold one.  Later calls
 have another value of a parameter each, so that nothing stored from an earlier call is the answer; their median is the hot
 run time.  Both include everything that is built from the parameters.
 """
@@ -120,8 +120,6 @@ def main(place: str, index: str, duration: str, stored: str) -> None:
     """Solve the problem of a scene at one setting, and store answer and run times, or the message of an exception."""
     scene = scene_at(place)
     setting = scene.settings[int(index)]
-    for name in setting.modules:
-        import_module(name)
     problem = scene.problem()
     warnings.simplefilter("ignore")
     gc.collect()

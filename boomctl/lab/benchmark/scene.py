@@ -22,7 +22,7 @@ class Setting:
     verified : bool
         Whether the method checks its answer by an independent computation within the run time shown.
     modules : tuple of str
-        What has to be installed; it is imported before the clock starts.
+        What has to be installed.
     call : str
         What a user of this package writes; empty for other programs.
     """

@@ -23,7 +23,7 @@ from boomctl.simulation.forced_response import forced_response
 from boomctl.structure.model import SecondOrderModel
 
 _FINITE, _ORDERS = (6, 10, 20, 50, 100, 190), (4, 6, 8, 10, 12, 14)  # elements, and orders of high-order elements
-_PEERS, _PYMOR = (6, 10, 20, 50, 100), ("pymor.models.iosys", "pymor.reductors.bt")  # elements of other programs
+_PEERS = (6, 10, 20, 50, 100)  # elements of other programs
 _OMEGA = 2 * np.pi * np.geomspace(0.1, 10.0, 500)
 _DURATION, _STEP = 60.0, 0.01  # s, of the bumps and between samples
 _FIRST, _EVERY, _SHIFT, _BUMPS = 1.0, 6.0, 2.0, 5  # s: first and next bump of the left wheel, delay of the right one
@@ -87,7 +87,7 @@ def boom_sigma() -> Scene:
             *settings("accuracy=", "{:g}", (1e-2, 1e-3, 1e-6), chosen, call=call),
             *settings("exact beam", "no mesh", [()], exact, call=of_exact),
             *_others("python-control", _PEERS, lambda boom: peers.control_sigma(control_boom(boom), _OMEGA)),
-            *_others("pyMOR, sparse", _PEERS, lambda boom: peers.pymor_sigma(boom, _OMEGA), *_PYMOR),
+            *_others("pyMOR, sparse", _PEERS, lambda boom: peers.pymor_sigma(boom, _OMEGA), "pymor"),
             *_others("SciPy, banded solver", (*_PEERS, 200, 500), lambda boom: peers.banded_sigma(boom, _OMEGA)),
         ),
         remarks=(_PLAIN,),
@@ -119,7 +119,7 @@ def boom_peak() -> Scene:
         methods=(
             *_ours(peak, "bc.hinf_norm({0}.between()).value", verified=True),
             *_others("control.linfnorm", _PEERS, by_control, "slycot"),
-            *_others("pyMOR, hinf_norm", _PEERS[:4], by_pymor, *_PYMOR, "slycot"),
+            *_others("pyMOR, hinf_norm", _PEERS[:4], by_pymor, "pymor", "slycot"),
         ),
         remarks=(_PLAIN, "Ours proves that no frequency has a larger singular value; the others do not."),
     )
@@ -211,7 +211,7 @@ def boom_reduction() -> Scene:
         methods=(
             *settings("reduce, balanced", "order {}", orders, ours, verified=True, call=call),
             *settings("control.balred", "order {}", orders, theirs(control.balred), modules=("slycot",)),
-            *settings("pyMOR, balanced", "order {}", (10, 30), theirs(peers.balanced_by_pymor), modules=_PYMOR),
+            *settings("pyMOR, balanced", "order {}", (10, 30), theirs(peers.balanced_by_pymor), modules=("pymor",)),
         ),
         remarks=("Others are given the dense first-order matrices of our model, which are timed with them.",),
     )
