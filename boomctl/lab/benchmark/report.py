@@ -61,8 +61,8 @@ class BenchmarkReport:
         lead = "Run time and error belong together: each point below is one method at one setting."
         text = (
             f"{self.command} (this run took {self.elapsed:.0f} s). Each setting runs in a new process with the default number"
-            " of BLAS threads. Cold: the first call there, with what it imports; hot: median of later calls, each with another"
-            " value of a parameter. Both include everything that is built from the parameters.",
+            " of BLAS threads. Cold: the first call there, with what it imports; hot: median of later calls, each with"
+            " another value of a parameter. Both include everything that is built from the parameters.",
         )
         facts = Table(("", ""), tuple(self.environment.items()), align="ll")
         sections = (

@@ -23,7 +23,7 @@ from boomctl.synthesis.plants.scaling import scale_signals
 from boomctl.tuning.parts import makers as tunable
 from boomctl.tuning.tune import tune
 
-_NMEAS = _NCON = 2
+_NMEAS = _NCON = 2  # strokes measured, and forces
 _SIDES, _INPUTS, _OUTPUTS = ("sym", "anti"), ("actuator", "suspension"), ("tip", "stroke")
 _SCALES = {"actuator": 0.03, "suspension": 150.0, "tip": 0.2, "stroke": 0.05}  # m, N, m, m: what counts as one
 _REFERENCE, _FAST = 1e-9, 1e9  # tolerance of the design whose proved bound is the reference; rad/s, its fastest pole
