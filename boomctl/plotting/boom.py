@@ -1,10 +1,8 @@
-"""Pictures of the spray boom: Fig. 3, convergence, mode shapes, the machine in motion, friction in its cradle.
+"""Pictures of the spray boom: Fig. 3, convergence, mode shapes, friction in its cradle.
 
 What they draw are the records of :mod:`boomctl.lab.papers.anthonis_ramon`, taken by their attributes.
 """
 
-from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,6 +16,7 @@ if TYPE_CHECKING:
     from boomctl.analysis.sigma import SigmaResult
     from boomctl.boom.parameters import BoomParameters
 
+_HEIGHT = 0.8  # largest deflection of a mode that is drawn [m] (a choice)
 _LINES = {"finite": "--", "discrete": ":", "exact": "-"}
 
 
@@ -94,7 +93,7 @@ def draw_modes(modes: tuple[Any, ...], p: "BoomParameters") -> Any:
     with style():
         figure = new_figure(7.4, 1.65 * len(modes))
         for k, (ax, mode) in enumerate(zip(figure.subplots(len(modes), 1, sharex=True), modes, strict=True)):
-            _machine(ax, p, mode, 1.0, 0.8)
+            _machine(ax, p, mode.x, _HEIGHT * mode.boom)
             ax.set_ylim(-1.35, 1.1)
             ax.set_yticks([])
             ax.grid(visible=False)
@@ -104,63 +103,23 @@ def draw_modes(modes: tuple[Any, ...], p: "BoomParameters") -> Any:
     return figure
 
 
-def _machine(ax: Any, p: "BoomParameters", motion: Any, phase: complex, scale: float) -> None:
-    """Draw platform, cradle, springs and boom at a phase, displacements ``scale`` times as large; driving direction up."""
-    x, w = motion.x, np.real(motion.boom * phase)
-    amplitudes = (motion.cradle, motion.platform, motion.platform_turn)
-    cradle, platform, turn = (float(np.real(value * phase)) for value in amplitudes)
-    half, spring = 0.5 * p.actuator_distance, 0.5 * p.spring_distance
-    depth = 1.0
-    across = np.array([-half, half])
-    at_platform = scale * (platform + turn * across) - depth
-    ax.fill_between(across, at_platform - 0.12, at_platform + 0.12, color="#c9ced6", zorder=1)
+def _machine(ax: Any, p: "BoomParameters", x: Array, w: Array) -> None:
+    """Draw platform, cradle, springs and boom with a deflection of the boom; driving direction up."""
+    cradle = float(w[len(w) // 2])
+    half, spring, depth = 0.5 * p.actuator_distance, 0.5 * p.spring_distance, 1.0
+    ax.fill_between([-half, half], -depth - 0.12, -depth + 0.12, color="#c9ced6", zorder=1)
     corners = np.array([-0.1, -0.1, 0.1, 0.1, -0.1])
-    ax.plot([-0.28, 0.28, 0.28, -0.28, -0.28], scale * cradle + corners, color="#666666", linewidth=1.0)
-    for side in (-1.0, 1.0):
-        foot = scale * (platform + turn * side * spring) - depth + 0.12
-        head = scale * float(np.interp(side * spring, x, w))
-        _spring(ax, side * spring, foot, head)
+    ax.plot([-0.28, 0.28, 0.28, -0.28, -0.28], cradle + corners, color="#666666", linewidth=1.0)
+    for side in (-spring, spring):
+        _spring(ax, side, -depth + 0.12, float(np.interp(side, x, w)))
     ax.plot([-p.length / 2, p.length / 2], [0, 0], color="#bbbbbb", linewidth=0.7, dashes=(4, 3), zorder=0)
-    ax.plot(x, scale * w, color=COLOURS[0], linewidth=2.0)
-    ax.plot([0.0], [scale * cradle], "o", color=COLOURS[1], markersize=4)
+    ax.plot(x, w, color=COLOURS[0], linewidth=2.0)
+    ax.plot([0.0], [cradle], "o", color=COLOURS[1], markersize=4)
 
 
 def _spring(ax: Any, x: float, low: float, high: float) -> None:
     zigzag = np.concatenate([[0.0, 0.0], np.tile([0.09, -0.09], 4), [0.0, 0.0]])
     ax.plot(x + zigzag, np.linspace(low, high, len(zigzag)), color="#3a7d34", linewidth=0.9)
-
-
-def animation_gif(motions: tuple[Any, ...], p: "BoomParameters", frames: int = 36) -> bytes:
-    """Return a GIF of one period of each motion, side by side, drawn with its largest deflection at one metre."""
-    from matplotlib.animation import FuncAnimation, PillowWriter
-
-    with style():
-        figure = new_figure(8.0, 2.9)
-        axes = figure.subplots(1, len(motions))
-
-        def draw(frame: int) -> list[Any]:
-            turn = np.exp(2j * np.pi * frame / frames)
-            for ax, motion in zip(axes, motions, strict=True):
-                scale = 1.0 / float(np.abs(motion.boom).max())
-                ax.clear()
-                _machine(ax, p, motion, turn, scale)
-                ax.set_ylim(-1.6, 1.3)
-                ax.set_yticks([])
-                ax.grid(visible=False)
-                gain = float(np.abs(motion.boom).max())
-                ax.set_title(
-                    f"{motion.title} at {motion.freq_hz:.3f} Hz,\ntips move {gain:.0f} times as far as the actuators"
-                )
-                ax.set_xlabel("x along the boom [m]")
-            return []
-
-        draw(0)
-        figure.draw_without_rendering()
-        figure.set_layout_engine("none")  # places are those of the first frame, and take longer to find than to draw
-        with TemporaryDirectory() as folder:
-            path = Path(folder) / "motion.gif"
-            FuncAnimation(figure, draw, frames=frames, blit=False).save(path, writer=PillowWriter(fps=18), dpi=90)
-            return path.read_bytes()
 
 
 def draw_friction(study: Any, band_hz: tuple[float, float] = (2.5, 3.5)) -> Any:

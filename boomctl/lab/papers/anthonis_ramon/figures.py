@@ -15,7 +15,6 @@ from boomctl.boom.published import COMPUTED_HZ, MEASURED_HZ
 from boomctl.structure.beams.elements import DiscreteElements
 from boomctl.structure.displacement_input import prescribe_displacement
 from boomctl.structure.model import SecondOrderModel
-from boomctl.structure.response.direct import direct_response
 from boomctl.structure.response.poles import damped_poles, undamped_modes
 
 NAMES = {
@@ -68,24 +67,14 @@ class Convergence:
 
 
 @dataclass(frozen=True)
-class MachineMotion:
-    """How the machine moves at one frequency, in complex amplitudes: the boom over ``x``, cradle and platform.
-
-    ``platform`` and ``platform_turn`` are the platform's displacement [m] and rotation [rad], absolute as all others are.
-    """
+class ModeShape:
+    """A mode with the platform held: its frequency, its damping ratio, and the boom's deflection over ``x``."""
 
     title: str
     freq_hz: float
     x: Array
     boom: Array
-    damping_ratio: float = np.nan
-    platform: complex = 0j
-    platform_turn: complex = 0j
-
-    @property
-    def cradle(self) -> complex:
-        """Displacement of the cradle, which moves with the hinge in the boom's middle."""
-        return complex(self.boom[len(self.boom) // 2])
+    damping_ratio: float
 
 
 @dataclass(frozen=True)
@@ -104,8 +93,7 @@ class BoomReproduction:
     sigma: dict[str, SigmaResult]
     deviation: dict[str, Array]
     convergence: tuple[Convergence, ...]
-    modes: tuple[MachineMotion, ...]
-    driven: tuple[MachineMotion, ...]
+    modes: tuple[ModeShape, ...]
 
 
 def compute(parameters: BoomParameters | None = None) -> BoomReproduction:
@@ -128,7 +116,6 @@ def compute(parameters: BoomParameters | None = None) -> BoomReproduction:
         deviation=deviation,
         convergence=_convergence(p, exact),
         modes=_mode_shapes(p),
-        driven=_driven(p, exact),
     )
 
 
@@ -205,7 +192,7 @@ def _shape_model(p: BoomParameters) -> tuple[SecondOrderModel, Array]:
     return SecondOrderModel.of(model.structure, ports), _attached(p, _SHAPE_ELEMENTS)
 
 
-def _mode_shapes(p: BoomParameters) -> tuple[MachineMotion, ...]:
+def _mode_shapes(p: BoomParameters) -> tuple[ModeShape, ...]:
     """Return the first five modes, platform held; shapes undamped, frequencies and damping of the damped system."""
     model, x = _shape_model(p)
     _, shapes = undamped_modes(model.structure, _MODES)
@@ -214,18 +201,5 @@ def _mode_shapes(p: BoomParameters) -> tuple[MachineMotion, ...]:
     for k, pole in enumerate(poles):
         w = model.ports.L[0] @ shapes[:, k]
         w = w / w[np.argmax(np.abs(w))]
-        motions.append(MachineMotion(f"mode {k + 1}", pole.imag / (2 * np.pi), x, w, -pole.real / abs(pole)))
-    return tuple(motions)
-
-
-def _driven(p: BoomParameters, exact: Array) -> tuple[MachineMotion, ...]:
-    """Return the machine driven in yaw at the first and in jolt at the second eigenfrequency."""
-    model, x = _shape_model(p)
-    motions = []
-    for title, freq, sides in (("yaw", exact[0], (-1.0, 1.0)), ("jolt", exact[1], (1.0, 1.0))):
-        response = direct_response(model.structure, model.ports, np.array([2 * np.pi * freq]))[:, :, 0]
-        d = np.array(sides)
-        turn = (d[1] - d[0]) / p.actuator_distance
-        platform = {"platform": complex(d.mean()), "platform_turn": turn}
-        motions.append(MachineMotion(title, float(freq), x, response @ d, **platform))
+        motions.append(ModeShape(f"mode {k + 1}", pole.imag / (2 * np.pi), x, w, -pole.real / abs(pole)))
     return tuple(motions)

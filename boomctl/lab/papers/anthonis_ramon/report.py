@@ -13,7 +13,7 @@ from boomctl.lab.papers.anthonis_ramon.figures import BoomReproduction, compute
 from boomctl.lab.papers.anthonis_ramon.friction import FULL_POINTS, POINTS, friction_section, friction_study
 from boomctl.lab.papers.anthonis_ramon.updating import updating_results, updating_section, updating_study
 from boomctl.lab.papers.jobs import Jobs
-from boomctl.report import Picture, Report, Section, Table
+from boomctl.report import Report, Section, Table
 
 _LEAD = (
     "Eigenfrequencies and singular values of the horizontal motion of a 12 m spray boom, from the parameters of Anthonis"
@@ -114,7 +114,7 @@ def updating_chapter(p: BoomParameters) -> Chapter:
 
 def figures_chapter(p: BoomParameters, measured: MeasuredCurve | None) -> Chapter:
     """Compute and draw Table 1, Fig. 3, convergence and modes."""
-    from boomctl.plotting.boom import animation_gif, draw_convergence, draw_figure_3, draw_modes
+    from boomctl.plotting.boom import draw_convergence, draw_figure_3, draw_modes
     from boomctl.plotting.canvas import picture
 
     result = compute(p)
@@ -129,16 +129,11 @@ def figures_chapter(p: BoomParameters, measured: MeasuredCurve | None) -> Chapte
         draw_modes(result.modes, p),
         "First five modes, platform held. Shapes undamped; frequencies and damping ratios of the damped system.",
     )
-    motion = Picture(
-        "boom_motion",
-        "The machine driven in yaw and in jolt at its resonances, one period, boom deflection scaled to 1 m.",
-        {"gif": animation_gif(result.driven, p)},
-    )
     sections = (
         Section("Table 1: eigenfrequencies", (_TABLE_1, _GEOMETRICAL), (_table_1(result), _readings(result))),
         Section("Fig. 3: singular values", (_FIGURE_3,), (_peaks(result),), (figure_3,)),
         Section("Convergence", (_CONVERGENCE,), (), (convergence,)),
-        Section("Modes and motion", (), (), (modes, motion)),
+        Section("Modes", (), (), (modes,)),
     )
     return Chapter(sections, _results(result))
 
