@@ -1,4 +1,4 @@
-"""Collocation in Gauss and in Radau points: coefficients, and the polynomials that continue a step between its nodes."""
+"""Collocation in Gauss points: coefficients, and the polynomials that continue a step between its nodes."""
 
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
@@ -60,17 +60,6 @@ def gauss_method(stages: int) -> CollocationMethod:
     """Return collocation in the Gauss points, of order 2 s; nodes and weights are those of Gauss-Legendre quadrature."""
     points, weights = legendre.leggauss(stages)
     return CollocationMethod(0.5 * (points + 1.0), 0.5 * weights, 0.5 * lagrange_integrals(points, points))
-
-
-@lru_cache(maxsize=64)
-def radau_method(stages: int) -> CollocationMethod:
-    """Return collocation in the Radau points, Radau IIA: of order 2 s - 1; the last node is the end of the step."""
-    inner = np.zeros(stages + 1)
-    inner[-2:] = -1.0, 1.0
-    points = np.sort(np.real(legendre.legroots(inner)))
-    points[-1] = 1.0
-    A = 0.5 * lagrange_integrals(points, points)
-    return CollocationMethod(0.5 * (points + 1.0), A[-1], A)
 
 
 def lagrange_integrals(nodes: Array, at: Array) -> Array:

@@ -12,7 +12,7 @@ from boomctl.slew import optimal_slew
 from boomctl.studies.slew import SlewDesign, SlewEvaluation
 
 ANGLE, LIMIT, DURATION = np.pi / 2, 200.0, 4.5
-NOMINAL, OTHERS, BETWEEN = 0.1, (0.0, 0.2), (0.05, 0.15)
+NOMINAL, OTHERS, BETWEEN = 0.1, (0.0, 0.2), (0.03, 0.15)
 ROBUST, PLAIN = "planned for 0, 0.1 and 0.2 kg", "planned for 0.1 kg alone"
 
 

@@ -7,7 +7,7 @@ import numpy as np
 
 import boomctl as bc
 from boomctl.analysis import MeasuredCurve
-from boomctl.slew import compare_payloads, compare_slews
+from boomctl.slew import compare_slews
 from boomctl.structure import (
     GROUND,
     Assembly,
@@ -176,12 +176,7 @@ def linear_slew():
 
 @functools.cache
 def comparison():
-    return compare_slews(bc.hub_beam(modes=1), np.pi / 2, 200.0)
-
-
-@functools.cache
-def payloads():
-    return compare_payloads({"effort": slew()}, [0.0, 0.1])
+    return compare_slews(bc.hub_beam(modes=1), np.pi / 2, 200.0, tip_masses=(0.0, 0.1))
 
 
 @functools.cache

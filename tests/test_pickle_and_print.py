@@ -142,7 +142,6 @@ FACTORIES = {
     "TrackingStudy": one.tracking_study,
     "SlewResult, of a StateSpace": one.linear_slew,
     "SlewComparison": one.comparison,
-    "PayloadComparison": one.payloads,
     "Shaper": lambda: shaper("ZV", 1.0, 0.0),
     "BodeResult": lambda: bc.bode(one.boom()),
     "NyquistResult": lambda: bc.nyquist(one.yaw(), one.suspension()),
@@ -176,7 +175,6 @@ SLOW = (
     "AssumedModesBeam, by accuracy",
     "GeometricallyExactBeam, by accuracy",
     "RampBound",
-    "PayloadComparison",
     "HInfinityResult, of a reduction",
     "DesignCertificate, of a reduction",
     "DesignCertificate, on a full plant",
@@ -267,7 +265,7 @@ TABLES = (
     "HubBeamParameters",
     "ModeTable",
     "Margins",
-    "PayloadComparison",
+    "SlewComparison",
     "SweepResult",
 )
 

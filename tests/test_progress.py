@@ -11,7 +11,6 @@ import pytest
 import boomctl as bc
 from boomctl import progress
 from boomctl.progress import computing
-from boomctl.slew import mesh_study
 from tests import handed_out as one
 
 CALLS = {
@@ -26,7 +25,6 @@ CALLS = {
     "fit": lambda **given: bc.fit(
         bc.spray_boom, [0.25, 0.59], ["spring_distance"], bc.BoomParameters(), starts=2, **given
     ),
-    "mesh study": lambda **given: mesh_study(one.hub_beam(), 1.0, 200.0, 4.0, (("shooting", 1),), (10, 20), **given),
 }
 
 

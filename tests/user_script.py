@@ -217,7 +217,7 @@ reveal_type(bc.studies.FieldStudy(scene))
 reveal_type(bc.structure.FiniteElements(4))
 reveal_type(bc.studies.suspension.suspension_model(p))
 draw = bc.plotting.draw_deposit  # its type names style, which is open
-reveal_type(bc.slew.track)
+reveal_type(bc.slew.shaper)
 reveal_type(bc.simulation.TimeVaryingController)
 packages = (
     bc.analysis,

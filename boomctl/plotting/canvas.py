@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from difflib import get_close_matches
 from pathlib import Path
 from re import search
+from tempfile import TemporaryDirectory
 from threading import RLock
 from typing import Any
 
@@ -283,6 +284,14 @@ def picture(name: str, figure: Any, caption: str, *kinds: str) -> Picture:
         files[kind] = figure_bytes(figure, kind)
         figure.set_layout_engine("none")  # places are found now, and take as long as drawing
     return Picture(name, caption, files)
+
+
+def film(name: str, animation: Any, caption: str) -> Picture:
+    """Return a picture of a report that moves, of an animation of matplotlib: a GIF."""
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "film.gif"
+        animation.save(path, "pillow", dpi=80)
+        return Picture(name, caption, {"gif": path.read_bytes()})
 
 
 def figure_bytes(figure: Any, kind: str) -> bytes:

@@ -1,12 +1,8 @@
-"""Pictures of the hub-beam: its motion, spin-ups, curves in panels, and the film of a slew."""
+"""Pictures of the hub-beam: its motion, spin-ups, curves in panels."""
 
-import io
-from collections.abc import Callable
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -174,82 +170,3 @@ def _fill(ax: Axes, panel: Any) -> None:
         ax.set_ylim(*panel.ylim)
     if panel.legend:
         legend(ax, loc=panel.legend)
-
-
-@dataclass(frozen=True, eq=False)
-class Film:
-    """Beams that move in the plane of the hub.
-
-    Attributes
-    ----------
-    time : ndarray, k
-        Instants of the frames, s; equally spaced.
-    shapes : tuple of (label, ndarray)
-        Positions of points along the beam from the clamp to the free end, complex, k x m, m.
-    hub_radius : float
-        Radius of the hub, m.
-    caption : str
-    """
-
-    time: Array
-    shapes: tuple[tuple[str, Array], ...]
-    hub_radius: float
-    caption: str
-
-
-def film_bytes(film: Film) -> bytes:
-    """A film as the bytes of a GIF that runs in real time and repeats.
-
-    Parameters
-    ----------
-    film : Film
-    """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from PIL import Image
-
-    figure = Figure(figsize=(4.4, 4.6), dpi=80)
-    canvas = FigureCanvasAgg(figure)
-    moving, frame = _stage(figure, film)
-    canvas.draw()
-    # axes and texts that stay are drawn once, for they take most of the time
-    still = canvas.copy_from_bbox(figure.bbox)
-    images = []
-    for k in range(film.time.size):
-        canvas.restore_region(still)
-        frame(k)
-        for artist in moving:
-            figure.draw_artist(artist)
-        images.append(Image.fromarray(np.array(canvas.buffer_rgba())).convert("RGB"))
-    target = io.BytesIO()
-    interval = round(1000.0 * float(film.time[1] - film.time[0]))
-    images[0].save(target, "GIF", save_all=True, append_images=images[1:], duration=interval, loop=0)
-    return target.getvalue()
-
-
-def _stage(figure: Figure, film: Film) -> tuple[list[Artist], Callable[[int], None]]:
-    """Draw what stays; return what moves, in the order of drawing, and what moves it."""
-    from matplotlib.patches import Circle
-
-    ax = figure.subplots()
-    figure.subplots_adjust(left=0.17, right=0.97, bottom=0.11, top=0.93)
-    extent = 1.06 * max(float(np.max(np.abs(shape))) for _, shape in film.shapes)
-    ax.set(xlim=(-extent, extent), ylim=(-extent, extent), aspect="equal", xlabel="x [m]", ylabel="y [m]")
-    ax.add_patch(Circle((0.0, 0.0), film.hub_radius, color="0.75"))
-    (spoke,) = ax.plot([], [], ":", color="0.6", linewidth=1.0, label="hub's axis", animated=True)
-    lines = [
-        ax.plot([], [], color=COLOURS[k % len(COLOURS)], label=label, linewidth=1.8, animated=True)[0]
-        for k, (label, _) in enumerate(film.shapes)
-    ]
-    legend, title = ax.legend(fontsize=8, loc="lower left"), ax.set_title("", fontsize=9, animated=True)
-    legend.set_animated(True)
-    first = film.shapes[0][1]
-
-    def frame(k: int) -> None:
-        for line, (_, shape) in zip(lines, film.shapes, strict=True):
-            line.set_data(shape[k].real, shape[k].imag)
-        near = first[k, 0] or first[k, 1]  # of a hub without a radius the place next to its middle
-        radial = near / abs(near) * np.array([0.0, abs(first[k, 0]) + abs(first[0, -1] - first[0, 0])])
-        spoke.set_data(radial.real, radial.imag)
-        title.set_text(f"{film.caption}, t = {film.time[k]:.1f} s")
-
-    return [spoke, *lines, legend, title], frame

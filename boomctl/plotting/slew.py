@@ -1,13 +1,15 @@
-"""Pictures of slews: one, several side by side, feedback, meshes, switching function, payloads, spin-ups, the film."""
+"""Pictures of slews: one, several side by side, feedback, switching function, spin-ups, an animation."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from matplotlib.animation import FuncAnimation
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure, FigureBase
 from matplotlib.layout_engine import ConstrainedLayoutEngine
+from matplotlib.patches import Circle
 
 from boomctl.arrays import Array
 from boomctl.checks import known
@@ -27,8 +29,6 @@ from boomctl.plotting.rotating_beam import mark_large
 _SHAPES = "osDPXph*d<>"
 _BANDS = 0.05, 0.25, 0.5, 0.75, 0.95  # quantiles drawn: the middle run, the middle half, nine of ten (a choice)
 _NEAR = 0.7  # share of a limit from which a curve is near it, and the limit drawn (a choice)
-# slope of an error from which it is said to fall: on coarse meshes fast vibration is not seen (a choice)
-_FALLING = 0.5
 _NOTHING = 1e-4  # vibration that is drawn as none [m]: 0.1 mm of a beam of 8 m is not to be seen
 _AROUND = 0.01  # share of the time that is left free at both ends, where a torque begins and ends upright (a choice)
 
@@ -122,8 +122,8 @@ def plot_slew_comparison(comparison: Any, ax: Any = None, *, names: Sequence[str
     ----------
     comparison : SlewComparison
     ax : sequence of matplotlib Axes, or a figure, optional
-        One for the torque of each slew drawn over time, one for their tips, one for the vibration; by default a new
-        figure of pyplot.
+        One for the torque of each slew drawn over time, one for their tips, one for the vibration, and one for the
+        vibration over tip masses if there are some; by default a new figure of pyplot.
     names : sequence of str
         Which slews to draw over time; the vibration is drawn of all. () draws the first four.
     **style
@@ -138,7 +138,7 @@ def plot_slew_comparison(comparison: Any, ax: Any = None, *, names: Sequence[str
     shown = [line for line in comparison.lines if line.name in names] if names else list(comparison.lines[:4])
     # those drawn over time come first, for colours repeat
     ranked = [*shown, *(line for line in comparison.lines if line not in shown)]
-    looks = {line.name: _line_style(k) for k, line in enumerate(ranked)}
+    looks, loads = {line.name: _line_style(k) for k, line in enumerate(ranked)}, comparison.tip_masses
 
     def divide(figure: FigureBase) -> Iterable[Axes]:
         engine = figure.get_layout_engine() if isinstance(figure, Figure) else None
@@ -148,13 +148,19 @@ def plot_slew_comparison(comparison: Any, ax: Any = None, *, names: Sequence[str
         grid = figure.add_gridspec(len(shown) + 1, 2, width_ratios=(1.2, 1.0), height_ratios=heights)
         tip = figure.add_subplot(grid[len(shown), 0])
         strips = [figure.add_subplot(grid[k, 0], sharex=tip) for k in range(len(shown))]
-        return [*strips, tip, figure.add_subplot(grid[:, 1])]
+        if not loads.size:
+            return [*strips, tip, figure.add_subplot(grid[:, 1])]
+        right = grid[:, 1].subgridspec(2, 1)
+        return [*strips, tip, figure.add_subplot(right[0]), figure.add_subplot(right[1])]
 
     titles = [*(f"torque of {line.name}" for line in shown), "tips", "vibration"]
+    titles += ["vibration over tip masses"] if loads.size else []
     with panels(ax, titles, (10.5, 0.75 * len(shown) + 3.6), divide) as axes:
         _draw_over_time(axes, comparison, shown, looks, style)
-        _draw_vibration(axes[-1], comparison.lines, looks)
-        common_legend(ax, axes[-1], ncols=4, columnspacing=1.2)
+        _draw_vibration(axes[len(shown) + 1], comparison.lines, looks)
+        if loads.size:
+            _draw_loaded(axes[-1], comparison, looks)
+        common_legend(ax, axes[len(shown) + 1], ncols=4, columnspacing=1.2)
     return axes
 
 
@@ -202,6 +208,16 @@ def _draw_vibration(ax: Any, lines: tuple[Any, ...], looks: dict[str, Any]) -> N
     ax.set_title("Tip vibration afterwards [m]")
 
 
+def _draw_loaded(ax: Any, comparison: Any, looks: dict[str, Any]) -> None:
+    """Vibration over tip mass; less than 0.1 mm counts as nothing and stands on the lower edge."""
+    for line in comparison.lines:
+        left = np.maximum(line.vibrations, _NOTHING)
+        ax.plot(comparison.tip_masses, left, linewidth=0.8, markersize=5, clip_on=False, **looks[line.name])
+    ax.set(yscale="log", xlabel="tip mass [kg]", title="Tip vibration afterwards [m]")
+    ax.set_ylim(bottom=_NOTHING)
+    _vibration_ticks(ax)
+
+
 def _vibration_ticks(ax: Any) -> None:
     ticks = [tick for tick in (_NOTHING, 1e-3, 1e-2, 1e-1, 1.0, 10.0) if tick <= ax.get_ylim()[1]]
     ax.set_yticks(ticks, [r"$\leq 10^{-4}$", *(f"$10^{{{round(np.log10(tick))}}}$" for tick in ticks[1:])])
@@ -215,39 +231,6 @@ def _apart(values: list[float]) -> Array:
     for before, k in pairwise(order):
         places[k] = max(places[k], places[before] + step)
     return places
-
-
-def plot_tracking(result: Any, ax: Any = None, **style: Any) -> Array:
-    """Draw hub angle, tip displacement and torque with and without feedback.
-
-    Parameters
-    ----------
-    result : TrackingResult
-    ax : sequence of three matplotlib Axes, or a figure, optional
-        By default a new figure of pyplot.
-    **style
-        Of the curves, as matplotlib's lines take it.
-
-    Returns
-    -------
-    (3,) ndarray of matplotlib Axes
-    """
-    rows = (
-        ("hub angle [rad]", result.reference_angle, result.open_hub_angle, result.hub_angle),
-        ("tip displacement [m]", result.reference_tip, result.open_tip_displacement, result.tip_displacement),
-        ("torque [N m]", None, result.open_torque, result.torque),
-    )
-    labels = [row[0] for row in rows]
-    with panels(ax, labels, (7.0, 5.4)) as axes:
-        for each, (_, planned, free, closed) in zip(axes, rows, strict=True):
-            if planned is not None:
-                each.plot(result.time, planned, **line_look(style, color="0.6", linewidth=2.6, label="planned"))
-            each.plot(result.time, free, **line_look(style, color=COLOURS[1], label="feedforward alone"))
-            each.plot(result.time, closed, **line_look(style, color=COLOURS[0], label="with feedback"))
-        axes[0].legend(loc="lower right")
-        axes[0].set_title(f"The plan followed with a tip mass of {result.tip_mass:g} kg")
-        over_time(axes, labels)
-    return axes
 
 
 def plot_tracking_study(study: Any, ax: Any = None, **style: Any) -> Array:
@@ -309,37 +292,6 @@ def _over_time_and_below(figure: Any) -> Any:
     return axes
 
 
-def plot_mesh_study(study: Any, ax: Any = None, **style: Any) -> Any:
-    """Draw errors over the number of intervals, each with its order.
-
-    Parameters
-    ----------
-    study : MeshStudy
-    ax : matplotlib Axes or figure, optional
-        By default a new figure of pyplot.
-    **style
-        Of the curves, as matplotlib's lines take it.
-
-    Returns
-    -------
-    matplotlib Axes
-    """
-    with panels(ax, ("errors",), (7.0, 4.4)) as (axes,):
-        for k, line in enumerate(study.lines):
-            kept = line.errors > 0.0
-            order = f"order {line.order:.1f}" if line.order > _FALLING else "order not seen"
-            look = line_look(style, markersize=5, label=f"{line.name}: {order}", **_line_style(k))
-            axes.loglog(study.intervals[kept], line.errors[kept], **look)
-        ticks = [int(n) for n in study.intervals]
-        axes.set_xlim(0.92 * ticks[0], 1.09 * ticks[-1])
-        axes.set_xticks(ticks, [str(n) for n in ticks])
-        axes.set_xticks([], minor=True)
-        axes.set(xlabel="number of intervals", ylabel="relative error")
-        axes.set_title(f"Minimum effort, {study.duration:.3g} s: error against mesh size")
-        common_legend(ax, axes, ncols=2)
-    return axes
-
-
 def plot_switching(curve: Any, ax: Any = None, **style: Any) -> Array:
     """Draw the switching function above the torque, which is to have its sign.
 
@@ -381,88 +333,6 @@ def plot_switching(curve: Any, ax: Any = None, **style: Any) -> Array:
     return axes
 
 
-def plot_payloads(comparison: Any, ax: Any = None, **style: Any) -> Array:
-    """Draw tip displacements over time, one panel a slew, and the vibration left over the payload.
-
-    Parameters
-    ----------
-    comparison : PayloadComparison
-    ax : sequence of matplotlib Axes, or a figure, optional
-        One a slew and one for the vibration; by default a new figure of pyplot.
-    **style
-        Of the tips over time, as matplotlib's lines take it.
-
-    Returns
-    -------
-    (n,) ndarray of matplotlib Axes
-    """
-    names = list(comparison.durations)
-    masses = sorted({line.tip_mass for line in comparison.lines})
-    shades = dict(zip(masses, _shades(len(masses)), strict=True))
-
-    def divide(figure: FigureBase) -> Iterable[Axes]:
-        grid = figure.add_gridspec(len(names), 2, width_ratios=(1.35, 1.0))
-        tips = [figure.add_subplot(grid[0, 0])]
-        tips += [figure.add_subplot(grid[k, 0], sharex=tips[0], sharey=tips[0]) for k in range(1, len(names))]
-        for each in tips[:-1]:
-            each.tick_params(labelbottom=False)
-        return [*tips, figure.add_subplot(grid[:, 1])]
-
-    with panels(ax, [*names, "vibration"], (10.5, 2.3 * len(names) + 0.5), divide) as axes:
-        for each, name in zip(axes, names, strict=False):
-            _draw_tips(each, comparison, name, shades, style)
-        axes[-2].set_xlabel("time [s]")
-        axes[0].legend(ncols=2, loc="lower right", title="payload", title_fontsize=8)
-        _draw_sweep(axes[-1], comparison, names)
-        common_legend(ax, axes[-1], "lower right", ncols=len(names))
-    return axes
-
-
-def _shades(count: int) -> list[tuple[float, ...]]:
-    """Colours from light to heavy."""
-    import matplotlib as mpl
-
-    return [tuple(colour) for colour in mpl.colormaps["viridis"](np.linspace(0.0, 0.88, count))]
-
-
-def _draw_tips(ax: Any, comparison: Any, name: str, shades: dict[float, Any], style: dict[str, Any]) -> None:
-    ax.axvspan(0.0, comparison.durations[name], color="0.94", zorder=0)
-    for line in comparison.lines:
-        if line.slew == name:
-            dash = "-" if line.planned else (0, (4, 1.5))
-            look = line_look(style, color=shades[line.tip_mass], linestyle=dash, label=f"{line.tip_mass:g} kg")
-            ax.plot(line.time, line.tip_displacement, **look)
-    ax.set_title(name[:1].upper() + name[1:])
-    ax.set_ylabel("tip displacement [m]")
-    ax.set_xlim(0.0, max(float(line.time[-1]) for line in comparison.lines))
-
-
-def _draw_sweep(ax: Any, comparison: Any, names: Sequence[str]) -> None:
-    """Vibration over payload; less than 0.1 mm counts as nothing and stands on the lower edge."""
-    for k, name in enumerate(names):
-        ax.plot(
-            comparison.masses,
-            np.maximum(comparison.vibrations[name], _NOTHING),
-            color=COLOURS[k % len(COLOURS)],
-            label=name,
-        )
-        for planned, face in ((True, COLOURS[k % len(COLOURS)]), (False, "white")):
-            lines = [line for line in comparison.lines if line.slew == name and line.planned is planned]
-            x, y = [line.tip_mass for line in lines], [max(line.vibration, _NOTHING) for line in lines]
-            ax.plot(
-                x, y, linestyle="none", marker="os"[k % 2], color=COLOURS[k % len(COLOURS)], markerfacecolor=face,
-                clip_on=False, zorder=3,
-            )  # fmt: skip
-    ax.set(yscale="log", xlabel="payload [kg]")
-    top = max(float(values.max()) for values in comparison.vibrations.values())
-    ax.set_ylim(_NOTHING, 2.0 * max(top, 10.0 * _NOTHING))
-    _vibration_ticks(ax)
-    masses = sorted({line.tip_mass for line in comparison.lines})
-    ax.set_xticks(masses, [f"{mass:g}" for mass in masses])
-    ax.set_xlim(float(comparison.masses[0]), float(comparison.masses[-1]))
-    ax.set_title("Tip vibration afterwards [m]")
-
-
 def plot_spin_ups(spin_ups: Sequence[Any], torque_limit: float, final_speed: float) -> Figure:
     """Draw torque, hub speed and tip displacement of spin-ups on one time axis.
 
@@ -496,27 +366,68 @@ def plot_spin_ups(spin_ups: Sequence[Any], torque_limit: float, final_speed: flo
     return figure
 
 
-def slew_film(result: Any, others: dict[str, tuple[Any, Any]], seconds_after: float = 2.0) -> bytes:
-    """Draw a slew as a GIF in real time.
+def animate_slew(
+    h: Any, motions: Mapping[str, Any], *, title: str = "", until: float | None = None, time_step: float = 0.05
+) -> FuncAnimation:
+    """Animate motions of a hub-beam, seen from above, in real time.
 
     Parameters
     ----------
-    result : SlewResult
-        Of a hub-beam.
-    others : dict of str to (ndarray, ndarray)
-        For each curve instants [s] and positions along the beam, complex, k x m [m].
-    seconds_after : float
-        How long it goes on after the end, s.
-    """
-    from boomctl.plotting.rotating_beam import Film, film_bytes
+    h : hub-beam
+        What `hub_beam` returns, or a geometrically exact beam: it gives the shape of its states.
+    motions : mapping of str to SimulationResult
+        Motions by the name that the legend shows; ``h.simulate(slew, timepts)`` returns one.
+    title : str
+        Stands above the time.
+    until : float, optional
+        Last instant [s]; by default that of the first motion.
+    time_step : float
+        Between frames [s].
 
-    time = np.arange(0.0, result.duration + seconds_after, 0.05)
-    shapes = []
-    for name, (t, positions) in others.items():
-        k = np.clip(np.searchsorted(t, time), 0, t.size - 1)
-        shapes.append((name, positions[k]))
-    radius = float(np.abs(shapes[0][1][0, 0]))
-    return film_bytes(Film(time, tuple(shapes), radius, result.title.capitalize()))
+    Returns
+    -------
+    matplotlib.animation.FuncAnimation
+        ``.save("slew.gif")`` writes it, ``.to_jshtml()`` shows it in a notebook.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> import numpy as np
+    >>> beam = bc.hub_beam(modes=1)
+    >>> fast = bc.optimal_slew(beam, angle=1.0, torque_limit=200.0)
+    >>> moved = beam.simulate(fast, np.linspace(0.0, 1.5 * fast.duration, 201))
+    >>> bc.plotting.animate_slew(beam, {"least time": moved}, time_step=0.5).save("slew.gif")  # doctest: +SKIP
+    """
+    first = next(iter(motions.values()))
+    time = np.arange(0.0, first.time[-1] if until is None else until, time_step)
+    frames = {name: np.clip(np.searchsorted(m.time, time), 0, m.time.size - 1) for name, m in motions.items()}
+    shapes = [h.shape(m.states[frames[name]]) for name, m in motions.items()]
+    radius, extent = h.parameters.hub_radius, max(float(np.abs(shape).max()) for shape in shapes)
+    axis = extent * np.exp(1j * first.hub_angle[next(iter(frames.values()))])
+    with style():
+        figure = new_figure(4.4, 4.6)
+        ax = figure.add_subplot()
+        ax.set(xlim=(-1.06 * extent, 1.06 * extent), ylim=(-1.06 * extent, 1.06 * extent), aspect="equal")
+        ax.set(xlabel="x [m]", ylabel="y [m]")
+        ax.add_patch(Circle((0.0, 0.0), radius, color="0.75"))
+        (spoke,) = ax.plot([], [], ":", color="0.6", linewidth=1.0, label="hub's axis")
+        lines = [
+            ax.plot([], [], color=COLOURS[k % len(COLOURS)], linewidth=1.8, label=name)[0]
+            for k, name in enumerate(motions)
+        ]
+        ax.legend(loc="lower left")
+        caption = ax.set_title(" ")
+        figure.draw_without_rendering()
+        figure.set_layout_engine("none")  # places stay, and take longer to find than to draw
+
+    def draw(k: int) -> list[Any]:
+        spoke.set_data([0.0, axis[k].real], [0.0, axis[k].imag])
+        for line, shape in zip(lines, shapes, strict=True):
+            line.set_data(shape[k].real, shape[k].imag)
+        caption.set_text(f"{title}{', ' if title else ''}t = {time[k]:.1f} s")
+        return [spoke, *lines, caption]
+
+    return FuncAnimation(figure, draw, frames=time.size, interval=1000.0 * time_step)
 
 
 def plot_shaper(result: Any, ax: Any = None, **style: Any) -> Array:

@@ -1,7 +1,6 @@
 """How long a slew may be sought, who is told how far it has come, and how it is stopped.
 
-CasADi's solvers run in a thread of their own and let Python run beside them; the calling thread waits, looks at the clock,
-tells of progress, and hears an interrupt at once. The solver is asked to stop at its next iteration.
+IPOPT ends at a limit of its wall time; its iteration callback tells of progress and ends it after an interrupt.
 """
 
 import signal
@@ -9,7 +8,7 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from threading import Event, Lock, Thread
+from math import inf
 from typing import Any
 
 import casadi as ca
@@ -18,11 +17,8 @@ import numpy as np
 from boomctl.arrays import Array
 from boomctl.progress import Deadline, OutOfTime
 
-THREAD = "boomctl-slew"  # name of the threads in which solvers run
-_POLL = 0.05  # [s] between two looks at clock and progress: a tenth of what a user notices
 _KEPT = 1e-6  # miss of scaled conditions from which an iteration counts as a slew: what a replay is held to
-# [s] that an interrupt, or the end of the time, waits for the solver's next iteration; a longer one ends by itself, unheard
-_GRACE = 1.0
+_LEAST = 1e-3  # [s] of wall time, which IPOPT wants to be positive
 
 
 @dataclass(frozen=True)
@@ -112,16 +108,20 @@ def listening(deadline: SlewDeadline) -> Iterator[None]:
 
 
 class Watch(ca.Callback):
-    """What IPOPT asks after every iteration whether it is to go on; it notes how far the iteration has come."""
+    """What IPOPT calls after every iteration: it tells of progress, and ends the solution after an interrupt.
 
-    def __init__(self, unknowns: int, conditions: int) -> None:
+    It also ends the solution where another iteration that takes as long as the last one would be over too late.
+    """
+
+    def __init__(self, arguments: dict[str, Array], deadline: SlewDeadline, stage: str, unit: float) -> None:
         ca.Callback.__init__(self)
-        self.sizes = {"x": unknowns, "lam_x": unknowns, "g": conditions, "lam_g": conditions, "f": 1}
-        self.stop = False
-        self.iterations = 0
-        self.seen: tuple[float, float] | None = None
-        self.bounds: tuple[Array, Array] | None = None
-        self.running = Lock()
+        self.low, self.high = arguments["lbg"], arguments["ubg"]
+        self.sizes = {"x": arguments["x0"].size, "lam_x": arguments["x0"].size, "f": 1}
+        self.sizes |= {"g": self.low.size, "lam_g": self.low.size}
+        self.deadline, self.stage, self.unit = deadline, stage, unit
+        self.iterations, self.before, self.late = 0, deadline.seconds, False
+        self.best: float | None = None
+        self.failed: BaseException | None = None
         self.construct("watch", {})
 
     def get_n_in(self) -> int:
@@ -140,24 +140,43 @@ class Watch(ca.Callback):
         return ca.Sparsity.dense(self.sizes.get(ca.nlpsol_out(i), 0), 1)
 
     def eval(self, arg: Any) -> list[int]:
+        try:
+            if self.deadline.tell is not None:
+                self._tell(dict(zip(ca.nlpsol_out(), arg, strict=True)))
+        except BaseException as error:  # CasADi would hide it
+            self.failed = error
+        now = self.deadline.seconds
+        self.late, self.before = 2.0 * now - self.before > self.deadline.limit, now
+        return [int(self.failed is not None or self.late or bool(self.deadline.heard))]
+
+    def _tell(self, values: dict[str, Any]) -> None:
+        assert self.deadline.tell is not None
         self.iterations += 1
-        if self.bounds is not None:
-            values = dict(zip(ca.nlpsol_out(), arg, strict=True))
-            g, (low, high) = np.array(values["g"]).ravel(), self.bounds
-            self.seen = float(values["f"]), float(np.max(np.maximum(low - g, g - high), initial=0.0))
-        return [int(self.stop)]
+        g = np.array(values["g"]).ravel()
+        violation = float(np.max(np.maximum(self.low - g, g - self.high), initial=0.0))
+        if violation <= _KEPT:
+            cost = self.unit * float(values["f"])
+            self.best = cost if self.best is None else min(self.best, cost)
+        stage = f"{self.stage}, iteration {self.iterations}"
+        self.deadline.tell(SlewProgress(stage, self.deadline.seconds, self.best, violation))
 
 
 def solved(
-    solver: Any, watch: Watch, arguments: dict[str, Array], deadline: SlewDeadline, stage: str, unit: float = 1.0
-) -> dict[str, Any]:
-    """Let a solver of CasADi solve, within a deadline.
+    nlp: Any,
+    options: dict[str, Any],
+    arguments: dict[str, Array],
+    deadline: SlewDeadline,
+    stage: str,
+    unit: float = 1.0,
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Solve a programme by IPOPT, within a deadline.
 
     Parameters
     ----------
-    solver : casadi.Function
-        Made with the watch as its "iteration_callback".
-    watch : Watch
+    nlp : casadi.Function
+        ``(x, p) -> f, g``.
+    options : dict
+        Of CasADi's interface to IPOPT.
     arguments : dict of str to ndarray
         Of the solver, by name.
     deadline : SlewDeadline
@@ -166,54 +185,28 @@ def solved(
     unit : float
         What a cost of one is worth.
 
+    Returns
+    -------
+    found, statistics : dict
+        As CasADi returns them.
+
     Raises
     ------
     OutOfTime
-        If no time is left; the solver has stopped then.
+        If no time is left.
     KeyboardInterrupt
-        On an interrupt, at most a second later.
+        On an interrupt, after the iteration in which it came.
     """
-    found: list[dict[str, Any]] = []
-    failed: list[BaseException] = []
-    done = Event()  # an interrupt within Thread.join may leave a thread that runs marked as ended (CPython 3.11)
-
-    def run() -> None:
-        with watch.running:
-            try:
-                found.append(solver(**arguments))
-            except BaseException as error:
-                failed.append(error)
-            finally:
-                done.set()
-
     deadline.check(stage)
-    with watch.running:  # an interrupted solution may still be under way
-        watch.stop, watch.iterations, watch.seen = False, 0, None
-        watch.bounds = (arguments["lbg"], arguments["ubg"]) if deadline.tell is not None else None
-    # no daemon: Python would end its life in the midst of CasADi, which aborts the process
-    thread = Thread(target=run, name=THREAD)
-    thread.start()
-    told, over = 0, False
-    best: float | None = None
-    try:
-        while not done.wait(_POLL):
-            deadline.obey()
-            if deadline.over:
-                over = watch.stop = True
-            if deadline.seconds > deadline.limit + _GRACE:
-                raise OutOfTime(stage)
-            seen: Any = watch.seen  # of the other thread
-            if deadline.tell is not None and seen is not None and watch.iterations > told:
-                told, (cost, violation) = watch.iterations, seen
-                if violation <= _KEPT:
-                    best = unit * cost if best is None else min(best, unit * cost)
-                deadline.tell(SlewProgress(f"{stage}, iteration {told}", deadline.seconds, best, violation))
-    except BaseException:
-        watch.stop = True
-        done.wait(_GRACE)
-        raise
-    if failed:
-        raise failed[0]
-    if over and not solver.stats()["success"]:
+    watch = Watch(arguments, deadline, stage, unit)
+    options = options | {"iteration_callback": watch}
+    if deadline.limit < inf:
+        options["ipopt.max_wall_time"] = max(deadline.limit - deadline.seconds, _LEAST)
+    solver = ca.nlpsol("slew", "ipopt", nlp, options)
+    found, statistics = solver(**arguments), solver.stats()
+    if watch.failed is not None:
+        raise watch.failed
+    deadline.obey()
+    if not statistics["success"] and (watch.late or statistics["return_status"] == "Maximum_WallTime_Exceeded"):
         raise OutOfTime(stage)
-    return found[0]
+    return found, statistics

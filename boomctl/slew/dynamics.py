@@ -100,10 +100,22 @@ def rates_of(kind: Kind) -> ca.Function:
     return ca.Function("rates", [z, u, plant.constants], [plant.rates(z, u)])
 
 
-def rates(plant: SlewPlant) -> ca.Function:
-    """``(z, u) -> z'`` of one plant."""
-    (kind, constants), z, u = kind_of(plant), ca.SX.sym("z", plant.n), ca.SX.sym("u")
-    return ca.Function("rates", [z, u], [rates_of(kind)(z, u, constants)])
+@lru_cache(maxsize=KINDS)
+def rate_jacobian_of(kind: Kind) -> ca.Function:
+    """``(z, u, constants) -> z'`` and its Jacobian by (z, u), n x (n + 1), of all plants of a kind."""
+    z, u, constants = rates_of(kind).sx_in()
+    rates = rates_of(kind)(z, u, constants)
+    jacobian = ca.jacobian(rates, ca.vertcat(z, u))
+    return ca.Function("rate_jacobian", [z, u, constants], [rates, jacobian])
+
+
+@lru_cache(maxsize=KINDS)
+def rate_hessian_of(kind: Kind) -> ca.Function:
+    """``(z, u, constants, l) ->`` the Jacobian of z', and the Hessian of ``l^T z'``, by (z, u), of all plants of a kind."""
+    (z, u, constants), weights = rates_of(kind).sx_in(), ca.SX.sym("l", kind.n)
+    rates, jacobian = rate_jacobian_of(kind)(z, u, constants)
+    hessian = ca.hessian(ca.dot(weights, rates), ca.vertcat(z, u))[0]
+    return ca.Function("rate_hessian", [z, u, constants, weights], [jacobian, hessian])
 
 
 def row_rates(plant: SlewPlant, row: Array, z: Array, torque: Array, slope: Array) -> tuple[Array, Array]:
@@ -166,23 +178,12 @@ def path_peak(plant: SlewPlant, kind: str, history: TorqueHistory, time: Array, 
 
 
 @lru_cache(maxsize=KINDS)
-def step_of(kind: Kind, substeps: int) -> ca.Function:
-    """``(z, u0, u1, h, constants) -> z`` after a step h [s] on which the torque goes straight from u0 to u1, in parts."""
+def step_of(kind: Kind) -> ca.Function:
+    """``(z, u0, u1, h, constants) -> z`` after a step h [s] on which the torque goes straight from u0 to u1."""
     z, u0, u1, h = ca.SX.sym("z", kind.n), ca.SX.sym("u0"), ca.SX.sym("u1"), ca.SX.sym("h")
-    plant, slope, part, now = _Symbols(kind), (u1 - u0) / h, h / substeps, z
+    plant = _Symbols(kind)
     scheme = _flow if kind.equations is None else _lawson if kind.followed else _krogstad
-    for k in range(substeps):
-        now = scheme(plant, now, u0 + slope * (k * part), slope, part)
-    return ca.Function("step", [z, u0, u1, h, plant.constants], [now])
-
-
-def explicit_step(plant: SlewPlant, substeps: int) -> ca.Function:
-    """``(z, u0, u1, h) -> z``, the same step of one plant."""
-    (kind, constants), given = (
-        kind_of(plant),
-        [ca.SX.sym("z", plant.n), *(ca.SX.sym(name) for name in ("u0", "u1", "h"))],
-    )
-    return ca.Function("step", given, [step_of(kind, substeps)(*given, constants)])
+    return ca.Function("step", [z, u0, u1, h, plant.constants], [scheme(plant, z, u0, (u1 - u0) / h, h)])
 
 
 def _lawson(plant: _Symbols, z: ca.SX, u: ca.SX, slope: ca.SX, h: ca.SX) -> ca.SX:

@@ -4,9 +4,9 @@ A bang-bang torque consists of arcs, on which it is at its limit; every arc is c
 to the torques, weighted by the multipliers of the end conditions, is the switching function.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, partial
 
 import casadi as ca
 import numpy as np
@@ -18,6 +18,7 @@ from boomctl.slew.problem import SlewProblem
 from boomctl.slew.torque import TorqueHistory
 
 STEP_SHARE = 0.5  # of the tolerance, for what half as long steps change; what remains is a sixteenth of it
+_AT_ONCE = 3 * 10**7  # instructions of CasADi between two looks at a deadline: a tenth of a second (a choice)
 MOST_STEPS = 20000  # of a motion: a safeguard, for rounding grows with them
 _FOLLOWED = 0.5  # steps a radian for a mode that the torque does not move: its own scheme is exact in the linear part
 
@@ -84,17 +85,32 @@ class _Stepper:
         steps = _repeated(_step(self.kind), u.size)
         return np.column_stack([start, steps(start, u[None, :], h[None, :], self.constants).full()])
 
-    def linearised(self, start: Array, u: Array, h: Array) -> tuple[Array, Array]:
+    def linearised(self, start: Array, u: Array, h: Array, check: Callable[[], None]) -> tuple[Array, Array]:
         """The same, and the Jacobians of the steps by state, torque and width, K x n x (n + 2)."""
-        after, each = _repeated(_jacobian(self.kind), u.size)(start, u[None, :], h[None, :], self.constants)
-        jacobians = each.full().reshape(self.kind.n, u.size, self.kind.n + 2).transpose(1, 0, 2)
-        return np.column_stack([start, after.full()]), jacobians
+        states, jacobians = [start[:, None]], []
+        for part in _parts(_jacobian(self.kind), u.size):
+            check()
+            steps = _repeated(_jacobian(self.kind), u[part].size)
+            after, each = steps(states[-1][:, -1], u[None, part], h[None, part], self.constants)
+            states.append(after.full())
+            jacobians.append(each.full().reshape(self.kind.n, -1, self.kind.n + 2).transpose(1, 0, 2))
+        return np.hstack(states), np.concatenate(jacobians)
 
-    def hessians(self, z: Array, u: Array, h: Array, after: Array) -> Array:
+    def hessians(self, z: Array, u: Array, h: Array, after: Array, check: Callable[[], None]) -> Array:
         """By state and width, K x (n + 1) x (n + 1), of the costates K x n after the steps."""
-        size, steps = self.kind.n + 1, _hessian(self.kind).map(u.size)
-        each = np.array(steps(z[:, :-1], u[None, :], h[None, :], self.constants, after.T))
-        return each.reshape(size, u.size, size).transpose(1, 0, 2)
+        size, hessians = self.kind.n + 1, []
+        for part in _parts(_hessian(self.kind), u.size):
+            check()
+            steps = _hessian(self.kind).map(u[part].size)
+            each = np.array(steps(z[:, :-1][:, part], u[None, part], h[None, part], self.constants, after[part].T))
+            hessians.append(each.reshape(size, -1, size).transpose(1, 0, 2))
+        return np.concatenate(hessians)
+
+
+def _parts(function: ca.Function, count: int) -> Iterator[slice]:
+    """Cut steps into parts that take about a tenth of a second, between which a deadline is looked at."""
+    size = max(1, _AT_ONCE // function.n_instructions())
+    return (slice(first, first + size) for first in range(0, count, size))
 
 
 @lru_cache(maxsize=4 * KINDS)  # a few numbers of steps for each kind
@@ -106,7 +122,7 @@ def _repeated(function: ca.Function, count: int) -> ca.Function:
 @lru_cache(maxsize=KINDS)
 def _step(kind: Kind) -> ca.Function:
     """``(z, u, h, constants) -> z``."""
-    whole = step_of(kind, 1)
+    whole = step_of(kind)
     z, u, h, constants = (ca.SX.sym(name, whole.size1_in(i)) for i, name in ((0, "z"), (1, "u"), (3, "h"), (4, "c")))
     return ca.Function("step", [z, u, h, constants], [whole(z, u, u, h, constants)])
 
@@ -180,8 +196,8 @@ class EndMap:
         u, h, m = steps.u, steps.h, self.rows.shape[0]
         end, by_torque, by_width, motions = np.zeros(m), np.zeros((m, u.size)), np.zeros((m, u.size)), []
         for stepper, (plant, own) in zip(self._steppers, self.problem.parts, strict=True):
-            self.problem.deadline.check(f"sensitivity of the end to {u.size} steps")
-            z, jacobians = stepper.linearised(self.problem.start[own], u, h)
+            check = partial(self.problem.deadline.check, f"sensitivity of the end to {u.size} steps")
+            z, jacobians = stepper.linearised(self.problem.start[own], u, h, check)
             after = _carried_back(jacobians, self.rows[:, own])
             end += self.rows[:, own] @ z[:, -1]
             by_torque += np.einsum("kmi,ki->mk", after, jacobians[:, :, plant.n])
@@ -196,13 +212,13 @@ class EndMap:
         parts = zip(self._steppers, self.problem.parts, found.motions, strict=True)
         for stepper, (plant, own), (z, jacobians) in parts:
             n = plant.n
-            self.problem.deadline.check(f"curvature of the end over {u.size} steps")
+            check = partial(self.problem.deadline.check, f"curvature of the end over {u.size} steps")
             after = _carried_back(jacobians, weights[None, :] @ self.rows[:, own])[:, 0, :]
             shifted = np.zeros((u.size, n + 1, moved.shape[1]))
             shifted[:, n, :] = moved
             for k in range(u.size - 1):
                 shifted[k + 1, :n] = jacobians[k, :, :n] @ shifted[k, :n] + np.outer(jacobians[k, :, -1], moved[k])
-            total += np.einsum("kiq,kir->qr", shifted, stepper.hessians(z, u, h, after) @ shifted)
+            total += np.einsum("kiq,kir->qr", shifted, stepper.hessians(z, u, h, after, check) @ shifted)
         return 0.5 * (total + total.T)
 
 

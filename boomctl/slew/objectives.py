@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.slew.dynamics import path_peak, rates, row_rates
+from boomctl.slew.dynamics import path_peak, row_rates
 from boomctl.slew.nlp.interval import Interval, Units
 from boomctl.slew.plant import SlewPlant
 from boomctl.slew.torque import TorqueHistory, lines_between
@@ -67,8 +67,10 @@ def _jerk(parts: Parts, units: Units, s: Interval, intervals: int) -> ca.SX:
     """Integral of the hub's jerk squared, of all plants."""
     total = ca.SX(0)
     for plant, own in parts:
-        unit, f, row = ca.DM(units.states[own]), rates(plant), ca.DM(plant.rows["speed"])
-        turning, turning1 = (ca.dot(row, f(z[own] * unit, u * units.torque)) for z, u in ((s.z, s.u), (s.z1, s.u1)))
+        unit, row = ca.DM(units.states[own]), ca.DM(plant.rows["speed"])
+        turning, turning1 = (
+            ca.dot(row, s.rates(plant, z[own] * unit, u * units.torque)) for z, u in ((s.z, s.u), (s.z1, s.u1))
+        )
         total += ((turning1 - turning) * ((plant.inertia or 1.0) / units.torque)) ** 2 / (s.h / units.time)
     return total
 

@@ -114,7 +114,7 @@ def _on_mesh(problem: SlewProblem, found: Refined) -> _Candidate:
     """The torque of a programme's solution."""
     return _Candidate(
         history=found.solution.history,
-        method=problem.method,
+        method="collocation",
         gap=found.gap,
         optimality="stationary",
         programme=found.programme,
@@ -129,7 +129,7 @@ def _least_effort(problem: SlewProblem) -> tuple[_Candidate | None, tuple[str, .
 
     Of a linear plant within the torque's limit alone weak duality tells how far it is from the least of all; of others,
     how much a mesh half as fine changes, or one twice as fine where that has no slew. None where a limit is too low, of
-    which a programme says when it binds and what would do, and where Newton's method failed: on two meshes, the coarsest.
+    which a programme says where it is met, and where Newton's method failed: on two meshes, the coarsest.
     """
     asked = problem.intervals
     proved = problem.linear and not problem.limits.beside_torque
@@ -199,7 +199,6 @@ def optimal_slew(
     initial_state: ArrayLike | None = None,
     final_state: ArrayLike | None = None,
     tip_masses: tuple[float, ...] = (),
-    method: str = "collocation",
     tolerance: float = 1e-6,
     intervals: int | None = None,
     time_limit: float = TIME_LIMIT,
@@ -230,8 +229,6 @@ def optimal_slew(
         that the torque moves.
     tip_masses : tuple of float
         Other payloads [kg] that the same torque leaves without vibration; the angle is that of h itself.
-    method : str
-        "collocation" (Gauss-Legendre), "radau" (Radau IIA) or "shooting", on the same mesh, where a programme is needed.
     tolerance : float
         Largest relative error of the prescribed end state in the replay. What the torque does not move in the linear
         part, as FOAM's axial motion, is not prescribed; what is left of it is in ``end_error``.
@@ -241,7 +238,7 @@ def optimal_slew(
         Time to search for it [s]; judging what was found takes a little more. When it is over, the slew on the finest
         mesh so far is returned, if the replay confirms it.
     progress : callable or None
-        Called with a `SlewProgress` now and then, in the thread that calls this.
+        Called with a `SlewProgress` now and then.
 
     Returns
     -------
@@ -251,9 +248,9 @@ def optimal_slew(
     Raises
     ------
     TypeError, ValueError, SlewError
-        A bad argument, or no angle or torque limit; a slew that no torque within the limits can do: the message names the
-        limits that bind, since when, and what would do; the time limit is over before there is a slew: the message says
-        what was reached.
+        A bad argument, or no angle or torque limit; a slew that no torque within the limits can do: the message says what
+        is missed most, and when, and which limits are met; the time limit is over before there is a slew: the message
+        says what was reached.
     KeyboardInterrupt
         Within two seconds of an interrupt, also while a solver runs.
 
@@ -285,7 +282,6 @@ def optimal_slew(
         initial_state=initial_state,
         final_state=final_state,
         tip_masses=tip_masses,
-        method=method,
         tolerance=tolerance,
         intervals=intervals,
         deadline=deadline,
@@ -414,7 +410,7 @@ def resolve(
         if before.programme is None or before.solution is None:
             return _planned(problem)
         solution, motions = solved_again(problem, before.programme, before.solution)
-    path = (f"{problem.method}, solved again on its mesh",)
+    path = ("collocation, solved again on its mesh",)
     found = Refined(before.programme, solution, result.certificate.optimality_gap, path, motions)
     return _certified(problem, _on_mesh(problem, found))
 

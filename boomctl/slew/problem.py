@@ -33,7 +33,6 @@ from boomctl.slew.objectives import OBJECTIVES
 from boomctl.slew.plant import LABELS, SlewPlant, is_machine, plant_of
 from boomctl.slew.result import SlewError
 
-METHODS = ("collocation", "radau", "shooting")
 MESHES = (50, 100, 200, 400, 800)  # intervals tried, the coarsest and the finest a choice; each halves those before
 MESH_GAP = 1e-4  # relative change of the cost by a halved mesh that is accepted: what a user would see
 ROUNDS = 10  # solutions on a mesh at most, with a higher order or tighter limits each; a safeguard
@@ -121,7 +120,6 @@ class SlewProblem:
         Rows of the state that are prescribed at the end.
     waits : bool
         Whether the plant can wait at its start or its target.
-    method : str
     tolerance : float
     intervals : int or None
     tip_masses : tuple of float
@@ -140,7 +138,6 @@ class SlewProblem:
     target: Array
     ends: Array
     waits: bool
-    method: str
     tolerance: float
     intervals: int | None
     tip_masses: tuple[float, ...] = ()
@@ -223,14 +220,12 @@ def slew_problem(
     initial_state: ArrayLike | None = None,
     final_state: ArrayLike | None = None,
     tip_masses: tuple[float, ...] = (),
-    method: str = "collocation",
     tolerance: float = 1e-6,
     intervals: int | None = None,
     deadline: SlewDeadline | None = None,
 ) -> SlewProblem:
     """Check and put together what is asked; the arguments are those of `optimal_slew`."""
     known("objective", objective, OBJECTIVES)
-    known("method", method, METHODS)
     if (duration is None) != (objective == "time"):
         raise ValueError(
             f"duration = {duration!r}: expected none with objective 'time'"
@@ -257,7 +252,6 @@ def slew_problem(
         target=target,
         ends=ends,
         waits=waits,
-        method=method,
         tolerance=positive("tolerance", tolerance),
         intervals=None if intervals is None else whole("intervals", intervals, 4),
         tip_masses=masses,

@@ -40,7 +40,7 @@ class SlewError(RuntimeError):
 
 
 class LimitsTooTight(SlewError):
-    """No slew keeps the limits on a mesh; `excess` is the largest relative widening that the least relaxation needs."""
+    """No slew keeps the limits on a mesh; `excess` is the least sum of scaled misses that IPOPT finds."""
 
     def __init__(self, message: str, excess: float) -> None:
         super().__init__(message)
@@ -97,7 +97,7 @@ class SlewCertificate:
     Attributes
     ----------
     method : str
-        "switching times", "least effort", "collocation", "radau" or "shooting".
+        "switching times", "least effort" or "collocation".
     end_error : float
         Largest deviation of the end state in the replay, of all coordinates of the model, each relative to its largest size
         on the way.

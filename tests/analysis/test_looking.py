@@ -368,7 +368,9 @@ def test_a_comparison_has_the_figures_that_each_result_gives():
 def a_line():
     """Return one slew of a comparison, of which the others are not needed."""
     t = np.linspace(0.0, 3.0, 20)
-    return bc.slew.SlewLine("ZV", 2.0, 0.1, 0.0, 0.0, 5.0, 9.0, 0.05, 0.2, one.slew().history, t, np.sin(t))
+    return bc.slew.SlewLine(
+        "ZV", 2.0, 0.1, 0.0, 0.0, 5.0, 9.0, 0.05, 0.2, np.zeros(0), one.slew().history, t, np.sin(t)
+    )
 
 
 SERIES = {
@@ -380,8 +382,6 @@ SERIES = {
     "SlewResult, linear": one.linear_slew,
     "PlatformMotion": one.motion,
     "SlewLine": a_line,
-    "TrackingResult": lambda: bc.slew.track(one.slew(), 0.1),
-    "PayloadLine": lambda: bc.slew.PayloadLine("ZV", 0.1, True, 0.1, 0.0, 0.0, np.arange(3.0), np.ones(3)),
     "SwitchingCurve": lambda: bc.slew.SwitchingCurve(*(np.ones(3),) * 3, np.zeros(1), 1.0),
 }
 

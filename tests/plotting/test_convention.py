@@ -25,8 +25,7 @@ from matplotlib.figure import Figure
 import boomctl as bc
 from boomctl.analysis import MeasuredCurve
 from boomctl.plotting import figure_bytes, figure_of, style
-from boomctl.slew import SlewComparison, SlewLine, SwitchingCurve, TrackingResult
-from boomctl.slew.nlp.mesh_study import MeshLine, MeshStudy
+from boomctl.slew import SlewComparison, SlewLine, SwitchingCurve
 from tests import handed_out as one
 
 ENDS = ["actuator_left", "actuator_right"], ["tip_left", "tip_right"]
@@ -36,27 +35,15 @@ MARK = "#123456"  # a colour that no picture has by itself
 def a_comparison():
     history, t = bc.optimal_slew(one.hub_beam().linearize(), 1.0, 200.0).history, np.linspace(0.0, 3.0, 20)
     rows = [
-        SlewLine(name, 2.0 + k, 0.1, 0.0, 0.0, 5.0, 9.0, 0.05, 0.2, history, t, np.sin(t))
+        SlewLine(name, 2.0 + k, 0.1, 0.0, 0.0, 5.0, 9.0, 0.05, 0.2, np.array([0.1, 0.3]), history, t, np.sin(t))
         for k, name in enumerate(("bang-bang", "ZV", "EI"))
     ]
-    return SlewComparison(1.0, 200.0, tuple(rows))
-
-
-def a_tracking():
-    t = np.linspace(0.0, 3.0, 20)
-    words = [n for n in TrackingResult.__dataclass_fields__ if n not in ("time", "tip_mass")]
-    values = {n: 0.1 if "error" in n or n.endswith("swing") else np.sin(t) for n in words}
-    return TrackingResult(**values, time=t, tip_mass=0.1)
+    return SlewComparison(1.0, 200.0, tuple(rows), tip_masses=np.array([0.0, 0.5]))
 
 
 def a_switching_curve():
     t = np.linspace(0.0, 2.0, 50)
     return SwitchingCurve(t, 1.0 - t, 200.0 * np.sign(1.0 - t), np.array([1.0]), 200.0)
-
-
-def a_mesh_study():
-    n = np.array([10, 20, 40])
-    return MeshStudy(3.0, n, (MeshLine("end", 1.0 / n**2, 2.0, 2.0), MeshLine("cost", 1.0 / n, 1.0, 1.0)))
 
 
 RESULTS = {
@@ -81,12 +68,8 @@ RESULTS = {
     "TorqueHistory": lambda: one.slew().history,
     "SlewComparison": a_comparison,
     "SlewLine": lambda: a_comparison().lines[0],
-    "PayloadComparison": one.payloads,
-    "PayloadLine": lambda: one.payloads().lines[0],
-    "TrackingResult": a_tracking,
     "TrackingStudy": one.tracking_study,
     "SwitchingCurve": a_switching_curve,
-    "MeshStudy": a_mesh_study,
     "BodeResult": lambda: bc.bode(one.boom(), one.OMEGA),
     "NyquistResult": lambda: bc.nyquist(one.yaw(), one.suspension()),
     "TransientResult": lambda: bc.step(one.boom(), np.linspace(0.0, 5.0, 50)),
@@ -100,12 +83,11 @@ RESULTS = {
     "ModeShapes": lambda: one.boom().mode_shapes(3),
     "CampbellDiagram": lambda: one.hub_beam().campbell([0.0, 1.0, 4.0]),
 }
-DEAR = ("PayloadComparison", "PayloadLine", "TrackingStudy")  # slews of several payloads, a study
+DEAR = ("TrackingStudy",)  # a study of many runs
 NAMES = [pytest.param(name, marks=pytest.mark.slow) if name in DEAR else name for name in RESULTS]
 SEVERAL = {  # pictures of several panels, and how many these have
     "Margins": 2, "RecoveryResult": 2, "LoopResult": 4, "ForcedResponse": 2, "SimulationResult": 4,
-    "PlatformMotion": 2, "SlewResult": 5, "SlewComparison": 5, "SlewLine": 2, "PayloadComparison": 2,
-    "PayloadLine": 1, "TrackingResult": 3,
+    "PlatformMotion": 2, "SlewResult": 5, "SlewComparison": 6, "SlewLine": 2,
     "TrackingStudy": 4,
     "SwitchingCurve": 2, "BodeResult": 2, "TransientResult": 2, "Comparison": 6, "Shaper": 2, "ModeShapes": 3,
 }  # fmt: skip
@@ -202,7 +184,7 @@ def test_given_axes_are_drawn_on_in_the_style_asked_for_and_no_figure_is_left_be
         lines = [line for each in np.ravel(own) for line in each.get_lines()]
         marked = [line for line in lines if mpl.colors.to_hex(line.get_color()) == MARK]
         # what stands beside curves over time, vibrations left, has a look of its own
-        assert len({line.axes for line in marked}) == count - (name in ("SlewComparison", "PayloadComparison"))
+        assert len({line.axes for line in marked}) == count - 2 * (name == "SlewComparison")
         assert 3.25 in {line.get_linewidth() for line in marked}
         assert any(str(line.get_label()).startswith("mine") for line in marked)
     assert not plt.get_fignums()

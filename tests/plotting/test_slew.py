@@ -7,62 +7,30 @@ import pytest
 
 import boomctl as bc
 from boomctl.plotting import figure_of
-from boomctl.plotting.rotating_beam import Film, film_bytes
-from boomctl.slew import SlewError, compare_slews, mesh_study
+from boomctl.plotting.canvas import film
+from boomctl.plotting.slew import animate_slew
+from boomctl.slew import compare_slews
 
 
-def test_a_film_of_a_hub_without_a_radius_shows_its_axis():
-    time = np.arange(0.0, 0.2, 0.05)
-    along = np.linspace(0.0, 8.0, 9) * np.exp(1j * time[:, None])
-    with np.errstate(all="raise"):
-        assert film_bytes(Film(time, (("rigid", along),), 0.0, "a slew")).startswith(b"GIF")
-
-
-@pytest.fixture(scope="module")
-def study():
-    schemes = (("shooting", 1), ("collocation", 1), ("radau", 2))
-    return mesh_study(bc.hub_beam(modes=1), 0.5, 100.0, 3.0, schemes, (10, 20, 40, 80))
-
-
-def test_mesh_picture_draws_the_errors_and_says_their_orders(study):
-    figure = figure_of(study.plot)
-    drawn = figure.axes[0].get_lines()
-    assert len(drawn) == len(study.lines) == 4
-    for curve, line in zip(drawn, study.lines, strict=True):
-        kept = line.errors > 0.0
-        assert np.array_equal(curve.get_xdata(), study.intervals[kept])
-        assert np.array_equal(curve.get_ydata(), line.errors[kept])
-        assert curve.get_label() == f"{line.name}: order {line.order:.1f}"
-    assert [text.get_text() for text in figure.legends[0].get_texts()] == [curve.get_label() for curve in drawn]
-
-
-def test_orders_are_slopes_of_what_is_drawn(study):
-    for curve, line in zip(figure_of(study.plot).axes[0].get_lines(), study.lines, strict=True):
-        x, y = np.log(curve.get_xdata()), np.log(curve.get_ydata())
-        steps = -np.diff(y) / np.diff(x)
-        assert steps[1:].min() - 0.5 <= line.order <= steps[1:].max() + 0.5
-        assert line.order == pytest.approx(line.theory, abs=0.6)
-
-
-def test_a_mesh_without_solution_leaves_a_gap(monkeypatch):
-    from boomctl.slew.nlp.programme import Programme
-
-    solve = Programme.solve
-
-    def fails_on_ten(self, *given):
-        if self.transcription.scheme.intervals == 10:
-            raise SlewError("no slew")
-        return solve(self, *given)
-
-    monkeypatch.setattr(Programme, "solve", fails_on_ten)
-    study = mesh_study(bc.hub_beam(modes=1), 0.5, 100.0, 3.0, (("collocation", 1),), (10, 20, 40))
-    end, held = study.lines
-    assert np.isnan(end.errors).tolist() == [True, False, False]
-    assert end.order == pytest.approx(2.0, abs=0.3)
-    assert np.isnan(held.order)
-    curves = figure_of(study.plot).axes[0].get_lines()
-    assert curves[0].get_xdata().tolist() == [20, 40]
-    assert curves[1].get_label().endswith("order not seen")
+@pytest.mark.parametrize("radius", [0.0, 0.5])
+def test_animate_slew_draws_each_motion(radius):
+    beam = bc.hub_beam(bc.HubBeamParameters(hub_radius=radius), modes=1)
+    t = np.linspace(0.0, 1.0, 21)
+    motions = {
+        f"{torque:g} N m": beam.simulate(bc.torque(lambda t, u=torque: u + 0.0 * t), t) for torque in (50.0, 100.0)
+    }
+    shown = animate_slew(beam, motions, title="pushed", time_step=0.25)
+    figure = shown._fig
+    shown._func(3)  # at 0.75 s
+    (spoke, *lines), ax = figure.axes[0].get_lines(), figure.axes[0]
+    for line, (name, motion) in zip(lines, motions.items(), strict=True):
+        shape = beam.shape(motion.states[15:16])[0]
+        assert line.get_label() == name
+        assert np.allclose(line.get_xdata() + 1j * line.get_ydata(), shape, atol=1e-12)
+    first = motions["50 N m"].hub_angle[15]
+    assert np.angle(complex(spoke.get_xdata()[1], spoke.get_ydata()[1])) == pytest.approx(first)
+    assert ax.get_title(loc="left") == "pushed, t = 0.8 s"
+    assert film("slew", shown, "two slews").files["gif"].startswith(b"GIF")
 
 
 @pytest.mark.slow

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 import boomctl as bc
-from boomctl.slew.dynamics import rates
+from boomctl.slew.dynamics import kind_of, rates_of
 from boomctl.slew.end_map import end_map
 from boomctl.slew.least_time.arc_count import arcs_behind, counted
 from boomctl.slew.least_time.newton import doubled, first_half, halved, least_time_arcs, without_axial_modes
@@ -79,7 +79,8 @@ def _adjoint(problem, history, t):
 
 def _adjoint_of(plant, start, rows, history, t):
     z, u = ca.SX.sym("z", plant.n), ca.SX.sym("u")
-    f = rates(plant)
+    kind, constants = kind_of(plant)
+    f = ca.Function("f", [z, u], [rates_of(kind)(z, u, constants)])
     A = ca.Function("A", [z, u], [ca.densify(ca.jacobian(f(z, u), z))])
     b = ca.Function("b", [z, u], [ca.densify(ca.jacobian(f(z, u), u))])
     spans = [*zip(history.edges[:-1], history.edges[1:], history.left, strict=True)]

@@ -5,7 +5,6 @@ import pickle
 import signal
 import subprocess
 import sys
-import threading
 import time
 from contextlib import suppress
 from itertools import pairwise
@@ -16,9 +15,8 @@ import pytest
 
 import boomctl as bc
 from boomctl import progress
-from boomctl.progress import OutOfTime
 from boomctl.slew import SlewProgress, TorqueHistory, resolve
-from boomctl.slew.deadline import SlewDeadline, Watch, solved
+from boomctl.slew.deadline import SlewDeadline
 from boomctl.slew.linear import guess_from, least_effort
 from boomctl.slew.nlp import refinement
 from boomctl.slew.nlp.programme import prepare
@@ -92,33 +90,16 @@ def late(monkeypatch):
     return found
 
 
-def test_an_iteration_that_takes_long_does_not_outlast_the_time(late):
-    """A solver hears that it is to stop at its next iteration: that may be a minute away."""
-    freed, watch, none = threading.Event(), Watch(1, 1), np.zeros(1)
-
-    def solver(**_):
-        late.append(True)
-        freed.wait(60.0)
-
-    try:
-        with pytest.raises(OutOfTime, match="a long one"):
-            solved(solver, watch, {"lbg": none, "ubg": none}, SlewDeadline(1e5), "a long one")
-        assert watch.stop
-        assert watch.running.locked()  # it goes on, and nobody waits for it
-    finally:
-        freed.set()
-
-
 @pytest.mark.slow
 def test_all_the_time_is_for_the_first_slew_and_a_share_for_finer_ones(monkeypatch):
     problem = slew_problem(sfoam(1), 1.0, Limits(200.0), "effort", 4.0, deadline=SlewDeadline(1000.0))
     limits = []
 
-    def noted(problem, guess, intervals, rough=False, order=None):
+    def noted(problem, guess, intervals, **options):
         limits.append(problem.deadline.limit)
         if len(limits) < 3:
             raise bc.SlewError("no slew on so coarse a mesh")
-        return once(problem, guess, intervals, rough, order)
+        return once(problem, guess, intervals, **options)
 
     once = refinement._solved
     monkeypatch.setattr(refinement, "_solved", noted)
@@ -144,14 +125,16 @@ def test_out_of_time_the_best_verified_slew_is_returned(late):
 
 
 @pytest.mark.slow
-@pytest.mark.xfail(
-    strict=True, reason="building a programme does not stop at the time limit; it takes some seconds here"
-)
-def test_optimal_slew_ends_near_time_limit():
-    begin = time.perf_counter()
+@pytest.mark.parametrize(("objective", "limit"), [("tip", 1.0), ("tip", 10.0), ("time", 4.0), ("time", 10.0)])
+def test_optimal_slew_ends_near_time_limit(objective, limit, monkeypatch):
+    """In processor time, which other processes do not take; IPOPT's own limit is of wall time, which is not less."""
+    beam, duration = bc.hub_beam(model="cfoam", modes=3), None if objective == "time" else 3.0
+    begin = time.process_time()
+    shift = time.monotonic() - begin
+    monkeypatch.setattr(progress, "time", SimpleNamespace(monotonic=lambda: shift + time.process_time()))
     with suppress(bc.slew.SlewError):
-        bc.optimal_slew(bc.hub_beam(model="cfoam", modes=3), 1.0, 200.0, "tip", 3.0, time_limit=1.0)
-    assert time.perf_counter() - begin < 1.1
+        bc.optimal_slew(beam, 1.0, 200.0, objective, duration, time_limit=limit)
+    assert time.process_time() - begin < limit + 0.5
 
 
 def test_progress_is_told_in_small_frozen_records():
@@ -197,7 +180,7 @@ def test_payloads_close_to_the_beams_own_take_few_iterations(payload):
     limits = Limits(200.0)
     problem = slew_problem(sfoam(3), np.pi / 2, limits, "effort", 4.5, tip_masses=(payload,))
     guess = guess_from(problem, least_effort(problem, 4.5, 100).history, 100)
-    programme = prepare(problem, Scheme("collocation", "effort", 100, 3), guess, 1e-6)
+    programme = prepare(problem, Scheme("effort", 100, 3), guess, 1e-6)
     assert programme.solve(problem, guess).iterations <= 8  # 17 to 34 where MUMPS chose the order of its pivots
 
 

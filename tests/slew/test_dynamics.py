@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 import boomctl as bc
 from boomctl.simulation.machine.exponential_step import stumpff
-from boomctl.slew.dynamics import explicit_step
+from boomctl.slew.dynamics import kind_of, step_of
 from boomctl.slew.end_map import Steps, end_map
 from boomctl.slew.plant import plant_of
 from boomctl.slew.problem import Limits, slew_problem
@@ -35,7 +35,8 @@ def test_stumpff_functions(y):
 
 def _end(plant, steps, torque=150.0, duration=0.8):
     z, u, h = ca.SX.sym("z", plant.n), ca.SX.sym("u"), ca.SX.sym("h")
-    one = ca.Function("one", [z, u, h], [explicit_step(plant, 1)(z, u, u, h)])
+    kind, constants = kind_of(plant)
+    one = ca.Function("one", [z, u, h], [step_of(kind)(z, u, u, h, constants)])
     widths = np.full((1, steps), duration / steps)
     return np.array(one.mapaccum("all", steps)(np.zeros(plant.n), np.full((1, steps), torque), widths))[:, -1]
 

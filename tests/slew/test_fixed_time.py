@@ -1,7 +1,6 @@
-"""Fixed time and limits: two transcriptions, one optimum; a bound that does not know the mesh; limits kept."""
+"""Fixed time and limits: closed forms and a programme, one optimum; a bound that does not know the mesh; limits kept."""
 
 import inspect
-from functools import partial
 
 import casadi as ca
 import numpy as np
@@ -10,13 +9,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import boomctl as bc
-from boomctl.slew import mesh_study, resolve, track
+from boomctl.slew import resolve
 from boomctl.slew.effort import effort_on_mesh
-from boomctl.slew.linear import clipped
+from boomctl.slew.linear import clipped, guess_from, least_effort
+from boomctl.slew.nlp.interval import Units
+from boomctl.slew.nlp.programme import prepare
 from boomctl.slew.nlp.refinement import refined
+from boomctl.slew.nlp.transcription import Scheme, transcribe
 from boomctl.slew.objectives import OBJECTIVES, Objective
 from boomctl.slew.problem import Limits, slew_problem
-from boomctl.slew.replay import played, violation
+from boomctl.slew.replay import played, prescribed_error, violation
 from boomctl.slew.result import SlewError
 from tests.profiles import examples
 from tests.slew.systems import rigid
@@ -55,24 +57,9 @@ def test_rigid_jerk_is_the_fifth_order_polynomial(angle, duration):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("objective", ["torque-rate", "jerk", pytest.param("tip", marks=pytest.mark.slow)])
-def test_shooting_and_collocation_agree(beam, objective):
-    slews = [
-        bc.optimal_slew(beam, ANGLE, LIMIT, objective, 3.6, method=method, intervals=60, tolerance=1e-7)
-        for method in ("shooting", "collocation", "radau")
-    ]
-    costs = [slew.plan.solution.cost for slew in slews]
-    assert costs == pytest.approx([costs[0]] * 3, rel=1e-6)
-    assert [slew.certificate.method for slew in slews] == ["shooting", "collocation", "radau"]
-    assert all(slew.end_error < 1e-7 for slew in slews)
-    assert all(slew.residual_energy < 1e-9 for slew in slews)
-
-
-@pytest.mark.slow
 def test_each_objective_is_best_at_its_own(beam):
     slews = {
-        name: bc.optimal_slew(beam, ANGLE, LIMIT, name, 3.6, method="shooting", intervals=60)
-        for name in ("effort", "torque-rate", "tip")
+        name: bc.optimal_slew(beam, ANGLE, LIMIT, name, 3.6, intervals=60) for name in ("effort", "torque-rate", "tip")
     }
     rate = {name: np.sum(np.diff([0.0, *slew.history.left, 0.0]) ** 2) for name, slew in slews.items()}
     tip = {name: np.abs(slew.tip_displacement).max() for name, slew in slews.items()}
@@ -96,9 +83,7 @@ def test_an_entry_in_the_table_is_all_that_a_new_objective_takes(beam, monkeypat
         return float(np.trapezoid((z @ plant.rows["speed"]) ** 2, time))
 
     monkeypatch.setitem(OBJECTIVES, "speed", Objective(title="least speed", cost=cost, value=value))
-    speed, effort = (
-        bc.optimal_slew(beam, ANGLE, LIMIT, name, 3.6, method="shooting", intervals=60) for name in ("speed", "effort")
-    )
+    speed, effort = (bc.optimal_slew(beam, ANGLE, LIMIT, name, 3.6, intervals=60) for name in ("speed", "effort"))
     assert speed.title == "least speed"
     assert ANGLE**2 / 3.6 < speed.cost < np.trapezoid(effort.hub_speed**2, effort.time)
 
@@ -113,7 +98,7 @@ def test_an_entry_in_the_table_is_all_that_a_new_objective_takes(beam, monkeypat
     ],
 )
 def test_limits_are_kept_on_a_dense_replay(beam, name, value):
-    slew = bc.optimal_slew(beam, ANGLE, LIMIT, method="shooting", intervals=100, **{name: value})
+    slew = bc.optimal_slew(beam, ANGLE, LIMIT, intervals=100, **{name: value})
     t = np.linspace(0.0, slew.duration, 4001)
     r = beam.simulate(bc.torque(slew.history, slew.history.breakpoints), t, rtol=1e-10, atol=1e-12)
     reached = {
@@ -139,10 +124,10 @@ def test_limits_are_kept_on_a_dense_replay(beam, name, value):
 def test_any_limit_is_kept_or_the_failure_names_it(limit, angle, stretch):
     h = bc.hub_beam(modes=1)
     duration = stretch * bc.optimal_slew(h.linearize(), angle, LIMIT).duration
-    free = bc.optimal_slew(h, angle, LIMIT, "effort", duration, method="shooting", intervals=60)
+    free = bc.optimal_slew(h, angle, LIMIT, "effort", duration, intervals=60)
     values = {"speed_limit": free.hub_speed, "tip_limit": free.tip_displacement, "moment_limit": free.root_moment}
     most = limit[1] * float(np.abs(values[limit[0]]).max())
-    ask = {"objective": "effort", "duration": duration, "method": "shooting", "intervals": 60, limit[0]: most}
+    ask = {"objective": "effort", "duration": duration, "intervals": 60, limit[0]: most}
     slew, failure = None, ""
     try:
         slew = bc.optimal_slew(h, angle, LIMIT, **ask)
@@ -164,28 +149,65 @@ def test_any_limit_is_kept_or_the_failure_names_it(limit, angle, stretch):
 
 
 @pytest.mark.slow
-def test_orders_of_the_schemes(beam):
-    schemes = (("collocation", 1), ("collocation", 2), ("radau", 2))
-    first, second, radau, held = mesh_study(beam, ANGLE, LIMIT, 3.6, schemes, (20, 40, 80, 160)).lines
-    assert radau.order == pytest.approx(3.0, abs=0.3)
-    assert first.order == pytest.approx(2.0, abs=0.3)
-    assert second.order == pytest.approx(4.0, abs=0.5)
-    assert held.order == pytest.approx(2.0, abs=0.4)
+@pytest.mark.parametrize("points", [1, 2])
+def test_collocation_of_points_is_of_twice_that_order(beam, points):
+    problem, errors = slew_problem(beam, ANGLE, Limits(LIMIT), "effort", 3.6), []
+    for intervals in (40, 80):
+        guess = guess_from(problem, least_effort(problem, 3.6, intervals).history, intervals)
+        programme = prepare(problem, Scheme("effort", intervals, points), guess, 1e-9)
+        errors.append(prescribed_error(problem, played(problem, programme.solve(problem, guess).history)))
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(2.0 * points, abs=0.5)
+
+
+_PAYLOAD = {"tip_masses": (0.2,)}
+
+
+@pytest.mark.parametrize(
+    ("objective", "limits", "ask"),
+    [
+        ("time", {"speed": 0.7}, {}),
+        ("jerk", {"moment": 30.0}, {}),
+        ("tip", {"torque_rate": 500.0}, _PAYLOAD),
+        ("effort", {}, {}),
+    ],
+)
+@pytest.mark.parametrize("model", ["sfoam", "foam", "linear"])
+def test_derivatives_of_a_programme_are_those_of_casadi(objective, limits, ask, model):
+    h = bc.hub_beam(bc.HubBeamParameters(tip_mass=0.1), model=model, modes=1) if model != "linear" else rigid(50.0)
+    ask, limits = (ask, limits) if model == "sfoam" else ({}, {})
+    if model == "linear" and objective == "tip":
+        objective = "torque-rate"
+    problem = slew_problem(h, 1.0, Limits(LIMIT, **limits), objective, None if objective == "time" else 4.0, **ask)
+    rng, ramp = np.random.default_rng(0), OBJECTIVES[objective].continuous
+    scheme = Scheme(objective, 4, 2, ramp, objective == "time", tuple(problem.limits.beside_torque))
+    sizes = rng.uniform(0.5, 2.0, problem.start.size)
+    t = transcribe(problem.parts, problem.ends, scheme, Units(sizes, 100.0, 2.0, 0.3))
+    x, p = 0.1 * rng.standard_normal(t.layout.size) + 0.5, rng.uniform(0.5, 2.0, 1 + len(scheme.limits))
+    m = rng.standard_normal(t.nlp.size1_out(1))
+    outputs, aux = ["grad:f:x", "jac:g:x", "triu:hess:gamma:x:x"], {"gamma": ["f", "g"]}
+    known = t.nlp.factory("known", ["x", "p", "lam:f", "lam:g"], outputs, aux)
+    gradient, jacobian, hessian = (np.array(each) for each in known(x, p, 0.7, m))
+    found = t.derivatives
+    assert np.array(found["grad_f"](x, p)[1]) == pytest.approx(gradient, rel=1e-9, abs=1e-9 * np.abs(gradient).max())
+    assert np.array(found["jac_g"](x, p)[1]) == pytest.approx(jacobian, rel=1e-9, abs=1e-12 * np.abs(jacobian).max())
+    assert np.array(found["hess_lag"](x, p, 0.7, m)) == pytest.approx(
+        hessian, rel=1e-9, abs=1e-12 * np.abs(hessian).max()
+    )
 
 
 def test_solving_again_with_other_data(beam):
-    slew = bc.optimal_slew(beam, ANGLE, LIMIT, "effort", 3.6, method="shooting", intervals=60)
+    slew = bc.optimal_slew(beam, ANGLE, LIMIT, "effort", 3.6, intervals=60)
     again = resolve(slew, angle=1.4, torque_limit=180.0)
-    fresh = bc.optimal_slew(beam, 1.4, 180.0, "effort", 3.6, method="shooting", intervals=60)
+    fresh = bc.optimal_slew(beam, 1.4, 180.0, "effort", 3.6, intervals=60)
     assert again.cost == pytest.approx(fresh.cost, rel=1e-7)
     assert again.hub_angle[-1] == pytest.approx(1.4, abs=1e-6)
     fastest = bc.optimal_slew(rigid(50.0), 1.0, 100.0)  # planned without a programme: planned once more
     assert resolve(fastest, angle=1.4).duration == pytest.approx(np.sqrt(1.4) * fastest.duration, rel=1e-9)
 
 
-def _programme(h, angle, limits, duration, intervals, method="shooting", **ask):
+def _programme(h, angle, limits, duration, intervals, **ask):
     """The least effort that a programme finds on a mesh, which knows nothing of closed forms."""
-    problem = slew_problem(h, angle, limits, "effort", duration, intervals=intervals, method=method, **ask)
+    problem = slew_problem(h, angle, limits, "effort", duration, intervals=intervals, **ask)
     found = refined(problem, None)
     return found.solution.history, found.gap
 
@@ -194,14 +216,14 @@ def _programme(h, angle, limits, duration, intervals, method="shooting", **ask):
 def test_least_effort_of_a_linear_beam_is_what_a_programme_finds(limit):
     plant = bc.hub_beam(bc.HubBeamParameters(tip_mass=0.1), modes=2).linearize()
     known = bc.optimal_slew(plant, ANGLE, limit, "effort", 4.0, intervals=60)
-    found, _ = _programme(plant, ANGLE, Limits(limit), 4.0, 60, "collocation")
+    found, _ = _programme(plant, ANGLE, Limits(limit), 4.0, 60)
     assert known.path == ("least effort on 60 intervals",)
     assert known.cost == pytest.approx(found.effort, rel=1e-7)
     assert known.history.left == pytest.approx(found.left, abs=1e-3 * limit)
     assert known.end_error < 1e-11
     assert ("torque_limit" in known.certificate.binding) == (limit == 120.0)
     assert 0.0 < known.certificate.optimality_gap < 2e-3
-    with pytest.raises(SlewError, match=r"torque_limit = 97\.7 N m binds from"):
+    with pytest.raises(SlewError, match=r"torque_limit = 97\.7 N m is met from"):
         bc.optimal_slew(plant, ANGLE, 97.7, "effort", 4.0, intervals=60)
 
 
@@ -227,7 +249,7 @@ def test_other_models_are_close_to_the_planned_one(beam):
 def test_payloads_come_to_rest_together():
     h = bc.hub_beam(bc.HubBeamParameters(tip_mass=0.1), modes=1)
     masses = (0.0, 0.2)
-    slew = bc.optimal_slew(h, ANGLE, LIMIT, "effort", 5.0, tip_masses=masses, method="shooting", intervals=60)
+    slew = bc.optimal_slew(h, ANGLE, LIMIT, "effort", 5.0, tip_masses=masses, intervals=60)
     for mass in (0.1, *masses):
         other = h.with_tip_mass(mass)
         r = other.simulate(bc.torque(slew.history, slew.history.breakpoints), slew.duration + np.linspace(0, 3, 31))
@@ -237,7 +259,7 @@ def test_payloads_come_to_rest_together():
 @pytest.mark.slow
 @pytest.mark.parametrize("ask", [{"speed_limit": 0.7}, {"objective": "tip", "duration": 3.6}])
 def test_the_gap_is_the_change_of_the_cost_when_the_mesh_is_halved(beam, ask):
-    fine, half = (bc.optimal_slew(beam, ANGLE, LIMIT, method="shooting", intervals=N, **ask) for N in (80, 40))
+    fine, half = (bc.optimal_slew(beam, ANGLE, LIMIT, intervals=N, **ask) for N in (80, 40))
     costs = [slew.plan.solution.cost for slew in (fine, half)]
     change = abs(costs[0] - costs[1]) / costs[0]
     assert fine.certificate.optimality_gap == pytest.approx(change, rel=0.1)
@@ -349,25 +371,22 @@ def test_least_effort_does_not_depend_on_where_it_begins():
 
 
 def test_limits_too_tight_are_left_to_the_programme():
-    with pytest.raises(SlewError, match=r"speed_limit = 0\.5 rad/s binds from"):
+    with pytest.raises(SlewError, match=r"speed_limit = 0\.5 rad/s is "):
         bc.optimal_slew(bc.hub_beam(modes=1), ANGLE, LIMIT, "effort", 4.0, intervals=40, speed_limit=0.5)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("limit", [{"moment_limit": 35.0}, {"tip_limit": 1.0}])
 def test_solving_again_keeps_the_limits_between_the_nodes(beam, limit):
-    slew = bc.optimal_slew(beam, ANGLE, LIMIT, method="shooting", intervals=60, **limit)
+    slew = bc.optimal_slew(beam, ANGLE, LIMIT, intervals=60, **limit)
     again = resolve(slew, angle=1.4)
     assert again.certificate.constraint_violation <= 1e-9
-    assert again.duration == pytest.approx(
-        bc.optimal_slew(beam, 1.4, LIMIT, method="shooting", intervals=60, **limit).duration, rel=1e-5
-    )
+    assert again.duration == pytest.approx(bc.optimal_slew(beam, 1.4, LIMIT, intervals=60, **limit).duration, rel=1e-5)
 
 
-@pytest.mark.parametrize("again", [resolve, partial(track, tip_mass=0.1)])
-def test_something_that_is_no_slew_is_refused(again):
+def test_something_that_is_no_slew_is_refused():
     with pytest.raises(TypeError, match=r"result = 5: expected SlewResult, got int; optimal_slew\(\.\.\.\) makes one"):
-        again(5)
+        resolve(5)
 
 
 @pytest.mark.slow

@@ -36,10 +36,6 @@ def test_rigid_bound_is_sharp():
     assert bc.optimal_slew(rigid(241.0), 1.0, 100.0, "effort", 1.01 * least, intervals=100).end_error < 1e-6
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "method", ["shooting", *(pytest.param(name, marks=pytest.mark.slow) for name in ("collocation", "radau"))]
-)
 @pytest.mark.parametrize(
     ("name", "value", "duration"),
     [
@@ -50,21 +46,16 @@ def test_rigid_bound_is_sharp():
         ("moment_limit", 5.0, 2.8),
     ],
 )
-def test_failure_names_the_limit_the_time_and_what_would_do(name, value, duration, method):
-    h = bc.hub_beam(modes=1)
-    ask = {"torque_limit": 300.0, "intervals": 40, "method": method, "duration": duration} | {name: value}
-    with pytest.raises(bc.SlewError) as caught:
-        bc.optimal_slew(h, 1.0, objective="effort", **ask)
+def test_failure_names_the_limit_and_the_time(name, value, duration):
+    ask = {"torque_limit": 300.0, "intervals": 40, "duration": duration} | {name: value}
+    with pytest.raises(bc.SlewError, match=f"no slew of {duration:g} s was found: ") as caught:
+        bc.optimal_slew(bc.hub_beam(modes=1), 1.0, objective="effort", **ask)
     message = str(caught.value)
-    said = re.search(rf"{name} = {value:g} \S.* binds from t = (\S+) s, most at t = (\S+) s; (\S+) ", message)
+    said = re.search(rf"{name} = {value:g} .*? is (?:exceeded most at|met from) t = (\S+) s", message)
     assert said, message
+    assert 0.0 <= float(said[1]) <= duration
     assert "Ipopt" not in message
     assert "\n" not in message
-    assert 0.0 <= float(said[1]) <= float(said[2]) <= duration
-    wider = dict(re.findall(r"(\w+_limit) = .*?; (\S+) \S+(?: m)?(?:/s)? would do", message))
-    assert float(wider[name]) > value
-    enough = {limit: 1.02 * float(needed) for limit, needed in wider.items()}
-    assert bc.optimal_slew(h, 1.0, objective="effort", **(ask | enough)).end_error < 1e-6
 
 
 def test_states_beyond_a_limit_are_refused():
@@ -78,7 +69,6 @@ def test_states_beyond_a_limit_are_refused():
     [
         ({"torque_limit": -1.0}, ValueError, "torque_limit"),
         ({"objective": "joy"}, ValueError, "objective"),
-        ({"method": "magic"}, ValueError, "method"),
         ({"objective": "effort"}, ValueError, "duration"),
         ({"duration": 2.0}, ValueError, "duration"),
         ({"angle": float("nan")}, ValueError, "angle"),

@@ -1,14 +1,14 @@
 """Optimal and classical slews under the same limit, side by side."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib import import_module
 from typing import Any
 
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.checks import instance, known, mapping, positive, real
+from boomctl.checks import instance, known, mapping, nonnegative, positive, real, sequence
 from boomctl.lti.time_series import TimeSeries
 from boomctl.printing import compact, table_html
 from boomctl.slew.classical.shapers import classical_spin_up, classical_torque, shaper
@@ -62,6 +62,8 @@ class SlewLine(TimeSeries):
         Integral of the torque squared [N^2 m^2 s].
     vibration_low, vibration_high : float
         The vibration with the beam's frequencies 10 % below and above [m].
+    vibrations : ndarray, m
+        The vibration with each of the tip masses of the comparison [m].
     history : TorqueHistory
         The torque over time.
     time, tip_displacement : ndarray, k
@@ -77,6 +79,7 @@ class SlewLine(TimeSeries):
     effort: float
     vibration_low: float
     vibration_high: float
+    vibrations: Array
     history: TorqueHistory
     time: Array
     tip_displacement: Array
@@ -104,12 +107,15 @@ class SlewComparison:
         One for each slew.
     final_speed : float
         Hub speed at the end [rad/s].
+    tip_masses : ndarray, m
+        Tip masses with which the slews are played besides that of the beam [kg].
     """
 
     angle: float | None
     torque_limit: float
     lines: tuple[SlewLine, ...]
     final_speed: float = 0.0
+    tip_masses: Array = field(default_factory=lambda: np.zeros(0))
 
     def __repr__(self) -> str:
         what = f"{self.angle:.6g} rad" if self.angle is not None else f"spin-ups to {self.final_speed:.6g} rad/s"
@@ -118,9 +124,14 @@ class SlewComparison:
         return "\n".join([f"SlewComparison: {what}, {self.torque_limit:.6g} N m", *lines, *more])
 
     def _repr_html_(self) -> str:
-        heads = ("slew", "duration [s]", "vibration [m]", "10 % softer", "10 % stiffer", "root moment [N m]")
+        loads = [f"tip mass {mass:g} kg" for mass in self.tip_masses]
+        heads = ("slew", "duration [s]", "vibration [m]", "10 % softer", "10 % stiffer", *loads, "root moment [N m]")
         rows = [
-            (x.name, *(f"{y:.4g}" for y in (x.duration, x.vibration, x.vibration_low, x.vibration_high, x.peak_moment)))
+            (
+                x.name,
+                *(f"{y:.4g}" for y in (x.duration, x.vibration, x.vibration_low, x.vibration_high)),
+                *(f"{y:.4g}" for y in (*x.vibrations, x.peak_moment)),
+            )
             for x in self.lines
         ]
         return table_html(repr(self).partition("\n")[0], heads, rows)
@@ -155,12 +166,13 @@ class SlewComparison:
         return next(line for line in self.lines if line.name == name)
 
     def plot(self, ax: Any = None, *, names: Sequence[str] = (), **style: Any) -> Array:
-        """Draw torques and tip displacements over time, and vibration over duration.
+        """Draw torques and tip displacements over time, vibration over duration, and over tip masses where there are some.
 
         Parameters
         ----------
         ax : sequence of matplotlib Axes, or a figure, optional
-            Where to draw: the torque of each slew shown, the tip and the vibration; by default a new figure of pyplot.
+            Where to draw: the torque of each slew shown, the tip, the vibration, and the vibration over tip masses if the
+            slews were played with some; by default a new figure of pyplot.
         names : sequence of str, optional
             Which slews to draw over time, by default the first four; the vibration is drawn of all.
         **style
@@ -181,11 +193,13 @@ def compare_slews(
     torque_limit: float,
     optimal: Mapping[str, SlewResult] | None = None,
     final_speed: float = 0.0,
+    *,
+    tip_masses: Sequence[float] = (),
 ) -> SlewComparison:
     """Play classical slews, and optimal ones planned before, on a hub-beam, and measure what matters.
 
     The shapers are tuned to the first mode with the hub free. The frequencies are changed by 10 % through the beam's
-    bending stiffness.
+    bending stiffness. No torque is changed for another tip mass.
 
     Parameters
     ----------
@@ -199,6 +213,8 @@ def compare_slews(
         Slews planned before, by the name they are to have.
     final_speed : float
         Of a spin-up: hub speed at the end [rad/s].
+    tip_masses : sequence of float
+        Tip masses with which each slew is played as well [kg].
 
     Returns
     -------
@@ -223,6 +239,10 @@ def compare_slews(
     ...     print(name, round(found.line(name).duration, 2), round(found.line(name).vibration, 2))  # s, m
     bang-bang 2.2 3.72
     bang-bang, ZV 3.18 0.02
+    >>> fast = bc.optimal_slew(bc.hub_beam(modes=1), angle=1.0, torque_limit=200.0)
+    >>> found = bc.slew.compare_slews(bc.hub_beam(modes=1), 1.0, 200.0, {"fast": fast}, tip_masses=(0.0, 0.5))
+    >>> found["fast"].vibrations.round(2)  # m
+    array([0.  , 3.64])
     """
     plant = plant_of(h)
     if plant.machine is None:
@@ -236,12 +256,16 @@ def compare_slews(
     torques = {name: result.history for name, result in planned.items()}
     torques |= _classical(plant, angle, real("final_speed", final_speed), limit)
     others = [plant.machine.with_stiffness(factor**2) for factor in _CHANGES]
+    masses = [nonnegative("tip_masses", mass) for mass in sequence("tip_masses", tip_masses, "masses in kg")]
+    loaded = [plant.machine.with_tip_mass(mass) for mass in masses]
+    heaviest = plant_of(plant.machine.with_tip_mass(max(masses))).period if masses else 0.0
     lines = []
     for name, history in torques.items():
         after = history.duration + np.linspace(0.0, 1.5 * plant.period, _AFTER)
         t = np.concatenate([np.linspace(0.0, history.duration, _DURING)[:-1], after])
         r = plant.machine.simulate(history, t)
-        low, high = (float(np.abs(each.simulate(history, after).tip_displacement).max()) for each in others)
+        low, high = (_vibration(each, history, after) for each in others)
+        later = history.duration + np.linspace(0.0, 1.5 * heaviest, _AFTER)
         late = t >= after[0]
         lines.append(
             SlewLine(
@@ -254,12 +278,18 @@ def compare_slews(
                 effort=history.effort,
                 vibration_low=low,
                 vibration_high=high,
+                vibrations=np.array([_vibration(each, history, later) for each in loaded]),
                 history=history,
                 time=t,
                 tip_displacement=r.tip_displacement,
             )
         )
-    return SlewComparison(angle, limit, tuple(lines), final_speed)
+    return SlewComparison(angle, limit, tuple(lines), final_speed, np.array(masses))
+
+
+def _vibration(machine: SlewMachine, history: TorqueHistory, time: Array) -> float:
+    """Return the largest tip displacement under a torque at given times [m]."""
+    return float(np.abs(machine.simulate(history, time).tip_displacement).max())
 
 
 def _classical(plant: SlewPlant, angle: float | None, final_speed: float, limit: float) -> dict[str, TorqueHistory]:

@@ -1,21 +1,14 @@
-"""Solving a transcribed slew: first guess, bounds, IPOPT, and the answer in the units of the plant.
-
-Fatrop is not used. On the benchmark of least effort (shooting, 3 modes, 200 intervals, the same programme and states to
-start from, CasADi's interface with the stages given) it found the same optimum to 5e-9, in 13 iterations and 0.45 s of
-processor time with its building; IPOPT, started with multipliers of the linear part, in 4 and 0.08 s.
-"""
+"""Solving a transcribed slew: first guess, bounds, IPOPT, and the answer in the units of the plant."""
 
 from dataclasses import dataclass, field
 from typing import Any
 
-import casadi as ca
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.printing import compact
-from boomctl.slew.deadline import Watch, solved
+from boomctl.printing import compact, count
+from boomctl.slew.deadline import solved
 from boomctl.slew.linear import Guess
-from boomctl.slew.nlp.diagnosis import Relaxed, relaxed
 from boomctl.slew.nlp.interval import Units
 from boomctl.slew.nlp.transcription import Scheme, Transcription, transcribe
 from boomctl.slew.objectives import OBJECTIVES
@@ -49,7 +42,8 @@ _OPTIONS = {
 }
 _TOLERANCE, _SHARE = 1e-9, 1e-3  # of the optimality conditions at most, and as a share of the end state's tolerance
 _LEAST_TIME = 1e-3  # of the duration over its typical size: a bound that only keeps it positive
-_SHOWN = 1e-7  # of a scaled condition: a smaller miss is not told
+_SHOWN = 1e-6  # of a scaled condition: a smaller miss is that of the solver
+_NEAR = 1e-3  # of a scaled condition: a limit that is nearer is met, in words (a choice)
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,18 +60,12 @@ class Solution:
 
 @dataclass(frozen=True, eq=False)
 class Programme:
-    """A programme with its solver, for any data."""
+    """A programme for any data, and the tolerance of the end state in a replay, relative."""
 
     transcription: Transcription
     tolerance: float
-    solver: Any
-    watch: Watch
 
     __repr__ = compact
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        """Pickle what it was made of; the solver is built anew."""
-        return _solvable, (self.transcription, self.tolerance)
 
     def solve(self, problem: SlewProblem, start: Guess | Solution, limits: Limits | None = None) -> Solution:
         """Solve for the data of a problem.
@@ -93,7 +81,7 @@ class Programme:
         Raises
         ------
         SlewError
-            If no slew is found; it names the limit that is missed most, and when.
+            If no slew is found; it says what is missed most, and when, and which limits are met.
         """
         arguments = self._bounds(problem, limits or problem.limits)
         if isinstance(start, Solution):
@@ -101,16 +89,18 @@ class Programme:
             arguments["x0"] = np.array(start.raw["x"]).ravel()
         else:
             arguments |= self._start(problem, start)
-        raw = self._run(problem, arguments)
-        if not self.solver.stats()["success"]:
-            raw = self._again(problem, arguments, raw)
-        return self._read(problem, raw)
-
-    def _run(self, problem: SlewProblem, arguments: dict[str, Array]) -> dict[str, Any]:
         scheme = self.transcription.scheme
         unit = OBJECTIVES[scheme.objective].unit(self.transcription.units)
-        stage = f"{scheme.method} of order {scheme.order} on {scheme.intervals} intervals"
-        return solved(self.solver, self.watch, arguments, problem.deadline, stage, unit)
+        stage = f"collocation of {count(scheme.points, 'point')} on {scheme.intervals} intervals"
+        options = _OPTIONS | self.transcription.derivatives | {"ipopt.tol": min(_TOLERANCE, _SHARE * self.tolerance)}
+        nlp, deadline = self.transcription.nlp, problem.deadline
+        raw, statistics = solved(nlp, options, arguments, deadline, stage, unit)
+        if not statistics["success"]:
+            said, missed = self._failure(problem, raw, arguments)
+            if statistics["return_status"] == "Infeasible_Problem_Detected":
+                raise LimitsTooTight(said, missed)
+            raise SlewError(said)
+        return self._read(problem, raw, int(statistics["iter_count"]))
 
     def _bounds(self, problem: SlewProblem, limits: Limits) -> dict[str, Array]:
         """Data, and bounds of unknowns and conditions."""
@@ -138,33 +128,14 @@ class Programme:
         N, x = t.scheme.intervals, np.zeros(layout.size)
         x[layout.states] = guess.states / units.states
         x[layout.torques] = guess.torques / units.torque
-        if t.scheme.method != "shooting":
-            slopes = np.diff(guess.states, axis=0) / (guess.duration / N) / units.states * units.time
-            # one block of points a plant; the mean rate serves all points
-            x[layout.rates] = np.hstack([np.tile(slopes[:, own], t.scheme.order) for own in t.blocks])
+        slopes = np.diff(guess.states, axis=0) / (guess.duration / N) / units.states * units.time
+        # one block of points a plant; the mean rate serves all points
+        x[layout.rates] = np.hstack([np.tile(slopes[:, own], t.scheme.points) for own in t.blocks])
         if layout.duration is not None:
             x[layout.duration] = guess.duration / units.time
         return {"x0": x}
 
-    def _again(self, problem: SlewProblem, arguments: dict[str, Array], raw: dict[str, Any]) -> dict[str, Any]:
-        """Let the limits give: where none has to, start from what that finds; else say which gives, when and how much."""
-        limits = problem.limits.given
-        found = relaxed(self.transcription, arguments, limits, problem.duration, problem.deadline)
-        if found is None:
-            raise SlewError(self._failure(problem, raw, arguments["lbg"], arguments["ubg"]))
-        if found.excesses:
-            most = found.excesses[0]
-            raise LimitsTooTight(_told(problem, found), most.needed / limits[most.kind] - 1.0)
-        plain = {name: value for name, value in arguments.items() if not name.startswith("lam")}
-        raw = self._run(problem, plain | {"x0": found.unknowns})
-        if not self.solver.stats()["success"]:
-            raise SlewError(
-                f"a slew of {found.duration:.6g} s within all limits exists, but no best one was found on "
-                f"{self.transcription.scheme.intervals} intervals; expected a finer mesh or wider limits"
-            )
-        return raw
-
-    def _read(self, problem: SlewProblem, raw: dict[str, Any]) -> Solution:
+    def _read(self, problem: SlewProblem, raw: dict[str, Any], iterations: int) -> Solution:
         scheme, units, layout = self.transcription.scheme, self.transcription.units, self.transcription.layout
         x = np.array(raw["x"]).ravel()
         duration = problem.duration
@@ -175,43 +146,35 @@ class Programme:
         torques = x[layout.torques] * units.torque
         history = ramped(edges, torques) if scheme.ramp else held(edges, torques)
         unit = OBJECTIVES[scheme.objective].unit(units)
-        return Solution(history, unit * float(raw["f"]), int(self.solver.stats()["iter_count"]), raw)
+        return Solution(history, unit * float(raw["f"]), iterations, raw)
 
-    def _failure(self, problem: SlewProblem, raw: dict[str, Any], low: Array, high: Array) -> str:
-        """In words: which condition is missed most, and when."""
-        t, N = self.transcription, self.transcription.scheme.intervals
+    def _failure(self, problem: SlewProblem, raw: dict[str, Any], arguments: dict[str, Array]) -> tuple[str, float]:
+        """Return in words what is missed most, and when, and which limits are met; and the sum of all misses, scaled."""
+        t, N, said = self.transcription, self.transcription.scheme.intervals, problem.plants[0].with_unit
         g, x = np.array(raw["g"]).ravel(), np.array(raw["x"]).ravel()
-        missed = np.maximum(low - g, g - high)
-        missed = np.maximum(np.where(np.isfinite(missed), missed, 0.0), 0.0)
+        missed = np.nan_to_num(np.maximum(arguments["lbg"] - g, g - arguments["ubg"]), nan=np.inf)
         duration = problem.duration or float(x[t.layout.duration or 0]) * t.units.time
-        worst, where, when = 0.0, "the end state", duration
-        stages = missed[: t.stages_end].reshape(N, t.stage_rows)
-        for j, name in enumerate(t.names):
-            k = int(np.argmax(stages[:, t.defects + j]))
-            if stages[k, t.defects + j] > max(worst, _SHOWN):
-                worst, where, when = float(stages[k, t.defects + j]), name, k * duration / N
-        torques, most = np.abs(x[t.layout.torques]) * t.units.torque, problem.limits.torque
-        limit = problem.plants[0].with_unit("torque", f"{most:g}")
-        bound = f"torque_limit = {limit} binds on {np.mean(torques > AT_LIMIT * most):.0%} of it"
-        return f"no slew of {duration:.6g} s was found: {where} cannot be met at t = {when:.4g} s; {bound}"
-
-
-def _told(problem: SlewProblem, found: Relaxed) -> str:
-    """Which limits bind, when, and what would do."""
-    said = problem.plants[0].with_unit
-    given = {kind: f"{kind}_limit = {said(kind, f'{limit:g}')}" for kind, limit in problem.limits.given.items()}
-    parts = [
-        f"{given[each.kind]} binds from t = {each.first:.4g} s, most at t = {each.worst:.4g} s; "
-        f"{said(each.kind, f'{each.needed:.4g}')} would do"
-        for each in found.excesses
-    ]
-    parts += [f"{given[kind]} is met from t = {when:.4g} s" for kind, when in found.met.items()]
-    how_long = f"of {found.duration:.6g} s " if problem.duration is not None else ""
-    return f"no slew {how_long}keeps the limits: {'; and '.join(parts)}"
+        rows = missed[: t.stages_end].reshape(N, t.stage_rows)[:, t.defects :]
+        given = {
+            f"{kind}_limit": f"{kind}_limit = {said(kind, f'{most:g}')}" for kind, most in problem.limits.given.items()
+        }
+        over = {name: rows[:, [each == name for each in t.names]].max(axis=1) for name in given if name in t.names}
+        most = max(over, key=lambda name: over[name].max(), default="")
+        what = "the end state cannot be reached"
+        if most and over[most].max() > _SHOWN:
+            what = f"{given[most]} is exceeded most at t = {np.argmax(over[most]) * duration / N:.4g} s"
+        met = {name: each > -_NEAR for name, each in over.items()}
+        met["torque_limit"] = np.abs(x[t.layout.torques]) * t.units.torque > AT_LIMIT * problem.limits.torque
+        shares = [
+            f"{given[name]} is met from t = {np.argmax(each) * duration / N:.4g} s, for {np.mean(each):.0%} of the time"
+            for name, each in sorted(met.items(), key=lambda item: -np.mean(item[1]))
+            if each.any()
+        ]
+        return "; ".join([f"no slew of {duration:.6g} s was found: {what}", *shares]), float(missed.sum())
 
 
 def prepare(problem: SlewProblem, scheme: Scheme, guess: Guess, tolerance: float) -> Programme:
-    """Transcribe a problem in units of a guess and build the solver; both serve any data.
+    """Transcribe a problem in units of a guess; it serves any data.
 
     Parameters
     ----------
@@ -226,12 +189,4 @@ def prepare(problem: SlewProblem, scheme: Scheme, guess: Guess, tolerance: float
         row = np.concatenate([plant.rows["tip"] for plant in problem.plants])
         tip = float(max(np.abs(row * sizes).max(), 1e-12))
     units = Units(sizes, problem.limits.torque, problem.duration or guess.duration, tip)
-    return _solvable(transcribe(problem.parts, problem.ends, scheme, units), tolerance)
-
-
-def _solvable(transcription: Transcription, tolerance: float) -> Programme:
-    """A programme with its solver."""
-    options = _OPTIONS | transcription.derivatives | {"ipopt.tol": min(_TOLERANCE, _SHARE * tolerance)}
-    watch = Watch(transcription.layout.size, int(transcription.nlp.size1_out(1)))
-    options |= {"iteration_callback": watch}
-    return Programme(transcription, tolerance, ca.nlpsol("slew", "ipopt", transcription.nlp, options), watch)
+    return Programme(transcribe(problem.parts, problem.ends, scheme, units), tolerance)

@@ -1,4 +1,4 @@
-"""A slew by a nonlinear programme: mesh, order and limits are refined until a replay keeps what was asked."""
+"""A slew by a nonlinear programme: mesh, points and limits are refined until a replay keeps what was asked."""
 
 from dataclasses import dataclass, replace
 
@@ -18,6 +18,7 @@ from boomctl.slew.torque import TorqueHistory
 _TOO_MUCH = 0.05  # by which a coarse mesh may exceed a limit and a finer still keep it; a choice
 _SEARCH = 0.6  # share of the time in which meshes are refined; the rest is for a verified answer on a coarser one
 _HIGHEST = 9  # collocation points, order 17 and more: beyond, a step is not what the replay finds in error; a choice
+_POINTS = 3  # collocation points at first, order 6: errors of the end below the tolerance on most meshes (a choice)
 _LONGER = 1.5  # times the linear part's least time: what a first guess takes within more limits than the torque's
 
 
@@ -62,7 +63,7 @@ def refined(problem: SlewProblem, least: TorqueHistory | None) -> Refined:
         If no mesh has a solution that a replay confirms; if the time is over before, the message says what was reached.
     """
     if problem.intervals is not None:
-        path = (f"{problem.method} on {problem.intervals} intervals",)
+        path = (f"collocation on {problem.intervals} intervals",)
         guess = _guess(problem, least, None, problem.intervals)
         programme, solution, motions = _solved(problem, guess, problem.intervals)
         try:
@@ -83,21 +84,27 @@ def refined(problem: SlewProblem, least: TorqueHistory | None) -> Refined:
         # relative, over a limit, in a replay: rounding of the integrator
         if prescribed_error(problem, motions) <= problem.tolerance and max(excess.values()) <= ALIKE:
             return replace(found, path=path, motions=motions)
-        found = best[max(0, len(best) - 2)]  # a coarser mesh, on which the order can be raised in the time that is left
+        found = best[max(0, len(best) - 2)]  # a coarser mesh, on which points can be added in the time that is left
         intervals = found.programme.transcription.scheme.intervals
         guess = _guess(problem, least, found.solution.history, intervals)
         programme, solution, motions = _solved(problem, guess, intervals)
-        return Refined(programme, solution, found.gap, (*path, f"{problem.method} on {intervals} intervals"), motions)
+        return Refined(programme, solution, found.gap, (*path, f"collocation on {intervals} intervals"), motions)
 
 
 def _on_finer_meshes(problem: SlewProblem, least: TorqueHistory | None, best: list[Refined]) -> Refined:
-    """Solve on finer and finer meshes; all that is solved on the way is entered in `best`."""
+    """Solve on finer and finer meshes; all that is solved on the way is entered in `best`.
+
+    A mesh takes twice as long as one half as fine, and is not begun where that is more than what is left.
+    """
     cost, failure, before, path, coarser = np.inf, SlewError("no mesh was tried"), np.inf, (), None
-    whole = problem.deadline
+    whole, took = problem.deadline, 0.0
     for intervals in MESHES:
         if best:  # there is something to fall back on
             problem = replace(problem, deadline=replace(whole, limit=_SEARCH * whole.limit))
-        last, path = intervals == MESHES[-1], (*path, f"{problem.method} on {intervals} intervals")
+        last, path = intervals == MESHES[-1], (*path, f"collocation on {intervals} intervals")
+        begun = problem.deadline.seconds
+        if 2.0 * took > problem.deadline.limit - begun:
+            raise OutOfTime(path[-1])
         try:
             guess = _guess(problem, least, coarser, intervals)
             programme, solution, motions = _solved(problem, guess, intervals, rough=not last)
@@ -114,6 +121,8 @@ def _on_finer_meshes(problem: SlewProblem, least: TorqueHistory | None, best: li
         except SlewError as error:
             failure = error
             continue
+        finally:
+            took = problem.deadline.seconds - begun
         cost, coarser = solution.cost, solution.history
         if gap < MESH_GAP or last:
             return Refined(programme, solution, gap, path, motions)
@@ -130,16 +139,15 @@ def _companion(problem: SlewProblem, programme: Programme, solution: Solution) -
     Too coarse is a mesh that allows no slew. The solution tells the cost alone: it is not replayed.
     """
     scheme = programme.transcription.scheme
-    intervals, order = scheme.intervals, scheme.order
+    intervals, points = scheme.intervals, scheme.points
     if intervals >= 4 * problem.ends.shape[0]:  # fewer than two an end condition would leave nothing to choose
         guess = _guess(problem, None, solution.history, intervals // 2)
-        finer = 2 * order if problem.method == "shooting" else min(order + 1, _HIGHEST)
         try:
-            return _solved(problem, guess, intervals // 2, rough=True, order=finer)[1]
+            return _solved(problem, guess, intervals // 2, rough=True, points=min(points + 1, _HIGHEST))[1]
         except SlewError:
             pass
     guess = _guess(problem, None, solution.history, 2 * intervals)
-    return _solved(problem, guess, 2 * intervals, rough=True, order=order)[1]
+    return _solved(problem, guess, 2 * intervals, rough=True, points=points)[1]
 
 
 def _ramps(problem: SlewProblem) -> bool:
@@ -158,24 +166,21 @@ def _guess(problem: SlewProblem, least: TorqueHistory | None, before: TorqueHist
 
 
 def _solved(
-    problem: SlewProblem, guess: Guess, intervals: int, rough: bool = False, order: int | None = None
+    problem: SlewProblem, guess: Guess, intervals: int, rough: bool = False, points: int = _POINTS
 ) -> tuple[Programme, Solution, tuple[Motion, ...] | None]:
-    """Solve on a mesh, with the order raised and the limits tightened until the replay, returned too, keeps what was asked.
+    """Solve on a mesh, with points added and the limits tightened until the replay, returned too, keeps what was asked.
 
     A rough solution is not replayed: it tells the cost, and where to start on the next mesh.
     """
-    if order is None:
-        order = 1 if problem.method == "shooting" else 3
     limits = problem.limits
     programme, before, missed, worst = None, guess, np.inf, np.inf
     for _ in range(ROUNDS):
         if programme is None:
             kinds = tuple(limits.beside_torque)
             scheme = Scheme(
-                method=problem.method,
                 objective=problem.objective,
                 intervals=intervals,
-                order=order,
+                points=points,
                 ramp=_ramps(problem),
                 free_time=problem.duration is None,
                 limits=kinds,
@@ -189,9 +194,9 @@ def _solved(
         worst = max((excess[kind] for kind in limits.beside_torque), default=0.0)
         missed = prescribed_error(problem, motions)
         if missed > problem.tolerance:
-            if order >= _HIGHEST and problem.method != "shooting":
+            if points >= _HIGHEST:
                 break
-            order, programme, before = 2 * order if problem.method == "shooting" else order + 1, None, guess
+            points, programme, before = points + 1, None, guess
         elif worst > ALIKE:
             limits, before = limits.tightened(excess), solution
         else:

@@ -1,10 +1,13 @@
 """A slew as a nonlinear programme: one stage function, mapped over equal intervals, with its exact derivatives.
 
+Each interval is integrated by Gauss-Legendre collocation; d points are of order 2 d. The torque is a straight line on it.
 Unknowns, stage after stage: states z_k of all plants, torque u_k, rates at the collocation points; then the last states
 (and torque), the duration and the bound of the tip. All are scaled to about one. Jacobian and Hessian of the Lagrangian
-are put together from those of one stage, so that nothing is differentiated twice and building costs next to nothing.
+are assembled from those of one stage, and these, by the chain rule, from those of the equations of motion, which all
+meshes and orders of all plants of a kind share: another mesh costs next to nothing to build.
 """
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -12,8 +15,8 @@ import casadi as ca
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.gauss import gauss_method, radau_method
-from boomctl.slew.dynamics import explicit_step, rates
+from boomctl.gauss import gauss_method
+from boomctl.slew.dynamics import Kind, kind_of, rate_hessian_of, rate_jacobian_of, rates_of
 from boomctl.slew.nlp.interval import Interval, Units
 from boomctl.slew.objectives import OBJECTIVES, Parts
 from boomctl.slew.plant import SlewPlant
@@ -28,12 +31,10 @@ class Scheme:
 
     Attributes
     ----------
-    method : str
-        "collocation" (Gauss-Legendre), "radau" or "shooting".
     objective : str
     intervals : int
-    order : int
-        Collocation points, or substeps of shooting, on each interval.
+    points : int
+        Collocation points on each interval.
     ramp : bool
         Whether the torque is continuous and straight between nodes; else it is constant on each interval.
     free_time : bool
@@ -41,10 +42,9 @@ class Scheme:
         Which of "torque_rate", "speed", "tip", "moment" are limited.
     """
 
-    method: str
     objective: str
     intervals: int
-    order: int
+    points: int
     ramp: bool = False
     free_time: bool = False
     limits: tuple[str, ...] = ()
@@ -162,7 +162,7 @@ def transcribe(parts: Parts, ends: Array, scheme: Scheme, units: Units) -> Trans
     g = ca.vertcat(ca.vec(values), paths, ca.mtimes(ca.DM(scaled), x[layout.states[-1].tolist()]))
     total, rows, last_rows = ca.sum2(costs), int(stage.value.size1_out(0)), int(paths.shape[0])
 
-    gradients = ca.vec(stage.gradient.map(N)(every, data)[1])
+    gradients = ca.vec(stage.gradient.map(N)(every, data))
     gradient = ca.densify(_assembled([local.ravel()], [np.zeros(local.size, int)], (layout.size, 1), gradients))
     r, c = (np.array(each) for each in stage.jacobian_pattern.get_triplet())
     pr, pc = (np.array(each) for each in stage.path_pattern.get_triplet())
@@ -174,7 +174,7 @@ def transcribe(parts: Parts, ends: Array, scheme: Scheme, units: Units) -> Trans
         layout.states[-1][ec],
     ]
     entries = ca.vertcat(
-        ca.vec(stage.jacobian.map(N)(every, data)[2]),
+        ca.vec(stage.jacobian.map(N)(every, data)),
         stage.path_jacobian(x[layout.last.tolist()], p),
         ca.DM(scaled[er, ec]),
     )
@@ -206,7 +206,7 @@ def transcribe(parts: Parts, ends: Array, scheme: Scheme, units: Units) -> Trans
 
 
 def _layout(scheme: Scheme, n: int) -> Layout:
-    N, extra = scheme.intervals, 0 if scheme.method == "shooting" else n * scheme.order
+    N, extra = scheme.intervals, n * scheme.points
     width = n + 1 + extra
     first = np.arange(N) * width
     states = np.vstack([first[:, None] + np.arange(n), N * width + np.arange(n)])
@@ -245,13 +245,33 @@ class _Stage:
     names: tuple[str, ...]
 
 
+class _Point:
+    """A place where a stage needs the rates of a plant: its states and torque, and symbols for rates and derivatives."""
+
+    def __init__(self, plant: SlewPlant, place: ca.SX, number: int) -> None:
+        self.place, (self.kind, self._constants) = place, kind_of(plant)
+        self.rates, self.weights = (ca.SX.sym(f"{name}{number}", plant.n) for name in ("rates", "weights"))
+        self.jacobian = ca.SX.sym(f"jacobian{number}", rate_jacobian_of(self.kind).sparsity_out(1))
+        self.hessian = ca.SX.sym(f"hessian{number}", rate_hessian_of(self.kind).sparsity_out(1))
+
+    def evaluated(self, equations: Callable[[Kind], ca.Function], place: ca.MX, *more: ca.MX) -> Any:
+        """Return what functions of the kind are at a place; they are called and not expanded."""
+        return equations(self.kind)(place[:-1], place[-1], ca.DM(self._constants), *more)
+
+
 def _stage(parts: Parts, scheme: Scheme, units: Units, layout: Layout) -> _Stage:
-    """The stage function, scaled, and its derivatives."""
+    """Return the stage function, scaled, and its derivatives."""
     n, extra = units.states.size, layout.rates.shape[1]
     v, p = ca.SX.sym("v", layout.local.shape[1]), ca.SX.sym("p", 1 + len(scheme.limits))
     at = 2 * n + 1 + extra
     limits = {kind: p[1 + i] for i, kind in enumerate(scheme.limits)}
     time = (v[at + scheme.ramp] if scheme.free_time else p[0]) * units.time
+    points: list[_Point] = []
+
+    def rates(plant: SlewPlant, z: ca.SX, u: ca.SX) -> ca.SX:
+        points.append(_Point(plant, ca.vertcat(z, u), len(points)))
+        return points[-1].rates
+
     s = Interval(
         z=v[:n],
         u=v[n],
@@ -260,30 +280,32 @@ def _stage(parts: Parts, scheme: Scheme, units: Units, layout: Layout) -> _Stage
         u1=v[at] if scheme.ramp else v[n],
         h=time / scheme.intervals,
         bound=v[layout.local.shape[1] - 1] if OBJECTIVES[scheme.objective].bounds_tip else None,
+        rates=rates,
     )
     path, names = _path(parts, units, s, limits)
-    value = [_defects(parts, scheme, units, s), path]
+    conditions = [_defects(parts, scheme.points, units, s), path]
     if "torque_rate" in limits:
         change, most = s.u1 - s.u, limits["torque_rate"] * s.h / units.torque
-        value += [change - most, -change - most]
+        conditions += [change - most, -change - most]
         names += ["torque_rate_limit"] * 2
-    value, cost = ca.vertcat(*value), OBJECTIVES[scheme.objective].cost(parts, units, s, scheme.intervals)
-    multipliers, weight = ca.SX.sym("m", value.shape[0]), ca.SX.sym("w")
-    jacobian = ca.jacobian(value, v)
-    hessian = ca.triu(ca.hessian(weight * cost + ca.dot(multipliers, value), v)[0])
+    value, of_defects = ca.vertcat(*conditions), len(points)
+    cost = OBJECTIVES[scheme.objective].cost(parts, units, s, scheme.intervals)
+    slopes = ca.vertcat(*(ca.mtimes(each.jacobian, ca.jacobian(each.place, v)) for each in points))
+    jacobian, gradient = (
+        ca.jacobian(each, v) + ca.mtimes(ca.jacobian(each, _rates(points)), slopes) for each in (value, cost)
+    )
+    weight, multipliers = ca.SX.sym("w"), ca.SX.sym("m", value.shape[0])
+    lagrangian = weight * cost + ca.dot(multipliers, value)
+    hessian = ca.triu(_total_hessian(lagrangian, v, points, slopes))
     node = s.z if s.bound is None else ca.vertcat(s.z, s.bound)
     path_jacobian = ca.jacobian(path, node)
-
-    def nonzeros(matrix: ca.SX) -> ca.SX:
-        return ca.sparsity_cast(matrix, ca.Sparsity.dense(matrix.nnz(), 1))
-
     return _Stage(
-        value=ca.Function("stage", [v, p], [value, cost]),
-        jacobian=ca.Function("jacobian", [v, p], [value, cost, nonzeros(jacobian)]),
-        gradient=ca.Function("gradient", [v, p], [cost, ca.gradient(cost, v)]),
-        hessian=ca.Function("hessian", [v, p, weight, multipliers], [nonzeros(hessian)]),
+        value=_with_rates("stage", v, p, points, [value, cost]),
+        jacobian=_with_jacobians("jacobian", v, p, points[:of_defects], _nonzeros(jacobian)),
+        gradient=_with_jacobians("gradient", v, p, points[of_defects:], ca.densify(gradient.T)),
+        hessian=_with_hessians(v, p, points, weight, multipliers, lagrangian, _nonzeros(hessian)),
         path=ca.Function("path", [node, p], [path]),
-        path_jacobian=ca.Function("path_jacobian", [node, p], [nonzeros(path_jacobian)]),
+        path_jacobian=ca.Function("path_jacobian", [node, p], [_nonzeros(path_jacobian)]),
         jacobian_pattern=jacobian.sparsity(),
         hessian_pattern=hessian.sparsity(),
         path_pattern=path_jacobian.sparsity(),
@@ -291,40 +313,85 @@ def _stage(parts: Parts, scheme: Scheme, units: Units, layout: Layout) -> _Stage
     )
 
 
-def _defects(parts: Parts, scheme: Scheme, units: Units, s: Interval) -> ca.SX:
+def _rates(points: Sequence[_Point]) -> ca.SX:
+    return ca.vertcat(*(each.rates for each in points))
+
+
+def _nonzeros(matrix: ca.SX) -> ca.SX:
+    return ca.sparsity_cast(matrix, ca.Sparsity.dense(matrix.nnz(), 1))
+
+
+def _total_hessian(lagrangian: ca.SX, v: ca.SX, points: Sequence[_Point], slopes: ca.SX) -> ca.SX:
+    """Return the Hessian by v, through the rates too; slopes are the derivatives of the rates by v."""
+    along = ca.vertcat(ca.SX.eye(v.shape[0]), slopes)
+    total = ca.mtimes([along.T, ca.hessian(lagrangian, ca.vertcat(v, _rates(points)))[0], along])
+    bent = ca.SX(0)
+    for each in points:
+        moved = ca.jacobian(each.place, v)
+        total += ca.mtimes([moved.T, each.hessian, moved])
+        bent += ca.dot(ca.mtimes(each.jacobian.T, each.weights), each.place)
+    return total + ca.hessian(bent, v)[0]
+
+
+def _with_rates(name: str, v: ca.SX, p: ca.SX, points: Sequence[_Point], values: list[ca.SX]) -> ca.Function:
+    """Return a function of v and p of expressions in which rates at points stand."""
+    inner = ca.Function(name, [v, p, _rates(points)], values)
+    x, data = inner.mx_in()[:2]
+    found = [each.evaluated(rates_of, place) for each, place in _places(v, p, points, x, data)]
+    return ca.Function(name, [x, data], inner.call([x, data, ca.vertcat(*found)]))
+
+
+def _with_jacobians(name: str, v: ca.SX, p: ca.SX, points: Sequence[_Point], value: ca.SX) -> ca.Function:
+    """Return a function of v and p of an expression in which rates at points and their Jacobians stand."""
+    inner = ca.Function(name, [v, p, _rates(points), *(each.jacobian for each in points)], [value])
+    x, data = inner.mx_in()[:2]
+    found = [each.evaluated(rate_jacobian_of, place) for each, place in _places(v, p, points, x, data)]
+    return ca.Function(name, [x, data], [inner(x, data, ca.vertcat(*(f for f, _ in found)), *(J for _, J in found))])
+
+
+def _with_hessians(
+    v: ca.SX, p: ca.SX, points: Sequence[_Point], weight: ca.SX, multipliers: ca.SX, lagrangian: ca.SX, value: ca.SX
+) -> ca.Function:
+    """Return a function of v, p and multipliers of an expression in which derivatives of the rates by v stand."""
+    of_rates = [v, p, _rates(points), weight, multipliers]
+    weights = ca.Function("weights", of_rates, [ca.gradient(lagrangian, each.rates) for each in points])
+    symbols = [(each.weights, each.jacobian, each.hessian) for each in points]
+    inner = ca.Function("hessian", [*of_rates, *(each for three in symbols for each in three)], [value])
+    x, data, w, m = (
+        ca.MX.sym(name, each.shape[0]) for name, each in zip("xpwm", (v, p, weight, multipliers), strict=True)
+    )
+    places = _places(v, p, points, x, data)
+    given = x, data, ca.vertcat(*(each.evaluated(rates_of, place) for each, place in places)), w, m
+    found = weights.call(given)
+    derivatives = [
+        each
+        for (point, place), l in zip(places, found, strict=True)
+        for each in (l, *point.evaluated(rate_hessian_of, place, l))
+    ]
+    return ca.Function("hessian", [x, data, w, m], [inner(*given, *derivatives)])
+
+
+def _places(v: ca.SX, p: ca.SX, points: Sequence[_Point], x: ca.MX, data: ca.MX) -> list[tuple[_Point, ca.MX]]:
+    """Return points with their places as functions of v and p."""
+    return list(
+        zip(points, ca.Function("places", [v, p], [each.place for each in points]).call([x, data]), strict=True)
+    )
+
+
+def _defects(parts: Parts, points: int, units: Units, s: Interval) -> ca.SX:
     """By how much the next states, and the rates at the collocation points, miss the equations of motion."""
-    u, u1, order = s.u * units.torque, s.u1 * units.torque, scheme.order
+    u, u1, rule = s.u * units.torque, s.u1 * units.torque, gauss_method(points)
     defects, first = [], 0
     for plant, own in parts:
         unit = ca.DM(units.states[own])
-        z, z1 = s.z[own] * unit, s.z1[own] * unit
-        if scheme.method == "shooting":
-            defects.append(explicit_step(plant, order)(z, u, u1, s.h) / unit - s.z1[own])
-            continue
-        whole = ca.repmat(unit / units.time, order, 1)
-        k = s.k[first : first + plant.n * order] * whole
-        defects.append(collocation_defects(plant, order, scheme.method)(z, k, u, u1, s.h, z1) / ca.vertcat(whole, unit))
-        first += plant.n * order
+        z, k = s.z[own] * unit, ca.reshape(s.k[first : first + plant.n * points], plant.n, points)
+        k *= ca.repmat(unit / units.time, 1, points)
+        for i, c in enumerate(rule.nodes):
+            inner = z + s.h * ca.mtimes(k, ca.DM(rule.A[i]))
+            defects.append((s.rates(plant, inner, u + c * (u1 - u)) - k[:, i]) / (unit / units.time))
+        defects.append((z + s.h * ca.mtimes(k, ca.DM(rule.weights))) / unit - s.z1[own])
+        first += plant.n * points
     return ca.vertcat(*defects)
-
-
-def collocation_defects(plant: SlewPlant, points: int, method: str = "collocation") -> ca.Function:
-    """``(z, k, u0, u1, h, z1) -> defects`` of a collocation scheme; k (n x points) are the rates at its points.
-
-    With d points: Gauss-Legendre, of order 2 d, or Radau IIA, of order 2 d - 1 and stiffly accurate. The torque is a
-    straight line on a step. The explicit steps of shooting are an independent scheme.
-    """
-    scheme = radau_method(points) if method == "radau" else gauss_method(points)
-    c, a, b = scheme.nodes, scheme.A, scheme.weights
-    z, z1 = ca.SX.sym("z", plant.n), ca.SX.sym("z1", plant.n)
-    k = ca.SX.sym("k", plant.n, points)
-    u0, u1, h = ca.SX.sym("u0"), ca.SX.sym("u1"), ca.SX.sym("h")
-    f, defects = rates(plant), []
-    for i in range(points):
-        inner = z + h * ca.mtimes(k, ca.DM(a[i]))
-        defects.append(f(inner, u0 + c[i] * (u1 - u0)) - k[:, i])
-    defects.append(z + h * ca.mtimes(k, ca.DM(b)) - z1)
-    return ca.Function("defects", [z, ca.vec(k), u0, u1, h, z1], [ca.vertcat(*defects)])
 
 
 def _path(parts: Parts, units: Units, s: Interval, limits: dict[str, ca.SX]) -> tuple[ca.SX, list[str]]:

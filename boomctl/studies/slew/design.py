@@ -7,26 +7,24 @@ from typing import Any
 
 import numpy as np
 
-from boomctl.arrays import Array
 from boomctl.checks import instance
+from boomctl.plotting.slew import animate_slew
 from boomctl.printing import compact
 from boomctl.report import Section
 from boomctl.rotating_beam.assumed_modes import AssumedModesBeam
 from boomctl.rotating_beam.manoeuvres import SpinUp
 from boomctl.slew.classical.comparison import SlewComparison, compare_slews
-from boomctl.slew.classical.tracking import TrackingResult, track
 from boomctl.slew.least_time.switching_curve import SwitchingCurve, switching_curve
-from boomctl.slew.payloads import PayloadComparison, compare_payloads
 from boomctl.slew.result import Replay, SlewResult
 from boomctl.slew.tracking.tracked import TrackedSlew
 from boomctl.studies.findings import Finding, Judged, picked, scalars
 from boomctl.studies.slew import feedback, sections
-from boomctl.studies.slew.feedback import FeedbackStudy, Spread
+from boomctl.studies.slew.feedback import FeedbackStudy, Followed, Spread
 from boomctl.studies.slew.spin_up import SpinUpMotion, spin_ups
 from boomctl.threads import one_blas_thread
 
 _MORE = 0.1  # by how much the tip mass of the followed beam exceeds the largest planned one [kg]; a choice
-_AFTER = 2.5  # how long motions go on after the end [s]: a little longer than the film, which ends after 2 s
+_AFTER = 2.0  # how long the film goes on after the end [s] (a choice)
 _OF_SLEW = (
     "objective", "duration", "cost", "end_error", "residual_energy", "time", "torque", "hub_angle", "hub_speed",
     "tip_displacement",
@@ -110,16 +108,14 @@ class SlewDesign:
             What was found, as text and for a report.
         """
         h, problem = self.beam, self.slew.plan.problem
-        comparison = compare_slews(h, problem.angle, problem.limits.torque, self.planned, problem.final_speed)
-        payloads, pair = None, ()
-        if self.payloads:
-            payloads = compare_payloads(self.planned, self.payloads, h.parameters.tip_mass)
+        asked = h, problem.angle, problem.limits.torque, self.planned, problem.final_speed
+        comparison, pair = compare_slews(*asked, tip_masses=self.payloads), ()
         if self.profile is not None:
             pair = spin_ups(h, self.label, self.slew.history, self.profile)
         held = None
         if self.tracked is not None:
             held = feedback.judged(self.tracked, instance("spread", self.spread, Spread), self.runs)
-        return SlewEvaluation(self, comparison, payloads, pair, feedback=held)
+        return SlewEvaluation(self, comparison, pair, held)
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,9 +127,7 @@ class SlewEvaluation(Judged):
     design : SlewDesign
         The design that was judged.
     comparison : SlewComparison
-        The slew beside the other planned ones and classical ones.
-    payloads : PayloadComparison or None
-        The planned slews with several payloads; None where the design names none.
+        The slew beside the other planned ones and classical ones, with the payloads of the design too.
     spin_ups : tuple of SpinUpMotion
         The spin-up designed, and the hub's profile; () without a profile.
     feedback : FeedbackStudy or None
@@ -144,7 +138,6 @@ class SlewEvaluation(Judged):
 
     design: SlewDesign
     comparison: SlewComparison
-    payloads: PayloadComparison | None
     spin_ups: tuple[SpinUpMotion, ...]
     feedback: FeedbackStudy | None = None
 
@@ -160,11 +153,12 @@ class SlewEvaluation(Judged):
         )
         if self.feedback is not None:
             said += f"; {self.feedback.verdict}"
-        if self.payloads is None:
+        masses = self.comparison.tip_masses
+        if not masses.size:
             return said + "."
-        masses, left = self.payloads.masses, self.payloads.vibrations
-        parts = [f"{_length(float(left[name].max()))} ({name})" for name in self.design.planned]
-        return f"{said}; with payloads from {masses[0]:g} to {masses[-1]:g} kg by at most {', '.join(parts)}."
+        left = {name: float(self.comparison.line(name).vibrations.max()) for name in self.design.planned}
+        parts = [f"{_length(most)} ({name})" for name, most in left.items()]
+        return f"{said}; with payloads from {masses.min():g} to {masses.max():g} kg by at most {', '.join(parts)}."
 
     @property
     def lead(self) -> str:
@@ -193,11 +187,12 @@ class SlewEvaluation(Judged):
         return (planned, *slew.replays)
 
     @cached_property
-    def following(self) -> TrackingResult | None:
+    def following(self) -> Followed | None:
         """The slew followed with more at the tip than was planned for; None where feedback was judged."""
         if self.feedback is not None:
             return None
-        return track(self.design.slew, max(self.design.beam.parameters.tip_mass, *self.design.payloads, 0.0) + _MORE)
+        mass = max(self.design.beam.parameters.tip_mass, *self.design.payloads, 0.0) + _MORE
+        return feedback.followed(self.design.slew.track(integral_time=None), mass)
 
     @cached_property
     def switching(self) -> SwitchingCurve | None:
@@ -208,8 +203,9 @@ class SlewEvaluation(Judged):
     @property
     def film_tip_mass(self) -> float:
         """Payload that the film shows: the one that the rival suits least [kg]."""
-        if self.payloads is not None and self.design.rival in self.design.planned:
-            return self.payloads.worst(self.design.rival).tip_mass
+        masses = self.comparison.tip_masses
+        if masses.size and self.design.rival in self.design.planned:
+            return float(masses[self.comparison.line(self.design.rival).vibrations.argmax()])
         return self.design.beam.parameters.tip_mass
 
     @property
@@ -237,15 +233,13 @@ class SlewEvaluation(Judged):
             "switches": None if switching is None else slew.history.switches,
             "switching_agreement": None if switching is None else switching.agreement,
             "replays": [scalars(each) for each in self.replays],
-            "comparison": [scalars(each) for each in self.comparison.lines],
+            "comparison": [scalars(each) | {"vibrations": each.vibrations} for each in self.comparison.lines],
+            "tip_masses": self.comparison.tip_masses,
             "spin_ups": [scalars(each) for each in self.spin_ups],
             "film_tip_mass": self.film_tip_mass,
-            **dict.fromkeys(("payloads", "tracking", "feedback")),
+            **dict.fromkeys(("tracking", "feedback")),
             **picked([slew], _OF_SLEW)[0],
         }
-        if (carried := self.payloads) is not None:
-            lines = [scalars(each) for each in carried.lines]
-            found["payloads"] = {"lines": lines, "tip_masses": carried.masses, "vibrations": carried.vibrations}
         if self.following is not None:
             found["tracking"] = scalars(self.following)
         if (study := self.feedback) is not None:
@@ -259,13 +253,11 @@ class SlewEvaluation(Judged):
         replays = self.replays
         following = self.following
         yield sections.slew_section(h, slew, design.notes)
-        yield sections.film_section(slew, self._filmed(), self.film_tip_mass if design.payloads else None)
+        yield self._film()
         if design.tracked is not None and self.feedback is not None:
             yield sections.feedback_section(design.tracked, self.feedback)
         if self.switching is not None:
             yield sections.switching_section(self.switching)
-        if self.payloads is not None:
-            yield sections.payload_section(planned_mass, self.payloads)
         if self.spin_ups:
             yield sections.spin_up_section(self.spin_ups, slew.plan.problem)
         zv = f"{design.rigid}, ZV"
@@ -275,15 +267,15 @@ class SlewEvaluation(Judged):
         if following is not None:
             yield sections.tracking_section(planned_mass, following)
 
-    def _filmed(self) -> dict[str, tuple[Array, Array]]:
-        """The slew and its rival on the same beam: instants, and places along it."""
-        design, beam, curves = self.design, self.design.beam.with_tip_mass(self.film_tip_mass), {}
+    def _film(self) -> Section:
+        """The slew and its rival on the same beam."""
+        design, beam = self.design, self.design.beam.with_tip_mass(self.film_tip_mass)
+        last, motions = design.slew.duration + _AFTER, {}
         for name in (design.label, design.rival or design.rigid):
-            history = self.comparison.line(name).history
-            t = np.linspace(0.0, design.slew.duration + _AFTER, 601)
             label = "rigid body's bang-bang" if name == "bang-bang" else name
-            curves[label] = (t, beam.shape(beam.simulate(history, t).states))
-        return curves
+            motions[label] = beam.simulate(self.comparison.line(name).history, np.linspace(0.0, last, 601))
+        shown = animate_slew(beam, motions, title=design.slew.title.capitalize())
+        return sections.film_section(shown, self.film_tip_mass if design.payloads else None)
 
 
 def _length(value: float) -> str:

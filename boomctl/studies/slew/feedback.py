@@ -10,6 +10,8 @@ from boomctl.printing import compact
 from boomctl.slew.tracking.monte_carlo import TrackingStudy
 from boomctl.slew.tracking.tracked import TrackedSlew
 
+_RTOL, _ATOL = 1e-7, 1e-9  # of motions in which errors of millimetres are looked for (a choice)
+
 
 @dataclass(frozen=True)
 class Spread:
@@ -126,3 +128,37 @@ def _both(tracked: TrackedSlew, runs: int, asked: Mapping[str, Any]) -> tuple[Tr
     """Without and with feedback."""
     free, held = (tracked.monte_carlo(runs, feedback=on, **asked) for on in (False, True))
     return free, held
+
+
+@dataclass(frozen=True)
+class Followed:
+    """A slew followed by a beam with another tip mass [kg], without feedback (open) and with it.
+
+    The angle errors are absolute, at the last instant [rad]; the swings are the largest tip displacements in the last slowest
+    period [m].
+    """
+
+    tip_mass: float
+    final_angle_error: float
+    open_final_angle_error: float
+    tip_swing: float
+    open_tip_swing: float
+
+
+def followed(tracked: TrackedSlew, tip_mass: float) -> Followed:
+    """Follow a slew by a beam with another tip mass.
+
+    Parameters
+    ----------
+    tracked : TrackedSlew
+    tip_mass : float
+        kg.
+    """
+    late = tracked.time >= tracked.time[-1] - tracked.period
+    found = {}
+    for opening in ("", "open_"):
+        run = tracked.simulate(tracked.machine.with_tip_mass(tip_mass), feedback=not opening, rtol=_RTOL, atol=_ATOL)
+        error = abs(run["hub_angle"][-1] - tracked.reference["hub_angle"][-1])
+        found[f"{opening}final_angle_error"] = float(error)
+        found[f"{opening}tip_swing"] = float(np.abs(run["tip_displacement"][late]).max())
+    return Followed(tip_mass, **found)

@@ -7,21 +7,18 @@ from typing import Any
 
 import numpy as np
 
-from boomctl.arrays import Array
-from boomctl.plotting.canvas import figure_of, picture
-from boomctl.plotting.slew import plot_spin_ups, slew_film
+from boomctl.plotting.canvas import figure_of, film, picture
+from boomctl.plotting.slew import plot_spin_ups
 from boomctl.printing import count
 from boomctl.report import Picture, Section, Table, number, power
 from boomctl.rotating_beam.assumed_modes import AssumedModesBeam
 from boomctl.slew.classical.comparison import SlewComparison
-from boomctl.slew.classical.tracking import TrackingResult
 from boomctl.slew.least_time.switching_curve import SwitchingCurve
-from boomctl.slew.payloads import PayloadComparison
 from boomctl.slew.problem import SlewProblem
 from boomctl.slew.result import Replay, SlewResult
 from boomctl.slew.tracking.tracked import TrackedSlew
 from boomctl.studies.findings import tabled
-from boomctl.studies.slew.feedback import FeedbackStudy
+from boomctl.studies.slew.feedback import FeedbackStudy, Followed
 from boomctl.studies.slew.spin_up import SpinUpMotion
 
 _LIMITS = {
@@ -90,12 +87,12 @@ def slew_section(h: AssumedModesBeam, slew: SlewResult, notes: tuple[str, ...]) 
     return Section("The slew", (*text, *notes), pictures=(_drawn("slew", slew.plot, caption),))
 
 
-def film_section(slew: SlewResult, curves: dict[str, tuple[Array, Array]], tip_mass: float | None) -> Section:
-    """Return the section of the film: instants and places along the beam by name, and the tip mass where it is chosen."""
+def film_section(animation: Any, tip_mass: float | None) -> Section:
+    """Return the section of the film, and the tip mass where it is chosen [kg]."""
     caption = "Top view, drawn to scale, in real time."
     if tip_mass is not None:
         caption += f" The tip mass is {tip_mass:g} kg."
-    return Section("In motion", pictures=(Picture("slew", caption, {"gif": slew_film(slew, curves)}),))
+    return Section("In motion", pictures=(film("slew", animation, caption),))
 
 
 def switching_section(curve: SwitchingCurve) -> Section:
@@ -109,31 +106,6 @@ def switching_section(curve: SwitchingCurve) -> Section:
     )
     caption = "Switching function over its largest size, on a scale of cube roots, and torque."
     return Section("The switching function", (text,), pictures=(_drawn("switching", curve.plot, caption),))
-
-
-def payload_section(nominal: float, payloads: PayloadComparison) -> Section:
-    """Return the section of one torque with several payloads; the angle is prescribed for the nominal one [kg]."""
-    names = tuple(dict.fromkeys(line.slew for line in payloads.lines))
-    masses = sorted({line.tip_mass for line in payloads.lines})
-    by = {(line.slew, line.tip_mass): line for line in payloads.lines}
-    columns = (("vibration [m]", "vibration"), ("largest tip [m]", "peak_tip"), ("angle error [rad]", "angle_error"))
-    heads = ("payload", *(f"{head}, {name}" for head, _ in columns for name in names))
-    body = tuple(
-        (f"{mass:g}\u00a0kg", *(number(getattr(by[name, mass], key)) for _, key in columns for name in names))
-        for mass in masses
-    )
-    text = (
-        "The torque does not know which payload there is. Largest tip: its displacement on the way; vibration: the same in "
-        "one and a half periods after the end; angle error: of the hub, its mean afterwards. The angle is prescribed for "
-        f"{nominal:g} kg; other payloads that were planned for are only to come to rest."
-    )
-    caption = (
-        "Left: tip displacement with each payload, grey while the torque acts; broken lines: payloads not planned for. "
-        "Right: vibration left over the payload, filled markers where it was planned for; what is below 0.1 mm stands on the "
-        "lower edge."
-    )
-    pictures = (_drawn("payloads", payloads.plot, caption),)
-    return Section("The same torque with every payload", (text,), (Table(heads, body),), pictures)
 
 
 def spin_up_section(pair: Sequence[SpinUpMotion], problem: SlewProblem) -> Section:
@@ -158,6 +130,8 @@ def comparison_section(comparison: SlewComparison, shown: tuple[str, ...]) -> Se
         "with the beam's frequencies changed. What is below 0.1 mm stands on the lower edge; markers of nearly equal "
         "duration are set side by side."
     )
+    if comparison.tip_masses.size:
+        caption += " Below: the same over the payload."
     text = (
         "Vibration is the largest tip displacement in one and a half periods after the end. ZV, ZVD and EI are input "
         "shapers, tuned to the first frequency with the hub free."
@@ -182,8 +156,16 @@ def comparison_section(comparison: SlewComparison, shown: tuple[str, ...]) -> Se
         for line in comparison.lines
     )
     table = Table(heads, body, "−10 % and +10 %: with the beam's frequencies changed through its bending stiffness.")
+    tables = (table, _loaded(comparison)) if comparison.tip_masses.size else (table,)
     drawn = _drawn("comparison", comparison.plot, caption, names=shown)
-    return Section("Beside other spin-ups" if free else "Beside other slews", (text,), (table,), (drawn,))
+    return Section("Beside other spin-ups" if free else "Beside other slews", (text,), tables, (drawn,))
+
+
+def _loaded(comparison: SlewComparison) -> Table:
+    """Return the table of vibrations with several payloads."""
+    heads = ("vibration [m] with a payload of", *(f"{mass:g}\u00a0kg" for mass in comparison.tip_masses))
+    body = tuple((line.name, *(number(float(left)) for left in line.vibrations)) for line in comparison.lines)
+    return Table(heads, body, "The torque is the same for every payload.")
 
 
 def replay_section(replays: Sequence[Replay], free: bool) -> Section:
@@ -209,7 +191,7 @@ def _name(model: str) -> str:
     return _MODELS.get(model, model.upper())
 
 
-def tracking_section(planned: float, t: TrackingResult) -> Section:
+def tracking_section(planned: float, t: Followed) -> Section:
     """Return the section of feedback with another tip mass than the planned one [kg]."""
     text = (
         f"The tip mass is {t.tip_mass:g} kg, planned was {planned:g} kg. The planned torque is the "
@@ -223,8 +205,7 @@ def tracking_section(planned: float, t: TrackingResult) -> Section:
             ("tip swing at the end [m]", number(t.open_tip_swing), number(t.tip_swing)),
         ),
     )
-    caption = "Hub angle, tip displacement and torque: as planned, with the feedforward alone, and with feedback."
-    return Section("Followed with another payload", (text,), (table,), (_drawn("tracking", t.plot, caption),))
+    return Section("Followed with another payload", (text,), (table,))
 
 
 def feedback_section(tracked: TrackedSlew, study: FeedbackStudy) -> Section:

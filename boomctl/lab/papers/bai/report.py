@@ -13,7 +13,7 @@ from boomctl.lab.papers.bai import frequencies, spin_up, torque
 from boomctl.lab.papers.bai.comparison import CORRECTED, MET, NOT_REPRODUCIBLE, Chart, Part
 from boomctl.lab.papers.bai.validity import EXACT, TORQUES, section, tip_errors, tips
 from boomctl.lab.papers.jobs import Jobs
-from boomctl.report import Picture, Report, Section, Table
+from boomctl.report import Report, Section, Table
 from boomctl.rotating_beam.exact.beam import GeometricallyExactBeam
 from boomctl.rotating_beam.manoeuvres import sine_torque
 from boomctl.rotating_beam.parameters import HubBeamParameters
@@ -86,14 +86,14 @@ def _drawn_parts(names: tuple[str, ...]) -> dict[str, tuple[Part, Section]]:
 
 def _film_section() -> Section:
     """Film a slew of the exact beam by one period of a sine torque of 200 N m, and the vibration left after it."""
-    from boomctl.plotting.rotating_beam import Film, film_bytes
+    from boomctl.plotting.canvas import film
+    from boomctl.plotting.slew import animate_slew
 
     beam = GeometricallyExactBeam(HubBeamParameters(), 6)
     time = np.arange(141) / 10.0
-    states = beam.simulate(sine_torque(200.0, 10.0, 10.0), time, rtol=1e-6).states
-    film = Film(time, (("exact", beam.shape(states)),), beam.parameters.hub_radius, "slew, 200 N m")
-    caption = "Geometrically exact beam, drawn to scale, real time"
-    return Section("A slew", pictures=(Picture("slew", caption, {"gif": film_bytes(film)}),))
+    motion = beam.simulate(sine_torque(200.0, 10.0, 10.0), time, rtol=1e-6)
+    shown = animate_slew(beam, {"exact": motion}, title="slew, 200 N m", time_step=0.1)
+    return Section("A slew", pictures=(film("slew", shown, "Geometrically exact beam, drawn to scale, real time"),))
 
 
 def _section(part: Part) -> Section:

@@ -1,4 +1,4 @@
-"""Input shapers by their defining laws; the comparison; the following of a slew."""
+"""Input shapers by their defining laws; the comparison."""
 
 from fractions import Fraction
 
@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 import boomctl as bc
 from boomctl.plotting import figure_of
-from boomctl.slew import classical_spin_up, classical_torque, compare_slews, shaper, track
+from boomctl.slew import classical_spin_up, classical_torque, compare_slews, shaper
 from tests.profiles import examples
 
 frequencies = st.floats(0.5, 50.0)
@@ -103,22 +103,6 @@ def test_comparison_ranks_as_the_theory_says(modes):
     assert len(figure_of(comparison.plot).axes) == 6
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("modes", [1, pytest.param(2, marks=pytest.mark.slow)])
-def test_tracking_holds_another_payload(modes):
-    h = bc.hub_beam(bc.HubBeamParameters(tip_mass=0.1), modes=modes)
-    slew = bc.optimal_slew(h, np.pi / 2, 200.0, "effort", 3.6, method="shooting", intervals=60)
-    same, other = track(slew, 0.1), track(slew, 0.3)
-    assert same.final_angle_error < 1e-3
-    assert same.tip_swing < 1e-3
-    assert other.final_angle_error < 0.05 * other.open_final_angle_error
-    assert other.tip_swing < 0.05 * other.open_tip_swing
-    assert other.gains.shape[1] == 2 * modes + 2
-    assert np.abs(other.torque).max() <= 1.5 * 200.0
-    assert len(figure_of(other.plot).axes) == 3
-    assert len(figure_of(slew.plot).axes) == 5
-
-
 @pytest.mark.parametrize("shape", ["constant", "smooth"])
 @pytest.mark.parametrize("name", ["none", "ZV", "EI"])
 def test_a_classical_spin_up_brings_a_rigid_body_to_its_speed(shape, name):
@@ -128,6 +112,22 @@ def test_a_classical_spin_up_brings_a_rigid_body_to_its_speed(shape, name):
     assert torque.peak <= 200.0 * (1.0 + 1e-12)
     least = 1.5 * 240.0 / 200.0 * (2.0 if shape == "smooth" else 1.0)
     assert torque.duration == pytest.approx(least + train.times[-1])
+
+
+@pytest.mark.slow
+def test_compare_slews_plays_tip_masses():
+    h = bc.hub_beam(bc.HubBeamParameters(tip_mass=0.1), modes=1)
+    slew = bc.optimal_slew(h, 0.5, 100.0)
+    found = compare_slews(h, 0.5, 100.0, {"fastest": slew}, tip_masses=(0.1, 0.4))
+    assert found.tip_masses.tolist() == [0.1, 0.4]
+    line = found["fastest"]
+    assert line.vibrations[0] < 1e-4
+    after = slew.duration + np.linspace(0.0, 10.0, 2001)
+    heavier = h.with_tip_mass(0.4).simulate(bc.torque(slew.history, slew.history.breakpoints), after)
+    assert line.vibrations[1] == pytest.approx(np.abs(heavier.tip_displacement).max(), rel=1e-2)
+    assert len(figure_of(found.plot).axes) == 7
+    with pytest.raises(ValueError, match="tip_masses"):
+        compare_slews(h, 0.5, 100.0, tip_masses=(-0.1,))
 
 
 def test_a_comparison_is_of_an_angle_or_of_a_speed():
