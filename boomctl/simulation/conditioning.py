@@ -4,15 +4,15 @@ Some, ``S``, of the controls meet their limits.  With ``given = asked`` of the o
 
     x+ = (A - L[:, S] C[S]) x + (B - L[:, S] D[S]) y + L[:, S] given[S],
 
-and what is given is bounded.  So this matrix must be stable for every ``S``; a Lyapunov matrix proves that it is.  Controls
-may change between meeting their limits and not: what is given is bounded, at any time, for all controls whose force is
-limited, so that one matrix, that with ``S`` all of them, bounds the state.  Where only the rate is limited, ``given`` runs
-after what is asked for; of one or two such controls it stays bounded too, for ``I - C (I - A + L C)^-1 L`` then has positive
-principal minors, and of order two that is a diagonal Lyapunov matrix.
+and what is given is bounded.  So this matrix must be stable for every ``S``; a Lyapunov matrix proves that it is, for each
+control with limits alone and for all of them together.  Controls may change between meeting their limits and not: what is
+given is bounded, at any time, for all controls whose force is limited, so that one matrix, that with ``S`` all of them,
+bounds the state.  Where only the rate is limited, ``given`` runs after what is asked for; of one or two such controls it
+stays bounded too, for ``I - C (I - A + L C)^-1 L`` then has positive principal minors, and of order two that is a diagonal
+Lyapunov matrix.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
-from itertools import combinations
+from collections.abc import Iterable, Sequence
 from math import frexp
 
 import numpy as np
@@ -24,11 +24,8 @@ from boomctl.lti.system import Lti
 
 # share of the noise added everywhere, so that the Riccati equation is solvable; below all that is felt
 _REGULAR = 1e-10
-_SOFTER = 4.0  # times the softening before, where a gain is not proved (a choice)
-_SOFTEST = 1e12  # softening beyond which a gain corrects nothing that is felt (a choice)
 _HARDLY = 1e8  # softening of controls that are not corrected by: they are looked at only for what no other one shows
 _OWN = 1e-6  # share by which a controller that is not stable may grow faster than by its own poles, a sample (a choice)
-_MOST = 8  # controls with limits of which all 255 subsets are looked at; with more the gain is zero (a choice)
 _FOLLOWED = 2  # controls whose rate alone is limited, which are proved: see above
 _DOUBLINGS = 40  # of the steps that a sum of powers has: a pole at 1 - 1e-10 has faded by then (a choice)
 _UNIT = 2.0**-53  # of rounding
@@ -39,13 +36,7 @@ class WindupWarning(UserWarning):
 
 
 def correction(laws: Sequence[Lti], force: Array, rate: Array) -> Array:
-    """Return the gains of :func:`conditioning_gains` for limits of force and rate, ``inf`` for none; warn where it is none.
-
-    Raises
-    ------
-    ValueError
-        A controller is not stable, and no gain was found.
-    """
+    """Return the gains of :func:`conditioning_gains` for limits of force and rate, ``inf`` for none; warn of none."""
     limited = np.isfinite(force) | _followed(force, rate, len(laws))
     gains, proved = conditioning_gains(laws, limited)
     left = np.isfinite(rate) & ~limited if proved else np.isfinite(force) | np.isfinite(rate)
@@ -59,12 +50,16 @@ def bounded_correction(law: Lti, gains: Array, force: Array, rate: Array) -> Arr
     limited = np.isfinite(force) | _followed(force, rate, 1)
     own = float(np.abs(np.linalg.eigvals(law.A)).max())
     left = np.isfinite(rate) & ~limited
-    F = np.flatnonzero(limited).tolist()
-    subsets = (S for count in range(1, len(F) + 1) for S in combinations(F, count))
-    if not left.any() and len(F) <= _MOST and bounded((law,), gains[-1:], subsets, max(1.0, own * (1.0 + _OWN))):
+    if not left.any() and bounded((law,), gains[-1:], _looked_at(limited), max(1.0, own * (1.0 + _OWN))):
         return gains
     _warn(law.outputs, limited | left)
     return np.zeros_like(gains)
+
+
+def _looked_at(limited: Array) -> list[list[int]]:
+    """Return the sets of controls of which it is proved: each with limits alone, then all of them together."""
+    F = np.flatnonzero(limited).tolist()
+    return [[i] for i in F] + ([F] if len(F) > 1 else [])
 
 
 def _followed(force: Array, rate: Array, count: int) -> Array:
@@ -86,9 +81,8 @@ def conditioning_gains(laws: Sequence[Lti], limited: Array, softening: float = 0
     measurement of what it asked for, itself noisy by ``softening`` of the variance that one sample adds.  Without
     softening the stationary Kalman gain is Hanus' conditioning ``B D^-1`` where ``D`` is invertible and the controller
     of minimum phase, and stabilising otherwise; but that is harsh where ``D`` is small, as it is in every controller
-    that rolls off.  That gain counts on all controls at once.  Where it is not proved with some of them, each control's is
-    the Kalman gain of that control alone, in equal shares, so that ``A - L C`` is a mean of stable matrices; it is softened
-    until it is proved.
+    that rolls off.  The gain counts on all controls at once, so that it may not be stable with some of them; then there
+    is none.
 
     Parameters
     ----------
@@ -103,55 +97,22 @@ def conditioning_gains(laws: Sequence[Lti], limited: Array, softening: float = 0
     -------
     gains : (k, n, controls) ndarray
     proved : bool
-        Whether the corrected controller is bounded whichever of the limited controls meet their limits: however that which
-        its matrices follow may change, if this is proved of the controller by itself; else where it stands at one of its
-        values.  Where its own poles are not stable: when all of them do; or, where these do not show such a pole, no worse
-        than by itself.  False with gains of zero: of a stable controller, which fades by itself, or of several.
-
-    Raises
-    ------
-    ValueError
-        A controller is not stable, and no gain was found.
+        Whether the corrected controller is bounded with each limited control alone and with all of them: however that
+        which its matrices follow may change, if this is proved of the controller by itself; else where it stands at one of
+        its values.  Where its own poles are not stable: with all of them; or, where these do not show such a pole, no worse
+        than by itself.  False with gains of zero.
     """
-    n, F = len(laws[0].A), np.flatnonzero(limited)
-    none = np.zeros((len(laws), n, len(limited)))
-    if not (n and len(F) and all(K.B.any() and K.C[F].any() for K in laws)):
+    n, u = len(laws[0].A), len(limited)
+    none = np.zeros((len(laws), n, u))
+    if not (n and limited.any() and all(K.B.any() and K.C[limited].any() for K in laws)):
         return none, True
     own = max(float(np.abs(np.linalg.eigvals(K.A)).max()) for K in laws)
     rate = max(1.0, own * (1.0 + _OWN))
     standing = len(laws) > 1 and not bounded(laws, none, [()], rate)
-    subsets = [S for count in range(1, len(F) + 1) for S in combinations(F.tolist(), count)] if len(F) <= _MOST else []
-    whole, part = None, None
-    for gains in _candidates(laws, limited, softening) if subsets else ():
-        each = bounded(laws, gains, subsets, rate, standing)
-        together = each if rate == 1.0 else bounded(laws, gains, subsets[-1:], 1.0, standing)
-        if each and together:
-            return gains, True
-        whole = gains if together and whole is None else whole
-        part = gains if each and part is None else part
-    found = part if whole is None else whole
-    if found is not None:
-        return found, True
-    if own < 1.0 or len(laws) > 1:
-        return none, False
-    raise ValueError(
-        f"anti_windup = True: no gain corrects the controller's state where it saturates (its largest pole, {own:.6g}, "
-        f"lies on or outside the unit circle and is hardly seen at its output); pass anti_windup=False"
-    )
-
-
-def _candidates(laws: Sequence[Lti], limited: Array, softening: float) -> Iterator[Array]:
-    """Return gains, each tried where those before are not proved."""
-    F = np.flatnonzero(limited)
-    together = [_kalman_gain(K, limited, softening) for K in laws]
-    if all(np.isfinite(L).all() for L in together):
-        yield np.array(together)
-    alone = np.eye(len(limited), dtype=bool)
-    while softening < _SOFTEST:
-        shares = np.array([sum(_kalman_gain(K, alone[i], softening) for i in F) for K in laws]) / len(F)
-        if np.isfinite(shares).all():
-            yield shares
-        softening = _SOFTER * max(softening, _REGULAR)
+    gains, sets = np.array([_kalman_gain(K, limited, softening) for K in laws]), _looked_at(limited)
+    proved = bounded(laws, gains, sets, rate, standing)
+    proved = proved or (rate > 1.0 and bounded(laws, gains, sets[-1:], 1.0, standing))
+    return (gains, True) if proved else (none, False)
 
 
 def _kalman_gain(K: Lti, limited: Array, softening: float) -> Array:

@@ -118,8 +118,9 @@ def simulate_loop(
     quantization : float or mapping from measurement to float, optional
         Steps of the measurements.
     anti_windup : bool
-        Correct the controller's state by what it was given less what it asked for, so that it stays bounded whichever of
-        its controls meet their limits: that is proved.  Where it cannot be, a warning says that nothing is corrected.
+        Correct the controller's state by what it was given less what it asked for, so that it stays bounded where one of
+        its controls meets its limit, and where all do: that is proved.  Where it is not, a warning says that nothing is
+        corrected.
     friction : CoulombFriction, optional
         Dry friction in the plant.
     discretization : "tustin" or "zoh"

