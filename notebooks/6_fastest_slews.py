@@ -88,7 +88,7 @@ for replay in fastest.replays:
     )
 more = bc.hub_beam(h.parameters, model="sfoam", modes=5)
 after = fastest.duration + np.linspace(0.0, 4.0, 401)
-played = more.simulate_torque(fastest.history, after, fastest.history.breakpoints)
+played = more.simulate(fastest.history, after)
 print(f"{'sfoam, 5 modes':20} tip swings by {1e3 * np.abs(played.tip_displacement).max():6.2f} mm")
 
 # %% [markdown]

@@ -738,11 +738,6 @@ METHODS = {
             "atol": 1e-8,
         },
     ),
-    "HubBeam.simulate_torque": (
-        beam,
-        lambda: {"function": np.sin, "timepts": _TIMES, "breakpoints": (), "initial": None, "rtol": 1e-6, "atol": 1e-8},
-    ),
-    "HubBeam.simulate_many": (beam, lambda: {"manoeuvres": [bc.sine_torque(1.0, 0.5, 0.5)], "timepts": _TIMES}),
     "HubBeam.steady_state": (beam, lambda: {"hub_speed": 0.5}),
     "HubBeam.residual_energy": (beam, lambda: {"state": np.zeros(4), "hub_speed": 0.0}),
     "HubBeam.with_tip_mass": (beam, lambda: {"tip_mass": 0.1}),

@@ -57,7 +57,6 @@ def test_slews_and_singular_values_tell_those_around():
 LONG = {
     "motion": lambda: bc.hub_beam(model="foam", modes=1).simulate(bc.spin_up(2.8, 3.0), [3.0]),
     "exact motion": lambda: bc.hub_beam(model="geometrically-exact", modes=2).simulate(bc.spin_up(2.8, 1.0), [0.2]),
-    "motions": lambda: bc.hub_beam(model="foam", modes=1).simulate_many([bc.spin_up(2.8, 3.0)] * 2, [3.0]),
     "closed loop": lambda: bc.simulate_loop(
         one.hub_beam(), None, {"torque": np.ones(11)}, np.linspace(0.0, 0.1, 11), sample_time=0.01
     ),

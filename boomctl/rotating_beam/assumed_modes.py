@@ -24,7 +24,7 @@ from boomctl.rotating_beam.modal.equations import Equations, block_diagonal
 from boomctl.rotating_beam.modal.first_order import FirstOrderEquations, foam, sfoam, tlam
 from boomctl.rotating_beam.modal.integrals import MassPoints, ModalIntegrals, mass_points, modal_integrals
 from boomctl.rotating_beam.modal.shapes import axial_modes, transverse_modes
-from boomctl.rotating_beam.motion.run import Scene, motion_of, motions_of
+from boomctl.rotating_beam.motion.run import Scene, motion_of
 from boomctl.rotating_beam.parameters import HubBeamParameters
 from boomctl.rotating_beam.result import Details, Dynamics, Motion
 from boomctl.symbolic import Places, lifted, symbols
@@ -393,16 +393,6 @@ class AssumedModesBeam(HubBeam):
         self, manoeuvre: Manoeuvre, timepts: Array, start: tuple[Array, Array], tolerance: tuple[float, float]
     ) -> Motion:
         return motion_of(self._scene(manoeuvre, timepts, start, tolerance))
-
-    def _motions(
-        self,
-        manoeuvres: Sequence[Manoeuvre],
-        timepts: Array,
-        starts: Sequence[tuple[Array, Array]],
-        tolerance: tuple[float, float],
-    ) -> list[Motion]:
-        both = zip(manoeuvres, starts, strict=True)
-        return motions_of([self._scene(manoeuvre, timepts, start, tolerance) for manoeuvre, start in both])
 
     def _scene(
         self, manoeuvre: Manoeuvre, timepts: Array, start: tuple[Array, Array], tolerance: tuple[float, float]

@@ -44,7 +44,7 @@ from boomctl.rotating_beam.manoeuvres import (
     TorqueDriven,
 )
 from boomctl.rotating_beam.parameters import HubBeamParameters
-from boomctl.rotating_beam.result import Details, Motion, SimulationResult, named_failure
+from boomctl.rotating_beam.result import Details, Motion, SimulationResult
 from boomctl.rotating_beam.sensors import BeamSensor, checked_sensors
 from boomctl.threads import one_blas_thread
 from boomctl.units import warn_of_units
@@ -357,94 +357,11 @@ class HubBeam(ABC):
                 raise TypeError("timepts: expected instants [s], got none")
         instants = _instants(timepts)
         manoeuvre = _played(manoeuvre, initial)
-        tolerance = self._tolerance((manoeuvre,), initial, rtol, atol)
+        tolerance = self._tolerance(manoeuvre, initial, rtol, atol)
         start = self._start(manoeuvre, initial)
         manoeuvre = _checked(manoeuvre, float(instants[-1]))
         with computing("motion"):
             return self._result(manoeuvre, instants, start, self._motion(manoeuvre, instants, start, tolerance))
-
-    @one_blas_thread
-    def simulate_many(
-        self,
-        manoeuvres: Sequence[Manoeuvre | PlannedTorque | PlannedSlew],
-        timepts: ArrayLike,
-        initial: ArrayLike | None = None,
-        rtol: float | None = None,
-        atol: float | None = None,
-    ) -> tuple[SimulationResult, ...]:
-        """Simulate several manoeuvres, each from t = 0 and by itself; torque-driven ones are computed side by side.
-
-        Every motion is as exact as `simulate` makes it, and the same to rounding.
-
-        Parameters
-        ----------
-        manoeuvres : sequence of PrescribedMotion, TorqueDriven, SlewResult or TorqueHistory
-            As for `simulate`.
-        timepts : array_like
-            Instants at which all motions are wanted, s; as in `simulate`.
-        initial : array_like or None
-            States at t = 0, one a manoeuvre, or one state for all; None is rest.
-        rtol, atol : float, optional
-            As in `simulate`, for each motion; by default 1e-8 and 1e-10 m if not all are that of the beam's choice.
-
-        Returns
-        -------
-        tuple of SimulationResult
-            In the order of the manoeuvres.
-
-        Raises
-        ------
-        TypeError, ValueError, SimulationError
-            As `simulate` does; it names the manoeuvre.
-        """
-        instants = _instants(timepts)
-        given = [_played(each, initial) for each in sequence("manoeuvres", manoeuvres, "manoeuvres")]
-        tolerance = self._tolerance(given, initial, rtol, atol)
-        starting = None if initial is None else finite_array("initial", initial)
-        states = [starting] * len(given) if starting is None or starting.ndim == 1 else list(np.atleast_2d(starting))
-        if len(states) != len(given):
-            raise ValueError(f"initial: {len(states)} states for {len(given)} manoeuvres; expected one each, or one")
-        starts: list[tuple[Array, Array]] = []
-        checked: list[Manoeuvre] = []
-        for i, (manoeuvre, state) in enumerate(zip(given, states, strict=True)):
-            with named_failure(f"manoeuvres[{i}]"):
-                starts.append(self._start(manoeuvre, state))
-                checked.append(_checked(manoeuvre, float(instants[-1])))
-        with computing("motions"):
-            motions = self._motions(checked, instants, starts, tolerance)
-        moved = zip(checked, starts, motions, strict=True)
-        return tuple(self._result(each, instants, start, found) for each, start, found in moved)
-
-    @one_blas_thread
-    def simulate_torque(
-        self,
-        function: Callable[..., object],
-        timepts: ArrayLike,
-        breakpoints: tuple[float, ...] = (),
-        initial: ArrayLike | None = None,
-        rtol: float | None = None,
-        atol: float | None = None,
-    ) -> SimulationResult:
-        """Simulate the motion under a torque that is a function of time.
-
-        Parameters
-        ----------
-        function, breakpoints
-            Torque [N m] as a function of the time [s], and where it jumps, as for `torque`.
-        timepts, initial, rtol, atol
-            As for `simulate`.
-
-        Returns
-        -------
-        SimulationResult
-            The motion of hub and beam at the instants asked for.
-
-        Raises
-        ------
-        TypeError, ValueError, SimulationError
-            As of `torque` and `simulate`.
-        """
-        return self.simulate(Torque(function, breakpoints), timepts, initial, rtol, atol)
 
     @one_blas_thread
     def steady_state(self, hub_speed: float = 0.0) -> Array:
@@ -622,11 +539,11 @@ class HubBeam(ABC):
         return replace(copy, parameters=replace(self.parameters, **changes), chosen=None)
 
     def _tolerance(
-        self, manoeuvres: Sequence[Manoeuvre], initial: ArrayLike | None, rtol: float | None, atol: float | None
+        self, manoeuvre: Manoeuvre, initial: ArrayLike | None, rtol: float | None, atol: float | None
     ) -> tuple[float, float]:
         """Return what keeps the accuracy for which the beam was chosen, in its manoeuvre; else what is usual."""
         chosen, usual = self.chosen, _TOLERANCE
-        if chosen is not None and initial is None and all(each == chosen.manoeuvre for each in manoeuvres):
+        if chosen is not None and initial is None and manoeuvre == chosen.manoeuvre:
             usual = chosen.rtol, chosen.atol
         return (
             usual[0] if rtol is None else positive("rtol", rtol),
@@ -758,20 +675,6 @@ class HubBeam(ABC):
         self, manoeuvre: Manoeuvre, timepts: Array, start: tuple[Array, Array], tolerance: tuple[float, float]
     ) -> Motion:
         """Motion from coordinates and rates at t = 0, to rtol and atol of the free end's displacement."""
-
-    def _motions(
-        self,
-        manoeuvres: Sequence[Manoeuvre],
-        timepts: Array,
-        starts: Sequence[tuple[Array, Array]],
-        tolerance: tuple[float, float],
-    ) -> list[Motion]:
-        """Motions of several manoeuvres; a model that can compute them side by side does."""
-        found = []
-        for i, (manoeuvre, start) in enumerate(zip(manoeuvres, starts, strict=True)):
-            with named_failure(f"manoeuvres[{i}]"):
-                found.append(self._motion(manoeuvre, timepts, start, tolerance))
-        return found
 
     def _error(self, manoeuvre: Manoeuvre, timepts: Array, start: tuple[Array, Array], motion: Motion) -> float:
         """Estimated largest error of a motion's tip displacement, m: against the model's own equations."""

@@ -1,8 +1,7 @@
 """A motion of the hub-beam, and what a simulation returns of it."""
 
 import math
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 from importlib import import_module
@@ -258,15 +257,6 @@ class SimulationResult(TimeSeries):
 
 class SimulationError(RuntimeError):
     """A motion that the model cannot be followed through: why, and from which instant."""
-
-
-@contextmanager
-def named_failure(name: str) -> Iterator[None]:
-    """Name what a bad value or a failure belongs to."""
-    try:
-        yield
-    except (TypeError, ValueError, SimulationError) as error:
-        raise type(error)(f"{name}: {error}") from None
 
 
 def small_deformation_until(

@@ -12,16 +12,16 @@ from scipy.integrate import quad_vec, solve_ivp
 
 from boomctl.gauss import gauss_method
 from boomctl.rotating_beam import HubBeamParameters, hub_beam
-from boomctl.rotating_beam.manoeuvres import Torque, free, hold, sine_torque, spin_up, torque
+from boomctl.rotating_beam.manoeuvres import free, sine_torque, torque
 from boomctl.rotating_beam.motion.oscillators import FAST, Oscillators, flow, responses
-from boomctl.rotating_beam.motion.run import FREE_HUB, Scene, motion_of
+from boomctl.rotating_beam.motion.run import Scene, _collocated
 from boomctl.rotating_beam.result import SimulationError
 from boomctl.slew.torque import bang_bang, held
 from tests.profiles import examples
 
 BAI = HubBeamParameters()
 MODELS = ("sfoam", "sfoam-consistent", "foam", "tlam")
-SWEPT = (FREE_HUB,)
+SWEPT = ("free-hub modes",)
 
 
 def collocated(beam, manoeuvre, timepts, rtol):
@@ -29,7 +29,7 @@ def collocated(beam, manoeuvre, timepts, rtol):
     p, size = beam.parameters, beam.equations.size
     start = np.zeros(size), np.zeros(size)
     scene = Scene(beam.equations, manoeuvre, timepts, start, rtol, 1e-14, p.length, p.hub_radius + p.length)
-    return motion_of(scene, (FREE_HUB,))
+    return _collocated(scene)
 
 
 def smooth(rng, end):
@@ -242,53 +242,6 @@ def test_a_torque_beyond_the_model_is_refused_in_time():
     beam = hub_beam(replace(BAI, tip_mass=5.0), "foam", 2)
     with pytest.raises(SimulationError, match="positive definite"):
         beam.simulate(sine_torque(400.0, 10.0, 10.0), [10.0], rtol=1e-4)
-
-
-@pytest.mark.parametrize("model", ["sfoam", "foam"])
-def test_many_torques_at_once_move_as_each_alone(model):
-    beam, timepts = hub_beam(BAI, model, 2), np.linspace(0.0, 6.0, 31)
-    history = bang_bang(np.array([1.1]), 2.0, 5.0, 1.0)
-    manoeuvres = [
-        *(sine_torque(a, 4.0, 4.0) for a in (5.0, 120.0, 300.0)),
-        free(),
-        Torque(history, history.breakpoints),
-    ]
-    manoeuvres = [*manoeuvres, hold(), spin_up(1.0, 2.0)]
-    initial = np.zeros((7, 2 * beam.equations.size))
-    initial[3, 1] = 1e-3
-    together = beam.simulate_many(manoeuvres, timepts, initial, rtol=1e-6)
-    for manoeuvre, state, result in zip(manoeuvres, initial, together, strict=True):
-        alone = beam.simulate(manoeuvre, timepts, state, rtol=1e-6)
-        assert (result.path, result.steps) == (alone.path, alone.steps)
-        assert np.abs(result.tip_displacement - alone.tip_displacement).max() <= 1e-12 * np.abs(alone.states).max()
-        assert np.abs(result.states - alone.states).max() <= 1e-11 * np.abs(alone.states).max()
-
-
-def test_more_scenes_than_go_side_by_side_come_in_their_order():
-    beam = hub_beam(BAI, "sfoam", 1)
-    amplitudes = np.linspace(0.0, 20.0, 21)
-    results = beam.simulate_many([sine_torque(a, 1.0, 1.0) for a in amplitudes], [1.0], rtol=1e-6)
-    angles = np.array([result.hub_angle[-1] for result in results])
-    assert angles == pytest.approx(amplitudes / 20.0 * angles[-1], rel=1e-4)
-
-
-@pytest.mark.parametrize("model", ["cfoam", "geometrically-exact"])
-def test_models_without_such_modes_take_one_after_the_other(model):
-    beam = hub_beam(BAI, model, 1)
-    manoeuvres = sine_torque(5.0, 1.0, 1.0), free()
-    results = beam.simulate_many(manoeuvres, [0.5], rtol=1e-5)
-    assert [result.path for result in results] == [beam.simulate(each, [0.5], rtol=1e-5).path for each in manoeuvres]
-    assert beam.simulate_many((), [1.0]) == ()
-
-
-def test_bad_input_of_many_names_the_manoeuvre():
-    beam = hub_beam(BAI, "sfoam", 1)
-    with pytest.raises(TypeError, match=r"manoeuvres\[1\]: manoeuvre = 3"):
-        beam.simulate_many((free(), 3), [1.0])
-    with pytest.raises(ValueError, match="initial: 2 states for 1 manoeuvres"):
-        beam.simulate_many((free(),), [1.0], np.zeros((2, 4)))
-    with pytest.raises(ValueError, match=r"manoeuvres\[0\]: initial of shape"):
-        beam.simulate_many((free(),), [1.0], np.zeros((1, 3)))
 
 
 @examples(20)

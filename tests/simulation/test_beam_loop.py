@@ -184,7 +184,7 @@ def test_the_exact_beam_keeps_its_energy_and_moves_as_its_own_integrator_finds()
     beam, time = _beam("geometrically-exact", 3, 0.1), np.linspace(0.0, 1.0, 51)
     torque = 150.0 * np.sin(3.0 * time)
     driven = bc.simulate_loop(beam, None, {"torque": torque}, time, sample_time=0.02)
-    other = beam.simulate_torque(lambda t: np.interp(t, time, torque), time, tuple(time[1:-1]), rtol=1e-9)
+    other = beam.simulate(bc.torque(lambda t: np.interp(t, time, torque), tuple(time[1:-1])), time, rtol=1e-9)
     apart = np.abs(driven["tip_displacement"] - other.tip_displacement).max()
     assert apart <= driven.error_estimate + 1e-9 * np.abs(other.tip_displacement).max()
     assert np.abs(driven["tip_displacement"]).max() > 0.5
@@ -289,7 +289,7 @@ def test_the_motion_under_a_torque_is_that_of_simulate():
     beam, time = _beam("sfoam", 5, 0.1), np.linspace(0.0, 3.0, 301)
     torque = 100.0 * np.sin(2.0 * time)
     run = bc.simulate_loop(beam, None, {"torque": torque}, time, sample_time=0.01)
-    other = beam.simulate_torque(lambda t: np.interp(t, time, torque), time, tuple(time[1:-1]))
+    other = beam.simulate(bc.torque(lambda t: np.interp(t, time, torque), tuple(time[1:-1])), time)
     atol = 1e-8 * np.abs(other.tip_displacement).max() + 2e-10
     np.testing.assert_allclose(run["tip_displacement"], other.tip_displacement, rtol=0.0, atol=2.0 * atol)
     np.testing.assert_allclose(run.states, other.states, rtol=0.0, atol=1e-6 * np.abs(other.states).max())

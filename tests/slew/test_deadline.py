@@ -189,9 +189,7 @@ def test_payloads_close_to_the_beams_own_take_few_iterations(payload):
 def test_the_end_error_is_of_all_coordinates(torque, tip_mass):
     beam = bc.hub_beam(bc.HubBeamParameters(tip_mass=tip_mass), model="foam", modes=1)
     found = bc.optimal_slew(beam, 1.0, torque)
-    replay = beam.simulate_torque(
-        found.history, np.linspace(0.0, found.duration, 4001), found.history.breakpoints, rtol=1e-10, atol=1e-13
-    )
+    replay = beam.simulate(found.history, np.linspace(0.0, found.duration, 4001), rtol=1e-10, atol=1e-13)
     # the model's own axial coordinate, beside its size on the way: no change of coordinates of the planning
     axial = [k for k, name in enumerate(beam.state_names) if "axial" in name]
     assert axial

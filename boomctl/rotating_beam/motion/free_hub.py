@@ -3,10 +3,8 @@
 Both orders go their own way from t = 0, so that their difference is the error of the lower one with all that it causes
 later; the motion of the higher one is returned. A fast mode follows the slow ones without being resolved; what its own
 vibration would do to them is bounded, and where the bound is too large the steps become short enough for that mode.
-Several scenes go side by side, each with its own windows.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import final
@@ -27,7 +25,6 @@ from boomctl.rotating_beam.motion.sweeps import Swept, Window, settle
 STEPS = 64  # of a window: a choice; 48 take up to twice as long with five modes (measured, a torque on SFOAM)
 _MOST_STEPS = 256  # of a window where corners are even: a choice, for one of so many takes half of the time of four
 STAGES = 10, 12  # nodes of a step in the two orders, 20 and 24: a choice; 8 and 10 take up to twice as long (measured)
-_SCENES = 16  # side by side: a choice, 1.7 to 4 times as fast as singly (measured, ten modes to one); more gain little
 
 # Of the lowest mode in a step of the first window at a tolerance of one: a choice, the error tells for the others.  It falls
 # with the tolerance as lengths do; with 1 at every tolerance loose ones take up to twice as long (measured).
@@ -169,36 +166,28 @@ def _even(corners: Array) -> int:
     return int(np.argmax(apart)) if apart.any() else corners.size
 
 
-def _steps(scenes: Sequence[FreeScene]) -> int:
-    """Steps of the windows of all scenes: where corners are even, such that few windows end at some and steps at all."""
-    counts = {scene.corners.size if _even(scene.corners) == scene.corners.size else 1 for scene in scenes}
-    within, rest = divmod(max(counts), -(-max(counts) // _MOST_STEPS))
-    if len(counts) > 1 or rest:
-        return STEPS
-    return within * max(1, STEPS // within)
+def _steps(scene: FreeScene) -> int:
+    """Steps of the windows: where corners are even, such that few windows end at some and steps at all."""
+    corners = scene.corners.size if _even(scene.corners) == scene.corners.size else 1
+    within, rest = divmod(corners, -(-corners // _MOST_STEPS))
+    return STEPS if rest else within * max(1, STEPS // within)
 
 
-def free_motions(form: FreeHubForm, scenes: Sequence[FreeScene]) -> list[tuple[FreeTrajectory, float] | None]:
-    """Return the motion of each scene and the error of its free end [m]; None where the tolerance is not kept."""
-    found: list[tuple[FreeTrajectory, float] | None] = [None] * len(scenes)
-    for first in range(0, len(scenes), _SCENES):
-        waiting = list(range(first, min(first + _SCENES, len(scenes))))
-        share, steps = _LOCAL, _steps([scenes[i] for i in waiting])
-        for _ in range(_ATTEMPTS):
-            runs = _march(form, [_begin(form, scenes[i], share, steps) for i in waiting])
-            missed = []
-            for i, run in zip(waiting, runs, strict=True):
-                errors = (
-                    run.errors + run.unseen + np.where(run.peaks > 0.0, _SETTLED * share * run.allowed(run.peaks), 0.0)
-                )
-                if not run.failed and (errors <= run.allowed(run.peaks)).all():
-                    found[i] = FreeTrajectory(form, run.pieces), float(errors[0])
-                elif not run.failed:
-                    missed.append(i)
-            waiting, share = missed, share * _TIGHTER
-            if not waiting:
-                break
-    return found
+def free_motion(form: FreeHubForm, scene: FreeScene) -> tuple[FreeTrajectory, float] | None:
+    """Return a motion and the error of its free end [m]; None where the tolerance is not kept."""
+    share, steps = _LOCAL, _steps(scene)
+    for _ in range(_ATTEMPTS):
+        run = _begin(form, scene, share, steps)
+        while not run.done:
+            length = run.window()
+            run = _after(run, length, _tried(form, run, length))
+        if run.failed:
+            return None
+        errors = run.errors + run.unseen + np.where(run.peaks > 0.0, _SETTLED * share * run.allowed(run.peaks), 0.0)
+        if (errors <= run.allowed(run.peaks)).all():
+            return FreeTrajectory(form, run.pieces), float(errors[0])
+        share *= _TIGHTER
+    return None
 
 
 def _begin(form: FreeHubForm, scene: FreeScene, share: float, steps: int) -> _Progress:
@@ -225,21 +214,9 @@ def _begin(form: FreeHubForm, scene: FreeScene, share: float, steps: int) -> _Pr
     )
 
 
-def _march(form: FreeHubForm, runs: list[_Progress]) -> list[_Progress]:
-    """Take each scene through its windows, one after the other; one that was too long is shortened."""
-    while True:
-        active = [i for i, run in enumerate(runs) if not run.done]
-        if not active:
-            return runs
-        lengths = [runs[i].window() for i in active]
-        tried = _tried(form, [runs[i] for i in active], np.array(lengths))
-        for i, length, window in zip(active, lengths, tried, strict=True):
-            runs[i] = _after(runs[i], length, window)
-
-
 @dataclass(frozen=True, eq=False)
 class _Weights:
-    """What modal states mean for what is watched, b scenes.
+    """What modal states mean for what is watched, b = 1 window.
 
     Attributes
     ----------
@@ -260,20 +237,20 @@ class _Weights:
     radius: Array
 
 
-def _weights(form: FreeHubForm, modes: FreeModes, runs: Sequence[_Progress]) -> _Weights:
-    radius = np.array([run.scene.radius for run in runs])
-    rows = np.stack([run.scene.rows for run in runs]) @ form.to_q @ modes.shapes
+def _weights(form: FreeHubForm, modes: FreeModes, run: _Progress) -> _Weights:
+    radius = np.array([run.scene.radius])
+    rows = run.scene.rows[None] @ form.to_q @ modes.shapes
     rows = np.concatenate([np.zeros((*rows.shape[:2], 1)), rows], axis=2)
     size = np.ones_like(modes.push)
     size[:, 1:] = 1.0 / modes.oscillators.omega
     hub = radius[:, None] * np.abs(modes.push) * size
-    left = np.array([run.scene.end - run.time for run in runs])
+    left = run.scene.end - run.time
     return _Weights(rows, np.abs(rows).max(axis=1) * size, hub, radius * left, radius)
 
 
 @dataclass(frozen=True, eq=False)
 class _Tried:
-    """A window of one scene.
+    """A window that was tried.
 
     Attributes
     ----------
@@ -341,56 +318,49 @@ def _after(run: _Progress, length: float, tried: _Tried | None) -> _Progress:
     )
 
 
-def _tried(form: FreeHubForm, runs: Sequence[_Progress], lengths: Array) -> list[_Tried | None]:
-    """Windows of given lengths [s], swept in both orders; None where the sweeps do not settle."""
+def _tried(form: FreeHubForm, run: _Progress, length: float) -> _Tried | None:
+    """Return a window of a given length [s], swept in both orders; None where the sweeps do not settle."""
     low, high = STAGES
-    steps = runs[0].steps
-    begin, h = np.array([run.time for run in runs]), lengths / steps
-    states = np.stack([run.states for run in runs])
-    torque = _torque(runs, begin, h, low)
+    steps, h = run.steps, np.array([length / run.steps])
+    states = run.states[None].copy()
+    torque = _torque(run, h[0], low)
     modes = free_modes(form, _typical_speed(form, states[:, 1, 1, 0], torque, h))
-    weights = _weights(form, modes, runs)
+    weights = _weights(form, modes, run)
     states[..., 1:] = states[..., 1:] @ modes.shapes[:, None]
     starts = [modes.oscillators.states(states[:, order, 0], states[:, order, 1]) for order in (0, 1)]
     moved = flow(modes.oscillators, h, steps, low)
     force = (modes.push[..., None] * torque).reshape(*modes.push.shape, steps, low)
     peaks = _peaks(weights, modes, moved.at_nodes(force, moved.states(force, starts[0]))[0])
-    addable = np.stack([run.addable(*each) for run, *each in zip(runs, peaks, lengths, strict=True)])
-    left = np.maximum(_SETTLED * addable, _ROUNDING * peaks)
+    left = np.maximum(_SETTLED * run.addable(peaks[0], length), _ROUNDING * peaks)
     rows, speed = weights.rows / left[:, :1, None], weights.speed / left[:, 1]
     coarse = settle(Window(modes, moved, starts[0], torque, rows, speed), force)
-    if not coarse.settled.all():
-        kept = [i for i, settled in enumerate(coarse.settled) if settled]
-        found = iter(_tried(form, [runs[i] for i in kept], lengths[kept]) if kept else [])
-        return [next(found) if settled else None for settled in coarse.settled]
-    torque = _torque(runs, begin, h, high)
+    if coarse is None:
+        return None
+    torque = _torque(run, h[0], high)
     moved = flow(modes.oscillators, h, steps, high)
     window = Window(modes, moved, starts[1], torque, rows, speed)
     fine = settle(window, coarse.force @ _places(low, tuple(gauss_method(high).nodes)).T)
+    if fine is None:
+        return None
     peaks = _peaks(weights, modes, fine.z)
     errors, added, turning = _errors(weights, coarse, fine, window)
-    hidden = _overlooked(weights, runs, begin, window)
+    hidden = _overlooked(weights, run, window)
     unseen, worst = _unseen(weights, fine, window)
     ends = np.stack([np.stack(modes.oscillators.coordinates(each.states[..., -1]), 1) for each in (coarse, fine)], 1)
     ends[..., 1:] = ends[..., 1:] @ modes.shapes.swapaxes(1, 2)[:, None]
-    return [
-        _Tried(
-            sweeps=int(coarse.sweeps[i]),
-            peaks=peaks[i],
-            errors=errors[i],
-            added=added[i],
-            hidden=hidden[i],
-            turning=float(turning[i, 0]),
-            turned=float(turning[i, 1]),
-            unseen=unseen[i],
-            needed=_CAUTION * FAST / float(modes.oscillators.omega[i, worst[i]]),
-            states=ends[i],
-            piece=Piece(float(begin[i]), float(h[i]), modes, i, moved.fast[i], fine.force[i], fine.states[i]),
-        )
-        if fine.settled[i]
-        else None
-        for i in range(len(runs))
-    ]
+    return _Tried(
+        sweeps=coarse.sweeps,
+        peaks=peaks[0],
+        errors=errors[0],
+        added=added[0],
+        hidden=hidden,
+        turning=float(turning[0, 0]),
+        turned=float(turning[0, 1]),
+        unseen=unseen[0],
+        needed=_CAUTION * FAST / float(modes.oscillators.omega[0, worst[0]]),
+        states=ends[0],
+        piece=Piece(run.time, float(h[0]), modes, moved.fast[0], fine.force[0], fine.states[0]),
+    )
 
 
 def _typical_speed(form: FreeHubForm, rate: Array, torque: Array, h: Array) -> Array:
@@ -400,27 +370,23 @@ def _typical_speed(form: FreeHubForm, rate: Array, torque: Array, h: Array) -> A
     return np.sqrt(np.mean(speed**2, axis=1))
 
 
-def _torque(runs: Sequence[_Progress], begin: Array, h: Array, stages: int) -> Array:
-    """Torque at the nodes of the windows, b x 1 x (m s)."""
-    nodes = (np.arange(runs[0].steps)[:, None] + gauss_method(stages).nodes).ravel()
-    instants = begin[:, None] + h[:, None] * nodes
-    return np.stack([run.scene.manoeuvre.torque(t) for run, t in zip(runs, instants, strict=True)])[:, None]
+def _torque(run: _Progress, h: float, stages: int) -> Array:
+    """Torque at the nodes of the window, 1 x 1 x (m s)."""
+    nodes = (np.arange(run.steps)[:, None] + gauss_method(stages).nodes).ravel()
+    return run.scene.manoeuvre.torque(run.time + h * nodes)[None, None]
 
 
-def _overlooked(weights: _Weights, runs: Sequence[_Progress], begin: Array, window: Window) -> Array:
-    """What a user's torque does beside the polynomials through its nodes, by its values near the ends of steps; b x 2."""
-    modes, h, found = window.modes, window.flow.h, np.zeros((len(runs), 2))
-    to_tip = np.sum(weights.tip[:, 1:] * np.abs(modes.push[:, 1:]), axis=1)
-    to_hub = weights.speed * modes.push[:, 0] ** 2
-    places = np.array([_INSIDE, 1.0 - _INSIDE])
-    for i, run in enumerate(runs):
-        if run.scene.given:
-            nodes = window.torque[i].reshape(run.steps, -1)
-            values = run.scene.manoeuvre.torque(begin[i] + h[i] * (np.arange(run.steps)[:, None] + places))
-            apart = np.abs(values - nodes @ _places(nodes.shape[1], tuple(places)).T).max(axis=1)
-            apart[apart <= _ROUNDING * np.abs(values).max()] = 0.0
-            found[i] = h[i] * apart.sum() * np.array([to_tip[i], to_hub[i]])
-    return found
+def _overlooked(weights: _Weights, run: _Progress, window: Window) -> Array:
+    """What a user's torque does beside the polynomials through its nodes, by its values near the ends of steps; 2."""
+    if not run.scene.given:
+        return np.zeros(2)
+    push, h, places = window.modes.push[0], float(window.flow.h[0]), np.array([_INSIDE, 1.0 - _INSIDE])
+    nodes = window.torque.reshape(run.steps, -1)
+    values = run.scene.manoeuvre.torque(run.time + h * (np.arange(run.steps)[:, None] + places))
+    apart = np.abs(values - nodes @ _places(nodes.shape[1], tuple(places)).T).max(axis=1)
+    apart[apart <= _ROUNDING * np.abs(values).max()] = 0.0
+    to_tip, to_hub = np.sum(weights.tip[0, 1:] * np.abs(push[1:])), weights.speed[0] * push[0] ** 2
+    return h * apart.sum() * np.array([to_tip, to_hub])
 
 
 @lru_cache(maxsize=4)

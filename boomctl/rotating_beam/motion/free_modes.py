@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Self, final
+from typing import final
 
 import numpy as np
 
@@ -16,7 +16,7 @@ _SOFTEST = 0.1  # of the lowest stiffness at rest: a speed that leaves less is n
 @final
 @dataclass(frozen=True, eq=False)
 class FreeModes:
-    """Modes of b scenes, each with the stiffness that its hub speed gives; first the free mass, then n vibrations.
+    """Modes of b = 1 window, with the stiffness that its hub speed gives; first the free mass, then n vibrations.
 
     Attributes
     ----------
@@ -42,11 +42,6 @@ class FreeModes:
     gyro: Array
     damping: Array
     axial: Array
-
-    def take(self, which: Array) -> Self:
-        """The modes of some of the scenes."""
-        kept = (each[which] for each in (self.push, self.slope, self.gyro, self.damping, self.axial))
-        return type(self)(self.form, self.shapes[which], self.square[which], self.oscillators.take(which), *kept)
 
     def hub_speed(self, rate: Array) -> Array:
         """Of modal rates, b x (1 + n) x k; b x 1 x k."""

@@ -25,8 +25,6 @@ class Piece(NamedTuple):
     begin, h : float
         Beginning and length of a step, s.
     modes : FreeModes
-    scene : int
-        Which of the modes' scenes it belongs to.
     fast : ndarray of bool, n
         Whose vibrations the forces do not know of.
     force : ndarray, (1 + n) x m x s
@@ -38,7 +36,6 @@ class Piece(NamedTuple):
     begin: float
     h: float
     modes: FreeModes
-    scene: int
     fast: Array
     force: Array
     states: Array
@@ -97,9 +94,8 @@ class FreeTrajectory:
         for index, piece in enumerate(self.pieces):
             within = np.flatnonzero(window == index)
             if within.size and piece.fast.any():
-                modes = piece.modes.take(np.array([piece.scene]))
                 begun = np.where(piece.fast, turned[within], 0.0).T
-                result[within] = -modes.impulses(z[within].T[None], begun[None])[0].T
+                result[within] = -piece.modes.impulses(z[within].T[None], begun[None])[0].T
         return result
 
     def _physical(self, z: Array, window: Array) -> Array:
@@ -129,12 +125,12 @@ class FreeTrajectory:
 
     @cached_property
     def _shapes(self) -> Array:
-        return np.stack([piece.modes.shapes[piece.scene] for piece in self.pieces])
+        return np.concatenate([piece.modes.shapes for piece in self.pieces])
 
     @cached_property
     def _oscillators(self) -> Oscillators:
-        each = [(piece.modes.oscillators, piece.scene) for piece in self.pieces]
-        sigma, omega = (np.stack([getattr(one, name)[i] for one, i in each]) for name in ("sigma", "omega"))
+        each = [piece.modes.oscillators for piece in self.pieces]
+        sigma, omega = (np.concatenate([getattr(one, name) for one in each]) for name in ("sigma", "omega"))
         return Oscillators(sigma, omega, bool(self.form.decay))
 
     @cached_property

@@ -5,7 +5,7 @@
 polynomials of the nodes is integrated by quadrature; a fast one's is a polynomial, which the derivatives of the force
 give, and a vibration. The first oscillator of all is a free mass, ``z'' = F``: there ``u = z' + i z`` stands for the two.
 
-Leading axes are scenes (b of them) and oscillators (1 + n); forces are b x (1 + n) x m x s in the s Gauss nodes.
+Leading axes are windows (b of them) and oscillators (1 + n); forces are b x (1 + n) x m x s in the s Gauss nodes.
 """
 
 from functools import lru_cache
@@ -37,7 +37,7 @@ class Oscillators(NamedTuple):
     damped: bool
 
     def take(self, which: Array) -> "Oscillators":
-        """The oscillators of some of the scenes."""
+        """The oscillators of some of the windows."""
         return Oscillators(self.sigma[which], self.omega[which], self.damped)
 
     def turning(self, times: Array) -> Array:
@@ -95,14 +95,6 @@ class Flow(NamedTuple):
     turns: Array
     back: Array
     h: Array
-
-    def take(self, which: Array) -> "Flow":
-        """The flow of some of the scenes."""
-        to_nodes, to_end, resting, fast, _, turns, back, h = self
-        kept = fast[which]
-        return Flow(
-            to_nodes[which], to_end[which], resting[which], kept, bool(kept.any()), turns[which], back[which], h[which]
-        )
 
     def states(self, force: Array, start: Array, impulses: Array | None = None) -> Array:
         """``u`` at the ends of the steps from ``u`` before the first, b x (1 + n) x (m + 1).

@@ -1,6 +1,6 @@
 """From a manoeuvre to the motion at the instants asked for: which way is taken, and what its failures mean."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import NamedTuple, final
@@ -10,19 +10,17 @@ import numpy as np
 from boomctl.arrays import Array
 from boomctl.rotating_beam.manoeuvres import HubProfile, Manoeuvre, PrescribedMotion, Torque
 from boomctl.rotating_beam.modal.equations import Equations
-from boomctl.rotating_beam.motion.free_hub import FreeScene, free_motions
+from boomctl.rotating_beam.motion.free_hub import FreeScene, free_motion
 from boomctl.rotating_beam.motion.free_trajectory import FreeTrajectory
 from boomctl.rotating_beam.motion.modal_collocation import ModalTrajectory, modal_refine
 from boomctl.rotating_beam.motion.problems import PrescribedProblem, Problem, TorqueDrivenProblem
 from boomctl.rotating_beam.motion.refinement import Accuracy, first_steps, refine, resolving
 from boomctl.rotating_beam.motion.steady_rotation import steady_motion, vibration_amplitudes
-from boomctl.rotating_beam.result import Motion, SimulationError, kept_states, named_failure, small_deformation_until
+from boomctl.rotating_beam.result import Motion, SimulationError, kept_states, small_deformation_until
 
 _WATCHED = 16.0  # instants in a period of the lowest mode at which the tip is watched: it turns by 22 degrees between
 _JUMP = 1e-11  # of the whole time: steps so short are there for a jump of the torque that lies in them
 _LONGEST = 3e5  # radians of the slowest mode that a motion may last: half a minute and some gigabytes (measured)
-
-FREE_HUB = "free-hub modes"  # the way that can take several scenes at once
 
 
 class Way(NamedTuple):
@@ -63,9 +61,9 @@ WAYS = (
     ),
     # a torque moves slow modes, which the fast ones follow: each mode's motion is exact, long windows settle by sweeps
     Way(
-        FREE_HUB,
+        "free-hub modes",
         lambda scene: scene.prescribed is None and scene.equations.free_hub_form is not None,
-        lambda scene: _by_free_modes([scene])[0],
+        lambda scene: _by_free_modes(scene),
     ),
     # any equations, any manoeuvre; steady rotation follows it where the hub's speed becomes constant
     Way(
@@ -138,14 +136,12 @@ class Scene:
         return watched if self.watched is self.timepts else watched[np.searchsorted(self.watched, self.timepts)]
 
 
-def motion_of(scene: Scene, missed: tuple[str, ...] = ()) -> Motion:
+def motion_of(scene: Scene) -> Motion:
     """Find a motion in the first of the :data:`WAYS` that applies and keeps the tolerance.
 
     Parameters
     ----------
     scene : Scene
-    missed : tuple of str
-        Ways that were tried already.
 
     Raises
     ------
@@ -153,28 +149,14 @@ def motion_of(scene: Scene, missed: tuple[str, ...] = ()) -> Motion:
         If the mass matrix ceases to be positive definite, the motion grows out of bounds, or the tolerance is not
         reached.
     """
-    given_up = tuple(f"{name} (given up)" for name in missed)
+    given_up: tuple[str, ...] = ()
     for way in WAYS:
-        if way.name not in missed and way.applies(scene):
+        if way.applies(scene):
             found = way.find(scene)
             if found is not None:
                 return replace(found, path=given_up + found.path) if given_up else found
             given_up += (f"{way.name} (given up)",)
     raise AssertionError("the last way applies always, and raises what it cannot do")
-
-
-def motions_of(scenes: Sequence[Scene]) -> list[Motion]:
-    """Find several motions with the same equations as `motion_of` does each, torque-driven ones side by side."""
-    together = [i for i, scene in enumerate(scenes) if next(way for way in WAYS if way.applies(scene)).name == FREE_HUB]
-    found = dict(zip(together, _by_free_modes([scenes[i] for i in together]), strict=True))
-    motions = []
-    for i, scene in enumerate(scenes):
-        motion = found.get(i)
-        if motion is None:
-            with named_failure(f"manoeuvres[{i}]"):
-                motion = motion_of(scene, (FREE_HUB,) if i in found else ())
-        motions.append(motion)
-    return motions
 
 
 def _initial_state(scene: Scene) -> Motion:
@@ -214,14 +196,11 @@ def _modal_states(trajectory: ModalTrajectory, manoeuvre: PrescribedMotion, time
     return np.column_stack([manoeuvre.angle(timepts), q]), np.column_stack([manoeuvre.speed(timepts), v])
 
 
-def _by_free_modes(scenes: Sequence[Scene]) -> list[Motion | None]:
-    """Motions under torques of scenes with the same equations."""
-    if not scenes:
-        return []
-    form = scenes[0].equations.free_hub_form
+def _by_free_modes(scene: Scene) -> Motion | None:
+    form = scene.equations.free_hub_form
     assert form is not None
-    found = free_motions(form, [_free_scene(scene) for scene in scenes])
-    return [each if each is None else _free_motion(scene, *each) for scene, each in zip(scenes, found, strict=True)]
+    found = free_motion(form, _free_scene(scene))
+    return None if found is None else _free_motion(scene, *found)
 
 
 def _free_scene(scene: Scene) -> FreeScene:
@@ -254,7 +233,7 @@ def _free_motion(scene: Scene, trajectory: FreeTrajectory, error: float) -> Moti
 
     until = small_deformation_until(scene.watched, displacement, scene.length, tip_rate)
     states = partial(trajectory, scene.timepts)
-    return Motion(scene.asked(displacement), until, states, error, trajectory.steps, (FREE_HUB,))
+    return Motion(scene.asked(displacement), until, states, error, trajectory.steps, ("free-hub modes",))
 
 
 def _collocated(scene: Scene) -> Motion:

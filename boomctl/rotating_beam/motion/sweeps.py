@@ -6,7 +6,7 @@ the factorial of their number.
 """
 
 from dataclasses import dataclass
-from typing import Self, final
+from typing import final
 
 import numpy as np
 
@@ -21,7 +21,7 @@ _NEAR = 10.0  # times what may be left: such a change is the last where it was a
 @final
 @dataclass(frozen=True, eq=False)
 class Window:
-    """Equal steps of b scenes, each with its own beginning, length, torque and modes.
+    """Equal steps of b = 1 window.
 
     Attributes
     ----------
@@ -45,11 +45,6 @@ class Window:
     rows: Array
     speed: Array
 
-    def take(self, which: Array) -> Self:
-        """The window of some of the scenes."""
-        kept = (each[which] for each in (self.start, self.torque, self.rows, self.speed))
-        return type(self)(self.modes.take(which), self.flow.take(which), *kept)
-
 
 @final
 @dataclass(frozen=True, eq=False)
@@ -58,27 +53,24 @@ class Swept:
 
     Attributes
     ----------
-    settled : ndarray of bool, b
-        Whether the sweeps have; where not, all else is meaningless.
     force : ndarray, b x (1 + n) x m x s
         Modal forces at the nodes.
     states : complex ndarray, b x (1 + n) x (m + 1)
         Modal states at the ends of the steps.
     z, rate : ndarray, b x (1 + n) x (m s)
         Modal coordinates and rates at the nodes, without the vibrations of fast modes.
-    sweeps : ndarray of int, b
+    sweeps : int
     """
 
-    settled: Array
     force: Array
     states: Array
     z: Array
     rate: Array
-    sweeps: Array
+    sweeps: int
 
 
-def settle(window: Window, force: Array) -> Swept:
-    """Sweep until the next sweep would change too little; each scene is left alone once it has settled.
+def settle(window: Window, force: Array) -> Swept | None:
+    """Sweep until the next sweep would change too little; None where that does not happen.
 
     Parameters
     ----------
@@ -86,42 +78,24 @@ def settle(window: Window, force: Array) -> Swept:
     force : ndarray, b x (1 + n) x m x s
         Where to begin.
     """
-    left, active, shape = window, np.arange(force.shape[0]), force.shape
-    settled, sweeps = np.zeros(active.size, dtype=bool), np.zeros(active.size, dtype=int)
-    kept: list[tuple[Array, tuple[Array, Array, Array, Array]]] = []
-    change = np.full(active.size, np.inf)
-    watched: Array | None = None
-    impulses: Array | None = None
+    moved, modes, shape = window.flow, window.modes, force.shape
+    change, watched, impulses = np.inf, None, None
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         for sweep in range(1, _SWEEPS + 1):
-            states = left.flow.states(force, left.start, impulses)
-            z, rate = left.flow.at_nodes(force, states)
-            if left.flow.any_fast:
-                begin = left.flow.beginning(left.flow.vibrations(force, states))
-                impulses = left.modes.impulses(left.modes.oscillators.coordinates(states)[0], begin)
-            following, solvable = left.modes.forces(z, rate, left.torque)
-            seen = np.concatenate([left.rows @ z, left.speed[:, None, None] * left.modes.hub_speed(rate)], axis=1)
+            states = moved.states(force, window.start, impulses)
+            z, rate = moved.at_nodes(force, states)
+            if moved.any_fast:
+                begin = moved.beginning(moved.vibrations(force, states))
+                impulses = modes.impulses(modes.oscillators.coordinates(states)[0], begin)
+            following, solvable = modes.forces(z, rate, window.torque)
+            seen = np.concatenate([window.rows @ z, window.speed[:, None, None] * modes.hub_speed(rate)], axis=1)
             before = change
             if watched is not None:
-                change = np.abs(seen - watched).reshape(len(seen), -1).max(axis=1)
+                change = float(np.abs(seen - watched).max())
             watched = seen
-            done = (change <= 1.0) | (change <= np.minimum(_NEAR, before / _NEAR)) & (before < np.inf)
-            stop = done | np.isnan(change) | (sweep == _SWEEPS)
-            if stop.any():
-                which = active[stop]
-                valid = (solvable > 0.0).all(axis=(1, 2))
-                settled[which], sweeps[which] = (done & valid)[stop], sweep
-                if stop.all():
-                    kept.append((which, (force, states, z, rate)))
-                    break
-                kept.append((which, (force[stop], states[stop], z[stop], rate[stop])))
-                stay = ~stop
-                active, left, change, watched = active[stay], left.take(stay), change[stay], watched[stay]
-                following = following[stay]
-                impulses = None if impulses is None else impulses[stay]
-            force = following.reshape(-1, *shape[1:])
-    if len(kept) == 1:
-        return Swept(settled, *kept[0][1], sweeps)
-    order = np.argsort(np.concatenate([which for which, _ in kept]))
-    force, states, z, rate = (np.concatenate([arrays[i] for _, arrays in kept])[order] for i in range(4))
-    return Swept(settled, force, states, z, rate, sweeps)
+            if change <= 1.0 or (before < np.inf and change <= min(_NEAR, before / _NEAR)):
+                return Swept(force, states, z, rate, sweep) if (solvable > 0.0).all() else None
+            if np.isnan(change):
+                return None
+            force = following.reshape(shape)
+    return None
