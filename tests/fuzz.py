@@ -779,6 +779,7 @@ METHODS = {
             "rate_limit": None,
             "rtol": 1e-4,
             "atol": 1e-6,
+            "n_jobs": 1,
         },
     ),
     "TrackedSlew.vibration": (tracked, lambda: {"run": tracked_run(), "wait": 0.0}),

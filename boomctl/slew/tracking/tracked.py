@@ -3,27 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from boomctl.arrays import Array
-from boomctl.checks import instance, mapping, nonnegative, positive, sequence, some_names, truth, whole, within
+from boomctl.checks import instance, mapping, nonnegative, positive, sequence, shown, some_names, truth, whole, within
 from boomctl.lti.controllers.time_varying import TimeVaryingController
-from boomctl.lti.machine_modes import MachineModes
 from boomctl.lti.rounding import ALIKE
 from boomctl.printing import listed
-from boomctl.progress import computing
-from boomctl.simulation.controller import sampled_controller
+from boomctl.progress import computing, tell
 from boomctl.simulation.loop import simulate_loop
-from boomctl.simulation.machine.batch import Batch, run_batch
-from boomctl.simulation.machine.machine import Machine, RubbingMachine, reading_states, rubbing
-from boomctl.simulation.machine.run import MachineLoop
+from boomctl.simulation.machine.machine import Machine, RubbingMachine, reading_states
 from boomctl.simulation.result import LoopResult
-from boomctl.simulation.signals import Levels, per_signal, sampled_noise, sampled_signals, time_grid
-from boomctl.simulation.stepping import Added, Limits
+from boomctl.simulation.signals import Levels, per_signal
 from boomctl.slew.plant import SlewPlant
 from boomctl.slew.torque import TorqueHistory
 from boomctl.slew.tracking.feedback import (
@@ -210,8 +205,9 @@ class TrackedSlew:
         rate_limit: float | None = None,
         rtol: float = 1e-6,
         atol: float = 1e-8,
+        n_jobs: int = 1,
     ) -> TrackingStudy:
-        """Simulate many machines that follow the slew, all together.
+        """Simulate many machines that follow the slew.
 
         What differs is drawn evenly from a range, independently. The seed draws the same runs whatever the controller is,
         so that two controllers, or feedback and none, are compared run by run.
@@ -231,6 +227,8 @@ class TrackedSlew:
             Time after the end from which a vibration counts [s].
         creep, noise, delay, rate_limit, rtol, atol
             As of `simulate`.
+        n_jobs : int
+            Number of parallel workers; negative as for `joblib.Parallel`, -1: all cores. The result does not depend on it.
 
         Returns
         -------
@@ -266,22 +264,25 @@ class TrackedSlew:
         for name, check in (("tip_mass", nonnegative), ("friction", nonnegative), ("stiffness", positive)):
             check(name, float(given[name].min()))
         seeds, reacts = rng.integers(2**32, size=count), truth("feedback", feedback)
-        varied = rubbing(self.machine._varied_modes(self.sensors), "friction", positive("creep", creep))
-        varied = reading_states(varied, self.controller.inputs)
-        names = tuple(name for name in varied.inputs if name not in ("torque", "tip_force"))
-        loop = self._loop(varied, names, self.controller if reacts else self._still(), delay, rate_limit)
-        level, samples = (self.noise or None) if noise is None else noise, len(self.time)
-        drawn_noise = [sampled_noise(level, int(each), loop.controller.inputs, samples) for each in seeds]
-        noises = None if drawn_noise[0] is None else np.array(drawn_noise)
-        loop = replace(loop, added=replace(loop.added, noise=drawn_noise[0]))
-        variations = np.array([
-            self.machine._variation(m, s) for m, s in zip(given["tip_mass"], given["stiffness"], strict=True)
-        ])  # fmt: skip
-        values = np.column_stack([given["disturbance_torque"], variations, given["friction"]])
-        batch = Batch(loop, names, values, noises, _KEPT)
+        if instance("n_jobs", n_jobs, int) == 0 or isinstance(n_jobs, bool):
+            raise ValueError(f"`n_jobs` must be a nonzero integer, got {shown(n_jobs)}. Pass 1, or -1 for all cores.")
+        import joblib  # which no other use of a slew needs
+
+        options = {
+            "feedback": reacts, "creep": creep, "noise": noise, "delay": delay, "rate_limit": rate_limit, "rtol": rtol,
+            "atol": atol,
+        }  # fmt: skip
+        tasks = (
+            joblib.delayed(_run_of)(self, {name: float(row[i]) for name, row in given.items()}, int(seeds[i]), options)
+            for i in range(count)
+        )
+        found: list[tuple[Array, float]] = []
         with computing("machines that follow a slew"):
-            found = run_batch(batch, positive("rtol", rtol), positive("atol", atol))
-        outputs = found.outputs | {"torque": found.controls["torque"]}
+            for each in joblib.Parallel(n_jobs, return_as="generator")(tasks):
+                found.append(each)
+                tell("runs", len(found), count)
+        rows = np.array([outputs for outputs, _ in found]).swapaxes(0, 1)
+        outputs: dict[str, Array] = dict(zip((*_KEPT, "torque"), rows, strict=True))
         planned = {name: self.reference[name] for name in _KEPT} | self.feedforward
         apart = outputs["tip_displacement"] - planned["tip_displacement"]
         return TrackingStudy(
@@ -296,7 +297,7 @@ class TrackedSlew:
             feedback=reacts,
             seed=start,
             seeds=seeds,
-            error_estimate=found.error,
+            error_estimate=max(error for _, error in found),
         )
 
     @one_blas_thread
@@ -341,34 +342,6 @@ class TrackedSlew:
             *none, self.controller.inputs, self.controller.outputs, self.controller.sample_time
         )
 
-    def _loop(
-        self,
-        varied: MachineModes,
-        names: tuple[str, ...],
-        controller: TimeVaryingController,
-        delay: float,
-        rate_limit: float | None,
-    ) -> MachineLoop:
-        """The loop around a machine of which the inputs named are ones."""
-        grid, step = time_grid(self.time, controller.sample_time), controller.sample_time
-        K = sampled_controller(controller, varied, step)
-        rows = np.zeros((len(varied.inputs), len(self.time)))
-        rows[[varied.inputs.index(name) for name in names]] = 1.0
-        reference = {name: self.reference[name] for name in controller.inputs}
-        limits = Limits(
-            force=np.array([self.torque_limit]),
-            rate=per_signal("rate_limit", rate_limit, K.outputs) * step,
-            quantum=np.full(len(K.inputs), np.inf),
-        )
-        added = Added(
-            reference=sampled_signals("reference", reference, K.inputs, grid),
-            feedforward=sampled_signals("feedforward", self.feedforward, K.outputs, grid),
-        )
-        late, start = nonnegative("delay", delay), varied.from_state @ self.start
-        return MachineLoop(
-            machine=varied, controller=K, grid=grid, W=rows, delay=late, limits=limits, start=start, added=added
-        )
-
     def _start(self, true: Any) -> Array | None:
         if np.abs(self.start).max() <= _REST:
             return None
@@ -384,6 +357,16 @@ class TrackedSlew:
             return None
         rows = mapping("disturbance", given, "inputs to numbers or arrays")
         return {name: np.broadcast_to(row, self.time.shape) if np.ndim(row) == 0 else row for name, row in rows.items()}
+
+
+def _run_of(
+    tracked: TrackedSlew, drawn_values: Mapping[str, float], seed: int, options: Mapping[str, Any]
+) -> tuple[Array, float]:
+    """Return the outputs of one machine that follows a slew, the torque last, and their error [m]."""
+    machine = tracked.machine.with_tip_mass(drawn_values["tip_mass"]).with_stiffness(drawn_values["stiffness"])
+    disturbance = {"disturbance_torque": drawn_values["disturbance_torque"]}
+    run = tracked.simulate(machine, disturbance=disturbance, friction=drawn_values["friction"], seed=seed, **options)
+    return np.array([*(run[name] for name in _KEPT), run.controls["torque"]]), run.error_estimate
 
 
 def tracked_slew(
