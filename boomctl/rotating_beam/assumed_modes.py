@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property, lru_cache, partial
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, final
@@ -304,47 +304,6 @@ class AssumedModesBeam(HubBeam):
         closed = isinstance(equations, FirstOrderEquations)
         law = forced.first_order_law(equations) if closed else forced.lagrangian_law(self.lagrangian, places, p.length)
         return forced.forced_modes(self._small_motion(0.0), law, places, p, self.state_names, sensors)
-
-    def _varied_modes(self, sensors: Sequence[BeamSensor]) -> MachineModes:
-        """As `_forced_modes`, with tip mass [kg], what multiplies the stiffness, and damping (if any) among the inputs."""
-        import casadi as ca
-
-        from boomctl.rotating_beam.modal import forced  # which only a loop needs
-
-        p, axial, m = self.parameters, self.has_axial_modes, self.integrals
-        one = self.with_tip_mass(1.0)
-        tip_mass, stiffness = ca.SX.sym("tip_mass"), ca.SX.sym("stiffness")
-        if self.model == "cfoam":
-            points = one._points
-            masses = [*points.mass[:-1].tolist(), tip_mass]
-            kinetic = partial(energy.complete_energy, replace(points, mass=masses), p.hub_inertia)
-        else:
-            none = self.with_tip_mass(0.0).integrals
-            integrals = replace(m, **{
-                name: ca.SX(getattr(none, name)) + tip_mass * ca.SX(getattr(one.integrals, name) - getattr(none, name))
-                for name in ("inertia", "M1", "V1", "M2", "V2", "D", "R")
-            })  # fmt: skip
-            kinetic = partial(energy.first_order_energy, integrals, stiffening=self.model != "tlam", axial=axial)
-        bending = stiffness * ca.SX(m.K2)
-        symbols, names, damping = ca.vertcat(tip_mass, stiffness), ("tip_mass", "stiffness"), self.equations.C
-        if np.any(damping):
-            matrix = ca.SX.sym("damping", *damping.shape)
-            symbols, damping = ca.vertcat(symbols, ca.vec(matrix)), matrix
-            names += tuple(f"damping_{i}" for i in range(matrix.numel()))
-        varied = self.lagrangian._replace(
-            kinetic=kinetic, stiffness=ca.diagcat(ca.SX(m.K1), bending) if axial else bending, damping=damping
-        )
-        places = forced.shape_places(p, self.modes, axial=axial, shortening=self.model != "tlam")
-        law = forced.lagrangian_law(varied, places, p.length)
-        inputs = forced.Varied(names, symbols, stiffness)
-        return forced.forced_modes(self._small_motion(0.0), law, places, p, self.state_names, sensors, inputs)
-
-    def _variation(self, tip_mass: float, stiffness: float) -> Array:
-        """Return the values of those inputs for another tip mass [kg], and a stiffness multiplied by a factor."""
-        found = [tip_mass, stiffness]
-        if np.any(self.equations.C):
-            found += self.with_tip_mass(tip_mass).with_stiffness(stiffness).equations.C.ravel("F").tolist()
-        return np.array(found)
 
     @property
     def _size(self) -> int:

@@ -122,24 +122,6 @@ def rest_modes(mass: Array, damping: Array, stiffness: Array) -> RestModes:
     return RestModes(inertia, -(coupling @ shapes) / inertia, shapes, squares, max(decay, 0.0))
 
 
-class Varied(NamedTuple):
-    """Parameters of a beam that stand in its equations as inputs.
-
-    Attributes
-    ----------
-    names : tuple of str
-        Of the inputs.
-    symbols : casadi.SX
-        What stands for them in the equations.
-    stiffness : casadi.SX
-        By what the bending stiffness is multiplied.
-    """
-
-    names: tuple[str, ...]
-    symbols: casadi.SX
-    stiffness: casadi.SX
-
-
 def forced_modes(
     small: tuple[Array, Array, Array, Array],
     law: Law,
@@ -147,7 +129,6 @@ def forced_modes(
     parameters: HubBeamParameters,
     states: tuple[str, ...],
     sensors: Sequence[BeamSensor],
-    varied: Varied | None = None,
 ) -> MachineModes:
     """Return a beam in its modes at rest.
 
@@ -162,8 +143,6 @@ def forced_modes(
         Names.
     sensors : sequence of BeamSensor
         Further outputs.
-    varied : Varied, optional
-        Parameters that are further inputs; the modes are those of the beam as it is.
     """
     import casadi as ca
 
@@ -196,8 +175,7 @@ def forced_modes(
         if sensor.quantity == "strain":
             return here.stretch - (sensor.height or 0.0) * here.curvature
         if sensor.quantity == "moment":
-            stiffness = p.bending_stiffness if varied is None else p.bending_stiffness * varied.stiffness
-            return stiffness * here.curvature
+            return p.bending_stiffness * here.curvature
         return here.across if sensor.quantity == "displacement" else here.slope
 
     tip, root = (BeamSensor("tip_displacement", "displacement", p.length), BeamSensor("root_moment", "moment", 0.0))
@@ -207,21 +185,18 @@ def forced_modes(
         ca.DM(ca.substitute(ca.jacobian(places(coordinates, p.length).across, coordinates), coordinates, 0.0))
     )
     reach, V, M = p.hub_radius + p.length, modes.V, np.linalg.inv(modes.V)
-    names, given = (), u
-    if varied is not None:
-        names, given = varied.names, ca.vertcat(u, varied.symbols)
     on_tip = np.concatenate([[reach], row.ravel()])
     return MachineModes(
-        inputs=(*LOOP_INPUTS, *names),
+        inputs=LOOP_INPUTS,
         outputs=(*LOOP_OUTPUTS, *(sensor.name for sensor in sensors)),
         states=states,
         omega=np.sqrt(np.concatenate([[0.0], modes.squares])),
         decay=modes.decay,
-        push=np.stack([V[0], V[0], on_tip @ V, *np.zeros((len(names), size))], axis=1),
+        push=np.stack([V[0], V[0], on_tip @ V], axis=1),
         to_state=np.kron(np.eye(2), V),
         from_state=np.kron(np.eye(2), M),
-        rest=ca.Function("rest", [state, given], [moved.rest]),
-        read=ca.Function("read", [state, given], [outputs, moved.margin]),
+        rest=ca.Function("rest", [state, u], [moved.rest]),
+        read=ca.Function("read", [state, u], [outputs, moved.margin]),
         judged=ca.Function("judged", [state], [ca.vertcat(reach * angle, outputs[2])]),
         units={**LOOP_UNITS, **{sensor.name: QUANTITIES[sensor.quantity] for sensor in sensors}},
     )

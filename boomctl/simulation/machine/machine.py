@@ -6,8 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Protocol, runtime_checkable
 
-import numpy as np
-
 from boomctl.lti.machine_modes import MachineModes
 
 
@@ -56,35 +54,25 @@ class RubbingMachine:
         return rubbing(self.machine._forced_modes(sensors), self.friction, self.creep)
 
 
-def rubbing(modes: MachineModes, friction: Any, creep: float) -> MachineModes:
-    """Return equations with friction on the hub; a name makes it an input.
+def rubbing(modes: MachineModes, friction: float, creep: float) -> MachineModes:
+    """Return equations with friction on the hub.
 
     Parameters
     ----------
     modes : MachineModes
-    friction : float or str
-        Torque [N m], or the name of a further input that it is.
+    friction : float
+        Torque [N m].
     creep : float
         rad/s.
     """
     import casadi as ca
 
-    size, inputs = len(modes.from_state), modes.inputs
-    z, u = ca.SX.sym("z", size), ca.SX.sym("u", len(inputs))
-    given, torque = u, ca.SX(0.0)
-    if isinstance(friction, str):
-        torque = ca.SX.sym("friction")
-        given, inputs = ca.vertcat(u, torque), (*inputs, friction)
-    else:
-        torque = ca.SX(friction)
-    on_hub, acting = inputs.index("disturbance_torque"), ca.SX(u)
-    speed = modes.outputs.index("hub_speed")
-    hub_speed = modes.read(z, u)[0][speed]
-    acting[on_hub] -= torque * ca.tanh(hub_speed / creep)
+    z, u = ca.SX.sym("z", len(modes.from_state)), ca.SX.sym("u", len(modes.inputs))
+    hub_speed = modes.read(z, u)[0][modes.outputs.index("hub_speed")]
+    acting = ca.SX(u)
+    acting[modes.inputs.index("disturbance_torque")] -= friction * ca.tanh(hub_speed / creep)
     return replace(
         modes,
-        inputs=inputs,
-        push=np.pad(modes.push, ((0, 0), (0, len(inputs) - modes.push.shape[1]))),
-        rest=ca.Function("rest", [z, given], [modes.rest(z, acting)]),
-        read=ca.Function("read", [z, given], list(modes.read.call([z, acting]))),
+        rest=ca.Function("rest", [z, u], [modes.rest(z, acting)]),
+        read=ca.Function("read", [z, u], list(modes.read.call([z, acting]))),
     )
