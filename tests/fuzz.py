@@ -480,13 +480,6 @@ CALLS = {
         "intervals": 20,
         "time_limit": SHORT,
     },
-    "boom.platform_density": lambda: {
-        "freq_hz": [0.5, 1.0],
-        "tractor": None,
-        "speed": 2.5,
-        "road_class": "C",
-        "band": (0.01, 3.0),
-    },
     "platform_motion": lambda: {"track": track(), "tractor": None, "speed": 2.5, "duration": 1.0, "sample_time": 0.01},
     "read_measured_curve": lambda: {"path": "nowhere.csv"},
     "read_motion": lambda: {"path": "nowhere.csv", "actuator_distance": None},
@@ -597,13 +590,6 @@ CALLS = {
         "max_cells": 2,
     },
     "torque": lambda: {"function": np.sin, "breakpoints": ()},
-    "boom.track_filter": lambda: {
-        "tractor": None,
-        "speed": 2.5,
-        "road_class": "C",
-        "sections": 2,
-        "coherence": "isotropic",
-    },
     "boom.tractor_system": lambda: {"tractor": bc.boom.TractorParameters(), "speed": 2.5, "actuator_distance": 1.78},
     "analysis.sample_plant": lambda: {"plant": plant(), "sample_time": 0.1, "controls": None, "delay": 0.0},
     "analysis.sampled_norm": lambda: {

@@ -50,7 +50,6 @@ FACTORIES = {
     "RampBound": lambda: bc.analysis.ramp_bound(one.hub_beam().family((0.0, 2.0)), one.drive()),
     "Track": one.track,
     "PlatformMotion": one.motion,
-    "PlatformDensity": lambda: bc.boom.platform_density(np.geomspace(0.1, 10.0, 20)),
     "TractorParameters": bc.boom.TractorParameters,
     "Footprint": bc.boom.Footprint,
     "SprayResult": one.spray,

@@ -17,9 +17,6 @@ from boomctl.boom.spray import nozzle_positions as nozzle_positions
 from boomctl.boom.spray import split_motion as split_motion
 from boomctl.boom.spray import spray_by_motion as spray_by_motion
 from boomctl.boom.spray import spray_deposit as spray_deposit
-from boomctl.boom.track_filter import PlatformDensity as PlatformDensity
-from boomctl.boom.track_filter import platform_density as platform_density
-from boomctl.boom.track_filter import track_filter as track_filter
 from boomctl.boom.tracks import Track as Track
 from boomctl.boom.tracks import bump_track as bump_track
 from boomctl.boom.tracks import iso_track as iso_track

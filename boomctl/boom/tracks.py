@@ -208,17 +208,13 @@ def road_density(road_class: str | int, wave_number: ArrayLike) -> Array:
     n = np.asarray(frequencies("wave_number", wave_number))
     if (n == 0.0).any():
         raise ValueError("wave_number: expected values above zero, got 0")
-    return 16e-6 * 4.0 ** class_number(road_class) * (n / REFERENCE_WAVE_NUMBER) ** -2
-
-
-def class_number(road_class: str | int) -> int:
-    """Return the number of a road class, 0 for A."""
     if isinstance(road_class, str):
-        return ROAD_CLASSES.index(known("road_class", road_class, ROAD_CLASSES))
-    number = whole("road_class", road_class, least=0)
-    if number >= len(ROAD_CLASSES):
-        raise ValueError(f"road_class = {number}: expected a letter from A to H or a number from 0 to 7")
-    return number
+        number = ROAD_CLASSES.index(known("road_class", road_class, ROAD_CLASSES))
+    else:
+        number = whole("road_class", road_class, least=0)
+        if number >= len(ROAD_CLASSES):
+            raise ValueError(f"road_class = {number}: expected a letter from A to H or a number from 0 to 7")
+    return 16e-6 * 4.0**number * (n / REFERENCE_WAVE_NUMBER) ** -2
 
 
 def track_coherence(wave_number: ArrayLike, width: float, coherence: str = "isotropic") -> Array:

@@ -36,7 +36,6 @@ from boomctl.plotting.slew import plot_torque as plot_torque
 from boomctl.plotting.slew import plot_tracking_study as plot_tracking_study
 from boomctl.plotting.spray import draw_deposit as draw_deposit
 from boomctl.plotting.spray import draw_motion as draw_motion
-from boomctl.plotting.spray import plot_density as plot_density
 from boomctl.plotting.spray import plot_deposit as plot_deposit
 from boomctl.plotting.spray import plot_motion as plot_motion
 from boomctl.plotting.spray import plot_track as plot_track

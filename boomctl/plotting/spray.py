@@ -15,7 +15,6 @@ from boomctl.plotting.canvas import COLOURS, divided, legend, line_look, over_ti
 if TYPE_CHECKING:
     from boomctl.boom.motion import PlatformMotion
     from boomctl.boom.spray import SprayResult
-    from boomctl.boom.track_filter import PlatformDensity
     from boomctl.boom.tracks import Track
 
 # doses at which the colour changes: ±2, 5, 10 and 20 % as deposits are judged by, then coarser
@@ -248,29 +247,4 @@ def plot_motion(motion: PlatformMotion, ax: Any = None, **style: Any) -> Array:
             each.plot(motion.time, values, **look)
         legend(axes[0])
         over_time(axes, ("jolt, ahead [mm]", "yaw [mrad]"))
-    return axes
-
-
-def plot_density(density: PlatformDensity, ax: Any = None, **style: Any) -> Any:
-    """Draw the densities of the platform's motion over frequency.
-
-    Parameters
-    ----------
-    density : PlatformDensity
-    ax : matplotlib Axes or figure, optional
-        By default a new figure of pyplot.
-    **style
-        Of the curves, as matplotlib's lines take it; a ``label`` stands before their names.
-
-    Returns
-    -------
-    matplotlib Axes
-    """
-    with panels(ax, ("density",), (6.4, 3.8)) as (axes,):
-        lines = (("jolt", density.jolt, COLOURS[0]), ("yaw, at an actuator", density.difference, COLOURS[1]))
-        for name, values, colour in lines:
-            seen = values > 0.0  # beyond the band of the ground there is no motion
-            axes.loglog(density.freq_hz[seen], values[seen], **line_look(style, color=colour, label=name))
-        axes.set(xlabel="frequency [Hz]", ylabel="one-sided density [m²/Hz]")
-        axes.legend()
     return axes

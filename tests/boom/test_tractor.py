@@ -1,4 +1,4 @@
-"""The tractor: Newton's law, statics, symmetry, spectra of its motion, and the filter that stands for them."""
+"""The tractor: Newton's law, statics, symmetry, and spectra of its motion."""
 
 from dataclasses import fields, replace
 
@@ -6,10 +6,8 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.linalg import solve_continuous_lyapunov
 
 import boomctl as bc
-from boomctl.boom.track_filter import _log_slopes, _magnitude
 from boomctl.boom.tractor import GRAVITY
 from tests.profiles import examples
 
@@ -147,8 +145,8 @@ def test_on_a_periodic_track_each_harmonic_is_the_frequency_response_to_it():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("periodic", [False, True])
-def test_the_density_is_that_of_the_motions(periodic):
-    """Mean square displacement and velocity over many tracks against the integrals, jolt and yaw apart.
+def test_platform_motion_random_tracks_have_expected_density(periodic):
+    """Mean square displacement and velocity of jolt and yaw over many tracks against integrals of their densities.
 
     A track that goes round has its own waves only, and a stationary motion from the first sample on; on one with ends,
     whose waves lie close together, the start is over after 25 s, e^-8 of it.
@@ -163,67 +161,16 @@ def test_the_density_is_that_of_the_motions(periodic):
     found = np.array(squares).reshape(-1, 4)
     spacing = 2.5 / 200.0 if periodic else 2.5 / 4000.0
     f = spacing * np.arange(1, round(8.75 / spacing))
-    density = bc.boom.platform_density(f, P, 2.5, "D")
-    expected = [
-        np.sum(item * weight) * f[0]
-        for item in (density.jolt, density.difference)
-        for weight in (1.0, (2 * np.pi * f) ** 2)
-    ]
+    H = bc.boom.tractor_system(P, 2.5)(2j * np.pi * f, squeeze=False)
+    left, right = (H[:, side] * np.exp(2j * np.pi * f * P.wheelbase / 2.5) + H[:, 2 + side] for side in (0, 1))
+    ground = bc.boom.road_density("D", f / 2.5) / 2.5 * ((f / 2.5 >= 0.01) & (f / 2.5 <= 3.0))
+    common = bc.boom.track_coherence(f / 2.5, P.track_width)
+    jolt = 0.5 * np.abs(0.5 * (left + right).sum(axis=0)) ** 2 * ground * (1.0 + common)
+    difference = 0.5 * np.abs(0.5 * ((left - right)[0] - (left - right)[1])) ** 2 * ground * (1.0 - common)
+    expected = [np.sum(item * weight) * f[0] for item in (jolt, difference) for weight in (1.0, (2 * np.pi * f) ** 2)]
     error = found.std(axis=0) / np.sqrt(len(found))
     assert (np.abs(found.mean(axis=0) - expected) < 5.0 * error).all()
     assert (error < 0.1 * np.array(expected)).all()
-
-
-def densities(system, f):
-    """Return the one-sided densities of jolt and half difference behind white noise of unit intensity."""
-    H = system(2j * np.pi * f, squeeze=False)
-    return [2.0 * (np.abs(0.5 * (H[1] + sign * H[0])) ** 2).sum(axis=0) for sign in (1, -1)]
-
-
-def smoothed(f, density, grid):
-    """Return means over a third of an octave."""
-    power = np.concatenate([[0.0], np.cumsum(0.5 * (density[1:] + density[:-1]) * np.diff(f))])
-    edge = 2.0 ** (1 / 6)
-    return (np.interp(grid * edge, f, power) - np.interp(grid / edge, f, power)) / (grid * (edge - 1 / edge))
-
-
-@pytest.mark.parametrize("speed", [1.5, *(pytest.param(v, marks=pytest.mark.slow) for v in (2.0, 2.5, 3.0, 4.0))])
-def test_the_filter_has_the_density_of_the_motion(speed):
-    """A third of an octave wide: within 2 dB (RMS over the band); RMS velocity within 5, displacement within 10 %."""
-    f, grid = np.geomspace(0.025, 9.0, 6000), np.geomspace(0.05, 5.0, 80)
-    exact = bc.boom.platform_density(f, P, speed, "D", band=(1e-6, 1e3))
-    found = densities(bc.boom.track_filter(P, speed, "D"), f)
-    for ours, true in zip(found, (exact.jolt, exact.difference), strict=True):
-        decibel = 10.0 * np.log10(smoothed(f, ours, grid) / smoothed(f, true, grid))
-        assert np.sqrt(np.mean(decibel**2)) < 2.0
-        for weight, within in ((1.0, 0.10), (f**2, 0.05)):
-            sizes = [np.sqrt(np.trapezoid(item * weight, f)) for item in (ours, true)]
-            assert sizes[0] == pytest.approx(sizes[1], rel=within)
-
-
-@pytest.mark.slow
-def test_the_filter_is_a_small_stable_named_system():
-    system = bc.boom.track_filter()
-    assert system.nstates == 12
-    assert system.input_labels == ["track_jolt", "track_yaw"]
-    assert system.output_labels == ["actuator_left", "actuator_right"]
-    assert np.linalg.eigvals(system.A).real.max() < 0.0
-    assert np.abs(system.D).max() == 0.0
-    assert np.abs(system.C @ system.B).max() < 1e-12 * np.abs(system.C @ system.A @ system.B).max()
-    W = solve_continuous_lyapunov(system.A, -system.B @ system.B.T)
-    half = system.C @ W @ system.C.T
-    f = np.geomspace(1e-4, 300.0, 60000)
-    jolt, difference = (np.trapezoid(item, f) for item in densities(system, f))
-    assert half[0, 0] == pytest.approx(jolt + difference, rel=2e-3)
-    assert half[0, 1] == pytest.approx(jolt - difference, rel=2e-3)
-
-
-def test_a_class_up_is_twice_the_filter_and_tracks_alike_do_not_yaw():
-    f = np.geomspace(0.05, 5.0, 50)
-    low, high = (bc.boom.track_filter(P, 2.5, road_class) for road_class in "CD")
-    assert np.array(densities(high, f)) == pytest.approx(4.0 * np.array(densities(low, f)), rel=1e-3)
-    even = bc.boom.track_filter(P, 2.5, "D", coherence="full")
-    assert densities(even, f)[1].max() < 1e-12 * densities(even, f)[0].max()
 
 
 @pytest.mark.parametrize("name", [field.name for field in fields(P)])
@@ -262,10 +209,6 @@ def test_a_drive_that_cannot_be_is_refused():
         bc.platform_motion(track, P, 2.5, sample_time=100.0)
     with pytest.raises(ValueError, match=r"sample_time = 0\.1: expected at most 0\.04 s"):
         bc.platform_motion(track, P, 2.5, sample_time=0.1)
-    with pytest.raises(ValueError, match="freq_hz: expected frequencies above zero"):
-        bc.boom.platform_density([0.0, 1.0])
-    with pytest.raises(ValueError, match="sections = 0"):
-        bc.boom.track_filter(sections=0)
 
 
 def test_slow_steering_costs_no_more_rounds_and_leaves_a_motion_that_repeats():
@@ -295,32 +238,7 @@ def test_what_is_no_track_and_what_is_beyond_numbers_is_refused():
         bc.platform_motion(None)
     with pytest.raises(ValueError, match=r"duration = .*: expected at most 5e.07 steps of 1e-12 s"):
         bc.platform_motion(bc.iso_track("C", 40.0), sample_time=1e-12)
-    for call in (bc.boom.platform_density, lambda f, **options: bc.boom.track_filter(**options)):
-        with pytest.raises(ValueError, match=r"speed = 1e.300: expected a number of at most 1e.100 in size"):
-            call([1.0], speed=1e300)
-        with pytest.raises(ValueError, match=r"actuator_distance = 1e.300: expected a number of at most"):
-            call([1.0], actuator_distance=1e300)
-
-
-@pytest.mark.parametrize("sections", [1, 3, 8])
-def test_the_slopes_of_the_fit_are_those_of_its_magnitude(sections):
-    rng = np.random.default_rng(sections)
-    omega = np.geomspace(0.2, 40.0, 50)
-    x = np.log(rng.uniform(0.1, 20.0, 4 * sections - 1))
-    found = _log_slopes(x, omega)
-    for k, step in enumerate(1e-6 * np.eye(len(x))):
-        high, low = (np.log(np.abs(_magnitude(x + side * step, 1j * omega)) ** 2) for side in (1.0, -1.0))
-        np.testing.assert_allclose(found[:, k], (high - low) / 2e-6, atol=1e-6 * np.abs(found).max())
-
-
-@pytest.mark.slow
-def test_a_filter_of_many_sections_follows_the_density_better():
-    f = np.geomspace(0.1, 4.0, 300)
-    exact = bc.boom.platform_density(f, speed=2.5, band=(1e-9, 1e9)).jolt
-    errors = []
-    for sections in (3, 10):
-        system = bc.boom.track_filter(sections=sections)
-        response = np.asarray(system(2j * np.pi * f, squeeze=False))
-        found = 2.0 * np.abs(0.5 * (response[0, 0] + response[1, 0])) ** 2
-        errors.append(np.abs(np.log(found / exact)).mean())
-    assert errors[1] < errors[0]
+    with pytest.raises(ValueError, match=r"speed = 1e.300: expected a number of at most 1e.100 in size"):
+        bc.boom.tractor_system(P, 1e300)
+    with pytest.raises(ValueError, match=r"actuator_distance = 1e.300: expected a number of at most"):
+        bc.boom.tractor_system(P, 2.5, 1e300)

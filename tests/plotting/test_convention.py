@@ -63,7 +63,6 @@ RESULTS = {
     "SweepResult": lambda: bc.sweep(lambda x: {"square": x**2}, {"x": [1.0, 2.0, 3.0]}),
     "Track": one.track,
     "PlatformMotion": one.motion,
-    "PlatformDensity": lambda: bc.boom.platform_density(np.geomspace(0.1, 10.0, 20)),
     "SlewResult": one.slew,
     "TorqueHistory": lambda: one.slew().history,
     "SlewComparison": a_comparison,
