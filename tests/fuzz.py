@@ -503,13 +503,6 @@ CALLS = {
         "unmodelled": None,
         "injection_points": (),
     },
-    "analysis.ramp_bound": lambda: {
-        "family": family(),
-        "controller": regulator(),
-        "parameter": "mass",
-        "tolerance": 0.5,
-        "max_cells": 20,
-    },
     "schedule": lambda: {"controllers": [controller(), controller()], "values": [0.0, 1.0], "signal": "y0"},
     "synthesis.select_channels": lambda: {"system": plant(), "inputs": ["u0"], "outputs": None},
     "shelf": lambda: {"low_gain": 1.0, "high_gain": 10.0, "corner": 2.0, "order": 1},

@@ -183,7 +183,7 @@ reveal_type(turning)
 reveal_type(drive.to_nlsys(references="hub_speed"))
 reveal_type(drive.at(3.0))
 reveal_type(bc.robust_stability(turning, drive).proved)
-reveal_type(bc.analysis.ramp_bound(turning, drive).rate)
+reveal_type(bc.studies.MachineDesign)
 reveal_type(bc.analysis.structured_margin(family, K).stable_up_to)
 reveal_type(bc.worst_case(family, K, ["actuator_anti"], ["tip_anti"]).norm)
 try:

@@ -1,7 +1,5 @@
 # The public names and where each is defined: `__init__.py` loads them from there when they are first used.
 
-from boomctl.analysis.box.ramp import RampBound as RampBound
-from boomctl.analysis.box.ramp import ramp_bound as ramp_bound
 from boomctl.analysis.box.robustness import RobustStability as RobustStability
 from boomctl.analysis.box.robustness import StructuredMargin as StructuredMargin
 from boomctl.analysis.box.robustness import robust_stability as robust_stability

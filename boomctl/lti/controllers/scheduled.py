@@ -165,8 +165,8 @@ def schedule(
     States must mean the same in all of them, or what stands between two is no controller at all.  They do where each is
     a regulator with an observer of the same plant (:func:`boomctl.lqg`, :func:`boomctl.lqr`) or of the same structure;
     controllers that were balanced or reduced each for itself do not.  :func:`boomctl.robust_stability` shows whether
-    every controller between them is stable with its plant; :func:`boomctl.analysis.ramp_bound` how fast the signal may
-    change.
+    every controller between them is stable with its plant while the signal is constant; no proof covers a changing signal,
+    which :func:`boomctl.simulate_loop` simulates.
 
     Parameters
     ----------
