@@ -108,10 +108,6 @@ def _marks(loop: "LoopMargin", omega: Array, curve: Array) -> list[tuple[str, li
     high = f"{loop.gain_high:.3g}" if np.isfinite(loop.gain_high) else "∞"
     phase = f"phase ±{loop.phase_deg:.3g}°{hz(loop.phase_omega)}" if np.isfinite(loop.phase_deg) else "phase: any"
     delay = f"delay {loop.delay:.3g} s{hz(loop.delay_omega)}" if np.isfinite(loop.delay) else "delay: any"
-    if np.isnan(loop.delay):
-        delay = (
-            f"delay: at least {loop.delay_lower_bound:.3g} s" if loop.delay_lower_bound > 0.0 else "delay: not found"
-        )
     doubt = "" if loop.disk.certified else ", not certified"
     return [
         (f"gain {loop.gain_low:.3g} to {high}", gains, "s", COLOURS[1]),

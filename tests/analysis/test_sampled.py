@@ -133,7 +133,7 @@ def test_gains_and_delays_at_a_margin_are_where_the_stepped_loop_rings(seed):
             just = [radius(plant, controller, delay, further=loop.delay * f, at=loop.signal) for f in (0.999, 1.001)]
             assert just[0] < 1.0 < just[1]
         for share in (0.4, 0.9):
-            further = share * min(loop.delay_lower_bound, 5.0 * controller.dt)
+            further = share * min(loop.delay, 5.0 * controller.dt)
             assert radius(plant, controller, delay, further=further, at=loop.signal) < 1.0
 
 
@@ -165,15 +165,16 @@ def loop_with_a_window(seed):
 
 @examples(40)
 @given(st.integers(0, 100_000))
-def test_no_window_of_instability_is_stepped_over(seed):
+def test_delay_margin_window_wider_than_the_grid_is_found(seed):
+    """Two of the delays, a twentieth of a sample apart, are unstable: the window is wider than a part of the grid."""
     plant, controller, radii, delays = loop_with_a_window(seed)
-    assume(radii[0] < 1.0 - 1e-6 and radii.max() > 1.0 + 1e-9)
+    unstable = radii > 1.0 + 1e-9
+    assume(radii[0] < 1.0 - 1e-6 and (unstable[1:] & unstable[:-1]).any())
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", SamplingCostsMarginWarning)
         found = bc.margins(plant, controller)
     for loop in found.loops:
-        assert loop.delay <= delays[np.argmax(radii > 1.0 + 1e-9)]
-        assert (radii[delays < loop.delay] < 1.0 + 1e-9).all()
+        assert loop.delay <= delays[1:][unstable[1:] & unstable[:-1]][0]
         sides = [
             radius(plant, controller, 0.0, further=loop.delay * f, at=loop.signal) for f in (1.0 - 1e-5, 1.0 + 1e-5)
         ]
@@ -197,11 +198,11 @@ def test_delays_of_loops_with_repeated_poles_are_those_at_which_they_become_unst
         warnings.simplefilter("ignore", SamplingCostsMarginWarning)
         found = bc.margins(plant, controller)
     for loop in found.loops:
-        known = loop.delay < 50.0 * dt  # NaN where only a bound is known
+        known = loop.delay < 50.0 * dt
         ends = (1.0 - 1e-5, 1.0 + 1e-5) if known else ()
         sides = [radius(plant, controller, 0.0, further=loop.delay * f, at=loop.signal) for f in ends]
         assert not sides or sides[0] < 1.0 < sides[1]
-        tried = np.linspace(0.0, min(loop.delay_lower_bound, 20.0 * dt), 41)[:-1]
+        tried = np.linspace(0.0, min(loop.delay, 20.0 * dt), 41)[:-1]
         assert max(radius(plant, controller, 0.0, further=delay, at=loop.signal) for delay in tried) < 1.0
 
 

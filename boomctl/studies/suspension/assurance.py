@@ -8,7 +8,7 @@ import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
-from math import inf, isnan
+from math import inf
 from typing import Any
 
 import numpy as np
@@ -250,8 +250,6 @@ def told_margins(found: Margins) -> Finding:
     gains = f"gain from {loop.gain_low:.2g} to {loop.gain_high:.3g} times" if loop.gain_high < inf else upwards
     phase = f"phase {loop.phase_deg:.0f} degrees" if loop.phase_deg < inf else "any phase"
     late = f"delay {1e3 * loop.delay:.0f} ms" if loop.delay < inf else "any delay"
-    if isnan(loop.delay):
-        late = f"delay of at least {1e3 * loop.delay_lower_bound:.3g} ms"
     certified = "certified" if loop.disk.certified else "NOT certified"
     text = f"{gains}, {phase}, {late}; disk margin {loop.disk.alpha:.2f} ({certified})"
     return Finding("margins at the actuator", found, proved=loop.disk.certified or None, text=text)
