@@ -170,7 +170,9 @@ class Programme:
             for name, each in sorted(met.items(), key=lambda item: -np.mean(item[1]))
             if each.any()
         ]
-        return "; ".join([f"no slew of {duration:.6g} s was found: {what}", *shares]), float(missed.sum())
+        return "; ".join([f"no slew of {duration:.6g} s was found: {what}", *shares]), float(
+            np.maximum(missed, 0.0).sum()
+        )
 
 
 def prepare(problem: SlewProblem, scheme: Scheme, guess: Guess, tolerance: float) -> Programme:
