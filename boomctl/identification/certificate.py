@@ -40,8 +40,6 @@ class FitCertificate:
         Other parameters, from other starts, that fit within the confidence limit too.
     at_end : tuple of str
         Parameters at an end of their range: the best fit lies beyond.
-    paired : bool
-        Whether each measured eigenfrequency is still the nearest in order.
     residual_percent : float
         Norm of the residuals in percent of the norm of the measured values, both weighted; with relative errors the
         root mean square of the relative residuals.  100 less the fit percent of an uncentered fit.
@@ -60,18 +58,17 @@ class FitCertificate:
     agreeing: int
     rivals: tuple[dict[str, float], ...]
     at_end: tuple[str, ...]
-    paired: bool
     residual_percent: float
     excess: float
     chance: float
 
     @property
     def certified(self) -> bool:
-        """Whether this is a minimum within the ranges, its pairing holds, and no other start fits about as well.
+        """Whether this is a minimum within the ranges, and no other start fits about as well.
 
         A certified minimum may belong to a wrong model: see ``adequacy``.
         """
-        return self.minimum and self.paired and not self.rivals and not self.at_end
+        return self.minimum and not self.rivals and not self.at_end
 
     @property
     def explained(self) -> bool:
@@ -104,8 +101,6 @@ class FitCertificate:
             parts.append(f"other parameters fit within the confidence limit too, such as {values}")
         if self.at_end:
             parts.append(f"{', '.join(self.at_end)} at an end of the range: the best fit lies beyond")
-        if not self.paired:
-            parts.append("another pairing of the modes is nearer")
         if not self.explained:
             parts.append("the intervals are those of an inadequate model")
         return "; ".join(parts)

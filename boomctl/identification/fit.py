@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     Measurement = One | Sequence[One]
 
 _SOLVER = {"xtol": 1e-12, "ftol": 1e-12, "gtol": 1e-15, "max_nfev": 100}  # of least squares: to rounding
-_MAX_PAIRINGS = 10  # assignments of measured to computed modes; two or three are usual
 _SAME_FIT = 0.05  # of the squared size of errors by which sums of squares of the same fit differ
 _EXACT = 1e-6  # relative size of residuals that counts as none, for data without errors
 _UNCHANGED = 1e-5  # relative change of the measured values that counts as none
@@ -48,54 +47,35 @@ class _Problem:
     data: Measured
     free: FreeParameters
 
-    def answer(self, x: Array) -> Array:
-        """Return all values that the model offers at coordinates."""
+    def answer(self, x: Array) -> tuple[Array, tuple[int, ...] | None]:
+        """Return the model's values at coordinates in the places of those measured, and their modes."""
         return answered(self.make(self.free.at(x)), self.data)
 
-    def residuals(self, x: Array, modes: tuple[int, ...] | None) -> Array:
+    def residuals(self, x: Array) -> Array:
         """Compute the residuals, infinite where the model raises or has too few modes."""
-        data = self.data
         try:
-            answer = self.answer(x)
-            if modes is None or max(modes) <= len(answer):
-                return data.residuals(data.matched(answer, modes))
+            return self.data.residuals(self.answer(x)[0])
         except (ValueError, ArithmeticError):
-            pass
-        return np.full(data.residuals(data.values).shape, np.inf)
-
-    def paired(self, x: Array) -> tuple[int, ...] | None:
-        """Return which modes are nearest to those measured."""
-        data = self.data
-        return data.nearest(self.answer(x)) if data.kind == "eigenfrequencies" else None
+            return np.full(self.data.residuals(self.data.values).shape, np.inf)
 
     def solve(self, x: Array) -> "_Candidate":
-        """Return the least squares from a start; modes are paired anew until they stay."""
+        """Return the least squares from a start."""
         from scipy.optimize import least_squares  # long to import, and only a fit comes here
 
         bounds: Any = (self.free.low, self.free.high)
-        modes, previous, cost = self.paired(x), None, np.inf
-        for _ in range(_MAX_PAIRINGS):
-            f, previous = self.at(modes), modes
-            jac = lambda y, f=f: np.nan_to_num(differences(f, y, STEP, self.free))  # noqa: E731
-            found = least_squares(f, x, jac=jac, bounds=bounds, **_SOLVER)  # type: ignore[arg-type]
-            x, cost = found.x, 2.0 * float(found.cost)
-            modes = self.paired(x)
-            if modes == previous:
-                break
-        return _Candidate(cost, x, previous)
-
-    def at(self, modes: tuple[int, ...] | None) -> Callable[[Array], Array]:
-        """Return the residuals of a pairing as a function of the coordinates."""
-        return lambda x: self.residuals(x, modes)
+        f = self.residuals
+        found = least_squares(
+            f, x, jac=lambda y: np.nan_to_num(differences(f, y, STEP, self.free)), bounds=bounds, **_SOLVER
+        )
+        return _Candidate(2.0 * float(found.cost), found.x)
 
 
 @dataclass(frozen=True)
 class _Candidate:
-    """Where a start came to: sum of squares, coordinates, modes."""
+    """Where a start came to: sum of squares, coordinates."""
 
     cost: float
     x: Array
-    modes: tuple[int, ...] | None
 
 
 @one_blas_thread
@@ -136,8 +116,8 @@ def fit(
     start : dataclass or mapping, optional
         The parameters to begin from, those that stay among them.  By default the middle of a family, or of the ranges.
     modes : sequence of int, optional
-        Which mode of the model each eigenfrequency is, from 1.  By default the nearest ones in order, some of which may
-        have been missed in the measurement.  Of several data sets the same for all.
+        Which mode of the model each eigenfrequency is, from 1.  By default the nearest ones, as some may have been
+        missed in the measurement.  Of several data sets the same for all.
     weights : array_like, optional
         How much each value counts: one over the size of its error beside that of the others. By default as the
         ``deviation`` of a response of :func:`boomctl.estimate_response` says, otherwise 1 for each; 0 leaves a value out.
@@ -201,14 +181,13 @@ def fit(
     free_parameters = FreeParameters.of(build, free, start)
     problem = _Problem(make, data, free_parameters)
     zero = np.zeros(free_parameters.size)
-    offered = problem.answer(zero)  # what is wrong at the start is said from here
-    begun = data.matched(offered, problem.paired(zero))
+    begun, _ = problem.answer(zero)  # what is wrong at the start is said from here
     if not np.isfinite(data.residuals(begun)).all():
         raise ValueError("build: expected finite values above zero at the start; of absolute errors zeros will do")
     with computing("fit", progress):
         candidates, path = _search(problem, count, seed)
         best = candidates[0]
-        f, x = problem.at(best.modes), best.x
+        f, x = problem.residuals, best.x
         matrix, error = slopes(f, x, free_parameters)
         seen = Seen.of(matrix, error, f, x, free_parameters)
         each = _of_each(problem, best)
@@ -239,10 +218,10 @@ def fit(
         if other.cost < best.cost + (limit * size) ** 2 and ((values < low - slack) | (values > high + slack)).any():
             apart.append((dict(zip(free_parameters.names, values.tolist(), strict=True)), other.cost))
     near = np.minimum(x - free_parameters.low, free_parameters.high - x)
-    fitted = data.matched(problem.answer(x), best.modes)
+    fitted, paired = problem.answer(x)
     residuals = data.difference(fitted)
     offset, shown = minimum(f, free_parameters, x, seen, size)
-    variance, sure = data.variance(residuals, best.modes)
+    variance, sure = data.variance(residuals, paired)
     tested = (variance, sure) if known_size is None else (known_size**2, np.inf)
     excess, chance = lack_of_fit(best.cost, freedom, max(tested[0], floor**2), tested[1])
     certificate = FitCertificate(
@@ -252,7 +231,6 @@ def fit(
         agreeing=sum(other.cost <= same for other in candidates) - sum(cost <= same for _, cost in apart),
         rivals=tuple(values for values, _ in apart),
         at_end=tuple(n for n, d in zip(free_parameters.names, near, strict=True) if d < STEP),
-        paired=problem.paired(x) == best.modes,
         residual_percent=data.percent(fitted),
         excess=excess,
         chance=chance if known_size is not None or np.isfinite(sure) else float("nan"),
@@ -279,7 +257,7 @@ def fit(
         measured=data,
         fitted=fitted,
         begun=begun,
-        modes=best.modes,
+        modes=paired,
         residuals=residuals,
         deviation=size if limit < np.inf else float("nan"),
         estimated=known_size is None,
@@ -317,12 +295,9 @@ def _search(problem: _Problem, count: int, seed: int) -> tuple[list[_Candidate],
     found = []
     for k, x in enumerate(problem.free.drawn(count, seed)):
         tell("starts", k, count)
-        try:
-            if not np.isfinite(problem.residuals(x, problem.paired(x))).all():
-                continue  # not even a value to compare
-        except (ValueError, ArithmeticError):  # drawn where there is no such model
+        if not np.isfinite(problem.residuals(x)).all():  # drawn where there is no such model
             continue
-        if first is not None and np.isfinite(first.residuals(x, None)).all():
+        if first is not None and np.isfinite(first.residuals(x)).all():
             x = first.solve(x).x
         found.append(problem.solve(x))
     path.append(f"{count} starts" if count > 1 else "1 start")
@@ -362,7 +337,7 @@ def _intervals(problem: _Problem, best: _Candidate, seen: Seen, half: Array) -> 
     for i in np.flatnonzero(free.logarithmic & open_low & open_high & np.isfinite(half)):
         at = x + half[i] * unit[:, i] / unit[i, i]
         at[i] = x[i] + np.log1p(half[i])
-        rise = float(np.square(problem.residuals(at, best.modes)).sum()) - best.cost
+        rise = float(np.square(problem.residuals(at)).sum()) - best.cost
         if at[i] < free.high[i] and _MIN_RISE * half[i] ** 2 / unit[i, i] < rise < np.inf:
             high[i] = free.values(at)[i]
     return low, high

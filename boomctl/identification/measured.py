@@ -32,6 +32,7 @@ ERRORS = ("relative", "absolute")
 RESPONSE = "complex frequency response"
 BOUNDED = "bounded relative"  # for the search alone
 _MISSED = 3  # modes that the measurement may have missed and that are offered beside those measured (a choice)
+_LEFT_OUT = 1e3  # relative spread with which values that are left out are paired with modes
 _MIN_WEIGHT = 1e-50  # Squares of residuals divided by it do not overflow.
 _MIN_RELATIVE_STD = 1e-3  # Floor on standard deviations, relative to their median.
 
@@ -53,7 +54,7 @@ class Measured:
     omega : (n,) ndarray or None
         Angular frequencies [rad/s], those of several data sets one set after the other.
     modes : tuple of int or None
-        Which mode of the model each eigenfrequency is, from 1; None: the nearest, in order.
+        Which mode of the model each eigenfrequency is, from 1; None: the nearest.
     inputs, outputs : tuple of str or None
         Signals that the user named.
     labels : (tuple of str, tuple of str) or None
@@ -178,34 +179,20 @@ class Measured:
         size = np.abs(self.values[kept]) if self.errors == "absolute" else 1.0
         return float(np.sqrt(np.mean(np.square(size / self.spread[kept]))))
 
-    def nearest(self, offered: Array) -> tuple[int, ...]:
-        """Return which of the modes offered each eigenfrequency is, from 1: the nearest ones, in order.
+    def paired(self, offered: Array) -> tuple[int, ...]:
+        """Return which of the modes offered each eigenfrequency is, from 1: unless it is known, the nearest ones.
 
-        The sum of the squared distances is the least that is possible (dynamic programming).
+        The sum of the squared residuals is the least that is possible.  A value that is left out weighs next to nothing.
         """
+        from scipy.optimize import linear_sum_assignment  # long to import, and only a fit comes here
+
         if self.modes is not None:
             return self.modes
         if self.member is not None:
-            return tuple(mode for k in range(self.sets) for mode in self.one(k).nearest(offered))
-        m, n = len(self.values), len(offered)
-        cost = np.square(_difference(offered[None, :], self.values[:, None], self.errors) / self.spread[:, None])
-        cost[~self.kept] = 0.0
-        best = np.full((m + 1, n + 1), np.inf)
-        best[0] = 0.0
-        for i in range(1, m + 1):
-            for j in range(i, n + 1):
-                best[i, j] = min(best[i, j - 1], best[i - 1, j - 1] + cost[i - 1, j - 1])
-        modes, j = [], n
-        for i in range(m, 0, -1):
-            while best[i, j] == best[i, j - 1]:
-                j -= 1
-            modes.append(j)
-            j -= 1
-        return tuple(reversed(modes))
-
-    def matched(self, answer: Array, modes: tuple[int, ...] | None) -> Array:
-        """Return the answer's values in the places of those measured."""
-        return answer if modes is None else answer[np.array(modes) - 1]
+            return tuple(mode for k in range(self.sets) for mode in self.one(k).paired(offered))
+        spread = np.minimum(self.spread, _LEFT_OUT * self.spread[self.kept].max())
+        apart = _difference(offered, self.values[:, None], self.errors) / spread[:, None]
+        return tuple((linear_sum_assignment(np.square(apart))[1] + 1).tolist())
 
     def difference(self, fitted: Array) -> Array:
         """Return measured less fitted; of relative errors, of the logarithms."""
@@ -330,12 +317,14 @@ def _spread(weights: object, values: Array) -> Array:
         raise ValueError(f"`weights` must have the measured shape {values.shape}, got {given.shape}.") from None
 
 
-def answered(model: Any, data: Measured) -> Array:
-    """Return all values that a model offers: modes [Hz], its response, or singular values."""
+def answered(model: Any, data: Measured) -> tuple[Array, tuple[int, ...] | None]:
+    """Return a model's values in the places of those measured, and of eigenfrequencies which modes they are."""
     if data.asked is None:
-        return _frequencies(model, data)
+        offered = _frequencies(model, data)
+        modes = data.paired(offered)
+        return offered[np.array(modes) - 1], modes
     omega, at = data.asked
-    return _curves(model, data, omega)[..., at]
+    return _curves(model, data, omega)[..., at], None
 
 
 def _frequencies(model: Any, data: Measured) -> Array:

@@ -92,7 +92,7 @@ def uncertainty_band(
         some_names(what, wanted, there)
         for what, wanted, there in zip(("input", "output"), (inputs, outputs), data.labels, strict=True)
     )
-    left = np.abs(data.values - answered(model, data))
+    left = np.abs(data.values - answered(model, data)[0])
     if data.noise is not None:  # real and imaginary part normal: the size of their error is Rayleigh's
         hidden = np.where(data.kept, data.noise * np.where(data.kept, data.spread, 0.0), 0.0)
         left += np.sqrt(-2.0 * np.log(1.0 - level)) * hidden

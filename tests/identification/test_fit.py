@@ -293,6 +293,7 @@ def test_a_weight_of_zero_leaves_a_value_out():
     measured = frequencies(CHAIN)
     wrong = np.array([measured[0], 1.3 * measured[1], measured[2]])
     found = bc.fit(frequencies, wrong, ["k1", "m1"], CHAIN, weights=[1.0, 0.0, 1.0], starts=1, deviation=0.01)
+    assert found.modes == (1, 2, 3)
     assert recovered(found, CHAIN, ("k1", "m1"))
     values = response(CHAIN, OMEGA)
     values[0, 0, 4] = 0.0
