@@ -87,9 +87,11 @@ class FitCertificate:
     @property
     def statement(self) -> str:
         """Adequacy of the model, then the checks of the minimum."""
-        return f"{self.adequacy}; {self._checks()}"
+        return f"{self.adequacy}; {self.checks}"
 
-    def _checks(self) -> str:
+    @property
+    def checks(self) -> str:
+        """Checks of the minimum."""
         parts = [f"minimum {'certified' if self.certified else 'NOT certified'}"]
         if np.isfinite(self.offset):
             parts[0] += f" to {self.offset:.2g} standard errors" if self.minimum else f", offset {self.offset:.2g}"

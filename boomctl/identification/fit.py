@@ -185,7 +185,7 @@ def fit(
     if not np.isfinite(data.residuals(begun)).all():
         raise ValueError("build: expected finite values above zero at the start; of absolute errors zeros will do")
     with computing("fit", progress):
-        candidates, path = _search(problem, count, seed)
+        candidates = _search(problem, count, seed)
         best = candidates[0]
         f, x = problem.residuals, best.x
         matrix, error = slopes(f, x, free_parameters)
@@ -238,8 +238,6 @@ def fit(
     scale = free_parameters.slopes(x)
     covariance = coordinates * np.outer(scale, scale)
     deviations = np.sqrt(np.diag(covariance))
-    with np.errstate(invalid="ignore", divide="ignore"):
-        correlation = covariance / np.outer(deviations, deviations)
     names = free_parameters.names
 
     def named(numbers: Array) -> dict[str, Any]:
@@ -253,7 +251,6 @@ def fit(
         confidence=confidence,
         standard_errors=named(deviations),
         covariance=covariance,
-        correlation=correlation,
         measured=data,
         fitted=fitted,
         begun=begun,
@@ -266,7 +263,6 @@ def fit(
             f, x, free_parameters, limit * size if limit < np.inf else 0.0, _UNCHANGED * data.scale * np.sqrt(data.size)
         ),
         certificate=certificate,
-        path=path,
         source=spread.source,
         freedoms=named(spread.freedom),
         each=tuple(named(free_parameters.values(at)) for at in each),
@@ -282,17 +278,14 @@ def _function(build: object) -> Callable[[Any], Any]:
     return function_of("build", build, "the parameters, or a family")
 
 
-def _search(problem: _Problem, count: int, seed: int) -> tuple[list[_Candidate], tuple[str, ...]]:
+def _search(problem: _Problem, count: int, seed: int) -> list[_Candidate]:
     """Return where the starts came to, the best first.
 
     Of a response, the search goes by bounded relative errors first: it finds resonances from further away.
     """
-    data, path = problem.data, []
-    first = None
+    data, first, found = problem.data, None, []
     if data.kind != "eigenfrequencies" and (data.values[data.kept] != 0.0).all():
         first = replace(problem, data=replace(data, errors=BOUNDED))
-        path.append("bounded relative errors first")
-    found = []
     for k, x in enumerate(problem.free.drawn(count, seed)):
         tell("starts", k, count)
         if not np.isfinite(problem.residuals(x)).all():  # drawn where there is no such model
@@ -300,8 +293,7 @@ def _search(problem: _Problem, count: int, seed: int) -> tuple[list[_Candidate],
         if first is not None and np.isfinite(first.residuals(x)).all():
             x = first.solve(x).x
         found.append(problem.solve(x))
-    path.append(f"{count} starts" if count > 1 else "1 start")
-    return sorted(found, key=lambda candidate: candidate.cost), tuple(path)
+    return sorted(found, key=lambda candidate: candidate.cost)
 
 
 def _of_each(problem: _Problem, best: _Candidate) -> Array:

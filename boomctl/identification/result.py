@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from importlib import import_module
 from math import inf
+from textwrap import shorten
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,7 +15,7 @@ from boomctl.identification.certificate import FitCertificate
 from boomctl.identification.families import of_fit, union
 from boomctl.identification.identifiability import Combination
 from boomctl.identification.measured import Measured
-from boomctl.printing import LINES, WIDTH, count, table_html
+from boomctl.printing import WIDTH, count
 from boomctl.structure.families import Family
 
 if TYPE_CHECKING:
@@ -44,8 +45,6 @@ class FitResult:
     covariance : (p, p) ndarray
         Covariance of the free parameters, from ``source``, in the parameters' units; ``inf`` and ``nan`` in rows
         and columns of what is not seen.
-    correlation : (p, p) ndarray
-        Correlation of the free parameters; ``nan`` for what is not seen.
     measured : Measured
         What was fitted to, as it was compared.
     fitted, begun : ndarray
@@ -65,8 +64,6 @@ class FitResult:
         Combinations of parameters that the measurements do not see, or hardly see.
     certificate : FitCertificate
         What was found about the fit apart from its solver.
-    path : tuple of str
-        What was done, in order.
     source : str
         What the intervals come from: data sets, blocks of frequencies, or residuals taken for independent.
     freedoms : dict of str to float
@@ -87,7 +84,6 @@ class FitResult:
     confidence: float
     standard_errors: dict[str, float]
     covariance: Array
-    correlation: Array
     measured: Measured
     fitted: Array
     begun: Array
@@ -98,7 +94,6 @@ class FitResult:
     freedom: int
     unseen: tuple[Combination, ...]
     certificate: FitCertificate
-    path: tuple[str, ...]
     source: str
     freedoms: dict[str, float]
     each: tuple[dict[str, float], ...]
@@ -196,35 +191,19 @@ class FitResult:
             One line for each parameter, then what was found of the fit.
         """
         width = max(len(name) for name in self.names)
-        lines = [f"fit of {self._data()}: {self.certificate.adequacy}"]
+        numbers = f"{self.measured.size} numbers ({self.measured.kind})"
+        lines = [f"fit of {count(len(self.names), 'parameter')} to {numbers}: {self.certificate.adequacy}"]
         lines += [f"{n:{width}}  {self.values[n]:<12.6g} {self.interval_text(n)}" for n in self.names]
         lines += [f"not determined: {each.text}" for each in self.unseen]
         for k, values in enumerate(self.each, start=1):
             lines.append(f"data set {k}: {', '.join(f'{n} = {value:.5g}' for n, value in values.items())}")
         lines += [self._errors(), f"{100.0 * self.confidence:g} % intervals from {self.source}"]
-        return "\n  ".join([*lines, self.certificate._checks()])
+        return "\n  ".join([*lines, self.certificate.checks])
 
     def __repr__(self) -> str:
-        shown = self.names[: LINES - 3 if self.unseen else LINES - 2]
-        more = f", {len(self.names) - len(shown)} more" if len(shown) < len(self.names) else ""
-        lines = [f"FitResult: {self.certificate.adequacy}"]
-        for k, name in enumerate(shown):
-            after = more if k == len(shown) - 1 else ""
-            lines.append(f"  {name} = {self.values[name]:.6g} ({self.interval_text(name)}){after}")
-        if self.unseen:
-            lines.append(f"  {self.unseen[0].text}" + (f" ({len(self.unseen)} such)" if len(self.unseen) > 1 else ""))
-        lines.append(f"  {self.certificate._checks()}; {self._data()}")
-        return "\n".join(line if len(line) <= WIDTH else line[: WIDTH - 3] + "..." for line in lines)
-
-    def _repr_html_(self) -> str:
-        heads = ("parameter", "fitted", f"{100.0 * self.confidence:g} % interval")
-        rows = [(name, f"{self.values[name]:.6g}", self.interval_text(name)) for name in self.names]
-        rows += [("", each.text, "") for each in self.unseen]
-        head = f"{self.certificate.adequacy}; {self._data()}: {self._errors()}; {self.certificate._checks()}"
-        return table_html(head, heads, rows)
-
-    def _data(self) -> str:
-        return f"{count(len(self.names), 'parameter')} to {self.measured.size} numbers ({self.measured.kind})"
+        values = ", ".join(f"{name} = {self.values[name]:.6g} ({self.interval_text(name)})" for name in self.names)
+        lines = [f"FitResult: {self.certificate.adequacy}", values, *(each.text for each in self.unseen[:1])]
+        return "\n  ".join(shorten(line, WIDTH - 2, placeholder=" ...") for line in [*lines, self.certificate.checks])
 
     def _errors(self) -> str:
         if np.isnan(self.deviation):
