@@ -189,7 +189,7 @@ def fit(
         best = candidates[0]
         f, x = problem.residuals, best.x
         matrix, error = slopes(f, x, free_parameters)
-        seen = Seen.of(matrix, error, f, x, free_parameters)
+        seen = Seen.of(matrix, error)
         each = _of_each(problem, best)
     freedom = max(data.size - seen.rank, 0)
     size = known_size if known_size is not None else np.sqrt(best.cost / freedom) if freedom else 0.0

@@ -1,7 +1,7 @@
 """What measurements see of the parameters: slopes by differences, and the combinations that change nothing measured."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy import linalg
@@ -11,11 +11,9 @@ from boomctl.identification.free import FreeParameters
 
 STEP = 1e-5  # coordinate step of differences: truncation errors fall with it, rounding errors rise
 _STEPS = 10.0 ** -np.arange(3.0, 12.0)  # of which slopes take the one that agrees best with the next
-_TRIED_STEPS = 6  # largest steps with which a combination is tried that the slopes do not resolve
 _MIN_STEP_FRACTION = 0.1  # of a step that has to remain at the end of a range
 _MAX_SLOPE_ERROR = 1e-2  # relative error of a slope, at most: columns that differ by more are not zero
-_ERROR_FACTOR = 10.0  # singular values below so many errors of the slopes are tried by differences
-_TRIED_FACTOR = 3.0  # slopes along a combination above so many errors are not zero
+_ERROR_FACTOR = 10.0  # singular values below so many errors of the slopes are not seen
 _ROUNDING = 1e-10  # relative singular value that is rounding error for any step
 _MIN_COMPONENT = 1e-3  # component of a unit vector from which a parameter belongs to a combination
 _MIN_TEXT_COMPONENT = 0.02  # relative component from which a parameter is named in the text
@@ -116,29 +114,22 @@ class Seen:
     directions: Array
 
     @classmethod
-    def of(cls, matrix: Array, error: Array, f: Callable[[Array], Array], x: Array, free: FreeParameters) -> "Seen":
-        """Compute the singular values; combinations that the slopes do not resolve are tried by differences.
+    def of(cls, matrix: Array, error: Array) -> "Seen":
+        """Compute the singular values; combinations that the slopes do not resolve are not seen.
 
         Columns are scaled to unit length, so that weak parameters do not drown in the errors of strong ones.
         """
         size = np.linalg.norm(matrix, axis=0)
         size[size == 0.0] = 1.0
         error, p = np.minimum(error, _MAX_SLOPE_ERROR * size), len(size)
-        _, values, rows = _svd(matrix / size)
+        matrix = np.vstack([matrix, np.zeros((p, p))])  # as many singular values as columns
+        _, values, rows = linalg.svd(matrix / size, full_matrices=False)
         least = max(_ERROR_FACTOR * float(np.linalg.norm(error / size)), _ROUNDING * values[0])
-        hidden, anywhere, resolved = [], replace(free, low=np.full(p, -np.inf), high=np.full(p, np.inf)), 0.0
-        for row in rows[values <= least] / size:
-            direction = row / np.linalg.norm(row)
-            tried = [_along(f, x, direction, step, anywhere) for step in _STEPS[:_TRIED_STEPS]]
-            smallest = min((float(np.linalg.norm(each)) for each in tried if np.isfinite(each).all()), default=0.0)
-            if smallest > _TRIED_FACTOR * float(np.linalg.norm(error * direction)) + _ROUNDING * values[0] * size.max():
-                resolved = min(resolved or smallest, smallest)
-            else:
-                hidden.append(direction)
+        hidden = [row / np.linalg.norm(row) for row in rows[values <= least] / size]
         null = linalg.orth(np.array(hidden).T) if hidden else np.zeros((p, 0))
         rank = p - null.shape[1]
-        _, values, rows = _svd(matrix - matrix @ null @ null.T)
-        values = np.append(np.maximum(values[:rank], resolved), np.zeros(p - rank))
+        _, values, rows = linalg.svd(matrix - matrix @ null @ null.T, full_matrices=False)
+        values = np.append(values[:rank], np.zeros(p - rank))
         return cls(values, np.vstack([rows[:rank], null.T]))
 
     @property
@@ -173,12 +164,6 @@ class Seen:
             if value * _CHANGES[0] / np.abs(row).max() < limit:
                 found.append(_combination(f, x, free, row, True, limit))
         return tuple(each for each in found if each is not None)
-
-
-def _svd(matrix: Array) -> tuple[Array, Array, Array]:
-    """Compute the singular value decomposition with as many singular values as columns."""
-    left, values, rows = linalg.svd(matrix)
-    return left, np.pad(values, (0, len(rows) - len(values))), rows
 
 
 def _combination(
