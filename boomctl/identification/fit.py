@@ -24,10 +24,9 @@ if TYPE_CHECKING:
     import control
 
     from boomctl.analysis.measured import MeasuredCurve
-    from boomctl.analysis.sigma import SigmaResult
 
     Range = tuple[float, float]
-    One = ArrayLike | control.FrequencyResponseData | MeasuredCurve | SigmaResult
+    One = ArrayLike | control.FrequencyResponseData | MeasuredCurve
     Measurement = One | Sequence[One]
 
 _SOLVER = {"xtol": 1e-12, "ftol": 1e-12, "gtol": 1e-15, "max_nfev": 100}  # of least squares: to rounding
@@ -58,8 +57,8 @@ class _Problem:
         except (ValueError, ArithmeticError):
             return np.full(self.data.residuals(self.data.values).shape, np.inf)
 
-    def solve(self, x: Array) -> "_Candidate":
-        """Return the least squares from a start."""
+    def solve(self, x: Array) -> tuple[float, Array]:
+        """Return the least sum of squares that is found from a start, and its coordinates."""
         from scipy.optimize import least_squares  # long to import, and only a fit comes here
 
         bounds: Any = (self.free.low, self.free.high)
@@ -67,15 +66,7 @@ class _Problem:
         found = least_squares(
             f, x, jac=lambda y: np.nan_to_num(differences(f, y, STEP, self.free)), bounds=bounds, **_SOLVER
         )
-        return _Candidate(2.0 * float(found.cost), found.x)
-
-
-@dataclass(frozen=True)
-class _Candidate:
-    """Where a start came to: sum of squares, coordinates."""
-
-    cost: float
-    x: Array
+        return 2.0 * float(found.cost), found.x
 
 
 @one_blas_thread
@@ -105,7 +96,7 @@ def fit(
         returns a model (:class:`SecondOrderModel`, ``StateSpace``, a hub-beam), or what was measured of it:
         eigenfrequencies [Hz], a frequency response or singular values at the measured frequencies (of several data sets
         all of them once, ascending).  What it refuses with a ValueError or an ArithmeticError is not searched.
-    measured : array_like, FrequencyResponseData, MeasuredCurve or SigmaResult
+    measured : array_like, FrequencyResponseData or MeasuredCurve
         Eigenfrequencies [Hz], ascending without ``modes`` (damped, if the model's are); a complex frequency response;
         singular values (magnitudes).  A curve that has its phase is fitted as the complex response that it is; singular
         values where there is no phase.  ``measured.kind`` of the result says which.
@@ -160,8 +151,8 @@ def fit(
     the value in another one; for a response blocks of neighbouring frequencies, so that errors may be correlated.  For
     lists of frequencies, short responses and with ``deviation``, errors are assumed independent and normal with standard
     deviations in the ratio of the inverse weights.  An error of the model that all data sets have in common does not widen
-    the intervals: ``certificate.adequacy`` compares residuals with errors, ``repeated`` is its part of the squared
-    residuals.  Parameters that are not identifiable have an infinite interval and are listed in ``unseen``.
+    the intervals: ``certificate.adequacy`` compares residuals with errors.
+    Parameters that are not identifiable have an infinite interval and are listed in ``unseen``.
 
     Examples
     --------
@@ -179,20 +170,23 @@ def fit(
     count = whole("starts", starts, most=_MAX_STARTS)
     whole("seed", seed, least=0)
     free_parameters = FreeParameters.of(build, free, start)
-    problem = _Problem(make, data, free_parameters)
+    problem, names = _Problem(make, data, free_parameters), free_parameters.names
+
+    def named(numbers: Array) -> dict[str, Any]:
+        return dict(zip(names, numbers.tolist(), strict=True))
+
     zero = np.zeros(free_parameters.size)
     begun, _ = problem.answer(zero)  # what is wrong at the start is said from here
     if not np.isfinite(data.residuals(begun)).all():
         raise ValueError("build: expected finite values above zero at the start; of absolute errors zeros will do")
     with computing("fit", progress):
         candidates = _search(problem, count, seed)
-        best = candidates[0]
-        f, x = problem.residuals, best.x
+        f, (cost, x) = problem.residuals, candidates[0]
         matrix, error = slopes(f, x, free_parameters)
         seen = Seen.of(matrix, error)
-        each = _of_each(problem, best)
+        each = _of_each(problem, x)
     freedom = max(data.size - seen.rank, 0)
-    size = known_size if known_size is not None else np.sqrt(best.cost / freedom) if freedom else 0.0
+    size = known_size if known_size is not None else np.sqrt(cost / freedom) if freedom else 0.0
     floor = ALIKE * data.scale  # smaller errors are rounding errors of the model
     size, exact = max(float(size), floor), bool(size < floor)
     spread = None
@@ -209,28 +203,30 @@ def fit(
     coordinates = _covariance(spread, seen)
     floors = _MIN_DEVIATION * size * np.sqrt(np.diag(seen.covariance()))
     half = limits(confidence, np.maximum(spread.freedom, 1.0)) * np.maximum(np.sqrt(np.diag(coordinates)), floors)
-    low, high = _intervals(problem, best, seen, half)
-    same = best.cost + max(_SAME_FIT * size**2, data.size * (_EXACT * data.scale) ** 2)
-    apart = []  # fits about as well, with a parameter outside its interval
-    for other in candidates:
-        values = free_parameters.values(other.x)
+    low, high = _intervals(problem, cost, x, seen, half)
+    same = cost + max(_SAME_FIT * size**2, data.size * (_EXACT * data.scale) ** 2)
+    rivals, agreeing = [], 0  # rivals fit about as well, with a parameter outside its interval
+    for other, at in candidates:
+        values = free_parameters.values(at)
         slack = _EXACT * np.abs(values)
-        if other.cost < best.cost + (limit * size) ** 2 and ((values < low - slack) | (values > high + slack)).any():
-            apart.append((dict(zip(free_parameters.names, values.tolist(), strict=True)), other.cost))
+        outside = bool(((values < low - slack) | (values > high + slack)).any())
+        if outside and other < cost + (limit * size) ** 2:
+            rivals.append(named(values))
+        agreeing += other <= same and not outside
     near = np.minimum(x - free_parameters.low, free_parameters.high - x)
     fitted, paired = problem.answer(x)
     residuals = data.difference(fitted)
     offset, shown = minimum(f, free_parameters, x, seen, size)
     variance, sure = data.variance(residuals, paired)
     tested = (variance, sure) if known_size is None else (known_size**2, np.inf)
-    excess, chance = lack_of_fit(best.cost, freedom, max(tested[0], floor**2), tested[1])
+    excess, chance = lack_of_fit(cost, freedom, max(tested[0], floor**2), tested[1])
     certificate = FitCertificate(
         offset=offset,
         minimum=shown,
         starts=count,
-        agreeing=sum(other.cost <= same for other in candidates) - sum(cost <= same for _, cost in apart),
-        rivals=tuple(values for values, _ in apart),
-        at_end=tuple(n for n, d in zip(free_parameters.names, near, strict=True) if d < STEP),
+        agreeing=agreeing,
+        rivals=tuple(rivals),
+        at_end=tuple(n for n, d in zip(names, near, strict=True) if d < STEP),
         residual_percent=data.percent(fitted),
         excess=excess,
         chance=chance if known_size is not None or np.isfinite(sure) else float("nan"),
@@ -238,11 +234,6 @@ def fit(
     scale = free_parameters.slopes(x)
     covariance = coordinates * np.outer(scale, scale)
     deviations = np.sqrt(np.diag(covariance))
-    names = free_parameters.names
-
-    def named(numbers: Array) -> dict[str, Any]:
-        return dict(zip(names, numbers.tolist(), strict=True))
-
     return FitResult(
         parameters=free_parameters.at(x),
         names=names,
@@ -266,7 +257,6 @@ def fit(
         source=spread.source,
         freedoms=named(spread.freedom),
         each=tuple(named(free_parameters.values(at)) for at in each),
-        repeated=float(np.maximum(best.cost - variance * data.size, 0.0) / (best.cost or 1.0)),
         build=build,
     )
 
@@ -278,7 +268,7 @@ def _function(build: object) -> Callable[[Any], Any]:
     return function_of("build", build, "the parameters, or a family")
 
 
-def _search(problem: _Problem, count: int, seed: int) -> list[_Candidate]:
+def _search(problem: _Problem, count: int, seed: int) -> list[tuple[float, Array]]:
     """Return where the starts came to, the best first.
 
     Of a response, the search goes by bounded relative errors first: it finds resonances from further away.
@@ -291,18 +281,17 @@ def _search(problem: _Problem, count: int, seed: int) -> list[_Candidate]:
         if not np.isfinite(problem.residuals(x)).all():  # drawn where there is no such model
             continue
         if first is not None and np.isfinite(first.residuals(x)).all():
-            x = first.solve(x).x
+            _, x = first.solve(x)
         found.append(problem.solve(x))
-    return sorted(found, key=lambda candidate: candidate.cost)
+    return sorted(found, key=lambda candidate: candidate[0])
 
 
-def _of_each(problem: _Problem, best: _Candidate) -> Array:
+def _of_each(problem: _Problem, x: Array) -> Array:
     """Return the coordinates at which each of several data sets is fitted by itself, from the fit to all."""
     data, found = problem.data, []
     for k in range(data.sets if data.sets > 1 else 0):
         tell("data sets", k, data.sets)
-        alone = replace(problem, data=data.one(k))
-        found.append(alone.solve(best.x).x)
+        found.append(replace(problem, data=data.one(k)).solve(x)[1])
     return np.array(found)
 
 
@@ -315,21 +304,21 @@ def _covariance(spread: Spread, seen: Seen) -> Array:
     return found
 
 
-def _intervals(problem: _Problem, best: _Candidate, seen: Seen, half: Array) -> tuple[Array, Array]:
+def _intervals(problem: _Problem, cost: float, x: Array, seen: Seen, half: Array) -> tuple[Array, Array]:
     """Compute the ends of the intervals of the linearized model, in units of the parameters.
 
     They are infinite (0 for a parameter above zero) out of reach.  A parameter whose logarithm is not bounded, such as the
     damping of an undamped structure, has the upper end of the model linear in the parameter itself, if the sum of squares
     rises there as this model predicts.
     """
-    free, x, unit = problem.free, best.x, seen.covariance()
+    free, unit = problem.free, seen.covariance()
     low, high = (free.values(end) for end in (x - half, x + half))
     open_low, open_high = (half > free.reach(x, sign) for sign in (-1, 1))
     low, high = np.where(open_low, np.where(free.logarithmic, 0.0, -np.inf), low), np.where(open_high, np.inf, high)
     for i in np.flatnonzero(free.logarithmic & open_low & open_high & np.isfinite(half)):
         at = x + half[i] * unit[:, i] / unit[i, i]
         at[i] = x[i] + np.log1p(half[i])
-        rise = float(np.square(problem.residuals(at)).sum()) - best.cost
+        rise = float(np.square(problem.residuals(at)).sum()) - cost
         if at[i] < free.high[i] and _MIN_RISE * half[i] ** 2 / unit[i, i] < rise < np.inf:
             high[i] = free.values(at)[i]
     return low, high

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from types import SimpleNamespace
 from typing import Any
 
@@ -10,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from boomctl.analysis.measured import MeasuredCurve
-from boomctl.analysis.sigma import SigmaResult, sigma
+from boomctl.analysis.sigma import sigma
 from boomctl.arrays import Array
 from boomctl.checks import (
     finite_array,
@@ -55,7 +54,7 @@ class Measured:
         Angular frequencies [rad/s], those of several data sets one set after the other.
     modes : tuple of int or None
         Which mode of the model each eigenfrequency is, from 1; None: the nearest.
-    inputs, outputs : tuple of str or None
+    inputs, outputs : str, sequence of str or None
         Signals that the user named.
     labels : (tuple of str, tuple of str) or None
         Inputs and outputs that stand in the measured data.
@@ -71,8 +70,8 @@ class Measured:
     errors: str = "relative"
     omega: Array | None = None
     modes: tuple[int, ...] | None = None
-    inputs: tuple[str, ...] | None = None
-    outputs: tuple[str, ...] | None = None
+    inputs: str | Sequence[str] | None = None
+    outputs: str | Sequence[str] | None = None
     labels: tuple[tuple[str, ...], tuple[str, ...]] | None = None
     member: Array | None = None
     noise: Array | None = None
@@ -93,20 +92,12 @@ class Measured:
         known("kind of errors", errors, ERRORS)
         if isinstance(measured, (list, tuple)) and measured and not any(np.isscalar(each) for each in measured):
             return _side_by_side([cls.of(each, modes, weights, errors, inputs, outputs) for each in measured])
-        signals = {}
-        for name, given in (("inputs", inputs), ("outputs", outputs)):
-            listed = (given,) if isinstance(given, str) else given
-            signals[name] = None if given is None else tuple(sequence(name, listed, "names"))
         labels = omega = None
         if isinstance(measured, MeasuredCurve) and measured.response is not None:
             measured = measured.response  # with its phase, which singular values lose
-        if isinstance(measured, (MeasuredCurve, SigmaResult)):
-            curve = isinstance(measured, MeasuredCurve)
-            omega = frequencies("frequencies of measured", 2.0 * np.pi * measured.freq_hz if curve else measured.omega)
-            found = finite_array("measured", measured.magnitude if curve else measured.sigma, ndim=2)
-            kind, values = "singular values", -np.sort(-found, axis=0)
-            if not curve:
-                labels = measured.inputs, measured.outputs
+        if isinstance(measured, MeasuredCurve):
+            omega = frequencies("frequencies of measured", 2.0 * np.pi * measured.freq_hz)
+            kind, values = "singular values", -np.sort(-finite_array("measured", measured.magnitude, ndim=2), axis=0)
         elif is_frequency_response(measured):
             kind, values = RESPONSE, np.asarray(measured.frdata, dtype=complex)
             omega = frequencies("frequencies of measured", np.asarray(measured.omega))
@@ -130,12 +121,7 @@ class Measured:
                 "`measured` has zeros, which have no relative error. Set their weight to 0, or errors='absolute'."
             )
         noise = None if noise is None else np.nan_to_num(noise) / spread
-        return cls(kind, values, spread, str(errors), omega, modes, **signals, labels=labels, noise=noise)  # type: ignore[arg-type]
-
-    @cached_property
-    def asked(self) -> tuple[Array, Array] | None:
-        """Angular frequencies at which a model is asked, ascending, and which of them each entry is at."""
-        return None if self.omega is None else np.unique(self.omega, return_inverse=True)
+        return cls(kind, values, spread, str(errors), omega, modes, inputs, outputs, labels, noise=noise)  # type: ignore[arg-type]
 
     @property
     def sets(self) -> int:
@@ -283,7 +269,7 @@ def _weights(deviation: Array) -> Array | None:
 
 def _eigenfrequencies(measured: object, modes: object) -> tuple[Array, tuple[int, ...] | None]:
     """Return measured eigenfrequencies and, where they are said, which modes they are."""
-    kinds = "eigenfrequencies [Hz], FrequencyResponseData, a MeasuredCurve or a SigmaResult"
+    kinds = "eigenfrequencies [Hz], FrequencyResponseData or a MeasuredCurve"
     values = finite_array("measured", _numbers("measured", measured, kinds, "iuf"), ndim=1)
     if not len(values):
         raise ValueError("measured: expected at least one eigenfrequency, got none")
@@ -304,26 +290,25 @@ def _spread(weights: object, values: Array) -> Array:
     if weights is None:
         return np.ones(values.shape)
     given = finite_array("weights", weights)  # type: ignore[arg-type]
-    if not given.size:
-        raise ValueError(f"`weights` must have the measured shape {values.shape}, got {given.shape}.")
+    try:
+        whole_given = np.broadcast_to(given, values.shape)
+    except ValueError:
+        raise ValueError(f"`weights` must have the measured shape {values.shape}, got {given.shape}.") from None
     if (given < 0.0).any() or not (given > 0.0).any() or (given[given > 0.0] < _MIN_WEIGHT).any():
         raise ValueError(
             f"`weights` must be zeros and numbers above {_MIN_WEIGHT:g}, got {given.min():g} to {given.max():g}."
         )
-    try:
-        with np.errstate(divide="ignore"):
-            return 1.0 / np.broadcast_to(given, values.shape)
-    except ValueError:
-        raise ValueError(f"`weights` must have the measured shape {values.shape}, got {given.shape}.") from None
+    with np.errstate(divide="ignore"):
+        return 1.0 / whole_given
 
 
 def answered(model: Any, data: Measured) -> tuple[Array, tuple[int, ...] | None]:
     """Return a model's values in the places of those measured, and of eigenfrequencies which modes they are."""
-    if data.asked is None:
+    if data.omega is None:
         offered = _frequencies(model, data)
         modes = data.paired(offered)
         return offered[np.array(modes) - 1], modes
-    omega, at = data.asked
+    omega, at = np.unique(data.omega, return_inverse=True)
     return _curves(model, data, omega)[..., at], None
 
 
@@ -406,6 +391,4 @@ def _of_data(model: Any, data: Measured, asked: Array) -> Array:
         raise ValueError("build: expected a response at the measured frequencies, ascending")
     there = SimpleNamespace(inputs=tuple(model.input_labels), outputs=tuple(model.output_labels))
     ins, outs = _signals(data, there)
-    i = [there.inputs.index(name) for name in ins or there.inputs]
-    o = [there.outputs.index(name) for name in outs or there.outputs]
-    return np.asarray(model.frdata)[np.ix_(o, i)]
+    return np.asarray(model[list(outs or there.outputs), list(ins or there.inputs)].frdata)

@@ -70,9 +70,6 @@ class FitResult:
         Degrees of freedom of each standard error, for Student's t; infinite where the deviation was given.
     each : tuple of dict
         Values that each of several data sets has by itself; empty of one.
-    repeated : float
-        Share of the squared residuals that is the same in all data sets, or more than the deviation that was measured
-        with a response: an error of the model; ``nan`` where that is not known.
     build : callable or family, or None
         What makes the model of its parameters; None after unpickling where it does not pickle.
     """
@@ -97,7 +94,6 @@ class FitResult:
     source: str
     freedoms: dict[str, float]
     each: tuple[dict[str, float], ...]
-    repeated: float
     build: Any = field(default=None, repr=False, compare=False)
 
     def __getstate__(self) -> dict[str, Any]:
@@ -209,8 +205,7 @@ class FitResult:
         if np.isnan(self.deviation):
             return "as many parameters as numbers: the residuals do not show the errors; give a deviation"
         size = f"{100.0 * self.deviation:.3g} %" if self.measured.errors == "relative" else f"{self.deviation:.3g}"
-        part = "" if np.isnan(self.repeated) else f"; {100.0 * self.repeated:.2g} % of their squares are model error"
-        return f"errors of {size}, {'estimated from the residuals' if self.estimated else 'as given'}{part}"
+        return f"errors of {size}, {'estimated from the residuals' if self.estimated else 'as given'}"
 
     def plot(self, ax: "Axes | None" = None, **style: Any) -> "Axes":
         """Draw measured values beside fitted ones and those at the start.
