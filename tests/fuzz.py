@@ -475,7 +475,6 @@ CALLS = {
         "initial_state": None,
         "final_state": None,
         "tip_masses": (),
-        "method": "collocation",
         "tolerance": 1e-6,
         "intervals": 20,
         "time_limit": SHORT,
