@@ -40,7 +40,6 @@ from boomctl.rotating_beam.manoeuvres import (
     PlannedTorque,
     PrescribedMotion,
     StraightTorque,
-    Torque,
     TorqueDriven,
 )
 from boomctl.rotating_beam.parameters import HubBeamParameters
@@ -729,8 +728,8 @@ def _played(given: Any, initial: ArrayLike | None) -> Manoeuvre:
 
 
 def _checked(manoeuvre: Manoeuvre, end: float) -> Manoeuvre:
-    """Return a manoeuvre; one made of a user's functions as it was checked up to an instant [s]."""
-    return manoeuvre.checked_until(end) if isinstance(manoeuvre, HubProfile | Torque) else manoeuvre
+    """Return a manoeuvre; a hub profile as it was checked up to an instant [s]."""
+    return manoeuvre.checked_until(end) if isinstance(manoeuvre, HubProfile) and end > 0.0 else manoeuvre
 
 
 def _initial_state(value: ArrayLike, size: int) -> Array:

@@ -17,25 +17,17 @@ from numpy.typing import ArrayLike
 from boomctl.arrays import Array
 from boomctl.checks import finite_array, function_of, plain_array, positive, real, sequence, shown
 from boomctl.gauss import gauss_method
-from boomctl.lti.rounding import SOLVED, SUMMED
-from boomctl.rotating_beam.corners import found_corners
+from boomctl.lti.rounding import SUMMED
 
 TimeFunction = Callable[..., object]
 
-_CHECKED_INTERVALS = 64  # on which a profile's functions are compared: a choice
-# parts of an interval on which they seem not to belong together, one after the other (a choice)
-_CHECKED_PARTS = (1, 16, 256, 4096)
-_SHORT_STEPS = 48  # steps of a motion found so, each far shorter than what moves (a choice)
-_CHECK_POINTS = 6  # Gauss points on each: exact for polynomials of degree 11
-_UNSEEN = 1e-2  # share of the largest gain that a look at even intervals may miss: more is a short motion (a choice)
+_CHECKED_INTERVALS = 200  # on which a profile's functions are compared (a choice)
+_CHECK_POINTS = 10  # Gauss points on each: exact for polynomials of degree 19
+_SPLIT, _CHECKED_LEVELS = 16, 5  # parts of an interval on which they disagree, and how often it is split (choices)
+_MOST_OPEN, _MOST_JUMPS = 2**13, 1000  # intervals that are split at once, and those in which a slope jumps (choices)
 # a resonance makes a thousand times as much of what functions differ by, which is a motion's own tolerance
 _BELONGING = 1e-11  # of how far a function goes, by which it may differ from the integral of its slope (measured)
-_RESOLVED = 1e-9  # likewise where the speed at Gauss points tells of all of it: the motion is slow there (a choice)
 _ROUNDING = 16.0 * np.finfo(float).eps  # of the largest value: what a user's function may be off (a choice)
-_SPLIT = 16  # parts of an interval on which a slope's integral is not exact enough: a choice
-_CUT_OUT = 3  # times that a place is split so that it is one at which a slope jumps, and not swift (a choice)
-_MOST_JUMPS = 1000  # found so; of more, the function is no smooth one between them (a choice)
-_MOST_PARTS = 2**18  # that are looked at side by side, a quarter of a second (measured)
 
 
 class PrescribedMotion(ABC):
@@ -212,95 +204,50 @@ class HubProfile(PrescribedMotion):
         object.__setattr__(self, "breakpoints", _breakpoints(self.breakpoints))
 
     def checked_until(self, end: float) -> HubProfile:
-        """Check up to an instant [s] that the functions belong together; return the profile as it is to be simulated.
+        """Check up to an instant [s], on 200 intervals, that the functions belong together; return them for a simulation.
 
-        Where the acceleration or its slope jumps it gets breakpoints, as `hub_profile` says. A motion so short that a look
-        at even intervals misses it gets breakpoints around and within it, so that no step passes over it.
+        Intervals on which they seem not to are split; their ends are breakpoints, for the motion is swift there or jumps.
 
         Raises
         ------
         ValueError
-            If the speed is not the slope of the angle, or the acceleration that of the speed, to eleven digits; if the
-            acceleration jumps at too many instants.
+            If the speed is not the slope of the angle, or the acceleration that of the speed.
         """
-        if end <= 0.0:
-            return self
-        declared = found_corners("acceleration", self.acceleration, self.breakpoints, end)
-        if len(declared) > len(self.breakpoints):
-            return replace(self, breakpoints=declared)._belonging(end)
-        return self._belonging(end)
-
-    def _belonging(self, end: float) -> HubProfile:
-        """See `checked_until`; all breakpoints are known."""
-        short: list[Array] = []
         even = np.linspace(0.0, end, _CHECKED_INTERVALS + 1)
         edges = np.unique(np.concatenate([even, [b for b in self.breakpoints if 0.0 < b < end]]))
-        # where the angle tells of a motion that the speeds at both ends do not, the acceleration is looked at closely too
-        gains, speeds = np.diff(self.angle(edges)), self.speed(edges)
-        unseen = np.abs(gains - 0.5 * np.diff(edges) * (speeds[1:] + speeds[:-1]))
-        hidden = unseen > _UNSEEN * np.abs(gains).max()
-        for name, slope in (("angle", "speed"), ("speed", "acceleration")):
-            missed, size, open_ = np.zeros(len(edges) - 1), np.zeros(len(edges) - 1), np.arange(len(edges) - 1)
-            for parts in _CHECKED_PARTS:
-                ends = np.linspace(edges[open_], edges[open_ + 1], parts + 1, axis=1)
-                gained = getattr(self, name)(ends[:, 1:]) - getattr(self, name)(ends[:, :1])
-                found = np.cumsum(_integrals(getattr(self, slope), ends), axis=1)
-                missed[open_] = np.abs(gained - found).max(axis=1)
-                size[open_] = np.maximum(np.abs(gained), np.abs(found)).max(axis=1)
-                if parts == 1 and name == "angle":
-                    hidden &= missed > _RESOLVED * size.max()
-                if parts > 1:
-                    short += [_moving(times, way) for times, way in zip(ends, gained, strict=True)]
-                close = hidden if parts == 1 and name == "speed" else False
-                open_ = np.flatnonzero((missed > _UNSEEN * size.max()) | close)
-                if not len(open_):
-                    break
-                if parts == 1:  # the tails of a short motion may lie beside
-                    beside = np.unique(np.concatenate([open_ - 1, open_, open_ + 1]))
-                    open_ = beside[(beside >= 0) & (beside < len(missed))]
-        looked_at = np.unique(np.concatenate([edges, *short]))
-        self._agree("angle", "speed", looked_at)
-        jumps = self._agree("speed", "acceleration", looked_at)
-        if not short and not len(jumps):
-            return self
-        inside = np.unique(np.concatenate([self.breakpoints, *short, jumps]))
+        split = self._agree("angle", "speed", edges), self._agree("speed", "acceleration", edges)
+        inside = np.unique(np.concatenate([self.breakpoints, *split]))
         # of the whole time: two instants nearer than that are one, and no step lies between them
         inside = inside[np.diff(inside, prepend=-np.inf) > SUMMED * end]
         return replace(self, breakpoints=tuple(inside.tolist()))
 
     def _agree(self, name: str, slope: str, edges: Array) -> Array:
-        """Refuse a function that is not the integral of another: between some instants and at places within.
-
-        Returned are the places that had to be cut out: there the slope jumps.
-
-        Where the integral is not exact enough the interval is split: the parts' shares of what may be missed are as much
-        smaller, so that what differs throughout stays in sight, and what is not smooth at an instant is cut out.
-        """
-        function, rate = getattr(self, name), getattr(self, slope)
-        method = gauss_method(_CHECK_POINTS)
-        rows = np.vstack([method.A, method.weights])
-        low, high = edges[:-1], edges[1:]
-        share, allowed, floor = 1.0 / len(low), 0.0, 0.0
+        """Return the ends of the intervals that were split; raise an error for a function that is no integral of another."""
+        function, rate, method = getattr(self, name), getattr(self, slope), gauss_method(_CHECK_POINTS)
+        nodes, weights = method.nodes, method.weights
+        low, high, allowed, floor = edges[:-1], edges[1:], np.inf, 0.0
         settled: list[tuple[Array, Array]] = []
-        jumps, parents, cuts = [low[:0]], low[:0], 0
-        while len(low):
-            width = (high - low)[:, None]
-            inside = low[:, None] + width * method.nodes
-            slopes, begun, values = rate(inside), function(low), function(np.column_stack([inside, high]))
-            missed = values - begun[:, None] - width * (slopes @ rows.T)
-            if not settled:
-                floor = _ROUNDING * float(np.abs(values).max() + edges[-1] * np.abs(slopes).max())
-                allowed = max(_BELONGING * float(np.abs(values - values[0, 0]).max()), floor)
-            open_ = np.abs(missed).max(axis=1) > max(share * allowed, floor)
-            open_ &= width[:, 0] > _SPLIT * np.spacing(edges[-1])
-            if np.count_nonzero(open_) * _SPLIT > _MOST_PARTS:
+        split: list[Array] = []
+        for level in range(_CHECKED_LEVELS):
+            width = high - low
+            ended, slopes = function(high), rate(low[:, None] + width[:, None] * nodes)
+            missed = ended - function(low) - width * (slopes @ weights)
+            if not level:
+                size = float(np.abs(ended).max() + edges[-1] * np.abs(slopes).max())
+                floor = _ROUNDING * size
+                allowed = max(_BELONGING * float(np.ptp(ended)), floor)
+            open_ = np.abs(missed) > max(allowed / (len(edges) * _SPLIT**level), floor)
+            count = np.count_nonzero(open_)
+            if level == _CHECKED_LEVELS - 1 and count <= _MOST_JUMPS:
+                missed[open_] = 0.0  # there the slope jumps, so that its integral is not known better
+            if level == _CHECKED_LEVELS - 1 or count > _MOST_OPEN:
                 open_[:] = False
-            settled.append((high[~open_], missed[~open_, -1]))
-            if cuts > _CUT_OUT:
-                jumps.append(parents[~open_.reshape(-1, _SPLIT).any(axis=1)])
-            parents, cuts = 0.5 * (low + high)[open_], cuts + 1
+            settled.append((high[~open_], missed[~open_]))
+            split += [low[open_], high[open_]]
             ends = np.linspace(low[open_], high[open_], _SPLIT + 1, axis=1)
-            low, high, share = ends[:, :-1].ravel(), ends[:, 1:].ravel(), share / _SPLIT
+            low, high = ends[:, :-1].ravel(), ends[:, 1:].ravel()
+            if not len(low):
+                break
         at, missed = (np.concatenate(each) for each in zip(*settled, strict=True))
         order = np.argsort(at)
         apart = np.abs(np.cumsum(missed[order]))
@@ -311,8 +258,7 @@ class HubProfile(PrescribedMotion):
                 f" differs by up to {apart[worst]:.3g} from the integral of the {slope}; of tables take one spline and its"
                 " derivatives"
             )
-        found = np.concatenate(jumps)
-        return found if len(found) <= _MOST_JUMPS else found[:0]
+        return np.concatenate(split)
 
     def angle(self, t: ArrayLike) -> Array:
         return _evaluate("angle", self.angle_function, t)
@@ -375,18 +321,6 @@ class Torque(TorqueDriven):
     def __post_init__(self) -> None:
         function_of("torque", self.function, "time")
         object.__setattr__(self, "breakpoints", _breakpoints(self.breakpoints))
-
-    def checked_until(self, end: float) -> Torque:
-        """Return the torque with breakpoints wherever it or its slope jumps before an instant [s], as `torque` says.
-
-        Raises
-        ------
-        ValueError
-            If it jumps at too many instants.
-        """
-        if end <= 0.0:
-            return self
-        return replace(self, breakpoints=found_corners("torque", self.torque, self.breakpoints, end))
 
     def torque(self, t: ArrayLike) -> Array:
         return _evaluate("torque", self.function, t)
@@ -505,8 +439,8 @@ def hub_profile(
         Hub angle [rad], speed [rad/s] and acceleration [rad/s^2] as functions of the time [s]; each is the slope of the
         one before.
     breakpoints : tuple of float
-        Instants [s] at which the acceleration or its slope jumps; steps of the solver then end there. Others are found
-        as for `torque`.
+        Instants [s] at which the acceleration or its slope jumps; steps of the solver then end there. What is not named
+        costs steps, as for `torque`.
 
     Returns
     -------
@@ -539,9 +473,9 @@ def torque(function: TimeFunction, breakpoints: tuple[float, ...] = ()) -> Torqu
     function : callable
         Torque [N m] as a function of the time [s].
     breakpoints : tuple of float
-        Instants [s] at which the torque or its slope jumps; steps of the solver then end there. Others are found where
-        the torque is looked at, every 0.5 ms and at 16,384 to 1,048,576 instants in all: jumps and corners no nearer to
-        each other than that, and pulses that last as long. What is shorter has to be given.
+        Instants [s] at which the torque or its slope jumps; steps of the solver then end there. What is not named costs
+        steps, up to fifty times as many, but no accuracy, as long as it is seen where the torque is looked at: every
+        0.5 ms, and at 16,384 to 1,048,576 instants in all. Pulses that are shorter have to be given.
 
     Returns
     -------
@@ -551,8 +485,7 @@ def torque(function: TimeFunction, breakpoints: tuple[float, ...] = ()) -> Torqu
     Raises
     ------
     TypeError, ValueError
-        Something that is not a function of time; breakpoints that are not numbers. When it is simulated: a torque that
-        jumps at more than 10,000 instants.
+        Something that is not a function of time; breakpoints that are not numbers.
 
     Examples
     --------
@@ -611,20 +544,6 @@ def free() -> Free:
     True
     """
     return Free()
-
-
-def _moving(times: Array, way: Array) -> Array:
-    """Return the first and the last of some times between which a motion goes its way, and a few between them."""
-    steps = np.abs(np.diff(way, prepend=0.0))
-    # share of the largest step of such a motion below which it rests
-    moved = np.flatnonzero(steps > SOLVED * steps.max())
-    return np.linspace(times[moved[0]], times[moved[-1] + 1], _SHORT_STEPS + 1) if len(moved) else times[:0]
-
-
-def _integrals(function: TimeFunction, ends: Array) -> Array:
-    """Return the integrals of a function over the steps between neighbours of ``ends[interval, place]``."""
-    method, h = gauss_method(_CHECK_POINTS), np.diff(ends, axis=1)
-    return h * (np.asarray(function(ends[:, :-1, None] + h[:, :, None] * method.nodes)) @ method.weights)
 
 
 def _breakpoints(values: tuple[float, ...]) -> tuple[float, ...]:

@@ -15,9 +15,10 @@ from numpy.polynomial.legendre import legder, legvander
 
 from boomctl.arrays import Array
 from boomctl.lti.rounding import ALIKE
+from boomctl.rotating_beam.drive import resolving
 from boomctl.rotating_beam.exact.dynamics import ExactBeamDynamics
 from boomctl.rotating_beam.exact.integrator import StepFailed, Trajectory, march
-from boomctl.rotating_beam.manoeuvres import Manoeuvre
+from boomctl.rotating_beam.manoeuvres import HubProfile, Manoeuvre, Torque
 from boomctl.rotating_beam.result import Motion, SimulationError, kept_states, small_deformation_until
 
 _WINDOW = 6  # ends of steps that an interpolation goes through: of degree 11, beyond the order of the steps
@@ -94,7 +95,7 @@ def run_with_step(
         They are too many.
     """
     end = float(timepts[-1])
-    bounds = np.array([0.0, *(c for c in sorted(manoeuvre.breakpoints) if 0.0 < c < end), end])
+    bounds = _bounds(manoeuvre, end, step)
     counts = [_steps(start, stop, step, timepts, least) for start, stop in pairwise(bounds)]
     if sum(counts) > _MOST_STEPS:
         raise _TooMany(f"steps of {step:.2g} s: too many")
@@ -106,6 +107,20 @@ def run_with_step(
     q, v = _at(trajectories, probes)
     arm = q[:, 0] * float(np.sum(dynamics.basis.tip_row))
     return Run(probes, dynamics.tip(q), arm, (q, v), trajectories, sum(counts), step)
+
+
+def _bounds(manoeuvre: Manoeuvre, end: float, step: float) -> Array:
+    """Ends of equal steps: where the drive is not smooth, and where a user's function jumps or is swift."""
+    bounds = np.array([0.0, *(c for c in sorted(manoeuvre.breakpoints) if 0.0 < c < end), end])
+    if not isinstance(manoeuvre, HubProfile | Torque):
+        return bounds
+    drive = manoeuvre.torque if isinstance(manoeuvre, Torque) else manoeuvre.acceleration
+    parts = [
+        np.linspace(start, stop, int(np.ceil((stop - start) / (_LEAST_STEPS * step))), endpoint=False)
+        for start, stop in pairwise(bounds)
+    ]
+    coarse = np.append(np.concatenate(parts), end)
+    return np.union1d(bounds, np.setdiff1d(resolving(coarse, drive), coarse))
 
 
 def run_to_tolerance(

@@ -15,6 +15,7 @@ from numpy.polynomial import legendre
 from boomctl.arrays import Array
 from boomctl.gauss import gauss_method
 from boomctl.lti.rounding import ALIKE, SUMMED
+from boomctl.rotating_beam.drive import off_polynomials
 from boomctl.rotating_beam.manoeuvres import TorqueDriven
 from boomctl.rotating_beam.modal.equations import FreeHubForm
 from boomctl.rotating_beam.motion.free_modes import FreeModes, free_modes
@@ -46,6 +47,7 @@ _MORE_WINDOWS = (
 )
 _RESOLVED = 4.0  # times as many windows as it takes to see a fast mode at all, to follow it: measured, axial modes
 _DECAYED = 300.0  # decay rate times length of a window at most: its exponential and its inverse are then finite
+_SEEN = 1e-12  # of the largest torque: less, at an even instant, is rounding of a polynomial
 _INSIDE = 1e-4  # of a step: so near to its ends a torque is looked at for what the nodes have not seen
 _TIGHTER = 0.1  # factor of the error allowed in a window when all together have missed the tolerance
 _ATTEMPTS = 3  # with ever tighter windows
@@ -70,8 +72,8 @@ class FreeScene:
     rtol, atol : float
         The error of the displacements, and that of the hub angle times the radius, is kept below
         ``atol + rtol max |displacement|`` [m].
-    given : bool
-        Whether the torque is a user's function, which may be less smooth than it says.
+    looked_at : ndarray or None
+        Even instants, at which a user's function is looked at, which may be less smooth than it says; None of others, s.
     """
 
     manoeuvre: TorqueDriven
@@ -81,7 +83,7 @@ class FreeScene:
     radius: float
     rtol: float
     atol: float
-    given: bool
+    looked_at: Array | None
 
     @property
     def end(self) -> float:
@@ -377,16 +379,26 @@ def _torque(run: _Progress, h: float, stages: int) -> Array:
 
 
 def _overlooked(weights: _Weights, run: _Progress, window: Window) -> Array:
-    """What a user's torque does beside the polynomials through its nodes, by its values near the ends of steps; 2."""
-    if not run.scene.given:
+    """What a user's torque does beside the polynomials through its nodes, by its values near the ends of steps; 2.
+
+    Its values at even instants count too: what lasts longer than from one of these to the next is not passed over.
+    """
+    instants = run.scene.looked_at
+    if instants is None:
         return np.zeros(2)
     push, h, places = window.modes.push[0], float(window.flow.h[0]), np.array([_INSIDE, 1.0 - _INSIDE])
-    nodes = window.torque.reshape(run.steps, -1)
-    values = run.scene.manoeuvre.torque(run.time + h * (np.arange(run.steps)[:, None] + places))
+    nodes, begin = window.torque.reshape(run.steps, -1), run.time + h * np.arange(run.steps)
+    values = run.scene.manoeuvre.torque(begin[:, None] + h * places)
     apart = np.abs(values - nodes @ _places(nodes.shape[1], tuple(places)).T).max(axis=1)
-    apart[apart <= _ROUNDING * np.abs(values).max()] = 0.0
+    gap = instants[1]
+    instants = instants[(instants >= begin[0]) & (instants <= begin[-1] + h)]
+    found = run.scene.manoeuvre.torque(instants)
+    between, _ = off_polynomials(nodes, begin, np.full(run.steps, h), instants, found)
+    size = max(np.abs(values).max(), np.abs(found).max(initial=0.0))
+    apart[apart <= _ROUNDING * size] = 0.0
+    between[between <= _SEEN * size] = 0.0
     to_tip, to_hub = np.sum(weights.tip[0, 1:] * np.abs(push[1:])), weights.speed[0] * push[0] ** 2
-    return h * apart.sum() * np.array([to_tip, to_hub])
+    return max(h * apart.sum(), gap * between.sum()) * np.array([to_tip, to_hub])
 
 
 @lru_cache(maxsize=4)

@@ -6,7 +6,6 @@ from math import ceil, log2
 from typing import final
 
 import numpy as np
-from numpy.polynomial import legendre
 
 from boomctl.arrays import Array
 from boomctl.gauss import gauss_method
@@ -19,11 +18,6 @@ STAGES = 8  # of the collocation, order 16: a choice; 4 and 6 take longer (measu
 
 _PHASE = 5.5  # first step times the lowest frequency of the beam, for vibrations in closed form: nearly a period
 _PHASE_GRADED = 1.4  # likewise for polynomials: a quarter of a period, which eight stages follow
-
-_DRIVE_POINTS = 10  # Gauss points at which a drive is looked at on each step: a choice
-_DRIVE_ROUGH = 1e-4  # of its largest value: highest Legendre terms above that mean that no polynomial follows the drive
-_DRIVE_SMALLEST = 1e-12  # of the whole time: a jump within so short a step is as good as at its edge
-_DRIVE_PASSES = 45  # halvings of a first step: 2^-45 is below the smallest step
 
 _FIRST_TOLERANCE = 1e-6  # change of a coordinate at which Newton's method stops on the first steps, m: they are a start
 _NEWTON_SHARE = 0.05  # of the allowed error that Newton's method may leave
@@ -65,21 +59,6 @@ def first_steps(equations: Equations, breakpoints: tuple[float, ...], end: float
             edges.append(left + (right - left) / count * 0.5 ** np.arange(halvings, 0, -1))
         edges.append(right - (right - left) / count * np.arange(count - 1, -1, -1))
     return np.concatenate(edges)
-
-
-def resolving(edges: Array, problem: Problem) -> Array:
-    """Halve steps until a polynomial follows what drives a problem on each: its jumps then lie within very short ones."""
-    points = 2.0 * gauss_method(_DRIVE_POINTS).nodes - 1.0
-    highest = np.linalg.inv(legendre.legvander(points, _DRIVE_POINTS - 1))[-2:]
-    for _ in range(_DRIVE_PASSES):
-        half = 0.5 * np.diff(edges)
-        values = problem.drive(edges[:-1, None] + half[:, None] * (1.0 + points))
-        rough = np.abs(values @ highest.T).max(axis=1) > _DRIVE_ROUGH * np.abs(values).max()
-        rough &= half > _DRIVE_SMALLEST * edges[-1]
-        if not rough.any():
-            break
-        edges = np.sort(np.concatenate([edges, (edges[:-1] + half)[rough]]))
-    return edges
 
 
 @final

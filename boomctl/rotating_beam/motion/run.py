@@ -8,18 +8,20 @@ from typing import NamedTuple, final
 import numpy as np
 
 from boomctl.arrays import Array
+from boomctl.rotating_beam.drive import even_instants, resolving
 from boomctl.rotating_beam.manoeuvres import HubProfile, Manoeuvre, PrescribedMotion, Torque
 from boomctl.rotating_beam.modal.equations import Equations
 from boomctl.rotating_beam.motion.free_hub import FreeScene, free_motion
 from boomctl.rotating_beam.motion.free_trajectory import FreeTrajectory
 from boomctl.rotating_beam.motion.modal_collocation import ModalTrajectory, modal_refine
 from boomctl.rotating_beam.motion.problems import PrescribedProblem, Problem, TorqueDrivenProblem
-from boomctl.rotating_beam.motion.refinement import Accuracy, first_steps, refine, resolving
+from boomctl.rotating_beam.motion.refinement import Accuracy, first_steps, refine
 from boomctl.rotating_beam.motion.steady_rotation import steady_motion, vibration_amplitudes
 from boomctl.rotating_beam.result import Motion, SimulationError, kept_states, small_deformation_until
 
 _WATCHED = 16.0  # instants in a period of the lowest mode at which the tip is watched: it turns by 22 degrees between
 _JUMP = 1e-11  # of the whole time: steps so short are there for a jump of the torque that lies in them
+_CAUTION = 2.0  # times the difference of two levels of steps, the error where a user's function has a kink (measured)
 _LONGEST = 3e5  # radians of the slowest mode that a motion may last: half a minute and some gigabytes (measured)
 
 
@@ -131,6 +133,20 @@ class Scene:
             return timepts
         return np.union1d(timepts, np.linspace(0.0, self.end, int(np.ceil(self.end / gap)) + 1))
 
+    @property
+    def given(self) -> bool:
+        """Whether the manoeuvre is made of a user's functions, which may be less smooth than they say."""
+        return isinstance(self.manoeuvre, HubProfile | Torque)
+
+    @property
+    def caution(self) -> float:
+        """Times the difference of two levels of steps that the error of a motion may be."""
+        return _CAUTION if self.given else 1.0
+
+    def accuracy(self, rows: tuple[Array, ...]) -> Accuracy:
+        """Accuracy that two levels of steps have to agree to."""
+        return Accuracy(self.rtol / self.caution, self.atol / self.caution, rows)
+
     def asked(self, watched: Array) -> Array:
         """Of values at the watched instants those at the instants asked for."""
         return watched if self.watched is self.timepts else watched[np.searchsorted(self.watched, self.timepts)]
@@ -177,7 +193,7 @@ def _by_modes(scene: Scene) -> Motion | None:
     end = min(scene.end, scene.steady_from)
     edges = _first_steps(scene, PrescribedProblem(scene.equations, manoeuvre), end, graded=False)
     beam = scene.start[0][1:], scene.start[1][1:]
-    accuracy = Accuracy(scene.rtol, scene.atol, (np.stack([tip.transverse, tip.axial]),))
+    accuracy = scene.accuracy((np.stack([tip.transverse, tip.axial]),))
     found = modal_refine(form, manoeuvre, edges, beam, accuracy, vibrates_on=end < scene.end)
     if found is None:
         return None
@@ -188,7 +204,7 @@ def _by_modes(scene: Scene) -> Motion | None:
     )
     states = partial(_modal_states, trajectory, manoeuvre, scene.timepts)
     steps = trajectory.edges.size - 1
-    return Motion(scene.asked(displacement), until, states, error, steps, ("modal collocation",))
+    return Motion(scene.asked(displacement), until, states, scene.caution * error, steps, ("modal collocation",))
 
 
 def _modal_states(trajectory: ModalTrajectory, manoeuvre: PrescribedMotion, timepts: Array) -> tuple[Array, Array]:
@@ -206,9 +222,9 @@ def _by_free_modes(scene: Scene) -> Motion | None:
 def _free_scene(scene: Scene) -> FreeScene:
     manoeuvre, tip = scene.manoeuvre, scene.equations.tip
     assert not isinstance(manoeuvre, PrescribedMotion)
-    corners, given = np.array([*manoeuvre.breakpoints, scene.end]), isinstance(manoeuvre, Torque)
+    corners = np.array([*manoeuvre.breakpoints, scene.end])
     _refuse_long(scene, scene.end)
-    if given:
+    if scene.given:
         edges = _first_steps(scene, TorqueDrivenProblem(scene.equations, manoeuvre), scene.end, graded=False)
         jumps = np.flatnonzero(np.diff(edges) < _JUMP * scene.end)
         corners = np.concatenate([corners, edges[jumps], edges[jumps + 1]])
@@ -220,7 +236,7 @@ def _free_scene(scene: Scene) -> FreeScene:
         radius=scene.radius,
         rtol=scene.rtol,
         atol=scene.atol,
-        given=given,
+        looked_at=even_instants(scene.end) if scene.given else None,
     )
 
 
@@ -241,14 +257,14 @@ def _collocated(scene: Scene) -> Motion:
     if not isinstance(manoeuvre, PrescribedMotion):
         rows = np.zeros((3, scene.equations.size))
         rows[0, 1:], rows[1, 1:], rows[2, 0] = tip.transverse, tip.axial, scene.radius
-        accuracy = Accuracy(scene.rtol, scene.atol, (rows[:2], rows[2:]))
+        accuracy = scene.accuracy((rows[:2], rows[2:]))
         problem = TorqueDrivenProblem(scene.equations, manoeuvre)
         trajectory, error = refine(problem, _first_steps(scene, problem, scene.end, graded=True), scene.start, accuracy)
         y, rate = trajectory(scene.watched)
-        return _sampled(scene, y, rate, error, trajectory.edges.size - 1, ("collocation",))
+        return _sampled(scene, y, rate, scene.caution * error, trajectory.edges.size - 1, ("collocation",))
 
     terms, end = scene.equations.beam_speed_terms, min(scene.end, scene.steady_from)
-    accuracy = Accuracy(scene.rtol, scene.atol, (np.stack([tip.transverse, tip.axial]),))
+    accuracy = scene.accuracy((np.stack([tip.transverse, tip.axial]),))
     if terms is not None and end < scene.end:
         accuracy = replace(accuracy, modal=vibration_amplitudes(terms, float(manoeuvre.speed(end)), tip.transverse))
     beam = scene.start[0][1:], scene.start[1][1:]
@@ -261,7 +277,7 @@ def _collocated(scene: Scene) -> Motion:
         last = trajectory.q[-1], trajectory.v[-1]
         q_late, v_late, name = _steady_from(scene, end, last, scene.watched[late:])
         q, v, path = np.concatenate([q, q_late]), np.concatenate([v, v_late]), (*path, name)
-    return _sampled(scene, *_with_hub(scene, q, v), error, trajectory.edges.size - 1, path)
+    return _sampled(scene, *_with_hub(scene, q, v), scene.caution * error, trajectory.edges.size - 1, path)
 
 
 def _refuse_long(scene: Scene, end: float) -> None:
@@ -276,8 +292,7 @@ def _refuse_long(scene: Scene, end: float) -> None:
 def _first_steps(scene: Scene, problem: Problem, end: float, *, graded: bool) -> Array:
     _refuse_long(scene, end)
     edges = first_steps(scene.equations, scene.manoeuvre.breakpoints, end, graded=graded)
-    given = isinstance(scene.manoeuvre, HubProfile | Torque)  # a user's functions, which may jump where they do not say
-    return resolving(edges, problem) if given else edges
+    return resolving(edges, problem.drive) if scene.given else edges
 
 
 def _steady_from(scene: Scene, begin: float, beam: tuple[Array, Array], timepts: Array) -> tuple[Array, Array, str]:
