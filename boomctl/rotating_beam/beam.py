@@ -67,10 +67,6 @@ _STEEP = 12  # speeds before it that a diagram gains there (a choice)
 _TOLERANCE = 1e-8, 1e-10  # rtol and atol [m] of a simulation where none are given (a choice)
 
 
-class Enough(int):
-    """A number of modes that nobody asked for: a model whose motion is to be true takes more where it needs them."""
-
-
 class SmallMotion(NamedTuple):
     """Small motion ``mass y'' + damping y' + stiffness y = (torque, 0)`` about steady rotation.
 
@@ -129,7 +125,7 @@ class HubBeam(ABC):
         modes = whole("modes", self.modes)
         if modes > self.most_modes:
             raise ValueError(f"modes = {modes}: expected 1 to {self.most_modes} for model {self.model!r}")
-        object.__setattr__(self, "modes", self.modes if isinstance(self.modes, Enough) else modes)
+        object.__setattr__(self, "modes", modes)
 
     def __repr__(self) -> str:
         given = ((field, getattr(self.parameters, field.name)) for field in fields(self.parameters))

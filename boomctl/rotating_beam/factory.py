@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from boomctl.checks import shown
 from boomctl.parameters import or_default, signature_of
 from boomctl.rotating_beam.assumed_modes import AssumedModesBeam
-from boomctl.rotating_beam.beam import Enough, HubBeam, in_model
+from boomctl.rotating_beam.beam import HubBeam, in_model
 from boomctl.rotating_beam.exact.beam import GeometricallyExactBeam
 from boomctl.rotating_beam.manoeuvres import Manoeuvre
 from boomctl.rotating_beam.parameters import HubBeamParameters
@@ -87,8 +87,8 @@ def hub_beam(
         "geometrically-exact": a beam of finite rotation, against which the others can be judged.
         By default "sfoam".
     modes : int
-        Number of transverse modes and, where the model has them, of axial ones; by default 5, to which a simulation of a
-        geometrically exact beam adds what its tolerance takes.
+        Number of transverse modes and, where the model has them, of axial ones; of a geometrically exact beam, of
+        polynomials. By default 5.
     accuracy : float, optional
         Instead of `model` and `modes`: the cheapest model is chosen, and its modes, whose free end moves across the
         undeformed beam as a converged geometrically exact beam's does in `manoeuvre`, from rest. The largest error over
@@ -130,7 +130,7 @@ def hub_beam(
     """
     p = or_default(HubBeamParameters, "parameters", parameters, changes, signature_of(hub_beam))
     if accuracy is None and manoeuvre is None and time is None:
-        return in_model(p, "sfoam" if model is None else model, Enough(5) if modes is None else modes)
+        return in_model(p, "sfoam" if model is None else model, 5 if modes is None else modes)
     for name, given in (("model", model), ("modes", modes)):
         if given is not None:
             raise ValueError(f"{name} = {shown(given)}: expected none beside accuracy and manoeuvre, which choose it")

@@ -250,42 +250,14 @@ def test_an_error_is_told_where_steps_that_do_for_some_polynomials_do_not_for_mo
 
 
 @pytest.mark.slow
-@examples(30)
-@given(st.floats(3.0, 7.0), st.floats(0.5, 1.0))
-def test_polynomials_are_added_where_none_were_asked_for(speed, duration):
-    whip, times = spin_up(speed, duration), np.linspace(0.0, duration + 0.3, 30)
-    beam = hub_beam(BAI, model="geometrically-exact")
-    found, true = (
-        beam.simulate(whip, times, rtol=1e-4),
-        GeometricallyExactBeam(BAI, 18).simulate(whip, times, rtol=1e-6),
-    )
-    error = np.abs(found.tip_displacement - true.tip_displacement).max()
-    assert error <= found.error_estimate + true.error_estimate
-    largest = np.hypot(found.tip_displacement, found.foreshortening + found.axial_tip_displacement).max()
-    assert found.error_estimate <= 1.1e-4 * largest  # it may be larger between the instants
-    assert found.states.shape == (30, len(beam.state_names))
-    np.testing.assert_allclose(found.states[:, 0], found.hub_angle)
-    few = beam.with_tip_mass(0.0)  # what is made of it adds them too
-    assert np.abs(few.simulate(whip, times, rtol=1e-4).tip_displacement - found.tip_displacement).max() < 1e-12
-
-
-@pytest.mark.slow
 @examples(6)
 @given(st.floats(4.0, 7.0), st.floats(0.5, 1.2))
 def test_a_whip_moves_as_a_chain_of_links(speed, duration):
     whip, times = spin_up(speed, duration), np.linspace(0.0, duration + 0.3, 30)
-    tip = hub_beam(BAI, model="geometrically-exact").simulate(whip, times, rtol=1e-4).tip_displacement
+    tip = GeometricallyExactBeam(BAI, 14).simulate(whip, times, rtol=1e-4).tip_displacement
     coarse, fine = (chain_tip(BAI, whip, times, links) for links in (30, 60))
     limit = fine + (fine - coarse) / 3.0
     assert np.abs(limit - tip).max() <= max(np.abs(limit - fine).max(), 1e-3 * BAI.length)
-
-
-@pytest.mark.slow
-def test_a_motion_that_no_polynomials_follow_says_so():
-    push = torque(lambda t: np.where(np.asarray(t) < 0.2, 300.0, 0.0), (0.2,))
-    with pytest.warns(UserWarning, match="not smooth enough"):
-        found = hub_beam(BAI, model="geometrically-exact").simulate(push, np.linspace(0.0, 0.3, 4), rtol=1e-9)
-    assert found.error_estimate > 1e-9 * np.abs(found.tip_displacement).max()
 
 
 # -- bad input --------------------------------------------------------------------------------------------------------

@@ -11,7 +11,6 @@ inside the beam makes stretch and shear force jump there; the beam is then cut i
 """
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numpy.polynomial.legendre import leggauss, legvander
@@ -112,45 +111,6 @@ def strain_basis(parameters: HubBeamParameters, modes: int) -> StrainBasis:
         hub_inertia=float(parameters.hub_inertia),
         length=float(parameters.length),
     )
-
-
-class PlaceRows(NamedTuple):
-    """What reads a point of the beam's axis: its position off the tangents at the nodes, the rest off the coordinates.
-
-    Attributes
-    ----------
-    integration : ndarray, nodes
-        m.
-    rotation, curvature, stretch : ndarray, coordinates - 1
-        Without the hub's angle; the second in 1/m.
-    """
-
-    integration: Array
-    rotation: Array
-    curvature: Array
-    stretch: Array
-
-
-def place_rows(parameters: HubBeamParameters, modes: int, x: float) -> PlaceRows:
-    """Return the rows of the point at a distance ``x`` [m] from the clamp along the undeformed beam."""
-    ends = _span_ends(parameters)
-    nodes, weights = leggauss(modes + EXTRA_NODES)
-    halves = 0.5 * np.diff(ends)
-    k = min(int(np.searchsorted(ends, x, side="right")) - 1, halves.size - 1)
-    local = np.array([(x - ends[k]) / halves[k] - 1.0])
-    integration = _row_to(parameters, halves, weights, k)
-    start = 1 + k * nodes.size
-    integration[start : start + nodes.size] = halves[k] * lagrange_integrals(nodes, local)[0]
-    rotation, curvature, stretch = (np.zeros(2 * halves.size * modes) for _ in range(3))
-    for span in range(k + 1):
-        scale = np.sqrt((2 * np.arange(modes) + 1) / (2.0 * halves[span]))
-        until = local if span == k else np.ones(1)
-        own = slice(span * modes, (span + 1) * modes)
-        rotation[own] = (halves[span] * integrated_legendre(until, modes - 1) * scale)[0]
-        if span == k:
-            curvature[own] = (legvander(local, modes - 1) * scale)[0]
-            stretch[halves.size * modes + own.start : halves.size * modes + own.stop] = curvature[own]
-    return PlaceRows(integration, rotation, curvature, stretch)
 
 
 def _span_ends(parameters: HubBeamParameters) -> Array:

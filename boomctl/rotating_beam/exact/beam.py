@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, final
@@ -10,35 +11,28 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from boomctl.arrays import Array
-from boomctl.progress import computing
-from boomctl.rotating_beam.beam import Enough, HubBeam, SmallMotion, lowest_rate, natural_hz
+from boomctl.progress import computing, tell
+from boomctl.rotating_beam.beam import HubBeam, SmallMotion, lowest_rate, natural_hz
 from boomctl.rotating_beam.chosen import ModelChoice
-from boomctl.rotating_beam.exact.basis import StrainBasis, place_rows, strain_basis
+from boomctl.rotating_beam.exact.basis import StrainBasis, strain_basis
 from boomctl.rotating_beam.exact.dynamics import ExactBeamDynamics
-from boomctl.rotating_beam.exact.integrator import CHUNK
-from boomctl.rotating_beam.exact.polynomials import (
-    MOST_POLYNOMIALS,
-    Followed,
-    Stepped,
-    left_out,
-    resized,
-    with_enough_polynomials,
-)
+from boomctl.rotating_beam.exact.integrator import CHUNK, StepFailed
 from boomctl.rotating_beam.exact.run import Run, run_to_tolerance, run_with_step
 from boomctl.rotating_beam.manoeuvres import Manoeuvre, TorqueDriven
 from boomctl.rotating_beam.parameters import HubBeamParameters
-from boomctl.rotating_beam.result import Details, Dynamics, Motion
+from boomctl.rotating_beam.result import Details, Dynamics, Motion, SimulationError
 from boomctl.threads import one_blas_thread
 
 if TYPE_CHECKING:
-    import casadi
-
     from boomctl.lti.machine_modes import MachineModes
-    from boomctl.rotating_beam.modal.energy import Lagrangian
-    from boomctl.rotating_beam.modal.forced import Place, Places
     from boomctl.rotating_beam.sensors import BeamSensor
 
 _FIRST_STEP = 0.25  # of the second bending period: the coarsest step of a run, a choice
+_MOST_POLYNOMIALS = 60  # a span: the series has converged to rounding long before
+_MORE = 1.4  # times the polynomials, to see what more are worth: about the square root of 2 (a choice)
+_COMPARED = 43  # the most of which more are tried: 1.4 times as many are 60
+_LOOSE = 1e-4  # tolerance of the steps in which numbers of polynomials are compared: half a digit beyond a picture
+_LEFT = 1.5  # times what the next polynomials change: what all further ones do, which is less each time by half or more
 _FIRST_STEP_ALONE = 0.0625  # of the first bending period, where there is no second one, which is about 6 times as fast
 
 
@@ -57,9 +51,8 @@ class GeometricallyExactBeam(HubBeam):
         The machine. Its damping ratio holds for small motion of the clamped beam at rest; the force is linear in
         the rates of strain.
     modes : int
-        Number of polynomials of curvature, and of stretch, on each span; 1 to 60. A motion has as many as are given, and
-        its error says what they leave out; where none are given it takes more until its tolerance holds, of which its
-        states have the first.
+        Number of polynomials of curvature, and of stretch, on each span; 1 to 60. The error of a motion says what they
+        leave out.
     chosen : record, optional
         What was chosen for its accuracy in a manoeuvre, and what was tried: see `hub_beam`.
 
@@ -75,13 +68,13 @@ class GeometricallyExactBeam(HubBeam):
     """
 
     parameters: HubBeamParameters
-    modes: int = Enough(8)
+    modes: int = 8
     model: str = field(default="geometrically-exact", init=False)
     chosen: ModelChoice | None = None
 
     @property
     def most_modes(self) -> int:
-        return MOST_POLYNOMIALS
+        return _MOST_POLYNOMIALS
 
     @property
     def has_axial_modes(self) -> bool:
@@ -173,61 +166,10 @@ class GeometricallyExactBeam(HubBeam):
         tip = np.imag(self.dynamics.tip_row(np.append(0.0, self._steady_coordinates(speed))))
         return SmallMotion(mass, damping, stiffness, tip)
 
-    def _lagrangian(self) -> Lagrangian:
-        """Energies as CasADi expressions; the kinetic one in the frame of the hub, whose angle it does not depend on."""
-        import casadi as ca
-
-        from boomctl.rotating_beam.modal.energy import Lagrangian
-
-        basis, damping, size = self.basis, self.dynamics.damping, self._size
-        kernel = ca.DM(basis.integration.T @ (basis.point_masses[:, None] * basis.integration))
-        rotation, stretch = (ca.sparsify(ca.DM(each)) for each in (basis.rotation, basis.stretch))
-
-        def kinetic(y: casadi.SX, rate: casadi.SX) -> casadi.SX:
-            angle = ca.mtimes(rotation[:, 1:], y[1:])
-            long, longer = 1.0 + ca.mtimes(stretch, y), ca.mtimes(stretch, rate)
-            turned, cosine, sine = ca.mtimes(rotation, rate) * long, ca.cos(angle), ca.sin(angle)
-            along, across = longer * cosine - turned * sine, longer * sine + turned * cosine
-            energy = ca.bilin(kernel, along, along) + ca.bilin(kernel, across, across)
-            return 0.5 * (energy + basis.hub_inertia * rate[0] ** 2)
-
-        return Lagrangian(
-            kinetic=kinetic,
-            stiffness=np.diag(basis.stiffness[1:]),
-            damping=np.zeros((size - 1, size - 1)) if damping is None else damping[1:, 1:],
-            tip=np.zeros(size - 1),
-            keeps_inertia_torque=True,
-        )
-
-    def _places(self) -> Places:
-        """Return the points of the beam's axis as CasADi expressions."""
-        import casadi as ca
-
-        from boomctl.rotating_beam.modal.forced import Place
-
-        basis = self.basis
-
-        def place(q: casadi.SX, x: float) -> Place:
-            here = place_rows(self.parameters, self.modes, x)
-            angle = ca.mtimes(ca.DM(basis.rotation[:, 1:]), q)
-            long = 1.0 + ca.mtimes(ca.DM(basis.stretch[:, 1:]), q)
-            row = ca.DM(here.integration[None])
-            return Place(
-                along=ca.mtimes(row, long * ca.cos(angle)),
-                across=ca.mtimes(row, long * ca.sin(angle)),
-                slope=ca.mtimes(ca.DM(here.rotation[None]), q),
-                curvature=ca.mtimes(ca.DM(here.curvature[None]), q),
-                stretch=ca.mtimes(ca.DM(here.stretch[None]), q),
-            )
-
-        return place
-
     def _built_modes(self, sensors: tuple[BeamSensor, ...]) -> MachineModes:
-        from boomctl.rotating_beam.modal import forced  # which only a loop needs
-
-        p, places = self.parameters, self._places()
-        law = forced.lagrangian_law(self._lagrangian(), places, p.length)
-        return forced.forced_modes(self._small_motion(0.0), law, places, p, self.state_names, sensors)
+        raise ValueError(
+            "`plant` must be a hub-beam with assumed modes, got a geometrically exact one. Pass plant.in_model('foam')."
+        )
 
     def _state_derivative(self, x: Array, torque: float) -> Array:
         y, rate = x[: self._size], x[self._size :]
@@ -239,37 +181,55 @@ class GeometricallyExactBeam(HubBeam):
     def _motion(
         self, manoeuvre: Manoeuvre, timepts: Array, start: tuple[Array, Array], tolerance: tuple[float, float]
     ) -> Motion:
-        followed, stepped = self._followed(manoeuvre, timepts, start, tolerance[1])
-        if not isinstance(self.modes, Enough):
-            return followed(self.modes, tolerance[0])[0]
-        radius = float(np.sum(self.basis.tip_row))
-        return with_enough_polynomials(followed, stepped, self.modes, tolerance, radius)
+        return self._followed(manoeuvre, timepts, start, tolerance)[0]
 
     def _error(self, manoeuvre: Manoeuvre, timepts: Array, start: tuple[Array, Array], motion: Motion) -> float:
-        if isinstance(self.modes, Enough) or timepts[-1] == 0.0:
+        if timepts[-1] == 0.0:
             return motion.error
         with computing("error of a motion"):
-            return motion.error + left_out(*self._followed(manoeuvre, timepts, start, motion.error), self.modes)
+            return motion.error + self._left_out(manoeuvre, timepts, start, motion.error)
 
     def _followed(
-        self, manoeuvre: Manoeuvre, timepts: Array, start: tuple[Array, Array], atol: float
-    ) -> tuple[Followed, Stepped]:
-        """Return what follows a motion with any number of polynomials: to a tolerance, and in given steps."""
+        self, manoeuvre: Manoeuvre, timepts: Array, start: tuple[Array, Array], tolerance: tuple[float, float]
+    ) -> tuple[Motion, Run | None]:
         bending = self.frequencies_hz()
-        first_step = float(_FIRST_STEP / bending[1] if bending.size > 1 else _FIRST_STEP_ALONE / bending[0])
+        return run_to_tolerance(
+            self.dynamics,
+            manoeuvre,
+            timepts,
+            start,
+            first_step=float(_FIRST_STEP / bending[1] if bending.size > 1 else _FIRST_STEP_ALONE / bending[0]),
+            rtol=tolerance[0],
+            atol=tolerance[1],
+        )
 
-        def state(modes: int) -> tuple[Array, Array]:
-            return resized(start[0], self.modes, modes), resized(start[1], self.modes, modes)
+    def _left_out(self, manoeuvre: Manoeuvre, timepts: Array, start: tuple[Array, Array], atol: float) -> float:
+        """Return what further polynomials are worth [m]: a motion with 1.4 times as many, in the same steps.
 
-        def followed(modes: int, rtol: float) -> tuple[Motion, Run | None]:
-            dynamics, begin = self._of(modes).dynamics, state(modes)
-            tried = {"first_step": first_step, "rtol": rtol, "atol": atol}
-            return run_to_tolerance(dynamics, manoeuvre, timepts, begin, **tried)
+        What it changes by is due to the polynomials, for the errors of the steps are nearly the same.  So coarse steps serve.
+        """
+        few = self._of(min(self.modes, _COMPARED))
+        more = self._of(max(math.ceil(_MORE * few.modes), few.modes + 2))
 
-        def stepped(modes: int, step: float) -> Run:
-            return run_with_step(self._of(modes).dynamics, manoeuvre, timepts, state(modes), step)
+        def stepped(beam: GeometricallyExactBeam, step: float) -> Run:
+            state = resized(start[0], self.modes, beam.modes), resized(start[1], self.modes, beam.modes)
+            return run_with_step(beam.dynamics, manoeuvre, timepts, state, step)
 
-        return followed, stepped
+        try:
+            begin = resized(start[0], self.modes, few.modes), resized(start[1], self.modes, few.modes)
+            before = few._followed(manoeuvre, timepts, begin, (_LOOSE, atol))[1]
+            if before is None:
+                return 0.0
+            tell(f"{more.modes} polynomials")
+            step = before.step
+            while True:
+                try:
+                    return _LEFT * stepped(more, step).apart(before)
+                except StepFailed:
+                    step *= 0.5
+                    before = stepped(few, step)
+        except SimulationError:
+            return math.inf
 
     def _of(self, modes: int) -> GeometricallyExactBeam:
         """Return this beam with a number of polynomials."""
@@ -277,15 +237,14 @@ class GeometricallyExactBeam(HubBeam):
 
     def _details(self, manoeuvre: Manoeuvre, timepts: Array, motion: Motion) -> Details:
         q, v = motion.states()
-        modes = self.modes * (q.shape[1] - 1) // (self._size - 1)  # a motion may have more polynomials than its states
-        dynamics = self._of(modes).dynamics
+        dynamics = self.dynamics
         extension = dynamics.extension(q)
         return Details(
             axial_tip_displacement=extension,
             foreshortening=np.real(dynamics.tip(q)) - np.sum(self.basis.tip_row) - extension,
             hub_angle=q[:, 0],
             hub_speed=v[:, 0],
-            states=np.hstack([resized(y, modes, self.modes) for y in (q, v)]),
+            states=np.hstack([q, v]),
             dynamics=partial(_forces, dynamics, manoeuvre, timepts, q, v),
         )
 
@@ -325,3 +284,12 @@ def _damping_matrix(basis: StrainBasis, ratio: float) -> Array | None:
     damping = np.zeros((basis.coordinates, basis.coordinates))
     damping[1:, 1:] = (weighted * (2.0 * ratio * np.sqrt(squares))) @ weighted.T
     return damping
+
+
+def resized(y: Array, modes: int, wanted: int) -> Array:
+    """Return coordinates, or their rates, of another number of polynomials: those beyond are left out, or zero."""
+    strains = y[..., 1:].reshape(*y.shape[:-1], -1, modes)
+    kept = np.zeros((*strains.shape[:-1], wanted))
+    least = min(modes, wanted)
+    kept[..., :least] = strains[..., :least]
+    return np.concatenate([y[..., :1], kept.reshape(*y.shape[:-1], -1)], axis=-1)
