@@ -90,8 +90,9 @@ def hub_beam(
         Number of transverse modes and, where the model has them, of axial ones; of a geometrically exact beam, of
         polynomials. By default 5.
     accuracy : float, optional
-        Instead of `model` and `modes`: the cheapest model is chosen, and its modes, whose free end moves across the
-        undeformed beam as a converged geometrically exact beam's does in `manoeuvre`, from rest. The largest error over
+        Instead of `model` and `modes`: the first of "sfoam" with 1, 2, 3, 5, 8 modes and "geometrically-exact" with 3, 4, 6,
+        8, 12 polynomials is chosen whose free end moves across the undeformed beam as a converged geometrically exact
+        beam's does in `manoeuvre`, from rest. The largest error over
         the motion is at most so large, relative to the largest displacement in it; the solver's error is part of that.
         What is left when the manoeuvre is over may be far smaller, and its relative error larger. The beam's `chosen` says
         what was tried; ``simulate`` keeps this accuracy in this manoeuvre by default.

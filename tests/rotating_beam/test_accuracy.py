@@ -1,4 +1,4 @@
-"""Models chosen by accuracy: as near to the geometrically exact beam as asked for, and no dearer than need be."""
+"""Models chosen by accuracy: as near to the geometrically exact beam as asked for."""
 
 import pickle
 from dataclasses import replace
@@ -163,7 +163,7 @@ def test_an_accuracy_beyond_all_assumed_modes_takes_the_exact_beam():
     for model, _, error in beam.chosen.tried:
         least[model] = min(error, least.get(model, error))
     assert all(error > 1e-5 for model, error in least.items() if model != EXACT)
-    assert {"sfoam", "foam", "tlam", "cfoam", EXACT} == set(least)
+    assert {"sfoam", EXACT} == set(least)
     t = np.linspace(0.0, 0.7, 300)
     found = beam.simulate(turn, t).tip_displacement
     assert _error(found, _finer(short, turn, beam.chosen, t)) <= 1e-5
@@ -225,16 +225,6 @@ def test_it_is_an_ordinary_hub_beam(spun_up):
     other = pickle.loads(pickle.dumps(spun_up))
     assert other.chosen == spun_up.chosen
     assert hash(other) == hash(spun_up)
-
-
-@pytest.mark.slow
-def test_a_model_that_loses_its_stiffness_is_not_taken():
-    """TLAM's frequency is 2.91 rad/s: beyond that its deflection grows beyond all bounds."""
-    beam = bc.hub_beam(accuracy=1e-4, manoeuvre=bc.spin_up(4.0, 15.0), time=20.0)
-    tlam = [error for model, _, error in beam.chosen.tried if model == "tlam"]
-    assert beam.model != "tlam"
-    assert tlam
-    assert min(tlam) > 1.0
 
 
 @pytest.mark.parametrize(
