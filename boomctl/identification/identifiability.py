@@ -11,7 +11,6 @@ from boomctl.identification.free import FreeParameters
 
 STEP = 1e-5  # coordinate step of differences: truncation errors fall with it, rounding errors rise
 _STEPS = 10.0 ** -np.arange(3.0, 12.0)  # of which slopes take the one that agrees best with the next
-_MIN_STEP_FRACTION = 0.1  # of a step that has to remain at the end of a range
 _MAX_SLOPE_ERROR = 1e-2  # relative error of a slope, at most: columns that differ by more are not zero
 _ERROR_FACTOR = 10.0  # singular values below so many errors of the slopes are not seen
 _ROUNDING = 1e-10  # relative singular value that is rounding error for any step
@@ -21,31 +20,15 @@ _CHANGES = np.log([2.0, 1.1, 1.01, 1.001])  # coordinate changes for the text; t
 
 
 def differences(f: Callable[[Array], Array], x: Array, step: float, free: FreeParameters) -> Array:
-    """Compute central differences, one-sided at the end of a range; ``nan`` where the model raises on both sides."""
-    return np.array([_along(f, x, axis, step, free) for axis in np.eye(free.size)]).T
-
-
-def _along(f: Callable[[Array], Array], x: Array, direction: Array, step: float, free: FreeParameters) -> Array:
-    """Compute the difference quotient along a direction, ``nan`` without room for a step.
-
-    If the model raises on one side, or the range ends there, the difference is one-sided and of second order.
-    """
-    part, ends = direction != 0.0, []
-    for sign in (-1.0, 1.0):
-        room = np.where(sign * direction > 0.0, free.high - x, x - free.low)[part] / np.abs(direction[part])
-        moved = min(step, float(room.min()))
-        value = f(np.clip(x + sign * moved * direction, free.low, free.high))
-        if np.isfinite(value).all() and moved > _MIN_STEP_FRACTION * step:
-            ends.append((sign * moved, value))
-    if len(ends) == 2:
-        return (ends[1][1] - ends[0][1]) / (ends[1][0] - ends[0][0])
-    here = f(x)
-    if not ends:
-        return np.full_like(here, np.nan)
-    ((moved, value),) = ends
-    whole = (value - here) / moved
-    half = (f(np.clip(x + 0.5 * moved * direction, free.low, free.high)) - here) / (0.5 * moved)
-    return 2.0 * half - whole if np.isfinite(half).all() else whole
+    """Compute central differences, one-sided where the range or the model ends; ``nan`` where it does on both sides."""
+    here, columns = f(x), []
+    for axis in np.eye(free.size):
+        ends = [np.clip(x + move * axis, free.low, free.high) for move in (-step, step)]
+        tried = [(end, f(end)) for end in ends]
+        (low, below), (high, above) = ((at, value) if np.isfinite(value).all() else (x, here) for at, value in tried)
+        width = float((high - low) @ axis)
+        columns.append((above - below) / width if width > 0.0 else np.full_like(here, np.nan))
+    return np.array(columns).T
 
 
 def slopes(f: Callable[[Array], Array], x: Array, free: FreeParameters) -> tuple[Array, Array]:
