@@ -1,5 +1,6 @@
 """Parameters of any model from measured eigenfrequencies, frequency responses or singular values."""
 
+import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
@@ -18,6 +19,7 @@ from boomctl.identification.result import FitResult
 from boomctl.lti.rounding import ALIKE
 from boomctl.progress import Listener, computing, tell
 from boomctl.structure.families import Family
+from boomctl.structure.response.rounding import AccuracyWarning
 from boomctl.threads import one_blas_thread
 
 if TYPE_CHECKING:
@@ -63,9 +65,11 @@ class _Problem:
 
         bounds: Any = (self.free.low, self.free.high)
         f = self.residuals
-        found = least_squares(
-            f, x, jac=lambda y: np.nan_to_num(differences(f, y, STEP, self.free)), bounds=bounds, **_SOLVER
-        )
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", AccuracyWarning)  # of trial parameters
+            found = least_squares(
+                f, x, jac=lambda y: np.nan_to_num(differences(f, y, STEP, self.free)), bounds=bounds, **_SOLVER
+            )
         return 2.0 * float(found.cost), found.x
 
 
