@@ -5,7 +5,6 @@ every 0.5 ms, and at 16,384 to 1,048,576 instants in all. What is shorter has to
 """
 
 from collections.abc import Callable
-from typing import NamedTuple
 
 import numpy as np
 from numpy.polynomial import legendre
@@ -15,29 +14,17 @@ from boomctl.gauss import gauss_method
 
 _GAP = 5e-4  # s between instants: a pulse of 1 N m so short moves the tip of Table 1's beam by 1e-5 m (a choice)
 _FEWEST, _MOST = 2**14, 2**20  # instants, so that short motions are seen as finely, and long ones end (choices)
-_FLAT = 1e-10  # of the largest value: fourth differences below hide nothing between nodes 0.3 s apart (a choice)
 _POINTS = 10  # Gauss points at which a function is looked at on each step (a choice)
-_ROUGH = 1e-4  # of its largest value: what is farther off a polynomial means that none follows the function
+_ROUGH = 1e-6  # of its largest value: what is farther off a polynomial means that none follows the function
 _SMALLEST = 1e-12  # of the whole time: a jump within so short a step is as good as at its edge
 _PASSES = 45  # halvings of a first step: 2^-45 is below the smallest step
+_NEAR_END = 1e-6  # Distance over the step of further instants to its ends: a jump between Gauss point and end is found.
 _EDGE = 1e-9  # of a step: so near to its ends an instant may belong to the next one
 
 
-class Looked(NamedTuple):
-    """Even instants at which a function is less smooth than between nodes: their distance [s], places [s], and values."""
-
-    gap: float
-    instants: Array
-    values: Array
-
-
-def looked_at(function: Callable[[Array], Array], end: float) -> Looked:
-    """Look at a function at even instants from 0 to an end [s]; those where fourth differences are rounding are left out."""
-    instants = np.linspace(0.0, end, int(np.clip(np.ceil(end / _GAP), _FEWEST, _MOST)) + 1)
-    values = function(instants)
-    rough = np.flatnonzero(np.abs(np.diff(values, n=4)) > _FLAT * np.abs(values).max())
-    which = np.unique(rough[:, None] + np.arange(5)) if len(rough) else rough
-    return Looked(float(instants[1]), instants[which], values[which])
+def even_instants(end: float) -> Array:
+    """Return the even instants at which a function is looked at, from 0 to an end [s]."""
+    return np.linspace(0.0, end, int(np.clip(np.ceil(end / _GAP), _FEWEST, _MOST)) + 1)
 
 
 def off_polynomials(values: Array, begin: Array, length: Array, instants: Array, found: Array) -> tuple[Array, Array]:
@@ -77,14 +64,19 @@ def resolving(edges: Array, function: Callable[[Array], Array]) -> Array:
         Torque or hub acceleration of an array of instants.
     """
     nodes = gauss_method(_POINTS).nodes
-    highest = np.linalg.inv(legendre.legvander(2.0 * nodes - 1.0, _POINTS - 1))[-2:]
-    _, instants, found = looked_at(function, float(edges[-1]))
-    largest = float(np.abs(found).max(initial=0.0))
+    terms = np.linalg.inv(legendre.legvander(2.0 * nodes - 1.0, _POINTS - 1))
+    ends = np.array([_NEAR_END, 1.0 - _NEAR_END])
+    at_ends = legendre.legvander(2.0 * ends - 1.0, _POINTS - 1) @ terms
+    instants = even_instants(float(edges[-1]))
+    found = function(instants)
+    largest = float(np.abs(found).max())
     for _ in range(_PASSES):
         length = np.diff(edges)
         values = function(edges[:-1, None] + length[:, None] * nodes)
         largest = max(largest, float(np.abs(values).max()))
-        rough = np.abs(values @ highest.T).max(axis=1) > _ROUGH * largest
+        rough = np.abs(values @ terms[-2:].T).max(axis=1) > _ROUGH * largest
+        near_ends = function(edges[:-1, None] + length[:, None] * ends)
+        rough |= np.abs(near_ends - values @ at_ends.T).max(axis=1) > _ROUGH * largest
         apart, step = off_polynomials(values, edges[:-1], length, instants, found)
         rough[step[apart > _ROUGH * largest]] = True
         rough &= 0.5 * length > _SMALLEST * edges[-1]

@@ -15,7 +15,7 @@ from numpy.polynomial import legendre
 from boomctl.arrays import Array
 from boomctl.gauss import gauss_method
 from boomctl.lti.rounding import ALIKE, SUMMED
-from boomctl.rotating_beam.drive import Looked, off_polynomials
+from boomctl.rotating_beam.drive import off_polynomials
 from boomctl.rotating_beam.manoeuvres import TorqueDriven
 from boomctl.rotating_beam.modal.equations import FreeHubForm
 from boomctl.rotating_beam.motion.free_modes import FreeModes, free_modes
@@ -72,8 +72,8 @@ class FreeScene:
     rtol, atol : float
         The error of the displacements, and that of the hub angle times the radius, is kept below
         ``atol + rtol max |displacement|`` [m].
-    looked_at : Looked or None
-        What a user's function is at even instants, which may be less smooth than it says; None of others.
+    looked_at : ndarray or None
+        Even instants, at which a user's function is looked at, which may be less smooth than it says; None of others, s.
     """
 
     manoeuvre: TorqueDriven
@@ -83,7 +83,7 @@ class FreeScene:
     radius: float
     rtol: float
     atol: float
-    looked_at: Looked | None
+    looked_at: Array | None
 
     @property
     def end(self) -> float:
@@ -383,21 +383,22 @@ def _overlooked(weights: _Weights, run: _Progress, window: Window) -> Array:
 
     Its values at even instants count too: what lasts longer than from one of these to the next is not passed over.
     """
-    looked = run.scene.looked_at
-    if looked is None:
+    instants = run.scene.looked_at
+    if instants is None:
         return np.zeros(2)
     push, h, places = window.modes.push[0], float(window.flow.h[0]), np.array([_INSIDE, 1.0 - _INSIDE])
     nodes, begin = window.torque.reshape(run.steps, -1), run.time + h * np.arange(run.steps)
     values = run.scene.manoeuvre.torque(begin[:, None] + h * places)
     apart = np.abs(values - nodes @ _places(nodes.shape[1], tuple(places)).T).max(axis=1)
-    within = (looked.instants >= begin[0]) & (looked.instants <= begin[-1] + h)
-    found = looked.values[within]
-    between, _ = off_polynomials(nodes, begin, np.full(run.steps, h), looked.instants[within], found)
+    gap = instants[1]
+    instants = instants[(instants >= begin[0]) & (instants <= begin[-1] + h)]
+    found = run.scene.manoeuvre.torque(instants)
+    between, _ = off_polynomials(nodes, begin, np.full(run.steps, h), instants, found)
     size = max(np.abs(values).max(), np.abs(found).max(initial=0.0))
     apart[apart <= _ROUNDING * size] = 0.0
     between[between <= _SEEN * size] = 0.0
     to_tip, to_hub = np.sum(weights.tip[0, 1:] * np.abs(push[1:])), weights.speed[0] * push[0] ** 2
-    return max(h * apart.sum(), looked.gap * between.sum()) * np.array([to_tip, to_hub])
+    return max(h * apart.sum(), gap * between.sum()) * np.array([to_tip, to_hub])
 
 
 @lru_cache(maxsize=4)

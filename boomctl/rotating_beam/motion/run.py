@@ -8,7 +8,7 @@ from typing import NamedTuple, final
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.rotating_beam.drive import looked_at, resolving
+from boomctl.rotating_beam.drive import even_instants, resolving
 from boomctl.rotating_beam.manoeuvres import HubProfile, Manoeuvre, PrescribedMotion, Torque
 from boomctl.rotating_beam.modal.equations import Equations
 from boomctl.rotating_beam.motion.free_hub import FreeScene, free_motion
@@ -236,7 +236,7 @@ def _free_scene(scene: Scene) -> FreeScene:
         radius=scene.radius,
         rtol=scene.rtol,
         atol=scene.atol,
-        looked_at=looked_at(manoeuvre.torque, scene.end) if scene.given else None,
+        looked_at=even_instants(scene.end) if scene.given else None,
     )
 
 
