@@ -187,7 +187,7 @@ def fit(
         candidates = _search(problem, count, seed)
         f, (cost, x) = problem.residuals, candidates[0]
         matrix, error = slopes(f, x, free_parameters)
-        seen = Seen.of(matrix, error)
+        seen = Seen.of(matrix, error, f, x, free_parameters)
         each = _of_each(problem, x)
     freedom = max(data.size - seen.rank, 0)
     size = known_size if known_size is not None else np.sqrt(cost / freedom) if freedom else 0.0

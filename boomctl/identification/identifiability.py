@@ -1,7 +1,7 @@
 """What measurements see of the parameters: slopes by differences, and the combinations that change nothing measured."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import linalg
@@ -11,8 +11,11 @@ from boomctl.identification.free import FreeParameters
 
 STEP = 1e-5  # coordinate step of differences: truncation errors fall with it, rounding errors rise
 _STEPS = 10.0 ** -np.arange(3.0, 12.0)  # of which slopes take the one that agrees best with the next
+_TRIED_STEPS = 6  # largest steps with which a combination is tried that the slopes do not resolve
+_MIN_STEP_FRACTION = 0.1  # of a step that has to remain at the end of a range
 _MAX_SLOPE_ERROR = 1e-2  # relative error of a slope, at most: columns that differ by more are not zero
-_ERROR_FACTOR = 10.0  # singular values below so many errors of the slopes are not seen
+_ERROR_FACTOR = 10.0  # singular values below so many errors of the slopes are tried by differences
+_TRIED_FACTOR = 3.0  # slopes along a combination above so many errors are not zero
 _ROUNDING = 1e-10  # relative singular value that is rounding error for any step
 _MIN_COMPONENT = 1e-3  # component of a unit vector from which a parameter belongs to a combination
 _MIN_TEXT_COMPONENT = 0.02  # relative component from which a parameter is named in the text
@@ -20,15 +23,31 @@ _CHANGES = np.log([2.0, 1.1, 1.01, 1.001])  # coordinate changes for the text; t
 
 
 def differences(f: Callable[[Array], Array], x: Array, step: float, free: FreeParameters) -> Array:
-    """Compute central differences, one-sided where the range or the model ends; ``nan`` where it does on both sides."""
-    here, columns = f(x), []
-    for axis in np.eye(free.size):
-        ends = [np.clip(x + move * axis, free.low, free.high) for move in (-step, step)]
-        tried = [(end, f(end)) for end in ends]
-        (low, below), (high, above) = ((at, value) if np.isfinite(value).all() else (x, here) for at, value in tried)
-        width = float((high - low) @ axis)
-        columns.append((above - below) / width if width > 0.0 else np.full_like(here, np.nan))
-    return np.array(columns).T
+    """Compute central differences, one-sided at the end of a range; ``nan`` where the model raises on both sides."""
+    return np.array([_along(f, x, axis, step, free) for axis in np.eye(free.size)]).T
+
+
+def _along(f: Callable[[Array], Array], x: Array, direction: Array, step: float, free: FreeParameters) -> Array:
+    """Compute the difference quotient along a direction, ``nan`` without room for a step.
+
+    If the model raises on one side, or the range ends there, the difference is one-sided and of second order.
+    """
+    part, ends = direction != 0.0, []
+    for sign in (-1.0, 1.0):
+        room = np.where(sign * direction > 0.0, free.high - x, x - free.low)[part] / np.abs(direction[part])
+        moved = min(step, float(room.min()))
+        value = f(np.clip(x + sign * moved * direction, free.low, free.high))
+        if np.isfinite(value).all() and moved > _MIN_STEP_FRACTION * step:
+            ends.append((sign * moved, value))
+    if len(ends) == 2:
+        return (ends[1][1] - ends[0][1]) / (ends[1][0] - ends[0][0])
+    here = f(x)
+    if not ends:
+        return np.full_like(here, np.nan)
+    ((moved, value),) = ends
+    whole = (value - here) / moved
+    half = (f(np.clip(x + 0.5 * moved * direction, free.low, free.high)) - here) / (0.5 * moved)
+    return 2.0 * half - whole if np.isfinite(half).all() else whole
 
 
 def slopes(f: Callable[[Array], Array], x: Array, free: FreeParameters) -> tuple[Array, Array]:
@@ -97,22 +116,29 @@ class Seen:
     directions: Array
 
     @classmethod
-    def of(cls, matrix: Array, error: Array) -> "Seen":
-        """Compute the singular values; combinations that the slopes do not resolve are not seen.
+    def of(cls, matrix: Array, error: Array, f: Callable[[Array], Array], x: Array, free: FreeParameters) -> "Seen":
+        """Compute the singular values; combinations that the slopes do not resolve are tried by differences.
 
         Columns are scaled to unit length, so that weak parameters do not drown in the errors of strong ones.
         """
         size = np.linalg.norm(matrix, axis=0)
         size[size == 0.0] = 1.0
         error, p = np.minimum(error, _MAX_SLOPE_ERROR * size), len(size)
-        matrix = np.vstack([matrix, np.zeros((p, p))])  # as many singular values as columns
-        _, values, rows = linalg.svd(matrix / size, full_matrices=False)
+        _, values, rows = _svd(matrix / size)
         least = max(_ERROR_FACTOR * float(np.linalg.norm(error / size)), _ROUNDING * values[0])
-        hidden = [row / np.linalg.norm(row) for row in rows[values <= least] / size]
+        hidden, anywhere, resolved = [], replace(free, low=np.full(p, -np.inf), high=np.full(p, np.inf)), 0.0
+        for row in rows[values <= least] / size:
+            direction = row / np.linalg.norm(row)
+            tried = [_along(f, x, direction, step, anywhere) for step in _STEPS[:_TRIED_STEPS]]
+            smallest = min((float(np.linalg.norm(each)) for each in tried if np.isfinite(each).all()), default=0.0)
+            if smallest > _TRIED_FACTOR * float(np.linalg.norm(error * direction)) + _ROUNDING * values[0] * size.max():
+                resolved = min(resolved or smallest, smallest)
+            else:
+                hidden.append(direction)
         null = linalg.orth(np.array(hidden).T) if hidden else np.zeros((p, 0))
         rank = p - null.shape[1]
-        _, values, rows = linalg.svd(matrix - matrix @ null @ null.T, full_matrices=False)
-        values = np.append(values[:rank], np.zeros(p - rank))
+        _, values, rows = _svd(matrix - matrix @ null @ null.T)
+        values = np.append(np.maximum(values[:rank], resolved), np.zeros(p - rank))
         return cls(values, np.vstack([rows[:rank], null.T]))
 
     @property
@@ -147,6 +173,12 @@ class Seen:
             if value * _CHANGES[0] / np.abs(row).max() < limit:
                 found.append(_combination(f, x, free, row, True, limit))
         return tuple(each for each in found if each is not None)
+
+
+def _svd(matrix: Array) -> tuple[Array, Array, Array]:
+    """Compute the singular value decomposition with as many singular values as columns."""
+    left, values, rows = linalg.svd(matrix)
+    return left, np.pad(values, (0, len(rows) - len(values))), rows
 
 
 def _combination(
