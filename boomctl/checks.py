@@ -20,6 +20,7 @@ _FASTEST = 1e60  # rad/s; of what is faster, the fourth power times a mass may b
 _LARGEST_WHOLE = 2**53  # whole numbers up to here are also numbers in double precision
 # sizes of numbers that a parameter may have: products and quotients of three of them are numbers still (a choice)
 _SMALLEST, _LARGEST = 1e-100, 1e100
+_MOST_JOBS = 1000  # parallel jobs: far more than cores, fewer than joblib allows
 _FEW = 7  # digits of a limit in a message (a choice)
 _INNER = {"boomctl", "contextlib", "functools"}  # packages whose calls are not the user's
 _SHOWN = 60  # letters of a value in a message: enough to know it by (a choice)
@@ -300,3 +301,12 @@ def some_names(what: str, wanted: str | Sequence[str] | None, choices: Sequence[
     if not found:
         raise ValueError(f"{what}s: expected at least one name, got none")
     return found
+
+
+def job_count(value: Any) -> int:
+    """Return a number of joblib's jobs: positive, or negative for all cores but some."""
+    if instance("n_jobs", value, int) == 0 or isinstance(value, bool) or abs(value) > _MOST_JOBS:
+        raise ValueError(
+            f"`n_jobs` must be a nonzero integer up to {_MOST_JOBS}, got {shown(value)}. Pass -1 for all cores."
+        )
+    return value

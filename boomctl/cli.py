@@ -380,6 +380,7 @@ _COMMON = {
     "--json": _flag("print the results as JSON on standard output"),
     "--quiet": _flag("print nothing but what --json asks for, and show no progress"),
 }
+# Of each command: the function and its options; numbers are counts of values.
 _COMMANDS: dict[str, tuple[Callable[[Namespace], Any], dict[str, dict[str, Any]]]] = {
     "sigma": (
         sigma,

@@ -81,7 +81,7 @@ def _controller():
 
 
 def test_parameters_of_three_days_predict_the_fourth():
-    fitted = fit(rig, {f"day {k + 1}": day for k, day in enumerate(days()[:-1])}, list(_BEGIN), _BEGIN, starts=1)
+    fitted = fit(rig, list(days()[:-1]), list(_BEGIN), _BEGIN, starts=1)
     error = np.abs(response(fitted.parameters) / response(_TRUE) - 1.0)
     assert np.sqrt(np.square(error).mean()) < 0.02
     sizes = np.array([np.abs(response(p)).ravel() for p in _drawn(fitted.family(), _DRAWS)])

@@ -10,7 +10,18 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from boomctl.arrays import Array
-from boomctl.checks import instance, mapping, nonnegative, positive, sequence, shown, some_names, truth, whole, within
+from boomctl.checks import (
+    instance,
+    job_count,
+    mapping,
+    nonnegative,
+    positive,
+    sequence,
+    some_names,
+    truth,
+    whole,
+    within,
+)
 from boomctl.lti.controllers.time_varying import TimeVaryingController
 from boomctl.lti.rounding import ALIKE
 from boomctl.printing import listed
@@ -263,9 +274,13 @@ class TrackedSlew:
         }
         for name, check in (("tip_mass", nonnegative), ("friction", nonnegative), ("stiffness", positive)):
             check(name, float(given[name].min()))
+        if (most := float(given["friction"].max())) > self.torque_limit:
+            raise ValueError(
+                f"`friction` must be at most the torque limit, {self.torque_limit:g} N m, beyond which the hub does not move,"
+                f" got {most:g}. Use less friction, or a larger torque limit."
+            )
         seeds, reacts = rng.integers(2**32, size=count), truth("feedback", feedback)
-        if instance("n_jobs", n_jobs, int) == 0 or isinstance(n_jobs, bool):
-            raise ValueError(f"`n_jobs` must be a nonzero integer, got {shown(n_jobs)}. Pass 1, or -1 for all cores.")
+        job_count(n_jobs)
         import joblib  # which no other use of a slew needs
 
         options = {

@@ -10,9 +10,9 @@ from typing import Any
 
 import joblib
 import numpy as np
-from joblib.parallel import ParallelBackendBase
+from joblib.parallel import BACKENDS, EXTERNAL_BACKENDS, ParallelBackendBase
 
-from boomctl.checks import function_of, instance, mapping, shown, warn_user, whole
+from boomctl.checks import function_of, instance, job_count, known, mapping, warn_user, whole
 from boomctl.progress import Listener, computing
 from boomctl.studies.sweeps.checkpoint import opened
 from boomctl.studies.sweeps.outcome import Outcome, outcomes, outcomes_in_worker
@@ -106,14 +106,15 @@ def sweep(
     for name, unit in all_units.items():
         instance(f"unit of {name!r}", unit, str)
     size = whole("chunk", getattr(function, "chunk", 1) if chunk is None else chunk)
-    if instance("n_jobs", n_jobs, int) == 0 or isinstance(n_jobs, bool):
-        raise ValueError(f"`n_jobs` must be a nonzero integer, got {shown(n_jobs)}.")
+    job_count(n_jobs)
     if backend is not None:
         instance("backend", backend, (str, ParallelBackendBase), "the name of a joblib backend, or one")
+    if isinstance(backend, str):
+        known("backend", backend, [*BACKENDS, *EXTERNAL_BACKENDS])
     found: dict[int, Outcome] = {}
     with computing("sweep", progress) as tell, opened(checkpoint, function) as kept:
         if kept is not None:
-            found |= {k: known for k, point in enumerate(arguments) if (known := kept.get(point)) is not None}
+            found |= {k: outcome for k, point in enumerate(arguments) if (outcome := kept.get(point)) is not None}
         waiting = [k for k in range(len(labels)) if k not in found]
         resumed, chunks = len(found), [waiting[k : k + size] for k in range(0, len(waiting), size)]
         with closing(_answers(function, arguments, chunks, n_jobs, backend)) as answers:
