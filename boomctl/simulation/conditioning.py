@@ -26,6 +26,7 @@ from boomctl.lti.system import Lti
 _REGULAR = 1e-10
 _HARDLY = 1e8  # softening of controls that are not corrected by: they are looked at only for what no other one shows
 _OWN = 1e-6  # share by which a controller that is not stable may grow faster than by its own poles, a sample (a choice)
+_ROUNDED = 1e-12  # error of the magnitude of a pole on the unit circle
 _FOLLOWED = 2  # controls whose rate alone is limited, which are proved: see above
 _DOUBLINGS = 40  # of the steps that a sum of powers has: a pole at 1 - 1e-10 has faded by then (a choice)
 _UNIT = 2.0**-53  # of rounding
@@ -111,7 +112,7 @@ def conditioning_gains(laws: Sequence[Lti], limited: Array, softening: float = 0
     standing = len(laws) > 1 and not bounded(laws, none, [()], rate)
     gains, sets = np.array([_kalman_gain(K, limited, softening) for K in laws]), _looked_at(limited)
     proved = bounded(laws, gains, sets, rate, standing)
-    proved = proved or (rate > 1.0 and bounded(laws, gains, sets[-1:], 1.0, standing))
+    proved = proved or (own > 1.0 - _ROUNDED and bounded(laws, gains, sets[-1:], 1.0, standing))
     return (gains, True) if proved else (none, False)
 
 
