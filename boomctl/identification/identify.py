@@ -386,8 +386,8 @@ def identify(
     tested: Spectra | None = None
     whole_record: Spectra | None = None
     recorded = inputs.record if isinstance(inputs, MeasuredResponse) else None
-    if is_frequency_response(inputs) and (outputs is not None or sample_time is not None):
-        raise TypeError("outputs, sample_time: expected None beside a measured frequency response")
+    if is_frequency_response(inputs) and not (outputs is sample_time is intersample is None):
+        raise TypeError("outputs, sample_time, intersample: expected None beside a measured frequency response")
     if errors is not None and (recorded is not None or not is_frequency_response(inputs)):
         raise TypeError(
             f"errors = {errors!r}: expected None for a record, whose residuals say how large its errors are"

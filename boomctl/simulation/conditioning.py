@@ -51,7 +51,7 @@ def bounded_correction(law: Lti, gains: Array, force: Array, rate: Array) -> Arr
     limited = np.isfinite(force) | _followed(force, rate, 1)
     own = float(np.abs(np.linalg.eigvals(law.A)).max())
     left = np.isfinite(rate) & ~limited
-    if not left.any() and bounded((law,), gains[-1:], _looked_at(limited), max(1.0, own * (1.0 + _OWN))):
+    if not left.any() and bounded((law,), gains[-1:], _looked_at(limited), _rate(own)):
         return gains
     _warn(law.outputs, limited | left)
     return np.zeros_like(gains)
@@ -61,6 +61,11 @@ def _looked_at(limited: Array) -> list[list[int]]:
     """Return the sets of controls of which it is proved: each with limits alone, then all of them together."""
     F = np.flatnonzero(limited).tolist()
     return [[i] for i in F] + ([F] if len(F) > 1 else [])
+
+
+def _rate(own: float) -> float:
+    """Return how fast a corrected controller may grow a sample: not at all, if its own poles are stable."""
+    return own * (1.0 + _OWN) if own > 1.0 - _ROUNDED else 1.0
 
 
 def _followed(force: Array, rate: Array, count: int) -> Array:
@@ -108,11 +113,11 @@ def conditioning_gains(laws: Sequence[Lti], limited: Array, softening: float = 0
     if not (n and limited.any() and all(K.B.any() and K.C[limited].any() for K in laws)):
         return none, True
     own = max(float(np.abs(np.linalg.eigvals(K.A)).max()) for K in laws)
-    rate = max(1.0, own * (1.0 + _OWN))
+    rate = _rate(own)
     standing = len(laws) > 1 and not bounded(laws, none, [()], rate)
     gains, sets = np.array([_kalman_gain(K, limited, softening) for K in laws]), _looked_at(limited)
     proved = bounded(laws, gains, sets, rate, standing)
-    proved = proved or (own > 1.0 - _ROUNDED and bounded(laws, gains, sets[-1:], 1.0, standing))
+    proved = proved or (rate > 1.0 and bounded(laws, gains, sets[-1:], 1.0, standing))
     return (gains, True) if proved else (none, False)
 
 
