@@ -112,10 +112,13 @@ def test_a_slider_moves_the_numbers(address, browser, tmp_path):
     assert tips.get_attribute("aria-valuenow") is not None
     for _ in range(10):
         tips.send_keys(Keys.ARROW_RIGHT)  # more weight on the tips
-    norm = "verified norm of the loop"
-    after = _awaited(browser, lambda numbers: numbers[norm] > 1.2 * before[norm])  # what weighs more costs more
-    assert abs(after["deposit CV, controlled"] / before["deposit CV, controlled"] - 1.0) > 0.1
-    assert abs(after["disk margin, alpha"] / before["disk margin, alpha"] - 1.0) > 0.1
+    norm, spray, margin = "verified norm of the loop", "deposit CV, controlled", "disk margin, alpha"
+
+    def moved(numbers):  # what weighs more costs more; positions that the slider passes may show first
+        change = {label: numbers[label] / before[label] - 1.0 for label in before}
+        return change[norm] > 0.2 and abs(change[spray]) > 0.1 and abs(change[margin]) > 0.1
+
+    _awaited(browser, moved)
     browser.save_screenshot(str(tmp_path / "page.png"))
     assert (tmp_path / "page.png").stat().st_size > 30_000
 
