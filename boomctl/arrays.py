@@ -1,4 +1,4 @@
-"""Names for the kinds of arrays that signatures speak of, and where matrices become sparse."""
+"""The name of the arrays that signatures speak of, and products and scalings of matrices."""
 
 from collections.abc import Sequence
 from typing import Any, TypeAlias
@@ -8,26 +8,19 @@ import numpy as np
 Array: TypeAlias = np.ndarray[Any, Any]
 """An array of numbers; the docstring says whether real or complex, and of which shape."""
 
-Matrix: TypeAlias = Any
-"""A real matrix, ``numpy.ndarray`` or, with more than :data:`DENSE_LIMIT` coordinates, ``scipy.sparse.csr_array``."""
-
-DENSE_LIMIT = 64  # coordinates up to which matrices are dense: a sparse product of that size costs more (measured)
-
 # share of its terms up to which a sum is what rounding left of zero: some 1e4 eps, of which conditions that are solved for
 # coordinates amplify some (a choice)
 ROUNDED = 1e-12
 
 
-def combined(lines: Matrix, T: Matrix) -> Matrix:
+def combined(lines: Array, T: Array) -> Array:
     """Return ``lines @ T``; an entry that is rounding of the terms it was summed from is zero.
 
     A motion that strains nothing would otherwise strain by rounding, and could be taken for one that is held; a force that
     does not push it would push it by rounding, and a motion that nothing else holds goes far.
     """
-    product, terms = lines @ T, abs(lines) @ abs(T)
-    if isinstance(product, np.ndarray):
-        return np.where(np.abs(product) > ROUNDED * terms, product, 0.0)
-    return product.multiply(abs(product) > ROUNDED * terms).tocsr()
+    product = lines @ T
+    return np.where(np.abs(product) > ROUNDED * (np.abs(lines) @ np.abs(T)), product, 0.0)
 
 
 def squared(x: Array) -> Array:

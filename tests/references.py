@@ -1,7 +1,7 @@
 """Independent solutions to compare with: Lagrange multipliers, matrix exponentials."""
 
 import numpy as np
-from scipy import linalg, sparse
+from scipy import linalg
 
 __all__ = [
     "ROOTS",
@@ -28,7 +28,7 @@ ROOTS = {
 
 def dense(matrix):
     """Return a matrix as an ndarray."""
-    return matrix.toarray() if sparse.issparse(matrix) else np.asarray(matrix)
+    return np.asarray(matrix)
 
 
 def direct(model, omega):

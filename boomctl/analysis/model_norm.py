@@ -12,7 +12,6 @@ way                 where                                             why
 halves              a mirror, signals in pairs of images; not the     the larger of two norms; each goes on below, but a
                     norm alone of a small model that decays           small half that stays below the other's is not
                                                                       searched for a peak of its own
-scan                over 700 coordinates                              no proof: elements of high order need fewer
 core                40 coordinates and more, real modes               a few motions stand for all; goes on below
 undamped modes      real modes                                        light damping costs no digits
 given coordinates   no real modes                                     always holds
@@ -43,13 +42,12 @@ from boomctl.lti.frequency import (
 )
 from boomctl.lti.rounding import ALIKE
 from boomctl.lti.system import Lti, beside, is_frequency_response, of
-from boomctl.structure.matrices import Structure, dense
+from boomctl.structure.matrices import Structure
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.ports import Ports
 from boomctl.structure.response.direct import direct_response, ports_rounding, respond, respond_parts
 from boomctl.structure.response.modal_form import elastic
-from boomctl.structure.response.poles import damped_poles, first_order_poles, undamped_modes
-from boomctl.structure.strain_coordinates import LARGEST
+from boomctl.structure.response.poles import first_order_poles, undamped_modes
 from boomctl.threads import one_blas_thread
 
 if TYPE_CHECKING:
@@ -73,7 +71,6 @@ _KEPT = 4.0  # times the top of the band, up to where modes are kept: their erro
 _FASTEST = 1e4
 _DROP = 1e-6  # of the largest motion at rest; what others add to it below that shows in the response by the square
 _SPARE = 3  # modes asked for beyond these, so that as many are left without the rigid ones of a plane body
-TOO_FINE = f"over {LARGEST} coordinates; use high-order elements"  # no upper bound
 
 
 @one_blas_thread
@@ -174,7 +171,7 @@ class SplitModel:
         """Return the poles up to a few times the eighth mode, or up to ``high`` [rad/s], and a band that shows them."""
         shown = _modal_band(*(self.parts if len(self.parts) == 2 else [self.model]))
         if shown is None:
-            return Resonances.of(first_order_poles(dense(self.model.M), dense(self.model.C), dense(self.model.K)), high)
+            return Resonances.of(first_order_poles(self.model.M, self.model.C, self.model.K), high)
         low, top = shown[0], ABOVE * shown[1] if high is None else high
         if self.realised is not None:
             found = [_upper(part.system.poles, top) for part in self.realised]
@@ -258,7 +255,7 @@ class _Core:
         """
         form = structure.strain_form
         if form is None:
-            (frequencies, own), seen, damping = undamped_modes(structure), ports, dense(structure.C)
+            (frequencies, own), seen, damping = undamped_modes(structure), ports, structure.C
         else:
             B, L = form.seen(ports)
             (frequencies, own), seen, damping = form.own_modes, replace(ports, B=B, L=L), form.C
@@ -308,19 +305,17 @@ class _Band:
         band = _modal_band(part)
         if band is None:
             return None
-        core = _Core.of(part.structure, part.ports, _CORE_ABOVE * band[1]) if part.n <= LARGEST else None
+        core = _Core.of(part.structure, part.ports, _CORE_ABOVE * band[1])
         return cls(*band, core if core is None or core.structure.n < FEWER * part.n or part.n < CORE_FROM else None)
 
 
 def _poles(part: SecondOrderModel, band: _Band | None, top: float) -> Array:
     """Return the poles of a part up to a frequency."""
-    if part.n > LARGEST:
-        return damped_poles(part.structure, MODES)
     small = part.structure if band is None or band.core is None else band.core.structure
     if small.elastic is not None and small.noise > top**2 and small.strain_form is not None:
         poles = small.strain_form.poles()
     else:
-        poles = first_order_poles(dense(small.M), dense(small.C), dense(small.K))
+        poles = first_order_poles(small.M, small.C, small.K)
     return _upper(poles, top)
 
 
@@ -329,18 +324,13 @@ def _upper(poles: Array, top: float) -> Array:
 
 
 def _part_norm(part: SecondOrderModel, band: _Band | None) -> NormCertificate:
-    """Return the norm of a part by a core, by a scan, or of the part as it is."""
+    """Return the norm of a part by a core, or of the part as it is."""
     if band is None:
         given = _Realised.of(part)
         band = _Band.of(part) if given.wide else None
         if band is None:
             return given.norm()
     low, top, core = band.low, _CORE_ABOVE * band.last, band.core
-    if part.n > LARGEST:
-        omega = Resonances(_poles(part, band, top), BELOW * low, top).curve()
-        values = singular_values(respond_parts([(part.structure, part.ports)], omega)[0].values)[0]
-        best = int(np.argmax(values))
-        return NormCertificate(float(values[best]), inf, float(omega[best]), TOO_FINE, ("scan",))
     if core is None:
         return _Realised.of(part).norm()
     inside = _Realised.of(SecondOrderModel.of(core.structure, core.ports)).norm()
@@ -415,7 +405,7 @@ def _dissipation_bound(model: SecondOrderModel, omega: float) -> float:
     form, ports = model.structure.strain_form, model.ports
     if ports.B[2].any() or any(line.any() for line in ports.L[1:]) or any(e.any() for e in ports.E[1:]):
         return inf
-    C, (B, L) = (dense(model.C), (ports.B, ports.L)) if form is None else (form.C, form.seen(ports))
+    C, (B, L) = (model.C, (ports.B, ports.L)) if form is None else (form.C, form.seen(ports))
     try:
         half = linalg.cholesky(0.5 * (C + C.T), lower=True)  # gyroscopic terms dissipate nothing
     except linalg.LinAlgError:

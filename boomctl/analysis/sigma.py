@@ -23,7 +23,6 @@ from boomctl.lti.rounding import ALIKE
 from boomctl.lti.system import Lti, is_frequency_response, of
 from boomctl.printing import between, listed
 from boomctl.progress import computing, tell
-from boomctl.structure.matrices import dense
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.response.poles import first_order_poles
 from boomctl.threads import one_blas_thread
@@ -68,7 +67,7 @@ def has_unstable_pole(given: SplitModel | GivenSystem) -> bool | None:
     if isinstance(given, GivenSystem):
         return bool((sides(given.system.poles, given.system.dt) > 0).any())
     m = given.model
-    poles = first_order_poles(dense(m.M), dense(m.C), dense(m.K)) if m.n <= _PRINTED else None
+    poles = first_order_poles(m.M, m.C, m.K) if m.n <= _PRINTED else None
     return None if poles is None else bool((side_of_axis(poles) > 0).any())
 
 
@@ -91,8 +90,7 @@ class SigmaResult:
         Largest singular value and its frequency: the H-infinity norm of a model or state-space system (``inf`` with
         undamped, integrating or unstable modes that show), the largest value on the grid of measured data.
     certified : bool
-        Whether ``peak`` lies between two bounds computed apart from each other; see ``certificate``.  That of a structure of
-        more than 700 coordinates, or of a half that has more, never does: elements of high order need fewer.
+        Whether ``peak`` lies between two bounds computed apart from each other; see ``certificate``.
     unit : str
         Unit in which the frequencies were asked for, "Hz" where none were; pictures use it.
     value_unit : str

@@ -17,7 +17,6 @@ from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.response.modal_form import in_modes
 from boomctl.structure.response.poles import undamped_modes
 from boomctl.structure.response.realisation import realize
-from boomctl.structure.strain_coordinates import LARGEST
 
 # Ways to a core, in the order tried; a result's path names those that were taken.
 # of a large structure that has a bound
@@ -68,11 +67,6 @@ def core_of(system: Lti | SecondOrderModel, modes: int) -> SystemCore:
     found = structure_core(system, modes) if system.n >= CORE_FROM else None
     if found is not None:
         return found
-    if system.n > LARGEST:
-        raise ValueError(
-            f"a model of {system.n} coordinates without closed-form bound of its high modes (it needs symmetric "
-            f"matrices, damping proportional to stiffness but for a few dampers, displacements imposed and read)"
-        )
     try:
         # the highest modes come first: solvers of eigenvalues keep the digits of what stands last in a graded matrix
         modes_of = None if system.structure.elastic is None else undamped_modes(system.structure)

@@ -88,7 +88,7 @@ def reduce(
         Hankel norm approximation (the Hankel norm of the error is the smallest of that order, its H-infinity norm is
         not), the strongest modes with the static gain of the others; of a structure, likewise
         with undamped modes, which gives a smaller structure (an even order, two states a coordinate; the bound is
-        ``inf`` for more than 700 coordinates, undamped modes, or other outputs than displacements).
+        ``inf`` for undamped modes, or other outputs than displacements).
     error : float, optional
         Instead of ``order``: the lowest order whose verified error is not above this (absolute).  Where none is, the system
         itself comes back, with an error of zero.

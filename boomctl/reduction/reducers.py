@@ -29,7 +29,6 @@ from boomctl.structure.ports import evaluate
 from boomctl.structure.response.modal_form import elastic
 from boomctl.structure.response.poles import undamped_modes
 from boomctl.structure.response.realisation import realize
-from boomctl.structure.strain_coordinates import LARGEST
 
 MINIMAL = 1e-11  # share of the largest Hankel singular value up to which a state does nothing but add rounding
 _SEEN = 1e-6  # share of its inputs and outputs that a band may miss of a system (a choice)
@@ -311,7 +310,7 @@ class StrongestModes:
 
     def __init__(self, model: SecondOrderModel, core: SystemCore, band: Band | None, modes: int) -> None:
         self.model, self.core, self.band, self.complete = model, core, band, modes >= model.n
-        self.all_frequencies, self.all_modes = undamped_modes(model.structure, model.n if model.n <= LARGEST else modes)
+        self.all_frequencies, self.all_modes = undamped_modes(model.structure)
         self.frequencies, self.modes = self.all_frequencies[:modes], self.all_modes[:, :modes]
         floating = ~elastic(self.frequencies)
         self.rigid, self.ranking = int(floating.sum()), self._ranking(floating)

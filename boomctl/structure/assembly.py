@@ -14,9 +14,9 @@ from itertools import pairwise
 from math import hypot
 
 import numpy as np
-from scipy import linalg, sparse
+from scipy import linalg
 
-from boomctl.arrays import DENSE_LIMIT, Array, Matrix, combined
+from boomctl.arrays import Array, combined
 from boomctl.checks import instance, sequence, signal_name, warn_user
 from boomctl.lti.rounding import ALIKE, CANCELLED
 from boomctl.printing import count, listed, signals
@@ -26,7 +26,7 @@ from boomctl.structure.beams.mesh import BeamMesh
 from boomctl.structure.elimination import eliminate
 from boomctl.structure.kinematics import Kinematics, Row, attachments, kinematics, row_matrix
 from boomctl.structure.layout import KEPT, Layout, Weights, squared_sums
-from boomctl.structure.matrices import Structure, dense
+from boomctl.structure.matrices import Structure, check_size
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.outline import Line, Outline
 from boomctl.structure.parts import Beam, CutJoint, Force, Ground, Output, Point, RigidBody, SpringDamper
@@ -328,11 +328,13 @@ def _find_mechanism(assembly: Assembly, exact: bool) -> Mechanism:
     motion = kinematics(assembly.bodies, mesh_of, assembly.cuts)
     if not motion.coordinates:
         raise ValueError("the assembly has no coordinates: expected a body that can move or a beam")
+    # each force may become a prescribed displacement, which takes a coordinate away
+    check_size(len(motion.coordinates) - len(motion.held) - len(assembly.forces))
     index, meshes = {name: i for i, name in enumerate(motion.coordinates)}, tuple(mesh_of.values())
     first = [index[f"{beam.name}.{mesh.names[0]}"] for beam, mesh in zip(beams, meshes, strict=True)]
     T, names = _free_coordinates(motion, index)
 
-    def rows(lines: list[Row]) -> Matrix:
+    def rows(lines: list[Row]) -> Array:
         return combined(row_matrix(lines, index), T)
 
     bodies: list[Row] = []
@@ -343,7 +345,7 @@ def _find_mechanism(assembly: Assembly, exact: bool) -> Mechanism:
         else:
             bodies.append(motion.frames[body.name].along(body.angle))
     N, R = rows(bodies), rows([motion.relative(link.a, link.b, link.direction) for link in assembly.links])
-    elongated = np.abs(dense(R)).max(axis=1, initial=0.0)
+    elongated = np.abs(R).max(axis=1, initial=0.0)
     idle = [
         f"the link of {link.a.body.name!r} and {link.b.body.name!r} along {link.direction!r}"
         for link, size in zip(assembly.links, elongated, strict=True)
@@ -352,11 +354,11 @@ def _find_mechanism(assembly: Assembly, exact: bool) -> Mechanism:
     S, lengths = np.zeros((0, len(names))), ()
     if exact and meshes:
         lengths = tuple(_segment_lengths(beam, mesh.nodes, points) for beam, mesh in zip(beams, meshes, strict=True))
-        S = np.vstack([_segment_ends(size, dense(T)[at:]) for at, size in zip(first, lengths, strict=True)])
+        S = np.vstack([_segment_ends(size, T[at:]) for at, size in zip(first, lengths, strict=True)])
     elif not exact:
         deflections = [mesh.inertia.matrix(at, len(index)) @ T for at, mesh in zip(first, meshes, strict=True)]
         strains = [combined(mesh.strain.matrix(at, len(index)), T) for at, mesh in zip(first, meshes, strict=True)]
-        N, R = _stacked([N, *deflections]), _stacked([R, *strains])
+        N, R = np.vstack([N, *deflections]), np.vstack([R, *strains])
     layout, ports = Layout(names, N, R), _ports(assembly, motion, rows)
     forces = zip(assembly.forces, np.abs(ports.B[0]).max(axis=0, initial=0.0), strict=True)
     idle += [f"force {force.name!r} along {force.direction!r}" for force, size in forces if size <= CANCELLED]
@@ -412,26 +414,19 @@ def _segment_lengths(beam: Beam, nodes: Array, points: Sequence[Point]) -> Array
     return lengths
 
 
-def _free_coordinates(motion: Kinematics, index: dict[str, int]) -> tuple[Matrix, tuple[str, ...]]:
+def _free_coordinates(motion: Kinematics, index: dict[str, int]) -> tuple[Array, tuple[str, ...]]:
     """Return how all coordinates follow from those that the joints leave, and the names of these."""
     if not motion.held:
-        one = sparse.eye_array(len(index), format="csr") if len(index) > DENSE_LIMIT else np.eye(len(index))
-        return one, motion.coordinates
+        return np.eye(len(index)), motion.coordinates
     labels, held = zip(*motion.held, strict=True)
     choice = eliminate(row_matrix(held, index).T, labels, motion.weights)
     return choice.T_q, tuple(motion.coordinates[i] for i in choice.independent)
 
 
-def _stacked(blocks: list[Matrix]) -> Matrix:
-    if not sparse.issparse(blocks[0]):
-        return np.vstack(blocks)
-    return sparse.csr_array(sparse.vstack(blocks))
-
-
-def _ports(assembly: Assembly, motion: Kinematics, rows: Callable[[list[Row]], Matrix]) -> Ports:
+def _ports(assembly: Assembly, motion: Kinematics, rows: Callable[[list[Row]], Array]) -> Ports:
     """Return the inputs and outputs of an assembly over its free coordinates."""
-    columns = dense(rows([motion.relative(f.point, f.reaction, f.direction) for f in assembly.forces])).T
-    lines = dense(rows([motion.relative(o.point, o.relative_to, o.direction) for o in assembly.outputs]))
+    columns = rows([motion.relative(f.point, f.reaction, f.direction) for f in assembly.forces]).T
+    lines = rows([motion.relative(o.point, o.relative_to, o.direction) for o in assembly.outputs])
     derivative = np.array([o.derivative for o in assembly.outputs], dtype=int)
     L = np.array([lines * (derivative == k)[:, None] for k in range(3)]).reshape(3, *lines.shape)
     L.setflags(write=False)
@@ -446,7 +441,7 @@ def _ports(assembly: Assembly, motion: Kinematics, rows: Callable[[list[Row]], M
     )
 
 
-def _condensation(structure: Structure, ports: Ports, massless: Array) -> tuple[Matrix, Array]:
+def _condensation(structure: Structure, ports: Ports, massless: Array) -> tuple[Array, Array]:
     """Return the map that lets massless coordinates follow the others statically, which is exact for them.
 
     It is exact as long as nothing but beams with one common damping constant acts on them.
@@ -454,7 +449,7 @@ def _condensation(structure: Structure, ports: Ports, massless: Array) -> tuple[
     K, C, names = structure.K, structure.C, structure.coordinates
     n = structure.n
     kept = np.delete(np.arange(n), massless)
-    K_mm, C_mm, K_mk = dense(K[massless][:, massless]), dense(C[massless][:, massless]), dense(K[massless][:, kept])
+    K_mm, C_mm, K_mk = K[massless][:, massless], C[massless][:, massless], K[massless][:, kept]
     ratio = C_mm.diagonal().sum() / max(K_mm.diagonal().sum(), np.finfo(float).tiny)
     uneven = np.abs(C_mm.diagonal() - ratio * K_mm.diagonal()) > ALIKE * np.abs(C_mm.diagonal()).max(
         initial=np.finfo(float).tiny
@@ -469,4 +464,4 @@ def _condensation(structure: Structure, ports: Ports, massless: Array) -> tuple[
     T = np.zeros((n, len(kept)))
     T[kept, np.arange(len(kept))] = 1.0
     T[massless] = -linalg.solve(K_mm, K_mk, assume_a="pos")
-    return sparse.csr_array(T) if n > DENSE_LIMIT else T, kept
+    return T, kept

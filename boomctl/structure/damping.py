@@ -8,12 +8,12 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from scipy import linalg, sparse
+from scipy import linalg
 
-from boomctl.arrays import Array, Matrix
+from boomctl.arrays import Array
 from boomctl.lti.rounding import ALIKE, SUMMED
 from boomctl.structure.layout import KEPT, Layout
-from boomctl.structure.matrices import Structure, dense
+from boomctl.structure.matrices import Structure
 
 _DIGITS = 13  # of a damper's row, relative to its largest entry, in which its image agrees with it
 _MOST_DAMPERS = 12  # beyond, damping is not "proportional but for a few" (a choice)
@@ -49,7 +49,7 @@ def _distinct_rows(layout: Layout, places: tuple[int, ...]) -> tuple[Array, Arra
 
     Dampers that are each other's image are one damper of a half.
     """
-    rows = dense(layout.R[list(places)])
+    rows = layout.R[list(places)]
     largest = np.take_along_axis(rows, np.abs(rows).argmax(axis=1)[:, None], axis=1)[:, 0] if len(rows) else np.zeros(0)
     first: dict[bytes, int] = {}
     kept, image, share = [], np.zeros(len(rows), dtype=np.intp), np.zeros(len(rows))
@@ -70,17 +70,13 @@ def common_ratio(c: Array, k: Array) -> float:
     return float(ratios[len(ratios) // 2]) if len(ratios) else 0.0
 
 
-def _from_matrices(C: Matrix, K: Matrix) -> Damping | None:
+def _from_matrices(C: Array, K: Array) -> Damping | None:
     c, k = C.diagonal(), K.diagonal()
     beta, rest = common_ratio(c, k), C
     if beta:
         rest = C - beta * K
-    if sparse.issparse(rest):
-        entries = sparse.coo_array(rest)
-        (i, j), values = entries.coords, entries.data
-    else:
-        i, j = np.nonzero(rest)
-        values = rest[i, j]
+    i, j = np.nonzero(rest)
+    values = rest[i, j]
     size = beta * k + c
     large = np.abs(values) > ALIKE * np.sqrt(np.abs(size[i] * size[j]))
     touched = np.unique(np.concatenate([i[large], j[large]]))
@@ -89,6 +85,6 @@ def _from_matrices(C: Matrix, K: Matrix) -> Damping | None:
         return None
     if not len(touched):
         return Damping(beta, U, np.zeros(0))
-    gamma, U[touched] = linalg.eigh(dense(rest[touched][:, touched]))
+    gamma, U[touched] = linalg.eigh(rest[touched][:, touched])
     apart = np.abs(gamma) > ALIKE * np.abs(gamma).max()
     return Damping(beta, U[:, apart], gamma[apart]) if apart.sum() <= _MOST_DAMPERS else None

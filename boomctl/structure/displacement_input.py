@@ -9,11 +9,11 @@ from functools import lru_cache
 
 import numpy as np
 
-from boomctl.arrays import Array, Matrix, combined
+from boomctl.arrays import Array, combined
 from boomctl.checks import instance, known, mapping, names, truth
 from boomctl.structure.elimination import Elimination, eliminate
 from boomctl.structure.layout import KEPT, Layout
-from boomctl.structure.matrices import Structure, dense
+from boomctl.structure.matrices import Structure
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.ports import Ports
 from boomctl.threads import one_blas_thread
@@ -110,7 +110,7 @@ def prescribe_displacement(
 def _eliminated(layout: Layout, names: tuple[str, ...], columns: bytes) -> tuple[Elimination, Layout, "_Side"]:
     """Return what imposing motion at the columns of ``names`` makes of rows, whatever the structure weighs."""
     choice = eliminate(np.frombuffer(columns).reshape(layout.n, len(names)), names)
-    over_imposed = Layout(names, dense(layout.N @ choice.T_d), dense(layout.R @ choice.T_d))
+    over_imposed = Layout(names, layout.N @ choice.T_d, layout.R @ choice.T_d)
     return choice, layout.eliminated(choice), _Side(choice.T_d, over_imposed)
 
 
@@ -127,7 +127,7 @@ def _orders(moved: tuple[str, ...], motion: str | Mapping[str, str]) -> dict[str
 class _Side:
     """A group of coordinates, ``q = T z``: those that still move, or the imposed displacements; rows over them if known."""
 
-    T: Matrix
+    T: Array
     layout: Layout | None = None
 
 
@@ -152,7 +152,7 @@ class _Prescribed:
         weights = self.structure.weights
         if weights is None or left.layout is None or right.layout is None:
             matrices = self.structure.K, self.structure.C, self.structure.M
-            return np.array([left.T.T @ dense(matrix @ right.T) for matrix in matrices])
+            return np.array([left.T.T @ matrix @ right.T for matrix in matrices])
         if right is self.moving:
             return self.blocks(right, left).transpose(0, 2, 1)
         R, N = left.layout.R.T, left.layout.N.T
@@ -166,7 +166,7 @@ class _Prescribed:
 
     def ports(self, orders: Mapping[str, int], reactions: bool) -> Ports:
         """Return the ports of the displacement-driven structure, inputs in their old order."""
-        old, kept, T_d = self.old, self.kept, dense(self.imposed.T)
+        old, kept, T_d = self.old, self.kept, self.imposed.T
         force = (old if kept == old.inputs else old.select(kept, None)).restricted(self.moving.T)
         B, L, E = force.B.copy(), force.L, force.E.copy()
         places = [kept.index(name) for name in self.moved]
@@ -213,7 +213,7 @@ class _Prescribed:
 
     def reactions(self) -> tuple[Array, Array]:
         """Return the rows of Eq. (7), upper part: ``f_p = M_dd d'' + M_dq q'' + ... - F_d f``."""
-        kept, T_d = self.kept, dense(self.imposed.T)
+        kept, T_d = self.kept, self.imposed.T
         E = -(T_d.T @ self.old.select(kept, None).B)
         places = [kept.index(name) for name in self.moved]
         E[:, :, places] = self.blocks(self.imposed, self.imposed)[:, :, : len(places)]

@@ -6,12 +6,11 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from scipy import linalg, sparse
+from scipy import linalg
 
-from boomctl.arrays import DENSE_LIMIT, ROUNDED, Array, Matrix, combined
+from boomctl.arrays import ROUNDED, Array, combined
 
 DEPENDENT = 1e-10  # of the largest pivot, or of what was there; what differs by less depends on the others (a choice)
 
@@ -21,16 +20,16 @@ class Elimination:
     """The congruence ``z = T_d d + T_q z_s`` and the places of the independent coordinates (s)."""
 
     independent: Array
-    T_d: Matrix
-    T_q: Matrix
+    T_d: Array
+    T_q: Array
 
 
-def eliminate(J: Matrix, names: Sequence[str], weights: Array | None = None) -> Elimination:
-    """Choose dependent coordinates by pivoted QR and return the congruence; dense where coordinates are few.
+def eliminate(J: Array, names: Sequence[str], weights: Array | None = None) -> Elimination:
+    """Choose dependent coordinates by pivoted QR and return the congruence.
 
     Parameters
     ----------
-    J : (n, n_d) array, dense or sparse
+    J : (n, n_d) ndarray
         Its columns are the rows prescribed.
     names : sequence of str
         What each column is called, for messages.
@@ -43,13 +42,8 @@ def eliminate(J: Matrix, names: Sequence[str], weights: Array | None = None) -> 
         A column is zero, or depends on the others.
     """
     n, count = J.shape
-    if sparse.issparse(J):
-        full = sparse.csr_array(J)
-        touched = np.flatnonzero(np.diff(full.indptr))
-        block = full[touched].toarray()
-    else:
-        touched = np.flatnonzero(J.any(axis=1))
-        block = J[touched]
+    touched = np.flatnonzero(J.any(axis=1))
+    block = J[touched]
     norms = np.linalg.norm(block, axis=0)
     _check_rank(block, norms, names)
     scaled = (block / norms).T if weights is None else (block / norms).T * weights[touched]
@@ -64,28 +58,16 @@ def eliminate(J: Matrix, names: Sequence[str], weights: Array | None = None) -> 
     coupling = _told(combined(-inverse, even[rest].T)) * (size[rest] / size[pivots][:, None])
     inverse = inverse / (size[pivots][:, None] * norms)
     independent = np.delete(np.arange(n), dependent)
-    column = np.full(n, -1)
-    column[independent] = np.arange(n - count)
-    r, s = np.nonzero(coupling)
-    rows = np.concatenate([independent, dependent[r]])
-    columns = np.concatenate([np.arange(n - count), column[touched[rest[s]]]])
-    T_q = from_entries(rows, columns, np.concatenate([np.ones(n - count), coupling[r, s]]), (n, n - count), n)
-    i, j = np.nonzero(inverse)
-    return Elimination(independent, from_entries(dependent[i], j, inverse[i, j], (n, count), n), T_q)
+    T_d, T_q = np.zeros((n, count)), np.zeros((n, n - count))
+    T_d[dependent] = inverse
+    T_q[independent, np.arange(n - count)] = 1.0
+    T_q[np.ix_(dependent, np.searchsorted(independent, touched[rest]))] = coupling
+    return Elimination(independent, T_d, T_q)
 
 
 def _told(matrix: Array) -> Array:
     """Return a matrix of entries alike without those that are rounding of the largest one."""
     return np.where(np.abs(matrix) > ROUNDED * np.abs(matrix).max(initial=0.0), matrix, 0.0)
-
-
-def from_entries(rows: Any, columns: Any, values: Any, shape: tuple[int, int], coordinates: int) -> Matrix:
-    """Return a matrix of these entries, each place once; sparse where the coordinates of the structure are many."""
-    if coordinates > DENSE_LIMIT:
-        return sparse.csr_array((values, (rows, columns)), shape=shape)
-    full = np.zeros(shape)
-    full[rows, columns] = values
-    return full
 
 
 def _check_rank(block: Array, norms: Array, names: Sequence[str]) -> None:

@@ -10,12 +10,12 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from boomctl.arrays import Array, Matrix
+from boomctl.arrays import Array
 from boomctl.chebyshev import fitted, points_along, tried_points
 from boomctl.checks import finite_array, instance, known, mapping, real, sequence, signal_name, whole
 from boomctl.lti.rounding import ALIKE, SUMMED
 from boomctl.printing import compact, listed, signals
-from boomctl.structure.matrices import Structure, dense
+from boomctl.structure.matrices import Structure
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.ports import Ports
 from boomctl.threads import one_blas_thread
@@ -29,15 +29,15 @@ class Slope:
 
     Attributes
     ----------
-    M, C, K : (n, n) ndarray or scipy.sparse array
+    M, C, K : (n, n) ndarray
         Changes of the mass, damping and stiffness matrix.
     B, L : ndarray
         Changes of the columns of the inputs, and of what the outputs read; by default these stay.
     """
 
-    M: Matrix
-    C: Matrix
-    K: Matrix
+    M: Array
+    C: Array
+    K: Array
     B: Array
     L: Array = field(default_factory=lambda: np.zeros(()))
 
@@ -84,7 +84,7 @@ class Family:
         return np.array(often).reshape(len(often), self.size)
 
     @cached_property
-    def _acting(self) -> list[list[tuple[int, Matrix]]]:
+    def _acting(self) -> list[list[tuple[int, Array]]]:
         """Of each matrix the terms that change it, and by what."""
         changes = [[(i, getattr(slope, letter)) for i, (_, slope) in enumerate(self.terms)] for letter in "MCKBL"]
         return [[(i, X) for i, X in each if abs(X).sum()] for each in changes]
@@ -161,7 +161,7 @@ class Family:
         """
         c, shares = self.centre, shares_of(self, self._delta(delta)).tolist()
         M, C, K, B, L = (
-            sum((shares[i] * change for i, change in acting if shares[i]), getattr(middle, letter))
+            np.asarray(sum((shares[i] * change for i, change in acting if shares[i]), getattr(middle, letter)))
             for acting, letter, middle in zip(self._acting, "MCKBL", (c, c, c, c.ports, c.ports), strict=True)
         )
         ports = replace(c.ports, B=B, L=L)
@@ -201,7 +201,6 @@ class Family:
             mine_3, exact_3 = getattr(mine.ports, group), getattr(exact.ports, group)
             pairs += [(f"{group}{k}", mine_3[k], exact_3[k]) for k in range(3)]
         for name, a, b in pairs:
-            a, b = dense(a), dense(b)
             size = np.maximum(np.maximum(np.abs(a), np.abs(b)), self._least(name))
             if name in ("M", "C", "K"):  # an entry may cancel, and is then as exact as the diagonals beside it
                 along = np.sqrt(np.diag(size))
@@ -372,7 +371,7 @@ class PolynomialFamily(Family):
     def _least(self, name: str) -> Array | float:
         if name not in ("M", "C", "K"):
             return 0.0
-        pairs = [(letter, dense(getattr(self.centre, letter))) for letter in ("M", "C", "K")]
+        pairs = [(letter, getattr(self.centre, letter)) for letter in ("M", "C", "K")]
         largest = {x: np.abs(c) + sum(np.abs(getattr(slope, x)) for _, slope in self.terms) for x, c in pairs}
         return _sizes({letter: size[None] for letter, size in largest.items()})[name]
 
@@ -446,7 +445,7 @@ def _matrices(first: SecondOrderModel, made: Sequence[SecondOrderModel]) -> dict
     """Return matrices and columns of inputs of structures, stacked; refused where signals are not those of the first."""
     for each in made:
         _slope(first, each)
-    found = {letter: np.array([dense(getattr(each, letter)) for each in made]) for letter in ("M", "C", "K")}
+    found = {letter: np.array([getattr(each, letter) for each in made]) for letter in ("M", "C", "K")}
     return {**found, **{letter: np.array([getattr(each.ports, letter) for each in made]) for letter in ("B", "L")}}
 
 

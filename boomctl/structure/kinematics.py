@@ -6,10 +6,9 @@ from math import cos, pi, sin
 
 import numpy as np
 
-from boomctl.arrays import Array, Matrix
+from boomctl.arrays import Array
 from boomctl.lti.rounding import CANCELLED
 from boomctl.structure.beams.mesh import BeamMesh
-from boomctl.structure.elimination import from_entries
 from boomctl.structure.parts import Beam, CutJoint, Ground, Point, RigidBody, direction_angle
 
 Body = RigidBody | Beam
@@ -81,12 +80,13 @@ class Frame:
         return _along(self.x, angle, cos) + _along(self.y, angle, sin)
 
 
-def row_matrix(rows: Sequence[Row], index: Mapping[str, int]) -> Matrix:
-    """Stack rows into a matrix, one line a row and one column a coordinate of ``index``; sparse where these are many."""
-    data = [value for row in rows for value in row.terms.values()]
-    line = [i for i, row in enumerate(rows) for _ in row.terms]
-    column = [index[name] for row in rows for name in row.terms]
-    return from_entries(line, column, np.array(data, float), (len(rows), len(index)), len(index))
+def row_matrix(rows: Sequence[Row], index: Mapping[str, int]) -> Array:
+    """Stack rows into a matrix, one line a row and one column a coordinate of ``index``."""
+    stacked = np.zeros((len(rows), len(index)))
+    for i, row in enumerate(rows):
+        for name, value in row.terms.items():
+            stacked[i, index[name]] = value
+    return stacked
 
 
 @dataclass(frozen=True)

@@ -15,16 +15,16 @@ from dataclasses import dataclass, fields
 from functools import cached_property
 
 import numpy as np
-from scipy import sparse
 
-from boomctl.arrays import DENSE_LIMIT, Array, Matrix, combined
+from boomctl.arrays import Array, combined
 from boomctl.lti.rounding import ALIKE
 from boomctl.printing import compact
 from boomctl.structure.elimination import Elimination
 from boomctl.structure.symmetry import Mirror
 
 KEPT = 16  # of each kind of result, for the next structure with the same rows or places (a choice of memory)
-_FULL = 0.1  # share of the entries of sparse rows beyond which they are dense: their products are nearly all (a choice)
+_FILLED = 0.1  # share of the entries of rows, up to which sums of squares are made of products of pairs (measured)
+_FEW = 64  # coordinates up to which one product of matrices is as fast (measured)
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,9 @@ class Weights:
 
 @dataclass(frozen=True, eq=False)
 class Squares:
-    """Which products of entries a weighted sum of squares of sparse rows is made of, known once for all weights.
+    """Which products of entries a weighted sum of squares of rows is made of, known once for all weights.
+
+    Rows of beams have a few entries each: the sum takes a tenth of the time of a product of matrices.
 
     Attributes
     ----------
@@ -61,35 +63,23 @@ class Squares:
     __repr__ = compact
 
     @classmethod
-    def of(cls, rows: sparse.csr_array) -> "Squares":
-        """Return the products of all pairs of entries of each row."""
-        counts, n = np.diff(rows.indptr), rows.shape[1]
-        row = np.repeat(np.arange(len(counts)), counts)
+    def of(cls, rows: Array) -> "Squares | None":
+        """Return the products of all pairs of entries of each row; None for rows that are few or mostly filled."""
+        count, n = rows.shape
+        if n <= _FEW or np.count_nonzero(rows) > _FILLED * rows.size:
+            return None
+        row, column = np.nonzero(rows)
+        counts, data = np.bincount(row, minlength=count), rows[row, column]
         partners = counts[row]
         left = np.repeat(np.arange(len(row)), partners)
         first = np.cumsum(partners) - partners
-        right = np.repeat(rows.indptr[row] - first, partners) + np.arange(len(left))
-        place = rows.indices[left].astype(np.int64) * n + rows.indices[right]
-        return cls(place, row[left], rows.data[left] * rows.data[right], n)
+        starts = np.cumsum(counts) - counts
+        right = np.repeat(starts[row] - first, partners) + np.arange(len(left))
+        return cls(column[left] * n + column[right], row[left], data[left] * data[right], n)
 
-    @cached_property
-    def pattern(self) -> tuple[Array, Array, Array]:
-        """Places of the products among the entries of a sparse matrix, its indices and their pointers."""
-        flat, slot = np.unique(self.place, return_inverse=True)
-        ends = np.searchsorted(flat, self.n * np.arange(self.n + 1, dtype=np.int64))
-        return slot, (flat % self.n).astype(np.int32), ends.astype(np.int32)
-
-    def summed(self, weight: Array, full: bool) -> Matrix:
-        """Return the weighted sum, exactly symmetric, as a dense matrix or as a sparse one."""
-        values = self.value * weight[self.row]
-        if full:
-            return np.bincount(self.place, values, self.n * self.n).reshape(self.n, self.n)
-        slot, indices, ends = self.pattern
-        return sparse.csr_array((np.bincount(slot, values, len(indices)), indices, ends), shape=(self.n, self.n))
-
-
-def _filled(rows: sparse.csr_array) -> float:
-    return rows.nnz / max(1, rows.shape[0] * rows.shape[1])
+    def summed(self, weight: Array) -> Array:
+        """Return the weighted sum, exactly symmetric."""
+        return np.bincount(self.place, self.value * weight[self.row], self.n * self.n).reshape(self.n, self.n)
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,17 +90,17 @@ class Layout:
     ----------
     coordinates : tuple of str
         Names.
-    N : (rows, n) ndarray or sparse array
+    N : (rows, n) ndarray
         Rows of the mass matrix.
-    R : (rows, n) ndarray or sparse array
+    R : (rows, n) ndarray
         Rows of the stiffness and damping matrix.
     mirror : Mirror or None
         How the reflection about ``x = 0`` acts, where one is known; weights may still break it.
     """
 
     coordinates: tuple[str, ...]
-    N: Matrix
-    R: Matrix
+    N: Array
+    R: Array
     mirror: Mirror | None = None
 
     __repr__ = compact
@@ -124,12 +114,9 @@ class Layout:
         """Number of coordinates."""
         return len(self.coordinates)
 
-    def congruent(self, T: Matrix, coordinates: tuple[str, ...], mirror: Mirror | None = None) -> "Layout":
+    def congruent(self, T: Array, coordinates: tuple[str, ...], mirror: Mirror | None = None) -> "Layout":
         """Return the rows over coordinates ``z`` with ``q = T z``."""
-        N, R = combined(self.N, T), combined(self.R, T)
-        if sparse.issparse(N) and (len(coordinates) <= DENSE_LIMIT or max(map(_filled, (N, R))) > _FULL):
-            N, R = N.toarray(), R.toarray()
-        return Layout(coordinates, N, R, mirror)
+        return Layout(coordinates, combined(self.N, T), combined(self.R, T), mirror)
 
     def eliminated(self, choice: Elimination) -> "Layout":
         """Return the rows over the independent coordinates, the prescribed displacements at rest."""
@@ -137,26 +124,27 @@ class Layout:
         return self.congruent(choice.T_q, names, None if self.mirror is None else self.mirror.restricted(choice))
 
     @cached_property
-    def squares(self) -> tuple[Squares, Squares]:
-        """What the sums of squares of sparse rows ``N`` and ``R`` are made of."""
+    def squares(self) -> tuple[Squares | None, Squares | None]:
+        """What the sums of squares of rows ``N`` and ``R`` are made of, where they have few entries."""
         return Squares.of(self.N), Squares.of(self.R)
 
-    def mass(self, m: Array, full: bool) -> Matrix:
-        """Return ``N^T diag(m) N``, dense if it is to be full."""
-        return self._gram(0, self.N, m, full)
+    def mass(self, m: Array) -> Array:
+        """Return ``N^T diag(m) N``."""
+        return self._gram(0, self.N, m)
 
-    def stiffness(self, k: Array, full: bool) -> Matrix:
-        """Return ``R^T diag(k) R``, dense if it is to be full."""
-        return self._gram(1, self.R, k, full)
+    def stiffness(self, k: Array) -> Array:
+        """Return ``R^T diag(k) R``."""
+        return self._gram(1, self.R, k)
 
-    def _gram(self, which: int, rows: Matrix, weight: Array, full: bool) -> Matrix:
-        if sparse.issparse(rows):
-            return self.squares[which].summed(weight, full)
+    def _gram(self, which: int, rows: Array, weight: Array) -> Array:
+        squares = self.squares[which]
+        if squares is not None:
+            return squares.summed(weight)
         total = rows.T @ (weight[:, None] * rows)
         return 0.5 * (total + total.T)
 
     @cached_property
-    def halves(self) -> "dict[int, tuple[Matrix, Layout]]":
+    def halves(self) -> "dict[int, tuple[Array, Layout]]":
         """The motions of each parity, ``q = P q_half``, and the rows over them; the layout has a mirror."""
         if self.mirror is None:
             raise ValueError("the structure carries no mirror")
@@ -181,8 +169,6 @@ class Layout:
         return True
 
 
-def squared_sums(rows: Matrix, weight: Array) -> Array:
+def squared_sums(rows: Array, weight: Array) -> Array:
     """Return the diagonal of ``rows^T diag(weight) rows``."""
-    if sparse.issparse(rows):
-        return np.bincount(rows.indices, np.repeat(weight, np.diff(rows.indptr)) * rows.data**2, rows.shape[1])
     return weight @ rows**2

@@ -9,9 +9,8 @@ from dataclasses import dataclass, field, fields, replace
 from functools import cached_property, lru_cache
 
 import numpy as np
-from scipy import sparse
 
-from boomctl.arrays import DENSE_LIMIT, Array, Matrix
+from boomctl.arrays import Array
 from boomctl.lti.rounding import ALIKE, EPS, SUMMED
 from boomctl.printing import compact
 from boomctl.structure.layout import KEPT, Layout, Weights, squared_sums
@@ -20,8 +19,7 @@ from boomctl.structure.ports import Ports
 from boomctl.structure.strain_coordinates import StrainForm, strain_form
 from boomctl.structure.symmetry import Mirror
 
-# coordinates up to which halves and factors of stiffness are dense: sparse is faster from there (measured)
-DENSE = 220
+_LARGEST = 1000  # coordinates of a model
 # largest over median stiffness over mass of coordinates, from which on a mesh is not split: the rounding of its stations
 # makes images of its shortest elements unlike each other, and a half that holds both would lock
 _GRADED = 1e14
@@ -31,7 +29,7 @@ _GRADED = 1e14
 class ElasticRows:
     """Stiffness and damping as sums over rows: ``K = R^T diag(k) R``, ``C = R^T diag(c) R``."""
 
-    R: Matrix
+    R: Array
     k: Array
     c: Array
 
@@ -46,7 +44,7 @@ class Structure:
     ----------
     coordinates : tuple of str
         Names.
-    given : triple of (n, n) ndarray or sparse array, or None
+    given : triple of (n, n) ndarray, or None
         Mass, damping and stiffness matrix; None: they follow from rows.
     layout, weights : Layout, Weights, or None
         Rows over the coordinates and their weights, where they are known.
@@ -54,18 +52,15 @@ class Structure:
         The reflection about ``x = 0`` that leaves the matrices as they are, where there is one.
     outline : Outline or None
         Where the parts are and how they move with the coordinates, where that is known.
-    dense_up_to : int
-        Coordinates up to which matrices that follow from rows are stored dense.
     settled : bool
         Whether its state space is over these very coordinates, so that structures beside it have the same states.
     """
 
     coordinates: tuple[str, ...]
-    given: tuple[Matrix, Matrix, Matrix] | None = None
+    given: tuple[Array, Array, Array] | None = None
     layout: Layout | None = None
     weights: Weights | None = None
     mirror: Mirror | None = None
-    dense_up_to: int = field(default=DENSE_LIMIT, repr=False)
     outline: Outline | None = field(default=None, repr=False)
     settled: bool = field(default=False, repr=False)
 
@@ -73,27 +68,21 @@ class Structure:
 
     @classmethod
     def of(
-        cls, M: Matrix, C: Matrix, K: Matrix, coordinates: tuple[str, ...], mirror: Mirror | None = None
+        cls, M: Array, C: Array, K: Array, coordinates: tuple[str, ...], mirror: Mirror | None = None
     ) -> "Structure":
-        """Return a structure of matrices known to be sound; small sparse ones are stored dense."""
-        M, C, K = (
-            dense(matrix) if matrix.shape[0] <= DENSE_LIMIT or not sparse.issparse(matrix) else sparse.csr_array(matrix)
-            for matrix in (M, C, K)
-        )
+        """Return a structure of matrices known to be sound."""
         return cls(coordinates, (M, C, K), mirror=mirror)
 
     @classmethod
-    def weighed(
-        cls, layout: Layout, weights: Weights, mirror: Mirror | None = None, dense_up_to: int = DENSE_LIMIT
-    ) -> "Structure":
+    def weighed(cls, layout: Layout, weights: Weights, mirror: Mirror | None = None) -> "Structure":
         """Return a structure of rows and what they weigh; its matrices are made when they are asked for."""
-        return cls(layout.coordinates, None, layout, weights, mirror, dense_up_to)
+        return cls(layout.coordinates, None, layout, weights, mirror)
 
     def __getstate__(self) -> dict[str, object]:
         """Pickle what it is made of; what was computed when asked for can be computed again."""
         return {field.name: getattr(self, field.name) for field in fields(self)}
 
-    def drawn_as(self, outline: Outline | None, T: Matrix | None = None, parity: int = 0) -> "Structure":
+    def drawn_as(self, outline: Outline | None, T: Array | None = None, parity: int = 0) -> "Structure":
         """Return the structure with the outline of another one, whose coordinates are ``T`` times its own."""
         if outline is None:
             return self
@@ -105,28 +94,28 @@ class Structure:
         return len(self.coordinates)
 
     @cached_property
-    def M(self) -> Matrix:
+    def M(self) -> Array:
         """Mass matrix."""
         if self.layout is None or self.weights is None:
             return self._given[0]
-        return self.layout.mass(self.weights.m, self.n <= self.dense_up_to)
+        return self.layout.mass(self.weights.m)
 
     @cached_property
-    def C(self) -> Matrix:
+    def C(self) -> Array:
         """Damping matrix."""
         if self.layout is None or self.weights is None:
             return self._given[1]
-        return self.layout.stiffness(self.weights.c, self.n <= self.dense_up_to)
+        return self.layout.stiffness(self.weights.c)
 
     @cached_property
-    def K(self) -> Matrix:
+    def K(self) -> Array:
         """Stiffness matrix."""
         if self.layout is None or self.weights is None:
             return self._given[2]
-        return self.layout.stiffness(self.weights.k, self.n <= self.dense_up_to)
+        return self.layout.stiffness(self.weights.k)
 
     @property
-    def _given(self) -> tuple[Matrix, Matrix, Matrix]:
+    def _given(self) -> tuple[Array, Array, Array]:
         assert self.given is not None
         return self.given
 
@@ -139,7 +128,7 @@ class Structure:
 
     @cached_property
     def strain_form(self) -> StrainForm | None:
-        """The structure in strain coordinates; None without rows and for a large one."""
+        """The structure in strain coordinates; None without rows."""
         return None if self.layout is None or self.weights is None else strain_form(self.layout, self.weights)
 
     @cached_property
@@ -172,14 +161,14 @@ class Structure:
         return len(square) > 0 and bool(square[-1] > _GRADED * square[len(square) // 2])
 
     def at(self, s: Array) -> Array:
-        """Return ``s^2 M + s C + K`` at each ``s``, dense, shape (len(s), n, n)."""
+        """Return ``s^2 M + s C + K`` at each ``s``, shape (len(s), n, n)."""
         full = np.empty((len(s), self.n, self.n), dtype=complex)
         if not s.real.any():  # real and imaginary part apart, which is faster
             omega = s.imag[:, None, None]
-            full.real, full.imag = dense(self.K) - omega**2 * dense(self.M), omega * dense(self.C)
+            full.real, full.imag = self.K - omega**2 * self.M, omega * self.C
             return full
         at = s[:, None, None]
-        full[:] = dense(self.K) + at * dense(self.C) + at**2 * dense(self.M)
+        full[:] = self.K + at * self.C + at**2 * self.M
         return full
 
     def force(self, motion: Array, s: Array) -> Array:
@@ -191,7 +180,7 @@ class Structure:
         return inertia + rows.R.T @ ((rows.k[:, None] + rows.c[:, None] * s) * (rows.R @ motion))
 
     def projected(self, V: Array, coordinates: tuple[str, ...] | None = None) -> "Structure":
-        """Return the structure that moves only as the columns of ``V``, ``q = V v``: dense, through its strain rows."""
+        """Return the structure that moves only as the columns of ``V``, ``q = V v``, through its strain rows."""
         names = tuple(f"v{i}" for i in range(V.shape[1])) if coordinates is None else coordinates
         if self.layout is None or self.weights is None:
             M, C, K = (V.T @ (matrix @ V) for matrix in (self.M, self.C, self.K))
@@ -215,7 +204,7 @@ class Structure:
         return replace(self, layout=_mirrored(self.layout, mirror), mirror=mirror)
 
     @cached_property
-    def halves(self) -> "dict[int, tuple[Matrix, Structure]]":
+    def halves(self) -> "dict[int, tuple[Array, Structure]]":
         """Of a structure with a mirror: the motions of each parity, ``q = P q_half``, and the structure that they see."""
         return {parity: _half_structure(self, parity) for parity in (1, -1)}
 
@@ -226,10 +215,10 @@ def _mirrored(layout: Layout, mirror: Mirror) -> Layout:
     return replace(layout, mirror=mirror)
 
 
-def _half_structure(whole: Structure, parity: int) -> tuple[Matrix, Structure]:
+def _half_structure(whole: Structure, parity: int) -> tuple[Array, Structure]:
     if whole.layout is not None and whole.weights is not None:
         P, layout = whole.layout.halves[parity]
-        structure = Structure.weighed(layout, whole.weights, dense_up_to=DENSE)
+        structure = Structure.weighed(layout, whole.weights)
         return P, structure.drawn_as(whole.outline, P, parity)
     if whole.mirror is None:
         raise ValueError("the structure carries no mirror")
@@ -277,11 +266,15 @@ def halves(structure: Structure, ports: Ports) -> tuple[Half, ...] | None:
     return tuple(part for part in both if part is not None and part.W_in.shape[1] and part.W_out.shape[1])
 
 
-def dense(matrix: object) -> Array:
-    """Return a matrix as a dense array."""
-    return matrix if isinstance(matrix, np.ndarray) else matrix.toarray()  # type: ignore[attr-defined]
+def check_size(n: int) -> None:
+    """Raise if a model has more coordinates than matrices are made for."""
+    if n > _LARGEST:
+        raise ValueError(
+            f"The model must have at most {_LARGEST} coordinates, got {n}. Use a few elements of high order:"
+            " four represent the whole boom to 5e-10."
+        )
 
 
 def is_symmetric(matrix: Array) -> bool:
-    """Return whether a dense matrix is symmetric but for rounding."""
+    """Return whether a matrix is symmetric but for rounding."""
     return bool(np.abs(matrix - matrix.T).max(initial=0.0) <= SUMMED * np.abs(matrix).max(initial=0.0))

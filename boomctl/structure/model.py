@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy import sparse
 
-from boomctl.arrays import Array, Matrix
+from boomctl.arrays import Array
 from boomctl.checks import (
     finite_array,
     frequencies,
@@ -28,7 +27,7 @@ from boomctl.lti.hold import zero_order_hold
 from boomctl.lti.rounding import ALIKE
 from boomctl.lti.system import Lti
 from boomctl.printing import count, signals
-from boomctl.structure.matrices import Structure, half, halves
+from boomctl.structure.matrices import Structure, check_size, half, halves
 from boomctl.structure.ports import Ports
 from boomctl.structure.response.direct import respond
 from boomctl.structure.response.modal_form import COORDINATES, MODES, handed_out, modal_form
@@ -67,8 +66,8 @@ class SecondOrderModel:
 
     Parameters
     ----------
-    M, C, K : (n, n) ndarray or scipy.sparse array
-        Mass, damping and stiffness matrix.
+    M, C, K : (n, n) array_like or scipy.sparse array
+        Mass, damping and stiffness matrix, stored dense; at most 1,000 coordinates.
     force_inputs : mapping from name to (n,) array
         Column through which each force acts.
     outputs : mapping from name to (n,) array
@@ -106,9 +105,9 @@ class SecondOrderModel:
 
     def __init__(
         self,
-        M: ArrayLike | sparse.sparray,
-        C: ArrayLike | sparse.sparray,
-        K: ArrayLike | sparse.sparray,
+        M: ArrayLike,
+        C: ArrayLike,
+        K: ArrayLike,
         force_inputs: Mapping[str, ArrayLike] | None = None,
         outputs: Mapping[str, ArrayLike] | None = None,
         coordinates: Sequence[str] | None = None,
@@ -130,14 +129,13 @@ class SecondOrderModel:
             raise ValueError(f"coordinates: expected {n} different names, got {len(labels)}")
         L = np.array([lines, np.zeros_like(lines), np.zeros_like(lines)])
         ports = Ports.of_forces(tuple(force_inputs or {}), columns.T, tuple(outputs or {}), L)
-        object.__setattr__(self, "structure", Structure.of(**matrices, coordinates=labels))
+        object.__setattr__(self, "structure", Structure.of(matrices["M"], matrices["C"], matrices["K"], labels))
         object.__setattr__(self, "ports", ports)
         object.__setattr__(self, "chosen", None)
 
     def __repr__(self) -> str:
-        stored = ", sparse" if sparse.issparse(self.M) else ""
         chosen = "" if self.chosen is None else f"\n  {self.chosen}"
-        return f"SecondOrderModel: {count(self.n, 'coordinate')}{stored}\n{signals(self.inputs, self.outputs)}{chosen}"
+        return f"SecondOrderModel: {count(self.n, 'coordinate')}\n{signals(self.inputs, self.outputs)}{chosen}"
 
     @classmethod
     def of(cls, structure: Structure, ports: Ports, chosen: Any = None) -> SecondOrderModel:
@@ -168,17 +166,17 @@ class SecondOrderModel:
         return {"structure": self.structure, "ports": self.ports, "chosen": self.chosen}
 
     @property
-    def M(self) -> Array | sparse.csr_array:
+    def M(self) -> Array:
         """Mass matrix."""
         return self.structure.M
 
     @property
-    def C(self) -> Array | sparse.csr_array:
+    def C(self) -> Array:
         """Damping matrix."""
         return self.structure.C
 
     @property
-    def K(self) -> Array | sparse.csr_array:
+    def K(self) -> Array:
         """Stiffness matrix."""
         return self.structure.K
 
@@ -544,16 +542,13 @@ def split_symmetric(model: SecondOrderModel) -> tuple[SecondOrderModel, SecondOr
     return SecondOrderModel.of(jolt.structure, jolt.ports), SecondOrderModel.of(yaw.structure, yaw.ports)
 
 
-def _square(name: str, value: ArrayLike | sparse.sparray) -> Matrix:
-    if sparse.issparse(value):
-        given = sparse.csr_array(value)
-        if given.dtype.kind not in "iuf":
-            raise TypeError(f"{name}: expected real numbers, got an array of {given.dtype}")
-        matrix = given.astype(float)
-        if not np.isfinite(matrix.data).all():
-            raise ValueError(f"{name}: expected finite numbers")
-    else:
-        matrix = finite_array(name, value, ndim=2)  # type: ignore[arg-type]
+def _square(name: str, value: ArrayLike) -> Array:
+    stored = getattr(value, "toarray", None)  # of SciPy's sparse arrays
+    if stored is not None:
+        check_size(max(value.shape))  # type: ignore[union-attr]
+        value = stored()
+    matrix = finite_array(name, value, ndim=2)
+    check_size(len(matrix))
     if matrix.shape[0] != matrix.shape[1] or matrix.shape[0] == 0:
         raise ValueError(f"{name} has shape {matrix.shape}; expected a square matrix")
     return matrix

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from boomctl.arrays import Array, Matrix
+from boomctl.arrays import Array
 from boomctl.printing import compact
 
 
@@ -25,15 +25,15 @@ class Line:
         Whether it is a beam.
     points : (k, 2) ndarray
         Where they rest [m].
-    x, y : (k, n) ndarray or sparse array
+    x, y : (k, n) ndarray
         Rows that read their displacements [m] off the coordinates.
     """
 
     name: str
     bends: bool
     points: Array
-    x: Matrix
-    y: Matrix
+    x: Array
+    y: Array
 
     __repr__ = compact
 
@@ -46,17 +46,17 @@ class Outline:
     ----------
     machine : object
         With the method ``lines()``, which returns them over its own coordinates.
-    maps : tuple of ndarray or sparse array
+    maps : tuple of ndarray
         ``q = maps[0] @ maps[1] @ ... z``.
     parity : int
         1 where the coordinates move symmetrically alone, -1 antisymmetrically; 0 without such a restriction.
     """
 
     machine: Any = field(repr=False)
-    maps: tuple[Matrix, ...] = field(default=(), repr=False)
+    maps: tuple[Array, ...] = field(default=(), repr=False)
     parity: int = 0
 
-    def mapped(self, T: Matrix, parity: int = 0) -> "Outline":
+    def mapped(self, T: Array, parity: int = 0) -> "Outline":
         """Return the outline over coordinates ``z`` with ``q = T z``."""
         return replace(self, maps=(*self.maps, T), parity=parity or self.parity)
 

@@ -10,14 +10,13 @@ acceleration of a displacement input, ``integrators`` says how often the signal 
 An output may pass a second-order low-pass filter (damping ratio ``1/sqrt 2``) of a given bandwidth.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
-from scipy import sparse
 
-from boomctl.arrays import Array, Matrix, combined
+from boomctl.arrays import Array, combined
 from boomctl.checks import known, names
 from boomctl.printing import compact
 from boomctl.units import half_unit
@@ -151,20 +150,14 @@ class Ports:
             tensions=None if self.tensions is None else self.tensions[o],
         )
 
-    def congruent(self, T: Matrix) -> "Ports":
+    def congruent(self, T: Array) -> "Ports":
         """Return the ports over coordinates ``z`` with ``q = T z``."""
-        if sparse.issparse(T):
-            return self._over(lambda lines: (T.T @ lines.T).T)
         return replace(self, B=T.T @ self.B, L=self.L @ T)
 
-    def restricted(self, T: Matrix) -> "Ports":
+    def restricted(self, T: Array) -> "Ports":
         """Return the same where ``T`` leaves out motions: what forces and outputs meet of the others by rounding is zero."""
-        return self._over(lambda lines: combined(lines, T))
-
-    def _over(self, moved: Callable[[Array], Array]) -> "Ports":
-        """Return the ports of which lines of ``B`` (transposed) and ``L`` are ``moved`` to other coordinates."""
         (_, n, m), p = self.B.shape, self.L.shape[1]
-        lines = moved(np.concatenate([self.B.transpose(0, 2, 1).reshape(3 * m, n), self.L.reshape(3 * p, n)]))
+        lines = combined(np.concatenate([self.B.transpose(0, 2, 1).reshape(3 * m, n), self.L.reshape(3 * p, n)]), T)
         B, L = lines[: 3 * m].reshape(3, m, lines.shape[1]), lines[3 * m :].reshape(3, p, lines.shape[1])
         return replace(self, B=B.transpose(0, 2, 1), L=L)
 

@@ -19,8 +19,6 @@ from boomctl.lti.rounding import CANCELLED, EPS, SUMMED
 from boomctl.structure.layout import Layout, Weights, squared_sums
 from boomctl.structure.ports import Ports
 
-LARGEST = 700  # coordinates up to which it is done: a dense decomposition of half a second (a choice)
-
 # smallest singular value of such rows, up to which coordinates are scaled evenly before rank is told: short elements beside
 # long ones make small ones too
 _CLEAR = 1e-4
@@ -195,11 +193,8 @@ def unstrained(S: Array, rows: Array, column: Array) -> tuple[Array, Array, Arra
 
 
 def strain_form(layout: Layout, weights: Weights) -> StrainForm | None:
-    """Return a structure in strain coordinates; None for a large one, and for one without mass or stiffness."""
-    n, elastic = layout.n, weights.k > 0.0
-    if n > LARGEST:
-        return None
-    N, R = (rows.toarray() if hasattr(rows, "toarray") else np.asarray(rows) for rows in (layout.N, layout.R))
+    """Return a structure in strain coordinates; None for one without mass or stiffness."""
+    n, elastic, N, R = layout.n, weights.k > 0.0, layout.N, layout.R
     mass, inertia = squared_sums(N, weights.m), np.sqrt(weights.m)[:, None] * N
     if not (mass > 0.0).all() or not R[elastic].any():
         return None

@@ -5,11 +5,10 @@ from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
 import numpy as np
-from scipy import sparse
 
-from boomctl.arrays import Array, Matrix
+from boomctl.arrays import Array
 from boomctl.printing import compact
-from boomctl.structure.elimination import Elimination, from_entries
+from boomctl.structure.elimination import Elimination
 
 _PROBE = 0.7390851332151607  # [rad], for numbers without a pattern: the angle that is its own cosine
 _KEPT = 256  # choices of signals kept, so that they are split in halves once (a choice of memory)
@@ -50,16 +49,15 @@ class Mirror:
         here = np.arange(len(self.partner))
         return np.flatnonzero((self.partner > here) | ((self.partner == here) & (self.sign == parity)))
 
-    def basis(self, parity: int) -> Matrix:
+    def basis(self, parity: int) -> Array:
         """Return orthonormal columns that span the motions of the given parity (+1 symmetric, -1 antisymmetric)."""
         first = self.representatives(parity)
         image, here = self.partner[first], np.arange(len(first))
         paired = image != first
-        rows = np.concatenate([first, image[paired]])
-        columns = np.concatenate([here, here[paired]])
-        own, other = np.where(paired, np.sqrt(0.5), 1.0), (parity * np.sqrt(0.5)) * self.sign[first[paired]]
-        n = len(self.partner)
-        return from_entries(rows, columns, np.concatenate([own, other]), (n, len(first)), n)
+        P = np.zeros((len(self.partner), len(first)))
+        P[first, here] = np.where(paired, np.sqrt(0.5), 1.0)
+        P[image[paired], here[paired]] = (parity * np.sqrt(0.5)) * self.sign[first[paired]]
+        return P
 
     def half_coordinates(self, coordinates: Sequence[str], parity: int) -> tuple[str, ...]:
         """Return the names of the coordinates of a half."""
@@ -75,17 +73,11 @@ class Mirror:
         """Return a motion, one number a coordinate, as it looks in the mirror."""
         return self.sign * motion[self.partner]
 
-    def change(self, matrix: Matrix) -> float:
+    def change(self, matrix: Array) -> float:
         """Return how much a matrix changes under the reflection, relative to its largest entry."""
-        if not sparse.issparse(matrix):
-            reflected = self.sign[:, None] * matrix[np.ix_(self.partner, self.partner)] * self.sign
-            largest = np.abs(matrix).max(initial=0.0)
-            return float(np.abs(reflected - matrix).max(initial=0.0) / largest) if largest else 0.0
-        full = sparse.csr_array(matrix)
-        S = sparse.csr_array((self.sign, (np.arange(len(self.partner)), self.partner)), shape=full.shape)
-        difference = sparse.csr_array(S @ full @ S.T - full)
-        largest = np.abs(full.data).max(initial=0.0)
-        return float(np.abs(difference.data).max(initial=0.0) / largest) if largest else 0.0
+        reflected = self.sign[:, None] * matrix[np.ix_(self.partner, self.partner)] * self.sign
+        largest = np.abs(matrix).max(initial=0.0)
+        return float(np.abs(reflected - matrix).max(initial=0.0) / largest) if largest else 0.0
 
     def completed(self, wanted: Sequence[str], available: Sequence[str]) -> tuple[str, ...]:
         """Return the signals wanted and, behind them, the mirror images that they lack."""

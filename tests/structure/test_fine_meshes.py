@@ -1,105 +1,99 @@
-"""Meshes finer, or more graded, than a stiffness matrix in double precision carries: solved through rows, or refused."""
+"""Fine and graded meshes against the exact beam, and meshes that are refused."""
 
-import subprocess
-import sys
 import warnings
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy import sparse
 
 import boomctl as bc
 from boomctl.boom.exact import exact_boom
 from boomctl.structure import SecondOrderModel
 from boomctl.structure.beams.eigenvalues import undamped_frequencies
 from boomctl.structure.response.direct import respond
-from boomctl.structure.response.pencil import factorized_sparse
 from boomctl.structure.response.poles import undamped_modes
 from boomctl.structure.response.rounding import AccuracyWarning
 from tests.profiles import examples
-from tests.strategies import random_machine, seeds
+from tests.strategies import seeds
 
 P = bc.BoomParameters()
 
 
-@given(seeds, st.floats(0.01, 100.0))
-@examples(60)
-def test_the_sparse_solution_is_what_the_matrices_say(seed, omega):
-    """Real shifts, imaginary ones, and stiffness with a share of mass; of random machines, with their rows and without."""
-    model = random_machine(seed).assemble()
-    rhs = np.random.default_rng(seed).standard_normal((model.n, 2))
-    M, C, K = (np.asarray(matrix) for matrix in (model.M, model.C, model.K))
-    bare = SecondOrderModel(M, C, K).structure
-    for m, c in ((omega**2, omega), (-(omega**2), 1j * omega), (omega, 0.0)):
-        matrix = m * M + c * C + K
-        for structure in (model.structure, bare):
-            solve = factorized_sparse(structure, m, c)
-            x = solve(rhs)
-            size = np.abs(matrix) @ np.abs(x) + np.abs(rhs)
-            assert (np.abs(matrix @ x - rhs) < 1e-10 * size.max()).all()
-            assert solve(rhs[:, 0]) == pytest.approx(x[:, 0], rel=1e-9, abs=1e-12 * np.abs(x).max())
-
-
-@pytest.mark.parametrize("elements", [1900, *(pytest.param(n, marks=pytest.mark.slow) for n in (2100, 10000))])
-def test_frequencies_of_fine_meshes_are_those_of_the_exact_beam(elements):
-    """To what a mesh that fine is off; its stiffness matrix has lost two digits to all of them."""
+@pytest.mark.parametrize("elements", [25, 50, 100, 190])
+def test_frequencies_fine_mesh_are_those_of_exact_beam(elements):
+    """The error falls with the third power of the elements' length, where springs act between nodes."""
     model = bc.spray_boom(elements=elements)
+    slack = 4e-6 * (100.0 / elements) ** 3
     found = undamped_modes(model.structure, 5)[0] / (2.0 * np.pi)
-    assert found == pytest.approx(bc.exact_eigenfrequencies_hz(P, 5, damped=False), rel=1e-9)
-    assert model.eigenfrequencies_hz(5) == pytest.approx(bc.exact_eigenfrequencies_hz(P, 5), rel=1e-9)
+    assert found == pytest.approx(bc.exact_eigenfrequencies_hz(P, 5, damped=False), rel=slack)
+    assert model.eigenfrequencies_hz(5) == pytest.approx(bc.exact_eigenfrequencies_hz(P, 5), rel=slack)
 
 
-@pytest.mark.slow
-def test_rigid_modes_of_fine_meshes_are_exactly_zero():
-    model = bc.spray_boom(elements=5000, excitation="force")
+@pytest.mark.parametrize("elements", [100, pytest.param(190, marks=pytest.mark.slow)])
+def test_frequencies_floating_mesh_rigid_modes_exactly_zero(elements):
+    model = bc.spray_boom(elements=elements, excitation="force")
     found = undamped_modes(model.structure, 6)[0]
     elastic = undamped_frequencies(exact_boom(P, "force"), 4)
+    slack = 4e-6 * (100.0 / elements) ** 3
     assert np.array_equal(found[:2], [0.0, 0.0])
-    assert found[2:] == pytest.approx(elastic, rel=1e-9)
+    assert found[2:] == pytest.approx(elastic, rel=slack)
+    assert model.eigenfrequencies_hz(3).min() > 0.1  # none is a rigid motion's rounding
 
 
-@pytest.mark.parametrize(("elements", "top"), [(3000, 0.05), pytest.param(20000, 10.0, marks=pytest.mark.slow)])
-def test_the_response_of_a_fine_mesh_is_that_of_the_exact_beam(elements, top):
-    """Up to a frequency [Hz] that the stiffness matrix has lost; and nothing is said of rounding."""
-    model, omega = bc.spray_boom(elements=elements), 2 * np.pi * top * np.array([0.1, 0.5, 1.0])
-    assert model.structure.noise > 1e-2 * omega[-1] ** 2
-    with warnings.catch_warnings():
-        warnings.simplefilter("error", AccuracyWarning)
-        found = respond(model.structure, model.ports, omega)
-    truth = bc.exact_frequency_response(P, omega).frdata
-    assert found.path == ("halves", "sparse factorisations", "sparse factorisations")
-    assert np.abs(found.values - truth).max() < 1e-9 * np.abs(truth).max()
+@pytest.mark.parametrize("elements", [25, 100, 190])
+def test_response_fine_mesh_is_that_of_exact_beam(elements):
+    """And nothing is said of rounding; few frequencies are solved directly, many by undamped modes."""
+    model = bc.spray_boom(elements=elements)
+    for points, way in ((3, "dense solutions"), (100, "undamped modes")):
+        omega = 2 * np.pi * np.geomspace(0.05, 5.0, points)
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", AccuracyWarning)
+            found = respond(model.structure, model.ports, omega)
+        truth = bc.exact_frequency_response(P, omega).frdata
+        assert found.path == ("halves", way, way)
+        assert np.abs(found.values - truth).max() < 3e-4 * (100.0 / elements) ** 3 * np.abs(truth).max()
 
 
-_LARGE = """
-import resource, warnings
-import numpy as np, boomctl as bc
-warnings.simplefilter("error")
-model = bc.spray_boom(elements=100000)
-omega = 2 * np.pi * np.geomspace(0.1, 10.0, 8)
-found, truth = model.eigenfrequencies_hz(5), bc.exact_eigenfrequencies_hz(bc.BoomParameters(), 5)
-Y, Z = model.frequency_response(omega).frdata, bc.exact_frequency_response(bc.BoomParameters(), omega).frdata
-print(np.abs(found / truth - 1.0).max(), (np.abs(Y - Z).max(axis=(0, 1)) / np.abs(Z).max(axis=(0, 1))).max())
-print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
-"""
+@pytest.mark.parametrize("excitation", ["displacement", "force"])
+@pytest.mark.parametrize("elements", [25, 100, 190])
+def test_response_fine_mesh_each_signal_is_near_exact_beam(elements, excitation):
+    """Relative to the largest output of each input, not to that of all."""
+    omega = 2.0 * np.pi * np.geomspace(0.1, 10.0, 20)
+    exact = np.asarray(bc.exact_frequency_response(P, omega, excitation=excitation).frdata)
+    found = np.asarray(bc.spray_boom(P, elements=elements, excitation=excitation).frequency_response(omega).frdata)
+    slack = 2e-4 * (100.0 / elements) ** 3
+    assert (np.abs(found - exact) <= slack * np.abs(exact).max(axis=1, keepdims=True)).all()
+
+
+@pytest.mark.parametrize("elements", [500, 100_000])
+def test_spray_boom_too_many_elements_raises(elements):
+    """Before any matrix is made."""
+    with pytest.raises(
+        ValueError, match=r"must have at most 1000 coordinates, got \d+. Use a few elements of high order"
+    ):
+        bc.spray_boom(elements=elements)
+
+
+def test_second_order_model_too_many_coordinates_raises():
+    large = sparse.eye_array(1001)
+    for matrix in (large, large.toarray(), sparse.eye_array(10**6)):
+        with pytest.raises(ValueError, match=r"must have at most 1000 coordinates, got"):
+            SecondOrderModel(matrix, matrix, matrix)
 
 
 @pytest.mark.slow
-def test_a_hundred_thousand_elements_are_right_and_fit():
-    """Eigenfrequencies and 8 frequencies: the exact beam's, within 3 GB and some tens of seconds of processor time."""
-    done = subprocess.run([sys.executable, "-c", _LARGE], capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    frequencies, response, used = map(float, done.stdout.split())
-    assert frequencies < 1e-9
-    assert response < 1e-8
-    assert used < 3e6  # kilobytes
-
-
-def test_more_eigenfrequencies_than_a_large_model_can_give_at_once_are_refused_with_a_number():
-    model = bc.spray_boom(elements=3000)
-    with pytest.raises(ValueError, match=r"count = 2000: expected at most 894 of a model of 6002 coordinates"):
-        model.eigenfrequencies_hz(2000)
+def test_spray_boom_largest_mesh_is_computed():
+    model = bc.spray_boom(elements=499)
+    assert model.n == 1000
+    assert model.eigenfrequencies_hz(3) == pytest.approx(
+        bc.exact_eigenfrequencies_hz(P, 3), rel=4e-6 * (100.0 / 499.0) ** 3
+    )
+    omega = 2 * np.pi * np.geomspace(0.1, 10.0, 8)
+    truth = bc.exact_frequency_response(P, omega).frdata
+    slack = 4e-4 * (100.0 / 499.0) ** 3  # an odd number of elements: the hinge is inside one
+    assert np.abs(model.frequency_response(omega).frdata - truth).max() < slack * np.abs(truth).max()
 
 
 def graded(ratio, count):
@@ -111,7 +105,7 @@ def graded(ratio, count):
 @given(st.integers(3, 20), st.floats(1.2, 5.0), st.integers(2, 17), st.floats(-6.0, 1.0), st.sampled_from([5, 30]))
 @examples(30)
 def test_beams_of_high_order_answer_or_refuse_in_words(order, ratio, count, distance, wanted):
-    """All orders, on equal nodes and on graded ones down to 1e-6 m: no message of LAPACK, SuperLU or ARPACK."""
+    """All orders, on equal nodes and on graded ones down to 1e-6 m: no message of LAPACK."""
     count = min(count, 1 + int(np.log(6e6) / np.log(ratio)))
     p = bc.BoomParameters(spring_distance=10.0**distance)
     for nodes in (graded(ratio, count), 2 * count + 2):
@@ -142,7 +136,7 @@ def test_beams_of_high_order_answer_or_refuse_in_words(order, ratio, count, dist
     ],
 )
 def test_undamped_modes_of_graded_beams_are_those_of_the_exact_beam(order, ratio, count, distance):
-    """Where factors were singular or indefinite, and Lanczos' method did not converge: strain coordinates answer."""
+    """Where factors are singular or indefinite: strain coordinates answer."""
     p = bc.BoomParameters(spring_distance=distance)
     x = np.asarray(graded(ratio, count))
     nodes = tuple(np.unique(np.concatenate([x, [-distance / 2, distance / 2, -3.0, 3.0]])))
@@ -152,10 +146,10 @@ def test_undamped_modes_of_graded_beams_are_those_of_the_exact_beam(order, ratio
 
 
 @pytest.mark.slow
-@given(seeds, st.integers(260, 340), st.sampled_from(["force", "displacement", "acceleration"]), st.integers(3, 40))
+@given(seeds, st.integers(130, 190), st.sampled_from(["force", "displacement", "acceleration"]), st.integers(3, 40))
 @examples(10)
-def test_few_modes_of_many_coordinates_are_those_of_strain_coordinates(seed, elements, excitation, count):
-    """By Lanczos' method and sparse factors, of halves that float too: rigid motions exactly zero, springs of any size."""
+def test_undamped_modes_half_boom_are_those_in_strains(seed, elements, excitation, count):
+    """Of halves that float too: rigid motions exactly zero, springs of any size."""
     rng = np.random.default_rng(seed)
     p = bc.BoomParameters(spring_stiffness=10.0 ** rng.uniform(0.0, 6.0), spring_distance=float(rng.uniform(0.05, 2.0)))
     whole = bc.spray_boom(p, elements=elements, excitation=excitation).structure

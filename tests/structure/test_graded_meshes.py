@@ -51,26 +51,13 @@ def test_a_boom_with_elements_of_no_length_is_the_boom_without(seed):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("elements", [40, pytest.param(300, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("elements", [40, pytest.param(190, marks=pytest.mark.slow)])
 def test_springs_that_hardly_hold_are_not_rigid_bodies(elements):
     """The slowest mode is 1e-8 of what the mesh's fastest is; the peak is finite, and that of a coarse mesh."""
     p = bc.BoomParameters(spring_stiffness=1e-6)
     found, coarse = bc.sigma(bc.spray_boom(p, elements=elements)).certificate, bc.sigma(bc.spray_boom(p, elements=12))
     assert np.isfinite(found.lower)
     assert found.lower <= coarse.peak * 1.001 <= found.upper * 1.002
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("elements", [800, pytest.param(2000, marks=pytest.mark.slow)])
-def test_the_peak_of_a_mesh_too_fine_is_said_not_to_be_certified_and_near_the_exact_one(elements):
-    """It is the largest value on a grid around its resonances; elements of high order have a certified one."""
-    found = bc.sigma(bc.spray_boom(elements=elements), frequency_hz=[1.0])
-    truth = bc.sigma(bc.spray_boom(discretization="high-order", elements=4, order=12))
-    assert truth.certified
-    assert not found.certified
-    assert "use high-order elements" in repr(found.certificate)
-    assert found.certificate.path == ("halves", "scan", "scan")
-    assert found.peak == pytest.approx(truth.peak, rel=1e-6)
 
 
 def unlike_sections(seed):

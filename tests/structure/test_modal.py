@@ -1,4 +1,4 @@
-"""Modes and poles: residuals, orthogonality, rigid-body modes, and agreement of the dense and the sparse way."""
+"""Modes and poles: residuals, orthogonality, and rigid-body modes."""
 
 import numpy as np
 import pytest
@@ -62,7 +62,7 @@ def test_floating_structures_keep_their_elastic_modes(seed, order):
 
 
 @pytest.mark.parametrize("ends", [0.0, 1.0])
-def test_the_sparse_way_finds_the_modes_of_a_long_chain(ends):
+def test_undamped_modes_long_chain_closed_form(ends):
     """Of 400 masses: ``2 sin(k pi/2n)`` free, ``2 sin(k pi/(2n + 2))`` between walls."""
     n = 400
     k = np.arange(8) if ends == 0.0 else np.arange(1, 9)

@@ -28,7 +28,6 @@ from boomctl.arrays import Array
 from boomctl.lti.frequency import largest_of
 from boomctl.lti.system import Lti
 from boomctl.structure.families import Family
-from boomctl.structure.matrices import dense
 from boomctl.structure.ports import FILTER_DAMPING
 
 Polynomial = dict[tuple[int, ...], Array]
@@ -113,9 +112,9 @@ class DrivenLoops:
         A[own] += K.B @ read[rows] + K.A @ K.B @ sped[rows]
         B[own] = K.B @ heard + K.A @ K.B @ sped_direct[rows]
         E0 = np.eye(size)
-        E0[:n, :n] = dense(centre.M)
-        A[:n, :n], A[:n, n : 2 * n] = -dense(centre.C), np.eye(n)
-        A[n : 2 * n, :n] = -dense(centre.K)
+        E0[:n, :n] = centre.M
+        A[:n, :n], A[:n, n : 2 * n] = -centre.C, np.eye(n)
+        A[n : 2 * n, :n] = -centre.K
         A[n : 2 * n] += ports.B[0][:, controls] @ force
         A[:n] += ports.B[0][:, controls] @ impulse
         B[:n] = ports.B[1] @ at_plant + ports.B[0][:, controls] @ impulse_direct
@@ -123,7 +122,7 @@ class DrivenLoops:
         found: tuple[Polynomial, Polynomial, Polynomial] = {(): E0}, {(): A}, {(): B}
         for power, change in family.terms:
             e, a, b = np.zeros((size, size)), np.zeros((size, size)), np.zeros_like(B)
-            e[:n, :n], a[:n, :n], a[n : 2 * n, :n] = dense(change.M), -dense(change.C), -dense(change.K)
+            e[:n, :n], a[:n, :n], a[n : 2 * n, :n] = change.M, -change.C, -change.K
             a[n : 2 * n] += change.B[0][:, controls] @ force
             a[:n] += change.B[0][:, controls] @ impulse
             b[:n] = change.B[1] @ at_plant + change.B[0][:, controls] @ impulse_direct

@@ -12,7 +12,6 @@ from scipy import linalg
 from boomctl.arrays import Array
 from boomctl.lti.modal import side_of_axis
 from boomctl.lti.system import Lti
-from boomctl.structure.matrices import dense
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.ports import FILTER_DAMPING
 
@@ -61,7 +60,7 @@ def closed_pencil(model: SecondOrderModel, controller: Lti) -> LoopPencil:
     filtered = [(o, b) for o, b in enumerate(ports.bandwidths) if b is not None]
     f = 2 * len(filtered)
     size = 2 * n + f + k
-    M, C, K = dense(model.M), dense(model.C), dense(model.K)
+    M, C, K = model.M, model.C, model.K
     E, A = np.eye(size), np.zeros((size, size))
     E[n : 2 * n, n : 2 * n] = M
     A[:n, n : 2 * n], A[n : 2 * n, :n], A[n : 2 * n, n : 2 * n] = np.eye(n), -K, -C

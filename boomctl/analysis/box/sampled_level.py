@@ -30,7 +30,7 @@ from boomctl.lti.frequency import singular_values
 from boomctl.lti.rounding import SOLVED
 from boomctl.lti.system import Lti, signal_scales
 from boomctl.structure.families import Family, shares_of
-from boomctl.structure.matrices import Structure, dense
+from boomctl.structure.matrices import Structure
 from boomctl.structure.response.poles import undamped_modes
 from boomctl.structure.response.realisation import realize
 
@@ -205,11 +205,11 @@ def _groups(family: Family) -> list[list[int]]:
     for power, change in family.terms:
         if change.B.any() or change.L.any():
             return []
-        for X in (dense(getattr(change, letter)) for letter in "MCK"):
+        for X in (getattr(change, letter) for letter in "MCK"):
             matrices.append(X)
             for i in np.flatnonzero(np.diag(X)):
                 owners[i].update(power)
-    if any((dense(X) != np.diag(np.diag(dense(X)))).any() for X in matrices):
+    if any((np.diag(np.diag(X)) != X).any() for X in matrices):
         return []
     groups: list[set[int]] = []
     for own in owners:
@@ -239,10 +239,10 @@ def sampled_loops(
             structure = given.structure.projected(V, given.coordinates)
     ports = given.ports.congruent(V).select(driven, read)
     columns, lines = [given.inputs.index(name) for name in driven], [given.outputs.index(name) for name in read]
-    middle = (dense(structure.M), dense(structure.C), dense(structure.K), ports.B, ports.L)
+    middle = (structure.M, structure.C, structure.K, ports.B, ports.L)
     changes = [
         (
-            *(V.T @ dense(X) @ V for X in (change.M, change.C, change.K)),
+            *(V.T @ X @ V for X in (change.M, change.C, change.K)),
             V.T @ change.B[:, :, columns],
             change.L[:, lines] @ V if change.L.any() else np.zeros_like(ports.L),
         )

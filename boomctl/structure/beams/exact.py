@@ -13,7 +13,6 @@ from boomctl.structure.beams.strains import StrainSystem, wave_numbers
 from boomctl.structure.beams.terms import Lines, Terms, kinds_of
 from boomctl.structure.elimination import eliminate
 from boomctl.structure.layout import KEPT, Layout, Weights
-from boomctl.structure.matrices import dense
 from boomctl.structure.parts import BeamSection
 from boomctl.structure.ports import Ports
 from boomctl.structure.response.rounding import warn_of_rounding
@@ -76,7 +75,7 @@ class ExactLayout:
 def _prescribed(layout: ExactLayout, inputs: tuple[str, ...]) -> ExactLayout:
     """Return the layout with the motion of the points of the force inputs named imposed."""
     choice = eliminate(np.column_stack([layout.ports.force_column(name) for name in inputs]), inputs)
-    T_q, T_d = dense(choice.T_q), dense(choice.T_d)
+    T_q, T_d = choice.T_q, choice.T_d
     return ExactLayout(
         layout.rigid.eliminated(choice),
         combined(layout.S, T_q),
@@ -345,7 +344,7 @@ def _arranged(
         if ins is None or outs is None:
             return _arranged(layout, None, inputs, outputs)
         if ins[0].shape[1] and outs[0].shape[1]:
-            parts.append(_Part.of(layout, ports, dense(mirror.basis(parity)), ins[0], outs[0], shape))
+            parts.append(_Part.of(layout, ports, mirror.basis(parity), ins[0], outs[0], shape))
     if mirror is None:
         parts = [_Part.of(layout, ports, np.eye(layout.n), np.eye(shape[1]), np.eye(shape[0]), shape)]
     alike: dict[object, list[_Part]] = {}

@@ -12,9 +12,8 @@ from functools import cache
 
 import numpy as np
 from numpy.polynomial import legendre
-from scipy import sparse
 
-from boomctl.arrays import DENSE_LIMIT, Array, Matrix
+from boomctl.arrays import Array
 
 
 @dataclass(frozen=True)
@@ -39,18 +38,13 @@ class ElementRows:
         """Return the weight of each row, elements having the property ``values``."""
         return (values[:, None] * self.unit).ravel()
 
-    def matrix(self, first: int, width: int) -> Matrix:
-        """Return the rows over ``width`` coordinates, the beam's from ``first`` on; sparse where they are many."""
+    def matrix(self, first: int, width: int) -> Array:
+        """Return the rows over ``width`` coordinates, the beam's from ``first`` on."""
         count, lines, _ = self.blocks.shape
         columns = np.broadcast_to(first + self.place[:, None, :], self.blocks.shape)
-        if width <= DENSE_LIMIT:
-            full = np.zeros((count * lines, width))
-            full[np.arange(count * lines).reshape(count, lines, 1), columns] = self.blocks
-            return full
-        ends = np.arange(0, self.blocks.size + 1, self.blocks.shape[2])
-        rows = sparse.csr_array((self.blocks.ravel(), columns.ravel(), ends), shape=(count * lines, width))
-        rows.eliminate_zeros()
-        return rows
+        full = np.zeros((count * lines, width))
+        full[np.arange(count * lines).reshape(count, lines, 1), columns] = self.blocks
+        return full
 
 
 @dataclass(frozen=True)

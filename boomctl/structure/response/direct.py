@@ -7,12 +7,10 @@ did.
 way                 where                                         why
 ==================  ============================================  ====================================================
 halves              a mirror, signals in pairs of images          two structures of half the size; each goes on below
-undamped modes      1500 frequencies times coordinates, not too   all frequencies at once; dampers as an update of low
-                    large for a dense solution, verified          rank (Woodbury)
-dense solutions     up to 80 coordinates, or in strain            always holds
-                    coordinates beside very stiff elements
-sparse              the others                                    always holds; a factorisation at each frequency, in
-factorisations                                                    time that grows as the number of coordinates
+undamped modes      1500 frequencies times coordinates, verified  all frequencies at once; dampers as an update of low
+                                                                  rank (Woodbury)
+dense solutions     the others                                    always holds; in strain coordinates where there are
+                                                                  rows
 ==================  ============================================  ====================================================
 """
 
@@ -24,17 +22,13 @@ import numpy as np
 from boomctl.arrays import Array
 from boomctl.checks import warn_user
 from boomctl.lti.rounding import EPS, SOLVED, VISIBLE
-from boomctl.structure.matrices import Half, Structure, dense, halves
+from boomctl.structure.matrices import Half, Structure, halves
 from boomctl.structure.ports import Ports, evaluate
 from boomctl.structure.response.modes import Part, respond_by_modes
-from boomctl.structure.response.pencil import factorized_sparse
-from boomctl.structure.response.poles import undamped_modes
 from boomctl.structure.response.rounding import AccuracyWarning
-from boomctl.structure.strain_coordinates import LARGEST
 
 _MODES_FROM = 1500  # frequencies times coordinates; of fewer, dense solutions are faster (measured on booms)
-_DENSE = 80  # coordinates; of more, sparse solutions cost less than dense ones (measured on booms)
-_DENSE_CHECK = 1000  # coordinates up to which a singular stiffness is looked for: a dense SVD of a second (a choice)
+_ENTRIES = 10_000_000  # of the matrices of all frequencies that are solved together: 0.3 GB (a choice)
 _UNEVEN = 1e-2  # noise of stiffness, of the highest frequency squared, from which on rounding is looked at (a choice)
 _GLANCES = 7  # frequencies at which rounding is looked at first (a choice)
 
@@ -88,33 +82,26 @@ def respond_parts(parts: Sequence[Part], omega: Array) -> list[Response]:
         for structure, _ in parts:
             _check_static(structure)
     largest = max(structure.n for structure, _ in parts) if parts else 0
-    many = largest <= LARGEST and largest * len(omega) >= _MODES_FROM
+    many = largest * len(omega) >= _MODES_FROM
     found = respond_by_modes(parts, omega) if many else [None] * len(parts)
     return [
-        _one_by_one(*part, omega) if values is None else Response(values, ("undamped modes",))
+        Response(direct_response(*part, omega), ("dense solutions",))
+        if values is None
+        else Response(values, ("undamped modes",))
         for part, values in zip(parts, found, strict=True)
     ]
-
-
-def _one_by_one(structure: Structure, ports: Ports, omega: Array) -> Response:
-    """Return the response, solved at each frequency."""
-    if structure.n <= _DENSE or (structure.graded and structure.strain_form is not None):
-        return Response(direct_response(structure, ports, omega), ("dense solutions",))
-    return Response(_by_factorization(structure, ports, omega), ("sparse factorisations",))
 
 
 def _check_static(structure: Structure) -> None:
     """Raise if the structure can move freely, so that its static response is infinite."""
     if structure.strain_form is not None:
         free = structure.strain_form.rigid > 0
-    elif structure.n and structure.elastic is not None and structure.n > LARGEST:
-        free = undamped_modes(structure, 1)[0][0] == 0.0
-    elif not structure.n or structure.n > _DENSE_CHECK:
-        return  # a chain that is locked, or so large that a singular matrix shows when it is solved
+    elif not structure.n:
+        return  # a chain that is locked
     else:
-        scale = np.sqrt(np.abs(np.diag(dense(structure.M))))
+        scale = np.sqrt(np.abs(np.diag(structure.M)))
         scale[scale == 0.0] = 1.0
-        size = np.linalg.svd(dense(structure.K) / np.outer(scale, scale), compute_uv=False)
+        size = np.linalg.svd(structure.K / np.outer(scale, scale), compute_uv=False)
         free = size[-1] <= SOLVED * size[0]
     if free:
         raise ValueError("omega = 0: the structure moves freely (a rigid-body mode), its static response is infinite")
@@ -143,7 +130,7 @@ def ports_rounding(small: Structure, ports: Ports, V: Array, omega: Array) -> fl
 
 
 def direct_response(structure: Structure, ports: Ports, omega: Array) -> Array:
-    """Return the response by a dense solution at each frequency.
+    """Return the response by a solution at each frequency.
 
     Raises
     ------
@@ -151,12 +138,16 @@ def direct_response(structure: Structure, ports: Ports, omega: Array) -> Array:
         The structure has an undamped resonance exactly at one of the frequencies.
     """
     s, form, B, L = 1j * omega, structure.strain_form, ports.B, ports.L
+    noisy = structure.noise > _UNEVEN * float(omega.max(initial=0.0)) ** 2
+    if form is None and noisy:
+        _warn(_matrices_rounding(structure, ports, omega))
     if form is not None:
-        if structure.noise > _UNEVEN * float(omega.max(initial=0.0)) ** 2:
+        if noisy:
             _warn(ports_rounding(structure.in_strains, ports, form.V, omega))
         structure, (B, L) = structure.in_strains, form.seen(ports)
+    pieces = np.array_split(s, max(1, min(len(s), len(s) * structure.n**2 // _ENTRIES)))
     try:
-        X = np.linalg.solve(structure.at(s), evaluate(B, s, ports.acting))
+        X = np.concatenate([np.linalg.solve(structure.at(part), evaluate(B, part, ports.acting)) for part in pieces])
     except np.linalg.LinAlgError:
         raise ValueError(
             "omega hits an undamped resonance (or a rigid-body mode at 0): the response is infinite"
@@ -165,26 +156,18 @@ def direct_response(structure: Structure, ports: Ports, omega: Array) -> Array:
     return _conditioned(ports, s, Y + evaluate(ports.E, s) if ports.E.any() else Y)
 
 
-def _by_factorization(structure: Structure, ports: Ports, omega: Array) -> Array:
-    s = 1j * omega
-    L, E, B = evaluate(ports.L, s), evaluate(ports.E, s), evaluate(ports.B, s)
-    Y, rounding = np.empty(E.shape, dtype=complex), 0.0
-    glances = set(np.linspace(0, len(s) - 1, min(_GLANCES, len(s))).astype(int).tolist())
-    # what rounding adds to forces: that of the stiffness, where there are no rows, and that of a displacement's own forces
-    shaken = EPS * np.abs(structure.K.diagonal())[:, None] * (structure.elastic is None)
-    for f, value in enumerate(s):
-        try:
-            solve = factorized_sparse(structure, value**2, value)
-        except np.linalg.LinAlgError:
-            raise ValueError(f"the response at omega = {omega[f]:g} is infinite: an undamped resonance") from None
-        X = solve(B[f])
-        Y[f] = L[f] @ X + E[f]
-        if f in glances:
-            size = np.abs(Y[f]).max(axis=0, initial=0.0)
-            moved = np.abs(L[f] @ solve(shaken * X + EPS * np.abs(B[f]))).max(axis=0, initial=0.0)
-            rounding = max(rounding, float((moved[size > 0] / size[size > 0]).max(initial=0.0)))
-    _warn(rounding)
-    return _conditioned(ports, s, Y)
+def _matrices_rounding(structure: Structure, ports: Ports, omega: Array) -> float:
+    """Return how much of the largest output rounding of a stiffness matrix may be, at a few frequencies."""
+    s = 1j * omega[np.linspace(0, len(omega) - 1, min(_GLANCES, len(omega))).astype(int)]
+    shaken = EPS * np.abs(structure.K.diagonal())[:, None]
+    at, B, L = structure.at(s), evaluate(ports.B, s), evaluate(ports.L, s)
+    try:
+        X = np.linalg.solve(at, B)
+        size = np.abs(L @ X + evaluate(ports.E, s)).max(axis=1, initial=0.0)
+        moved = np.abs(L @ np.linalg.solve(at, shaken * X + EPS * np.abs(B))).max(axis=1, initial=0.0)
+    except np.linalg.LinAlgError:
+        return 0.0  # an undamped resonance, which is refused where it is asked for
+    return float((moved[size > 0] / size[size > 0]).max(initial=0.0))
 
 
 def _warn(rounding: float) -> None:

@@ -19,7 +19,7 @@ from scipy.linalg import lapack
 from boomctl.arrays import Array
 from boomctl.lti.rounding import SOLVED
 from boomctl.structure.damping import separated_damping
-from boomctl.structure.matrices import ElasticRows, Structure, dense
+from boomctl.structure.matrices import ElasticRows, Structure
 from boomctl.structure.ports import Ports, evaluate
 
 _AGREEMENT = 1e-10  # what outputs may miss, relative, at the frequencies checked: rounding, with room (a choice)
@@ -99,12 +99,12 @@ class _Driven:
 
 def _receptances(group: list[_Driven], omega: Array) -> tuple[Array, Array]:
     """Return ``lines (s^2 M + s C + K)^-1 columns`` of each, (lines, columns, len(s)), and whether it holds."""
-    M, C, K = (np.array([dense(getattr(item.structure, name)) for item in group]) for name in "MCK")
+    M, C, K = (np.array([getattr(item.structure, name) for item in group]) for name in "MCK")
     columns, lines = np.array([item.columns for item in group]), np.array([item.lines for item in group])
     first, rows = group[0], None
     if first.structure.elastic is not None:
         weights = [item.structure.elastic for item in group]
-        rows = ElasticRows(*(np.array([dense(getattr(item, name)) for item in weights]) for name in ("R", "k", "c")))
+        rows = ElasticRows(*(np.array([getattr(item, name) for item in weights]) for name in ("R", "k", "c")))
     doubtful = np.zeros(len(group)), np.zeros(len(group), dtype=bool)
     try:
         modes = _Modes.of(M, C, K, rows, group)

@@ -1,42 +1,28 @@
 """Undamped modes and damped poles of a second-order structure."""
 
-from typing import Any
-
 import numpy as np
 from scipy import linalg
-from scipy.sparse.linalg import LinearOperator, eigsh
 
-from boomctl.arrays import Array, Matrix, blocks
+from boomctl.arrays import Array, blocks
 from boomctl.lti.rounding import ALIKE, DIGIT, EPS, ROOT, SUMMED
 from boomctl.structure.damping import common_ratio
 from boomctl.structure.elimination import DEPENDENT
-from boomctl.structure.matrices import Structure, dense, is_symmetric
-from boomctl.structure.response.pencil import factorized, factorized_sparse
-from boomctl.structure.response.rounding import warn_of_rounding
+from boomctl.structure.matrices import Structure, is_symmetric
+from boomctl.structure.response.pencil import factorized
 
-_DENSE_MODES = 250  # coordinates up to which modes are found densely; sparse is faster from 200 on (measured)
 SMALL = 60  # coordinates up to which modes are found in strain coordinates at once: they cost little more (a choice)
 # beyond, they are found so where the noise of stiffness over mass is that many times its lowest value: from there on shapes
 # found otherwise are off by more than 1e-10 (measured)
 _GRADED = 30.0
 _WHOLE = 100  # coordinates up to which all poles are found, so that none depends on how many are asked for (a choice)
-_FLOATING = (
-    250  # coordinates up to which all poles of a floating structure are found: it has exact zeros then (a choice)
-)
 # share of its size that a pole's imaginary part has at least: those of overdamped motions, of which many are nearly equal,
 # leave the real axis by rounding
 _CRITICAL = 1e-6
-_SPARSE_SHARE = 0.3  # of all modes up to which they are found by Lanczos' method: more cost as much as all (a choice)
 _SPREAD = 1e7  # of stiffnesses, from which on the softest mode counts as nearly floating (a choice)
-_PASSES = 3  # with the shift at the lowest elastic mode: 100,000 elements that float need them (measured)
+_PASSES = 3  # with the shift at the lowest elastic mode (a choice)
 _ALIKE = 10.0  # ratio of the lowest elastic mode's stiffness to the shift, up to which the shift stays (a choice)
 _SPARE = 12  # modes beyond twice those wanted in a basis for damped poles (a choice)
-_LARGEST_DENSE = 3000  # coordinates up to which all poles can be found at once: a minute, a gigabyte (a choice)
-_LANCZOS = 500  # iterations up to which Lanczos' method converges if it does; some ten are usual (a choice)
 PROMISED = 1e-8  # of frequencies, what rounding may be before a user is warned (a choice)
-# share of its terms up to which each strain of a motion is rounding, and the motion rigid: a mode strains some row by about
-# as much as its terms, a rigid motion of 10,000 elements strains none by more than some 1e-8 of them (measured)
-_STRAINLESS = 1e-5
 _LOST = "singular to rounding: expected elements that differ less, or a description from which its rows are known"
 # of the square of the highest mode's frequency, a shift that static responses of the higher modes bear: they exist then of
 # a floating structure too
@@ -53,18 +39,12 @@ def undamped_modes(structure: Structure, count: int | None = None) -> tuple[Arra
     the low modes are the largest eigenvalues and keep their digits on fine meshes; a Rayleigh quotient over the strain
     rows mends what rounding is left.  The shift ``alpha``, just above rounding, keeps floating structures definite; where
     one floats, or nearly does, the pencil is solved once more with the shift at its lowest elastic mode, or the softest
-    modes would take the others' digits.  A large structure with rows needs no stiffness matrix: see
-    :mod:`boomctl.structure.response.pencil`.
+    modes would take the others' digits.
 
     Raises
     ------
     ValueError
         ``M`` is not positive definite, ``K`` not positive semidefinite, or they are not symmetric.
-
-    Warns
-    -----
-    AccuracyWarning
-        Of a large mesh with some far stiffer elements, the two solutions are apart by more than 1e-8.
     """
     wanted = structure.n if count is None else min(count, structure.n)
     if structure.layout is not None and structure.n <= SMALL and structure.strain_form is not None:
@@ -77,29 +57,21 @@ def undamped_modes(structure: Structure, count: int | None = None) -> tuple[Arra
         raise ValueError("undamped modes need a positive definite M")
     if structure.graded and structure.strain_form is not None:
         return _in_strains(structure, wanted)
-    large = structure.n > _DENSE_MODES and wanted <= _SPARSE_SHARE * structure.n
-    rates = np.abs(K.diagonal()) / M.diagonal()
-    noise, by_rows = _NOISE * float(rates.max()), large and structure.elastic is not None
-    shift, least = (_NOISE * float(rates[rates > 0.0].min(initial=noise)), 0.0) if by_rows else (noise, 0.1 * noise)
+    shift = noise = _NOISE * float((np.abs(K.diagonal()) / M.diagonal()).max())
     try:
-        stiffness, shapes = before, _ = _near(structure, shift, wanted, large)
+        stiffness, shapes = _near(structure, shift, wanted)
         for _ in range(_PASSES):
-            elastic = stiffness[stiffness > least]
+            elastic = stiffness[stiffness > 0.1 * noise]
             even = len(elastic) == len(stiffness) and stiffness[-1] <= _SPREAD * elastic[0] and not structure.graded
             if even or not len(elastic) or shift / _ALIKE <= elastic[0] <= _ALIKE * shift:
                 break
-            before, shift = stiffness, float(elastic[0])
-            stiffness, shapes = _near(structure, shift, wanted, large)
-    except (RuntimeError, linalg.LinAlgError):
+            shift = float(elastic[0])
+            stiffness, shapes = _near(structure, shift, wanted)
+    except linalg.LinAlgError:
         return _in_strains(structure, wanted)
-    if not by_rows and noise > _GRADED * max(float(stiffness[0]), 0.0) and structure.strain_form is not None:
+    if noise > _GRADED * max(float(stiffness[0]), 0.0) and structure.strain_form is not None:
         return _in_strains(structure, wanted)
-    frequencies = np.sqrt(np.maximum(stiffness, 0.0))
-    if large and structure.graded:
-        moving = frequencies > 0.0
-        apart = np.abs(1.0 - np.sqrt(np.maximum(before[moving], 0.0)) / frequencies[moving])
-        warn_of_rounding("the eigenfrequencies", float(apart.max(initial=0.0)), PROMISED)
-    return _told(structure, frequencies, shapes)
+    return _told(structure, np.sqrt(np.maximum(stiffness, 0.0)), shapes)
 
 
 def _told(structure: Structure, frequencies: Array, shapes: Array) -> tuple[Array, Array]:
@@ -129,52 +101,30 @@ def _in_strains(structure: Structure, count: int) -> tuple[Array, Array]:
     return frequencies[:count], shapes[:, :count]
 
 
-def _near(structure: Structure, shift: float, count: int, large: bool) -> tuple[Array, Array]:
-    """Return modal stiffnesses, ascending, and mass-normalised shapes, found with a shift; of rigid motions exactly zero.
-
-    Of a large structure by Lanczos' method.
-    """
-    M = structure.M
-    vectors = (_by_lanczos if large else _dense_modes)(structure, shift, count)
+def _near(structure: Structure, shift: float, count: int) -> tuple[Array, Array]:
+    """Return modal stiffnesses, ascending, and mass-normalised shapes, found with a shift."""
+    M, K = structure.M, structure.K
+    chosen = None if count == len(M) else (len(M) - count, len(M) - 1)
+    try:
+        _, vectors = linalg.eigh(M, K + shift * M, subset_by_index=chosen)
+    except linalg.LinAlgError:
+        raise ValueError("undamped modes need a positive semidefinite K") from None
+    vectors = vectors[:, ::-1]
     mass = np.einsum("ij,ij->j", vectors, M @ vectors)
     if not (mass > 0.0).all():
         raise ValueError("undamped modes need a positive definite M")
     shapes, rows = vectors / np.sqrt(mass), structure.elastic
     if rows is None:
-        stiffness = np.einsum("ij,ij->j", shapes, structure.K @ shapes)
+        stiffness = np.einsum("ij,ij->j", shapes, K @ shapes)
     else:
         strain = rows.R @ shapes
         stiffness = np.einsum("ij,i,ij->j", strain, rows.k, strain)
-        if large:
-            moving = np.where(np.abs(shapes) * np.sqrt(M.diagonal())[:, None] > _NOISE, shapes, 0.0)
-            still = np.abs(rows.R @ moving) <= _STRAINLESS * (abs(rows.R) @ np.abs(moving))
-            stiffness[still[rows.k > 0.0].all(axis=0)] = 0.0
     order = np.argsort(stiffness)
     return stiffness[order], shapes[:, order]
 
 
-def _dense_modes(structure: Structure, shift: float, count: int) -> Array:
-    M, K = dense(structure.M), dense(structure.K)
-    try:
-        n = len(M)
-        chosen = None if count == n else (n - count, n - 1)
-        _, vectors = linalg.eigh(M, K + shift * M, subset_by_index=chosen)
-    except linalg.LinAlgError:
-        raise ValueError("undamped modes need a positive semidefinite K") from None
-    return vectors[:, ::-1][:, :count]
-
-
-def _by_lanczos(structure: Structure, shift: float, count: int) -> Array:
-    M, K = structure.M, structure.K
-    solve = factorized_sparse(structure, shift)
-    inverse: Any = LinearOperator(M.shape, matvec=solve, dtype=float)  # type: ignore[call-arg]
-    start = np.random.default_rng(0).standard_normal(M.shape[0])
-    _, vectors = eigsh(K, count, M, sigma=-shift, OPinv=inverse, v0=start, tol=1e-12, maxiter=_LANCZOS)
-    return vectors
-
-
 def first_order_poles(M: Array, C: Array, K: Array) -> Array:
-    """Return all eigenvalues of ``s^2 M + s C + K``, dense."""
+    """Return all eigenvalues of ``s^2 M + s C + K``."""
     n = len(M)
     try:
         if not is_symmetric(M):
@@ -203,9 +153,6 @@ def damped_poles(structure: Structure, count: int) -> Array:
 
 def poles_and_rounding(structure: Structure, count: int) -> tuple[Array, float]:
     """Return the ``count`` poles of lowest positive imaginary part, and what share of the last one rounding may be."""
-    if structure.n > _LARGEST_DENSE and 2 * count + _SPARE > _SPARSE_SHARE * structure.n:
-        most = int(_SPARSE_SHARE * structure.n - _SPARE) // 2
-        raise ValueError(f"count = {count}: expected at most {most} of a model of {structure.n} coordinates")
     all_of_them = structure.graded or structure.n <= max(2 * count + 20, _WHOLE)
     if all_of_them and structure.strain_form is not None:
         poles = structure.strain_form.poles()
@@ -213,9 +160,9 @@ def poles_and_rounding(structure: Structure, count: int) -> tuple[Array, float]:
         return lowest, DIGIT * float(np.abs(lowest[-1]) / slowest)
     found = _pole_basis(structure, count) if structure.n > 2 * count + 20 else None
     if found is None:
-        return _lowest(first_order_poles(dense(structure.M), dense(structure.C), dense(structure.K)), count), 0.0
+        return _lowest(first_order_poles(structure.M, structure.C, structure.K), count), 0.0
     frequencies, basis = found
-    floats = frequencies[0] <= ROOT * frequencies[-1] and structure.n <= _FLOATING
+    floats = frequencies[0] <= ROOT * frequencies[-1]  # all poles: those of rigid motions are exactly zero then
     moving = frequencies[frequencies > 0.0]
     noisy = structure.elastic is not None and len(moving) and structure.noise > _GRADED * moving[0] ** 2
     if (floats or noisy) and structure.strain_form is not None:
@@ -284,7 +231,7 @@ def with_statics(
     return undamped_modes(structure)
 
 
-def _orthonormal(M: Matrix, block: Array, against: Array) -> Array:
+def _orthonormal(M: Array, block: Array, against: Array) -> Array:
     """Return an M-orthonormal basis of the columns of ``block``, M-orthogonal to ``against``."""
     size = np.sqrt(np.einsum("ij,ij->j", block, M @ block))
     kept = block[:, size > 0] / size[size > 0]

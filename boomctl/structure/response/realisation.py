@@ -15,7 +15,7 @@ from scipy import linalg
 from boomctl.arrays import Array
 from boomctl.lti.rounding import SUMMED
 from boomctl.lti.system import Lti
-from boomctl.structure.matrices import Structure, dense, is_symmetric
+from boomctl.structure.matrices import Structure, is_symmetric
 from boomctl.structure.ports import FILTER_DAMPING, Ports
 from boomctl.structure.response.pencil import Solve, factorized_dense
 
@@ -77,13 +77,13 @@ def _solver(mass: Array) -> Solve:
 
 def _dynamics(structure: Structure, ports: Ports) -> _Dynamics:
     """Return the rates, the signals q, q', q'' and d, d', d'', and what of them is not there."""
-    n, m, solve = structure.n, len(ports.inputs), _solver(dense(structure.M))
+    n, m, solve = structure.n, len(ports.inputs), _solver(structure.M)
     order = np.array(ports.integrators, dtype=int)
     columns = 2 * n + int(order.sum()) + m
     d = _input_signals(order, 2 * n, columns)
     own = np.eye(2 * n, columns)
     B0, B1, B2 = ports.B
-    K, C = dense(structure.K), dense(structure.C)
+    K, C = structure.K, structure.C
     G = solve(B2 * (order == 0))
     resisted = C @ G
     H, G_velocity = solve((B1 - resisted) * (order == 0)), np.zeros_like(G)
