@@ -163,6 +163,7 @@ def loop_with_a_window(seed):
     return plant, *at(high), delays
 
 
+@pytest.mark.slow  # windows are drawn by stepping many loops
 @examples(40)
 @given(st.integers(0, 100_000))
 def test_delay_margin_window_wider_than_the_grid_is_found(seed):
