@@ -118,26 +118,23 @@ class RankOne:
         poles = np.concatenate([self.poles, np.repeat(self.fixed, m)])
         outside = (self.residues[:, 0] + 1j * self.residues[:, 1]).reshape(-1, y.shape[1])
         c = np.concatenate([self.c, outside])
-        free = data.free(poles).reshape(len(y), len(poles), 2)
         ends = data.ends(len(self.rigid_c))
         edge = np.linalg.qr(ends / np.linalg.norm(ends, axis=0))[0]
         y = y - edge @ (edge.T @ y)
         if not len(poles):
             return y
-        products, gradient = 0.0, 0.0
-        columns = []
-        for o, row in enumerate(c.T / data.scale[:, None]):
-            # real part of (c d) / (q - p): d = d1 + j d2 are the unknowns
-            first = free[:, :, 0] * row.real + free[:, :, 1] * row.imag
-            second = free[:, :, 1] * row.real - free[:, :, 0] * row.imag
-            own = np.concatenate([first, second], axis=1)
-            own = own - edge @ (edge.T @ own)
-            columns.append(own)
-            products, gradient = products + own.T @ own, gradient + own.T @ y[:, o]
-        size = np.sqrt(np.diagonal(products))
+        free = data.free(poles).reshape(len(y), len(poles), 2).swapaxes(1, 2).reshape(len(y), -1)
+        free = free - edge @ (edge.T @ free)
+        # real part of (c d) / (q - p): d = d1 + j d2 are the unknowns
+        rows = c.T / data.scale[:, None]
+        shapes = [np.block([[np.diag(r.real), -np.diag(r.imag)], [np.diag(r.imag), np.diag(r.real)]]) for r in rows]
+        products, gradients = free.T @ free, free.T @ y
+        total = sum(shape.T @ products @ shape for shape in shapes)
+        gradient = sum(shape.T @ column for shape, column in zip(shapes, gradients.T, strict=True))
+        size = np.sqrt(np.diagonal(total))
         size = np.where(size > ALIKE * size.max(), size, 1.0)
-        state = linalg.lstsq(products / size / size[:, None], gradient / size, cond=ALIKE)[0] / size  # type: ignore[index]
-        return y - np.column_stack([own @ state for own in columns])
+        state = linalg.lstsq(total / size / size[:, None], gradient / size, cond=ALIKE)[0] / size  # type: ignore[index]
+        return y - free @ np.column_stack([shape @ state for shape in shapes])
 
     @property
     def _pairs(self) -> tuple[Array, Array, Array]:
