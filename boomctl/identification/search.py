@@ -299,9 +299,12 @@ def candidates(fit: CommonPoles) -> tuple[Array, Array]:
         half = _side(data, -pole.real / data.resolution) * data.resolution
         around = data.within(pole.imag - half, pole.imag + half)
         local = fitted(CommonPoles(around, np.array([pole]), np.zeros(0)), _ROUGH * least)
-        best = complex(min(local.poles[0].real, pole.real), local.poles[0].imag)
-        if _is_determined(local).all() and _apart(best, chosen):
-            chosen.append(best)
+        if not _is_determined(local).all():
+            local = _two_poles(local, 0, pole)
+        if local is None or not _is_determined(local).all():
+            continue
+        best = [complex(min(one.real, pole.real), one.imag) for one in local.poles]
+        chosen += best if all(_apart(one, chosen) for one in best) else []
     unresolved = np.zeros(len(fit.poles), bool)
     for k, pole in starts.items():
         two = _two_poles(fit, k, pole)

@@ -1,6 +1,7 @@
 """Spectra of records and measured responses, and what modes are in them: columns of a linear least-squares problem."""
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from scipy import fft
@@ -129,14 +130,19 @@ class Spectra:
         """Highest frequency [rad/s]."""
         return float(np.abs(self.s).max())
 
+    @cached_property
+    def _shift(self) -> Array:
+        """Shift by one sample at each row, ``exp(s step)``."""
+        return np.exp(self.s * self.step)
+
     def simple(self, poles: Array) -> tuple[Array, Array, Array, Array]:
         """Return responses to the inputs and free motions of simple poles, each with its derivative, (poles, n)."""
         s, poles = self.s, poles[:, None]
         decay = np.exp(poles * self.step)
         if self.records:
-            z = np.exp(s * self.step)
-            free = z / (z - decay) / np.sqrt(max(self.lengths))
-            free_slope = free * (self.step * decay) / (z - decay)
+            apart = self._shift - decay
+            free = self._shift / np.sqrt(max(self.lengths)) / apart
+            free_slope = free * (self.step * decay) / apart
         else:
             free = free_slope = np.zeros((0, len(s)))
         if not self.held:
@@ -144,9 +150,9 @@ class Spectra:
             return forced, np.square(forced), free, free_slope
         gain = np.expm1(poles * self.step) / poles
         gain_slope = (self.step * decay - gain) / poles
-        z = np.exp(s * self.step)
-        forced = gain / (z - decay)
-        return forced, (gain_slope + forced * self.step * decay) / (z - decay), free, free_slope
+        apart = self._shift - decay
+        forced = gain / apart
+        return forced, (gain_slope + forced * self.step * decay) / apart, free, free_slope
 
     def rows(self, above: tuple[Array, ...], below: tuple[Array, ...], derived: bool) -> Array:
         """Return what pairs of poles give by their `simple` responses, or its derivatives: (poles 2 (m + records), 2 n).
@@ -184,7 +190,7 @@ class Spectra:
         """Return the responses of one and of two integrators in series, up to a count."""
         if not self.held:
             return [1.0 / self.s, 1.0 / np.square(self.s)][:count]
-        z = np.exp(self.s * self.step)
+        z = self._shift
         return [self.step / (z - 1.0), 0.5 * self.step**2 * (z + 1.0) / np.square(z - 1.0)][:count]
 
     def ends(self, integrators: int = 0) -> Array:

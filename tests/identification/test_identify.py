@@ -378,7 +378,7 @@ def twin(seed):
 def test_intervals_of_random_twins_hold_and_modes_are_those_of_the_truth():
     """Errors of 0.1 to 30 %, dampings of 0.05 to 5 %, modes 1 % apart, 8 to 600 periods, quantised."""
     held, false = [], 0
-    seeds = range(200) if is_hunt() else [*range(60), 169]  # in the last one a weak mode stands beside a strong one
+    seeds = range(200) if is_hunt() else [*range(60), 169, 192]  # a weak mode near a strong one; a weak pair 1 % apart
     for seed in seeds:
         u, y, poles, shares, errors, periods = twin(seed)
         modes = list(bc.identify(u, y, 0.01, band_hz=(0.5, 45.0)).modes)
