@@ -176,12 +176,18 @@ plt.show()
 #
 # ## The trade-off
 #
-# **Asked:** what does an even spray cost? A suspension needs room to move: its stroke. `bc.sweep` calls a study at many
-# points, here each of two springs with each of four dampers in the cradle, and returns a table.
+# **Asked:** what does an even spray cost? A suspension needs room to move: its stroke. `bc.sweep` calls a function at
+# many points, here each of two springs with each of four dampers in the cradle, and returns a table.
+
 
 # %%
+def on_field(**passive_parts):
+    run = bc.studies.performance("passive", bc.studies.FieldScene(), bc.BoomParameters(**passive_parts))
+    return {"stroke": run.stroke, "deposit_cv": run.spray.cv, "peak": run.sigma.peak}
+
+
 found = bc.sweep(
-    bc.studies.FieldStudy(),
+    on_field,
     over={"spring_stiffness": [550.0, 1100.0], "cradle_damping": [40.0, 160.0, 500.0, 1500.0], "hinge_damping": 500.0},
 )
 fig, ax = plt.subplots(figsize=(6, 3.4), layout="constrained")

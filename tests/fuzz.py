@@ -514,16 +514,7 @@ CALLS = {
         "combine": "grid",
         "checkpoint": None,
         "units": {"x": "m"},
-        "chunk": 1,
     },
-    "studies.SigmaStudy": lambda: {
-        "omega": [0.5, 2.0],
-        "build": None,
-        "inputs": "actuator_left",
-        "outputs": None,
-        "certified_peak": False,
-    },
-    "studies.FieldStudy": lambda: {"scene": bc.studies.FieldScene()},
     "sigma": lambda: {"system": boom(), "omega": [0.5, 2.0], "inputs": None, "outputs": None},
     "simulate_loop": lambda: {
         "plant": plant(),

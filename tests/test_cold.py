@@ -70,7 +70,7 @@ SCENES = [
         "import boomctl as bc; print(bc.optimal_slew(bc.hub_beam(modes=1), 1.5, 200.0))",
         (LOOP | {"boomctl.boom", "boomctl.synthesis"}) - {"casadi"},
     ),
-    ("import boomctl as bc; bc.sweep(bc.studies.SigmaStudy([1.0]), {'spring_stiffness': [900.0, 1000.0]})", BOOM),
+    ("import boomctl as bc; bc.sweep(bc.spray_boom, {'elements': [4, 6]})", BOOM),
 ]
 
 NAMES = [

@@ -60,10 +60,8 @@ FACTORIES = {
     "MachineResult": lambda: bc.studies.MachineDesign("mine", "a half", one.yaw(), one.suspension()).evaluate(),
     "SlewDesign": lambda: bc.studies.SlewDesign("mine", "a turn", one.hub_beam(), {"planned": one.slew()}),
     "SweepResult": lambda: bc.sweep(abs_of, {"x": [1.0, -2.0]}, units={"x": "m"}),
-    "SweepResult, of arrays": lambda: bc.sweep(bc.studies.SigmaStudy(one.OMEGA), {"spring_stiffness": [900.0, 1100.0]}),
+    "SweepResult, of arrays": lambda: bc.sweep(np.full, {"shape": 3, "fill_value": [1.0, 2.0]}),
     "FailedPoint": lambda: FailedPoint({"x": 1.0}, "ValueError: no", "trace"),
-    "SigmaStudy": lambda: bc.studies.SigmaStudy(one.OMEGA),
-    "FieldStudy": bc.studies.FieldStudy,
     "SigmaResult": lambda: bc.sigma(one.boom()),
     "SigmaResult, norm not yet computed": lambda: bc.sigma(one.boom(), one.OMEGA),
     "SigmaResult, of a StateSpace": lambda: bc.sigma(one.mass().to_statespace(), one.OMEGA),
@@ -263,7 +261,6 @@ TABLES = (
     "ModeTable",
     "Margins",
     "SlewComparison",
-    "SweepResult",
 )
 
 

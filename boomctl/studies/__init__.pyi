@@ -7,8 +7,6 @@ from boomctl.studies.slew.design import SlewDesign as SlewDesign
 from boomctl.studies.suspension.design import SuspensionDesign as SuspensionDesign
 from boomctl.studies.suspension.performance import performance as performance
 from boomctl.studies.suspension.scene import FieldScene as FieldScene
-from boomctl.studies.sweeps.booms import SigmaStudy as SigmaStudy
-from boomctl.studies.sweeps.field import FieldStudy as FieldStudy
 
 from . import slew as slew
 from . import suspension as suspension

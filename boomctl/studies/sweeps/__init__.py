@@ -1,4 +1,4 @@
-"""Functions at many points: parameters, tracks, seeds, speeds, payloads; in one process or many, kept in a file."""
+"""Sweeps: a function at many points, in one process or in parallel, with a checkpoint."""
 
 from boomctl.lazy import loader
 

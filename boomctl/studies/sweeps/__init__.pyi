@@ -1,7 +1,5 @@
 # The public names and where each is defined: `__init__.py` loads them from there when they are first used.
 
-from boomctl.studies.sweeps.booms import SigmaStudy as SigmaStudy
-from boomctl.studies.sweeps.field import FieldStudy as FieldStudy
 from boomctl.studies.sweeps.result import FailedPoint as FailedPoint
 from boomctl.studies.sweeps.result import SweepResult as SweepResult
 from boomctl.studies.sweeps.sweep import SweepWarning as SweepWarning

@@ -7,10 +7,9 @@ two functions with the same name have different hashes.  Those of installed pack
 import dis
 import inspect
 import sys
-from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import fields, is_dataclass
-from functools import cached_property
+from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
 from types import CodeType, FunctionType, MethodType, ModuleType
@@ -18,14 +17,10 @@ from typing import Any
 
 from joblib.hashing import NumpyHasher
 
-_INSTALLED = ("site-packages", "dist-packages")
-_CONTAINERS = (
-    "builtins",
-    "numpy",
-    NumpyHasher.__module__,
-)  # modules of types that hold data, whose versions do not matter
+_INSTALLED = {"site-packages", "dist-packages"}
 _LOADS = ("LOAD_GLOBAL", "LOAD_NAME", "LOAD_FROM_DICT_OR_GLOBALS")
 _ATTRIBUTES = ("LOAD_ATTR", "LOAD_METHOD")
+_PARTS = ("__func__", "fget", "fset", "fdel", "func")  # functions in static methods, properties and cached properties
 
 
 def content_hash(what: str, value: Any) -> str:
@@ -51,19 +46,17 @@ class _ContentHasher(NumpyHasher):
 
     def __init__(self, hash_name: str) -> None:
         super().__init__(hash_name)
-        self._visited: dict[int, tuple[int, Any]] = {}  # functions and classes by id, for recursive definitions
+        self._visited: dict[int, Any] = {}  # functions and classes by id, in order: for recursive definitions
 
     def save(self, obj: Any) -> None:
         if isinstance(obj, (FunctionType, type)):
-            if obj.__module__ in _CONTAINERS:
-                obj = (obj.__module__, obj.__qualname__)
-            elif _is_installed(obj.__module__):
+            if _is_installed(obj.__module__):
                 obj = ("installed", obj.__qualname__, _module(obj.__module__))
             elif id(obj) in self._visited:
-                obj = ("visited", self._visited[id(obj)][0])
+                obj = ("visited", list(self._visited).index(id(obj)))
             else:
-                self._visited[id(obj)] = len(self._visited), obj
-                obj = _function(obj) if isinstance(obj, FunctionType) else _class(obj)
+                self._visited[id(obj)] = obj
+                obj = (type(obj).__name__, obj.__qualname__, _source(obj), _definition(obj))
         elif isinstance(obj, MethodType):
             obj = ("method", obj.__func__, obj.__self__)
         elif isinstance(obj, ModuleType):
@@ -83,16 +76,15 @@ def _is_installed(module: str | None) -> bool:
     top = (module or "__main__").partition(".")[0]
     if top == "__main__":  # of a notebook or of pytest, it has the file of an installed package
         return False
-    if top in ("boomctl", *sys.stdlib_module_names):
-        return True
-    file = getattr(sys.modules.get(top), "__file__", None)
-    return file is not None and any(folder in _INSTALLED for folder in Path(file).parts)
+    spec = sys.modules[top].__spec__ if top in sys.modules else find_spec(top)
+    parts = Path(getattr(spec, "origin", None) or "").parts
+    return top in ("boomctl", *sys.stdlib_module_names) or not _INSTALLED.isdisjoint(parts)
 
 
 def _module(name: str) -> tuple[Any, ...]:
     """Return an installed module by name and version, one of the user by the content of its file."""
     if _is_installed(name):
-        return "module", name, getattr(sys.modules.get(name.partition(".")[0]), "__version__", None)
+        return "module", name, getattr(import_module(name.partition(".")[0]), "__version__", None)
     spec = None if name == "__main__" else find_spec(name)
     return "module", name, Path(spec.origin).read_bytes() if spec and spec.origin else None
 
@@ -104,62 +96,33 @@ def _source(of: Any) -> str | None:
         return None
 
 
-def _function(function: FunctionType) -> tuple[Any, ...]:
-    """Return what defines a function."""
-    codes, reads, cells = list(_codes(function.__code__)), {}, {}
-    for code in codes:
-        reads |= _reads(code, function.__globals__)
-    for name, cell in zip(function.__code__.co_freevars, function.__closure__ or (), strict=True):
+def _definition(of: FunctionType | type) -> tuple[Any, ...]:
+    """Return what defines a function or class beside its source: code and what it reads, or bases and members."""
+    if isinstance(of, type):
+        members = {}
+        for name, member in vars(of).items():
+            if hasattr(member, "__get__") and not isinstance(member, FunctionType):
+                members[name] = [getattr(member, part, None) for part in _PARTS]
+            elif isinstance(member, FunctionType) or not name.startswith(("__", "_abc_")):
+                members[name] = member
+        return of.__bases__, members
+    codes, cells = [of.__code__], {}
+    for code in codes:  # with those of the functions within
+        codes += [constant for constant in code.co_consts if isinstance(constant, CodeType)]
+    for name, cell in zip(of.__code__.co_freevars, of.__closure__ or (), strict=True):
         with suppress(ValueError):  # empty
             cells[name] = cell.cell_contents
-    instructions = [
-        (c.co_code, c.co_names, c.co_varnames, c.co_flags, [x for x in c.co_consts if not isinstance(x, CodeType)])
-        for c in codes
-    ]
-    attributes = {name: value for name, value in vars(function).items() if name != "__wrapped__"}
-    defaults = function.__defaults__, function.__kwdefaults__
-    return "function", function.__qualname__, _source(function), instructions, defaults, cells, reads, attributes
+    code = [(c.co_code, c.co_names, [x for x in c.co_consts if not isinstance(x, CodeType)]) for c in codes]
+    attributes = {name: value for name, value in vars(of).items() if name != "__wrapped__"}
+    return code, of.__defaults__, of.__kwdefaults__, cells, _reads(codes, of.__globals__), attributes
 
 
-def _class(kind: type) -> tuple[Any, ...]:
-    """Return what defines a class: its source, bases, functions and data."""
-    functions, data = {}, {}
-    for name, member in vars(kind).items():
-        if isinstance(member, (staticmethod, classmethod)):
-            functions[name] = member.__func__
-        elif isinstance(member, property):
-            functions[name] = (member.fget, member.fset, member.fdel)
-        elif isinstance(member, cached_property):
-            functions[name] = member.func
-        elif isinstance(member, FunctionType):
-            functions[name] = member
-        elif not (name.startswith(("__", "_abc_")) or hasattr(member, "__get__")):
-            data[name] = member
-    return "class", kind.__qualname__, _source(kind), kind.__bases__, functions, data
-
-
-def _codes(code: CodeType) -> Iterator[CodeType]:
-    """Yield a code object and those of the functions within."""
-    yield code
-    for constant in code.co_consts:
-        if isinstance(constant, CodeType):
-            yield from _codes(constant)
-
-
-def _reads(code: CodeType, namespace: dict[str, Any]) -> dict[str, Any]:
-    """Return the globals that a code object reads, and what it imports; attributes of modules by their dotted names."""
-    found: dict[str, Any] = {}
-    name, value = "", None
-    for step in dis.get_instructions(code):
-        if step.opname in _LOADS and step.argval in namespace:
-            name, value = step.argval, namespace[step.argval]
-        elif step.opname in _ATTRIBUTES and isinstance(value, ModuleType):
-            found.pop(name)
-            name, value = f"{name}.{step.argval}", getattr(value, step.argval, None)
-        elif step.opname == "IMPORT_NAME":
-            name, value = f"import {step.argval}", _module(step.argval) if step.argval else None
-        else:
-            name, value = "", None
-        if name:
-            found[name] = value
-    return found
+def _reads(codes: list[CodeType], namespace: dict[str, Any]) -> dict[str, Any]:
+    """Return the globals that code reads, and what it imports; of modules of the user also the attributes."""
+    steps = [(step.opname, step.argval) for code in codes for step in dis.get_instructions(code)]
+    found = {name: namespace[name] for how, name in steps if how in _LOADS and name in namespace}
+    attributes = {name for how, name in steps if how in _ATTRIBUTES}
+    for of, module in list(found.items()):
+        if isinstance(module, ModuleType) and not _is_installed(module.__name__):
+            found |= {f"{of}.{name}": getattr(module, name) for name in attributes if hasattr(module, name)}
+    return found | {f"import {name}": _module(name) for how, name in steps if how == "IMPORT_NAME" and name}

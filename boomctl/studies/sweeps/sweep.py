@@ -1,10 +1,13 @@
 """Sweeps: a function at many points, in this process or in parallel by joblib, with failures reported."""
 
-import inspect
 import os
-from collections.abc import Callable, Generator, Mapping, Sequence
+import time
+import traceback
+from collections.abc import Callable, Generator, Iterable, Mapping
 from concurrent.futures import BrokenExecutor
 from contextlib import closing, nullcontext
+from itertools import product
+from math import prod
 from pickle import PicklingError
 from typing import Any
 
@@ -12,12 +15,14 @@ import joblib
 import numpy as np
 from joblib.parallel import BACKENDS, EXTERNAL_BACKENDS, ParallelBackendBase
 
-from boomctl.checks import function_of, instance, job_count, known, mapping, warn_user, whole
-from boomctl.progress import Listener, computing
-from boomctl.studies.sweeps.checkpoint import opened
-from boomctl.studies.sweeps.outcome import Outcome, outcomes, outcomes_in_worker
-from boomctl.studies.sweeps.points import GRID, Points
-from boomctl.studies.sweeps.result import FailedPoint, SweepResult
+from boomctl.checks import function_of, instance, job_count, known, mapping, sequence, shown, warn_user
+from boomctl.progress import Listener, computing, silent
+from boomctl.studies.sweeps.checkpoint import Checkpoint, Outcome
+from boomctl.studies.sweeps.result import FailedPoint, Label, SweepResult
+from boomctl.threads import one_blas_thread
+
+_MAX_POINTS = 1_000_000  # the table of a larger sweep takes more than a gigabyte
+_TRACE_CALLS = 20  # last calls of a traceback that are stored
 
 
 class SweepWarning(UserWarning):
@@ -28,23 +33,21 @@ def sweep(
     function: Callable[..., Any],
     over: Mapping[str, Any],
     *,
-    combine: str = GRID,
+    combine: str = "grid",
     checkpoint: str | os.PathLike[str] | None = None,
     n_jobs: int = 1,
     backend: str | ParallelBackendBase | None = None,
     units: Mapping[str, str] | None = None,
-    chunk: int | None = None,
     progress: Listener | None = None,
 ) -> SweepResult:
-    """Call a function, or a study, at many points, and return a table of its results.
+    """Call a function at many points, and return a table of its results.
 
     Points at which the function fails are reported; the others are returned.
 
     Parameters
     ----------
     function : callable
-        Called as ``function(**point)``; it returns a number, an array, or a mapping of names to numbers and arrays.  If it
-        has a method ``many``, that is called with a list of points and returns a list of results, as of `SigmaStudy`.
+        Called as ``function(**point)``; it returns a number, an array, or a mapping of names to numbers and arrays.
     over : mapping of str to sequence, mapping or value
         The values of each parameter.  Objects are labeled by their ``name``, or by the keys of a mapping.  A single value,
         such as a number or a string, holds at all points.
@@ -61,8 +64,6 @@ def sweep(
         joblib's default, processes unless `joblib.parallel_config` says otherwise.
     units : mapping of str to str, optional
         Units of parameters and results, for tables and plots.
-    chunk : int, optional
-        Number of points that a worker, or ``many``, gets at a time; by default 1, or ``function.chunk``.
     progress : callable, optional
         Called with a `Progress` at each point.
 
@@ -74,8 +75,8 @@ def sweep(
     Raises
     ------
     TypeError, ValueError
-        The function does not take these parameters; no values, or duplicates; unequal numbers of values with "zip"; a
-        checkpoint of another function, or a function or values that cannot be hashed or sent to workers.
+        No function; no values, or duplicates; unequal numbers of values with "zip"; a checkpoint of another function, or a
+        function or values that cannot be hashed or sent to workers.
     OSError
         The checkpoint cannot be written.
     RuntimeError
@@ -93,81 +94,115 @@ def sweep(
     ...     boom = bc.spray_boom(bc.BoomParameters(spring_stiffness=spring_stiffness), elements=elements)
     ...     return {"yaw_hz": boom.eigenfrequencies_hz(1)[0]}
     >>> found = bc.sweep(first_mode, over={"spring_stiffness": [550.0, 1100.0], "elements": [6, 12]})
-    >>> found["yaw_hz"].round(3)  # one row a stiffness, one column a mesh
+    >>> found["yaw_hz"].round(3)  # one row for each stiffness, one column for each mesh
     array([[0.178, 0.178],
            [0.245, 0.244]])
     """
     function_of("function", function, "the swept parameters")
-    points = Points.of(over, combine)
-    _check_call(function, points)
-    labels = points.labels()
-    arguments = [{name: points.axes[name][label] for name, label in point.items()} for point in labels]
-    all_units = {**getattr(function, "units", {}), **mapping("units", {} if units is None else units, "names to units")}
-    for name, unit in all_units.items():
+    axes = _axes(over)
+    swept = tuple(name for name, values in over.items() if not _is_single(values))
+    shape = tuple(len(axes[name]) for name in swept)
+    if known("combine", combine, ("grid", "zip")) == "grid":
+        if prod(shape) > _MAX_POINTS:
+            raise ValueError(f"`over` must have at most {_MAX_POINTS:,} points, got {prod(shape):,}.")
+        rows: Iterable[tuple[Label, ...]] = product(*axes.values())
+    else:
+        if len(set(shape)) > 1:
+            sizes = ", ".join(f"{size} of {name}" for size, name in zip(shape, swept, strict=True))
+            raise ValueError(f"`over` must have as many values of each parameter with combine = 'zip', got {sizes}.")
+        shape = shape[:1] or (1,)
+        rows = zip(*(axis if name in swept else [*axis] * shape[0] for name, axis in axes.items()), strict=True)
+    points = [dict(zip(axes, row, strict=True)) for row in rows]
+    arguments = [{name: axes[name][label] for name, label in point.items()} for point in points]
+    named = mapping("units", {} if units is None else units, "names to units")
+    for name, unit in named.items():
         instance(f"unit of {name!r}", unit, str)
-    size = whole("chunk", getattr(function, "chunk", 1) if chunk is None else chunk)
     job_count(n_jobs)
     if backend is not None:
         instance("backend", backend, (str, ParallelBackendBase), "the name of a joblib backend, or one")
     if isinstance(backend, str):
         known("backend", backend, [*BACKENDS, *EXTERNAL_BACKENDS])
     found: dict[int, Outcome] = {}
-    with computing("sweep", progress) as tell, opened(checkpoint, function) as kept:
-        if kept is not None:
-            found |= {k: outcome for k, point in enumerate(arguments) if (outcome := kept.get(point)) is not None}
-        waiting = [k for k in range(len(labels)) if k not in found]
-        resumed, chunks = len(found), [waiting[k : k + size] for k in range(0, len(waiting), size)]
-        with closing(_answers(function, arguments, chunks, n_jobs, backend)) as answers:
-            tell("", len(found), len(labels))
-            for place, outcome in answers:
-                found[place] = outcome
-                if kept is not None:
-                    kept.add(labels[place], arguments[place], outcome)
-                tell("", len(found), len(labels))
+    with computing("sweep", progress) as tell:
+        file = None if checkpoint is None else Checkpoint(checkpoint, function)
+        if file is not None:
+            found |= {k: outcome for k, point in enumerate(arguments) if (outcome := file.get(point)) is not None}
+        resumed, waiting = len(found), {k: point for k, point in enumerate(arguments) if k not in found}
+        with closing(_outcomes(function, waiting, n_jobs, backend)) as outcomes:
+            tell("", len(found), len(points))
+            for k, outcome in outcomes:
+                found[k] = outcome
+                if file is not None:
+                    file.add(points[k], arguments[k], outcome)
+                tell("", len(found), len(points))
+    ordered = [found[k] for k in range(len(points))]
     failures = tuple(
-        FailedPoint(point, found[k].error, found[k].trace) for k, point in enumerate(labels) if found[k].columns is None
+        FailedPoint(point, each.error, each.trace)
+        for point, each in zip(points, ordered, strict=True)
+        if each.columns is None
     )
-    _report(failures, len(labels))
+    _report(failures, len(points))
     return SweepResult(
-        labels={name: tuple(axis) for name, axis in points.axes.items()},
-        fixed=points.fixed,
-        combine=points.combine,
-        points=tuple(labels),
-        values=tuple(found[k].columns for k in range(len(labels))),
+        labels={name: tuple(axis) for name, axis in axes.items()},
+        swept=swept,
+        shape=shape,
+        points=tuple(points),
+        values=tuple(each.columns for each in ordered),
         failures=failures,
-        seconds=np.array([found[k].seconds for k in range(len(labels))]),
-        units=all_units,
-        dims=dict(getattr(function, "dims", {})),
+        seconds=np.array([each.seconds for each in ordered]),
+        units=dict(named),
         resumed=resumed,
     )
 
 
-def _check_call(function: Callable[..., Any], points: Points) -> None:
-    """Raise an error for a function that does not take the parameters."""
-    try:
-        signature = inspect.signature(function)
-    except (TypeError, ValueError):  # a function of C without a signature
-        return
-    try:
-        signature.bind(**points.axes)
-    except TypeError as error:
-        raise TypeError(f"function: expected one that is called with {', '.join(points.axes)}: {error}") from None
+def _axes(over: object) -> dict[str, dict[Label, Any]]:
+    """Return the values of each parameter by label."""
+    axes = {}
+    for name, values in mapping("over", over, "parameters to values").items():
+        what = f"over[{instance('a name in over', name, str)!r}]"
+        labeled = _labeled(what, (values,) if _is_single(values) else values)
+        axes[name] = dict(labeled)
+        if not labeled or len(axes[name]) < len(labeled) or any(label != label for label in axes[name]):
+            shows = shown([label for label, _ in labeled])
+            raise ValueError(f"`{what}` must be different values, none of them NaN, got {shows}.")
+    if not axes:
+        raise ValueError("`over` must have at least one parameter, got none.")
+    return axes
 
 
-def _answers(
-    function: Callable[..., Any],
-    arguments: Sequence[dict[str, Any]],
-    chunks: Sequence[Sequence[int]],
-    n_jobs: int,
-    backend: Any,
+def _labeled(what: str, values: Any) -> list[tuple[Label, Any]]:
+    """Return values with their labels: keys of a mapping, numbers and strings themselves, else names or positions."""
+    if isinstance(values, Mapping):
+        return [(instance(f"a name in {what}", name, str), value) for name, value in values.items()]
+    found = [_plain(value) for value in sequence(what, values)]
+    labels = [value if isinstance(value, (int, float, str)) else getattr(value, "name", None) for value in found]
+    if not all(
+        value is None or isinstance(label, (int, float, str)) for label, value in zip(labels, found, strict=True)
+    ):
+        labels = [*range(len(found))]
+    return list(zip(labels, found, strict=True))
+
+
+def _plain(value: Any) -> Any:
+    """Return a scalar of NumPy as a number of Python, anything else as it is."""
+    return value.item() if isinstance(value, np.generic) or getattr(value, "ndim", None) == 0 else value
+
+
+def _is_single(values: object) -> bool:
+    """Return whether this is one value rather than several; a system is one, although it is iterable."""
+    several = isinstance(values, Iterable) and getattr(values, "ndim", 1) > 0 and not hasattr(values, "ninputs")
+    return isinstance(values, str) or not several
+
+
+def _outcomes(
+    function: Callable[..., Any], waiting: Mapping[int, dict[str, Any]], n_jobs: int, backend: Any
 ) -> Generator[tuple[int, Outcome], None, None]:
     """Yield the outcomes of points by place, as they are computed."""
     with nullcontext() if backend is None else joblib.parallel_config(backend):
-        parallel = joblib.Parallel(n_jobs, return_as="generator_unordered", batch_size=1)
-    task = joblib.delayed(outcomes if n_jobs == 1 and backend is None else outcomes_in_worker)
+        parallel = joblib.Parallel(n_jobs, return_as="generator_unordered")
+    here = n_jobs == 1 and backend is None
     try:
-        for found in parallel(task(function, {k: arguments[k] for k in places}) for places in chunks):
-            yield from found.items()
+        yield from parallel(joblib.delayed(_outcome)(function, k, point, here) for k, point in waiting.items())
     except BrokenExecutor as error:
         raise RuntimeError(
             "A worker process died (out of memory, killed, or crashed). Points that were computed are in the checkpoint, if"
@@ -180,7 +215,22 @@ def _answers(
         ) from error
 
 
-def _report(failures: Sequence[FailedPoint], count: int) -> None:
+def _outcome(function: Callable[..., Any], place: int, arguments: dict[str, Any], here: bool) -> tuple[int, Outcome]:
+    """Return the outcome of a point; a worker computes it with one BLAS thread."""
+    begun = time.perf_counter()
+    try:
+        with silent(), nullcontext() if here else one_blas_thread:
+            value = function(**arguments)
+        named = value if isinstance(value, Mapping) else {"value": value}
+        columns = {instance("a name that the function returned", name, str): _plain(x) for name, x in named.items()}
+        return place, Outcome(columns, time.perf_counter() - begun)
+    except (Exception, SystemExit) as error:  # a function that calls sys.exit fails at one point
+        text = " ".join(f"{type(error).__name__}: {error}".split()).removesuffix(":")
+        trace = "".join(traceback.format_exception(type(error), error, error.__traceback__, limit=-_TRACE_CALLS))
+        return place, Outcome(None, time.perf_counter() - begun, text, trace)
+
+
+def _report(failures: tuple[FailedPoint, ...], count: int) -> None:
     if not failures:
         return
     first = failures[0]
