@@ -281,7 +281,7 @@ def _print_paper(name: str, results: dict[str, Any]) -> None:
     )
 
 
-def identify(asked: Namespace) -> dict[str, Any]:
+def identify(asked: Namespace) -> Any:
     """Find the modes of a machine in a record of it, with intervals, and a model; report them.
 
     The file is a record, CSV with a line of names or .mat with vectors, or a measured frequency response, CSV or UFF.
@@ -292,10 +292,10 @@ def identify(asked: Namespace) -> dict[str, Any]:
     folder = prepared_folder(asked.out)
     band = None if asked.band is None else tuple(asked.band)
     options = {"band_hz": band, "modes": asked.modes, "quantity": asked.quantity, "intersample": asked.intersample}
-    found = identified_file(asked.record, asked.inputs, asked.outputs, asked.sample_time, **options)
-    print(found.identification.render())
-    _write(found.report(), folder)
-    return found.results
+    found, report = identified_file(asked.record, asked.inputs, asked.outputs, asked.sample_time, **options)
+    print(found.render())
+    _write(report, folder)
+    return report.results
 
 
 def benchmark(asked: Namespace) -> dict[str, Any]:

@@ -205,7 +205,7 @@ for name in bc.studies.design_names():
     reveal_type(bc.studies.load_design(name))
 scene = bc.studies.FieldScene(road_class="D")
 reveal_type(bc.studies.performance("passive", scene, p).spray.cv)
-reveal_type(bc.studies.SuspensionDesign("mine", "a passive one").evaluate(scene).deposit_cv)
+reveal_type(bc.studies.SuspensionDesign("mine", "a passive one").evaluate(scene).active.spray.cv)
 reveal_type(bc.studies.SlewDesign)
 reveal_type(bc.studies.MachineDesign("mine", "of my own", m, K).evaluate().after.peak)
 swept = bc.sweep(bc.spray_boom, over={"spring_stiffness": [900.0, 1100.0]})

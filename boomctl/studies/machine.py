@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from math import isfinite
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -16,26 +16,21 @@ from boomctl.analysis.sigma import SigmaResult, sigma
 from boomctl.checks import instance, known, names, positive, signal_name
 from boomctl.lti.controllers.scheduled import ScheduledController
 from boomctl.lti.modal import side_of_axis
+from boomctl.lti.python_control import control
 from boomctl.printing import compact
 from boomctl.report import Section, Table
 from boomctl.structure.families import Family
-from boomctl.studies.findings import Finding, Judged, facts, files_section, finite, stored, word_table
+from boomctl.structure.model import SecondOrderModel
+from boomctl.studies.evaluation import Design, Evaluation, word_table
 from boomctl.threads import one_blas_thread
-
-if TYPE_CHECKING:
-    import control
-
-    from boomctl.structure.model import SecondOrderModel
 
 
 @dataclass(frozen=True, eq=False)
-class MachineDesign:
+class MachineDesign(Design):
     """A machine, such as `boomctl.structure` assembles, and a controller for it.
 
     Attributes
     ----------
-    name, title : str
-        A name in one word, and what it is in a line.
     plant : SecondOrderModel, control.StateSpace or Family
         The machine, signals named.  Of a family, peaks and margins are those of its center; stability is that over its box.
     controller : control.StateSpace or ScheduledController
@@ -48,14 +43,8 @@ class MachineDesign:
         Sampling time of C code of the controller [s]; without one, there is none.
     force_limit : float, optional
         Largest value of each control, for C code.
-    facts : mapping of str to str
-        What synthesis and reduction say of themselves.
-    notes : tuple of str
-        What a reader of the report should know.
-    results : mapping of str to Any
-        Further numbers for ``results.json``.
-    sections : tuple of Section
-        Further sections of the report.
+    name, title, facts, notes, results, sections
+        As of every `Design`.
 
     Raises
     ------
@@ -74,18 +63,12 @@ class MachineDesign:
     ['stroke_left']
     """
 
-    name: str
-    title: str
     plant: SecondOrderModel | control.StateSpace | Family
     controller: control.StateSpace | ScheduledController
     inputs: str | Sequence[str] | None = None
     outputs: str | Sequence[str] | None = None
     sample_time: float | None = None
     force_limit: float | None = None
-    facts: Mapping[str, str] = field(default_factory=dict)
-    notes: tuple[str, ...] = ()
-    results: Mapping[str, Any] = field(default_factory=dict)
-    sections: tuple[Section, ...] = ()
 
     __repr__ = compact
 
@@ -145,13 +128,13 @@ class MachineDesign:
 
 
 @dataclass(frozen=True, eq=False)
-class MachineResult(Judged):
-    """What a controller does for a machine.
+class MachineResult(Evaluation):
+    """The evaluation of a machine with its controller.
 
     Attributes
     ----------
     design : MachineDesign
-        The design that was judged.
+        The design that was evaluated.
     before, after : SigmaResult
         Singular values without and with the controller, with certified peaks.
     margins : Margins or None
@@ -162,7 +145,7 @@ class MachineResult(Judged):
         Stability over the box of a family; None without one.
     """
 
-    kind, about = "Machine: ", "the machine without and with its controller"
+    kind = "Machine: "
 
     design: MachineDesign
     before: SigmaResult
@@ -179,42 +162,35 @@ class MachineResult(Judged):
         peaks = [f"{s.peak:.4g}" if isfinite(s.peak) else "infinite" for s in (self.before, self.after)]
         proof = "certified" if self.after.certified else "NOT certified"
         held = "The loop is stable" if self.stable else "The loop is NOT stable"
-        return f"{held}; largest singular value from {peaks[0]} to {peaks[1]}, {proof}.{self._box}"
-
-    @property
-    def _box(self) -> str:
-        """Stability over the box in a sentence; empty without a family."""
+        told = f"{held}; largest singular value from {peaks[0]} to {peaks[1]}, {proof}."
         if self.robust is None:
-            return ""
+            return told
         ranges = [f"{name} {low:g} to {high:g}" for name, (low, high) in self.design.plant.ranges.items()]  # type: ignore[union-attr]
-        return f" {'Proved' if self.robust.proved else 'NOT proved'} stable at every {' and '.join(ranges)}."
+        return f"{told} {'Proved' if self.robust.proved else 'NOT proved'} stable at every {' and '.join(ranges)}."
 
     @property
-    def findings(self) -> tuple[Finding, ...]:
-        """What was found, in the order in which it is told."""
-        peaks = [
-            finite({"peak": found.peak, "peak_omega": found.peak_omega, "certified": bool(found.certified)})
-            for found in (self.before, self.after)
-        ]
-        margin, robust = self.margins.everywhere.alpha if self.margins else None, ()
-        if (box := self.robust) is not None:
-            robust = (
-                Finding("", box.proved, proved=box.proved, text=box.render(), key="proved"),
-                *stored(slowest_pole=box.abscissa),
-            )
-        return (
-            *stored(design=self.design.name, stable=self.stable),
-            *facts(self.design.facts),
-            *stored(before=peaks[0], after=peaks[1], disk_margin=margin),
-            *robust,
-            *stored(**self.design.results),
-        )
+    def words(self) -> dict[str, str]:
+        """The findings by name."""
+        box = {} if self.robust is None else {"stability over the family": self.robust.render()}
+        return {**self.design.facts, **box}
 
     def __str__(self) -> str:
         """Return what a terminal shows."""
         return super().__str__() + (f"\n{self.margins.render()}" if self.margins else "")
 
-    def _sections(self, files: tuple[str, ...]) -> Iterator[Section]:
+    def _results(self) -> dict[str, Any]:
+        design, box = self.design, self.robust
+        return {
+            "design": design.name,
+            "stable": self.stable,
+            "synthesis": dict(design.facts),
+            "before": _peak(self.before),
+            "after": _peak(self.after),
+            "disk_margin": self.margins.everywhere.alpha if self.margins else None,
+            **({} if box is None else {"proved": box.proved, "slowest_pole": box.abscissa}),
+        }
+
+    def _sections(self) -> Iterator[Section]:
         from boomctl.plotting.canvas import new_figure, picture, style
         from boomctl.plotting.sigma import plot_sigma
 
@@ -225,27 +201,19 @@ class MachineResult(Judged):
             plot_sigma(self.after, label="with controller", ax=ax)
             ax.legend()
         caption = f"Singular values from {', '.join(self.after.inputs)} to {', '.join(self.after.outputs)}."
-        tables = (word_table(self.design.facts),) if self.design.facts else ()
-        yield Section("What it is worth", (self.verdict, *self.design.notes), tables)
+        yield Section("Synthesis", self.design.notes, (word_table(self.words),) if self.words else ())
         yield Section("Singular values", pictures=(picture("sigma", figure, caption),))
         if self.margins is not None:
             heads, *lines = self.margins._table()
             yield Section("Margins", tables=(Table(heads, tuple(lines)),))
-        yield from self.design.sections
-        if files:
-            yield files_section(files)
 
-    def controller_files(self) -> dict[str, bytes | str]:
-        """Return the controller for other programs: JSON, MATLAB, and C99 where it is sampled.
+    @property
+    def _sampled(self) -> tuple[float | None, float | None]:
+        return self.design.sample_time, self.design.force_limit
 
-        Returns
-        -------
-        dict of str to bytes or str
-            What the files hold, by their names; none of a scheduled controller.
-        """
-        design = self.design
-        if isinstance(design.controller, ScheduledController):
-            return {}
-        suffixes = (".json", ".mat") if design.sample_time is None else (".json", ".mat", ".c")
-        c = {"sample_time": design.sample_time, "force_limit": design.force_limit}
-        return self._controller_files({"verdict": self.verdict}, suffixes, **c)
+
+def _peak(found: SigmaResult) -> dict[str, Any]:
+    """Return a certified peak, None for what is not finite."""
+    peaks = {"peak": found.peak, "peak_omega": found.peak_omega}
+    finite = {name: value if isfinite(value) else None for name, value in peaks.items()}
+    return {**finite, "certified": bool(found.certified)}

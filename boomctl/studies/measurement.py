@@ -1,8 +1,8 @@
 """Modes and a model from a file of measurements, with a report: what ``boomctl identify`` does."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -13,73 +13,38 @@ from boomctl.files import json_text, read_numbers
 from boomctl.identification.identify import Identification, identify
 from boomctl.identification.response import MeasuredResponse, estimate_response
 from boomctl.plotting.canvas import Sheet, picture
-from boomctl.printing import compact
 from boomctl.report import Picture, Report, Section, Table, number
-from boomctl.studies.findings import picked
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
 
 _TIMES = ("t", "time", "time_s", "t_s")  # names of a column of times [s]
 _FREQUENCIES = ("freq_hz", "frequency_hz")  # of the first column of a measured response
+_OF_MODE = ("frequency_hz", "damping", "frequency_interval_hz", "damping_interval", "share")  # in results.json
 _EVEN = 1e-3  # of a sample, by which times may miss an even grid: the digits that files keep (a choice)
 
 
-@dataclass(frozen=True)
-class MeasuredMachine:
-    """What a file of measurements tells of a machine.
-
-    Attributes
-    ----------
-    path : Path
-        The file.
-    identification : Identification
-    response : MeasuredResponse or None
-        That of the record; None where the file holds a response.
-    """
-
-    path: Path
-    identification: Identification
-    response: MeasuredResponse | None
-
-    __repr__ = compact
-
-    @property
-    def results(self) -> "dict[str, Any]":
-        """What ``results.json`` holds."""
-        found = self.identification
-        modes = picked(found.modes, ("frequency_hz", "damping", "frequency_interval_hz", "damping_interval", "share"))
-        (of_all,) = picked([found], ("fit_percent", "band_hz", "confidence", "source"))
-        return {"file": self.path.name, "modes": modes, **of_all}
-
-    def report(self) -> Report:
-        """Return modes with intervals, the fit of each output, pictures, and the model as a file."""
-        found = self.identification
-        lines = []
-        for k, mode in enumerate(found.modes, 1):
-            frequencies = (
-                number(mode.frequency_hz, 5),
-                " to ".join(number(end, 5) for end in mode.frequency_interval_hz),
-            )
-            damping = number(100.0 * mode.damping), " to ".join(number(100.0 * end) for end in mode.damping_interval)
-            lines.append((str(k), *frequencies, *damping, number(100.0 * mode.share)))
-        level = f"{100.0 * found.confidence:g} % interval"
-        heads = ("mode", "frequency [Hz]", level, "damping [%]", level, "share of energy [%]")
-        fits = tuple((name, number(percent, 4)) for name, percent in found.fit_percent.items())
-        drawn = [_drawn("identification", found, "Poles over orders with the modes found; what is not predicted")]
-        if self.response is not None:
-            source = self.response.source
-            drawn.append(_drawn("response", self.response, f"Frequency response and coherence, from {source}"))
-        system = found.system
-        matrices = {letter: np.asarray(getattr(system, letter)).tolist() for letter in "ABCD"}
-        model = {"inputs": list(system.input_labels), "outputs": list(system.output_labels), **matrices}
-        sections = (
-            Section("Modes", (found.source,), (Table(heads, tuple(lines)),)),
-            Section("Share of each output that is predicted", (), (Table(("output", "fit [%]"), fits),)),
-            Section("Pictures", (), (), tuple(drawn)),
-        )
-        lead = (f"{len(found.modes)} modes from {found.band_hz[0]:.4g} to {found.band_hz[1]:.4g} Hz.",)
-        return Report(f"Modes of {self.path.name}", lead, sections, self.results, {"model.json": json_text(model)})
+def _report(path: Path, found: Identification, response: MeasuredResponse | None) -> Report:
+    """Return modes with intervals, the fit of each output, pictures, and the model as a file; ``response``: of a record."""
+    modes = Table(("frequency", "damping", "share of energy"), tuple(map(found._row, found.modes)), align="l")
+    fits = Table(
+        ("output", "fit [%]"), tuple((name, number(percent, 4)) for name, percent in found.fit_percent.items())
+    )
+    drawn = [_drawn("identification", found, "Poles over orders with the modes found; what is not predicted")]
+    if response is not None:
+        drawn.append(_drawn("response", response, f"Frequency response and coherence, from {response.source}"))
+    system = found.system
+    matrices = {letter: np.asarray(getattr(system, letter)).tolist() for letter in "ABCD"}
+    model = {"inputs": list(system.input_labels), "outputs": list(system.output_labels), **matrices}
+    sections = (
+        Section("Modes", (f"{found.source}; intervals of {100.0 * found.confidence:g} %.",), (modes,)),
+        Section("Share of each output that is predicted", (), (fits,)),
+        Section("Pictures", (), (), tuple(drawn)),
+    )
+    lead = (f"{len(found.modes)} modes from {found.band_hz[0]:.4g} to {found.band_hz[1]:.4g} Hz.",)
+    results = {
+        "file": path.name,
+        "modes": [{name: getattr(mode, name) for name in _OF_MODE} for mode in found.modes],
+        **{name: getattr(found, name) for name in ("fit_percent", "band_hz", "confidence", "source")},
+    }
+    return Report(f"Modes of {path.name}", lead, sections, results, {"model.json": json_text(model)})
 
 
 def _drawn(name: str, result: Any, caption: str) -> Picture:
@@ -89,9 +54,9 @@ def _drawn(name: str, result: Any, caption: str) -> Picture:
 
 
 def identified_file(
-    path: Path, inputs: "Sequence[str]", outputs: "Sequence[str]", sample_time: float | None, **options: Any
-) -> MeasuredMachine:
-    """Return what a file of measurements tells: a record (CSV, .mat) or a measured frequency response (CSV, UFF).
+    path: Path, inputs: Sequence[str], outputs: Sequence[str], sample_time: float | None, **options: Any
+) -> tuple[Identification, Report]:
+    """Identify a machine from a record (CSV, .mat) or from a measured frequency response (CSV, UFF), and report it.
 
     Raises
     ------
@@ -105,7 +70,8 @@ def identified_file(
             raise ValueError(f"{path}: expected a record over time or a complex frequency response, got magnitudes")
         if inputs or outputs or sample_time is not None:
             raise ValueError(f"{path}: expected no inputs, outputs or sample time beside a measured frequency response")
-        return MeasuredMachine(path, identify(curve.response, **options), None)
+        found = identify(curve.response, **options)
+        return found, _report(path, found, None)
     time = next((name for name in columns if name.lower() in _TIMES), None)
     signals = [name for name in columns if name != time]
     if not inputs:
@@ -120,10 +86,10 @@ def identified_file(
     found = identify(driven, moved, step, **options)
     said = {name: value for name, value in options.items() if name in ("band_hz", "intersample") and value is not None}
     quantity = options.get("quantity") or "displacement"
-    return MeasuredMachine(path, found, estimate_response(driven, moved, step, quantity=quantity, **said))
+    return found, _report(path, found, estimate_response(driven, moved, step, quantity=quantity, **said))
 
 
-def _columns(path: Path) -> "Mapping[str, Array] | None":
+def _columns(path: Path) -> Mapping[str, Array] | None:
     """Return the signals of a record by name; None where the file is a response over frequency."""
     if path.suffix.lower() == ".mat":
         from scipy import io  # long to import, and few files are such

@@ -2,5 +2,3 @@
 
 from boomctl.studies.slew.design import SlewDesign as SlewDesign
 from boomctl.studies.slew.design import SlewEvaluation as SlewEvaluation
-from boomctl.studies.slew.feedback import FeedbackStudy as FeedbackStudy
-from boomctl.studies.slew.feedback import Spread as Spread

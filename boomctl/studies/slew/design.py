@@ -1,64 +1,70 @@
-"""A slew of the hub-beam that is to be judged, and the judging: beside other slews, with payloads, profiles, feedback."""
+"""A slew of the hub-beam and its evaluation: beside other slews, with payloads, on other models, with feedback."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from boomctl.checks import instance
+from boomctl.plotting.canvas import figure_of, film, picture
 from boomctl.plotting.slew import animate_slew
-from boomctl.printing import compact
-from boomctl.report import Section
+from boomctl.printing import compact, count
+from boomctl.report import Picture, Section, Table, number
 from boomctl.rotating_beam.assumed_modes import AssumedModesBeam
-from boomctl.rotating_beam.manoeuvres import SpinUp
 from boomctl.slew.classical.comparison import SlewComparison, compare_slews
 from boomctl.slew.least_time.switching_curve import SwitchingCurve, switching_curve
 from boomctl.slew.result import Replay, SlewResult
-from boomctl.slew.tracking.tracked import TrackedSlew
-from boomctl.studies.findings import Finding, Judged, picked, scalars
-from boomctl.studies.slew import feedback, sections
-from boomctl.studies.slew.feedback import FeedbackStudy, Followed, Spread
-from boomctl.studies.slew.spin_up import SpinUpMotion, spin_ups
+from boomctl.studies.evaluation import Design, Evaluation, table_of
 from boomctl.threads import one_blas_thread
 
 _MORE = 0.1  # by how much the tip mass of the followed beam exceeds the largest planned one [kg]; a choice
 _AFTER = 2.0  # how long the film goes on after the end [s] (a choice)
+_RTOL, _ATOL = 1e-7, 1e-9  # of motions in which errors of millimeters are looked for (a choice)
 _OF_SLEW = (
     "objective", "duration", "cost", "end_error", "residual_energy", "time", "torque", "hub_angle", "hub_speed",
     "tip_displacement",
 )  # fmt: skip
-_DRAWN = ("feedback", "seed", "drawn", "vibration", "angle_error", "error_estimate")
+_COMPARED = {
+    "name": "slew",
+    "duration": "duration [s]",
+    "vibration": "vibration [m]",
+    "vibration_low": "vibration, −10\u00a0% [m]",
+    "vibration_high": "vibration, +10\u00a0% [m]",
+    "angle_error": "angle error [rad]",
+    "speed_error": "speed error [rad/s]",
+    "peak_moment": "peak root moment [N\u00a0m]",
+    "effort": "effort [N²m²s]",
+}
+_REPLAYED = {
+    "model": "model",
+    "tip_mass": "other tip mass [kg]",
+    "angle_error": "angle error [rad]",
+    "speed_error": "speed error [rad/s]",
+    "tip_swing": "tip swing [m]",
+    "residual_energy": "energy left [J]",
+}
 
 
 @dataclass(frozen=True, eq=False)
-class SlewDesign:
+class SlewDesign(Design):
     """A planned slew, and what it is to be compared with.
 
     Attributes
     ----------
-    name, title : str
-        A name in one word, and what it is in a line.
+    name, title, facts, notes, results, sections
+        As of every `Design`.
     beam : AssumedModesBeam
         What the slew was planned for.
     planned : mapping of str to SlewResult
-        Slews of the beam by name: first the one designed, then others to be set beside it. All have the same angle, or
-        spin up to the same speed, under the same torque limit. Judging adds classical ones.
+        Slews of the beam by name: first the one designed, then others to be compared with it. All have the same angle, or
+        spin up to the same speed, under the same torque limit. The evaluation adds classical ones.
     rival : str
         The slew that the film shows beside the designed one: planned or classical. "": a rigid body's.
     payloads : tuple of float
         Tip masses with which the planned slews are played [kg].
-    profile : SpinUp or None
-        For a spin-up: a profile of the hub to be set beside it, prescribed exactly.
-    tracked : TrackedSlew or None
-        The slew with feedback along it, to be judged beside the plan alone.
-    spread : Spread or None
-        How the machines that follow it may differ; needed with ``tracked``.
-    runs : int
-        How many of them are drawn.
-    notes : tuple of str
-        What a reader of the report should know.
+    followed : bool
+        Whether the slew is followed, with all states measured, by a beam with 0.1 kg more at the tip.
 
     Examples
     --------
@@ -69,17 +75,11 @@ class SlewDesign:
     ''
     """
 
-    name: str
-    title: str
     beam: AssumedModesBeam
     planned: Mapping[str, SlewResult]
     rival: str = ""
     payloads: tuple[float, ...] = ()
-    profile: SpinUp | None = None
-    tracked: TrackedSlew | None = None
-    spread: Spread | None = None
-    runs: int = 256
-    notes: tuple[str, ...] = ()
+    followed: bool = True
 
     __repr__ = compact
 
@@ -100,76 +100,54 @@ class SlewDesign:
 
     @one_blas_thread
     def evaluate(self) -> "SlewEvaluation":
-        """Set the slew beside the others, with all payloads, by an integrator that planning does not use.
+        """Compare the slew with the others, with all payloads, by an integrator that planning does not use.
 
         Returns
         -------
         SlewEvaluation
             What was found, as text and for a report.
         """
-        h, problem = self.beam, self.slew.plan.problem
-        asked = h, problem.angle, problem.limits.torque, self.planned, problem.final_speed
-        comparison, pair = compare_slews(*asked, tip_masses=self.payloads), ()
-        if self.profile is not None:
-            pair = spin_ups(h, self.label, self.slew.history, self.profile)
-        held = None
-        if self.tracked is not None:
-            held = feedback.judged(self.tracked, instance("spread", self.spread, Spread), self.runs)
-        return SlewEvaluation(self, comparison, pair, held)
+        problem, masses = self.slew.plan.problem, self.payloads
+        asked = self.beam, problem.angle, problem.limits.torque, self.planned, problem.final_speed
+        return SlewEvaluation(self, compare_slews(*asked, tip_masses=masses))
 
 
 @dataclass(frozen=True, eq=False)
-class SlewEvaluation(Judged):
-    """What a slew is worth.
+class SlewEvaluation(Evaluation):
+    """The evaluation of a slew.
 
     Attributes
     ----------
     design : SlewDesign
-        The design that was judged.
+        The design that was evaluated.
     comparison : SlewComparison
         The slew beside the other planned ones and classical ones, with the payloads of the design too.
-    spin_ups : tuple of SpinUpMotion
-        The spin-up designed, and the hub's profile; () without a profile.
-    feedback : FeedbackStudy or None
-        What feedback along the slew is worth; None where the design has none.
     """
-
-    kind = ""
 
     design: SlewDesign
     comparison: SlewComparison
-    spin_ups: tuple[SpinUpMotion, ...]
-    feedback: FeedbackStudy | None = None
 
     __repr__ = compact
 
     @property
     def verdict(self) -> str:
-        """What it is worth, in words."""
+        """The result in a sentence."""
         own, rigid = (self.comparison.line(name) for name in (self.design.label, self.design.rigid))
         said = (
             f"{own.duration:.5g} s, {own.duration / rigid.duration:.3f} times a rigid body's least time; the tip vibrates by "
             f"{_length(own.vibration)} afterwards, {_length(rigid.vibration)} after a rigid body's fastest torque"
         )
-        if self.feedback is not None:
-            said += f"; {self.feedback.verdict}"
         masses = self.comparison.tip_masses
         if not masses.size:
-            return said + "."
+            return f"{said}."
         left = {name: float(self.comparison.line(name).vibrations.max()) for name in self.design.planned}
-        parts = [f"{_length(most)} ({name})" for name, most in left.items()]
-        return f"{said}; with payloads from {masses.min():g} to {masses.max():g} kg by at most {', '.join(parts)}."
+        parts = ", ".join(f"{_length(most)} ({name})" for name, most in left.items())
+        return f"{said}; with payloads from {masses.min():g} to {masses.max():g} kg by at most {parts}."
 
     @property
-    def lead(self) -> str:
-        """What the report is about, and what the slew is worth."""
-        said = (
-            f"{self.design.slew.title.capitalize()}: planned, replayed by another integrator, and set beside classical"
-        )
-        return f"{said} commands. {self.verdict[:1].upper()}{self.verdict[1:]}"
-
-    def __str__(self) -> str:
-        return f"{self.design.title}: {self.verdict}\n{self.design.slew.certificate.verdict}"
+    def words(self) -> dict[str, str]:
+        """The findings by name."""
+        return {**self.design.facts, "certificate": self.design.slew.certificate.verdict}
 
     @property
     def replays(self) -> tuple[Replay, ...]:
@@ -187,12 +165,23 @@ class SlewEvaluation(Judged):
         return (planned, *slew.replays)
 
     @cached_property
-    def following(self) -> Followed | None:
-        """The slew followed with more at the tip than was planned for; None where feedback was judged."""
-        if self.feedback is not None:
+    def following(self) -> dict[str, float] | None:
+        """Errors of the slew followed with more at the tip than was planned for, without feedback (open) and with it.
+
+        The angle errors are those at the last instant [rad], the swings the largest tip displacements in the last slowest
+        period [m].
+        """
+        if not self.design.followed:
             return None
+        tracked = self.design.slew.track(integral_time=None)
         mass = max(self.design.beam.parameters.tip_mass, *self.design.payloads, 0.0) + _MORE
-        return feedback.followed(self.design.slew.track(integral_time=None), mass)
+        late, found = tracked.time >= tracked.time[-1] - tracked.period, {"tip_mass": mass}
+        for opening in ("", "open_"):
+            run = tracked.simulate(tracked.machine.with_tip_mass(mass), feedback=not opening, rtol=_RTOL, atol=_ATOL)
+            error = abs(run["hub_angle"][-1] - tracked.reference["hub_angle"][-1])
+            found[f"{opening}final_angle_error"] = float(error)
+            found[f"{opening}tip_swing"] = float(np.abs(run["tip_displacement"][late]).max())
+        return found
 
     @cached_property
     def switching(self) -> SwitchingCurve | None:
@@ -208,78 +197,105 @@ class SlewEvaluation(Judged):
             return float(masses[self.comparison.line(self.design.rival).vibrations.argmax()])
         return self.design.beam.parameters.tip_mass
 
-    @property
-    def findings(self) -> tuple[Finding, ...]:
-        """What was found, in the order in which it is told."""
-        said = self.design.slew.certificate.verdict
-        return (Finding("certificate", said, text=said, key="verdict"), Finding("", self.verdict, key="worth"))
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return the numbers, for JSON; other models are run, and the slew is followed, where they were not yet.
-
-        Returns
-        -------
-        dict
-            Names, numbers and texts that JSON can hold.
-        """
+    def _results(self) -> dict[str, Any]:
         design, slew, switching = self.design, self.design.slew, self.switching
-        found = {
+        return {
             "name": design.name,
             "title": design.title,
             "model": design.beam.model,
             "modes": design.beam.modes,
             "parameters": asdict(design.beam.parameters),
             "certificate": asdict(slew.certificate),
+            "verdict": slew.certificate.verdict,
+            "worth": self.verdict,
             "switches": None if switching is None else slew.history.switches,
             "switching_agreement": None if switching is None else switching.agreement,
-            "replays": [scalars(each) for each in self.replays],
-            "comparison": [scalars(each) | {"vibrations": each.vibrations} for each in self.comparison.lines],
+            "replays": [_scalars(each) for each in self.replays],
+            "comparison": [_scalars(each) | {"vibrations": each.vibrations} for each in self.comparison.lines],
             "tip_masses": self.comparison.tip_masses,
-            "spin_ups": [scalars(each) for each in self.spin_ups],
             "film_tip_mass": self.film_tip_mass,
-            **dict.fromkeys(("tracking", "feedback")),
-            **picked([slew], _OF_SLEW)[0],
+            "tracking": self.following,
+            **{name: getattr(slew, name) for name in _OF_SLEW},
         }
-        if self.following is not None:
-            found["tracking"] = scalars(self.following)
-        if (study := self.feedback) is not None:
-            machines, runs = picked(study.lines, sections.HELD), picked((study.open, study.closed), _DRAWN)
-            found["feedback"] = {"machines": machines, "stiffness_ratio": study.stiffness_ratio, "runs": runs}
-        return found | super().as_dict()
 
-    def _sections(self, files: tuple[str, ...]) -> Iterator[Section]:
-        design, slew, h = self.design, self.design.slew, self.design.beam
-        planned_mass = h.parameters.tip_mass
-        replays = self.replays
-        following = self.following
-        yield sections.slew_section(h, slew, design.notes)
-        yield self._film()
-        if design.tracked is not None and self.feedback is not None:
-            yield sections.feedback_section(design.tracked, self.feedback)
-        if self.switching is not None:
-            yield sections.switching_section(self.switching)
-        if self.spin_ups:
-            yield sections.spin_up_section(self.spin_ups, slew.plan.problem)
-        zv = f"{design.rigid}, ZV"
-        shown = tuple(dict.fromkeys((*design.planned, design.rigid, design.rival or zv, zv)))
-        yield sections.comparison_section(self.comparison, shown)
-        yield sections.replay_section(replays, slew.plan.problem.angle is None)
-        if following is not None:
-            yield sections.tracking_section(planned_mass, following)
-
-    def _film(self) -> Section:
-        """The slew and its rival on the same beam."""
-        design, beam = self.design, self.design.beam.with_tip_mass(self.film_tip_mass)
-        last, motions = design.slew.duration + _AFTER, {}
+    def _sections(self) -> Iterator[Section]:
+        design, slew, comparison, free = self.design, self.design.slew, self.comparison, self.comparison.angle is None
+        caption = "Torque, hub angle and speed, tip displacement and moment at the clamp; broken lines: limits nearby."
+        beam, found = design.beam, slew.certificate
+        words = (
+            f"{beam.model} with {count(beam.modes, 'mode')} and a tip mass of {beam.parameters.tip_mass:g} kg.",
+            *str(slew).splitlines(),
+            f"Method: {found.method}; {str(found).splitlines()[-1].strip()}.",
+            *(
+                ()
+                if found.switches is None
+                else (f"Switching times: {', '.join(f'{t:.5f}' for t in slew.history.switches)} s.",)
+            ),
+        )
+        yield Section("The slew", (*words, *design.notes), pictures=(_drawn("slew", slew.plot, caption),))
+        beam, motions = design.beam.with_tip_mass(self.film_tip_mass), {}
+        time = np.linspace(0.0, slew.duration + _AFTER, 601)
         for name in (design.label, design.rival or design.rigid):
-            label = "rigid body's bang-bang" if name == "bang-bang" else name
-            motions[label] = beam.simulate(self.comparison.line(name).history, np.linspace(0.0, last, 601))
-        shown = animate_slew(beam, motions, title=design.slew.title.capitalize())
-        return sections.film_section(shown, self.film_tip_mass if design.payloads else None)
+            motions[name] = beam.simulate(comparison.line(name).history, time)
+        shown = animate_slew(beam, motions, title=slew.title.capitalize())
+        caption = f"Top view, drawn to scale, in real time, with {self.film_tip_mass:g} kg at the tip."
+        yield Section("In motion", pictures=(film("slew", shown, caption),))
+        if self.switching is not None:
+            text = (
+                "The switching function says how much time a little more torque would save at each instant. In minimum time"
+                " the torque has its sign everywhere (Pontryagin's principle), which is necessary, and not sufficient where"
+                " the problem is not convex. It is computed backwards along the nonlinear motion from the multipliers of the"
+                f" end conditions, and has the torque's sign on {100.0 * self.switching.agreement:.4g} % of the duration."
+            )
+            caption = "Switching function over its largest size, on a scale of cube roots, and torque."
+            yield Section("The switching function", (text,), (), (_drawn("switching", self.switching.plot, caption),))
+        text = (
+            "Vibration is the largest tip displacement in one and a half periods after the end, also with the beam's"
+            " frequencies 10 % lower and higher. ZV, ZVD and EI are input shapers, tuned to the first frequency with the hub"
+            " free."
+        )
+        drop = "angle_error" if free else "speed_error"
+        masses = [f"{mass:g}\u00a0kg" for mass in comparison.tip_masses]
+        loads = dict(zip(masses, masses, strict=True))
+        rows = [{**vars(line), **dict(zip(loads, line.vibrations, strict=True))} for line in comparison.lines]
+        tables = [table_of(rows, {key: head for key, head in _COMPARED.items() if key != drop})]
+        if loads:
+            tables.append(table_of(rows, {"name": "vibration [m] with a payload of", **loads}))
+        zv = f"{design.rigid}, ZV"
+        names = tuple(dict.fromkeys((*design.planned, design.rigid, design.rival or zv, zv)))
+        caption = (
+            "Torques and tip displacements over time; vibration over duration, small marks with other frequencies."
+        )
+        drawn = _drawn("comparison", comparison.plot, caption, names=names)
+        yield Section("Beside other spin-ups" if free else "Beside other slews", (text,), tuple(tables), (drawn,))
+        text = "The models differ in what they neglect. The torque is open loop; errors are those at its end."
+        heads = {key: head for key, head in _REPLAYED.items() if not (free and key == "angle_error")}
+        yield Section("The same torque on other models", (text,), (table_of(map(vars, self.replays), heads),))
+        if (t := self.following) is not None:
+            text = (
+                f"The tip mass is {t['tip_mass']:g} kg, planned was {design.beam.parameters.tip_mass:g} kg. The planned"
+                " torque is the feedforward; a time-varying LQR about the trajectory knows all states, and may use half as"
+                " much torque again as the plan."
+            )
+            lines = {"angle error at the end [rad]": "final_angle_error", "tip swing at the end [m]": "tip_swing"}
+            body = tuple((name, number(t[f"open_{key}"]), number(t[key])) for name, key in lines.items())
+            table = Table(("", "feedforward alone", "with feedback"), body)
+            yield Section("Followed with another payload", (text,), (table,))
+
+
+def _drawn(name: str, plot: Any, caption: str, **options: Any) -> Picture:
+    """Return a picture of curves of many points, which are shown as PNG."""
+    return picture(name, figure_of(plot, **options), caption, "png")
+
+
+def _scalars(record: Any) -> dict[str, Any]:
+    """Return the fields of a record that are numbers, words or not there: without curves and other records."""
+    values = {each.name: getattr(record, each.name) for each in fields(record)}
+    return {name: value for name, value in values.items() if value is None or isinstance(value, (str, int, float))}
 
 
 def _length(value: float) -> str:
-    """A length [m] in words, with two digits."""
+    """Return a length [m] in words, with two digits."""
     if value < 1e-6:
         return "less than 1 µm"
     if value < 1e-3:

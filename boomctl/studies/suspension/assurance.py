@@ -1,19 +1,18 @@
-"""What vouches for a suspension beyond its own synthesis: margins, proofs over springs and masses, the exact boom.
+"""What is proved of a suspension beyond its own synthesis: margins, proofs over springs and masses, the exact boom.
 
 A sampled loop is looked at on a mesh of many elements where one in continuous time is on the exact beam.  What happens
 between samples is in the field run, and ``boomctl.analysis.sampled_norm`` bounds it.
 """
 
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from itertools import product
 from math import inf
-from typing import Any
 
 import numpy as np
 
-from boomctl.analysis.box.robustness import RobustStability, robust_stability
+from boomctl.analysis.box.robustness import robust_stability
 from boomctl.analysis.box.worst_case import worst_case
 from boomctl.analysis.loops import closed_loop_response
 from boomctl.analysis.margins import Margins, SamplingCostsMarginWarning, margins
@@ -24,12 +23,10 @@ from boomctl.boom.exact import exact_frequency_response
 from boomctl.boom.families import boom_family, scaled_boom, spring_family, spring_for_yaw
 from boomctl.boom.model import ACTUATORS, TIPS
 from boomctl.boom.parameters import BoomParameters
-from boomctl.checks import from_on
 from boomctl.lti.python_control import control
-from boomctl.printing import compact, count
 from boomctl.structure.families import AffineFamily
 from boomctl.structure.model import SecondOrderModel, split_symmetric
-from boomctl.studies.findings import Finding
+from boomctl.studies.evaluation import Finding
 from boomctl.studies.suspension.performance import InField
 from boomctl.studies.suspension.scene import (
     ACCELERATIONS,
@@ -51,54 +48,6 @@ _SIDES = {"jolt": "sym", "yaw": "anti"}
 
 
 @dataclass(frozen=True)
-class Assurance:
-    """What was found about a suspension, apart from its synthesis.
-
-    Attributes
-    ----------
-    findings : tuple of Finding
-        Of jolt and yaw, or of the whole boom where it is a plant of its own: margins, stability and the largest peak from
-        platform to tips over springs of 70 to 130 % and a beam mass of 80 to 120 %; stability of the yaw at its measured
-        frequency; the least even deposit; stability with the exact beam, or on a finer mesh.
-    exact_sigma : SigmaResult or None
-        Singular values with the exact beam; None of sampled loops and of plants of their own.
-    family_sigma : tuple of SigmaResult
-        Singular values at corners and middles of the edges of the uncertainty.
-    """
-
-    findings: tuple[Finding, ...]
-    exact_sigma: SigmaResult | None = field(repr=False)
-    family_sigma: tuple[SigmaResult, ...] = field(repr=False)
-
-    __repr__ = compact
-
-    @property
-    def robust(self) -> bool:
-        """Whether the loop is proved stable over the whole uncertainty, and stable on the exact boom or the finer mesh."""
-        return all(each.proved is not False for each in self.findings)
-
-    def of(self, kind: type) -> dict[str, Any]:
-        """Return what was found of each half, or of the whole boom where it was not halved.
-
-        Parameters
-        ----------
-        kind : type
-            `Margins` or `WorstCase`.
-
-        Returns
-        -------
-        dict
-            By "jolt" and "yaw", or by "boom".
-        """
-        found = {}
-        for each in self.findings:
-            if isinstance(each.value, kind):
-                half, parted, _ = each.name.partition(": ")
-                found[half if parted else "boom"] = each.value
-        return found
-
-
-@dataclass(frozen=True)
 class Examined(InField):
     """A suspension that is to be examined; a machine of its own has a family over springs and masses.
 
@@ -107,8 +56,8 @@ class Examined(InField):
 
     family: AffineFamily | None = None
 
-    def assured(self) -> Assurance:
-        """Return what vouches for it.
+    def assured(self) -> tuple[tuple[Finding, ...], SigmaResult | None, tuple[SigmaResult, ...]]:
+        """Return what is found of it, its singular values with the exact beam, and those of others of the uncertainty.
 
         Raises
         ------
@@ -121,7 +70,7 @@ class Examined(InField):
         elif self.family is None:
             exact = self.exact_sigma()
             found.append(self.on_the_exact_boom(exact))
-        return Assurance(tuple(found), exact, tuple(self.corner_sigma()))
+        return tuple(found), exact, tuple(self.corner_sigma())
 
     @property
     def sampled(self) -> bool:
@@ -147,8 +96,12 @@ class Examined(InField):
                 self.p, SPRING, MASS, half=half, elements=FAMILY_ELEMENTS, accelerometer_bandwidth_hz=band
             )
             K, ends = controllers[half], ([f"actuator_{side}"], [f"tip_{side}"])
-            of_half = [] if self.K is None else [_margins(plant, K, late)]
-            for each in (*of_half, *_over_the_box(family, K, *ends, late)):
+            found = [*_over_the_box(family, K, *ends, late)]
+            if self.K is not None:
+                with warnings.catch_warnings():  # margins are reported: what they were without sampling is not
+                    warnings.simplefilter("ignore", SamplingCostsMarginWarning)
+                    found.insert(0, margins_finding(margins(plant, K, delay=late)))
+            for each in found:
                 yield replace(each, name=f"{half}: {each.name}")
         if self.K is not None and not self.sampled:
             yield self.at_the_measured_yaw(controllers["yaw"])
@@ -162,30 +115,31 @@ class Examined(InField):
         stiffest = spring_for_yaw(replace(self.p, **dampers), MEASURED_YAW_HZ, FAMILY_ELEMENTS)
         band = self.scene.accelerometer_hz
         stiffer = spring_family(self.p, stiffest, half="yaw", elements=FAMILY_ELEMENTS, accelerometer_bandwidth_hz=band)
-        return _stability("yaw frequency from Table 2 to the measured 0.34 Hz", robust_stability(stiffer, K))
+        stable = robust_stability(stiffer, K)
+        name = f"yaw frequency from Table 2 to the measured {MEASURED_YAW_HZ:g} Hz"
+        return Finding(name, stable.render(), stable, stable.proved)
 
     def worst_deposit(self) -> Finding:
         """Return the least even deposit of runs over the field at the corners of the box: not proved between them."""
-        found = []
-        for spring, mass in product(SPRING, MASS):
-            changed = replace(self, p=scaled_boom(self.p, spring, mass))
-            _, (spray, *_) = changed.run(self.scaled(spring, mass, nozzles=True))
-            found.append((spray.cv, {"spring": spring, "mass": mass}))
-        cv, values = max(found, key=lambda each: each[0])
-        text = f"CV {100 * cv:.3g} % at {_values(values)}: the worst of {len(found)} corners, found, not proved"
-        return Finding("worst deposit found there", cv, text=text, key="deposit_cv_found_over_box")
+        corners = list(product(SPRING, MASS))
+        runs = [replace(self, p=scaled_boom(self.p, *at)).run(self.scaled(*at, nozzles=True)) for at in corners]
+        cv, (spring, mass) = max((spray.cv, at) for (_, (spray, *_)), at in zip(runs, corners, strict=True))
+        text = (
+            f"CV {100 * cv:.3g} % at spring {spring:g}, mass {mass:g}: the worst of {len(corners)} corners, not proved"
+        )
+        return Finding("worst deposit found there", text, cv, key="deposit_cv_found_over_box")
 
     def on_a_finer_mesh(self) -> Finding:
         """Return whether the sampled loop is stable with so many elements."""
         largest = float(np.abs(self.to_tips(self.model(_FINE)).poles()).max())
         stable = largest < 1.0
         text = f"{'stable' if stable else 'NOT stable'}: largest pole {largest:.5f}"
-        return Finding(f"mesh of {_FINE} elements", largest, proved=stable, text=text)
+        return Finding(f"mesh of {_FINE} elements", text, largest, stable)
 
     def on_the_exact_boom(self, curves: SigmaResult) -> Finding:
         """Return stability with the exact beam, by winding number; without a controller its largest singular value."""
         if self.K is None:
-            return Finding("exact boom", curves, text=f"largest singular value there {curves.peak:.4g}")
+            return Finding("exact boom", f"largest singular value there {curves.peak:.4g}", curves)
         poles = self.model(_EXACT_ELEMENTS).to_statespace().poles()
         found = exact_loop_stability(self.exact_plant, self.K, poles[np.argsort(np.abs(poles))][:_EXACT_POLES])
         verdict = "stable" if found.stable else f"NOT stable, {found.unstable_poles} unstable poles"
@@ -193,7 +147,7 @@ class Examined(InField):
             f"{verdict}: winding number {found.encirclements} of det(I - G K), followed over {found.evaluations}"
             f" frequencies; largest singular value of the loop there {curves.peak:.4g}"
         )
-        return Finding("exact boom", found, proved=found.stable, text=text)
+        return Finding("exact boom", text, found, found.stable)
 
     def exact_plant(self, omega: Array) -> control.FrequencyResponseData:
         """Return the frequency response of the exact boom to platform and suspension; signals as of its model.
@@ -237,14 +191,8 @@ def _controllers(model: SecondOrderModel, K: control.StateSpace | None) -> dict[
     return {"jolt": symmetric, "yaw": antisymmetric}
 
 
-def _margins(plant: SecondOrderModel, K: control.StateSpace, delay: float) -> Finding:
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", SamplingCostsMarginWarning)  # margins are reported: what they were is not asked
-        return told_margins(margins(plant, K, delay=delay))
-
-
-def told_margins(found: Margins) -> Finding:
-    """Return the margins of the first loop as they are told."""
+def margins_finding(found: Margins) -> Finding:
+    """Return the margins of the first loop."""
     loop = found.loops[0]
     upwards = f"gain from {loop.gain_low:.2g} times upwards"
     gains = f"gain from {loop.gain_low:.2g} to {loop.gain_high:.3g} times" if loop.gain_high < inf else upwards
@@ -252,7 +200,7 @@ def told_margins(found: Margins) -> Finding:
     late = f"delay {1e3 * loop.delay:.0f} ms" if loop.delay < inf else "any delay"
     certified = "certified" if loop.disk.certified else "NOT certified"
     text = f"{gains}, {phase}, {late}; disk margin {loop.disk.alpha:.2f} ({certified})"
-    return Finding("margins at the actuator", found, proved=loop.disk.certified or None, text=text)
+    return Finding("margins at the actuator", text, found, loop.disk.certified or None)
 
 
 def _over_the_box(
@@ -263,27 +211,9 @@ def _over_the_box(
     delay: float,
 ) -> Iterator[Finding]:
     """Yield stability and the largest peak over springs and masses; forces of a discrete controller act later [s]."""
-    yield _stability("springs ±30 %, boom mass ±20 %", robust_stability(family, K, delay=delay))
+    stable = robust_stability(family, K, delay=delay)
+    yield Finding("springs ±30 %, boom mass ±20 %", stable.render(), stable, stable.proved)
     worst = worst_case(family, K, inputs, outputs, delay=delay)
-    middle, found = f"middle: {worst.nominal.lower:.4g}", f"{worst.norm.lower:.4g} at {_values(worst.values)}"
-    if worst.upper_bound < inf:
-        text = (
-            f"at most {from_on(worst.upper_bound)}, in {count(worst.cells, 'cell')}; found {found}, a gap of"
-            f" {100 * worst.gap:.2g} % ({middle})"
-        )
-        yield Finding("worst peak there, proved", worst, proved=True, text=text)
-    else:
-        yield Finding("worst peak there, found", worst, text=f"{found}; no bound proved: {worst.reason} ({middle})")
-
-
-def _stability(name: str, found: RobustStability) -> Finding:
-    text = f"no instability found, not proved within {found.cells} cells"
-    if found.proved:
-        text = f"stable throughout, proved in {count(found.cells, 'cell')}"
-    elif found.unstable_at is not None:
-        text = f"NOT stable at {_values(found.unstable_at)}"
-    return Finding(name, found, proved=found.proved, text=text)
-
-
-def _values(values: Mapping[str, float]) -> str:
-    return ", ".join(f"{name} {value:.3g}" for name, value in values.items())
+    bounded = worst.upper_bound < inf
+    name = f"worst peak there, {'proved' if bounded else 'found'}"
+    yield Finding(name, worst.render(), worst, bounded or None)

@@ -1,36 +1,52 @@
-"""A suspension that is to be judged, and the judging: beside the boom as it is, with everything that vouches for it."""
-
-from __future__ import annotations
+"""A suspension and its evaluation: beside the boom as it is, with margins, proofs and a run over the field."""
 
 from collections.abc import Iterator, Mapping
-from contextlib import suppress
 from dataclasses import dataclass, field
 from math import inf, log10
-from typing import TYPE_CHECKING
+from typing import Any
+
+import numpy as np
 
 from boomctl.analysis.box.worst_case import WorstCase
+from boomctl.analysis.sigma import SigmaResult
 from boomctl.boom.parameters import BoomParameters
+from boomctl.checks import from_on
+from boomctl.lti.python_control import control
 from boomctl.printing import compact
-from boomctl.report import Section
+from boomctl.report import Section, Table, number
 from boomctl.structure.families import AffineFamily
-from boomctl.studies.findings import Finding, Judged, facts, numbers, stored, words
-from boomctl.studies.suspension.assurance import Assurance, Examined
-from boomctl.studies.suspension.performance import Performance, performance
-from boomctl.studies.suspension.scene import FieldScene
+from boomctl.studies.evaluation import Design, Evaluation, Finding, numbers, word_table, words
+from boomctl.studies.suspension.assurance import Examined
+from boomctl.studies.suspension.performance import PEAK_DIGITS, Performance, performance
+from boomctl.studies.suspension.scene import FAMILY_ELEMENTS, FieldScene
 from boomctl.threads import one_blas_thread
 
-if TYPE_CHECKING:
-    import control
+_PASSIVE = {  # parts of the suspension in the report's table
+    "spring_stiffness": "spring stiffness k_s [N/m]",
+    "cradle_damping": "cradle damping c_g [N s/m]",
+    "hinge_damping": "hinge damping c_t [N m s/rad]",
+    "boom_mass": "boom mass m_3 [kg]",
+}
+_RUN = (
+    "",
+    "largest stroke [mm]",
+    "end stops hit",
+    "largest force [N]",
+    "time at the force limit",
+    "largest force rate",
+)
+_SPAN = 15.0  # of the run that is drawn [s]: some periods of the slowest motion, each of them still to be seen
+_FIELD = 60.0  # length of field that is drawn [m]: its cells of 0.1 m are still to be seen
 
 
-@dataclass(frozen=True)
-class SuspensionDesign:
+@dataclass(frozen=True, eq=False)
+class SuspensionDesign(Design):
     """A horizontal suspension: passive parts and, if it is an active one, its controller.
 
     Attributes
     ----------
-    name, title : str
-        A name in one word, and what it is in a line.
+    name, title, facts, notes, results, sections
+        As of every `Design`.
     parameters : BoomParameters
         The machine, passive parts of the suspension included.
     controller : control.StateSpace or None
@@ -40,12 +56,8 @@ class SuspensionDesign:
         A machine of its own where the controller reads what the boom with its sensors does not offer, such as states.  A
         family is that machine over springs and masses, ``"spring"`` and ``"mass"``, the design's own in its middle:
         stability and the worst peak are then proved over it, of a controller in continuous time.
-    facts : mapping from str to str
-        What synthesis and reduction say of themselves: gamma and bounds, errors, orders.
     weights : mapping from str to control.StateSpace
         Weights of the design, to be drawn over frequency.
-    notes : tuple of str
-        What a reader of the report should know.
     delay : float or None
         Time between a sample and the moment its forces act [s]; by default that of the scene.
 
@@ -57,33 +69,22 @@ class SuspensionDesign:
     True
     """
 
-    name: str
-    title: str
     parameters: BoomParameters = field(default_factory=BoomParameters)
     controller: control.StateSpace | None = None
     plant: AffineFamily | control.StateSpace | None = None
-    facts: Mapping[str, str] = field(default_factory=dict)
     weights: Mapping[str, control.StateSpace] = field(default_factory=dict)
-    notes: tuple[str, ...] = ()
     delay: float | None = None
 
     __repr__ = compact
 
-    @property
-    def own_plant(self) -> control.StateSpace | None:
-        """The machine of its own as it is, that in the middle of a family; None where it is the boom with its sensors."""
-        return self.plant.centre.to_statespace() if isinstance(self.plant, AffineFamily) else self.plant
-
     @one_blas_thread
-    def evaluate(self, scene: FieldScene | None = None, passive: BoomParameters | None = None) -> SuspensionResult:
-        """Judge the design beside a passive boom.
+    def evaluate(self, scene: FieldScene | None = None) -> "SuspensionResult":
+        """Evaluate the design beside the boom of Table 2 of Anthonis & Ramon (2003).
 
         Parameters
         ----------
         scene : FieldScene, optional
             The field that both are driven over; by default ``FieldScene()``.
-        passive : BoomParameters, optional
-            The boom to compare with; by default Table 2 of Anthonis & Ramon (2003).
 
         Returns
         -------
@@ -96,45 +97,49 @@ class SuspensionDesign:
             As for :func:`boomctl.simulate_loop` and of the analyses.
         """
         where = FieldScene() if scene is None else scene
-        base = BoomParameters() if passive is None else passive
         p, K, delay = self.parameters, self.controller, where.delay if self.delay is None else self.delay
-        before = performance("passive, Table 2" if passive is None else "passive", where, base)
-        after = performance(self.title, where, p, K, self.own_plant, delay=delay)
         family = self.plant if isinstance(self.plant, AffineFamily) else None
-        examined, assured = Examined(p, K, where, delay, family), None
+        plant = self.plant if family is None else family.centre.to_statespace()
+        before = performance("passive, Table 2", where, BoomParameters())
+        after = performance(self.title, where, p, K, plant, delay=delay)  # type: ignore[arg-type]
+        assured: Any = ((), None, ())
         if self.plant is None or (family is not None and K is not None and K.isctime()):
-            assured = examined.assured()
-        return SuspensionResult(self, where, base, before, after, assured)
+            assured = Examined(p, K, where, delay, family).assured()
+        return SuspensionResult(self, where, before, after, *assured)
 
 
-@dataclass(frozen=True)
-class SuspensionResult(Judged):
-    """What a suspension is worth.
+@dataclass(frozen=True, eq=False)
+class SuspensionResult(Evaluation):
+    """The evaluation of a suspension.
 
     Attributes
     ----------
     design : SuspensionDesign
-        The design that was judged.
+        The design that was evaluated.
     scene : FieldScene
         The field it was driven over.
-    passive_parameters : BoomParameters
-        The boom it is compared with.
     passive, active : Performance
-        What that boom does, and what the design does.
-    assured : Assurance or None
-        What vouches for the design, apart from its synthesis; None of one on a plant of its own that is no family, or with
-        a discrete controller.
+        What the boom of Table 2 does, and what the design does.
+    findings : tuple of Finding
+        Of jolt and yaw, or of the whole boom where it is a plant of its own: margins, stability and the largest peak from
+        platform to tips over springs of 70 to 130 % and a beam mass of 80 to 120 %; stability of the yaw at its measured
+        frequency; the least even deposit; stability with the exact beam, or on a finer mesh.  Empty of a plant of its own
+        that is no family, or has a discrete controller.
+    exact_sigma : SigmaResult or None
+        Singular values with the exact beam; None of sampled loops and of plants of their own.
+    family_sigma : tuple of SigmaResult
+        Singular values at corners and middles of the edges of the uncertainty.
     """
 
     kind = "Suspension: "
-    about = "what it does to the boom's motion and to the spray, beside the boom as it is"
 
     design: SuspensionDesign
     scene: FieldScene
-    passive_parameters: BoomParameters
     passive: Performance
     active: Performance
-    assured: Assurance | None = field(repr=False)
+    findings: tuple[Finding, ...] = field(repr=False)
+    exact_sigma: SigmaResult | None = field(repr=False)
+    family_sigma: tuple[SigmaResult, ...] = field(repr=False)
 
     __repr__ = compact
 
@@ -142,11 +147,6 @@ class SuspensionResult(Judged):
     def yaw_reduction_db(self) -> float:
         """By how much the certified peak of the yaw comes down [dB]."""
         return 20.0 * log10(self.passive.yaw.lower / self.active.yaw.lower)
-
-    @property
-    def deposit_cv(self) -> float:
-        """Coefficient of variation of the deposit."""
-        return self.active.spray.cv
 
     @property
     def within_limits(self) -> bool:
@@ -157,17 +157,33 @@ class SuspensionResult(Judged):
     def better(self) -> bool:
         """Whether certified peak and deposit CV are below those of the passive boom, within the limits."""
         lower = self.active.sigma.certified and self.active.sigma.peak < self.passive.sigma.peak
-        return lower and self.deposit_cv < self.passive.spray.cv and self.within_limits
+        return lower and self.active.spray.cv < self.passive.spray.cv and self.within_limits
 
     @property
-    def assurance(self) -> Mapping[str, str]:
-        """What was checked and found, in words."""
-        return {} if self.assured is None else words(self.assured.findings)
+    def robust(self) -> bool:
+        """Whether the loop is proved stable over the whole uncertainty, and stable on the exact boom or the finer mesh."""
+        return all(each.proved is not False for each in self.findings)
+
+    def of(self, kind: type) -> dict[str, Any]:
+        """Return what was found of each half, or of the whole boom where it was not halved.
+
+        Parameters
+        ----------
+        kind : type
+            `Margins` or `WorstCase`.
+
+        Returns
+        -------
+        dict
+            By "jolt" and "yaw", or by "boom".
+        """
+        found = {each.name: each.value for each in self.findings if isinstance(each.value, kind)}
+        return {name.split(": ")[0] if ": " in name else "boom": value for name, value in found.items()}
 
     @property
     def worst(self) -> Mapping[str, WorstCase]:
         """The worst peaks of jolt and yaw, or of both together, over the box, found and bounded; none where they are not."""
-        return {} if self.assured is None else self.assured.of(WorstCase)
+        return self.of(WorstCase)
 
     @property
     def verdict(self) -> str:
@@ -182,54 +198,104 @@ class SuspensionResult(Judged):
         )
 
     @property
-    def findings(self) -> tuple[Finding, ...]:
-        """What was found, in the order in which it is told."""
-        K, assured = self.design.controller, () if self.assured is None else self.assured.findings
-        worst = {}
+    def words(self) -> dict[str, str]:
+        """The findings by name."""
+        return {**self.design.facts, **words(self.findings)}
+
+    @property
+    def _certificate(self) -> dict[str, str]:
+        return words(self.findings)
+
+    @property
+    def _sampled(self) -> tuple[float, float]:
+        return self.active.run.sample_time, self.scene.force_limit
+
+    def _results(self) -> dict[str, Any]:
+        K, worst = self.design.controller, {}
         for name, found in self.worst.items():
             bound, gap = (found.upper_bound, found.gap) if found.upper_bound < inf else (None, None)
             worst[name] = {"found": found.norm.lower, "upper_bound": bound, "gap": gap}
-        states = None if K is None else {"states": K.nstates}
-        return (
-            *stored(design=self.design.name, better_than_passive=self.better, yaw_reduction_db=self.yaw_reduction_db),
-            *stored(passive=numbers(self.passive.findings), active=numbers(self.active.findings)),
-            *facts(self.design.facts),
-            *stored(assurance=words(assured), controller=states, worst_case=worst or None),
-            *stored(deposit_cv_found_over_box=None),  # unless the next ones say it
-            *assured,
-        )
+        return {
+            "design": self.design.name,
+            "better_than_passive": self.better,
+            "yaw_reduction_db": self.yaw_reduction_db,
+            "passive": self.passive.as_dict(),
+            "active": self.active.as_dict(),
+            "synthesis": dict(self.design.facts),
+            "assurance": self._certificate,
+            "controller": None if K is None else {"states": K.nstates},
+            "worst_case": worst or None,
+            "deposit_cv_found_over_box": None,
+            **numbers(self.findings),
+        }
 
-    def _sections(self, files: tuple[str, ...]) -> Iterator[Section]:
-        from boomctl.studies.suspension import sections  # it draws
+    def _sections(self) -> Iterator[Section]:
+        from boomctl.plotting.canvas import figure_of, picture
+        from boomctl.plotting.spray import draw_deposit
+        from boomctl.plotting.suspension import draw_run, draw_suspension_sigma, draw_weights
 
         design, scene, before, after = self.design, self.scene, self.passive, self.active
-        tables = (sections.comparison_table(before, after, self.worst),)
-        yield Section("What it is worth", (self.verdict, *design.notes), tables)
-        yield sections.plant_section((before.title, after.title), self.passive_parameters, design, scene)
+        p, base, titles = design.parameters, BoomParameters(), (before.title, after.title)
+        yield Section("Before and after", design.notes, (self._comparison(titles),))
+        text = (
+            f"The boom of Anthonis & Ramon (2003): {scene.elements} finite elements, accelerometers of"
+            f" {scene.accelerometer_hz:g} Hz. The static gain from yaw of the platform to the tips is"
+            f" {p.length / p.actuator_distance:.3f}; no suspension that centers the boom goes below that at zero frequency."
+        )
+        parts = tuple((head, f"{getattr(base, key):g}", f"{getattr(p, key):g}") for key, head in _PASSIVE.items())
+        synthesis = (word_table(design.facts),) if design.facts else ()
+        yield Section("Plant and synthesis", (text,), (Table(("passive parts", *titles), parts), *synthesis))
         if design.weights:
-            yield sections.weight_section(design.weights)
-        yield sections.sigma_section(before, after, self.assured)
-        if self.assured is not None:
-            yield sections.assurance_section(self.assurance, scene, design.plant is not None)
-        yield sections.run_section(before, after, scene)
-        yield sections.spray_section(before, after)
-        if files:
-            yield sections.controller_section(files, scene, after.run.sample_time)
+            drawn = draw_weights(design.weights, np.geomspace(0.05, 500.0, 400))
+            yield Section("Weights", pictures=(picture("weights", drawn, "Weights, in the units of the design."),))
+        caption = (
+            "Singular values from platform actuators to tips; circles: certified peaks. Dots: the exact Euler-Bernoulli boom."
+            " Faint: other springs and boom masses of the box. A sampled loop is shown at its samples."
+        )
+        drawn = draw_suspension_sigma(before.sigma, after.sigma, titles, self.exact_sigma, self.family_sigma)
+        yield Section("Singular values", pictures=(picture("sigma", drawn, caption),))
+        if self.findings:
+            text = (
+                "Each line is computed independently of the synthesis. Springs and boom mass are relative to those of the"
+                f" design; over them the boom has {FAMILY_ELEMENTS} elements unless the design has a plant of its own."
+            )
+            yield Section("Assurance", (text,), (word_table(self._certificate, ("check", "found")),))
+        text = (
+            f"Track of class {scene.road_class} (ISO 8608), seed {scene.seed}, at {scene.speed:g} m/s for {scene.duration:g}"
+            f" s after {scene.run_in:g} s of run-in. Controller sampled every {1e3 * after.run.sample_time:g} ms, its forces"
+            f" {1e3 * after.run.delay:g} ms late and at most {scene.force_limit:g} N; end stops at"
+            f" ±{1e3 * scene.stroke_limit:g} mm."
+        )
+        start, length = scene.run_in + 0.25 * scene.duration, min(_SPAN, 0.75 * scene.duration)
+        limits, span = (scene.force_limit, scene.stroke_limit), (start, start + length)
+        drawn = draw_run(before.run, after.run, labels=titles, limits=limits, span=span)
+        shown = picture(
+            "run", drawn, f"Platform, left tip, left stroke and forces, {length:g} s of {scene.duration:g} s."
+        )
+        yield Section("A run over the field", (text,), (Table(_RUN, (_of_run(before), _of_run(after))),), (shown,))
+        drawn = figure_of(draw_deposit, {before.title: before.spray, after.title: after.spray}, length=_FIELD)
+        text = "Deposit relative to the nominal dose, in cells of 0.1 m by 0.1 m."
+        shown = picture("deposit", drawn, "Deposit before and after.", "png", "svg")  # so many cells are shown as PNG
+        yield Section("Spray on the field", (text,), pictures=(shown,))
 
-    def controller_files(self) -> dict[str, bytes | str]:
-        """Return the controller for other programs: JSON, MATLAB, and C99 with its limits.
+    def _comparison(self, titles: tuple[str, str]) -> Table:
+        """Return what both booms do, and the worst peaks over the box where they are bounded."""
+        pairs = zip(self.passive.findings, self.active.findings, strict=True)
+        lines = [(one.name, one.text, other.text) for one, other in pairs]
+        peaks = sum(each.proved is not None for each in self.active.findings)
+        for name, found in reversed(list(self.worst.items())):
+            if found.upper_bound < inf:
+                bound = number(float(from_on(found.upper_bound, PEAK_DIGITS)), PEAK_DIGITS)  # not rounded downwards
+                said = f"{bound} at most (gap {100 * found.gap:.2g} %)"
+                lines.insert(peaks, (f"worst peak of the {name}, springs ±30 %, boom mass ±20 %: proved", "-", said))
+        return Table(("", *titles), tuple(lines))
 
-        A controller that is too fast for the scene's sampling has no C code.
 
-        Returns
-        -------
-        dict of str to bytes or str
-            What the files hold, by their names.
-        """
-        if self.design.controller is None:
-            return {}
-        c = {"sample_time": self.active.run.sample_time, "force_limit": self.scene.force_limit}
-        found = self._controller_files(self.assurance, (".json", ".mat"))
-        with suppress(ValueError):
-            found |= self._controller_files(self.assurance, (".c",), **c)
-        return found
+def _of_run(found: Performance) -> tuple[str, ...]:
+    """Return a line of the table of runs."""
+    run = found.run
+    forces = ("no actuator", "-", "-")
+    if run.controls:
+        share = max(run.saturation_share.values(), default=0.0)
+        forces = (f"{found.force:.1f}", f"{100 * share:.2f} %", f"{found.force_rate:.0f} N/s")
+    return (found.title, f"{1e3 * found.stroke:.1f}", str(len(run.stops)), *forces)

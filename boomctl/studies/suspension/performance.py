@@ -1,6 +1,7 @@
 """What one suspension does: singular values with a certified peak, a run over the field, the spray it leaves."""
 
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -15,11 +16,10 @@ from boomctl.checks import nonnegative
 from boomctl.lti.python_control import control
 from boomctl.printing import compact
 from boomctl.report import number
-from boomctl.simulation.contact.friction import CoulombFriction
 from boomctl.simulation.loop import simulate_loop
 from boomctl.simulation.result import LoopResult
 from boomctl.structure.model import SecondOrderModel
-from boomctl.studies.findings import Finding, stored
+from boomctl.studies.evaluation import Finding, numbers
 from boomctl.studies.suspension.scene import CONTROLS, STROKES, FieldScene, suspension_model
 from boomctl.synthesis.plants.generalized import select_channels
 from boomctl.threads import one_blas_thread
@@ -45,8 +45,6 @@ class Performance:
         The run over the field, run-in, limits, sampling, delay and quantisation included.
     spray, spray_by_jolt, spray_by_yaw : SprayResult
         Spray of the whole motion, of its symmetric and of its antisymmetric part.
-    sampled : bool
-        Whether the singular values are those at the samples of a discrete controller.
     run_in : float
         How long the run goes before what it leaves on the field counts [s].
     """
@@ -59,7 +57,6 @@ class Performance:
     spray: SprayResult = field(repr=False)
     spray_by_jolt: SprayResult = field(repr=False)
     spray_by_yaw: SprayResult = field(repr=False)
-    sampled: bool = False
     run_in: float = 0.0
 
     __repr__ = compact
@@ -71,25 +68,42 @@ class Performance:
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        """What it comes to: for tables in words, for ``results.json`` as numbers."""
-        spray, run = self.spray, self.run
+        """The results for tables, certified peaks first."""
+        spray = self.spray
         return (
-            *stored(title=self.title, peak_upper_bound=self.sigma.certificate.upper, peak_omega=self.sigma.peak_omega),
             _peak("certified peak, platform to tips", self.sigma.certificate, "peak"),
             _peak("certified peak of the yaw", self.yaw, "yaw_peak"),
             _peak("certified peak of the jolt", self.jolt, "jolt_peak"),
-            _share("deposit CV", spray.cv, "deposit_cv"),
-            _share("share outside ±10 %", spray.share_outside_10, "share_outside_10"),
-            _share("share outside ±20 %", spray.share_outside_20, "share_outside_20"),
-            Finding("doses", text=f"{spray.lowest_dose:.2f} to {spray.highest_dose:.2f}"),
-            _share("RMS tip speed over driving speed", spray.relative_tip_speed),
-            _share("deposit CV by jolt alone", self.spray_by_jolt.cv, "deposit_cv_jolt"),
-            _share("deposit CV by yaw alone", self.spray_by_yaw.cv, "deposit_cv_yaw"),
-            Finding("largest stroke", self.stroke, "mm", text=f"{1e3 * self.stroke:.1f}", key="stroke"),
-            Finding("largest force", self.force, "N", text=f"{self.force:.1f}" if run.controls else "-", key="force"),
-            *stored(worst_dose=spray.worst_dose, rms_tip_speed=spray.rms_tip_speed, force_rate=self.force_rate),
-            *stored(end_stops_hit=len(run.stops), saturation_share=run.saturation_share),
+            _share("deposit CV [%]", spray.cv, "deposit_cv"),
+            _share("share outside ±10 % [%]", spray.share_outside_10, "share_outside_10"),
+            _share("share outside ±20 % [%]", spray.share_outside_20, "share_outside_20"),
+            Finding("doses", f"{spray.lowest_dose:.2f} to {spray.highest_dose:.2f}"),
+            _share("RMS tip speed over driving speed [%]", spray.relative_tip_speed),
+            _share("deposit CV by jolt alone [%]", self.spray_by_jolt.cv, "deposit_cv_jolt"),
+            _share("deposit CV by yaw alone [%]", self.spray_by_yaw.cv, "deposit_cv_yaw"),
+            Finding("largest stroke [mm]", f"{1e3 * self.stroke:.1f}", self.stroke, key="stroke"),
+            Finding("largest force [N]", f"{self.force:.1f}" if self.run.controls else "-", self.force, key="force"),
         )
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the numbers, for JSON.
+
+        Returns
+        -------
+        dict
+            Numbers and texts that JSON can hold.
+        """
+        return {
+            "title": self.title,
+            "peak_upper_bound": self.sigma.certificate.upper,
+            "peak_omega": self.sigma.peak_omega,
+            "worst_dose": self.spray.worst_dose,
+            "rms_tip_speed": self.spray.rms_tip_speed,
+            "force_rate": self.force_rate,
+            "end_stops_hit": len(self.run.stops),
+            "saturation_share": self.run.saturation_share,
+            **numbers(self.findings),
+        }
 
     @property
     def stroke(self) -> float:
@@ -113,12 +127,12 @@ class Performance:
 
 
 def _peak(name: str, found: NormCertificate, key: str) -> Finding:
-    told = number(found.lower, PEAK_DIGITS) if found.certified else f"{number(found.lower, PEAK_DIGITS)}, NOT certified"
-    return Finding(name, found.lower, proved=found.certified, text=told, key=key)
+    text = number(found.lower, PEAK_DIGITS) + ("" if found.certified else ", NOT certified")
+    return Finding(name, text, found.lower, found.certified, key)
 
 
 def _share(name: str, value: float, key: str = "") -> Finding:
-    return Finding(name, value, "%", text=f"{100 * value:.2f}", key=key)
+    return Finding(name, f"{100 * value:.2f}", value, key=key)
 
 
 @one_blas_thread
@@ -128,7 +142,6 @@ def performance(
     parameters: BoomParameters,
     controller: control.StateSpace | None = None,
     plant: control.StateSpace | None = None,
-    friction: CoulombFriction | None = None,
     *,
     delay: float | None = None,
 ) -> Performance:
@@ -147,8 +160,6 @@ def performance(
         singular values are those of the sampled loop.
     plant : control.StateSpace, optional
         The machine, where the controller reads more than the boom with its sensors offers; by default that boom.
-    friction : CoulombFriction, optional
-        In the cradle, during the run.
     delay : float, optional
         Time between a sample and the moment its forces act [s]; by default that of the scene.
 
@@ -174,10 +185,9 @@ def performance(
     boom = InField(parameters, controller, scene, late)
     machine = boom.model(scene.elements, nozzles=True) if plant is None else plant
     loop = boom.to_tips(machine)
-    run, sprays = boom.run(machine, friction)
+    run, sprays = boom.run(machine)
     peaks = _half_norm(loop, 1.0), _half_norm(loop, -1.0)
-    sampled = loop.isdtime(strict=True)
-    return Performance(title, _loop_sigma(loop), *peaks, run, *sprays, sampled=sampled, run_in=scene.run_in)
+    return Performance(title, _loop_sigma(loop), *peaks, run, *sprays, run_in=scene.run_in)
 
 
 @dataclass(frozen=True)
@@ -213,7 +223,7 @@ class InField:
         return select_channels(whole, list(ACTUATORS), list(TIPS))
 
     def run(
-        self, machine: SecondOrderModel | control.StateSpace, friction: CoulombFriction | None = None
+        self, machine: SecondOrderModel | control.StateSpace
     ) -> tuple[LoopResult, tuple[SprayResult, SprayResult, SprayResult]]:
         """Return a run over the field, and the spray of all motion, of its symmetric and of its antisymmetric part."""
         K, scene, motion = self.K, self.scene, self.scene.motion()
@@ -233,7 +243,6 @@ class InField:
             motion.time,
             sample_time=scene.sample_time if K is None or K.isctime() else K.dt,
             stroke_limit=dict(zip(STROKES, [(scene.stroke_limit, name) for name in CONTROLS], strict=True)),
-            friction=friction,
             **active,
         )
         names = sorted(name for name in run.outputs if name.startswith("nozzle_"))  # of a machine that reads them

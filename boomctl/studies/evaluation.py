@@ -1,0 +1,197 @@
+"""Designs and their evaluations: what all kinds have in common, and their report."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterable, Mapping
+from contextlib import suppress
+from dataclasses import KW_ONLY, dataclass, field
+from typing import Any, ClassVar
+
+from boomctl.exchange.controller_files import controller_contents
+from boomctl.lti.controllers.scheduled import ScheduledController
+from boomctl.printing import compact, table_html
+from boomctl.report import Report, Section, Table, number
+
+
+@dataclass(frozen=True, eq=False)
+class Design:
+    """A design: a machine with what moves or controls it.
+
+    Attributes
+    ----------
+    name, title : str
+        A name in one word, and what it is in a line.
+    facts : mapping of str to str
+        What synthesis and reduction report: gamma and bounds, errors, orders.
+    notes : tuple of str
+        What a reader of the report should know.
+    results : mapping of str to Any
+        Further numbers for ``results.json``.
+    sections : tuple of Section
+        Further sections of the report: title, words, tables, pictures.
+    """
+
+    name: str
+    title: str
+    _: KW_ONLY
+    facts: Mapping[str, str] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+    results: Mapping[str, Any] = field(default_factory=dict)
+    sections: tuple[Section, ...] = ()
+
+    __repr__ = compact
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One result of an evaluation.
+
+    Attributes
+    ----------
+    name : str
+        What it is about, with the unit of the text.
+    text : str
+        The result for a table; empty of what ``results.json`` alone holds.
+    value : object
+        A number, or the result that certifies or proves it.
+    proved : bool or None
+        Whether the claim is proved, or computed where that is all there is, as poles on a finer mesh; None of what claims
+        nothing, such as the largest value of some runs.
+    key : str
+        Its name in ``results.json``; empty of what is not there.
+    """
+
+    name: str
+    text: str = ""
+    value: Any = None
+    proved: bool | None = None
+    key: str = ""
+
+    __repr__ = compact
+
+
+def words(found: Iterable[Finding]) -> dict[str, str]:
+    """Return the texts of findings by their names."""
+    return {each.name: each.text for each in found if each.text}
+
+
+def numbers(found: Iterable[Finding]) -> dict[str, Any]:
+    """Return the values of findings by their keys."""
+    return {each.key: each.value for each in found if each.key}
+
+
+def table_of(rows: Iterable[Mapping[str, Any]], heads: Mapping[str, str]) -> Table:
+    """Return rows as a table; ``heads``: of each column by its key."""
+    return Table(tuple(heads.values()), tuple(tuple(_cell(row[key]) for key in heads) for row in rows))
+
+
+def _cell(value: Any) -> str:
+    return value if isinstance(value, str) else "\u2013" if value is None else number(value)
+
+
+def word_table(found: Mapping[str, str], heads: tuple[str, str] = ("synthesis", "result")) -> Table:
+    """Return texts by what they are about as a table."""
+    return Table(heads, tuple(found.items()), align="l")
+
+
+class Evaluation(ABC):
+    """The evaluation of a design; its verdict, words, results and sections are all that is shown of it.
+
+    Attributes
+    ----------
+    design : Design
+        The design that was evaluated.
+    """
+
+    kind: ClassVar[str] = ""
+    """The first word of a report's title."""
+
+    design: Any
+
+    @property
+    @abstractmethod
+    def verdict(self) -> str:
+        """The result in a sentence."""
+
+    @property
+    @abstractmethod
+    def words(self) -> Mapping[str, str]:
+        """The findings by name, in the order in which they are shown."""
+
+    @abstractmethod
+    def _results(self) -> Mapping[str, Any]:
+        """Return the numbers for ``results.json``."""
+
+    @abstractmethod
+    def _sections(self) -> Iterable[Section]:
+        """Return the sections of the report."""
+
+    @property
+    def _certificate(self) -> Mapping[str, str]:
+        """What certifies the controller, for its files."""
+        return {"verdict": self.verdict}
+
+    @property
+    def _sampled(self) -> tuple[float | None, float | None]:
+        """Sampling time of C code [s], and the largest value of each control there."""
+        return None, None
+
+    def __str__(self) -> str:
+        """Return what a terminal shows."""
+        found = (f"{name}: {text}" for name, text in self.words.items())
+        return "\n  ".join([f"{self.design.title}: {self.verdict}", *found])
+
+    def _repr_html_(self) -> str:
+        return table_html(f"{self.design.title}: {self.verdict}", ("", "result"), self.words.items())
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the numbers, for JSON.
+
+        Returns
+        -------
+        dict
+            Names, numbers and texts that JSON can hold.
+        """
+        return {**self._results(), **self.design.results}
+
+    def report(self) -> Report:
+        """Return the report: pictures, tables, and the numbers of ``results.json``.
+
+        Returns
+        -------
+        Report
+            ``.write(folder)`` writes it.
+        """
+        files, sections = self.controller_files(), [*self._sections(), *self.design.sections]
+        if files:
+            listed = (
+                f"The controller for other programs: {', '.join(files)}. boomctl.read_controller reads the JSON file."
+            )
+            sections.append(Section("The controller in files", (listed,)))
+        lead = f"{self.design.title}. {self.verdict[:1].upper()}{self.verdict[1:]}"
+        return Report(f"{self.kind}{self.design.title}", (lead,), tuple(sections), self.as_dict(), files)
+
+    def controller_files(self) -> dict[str, bytes | str]:
+        """Return the controller for other programs: JSON, MATLAB, and C99 with its limits where it is sampled.
+
+        Returns
+        -------
+        dict of str to bytes or str
+            Contents of the files by name; none without a controller that is one linear system, no C code of one that is too
+            fast for its sampling time.
+        """
+        design, K = self.design, getattr(self.design, "controller", None)
+        if K is None or isinstance(K, ScheduledController):
+            return {}
+        made_by = {"design": design.name, "title": design.title, **design.facts}
+        notes: dict[str, Any] = {"certificate": dict(self._certificate), "provenance": made_by}
+        found = controller_contents(K, "controller", ".json", **notes) | controller_contents(
+            K, "controller", ".mat", **notes
+        )
+        sample_time, force_limit = self._sampled
+        if sample_time is not None:
+            with suppress(ValueError):
+                c = {"sample_time": sample_time, "force_limit": force_limit}
+                found |= controller_contents(K, "controller", ".c", **notes, **c)
+        return found

@@ -1,0 +1,107 @@
+"""Evaluations of designs: verdict, words and numbers are the same on a terminal, in a notebook, and in a report."""
+
+import json
+from dataclasses import replace
+from html import escape
+from types import SimpleNamespace
+
+import control
+import numpy as np
+import pytest
+
+import boomctl as bc
+from boomctl.analysis import NormCertificate
+from boomctl.boom.tracks import GROUND_LENGTH
+from boomctl.files import plain
+from boomctl.structure import SecondOrderModel
+from boomctl.studies.evaluation import Finding, numbers, table_of, words
+from boomctl.studies.slew import SlewEvaluation
+from boomctl.studies.suspension import FieldScene, SuspensionDesign, SuspensionResult, assurance, performance
+from boomctl.studies.suspension.performance import _peak
+
+SPRUNG = SecondOrderModel([[1.0]], [[0.02]], [[4.0]], {"force": [1.0], "wind": [1.0]}, {"position": [1.0]})
+DAMPER = control.ss(-20.0, 20.0, 40.0, -40.0, inputs="position", outputs="force")
+
+
+@pytest.fixture(scope="module")
+def result():
+    """A damped mass on a spring, with two facts of its synthesis."""
+    facts = {"gain": "40 N s/m <at most>", "made": "by hand"}
+    return bc.studies.MachineDesign("mine", "A mass on a spring", SPRUNG, DAMPER, facts=facts).evaluate()
+
+
+def test_evaluation_shows_same_words_everywhere(result):
+    assert list(result.words) == ["gain", "made"]
+    for name, text in result.words.items():
+        assert f"\n  {name}: {text}" in str(result)
+        assert f"<td>{escape(name)}</td><td>{escape(text)}</td>" in result._repr_html_()
+    assert result.verdict in str(result)
+    assert escape(result.verdict) in result._repr_html_()
+
+
+@pytest.mark.slow
+def test_evaluation_report_stores_numbers_and_words(result):
+    report = result.report()
+    assert report.results == result.as_dict()
+    assert json.loads(json.dumps(plain(report.results)))["synthesis"] == result.words
+    assert set(report.files) == set(result.controller_files())
+    assert escape(result.verdict) in report.html
+
+
+def test_findings_become_words_numbers_and_tables():
+    found = (Finding("one", "2 m", 2.0, key="first"), Finding("other"))
+    assert (words(found), numbers(found)) == ({"one": "2 m"}, {"first": 2.0})
+    table = table_of([vars(each) for each in found], {"name": "what", "value": "value [m]"})
+    assert (table.heads, table.lines) == (("what", "value [m]"), (("one", "2.00"), ("other", "\u2013")))
+
+
+def test_peak_and_margins_without_certificate_say_so():
+    """Of a suspension whose peaks, and whose disk margin, could not be shown to be as large as that."""
+    norm = NormCertificate(2.0, np.inf, 1.0, "not found")
+    assert [_peak("", each, "").text for each in (norm, replace(norm, upper=2.0))] == ["2.000, NOT certified", "2.000"]
+    true = bc.margins(SPRUNG, DAMPER)
+    doubted = replace(true, loops=tuple(replace(loop, disk=replace(loop.disk, certified=False)) for loop in true.loops))
+    found = [assurance.margins_finding(each) for each in (true, doubted)]
+    assert [each.proved for each in found] == [True, None]
+    assert [each.text.rpartition("(")[2] for each in found] == ["certified)", "NOT certified)"]
+
+
+@pytest.mark.parametrize("doubted", ["passive", "active", ""])
+def test_suspension_verdict_is_certified_if_both_peaks_are(doubted):
+    run = performance("", FieldScene(run_in=0.0, duration=0.5, elements=2), bc.BoomParameters())
+    peak = run.sigma.certificate
+    both = dict.fromkeys(("passive", "active"), run)
+    if doubted:
+        both[doubted] = replace(run, sigma=replace(run.sigma, _of=replace(peak, upper=2.0 * peak.lower)))
+    found = SuspensionResult(SuspensionDesign("", ""), FieldScene(), both["passive"], both["active"], (), None, ())
+    assert found.verdict.startswith("Peak, NOT certified, from" if doubted else "Certified peak from")
+    assert not found.better  # than itself
+
+
+def test_slew_verdict_has_ratio_of_durations():
+    lines = {name: SimpleNamespace(duration=T, vibration=0.01) for name, T in (("own", 3.0), ("rigid", 2.0))}
+    comparison = SimpleNamespace(line=lines.get, tip_masses=np.zeros(0))
+    found = SlewEvaluation(SimpleNamespace(label="own", rigid="rigid"), comparison)
+    assert found.verdict.startswith("3 s, 1.500 times a rigid body's least time; the tip vibrates by 10 mm afterwards")
+
+
+def test_field_scene_ends_where_ground_ends():
+    scene = FieldScene(duration=4000.0)
+    longest = (GROUND_LENGTH - scene.tractor.wheelbase - 1.0) / scene.speed  # a meter beyond the front wheels
+    with pytest.raises(ValueError, match=r"expected at most .* s together at speed = 3 m/s") as raised:
+        scene.motion()
+    assert float(str(raised.value).split("at most ")[1].split()[0]) == pytest.approx(longest, abs=0.1)
+
+
+def test_measured_yaw_family_ends_at_measured_frequency(monkeypatch):
+    families = []
+
+    def proved(family, _):
+        families.append(family)
+        return SimpleNamespace(render=str, proved=True)
+
+    monkeypatch.setattr(assurance, "robust_stability", proved)
+    assurance.Examined(bc.BoomParameters(hinge_damping=500.0), None, FieldScene()).at_the_measured_yaw(None)
+    softest, stiffest = families[0].ranges["spring_stiffness"]
+    booms = (bc.split_symmetric(bc.spray_boom(spring_stiffness=each, elements=6))[1] for each in (softest, stiffest))
+    assert [yaw.eigenfrequencies_hz(1)[0] for yaw in booms] == pytest.approx([0.245, 0.34], abs=1e-4)
