@@ -4,18 +4,36 @@ No sensor reads the states of a boom; this design tells what the others can be m
 coarse finite element model that also puts out its states, over springs and masses as the other designs are judged.
 """
 
+from collections.abc import Mapping
+
 import numpy as np
 
 import boomctl as bc
-from boomctl.studies.suspension import CONTROLS, SuspensionDesign, SuspensionResult, suspension_family
+from boomctl.boom.families import scaled_boom
+from boomctl.structure import AffineFamily, SecondOrderModel
+from boomctl.studies.suspension import (
+    ACCELERATIONS,
+    CONTROLS,
+    MASS,
+    SPRING,
+    SuspensionDesign,
+    SuspensionResult,
+    suspension_model,
+)
 
 ELEMENTS = 6
 TIP, TIP_SPEED, FORCE = 0.2, 0.2, 60.0  # what counts as one [m], [m/s], [N]
 
 
+def boom(values: Mapping[str, float]) -> SecondOrderModel:
+    """Return the boom with other springs and another mass, nozzles among its outputs, without accelerometers."""
+    model = suspension_model(scaled_boom(bc.BoomParameters(), **values), ELEMENTS, nozzles=True)
+    return model.select(None, [name for name in model.outputs if name not in ACCELERATIONS])
+
+
 def design() -> SuspensionDesign:
     """Return the regulator and its plant."""
-    family = bc.with_states(suspension_family(elements=ELEMENTS))
+    family = bc.with_states(AffineFamily.through({"spring": SPRING, "mass": MASS}, boom))
     plant = family.centre.to_statespace()
     tips = np.asarray(plant.C)[[plant.output_labels.index(name) for name in ("tip_left", "tip_right")]]
     speeds = tips @ plant.A

@@ -81,9 +81,10 @@ def numbers(found: Iterable[Finding]) -> dict[str, Any]:
     return {each.key: each.value for each in found if each.key}
 
 
-def table_of(rows: Iterable[Mapping[str, Any]], heads: Mapping[str, str]) -> Table:
-    """Return rows as a table; ``heads``: of each column by its key."""
-    return Table(tuple(heads.values()), tuple(tuple(_cell(row[key]) for key in heads) for row in rows))
+def table_of(rows: Iterable[Mapping[str, Any]], columns: Iterable[str], caption: str = "") -> Table:
+    """Return some columns of rows as a table; a mapping gives the heads of the columns by their keys."""
+    heads = columns if isinstance(columns, Mapping) else {key: key.replace("_", " ") for key in columns}
+    return Table(tuple(heads.values()), tuple(tuple(_cell(row[key]) for key in heads) for row in rows), caption)
 
 
 def _cell(value: Any) -> str:
@@ -126,16 +127,6 @@ class Evaluation(ABC):
     @abstractmethod
     def _sections(self) -> Iterable[Section]:
         """Return the sections of the report."""
-
-    @property
-    def _certificate(self) -> Mapping[str, str]:
-        """What certifies the controller, for its files."""
-        return {"verdict": self.verdict}
-
-    @property
-    def _sampled(self) -> tuple[float | None, float | None]:
-        """Sampling time of C code [s], and the largest value of each control there."""
-        return None, None
 
     def __str__(self) -> str:
         """Return what a terminal shows."""
@@ -181,17 +172,21 @@ class Evaluation(ABC):
             Contents of the files by name; none without a controller that is one linear system, no C code of one that is too
             fast for its sampling time.
         """
-        design, K = self.design, getattr(self.design, "controller", None)
-        if K is None or isinstance(K, ScheduledController):
+        return {}
+
+    def _controller_files(
+        self, certificate: Mapping[str, str], sample_time: float | None, force_limit: float | None
+    ) -> dict[str, bytes | str]:
+        design = self.design
+        if design.controller is None or isinstance(design.controller, ScheduledController):
             return {}
         made_by = {"design": design.name, "title": design.title, **design.facts}
-        notes: dict[str, Any] = {"certificate": dict(self._certificate), "provenance": made_by}
-        found = controller_contents(K, "controller", ".json", **notes) | controller_contents(
-            K, "controller", ".mat", **notes
-        )
-        sample_time, force_limit = self._sampled
+        given: dict[str, Any] = {"certificate": dict(certificate), "provenance": made_by}
+        found = {}
+        for suffix in (".json", ".mat"):
+            found |= controller_contents(design.controller, "controller", suffix, **given)
         if sample_time is not None:
+            given |= {"sample_time": sample_time, "force_limit": force_limit}
             with suppress(ValueError):
-                c = {"sample_time": sample_time, "force_limit": force_limit}
-                found |= controller_contents(K, "controller", ".c", **notes, **c)
+                found |= controller_contents(design.controller, "controller", ".c", **given)
         return found

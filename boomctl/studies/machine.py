@@ -12,7 +12,7 @@ import numpy as np
 from boomctl.analysis.box.robustness import RobustStability, robust_stability
 from boomctl.analysis.loops import joined
 from boomctl.analysis.margins import Margins, margins
-from boomctl.analysis.sigma import SigmaResult, sigma
+from boomctl.analysis.sigma import SigmaComparison, SigmaResult, sigma
 from boomctl.checks import instance, known, names, positive, signal_name
 from boomctl.lti.controllers.scheduled import ScheduledController
 from boomctl.lti.modal import side_of_axis
@@ -191,25 +191,25 @@ class MachineResult(Evaluation):
         }
 
     def _sections(self) -> Iterator[Section]:
-        from boomctl.plotting.canvas import new_figure, picture, style
-        from boomctl.plotting.sigma import plot_sigma
+        from boomctl.plotting.canvas import figure_of, picture
 
-        with style():
-            figure = new_figure()
-            ax = figure.add_subplot()
-            plot_sigma(self.before, label="without controller", ax=ax)
-            plot_sigma(self.after, label="with controller", ax=ax)
-            ax.legend()
+        drawn = figure_of(SigmaComparison({"without controller": self.before, "with controller": self.after}).plot)
         caption = f"Singular values from {', '.join(self.after.inputs)} to {', '.join(self.after.outputs)}."
         yield Section("Synthesis", self.design.notes, (word_table(self.words),) if self.words else ())
-        yield Section("Singular values", pictures=(picture("sigma", figure, caption),))
+        yield Section("Singular values", pictures=(picture("sigma", drawn, caption),))
         if self.margins is not None:
             heads, *lines = self.margins._table()
             yield Section("Margins", tables=(Table(heads, tuple(lines)),))
 
-    @property
-    def _sampled(self) -> tuple[float | None, float | None]:
-        return self.design.sample_time, self.design.force_limit
+    def controller_files(self) -> dict[str, bytes | str]:
+        """Return the controller for other programs: JSON, MATLAB, and C99 where it is sampled.
+
+        Returns
+        -------
+        dict of str to bytes or str
+            Contents of the files by name; none of a scheduled controller.
+        """
+        return self._controller_files({"verdict": self.verdict}, self.design.sample_time, self.design.force_limit)
 
 
 def _peak(found: SigmaResult) -> dict[str, Any]:

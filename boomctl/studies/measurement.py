@@ -12,8 +12,9 @@ from boomctl.checks import known, positive
 from boomctl.files import json_text, read_numbers
 from boomctl.identification.identify import Identification, identify
 from boomctl.identification.response import MeasuredResponse, estimate_response
-from boomctl.plotting.canvas import Sheet, picture
-from boomctl.report import Picture, Report, Section, Table, number
+from boomctl.plotting.canvas import figure_of, picture
+from boomctl.report import Report, Section, Table, number
+from boomctl.studies.evaluation import word_table
 
 _TIMES = ("t", "time", "time_s", "t_s")  # names of a column of times [s]
 _FREQUENCIES = ("freq_hz", "frequency_hz")  # of the first column of a measured response
@@ -24,19 +25,18 @@ _EVEN = 1e-3  # of a sample, by which times may miss an even grid: the digits th
 def _report(path: Path, found: Identification, response: MeasuredResponse | None) -> Report:
     """Return modes with intervals, the fit of each output, pictures, and the model as a file; ``response``: of a record."""
     modes = Table(("frequency", "damping", "share of energy"), tuple(map(found._row, found.modes)), align="l")
-    fits = Table(
-        ("output", "fit [%]"), tuple((name, number(percent, 4)) for name, percent in found.fit_percent.items())
-    )
-    drawn = [_drawn("identification", found, "Poles over orders with the modes found; what is not predicted")]
+    fits = {name: number(percent, 4) for name, percent in found.fit_percent.items()}
+    drawn: dict[str, Any] = {"identification": (found, "Poles over orders with the modes found; what is not predicted")}
     if response is not None:
-        drawn.append(_drawn("response", response, f"Frequency response and coherence, from {response.source}"))
+        drawn["response"] = (response, f"Frequency response and coherence, from {response.source}")
+    pictures = tuple(picture(name, figure_of(each.plot), caption) for name, (each, caption) in drawn.items())
     system = found.system
     matrices = {letter: np.asarray(getattr(system, letter)).tolist() for letter in "ABCD"}
     model = {"inputs": list(system.input_labels), "outputs": list(system.output_labels), **matrices}
     sections = (
         Section("Modes", (f"{found.source}; intervals of {100.0 * found.confidence:g} %.",), (modes,)),
-        Section("Share of each output that is predicted", (), (fits,)),
-        Section("Pictures", (), (), tuple(drawn)),
+        Section("Share of each output that is predicted", (), (word_table(fits, ("output", "fit [%]")),)),
+        Section("Pictures", (), (), pictures),
     )
     lead = (f"{len(found.modes)} modes from {found.band_hz[0]:.4g} to {found.band_hz[1]:.4g} Hz.",)
     results = {
@@ -45,12 +45,6 @@ def _report(path: Path, found: Identification, response: MeasuredResponse | None
         **{name: getattr(found, name) for name in ("fit_percent", "band_hz", "confidence", "source")},
     }
     return Report(f"Modes of {path.name}", lead, sections, results, {"model.json": json_text(model)})
-
-
-def _drawn(name: str, result: Any, caption: str) -> Picture:
-    sheet = Sheet()
-    result.plot(sheet)
-    return picture(name, sheet, caption)
 
 
 def identified_file(
@@ -112,10 +106,10 @@ def _columns(path: Path) -> Mapping[str, Array] | None:
 
 def _step(path: Path, times: Array | None, given: float | None) -> float:
     """Return the time between samples, as said or as the column of times has it."""
-    if given is not None and times is None:
-        return positive("sample_time", given)
+    if (times is None) == (given is None):
+        raise ValueError(f"{path}: expected a column named 'time' [s], or --sample-time, and not both")
     if times is None:
-        raise ValueError(f"{path}: expected a column named 'time' [s], or --sample-time")
+        return positive("sample_time", given)
     steps = np.diff(times)
     step = float(steps.mean()) if len(steps) else 0.0
     if step <= 0.0 or np.abs(steps - step).max() > _EVEN * step:
@@ -123,6 +117,4 @@ def _step(path: Path, times: Array | None, given: float | None) -> float:
             f"{path}: expected times at even steps, got from {steps.min(initial=np.inf):.6g} to"
             f" {steps.max(initial=0.0):.6g} s; give the parts beside a gap as files of their own"
         )
-    if given is not None and abs(given - step) > _EVEN * step:
-        raise ValueError(f"--sample-time = {given:g}: expected the {step:.6g} s of the file's times, or none")
     return step

@@ -118,19 +118,18 @@ def test_a_slew_may_come_from_a_file(tmp_path):
         ("def design(): return 3\n", TypeError, r"design\(\) returned int, expected .* or a SlewDesign"),
         ("def design():\n    return {}['fast']\n", ValueError, r"mine\.py, line 2: KeyError: 'fast'"),
         ("def design():\n    assert 1 > 2\n", ValueError, r"mine\.py, line 2: AssertionError$"),
-        ("def design():\n    assert 1 > 2, 'too slow'\n", ValueError, r"mine\.py, line 2: AssertionError: too slow"),
-        ("x = 1\nassert x > 2\ndef design(): pass\n", ValueError, r"mine\.py, line 2: AssertionError$"),
         ("def design():\n    return (1\n", ValueError, r"mine\.py, line 2: SyntaxError: '\(' was never closed"),
-        ("def design():\n    return undefined\n", ValueError, r"mine\.py, line 2: NameError"),
-        ("def design():\n    return [][3]\n", ValueError, r"mine\.py, line 2: IndexError"),
-        ("def design():\n    return (3).angle\n", ValueError, r"mine\.py, line 2: AttributeError"),
         ("def design():\n    return design()\n", ValueError, r"mine\.py, line 2: RecursionError"),
         ("def design():\n    raise NotImplementedError\n", ValueError, r"mine\.py, line 2: NotImplementedError$"),
         ("def design():\n    return 1 + 'a'\n", TypeError, "unsupported operand"),
-        ("def design():\n    return 1 / 0\n", ArithmeticError, "division by zero"),
         ("def design():\n    return open('none.csv')\n", OSError, r"none\.csv"),
         ("import sys\nsys.exit(0)\n", ValueError, r"mine\.py, line 2: SystemExit: 0"),
         ("import nowhere_at_all\n", ImportError, "nowhere_at_all"),
+        (
+            "import boomctl\ndef design(): return boomctl.hub_beam(None, 'sfoam', 0)\n",
+            ValueError,
+            "^modes = 0: expected",
+        ),
         ("from neighbour import x\ndef design(): return x['y']\n", ValueError, r"mine\.py, line 2: KeyError: 'y'"),
         ("import broken\n", ValueError, r"broken\.py, line 1: SyntaxError"),
     ],
@@ -147,18 +146,12 @@ def test_a_file_that_fails_is_told_by_file_and_line(tmp_path, text, error, messa
     sys.modules.pop("neighbour", None)
 
 
-def test_what_boomctl_refuses_in_a_design_is_said_as_it_is(tmp_path):
-    path = tmp_path / "mine.py"
-    path.write_text("import boomctl as bc\ndef design(): return bc.hub_beam(None, 'sfoam', 0)\n")
-    with pytest.raises(ValueError, match=r"^modes = 0: expected"):
-        catalogue.load_design(path)
-
-
 def test_an_unknown_design_is_refused_with_all_names():
     with pytest.raises(ValueError, match="did you mean 'min_time_slew'") as refused:
         catalogue.load_design("min_time_slews")
-    for name in catalogue.design_names():
-        assert name in str(refused.value)
+    assert all(name in str(refused.value) for name in catalogue.design_names())
+    with pytest.raises(ValueError, match="no such file"):
+        catalogue.load_design("nowhere.py")
 
 
 @pytest.mark.slow

@@ -1,6 +1,5 @@
 """Each suspension of designs/ is worth what the README says, and better than the boom as it is."""
 
-import dataclasses
 from functools import cache
 
 import control
@@ -45,6 +44,13 @@ WORST = {  # over springs and mass
 }
 
 
+FIELD = {  # deposit CV with its tolerance, force, stroke on the field of the page
+    "tuned_suspension": (0.0100, 5e-5, 11.38, 0.026),
+    "codesign": (0.0101, 1e-4, 11.52, 0.027),
+    "tuned_passive": (0.0152, 5e-5),
+}
+
+
 @cache
 def load_design(name):
     return loaded(name)
@@ -65,7 +71,7 @@ def test_certified_peak_is_that_of_readme_and_better(result):
     assert result.active.stroke < SCENE.stroke_limit
 
 
-def test_suspensions_with_sensors_are_proved_stable(result):
+def test_suspensions_are_proved_stable_over_box(result):
     """Over springs and mass, over the yaw's frequencies, and on the exact boom, whose curve is that of the mesh."""
     K = result.design.controller
     own, sampled = result.design.name == "lqr_suspension", K is not None and not K.isctime()
@@ -88,7 +94,18 @@ def test_suspensions_with_sensors_are_proved_stable(result):
         assert found["yaw"].controls.alpha > 0.4
 
 
-def test_the_tuned_suspension_meets_what_was_asked_of_it(result):
+def test_suspensions_on_field_of_page_have_its_numbers(result):
+    if result.design.name not in FIELD:
+        return
+    cv, tolerance, *largest = FIELD[result.design.name]
+    whole = performance("on the field of the page", FieldScene(), result.design.parameters, result.design.controller)
+    assert whole.spray.cv == pytest.approx(cv, abs=tolerance)
+    if largest:
+        assert (whole.force, whole.stroke) == (pytest.approx(largest[0], abs=0.1), pytest.approx(largest[1], abs=5e-4))
+        assert (whole.spray.lowest_dose, whole.spray.highest_dose) == pytest.approx((0.95, 1.05), abs=6e-3)
+
+
+def test_tuned_suspension_meets_its_goals(result):
     """Three states a half; peak, proved worst peak, and force of the goals; the yaw near its static gain everywhere."""
     if result.design.name != "tuned_suspension":
         return
@@ -97,14 +114,9 @@ def test_the_tuned_suspension_meets_what_was_asked_of_it(result):
     assert max(each.upper_bound for each in result.worst.values()) < 10.2
     assert result.active.yaw.lower == pytest.approx(6.85, abs=0.01)
     assert result.worst["yaw"].norm.lower == pytest.approx(6.87, abs=0.01)
-    whole = performance("on the field of the page", FieldScene(), result.design.parameters, result.design.controller)
-    assert whole.spray.cv == pytest.approx(0.0100, abs=5e-5)
-    assert whole.force == pytest.approx(11.38, abs=0.1)
-    assert whole.stroke == pytest.approx(0.026, abs=5e-4)
-    assert (whole.spray.lowest_dose, whole.spray.highest_dose) == pytest.approx((0.95, 1.05), abs=6e-3)
 
 
-def test_dampers_and_controllers_tuned_at_once_meet_what_was_asked_of_them(result):
+def test_codesign_meets_its_goals(result):
     """Three and two states; peak and proved worst peak of the goals and of the page, at no more force than others take."""
     if result.design.name != "codesign":
         return
@@ -118,14 +130,9 @@ def test_dampers_and_controllers_tuned_at_once_meet_what_was_asked_of_them(resul
     found = result.of(Margins)
     assert found["jolt"].controls.alpha == pytest.approx(0.39, abs=0.01)
     assert found["yaw"].controls.alpha == pytest.approx(1.14, abs=0.02)
-    whole = performance("on the field of the page", FieldScene(), result.design.parameters, result.design.controller)
-    assert whole.spray.cv == pytest.approx(0.0101, abs=1e-4)
-    assert whole.force == pytest.approx(11.52, abs=0.1)
-    assert whole.stroke == pytest.approx(0.027, abs=5e-4)
-    assert (whole.spray.lowest_dose, whole.spray.highest_dose) == pytest.approx((0.95, 1.05), abs=6e-3)
 
 
-def test_springs_and_dampers_tuned_over_the_box_are_the_better_ones_there(result):
+def test_tuned_passive_is_better_over_box(result):
     """Than those tuned for Table 2, whose dampers go with softer and stiffer springs less well; both bounds are proved."""
     if result.design.name != "tuned_passive":
         return
@@ -135,12 +142,9 @@ def test_springs_and_dampers_tuned_over_the_box_are_the_better_ones_there(result
         for findings in (result.findings, other)
     ]
     assert bounds == [pytest.approx(16.19, abs=0.01), pytest.approx(18.06, abs=0.01)]
-    assert performance("on the field of the page", FieldScene(), result.design.parameters).spray.cv == pytest.approx(
-        0.0152, abs=5e-5
-    )
 
 
-def test_the_sampled_suspension_is_worth_what_its_page_says(result):
+def test_sampled_suspension_has_numbers_of_page(result):
     """At the samples, between them, on other booms; beside the controller made for 2 ms, run as slowly."""
     if result.design.name != "sampled_suspension":
         return
@@ -163,7 +167,7 @@ def test_the_sampled_suspension_is_worth_what_its_page_says(result):
 
 
 @pytest.mark.slow
-def test_springs_and_dampers_alone_are_bounded_over_the_box_too():
+def test_passive_suspension_worst_peak_is_bounded_over_box():
     """Never below a boom of it that is looked at; the report says what there is, and of no controller."""
     p = BoomParameters(spring_stiffness=550.0, cradle_damping=300.0, hinge_damping=1000.0)
     scene = FieldScene(run_in=0.2, duration=1.0, elements=6)
@@ -179,14 +183,11 @@ def test_springs_and_dampers_alone_are_bounded_over_the_box_too():
         assert max(peaks) <= found.norm.lower * (1.0 + 1e-6)
         assert found.norm.lower <= found.upper_bound <= found.norm.lower * 1.001001
     assert result.exact_sigma.peak == pytest.approx(result.active.sigma.peak, rel=2e-2)
-    html = result.report().html
-    assert "worst peak there, proved" in html
-    assert "Controller sampled" not in html
-    assert "accelerometers" not in html
+    assert "worst peak there, proved" in result.report().html
 
 
 @pytest.mark.slow
-def test_the_sampled_suspension_has_the_row_of_its_page():
+def test_sampled_suspension_on_field_of_page_has_its_numbers():
     """On the whole field of the table, and on other tracks better than the boom as it is."""
     made = load_design("sampled_suspension")
     for seed in range(1, 6 if is_hunt() else 3):
@@ -202,7 +203,7 @@ def test_the_sampled_suspension_has_the_row_of_its_page():
             assert after.spray.cv < performance("before", scene, made.parameters).spray.cv
 
 
-def test_a_discrete_controller_runs_at_its_own_sampling_time():
+def test_performance_discrete_controller_uses_its_sampling_time():
     names = {"inputs": list(STROKES), "outputs": list(CONTROLS)}
     damper = control.ss(0.5 * np.eye(2), np.eye(2), 500.0 * np.eye(2), -1000.0 * np.eye(2), 0.02, **names)
     scene = FieldScene(duration=1.0, run_in=0.2, elements=6)
@@ -215,7 +216,7 @@ def test_a_discrete_controller_runs_at_its_own_sampling_time():
     assert max(found.jolt.lower, found.yaw.lower) == pytest.approx(found.sigma.peak, rel=1e-4)
 
 
-def test_the_controller_lies_beside_the_report_in_files(result, tmp_path):
+def test_suspension_controller_files_have_its_matrices_and_limit(result, tmp_path):
     """None of a passive design; read again it is the same, and its C code has the limits of the field run."""
     files, K = result.controller_files(), result.design.controller
     if K is None:
@@ -231,34 +232,15 @@ def test_the_controller_lies_beside_the_report_in_files(result, tmp_path):
         assert f"FORCE[2] = {{R({SCENE.force_limit.hex()}), R({SCENE.force_limit.hex()})}}" in files["controller.c"]
 
 
-def test_a_scene_out_of_range_is_refused():
-    for name, value in (("speed", 0.0), ("delay", -1.0), ("duration", np.nan), ("force_limit", -5.0)):
-        with pytest.raises(ValueError, match=name):
-            FieldScene(**{name: value})
-
-
-def test_the_same_scene_gives_the_same_motion():
-    one, other = FieldScene(duration=5.0, run_in=0.0).motion(), FieldScene(duration=5.0, run_in=0.0).motion()
-    assert np.array_equal(one.left, other.left)
-    faster = dataclasses.replace(SCENE, duration=5.0, run_in=0.0, seed=2).motion()
-    assert not np.array_equal(one.left, faster.left)
-
-
-def test_a_longer_drive_begins_with_the_shorter_one():
+def test_field_scene_of_longer_drive_begins_as_shorter_one():
     """Twice as long, over twice the track: the same ground, so that the run before is the beginning of the run after."""
     one, longer = (FieldScene(duration=T, run_in=1.0).motion() for T in (5.0, 11.0))
     assert longer.left[: len(one.left)] == pytest.approx(one.left, abs=1e-9 * one.left.std())
     assert longer.yaw[: len(one.yaw)] == pytest.approx(one.yaw, abs=1e-9 * one.yaw.std())
+    assert not np.array_equal(one.left, FieldScene(duration=5.0, run_in=1.0, seed=2).motion().left)
 
 
-def test_a_drive_farther_than_the_ground_is_refused():
-    with pytest.raises(
-        ValueError, match=r"run_in, duration = 60, 4000: expected at most 33\d\d\.\d+ s together at speed = 3"
-    ):
-        FieldScene(duration=4000.0).motion()
-
-
-def test_the_sensors_follow_from_the_boom():
+def test_suspension_model_accelerometer_is_second_derivative():
     """A tip accelerometer far below its bandwidth reads the second derivative of the tip."""
     model = suspension_model(elements=8)
     omega = np.array([0.5, 2.0])
@@ -267,7 +249,7 @@ def test_the_sensors_follow_from_the_boom():
 
 
 @pytest.mark.slow
-def test_a_second_state_for_the_yaw_is_worth_its_force():
+def test_tuned_yaw_of_order_two_keeps_its_goals():
     """Tuned for orders one and two: the goal holds platform to tip over the box, and the force by its weight."""
     from designs.tuned_suspension import FORCE, PEAK, tuned_yaw
 

@@ -25,25 +25,11 @@ _OF_SLEW = (
     "objective", "duration", "cost", "end_error", "residual_energy", "time", "torque", "hub_angle", "hub_speed",
     "tip_displacement",
 )  # fmt: skip
-_COMPARED = {
-    "name": "slew",
-    "duration": "duration [s]",
-    "vibration": "vibration [m]",
-    "vibration_low": "vibration, −10\u00a0% [m]",
-    "vibration_high": "vibration, +10\u00a0% [m]",
-    "angle_error": "angle error [rad]",
-    "speed_error": "speed error [rad/s]",
-    "peak_moment": "peak root moment [N\u00a0m]",
-    "effort": "effort [N²m²s]",
-}
-_REPLAYED = {
-    "model": "model",
-    "tip_mass": "other tip mass [kg]",
-    "angle_error": "angle error [rad]",
-    "speed_error": "speed error [rad/s]",
-    "tip_swing": "tip swing [m]",
-    "residual_energy": "energy left [J]",
-}
+_COMPARED = (
+    "name", "duration", "vibration", "vibration_low", "vibration_high", "angle_error", "speed_error", "peak_moment",
+    "effort",
+)  # fmt: skip
+_REPLAYED = ("model", "tip_mass", "angle_error", "speed_error", "tip_swing", "residual_energy")
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,16 +139,10 @@ class SlewEvaluation(Evaluation):
     def replays(self) -> tuple[Replay, ...]:
         """The slew on the planning model, with the other payloads, and on other models."""
         design, slew = self.design, self.design.slew
-        problem = slew.plan.problem
-        planned = Replay(
-            model=design.beam.model,
-            tip_mass=None,
-            angle_error=0.0 if problem.angle is None else float(slew.hub_angle[-1]) - problem.angle,
-            speed_error=float(slew.hub_speed[-1]) - problem.final_speed,
-            tip_swing=self.comparison.line(design.label).vibration,
-            residual_energy=slew.residual_energy,
-        )
-        return (planned, *slew.replays)
+        problem, swing = slew.plan.problem, self.comparison.line(design.label).vibration
+        angle_error = 0.0 if problem.angle is None else float(slew.hub_angle[-1]) - problem.angle
+        speed_error = float(slew.hub_speed[-1]) - problem.final_speed
+        return (Replay(design.beam.model, None, angle_error, speed_error, swing, slew.residual_energy), *slew.replays)
 
     @cached_property
     def following(self) -> dict[str, float] | None:
@@ -250,17 +230,14 @@ class SlewEvaluation(Evaluation):
             caption = "Switching function over its largest size, on a scale of cube roots, and torque."
             yield Section("The switching function", (text,), (), (_drawn("switching", self.switching.plot, caption),))
         text = (
-            "Vibration is the largest tip displacement in one and a half periods after the end, also with the beam's"
-            " frequencies 10 % lower and higher. ZV, ZVD and EI are input shapers, tuned to the first frequency with the hub"
-            " free."
+            "SI units. Vibration is the largest tip displacement in one and a half periods after the end, also with the"
+            " beam's frequencies 10 % lower and higher. ZV, ZVD and EI: input shapers for the first frequency, hub free."
         )
-        drop = "angle_error" if free else "speed_error"
-        masses = [f"{mass:g}\u00a0kg" for mass in comparison.tip_masses]
-        loads = dict(zip(masses, masses, strict=True))
+        loads = [f"{mass:g}\u00a0kg" for mass in comparison.tip_masses]
         rows = [{**vars(line), **dict(zip(loads, line.vibrations, strict=True))} for line in comparison.lines]
-        tables = [table_of(rows, {key: head for key, head in _COMPARED.items() if key != drop})]
+        tables = [table_of(rows, _COMPARED)]
         if loads:
-            tables.append(table_of(rows, {"name": "vibration [m] with a payload of", **loads}))
+            tables.append(table_of(rows, ("name", *loads), "Vibration with each payload."))
         zv = f"{design.rigid}, ZV"
         names = tuple(dict.fromkeys((*design.planned, design.rigid, design.rival or zv, zv)))
         caption = (
@@ -269,8 +246,8 @@ class SlewEvaluation(Evaluation):
         drawn = _drawn("comparison", comparison.plot, caption, names=names)
         yield Section("Beside other spin-ups" if free else "Beside other slews", (text,), tuple(tables), (drawn,))
         text = "The models differ in what they neglect. The torque is open loop; errors are those at its end."
-        heads = {key: head for key, head in _REPLAYED.items() if not (free and key == "angle_error")}
-        yield Section("The same torque on other models", (text,), (table_of(map(vars, self.replays), heads),))
+        table = table_of(map(vars, self.replays), _REPLAYED, "SI units; tip mass: of another payload.")
+        yield Section("The same torque on other models", (text,), (table,))
         if (t := self.following) is not None:
             text = (
                 f"The tip mass is {t['tip_mass']:g} kg, planned was {design.beam.parameters.tip_mass:g} kg. The planned"

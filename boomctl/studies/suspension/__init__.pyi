@@ -6,7 +6,8 @@ from boomctl.studies.suspension.performance import Performance as Performance
 from boomctl.studies.suspension.performance import performance as performance
 from boomctl.studies.suspension.scene import ACCELERATIONS as ACCELERATIONS
 from boomctl.studies.suspension.scene import CONTROLS as CONTROLS
+from boomctl.studies.suspension.scene import MASS as MASS
+from boomctl.studies.suspension.scene import SPRING as SPRING
 from boomctl.studies.suspension.scene import STROKES as STROKES
 from boomctl.studies.suspension.scene import FieldScene as FieldScene
-from boomctl.studies.suspension.scene import suspension_family as suspension_family
 from boomctl.studies.suspension.scene import suspension_model as suspension_model

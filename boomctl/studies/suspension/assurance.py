@@ -28,14 +28,7 @@ from boomctl.structure.families import AffineFamily
 from boomctl.structure.model import SecondOrderModel, split_symmetric
 from boomctl.studies.evaluation import Finding
 from boomctl.studies.suspension.performance import InField
-from boomctl.studies.suspension.scene import (
-    ACCELERATIONS,
-    CONTROLS,
-    FAMILY_ELEMENTS,
-    MASS,
-    SPRING,
-    STROKES,
-)
+from boomctl.studies.suspension.scene import ACCELERATIONS, CONTROLS, FAMILY_ELEMENTS, MASS, SPRING, STROKES
 from boomctl.synthesis.plants.symmetry import split_controller
 
 MEASURED_YAW_HZ = 0.34  # the first frequency that the paper measured, where its Table 2 gives 0.245 Hz
@@ -132,9 +125,8 @@ class Examined(InField):
     def on_a_finer_mesh(self) -> Finding:
         """Return whether the sampled loop is stable with so many elements."""
         largest = float(np.abs(self.to_tips(self.model(_FINE)).poles()).max())
-        stable = largest < 1.0
-        text = f"{'stable' if stable else 'NOT stable'}: largest pole {largest:.5f}"
-        return Finding(f"mesh of {_FINE} elements", text, largest, stable)
+        text = f"{'stable' if largest < 1.0 else 'NOT stable'}: largest pole {largest:.5f}"
+        return Finding(f"mesh of {_FINE} elements", text, largest, largest < 1.0)
 
     def on_the_exact_boom(self, curves: SigmaResult) -> Finding:
         """Return stability with the exact beam, by winding number; without a controller its largest singular value."""

@@ -10,6 +10,7 @@ import numpy as np
 from boomctl.analysis.box.worst_case import WorstCase
 from boomctl.analysis.sigma import SigmaResult
 from boomctl.boom.parameters import BoomParameters
+from boomctl.boom.spray import Footprint
 from boomctl.checks import from_on
 from boomctl.lti.python_control import control
 from boomctl.printing import compact
@@ -21,20 +22,7 @@ from boomctl.studies.suspension.performance import PEAK_DIGITS, Performance, per
 from boomctl.studies.suspension.scene import FAMILY_ELEMENTS, FieldScene
 from boomctl.threads import one_blas_thread
 
-_PASSIVE = {  # parts of the suspension in the report's table
-    "spring_stiffness": "spring stiffness k_s [N/m]",
-    "cradle_damping": "cradle damping c_g [N s/m]",
-    "hinge_damping": "hinge damping c_t [N m s/rad]",
-    "boom_mass": "boom mass m_3 [kg]",
-}
-_RUN = (
-    "",
-    "largest stroke [mm]",
-    "end stops hit",
-    "largest force [N]",
-    "time at the force limit",
-    "largest force rate",
-)
+_PASSIVE = ("spring_stiffness", "cradle_damping", "hinge_damping", "boom_mass")  # in the report's table
 _SPAN = 15.0  # of the run that is drawn [s]: some periods of the slowest motion, each of them still to be seen
 _FIELD = 60.0  # length of field that is drawn [m]: its cells of 0.1 m are still to be seen
 
@@ -202,14 +190,6 @@ class SuspensionResult(Evaluation):
         """The findings by name."""
         return {**self.design.facts, **words(self.findings)}
 
-    @property
-    def _certificate(self) -> dict[str, str]:
-        return words(self.findings)
-
-    @property
-    def _sampled(self) -> tuple[float, float]:
-        return self.active.run.sample_time, self.scene.force_limit
-
     def _results(self) -> dict[str, Any]:
         K, worst = self.design.controller, {}
         for name, found in self.worst.items():
@@ -222,7 +202,7 @@ class SuspensionResult(Evaluation):
             "passive": self.passive.as_dict(),
             "active": self.active.as_dict(),
             "synthesis": dict(self.design.facts),
-            "assurance": self._certificate,
+            "assurance": words(self.findings),
             "controller": None if K is None else {"states": K.nstates},
             "worst_case": worst or None,
             "deposit_cv_found_over_box": None,
@@ -236,15 +216,20 @@ class SuspensionResult(Evaluation):
 
         design, scene, before, after = self.design, self.scene, self.passive, self.active
         p, base, titles = design.parameters, BoomParameters(), (before.title, after.title)
-        yield Section("Before and after", design.notes, (self._comparison(titles),))
+        rows = [(one.name, one.text, other.text) for one, other in zip(before.findings, after.findings, strict=True)]
+        run = [name for name, *_ in rows].index("largest stroke [mm]")
+        compared = Table(("", *titles), (*rows[:3], *self._bounds(), *rows[3:run]))
+        yield Section("Before and after", design.notes, (compared,))
         text = (
             f"The boom of Anthonis & Ramon (2003): {scene.elements} finite elements, accelerometers of"
             f" {scene.accelerometer_hz:g} Hz. The static gain from yaw of the platform to the tips is"
             f" {p.length / p.actuator_distance:.3f}; no suspension that centers the boom goes below that at zero frequency."
         )
-        parts = tuple((head, f"{getattr(base, key):g}", f"{getattr(p, key):g}") for key, head in _PASSIVE.items())
+        parts = tuple(
+            (name.replace("_", " "), *(f"{getattr(each, name):g}" for each in (base, p))) for name in _PASSIVE
+        )
         synthesis = (word_table(design.facts),) if design.facts else ()
-        yield Section("Plant and synthesis", (text,), (Table(("passive parts", *titles), parts), *synthesis))
+        yield Section("Plant and synthesis", (text,), (Table(("passive parts, SI units", *titles), parts), *synthesis))
         if design.weights:
             drawn = draw_weights(design.weights, np.geomspace(0.05, 500.0, 400))
             yield Section("Weights", pictures=(picture("weights", drawn, "Weights, in the units of the design."),))
@@ -259,43 +244,36 @@ class SuspensionResult(Evaluation):
                 "Each line is computed independently of the synthesis. Springs and boom mass are relative to those of the"
                 f" design; over them the boom has {FAMILY_ELEMENTS} elements unless the design has a plant of its own."
             )
-            yield Section("Assurance", (text,), (word_table(self._certificate, ("check", "found")),))
+            yield Section("Assurance", (text,), (word_table(words(self.findings), ("check", "found")),))
         text = (
-            f"Track of class {scene.road_class} (ISO 8608), seed {scene.seed}, at {scene.speed:g} m/s for {scene.duration:g}"
-            f" s after {scene.run_in:g} s of run-in. Controller sampled every {1e3 * after.run.sample_time:g} ms, its forces"
-            f" {1e3 * after.run.delay:g} ms late and at most {scene.force_limit:g} N; end stops at"
-            f" ±{1e3 * scene.stroke_limit:g} mm."
+            f"All of the field is assumed: {' '.join(repr(scene).split())}. The tractor has {scene.tractor.mass:g} kg, a"
+            f" wheelbase of {scene.tractor.wheelbase:g} m and a track of {scene.tractor.track_width:g} m; a controller is"
+            f" sampled every {1e3 * after.run.sample_time:g} ms, its forces {1e3 * after.run.delay:g} ms late."
         )
         start, length = scene.run_in + 0.25 * scene.duration, min(_SPAN, 0.75 * scene.duration)
         limits, span = (scene.force_limit, scene.stroke_limit), (start, start + length)
         drawn = draw_run(before.run, after.run, labels=titles, limits=limits, span=span)
-        shown = picture(
-            "run", drawn, f"Platform, left tip, left stroke and forces, {length:g} s of {scene.duration:g} s."
-        )
-        yield Section("A run over the field", (text,), (Table(_RUN, (_of_run(before), _of_run(after))),), (shown,))
+        shown = picture("run", drawn, f"Platform, left tip, left stroke and forces, {length:g} s of it.")
+        yield Section("A run over the field", (text,), (Table(("", *titles), tuple(rows[run:])),), (shown,))
         drawn = figure_of(draw_deposit, {before.title: before.spray, after.title: after.spray}, length=_FIELD)
-        text = "Deposit relative to the nominal dose, in cells of 0.1 m by 0.1 m."
+        text = f"Deposit relative to the nominal dose, in cells of 0.1 m by 0.1 m. Assumed of each nozzle: {Footprint()!r}."
         shown = picture("deposit", drawn, "Deposit before and after.", "png", "svg")  # so many cells are shown as PNG
         yield Section("Spray on the field", (text,), pictures=(shown,))
 
-    def _comparison(self, titles: tuple[str, str]) -> Table:
-        """Return what both booms do, and the worst peaks over the box where they are bounded."""
-        pairs = zip(self.passive.findings, self.active.findings, strict=True)
-        lines = [(one.name, one.text, other.text) for one, other in pairs]
-        peaks = sum(each.proved is not None for each in self.active.findings)
-        for name, found in reversed(list(self.worst.items())):
+    def controller_files(self) -> dict[str, bytes | str]:
+        """Return the controller for other programs: JSON, MATLAB, and C99 with its limits.
+
+        Returns
+        -------
+        dict of str to bytes or str
+            Contents of the files by name; no C code of a controller that is too fast for the sampling of the field run.
+        """
+        return self._controller_files(words(self.findings), self.active.run.sample_time, self.scene.force_limit)
+
+    def _bounds(self) -> Iterator[tuple[str, str, str]]:
+        """Yield lines of a table with the worst peaks over the box where they are bounded."""
+        for name, found in self.worst.items():
             if found.upper_bound < inf:
                 bound = number(float(from_on(found.upper_bound, PEAK_DIGITS)), PEAK_DIGITS)  # not rounded downwards
-                said = f"{bound} at most (gap {100 * found.gap:.2g} %)"
-                lines.insert(peaks, (f"worst peak of the {name}, springs ±30 %, boom mass ±20 %: proved", "-", said))
-        return Table(("", *titles), tuple(lines))
-
-
-def _of_run(found: Performance) -> tuple[str, ...]:
-    """Return a line of the table of runs."""
-    run = found.run
-    forces = ("no actuator", "-", "-")
-    if run.controls:
-        share = max(run.saturation_share.values(), default=0.0)
-        forces = (f"{found.force:.1f}", f"{100 * share:.2f} %", f"{found.force_rate:.0f} N/s")
-    return (found.title, f"{1e3 * found.stroke:.1f}", str(len(run.stops)), *forces)
+                text = f"{bound} at most (gap {100 * found.gap:.2g} %)"
+                yield f"worst peak of the {name}, springs ±30 %, boom mass ±20 %: proved", "-", text

@@ -20,7 +20,7 @@ from boomctl.simulation.loop import simulate_loop
 from boomctl.simulation.result import LoopResult
 from boomctl.structure.model import SecondOrderModel
 from boomctl.studies.evaluation import Finding, numbers
-from boomctl.studies.suspension.scene import CONTROLS, STROKES, FieldScene, suspension_model
+from boomctl.studies.suspension.scene import ACCELERATIONS, CONTROLS, STROKES, FieldScene, suspension_model
 from boomctl.synthesis.plants.generalized import select_channels
 from boomctl.threads import one_blas_thread
 
@@ -61,15 +61,11 @@ class Performance:
 
     __repr__ = compact
 
-    def __figures__(self) -> dict[str, float]:
-        """Return what a comparison shows."""
-        peaks = {"H-infinity norm": self.sigma.peak, "of jolt": self.jolt.lower, "of yaw": self.yaw.lower}
-        return peaks | self.spray.__figures__() | {"stroke: peak [m]": self.stroke} | self.run.__figures__()
-
     @property
     def findings(self) -> tuple[Finding, ...]:
-        """The results for tables, certified peaks first."""
-        spray = self.spray
+        """The results for tables: certified peaks, spray, and from the largest stroke on the run."""
+        spray, shares = self.spray, self.run.saturation_share
+        force, rate = (f"{self.force:.1f}", f"{self.force_rate:.0f}") if shares else ("-", "-")
         return (
             _peak("certified peak, platform to tips", self.sigma.certificate, "peak"),
             _peak("certified peak of the yaw", self.yaw, "yaw_peak"),
@@ -82,7 +78,10 @@ class Performance:
             _share("deposit CV by jolt alone [%]", self.spray_by_jolt.cv, "deposit_cv_jolt"),
             _share("deposit CV by yaw alone [%]", self.spray_by_yaw.cv, "deposit_cv_yaw"),
             Finding("largest stroke [mm]", f"{1e3 * self.stroke:.1f}", self.stroke, key="stroke"),
-            Finding("largest force [N]", f"{self.force:.1f}" if self.run.controls else "-", self.force, key="force"),
+            Finding("end stops hit", str(len(self.run.stops)), len(self.run.stops), key="end_stops_hit"),
+            Finding("largest force [N]", force, self.force, key="force"),
+            Finding("largest force rate [N/s]", rate, self.force_rate, key="force_rate"),
+            _share("time at the force limit [%]", max(shares.values(), default=0.0)),
         )
 
     def as_dict(self) -> dict[str, Any]:
@@ -99,8 +98,6 @@ class Performance:
             "peak_omega": self.sigma.peak_omega,
             "worst_dose": self.spray.worst_dose,
             "rms_tip_speed": self.spray.rms_tip_speed,
-            "force_rate": self.force_rate,
-            "end_stops_hit": len(self.run.stops),
             "saturation_share": self.run.saturation_share,
             **numbers(self.findings),
         }
@@ -227,15 +224,14 @@ class InField:
     ) -> tuple[LoopResult, tuple[SprayResult, SprayResult, SprayResult]]:
         """Return a run over the field, and the spray of all motion, of its symmetric and of its antisymmetric part."""
         K, scene, motion = self.K, self.scene, self.scene.motion()
-        active = (
-            {}
-            if K is None
-            else {
+        active: dict[str, Any] = {}
+        if K is not None:
+            steps = dict.fromkeys(STROKES, scene.stroke_step) | dict.fromkeys(ACCELERATIONS, scene.acceleration_step)
+            active = {
                 "delay": self.delay,
                 "force_limit": dict.fromkeys(CONTROLS, scene.force_limit),
-                "quantization": scene.quantization(tuple(K.input_labels)),
+                "quantization": {name: steps[name] for name in K.input_labels if steps.get(name)},
             }
-        )
         run = simulate_loop(
             machine,
             K,

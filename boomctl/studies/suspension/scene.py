@@ -1,18 +1,15 @@
 """What suspensions are compared on: a field with track, tractor, sensors and limits, the boom there, springs and masses."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 
 from boomctl.boom.factory import spray_boom
-from boomctl.boom.families import scaled_boom
 from boomctl.boom.motion import PlatformMotion, platform_motion
-from boomctl.boom.parameters import BoomParameters, boom_parameters
+from boomctl.boom.parameters import BoomParameters
 from boomctl.boom.spray import nozzle_positions
 from boomctl.boom.tracks import GROUND_LENGTH, iso_track
 from boomctl.boom.tractor import TractorParameters
 from boomctl.checks import nonnegative, positive, up_to, whole
 from boomctl.printing import compact
-from boomctl.structure.families import AffineFamily
 from boomctl.structure.model import SecondOrderModel
 
 CONTROLS = ("suspension_left", "suspension_right")
@@ -116,22 +113,6 @@ class FieldScene:
         track = iso_track(self.road_class, length=length, seed=self.seed, width=self.tractor.track_width)
         return platform_motion(track, self.tractor, self.speed, duration, self.sample_time)
 
-    def quantization(self, measurements: tuple[str, ...]) -> Mapping[str, float]:
-        """Return the steps of the measurements that sensors take.
-
-        Parameters
-        ----------
-        measurements : tuple of str
-            Names of measurements.
-
-        Returns
-        -------
-        mapping of str to float
-            Steps [m] or [m/s^2] of those measurements that a sensor takes.
-        """
-        steps = {**dict.fromkeys(STROKES, self.stroke_step), **dict.fromkeys(ACCELERATIONS, self.acceleration_step)}
-        return {name: steps[name] for name in measurements if steps.get(name)}
-
 
 def suspension_model(
     parameters: BoomParameters | None = None,
@@ -162,27 +143,3 @@ def suspension_model(
     model = spray_boom(p, elements=elements, accelerometer_bandwidth_hz=accelerometer_hz, nozzles=places)
     outputs = [name for name in model.outputs if name != "cradle_slip"]
     return model.select(["actuator_left", "actuator_right", *CONTROLS], outputs)
-
-
-def suspension_family(parameters: BoomParameters | None = None, elements: int = FAMILY_ELEMENTS) -> AffineFamily:
-    """Return the boom of the suspensions, nozzles among its outputs, over the box on which they are judged.
-
-    Parameters
-    ----------
-    parameters : BoomParameters, optional
-    elements : int
-        Finite elements.
-
-    Returns
-    -------
-    AffineFamily
-        Parameters ``"spring"`` from 0.7 to 1.3 and ``"mass"`` from 0.8 to 1.2; signals as of
-        :func:`suspension_model`, without its accelerations.
-    """
-    p = boom_parameters(parameters)
-
-    def make(values: Mapping[str, float]) -> SecondOrderModel:
-        model = suspension_model(scaled_boom(p, **values), elements, nozzles=True)
-        return model.select(None, [name for name in model.outputs if name not in ACCELERATIONS])
-
-    return AffineFamily.through({"spring": SPRING, "mass": MASS}, make)

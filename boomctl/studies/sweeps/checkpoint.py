@@ -9,7 +9,6 @@ import json
 import os
 import pickle
 from collections.abc import Callable, Mapping
-from functools import partial
 from typing import Any, NamedTuple
 
 from boomctl.checks import path as checked_path
@@ -32,12 +31,10 @@ class Checkpoint:
     """The file of a function, which is created if there is none, with the outcomes that it holds."""
 
     def __init__(self, path: str | os.PathLike[str], function: Callable[..., Any]) -> None:
-        self._path, of = checked_path("checkpoint", path), function
+        self._path = checked_path("checkpoint", path)
         if self._path.is_dir():
             raise ValueError(f"`checkpoint` must be a file, got the folder {path}.")
-        while isinstance(of, partial):
-            of = of.func
-        name = str(getattr(of, "__qualname__", type(of).__qualname__))
+        name = str(getattr(function, "__qualname__", type(function).__qualname__))
         head = json.dumps({"function": name, "identity": content_hash(f"the function {name}", function)})
         content = self._path.read_bytes() if self._path.exists() else b""
         whole, _, torn = content.decode("utf-8", "replace").rpartition("\n")
@@ -46,7 +43,7 @@ class Checkpoint:
             self._path.write_bytes(head.encode() + b"\n")
         elif first != head:
             raise ValueError(
-                f"`checkpoint` must be a file of the function {name} as it is now (source, closure, globals, bound values),"
+                f"`checkpoint` must be a file of the function {name} as it is now (code, closure, globals, bound values),"
                 f" got {path}, which begins with {shown(first)}. Choose another file, or delete it."
             )
         else:

@@ -1,11 +1,10 @@
-"""Hash of functions and values by content: source, bytecode, closure, the globals that are read, bound data.
+"""Hash of functions and values by content: code, defaults, closure, the globals that are read, bound data.
 
 ``joblib.hash`` identifies functions and classes by name.  Here those of the user are replaced by what defines them, so that
 two functions with the same name have different hashes.  Those of installed packages are identified by name and version.
 """
 
 import dis
-import inspect
 import sys
 from contextlib import suppress
 from dataclasses import fields, is_dataclass
@@ -17,7 +16,6 @@ from typing import Any
 
 from joblib.hashing import NumpyHasher
 
-_INSTALLED = {"site-packages", "dist-packages"}
 _LOADS = ("LOAD_GLOBAL", "LOAD_NAME", "LOAD_FROM_DICT_OR_GLOBALS")
 _ATTRIBUTES = ("LOAD_ATTR", "LOAD_METHOD")
 _PARTS = ("__func__", "fget", "fset", "fdel", "func")  # functions in static methods, properties and cached properties
@@ -50,13 +48,12 @@ class _ContentHasher(NumpyHasher):
 
     def save(self, obj: Any) -> None:
         if isinstance(obj, (FunctionType, type)):
-            if _is_installed(obj.__module__):
-                obj = ("installed", obj.__qualname__, _module(obj.__module__))
-            elif id(obj) in self._visited:
+            package = _package(obj.__module__ or "__main__")
+            if package is None and id(obj) in self._visited:
                 obj = ("visited", list(self._visited).index(id(obj)))
             else:
                 self._visited[id(obj)] = obj
-                obj = (type(obj).__name__, obj.__qualname__, _source(obj), _definition(obj))
+                obj = (type(obj).__name__, obj.__qualname__, package or _definition(obj))
         elif isinstance(obj, MethodType):
             obj = ("method", obj.__func__, obj.__self__)
         elif isinstance(obj, ModuleType):
@@ -72,32 +69,27 @@ class _ContentHasher(NumpyHasher):
         super().save(obj)
 
 
-def _is_installed(module: str | None) -> bool:
-    top = (module or "__main__").partition(".")[0]
+def _package(module: str) -> tuple[str, Any] | None:
+    """Return an installed package and its version; None for a module of the user."""
+    top = module.partition(".")[0]
     if top == "__main__":  # of a notebook or of pytest, it has the file of an installed package
-        return False
+        return None
     spec = sys.modules[top].__spec__ if top in sys.modules else find_spec(top)
-    parts = Path(getattr(spec, "origin", None) or "").parts
-    return top in ("boomctl", *sys.stdlib_module_names) or not _INSTALLED.isdisjoint(parts)
+    folders = Path(getattr(spec, "origin", None) or "").parts
+    if top in ("boomctl", *sys.stdlib_module_names) or not {"site-packages", "dist-packages"}.isdisjoint(folders):
+        return top, getattr(import_module(top), "__version__", None)
+    return None
 
 
 def _module(name: str) -> tuple[Any, ...]:
     """Return an installed module by name and version, one of the user by the content of its file."""
-    if _is_installed(name):
-        return "module", name, getattr(import_module(name.partition(".")[0]), "__version__", None)
-    spec = None if name == "__main__" else find_spec(name)
-    return "module", name, Path(spec.origin).read_bytes() if spec and spec.origin else None
-
-
-def _source(of: Any) -> str | None:
-    try:
-        return inspect.getsource(of)
-    except (OSError, TypeError):  # typed at a prompt, or made by exec
-        return None
+    package = _package(name)
+    spec = None if package or name == "__main__" else find_spec(name)
+    return "module", name, package, Path(spec.origin).read_bytes() if spec and spec.origin else None
 
 
 def _definition(of: FunctionType | type) -> tuple[Any, ...]:
-    """Return what defines a function or class beside its source: code and what it reads, or bases and members."""
+    """Return what defines a function or class: code, bound data and what it reads, or bases and members."""
     if isinstance(of, type):
         members = {}
         for name, member in vars(of).items():
@@ -112,9 +104,14 @@ def _definition(of: FunctionType | type) -> tuple[Any, ...]:
     for name, cell in zip(of.__code__.co_freevars, of.__closure__ or (), strict=True):
         with suppress(ValueError):  # empty
             cells[name] = cell.cell_contents
-    code = [(c.co_code, c.co_names, [x for x in c.co_consts if not isinstance(x, CodeType)]) for c in codes]
-    attributes = {name: value for name, value in vars(of).items() if name != "__wrapped__"}
-    return code, of.__defaults__, of.__kwdefaults__, cells, _reads(codes, of.__globals__), attributes
+    data = {name: value for name, value in vars(of).items() if name != "__wrapped__"}
+    compiled = [_compiled(code) for code in codes]
+    return compiled, of.__defaults__, of.__kwdefaults__, cells, _reads(codes, of.__globals__), data
+
+
+def _compiled(code: CodeType) -> tuple[Any, ...]:
+    constants = [each for each in code.co_consts if not isinstance(each, CodeType)]
+    return code.co_code, code.co_names, constants, getattr(code, "co_exceptiontable", None)
 
 
 def _reads(codes: list[CodeType], namespace: dict[str, Any]) -> dict[str, Any]:
@@ -123,6 +120,6 @@ def _reads(codes: list[CodeType], namespace: dict[str, Any]) -> dict[str, Any]:
     found = {name: namespace[name] for how, name in steps if how in _LOADS and name in namespace}
     attributes = {name for how, name in steps if how in _ATTRIBUTES}
     for of, module in list(found.items()):
-        if isinstance(module, ModuleType) and not _is_installed(module.__name__):
+        if isinstance(module, ModuleType) and _package(module.__name__) is None:
             found |= {f"{of}.{name}": getattr(module, name) for name in attributes if hasattr(module, name)}
     return found | {f"import {name}": _module(name) for how, name in steps if how == "IMPORT_NAME" and name}

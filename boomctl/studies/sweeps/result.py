@@ -171,19 +171,10 @@ class SweepResult:
         """
         return import_module("boomctl.plotting.sweep").plot_sweep(self, ax, column=column, against=against, **style)
 
-    def _named(self, name: str) -> str:
-        return f"{name} [{self.units[name]}]" if self.units.get(name) else name
-
-    def _range(self, name: str) -> str:
-        """Return a result with its unit, and its range if it is a number."""
-        cells = self[name]
-        finite = cells[np.isfinite(cells)] if cells.dtype.kind in "if" and cells.shape == self.shape else cells[:0]
-        return self._named(name) + (f" {finite.min():.4g} to {finite.max():.4g}" if finite.size else "")
-
     def __repr__(self) -> str:
         axes = [f"{count(len(self.labels[name]), 'value')} of {name}" for name in self.swept]
-        found = listed([self._range(name) for name in self.columns], WIDTH - 2)
-        lines = [f"SweepResult: {count(len(self), 'point')}, {', '.join(axes) or 'no parameter varies'}", f"  {found}"]
+        lines = [f"SweepResult: {count(len(self), 'point')}, {', '.join(axes) or 'no parameter varies'}"]
+        lines.append(f"  {listed([f'{name} {value(self[name])}' for name in self.columns], WIDTH - 2)}")
         lines += [f"  {len(self.failures)} failed: {failure.text}" for failure in self.failures[:1]]
         resumed = f", {self.resumed} points from the checkpoint" if self.resumed else ""
         lines.append(f"  {self.seconds.sum():.3g} s of computing{resumed}")

@@ -13,7 +13,7 @@ from typing import Any
 
 import joblib
 import numpy as np
-from joblib.parallel import BACKENDS, EXTERNAL_BACKENDS, ParallelBackendBase
+from joblib.parallel import BACKENDS, EXTERNAL_BACKENDS
 
 from boomctl.checks import function_of, instance, job_count, known, mapping, sequence, shown, warn_user
 from boomctl.progress import Listener, computing, silent
@@ -36,7 +36,7 @@ def sweep(
     combine: str = "grid",
     checkpoint: str | os.PathLike[str] | None = None,
     n_jobs: int = 1,
-    backend: str | ParallelBackendBase | None = None,
+    backend: str | None = None,
     units: Mapping[str, str] | None = None,
     progress: Listener | None = None,
 ) -> SweepResult:
@@ -59,9 +59,9 @@ def sweep(
         number nor a string is pickled there: open no file from a source that you do not trust.
     n_jobs : int, default: 1
         Number of parallel workers, each with one BLAS thread; negative as for `joblib.Parallel`, -1: all cores.
-    backend : str or joblib backend, optional
-        "loky" (processes), "threading", "dask", or another backend of joblib.  If None, this process with ``n_jobs=1``, else
-        joblib's default, processes unless `joblib.parallel_config` says otherwise.
+    backend : str, optional
+        "loky" (processes), "threading", "dask", or another backend that joblib knows by name.  If None, this process with
+        ``n_jobs=1``, else joblib's default, processes unless `joblib.parallel_config` says otherwise.
     units : mapping of str to str, optional
         Units of parameters and results, for tables and plots.
     progress : callable, optional
@@ -115,13 +115,9 @@ def sweep(
     points = [dict(zip(axes, row, strict=True)) for row in rows]
     arguments = [{name: axes[name][label] for name, label in point.items()} for point in points]
     named = mapping("units", {} if units is None else units, "names to units")
-    for name, unit in named.items():
-        instance(f"unit of {name!r}", unit, str)
     job_count(n_jobs)
     if backend is not None:
-        instance("backend", backend, (str, ParallelBackendBase), "the name of a joblib backend, or one")
-    if isinstance(backend, str):
-        known("backend", backend, [*BACKENDS, *EXTERNAL_BACKENDS])
+        known("backend", instance("backend", backend, str), [*BACKENDS, *EXTERNAL_BACKENDS])
     found: dict[int, Outcome] = {}
     with computing("sweep", progress) as tell:
         file = None if checkpoint is None else Checkpoint(checkpoint, function)
@@ -136,11 +132,8 @@ def sweep(
                     file.add(points[k], arguments[k], outcome)
                 tell("", len(found), len(points))
     ordered = [found[k] for k in range(len(points))]
-    failures = tuple(
-        FailedPoint(point, each.error, each.trace)
-        for point, each in zip(points, ordered, strict=True)
-        if each.columns is None
-    )
+    failed = [(points[k], each) for k, each in enumerate(ordered) if each.columns is None]
+    failures = tuple(FailedPoint(point, each.error, each.trace) for point, each in failed)
     _report(failures, len(points))
     return SweepResult(
         labels={name: tuple(axis) for name, axis in axes.items()},
@@ -199,7 +192,7 @@ def _outcomes(
 ) -> Generator[tuple[int, Outcome], None, None]:
     """Yield the outcomes of points by place, as they are computed."""
     with nullcontext() if backend is None else joblib.parallel_config(backend):
-        parallel = joblib.Parallel(n_jobs, return_as="generator_unordered")
+        parallel = joblib.Parallel(n_jobs, return_as="generator_unordered", batch_size=1)
     here = n_jobs == 1 and backend is None
     try:
         yield from parallel(joblib.delayed(_outcome)(function, k, point, here) for k, point in waiting.items())
