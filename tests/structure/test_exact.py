@@ -1,13 +1,10 @@
 """Exact beams: textbook roots, the beam equation in fifty digits, and a count that misses no mode."""
 
-import mpmath as mp
 import numpy as np
 import pytest
 from hypothesis import given
-from hypothesis import strategies as st
 
 import boomctl as bc
-from boomctl.boom.model import ACTUATORS, boom_assembly
 from boomctl.lab.benchmark.references.high_precision import exact_response
 from boomctl.structure import (
     GROUND,
@@ -22,7 +19,7 @@ from boomctl.structure import (
     free,
     revolute,
 )
-from boomctl.structure.beams.dynamic_stiffness import clamped_count, end_functions
+from boomctl.structure.beams.dynamic_stiffness import clamped_count
 from boomctl.structure.beams.eigenvalues import undamped_frequencies
 from boomctl.structure.beams.exact import _functions, kinds_of
 from tests.references import ROOTS, natural_frequencies
@@ -60,32 +57,6 @@ def test_the_hundredth_root_is_the_asymptotic_one(supports, shift):
     found = np.sqrt(undamped_frequencies(beam(supports).exact(), 100))
     assert np.diff(found)[10:] == pytest.approx(np.pi, rel=1e-11)
     assert found[-1] == pytest.approx((100 + shift) * np.pi, rel=1e-14)
-
-
-@given(st.floats(0.5, 400.0))
-def test_end_functions_equal_their_quotients_in_fifty_digits(z):
-    """Textbook quotients of hyperbolic and circular functions; a pole of theirs is a clamped-clamped root."""
-    with mp.workdps(50 + int(z)):
-        x = mp.mpf(z)
-        ch, sh, c, s = mp.cosh(x), mp.sinh(x), mp.cos(x), mp.sin(x)
-        below = 1 - ch * c
-        expected = [
-            x**3 * (ch * s + sh * c),
-            x**2 * sh * s,
-            x * (ch * s - sh * c),
-            -(x**3) * (sh + s),
-            x**2 * (ch - c),
-            x * (sh - s),
-        ]
-        expected = np.array([float(value / below) for value in expected])
-        amplification = float(abs(x * (sh * c - ch * s) / below)) + 10
-    found = end_functions(np.array([z**4], dtype=complex))[:, 0]
-    scale = np.abs(expected) + z ** np.array([3, 2, 1, 3, 2, 1])
-    assert (np.abs(found - expected) < 1e-15 * 4 * amplification * scale).all()
-
-
-def test_end_functions_start_from_the_static_beam():
-    assert np.array_equal(end_functions(np.zeros(1, dtype=complex))[:, 0], [12, 6, 4, -12, 6, 2])
 
 
 def dynamic_stiffness(exact, s):
@@ -126,32 +97,6 @@ def test_the_count_is_the_number_of_modes_of_a_stepped_beam(seed):
     omega = omega[np.abs(omega[:, None] / np.maximum(modes, 1e-3) - 1).min(axis=1) > 1e-6]
     expected = (modes[None, :] < omega[:, None]).sum(axis=1)
     assert np.array_equal(machine.exact().count_below(omega), expected)
-
-
-def test_the_count_is_the_number_of_modes_of_the_boom():
-    exact = boom_assembly(bc.BoomParameters(), FiniteElements(1)).exact().prescribed(ACTUATORS)
-    modes = natural_frequencies(bc.spray_boom(discretization="high-order", elements=12, order=14))
-    omega = np.random.default_rng(1).uniform(0.0, modes[30], 400)
-    omega = omega[np.abs(omega[:, None] / np.maximum(modes, 1e-3) - 1).min(axis=1) > 1e-6]
-    assert np.array_equal(exact.count_below(omega), (modes[None, :] < omega[:, None]).sum(axis=1))
-
-
-@given(seeds)
-def test_a_section_cut_in_two_is_the_same_beam(seed):
-    rng = np.random.default_rng(seed)
-    share, omega = rng.uniform(0.05, 0.95), rng.uniform(0.1, 300.0, 5)
-    whole = BeamSection(2.0, 1.3, 0.7, 1e-3)
-    parts = [BeamSection(2.0 * part, 1.3, 0.7, 1e-3) for part in (share, 1 - share)]
-    Y, Z = (beam("pinned-free", x).exact().response(omega, ["f"], ["y"]) for x in ([whole], parts))
-    assert np.abs(Y - Z).max() < 1e-11 * np.abs(Y).max()
-
-
-@pytest.mark.parametrize("output", [{"derivative": 1}, {"derivative": 2}, {"bandwidth_hz": 2.0}])
-def test_only_plain_displacements_are_read_off_exact_beams(output):
-    machine = random_stepped_beam(0)
-    exact = Assembly(machine.bodies, (), machine.forces, (Output("y", machine.outputs[0].point, **output),)).exact()
-    with pytest.raises(ValueError, match=r"the exact beam offers .* only"):
-        exact.response(np.array([1.0]), ["tip"], ["y"])
 
 
 @pytest.mark.parametrize("inputs", [None, "actuator_left"])

@@ -14,9 +14,7 @@ from boomctl.structure import (
     Assembly,
     Beam,
     Force,
-    Output,
     RigidBody,
-    SpringDamper,
     free,
     prescribe_displacement,
 )
@@ -97,40 +95,6 @@ def test_accelerations_that_need_no_derivative_are_realised_and_others_refused(s
         return
     with pytest.raises(ValueError, match="needs a derivative of input"):
         model.to_statespace()
-
-
-@given(seeds)
-@examples(100)
-def test_springs_beside_held_actuators_change_nothing(seed):
-    """However stiff they are, wherever on an actuator's line they act: nothing strains them."""
-    rng = np.random.default_rng(seed)
-    size = 10.0 ** rng.uniform(-3, 3)
-    places = size * rng.uniform(-2.0, 2.0, (4, 2))
-    one = RigidBody("one", GROUND.at(*places[0]), free("x", "y", "theta"), 2.0, 0.7 * size**2, tuple(places[1]))
-    two = RigidBody("two", one.at(*places[2]), free("x", "y", "theta"), 1.0, 0.2 * size**2, tuple(places[3]))
-    links = [
-        SpringDamper(two.at(*places[3]), one.at(*places[3]), "x", 3.0, 0.1)
-    ]  # what is left to move is free but for it
-    held, beside = [], []
-    for k, (a, b) in enumerate(((one, GROUND), (two, one), (two, GROUND))):
-        angle, place = rng.uniform(-3.0, 3.0), size * rng.uniform(-2.0, 2.0, 2)
-        held.append(Force(f"hold{k}", a.at(*place), angle, None if b is GROUND else b.at(*place)))
-        along = place + size * rng.uniform(-3.0, 3.0) * np.array([cos(angle), sin(angle)])
-        beside.append(SpringDamper(a.at(*along), b.at(*along), angle, 10.0 ** rng.uniform(-2, 6), 0.3))
-    forces = (*held, Force("push", two.at(*places[0]), 0.3))
-    outputs = (Output("tip", two.at(*places[1]), "y"), Output("turn", one.at(*places[0]), "theta"))
-    plain, with_them = (
-        prescribe_displacement(
-            Assembly((one, two), tuple(chosen), forces, outputs).assemble(), hold=["hold0", "hold1", "hold2"]
-        )
-        for chosen in (links, [*links, *beside])
-    )
-    for responses in (
-        lambda m: m.frequency_response(OMEGA).frdata,
-        lambda m: state_space_response(m.to_statespace(), OMEGA),
-    ):
-        found, true = responses(with_them), responses(plain)
-        assert (np.abs(found - true) <= 1e-8 * np.abs(true).max(axis=2, keepdims=True)).all()
 
 
 @given(seeds)

@@ -49,22 +49,11 @@ def test_more_digits_change_nothing():
         assert largest(few, many) < 1e-14
 
 
-def test_sigma_is_that_of_numpy():
-    response = exact_response(bc.BoomParameters(), OMEGA)[:2, :2]
-    values = np.linalg.svd(np.moveaxis(response, 2, 0), compute_uv=False).T
-    assert sigma_of(response) == pytest.approx(values, rel=1e-12)
-
-
 def test_damped_eigenvalues():
     p = bc.BoomParameters()
     hertz = bc.exact_eigenfrequencies_hz(p)
     found = damped_eigenvalues(p, 2j * np.pi * hertz * (1.0 + 0.02j))
     assert found.imag / (2.0 * np.pi) == pytest.approx(hertz, rel=1e-10)
-
-
-def test_odd_meshes_are_refused():
-    with pytest.raises(ValueError, match="even"):
-        mesh_response(bc.BoomParameters(), OMEGA, 7)
 
 
 @pytest.mark.slow

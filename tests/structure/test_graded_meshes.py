@@ -108,28 +108,3 @@ def test_frequencies_of_unlike_sections_and_tiny_elements_are_right_or_said_to_b
                 assert truth[count - 1] > 1e9 * truth[0], error  # noqa: PT017
                 break
         assert said or found == pytest.approx(truth[:count], rel=1e-8)
-
-
-@pytest.mark.slow
-@given(seeds)
-@examples(12)
-def test_large_meshes_with_tiny_elements_have_the_modes_of_small_ones(seed):
-    """Too large for strain coordinates; damped and undamped, or said to be rounded."""
-    sections, nodes = unlike_sections(seed)
-    sections = [BeamSection(s.length, s.mass_per_length, s.bending_stiffness, 1e-4) for s in sections]
-    found = []
-    for extra in (250, 380):
-        even = np.linspace(0.0, 1.0, extra + 2)[1:-1]
-        apart = np.abs(even[:, None] - nodes).min(axis=1) > 1e-4
-        with warnings.catch_warnings(record=True) as said:
-            warnings.simplefilter("always", AccuracyWarning)
-            try:
-                model = clamped(sections, np.unique(np.concatenate([nodes, even[apart]])))
-            except ValueError as error:
-                assert "one node for both" in str(error)  # noqa: PT017
-                return
-            found.append((undamped_modes(model.structure, 3)[0], model.eigenfrequencies_hz(2)))
-    assert model.n > 700
-    if not said:
-        for small, large in zip(*found, strict=True):
-            assert large == pytest.approx(small, rel=1e-5)  # the mesh's own error is up to 1e-6

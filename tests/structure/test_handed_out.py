@@ -15,12 +15,6 @@ from tests.strategies import seeds
 
 BAND = np.geomspace(0.1, 600.0, 80)
 ACCURACY = {12: 1e-9, 100: 1e-7}
-SCENES = {
-    "displacement": {},
-    "velocity": {"excitation": "velocity"},
-    "force": {"excitation": "force"},
-    "discrete": {"discretization": "discrete-hermite"},
-}
 
 
 @pytest.fixture(scope="module", params=[12, 100])
@@ -34,40 +28,11 @@ def relative(found, true):
     return (np.abs(found - true).max(axis=(0, 1)) / np.abs(true).max(axis=(0, 1))).max()
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("elements", [2, 12, 100])
-@pytest.mark.parametrize("scene", SCENES)
-def test_evaluation(elements, scene):
-    model = bc.spray_boom(elements=max(elements, 4), accelerometer_bandwidth_hz=20.0, **SCENES[scene])
-    system = model.to_statespace()
-    assert relative(system(1j * BAND), model.frequency_response(BAND).frdata) < ACCURACY.get(elements, 1e-9)
-    found = control.frequency_response(system, BAND).frdata
-    assert relative(found, model.frequency_response(BAND).frdata) < ACCURACY.get(elements, 1e-9)
-
-
 def test_every_channel_away_from_its_zeros(boom):
     model, system, accuracy = boom
     true = model.frequency_response(BAND).frdata
     shown = np.abs(true) > 1e-3 * np.abs(true).max(axis=2, keepdims=True)
     assert (np.abs(system(1j * BAND) - true)[shown] / np.abs(true)[shown]).max() < accuracy
-
-
-def test_poles(boom):
-    model, system, accuracy = boom
-    found = np.sort(control.poles(system).imag)
-    # the filters of accelerometers are no modes
-    own = np.sort(found[found > 0.0])
-    for frequency in model.eigenfrequencies_hz(8):
-        assert np.abs(own / (2.0 * np.pi * frequency) - 1.0).min() < accuracy
-
-
-def test_damping_and_dc_gain(boom):
-    model, system, accuracy = boom
-    small = model.select(["actuator_left", "actuator_right"], ["tip_left", "tip_right"])
-    slow = small.frequency_response([0.0]).frdata[:, :, 0]
-    assert np.abs(control.dcgain(small.to_statespace()) - slow).max() < accuracy * np.abs(slow).max()
-    frequencies, _, _ = control.damp(system, doprint=False)
-    assert (frequencies > 0.0).sum() >= 8
 
 
 def test_norms(boom):
@@ -81,18 +46,6 @@ def test_norms(boom):
     if model.n < 40:  # of 400 states it takes seconds
         assert bc.hinf_norm(given).lower == pytest.approx(ours.peak, rel=2e-6)
         assert control.linfnorm(given)[0] == pytest.approx(ours.peak, rel=1e-6)
-
-
-def test_time_response(boom):
-    model, _, accuracy = boom
-    small = model.select(["actuator_left", "actuator_right"], ["tip_left", "tip_right"])
-    t = np.linspace(0.0, 2.0, 2001)
-    u = np.vstack([np.sin(3.0 * t), np.cos(5.0 * t) - 1.0])
-    ours = bc.forced_response(small, dict(zip(small.inputs, u, strict=True)), t, accuracy=1e-10)
-    theirs = control.forced_response(small.to_statespace(), t, u)
-    for name in small.outputs:
-        error = np.abs(theirs.outputs[theirs.output_labels.index(name)] - ours[name]).max()
-        assert error < accuracy * np.abs(ours[name]).max()
 
 
 def test_names_are_kept_and_modes_are_named(boom):
@@ -117,11 +70,6 @@ def test_matrices_given_keep_their_coordinates_if_they_are_even_and_are_turned_i
     omega = np.geomspace(0.1, 1e5, 60)
     # the soft part of these entries is stored to a ten-millionth
     assert relative(stiff(1j * omega), chain(1e9).frequency_response(omega).frdata) < 1e-6
-
-
-def test_a_word_that_is_none_of_them_is_refused():
-    with pytest.raises(ValueError, match="states = 'modal': expected 'modes', 'coordinates' or None"):
-        bc.spray_boom().to_statespace(states="modal")
 
 
 @examples(200)

@@ -9,11 +9,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 import boomctl as bc
-from boomctl.boom.model import ACTUATORS, TIPS
-from boomctl.structure import Assembly, FiniteElements, SecondOrderModel, assembly
-from boomctl.structure.damping import separated_damping
-from boomctl.structure.layout import Squares
-from boomctl.structure.matrices import halves
+from boomctl.structure import Assembly, FiniteElements, assembly
 from boomctl.structure.response.direct import respond
 from tests.references import dense, direct
 from tests.strategies import random_machine, seeds
@@ -115,60 +111,6 @@ def test_halves_are_those_of_the_matrices(elements):
             whole, part = dense(getattr(model.structure, name)), dense(getattr(half, name))
             assert np.abs(P.T @ whole @ P - part).max() < 1e-13 * np.abs(part).max()
             assert np.array_equal(part, part.T)
-
-
-@given(seeds, st.integers(1, 30), st.integers(65, 90))
-def test_squares_rows_with_few_entries_sum_to_the_product(seed, lines, n):
-    rng = np.random.default_rng(seed)
-    rows = rng.standard_normal((lines, n)) * (rng.random((lines, n)) < 0.03)
-    weight = rng.uniform(0.0, 2.0, lines)
-    expected, squares = rows.T @ np.diag(weight) @ rows, Squares.of(rows)
-    assert squares is not None
-    found = squares.summed(weight)
-    assert np.abs(found - expected).max() < 1e-14 * max(1.0, np.abs(expected).max())
-    assert np.array_equal(found, found.T)
-    assert Squares.of(np.ones((lines, n))) is None
-
-
-@pytest.mark.parametrize("elements", [1, 2, 6, 20, 50])
-@pytest.mark.parametrize("excitation", ["displacement", "acceleration", "force"])
-def test_halves_answered_together_are_those_answered_alone(elements, excitation):
-    model = bc.spray_boom(elements=elements, excitation=excitation).select(ACTUATORS, TIPS)
-    found = respond(model.structure, model.ports, OMEGA)
-    alone = np.zeros_like(found.values)
-    for half in halves(model.structure, model.ports):
-        (part,) = [respond(half.structure, half.ports, OMEGA).values]
-        alone += np.einsum("ou,uvf,iv->oif", half.W_out, part, half.W_in)
-    assert np.abs(found.values - alone).max() < 1e-12 * np.abs(alone).max()
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("elements", [6, 12, 20, 35, 60])
-def test_modes_through_rows_keep_their_digits(elements):
-    """Beside dense solutions, corrected once by the forces that strain rows say are left over."""
-    model = bc.spray_boom(elements=elements).select(ACTUATORS, TIPS)
-    found = respond(model.structure, model.ports, OMEGA)
-    assert found.path == ("halves", "undamped modes", "undamped modes")
-    ports, s = model.ports, 1j * OMEGA
-    B = (ports.B[0][:, :, None] + ports.B[1][:, :, None] * s + ports.B[2][:, :, None] * s**2).transpose(2, 0, 1)
-    D = model.structure.at(s)
-    X = np.linalg.solve(D, B)
-    flat = X.transpose(1, 0, 2).reshape(model.n, -1)
-    force = model.structure.force(flat, np.repeat(s, 2)).reshape(model.n, len(s), 2).transpose(1, 0, 2)
-    expected = (ports.L[0] @ (X + np.linalg.solve(D, B - force))).transpose(1, 2, 0) + ports.E[0][:, :, None]
-    assert np.abs(found.values - expected).max() < 1e-11 * np.abs(expected).max()
-
-
-@given(seeds)
-def test_damping_in_its_parts_is_the_damping(seed):
-    model = random_machine(seed).assemble()
-    for structure in (model.structure, SecondOrderModel(model.M, model.C, model.K).structure):
-        parts = separated_damping(structure)
-        if parts is None:
-            continue
-        K, C = dense(structure.K), dense(structure.C)
-        found = parts.beta * K + parts.U @ np.diag(parts.gamma) @ parts.U.T
-        assert np.abs(found - C).max() <= 1e-8 * np.abs(C).max()
 
 
 def test_pickled_models_carry_what_they_are_made_of_alone():

@@ -109,24 +109,3 @@ def test_poles_do_not_depend_on_what_is_imposed_twice_or_on_forces(structure):
     models = [prescribe_displacement(structure.model, "f0", motion=m) for m in ("displacement", "acceleration")]
     first, second = (model.eigenfrequencies_hz(1) for model in models)
     assert np.array_equal(first, second)
-
-
-def test_more_modes_than_there_are_is_an_error():
-    model = chain(3, 1.0)
-    assert len(model.eigenfrequencies_hz(3)) == 3
-    with pytest.raises(ValueError, match="count = 4: the model has only 3 damped eigenfrequencies"):
-        model.eigenfrequencies_hz(4)
-
-
-@pytest.mark.parametrize(
-    ("M", "K", "message"),
-    [
-        (np.diag([1.0, -1.0]), np.eye(2), "M|mass"),
-        (np.eye(2), np.diag([1.0, -1.0]), "K|stiffness"),
-        (np.eye(2), np.array([[1.0, 0.5], [0.0, 1.0]]), "symmetric K"),
-        (np.array([[1.0, 0.5], [0.0, 1.0]]), np.eye(2), "symmetric M"),
-    ],
-)
-def test_modes_of_what_is_no_structure_are_refused(M, K, message):
-    with pytest.raises(ValueError, match=message):
-        undamped_modes(SecondOrderModel(M, np.eye(2), K).structure)

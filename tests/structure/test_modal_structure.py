@@ -71,12 +71,6 @@ def test_structure_of_modal_model_has_its_response(seed):
     check(seed)
 
 
-@pytest.mark.slow
-def test_structures_of_300_modal_models_have_responses():
-    for seed in range(20, 320):
-        check(seed)
-
-
 def test_mass_with_friction_is_one_coordinate():
     """Of ``k/(s (s + a))`` the residues at 0 and at ``-a`` are ``k/a`` and ``-k/a``."""
     residues = np.array([[[0.5]], [[-0.5]]])
