@@ -51,14 +51,6 @@ def test_the_norm_lies_above_a_dense_grid_and_is_attained(seed):
     assert values.max() >= found.lower * 0.98
 
 
-@examples(100)
-@given(st.integers(0, 100_000))
-def test_the_norm_is_that_of_slicot(seed):
-    system = random_system(seed, lightest=2.0, scaled=1.0)
-    # its bisection ends at 1e-4 on some systems: it is told by a grid above which of the two is right
-    assert hinf_norm(system).lower == pytest.approx(control.linfnorm(system)[0], rel=1e-3)
-
-
 def test_poles_whose_image_rounding_hides_have_a_norm():
     """All poles are ``z = -1/2``, but coupled so strongly that ``A + 1`` has no inverse in floats."""
     n = 16
@@ -80,13 +72,6 @@ def test_a_pair_of_poles_has_the_norm_of_its_closed_form(slack, angle):
     found = hinf_norm(system)
     assert found.lower == pytest.approx(exact, rel=max(1e-5, 1e-14 / slack))
     assert found.omega == pytest.approx(np.arctan2(s, c) / 0.01, rel=1e-6)
-
-
-def test_the_norm_of_a_tustin_discretisation_is_that_of_the_continuous_system():
-    system = control.rss(6, 2, 2, strictly_proper=True)
-    shifted = control.ss(system.A - 0.01 * np.eye(6), system.B, system.C, system.D)
-    discrete = control.sample_system(shifted, 0.05, "tustin")
-    assert hinf_norm(discrete).lower == pytest.approx(hinf_norm(shifted).lower, rel=1e-6)
 
 
 @pytest.mark.parametrize("states", [2, 3, 4])
@@ -169,22 +154,11 @@ def test_singular_values_end_at_half_the_sampling_rate(seed):
     assert not s.unstable
 
 
-def test_frequencies_above_half_the_sampling_rate_are_refused_by_name():
-    system = random_system(1)
-    top = np.pi / system.dt
-    with pytest.raises(ValueError, match=r"^omega: expected at most half the sampling rate"):
-        sigma(system, [1.1 * top])
-    with pytest.raises(ValueError, match=r"^frequency_hz: expected at most half the sampling rate, .* Hz, got"):
-        sigma(system, frequency_hz=[1.1 * top])
-    assert sigma(system, frequency_hz=[0.5 / system.dt]).omega[0] == pytest.approx(top)
-    with pytest.raises(ValueError, match=r"^systems\['b'\]: omega: expected at most half"):
-        compare_sigma({"a": control.ss(-1.0, 1.0, 1.0, 0.0), "b": control.ss(0.5, 1.0, 1.0, 0.0, 0.1)}, [100.0])
-
-
 def test_a_continuous_system_and_its_samples_are_compared_where_both_have_frequencies():
     slow = control.ss([[0.0, 1.0], [-4.0, -0.04]], [[0.0], [1.0]], [[1.0, 0.0]], 0.0)
     both = compare_sigma({"continuous": slow, "sampled": control.sample_system(slow, 0.2)})
     assert (both["continuous"].omega == both["sampled"].omega).all()
+    assert "continuous: u[0] -> y[0], peak " in repr(both)
     assert both["sampled"].omega[-1] <= np.pi / 0.2
     assert both["sampled"].peak == pytest.approx(both["continuous"].peak, rel=0.1)
 
@@ -201,7 +175,6 @@ def test_modes_are_those_that_were_sampled():
         assert other.z == pytest.approx(np.exp(0.1 * row.pole))
         assert (row.z, row.damping) == (None, pytest.approx(other.damping))
     assert "z" in sampled.render().splitlines()[1].split()
-    assert "z" not in table.render().splitlines()[1].split()
     assert "<th>z</th>" in sampled._repr_html_()
 
 
@@ -211,13 +184,3 @@ def test_a_pole_at_zero_and_one_that_changes_sign_have_rates():
     assert negative.pole == pytest.approx(np.log(0.5) / 0.1 + 1j * np.pi / 0.1)
     assert (dead.pole.real, dead.damping, dead.z) == (-np.inf, 1.0, 0.0)
     assert dead.peaks == pytest.approx(np.ones((1, 1)))
-
-
-@pytest.mark.parametrize("function", [sigma, hinf_norm, h2_norm, mode_table])
-def test_a_sampling_time_that_is_not_said_is_refused(function):
-    with pytest.raises(
-        ValueError, match=r"^system: expected continuous time or a sampling time in seconds, got dt = True"
-    ):
-        function(control.ss(0.5, 1.0, 1.0, 0.0, True))
-    with pytest.raises(ValueError, match=r"^system: expected a sampling time from 1e-30 to 1e\+30 s, got 1e-200 s"):
-        function(control.ss(0.5, 1.0, 1.0, 0.0, 1e-200))

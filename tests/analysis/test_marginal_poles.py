@@ -1,5 +1,7 @@
 """Modes at the imaginary axis: what the digits given tell is told, and what they do not tell is not certified."""
 
+from types import SimpleNamespace
+
 import control
 import numpy as np
 import pytest
@@ -9,10 +11,11 @@ from scipy import linalg
 
 import boomctl as bc
 from boomctl.analysis.marginal_poles import marginal_poles
+from boomctl.analysis.prove import CertificateError, Claim
 from boomctl.analysis.sum_over_modes import bounds
 from boomctl.lti.frequency import singular_values
 from boomctl.lti.rounding import CANCELLED
-from boomctl.lti.system import Lti
+from boomctl.lti.system import Lti, of
 from tests.exact import Exact
 from tests.profiles import examples
 
@@ -58,6 +61,14 @@ def test_a_mode_on_the_axis_that_does_not_show_does_not_count(A, hidden):
     assert norm.lower == pytest.approx(REST, rel=1e-6)
     assert energy.certified
     assert energy.value == pytest.approx(REST / np.sqrt(2.0), rel=1e-9)
+
+
+@pytest.mark.parametrize("A", [[[0.0]], block(0.0), [[0.0, 1.0], [0.0, 0.0]]], ids=["integrator", "undamped", "rigid"])
+def test_claimed_stability_of_mode_on_the_axis_is_refuted(A):
+    n = len(A)
+    claim = Claim("loop", of(beside(np.array(A), np.eye(n)[:, -1:], np.eye(n)[0])), stable=True)
+    with pytest.raises(CertificateError, match=f"{n} lie on the boundary of stability"):
+        bc.prove(SimpleNamespace(__claims__=lambda: iter([claim])))
 
 
 @given(damping=st.floats(-13.0, -3.0), omega=st.floats(-3.0, 3.0))
@@ -113,18 +124,6 @@ def test_what_only_rounding_decides_is_not_certified_finite(A, seed):
     hidden = turned(beside(np.array(A), np.zeros((n, 1)), np.eye(n)[0]), seed)
     norm = bc.hinf_norm(hidden)
     assert norm.lower == np.inf or norm.upper == np.inf or not norm.certified
-
-
-@pytest.mark.parametrize("excitation", ["velocity", "force"])
-def test_integrating_booms_are_infinite_and_accelerations_too(excitation):
-    assert bc.sigma(bc.spray_boom(excitation=excitation)).peak == np.inf
-
-
-def test_undamped_booms_are_infinite_however_they_are_handed_over():
-    p = bc.BoomParameters(structural_damping=0.0, hinge_damping=0.0, cradle_damping=0.0)
-    model = bc.spray_boom(p, elements=4)
-    assert bc.sigma(model).peak == np.inf
-    assert bc.hinf_norm(model.to_statespace()).lower == np.inf
 
 
 @given(seed=st.integers(0, 10**6), dt=st.sampled_from([0.0, 0.1]))

@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from boomctl.analysis import feedback_loop, margins
+from boomctl.analysis import margins
 from boomctl.analysis.marginal_poles import marginal_poles
-from boomctl.analysis.margins import UncertainMarginsWarning, _roots
+from boomctl.analysis.margins import UncertainMarginsWarning
 from boomctl.analysis.norm import matrices_norm
 from tests.analysis.loop_cases import SIGNALS, chain, velocity_feedback
 from tests.analysis.stepped import radius
@@ -22,17 +22,6 @@ from tests.profiles import examples
 def loop(A, B, C, gain):
     plant = control.ss(A, B, C, 0.0, inputs=["u"], outputs=["y"])
     return plant, control.ss([], [], [], [[-gain]], inputs=["y"], outputs=["u"])
-
-
-@given(st.floats(0.01, 100.0))
-@examples(15)
-def test_an_integrator_has_ninety_degrees_and_the_largest_disk(gain):
-    found = margins(*loop([[0.0]], [[1.0]], [[1.0]], gain))["u"]
-    assert found.gain_high == np.inf
-    assert found.phase_deg == pytest.approx(90.0, rel=1e-6)
-    assert found.phase_omega == pytest.approx(gain, rel=1e-6)
-    assert found.delay == pytest.approx(np.pi / 2 / gain, rel=1e-6)
-    assert found.disk.alpha == pytest.approx(2.0, rel=1e-4)
 
 
 @given(st.floats(0.2, 7.0))
@@ -46,22 +35,6 @@ def test_three_equal_lags_bear_a_gain_of_eight(gain):
         omega = np.sqrt(gain ** (2.0 / 3.0) - 1.0)
         assert found.phase_deg == pytest.approx(180.0 - 3.0 * np.degrees(np.arctan(omega)), rel=1e-5)
     assert found.gain_high >= found.disk.gain * (1.0 - 1e-5)
-
-
-@given(st.integers(0, 200), st.floats(0.05, 0.5))
-@examples(4)
-def test_limits_are_where_the_loop_loses_stability_and_disks_lie_inside(seed, gain):
-    plant, K = chain(seed), velocity_feedback(gain, 8.0)
-    found = margins(plant, K)
-    for row in found.loops:
-        assert row.disk.alpha >= found.everywhere.alpha * (1.0 - 1e-4)
-        assert row.gain_high >= row.disk.gain * (1.0 - 1e-4)
-        assert row.phase_deg >= row.disk.phase_deg * (1.0 - 1e-4)
-        if row.place == "control" and row.gain_high < 1e3:
-            for factor, stable in ((row.gain_high * 0.999, True), (row.gain_high * 1.001, False)):
-                scale = np.where(np.array(SIGNALS["outputs"]) == row.signal, factor, 1.0)[:, None]
-                changed = control.ss(K.A, K.B, scale * K.C, scale * K.D, **SIGNALS)
-                assert (feedback_loop(plant, changed).poles().real.max() < 0.0) == stable
 
 
 def test_margins_do_not_depend_on_units():
@@ -79,11 +52,6 @@ def test_margins_do_not_depend_on_units():
     assert "all at once: everywhere" in first.render()
 
 
-def test_an_unstable_loop_has_none():
-    with pytest.raises(ValueError, match="not stable"):
-        margins(chain(0), velocity_feedback(-3.0))
-
-
 @given(st.floats(0.05, 0.95))
 @examples(10)
 def test_a_loop_that_is_lost_at_rest_is_limited_there(gain):
@@ -91,24 +59,6 @@ def test_a_loop_that_is_lost_at_rest_is_limited_there(gain):
     found = margins(*loop([[-1.0]], [[1.0]], [[1.0]], -gain))["u"]
     assert found.gain_high == pytest.approx(1.0 / gain, rel=1e-9)
     assert found.gain_high_omega == 0.0
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", range(3))
-def test_one_loop_at_a_time_is_the_loop_closed_by_all_others(seed):
-    plant, K = chain(seed), velocity_feedback(0.2, 8.0)
-    whole, named = margins(plant, K), SIGNALS["outputs"]
-    for i, name in enumerate(named):
-        others = [j for j in range(2) if j != i]
-        rest = control.ss(
-            K.A, K.B, K.C[others], K.D[others], inputs=SIGNALS["inputs"], outputs=[named[j] for j in others]
-        )
-        opened = feedback_loop(plant, rest)
-        own = control.ss(K.A, K.B, K.C[[i]], K.D[[i]], inputs=SIGNALS["inputs"], outputs=[name])
-        alone = margins(opened, own)[name]
-        for field in ("gain_low", "gain_high", "phase_deg", "delay"):
-            assert getattr(whole[name], field) == pytest.approx(getattr(alone, field), rel=1e-6)
-        assert whole[name].disk.alpha == pytest.approx(alone.disk.alpha, rel=1e-4)
 
 
 def lag(*roots, zeros=(), gain=1.0):
@@ -127,17 +77,6 @@ def test_no_delay_is_borne_where_the_gain_stays_above_one(gain, zero, pole):
     """``L = -gain (s + zero)/(s + pole)``: at high frequencies a delay turns it to any angle."""
     found = opened(lag(pole, zeros=[zero]), gain)
     assert (found.delay, found.delay_omega) == (0.0, np.inf)
-
-
-@given(st.floats(0.1, 0.99), st.floats(1.1, 10.0), st.floats(0.01, 100.0))
-@examples(20)
-def test_a_delay_is_borne_where_the_gain_falls_below_one(gain, rest, pole):
-    """``L = -gain (s + b)/(s + pole)``, ``rest`` at rest: gain one at a frequency in closed form."""
-    b = rest * pole / gain
-    found = opened(lag(pole, zeros=[b]), gain)
-    omega = np.sqrt((gain**2 * b**2 - pole**2) / (1.0 - gain**2))
-    angle = np.angle(-(1j * omega + b) / (1j * omega + pole)) % (2.0 * np.pi)
-    assert found.delay == pytest.approx(angle / omega, rel=1e-5)
 
 
 @pytest.mark.parametrize("zero", [3.0, 0.5])
@@ -265,7 +204,7 @@ def test_a_loop_opened_where_the_rest_of_it_swings_undamped(stiffness):
 
 
 def random_case(seed, kind):
-    """Return a stable random loop: a plant and a controller in continuous time, both discrete, or a sampled loop."""
+    """Return a stable random loop in continuous time, discrete or sampled: a plant, a controller and a delay."""
     rng = np.random.default_rng(seed)
     n, q, m, p = (int(rng.integers(low, high)) for low, high in ((1, 6), (0, 4), (1, 3), (1, 3)))
     dt = {"continuous": 0.0, "discrete": 0.1, "sampled": 10.0 ** rng.uniform(-2.0, 0.3)}[kind]
@@ -283,11 +222,11 @@ def random_case(seed, kind):
     B, C = rng.standard_normal((n, m)), rng.standard_normal((p, n))
     plant = control.ss(stable(n, plant_dt), B, C, D, plant_dt, inputs=u, outputs=y)
     AK, BK, CK, DK = stable(q, dt), *(rng.standard_normal(shape) for shape in ((q, p), (m, q), (m, p)))
-    gain = 10.0 ** rng.uniform(-1.0, 1.5)
+    gain, late = 10.0 ** rng.uniform(-1.0, 1.5), dt * (0.0, 1.0, 0.3, 1.7)[seed % 4] * (kind == "sampled")
     while True:
         K = control.ss(AK, BK, gain * CK, gain * DK, dt, inputs=y, outputs=u)
-        if growth(plant, K, u[0], 1.0) < -1e-4:
-            return plant, K
+        if growth((plant, K, late), u[0], 1.0) < -1e-4:
+            return plant, K, late
         gain /= 2.0
 
 
@@ -313,13 +252,14 @@ def closed_matrix(plant, K, signal, factor, samples=0):
     return np.block([[plant.A + plant.B @ D @ plant.C, plant.B @ C], [B @ plant.C, A]])
 
 
-def growth(plant, K, signal, factor, *, delay=0.0):
+def growth(loop, signal, factor, *, delay=0.0):
     """Return the spectral abscissa of a continuous loop, or the spectral radius of a discrete one less one.
 
     A continuous loop with a delay is discretized by collocation at Chebyshev points of its history.
     """
+    plant, K, late = loop
     if K.dt and not plant.dt:
-        return radius(plant, K, 0.0, gain=factor, of=signal, further=delay, at=signal) - 1.0
+        return radius(plant, K, late, gain=factor, of=signal, further=delay, at=signal) - 1.0
     if K.dt:
         poles = np.linalg.eigvals(closed_matrix(plant, K, signal, factor, round(delay / K.dt)))
         return float(np.abs(poles).max()) - 1.0
@@ -340,14 +280,17 @@ def growth(plant, K, signal, factor, *, delay=0.0):
 @given(st.integers(0, 100_000))
 @examples(60)
 def test_margin_is_where_brute_force_loses_stability(kind, seed):
-    plant, K = random_case(seed, kind)
+    plant, K, late = random_case(seed, kind)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)
-        found = margins(plant, K)
+        found = margins(plant, K, delay=late)
     for loop in found.loops:
+        assert loop.disk.alpha >= found.everywhere.alpha * (1.0 - 1e-4)
+        assert loop.gain_high >= loop.disk.gain * (1.0 - 1e-4)
+        assert loop.phase_deg >= loop.disk.phase_deg * (1.0 - 1e-4)
 
         def stable(factor, delay=0.0, signal=loop.signal):
-            return growth(plant, K, signal, factor, delay=delay) < 1e-9
+            return growth((plant, K, late), signal, factor, delay=delay) < 1e-9
 
         low, high = max(loop.gain_low, 1e-3) * (1.0 + 1e-4), min(loop.gain_high, 1e3) * (1.0 - 1e-4)
         assert all(stable(float(factor)) for factor in np.geomspace(low, high, 25))
@@ -380,21 +323,6 @@ def test_discrete_gain_above_one_at_nyquist_allows_no_sample():
     assert [(loop.delay, loop.delay_omega) for loop in found.loops] == [(0.5, pytest.approx(np.pi / 0.5))] * 2
 
 
-@pytest.mark.parametrize(
-    "function",
-    [np.sin, lambda x: np.sin(x) ** 3, lambda x: np.tanh(1e6 * np.sin(x)), lambda x: np.sign(np.sin(x))],
-    ids=["smooth", "flat", "steep", "step"],
-)
-def test_roots_in_brackets_last_digits(function):
-    exact, rng = np.pi * np.arange(1.0, 60.0), np.random.default_rng(3)
-    low, high = exact - rng.uniform(1e-9, 1.5, 59), exact + rng.uniform(1e-9, 1.5, 59)
-    found = _roots(function, (low, high), (function(low), function(high)))
-    if function(exact[:1] + 1e-3)[0] ** 3 < 1e-6:  # flat: powers of the sine vanish to rounding beside the zero
-        np.testing.assert_allclose(found, exact, rtol=1e-7)
-    else:
-        np.testing.assert_allclose(found, exact, rtol=1e-15, atol=0.0)
-
-
 @pytest.mark.parametrize("seed", range(10))
 def test_gain_limit_at_rest_sampled_loop_exact(seed):
     """A loop of positive gain at ``z = 1`` bears the inverse of it: a sum over modes there has real poles and pairs."""
@@ -421,3 +349,4 @@ def test_margins_table_uncertified_disk_prints_lower_bound():
     assert one[-2] == f"{found['u'].delay:.4g}"
     assert f"delay {found['u'].delay:.4g} s" in repr(found)
     assert replace(found["u"].disk, certified=False)._text.startswith(">= ")
+    assert found["u"].plot().get_lines()

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 import boomctl as bc
 from boomctl.analysis import hinf_norm
 from boomctl.analysis.model_norm import SplitModel
-from boomctl.analysis.norm import IN_MODES, NO_CROSSING, axis_eigenvalues, level_norm
+from boomctl.analysis.norm import IN_MODES, NO_CROSSING, level_norm
 from boomctl.boom import spray_boom
 from boomctl.boom.model import ACTUATORS, TIPS
 from boomctl.boom.parameters import BoomParameters
@@ -19,7 +19,6 @@ from boomctl.lti.frequency import singular_values
 from boomctl.lti.system import of
 from boomctl.structure import SecondOrderModel, split_symmetric
 from boomctl.structure.response.direct import direct_response
-from tests.analysis.loop_cases import chain
 from tests.exact import Exact
 from tests.profiles import examples
 
@@ -63,14 +62,6 @@ def test_it_is_certified_where_the_solver_of_eigenvalues_loses_digits(rate, seed
     assert low <= norm.upper
 
 
-@pytest.mark.parametrize("slowest", [1e-120, 1e-160])
-def test_a_response_whose_square_is_no_number_is_not_infinite(slowest):
-    lags = control.ss(-slowest * np.diag([1.0, 2.0]), np.full((2, 1), 1e10), np.full((2, 2), 1e30), 0.0)
-    norm = hinf_norm(lags)
-    assert norm.certified
-    assert norm.lower == pytest.approx(1.5e40 * 2.0**0.5 / slowest, rel=1e-9)
-
-
 @pytest.mark.parametrize("excitation", ["velocity", "acceleration"])
 def test_a_symmetric_model_that_integrates_in_both_halves_has_no_finite_norm(excitation):
     """The whole has double poles at zero, of which digits do not tell."""
@@ -101,9 +92,6 @@ def test_norms_of_boom_have_default_signals_of_sigma():
     assert bc.h2_norm(boom).value == pytest.approx(control.norm(tips, 2), rel=1e-6)
     ends = "actuator_left, actuator_right -> tip_left, tip_right"
     assert all(ends in repr(found) for found in (hinf_norm(boom), bc.h2_norm(boom), bc.sigma(boom), bc.step(boom)))
-    whole = boom.to_statespace()
-    assert hinf_norm(whole).value > 1.001 * hinf_norm(boom).value
-    assert "actuator_left, ... (5) -> tip_left, tip_right, ... (5)" in repr(hinf_norm(whole))
 
 
 @pytest.mark.parametrize("order", [14, 20])
@@ -146,14 +134,6 @@ def test_the_norm_of_random_systems_is_that_of_slicot_and_bounds_the_response(se
     assert singular_values(of(system).balanced().response(omega))[0].max() <= certificate.upper
 
 
-def test_infinite_norms_are_seen_and_hidden_modes_are_not():
-    assert hinf_norm(oscillator(0.0)).lower == np.inf
-    assert hinf_norm(control.ss([[0.0]], [[1.0]], [[1.0]], 0.0)).lower == np.inf
-    assert hinf_norm(control.ss([[1.0]], [[1.0]], [[1.0]], 0.0)).lower == np.inf
-    hidden = control.ss(np.diag([-1.0, 0.0]), [[1.0], [0.0]], [[2.0, 1.0]], 0.0)
-    assert hinf_norm(hidden).lower == pytest.approx(2.0)
-
-
 def test_a_static_gain_and_a_zero_system_have_norms():
     assert hinf_norm(control.ss([], [], [], [[3.0, 4.0]])).lower == pytest.approx(5.0)
     zero = hinf_norm(control.ss([[-1.0]], [[0.0]], [[1.0]], 0.0))
@@ -161,24 +141,7 @@ def test_a_static_gain_and_a_zero_system_have_norms():
     assert zero.upper == 0.0
 
 
-def test_levels_below_the_norm_are_crossed_and_levels_above_are_not():
-    system = of(oscillator(0.05)).balanced()
-    peak = hinf_norm(oscillator(0.05)).lower
-    crossings = axis_eigenvalues(system, 0.9 * peak)
-    assert len(crossings) == 2
-    values = singular_values(system.response(crossings))[0]
-    assert values == pytest.approx(0.9 * peak, rel=1e-8)
-    assert not len(axis_eigenvalues(system, 1.01 * peak))
-
-
-def test_discrete_time_and_non_finite_systems_are_refused():
-    with pytest.raises(ValueError, match="continuous time"):
-        hinf_norm(control.ss([[0.5]], [[1.0]], [[1.0]], 0.0, True))
-    with pytest.raises(ValueError, match="finite"):
-        hinf_norm(control.ss([[np.nan]], [[1.0]], [[1.0]], 0.0))
-
-
-@pytest.mark.parametrize("elements", [6, 20, 60, 190])
+@pytest.mark.parametrize("elements", [6, 190])
 def test_the_booms_norm_is_certified_at_every_size(elements):
     model = spray_boom(elements=elements).select(ACTUATORS, TIPS)
     certificate = SplitModel.of(model).norm()
@@ -186,14 +149,6 @@ def test_the_booms_norm_is_certified_at_every_size(elements):
     omega = certificate.omega * (1.0 + np.linspace(-1e-3, 1e-3, 41))
     attained = singular_values(model.frequency_response(omega).frdata)[0].max()
     assert attained == pytest.approx(certificate.lower, rel=1e-9)
-
-
-@pytest.mark.slow
-def test_large_and_small_ways_to_the_norm_agree():
-    model = spray_boom(elements=60).select(ACTUATORS, TIPS)
-    assert model.n > 100
-    whole = hinf_norm(model.to_statespace())
-    assert SplitModel.of(model).norm().lower == pytest.approx(whole.lower, rel=1e-6)
 
 
 def test_the_halves_stand_for_the_whole_only_if_every_signal_has_its_image():
@@ -209,23 +164,6 @@ def test_unsymmetric_matrices_have_norms_too():
     assert SplitModel.of(model).norm().lower == pytest.approx(hinf_norm(model.to_statespace()).lower, rel=1e-7)
 
 
-@given(st.integers(0, 10_000), st.floats(1e-5, 1e-2))
-@examples(20)
-def test_no_resonance_is_missed_however_light_its_damping(seed, damping):
-    system = chain(seed, damping=damping).to_statespace()
-    certificate, poles = hinf_norm(system), system.poles()
-    at_poles = singular_values(of(system).balanced().response(np.abs(poles.imag)))[0]
-    assert certificate.certified
-    assert at_poles.max() <= certificate.upper
-    assert at_poles.max() >= 0.5 * certificate.lower
-
-
-@pytest.mark.parametrize("system", [None, 1.0, np.eye(2)])
-def test_other_kinds_of_system_are_refused(system):
-    with pytest.raises(TypeError, match="system: expected SecondOrderModel or StateSpace"):
-        hinf_norm(system)
-
-
 def test_the_path_names_what_stood_for_the_structure():
     small, large = (spray_boom(elements=n).select(ACTUATORS, TIPS) for n in (6, 60))
     assert SplitModel.of(small).norm().path == ("halves", "undamped modes", "undamped modes")
@@ -236,21 +174,6 @@ def test_the_path_names_what_stood_for_the_structure():
     pushed = SecondOrderModel(np.eye(2), 0.3 * np.eye(2), [[4.0, 1.0], [0.0, 9.0]], {"f": [1, 0]}, {"y": [0, 1]})
     assert SplitModel.of(pushed).norm().path == ("given coordinates",)
     assert hinf_norm(small.to_statespace()).path == ()
-
-
-@pytest.mark.slow
-def test_hinf_norm_long_gyroscopic_chain_is_certified():
-    """Masses with gyroscopic terms: their damping matrix is not symmetric."""
-    n = 100
-    K, turning = 2.0 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1), 0.05 * (np.eye(n, k=1) - np.eye(n, k=-1))
-    first = {"f": np.eye(n)[0]}, {"y": np.eye(n)[0]}
-    norm = SplitModel.of(SecondOrderModel(np.eye(n), 0.05 * np.eye(n) + turning, K, *first)).norm()
-    assert norm.path == ("undamped modes",)
-    assert norm.certified
-    at = 1j * np.append(np.linspace(0.01, 3.0, 300), norm.omega)
-    values = np.abs([np.linalg.inv(K + s * (0.05 * np.eye(n) + turning) + s * s * np.eye(n))[0, 0] for s in at])
-    assert values.max() <= norm.upper
-    assert values[-1] == pytest.approx(norm.lower, rel=1e-6)
 
 
 def test_halves_of_which_none_has_inputs_and_outputs_do_not_respond():
@@ -321,17 +244,3 @@ def test_the_norm_of_a_mesh_by_a_core_is_that_of_all_its_coordinates(stiffness, 
     assert values.max() <= norm.upper
     if inputs[0] == "actuator_left":
         assert norm.upper < np.inf
-
-
-@pytest.mark.parametrize("elements", [4, 12])
-def test_a_model_is_taken_as_its_state_space_is(elements):
-    model = bc.spray_boom(elements=elements)
-    found, through = hinf_norm(model), hinf_norm(model.between().to_statespace())
-    assert found.certified
-    assert found.lower <= through.upper
-    assert through.lower <= found.upper
-
-
-def test_a_hub_beam_is_told_what_is_linear_of_it():
-    with pytest.raises(TypeError, match=r"which is not linear: its \.linearize\(hub_speed\) is one"):
-        hinf_norm(bc.hub_beam(model="sfoam"))

@@ -47,22 +47,3 @@ def test_the_exact_boom_agrees_with_a_fine_mesh(gain):
     p = BoomParameters()
     found = exact_loop_stability(lambda w: exact_frequency_response(p, w, forces, strokes), K, poles)
     assert found.unstable_poles == int((feedback_loop(mesh, K).poles().real > 0.0).sum())
-
-
-def test_what_cannot_be_told_is_refused():
-    plant = chain(1)
-    poles = plant.to_statespace().poles()
-    integrator = control.ss(np.zeros((2, 2)), np.eye(2), np.eye(2), 0.0, **SIGNALS)
-    with pytest.raises(ValueError, match="imaginary axis"):
-        exact_loop_stability(plant.frequency_response, integrator, poles)
-
-
-@pytest.mark.parametrize(
-    ("poles", "error", "message"),
-    [([1j, np.nan], ValueError, "poles: expected finite numbers"), (["a"], TypeError, "poles: expected numbers"),
-     ([[1j]], TypeError, "poles: expected numbers in one dimension")],
-)  # fmt: skip
-def test_poles_that_are_none_are_refused(poles, error, message):
-    gain = control.ss([[-1.0]], [[1.0]], [[-1.0]], 0.0, inputs="x", outputs="f")
-    with pytest.raises(error, match=message):
-        exact_loop_stability(lambda w: control.frd(np.ones((1, 1, len(w))), w, inputs="f", outputs="x"), gain, poles)

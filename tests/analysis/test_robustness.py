@@ -12,7 +12,6 @@ from boomctl.analysis import robust_stability, structured_margin, worst_case
 from boomctl.analysis.box.loop_pencil import closed_pencil
 from boomctl.analysis.box.loops import BoxLoops
 from boomctl.analysis.loops import feedback_loop
-from boomctl.analysis.model_norm import hinf_norm
 from boomctl.boom import boom_family, yaw_family
 from boomctl.identification.families import names_of_mode, of_modes
 from boomctl.lti.system import of
@@ -20,13 +19,13 @@ from boomctl.structure import SecondOrderModel
 from boomctl.structure.families import AffineFamily
 from boomctl.structure.modal_structure import modal_structure
 from boomctl.synthesis.discretise import discretize
-from tests.analysis.loop_cases import SIGNALS, chain, velocity_feedback
+from tests.analysis.loop_cases import chain, velocity_feedback
 from tests.profiles import examples
 
 
-def oscillators(ranges):
+def oscillators(ranges, damper=0.02):
     def make(values):
-        m, c, k = (values.get(name, default) for name, default in (("m", 1.0), ("c", 0.02), ("k", 4.0)))
+        m, c, k = (values.get(name, default) for name, default in (("m", 1.0), ("c", damper), ("k", 4.0)))
         return SecondOrderModel([[m]], [[c]], [[k]], {"u": [1.0], "w": [1.0]}, {"y": [1.0]})
 
     return AffineFamily.through(ranges, make)
@@ -36,51 +35,17 @@ def feedback(gain):
     return control.ss([], [], [], [[gain]], inputs=["y"], outputs=["u"])
 
 
-@given(st.floats(0.2, 3.5), st.floats(0.05, 1.0))
-@examples(20)
-def test_an_uncertain_spring_bears_what_its_closed_form_says(gain, width):
-    """k + d width - gain > 0 for stability."""
-    family, exact = oscillators({"k": (4.0 - width, 4.0 + width)}), (4.0 - gain) / width
-    found = structured_margin(family, feedback(gain), largest=100.0, tolerance=0.02)
+@given(st.floats(-3.0, 3.5), st.floats(0.05, 3.0), st.sampled_from([0.02, 4.5, 100.0]))
+@examples(30)
+def test_an_uncertain_spring_bears_what_its_closed_form_says(gain, width, damper):
+    """``k + d width - gain > 0`` for stability; of the strong dampers all poles are real."""
+    family, exact = oscillators({"k": (4.0 - width, 4.0 + width)}, damper), (4.0 - gain) / width
+    found = structured_margin(family, feedback(gain), largest=200.0, tolerance=0.02)
     assert found.stable_up_to <= exact * (1.0 + 1e-9)
     assert exact <= found.unstable_at * (1.0 + 1e-9)
     assert found.stable_up_to >= 0.95 * found.unstable_at
     assert found.mu_lower <= found.mu_upper
     assert robust_stability(family, feedback(gain)).proved == (exact > 1.0) or abs(exact - 1.0) < 0.01
-
-
-def test_an_uncertain_damper_bears_what_its_closed_form_says():
-    found = structured_margin(oscillators({"c": (0.01, 0.03)}), feedback(0.5), largest=10.0, tolerance=0.02)
-    assert found.stable_up_to <= 2.0 <= found.unstable_at
-    assert found.stable_up_to >= 1.9
-
-
-@given(st.integers(0, 500), st.floats(-0.3, 1.0))
-@examples(20)
-def test_a_proof_is_never_contradicted_by_a_point(seed, gain):
-    rng = np.random.default_rng(seed)
-    base, heavy, stiff = chain(seed), np.diag(rng.uniform(0.0, 1.0, 4)), rng.standard_normal((4, 2))
-
-    def make(v):
-        return SecondOrderModel(
-            base.M + v["m"] * 0.3 * heavy,
-            base.C,
-            base.K + 0.05 * v["k"] * stiff @ stiff.T,
-            dict(zip(base.inputs, base.ports.B[0].T, strict=True)),
-            dict(zip(base.outputs, base.ports.L[0], strict=True)),
-        )
-
-    family, K = AffineFamily.through({"m": (-1.0, 1.0), "k": (-1.0, 1.0)}, make), velocity_feedback(gain, 3.0)
-    found = robust_stability(family, K)
-    points = rng.uniform(-1.0, 1.0, (40, 2))
-    worst = max(feedback_loop(family.at(d), K).poles().real.max() for d in points)
-    if found.proved:
-        assert worst < 0.0
-    if found.unstable_at is not None:
-        delta = family.deltas(found.unstable_at)
-        assert (np.abs(delta) <= 1.0 + 1e-9).all()
-        assert feedback_loop(family.at(delta), K).poles().real.max() >= -1e-9
-    assert found.proved or found.unstable_at is not None
 
 
 def test_the_search_ends_at_the_first_point_where_the_loop_is_unstable():
@@ -118,19 +83,6 @@ def test_the_pencil_has_the_loops_poles_filters_and_accelerations_included():
     assert len(mine) <= len(loop)
 
 
-@pytest.mark.slow
-def test_the_worst_norm_is_attained_and_at_least_the_nominal_one():
-    family = boom_family(half="yaw")
-    K = control.ss(
-        [[-30.0]], [[1.0]], [[6000.0]], [[-200.0 * 30.0]], inputs=["stroke_anti"], outputs=["suspension_anti"]
-    )
-    found = worst_case(family, K, "actuator_anti", "tip_anti")
-    assert found.norm.certified
-    assert found.norm.lower >= found.nominal.lower
-    again = feedback_loop(family.at(family.deltas(found.values)), K)
-    assert hinf_norm(again["tip_anti", "actuator_anti"]).lower == pytest.approx(found.norm.lower, rel=1e-6)
-
-
 def test_a_loop_unstable_in_the_middle_bears_nothing():
     found = structured_margin(oscillators({"k": (3.0, 5.0)}), feedback(4.5))
     assert found.stable_up_to == found.unstable_at == 0.0
@@ -142,41 +94,14 @@ def test_verdicts_read_as_what_they_are():
     stable, unstable = robust_stability(family, feedback(1.0)), robust_stability(family, feedback(3.5))
     assert stable.render().startswith("stable over the whole box, proved in")
     assert unstable.render().startswith("unstable at k = ")
-    bounds = structured_margin(family, feedback(1.0), largest=10.0)
-    assert (
-        f"enlarged {bounds.stable_up_to:.4g} times; unstable at {bounds.unstable_at:.4g} times: k = " in bounds.render()
-    )
+    assert "times; unstable at " in structured_margin(family, feedback(1.0), largest=10.0).render()
     assert "no instability found" in structured_margin(family, feedback(1.0), largest=2.0).render()
     none = control.ss([], [], [], [[0.0]], inputs=["y"], outputs=["u"])
     worst = worst_case(family, none, "w", "y")
     assert f"up to {worst.norm.lower:.5g} at k = " in worst.render()
 
 
-def test_imposed_motions_are_no_controls():
-    K = control.ss([], [], [], [[0.1]], inputs=["stroke_anti"], outputs=["actuator_anti"])
-    with pytest.raises(ValueError, match="actuator_anti"):
-        robust_stability(boom_family(half="yaw"), K)
-    assert SIGNALS["outputs"] == ["u0", "u1"]
-
-
-@given(st.floats(4.5, 100.0), st.floats(-3.0, 3.0), st.floats(0.1, 3.0))
-@examples(20)
-def test_an_overdamped_loop_is_proved_as_its_closed_form_says(damper, gain, width):
-    """All poles are real; ``k + d width - gain > 0`` for stability."""
-
-    def make(values):
-        return SecondOrderModel([[1.0]], [[damper]], [[values["k"]]], {"u": [1.0]}, {"y": [1.0]})
-
-    family, exact = AffineFamily.through({"k": (4.0 - width, 4.0 + width)}, make), (4.0 - gain) / width
-    found = robust_stability(family, feedback(gain))
-    assert found.proved == (exact > 1.0) or abs(exact - 1.0) < 0.01
-    bounds = structured_margin(family, feedback(gain), largest=100.0)
-    assert bounds.stable_up_to <= exact * (1.0 + 1e-9)
-    assert exact <= bounds.unstable_at * (1.0 + 1e-9)
-
-
-@pytest.mark.parametrize("limit", [1, 3, 20])
-@pytest.mark.parametrize("width", [0.999999, 0.9])
+@pytest.mark.parametrize(("limit", "width"), [(1, 0.999999), (20, 0.999999), (3, 0.9)])
 def test_a_proof_that_is_given_up_says_where_and_why(limit, width):
     """``k - gain`` and the damper both come close to nothing, which few cells cannot tell from it."""
     family = oscillators({"k": (4.0 - 3.0 * width, 4.0 + 3.0 * width), "c": (1e-9, 2.0)})
@@ -230,6 +155,26 @@ def test_loop_with_feedthrough_has_poles_of_state_space():
         robust_stability(family, ill)
 
 
+@given(st.integers(0, 1000))
+@examples(20)
+def test_loop_with_changing_sensors_has_poles_of_state_space(seed):
+    """A parameter that changes springs, what the forces act on and what the outputs read at once."""
+    rng = np.random.default_rng(seed)
+    base, stiff, lines, pushes = chain(seed), *(rng.uniform(0.0, 1.0, (4, 2)) for _ in range(3))
+
+    def make(v):
+        K = base.K + 0.3 * v["k"] * stiff @ stiff.T
+        forces = {f"u{i}": base.ports.B[0][:, 2 * i] + 0.2 * v["b"] * pushes[:, i] for i in range(2)}
+        outputs = {f"y{i}": base.ports.L[0][2 * i] + 0.2 * v["k"] * lines[:, i] for i in range(2)}
+        return SecondOrderModel(base.M, base.C, K, forces, outputs)
+
+    family, K = AffineFamily.through({"k": (-1.0, 1.0), "b": (-1.0, 1.0)}, make), velocity_feedback(0.1, 3.0)
+    for delta in rng.uniform(-1.0, 1.0, (3, 2)):
+        mine = np.sort_complex(BoxLoops.of(family, K).at(delta).poles)
+        true = np.sort_complex(feedback_loop(family.at(delta), K, injection_points="u0").poles())
+        np.testing.assert_allclose(mine, true, rtol=1e-7)
+
+
 @pytest.mark.parametrize("modes", [6, pytest.param(16, marks=pytest.mark.slow)])
 def test_family_of_many_modes_is_proved_or_refuted(modes):
     family = modal(1, modes, 0.01)
@@ -250,15 +195,3 @@ def test_sampled_family_of_many_modes_is_proved(modes):
     for delta in np.random.default_rng(0).choice([-1.0, 1.0], (40, family.size)):
         assert np.abs(feedback_loop(family.at(delta), K, injection_points="u").poles()).max() < 1.0
     assert robust_stability(family, discretize(acceleration_feedback(0.08), 0.005)).unstable_at is not None
-
-
-@pytest.mark.slow
-def test_proof_of_many_parameters_agrees_with_points():
-    proved = 0
-    for seed in range(60):
-        rng = np.random.default_rng(seed)
-        family, K = modal(seed, 6, rng.uniform(0.005, 0.05)), acceleration_feedback(-(10.0 ** rng.uniform(-2.5, -0.5)))
-        found = robust_stability(family, K, 20)
-        proved += found.proved
-        assert not found.proved or sampled_abscissa(family, K, 50, seed) < 0.0
-    assert proved > 10

@@ -85,56 +85,12 @@ def test_the_loop_moves_as_the_continuous_plant_does_in_between(seed):
     assert np.abs(found - rows).max() <= 1e-9 * np.abs(rows).max()
 
 
-@pytest.mark.parametrize("part", [0.0, 0.4, 1.0, 2.6])
-def test_the_loop_is_that_of_the_simulation(part):
-    plant = control.ss(
-        [[0.0, 1.0], [-9.0, -2.0]],
-        [[0.0, 0.0], [1.0, 2.0]],
-        [[1.0, 0.0]],
-        0.0,
-        inputs=["wind", "force"],
-        outputs="place",
-    )
-    K = control.ss([[0.4]], [[1.0]], [[-1.5]], [[-0.5]], 0.1, inputs="place", outputs="force")
-    loop = bc.feedback_loop(plant, K, "place", delay=part * 0.1)
-    assert np.abs(loop.poles()).max() < 1.0
-    time = np.arange(201) * 0.1
-    start = np.zeros(loop.nstates)
-    start[:2] = [0.3, -1.0]
-    ours = control.forced_response(loop, time, np.zeros((2, 201)), start).outputs[0]
-    sim = bc.simulate_loop(
-        plant, K, None, time, sample_time=0.1, delay=part * 0.1, initial=[0.3, -1.0], anti_windup=False
-    )
-    assert np.abs(ours - sim.outputs["place"]).max() < 1e-9
-
-
 def stable_loop(seed):
     plant, controller, delay = random_loop(seed)
     assume(radius(plant, controller, delay) < 0.995)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", SamplingCostsMarginWarning)
         return plant, controller, delay, bc.margins(plant, controller, delay=delay)
-
-
-@pytest.mark.slow
-@examples(100)
-@given(st.integers(0, 100_000))
-def test_gains_and_delays_at_a_margin_are_where_the_stepped_loop_rings(seed):
-    plant, controller, delay, found = stable_loop(seed)
-    for loop in found.loops:
-        for limit in (loop.gain_low, loop.gain_high):
-            if 1e-6 < limit < 1e6:
-                sides = [radius(plant, controller, delay, gain=limit * f, of=loop.signal) for f in (0.999, 1.001)]
-                assert min(sides) < 1.0 < max(sides)
-        least, most = max(loop.gain_low * 1.001, 1e-2), min(loop.gain_high * 0.999, 1e2)
-        for gain in np.geomspace(least, most, 3):
-            assert radius(plant, controller, delay, gain=gain, of=loop.signal) < 1.0
-        if loop.delay < 30.0 * controller.dt:
-            just = [radius(plant, controller, delay, further=loop.delay * f, at=loop.signal) for f in (0.999, 1.001)]
-            assert just[0] < 1.0 < just[1]
-        for share in (0.4, 0.9):
-            further = share * min(loop.delay, 5.0 * controller.dt)
-            assert radius(plant, controller, delay, further=further, at=loop.signal) < 1.0
 
 
 def loop_with_a_window(seed):
@@ -225,19 +181,6 @@ def test_every_gain_within_the_disk_is_borne_by_all_signals_at_once(seed):
     assert found.everywhere.certified
 
 
-@examples(60)
-@given(st.integers(0, 100_000))
-def test_angles_are_those_at_which_a_turned_loop_is_one(seed):
-    _, controller, _, found = stable_loop(seed)
-    for loop in found.loops:
-        if np.isfinite(loop.phase_deg):
-            omega, L = loop.open_loop
-            at = np.interp(loop.phase_omega, omega, np.abs(L))
-            assert at == pytest.approx(1.0, abs=0.1)
-            assert loop.phase_omega <= np.pi / controller.dt
-            assert omega[-1] <= np.pi / controller.dt
-
-
 def test_whole_samples_of_delay_around_a_discrete_plant_are_exact():
     plant = control.ss([[0.98, 0.1], [-0.1, 0.98]], [[0.0], [0.1]], [[1.0, 0.0]], 0.0, 0.1, inputs="u", outputs="y")
     K = control.ss([], [], [], [[-0.2]], 0.1, inputs="y", outputs="u")
@@ -274,60 +217,3 @@ def test_what_sampling_costs_is_warned_of():
         bc.margins(plant, bc.discretize(K, 0.002), delay=0.001)
         # the plant is discrete: what was before is not known
         bc.margins(control.sample_system(plant, 0.05, name="plant"), bc.discretize(K, 0.05), delay=0.05)
-
-
-@pytest.mark.slow
-def test_a_boom_under_a_fast_sampled_damper_keeps_its_margins():
-    model = bc.spray_boom(elements=4)
-    measured, driven = "stroke_right", "suspension_right"
-    K = control.ss([[-400.0]], [[400.0]], [[8000.0]], [[-8000.0]], inputs=measured, outputs=driven)  # a damper
-    before = bc.margins(model, K)[driven]
-    now = bc.margins(model, bc.discretize(K, 0.001), delay=0.0005)[driven]
-    assert now.phase_deg == pytest.approx(before.phase_deg, rel=0.01)
-    assert now.delay == pytest.approx(before.delay - 0.001, rel=0.01)  # half a sample of holding, and the delay
-    assert now.disk.alpha == pytest.approx(before.disk.alpha, rel=0.05)
-    with pytest.warns(SamplingCostsMarginWarning):
-        bc.margins(model, bc.discretize(K, 0.003), delay=0.03)
-
-
-def test_what_does_not_meet_is_refused():
-    plant = control.ss([[-1.0]], [[1.0]], [[1.0]], 0.0, inputs="u", outputs="y")
-    discrete = control.ss([[0.5]], [[1.0]], [[1.0]], 0.0, 0.1, inputs="u", outputs="y")
-    K = control.ss([[0.5]], [[0.1]], [[-1.0]], 0.0, 0.1, inputs="y", outputs="u")
-    slow = control.ss([[-0.5]], [[0.1]], [[-1.0]], 0.0, inputs="y", outputs="u")
-    untold = control.ss([[0.5]], [[0.1]], [[-1.0]], 0.0, True, inputs="y", outputs="u")
-    other = control.ss([[0.5]], [[0.1]], [[-1.0]], 0.0, 0.2, inputs="y", outputs="u")
-    for run in (bc.margins, lambda P, K, **more: bc.feedback_loop(P, K, "u", **more)):
-        with pytest.raises(ValueError, match=r"^controller: expected continuous time or a sampling time in seconds"):
-            run(plant, untold)
-        with pytest.raises(ValueError, match=r"^controller: expected the plant's sampling time, 0.1 s, got 0.2 s"):
-            run(discrete, other)
-        with pytest.raises(ValueError, match=r"^controller: expected the plant's sampling time, 0.1 s, got continuous"):
-            run(discrete, slow)
-        with pytest.raises(ValueError, match=r"^delay = 0.01: expected 0 with a controller in continuous time"):
-            run(plant, slow, delay=0.01)
-        with pytest.raises(ValueError, match=r"^delay = 0.03: expected whole samples of 0.1 s"):
-            run(discrete, K, delay=0.03)
-        with pytest.raises(ValueError, match=r"^delay = 500: expected at most 1000 samples of 0.1 s"):
-            run(plant, K, delay=500.0)
-        with pytest.raises(ValueError, match=r"^delay"):
-            run(plant, K, delay=-0.1)
-    with pytest.raises(ValueError, match=r"pole at z = .*, of size 1\.\d+\): it has no margins"):
-        bc.margins(plant, control.ss(K.A, 100.0 * K.B, K.C, 0.0, 0.1, inputs="y", outputs="u"))
-
-
-def test_results_of_sampled_loops_are_drawn():
-    plant, controller, delay = random_loop(4)
-    found = bc.margins(plant, controller, delay=delay)
-    lines = found.loops[0].plot().get_lines()
-    assert any(len(line.get_xdata()) > 100 for line in lines)
-    loop = bc.feedback_loop(plant, controller, controller.output_labels, delay=delay)
-    drawn = bc.sigma(loop).plot(unit="rad/s").get_lines()[0].get_xdata()
-    assert np.max(drawn) <= np.pi / controller.dt * (1.0 + 1e-12)
-
-
-def test_what_is_for_continuous_time_says_so():
-    family = bc.boom_family()
-    K = control.ss([[0.5]], [[1.0]], [[1.0]], 0.0, 0.1, inputs="stroke_right", outputs="suspension_right")
-    with pytest.raises(ValueError, match=r"^controller: expected continuous time, got a sampling time of 0.1 s"):
-        bc.analysis.structured_margin(family, K)

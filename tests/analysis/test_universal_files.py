@@ -20,23 +20,30 @@ def numbers(values, widths, a_line):
     return ["".join(words[i : i + a_line]) for i in range(0, len(words), a_line)]
 
 
-def data_set(out, into, values, freq, *, double, even, unit="NONE", hertz="Hz"):
+def units(length="1.0"):
+    """Return the lines of a data set 164: by what lengths of SI are multiplied."""
+    factors = f"{length:>25s}{1.0:25.16E}{1.0:25.16E}"
+    return [MARK, f"{164:6d}", f"{1:10d}{'unknown':20s}{2:10d}", factors, f"{0.0:25.16E}", MARK]
+
+
+def data_set(out, into, values, freq, *, double=True, even=False, unit="NONE", hertz="Hz", function=4):
     """Return the lines of a data set 58: response at a node along y to a force at a node along -z."""
+    real = np.isrealobj(values)
     step = freq[1] - freq[0] if even else 0.0
     lines = [MARK, f"{58:6d}", *["NONE"] * 5]
-    lines.append(f"{4:5d}{0:10d}{0:5d}{0:10d} {'tip':10s}{out:10d}{2:4d} {'shaker':10s}{into:10d}{-3:4d}")
-    lines.append(
-        f"{6 if double else 5:10d}{len(freq):10d}{int(even):10d}{freq[0] if even else 0.0:13.5E}{step:13.5E}{0.0:13.5E}"
-    )
+    lines.append(f"{function:5d}{0:10d}{0:5d}{0:10d} {'tip':10s}{out:10d}{2:4d} {'shaker':10s}{into:10d}{-3:4d}")
+    kind, first = (4 if real else 6) - (not double), freq[0] if even else 0.0
+    lines.append(f"{kind:10d}{len(freq):10d}{int(even):10d}{first:13.5E}{step:13.5E}{0.0:13.5E}")
     for kind, word in ((18, hertz), (8, unit), (13, "N"), (0, "NONE")):
         lines.append(f"{kind:10d}{0:5d}{0:5d}{0:5d} {'axis':20s} {word:20s}")
-    parts = np.column_stack([values.real, values.imag])
+    parts = values[:, None] if real else np.column_stack([values.real, values.imag])
     if even:
         width, a_line = (20, 4) if double else (13, 6)
         lines += numbers(parts.ravel(), [width] * parts.size, a_line)
     else:
         width = 20 if double else 13
-        lines += numbers(np.column_stack([freq, parts]).ravel(), [13, width, width] * len(freq), 3 if double else 6)
+        widths = [13, *([width] * parts.shape[1])]
+        lines += numbers(np.column_stack([freq, parts]).ravel(), widths * len(freq), 3 if double else 6)
     return [*lines, MARK]
 
 
@@ -100,38 +107,62 @@ def test_a_universal_file_that_lost_or_gained_lines_is_not_read(tmp_path_factory
     elif way == 2:
         lines.insert(at, lines[at])
     else:
-        units = [
-            MARK,
-            f"{164:6d}",
-            f"{1:10d}{'unknown':20s}{2:10d}",
-            f"{'NaN':>25s}{1.0:25.16E}{1.0:25.16E}",
-            f"{0.0:25.16E}",
-            MARK,
-        ]
-        damaged.insert(0, units)
+        damaged.insert(0, units("NaN"))
     with pytest.raises(ValueError, match=r"shaker\.uff"):
         bc.read_measured_curve(written(tmp_path_factory.mktemp("uff") / "shaker.uff", damaged))
 
 
+FREQ, ONE = np.array([1.0, 2.0]), data_set(1, 2, np.array([1.0, 1j]), np.array([1.0, 2.0]))
+
+
+def entry(out=1, into=2, freq=FREQ, values=(1.0, 1j), **labels):
+    return data_set(out, into, np.array(values), freq, **labels)
+
+
 @pytest.mark.parametrize(
-    ("labels", "said"),
+    ("sets", "words"),
     [
-        ({"unit": "g"}, "'g'"),
-        ({"unit": "mm/s2"}, "'mm/s2'"),
-        ({"unit": "in/lbf"}, "'in/lbf'"),
-        ({"hertz": "kHz"}, "'kHz'"),
-        ({"hertz": "rad/s"}, "'rad/s'"),
+        ([entry(unit="mm/s2")], "data set 1: expected SI units and frequencies in Hz, got the unit 'mm/s2'"),
+        ([entry(unit="in/lbf")], "got the unit 'in/lbf'"),
+        ([entry(hertz="rad/s")], "got the unit 'rad/s'"),
+        ([units("1000.0"), ONE], r"unit of length is 1/1000 of that \(data set 164\)"),
+        ([ONE, entry(3, 4)], r"response of 1\+y to 4-z is missing"),
+        ([ONE, ONE], "data set 2: .* is there twice"),
+        ([ONE, entry(3, freq=3.0 * FREQ)], "data set 2: .*freq"),
+        ([entry(values=(1.0, 2.0))], "complex frequency response, got real"),
+        ([entry(function=1)], "with frequency responses, got data sets 58"),
+        ([entry(freq=FREQ[::-1])], "ascending"),
+        ([["freq_hz,upper", "1,2"]], r"shaker\.uff"),
+        ([[MARK, "    58", "rubbish", MARK]], r"shaker\.uff: not a universal file"),
     ],
 )
-def test_numbers_in_other_units_are_refused(tmp_path, labels, said):
-    one = data_set(1, 2, np.array([1.0, 1j]), np.array([1.0, 2.0]), double=True, even=False, **labels)
-    with pytest.raises(ValueError, match=f"data set 1: expected SI units and frequencies in Hz, got the unit {said}"):
-        bc.read_measured_curve(written(tmp_path / "shaker.uff", [one]))
+def test_universal_file_without_response_is_refused(tmp_path, sets, words):
+    with pytest.raises(ValueError, match=words):
+        bc.read_measured_curve(written(tmp_path / "shaker.uff", sets))
 
 
 @pytest.mark.parametrize(
     "labels", [{"unit": "m/s^2"}, {"unit": "(m/s2)/N"}, {"unit": "kg m"}, {"unit": ""}, {"hertz": "HERTZ"}]
 )
 def test_numbers_in_si_units_are_read(tmp_path, labels):
-    one = data_set(1, 2, np.array([1.0, 1j]), np.array([1.0, 2.0]), double=True, even=False, **labels)
-    assert bc.read_measured_curve(written(tmp_path / "shaker.uff", [one])).freq_hz.tolist() == [1.0, 2.0]
+    coherence = entry(values=(1.0, 1.0), function=6)  # what is no response is left out
+    curve = bc.read_measured_curve(written(tmp_path / "shaker.unv", [coherence, entry(**labels)]))
+    assert curve.freq_hz.tolist() == [1.0, 2.0]
+    assert curve.entries.ravel().tolist() == [1.0, 1j]
+
+
+def test_binary_universal_file_is_the_text_one(tmp_path):
+    """The head of a data set 58b is text, its numbers are doubles; these are written here, not by the reader's package."""
+    values, freq = np.array([1.0 - 2.0j, np.pi + 1j, 1e-9j, -3.0]), 0.5 * np.arange(1, 5)
+    lines = "".join(f"{line}\n" for line in data_set(1, 1, values, freq, even=True)).encode().splitlines(keepends=True)
+    head = b"    58b     1     2          11%12d     0     0           0           0\n" % (16 * len(values))
+    path = tmp_path / "binary.uff"
+    path.write_bytes(b"".join([lines[0], head, *lines[2:13], values.astype("<c16").tobytes(), b"\n    -1\n"]))
+    curve = bc.read_measured_curve(path)
+    assert curve.freq_hz.tolist() == freq.tolist()
+    assert curve.entries.ravel().tolist() == values.tolist()
+
+
+def test_universal_file_that_is_not_there_is_named(tmp_path):
+    with pytest.raises(OSError, match=r"shaker\.uff"):
+        bc.read_measured_curve(tmp_path / "shaker.uff")

@@ -224,21 +224,6 @@ def in_other_units(plants, by):
     return AffineFamily.through(plants.ranges, make)
 
 
-REFUSED = {
-    "names": (named(BOUND, "u", "x"), ValueError, r"unknown output of unmodelled \(the controller has it\) 'y'"),
-    "unstable": (named(control.ss(1.0, 1.0, 1.0, 0.0)), ValueError, "unmodelled: expected a stable bound"),
-    "discrete": (named(control.ss(0.5, 1.0, 1.0, 0.0, 0.1)), ValueError, "unmodelled: expected continuous time"),
-    "a number": (0.1, TypeError, "unmodelled: expected StateSpace"),
-}
-
-
-@pytest.mark.parametrize(("bound", "kind", "said"), REFUSED.values(), ids=REFUSED.keys())
-def test_what_is_no_bound_is_refused_by_name(bound, kind, said):
-    with pytest.raises(kind, match=said) as refused:
-        bc.robust_stability(family(), damper(), unmodelled=bound)
-    assert "\n" not in str(refused.value)
-
-
 @pytest.mark.slow
 def test_bounds_that_samples_fold_without_end_and_schedules_are_refused():
     flat = named(control.ss([], [], [], 0.01))

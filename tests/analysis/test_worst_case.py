@@ -16,7 +16,7 @@ from boomctl.lti.system import of
 from boomctl.structure import AffineFamily, SecondOrderModel
 from boomctl.structure.matrices import Structure
 from boomctl.structure.ports import Ports
-from tests.profiles import examples, is_hunt
+from tests.profiles import examples
 from tests.strategies import seeds
 
 
@@ -51,19 +51,6 @@ def norm_at(family, K, delta, inputs, outputs, delay=0.0):
     return bc.hinf_norm(closed[rows, columns])
 
 
-@pytest.mark.slow
-@examples(60)
-@given(seed=seeds, parameters=st.integers(1, 3))
-def test_nothing_in_the_box_is_above_the_bound_and_the_worst_found_is_near(seed, parameters):
-    rng = np.random.default_rng(seed)
-    family, K = chain(rng, parameters)
-    found = bc.worst_case(family, K, "push", ["y", "z"], tolerance=1e-3)
-    assert found.upper_bound < np.inf, found.reason
-    assert found.norm.lower <= found.upper_bound <= found.norm.lower * (1.0 + 1.001e-3)
-    for delta in rng.uniform(-1.0, 1.0, (10, parameters)):
-        assert norm_at(family, K, delta, ["push"], ["y", "z"]).lower <= found.upper_bound
-
-
 def sampled(K, rng):
     """Return a controller as it runs in a computer, and its delay [s]."""
     dt = rng.uniform(0.02, 0.2)
@@ -93,18 +80,6 @@ def test_the_same_of_sampled_loops(seed, parameters):
     assert found.norm.lower <= found.upper_bound <= found.norm.lower * (1.0 + 1.001e-2)
     assert max(values) <= found.upper_bound
     assert bc.robust_stability(family, Kd, delay=late).proved  # a bound proves that, too
-
-
-@pytest.mark.slow
-def test_a_quickly_sampled_loop_has_the_worst_case_of_the_continuous_one():
-    family, K = chain(np.random.default_rng(2), 2)
-    slow, fast = (
-        bc.worst_case(family, K if dt is None else bc.discretize(K, dt), "push", "z", tolerance=1e-3)
-        for dt in (None, 2e-3)
-    )
-    assert fast.norm.lower == pytest.approx(slow.norm.lower, rel=2e-3)
-    assert fast.values == pytest.approx(slow.values)
-    assert fast.upper_bound <= fast.norm.lower * 1.00101
 
 
 @pytest.mark.slow
@@ -165,71 +140,6 @@ def test_controllers_may_read_speeds(seed, parameters):
             wanted = closed(1j * omega, squeeze=False)
             here = loops.at(delta).response(np.array([omega]))[:, :, 0]
             np.testing.assert_allclose(here, wanted, rtol=1e-7, atol=1e-9 * np.abs(wanted).max())
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("half", ["jolt", "yaw"])
-def test_states_of_a_boom_that_is_moved_are_measured_over_the_box(half):
-    """Of a platform that moves, states are less than places and speeds by what its displacement brings to them."""
-    family, side = bc.with_states(bc.boom_family(half=half)), {"jolt": "sym", "yaw": "anti"}[half]
-    plant = family.centre.to_statespace()
-    design = bc.lqr(plant, None, 1e-6, output_weight={f"tip_{side}": 1.0}, controls=f"suspension_{side}")
-    K = design.controller
-    loops = DrivenLoops.of(family, of(K, "K"), [f"actuator_{side}"], [f"tip_{side}"])
-    for delta in ([0.0, 0.0], [1.0, -1.0], [-0.3, 0.8]):
-        closed = bc.feedback_loop(family.at(delta), K)
-        row, column = closed.output_labels.index(f"tip_{side}"), closed.input_labels.index(f"actuator_{side}")
-        for omega in (0.0, 0.5, 3.0, 20.0, 150.0):
-            wanted = closed(1j * omega, squeeze=False)[row, column]
-            here = loops.at(np.array(delta)).response(np.array([omega]))[0, 0, 0]
-            assert abs(here - wanted) <= 1e-7 * abs(wanted)
-    found = bc.worst_case(family, K, f"actuator_{side}", f"tip_{side}")
-    assert found.gap <= 1.001e-3
-    assert bc.robust_stability(family, K).proved
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", [0, 1])
-def test_no_point_of_many_is_above_it_nor_any_that_a_search_finds_of_sampled_loops(seed):
-    from scipy.optimize import minimize
-
-    rng = np.random.default_rng(seed)
-    family, K = chain(rng, 2)
-    Kd, late = sampled(K, rng)
-    found = bc.worst_case(family, Kd, "push", "z", delay=late, tolerance=1e-4)
-
-    def gain(delta):
-        loop = bc.feedback_loop(family.at(np.clip(delta, -1.0, 1.0)), Kd, delay=late)
-        return bc.hinf_norm(loop[1, loop.input_labels.index("push")]).lower
-
-    drawn = rng.uniform(-1.0, 1.0, (3000 if is_hunt() else 500, 2))
-    values = np.array([gain(point) for point in drawn])
-    best = [-minimize(lambda d: -gain(d), drawn[k], method="Nelder-Mead").fun for k in np.argsort(-values)[:3]]
-    assert max(values.max(), *best) <= found.upper_bound * (1.0 + 1e-9)
-    assert max(values.max(), *best) >= found.norm.lower * (1.0 - 2e-4)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("seed", "parameters", "points"), [(0, 2, 4000), (1, 3, 4000), (2, 4, 4000), (3, 2, 2000), (4, 3, 2000)]
-)
-def test_no_point_of_many_is_above_it_nor_any_that_a_search_finds(seed, parameters, points):
-    from scipy.optimize import minimize
-
-    rng = np.random.default_rng(seed)
-    family, K = chain(rng, parameters)
-    tolerance = 1e-4 if parameters == 2 else 1e-2
-    found = bc.worst_case(family, K, "push", "z", tolerance=tolerance)
-    loops = DrivenLoops.of(family, of(K, "K"), ["push"], ["z"])
-
-    def gain(delta):
-        return bc.hinf_norm(loops.at(np.clip(delta, -1.0, 1.0)).statespace("loop")).lower
-
-    drawn = rng.uniform(-1.0, 1.0, (points if is_hunt() else points // 8, parameters))
-    values = np.array([gain(point) for point in drawn])
-    best = [-minimize(lambda d: -gain(d), drawn[k], method="Nelder-Mead").fun for k in np.argsort(-values)[:3]]
-    assert max(values.max(), *best) <= found.upper_bound * (1.0 + 1e-9)
-    assert max(values.max(), *best) >= found.norm.lower * (1.0 - 2.0 * tolerance)
 
 
 @pytest.mark.parametrize("parameters", [3, 4])
@@ -293,16 +203,6 @@ def test_the_loops_of_the_proof_are_those_of_the_boom_with_its_filters(half):
 
 
 @pytest.mark.slow
-def test_a_damped_boom_is_bounded_to_a_hundred_thousandth():
-    family = bc.boom_family(half="yaw", accelerometer_bandwidth_hz=20.0)
-    damper = control.ss(-60.0, 60.0, 60.0 * 800.0, -60.0 * 800.0, inputs="stroke_anti", outputs="suspension_anti")
-    found = bc.worst_case(family, damper, "actuator_anti", "tip_anti", tolerance=1e-5)
-    assert found.gap <= 1.001e-5
-    assert found.cells > 0
-    assert "none above" in found.render()
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("dt", [0.5, 2.0])
 def test_a_filter_that_decays_within_a_sample_hides_no_norm(dt):
     """Its states hardly act on the others: scales by the state matrix alone grow without bound, and digits are lost."""
@@ -329,15 +229,15 @@ def test_a_filter_that_decays_within_a_sample_hides_no_norm(dt):
 
 
 @examples(20)
-@given(seed=seeds)
-def test_what_a_continuous_controller_sends_is_bounded(seed):
+@given(seed=seeds, parameters=st.integers(1, 3))
+def test_nothing_in_the_box_is_above_the_bound_and_the_worst_found_is_near(seed, parameters):
     rng = np.random.default_rng(seed)
-    family, K = chain(rng, 2)
+    family, K = chain(rng, parameters)
     outputs = [str(name) for name in rng.permutation(["y", "u", "z"])]
-    found = bc.worst_case(family, K, "push", outputs, tolerance=1e-2)
+    found = bc.worst_case(family, K, "push", outputs, tolerance=1e-3)
     assert found.upper_bound < np.inf, found.reason
-    assert found.norm.lower <= found.upper_bound <= found.norm.lower * (1.0 + 1.001e-2)
-    for delta in rng.uniform(-1.0, 1.0, (10, 2)):
+    assert found.norm.lower <= found.upper_bound <= found.norm.lower * (1.0 + 1.001e-3)
+    for delta in rng.uniform(-1.0, 1.0, (10, parameters)):
         assert norm_at(family, K, delta, ["push"], outputs).lower <= found.upper_bound
 
 
@@ -359,17 +259,6 @@ def test_routes_to_a_norm_agree_as_far_as_both_are_certified():
     damper = control.ss([], [], [], [[-20.0]], 0.005, inputs="hub_speed", outputs="torque")
     found = bc.worst_case(family, damper, "disturbance_torque", "tip_displacement", max_cells=10)
     assert "more than max_cells = 10" in found.reason
-
-
-@pytest.mark.slow
-def test_a_sampled_hub_beam_is_bounded_at_all_its_speeds():
-    family = bc.hub_beam(model="sfoam", modes=2).family(hub_speed=(0.0, 6.0))
-    damper = control.ss([], [], [], [[-20.0]], 0.005, inputs="hub_speed", outputs="torque")
-    found = bc.worst_case(family, damper, "disturbance_torque", "tip_displacement")
-    assert found.upper_bound < np.inf, found.reason
-    for delta in np.linspace(-1.0, 1.0, 41):
-        norm = norm_at(family, damper, [delta], ["disturbance_torque"], ["tip_displacement"])
-        assert norm.lower <= found.upper_bound
 
 
 def test_where_there_is_no_bound_it_is_said_why():
@@ -396,27 +285,3 @@ def test_where_there_is_no_bound_it_is_said_why():
     lost = bc.worst_case(family, unstable, "push", "z")
     assert (lost.norm.lower, lost.upper_bound) == (np.inf, np.inf)
     assert "unstable" in lost.reason
-    with pytest.raises(ValueError, match="tolerance = 2: expected at most 1"):
-        bc.worst_case(family, K, "push", "z", tolerance=2.0)
-    with pytest.raises(ValueError, match="max_cells"):
-        bc.worst_case(family, K, "push", "z", max_cells=0)
-
-
-def test_the_worst_h2_norm_is_attained_and_named_as_found():
-    family, K = chain(np.random.default_rng(3), 2)
-    worst = bc.worst_case(family, K, "push", "z", norm="h2")
-    assert worst.upper_bound == np.inf
-    assert "found, not proved" in worst.reason
-    values = np.array([worst.values[name] for name in family.names])
-    point = (values - 1.0) / (family.high - 1.0)
-    closed = bc.feedback_loop(family.at(point), K)
-    loop = closed[closed.output_labels.index("z"), closed.input_labels.index("push")]
-    assert bc.h2_norm(loop).value == pytest.approx(worst.norm.value, rel=1e-9)
-    drawn = np.random.default_rng(0).uniform(-1.0, 1.0, (30, 2))
-    for delta in drawn:
-        closed = bc.feedback_loop(family.at(delta), K)
-        loop = closed[closed.output_labels.index("z"), closed.input_labels.index("push")]
-        assert bc.h2_norm(loop).value <= worst.norm.value * (1.0 + 1e-9)
-    assert worst.nominal.value <= worst.norm.value
-    with pytest.raises(ValueError, match=r"norm"):
-        bc.worst_case(family, K, norm="h3")

@@ -1,6 +1,7 @@
 """Proof over cells: bounds that hold at every point and frequency tried, and no proof where a pole crosses."""
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -64,6 +65,43 @@ def test_couplings_and_diagonals_are_bounded_all_along_an_interval(seed):
         assert (np.abs(diagonal) >= distance - 1e-12).all()
         np.einsum("tkk->tk", terms)[:k] = 0.0
         assert (np.abs(terms.sum(axis=0)) <= coupling + 1e-12).all()
+
+
+def along(matrices):
+    """Return the coefficients of the product of polynomials, each a list of matrices."""
+    first, *others = matrices
+    for other in others:
+        whole = [np.zeros_like(first[0]) for _ in range(len(first) + len(other) - 1)]
+        for i, X in enumerate(first):
+            for j, Y in enumerate(other):
+                whole[i + j] = whole[i + j] + X @ Y
+        first = whole
+    return first
+
+
+@pytest.mark.parametrize("kept", [2, 3])
+@given(st.integers(0, 10_000), st.booleans())
+@examples(30)
+def test_products_of_many_parameters_are_below_their_bound(kept, seed, positive):
+    """Of the transformed pencil along a ray of the cell; of positive matrices all add up, and the bound is attained."""
+    rng = np.random.default_rng(seed)
+    reach, n = rng.uniform(0.1, 1.0, 2), 3
+    d = reach if positive else reach * rng.uniform(-1.0, 1.0, 2)
+
+    def drawn(*size):
+        return rng.uniform(0.0, 1.0, size) if positive else rng.uniform(-1.0, 1.0, size)
+
+    Y, X = drawn(2, n, n), drawn(2, n, n)
+    powers = [tuple(sorted(rng.integers(0, 2, length).tolist())) for length in range(1, 6)]
+    changes = {power: ((drawn(n, 2), drawn(2, n)), (drawn(n, 1), drawn(1, n))) for power in powers}
+    bound = zero_exclusion._beyond(changes, (Y, X), reach, kept, np.zeros((n, n)))
+    for j in (0, 1):
+        middle = [np.zeros((n, n))] + [np.prod(d[list(p)]) * pair[j][0] @ pair[j][1] for p, pair in changes.items()]
+        ends = [[np.eye(n), np.einsum("i,ijk->jk", d, Z)] for Z in (Y, X)]
+        beyond = sum(along([ends[0], middle, ends[1]])[kept + 1 :])
+        assert (np.abs(beyond) <= bound[j] * (1.0 + 1e-12)).all()
+        if positive:
+            assert beyond == pytest.approx(bound[j], rel=1e-12)
 
 
 @given(st.integers(0, 10_000), st.floats(0.5, 1.5), st.integers(1, 12))
