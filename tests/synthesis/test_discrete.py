@@ -102,53 +102,6 @@ def test_a_rate_too_low_for_a_pole_names_both():
     assert bc.discretize(fast, 1.0 / 1274.0).nstates == 2
 
 
-def test_an_lqg_controller_of_a_fine_mesh_needs_reduction_and_a_coarse_one_runs():
-    noise = {"actuator_left": 1e-3, "actuator_right": 1e-3}
-    for elements, possible in ((6, True), (20, False)):
-        model = bc.spray_boom(elements=elements)
-        design = bc.lqg(
-            model,
-            None,
-            1e-6,
-            noise,
-            1e-6,
-            ["stroke_left", "stroke_right"],
-            ["suspension_left", "suspension_right"],
-            output_weight={"tip_left": 1.0, "tip_right": 1.0},
-        )
-        if possible:
-            assert bc.discretize(design.controller, 1e-3).output_labels == ["suspension_left", "suspension_right"]
-        else:
-            with pytest.raises(ValueError, match="or take faster poles out: reduce_controller"):
-                bc.discretize(design.controller, 1e-3)
-
-
-@pytest.mark.parametrize(
-    ("arguments", "error", "message"),
-    [
-        ((np.eye(2), 0.1), TypeError, "controller: expected StateSpace"),
-        ((bc.spray_boom(elements=2), 0.1), TypeError, r"sampled by its \.to_statespace\(dt=0\.1\)"),
-        ((control.ss([[0.5]], [[1]], [[1]], 0, 0.1), 0.1), ValueError, "sampling time of 0.1 s"),
-        ((control.ss([[np.nan]], [[1]], [[1]], 0), 0.1), ValueError, "controller: expected finite"),
-        ((control.ss([[-1]], [[1]], [[1]], 0), 0.0), ValueError, "sample_time = 0.0"),
-        ((control.ss([[-1]], [[1]], [[1]], 0), 0.1, "tustn"), ValueError, "did you mean 'tustin'"),
-    ],
-)
-def test_what_cannot_be_sampled_is_refused(arguments, error, message):
-    with pytest.raises(error, match=message):
-        bc.discretize(*arguments)
-
-
-def test_options_that_do_not_fit_are_refused():
-    lag = control.ss([[-1]], [[1]], [[1]], 0)
-    with pytest.raises(ValueError, match="prewarp_omega: expected only with method 'tustin'"):
-        bc.discretize(lag, 0.1, "zoh", prewarp_omega=1.0)
-    with pytest.raises(ValueError, match="prewarp_omega = 100: expected less than pi"):
-        bc.discretize(lag, 0.1, prewarp_omega=100.0)
-    with pytest.raises(ValueError, match="samples_per_period = 1: expected at least 2"):
-        bc.discretize(lag, 0.1, samples_per_period=1.0)
-
-
 def test_a_pole_that_the_trapezoidal_rule_sends_to_infinity_is_named():
     unstable = control.ss([[20.0]], [[1.0]], [[1.0]], 0.0)
     with pytest.raises(ValueError, match="sample_time: the trapezoidal rule sends the unstable pole"):

@@ -71,39 +71,6 @@ def test_a_loop_that_is_unstable_on_the_full_plant_is_said_to_be(full):
     assert "UNSTABLE" in repr(found)
 
 
-@pytest.mark.parametrize("order", [2, pytest.param(16, marks=pytest.mark.slow)])
-def test_lqg_and_h2_on_a_reduced_plant_are_judged_on_the_full_one(full, order):
-    small = bc.reduce(full, order=order)
-    sensors, push = ["stroke_anti", "tip_acceleration_anti"], ["suspension_anti"]
-    noises = [{"actuator_anti": 1.0, "suspension_anti": 1e-4}, {"stroke_anti": 1e-6, "tip_acceleration_anti": 1e-4}]
-    calls = {
-        "lqg": lambda plant: bc.lqg(plant, None, 1e-6, *noises, sensors, push, output_weight={"tip_anti": 1.0}),
-        "lqg around": lambda plant: bc.lqg(
-            generalized(plant),
-            None,
-            1e-6,
-            {"w_actuator_anti": 1.0},
-            noises[1],
-            sensors,
-            push,
-            output_weight={"z_tip_anti": 1.0},
-        ),
-        "h2": lambda plant: bc.h2(generalized(plant)),
-    }
-    for name, call in calls.items():
-        with warnings.catch_warnings(record=True) as said:
-            warnings.simplefilter("always")
-            found = call(small)
-        told, true = found.certificate.full_plant, slowest_on(full, found.scaled_controller)
-        assert told.stable == (true < 0.0), name
-        assert_allclose(told.slowest_pole, true, rtol=1e-6)
-        assert ("UNSTABLE on the full plant" in repr(found)) == (true > 0.0)
-        words = [one for one in said if "designed on a reduced plant" in str(one.message)]
-        assert ["UNSTABLE" in str(one.message) for one in words] == [True] * int(true > 0.0)
-        assert all(one.filename == __file__ for one in words)
-        assert call(small.system if name == "lqg" else small.full).certificate.full_plant is None
-
-
 def test_a_loop_that_is_as_good_on_the_full_plant_is_certified_there_without_a_warning(full):
     found, said = design(generalized(bc.reduce(full, order=16)))
     told = found.certificate.full_plant
@@ -145,13 +112,6 @@ def test_the_generalised_plant_of_a_reduction_is_that_of_its_system_and_remember
         np.testing.assert_array_equal(origin.around(of(full)).A, generalized(full).A)
 
 
-def test_without_a_reduction_nothing_is_said_of_a_full_plant(full):
-    found, said = design(generalized(bc.reduce(full, order=16).system))
-    assert found.certificate.full_plant is None
-    assert not said
-    assert "full plant" not in repr(found.certificate)
-
-
 def test_a_generalised_plant_may_itself_be_a_reduction(full):
     whole = generalized(full)
     found, said = design(bc.reduce(whole, order=20))
@@ -187,26 +147,6 @@ def test_a_full_plant_too_large_for_its_poles_is_proved_by_the_small_gain_or_not
     assert near.certificate.full_plant.stable
     assert near.certificate.full_plant.share < 1.0
     assert not said
-
-
-@pytest.mark.slow  # a thousand states in full: the small gain is what is left
-def test_a_boom_of_many_elements_is_proved_by_the_small_gain():
-    _, yaw = bc.split_symmetric(bc.spray_boom(elements=400, accelerometer_bandwidth_hz=20.0))
-    small = bc.reduce(yaw.select(["actuator_anti", "suspension_anti"], ["tip_anti", "stroke_anti"]), order=14)
-    P = bc.generalized_plant(
-        small,
-        disturbances={"actuator_anti": bc.low_pass(0.03, 2.0)},
-        performance={"tip_anti": 5.0},
-        effort={"suspension_anti": bc.shelf(1e-2, 1.0, 39.0, order=2)},
-        noises={"stroke_anti": 1e-3},
-        measurements="stroke_anti",
-        controls="suspension_anti",
-    )
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", bc.synthesis.ReductionWarning)
-        told = bc.h_infinity(P, 1, 1).certificate.full_plant
-    assert told.path == (f"small gain {told.share:.3g}",)  # too large for its poles
-    assert told.stable is (True if told.share < 1.0 else None)
 
 
 @given(st.integers(0, 2**32 - 1), st.integers(2, 7), st.integers(1, 5), st.booleans())

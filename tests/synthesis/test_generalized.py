@@ -9,6 +9,7 @@ from numpy.testing import assert_allclose
 
 import boomctl as bc
 from tests.profiles import examples
+from tests.synthesis.plants import resonators, weighed, yaw_plant
 
 OMEGA = (0.3, 2.0, 11.0)
 
@@ -56,21 +57,6 @@ def test_channels_are_products(yaw, pieces, omega):
     assert_allclose(P(s), expected, rtol=1e-7, atol=1e-9 * np.abs(expected).max())
 
 
-def test_numbers_add_no_states(yaw):
-    P = bc.generalized_plant(
-        yaw,
-        disturbances={"actuator_anti": 0.5},
-        performance={"tip_anti": 2.0, "stroke_anti": 3.0},
-        measurements=["stroke_anti", "tip_anti"],
-        controls=["suspension_anti", "actuator_anti"],
-    )
-    assert P.nstates == 2 * yaw.n
-    assert P.input_labels == ["w_actuator_anti", "suspension_anti", "actuator_anti"]
-    assert P.output_labels == ["z_tip_anti", "z_stroke_anti", "stroke_anti", "tip_anti"]
-    G = yaw.to_statespace()(2j)
-    assert_allclose(P(2j)[0], 2.0 * np.array([0.5 * G[0, 0], G[0, 1], G[0, 0]]), rtol=1e-10)
-
-
 @examples(20)
 @given(seed=st.integers(0, 10**6), n=st.integers(1, 6), k=st.integers(0, 3), omega=st.floats(0.1, 30.0))
 def test_close_loop_is_the_fractional_transformation(seed, n, k, omega):
@@ -93,14 +79,6 @@ def test_close_loop_finds_signals_by_name():
     assert_allclose(bc.close_loop(P, K)(1j), bc.close_loop(P, straight)(1j))
 
 
-@pytest.mark.parametrize(("inputs", "named"), [(["a"], "'a' is an output of P"), (["b", "q"], "'b' is an output of P")])
-def test_close_loop_refuses_names_that_point_elsewhere(inputs, named):
-    P = control.ss(-1.0, [[1.0, 1.0]], [[1.0], [1.0], [2.0]], 0.0, inputs=["w", "u"], outputs=["z", "a", "b"])
-    gain = control.ss([], [], [], [[-1.0] * len(inputs)], inputs=inputs, outputs=["u"])
-    with pytest.raises(ValueError, match=named):
-        bc.close_loop(P, gain)
-
-
 @pytest.mark.parametrize("unit", [1e-9, 1e9])
 def test_units_do_not_make_a_loop_ill_posed(unit):
     """The controls of very different units, the measurements likewise: the loop is the same."""
@@ -113,12 +91,6 @@ def test_units_do_not_make_a_loop_ill_posed(unit):
     loop = bc.close_loop(P, control.ss([], [], [], gains / np.outer(controls, measurements)))
     expected = -1.0 + np.ones(2) @ np.linalg.solve(np.eye(2) - gains @ D22, gains @ np.ones(2))
     assert_allclose(loop.A, expected, rtol=1e-9)
-
-
-def test_a_loop_that_is_not_well_posed_is_refused():
-    P = control.ss([], [], [], [[0.0, 1.0], [1.0, 2.0]])
-    with pytest.raises(ValueError, match="not well-posed"):
-        bc.close_loop(P, control.ss([], [], [], 0.5))
 
 
 def test_mixed_sensitivity_stacks_the_weighted_functions():
@@ -136,58 +108,15 @@ def test_mixed_sensitivity_stacks_the_weighted_functions():
     assert_allclose(design.closed_loop(s), expected, rtol=1e-6, atol=1e-8)
 
 
-BAD = {
-    "an unstable weight": ({"performance": {"tip_anti": control.ss(1.0, 1.0, 1.0, 0.0)}}, ValueError, "'tip_anti'.*pole"),
-    "an integrator": ({"disturbances": {"actuator_anti": control.ss(0.0, 1.0, 1.0, 0.0)}}, ValueError, "'actuator_anti'"),
-    "two outputs": ({"effort": {"suspension_anti": control.rss(2, 2, 1)}}, ValueError, "'suspension_anti'.*one input"),
-    "data": ({"effort": {"suspension_anti": control.frd([1.0], [1.0])}}, TypeError, "StateSpace, got FrequencyResponseData"),
-    "discrete time": ({"noises": {"stroke_anti": control.ss(0.1, 1, 1, 0, True)}}, ValueError, "continuous time"),
-    "not a number": ({"noises": {"stroke_anti": float("nan")}}, ValueError, "'stroke_anti'"),
-    "an unknown output": ({"performance": {"tip_ant": 1.0}}, ValueError, "did you mean 'tip_anti'"),
-    "noise where nothing is measured": ({"noises": {"tip_anti": 1.0}}, ValueError, "unknown noise of measurement"),
-    "effort of no control": ({"effort": {"actuator_anti": 1.0}}, ValueError, "unknown effort of control"),
-    "no disturbance": ({"disturbances": {}, "noises": {}}, ValueError, "at least one disturbance"),
-    "no performance": ({"performance": {}, "effort": {}}, ValueError, "at least one performance"),
-    "a list": ({"performance": ["tip_anti"]}, TypeError, "mapping"),
-}  # fmt: skip
-
-
-@pytest.mark.parametrize("case", BAD)
-def test_what_is_given_wrong_is_named(yaw, case):
-    changes, kind, match = BAD[case]
-    given = {
-        "disturbances": {"actuator_anti": 1.0},
-        "noises": {"stroke_anti": 0.01},
-        "performance": {"tip_anti": 1.0},
-        "effort": {"suspension_anti": 0.01},
-        "measurements": "stroke_anti",
-        "controls": "suspension_anti",
-    }
-    with pytest.raises(kind, match=match):
-        bc.generalized_plant(yaw, **(given | changes))
-
-
 def test_selected_channels_keep_the_sampling_time():
     sampled = control.ss([[0.5]], [[1.0, 2.0]], [[1.0]], 0.0, 0.1, inputs=["a", "b"], outputs=["y"])
     part = bc.synthesis.select_channels(sampled, "b")
     assert part.dt == 0.1
     assert_allclose(part(np.exp(0.3j)), 2.0 / (np.exp(0.3j) - 0.5))
-    with pytest.raises(TypeError, match="system: expected StateSpace, got NoneType"):
-        bc.synthesis.select_channels(None)
-    with pytest.raises(ValueError, match="inputs: expected at least one"):
-        bc.synthesis.select_channels(sampled, [])
 
 
-def test_names_tell_measurements_and_controls(yaw):
-    P = bc.generalized_plant(
-        yaw,
-        disturbances={"actuator_anti": bc.synthesis.band_pass(0.02, 0.5, 5.0)},
-        noises={"stroke_anti": 0.001},
-        performance={"tip_anti": 10.0},
-        effort={"suspension_anti": 0.01},
-        measurements="stroke_anti",
-        controls="suspension_anti",
-    )
+def test_names_tell_measurements_and_controls():
+    P = yaw_plant("stroke_anti")
     told = bc.h_infinity(P)
     assert told.gamma == bc.h_infinity(P, nmeas=1, ncon=1).gamma
     assert bc.synthesis.h2(P).optimum == bc.synthesis.h2(P, 1, 1).optimum
@@ -197,47 +126,16 @@ def test_names_tell_measurements_and_controls(yaw):
     assert bc.h_infinity(bc.mixed_sensitivity(lag, W1=bc.shelf(100.0, 0.5, corner=1.0), W2=0.1)).gamma < 0.93
 
 
-@pytest.mark.parametrize(
-    ("counts", "message"),
-    [
-        ({"nmeas": 2, "ncon": 1}, "nmeas = 2: P has 1 .stroke_anti., its 'z_suspension_anti' is a performance signal"),
-        ({"nmeas": 1, "ncon": 2}, "ncon = 2: P has 1 .suspension_anti., its 'n_stroke_anti' is a disturbance"),
-    ],
-)
-def test_counts_do_not_take_signals_from_outside(pieces, counts, message):
-    with pytest.raises(ValueError, match=message):
-        bc.h_infinity(pieces[0], **counts)
-    with pytest.raises(ValueError, match=message):
-        bc.tune(pieces[0], structure=bc.tunable.gain(), **counts)
-
-
-def test_counts_are_needed_where_names_do_not_tell():
-    plain = control.ss(-1.0, [[1.0, 0.0, 1.0]], [[1.0], [0.0], [1.0]], [[0, 0, 0], [0, 0, 1], [0, 0.1, 0]])
-    for design in (bc.h_infinity, bc.synthesis.h2):
-        with pytest.raises(ValueError, match="nmeas: expected a number, since the names of P do not tell it"):
-            design(plain)
-    with pytest.raises(TypeError, match="nmeas: expected a whole number, got a structure"):
-        bc.tune(plain, bc.tunable.gain())
-
-
 def test_a_design_is_taken_where_a_controller_is():
-    plant = control.ss([[0.0, 1.0], [-4.0, -0.2]], [[0.0], [1.0]], [[1.0, 0.0]], 0.0, inputs="force", outputs="place")
-    P = bc.generalized_plant(
-        plant,
-        disturbances={"force": 1.0},
-        noises={"place": 0.1},
-        performance={"place": 1.0},
-        effort={"force": 0.1},
-        measurements="place",
-        controls="force",
-    )
+    plant = resonators(1, 0.05, 0)
+    P = weighed(plant)
     design, time = bc.h_infinity(P), 0.01 * np.arange(50)
     K = design.controller
     assert str(bc.margins(plant, design)) == str(bc.margins(plant, K))
-    loops = [bc.feedback_loop(plant, each, "force").A for each in (design, K)]
+    loops = [bc.feedback_loop(plant, each, "u").A for each in (design, K)]
     assert_allclose(*loops)
     assert_allclose(bc.close_loop(P, design).A, bc.close_loop(P, K).A)
     assert_allclose(bc.discretize(design, 0.01).A, bc.discretize(K, 0.01).A)
-    push = {"force": np.ones(50)}
-    runs = [bc.simulate_loop(plant, each, push, time, sample_time=0.01)["place"] for each in (design, K)]
+    push = {"d": np.ones(50)}
+    runs = [bc.simulate_loop(plant, each, push, time, sample_time=0.01)["q"] for each in (design, K)]
     assert_allclose(runs[0], runs[1])

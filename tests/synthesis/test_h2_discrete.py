@@ -82,21 +82,6 @@ def test_a_measurement_that_comes_a_sample_late_is_worth_what_lqg_does(seed):
     assert found.norm**2 == pytest.approx(best.cost, rel=1e-5)
 
 
-def test_assumptions_are_named_in_discrete_time():
-    P = random_plant(1)
-    lazy = control.ss(
-        P.A, P.B, P.C, P.D * [[1.0, 1.0, 0.0], [1.0, 1.0, 0.0], [1.0, 1.0, 1.0]], 0.1, inputs=P.input_labels
-    )
-    with pytest.raises(bc.SynthesisError, match="do not weigh control 'u' at the sample at which it acts"):
-        bc.h2(lazy, 1, 1)
-    fixed = linalg.block_diag(np.asarray(P.A), [[1.0]])
-    B, C = np.vstack([P.B, [[1.0, 0.0, 0.0]]]), np.hstack([P.C, [[1.0], [0.0], [1.0]]])
-    with pytest.raises(bc.SynthesisError, match=r"not stabilisable.*integrating"):
-        bc.h2(control.ss(fixed, B, C, P.D, 0.1, inputs=P.input_labels, outputs=P.output_labels), 1, 1)
-    with pytest.raises(ValueError, match="dt = True"):
-        bc.h2(control.ss(P.A, P.B, P.C, P.D, True), 1, 1)
-
-
 PLANT = control.ss(
     [[0.0, 1.0], [-4.0, -0.1]], [[0.0, 0.0], [1.0, 1.0]], [[1.0, 0.0]], 0.0, inputs=["load", "force"], outputs="place"
 )
@@ -151,39 +136,3 @@ def test_designs_in_discrete_time_run_on_the_plant_that_was_sampled():
         assert bc.hinf_norm(bc.close_loop(P, smaller.controller)).lower == pytest.approx(smaller.gamma, rel=1e-5)
     with pytest.raises(ValueError, match="fastest_pole: expected none for a discrete controller"):
         bc.reduce_controller(P, best.controller, fastest_pole=1.0)
-
-
-@given(st.integers(0, 10**6))
-@examples(20)
-def test_a_smaller_controller_keeps_its_gain_at_rest_where_it_is_residualised(seed):
-    P = random_plant(seed)
-    try:
-        K = bc.h2(P, 1, 1).controller
-        smaller = bc.reduce_controller(P, K, order=max(K.nstates - 1, 0), tolerance=10.0)
-    except bc.SynthesisError:
-        return
-    assert np.abs(bc.close_loop(P, smaller.controller).poles()).max(initial=0.0) < 1.0
-    assert bc.hinf_norm(bc.close_loop(P, smaller.controller)).upper == pytest.approx(smaller.norm.upper, rel=1e-4)
-
-
-def test_a_design_on_a_reduced_discrete_plant_is_judged_on_the_full_one():
-    boom = bc.split_symmetric(bc.spray_boom())[1]
-    full = bc.analysis.sample_plant(boom, 0.02, "suspension_anti", delay=0.01)
-    scales = {"actuator_anti": 0.03, "suspension_anti": 150.0, "tip_anti": 0.2, "stroke_anti": 0.05}
-    small = bc.reduce(bc.scale_signals(full, scales), order=10)
-    P = bc.generalized_plant(
-        small,
-        disturbances={"actuator_anti": bc.low_pass(1.0, 2.0)},
-        performance={"tip_anti": 1.0},
-        effort={"suspension_anti": 2.0},
-        noises={"stroke_anti": 0.1},
-        measurements="stroke_anti",
-        controls="suspension_anti",
-    )
-    design = bc.h_infinity(P, 1, 1)
-    judged = design.certificate.full_plant
-    assert judged is not None
-    assert judged.stable
-    K = design.controller
-    loop = bc.feedback_loop(boom, K, delay=0.01)
-    assert (np.abs(loop.poles()) < 1.0).all()

@@ -53,18 +53,6 @@ def test_the_loop_has_the_norm_and_slicot_does_not_go_below_the_bound(seed):
             assert other.upper >= found.certificate.lower * (1.0 - 1e-6)
 
 
-def test_a_loop_is_closed_in_one_time():
-    P, slow = random_plant(3), control.ss(-1.0, 1.0, 1.0, 0.0)
-    with pytest.raises(
-        ValueError, match=r"^controller: expected a sampling time of 0.1 s, as P has it, got continuous"
-    ):
-        bc.close_loop(P, slow)
-    with pytest.raises(
-        ValueError, match=r"^controller: expected a sampling time of 0.1 s, as P has it, got a .* of 0.2 s"
-    ):
-        bc.close_loop(P, control.ss(0.5, 1.0, 1.0, 0.0, 0.2))
-
-
 def test_a_tustin_discretisation_has_the_level_of_the_continuous_problem():
     slow = control.ss(-1.0, [[1.0, 0.0, 1.0]], [[1.0], [0.0], [1.0]], [[0, 0, 0], [0, 0, 1], [0, 0.1, 0]])
     exact = bc.h_infinity(slow, 1, 1)

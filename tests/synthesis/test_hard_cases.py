@@ -8,40 +8,6 @@ from numpy.testing import assert_allclose
 import boomctl as bc
 from tests.synthesis.plants import assert_verified, lower_loop_norm, resonators, two_modes, weighed
 
-CHAIN = control.ss([[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]], [[1.0, 0.0]], 0.0, inputs="force", outputs="place")
-
-
-def chain(noise=None):
-    return bc.generalized_plant(
-        CHAIN,
-        disturbances={"force": 1.0},
-        noises={} if noise is None else {"place": noise},
-        performance={"place": 1.0},
-        effort={"force": 1.0},
-        measurements="place",
-        controls="force",
-    )
-
-
-def test_double_integrator_without_noise_is_refused():
-    with pytest.raises(bc.SynthesisError, match=r"D21.*measurement 'place'.*noise"):
-        bc.h_infinity(chain(), 1, 1)
-
-
-@pytest.mark.parametrize("noise", [1.0, 1e-2, 1e-5])
-def test_double_integrator_with_noise(noise):
-    P = chain(noise)
-    design = bc.h_infinity(P, 1, 1)
-    assert design.gamma <= 1.01 * design.certificate.lower
-    assert_verified(P, design.controller, design.gamma, design.certificate.norm.omega)
-    assert_allclose(design.bounds.frequency, 1.0, rtol=1e-6)
-
-
-def test_mixed_sensitivity_without_effort_is_refused():
-    G = control.ss([[0.0, 1.0], [-1.0, -0.02]], [[0.0], [1.0]], [[1.0, 0.0]], 0.0, inputs="u", outputs="y")
-    with pytest.raises(bc.SynthesisError, match=r"D12.*control 'u'.*effort weight"):
-        bc.h_infinity(bc.mixed_sensitivity(G, W1=bc.shelf(100.0, 0.5, 1.0)), 1, 1)
-
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
@@ -60,59 +26,6 @@ def test_undamped_modes_within_reach():
     P = weighed(two_modes((1, 1, 1, 1), (1, 1, 1, 1)))
     design = bc.h_infinity(P, 1, 1)
     assert bc.sigma(P, inputs="w_d", outputs="z_q").peak == np.inf
-    assert design.gamma <= 1.01 * design.certificate.lower
-    assert_verified(P, design.controller, design.gamma, design.certificate.norm.omega)
-
-
-@pytest.mark.parametrize(
-    ("drives", "shown", "match"),
-    [
-        ((1, 1, 1, 0), (1, 1, 1, 1), r"not stabilisable: the mode at 3 rad/s \(damping 0 %.*'fast.* moved by u"),
-        ((1, 1, 1, 1), (1, 1, 1, 0), r"not detectable: the mode at 3 rad/s \(damping 0 %.*'fast.* seen by y"),
-        ((1, 1, 1, 1), (1, 0, 1, 1), r"controls \(u\) to the performance.*at 3 rad/s.*zero.*'fast"),
-        ((1, 1, 0, 1), (1, 1, 1, 1), r"disturbances \(w_d, n_y\) to the measurements \(y\).*at 3 rad/s.*zero.*'fast"),
-        ((0, 1, 1, 1), (1, 1, 0, 1), r"not detectable.*at 2 rad/s.*'slow"),
-    ],
-)
-def test_modes_and_zeros_on_the_axis_are_named(drives, shown, match):
-    with pytest.raises(bc.SynthesisError, match=match):
-        bc.h_infinity(weighed(two_modes(drives, shown)), 1, 1)
-
-
-def test_an_integrator_as_weight_is_found_in_a_plant_made_by_hand():
-    P = control.ss(
-        [[-1.0, 0.0], [1.0, 0.0]], [[1, 0, 1], [0, 0, 0]], [[0, 1], [0, 0], [1, 0]], [[0, 0, 0], [0, 0, 1], [0, 1, 0]],
-        states=["plant", "weight"],
-    )  # fmt: skip
-    with pytest.raises(bc.SynthesisError, match=r"not detectable.*integrating.*'weight'"):
-        bc.h_infinity(P, 1, 1)
-
-
-def test_dependent_controls_and_measurements_are_named():
-    G = control.rss(3, 4, 4, strictly_proper=True)
-    G = control.ss(G.A - np.eye(3), G.B, G.C, G.D, inputs=["w", "n", "left", "right"], outputs=["z", "e", "a", "b"])
-    D = np.array([[0, 0, 0, 0], [0, 0, 1.0, 1.0], [0, 1.0, 0, 0], [0.5, 0, 0, 0]])
-    with pytest.raises(bc.SynthesisError, match="combination of the controls 'left', 'right'"):
-        bc.h_infinity(control.ss(G.A, G.B, G.C, D, inputs=G.input_labels, outputs=G.output_labels), 2, 2)
-    D = np.array([[0, 0, 1.0, 0], [0, 0, 0, 1.0], [0, 1.0, 0, 0], [0, 2.0, 0, 0]])
-    with pytest.raises(bc.SynthesisError, match="combination of the measurements 'a', 'b'"):
-        bc.h_infinity(control.ss(G.A, G.B, G.C, D, inputs=G.input_labels, outputs=G.output_labels), 2, 2)
-
-
-@pytest.mark.slow
-def test_the_unreduced_boom_in_physical_units():
-    _, yaw = bc.split_symmetric(bc.spray_boom(bc.BoomParameters(), elements=50))
-    P = bc.generalized_plant(
-        yaw,
-        disturbances={"actuator_anti": 1.0},
-        noises={"stroke_anti": 0.01},
-        performance={"tip_anti": 1.0},
-        effort={"suspension_anti": 0.05},
-        measurements="stroke_anti",
-        controls="suspension_anti",
-    )
-    design = bc.h_infinity(P, 1, 1)
-    assert P.nstates > 100
     assert design.gamma <= 1.01 * design.certificate.lower
     assert_verified(P, design.controller, design.gamma, design.certificate.norm.omega)
 

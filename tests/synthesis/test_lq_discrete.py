@@ -209,29 +209,3 @@ def test_integral_action_leaves_no_error():
                       inputs=["force", "wind"], outputs=[*plant.state_labels, "place"])  # fmt: skip
     reached = np.abs(bc.feedback_loop(seen, found.controller).poles()).max()
     assert reached == pytest.approx(np.abs(found.poles).max())
-
-
-def test_a_design_holds_on_the_plant_it_was_sampled_from():
-    plant = control.ss([[0.0, 1.0], [-4.0, -0.02]], [[0.0], [1.0]], [[1.0, 0.0]], 0.0, inputs="force", outputs="place")
-    sampled = control.sample_system(plant, 0.1, name="plant")
-    K = bc.lqg(sampled, None, 0.1, {"force": 1.0}, 0.01, output_weight={"place": 10.0}).controller
-    assert np.abs(bc.feedback_loop(plant, K, "place").poles()).max() < 1.0
-    assert bc.margins(plant, K)["force"].delay > 0.0
-
-
-def test_what_stands_in_the_way_is_named():
-    stuck = control.ss(np.diag([1.1, 0.5]), [[0.0], [1.0]], [[1.0, 1.0]], 0.0, 0.1, inputs="u", outputs="y")
-    with pytest.raises(bc.SynthesisError, match=r"not stabilisable: the mode at .* \(unstable"):
-        bc.lqr(stuck, 1.0, 1.0)
-    unseen = control.ss(np.diag([1.0, 0.5]), [[1.0], [1.0]], [[0.0, 1.0]], 0.0, 0.1, inputs="u", outputs="y")
-    with pytest.raises(bc.SynthesisError, match="not detectable: the mode at 0 rad/s"):
-        bc.kalman(unseen, 1.0, 1.0)
-    with pytest.raises(bc.SynthesisError, match="undamped and not seen by any weight"):
-        bc.lqr(unseen, None, 1.0, output_weight=1.0)
-    with pytest.raises(ValueError, match=r"^ltr = 0.5: expected 0 for a discrete system"):
-        bc.lqg(unseen, 1.0, 1.0, 1.0, 1.0, ltr=0.5)
-    dead = bc.lqr(control.ss(np.diag([0.0, 0.5]), [[0.0], [1.0]], [[1.0, 1.0]], 0.0, 0.1), 1.0, 1.0)
-    assert len(dead.unmoved) == 1
-    assert np.isfinite(dead.unmoved[0].omega)
-    with pytest.raises(ValueError, match=r"^system: expected continuous time or a sampling time in seconds"):
-        bc.lqr(control.ss(0.5, 1.0, 1.0, 0.0, True), 1.0, 1.0)

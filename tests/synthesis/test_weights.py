@@ -1,7 +1,6 @@
 """Weights: their gains at the ends, at the corner, and bad numbers."""
 
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
@@ -44,18 +43,3 @@ def test_band_pass_is_down_by_three_decibels_at_both_ends(g, low, ratio):
     weight = bc.synthesis.band_pass(g, low, low * ratio)
     assert_allclose(gain(weight, low * np.sqrt(ratio)), g, rtol=1e-9)
     assert_allclose([gain(weight, low), gain(weight, low * ratio)], g / np.sqrt(2.0), rtol=1e-9)
-
-
-@pytest.mark.parametrize(
-    ("make", "match"),
-    [
-        (lambda: bc.low_pass(1.0, 0.0), "corner"),
-        (lambda: bc.synthesis.high_pass(1.0, 1.0, order=3), "order = 3"),
-        (lambda: bc.synthesis.band_pass(1.0, 2.0, 1.0), "ascending"),
-        (lambda: bc.shelf(0.0, 1.0, 1.0), "low_gain"),
-        (lambda: bc.low_pass(float("nan"), 1.0), "gain"),
-    ],
-)
-def test_bad_numbers_are_named(make, match):
-    with pytest.raises(ValueError, match=match):
-        make()

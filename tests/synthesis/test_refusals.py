@@ -1,0 +1,233 @@
+"""Problems without a solution, and signals that do not meet, are refused in words that name the mode or signal."""
+
+import re
+
+import control
+import numpy as np
+import pytest
+
+import boomctl as bc
+from boomctl.synthesis import loop_transfer_recovery, select_channels
+from tests.synthesis.plants import resonators, two_modes, weighed, yaw_plant
+from tests.synthesis.test_h2_discrete import random_plant
+
+MASS = control.ss([[0, 1], [0, 0]], [[0], [1]], [[1, 0]], 0, inputs="force", outputs="place")
+LAG = control.ss([[-1.0]], [[1.0]], [[1.0]], 0.0, inputs="u", outputs="y")
+STUCK = control.ss(np.diag([1.1, 0.5]), [[0.0], [1.0]], [[1.0, 1.0]], 0.0, 0.1, inputs="u", outputs="y")
+UNSEEN = control.ss(np.diag([1.0, 0.5]), [[1.0], [1.0]], [[0.0, 1.0]], 0.0, 0.1, inputs="u", outputs="y")
+MODES = two_modes((1, 1, 1, 1), (1, 1, 1, 1))
+P = weighed(resonators(2, 0.01, 1))
+SAMPLED = random_plant(1)
+MODEL = bc.spray_boom(elements=6)
+
+
+def given(A, B, C, D, dt=0.0, states=None):
+    """Return a generalised plant of one control ``u`` and measurement ``y`` between other signals."""
+    inputs, outputs = [f"w{i}" for i in range(len(D[0]) - 1)], [f"z{i}" for i in range(len(D) - 1)]
+    return control.ss(A, B, C, D, dt, inputs=[*inputs, "u"], outputs=[*outputs, "y"], states=states)
+
+
+def integrator(D):
+    return given([[0.0]], [[1.0, 0.0, 1.0]], [[1.0], [0.0], [1.0]], np.array(D, dtype=float))
+
+
+def dependent(D):
+    """Return a plant of two controls and two measurements."""
+    rng = np.random.default_rng(0)
+    A, B, C = -np.eye(3), rng.standard_normal((3, 4)), rng.standard_normal((4, 3))
+    return control.ss(A, B, C, np.array(D), inputs=["w", "n", "left", "right"], outputs=["z", "e", "a", "b"])
+
+
+def noiseless():
+    return bc.generalized_plant(
+        MASS,
+        disturbances={"force": 1.0},
+        performance={"place": 1.0},
+        effort={"force": 1.0},
+        measurements="place",
+        controls="force",
+    )
+
+
+def fed_through(loop_gain):
+    return bc.close_loop(control.ss([], [], [], [[0.0, 1.0], [1.0, 2.0]]), control.ss([], [], [], loop_gain))
+
+
+def yaw_weighted(**changes):
+    signals = {
+        "disturbances": {"actuator_anti": 1.0},
+        "noises": {"stroke_anti": 0.01},
+        "performance": {"tip_anti": 1.0},
+        "effort": {"suspension_anti": 0.01},
+    }
+    names = {"measurements": "stroke_anti", "controls": "suspension_anti"}
+    return bc.generalized_plant(bc.split_symmetric(MODEL)[1], **(signals | changes), **names)
+
+
+def recovered(system=MASS, Q=1.0, band=(0.1, 10.0), strengths=(1.0,), **options):
+    return loop_transfer_recovery(system, Q, 1.0, 1.0, 1.0, strengths=strengths, band=band, **options)
+
+
+def regulated(Q=1.0, R=1.0, **options):
+    return bc.lqr(MASS, Q, R, **options)
+
+
+def half(side, dt=0.0, force=None):
+    names = {"inputs": f"stroke_{side}", "outputs": f"suspension_{force or side}"}
+    return control.ss([[-5.0]], [[1.0]], [[1.0]], 0.0, dt, **names)
+
+
+WEIGHT = control.ss(1.0, 1.0, 1.0, 0.0)
+REFUSED = [
+    # regulators and filters
+    (lambda: regulated(np.diag([1.0, -1.0])), "eigenvalue of -1"),
+    (lambda: regulated([[0.0, 1.0], [1.0, 0.0]]), "Q: expected a positive semidefinite"),
+    (lambda: regulated(R=0.0), "R: expected a positive definite weight, got an eigenvalue of 0"),
+    (lambda: regulated(R={}), "R: expected a weight for each of force"),
+    (lambda: regulated([[1.0, 2.0], [0.0, 1.0]]), "Q: expected a symmetric matrix"),
+    (lambda: regulated(np.ones(3)), "Q: expected a number, 2 numbers or a 2 by 2 matrix, got shape"),
+    (lambda: regulated(output_weight={"plac": 1.0}), "unknown signal in output_weight 'plac'; did you mean 'place'"),
+    (lambda: regulated(integral={"place": -1.0}), "integral: expected a positive semidefinite"),
+    (lambda: regulated(N=np.ones((1, 2))), "N: expected shape"),
+    (lambda: regulated(N=10.0 * np.ones((2, 1))), "Q - N R"),
+    (lambda: regulated(None), "Q, output_weight: expected at least one"),
+    (lambda: bc.lqr(control.ss([], [], [], [[1.0]]), 1.0, 1.0), "at least one state"),
+    (lambda: bc.lqr(two_modes((1, 1, 1, 0), (1, 1, 1, 1)), 1.0, 1.0, controls="u"), r"3 rad/s .*cannot be moved by u"),
+    (lambda: bc.lqr(MODES, None, 1.0, output_weight={"q": 0.0}), "mode at 2 rad/s .*not seen by any weight"),
+    (
+        lambda: bc.lqr(bc.spray_boom(elements=6, excitation="velocity"), 1.0, 1.0, controls="suspension_left"),
+        r"mode at 0 rad/s .*actuator_left\..*cannot be moved by suspension_left",
+    ),
+    (lambda: bc.lqr(STUCK, 1.0, 1.0), r"not stabilisable: the mode at .* \(unstable"),
+    (lambda: bc.lqr(UNSEEN, None, 1.0, output_weight=1.0), "undamped and not seen by any weight"),
+    (lambda: bc.kalman(UNSEEN, 1.0, 1.0), "not detectable: the mode at 0 rad/s"),
+    (lambda: bc.kalman(two_modes((1, 1, 1, 1), (1, 1, 1, 0)), 1.0, 1.0, measurements="y"), r"3 rad/s .*not seen by y"),
+    (lambda: bc.kalman(two_modes((1, 1, 0, 1), (1, 1, 1, 1)), {"d": 1.0}, 1.0), "3 rad/s .*not reached by any process"),
+    (lambda: bc.kalman(MASS, -1.0, 1.0), "process_noise: expected a positive semidefinite weight, got an eigenvalue"),
+    (
+        lambda: bc.kalman(MASS, 1.0, 0.0),
+        "measurement_noise: expected a positive definite weight, got an eigenvalue of 0",
+    ),
+    (lambda: bc.kalman(MODES, 1.0, {"y": 1.0}), "measurement_noise: expected a weight for each of q, y; 'q' has none"),
+    (lambda: bc.kalman(MASS, {"w": 1.0}, 1.0), "unknown process_noise 'w'"),
+    (lambda: bc.lqg(UNSEEN, 1.0, 1.0, 1.0, 1.0, ltr=0.5), "ltr = 0.5: expected 0 for a discrete system"),
+    (lambda: recovered(band=(3.0, 1.0)), "band = .* ascending"),
+    (lambda: recovered(strengths=[]), "strengths: expected one number or more"),
+    (lambda: recovered(control.ss(LAG), 0.0), "expected a regulator with a loop to recover"),
+    (lambda: recovered(MODES, measurements="y"), "measurements: expected at least as many as controls"),
+    # generalised plants
+    (lambda: yaw_weighted(performance={"tip_anti": WEIGHT}), "'tip_anti'.*pole"),
+    (lambda: yaw_weighted(effort={"suspension_anti": control.rss(2, 2, 1)}), "'suspension_anti'.*one input"),
+    (lambda: yaw_weighted(performance={"tip_ant": 1.0}), "did you mean 'tip_anti'"),
+    (lambda: yaw_weighted(noises={"tip_anti": 1.0}), "unknown noise of measurement"),
+    (lambda: yaw_weighted(effort={"actuator_anti": 1.0}), "unknown effort of control"),
+    (lambda: yaw_weighted(disturbances={}, noises={}), "at least one disturbance"),
+    (lambda: yaw_weighted(performance={}, effort={}), "at least one performance"),
+    (lambda: fed_through(0.5), "not well-posed"),
+    (lambda: bc.close_loop(P, control.ss([], [], [], 1.0, inputs="z_q", outputs="u")), "'z_q' is an output of P"),
+    (lambda: bc.close_loop(SAMPLED, LAG), "controller: expected a sampling time of 0.1 s, as P has it, got continuous"),
+    (lambda: bc.close_loop(SAMPLED, control.ss(0.5, 1.0, 1.0, 0.0, 0.2)), "as P has it, got a .* of 0.2 s"),
+    (lambda: select_channels(P, []), "inputs: expected at least one"),
+    (lambda: bc.h_infinity("P", 1, 1), "P: expected a generalised plant.*generalized_plant"),
+    (lambda: bc.h_infinity(P, 3, 1), "nmeas = 3"),
+    (lambda: bc.h_infinity(P, 1, 3), "ncon = 3"),
+    (
+        lambda: bc.h_infinity(yaw_plant("stroke_anti"), 2, 1),
+        "nmeas = 2: P has 1 .stroke_anti., its 'z_suspension_anti'",
+    ),
+    (
+        lambda: bc.tune(yaw_plant("stroke_anti"), 1, 2, bc.tunable.gain()),
+        "ncon = 2: P has 1 .suspension_anti., its 'n_st",
+    ),
+    (lambda: bc.h2(control.rss(2, 3, 3)), "nmeas: expected a number, since the names of P do not tell it"),
+    (lambda: bc.tune(P, bc.tunable.gain()), "nmeas: expected a whole number, got a structure"),
+    (lambda: bc.low_pass(1.0, 0.0), "corner"),
+    (lambda: bc.synthesis.high_pass(1.0, 1.0, order=3), "order = 3"),
+    (lambda: bc.synthesis.band_pass(1.0, 2.0, 1.0), "ascending"),
+    # assumptions
+    (lambda: bc.h2(integrator(((0, 0, 0), (0, 0, 0), (0, 1, 0))), 1, 1), "D12 .*'u'"),
+    (lambda: bc.h2(integrator(((0, 0, 0), (0, 0, 1), (0, 0, 0))), 1, 1), "D21 .*'y'"),
+    (lambda: bc.h2(integrator(((3, 0, 0), (0, 0, 1), (0, 1, 0))), 1, 1), r"'w0' acts on .* 'z0' directly \(gain 3\)"),
+    (lambda: bc.h_infinity(noiseless(), 1, 1), "D21.*measurement 'place'.*noise"),
+    (lambda: bc.h_infinity(bc.mixed_sensitivity(LAG, W1=1.0), 1, 1), r"D12.*control 'u'.*effort weight"),
+    (
+        lambda: bc.h_infinity(dependent([[0, 0, 0, 0], [0, 0, 1, 1], [0, 1, 0, 0], [0.5, 0, 0, 0]]), 2, 2),
+        "combination of the controls 'left', 'right'",
+    ),
+    (
+        lambda: bc.h2(dependent([[0, 0, 1, 0], [0, 0, 0, 1], [0, 1, 0, 0], [0, 2, 0, 0]]), 2, 2),
+        "combination of the measurements 'a', 'b'",
+    ),
+    (
+        lambda: bc.h_infinity(
+            given(
+                [[-1.0, 0.0], [1.0, 0.0]],
+                [[1, 0, 1], [0, 0, 0]],
+                [[0, 1], [0, 0], [1, 0]],
+                [[0, 0, 0], [0, 0, 1], [0, 1, 0]],
+                states=["plant", "weight"],
+            ),
+            1,
+            1,
+        ),
+        "not detectable.*integrating.*'weight'",
+    ),
+    (
+        lambda: bc.h2(
+            control.ss(SAMPLED.A, SAMPLED.B, SAMPLED.C, SAMPLED.D * [[1, 1, 0], [1, 1, 0], [1, 1, 1]], 0.1), 1, 1
+        ),
+        "do not weigh control .* at the sample at which it acts",
+    ),
+    # what a controller can be
+    (lambda: bc.discretize(control.ss([[0.5]], [[1]], [[1]], 0, 0.1), 0.1), "sampling time of 0.1 s"),
+    (lambda: bc.discretize(LAG, 0.1, "tustn"), "did you mean 'tustin'"),
+    (lambda: bc.discretize(LAG, 0.1, "zoh", prewarp_omega=1.0), "prewarp_omega: expected only with method 'tustin'"),
+    (lambda: bc.discretize(LAG, 0.1, prewarp_omega=100.0), "prewarp_omega = 100: expected less than pi"),
+    (lambda: bc.discretize(LAG, 0.1, samples_per_period=1.0), "samples_per_period = 1: expected at least 2"),
+    (lambda: bc.reduce_controller(given(1.0, [[1, 1]], [[1], [1]], [[0, 0], [0, 0]]), LAG * 0.0), "real part 1 rad/s"),
+    (lambda: bc.reduce_controller(P, bc.h2(P), order=99), "order = 99"),
+    (lambda: bc.join_symmetric(MODEL, half("anti", force="sym"), half("anti")), "'stroke_anti' of the symmetric contr"),
+    (lambda: bc.join_symmetric(bc.spray_boom(elements=[-6, -2, 1, 6]), half("sym"), half("anti")), "mirror symmetry"),
+    (lambda: bc.join_symmetric(half("sym"), half("sym"), half("anti")), "expected SecondOrderModel, got StateSpace"),
+    (
+        lambda: bc.join_symmetric(MODEL, half("sym", 0.01), half("anti")),
+        r"sampling times 0\.01 and 0.* s: expected the",
+    ),
+]
+
+
+@pytest.mark.parametrize(("call", "words"), REFUSED, ids=[re.sub(r"\W+", " ", words)[:40] for _, words in REFUSED])
+def test_problem_without_solution_is_refused(call, words):
+    with pytest.raises((TypeError, ValueError, bc.SynthesisError), match=words):
+        call()
+
+
+@pytest.mark.parametrize("design", [bc.h_infinity, bc.h2])
+@pytest.mark.parametrize(
+    ("drives", "shown", "words"),
+    [
+        ((1, 1, 1, 0), (1, 1, 1, 1), r"not stabilisable: the mode at 3 rad/s \(damping 0 %.*'fast.* moved by u"),
+        ((1, 1, 1, 1), (1, 1, 1, 0), r"not detectable: the mode at 3 rad/s \(damping 0 %.*'fast.* seen by y"),
+        ((1, 1, 1, 1), (1, 0, 1, 1), r"controls \(u\) to the performance.*at 3 rad/s.*zero.*'fast"),
+        ((1, 1, 0, 1), (1, 1, 1, 1), r"disturbances \(w_d, n_y\) to the measurements \(y\).*at 3 rad/s.*zero.*'fast"),
+        ((0, 1, 1, 1), (1, 1, 0, 1), r"not detectable.*at 2 rad/s.*'slow"),
+    ],
+)
+def test_modes_and_zeros_on_the_axis_are_named(design, drives, shown, words):
+    with pytest.raises(bc.SynthesisError, match=words):
+        design(weighed(two_modes(drives, shown)), 1, 1)
+
+
+@pytest.mark.parametrize("damping", [0.001, -0.001])
+def test_lqr_mode_out_of_reach_is_named_if_it_decays(damping):
+    plant = two_modes((1, 1, 1, 0), (1, 1, 1, 1))
+    A = np.array(plant.A)
+    A[3, 3] = -6.0 * damping
+    plant = control.ss(A, plant.B, plant.C, 0.0, inputs=["d", "u"], outputs=["q", "y"])
+    if damping > 0.0:
+        (unmoved,) = bc.lqr(plant, None, 1.0, output_weight=1.0, controls="u").unmoved
+        assert unmoved.omega == pytest.approx(3.0)
+        assert "damping 0.1 %" in str(unmoved)
+        return
+    with pytest.raises(bc.SynthesisError, match=r"unstable, damping -0\.1 %.*cannot be moved by u"):
+        bc.lqr(plant, None, 1.0, output_weight=1.0, controls="u")
