@@ -6,9 +6,6 @@ import numpy as np
 import pytest
 
 import boomctl as bc
-from tests.profiles import is_quick
-
-ORDERS = range(3, 15)
 
 
 def _machine(rng):
@@ -87,37 +84,3 @@ def test_of_a_boom_driven_by_forces():
     wanted = bc.exact_frequency_response(bc.BoomParameters(), omega, outputs=["tip_left"], excitation="force").frdata
     found = model.frequency_response(omega, outputs=["tip_left"]).frdata
     assert (np.abs(found - wanted).max(axis=(0, 1)) <= 1e-3 * np.abs(wanted).max(axis=(0, 1))).all()
-
-
-@pytest.mark.parametrize(
-    ("wrong", "said"),
-    [
-        ({"accuracy": 1e-3}, "band_hz = None: expected a number"),
-        ({"band_hz": 5.0}, "accuracy = None: expected a number"),
-        ({"accuracy": 1e-3, "band_hz": 5.0, "elements": 8}, "elements = 8: expected none beside accuracy"),
-        ({"accuracy": 1e-3, "band_hz": 5.0, "elements": 6}, "elements = 6: expected none beside accuracy"),
-        ({"accuracy": 1e-3, "band_hz": 5.0, "discretization": "finite"}, "discretization = 'finite': expected none"),
-        ({"accuracy": 1e-12, "band_hz": 5.0}, "accuracy = 1e-12: expected 1e-07 to 1"),
-        ({"accuracy": 1e-3, "band_hz": -1.0}, "band_hz"),
-    ],
-)
-def test_bad_input(wrong, said):
-    with pytest.raises(ValueError, match=said):
-        bc.spray_boom(**wrong)
-
-
-def test_an_undamped_boom_has_no_relative_error_at_its_resonance():
-    still = replace(bc.BoomParameters(), cradle_damping=0.0, hinge_damping=0.0, structural_damping=0.0)
-    with pytest.raises(ValueError, match=r"infinite at 0\.\d+ Hz, where nothing damps it"):
-        bc.spray_boom(still, accuracy=1e-3, band_hz=2.0)
-
-
-@pytest.mark.slow
-def test_so_are_150():
-    if is_quick():
-        pytest.skip("of the full profile")
-    rng = np.random.default_rng(7)
-    for _ in range(150):
-        p, band, accuracy = _machine(rng)
-        model = bc.spray_boom(p, accuracy=accuracy, band_hz=band)
-        assert _error(p, model, band, rng) <= accuracy, (p, band, accuracy)

@@ -13,14 +13,6 @@ import boomctl as bc
 from tests.profiles import examples
 
 NAMES = [field.name for field in dataclasses.fields(bc.BoomParameters)]
-MAY_BE_ZERO = {
-    "spring_stiffness",
-    "cradle_damping",
-    "hinge_damping",
-    "structural_damping",
-    "inner_width",
-    "inner_height",
-}
 
 
 def test_the_tube_is_that_of_table_2():
@@ -29,46 +21,6 @@ def test_the_tube_is_that_of_table_2():
     assert p.area == pytest.approx(3.212e-4, rel=1e-4)
     assert p.tube_mass == pytest.approx(30.064, abs=5e-4)
     assert p.tube_inertia == pytest.approx(360.772, abs=5e-4)
-
-
-@given(st.sampled_from(NAMES), st.sampled_from([-1.0, np.nan, np.inf, -np.inf]))
-def test_negative_and_non_finite_values_name_the_parameter(name, value):
-    with pytest.raises(ValueError, match=name):
-        bc.BoomParameters(**{name: value})
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_zero_is_refused_where_it_has_no_meaning(name):
-    if name in MAY_BE_ZERO:
-        assert getattr(bc.BoomParameters(**{name: 0.0}, **_massive(name)), name) == 0.0
-    else:
-        with pytest.raises(ValueError, match=name):
-            bc.BoomParameters(**{name: 0.0})
-
-
-def _massive(name):
-    return {"boom_mass": 500.0, "boom_inertia": 6000.0} if name.startswith("inner") else {}
-
-
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"inner_width": 0.02}, "inner_width = 0.02: expected less than outer_width"),
-        ({"inner_height": 0.07}, "inner_height"),
-        ({"spring_distance": 12.0}, "spring_distance = 12: expected less than the boom's length"),
-        ({"boom_mass": 30.0}, "boom_mass = 30: expected at least that of the tube"),
-        ({"boom_inertia": 300.0}, "boom_inertia"),
-    ],
-)
-def test_inconsistent_values_are_refused(changes, message):
-    with pytest.raises(ValueError, match=message):
-        bc.BoomParameters(**changes)
-
-
-@pytest.mark.parametrize("value", ["12", None, True, [12.0]])
-def test_other_types_are_refused(value):
-    with pytest.raises(TypeError, match="length"):
-        bc.BoomParameters(length=value)
 
 
 def test_the_annotated_file_holds_the_defaults():
@@ -112,36 +64,6 @@ def test_a_byte_order_mark_is_no_part_of_a_file(tmp_path, kind):
     path = tmp_path / "given.toml"
     path.write_text("youngs_modulus = 7e10\n", encoding="utf-8-sig")
     assert kind.from_toml(path) == kind(youngs_modulus=7e10)
-
-
-HEAVY = {"boom_mass": 1e15, "boom_inertia": 1e15}
-
-
-@pytest.mark.parametrize(
-    "given",
-    [
-        {"youngs_modulus": 1e-99},
-        {"youngs_modulus": 1e-50},
-        {"youngs_modulus": 1e-10},
-        {"density": 1e-99},
-        {"outer_width": 1e-100, "inner_width": 0.0},
-        {"outer_width": 1e-99, "inner_width": 0.0, "outer_height": 1e-99, "inner_height": 0.0},
-        {"length": 1e4, **HEAVY},
-        {"length": 1e-6, "spring_distance": 1e-7},
-        {"length": 1e-98, "spring_distance": 1e-99},
-    ],
-)
-def test_a_boom_that_could_not_bend_as_one_is_refused(given):
-    with pytest.raises(ValueError, match=r"would bend at .* expected 1e-05 to 1e\+06 rad/s, in SI units"):
-        bc.BoomParameters(**given)
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_no_parameter_is_larger_than_any_booms(name):
-    with pytest.raises(ValueError, match=rf"^{name} = 1e\+16: expected at most 1e\+15, in SI units"):
-        bc.BoomParameters(**{name: 1e16})
-    with pytest.raises(ValueError, match=name):
-        bc.BoomParameters(**{"length": 1e6, **HEAVY, name: 1e300})
 
 
 @given(
@@ -211,18 +133,11 @@ LIGHTER = rf"{UNCHANGED}7\.52 kg lighter; .*`BoomParameters\(\)\.scaled\(length=
     ("call", "message"),
     [
         (lambda: bc.BoomParameters(boom_mass=1.1 * 35.76), MASS),
-        (lambda: bc.BoomParameters(boom_mass=32.0, spring_stiffness=900.0), MASS),
-        (lambda: bc.BoomParameters(boom_mass=39.3, length=12.0, density=7800.0), MASS),
         (lambda: P.replace(boom_mass=39.3), MASS),
         (lambda: P.scaled(boom_mass=39.3), MASS),
-        (lambda: bc.spray_boom(boom_mass=39.3), MASS),
-        (lambda: bc.spray_boom(bc.BoomParameters(boom_mass=39.3)), MASS),
         (lambda: bc.BoomParameters(boom_inertia=400.0), INERTIA),
         (lambda: bc.BoomParameters(**HEAVIER), BOTH),
         (lambda: bc.spray_boom(length=9.0), LIGHTER),
-        (lambda: bc.BoomParameters(length=9.0), LIGHTER),
-        (lambda: P.replace(density=7000.0), rf"{UNCHANGED}3\.08 kg lighter"),
-        (lambda: P.replace(inner_width=0.017), rf"{UNCHANGED}6\.29 kg lighter"),
         (
             lambda: P.replace(length=9.0, boom_mass=30.0),
             r"`boom_inertia` is unchanged although the inertia of the tube is 209 kg m\^2 lower; .* to scale it too",

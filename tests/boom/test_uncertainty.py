@@ -9,8 +9,6 @@ from hypothesis import strategies as st
 
 from boomctl.boom import BoomParameters, boom_family, spray_boom, yaw_family
 from boomctl.boom.families import scaled_boom, spring_family
-from boomctl.structure import SecondOrderModel
-from boomctl.structure.families import AffineFamily
 from tests.profiles import examples
 
 factors = st.floats(-1.0, 1.0)
@@ -57,41 +55,3 @@ def test_springs_go_up_to_those_of_the_measured_yaw_whatever_the_dampers():
         assert np.allclose(one.at([delta]).K, other.at([delta]).K)
     assert not np.allclose(one.centre.C, other.centre.C)
     assert np.allclose(yaw_family(half="yaw").at([1.0]).K, one.at([1.0]).K)
-
-
-def test_bad_ranges_and_curved_families_are_refused():
-    with pytest.raises(ValueError, match="ascending"):
-        boom_family(spring=(1.2, 0.8))
-    with pytest.raises(ValueError, match="mass"):
-        boom_family(mass=(-0.5, 1.2))
-    with pytest.raises(ValueError, match="half"):
-        boom_family(half="roll")
-    with pytest.raises(ValueError, match="frequency_hz"):
-        yaw_family(stiffest_hz=100.0)
-
-    def curved(v):
-        return SecondOrderModel([[1.0]], [[0.1]], [[1.0 + v["a"] ** 2]], {"f": [1.0]}, {"y": [1.0]})
-
-    with pytest.raises(ValueError, match="K is not affine in a"):
-        AffineFamily.through({"a": (0.0, 2.0)}, curved)
-
-
-@pytest.mark.parametrize(
-    ("options", "error", "message"),
-    [
-        ({"parameters": 1.0}, TypeError, "parameters: expected BoomParameters, got float"),
-        ({"spring": []}, TypeError, "range of spring"),
-        ({"mass": {}}, TypeError, "range of mass"),
-        ({"mass": (0.8, 1.0, 1.2)}, TypeError, "range of mass"),
-        ({"mass": (-0.8, 1.2)}, ValueError, "lower end of mass"),
-        ({"spring": (1.3, 0.7)}, ValueError, "range of spring"),
-    ],
-)
-def test_ranges_that_are_none_are_refused(options, error, message):
-    with pytest.raises(error, match=message):
-        boom_family(**options)
-
-
-def test_parameters_of_another_kind_are_refused():
-    with pytest.raises(TypeError, match="parameters: expected BoomParameters, got str"):
-        yaw_family("boom")
