@@ -74,20 +74,6 @@ def test_integrators_in_a_row_give_powers_of_time():
     assert linear_hold_response(system, t[None], 0.01)[0] == pytest.approx(t**4 / 24, rel=1e-9, abs=1e-12)
 
 
-def test_what_does_not_fit_is_refused():
-    system = random_system(np.random.default_rng(0))
-    with pytest.raises(ValueError, match="inputs: expected 2 rows"):
-        linear_hold_response(system, np.zeros((3, 5)), 0.1)
-    with pytest.raises(ValueError, match="initial: expected 4 values, got 3"):
-        linear_hold_response(system, np.zeros((2, 5)), 0.1, np.zeros(3))
-    with pytest.raises(ValueError, match="step = 0"):
-        linear_hold_response(system, np.zeros((2, 5)), 0.0)
-    with pytest.raises(ValueError, match="expected continuous time"):
-        linear_hold_response(control.sample_system(system, 0.1), np.zeros((2, 5)), 0.1)
-    with pytest.raises(ValueError, match="inputs: expected finite"):
-        linear_hold_response(system, np.full((2, 5), np.nan), 0.1)
-
-
 @pytest.mark.parametrize("count", [1, 2, 7])
 def test_a_system_without_states_passes_its_inputs_on(count):
     u = np.arange(2.0 * count).reshape(2, count)
@@ -95,13 +81,18 @@ def test_a_system_without_states_passes_its_inputs_on(count):
     assert linear_hold_response(system, u, 0.1) == pytest.approx(2.0 * u[:1] - u[1:])
 
 
-def test_what_grows_beyond_all_numbers_and_what_is_no_system_is_refused():
+def test_response_that_does_not_fit_or_grows_beyond_numbers_raises():
     unstable = control.ss([[5.0]], [[1.0]], [[1.0]], 0.0)
     assert np.isfinite(linear_hold_response(unstable, np.ones((1, 200)), 0.1)).all()
     with pytest.raises(ValueError, match="outputs grow beyond all numbers within 50000 samples"):
         linear_hold_response(unstable, np.ones((1, 50000)), 0.1)
-    with pytest.raises(ValueError, match="system: expected finite numbers"):
-        linear_hold_response(control.ss([[np.nan]], [[1.0]], [[1.0]], 0.0), np.ones((1, 5)), 0.1)
-    for wrong in (None, control.frd([1.0], [1.0])):
-        with pytest.raises(TypeError, match=r"system: expected StateSpace"):
-            linear_hold_response(wrong, np.ones((1, 5)), 0.1)
+    with pytest.raises(TypeError, match=r"system: expected StateSpace"):
+        linear_hold_response(control.frd([1.0], [1.0]), np.ones((1, 5)), 0.1)  # type: ignore[arg-type]
+    for system, rows, more, words in (
+        (unstable, 3, (0.1,), "inputs: expected 1 rows"),
+        (unstable, 1, (0.1, np.zeros(3)), "initial: expected 1 values, got 3"),
+        (unstable, 1, (0.0,), "step = 0"),
+        (control.sample_system(unstable, 0.1), 1, (0.1,), "expected continuous time"),
+    ):
+        with pytest.raises(ValueError, match=words):
+            linear_hold_response(system, np.zeros((rows, 5)), *more)

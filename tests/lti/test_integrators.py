@@ -1,12 +1,14 @@
 """Poles at zero and their Jordan chains, told by structure in whatever coordinates."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from boomctl.lti.integrators import without_integrators
-from boomctl.lti.modal import spectral_parts
+from boomctl.lti.modal import spectral_parts, split
 from boomctl.lti.system import Lti
 from tests.profiles import examples
 from tests.strategies import seeds
@@ -60,6 +62,23 @@ def test_slow_poles_are_not_taken_for_integrators(seed, exponent):
 def test_units_of_time_do_not_matter(scale):
     system = integrating(np.random.default_rng(3), (2, 1), 1e-3)
     assert len(without_integrators(Lti(scale * system.A, system.B, system.C, system.D)).chain.A) == 3
+
+
+@examples(40)
+@given(seeds)
+def test_split_system_is_the_sum_of_its_parts(seed):
+    """The first part has the poles chosen, here those of the slow lag and of the last pair, and no direct way."""
+    rng = np.random.default_rng(seed)
+    system = replace(integrating(rng, (1,), 0.01), D=rng.standard_normal((2, 2)))
+    chosen = (np.abs(system.poles + 0.01) < 1e-3) | (np.abs(system.poles) > 5.0)
+    one, other, doubt = split(system, chosen)
+    for part, poles in ((one, system.poles[chosen]), (other, system.poles[~chosen])):
+        np.testing.assert_allclose(np.sort_complex(part.poles), np.sort_complex(poles), atol=1e-9)
+    assert not one.D.any()
+    assert doubt < 1e-9
+    omega = np.geomspace(0.1, 30.0, 20)
+    whole = system.response(omega)
+    assert np.abs(one.response(omega) + other.response(omega) - whole).max() <= 1e-9 * np.abs(whole).max()
 
 
 def test_nothing_but_integrators():

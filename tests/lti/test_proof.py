@@ -3,11 +3,9 @@
 What a norm's certificate says is held against the same.
 """
 
-import ast
 import time
 from contextlib import nullcontext
 from functools import wraps
-from pathlib import Path
 
 import control
 import numpy as np
@@ -280,15 +278,6 @@ def test_poles_exactly_on_the_axis_are_told_exactly(seed, shown):
     assert bc.prove(bc.hinf_norm(system)).proved
 
 
-@pytest.mark.parametrize("zeta", [1e-1, 1e-5, 1e-9, 1e-13])
-def test_the_peak_of_a_mode_is_that_in_closed_form(zeta):
-    system = control.ss([[0.0, 1.0], [-1.0, -2.0 * zeta]], [[0.0], [1.0]], [[1.0, 0.0]], 0.0)
-    low, high, square = Exact.of(of(system)).norm(1.0)
-    peak = 0.5 / (zeta * np.sqrt(1.0 - zeta**2))
-    assert low <= peak * (1.0 + SLACK) <= high * (1.0 + 2.0 * SLACK)
-    assert square == pytest.approx(1.0 - 2.0 * zeta**2, rel=1e-3)
-
-
 @pytest.mark.filterwarnings("ignore::scipy.signal.BadCoefficients")
 @pytest.mark.parametrize(
     ("name", "given", "analog", "norm"),
@@ -375,21 +364,6 @@ def test_norm_beyond_limit_undecided_at_once(n, decided, monkeypatch):
     exact = Exact.of(Lti(-np.eye(n), np.ones((n, 1)), np.ones((1, n)), np.zeros((1, 1))), OPERATIONS)
     with nullcontext() if decided else pytest.raises(Undecided):
         exact.check_norm()
-
-
-def clocks(path):
-    """Return the modules of clocks that a file imports."""
-    nodes = list(ast.walk(ast.parse(path.read_text(encoding="utf-8"))))
-    imported = [alias.name for node in nodes if isinstance(node, ast.Import) for alias in node.names]
-    imported += [node.module or "" for node in nodes if isinstance(node, ast.ImportFrom)]
-    return {"time", "datetime", "timeit"} & {name.split(".")[0] for name in imported}
-
-
-def test_lti_and_analysis_read_no_clock():
-    package = Path(bc.__file__).parent
-    assert {
-        str(path) for name in ("lti", "analysis") for path in (package / name).rglob("*.py") if clocks(path)
-    } == set()
 
 
 @pytest.mark.parametrize("seed", range(8 if is_quick() else 40))

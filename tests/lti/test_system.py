@@ -79,6 +79,21 @@ def test_a_model_is_the_system_that_python_control_would_have_made_of_it(bandwid
         of(model, expected="a StateSpace")
 
 
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        (None, r"got NoneType; .* or control\.ss\(A, B, C, D\) makes one"),
+        (spray_boom, "got function"),
+        (control.ss([[np.nan]], 1.0, 1.0, 0.0), r"expected finite numbers, got A\[0, 0\] = nan"),
+        (control.tf([np.nan], [1.0, 1.0]), "expected finite coefficients"),
+        (control.ss(0.5, 1.0, 1.0, 0.0, True), "got dt = True, which names none"),
+    ],
+)
+def test_system_that_is_none_is_refused(given, words):
+    with pytest.raises((TypeError, ValueError), match=words):
+        of(given, sampled=True)
+
+
 def test_dots_in_names_become_what_python_control_allows():
     class Machine:
         def __lti__(self):
