@@ -74,20 +74,26 @@ def test_the_lowest_order_within_an_error_is_found(seed):
         assert reduce(system, found.order - 1).measured_error > asked * (1.0 - 1e-4)
 
 
+@pytest.mark.parametrize(("seed", "order"), [(0, 4), (13, 3)])
+def test_next_order_is_tried_where_the_circle_shows_more_than_the_image(seed, order):
+    """Of slow poles in coordinates of badly mixed units, rounding of the map adds a percent to the error."""
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(5, 9))
+    A = np.diag(-np.sort(-(1.0 - 10.0 ** rng.uniform(-9.0, -1.0, n))))
+    T = np.linalg.qr(rng.standard_normal((n, n)))[0] * 10.0 ** rng.uniform(-1.5, 1.5, n)
+    T = T @ np.linalg.qr(rng.standard_normal((n, n)))[0]
+    B, C = T @ rng.standard_normal((n, 2)), rng.standard_normal((2, n)) @ np.linalg.inv(T)
+    full = control.ss(T @ A @ np.linalg.inv(T), B, C, 0.0, 0.1)
+    wanted = (1.0 - 1e-3) * reduce(full, order).measured_error
+    assert reduce(full, order + 1).measured_error <= wanted  # the next one will do
+    assert reduce(full, error=wanted).order == order + 1
+
+
 def test_a_band_is_looked_at_in_its_own_frequencies():
     system = random_system(7)
     found = reduce(system, 3, omega_range=(1.0, 20.0))
     assert gains(system, found.system, np.linspace(1.0, 20.0, 2000)).max() <= found.measured_error * (1.0 + 1e-6)
     assert found.omega_range == (1.0, 20.0)
-    with pytest.raises(ValueError, match=r"^`omega_range` must end at or below half the sampling rate"):
-        reduce(system, 3, omega_range=(1.0, 100.0))
-
-
-def test_what_has_no_image_is_refused():
-    with pytest.raises(ValueError, match="pole at z = -1"):
-        reduce(control.ss(np.diag([-1.0, 0.5]), np.eye(2), np.eye(2), 0.0, 0.1), 1)
-    with pytest.raises(ValueError, match=r"^system: expected continuous time or a sampling time in seconds"):
-        reduce(control.ss(0.5, 1.0, 1.0, 0.0, True), 1)
 
 
 @examples(200)

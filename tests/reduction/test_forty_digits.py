@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 import boomctl as bc
 from boomctl.reduction.result import LowerOrderWarning, ReductionError
-from tests.forty_digits import hard_system, largest_error, poles, resonances
+from tests.forty_digits import hard_system, largest_error, poles
 from tests.profiles import examples
 from tests.strategies import seeds
 
@@ -40,47 +40,6 @@ def test_damping_above_a_millionth_is_reduced_and_not_refused(seed):
     reduced = bc.reduce(full, full.nstates // 2)
     assert largest_error(full, reduced.system) <= reduced.measured_error * (1.0 + 1e-6)
     assert reduced.truncation_bound <= 1e-3 * bc.hinf_norm(full).lower
-
-
-@pytest.mark.slow
-@examples(30)
-@given(seeds)
-def test_what_splitting_off_a_kept_part_loses_is_in_the_error(seed):
-    """Beside an integrator and an unstable pole, in mixed coordinates; seen at the resonances of the stable part."""
-    rng = np.random.default_rng(seed)
-    stable = hard_system(3 * seed + 1, damping=(-5.0, -1.0))
-    A = np.zeros((stable.nstates + 2, stable.nstates + 2))
-    A[:-2, :-2], A[-1, -1] = stable.A, 0.5
-    A[-2, :-2] = rng.standard_normal(stable.nstates)
-    Q = np.linalg.qr(rng.standard_normal(A.shape))[0]
-    B, C = rng.standard_normal((len(A), 2)), rng.standard_normal((2, len(A)))
-    full = control.ss(Q @ A @ Q.T, Q @ B, C @ Q.T, 0.0)
-    try:
-        reduced = bc.reduce(full, 2 + stable.nstates // 2)
-    except (ReductionError, ValueError):
-        return  # refused, not wrong
-    assert reduced.kept == 2
-    at = [w for w in resonances(stable) if w > 0]
-    size = max(largest_error(full, control.ss([], [], [], np.zeros((2, 2))), at), reduced.measured_error)
-    # the integrator itself is kept to rounding
-    assert largest_error(full, reduced.system, at) <= reduced.measured_error * (1.0 + 1e-6) + 1e-12 * size
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "distance", [0.0, *(pytest.param(distance, marks=pytest.mark.slow) for distance in (1e-3, 1e-6, 1e-9, 1e-12))]
-)
-def test_poles_that_draw_together_in_mixed_coordinates(distance):
-    """A chain of lags whose poles are nearly equal: its modes cancel, the nearer the more."""
-    for seed in range(3):
-        rng = np.random.default_rng(seed)
-        A = -np.diag(1.0 + distance * np.arange(6.0)) + np.diag(np.full(5, 3.0), 1)
-        Q = np.linalg.qr(rng.standard_normal((6, 6)))[0]
-        full = control.ss(Q @ A @ Q.T, Q @ rng.standard_normal((6, 1)), rng.standard_normal((1, 6)) @ Q.T, 0.0)
-        reduced = bc.reduce(full, 3)
-        truth = largest_error(full, reduced.system)
-        assert truth <= reduced.measured_error * (1.0 + 1e-6)
-        assert reduced.measured_error <= reduced.error_bound * (1.0 + 1e-3)
 
 
 def test_an_error_below_rounding_is_at_most_rounding():

@@ -67,12 +67,6 @@ def test_the_hankel_norm_of_the_error_is_the_first_value_that_goes(seed, order):
     assert bound >= form.values[order]
 
 
-def test_repeated_hankel_values_across_the_cut_are_refused():
-    twin = control.ss(-np.eye(2), np.eye(2), np.eye(2), np.zeros((2, 2)))
-    with pytest.raises(ValueError, match="are equal"):
-        bc.reduce(twin, order=1, method="hankel")
-
-
 def test_jordan_blocks_are_balanced_without_modal_coordinates():
     A = np.diag(-np.ones(4)) + np.diag(np.ones(3), 1)
     full = control.ss(A, np.eye(4)[:, 3:], np.eye(4)[:1], 0.0)

@@ -155,12 +155,6 @@ def test_hankel_error_is_smallest_in_hankel_norm_alone():
     assert larger
 
 
-def test_all_of_the_system_is_itself():
-    full = stable_system(5)
-    red = bc.reduce(full, order=full.nstates)
-    assert red.measured_error <= 1e-8 * bc.sigma(full).peak
-
-
 def test_repr_with_omega_range_names_range_and_unit():
     full = control.ss(np.diag([-1.0, -30.0]), np.ones((2, 1)), [[1.0, 40.0]], 0.0, inputs="u", outputs="y")
     plain, ranged = (bc.reduce(full, 1, omega_range=limits) for limits in (None, (20.0, 62.5)))
@@ -176,37 +170,28 @@ def test_repr_with_omega_range_names_range_and_unit():
     ("arguments", "message"),
     [
         ({"order": 13}, "has only"),
-        ({"order": -1}, "order = -1"),
         ({}, "exactly one"),
         ({"order": 2, "error": 0.1}, "exactly one"),
-        ({"error": 0.0}, "error = 0"),
         ({"order": 2, "method": "balancd"}, "did you mean 'balanced'"),
         ({"order": 2, "omega_range": (3.0, 1.0)}, "ascending"),
         ({"order": 2, "omega_range": (1.0, 2.0, 3.0)}, "two frequencies"),
-        ({"order": 2, "omega_range": (np.nan, 1.0)}, "finite"),
         (
             {"order": 2, "omega_range": (1.0, 2.0), "method": "hankel"},
-            "^`omega_range` must be None for method 'hankel', got",
+            "^`omega_range` must be None for method 'hankel'",
         ),
+        ({"order": 2, "method": "second-order"}, "SecondOrderModel"),
+        ({"order": 5, "method": "second-order", "system": bc.spray_boom(elements=6)}, "even number"),
+        ({"order": 1, "system": control.ss(np.diag([-1.0, 0.5]), np.eye(2), np.eye(2), 0.0, 0.1)}, "pole at z = -1"),
         (
-            {"order": 2, "omega_range": (1.0, 2.0), "method": "modal"},
-            "^`omega_range` must be None for method 'modal', got",
+            {"order": 1, "system": control.ss(0.5, 1.0, 1.0, 0.0, 0.1), "omega_range": (1.0, 100.0)},
+            "^`omega_range` must end at or below half the sampling rate",
         ),
     ],
 )
-def test_bad_arguments_are_refused_in_one_line(arguments, message):
-    with pytest.raises(ValueError, match=message) as caught:
-        bc.reduce(stable_system(1), **arguments)
+def test_arguments_that_do_not_fit_are_refused_in_one_line(arguments, message):
+    with pytest.raises((TypeError, ValueError), match=message) as caught:
+        bc.reduce(**({"system": stable_system(1)} | arguments))
     assert "\n" not in str(caught.value)
-
-
-def test_bad_systems_are_refused():
-    with pytest.raises(ValueError, match="continuous time"):
-        bc.reduce(control.ss([[0.5]], [[1.0]], [[1.0]], 0.0, True), order=1)
-    with pytest.raises(ValueError, match="finite"):
-        bc.reduce(control.ss([[np.nan]], [[1.0]], [[1.0]], 0.0), order=1)
-    with pytest.raises(TypeError, match="SecondOrderModel or StateSpace"):
-        bc.reduce(np.eye(3), order=1)
 
 
 @pytest.mark.parametrize("method", ["balanced", "singular-perturbation", "hankel", "modal"])

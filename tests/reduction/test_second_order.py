@@ -2,14 +2,16 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
+from hypothesis import strategies as st
 
 import boomctl as bc
 from boomctl.boom.model import ACTUATORS, TIPS
 from boomctl.lti.frequency import singular_values
 from boomctl.lti.system import of
 from boomctl.structure import SecondOrderModel
-from tests.strategies import structures
+from tests.profiles import examples
+from tests.strategies import seeds, structures
 
 
 @given(structures(least=5))
@@ -57,9 +59,33 @@ def test_a_band_is_reduced_for_itself():
     assert errors[0] <= errors[1]
 
 
-def test_what_cannot_be_is_refused():
-    model = bc.spray_boom(elements=6)
-    with pytest.raises(ValueError, match="even number"):
-        bc.reduce(model, order=5, method="second-order")
-    with pytest.raises(TypeError, match="SecondOrderModel"):
-        bc.reduce(model.to_statespace(), order=4, method="second-order")
+def oscillators(frequencies, damping):
+    """Return masses side by side, all pushed by one force and read by one output."""
+    n = len(frequencies)
+    return SecondOrderModel(np.eye(n), np.diag(damping), np.diag(frequencies**2), {"f": np.ones(n)}, {"y": np.ones(n)})
+
+
+@given(seeds, st.sampled_from([None, (1.0, 3.0)]))
+@examples(40)
+def test_mode_that_is_kept_has_the_highest_peak(seed, band):
+    """Of one in all, or the one that reaches highest within the band."""
+    rng = np.random.default_rng(seed)
+    frequencies = np.array([0.4, 1.7, 4.0, 9.0]) * rng.uniform(0.8, 1.2, 4)
+    damping = 10.0 ** rng.uniform(-3.0, 0.3, 4)
+    omega = np.geomspace(*(band or (0.1, 30.0)), 20_000)
+    s = 1j * np.append(omega, frequencies if band is None else [])[:, None]
+    peaks = np.abs(1.0 / (s**2 + damping * s + frequencies**2)).max(axis=0)
+    second, first = np.sort(peaks)[-2:]
+    assume(first > 1.5 * second)
+    small = bc.reduce(oscillators(frequencies, damping), order=2, method="second-order", omega_range=band).system
+    assert small.K[0, 0] == pytest.approx(frequencies[peaks.argmax()] ** 2, rel=1e-9)
+
+
+def test_band_reduction_is_exact_in_its_middle_but_for_damping():
+    """What modes outside the band answer at its middle is added, at the mean of its ends on a logarithmic axis."""
+    model = oscillators(np.array([0.2, 1.0, 4.0, 7.0]), np.full(4, 1e-6))
+    small = bc.reduce(model, order=2, method="second-order", omega_range=(0.8, 1.4)).system
+    middle = [np.sqrt(0.8 * 1.4)]
+    full, found = (np.asarray(m.frequency_response(middle).frdata) for m in (model, small))
+    assert small.K[0, 0] == pytest.approx(1.0)
+    assert found == pytest.approx(full, rel=1e-5)
