@@ -80,9 +80,10 @@ def along(matrices):
 
 
 @pytest.mark.parametrize("kept", [2, 3])
-@given(st.integers(0, 10_000), st.booleans())
+@pytest.mark.parametrize("positive", [False, True])
+@given(seed=st.integers(0, 10_000))
 @examples(30)
-def test_products_of_many_parameters_are_below_their_bound(kept, seed, positive):
+def test_products_of_many_parameters_are_below_their_bound(kept, positive, seed):
     """Of the transformed pencil along a ray of the cell; of positive matrices all add up, and the bound is attained."""
     rng = np.random.default_rng(seed)
     reach, n = rng.uniform(0.1, 1.0, 2), 3
