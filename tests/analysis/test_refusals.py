@@ -133,6 +133,7 @@ REFUSED = [
         "output 'v' to be the state",
     ),
     (lambda: bc.with_states(double_integrator([[1.0, 0.0]], states=["a.b", "a_b"])), "'a_b' twice"),
+    (lambda: bc.margins(one.yaw(), gain([[-1.0]], "mode1_x1", "suspension_anti")), r"boomctl.with_states\(plant\)"),
     (lambda: bc.hinf_norm(bc.lqr(PLANT, 1.0, 1.0)), r"got LqrResult; its \.controller is one"),
 ]
 

@@ -92,18 +92,6 @@ def test_integral_action_joins_a_regulator_by_name():
     assert loop.dcgain()[0] == pytest.approx(0.0, abs=1e-12)  # a constant load leaves no error in what is integrated
 
 
-def test_a_structure_has_the_states_that_its_regulator_reads():
-    yaw = bc.split_symmetric(bc.spray_boom())[1]
-    given = {"output_weight": {"tip_anti": 1.0}, "controls": "suspension_anti"}
-    design = bc.lqr(yaw, None, 1e-7, **given)
-    loop = bc.feedback_loop(bc.with_states(yaw), design.controller)
-    assert loop.poles().real.max() < 0.0
-    columns = np.sort_complex(loop.poles()), np.sort_complex(design.poles)
-    assert columns[0] == pytest.approx(columns[1], rel=1e-6)
-    with pytest.raises(ValueError, match=r"boomctl.with_states\(plant\)"):
-        bc.margins(yaw, design.controller)
-
-
 @pytest.mark.parametrize("excitation", ["displacement", "force"])
 def test_a_family_reads_the_states_of_its_middle_everywhere(excitation):
     """In the middle they are the states; elsewhere the same sums, of places and speeds that other outputs show."""

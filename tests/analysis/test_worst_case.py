@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 
 import boomctl as bc
 from boomctl.analysis.box.level import DrivenLoops
-from boomctl.analysis.box.zero_exclusion import Cell
 from boomctl.lti.system import of
 from boomctl.structure import AffineFamily, SecondOrderModel
 from boomctl.structure.matrices import Structure
@@ -147,25 +146,6 @@ def test_three_and_four_parameters(parameters):
     family, K = chain(np.random.default_rng(5), parameters)
     found = bc.worst_case(family, K, "push", "z", tolerance=1e-2)
     assert found.norm.lower <= found.upper_bound <= 1.0101 * found.norm.lower
-
-
-@pytest.mark.slow
-def test_both_ways_to_a_bound_agree():
-    """Cells of the response and cells of the even pencil prove the same level, and neither one below the worst point."""
-    family, K = chain(np.random.default_rng(8), 2)
-    found = bc.worst_case(family, K, "push", "z", tolerance=1e-3)
-    loops = DrivenLoops.of(family, of(K, "K"), ["push"], ["z"])
-    box = loops.responses()
-    for level, provable in ((found.norm.lower * 1.001, True), (found.norm.lower * 0.999, False)):
-        left, _ = box.prove(box.start(), level, 3000, lambda gain, point, at=level: at)
-        assert (len(left) == 0) == provable
-        prove, waiting, tried = loops.prover(level), [Cell(np.zeros(2), np.ones(2))], 0
-        while waiting and tried < 60:
-            cell = waiting.pop()
-            proof = prove(cell)
-            waiting += [] if proof.proved else cell.halves(proof.axis)
-            tried += 1
-        assert (not waiting) == provable
 
 
 @pytest.mark.slow

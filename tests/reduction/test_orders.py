@@ -58,3 +58,13 @@ def test_the_orders_offered_for_equal_hankel_values_are_there(sizes, kept):
             assert order not in offered
             for each in offered:
                 assert bc.reduce(full, each, "hankel").order == each
+
+
+def test_an_error_below_rounding_is_at_most_rounding():
+    """Orders from the one on at which nothing is lost: each has an error, that of rounding."""
+    full = control.ss(
+        np.diag([-1.0, -2.0, -5.0, -9.0]), [[1.0], [1.0], [1e-9], [1e-10]], [[1.0, 1.0, 1e-9, 1e-10]], 0.0
+    )
+    for order in (2, 3, 4):
+        with pytest.warns(LowerOrderWarning) if order > 2 else warnings.catch_warnings():
+            assert bc.reduce(full, order).measured_error <= 1e-6

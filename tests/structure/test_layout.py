@@ -101,18 +101,6 @@ def test_what_models_share_cannot_be_written_to():
         model.ports.L[0][0, 0] = 1.0
 
 
-@pytest.mark.parametrize("elements", [6, 7, 31, 40, 120])
-def test_halves_are_those_of_the_matrices(elements):
-    """Rows over the motions of one parity give ``P^T M P``, for the springs of another boom as well."""
-    model = bc.spray_boom(replace(bc.BoomParameters(), spring_stiffness=1800.0), elements=elements)
-    for map_of_half, half in model.structure.halves.values():
-        P = dense(map_of_half)
-        for name in "MCK":
-            whole, part = dense(getattr(model.structure, name)), dense(getattr(half, name))
-            assert np.abs(P.T @ whole @ P - part).max() < 1e-13 * np.abs(part).max()
-            assert np.array_equal(part, part.T)
-
-
 def test_pickled_models_carry_what_they_are_made_of_alone():
     model = bc.spray_boom(elements=190)
     before = pickle.dumps(model)

@@ -7,17 +7,11 @@ from scipy import linalg
 
 import boomctl as bc
 from boomctl.structure import (
-    GROUND,
-    Assembly,
-    Beam,
-    BeamSection,
-    FiniteElements,
     SecondOrderModel,
-    free,
     prescribe_displacement,
 )
 from boomctl.structure.response.poles import damped_poles, undamped_modes
-from tests.references import ROOTS, dense, natural_frequencies
+from tests.references import dense, natural_frequencies
 from tests.strategies import random_machine, random_stepped_beam, seeds, structures
 
 
@@ -37,19 +31,6 @@ def test_modes_diagonalise_mass_and_stiffness(seed):
     assert np.abs(V.T @ M @ V - np.eye(len(omega))).max() < 1e-9
     size = np.sqrt(np.outer(*2 * [omega**2 + 1.0]))
     assert np.abs((V.T @ K @ V - np.diag(omega**2)) / size).max() < 1e-8
-
-
-@given(seeds)
-def test_a_floating_machine_has_three_rigid_body_modes(seed):
-    """Hinges and slides without springs would add to them, so that the machine is of one stiff beam."""
-    rng = np.random.default_rng(seed)
-    section = BeamSection(*rng.uniform(0.5, 2.0, 3))
-    joint = free("x", "y", "theta")
-    beam = Beam("beam", GROUND.at(0.0), joint, (0.0, 0.0), (section,), FiniteElements(5), rng.uniform(-3, 3))
-    omega = undamped_modes(Assembly((beam,)).assemble().structure)[0]
-    assert (omega[:3] < 1e-6 * omega[3]).all()
-    scale = np.sqrt(section.bending_stiffness / section.mass_per_length) / section.length**2
-    assert omega[3] == pytest.approx(ROOTS["free-free"][0] ** 2 * scale, rel=1e-3)
 
 
 @pytest.mark.parametrize("order", [3, 6, 10, 14])

@@ -50,24 +50,6 @@ def test_the_plant_of_the_slicot_library():
     assert_verified(P, enough.controller, enough.gamma, enough.certificate.norm.omega)
 
 
-@pytest.mark.slow
-def test_weights_with_double_poles_on_a_fine_mesh():
-    """A double pole has one eigenvector only; the modes of the boom must keep coordinates of their own beside it."""
-    _, yaw = bc.split_symmetric(bc.spray_boom(bc.BoomParameters(), elements=20))
-    P = bc.generalized_plant(
-        yaw,
-        disturbances={"actuator_anti": bc.low_pass(0.05, 5.0, order=2)},
-        noises={"stroke_anti": 1e-3},
-        performance={"tip_anti": 1.0},
-        effort={"suspension_anti": bc.shelf(0.01, 10.0, 60.0, order=2)},
-        measurements="stroke_anti",
-        controls="suspension_anti",
-    )
-    design = bc.h_infinity(P, 1, 1)
-    assert design.gamma <= 1.01 * design.certificate.lower
-    assert_verified(P, design.controller, design.gamma, design.certificate.norm.omega)
-
-
 @pytest.mark.parametrize("count", [1, 2, 4, 6])
 def test_chains_of_integrators(count):
     A = np.diag(np.ones(count - 1), 1)

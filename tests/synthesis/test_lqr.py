@@ -137,59 +137,6 @@ def test_an_output_with_feedthrough_weighs_controls_too(seed):
     assert design.gain == pytest.approx(same.gain, rel=1e-6, abs=1e-8)
 
 
-def test_symmetric_halves_cost_what_the_whole_costs():
-    model = bc.spray_boom(elements=6)
-    whole = bc.lqr(model, None, 1e-6, output_weight=TIPS, controls=SUSPENSIONS)
-    jolt, yaw = bc.split_symmetric(model)
-    halves = [
-        bc.lqr(half, None, 1e-6, output_weight={f"tip_{side}": 1.0}, controls=f"suspension_{side}")
-        for half, side in ((jolt, "sym"), (yaw, "anti"))
-    ]
-    poles = np.concatenate([half.poles for half in halves])
-    assert np.sort(np.abs(poles)) == pytest.approx(np.sort(np.abs(whole.poles)), rel=1e-6)
-    # H2 cost from a unit impulse at one suspension: half of each half's
-    B = model.to_statespace(inputs=["suspension_left"]).B
-    parts = [half.to_statespace(inputs=[f"suspension_{side}"]).B for half, side in ((jolt, "sym"), (yaw, "anti"))]
-    expected = sum(0.5 * np.trace(b.T @ d.cost @ b) for b, d in zip(parts, halves, strict=True))
-    assert np.trace(B.T @ whole.cost @ B) == pytest.approx(expected, rel=1e-7)
-
-
-def test_integral_action_leaves_no_error_in_a_constant_disturbance():
-    model = bc.spray_boom(elements=6).select(("actuator_left", *SUSPENSIONS), ("stroke_left", "stroke_right"))
-    design = bc.lqr(
-        model, None, 1e-6, output_weight=1.0, controls=SUSPENSIONS, integral=["stroke_left", "stroke_right"]
-    )
-    assert design.controller.input_labels[-2:] == ["stroke_left", "stroke_right"]
-    assert design.controller.state_labels == ["integral.stroke_left", "integral.stroke_right"]
-    static = design.closed_loop(0.0)
-    assert np.abs(static).max() < 1e-8
-    without = bc.lqr(model, None, 1e-6, output_weight=1.0, controls=SUSPENSIONS)
-    assert np.abs(without.closed_loop(0.0)).max() > 1e-3
-
-
-def test_the_controller_closes_the_loop_that_the_result_shows():
-    model = bc.spray_boom(elements=6).select(("actuator_left", "suspension_left"), "tip_left")
-    plant_system = model.to_statespace()
-    n = plant_system.nstates
-    names = [state.replace(".", "_") for state in plant_system.state_labels]
-    design = bc.lqr(model, None, 1e-6, output_weight=1.0, controls="suspension_left", integral={"tip_left": 0.1})
-    assert design.controller.input_labels == [*names, "tip_left"]
-    read = control.ss(
-        plant_system.A,
-        plant_system.B,
-        np.vstack([plant_system.C, np.eye(n)]),
-        np.vstack([plant_system.D, np.zeros((n, 2))]),
-        inputs=plant_system.input_labels,
-        outputs=["tip_left", *names],
-        name="boom",
-    )
-    loop = control.interconnect(
-        [read, design.controller], inputs=["actuator_left"], outputs=["tip_left"], name="joined"
-    )
-    for w in (0.1, 1.5, 5.0, 60.0):
-        assert loop(1j * w) == pytest.approx(design.closed_loop(1j * w), rel=1e-6)
-
-
 @given(structures(inputs=2))
 @examples(20)
 def test_damped_structures_can_do_without_weight(structure):

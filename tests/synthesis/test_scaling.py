@@ -79,26 +79,19 @@ def test_closed_loop_poles_invariant_to_scales(push, stroke):
 
 
 @pytest.mark.parametrize(
-    ("scales", "error", "message"),
+    ("scales", "message"),
     [
-        ({"push": 0.0}, ValueError, r"scales\['push'\] = 0"),
-        ({"pushes": 2.0}, ValueError, "signals of `.*` only.*'pushes'"),
-        ({"stroke": None}, ValueError, "entry for each signal.*'stroke'"),
-        ({"push": 1e-310}, ValueError, "at least 1e-100"),
-        (None, TypeError, "mapping"),
+        ({"push": 0.0, "stroke": 0.05}, r"scales\['push'\] = 0"),
+        ({"push": 100.0, "stroke": 0.05, "pushes": 2.0}, "signals of `.*` only.*'pushes'"),
+        ({"push": 100.0}, "entry for each signal.*'stroke'"),
+        ({"push": 1e-310, "stroke": 0.05}, "at least 1e-100"),
     ],
 )
-def test_scales_invalid_raises(scales, error, message):
-    complete = {"push": 100.0, "pull": 1.0, "stroke": 0.05, "tip": 0.2}
-    for function, system, labels in (
-        (bc.scale_signals, plant(), complete),
-        (bc.unscale_controller, law(), ("push", "stroke")),
-    ):
-        values = 2.0 if scales is None else {label: complete[label] for label in labels} | scales
-        if scales == {"stroke": None}:
-            del values["stroke"]
-        with pytest.raises(error, match=message):
-            function(system, values)
+def test_scales_invalid_raises(scales, message):
+    with pytest.raises(ValueError, match=message):
+        bc.scale_signals(plant(), {"pull": 1.0, "tip": 0.2} | scales)
+    with pytest.raises(ValueError, match=message):
+        bc.unscale_controller(law(), scales)
 
 
 def test_scaled_system_keeps_scales(scaled, P, design):
