@@ -320,6 +320,7 @@ def test_a_comparison_has_the_figures_that_each_result_gives():
     assert both["run"][f"{name}: peak"] == np.abs(values).max()
     assert "–" in str(both)  # the run has no margins
     assert both.as_dict()["run"] == both["run"]
+    assert bc.compare({"half": runs["half"][1]}).plot(what="margins")[0].lines
 
 
 def test_systems_that_are_compared_are_drawn_at_the_same_frequencies():

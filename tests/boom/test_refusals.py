@@ -45,7 +45,6 @@ REFUSED = [
     (lambda: replace(TRACTOR, centre_to_rear=3.0), "centre_to_rear = 3: expected less than the wheelbase"),
     # meshes
     (lambda: bc.spray_boom(discretization="finit"), "unknown discretization 'finit'; did you mean 'finite'"),
-    (lambda: bc.spray_boom(excitation="accelaration"), "unknown excitation 'accelaration'; did you mean 'accelerat"),
     (lambda: bc.spray_boom(elements="six"), "elements = 'six': expected"),
     (lambda: bc.spray_boom(elements=[-6, 1, 0, 6]), "expected at least two.*, ascending"),
     (lambda: bc.spray_boom(elements=[-6, 0, 5]), r"run from .* to .* m; expected"),
@@ -76,7 +75,6 @@ REFUSED = [
     (lambda: road(band=(3.0, 1.0)), "band = .3, 1.: expected the lower wave number first"),
     (lambda: road(band=(0.01, 1.0, 2.0)), "band = .*expected two wave numbers"),
     (lambda: road(band=0.5), "band = .*expected two wave numbers"),
-    (lambda: road(coherence="partial"), "unknown coherence 'partial'"),
     (lambda: road(length=12e3), r"length = 12000: expected at most 10000 m, the ground of a seed, or periodic=True"),
     (lambda: road(band=(0.01, 600.0), step=5e-4), r"band = \(0\.01, 600\): expected at most 500 /m, or periodic"),
     (lambda: road(band=(0.10001, 0.10002)), r"band = .*: expected a multiple of 0\.0001 /m in it"),
@@ -84,7 +82,6 @@ REFUSED = [
     (lambda: road(length=1e12), r"length = 1e\+12: expected at most 5e\+07 steps of 0.02 m"),
     (lambda: bump_track(0.1, 0.4, position=49.9), r"position = 49\.9: expected the bump to end before the track does"),
     (lambda: bump_track(0.1, 0.01), r"bump_length = 0\.01: expected at least ten steps"),
-    (lambda: bump_track(0.1, 0.4, "middle"), "unknown side 'middle'"),
     (lambda: bump_track(0.1, 0.4, step=1e-12), "length = 50: expected at most"),
     (lambda: bc.boom.Track(0.1, np.zeros(3), np.zeros(2), 1.8), "equally many, got 3 and 2"),
     # motions
@@ -98,7 +95,6 @@ REFUSED = [
     (lambda: tractor_system(TRACTOR, 1e300), r"speed = 1e.300: expected a number of at most 1e.100 in size"),
     (lambda: tractor_system(TRACTOR, 2.5, 1e300), r"actuator_distance = 1e.300: expected a number of at most"),
     (lambda: bc.sine_sweep(0.1, 600.0, 5.0, 0.02), r"sample_time = 0\.001: expected less than"),
-    (lambda: bc.sine_sweep(0.1, 1.0, 5.0, 0.02, "roll"), "unknown motion 'roll'"),
     (lambda: bc.sine_sweep(1.0, 1.0, 0.01, 1.0, sample_time=0.1), r"sample_time = 0\.1: expected less than the durat"),
     (lambda: bc.sine_sweep(1.0, 1.0, 1e12, 1.0), r"duration = 1e.12: expected at most 5e.07 steps of 0.001 s"),
     (lambda: bc.boom.PlatformMotion([0.0, 1.0, 2.0, 9.0], np.zeros(4), np.zeros(4)), r"time\[3\] = 9: a gap"),
@@ -118,7 +114,6 @@ REFUSED = [
     (lambda: sprayed(nozzles=[-6.0, 0.0, 6.0]), "nozzles: expected places between the points given"),
     (lambda: sprayed(nozzles=[-5.0, 0.0, 4.0]), "nozzles: expected at least two, ascending and equally spaced"),
     (lambda: bc.boom.split_motion(MOVED, PLACES + 0.1), "symmetrically about x = 0"),
-    (lambda: bc.boom.Footprint(shape="cone"), "unknown shape 'cone'"),
     (lambda: bc.nozzle_positions(12.0, 20.0), "spacing = 20: expected at most the boom's length"),
     (lambda: bc.nozzle_positions(12.0, 1e-12), "spacing = 1e-12: expected fewer than"),
 ]

@@ -9,7 +9,8 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 import boomctl as bc
-from boomctl.structure import Assembly, FiniteElements, assembly
+from boomctl.structure import Assembly, FiniteElements, SecondOrderModel, assembly
+from boomctl.structure.damping import separated_damping
 from boomctl.structure.response.direct import respond
 from tests.references import dense, direct
 from tests.strategies import random_machine, seeds
@@ -99,6 +100,18 @@ def test_what_models_share_cannot_be_written_to():
     model = bc.spray_boom(excitation="force")
     with pytest.raises(ValueError, match="read-only"):
         model.ports.L[0][0, 0] = 1.0
+
+
+@given(seeds)
+def test_damping_in_its_parts_is_the_damping(seed):
+    model = random_machine(seed).assemble()
+    for structure in (model.structure, SecondOrderModel(model.M, model.C, model.K).structure):
+        parts = separated_damping(structure)
+        if parts is None:
+            continue
+        K, C = dense(structure.K), dense(structure.C)
+        found = parts.beta * K + parts.U @ np.diag(parts.gamma) @ parts.U.T
+        assert np.abs(found - C).max() <= 1e-8 * np.abs(C).max()
 
 
 def test_pickled_models_carry_what_they_are_made_of_alone():

@@ -121,3 +121,13 @@ def test_a_response_names_the_ways_that_led_to_it(elements, points, path):
     model = bc.spray_boom(elements=elements)
     found = respond(model.structure, model.ports, np.geomspace(0.5, 60.0, points))
     assert re.fullmatch(path, ", ".join(found.path))
+
+
+def test_matrices_without_symmetry_are_solved_one_by_one():
+    n = 100
+    K, omega = np.diag(np.arange(1.0, n + 1.0)), np.linspace(0.5, 2.0, 20)
+    C = 0.1 * np.eye(n) + np.triu(np.ones((n, n)), 1) * 1e-3
+    model = SecondOrderModel(np.eye(n), C, K, {"f": np.ones(n)}, {"y": np.ones(n)})
+    found = respond(model.structure, model.ports, omega)
+    assert found.path == ("dense solutions",)
+    assert np.allclose(found.values, direct(model, omega), rtol=1e-12)

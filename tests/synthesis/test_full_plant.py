@@ -69,6 +69,7 @@ def test_a_loop_that_is_unstable_on_the_full_plant_is_said_to_be(full):
     assert len(said) == 1
     assert "UNSTABLE" in said[0]
     assert "UNSTABLE" in repr(found)
+    assert "UNSTABLE" in repr(found.certificate)
 
 
 def test_a_loop_that_is_as_good_on_the_full_plant_is_certified_there_without_a_warning(full):

@@ -78,6 +78,7 @@ def test_inputs_may_be_named_as_disturbances():
     by_name = bc.kalman(system, {"u1": 2.0}, 1.0)
     assert bc.kalman(system, 2.0, 1.0, disturbances="u1").gain == pytest.approx(by_name.gain)
     assert bc.kalman(system, [2.0], 1.0, disturbances=["u1"]).gain == pytest.approx(by_name.gain)
+    assert bc.kalman(system, {"u1": 2.0}, {"y1": 1.0, "y0": 1.0}).gain == pytest.approx(by_name.gain)
     on_states = bc.kalman(system, 2.0 * system.B[:, 1:] @ system.B[:, 1:].T, 1.0)
     assert on_states.gain == pytest.approx(by_name.gain, rel=1e-6)
     assert on_states.estimator.input_labels == ["y0", "y1", "u0", "u1"]

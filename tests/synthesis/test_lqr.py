@@ -85,6 +85,7 @@ def test_kalmans_inequality_and_the_cost_of_a_run(seed):
     system, Q, R = random_system(seed), random_weight(seed, 5), random_weight(seed + 1, 2)
     design = bc.lqr(system, Q, R)
     assert design.certificate.return_difference == pytest.approx(1.0, abs=1e-8)
+    assert design.effort.output_labels == ["u0", "u1"]
     L = linalg.cholesky(R)
     for w in np.geomspace(1e-2, 1e2, 30):
         loop = design.gain @ np.linalg.solve(1j * w * np.eye(5) - system.A, system.B)
