@@ -7,7 +7,8 @@ from hypothesis import strategies as st
 
 import boomctl as bc
 from boomctl.analysis.box.level import DrivenLoops
-from boomctl.analysis.box.sampled_level import SampledLoops
+from boomctl.analysis.box.sampled_level import SampledLoops, sampled_loops
+from boomctl.arrays import balance
 from boomctl.lti.system import of
 from tests.analysis.test_worst_case import chain, sampled
 from tests.profiles import examples
@@ -130,3 +131,16 @@ def test_a_bound_of_a_small_cell_is_near_its_largest_gain():
         most = max(gain(loops, *drawn(small, rng, 0)) for _ in range(300))
         bound = box.look(small)[0][0]
         assert most <= bound <= most * (1.0 + near)
+
+
+def test_polynomials_meet_the_loop_wherever_it_is_drawn():
+    """To what they say that they may miss, at points that they have not seen."""
+    family, K = chain(np.random.default_rng(4), 3)
+    Kd = of(sampled(K, np.random.default_rng(4))[0], "K", any_time=True)
+    raw = sampled_loops(family, Kd, ["push"], ["z"], 0.0)
+    (loops,) = SampledLoops.over(family, Kd, ["push"], ["z"], 0.0)
+    scale = balance(raw(np.zeros(3)).A)[1]
+    for delta in np.random.default_rng(9).uniform(-1.0, 1.0, (50, 3)):
+        A = raw(delta).A * scale / scale[:, None]
+        found = sum(np.prod(delta[list(power)]) * X for power, X in loops.A.items())
+        assert (np.abs(found - A) <= loops.missed[0]).all()

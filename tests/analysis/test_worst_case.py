@@ -59,29 +59,6 @@ def sampled(K, rng):
 
 
 @pytest.mark.slow
-@examples(30)
-@given(seed=seeds, parameters=st.integers(1, 3))
-def test_the_same_of_sampled_loops(seed, parameters):
-    rng = np.random.default_rng(seed)
-    family, K = chain(rng, parameters)
-    Kd, late = sampled(K, rng)
-    found = bc.worst_case(family, Kd, "push", ["y", "z"], delay=late, tolerance=1e-2)
-
-    def norm(delta):
-        loop = bc.feedback_loop(family.at(delta), Kd, delay=late)
-        return bc.hinf_norm(loop[[0, 1], [loop.input_labels.index("push")]]).lower
-
-    values = [norm(delta) for delta in rng.uniform(-1.0, 1.0, (8, parameters))]
-    if found.norm.lower == np.inf:
-        assert "unstable" in found.reason
-        return
-    assert found.upper_bound < np.inf, found.reason
-    assert found.norm.lower <= found.upper_bound <= found.norm.lower * (1.0 + 1.001e-2)
-    assert max(values) <= found.upper_bound
-    assert bc.robust_stability(family, Kd, delay=late).proved  # a bound proves that, too
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("judged", [["hub_speed", "tip_displacement"], ["torque"]])
 def test_outputs_that_parameters_change_are_bounded_too_in_sampled_loops(judged):
     """A measured speed feels the platform by the inverse of the mass; a hub's angle is an integrator that nothing feels."""
@@ -210,7 +187,7 @@ def test_a_filter_that_decays_within_a_sample_hides_no_norm(dt):
 
 @examples(20)
 @given(seed=seeds, parameters=st.integers(1, 3))
-def test_nothing_in_the_box_is_above_the_bound_and_the_worst_found_is_near(seed, parameters):
+def test_worst_case_bounds_the_box_and_is_attained(seed, parameters):
     rng = np.random.default_rng(seed)
     family, K = chain(rng, parameters)
     outputs = [str(name) for name in rng.permutation(["y", "u", "z"])]

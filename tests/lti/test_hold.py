@@ -81,7 +81,7 @@ def test_a_system_without_states_passes_its_inputs_on(count):
     assert linear_hold_response(system, u, 0.1) == pytest.approx(2.0 * u[:1] - u[1:])
 
 
-def test_response_that_does_not_fit_or_grows_beyond_numbers_raises():
+def test_response_that_does_not_fit_or_overflows_raises():
     unstable = control.ss([[5.0]], [[1.0]], [[1.0]], 0.0)
     assert np.isfinite(linear_hold_response(unstable, np.ones((1, 200)), 0.1)).all()
     with pytest.raises(ValueError, match="outputs grow beyond all numbers within 50000 samples"):

@@ -41,9 +41,9 @@ def test_sampled_plant_moves_as_the_plant_between_changes(direct, share, seed):
     x, own = np.zeros(n), np.zeros(len(found.A))
     for k in range(COUNT):
         start, change = k * DT, k * DT + late - DT * int(share)
-        given = np.array([u[k], w[k]])
+        inputs = np.array([u[k], w[k]])
         expected = plant.C @ x + plant.D @ [acting(start), w[k]]
-        assert found.C @ own + found.D @ given == pytest.approx(expected, rel=1e-9, abs=1e-9)
-        own = found.A @ own + found.B @ given
+        assert found.C @ own + found.D @ inputs == pytest.approx(expected, rel=1e-9, abs=1e-9)
+        own = found.A @ own + found.B @ inputs
         x = moved(plant, x, np.array([acting(change), w[k]]), change - start)
         x = moved(plant, x, np.array([acting(start + DT), w[k]]), start + DT - change)

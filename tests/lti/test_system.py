@@ -80,7 +80,7 @@ def test_a_model_is_the_system_that_python_control_would_have_made_of_it(bandwid
 
 
 @pytest.mark.parametrize(
-    ("given", "words"),
+    ("system", "words"),
     [
         (None, r"got NoneType; .* or control\.ss\(A, B, C, D\) makes one"),
         (spray_boom, "got function"),
@@ -89,9 +89,9 @@ def test_a_model_is_the_system_that_python_control_would_have_made_of_it(bandwid
         (control.ss(0.5, 1.0, 1.0, 0.0, True), "got dt = True, which names none"),
     ],
 )
-def test_system_that_is_none_is_refused(given, words):
+def test_system_that_is_none_is_refused(system, words):
     with pytest.raises((TypeError, ValueError), match=words):
-        of(given, sampled=True)
+        of(system, sampled=True)
 
 
 def test_dots_in_names_become_what_python_control_allows():

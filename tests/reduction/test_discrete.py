@@ -75,7 +75,7 @@ def test_the_lowest_order_within_an_error_is_found(seed):
 
 
 @pytest.mark.parametrize(("seed", "order"), [(0, 4), (13, 3)])
-def test_next_order_is_tried_where_the_circle_shows_more_than_the_image(seed, order):
+def test_order_above_that_of_the_image_is_tried(seed, order):
     """Of slow poles in coordinates of badly mixed units, rounding of the map adds a percent to the error."""
     rng = np.random.default_rng(seed)
     n = int(rng.integers(5, 9))

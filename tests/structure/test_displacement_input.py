@@ -70,7 +70,7 @@ def test_held_first_and_moved_then_equals_both_at_once(structure, reactions):
     [("velocity", (1, 1)), ("acceleration", (2, 2)), ({"f0": "acceleration", "f1": "displacement"}, (2, 0))],
 )
 @given(structure=structures(inputs=3))
-def test_velocity_and_acceleration_are_displacement_over_powers_of_s(structure, motion, orders):
+def test_imposed_rates_are_displacement_over_powers_of_s(structure, motion, orders):
     """Of both points or of each its own, and a force beside them."""
     moved, truth = (prescribe_displacement(structure.model, ["f0", "f1"], motion=m) for m in (motion, "displacement"))
     expected = truth.frequency_response(OMEGA).frdata / np.array([S ** orders[0], S ** orders[1], np.ones(5)])

@@ -21,14 +21,14 @@ SAMPLED = random_plant(1)
 MODEL = bc.spray_boom(elements=6)
 
 
-def given(A, B, C, D, dt=0.0, states=None):
+def made(A, B, C, D, dt=0.0, states=None):
     """Return a generalised plant of one control ``u`` and measurement ``y`` between other signals."""
     inputs, outputs = [f"w{i}" for i in range(len(D[0]) - 1)], [f"z{i}" for i in range(len(D) - 1)]
     return control.ss(A, B, C, D, dt, inputs=[*inputs, "u"], outputs=[*outputs, "y"], states=states)
 
 
 def integrator(D):
-    return given([[0.0]], [[1.0, 0.0, 1.0]], [[1.0], [0.0], [1.0]], np.array(D, dtype=float))
+    return made([[0.0]], [[1.0, 0.0, 1.0]], [[1.0], [0.0], [1.0]], np.array(D, dtype=float))
 
 
 def dependent(D):
@@ -162,7 +162,7 @@ REFUSED = [
     ),
     (
         lambda: bc.h_infinity(
-            given(
+            made(
                 [[-1.0, 0.0], [1.0, 0.0]],
                 [[1, 0, 1], [0, 0, 0]],
                 [[0, 1], [0, 0], [1, 0]],
@@ -186,7 +186,7 @@ REFUSED = [
     (lambda: bc.discretize(LAG, 0.1, "zoh", prewarp_omega=1.0), "prewarp_omega: expected only with method 'tustin'"),
     (lambda: bc.discretize(LAG, 0.1, prewarp_omega=100.0), "prewarp_omega = 100: expected less than pi"),
     (lambda: bc.discretize(LAG, 0.1, samples_per_period=1.0), "samples_per_period = 1: expected at least 2"),
-    (lambda: bc.reduce_controller(given(1.0, [[1, 1]], [[1], [1]], [[0, 0], [0, 0]]), LAG * 0.0), "real part 1 rad/s"),
+    (lambda: bc.reduce_controller(made(1.0, [[1, 1]], [[1], [1]], [[0, 0], [0, 0]]), LAG * 0.0), "real part 1 rad/s"),
     (lambda: bc.reduce_controller(P, bc.h2(P), order=99), "order = 99"),
     (lambda: bc.join_symmetric(MODEL, half("anti", force="sym"), half("anti")), "'stroke_anti' of the symmetric contr"),
     (lambda: bc.join_symmetric(bc.spray_boom(elements=[-6, -2, 1, 6]), half("sym"), half("anti")), "mirror symmetry"),
