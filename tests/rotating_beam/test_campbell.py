@@ -38,17 +38,6 @@ def test_the_traditional_model_ends_where_its_stiffness_is_lost_in_closed_form()
     assert found.frequencies_hz[:, 0] ** 2 == pytest.approx(rest**2 - (found.hub_speeds / 2.0 / np.pi) ** 2, abs=1e-9)
 
 
-def test_speeds_are_refused_in_one_line():
-    h = bc.hub_beam(model="tlam", modes=2)
-    for wrong in ([1.0], [1.0, 0.5], [-1.0, 1.0]):
-        with pytest.raises(ValueError, match="speeds: expected two hub speeds or more"):
-            h.campbell(wrong)
-    with pytest.raises(ValueError, match="loses its stiffness"):
-        h.campbell([5.0, 6.0])
-    with pytest.raises(ValueError, match="orders"):
-        h.campbell([0.0, 1.0], orders=(0.0,))
-
-
 @pytest.mark.parametrize("model", ["tlam", "sfoam", "foam", "cfoam", "geometrically-exact"])
 def test_shapes_at_rest_have_the_frequencies_and_are_orthogonal(model):
     h = bc.hub_beam(bc.HubBeamParameters(tip_mass=0.3), model=model, modes=3)

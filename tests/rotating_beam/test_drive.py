@@ -1,7 +1,5 @@
 """Jumps and swift motions that a torque or a hub profile does not declare cost steps, and no accuracy."""
 
-import math
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -9,7 +7,6 @@ from hypothesis import strategies as st
 
 import boomctl as bc
 from boomctl.rotating_beam.drive import resolving
-from boomctl.rotating_beam.result import SimulationError
 from tests.profiles import examples
 
 END = 20.0
@@ -74,16 +71,6 @@ def test_a_swift_and_smooth_pulse_is_not_passed_over(middle, decades):
     assert apart <= 1e-10 + 1e-8 * np.abs(known.tip_displacement).max()
 
 
-def test_a_function_of_numbers_alone_is_looked_at_too():
-    def stepped(t):
-        return 2.0 * math.sin(t) if t > 3.00021 else 0.0
-
-    beam = bc.hub_beam(model="sfoam", modes=1)
-    found = beam.simulate(bc.torque(stepped), SECONDS)
-    known = beam.simulate(bc.torque(stepped, (3.00021,)), SECONDS)
-    assert found.tip_displacement == pytest.approx(known.tip_displacement, abs=1e-10)
-
-
 @examples(30)
 @given(st.floats(1.0, 4.0), st.floats(0.3, 2.0), st.sampled_from(["sfoam", "foam"]))
 def test_hub_profiles_with_jumps_of_the_acceleration_or_its_slope_are_honest(begin, width, model):
@@ -105,29 +92,3 @@ def test_hub_profiles_with_jumps_of_the_acceleration_or_its_slope_are_honest(beg
 
 def _box(t, begin, width):
     return ((np.asarray(t) >= begin) & (np.asarray(t) < begin + width)).astype(float)
-
-
-@pytest.mark.slow
-def test_long_torque_driven_motions_take_time_in_proportion():
-    beam = bc.hub_beam(model="sfoam", modes=1)
-    steps = []
-    for end in (1e3, 1e4):
-        found = beam.simulate(bc.torque(lambda t: 20.0 * np.sin(0.6 * t)), np.linspace(0.0, end, 11))
-        steps.append(found.steps)
-        assert found.error_estimate <= 1e-10 + 1e-8 * 0.2
-    assert steps[1] <= 25 * steps[0]  # ten times as long; the longer is held to a smaller share of its error a window
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("model", ["cfoam", "geometrically-exact"])
-def test_motions_that_take_far_too_many_steps_are_refused_by_their_beginning(model):
-    with pytest.raises(SimulationError, match="would take about"):
-        bc.hub_beam(model=model, modes=3).simulate(bc.sine_torque(20.0, 10.0, 1e4), np.linspace(0.0, 1e4, 11))
-
-
-@pytest.mark.parametrize("model", ["tlam", "sfoam", "foam", "cfoam"])
-@pytest.mark.parametrize("end", [1e7, 1e9])
-def test_what_no_memory_holds_is_refused_before_it_is_begun(model, end):
-    beam = bc.hub_beam(model=model, modes=2)
-    with pytest.raises(SimulationError, match=r"radians of the slowest mode; expected at most 300000, which is about"):
-        beam.simulate(bc.sine_torque(20.0, 10.0, end), np.linspace(0.0, end, 11))

@@ -91,19 +91,6 @@ def test_what_is_read_and_what_acts_may_both_change_with_the_parameters():
     assert "change with the parameters" in bc.worst_case(family, K, "w", "z").reason
 
 
-def test_a_family_of_parameters_in_straight_lines_is_known_at_its_corners():
-    made = []
-
-    def make(values):
-        made.append(values)
-        return SecondOrderModel([[1.0 + values["a"]]], [[values["b"]]], [[values["c"]]], {"f": [1.0]}, {"y": [1.0]})
-
-    family = PolynomialFamily.through(dict.fromkeys("abc", (0.9, 1.1)), make)
-    assert [power for power, _ in family.changes] == [(0,), (1,), (2,)]
-    fitted = 2 * (1 + 3)  # beside what finds that, along each parameter, and what checks it
-    assert len(made) == 3 * 3 * 5 + fitted + 2**3 + 24
-
-
 def test_one_parameter_is_enough():
     assert _beam().family(hub_speed=(-2.0, 2.0)).names == ("hub_speed",)
     fixed = _beam().family(3.0, tip_mass=(0.0, 0.1))
@@ -213,40 +200,3 @@ def test_margin_and_worst_case_of_a_scheduled_drive():
         ct.ss(loop, inputs=loop.input_labels, outputs=loop.output_labels)["tip_displacement", "tip_force"]
     )
     assert worst.norm.lower == pytest.approx(true.lower, rel=1e-5)
-
-
-@pytest.mark.parametrize(
-    ("given", "error", "message"),
-    [
-        ({}, ValueError, "hub_speed = 0.0: expected a range"),
-        ({"hub_speed": (3.0, 1.0)}, ValueError, "range of hub_speed = "),
-        ({"hub_speed": "fast"}, TypeError, "range of hub_speed = 'fast'"),
-        ({"hub_speed": (0.0, 1.0), "tip_mass": (-0.1, 0.1)}, ValueError, "lower end of tip_mass = -0.1"),
-        (
-            {"hub_speed": (0.0, 1.0), "sensors": [bc.BeamSensor("a", "acceleration", 1.0)]},
-            ValueError,
-            "no acceleration",
-        ),
-    ],
-)
-def test_bad_input_is_refused_by_name(given, error, message):
-    with pytest.raises(error, match=message):
-        _beam().family(**given)
-
-
-def test_a_speed_without_steady_rotation_is_refused():
-    with pytest.raises(ValueError, match="loses its stiffness"):
-        _beam("foam").family((0.0, 2000.0))
-
-
-def test_a_schedule_over_no_parameter_is_refused():
-    with pytest.raises(ValueError, match="unknown parameter that the controller follows 'hub_speed'"):
-        bc.robust_stability(_beam().family(0.0, (0.0, 0.1)), _drive())
-
-
-def test_structures_that_no_polynomial_meets_are_refused():
-    def make(values):
-        return SecondOrderModel([[1.0]], [[0.1]], [[1.0 + abs(values["p"])]], {"f": [1.0]}, {"y": [1.0]})
-
-    with pytest.raises(ValueError, match="K is no polynomial of p"):
-        PolynomialFamily.through({"p": (-1.0, 1.0)}, make)

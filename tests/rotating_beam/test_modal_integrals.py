@@ -73,21 +73,6 @@ def test_integrals_equal_those_in_45_digits(i, j):
     assert m.V2[j - 1] == pytest.approx(float(first_moment), rel=1e-12)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(("i", "j"), [(100, 100), (99, 100), (3, 100)])
-def test_integrals_of_high_modes_equal_200_digits(i, j):
-    p = LOADED
-    m = modal_integrals(p, 100)
-    with mp.workdps(200):
-        length, r, line = mp.mpf(p.length), mp.mpf(p.hub_radius), mp.mpf(p.density) * mp.mpf(p.area)
-        mass, place = mp.mpf(p.tip_mass), mp.mpf(p.mass_position)
-        (_, di), (_, dj) = exact_shape(i, length), exact_shape(j, length)
-        D = integral(lambda x: di(x) * dj(x) * line * (r * (length - x) + (length**2 - x**2) / 2), length, 80)
-        D += mass * (r + place) * integral(lambda x: di(x) * dj(x), place, 60)
-    scale = np.sqrt(m.D[i - 1, i - 1] * m.D[j - 1, j - 1])  # (3, 100) is four thousandths of it, a small difference
-    assert m.D[i - 1, j - 1] == pytest.approx(float(D), abs=1e-13 * scale)
-
-
 @pytest.mark.parametrize("n", [1, 5, 40, 100])
 def test_two_quadratures_agree(n):
     m, points = modal_integrals(LOADED, n), mass_points(LOADED, n)
