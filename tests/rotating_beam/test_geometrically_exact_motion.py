@@ -127,19 +127,6 @@ def test_equals_what_exudyn_computed(case):
     np.testing.assert_allclose(r.tip_displacement[late], np.array(list(theirs.values()))[late], atol=1e-4 * peak)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("case", EXUDYN)
-def test_equals_exudyn(case):
-    pytest.importorskip("exudyn")
-    from tests.rotating_beam.exudyn_tip import exudyn_tip
-
-    manoeuvre, step = EXUDYN[case][0], {"spin-up": 0.01, "400 N m": 0.0025}[case]
-    times = np.linspace(0, 30, 301)
-    tip = exudyn_tip(BAI, manoeuvre, times, elements=16, step=step)
-    r = GeometricallyExactBeam(BAI, 6).simulate(manoeuvre, times, rtol=1e-6)
-    np.testing.assert_allclose(tip, r.tip_displacement, atol=1e-3 * np.max(np.abs(r.tip_displacement)))
-
-
 # -- what polynomials leave out ----------------------------------------------------------------------------------------
 
 
