@@ -10,8 +10,6 @@ _SAME = 1e-12  # s: events this near to each other are one
 
 def accelerations(beam, y, rate, forces):
     """Accelerations of the coordinates under (torque, disturbance torque, tip force), from the numerical equations."""
-    if beam.model == "geometrically-exact":
-        return _exact_accelerations(beam.dynamics, y, rate, forces)
     e = beam.equations
     q, reach = y[1:], beam.parameters.hub_radius + beam.parameters.length
     along = reach + e.tip.axial @ q - 0.5 * q @ e.tip.shortening @ q
@@ -22,15 +20,6 @@ def accelerations(beam, y, rate, forces):
     M[0, 0], M[0, 1:], M[1:, 0] = parts.hub[0], parts.coupling[0], parts.coupling[0]
     M[1:, 1:] = parts.beam if parts.beam.ndim == 2 else parts.beam[0]
     return np.linalg.solve(M, given - e.residual(y[None], rate[None], np.zeros((1, size)))[0])
-
-
-def _exact_accelerations(dynamics, y, rate, forces):
-    given = forces[2] * np.imag(dynamics.tip_row(y))
-    given[0] = forces[0] + forces[1] + forces[2] * np.real(dynamics.tip(y))
-    given -= dynamics.convective_force(y, rate) + dynamics.basis.stiffness * y
-    if dynamics.damping is not None:
-        given -= dynamics.damping @ rate
-    return np.linalg.solve(dynamics.mass_matrix(y), given)
 
 
 ATOL = 1e-14  # [m, rad, ...] to which the reference is solved where a state is nearly zero

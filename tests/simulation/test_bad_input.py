@@ -4,41 +4,164 @@ import control as ct
 import numpy as np
 import pytest
 
-from boomctl.simulation import forced_response, simulate_loop
+import boomctl as bc
+from boomctl.simulation import CoulombFriction, TimeVaryingController, forced_response, simulate_loop
+from tests.simulation.cases import mass_on_spring
 
-_TIME = 0.01 * np.arange(101)
-
-
-def _plant(damping=0.4):
-    A = [[0.0, 1.0], [-4.0, -damping]]
-    ports = {"inputs": ["cradle", "d"], "outputs": ["cradle_slip"]}
-    return ct.ss(A, [[0.0, 0.0], [1.0, 1.0]], [[1.0, 0.0]], [[0.0, 0.0]], **ports)
+_TIME = 0.02 * np.arange(11)
+_HUB = {"inputs": ["hub_angle", "hub_speed"], "outputs": ["torque"]}
 
 
-@pytest.mark.parametrize("friction", [1.0, "cradle", {"force": 1.0}])
-def test_friction_of_another_kind(friction):
-    with pytest.raises(TypeError, match=r"friction = .*: expected CoulombFriction"):
-        simulate_loop(_plant(), None, None, _TIME, sample_time=0.01, friction=friction)
+def _run(plant, law=None, disturbance=None, time=_TIME, **options):
+    return simulate_loop(plant, law, disturbance, time, **{"sample_time": 0.02} | options)
 
 
-@pytest.mark.parametrize("pair", [(1.0,), (), (1.0, "cradle", 2)])
-def test_a_stop_that_is_no_pair(pair):
-    limit = {"cradle_slip": pair}
-    with pytest.raises(ValueError, match=r"stroke_limit\['cradle_slip'\]"):
-        simulate_loop(_plant(), None, None, _TIME, sample_time=0.01, stroke_limit=limit)
+def _mass(**options):
+    """A mass on a spring between stops, with friction, or under some other option."""
+    return _run(mass_on_spring(), **options)
 
 
-def test_rows_of_different_lengths_are_refused_by_the_name_of_their_input():
-    for run in (
-        lambda d: simulate_loop(_plant(), None, d, _TIME, sample_time=0.01),
-        lambda d: forced_response(_plant(), d, _TIME),
-    ):
-        with pytest.raises(ValueError, match="disturbance 'd'"):
-            run({"d": [1.0, [2.0]]})
+def _free(**options):
+    plant = ct.ss([[0.0, 1.0], [0.0, 0.0]], [[0.0], [0.5]], np.eye(2), 0.0, inputs=["f"], outputs=["x", "v"])
+    return _run(plant, **options)
 
 
-def test_a_response_beyond_all_numbers_is_refused():
-    plant = ct.ss([[5.0]], [[1.0]], [[1.0]], 0.0, inputs="d", outputs="y")
-    time = 0.5 * np.arange(2000)
-    with np.errstate(all="ignore"), pytest.raises(ValueError, match="beyond all numbers"):
-        forced_response(plant, {"d": np.ones(len(time))}, time)
+def _read(name, **plant):
+    """A controller around a mass on a spring, or another plant, that reads one signal."""
+    return _run(**{"plant": mass_on_spring(), "law": ct.ss([], [], [], [[1.0]], inputs=[name], outputs=["f"])} | plant)
+
+
+def _pole(rate, dt=0):
+    return _run(mass_on_spring(), ct.ss([[rate]], [[1.0]], [[1.0]], 0.0, dt, inputs=["x"], outputs=["f"]))
+
+
+def _beam(law=None, model="sfoam", **options):
+    return _run(bc.hub_beam(model=model, modes=3), law, **options)
+
+
+def _law(k=0, dt=0.02, **names):
+    return ct.ss([[0.6]], [[0.4, 0.02]], [[-60.0]], [[-80.0, -240.0 - k]], dt, **_HUB | names)
+
+
+def _varying(states=(3, 1, 1), reads=(3, 1, 2), inputs=("hub_angle", "hub_speed")):
+    A, B, C, D = (np.zeros(shape) for shape in (states, reads, (3, 1, 1), (3, 1, 2)))
+    return TimeVaryingController(A, B, C, D, inputs, ["torque"], sample_time=0.02)
+
+
+def _sensor(**change):
+    return bc.BeamSensor(**({"name": "a", "quantity": "slope", "position": 1.0} | change))
+
+
+def _slid(h):
+    plant = ct.ss([[0, 1], [-4, -0.4]], [[0], [1]], [[1, 0]], 0, inputs=["cradle"], outputs=["cradle_slip"])
+    time = h * np.arange(101)
+    return simulate_loop(plant, None, {"cradle": time / 100}, time, sample_time=h, friction=CoulombFriction(10.0))
+
+
+def _boom(signals, **options):
+    return forced_response(bc.spray_boom(elements=6), signals, **{"timepts": _TIME} | options)
+
+
+def _grows(rate, run):
+    plant, time = ct.ss([[rate]], [[1.0]], [[1.0]], 0.0, inputs=["d"], outputs=["y"]), 0.5 * np.arange(2000)
+    with np.errstate(all="ignore"):
+        return run(plant, {"d": np.ones(2000)}, time)
+
+
+_GAP = np.where(np.arange(11) == 7, np.nan, 0.0)
+_SIGNALS = [
+    (lambda: _mass(disturbance={"f": _GAP}), "'f' has a gap: nan at point 7"),
+    (lambda: _mass(disturbance={"f": np.zeros(39)}), r"'f' has shape \(39,\)"),
+    (lambda: _mass(disturbance={"f": [1.0, [2.0]]}), "disturbance 'f'"),
+    (lambda: _mass(disturbance={"v": np.zeros(11)}), "unknown disturbance input 'v'"),
+    (lambda: _mass(disturbance=np.zeros((2, 11))), r"shape \(2, 11\); expected \(1, 11\)"),
+    (lambda: _mass(time=np.delete(0.02 * np.arange(12), 5)), "expected equal steps"),
+    (lambda: _mass(time=_TIME[::-1]), "ascending"),
+    (lambda: _mass(time=[0.0]), "at least two"),
+    (lambda: _mass(sample_time=0.03), "whole multiple"),
+    (lambda: _read("x", force_limit={"u9": 1.0}), "unknown signal of force_limit 'u9'"),
+    (lambda: _read("x", rate_limit={"f": np.inf}), "rate_limit"),
+    (lambda: _mass(initial=[0.0]), "initial has shape"),
+    (lambda: _mass(sensors=[_sensor()]), "sensors: expected none for a linear plant"),
+    (lambda: _read("z"), "'z'"),
+    (lambda: _read("mode1_x1", plant=bc.spray_boom(elements=6)), "its state 'mode1_x1', which is no output"),
+    (lambda: _pole(-250.0), r"too long for the controller's pole at -250\+0j rad/s.*fastest_pole="),
+    (lambda: _pole(0.5, dt=0.1), "its sampling time is 0.1 s"),
+    (lambda: _run(3.0), "plant: expected"),
+    (lambda: _run(ct.ss([[0.5]], [[1.0]], [[1.0]], 0.0, 0.1)), "continuous time"),
+    (lambda: _run(ct.ss([[np.nan]], [[1.0]], [[1.0]], 0.0)), "expected finite numbers"),
+    (lambda: _grows(40.0, lambda P, d, t: simulate_loop(P, None, d, t, sample_time=0.5)), "diverges"),
+    (lambda: _grows(5.0, forced_response), "beyond all numbers"),
+    (lambda: _boom({}), "not empty"),
+    (lambda: _boom(np.zeros(11)), "expected a mapping"),
+    (lambda: _boom({"actuator": _TIME}), "did you mean"),
+    (lambda: _boom({"actuator_left": _TIME[:-1]}), "has shape"),
+    (lambda: _boom({"actuator_left": _TIME}, outputs="tip"), "unknown output 'tip'"),
+    (lambda: _boom({"actuator_left": _TIME}, timepts=_TIME**2), "equal steps"),
+]
+_CONTACTS = [
+    (lambda: CoulombFriction(1.0, 0.5), "static_force = 0.5"),
+    (lambda: _mass(friction=1.0), "friction = 1.0: expected CoulombFriction"),
+    (lambda: _mass(friction=CoulombFriction(1.0, input="f", output="v")), "no inertia"),
+    (lambda: _mass(friction=CoulombFriction(1.0, input="f", output="nowhere")), "unknown output of a contact"),
+    (lambda: _slid(4.0), "finer timepts"),
+    (lambda: _slid(8.0), "finer timepts"),
+    (lambda: _free(stroke_limit={"x": (1.0,)}), r"stroke_limit\['x'\]"),
+    (lambda: _free(stroke_limit={"x": (0.1, "g")}), "unknown input at the stop of 'x'"),
+    (lambda: _free(stroke_limit={"y": 0.1}), "unknown output of stroke_limit"),
+    (lambda: _free(stroke_limit={"v": (0.1, "f")}), "no inertia"),
+    (lambda: _free(stroke_limit=0.1), "no outputs stroke_"),
+    (lambda: _free(stroke_limit={"x": (0.5, "f")}, initial=[0.6, 0.0]), "'x' is 0.6 m at the first time"),
+]
+_MACHINES = [
+    (lambda: _beam(model="geometrically-exact"), "`plant` must be a hub-beam with assumed modes"),
+    (lambda: _beam(stroke_limit=1.0), "stroke_limit: expected None for a hub-beam"),
+    (lambda: _beam(friction=CoulombFriction(1.0)), "friction: expected None for a hub-beam"),
+    (lambda: _beam(initial=[0.0]), r"initial has shape \(1,\); expected \(8,\)"),
+    (lambda: _beam(disturbance={"force": np.zeros(11)}), "unknown disturbance input 'force'"),
+    (lambda: _beam(_law(), noise={"tip": 1.0}), "unknown signal of noise 'tip'"),
+    (lambda: _beam(_law(), reference={"torque": np.zeros(11)}), "unknown signal of reference 'torque'"),
+    (lambda: _beam(_law(), reference=np.zeros(11)), "reference = .*: expected a mapping"),
+    (lambda: _beam(_law(), reference={"hub_angle": _GAP}), "reference 'hub_angle' has a gap"),
+    (lambda: _beam(_law(), feedforward={"torque": [1.0]}), r"feedforward 'torque' has shape \(1,\)"),
+    (lambda: _beam(_law(inputs=["hub_angle", "tip_speed"])), "unknown .*'tip_speed'"),
+    (lambda: _beam(sensors=["tip"]), r"sensors\[0\] = 'tip': expected BeamSensor"),
+    (lambda: _beam(sensors=[_sensor(position=9.0)]), r"sensors\[0\]: .*9.0.*8"),
+    (lambda: _beam(sensors=[_sensor(name="hub_angle")]), "sensors.*'hub_angle'"),
+    (lambda: _sensor(quantity="strain"), "height = None: expected a distance"),
+    (lambda: _sensor(height=0.1), "height = 0.1: expected None"),
+    (lambda: _sensor(name="a.b"), "name = 'a.b'"),
+    (
+        lambda: _beam(
+            ct.ss([], [], [], [[4e3, 4e4]], 0.02, **_HUB),
+            time=0.02 * np.arange(501),
+            disturbance={"torque": np.ones(501)},
+        ),
+        "diverges|outside the model|error stays",
+    ),
+    (
+        lambda: _beam(disturbance={"torque": 100.0 * np.ones(11)}, rtol=1e-15, atol=1e-30),
+        "rtol = 1e-15: the error stays",
+    ),
+    (lambda: _beam(time=[0.0, 1e9], sample_time=1e9), "timepts: the motion would take"),
+    # controllers that change
+    (lambda: bc.schedule([_law()], [0.0]), "values: expected one for each of two or more"),
+    (lambda: bc.schedule([_law(), _law(1)], [1.0, 0.0]), "expected ascending ones"),
+    (lambda: bc.schedule([_law(), _law(dt=0.1)], [0.0, 1.0]), r"controllers\[1\]: expected the dt of the first"),
+    (lambda: bc.schedule([_law(), _law(inputs=["a", "b"])], [0.0, 1.0]), r"controllers\[1\]: expected the inputs"),
+    (
+        lambda: bc.schedule([_law(), ct.ss([], [], [], [[-1.0, -1.0]], 0.02, **_HUB)], [0.0, 1.0]),
+        r"controllers\[1\]: expected 1 state, as the first, got 0",
+    ),
+    (lambda: bc.schedule([_law(), 1.0], [0.0, 1.0]), r"controllers\[1\]: expected StateSpace, got float"),
+    (lambda: _varying(reads=(3, 1, 1)), r"B has shape \(3, 1, 1\); expected \(3, 1, 2\)"),
+    (lambda: _varying(states=(1, 1)), "A: expected 3 dimension"),
+    (lambda: _varying(inputs=["y", "y"]), "expected one name or more, each once"),
+    (lambda: _beam(_varying(), sample_time=0.01), r"its sampling time is 0\.02 s; expected sample_time = 0\.01 s"),
+]
+
+
+@pytest.mark.parametrize(("call", "words"), [*_SIGNALS, *_CONTACTS, *_MACHINES])
+def test_combination_that_is_impossible_refused(call, words):
+    with pytest.raises((TypeError, ValueError), match=words):
+        call()

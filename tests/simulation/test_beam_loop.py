@@ -7,7 +7,6 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 import boomctl as bc
-from boomctl.lab.benchmark.scenes.loops import beam_responded, loop_of, simulated
 from tests.profiles import examples
 from tests.rotating_beam.strategies import parameters
 from tests.simulation.beam_reference import ATOL, accelerations, brute_force
@@ -55,10 +54,7 @@ def _outputs(beam, states):
 
 
 _SCENES = {
-    "plain": {},
-    "late": {"delay": 0.013},
     "later": {"delay": 0.0531},
-    "whole samples late": {"delay": 2 * _TS},
     "limits": {"delay": 0.013, "force": 25.0, "rate": 60.0},
     "rounded": {"delay": 0.007, "force": 20.0, "quantum": 1e-3},
     "everything": {"delay": 0.027, "force": 40.0, "rate": 100.0, "noise": True, "forward": True, "quantum": 1e-3},
@@ -99,9 +95,12 @@ def _run(beam, scene, time, law, **more):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("scene", _SCENES)
-def test_the_loop_is_what_brute_force_finds(scene):
-    beam, time = _beam(), np.linspace(0.0, 0.5, 51)
+@pytest.mark.parametrize(
+    ("model", "scene"),
+    [*(("sfoam", scene) for scene in _SCENES), *((model, "limits") for model in (*_MODELS[1:], "cfoam"))],
+)
+def test_the_loop_is_what_brute_force_finds(model, scene):
+    beam, time = _beam(model, 2, 0.2, damping=0.02), np.linspace(0.0, 0.5, 51)
     found, states, given = _run(beam, _SCENES[scene], time, _law())
     apart = _apart(found, _outputs(beam, states))
     assert max(apart.values()) < 1e-8, apart
@@ -151,30 +150,6 @@ def test_any_beam_and_any_delay_is_what_brute_force_finds(parameters, model, del
     assert max(apart.values()) < 2e-8, apart
 
 
-def test_the_benchmark_races_the_same_loop():
-    beam, time = _beam("sfoam", 5, 0.1), 1e-3 * np.arange(61)
-    found, true = simulated(beam, time, 1e-8), loop_of(beam, time).restarted("DOP853", 1e-12)
-    np.testing.assert_allclose(found, true, rtol=0.0, atol=1e-10 * np.abs(true).max())
-    continuous = beam_responded(beam, time, "RK45", 1e-8)
-    np.testing.assert_allclose(found, continuous, rtol=0.0, atol=2e-2 * np.abs(true).max())
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("model", [*_MODELS, "cfoam"])
-@pytest.mark.parametrize("tip_mass", [0.0, 0.2])
-def test_every_model_is_what_brute_force_finds(model, tip_mass):
-    beam, time = _beam(model, 2, tip_mass, damping=0.02), np.linspace(0.0, 0.6, 61)
-    found, states, _ = _run(beam, _SCENES["limits"], time, _law())
-    apart = _apart(found, _outputs(beam, states))
-    assert max(apart.values()) < 1e-8, apart
-
-
-def test_loops_around_the_exact_beam_are_refused():
-    beam = bc.hub_beam(model="geometrically-exact", modes=2)
-    with pytest.raises(ValueError, match="`plant` must be a hub-beam with assumed modes"):
-        bc.simulate_loop(beam, None, None, [0.0, 0.1], sample_time=0.1)
-
-
 @pytest.mark.parametrize(("step", "count"), [(0.005, 81), (0.04, 11)])
 def test_times_finer_and_coarser_than_the_samples(step, count):
     beam, time = _beam(modes=2, tip_mass=0.1), 3.0 + step * np.arange(count)
@@ -196,19 +171,6 @@ def test_a_long_delay_waits_in_the_log_as_in_a_queue(monkeypatch):
         np.testing.assert_allclose(log[name], queue[name], rtol=0.0, atol=1e-13 * np.abs(queue[name]).max())
     apart = _apart(queue, _outputs(beam, first[1]))
     assert max(apart.values()) < 1e-8, apart
-
-
-@pytest.mark.parametrize("model", _FEW)
-def test_small_motions_are_those_of_the_linear_model(model):
-    beam, time = _beam(model, 3, 0.1), np.linspace(0.0, 4.0, 401)
-    small = 1e-6
-    reference = {"hub_angle": np.full(time.size, small)}
-    options = {"sample_time": _TS, "delay": 0.013, "force_limit": 50.0 * small, "reference": reference, "atol": 1e-16}
-    nonlinear = bc.simulate_loop(beam, _law(), {"torque": small * np.sin(time)}, time, **options)
-    linear = bc.simulate_loop(beam.linearize(), _law(), {"torque": small * np.sin(time)}, time, **options)
-    assert linear.saturation_share["torque"] > 0.0
-    for name in linear.outputs:
-        np.testing.assert_allclose(nonlinear[name], linear[name], rtol=0.0, atol=1e-7 * np.abs(linear[name]).max())
 
 
 @pytest.mark.parametrize(
@@ -334,90 +296,23 @@ def test_reference_and_feedforward_of_a_linear_plant():
         state, x = law.A @ state + law.B @ error, P.A @ x + P.B @ u
 
 
-_TIME = 0.02 * np.arange(11)
-
-
-@pytest.mark.parametrize(
-    ("change", "error", "message"),
-    [
-        ({"stroke_limit": 1.0}, ValueError, "stroke_limit: expected None for a hub-beam"),
-        ({"friction": bc.CoulombFriction(1.0)}, ValueError, "friction: expected None for a hub-beam"),
-        ({"initial": [0.0]}, ValueError, r"initial has shape \(1,\); expected \(8,\)"),
-        ({"force_limit": -1.0}, ValueError, "force_limit = -1.0"),
-        ({"delay": -0.1}, ValueError, "delay = -0.1"),
-        ({"rtol": 0.0}, ValueError, "rtol = 0.0"),
-        ({"atol": "small"}, TypeError, "atol = 'small'"),
-        ({"disturbance": {"force": np.zeros(11)}}, ValueError, "unknown disturbance input 'force'"),
-        ({"disturbance": {"tip_force": np.zeros(3)}}, ValueError, r"disturbance 'tip_force' has shape \(3,\)"),
-        ({"noise": {"tip": 1.0}}, ValueError, "unknown signal of noise 'tip'"),
-        ({"noise": -1.0}, ValueError, "noise = -1.0"),
-        ({"seed": -1}, ValueError, "seed = -1"),
-        ({"seed": 0.5}, TypeError, "seed = 0.5"),
-        ({"reference": {"torque": np.zeros(11)}}, ValueError, "unknown signal of reference 'torque'"),
-        ({"reference": np.zeros(11)}, TypeError, "reference = .*: expected a mapping"),
-        ({"reference": {"hub_angle": np.full(11, np.nan)}}, ValueError, "reference 'hub_angle' has a gap"),
-        ({"feedforward": {"torque": [1.0]}}, ValueError, r"feedforward 'torque' has shape \(1,\)"),
-        ({"sensors": 3}, TypeError, "sensors = 3"),
-        ({"sensors": ["tip"]}, TypeError, r"sensors\[0\] = 'tip': expected BeamSensor"),
-        ({"sensors": [bc.BeamSensor("far", "slope", 9.0)]}, ValueError, r"sensors\[0\]: .*9.0.*8"),
-        ({"sensors": [bc.BeamSensor("hub_angle", "slope", 1.0)]}, ValueError, "sensors.*'hub_angle'"),
-    ],
-)
-def test_bad_input_is_refused_by_name(change, error, message):
-    given = {"disturbance": None, "timepts": _TIME, "sample_time": _TS} | change
-    with pytest.raises(error, match=message):
-        bc.simulate_loop(_beam(), _law(), **given)
-
-
-def test_other_machines_are_refused():
-    with pytest.raises(TypeError, match=r"plant: expected .*got int"):
-        bc.simulate_loop(3, _law(), None, _TIME, sample_time=_TS)
-    sensors = [bc.BeamSensor("a", "slope", 1.0)]
-    with pytest.raises(ValueError, match="sensors: expected none for a linear plant"):
-        bc.simulate_loop(_beam().linearize(), _law(), None, _TIME, sample_time=_TS, sensors=sensors)
-    with pytest.raises(ValueError, match=r"unknown .*'tip_speed'"):
-        bc.simulate_loop(_beam(), _law(("hub_angle", "tip_speed")), None, _TIME, sample_time=_TS)
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"quantity": "jerk"}, "unknown quantity 'jerk'"),
-        ({"position": -1.0}, "position = -1.0"),
-        ({"quantity": "strain"}, "height = None: expected a distance"),
-        ({"height": 0.1}, "height = 0.1: expected None"),
-        ({"name": "a.b"}, "name = 'a.b'"),
-    ],
-)
-def test_a_sensor_that_is_none(change, message):
-    with pytest.raises(ValueError, match=message):
-        bc.BeamSensor(**({"name": "a", "quantity": "slope", "position": 1.0} | change))
-
-
-def test_loops_that_cannot_be_followed():
-    time = 0.02 * np.arange(501)
-    wild = ct.ss([], [], [], [[4e3, 4e4]], _TS, inputs=["hub_angle", "hub_speed"], outputs=["torque"])
-    with pytest.raises(ValueError, match=r"diverges|outside the model|error stays"):
-        bc.simulate_loop(_beam(), wild, {"torque": np.ones(501)}, time, sample_time=_TS)
-    with pytest.raises(ValueError, match="rtol = 1e-15: the error stays at"):
-        bc.simulate_loop(_beam(), None, {"torque": 100.0 * np.sin(time)}, time, sample_time=_TS, rtol=1e-15, atol=1e-30)
-    with pytest.raises(ValueError, match="timepts: the motion would take"):
-        bc.simulate_loop(_beam(), None, None, [0.0, 1e9], sample_time=1e9)
-
-
 @pytest.mark.parametrize("model", _FEW)
 def test_small_motions_are_those_of_the_linear_model_with_its_sensors(model):
     beam, time, small = _beam(model, 3, 0.1, damping=0.01), np.linspace(0.0, 2.0, 201), 1e-6
     kinds = {"displacement": None, "slope": None, "moment": None, "acceleration": None, "strain": 0.01}
     sensors = [bc.BeamSensor(kind, kind, 3.0, height) for kind, height in kinds.items()]
     rows = {"tip_force": 0.1 * small * np.cos(4.0 * time), "disturbance_torque": small * np.sin(3.0 * time)}
-    law = ct.ss([], [], [], [[-80.0, -2.0]], _TS, inputs=["slope", "tip_acceleration"], outputs=["torque"])
-    options = {"sample_time": _TS, "delay": 0.013, "atol": 1e-16}
+    read = ["hub_angle", "hub_speed", "slope", "tip_acceleration"]
+    law = ct.ss([], [], [], [[-80.0, -240.0, -80.0, -2.0]], _TS, inputs=read, outputs=["torque"])
+    reference = {"hub_angle": np.full(time.size, small)}
+    options = {"sample_time": _TS, "delay": 0.013, "force_limit": 50.0 * small, "reference": reference, "atol": 1e-16}
     linear = bc.simulate_loop(beam.linearize(sensors=sensors), law, rows, time, **options)
     nonlinear = bc.simulate_loop(beam, law, rows, time, sensors=sensors, **options)
+    assert linear.saturation_share["torque"] > 0.0
     assert set(linear.outputs) == set(nonlinear.outputs)
     for name in linear.outputs:
-        np.testing.assert_allclose(nonlinear[name], linear[name], rtol=0.0, atol=1e-6 * np.abs(linear[name]).max())
+        atol = (1e-6 if "acceleration" in name else 1e-7) * np.abs(linear[name]).max()
+        np.testing.assert_allclose(nonlinear[name], linear[name], rtol=0.0, atol=atol)
 
 
 @pytest.mark.parametrize("model", [*_MODELS, *_SLOW_MODELS])

@@ -121,16 +121,6 @@ def _compare_runs(scene, **options):
     return results[0]
 
 
-def test_the_linear_loop_is_that_of_the_sampled_plant():
-    plant, law, time, _ = _scene(5)
-    w = np.ones(len(time))  # a held disturbance is the same for both
-    sampled = ct.sample_system(plant, _H, "zoh")
-    loop = ct.interconnect([sampled, law], inplist=["w"], outlist=list(plant.output_labels), add_unused=True)
-    theirs = ct.forced_response(loop, time, w).outputs
-    found = simulate_loop(plant, law, {"w": w}, time, sample_time=_H)
-    _close(np.array(list(found.outputs.values())), theirs[:3])
-
-
 @given(seed=seeds, delay=st.sampled_from([0.0, 0.4, 1.0, 2.7]), shared=st.booleans())
 @examples(30)
 def test_the_loop_that_is_run_is_the_loop_that_is_analysed(seed, delay, shared):
@@ -201,27 +191,6 @@ def test_units_do_not_matter(seed, ratios):
         np.testing.assert_allclose(found[name] / lengths, values, atol=1e-6 * max(1.0, np.abs(values).max()))
 
 
-def test_finer_times_show_the_same_loop():
-    plant, law, time, w = _scene(11)
-    fine = np.linspace(time[0], time[-1], 4 * (len(time) - 1) + 1)
-    coarse = simulate_loop(plant, law, {"w": w}, time, sample_time=_H, force_limit=0.5)
-    found = simulate_loop(plant, law, {"w": np.interp(fine, time, w)}, fine, sample_time=_H, force_limit=0.5)
-    for name, values in coarse.outputs.items():
-        _close(found[name][::4], values)
-    assert found.saturation_share == coarse.saturation_share
-
-
-def test_coarser_times_show_the_same_loop():
-    plant, law, time, _ = _scene(12)
-    w = np.interp(time, time[::3], np.sin(time[::3]))
-    fine = simulate_loop(plant, law, {"w": w[: 3 * 46 + 1]}, time[: 3 * 46 + 1], sample_time=_H, force_limit=0.5)
-    found = simulate_loop(
-        plant, law, {"w": w[: 3 * 46 + 1 : 3]}, time[: 3 * 46 + 1 : 3], sample_time=_H, force_limit=0.5
-    )
-    for name, values in fine.outputs.items():
-        _close(found[name], values[::3])
-
-
 def test_measurements_are_rounded_to_their_steps():
     plant, _, time, w = _scene(7)
     gain = ct.ss([], [], [], [[2.0]], _H, inputs=["y0"], outputs=["u0"])
@@ -247,24 +216,18 @@ def test_anti_windup_does_nothing_while_no_limit_is_met(seed):
         _close(with_it[name], values)
 
 
-def test_anti_windup_keeps_a_saturated_integrator_from_overshooting():
-    plant = ct.ss([[-0.2]], [[1.0, 1.0]], [[1.0]], 0.0, inputs=["w", "u"], outputs=["y"])
-    law = ct.ss([[0.0]], [[1.0]], [[-2.0]], [[-2.0]], inputs=["y"], outputs=["u"])
-    time = 0.02 * np.arange(2000)
-    w = np.where(time < 10.0, 3.0, 0.0)
-    with_it, without = (
-        simulate_loop(plant, law, {"w": w}, time, sample_time=0.02, force_limit=1.0, anti_windup=chosen)["y"]
-        for chosen in (True, False)
-    )
-    after = time > 10.0
-    assert without[after].min() < -2.0
-    assert with_it[after].min() > 0.25 * without[after].min()
-
-
-def test_anti_windup_of_a_controller_that_rolls_off():
-    """Its zero at the sampling rate must not make the correction ring: it comes out of saturation quietly."""
-    plant = ct.ss([[-0.5]], [[1.0, 1.0]], [[1.0]], 0.0, inputs=["w", "u"], outputs=["y"])
-    law = ct.tf2ss([-8.0], [1.0, 4.0, 1e-3], inputs=["y"], outputs=["u"])
+@pytest.mark.parametrize(
+    ("rate", "law", "wound", "share", "jump"),
+    [
+        (-0.2, ct.ss([[0.0]], [[1.0]], [[-2.0]], [[-2.0]]), -2.0, 0.25, 0.11),
+        (-0.5, ct.tf2ss([-8.0], [1.0, 4.0, 1e-3]), -1.0, 0.5, 0.1),
+    ],
+    ids=["integrator", "roll-off"],
+)
+def test_anti_windup_keeps_what_was_saturated_from_overshooting(rate, law, wound, share, jump):
+    """A zero of the controller at the sampling rate must not make the correction ring."""
+    plant = ct.ss([[rate]], [[1.0, 1.0]], [[1.0]], 0.0, inputs=["w", "u"], outputs=["y"])
+    law = ct.ss(law, inputs=["y"], outputs=["u"])
     time = 0.02 * np.arange(2000)
     w = np.where(time < 10.0, 3.0, 0.0)
     with_it, without = (
@@ -272,9 +235,9 @@ def test_anti_windup_of_a_controller_that_rolls_off():
         for chosen in (True, False)
     )
     after = time > 10.0
-    assert without["y"][after].min() < -1.0
-    assert with_it["y"][after].min() > 0.5 * without["y"][after].min()
-    assert np.abs(np.diff(with_it.asked["u"][after])).max() < 0.1
+    assert without["y"][after].min() < wound
+    assert with_it["y"][after].min() > share * without["y"][after].min()
+    assert np.abs(np.diff(with_it.asked["u"][after])).max() < jump
 
 
 def test_the_conditioning_gain_is_that_of_hanus_where_that_is_stable():
@@ -283,37 +246,6 @@ def test_the_conditioning_gain_is_that_of_hanus_where_that_is_stable():
     D = 2.0 * np.eye(2)
     assert np.abs(np.linalg.eigvals(A - B @ np.linalg.inv(D) @ C)).max() < 1.0
     np.testing.assert_allclose(conditioning_gain(A, B, C, D, softening=0.0), B @ np.linalg.inv(D), atol=1e-6)
-
-
-@given(seed=seeds)
-@examples(25)
-def test_the_conditioned_controller_is_stable(seed):
-    rng = np.random.default_rng(seed)
-    A, B, C = rng.standard_normal((3, 3)), rng.standard_normal((3, 2)), rng.standard_normal((2, 3))
-    for D in (np.zeros((2, 2)), rng.standard_normal((2, 2))):
-        assert np.abs(np.linalg.eigvals(A - conditioning_gain(A, B, C, D) @ C)).max() < 1.0
-
-
-def test_a_structure_and_its_state_space_move_alike():
-    model = bc.spray_boom(elements=6)
-    time = np.linspace(0.0, 4.0, 4001)
-    platform = {"actuator_left": 0.01 * np.sin(3.0 * time), "actuator_right": 0.01 * np.sin(5.0 * time)}
-    law = ct.ss(
-        [],
-        [],
-        [],
-        -200.0 * np.eye(2),
-        inputs=_STROKES,
-        outputs=_SUSPENSION,
-    )
-    of_model, of_system = (
-        simulate_loop(plant, law, platform, time, sample_time=1e-3, force_limit=1.0)
-        for plant in (model, model.to_statespace())
-    )
-    for name, values in of_system.outputs.items():
-        np.testing.assert_allclose(of_model[name], values, atol=1e-9)
-    assert max(of_model.saturation_share.values()) > 0.0
-    assert set(of_model.strokes) == {"stroke_left", "stroke_right"}
 
 
 def test_the_result_is_a_named_time_response():
@@ -336,60 +268,6 @@ def test_an_open_loop_takes_an_array():
     by_name = simulate_loop(mass_on_spring(), None, {"f": np.sin(time)}, time, sample_time=0.02)
     by_row = simulate_loop(mass_on_spring(), None, np.sin(time), time, sample_time=0.02)
     np.testing.assert_array_equal(by_name["x"], by_row["x"])
-
-
-_TIME = 0.05 * np.arange(40)
-_GAP = np.where(np.arange(40) == 7, np.nan, 0.0)
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"disturbance": {"w": _GAP}}, "'w' has a gap: nan at point 7"),
-        ({"disturbance": {"w": np.zeros(39)}}, r"'w' has shape \(39,\)"),
-        ({"disturbance": {"v": np.zeros(40)}}, "unknown disturbance input 'v'"),
-        ({"disturbance": np.zeros((2, 40))}, r"shape \(2, 40\); expected \(1, 40\)"),
-        ({"timepts": np.delete(0.05 * np.arange(41), 20)}, "expected equal steps"),
-        ({"timepts": _TIME[::-1]}, "ascending"),
-        ({"timepts": [0.0]}, "at least two"),
-        ({"sample_time": 0.07}, "whole multiple"),
-        ({"sample_time": -1.0}, "sample_time"),
-        ({"delay": -1.0}, "delay"),
-        ({"force_limit": {"u9": 1.0}}, "unknown signal of force_limit 'u9'"),
-        ({"force_limit": 0.0}, "force_limit"),
-        ({"rate_limit": {"u0": np.inf}}, "rate_limit"),
-        ({"quantization": {"z": 1.0}}, "quantization"),
-        ({"stroke_limit": 0.1}, "no outputs stroke_"),
-        ({"discretization": "euler"}, "discretization"),
-        ({"initial": [0.0]}, "initial has shape"),
-        ({"controller": 3.0}, "controller: expected"),
-    ],
-)
-def test_bad_input(change, message):
-    plant, law, _, _ = _scene(0)
-    arguments = {"plant": plant, "controller": law, "disturbance": None, "timepts": _TIME, "sample_time": _H} | change
-    with pytest.raises((TypeError, ValueError), match=message):
-        simulate_loop(**arguments)
-
-
-def test_controllers_that_do_not_fit():
-    plant, _, time, _ = _scene(0)
-    fast = ct.ss([[-100.0]], [[1.0]], [[1.0]], 0.0, inputs=["y0"], outputs=["u0"])
-    with pytest.raises(ValueError, match=r"too long for the controller's pole at -100\+0j rad/s.*fastest_pole="):
-        simulate_loop(plant, fast, None, time, sample_time=_H)
-    simulate_loop(plant, fast, None, np.linspace(0, 0.2, 21), sample_time=0.01)
-    stranger = ct.ss([[-1.0]], [[1.0]], [[1.0]], 0.0, inputs=["y7"], outputs=["u0"])
-    with pytest.raises(ValueError, match="'y7'"):
-        simulate_loop(plant, stranger, None, time, sample_time=_H)
-    other = ct.ss([[0.5]], [[1.0]], [[1.0]], 0.0, 0.1, inputs=["y0"], outputs=["u0"])
-    with pytest.raises(ValueError, match=r"its sampling time is 0.1 s"):
-        simulate_loop(plant, other, None, time, sample_time=_H)
-
-
-def test_a_loop_that_diverges_says_so():
-    plant = ct.ss([[40.0]], [[1.0]], [[1.0]], 0.0, inputs=["w"], outputs=["y"])
-    with np.errstate(all="ignore"), pytest.raises(ValueError, match="diverges"):
-        simulate_loop(plant, None, np.ones(1000), 0.05 * np.arange(1000), sample_time=_H)
 
 
 @pytest.mark.parametrize("share", [0.0, 0.5, 1.0, 1.5])

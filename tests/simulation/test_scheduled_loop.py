@@ -1,7 +1,5 @@
 """Scheduled controllers in a sampled loop: brute force, python-control, and the constant controller as a special case."""
 
-from dataclasses import replace
-
 import control as ct
 import numpy as np
 import pytest
@@ -9,8 +7,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import boomctl as bc
-from boomctl.simulation import loop
-from boomctl.simulation.controller import sampled_controller
 from tests.profiles import examples
 from tests.simulation.beam_reference import brute_force
 from tests.simulation.cases import conditioning_gain, random_plant
@@ -115,31 +111,6 @@ def test_equal_controllers_are_one(seed, delay, limit):
         np.testing.assert_allclose(other[name], row, atol=1e-9 * np.abs(row).max())
 
 
-def test_matrices_that_change_by_the_sample(monkeypatch):
-    """The record behind it may hold a matrix for each sample instead, the last of which stays."""
-
-    def tabled(*given):
-        K = sampled_controller(*given)
-        return replace(K, laws=replace(K.laws, place=None, values=np.zeros(0)))
-
-    monkeypatch.setattr(loop, "sampled_controller", tabled)
-    beam, time = bc.hub_beam(model="sfoam", modes=1), np.linspace(0.0, 0.1, 11)
-    given = {"sample_time": _TS, "reference": {"hub_speed": 1.0 + time}}
-    run = bc.simulate_loop(beam, _scheduled(), None, time, **given, rtol=1e-11, atol=1e-15)
-    passed = []
-
-    def by_sample(measured):
-        passed.append(measured)
-        return _interpolated([0.0, _SPEEDS[min(len(passed), len(_SPEEDS)) - 1]])
-
-    read, references = (lambda x, a: (x[0], x[beam.equations.size])), [0.0 * time, 1.0 + time]
-    states, _ = brute_force(beam, by_sample, {}, time, sample_time=_TS, read=read, reference=references)
-    np.testing.assert_allclose(run.states, states, rtol=0.0, atol=1e-9 * np.abs(states).max())
-    plant = beam.linearize(0.0, sensors=())
-    linear = bc.simulate_loop(plant, _scheduled(), None, time, **given)
-    assert abs(linear["hub_speed"] - run["hub_speed"]).max() < 2e-2 * abs(run["hub_speed"]).max()
-
-
 def test_a_regulator_reads_the_states_of_a_hub_beam():
     """By their names: at each sample the torque is minus the gain, as the measured speed has it, times the state."""
     beam, speeds = bc.hub_beam(model="sfoam", modes=2), np.array([0.0, 0.2, 1.0])
@@ -188,27 +159,3 @@ def test_frozen_controllers_stand_on_straight_lines():
     unread = bc.schedule([ct.ss([], [], [], [[k]], inputs="tip", outputs="torque") for k in (1.0, 2.0)], [0.0, 1.0])
     assert unread.inputs == ("tip", "hub_speed")
     np.testing.assert_array_equal(unread.at(0.25).D, [[1.25, 0.0]])
-
-
-@pytest.mark.parametrize(
-    ("controllers", "values", "message"),
-    [
-        ([_law(0)], [0.0], "values: expected one for each of two or more"),
-        ([_law(0), _law(1)], [0.0, 1.0, 2.0], "values: expected one for each"),
-        ([_law(0), _law(1)], [1.0, 0.0], "expected ascending ones"),
-        ([_law(0), ct.ss(_law(1), dt=0.1)], [0.0, 1.0], r"controllers\[1\]: expected the dt of the first"),
-        ([_law(0), ct.ss(_law(1), inputs=["a", "b"])], [0.0, 1.0], r"controllers\[1\]: expected the inputs"),
-        ([_law(0), ct.append(_law(0), _law(1))], [0.0, 1.0], r"controllers\[1\]: expected the inputs"),
-    ],
-)
-def test_bad_input_is_refused_by_name(controllers, values, message):
-    with pytest.raises(ValueError, match=message):
-        bc.schedule(controllers, values)
-
-
-def test_controllers_of_other_sizes_are_refused():
-    static = ct.ss([], [], [], [[-1.0, -1.0]], _TS, inputs=["hub_angle", "hub_speed"], outputs=["torque"])
-    with pytest.raises(ValueError, match=r"controllers\[1\]: expected 1 state, as the first, got 0"):
-        bc.schedule([_law(0), static], [0.0, 1.0])
-    with pytest.raises(TypeError, match=r"controllers\[1\]: expected StateSpace, got float"):
-        bc.schedule([_law(0), 1.0], [0.0, 1.0])

@@ -112,67 +112,6 @@ def test_a_shaken_boom_between_narrow_stops(seed):
     assert found.friction.dissipated > 0.0
 
 
-def test_a_stroke_beyond_its_stop_to_begin_with_is_refused():
-    with pytest.raises(ValueError, match=r"'x' is 0.6 m at the first time"):
-        simulate_loop(
-            _FREE,
-            None,
-            None,
-            np.linspace(0, 1, 11),
-            sample_time=0.1,
-            stroke_limit={"x": (0.5, "f")},
-            initial=[0.6, 0.0],
-        )
-
-
-@pytest.mark.slow
-def test_boom_with_stops_friction_and_limits_at_once():
-    model = bc.spray_boom(elements=6)
-    time = np.linspace(0.0, 5.0, 2501)
-    platform = np.array(
-        [0.02 * np.sin(rate * time + phase) - 0.02 * np.sin(phase) for rate, phase in ((1.6, 0.3), (3.4, 1.0))]
-    )
-    law = ct.ss(
-        [],
-        [],
-        [],
-        -100.0 * np.eye(2),
-        inputs=["stroke_left", "stroke_right"],
-        outputs=["suspension_left", "suspension_right"],
-    )
-    found = simulate_loop(
-        model,
-        law,
-        {"actuator_left": platform[0], "actuator_right": platform[1]},
-        time,
-        sample_time=0.002,
-        force_limit=1.0,
-        stroke_limit=0.02,
-        friction=CoulombFriction(6.0, 8.0),
-    )
-    assert max(np.abs(stroke).max() for stroke in found.strokes.values()) <= 0.02 * (1.0 + 1e-8)
-    assert found.stops
-    assert 0.0 < found.friction.stuck_share < 1.0
-    assert found.friction.dissipated > 0.0
-    assert max(found.saturation_share.values()) > 0.0
-
-
-@pytest.mark.parametrize(
-    ("limit", "message"),
-    [
-        (0.0, "stroke_limit"),
-        ({"x": (0.1, "g")}, "unknown input at the stop of 'x'"),
-        ({"y": 0.1}, "unknown output of stroke_limit"),
-        ({"v": (0.1, "f")}, "no inertia"),
-        ({"x": 0.1}, "unknown input at the stop of 'x' 'x'"),
-        (0.1, "no outputs stroke_"),
-    ],
-)
-def test_bad_stops(limit, message):
-    with pytest.raises(ValueError, match=message):
-        simulate_loop(_FREE, None, None, np.linspace(0, 1, 11), sample_time=0.1, stroke_limit=limit)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("heavy", [0.5, 2.0, 8.0])
 def test_what_sticks_below_break_away_still_does_when_a_stop_holds_it(heavy):
@@ -250,15 +189,6 @@ def test_a_stop_is_reached_when_the_stroke_passes_it_between_the_points_too(dela
     within = simulate_loop(plant, law, {"d": d}, time, stroke_limit={"x": (largest * (1.0 - bend), "f")}, **options)
     assert within.stops
     assert np.abs(within["x"]).max() <= largest * (1.0 - bend) * (1.0 + 1e-8)
-
-
-@pytest.mark.slow
-def test_a_loop_that_diverges_but_for_its_stops_is_held_by_them():
-    plant = ct.ss([[0, 1.0], [900.0, 0]], [[0, 0], [1.0, 1.0]], [[1.0, 0]], 0.0, inputs=["d", "f"], outputs=["x"])
-    time = 0.01 * np.arange(3001)
-    found = simulate_loop(plant, None, {"d": np.ones(3001)}, time, sample_time=0.01, stroke_limit={"x": (0.1, "f")})
-    assert found["x"][-1] == pytest.approx(0.1)
-    assert np.abs(found["x"]).max() <= 0.1 * (1.0 + 1e-8)
 
 
 def test_stops_that_depend_on_each_other_are_not_solved_for_together():

@@ -47,16 +47,3 @@ def test_each_sample_has_its_own_matrices_and_the_last_stay(kind):
         asked = scale[min(k, 4)] * (_LAW.C @ state + _LAW.D @ read)
         assert run.asked["torque"][k] == pytest.approx(float(asked[0]), rel=1e-9)
         state = _LAW.A @ state + _LAW.B @ read
-
-
-def test_what_does_not_fit_is_refused():
-    good = _repeated(3)
-    with pytest.raises(ValueError, match=r"B has shape \(3, 1, 1\); expected \(3, 1, 2\)"):
-        bc.simulation.TimeVaryingController(good.A, good.B[:, :, :1], good.C, good.D, *_NAMES, sample_time=_TS)
-    with pytest.raises(ValueError, match="A: expected 3 dimension"):
-        bc.simulation.TimeVaryingController(good.A[0], good.B, good.C, good.D, *_NAMES, sample_time=_TS)
-    with pytest.raises(ValueError, match="expected one name or more, each once"):
-        bc.simulation.TimeVaryingController(good.A, good.B, good.C, good.D, ["y", "y"], ["u"], sample_time=_TS)
-    beam, time = bc.hub_beam(modes=1), np.arange(0.0, 0.1, 0.01)
-    with pytest.raises(ValueError, match=r"its sampling time is 0\.02 s; expected sample_time = 0\.01 s"):
-        bc.simulate_loop(beam, good, None, time, sample_time=0.01)
