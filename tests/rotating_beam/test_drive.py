@@ -1,5 +1,7 @@
 """Jumps and swift motions that a torque or a hub profile does not declare cost steps, and no accuracy."""
 
+import math
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -69,6 +71,16 @@ def test_a_swift_and_smooth_pulse_is_not_passed_over(middle, decades):
     known = beam.simulate(bc.torque(bell, close), SECONDS)
     apart = np.abs(found.tip_displacement - known.tip_displacement).max()
     assert apart <= 1e-10 + 1e-8 * np.abs(known.tip_displacement).max()
+
+
+def test_a_function_of_numbers_alone_is_looked_at_too():
+    def stepped(t):
+        return 2.0 * math.sin(t) if t > 3.00021 else 0.0
+
+    beam = bc.hub_beam(model="sfoam", modes=1)
+    found = beam.simulate(bc.torque(stepped), SECONDS)
+    known = beam.simulate(bc.torque(stepped, (3.00021,)), SECONDS)
+    assert found.tip_displacement == pytest.approx(known.tip_displacement, abs=1e-10)
 
 
 @examples(30)

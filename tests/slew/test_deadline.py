@@ -16,12 +16,6 @@ import pytest
 import boomctl as bc
 from boomctl import progress
 from boomctl.slew import SlewProgress, TorqueHistory, resolve
-from boomctl.slew.deadline import SlewDeadline
-from boomctl.slew.linear import guess_from, least_effort
-from boomctl.slew.nlp import refinement
-from boomctl.slew.nlp.programme import prepare
-from boomctl.slew.nlp.transcription import Scheme
-from boomctl.slew.problem import Limits, slew_problem
 
 LONG = """
 import signal, sys
@@ -91,24 +85,6 @@ def late(monkeypatch):
 
 
 @pytest.mark.slow
-def test_all_the_time_is_for_the_first_slew_and_a_share_for_finer_ones(monkeypatch):
-    problem = slew_problem(sfoam(1), 1.0, Limits(200.0), "effort", 4.0, deadline=SlewDeadline(1000.0))
-    limits = []
-
-    def noted(problem, guess, intervals, **options):
-        limits.append(problem.deadline.limit)
-        if len(limits) < 3:
-            raise bc.SlewError("no slew on so coarse a mesh")
-        return once(problem, guess, intervals, **options)
-
-    once = refinement._solved
-    monkeypatch.setattr(refinement, "_solved", noted)
-    refinement.refined(problem, None)
-    assert limits[:3] == [1000.0] * 3
-    assert all(limit < 1000.0 for limit in limits[4:])
-
-
-@pytest.mark.slow
 def test_out_of_time_the_best_verified_slew_is_returned(late):
     asked = sfoam(1), 1.0, 200.0, "jerk", 4.0
     whole = bc.optimal_slew(*asked)
@@ -163,27 +139,6 @@ def test_what_progress_raises_comes_through():
         bc.optimal_slew(sfoam(1), 1.0, 200.0, "effort", 4.0, progress=stop)
 
 
-@pytest.mark.parametrize(("name", "value"), [("time_limit", 0.0), ("time_limit", -1.0), ("time_limit", np.nan)])
-def test_bad_time_limits_are_refused(name, value):
-    with pytest.raises(ValueError, match=f"{name} = "):
-        bc.optimal_slew(sfoam(1), 1.0, 200.0, **{name: value})
-
-
-def test_bad_progress_is_refused():
-    with pytest.raises(TypeError, match="progress = 1: expected a function"):
-        bc.optimal_slew(sfoam(1), 1.0, 200.0, progress=1)  # pyright: ignore[reportArgumentType]
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("payload", [1e-6, 1e-4, 0.2])
-def test_payloads_close_to_the_beams_own_take_few_iterations(payload):
-    limits = Limits(200.0)
-    problem = slew_problem(sfoam(3), np.pi / 2, limits, "effort", 4.5, tip_masses=(payload,))
-    guess = guess_from(problem, least_effort(problem, 4.5, 100).history, 100)
-    programme = prepare(problem, Scheme("effort", 100, 3), guess, 1e-6)
-    assert programme.solve(problem, guess).iterations <= 8  # 17 to 34 where MUMPS chose the order of its pivots
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(("torque", "tip_mass"), [(200.0, 0.0), (100.0, 0.1)])
 def test_the_end_error_is_of_all_coordinates(torque, tip_mass):
@@ -214,28 +169,6 @@ def test_a_torque_of_fixed_time_has_no_switches(objective):
     assert found.history.switches.size == 0
     assert found.certificate.switches is None
     assert "switch" not in repr(found.history)
-
-
-@pytest.mark.slow
-def test_the_command_line_is_interrupted_and_silent_when_piped(tmp_path):
-    (tmp_path / "mine.py").write_text(
-        "import boomctl as bc\n\n\ndef design():\n"
-        "    beam = bc.hub_beam(modes=2)\n"
-        "    slew = bc.optimal_slew(beam, angle_deg=57000, torque_limit=200.0, objective='effort', duration=190.0)\n"
-        "    return bc.studies.SlewDesign('long', 'a long slew', beam, {'least effort': slew})\n"
-    )
-    words = ["design", str(tmp_path / "mine.py"), "--out"]
-    start = (
-        "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); from boomctl.cli import main; main()"
-    )
-    command = [sys.executable, "-c", start, *words, str(tmp_path / "out")]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as child:
-        while not (tmp_path / "out").exists() and child.poll() is None:
-            time.sleep(0.1)
-        time.sleep(3.0)  # the solver runs
-        child.send_signal(signal.SIGINT)
-        out, errors = child.communicate(timeout=120)
-    assert (child.returncode, out, errors) == (1, "", "boomctl: interrupted\n")
 
 
 def test_noise_of_the_sign_is_no_switch():

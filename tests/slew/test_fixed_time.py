@@ -2,7 +2,6 @@
 
 import inspect
 
-import casadi as ca
 import numpy as np
 import pytest
 from hypothesis import given
@@ -11,15 +10,14 @@ from hypothesis import strategies as st
 import boomctl as bc
 from boomctl.slew import resolve
 from boomctl.slew.effort import effort_on_mesh
-from boomctl.slew.linear import clipped, guess_from, least_effort
+from boomctl.slew.linear import guess_from, least_effort
 from boomctl.slew.nlp.interval import Units
 from boomctl.slew.nlp.programme import prepare
 from boomctl.slew.nlp.refinement import refined
 from boomctl.slew.nlp.transcription import Scheme, transcribe
-from boomctl.slew.objectives import OBJECTIVES, Objective
+from boomctl.slew.objectives import OBJECTIVES
 from boomctl.slew.problem import Limits, slew_problem
 from boomctl.slew.replay import played, prescribed_error, violation
-from boomctl.slew.result import SlewError
 from tests.profiles import examples
 from tests.slew.systems import rigid
 
@@ -69,25 +67,6 @@ def test_each_objective_is_best_at_its_own(beam):
     assert min(tip, key=lambda name: tip[name]) == "tip"
 
 
-def test_an_entry_in_the_table_is_all_that_a_new_objective_takes(beam, monkeypatch):
-    """The integral of the hub's speed squared, which is least where the hub goes at one speed nearly all the time."""
-
-    def cost(parts, units, s, intervals):
-        ((plant, own),) = parts
-        row = ca.DM(plant.rows["speed"] * units.states[own])
-        a, b = ca.dot(row, s.z[own]), ca.dot(row, s.z1[own])
-        return s.h * (a**2 + a * b + b**2) / 3.0
-
-    def value(history, paths):
-        ((plant, time, z),) = paths
-        return float(np.trapezoid((z @ plant.rows["speed"]) ** 2, time))
-
-    monkeypatch.setitem(OBJECTIVES, "speed", Objective(title="least speed", cost=cost, value=value))
-    speed, effort = (bc.optimal_slew(beam, ANGLE, LIMIT, name, 3.6, intervals=60) for name in ("speed", "effort"))
-    assert speed.title == "least speed"
-    assert ANGLE**2 / 3.6 < speed.cost < np.trapezoid(effort.hub_speed**2, effort.time)
-
-
 @pytest.mark.parametrize(
     ("name", "value"),
     [
@@ -112,40 +91,6 @@ def test_limits_are_kept_on_a_dense_replay(beam, name, value):
     assert slew.certificate.constraint_violation <= 1e-6
     assert name in slew.certificate.binding
     assert slew.duration > bc.optimal_slew(beam, ANGLE, LIMIT).duration
-
-
-@pytest.mark.slow
-@examples(6)
-@given(
-    st.sampled_from([("speed_limit", 0.75), ("tip_limit", 0.75), ("moment_limit", 0.75)]),
-    st.floats(0.4, 1.6),
-    st.floats(1.1, 1.6),
-)
-def test_any_limit_is_kept_or_the_failure_names_it(limit, angle, stretch):
-    h = bc.hub_beam(modes=1)
-    duration = stretch * bc.optimal_slew(h.linearize(), angle, LIMIT).duration
-    free = bc.optimal_slew(h, angle, LIMIT, "effort", duration, intervals=60)
-    values = {"speed_limit": free.hub_speed, "tip_limit": free.tip_displacement, "moment_limit": free.root_moment}
-    most = limit[1] * float(np.abs(values[limit[0]]).max())
-    ask = {"objective": "effort", "duration": duration, "intervals": 60, limit[0]: most}
-    slew, failure = None, ""
-    try:
-        slew = bc.optimal_slew(h, angle, LIMIT, **ask)
-    except bc.SlewError as error:
-        failure = str(error)
-    if slew is None:
-        assert f"{limit[0]} = {most:g}" in failure
-        return
-    t = np.linspace(0.0, slew.duration, 3001)
-    r = h.simulate(slew.history, t, rtol=1e-9, atol=1e-12)
-    sizes = {
-        "speed_limit": r.hub_speed,
-        "tip_limit": r.tip_displacement,
-        "moment_limit": r.states @ h.root_moment_row,
-    }
-    assert np.abs(sizes[limit[0]]).max() <= most * (1.0 + 1e-5)
-    assert slew.history.peak <= LIMIT * (1.0 + 1e-9)
-    assert slew.cost >= free.cost * (1.0 - 1e-9)
 
 
 @pytest.mark.slow
@@ -212,40 +157,6 @@ def _programme(h, angle, limits, duration, intervals, **ask):
     return found.solution.history, found.gap
 
 
-@pytest.mark.parametrize("limit", [pytest.param(200.0, marks=pytest.mark.slow), 120.0])
-def test_least_effort_of_a_linear_beam_is_what_a_programme_finds(limit):
-    plant = bc.hub_beam(bc.HubBeamParameters(tip_mass=0.1), modes=2).linearize()
-    known = bc.optimal_slew(plant, ANGLE, limit, "effort", 4.0, intervals=60)
-    found, _ = _programme(plant, ANGLE, Limits(limit), 4.0, 60)
-    assert known.path == ("least effort on 60 intervals",)
-    assert known.cost == pytest.approx(found.effort, rel=1e-7)
-    assert known.history.left == pytest.approx(found.left, abs=1e-3 * limit)
-    assert known.end_error < 1e-11
-    assert ("torque_limit" in known.certificate.binding) == (limit == 120.0)
-    assert 0.0 < known.certificate.optimality_gap < 2e-3
-    with pytest.raises(SlewError, match=r"torque_limit = 97\.7 N m is met from"):
-        bc.optimal_slew(plant, ANGLE, 97.7, "effort", 4.0, intervals=60)
-
-
-@pytest.mark.slow
-def test_foam_is_planned_with_its_axial_modes():
-    foam = bc.hub_beam(model="foam", modes=1)
-    slew = bc.optimal_slew(foam, ANGLE, LIMIT, "effort", 3.6, intervals=60)
-    sfoam = bc.optimal_slew(bc.hub_beam(model="sfoam", modes=1), ANGLE, LIMIT, "effort", 3.6, intervals=60)
-    assert slew.certificate.prescribed_error < 1e-6
-    assert slew.end_error < 0.1  # of the axial motion, which no condition at the end asks to have come to rest
-    assert slew.states.shape[1] == 6
-    assert slew.cost == pytest.approx(sfoam.cost, rel=2e-2)
-
-
-@pytest.mark.slow
-def test_other_models_are_close_to_the_planned_one(beam):
-    slew = bc.optimal_slew(beam, 0.3, 100.0, "effort", 3.0, intervals=40)
-    names = [replay.model for replay in slew.replays]
-    assert names == ["foam", "geometrically-exact"]
-    assert all(abs(replay.angle_error) < 1e-3 for replay in slew.replays)
-
-
 def test_payloads_come_to_rest_together():
     h = bc.hub_beam(bc.HubBeamParameters(tip_mass=0.1), modes=1)
     masses = (0.0, 0.2)
@@ -282,31 +193,28 @@ def test_the_gap_of_least_effort_is_to_the_doubled_mesh_where_the_halved_one_has
         ({}, {"angle": ANGLE}),
         ({}, {"angle": ANGLE, "tip_masses": (0.3,)}),
         ({}, {"angle": None, "final_speed": 0.8}),
+        (None, {"angle": ANGLE}),
         pytest.param({"model": "foam"}, {"angle": ANGLE}, marks=pytest.mark.slow),
     ],
-    ids=["turn", "payload", "spin-up", "foam"],
+    ids=["turn", "payload", "spin-up", "linear", "foam"],
 )
 def test_least_effort_of_a_beam_is_what_a_programme_finds(limit, change, ask):
-    h = bc.hub_beam(bc.HubBeamParameters(tip_mass=0.1), **({"modes": 1} | change))
-    ask = dict(ask)
+    h = bc.hub_beam(bc.HubBeamParameters(tip_mass=0.1), **({"modes": 1} | (change or {})))
+    h, ask = h.linearize() if change is None else h, dict(ask)
     turn = ask.pop("angle")
     known = bc.optimal_slew(h, turn, limit, "effort", 4.0, intervals=60, tolerance=1e-7, **ask)
     found, gap = _programme(h, turn, Limits(limit), 4.0, 60, tolerance=1e-7, **ask)
     assert known.certificate.method == "least effort"
-    assert known.certificate.optimality == "stationary"
+    assert known.certificate.optimality == ("proved" if change is None else "stationary")
     assert known.path == ("least effort on 60 intervals",)
     assert known.cost == pytest.approx(found.effort, rel=1e-6)
     assert known.history.left == pytest.approx(found.left, abs=1e-3 * limit)
-    assert known.certificate.optimality_gap == pytest.approx(gap, rel=1e-2)
+    if change is None:  # the bound of a linear plant does not know the mesh
+        assert 0.0 < known.certificate.optimality_gap < 2e-3
+        assert known.end_error < 1e-11
+    else:
+        assert known.certificate.optimality_gap == pytest.approx(gap, rel=1e-2)
     assert ("torque_limit" in known.certificate.binding) == (found.peak > 0.9999 * limit)
-
-
-def test_a_beam_that_bends_far_has_the_least_effort_that_a_programme_finds():
-    """The tip goes out to nearly half of the length: beyond what the model is for, and far from the linear part."""
-    h = bc.hub_beam(bc.HubBeamParameters(tip_mass=0.5), modes=1)
-    known = bc.optimal_slew(h, 3.0, 2000.0, "effort", 4.0, intervals=80)
-    assert np.abs(known.tip_displacement).max() > 2.0
-    assert known.cost == pytest.approx(_programme(h, 3.0, Limits(2000.0), 4.0, 80)[0].effort, rel=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -342,51 +250,6 @@ def test_joined_intervals_take_the_effort_of_a_mesh_half_as_fine(limits):
     problem = slew_problem(bc.hub_beam(modes=1), ANGLE, Limits(LIMIT, **limits), "effort", 4.0)
     fine, coarse = (effort_on_mesh(problem, 4.0, n, problem.limits) for n in (60, 30))
     assert fine.more == pytest.approx(coarse.history.effort / fine.history.effort - 1.0, rel=1e-2)
-
-
-def test_an_arc_on_which_a_limit_is_met_is_found_in_few_exchanges(monkeypatch):
-    """Nodes that follow double with each exchange, and tighter limits begin with those that are met: 17 for 53 nodes."""
-    solved = []
-
-    def counted(G, *rest):
-        solved.append(len(G))
-        return clipped(G, *rest)
-
-    monkeypatch.setattr("boomctl.slew.effort.clipped", counted)
-    bc.optimal_slew(bc.hub_beam(modes=1), ANGLE, LIMIT, "effort", 4.0, intervals=200, speed_limit=0.59)
-    assert max(solved) > 50  # conditions of the end and nodes: the limit is met for long
-    assert len(solved) <= 24
-
-
-def test_least_effort_does_not_depend_on_where_it_begins():
-    tight, loose = (
-        slew_problem(bc.hub_beam(modes=1), ANGLE, Limits(LIMIT, speed=speed), "effort", 4.0) for speed in (0.6, 0.66)
-    )
-    before = effort_on_mesh(loose, 4.0, 60, loose.limits)
-    known, found = (effort_on_mesh(tight, 4.0, 60, tight.limits, each) for each in (None, before))
-    assert np.any(before.met != found.met)
-    assert np.array_equal(known.met, found.met)
-    assert found.history.left == pytest.approx(known.history.left, abs=1e-6 * LIMIT)
-    assert found.more == pytest.approx(known.more, rel=1e-6)
-
-
-def test_limits_too_tight_are_left_to_the_programme():
-    with pytest.raises(SlewError, match=r"speed_limit = 0\.5 rad/s is "):
-        bc.optimal_slew(bc.hub_beam(modes=1), ANGLE, LIMIT, "effort", 4.0, intervals=40, speed_limit=0.5)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("limit", [{"moment_limit": 35.0}, {"tip_limit": 1.0}])
-def test_solving_again_keeps_the_limits_between_the_nodes(beam, limit):
-    slew = bc.optimal_slew(beam, ANGLE, LIMIT, intervals=60, **limit)
-    again = resolve(slew, angle=1.4)
-    assert again.certificate.constraint_violation <= 1e-9
-    assert again.duration == pytest.approx(bc.optimal_slew(beam, 1.4, LIMIT, intervals=60, **limit).duration, rel=1e-5)
-
-
-def test_something_that_is_no_slew_is_refused():
-    with pytest.raises(TypeError, match=r"result = 5: expected SlewResult, got int; optimal_slew\(\.\.\.\) makes one"):
-        resolve(5)
 
 
 @pytest.mark.slow

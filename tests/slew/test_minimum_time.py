@@ -50,23 +50,14 @@ def test_two_masses_and_a_spring():
     assert slew.tip_displacement is None
 
 
-@pytest.mark.parametrize("modes", [1, 2, 3])
-def test_linear_hub_beam_is_proved_optimal(modes):
-    slew = bc.optimal_slew(bc.hub_beam(modes=modes).linearize(), np.pi / 2, 200.0)
-    c = slew.certificate
-    assert c.optimality == "proved"
-    assert abs(c.optimality_gap) < 1e-6
-    assert slew.end_error < 1e-6
-    assert c.switches % 2 == 1
-    assert c.switches >= 3
-    assert slew.duration > 2.0 * np.sqrt(bc.HubBeamParameters().rigid_inertia * np.pi / 2 / 200.0)
-
-
 @examples(8)
 @given(st.floats(0.3, 2.5), st.floats(100.0, 400.0), st.integers(1, 3))
 def test_rest_to_rest_is_antisymmetric_in_time(angle, torque, modes):
     slew = bc.optimal_slew(bc.hub_beam(modes=modes).linearize(), angle, torque)
     switches = slew.history.switches
+    assert slew.certificate.optimality == "proved"
+    assert abs(slew.certificate.optimality_gap) < 1e-6
+    assert slew.end_error < 1e-6
     assert switches + switches[::-1] == pytest.approx(slew.duration, rel=1e-7)
     t = np.linspace(0.0, slew.duration, 101)[1:-1]
     t = t[np.abs(t[:, None] - switches).min(axis=1) > 1e-6]
@@ -99,15 +90,7 @@ def test_lower_bound_catches_a_slew_that_is_not_the_fastest():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "limit",
-    [
-        pytest.param(22.98, marks=pytest.mark.slow),
-        22.9890625,
-        pytest.param(22.98955, marks=pytest.mark.slow),
-        pytest.param(23.0, marks=pytest.mark.slow),
-    ],
-)
+@pytest.mark.parametrize("limit", [22.98, 22.9890625, 22.98955, 23.0])
 def test_where_an_arc_is_about_to_appear(limit):
     """About 22.99 N m a pair of arcs shrinks to nothing and another grows from it."""
     h = bc.hub_beam(modes=2).linearize()
@@ -175,15 +158,6 @@ def test_vibration_alone_is_brought_to_rest(angle, amplitude):
     assert slew.certificate.optimality_gap < 1e-9
     assert slew.states[-1] @ [-1.0, 1.0, 0.0, 0.0] == pytest.approx(0.0, abs=1e-9)
     assert slew.states[-1][2:] == pytest.approx([0.0, 0.0], abs=1e-9)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_a_bent_beam_is_brought_to_rest(sign):
-    h = bc.hub_beam(bc.HubBeamParameters(tip_mass=0.1), modes=2)
-    slew = bc.optimal_slew(h, 0.0, 20.0, initial_state=sign * np.array([0.0, 0.05, 0.002, 0.0, 0.0, 0.0]))
-    assert slew.duration == pytest.approx(1.49987, rel=1e-5)  # that of the linear part: 1.499864
-    assert slew.residual_energy < 1e-9
 
 
 @examples(6)
@@ -266,18 +240,6 @@ def test_the_rigid_body_with_its_slowest_vibration_turns_in_the_least_time(angle
     assert first.duration == pytest.approx(more.duration, rel=3e-2)
 
 
-@pytest.mark.parametrize(
-    "ask",
-    [
-        {"angle": None, "final_speed": 1.0},
-        {"angle": 1.0, "tip_masses": (0.3,)},
-        {"angle": 1.0, "initial_state": [0.0, 0.1, 0.0, 0.0]},
-    ],
-)
-def test_what_is_no_turn_of_one_beam_has_no_such_start(ask):
-    assert rigid_and_slowest(slew_problem(bc.hub_beam(modes=1), limits=Limits(100.0), **ask)) is None
-
-
 @pytest.mark.parametrize("modes", [1, 3])
 def test_the_switching_function_is_the_costate_carried_back(modes):
     problem = slew_problem(bc.hub_beam(modes=modes).linearize(), 1.0, Limits(200.0))
@@ -320,15 +282,3 @@ def test_an_angle_in_degrees_and_a_slew_played_on_another_beam():
     moving = bc.optimal_slew(beam, 0.5, 200.0, initial_state=[0.0, 0.0, 0.1, 0.0], final_state=None)
     with pytest.raises(ValueError, match="initial: expected the state that the slew begins with"):
         loaded.simulate(moving)
-
-
-def test_an_angle_is_asked_for_once_and_in_radians():
-    beam = bc.hub_beam(modes=1)
-    with pytest.warns(UserWarning, match=r"angle = 7 rad: 1\.11 turns; .*angle_deg = 7 .* 0\.122 rad"):
-        bc.optimal_slew(beam, 7.0, 200.0)
-    with pytest.raises(ValueError, match="angle, angle_deg: expected one of them, got both"):
-        bc.optimal_slew(beam, 1.0, 200.0, angle_deg=60.0)
-    with pytest.raises(TypeError, match="angle: expected an angle"):
-        bc.optimal_slew(beam, torque_limit=200.0)
-    with pytest.raises(TypeError, match="torque_limit: expected the largest torque"):
-        bc.optimal_slew(beam, 1.0)

@@ -28,8 +28,6 @@ def test_the_shaper_of_a_beam_is_that_of_its_mode_with_the_hub_free():
     poles = h.linearize().poles()
     first = min(poles[np.abs(poles) > 1e-3], key=abs)
     assert shaper("ZVD", h).residual(abs(first), -first.real / abs(first)) < 1e-9
-    with pytest.raises(ValueError, match="expected none beside a hub-beam"):
-        shaper("ZV", h, 0.01)
 
 
 @given(frequencies)
@@ -39,22 +37,6 @@ def test_zvd_is_flat_and_ei_is_level(frequency):
     assert zvd.residual(aside) < 1e-2 * zv.residual(aside)
     assert ei.residual(frequency) == pytest.approx(0.05, rel=1e-9)
     assert ei.residual(1.1 * frequency) < zv.residual(1.1 * frequency)
-
-
-@examples(30)
-@given(
-    st.sampled_from(["bang-bang", "smoothed", "versine"]),
-    st.sampled_from(["none", "ZV", "ZVD", "EI"]),
-    st.floats(0.1, 3.0),
-)
-def test_shaped_torque_turns_a_rigid_body(shape, name, angle):
-    inertia, limit = 241.0, 200.0
-    torque = classical_torque(shape, shaper(name, 3.2), angle, inertia, limit)
-    h = np.diff(torque.edges)
-    speed = np.concatenate([[0.0], np.cumsum(h * torque.left)]) / inertia
-    assert speed[-1] == pytest.approx(0.0, abs=1e-9)
-    assert np.sum(0.5 * h * (speed[1:] + speed[:-1])) == pytest.approx(angle, rel=1e-8)
-    assert torque.peak <= limit * (1.0 + 1e-3)
 
 
 @examples(300)
@@ -84,7 +66,7 @@ def test_a_shaped_torque_of_nanoseconds_or_months_turns_as_exactly(shape, name, 
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("modes", [1, pytest.param(2, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("modes", [1, 2])
 def test_comparison_ranks_as_the_theory_says(modes):
     h = bc.hub_beam(modes=modes)
     slew = bc.optimal_slew(h, 0.5, 100.0)
@@ -103,17 +85,6 @@ def test_comparison_ranks_as_the_theory_says(modes):
     assert len(figure_of(comparison.plot).axes) == 6
 
 
-@pytest.mark.parametrize("shape", ["constant", "smooth"])
-@pytest.mark.parametrize("name", ["none", "ZV", "EI"])
-def test_a_classical_spin_up_brings_a_rigid_body_to_its_speed(shape, name):
-    train = shaper(name, 3.0)
-    torque = classical_spin_up(shape, train, -1.5, 240.0, 200.0)
-    assert torque.angular_momentum == pytest.approx(-1.5 * 240.0, rel=1e-12)
-    assert torque.peak <= 200.0 * (1.0 + 1e-12)
-    least = 1.5 * 240.0 / 200.0 * (2.0 if shape == "smooth" else 1.0)
-    assert torque.duration == pytest.approx(least + train.times[-1])
-
-
 @pytest.mark.slow
 def test_compare_slews_plays_tip_masses():
     h = bc.hub_beam(bc.HubBeamParameters(tip_mass=0.1), modes=1)
@@ -126,29 +97,3 @@ def test_compare_slews_plays_tip_masses():
     heavier = h.with_tip_mass(0.4).simulate(bc.torque(slew.history, slew.history.breakpoints), after)
     assert line.vibrations[1] == pytest.approx(np.abs(heavier.tip_displacement).max(), rel=1e-2)
     assert len(figure_of(found.plot).axes) == 7
-    with pytest.raises(ValueError, match="tip_masses"):
-        compare_slews(h, 0.5, 100.0, tip_masses=(-0.1,))
-
-
-def test_a_comparison_is_of_an_angle_or_of_a_speed():
-    h = bc.hub_beam(modes=1)
-    for angle, speed in ((None, 0.0), (1.0, 1.0)):
-        with pytest.raises(ValueError, match="final_speed"):
-            compare_slews(h, angle, 200.0, final_speed=speed)
-
-
-@pytest.mark.parametrize("angle", [0.0, np.nan])
-def test_classical_torques_need_a_turn(angle):
-    with pytest.raises(ValueError, match="angle"):
-        classical_torque("bang-bang", shaper("ZV", 1.0), angle, 1.0, 1.0)
-
-
-def test_bad_shapers_and_comparisons_are_named():
-    h = bc.hub_beam(modes=1)
-    with pytest.raises(TypeError, match="train = None"):
-        classical_torque("bang-bang", None, 1.0, 1.0, 1.0)
-    with pytest.raises(ValueError, match=r"level = 2\.0"):
-        shaper("EI", 1.0, level=2.0)
-    for optimal in (5, {"fastest": 5}):
-        with pytest.raises(TypeError, match="optimal"):
-            compare_slews(h, 1.0, 100.0, optimal)

@@ -45,11 +45,3 @@ def test_what_is_carried_by_doubling_is_what_is_carried_step_by_step(count):
         expected.append(flow.step(0.01)[0] @ expected[-1])
     found = flow.carried(vector, 0.01, count)
     assert np.abs(found - np.array(expected).T).max() < 1e-13 * np.abs(found).max()
-
-
-def test_even_instants_have_the_switching_function_of_any():
-    asked = problem(2)
-    found = switching.least_time(asked)
-    t = np.linspace(0.0, found.duration, 33)
-    one_by_one = [float(switching.switching_function(asked, found, t[[k]])[0]) for k in range(t.size)]
-    assert switching.switching_function(asked, found, t) == pytest.approx(one_by_one, rel=1e-9, abs=1e-12)
