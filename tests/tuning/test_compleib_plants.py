@@ -9,33 +9,11 @@ from boomctl.progress import Deadline
 from boomctl.synthesis.hinf.full_order import full_order_bound
 from boomctl.synthesis.plants.partition import partition
 from tests.test_collections import KEYS, gym_folder, gym_names
-from tests.tuning import compleib as plants
 from tests.tuning.compleib import plant, plant_names
-from tests.tuning.test_compleib import GOALS
 
 PRINTED = [name for name in plant_names() if not plant(name).data]
 CUT = 1e-4  # four decimals are left in controlgym, of some numbers without rounding
 FULL_ORDER = {"HE4": 22.838}  # a published norm of a gain, which no controller of any order goes below
-
-
-def test_names_are_those_of_goals_and_of_the_file():
-    assert len(set(PRINTED)) == len(PRINTED) == 26
-    goals = {goal.plant for goal in GOALS}
-    assert goals <= {*PRINTED, *plants._RENUMBERED}
-    assert len({(goal.plant, goal.order) for goal in GOALS}) == len(GOALS)
-    with pytest.raises(ValueError, match="AC99"):
-        plant("AC99")
-
-
-@pytest.mark.parametrize("name", PRINTED)
-def test_a_plant_says_what_it_is_and_from_where(name):
-    found = plant(name)
-    assert len(found.about) > 5
-    assert len(found.source) > 20
-    part = partition(found.P, found.nmeas, found.ncon)
-    assert part.B2.any(axis=0).all()
-    assert part.C2.any(axis=1).all()
-    assert not part.D22.any()
 
 
 @pytest.mark.skipif(not gym_names(), reason="controlgym is not installed")
@@ -69,20 +47,6 @@ def test_bounds_of_all_orders_are_the_published_ones(name):
     found = plant(name)
     bound = full_order_bound(partition(found.P, found.nmeas, found.ncon), Deadline(20.0))
     assert bound[0] == pytest.approx(FULL_ORDER[name], rel=1e-4)
-
-
-@pytest.mark.skipif(not gym_names(), reason="controlgym is not installed")
-def test_plants_of_controlgym_are_told_apart():
-    sizes = {name: (plant(name).states, plant(name).nmeas, plant(name).ncon) for name in plants._RENUMBERED}
-    assert sizes == {"AC10": (55, 2, 2), "BDT2": (82, 4, 4), "CM3": (120, 2, 1)}
-    assert all(plant(name).data for name in sizes)
-
-
-def test_without_controlgym_its_plants_are_not_there(monkeypatch):
-    monkeypatch.setattr(plants, "find_spec", lambda name: None)
-    assert "AC10" not in plant_names()
-    with pytest.raises(ValueError, match="controlgym"):
-        plant("AC10")
 
 
 def test_plants_of_the_benchmark_are_those_of_the_collection():

@@ -11,14 +11,13 @@ from hypothesis import strategies as st
 import boomctl as bc
 from boomctl.boom.families import scaled_boom
 from boomctl.structure import AffineFamily
-from boomctl.synthesis.plants.channels import places
 from boomctl.synthesis.plants.partition import partition
 from boomctl.tuning.hessian import peak_hessian
 from boomctl.tuning.parts.structures import Physical
 from boomctl.tuning.plants import FamilyPlants, made_plants
 from boomctl.tuning.point import Point
-from boomctl.tuning.problem import Problem, ports_of
 from tests.profiles import examples
+from tests.tuning.test_tune_derivatives import problem_between
 
 T = bc.tunable
 KINDS = {  # springs, dampers, masses, positions of the boom, and which half feels them
@@ -31,7 +30,6 @@ KINDS = {  # springs, dampers, masses, positions of the boom, and which half fee
     "mass": (0.8, 1.2, "anti"),
 }
 WITHIN = 1e-7  # relative, of gradients
-LIMITS = {"fastest_pole": None, "gain_limit": None, "damping": None, "decay": None}
 
 
 def half(side, values):
@@ -65,25 +63,7 @@ def made(name, states="coordinates"):
 
 def problem_of(plants, structure, channels):
     """Return the problem of tuning plants for a structure."""
-    middle = plants.given(np.zeros(len(plants.physical)))
-    ports = ports_of(middle)
-    free = structure.free(ports)
-    ends = np.array([each.ends() for each in free])
-    where = [places(middle[0], channel) for channel in channels]
-    return Problem(
-        structure=structure,
-        ports=ports,
-        free=free,
-        low=ends[:, 0],
-        high=ends[:, 1],
-        plants=plants.scaled,
-        count=len(plants.labels),
-        channels=tuple(channels),
-        columns=tuple(np.array(c) for c, _ in where),
-        rows=tuple(np.array(r) for _, r in where),
-        order=structure.system(np.zeros(len(free)), ports).A.shape[0],
-        **LIMITS,
-    )
+    return problem_between(plants.given(np.zeros(len(plants.physical))), plants.scaled, structure, channels)
 
 
 def begun(problem, seed=0):
@@ -149,18 +129,6 @@ def test_gains_and_h2_norms_change_with_a_parameter_as_differences_say(name):
     ]
     for piece, value in zip(pieces, wanted, strict=True):
         assert piece.gradient[place] == pytest.approx(value, rel=WITHIN, abs=1e-3 * WITHIN)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["hinge_damping", "mass"])
-def test_the_certified_norm_changes_as_the_gradient_says(name):
-    plants, make = made(name)
-    problem = problem_of(plants, T.state_space(2) + plants.physical[0], [T.objective()])
-    x = begun(problem, 1)
-    value, gradient = Point(problem, x).merit(1.0)
-    wanted = richardson(lambda at: np.log(bc.hinf_norm(loop_at(problem, x, make, at)).lower), x[-1])
-    assert np.exp(value) == pytest.approx(bc.hinf_norm(loop_at(problem, x, make, x[-1])).lower, rel=1e-6)
-    assert gradient()[-1] == pytest.approx(wanted, rel=1e-5)  # the norm is known to 1e-10, over steps of 0.006
 
 
 def test_the_slowest_pole_moves_as_differences_say():
