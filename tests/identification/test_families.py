@@ -1,7 +1,6 @@
 """Boxes of what measurements leave open hold the truth as often as they say, and controllers tuned over them keep it."""
 
 import os
-import pickle
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,7 +14,7 @@ from boomctl import tunable as T
 from boomctl.identification.families import of_modes
 from boomctl.structure import PolynomialFamily, SecondOrderModel
 from boomctl.structure.modal_structure import modal_structure
-from tests.identification.chain import CHAIN, OMEGA, frequencies, response_of_record, three_masses
+from tests.identification.chain import OMEGA, response_of_record, three_masses
 from tests.identification.rig import RIG, START, measured, rig, weighed
 from tests.profiles import is_hunt
 
@@ -59,30 +58,6 @@ def test_family_of_union_contains_both_boxes(found):
     fewer = bc.fit(rig, measured(np.random.default_rng(1)), ["gain"], RIG, starts=1)
     with pytest.raises(ValueError, match="`union_with` must be results of the same parameters"):
         found.family(union_with=[fewer])
-
-
-@pytest.mark.slow
-def test_a_function_within_a_function_does_not_pickle_and_is_asked_for(found):
-    assert pickle.loads(pickle.dumps(found)).family().ranges == found.family().ranges
-    own = bc.fit(lambda p: rig(p), measured(np.random.default_rng(0)), FREE, START, starts=1)
-    again = pickle.loads(pickle.dumps(own))
-    with pytest.raises(ValueError, match="build = None: expected a function"):
-        again.family()
-    assert again.family(build=rig).ranges == own.family().ranges
-
-
-def test_what_is_no_family_is_refused_by_name(found):
-    numbers = bc.fit(frequencies, frequencies(CHAIN), ["k1", "k2"], CHAIN, starts=1, deviation=0.01)
-    with pytest.raises(TypeError, match=r"build: expected a function that makes a SecondOrderModel .* makes ndarray"):
-        numbers.family()
-    open_ends = bc.fit(frequencies, frequencies(CHAIN)[:2], ["k1", "k2"], CHAIN, starts=1)
-    with pytest.raises(
-        ValueError, match="family: expected parameters that the measurements bound, got k1 from 0 to inf"
-    ):
-        open_ends.family()
-    for wrong, message in (({"probability": 95}, "probability = 95"), ({"margin": -0.1}, "margin = -0.1")):
-        with pytest.raises(ValueError, match=message):
-            found.family(**wrong)
 
 
 def test_a_hub_beam_that_was_fitted_makes_its_family():

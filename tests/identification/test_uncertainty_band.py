@@ -88,21 +88,3 @@ def test_what_is_proved_with_the_band_is_stable_on_the_truth():
     assert late.gain > found.gain  # what samples fold back, and the delay
     assert bc.robust_stability(family, stiff).proved
     assert not bc.robust_stability(family, stiff, unmodelled=W).proved
-
-
-def test_what_is_no_band_is_refused_by_name():
-    H = measured(np.random.default_rng(0))
-    for changed, kind, said in (
-        ({"measured": [1.0, 2.0]}, TypeError, "measured: expected a complex frequency response, got eigenfrequencies"),
-        ({"probability": 95.0}, ValueError, "probability = 95.0: expected a number from 0.5 to below 1"),
-        ({"order": 0}, ValueError, "order = 0"),
-        ({"fall": 7}, ValueError, "fall = 7"),
-        ({"inputs": "force"}, ValueError, "unknown input 'force'"),
-        ({"model": None}, TypeError, "build: expected"),
-    ):
-        with pytest.raises(kind, match=said) as refused:
-            uncertainty_band(**{"measured": H, "model": rig(RIG), **changed})
-        assert "\n" not in str(refused.value)
-    exact = rig(RIG).frequency_response(OMEGA)
-    with pytest.raises(ValueError, match=r"model: expected one that leaves something .* from volt to motor"):
-        uncertainty_band(exact, exact)

@@ -217,6 +217,14 @@ def test_least_effort_of_a_beam_is_what_a_programme_finds(limit, change, ask):
     assert ("torque_limit" in known.certificate.binding) == (found.peak > 0.9999 * limit)
 
 
+def test_a_beam_that_bends_far_has_the_least_effort_that_a_programme_finds():
+    """The tip goes out to nearly half of the length: beyond what the model is for, and far from the linear part."""
+    h = bc.hub_beam(bc.HubBeamParameters(tip_mass=0.5), modes=1)
+    known = bc.optimal_slew(h, 3.0, 2000.0, "effort", 4.0, intervals=80)
+    assert np.abs(known.tip_displacement).max() > 2.0
+    assert known.cost == pytest.approx(_programme(h, 3.0, Limits(2000.0), 4.0, 80)[0].effort, rel=1e-6)
+
+
 @pytest.mark.parametrize(
     ("limits", "ask", "linear"),
     [

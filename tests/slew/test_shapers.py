@@ -4,7 +4,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 import boomctl as bc
@@ -40,6 +40,8 @@ def test_zvd_is_flat_and_ei_is_level(frequency):
 
 
 @examples(300)
+@example("constant", "EI", 0.0, 1.0)
+@example("smooth", "ZV", 0.0, 1.0)
 @given(
     st.sampled_from(["bang-bang", "smoothed", "versine", "constant", "smooth"]),
     st.sampled_from(["none", "ZV", "ZVD", "EI"]),
@@ -61,6 +63,7 @@ def test_a_shaped_torque_of_nanoseconds_or_months_turns_as_exactly(shape, name, 
     for h, value in zip(np.diff(np.array(edges, dtype=object)), values, strict=True):
         turned, speed = turned + h * (speed + value * h / 2), speed + value * h
     assert abs(speed - wanted[0]) <= 1e-11 * torque.duration
+    assert torque.angular_momentum == pytest.approx(float(speed), abs=1e-11 * torque.duration)
     assert wanted[1] is None or abs(turned - wanted[1]) <= 1e-11 * torque.duration * T
     assert np.diff(torque.edges).min() > 0.9e-12 * torque.duration  # what coincides but for rounding is one instant
 

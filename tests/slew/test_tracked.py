@@ -152,6 +152,7 @@ def test_what_is_drawn_is_drawn_once_for_all_controllers(known, seen):
     assert (np.abs(one.drawn["stiffness"] - 1.0) <= 0.1).all()
     fewer = known.monte_carlo(8, 4, tip_mass=(0.0, 0.1))
     assert (fewer.drawn["tip_mass"] == one.drawn["tip_mass"]).all()
+    assert known.monte_carlo(2, tip_mass=(0.0, 0.1)).drawn["tip_mass"].tolist() == [0.0, 0.1]  # one for each run
     assert (one.vibration < 0.5 * other.vibration).all()
     assert one["torque"].shape == (8, len(known.time))
     assert np.abs(one["torque"]).max() <= 200.0
