@@ -86,11 +86,10 @@ def test_record_with_lost_samples_raises(lost, seed):
 
 
 @pytest.mark.parametrize("container", [list, tuple])
-@pytest.mark.parametrize("lengths", [(200, 200), (200, 300), (200, 300, 250)])
-def test_record_from_vectors_is_one_experiment_each(lengths, container):
-    u, y = (container(RNG.standard_normal(n) for n in lengths) for _ in range(2))
+def test_record_from_vectors_is_one_experiment_each(container):
+    u, y = (container(RNG.standard_normal(n) for n in (200, 300, 250)) for _ in range(2))
     record = read(u, y)
-    assert [len(each) for each in record.u] == list(lengths)
+    assert [len(each) for each in record.u] == [200, 300, 250]
     for each, given in zip(record.y, y, strict=True):
         assert np.allclose(each[:, 0], given - given.mean())
     nested = read([list(each) for each in u], y)

@@ -11,7 +11,7 @@ SHORT = HubBeamParameters(length=2.0, hub_inertia=5.0, tip_mass=0.05, damping_ra
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("model", ALL_MODELS)
+@pytest.mark.parametrize("model", [*ALL_MODELS, "geometrically-exact"])
 def test_nlsys_equals_the_simulator(model):
     beam = hub_beam(SHORT, model, 1)
     t = np.linspace(0.0, 0.2, 4001)  # the system holds its input as straight lines between them
@@ -52,13 +52,20 @@ def test_linear_model_is_the_jacobian_of_the_nonlinear_one(model, speed):
     assert linear.output_labels == ["hub_angle", "hub_speed", "tip_displacement"]
 
 
-@pytest.mark.parametrize("model", ["sfoam", "tlam", "foam"])
-def test_linear_model_equals_the_numerical_jacobian_of_nlsys(model):
-    beam = hub_beam(SHORT, model, 2)
-    numerical = beam.to_nlsys().linearize(np.zeros(2 * beam.equations.size), [0.0], eps=1e-7)
-    exact = np.asarray(beam.linearize().A)
-    scale = np.abs(exact).max(axis=1, keepdims=True) + 1.0
-    np.testing.assert_allclose(np.asarray(numerical.A) / scale, exact / scale, atol=1e-5)
+@pytest.mark.parametrize(
+    ("model", "speed"), [("sfoam", 0.0), ("tlam", 0.0), ("foam", 1.1), ("geometrically-exact", 1.1)]
+)
+def test_linear_model_equals_the_numerical_jacobian_of_nlsys(model, speed):
+    beam = hub_beam(HubBeamParameters(tip_mass=0.4, tip_position=5.0), model, 3)
+    exact, system = beam.linearize(speed), beam.to_nlsys()
+    numerical = system.linearize(beam.steady_state(speed), [0.0], eps=1e-7)
+    scale = np.abs(exact.A).max(axis=1, keepdims=True)
+    np.testing.assert_allclose(numerical.A / scale, exact.A / scale, atol=1e-6)
+    np.testing.assert_allclose(numerical.B, exact.B, rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(numerical.C, exact.C, rtol=1e-6, atol=1e-6)
+    assert exact.input_labels == system.input_labels == ["torque"]
+    assert exact.output_labels == system.output_labels == ["hub_angle", "hub_speed", "tip_displacement"]
+    assert exact.state_labels == system.state_labels == list(beam.state_names)
 
 
 def test_sfoam_is_affine_in_the_speed_squared():

@@ -9,47 +9,13 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 import boomctl as bc
-from boomctl.rotating_beam import HubBeamParameters, free, sine_torque, spin_up, torque
+from boomctl.rotating_beam import HubBeamParameters, free, sine_torque, spin_up
 from boomctl.rotating_beam.exact.beam import GeometricallyExactBeam
 from tests.profiles import examples
 from tests.rotating_beam.chain import chain_tip
 from tests.rotating_beam.exact_cases import BAI, LOADED, SIMO
 
 # -- small motion -----------------------------------------------------------------------------------------------------
-
-
-def test_linearisation_is_the_jacobian_of_the_nonlinear_system():
-    model = GeometricallyExactBeam(LOADED, 3)
-    speed, nlsys = 1.1, model.to_nlsys()
-    linear, numeric = model.linearize(speed), nlsys.linearize(model.steady_state(speed), [0.0], eps=1e-7)
-    scale = np.max(np.abs(linear.A), axis=1, keepdims=True)
-    np.testing.assert_allclose(numeric.A / scale, linear.A / scale, atol=1e-6)
-    np.testing.assert_allclose(numeric.B, linear.B, rtol=1e-6, atol=1e-9)
-    np.testing.assert_allclose(numeric.C, linear.C, rtol=1e-6, atol=1e-6)
-    assert linear.input_labels == nlsys.input_labels == ["torque"]
-    assert linear.output_labels == nlsys.output_labels == ["hub_angle", "hub_speed", "tip_displacement"]
-    assert linear.state_labels == nlsys.state_labels == list(model.state_names)
-
-
-@pytest.mark.slow
-def test_nonlinear_system_moves_as_the_simulator():
-    import control
-
-    model, times = GeometricallyExactBeam(BAI, 2), np.linspace(0, 0.5, 26)
-    push = sine_torque(300.0, 1.0, 0.5)
-    response = control.input_output_response(
-        model.to_nlsys(),
-        times,
-        push.torque(times),
-        solve_ivp_method="Radau",
-        solve_ivp_kwargs={"rtol": 1e-8, "atol": 1e-10},
-    )
-    held = torque(
-        lambda t: np.interp(t, times, push.torque(times)), breakpoints=tuple(times)
-    )  # control interpolates so
-    r = model.simulate(held, times, rtol=1e-7)
-    np.testing.assert_allclose(response.outputs[0], r.hub_angle, atol=1e-7)
-    np.testing.assert_allclose(response.outputs[2], r.tip_displacement, atol=1e-6)
 
 
 def test_the_small_deformation_range_is_watched_between_the_instants():

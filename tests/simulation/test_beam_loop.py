@@ -53,7 +53,7 @@ def _outputs(beam, states):
     return {"hub_angle": states[:, 0], "hub_speed": states[:, size], "tip_displacement": tip, "root_moment": root}
 
 
-_SCENES = {
+SCENES = {
     "later": {"delay": 0.0531},
     "limits": {"delay": 0.013, "force": 25.0, "rate": 60.0},
     "rounded": {"delay": 0.007, "force": 20.0, "quantum": 1e-3},
@@ -61,7 +61,7 @@ _SCENES = {
 }
 
 
-def _run(beam, scene, time, law, **more):
+def run_both(beam, scene, time, law, matrices=None, **more):
     """Return a run, and the states of the same by brute force."""
     disturbance = {"tip_force": 0.4 * np.sin(3.0 * time), "disturbance_torque": 5.0 * np.cos(2.0 * time)}
     reference = {"hub_angle": 0.4 * (1.0 - np.cos(time)), "hub_speed": 0.4 * np.sin(time)}
@@ -89,7 +89,14 @@ def _run(beam, scene, time, law, **more):
     )
     options = {**scene, "noise": noise, "forward": forward, "reference": list(reference.values())}
     states, given = brute_force(
-        beam, _matrices(law), disturbance, time, sample_time=_TS, read=_read(beam), start=more.get("initial"), **options
+        beam,
+        matrices or _matrices(law),
+        disturbance,
+        time,
+        sample_time=_TS,
+        read=_read(beam),
+        start=more.get("initial"),
+        **options,
     )
     return found, states, given
 
@@ -97,20 +104,20 @@ def _run(beam, scene, time, law, **more):
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("model", "scene"),
-    [*(("sfoam", scene) for scene in _SCENES), *((model, "limits") for model in (*_MODELS[1:], "cfoam"))],
+    [*(("sfoam", scene) for scene in SCENES), *((model, "limits") for model in (*_MODELS[1:], "cfoam"))],
 )
 def test_the_loop_is_what_brute_force_finds(model, scene):
     beam, time = _beam(model, 2, 0.2, damping=0.02), np.linspace(0.0, 0.5, 51)
-    found, states, given = _run(beam, _SCENES[scene], time, _law())
+    found, states, given = run_both(beam, SCENES[scene], time, _law())
     apart = _apart(found, _outputs(beam, states))
     assert max(apart.values()) < 1e-8, apart
     np.testing.assert_allclose(found.states, states, rtol=0.0, atol=1e-8 * np.abs(states).max())
-    late = int(np.ceil(_SCENES[scene].get("delay", 0.0) / 0.01 - 1e-9))
+    late = int(np.ceil(SCENES[scene].get("delay", 0.0) / 0.01 - 1e-9))
     acting = np.array([given[(k - late) // 2] if k >= late else 0.0 for k in range(len(time))])
     np.testing.assert_allclose(found.controls["torque"], acting, atol=1e-7 * np.abs(given).max())
-    if "force" in _SCENES[scene]:
+    if "force" in SCENES[scene]:
         assert found.saturation_share["torque"] > 0.0
-    if "rate" in _SCENES[scene]:
+    if "rate" in SCENES[scene]:
         assert found.rate_share["torque"] > 0.0
 
 
@@ -154,7 +161,7 @@ def test_any_beam_and_any_delay_is_what_brute_force_finds(parameters, model, del
 def test_times_finer_and_coarser_than_the_samples(step, count):
     beam, time = _beam(modes=2, tip_mass=0.1), 3.0 + step * np.arange(count)
     start = np.array([0.1, 0.02, -0.001, 0.2, 0.05, 0.0])
-    found, states, _ = _run(beam, {"delay": 0.031, "rate": 300.0}, time, _law(), initial=start)
+    found, states, _ = run_both(beam, {"delay": 0.031, "rate": 300.0}, time, _law(), initial=start)
     apart = _apart(found, _outputs(beam, states))
     assert max(apart.values()) < 1e-8, apart
 
@@ -164,9 +171,9 @@ def test_a_long_delay_waits_in_the_log_as_in_a_queue(monkeypatch):
 
     beam, time, law = _beam(modes=2), np.linspace(0.0, 0.4, 41), _law()
     law = ct.ss(law.A, law.B, 0.05 * law.C, 0.05 * law.D, _TS, inputs=law.input_labels, outputs=law.output_labels)
-    queue, _, _ = first = _run(beam, {"delay": 0.093}, time, law)
+    queue, _, _ = first = run_both(beam, {"delay": 0.093}, time, law)
     monkeypatch.setattr(run, "_LONGEST_QUEUE", 1)
-    log, _, _ = _run(beam, {"delay": 0.093}, time, law)
+    log, _, _ = run_both(beam, {"delay": 0.093}, time, law)
     for name in queue.outputs:
         np.testing.assert_allclose(log[name], queue[name], rtol=0.0, atol=1e-13 * np.abs(queue[name]).max())
     apart = _apart(queue, _outputs(beam, first[1]))

@@ -8,17 +8,11 @@ from hypothesis import strategies as st
 
 import boomctl as bc
 from tests.profiles import examples
-from tests.simulation.beam_reference import brute_force
 from tests.simulation.cases import conditioning_gain, random_plant
+from tests.simulation.test_beam_loop import SCENES, run_both
 
 _TS = 0.02
 _SPEEDS = (0.0, 0.03, 0.5)
-_SCENES = {
-    "plain": {},
-    "late": {"delay": 0.013},
-    "limits": {"delay": 0.007, "force": 25.0, "rate": 60.0},
-    "noisy": {"delay": 0.033, "force": 40.0, "noise": True},
-}
 
 
 def _law(k):
@@ -44,46 +38,14 @@ def _interpolated(measured):
     return found[0], found[1], found[2][0], found[3][0], found[4][:, 0]
 
 
-@pytest.mark.parametrize(
-    "scene", [name if name == "noisy" else pytest.param(name, marks=pytest.mark.slow) for name in _SCENES]
-)
+@pytest.mark.parametrize("scene", ["everything", pytest.param("limits", marks=pytest.mark.slow)])
 def test_the_loop_is_what_brute_force_finds(scene):
-    options = _SCENES[scene]
-    beam = bc.hub_beam(bc.HubBeamParameters(tip_mass=0.1), model="sfoam", modes=2)
-    time = np.linspace(0.0, 0.4, 41)
-    disturbance = {"disturbance_torque": 40.0 * np.cos(2.0 * time)}
-    reference = {"hub_angle": 0.4 * time**2, "hub_speed": 0.8 * time}
-    sigma = np.array([2e-3, 5e-3])
-    noise = sigma * np.random.default_rng(7).standard_normal((21, 2)) if options.get("noise") else None
-    run = bc.simulate_loop(
-        beam,
-        _scheduled(),
-        disturbance,
-        time,
-        sample_time=_TS,
-        delay=options.get("delay", 0.0),
-        force_limit=options.get("force"),
-        rate_limit=options.get("rate"),
-        noise=None if noise is None else {"hub_angle": 2e-3, "hub_speed": 5e-3},
-        seed=7,
-        reference=reference,
-        rtol=1e-11,
-        atol=1e-15,
-    )
-    size = beam.equations.size
-    states, given = brute_force(
-        beam,
-        _interpolated,
-        disturbance,
-        time,
-        sample_time=_TS,
-        read=lambda x, a: (x[0], x[size]),
-        **{**options, "noise": noise, "reference": list(reference.values())},
-    )
-    assert 0.03 < np.abs(states[:, size]).max() < 0.5  # more than one stretch of the schedule is passed
+    beam, time = bc.hub_beam(bc.HubBeamParameters(tip_mass=0.1), model="sfoam", modes=2), np.linspace(0.0, 0.4, 41)
+    run, states, given = run_both(beam, SCENES[scene], time, _scheduled(), _interpolated)
+    assert 0.03 < np.abs(states[:, beam.equations.size]).max() < 0.5  # more than one stretch of the schedule is passed
     np.testing.assert_allclose(run.states, states, rtol=0.0, atol=1e-9 * np.abs(states).max())
+    late = int(np.ceil(SCENES[scene]["delay"] / _TS - 1e-9))
     acting = run.controls["torque"][:: round(_TS / 0.01)]
-    late = int(np.ceil(options.get("delay", 0.0) / _TS - 1e-9))
     wanted = np.concatenate([np.zeros(late), given])[: len(acting)]
     np.testing.assert_allclose(acting, wanted, atol=1e-7 * np.abs(given).max())
 
