@@ -3,7 +3,7 @@
 import control as ct
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 import boomctl as bc
@@ -127,6 +127,7 @@ def _compare_runs(scene, **options):
     shared=st.booleans(),
     power=st.sampled_from([0.0, 0.7, 1.5]),
 )
+@example(seed=3, delay=0.4, shared=False, power=1.5)
 @examples(60)
 def test_the_loop_that_is_run_is_the_loop_that_is_analysed(seed, delay, shared, power):
     """Both queues hold what is on its way; the one that is run has also the controls given last, which nothing need feel.

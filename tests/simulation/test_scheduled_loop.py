@@ -40,7 +40,7 @@ def _interpolated(measured):
 
 @pytest.mark.parametrize("scene", ["everything", pytest.param("limits", marks=pytest.mark.slow)])
 def test_the_loop_is_what_brute_force_finds(scene):
-    beam, time = bc.hub_beam(bc.HubBeamParameters(tip_mass=0.1), model="sfoam", modes=2), np.linspace(0.0, 0.4, 41)
+    beam, time = bc.hub_beam(bc.HubBeamParameters(tip_mass=0.1), model="sfoam", modes=2), np.linspace(0.0, 0.5, 51)
     run, states, given = run_both(beam, SCENES[scene], time, _scheduled(), _interpolated)
     assert 0.03 < np.abs(states[:, beam.equations.size]).max() < 0.5  # more than one stretch of the schedule is passed
     np.testing.assert_allclose(run.states, states, rtol=0.0, atol=1e-9 * np.abs(states).max())
