@@ -199,3 +199,8 @@ def test_interpolation_is_exact_for_degree_eleven():
     q, v = interpolate(piece, wanted)
     np.testing.assert_allclose(q[:, 0], line(wanted), rtol=1e-11)
     np.testing.assert_allclose(v[:, 0], line.deriv()(wanted), rtol=1e-10)
+    # the distance of two of many neighbours has lost the digits that their instants have: the whole run tells the step
+    time, wanted = np.linspace(30.0, 60.0, 100_001), np.linspace(30.0, 60.0, 513)
+    q, v = interpolate(Trajectory(time, time[:, None], np.ones((time.size, 1))), wanted)
+    np.testing.assert_allclose(q[:, 0], wanted, rtol=1e-14)
+    assert v == pytest.approx(1.0, abs=1e-9)
