@@ -17,9 +17,6 @@ TLAM_CRITICAL_SPEED = {0.0: 2.910743, 0.1: 2.604292, 0.5: 1.936453}
 FOAM_LOWEST_AT_10 = {0.0: 5.451, 0.1: 5.171, 0.5: 4.547}
 """rad/s at a hub speed of 10 rad/s, by tip mass [kg]."""
 
-FOAM_AXIAL_CRITICAL_SPEED = 980.0
-"""rad/s, to three digits."""
-
 SPIN_UP_PEAK = {"tlam": 0.4792, "foam": 0.2044}
 """Largest tip deflection [m] for 2.8 rad/s in 30 s."""
 

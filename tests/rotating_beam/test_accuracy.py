@@ -5,7 +5,6 @@ import pytest
 
 import boomctl as bc
 
-TABLE = bc.HubBeamParameters()
 SPIN_UP = bc.spin_up(final_speed=2.8, duration=30.0)
 EXACT = "geometrically-exact"
 

@@ -18,24 +18,9 @@ from boomctl.lti.python_control import control
 
 _FILE = Path(__file__).parent / "plants.toml"
 _ROD_POINTS = 130  # of the heat flow HF1, as in the collection
-_RENUMBERED = {"AC10": "ac7", "BDT2": "bdt2", "CM3": "cm3"}  # names in controlgym
+# names in controlgym: a B767 aircraft at flutter, a binary distillation tower, a cable with a mass
+_RENUMBERED = {"AC10": "ac7", "BDT2": "bdt2", "CM3": "cm3"}
 _ROUNDED = "cut to four decimals by controlgym"
-_ROD = (
-    'A. S. Hodel, K. P. Poolla and B. Tenison, "Numerical solution of the Lyapunov equation by approximate power iteration", '
-    "Linear Algebra and its Applications 236, 1996"
-)
-_DAVISON = 'E. J. Davison (editor), "Benchmark Problems for Control System Design", IFAC Theory Committee, 1990'
-_TOLD = {
-    "AC10": ("B767 aircraft at flutter", _DAVISON),
-    "BDT2": (
-        "binary distillation tower",
-        'S. Skogestad and I. Postlethwaite, "Multivariable Feedback Control", Wiley, 1996',
-    ),
-    "CM3": (
-        "cable with a mass",
-        "J. A. Burns and B. B. King, on low order feedback by reduced bases, Virginia Polytechnic",
-    ),
-}
 
 
 @dataclass(frozen=True)
@@ -44,12 +29,6 @@ class BenchmarkPlant:
 
     Attributes
     ----------
-    name : str
-        In COMPleib.
-    about : str
-        What it is of.
-    source : str
-        The publication its model is from.
     P : control.StateSpace
         Disturbances and controls to performance signals and measurements.
     nmeas, ncon : int
@@ -58,18 +37,10 @@ class BenchmarkPlant:
         Empty where the numbers are the collection's own, otherwise what was done to them.
     """
 
-    name: str
-    about: str
-    source: str
     P: control.StateSpace
     nmeas: int
     ncon: int
     data: str = ""
-
-    @property
-    def states(self) -> int:
-        """Number of states."""
-        return int(self.P.nstates)
 
 
 def plant_names() -> tuple[str, ...]:
@@ -86,7 +57,7 @@ def plant(name: str) -> BenchmarkPlant:
         No such plant, or none without controlgym.
     """
     if name == "HF1":
-        return _generalised(name, "heat flow in a thin rod", _ROD, _rod())
+        return _generalised(_rod())
     if name in _RENUMBERED:
         path = _gym_file(name)
         if path is None:
@@ -96,11 +67,10 @@ def plant(name: str) -> BenchmarkPlant:
         found = {
             key: value for key, value in io.loadmat(path).items() if key in ("A", "B1", "C1", "C", "D11", "D12", "D21")
         }
-        return _generalised(name, *_TOLD[name], found | {"B": io.loadmat(path)["B2"]}, _ROUNDED)
+        return _generalised(found | {"B": io.loadmat(path)["B2"]}, _ROUNDED)
     if name not in _printed():
         raise ValueError(f"plant {name!r}: expected one of {', '.join(plant_names())}")
-    found = _printed()[name]
-    return _generalised(name, found["about"], found["source"], found)
+    return _generalised(_printed()[name])
 
 
 @cache
@@ -117,7 +87,7 @@ def _gym_file(name: str) -> Path | None:
     return path if path.is_file() else None
 
 
-def _generalised(name: str, about: str, source: str, found: dict[str, Any], data: str = "") -> BenchmarkPlant:
+def _generalised(found: dict[str, Any], data: str = "") -> BenchmarkPlant:
     """Return the plant of some matrices; those that are not there follow the collection's rules."""
     have = {key: np.asarray(value, dtype=float) for key, value in found.items() if key not in ("about", "source")}
     A, B, C = have["A"], have["B"], have["C"]
@@ -131,11 +101,15 @@ def _generalised(name: str, about: str, source: str, found: dict[str, Any], data
     )
     D = np.block([[D11, D12], [D21, np.zeros((nmeas, ncon))]])
     P = control.ss(A, np.hstack([B1, B]), np.vstack([C1, C]), D)
-    return BenchmarkPlant(name, about, source, P, nmeas, ncon, data)
+    return BenchmarkPlant(P, nmeas, ncon, data)
 
 
 def _rod() -> dict[str, Array]:
-    """Return differences of second order along a rod, insulated at one end; at the other enter heat and control."""
+    """Return differences of second order along a rod, insulated at one end; at the other enter heat and control.
+
+    A. S. Hodel, K. P. Poolla and B. Tenison, "Numerical solution of the Lyapunov equation by approximate power iteration",
+    Linear Algebra and its Applications 236, 1996.
+    """
     n = _ROD_POINTS
     A = np.diag(np.full(n, -2.0)) + np.diag(np.ones(n - 1), 1) + np.diag(np.ones(n - 1), -1)
     A[0, 0] = -1.0
