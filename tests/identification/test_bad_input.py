@@ -1,6 +1,6 @@
 """What measurements cannot tell is refused in one line that names the parameter."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cache
 
 import control
@@ -17,12 +17,6 @@ from tests.identification.test_identify import driven
 from tests.identification.test_response import STEP
 
 PORTS = {"inputs": ("actuator_left", "actuator_right"), "outputs": ("tip_left", "tip_right")}
-
-
-@dataclass(frozen=True)
-class Spring:
-    k: float
-    label: str = "steel"
 
 
 def fit(**changed):
@@ -71,16 +65,12 @@ def band(**changed):
 
 EXACT = rig(RIG).frequency_response(OMEGA)
 REFUSED = [
-    (lambda: fit(build=3), "build = 3: expected a function of the parameters, or a family, got int"),
-    (lambda: fit(build=lambda p: None), "build: expected eigenfrequencies"),
     (lambda: fit(build=lambda p: [1.0]), "at least 3 eigenfrequencies, got 1"),
     (lambda: fit(build=lambda p: [np.nan] * 3), "answer of build: expected finite"),
     (lambda: fit(build=lambda p: [-1.0, 2.0, 3.0]), "build: expected eigenfrequencies above zero, got -1"),
     (lambda: fit(measured={1: 0.3}), "measured: expected eigenfrequencies"),
     (lambda: fit(measured=[]), "measured: expected at least one"),
-    (lambda: fit(measured=[0.3, -0.5]), "measured eigenfrequency = -0.5"),
     (lambda: fit(measured=[0.5, 0.3]), "must be in ascending order, got"),
-    (lambda: fit(measured=[0.3, 0.4], modes=[1]), "`modes` must be 2 different numbers"),
     (lambda: fit(measured=[0.3, 0.4], modes=[1, 1]), "`modes` must be 2 different numbers"),
     (lambda: fit(measured=[EXACT, frequencies(CHAIN)]), "`measured` must be data sets of one kind, shape and signals"),
     (lambda: fit(inputs="force"), "eigenfrequencies have no signals"),
@@ -91,10 +81,8 @@ REFUSED = [
     (lambda: fit(free={"k1": (3.0, 1.0)}), "range of k1"),
     (lambda: fit(free={"k1": (1.0, 2.0)}), "`start` of k1 must be in its range, 1 to 2, got 900"),
     (lambda: fit(start={**CHAIN, "k1": 0.0}), "`start` of k1 must be above zero"),
-    (lambda: fit(start={**CHAIN, "k1": "stiff"}), "start of k1"),
     (lambda: fit(start=None), "start: expected the parameters to begin from"),
     (lambda: fit(start=3.0), "start: expected a dataclass or a mapping"),
-    (lambda: fit(start=Spring(1.0), free=["label"]), "start of label"),
     (lambda: fit(weights=[1.0, -1.0, 1.0]), "`weights` must be zeros and numbers above 1e-50, got -1 to 1"),
     (lambda: fit(weights=[1.0, 1.0]), "`weights` must have the measured shape"),
     (
@@ -102,8 +90,6 @@ REFUSED = [
         r"raises at all values near k = 4\. Use a range that ends",
     ),
     # responses
-    (lambda: fit_boom(inputs="nobody"), "unknown input 'nobody'"),
-    (lambda: fit_boom(inputs="cradle"), "must return complex frequency response"),
     (lambda: fit_boom(modes=[1]), "modes: expected None"),
     (lambda: fit_boom(build=lambda p: bc.exact_frequency_response(p, [1.0, 2.0])), "at the measured frequencies"),
     (lambda: fit_boom(build=lambda p: "boom"), "build: expected a model or its complex frequency response"),
@@ -133,10 +119,7 @@ REFUSED = [
     (lambda: identify(slice(0, 60)), "at least 48 lines of the spectrum"),
     (lambda: identify(columns=(0, 0)), "inputs that move together cannot be told apart"),
     (lambda: identify(band_hz=(1.0, 30.0)), "band_hz = .*: expected at most 25 Hz"),
-    (lambda: identify(held_back=1.0), "held_back = 1.0: expected a number from 0 to 0.8"),
     (lambda: identify(confidence=1.0), "confidence = 1.0: expected a number from 0.5 to below 1"),
-    (lambda: identify(modes=0), "modes = 0: expected a whole number not below 1"),
-    (lambda: identify(quantity="force"), "unknown quantity 'force'"),
     (lambda: identify(errors="relative"), "errors = 'relative': expected None for a record"),
     (lambda: bc.identify(EXACT, record()[0]), "expected None beside a measured frequency response"),
     (fast, "sample_time = 0.02: expected resonances well below half .* got one at 24.2 Hz of 25"),
@@ -147,13 +130,7 @@ REFUSED = [
         lambda: fit(measured=frequencies(CHAIN)[:2]).family(),
         "family: expected parameters that the measurements bound, got k1 from 0 to inf",
     ),
-    (lambda: rig_fit().family(probability=95), "probability = 95"),
-    (lambda: rig_fit().family(margin=-0.1), "margin = -0.1"),
     (lambda: band(measured=[1.0, 2.0]), "measured: expected a complex frequency response, got eigenfrequencies"),
-    (lambda: band(probability=95.0), "probability = 95.0: expected a number from 0.5 to below 1"),
-    (lambda: band(fall=7), "fall = 7"),
-    (lambda: band(inputs="force"), "unknown input 'force'"),
-    (lambda: band(model=None), "build: expected"),
     (lambda: band(measured=EXACT, model=EXACT), "model: expected one that leaves something .* from volt to motor"),
 ]
 

@@ -9,7 +9,7 @@ import pytest
 from matplotlib.figure import Figure
 
 import boomctl as bc
-from boomctl.slew import classical_torque, compare_slews, resolve, shaper
+from boomctl.slew import classical_torque, compare_slews, shaper
 from tests.slew.systems import rigid, two_masses
 
 pytestmark = pytest.mark.early
@@ -47,9 +47,7 @@ REFUSED = [
     (lambda: turned(duration=3.0, speed_limit=0.1), "speed_limit = 0.1, which takes"),
     (lambda: turned(angle=None, duration=3.0, final_speed=2.0, speed_limit=1.0), "final_speed"),
     (lambda: turned(duration=4.0, torque_rate_limit=50.0), "torque_rate_limit = 50, or needs"),
-    (lambda: turned(angle=None, duration=3.0, final_speed=20.0), "too short for a change of 20; "),
     (lambda: turned(), "duration"),
-    (lambda: turned(objective="joy"), "objective"),
     (
         lambda: beam(angle=ANGLE, objective="effort", duration=4.0, intervals=40, speed_limit=0.5),
         r"speed_limit = 0\.5 rad/s is ",
@@ -65,7 +63,7 @@ REFUSED = [
     ),
     (lambda: masses(duration=2.0), "duration"),
     (lambda: masses(angle=0.0), "end state already"),
-    *((lambda name=name: masses(None, name, 2.0), "end state already") for name in ("effort", "jerk", "torque-rate")),
+    (lambda: masses(None, "effort", 2.0), "end state already"),
     (lambda: masses(tip_limit=1.0), "tip_displacement"),
     (lambda: masses(tip_masses=(0.1,)), "tip_masses"),
     (lambda: masses(initial_state=[0.0]), "initial_state"),
@@ -73,10 +71,7 @@ REFUSED = [
     (lambda: masses(angle_deg=60.0), "angle, angle_deg: expected one of them, got both"),
     (lambda: bc.optimal_slew(two_masses(), torque_limit=1.0), "angle: expected an angle"),
     (lambda: bc.optimal_slew(two_masses(), 1.0), "torque_limit: expected the largest torque"),
-    (lambda: beam(tip_masses=0.1), r"tip_masses = .*: expected a sequence of masses in kg"),
-    (lambda: beam(time_limit=0.0), "time_limit = "),
     (lambda: beam(progress=1), "progress = 1: expected a function"),
-    (lambda: resolve(5), r"result = 5: expected SlewResult, got int; optimal_slew\(\.\.\.\) makes one"),
     (lambda: turned(42, objective="time"), "expected a hub-beam"),
     (lambda: single(dt=0.1), "continuous"),
     (lambda: single(D=1.0), "C B = 0"),
@@ -98,30 +93,20 @@ REFUSED = [
         "by itself",
     ),
     # shaped torques and comparisons
-    (lambda: shaper("EI", 1.0, level=2.0), r"level = 2\.0"),
     (lambda: shaper("ZV", bc.hub_beam(modes=1), 0.01), "expected none beside a hub-beam"),
-    (lambda: classical_torque("bang-bang", None, 1.0, 1.0, 1.0), "train = None"),
     (lambda: classical_torque("bang-bang", shaper("ZV", 1.0), 0.0, 1.0, 1.0), "angle"),
     (lambda: compare_slews(bc.hub_beam(modes=1), None, 200.0, final_speed=0.0), "final_speed"),
-    (lambda: compare_slews(bc.hub_beam(modes=1), 1.0, 200.0, final_speed=1.0), "final_speed"),
-    (lambda: compare_slews(bc.hub_beam(modes=1), 1.0, 100.0, 5), "optimal"),
-    (lambda: compare_slews(bc.hub_beam(modes=1), 1.0, 100.0, {"fastest": 5}), "optimal"),
-    (lambda: compare_slews(bc.hub_beam(modes=1), 1.0, 100.0, tip_masses=(-0.1,)), "tip_masses"),
     # feedback along a slew
     (lambda: tracked(torque_limit=100.0), "torque_limit = 100: expected at least 140 N m"),
     (
         lambda: tracked(measurements=("hub_angle",)),
         "noise: expected a standard deviation above zero for each measurement",
     ),
-    (lambda: tracked(measurements=("nothing",), noise=1.0), "unknown measurement 'nothing'"),
     (lambda: tracked(noise=1.0), "noise: expected None without measurements"),
     (lambda: tracked(measurements=("tip_displacement",), noise=1e-3), "measurements: they do not show all"),
     (lambda: masses().track(), "expected one of a hub-beam"),
-    (lambda: tracked().simulate(plant=5), "plant = 5: expected a hub-beam"),
     (lambda: tracked().monte_carlo(4, tip_mass=(0.2, 0.1)), "expected the lower end first"),
-    (lambda: tracked().monte_carlo(4, tip_mass=(-0.2, 0.1)), "tip_mass = "),
     (lambda: tracked().monte_carlo(4, stiffness=1.5), "stiffness = 1.5: expected a half-width"),
-    (lambda: tracked().monte_carlo(4, stiffness=(0.0, 0.0)), "stiffness = 0"),
     (lambda: tracked().monte_carlo(4, friction=[1.0, 2.0, 3.0]), "friction has shape"),
     (lambda: tracked().monte_carlo(4, wait=99.0), "wait = 99"),
 ]

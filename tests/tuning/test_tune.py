@@ -415,7 +415,6 @@ def begun(structure, states, signals=1, **change):
 DRIVEN, C_ONCE = T.physical("c", 0.1, 1.0), T.physical("c", 0.1, 2.0)
 ON_THE_WAY = [[0.0, 1.0], [0.0, 0.0]]
 REFUSED = [
-    (lambda: asked(structure=3.0), "structure"),
     (lambda: asked(channels=[T.objective("v")]), "disturbance"),
     (lambda: asked(channels=[]), "channels"),
     (lambda: asked(channels=[T.objective()], norm="h2"), "norm"),
