@@ -130,16 +130,6 @@ def test_what_is_called_undetermined_is_and_nothing_else(seed):
         assert np.isfinite(found.covariance).all()
 
 
-def test_a_parameter_of_little_effect_is_not_hidden_by_one_of_much():
-    """The damping moves the values ten thousand times less than a stiffness, and is seen all the same."""
-    truth = {**CHAIN, "c": 4e-6}
-    gain = MeasuredCurve(OMEGA / (2.0 * np.pi), np.abs(response(truth, OMEGA)[0]), ("gain",))
-    at = {"c": 4e-6, "k1": 900.0, "m3": 0.5}
-    found = bc.fit(lambda p: np.abs(response(p, OMEGA)[0]), gain, list(at), truth, starts=1, deviation=1e-7)
-    assert not [each for each in found.unseen if not each.hardly]
-    assert np.isfinite(found.covariance).all()
-
-
 # -- exact data give exact parameters -----------------------------------------------------------------------------------
 
 

@@ -118,12 +118,6 @@ def check(goal, starts):
         assert norm <= goal.limit * (1.0 + AGREE)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["HE1", "REA2"])
-def test_two_plants_reach_their_goals_certified(name):
-    check(next(goal for goal in GOALS if goal.plant == name and not goal.order), (FEW,))
-
-
 ALL = (*GOALS, *(Goal(name) for name in plant_names() if name not in {goal.plant for goal in GOALS}))
 TRIED = ALL if is_hunt() else ALL[::3]  # every third in the full profile, a choice
 
