@@ -5,7 +5,6 @@ import pytest
 
 import boomctl as bc
 from boomctl.slew.least_time import switching
-from boomctl.slew.linear import LinearFlow
 from boomctl.slew.problem import Limits, slew_problem
 
 
@@ -33,15 +32,3 @@ def test_too_few_switches_are_not_taken_for_converged():
     right = switching.least_time(asked)
     fewer = switching.replace(right, switches=np.delete(right.switches, [3, 4]))
     assert switching._newton(asked, switching._fitted(asked, fewer)) is None
-
-
-@pytest.mark.parametrize("count", [1, 2, 7, 64, 201])
-def test_what_is_carried_by_doubling_is_what_is_carried_step_by_step(count):
-    rng = np.random.default_rng(count)
-    flow = LinearFlow(rng.standard_normal((4, 4)), rng.standard_normal(4))
-    vector = rng.standard_normal(4)
-    expected = [vector]
-    for _ in range(count - 1):
-        expected.append(flow.step(0.01)[0] @ expected[-1])
-    found = flow.carried(vector, 0.01, count)
-    assert np.abs(found - np.array(expected).T).max() < 1e-13 * np.abs(found).max()
