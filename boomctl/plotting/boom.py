@@ -1,4 +1,4 @@
-"""Pictures of the spray boom: Fig. 3, convergence, mode shapes, friction in its cradle.
+"""Pictures of the spray boom: Fig. 3, convergence, friction in its cradle.
 
 What they draw are the records of :mod:`boomctl.lab.papers.anthonis_ramon`, taken by their attributes.
 """
@@ -14,9 +14,7 @@ from boomctl.plotting.sigma import plot_measured, plot_sigma
 if TYPE_CHECKING:
     from boomctl.analysis.measured import MeasuredCurve
     from boomctl.analysis.sigma import SigmaResult
-    from boomctl.boom.parameters import BoomParameters
 
-_HEIGHT = 0.8  # largest deflection of a mode that is drawn [m] (a choice)
 _LINES = {"finite": "--", "discrete": ":", "exact": "-"}
 
 
@@ -54,72 +52,37 @@ def draw_figure_3(
     return figure
 
 
-def draw_convergence(convergence: tuple[Any, ...]) -> Any:
+def draw_convergence(convergence: "dict[str, dict[str, Array]]") -> Any:
     """Draw the relative error of the first five eigenfrequencies over the mesh, one panel a method."""
     with style():
         figure = new_figure(9.0, 6.0)
         axes = figure.subplots(2, 3, sharey=True).ravel()
-        for ax, item in zip(axes, convergence, strict=False):
-            for k in range(item.error.shape[1]):
-                ax.loglog(item.sizes, np.maximum(item.error[:, k], 1e-16), ".-", label=f"{k + 1}", linewidth=1.0)
-            ax.set_title(
-                item.name.replace(", nodes", ",\nnodes").replace(", geom", ",\ngeom").replace(", Herm", ",\nHerm")
-            )
-            ax.set_xlabel("number of elements" if item.of == "elements" else "polynomial order, 4 elements")
-            if item.of == "elements":
-                slope = 2 if "geometrical" in item.name else 4
-                _slope(ax, item, slope)
+        for ax, (name, found) in zip(axes, convergence.items(), strict=False):
+            error, orders = found["relative_error"], found.get("order")
+            sizes = found["elements"] if orders is None else orders
+            for k, values in enumerate(error.T):
+                ax.loglog(sizes, np.maximum(values, 1e-16), ".-", label=f"eigenfrequency {k + 1}", linewidth=1.0)
+            ax.set_title(name.replace(", nodes", ",\nnodes").replace(", geom", ",\ngeom").replace(", Herm", ",\nHerm"))
+            if orders is None:
+                ax.set_xlabel("number of elements")
+                _slope(ax, sizes, error, 2 if "geometrical" in name else 4)
             else:
-                ax.set_xticks(item.sizes[::2], [str(n) for n in item.sizes[::2]])
+                ax.set_xlabel("polynomial order, 4 elements")
+                ax.set_xticks(sizes[::2], [str(n) for n in sizes[::2]])
                 ax.minorticks_off()
-        axes[0].set_ylabel("relative error of damped frequency")
-        axes[3].set_ylabel("relative error of damped frequency")
+        for ax in (axes[0], axes[3]):
+            ax.set_ylabel("relative error of damped frequency")
         axes[5].axis("off")
-        handles, labels = axes[0].get_legend_handles_labels()
-        axes[5].legend(handles, [f"eigenfrequency {label}" for label in labels], loc="center")
+        axes[5].legend(*axes[0].get_legend_handles_labels(), loc="center")
     return figure
 
 
-def _slope(ax: Any, item: Any, order: int) -> None:
+def _slope(ax: Any, sizes: Array, error: Array, order: int) -> None:
     """Draw a line of the expected order beside the second frequency's error."""
-    n = np.array([item.sizes[1], item.sizes[len(item.sizes) * 2 // 3]], dtype=float)
-    start = 8.0 * item.error[1].max()
+    n = np.array([sizes[1], sizes[len(sizes) * 2 // 3]], dtype=float)
+    start = 8.0 * error[1].max()
     ax.loglog(n, start * (n / n[0]) ** -order, "k--", linewidth=0.8)
     ax.annotate(f"order {order}", (n[1], start * (n[1] / n[0]) ** -order), fontsize=8, ha="left", va="bottom")
-
-
-def draw_modes(modes: tuple[Any, ...], p: "BoomParameters") -> Any:
-    """Draw each mode shape on the machine, seen from above, platform held."""
-    with style():
-        figure = new_figure(7.4, 1.65 * len(modes))
-        for k, (ax, mode) in enumerate(zip(figure.subplots(len(modes), 1, sharex=True), modes, strict=True)):
-            _machine(ax, p, mode.x, _HEIGHT * mode.boom)
-            ax.set_ylim(-1.35, 1.1)
-            ax.set_yticks([])
-            ax.grid(visible=False)
-            ax.set_title(f"{mode.title}: {mode.freq_hz:.4f} Hz, damping ratio {100 * mode.damping_ratio:.2f} %")
-            if k == len(modes) - 1:
-                ax.set_xlabel("x along the boom [m]")
-    return figure
-
-
-def _machine(ax: Any, p: "BoomParameters", x: Array, w: Array) -> None:
-    """Draw platform, cradle, springs and boom with a deflection of the boom; driving direction up."""
-    cradle = float(w[len(w) // 2])
-    half, spring, depth = 0.5 * p.actuator_distance, 0.5 * p.spring_distance, 1.0
-    ax.fill_between([-half, half], -depth - 0.12, -depth + 0.12, color="#c9ced6", zorder=1)
-    corners = np.array([-0.1, -0.1, 0.1, 0.1, -0.1])
-    ax.plot([-0.28, 0.28, 0.28, -0.28, -0.28], cradle + corners, color="#666666", linewidth=1.0)
-    for side in (-spring, spring):
-        _spring(ax, side, -depth + 0.12, float(np.interp(side, x, w)))
-    ax.plot([-p.length / 2, p.length / 2], [0, 0], color="#bbbbbb", linewidth=0.7, dashes=(4, 3), zorder=0)
-    ax.plot(x, w, color=COLOURS[0], linewidth=2.0)
-    ax.plot([0.0], [cradle], "o", color=COLOURS[1], markersize=4)
-
-
-def _spring(ax: Any, x: float, low: float, high: float) -> None:
-    zigzag = np.concatenate([[0.0, 0.0], np.tile([0.09, -0.09], 4), [0.0, 0.0]])
-    ax.plot(x + zigzag, np.linspace(low, high, len(zigzag)), color="#3a7d34", linewidth=0.9)
 
 
 def draw_friction(study: Any, band_hz: tuple[float, float] = (2.5, 3.5)) -> Any:

@@ -139,14 +139,7 @@ def draw_chart(chart: Any) -> Figure:
 
 def _fill(ax: Axes, panel: Any) -> None:
     for line in panel.lines:
-        ax.plot(
-            line.x,
-            line.y,
-            line.style,
-            label=line.label,
-            markersize=4,
-            **({"color": line.colour} if line.colour else {}),
-        )
+        ax.plot(line.x, line.y, line.look, label=line.label, markersize=4)
     for height, meaning in panel.levels:
         ax.axhline(height, color="0.6", linewidth=0.8, zorder=0)
         ax.annotate(

@@ -5,7 +5,6 @@ import os
 import time
 from concurrent.futures.process import BrokenProcessPool
 from functools import partial
-from multiprocessing import active_children
 
 import numpy as np
 import pytest
@@ -20,8 +19,9 @@ ROOTS = {f"root of {k}": partial(math.sqrt, k) for k in range(7)}
 @pytest.mark.parametrize("workers", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_run_jobs_returns_results_by_name_in_order(workers):
     told = []
-    assert list(run_jobs(ROOTS, workers, told.append).items()) == [(name, work()) for name, work in ROOTS.items()]
-    assert len(told) == len(ROOTS)
+    found = run_jobs(ROOTS, workers, lambda *stage: told.append(stage))
+    assert list(found.items()) == [(name, work()) for name, work in ROOTS.items()]
+    assert told == [(name, k, len(ROOTS)) for k, name in enumerate(ROOTS)]
     assert run_jobs({}, workers) == {}
 
 
@@ -34,15 +34,15 @@ def test_run_jobs_error_ends_the_other_jobs(work, error):
     with pytest.raises(error):
         run_jobs({"wrong": work, "long": partial(time.sleep, 600.0)}, 2)
     assert time.monotonic() - began < 300.0
-    assert not active_children()
 
 
 @pytest.mark.slow
 def test_run_jobs_in_processes_equals_one_process():
-    some = {name: job for name, job in hub_beam_jobs().items() if name in ("Table 2", "a slew")}
+    some = {name: job for name, job in hub_beam_jobs().items() if name in ("Table 2, Fig. 9", "a slew")}
     some |= {model: partial(tips, model, (5.0, 50.0)) for model in ("sfoam", "foam")}
     alone, together = run_jobs(some, 1), run_jobs(some, 2)
-    assert alone["Table 2"]["Table 2"][0].comparisons == together["Table 2"]["Table 2"][0].comparisons
+    (table, _), (other, _) = alone["Table 2, Fig. 9"][0], together["Table 2, Fig. 9"][0]
+    assert table.comparisons == other.comparisons
     assert alone["a slew"] == together["a slew"]
     for model in ("sfoam", "foam"):
         np.testing.assert_allclose(alone[model], together[model], rtol=1e-12, atol=1e-15)

@@ -21,7 +21,8 @@ from boomctl.boom.factory import spray_boom
 from boomctl.boom.parameters import BoomParameters
 from boomctl.checks import positive, whole
 from boomctl.lab.papers.anthonis_ramon.sines import SineResponse, describing_function, stepped_sine
-from boomctl.report import Picture, Section, Table
+from boomctl.lab.papers.jobs import Chapter
+from boomctl.report import Section, Table
 from boomctl.simulation.contact.friction import CoulombFriction
 from boomctl.structure.model import SecondOrderModel, split_symmetric
 from boomctl.structure.response.poles import damped_poles
@@ -201,8 +202,13 @@ def _sines(count: int) -> Array:
     return 2.0 * np.pi * np.unique(np.concatenate([wide, band]))
 
 
-def friction_section(study: BoomFriction, picture: Picture) -> Section:
-    """Return text, table and picture."""
+def friction_chapter(p: BoomParameters, points: int) -> Chapter:
+    """Compute and draw what friction in the cradle does, with simulated sines at so many frequencies."""
+    from boomctl.plotting.boom import draw_friction
+    from boomctl.plotting.canvas import picture
+
+    study = friction_study(p, points=points)
+    ratios = study.numbers()
     low, high = BAND_HZ
     text = (
         f"Between {low:g} and {high:g} Hz the paper measured a lower singular value below the computed one and put it down"
@@ -219,7 +225,15 @@ def friction_section(study: BoomFriction, picture: Picture) -> Section:
         " it is oil. Above 3.5 Hz the lower singular value is that of the yaw, which friction in the cradle does not touch;"
         " there the mismatch ends in the paper as well."
     )
-    lines = tuple((name, f"{value:.2f}") for name, value in study.numbers().items())
+    lines = tuple((name, f"{value:.2f}") for name, value in ratios.items())
     caption = f"Lower singular value over the linear one, mean from {low:g} to {high:g} Hz; measured: below 1."
     table = Table(("reading of the friction", "ratio"), lines, caption)
-    return Section("Friction in the cradle", (text, verdict), (table,), (picture,))
+    sines = picture(
+        "boom_friction",
+        draw_friction(study),
+        "Singular values of jolt and yaw. Lines: describing function; circles: stepped sine on the nonlinear model, at"
+        f" {points} frequencies (boomctl reproduce --full takes {FULL_POINTS}).",
+    )
+    section = Section("Friction in the cradle", (text, verdict), (table,), (sines,))
+    numbers = {"platform_amplitude": study.amplitude, "force": study.force, "matched_hz": study.matched_hz}
+    return Chapter((section,), {"friction": numbers | {"lower_over_linear": ratios}})

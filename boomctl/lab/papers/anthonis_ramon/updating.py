@@ -11,13 +11,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from boomctl.arrays import Array
 from boomctl.boom.factory import spray_boom
 from boomctl.boom.parameters import BoomParameters
 from boomctl.boom.published import MEASURED_HZ
 from boomctl.identification.fit import fit
 from boomctl.identification.result import FitResult
-from boomctl.report import Picture, Section, Table
+from boomctl.lab.papers.jobs import Chapter
+from boomctl.report import Section, Table
 from boomctl.structure.model import SecondOrderModel
 
 READINGS = (
@@ -105,31 +105,41 @@ def _first(parameters: BoomParameters) -> float:
     return float(_boom(parameters).eigenfrequencies_hz(1)[0])
 
 
-def updating_section(study: BoomUpdating, picture: Picture) -> Section:
-    """Return the study as a section of the report."""
+def updating_chapter(p: BoomParameters) -> Chapter:
+    """Fit parameters to the measured row of Table 1, and draw the one that explains it."""
+    from boomctl.plotting.canvas import figure_of, picture
+
+    study = updating_study(p)
+    caption = "Measured frequencies, those of Table 2, and those of the fitted distance."
+    shown = picture("boom_updating", figure_of(study.lever.plot), caption)
+    title = "What the measured frequencies say of the parameters"
+    section = Section(title, (_ABOUT, *_findings(study)), (_table(study),), (shown,))
+    return Chapter((section,), {"updating": _results(study)})
+
+
+def _findings(study: BoomUpdating) -> tuple[str, str]:
     p, lever = study.parameters, study.lever
     low, high = study.first_interval_hz
-    distance, every = lever.values["spring_distance"], study.reading(*READINGS[-1])
-    held = [name for name in ("spring_stiffness", "youngs_modulus") if _holds(every, name, getattr(p, name))]
+    every = study.reading(*READINGS[-1])
+    held = [name for name in READINGS[2] if _holds(every, name, getattr(p, name))]
     confirmed = (
         f" Freed as well, {' and '.join(held)} keep the values of Table 2 within their intervals." if held else ""
     )
     measured = MEASURED_HZ[0]
     comes = "may come from" if low <= measured <= high else "does not come from"
     inside = "holds" if _holds(lever, "spring_distance", p.actuator_distance) else "does not hold"
-    text = (
-        _ABOUT,
+    return (
         f"Without the first frequency, spring stiffness and modulus meet the other four to"
         f" {100.0 * study.without_first.deviation:.1f} %, and predict {study.first_hz:.3f} Hz for the first"
         f" ({low:.3f} to {high:.3f}): the measured {measured:g} Hz {comes} a stiffer spring, which would move the second"
         " and third frequency too.",
-        f"One parameter explains all five to {100.0 * lever.deviation:.1f} %: a spring distance of {distance:.3f} m"
-        f" ({lever.interval_text('spring_distance')}) in place of {p.spring_distance:g} m.{confirmed} The interval {inside}"
-        f" the distance of the actuators, {p.actuator_distance:g} m. The frequencies do not tell this from anything else "
-        f"that changes the stiffness of turning alone, such as {study.stiffness_of_turning:.0f} N m/rad in the hinge, by"
-        " bearings, pipes or hoses: how stiff the machine turns is what they say, not by what.",
+        f"One parameter explains all five to {100.0 * lever.deviation:.1f} %: a spring distance of"
+        f" {lever.values['spring_distance']:.3f} m ({lever.interval_text('spring_distance')}) in place of"
+        f" {p.spring_distance:g} m.{confirmed} The interval {inside} the distance of the actuators,"
+        f" {p.actuator_distance:g} m. The frequencies do not tell this from anything else that changes the stiffness of"
+        f" turning alone, such as {study.stiffness_of_turning:.0f} N m/rad in the hinge, by bearings, pipes or hoses: how"
+        " stiff the machine turns is what they say, not by what.",
     )
-    return Section("What the measured frequencies say of the parameters", text, (_table(study),), (picture,))
 
 
 def _holds(found: FitResult, name: str, value: float) -> bool:
@@ -138,31 +148,28 @@ def _holds(found: FitResult, name: str, value: float) -> bool:
 
 
 def _table(study: BoomUpdating) -> Table:
-    lines: list[tuple[str, ...]] = [("measured", "", *(f"{value:g}" for value in MEASURED_HZ), "", "")]
-    begun = _boom(study.parameters).eigenfrequencies_hz(len(MEASURED_HZ))
-    lines.append(("none (Table 2)", "", *(f"{value:.4f}" for value in begun), f"{_rms(begun):.1f}", ""))
-    for found in study.readings:
-        lines.append(_line(found, found.fitted, "yes" if found.certified else "no"))
     others = study.without_first
-    fitted = np.array([study.first_hz, *others.fitted])
-    lines.append(_line(others, fitted, "yes" if others.certified else "no", " (to the last four)"))
+    rows = [("none (Table 2)", None, _boom(study.parameters).eigenfrequencies_hz(len(MEASURED_HZ)))]
+    rows += [(_words(found), found, found.fitted) for found in study.readings]
+    rows += [(f"{_words(others)} (to the last four)", others, np.array([study.first_hz, *others.fitted]))]
+    lines: list[tuple[str, ...]] = [("measured", "", *(f"{value:g}" for value in MEASURED_HZ), "", "")]
+    for words, found, hz in rows:
+        rms = 100.0 * np.sqrt(np.mean(np.square(np.log(hz / np.array(MEASURED_HZ)))))
+        values, certified = "", ""
+        if found:
+            values = "; ".join(f"{found.values[name]:.4g} ({found.interval_text(name)})" for name in found.names)
+            certified = "yes" if found.certified else "no"
+        lines.append((words, values, *(f"{value:.4f}" for value in hz), f"{rms:.1f}", certified))
     heads = ("free", "fitted (95 % interval)", *"12345", "rms %", "certified")
-    return Table(
-        heads, tuple(lines), "Parameters fitted to the measured row of Table 1, and the frequencies they give [Hz]."
-    )
+    caption = "Parameters fitted to the measured row of Table 1, and the frequencies they give [Hz]."
+    return Table(heads, tuple(lines), caption)
 
 
-def _line(found: FitResult, fitted: Array, certified: str, note: str = "") -> tuple[str, ...]:
-    values = "; ".join(f"{found.values[name]:.4g} ({found.interval_text(name)})" for name in found.names)
-    names = ", ".join(name.replace("_", " ") for name in found.names) + note
-    return (names, values, *(f"{value:.4f}" for value in fitted), f"{_rms(fitted):.1f}", certified)
+def _words(found: FitResult) -> str:
+    return ", ".join(name.replace("_", " ") for name in found.names)
 
 
-def _rms(fitted: Array) -> float:
-    return float(100.0 * np.sqrt(np.mean(np.square(np.log(fitted / np.array(MEASURED_HZ))))))
-
-
-def updating_results(study: BoomUpdating) -> dict[str, object]:
+def _results(study: BoomUpdating) -> dict[str, object]:
     """Return the study's numbers for ``results.json``."""
 
     def numbers(found: FitResult) -> dict[str, object]:

@@ -1,6 +1,8 @@
 """What a part of the paper consists of: numbers beside ours and the rule by which they count as met, statements, charts."""
 
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import cycle
 from typing import Literal
 
 import numpy as np
@@ -11,6 +13,9 @@ MET = "met"
 CORRECTED = "met with corrected reading"
 NOT_REPRODUCIBLE = "not reproducible"
 ADDED = "not in the paper"
+
+APPROXIMATE = 0.1
+"""Share by which a number that was read off a curve, or is called approximate, may differ."""
 
 
 @dataclass(frozen=True)
@@ -61,15 +66,26 @@ class Claim:
     why: str
 
 
-MODEL_COLOURS = {
-    "TLAM": "#d55e00",
-    "SFOAM": "#0072b2",
-    "SFOAM, consistent": "#56b4e9",
-    "FOAM": "#009e73",
-    "CFOAM": "#cc79a7",
-    "exact": "#000000",
+MODELS = {
+    "TLAM": "tlam",
+    "SFOAM": "sfoam",
+    "SFOAM, consistent": "sfoam-consistent",
+    "FOAM": "foam",
+    "CFOAM": "cfoam",
+    "exact": "geometrically-exact",
 }
-"""One colour a model, told apart by colour-blind readers too (Okabe & Ito 2008)."""
+"""Models of the hub-beam by the name that pictures show."""
+
+_FORMATS = {
+    "TLAM": "C1-",
+    "SFOAM": "C0-",
+    "SFOAM, consistent": "C4--",
+    "FOAM": "C2--",
+    "CFOAM": "C3-",
+    "exact": "k:",
+    "SFOAM, 1 mode": "C3:",
+}
+"""One colour and dash a model, as matplotlib writes them."""
 
 Place = Literal["", "best", "upper left", "upper right", "lower left", "lower right"]
 """Where a legend stands; "" is nowhere."""
@@ -77,13 +93,18 @@ Place = Literal["", "best", "upper left", "upper right", "lower left", "lower ri
 
 @dataclass(frozen=True, eq=False)
 class Line:
-    """A curve: label, abscissae and ordinates, matplotlib line style, and colour (None: next of the cycle)."""
+    """A curve: label, abscissae, ordinates, and its look in matplotlib's short form, such as "C1--"."""
 
     label: str
     x: Array
     y: Array
-    style: str = "-"
-    colour: str | None = None
+    look: str = "-"
+
+
+def lines(x: Array, curves: Mapping[str, Array], markers: Sequence[str] = ("",)) -> tuple[Line, ...]:
+    """Return curves by label over one abscissa, with these markers in turn; those of models in the models' colours."""
+    marked = zip(curves.items(), cycle(markers), strict=False)
+    return tuple(Line(name, x, y, _FORMATS.get(name, "-") + marker) for (name, y), marker in marked)
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,7 +148,7 @@ class Chart:
     name: str
     caption: str
     panels: tuple[Panel, ...]
-    columns: int = field(default=1)
+    columns: int = 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,9 +172,9 @@ def compare(
     unit: str,
     published: float,
     computed: float,
-    tolerance: float,
     why: str = "",
     *,
+    tolerance: float | None = None,
     mended: float | None = None,
     slipped: float | None = None,
 ) -> Comparison:
@@ -165,10 +186,10 @@ def compare(
         As in `Comparison`.
     published, computed : float
         As printed, and ours.
-    tolerance : float
-        Largest difference that counts as met.
     why : str
         One line; the deviation if empty.
+    tolerance : float, optional
+        Largest difference that counts as met; by default a tenth of the published number, without its slip.
     mended : float, optional
         The published number without a slip of the print.
     slipped : float, optional
@@ -180,28 +201,18 @@ def compare(
         Met if ours agrees with the print; met with corrected reading if `mended` agrees with ours or `slipped` with the
         print; not reproducible otherwise.
     """
+    against, verdict = published if mended is None else mended, NOT_REPRODUCIBLE
+    tolerance = APPROXIMATE * against if tolerance is None else tolerance
     if abs(computed - published) <= tolerance:
         verdict = MET
     elif (mended is not None and abs(computed - mended) <= tolerance) or (
         slipped is not None and abs(slipped - published) <= tolerance
     ):
         verdict = CORRECTED
-    else:
-        verdict = NOT_REPRODUCIBLE
-    against = published if mended is None else mended
     deviation = f"differs by {100.0 * abs(computed / against - 1.0):.2g} %" if against else ""
     reading = mended if slipped is None else slipped
-    return Comparison(
-        where=where,
-        what=what,
-        unit=unit,
-        published=published,
-        computed=computed,
-        reading=reading,
-        tolerance=tolerance,
-        verdict=verdict,
-        why="; ".join(w for w in (why, deviation) if w),
-    )
+    reasons = "; ".join(w for w in (why, deviation) if w)
+    return Comparison(where, what, unit, published, computed, reading, tolerance, verdict, reasons)
 
 
 def judge(where: str, published: str, computed: str, holds: bool, why: str, *, corrected: bool = False) -> Claim:

@@ -1,7 +1,7 @@
 """Bai et al. (2009), reproduced: every table and figure beside what correct equations give."""
 
-from collections.abc import Callable, Mapping
-from dataclasses import asdict
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, astuple
 from functools import partial
 from itertools import pairwise
 from typing import Any
@@ -10,34 +10,21 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.lab.papers.bai import frequencies, spin_up, torque
-from boomctl.lab.papers.bai.comparison import CORRECTED, MET, NOT_REPRODUCIBLE, Chart, Part
-from boomctl.lab.papers.bai.validity import EXACT, TORQUES, section, tip_errors, tips
+from boomctl.lab.papers.bai.comparison import CORRECTED, MET, MODELS, NOT_REPRODUCIBLE, Chart, Comparison, Part
+from boomctl.lab.papers.bai.validity import TORQUES, section, tip_errors, tips
 from boomctl.lab.papers.jobs import Jobs
 from boomctl.report import Report, Section, Table
 from boomctl.rotating_beam.exact.beam import GeometricallyExactBeam
 from boomctl.rotating_beam.manoeuvres import sine_torque
 from boomctl.rotating_beam.parameters import HubBeamParameters
 
-PARTS: dict[str, Callable[[], Part]] = {
-    "Table 2": frequencies.table_2,
-    "Fig. 3": spin_up.neglected_terms,
-    "Fig. 4": spin_up.cfoam_and_foam,
-    "Fig. 5": spin_up.foam_and_tlam,
-    "Fig. 6": spin_up.mode_by_mode,
-    "Table 3, Fig. 7": torque.inertia_torque,
-    "Fig. 8": torque.foam_and_sfoam,
-    "critical speeds, Fig. 9": frequencies.critical_speeds,
-    "Fig. 10": spin_up.tip_mass,
+_DRAWN: dict[str, Callable[[], tuple[Part, ...]]] = {
+    "Table 3, Figs. 7 and 8": torque.parts,
+    "Figs. 3 to 6 and 10": spin_up.parts,
+    "Table 2, Fig. 9": frequencies.parts,
 }
-"""Parts of the paper in its order, each computed by one function."""
-
-_TOGETHER = (
-    ("Table 3, Fig. 7", "Fig. 8"),
-    ("Fig. 3", "Fig. 4", "Fig. 5", "Fig. 6", "Fig. 10"),
-    ("Table 2", "critical speeds, Fig. 9"),
-)
-"""Parts that share runs of the beam, and are computed by one process for that; the longest first."""
-_MODELS: tuple[str, ...] = ("cfoam", "foam", "tlam", EXACT, "sfoam", "sfoam-consistent")  # the longest first (measured)
+"""Parts of the paper that share runs of the beam; the longest first."""
+_MODELS = ("CFOAM", "FOAM", "TLAM", "exact", "SFOAM", "SFOAM, consistent")  # the longest first (measured)
 
 _CURVE_POINTS = 301  # of a curve in results.json: enough to draw it again, and a file of one megabyte
 _SHADES = {MET: "#d8efe2", CORRECTED: "#fff2cc", NOT_REPRODUCIBLE: "#f8d7da"}
@@ -58,17 +45,17 @@ def jobs(torques: tuple[float, ...] = TORQUES) -> Jobs:
     """
     if len(torques) < 2 or torques[0] <= 0.0 or any(b <= a for a, b in pairwise(torques)):
         raise ValueError(f"torques = {torques!r}: expected at least two, ascending and > 0")
-    valid = {f"validity of {model}": partial(tips, model, torques) for model in _MODELS}
-    parts = {names[0]: partial(_drawn_parts, names) for names in _TOGETHER}
-    return valid | parts | {"a slew": _film_section}
+    valid = {f"validity of {label}": partial(tips, MODELS[label], torques) for label in _MODELS}
+    return valid | {name: partial(_drawn, name) for name in _DRAWN} | {"a slew": _film}
 
 
 def report(torques: tuple[float, ...], found: Mapping[str, Any]) -> Report:
     """Return the report of the results of the jobs for these torques."""
-    drawn = {name: part for names in _TOGETHER for name, part in found[names[0]].items()}
-    valid = section(np.array(torques), tip_errors({model: found[f"validity of {model}"] for model in _MODELS}))
-    parts, sections = zip(*(drawn[name] for name in PARTS), (valid, _section(valid)), strict=True)
-    values = results(list(parts))
+    free, (*spun_up, fig_10), (table_2, fig_9) = (found[name] for name in _DRAWN)
+    errors = tip_errors({label: found[f"validity of {label}"] for label in _MODELS})
+    valid = section(np.array(torques), errors)
+    parts, sections = zip(table_2, *spun_up, *free, fig_9, fig_10, (valid, _section(valid)), strict=True)
+    values = results(parts)
     counts = "; ".join(f"{count} {verdict}" for verdict, count in values["summary"].items())
     lead = (
         "Bai, Ben-Tzvi, Zhou and Huang, A study on dynamic stiffening of a rotating beam with a tip mass, Sensors & "
@@ -78,13 +65,12 @@ def report(torques: tuple[float, ...], found: Mapping[str, Any]) -> Report:
     return Report("A rotating beam with a tip mass, reproduced", (lead, _RULE), (*sections, found["a slew"]), values)
 
 
-def _drawn_parts(names: tuple[str, ...]) -> dict[str, tuple[Part, Section]]:
+def _drawn(name: str) -> list[tuple[Part, Section]]:
     """Compute and draw parts of the paper."""
-    parts = {name: PARTS[name]() for name in names}
-    return {name: (part, _section(part)) for name, part in parts.items()}
+    return [(part, _section(part)) for part in _DRAWN[name]()]
 
 
-def _film_section() -> Section:
+def _film() -> Section:
     """Film a slew of the exact beam by one period of a sine torque of 200 N m, and the vibration left after it."""
     from boomctl.plotting.canvas import film
     from boomctl.plotting.slew import animate_slew
@@ -103,28 +89,21 @@ def _section(part: Part) -> Section:
     tables = []
     if part.comparisons:
         heads = ("where", "what", "published", "ours", "corrected reading", "tolerance", "unit", "verdict", "why")
-        rows = tuple(
-            (
-                each.where,
-                each.what,
-                *("" if value is None else f"{value:.6g}" for value in numbers),
-                each.unit,
-                each.verdict,
-                each.why,
-            )
-            for each in part.comparisons
-            for numbers in ((each.published, each.computed, each.reading, each.tolerance),)
-        )
-        tables.append(Table(heads, rows, align="llrrrrl", shades=_SHADES))
+        tables.append(Table(heads, tuple(map(_line, part.comparisons)), align="llrrrrl", shades=_SHADES))
     if part.claims:
         heads = ("where", "statement", "ours", "verdict", "why")
-        rows = tuple((each.where, each.published, each.computed, each.verdict, each.why) for each in part.claims)
-        tables.append(Table(heads, rows, align="l", shades=_SHADES))
+        tables.append(Table(heads, tuple(map(astuple, part.claims)), align="l", shades=_SHADES))
     pictures = tuple(picture(chart.name, draw_chart(chart), chart.caption) for chart in part.charts)
     return Section(part.title, (), tuple(tables), pictures)
 
 
-def results(parts: list[Part]) -> dict[str, Any]:
+def _line(each: Comparison) -> tuple[str, ...]:
+    numbers = (each.published, each.computed, each.reading, each.tolerance)
+    texts = ("" if value is None else f"{value:.6g}" for value in numbers)
+    return (each.where, each.what, *texts, each.unit, each.verdict, each.why)
+
+
+def results(parts: Sequence[Part]) -> dict[str, Any]:
     """Return every number, statement and curve, and how many of them are met, as results.json holds them."""
     verdicts = [each.verdict for part in parts for each in (*part.comparisons, *part.claims)]
     return {

@@ -3,20 +3,12 @@
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.lab.papers.bai.comparison import ADDED, MODEL_COLOURS, Chart, Claim, Line, Panel, Part, peak
+from boomctl.lab.papers.bai.comparison import ADDED, MODELS, Chart, Claim, Panel, Part, lines, peak
 from boomctl.rotating_beam.factory import hub_beam
 from boomctl.rotating_beam.manoeuvres import sine_torque
 from boomctl.rotating_beam.parameters import HubBeamParameters
 from boomctl.rotating_beam.result import SimulationError
 
-MODELS = {
-    "TLAM": "tlam",
-    "SFOAM": "sfoam",
-    "SFOAM, consistent": "sfoam-consistent",
-    "FOAM": "foam",
-    "CFOAM": "cfoam",
-}
-EXACT = "geometrically-exact"
 # amplitudes [N m] from where all models agree to twice what the hub is driven with, in steps of some 2 times
 TORQUES = (5.0, 11.0, 24.0, 50.0, 100.0, 200.0, 400.0, 800.0)
 # and of some 1.4 times, for who has twice the time
@@ -24,7 +16,7 @@ FULL_TORQUES = (5.0, 7.5, 11.0, 16.0, 24.0, 36.0, 50.0, 75.0, 100.0, 140.0, 200.
 THRESHOLDS = (0.01, 0.05, 0.2)  # errors of the tip over its peak that a drawing, a design or a guess would bear
 TIME = np.linspace(0.0, 30.0, 1501)  # [s]: 10 s of torque and 20 s of what it leaves
 MODES = 8  # with which the exact beam has converged, so that differences are those of the models
-
+_TICKS = (5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 400.0, 800.0)
 
 Errors = dict[str, dict[str, Array]]
 """By part of the motion and by model: largest error of the tip over the largest displacement, for each torque."""
@@ -36,14 +28,15 @@ def tips(model: str, torques: tuple[float, ...]) -> list[Array]:
 
 
 def tip_errors(found: dict[str, list[Array]]) -> Errors:
-    """Return the errors of all models against the geometrically exact beam: until 30 s, and after the torque (10 s)."""
-    parts = {"whole motion": TIME >= 0.0, "residual vibration": TIME > 10.0}
+    """Return the errors of all models, by label, against the exact beam: until 30 s, and after the torque (10 s)."""
+    exact = found["exact"]
     return {
         part: {
-            label: np.array([_error(tip[at], true[at]) for tip, true in zip(found[model], found[EXACT], strict=True)])
-            for label, model in MODELS.items()
+            label: np.array([_error(tip[at], true[at]) for tip, true in zip(found[label], exact, strict=True)])
+            for label in MODELS
+            if label != "exact"
         }
-        for part, at in parts.items()
+        for part, at in {"whole motion": TIME >= 0.0, "residual vibration": TIME > 10.0}.items()
     }
 
 
@@ -79,44 +72,32 @@ def leaves(torques: Array, errors: Array, threshold: float) -> float:
     k = int(above[0])
     if k == 0 or not np.isfinite(errors[k]):
         return float(torques[k])
-    low, high = np.log(errors[k - 1]), np.log(errors[k])
-    share = (np.log(threshold) - low) / (high - low)
-    return float(np.exp(np.log(torques[k - 1]) + share * np.log(torques[k] / torques[k - 1])))
+    return float(np.exp(np.interp(np.log(threshold), np.log(errors[k - 1 : k + 1]), np.log(torques[k - 1 : k + 1]))))
 
 
 def section(torques: Array, found: Errors) -> Part:
     """Return the picture and what it says."""
-    levels = tuple((threshold, f"{100 * threshold:g} %") for threshold in THRESHOLDS)
-    styles = {"SFOAM, consistent": "s--", "FOAM": "^:", "TLAM": "o-", "SFOAM": "v-", "CFOAM": "D-"}
 
     def panel(title: str, errors: dict[str, Array]) -> Panel:
-        lines = tuple(
-            Line(label, torques, np.where(np.isfinite(e), e, np.nan), styles[label], MODEL_COLOURS[label])
-            for label, e in errors.items()
-        )
         return Panel(
             title,
             "error of v(L) over its peak",
-            lines,
+            lines(torques, {label: np.where(np.isfinite(e), e, np.nan) for label, e in errors.items()}, "ovs^D"),
             "largest torque [N m]",
             logarithmic="xy",
-            levels=levels,
+            levels=tuple((threshold, f"{100 * threshold:g} %") for threshold in THRESHOLDS),
             ylim=(1e-5, 3.0),
             legend="lower right",
-            xticks=(5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 400.0, 800.0),
+            xticks=_TICKS,
         )
 
-    chart = Chart(
-        "validity",
+    caption = (
         "Not in the paper: where each model leaves the geometrically exact beam; sine torque of 10 s, 8 modes, "
         f"{len(torques)} torques, between which the limits in the table are interpolated, to some 5 % "
-        f"(boomctl reproduce --full takes {len(FULL_TORQUES)})",
-        (
-            panel("(a) whole motion, 30 s", found["whole motion"]),
-            panel("(b) residual vibration, 10 to 30 s", found["residual vibration"]),
-        ),
-        columns=2,
+        f"(boomctl reproduce --full takes {len(FULL_TORQUES)})"
     )
+    titles = {"(a) whole motion, 30 s": "whole motion", "(b) residual vibration, 10 to 30 s": "residual vibration"}
+    chart = Chart("validity", caption, tuple(panel(title, found[part]) for title, part in titles.items()))
     claims = tuple(
         Claim(
             "validity",
@@ -125,7 +106,7 @@ def section(torques: Array, found: Errors) -> Part:
             ADDED,
             "error of the tip displacement over its peak",
         )
-        for label in MODELS
+        for label in found["whole motion"]
     )
     return Part("Where each model stops being true", (chart,), claims=claims)
 
