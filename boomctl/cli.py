@@ -10,7 +10,6 @@ import sys
 from argparse import ArgumentParser, Namespace
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext, redirect_stdout, suppress
-from functools import partial
 from io import TextIOWrapper
 from math import isfinite, tau
 from pathlib import Path
@@ -231,7 +230,7 @@ def reproduce(asked: Namespace) -> dict[str, Any]:
         raise ValueError("--parameters and --measured are of the boom: leave them out for hub-beam")
     workers = None if asked.workers is None else whole("--workers", asked.workers)
     names = tuple(_PAPERS) if asked.what == "all" else (asked.what,)
-    papers = [_boom_paper(asked) if name == "boom" else _hub_beam_paper(asked.full) for name in names]
+    papers = [_boom_paper(asked) if name == "boom" else _hub_beam_paper() for name in names]
     folder, results, reports = prepared_folder(asked.out), {}, []
     jobs = {name: job for work, _ in papers for name, job in work.items()}
     with computing("reproduction") as tell:
@@ -257,15 +256,13 @@ def _boom_paper(asked: Namespace) -> Any:
     from boomctl.lab.papers.anthonis_ramon.report import jobs, report
 
     p = BoomParameters.from_toml(asked.parameters) if asked.parameters else None
-    return jobs(p, read_measured_curve(asked.measured) if asked.measured else None, asked.full), report
+    return jobs(p, read_measured_curve(asked.measured) if asked.measured else None), report
 
 
-def _hub_beam_paper(full: bool) -> Any:
+def _hub_beam_paper() -> Any:
     from boomctl.lab.papers.bai.report import jobs, report
-    from boomctl.lab.papers.bai.validity import FULL_TORQUES, TORQUES
 
-    torques = FULL_TORQUES if full else TORQUES
-    return jobs(torques), partial(report, torques)
+    return jobs(), report
 
 
 def _print_paper(name: str, results: dict[str, Any]) -> None:
@@ -304,22 +301,15 @@ def benchmark(asked: Namespace) -> dict[str, Any]:
     NAME is a scene ("boom-sigma") or the first word of several ("boom"); all scenes by default.
     """
     from boomctl.files import prepared_folder
-    from boomctl.lab.benchmark.report import PAGE
     from boomctl.lab.benchmark.run import run
     from boomctl.progress import computing
 
     folder = None if asked.out is None else prepared_folder(asked.out)
-    if asked.page is not None:
-        PAGE.text(asked.page)
     with computing("benchmark") as tell:
         found = run(asked.what, quick=asked.quick, progress=tell)
-    from rich.console import Console
-
-    Console(width=None if sys.stdout.isatty() else 160).print(found.render())  # a pipe has no width of its own
+    print(found)
     if folder is not None:
         _write(found.report(), folder)
-    if asked.page is not None:
-        PAGE.write(asked.page, found.page())
     return found.as_dict()
 
 
@@ -409,9 +399,6 @@ _COMMANDS: dict[str, tuple[Callable[[Namespace], Any], dict[str, dict[str, Any]]
             "--out": _folder("results"),
             "--parameters": _file("TOML file with other boom parameters"),
             "--measured": _file("CSV file with a measured curve of the boom"),
-            "--full": _flag(
-                "more torques and frequencies in the parts that are not in the papers; takes 1.5 times as long"
-            ),
             "--workers": _option("parallel processes (default: one for each core)", type=int, metavar="COUNT"),
         },
     ),
@@ -440,7 +427,6 @@ _COMMANDS: dict[str, tuple[Callable[[Namespace], Any], dict[str, dict[str, Any]]
             "what": _option("scenes (default: all)", nargs="*", metavar="NAME"),
             "--quick": _flag("fewer settings, one process for each"),
             "--out": {"type": Path, "metavar": "FOLDER", "help": "folder for report, pictures and results"},
-            "--page": _file("page in Markdown whose table of recommended settings is replaced"),
         },
     ),
     "parameters": (parameters, {}),

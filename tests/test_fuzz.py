@@ -109,7 +109,6 @@ OPTIONS = [
     *(
         "--json",
         "--help",
-        "--full",
         "--quick",
         "--elements",
         "--discretization",
@@ -152,7 +151,7 @@ def lines(draw):
     command = draw(st.sampled_from(WORDS))
     words = draw(st.lists(st.sampled_from(BAD), max_size=4))
     if command in ("design", "benchmark", "reproduce"):  # what they do well takes seconds: they shall not
-        words.append(draw(st.sampled_from(["--nothing", "--out", "--json=x", "--full=x"])))
+        words.append(draw(st.sampled_from(["--nothing", "--out", "--json=x", "--quick=x"])))
     return [command, *words]
 
 

@@ -124,16 +124,14 @@ def _orders(ax: Axes, orders: tuple[float, ...], right: float, top: float) -> No
         )  # fmt: skip
 
 
-def draw_chart(chart: Any) -> Figure:
-    """Return a chart of :mod:`boomctl.lab.papers.bai`, taken by its attributes, as a figure that belongs to no window."""
-    rows = -(-len(chart.panels) // chart.columns)
+def draw_chart(part: Any) -> Figure:
+    """Return the panels of a part of :mod:`boomctl.lab.papers.bai` as a figure that belongs to no window."""
+    rows = -(-len(part.panels) // part.columns)
     with style():
-        figure = new_figure(6.4 if chart.columns == 1 else 10.0, 3.1 * rows + 0.3)
-        axes = np.ravel(figure.subplots(rows, chart.columns, squeeze=False))
-        for ax, panel in zip(axes, chart.panels, strict=False):
+        figure = new_figure(6.4 if part.columns == 1 else 10.0, 3.1 * rows + 0.3)
+        axes = np.ravel(figure.subplots(rows, part.columns, squeeze=False))
+        for ax, panel in zip(axes, part.panels, strict=True):
             _fill(ax, panel)
-        for ax in axes[len(chart.panels) :]:
-            ax.set_axis_off()
     return figure
 
 

@@ -1,4 +1,4 @@
-"""A measured scene: points of run time and error, their fronts, and by how much one front leads another."""
+"""A measured scene: points of run time and error, their fronts, and by how much our front leads."""
 
 from dataclasses import dataclass
 from math import inf, isfinite
@@ -14,7 +14,7 @@ class Point:
 
     Attributes
     ----------
-    method, label, ours, verified, call
+    method, label, ours, verified
         As of the setting.
     error : float
         Of the answer; infinite where there is none.
@@ -35,30 +35,11 @@ class Point:
     hot: float | None = None
     cold_processor: float | None = None
     hot_processor: float | None = None
-    call: str = ""
     failed: str = ""
 
     def elapsed(self, way: Way) -> float | None:
         """Return the run time of the first call, or of a later one [s]."""
         return self.cold if way == "cold" else self.hot
-
-
-@dataclass(frozen=True)
-class Lead:
-    """A point of the others' front, and the fastest of ours with no larger error.
-
-    Attributes
-    ----------
-    other : Point
-    ours : Point or None
-        None where none of ours has so small an error.
-    ratio : float
-        Run time of the other over that of ours; zero where there is none of ours.
-    """
-
-    other: Point
-    ours: Point | None
-    ratio: float
 
 
 @dataclass(frozen=True)
@@ -88,19 +69,22 @@ class Diagram:
                 front.append(point)
         return tuple(front)
 
-    def leads(self, way: Way) -> tuple[Lead, ...]:
-        """Compare our front with each point of the others' front."""
+    def leads(self, way: Way) -> list[tuple[float, Point, Point | None]]:
+        """Compare each point of the others' front with our fastest one of no larger error, but for rounding.
+
+        Returns
+        -------
+        list of (float, Point, Point or None)
+            Run time of the other over that of ours, the other, and ours: 0 and None where ours has no such error; the least
+            first.
+        """
         found = []
         for other in self.front(way, ours=False):
-            best = self.fastest(other.error, way, ours=True)
-            taken, theirs = best and best.elapsed(way), other.elapsed(way)
-            found.append(Lead(other, best, theirs / taken if taken and theirs else 0.0))
-        return tuple(found)
-
-    def fastest(self, error: float, way: Way, ours: bool) -> Point | None:
-        """Return the fastest point with at most this error, but for rounding; None if there is none."""
-        within = [p for p in self.front(way, ours) if p.error <= error * (1.0 + _ALIKE)]
-        return within[0] if within else None
+            able = (p for p in self.front(way, ours=True) if p.error <= other.error * (1.0 + _ALIKE))
+            best, theirs = next(able, None), other.elapsed(way)
+            taken = best and best.elapsed(way)
+            found.append((theirs / taken if taken and theirs else 0.0, other, best))
+        return sorted(found, key=lambda lead: lead[0])
 
     @property
     def methods(self) -> dict[str, tuple[Point, ...]]:

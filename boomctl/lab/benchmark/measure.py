@@ -38,14 +38,7 @@ def scene_at(place: str) -> Scene:
     return getattr(import_module(module), name)()
 
 
-def measured(
-    key: str,
-    place: str,
-    *,
-    quick: bool,
-    time_limit: float,
-    progress: Callable[[str], None],
-) -> Diagram:
+def measured(key: str, place: str, *, quick: bool, time_limit: float, progress: Callable[[str], None]) -> Diagram:
     """Measure a scene.
 
     Parameters
@@ -87,7 +80,7 @@ def measured(
 
 
 def _point(scene: Scene, problem: Any, reference: Any, setting: Setting, runs: list[dict[str, Any]]) -> Point:
-    point = Point(setting.method, setting.label, setting.ours, setting.verified, call=setting.call)
+    point = Point(setting.method, setting.label, setting.ours, setting.verified)
     failed = next((run["failed"] for run in runs if "failed" in run), "")
     if failed:
         return replace(point, failed=failed)

@@ -71,5 +71,4 @@ def wanted(chosen: Iterable[str]) -> tuple[str, ...]:
         An unknown name.
     """
     names = [known("benchmark", name, (*_GROUPS, *SCENES)) for name in chosen]
-    found = {key for name in names for key in SCENES if key == name or (name in _GROUPS and key.startswith(name))}
-    return tuple(key for key in SCENES if key in found or not names)
+    return tuple(key for key in SCENES if not names or any(key == name or key.startswith(f"{name}-") for name in names))

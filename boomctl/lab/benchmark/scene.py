@@ -6,6 +6,10 @@ from functools import cached_property, partial
 from importlib.util import find_spec
 from typing import Any
 
+import numpy as np
+
+from boomctl.arrays import Array
+
 
 @dataclass(frozen=True)
 class Setting:
@@ -23,8 +27,8 @@ class Setting:
         Whether the method checks its answer by an independent computation within the run time shown.
     modules : tuple of str
         What has to be installed.
-    call : str
-        What a user of this package writes; empty for other programs.
+    ours : bool
+        Whether it is this package.
     """
 
     method: str
@@ -32,12 +36,7 @@ class Setting:
     solve: Callable[[Any, float], Any]
     verified: bool = False
     modules: tuple[str, ...] = ()
-    call: str = ""
-
-    @property
-    def ours(self) -> bool:
-        """Whether it is this package."""
-        return bool(self.call)
+    ours: bool = False
 
     @property
     def missing(self) -> str:
@@ -47,32 +46,30 @@ class Setting:
 
 
 def settings(
-    method: str,
-    label: str,
-    values: Iterable[Any],
-    solve: Callable[..., Any],
-    *,
-    verified: bool = False,
-    modules: tuple[str, ...] = (),
-    call: str = "",
+    method: str, label: str, values: Iterable[Any], solve: Callable[..., Any], **kind: Any
 ) -> Iterator[Setting]:
     """Yield the settings of one method, the one with the largest error first.
 
     Parameters
     ----------
     method : str
-    label, call : str
+    label : str
         With ``{}`` where the values of a setting stand.
     values : iterable
         A value, or a tuple of values, for each setting.
     solve : callable
         Takes these values, the problem and the relative change of a parameter to the answer.
-    verified, modules
-        As of :class:`Setting`.
+    **kind
+        ``verified``, ``modules``, ``ours`` of :class:`Setting`.
     """
     for value in values:
         each = value if isinstance(value, tuple) else (value,)
-        yield Setting(method, label.format(*each), partial(solve, *each), verified, modules, call.format(*each))
+        yield Setting(method, label.format(*each), partial(solve, *each), **kind)
+
+
+def relative_error(least: float = 0.0) -> Callable[[Any, Array, Array], float]:
+    """Return the error of a scene whose answers are arrays: the largest over the largest true value; at least ``least``."""
+    return lambda problem, true, found: max(float(np.abs(found - true).max() / np.abs(true).max()), least)
 
 
 @dataclass(frozen=True)
@@ -83,8 +80,6 @@ class Scene:
     ----------
     title, question, measure : str
         Title, what is computed from what, and what the error is of an answer.
-    problem : callable
-        Makes what all methods are given; not timed.
     reference : callable
         Takes the problem to what the answers are compared with.
     error : callable
@@ -92,16 +87,18 @@ class Scene:
     methods : iterable of Setting
     remarks : tuple of str
         What a reader has to know to read the picture.
+    problem : callable
+        Makes what all methods are given; not timed.
     """
 
     title: str
     question: str
     measure: str
-    problem: Callable[[], Any]
     reference: Callable[[Any], Any]
     error: Callable[[Any, Any, Any], float]
     methods: Iterable[Setting]
     remarks: tuple[str, ...] = ()
+    problem: Callable[[], Any] = lambda: None
 
     @cached_property
     def settings(self) -> tuple[Setting, ...]:

@@ -46,4 +46,5 @@ def run_jobs(
     for name in jobs:
         tell(name, len(found), len(jobs))
         found[name] = next(answers)
+    next(answers, None)  # which ends them
     return found

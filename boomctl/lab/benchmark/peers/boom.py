@@ -6,10 +6,9 @@ are banded; the platform is where the actuators put it, and cradle and middle of
 
 from dataclasses import dataclass, replace
 from importlib import import_module
-from typing import Any
 
 import numpy as np
-from scipy import signal, sparse
+from scipy import signal
 from scipy.linalg import solve_banded
 
 from boomctl.arrays import Array
@@ -101,23 +100,10 @@ def control_sigma(system: control.StateSpace, omega: Array) -> Array:
     return np.abs(np.asarray(control.singular_values_response(system, omega).frdata)[:, 0])
 
 
-def pymor_model(A: Any, B: Array, C: Array, D: Array | None = None, E: Any = None) -> Any:
-    """Return pyMOR's model of matrices, without its cache and its messages."""
+def pymor_norm(boom: PlainBoom) -> float:
+    """Return pyMOR's H-infinity norm, without its messages."""
     import_module("pymor.core.logger").set_log_levels({"pymor": "ERROR"})
-    made = import_module("pymor.models.iosys").LTIModel.from_matrices(A, B, C, D, E)
-    made.disable_caching()
-    made.transfer_function.disable_caching()
-    return made
-
-
-def pymor_sigma(boom: PlainBoom, omega: Array) -> Array:
-    """Return pyMOR's singular values, by sparse matrices over ``q`` and ``M q' + C q - G d``."""
-    n = len(boom.M)
-    M, C, K = map(sparse.csc_array, (boom.M, boom.C, boom.K))
-    A = sparse.block_array([[-C, sparse.eye_array(n)], [-K, None]], format="csc")
-    E = sparse.block_array([[M, None], [None, sparse.eye_array(n)]], format="csc")
-    model = pymor_model(A, np.vstack([boom.G, boom.F]), np.eye(2 * n)[[0, n - 2]], None, E)
-    return np.linalg.svd(model.transfer_function.freq_resp(omega), compute_uv=False).T
+    return float(import_module("pymor.models.iosys").LTIModel.from_matrices(*boom.statespace()).hinf_norm())
 
 
 def banded_sigma(boom: PlainBoom, omega: Array) -> Array:
@@ -138,11 +124,3 @@ def banded_sigma(boom: PlainBoom, omega: Array) -> Array:
 def lsim(boom: PlainBoom, time: Array, inputs: Array) -> Array:
     """Return the motion of the tips by SciPy's ``lsim``."""
     return signal.lsim(signal.StateSpace(*boom.statespace()), inputs.T, time)[1].T
-
-
-def balanced_by_pymor(full: control.StateSpace, order: int) -> control.StateSpace:
-    """Return pyMOR's balanced truncation of a system."""
-    model = pymor_model(full.A, full.B, full.C, full.D)
-    A, B, C, D, E = import_module("pymor.reductors.bt").BTReductor(model).reduce(order).to_matrices(format="dense")
-    small = (A, B) if E is None else (np.linalg.solve(E, A), np.linalg.solve(E, B))
-    return control.ss(*small, C, full.D if D is None else D)

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
-from scipy.linalg import eig
+from scipy import signal
 
 from boomctl.analysis.model_norm import hinf_norm
 from boomctl.analysis.sigma import sigma
@@ -16,7 +16,7 @@ from boomctl.boom.parameters import BoomParameters
 from boomctl.lab.benchmark.peers import boom as peers
 from boomctl.lab.benchmark.peers.boom import PlainBoom, control_boom, varied
 from boomctl.lab.benchmark.references.high_precision import exact_response, peak_in_many_digits, sigma_of
-from boomctl.lab.benchmark.scene import Scene, Setting, settings
+from boomctl.lab.benchmark.scene import Scene, Setting, relative_error, settings
 from boomctl.lti.python_control import control
 from boomctl.reduction.reduce import reduce
 from boomctl.simulation.forced_response import forced_response
@@ -27,7 +27,7 @@ _PEERS = (6, 10, 20, 50, 100)  # elements of other programs
 _OMEGA = 2 * np.pi * np.geomspace(0.1, 10.0, 500)
 _DURATION, _STEP = 60.0, 0.01  # s, of the bumps and between samples
 _FIRST, _EVERY, _SHIFT, _BUMPS = 1.0, 6.0, 2.0, 5  # s: first and next bump of the left wheel, delay of the right one
-_EDGES, _HEIGHT = np.array([0.0, 0.5, 1.5, 2.0]), 0.1  # s, m: where the slope of a bump changes, and its height
+_EDGES, _HEIGHT = np.array([0.0, 0.5, 1.5, 2.0]), 0.1  # s, m: corners of a bump, and its height
 _SAME = 1e-8  # error of the motion below which nothing is told apart: that of the reference
 _REDUCED = 100  # elements of the boom that is reduced
 _PLAIN = "Other programs are given the same cubic elements by a plain NumPy code, which is timed with them."
@@ -36,13 +36,9 @@ _Solve = Callable[[Any], Any]
 
 
 def _ours(
-    solve: _Solve,
-    call: str,
-    finite: tuple[int, ...] = _FINITE,
-    orders: tuple[int, ...] = _ORDERS,
-    verified: bool = False,
+    solve: _Solve, finite: tuple[int, ...] = _FINITE, orders: tuple[int, ...] = _ORDERS, verified: bool = False
 ) -> Iterator[Setting]:
-    """Yield the settings of this package's meshes; ``solve`` takes the model to the answer, ``call`` has it as ``{0}``."""
+    """Yield the settings of this package's meshes; ``solve`` takes the model to the answer."""
 
     def elements(n: int, p: BoomParameters, change: float) -> Any:
         return solve(spray_boom(varied(p, change), elements=n))
@@ -50,9 +46,8 @@ def _ours(
     def order(n: int, p: BoomParameters, change: float) -> Any:
         return solve(spray_boom(varied(p, change), "high-order", 4, order=n))
 
-    written = call.format("bc.spray_boom(p, elements={})"), call.format('bc.spray_boom(p, "high-order", 4, order={})')
-    yield from settings("finite elements", "{} elements", finite, elements, verified=verified, call=written[0])
-    yield from settings("high-order elements", "order {}", orders, order, verified=verified, call=written[1])
+    yield from settings("finite elements", "{} elements", finite, elements, verified=verified, ours=True)
+    yield from settings("high-order elements", "order {}", orders, order, verified=verified, ours=True)
 
 
 def _others(method: str, sizes: tuple[int, ...], solve: _Solve, *modules: str) -> Iterator[Setting]:
@@ -73,8 +68,6 @@ def boom_sigma() -> Scene:
     def exact(p: BoomParameters, change: float) -> Array:
         return sigma(exact_frequency_response(varied(p, change), _OMEGA, ACTUATORS, TIPS)).sigma
 
-    call = "bc.sigma(bc.spray_boom(p, accuracy={:g}, band_hz=10), omega)"
-    of_exact = "bc.sigma(bc.exact_frequency_response(p, omega, actuators, tips))"
     return Scene(
         title="Singular values of the boom",
         question="From the boom's parameters to the singular values, actuators to tips, at 500 frequencies, 0.1 to 10 Hz.",
@@ -83,11 +76,10 @@ def boom_sigma() -> Scene:
         reference=lambda p: sigma_of(exact_response(p, _OMEGA)[:2, :2]),
         error=lambda p, true, found: float(np.abs(np.asarray(found) / true - 1.0).max()),
         methods=(
-            *_ours(lambda model: sigma(model, _OMEGA).sigma, "bc.sigma({0}, omega)"),
-            *settings("accuracy=", "{:g}", (1e-2, 1e-3, 1e-6), chosen, call=call),
-            *settings("exact beam", "no mesh", [()], exact, call=of_exact),
+            *_ours(lambda model: sigma(model, _OMEGA).sigma),
+            *settings("accuracy=", "{:g}", (1e-2, 1e-3, 1e-6), chosen, ours=True),
+            *settings("exact beam", "no mesh", [()], exact, ours=True),
             *_others("python-control", _PEERS, lambda boom: peers.control_sigma(control_boom(boom), _OMEGA)),
-            *_others("pyMOR, sparse", _PEERS, lambda boom: peers.pymor_sigma(boom, _OMEGA), "pymor"),
             *_others("SciPy, banded solver", (*_PEERS, 200, 500), lambda boom: peers.banded_sigma(boom, _OMEGA)),
         ),
         remarks=(_PLAIN,),
@@ -106,9 +98,6 @@ def boom_peak() -> Scene:
     def by_control(boom: PlainBoom) -> float:
         return float(control.linfnorm(control_boom(boom))[0])
 
-    def by_pymor(boom: PlainBoom) -> float:
-        return float(peers.pymor_model(*boom.statespace()).hinf_norm())
-
     return Scene(
         title="Largest singular value of the boom",
         question="From the boom's parameters to the H-infinity norm, actuators to tips.",
@@ -117,9 +106,9 @@ def boom_peak() -> Scene:
         reference=peak_in_many_digits,
         error=lambda p, true, found: abs(found / true - 1.0),
         methods=(
-            *_ours(peak, "bc.hinf_norm({0}.between()).value", verified=True),
+            *_ours(peak, verified=True),
             *_others("control.linfnorm", _PEERS, by_control, "slycot"),
-            *_others("pyMOR, hinf_norm", _PEERS[:4], by_pymor, "pymor", "slycot"),
+            *_others("pyMOR, hinf_norm", _PEERS[:4], peers.pymor_norm, "pymor", "slycot"),
         ),
         remarks=(_PLAIN, "Ours proves that no frequency has a larger singular value; the others do not."),
     )
@@ -128,30 +117,15 @@ def boom_peak() -> Scene:
 def wheels() -> tuple[Array, Array]:
     """Return samples [s] and the motion of both actuators [m] over bumps with straight flanks, shape (2, samples)."""
     time = np.arange(round(_DURATION / _STEP) + 1) * _STEP
-    motion = [sum(slope * np.maximum(time - at, 0.0) for at, slope in zip(*found, strict=True)) for found in corners()]
-    return time, np.array(motion)
+    corners = (_FIRST + _EVERY * np.arange(_BUMPS)[:, None] + _EDGES).ravel()
+    heights = np.tile([0.0, _HEIGHT, _HEIGHT, 0.0], _BUMPS)
+    return time, np.array([np.interp(time, corners + shift, heights) for shift in (0.0, _SHIFT)])
 
 
-def corners() -> tuple[tuple[Array, Array], tuple[Array, Array]]:
-    """Return where each wheel's slope changes [s], and by how much [m/s], left and right."""
-    at = (_FIRST + _EVERY * np.arange(_BUMPS)[:, None] + _EDGES).ravel()
-    slopes = np.tile(np.array([1.0, -1.0, -1.0, 1.0]) * _HEIGHT / _EDGES[1], _BUMPS)
-    return (at, slopes), (at + _SHIFT, slopes)
-
-
-def exact_motion(p: BoomParameters, time: Array) -> Array:
-    """Return the motion of both tips [m] by the modes of a fine mesh: the sum of their responses to ramps."""
+def exact_motion(p: BoomParameters, time: Array, motion: Array) -> Array:
+    """Return the motion of both tips [m] by SciPy on a fine mesh, exact for inputs that are straight between samples."""
     system = spray_boom(p, "high-order", 8, order=8).to_statespace(ACTUATORS, TIPS)
-    poles, shapes = eig(system.A)
-    driven, read = np.linalg.solve(shapes, system.B), system.C @ shapes
-    found = np.zeros((2, len(time)))
-    for wheel, (starts, slopes) in enumerate(corners()):
-        for start, slope in zip(starts, slopes, strict=True):
-            later = time > start
-            x = np.outer(poles, time[later] - start)
-            ramp = (np.expm1(x) - x) / poles[:, None] ** 2 * driven[:, [wheel]]
-            found[:, later] += slope * (read @ ramp).real
-    return found
+    return signal.lsim((system.A, system.B, system.C, system.D), motion.T, time)[1].T
 
 
 def boom_time() -> Scene:
@@ -168,7 +142,6 @@ def boom_time() -> Scene:
     def by_control(boom: PlainBoom) -> Array:
         return np.asarray(control.forced_response(control_boom(boom), time, motion).outputs)
 
-    call = "bc.forced_response({{0}}, wheels, time, tips, accuracy={:g})"
     sizes: tuple[tuple[float, tuple[int, ...], tuple[int, ...]], ...]
     sizes = ((1e-2, (6,), (4,)), (1e-3, (20,), (6,)), (1e-4, (50,), ()), (1e-6, (100, 190), (8,)), (1e-8, (), (10, 12)))
     return Scene(
@@ -176,10 +149,10 @@ def boom_time() -> Scene:
         question="From the boom's parameters and 6,001 samples of the actuators' motion over bumps to that of both tips.",
         measure=f"Largest error over the largest motion, against 8 high-order elements; at least {_SAME:g}.",
         problem=BoomParameters,
-        reference=lambda p: exact_motion(p, time),
-        error=lambda p, true, found: max(float(np.abs(found - true).max() / np.abs(true).max()), _SAME),
+        reference=lambda p: exact_motion(p, time, motion),
+        error=relative_error(_SAME),
         methods=(
-            *(s for rtol, n, k in sizes for s in _ours(ours(rtol), call.format(rtol), n, k)),
+            *(s for rtol, n, k in sizes for s in _ours(ours(rtol), n, k)),
             *_others("control.forced_response", _PEERS, by_control),
             *_others("scipy.signal.lsim", _PEERS, lambda boom: peers.lsim(boom, time, motion)),
         ),
@@ -196,11 +169,10 @@ def boom_reduction() -> Scene:
     def ours(order: int, p: BoomParameters, change: float) -> Any:
         return reduce(full(p, change), order).system
 
-    def theirs(solve: Callable[[Any, int], Any]) -> Callable[..., Any]:
-        return lambda order, p, change: solve(full(p, change).to_statespace(), order)
+    def theirs(order: int, p: BoomParameters, change: float) -> control.StateSpace:
+        return control.balred(full(p, change).to_statespace(), order)
 
     orders = (4, 6, 8, 10, 14, 20, 30)
-    call = "bc.reduce(bc.spray_boom(p, elements=100).select(actuators, tips), {})"
     return Scene(
         title=f"The boom of {_REDUCED} elements reduced",
         question=f"From the boom's parameters, by {_REDUCED} finite elements, to a small system, actuators to tips.",
@@ -209,9 +181,8 @@ def boom_reduction() -> Scene:
         reference=lambda p: resonance_grid(full(p, 0.0)),
         error=lambda p, true, found: difference(found, *true),
         methods=(
-            *settings("reduce, balanced", "order {}", orders, ours, verified=True, call=call),
-            *settings("control.balred", "order {}", orders, theirs(control.balred), modules=("slycot",)),
-            *settings("pyMOR, balanced", "order {}", (10, 30), theirs(peers.balanced_by_pymor), modules=("pymor",)),
+            *settings("reduce, balanced", "order {}", orders, ours, verified=True, ours=True),
+            *settings("control.balred", "order {}", orders, theirs, modules=("slycot",)),
         ),
         remarks=("Others are given the dense first-order matrices of our model, which are timed with them.",),
     )

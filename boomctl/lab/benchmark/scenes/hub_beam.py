@@ -10,15 +10,17 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.lab.benchmark.peers.hub_beam import machine, scipy_motion, sundials
-from boomctl.lab.benchmark.scene import Scene, Setting, settings
+from boomctl.lab.benchmark.scene import Scene, Setting, relative_error, settings
 from boomctl.rotating_beam.assumed_modes import AssumedModesBeam
 from boomctl.rotating_beam.factory import hub_beam
 from boomctl.rotating_beam.manoeuvres import SineTorque, SpinUp
 
 SPIN_UP = SpinUp(2.8, 30.0)  # rad/s, s: of Bai et al. (2009), Fig. 5, near the divergence speed of TLAM
 TORQUE = SineTorque(200.0, 10.0, 10.0)  # N m, s, s: of Fig. 8
+_SUNDIALS, _SCIPY = ("IDAS", "CVODES"), ("Radau", "DOP853", "LSODA")
 _ATOL = 1e-15  # m: of ours, so that the relative tolerance alone decides
 
+Maneuver = SpinUp | SineTorque
 Cases = tuple[tuple[int, float], ...]
 """Modes or polynomials, and the relative tolerance of the integration."""
 
@@ -28,52 +30,37 @@ def instants(end: float) -> Array:
     return np.linspace(0.0, end, round(10.0 * end) + 1)
 
 
-def _ours(maneuver: SpinUp | SineTorque, timepts: Array, call: str, model: str, cases: Cases) -> Iterator[Setting]:
-    """Yield the settings of a model of this package."""
+def _settings(maneuver: Maneuver, timepts: Array, method: str, cases: Cases) -> Iterator[Setting]:
+    """Yield the settings of a model of this package, or of a general-purpose integrator on the equations of SFOAM."""
+    integrate: Any = sundials if method in _SUNDIALS else scipy_motion if method in _SCIPY else None
 
-    def solve(modes: int, rtol: float, problem: Any, change: float) -> Array:
-        beam = hub_beam(machine(change), model, modes)  # type: ignore[call-overload]
+    def ours(modes: int, rtol: float, problem: Any, change: float) -> Array:
+        beam = hub_beam(machine(change), method, modes)  # type: ignore[call-overload]
         return beam.simulate(maneuver, timepts, rtol=rtol, atol=_ATOL).tip_displacement
 
-    name = "exact beam" if model == "geometrically-exact" else model.upper()
-    call = f'bc.hub_beam(p, "{model}", {{}}).simulate({call}, t, rtol={{:.0e}}, atol=1e-15)'
-    return settings(name, "{} modes, rtol {:.0e}", cases, solve, call=call)
+    if integrate is None:
+        name = "exact beam" if method == "geometrically-exact" else method.upper()
+        return settings(name, "{} modes, rtol {:.0e}", cases, ours, ours=True)
 
-
-def _others(maneuver: SpinUp | SineTorque, timepts: Array, method: str, cases: Cases) -> Iterator[Setting]:
-    """Yield the settings of a general-purpose integrator on the equations of SFOAM."""
-    integrate = sundials if method in ("IDAS", "CVODES") else scipy_motion
-
-    def solve(modes: int, rtol: float, problem: Any, change: float) -> Array:
+    def theirs(modes: int, rtol: float, problem: Any, change: float) -> Array:
         return integrate(AssumedModesBeam(machine(change), "sfoam", modes), maneuver, timepts, method, rtol)
 
     name = f"{'CasADi' if integrate is sundials else 'SciPy'} {method}, SFOAM"
-    return settings(name, "{} modes, rtol {:.0e}", cases, solve, modules=("casadi",))
+    return settings(name, "{} modes, rtol {:.0e}", cases, theirs, modules=("casadi",))
 
 
 def _scene(
-    title: str,
-    words: str,
-    call: str,
-    maneuver: SpinUp | SineTorque,
-    end: float,
-    reference: tuple[int, float],
-    ours: dict[str, Cases],
-    others: dict[str, Cases],
+    title: str, words: str, maneuver: Maneuver, end: float, reference: tuple[int, float], methods: dict[str, Cases]
 ) -> Scene:
     timepts = instants(end)
-    (exact,) = _ours(maneuver, timepts, call, "geometrically-exact", (reference,))
+    (exact,) = _settings(maneuver, timepts, "geometrically-exact", (reference,))
     return Scene(
         title=title,
         question=f"From the beam's parameters to the tip's displacement in {end:g} s, ten times a second, {words}.",
         measure=f"Largest error over the largest displacement, against the exact beam with {reference[0]} polynomials.",
-        problem=lambda: None,
         reference=lambda problem: exact.solve(problem, 0.0),
-        error=lambda problem, true, found: float(np.abs(found - true).max() / np.abs(true).max()),
-        methods=(
-            *(s for model, cases in ours.items() for s in _ours(maneuver, timepts, call, model, cases)),
-            *(s for method, cases in others.items() for s in _others(maneuver, timepts, method, cases)),
-        ),
+        error=relative_error(),
+        methods=tuple(s for method, cases in methods.items() for s in _settings(maneuver, timepts, method, cases)),
         remarks=(
             "SFOAM and FOAM end at the error of the model, whatever the number of modes.",
             "Others solve SFOAM's equations; their modal integrals and derivatives are ours, computed in their calls.",
@@ -84,40 +71,31 @@ def _scene(
 def hub_spin_up() -> Scene:
     """Return the scene of a prescribed spin-up."""
     ladder = ((1, 1e-2), (2, 1e-3), (2, 1e-4), (3, 1e-5), (5, 1e-6))
-    return _scene(
-        "Spin-up of the hub-beam",
-        f"the hub spun up to {SPIN_UP.final_speed:g} rad/s in {SPIN_UP.duration:g} s",
-        f"bc.spin_up({SPIN_UP.final_speed:g}, {SPIN_UP.duration:g})",
-        SPIN_UP,
-        60.0,
-        (12, 1e-10),
-        {
-            "tlam": ((3, 1e-3),),
-            "sfoam": ((1, 1e-4), (2, 1e-4), (3, 1e-4), (5, 1e-5), (5, 1e-8)),
-            "foam": ((1, 1e-4), (2, 1e-4), (3, 1e-5), (5, 1e-5)),
-            "cfoam": ((1, 1e-4), (3, 1e-5)),
-            "geometrically-exact": ((2, 1e-3), (3, 1e-3), (4, 1e-4), (5, 1e-5), (6, 1e-6), (8, 1e-8)),
-        },
-        {"Radau": ladder[:3], "DOP853": ladder[:3], "LSODA": ladder[:3], "IDAS": ladder, "CVODES": ladder},
-    )
+    methods = {
+        "tlam": ((3, 1e-3),),
+        "sfoam": ((1, 1e-4), (2, 1e-4), (3, 1e-4), (5, 1e-5), (5, 1e-8)),
+        "foam": ((1, 1e-4), (2, 1e-4), (3, 1e-5), (5, 1e-5)),
+        "cfoam": ((1, 1e-4), (3, 1e-5)),
+        "geometrically-exact": ((2, 1e-3), (3, 1e-3), (4, 1e-4), (5, 1e-5), (6, 1e-6), (8, 1e-8)),
+        **dict.fromkeys(("Radau", "DOP853", "LSODA"), ladder[:3]),
+        **dict.fromkeys(("IDAS", "CVODES"), ladder),
+    }
+    words = f"the hub spun up to {SPIN_UP.final_speed:g} rad/s in {SPIN_UP.duration:g} s"
+    return _scene("Spin-up of the hub-beam", words, SPIN_UP, 60.0, (12, 1e-10), methods)
 
 
 def hub_torque() -> Scene:
     """Return the scene of a torque."""
     ladder = ((1, 1e-2), (1, 1e-3), (2, 1e-3), (2, 1e-4), (3, 1e-5))
-    return _scene(
-        "The hub-beam under a torque",
-        f"under one period of a sine of {TORQUE.amplitude:g} N m in {TORQUE.duration:g} s",
-        f"bc.sine_torque({TORQUE.amplitude:g}, {TORQUE.period:g}, {TORQUE.duration:g})",
-        TORQUE,
-        30.0,
-        (8, 1e-8),
-        {
-            "tlam": ((3, 1e-3),),
-            "sfoam": ((1, 1e-2), (2, 1e-2), (3, 1e-4), (5, 1e-6)),
-            "foam": ((1, 1e-2), (2, 1e-2), (3, 1e-4), (5, 1e-4)),
-            "cfoam": ((1, 1e-3), (2, 1e-3)),
-            "geometrically-exact": ((2, 1e-2), (3, 1e-3), (4, 1e-4), (5, 1e-5), (6, 1e-6)),
-        },
-        {"Radau": ladder[:2], "LSODA": ladder[:3], "IDAS": ladder, "CVODES": ladder},
-    )
+    methods = {
+        "tlam": ((3, 1e-3),),
+        "sfoam": ((1, 1e-2), (2, 1e-2), (3, 1e-4), (5, 1e-6)),
+        "foam": ((1, 1e-2), (2, 1e-2), (3, 1e-4), (5, 1e-4)),
+        "cfoam": ((1, 1e-3), (2, 1e-3)),
+        "geometrically-exact": ((2, 1e-2), (3, 1e-3), (4, 1e-4), (5, 1e-5), (6, 1e-6)),
+        "Radau": ladder[:2],
+        "LSODA": ladder[:3],
+        **dict.fromkeys(("IDAS", "CVODES"), ladder),
+    }
+    words = f"under one period of a sine of {TORQUE.amplitude:g} N m in {TORQUE.duration:g} s"
+    return _scene("The hub-beam under a torque", words, TORQUE, 30.0, (8, 1e-8), methods)

@@ -56,7 +56,6 @@ def identification() -> Scene:
     def error(problem: tuple[Array, Array, Array], true: Array, found: Array) -> float:
         return float(frequency_errors(found, true).max())
 
-    call = 'bc.identify(u, y, dt, band_hz=(5, 490), quantity="acceleration", held_back={:.2g})'
     options: dict[str, Any] = {"modules": ("ctrlsys",)}
     return Scene(
         title=f"Modes of a steel frame from {_OUTPUTS} accelerometers",
@@ -66,7 +65,7 @@ def identification() -> Scene:
         reference=lambda problem: problem[2].imag / (2.0 * np.pi),
         error=error,
         methods=(
-            *settings("identify", "{:.0%} held back", (1.0 - _FITTED / _SAMPLES, 0.5), ours, verified=True, call=call),
+            *settings("identify", "{:.0%} held back", (1.0 - _FITTED / _SAMPLES, 0.5), ours, verified=True, ours=True),
             *settings("SLICOT, MOESP", "order {1}", [("MOESP", n) for n in (32, 40, 48)], theirs, **options),
             *settings("SLICOT, N4SID", "order {1}", [("N4SID", n) for n in (32, 40)], theirs, **options),
         ),

@@ -15,7 +15,7 @@ from boomctl.lab.benchmark.peers.hub_beam import machine
 from boomctl.lab.benchmark.peers.loops import Loop, interconnected, responded
 from boomctl.lab.benchmark.references.extrapolation import extrapolated_step
 from boomctl.lab.benchmark.references.loops import extended_maps
-from boomctl.lab.benchmark.scene import Scene, Setting, settings
+from boomctl.lab.benchmark.scene import Scene, Setting, relative_error, settings
 from boomctl.lti.python_control import control
 from boomctl.lti.rounding import SUMMED
 from boomctl.rotating_beam.assumed_modes import AssumedModesBeam
@@ -30,10 +30,6 @@ _STROKES, _FORCES = ("stroke_left", "stroke_right"), ("suspension_left", "suspen
 _GAINS, _ANGLE, _TORQUE = (-150.0, -250.0), 0.5, 60.0  # N m/rad, N m s/rad; rad; N m
 _BEAM_MODES, _TIP_MASS = 5, 0.1  # of SFOAM; kg
 _CONTINUOUS = "python-control's controller is continuous, which is an error of its own, at which its settings end."
-
-
-def _error(problem: Any, true: Array, found: Array) -> float:
-    return max(float(np.abs(found - true).max() / np.abs(true).max()), SUMMED)
 
 
 def _peers(restarted: Callable[..., Array], continuous: Callable[..., Array]) -> Iterator[Setting]:
@@ -119,18 +115,19 @@ def _rough_ground(time: Array) -> Array:
 
 def boom_loop() -> Scene:
     """Return the scene of the boom's suspension."""
-    call = "bc.simulate_loop(plant, law, wheels, t, sample_time=1e-3, force_limit=0.25)"
+
+    def ours(problem: BoomLoop, change: float) -> Array:
+        return BoomLoop.of(change).simulated()
+
     return Scene(
         title=f"The boom's suspension with a force limit, {_END:g} s sampled at 1 kHz",
         question=f"From the boom's parameters to the motion of its tips over rough ground, {_FORCE:g} N at most.",
         measure=f"Largest error over the largest displacement, against extended precision; at least {SUMMED:.0e}.",
         problem=BoomLoop.of,
         reference=lambda problem: problem.exact(),
-        error=_error,
+        error=relative_error(SUMMED),
         methods=(
-            *settings(
-                "simulate_loop", "exact", [()], lambda problem, change: BoomLoop.of(change).simulated(), call=call
-            ),
+            *settings("simulate_loop", "exact", [()], ours, ours=True),
             *_peers(
                 lambda method, rtol, problem, change: BoomLoop.of(change).loop.restarted(method, rtol),
                 lambda method, rtol, problem, change: BoomLoop.of(change).responded(method, rtol),
@@ -194,16 +191,14 @@ def beam_loop() -> Scene:
     def ours(rtol: float, problem: Any, change: float) -> Array:
         return simulated(beam(change), _TIME, rtol)
 
-    call = "bc.simulate_loop(beam, law, None, t, sample_time=1e-3, force_limit=60.0, reference=wanted, rtol={:.0e})"
     return Scene(
         title=f"The hub-beam turned by a controller with a torque limit, {_END:g} s sampled at 1 kHz",
         question=f"From the beam's parameters, SFOAM, {_BEAM_MODES} modes, to the tip's displacement.",
         measure=f"Largest error over the largest displacement, against extrapolation of order 16; at least {SUMMED:.0e}.",
-        problem=lambda: None,
         reference=lambda problem: beam_reference(beam(), _TIME),
-        error=_error,
+        error=relative_error(SUMMED),
         methods=(
-            *settings("simulate_loop", "rtol {:.0e}", (1e-2, 1e-4, 1e-6, 1e-8, 1e-10), ours, call=call),
+            *settings("simulate_loop", "rtol {:.0e}", (1e-2, 1e-4, 1e-6, 1e-8, 1e-10), ours, ours=True),
             *_peers(
                 lambda method, rtol, problem, change: loop_of(beam(change), _TIME).restarted(method, rtol),
                 lambda method, rtol, problem, change: beam_responded(beam(change), _TIME, method, rtol),

@@ -97,14 +97,7 @@ def h_infinity_scene() -> Scene:
         reference=lambda P: h_infinity(P, 2, 2, tolerance=_REFERENCE, fastest_pole=_FAST).certificate.lower,
         error=excess,
         methods=(
-            *settings(
-                "h_infinity",
-                "tolerance {:g}",
-                cases,
-                ours,
-                verified=True,
-                call="bc.h_infinity(P, 2, 2, tolerance={:g})",
-            ),
+            *settings("h_infinity", "tolerance {:g}", cases, ours, verified=True, ours=True),
             *settings("control.hinfsyn", "defaults", [()], hinfsyn, modules=("slycot",)),
             *settings("slycot sb10ad, bisection", "gtol {2:.0e}", searched, slycot, modules=("slycot",)),
             *settings("slycot sb10ad, told the level", "{2:.2%} above the best", told, slycot, modules=("slycot",)),
@@ -146,7 +139,6 @@ def tuning() -> Scene:
     def norms(plants: dict[str, Any], gains: dict[str, Any]) -> Array:
         return np.array([hinf_norm(close_loop(P, gains[name])).upper for name, (P, *_) in plants.items()])
 
-    call = "bc.tune(P, ny, nu, bc.tunable.gain(), starts={})"
     return Scene(
         title="H-infinity norm of two plants, least by a gain",
         question="From two published plants (COMPleib 1.1, HE1 and REA2) to a gain for each.",
@@ -155,7 +147,7 @@ def tuning() -> Scene:
         reference=lambda plants: norms(plants, ours(_STARTS, plants, 0.0, seed=1)),
         error=lambda plants, best, gains: max(float((norms(plants, gains) / best).max()) - 1.0, _SAME),
         methods=(
-            *settings("tune", "{} starts", (1, 2, 5, 10), ours, verified=True, call=call),
+            *settings("tune", "{} starts", (1, 2, 5, 10), ours, verified=True, ours=True),
             *settings("linfnorm, Nelder-Mead", "{} starts", (1, 2, 5, 10), theirs, modules=("slycot",)),
         ),
     )

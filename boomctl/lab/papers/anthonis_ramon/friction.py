@@ -29,8 +29,7 @@ from boomctl.structure.response.poles import damped_poles
 
 BAND_HZ = (2.5, 3.5)  # where the paper's measured lower singular value lies below its computed one
 AMPLITUDE = 5e-3  # displacement of each platform actuator [m]; the paper gives none, so this is an assumption
-POINTS = 26  # frequencies of the simulated sines in the report, a third of them in the band
-FULL_POINTS = 42  # those of a full one
+POINTS = 26  # frequencies of the simulated sines, a third of them in the band
 _ELEMENTS = 20  # of the boom: its third frequency is then right to 1e-5
 _SPAN_HZ = (0.4, 6.0)  # drawn: from below the jolt's first resonance to above the end of the mismatch
 _NO_DAMPING = 1e-9  # share of the viscous damping that is left where friction takes its place, for a model wants some
@@ -90,14 +89,10 @@ class BoomFriction:
     force: float
     matched_hz: float
 
-    def lower(self, omega: Array, jolt: Array) -> Array:
-        """Return the lower singular value: the smaller of a jolt response and the yaw response."""
-        return np.minimum(jolt, np.exp(np.interp(omega, self.omega, np.log(self.yaw))))
-
     def ratio(self, omega: Array, jolt: Array) -> Array:
-        """Return a lower singular value over the linear one."""
-        linear = np.exp(np.interp(omega, self.omega, np.log(self.jolt)))
-        return self.lower(omega, jolt) / self.lower(omega, linear)
+        """Return the lower singular value, the smaller of a jolt response and the yaw response, over the linear one."""
+        linear, yaw = (np.exp(np.interp(omega, self.omega, np.log(values))) for values in (self.jolt, self.yaw))
+        return np.minimum(jolt, yaw) / np.minimum(linear, yaw)
 
     def numbers(self) -> dict[str, float]:
         """Return the lower singular value over the linear one, mean over 2.5 to 3.5 Hz, of each reading and method."""
@@ -143,7 +138,7 @@ def matched_force(jolt: SecondOrderModel, damping: float, amplitude: float) -> t
 def friction_study(
     parameters: BoomParameters | None = None,
     amplitude: float = AMPLITUDE,
-    points: int = FULL_POINTS,
+    points: int = POINTS,
 ) -> BoomFriction:
     """Return singular values of the boom with a cradle that sticks and slips.
 
@@ -175,16 +170,8 @@ def friction_study(
             for respond, grid in ((describing_function, omega), (stepped_sine, sines))
         )
         readings.append(FrictionReading(name, share * force, balance, stepped))
-    return BoomFriction(
-        omega=omega,
-        jolt=np.abs(H[0, 0]),
-        yaw=yaw,
-        stuck=np.abs(H[0, 0] - H[0, 1] * H[1, 0] / H[1, 1]),  # the slip held at zero
-        readings=tuple(readings),
-        amplitude=float(amplitude),
-        force=force,
-        matched_hz=matched_hz,
-    )
+    stuck = np.abs(H[0, 0] - H[0, 1] * H[1, 0] / H[1, 1])  # the slip held at zero
+    return BoomFriction(omega, np.abs(H[0, 0]), yaw, stuck, tuple(readings), float(amplitude), force, matched_hz)
 
 
 def _frequencies(*models: SecondOrderModel) -> Array:
@@ -232,7 +219,7 @@ def friction_chapter(p: BoomParameters, points: int) -> Chapter:
         "boom_friction",
         draw_friction(study),
         "Singular values of jolt and yaw. Lines: describing function; circles: stepped sine on the nonlinear model, at"
-        f" {points} frequencies (boomctl reproduce --full takes {FULL_POINTS}).",
+        f" {points} frequencies.",
     )
     section = Section("Friction in the cradle", (text, verdict), (table,), (sines,))
     numbers = {"platform_amplitude": study.amplitude, "force": study.force, "matched_hz": study.matched_hz}

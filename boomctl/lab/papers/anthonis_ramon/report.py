@@ -6,7 +6,7 @@ from functools import partial
 from boomctl.analysis.measured import MeasuredCurve
 from boomctl.boom.parameters import BoomParameters
 from boomctl.lab.papers.anthonis_ramon.figures import figures_chapter
-from boomctl.lab.papers.anthonis_ramon.friction import FULL_POINTS, POINTS, friction_chapter
+from boomctl.lab.papers.anthonis_ramon.friction import POINTS, friction_chapter
 from boomctl.lab.papers.anthonis_ramon.updating import updating_chapter
 from boomctl.lab.papers.jobs import Chapter, Jobs
 from boomctl.report import Report
@@ -19,15 +19,14 @@ _LEAD = (
 _ORDER = ("table and figures", "friction in the cradle", "fitted parameters")
 
 
-def jobs(parameters: BoomParameters | None = None, measured: MeasuredCurve | None = None, full: bool = False) -> Jobs:
+def jobs(parameters: BoomParameters | None = None, measured: MeasuredCurve | None = None) -> Jobs:
     """Return the jobs of the reproduction, the longest first; :func:`report` makes a report of their results.
 
-    Parameters are by default those of Table 2; a measured sigma curve is laid over Fig. 3; ``full`` takes more frequencies
-    for the simulated sines.
+    Parameters are by default those of Table 2; a measured sigma curve is laid over Fig. 3.
     """
     p = BoomParameters() if parameters is None else parameters
     return {
-        "friction in the cradle": partial(friction_chapter, p, FULL_POINTS if full else POINTS),
+        "friction in the cradle": partial(friction_chapter, p, POINTS),
         "table and figures": partial(figures_chapter, p, measured),
         "fitted parameters": partial(updating_chapter, p),
     }

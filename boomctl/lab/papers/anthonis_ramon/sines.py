@@ -69,19 +69,12 @@ def describing_function(
         Output that is read.
     """
     H = np.asarray(plant.frequency_response(omega, [excitation, friction.input], [output, friction.output]).frdata)
-    moved = amplitude * H[:, 0]
-    force = balanced_force(moved[1], H[1, 1], friction.force)
-    response, slip = moved + H[:, 1] * force
-    return SineResponse(omega, response / amplitude, slip, force)
-
-
-def balanced_force(slip: Array, receptance: Array, force: float) -> Array:
-    """Return the fundamental of the friction force, from the slip without friction and the slip per unit force."""
-    level = 4.0 * force / np.pi
+    (moved, free), receptance, level = amplitude * H[:, 0], H[1, 1], 4.0 * friction.force / np.pi
     turned = 1j * level * receptance
-    amplitude = np.sqrt(np.maximum(np.abs(slip) ** 2 - np.imag(turned) ** 2, 0.0)) - np.real(turned)
-    sliding = amplitude > 0.0
-    return np.where(sliding, -1j * level * slip / np.where(sliding, amplitude + turned, 1.0), -slip / receptance)
+    slip_size = np.sqrt(np.maximum(np.abs(free) ** 2 - np.imag(turned) ** 2, 0.0)) - np.real(turned)
+    sliding = slip_size > 0.0
+    force = np.where(sliding, -1j * level * free / np.where(sliding, slip_size + turned, 1.0), -free / receptance)
+    return SineResponse(omega, (moved + H[0, 1] * force) / amplitude, free + receptance * force, force)
 
 
 def stepped_sine(
@@ -107,16 +100,9 @@ def stepped_sine(
     balance, fundamentals = describing_function(plant, friction, omega, excitation, amplitude, output), []
     for w, force in zip(omega, balance.force, strict=True):
         start = np.linalg.solve(1j * w * np.eye(len(A)) - A, B[:, acting] @ [amplitude, force]).real
-        excited = {excitation: amplitude * np.cos(phase)}
-        found = simulate_loop(
-            system,
-            None,
-            excited,
-            phase / w,
-            sample_time=phase[1] / w,
-            friction=replace(friction, substeps=1),
-            initial=start,
-        )
+        excited, step = {excitation: amplitude * np.cos(phase)}, phase[1] / w
+        law = replace(friction, substeps=1)
+        found = simulate_loop(system, None, excited, phase / w, sample_time=step, friction=law, initial=start)
         fundamentals.append([weights @ found[name][late] for name in (output, friction.output)])
     response, slip = np.array(fundamentals).T
     return SineResponse(omega, response / amplitude, slip, balance.force)

@@ -150,8 +150,8 @@ def _holds(found: FitResult, name: str, value: float) -> bool:
 def _table(study: BoomUpdating) -> Table:
     others = study.without_first
     rows = [("none (Table 2)", None, _boom(study.parameters).eigenfrequencies_hz(len(MEASURED_HZ)))]
-    rows += [(_words(found), found, found.fitted) for found in study.readings]
-    rows += [(f"{_words(others)} (to the last four)", others, np.array([study.first_hz, *others.fitted]))]
+    rows += [(", ".join(found.names), found, found.fitted) for found in study.readings]
+    rows += [(f"{', '.join(others.names)} (to the last four)", others, np.array([study.first_hz, *others.fitted]))]
     lines: list[tuple[str, ...]] = [("measured", "", *(f"{value:g}" for value in MEASURED_HZ), "", "")]
     for words, found, hz in rows:
         rms = 100.0 * np.sqrt(np.mean(np.square(np.log(hz / np.array(MEASURED_HZ)))))
@@ -159,14 +159,10 @@ def _table(study: BoomUpdating) -> Table:
         if found:
             values = "; ".join(f"{found.values[name]:.4g} ({found.interval_text(name)})" for name in found.names)
             certified = "yes" if found.certified else "no"
-        lines.append((words, values, *(f"{value:.4f}" for value in hz), f"{rms:.1f}", certified))
+        lines.append((words.replace("_", " "), values, *(f"{value:.4f}" for value in hz), f"{rms:.1f}", certified))
     heads = ("free", "fitted (95 % interval)", *"12345", "rms %", "certified")
     caption = "Parameters fitted to the measured row of Table 1, and the frequencies they give [Hz]."
     return Table(heads, tuple(lines), caption)
-
-
-def _words(found: FitResult) -> str:
-    return ", ".join(name.replace("_", " ") for name in found.names)
 
 
 def _results(study: BoomUpdating) -> dict[str, object]:

@@ -3,7 +3,6 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import cycle
-from typing import Literal
 
 import numpy as np
 
@@ -87,9 +86,6 @@ _FORMATS = {
 }
 """One colour and dash a model, as matplotlib writes them."""
 
-Place = Literal["", "best", "upper left", "upper right", "lower left", "lower right"]
-"""Where a legend stands; "" is nowhere."""
-
 
 @dataclass(frozen=True, eq=False)
 class Line:
@@ -124,7 +120,7 @@ class Panel:
         Range of the ordinate.
     levels : tuple of (float, str)
         Horizontal lines and what they mean.
-    legend : Place
+    legend : str
         Where the legend stands; "" for none.
     xticks : tuple of float
         Marks on a logarithmic abscissa, written out; () for matplotlib's.
@@ -137,28 +133,34 @@ class Panel:
     logarithmic: str = ""
     ylim: tuple[float, float] | None = None
     levels: tuple[tuple[float, str], ...] = ()
-    legend: Place = "best"
+    legend: str = "best"
     xticks: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
-class Chart:
-    """Panels of curves in one figure: file name without ending, caption, panels, and how many of them stand in a row."""
-
-    name: str
-    caption: str
-    panels: tuple[Panel, ...]
-    columns: int = 2
-
-
-@dataclass(frozen=True, eq=False)
 class Part:
-    """A part of the paper: its charts, its numbers, its statements."""
+    """A part of the paper: its figure, its numbers, its statements.
+
+    Attributes
+    ----------
+    title : str
+    name, caption : str
+        Of the figure: file name without ending, and what stands below.
+    panels : tuple of Panel
+        Of the figure; none without one.
+    comparisons : tuple of Comparison
+    claims : tuple of Claim
+    columns : int
+        Panels in a row.
+    """
 
     title: str
-    charts: tuple[Chart, ...] = ()
+    name: str = ""
+    caption: str = ""
+    panels: tuple[Panel, ...] = ()
     comparisons: tuple[Comparison, ...] = ()
     claims: tuple[Claim, ...] = ()
+    columns: int = 2
 
 
 def peak(values: Array) -> float:

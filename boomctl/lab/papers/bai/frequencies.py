@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from boomctl.lab.papers.bai.comparison import Chart, Comparison, Panel, Part, compare, judge, lines
+from boomctl.lab.papers.bai.comparison import Comparison, Panel, Part, compare, judge, lines
 from boomctl.rotating_beam.assumed_modes import AssumedModesBeam
 from boomctl.rotating_beam.factory import hub_beam
 from boomctl.rotating_beam.parameters import HubBeamParameters
@@ -61,8 +61,8 @@ def critical_speeds() -> Part:
         abs(at_hub - computed[0.0]) < 1e-6 and falling,
         "the eigenvalue's scale depends on that of the mode shapes; its zero does not",
     )
-    chart = Chart("fig-09", caption, (left, right))
-    return Part("Critical speeds of TLAM and Fig. 9 (section 4.4)", (chart,), comparisons, (claim,))
+    title = "Critical speeds of TLAM and Fig. 9 (section 4.4)"
+    return Part(title, "fig-09", caption, (left, right), comparisons, (claim,))
 
 
 def _critical_speed(mass: float, printed: float, computed: float) -> Comparison:

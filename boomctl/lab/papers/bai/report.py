@@ -3,14 +3,13 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, astuple
 from functools import partial
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.lab.papers.bai import frequencies, spin_up, torque
-from boomctl.lab.papers.bai.comparison import CORRECTED, MET, MODELS, NOT_REPRODUCIBLE, Chart, Comparison, Part
+from boomctl.lab.papers.bai.comparison import CORRECTED, MET, MODELS, NOT_REPRODUCIBLE, Comparison, Part
 from boomctl.lab.papers.bai.validity import TORQUES, section, tip_errors, tips
 from boomctl.lab.papers.jobs import Jobs
 from boomctl.report import Report, Section, Table
@@ -40,20 +39,16 @@ _RULE = (
 def jobs(torques: tuple[float, ...] = TORQUES) -> Jobs:
     """Return the jobs of the reproduction, the longest first; :func:`report` makes a report of their results.
 
-    Torques are amplitudes over which the models are held against the geometrically exact beam, N m: at least two, ascending,
-    > 0; otherwise `ValueError`.
+    Torques are amplitudes [N m] over which the models are held against the geometrically exact beam, ascending.
     """
-    if len(torques) < 2 or torques[0] <= 0.0 or any(b <= a for a, b in pairwise(torques)):
-        raise ValueError(f"torques = {torques!r}: expected at least two, ascending and > 0")
     valid = {f"validity of {label}": partial(tips, MODELS[label], torques) for label in _MODELS}
     return valid | {name: partial(_drawn, name) for name in _DRAWN} | {"a slew": _film}
 
 
-def report(torques: tuple[float, ...], found: Mapping[str, Any]) -> Report:
+def report(found: Mapping[str, Any], torques: tuple[float, ...] = TORQUES) -> Report:
     """Return the report of the results of the jobs for these torques."""
     free, (*spun_up, fig_10), (table_2, fig_9) = (found[name] for name in _DRAWN)
-    errors = tip_errors({label: found[f"validity of {label}"] for label in _MODELS})
-    valid = section(np.array(torques), errors)
+    valid = section(np.array(torques), tip_errors({label: found[f"validity of {label}"] for label in _MODELS}))
     parts, sections = zip(table_2, *spun_up, *free, fig_9, fig_10, (valid, _section(valid)), strict=True)
     values = results(parts)
     counts = "; ".join(f"{count} {verdict}" for verdict, count in values["summary"].items())
@@ -93,7 +88,7 @@ def _section(part: Part) -> Section:
     if part.claims:
         heads = ("where", "statement", "ours", "verdict", "why")
         tables.append(Table(heads, tuple(map(astuple, part.claims)), align="l", shades=_SHADES))
-    pictures = tuple(picture(chart.name, draw_chart(chart), chart.caption) for chart in part.charts)
+    pictures = (picture(part.name, draw_chart(part), part.caption),) if part.panels else ()
     return Section(part.title, (), tuple(tables), pictures)
 
 
@@ -114,27 +109,24 @@ def results(parts: Sequence[Part]) -> dict[str, Any]:
                 "title": part.title,
                 "comparisons": [asdict(each) for each in part.comparisons],
                 "claims": [asdict(each) for each in part.claims],
-                "figures": [_curves(chart) for chart in part.charts],
+                "figures": [_curves(part)] if part.panels else [],
             }
             for part in parts
         ],
     }
 
 
-def _curves(chart: Chart) -> dict[str, object]:
-    return {
-        "name": chart.name,
-        "caption": chart.caption,
-        "panels": [
-            {
-                "title": panel.title,
-                "x": panel.xlabel,
-                "y": panel.ylabel,
-                "lines": [{"label": line.label, "x": _thin(line.x), "y": _thin(line.y)} for line in panel.lines],
-            }
-            for panel in chart.panels
-        ],
-    }
+def _curves(part: Part) -> dict[str, object]:
+    panels = [
+        {
+            "title": panel.title,
+            "x": panel.xlabel,
+            "y": panel.ylabel,
+            "lines": [{"label": line.label, "x": _thin(line.x), "y": _thin(line.y)} for line in panel.lines],
+        }
+        for panel in part.panels
+    ]
+    return {"name": part.name, "caption": part.caption, "panels": panels}
 
 
 def _thin(values: Array) -> list[float]:

@@ -7,7 +7,6 @@ import numpy as np
 from boomctl.arrays import Array
 from boomctl.lab.papers.bai.comparison import (
     MODELS,
-    Chart,
     Comparison,
     Line,
     Panel,
@@ -64,7 +63,7 @@ def neglected_terms() -> Part:
         ("(f) tip displacement", "v(L) [m]", result.tip_displacement),
     )
     caption = "Fig. 3. Terms of CFOAM that FOAM neglects, spin-up to 3 rad/s, one mode (scaled to 1 at the tip)"
-    chart = Chart("fig-03", caption, tuple(Panel(title, label, lines(TIME, {"": y})) for title, label, y in curves))
+    panels = tuple(Panel(title, label, lines(TIME, {"": y})) for title, label, y in curves)
     shares = [peak(y[TIME > DURATION]) / peak(y) for _, _, y in curves[:5]]
     claim = judge(
         "Fig. 3",
@@ -74,7 +73,7 @@ def neglected_terms() -> Part:
         "Eqs. (35), (36), (38), (39) as mended: the print has wrong signs and factors, and misses terms",
         corrected=True,
     )
-    return Part("Fig. 3: neglected terms", (chart,), claims=(claim,))
+    return Part("Fig. 3: neglected terms", "fig-03", caption, panels, claims=(claim,))
 
 
 def cfoam_and_foam() -> Part:
@@ -94,14 +93,13 @@ def cfoam_and_foam() -> Part:
         gap < 1e-3,
         "equal to the width of a drawn line",
     )
-    return Part("Fig. 4: CFOAM and FOAM", (Chart("fig-04", caption, panels, columns=1),), claims=(claim,))
+    return Part("Fig. 4: CFOAM and FOAM", "fig-04", caption, panels, claims=(claim,), columns=1)
 
 
 def foam_and_tlam() -> Part:
     """Fig. 5: TLAM against FOAM at 2.8 and 3 rad/s, and below; transverse and axial."""
     runs = {w: {name: _run(name, w, 5, 0.0) for name in ("TLAM", "FOAM")} for w in (2.0, 2.8, 3.0)}
     panels = tuple(panel for row, (speed, pair) in enumerate(runs.items(), 1) for panel in _pair(row, speed, pair))
-    chart = Chart("fig-05", "Fig. 5. TLAM and FOAM: the tip during and after spin-up in 30 s", panels)
     far, near = (peak(r.tip_displacement) for r in runs[3.0].values())
     until = runs[3.0]["TLAM"].small_deformation_until
     claim = judge(
@@ -111,8 +109,9 @@ def foam_and_tlam() -> Part:
         bool(far > 8.0 and until < 60.0 and near < 0.3),
         "curves of panel (a3) leave the frame: beyond small deformation they mean nothing",
     )
+    caption = "Fig. 5. TLAM and FOAM: the tip during and after spin-up in 30 s"
     title = "Fig. 5: FOAM and TLAM (section 4.4 calls it Fig. 4)"
-    return Part(title, (chart,), _deflections(**runs[2.8]), (claim,))
+    return Part(title, "fig-05", caption, panels, _deflections(**runs[2.8]), (claim,))
 
 
 def _pair(row: int, speed: float, runs: dict[str, SimulationResult]) -> tuple[Panel, Panel]:
@@ -171,8 +170,8 @@ def mode_by_mode() -> Part:
         ),
         Panel("(d) number of modes", "v(L) [m]", few),
     )
-    chart = Chart("fig-06", "Fig. 6. FOAM, spin-up to 5 rad/s: share of each mode in the tip displacement", panels)
-    return Part("Fig. 6: modes of FOAM", (chart,), (comparison,), (claim,))
+    caption = "Fig. 6. FOAM, spin-up to 5 rad/s: share of each mode in the tip displacement"
+    return Part("Fig. 6: modes of FOAM", "fig-06", caption, panels, (comparison,), (claim,))
 
 
 def _modes(shares: Array) -> tuple[Line, ...]:
@@ -215,7 +214,7 @@ def tip_mass() -> Part:
     ]
     panels += [Panel("(d) first frequency", "frequency [rad/s]", _frequency_lines(), "hub speed [rad/s]")]
     caption = "Fig. 10. TLAM and FOAM with a tip mass, spin-up to 2 rad/s in 30 s; first frequency over the hub speed"
-    return Part("Fig. 10: tip mass", (Chart("fig-10", caption, tuple(panels)),), claims=claims)
+    return Part("Fig. 10: tip mass", "fig-10", caption, tuple(panels), claims=claims)
 
 
 def _frequency_lines() -> tuple[Line, ...]:

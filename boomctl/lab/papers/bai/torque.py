@@ -8,7 +8,6 @@ import numpy as np
 from boomctl.arrays import Array
 from boomctl.lab.papers.bai.comparison import (
     MODELS,
-    Chart,
     Comparison,
     Line,
     Panel,
@@ -61,10 +60,11 @@ def inertia_torque() -> Part:
         "it grows about as the cube of the torque",
     )
     title = "Table 3 (printed under the caption of Table 2) and Fig. 7"
-    return Part(title, (_fig_7(np.array([*largest.values()])),), tuple(rows), (claim,))
+    caption = "Fig. 7. Q_theta at 400 N m, and its largest value over the torque"
+    return Part(title, "fig-07", caption, _fig_7(np.array([*largest.values()])), tuple(rows), (claim,))
 
 
-def _fig_7(largest: Array) -> Chart:
+def _fig_7(largest: Array) -> tuple[Panel, Panel]:
     torques, published = np.array([*INERTIA_TORQUES]), np.array([*(INERTIA_TORQUES | MENDED).values()])
     over_time = {label: _run(label, 400.0, 5, 0.0).inertia_torque for label in ("FOAM", "exact")}
     over_torque = (
@@ -87,7 +87,7 @@ def _fig_7(largest: Array) -> Chart:
         logarithmic="xy",
         xticks=tuple(INERTIA_TORQUES),
     )
-    return Chart("fig-07", "Fig. 7. Q_theta at 400 N m, and its largest value over the torque", (left, right))
+    return left, right
 
 
 def _why(amplitude: float) -> str:
@@ -166,8 +166,8 @@ def foam_and_sfoam() -> Part:
         apart = {label: 1e3 * (tip - curves["FOAM"]) for label, tip in curves.items() if label != "FOAM"}
         panels.append(Panel(f"({letter}) {amplitude:g} N m", "v(L) [m]", lines(TIME, curves), legend="lower right"))
         panels.append(Panel(f"({letter}') difference from FOAM", "Δv(L) [mm]", lines(TIME, apart)))
-    chart = Chart("fig-08", "Fig. 8. Tip displacement of FOAM and SFOAM", tuple(panels))
-    return Part("Fig. 8: FOAM and SFOAM", (chart,), _lead_and_loss(tips[200.0]), claims)
+    caption = "Fig. 8. Tip displacement of FOAM and SFOAM"
+    return Part("Fig. 8: FOAM and SFOAM", "fig-08", caption, tuple(panels), _lead_and_loss(tips[200.0]), claims)
 
 
 def _lead_and_loss(tips: dict[str, Array]) -> tuple[Comparison, ...]:
