@@ -170,14 +170,13 @@ def sigma(asked: Namespace) -> dict[str, Any]:
 def _save_sigma(result: Any, label: str, curve: Any, out: Path) -> None:
     from boomctl.files import prepared_folder, write_whole
     from boomctl.plotting.canvas import figure_bytes, new_figure
-    from boomctl.plotting.sigma import plot_measured, plot_sigma
 
     prepared_folder(out.parent)
     figure = new_figure()
     ax = figure.add_subplot()
-    plot_sigma(result, ax, unit="Hz", label=label)
+    result.plot(ax, unit="Hz", label=label)
     if curve is not None:
-        plot_measured(curve, ax)
+        curve.plot(ax)
     write_whole(out, figure_bytes(figure, out.suffix[1:]))
 
 

@@ -29,7 +29,6 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import boomctl as bc
-from boomctl.plotting import draw_deposit, draw_motion
 
 plt.style.use("boomctl.plotting.look")  # or a style of your own
 p = bc.BoomParameters()
@@ -65,7 +64,8 @@ places = [-6.0, *nozzles, 6.0]
 names = ["tip_left", *(name for name in boom.outputs if name.startswith("nozzle")), "tip_right"]
 run = bc.forced_response(boom, {"actuator_left": motion.left, "actuator_right": motion.right}, motion.time, names)
 both = np.array([run.outputs["tip_left"], run.outputs["tip_right"]])
-draw_motion(motion, {"passive boom": both}, span=(60.0, 90.0))
+motion.plot()[-1].set_xlim(60.0, 90.0)
+run.plot(outputs=["tip_left", "tip_right"])[-1].set_xlim(60.0, 90.0)
 plt.show()
 
 # %% [markdown]
@@ -88,7 +88,7 @@ print(f"doses {whole.lowest_dose:.2f} to {whole.highest_dose:.2f}")
 print(f"{100 * whole.share_outside_10:.1f} % of the field get more than 110 % or less than 90 %")
 straight = bc.spray_deposit(run.time[late], both[:, late], [-6.0, 6.0], 3.0, nozzles=nozzles)
 print(f"if the boom were straight between its tips: CV {100 * straight.cv:.2f} %")
-draw_deposit({"passive boom, class E, 3 m/s": whole}, length=40.0)
+whole.plot(label="passive boom, class E, 3 m/s", length=40.0)
 plt.show()
 
 assert abs(whole.cv - 0.0314) < 2e-4
@@ -167,7 +167,8 @@ for hinge, cradle in ((2.0, 160.0), (500.0, 160.0), (2.0, 500.0), (500.0, 500.0)
     print(f"{hinge:14.0f} {cradle:16.0f} {peak:9.1f} {100 * results[title].cv:6.2f} % {stroke:7.0f} mm")
 
 before, *_, after = results
-draw_deposit({name: results[name] for name in (before, after)}, length=40.0)
+for name in (before, after):
+    results[name].plot(label=name, length=40.0)
 plt.show()
 
 # %% [markdown]

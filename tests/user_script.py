@@ -213,7 +213,7 @@ reveal_type(swept)
 reveal_type(swept["value"])
 reveal_type(bc.structure.FiniteElements(4))
 reveal_type(bc.studies.suspension.suspension_model(p))
-draw = bc.plotting.draw_deposit  # its type names style, which is open
+draw = bc.plotting.figure_of  # its type names options, which are open
 reveal_type(bc.slew.shaper)
 reveal_type(bc.simulation.TimeVaryingController)
 packages = (

@@ -211,7 +211,7 @@ class LoopMargin:
         matplotlib.axes.Axes
             Those drawn on.
         """
-        return import_module("boomctl.plotting").plot_loop_margin(self, ax, **style)
+        return import_module("boomctl.plotting.margins").plot_loop_margin(self, ax, **style)
 
 
 @dataclass(frozen=True)
@@ -273,7 +273,7 @@ class Margins:
         ndarray of matplotlib.axes.Axes
             Those drawn on, in the order in which ``ax`` names them.
         """
-        return import_module("boomctl.plotting").plot_margins(self, ax, **style)
+        return import_module("boomctl.plotting.margins").plot_margins(self, ax, **style)
 
     def __repr__(self) -> str:
         disks = (

@@ -88,7 +88,7 @@ class MeasuredCurve:
         matplotlib.axes.Axes
             Those drawn on.
         """
-        return import_module("boomctl.plotting").plot_measured(self, ax, unit=unit, **style)
+        return import_module("boomctl.plotting.sigma").plot_measured(self, ax, unit=unit, **style)
 
 
 def read_measured_curve(path: str | Path) -> MeasuredCurve:

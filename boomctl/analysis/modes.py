@@ -155,7 +155,7 @@ class ModeTable:
         matplotlib.axes.Axes
             Those drawn on.
         """
-        return import_module("boomctl.plotting").plot_mode_table(self, ax, **style)
+        return import_module("boomctl.plotting.looking").plot_mode_table(self, ax, **style)
 
     @property
     def _discrete(self) -> bool:

@@ -93,7 +93,7 @@ class ExactLoopStability:
         matplotlib.axes.Axes
             Those drawn on.
         """
-        return import_module("boomctl.plotting").plot_exact_loop(self, ax, **style)
+        return import_module("boomctl.plotting.looking").plot_exact_loop(self, ax, **style)
 
     def __repr__(self) -> str:
         verdict = "stable" if self.stable else f"{self.unstable_poles} unstable poles"

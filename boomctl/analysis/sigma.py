@@ -183,7 +183,7 @@ class SigmaResult:
         matplotlib.axes.Axes
             Those drawn on.
         """
-        return import_module("boomctl.plotting").plot_sigma(self, ax, unit=unit, **style)
+        return import_module("boomctl.plotting.sigma").plot_sigma(self, ax, unit=unit, **style)
 
 
 @one_blas_thread
@@ -350,7 +350,7 @@ class SigmaComparison:
         matplotlib.axes.Axes
             Those drawn on.
         """
-        return import_module("boomctl.plotting").plot_sigma_comparison(self, ax, unit=unit, **style)
+        return import_module("boomctl.plotting.sigma").plot_sigma_comparison(self, ax, unit=unit, **style)
 
 
 @one_blas_thread

@@ -96,7 +96,7 @@ class PlatformMotion(TimeSeries):
         ndarray of matplotlib.axes.Axes
             Those drawn on, in the order in which ``ax`` names them.
         """
-        return import_module("boomctl.plotting").plot_motion(self, ax, **style)
+        return import_module("boomctl.plotting.spray").plot_motion(self, ax, **style)
 
     def _outputs(self) -> dict[str, Array]:
         return {

@@ -186,22 +186,28 @@ class SprayResult:
         """Largest deposit of a cell over the nominal one."""
         return float(self.judged.max())
 
-    def plot(self, ax: Axes | None = None, **style: Any) -> Axes:
-        """Draw the deposit on the field, beside its scale of colours.
+    def plot(
+        self, ax: Axes | None = None, *, label: str = "deposit", length: float | None = None, **style: Any
+    ) -> Axes:
+        """Draw the deposit on the field, beside its scale of colors, which is the same for all deposits.
 
         Parameters
         ----------
         ax : matplotlib Axes, optional
             Where to draw; by default a new figure of pyplot.
+        label : str, default: "deposit"
+            The title.
+        length : float, optional
+            Length of field to show [m], from where judging begins.  If None, all that is judged.
         **style
-            Of the map, as matplotlib's ``pcolormesh`` takes it; a ``label`` is its title.
+            Of the map, as matplotlib's ``pcolormesh`` takes it.
 
         Returns
         -------
         matplotlib.axes.Axes
             Those drawn on.
         """
-        return import_module("boomctl.plotting").plot_deposit(self, ax, **style)
+        return import_module("boomctl.plotting.spray").plot_deposit(self, ax, label=label, length=length, **style)
 
     @property
     def relative_tip_speed(self) -> float:

@@ -123,7 +123,7 @@ class Track:
         matplotlib.axes.Axes
             Those drawn on.
         """
-        return import_module("boomctl.plotting").plot_track(self, ax, **style)
+        return import_module("boomctl.plotting.spray").plot_track(self, ax, **style)
 
     @property
     def distance(self) -> Array:

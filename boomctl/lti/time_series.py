@@ -75,4 +75,4 @@ class TimeSeries:
             Those drawn on.
         """
         drawn = {getattr(self, "name", type(self).__name__): ({**self._outputs(), **self._inputs()}, self.time)}
-        return import_module("boomctl.plotting").plot_comparison("time", drawn, ax, **style)
+        return import_module("boomctl.plotting.looking").plot_comparison("time", drawn, ax, **style)

@@ -9,7 +9,6 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.plotting.canvas import COLOURS, new_figure, style
-from boomctl.plotting.sigma import plot_measured, plot_sigma
 
 if TYPE_CHECKING:
     from boomctl.analysis.measured import MeasuredCurve
@@ -30,13 +29,13 @@ def draw_figure_3(
         ax, below = figure.subplots(2, 1, sharex=True, height_ratios=(2.4, 1.0))
         for i, (name, curve) in enumerate(reversed(curves.items())):
             linestyle = next(value for key, value in _LINES.items() if name.startswith(key))
-            plot_sigma(curve, ax, unit="Hz", label=name, linestyle=linestyle, color=COLOURS[(5, 1, 0)[i]])
+            curve.plot(ax, unit="Hz", label=name, linestyle=linestyle, color=COLOURS[(5, 1, 0)[i]])
         for k, freq in enumerate(measured_hz):
             ax.axvline(
                 freq, color="#777777", linewidth=0.8, dashes=(2, 2), label="measured frequency" if k == 0 else None
             )
         if measured is not None:
-            plot_measured(measured, ax, color=COLOURS[2])
+            measured.plot(ax, color=COLOURS[2])
         ax.set_xlim(0.1, 10.0)
         ax.set_ylim(1e-3, 5e3)
         ax.set_ylabel("singular values, platform actuators to tips [m/m]")

@@ -195,7 +195,7 @@ class ReductionResult:
         matplotlib.axes.Axes
             Those drawn on.
         """
-        return import_module("boomctl.plotting").plot_reduction(self, ax, unit=unit, **style)
+        return import_module("boomctl.plotting.design").plot_reduction(self, ax, unit=unit, **style)
 
 
 def _response(system: Lti | SecondOrderModel, omega: Array) -> Array:

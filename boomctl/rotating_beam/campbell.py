@@ -108,7 +108,7 @@ class CampbellDiagram:
         matplotlib.axes.Axes
             Those drawn on.
         """
-        return import_module("boomctl.plotting").plot_campbell(self, ax, **style)
+        return import_module("boomctl.plotting.rotating_beam").plot_campbell(self, ax, **style)
 
 
 def campbell_diagram(

@@ -167,7 +167,7 @@ class SimulationResult(TimeSeries):
         ndarray of matplotlib.axes.Axes
             Those drawn on, in the order in which ``ax`` names them.
         """
-        return import_module("boomctl.plotting").plot_simulation(self, ax, **style)
+        return import_module("boomctl.plotting.rotating_beam").plot_simulation(self, ax, **style)
 
     def _outputs(self) -> dict[str, Array]:
         names = ("hub_angle", "hub_speed", "tip_displacement", "axial_tip_displacement", "foreshortening")

@@ -94,7 +94,7 @@ class ForcedResponse(TimeSeries):
         ndarray of matplotlib.axes.Axes
             Those drawn on, in the order in which ``ax`` names them.
         """
-        return import_module("boomctl.plotting").plot_forced_response(self, ax, outputs=outputs, **style)
+        return import_module("boomctl.plotting.loop").plot_forced_response(self, ax, outputs=outputs, **style)
 
     def _outputs(self) -> dict[str, Array]:
         return self.outputs

@@ -162,4 +162,4 @@ class LoopResult(TimeSeries):
         ndarray of matplotlib.axes.Axes
             Those drawn on, in the order in which ``ax`` names them.
         """
-        return import_module("boomctl.plotting").plot_loop(self, ax, outputs=outputs, **style)
+        return import_module("boomctl.plotting.loop").plot_loop(self, ax, outputs=outputs, **style)

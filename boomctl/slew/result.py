@@ -410,4 +410,4 @@ class SlewResult(TimeSeries):
         ndarray of matplotlib.axes.Axes
             Those drawn on, in the order in which ``ax`` names them.
         """
-        return import_module("boomctl.plotting").plot_slew(self, ax, **style)
+        return import_module("boomctl.plotting.slew").plot_slew(self, ax, **style)

@@ -67,7 +67,7 @@ class TorqueHistory:
         matplotlib.axes.Axes
             Those drawn on.
         """
-        return import_module("boomctl.plotting").plot_torque(self, ax, **style)
+        return import_module("boomctl.plotting.slew").plot_torque(self, ax, **style)
 
     @property
     def duration(self) -> float:

@@ -104,7 +104,7 @@ class TuneResult(Design):
         shown = [m for m in self.models if any(peak.model == m for peak in self.certificate.peaks)]
         chosen = {name: self._loops[self.models.index(name)] for name in shown or [self.models[self._worst]]}
         curves = {name: sigma(loop.statespace("loop")) for name, loop in chosen.items()}
-        return import_module("boomctl.plotting").plot_tune(self, curves, ax, unit=unit, **style)
+        return import_module("boomctl.plotting.design").plot_tune(self, curves, ax, unit=unit, **style)
 
     def render(self) -> str:
         """Return the result as text.

@@ -457,7 +457,7 @@ def test_controls_of_an_overlay_are_not_cut_off():
         signals = {"outputs": {"y": t}, "strokes": {}, "controls": {"u": size * t}, "asked": {"u": size * t}}
         return SimpleNamespace(time=t, **words, **signals)
 
-    from boomctl.plotting import plot_loop
+    from boomctl.plotting.loop import plot_loop
 
     axes = plot_loop(run(1.0), Figure().subplots(2, 1))
     plot_loop(run(10.0), axes)

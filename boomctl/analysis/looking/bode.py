@@ -123,7 +123,7 @@ class BodeResult:
         ndarray of matplotlib.axes.Axes
             Those drawn on, in the order in which ``ax`` names them.
         """
-        return import_module("boomctl.plotting").plot_bode(self, ax, unit=unit, **style)
+        return import_module("boomctl.plotting.looking").plot_bode(self, ax, unit=unit, **style)
 
 
 @one_blas_thread

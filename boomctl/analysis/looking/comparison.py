@@ -133,7 +133,7 @@ class Comparison:
             raise ValueError("plot: there is nothing over time, over frequency, or of margins that all of them have")
         chosen = there[0] if what is None else known("picture", what, there)
         drawn = {name: _of_kind(chosen, parts) for name, parts in self._parts.items()}
-        return import_module("boomctl.plotting").plot_comparison(chosen, drawn, ax, signals=signals, **style)
+        return import_module("boomctl.plotting.looking").plot_comparison(chosen, drawn, ax, signals=signals, **style)
 
     def _table(self) -> list[tuple[str, ...]]:
         rows: list[tuple[str, ...]] = [("", *self.names)]

@@ -111,7 +111,7 @@ class NyquistResult:
         matplotlib.axes.Axes
             Those drawn on.
         """
-        return import_module("boomctl.plotting").plot_nyquist(self, ax, **style)
+        return import_module("boomctl.plotting.looking").plot_nyquist(self, ax, **style)
 
 
 @one_blas_thread

@@ -73,7 +73,7 @@ class PoleZeroResult:
         matplotlib.axes.Axes
             Those drawn on.
         """
-        return import_module("boomctl.plotting").plot_pole_zero(self, ax, **style)
+        return import_module("boomctl.plotting.looking").plot_pole_zero(self, ax, **style)
 
 
 @one_blas_thread

@@ -124,7 +124,7 @@ class TransientResult:
         ndarray of matplotlib.axes.Axes
             Those drawn on, in the order in which ``ax`` names them.
         """
-        return import_module("boomctl.plotting").plot_transient(self, ax, **style)
+        return import_module("boomctl.plotting.looking").plot_transient(self, ax, **style)
 
 
 @one_blas_thread

@@ -11,7 +11,7 @@ from typing import Any, get_args
 
 from boomctl.files import plain
 from boomctl.lab.benchmark.diagram import Diagram, Point, Way
-from boomctl.report import Report, Section, Table, number, power
+from boomctl.report import Report, Section, Table, power
 
 _PACKAGES = ("boomctl", "numpy", "scipy", "control", "slycot", "pymor", "casadi", "ctrlsys", "mpmath")
 _SHADES = {"NO": "#f9d6d5", "yes": "#e3f4e3"}
@@ -73,7 +73,7 @@ class BenchmarkReport:
                     lead = f"ours: {_name(ours)}" if ours else "none of ours has so small an error"
                     where = f"{error_words(other.error)}, {_name(other)}; {lead}"
                     ahead = "yes" if least >= 1.0 else "NO"
-                    lines.append((diagram.key, way, ahead, number(least, 2), where, number(largest, 2)))
+                    lines.append((diagram.key, way, ahead, _ratio(least), where, _ratio(largest)))
         heads = ("Scene", "Calls", "Leads", "Least", "where", "Largest")
         caption = "Run time of each point of the others' front over that of our fastest setting with no larger error."
         return Table(heads, tuple(lines), caption, align="lllrlr", shades=_SHADES)
@@ -100,6 +100,10 @@ def _point_table(diagram: Diagram) -> Table:
     heads = ("Method", "Setting", "Error", "Cold", "Hot", "Verified", "On the front")
     caption = "Verified: the method checks its answer by an independent computation within the run time shown."
     return Table(heads, tuple(lines), caption, align="llrrrll")
+
+
+def _ratio(value: float) -> str:
+    return f"{value:,.0f}" if value >= 100.0 else f"{value:.2g}"
 
 
 def _name(point: Point) -> str:

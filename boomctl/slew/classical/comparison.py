@@ -183,7 +183,7 @@ class SlewComparison:
         ndarray of matplotlib.axes.Axes
             Those drawn on, in the order in which ``ax`` names them.
         """
-        return import_module("boomctl.plotting").plot_slew_comparison(self, ax, names=names, **style)
+        return import_module("boomctl.plotting.slew").plot_slew_comparison(self, ax, names=names, **style)
 
 
 @one_blas_thread

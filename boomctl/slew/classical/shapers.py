@@ -61,7 +61,7 @@ class Shaper:
         ndarray of matplotlib.axes.Axes
             Those drawn on, in the order in which ``ax`` names them.
         """
-        return import_module("boomctl.plotting").plot_shaper(self, ax, **style)
+        return import_module("boomctl.plotting.slew").plot_shaper(self, ax, **style)
 
     def residual(self, frequency: float, damping_ratio: float = 0.0) -> float:
         """Return the vibration that is left after the train, as a share of that after one impulse.

@@ -71,7 +71,7 @@ class SwitchingCurve(TimeSeries):
         ndarray of matplotlib.axes.Axes
             Those drawn on, in the order in which ``ax`` names them.
         """
-        return import_module("boomctl.plotting").plot_switching(self, ax, **style)
+        return import_module("boomctl.plotting.slew").plot_switching(self, ax, **style)
 
 
 @one_blas_thread

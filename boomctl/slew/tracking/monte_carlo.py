@@ -95,7 +95,7 @@ class TrackingStudy:
         ndarray of matplotlib.axes.Axes
             Those drawn on, in the order in which ``ax`` names them.
         """
-        return import_module("boomctl.plotting").plot_tracking_study(self, ax, **style)
+        return import_module("boomctl.plotting.slew").plot_tracking_study(self, ax, **style)
 
 
 def drawn(name: str, given: Any, runs: int, rng: np.random.Generator, centre: float | None, nominal: float) -> Array:

@@ -128,7 +128,7 @@ class ModeShapes:
         ndarray of matplotlib.axes.Axes
             Those drawn on, in the order in which ``ax`` names them.
         """
-        return import_module("boomctl.plotting").plot_mode_shapes(self, ax, **style)
+        return import_module("boomctl.plotting.mode_shapes").plot_mode_shapes(self, ax, **style)
 
 
 def mode_shapes(structure: Structure, count: int) -> ModeShapes:

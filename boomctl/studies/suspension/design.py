@@ -210,8 +210,7 @@ class SuspensionResult(Evaluation):
         }
 
     def _sections(self) -> Iterator[Section]:
-        from boomctl.plotting.canvas import figure_of, picture
-        from boomctl.plotting.spray import draw_deposit
+        from boomctl.plotting.canvas import new_figure, picture
         from boomctl.plotting.suspension import draw_run, draw_suspension_sigma, draw_weights
 
         design, scene, before, after = self.design, self.scene, self.passive, self.active
@@ -255,7 +254,9 @@ class SuspensionResult(Evaluation):
         drawn = draw_run(before.run, after.run, labels=titles, limits=limits, span=span)
         shown = picture("run", drawn, f"Platform, left tip, left stroke and forces, {length:g} s of it.")
         yield Section("A run over the field", (text,), (Table(("", *titles), tuple(rows[run:])),), (shown,))
-        drawn = figure_of(draw_deposit, {before.title: before.spray, after.title: after.spray}, length=_FIELD)
+        drawn = new_figure(9.0, 4.7)
+        for ax, each in zip(drawn.subplots(2, 1), (before, after), strict=True):
+            each.spray.plot(ax, label=each.title, length=_FIELD)
         text = f"Deposit relative to the nominal dose, in cells of 0.1 m by 0.1 m. Assumed of each nozzle: {Footprint()!r}."
         shown = picture("deposit", drawn, "Deposit before and after.", "png", "svg")  # so many cells are shown as PNG
         yield Section("Spray on the field", (text,), pictures=(shown,))

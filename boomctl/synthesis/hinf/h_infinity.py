@@ -90,7 +90,7 @@ class HInfinityResult(Design):
             Those drawn on.
         """
         curves = sigma(self.closed_loop)
-        return import_module("boomctl.plotting").plot_h_infinity(self, curves, ax, unit=unit, **style)
+        return import_module("boomctl.plotting.design").plot_h_infinity(self, curves, ax, unit=unit, **style)
 
     def __repr__(self) -> str:
         least = f"no controller goes below {self.certificate.lower:.6g}"

@@ -88,7 +88,7 @@ class RecoveryResult:
         ndarray of matplotlib.axes.Axes
             Those drawn on, in the order in which ``ax`` names them.
         """
-        return import_module("boomctl.plotting").plot_recovery(self, ax, unit=unit, **style)
+        return import_module("boomctl.plotting.design").plot_recovery(self, ax, unit=unit, **style)
 
 
 @one_blas_thread

@@ -1,0 +1,88 @@
+"""Pictures draw what the results hold: data, limits and words."""
+
+from types import SimpleNamespace
+
+import control
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+import boomctl as bc
+from boomctl.plotting import figure_of
+from boomctl.plotting.suspension import draw_run
+from boomctl.structure import SecondOrderModel
+from boomctl.structure.response.mode_shapes import ModeShapes, ShapeLine
+
+OMEGA = np.array([0.5, 1.0, 2.0])
+
+
+def test_bode_plot_draws_magnitude_and_phase_of_each_pair():
+    plant = control.ss([[-1.0]], [[2.0, -3.0]], [[1.0]], 0.0)
+    upper, lower = bc.bode(plant, OMEGA).plot(Figure())
+    response = np.array([[2.0], [-3.0]]) / (1j * OMEGA + 1.0)
+    for k, found in enumerate(response):
+        assert upper.get_lines()[k].get_ydata() == pytest.approx(np.abs(found))
+        turned = np.asarray(lower.get_lines()[k].get_ydata()) - np.degrees(np.angle(found))
+        assert np.mod(turned + 180.0, 360.0) == pytest.approx(180.0)
+    assert lower.get_lines()[0].get_ydata()[0] == pytest.approx(-np.degrees(np.arctan(0.5)))
+
+
+@pytest.mark.parametrize(("gain", "verdict"), [(0.5, "stable"), (-2.0, "1 unstable")])
+def test_nyquist_plot_says_whether_the_loop_is_stable(gain, verdict):
+    plant = control.ss([[-1.0]], [[1.0]], [[1.0]], 0.0, inputs="u", outputs="y")
+    controller = control.ss([], [], [], [[-gain]], inputs="y", outputs="u")
+    found = bc.nyquist(plant, controller)
+    assert found.stable == (verdict == "stable")
+    label = found.plot(Figure().add_subplot()).get_legend_handles_labels()[1][0]
+    assert label.endswith(f": {verdict}")
+
+
+def test_mode_table_plot_has_damping_in_percent_over_hertz():
+    model = SecondOrderModel([[1.0]], [[0.04]], [[4.0]], {"force": [1.0]}, {"place": [1.0]})
+    (line,) = bc.mode_table(model).plot(Figure().add_subplot()).get_lines()
+    assert (line.get_xdata(), line.get_ydata()) == (pytest.approx([1.0 / np.pi]), pytest.approx([1.0]))
+
+
+def test_mode_shape_plots_of_a_machine_in_the_plane_are_of_one_size():
+    upright = np.array([[0.0, 0.0], [0.0, 2.0], [0.0, 4.0]])
+    motion = np.zeros((2, 3, 2))
+    motion[0, :, 0], motion[1, :, 1] = (0.0, 0.5, 1.0), (0.0, 0.5, 1.0)
+    shapes = ModeShapes(np.ones(2), np.eye(2), ("a", "b"), ("", ""), (ShapeLine("mast", True, upright, motion),))
+    axes = shapes.plot(Figure())
+    moved = [np.asarray(ax.get_lines()[1].get_xydata()) for ax in axes]
+    assert moved[0][:, 0] == pytest.approx([0.0, 0.3, 0.6])  # 0.15 of a mast of 4 m
+    assert moved[1][:, 1] == pytest.approx([0.0, 2.3, 4.6])
+    for ax in axes:
+        assert ax.get_ylim()[0] < 0.0 < 4.6 < ax.get_ylim()[1] < 6.0
+        assert ax.get_xlim()[0] < 0.0 < 0.6 < ax.get_xlim()[1] < 1.0
+
+
+@pytest.mark.parametrize(("stroke", "limited"), [(0.03, True), (0.01, False)])
+def test_run_of_a_suspension_shows_millimetres_and_the_limits_that_are_near(stroke, limited):
+    time = np.linspace(0.0, 2.0, 41)
+    wave = np.sin(np.pi * time)
+
+    def run(controls):
+        moved = SimpleNamespace(
+            time=time, controls=controls, disturbances={"actuator_left": 0.01 * wave, "actuator_right": 0.02 * wave}
+        )
+        signals = {"tip_left": 0.1 * wave, "stroke_left": stroke * wave}
+        return type("Run", (), {"__getitem__": lambda self, name: signals[name], **vars(moved)})()
+
+    forces = {"suspension_left": 100.0 * wave, "suspension_right": -90.0 * wave}
+    figure = draw_run(run({}), run(forces), ("before", "after"), (120.0, 0.05), (0.5, 1.5))
+    platform, tip, strokes, force = figure.axes
+    seen = wave[10:31]
+    for ax, k, values in ((platform, 1, 20.0), (tip, 0, 100.0), (strokes, 1, 1e3 * stroke), (force, 0, 100.0)):
+        assert ax.get_lines()[k].get_ydata() == pytest.approx(values * seen)
+    levels = [float(line.get_ydata()[0]) for line in strokes.get_lines()[2:]]
+    assert levels == ([-50.0, 50.0] if limited else [])
+    assert [float(line.get_ydata()[0]) for line in force.get_lines()[2:]] == [-120.0, 120.0]
+    assert force.get_xlim() == (0.5, 1.5)
+
+
+def test_modes_of_the_boom_are_drawn_on_the_machine():
+    figure = figure_of(bc.spray_boom(elements=6).mode_shapes(2).plot)
+    boom = figure.axes[0].get_lines()[-1]
+    assert [ax.get_title(loc="left") for ax in figure.axes] == ["1: yaw, 0.245 Hz", "2: jolt, 0.5825 Hz"]
+    assert boom.get_ydata()[[0, -1]] == pytest.approx([1.0, -1.0])
