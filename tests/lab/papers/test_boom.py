@@ -9,12 +9,10 @@ import pytest
 
 from boomctl.boom import BoomParameters, exact_eigenfrequencies_hz, spray_boom
 from boomctl.boom.published import MEASURED_HZ
-from boomctl.files import plain, write_whole
 from boomctl.lab.papers.anthonis_ramon import friction, report, updating
 from boomctl.lab.papers.anthonis_ramon.figures import table_1
 from boomctl.lab.papers.anthonis_ramon.friction import BAND_HZ, BoomFriction, friction_study, matched_force
 from boomctl.lab.papers.anthonis_ramon.updating import BoomUpdating, updating_study
-from boomctl.report import Picture, Report, Section, Table, bound_reports
 from boomctl.structure import split_symmetric
 from tests.command import boomctl
 from tests.profiles import is_quick
@@ -140,36 +138,25 @@ def test_the_peaks_of_figure_3_are_certified_and_agree_with_the_exact_curve(repr
 # -- the cradle's friction -------------------------------------------------------------------------------------------
 
 
-def _reading(study, name):
-    return next(reading for reading in study.readings if reading.name.startswith(name))
-
-
 @pytest.mark.slow
 def test_the_force_matches_the_damping_at_the_cradles_mode(study):
     assert study.matched_hz == pytest.approx(0.9325, abs=1e-3)  # the exact beam's third frequency
-    bare = _reading(study, "in place of viscous").balance
+    bare = study.readings[0].balance
     k = int(np.abs(bare.omega / (2 * np.pi) - 1.0).argmin())
     damping = 4.0 * study.force / (np.pi * bare.omega[k] * abs(bare.slip[k]))
     assert 0.3 * BoomParameters().cradle_damping < damping < 1.5 * BoomParameters().cradle_damping
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("method", ["balance", "stepped"])
-def test_friction_in_place_of_damping_lowers_the_lower_singular_value_between_2_5_and_3_5_hz(study, method):
-    whole, part = (
-        study.change(found.omega, found.gain)
-        for found in (getattr(_reading(study, name), method) for name in ("in place of viscous", "in place of half"))
-    )
+@pytest.mark.parametrize("method", ["describing function", "stepped sine"])
+def test_friction_in_place_of_damping_lowers_the_lower_singular_value_and_added_friction_raises_it(study, method):
+    found = study.numbers()
+    names = ("in place of viscous damping", "in place of half the viscous damping", "added to viscous damping")
+    whole, part, added = (found[f"friction {name}, {method}"] for name in names)
+    assert len(found) == 7
     assert 0.4 < whole < 0.8
     assert whole < part < 0.95
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("method", ["balance", "stepped"])
-def test_friction_beside_damping_and_a_stuck_cradle_raise_it(study, method):
-    found = getattr(_reading(study, "added"), method)
-    assert study.change(found.omega, found.gain) > 1.2
-    assert study.change(study.omega, study.stuck) > study.change(found.omega, found.gain)
+    assert 1.2 < added < found["stuck"]
 
 
 @pytest.mark.slow
@@ -198,67 +185,11 @@ def test_the_force_is_in_proportion_to_the_amplitude():
     assert large[1] == small[1]
 
 
-@pytest.mark.slow
-def test_the_numbers_are_those_of_the_curves(study):
-    numbers = study.numbers()
-    assert len(numbers) == 1 + 2 * len(study.readings)
-    assert min(numbers, key=lambda name: numbers[name]).startswith("friction in place of viscous")
-    assert max(numbers, key=lambda name: numbers[name]) == "stuck"
-
-
 def test_bad_input():
     with pytest.raises(ValueError, match="amplitude"):
         friction_study(amplitude=0.0)
     with pytest.raises(ValueError, match="points"):
         friction_study(points=2)
-
-
-# -- reports and files in general ------------------------------------------------------------------------------------
-
-
-def test_a_report_escapes_what_it_shows_and_needs_nothing_else():
-    picture = Picture("p", "caption", {"png": b"abc"})
-    section = Section("a < b", ("x & y",), (Table(("head",), (("1 < 2",),)),), (picture,))
-    page = Report("<title>", ("lead",), (section,), {}).html
-    for text in ("a &lt; b", "x &amp; y", "data:image/png;base64,YWJj", "<title>&lt;title&gt;</title>"):
-        assert text in page
-
-
-def test_a_report_writes_its_pictures_in_all_kinds_and_shows_the_first(tmp_path):
-    picture = Picture("p", "caption", {"png": b"abc", "svg": b"<svg/>"})
-    written = Report("title", ("lead",), (Section("head", pictures=(picture,)),), {"x": 1.0})
-    files = written.write(tmp_path / "out")
-    assert {path.name for path in files} == {"p.png", "p.svg", "results.json", "report.html"}
-    assert all(path.is_file() for path in files)
-    assert (tmp_path / "out" / "p.svg").read_bytes() == b"<svg/>"
-    assert written.html.count("<img") == 1
-
-
-def test_bound_reports_stand_alone():
-    bound = bound_reports("both", [("a & b", "<p title='x'>one</p>"), ("c", "<p>two</p>")])
-    assert bound.count("srcdoc=") == 2
-    assert "&lt;p title=&#x27;x&#x27;&gt;one&lt;/p&gt;" in bound
-    assert "<p title=" not in bound
-
-
-def test_a_file_is_written_whole_or_not_at_all(tmp_path, monkeypatch):
-    target = tmp_path / "results.json"
-    write_whole(target, "old")
-
-    def fail(*_):
-        raise OSError("disk full")
-
-    monkeypatch.setattr("os.replace", fail)
-    with pytest.raises(OSError, match="disk full"):
-        write_whole(target, "new")
-    assert target.read_text() == "old"
-    assert list(tmp_path.iterdir()) == [target]
-
-
-def test_numbers_that_are_not_finite_survive_json():
-    assert json.dumps(plain({"a": np.array([1.0, np.inf]), "b": (np.float64(2.0), np.int64(3))})) == (
-        '{"a": [1.0, "inf"], "b": [2.0, 3]}'
-    )
 
 
 # -- what the measured row says of the parameters -----------------------------------------------------------------------
