@@ -12,30 +12,6 @@ import boomctl as bc
 from boomctl import checks
 
 
-@pytest.mark.parametrize("check", [checks.real, checks.positive, checks.nonnegative])
-def test_an_integer_beyond_floating_point_is_refused_by_name(check):
-    with pytest.raises(ValueError, match="gain: expected a finite number"):
-        check("gain", 10**400)
-
-
-@pytest.mark.parametrize("check", [checks.finite_array, checks.frequencies, checks.plain_array])
-def test_rows_of_different_lengths_are_refused_by_name(check):
-    with pytest.raises(ValueError, match="track: expected an array, got rows of different lengths"):
-        check("track", [1.0, [2.0]])
-
-
-@pytest.mark.parametrize("wanted", [2, 1.0, object()])
-def test_names_that_are_none_are_refused_by_name(wanted):
-    with pytest.raises(TypeError, match=r"output = .*: expected a name or a sequence of names"):
-        checks.names("output", wanted, ("a", "b"))
-
-
-@pytest.mark.parametrize("name", [np.array(["a", "b"]), np.array([1.0, 2.0]), 3, None])
-def test_what_is_no_name_is_unknown(name):
-    with pytest.raises(ValueError, match="unknown output"):
-        checks.known("output", name, ("a", "b"))
-
-
 @given(st.floats(1e-90, 1e90), st.sampled_from([1.0, -1.0]), st.floats(-1e-7, 1e-7))
 def test_what_a_message_offers_is_allowed_and_reads_unlike_what_it_refuses(size, sign, share):
     limit = sign * size
@@ -58,6 +34,12 @@ def test_values_are_shown_in_one_short_line():
 @pytest.mark.parametrize(
     ("check", "value"),
     [
+        (checks.real, 10**400),
+        (checks.nonnegative, 10**400),
+        (checks.finite_array, [1.0, [2.0]]),
+        (checks.frequencies, [1.0, [2.0]]),
+        (checks.plain_array, [1.0, [2.0]]),
+        (lambda name, value: checks.names(name, value, ("a", "b")), 2),
         (checks.sequence, "text"),
         (checks.sequence, 3.0),
         (checks.sequence, np.array(1.0)),
@@ -69,6 +51,7 @@ def test_values_are_shown_in_one_short_line():
         (lambda name, value: checks.instance(name, value, (int, float)), "text"),
         (lambda name, value: checks.within(name, value, 0.0, 1.0), 1.0 + 1e-15),
         (checks.real, 1e200),
+        (checks.positive, 0.0),
         (checks.positive, 5e-324),
         (checks.whole, 10**40),
     ],
@@ -76,6 +59,16 @@ def test_values_are_shown_in_one_short_line():
 def test_what_is_not_expected_is_refused_by_name(check, value):
     with pytest.raises((TypeError, ValueError), match=r"^given.*: expected "):
         check("given", value)
+
+
+@pytest.mark.parametrize("name", [np.array(["a", "b"]), np.array([1.0, 2.0]), 3, None])
+def test_known_of_what_is_no_name_raises(name):
+    with pytest.raises(ValueError, match="unknown output"):
+        checks.known("output", name, ("a", "b"))
+
+
+def test_within_takes_both_ends():
+    assert [checks.within("share", x, 0.0, 1.0) for x in (0, 0.5, 1.0)] == [0.0, 0.5, 1.0]
 
 
 def sampled_lead():
