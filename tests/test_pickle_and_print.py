@@ -31,19 +31,11 @@ def abs_of(x):
 
 FACTORIES = {
     "BoomParameters": bc.BoomParameters,
-    "BoomParameters, changed": lambda: bc.BoomParameters(spring_stiffness=900.0, cradle_damping=1.0 / 3.0),
     "SecondOrderModel": one.boom,
-    "SecondOrderModel, half": one.yaw,
     "SecondOrderModel, by accuracy": lambda: bc.spray_boom(accuracy=0.01, band_hz=2.0),
-    "SecondOrderModel, fine mesh": lambda: bc.spray_boom(elements=50),
     "SecondOrderModel, user's": one.mass,
     "Assembly": one.machine,
-    "RigidBody": lambda: one.machine().bodies[0],
-    "Beam": lambda: one.machine().bodies[1],
     "CrossSection": lambda: bc.structure.tube_section(0.06, 0.02, 0.002),
-    "SpringDamper": lambda: one.machine().links[0],
-    "Force": lambda: one.machine().forces[0],
-    "Output": lambda: one.machine().outputs[0],
     "AffineFamily": one.family,
     "PolynomialFamily": lambda: one.hub_beam().family((0.0, 2.0)),
     "ScheduledController": one.drive,
@@ -56,7 +48,6 @@ FACTORIES = {
     "SuspensionDesign": lambda: bc.studies.SuspensionDesign(
         "mine", "of two springs", controller=one.suspension(), facts={"peak": "9.87 with its best dampers" * 20}
     ),
-    "MachineDesign": lambda: bc.studies.MachineDesign("mine", "a half", one.yaw(), one.suspension()),
     "MachineResult": lambda: bc.studies.MachineDesign("mine", "a half", one.yaw(), one.suspension()).evaluate(),
     "SlewDesign": lambda: bc.studies.SlewDesign("mine", "a turn", one.hub_beam(), {"planned": one.slew()}),
     "SweepResult": lambda: bc.sweep(abs_of, {"x": [1.0, -2.0]}, units={"x": "m"}),
@@ -64,16 +55,9 @@ FACTORIES = {
     "FailedPoint": lambda: FailedPoint({"x": 1.0}, "ValueError: no", "trace"),
     "SigmaResult": lambda: bc.sigma(one.boom()),
     "SigmaResult, norm not yet computed": lambda: bc.sigma(one.boom(), one.OMEGA),
-    "SigmaResult, of a StateSpace": lambda: bc.sigma(one.mass().to_statespace(), one.OMEGA),
     "SigmaResult, of data": lambda: bc.sigma(one.boom().frequency_response(one.OMEGA)),
-    "NormCertificate": lambda: bc.hinf_norm(one.mass().to_statespace()),
-    "NormCertificate, infinite": lambda: bc.hinf_norm(control.ss(0.0, 1.0, 1.0, 0.0)),
-    "NormCertificate, H2": lambda: bc.h2_norm(one.mass()),
     "ModeTable": lambda: bc.mode_table(one.yaw()),
-    "ModeRow": lambda: bc.mode_table(one.yaw()).rows[0],
     "Margins": lambda: bc.margins(one.yaw(), one.suspension()),
-    "LoopMargin": lambda: bc.margins(one.yaw(), one.suspension())["stroke_anti"],
-    "DiskMargin": lambda: bc.margins(one.yaw(), one.suspension()).everywhere,
     "RobustStability": lambda: bc.robust_stability(one.family(), one.suspension()),
     "StructuredMargin": lambda: bc.analysis.structured_margin(one.family(), one.suspension(), largest=1.2),
     "WorstCase": lambda: bc.worst_case(one.family(), one.suspension(), ["actuator_anti"], ["tip_anti"]),
@@ -81,12 +65,10 @@ FACTORIES = {
     "MeasuredCurve": one.measured_curve,
     "MeasuredResponse": one.measured_response,
     "Identification": one.identified,
-    "IdentifiedMode": lambda: one.identified().modes[0],
     "FitResult": one.fitted,
     "FitResult, not determined": lambda: bc.fit(
         bc.hub_beam, [0.46, 2.9], ["youngs_modulus", "second_moment"], bc.HubBeamParameters(), starts=1
     ),
-    "FitCertificate": lambda: one.fitted().certificate,
     "ReductionResult": lambda: bc.reduce(one.yaw().select("actuator_anti", "tip_anti"), order=4),
     "ReductionResult, second-order": lambda: bc.reduce(
         one.yaw().select("actuator_anti", "tip_anti"), order=2, method="second-order"
@@ -99,28 +81,17 @@ FACTORIES = {
     ),
     "H2Result": lambda: bc.h2(one.generalized(), 1, 1),
     "HInfinityResult": one.h_infinity,
-    "DesignCertificate": lambda: one.h_infinity().certificate,
     "HInfinityResult, of a reduction": one.designed_on_a_reduction,
-    "DesignCertificate, of a reduction": lambda: one.designed_on_a_reduction().certificate,
     "TuneResult": one.tuned,
-    "DesignCertificate, tuned": lambda: one.tuned().certificate,
-    "TuneStart": lambda: one.tuned().starts[0],
-    "ActivePeak": lambda: one.tuned().certificate.peaks[0],
-    "ChannelNorm": lambda: one.tuned().certificate.norms[0],
-    "DesignCertificate, on a full plant": lambda: one.designed_on_a_reduction().certificate.full_plant,
     "ReducedController": lambda: bc.reduce_controller(one.generalized(), one.h_infinity().controller, order=1),
     "ControllerNotes": lambda: ControllerNotes({"tip": "m", "torque": ""}, {"norm": 1.0}, {"boomctl": "0"}),
     "CoulombFriction": lambda: bc.CoulombFriction(8.0),
     "LoopResult": one.loop,
-    "FrictionReport": lambda: one.loop().friction,
     "ForcedResponse": lambda: bc.forced_response(one.mass(), {"force": np.ones(50)}, np.linspace(0.0, 5.0, 50)),
     "LoopResult, of a hub-beam": one.beam_loop,
     "BeamSensor": lambda: bc.BeamSensor("gauge", "strain", 0.5, 0.01),
     "HubBeamParameters": bc.HubBeamParameters,
     "AssumedModesBeam": one.hub_beam,
-    "AssumedModesBeam, changed": lambda: bc.hub_beam(
-        bc.HubBeamParameters(tip_mass=0.1, damping_ratio=0.01), "cfoam", 1
-    ),
     "AssumedModesBeam, by accuracy": lambda: bc.hub_beam(accuracy=1e-3, manoeuvre=bc.spin_up(1.0, 2.0), time=3.0),
     "GeometricallyExactBeam, by accuracy": lambda: bc.hub_beam(accuracy=1e-5, manoeuvre=bc.spin_up(2.0, 4.0), time=5.0),
     "GeometricallyExactBeam": lambda: bc.hub_beam(model="geometrically-exact", modes=2),
@@ -131,10 +102,7 @@ FACTORIES = {
     "Hold": bc.hold,
     "Free": bc.free,
     "SlewResult": one.slew,
-    "SlewCertificate": lambda: one.slew().certificate,
-    "TorqueHistory": lambda: one.slew().history,
     "TrackedSlew": one.tracked,
-    "TimeVaryingController": lambda: one.tracked().controller,
     "TrackingStudy": one.tracking_study,
     "SlewResult, of a StateSpace": one.linear_slew,
     "SlewComparison": one.comparison,
@@ -145,21 +113,16 @@ FACTORIES = {
     "PoleZeroResult": lambda: bc.pzmap(one.yaw()),
     "Comparison": lambda: bc.compare({"run": one.loop(), "loop": [one.mass(), bc.sigma(one.yaw())]}),
     "ModeShapes": lambda: one.boom().mode_shapes(5),
-    "ShapeLine": lambda: one.boom().mode_shapes(5)["boom"],
     "CampbellDiagram": lambda: one.hub_beam().campbell([0.0, 1.0, 4.0]),
-    "SpeedCrossing": lambda: one.hub_beam().campbell([0.0, 1.0, 4.0]).crossings[0],
 }
 
 # python-control prints these, and only pickling was mended
 SYSTEMS = {
     "StateSpace": lambda: one.boom().to_statespace(),
-    "StateSpace, of a controller": one.suspension,
     "StateSpace, of a hub-beam": lambda: one.hub_beam().linearize(),
-    "StateSpace, sampled": lambda: bc.discretize(one.suspension(), 0.01),
     "StateSpace, user's": lambda: control.ss(-1.0, 1.0, 1.0, 0.0, inputs="u", outputs="y", name="lag"),
     "StateSpace, without states": lambda: control.ss([], [], [], [[2.0, 1.0]]),
     "NonlinearIOSystem": lambda: one.hub_beam().to_nlsys(),
-    "NonlinearIOSystem, exact": lambda: bc.hub_beam(model="geometrically-exact", modes=2).to_nlsys(),
     "FrequencyResponseData": lambda: one.boom().frequency_response(one.OMEGA),
 }
 
@@ -171,8 +134,6 @@ SLOW = (
     "AssumedModesBeam, by accuracy",
     "GeometricallyExactBeam, by accuracy",
     "HInfinityResult, of a reduction",
-    "DesignCertificate, of a reduction",
-    "DesignCertificate, on a full plant",
 )
 
 
@@ -201,8 +162,6 @@ def alike(a, b):
         return alike(*({key: part for key, part in vars(x).items() if key not in hidden} for x in (a, b)))
     if isinstance(a, float):
         return a == b or (a != a and b != b)
-    if hasattr(a, "toarray"):
-        return alike(a.toarray(), b.toarray())
     if dataclasses.is_dataclass(a):
         given = [field.name for field in dataclasses.fields(a)]
         return all(alike(getattr(a, name), getattr(b, name)) for name in given)
@@ -247,15 +206,15 @@ def test_it_says_in_a_few_lines_what_it_is_and_so_does_what_its_attributes_lead_
 @_parametrised(FACTORIES)
 def test_what_is_asked_by_name_offers_its_names(make):
     """In brackets: IPython completes what it offers, and each is an answer."""
-    given = make()
-    if getattr(getattr(given, "__getitem__", None), "__module__", "").startswith("boomctl"):
-        offered = given._ipython_key_completions_()
-        assert offered
-        assert all(given[name] is not None for name in offered)
+    for part in _parts(make(), depth=2):
+        if getattr(getattr(part, "__getitem__", None), "__module__", "").startswith("boomctl"):
+            offered = part._ipython_key_completions_()
+            assert offered
+            assert all(part[name] is not None for name in offered)
 
 
 TABLES = (
-    "BoomParameters, changed",
+    "BoomParameters",
     "TractorParameters",
     "HubBeamParameters",
     "ModeTable",
