@@ -168,16 +168,19 @@ def controller_contents(
     if sample_time is not None:
         K = _sampled(K, positive("sample_time", sample_time))
     notes = ControllerNotes(
-        _units(K, units or {}),
+        _units(K, {} if units is None else mapping("units", units, "signals to units")),
         _plain(own if certificate is None else certificate),
-        {"boomctl": __version__, **(provenance or {})},
+        {
+            "boomctl": __version__,
+            **({} if provenance is None else mapping("provenance", provenance, "names to values")),
+        },
     )
     if suffix == ".c":
         if K.dt == 0.0 or np.isnan(K.dt):
             raise ValueError(f"{name}.c: C code runs once a sample: expected sample_time in seconds")
         force = per_signal("force_limit", force_limit, K.outputs)
         rate = per_signal("rate_limit", rate_limit, K.outputs) * K.dt
-        L = correction((K,), force, rate)[0] if anti_windup else np.zeros((len(K.A), len(K.C)))
+        L = correction((K,), force, rate)[0] if truth("anti_windup", anti_windup) else np.zeros((len(K.A), len(K.C)))
         return {**c_files(name, RunningController(K, L, force, rate), notes.units)}
     if force_limit is not None or rate_limit is not None:
         raise ValueError(

@@ -482,7 +482,7 @@ class SecondOrderModel:
         >>> mass.to_statespace(states="modes").state_labels
         ['mode1.x1', 'mode1.x2']
         """
-        if states not in (None, MODES, COORDINATES):
+        if states is not None and not (isinstance(states, str) and states in (MODES, COORDINATES)):
             raise ValueError(f"states = {states!r}: expected {MODES!r}, {COORDINATES!r} or None")
         found = handed_out(self.structure, self.select(inputs, outputs).ports, states)
         if dt is not None:
