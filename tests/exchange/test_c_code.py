@@ -1,7 +1,5 @@
 """C code of any names, numbers and measurements: compiled with every warning an error, and run."""
 
-import shutil
-import subprocess
 import warnings
 
 import control
@@ -14,11 +12,10 @@ import boomctl as bc
 from boomctl.exchange.c_code import RunningController, c_files
 from boomctl.lti.system import of
 from boomctl.simulation.conditioning import WindupWarning, correction
+from tests.exchange.cases import CC, compiled, ran
 from tests.profiles import examples
 from tests.strategies import seeds
 
-CC = shutil.which("cc")
-STRICT = ["-std=c99", "-O1", "-Wall", "-Wextra", "-Wtrigraphs", "-Werror", "-pedantic", "-I."]
 # what ends a comment or a line, names a word to be filled in, or is not seen
 MARKS = ["*/", "/*", "??/", "??=", "\\", "\\\n", "\n", "\r", "\u2028", "\x85", "\0", "\u202e", "\u2066", "\ud800", "@FOO@",
          "@NAME@", "#error no", "//", '"', "'", "%s", "é", "µ", "\U0001d518", "int x;", "[m/s^2]"]  # fmt: skip
@@ -26,15 +23,6 @@ pytestmark = pytest.mark.skipif(CC is None, reason="no C compiler")
 
 pieces = st.one_of(st.sampled_from(MARKS), st.characters(exclude_characters="."), st.sampled_from("abc_*/?\\@"))
 words = st.lists(pieces, min_size=1, max_size=8).map("".join)
-
-
-def compiled(folder, *flags, test="loop_test.c"):
-    command = [CC, *STRICT, *flags, "loop.c", test, "-o", "run"]
-    return subprocess.run(command, cwd=folder, capture_output=True, text=True, errors="replace", check=False)
-
-
-def ran(folder):
-    return subprocess.run([folder / "run"], capture_output=True, text=True, check=False)
 
 
 @given(names=st.lists(words, min_size=12, max_size=12, unique=True), units=st.lists(words, min_size=12, max_size=12))
@@ -49,8 +37,6 @@ def test_names_and_units_stay_within_their_comment(tmp_path_factory, names, unit
         *(f" *   {i}" for i in range(9)), " * Controls", *(f" *   {i}" for i in range(3)), "",
     ]  # fmt: skip
     assert all(letter.isprintable() or letter == "\n" for letter in header)
-    made = compiled(folder)
-    assert not made.returncode, made.stderr
     assert ran(folder).returncode == 0
 
 
@@ -87,8 +73,6 @@ def _written(folder, K, limits):
 def test_c_code_any_gains_same_bits_in_double_precision(tmp_path_factory, seed):
     folder = tmp_path_factory.mktemp("c")
     _written(folder, *_random_controller(np.random.default_rng(seed)))
-    made = compiled(folder)
-    assert not made.returncode, made.stderr
     found = ran(folder)
     assert found.returncode == 0, found.stdout
 
@@ -103,6 +87,7 @@ def test_c_code_gain_beyond_single_precision_does_not_compile(tmp_path, gain, co
 
 _DRIVER = """
 #include "loop.h"
+#include <math.h>
 #include <stdio.h>
 static const double MEASURED[][LOOP_MEASUREMENTS] = {%s};
 int main(void)
@@ -124,8 +109,8 @@ int main(void)
 
 @given(seed=seeds)
 @examples(60)
-def test_finite_measurements_of_any_size_give_finite_controls(tmp_path_factory, seed):
-    """What is given is what Python's own sums give, bit by bit; where it is no number, the last is given and that is said."""
+def test_c_code_any_measurements_give_finite_controls(tmp_path_factory, seed):
+    """Those of Python's own sums, bit by bit; where one is no number, the last ones, and a return value that says so."""
     folder, rng = tmp_path_factory.mktemp("c"), np.random.default_rng(seed)
     K, limits = _random_controller(rng)
     own = of(K, any_time=True)
@@ -144,13 +129,14 @@ def test_finite_measurements_of_any_size_give_finite_controls(tmp_path_factory, 
         (folder / name).write_text(text)
     size = 10.0 ** np.where(rng.random((40, 1)) < 0.5, 0.0, rng.uniform(-300.0, 308.0, (40, 1)))
     y = np.clip(rng.standard_normal((40, p)) * size, -1.7e308, 1.7e308)
-    rows = ", ".join("{" + ", ".join(float(v).hex() for v in row) + "}" for row in y)
+    y[[20, 30], 0] = np.nan, -np.inf
+    words = {"nan": "NAN", "-inf": "-INFINITY"}
+    rows = ", ".join("{" + ", ".join(words.get(v.hex(), v.hex()) for v in row) + "}" for row in y.tolist())
     (folder / "driver.c").write_text(_DRIVER % rows)
     wanted = running.run(y)
     assert np.isfinite(wanted).all()
-    made = compiled(folder, test="driver.c")
-    assert not made.returncode, made.stderr
-    lines = [line.split() for line in ran(folder).stdout.splitlines()]
+    lines = [line.split() for line in ran(folder, test="driver.c").stdout.splitlines()]
     np.testing.assert_array_equal([[float.fromhex(x) for x in line[1:]] for line in lines], wanted)
     for k, (said, *_) in enumerate(lines):
         assert said == "0" or not k or (wanted[k] == wanted[k - 1]).all()
+    assert lines[20][0] == lines[30][0] == "1"

@@ -1,6 +1,7 @@
 """Controllers to files and back: JSON and MATLAB to the last bit, C by compiling it, Octave by running it."""
 
 import json
+import re
 import shutil
 import subprocess
 
@@ -12,26 +13,13 @@ from hypothesis import strategies as st
 
 import boomctl as bc
 from boomctl.exchange.c_code import RunningController, c_files
+from boomctl.exchange.controller_files import controller_contents
 from boomctl.lti.system import of
+from tests.exchange.cases import CC, controller, ran
 from tests.profiles import examples
 
-CC = shutil.which("cc")
 OCTAVE = shutil.which("octave-cli")
 SYMMETRIC = {"inputs": "stroke_sym", "outputs": "suspension_sym"}
-STRICT = ["-std=c99", "-O2", "-Wall", "-Wextra", "-Werror", "-pedantic"]
-
-
-def controller(seed=0, states=5, inputs=2, outputs=2, dt=0.0):
-    rng = np.random.default_rng(seed)
-    A = rng.standard_normal((states, states))
-    A = 0.3 * A / max(np.abs(np.linalg.eigvals(A)).max(), 1.0) if states else A
-    if dt == 0.0:
-        A = A - 2.0 * np.eye(states)
-    return control.ss(
-        A, rng.standard_normal((states, inputs)), rng.standard_normal((outputs, states)),
-        rng.standard_normal((outputs, inputs)), dt,
-        inputs=[f"stroke_{i}" for i in range(inputs)], outputs=[f"suspension_{i}" for i in range(outputs)],
-    )  # fmt: skip
 
 
 def same(found, given):
@@ -70,36 +58,32 @@ def test_a_result_is_written_with_its_certificate(tmp_path):
     assert notes.provenance["plant"] == "a mass"
 
 
-def compiled(folder, name, *flags):
-    sources = [f"{name}.c", f"{name}_test.c"]
-    made = subprocess.run([CC, *STRICT, *flags, *sources, "-o", "run"], cwd=folder, capture_output=True, text=True)
-    assert not made.returncode, made.stderr
-    return subprocess.run([folder / "run"], capture_output=True, text=True)
-
-
-LIMITS = {
-    "none": {},
-    "force": {"force_limit": 1.0},
-    "rate": {"rate_limit": {"suspension_1": 20.0}},
-    "both": {"force_limit": {"suspension_0": 2.0}, "rate_limit": 30.0},
-    "no correction": {"force_limit": 1.0, "anti_windup": False},
-}
-
-
 @pytest.mark.slow
 @pytest.mark.skipif(CC is None, reason="no C compiler")
-@pytest.mark.parametrize("limits", LIMITS)
+@pytest.mark.parametrize("anti_windup", [True, False])
 @pytest.mark.parametrize("states", [0, 7])
-def test_c_code_same_bits_in_double_and_close_in_single(tmp_path, limits, states):
-    K = controller(3, states, 3, 2, 0.01)
-    bc.write_controller(K, tmp_path / "loop.c", **LIMITS[limits])
-    double = compiled(tmp_path, "loop")
-    assert double.returncode == 0
-    assert double.stdout == "double precision: off by 0\n"
-    single = compiled(tmp_path, "loop", "-DLOOP_SINGLE")
+def test_c_code_same_bits_in_double_and_close_in_single(tmp_path, anti_windup, states):
+    K, limits = controller(3, states, 3, 2, 0.01), {"force_limit": {"suspension_0": 2.0}, "rate_limit": 30.0}
+    bc.write_controller(K, tmp_path / "loop.c", **limits, anti_windup=anti_windup)
+    double = ran(tmp_path, "-O2")
+    assert (double.returncode, double.stdout) == (0, "double precision: off by 0\n")
+    single = ran(tmp_path, "-O2", "-DLOOP_SINGLE")
     assert single.returncode == 0, single.stdout
     off, largest = (float(part.split()[-1]) for part in single.stdout.split(","))
     assert 0.0 < off < 1e-5 * largest
+
+
+def test_c_code_test_stays_within_limits_first_and_exceeds_them_then():
+    """Of what is measured in it: the first half asks for no more than each limit allows, the second for more of one."""
+    own = of(controller(3, 4, 2, 2, 0.01), any_time=True)
+    force, step, none = np.array([0.7, np.inf]), np.array([0.2, 0.4]), np.full(2, np.inf)
+    text = c_files("loop", RunningController(own, np.zeros((4, 2)), force, step), {})["loop_test.c"]
+    table = re.search(r"measured\[.*?= \{\n(.*?)\n\};", text, re.DOTALL | re.IGNORECASE)[1]
+    measured = np.array([[float.fromhex(x) for x in re.findall(r"-?0x[\w.+-]+", row)] for row in table.splitlines()])
+    free = RunningController(own, np.zeros((4, 2)), none, none).run(measured)
+    within = (np.abs(free) <= force) & (np.abs(np.diff(free, axis=0, prepend=0.0)) <= step)
+    assert within[: len(measured) // 2].all()
+    assert not within[len(measured) // 2 :].all()
 
 
 @pytest.mark.skipif(CC is None, reason="no C compiler")
@@ -110,29 +94,9 @@ def test_the_comparison_fails_where_a_number_is_wrong(tmp_path):
     first = float(K.C[0, 0]).hex()
     assert first in code
     (tmp_path / "loop.c").write_text(code.replace(first, float(np.nextafter(K.C[0, 0], 9.0)).hex(), 1))
-    assert compiled(tmp_path, "loop").returncode == 1
+    assert ran(tmp_path).returncode == 1
     (tmp_path / "loop.c").write_text(code.replace(first, float(K.C[0, 0] * 1e3).hex(), 1))
-    assert compiled(tmp_path, "loop", "-DLOOP_SINGLE").returncode == 1
-
-
-@pytest.mark.skipif(CC is None, reason="no C compiler")
-def test_a_measurement_that_is_no_number_holds_the_control(tmp_path):
-    bc.write_controller(controller(1, 3, 1, 1, 0.01), tmp_path / "loop.c")
-    (tmp_path / "loop_test.c").write_text(
-        "#include <math.h>\n"
-        '#include "loop.h"\n'
-        "int main(void)\n{\n"
-        "    loop_controller c;\n    double y = 1.0, u = 0.0, held, next;\n"
-        "    loop_reset(&c);\n"
-        "    if (loop_step(&c, &y, &u) != 0) return 1;\n"
-        "    held = u;\n    y = NAN;\n"
-        "    if (loop_step(&c, &y, &u) != 1 || u != held) return 2;\n"
-        "    y = INFINITY;\n"
-        "    if (loop_step(&c, &y, &u) != 1 || u != held) return 3;\n"
-        "    y = 0.5;\n    if (loop_step(&c, &y, &next) != 0 || !(next == next)) return 4;\n"
-        "    return 0;\n}\n"
-    )
-    assert compiled(tmp_path, "loop").returncode == 0
+    assert ran(tmp_path, "-DLOOP_SINGLE").returncode == 1
 
 
 def test_the_running_controller_is_that_of_simulate_loop():
@@ -175,50 +139,56 @@ def test_octave_rebuilds_the_controller_with_its_names(tmp_path, dt):
     assert float(lines[15]) == dt
 
 
-def test_what_cannot_be_written_is_refused_and_nothing_is_left(tmp_path):
-    K = controller()
-    refused = [
-        (ValueError, "unknown suffix '.txt'", lambda: bc.write_controller(K, tmp_path / "k.txt")),
-        (ValueError, "expected sample_time", lambda: bc.write_controller(K, tmp_path / "k.c")),
-        (ValueError, "no name in C", lambda: bc.write_controller(K, tmp_path / "2k.c", sample_time=0.01)),
-        (ValueError, "no name of a MATLAB function", lambda: bc.write_controller(K, tmp_path / "k-2.mat")),
-        (ValueError, "are written to C files alone", lambda: bc.write_controller(K, tmp_path / "k.json", rate_limit=1)),
-        (ValueError, "unknown signal 'tip'", lambda: bc.write_controller(K, tmp_path / "k.json", units={"tip": "m"})),
-        (TypeError, "controller: expected StateSpace", lambda: bc.write_controller(1.0, tmp_path / "k.json")),
-        (TypeError, "certificate: expected", lambda: bc.write_controller(K, tmp_path / "k.json", certificate=3)),
-        (ValueError, "the controller's own is 0.1 s",
-         lambda: bc.write_controller(controller(dt=0.1), tmp_path / "k.c", sample_time=0.2)),
-    ]  # fmt: skip
-    for kind, message, write in refused:
-        with pytest.raises(kind, match=message):
-            write()
+REFUSED = [
+    ("k.txt", {}, "unknown suffix '.txt'"),
+    ("k.c", {}, "expected sample_time"),
+    ("2k.c", {"sample_time": 0.01}, "no name in C"),
+    ("k-2.mat", {}, "no name of a MATLAB function"),
+    ("k.json", {"rate_limit": 1.0}, "are written to C files alone"),
+    ("k.json", {"units": {"tip": "m"}}, "unknown signal 'tip'"),
+    ("force\0.json", {}, "expected a path without null characters"),
+    ("k.mat", {"units": {"stroke_0": "a\ud800b"}}, "expected one without null characters and surrogates"),
+    ("k.mat", {"units": {"stroke_0": "force\0"}}, "expected one without null characters and surrogates"),
+]
+
+
+@pytest.mark.parametrize(("name", "options", "message"), REFUSED)
+def test_write_controller_that_cannot_raises_and_writes_nothing(name, options, message, tmp_path):
+    with pytest.raises(ValueError, match=message):
+        bc.write_controller(controller(), tmp_path / name, **options)
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        (lambda held: held.pop("A"), "is not complete there: KeyError"),
-        (lambda held: held.update(A=[[1.0]]), "is not complete there: ValueError"),
-        (lambda held: held.update(format="other"), "expected a file of write_controller"),
-        (lambda held: held.update(version=9), "its version is 9; expected 1"),
-        (lambda held: held["D"][0].__setitem__(0, "NaN"), "expected finite numbers in D"),
-    ],
-)
-def test_what_cannot_be_read_is_named(tmp_path, change, message):
-    path = tmp_path / "k.json"
-    bc.write_controller(controller(), path)
-    held = json.loads(path.read_text())
-    change(held)
-    path.write_text(json.dumps(held))
+OTHERS = {
+    "sampled otherwise": (controller(dt=0.1), "the controller's own is 0.1 s"),
+    "inputs": (control.ss([], [], [], [[1.0, 2.0]], inputs=["y", "y"], outputs="u"), "each of 2 inputs, got 1: some"),
+    "states": (
+        control.ss(-np.eye(2), np.ones((2, 1)), np.ones((1, 2)), 0.0, states=["x", "x"]),
+        "each of 2 states, got 1",
+    ),
+    "null": (control.ss([], [], [], [[1.0]], inputs="force\0", outputs="u"), "expected one without null characters"),
+}
+
+
+@pytest.mark.parametrize("kind", OTHERS)
+def test_write_controller_of_such_signals_raises(kind, tmp_path):
+    K, message = OTHERS[kind]
     with pytest.raises(ValueError, match=message):
-        bc.read_controller(path)
-    path.write_text("no json")
-    with pytest.raises(ValueError, match="not a JSON file"):
-        bc.read_controller(path)
-    (tmp_path / "k.mat").write_bytes(b"nothing")
-    with pytest.raises(ValueError, match="not a MATLAB file"):
-        bc.read_controller(tmp_path / "k.mat")
+        bc.write_controller(K, tmp_path / "k.mat", sample_time=0.2)
+
+
+@pytest.mark.parametrize("suffix", [".json", ".mat"])
+def test_read_controller_of_another_file_raises(tmp_path, suffix):
+    (tmp_path / f"k{suffix}").write_text("nothing")
+    with pytest.raises(ValueError, match=f"not a {'JSON' if suffix == '.json' else 'MATLAB'} file"):
+        bc.read_controller(tmp_path / f"k{suffix}")
+
+
+def test_units_of_rates_come_before_those_of_places():
+    names = ["stroke_left", "tip_left_acceleration", "cradle_speed", "hub_angle", "hub_speed", "other"]
+    K = control.ss([], [], [], np.ones((1, 6)), 0.01, inputs=names, outputs="torque")
+    notes = json.loads(controller_contents(K, "k", ".json")["k.json"])["units"]
+    assert [notes[name] for name in (*names, "torque")] == ["m", "m/s^2", "m/s", "rad", "rad/s", "", "N m"]
 
 
 def test_c_needs_signals():
