@@ -28,7 +28,7 @@ _FORMAT = "boomctl controller"
 _VERSION = 1  # of what stands in a JSON file; another one is refused
 SUFFIXES = (".json", ".mat", ".c")
 _UNITS = {"stroke": "m", "tip": "m", "cradle_slip": "m", "suspension": "N", "cradle": "N", "torque": "N m"}  # by stem
-_RATES = {"_acceleration": "m/s^2", "_speed": "m/s", "hub_angle": "rad", "hub_speed": "rad/s"}  # these come first
+_RATES = {"hub_angle": "rad", "hub_speed": "rad/s", "_acceleration": "m/s^2", "_speed": "m/s"}  # these come first
 _LARGEST = np.finfo(float).max.item()
 _KINDS = ("inputs", "outputs", "states")
 
