@@ -177,11 +177,18 @@ def test_write_controller_of_such_signals_raises(kind, tmp_path):
         bc.write_controller(K, tmp_path / "k.mat", sample_time=0.2)
 
 
-@pytest.mark.parametrize("suffix", [".json", ".mat"])
-def test_read_controller_of_another_file_raises(tmp_path, suffix):
-    (tmp_path / f"k{suffix}").write_text("nothing")
-    with pytest.raises(ValueError, match=f"not a {'JSON' if suffix == '.json' else 'MATLAB'} file"):
-        bc.read_controller(tmp_path / f"k{suffix}")
+OTHER_FILES = [
+    ("k.json", "nothing", "not a JSON file"),
+    ("k.json", '{"format": "boomctl controller", "version": 9}', "its version is 9; expected 1"),
+    ("k.mat", "nothing", "not a MATLAB file"),
+]
+
+
+@pytest.mark.parametrize(("name", "text", "message"), OTHER_FILES)
+def test_read_controller_of_another_file_raises(tmp_path, name, text, message):
+    (tmp_path / name).write_text(text)
+    with pytest.raises(ValueError, match=message):
+        bc.read_controller(tmp_path / name)
 
 
 def test_units_of_rates_come_before_those_of_places():
