@@ -16,7 +16,7 @@ from boomctl.analysis.norm import NOT_PROVED, ON_CIRCLE, PROVED, UNDAMPED, UNSTA
 from boomctl.arrays import Array
 from boomctl.lti.gramians import refined_gramian
 from boomctl.lti.modal import split
-from boomctl.lti.rounding import EPS, TERMS
+from boomctl.lti.rounding import EPS, TERMS, TINY
 from boomctl.lti.system import Lti, of
 from boomctl.lti.verified_modal_form import VerifiedModalForm, verified_modal_form
 from boomctl.structure.model import SecondOrderModel
@@ -152,5 +152,7 @@ def _by_modes(modes: VerifiedModalForm, dt: float) -> NormCertificate:
     square = max(float(np.sum(reading.T * acting * shares).real), 0.0) + through
     sizes = (np.abs(modal.C).T @ np.abs(modal.C)) * (np.abs(modal.B) @ np.abs(modal.B).T) * np.abs(shares)
     rounding = EPS * (float(np.sum(sizes * units)) + TERMS * through)
+    if (modal.B.any() and modal.C.any()) or modal.D.any():
+        rounding += TINY  # below it squares have fewer digits
     low, value, high = (sqrt(x) for x in (max(square - rounding, 0.0), square, square + rounding))
     return _between(max(low - modes.energy_gap, 0.0), value, high + modes.energy_gap, BY_MODES)
