@@ -22,6 +22,13 @@ def over(name, first, *others):
     return pytest.mark.parametrize(name, [first, *(pytest.param(value, marks=pytest.mark.slow) for value in others)])
 
 
+def over_each(*rows):
+    """Return the decorator that tries a test over functions, each with some values; in quick runs the first value alone."""
+    slow = pytest.mark.slow
+    cases = [pytest.param(row[0], value, marks=slow if k else ()) for row in rows for k, value in enumerate(row[1:])]
+    return pytest.mark.parametrize(("make", "value"), cases)
+
+
 def raised_by_boomctl(error):
     """Return whether an error was raised by a statement of this package, for its user: not one of an inner library.
 
