@@ -18,14 +18,6 @@ def refused():
     positive("mass", -1.0)
 
 
-def solved():
-    np.linalg.solve(np.zeros((2, 2)), np.ones(2))
-
-
-def misshapen():
-    np.ones(2) + np.ones(3)  # an error of compiled code: its innermost line is in this file, and raises nothing
-
-
 @pytest.mark.parametrize("compute", [lambda: 1e-4, lambda: (1e-2, False), warned, refused])
 def test_check_error_passes_exact_uncertified_and_refused(check_error, compute):
     check_error(compute, 1e-3, may_refuse=True)
@@ -35,11 +27,13 @@ def test_check_error_passes_exact_uncertified_and_refused(check_error, compute):
     ("compute", "error"),
     [
         (lambda: 1e-2, AssertionError),
-        (lambda: float("nan"), AssertionError),
-        (lambda: (float("inf"), True), AssertionError),
+        (lambda: (float("nan"), True), AssertionError),
         (lambda: float(np.square(np.float64(1e300)) * 0.0), AssertionError),  # a warning of an inner library
-        (solved, np.linalg.LinAlgError),
-        (misshapen, ValueError),
+        (lambda: np.linalg.solve(np.zeros((2, 2)), np.ones(2)), np.linalg.LinAlgError),
+        (
+            lambda: np.ones(2) + np.ones(3),
+            ValueError,
+        ),  # of compiled code: its innermost line is here, and raises nothing
         (lambda: {}["mass"], KeyError),
     ],
 )
