@@ -37,7 +37,6 @@ from tests.stress.references import (
     pinned_mesh_frequency,
 )
 
-SLANT = 0.7  # direction of held actuators from the x axis [rad], along which nothing cancels exactly
 P = BoomParameters()
 
 
@@ -106,24 +105,6 @@ def test_bar_on_two_hinges_does_not_turn(check_error, gap):
         return abs(found - alone) if gap <= 1e-12 else abs(found)
 
     check_error(error, 1e-9, may_refuse=True)
-
-
-@over("stiff", 1e6, 1.0, 1e3, 1e9)
-def test_spring_parallel_to_a_held_actuator_has_no_effect(check_error, stiff):
-    """Two bodies move freely but for two held actuators; state space relative to that without the spring."""
-    one = RigidBody("one", GROUND.at(0.3, 0.1), free("x", "y", "theta"), 2.0, 0.7)
-    two = RigidBody("two", one.at(1.1, 0.7), free("x", "y", "theta"), 1.0, 0.2)
-    joined = SpringDamper(two.at(1.1, 0.7), one.at(1.1, 0.7), "x", 3.0, 0.1)
-    at = 0.4 + np.cos(SLANT), 0.9 + np.sin(SLANT)
-    parallel = SpringDamper(two.at(*at), GROUND.at(*at), SLANT, stiff, 0.3)
-    held = Force("hold", one.at(0.2, 0.6), 2.0 * SLANT), Force("slant", two.at(0.4, 0.9), SLANT)
-    ports = (*held, Force("push", two.at(0.0, 1.0), "x")), (Output("tip", two.at(2.0, 0.0)),)
-
-    def found(*links):
-        model = prescribe_displacement(Assembly((one, two), links, *ports).assemble(), hold=["hold", "slant"])
-        return np.asarray(model.to_statespace()(1.3j))
-
-    check_error(lambda: relative(found(joined, parallel), found(joined)), 1e-9)
 
 
 @over("stiff", 1e8, 1.0, 1e4, 1e12, 1e16)
@@ -250,14 +231,6 @@ def test_boom_state_space_responds_as_the_model(check_error, count):
         return max(relative(found[at], true[at]) for at in np.ndindex(true.shape[:2]))
 
     check_error(error, {40: 1e-8, 100: 1e-7}.get(count, 1e-9))
-
-
-@over("distance", 1e-2, 1e-1, 1e-3, 1e-4)
-def test_exact_boom_with_close_springs_equals_high_order(check_error, distance):
-    """Error of the response against 40 elements of high order, of the peak."""
-    p, omega = BoomParameters(spring_distance=distance), np.geomspace(0.6, 60.0, 40)
-    found = lambda: exact_frequency_response(p, omega, ACTUATORS, TIPS).frdata  # noqa: E731
-    check_error(lambda: relative(found(), response(spray_boom(p, "high-order", 40), omega)), 1e-9, may_refuse=True)
 
 
 @over("omega", 1e3, 1e6)

@@ -203,21 +203,6 @@ def test_norm_with_weak_undamped_mode_is_infinite(check_error, gain):
         check_error(lambda n=norm, s=system: norm_error(s, n, inf), LIMITS[norm], may_refuse=True)
 
 
-@over("omega", 1.0, 1e-6, 1e-3, 1e3, 1e6)
-def test_free_carts_have_two_zero_poles_and_an_elastic_pair(check_error, omega):
-    """Two poles at zero that one force moves and the other does not, and sqrt 2 omega; relative error."""
-    pull = np.array([1.0, -1.0])
-    K = omega**2 * np.outer(pull, pull)
-    model = SecondOrderModel(np.eye(2), 0.0 * K, K, {"push": [1.0, 0.0], "squeeze": pull}, {"place": [1.0, 0.0]})
-
-    def error():
-        first, second, elastic = mode_table(model).rows
-        rigid = all(row.pole == 0.0 and row.peaks.tolist() == [[inf, 0.0]] for row in (first, second))
-        return abs(elastic.pole - 1j * sqrt(2.0) * omega) / omega if rigid else inf
-
-    check_error(error, 1e-9)
-
-
 def shortfall(system, method, order=None, error=None):
     """Return the fraction by which the verified error, or the bound known before, falls below the true one.
 
