@@ -6,14 +6,9 @@ bring torch: ``pip install --no-deps controlgym``; without it they are skipped.
 """
 
 import importlib.util
-import multiprocessing
-import resource
 import sys
-import time
 import warnings
-from collections import Counter
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 
 import control
@@ -26,6 +21,7 @@ import boomctl as bc
 from boomctl.reduction.result import ReductionError
 from boomctl.synthesis.assumptions import SynthesisError
 from tests.exact import Exact, dyadic
+from tests.fuzz import in_time
 from tests.profiles import is_hunt
 
 ctrlsys = pytest.importorskip("ctrlsys", reason="its collections come with the extra dev")
@@ -34,7 +30,6 @@ pytestmark = pytest.mark.slow
 LIMIT = 20  # s of processor time for one call; the synthesis gets a time limit of its own below it
 LARGE_FROM = 100  # states from which on a call may take longer: it is of as many loops as there are states
 LARGE_LIMIT = 150  # [s]
-PATIENCE = 500.0  # s that one call may take by the clock on a busy machine
 SYNTHESIS_LIMIT = 12.0  # s
 # states beyond which a plant is not asked for a synthesis, whose closed loop has twice as many
 SYNTHESISED = 130
@@ -128,12 +123,6 @@ CASES = (
     + [("darex", case) for case in DAREX]
     + [("gym", (name,)) for name in gym_names()]
 )
-
-
-@cache
-def exact_of(name, case, what):
-    plant = MAKERS[name](*case)
-    return Exact.of(plant.control_way if what == "control" else plant.generalised)
 
 
 def two_signals(system):
@@ -263,72 +252,12 @@ def asked_of(plant):
     return [name for name in names if name != "margins" or len(plant.A) <= LOOPS]
 
 
-def limit(plant):
-    return LARGE_LIMIT if len(plant.A) >= LARGE_FROM else LIMIT
-
-
-def answer(function, plant, pipe):
-    """Send how a call ended and how long it took [s of processor time]; the system ends what takes too long."""
-    allowed = limit(plant)
-    resource.setrlimit(resource.RLIMIT_CPU, (allowed, allowed + 1))
-    try:
-        ended = outcome(function, plant)
-    except Exception as wrong:
-        ended = f"WRONG {type(wrong).__name__}: {str(wrong)[:500]}"
-    pipe.send((ended, time.process_time()))
-
-
-def in_process(function, plant):
-    """Return how a call ended in a process of its own, one of ``OUTCOMES`` or what was wrong, and its time."""
-    context = multiprocessing.get_context("fork")  # all is imported
-    ours, theirs = context.Pipe(duplex=False)
-    process = context.Process(target=answer, args=(function, plant, theirs))
-    process.start()
-    theirs.close()
-    try:
-        return ours.recv() if ours.poll(PATIENCE) else ("WRONG: hangs", PATIENCE)
-    except EOFError:
-        return f"WRONG: not ended after {limit(plant)} s of processor time", float(limit(plant))
-    finally:
-        process.kill()
-        process.join()
-
-
 TRIED = CASES if is_hunt() else CASES[::2]  # every second in the full profile, a choice
 
 
 @pytest.mark.parametrize(("name", "case"), TRIED, ids=[f"{name}-{'.'.join(map(str, case))}" for name, case in TRIED])
-def test_a_published_plant_is_certified_or_refused_and_never_hangs(name, case):
+def test_published_plant_is_certified_or_refused_in_time(name, case):
     plant = MAKERS[name](*case)
     for function in asked_of(plant):
-        ended, _ = in_process(function, plant)
-        assert ended in OUTCOMES, f"{function}: {ended}"
-
-
-def test_discrete_time_is_refused_in_words():
-    P = control.ss(np.eye(2) * 0.5, np.eye(2), np.eye(2), 0.0, dt=True)
-    for call in (bc.hinf_norm, bc.h2_norm, lambda s: bc.reduce(s, 1), lambda s: bc.lqr(s, 1.0, 1.0)):
-        with pytest.raises((TypeError, ValueError), match="time"):
-            call(P)
-
-
-def main(names):
-    """Print how the calls of some collections ended, and each that was not certified or took long."""
-    count = Counter()
-    for name, case in CASES:
-        if name not in names:
-            continue
-        plant = MAKERS[name](*case)
-        for function in asked_of(plant):
-            ended, took = in_process(function, plant)
-            count[name, function, ended[:11]] += 1
-            if ended not in OUTCOMES or took > LIMIT / 4:
-                print(name, case, len(plant.A), function, ended, f"{took:.1f} s", flush=True)
-    for name in names:
-        for function in FUNCTIONS:
-            found = {ended: number for (n, f, ended), number in count.items() if (n, f) == (name, function)}
-            print(f"{name:8s}{function:12s}", found)
-
-
-if __name__ == "__main__":
-    main(sys.argv[1:] or tuple(MAKERS))
+        with in_time(LARGE_LIMIT if len(plant.A) >= LARGE_FROM else LIMIT):
+            assert outcome(function, plant) in OUTCOMES, function

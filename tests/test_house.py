@@ -70,16 +70,6 @@ def test_every_number_says_what_it_is():
     assert not bare
 
 
-PRIVATE = ("of the house", "sign of the house", "our house")  # words that only who wrote them understands
-
-
-def test_what_users_read_has_no_private_words():
-    root = PACKAGE.parent
-    pages = [*FILES.values(), root / "README.md", *(root / "docs").glob("*.md"), *(root / "designs").glob("*.py")]
-    found = [f"{path.name}: {word}" for path in pages for word in PRIVATE if word in path.read_text(encoding="utf-8")]
-    assert not found
-
-
 def test_warnings_point_to_users():
     """Only `warn_user` finds the line that called the library; a fixed `stacklevel` counts the library's own calls."""
     sources = {name: path.read_text(encoding="utf-8") for name, path in FILES.items()}
