@@ -37,7 +37,7 @@ def imported(scene, *words):
 
 BOTH = "bc.spray_boom().select('actuator_left', 'tip_left')"
 SCENES = {
-    "package": ("import boomctl", HEAVY),
+    "package": ("import boomctl.threads", HEAVY | {"threadpoolctl"}),
     "rooms": ("import boomctl.structure, boomctl.analysis, boomctl.slew, boomctl.plotting", HEAVY),
     "parameters": ("bc.BoomParameters(); bc.HubBeamParameters()", HEAVY - {"numpy"}),
     "boom": ("bc.spray_boom()", BOOM | {"boomctl.analysis"}),

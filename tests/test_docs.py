@@ -39,16 +39,8 @@ HANDED_OUT = (  # classes of what functions and results hold, which are exported
     ("synthesis.hinf.bounds", "Bounds"),
     ("synthesis.lq.riccati", "RiccatiSolution"),
 )
-HANDED_ON = {
-    "SpinUp",
-    "SineTorque",
-    "HubProfile",
-    "Torque",
-    "Hold",
-    "Free",
-    "ControllerForm",
-    "Channel",
-}  # made, not looked into
+# made, not looked into
+HANDED_ON = {"SpinUp", "SineTorque", "HubProfile", "Torque", "Hold", "Free", "ControllerForm", "Channel"}
 BESIDE = ("exchange", "studies", "tunable")  # packages whose names are listed, beside those whose members are frozen
 
 
@@ -154,9 +146,8 @@ def _bare(said, *titles):
     return [first for title in titles for first, words in said.get(title, []) if not re.sub(r"\[.*?\]", "", words)]
 
 
-@pytest.mark.parametrize("page", ["known_limits"])
-def test_a_long_page_opens_with_the_ten_lines_that_a_user_needs(page):
-    opening, *rest = re.split(r"^## ", (DOCS / f"{page}.md").read_text(encoding="utf-8"), flags=re.MULTILINE)
+def test_known_limits_open_with_the_ten_lines_that_a_user_needs():
+    opening, *rest = re.split(r"^## ", (DOCS / "known_limits.md").read_text(encoding="utf-8"), flags=re.MULTILINE)
     assert re.findall(r"^\d+(?=\. )", opening, flags=re.MULTILINE) == [str(k) for k in range(1, 11)]
     assert all(part.startswith("Appendix: ") for part in rest)
 
@@ -213,15 +204,7 @@ def test_the_site_builds_without_a_warning(tmp_path):
         check=False,
     )
     assert done.returncode == 0, done.stderr
-    for page in (
-        "index",
-        "theory",
-        "verification",
-        "known_limits",
-        "glossary",
-        "api/index",
-        "api/generated/boomctl.sigma",
-    ):
+    for page in ("index", "theory", "verification", "known_limits", "glossary", "api/index"):
         assert (tmp_path / f"{page}.html").stat().st_size > 2000
     assert "<math" in (tmp_path / "theory.html").read_text(encoding="utf-8")
     found, result, listed = (

@@ -5,8 +5,6 @@ import pickle
 import subprocess
 import sys
 import threading
-import time
-import timeit
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -16,8 +14,6 @@ from threadpoolctl import threadpool_info, threadpool_limits
 
 import boomctl as bc
 from boomctl.threads import one_blas_thread
-
-LIMIT = 40e-6  # s of a call
 
 
 def blas():
@@ -68,18 +64,15 @@ def failing():
     raise ArithmeticError("wrong")
 
 
-def test_exception_threads_restored():
-    with pytest.raises(ArithmeticError, match="wrong"):
-        failing()
-    assert set(threads()) == {3}
-
-
 def test_nested_calls_restore_last():
     with one_blas_thread:
         assert set(inside()) == {1}
         with pytest.raises(ArithmeticError):
             failing()
         assert set(threads()) == {1}
+    assert set(threads()) == {3}
+    with pytest.raises(ArithmeticError, match="wrong"):
+        failing()
     assert set(threads()) == {3}
 
 
@@ -101,12 +94,6 @@ def test_overlapping_threads_restore_last():
         begun = pool.submit(begin)
         assert first.wait(30.0)
         assert set(pool.submit(end, begun).result(30.0)) == {1}
-
-
-def test_many_threads_counts_restored():
-    with ThreadPoolExecutor(8) as pool:
-        found = list(pool.map(lambda _: [inside() for _ in range(20)], range(16)))
-    assert np.all(np.array(found) == 1)
 
 
 def test_library_loaded_later_limited():
@@ -134,19 +121,6 @@ def test_library_loaded_later_limited():
     """
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=120)
     assert not done.returncode, done.stderr
-
-
-def test_import_no_thread_library():
-    program = "import boomctl, boomctl.threads, sys; assert not {'threadpoolctl', 'numpy'} & set(sys.modules)"
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60)
-    assert not done.returncode, done.stderr
-
-
-def test_call_cost_below_limit():
-    """Processor time of this thread: waiting for a processor is not counted."""
-    model, call = bc.spray_boom(), one_blas_thread(lambda *_, **__: None)
-    spent = timeit.repeat(lambda: call(model, model, delay=0.0), number=20, repeat=51, timer=time.thread_time)
-    assert np.median(spent) / 20 < LIMIT
 
 
 class OwnThreads:
