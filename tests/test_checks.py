@@ -51,7 +51,6 @@ def test_values_are_shown_in_one_short_line():
         (lambda name, value: checks.instance(name, value, (int, float)), "text"),
         (lambda name, value: checks.within(name, value, 0.0, 1.0), 1.0 + 1e-15),
         (checks.real, 1e200),
-        (checks.positive, 0.0),
         (checks.positive, 5e-324),
         (checks.whole, 10**40),
     ],
@@ -65,6 +64,11 @@ def test_what_is_not_expected_is_refused_by_name(check, value):
 def test_known_of_what_is_no_name_raises(name):
     with pytest.raises(ValueError, match="unknown output"):
         checks.known("output", name, ("a", "b"))
+
+
+def test_positive_of_zero_says_greater_than_zero():
+    with pytest.raises(ValueError, match=r"mass = 0\.0: expected a number greater than zero"):
+        checks.positive("mass", 0.0)
 
 
 def test_within_takes_both_ends():
