@@ -192,7 +192,7 @@ def _parts(given, depth):
     return [given, *(part for entry in deeper for part in _parts(entry, depth - 1))]
 
 
-@_parametrised(FACTORIES | {"SecondOrderModel, large": lambda: bc.spray_boom(elements=400)})
+@_parametrised(FACTORIES | {"SecondOrderModel, large": lambda: bc.spray_boom(elements=100)})
 def test_it_says_in_a_few_lines_what_it_is_and_so_does_what_its_attributes_lead_to(make):
     given = make()
     assert repr(given).startswith(type(given).__name__)
