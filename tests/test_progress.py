@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 import boomctl as bc
-from boomctl import progress
 from boomctl.progress import computing
 from tests import handed_out as one
 
@@ -80,15 +79,6 @@ def test_a_computation_within_another_tells_through_the_outer_one():
     assert [(told.task, told.stage, told.done, told.total) for told in heard] == [("outer", "a stage", 1, 2)]
     assert str(heard[0]).startswith("outer: a stage 1 of 2 (0 s)")
     assert pickle.loads(pickle.dumps(heard[0])) == heard[0]
-
-
-def test_where_nobody_listens_no_record_is_made(monkeypatch):
-    monkeypatch.setattr(progress, "Progress", None)
-    with computing("outer") as tell:
-        tell("stage", 1)
-        progress.tell("stage", 2)
-    with pytest.raises(TypeError), computing("outer", print) as tell:
-        tell("stage", 1)
 
 
 SCRIPT = """

@@ -1,7 +1,6 @@
 """What editors and type checkers know of the public names: the stub is in step, and no type is Any or Unknown."""
 
 import ast
-import inspect
 import json
 import pydoc
 import re
@@ -103,30 +102,6 @@ def test_a_public_name_stays_though_a_module_of_its_name_is_imported():
     """``boomctl.analysis.sigma`` is both; importing the module first must not hide the function."""
     code = "import boomctl.analysis.sigma; from boomctl.analysis import sigma; assert callable(sigma)"
     subprocess.run([sys.executable, "-c", code], check=True)
-
-
-def _signatures():
-    """Return the signatures of all that is public: functions, classes and their methods, by name."""
-    found = {}
-    for package in PACKAGES:
-        module = import_module(package)
-        for name in module.__all__:
-            value = getattr(module, name)
-            if not callable(value) or (isinstance(value, type) and issubclass(value, BaseException)):
-                continue
-            found[f"{package}.{name}"] = inspect.signature(value)
-            for member, function in vars(value).items() if isinstance(value, type) else ():
-                if not member.startswith("_") and inspect.isfunction(function):
-                    found[f"{package}.{name}.{member}"] = inspect.signature(function)
-    return found
-
-
-def test_signatures_can_be_read():
-    """An annotation names a type; it does not spell out what numpy's ``ArrayLike`` is made of."""
-    for name, signature in _signatures().items():
-        kinds = [parameter.annotation for parameter in signature.parameters.values()]
-        for kind in (*kinds, signature.return_annotation):
-            assert len(inspect.formatannotation(kind)) <= 90, f"{name}: {kind}"
 
 
 def test_help_is_that_of_the_function_itself():

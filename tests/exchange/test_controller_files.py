@@ -147,6 +147,7 @@ REFUSED = [
     ("k.json", {"rate_limit": 1.0}, "are written to C files alone"),
     ("k.json", {"units": {"tip": "m"}}, "unknown signal 'tip'"),
     ("force\0.json", {}, "expected a path without null characters"),
+    ("a\ud800b.json", {}, "expected a path without null characters"),
     ("k.mat", {"units": {"stroke_0": "a\ud800b"}}, "expected one without null characters and surrogates"),
     ("k.mat", {"units": {"stroke_0": "force\0"}}, "expected one without null characters and surrogates"),
 ]
