@@ -306,7 +306,7 @@ CALLS = {
         "controller": system(((-1.0,),), ((1.0,),), ((-0.1,),)),
         "order": None,
     },
-    "robust_stability": lambda: {**of_family(), "max_cells": 30},
+    "robust_stability": lambda: {**of_family(), "max_cells": 3},
     "analysis.structured_margin": lambda: {**of_family(), "largest": 1.0, "tolerance": 0.5, "max_cells": 2},
     "worst_case": lambda: {**of_family(), "tolerance": 0.1, "max_cells": 3},
     "schedule": lambda: {"controllers": [controller(), controller()], "values": [0.0, 1.0], "signal": "y0"},

@@ -14,7 +14,7 @@ from boomctl.analysis.box.sampled_level import SampledLoops, sampled_loops
 from boomctl.arrays import Array
 from boomctl.checks import positive, whole
 from boomctl.lti.controllers.scheduled import ScheduledController
-from boomctl.lti.system import Lti, rates_of
+from boomctl.lti.system import Lti, of, rates_of
 from boomctl.printing import sentence
 from boomctl.progress import Listener, computing, tell
 from boomctl.structure.families import Family
@@ -208,8 +208,10 @@ def robust_stability(
     """
     limit = whole("max_cells", max_cells)
     K, late = checked_controller(family, controller, delay)
-    if unmodelled is not None and K is None:
-        raise ValueError("unmodelled: expected none beside a controller that follows a parameter")
+    if unmodelled is not None:
+        of(unmodelled, "unmodelled", "StateSpace")
+        if K is None:
+            raise ValueError("unmodelled: expected none beside a controller that follows a parameter")
     if K is not None and K.dt != 0.0:
         loops = _Sampled(family, K, late, sampled_loops(family, K, (), (), late))
     else:
