@@ -9,10 +9,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from boomctl.analysis import robust_stability, structured_margin, worst_case
+from boomctl.analysis.box.loop_pencil import closed_pencil
 from boomctl.analysis.box.loops import BoxLoops
 from boomctl.analysis.loops import feedback_loop
 from boomctl.boom import boom_family, yaw_family
 from boomctl.identification.families import names_of_mode, of_modes
+from boomctl.lti.system import of
 from boomctl.structure import SecondOrderModel
 from boomctl.structure.families import AffineFamily
 from boomctl.structure.modal_structure import modal_structure
@@ -59,6 +61,16 @@ def test_the_passive_boom_is_stable_over_the_whole_box():
     assert found.proved
     assert found.cells < 50
     assert robust_stability(yaw_family(half="yaw"), none).proved
+
+
+def test_pencil_of_filtered_accelerations_has_poles_of_the_loop():
+    names = ["tip_left_acceleration", "stroke_right"], ["suspension_left", "cradle"]
+    model = boom_family(accelerometer_bandwidth_hz=20.0).at([0.4, -0.7]).select(names[1], names[0])
+    C, D = [[5.0, 1.0], [0.0, 9.0]], [[1.0, -20.0], [3.0, 4.0]]
+    K = control.ss(-3.0 * np.eye(2), np.eye(2), C, D, inputs=names[0], outputs=names[1])
+    mine, loop = closed_pencil(model, of(K).balanced()).poles, feedback_loop(model, K, names[1]).poles()
+    assert len(mine) == len(loop)
+    assert all(np.abs(loop - pole).min() < 1e-6 * abs(pole) + 1e-6 for pole in mine)
 
 
 def test_a_loop_unstable_in_the_middle_bears_nothing():
