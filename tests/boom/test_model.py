@@ -1,4 +1,4 @@
-"""The spray boom: Table 1, convergence towards the exact beam, weight, and input that is refused."""
+"""The spray boom: Table 1, convergence towards the exact beam, and weight."""
 
 from dataclasses import fields, replace
 from itertools import pairwise

@@ -1,4 +1,4 @@
-"""Parameters of the boom: what they mean, and what is refused."""
+"""Parameters of the boom: what they mean, files, and what is warned of."""
 
 import dataclasses
 import warnings

@@ -1,4 +1,4 @@
-"""Spray on the field: what falls is what was sprayed, the dose of a moving nozzle, passes that add up, and bad input."""
+"""Spray on the field: what falls is what was sprayed, the dose of a moving nozzle, passes that add up."""
 
 import numpy as np
 import pytest

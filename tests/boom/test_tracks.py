@@ -1,4 +1,4 @@
-"""Wheel tracks: densities, classes, coherence of left and right, seeds, and what is refused."""
+"""Wheel tracks: densities, classes, coherence of left and right, seeds."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Cross sections: against integrals over their area, the spray boom's tube, one another, and what is refused."""
+"""Cross sections: against integrals over their area, the spray boom's tube, and lines of thin walls."""
 
 from itertools import pairwise
 

@@ -1,4 +1,4 @@
-"""Fine and graded meshes against the exact beam, and meshes that are refused."""
+"""Fine and graded meshes against the exact beam."""
 
 import warnings
 

@@ -1,4 +1,4 @@
-"""Parts of a machine: what each refuses, in a line that names parameter and value."""
+"""Points of a machine: they move with their bodies, by rows that add and cancel."""
 
 from math import pi
 

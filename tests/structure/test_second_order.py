@@ -1,4 +1,4 @@
-"""SecondOrderModel: what it is made of, what it refuses, and its answers for systems solved by hand."""
+"""SecondOrderModel: what it is made of, and its answers for systems solved by hand."""
 
 import numpy as np
 import pytest

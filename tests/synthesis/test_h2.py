@@ -1,4 +1,4 @@
-"""H2 synthesis: closed forms, slycot as a peer, LQG as a special case, direct terms, refusals."""
+"""H2 synthesis: closed forms, slycot as a peer, LQG as a special case, direct terms."""
 
 import control
 import numpy as np

@@ -1,4 +1,4 @@
-"""Plants on which synthesis tends to hang or to lie: each ends in time, with a right answer or a right refusal."""
+"""Plants on which synthesis tends to hang or to lie: each ends in time, with a right answer."""
 
 import control
 import numpy as np

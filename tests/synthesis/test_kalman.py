@@ -1,4 +1,4 @@
-"""Filters: closed forms, duality with the regulator, variance of the error, names, refusals."""
+"""Filters: closed forms, duality with the regulator, variance of the error, names."""
 
 import control
 import numpy as np

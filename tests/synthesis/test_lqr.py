@@ -1,4 +1,4 @@
-"""Regulators: closed forms, invariance, Kalman's inequality, names, refusals."""
+"""Regulators: closed forms, invariance, Kalman's inequality, cross weights."""
 
 import control
 import numpy as np
