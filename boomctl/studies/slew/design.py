@@ -202,16 +202,13 @@ class SlewEvaluation(Evaluation):
         design, slew, comparison, free = self.design, self.design.slew, self.comparison, self.comparison.angle is None
         caption = "Torque, hub angle and speed, tip displacement and moment at the clamp; broken lines: limits nearby."
         beam, found = design.beam, slew.certificate
-        words = (
-            f"{beam.model} with {count(beam.modes, 'mode')} and a tip mass of {beam.parameters.tip_mass:g} kg.",
-            *str(slew).splitlines(),
+        words = [
+            f"{beam.model.upper()} with {count(beam.modes, 'mode')} and a tip mass of {beam.parameters.tip_mass:g} kg.",
+            *str(slew).removeprefix("SlewResult: ").splitlines(),
             f"Method: {found.method}; {str(found).splitlines()[-1].strip()}.",
-            *(
-                ()
-                if found.switches is None
-                else (f"Switching times: {', '.join(f'{t:.5f}' for t in slew.history.switches)} s.",)
-            ),
-        )
+        ]
+        if found.switches is not None:
+            words.append(f"Switching times: {', '.join(f'{t:.5f}' for t in slew.history.switches)} s.")
         yield Section("The slew", (*words, *design.notes), pictures=(_drawn("slew", slew.plot, caption),))
         beam, motions = design.beam.with_tip_mass(self.film_tip_mass), {}
         time = np.linspace(0.0, slew.duration + _AFTER, 601)
@@ -246,7 +243,8 @@ class SlewEvaluation(Evaluation):
         drawn = _drawn("comparison", comparison.plot, caption, names=names)
         yield Section("Beside other spin-ups" if free else "Beside other slews", (text,), tuple(tables), (drawn,))
         text = "The models differ in what they neglect. The torque is open loop; errors are those at its end."
-        table = table_of(map(vars, self.replays), _REPLAYED, "SI units; tip mass: of another payload.")
+        rows = [vars(x) | {"tip_mass": "\u2013" if x.tip_mass is None else f"{x.tip_mass:g}"} for x in self.replays]
+        table = table_of(rows, _REPLAYED, "SI units; tip mass: of another payload.")
         yield Section("The same torque on other models", (text,), (table,))
         if (t := self.following) is not None:
             text = (
