@@ -7,11 +7,12 @@ that of the rigid body.
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
+from typing import Any
 
 import numpy as np
 
-from boomctl.plotting.canvas import picture
-from boomctl.plotting.slew import plot_spin_ups
+from boomctl.plotting.canvas import figure_of, panels, picture
 from boomctl.report import Section
 from boomctl.rotating_beam import HubBeam, HubBeamParameters, SimulationResult, hub_beam, spin_up
 from boomctl.slew import SlewResult, optimal_slew
@@ -57,6 +58,25 @@ def spin_ups(h: HubBeam, slew: SlewResult) -> Iterator[SpinUp]:
         )
 
 
+def drawn(pair: tuple[SpinUp, ...], ax: Any = None) -> Any:
+    """Draw torque, hub speed and tip displacement of spin-ups on one time axis."""
+    labels = ("torque [N m]", "hub speed [rad/s]", "tip displacement [m]")
+    levels = ((-LIMIT, LIMIT), (SPEED,), ())
+    with panels(ax, labels, (7.0, 5.8)) as axes:
+        for axis, label, marked in zip(axes, labels, levels, strict=True):
+            for level in marked:
+                axis.axhline(level, color="0.45", linewidth=2.4, alpha=0.5, linestyle="--")
+            axis.set(ylabel=label, xlim=(0.0, pair[0].motion.time[-1]))
+        for each in pair:
+            run = each.motion
+            for axis, values in zip(axes, (run.torque, run.hub_speed, run.tip_displacement), strict=True):
+                (line,) = axis.plot(run.time, values, label=each.name)
+                axis.axvline(each.duration, color=line.get_color(), linewidth=0.8, linestyle=":")
+        axes[1].legend(loc="lower right")
+        axes[2].set_xlabel("time [s]")
+    return axes
+
+
 def design(modes: int = 2) -> SlewDesign:
     """Plan the spin-up, and compare it with the profile."""
     beam = hub_beam(HubBeamParameters(), "sfoam", modes)
@@ -70,7 +90,7 @@ def design(modes: int = 2) -> SlewDesign:
         " end."
     )
     caption = "Torque, hub speed and tip displacement. Broken lines: torque limit and final speed; dotted: the ends."
-    shown = picture("spin_up", plot_spin_ups(pair, LIMIT, SPEED), caption, "png")
+    shown = picture("spin_up", figure_of(partial(drawn, pair)), caption, "png")
     return SlewDesign(
         "spin_up_slew",
         "Spun up to 1 rad/s in the least time",

@@ -333,39 +333,6 @@ def plot_switching(curve: Any, ax: Any = None, **style: Any) -> Array:
     return axes
 
 
-def plot_spin_ups(spin_ups: Sequence[Any], torque_limit: float, final_speed: float) -> Figure:
-    """Draw torque, hub speed and tip displacement of spin-ups on one time axis.
-
-    Parameters
-    ----------
-    spin_ups : sequence of SpinUpMotion
-    torque_limit, final_speed : float
-        N m, rad/s.
-    """
-    rows = (
-        ("torque [N m]", "torque", (-torque_limit, torque_limit)),
-        ("hub speed [rad/s]", "hub_speed", (final_speed,)),
-        ("tip displacement [m]", "tip_displacement", ()),
-    )
-    with style():
-        figure = new_figure(7.0, 5.8)
-        axes = figure.subplots(3, 1, sharex=True)
-        for ax, (label, key, levels) in zip(axes, rows, strict=True):
-            for level in levels:
-                ax.axhline(level, color="0.45", linewidth=2.4, alpha=0.5, linestyle="--")
-            for k, each in enumerate(spin_ups):
-                values = getattr(each.motion, key)
-                ax.plot(each.motion.time, values, color=COLOURS[k], label=each.name, zorder=3 - k)
-                ax.axvline(each.duration, color=COLOURS[k], linewidth=0.8, linestyle=":")
-            ax.set_ylabel(label)
-        axes[1].legend(loc="lower right")
-        axes[0].set_title(f"Spun up to {final_speed:g} rad/s")
-        axes[-1].set_xlabel("time [s]")
-        axes[-1].set_xlim(0.0, float(spin_ups[0].motion.time[-1]))
-        figure.align_ylabels(axes)
-    return figure
-
-
 def animate_slew(
     h: Any, motions: Mapping[str, Any], *, title: str = "", until: float | None = None, time_step: float = 0.05
 ) -> FuncAnimation:
