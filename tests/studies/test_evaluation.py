@@ -16,7 +16,15 @@ from boomctl.files import plain
 from boomctl.structure import SecondOrderModel
 from boomctl.studies.evaluation import Finding, numbers, table_of, words
 from boomctl.studies.slew import SlewEvaluation
-from boomctl.studies.suspension import FieldScene, SuspensionDesign, SuspensionResult, assurance, performance
+from boomctl.studies.suspension import (
+    MASS,
+    SPRING,
+    FieldScene,
+    SuspensionDesign,
+    SuspensionResult,
+    assurance,
+    performance,
+)
 from boomctl.studies.suspension.performance import _peak
 
 SPRUNG = SecondOrderModel([[1.0]], [[0.02]], [[4.0]], {"force": [1.0], "wind": [1.0]}, {"position": [1.0]})
@@ -70,6 +78,8 @@ def test_peak_and_margins_without_certificate_say_so():
 def test_suspension_verdict_is_certified_if_both_peaks_are(doubted):
     run = performance("", FieldScene(run_in=0.0, duration=0.5, elements=2), bc.BoomParameters())
     peak = run.sigma.certificate
+    assert run.yaw.lower == pytest.approx(peak.lower, rel=1e-4)
+    assert run.jolt.lower < 0.1 * run.yaw.lower
     both = dict.fromkeys(("passive", "active"), run)
     if doubted:
         both[doubted] = replace(run, sigma=replace(run.sigma, _of=replace(peak, upper=2.0 * peak.lower)))
@@ -93,15 +103,29 @@ def test_field_scene_ends_where_ground_ends():
     assert float(str(raised.value).split("at most ")[1].split()[0]) == pytest.approx(longest, abs=0.1)
 
 
-def test_measured_yaw_family_ends_at_measured_frequency(monkeypatch):
-    families = []
+@pytest.fixture
+def families(monkeypatch):
+    """The families over which stability and peaks are proved; nothing is."""
+    found = []
 
-    def proved(family, _):
-        families.append(family)
-        return SimpleNamespace(render=str, proved=True)
+    def proved(family, *_, **__):
+        found.append(family)
+        return SimpleNamespace(render=str, proved=True, upper_bound=1.0)
 
-    monkeypatch.setattr(assurance, "robust_stability", proved)
+    for name in ("robust_stability", "worst_case"):
+        monkeypatch.setattr(assurance, name, proved)
+    return found
+
+
+def test_suspension_families_span_springs_and_masses(families):
+    found = list(assurance.Examined(bc.BoomParameters(), None, FieldScene(elements=4)).over_the_box())
+    assert [each.name.partition(":")[0] for each in found] == ["jolt", "jolt", "yaw", "yaw"]
+    assert all(family.ranges == {"spring": SPRING, "mass": MASS} for family in families)
+    assert families[0].names == families[3].names == ("spring", "mass")
+
+
+def test_measured_yaw_family_ends_at_measured_frequency(families):
     assurance.Examined(bc.BoomParameters(hinge_damping=500.0), None, FieldScene()).at_the_measured_yaw(None)
-    softest, stiffest = families[0].ranges["spring_stiffness"]
-    booms = (bc.split_symmetric(bc.spray_boom(spring_stiffness=each, elements=6))[1] for each in (softest, stiffest))
-    assert [yaw.eigenfrequencies_hz(1)[0] for yaw in booms] == pytest.approx([0.245, 0.34], abs=1e-4)
+    booms = (bc.spray_boom(spring_stiffness=each, elements=6) for each in families[0].ranges["spring_stiffness"])
+    yaw_hz = [bc.split_symmetric(boom)[1].eigenfrequencies_hz(1)[0] for boom in booms]
+    assert yaw_hz == pytest.approx([0.245, assurance.MEASURED_YAW_HZ], abs=1e-4)

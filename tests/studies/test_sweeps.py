@@ -83,6 +83,7 @@ def test_sweep_labels_objects_by_name():
     assert bc.sweep(lambda boom: 1.0, {"boom": list(booms.values())}).labels["boom"] == (0, 1)
     designs = [bc.studies.SuspensionDesign(name, "") for name in ("one", "other")]
     assert bc.sweep(lambda design: 1.0, {"design": designs}).labels["design"] == ("one", "other")
+    assert bc.sweep(lambda x: 1.0, {"x": [designs[0], booms["soft"]]}).labels["x"] == (0, 1)
 
 
 @pytest.mark.parametrize(
