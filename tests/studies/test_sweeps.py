@@ -122,20 +122,23 @@ def test_sweep_failed_point_is_reported():
         bc.sweep(lambda x: {"x": 1.0}, {"x": [1.0]}).table  # noqa: B018
 
 
-@pytest.mark.parametrize("backend", ["threading", *(pytest.param(b, marks=pytest.mark.slow) for b in ("loky", "dask"))])
+@pytest.mark.parametrize("backend", ["threading", pytest.param("loky", marks=pytest.mark.slow)])
 def test_sweep_backends_return_same_table(backend):
-    cluster = None
-    if backend == "dask":
-        distributed = pytest.importorskip("distributed")
-        cluster = distributed.Client(n_workers=2, threads_per_worker=1, dashboard_address=None)
     there, here = bc.sweep(numbers, GRID, n_jobs=2, backend=backend), bc.sweep(numbers, GRID)
     assert there.points == here.points
     assert all(np.array_equal(there[name], here[name]) for name in here.columns)
     with pytest.warns(SweepWarning):
         failed = bc.sweep(picky, GRID, n_jobs=2, backend=backend)
     assert [each.text for each in failed.failures] == ["x = 2, y = 1, z = 5: ValueError: not at 2.0"]
-    if cluster is not None:
-        cluster.shutdown()
+
+
+@pytest.mark.slow
+def test_sweep_dask_backend_returns_same_table():
+    distributed = pytest.importorskip("distributed")
+    with distributed.Client(n_workers=2, threads_per_worker=1, dashboard_address=None) as client:
+        found = bc.sweep(numbers, GRID, n_jobs=-1, backend="dask")
+        assert found["sum"].tolist() == bc.sweep(numbers, GRID)["sum"].tolist()
+        client.shutdown()
 
 
 @pytest.mark.slow  # starts workers
@@ -269,7 +272,11 @@ def test_checkpoint_of_other_function_raises(tmp_path, made):
 FACTOR = 1.0
 
 
-@pytest.mark.parametrize("function", [lambda x: FACTOR * x, lambda x: max(FACTOR * y for y in (x,))])
+def recursive(x):
+    return FACTOR if x <= 0.0 else recursive(x - 1.0)
+
+
+@pytest.mark.parametrize("function", [lambda x: FACTOR * x, lambda x: max(FACTOR * y for y in (x,)), recursive])
 def test_checkpoint_after_changed_global_raises(tmp_path, monkeypatch, function):
     for resumed in (0, 1):
         assert bc.sweep(function, {"x": [1.0]}, checkpoint=tmp_path / "s").resumed == resumed
@@ -412,17 +419,11 @@ def test_checkpoint_of_something_else_raises(tmp_path):
         assert file.read_text().splitlines()[0] == whole.splitlines()[0]
 
 
-# written as they are, escaped, and in two, three and four bytes: all of Unicode takes seconds to be listed
-TEXTS = st.text('aZ0 _/"\\\n\x00\x7f\u00e9\u2028\uffff\U0001d11e', max_size=5)
-CELLS = st.recursive(
-    st.none() | st.booleans() | st.integers() | st.floats() | TEXTS | st.complex_numbers(),
-    lambda inside: st.lists(inside, max_size=3) | st.dictionaries(TEXTS, inside, max_size=3) | st.tuples(inside),
-    max_leaves=6,
-)
+CELL = st.floats() | st.integers() | st.text('aZ0 "/\\\n\x00\u00e9\uffff\U0001d11e', max_size=5) | st.complex_numbers()
 
 
 @examples(200)
-@given(st.dictionaries(TEXTS, CELLS, max_size=2))
+@given(st.dictionaries(st.text(max_size=2), CELL | st.none() | st.booleans() | st.lists(CELL), max_size=2))
 def test_checkpoint_encoding_is_exact(columns):
     line = json.dumps({name: checkpoint_module._encoded(cell) for name, cell in columns.items()})
     assert repr(checkpoint_module._decoded(json.loads(line))) == repr(columns)
@@ -454,8 +455,6 @@ def test_sweep_result_plot_groups_and_labels():
     legend = ax.get_legend()
     assert (legend.get_title().get_text(), [t.get_text() for t in legend.get_texts()]) == ("y", ["1", "2"])
     assert [line.get_ydata().tolist() for line in ax.lines[::2]] == [[12.0, 13.0], [22.0, 23.0]]
-    many = bc.sweep(lambda x, y: x * y, {"x": [1.0, 2.0], "y": np.linspace(0.0, 1.0, 9)}).plot()
-    assert (len(many.get_legend().get_texts()), len({tuple(line.get_color()) for line in many.lines})) == (6, 9)
     with pytest.raises(ValueError, match="swept parameter"):
         words.plot(against="who")
     with pytest.raises(ValueError, match="column: expected one that is a number"):
