@@ -136,6 +136,9 @@ def test_what_a_design_prints_does_not_spoil_its_results(tmp_path):
     assert json.loads(done.stdout) == json.loads((tmp_path / "results" / "results.json").read_text()) == {"x": 1}
     assert done.stderr.split() == ["read", "run", "made", "judged", "reported"]
     assert "judged" in boomctl("design", "mine.py", cwd=tmp_path).stdout
+    refused = boomctl("design", "mine.py", "--speed", "2", cwd=tmp_path)
+    assert refused.returncode == 2
+    assert "of suspensions only" in refused.stderr
 
 
 @pytest.mark.slow

@@ -1,8 +1,6 @@
-"""A controller for a machine of one's own: judged, reported, and run by the command line from the user's file."""
+"""A controller for a machine of one's own: peaks, margins, stability over a family, and files of the controller."""
 
 import json
-import subprocess
-import sys
 
 import control
 import numpy as np
@@ -10,26 +8,14 @@ import pytest
 
 import boomctl as bc
 from boomctl.structure import AffineFamily, SecondOrderModel
-from boomctl.studies.catalogue import load_design
 
 SPRUNG = SecondOrderModel([[1.0]], [[0.02]], [[4.0]], {"force": [1.0], "wind": [1.0]}, {"position": [1.0]})
 DAMPER = control.ss(-20.0, 20.0, 40.0, -40.0, inputs="position", outputs="force", name="damper")  # -40 s/(s + 20)
 
-MINE = """
-import control
-from boomctl.studies import MachineDesign
-from boomctl.structure import SecondOrderModel
-
-
-def design():
-    plant = SecondOrderModel([[1.0]], [[0.02]], [[4.0]], {"force": [1.0], "wind": [1.0]}, {"position": [1.0]})
-    K = control.ss(-20.0, 20.0, 40.0, -40.0, inputs="position", outputs="force")
-    return MachineDesign("mine", "A mass on a spring", plant, K, sample_time=0.001, force_limit=5.0)
-"""
-
 
 def test_peaks_margins_and_stability_are_those_of_the_loop():
-    result = bc.studies.MachineDesign("mine", "A mass on a spring", SPRUNG, DAMPER).evaluate()
+    sampled = {"sample_time": 0.001, "force_limit": 5.0}
+    result = bc.studies.MachineDesign("mine", "A mass on a spring", SPRUNG, DAMPER, **sampled).evaluate()
     s = control.tf("s")
     damped = 1 / (s**2 + 0.02 * s + 4 + 40 * s / (s + 20))
     assert result.stable
@@ -38,6 +24,9 @@ def test_peaks_margins_and_stability_are_those_of_the_loop():
     assert result.margins.everywhere.alpha > 0.0
     assert result.as_dict()["after"]["peak"] == result.after.peak
     assert "The loop is stable" in str(result)
+    files = result.controller_files()
+    assert set(files) >= {"controller.json", "controller.mat", "controller.c"}
+    assert f"FORCE[1] = {{R({(5.0).hex()})}}" in files["controller.c"]
 
 
 @pytest.mark.slow
@@ -66,21 +55,6 @@ def test_what_does_not_fit_is_refused_when_the_design_is_made(change, error, mes
     given = {"name": "mine", "title": "", "plant": SPRUNG, "controller": DAMPER, **change}
     with pytest.raises(error, match=message):
         bc.studies.MachineDesign(**given)
-
-
-@pytest.mark.slow  # two processes, and pictures: 5 s
-def test_the_command_line_runs_a_file_of_ones_own(tmp_path):
-    (tmp_path / "mine.py").write_text(MINE)
-    assert isinstance(load_design(str(tmp_path / "mine.py")), bc.studies.MachineDesign)
-    words = [sys.executable, "-m", "boomctl.cli", "design", "mine.py", "--json"]
-    done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    assert json.loads(done.stdout)["stable"]
-    written = {path.name for path in (tmp_path / "results").iterdir()}
-    assert written >= {"report.html", "results.json", "sigma.svg", "controller.json", "controller.mat", "controller.c"}
-    refused = subprocess.run([*words, "--speed", "2"], cwd=tmp_path, capture_output=True, text=True, check=False)
-    assert refused.returncode == 2
-    assert "of suspensions only" in refused.stderr
 
 
 SPRINGS = AffineFamily.through(
