@@ -79,8 +79,3 @@ def _smallest_eigenvalue(mass: float, speed: float) -> float:
     """Of ``K2 - w^2 M2`` with the five modes of the paper, N/m."""
     integrals = AssumedModesBeam(HubBeamParameters(tip_mass=mass), "tlam", 5).integrals
     return float(np.linalg.eigvalsh(integrals.K2 - speed**2 * integrals.M2)[0])
-
-
-def parts() -> tuple[Part, ...]:
-    """Return what needs no motion."""
-    return table_2(), critical_speeds()

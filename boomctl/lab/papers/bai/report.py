@@ -1,6 +1,6 @@
 """Bai et al. (2009), reproduced: every table and figure beside what correct equations give."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, astuple
 from functools import partial
 from typing import Any
@@ -17,10 +17,16 @@ from boomctl.rotating_beam.exact.beam import GeometricallyExactBeam
 from boomctl.rotating_beam.manoeuvres import sine_torque
 from boomctl.rotating_beam.parameters import HubBeamParameters
 
-_DRAWN: dict[str, Callable[[], tuple[Part, ...]]] = {
-    "Table 3, Figs. 7 and 8": torque.parts,
-    "Figs. 3 to 6 and 10": spin_up.parts,
-    "Table 2, Fig. 9": frequencies.parts,
+_DRAWN = {
+    "Table 3, Figs. 7 and 8": (torque.inertia_torque, torque.foam_and_sfoam),
+    "Figs. 3 to 6 and 10": (
+        spin_up.neglected_terms,
+        spin_up.cfoam_and_foam,
+        spin_up.foam_and_tlam,
+        spin_up.mode_by_mode,
+        spin_up.tip_mass,
+    ),
+    "Table 2, Fig. 9": (frequencies.table_2, frequencies.critical_speeds),
 }
 """Parts of the paper that share runs of the beam; the longest first."""
 _MODELS = ("CFOAM", "FOAM", "TLAM", "exact", "SFOAM", "SFOAM, consistent")  # the longest first (measured)
@@ -62,7 +68,7 @@ def report(found: Mapping[str, Any], torques: tuple[float, ...] = TORQUES) -> Re
 
 def _drawn(name: str) -> list[tuple[Part, Section]]:
     """Compute and draw parts of the paper."""
-    return [(part, _section(part)) for part in _DRAWN[name]()]
+    return [(part, _section(part)) for part in (make() for make in _DRAWN[name])]
 
 
 def _film() -> Section:

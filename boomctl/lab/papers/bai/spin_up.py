@@ -27,11 +27,6 @@ TIME = np.linspace(0.0, 60.0, 3001)  # [s]; the paper's figures end at 60 s
 MASSES = (0.0, 0.1, 0.5)  # at the tip [kg], as in Fig. 10
 
 
-def parts() -> tuple[Part, ...]:
-    """Return Figs. 3 to 6 and 10, which share runs."""
-    return neglected_terms(), cfoam_and_foam(), foam_and_tlam(), mode_by_mode(), tip_mass()
-
-
 @cache  # figures share runs
 def _run(label: str, speed: float, modes: int, mass: float) -> SimulationResult:
     beam = hub_beam(HubBeamParameters(tip_mass=mass), MODELS[label], modes)

@@ -31,11 +31,6 @@ MENDED = {200.0: 3.72e-1}
 _FIG_8 = {"FOAM": 5, "SFOAM": 5, "SFOAM, 1 mode": 1, "exact": 5}  # modes of each model
 
 
-def parts() -> tuple[Part, ...]:
-    """Return Table 3 with Fig. 7, and Fig. 8, which share runs."""
-    return inertia_torque(), foam_and_sfoam()
-
-
 @cache  # figures share runs
 def _run(label: str, amplitude: float, modes: int, mass: float) -> SimulationResult:
     beam = hub_beam(HubBeamParameters(tip_mass=mass), MODELS[label], modes)
