@@ -189,7 +189,7 @@ class SprayResult:
     def plot(
         self, ax: Axes | None = None, *, label: str = "deposit", length: float | None = None, **style: Any
     ) -> Axes:
-        """Draw the deposit on the field, beside its scale of colors, which is the same for all deposits.
+        """Draw the deposit on the field with its color scale, which is the same for all deposits.
 
         Parameters
         ----------
@@ -198,7 +198,7 @@ class SprayResult:
         label : str, default: "deposit"
             The title.
         length : float, optional
-            Length of field to show [m], from where judging begins.  If None, all that is judged.
+            Length of field to show [m], from the first cell that counts.  If None, all cells that count.
         **style
             Of the map, as matplotlib's ``pcolormesh`` takes it.
 

@@ -52,11 +52,16 @@ def plot_loop(
         groups.append(("friction", "friction [N]", {result.friction.input: result.friction.force}))
     if not groups:
         raise ValueError("outputs: expected at least one name, got none, and there is nothing else to draw")
+    return _draw_groups(result, groups, ax, style)
+
+
+def _draw_groups(result: Any, groups: list[tuple[str, str, dict[str, Any]]], ax: Any, style: dict[str, Any]) -> Array:
+    """Draw groups of signals, of a kind and with a label, one panel for each group."""
     labels = [label for _, label, _ in groups]
     with panels(ax, labels, (7.4, 1.2 + 1.7 * len(groups))) as axes:
-        for each, (kind, _, signals) in zip(axes, groups, strict=True):
-            _draw(each, result, kind, signals, style)
-            legend(each, "right")
+        for axis, (kind, _, signals) in zip(axes, groups, strict=True):
+            _draw(axis, result, kind, signals, style)
+            legend(axis, "right")
         over_time(axes, labels)
     return axes
 
@@ -78,7 +83,7 @@ def _panels(kind: str, signals: dict[str, Any], units: Mapping[str, str]) -> lis
     return [(kind, label, each) for label, each in found.items()]
 
 
-def _draw(ax: Any, result: "LoopResult", kind: str, signals: dict[str, Any], style: dict[str, Any]) -> None:
+def _draw(ax: Any, result: Any, kind: str, signals: dict[str, Any], style: dict[str, Any]) -> None:
     """Draw some signals; behind controls what was asked for, on strokes where a stop was met."""
     low, high = ax.get_ylim() if ax.has_data() else (0.0, 0.0)
     for k, (name, values) in enumerate(signals.items()):
@@ -120,12 +125,4 @@ def plot_forced_response(
         *_panels("inputs", result.inputs, result.units),
         *_panels("outputs", _chosen(result.outputs, outputs), result.units),
     ]
-    labels = [label for _, label, _ in groups]
-    with panels(ax, labels, (7.4, 1.2 + 1.7 * len(groups))) as axes:
-        for each, (_, _, signals) in zip(axes, groups, strict=True):
-            for k, (name, values) in enumerate(signals.items()):
-                look = line_look(style, color=COLOURS[k % len(COLOURS)], linewidth=1.0, label=name)
-                each.plot(result.time, values, **look)
-            legend(each, "right")
-        over_time(axes, labels)
-    return axes
+    return _draw_groups(result, groups, ax, style)

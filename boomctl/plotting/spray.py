@@ -44,7 +44,7 @@ def plot_deposit(
     label : str
         The title.
     length : float, optional
-        Of field to show [m], from where judging begins; by default all that is judged.
+        Of field to show [m], from the first cell that counts; by default all cells that count.
     **style
         Of the map, as matplotlib's ``pcolormesh`` takes it.
 
