@@ -43,7 +43,7 @@ def test_mode_table_plot_has_damping_in_percent_over_hertz():
     assert (line.get_xdata(), line.get_ydata()) == (pytest.approx([1.0 / np.pi]), pytest.approx([1.0]))
 
 
-def test_mode_shape_plots_of_a_machine_in_the_plane_are_of_one_size():
+def test_mode_shape_plots_in_the_plane_are_of_one_size():
     upright = np.array([[0.0, 0.0], [0.0, 2.0], [0.0, 4.0]])
     motion = np.zeros((2, 3, 2))
     motion[0, :, 0], motion[1, :, 1] = (0.0, 0.5, 1.0), (0.0, 0.5, 1.0)
@@ -58,7 +58,7 @@ def test_mode_shape_plots_of_a_machine_in_the_plane_are_of_one_size():
 
 
 @pytest.mark.parametrize(("stroke", "limited"), [(0.03, True), (0.01, False)])
-def test_run_of_a_suspension_shows_millimetres_and_the_limits_that_are_near(stroke, limited):
+def test_draw_run_shows_millimetres_and_limits_that_are_near(stroke, limited):
     time = np.linspace(0.0, 2.0, 41)
     wave = np.sin(np.pi * time)
 

@@ -16,7 +16,7 @@ def sprayed(k):
 
 
 @pytest.mark.slow
-def test_spray_plot_shows_a_length_of_field_on_the_scale_of_all_deposits():
+def test_spray_plot_shows_a_length_on_the_scale_of_all():
     passive, active = sprayed(0.2), sprayed(0.02)
     figure = figure_of(passive.plot, label="passive", length=20.0)
     ax, bar = figure.axes

@@ -1,4 +1,4 @@
-"""Independent parts of a reproduction, computed in parallel or one after the other, and what each gives to the report."""
+"""Independent parts of a reproduction, computed in parallel or one after the other, and their chapters of the report."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass

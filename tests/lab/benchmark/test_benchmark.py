@@ -71,7 +71,7 @@ def test_lead_is_over_our_fastest_point_with_no_larger_error(found, way):
             assert ratio == pytest.approx(other.elapsed(way) / ours.elapsed(way))
 
 
-def test_run_times_are_of_one_call_and_the_median_of_all_processes(monkeypatch):
+def test_run_times_are_medians_of_single_calls(monkeypatch):
     runs_of = iter(
         {"answer": 1.5, "cold": [cold, 2 * cold], "hot": [[hot, 2 * hot], [3 * hot, 6 * hot]]}
         for cold, hot in ((9.0, 1.0), (3.0, 2.0), (6.0, 4.0))

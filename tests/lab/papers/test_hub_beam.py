@@ -161,7 +161,7 @@ def test_leaves_interpolates_in_logarithms():
     assert leaves(torques, np.array([1e-3, 1e-2, math.inf]), 0.2) == 1000.0
 
 
-def test_tip_errors_of_the_residual_vibration_are_of_the_time_after_the_torque():
+def test_residual_tip_errors_are_of_time_after_the_torque():
     true = np.where(TIME > 10.0, 2.0, 1.0)
     found = tip_errors({label: [np.where(TIME > 10.0, 2.5, 1.5)] for label in MODELS} | {"exact": [true]})
     late = tip_errors({label: [true + (TIME > 10.0)] for label in MODELS} | {"exact": [true]})

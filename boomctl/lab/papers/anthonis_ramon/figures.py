@@ -213,7 +213,7 @@ def _attached(p: BoomParameters, elements: int) -> Array:
 
 
 def _modes(p: BoomParameters) -> Section:
-    """Draw the first five modes, platform held, undamped, beside the poles of the damped system."""
+    """Draw the first five modes, platform held, undamped; the table has those of the damped system."""
     from boomctl.plotting.canvas import figure_of, picture
 
     model = spray_boom(p, "finite", _attached(p, _SHAPE_ELEMENTS))

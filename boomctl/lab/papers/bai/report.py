@@ -98,10 +98,10 @@ def _section(part: Part) -> Section:
     return Section(part.title, (), tuple(tables), pictures)
 
 
-def _line(each: Comparison) -> tuple[str, ...]:
-    numbers = (each.published, each.computed, each.reading, each.tolerance)
+def _line(found: Comparison) -> tuple[str, ...]:
+    numbers = (found.published, found.computed, found.reading, found.tolerance)
     texts = ("" if value is None else f"{value:.6g}" for value in numbers)
-    return (each.where, each.what, *texts, each.unit, each.verdict, each.why)
+    return (found.where, found.what, *texts, found.unit, found.verdict, found.why)
 
 
 def results(parts: Sequence[Part]) -> dict[str, Any]:

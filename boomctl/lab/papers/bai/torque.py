@@ -158,9 +158,9 @@ def foam_and_sfoam() -> Part:
     )
     panels = []
     for letter, (amplitude, curves) in zip("ab", tips.items(), strict=True):
-        apart = {label: 1e3 * (tip - curves["FOAM"]) for label, tip in curves.items() if label != "FOAM"}
+        differences = {label: 1e3 * (tip - curves["FOAM"]) for label, tip in curves.items() if label != "FOAM"}
         panels.append(Panel(f"({letter}) {amplitude:g} N m", "v(L) [m]", lines(TIME, curves), legend="lower right"))
-        panels.append(Panel(f"({letter}') difference from FOAM", "Δv(L) [mm]", lines(TIME, apart)))
+        panels.append(Panel(f"({letter}') difference from FOAM", "Δv(L) [mm]", lines(TIME, differences)))
     caption = "Fig. 8. Tip displacement of FOAM and SFOAM"
     return Part("Fig. 8: FOAM and SFOAM", "fig-08", caption, tuple(panels), _lead_and_loss(tips[200.0]), claims)
 
