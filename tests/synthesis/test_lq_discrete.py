@@ -1,4 +1,4 @@
-"""Discrete regulators, filters and LQG: against their sums, python-control, duality and covariances in many digits."""
+"""Discrete regulators, filters and LQG: against the sum they minimise, python-control, duality, and many digits."""
 
 import control
 import flint
