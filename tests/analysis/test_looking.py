@@ -323,6 +323,17 @@ def test_a_comparison_has_the_figures_that_each_result_gives():
     assert bc.compare({"half": runs["half"][1]}).plot(what="margins")[0].lines
 
 
+@pytest.mark.parametrize("make", [one.loop, one.motion, pytest.param(one.slew, marks=pytest.mark.slow)])
+def test_result_over_time_has_named_signals_and_response(make):
+    result = make()
+    response = result.response
+    assert np.array_equal(response.time, result.time)
+    for k, name in enumerate(response.output_labels):
+        assert np.array_equal(result[name], np.atleast_2d(response.y)[k])
+    with pytest.raises(ValueError, match=r"unknown (signal|output) 'nothing'"):
+        result["nothing"]
+
+
 def test_systems_that_are_compared_are_drawn_at_the_same_frequencies():
     both = bc.compare({"slow": control.tf(1.0, [1.0, 0.02, 1.0]), "fast": control.tf(1.0, [1.0, 2.0, 1e4])})
     slow, fast = (x for line in both.plot()[0].lines if len(x := line.get_xdata()) > 1)  # but for marks of peaks

@@ -125,8 +125,8 @@ def test_box_with_one_unstable_part_is_not_proved(slope):
     """``x' = (slope d - 1/2) x`` is stable over one half of the box alone; ``x' = (slope d/4 - 1/2) x`` over both."""
     halves = [Cell(np.array([middle]), np.array([0.5])) for middle in (-0.5, 0.5)]
     for share, proved in ((1.0, False), (0.25, True)):
-        terms = {(): LoopPencil(np.eye(1), [[-0.5]]), (0,): LoopPencil(np.zeros((1, 1)), [[share * slope]])}
-        terms = {power: LoopPencil(x.E, np.array(x.A)) for power, x in terms.items()}
+        change = LoopPencil(np.zeros((1, 1)), np.array([[share * slope]]))
+        terms = {(): LoopPencil(np.eye(1), np.array([[-0.5]])), (0,): change}
         stable = prove.Statement.stable(lambda delta, share=share: share * slope * delta[0] < 0.5)
         found = prove.prove_box([prove.StablePart.of(terms, half) for half in halves], stable, 500)
         assert found.proved == proved
