@@ -95,7 +95,9 @@ REFUSED = [
     # shaped torques and comparisons
     (lambda: shaper("ZV", bc.hub_beam(modes=1), 0.01), "expected none beside a hub-beam"),
     (lambda: classical_torque("bang-bang", shaper("ZV", 1.0), 0.0, 1.0, 1.0), "angle"),
+    (lambda: shaper("EI", 1.0, level=2.0), r"level = 2\.0"),
     (lambda: compare_slews(bc.hub_beam(modes=1), None, 200.0, final_speed=0.0), "final_speed"),
+    *((lambda wrong=wrong: compare_slews(bc.hub_beam(modes=1), 1.0, 9.0, wrong), "optimal") for wrong in (5, {"a": 5})),
     # feedback along a slew
     (lambda: tracked(torque_limit=100.0), "torque_limit = 100: expected at least 140 N m"),
     (
