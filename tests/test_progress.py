@@ -81,6 +81,13 @@ def test_a_computation_within_another_tells_through_the_outer_one():
     assert pickle.loads(pickle.dumps(heard[0])) == heard[0]
 
 
+def test_listener_that_is_no_function_raises():
+    with pytest.raises(TypeError, match=r"progress = .*: expected a function of a Progress, or None"):
+        CALLS["reduction"](progress=True)
+    with pytest.raises(TypeError, match=r"listener = .*: expected a function"), bc.listening("yes"):
+        pass
+
+
 SCRIPT = """
 import sys, time
 import boomctl.progress as p
