@@ -43,7 +43,6 @@ def test_every_public_function_is_tried():
     assert public - set(fuzz.CALLS) == NOT_CALLED
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", QUICK)
 def test_call_with_arguments_of_table_answers(name):
     """Files that are not there are the exception, and a loop whose phase cannot be followed with so few evaluations."""
