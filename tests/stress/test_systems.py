@@ -77,7 +77,7 @@ def of_lag(gain):
     (of_frequency, 1e3, 1e-6, 1e-3, 1e6),
     (of_repeated_poles, 4, 2, 6, 8, 12),
     (of_nearly_equal_poles, 1e-8, 1e-2, 1e-5, 1e-11, 1e-14),
-    (of_lag, 1e-90, 1e-150, 1e-300, 1e-306, 1e90, 1e150, 1e300),
+    (of_lag, 1e-200, 1e-90, 1e-150, 1e-300, 1e-306, 1e90, 1e150, 1e300),
 )
 def test_norm_equals_closed_form(check_error, norm, make, value):
     """Relative error against the closed form."""
