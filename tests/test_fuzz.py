@@ -45,10 +45,10 @@ def test_every_public_function_is_tried():
 
 @pytest.mark.parametrize("name", QUICK)
 def test_call_with_arguments_of_table_answers(name):
-    """Files that are not there are the exception, and a loop whose phase cannot be followed with so few evaluations."""
+    """But for files that are not there, a loop whose phase cannot be followed so soon, and a design, which takes a while."""
     arguments = fuzz.arguments_of(name)
     in_order = arguments.pop("*", ())
-    if "path" not in arguments and name != "analysis.exact_loop_stability":
+    if "path" not in arguments and name not in ("analysis.exact_loop_stability", "studies.load_design"):
         assert fuzz.function_of(name)(*in_order, **arguments) is not None
 
 
