@@ -10,6 +10,7 @@ from scipy import linalg
 
 from boomctl.analysis.margins import margins
 from boomctl.analysis.model_norm import hinf_norm
+from boomctl.simulation.conditioning import conditioning_gains
 from boomctl.synthesis.hinf.h_infinity import h_infinity
 from boomctl.synthesis.lq.h2 import h2
 from boomctl.synthesis.lq.kalman import kalman
@@ -204,3 +205,24 @@ def test_delay_margin_of_light_damping_equals_closed_form(check_error, zeta):
     w = sqrt(2.0 - 4.0 * zeta**2)
     left = np.arctan2(2.0 * zeta * w, w * w - 1.0)  # pi less the phase's lag there
     check_error(lambda: relative([loop_margins(oscillator(zeta), 1.0).delay], [left / w]), 1e-6, may_refuse=zeta < 1e-6)
+
+
+@over("zeta", *ZETAS)
+def test_anti_windup_is_stable_with_each_limit_and_all(check_error, zeta):
+    """Four modes that three controls all show; what is left of a state after 2^50 samples."""
+    rng, A = np.random.default_rng(0), np.zeros((8, 8))
+    for k, w in enumerate((0.03, 0.1, 0.3, 0.6)):  # ten samples in a period of the fastest
+        A[2 * k : 2 * k + 2, 2 * k : 2 * k + 2] = linalg.expm(np.array([[0.0, w], [-w, -2.0 * zeta * w]]))
+    K = named(A, rng.standard_normal((8, 2)), rng.standard_normal((3, 8)))
+
+    def error():
+        gains, proved = conditioning_gains((K,), np.ones(3, dtype=bool))
+        if not proved:  # no gain is used then
+            return np.inf, False
+        left = 0.0
+        for limited in ([0], [1], [2], [0, 1, 2]):
+            X = np.linalg.matrix_power(A - gains[0][:, limited] @ K.C[limited], 2**50)
+            left = max(left, float(np.abs(X).max()))
+        return left, proved
+
+    check_error(error, 1e-6)
