@@ -35,7 +35,7 @@ from boomctl.analysis.nyquist import ExactLoopStability as ExactLoopStability
 from boomctl.analysis.nyquist import exact_loop_stability as exact_loop_stability
 from boomctl.analysis.prove import Proof as Proof
 from boomctl.analysis.prove import prove as prove
-from boomctl.analysis.sampled_loops.sampled_norm import sampled_norm as sampled_norm
+from boomctl.analysis.sampled_norm import sampled_norm as sampled_norm
 from boomctl.analysis.sigma import SigmaComparison as SigmaComparison
 from boomctl.analysis.sigma import SigmaResult as SigmaResult
 from boomctl.analysis.sigma import compare_sigma as compare_sigma

@@ -19,11 +19,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy import linalg
 
+from boomctl.analysis.further_delay import FurtherDelay
 from boomctl.analysis.loops import joined, sign_advice, signals_of, unsampled
 from boomctl.analysis.marginal_poles import MarginalPoles, marginal_poles
 from boomctl.analysis.norm import axis_eigenvalues, matrices_norm
 from boomctl.analysis.prove import Claim
-from boomctl.analysis.sampled_loops.further_delay import FurtherDelay
 from boomctl.arrays import Array, blocks
 from boomctl.checks import known, warn_user
 from boomctl.lti.bilinear import continuous_image, omega_of_image

@@ -19,7 +19,7 @@ from boomctl.threads import one_blas_thread
 
 if TYPE_CHECKING:
     from boomctl.simulation.signals import Levels
-    from boomctl.slew.tracking.tracked import TrackedSlew
+    from boomctl.slew.tracked import TrackedSlew
 
 
 class SlewError(RuntimeError):
@@ -350,7 +350,7 @@ class SlewResult(TimeSeries):
           torque: 160 N m planned of 200
           stable at the end, the slowest pole in 1.56 s
         """
-        from boomctl.slew.tracking.tracked import tracked_slew  # which only a slew that is followed needs
+        from boomctl.slew.tracked import tracked_slew  # which only a slew that is followed needs
 
         if self.plan is None:
             raise ValueError("slew: expected one that was planned by optimal_slew")

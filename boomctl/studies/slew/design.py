@@ -12,7 +12,7 @@ from boomctl.plotting.slew import animate_slew
 from boomctl.printing import compact, count
 from boomctl.report import Picture, Section, Table, number
 from boomctl.rotating_beam.assumed_modes import AssumedModesBeam
-from boomctl.slew.classical.comparison import SlewComparison, compare_slews
+from boomctl.slew.comparison import SlewComparison, compare_slews
 from boomctl.slew.least_time.switching_curve import SwitchingCurve, switching_curve
 from boomctl.slew.result import Replay, SlewResult
 from boomctl.studies.evaluation import Design, Evaluation, table_of

@@ -30,9 +30,7 @@ from boomctl.simulation.loop import simulate_loop
 from boomctl.simulation.machine.machine import Machine, RubbingMachine, reading_states
 from boomctl.simulation.result import LoopResult
 from boomctl.simulation.signals import Levels, per_signal
-from boomctl.slew.plant import SlewPlant
-from boomctl.slew.torque import TorqueHistory
-from boomctl.slew.tracking.feedback import (
+from boomctl.slew.feedback import (
     Tuning,
     controller_along,
     linearised_along,
@@ -41,7 +39,9 @@ from boomctl.slew.tracking.feedback import (
     slowest_pole,
     weights,
 )
-from boomctl.slew.tracking.monte_carlo import TrackingStudy, drawn
+from boomctl.slew.monte_carlo import TrackingStudy, drawn
+from boomctl.slew.plant import SlewPlant
+from boomctl.slew.torque import TorqueHistory
 from boomctl.threads import one_blas_thread
 
 _FEWEST = 8  # samples of a slew at least: fewer would not follow it

@@ -11,10 +11,10 @@ from boomctl.arrays import Array
 from boomctl.checks import instance, known, mapping, nonnegative, positive, real, sequence
 from boomctl.lti.time_series import TimeSeries
 from boomctl.printing import compact, table_html
-from boomctl.slew.classical.shapers import classical_spin_up, classical_torque, shaper
 from boomctl.slew.plant import SlewMachine, SlewPlant, plant_of
 from boomctl.slew.problem import warn_of_turns
 from boomctl.slew.result import SlewResult
+from boomctl.slew.shapers import classical_spin_up, classical_torque, shaper
 from boomctl.slew.torque import TorqueHistory
 from boomctl.threads import one_blas_thread
 
