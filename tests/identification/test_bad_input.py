@@ -90,6 +90,7 @@ REFUSED = [
         r"raises at all values near k = 4\. Use a range that ends",
     ),
     # responses
+    (lambda: fit_boom(inputs="nobody"), "unknown input 'nobody'"),
     (lambda: fit_boom(modes=[1]), "modes: expected None"),
     (lambda: fit_boom(build=lambda p: bc.exact_frequency_response(p, [1.0, 2.0])), "at the measured frequencies"),
     (lambda: fit_boom(build=lambda p: "boom"), "build: expected a model or its complex frequency response"),

@@ -45,6 +45,7 @@ REFUSED = [
     (lambda: hub_beam(3.0), "expected HubBeamParameters"),
     (lambda: BEAM.simulate(OTHER_SLOPE, [1.0]), "acceleration: expected the derivative of the speed"),
     (lambda: BEAM.simulate(torque(lambda t: math.nan), [1.0]), "torque at t = .* expected a finite number"),
+    (lambda: EXACT.simulate(torque(lambda t: math.nan), [1.0]), "torque"),
     *((lambda t=t: BEAM.simulate(free(), t), "timepts") for t in ([], [-1.0, 1.0], [1.0, 1.0])),
     (lambda: BEAM.simulate(free(), [1.0], initial=[0.0, 1.0]), r"initial of shape \(2,\): expected \(6,\)"),
     (lambda: BEAM.simulate(hold(0.1), [1.0], initial=[0.2, 0, 0, 0, 0, 0]), "initial hub angle = 0.2: expected 0.1"),
