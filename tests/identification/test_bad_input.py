@@ -49,7 +49,7 @@ def identify(part=slice(None), columns=(0, 1), outputs=None, **changed):
 
 
 def fast():
-    """A record with a resonance beside half the sampling rate."""
+    """Identify a record with a resonance close to half the sampling rate."""
     model = SecondOrderModel([[1.0]], [[0.5]], [[(2.0 * np.pi * 24.2) ** 2]], {"f": [1.0]}, {"y": [1.0]})
     return bc.identify(*driven(model, 4000, seed=0, errors=0.01, top_hz=24.9), STEP, band_hz=(0.0, 24.8))
 

@@ -138,9 +138,7 @@ def test_without_torque_what_rests_stays_at_rest(model):
 @pytest.mark.parametrize("intervals", [None, 1, 7, 55, 220, 257])
 @pytest.mark.parametrize("model", ["sfoam", pytest.param("foam", marks=pytest.mark.slow)])
 def test_a_planned_torque_moves_the_beam_as_its_function_does(model, intervals):
-    """Steps end at the corners, even ones whatever their number, or three uneven ones; those of FOAM resolve the
-    axial modes that corners set ringing.
-    """
+    """Steps end at the corners, evenly spaced or not; those of FOAM resolve the axial modes that corners excite."""
     beam, rng = hub_beam(BAI, model, 2), np.random.default_rng(intervals)
     history = bang_bang(np.array([0.7, 1.9, 2.2]), 3.0, 80.0, 1.0)
     if intervals is not None:

@@ -399,53 +399,54 @@ def test_what_the_best_start_came_to_is_what_is_verified(seed):
 # -- what is refused, and what ends early -----------------------------------------------------------------------------
 
 
-def asked(P=None, structure=None, nmeas=1, ncon=1, **options):
+def tuned(P=None, structure=None, nmeas=1, ncon=1, **options):
+    """Tune a gain around a lag, or as the arguments say."""
     structure = T.gain() if structure is None else structure
     return bc.tune(lag() if P is None else P, nmeas, ncon, structure, starts=2, **options)
 
 
-def begun(structure, states, signals=1, **change):
+def tuned_from(structure, states, signals=1, **change):
     """A start from a controller of some order that the structure may have, or not."""
     names = {"inputs": ["y"] if signals == 1 else signals, "outputs": ["u"] if signals == 1 else signals} | change
     ones = np.ones((max(states, signals),) * 2)
     B, C, D = ones[:states, :signals], ones[:signals, :states], ones[:signals, :signals]
-    return asked(structure=structure, initial=control.ss(-np.eye(states), B, C, D, **names))
+    return tuned(structure=structure, initial=control.ss(-np.eye(states), B, C, D, **names))
 
 
-DRIVEN, C_ONCE = T.physical("c", 0.1, 1.0), T.physical("c", 0.1, 2.0)
-ON_THE_WAY = [[0.0, 1.0], [0.0, 0.0]]
+DAMPER, WIDER = T.physical("c", 0.1, 1.0), T.physical("c", 0.1, 2.0)
+INTEGRATORS = [[0.0, 1.0], [0.0, 0.0]]
 REFUSED = [
-    (lambda: asked(channels=[T.objective("v")]), "disturbance"),
-    (lambda: asked(channels=[]), "channels"),
-    (lambda: asked(channels=[T.objective()], norm="h2"), "norm"),
-    (lambda: asked(norm="h2"), "feedthrough"),
-    (lambda: asked(structure=T.pid(), gain_limit=1.0), "integrates"),
-    (lambda: asked(control.ss(0.5, [[1, 1]], [[1], [1]], 0, 0.1)), "P"),
-    (lambda: asked([lag(), swing(0, 2, 1, 1)]), "model 2"),
-    (lambda: asked(oscillator, DRIVEN + C_ONCE, 0, 0), "twice"),
-    (lambda: asked(structure=T.gain() + DRIVEN), "function"),
-    (lambda: asked(weighed, T.gain() + T.physical("m", 0.1, 1.0), family=family()), "parameter of the family"),
-    (lambda: asked(control.ss(1.0, [[1.0, 0.0]], [[1.0], [1.0]], 0.0)), "not stabilisable"),
+    (lambda: tuned(channels=[T.objective("v")]), "disturbance"),
+    (lambda: tuned(channels=[]), "channels"),
+    (lambda: tuned(channels=[T.objective()], norm="h2"), "norm"),
+    (lambda: tuned(norm="h2"), "feedthrough"),
+    (lambda: tuned(structure=T.pid(), gain_limit=1.0), "integrates"),
+    (lambda: tuned(control.ss(0.5, [[1, 1]], [[1], [1]], 0, 0.1)), "P"),
+    (lambda: tuned([lag(), swing(0, 2, 1, 1)]), "model 2"),
+    (lambda: tuned(oscillator, DAMPER + WIDER, 0, 0), "twice"),
+    (lambda: tuned(structure=T.gain() + DAMPER), "function"),
+    (lambda: tuned(weighed, T.gain() + T.physical("m", 0.1, 1.0), family=family()), "parameter of the family"),
+    (lambda: tuned(control.ss(1.0, [[1.0, 0.0]], [[1.0], [1.0]], 0.0)), "not stabilisable"),
     (
-        lambda: asked(control.ss(ON_THE_WAY, np.eye(2), [[1.0, 0.0], [1.0, 0.0]], 0.0)),
+        lambda: tuned(control.ss(INTEGRATORS, np.eye(2), [[1.0, 0.0], [1.0, 0.0]], 0.0)),
         "no controller of this structure",
     ),
     (
-        lambda: asked(channels=[T.budget("w", "zu", 0.1), T.budget("w", "z", 0.2)]),
+        lambda: tuned(channels=[T.budget("w", "zu", 0.1), T.budget("w", "z", 0.2)]),
         "budgets cannot all be kept",
     ),
-    (lambda: asked(lag(-1.0), gain_limit=0.5), "gain_limit"),
-    (lambda: asked(lag(-1.0), time_limit=1e-6), "in the time allowed"),
+    (lambda: tuned(lag(-1.0), gain_limit=0.5), "gain_limit"),
+    (lambda: tuned(lag(-1.0), time_limit=1e-6), "in the time allowed"),
     (
-        lambda: asked(two_by_two(), T.decentralised((["y0", "y1"], "u0", T.notch()), ("y1", "u1", T.gain())), 2, 2),
+        lambda: tuned(two_by_two(), T.decentralised((["y0", "y1"], "u0", T.notch()), ("y1", "u1", T.gain())), 2, 2),
         r"between 2 measurement\(s\) and 1 control\(s\)",
     ),
-    (lambda: begun(T.state_space(1), 2), "initial: .*at most 1 states, got 2"),
-    (lambda: begun(T.gain(), 1), "initial .*expected a structure tunable.state_space, got Gain"),
-    (lambda: begun(T.state_space(1, strictly_proper=True), 1), "initial: .*strictly proper"),
-    (lambda: begun(T.state_space(1), 1, inputs=["v"]), "initial: .*'v' is none of the plant's: expected y"),
-    (lambda: begun(T.state_space(1), 1, 2, inputs=2, outputs=2), "initial: .*expected 1 input"),
-    (lambda: begun(T.state_space(1), 1, dt=0.1), "initial: .*expected continuous time"),
+    (lambda: tuned_from(T.state_space(1), 2), "initial: .*at most 1 states, got 2"),
+    (lambda: tuned_from(T.gain(), 1), "initial .*expected a structure tunable.state_space, got Gain"),
+    (lambda: tuned_from(T.state_space(1, strictly_proper=True), 1), "initial: .*strictly proper"),
+    (lambda: tuned_from(T.state_space(1), 1, inputs=["v"]), "initial: .*'v' is none of the plant's: expected y"),
+    (lambda: tuned_from(T.state_space(1), 1, 2, inputs=2, outputs=2), "initial: .*expected 1 input"),
+    (lambda: tuned_from(T.state_space(1), 1, dt=0.1), "initial: .*expected continuous time"),
 ]
 
 
