@@ -168,12 +168,9 @@ class Point:
         rate, values = self.problem.ports.rate, [loop.abscissa if loop else inf for loop in self.loops]
         worst = int(np.argmax(values))
         value = values[worst] / rate
-        K, _ = self.controller
-        n, limit = self.problem.order, self.problem.fastest_pole
-        if limit is not None and n:
-            beyond = float(np.abs(np.linalg.eigvals(K[:n, :n])).max()) / limit - 1.0
-            if beyond > value:
-                return beyond, lambda: self._controller_poles()[0].gradient()
+        fastest = max(self._controller_poles(), key=lambda bound: bound.value, default=None)
+        if fastest is not None and fastest.value > value:
+            return fastest.value, fastest.gradient
 
         def gradient() -> Array:
             poles, left, right = self._eigen(worst)

@@ -147,9 +147,10 @@ def test_gradients_of_bounds_are_their_differences(structure, seed, bounds):
     assert gradient == pytest.approx(wanted, abs=WITHIN * np.abs(wanted).max())
 
 
-def test_the_gradient_of_the_largest_real_part_is_its_difference():
-    problem = problem_of(T.state_space(2), [T.objective()])
-    x = stable_point(problem, 4)
+@pytest.mark.parametrize(("seed", "bounds"), [(4, {}), (3, {"fastest_pole": 1e-3})])  # two poles of about that size
+def test_the_gradient_of_the_largest_real_part_is_its_difference(seed, bounds):
+    problem = problem_of(T.state_space(2), [T.objective()], **bounds)
+    x = stable_point(problem, seed)
     gradient = Point(problem, x).abscissa()[1]()
     wanted = differences(lambda x: Point(problem, x).abscissa()[0], x)
     assert gradient == pytest.approx(wanted, abs=WITHIN * np.abs(gradient).max())
