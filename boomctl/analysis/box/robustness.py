@@ -15,7 +15,7 @@ from boomctl.arrays import Array
 from boomctl.checks import positive, whole
 from boomctl.lti.controllers.scheduled import ScheduledController
 from boomctl.lti.system import Lti, of, rates_of
-from boomctl.printing import sentence
+from boomctl.printing import count, sentence
 from boomctl.progress import Listener, computing, tell
 from boomctl.structure.families import Family
 from boomctl.threads import one_blas_thread
@@ -85,7 +85,7 @@ class RobustStability:
         around = (
             "" if isnan(self.gain) else f"; gain around what is not modelled found up to {self.gain:.4g} of its bounds"
         )
-        return f"{verdict} in {self.cells} cells{f' ({self.reason})' if self.reason else ''}; {found}{around}"
+        return f"{verdict} in {count(self.cells, 'cell')}{f' ({self.reason})' if self.reason else ''}; {found}{around}"
 
 
 @dataclass(frozen=True)

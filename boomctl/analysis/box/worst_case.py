@@ -1,7 +1,7 @@
 """The worst case of a loop over a box of parameters, from both sides: the worst point found, and a bound proved over all."""
 
+import itertools
 from dataclasses import dataclass
-from itertools import count
 from math import inf
 from typing import TYPE_CHECKING, Any
 
@@ -20,7 +20,7 @@ from boomctl.arrays import Array
 from boomctl.checks import from_on, known, positive, whole
 from boomctl.lti.controllers.scheduled import ScheduledController
 from boomctl.lti.system import Lti, of
-from boomctl.printing import sentence
+from boomctl.printing import count, sentence
 from boomctl.progress import Listener, computing, tell
 from boomctl.structure.families import Family
 from boomctl.threads import one_blas_thread
@@ -93,7 +93,7 @@ class WorstCase:
         if self.norm.kind == "hinf":
             where += f" and {self.norm.omega:.4g} rad/s"
         middle = f"in the middle of the box {self.nominal.lower:.5g}"
-        proved = f"none above {from_on(self.upper_bound)} anywhere in the box, proved in {self.cells} cells"
+        proved = f"none above {from_on(self.upper_bound)} anywhere in the box, proved in {count(self.cells, 'cell')}"
         bound = proved if self.upper_bound < inf else f"no bound proved ({self.reason})"
         name = NAMES[self.norm.kind]
         return f"{name} norm up to {self.norm.lower:.5g} {where}; {bound}; {middle}; {self.evaluations} points tried"
@@ -205,7 +205,7 @@ def worst_case(
             seen[delta.tobytes()] = found
         return found
 
-    looked_at = count(1)
+    looked_at = itertools.count(1)
     with computing("worst case", progress):
 
         def peak(point: Array) -> float:
