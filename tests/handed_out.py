@@ -1,4 +1,4 @@
-"""One of every kind of object that users are handed: small ones, made in a moment."""
+"""One of each kind of object that public functions return: small ones, quickly made."""
 
 import functools
 
@@ -7,7 +7,8 @@ import numpy as np
 
 import boomctl as bc
 from boomctl.analysis import MeasuredCurve
-from boomctl.slew import compare_slews
+from boomctl.exchange import ControllerNotes
+from boomctl.slew import SlewComparison, SlewLine, SwitchingCurve
 from boomctl.structure import (
     GROUND,
     Assembly,
@@ -22,9 +23,9 @@ from boomctl.structure import (
     free,
     revolute,
 )
+from boomctl.studies.sweeps import FailedPoint
 
 OMEGA = np.array([1.0, 2.0, 5.0])
-UNITS = {"actuator_anti": 0.03, "suspension_anti": 150.0, "tip_anti": 0.2, "stroke_anti": 0.05}
 
 
 @functools.cache
@@ -176,7 +177,17 @@ def linear_slew():
 
 @functools.cache
 def comparison():
-    return compare_slews(bc.hub_beam(modes=1), np.pi / 2, 200.0, tip_masses=(0.0, 0.1))
+    history, t = linear_slew().history, np.linspace(0.0, 3.0, 20)
+    rows = [
+        SlewLine(name, 2.0 + k, 0.1, 0.0, 0.0, 5.0, 9.0, 0.05, 0.2, np.array([0.1, 0.3]), history, t, np.sin(t))
+        for k, name in enumerate(("bang-bang", "ZV", "EI"))
+    ]
+    return SlewComparison(1.0, 200.0, tuple(rows), tip_masses=np.array([0.0, 0.5]))
+
+
+def switching_curve():
+    t = np.linspace(0.0, 2.0, 50)
+    return SwitchingCurve(t, 1.0 - t, 200.0 * np.sign(1.0 - t), np.array([1.0]), 200.0)
 
 
 @functools.cache
@@ -224,3 +235,101 @@ def spray():
     return bc.spray_deposit(
         loop().time, [loop()["tip_left"], loop()["tip_right"]], [-6.0, 6.0], 3.0, nozzles=bc.nozzle_positions(6.0, 1.0)
     )
+
+
+def abs_of(x):
+    return abs(x)
+
+
+FACTORIES = {
+    "BoomParameters": bc.BoomParameters,
+    "SecondOrderModel": boom,
+    "SecondOrderModel, by accuracy": lambda: bc.spray_boom(accuracy=0.01, band_hz=2.0),
+    "SecondOrderModel, user's": mass,
+    "Assembly": machine,
+    "CrossSection": lambda: bc.structure.tube_section(0.06, 0.02, 0.002),
+    "AffineFamily": family,
+    "PolynomialFamily": lambda: hub_beam().family((0.0, 2.0)),
+    "ScheduledController": drive,
+    "Track": track,
+    "PlatformMotion": motion,
+    "TractorParameters": bc.boom.TractorParameters,
+    "Footprint": bc.boom.Footprint,
+    "SprayResult": spray,
+    "FieldScene": bc.studies.FieldScene,
+    "SuspensionDesign": lambda: bc.studies.SuspensionDesign(
+        "mine", "of two springs", controller=suspension(), facts={"peak": "9.87 with its best dampers" * 20}
+    ),
+    "MachineResult": lambda: bc.studies.MachineDesign("mine", "a half", yaw(), suspension()).evaluate(),
+    "SlewDesign": lambda: bc.studies.SlewDesign("mine", "a turn", hub_beam(), {"planned": slew()}),
+    "SweepResult": lambda: bc.sweep(abs_of, {"x": [1.0, -2.0]}, units={"x": "m"}),
+    "SweepResult, of arrays": lambda: bc.sweep(np.full, {"shape": 3, "fill_value": [1.0, 2.0]}),
+    "FailedPoint": lambda: FailedPoint({"x": 1.0}, "ValueError: no", "trace"),
+    "SigmaResult": lambda: bc.sigma(boom()),
+    "SigmaResult, norm not yet computed": lambda: bc.sigma(boom(), OMEGA),
+    "SigmaResult, of data": lambda: bc.sigma(boom().frequency_response(OMEGA)),
+    "ModeTable": lambda: bc.mode_table(yaw()),
+    "LoopMargin": lambda: bc.margins(yaw(), suspension())["stroke_anti"],
+    "SigmaComparison": lambda: bc.compare_sigma({"boom": boom(), "mass": mass()}),
+    "Margins": lambda: bc.margins(yaw(), suspension()),
+    "RobustStability": lambda: bc.robust_stability(family(), suspension()),
+    "StructuredMargin": lambda: bc.analysis.structured_margin(family(), suspension(), largest=1.2),
+    "WorstCase": lambda: bc.worst_case(family(), suspension(), ["actuator_anti"], ["tip_anti"]),
+    "ExactLoopStability": exact_loop,
+    "MeasuredCurve": measured_curve,
+    "MeasuredResponse": measured_response,
+    "Identification": identified,
+    "FitResult": fitted,
+    "FitResult, not determined": lambda: bc.fit(
+        bc.hub_beam, [0.46, 2.9], ["youngs_modulus", "second_moment"], bc.HubBeamParameters(), starts=1
+    ),
+    "ReductionResult": lambda: bc.reduce(yaw().select("actuator_anti", "tip_anti"), order=4),
+    "ReductionResult, second-order": lambda: bc.reduce(
+        yaw().select("actuator_anti", "tip_anti"), order=2, method="second-order"
+    ),
+    "LqrResult": lambda: bc.lqr(mass(), np.eye(2), np.eye(1)),
+    "KalmanResult": lambda: bc.kalman(mass(), np.eye(2), np.eye(1)),
+    "LqgResult": lambda: bc.lqg(mass(), np.eye(2), 1.0, np.eye(2), 1.0),
+    "RecoveryResult": lambda: bc.synthesis.loop_transfer_recovery(
+        mass(), np.eye(2), 1.0, np.eye(2), 1.0, strengths=[1.0, 100.0], band=(0.1, 10.0)
+    ),
+    "H2Result": lambda: bc.h2(generalized(), 1, 1),
+    "HInfinityResult": h_infinity,
+    "HInfinityResult, of a reduction": designed_on_a_reduction,
+    "TuneResult": tuned,
+    "ReducedController": lambda: bc.reduce_controller(generalized(), h_infinity().controller, order=1),
+    "ControllerNotes": lambda: ControllerNotes({"tip": "m", "torque": ""}, {"norm": 1.0}, {"boomctl": "0"}),
+    "CoulombFriction": lambda: bc.CoulombFriction(8.0),
+    "LoopResult": loop,
+    "ForcedResponse": lambda: bc.forced_response(mass(), {"force": np.ones(50)}, np.linspace(0.0, 5.0, 50)),
+    "LoopResult, of a hub-beam": beam_loop,
+    "BeamSensor": lambda: bc.BeamSensor("gauge", "strain", 0.5, 0.01),
+    "HubBeamParameters": bc.HubBeamParameters,
+    "AssumedModesBeam": hub_beam,
+    "AssumedModesBeam, by accuracy": lambda: bc.hub_beam(accuracy=1e-3, manoeuvre=bc.spin_up(1.0, 2.0), time=3.0),
+    "GeometricallyExactBeam, by accuracy": lambda: bc.hub_beam(accuracy=1e-5, manoeuvre=bc.spin_up(2.0, 4.0), time=5.0),
+    "GeometricallyExactBeam": lambda: bc.hub_beam(model="geometrically-exact", modes=2),
+    "SimulationResult": lambda: hub_beam().simulate(bc.spin_up(0.5, 5.0), np.linspace(0.0, 6.0, 50)),
+    "SpinUp": lambda: bc.spin_up(2.8, 30.0),
+    "SineTorque": lambda: bc.sine_torque(200.0, 10.0, 10.0),
+    "Torque": lambda: bc.torque(np.sin),
+    "Hold": bc.hold,
+    "Free": bc.free,
+    "SlewResult": slew,
+    "TrackedSlew": tracked,
+    "TrackingStudy": tracking_study,
+    "SlewResult, of a StateSpace": linear_slew,
+    "SlewComparison": comparison,
+    "SlewLine": lambda: comparison().lines[0],
+    "SwitchingCurve": switching_curve,
+    "TorqueHistory": lambda: slew().history,
+    "Shaper": lambda: bc.slew.shaper("ZV", 1.0, 0.0),
+    "BodeResult": lambda: bc.bode(boom()),
+    "NyquistResult": lambda: bc.nyquist(yaw(), suspension()),
+    "TransientResult": lambda: bc.step(boom(), np.linspace(0.0, 5.0, 50)),
+    "PoleZeroResult": lambda: bc.pzmap(yaw()),
+    "Comparison": lambda: bc.compare({"one": beam_loop(), "again": beam_loop()}),
+    "Comparison, of a run and a loop": lambda: bc.compare({"run": loop(), "loop": [mass(), bc.sigma(yaw())]}),
+    "ModeShapes": lambda: boom().mode_shapes(5),
+    "CampbellDiagram": lambda: hub_beam().campbell([0.0, 1.0, 4.0]),
+}

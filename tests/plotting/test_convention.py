@@ -3,6 +3,7 @@
 Reports draw the same pictures on figures that pyplot does not know.
 """
 
+import functools
 import inspect
 import multiprocessing
 import os
@@ -25,71 +26,28 @@ from matplotlib.figure import Figure
 import boomctl as bc
 from boomctl.analysis import MeasuredCurve
 from boomctl.plotting import figure_bytes, figure_of, style
-from boomctl.slew import SlewComparison, SlewLine, SwitchingCurve
 from tests import handed_out as one
+from tests.handed_out import FACTORIES
 
 ENDS = ["actuator_left", "actuator_right"], ["tip_left", "tip_right"]
 MARK = "#123456"  # a colour that no picture has by itself
 
 
-def a_comparison():
-    history, t = bc.optimal_slew(one.hub_beam().linearize(), 1.0, 200.0).history, np.linspace(0.0, 3.0, 20)
-    rows = [
-        SlewLine(name, 2.0 + k, 0.1, 0.0, 0.0, 5.0, 9.0, 0.05, 0.2, np.array([0.1, 0.3]), history, t, np.sin(t))
-        for k, name in enumerate(("bang-bang", "ZV", "EI"))
-    ]
-    return SlewComparison(1.0, 200.0, tuple(rows), tip_masses=np.array([0.0, 0.5]))
+def plots():
+    """Return the methods of public classes that draw, by the name of their class."""
+    packages = "structure boom rotating_beam analysis reduction synthesis tuning simulation slew studies.sweeps"
+    found = {}
+    for package in packages.split():
+        module = import_module(f"boomctl.{package}")
+        owners = [getattr(module, name) for name in module.__all__]
+        found |= {owner.__name__: owner.plot for owner in owners if isinstance(owner, type) and hasattr(owner, "plot")}
+    return found
 
 
-def a_switching_curve():
-    t = np.linspace(0.0, 2.0, 50)
-    return SwitchingCurve(t, 1.0 - t, 200.0 * np.sign(1.0 - t), np.array([1.0]), 200.0)
-
-
-RESULTS = {
-    "SigmaResult": lambda: bc.sigma(one.boom(), one.OMEGA),
-    "SigmaComparison": lambda: bc.compare_sigma({"boom": one.boom(), "mass": one.mass()}),
-    "MeasuredCurve": lambda: MeasuredCurve(np.array([1.0, 2.0]), np.array([[3.0, 4.0]]), ("upper",)),
-    "Margins": lambda: bc.margins(one.yaw(), one.suspension()),
-    "LoopMargin": lambda: bc.margins(one.yaw(), one.suspension())["stroke_anti"],
-    "ReductionResult": lambda: bc.reduce(one.boom().select(*ENDS), order=10),
-    "RecoveryResult": lambda: bc.synthesis.loop_transfer_recovery(
-        one.mass(), np.eye(2), 1.0, np.eye(2), 1.0, strengths=[1.0, 100.0], band=(0.1, 10.0)
-    ),
-    "LoopResult": one.loop,
-    "ForcedResponse": lambda: bc.forced_response(one.mass(), {"force": np.ones(50)}, np.linspace(0.0, 5.0, 50)),
-    "SimulationResult": lambda: one.hub_beam().simulate(bc.spin_up(0.5, 5.0), np.linspace(0.0, 6.0, 50)),
-    "SprayResult": one.spray,
-    "SweepResult": lambda: bc.sweep(lambda x: {"square": x**2}, {"x": [1.0, 2.0, 3.0]}),
-    "Track": one.track,
-    "PlatformMotion": one.motion,
-    "SlewResult": one.slew,
-    "TorqueHistory": lambda: one.slew().history,
-    "SlewComparison": a_comparison,
-    "SlewLine": lambda: a_comparison().lines[0],
-    "TrackingStudy": one.tracking_study,
-    "SwitchingCurve": a_switching_curve,
-    "BodeResult": lambda: bc.bode(one.boom(), one.OMEGA),
-    "NyquistResult": lambda: bc.nyquist(one.yaw(), one.suspension()),
-    "TransientResult": lambda: bc.step(one.boom(), np.linspace(0.0, 5.0, 50)),
-    "PoleZeroResult": lambda: bc.pzmap(one.yaw()),
-    "Comparison": lambda: bc.compare({"one": one.beam_loop(), "again": one.beam_loop()}),
-    "ModeTable": lambda: bc.mode_table(one.yaw()),
-    "ExactLoopStability": one.exact_loop,
-    "HInfinityResult": one.h_infinity,
-    "TuneResult": one.tuned,
-    "Shaper": lambda: bc.slew.shaper("ZV", 2.0),
-    "ModeShapes": lambda: one.boom().mode_shapes(3),
-    "CampbellDiagram": lambda: one.hub_beam().campbell([0.0, 1.0, 4.0]),
-}
-DEAR = ("TrackingStudy",)  # a study of many runs
-NAMES = [pytest.param(name, marks=pytest.mark.slow) if name in DEAR else name for name in RESULTS]
-SEVERAL = {  # pictures of several panels, and how many these have
-    "Margins": 2, "RecoveryResult": 2, "LoopResult": 4, "ForcedResponse": 2, "SimulationResult": 4,
-    "PlatformMotion": 2, "SlewResult": 5, "SlewComparison": 6, "SlewLine": 2,
-    "TrackingStudy": 4,
-    "SwitchingCurve": 2, "BodeResult": 2, "TransientResult": 2, "Comparison": 6, "Shaper": 2, "ModeShapes": 3,
-}  # fmt: skip
+PLOTS = plots()
+EACH = pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.slow if name == "TrackingStudy" else ()) for name in sorted(PLOTS)]
+)
 
 
 @pytest.fixture(autouse=True)
@@ -101,85 +59,62 @@ def _nothing_left():
     plt.close("all")
 
 
-@pytest.fixture(scope="module")
-def made():
-    """Return results by name, each made once."""
-    kept = {}
-
-    def make(name):
-        if name not in kept:
-            kept[name] = RESULTS[name]()
-        return kept[name]
-
-    return make
+@functools.cache
+def made(name):
+    """Return a result, and how many axes its picture has."""
+    result = FACTORIES[name]()
+    return result, np.size(result.plot())
 
 
-def test_every_class_with_a_plot_is_tried_here():
-    """Of all that users are handed; a method with other words than the convention is found as well."""
-    packages = (
-        "structure",
-        "boom",
-        "rotating_beam",
-        "analysis",
-        "reduction",
-        "synthesis",
-        "tuning",
-        "simulation",
-        "slew",
-    )
-    found = {}
-    for package in (*packages, "studies.sweeps"):
-        module = import_module(f"boomctl.{package}")
-        owners = [getattr(module, name) for name in module.__all__]
-        found |= {owner.__name__: owner.plot for owner in owners if isinstance(owner, type) and hasattr(owner, "plot")}
-    assert sorted(found) == sorted(RESULTS)
-    for plot in found.values():
+def test_every_plot_has_arguments_of_convention():
+    for plot in PLOTS.values():
         parameters = list(inspect.signature(plot).parameters.values())[1:]
         assert (parameters[0].name, parameters[0].default) == ("ax", None)
         assert parameters[-1].kind is inspect.Parameter.VAR_KEYWORD
         assert all(p.kind is p.KEYWORD_ONLY for p in parameters[1:-1])
 
 
-@pytest.mark.parametrize("name", NAMES)
-def test_a_plot_returns_axes_of_one_new_figure_that_pyplot_shows_and_a_report_draws_the_same_on_its_own(made, name):
-    before = dict(mpl.rcParams)
-    axes = made(name).plot()
-    assert isinstance(axes, np.ndarray if name in SEVERAL else Axes)
+@EACH
+def test_a_plot_returns_axes_of_one_new_figure_that_pyplot_shows_and_a_report_draws_the_same_on_its_own(name):
+    before, (result, count) = dict(mpl.rcParams), made(name)
+    plt.close("all")
+    axes = result.plot()
+    assert isinstance(axes, np.ndarray if count > 1 else Axes)
     several = np.ravel(np.asarray(axes, dtype=object))
-    assert len(several) == SEVERAL.get(name, 1)
     assert all(isinstance(each, Axes) and each.has_data() for each in several)
     assert all(each.get_ylabel() or each.get_title(loc="left") or each.texts for each in several)
     assert several[-1].get_xlabel()
     assert len(plt.get_fignums()) == 1
     assert plt.gcf() is several[0].figure
-    plain = figure_of(made(name).plot)
+    plain = figure_of(result.plot)
     assert len(plt.get_fignums()) == 1
     assert plain.get_size_inches() == pytest.approx(plt.gcf().get_size_inches())
     assert [len(each.get_lines()) for each in plain.axes] == [len(each.get_lines()) for each in plt.gcf().axes]
     assert dict(mpl.rcParams) == before
 
 
-@pytest.mark.slow  # 22 pictures on paper: 6 s
-@pytest.mark.parametrize("name", RESULTS)
-def test_a_picture_becomes_a_file(made, name):
+@pytest.mark.slow  # 32 pictures on paper: 6 s
+@EACH
+def test_a_picture_becomes_a_file(name):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        assert figure_bytes(figure_of(made(name).plot), "png").startswith(b"\x89PNG")
+        assert figure_bytes(figure_of(made(name)[0].plot), "png").startswith(b"\x89PNG")
 
 
-@pytest.mark.parametrize("name", NAMES)
-def test_given_axes_are_drawn_on_in_the_style_asked_for_and_no_figure_is_left_behind(made, name):
-    count = SEVERAL.get(name, 1)
+@EACH
+def test_given_axes_are_drawn_on_in_the_style_asked_for_and_no_figure_is_left_behind(name):
+    result, count = made(name)
+    plt.close("all")
     own = Figure().subplots(count, 1)
-    drawn = made(name).plot(ax=own if count > 1 else [own])
+    drawn = result.plot(ax=own if count > 1 else [own])
     assert list(np.ravel(drawn)) == list(np.ravel(own))
     assert all(each.has_data() for each in np.ravel(own))
     if name == "SprayResult":
-        made(name).plot(own, cmap="viridis", label="mine")
+        result.plot(own, cmap="viridis", label="mine")
         assert own.collections[-1].get_cmap().name == "viridis"
         assert own.get_title(loc="left").startswith("mine: CV")
     else:
-        made(name).plot(own, c=MARK, lw=3.25, label="mine")  # an overlay
+        result.plot(own, c=MARK, lw=3.25, label="mine")  # an overlay
         lines = [line for each in np.ravel(own) for line in each.get_lines()]
         marked = [line for line in lines if mpl.colors.to_hex(line.get_color()) == MARK]
         # what stands beside curves over time, vibrations left, has a look of its own
@@ -189,25 +124,18 @@ def test_given_axes_are_drawn_on_in_the_style_asked_for_and_no_figure_is_left_be
     assert not plt.get_fignums()
 
 
-@pytest.mark.parametrize("name", NAMES)
-def test_what_is_no_axes_or_no_style_is_refused_by_name_and_leaves_nothing(made, name):
-    count, ax = SEVERAL.get(name, 1), Figure().add_subplot()
+@EACH
+def test_what_is_no_axes_or_no_style_is_refused_by_name_and_leaves_nothing(name):
+    (result, count), ax = made(name), Figure().add_subplot()
+    plt.close("all")
     with pytest.raises(ValueError, match=rf"ax: expected {count} axes .*, got {count + 1}"):
-        made(name).plot([ax] * (count + 1))
+        result.plot([ax] * (count + 1))
     with pytest.raises(TypeError, match="ax = 'mine': expected matplotlib axes"):
-        made(name).plot("mine")
+        result.plot("mine")
     unknown = "no_such_property" if name == "SprayResult" else "unexpected keyword argument 'no_such_property'"
     with pytest.raises((TypeError, AttributeError), match=unknown):
-        made(name).plot(no_such_property=1)
+        result.plot(no_such_property=1)
     assert not plt.get_fignums()
-
-
-def test_a_user_s_own_pictures_take_the_same_look():
-    before = dict(mpl.rcParams)
-    with style():
-        ours = dict(mpl.rcParams)
-    with plt.style.context("boomctl.plotting.look"):
-        assert dict(mpl.rcParams) == ours != before
 
 
 def test_a_misspelt_style_is_told_the_nearest():
@@ -263,37 +191,19 @@ def test_a_process_that_is_forked_off_while_a_thread_draws_does_not_wait_for_it(
     thread.join()
 
 
-def script(text, **environment):
-    """Run a script as a user does, without a display; return what it prints."""
-    settings = {k: v for k, v in os.environ.items() if k not in ("DISPLAY", "WAYLAND_DISPLAY", "MPLBACKEND")}
-    settings |= {"PYTHONPATH": os.pathsep.join(sys.path), **environment}
-    done = subprocess.run([sys.executable, "-c", text], capture_output=True, text=True, env=settings, check=False)
-    assert done.returncode == 0, done.stderr
-    return done.stdout
-
-
 @pytest.mark.slow
 def test_a_script_shows_its_pictures_and_a_report_imports_no_pyplot():
+    """Run as a user does, without a display."""
     shown = (
         "import boomctl as bc, sys; t = bc.iso_track(length=50.0);"
         "from boomctl.plotting import figure_of; figure_of(t.plot); assert 'matplotlib.pyplot' not in sys.modules;"
         "t.plot();"
         "import matplotlib.pyplot as plt; print(plt.get_backend().lower(), plt.get_fignums()); plt.show()"
     )
-    assert script(shown).strip() == "agg [1]"
-
-
-@pytest.mark.slow  # a process: 1 s
-def test_what_a_backend_sets_when_it_meets_its_first_figure_stays(tmp_path):
-    """As a notebook's does: its figures are shown after a cell only while it is interactive."""
-    (tmp_path / "late.py").write_text(
-        "import matplotlib\nfrom matplotlib.backends.backend_agg import FigureCanvas\nmatplotlib.interactive(True)\n"
-    )
-    shown = (
-        f"import sys; sys.path.append({str(tmp_path)!r})\n"
-        "import boomctl as bc, matplotlib; bc.iso_track(length=50.0).plot(); print(matplotlib.is_interactive())"
-    )
-    assert script(shown, MPLBACKEND="module://late").strip() == "True"
+    settings = {k: v for k, v in os.environ.items() if k not in ("DISPLAY", "WAYLAND_DISPLAY", "MPLBACKEND")}
+    settings["PYTHONPATH"] = os.pathsep.join(sys.path)
+    done = subprocess.run([sys.executable, "-c", shown], capture_output=True, text=True, env=settings, check=False)
+    assert (done.returncode, done.stdout.strip()) == (0, "agg [1]"), done.stderr
 
 
 @pytest.mark.slow  # a kernel starts: 5 s

@@ -99,7 +99,15 @@ def test_sweep_failed_point_is_reported_and_tried_again(tmp_path):
             found = bc.sweep(picky, GRID, checkpoint=file)
         assert found.resumed == resumed
     rows = [json.loads(line) for line in file.read_text().splitlines()[1:]]
-    assert [row["error"] for row in rows] == [None, None, None, "ValueError: not at 2.0", None, None, "ValueError: not at 2.0"]
+    assert [row["error"] for row in rows] == [
+        None,
+        None,
+        None,
+        "ValueError: not at 2.0",
+        None,
+        None,
+        "ValueError: not at 2.0",
+    ]
     assert rows[3]["point"] == rows[6]["point"] == {"x": 2.0, "y": 1, "z": 5.0}
     (failure,) = found.failures
     assert failure.point == {"x": 2.0, "y": 1, "z": 5.0}
@@ -231,7 +239,9 @@ MADE = {
     "nested function": lambda f: lambda x: max(f * y for y in (x,)),
     "partial": lambda f: partial(lambda x, factor: {"value": factor * x}, factor=f),
     "recursion": lambda f: run_cell("def own(x): return {'value': f if x <= 1.0 else f + own(x - 1.0)['value']}", f=f),
-    "helper of a notebook": lambda f: run_cell("def helper(x): return f * x\ndef own(x): return {'value': helper(x)}", f=f),
+    "helper of a notebook": lambda f: run_cell(
+        "def helper(x): return f * x\ndef own(x): return {'value': helper(x)}", f=f
+    ),
     "code of a notebook": lambda f: run_cell(f"def own(x): return {{'value': {f} * x}}"),
     "system": system_gain,
     "cache": lambda f: cache(times(f)),
