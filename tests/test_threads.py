@@ -1,7 +1,6 @@
 """Tests of `one_blas_thread`: numbers of BLAS threads during calls and after them."""
 
 import inspect
-import pickle
 import subprocess
 import sys
 import threading
@@ -156,38 +155,10 @@ def test_threads_of_openmp_counted_apart(monkeypatch):
         assert list(pool.map(overlap, [True, False])) == [(1, 4), (1, 4)]
 
 
-def test_wrapped_function_keeps_face():
-    assert pickle.loads(pickle.dumps(bc.margins)) is bc.margins
-    assert list(inspect.signature(bc.margins).parameters) == ["plant", "controller", "delay"]
-    assert bc.margins.__doc__.startswith(("Return", "Compute"))
-
-
-PLAIN = {
-    "boomctl.boom.motion": "read_motion sine_sweep write_motion",
-    "boomctl.boom.spray": "nozzle_positions split_motion",
-    "boomctl.boom.tracks": "bump_track road_density track_coherence",
-    "boomctl.exchange.controller_files": "read_controller read_controller_notes write_controller",
-    "boomctl.analysis.measured": "read_measured_curve",
-    "boomctl.analysis.state_outputs": "with_states",
-    "boomctl.rotating_beam.manoeuvres": "free hold hub_profile sine_torque spin_up torque",
-    "boomctl.structure.parts": "bar_section fixed free i_section prismatic revolute rod_section round_tube_section"
-    " tube_section",
-    "boomctl.studies.catalogue": "design_names load_design",
-    "boomctl.studies.sweeps.sweep": "sweep",
-    "boomctl.synthesis.plants.channels": "budget objective",
-    "boomctl.synthesis.plants.generalized": "select_channels",
-    "boomctl.synthesis.plants.scaling": "scale_signals unscale_controller",
-    "boomctl.synthesis.plants.weights": "band_pass high_pass low_pass shelf",
-    "boomctl.tuning.parts.makers": "decentralised gain lead notch physical pid ppf state_space",
-}
-"""Public functions that compute with no matrices of a system, by module."""
-
-
-def test_public_functions_one_thread_or_plain():
-    plain = {(module, name) for module, names in PLAIN.items() for name in names.split()}
+def test_public_functions_of_systems_use_one_thread():
     packages = [bc, *(getattr(bc, name) for name in dir(bc) if inspect.ismodule(getattr(bc, name)))]
     offered = [getattr(package, name) for package in packages for name in getattr(package, "__all__", ())]
-    found = {(f.__module__, f.__name__): hasattr(f, "__wrapped__") for f in offered if inspect.isfunction(f)}
-    found.pop(("boomctl.progress", "listening"))  # a context manager, wrapped by contextlib
-    computing = {key: limited for key, limited in found.items() if "plotting" not in key[0]}
-    assert {key for key, limited in computing.items() if not limited} == plain
+    systems = {"system", "plant", "P", "model", "family", "h", "structure"}
+    found = {each for each in offered if inspect.isfunction(each) and systems & {*inspect.signature(each).parameters}}
+    free = {each.__name__ for each in found if not hasattr(each, "__wrapped__")}
+    assert free == {"animate_slew", "scale_signals", "select_channels", "with_states"}  # no matrix computations

@@ -2,7 +2,6 @@
 
 import ast
 import json
-import pydoc
 import re
 import shutil
 import subprocess
@@ -22,7 +21,6 @@ SCRIPT = Path(__file__).with_name("user_script.py")
 
 
 STUBS = sorted(PACKAGE.rglob("__init__.pyi"))
-PACKAGES = [".".join(stub.parent.relative_to(PACKAGE.parent).parts) for stub in STUBS]
 
 
 @pytest.mark.parametrize("stub", STUBS, ids=lambda path: path.parent.name)
@@ -40,19 +38,11 @@ def test_a_stub_exports_all_names_that_the_package_loads_from_where_they_are_def
     assert set(package.__all__) <= set(dir(package))
 
 
-@pytest.mark.parametrize(
-    ("typed", "completed"),
-    [
-        ("bc.spr", {"spray_boom", "spray_deposit", "spray_by_motion"}),
-        # reads libraries, seconds where that was never done before
-        pytest.param("bc.sigma(bc.spray_boom()).pe", {"peak", "peak_omega"}, marks=pytest.mark.slow),
-    ],
-)
-def test_jedi_completes_public_names_and_what_results_have(typed, completed):
-    """The completion of IPython and of many editors, which reads the stubs as they stand."""
+def test_jedi_completes_public_names():
+    """The completion of IPython and of many editors, which reads the stubs as they are."""
     jedi = pytest.importorskip("jedi")
-    script = jedi.Script(f"import boomctl as bc\n{typed}", project=jedi.Project(PACKAGE.parent))
-    assert {found.name for found in script.complete()} == completed
+    script = jedi.Script("import boomctl as bc\nbc.spr", project=jedi.Project(PACKAGE.parent))
+    assert {found.name for found in script.complete()} == {"spray_boom", "spray_deposit", "spray_by_motion"}
 
 
 @pytest.mark.parametrize(
@@ -95,24 +85,6 @@ def test_sub_packages_are_there_without_an_import_of_their_own():
     subprocess.run([sys.executable, "-c", code], check=True)
     folders = {path.parent.name for path in PACKAGE.glob("*/__init__.pyi")}
     assert folders == {name for name in dir(boomctl) if (PACKAGE / name / "__init__.pyi").exists()}
-
-
-@pytest.mark.slow
-def test_a_public_name_stays_though_a_module_of_its_name_is_imported():
-    """``boomctl.analysis.sigma`` is both; importing the module first must not hide the function."""
-    code = "import boomctl.analysis.sigma; from boomctl.analysis import sigma; assert callable(sigma)"
-    subprocess.run([sys.executable, "-c", code], check=True)
-
-
-def test_help_is_that_of_the_function_itself():
-    for package in PACKAGES:
-        module = import_module(package)
-        for name in module.__all__:
-            value = getattr(module, name)
-            if callable(value):
-                head, *_ = pydoc.plain(pydoc.render_doc(value)).splitlines()
-                assert f" {name} in module {value.__module__}" in head
-                assert value.__doc__
 
 
 def test_the_package_says_that_it_is_typed():

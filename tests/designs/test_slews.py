@@ -116,7 +116,6 @@ def test_a_slew_may_come_from_a_file(tmp_path):
     [
         ("x = 1\n", ValueError, r"expected a file with a function design\(\)"),
         ("def design(): return 3\n", TypeError, r"design\(\) returned int, expected .* or a SlewDesign"),
-        ("def design():\n    return {}['fast']\n", ValueError, r"mine\.py, line 2: KeyError: 'fast'"),
         ("def design():\n    return (1\n", ValueError, r"mine\.py, line 2: SyntaxError: '\(' was never closed"),
         ("def design():\n    return design()\n", ValueError, r"mine\.py, line 2: RecursionError"),
         ("def design():\n    raise NotImplementedError\n", ValueError, r"mine\.py, line 2: NotImplementedError$"),
@@ -141,14 +140,6 @@ def test_a_file_that_fails_is_told_by_file_and_line(tmp_path, text, error, messa
         catalogue.load_design(path)
     assert sys.path == before
     sys.modules.pop("neighbour", None)
-
-
-def test_an_unknown_design_is_refused_with_all_names():
-    with pytest.raises(ValueError, match="did you mean 'min_time_slew'") as refused:
-        catalogue.load_design("min_time_slews")
-    assert all(name in str(refused.value) for name in catalogue.design_names())
-    with pytest.raises(ValueError, match="no such file"):
-        catalogue.load_design("nowhere.py")
 
 
 @pytest.mark.slow
