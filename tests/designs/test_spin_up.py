@@ -49,16 +49,6 @@ def test_scheduled_drive_spin_up_rates_are_those_of_profile():
 
 
 @pytest.mark.slow
-def test_scheduled_drive_report_has_pictures_and_no_controller(tmp_path):
-    report = judged(1).report()
-    report.write(tmp_path / "report")
-    assert (tmp_path / "report" / "report.html").stat().st_size > 10_000
-    names = {path.name for path in (tmp_path / "report").iterdir() if path.suffix != ".png"}
-    assert names == {"spin_up.svg", "spin_up_faster.svg", "sigma.svg", "results.json", "report.html"}
-    assert len(report.results["runs"]) == 6
-
-
-@pytest.mark.slow
 def test_scheduled_drive_numbers_are_those_of_the_page():
     text, runs = _PAGE.read_text(encoding="utf-8"), numbers(3)
     rows = re.findall(r"^\| ([a-z ]+) \| (nothing|0\.1 kg) \| (.*) \|$", text, flags=re.MULTILINE)

@@ -12,7 +12,7 @@ from boomctl.analysis.margins import Margins
 from boomctl.boom.model import ACTUATORS, TIPS
 from boomctl.boom.parameters import BoomParameters
 from boomctl.studies.catalogue import load_design as loaded
-from boomctl.studies.suspension import CONTROLS, STROKES, FieldScene, SuspensionDesign, performance, suspension_model
+from boomctl.studies.suspension import CONTROLS, STROKES, FieldScene, performance, suspension_model
 from boomctl.studies.suspension.assurance import Examined
 from boomctl.studies.suspension.scene import FAMILY_ELEMENTS
 from tests.profiles import is_hunt
@@ -51,14 +51,17 @@ FIELD = {  # deposit CV with its tolerance, force, stroke on the field of the pa
 }
 
 
+load_design = cache(loaded)
+
+
 @cache
-def load_design(name):
-    return loaded(name)
+def evaluated(name):
+    return load_design(name).evaluate(SCENE)
 
 
-@pytest.fixture(scope="module", params=[pytest.param(name, marks=pytest.mark.slow) for name in sorted(PEAKS)])
+@pytest.fixture(params=[pytest.param(name, marks=pytest.mark.slow) for name in sorted(PEAKS)])
 def result(request):
-    return load_design(request.param).evaluate(SCENE)
+    return evaluated(request.param)
 
 
 def test_certified_peak_is_that_of_readme_and_better(result):
@@ -94,21 +97,22 @@ def test_suspensions_are_proved_stable_over_box(result):
         assert found["yaw"].controls.alpha > 0.4
 
 
-def test_suspensions_on_field_of_page_have_its_numbers(result):
-    if result.design.name not in FIELD:
-        return
-    cv, tolerance, *largest = FIELD[result.design.name]
-    whole = performance("on the field of the page", FieldScene(), result.design.parameters, result.design.controller)
+@pytest.mark.slow
+@pytest.mark.parametrize("name", FIELD)
+def test_suspensions_on_field_of_page_have_its_numbers(name):
+    cv, tolerance, *largest = FIELD[name]
+    design = load_design(name)
+    whole = performance("on the field of the page", FieldScene(), design.parameters, design.controller)
     assert whole.spray.cv == pytest.approx(cv, abs=tolerance)
     if largest:
         assert (whole.force, whole.stroke) == (pytest.approx(largest[0], abs=0.1), pytest.approx(largest[1], abs=5e-4))
         assert (whole.spray.lowest_dose, whole.spray.highest_dose) == pytest.approx((0.95, 1.05), abs=6e-3)
 
 
-def test_tuned_suspension_meets_its_goals(result):
+@pytest.mark.slow
+def test_tuned_suspension_meets_its_goals():
     """Three states a half; peak, proved worst peak, and force of the goals; the yaw near its static gain everywhere."""
-    if result.design.name != "tuned_suspension":
-        return
+    result = evaluated("tuned_suspension")
     assert result.as_dict()["controller"] == {"states": 6}
     assert result.active.sigma.certificate.upper < 9.3
     assert max(each.upper_bound for each in result.worst.values()) < 10.2
@@ -116,10 +120,10 @@ def test_tuned_suspension_meets_its_goals(result):
     assert result.worst["yaw"].norm.lower == pytest.approx(6.87, abs=0.01)
 
 
-def test_codesign_meets_its_goals(result):
+@pytest.mark.slow
+def test_codesign_meets_its_goals():
     """Three and two states; peak and proved worst peak of the goals and of the page, at no more force than others take."""
-    if result.design.name != "codesign":
-        return
+    result = evaluated("codesign")
     dampers = result.design.parameters.cradle_damping, result.design.parameters.hinge_damping
     assert dampers == (pytest.approx(174.6, abs=2), pytest.approx(527, abs=7))
     assert result.as_dict()["controller"] == {"states": 5}
@@ -132,10 +136,10 @@ def test_codesign_meets_its_goals(result):
     assert found["yaw"].controls.alpha == pytest.approx(1.14, abs=0.02)
 
 
-def test_tuned_passive_is_better_over_box(result):
+@pytest.mark.slow
+def test_tuned_passive_is_better_over_box():
     """Than those tuned for Table 2, whose dampers go with softer and stiffer springs less well; both bounds are proved."""
-    if result.design.name != "tuned_passive":
-        return
+    result = evaluated("tuned_passive")
     other = Examined(load_design("passive_tuning").parameters, None, SCENE).over_the_box()
     bounds = [
         max(each.value.upper_bound for each in findings if isinstance(each.value, WorstCase))
@@ -144,10 +148,10 @@ def test_tuned_passive_is_better_over_box(result):
     assert bounds == [pytest.approx(16.19, abs=0.01), pytest.approx(18.06, abs=0.01)]
 
 
-def test_sampled_suspension_has_numbers_of_page(result):
+@pytest.mark.slow
+def test_sampled_suspension_has_numbers_of_page():
     """At the samples, between them, on other booms; beside the controller made for 2 ms, run as slowly."""
-    if result.design.name != "sampled_suspension":
-        return
+    result = evaluated("sampled_suspension")
     K = result.design.controller
     assert (K.dt, K.nstates, result.active.run.sample_time, result.active.run.delay) == (0.02, 13, 0.02, 0.01)
     assert result.yaw_reduction_db == pytest.approx(48.4, abs=0.1)
@@ -164,26 +168,6 @@ def test_sampled_suspension_has_numbers_of_page(result):
     half = bc.boom_family(half="yaw", elements=FAMILY_ELEMENTS, accelerometer_bandwidth_hz=SCENE.accelerometer_hz)
     found = bc.worst_case(half, yaw, ["actuator_anti"], ["tip_anti"], delay=0.01)
     assert found.norm.lower == pytest.approx(79.9, rel=5e-3)
-
-
-@pytest.mark.slow
-def test_passive_suspension_worst_peak_is_bounded_over_box():
-    """Never below a boom of it that is looked at; the report says what there is, and of no controller."""
-    p = BoomParameters(spring_stiffness=550.0, cradle_damping=300.0, hinge_damping=1000.0)
-    scene = FieldScene(run_in=0.2, duration=1.0, elements=6)
-    result = SuspensionDesign("soft", "softer", p).evaluate(scene)
-    assert result.robust
-    assert not result.of(Margins)
-    rng = np.random.default_rng(3)
-    for half, side in (("jolt", "sym"), ("yaw", "anti")):
-        family = bc.boom_family(p, half=half, elements=6)
-        points = [*np.array([[a, b] for a in (-1.0, 1.0) for b in (-1.0, 1.0)]), *rng.uniform(-1.0, 1.0, (8, 2))]
-        peaks = [bc.sigma(family.at(at), inputs=f"actuator_{side}", outputs=f"tip_{side}").peak for at in points]
-        found = result.worst[half]
-        assert max(peaks) <= found.norm.lower * (1.0 + 1e-6)
-        assert found.norm.lower <= found.upper_bound <= found.norm.lower * 1.001001
-    assert result.exact_sigma.peak == pytest.approx(result.active.sigma.peak, rel=2e-2)
-    assert "worst peak there, proved" in result.report().html
 
 
 @pytest.mark.slow
@@ -216,20 +200,14 @@ def test_performance_discrete_controller_uses_its_sampling_time():
     assert max(found.jolt.lower, found.yaw.lower) == pytest.approx(found.sigma.peak, rel=1e-4)
 
 
-def test_suspension_controller_files_have_its_matrices_and_limit(result, tmp_path):
-    """None of a passive design; read again it is the same, and its C code has the limits of the field run."""
-    files, K = result.controller_files(), result.design.controller
-    if K is None:
-        assert not files
-        return
-    assert {"controller.json", "controller.mat", "controller.m"} <= set(files)
-    for name, content in files.items():
-        (tmp_path / name).write_bytes(content if isinstance(content, bytes) else content.encode())
-    read = bc.read_controller(tmp_path / "controller.json")
-    assert np.array_equal(read.A, K.A)
-    assert (read.input_labels, read.output_labels) == (K.input_labels, K.output_labels)
-    if "controller.c" in files:
-        assert f"FORCE[2] = {{R({SCENE.force_limit.hex()}), R({SCENE.force_limit.hex()})}}" in files["controller.c"]
+@pytest.mark.slow
+def test_suspension_controller_files_have_its_limits():
+    """Its C code has the limits of the field run; a passive suspension has no files."""
+    files = evaluated("sampled_suspension").controller_files()
+    assert {"controller.json", "controller.mat", "controller.m", "controller.c"} <= set(files)
+    assert f"FORCE[2] = {{R({SCENE.force_limit.hex()}), R({SCENE.force_limit.hex()})}}" in files["controller.c"]
+    assert not evaluated("passive_tuning").controller_files()
+    assert "worst peak there, proved" in evaluated("passive_tuning").report().html
 
 
 def test_field_scene_of_longer_drive_begins_as_shorter_one():
@@ -246,20 +224,3 @@ def test_suspension_model_accelerometer_is_second_derivative():
     omega = np.array([0.5, 2.0])
     found = model.frequency_response(omega, ["actuator_left"], ["tip_left", "tip_left_acceleration"]).frdata[:, 0]
     assert np.allclose(found[1], -(omega**2) * found[0], rtol=3e-2)
-
-
-@pytest.mark.slow
-def test_tuned_yaw_of_order_two_keeps_its_goals():
-    """Tuned for orders one and two: the goal holds platform to tip over the box, and the force by its weight."""
-    from designs.tuned_suspension import FORCE, PEAK, tuned_yaw
-
-    half = bc.boom_family(half="yaw", accelerometer_bandwidth_hz=20.0)
-    one, two = (tuned_yaw(order) for order in (1, 2))
-    worst = [bc.worst_case(half, found.controller, ["actuator_anti"], ["tip_anti"]) for found in (one, two)]
-    assert [each.upper_bound for each in worst] == pytest.approx([25.78, 13.18], rel=5e-3)
-    assert all(each.norm.lower <= each.upper_bound <= each.norm.lower * 1.001001 for each in worst)
-    assert worst[1].norm.lower <= two.gamma * 1.002
-    force = bc.synthesis.select_channels(
-        bc.feedback_loop(half.centre, two.controller), ["actuator_anti"], ["suspension_anti"]
-    )
-    assert bc.hinf_norm(force).lower <= two.gamma * FORCE / PEAK * 1.002

@@ -150,20 +150,12 @@ def test_text_says_where_our_front_does_not_lead():
 
 def test_scenes_are_thirteen_and_named_by_first_words():
     assert len(SCENES) == 13
+    assert not any(each.verified for place in SCENES.values() for each in scene_at(place).settings if not each.ours)
     assert wanted([]) == tuple(SCENES)
     assert wanted(["slew-effort", "hub"]) == ("hub-spin-up", "hub-torque", "slew-effort")
     with pytest.raises(ValueError, match="did you mean 'boom-sigma'"):
         run(["boom-sigmar"])
     assert {"processor", "numpy", "python", "cores", "BLAS"} <= environment().keys()
-
-
-def test_no_peer_verifies_its_answer_and_ours_do_where_said():
-    """What each method is: changed by nothing but another method."""
-    verified = {"boom-peak", "boom-reduction", "h-infinity", "tuning", "slew-time", "slew-effort", "identification"}
-    for key, place in SCENES.items():
-        settings = scene_at(place).settings
-        assert {s.verified for s in settings if not s.ours} == {False}, key
-        assert {s.verified for s in settings if s.ours} == {key in verified}, key
 
 
 @pytest.mark.slow
@@ -176,10 +168,3 @@ def test_command_measures_and_writes(tmp_path, monkeypatch):
     assert [scene["key"] for scene in found["scenes"]] == ["boom-tiny"]
     assert found["command"] == "boomctl benchmark boom --quick"
     assert (tmp_path / "out" / "report.html").is_file()
-
-
-def test_command_with_an_unknown_scene_says_so_in_one_line(tmp_path):
-    done = boomctl("benchmark", "boom-sigmar", cwd=tmp_path)
-    assert done.returncode == 2
-    assert "boom-sigma" in done.stderr
-    assert done.stderr.count("\n") == 1

@@ -6,11 +6,8 @@ import time
 from concurrent.futures.process import BrokenProcessPool
 from functools import partial
 
-import numpy as np
 import pytest
 
-from boomctl.lab.papers.bai.report import jobs as hub_beam_jobs
-from boomctl.lab.papers.bai.validity import tips
 from boomctl.lab.papers.jobs import run_jobs
 
 ROOTS = {f"root of {k}": partial(math.sqrt, k) for k in range(7)}
@@ -34,15 +31,3 @@ def test_run_jobs_error_ends_the_other_jobs(work, error):
     with pytest.raises(error):
         run_jobs({"wrong": work, "long": partial(time.sleep, 600.0)}, 2)
     assert time.monotonic() - began < 300.0
-
-
-@pytest.mark.slow
-def test_run_jobs_in_processes_equals_one_process():
-    some = {name: job for name, job in hub_beam_jobs().items() if name in ("Table 2, Fig. 9", "a slew")}
-    some |= {model: partial(tips, model, (5.0, 50.0)) for model in ("sfoam", "foam")}
-    alone, together = run_jobs(some, 1), run_jobs(some, 2)
-    (table, _), (other, _) = alone["Table 2, Fig. 9"][0], together["Table 2, Fig. 9"][0]
-    assert table.comparisons == other.comparisons
-    assert alone["a slew"] == together["a slew"]
-    for model in ("sfoam", "foam"):
-        np.testing.assert_allclose(alone[model], together[model], rtol=1e-12, atol=1e-15)
