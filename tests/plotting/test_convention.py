@@ -224,85 +224,58 @@ def test_a_notebook_shows_pictures_once_wherever_they_are_drawn_in_a_cell():
     assert pictures == [0, 1, 1, 1, 1, 0]
 
 
-def test_frequencies_are_drawn_in_the_unit_in_which_they_were_asked_for():
+def test_frequencies_are_drawn_in_unit_of_argument_or_axes():
     hz, rad = bc.sigma(one.mass(), frequency_hz=[1.0, 2.0]), bc.sigma(one.mass(), [1.0, 2.0])
     assert hz.omega == pytest.approx(2.0 * np.pi * np.array([1.0, 2.0]))
-    assert hz.frequency_hz == pytest.approx([1.0, 2.0])
-    for result, unit, there in ((hz, "Hz", [1.0, 2.0]), (rad, "rad/s", [1.0, 2.0]), (bc.sigma(one.mass()), "Hz", None)):
+    for result, unit in ((hz, "Hz"), (rad, "rad/s")):
         ax = result.plot(Figure().subplots())
         assert ax.get_xlabel() == f"frequency [{unit}]"
-        assert there is None or ax.get_lines()[0].get_xdata() == pytest.approx(there)
-    ax = rad.plot(Figure().subplots(), unit="Hz")
-    assert ax.get_lines()[0].get_xdata() == pytest.approx(rad.omega / (2.0 * np.pi))
-    with pytest.raises(ValueError, match="omega, frequency_hz: expected one of them, got both"):
-        bc.sigma(one.mass(), [1.0], frequency_hz=[1.0])
-    with pytest.raises(ValueError, match="frequency_hz: expected frequencies not below zero"):
-        bc.sigma(one.mass(), frequency_hz=[-1.0])
-    with pytest.raises(ValueError, match="unit = 'kHz': expected 'Hz' or 'rad/s'"):
-        rad.plot(unit="kHz")
-
-
-@pytest.mark.parametrize("omega", [None, [0.0, 1.0]])
-def test_a_system_that_does_nothing_is_drawn_without_a_warning(omega):
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        drawn = figure_bytes(figure_of(bc.sigma(control.ss([[-1.0]], [[0.0]], [[1.0]], 0.0), omega).plot), "png")
-    assert drawn.startswith(b"\x89PNG")
-
-
-def test_an_overlay_is_drawn_in_the_unit_that_is_there():
-    rad, curve = (
-        bc.sigma(one.mass(), [1.0, 2.0]),
-        MeasuredCurve(np.array([1.0, 2.0]), np.array([[3.0, 4.0]]), ("upper",)),
-    )
+        assert ax.get_lines()[0].get_xdata() == pytest.approx([1.0, 2.0])
+    MeasuredCurve(np.array([1.0, 2.0]), np.array([[3.0, 4.0]]), ("upper",)).plot(ax)
+    assert ax.get_lines()[-1].get_xdata() == pytest.approx(2.0 * np.pi * np.array([1.0, 2.0]))
     ax = bc.sigma(one.mass()).plot(Figure().subplots())
-    rad.plot(ax)
-    assert ax.get_lines()[-2].get_xdata() == pytest.approx(rad.omega / (2.0 * np.pi))
+    for options in ({}, {"unit": "Hz"}):
+        rad.plot(ax, **options)
+        assert ax.get_lines()[-2].get_xdata() == pytest.approx(rad.frequency_hz)
     with pytest.raises(ValueError, match="unit = 'rad/s': the curves on these axes are in Hz"):
         rad.plot(ax, unit="rad/s")
-    ax = rad.plot(Figure().subplots())
-    curve.plot(ax)
-    assert ax.get_lines()[-1].get_xdata() == pytest.approx(2.0 * np.pi * curve.freq_hz)
+    with pytest.raises(ValueError, match="unit = 'kHz': expected 'Hz' or 'rad/s'"):
+        rad.plot(unit="kHz")
+    with pytest.raises(ValueError, match="omega, frequency_hz: expected one of them, got both"):
+        bc.sigma(one.mass(), [1.0], frequency_hz=[1.0])
     theirs = control.singular_values_plot(control.singular_values_response(one.mass().to_statespace(), [1.0, 2.0]))
-    ax = bc.sigma(one.mass(), frequency_hz=[1.0]).plot(theirs.axes.ravel()[0])
-    assert ax.get_lines()[-2].get_xdata() == pytest.approx([2.0 * np.pi])
+    ax = hz.plot(theirs.axes.ravel()[0])
+    assert ax.get_lines()[-2].get_xdata() == pytest.approx(hz.omega)
 
 
-def test_compared_curves_share_a_grid_that_resolves_the_peaks_of_all():
-    slow, fast = one.mass(), bc.structure.SecondOrderModel([[1.0]], [[0.2]], [[1e6]], {"f": [1.0]}, {"y": [1.0]})
-    both = bc.compare_sigma({"slow": slow, "fast": fast})
-    assert np.array_equal(both["slow"].omega, both["fast"].omega)
+def test_sigma_plot_of_zero_system_has_no_warning():
+    zero = bc.sigma(control.ss([[-1.0]], [[0.0]], [[1.0]], 0.0), [0.0, 1.0])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert figure_bytes(figure_of(zero.plot), "png").startswith(b"\x89PNG")
+
+
+def test_compare_sigma_grid_resolves_peaks_of_all_systems():
+    slow, fast, undamped = (
+        bc.structure.SecondOrderModel([[1.0]], [[c]], [[k]], {"f": [1.0]}, {"y": [1.0]})
+        for c, k in ((0.1, 4.0), (0.2, 1e6), (0.0, 9.0))
+    )
+    found = bc.compare_sigma({"slow": slow, "fast": fast, "undamped": undamped})
     for name, system in (("slow", slow), ("fast", fast)):
-        alone = bc.sigma(system)
-        assert both[name].omega[0] <= alone.omega[0]
-        assert both[name].omega[-1] >= alone.omega[-1]
-        assert both[name].sigma.max() == pytest.approx(alone.peak, rel=1e-9)
-        assert both[name].peak == alone.peak
-        assert both[name].certified
-    data = slow.frequency_response([1.0, 2.0])
-    given = bc.compare_sigma({"slow": slow, "data": data}, frequency_hz=[0.3, 0.4])
-    assert given["slow"].frequency_hz == pytest.approx([0.3, 0.4])
-    assert given["data"].omega == pytest.approx([1.0, 2.0])
-    ax = both.plot(Figure().subplots())
-    assert [text.get_text() for text in ax.get_legend().get_texts()] == ["slow", "fast", "certified peak"]
-
-
-def test_undamped_modes_of_one_system_are_kept_clear_of_by_all():
-    undamped = bc.structure.SecondOrderModel([[1.0]], [[0.0]], [[4.0]], {"f": [1.0]}, {"y": [1.0]})
-    both = bc.compare_sigma({"damped": one.mass(), "undamped": undamped})
-    assert np.isfinite(both["undamped"].sigma).all()
-    assert both["undamped"].peak == np.inf
-
-
-def test_comparisons_refuse_what_they_cannot_compare():
-    with pytest.raises(TypeError, match=r"systems = .*: expected a mapping"):
-        bc.compare_sigma([one.mass()])
+        assert np.array_equal(found[name].omega, found["undamped"].omega)
+        assert found[name].sigma.max() == pytest.approx(bc.sigma(system).peak, rel=1e-9)
+        assert found[name].certified
+    assert np.isfinite(found["undamped"].sigma).all()
+    assert found["undamped"].peak == np.inf
+    some = bc.compare_sigma({"slow": slow, "data": slow.frequency_response([1.0, 2.0])}, frequency_hz=[0.3, 0.4])
+    assert some["slow"].frequency_hz == pytest.approx([0.3, 0.4])
+    assert some["data"].omega == pytest.approx([1.0, 2.0])
     with pytest.raises(ValueError, match="systems: expected at least one"):
         bc.compare_sigma({})
     with pytest.raises(TypeError, match=r"systems\['mine'\]: .*expected SecondOrderModel"):
         bc.compare_sigma({"mine": 3.0})
-    with pytest.raises(ValueError, match="unknown system 'mass'"):
-        bc.compare_sigma({"mine": one.mass()})["mass"]
+    ax = bc.compare_sigma({"slow": slow, "fast": fast}).plot(Figure().subplots())
+    assert [text.get_text() for text in ax.get_legend().get_texts()] == ["slow", "fast", "certified peak"]
 
 
 def test_an_unstable_system_says_so_in_a_comparison_too():
@@ -377,23 +350,17 @@ def test_controls_of_an_overlay_are_not_cut_off():
     assert high > 10.0
 
 
-def test_a_loop_has_an_axis_for_each_unit_and_says_it():
-    """No metres beside metres per second squared; of a half that its signals carry a root of two."""
-    time = 0.01 * np.arange(50)
-    model = bc.spray_boom(accelerometer_bandwidth_hz=20.0)
+def test_loop_plot_has_axes_for_each_unit():
+    """No meters with meters per second squared; signals of a half have a root of two."""
+    time, model = 0.01 * np.arange(50), bc.spray_boom(accelerometer_bandwidth_hz=20.0)
+    half = ["outputs\n[m, orthonormal]", "accelerations\n[m/s², orthonormal]", "strokes\n[m, orthonormal]"]
+    beam = ["outputs [rad]", "outputs [rad/s]", "outputs [m]", "moments [N m]", "accelerations [m/s²]"]
     yaw = bc.split_symmetric(model)[1]
     for plant, drive, wanted in (
-        (model, "actuator_left", ["outputs [m]", "accelerations [m/s²]", "strokes [m]"]),
-        (
-            yaw, "actuator_anti",
-            ["outputs\n[m, orthonormal]", "accelerations\n[m/s², orthonormal]", "strokes\n[m, orthonormal]"],
-        ),
-        (yaw.to_statespace(), "actuator_anti", ["outputs", "accelerations", "strokes"]),  # which does not say its units
-        (
-            bc.hub_beam(modes=1), "torque",
-            ["outputs [rad]", "outputs [rad/s]", "outputs [m]", "moments [N m]", "accelerations [m/s²]"],
-        ),
-    ):  # fmt: skip
+        (yaw, "actuator_anti", half),
+        (yaw.to_statespace(), "actuator_anti", ["outputs", "accelerations", "strokes"]),  # without units
+        (bc.hub_beam(modes=1), "torque", beam),
+    ):
         run = bc.simulate_loop(plant, None, {drive: np.sin(time)}, time, sample_time=0.01)
         assert [each.get_ylabel() for each in run.plot(Figure().subplots(len(wanted), 1))] == wanted
     moved = bc.forced_response(model, {"actuator_left": time, "cradle": time}, time, ["tip_left", "stroke_left"])
