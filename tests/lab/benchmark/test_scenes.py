@@ -91,15 +91,6 @@ def test_motion_of_the_reference_is_ours_on_the_same_mesh():
     assert apart(boom.exact_motion(P, time, motion), np.array([ours[name] for name in TIPS])) < 1e-8
 
 
-@pytest.mark.slow
-def test_reduction_is_no_less_exact_than_others():
-    full = bc.spray_boom(P, elements=60).select(ACTUATORS, TIPS)
-    grid, system = boom.resonance_grid(full), full.to_statespace()
-    ours = boom.difference(bc.reduce(full, 10).system, *grid)
-    assert 0.0 < ours <= 1.01 * boom.difference(control.balred(system, 10), *grid)
-    assert boom.difference(system, *grid) < 1e-5
-
-
 def test_extended_maps_are_matrix_exponentials():
     rng = np.random.default_rng(1)
     A, B = 30.0 * rng.standard_normal((4, 4)), rng.standard_normal((4, 2))
