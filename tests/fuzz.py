@@ -4,6 +4,7 @@ A call starts from arguments that work; one or two of them are replaced by somet
 """
 
 import contextlib
+import dataclasses
 import inspect
 import signal
 import warnings
@@ -152,6 +153,11 @@ def section():
 
 def between():
     return {"low": 0.1, "high": 100.0}
+
+
+def fields_of(record):
+    """Return the arguments that make a record."""
+    return {field.name: getattr(record, field.name) for field in dataclasses.fields(record) if field.init}
 
 
 def file(name):
@@ -333,12 +339,8 @@ CALLS = {
     "boom.write_motion": lambda: {"path": Path("/nowhere/motion.csv"), "motion": one.motion()},
     "boom.yaw_family": lambda: {"half": "yaw"},
     # any planar machine
-    "structure.AffineFamily": lambda: {
-        name: getattr(one.family(), name) for name in ("names", "low", "high", "centre", "slopes")
-    },
-    "structure.PolynomialFamily": lambda: {
-        name: getattr(turning(), name) for name in ("names", "low", "high", "centre", "changes", "free")
-    },
+    "structure.AffineFamily": lambda: fields_of(one.family()),
+    "structure.PolynomialFamily": lambda: fields_of(turning()),
     "structure.Assembly": lambda: {"bodies": (points()[0],)},
     "structure.Beam": lambda: {
         "name": "beam",

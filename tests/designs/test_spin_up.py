@@ -4,10 +4,8 @@ import functools
 import re
 from pathlib import Path
 
-import numpy as np
 import pytest
 
-import boomctl as bc
 from designs import scheduled_spin_up
 from designs.scheduled_spin_up import FIXED, OPEN, SCHEDULED
 
@@ -38,17 +36,6 @@ def test_scheduled_drive_is_proved_and_holds_the_speed(modes):
 
 
 @pytest.mark.slow
-def test_scheduled_drive_spin_up_rates_are_those_of_profile():
-    found = judged(1).as_dict()
-    for key, duration in (("rate_asked", 15.0), ("faster_rate", 5.0)):
-        time = np.linspace(0.0, duration, 301)
-        assert np.max(bc.spin_up(5.0, duration).acceleration(time)) == pytest.approx(found[key], rel=1e-3)
-    faster = numbers(1, "faster_runs")
-    assert faster[SCHEDULED, 0.1]["torque"] == scheduled_spin_up.LIMIT  # it is reached, and the speed is missed
-    assert faster[SCHEDULED, 0.1]["speed_error"] > 10.0 * numbers(1)[SCHEDULED, 0.1]["speed_error"]
-
-
-@pytest.mark.slow
 def test_scheduled_drive_numbers_are_those_of_the_page():
     text, runs = _PAGE.read_text(encoding="utf-8"), numbers(3)
     rows = re.findall(r"^\| ([a-z ]+) \| (nothing|0\.1 kg) \| (.*) \|$", text, flags=re.MULTILINE)
@@ -61,5 +48,6 @@ def test_scheduled_drive_numbers_are_those_of_the_page():
     assert judged(3).as_dict()["rate_asked"] == pytest.approx(0.67, abs=0.01)
     assert runs[OPEN, 0.1]["speed_error"] == pytest.approx(0.14, abs=0.01)
     faster = numbers(3, "faster_runs")
+    assert faster[SCHEDULED, 0.1]["torque"] == scheduled_spin_up.LIMIT
     assert faster[SCHEDULED, 0.1]["speed_error"] == pytest.approx(1.57, abs=0.01)
     assert 1e3 * faster[SCHEDULED, 0.1]["after_gust"] == pytest.approx(174.0, abs=1.0)
