@@ -136,6 +136,7 @@ def test_a_terminal_shows_nothing(wait, around, environment):
     assert shown(wait, around, **environment).strip() == "done"
 
 
+@pytest.mark.slow
 def test_a_pipe_shows_nothing():
     words = [sys.executable, "-c", SCRIPT.format(wait=0.0, around="computing('outer')", until="time.sleep(0.9)")]
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}

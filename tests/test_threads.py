@@ -95,6 +95,7 @@ def test_overlapping_threads_restore_last():
         assert set(pool.submit(end, begun).result(30.0)) == {1}
 
 
+@pytest.mark.slow
 def test_library_loaded_later_limited():
     """In a process of its own: SciPy's library is loaded between calls and SLICOT's during one."""
     program = """if True:

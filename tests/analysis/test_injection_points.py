@@ -115,6 +115,7 @@ def drawn(seed, sampled, **more):
 SEEDS = [range(2), pytest.param(range(2, 60), marks=pytest.mark.slow)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("numbers", SEEDS)
 def test_worst_case_with_injection_bounds_all_points(numbers):
     """Continuous loops, and at every third seed a sampled one, which takes longer."""

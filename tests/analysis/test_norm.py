@@ -200,6 +200,7 @@ def test_a_half_just_below_the_other_is_searched_and_the_larger_one_found():
         assert SplitModel(model, parts[::-1]).norm().lower == pytest.approx(found.lower, rel=1e-14)
 
 
+@pytest.mark.slow
 @examples(12)
 @given(
     stiffness=st.floats(30.0, 90000.0),

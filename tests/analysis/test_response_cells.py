@@ -133,6 +133,7 @@ def test_a_bound_of_a_small_cell_is_near_its_largest_gain():
         assert most <= bound <= most * (1.0 + near)
 
 
+@pytest.mark.slow
 def test_polynomials_meet_the_loop_wherever_it_is_drawn():
     """To what they say that they may miss, at points that they have not seen."""
     family, K = chain(np.random.default_rng(4), 3)

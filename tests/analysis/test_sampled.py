@@ -104,6 +104,7 @@ def test_delay_margin_window_wider_than_the_grid_is_found(seed):
         assert sides[0] < 1.0 < sides[1]
 
 
+@pytest.mark.slow
 @examples(60)
 @given(st.integers(0, 100_000))
 @example(5544)  # A fourfold pole: rounding of the response moves the crossing by 3e-5.
@@ -160,6 +161,7 @@ def test_whole_samples_of_delay_around_a_discrete_plant_are_exact():
         bc.margins(plant, lag, delay=0.1 * (borne + 1))
 
 
+@pytest.mark.slow
 def test_fast_sampling_has_the_margins_of_the_continuous_loop():
     plant = control.ss([[0.0, 1.0], [-4.0, -0.2]], [[0.0], [1.0]], [[1.0, 0.0]], 0.0, inputs="force", outputs="place")
     K = control.ss([[-30.0]], [[1.0]], [[900.0]], [[-35.0]], inputs="place", outputs="force")
@@ -173,6 +175,7 @@ def test_fast_sampling_has_the_margins_of_the_continuous_loop():
     assert errors[1] / errors[2] == pytest.approx(2.0, rel=0.05)
 
 
+@pytest.mark.slow
 def test_what_sampling_costs_is_warned_of():
     plant = control.ss([[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]], [[1.0, 0.0]], 0.0, inputs="force", outputs="place")
     K = control.ss([[-20.0]], [[1.0]], [[360.0]], [[-20.0]], inputs="place", outputs="force")

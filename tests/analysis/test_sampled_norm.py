@@ -69,6 +69,7 @@ def test_it_is_where_finer_and_finer_samples_go(seed):
     assert abs(fine - found.lower) <= 0.6 * abs(coarse - found.lower) + 2e-4 * found.lower
 
 
+@pytest.mark.slow
 @given(st.integers(0, 10**6))
 @examples(10)
 def test_what_has_no_feedback_has_its_own_norm(seed):
@@ -130,6 +131,7 @@ def test_controls_may_count_and_wrong_loops_are_refused():
     assert bc.analysis.sampled_norm(said["P"], weak, "filtered").certified
 
 
+@pytest.mark.slow
 @given(st.integers(0, 10**6), st.sampled_from(_LATE))
 @examples(20)
 def test_a_sampled_plant_is_the_one_that_a_sampled_controller_sees(seed, late):

@@ -138,6 +138,7 @@ def test_all_that_samples_make_of_what_is_below_a_bound_is_below_its_discrete_bo
         assert np.median(bound[large] / size[large]) < 1.5
 
 
+@pytest.mark.slow
 @given(seed=seeds, damping=st.floats(-5.0, -1.0))
 @examples(40)
 def test_samples_fold_no_resonance_of_a_bound_past_its_discrete_bound(seed, damping):

@@ -137,6 +137,7 @@ def test_family_of_accelerometer_record_is_proved(damper, inputs):
     assert loop.poles().real.max() < 0.0
 
 
+@pytest.mark.slow
 def test_union_of_records_pairs_modes_by_frequency():
     """One record lacks the second mode, and numbers the third as the second."""
     step, outputs = 0.02, ("y1", "y2", "y3")

@@ -105,6 +105,7 @@ def undetermined(kind, free):
     )
 
 
+@pytest.mark.slow
 @given(seeds)
 @examples(200)
 def test_what_is_called_undetermined_is_and_nothing_else(seed):

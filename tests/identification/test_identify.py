@@ -119,6 +119,7 @@ def test_slopes_are_those_of_differences(chain):
                 assert -slope == pytest.approx(downward[k, which], rel=1e-4, abs=1e-7 * fit.cost)
 
 
+@pytest.mark.slow
 def test_a_mode_is_found_where_it_is_and_not_at_its_mirror_image_above_half_the_sampling_rate():
     """Of held inputs both answer alike: what is found above the band lies in none."""
     omega, damping = 2.0 * np.pi * np.array([4.0, 36.0]), np.array([0.005, 0.04])
@@ -143,6 +144,7 @@ def test_a_pole_too_fast_to_be_told_stays_a_number(seed):
         assert np.isfinite(fitted(CommonPoles(around, np.array([-2000.0 + 1j * (low + 1.0)]), np.zeros(0))).poles).all()
 
 
+@pytest.mark.slow
 @given(seed=st.integers(0, 10**6), counts=st.floats(20.0, 200.0))
 @examples(20)
 def test_a_quantised_twin_gives_its_modes_and_answers_alike_both_ways(seed, counts):
@@ -237,6 +239,7 @@ def test_several_records_are_one_identification(chain):
     assert dampings.max() < 0.03
 
 
+@pytest.mark.slow
 def test_feedback_in_the_record_is_said(chain):
     model, _, _, _ = chain
     plant = model.select("f1", "y1").to_statespace()
@@ -319,6 +322,7 @@ def test_intervals_of_random_twins_hold_and_modes_are_those_of_the_truth():
     assert false <= 0.05 * len(seeds)
 
 
+@pytest.mark.slow
 def test_what_has_no_modes_is_said_in_one_line(chain):
     _, u, y, _ = chain
     rng = np.random.default_rng(0)

@@ -10,7 +10,7 @@ from boomctl.plotting.slew import animate_slew
 from tests import handed_out
 
 
-@pytest.mark.parametrize("radius", [0.0, 0.5])
+@pytest.mark.parametrize("radius", [0.5, pytest.param(0.0, marks=pytest.mark.slow)])
 def test_animate_slew_draws_each_motion(radius):
     beam = bc.hub_beam(bc.HubBeamParameters(hub_radius=radius), modes=1)
     t = np.linspace(0.0, 1.0, 21)

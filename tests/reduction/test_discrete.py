@@ -162,6 +162,7 @@ def error_and_measured(full, order, method):
     return true, result.measured_error
 
 
+@pytest.mark.slow
 @examples(60)
 @example(seed=28)
 @example(seed=64)

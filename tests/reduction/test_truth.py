@@ -235,7 +235,7 @@ def nonminimal(seed):
 
 
 @pytest.mark.filterwarnings("ignore::boomctl.reduction.result.LowerOrderWarning")
-@pytest.mark.parametrize("sample", [range(2), pytest.param(range(80), marks=pytest.mark.slow)])
+@pytest.mark.parametrize("sample", [range(1), pytest.param(range(80), marks=pytest.mark.slow)])
 def test_hidden_modes_are_removed_without_error(sample):
     for seed in sample:
         full, order = nonminimal(seed)

@@ -20,6 +20,7 @@ def pulse(begin, width, size=2.0):
     return lambda t: np.where((t >= begin) & (t < begin + width), size, 0.0)
 
 
+@pytest.mark.slow
 @examples(100)
 @given(st.floats(0.01, 18.0), st.floats(-3.2, 0.2), st.sampled_from(MODELS))
 def test_a_pulse_that_is_not_declared_moves_the_beam_as_one_that_is(begin, decades, model):
@@ -34,7 +35,7 @@ def test_a_pulse_that_is_not_declared_moves_the_beam_as_one_that_is(begin, decad
     assert apart <= found.error_estimate + 1e-14
 
 
-@pytest.mark.parametrize("model", ["cfoam", "geometrically-exact"])
+@pytest.mark.parametrize("model", ["cfoam", pytest.param("geometrically-exact", marks=pytest.mark.slow)])
 def test_other_integrators_know_of_the_jumps_too(model):
     beam, timepts = bc.hub_beam(model=model, modes=1), np.linspace(0.0, 1.0, 3)
     found = beam.simulate(bc.torque(pulse(0.25031, 0.003)), timepts, rtol=1e-6, atol=1e-8)

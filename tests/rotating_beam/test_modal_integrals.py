@@ -73,7 +73,7 @@ def test_integrals_equal_those_in_45_digits(i, j):
     assert m.V2[j - 1] == pytest.approx(float(first_moment), rel=1e-12)
 
 
-@pytest.mark.parametrize("n", [1, 5, 40, 100])
+@pytest.mark.parametrize("n", [1, 5, 40, pytest.param(100, marks=pytest.mark.slow)])
 def test_two_quadratures_agree(n):
     m, points = modal_integrals(LOADED, n), mass_points(LOADED, n)
     sums = {

@@ -3,6 +3,7 @@
 from itertools import pairwise
 
 import numpy as np
+import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
@@ -40,6 +41,7 @@ def jumping(seed):
     return beam, bc.hub_profile(*map(function, range(3))), np.append(jumps, end), of_piece
 
 
+@pytest.mark.slow
 @examples(50)
 @given(seed=st.integers(0, 10**6), digits=st.floats(4.0, 9.0))
 @example(seed=0, digits=5.0)

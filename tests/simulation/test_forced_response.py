@@ -54,7 +54,10 @@ def _error(found, exact):
     return max(np.abs(found[name] - exact[name]).max() / sizes[name] for name in moving)
 
 
-@pytest.mark.parametrize("excitation", ["displacement", "velocity", "acceleration", "force"])
+_MORE = [pytest.param(kind, marks=pytest.mark.slow) for kind in ("displacement", "velocity", "acceleration")]
+
+
+@pytest.mark.parametrize("excitation", ["force", *_MORE])
 def test_error_half_boom_ramp_below_estimate(excitation):
     half, _ = split_symmetric(bc.spray_boom(elements=42, excitation=excitation))
     time = np.linspace(0.0, 100.0, 101)

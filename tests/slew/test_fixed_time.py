@@ -116,7 +116,7 @@ _PAYLOAD = {"tip_masses": (0.2,)}
     ("objective", "limits", "ask"),
     [
         ("time", {"speed": 0.7}, {}),
-        ("jerk", {"moment": 30.0}, {}),
+        pytest.param("jerk", {"moment": 30.0}, {}, marks=pytest.mark.slow),
         ("tip", {"torque_rate": 500.0}, _PAYLOAD),
         ("effort", {}, {}),
     ],
@@ -234,9 +234,9 @@ def test_a_beam_that_bends_far_has_the_least_effort_that_a_programme_finds():
     ("limits", "ask", "linear"),
     [
         ({"speed": 0.66}, {}, False),
-        ({"tip": 0.8}, {}, False),
-        ({"moment": 25.0, "speed": 0.67}, {}, False),
-        ({"tip": 1.05}, {"tip_masses": (0.3,)}, False),
+        pytest.param({"tip": 0.8}, {}, False, marks=pytest.mark.slow),
+        pytest.param({"moment": 25.0, "speed": 0.67}, {}, False, marks=pytest.mark.slow),
+        pytest.param({"tip": 1.05}, {"tip_masses": (0.3,)}, False, marks=pytest.mark.slow),
         ({"speed": 0.66, "tip": 0.84}, {}, True),
     ],
     ids=["speed", "tip", "moment and speed", "payload", "linear"],

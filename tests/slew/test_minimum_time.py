@@ -100,6 +100,7 @@ def test_where_an_arc_is_about_to_appear(limit):
     assert slew.duration == pytest.approx(8.9285456 - 0.21 * (limit - 22.9890625), abs=1e-4)
 
 
+@pytest.mark.slow
 def test_grids_see_the_fastest_vibration():
     """A grid on which the fifth mode turns whole times an interval cannot move it."""
     h = bc.hub_beam(bc.HubBeamParameters(tip_mass=0.3), modes=5).linearize()

@@ -132,9 +132,9 @@ def test_rigid_bound_is_sharp():
     [
         ("torque_limit", 200.0, 2.4),
         ("torque_rate_limit", 400.0, 2.9),
-        ("speed_limit", 0.4, 2.8),
-        ("tip_limit", 0.05, 2.8),
-        ("moment_limit", 5.0, 2.8),
+        pytest.param("speed_limit", 0.4, 2.8, marks=pytest.mark.slow),
+        pytest.param("tip_limit", 0.05, 2.8, marks=pytest.mark.slow),
+        pytest.param("moment_limit", 5.0, 2.8, marks=pytest.mark.slow),
     ],
 )
 def test_failure_names_the_limit_and_the_time(name, value, duration):

@@ -144,6 +144,7 @@ def test_runs_of_a_study_are_those_of_simulate(seen):
         assert study.error_estimate >= run.error_estimate
 
 
+@pytest.mark.slow
 def test_what_is_drawn_is_drawn_once_for_all_controllers(known, seen):
     asked = {"runs": 8, "seed": 4, "stiffness": 0.1, "tip_mass": (0.0, 0.1)}
     one, other = known.monte_carlo(**asked), seen.monte_carlo(feedback=False, **asked)

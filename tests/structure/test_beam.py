@@ -176,6 +176,7 @@ def tip_mass_frequency(sections, mass, near):
         return float(mp.findroot(boundary, mp.mpf(float(near))))
 
 
+@pytest.mark.slow
 @given(seeds)
 def test_tip_mass_at_beam_end_matches_transfer_matrix(seed):
     """A script that never computes a position; the beam starts anywhere, at any angle."""

@@ -39,7 +39,7 @@ def test_frequencies_floating_mesh_rigid_modes_exactly_zero(elements):
 
 
 @pytest.mark.parametrize("excitation", ["displacement", "force"])
-@pytest.mark.parametrize("elements", [25, 100, 190])
+@pytest.mark.parametrize("elements", [25, 100, pytest.param(190, marks=pytest.mark.slow)])
 def test_response_fine_mesh_each_signal_is_near_exact_beam(elements, excitation):
     """Relative to the largest output of each input, at many frequencies to that of all; nothing is said of rounding."""
     model = bc.spray_boom(P, elements=elements, excitation=excitation)

@@ -118,6 +118,7 @@ def test_a_discrete_generalised_plant_is_its_parts_at_each_frequency():
     assert bc.h_infinity(sensitivity, 1, 1).certificate.norm.certified
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::boomctl.analysis.margins.SamplingCostsMarginWarning")
 def test_designs_in_discrete_time_run_on_the_plant_that_was_sampled():
     sampled = bc.analysis.sample_plant(PLANT, 0.1, "force", delay=0.04)
