@@ -116,6 +116,12 @@ def test_what_is_asked_by_name_offers_its_names(make):
             assert all(part[name] is not None for name in offered)
 
 
+@pytest.mark.parametrize("package", [bc, bc.studies], ids=["boomctl", "studies"])
+def test_package_is_pickled_by_name(package):
+    """As functions of a script that read it are sent to the processes of a sweep."""
+    assert pickle.loads(pickle.dumps(package)) is package
+
+
 def test_slew_error_survives_pickle_with_its_limit():
     error = LimitsTooTight("tip_limit binds", 0.3)
     other = pickle.loads(pickle.dumps(error))
