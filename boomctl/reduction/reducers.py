@@ -339,12 +339,13 @@ class StrongestModes:
     def _ranking(self, floating: Array) -> Array:
         """Return the modes, strongest first: by the height of their peak, or by the most they reach within the band."""
         model, frequencies, V = self.model, self.frequencies, self.modes
-        at = frequencies if self.band is None else np.clip(frequencies, *self.band)
-        C = model.structure.projected(V).C
+        damping = np.diag(model.structure.projected(V).C)
+        at = np.sqrt(np.maximum(frequencies**2 - 0.5 * damping**2, 0.0))
+        at = at if self.band is None else np.clip(at, *self.band)
         s = 1j * at
         acting = np.array([np.linalg.norm(b.T @ v) for b, v in zip(evaluate(model.ports.B, s), V.T, strict=True)])
         reading = np.array([np.linalg.norm(line @ v) for line, v in zip(evaluate(model.ports.L, s), V.T, strict=True)])
-        stiffness = np.abs(frequencies**2 - at**2 + 1j * at * np.diag(C))
+        stiffness = np.abs(frequencies**2 - at**2 + 1j * at * damping)
         with np.errstate(divide="ignore", invalid="ignore"):
             strength = np.where(stiffness > 0.0, acting * reading / stiffness, inf)
         strength[floating] = inf
