@@ -356,9 +356,10 @@ def identify(
     The search starts from a common denominator, computed by linear least squares (Peeters, Van der Auweraer, Guillaume &
     Leuridan 2004), and minimizes the squared errors in the frequency domain over the poles, with residues and free motions
     solved for (variable projection, Golub & Pereyra 1973).  A mode remains if the record determines its damping ratio to a
-    factor of 2 and its frequency to a half width of its resonance, both at 95 %.  Candidates in the residuals pass the same
-    test in a window of their own; beside a mode that is there they must also lower the error on blocks that are left out.
-    Integrators, up to two real poles, and pairs of poles outside the band are added only where that error falls.
+    factor of 2 and its frequency to a half width of its resonance, both at 95 %.  Candidates in the residuals, alone or as
+    a close pair, pass the same test in a window of their own; beside a mode that is there they must also lower the error on
+    blocks that are left out.  Integrators, up to two real poles, and pairs of poles outside the band are added only where
+    that error falls.
 
     The fit is that of a free run: the exported system, driven by the inputs alone from one initial state, over the part of
     the record that is held back.  Then the model is fitted to the whole record.

@@ -271,6 +271,8 @@ def _in_residuals(fit: CommonPoles) -> tuple[Spectra, list[tuple[float, complex]
 def candidates(fit: CommonPoles) -> tuple[Array, Array]:
     """Find poles in the residuals [rad/s] that are determined in a window of their own.
 
+    Where one pole is not, two are tried: close modes of which neither is determined alone.
+
     Returns
     -------
     poles : ndarray
