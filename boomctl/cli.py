@@ -300,7 +300,7 @@ def benchmark(asked: Namespace) -> dict[str, Any]:
     NAME is a scene ("boom-sigma") or the first word of several ("boom"); all scenes by default.
     """
     from boomctl.files import prepared_folder
-    from boomctl.lab.benchmark.run import run
+    from boomctl.lab.benchmark.report import run
     from boomctl.progress import computing
 
     folder = None if asked.out is None else prepared_folder(asked.out)

@@ -3,9 +3,9 @@
 import mpmath as mp
 import numpy as np
 
-from boomctl.lab.benchmark.peers.boom import MASS, STIFFNESS
-from boomctl.lab.benchmark.references import high_precision as exact
-from boomctl.lab.benchmark.references.high_precision import DIGITS
+from boomctl.lab.benchmark import high_precision as exact
+from boomctl.lab.benchmark.high_precision import DIGITS
+from boomctl.lab.benchmark.plain_boom import MASS, STIFFNESS
 
 PARITIES = (1, -1)  # symmetric, antisymmetric
 ACTUATOR = 2  # column of the load

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import boomctl as bc
-from boomctl.lab.benchmark.references.loops import extended_maps
+from boomctl.lab.benchmark.exact_steps import extended_maps
 from boomctl.simulation import forced_response, simulate_loop
 from boomctl.simulation.plant import basis
 from boomctl.structure import split_symmetric

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 
 import boomctl as bc
-from boomctl.lab.benchmark.references.high_precision import exact_response
+from boomctl.lab.benchmark.high_precision import exact_response
 from boomctl.structure import (
     GROUND,
     Assembly,

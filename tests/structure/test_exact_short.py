@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 import boomctl as bc
 from boomctl.boom.exact import exact_boom
 from boomctl.boom.model import ACTUATORS, boom_assembly
-from boomctl.lab.benchmark.references.high_precision import exact_response
+from boomctl.lab.benchmark.high_precision import exact_response
 from boomctl.structure import (
     GROUND,
     Assembly,

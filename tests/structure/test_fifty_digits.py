@@ -5,7 +5,7 @@ import pytest
 
 import boomctl as bc
 from boomctl.boom.model import ACTUATORS, TIPS
-from boomctl.lab.benchmark.references.high_precision import exact_response, peak_in_many_digits, sigma_of
+from boomctl.lab.benchmark.high_precision import exact_response, peak_in_many_digits, sigma_of
 from tests.fifty_digits import damped_eigenvalues, mesh_response
 
 OMEGA = 2.0 * np.pi * np.geomspace(0.1, 10.0, 12)

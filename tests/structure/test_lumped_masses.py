@@ -8,7 +8,7 @@ import mpmath as mp
 import numpy as np
 import pytest
 
-from boomctl.lab.benchmark.references.high_precision import carried
+from boomctl.lab.benchmark.high_precision import carried
 from boomctl.structure.assembly import Assembly
 from boomctl.structure.beams.eigenvalues import undamped_frequencies
 from boomctl.structure.beams.elements import DiscreteElements, FiniteElements

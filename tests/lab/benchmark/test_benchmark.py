@@ -9,12 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from boomctl.lab.benchmark import measure
-from boomctl.lab.benchmark import run as runs
+from boomctl.lab.benchmark import measure, report
 from boomctl.lab.benchmark.diagram import Diagram, Point
 from boomctl.lab.benchmark.measure import measured, scene_at
-from boomctl.lab.benchmark.report import BenchmarkReport, environment
-from boomctl.lab.benchmark.run import SCENES, run, wanted
+from boomctl.lab.benchmark.report import SCENES, BenchmarkReport, environment, run, wanted
 from tests.command import boomctl
 from tests.profiles import examples
 
@@ -160,8 +158,8 @@ def test_scenes_are_thirteen_and_named_by_first_words():
 
 @pytest.mark.slow
 def test_command_measures_and_writes(tmp_path, monkeypatch):
-    monkeypatch.setattr(runs, "SCENES", {"boom-tiny": TINY})
-    monkeypatch.setattr(runs, "_TIME_LIMIT", 5.0)
+    monkeypatch.setattr(report, "SCENES", {"boom-tiny": TINY})
+    monkeypatch.setattr(report, "_TIME_LIMIT", 5.0)
     done = boomctl("benchmark", "boom", "--quick", "--json", "--out", "out", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     found = json.loads(done.stdout)

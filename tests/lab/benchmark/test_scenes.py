@@ -11,20 +11,15 @@ from scipy import linalg, signal
 import boomctl as bc
 from boomctl.boom.model import ACTUATORS, TIPS
 from boomctl.boom.parameters import BoomParameters
+from boomctl.lab.benchmark.exact_steps import extended_maps, extrapolated_step
+from boomctl.lab.benchmark.high_precision import exact_response, tip_transfer
 from boomctl.lab.benchmark.measure import scene_at
-from boomctl.lab.benchmark.peers.boom import PlainBoom, banded_sigma, control_boom, control_sigma
-from boomctl.lab.benchmark.peers.hub_beam import equations, machine, scipy_motion, sundials
-from boomctl.lab.benchmark.peers.slews import opti_torque
-from boomctl.lab.benchmark.peers.subspace import subspace_frequencies
-from boomctl.lab.benchmark.references.extrapolation import extrapolated_step
-from boomctl.lab.benchmark.references.high_precision import exact_response, tip_transfer
-from boomctl.lab.benchmark.references.loops import extended_maps
-from boomctl.lab.benchmark.references.slews import end_error, least_effort, least_time
-from boomctl.lab.benchmark.run import SCENES
+from boomctl.lab.benchmark.plain_boom import PlainBoom, banded_sigma, control_boom, control_sigma
+from boomctl.lab.benchmark.report import SCENES
 from boomctl.lab.benchmark.scenes import boom, loops, synthesis
-from boomctl.lab.benchmark.scenes.hub_beam import SPIN_UP, TORQUE, instants
-from boomctl.lab.benchmark.scenes.identification import STEP, frequency_errors
-from boomctl.lab.benchmark.scenes.slews import slew_of
+from boomctl.lab.benchmark.scenes.hub_beam import SPIN_UP, TORQUE, equations, instants, machine, scipy_motion, sundials
+from boomctl.lab.benchmark.scenes.identification import STEP, frequency_errors, subspace_frequencies
+from boomctl.lab.benchmark.scenes.slews import end_error, least_effort, least_time, opti_torque, slew_of
 from boomctl.lti.rounding import SUMMED
 from boomctl.rotating_beam import AssumedModesBeam
 from boomctl.slew import optimal_slew

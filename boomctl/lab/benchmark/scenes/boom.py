@@ -13,9 +13,9 @@ from boomctl.boom.exact import exact_frequency_response
 from boomctl.boom.factory import spray_boom
 from boomctl.boom.model import ACTUATORS, TIPS
 from boomctl.boom.parameters import BoomParameters
-from boomctl.lab.benchmark.peers import boom as peers
-from boomctl.lab.benchmark.peers.boom import PlainBoom, control_boom, varied
-from boomctl.lab.benchmark.references.high_precision import exact_response, peak_in_many_digits, sigma_of
+from boomctl.lab.benchmark import plain_boom as peers
+from boomctl.lab.benchmark.high_precision import exact_response, peak_in_many_digits, sigma_of
+from boomctl.lab.benchmark.plain_boom import PlainBoom, control_boom, varied
 from boomctl.lab.benchmark.scene import Scene, Setting, relative_error, settings
 from boomctl.lti.python_control import control
 from boomctl.reduction.reduce import reduce

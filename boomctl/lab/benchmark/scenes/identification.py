@@ -1,6 +1,10 @@
-"""The scene of identification: modes of a simulated steel frame from a record of its accelerometers."""
+"""The scene of identification: modes of a simulated steel frame from a record of its accelerometers.
+
+Other programs: SLICOT's subspace methods MOESP and N4SID, by ``ctrlsys``.
+"""
 
 from functools import cache
+from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -8,7 +12,6 @@ from scipy.optimize import linear_sum_assignment
 
 from boomctl.arrays import Array
 from boomctl.identification.identify import identify
-from boomctl.lab.benchmark.peers.subspace import subspace_frequencies
 from boomctl.lab.benchmark.scene import Scene, settings
 
 STEP, _SAMPLES, _FITTED = 1.0 / 1024.0, 8523, 6000  # s; of the steel subframe in DaISy, whose twin this is
@@ -74,3 +77,24 @@ def identification() -> Scene:
             f"SLICOT is told an order, takes {_FITTED:,} samples, and is timed for A and C alone.",
         ),
     )
+
+
+def subspace_frequencies(method: str, order: int, u: Array, y: Array, step: float) -> Array:
+    """Return the damped frequencies [Hz] of the stable poles of a model of a record, by "MOESP" or "N4SID".
+
+    Parameters
+    ----------
+    method : str
+    order : int
+        Of the model; the block rows are the fewest.
+    u, y : ndarray
+        Inputs (samples, inputs) and outputs (samples, outputs).
+    step : float
+        Between samples [s].
+    """
+    slicot, rows, (m, p) = import_module("ctrlsys"), order + 1, (u.shape[1], y.shape[1])
+    copies = (np.array(x, order="F") for x in (u, y))  # which are written over
+    _, R, *_ = slicot.ib01ad(method[0], "C", "N", "O", "N", "N", rows, m, p, *copies, 0.0, -1.0)
+    poles = np.linalg.eigvals(slicot.ib01bd(method[0], "C", "N", rows, order, m, p, len(u), R, 0.0)[0]).astype(complex)
+    hz = np.log(poles[np.abs(poles) < 1.0]).imag / (2.0 * np.pi * step)
+    return hz[hz > 0.0]

@@ -1,21 +1,100 @@
-"""Scenes of slews: least time, and least effort in a given time."""
+"""Scenes of slews: least time, and least effort in a given time.
+
+Other programs: RK4 multiple shooting in ``casadi.Opti``, mapped over the intervals.  The references share no code with the
+package's own planning and replay: the equations are those that CasADi derives from the energies, motions are extrapolated,
+optimization problems are ``casadi.Opti``'s.
+"""
 
 from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cache
 from typing import Any
 
 import numpy as np
+from scipy.optimize import root
 
-from boomctl.lab.benchmark.peers.hub_beam import machine
-from boomctl.lab.benchmark.peers.slews import Slew, opti_torque
-from boomctl.lab.benchmark.references.slews import end_error, least_effort, least_time
+from boomctl.arrays import Array
+from boomctl.lab.benchmark.exact_steps import extrapolated_step
 from boomctl.lab.benchmark.scene import Scene, Setting, settings
+from boomctl.lab.benchmark.scenes.hub_beam import machine
 from boomctl.rotating_beam.assumed_modes import AssumedModesBeam
 from boomctl.slew.optimal import optimal_slew
-from boomctl.slew.torque import TorqueHistory
+from boomctl.slew.torque import TorqueHistory, held
 
 _ANGLE, _LIMIT, _MODES = np.pi / 2, 200.0, 3  # rad, N m: a quarter turn; of SFOAM
 _DURATION, _GUESS = 3.0, 3.5  # s: of the slew of least effort (the least time is 2.91 s); from which others begin
 _SAME = 1e-11  # error below which nothing is told apart: rounding of the references
+# IPOPT's options: silent, and solved until the objective no longer limits what errors are compared
+_QUIET = {"ipopt.print_level": 0, "ipopt.sb": "yes", "print_time": False, "ipopt.tol": 1e-10}
+_PHASE = 1.0  # rad: of the highest mode in a step of the replay; order 16 leaves 1e-15 of that
+_SUBSTEPS = 4  # of RK4 an interval: 1e-7 of the effort with 200 intervals and three modes (measured)
+_ARCS = 20  # steps an arc of a bang-bang torque: each well below a radian of the highest mode
+_CLOSED = 1e-11  # of the end of a bang-bang slew: rounding
+
+
+@dataclass(frozen=True)
+class Slew:
+    """A rest-to-rest slew: the torque is held on equal intervals; ``duration`` [s] is a first guess where it is least."""
+
+    beam: AssumedModesBeam
+    angle: float
+    torque_limit: float
+    duration: float
+    intervals: int = 100
+
+    @property
+    def target(self) -> Array:
+        """State at the end."""
+        state = np.zeros(2 * self.beam.equations.size)
+        state[0] = self.angle
+        return state
+
+    def on(self, intervals: int) -> "Slew":
+        """Return the slew on another mesh."""
+        return replace(self, intervals=intervals)
+
+
+def opti_torque(slew: Slew, substeps: int = 1, fastest: bool = False) -> TorqueHistory:
+    """Return the torque of least effort, or of least time, with some RK4 steps an interval.
+
+    Raises
+    ------
+    RuntimeError
+        IPOPT ends without a solution.
+    """
+    import casadi as ca
+
+    f, n, N, limit = slew.beam.casadi_function(), slew.target.size, slew.intervals, slew.torque_limit
+    x, u, t = ca.SX.sym("x", n), ca.SX.sym("u"), ca.SX.sym("t")
+    step = ca.Function("step", [x, u, t], [_rk4(lambda a: f(a, u)[0], x, t / N / substeps, substeps)])
+    opti = ca.Opti()
+    X, U = opti.variable(n, N + 1), opti.variable(1, N)
+    T = opti.variable() if fastest else slew.duration
+    opti.subject_to(X[:, 1:] == step.map(N)(X[:, :-1], U * limit, ca.repmat(ca.MX(T), 1, N)))
+    opti.subject_to(X[:, 0] == 0.0)
+    opti.subject_to(X[:, N] == slew.target)
+    opti.subject_to(opti.bounded(-1.0, U, 1.0))
+    s = np.linspace(0.0, 1.0, N + 1)
+    opti.set_initial(X[0, :], slew.angle * (3.0 * s**2 - 2.0 * s**3))
+    opti.set_initial(X[n // 2, :], slew.angle * 6.0 * s * (1.0 - s) / slew.duration)
+    if fastest:
+        opti.subject_to(0.1 * slew.duration <= T)
+        opti.set_initial(T, slew.duration)
+    opti.minimize(T if fastest else ca.sumsqr(U) / N)
+    opti.solver("ipopt", _QUIET)
+    found = opti.solve()
+    edges = np.linspace(0.0, float(found.value(T)), N + 1)
+    return held(edges, np.array(found.value(U)).ravel() * limit)
+
+
+def _rk4(f: Callable[[Any], Any], x: Any, h: Any, steps: int) -> Any:
+    for _ in range(steps):
+        k1 = f(x)
+        k2 = f(x + 0.5 * h * k1)
+        k3 = f(x + 0.5 * h * k2)
+        k4 = f(x + h * k3)
+        x = x + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+    return x
 
 
 def slew_of(change: float = 0.0, modes: int = _MODES, duration: float = _DURATION) -> Slew:
@@ -89,3 +168,73 @@ def slew_effort() -> Scene:
         tuple(settings("optimal_slew", "{} intervals", (30, 55, 110, 220, 420), ours, verified=True, ours=True)),
         "On one mesh all efforts are alike; ours is replayed by another integrator.",
     )
+
+
+@cache
+def _step(beam: AssumedModesBeam) -> Any:
+    """Return the function of state, held torque [N m] and step [s]."""
+    import casadi as ca
+
+    f, x, u, h = beam.casadi_function(), ca.SX.sym("x", 2 * beam.equations.size), ca.SX.sym("u"), ca.SX.sym("h")
+    return ca.Function("step", [x, u, h], [extrapolated_step(lambda a, _: f(a, u)[0], x, 0.0, h)])
+
+
+def _end(beam: AssumedModesBeam, torques: Array, lengths: Array, substeps: int) -> Array:
+    """Return the state after intervals of some lengths [s] on each of which a torque [N m] is held."""
+    state = np.zeros(2 * beam.equations.size)
+    for torque, length in zip(torques, lengths, strict=True):
+        for _ in range(substeps):
+            state = _step(beam)(state, torque, length / substeps)
+    return np.array(state).ravel()
+
+
+def end_error(slew: Slew, history: TorqueHistory) -> float:
+    """Return by how much a held torque misses the end: the largest of angle [rad], hub speed [rad/s] and tip [m].
+
+    Raises
+    ------
+    ValueError
+        The torque is not held on its intervals.
+    """
+    if np.any(history.left != history.right):
+        raise ValueError("history: expected a torque that is held on each interval")
+    size, lengths = slew.beam.equations.size, np.diff(history.edges)
+    substeps = int(np.ceil(lengths.max() * slew.beam.equations.frequency_range[1] / _PHASE))
+    end = _end(slew.beam, history.left, lengths, substeps)
+    tip = slew.beam.equations.tip.transverse @ end[1:size]
+    return float(max(abs(end[0] - slew.angle), abs(end[size]), abs(tip)))
+
+
+def least_effort(slew: Slew, intervals: int) -> float:
+    """Return the least integral of the torque squared of any torque, not only of held ones [N^2 m^2 s].
+
+    It is extrapolated from so many intervals and half as many: the excess of held torques falls with the square of their
+    length.
+    """
+    coarse, fine = (opti_torque(slew.on(n), _SUBSTEPS).effort for n in (intervals // 2, intervals))
+    return fine - (coarse - fine) / 3.0
+
+
+def least_time(slew: Slew, intervals: int) -> float:
+    """Return the duration [s] of the bang-bang torque with as many arcs as states, found near Opti's.
+
+    Raises
+    ------
+    RuntimeError
+        Opti's has another number of arcs, or the durations do not lead to the end.
+    """
+    found = opti_torque(slew.on(intervals), _SUBSTEPS, fastest=True)
+    shares, h = found.left / slew.torque_limit, found.duration / intervals
+    signs = np.sign(shares)
+    turns = np.flatnonzero(signs[1:] != signs[:-1])
+    # the momentum up to a turn tells where within the two intervals at it the torque changes its sign
+    parts = shares[turns] - signs[turns] + shares[turns + 1] + signs[turns]
+    switches = h * (turns + 1.0 + 0.5 * signs[turns] * parts)
+    lengths = np.diff(np.concatenate([[0.0], switches, [found.duration]]))
+    if lengths.size != slew.target.size:
+        raise RuntimeError(f"{lengths.size} arcs for {slew.target.size} states")
+    torques = slew.torque_limit * signs[0] * (-1.0) ** np.arange(lengths.size)
+    exact = root(lambda d: _end(slew.beam, torques, d, _ARCS) - slew.target, lengths, tol=_CLOSED)
+    if np.abs(exact.fun).max() > 1e2 * _CLOSED or exact.x.min() <= 0.0:
+        raise RuntimeError(f"the end is missed by {np.abs(exact.fun).max():.1e}")
+    return float(exact.x.sum())

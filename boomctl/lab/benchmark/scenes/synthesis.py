@@ -1,17 +1,20 @@
-"""Scenes of synthesis: an H-infinity controller of full order, and gains tuned for two published plants."""
+"""Scenes of synthesis: an H-infinity controller of full order, and gains tuned for two published plants.
+
+Other programs: slycot's SB10AD, and SciPy's simplex search over a gain.
+"""
 
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from scipy import linalg
+from scipy.optimize import minimize
 
 from boomctl.analysis.model_norm import hinf_norm
 from boomctl.arrays import Array
 from boomctl.boom.factory import spray_boom
 from boomctl.boom.parameters import BoomParameters
 from boomctl.files import read_toml
-from boomctl.lab.benchmark.peers import synthesis as peers
 from boomctl.lab.benchmark.scene import Scene, settings
 from boomctl.lti.python_control import control
 from boomctl.reduction.reduce import reduce
@@ -30,8 +33,9 @@ _REFERENCE, _FAST = 1e-9, 1e9  # tolerance of the design whose proved bound is t
 _SAME = 1e-7  # error below which nothing is told apart
 _START = 1000.0  # level from which slycot's bisection starts: a guess that is high enough
 _BEST = 1.2092993  # least level of this plant, as someone who knows it would tell slycot
-_PLANTS = Path(__file__).parents[1] / "references" / "plants.toml"
+_PLANTS = Path(__file__).parents[1] / "plants.toml"
 _STARTS = 20  # of the search whose norms are the reference of tuning
+_LARGEST = 1e3  # entry of a gain
 
 
 def suspension_plant() -> control.StateSpace:
@@ -84,7 +88,7 @@ def h_infinity_scene() -> Scene:
         return control.hinfsyn(_faster(P, change), _NMEAS, _NCON)[0]
 
     def slycot(job: int, level: float, gtol: float, P: control.StateSpace, change: float) -> control.StateSpace:
-        return peers.sb10ad(_faster(P, change), _NMEAS, _NCON, job, level, gtol)
+        return sb10ad(_faster(P, change), _NMEAS, _NCON, job, level, gtol)
 
     cases = [*((tolerance, None) for tolerance in (0.1, 1e-2, 1e-3, 1e-4)), (1e-5, _FAST), (1e-7, _FAST)]
     told = [(4, _BEST * (1.0 + above), above) for above in (0.1, 1e-2, 1e-3, 1e-4)]
@@ -132,7 +136,7 @@ def tuning() -> Scene:
 
     def theirs(n_starts: int, plants: dict[str, Any], change: float) -> dict[str, Any]:
         return {
-            name: control.ss([], [], [], peers.simplex_gain(_faster(P, change), nmeas, ncon, n_starts))
+            name: control.ss([], [], [], simplex_gain(_faster(P, change), nmeas, ncon, n_starts))
             for name, (P, nmeas, ncon) in plants.items()
         }
 
@@ -151,3 +155,32 @@ def tuning() -> Scene:
             *settings("linfnorm, Nelder-Mead", "{} starts", (1, 2, 5, 10), theirs, modules=("slycot",)),
         ),
     )
+
+
+def sb10ad(
+    P: control.StateSpace, nmeas: int, ncon: int, job: int, level: float, gtol: float = 0.0
+) -> control.StateSpace:
+    """Return slycot's controller: job 1 bisects from a level, job 4 takes the level."""
+    import slycot
+
+    matrices = (np.array(part, dtype=float, order="F") for part in (P.A, P.B, P.C, P.D))
+    found = slycot.sb10ad(P.nstates, P.ninputs, P.noutputs, ncon, nmeas, level, *matrices, job, gtol, 0.0)
+    return control.ss(*found[1:5])
+
+
+def simplex_gain(P: control.StateSpace, nmeas: int, ncon: int, n_starts: int) -> Array:
+    """Return the best gain of some starts of Nelder and Mead's search for the least norm of the loop, by ``linfnorm``.
+
+    Where the loop is unstable, the search lowers the real part of its poles, which counts as large.
+    """
+
+    def value(entries: Array) -> float:
+        loop = P.lft(control.ss([], [], [], entries.reshape(ncon, nmeas)), ncon, nmeas)
+        abscissa = float(loop.poles().real.max())
+        return 1e3 * (1.0 + abscissa) if abscissa >= 0.0 else float(control.linfnorm(loop)[0])
+
+    rng, found = np.random.default_rng(0), []
+    options: dict[str, Any] = {"method": "Nelder-Mead", "bounds": [(-_LARGEST, _LARGEST)] * (ncon * nmeas)}
+    for _ in range(n_starts):
+        found.append(minimize(value, rng.standard_normal(ncon * nmeas), **options))
+    return min(found, key=lambda each: each.fun).x.reshape(ncon, nmeas)
