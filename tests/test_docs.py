@@ -31,7 +31,7 @@ HANDED_OUT = (  # classes of what functions and results hold, which are exported
     ("structure.parts", "Ground"),
     ("studies.evaluation", "Finding"),
     ("studies.machine", "MachineResult"),
-    ("studies.slew.design", "SlewEvaluation"),
+    ("studies.slew", "SlewEvaluation"),
     ("studies.suspension.design", "SuspensionResult"),
     ("studies.suspension.performance", "Performance"),
     ("studies.sweeps.result", "FailedPoint"),

@@ -16,11 +16,11 @@ from boomctl.boom.parameters import BoomParameters
 from boomctl.checks import exactly
 from boomctl.lti.frequency import DRAWN, resonance_grid, singular_values
 from boomctl.lti.modal import side_of_axis
+from boomctl.lti.rounding import AccuracyWarning
 from boomctl.printing import compact
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.response.direct import respond
 from boomctl.structure.response.poles import damped_poles
-from boomctl.structure.response.rounding import AccuracyWarning
 
 ACCURACIES = (
     1e-7,

@@ -16,10 +16,9 @@ from boomctl.identification.free import FreeParameters
 from boomctl.identification.identifiability import STEP, Seen, differences, slopes
 from boomctl.identification.measured import BOUNDED, Measured, answered
 from boomctl.identification.result import FitResult
-from boomctl.lti.rounding import ALIKE
+from boomctl.lti.rounding import ALIKE, AccuracyWarning
 from boomctl.progress import Listener, computing, tell
 from boomctl.structure.families import Family
-from boomctl.structure.response.rounding import AccuracyWarning
 from boomctl.threads import one_blas_thread
 
 if TYPE_CHECKING:

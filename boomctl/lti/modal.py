@@ -1,4 +1,4 @@
-"""Poles told apart by the imaginary axis, and state space in modal coordinates.
+"""Poles on either side of the imaginary axis, state space in modal coordinates, and block-diagonal forms.
 
 What counts as undamped is decided here, once: :func:`side_of_axis`.  By it a system splits into a part that decays and
 a part that is kept as it is (unstable, undamped, rigid-body).
@@ -30,6 +30,8 @@ _CONDITION = 1e9  # of the eigenvectors: modal coordinates of a worse one keep f
 _CLUSTERED = 1e6  # times rounding, whose root times the norm of A is the distance of poles in a cluster
 _OFF = 1e-3  # of the radius of a cluster, up to which its mean lies on the boundary
 _MAPPED = 16.0  # roundings of a mode on its way to its image
+_DOUBLE = EPS**0.5  # share of a pair's real part below which it may be a double real pole
+_WORST = EPS**-0.5  # condition of the change to a block-diagonal form: half of all digits are left
 
 
 def side_of_axis(poles: Array, doubt: Array | float = 0.0) -> Array:
@@ -338,3 +340,33 @@ def residualised(system: Lti, count: int) -> Lti:
         system, A=A[:r, :r] + A[:r, r:] @ X, B=B[:r] + A[:r, r:] @ U, C=C[:, :r] + C[:, r:] @ X, D=D + C[:, r:] @ U,
         states=system.states[:r],
     )  # fmt: skip
+
+
+def block_diagonal(A: Array, condition: float = _WORST) -> tuple[Array, Array, list[int]]:
+    """Return a block-diagonal matrix, the columns that bring ``A`` to it, and the widths of its blocks.
+
+    Where poles lie apart, one call of SLICOT's MB03RD is enough.  Where they do not, ``control.bdschur`` searches for the
+    smallest blocks with columns of the condition allowed; that is the answer in the first case too.
+
+    Parameters
+    ----------
+    A : (n, n) ndarray
+        Real.
+    condition : float
+        Largest condition of the columns.
+    """
+    import slycot
+
+    if not len(A):
+        return A, A, []
+    form, vectors = linalg.schur(A)
+    # elements of the transformations up to the root of the condition, with which that search begins
+    blocks, columns, widths, poles = slycot.mb03rd(len(A), form, vectors, pmax=condition**0.5)
+    starts = np.cumsum(widths) - widths
+    pairs = poles[starts[widths == 2]]
+    apart = (widths <= 2).all() and (np.abs(pairs.imag) >= _DOUBLE * np.abs(pairs.real)).all()
+    if not apart or np.linalg.cond(columns) >= condition:
+        from boomctl.lti.python_control import control  # two seconds that poles apart do not wait for
+
+        blocks, columns, widths = control.bdschur(A, condmax=condition)
+    return np.asarray(blocks), np.asarray(columns), [int(width) for width in widths]

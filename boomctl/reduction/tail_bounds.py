@@ -32,7 +32,6 @@ from boomctl.lti.rounding import ALIKE, EPS, SOLVED, SUMMED, TINY
 from boomctl.lti.system import Lti
 from boomctl.structure.damping import Damping
 from boomctl.structure.model import SecondOrderModel
-from boomctl.structure.response.pencil import factorized
 
 # of the stiffness, relative to the lowest mode left out: the static solution of a floating structure exists
 _SHIFT = 1e-3
@@ -140,11 +139,11 @@ def _at_dampers(B1: Array, damping: Damping) -> tuple[Array, Array]:
 def _compliances(model: SecondOrderModel, V: Array, lowest: float, columns: tuple[Array, ...]) -> list[float]:
     """Return the square root of the largest compliance of each group of loads, over the modes left out."""
     shift = _SHIFT * lowest**2
-    solve = factorized(model.structure, shift)
+    factor = linalg.cho_factor(model.K + shift * model.M)
     stacked = np.hstack(columns)
     for _ in range(2):
         stacked = stacked - model.M @ (V @ (V.T @ stacked))
-    gram = (1.0 + _SHIFT) * (stacked.T @ solve(stacked))
+    gram = (1.0 + _SHIFT) * (stacked.T @ linalg.cho_solve(factor, stacked))
     ends = np.cumsum([0, *(block.shape[1] for block in columns)])
     blocks = [gram[a:b, a:b] for a, b in pairwise(ends)]
     return [float(np.sqrt(max(linalg.eigvalsh(0.5 * (g + g.T)).max(initial=0.0), 0.0))) for g in blocks]

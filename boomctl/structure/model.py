@@ -24,7 +24,7 @@ from boomctl.checks import (
     whole,
 )
 from boomctl.lti.hold import zero_order_hold
-from boomctl.lti.rounding import ALIKE
+from boomctl.lti.rounding import ALIKE, warn_of_rounding
 from boomctl.lti.system import Lti
 from boomctl.printing import count, signals
 from boomctl.structure.matrices import Structure, check_size, half, halves
@@ -33,7 +33,6 @@ from boomctl.structure.response.direct import respond
 from boomctl.structure.response.modal_form import COORDINATES, MODES, handed_out, modal_form
 from boomctl.structure.response.mode_shapes import ModeShapes, mode_shapes
 from boomctl.structure.response.poles import PROMISED, poles_and_rounding
-from boomctl.structure.response.rounding import warn_of_rounding
 from boomctl.structure.symmetry import Mirror
 from boomctl.threads import one_blas_thread
 from boomctl.units import warn_of_units

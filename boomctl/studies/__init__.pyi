@@ -3,7 +3,7 @@
 from boomctl.studies.catalogue import design_names as design_names
 from boomctl.studies.catalogue import load_design as load_design
 from boomctl.studies.machine import MachineDesign as MachineDesign
-from boomctl.studies.slew.design import SlewDesign as SlewDesign
+from boomctl.studies.slew import SlewDesign as SlewDesign
 from boomctl.studies.suspension.design import SuspensionDesign as SuspensionDesign
 from boomctl.studies.suspension.performance import performance as performance
 from boomctl.studies.suspension.scene import FieldScene as FieldScene

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from boomctl.studies.machine import MachineDesign
-    from boomctl.studies.slew.design import SlewDesign
+    from boomctl.studies.slew import SlewDesign
     from boomctl.studies.suspension.design import SuspensionDesign
 
 _DESIGN = "design"  # the function of a design's file

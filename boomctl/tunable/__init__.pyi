@@ -2,11 +2,11 @@
 
 from boomctl.synthesis.plants.channels import budget as budget
 from boomctl.synthesis.plants.channels import objective as objective
-from boomctl.tuning.parts.makers import decentralised as decentralised
-from boomctl.tuning.parts.makers import gain as gain
-from boomctl.tuning.parts.makers import lead as lead
-from boomctl.tuning.parts.makers import notch as notch
-from boomctl.tuning.parts.makers import physical as physical
-from boomctl.tuning.parts.makers import pid as pid
-from boomctl.tuning.parts.makers import ppf as ppf
-from boomctl.tuning.parts.makers import state_space as state_space
+from boomctl.tunable.makers import decentralised as decentralised
+from boomctl.tunable.makers import gain as gain
+from boomctl.tunable.makers import lead as lead
+from boomctl.tunable.makers import notch as notch
+from boomctl.tunable.makers import physical as physical
+from boomctl.tunable.makers import pid as pid
+from boomctl.tunable.makers import ppf as ppf
+from boomctl.tunable.makers import state_space as state_space

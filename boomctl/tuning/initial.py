@@ -8,7 +8,7 @@ import numpy as np
 from boomctl.arrays import Array, balance
 from boomctl.checks import known, mapping, real, within
 from boomctl.lti.system import Lti, check_scales, controller_of, is_statespace
-from boomctl.tuning.parts.structures import GAIN, Physical, StateSpace, Sum
+from boomctl.tunable.structures import GAIN, Physical, StateSpace, Sum
 from boomctl.tuning.problem import Problem
 from boomctl.tuning.solver.starts import grown
 

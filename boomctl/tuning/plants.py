@@ -15,9 +15,9 @@ from boomctl.progress import Deadline
 from boomctl.structure.families import Family
 from boomctl.structure.model import SecondOrderModel
 from boomctl.synthesis.plants.partition import GeneralizedPlant, partition
-from boomctl.tuning.parts.series import PlantSeries, plant_series
-from boomctl.tuning.parts.structures import Physical
+from boomctl.tunable.structures import Physical
 from boomctl.tuning.problem import ScaledPlant
+from boomctl.tuning.series import PlantSeries, plant_series
 
 _REMEMBERED = 256  # sets of plants that are kept for when they are asked for again (a choice)
 _MOVING = 16  # of those that are polynomials, quickly evaluated: the last few points of the search (a choice)

@@ -8,13 +8,13 @@ import numpy as np
 from scipy import linalg
 
 from boomctl.arrays import Array, balance, blocks
-from boomctl.lti.block_diagonal import block_diagonal
+from boomctl.lti.modal import block_diagonal
 from boomctl.lti.rounding import TINY
 from boomctl.lti.system import Lti
 from boomctl.synthesis.plants.channels import Channel
 from boomctl.synthesis.plants.partition import GeneralizedPlant
-from boomctl.tuning.parts.jets import Jet
-from boomctl.tuning.parts.structures import PHYSICAL, ControllerForm, Free, Ports
+from boomctl.tunable.jets import Jet
+from boomctl.tunable.structures import PHYSICAL, ControllerForm, Free, Ports
 
 _POINTS = 24  # frequencies at which plants are looked at (a choice)
 _ROUNDS = 30  # of scaling rows and columns in turn: each takes the square of what is left (a choice)

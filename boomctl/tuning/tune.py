@@ -22,9 +22,9 @@ from boomctl.synthesis.certificate import ActivePeak, ChannelNorm, DesignCertifi
 from boomctl.synthesis.plants.channels import Channel, objective, places
 from boomctl.synthesis.plants.partition import GeneralizedPlant
 from boomctl.threads import one_blas_thread
+from boomctl.tunable.structures import GAIN, ControllerForm, Decentralised, Ports, Series, Sum
 from boomctl.tuning.certificate import channel_norm, edge_of, loop_of, lower_bound
 from boomctl.tuning.initial import initial_numbers
-from boomctl.tuning.parts.structures import GAIN, ControllerForm, Decentralised, Ports, Series, Sum
 from boomctl.tuning.plants import FamilyPlants, Plants, made_plants
 from boomctl.tuning.point import DAMPING, DECAY, FASTEST_POLE, GAIN_LIMIT, Point
 from boomctl.tuning.problem import Problem, ports_of

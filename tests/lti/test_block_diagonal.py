@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import linalg
 
-from boomctl.lti.block_diagonal import block_diagonal
+from boomctl.lti.modal import block_diagonal
 from boomctl.lti.python_control import control
 from tests.profiles import examples
 

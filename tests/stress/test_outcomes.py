@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from boomctl.checks import positive
-from boomctl.structure.response.rounding import AccuracyWarning
+from boomctl.lti.rounding import AccuracyWarning
 
 
 def warned():

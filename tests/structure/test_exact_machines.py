@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 
+from boomctl.lti.rounding import AccuracyWarning
 from boomctl.structure import (
     GROUND,
     Assembly,
@@ -18,7 +19,6 @@ from boomctl.structure import (
     free,
     prescribe_displacement,
 )
-from boomctl.structure.response.rounding import AccuracyWarning
 from tests.exact_machine import drawn, response
 from tests.profiles import examples
 from tests.references import state_space_response

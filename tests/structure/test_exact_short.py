@@ -12,6 +12,7 @@ import boomctl as bc
 from boomctl.boom.exact import exact_boom
 from boomctl.boom.model import ACTUATORS, boom_assembly
 from boomctl.lab.benchmark.high_precision import exact_response
+from boomctl.lti.rounding import AccuracyWarning
 from boomctl.structure import (
     GROUND,
     Assembly,
@@ -34,7 +35,6 @@ from boomctl.structure.beams.dynamic_stiffness import (
 from boomctl.structure.beams.eigenvalues import undamped_frequencies
 from boomctl.structure.beams.exact import PROMISED
 from boomctl.structure.displacement_input import prescribe_displacement
-from boomctl.structure.response.rounding import AccuracyWarning
 from tests.fifty_digits import damped_eigenvalues
 from tests.profiles import examples
 from tests.strategies import seeds

@@ -8,9 +8,9 @@ from hypothesis import given
 
 import boomctl as bc
 from boomctl.analysis.norm import LOST
+from boomctl.lti.rounding import AccuracyWarning
 from boomctl.structure import GROUND, Assembly, Beam, BeamSection, FiniteElements, Force, Output, fixed
 from boomctl.structure.response.poles import damped_poles, undamped_modes
-from boomctl.structure.response.rounding import AccuracyWarning
 from tests.profiles import examples
 from tests.strategies import seeds
 from tests.stress.references import cantilever_frequencies

@@ -8,9 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import boomctl as bc
+from boomctl.lti.rounding import AccuracyWarning
 from boomctl.structure import SecondOrderModel
 from boomctl.structure.response.direct import direct_response, respond
-from boomctl.structure.response.rounding import AccuracyWarning
 from tests.references import dense, direct
 from tests.strategies import seeds, structures
 

@@ -7,7 +7,8 @@ import pytest
 
 from boomctl.rotating_beam import HubBeamParameters, hub_beam
 from boomctl.slew import optimal_slew
-from boomctl.studies.slew import SlewDesign, design
+from boomctl.studies import slew as design
+from boomctl.studies.slew import SlewDesign
 from tests.profiles import is_hunt
 
 pytestmark = [pytest.mark.early, pytest.mark.slow]

@@ -12,8 +12,8 @@ from boomctl.tuning.hessian import peak_hessian
 from boomctl.tuning.point import Point
 from boomctl.tuning.problem import Closed, Problem, ScaledPlant, ports_of
 from boomctl.tuning.responses import Paths, Response, grid, peaks
+from boomctl.tuning.solver.bundle import least
 from boomctl.tuning.solver.descent import _weak_wolfe
-from boomctl.tuning.solver.quadratic import least
 from tests.profiles import examples
 from tests.tuning.test_tune import swing
 

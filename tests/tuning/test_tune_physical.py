@@ -12,8 +12,8 @@ import boomctl as bc
 from boomctl.boom.families import scaled_boom
 from boomctl.structure import AffineFamily
 from boomctl.synthesis.plants.partition import partition
+from boomctl.tunable.structures import Physical
 from boomctl.tuning.hessian import peak_hessian
-from boomctl.tuning.parts.structures import Physical
 from boomctl.tuning.plants import FamilyPlants, made_plants
 from boomctl.tuning.point import Point
 from tests.profiles import examples

@@ -21,8 +21,7 @@ from boomctl.lti.machine_modes import MachineModes
 from boomctl.lti.rounding import ALIKE
 from boomctl.progress import tell
 from boomctl.simulation.controller import SampledController
-from boomctl.simulation.machine.buffered import BLOCK, Buffered, at_columns
-from boomctl.simulation.machine.exponential_step import exponential_step
+from boomctl.simulation.machine.exponential_step import BLOCK, Buffered, at_columns, exponential_step
 from boomctl.simulation.stepping import ControlLog, SampledRun
 
 if TYPE_CHECKING:

@@ -5,12 +5,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.lti.rounding import DIGIT
+from boomctl.lti.rounding import DIGIT, warn_of_rounding
 from boomctl.structure.beams.exact import PROMISED, ExactModel
 from boomctl.structure.displacement_input import prescribe_displacement
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.response.poles import damped_poles
-from boomctl.structure.response.rounding import warn_of_rounding
 
 _SECTIONS = 24  # parts a decade in which roots are first told apart, all roots at once (measured on booms)
 _ROUNDS = 60  # each halves the brackets at least, which takes 56 to the last digit; secants make it some six

@@ -7,7 +7,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 
 from boomctl.arrays import Array, combined
-from boomctl.lti.rounding import ALIKE
+from boomctl.lti.rounding import ALIKE, warn_of_rounding
 from boomctl.structure.beams.dynamic_stiffness import clamped_count, end_functions
 from boomctl.structure.beams.strains import StrainSystem, wave_numbers
 from boomctl.structure.beams.terms import Lines, Terms, kinds_of
@@ -15,7 +15,6 @@ from boomctl.structure.elimination import eliminate
 from boomctl.structure.layout import KEPT, Layout, Weights
 from boomctl.structure.parts import BeamSection
 from boomctl.structure.ports import Ports
-from boomctl.structure.response.rounding import warn_of_rounding
 from boomctl.structure.symmetry import Mirror
 
 _RESIDUAL = 1e-11  # of an equation's terms; where elimination leaves more, strain coordinates answer (a choice)

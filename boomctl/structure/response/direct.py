@@ -21,11 +21,10 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.checks import warn_user
-from boomctl.lti.rounding import EPS, SOLVED, VISIBLE
+from boomctl.lti.rounding import EPS, SOLVED, VISIBLE, AccuracyWarning
 from boomctl.structure.matrices import Half, Structure, halves
 from boomctl.structure.ports import Ports, evaluate
 from boomctl.structure.response.modes import Part, respond_by_modes
-from boomctl.structure.response.rounding import AccuracyWarning
 
 _MODES_FROM = 1500  # frequencies times coordinates; of fewer, dense solutions are faster (measured on booms)
 _ENTRIES = 10_000_000  # of the matrices of all frequencies that are solved together: 0.3 GB (a choice)

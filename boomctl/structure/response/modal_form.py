@@ -10,14 +10,13 @@ import numpy as np
 from scipy import linalg
 
 from boomctl.arrays import Array, balance, combined
-from boomctl.lti.rounding import VISIBLE
+from boomctl.lti.rounding import VISIBLE, warn_of_rounding
 from boomctl.lti.system import Lti
 from boomctl.structure.matrices import Structure, is_symmetric
 from boomctl.structure.ports import Ports
 from boomctl.structure.response.direct import direct_response
 from boomctl.structure.response.poles import SMALL, undamped_modes
 from boomctl.structure.response.realisation import realize
-from boomctl.structure.response.rounding import warn_of_rounding
 from boomctl.structure.strain_coordinates import parted
 
 MODES, COORDINATES = "modes", "coordinates"  # over what the states of a model are

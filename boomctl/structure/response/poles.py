@@ -8,7 +8,6 @@ from boomctl.lti.rounding import ALIKE, DIGIT, EPS, ROOT, SUMMED
 from boomctl.structure.damping import common_ratio
 from boomctl.structure.elimination import DEPENDENT
 from boomctl.structure.matrices import Structure, is_symmetric
-from boomctl.structure.response.pencil import factorized
 
 SMALL = 60  # coordinates up to which modes are found in strain coordinates at once: they cost little more (a choice)
 # beyond, they are found so where the noise of stiffness over mass is that many times its lowest value: from there on shapes
@@ -192,7 +191,7 @@ def _pole_basis(structure: Structure, count: int) -> tuple[Array, Array] | None:
     if not forces.shape[1]:
         return frequencies, shapes
     try:
-        still = factorized(structure, shift)(forces)
+        still = linalg.cho_solve(linalg.cho_factor(structure.K + shift * structure.M), forces)
     except linalg.LinAlgError:
         raise ValueError(f"poles: the stiffness matrix of {structure.n} coordinates is {_LOST}") from None
     return frequencies, np.hstack([shapes, _orthonormal(structure.M, still, shapes)])
@@ -215,13 +214,14 @@ def with_statics(
     """
     shift = _STATIC * float(frequencies[-1]) ** 2
     if len(frequencies) < structure.n and shift > 0.0:
-        basis, solve = shapes, factorized(structure, max(shift, _GRADED * structure.noise))
+        shift = max(shift, _GRADED * structure.noise)
+        basis, factor = shapes, linalg.cho_factor(structure.K + shift * structure.M)
         for _ in range(order):
             rest = loads - structure.M @ (shapes @ (shapes.T @ loads))
             rest = rest[:, np.linalg.norm(rest, axis=0) > ALIKE * np.linalg.norm(loads, axis=0)]
             if not rest.shape[1]:
                 break
-            statics = _orthonormal(structure.M, solve(rest), basis)
+            statics = _orthonormal(structure.M, linalg.cho_solve(factor, rest), basis)
             basis, loads = np.hstack([basis, statics]), structure.M @ statics
         if basis.shape[1] < structure.n:
             added = basis[:, len(frequencies) :]

@@ -17,7 +17,6 @@ from boomctl.lti.rounding import SUMMED
 from boomctl.lti.system import Lti
 from boomctl.structure.matrices import Structure, is_symmetric
 from boomctl.structure.ports import FILTER_DAMPING, Ports
-from boomctl.structure.response.pencil import Solve, factorized_dense
 
 _SINGULAR = 1e14  # condition of a scaled mass matrix from which on its inverse has no digit left: some 0.01/eps
 
@@ -59,12 +58,12 @@ def realize(structure: Structure, ports: Ports) -> Lti:
     return Lti(A, B, C, D, ports.inputs, ports.outputs, (*states, *filter_states), scales={})
 
 
-def _solver(mass: Array) -> Solve:
+def _solver(mass: Array) -> Callable[[Array], Array]:
     """Return a solver of a mass matrix: by Cholesky's factor if it is positive definite, else by LU; nothing for zeros."""
     try:
         if not is_symmetric(mass):
             raise linalg.LinAlgError
-        factored = factorized_dense(mass.copy())
+        factored = partial(linalg.cho_solve, linalg.cho_factor(mass.T, check_finite=False), check_finite=False)
     except linalg.LinAlgError:
         scale = np.sqrt(np.abs(np.diag(mass)))
         if (scale == 0).any() or np.linalg.cond(mass / np.outer(scale, scale)) > _SINGULAR:
@@ -99,7 +98,7 @@ def _dynamics(structure: Structure, ports: Ports) -> _Dynamics:
     return _Dynamics(rates, (q, rate, acceleration), d, (G, H, G + G_velocity), partial(_felt, ports, resisted, solve))
 
 
-def _felt(ports: Ports, resisted: Array, solve: Solve) -> tuple[Array, Array]:
+def _felt(ports: Ports, resisted: Array, solve: Callable[[Array], Array]) -> tuple[Array, Array]:
     """Return how much of ``d'`` and ``d''`` outputs could feel; ``resisted`` are the dampers' forces on ``G``."""
     order = np.array(ports.integrators, dtype=int)
     E1, E2 = np.abs(ports.E[1] * (order < 1)), np.abs(ports.E[2] * (order < 2))

@@ -6,7 +6,7 @@ import numpy as np
 from scipy import linalg
 
 from boomctl.arrays import Array, balance
-from boomctl.lti.block_diagonal import block_diagonal
+from boomctl.lti.modal import block_diagonal
 from boomctl.lti.rounding import ROOT
 from boomctl.lti.system import Lti, signal_scales
 from boomctl.synthesis.plants.partition import GeneralizedPlant

@@ -9,8 +9,7 @@ from scipy import linalg
 from boomctl.arrays import Array
 from boomctl.checks import instance
 from boomctl.lti.bilinear import continuous_image, discrete_image
-from boomctl.lti.block_diagonal import block_diagonal
-from boomctl.lti.modal import resolved
+from boomctl.lti.modal import block_diagonal, resolved
 from boomctl.lti.rounding import EPS, ROOT, TINY
 from boomctl.lti.system import Lti, append, check_scales, controller_of, of
 from boomctl.structure.model import SecondOrderModel

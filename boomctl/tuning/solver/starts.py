@@ -3,7 +3,7 @@
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.tuning.parts.structures import (
+from boomctl.tunable.structures import (
     GAIN,
     PHYSICAL,
     ControllerForm,

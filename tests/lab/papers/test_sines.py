@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import boomctl as bc
-from boomctl.lab.papers.anthonis_ramon.sines import describing_function, stepped_sine
+from boomctl.lab.papers.anthonis_ramon.friction import describing_function, stepped_sine
 from boomctl.simulation import CoulombFriction
 from tests.profiles import examples
 

@@ -23,7 +23,7 @@ from boomctl.synthesis.hinf.h_infinity import h_infinity
 from boomctl.synthesis.plants.generalized import generalized_plant
 from boomctl.synthesis.plants.partition import close_loop
 from boomctl.synthesis.plants.scaling import scale_signals
-from boomctl.tuning.parts import makers as tunable
+from boomctl.tunable import makers as tunable
 from boomctl.tuning.tune import tune
 
 _NMEAS = _NCON = 2  # strokes measured, and forces

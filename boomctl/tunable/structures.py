@@ -9,7 +9,7 @@ import numpy as np
 from boomctl.arrays import Array
 from boomctl.checks import instance
 from boomctl.printing import listed
-from boomctl.tuning.parts.jets import Jet, SystemJet, entries, fixed, repeated, static
+from boomctl.tunable.jets import Jet, SystemJet, entries, fixed, repeated, static
 
 GAIN, RATE, RATIO, PHYSICAL = "gain", "rate", "ratio", "physical"
 _SPAN = 100.0  # times the plant's own band, to either side: where rates may lie that nobody bounds (a choice)

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from boomctl.checks import instance, positive, real, sequence, signal_name, truth, whole
 from boomctl.synthesis.plants.channels import listed_names
-from boomctl.tuning.parts.structures import (
+from boomctl.tunable.structures import (
     ControllerForm,
     Decentralised,
     Gain,
