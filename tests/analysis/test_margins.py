@@ -2,7 +2,6 @@
 
 import warnings
 from dataclasses import replace
-from importlib import import_module
 
 import control
 import numpy as np
@@ -11,24 +10,26 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from boomctl.analysis import margins
-from boomctl.analysis.marginal_poles import marginal_poles
 from boomctl.analysis.margins import UncertainMarginsWarning
-from boomctl.analysis.norm import matrices_norm
 from tests.analysis.loop_cases import SIGNALS, chain, velocity_feedback
 from tests.analysis.stepped import radius
 from tests.profiles import examples
 
 
-def loop(A, B, C, gain):
-    plant = control.ss(A, B, C, 0.0, inputs=["u"], outputs=["y"])
-    return plant, control.ss([], [], [], [[-gain]], inputs=["y"], outputs=["u"])
+def lag(*roots, zeros=(), gain=1.0):
+    """Return the states of ``gain prod(s + zero)/prod(s + root)``."""
+    return control.tf2ss(gain * np.poly(-np.array(zeros)), np.poly(-np.array(roots)))
+
+
+def opened(system, gain):
+    plant = control.ss(system.A, system.B, system.C, system.D, system.dt, inputs=["u"], outputs=["y"])
+    return margins(plant, control.ss([], [], [], [[-gain]], system.dt, inputs=["y"], outputs=["u"]))["u"]
 
 
 @given(st.floats(0.2, 7.0))
 @examples(15)
 def test_three_equal_lags_bear_a_gain_of_eight(gain):
-    A = [[-1.0, 1.0, 0.0], [0.0, -1.0, 1.0], [0.0, 0.0, -1.0]]
-    found = margins(*loop(A, [[0.0], [0.0], [1.0]], [[1.0, 0.0, 0.0]], gain))["u"]
+    found = opened(lag(1.0, 1.0, 1.0), gain)
     assert found.gain_high == pytest.approx(8.0 / gain, rel=1e-6)
     assert found.gain_high_omega == pytest.approx(np.sqrt(3.0), rel=1e-6)
     if gain > 1.01:
@@ -56,33 +57,19 @@ def test_margins_do_not_depend_on_units():
 @examples(10)
 def test_a_loop_that_is_lost_at_rest_is_limited_there(gain):
     """``L = gain/(s + 1)`` fed back positively is lost by a pole through zero; its response there is real."""
-    found = margins(*loop([[-1.0]], [[1.0]], [[1.0]], -gain))["u"]
+    found = opened(lag(1.0), -gain)
     assert found.gain_high == pytest.approx(1.0 / gain, rel=1e-9)
     assert found.gain_high_omega == 0.0
 
 
-def lag(*roots, zeros=(), gain=1.0):
-    """Return the states of ``gain prod(s + zero)/prod(s + root)``."""
-    return control.tf2ss(gain * np.poly(-np.array(zeros)), np.poly(-np.array(roots)))
-
-
-def opened(system, gain):
-    plant = control.ss(system.A, system.B, system.C, system.D, inputs=["u"], outputs=["y"])
-    return margins(plant, control.ss([], [], [], [[-gain]], inputs=["y"], outputs=["u"]))["u"]
-
-
-@given(st.floats(1.001, 50.0), st.floats(0.01, 100.0), st.floats(0.01, 100.0))
+@pytest.mark.parametrize("excess", [0.0, 1e-3, 1.0, 49.0])
+@given(st.floats(0.01, 100.0), st.floats(0.01, 100.0))
 @examples(20)
-def test_no_delay_is_borne_where_the_gain_stays_above_one(gain, zero, pole):
-    """``L = -gain (s + zero)/(s + pole)``: at high frequencies a delay turns it to any angle."""
-    found = opened(lag(pole, zeros=[zero]), gain)
+def test_no_delay_is_borne_where_gain_stays_above_one(excess, zero, pole):
+    """``L = -(1 + excess)(s + zero)/(s + pole)``: at high frequencies a delay turns it to any angle."""
+    found = opened(lag(pole, zeros=[zero]), 1.0 + excess)
     assert (found.delay, found.delay_omega) == (0.0, np.inf)
-
-
-@pytest.mark.parametrize("zero", [3.0, 0.5])
-def test_a_gain_of_one_at_infinite_frequency_bears_no_delay(zero):
-    found = opened(lag(1.0, zeros=[zero]), 1.0)
-    assert (found.delay, found.delay_omega, found.phase_deg) == (0.0, np.inf, 180.0)
+    assert excess or abs(zero - pole) < 0.1 * pole or found.phase_deg == 180.0
 
 
 @given(st.integers(1, 6), st.floats(-4.0, 4.0), st.floats(0.5, 2.0))
@@ -141,33 +128,14 @@ def test_a_cascade_of_six_loops_bears_what_the_weakest_of_them_bears(seed):
     assert found.measurements.alpha == pytest.approx(least, rel=1e-3)
 
 
-@given(st.integers(0, 200))
-@examples(4)
-def test_rounding_of_a_loop_that_a_disk_rests_on_is_that_of_what_it_is_the_norm_of(seed):
-    handed = []
-
-    def noted(system, axis):
-        handed.append((system, axis))
-        return matrices_norm(system, axis=axis)
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(import_module("boomctl.analysis.margins"), "matrices_norm", noted)
-        margins(chain(seed), velocity_feedback(0.2, 8.0))
-    assert handed
-    assert all(axis.doubt >= marginal_poles(system).doubt for system, axis in handed)
-
-
 def test_margins_of_a_slow_and_narrow_loop_are_those_of_the_loop_in_other_units():
     """Poles eleven decades below the fastest, and a resonance of a billionth of its frequency: both cross."""
-    slow = control.ss(np.diag([-1e-7, -1e5]), [[1e-6], [1e4]], [[1.0, 1.0]], 0.0, inputs=["u"], outputs=["y"])
-    K = control.ss([], [], [], -1.0, inputs=["y"], outputs=["u"])
-    loop = margins(slow, K)["u"]
-    assert loop.phase_omega == pytest.approx(1e-7 * np.sqrt(99.0), rel=0.2)
+    slow = control.ss(np.diag([-1e-7, -1e5]), [[1e-6], [1e4]], [[1.0, 1.0]], 0.0)
+    assert opened(slow, 1.0).phase_omega == pytest.approx(1e-7 * np.sqrt(99.0), rel=0.2)
     w, narrow = 3.0, 1e-9
     A = w * np.array([[-narrow, 1.0], [-1.0, -narrow]])
-    P = control.ss(A, [[1.0], [0.0]], [[0.0, 1e-9]], 0.0, inputs=["u"], outputs=["y"])
     # -K P = g 1e-9 w/((s + w narrow)^2 + w^2): real and negative on the axis at rest alone, one in size beside w
-    found = margins(P, control.ss([], [], [], -10.0, inputs=["y"], outputs=["u"]))["u"]
+    found = opened(control.ss(A, [[1.0], [0.0]], [[0.0, 1e-9]], 0.0), 10.0)
     assert found.phase_omega == pytest.approx(w, rel=1e-6)
     assert np.isfinite(found.phase_deg)
 
@@ -180,13 +148,11 @@ def test_margins_that_rounding_changes_are_said_to_be_uncertain():
     T = U @ np.diag(np.geomspace(1e-4, 1e4, n)) @ V
     A = np.kron(np.diag(np.arange(1.0, 5.0)), np.array([[-1e-4, 1.0], [-1.0, -1e-4]]))
     back = np.linalg.inv(T)
-    names = {"inputs": ["u"], "outputs": ["y"]}
     B, C = np.ones((n, 1)), np.ones((1, n))
-    K = control.ss([], [], [], -0.01, inputs=["y"], outputs=["u"])
     with pytest.warns(UncertainMarginsWarning, match="rounding"):
-        bad = margins(control.ss(T @ A @ back, T @ B, C @ back, 0.0, **names), K)["u"]
+        bad = opened(control.ss(T @ A @ back, T @ B, C @ back, 0.0), 0.01)
     assert not bad.disk.certified
-    good = margins(control.ss(A, B, C, 0.0, **names), K)["u"]
+    good = opened(control.ss(A, B, C, 0.0), 0.01)
     assert good.rounding < 1e-9 < bad.rounding
 
 
@@ -222,7 +188,7 @@ def random_case(seed, kind):
     B, C = rng.standard_normal((n, m)), rng.standard_normal((p, n))
     plant = control.ss(stable(n, plant_dt), B, C, D, plant_dt, inputs=u, outputs=y)
     AK, BK, CK, DK = stable(q, dt), *(rng.standard_normal(shape) for shape in ((q, p), (m, q), (m, p)))
-    gain, late = 10.0 ** rng.uniform(-1.0, 1.5), dt * (0.0, 1.0, 0.3, 1.7)[seed % 4] * (kind == "sampled")
+    gain, late = 10.0 ** rng.uniform(-1.0, 1.5), dt * (0.0, 1.0, 0.3, 1.7, 2.0, 3.6)[seed % 6] * (kind == "sampled")
     while True:
         K = control.ss(AK, BK, gain * CK, gain * DK, dt, inputs=y, outputs=u)
         if growth((plant, K, late), u[0], 1.0) < -1e-4:
@@ -333,9 +299,8 @@ def test_gain_limit_at_rest_sampled_loop_exact(seed):
         A[2 * k : 2 * k + 2, 2 * k : 2 * k + 2] = [[p.real, p.imag], [-p.imag, p.real]]
     A[6, 6] = 0.95
     A, B, C = T @ A @ np.linalg.inv(T), T[:, 6:], np.linalg.inv(T)[6:]  # one over z - 0.95, and what does not show
-    plant = control.ss(A, B, C, 0.0, dt=0.1, inputs=["u"], outputs=["y"])
     gain = rng.uniform(0.01, 0.045)
-    found = margins(plant, control.ss([], [], [], [[gain]], dt=0.1, inputs=["y"], outputs=["u"]))["u"]
+    found = opened(control.ss(A, B, C, 0.0, 0.1), -gain)
     assert found.gain_high == pytest.approx(0.05 / gain, rel=1e-9)
     assert found.gain_high_omega == 0.0
 

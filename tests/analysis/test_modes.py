@@ -53,11 +53,6 @@ def test_the_cradle_does_not_move_yaw_modes_nor_does_its_slip_show_them():
     assert "actuator_left" in table.render(2)
 
 
-def test_undamped_modes_that_show_have_no_bound():
-    undamped = SecondOrderModel([[1.0]], [[0.0]], [[4.0]], {"f": [1.0]}, {"y": [1.0]})
-    assert mode_table(undamped).rows[0].peaks[0, 0] == np.inf
-
-
 def free_train(seed):
     """Return a train of carts on free wheels: one force moves it, one within it does not; two outputs alike."""
     rng = np.random.default_rng(seed)

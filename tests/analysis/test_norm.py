@@ -135,11 +135,6 @@ def test_the_halves_stand_for_the_whole_only_if_every_signal_has_its_image():
     assert SplitModel.of(one).norm().lower == pytest.approx(hinf_norm(one.to_statespace()).lower, rel=1e-7)
 
 
-def test_unsymmetric_matrices_have_norms_too():
-    model = SecondOrderModel(np.eye(2), [[0.3, 1.0], [-1.0, 0.3]], np.diag([4.0, 9.0]), {"f": [1, 0]}, {"y": [0, 1]})
-    assert SplitModel.of(model).norm().lower == pytest.approx(hinf_norm(model.to_statespace()).lower, rel=1e-7)
-
-
 def test_the_path_names_what_stood_for_the_structure():
     small, large = (spray_boom(elements=n).select(ACTUATORS, TIPS) for n in (6, 60))
     assert SplitModel.of(small).norm().path == ("halves", "undamped modes", "undamped modes")

@@ -13,7 +13,7 @@ from boomctl.analysis.box.loops import BoxLoops
 from boomctl.analysis.box.sampled_level import SampledLoops
 from boomctl.analysis.box.zero_exclusion import Cell, CellProof, prove_cell, value_at
 from boomctl.analysis.norm import matrices_norm
-from boomctl.structure import AffineFamily, SecondOrderModel
+from tests.analysis.loop_cases import Walls, sampled
 from tests.profiles import examples
 from tests.strategies import seeds
 
@@ -140,34 +140,13 @@ def test_a_singular_matrix_before_the_derivative_is_not_proved():
 
 
 def masses(rng, count, parameters, light, spread):
-    """Return a family of masses between walls: springs, masses, dampers between them uncertain; and its LQG controller."""
-    springs, weights, dampers = (
-        rng.uniform(1.0, 9.0, count + 1),
-        rng.uniform(0.5, 2.0, count),
-        np.full(count + 1, light),
-    )
-    places = [(kind, i) for kind, n in (("k", count + 1), ("m", count), ("c", count + 1)) for i in range(n)]
-    chosen = {f"p{j}": places[i] for j, i in enumerate(rng.permutation(len(places))[:parameters])}
-
-    def make(values):
-        k, m, c = springs.copy(), weights.copy(), dampers.copy()
-        for name, (kind, i) in chosen.items():
-            {"k": k, "m": m, "c": c}[kind][i] *= values[name]
-        C, K = (np.diag(x[:-1] + x[1:]) - np.diag(x[1:-1], 1) - np.diag(x[1:-1], -1) for x in (c, k))
-        eye = np.eye(count)
-        return SecondOrderModel(np.diag(m), C, K, {"push": eye[0], "u": eye[1]}, {"y": eye[1], "z": eye[-1]})
-
-    family = AffineFamily.through(dict.fromkeys(chosen, (1.0 - spread, 1.0 + spread)), make)
+    """Return a family of masses between walls with even dampers and even spreads, and its LQG controller."""
+    family = Walls(rng, parameters, count, (spread, spread), (light, light)).family
     plant = family.centre.to_statespace()
     push, u = (plant.B[:, [plant.input_labels.index(name)]] for name in ("push", "u"))
     A, C = plant.A, plant.C[[plant.output_labels.index("y")]]
     F, L = control.lqr(A, u, np.eye(len(A)), [[0.1]])[0], control.lqe(A, push, C, [[1.0]], [[1e-2]])[0]
     return family, control.ss(A - u @ F - L @ C, L, -F, 0.0, inputs="y", outputs="u")
-
-
-def sampled(K, dt):
-    held = control.sample_system(K, dt, "tustin")
-    return control.ss(held.A, held.B, held.C, held.D, dt, inputs="y", outputs="u")
 
 
 @examples(60)
@@ -207,7 +186,7 @@ def test_a_lightly_damped_sampled_loop_takes_few_cells(monkeypatch, seed):
 
 @pytest.mark.slow
 def test_where_cells_of_parameters_would_give_up_those_of_frequencies_prove_the_rest():
-    family, K = masses(np.random.default_rng(3), 2, 4, 0.1, 0.4)
+    family, K = masses(np.random.default_rng(0), 2, 4, 0.1, 0.4)
     waiting, tried = [Cell(np.zeros(4), np.ones(4))], 0
     prover = BoxLoops.of(family, K).parts(1.0)[0].prover(1.0)
     while waiting and tried < 200:

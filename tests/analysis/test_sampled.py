@@ -11,35 +11,14 @@ from hypothesis import strategies as st
 import boomctl as bc
 from boomctl.analysis.margins import SamplingCostsMarginWarning
 from tests.analysis.stepped import radius, step_matrix
+from tests.analysis.test_margins import random_case
 from tests.profiles import examples
-
-PARTS = (0.0, 1.0, 2.0, 0.3, 1.7, None)  # of a sample, None: any
-
-
-def random_loop(seed):
-    """Return a continuous plant, a discrete controller and a delay."""
-    rng = np.random.default_rng(seed)
-    n, m, p = int(rng.integers(1, 6)), int(rng.integers(1, 3)), int(rng.integers(1, 3))
-    A = rng.standard_normal((n, n)) * 2.0
-    A -= (np.linalg.eigvals(A).real.max() + rng.uniform(-0.1, 0.5)) * np.eye(n)
-    B, C = rng.standard_normal((n, m)), rng.standard_normal((p, n))
-    D = rng.standard_normal((p, m)) * (seed % 2)
-    controls, measured = [f"u{i}" for i in range(m)], [f"y{i}" for i in range(p)]
-    plant = control.ss(A, B, C, D, inputs=controls, outputs=measured)
-    q, dt = int(rng.integers(1, 4)), float(10.0 ** rng.uniform(-1.5, -0.3))
-    AK = rng.standard_normal((q, q))
-    AK *= rng.uniform(0.1, 0.95) / np.abs(np.linalg.eigvals(AK)).max()
-    BK, CK, DK = rng.standard_normal((q, p)), rng.standard_normal((m, q)), rng.standard_normal((m, p))
-    size = 10.0 ** rng.uniform(-1.5, 0.0)
-    controller = control.ss(AK, size * BK, CK, size * DK, dt, inputs=measured, outputs=controls)
-    part = PARTS[seed % len(PARTS)]
-    return plant, controller, dt * float(rng.uniform(0.0, 4.0) if part is None else part)
 
 
 @examples(200)
 @given(st.integers(0, 100_000))
 def test_the_loop_has_the_poles_of_the_loop_stepped_event_by_event(seed):
-    plant, controller, delay = random_loop(seed)
+    plant, controller, delay = random_case(seed, "sampled")
     loop = bc.feedback_loop(plant, controller, controller.output_labels, delay=delay)
     brute = np.linalg.eigvals(step_matrix(plant, controller, delay))
     ours = loop.poles()
@@ -49,14 +28,6 @@ def test_the_loop_has_the_poles_of_the_loop_stepped_event_by_event(seed):
             1.0 + np.abs(pole)
         ) ** len(ours)
     assert np.abs(ours).max() == pytest.approx(np.abs(brute).max(), abs=1e-6) or np.abs(brute).max() < 0.3
-
-
-def stable_loop(seed):
-    plant, controller, delay = random_loop(seed)
-    assume(radius(plant, controller, delay) < 0.995)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", SamplingCostsMarginWarning)
-        return plant, controller, delay, bc.margins(plant, controller, delay=delay)
 
 
 def loop_with_a_window(seed):
@@ -134,7 +105,11 @@ def test_delays_of_loops_with_repeated_poles_are_those_at_which_they_become_unst
 @examples(100)
 @given(st.integers(0, 100_000))
 def test_every_gain_within_the_disk_is_borne_by_all_signals_at_once(seed):
-    plant, controller, delay, found = stable_loop(seed)
+    plant, controller, delay = random_case(seed, "sampled")
+    assume(radius(plant, controller, delay) < 0.995)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", SamplingCostsMarginWarning)
+        found = bc.margins(plant, controller, delay=delay)
     rng = np.random.default_rng(seed)
     gain = min(found.everywhere.gain, 1e6) ** 0.999
     P, K = np.ones(plant.ninputs), np.ones(plant.noutputs)
@@ -146,19 +121,6 @@ def test_every_gain_within_the_disk_is_borne_by_all_signals_at_once(seed):
         )  # fmt: skip
         assert radius(plant, changed, delay) < 1.0
     assert found.everywhere.certified
-
-
-def test_whole_samples_of_delay_around_a_discrete_plant_are_exact():
-    plant = control.ss([[0.98, 0.1], [-0.1, 0.98]], [[0.0], [0.1]], [[1.0, 0.0]], 0.0, 0.1, inputs="u", outputs="y")
-    K = control.ss([], [], [], [[-0.2]], 0.1, inputs="y", outputs="u")
-    lag = control.ss([[0.5]], [[0.5]], [[-0.4]], [[-0.6]], 0.1, inputs="y", outputs="u")
-    assert K.nstates == 0
-    found = bc.margins(plant, lag)["u"]
-    borne = int(found.delay / 0.1)
-    for samples in range(borne + 1):
-        assert np.abs(bc.feedback_loop(plant, lag, "u", delay=0.1 * samples).poles()).max() < 1.0
-    with pytest.raises(ValueError, match="not stable"):
-        bc.margins(plant, lag, delay=0.1 * (borne + 1))
 
 
 @pytest.mark.slow
