@@ -57,9 +57,3 @@ def test_an_order_not_asked_for_is_said(method):
         assert reduced.asked == order
         assert (reduced.order < order) == any(one.category is LowerOrderWarning for one in said)
         assert (f"{order} asked for" in repr(reduced)) == (reduced.order < order)
-
-
-def test_a_state_too_weak_for_rounding_is_said():
-    system = control.ss(np.diag([-1.0, -2.0]), [[1.0], [1e-9]], [[1.0, 1e-9]], 0.0)
-    with pytest.warns(LowerOrderWarning, match=r"order = 2: 1 states come back; .* rounding"):
-        assert bc.reduce(system, 2).order == 1

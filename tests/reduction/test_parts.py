@@ -1,10 +1,9 @@
-"""The parts of a reduction: Gramians, the Hankel law, the bound of truncated modes."""
+"""The parts of a reduction: Gramians, balancing, the bound of truncated modes."""
 
 import control
 import numpy as np
 import pytest
 from hypothesis import given
-from hypothesis import strategies as st
 
 import boomctl as bc
 from boomctl.boom.model import ACTUATORS, TIPS
@@ -12,9 +11,8 @@ from boomctl.lti.frequency import singular_values
 from boomctl.lti.gramians import band_integral, factors
 from boomctl.lti.modal import diagonalized
 from boomctl.lti.system import Lti, of
-from boomctl.reduction.core import core_of, structure_core
-from boomctl.reduction.reducers import HankelApproximation, balance
-from boomctl.reduction.verify import difference
+from boomctl.reduction.core import structure_core
+from boomctl.reduction.reducers import balance
 from tests.reduction.test_reduce import stable_system
 from tests.strategies import seeds
 
@@ -53,20 +51,6 @@ def test_balanced_gramians_are_equal_and_diagonal(seed):
     assert form.values[0] == pytest.approx(control.hankel_singular_values(stable_system(seed))[0], rel=1e-6)
 
 
-@given(seeds, st.integers(0, 4))
-def test_the_hankel_norm_of_the_error_is_the_first_value_that_goes(seed, order):
-    modal = modal_of(seed)
-    form = balance(modal.blocks, modal)
-    core = core_of(of(stable_system(seed)), 12)
-    reduced, bound = HankelApproximation(core.stable, core, None, 12).cut(order)
-    assert len(reduced.A) == order
-    gap = difference(modal.blocks, reduced)
-    own = diagonalized(gap)
-    P, Q = factors(gap if own is None else own.blocks, own)
-    assert np.linalg.norm(Q.T @ P, 2) == pytest.approx(form.values[order], rel=1e-5)
-    assert bound >= form.values[order]
-
-
 def test_jordan_blocks_are_balanced_without_modal_coordinates():
     A = np.diag(-np.ones(4)) + np.diag(np.ones(3), 1)
     full = control.ss(A, np.eye(4)[:, 3:], np.eye(4)[:1], 0.0)
@@ -92,14 +76,10 @@ def test_the_band_integral_is_the_integral_and_all_frequencies_give_one_half():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("modes", [8, *(pytest.param(modes, marks=pytest.mark.slow) for modes in (14, 20))])
-@pytest.mark.parametrize("excitation", ["displacement", "force"])
-def test_truncated_modes_stay_within_their_bound(modes, excitation):
-    model = bc.spray_boom(elements=40, excitation=excitation).select(ACTUATORS, TIPS)
+@pytest.mark.parametrize("modes", [8, 14, 20])
+def test_truncated_modes_stay_within_their_bound(modes):
+    model = bc.spray_boom(elements=40).select(ACTUATORS, TIPS)
     core = structure_core(model, modes)
-    if excitation == "force":  # a platform that floats, driven by forces: its rigid modes have no bound in this form
-        assert core is None or len(core.kept.A) > 0
-        return
     assert core is not None
     whole = of(model.to_statespace()).balanced()
     omega = np.unique(np.concatenate([np.geomspace(0.05, 1e5, 500), bc.sigma(model).omega]))
