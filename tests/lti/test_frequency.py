@@ -79,13 +79,6 @@ def test_refined_response_rounding_of_entries_alone(kind, seed):
             assert abs(complex(flint.acb(complex(value)) - exact)) <= bound
 
 
-def test_equal_poles_are_no_obstacle():
-    n = 5
-    chain = Lti(-np.eye(n) + np.diag(np.ones(n - 1), 1), np.eye(n)[:, -1:], np.eye(n)[:1], np.zeros((1, 1)))
-    omega = np.linspace(0.0, 4.0, 30)
-    np.testing.assert_allclose(triangular(chain).response(omega)[0, 0], (1.0 + 1j * omega) ** -n, rtol=1e-12)
-
-
 def test_a_frequency_at_a_pole_is_answered_from_beside_it_and_no_other_moves():
     undamped = Lti(
         np.array([[0.0, 1.0], [-4.0, 0.0]]), np.array([[0.0], [1.0]]), np.array([[1.0, 0.0]]), np.zeros((1, 1))

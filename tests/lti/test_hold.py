@@ -67,13 +67,6 @@ def test_matrix_expm1_chain_matches_closed_form(n, pole):
     np.testing.assert_allclose(matrix_expm1(A), exact * scale[:, None] / scale, rtol=1e-13)
 
 
-def test_integrators_in_a_row_give_powers_of_time():
-    """Defective: a triple pole at zero; a ramp integrated three times is t^4/24."""
-    system = control.ss(np.eye(3, k=1), [[0.0], [0.0], [1.0]], [[1.0, 0.0, 0.0]], 0)
-    t = 0.01 * np.arange(1001)
-    assert linear_hold_response(system, t[None], 0.01)[0] == pytest.approx(t**4 / 24, rel=1e-9, abs=1e-12)
-
-
 @pytest.mark.parametrize("count", [1, 2, 7])
 def test_a_system_without_states_passes_its_inputs_on(count):
     u = np.arange(2.0 * count).reshape(2, count)
