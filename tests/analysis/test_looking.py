@@ -31,19 +31,6 @@ def swinging(seed, modes=4, least=1e-6):
     return control.ss(A, B, C, 0.0, inputs="u", outputs="y")
 
 
-def random_gain(seed):
-    """Return a random loop gain: of one signal or two, stable or not, with integrators or without."""
-    rng = np.random.default_rng(seed)
-    n, m = int(rng.integers(1, 5)), int(rng.integers(1, 3))
-    A = rng.normal(size=(n, n)) - rng.uniform(-0.5, 1.5) * np.eye(n)
-    B, C = rng.normal(size=(n, m)), 10.0 ** rng.uniform(-1.0, 1.0) * rng.normal(size=(m, n))
-    D = rng.normal(size=(m, m)) * rng.integers(0, 2)
-    if rng.integers(2):
-        A = np.block([[A, np.zeros((n, 1))], [np.zeros((1, n + 1))]])
-        B, C = np.vstack([B, rng.normal(size=(1, m))]), np.hstack([C, rng.normal(size=(m, 1))])
-    return A, B, C, D
-
-
 @examples(60)
 @given(SEEDS)
 def test_bode_has_python_controls_values_and_its_grid_the_certified_peak(seed):
@@ -99,9 +86,9 @@ def test_what_else_is_looked_at():
 @given(SEEDS, st.sampled_from([0, 0.1]), st.sampled_from(["step", "impulse"]))
 def test_transients_are_python_controls(seed, dt, kind):
     rng = np.random.default_rng(seed)
-    system = control.ss(*(random_gain(seed)), inputs=None)
-    stable = np.asarray(system.A) - 1.1 * max(np.linalg.eigvals(system.A).real.max(), 0.0) * np.eye(system.nstates)
-    system = control.ss(stable, system.B, system.C, system.D)
+    n, m = int(rng.integers(1, 5)), int(rng.integers(1, 3))
+    A, B, C, D = (rng.standard_normal(size) for size in ((n, n), (n, m), (m, n), (m, m)))
+    system = control.ss(A - 1.1 * max(np.linalg.eigvals(A).real.max(), 0.0) * np.eye(n), B, C, D * rng.integers(0, 2))
     system = control.sample_system(system, dt) if dt else system
     time = (dt or rng.uniform(0.01, 0.1)) * np.arange(40)
     found = getattr(bc, kind)(system, time)
@@ -131,8 +118,11 @@ def test_default_instants_show_rise_and_rest():
 @examples(40)
 @given(SEEDS)
 def test_zeros_stop_the_response_and_poles_are_those_of_the_state_matrix(seed):
-    A, B, C, _ = random_gain(seed)
-    system = control.ss(A, B[:, :1], C[:1], 0.0)
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(1, 6))
+    A, B, C = (rng.standard_normal(size) for size in ((n, n), (n, 1), (1, n)))
+    A[-1] *= rng.integers(0, 2)  # with an integrator or without
+    system = control.ss(A, B, C, 0.0)
     found = bc.pzmap(system)
     order = np.lexsort((found.poles.imag, found.poles.real))
     want = np.linalg.eigvals(A)
@@ -140,7 +130,7 @@ def test_zeros_stop_the_response_and_poles_are_those_of_the_state_matrix(seed):
     assert found.poles[order] == pytest.approx(want, abs=1e-6 * np.abs(want).max())
     for zero in found.zeros:
         if np.abs(zero - found.poles).min() > 1e-3:
-            pencil = np.block([[A - zero * np.eye(len(A)), B[:, :1]], [C[:1], np.zeros((1, 1))]])
+            pencil = np.block([[A - zero * np.eye(n), B], [C, np.zeros((1, 1))]])
             assert np.linalg.svd(pencil)[1].min() < 1e-8 * np.linalg.norm(pencil)
     assert found.response.poles is found.poles
 
@@ -260,12 +250,8 @@ def test_what_is_shown_of_an_unstable_system_says_so(seed, dt, unstable):
     ]  # fmt: skip
     for each in shown:
         assert ("unstable" in str(each)) == unstable
-
-
-@pytest.mark.parametrize("pole", [-0.5, 0.5])
-def test_a_picture_of_responses_says_that_a_system_is_unstable(pole):
-    upper = bc.bode(control.ss(pole, 1.0, 1.0, 0.0)).plot()[0]
-    assert ("unstable" in " ".join(text.get_text() for text in upper.texts)) == (pole > 0.0)
+    upper = bc.bode(system).plot()[0]
+    assert any("unstable" in text.get_text() for text in upper.texts) == unstable
     plt.close("all")
 
 
@@ -275,11 +261,6 @@ def test_a_comparison_says_between_which_signals_its_figures_are():
     both = bc.compare({"model": model, "all": model.to_statespace()})
     assert "all: actuator_left, ... (5) -> tip_left, tip_right, ... (5)" in both.render().splitlines()
     assert "<p>model: actuator_left, actuator_right -&gt; tip_left, tip_right</p>" in both._repr_html_()
-    ports = ("actuator_left", "actuator_right"), ("tip_left", "tip_right")
-    assert both["model"]["H2 norm"] == pytest.approx(bc.h2_norm(model.select(*ports)).value, rel=1e-9)
-    assert both["model"]["H-infinity norm"] == pytest.approx(
-        bc.hinf_norm(model.select(*ports).to_statespace()).lower, rel=1e-6
-    )
 
 
 def test_a_comparison_has_the_figures_that_each_result_gives():

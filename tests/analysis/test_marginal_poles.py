@@ -82,6 +82,7 @@ def test_light_damping_has_a_norm_and_its_sign_is_told(damping, omega):
             assert norm.certified
             assert energy.certified
         assert (norm.lower < np.inf) == (energy.value < np.inf) == (sign > 0.0)
+        assert np.isfinite(bc.sigma(system, [w]).peak) == (sign > 0.0)
         if sign > 0.0:
             peak = 1.0 / (2.0 * zeta * w)
             assert norm.lower <= peak * (1.0 + zeta) + 2.0

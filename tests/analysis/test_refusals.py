@@ -17,7 +17,7 @@ from boomctl.analysis import (
 )
 from boomctl.structure import AffineFamily, SecondOrderModel
 from tests import handed_out as one
-from tests.analysis.loop_cases import SIGNALS, chain, velocity_feedback
+from tests.analysis.loop_cases import chain, velocity_feedback
 
 STILL = velocity_feedback(0.1)
 
@@ -47,16 +47,11 @@ def double_integrator(C, **names):
     return control.ss([[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]], C, 0.0, **names)
 
 
-def integrator():
-    return control.ss(np.zeros((2, 2)), np.eye(2), np.eye(2), 0.0, **SIGNALS)
-
-
 def unmodelled(bound):
     return bc.robust_stability(family(), gain([[-0.2]]), unmodelled=bound)
 
 
 REFUSED = [
-    (lambda: bc.sigma(DISCRETE, [40.0]), "omega: expected at most half the sampling rate"),
     (
         lambda: bc.sigma(DISCRETE, frequency_hz=[6.0]),
         "frequency_hz: expected at most half the sampling rate, .* Hz, got",
@@ -67,7 +62,6 @@ REFUSED = [
     (lambda: bc.hinf_norm(siso(0.5, dt=1e-200)), r"expected a sampling time from 1e-30 to 1e\+30 s, got 1e-200 s"),
     (lambda: bc.hinf_norm(bc.hub_beam(model="sfoam")), r"not linear: its \.linearize\(hub_speed\) is one"),
     (lambda: bc.sigma(siso(B=1e200, C=1e200)), r"the largest entry of B is 1e.200 in size; .*choose other units"),
-    (lambda: bc.sigma(siso(B=1e200, C=1e200), [1.0]), "choose other units"),
     (lambda: bc.sigma(bc.spray_boom(), [1.0], outputs="tip_leftt"), "did you mean 'tip_left'"),
     (lambda: bc.sigma(one.mass().frequency_response([1.0]), [1.0]), "have their own frequencies"),
     (lambda: bc.bode(one.mass().frequency_response([1.0]), [1.0]), "own frequencies"),
@@ -89,14 +83,28 @@ REFUSED = [
     (lambda: bc.feedback_loop(chain(0), gain([[1.0]], "y9", "u0")), "'y9'"),
     (lambda: bc.feedback_loop(siso(D=2.0), gain([[0.5]]), "u"), "well-posed"),
     (lambda: bc.feedback_loop(PLANT, gain([[0.1]])), "nothing drives the loop"),
+    (
+        lambda: bc.feedback_loop(PLANT, UNTIMED, "u"),
+        "^controller: expected continuous time or a sampling time in seconds",
+    ),
+    (lambda: bc.margins(PLANT, UNTIMED), "^controller: expected continuous time or a sampling time in seconds"),
+    (
+        lambda: bc.feedback_loop(DISCRETE, OTHER, "u"),
+        r"^controller: expected the plant's sampling time, 0.1 s, got 0.2 s",
+    ),
+    (
+        lambda: bc.feedback_loop(DISCRETE, SLOW, "u"),
+        r"^controller: expected the plant's sampling time, 0.1 s, got cont",
+    ),
+    (lambda: bc.feedback_loop(PLANT, SLOW, "u", delay=0.01), r"^delay = 0.01: expected 0 with a controller in cont"),
+    (lambda: bc.feedback_loop(DISCRETE, K, "u", delay=0.03), r"^delay = 0.03: expected whole samples of 0.1 s"),
+    (lambda: bc.feedback_loop(PLANT, K, "u", delay=500.0), r"^delay = 500: expected at most 1000 samples of 0.1 s"),
     (lambda: closed_loop_response(chain(0).frequency_response, velocity_feedback(0.1)), "omega"),
-    (lambda: bc.margins(chain(0), velocity_feedback(-3.0)), "not stable"),
     (
         lambda: bc.margins(PLANT, siso(0.5, 10.0, -1.0, 0.0, 0.1, "y", "u")),
         r"pole at z = .*, of size 1\.\d+\): it has no",
     ),
     (lambda: mode_table(SecondOrderModel([[1.0]], [[2.0]], [[1.0]], {"f": [1.0]}, {"y": [1.0]})), "chain of equals"),
-    (lambda: exact_loop_stability(chain(1).frequency_response, integrator(), [-1.0]), "imaginary axis"),
     (lambda: exact_loop_stability(chain(1).frequency_response, STILL, [1j, np.nan]), "poles: expected finite numbers"),
     (lambda: exact_loop_stability(chain(1).frequency_response, STILL, [[1j]]), "poles: expected numbers in one dim"),
     (
@@ -128,10 +136,6 @@ REFUSED = [
     (lambda: unmodelled(DISCRETE), "unmodelled: expected continuous time"),
     (lambda: bc.with_states(bc.boom_family(half="yaw", accelerometer_bandwidth_hz=20.0)), "filter behind 'tip_acc"),
     (lambda: bc.with_states(bc.boom_family(half="yaw", excitation="velocity")), "got an input that is integrated"),
-    (
-        lambda: bc.with_states(double_integrator([[0.0, 2.0]], outputs="v", states=["x", "v"])),
-        "output 'v' to be the state",
-    ),
     (lambda: bc.with_states(double_integrator([[1.0, 0.0]], states=["a.b", "a_b"])), "'a_b' twice"),
     (lambda: bc.margins(one.yaw(), gain([[-1.0]], "mode1_x1", "suspension_anti")), r"boomctl.with_states\(plant\)"),
     (lambda: bc.hinf_norm(bc.lqr(PLANT, 1.0, 1.0)), r"got LqrResult; its \.controller is one"),
@@ -144,20 +148,3 @@ def test_combination_without_answer_is_refused(call, words):
     with np.errstate(all="ignore"), pytest.raises((TypeError, ValueError, ArithmeticError), match=words) as refused:
         call()
     assert "\n" not in str(refused.value)
-
-
-@pytest.mark.parametrize("run", [bc.margins, lambda P, K, **more: bc.feedback_loop(P, K, "u", **more)])
-@pytest.mark.parametrize(
-    ("plant", "controller", "delay", "words"),
-    [
-        (PLANT, UNTIMED, 0.0, "controller: expected continuous time or a sampling time in seconds"),
-        (DISCRETE, OTHER, 0.0, r"controller: expected the plant's sampling time, 0.1 s, got 0.2 s"),
-        (DISCRETE, SLOW, 0.0, r"controller: expected the plant's sampling time, 0.1 s, got continuous"),
-        (PLANT, SLOW, 0.01, r"delay = 0.01: expected 0 with a controller in continuous time"),
-        (DISCRETE, K, 0.03, r"delay = 0.03: expected whole samples of 0.1 s"),
-        (PLANT, K, 500.0, r"delay = 500: expected at most 1000 samples of 0.1 s"),
-    ],
-)
-def test_times_that_do_not_meet_are_refused(run, plant, controller, delay, words):
-    with pytest.raises(ValueError, match=f"^{words}"):
-        run(plant, controller, delay=delay)

@@ -33,22 +33,6 @@ def regulator(plant, rng):
     return bc.lqr(plant, weight @ weight.T, np.exp(rng.uniform(-1.0, 1.0, len(controls))), controls=controls), controls
 
 
-@pytest.mark.parametrize("dt", [0.0, 0.1])
-@given(st.integers(0, 10**6))
-@examples(20)
-def test_states_are_further_outputs_and_nothing_else_changes(dt, seed):
-    plant, _ = random_plant(seed, dt=dt)
-    found = bc.with_states(plant)
-    assert found.output_labels == ["y0", "y1", "x_0", "x_1", "x_2", "x_3"]
-    assert (found.input_labels, found.state_labels, found.dt) == (plant.input_labels, plant.state_labels, plant.dt)
-    for letter in "AB":
-        assert (getattr(found, letter) == getattr(plant, letter)).all()
-    assert np.array_equal(found.C, np.vstack([plant.C, np.eye(4)]))
-    assert not found.D.any()
-    again = bc.with_states(found)  # they are there already
-    assert again.output_labels == found.output_labels
-
-
 @given(st.integers(0, 10**6))
 @examples(20)
 def test_a_regulator_of_one_control_has_kalmans_margins(seed):

@@ -50,18 +50,10 @@ def data_set(out, into, values, freq, *, double=True, even=False, unit="NONE", h
 def drawn(rng):
     """Return frequencies, a response and the lines of a universal file that holds it, other data sets between."""
     double, even = rng.random(2) < 0.5
-    count, nodes = (
-        int(rng.integers(2, 30)),
-        [rng.choice(np.arange(1, 10**6), k, replace=False) for k in rng.integers(1, 4, 2)],
-    )
-    nodes = [np.sort(each) for each in nodes]
-    step = float(f"{10.0 ** rng.uniform(-2, 1):.3e}")
-    freq = (
-        step * np.arange(1, count + 1)
-        if even
-        else np.cumsum([float(f"{x:.2e}") for x in rng.uniform(0.01, 3.0, count)])
-    )
-    freq = np.array([float(f"{x:.5E}") for x in freq]) if not even else freq
+    count = int(rng.integers(2, 30))
+    nodes = [np.sort(rng.choice(np.arange(1, 10**6), k, replace=False)) for k in rng.integers(1, 4, 2)]
+    steps = np.full(count, 10.0 ** rng.uniform(-2, 1)) if even else rng.uniform(0.01, 3.0, count)
+    freq = np.array([float(f"{x:.5E}") for x in np.cumsum([float(f"{x:.3e}") for x in steps])])
     response = rng.standard_normal((len(nodes[0]), len(nodes[1]), count, 2)) @ [1.0, 1j] * 10.0 ** rng.uniform(-9, 3)
     response[rng.random(response.shape) < 0.05] = 0.0
     places = [(o, i) for o in range(len(nodes[0])) for i in range(len(nodes[1]))]

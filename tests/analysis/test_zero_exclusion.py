@@ -8,35 +8,15 @@ from hypothesis import strategies as st
 from boomctl.analysis.box import zero_exclusion
 from boomctl.analysis.box.loop_pencil import LoopPencil
 from boomctl.analysis.box.zero_exclusion import Cell, prove_cell
+from tests.analysis.test_prove_box import image, polynomials
 from tests.profiles import examples
-
-
-def _terms(centre, slopes):
-    return {(): centre, **{(i,): slope for i, slope in enumerate(slopes)}}
-
-
-def pencils(seed, n=6, size=0.3):
-    """Return a stable pencil with lightly damped poles, and two changes of it."""
-    rng = np.random.default_rng(seed)
-    blocks = [(rng.uniform(0.02, 0.5), rng.uniform(0.5, 8.0)) for _ in range(n // 2)]
-    A = np.zeros((n, n))
-    for i, (damping, omega) in enumerate(blocks):
-        A[2 * i : 2 * i + 2, 2 * i : 2 * i + 2] = [[-damping, omega], [-omega, -damping]]
-    mixed = rng.standard_normal((n, n)) + 2.0 * np.eye(n)
-    E = np.eye(n) + 0.05 * rng.standard_normal((n, n))
-    changes = [
-        LoopPencil(0.02 * size * rng.standard_normal((n, n)), size * rng.standard_normal((n, n))) for _ in range(2)
-    ]
-    return LoopPencil(E @ mixed, E @ A @ mixed), tuple(LoopPencil(x.E @ mixed, x.A @ mixed) for x in changes)
 
 
 @given(st.integers(0, 10_000))
 @examples(20)
 def test_couplings_and_diagonals_are_bounded_all_along_an_interval(seed):
     rng = np.random.default_rng(seed)
-    centre, slopes = pencils(seed)
-    reach = np.array([0.2, 0.1])
-    modes = zero_exclusion._modes(_terms(centre, slopes), reach)
+    modes = zero_exclusion._modes(image(polynomials(rng, 6, 2)), np.array([0.2, 0.1]))
     assert modes is not None
     ends = np.array([[lowest := rng.uniform(0.0, 8.0), 1.0], [lowest + rng.exponential(1.0), 1.0]])
     n = len(modes.poles)
@@ -107,6 +87,6 @@ def test_a_radius_is_called_below_one_only_if_it_is(seed, radius, n):
 
 def test_a_wide_cell_is_cut_where_a_pole_crosses_and_proved_where_none_does():
     centre = LoopPencil(np.eye(2), np.array([[-0.1, 3.0], [-3.0, -0.1]]))
-    slopes = (LoopPencil(np.zeros((2, 2)), np.eye(2)),)
-    assert prove_cell(_terms(centre, slopes), Cell(np.zeros(1), np.array([0.099]))).proved
-    assert not prove_cell(_terms(centre, slopes), Cell(np.zeros(1), np.array([0.101]))).proved
+    terms = {(): centre, (0,): LoopPencil(np.zeros((2, 2)), np.eye(2))}
+    assert prove_cell(terms, Cell(np.zeros(1), np.array([0.099]))).proved
+    assert not prove_cell(terms, Cell(np.zeros(1), np.array([0.101]))).proved
