@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy import linalg
 
 from boomctl.analysis import compare_sigma, h2_norm, hinf_norm, mode_table, sigma
 from boomctl.analysis.norm import IN_MODES, NO_CIRCLE_CROSSING, PROVED, stays_below_on_circle
@@ -67,11 +68,8 @@ def test_the_norm_at_half_the_sampling_rate_is_attained_though_eigenvectors_are_
     for seed in range(40):
         rng = np.random.default_rng(seed)
         turned = np.linalg.qr(rng.standard_normal((states, states)))[0]
-        B, C, apart = (
-            rng.standard_normal((states, 1)),
-            rng.standard_normal((1, states)),
-            10.0 ** rng.uniform(-8.0, -2.0),
-        )
+        B, C = rng.standard_normal((states, 1)), rng.standard_normal((1, states))
+        apart = 10.0 ** rng.uniform(-8.0, -2.0)
         chain = np.diag(apart * np.arange(states) - 0.5) + np.eye(states, k=1)
         system = control.ss(turned @ chain @ turned.T, B, C, 0.0, 1.0)
         found = hinf_norm(system)
@@ -135,9 +133,7 @@ def test_a_continuous_system_and_its_samples_are_compared_where_both_have_freque
 
 def test_modes_are_those_that_were_sampled():
     poles = [(-0.02 + 3.0j), (-0.5 + 7.0j)]
-    A = np.zeros((4, 4))
-    for k, p in enumerate(poles):
-        A[2 * k : 2 * k + 2, 2 * k : 2 * k + 2] = [[p.real, p.imag], [-p.imag, p.real]]
+    A = linalg.block_diag(*([[p.real, p.imag], [-p.imag, p.real]] for p in poles))
     slow = control.ss(A, np.ones((4, 1)), np.ones((1, 4)), 0.0, inputs="u", outputs="y")
     table, sampled = mode_table(slow), mode_table(control.sample_system(slow, 0.1))
     for row, other in zip(table.rows, sampled.rows, strict=True):

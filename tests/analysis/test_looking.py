@@ -13,26 +13,23 @@ import boomctl as bc
 from boomctl.analysis.looking.given import looked_at
 from tests import handed_out as one
 from tests.exact import on_axis, roots
+from tests.hard_systems import unimodular
 from tests.profiles import examples, is_quick
 from tests.strategies import seeds
-
-SEEDS = st.integers(0, 2**32 - 1)
 
 
 def swinging(seed, modes=4, least=1e-6):
     """Return a random system of lightly damped modes, some of them close together."""
     rng = np.random.default_rng(seed)
     omega, zeta = np.cumsum(rng.uniform(0.05, 3.0, modes)), 10.0 ** rng.uniform(np.log10(least), -1.0, modes)
-    A = np.zeros((2 * modes, 2 * modes))
-    for k in range(modes):
-        A[2 * k : 2 * k + 2, 2 * k : 2 * k + 2] = [[0.0, omega[k]], [-omega[k], -2.0 * zeta[k] * omega[k]]]
+    A = linalg.block_diag(*(w * np.array([[0.0, 1.0], [-1.0, -2.0 * z]]) for w, z in zip(omega, zeta, strict=True)))
     B, C = np.zeros((2 * modes, 1)), np.zeros((1, 2 * modes))
     B[1::2, 0], C[0, ::2] = rng.normal(size=modes), rng.normal(size=modes)
     return control.ss(A, B, C, 0.0, inputs="u", outputs="y")
 
 
 @examples(60)
-@given(SEEDS)
+@given(seeds)
 def test_bode_has_python_controls_values_and_its_grid_the_certified_peak(seed):
     system = swinging(seed)
     found = bc.bode(system)
@@ -45,7 +42,7 @@ def test_bode_has_python_controls_values_and_its_grid_the_certified_peak(seed):
 
 
 @examples(30)
-@given(SEEDS)
+@given(seeds)
 def test_every_peak_of_every_response_is_on_the_grid(seed):
     """Searched for anew around each of its local maxima."""
     system = swinging(seed, least=1e-4)
@@ -83,7 +80,7 @@ def test_what_else_is_looked_at():
 
 
 @examples(40)
-@given(SEEDS, st.sampled_from([0, 0.1]), st.sampled_from(["step", "impulse"]))
+@given(seeds, st.sampled_from([0, 0.1]), st.sampled_from(["step", "impulse"]))
 def test_transients_are_python_controls(seed, dt, kind):
     rng = np.random.default_rng(seed)
     n, m = int(rng.integers(1, 5)), int(rng.integers(1, 3))
@@ -116,7 +113,7 @@ def test_default_instants_show_rise_and_rest():
 
 
 @examples(40)
-@given(SEEDS)
+@given(seeds)
 def test_zeros_stop_the_response_and_poles_are_those_of_the_state_matrix(seed):
     rng = np.random.default_rng(seed)
     n = int(rng.integers(1, 6))
@@ -163,10 +160,7 @@ def dyadic_gain(seed):
         X = solve(A, B, np.eye(n), np.eye(m))
         C, D = np.linalg.solve(np.eye(m) + B.T @ X @ B, B.T @ X @ A) if dt else B.T @ X, 0.0 * D
     if form == 1:  # other coordinates, exactly
-        T = (np.tril(rng.integers(-1, 2, (n, n)), -1) + np.eye(n)) @ (
-            np.triu(rng.integers(-1, 2, (n, n)), 1) + np.eye(n)
-        )
-        inverse = np.round(np.linalg.inv(T))
+        T, inverse = unimodular(rng, n)
         A, B, C = inverse @ A @ T, inverse @ B, C @ T
     if form == 2:
         C *= 2.0 ** rng.integers(-8, 9)
@@ -237,10 +231,8 @@ def test_what_is_shown_of_an_unstable_system_says_so(seed, dt, unstable):
     rng = np.random.default_rng(seed)
     rates = -rng.uniform(0.05, 1.0, 4)
     rates[0] *= -1.0 if unstable else 1.0
-    blocks = np.zeros((6, 6))
-    for k, (a, w) in enumerate(zip(rates[:2], rng.uniform(0.5, 4.0, 2), strict=True)):
-        blocks[2 * k : 2 * k + 2, 2 * k : 2 * k + 2] = [[a, w], [-w, a]]
-    blocks[4, 4], blocks[5, 5] = rates[2:]
+    pairs = ([[a, w], [-w, a]] for a, w in zip(rates[:2], rng.uniform(0.5, 4.0, 2), strict=True))
+    blocks = linalg.block_diag(*pairs, np.diag(rates[2:]))
     A = linalg.expm(dt * blocks) if dt else blocks
     T = np.linalg.qr(rng.standard_normal((6, 6)))[0]
     system = control.ss(T @ A @ T.T, T @ rng.standard_normal((6, 1)), rng.standard_normal((1, 6)) @ T.T, 0.0, dt)

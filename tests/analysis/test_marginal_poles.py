@@ -17,6 +17,7 @@ from boomctl.lti.frequency import singular_values
 from boomctl.lti.rounding import CANCELLED
 from boomctl.lti.system import Lti, of
 from tests.exact import Exact
+from tests.hard_systems import oscillator
 from tests.profiles import examples
 
 REST = 0.7  # gain of a lag that stands beside the modes
@@ -35,13 +36,14 @@ def turned(system, seed):
     return control.ss(Q @ system.A @ Q.T, Q @ system.B, system.C @ Q.T, system.D)
 
 
-def block(damping, omega=1.0):
-    return np.array([[-damping * omega, omega], [-omega, -damping * omega]])
+ON_AXIS = pytest.mark.parametrize(
+    "A", [[[0.0]], oscillator(1.0, 0.0), [[0.0, 1.0], [0.0, 0.0]]], ids=["integrator", "undamped", "rigid"]
+)
 
 
 @given(visible=st.floats(-14.0, 3.0))
 @examples(30)
-@pytest.mark.parametrize("A", [[[0.0]], block(0.0), [[0.0, 1.0], [0.0, 0.0]]], ids=["integrator", "undamped", "rigid"])
+@ON_AXIS
 def test_a_mode_on_the_axis_makes_norms_infinite_however_weakly_it_shows(A, visible):
     n = len(A)
     system = beside(np.array(A), np.eye(n)[:, -1:] * 10.0**visible, np.eye(n)[0])
@@ -51,7 +53,7 @@ def test_a_mode_on_the_axis_makes_norms_infinite_however_weakly_it_shows(A, visi
 
 
 @pytest.mark.parametrize("hidden", ["from the input", "from the output"])
-@pytest.mark.parametrize("A", [[[0.0]], block(0.0), [[0.0, 1.0], [0.0, 0.0]]], ids=["integrator", "undamped", "rigid"])
+@ON_AXIS
 def test_a_mode_on_the_axis_that_does_not_show_does_not_count(A, hidden):
     n = len(A)
     B, C = np.ones((n, 1)), np.ones(n)
@@ -63,7 +65,7 @@ def test_a_mode_on_the_axis_that_does_not_show_does_not_count(A, hidden):
     assert energy.value == pytest.approx(REST / np.sqrt(2.0), rel=1e-9)
 
 
-@pytest.mark.parametrize("A", [[[0.0]], block(0.0), [[0.0, 1.0], [0.0, 0.0]]], ids=["integrator", "undamped", "rigid"])
+@ON_AXIS
 def test_claimed_stability_of_mode_on_the_axis_is_refuted(A):
     n = len(A)
     claim = Claim("loop", of(beside(np.array(A), np.eye(n)[:, -1:], np.eye(n)[0])), stable=True)
@@ -76,7 +78,7 @@ def test_claimed_stability_of_mode_on_the_axis_is_refuted(A):
 def test_light_damping_has_a_norm_and_its_sign_is_told(damping, omega):
     zeta, w = 10.0**damping, 10.0**omega
     for sign in (1.0, -1.0):
-        system = beside(block(sign * zeta, w), [[0.0], [1.0]], [1.0, 0.0])
+        system = beside(oscillator(w, sign * zeta), [[0.0], [1.0]], [1.0, 0.0])
         norm, energy = bc.hinf_norm(system), bc.h2_norm(system)
         if zeta >= 1e-11 or sign < 0.0:
             assert norm.certified
@@ -98,7 +100,7 @@ def test_a_slow_pole_beside_a_fast_one_keeps_its_side(spread):
 
 
 @pytest.mark.parametrize("seed", range(5))
-@pytest.mark.parametrize("A", [[[0.0]], block(0.0), [[0.0, 1.0], [0.0, 0.0]]], ids=["integrator", "undamped", "rigid"])
+@ON_AXIS
 def test_what_only_rounding_decides_is_not_certified_finite(A, seed):
     """Turned, the mode lies on the axis to the last digit but not exactly, on one side or the other."""
     n = len(A)
@@ -146,7 +148,7 @@ def test_discs_around_poles_say_that_one_grows_where_it_does_and_nowhere_else(se
     """Exact arithmetic says of the numbers as they are stored whether a pole lies beyond the boundary."""
     rng = np.random.default_rng(seed)
     side, omega = rng.choice([-1.0, 0.0, 1.0], 3, p=[0.7, 0.1, 0.2]), 10.0 ** rng.uniform(-1.0, 1.0, 3)
-    A = linalg.block_diag(*(block(-s * 10.0 ** rng.uniform(-18.0, -1.0), w) for s, w in zip(side, omega, strict=True)))
+    A = linalg.block_diag(*map(oscillator, omega, -side * 10.0 ** rng.uniform(-18.0, -1.0, 3)))
     T = rng.standard_normal((6, 6)) * 10.0 ** rng.uniform(-1.0, 1.0, 6)
     A = T @ (linalg.expm(0.1 * A) if discrete else A) @ np.linalg.inv(T)
     system = Lti(A, rng.standard_normal((6, 1)), rng.standard_normal((1, 6)), np.zeros((1, 1)), dt=0.1 * discrete)

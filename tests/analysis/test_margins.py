@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy import linalg
 
 from boomctl.analysis import margins
 from boomctl.analysis.margins import UncertainMarginsWarning
@@ -294,10 +295,7 @@ def test_gain_limit_at_rest_sampled_loop_exact(seed):
     """A loop of positive gain at ``z = 1`` bears the inverse of it: a sum over modes there has real poles and pairs."""
     rng = np.random.default_rng(seed)
     poles, T = np.exp(rng.uniform(-3.0, -0.5, 3) + 1j * rng.uniform(0.3, 2.5, 3)), rng.standard_normal((7, 7))
-    A = np.zeros((7, 7))
-    for k, p in enumerate(poles):
-        A[2 * k : 2 * k + 2, 2 * k : 2 * k + 2] = [[p.real, p.imag], [-p.imag, p.real]]
-    A[6, 6] = 0.95
+    A = linalg.block_diag(*([[p.real, p.imag], [-p.imag, p.real]] for p in poles), 0.95)
     A, B, C = T @ A @ np.linalg.inv(T), T[:, 6:], np.linalg.inv(T)[6:]  # one over z - 0.95, and what does not show
     gain = rng.uniform(0.01, 0.045)
     found = opened(control.ss(A, B, C, 0.0, 0.1), -gain)

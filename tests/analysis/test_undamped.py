@@ -9,11 +9,13 @@ from contextlib import nullcontext
 import control
 import numpy as np
 import pytest
+from scipy import linalg
 
 import boomctl as bc
 from boomctl.lti.modal import UNDAMPED, side_of_axis
 from boomctl.structure import SecondOrderModel
 from boomctl.structure.families import AffineFamily
+from tests import hard_systems
 
 OMEGA = 2.0
 DAMPINGS = [sign * size for size in (5e-11, 5e-10, 5e-9) for sign in (1.0, -1.0)]
@@ -26,9 +28,7 @@ def side(damping):
 
 def oscillator(damping, hidden=False):
     """One mode of that damping, seen or not by ``u`` and ``y``, beside a well-damped one."""
-    A = np.zeros((4, 4))
-    A[:2, :2] = [[-damping * OMEGA, OMEGA], [-OMEGA, -damping * OMEGA]]
-    A[2:, 2:] = [[0.0, 1.0], [-9.0, -0.6]]
+    A = linalg.block_diag(hard_systems.oscillator(OMEGA, damping), [[0.0, 1.0], [-9.0, -0.6]])
     acts = 0.0 if hidden else 1.0
     return control.ss(A, [[0.0], [acts], [0.0], [1.0]], [[acts, 0.0, 1.0, 0.0]], 0.0, inputs="u", outputs="y")
 
@@ -89,7 +89,7 @@ def test_loops(damping):
 
 @pytest.mark.parametrize("damping", DAMPINGS)
 def test_a_controller_that_resonates(damping):
-    A = [[-damping * OMEGA, OMEGA], [-OMEGA, -damping * OMEGA]]
+    A = hard_systems.oscillator(OMEGA, damping)
     controller = control.ss(A, [[0.0], [1e-9]], [[1e-9, 0.0]], 0.0, inputs="y", outputs="u")
     plant = SecondOrderModel([[1.0]], [[0.4]], [[1.0]], {"u": [1.0]}, {"y": [1.0]})
 
@@ -114,8 +114,7 @@ def test_reductions_keep_what_does_not_decay(damping, method):
 
 def generalized(damping):
     """Return a plant with a mode that neither the control moves nor the measurement sees, and a lag that both do."""
-    A = np.diag([0.0, 0.0, -1.0])
-    A[:2, :2] = [[-damping * OMEGA, OMEGA], [-OMEGA, -damping * OMEGA]]
+    A = linalg.block_diag(hard_systems.oscillator(OMEGA, damping), -1.0)
     B = [[0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [1.0, 0.0, 1.0]]
     C = [[0.0, 0.0, 1.0], [0.0, 0.0, 0.0], [0.0, 0.0, 1.0]]
     return control.ss(A, B, C, [[0.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.1, 0.0]])

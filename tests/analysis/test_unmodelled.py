@@ -176,14 +176,8 @@ def test_entries_of_several_signals_are_weighed_whatever_their_units():
         -8.0 * np.eye(2), 8.0 * np.eye(2), 3.0 * np.eye(2), -3.0 * np.eye(2), inputs=["y", "z"], outputs=["u", "v"]
     )
     entry = control.ss(BOUND)
-    W = control.append(*[entry] * 4)
-    W = named(
-        control.ss([], [], [], [[1.0, 0.5, 0.0, 0.0], [0.0, 0.0, 0.5, 1.0]])
-        * W
-        * control.ss([], [], [], [[1.0, 0.0], [0.0, 1.0], [1.0, 0.0], [0.0, 1.0]]),
-        ["u", "v"],
-        ["y", "z"],
-    )
+    W = control.ss([], [], [], [[1.0, 0.5], [0.5, 1.0]]) * control.append(entry, entry)
+    W = named(W, ["u", "v"], ["y", "z"])
     found = bc.robust_stability(plants, K, unmodelled=scaled(W, 0.1))
     assert found.proved
     W = scaled(W, 0.095 / found.gain)

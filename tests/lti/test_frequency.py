@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy import linalg
 
 from boomctl.lti.frequency import (
     Refined,
@@ -42,9 +43,7 @@ def single_input(kind, seed):
     A = rng.standard_normal((n, n))
     if kind == "light":
         omega, damping = 10.0 ** rng.uniform(-2.0, 4.0, 4), 10.0 ** rng.uniform(-6.0, -1.0, 4)
-        blocks = np.zeros((n, n))
-        for k, (w, z) in enumerate(zip(omega, damping, strict=True)):
-            blocks[2 * k : 2 * k + 2, 2 * k : 2 * k + 2] = [[0.0, 1.0], [-w * w, -2.0 * z * w]]
+        blocks = linalg.block_diag(*([[0.0, 1.0], [-w * w, -2.0 * z * w]] for w, z in zip(omega, damping, strict=True)))
         A = np.linalg.solve(A, blocks @ A)
     elif kind == "chain":
         A = np.diag(np.ones(n - 1), 1) - rng.uniform(0.1, 10.0) * np.eye(n)

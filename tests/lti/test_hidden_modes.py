@@ -14,11 +14,8 @@ from tests.strategies import seeds
 def floating_chain(rng):
     """Return masses between springs and dampers, free at both ends: matrices, and what of the force pushes the whole."""
     n = int(rng.integers(2, 5))
-    k, m, f = (
-        10.0 ** rng.uniform(0.0, 4.0) * rng.uniform(0.5, 2.0, n - 1),
-        rng.uniform(0.5, 20.0, n),
-        rng.standard_normal(n),
-    )
+    k = 10.0 ** rng.uniform(0.0, 4.0) * rng.uniform(0.5, 2.0, n - 1)
+    m, f = rng.uniform(0.5, 20.0, n), rng.standard_normal(n)
     K = np.diag([*k, 0.0]) + np.diag([0.0, *k]) - np.diag(k, 1) - np.diag(k, -1)
     if rng.random() < 0.5:
         f -= f.mean()

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy import linalg
 
 from boomctl.lti.integrators import without_integrators
 from boomctl.lti.modal import spectral_parts, split
@@ -17,11 +18,7 @@ from tests.strategies import seeds
 def integrating(rng, chains, slow):
     """Chains of integrators beside slow and fast stable poles, coupled, in random orthogonal coordinates."""
     count, n = sum(chains), sum(chains) + 6
-    A = np.zeros((n, n))
-    start = 0
-    for length in chains:
-        A[start : start + length, start : start + length] = np.diag(np.ones(length - 1), 1)
-        start += length
+    A = linalg.block_diag(*(np.eye(length, k=1) for length in chains), np.zeros((6, 6)))
     A[count, count], A[count + 1, count + 1] = -slow, -0.3
     A[-4:, -4:] = np.kron(np.diag([1.0, 7.0]), np.array([[-0.01, 1.0], [-1.0, -0.01]]))
     A[:count, count:] = rng.standard_normal((count, n - count))

@@ -17,6 +17,7 @@ from boomctl.analysis.prove import CertificateError
 from boomctl.exact_roots import OPERATIONS, Undecided
 from boomctl.lti.proof import Exact
 from boomctl.lti.system import Lti, of
+from tests.hard_systems import unimodular
 from tests.profiles import is_hunt, is_quick
 
 SLACK = 1e-12  # relative: what the last digits of a bound may do
@@ -248,15 +249,6 @@ def test_h2_norms_hold_for_the_numbers_that_are_stored(seed):
         assert found.value == pytest.approx(truth, rel=1e-6)
 
 
-def turned(A, B, C, seed):
-    """Return a system in other coordinates, by integers, so that nothing is rounded."""
-    n, rng = len(A), np.random.default_rng(seed)
-    L = np.tril(rng.integers(-3, 4, (n, n)), -1) + np.eye(n)
-    U = np.triu(rng.integers(-3, 4, (n, n)), 1) + np.eye(n)
-    inverse = np.round(np.linalg.inv(U)) @ np.round(np.linalg.inv(L))
-    return control.ss(L @ U @ A @ inverse, L @ U @ B, C @ inverse, 0.0)
-
-
 @pytest.mark.parametrize("seed", range(12))
 @pytest.mark.parametrize("shown", [True, False])
 def test_poles_exactly_on_the_axis_are_told_exactly(seed, shown):
@@ -268,7 +260,8 @@ def test_poles_exactly_on_the_axis_are_told_exactly(seed, shown):
     B, C = rng.integers(1, 4, (n, 1)).astype(float), rng.integers(1, 4, (1, n)).astype(float)
     if not shown:
         C[:, :k] = 0.0
-    system = turned(A, B, C, seed)
+    T, back = unimodular(rng, n)  # by integers, so that nothing is rounded
+    system = control.ss(T @ A @ back, T @ B, C @ back, 0.0)
     growing, on_axis, seen = Exact.of(of(system)).sides
     assert growing == 0
     assert len(on_axis) == k

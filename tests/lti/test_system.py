@@ -34,13 +34,9 @@ def test_side_by_side():
     assert_allclose(G[:, :3, :1], at(a))
     assert_allclose(G[:, 3, 1:3], np.tile([2.0, 3.0], (4, 1)))
     assert_allclose(G[:, 4:, 3:], at(b))
+    unnamed = append(a, static(np.eye(1)))
+    assert (unnamed.inputs, unnamed.outputs, unnamed.states) == ((), (), a.states)
     assert not G[:, :3, 1:].any()
-
-
-def test_names_are_left_out_where_a_system_does_not_name_its_own():
-    joined = append(random(1, 2, 1, 1, "a"), static(np.eye(1)))
-    assert joined.inputs == joined.outputs == ()
-    assert len(joined.states) == 2
 
 
 def test_one_behind_the_other():

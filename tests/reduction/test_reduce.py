@@ -10,6 +10,7 @@ import boomctl as bc
 from boomctl.boom.model import ACTUATORS, TIPS
 from boomctl.lti.frequency import singular_values
 from boomctl.lti.system import of
+from tests.hard_systems import modes
 from tests.strategies import seeds
 
 METHODS = ("balanced", "singular-perturbation", "hankel", "modal")
@@ -20,11 +21,7 @@ def stable_system(seed, most=12, inputs=2, outputs=3):
     """Return a random stable system of oscillators (damping 1e-4 to 0.5) and lags, mixed by a random congruence."""
     rng = np.random.default_rng(seed)
     n = 2 * int(rng.integers(3, most // 2 + 1))
-    A = np.zeros((n, n))
-    for i in range(0, n - 2, 2):
-        w, z = rng.uniform(0.3, 20.0), 10 ** rng.uniform(-4, -0.3)
-        A[i : i + 2, i : i + 2] = [[-z * w, w], [-w, -z * w]]
-    A[n - 2, n - 2], A[n - 1, n - 1] = -rng.uniform(0.1, 30.0, 2)
+    A = modes(rng, n // 2 - 1, 2, damping=(-4.0, -0.3))
     T = np.linalg.qr(rng.standard_normal((n, n)))[0] * rng.uniform(0.5, 2.0, n)
     B, C = rng.standard_normal((n, inputs)), rng.standard_normal((outputs, n))
     D = rng.standard_normal((outputs, inputs))
