@@ -54,7 +54,9 @@ def test_a_regulator_of_one_control_has_kalmans_margins(seed):
 def test_the_loop_of_a_regulator_is_that_written_by_hand(dt, seed):
     plant, rng = random_plant(seed, dt=dt)
     design, controls = regulator(plant, rng)
-    loop = bc.feedback_loop(bc.with_states(plant), design.controller)
+    wide = bc.with_states(plant)
+    assert bc.with_states(wide).output_labels == wide.output_labels  # they are there already
+    loop = bc.feedback_loop(wide, design.controller)
     columns = [plant.input_labels.index(name) for name in controls]
     by_hand = plant.A - plant.B[:, columns] @ design.gain
     np.testing.assert_allclose(loop.A, by_hand, rtol=1e-12, atol=1e-12 * np.abs(by_hand).max())
