@@ -130,7 +130,10 @@ def resonance(rng):
 @given(seed=seeds)
 @examples(40)
 def test_samples_of_what_is_below_a_bound_are_below_its_discrete_bound(make, seed):
-    """However narrow, and wherever samples see it; where nothing folds back no more than 1.5 times above the bound."""
+    """However narrow, and wherever samples see it.
+
+    Where nothing folds back, the bound of what falls slowly is no more than 1.5 times larger.
+    """
     rng = np.random.default_rng(seed)
     W, corner, dt = make(rng)
     W, half = named(W), np.pi / dt
@@ -143,7 +146,7 @@ def test_samples_of_what_is_below_a_bound_are_below_its_discrete_bound(make, see
         assert (np.abs(met(np.exp(1j * omega * dt))) <= bound).all()
     size = np.abs(W(1j * omega))
     large = (omega < 0.02 * half) & (size > 0.3 * size.max())  # elsewhere what folds back is not small beside it
-    if make is band_pass and 6.0 * corner < 0.05 * half:
+    if make is band_pass and W.nstates == 3 and 6.0 * corner < 0.05 * half:
         assert np.median(bound[large] / size[large]) < 1.5
 
 
