@@ -81,24 +81,6 @@ def test_the_variation_of_a_sine_is_known(k):
     assert result.relative_tip_speed == pytest.approx(k / np.sqrt(2.0), rel=1e-3)
 
 
-@given(seeds, st.floats(0.5, 4.0), st.floats(0.002, 0.02))
-@examples(15)
-def test_small_motion_varies_by_its_speed_over_the_driving_speed(seed, speed, k):
-    """Slow against cell and footprint: CV = sigma(y')/V, to first order in it."""
-    rng = np.random.default_rng(seed)
-    t = 0.01 * np.arange(6001)
-    rate = np.zeros_like(t)
-    for f in rng.uniform(0.05, 0.4, 5):
-        rate += np.cos(2 * np.pi * f * t + rng.uniform(0, 6))
-    rate *= k * speed / rate.std()
-    moved = np.concatenate([[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]) * 0.01)])
-    result = bc.spray_deposit(
-        t, np.ones((24, 1)) * moved, X, speed, cell=(0.5, 0.02), footprint=bc.boom.Footprint(1.0, 0.02)
-    )
-    inside = (t * speed > result.y_edges[result.y_judged.start]) & (t * speed < result.y_edges[result.y_judged.stop])
-    assert result.cv == pytest.approx(rate[inside].std() / speed, rel=0.05)
-
-
 def test_where_a_nozzle_goes_back_its_passes_add_up():
     """Forward 3 m, back 1 m, forward 3 m, at 1 m/s against the ground: three passes over the middle metre."""
     t = 0.01 * np.arange(701)

@@ -25,21 +25,6 @@ def test_the_classes_are_those_of_the_standard():
     assert road_density("C", [0.1, 0.2]) == pytest.approx([256e-6, 64e-6])
 
 
-@given(st.integers(0, 2**53), st.integers(0, 6))
-@examples(10)
-def test_a_class_up_doubles_the_heights(seed, number):
-    low, high = (bc.iso_track(k, 30.0, seed) for k in (number, number + 1))
-    assert high.left == pytest.approx(2.0 * low.left, rel=1e-12)
-    assert high.right == pytest.approx(2.0 * low.right, rel=1e-12)
-
-
-def test_a_seed_is_a_track():
-    first, again, other = (bc.iso_track("D", 40.0, seed) for seed in (3, 3, 4))
-    assert (first.left == again.left).all()
-    assert (first.right == again.right).all()
-    assert np.abs(first.left - other.left).max() > 0.5 * first.left.std()
-
-
 def summed(road_class, seed, period, low, waves, distance):
     """Return left and right as the sum of their waves one by one: whoever has PCG64 has the track."""
     n = np.arange(1, waves + 1) / period
@@ -85,13 +70,6 @@ def test_far_down_a_long_track_of_many_points_the_heights_are_those_of_the_sum()
     assert track.left[0] == pytest.approx(track.left[-1], abs=1e-10 * track.left.std())
 
 
-def test_two_bands_that_meet_are_the_ground_of_both():
-    """The waves of the inner band stay as they are when the outer ones come and go."""
-    low, high, both = (bc.iso_track("C", 50.0, 4, band=band) for band in ((0.01, 0.3), (0.30005, 3.0), (0.01, 3.0)))
-    assert low.left + high.left == pytest.approx(both.left, abs=1e-11 * both.left.std())
-    assert low.right + high.right == pytest.approx(both.right, abs=1e-11 * both.right.std())
-
-
 @pytest.fixture(scope="module")
 def grounds():
     """The amplitudes of three whole grounds (seed, side, wave) up to 0.6 /m, and their wave numbers."""
@@ -122,19 +100,6 @@ def test_the_sides_of_a_whole_ground_have_in_common_what_the_coherence_says(grou
         error = 5.0 / np.sqrt(2.0 * left.size)
         assert common.real == pytest.approx(track_coherence(n[chosen], 1.5).mean(), abs=error)
         assert abs(common.imag) < error
-
-
-def test_grounds_of_different_seeds_have_nothing_in_common(grounds):
-    """Nor has a ground with itself a kilometre, or half its length, on."""
-    found, n = grounds
-    white = found[:, 0, 100:] * n[100:]
-    white /= np.sqrt((np.abs(white) ** 2).mean(axis=1, keepdims=True))
-    error = 5.0 / np.sqrt(white.shape[1])
-    for one in range(3):
-        for other in range(one):
-            assert abs((white[one] * white[other].conj()).mean()) < error
-        for shift in (1000.0, 0.5 * GROUND):
-            assert abs((np.abs(white[one]) ** 2 * np.exp(2j * np.pi * n[100:] * shift)).mean()) < 2.0 * error
 
 
 @pytest.mark.parametrize(("n", "b"), [(0.02, 1.8), (0.1, 1.8), (0.3, 1.5), (0.2, 0.3)])

@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 
-import mpmath as mp
 import numpy as np
 import pytest
 from hypothesis import given
@@ -33,11 +32,12 @@ MASSES = ("hermite", "linear", "lumped")
 
 
 def beam(mesh, sections=(BeamSection(1.0, 1.0, 1.0),), joint=fixed(), at=()):  # noqa: B008
-    """Return a beam from x = 0 on, pushed and read at its end and at the places ``at``."""
+    """Return a beam from x = 0 on, pushed at its end and at the places ``at``; deflections there are read, then slopes."""
     part = Beam("beam", GROUND.at(0.0), joint, (0.0, 0.0), tuple(sections), mesh)
     places = [*at, part.length]
     forces = tuple(Force(f"p{i}", part.at(x)) for i, x in enumerate(places))
-    return Assembly((part,), (), forces, tuple(Output(f"p{i}", part.at(x)) for i, x in enumerate(places)))
+    outputs = [Output(f"{d}{i}", part.at(x), d) for d in ("y", "theta") for i, x in enumerate(places)]
+    return Assembly((part,), (), forces, tuple(outputs))
 
 
 def mass_matrix(part, mesh):
@@ -47,27 +47,14 @@ def mass_matrix(part, mesh):
     return N.T @ np.diag(rows.weights(density[mesh.section])) @ N
 
 
-@given(st.floats(0.01, 0.99), st.integers(1, 5), st.sampled_from([3, 4, 7, 12]))
-def test_interpolation_reproduces_cubics_everywhere(place, elements, order):
-    """Values and slopes of a cubic at the nodes, bubbles at rest, give that cubic and its slope at any station."""
-    part = beam(FiniteElements(elements, order)).bodies[0]
-    mesh = part.discretization.mesh(part, [])
-    cubic = np.polynomial.Polynomial([0.3, -1.0, 0.5, 2.0])
-    q = np.zeros(len(mesh.names))
-    q[:: order - 1], q[1 :: order - 1] = cubic(mesh.nodes), cubic.deriv()(mesh.nodes)
-    for derivative in (0, 1):
-        index, weight = mesh.interpolation(place, derivative)
-        assert weight @ q[index] == pytest.approx(cubic.deriv(derivative)(place), rel=1e-12, abs=1e-13)
-
-
 @pytest.mark.parametrize("elements", [1, 3, 7])
-@pytest.mark.parametrize("order", [3, 5, 12])
+@pytest.mark.parametrize("order", [3, 4, 7, 12])
 def test_a_cantilever_bends_statically_as_it_should(elements, order):
-    """Under an end load: ``L^3/3EI`` at the end, ``x^2 (3 L - x)/6EI`` before; cubics are exact."""
+    """Under an end load: ``L^3/3EI`` at the end, ``x^2 (3 L - x)/6EI`` before; cubics and their slopes are exact."""
     places = [0.25, 0.6]
     Y = beam(FiniteElements(elements, order), at=places).assemble().frequency_response([0.0]).frdata[:, -1, 0]
     x = np.array([*places, 1.0])
-    assert np.allclose(Y, x**2 * (3 - x) / 6, rtol=1e-11)
+    assert np.allclose(Y, [*(x**2 * (3 - x) / 6), *(x * (2 - x) / 2)], rtol=1e-11)
 
 
 @given(seeds, st.sampled_from(MASSES), st.integers(2, 9))
@@ -123,17 +110,6 @@ def test_raising_the_order_converges_faster_than_any_power():
     assert errors[-1] < 1e-9
 
 
-@given(seeds, st.sampled_from(["finite", "hermite", "linear", "lumped"]))
-def test_two_sections_of_the_same_properties_are_one(seed, kind):
-    share = float(np.random.default_rng(seed).uniform(0.2, 0.8))
-    nodes = (0.0, share / 2, share, (1 + share) / 2, 1.0)
-    mesh = FiniteElements(nodes) if kind == "finite" else DiscreteElements(nodes, kind)
-    one, two = [BeamSection(1.0, 1.3, 0.7, 0.01)], [BeamSection(x, 1.3, 0.7, 0.01) for x in (share, 1 - share)]
-    a, b = (beam(mesh, sections).assemble() for sections in (one, two))
-    for X, Y in zip((a.M, a.C, a.K), (b.M, b.C, b.K), strict=True):
-        assert np.abs(dense(X) - dense(Y)).max() < 1e-12 * np.abs(dense(X)).max()
-
-
 @given(seeds)
 def test_finite_elements_converge_to_the_exact_stepped_beam(seed):
     """Cubic elements from above, high order to ten digits."""
@@ -154,43 +130,6 @@ def test_a_rigid_knob_gives_a_point_mass_its_inertia():
     knob = RigidBody("knob", part.at(1.0), fixed(), 0.1, 0.2)
     model = Assembly((part, knob), (), (Force("t", part.at(1.0), "theta"),), (Output("y", part.at(1.0)),)).assemble()
     assert model.frequency_response([0.0]).frdata[0, 0, 0] == pytest.approx(0.5, rel=1e-12)
-
-
-def tip_mass_frequency(sections, mass, near):
-    """Return the natural frequency [rad/s] near a value of a clamped beam with a point mass at its end.
-
-    The transfer matrix of Euler-Bernoulli beams in 30 digits; the state is deflection, slope, moment and shear force.
-    """
-
-    def boundary(omega):
-        transfer = mp.eye(4)
-        for s in sections:
-            field = mp.zeros(4)
-            field[0, 1] = field[2, 3] = 1
-            field[1, 2], field[3, 0] = 1 / mp.mpf(s.bending_stiffness), s.mass_per_length * omega**2
-            transfer = mp.expm(field * s.length) * transfer
-        load = transfer[3, 2:] + mass * omega**2 * transfer[0, 2:]
-        return transfer[2, 2] * load[1] - transfer[2, 3] * load[0]
-
-    with mp.workdps(30):
-        return float(mp.findroot(boundary, mp.mpf(float(near))))
-
-
-@pytest.mark.slow
-@given(seeds)
-def test_tip_mass_at_beam_end_matches_transfer_matrix(seed):
-    """A script that never computes a position; the beam starts anywhere, at any angle."""
-    rng = np.random.default_rng(seed)
-    sections = [BeamSection(*rng.uniform((0.5, 0.5, 50.0), (3.0, 3.0, 500.0))) for _ in range(rng.integers(1, 4))]
-    base, mass = GROUND.at_point(*rng.uniform(-20.0, 20.0, 2)), float(rng.uniform(0.1, 10.0))
-    arm = Beam("arm", base, fixed(), base, sections, FiniteElements(len(sections) * 2, 8), rng.uniform(-3.0, 3.0))
-    assert arm.end == arm.at(arm.length) == arm.at_point(arm.end.x, arm.end.y)
-    machine = Assembly((arm, RigidBody("load", arm.end, fixed(), mass)))
-    lowest, exact = (
-        2.0 * np.pi * machine.assemble().eigenfrequencies_hz(1)[0],
-        undamped_frequencies(machine.exact(), 1)[0],
-    )
-    np.testing.assert_allclose([lowest, exact], tip_mass_frequency(sections, mass, lowest), rtol=1e-9)
 
 
 @given(seeds)

@@ -19,9 +19,7 @@ from boomctl.structure import (
     free,
     revolute,
 )
-from boomctl.structure.beams.dynamic_stiffness import clamped_count
 from boomctl.structure.beams.eigenvalues import undamped_frequencies
-from boomctl.structure.beams.exact import _functions, kinds_of
 from tests.references import ROOTS, natural_frequencies
 from tests.strategies import random_stepped_beam, seeds
 
@@ -59,35 +57,6 @@ def test_the_hundredth_root_is_the_asymptotic_one(supports, shift):
     assert found[-1] == pytest.approx((100 + shift) * np.pi, rel=1e-14)
 
 
-def dynamic_stiffness(exact, s):
-    """Return ``D(s)`` of the free coordinates of an exact structure."""
-    terms = exact._dynamic_terms()
-    values = _functions(kinds_of(exact.segments)[0], np.array([s]))[:, 0]
-    return np.tensordot(values, terms, axes=(0, 0))
-
-
-def test_below_the_first_root_exact_is_hermite_to_the_fourth_power_of_omega():
-    """``D = K - omega^2 M + O(omega^4)``: the remainder grows sixteenfold where the frequency doubles."""
-    exact = beam("free-free").exact()
-    nodes = np.cumsum([0.0, *(segment.length for segment in exact.segments)])
-    model = beam("free-free", mesh=FiniteElements(tuple(nodes))).assemble()
-    assert exact.coordinates == model.coordinates
-    remainder = {}
-    for omega in (0.5, 0.25):
-        D = dynamic_stiffness(exact, 1j * omega)
-        remainder[omega] = np.abs(D - (model.K - omega**2 * model.M)).max()
-    assert remainder[0.5] == pytest.approx(16 * remainder[0.25], rel=2e-3)
-    assert remainder[0.5] < 1e-3 * 0.5**4
-    D = dynamic_stiffness(exact, 0.0j)
-    assert np.abs(D - model.K).max() < 1e-14 * np.abs(model.K).max()
-
-
-def test_clamped_count_steps_at_the_roots_of_cosh_cos():
-    roots = np.array(ROOTS["free-free"])
-    assert np.array_equal(clamped_count(roots * (1 - 1e-9)), [0, 1, 2, 3])
-    assert np.array_equal(clamped_count(roots * (1 + 1e-9)), [1, 2, 3, 4])
-
-
 @given(seeds)
 def test_the_count_is_the_number_of_modes_of_a_stepped_beam(seed):
     """At random frequencies that keep off the modes of a fine mesh, which are good to ten digits up to there."""
@@ -99,12 +68,18 @@ def test_the_count_is_the_number_of_modes_of_a_stepped_beam(seed):
     assert np.array_equal(machine.exact().count_below(omega), expected)
 
 
-@pytest.mark.parametrize("inputs", [None, "actuator_left"])
-def test_the_exact_boom_solves_the_beam_equation(inputs):
+@pytest.mark.parametrize(
+    ("inputs", "outputs", "rows", "columns"),
+    [
+        (None, None, slice(None), slice(None)),
+        ("actuator_left", "tip_left", [0], [0]),
+        (["actuator_right", "cradle"], "stroke_left", [2], [1, 4]),
+    ],
+)
+def test_the_exact_boom_solves_the_beam_equation(inputs, outputs, rows, columns):
     """To fifty digits, from 1e-4 Hz to the hundredth mode; beside a resonance digits go as the frequency is rounded."""
     p = bc.BoomParameters()
     omega = 2 * np.pi * np.array([1e-4, 0.1, 0.4, 0.9325, 2.0, 3.5, 9.0, 60.0, 2400.0])
     truth = exact_response(p, omega)
-    found = bc.exact_frequency_response(p, omega, inputs=inputs).frdata
-    wanted = truth if inputs is None else truth[:, :1]
-    assert (np.abs(found - wanted) < 1e-12 * np.abs(wanted).max(axis=0)).all()
+    found = bc.exact_frequency_response(p, omega, inputs, outputs).frdata
+    assert (np.abs(found - truth[rows][:, columns]) < 1e-12 * np.abs(truth[:, columns]).max(axis=0)).all()

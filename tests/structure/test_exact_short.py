@@ -26,11 +26,7 @@ from boomctl.structure import (
     free,
 )
 from boomctl.structure.beams.dynamic_stiffness import (
-    end_functions,
-    segment_terms,
     strain_functions,
-    strain_lines,
-    strain_terms,
 )
 from boomctl.structure.beams.eigenvalues import undamped_frequencies
 from boomctl.structure.beams.exact import PROMISED
@@ -73,16 +69,6 @@ def test_strain_functions_equal_their_quotients_in_sixty_digits(exponent):
     assert (np.abs(values[:, 0] - exact) < 4e-15 * amplification * sizes[:, 0]).all()
     if z < 2.0:
         assert np.abs(values[:, 0] / exact - 1.0).max() < 1e-14
-
-
-@given(seeds)
-def test_strains_and_end_displacements_make_the_same_stiffness(seed):
-    rng = np.random.default_rng(seed)
-    left, right, x = rng.standard_normal((4, 3)), rng.standard_normal((4, 2)), np.array([rng.uniform(0.0, 500.0) + 0j])
-    ends = np.tensordot(end_functions(x)[:, 0], segment_terms(left, right), 1)
-    six = strain_functions(x)[0][:, 0]
-    strains = np.tensordot(six, strain_terms(strain_lines(left), strain_lines(right)), 1)
-    assert np.abs(ends - strains).max() < 1e-12 * np.abs(six).max() * np.abs(left).max() * np.abs(right).max() * 10
 
 
 @pytest.mark.parametrize("distance", DISTANCES)

@@ -6,10 +6,9 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 import pytest
 from hypothesis import example, given
-from hypothesis import strategies as st
 
 import boomctl as bc
-from boomctl.structure import Assembly, FiniteElements, SecondOrderModel, assembly
+from boomctl.structure import FiniteElements, SecondOrderModel, assembly
 from boomctl.structure.damping import separated_damping
 from boomctl.structure.response.direct import respond
 from tests.references import dense, direct
@@ -18,46 +17,9 @@ from tests.strategies import random_machine, seeds
 OMEGA = np.geomspace(0.3, 60.0, 400)
 
 
-def heavier(machine, factor):
-    """Return a machine whose parts are at the same places, but weigh and bend otherwise."""
-    bodies = {}
-    for body in machine.bodies:
-        parent = replace(body.parent, body=bodies.get(body.parent.body.name, body.parent.body))
-        if hasattr(body, "sections"):
-            sections = tuple(
-                replace(s, mass_per_length=factor * s.mass_per_length, damping=s.damping / factor)
-                for s in body.sections
-            )
-            bodies[body.name] = replace(body, parent=parent, sections=sections)
-        else:
-            bodies[body.name] = replace(body, parent=parent, mass=factor * body.mass, inertia=factor * body.inertia)
-
-    def moved(point):
-        return None if point is None else replace(point, body=bodies.get(point.body.name, point.body))
-
-    links = tuple(
-        replace(link, a=moved(link.a), b=moved(link.b), stiffness=factor * link.stiffness) for link in machine.links
-    )
-    forces = tuple(replace(f, point=moved(f.point), reaction=moved(f.reaction)) for f in machine.forces)
-    outputs = tuple(replace(o, point=moved(o.point), relative_to=moved(o.relative_to)) for o in machine.outputs)
-    return Assembly(tuple(bodies.values()), links, forces, outputs)
-
-
 def matrices(model):
     ports = model.ports
     return [dense(model.M), dense(model.C), dense(model.K), ports.B, ports.L, ports.E]
-
-
-@given(seeds, st.floats(0.2, 5.0))
-def test_a_machine_known_by_its_places_is_the_one_found_anew(seed, factor):
-    machine = random_machine(seed)
-    machine.assemble()  # now its places are known
-    other = heavier(machine, factor)
-    known, exact = other.assemble(), other.exact().response(OMEGA[::40], ("p0",), ("p0",))
-    assembly._kept_mechanism.cache_clear()
-    for a, b in zip(matrices(known), matrices(other.assemble()), strict=True):
-        assert np.array_equal(a, b)
-    assert np.array_equal(exact, other.exact().response(OMEGA[::40], ("p0",), ("p0",)))
 
 
 @pytest.mark.parametrize("name", [field.name for field in fields(bc.BoomParameters)])
@@ -73,8 +35,11 @@ def test_every_parameter_of_the_boom_is_felt(name):
             assert np.array_equal(a, b)
     before, after = (matrices(bc.spray_boom(q, excitation="force")) for q in (p, other))
     exact = [bc.exact_frequency_response(q, [1.0, 9.0], excitation="force").frdata for q in (p, other)]
+    assembly._kept_mechanism.cache_clear()
+    exact.append(bc.exact_frequency_response(other, [1.0, 9.0], excitation="force").frdata)
     assert any(not np.array_equal(a, b) for a, b in zip(before, after, strict=True))
-    assert not np.array_equal(*exact)
+    assert not np.array_equal(*exact[:2])
+    assert np.array_equal(*exact[1:])
 
 
 def test_a_discretisation_compared_by_identity_is_asked_again():

@@ -26,7 +26,9 @@ def chain(n, ends=0.0):
 def test_modes_diagonalise_mass_and_stiffness(seed):
     """The lowest six; the highest of a stiff machine are a hundred million times stiffer than the lowest."""
     model = random_machine(seed).assemble()
-    omega, V = undamped_modes(model.structure, 6)
+    found = model.mode_shapes(min(6, model.n))
+    omega, V = 2.0 * np.pi * found.frequencies_hz, found.shapes
+    assert (np.diff(omega) >= 0.0).all()
     M, K = dense(model.M), dense(model.K)
     assert np.abs(V.T @ M @ V - np.eye(len(omega))).max() < 1e-9
     size = np.sqrt(np.outer(*2 * [omega**2 + 1.0]))

@@ -43,11 +43,12 @@ def test_chains_respond_as_the_direct_solution(seed, n):
 
 @given(seeds)
 def test_unsymmetric_chains_respond_as_the_direct_solution(seed):
-    omega = np.geomspace(1e-2, 3.0, 5)
+    omega = np.geomspace(1e-2, 3.0, 20)
     model = random_chain(seed, 70, symmetric=False)
-    truth = direct(model, omega)
+    found, truth = respond(model.structure, model.ports, omega), direct(model, omega)
     worst = max(np.linalg.cond(dense(model.K) + 1j * w * dense(model.C) - w * w * dense(model.M)) for w in omega)
-    assert np.abs(model.frequency_response(omega).frdata - truth).max() < 1e-15 * worst * np.abs(truth).max()
+    assert np.abs(found.values - truth).max() < 1e-15 * worst * np.abs(truth).max()
+    assert found.path == ("dense solutions",)
 
 
 @given(st.sampled_from([40, 80]), st.floats(0.05, 1.5))
@@ -121,13 +122,3 @@ def test_a_response_names_the_ways_that_led_to_it(elements, points, path):
     model = bc.spray_boom(elements=elements)
     found = respond(model.structure, model.ports, np.geomspace(0.5, 60.0, points))
     assert re.fullmatch(path, ", ".join(found.path))
-
-
-def test_matrices_without_symmetry_are_solved_one_by_one():
-    n = 100
-    K, omega = np.diag(np.arange(1.0, n + 1.0)), np.linspace(0.5, 2.0, 20)
-    C = 0.1 * np.eye(n) + np.triu(np.ones((n, n)), 1) * 1e-3
-    model = SecondOrderModel(np.eye(n), C, K, {"f": np.ones(n)}, {"y": np.ones(n)})
-    found = respond(model.structure, model.ports, omega)
-    assert found.path == ("dense solutions",)
-    assert np.allclose(found.values, direct(model, omega), rtol=1e-12)

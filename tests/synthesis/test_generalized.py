@@ -108,13 +108,6 @@ def test_mixed_sensitivity_stacks_the_weighted_functions():
     assert_allclose(design.closed_loop(s), expected, rtol=1e-6, atol=1e-8)
 
 
-def test_selected_channels_keep_the_sampling_time():
-    sampled = control.ss([[0.5]], [[1.0, 2.0]], [[1.0]], 0.0, 0.1, inputs=["a", "b"], outputs=["y"])
-    part = bc.synthesis.select_channels(sampled, "b")
-    assert part.dt == 0.1
-    assert_allclose(part(np.exp(0.3j)), 2.0 / (np.exp(0.3j) - 0.5))
-
-
 def test_names_tell_measurements_and_controls():
     P = yaw_plant("stroke_anti")
     told = bc.h_infinity(P)

@@ -8,7 +8,7 @@ from scipy import linalg
 
 import boomctl as bc
 from tests.profiles import examples
-from tests.strategies import seeds, structures
+from tests.strategies import seeds
 from tests.synthesis.riccati_cases import CASES, plant
 
 SUSPENSIONS = ("suspension_left", "suspension_right")
@@ -99,21 +99,6 @@ def test_kalmans_inequality_and_the_cost_of_a_run(seed):
 
 @given(seeds)
 @examples(40)
-def test_any_other_gain_costs_more(seed):
-    rng = np.random.default_rng(seed)
-    system, Q, R = random_system(seed), random_weight(seed, 5), random_weight(seed + 1, 2)
-    design = bc.lqr(system, Q, R)
-    for size in (1e-3, 1e-1):
-        gain = design.gain + size * rng.standard_normal(design.gain.shape)
-        closed = system.A - system.B @ gain
-        if np.linalg.eigvals(closed).real.max() < 0.0:
-            run = linalg.solve_continuous_lyapunov(closed.T, -(Q + gain.T @ R @ gain))
-            assert np.linalg.eigvalsh(run - design.cost).min() > -1e-9 * np.abs(run).max()
-            assert np.trace(run) > np.trace(design.cost)
-
-
-@given(seeds)
-@examples(40)
 def test_a_cross_weight_is_a_change_of_controls(seed):
     rng = np.random.default_rng(seed)
     system, R = random_system(seed), random_weight(seed, 2)
@@ -136,14 +121,6 @@ def test_an_output_with_feedthrough_weighs_controls_too(seed):
     design = bc.lqr(fed, None, 1.0, output_weight={"y0": 2.0, "y1": 0.5})
     same = bc.lqr(bare, _even(bare.C.T @ W @ bare.C), _even(np.eye(2) + D.T @ W @ D), N=bare.C.T @ W @ D)
     assert design.gain == pytest.approx(same.gain, rel=1e-6, abs=1e-8)
-
-
-@given(structures(inputs=2))
-@examples(20)
-def test_damped_structures_can_do_without_weight(structure):
-    design = bc.lqr(structure.model, 0.0, 1.0)
-    assert not design.gain.any()
-    assert design.poles.real.max() < 0.0
 
 
 def _even(matrix):

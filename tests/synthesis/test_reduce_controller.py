@@ -33,13 +33,6 @@ def test_the_lowest_order_within_the_tolerance(design):
         bc.reduce_controller(P, full.controller, order=small.order - 1)
 
 
-def test_all_states_kept_change_nothing(design):
-    P, full = design
-    same = bc.reduce_controller(P, full.controller, order=full.controller.nstates, tolerance=1e-4)
-    assert_allclose(same.gamma, full.gamma, rtol=1e-4)
-    assert (np.diff(same.values) <= 0.0).all()
-
-
 @examples(60)
 @given(seeds, st.sampled_from([0.0, 0.02]), st.integers(1, 5), st.sampled_from([0.0, 1e-14, 1e-9]))
 def test_the_controller_itself_always_will_do(seed, dt, n, tolerance):

@@ -7,11 +7,10 @@ from hypothesis import given
 from scipy import linalg
 
 import boomctl as bc
-from boomctl.lti.gramians import square_root
 from boomctl.synthesis.lq.riccati import RiccatiProblem, solve_riccati
 from tests.profiles import examples
 from tests.strategies import seeds
-from tests.synthesis.test_lqr import random_system, random_weight
+from tests.synthesis.test_lqr import random_system
 
 SUSPENSIONS = ("suspension_left", "suspension_right")
 
@@ -75,33 +74,6 @@ def test_with_no_weight_unstable_poles_are_mirrored(seed):
     poles = np.linalg.eigvals(system.A)
     expected = np.where(poles.real > 0.0, -poles.conj(), poles)
     assert np.poly(found.poles).real == pytest.approx(np.poly(expected).real, rel=1e-5, abs=1e-5)
-
-
-@given(seeds)
-@examples(50)
-def test_a_sharp_change_of_units_changes_nothing(seed):
-    rng = np.random.default_rng(seed)
-    system = random_system(seed)
-    plain = RiccatiProblem(system.A, system.B, random_weight(seed, 5), np.eye(2), np.zeros((5, 2)))
-    d = 10.0 ** rng.uniform(-8, 8, 5)
-    scaled = RiccatiProblem(
-        system.A * d / d[:, None], system.B / d[:, None], plain.Q * np.outer(d, d), plain.R, plain.N
-    )
-    one, other = solve_riccati(plain), solve_riccati(scaled)
-    size = np.sqrt(np.diag(one.X))
-    assert np.abs((other.X / np.outer(d, d) - one.X) / np.outer(size, size)).max() < 1e-6
-
-
-@given(seeds)
-@examples(40)
-def test_square_roots_of_weights_of_any_rank(seed):
-    rng = np.random.default_rng(seed)
-    root = rng.standard_normal((6, int(rng.integers(0, 7)))) * 10.0 ** rng.uniform(-6, 6, (6, 1))
-    matrix = root @ root.T
-    found = square_root(matrix)
-    size = np.sqrt(np.diag(matrix)) if root.shape[1] else np.ones(6)
-    assert found.shape == (6, root.shape[1])
-    assert np.abs((found @ found.T - matrix) / np.outer(size, size)).max() < 1e-12
 
 
 def test_the_solution_says_which_way_was_taken():
