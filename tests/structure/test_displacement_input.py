@@ -16,15 +16,14 @@ S = 1j * OMEGA
 # some thirty sums add up like a random walk, so that 1e-14, 45 units in the last place, leaves a factor of about six.
 
 
-def tolerance(driven, J, coordinates=None):
+def tolerance(driven, J):
     """Return 1e-14 cond(M_qq) cond(J_sr), of the coordinates that the driven model has left."""
-    return 1e-14 * np.linalg.cond(dense(driven.M)) * np.linalg.cond(dependent_rows(driven, J, coordinates))
+    return 1e-14 * np.linalg.cond(dense(driven.M)) * np.linalg.cond(dependent_rows(driven, J))
 
 
-def dependent_rows(driven, J, coordinates=None):
+def dependent_rows(driven, J):
     """Return J_sr, the rows of J that belong to the coordinates that are gone."""
-    every = coordinates or tuple(f"q{i}" for i in range(len(J)))
-    return J[[i for i, name in enumerate(every) if name not in driven.coordinates]]
+    return J[[i for i in range(len(J)) if f"q{i}" not in driven.coordinates]]
 
 
 def distance(Y, truth):

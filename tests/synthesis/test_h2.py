@@ -1,4 +1,4 @@
-"""H2 synthesis: closed forms, slycot as a peer, LQG as a special case, direct terms."""
+"""H2 synthesis: a closed form, slycot as a peer, direct terms, units."""
 
 import control
 import numpy as np
@@ -7,38 +7,20 @@ from hypothesis import given
 from scipy import linalg
 
 import boomctl as bc
-from boomctl.analysis.h2 import matrices_h2_norm
-from boomctl.lti.system import Lti, lower_lft
-from boomctl.synthesis.plants.partition import partition
 from tests.profiles import examples
 from tests.strategies import seeds
-from tests.synthesis.test_lqg import matrices
-
-INPUTS, OUTPUTS = ["w0", "w1", "w2", "u0", "u1"], ["z0", "z1", "z2", "y0", "y1"]
+from tests.synthesis import plants
 
 
-def random_plant(seed, n=4, D11=None, D22=None):
-    rng = np.random.default_rng(seed)
-    D = rng.standard_normal((5, 5))
-    D[:3, :3] = 0.0 if D11 is None else D11
-    D[3:, 3:] = 0.0 if D22 is None else D22
-    A = rng.standard_normal((n, n))
-    return control.ss(A, rng.standard_normal((n, 5)), rng.standard_normal((5, n)), D, inputs=INPUTS, outputs=OUTPUTS)
-
-
-def integrator(D=((0, 0, 0), (0, 0, 1), (0, 1, 0))):
-    return control.ss(
-        [[0.0]],
-        [[1.0, 0.0, 1.0]],
-        [[1.0], [0.0], [1.0]],
-        np.array(D, dtype=float),
-        inputs=["load", "noise", "u"],
-        outputs=["place", "effort", "y"],
-    )
+def random_plant(seed):
+    """Return a generalised plant of two controls and measurements, without direct terms between signals of a kind."""
+    return plants.random_plant(seed, 4, (1, 1, 2, 2), False)
 
 
 def test_an_integrator_in_closed_form():
-    design = bc.h2(integrator(), 1, 1)
+    D = [[0.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0]]
+    names = {"inputs": ["load", "noise", "u"], "outputs": ["place", "effort", "y"]}
+    design = bc.h2(control.ss([[0.0]], [[1.0, 0.0, 1.0]], [[1.0], [0.0], [1.0]], D, **names), 1, 1)
     assert design.norm**2 == pytest.approx(2.0)
     assert pytest.approx(-2.0) == design.controller.A
     assert design.controller(1.0) == pytest.approx(-1.0 / 3.0)
@@ -56,11 +38,10 @@ def test_the_norm_is_slycots_and_the_closed_loops_own(seed):
     P = random_plant(seed)
     design = bc.h2(P, 2, 2)
     K = slycot.sb10hd(4, 5, 5, 2, 2, P.A, P.B, P.C, P.D)[:4]
-    peer = matrices_h2_norm(lower_lft(partition(P, 2, 2).system, Lti(*K)))
-    assert design.norm == pytest.approx(peer.value, rel=1e-5)
+    assert design.norm == pytest.approx(bc.h2_norm(P.lft(control.ss(*K))).value, rel=1e-5)
     assert design.norm == pytest.approx(design.optimum, rel=1e-5)
     loop = P.lft(design.controller)
-    assert matrices_h2_norm(matrices(loop)).value == pytest.approx(design.norm, rel=1e-5)
+    assert bc.h2_norm(loop).value == pytest.approx(design.norm, rel=1e-5)
     for w in (0.1, 1.0, 10.0):
         assert loop(1j * w) == pytest.approx(design.closed_loop(1j * w), rel=1e-6, abs=1e-8)
 
@@ -70,11 +51,12 @@ def test_the_norm_is_slycots_and_the_closed_loops_own(seed):
 def test_feedthrough_from_controls_to_measurements_costs_nothing(seed):
     rng = np.random.default_rng(seed)
     D22 = 0.3 * rng.standard_normal((2, 2))
-    plain, fed = random_plant(seed), random_plant(seed, D22=D22)
+    plain = random_plant(seed)
+    fed = control.ss(plain.A, plain.B, plain.C, plain.D + linalg.block_diag(np.zeros((3, 3)), D22))
     design = bc.h2(fed, 2, 2)
     assert design.norm == pytest.approx(bc.h2(plain, 2, 2).norm, rel=1e-5)
     loop = fed.lft(design.controller)
-    assert matrices_h2_norm(matrices(loop)).value == pytest.approx(design.norm, rel=1e-5)
+    assert bc.h2_norm(loop).value == pytest.approx(design.norm, rel=1e-5)
 
 
 @given(seeds)
@@ -85,7 +67,7 @@ def test_a_direct_way_that_a_controller_can_cancel_is_cancelled(seed):
     gain = rng.standard_normal((2, 2))
     D = plain.D.copy()
     D[:3, :3] = -D[:3, 3:] @ gain @ D[3:, :3]
-    design = bc.h2(control.ss(plain.A, plain.B, plain.C, D, inputs=INPUTS, outputs=OUTPUTS), 2, 2)
+    design = bc.h2(control.ss(plain.A, plain.B, plain.C, D), 2, 2)
     assert pytest.approx(gain, rel=1e-6, abs=1e-8) == design.controller.D
     assert design.norm == pytest.approx(design.optimum, rel=1e-5)
     assert not design.closed_loop.D.any()

@@ -57,47 +57,6 @@ def test_the_return_difference_of_a_regulator_is_at_least_one(seed):
         assert np.linalg.svd(wide @ (np.eye(m) + L), compute_uv=False)[-1] >= 1.0 - 1e-6
 
 
-@examples(60)
-@given(st.integers(0, 10_000))
-def test_a_filter_is_the_dual_of_a_regulator(seed):
-    plant = random_plant(seed)
-    n, p = plant.nstates, plant.noutputs
-    rng = np.random.default_rng(seed)
-    W, V = np.diag(rng.uniform(0.1, 2.0, n)), np.diag(rng.uniform(0.1, 2.0, p))
-    found = bc.kalman(plant, W, V)
-    dual = control.ss(plant.A.T, plant.C.T, np.eye(n), np.zeros((n, p)), 0.1)
-    assert pytest.approx(bc.lqr(dual, W, V).gain, rel=1e-9, abs=1e-10) == found.gain.T
-    L, _, _ = control.dlqe(plant.A, np.eye(n), plant.C, W, V)
-    assert np.allclose(found.gain, L, rtol=1e-7, atol=1e-8)
-    closed = plant.A - found.gain @ plant.C
-    error = linalg.solve_discrete_lyapunov(closed, W + found.gain @ V @ found.gain.T)
-    assert found.covariance == pytest.approx(error, rel=1e-7, abs=1e-8)
-
-
-@examples(60)
-@given(st.integers(0, 10_000))
-def test_the_cost_of_a_controller_is_the_variance_of_its_loop(seed):
-    plant = random_plant(seed, largest=1.1)
-    n, m, p = plant.nstates, plant.ninputs, plant.noutputs
-    design = bc.lqg(plant, 1.0, 1.0, np.eye(n), np.eye(p))
-    K = design.controller
-    assert K.dt == 0.1
-    A = np.block([[plant.A, plant.B @ K.C], [K.B @ plant.C, K.A + K.B @ plant.D @ K.C]])
-    noise = linalg.block_diag(np.eye(n), K.B @ K.B.T)
-    P = linalg.solve_discrete_lyapunov(A, noise)
-    cost = np.trace(P[:n, :n]) + np.trace(K.C @ P[n:, n:] @ K.C.T)
-    assert design.cost == pytest.approx(cost, rel=1e-6)
-    assert np.abs(np.linalg.eigvals(A)).max() < 1.0
-    rng = np.random.default_rng(seed)
-    for _ in range(3):  # no other gain costs less
-        other = K.C + 1e-2 * np.abs(K.C).max() * rng.standard_normal(K.C.shape)
-        A = np.block([[plant.A, plant.B @ other], [K.B @ plant.C, K.A + K.B @ plant.D @ other]])
-        if np.abs(np.linalg.eigvals(A)).max() < 1.0:
-            P = linalg.solve_discrete_lyapunov(A, noise)
-            assert np.trace(P[:n, :n]) + np.trace(other @ P[n:, n:] @ other.T) >= design.cost * (1.0 - 1e-9)
-    assert m == K.noutputs
-
-
 def servo(seed):
     """Return a servo of two stages, sampled: a rigid body with modes, a second stage that no noise moves, coloured noises.
 

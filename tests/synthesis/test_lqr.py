@@ -15,16 +15,20 @@ SUSPENSIONS = ("suspension_left", "suspension_right")
 TIPS = {"tip_left": 1.0, "tip_right": 1.0}
 
 
-def random_system(seed, n=5, m=2, p=2, unstable=True):
+def random_system(seed, n=5, m=2, p=2, unstable=True, dt=0.0):
+    """Return a system that is often unstable; ``dt``: of discrete time."""
     rng = np.random.default_rng(seed)
     A = rng.standard_normal((n, n))
     if not unstable:
         A = A - (np.linalg.eigvals(A).real.max() + 0.2) * np.eye(n)
+    if dt:
+        A = A * rng.uniform(0.3, 1.2) / np.abs(np.linalg.eigvals(A)).max()
     return control.ss(
         A,
         rng.standard_normal((n, m)),
         rng.standard_normal((p, n)),
         np.zeros((p, m)),
+        dt,
         inputs=[f"u{i}" for i in range(m)],
         outputs=[f"y{i}" for i in range(p)],
         states=[f"x{i}" for i in range(n)],
@@ -35,6 +39,14 @@ def random_weight(seed, n, least=0.1):
     rng = np.random.default_rng(seed)
     root = rng.standard_normal((n, n))
     return root @ root.T + least * np.eye(n)
+
+
+def variance(A, noise, dt):
+    """Return the covariance of the states that white noise drives; None if they are not stable."""
+    poles = np.linalg.eigvals(A)
+    if dt:
+        return linalg.solve_discrete_lyapunov(A, noise) if np.abs(poles).max() < 1.0 else None
+    return linalg.solve_continuous_lyapunov(A, -noise) if poles.real.max() < 0.0 else None
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
@@ -67,7 +79,7 @@ def test_the_gain_follows_units_order_and_coordinates(seed):
     rng = np.random.default_rng(seed)
     system, Q, R = random_system(seed), random_weight(seed, 5), random_weight(seed + 1, 2)
     design = bc.lqr(system, Q, R)
-    units = np.diag(10.0 ** rng.uniform(-3, 3, 5))
+    units = np.diag(10.0 ** rng.uniform(-8, 8, 5))
     order = np.eye(5)[rng.permutation(5)]
     turn = np.linalg.qr(rng.standard_normal((5, 5)))[0]
     effort = np.diag(10.0 ** rng.uniform(-3, 3, 2))
@@ -77,11 +89,13 @@ def test_the_gain_follows_units_order_and_coordinates(seed):
         other = bc.lqr(same, _even(T.T @ Q @ T), _even(effort @ R @ effort))
         assert effort @ other.gain @ inverse == pytest.approx(design.gain, rel=1e-6, abs=1e-7 * abs(design.gain).max())
         assert sorted(other.poles.real) == pytest.approx(sorted(design.poles.real), rel=1e-6)
+        size = np.sqrt(np.diag(other.cost))
+        assert np.abs((other.cost - T.T @ design.cost @ T) / np.outer(size, size)).max() < 1e-6
 
 
 @given(seeds)
 @examples(40)
-def test_kalmans_inequality_and_the_cost_of_a_run(seed):
+def test_kalmans_inequality_and_no_other_gain_costs_less(seed):
     system, Q, R = random_system(seed), random_weight(seed, 5), random_weight(seed + 1, 2)
     design = bc.lqr(system, Q, R)
     assert design.certificate.return_difference == pytest.approx(1.0, abs=1e-8)
@@ -91,10 +105,16 @@ def test_kalmans_inequality_and_the_cost_of_a_run(seed):
         loop = design.gain @ np.linalg.solve(1j * w * np.eye(5) - system.A, system.B)
         difference = L @ (np.eye(2) + loop) @ np.linalg.inv(L)
         assert np.linalg.svd(difference, compute_uv=False)[-1] >= 1.0 - 1e-9
-    closed = system.A - system.B @ design.gain
-    x = np.random.default_rng(seed).standard_normal(5)
-    run = linalg.solve_continuous_lyapunov(closed.T, -(Q + design.gain.T @ R @ design.gain))
-    assert x @ run @ x == pytest.approx(x @ design.cost @ x, rel=1e-7)
+    rng = np.random.default_rng(seed)
+    x = rng.standard_normal(5)
+    for size in (0.0, 1e-3, 1e-1):
+        gain = design.gain + size * rng.standard_normal(design.gain.shape)
+        run = variance((system.A - system.B @ gain).T, Q + gain.T @ R @ gain, 0.0)
+        if size == 0.0:
+            assert x @ run @ x == pytest.approx(x @ design.cost @ x, rel=1e-7)
+        elif run is not None:
+            assert np.linalg.eigvalsh(run - design.cost).min() > -1e-9 * np.abs(run).max()
+            assert np.trace(run) > np.trace(design.cost)
 
 
 @given(seeds)

@@ -52,6 +52,7 @@ def test_the_controller_itself_always_will_do(seed, dt, n, tolerance):
         found = bc.reduce_controller(P, controller, order=order, tolerance=tolerance)
         assert found.order <= n
         assert found.norm.upper <= found.full_gamma * (1.0 + 1e-5 + tolerance)
+        assert (np.diff(found.values) <= 0.0).all()
 
 
 def test_poles_too_fast_are_replaced_by_their_gain():
