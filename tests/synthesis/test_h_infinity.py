@@ -18,6 +18,7 @@ from boomctl.synthesis.hinf.normal_form import normalised
 from boomctl.synthesis.plants.partition import partition
 from tests.profiles import examples
 from tests.synthesis.plants import assert_verified, lower_loop_norm, random_plant, resonators, weighed, yaw_plant
+from tests.synthesis.test_h_infinity_discrete import random_plant as random_sampled
 
 SIZES = st.tuples(st.integers(0, 2), st.integers(0, 2), st.integers(1, 2), st.integers(1, 2))
 
@@ -87,20 +88,11 @@ def test_norm_is_what_others_find_and_no_bound_lies_above_it(seed, n, sizes, fee
     assert design.controller.output_labels == P.input_labels[-sizes[2] :]
     assert design.closed_loop.input_labels == P.input_labels[: -sizes[2]]
     assert design.closed_loop.output_labels == P.output_labels[: -sizes[3]]
-
-
-@examples(15)
-@given(seed=st.integers(0, 10**6), n=st.integers(2, 8), sizes=SIZES)
-def test_other_controllers_do_not_beat_the_bound(seed, n, sizes):
-    """Static controllers and perturbed ones, where they stabilise, stay above the lower bound."""
-    P = random_plant(seed, n, sizes, False)
-    rng = np.random.default_rng(seed)
-    design = bc.h_infinity(P, sizes[3], sizes[2])
-    K = design.controller
-    for share in (0.0, 1e-3, 1e-2, 0.1):
+    K, rng = design.controller, np.random.default_rng(seed)
+    for share in (0.0, 1e-3, 1e-2, 0.1):  # none of those near it is below the bound
         D = K.D + share * rng.normal(size=K.D.shape)
         other = control.ss(K.A * (1.0 + share), K.B, K.C, D)
-        assert lower_loop_norm(P, other) >= design.certificate.lower * (1.0 - 1e-6)
+        assert lower_loop_norm(P, other) >= certificate.lower * (1.0 - 1e-6)
 
 
 @examples(15)
@@ -121,34 +113,28 @@ def test_no_matrix_beats_the_frequency_bound(seed, n, sizes, feedthrough):
 
 
 @examples(12)
-@given(seed=st.integers(0, 10**6), exponent=st.floats(-3.0, 3.0), share=st.floats(0.1, 10.0))
-def test_units_and_order_of_signals_change_nothing(seed, exponent, share):
-    """States, controls and measurements in other units; all signals of a kind in another order."""
+@given(
+    seed=st.integers(0, 10**6),
+    exponent=st.floats(-3.0, 3.0),
+    share=st.floats(0.1, 10.0),
+    size=st.floats(1e-5, 1e5),
+    rate=st.floats(1e-4, 1e4),
+)
+def test_norm_follows_units_and_order_of_signals_and_time(seed, exponent, share, size, rate):
+    """States, controls and measurements in other units; all signals of a kind in another order; disturbances by ``size``."""
     P = random_plant(seed, 5, (1, 1, 2, 2), False)
     rng = np.random.default_rng(seed)
     units = 10.0 ** (exponent * rng.uniform(-1.0, 1.0, 5))
     ins, outs = np.array([1, 2, 0, 4, 3]), np.array([2, 0, 1, 4, 3])
     scale_in, scale_out = np.ones(5), np.ones(5)
-    scale_in[3:], scale_out[3:] = [1.0, 10.0**exponent], [share, 10.0**-exponent]
-    A = P.A * units[:, None] / units
-    B, C = (P.B * units[:, None] * scale_in)[:, ins], (P.C / units * scale_out[:, None])[outs]
+    scale_in[:3], scale_in[3:], scale_out[3:] = size, [1.0, 10.0**exponent], [share, 10.0**-exponent]
+    A = P.A * units[:, None] / units * rate
+    B, C = (P.B * units[:, None] * scale_in)[:, ins] * rate, (P.C / units * scale_out[:, None])[outs]
     D = (P.D * scale_out[:, None] * scale_in)[np.ix_(outs, ins)]
     plain, changed = bc.h_infinity(P, 2, 2), bc.h_infinity(control.ss(A, B, C, D), 2, 2)
-    assert_allclose(changed.certificate.lower, plain.certificate.lower, rtol=2e-3)
-    assert_allclose(changed.bounds.frequency, plain.bounds.frequency, rtol=1e-5)
-    assert_allclose(changed.gamma, plain.gamma, rtol=1e-2)
-
-
-@examples(12)
-@given(seed=st.integers(0, 10**6), size=st.floats(1e-5, 1e5), rate=st.floats(1e-4, 1e4))
-def test_norm_follows_the_units_of_disturbances_and_time(seed, size, rate):
-    P = random_plant(seed, 5, (1, 1, 1, 1), False)
-    B, D = P.B.copy(), P.D.copy()
-    B[:, :2], D[:, :2] = B[:, :2] * size, D[:, :2] * size
-    other = control.ss(P.A * rate, B * rate, P.C, D)
-    assert_allclose(
-        bc.h_infinity(other, 1, 1).certificate.lower, size * bc.h_infinity(P, 1, 1).certificate.lower, rtol=2e-3
-    )
+    assert_allclose(changed.certificate.lower, size * plain.certificate.lower, rtol=2e-3)
+    assert_allclose(changed.bounds.frequency, size * plain.bounds.frequency, rtol=1e-5)
+    assert_allclose(changed.gamma, size * plain.gamma, rtol=1e-2)
 
 
 @pytest.mark.parametrize("measured", [("stroke_anti",), ("tip_anti",), ("tip_anti", "stroke_anti")])
@@ -169,11 +155,11 @@ def test_cheap_control_of_the_lightly_damped_boom(measured):
         assert certificate.lower == design.bounds.frequency
 
 
-def test_a_level_that_is_enough_and_one_that_is_too_low():
-    P = weighed(resonators(4, 0.01, 4))
+@pytest.mark.parametrize("P", [weighed(resonators(4, 0.01, 4)), random_sampled(3)])
+def test_a_level_that_is_enough_and_one_that_is_too_low(P):
     best = bc.h_infinity(P, 1, 1)
     enough = bc.h_infinity(P, 1, 1, gamma=2.0 * best.gamma)
-    assert best.gamma < enough.gamma <= 2.0 * best.gamma
+    assert best.gamma < enough.gamma <= enough.certificate.norm.upper <= 2.0 * best.gamma
     with pytest.raises(bc.SynthesisError, match="cannot be reached"):
         bc.h_infinity(P, 1, 1, gamma=0.9 * best.certificate.lower)
 

@@ -61,16 +61,6 @@ def test_a_tustin_discretisation_has_the_level_of_the_continuous_problem():
     assert found.gamma == pytest.approx(exact.gamma, rel=2e-2)
 
 
-def test_a_level_that_is_enough_is_kept():
-    P = random_plant(3)
-    least = bc.h_infinity(P, 1, 1)
-    assert bc.h_infinity(P, 1, 1, gamma=2.0 * least.gamma).certificate.norm.upper <= 2.0 * least.gamma
-    with pytest.raises(bc.SynthesisError, match="cannot be reached"):
-        bc.h_infinity(P, 1, 1, gamma=0.9 * least.certificate.lower)
-    with pytest.raises(ValueError, match=r"^fastest_pole: expected none for a discrete plant"):
-        bc.h_infinity(P, 1, 1, fastest_pole=10.0)
-
-
 @pytest.mark.parametrize("split", [0.0, 1e-28, -1e-28])
 def test_normalised_double_pole_stays_bounded(split):
     """A double pole that rounding splits into a complex pair has eigenvectors that are parallel but for rounding."""

@@ -180,6 +180,7 @@ REFUSED = [
         ),
         "do not weigh control .* at the sample at which it acts",
     ),
+    (lambda: bc.h_infinity(SAMPLED, 1, 1, fastest_pole=10.0), "^fastest_pole: expected none for a discrete plant"),
     # what a controller can be
     (lambda: bc.discretize(control.ss([[0.5]], [[1]], [[1]], 0, 0.1), 0.1), "sampling time of 0.1 s"),
     (lambda: bc.discretize(MODEL, 0.1), r"sampled by its \.to_statespace\(dt=0\.1\)"),
