@@ -59,36 +59,22 @@ def design(P):
 
 
 @pytest.mark.filterwarnings("ignore::boomctl.synthesis.ReductionWarning")
-def test_a_loop_that_is_unstable_on_the_full_plant_is_said_to_be(full):
-    found, said = design(generalized(bc.reduce(full, order=2)))
-    told = found.certificate.full_plant
-    assert told.stable is False
-    assert told.norm.lower == np.inf
-    assert_allclose(told.slowest_pole, slowest_on(full, found.scaled_controller), rtol=1e-6)
-    assert told.slowest_pole > 0.1
-    assert len(said) == 1
-    assert "UNSTABLE" in said[0]
-    assert "UNSTABLE" in repr(found)
-    assert "UNSTABLE" in repr(found.certificate)
-
-
-def test_a_loop_that_is_as_good_on_the_full_plant_is_certified_there_without_a_warning(full):
-    found, said = design(generalized(bc.reduce(full, order=16)))
-    told = found.certificate.full_plant
-    assert told.stable
-    assert not said
-    assert_allclose(told.slowest_pole, slowest_on(full, found.scaled_controller), rtol=1e-6)
-    assert slowest_on(full, found.scaled_controller) < 0.0
-    assert_allclose(told.norm.lower, control.norm(generalized(full).lft(found.scaled_controller), "inf"), rtol=1e-3)
-
-
-def test_a_norm_that_is_worse_on_the_full_plant_is_warned_of(full):
-    found, said = design(generalized(bc.reduce(full, order=4)))
-    told = found.certificate.full_plant
-    assert told.stable
-    assert told.norm.lower > 1.1 * found.gamma
-    assert len(said) == 1
-    assert f"{told.norm.upper:.6g}" in said[0]
+@pytest.mark.parametrize(("order", "stable", "worse"), [(2, False, True), (4, True, True), (16, True, False)])
+def test_design_on_reduction_says_what_becomes_of_the_full_loop(full, order, stable, worse):
+    """It is certified there, and warned of where it is unstable or worse."""
+    found, said = design(generalized(bc.reduce(full, order=order)))
+    told, slowest = found.certificate.full_plant, slowest_on(full, found.scaled_controller)
+    assert told.stable is stable
+    assert (slowest < 0.0) == stable
+    assert_allclose(told.slowest_pole, slowest, rtol=1e-6)
+    if stable:
+        loop = generalized(full).lft(found.scaled_controller)
+        assert_allclose(told.norm.lower, control.norm(loop, "inf"), rtol=1e-3)
+    assert (told.norm.lower > 1.1 * found.gamma) == worse
+    assert len(said) == worse
+    assert not worse or (f"{told.norm.upper:.6g}" if stable else "UNSTABLE") in said[0]
+    for text in (repr(found), repr(found.certificate)):
+        assert stable == ("UNSTABLE" not in text)
 
 
 def test_a_reduction_that_has_lost_the_plant_is_warned_of_before_the_design(full):

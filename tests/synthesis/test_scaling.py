@@ -29,28 +29,14 @@ def weighted(plant):
     )
 
 
-@pytest.fixture(scope="module")
-def boom():
-    return bc.spray_boom(elements=2)
+BOOM = bc.spray_boom(elements=2)
+YAW = bc.split_symmetric(BOOM)[1]
+SCALED = bc.scale_signals(YAW, SCALES)
+P = weighted(SCALED)
 
 
 @pytest.fixture(scope="module")
-def yaw(boom):
-    return bc.split_symmetric(boom)[1]
-
-
-@pytest.fixture(scope="module")
-def scaled(yaw):
-    return bc.scale_signals(yaw, SCALES)
-
-
-@pytest.fixture(scope="module")
-def P(scaled):
-    return weighted(scaled)
-
-
-@pytest.fixture(scope="module")
-def design(P):
+def design():
     return bc.h2(P)
 
 
@@ -94,28 +80,28 @@ def test_scales_invalid_raises(scales, message):
         bc.unscale_controller(law(), scales)
 
 
-def test_scaled_system_keeps_scales(scaled, P, design):
-    assert isinstance(scaled, bc.ScaledStateSpace)
+def test_scaled_system_keeps_scales(design):
+    assert isinstance(SCALED, bc.ScaledStateSpace)
     for system in (
-        bc.reduce(scaled, order=4).system,
+        bc.reduce(SCALED, order=4).system,
         P,
-        bc.mixed_sensitivity(scaled, W1=1.0),
-        bc.with_states(scaled),
-        bc.analysis.sample_plant(scaled, T),
-        bc.reduce(bc.analysis.sample_plant(scaled, T), order=4).system,
-        bc.synthesis.select_channels(scaled, outputs="stroke_anti"),
+        bc.mixed_sensitivity(SCALED, W1=1.0),
+        bc.with_states(SCALED),
+        bc.analysis.sample_plant(SCALED, T),
+        bc.reduce(bc.analysis.sample_plant(SCALED, T), order=4).system,
+        bc.synthesis.select_channels(SCALED, outputs="stroke_anti"),
         bc.discretize(design.scaled_controller, 1e-3),
-        bc.feedback_loop(scaled, design),
-        bc.kalman(scaled, {"actuator_anti": 1.0}, 1.0).estimator,
-        bc.lqr(scaled, None, 1.0, output_weight=1.0, controls="suspension_anti").closed_loop,
-        pickle.loads(pickle.dumps(scaled)),
-        deepcopy(scaled),
+        bc.feedback_loop(SCALED, design),
+        bc.kalman(SCALED, {"actuator_anti": 1.0}, 1.0).estimator,
+        bc.lqr(SCALED, None, 1.0, output_weight=1.0, controls="suspension_anti").closed_loop,
+        pickle.loads(pickle.dumps(SCALED)),
+        deepcopy(SCALED),
     ):
         labels = (*system.input_labels, *system.output_labels)
         assert {SCALES[label] == system.scales[label] for label in labels if label in SCALES} == {True}
-    assert bc.mixed_sensitivity(scaled, W1=1.0).scales["error_stroke_anti"] == SCALES["stroke_anti"]
+    assert bc.mixed_sensitivity(SCALED, W1=1.0).scales["error_stroke_anti"] == SCALES["stroke_anti"]
     assert not hasattr(bc.close_loop(P, design), "scales")
-    assert not hasattr(2.0 * scaled, "scales")
+    assert not hasattr(2.0 * SCALED, "scales")
 
 
 DESIGNS = {
@@ -131,11 +117,11 @@ DESIGNS = {
 
 @pytest.mark.parametrize("method", DESIGNS)
 @pytest.mark.parametrize("dt", [0.0, T])
-def test_design_controller_in_machine_units(yaw, scaled, method, dt):
+def test_design_controller_in_machine_units(method, dt):
     """The loop gain at one frequency, computed from the matrices, is that of the scaled loop."""
     if dt and method == "tune":
         pytest.skip("continuous time only")
-    plants = [bc.analysis.sample_plant(system, T) if dt else system for system in (yaw, scaled)]
+    plants = [bc.analysis.sample_plant(system, T) if dt else system for system in (YAW, SCALED)]
     design = DESIGNS[method](weighted(plants[1]))
     assert type(design.controller) is control.StateSpace
     point = np.exp(0.7j * T) if dt else 0.7j
@@ -153,88 +139,65 @@ def test_design_controller_in_machine_units(yaw, scaled, method, dt):
         bc.prove(design)
 
 
-def test_design_without_scales_keeps_controller(yaw):
-    design = bc.h2(weighted(yaw))
+def test_design_without_scales_keeps_controller():
+    design = bc.h2(weighted(YAW))
     assert_allclose(design.controller.B, design.scaled_controller.B)
     assert not hasattr(design.scaled_controller, "scales")
 
 
-def joins(boom, yaw, scaled, P):
-    """Return calls that join a plant and a controller, each with the plant in machine units, then scaled (or None)."""
-    family = bc.boom_family(half="yaw")
-    time = np.linspace(0.0, 0.1, 6)
-    run = {"sample_time": T}
-    sampled = lambda K: bc.discretize(K, T, samples_per_period=2.0)  # noqa: E731
-    return {
-        "margins": (lambda K: bc.margins(yaw, K), lambda K: bc.margins(scaled, K)),
-        "nyquist": (lambda K: bc.nyquist(yaw, K), lambda K: bc.nyquist(scaled, K)),
-        "feedback_loop": (lambda K: bc.feedback_loop(yaw, K), lambda K: bc.feedback_loop(scaled, K)),
-        "close_loop": (lambda K: bc.close_loop(weighted(yaw), K), None),
-        "simulate_loop": (
-            lambda K: bc.simulate_loop(yaw, K, None, time, **run),
-            lambda K: bc.simulate_loop(scaled, K, None, time, **run),
-        ),
-        "sampled_norm": (
-            lambda K: bc.analysis.sampled_norm(yaw, sampled(K)),
-            lambda K: bc.analysis.sampled_norm(scaled, sampled(K)),
-        ),
-        "reduce_controller": (
-            lambda K: bc.reduce_controller(weighted(yaw), K),
-            lambda K: bc.reduce_controller(P, K),
-        ),
-        "tune": (
-            lambda K: bc.tune(weighted(yaw), structure=bc.tunable.state_space(9), initial=K, starts=1),
-            lambda K: bc.tune(P, structure=bc.tunable.state_space(9), initial=K, starts=1),
-        ),
-        "compare": (
-            lambda K: bc.compare({"passive": yaw, "active": bc.feedback_loop(scaled, K)}),
-            None,
-        ),
-        "worst_case": (lambda K: bc.worst_case(family, K), None),
-        "worst_case sampled": (lambda K: bc.worst_case(family, sampled(K)), None),
-        "robust_stability": (lambda K: bc.robust_stability(family, K), None),
-        "structured_margin": (lambda K: bc.analysis.structured_margin(family, K), None),
-        "closed_loop_response": (lambda K: bc.analysis.closed_loop_response(response(yaw), K), None),
-        "join_symmetric": (lambda K: bc.join_symmetric(boom, stroke_gain("sym"), K), None),
-        "schedule": (lambda K: bc.schedule([K, K], [0.0, 1.0]), None),
-    }
-
-
-def response(plant):
-    return plant.frequency_response(np.array([1.0, 2.0]))
+def sampled(K):
+    return bc.discretize(K, T, samples_per_period=2.0)
 
 
 def stroke_gain(side):
     return control.ss([], [], [], [[-200.0]], inputs=f"stroke_{side}", outputs=f"suspension_{side}")
 
 
-NAMES = tuple(joins(None, None, None, None))
+EITHER = {  # calls with a plant in units of the machine, or scaled, and a controller
+    "margins": bc.margins,
+    "nyquist": bc.nyquist,
+    "feedback_loop": bc.feedback_loop,
+    "simulate_loop": lambda G, K: bc.simulate_loop(G, K, None, np.linspace(0.0, 0.1, 6), sample_time=T),
+    "sampled_norm": lambda G, K: bc.analysis.sampled_norm(G, sampled(K)),
+    "reduce_controller": lambda G, K: bc.reduce_controller(weighted(G), K),
+    "tune": lambda G, K: bc.tune(weighted(G), structure=bc.tunable.state_space(9), initial=K, starts=1),
+}
+MACHINE = {  # in units of the machine alone
+    "close_loop": lambda yaw, K: bc.close_loop(weighted(yaw), K),
+    "compare": lambda yaw, K: bc.compare({"passive": yaw, "active": bc.feedback_loop(SCALED, K)}),
+    "worst_case": lambda _, K: bc.worst_case(bc.boom_family(half="yaw"), K),
+    "worst_case sampled": lambda _, K: bc.worst_case(bc.boom_family(half="yaw"), sampled(K)),
+    "robust_stability": lambda _, K: bc.robust_stability(bc.boom_family(half="yaw"), K),
+    "structured_margin": lambda _, K: bc.analysis.structured_margin(bc.boom_family(half="yaw"), K),
+    "closed_loop_response": lambda yaw, K: bc.analysis.closed_loop_response(
+        yaw.frequency_response(np.array([1.0, 2.0])), K
+    ),
+    "join_symmetric": lambda _, K: bc.join_symmetric(BOOM, stroke_gain("sym"), K),
+    "schedule": lambda _, K: bc.schedule([K, K], [0.0, 1.0]),
+}
 
 
-@pytest.mark.parametrize("name", NAMES)
-def test_scaled_controller_with_unscaled_plant_raises(boom, yaw, scaled, P, design, name):
-    machine = joins(boom, yaw, scaled, P)[name][0]
+@pytest.mark.parametrize("call", [*EITHER.values(), *MACHINE.values()], ids=[*EITHER, *MACHINE])
+def test_scaled_controller_with_unscaled_plant_raises(design, call):
     with pytest.raises(ValueError, match=r"units of the machine.*\.controller|same scales"):
-        machine(design.scaled_controller)
+        call(YAW, design.scaled_controller)
 
 
-@pytest.mark.parametrize("name", [name for name in NAMES if joins(None, None, None, None)[name][1]])
-def test_unscaled_controller_with_scaled_plant_raises(boom, yaw, scaled, P, design, name):
-    call = joins(boom, yaw, scaled, P)[name][1]
+@pytest.mark.parametrize("call", EITHER.values(), ids=EITHER)
+def test_unscaled_controller_with_scaled_plant_raises(design, call):
     with pytest.raises(ValueError, match=r"scaled signals of the plant.*\.scaled_controller"):
-        call(design.controller)
+        call(SCALED, design.controller)
 
 
-def test_controller_in_matching_scales_accepted(boom, yaw, scaled, P, design):
-    for name, (machine, other) in joins(boom, yaw, scaled, P).items():
-        if name in ("compare", "close_loop", "reduce_controller", "tune", "sampled_norm"):
-            continue  # the weights of the unscaled plant differ; the stroke passes the disturbance directly
-        machine(design.controller)
-        if other is not None:
-            other(design.scaled_controller)
+def test_controller_in_matching_scales_accepted(design):
+    for name in ("margins", "nyquist", "feedback_loop", "simulate_loop"):  # others weigh the plants differently
+        EITHER[name](YAW, design.controller)
+        EITHER[name](SCALED, design.scaled_controller)
+    for name in MACHINE.keys() - {"compare", "close_loop"}:
+        MACHINE[name](YAW, design.controller)
 
 
-def test_close_loop_scaled_plant_takes_both_controllers(P, design):
+def test_close_loop_scaled_plant_takes_both_controllers(design):
     poles = [
         np.sort_complex(bc.close_loop(P, K).poles()) for K in (design, design.controller, design.scaled_controller)
     ]
@@ -242,8 +205,8 @@ def test_close_loop_scaled_plant_takes_both_controllers(P, design):
     assert_allclose(poles[2], poles[0], rtol=1e-6)
 
 
-def test_loop_with_other_scales_raises(yaw, design):
-    other = bc.scale_signals(yaw, SCALES | {"stroke_anti": 0.1})
+def test_loop_with_other_scales_raises(design):
+    other = bc.scale_signals(YAW, SCALES | {"stroke_anti": 0.1})
     with pytest.raises(ValueError, match=r"0\.05 for 'stroke_anti' where the plant has 0\.1"):
         bc.margins(other, design.scaled_controller)
 
@@ -256,13 +219,13 @@ def test_write_controller_scaled_raises(tmp_path, design):
     assert_allclose(bc.read_controller(tmp_path / "K.json").B, design.controller.B)
 
 
-def test_unscale_controller_twice_raises(scaled, design):
+def test_unscale_controller_twice_raises(design):
     with pytest.raises(ValueError, match="got one in the units of the machine"):
         bc.unscale_controller(design.controller, {"stroke_anti": 0.05, "suspension_anti": 150.0})
     with pytest.raises(ValueError, match="`scales` must be those of the controller"):
         bc.unscale_controller(design.scaled_controller, {"stroke_anti": 0.1, "suspension_anti": 150.0})
     with pytest.raises(ValueError, match="must not be scaled"):
-        bc.scale_signals(scaled, SCALES)
+        bc.scale_signals(SCALED, SCALES)
     with pytest.raises(ValueError, match="carries none"):
         bc.unscale_controller(law())
     assert_allclose(bc.unscale_controller(design.scaled_controller).B, design.controller.B)
