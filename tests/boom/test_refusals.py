@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import boomctl as bc
-from boomctl.boom import boom_family, bump_track, tractor_system, yaw_family
+from boomctl.boom import boom_family, bump_track, tractor_system
 
 P, TRACTOR = bc.BoomParameters(), bc.boom.TractorParameters()
 STILL = replace(P, cradle_damping=0.0, hinge_damping=0.0, structural_damping=0.0)
@@ -33,30 +33,21 @@ def road(road_class="C", length=200.0, **options):
 REFUSED = [
     # parameters
     (lambda: replace(P, inner_width=0.03), r"inner_width = 0\.03: expected less than outer_width = 0\.02"),
-    (lambda: replace(P, inner_height=0.07), "inner_height"),
     (lambda: replace(P, spring_distance=12.5), r"spring_distance = 12\.5: expected less than the boom's length = 12"),
     (lambda: replace(P, boom_mass=20.0), "boom_mass = 20: expected at least that of the tube"),
-    (lambda: replace(P, boom_inertia=300.0), "boom_inertia = 300: expected at least that of the tube"),
-    (lambda: bc.BoomParameters(youngs_modulus=1e-50), BENDS),
-    (lambda: bc.BoomParameters(outer_width=1e-100, inner_width=0.0), BENDS),
     (lambda: bc.BoomParameters(length=1e4, **HEAVY), BENDS),
     (lambda: bc.BoomParameters(length=1e-6, spring_distance=1e-7), BENDS),
     (lambda: bc.BoomParameters(density=1e16), r"density = 1e\+16: expected at most 1e\+15, in SI units"),
     (lambda: replace(TRACTOR, centre_to_rear=3.0), "centre_to_rear = 3: expected less than the wheelbase"),
     # meshes
-    (lambda: bc.spray_boom(discretization="finit"), "unknown discretization 'finit'; did you mean 'finite'"),
-    (lambda: bc.spray_boom(elements="six"), "elements = 'six': expected"),
     (lambda: bc.spray_boom(elements=[-6, 1, 0, 6]), "expected at least two.*, ascending"),
     (lambda: bc.spray_boom(elements=[-6, 0, 5]), r"run from .* to .* m; expected"),
     (lambda: bc.spray_boom(discretization="discrete-hermite", elements=7), "elements = 7: expected an even number, at"),
-    (lambda: bc.spray_boom(discretization="discrete-geometric", elements=2), "elements = 2: expected an even number"),
     (lambda: bc.spray_boom(discretization="discrete-hermite", elements=[-6, 0, 6]), "not a mass allocation point"),
     (lambda: bc.spray_boom(excitation="force", reactions=True), "reactions = True"),
-    (lambda: bc.spray_boom(nozzles=[]), "at least one place along the boom"),
     (lambda: bc.spray_boom(nozzles=[1.0, 0.0]), "nozzles: expected at least one place along the boom, ascending"),
     (lambda: bc.spray_boom(nozzles=[0.0, 6.5]), "expected places on the boom, -6 to 6 m, got 0 to 6.5"),
     (lambda: chosen(band_hz=None), "band_hz = None: expected a number"),
-    (lambda: chosen(accuracy=None), "accuracy = None: expected a number"),
     (lambda: chosen(elements=8), "elements = 8: expected none beside accuracy"),
     (lambda: chosen(discretization="finite"), "discretization = 'finite': expected none"),
     (lambda: chosen(accuracy=1e-12), "accuracy = 1e-12: expected 1e-07 to 1"),
@@ -64,17 +55,13 @@ REFUSED = [
     (lambda: boom_family(spring=(1.2, 0.8)), "range of spring.*ascending"),
     (lambda: boom_family(mass=(-0.5, 1.2)), "lower end of mass"),
     (lambda: boom_family(mass=(0.8, 1.0, 1.2)), "range of mass"),
-    (lambda: boom_family(half="roll"), "half"),
-    (lambda: yaw_family(stiffest_hz=100.0), "frequency_hz"),
     # tracks
     (lambda: road("I"), "unknown road_class 'I'"),
     (lambda: road(8), "road_class = 8: expected a letter from A to H or a number from 0 to 7"),
     (lambda: road(length=0.2), r"length = 0\.2: expected at least the shortest wave"),
-    (lambda: road(length=20.0, band=(0.01, 0.04), step=1.0), "no wave of the band|shortest wave"),
     (lambda: road(step=0.5), r"step = 0\.5: expected less than 0\.16"),
     (lambda: road(band=(3.0, 1.0)), "band = .3, 1.: expected the lower wave number first"),
     (lambda: road(band=(0.01, 1.0, 2.0)), "band = .*expected two wave numbers"),
-    (lambda: road(band=0.5), "band = .*expected two wave numbers"),
     (lambda: road(length=12e3), r"length = 12000: expected at most 10000 m, the ground of a seed, or periodic=True"),
     (lambda: road(band=(0.01, 600.0), step=5e-4), r"band = \(0\.01, 600\): expected at most 500 /m, or periodic"),
     (lambda: road(band=(0.10001, 0.10002)), r"band = .*: expected a multiple of 0\.0001 /m in it"),
@@ -86,7 +73,6 @@ REFUSED = [
     (lambda: bc.boom.Track(0.1, np.zeros(3), np.zeros(2), 1.8), "equally many, got 3 and 2"),
     # motions
     (lambda: bc.platform_motion(road(width=1.5)), r"its sides are 1\.5 m apart; expected track_width, 1\.8 m"),
-    (lambda: bc.platform_motion(TRACK, {}), "tractor: expected TractorParameters, got dict"),
     (lambda: bc.platform_motion(TRACK, duration=30.0), r"duration = 30: expected at most .* s, where the track ends"),
     (lambda: bc.platform_motion(bump_track(0.1, 0.4, position=1.0, length=2.0)), "shorter than the wheelbase"),
     (lambda: bc.platform_motion(TRACK, sample_time=100.0), "sample_time = 100: expected less than the duration"),
@@ -106,10 +92,8 @@ REFUSED = [
     (lambda: sprayed(speed=0.0), r"speed = 0\.0: expected a number from 1e-06 to 1e\+06 m/s"),
     (lambda: sprayed(speed=0.001), "too short for a cell to be judged"),
     (lambda: sprayed(displacement=1e6 * TIME * np.ones((24, 1))), r"displacement: nozzles travel 9\.99e.06 m over"),
-    (lambda: sprayed(cell=1e-7), "too much for cells of 1e-07 by 1e-07 m"),
     (lambda: sprayed(cell=(0.1,)), "cell = .0.1,.: expected one size, or that along the boom"),
     (lambda: sprayed(cell=(1e-9, 0.1)), "too much for cells of 1e-09 by 0.1 m"),
-    (lambda: sprayed(footprint=bc.boom.Footprint(1.0, 1e9)), "too much for cells of 0.1 by 0.1 m"),
     (lambda: sprayed(footprint=bc.boom.Footprint(14.0)), "footprint: no cell of 0.1 m between the nozzles"),
     (lambda: sprayed(nozzles=[-6.0, 0.0, 6.0]), "nozzles: expected places between the points given"),
     (lambda: sprayed(nozzles=[-5.0, 0.0, 4.0]), "nozzles: expected at least two, ascending and equally spaced"),

@@ -95,34 +95,19 @@ def test_where_a_nozzle_goes_back_its_passes_add_up():
         assert along[chosen] == pytest.approx(np.full(chosen.sum(), passes * nominal), rel=1e-6)
 
 
-@pytest.mark.slow
 @given(seeds, st.integers(-30, 30), st.floats(-100.0, 100.0))
 @examples(15)
-def test_a_start_elsewhere_leaves_the_same_field(seed, cells, start):
-    rng = np.random.default_rng(seed)
-    t, moved = 0.02 * np.arange(801), wandering(rng, 24, 801, 0.05)
-    here = bc.spray_deposit(t, moved, X, 2.0)
-    there = bc.spray_deposit(start + t, moved + 0.1 * cells, X, 2.0)
+def test_field_is_the_same_elsewhere_mirrored_and_twice_as_fast(seed, cells, start):
+    """Only the path counts: all times halved, all speeds doubled."""
+    t, moved = 0.02 * np.arange(401), wandering(np.random.default_rng(seed), 24, 401, 0.05)
+    here, mirrored = (bc.spray_deposit(t, each, X, 2.0) for each in (moved, moved[::-1]))
+    there, fast = bc.spray_deposit(start + t, moved + 0.1 * cells, X, 2.0), bc.spray_deposit(0.5 * t, moved, X, 4.0)
+    assert mirrored.deposit[::-1] == pytest.approx(here.deposit, abs=1e-9)
     assert there.deposit == pytest.approx(here.deposit, abs=1e-7)
     assert there.cv == pytest.approx(here.cv, rel=1e-6)
     assert there.y_edges[0] - here.y_edges[0] == pytest.approx(0.1 * cells, abs=1e-6)
-
-
-@given(seeds)
-@examples(10)
-def test_the_mirrored_boom_leaves_the_mirrored_field(seed):
-    t, moved = 0.02 * np.arange(401), wandering(np.random.default_rng(seed), 24, 401, 0.1)
-    found, other = bc.spray_deposit(t, moved, X, 2.0), bc.spray_deposit(t, moved[::-1], X, 2.0)
-    assert found.deposit == pytest.approx(other.deposit[::-1], abs=1e-9)
-
-
-@pytest.mark.slow
-def test_the_same_motion_twice_as_fast_and_far_leaves_the_same_field():
-    """Only the path counts: all times halved, all speeds doubled."""
-    t, moved = sine(0.4, 2.0)
-    slow, fast = bc.spray_deposit(t, moved, X, 2.0), bc.spray_deposit(0.5 * t, moved, X, 4.0)
-    assert fast.deposit == pytest.approx(slow.deposit, abs=1e-9)
-    assert fast.relative_tip_speed == pytest.approx(slow.relative_tip_speed)
+    assert fast.deposit == pytest.approx(here.deposit, abs=1e-9)
+    assert fast.relative_tip_speed == pytest.approx(here.relative_tip_speed)
 
 
 @pytest.mark.parametrize("shape", ["triangle", "box"])

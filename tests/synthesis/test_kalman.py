@@ -12,8 +12,6 @@ from tests.strategies import seeds
 from tests.synthesis.riccati_cases import CASES
 from tests.synthesis.test_lqr import random_system, random_weight, variance
 
-MEASURED = ("stroke_left", "stroke_right", "tip_left_acceleration", "tip_right_acceleration")
-
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
 def test_the_dual_of_the_regulator(case):

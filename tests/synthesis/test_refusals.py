@@ -80,7 +80,6 @@ def half(side, dt=0.0, force=None):
 WEIGHT = control.ss(1.0, 1.0, 1.0, 0.0)
 REFUSED = [
     # regulators and filters
-    (lambda: regulated(np.diag([1.0, -1.0])), "eigenvalue of -1"),
     (lambda: regulated([[0.0, 1.0], [1.0, 0.0]]), "Q: expected a positive semidefinite"),
     (lambda: regulated(R=0.0), "R: expected a positive definite weight, got an eigenvalue of 0"),
     (lambda: regulated(R={}), "R: expected a weight for each of force"),
@@ -88,28 +87,18 @@ REFUSED = [
     (lambda: regulated(np.ones(3)), "Q: expected a number, 2 numbers or a 2 by 2 matrix, got shape"),
     (lambda: regulated(output_weight={"plac": 1.0}), "unknown signal in output_weight 'plac'; did you mean 'place'"),
     (lambda: regulated(integral={"place": -1.0}), "integral: expected a positive semidefinite"),
-    (lambda: regulated(N=np.ones((1, 2))), "N: expected shape"),
     (lambda: regulated(N=10.0 * np.ones((2, 1))), "Q - N R"),
     (lambda: regulated(controls=[]), "controls: expected at least one"),
     (lambda: regulated(None), "Q, output_weight: expected at least one"),
     (lambda: bc.lqr(control.ss([], [], [], [[1.0]]), 1.0, 1.0), "at least one state"),
     (lambda: bc.lqr(two_modes((1, 1, 1, 0), (1, 1, 1, 1)), 1.0, 1.0, controls="u"), r"3 rad/s .*cannot be moved by u"),
     (lambda: bc.lqr(MODES, None, 1.0, output_weight={"q": 0.0}), "mode at 2 rad/s .*not seen by any weight"),
-    (
-        lambda: bc.lqr(bc.spray_boom(elements=6, excitation="velocity"), 1.0, 1.0, controls="suspension_left"),
-        r"mode at 0 rad/s .*actuator_left\..*cannot be moved by suspension_left",
-    ),
     (lambda: bc.lqr(STUCK, 1.0, 1.0), r"not stabilisable: the mode at .* \(unstable"),
     (lambda: bc.lqr(UNSEEN, None, 1.0, output_weight=1.0), "undamped and not seen by any weight"),
     (lambda: bc.kalman(UNSEEN, 1.0, 1.0), "not detectable: the mode at 0 rad/s"),
     (lambda: bc.kalman(two_modes((1, 1, 1, 1), (1, 1, 1, 0)), 1.0, 1.0, measurements="y"), r"3 rad/s .*not seen by y"),
     (lambda: bc.kalman(two_modes((1, 1, 0, 1), (1, 1, 1, 1)), {"d": 1.0}, 1.0), "3 rad/s .*not reached by any process"),
     (lambda: bc.kalman(MASS, -1.0, 1.0), "process_noise: expected a positive semidefinite weight, got an eigenvalue"),
-    (
-        lambda: bc.kalman(MASS, 1.0, 0.0),
-        "measurement_noise: expected a positive definite weight, got an eigenvalue of 0",
-    ),
-    (lambda: bc.kalman(MODES, 1.0, {"y": 1.0}), "measurement_noise: expected a weight for each of q, y; 'q' has none"),
     (lambda: bc.lqg(UNSEEN, 1.0, 1.0, 1.0, 1.0, ltr=0.5), "ltr = 0.5: expected 0 for a discrete system"),
     (lambda: recovered(band=(3.0, 1.0)), "band = .* ascending"),
     (lambda: recovered(strengths=[]), "strengths: expected one number or more"),
@@ -125,7 +114,6 @@ REFUSED = [
     (lambda: fed_through(0.5), "not well-posed"),
     (lambda: bc.close_loop(P, control.ss([], [], [], 1.0, inputs="z_q", outputs="u")), "'z_q' is an output of P"),
     (lambda: bc.close_loop(SAMPLED, LAG), "controller: expected a sampling time of 0.1 s, as P has it, got continuous"),
-    (lambda: bc.close_loop(SAMPLED, control.ss(0.5, 1.0, 1.0, 0.0, 0.2)), "as P has it, got a .* of 0.2 s"),
     (lambda: select_channels(P, []), "inputs: expected at least one"),
     (lambda: bc.h_infinity("P", 1, 1), "P: expected a generalised plant.*generalized_plant"),
     (
@@ -134,21 +122,14 @@ REFUSED = [
     ),
     (lambda: bc.h2(control.rss(2, 3, 3), 1, 3), "ncon = 3: P has 3 input.* at least one must be a disturbance"),
     (
-        lambda: bc.h_infinity(yaw_plant("stroke_anti"), 2, 1),
-        "nmeas = 2: P has 1 .stroke_anti., its 'z_suspension_anti'",
-    ),
-    (
         lambda: bc.tune(yaw_plant("stroke_anti"), 1, 2, bc.tunable.gain()),
         "ncon = 2: P has 1 .suspension_anti., its 'n_st",
     ),
     (lambda: bc.h2(control.rss(2, 3, 3)), "nmeas: expected a number, since the names of P do not tell it"),
-    (lambda: bc.tune(P, bc.tunable.gain()), "nmeas: expected a whole number, got a structure"),
     (lambda: bc.low_pass(1.0, 0.0), "corner"),
     (lambda: bc.synthesis.high_pass(1.0, 1.0, order=3), "order = 3"),
     (lambda: bc.synthesis.band_pass(1.0, 2.0, 1.0), "ascending"),
     # assumptions
-    (lambda: bc.h2(integrator(((0, 0, 0), (0, 0, 0), (0, 1, 0))), 1, 1), "D12 .*'u'"),
-    (lambda: bc.h2(integrator(((0, 0, 0), (0, 0, 1), (0, 0, 0))), 1, 1), "D21 .*'y'"),
     (lambda: bc.h2(integrator(((3, 0, 0), (0, 0, 1), (0, 1, 0))), 1, 1), r"'w0' acts on .* 'z0' directly \(gain 3\)"),
     (lambda: bc.h_infinity(noiseless(), 1, 1), "D21.*measurement 'place'.*noise"),
     (lambda: bc.h_infinity(bc.mixed_sensitivity(LAG, W1=1.0), 1, 1), r"D12.*control 'u'.*effort weight"),
@@ -191,7 +172,6 @@ REFUSED = [
     (lambda: bc.reduce_controller(P, bc.h2(P), order=99), "order = 99"),
     (lambda: bc.join_symmetric(MODEL, half("anti", force="sym"), half("anti")), "'stroke_anti' of the symmetric contr"),
     (lambda: bc.join_symmetric(bc.spray_boom(elements=[-6, -2, 1, 6]), half("sym"), half("anti")), "mirror symmetry"),
-    (lambda: bc.join_symmetric(half("sym"), half("sym"), half("anti")), "expected SecondOrderModel, got StateSpace"),
     (
         lambda: bc.join_symmetric(MODEL, half("sym", 0.01), half("anti")),
         r"sampling times 0\.01 and 0.* s: expected the",
