@@ -23,6 +23,7 @@ def test_the_classes_are_those_of_the_standard():
     found = [float(road_density(letter, 0.1)[0]) * 1e6 for letter in "ABCDEFGH"]
     assert found == pytest.approx([16, 64, 256, 1024, 4096, 16384, 65536, 262144])
     assert road_density("C", [0.1, 0.2]) == pytest.approx([256e-6, 64e-6])
+    assert road_density(2, 0.1) == road_density("C", 0.1)
 
 
 def summed(road_class, seed, period, low, waves, distance):

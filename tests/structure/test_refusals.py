@@ -122,6 +122,7 @@ REFUSED = [
     (lambda: Force("f", BODY.at(0.0), 90.0), r"direction = 90\.0: expected radians, at most one turn"),
     (lambda: beam(angle=45), "angle of beam 'beam' = 45: expected radians"),
     (lambda: SpringDamper(BODY.at(0.0), BODY.at(1.0), "y"), "both ends are on 'body'; expected two bodies"),
+    (lambda: CutJoint(BODY.at(0.0), BODY.at(0.0)), "cut joint: both ends are on 'body'"),
     (lambda: Output("y", BODY.at(0.0), derivative=3), "derivative of output 'y' = 3: expected 0, 1 or 2"),
     (lambda: beam(sections=()), "beam 'beam': expected at least one section"),
     (lambda: beam(parent=GROUND.at(1.0, 0.1)), r"0\.1 m beside an axis of 2 m"),
