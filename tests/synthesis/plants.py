@@ -92,15 +92,16 @@ def weighed(plant: control.StateSpace) -> control.StateSpace:
     )
 
 
-def yaw_plant(*measured: str, noise: float = 0.01) -> control.StateSpace:
-    """Return the boom's antisymmetric half with a cheap control: effort weight 0.01, in SI units."""
-    _, yaw = bc.split_symmetric(bc.spray_boom(bc.BoomParameters()))
-    return bc.generalized_plant(
-        yaw,
-        disturbances={"actuator_anti": 1.0},
-        noises=dict.fromkeys(measured, noise),
-        performance={"tip_anti": 1.0},
-        effort={"suspension_anti": 0.01},
-        measurements=measured,
-        controls="suspension_anti",
-    )
+def yaw_plant(*measured: str, noise: float = 0.01, plant=None, **changes) -> control.StateSpace:
+    """Return the boom's antisymmetric half with a cheap control: effort weight 0.01, in SI units.
+
+    ``plant`` stands for another form of that half, ``changes`` for other signals of a kind and their weights.
+    """
+    signals = {
+        "disturbances": {"actuator_anti": 1.0},
+        "noises": dict.fromkeys(measured, noise),
+        "performance": {"tip_anti": 1.0},
+        "effort": {"suspension_anti": 0.01},
+    }
+    half = bc.split_symmetric(bc.spray_boom())[1] if plant is None else plant
+    return bc.generalized_plant(half, **(signals | changes), measurements=measured, controls="suspension_anti")

@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 
 import boomctl as bc
 from tests.profiles import examples
-from tests.synthesis.plants import resonators, weighed, yaw_plant
+from tests.synthesis.plants import yaw_plant
 
 OMEGA = (0.3, 2.0, 11.0)
 
@@ -23,15 +23,9 @@ def yaw():
 def pieces(yaw):
     track, tip = bc.synthesis.band_pass(0.05, 1.0, 20.0), bc.shelf(10.0, 1.0, 3.0)
     effort, noise = bc.shelf(1e-4, 1e-2, 60.0, order=2), bc.synthesis.high_pass(0.01, 5.0)
-    P = bc.generalized_plant(
-        yaw,
-        disturbances={"actuator_anti": track},
-        noises={"stroke_anti": noise},
-        performance={"tip_anti": tip},
-        effort={"suspension_anti": effort},
-        measurements="stroke_anti",
-        controls="suspension_anti",
-    )
+    weights = {"disturbances": {"actuator_anti": track}, "noises": {"stroke_anti": noise}}
+    weights |= {"performance": {"tip_anti": tip}, "effort": {"suspension_anti": effort}}
+    P = yaw_plant("stroke_anti", plant=yaw, **weights)
     return P, track, tip, effort, noise
 
 
@@ -117,18 +111,3 @@ def test_names_tell_measurements_and_controls():
     assert tuned.gamma == bc.tune(P, 1, 1, bc.tunable.gain(), starts=1).gamma
     lag = control.ss([[-1.0]], [[1.0]], [[1.0]], 0.0, inputs="u", outputs="y")
     assert bc.h_infinity(bc.mixed_sensitivity(lag, W1=bc.shelf(100.0, 0.5, corner=1.0), W2=0.1)).gamma < 0.93
-
-
-def test_a_design_is_taken_where_a_controller_is():
-    plant = resonators(1, 0.05, 0)
-    P = weighed(plant)
-    design, time = bc.h_infinity(P), 0.01 * np.arange(50)
-    K = design.controller
-    assert str(bc.margins(plant, design)) == str(bc.margins(plant, K))
-    loops = [bc.feedback_loop(plant, each, "u").A for each in (design, K)]
-    assert_allclose(*loops)
-    assert_allclose(bc.close_loop(P, design).A, bc.close_loop(P, K).A)
-    assert_allclose(bc.discretize(design, 0.01).A, bc.discretize(K, 0.01).A)
-    push = {"d": np.ones(50)}
-    runs = [bc.simulate_loop(plant, each, push, time, sample_time=0.01)["q"] for each in (design, K)]
-    assert_allclose(runs[0], runs[1])

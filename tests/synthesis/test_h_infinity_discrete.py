@@ -14,17 +14,14 @@ import boomctl as bc
 from boomctl.synthesis.hinf.normal_form import normalised
 from boomctl.synthesis.plants.partition import partition
 from tests.profiles import examples
+from tests.synthesis import test_h2_discrete
 
 
 def random_plant(seed):
-    """Return a discrete generalised plant of which D12 and D21 have full rank."""
-    rng = np.random.default_rng(seed)
-    n = int(rng.integers(1, 6))
-    A = rng.standard_normal((n, n))
-    A *= rng.uniform(0.3, 1.15) / np.abs(np.linalg.eigvals(A)).max()
-    B, C = rng.standard_normal((n, 3)), rng.standard_normal((3, n))
-    D = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0]])
-    return control.ss(A, B, C, D, 0.1, inputs=["w1", "w2", "u"], outputs=["z1", "z2", "y"])
+    """Return a discrete generalised plant of which D12 and D21 are one, and no other direct way is there."""
+    P = test_h2_discrete.random_plant(seed)
+    P.D = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0]])
+    return P
 
 
 @pytest.mark.slow

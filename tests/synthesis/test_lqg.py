@@ -159,17 +159,11 @@ def test_a_loop_in_which_each_mode_stands_twice_has_its_norm():
 
 def test_noise_inputs_that_would_be_driven_too_are_warned_of():
     plant = control.ss([[-1.0]], [[1.0, 1.0]], [[1.0]], 0.0, inputs=["push", "gust"], outputs="place")
-    ask = {
-        "Q": None,
-        "R": 1.0,
-        "process_noise": {"gust": 1.0},
-        "measurement_noise": 1.0,
-        "output_weight": {"place": 1.0},
-    }
+    asked = plant, None, 1.0, {"gust": 1.0}, 1.0
     with pytest.warns(UserWarning, match="drives all inputs, gust among them"):
-        both = bc.lqg(plant, **ask)
+        both = bc.lqg(*asked, output_weight={"place": 1.0})
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        one = bc.lqg(plant, **ask, controls="push")
+        one = bc.lqg(*asked, output_weight={"place": 1.0}, controls="push")
     assert both.controller.noutputs == 2
     assert one.controller.noutputs == 1

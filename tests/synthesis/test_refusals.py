@@ -53,17 +53,6 @@ def fed_through(loop_gain):
     return bc.close_loop(control.ss([], [], [], [[0.0, 1.0], [1.0, 2.0]]), control.ss([], [], [], loop_gain))
 
 
-def yaw_weighted(**changes):
-    signals = {
-        "disturbances": {"actuator_anti": 1.0},
-        "noises": {"stroke_anti": 0.01},
-        "performance": {"tip_anti": 1.0},
-        "effort": {"suspension_anti": 0.01},
-    }
-    names = {"measurements": "stroke_anti", "controls": "suspension_anti"}
-    return bc.generalized_plant(bc.split_symmetric(MODEL)[1], **(signals | changes), **names)
-
-
 def recovered(system=MASS, Q=1.0, band=(0.1, 10.0), strengths=(1.0,), **options):
     return loop_transfer_recovery(system, Q, 1.0, 1.0, 1.0, strengths=strengths, band=band, **options)
 
@@ -105,12 +94,15 @@ REFUSED = [
     (lambda: recovered(control.ss(LAG), 0.0), "expected a regulator with a loop to recover"),
     (lambda: recovered(MODES, measurements="y"), "measurements: expected at least as many as controls"),
     # generalised plants
-    (lambda: yaw_weighted(performance={"tip_anti": WEIGHT}), "'tip_anti'.*pole"),
-    (lambda: yaw_weighted(effort={"suspension_anti": control.rss(2, 2, 1)}), "'suspension_anti'.*one input"),
-    (lambda: yaw_weighted(noises={"tip_anti": 1.0}), "unknown noise of measurement"),
-    (lambda: yaw_weighted(effort={"actuator_anti": 1.0}), "unknown effort of control"),
-    (lambda: yaw_weighted(disturbances={}, noises={}), "at least one disturbance"),
-    (lambda: yaw_weighted(performance={}, effort={}), "at least one performance"),
+    (lambda: yaw_plant("stroke_anti", performance={"tip_anti": WEIGHT}), "'tip_anti'.*pole"),
+    (
+        lambda: yaw_plant("stroke_anti", effort={"suspension_anti": control.rss(2, 2, 1)}),
+        "'suspension_anti'.*one input",
+    ),
+    (lambda: yaw_plant("stroke_anti", noises={"tip_anti": 1.0}), "unknown noise of measurement"),
+    (lambda: yaw_plant("stroke_anti", effort={"actuator_anti": 1.0}), "unknown effort of control"),
+    (lambda: yaw_plant("stroke_anti", disturbances={}, noises={}), "at least one disturbance"),
+    (lambda: yaw_plant("stroke_anti", performance={}, effort={}), "at least one performance"),
     (lambda: fed_through(0.5), "not well-posed"),
     (lambda: bc.close_loop(P, control.ss([], [], [], 1.0, inputs="z_q", outputs="u")), "'z_q' is an output of P"),
     (lambda: bc.close_loop(SAMPLED, LAG), "controller: expected a sampling time of 0.1 s, as P has it, got continuous"),

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 import boomctl as bc
+from tests.synthesis.plants import yaw_plant
 
 T = 0.02
 SCALES = {"actuator_anti": 0.03, "suspension_anti": 150.0, "tip_anti": 0.2, "stroke_anti": 0.05}
@@ -18,15 +19,8 @@ scale = st.floats(1e-3, 1e3)
 
 
 def weighted(plant):
-    return bc.generalized_plant(
-        plant,
-        disturbances={"actuator_anti": bc.low_pass(1.0, 2.0)},
-        performance={"tip_anti": 1.0},
-        effort={"suspension_anti": 0.5},
-        noises={"stroke_anti": 0.02},
-        measurements=["stroke_anti"],
-        controls=["suspension_anti"],
-    )
+    weights = {"disturbances": {"actuator_anti": bc.low_pass(1.0, 2.0)}, "effort": {"suspension_anti": 0.5}}
+    return yaw_plant("stroke_anti", noise=0.02, plant=plant, **weights)
 
 
 BOOM = bc.spray_boom(elements=2)
@@ -192,9 +186,11 @@ def test_unscaled_controller_with_scaled_plant_raises(design, call):
 def test_controller_in_matching_scales_accepted(design):
     for name in ("margins", "nyquist", "feedback_loop", "simulate_loop"):  # others weigh the plants differently
         EITHER[name](YAW, design.controller)
+        EITHER[name](YAW, design)
         EITHER[name](SCALED, design.scaled_controller)
     for name in MACHINE.keys() - {"compare", "close_loop"}:
         MACHINE[name](YAW, design.controller)
+    MACHINE["worst_case sampled"](YAW, design)
 
 
 def test_close_loop_scaled_plant_takes_both_controllers(design):
