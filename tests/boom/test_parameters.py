@@ -39,6 +39,10 @@ def test_the_annotated_file_holds_the_defaults():
         ("[boom]\nlength = 12.0", ValueError, "unknown key 'boom'"),
         ("length = ", ValueError, "not a TOML file"),
         ("length = -1.0", ValueError, "length = -1"),
+        pytest.param(
+            "a = " + "[" * 100_000, ValueError, r"boom\.toml: tables or arrays are nested too deep", id="arrays"
+        ),
+        pytest.param("a = " + "{b = " * 100_000, ValueError, "nested too deep", id="tables"),
     ],
 )
 def test_a_bad_file_names_file_and_key(tmp_path, text, kind, message):
@@ -50,20 +54,17 @@ def test_a_bad_file_names_file_and_key(tmp_path, text, kind, message):
 
 
 @pytest.mark.parametrize(
-    "text", ["a = " + "[" * 100_000 + "]" * 100_000, "a = " + "{b = " * 100_000 + "1" + "}" * 100_000]
+    ("kind", "values"),
+    [
+        (bc.BoomParameters, {"youngs_modulus": 7e10}),
+        (bc.HubBeamParameters, {"youngs_modulus": 7e10}),
+        (bc.boom.TractorParameters, {"mass": 8000.0, "track_width": 2}),
+    ],
 )
-def test_a_file_that_is_nested_too_deep_is_refused(tmp_path, text):
-    path = tmp_path / "boom.toml"
-    path.write_text(text)
-    with pytest.raises(ValueError, match=r"boom\.toml: tables or arrays are nested too deep"):
-        bc.BoomParameters.from_toml(path)
-
-
-@pytest.mark.parametrize("kind", [bc.BoomParameters, bc.HubBeamParameters])
-def test_a_byte_order_mark_is_no_part_of_a_file(tmp_path, kind):
+def test_a_byte_order_mark_is_no_part_of_a_file(tmp_path, kind, values):
     path = tmp_path / "given.toml"
-    path.write_text("youngs_modulus = 7e10\n", encoding="utf-8-sig")
-    assert kind.from_toml(path) == kind(youngs_modulus=7e10)
+    path.write_text("".join(f"{name} = {value}\n" for name, value in values.items()), encoding="utf-8-sig")
+    assert kind.from_toml(path) == kind(**values)
 
 
 @given(
@@ -173,15 +174,6 @@ def test_parameter_file_warns_as_constructor(tmp_path, where):
     (tmp_path / "boom.toml").write_text("\n".join(f"{k} = {v}" for k, v in {**values, "boom_mass": 39.3}.items()))
     with pytest.warns(UserWarning, match=MASS):
         bc.BoomParameters.from_toml(tmp_path / "boom.toml")
-
-
-def test_sweep_of_boom_mass_displays_one_warning():
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("default")
-        bc.sweep(
-            lambda boom_mass: bc.BoomParameters(boom_mass=boom_mass).boom_mass, over={"boom_mass": [36.0, 38.0, 40.0]}
-        )
-    assert len(caught) == 1
 
 
 def test_scaled_density_gives_frequency_of_heavier_frame():

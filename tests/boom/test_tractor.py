@@ -173,32 +173,19 @@ def test_platform_motion_random_tracks_have_expected_density(periodic):
     assert (error < 0.1 * np.array(expected)).all()
 
 
-def test_parameters_come_from_a_file(tmp_path):
-    path = tmp_path / "tractor.toml"
-    path.write_text("mass = 8000.0\ntrack_width = 2\n")
-    assert bc.boom.TractorParameters.from_toml(path) == replace(P, mass=8000.0, track_width=2.0)
-    path.write_text("mas = 8000.0\n")
-    with pytest.raises(ValueError, match=r"tractor.toml: unknown key 'mas'; did you mean 'mass'"):
-        bc.boom.TractorParameters.from_toml(path)
+SLOW = replace(P, steering_corner_hz=2e-4)
+ROUND = bc.iso_track("C", 40.0, 3, step=0.04, band=(0.05, 3.0), periodic=True)
 
 
 def test_slow_steering_costs_no_more_rounds_and_leaves_a_motion_that_repeats():
     """The time it takes to forget the start is 100 rounds; driven once more, the motion is the same."""
-    p, track = (
-        replace(P, steering_corner_hz=2e-4),
-        bc.iso_track("C", 40.0, 3, step=0.04, band=(0.05, 3.0), periodic=True),
-    )
-    once = bc.platform_motion(track, p, 2.0, sample_time=0.02)
-    twice = bc.platform_motion(track, p, 2.0, duration=40.0, sample_time=0.02)
+    once = bc.platform_motion(ROUND, SLOW, 2.0, sample_time=0.02)
+    twice = bc.platform_motion(ROUND, SLOW, 2.0, duration=40.0, sample_time=0.02)
     assert twice.left[: len(once.left)] == pytest.approx(once.left, abs=1e-9)
     assert twice.left[1000:] == pytest.approx(twice.left[:1001], abs=1e-6 * twice.left.std())
     assert once.yaw[-1] == pytest.approx(once.yaw[0], abs=1e-6 * once.yaw.std())
 
 
 def test_slow_steering_between_samples_that_do_not_fit_into_a_round_is_the_limit_of_finer_ones():
-    p, track = (
-        replace(P, steering_corner_hz=2e-4),
-        bc.iso_track("C", 40.0, 3, step=0.04, band=(0.05, 3.0), periodic=True),
-    )
-    coarse, fine = (bc.platform_motion(track, p, 2.0, 10.0, sample_time=h) for h in (0.01 / 0.97, 0.001 / 0.97))
+    coarse, fine = (bc.platform_motion(ROUND, SLOW, 2.0, 10.0, sample_time=h) for h in (0.01 / 0.97, 0.001 / 0.97))
     assert fine.yaw[::10][: len(coarse.yaw)] == pytest.approx(coarse.yaw, abs=3e-3 * np.abs(coarse.yaw).max())
