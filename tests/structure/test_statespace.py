@@ -50,12 +50,6 @@ def test_outputs_as_smooth_as_the_motion_imposed_are_proper(seed, motion):
     assert close(state_space_response(driven.to_statespace(outputs=names), OMEGA), truth)
 
 
-def test_a_refused_output_still_has_a_frequency_response():
-    driven = prescribe_displacement(watched(0), "p0")
-    Y = driven.frequency_response(OMEGA, "p0").frdata
-    assert np.allclose(Y[:3, 0], [np.ones(5), S, S**2], rtol=1e-14)
-
-
 @pytest.mark.parametrize("motion", ["displacement", "velocity", "acceleration", None])
 @given(seed=seeds)
 def test_a_band_limited_sensor_is_the_filter_times_the_sensor(seed, motion):

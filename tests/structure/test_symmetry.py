@@ -37,15 +37,6 @@ def test_half_signals_are_orthonormal_sums_and_differences(discretization):
                 assert np.abs(half - sum(blocks)).max() < 1e-11 * np.abs(Y).max()
 
 
-def test_the_halves_are_half_the_size_and_share_the_modes():
-    model = bc.spray_boom(elements=12)
-    jolt, yaw = split_symmetric(model)
-    assert jolt.n + yaw.n == model.n
-    assert abs(jolt.n - yaw.n) <= 1
-    together = np.sort(np.concatenate([jolt.eigenfrequencies_hz(4), yaw.eigenfrequencies_hz(4)]))[:5]
-    assert together == pytest.approx(model.eigenfrequencies_hz(5), rel=1e-9)
-
-
 def test_the_signals_that_stand_on_the_axis_belong_to_the_jolt():
     jolt, yaw = split_symmetric(bc.spray_boom())
     assert jolt.inputs == ("actuator_sym", "suspension_sym", "cradle")
