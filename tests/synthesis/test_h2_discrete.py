@@ -110,24 +110,3 @@ def test_a_discrete_generalised_plant_is_its_parts_at_each_frequency():
     )
     assert sensitivity.dt == 0.1
     assert bc.h_infinity(sensitivity, 1, 1).certificate.norm.certified
-
-
-@pytest.mark.slow
-@pytest.mark.filterwarnings("ignore::boomctl.analysis.margins.SamplingCostsMarginWarning")
-def test_designs_in_discrete_time_run_on_the_plant_that_was_sampled():
-    sampled = bc.analysis.sample_plant(PLANT, 0.1, "force", delay=0.04)
-    P = around(sampled, bc.low_pass(2.0, 5.0))
-    best, robust = bc.h2(P, 1, 1), bc.h_infinity(P, 1, 1)
-    assert bc.h2_norm(bc.close_loop(P, best.controller)).value <= bc.h2_norm(bc.close_loop(P, robust.controller)).value
-    assert bc.hinf_norm(bc.close_loop(P, best.controller)).lower >= robust.certificate.lower * (1.0 - 1e-6)
-    for design in (best, robust):
-        direct = bc.margins(PLANT, design.controller, delay=0.04)
-        again = bc.margins(sampled, design.controller)
-        assert direct.controls.alpha == pytest.approx(again.controls.alpha, rel=1e-6)
-        smaller = bc.reduce_controller(P, design.controller, tolerance=0.1)
-        assert smaller.controller.dt == 0.1
-        assert smaller.order <= design.controller.nstates
-        assert smaller.gamma <= 1.1 * smaller.full_gamma * (1.0 + 1e-5)
-        assert bc.hinf_norm(bc.close_loop(P, smaller.controller)).lower == pytest.approx(smaller.gamma, rel=1e-5)
-    with pytest.raises(ValueError, match="fastest_pole: expected none for a discrete controller"):
-        bc.reduce_controller(P, best.controller, fastest_pole=1.0)

@@ -162,6 +162,7 @@ REFUSED = [
     (lambda: bc.discretize(LAG, 0.1, samples_per_period=1.0), "samples_per_period = 1: expected at least 2"),
     (lambda: bc.reduce_controller(made(1.0, [[1, 1]], [[1], [1]], [[0, 0], [0, 0]]), LAG * 0.0), "real part 1 rad/s"),
     (lambda: bc.reduce_controller(P, bc.h2(P), order=99), "order = 99"),
+    (lambda: bc.reduce_controller(SAMPLED, half("a", 0.1), fastest_pole=1.0), "expected none for a discrete con"),
     (lambda: bc.join_symmetric(MODEL, half("anti", force="sym"), half("anti")), "'stroke_anti' of the symmetric contr"),
     (lambda: bc.join_symmetric(bc.spray_boom(elements=[-6, -2, 1, 6]), half("sym"), half("anti")), "mirror symmetry"),
     (
