@@ -59,26 +59,16 @@ def test_the_time_spent_behind_an_edge_is_that_of_many_drops(seed, size, thickne
     assert found == pytest.approx(counted, abs=0.02)
 
 
-@pytest.mark.slow
-def test_a_boom_that_drives_evenly_sprays_evenly():
-    t = 0.01 * np.arange(2001)
-    result = bc.spray_deposit(t, np.full((24, 2001), 0.3), X, 2.5, cell=(0.07, 0.11))
-    assert result.judged == pytest.approx(np.ones(result.judged.shape), abs=1e-9)
-    assert (result.cv, result.share_outside_10, result.rms_tip_speed) == pytest.approx((0.0, 0.0, 0.0), abs=1e-9)
-    assert result.worst_dose == pytest.approx(1.0)
-    edge = result.deposit[: result.x_judged.start].sum() + result.deposit[result.x_judged.stop :].sum()
-    assert edge < 0.1 * result.deposit.sum()
-
-
-@pytest.mark.parametrize("k", [0.05, 0.2, 0.5, 0.7])
+@pytest.mark.parametrize("k", [0.0, 0.05, 0.2, 0.5, 0.7])
 def test_the_variation_of_a_sine_is_known(k):
     """Dose ``1/(1 + y'/V)`` under a point; over the ground its square has the mean ``1/sqrt(1 - k^2)``."""
     t, moved = sine(k)
     result = bc.spray_deposit(t, moved, X, 2.0, footprint=LINE, cell=(0.5, 0.01))
-    assert result.cv == pytest.approx(np.sqrt(1.0 / np.sqrt(1.0 - k * k) - 1.0), rel=5e-3)
+    assert result.cv == pytest.approx(np.sqrt(1.0 / np.sqrt(1.0 - k * k) - 1.0), rel=5e-3, abs=1e-9)
     assert result.highest_dose == pytest.approx(1.0 / (1.0 - k), rel=5e-3)
     assert result.lowest_dose == pytest.approx(1.0 / (1.0 + k), rel=5e-3)
     assert result.relative_tip_speed == pytest.approx(k / np.sqrt(2.0), rel=1e-3)
+    assert result.worst_dose == (result.highest_dose if k else pytest.approx(1.0))
 
 
 def test_where_a_nozzle_goes_back_its_passes_add_up():

@@ -73,11 +73,6 @@ def test_nyquist_and_compare_take_signals_as_sigma_does():
         (lambda: bc.h2(one.generalized()), lambda r: r.optimum),
         (lambda: one.h_infinity().certificate, lambda r: r.norm.value),
         (lambda: bc.reduce_controller(one.generalized(), one.h_infinity().controller, order=1), lambda r: r.gamma),
-        pytest.param(
-            lambda: bc.worst_case(one.family(), one.suspension(), "actuator_anti", "tip_anti"),
-            lambda r: r.norm.lower,
-            marks=pytest.mark.slow,
-        ),
     ],
 )
 def test_every_result_that_has_a_norm_has_it_by_this_name(make, of_old):

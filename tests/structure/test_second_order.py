@@ -25,9 +25,6 @@ def test_a_mass_on_a_spring_has_its_textbook_frequency_and_response():
     found = oscillator().frequency_response(omega)
     assert np.allclose(found.frdata[0, 0], 1 / (k + 1j * omega * c - m * omega**2), rtol=1e-15)
     assert (found.input_labels, found.output_labels) == (["force"], ["position"])
-
-
-def test_its_state_space_is_the_companion_form():
     system = oscillator().to_statespace()
     assert np.allclose(system.A, [[0.0, 1.0], [-4.0, -0.2]], rtol=1e-15)
     assert np.allclose(system.B, [[0.0], [0.5]], rtol=1e-15)
