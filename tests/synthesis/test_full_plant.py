@@ -51,10 +51,10 @@ def slowest_on(full, K):
     return control.feedback(G, K, sign=1).poles().real.max()
 
 
-def design(P):
+def design(P, nmeas=2):
     with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always")
-        found = bc.h_infinity(P, nmeas=2, ncon=1)
+        found = bc.h_infinity(P, nmeas, 1)
     return found, [str(one.message) for one in said if issubclass(one.category, bc.synthesis.ReductionWarning)]
 
 
@@ -99,27 +99,21 @@ def test_the_generalised_plant_of_a_reduction_is_that_of_its_system_and_remember
         np.testing.assert_array_equal(origin.around(of(full)).A, generalized(full).A)
 
 
-def test_a_generalised_plant_may_itself_be_a_reduction(full):
-    whole = generalized(full)
-    found, said = design(bc.reduce(whole, order=20))
-    told = found.certificate.full_plant
-    assert told.stable == bool(whole.lft(found.scaled_controller).poles().real.max() < 0.0)
-    assert f"the full plant of {whole.nstates} states" in told.statement
-    assert not said or told.norm.upper > 1.1 * found.gamma or not told.stable
-
-
-def test_mixed_sensitivity_takes_a_reduction():
-    slow = control.tf([1.0], [1.0, 1.0])
-    plant = control.ss(slow * control.tf([400.0], [1.0, 0.8, 400.0]), inputs="u", outputs="y")
-    small = bc.reduce(plant, order=1)
-    P = bc.mixed_sensitivity(small, W1=bc.low_pass(4.0, 0.5), W2=0.1)
-    with pytest.warns(bc.synthesis.ReductionWarning) as said:
-        found = bc.h_infinity(P, 1, 1)
-    K = found.scaled_controller
-    loop = control.feedback(plant, K, sign=-1)
-    told = found.certificate.full_plant
-    assert told.stable == bool(loop.poles().real.max() < 0.0)
-    assert len(said) == 1
+def test_reduced_plants_of_other_kinds_know_the_full_one(full):
+    """A reduction of a generalised plant, and the mixed sensitivity of a reduction."""
+    lag = control.ss(control.tf([400.0], np.polymul([1.0, 1.0], [1.0, 0.8, 400.0])), inputs="u", outputs="y")
+    weights = {"W1": bc.low_pass(4.0, 0.5), "W2": 0.1}
+    whole, other = generalized(full), bc.mixed_sensitivity(lag, **weights)
+    for P, around, plant, nmeas in (
+        (bc.reduce(whole, order=20), whole, whole, 2),
+        (bc.mixed_sensitivity(bc.reduce(lag, order=1), **weights), other, lag, 1),
+    ):
+        found, said = design(P, nmeas)
+        told = found.certificate.full_plant
+        assert told.stable == bool(around.lft(found.scaled_controller).poles().real.max() < 0.0)
+        assert f"the full plant of {plant.nstates} states" in told.statement
+        assert bool(said) == (not told.stable or told.norm.upper > 1.1 * found.gamma)
+    assert said
 
 
 @pytest.mark.slow

@@ -19,36 +19,48 @@ def yaw():
     return bc.split_symmetric(bc.spray_boom(bc.BoomParameters()))[1]
 
 
-@pytest.fixture(scope="module")
-def pieces(yaw):
-    track, tip = bc.synthesis.band_pass(0.05, 1.0, 20.0), bc.shelf(10.0, 1.0, 3.0)
-    effort, noise = bc.shelf(1e-4, 1e-2, 60.0, order=2), bc.synthesis.high_pass(0.01, 5.0)
+WEIGHTS = (  # of disturbance, performance, effort and noise
+    bc.synthesis.band_pass(0.05, 1.0, 20.0),
+    bc.shelf(10.0, 1.0, 3.0),
+    bc.shelf(1e-4, 1e-2, 60.0, order=2),
+    bc.synthesis.high_pass(0.01, 5.0),
+)
+
+
+def weighed_yaw(plant, track, tip, effort, noise):
     weights = {"disturbances": {"actuator_anti": track}, "noises": {"stroke_anti": noise}}
     weights |= {"performance": {"tip_anti": tip}, "effort": {"suspension_anti": effort}}
-    P = yaw_plant("stroke_anti", plant=yaw, **weights)
-    return P, track, tip, effort, noise
+    return yaw_plant("stroke_anti", plant=plant, **weights)
 
 
-def test_names_and_states(yaw, pieces):
-    P, *weights = pieces
+def test_names_and_states(yaw):
+    P = weighed_yaw(yaw, *WEIGHTS)
     assert P.input_labels == ["w_actuator_anti", "n_stroke_anti", "suspension_anti"]
     assert P.output_labels == ["z_tip_anti", "z_suspension_anti", "stroke_anti"]
-    assert P.nstates == 2 * yaw.n + sum(weight.nstates for weight in weights)
+    assert P.nstates == 2 * yaw.n + sum(weight.nstates for weight in WEIGHTS)
     assert "w_actuator_anti[1]" in P.state_labels
     assert "mode1.x1" in P.state_labels
     assert bc.synthesis.select_channels(P, "suspension_anti", "stroke_anti").output_labels == ["stroke_anti"]
 
 
+@pytest.mark.parametrize("dt", [0.0, 0.1])
 @pytest.mark.parametrize("omega", OMEGA)
-def test_channels_are_products(yaw, pieces, omega):
-    P, *weights = pieces
-    s = 1j * omega
-    track, tip, effort, noise = (weight(s) for weight in weights)
-    G = yaw.to_statespace()(s)  # rows: tip, stroke; columns: actuator, suspension
+def test_channels_are_products(yaw, dt, omega):
+    """Of a sampled plant with weights that are sampled by the trapezoidal rule."""
+    plant = bc.analysis.sample_plant(yaw, dt, "suspension_anti", delay=0.04) if dt else yaw.to_statespace()
+    at = np.exp(1j * omega * dt) if dt else 1j * omega
+    s = 2.0 / dt * (at - 1.0) / (at + 1.0) if dt else at
+    track, tip, effort, noise = (weight(s) for weight in WEIGHTS)
+    G = plant(at)  # rows: tip, stroke; columns: actuator, suspension
     expected = np.array(
         [[tip * G[0, 0] * track, 0.0, tip * G[0, 1]], [0.0, 0.0, effort], [G[1, 0] * track, noise, G[1, 1]]]
     )
-    assert_allclose(P(s), expected, rtol=1e-7, atol=1e-9 * np.abs(expected).max())
+    for weights in (WEIGHTS, [control.sample_system(weight, dt, "tustin") for weight in WEIGHTS] if dt else WEIGHTS):
+        P = weighed_yaw(plant, *weights)
+        assert P.dt == dt
+        assert_allclose(P(at), expected, rtol=1e-7, atol=1e-9 * np.abs(expected).max())
+    part = bc.synthesis.select_channels(plant, "suspension_anti", "stroke_anti")
+    assert bc.mixed_sensitivity(part, W1=bc.shelf(10.0, 0.5, 1.0), W2=0.1).dt == part.dt == dt
 
 
 @examples(20)

@@ -74,39 +74,3 @@ def test_a_measurement_that_comes_a_sample_late_is_worth_what_lqg_does(seed):
     D[n, n + 2], D[n + 1, n + 1] = 1.0, 1e-6  # the late reading itself is all but exact: the noise is in its state
     found = bc.h2(control.ss(A, B, C, D, 0.1), 1, 1)
     assert found.norm**2 == pytest.approx(best.cost, rel=1e-5)
-
-
-PLANT = control.ss(
-    [[0.0, 1.0], [-4.0, -0.1]], [[0.0, 0.0], [1.0, 1.0]], [[1.0, 0.0]], 0.0, inputs=["load", "force"], outputs="place"
-)
-NAMES = {"measurements": "place", "controls": "force"}
-
-
-def around(plant, weight):
-    given = {"disturbances": {"load": weight}, "performance": {"place": 1.0}, "effort": {"force": 0.1}}
-    return bc.generalized_plant(plant, **given, noises={"place": 0.05}, **NAMES)
-
-
-def test_a_discrete_generalised_plant_is_its_parts_at_each_frequency():
-    sampled, weight = bc.analysis.sample_plant(PLANT, 0.1, "force", delay=0.04), bc.low_pass(2.0, 5.0)
-    P = around(sampled, weight)
-    assert P.dt == 0.1
-    z = np.exp(0.7j)
-    tustin = weight(20.0 * (z - 1.0) / (z + 1.0))
-    G = sampled(z)
-    assert P(z) == pytest.approx(
-        np.array([[G[0, 0] * tustin, 0.0, G[0, 1]], [0.0, 0.0, 0.1], [G[0, 0] * tustin, 0.05, G[0, 1]]])
-    )
-    discrete = control.sample_system(weight, 0.1, "tustin")
-    assert around(sampled, discrete)(z) == pytest.approx(P(z))
-    with pytest.raises(
-        ValueError, match=r"weight of disturbance 'load': expected .* sampling time, 0\.1 s, got 0\.2 s"
-    ):
-        around(sampled, control.sample_system(weight, 0.2, "tustin"))
-    with pytest.raises(ValueError, match="stable system, this one has a pole at z"):
-        around(sampled, control.ss(1.1, 1.0, 1.0, 0.0, 0.1))
-    sensitivity = bc.mixed_sensitivity(
-        bc.synthesis.select_channels(sampled, "force"), W1=bc.shelf(10.0, 0.5, 1.0), W2=0.1
-    )
-    assert sensitivity.dt == 0.1
-    assert bc.h_infinity(sensitivity, 1, 1).certificate.norm.certified

@@ -49,6 +49,11 @@ def noiseless():
     )
 
 
+def sampled_weight(weight):
+    signals = {"disturbances": {"u": weight}, "performance": {"y": 1.0}}
+    return bc.generalized_plant(STUCK, **signals, measurements="y", controls="u")
+
+
 def fed_through(loop_gain):
     return bc.close_loop(control.ss([], [], [], [[0.0, 1.0], [1.0, 2.0]]), control.ss([], [], [], loop_gain))
 
@@ -103,6 +108,11 @@ REFUSED = [
     (lambda: yaw_plant("stroke_anti", effort={"actuator_anti": 1.0}), "unknown effort of control"),
     (lambda: yaw_plant("stroke_anti", disturbances={}, noises={}), "at least one disturbance"),
     (lambda: yaw_plant("stroke_anti", performance={}, effort={}), "at least one performance"),
+    (
+        lambda: sampled_weight(control.ss(0.5, 1.0, 1.0, 0.0, 0.2)),
+        r"'u': expected .* sampling time, 0\.1 s, got 0\.2 s",
+    ),
+    (lambda: sampled_weight(control.ss(1.1, 1.0, 1.0, 0.0, 0.1)), "stable system, this one has a pole at z"),
     (lambda: fed_through(0.5), "not well-posed"),
     (lambda: bc.close_loop(P, control.ss([], [], [], 1.0, inputs="z_q", outputs="u")), "'z_q' is an output of P"),
     (lambda: bc.close_loop(SAMPLED, LAG), "controller: expected a sampling time of 0.1 s, as P has it, got continuous"),
