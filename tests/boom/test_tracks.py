@@ -13,11 +13,6 @@ from tests.profiles import examples
 GROUND = 10_000.0  # m of ground that a seed has
 
 
-def amplitudes(side):
-    """Return the one-sided densities' share of each wave number: squared Fourier amplitudes over two, without the mean."""
-    return np.fft.rfft(side)[1:] / len(side)
-
-
 def test_the_classes_are_those_of_the_standard():
     """Geometric means at 0.1 /m in 1e-6 m^3, A to H."""
     found = [float(road_density(letter, 0.1)[0]) * 1e6 for letter in "ABCDEFGH"]
@@ -77,7 +72,7 @@ def grounds():
     found = []
     for seed in range(3):
         track = bc.iso_track("D", GROUND, seed, step=0.5, band=(0.01, 0.6), width=1.5)
-        found.append([amplitudes(side[:-1])[:6000] for side in (track.left, track.right)])
+        found.append([np.fft.rfft(side[:-1])[1:6001] / (len(side) - 1) for side in (track.left, track.right)])
     return np.array(found), np.arange(1, 6001) / GROUND
 
 

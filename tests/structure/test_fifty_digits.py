@@ -23,6 +23,7 @@ def test_mesh(p, elements):
     assert largest(ours, mesh_response(p, OMEGA, elements)) < 1e-9
 
 
+@pytest.mark.slow
 def test_mesh_approaches_the_exact_beam_with_the_fourth_order():
     p = bc.BoomParameters(spring_distance=3.0)  # springs at nodes of 8, 16, 32 elements
     omega = OMEGA[:8]

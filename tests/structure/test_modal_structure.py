@@ -58,17 +58,13 @@ def structure_of(given, options):
     return modal_structure(*given.values(), [f"u{i}" for i in range(m)], [f"y{i}" for i in range(p)], **options)
 
 
-def check(seed):
+@pytest.mark.parametrize("seed", range(20))
+def test_structure_of_modal_model_has_its_response(seed):
     given, options = drawn(seed)
     model, wanted = structure_of(given, options), response(**given, **options)
     size = np.abs(wanted).max(axis=(0, 1))
     assert (np.abs(model.frequency_response(OMEGA).frdata - wanted).max(axis=(0, 1)) < 1e-12 * size).all()
     assert (model.to_statespace().poles().real <= 1e-12).all()
-
-
-@pytest.mark.parametrize("seed", range(20))
-def test_structure_of_modal_model_has_its_response(seed):
-    check(seed)
 
 
 def test_mass_with_friction_is_one_coordinate():

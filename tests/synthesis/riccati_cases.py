@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-__all__ = ["CASES", "Case", "plant"]
+__all__ = ["CASES", "Case"]
 
 
 @dataclass(frozen=True)
@@ -17,15 +17,6 @@ class Case:
     Q: np.ndarray
     R: np.ndarray
     X: np.ndarray
-
-
-def plant(case):
-    """Return the case as a named system, its states as outputs."""
-    import control
-
-    n, m = case.B.shape
-    names = {"inputs": [f"u{i}" for i in range(m)], "outputs": [f"y{i}" for i in range(n)]}
-    return control.ss(case.A, case.B, np.eye(n), np.zeros((n, m)), states=[f"x{i}" for i in range(n)], **names)
 
 
 def _case(name, A, B, Q, R, X):
