@@ -90,7 +90,7 @@ def test_where_a_nozzle_goes_back_its_passes_add_up():
 def test_field_is_the_same_elsewhere_mirrored_and_twice_as_fast(seed, cells, start):
     """Only the path counts: all times halved, all speeds doubled."""
     t, moved, x = 0.02 * np.arange(401), wandering(np.random.default_rng(seed), 8, 401, 0.05), X[8:16]
-    here, mirrored = (bc.spray_deposit(t, each, x, 2.0) for each in (moved, moved[::-1]))
+    here, mirrored = (bc.spray_deposit(t, path, x, 2.0) for path in (moved, moved[::-1]))
     there, fast = bc.spray_deposit(start + t, moved + 0.1 * cells, x, 2.0), bc.spray_deposit(0.5 * t, moved, x, 4.0)
     assert mirrored.deposit[::-1] == pytest.approx(here.deposit, abs=1e-9)
     assert there.deposit == pytest.approx(here.deposit, abs=1e-7)

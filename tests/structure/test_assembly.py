@@ -71,7 +71,7 @@ def test_matrices_are_symmetric_and_definite_or_semidefinite(seed):
 
 
 @given(seeds)
-def test_rigid_motions_strain_nothing_and_recover_mass_and_inertia(seed):
+def test_rigid_motions_strain_nothing_and_have_mass_and_inertia(seed):
     """``V^T M V`` of two shifts and a turn about the origin is the rigid body's mass matrix."""
     machine = random_machine(seed, grounded=False)
     model = machine.assemble()

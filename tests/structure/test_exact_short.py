@@ -109,9 +109,7 @@ def test_rounding_that_may_show_is_said_with_its_size(away):
     assert limit < 1e6 * max(off, 1e-16)
 
 
-@pytest.mark.parametrize(
-    "distance", [1e-5, *(pytest.param(each, marks=pytest.mark.slow) for each in (1e-3, 6.0, 11.9))]
-)
+@pytest.mark.parametrize("distance", [1e-5, *(pytest.param(d, marks=pytest.mark.slow) for d in (1e-3, 6.0, 11.9))])
 def test_eigenfrequencies_of_the_boom_at_any_spring_distance(distance):
     p = bc.BoomParameters(spring_distance=distance)
     still = bc.BoomParameters(spring_distance=distance, structural_damping=0.0, hinge_damping=0.0, cradle_damping=0.0)

@@ -131,13 +131,13 @@ def bar(length, modulus, area, second_moment):
         (bc.spray_boom(excitation="force"), False),
     ],
 )
-def test_frequencies_that_no_machine_has_say_which_units_are_expected(model, warned):
+def test_frequencies_of_no_machine_warn_of_units(model, warned):
     for asked in (model.eigenfrequencies_hz, model.mode_shapes):
-        with warnings.catch_warnings(record=True) as told:
+        with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
             asked(3)
-        assert [one.filename for one in told] == [__file__] * warned
-        for one in told:
+        assert [one.filename for one in caught] == [__file__] * warned
+        for one in caught:
             assert re.search(r"lowest eigenfrequency is .* Hz; expected SI units: lengths in m", str(one.message))
 
 

@@ -63,16 +63,16 @@ def design(P, nmeas=2):
 def test_design_on_reduction_says_what_becomes_of_the_full_loop(full, order, stable, worse):
     """It is certified there, and warned of where it is unstable or worse."""
     found, said = design(generalized(bc.reduce(full, order=order)))
-    told, slowest = found.certificate.full_plant, slowest_on(full, found.scaled_controller)
-    assert told.stable is stable
+    proof, slowest = found.certificate.full_plant, slowest_on(full, found.scaled_controller)
+    assert proof.stable is stable
     assert (slowest < 0.0) == stable
-    assert_allclose(told.slowest_pole, slowest, rtol=1e-6)
+    assert_allclose(proof.slowest_pole, slowest, rtol=1e-6)
     if stable:
         loop = generalized(full).lft(found.scaled_controller)
-        assert_allclose(told.norm.lower, control.norm(loop, "inf"), rtol=1e-3)
-    assert (told.norm.lower > 1.1 * found.gamma) == worse
+        assert_allclose(proof.norm.lower, control.norm(loop, "inf"), rtol=1e-3)
+    assert (proof.norm.lower > 1.1 * found.gamma) == worse
     assert len(said) == worse
-    assert not worse or (f"{told.norm.upper:.6g}" if stable else "UNSTABLE") in said[0]
+    assert not worse or (f"{proof.norm.upper:.6g}" if stable else "UNSTABLE") in said[0]
     for text in (repr(found), repr(found.certificate)):
         assert stable == ("UNSTABLE" not in text)
 
@@ -109,10 +109,10 @@ def test_reduced_plants_of_other_kinds_know_the_full_one(full):
         (bc.mixed_sensitivity(bc.reduce(lag, order=1), **weights), other, lag, 1),
     ):
         found, said = design(P, nmeas)
-        told = found.certificate.full_plant
-        assert told.stable == bool(around.lft(found.scaled_controller).poles().real.max() < 0.0)
-        assert f"the full plant of {plant.nstates} states" in told.statement
-        assert bool(said) == (not told.stable or told.norm.upper > 1.1 * found.gamma)
+        proof = found.certificate.full_plant
+        assert proof.stable == bool(around.lft(found.scaled_controller).poles().real.max() < 0.0)
+        assert f"the full plant of {plant.nstates} states" in proof.statement
+        assert bool(said) == (not proof.stable or proof.norm.upper > 1.1 * found.gamma)
     assert said
 
 

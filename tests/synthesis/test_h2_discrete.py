@@ -37,7 +37,7 @@ def square_of_pulses(loop):
 @pytest.mark.parametrize("dt", [0.0, 0.1])
 @given(seed=st.integers(0, 10**6))
 @examples(60)
-def test_the_norm_is_that_of_the_pulses_and_no_controller_near_it_does_better(dt, seed):
+def test_h2_norm_is_that_of_pulses_and_no_neighbor_has_less(dt, seed):
     P = random_plant(seed, dt)
     try:
         design = bc.h2(P, 1, 1)

@@ -27,7 +27,7 @@ def test_the_dual_of_the_regulator(case):
 @pytest.mark.parametrize("dt", [0.0, 0.1])
 @given(seed=seeds)
 @examples(60)
-def test_the_covariance_is_that_of_the_error_and_no_other_gain_has_less(dt, seed):
+def test_covariance_is_that_of_error_and_no_gain_has_less(dt, seed):
     """The gain is that of the dual regulator, and that of python-control."""
     rng = np.random.default_rng(seed)
     system, W, V = random_system(seed, dt=dt), random_weight(seed, 5), random_weight(seed + 1, 2)

@@ -55,7 +55,7 @@ def test_an_integrator_in_closed_form(q, r, w, v):
 @pytest.mark.parametrize("dt", [0.0, 0.1])
 @given(seed=seeds)
 @examples(60)
-def test_the_cost_is_the_variance_of_the_loop_and_no_gain_costs_less(dt, seed):
+def test_lqg_cost_is_variance_of_loop_and_no_gain_costs_less(dt, seed):
     """Poles are those of regulator and filter; in continuous time H2 synthesis reaches the same cost."""
     system, Q, R, W, V = problem(seed, dt)
     design, rng = bc.lqg(system, Q, R, W, V), np.random.default_rng(seed)
@@ -159,11 +159,11 @@ def test_a_loop_in_which_each_mode_stands_twice_has_its_norm():
 
 def test_noise_inputs_that_would_be_driven_too_are_warned_of():
     plant = control.ss([[-1.0]], [[1.0, 1.0]], [[1.0]], 0.0, inputs=["push", "gust"], outputs="place")
-    asked = plant, None, 1.0, {"gust": 1.0}, 1.0
+    arguments = plant, None, 1.0, {"gust": 1.0}, 1.0
     with pytest.warns(UserWarning, match="drives all inputs, gust among them"):
-        both = bc.lqg(*asked, output_weight={"place": 1.0})
+        both = bc.lqg(*arguments, output_weight={"place": 1.0})
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        one = bc.lqg(*asked, output_weight={"place": 1.0}, controls="push")
+        one = bc.lqg(*arguments, output_weight={"place": 1.0}, controls="push")
     assert both.controller.noutputs == 2
     assert one.controller.noutputs == 1
