@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 import boomctl as bc
 from boomctl.boom.published import COMPUTED_HZ
-from tests.references import dense
+from tests.references import dense, kkt_response
 
 P = bc.BoomParameters()
 BAND = 2 * np.pi * np.geomspace(0.1, 10.0, 60)
@@ -147,6 +147,19 @@ def test_forces_and_what_they_move_are_reciprocal(elements):
     inputs, outputs = ("suspension_left", "suspension_right", "cradle"), ("stroke_left", "stroke_right", "cradle_slip")
     Y = model.frequency_response(BAND[::10], inputs, outputs).frdata
     assert np.abs(Y - Y.swapaxes(0, 1)).max() < 1e-10 * np.abs(Y).max()
+
+
+@pytest.mark.parametrize("elements", [6, 12])
+def test_moved_actuators_are_the_multiplier_solution_of_the_floating_boom(elements):
+    model = bc.spray_boom(elements=elements, excitation="force")
+    driven = bc.spray_boom(elements=elements, reactions=True)
+    B, L = model.ports.B[0], model.ports.L[0]
+    Y, F = kkt_response((model.M, model.C, model.K), B, L, [0, 1], [2, 3, 4], BAND[::10])
+    found = driven.frequency_response(BAND[::10]).frdata
+    slack = 1e-14 * np.linalg.cond(driven.M)
+    for columns in (slice(0, 2), slice(2, 5)):
+        assert np.abs(found[:5, columns] - Y[:, columns]).max() < slack * np.abs(Y[:, columns]).max()
+        assert np.abs(found[5:, columns] - F[:, columns]).max() < slack * np.abs(F[:, columns]).max()
 
 
 def test_platform_mass_and_inertia_do_not_matter_where_motion_is_imposed():

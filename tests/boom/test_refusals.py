@@ -72,6 +72,7 @@ REFUSED = [
     (lambda: bump_track(0.1, 0.4, step=1e-12), "length = 50: expected at most"),
     (lambda: bc.boom.Track(0.1, np.zeros(3), np.zeros(2), 1.8), "equally many, got 3 and 2"),
     # motions
+    (lambda: bc.platform_motion("C"), r"expected Track, got str; iso_track\(\.\.\.\)"),
     (lambda: bc.platform_motion(road(width=1.5)), r"its sides are 1\.5 m apart; expected track_width, 1\.8 m"),
     (lambda: bc.platform_motion(TRACK, duration=30.0), r"duration = 30: expected at most .* s, where the track ends"),
     (lambda: bc.platform_motion(bump_track(0.1, 0.4, position=1.0, length=2.0)), "shorter than the wheelbase"),

@@ -128,6 +128,7 @@ REFUSED = [
         "ncon = 2: P has 1 .suspension_anti., its 'n_st",
     ),
     (lambda: bc.h2(control.rss(2, 3, 3)), "nmeas: expected a number, since the names of P do not tell it"),
+    (lambda: bc.tune(P, bc.tunable.gain()), "nmeas: expected a whole number, got a structure"),
     (lambda: bc.low_pass(1.0, 0.0), "corner"),
     (lambda: bc.synthesis.high_pass(1.0, 1.0, order=3), "order = 3"),
     (lambda: bc.synthesis.band_pass(1.0, 2.0, 1.0), "ascending"),
