@@ -8,7 +8,6 @@ from hypothesis import strategies as st
 
 import boomctl as bc
 from boomctl.simulation import CoulombFriction, simulate_loop
-from boomctl.simulation.contact.friction import Slip, friction_step
 from tests.profiles import examples
 from tests.simulation.cases import mass_on_spring
 
@@ -103,29 +102,6 @@ def test_break_away_under_a_growing_force(static):
         errors.append(np.abs(found - exact).max())
     assert errors[2] < 1e-4
     assert errors[2] < errors[0] / 8.0 + 1e-9
-
-
-@given(
-    velocity=st.floats(-2.0, 2.0),
-    free=st.floats(-2.0, 2.0),
-    gain=st.floats(1e-3, 10.0),
-    force=st.floats(1e-3, 10.0),
-    extra=st.floats(0.0, 5.0),
-    stuck=st.booleans(),
-)
-@examples(100)
-def test_the_law(velocity, free, gain, force, extra, stuck):
-    law = CoulombFriction(force, force + extra)
-    step = friction_step(Slip(0.0 if stuck else velocity, stuck, None), free, gain, law)
-    assert abs(step.force) <= law.breakaway * (1.0 + 1e-9)
-    assert step.velocity == pytest.approx(free + gain * step.force, abs=1e-9 * (1.0 + abs(free)))
-    if step.stuck:
-        assert step.velocity == 0.0
-    elif step.sliding == 1.0:
-        assert step.force == -force * np.sign(step.velocity)
-    else:
-        assert step.velocity * free >= 0.0 or step.velocity * velocity <= 0.0
-    assert 0.0 <= step.sliding <= 1.0
 
 
 @pytest.mark.slow

@@ -9,7 +9,6 @@ import boomctl as bc
 from boomctl.simulation import CoulombFriction, simulate_loop
 from boomctl.simulation.contact.stops import StopMaps, stop_step
 from tests.profiles import examples
-from tests.simulation.cases import mass_on_spring
 from tests.strategies import seeds
 
 _FREE = ct.ss([[0.0, 1.0], [0.0, 0.0]], [[0.0], [0.5]], np.eye(2), 0.0, inputs=["f"], outputs=["x", "v"])
@@ -77,16 +76,6 @@ def test_strokes_never_pass_and_stops_only_push_and_take_energy(seed):
     q, v = states[:n], states[n:]
     energy = 0.5 * np.einsum("it,ij,jt->t", q, K, q) + 0.5 * np.einsum("it,ij,jt->t", v, M, v)
     assert (np.diff(energy) <= 1e-9 * energy[0]).all()
-
-
-def test_stops_out_of_reach_change_nothing():
-    time = np.linspace(0.0, 2.0, 401)
-    plain = simulate_loop(mass_on_spring(), None, None, time, sample_time=0.005, initial=[0.1, 0.0])
-    found = simulate_loop(
-        mass_on_spring(), None, None, time, sample_time=0.005, initial=[0.1, 0.0], stroke_limit={"x": (0.11, "f")}
-    )
-    np.testing.assert_allclose(found["x"], plain["x"], atol=1e-13)
-    assert found.stops == ()
 
 
 @pytest.mark.slow

@@ -25,16 +25,6 @@ def _plants():
 
 
 @pytest.mark.parametrize("kind", ["hub-beam", "linear"])
-def test_the_same_matrices_at_each_sample_are_a_steady_controller(kind):
-    plant, time = _plants()[kind], np.arange(0.0, 2.0, _TS)
-    wanted = {"hub_angle": np.full(time.size, 0.5)}
-    options = {"sample_time": _TS, "reference": wanted, "anti_windup": False, "delay": 0.013, "force_limit": 30.0}
-    varying, steady = (bc.simulate_loop(plant, law, None, time, **options) for law in (_repeated(3), _LAW))
-    for name in ("hub_angle", "tip_displacement"):
-        assert np.abs(varying[name] - steady[name]).max() < 1e-12
-
-
-@pytest.mark.parametrize("kind", ["hub-beam", "linear"])
 def test_each_sample_has_its_own_matrices_and_the_last_stay(kind):
     """A controller that goes on with other matrices is one that is started anew where the first ended."""
     plant, time = _plants()[kind], np.arange(0.0, 1.0, _TS)
