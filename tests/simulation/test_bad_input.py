@@ -72,25 +72,21 @@ _GAP = np.where(np.arange(11) == 7, np.nan, 0.0)
 _SIGNALS = [
     (lambda: _mass(disturbance={"f": _GAP}), "'f' has a gap: nan at point 7"),
     (lambda: _mass(disturbance={"f": np.zeros(39)}), r"'f' has shape \(39,\)"),
-    (lambda: _mass(disturbance={"f": [1.0, [2.0]]}), "disturbance 'f'"),
     (lambda: _mass(disturbance=np.zeros((2, 11))), r"shape \(2, 11\); expected \(1, 11\)"),
-    (lambda: _mass(time=np.delete(0.02 * np.arange(12), 5)), "expected equal steps"),
     (lambda: _mass(time=_TIME[::-1]), "ascending"),
     (lambda: _mass(time=[0.0]), "at least two"),
+    (lambda: _mass(initial=[0.0]), "initial has shape"),
+    (lambda: _mass(time=np.delete(0.02 * np.arange(12), 5)), "expected equal steps"),
     (lambda: _mass(sample_time=0.03), "whole multiple"),
     (lambda: _read("x", force_limit={"u9": 1.0}), "unknown signal of force_limit 'u9'"),
-    (lambda: _mass(initial=[0.0]), "initial has shape"),
     (lambda: _mass(sensors=[_sensor()]), "sensors: expected none for a linear plant"),
     (lambda: _read("z"), "'z'"),
     (lambda: _read("mode1_x1", plant=bc.spray_boom(elements=6)), "its state 'mode1_x1', which is no output"),
     (lambda: _pole(-250.0), r"too long for the controller's pole at -250\+0j rad/s.*fastest_pole="),
     (lambda: _pole(0.5, dt=0.1), "its sampling time is 0.1 s"),
-    (lambda: _run(3.0), "plant: expected"),
     (lambda: _run(ct.ss([[0.5]], [[1.0]], [[1.0]], 0.0, 0.1)), "continuous time"),
-    (lambda: _run(ct.ss([[np.nan]], [[1.0]], [[1.0]], 0.0)), "expected finite numbers"),
     (lambda: _grows(40.0, lambda P, d, t: simulate_loop(P, None, d, t, sample_time=0.5)), "diverges"),
     (lambda: _grows(5.0, forced_response), "beyond all numbers"),
-    (lambda: _boom({}), "not empty"),
     (lambda: _boom({"actuator": _TIME}), "did you mean"),
 ]
 _CONTACTS = [
@@ -109,7 +105,6 @@ _MACHINES = [
     (lambda: _beam(sensors=[_sensor(name="hub_angle")]), "sensors.*'hub_angle'"),
     (lambda: _sensor(quantity="strain"), "height = None: expected a distance"),
     (lambda: _sensor(height=0.1), "height = 0.1: expected None"),
-    (lambda: _sensor(name="a.b"), "name = 'a.b'"),
     (
         lambda: _beam(
             ct.ss([], [], [], [[4e3, 4e4]], 0.02, **_HUB),
@@ -133,7 +128,6 @@ _MACHINES = [
         r"controllers\[1\]: expected 1 state, as the first, got 0",
     ),
     (lambda: _varying(reads=(3, 1, 1)), r"B has shape \(3, 1, 1\); expected \(3, 1, 2\)"),
-    (lambda: _varying(inputs=["y", "y"]), "expected one name or more, each once"),
 ]
 
 

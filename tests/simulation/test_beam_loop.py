@@ -25,10 +25,9 @@ def _law(names=("hub_angle", "hub_speed"), dt=_TS):
     return ct.ss(A, B, C, D, dt, inputs=list(names), outputs=["torque"])
 
 
-def _matrices(law, anti_windup=True):
+def _matrices(law):
     A, B, C, D = (np.asarray(each) for each in (law.A, law.B, law.C, law.D))
-    L = conditioning_gain(A, B, C, D)[:, 0] if anti_windup else np.zeros(len(A))
-    return A, B, C[0], D[0], L
+    return A, B, C[0], D[0], conditioning_gain(A, B, C, D)[:, 0]
 
 
 def _read(beam):

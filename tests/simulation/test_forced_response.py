@@ -1,4 +1,4 @@
-"""The open-loop response: against extended precision, python-control, and its own error estimate."""
+"""The open-loop response: against ball arithmetic, the sampled loop, and its own error estimate."""
 
 import numpy as np
 import pytest
@@ -17,7 +17,6 @@ _PLATFORM = {
     "actuator_left": 0.01 * np.sin(4.0 * _TIME) + 0.002 * np.sin(31.0 * _TIME),
     "actuator_right": 0.01 * np.sin(2.5 * _TIME + 0.4) - 0.01 * np.sin(0.4),
 }
-_TIPS = ("tip_left", "tip_right")
 _STORED = 1e-10  # of a response, by rounding of stored rows: rigid motions, far larger, strain them a little
 
 
@@ -28,12 +27,8 @@ def _error(found, exact):
     return max(np.abs(found[name] - exact[name]).max() / sizes[name] for name in moving)
 
 
-_MORE = [pytest.param(kind, marks=pytest.mark.slow) for kind in ("displacement", "velocity", "acceleration")]
-
-
-@pytest.mark.parametrize("excitation", ["force", *_MORE])
-def test_error_half_boom_ramp_below_estimate(excitation):
-    half, _ = split_symmetric(bc.spray_boom(elements=42, excitation=excitation))
+def test_error_half_boom_ramp_below_estimate():
+    half, _ = split_symmetric(bc.spray_boom(elements=42, excitation="force"))
     time = np.linspace(0.0, 100.0, 101)
     signals = {half.inputs[0]: np.minimum(time, 1.0)}
     found = forced_response(half, signals, time)
