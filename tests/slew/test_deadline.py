@@ -62,17 +62,10 @@ def sfoam(modes=3):
     return bc.hub_beam(model="sfoam", modes=modes)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("limit", [0.02, 0.4])
-def test_the_time_limit_ends_the_search_in_words(limit):
-    with pytest.raises(bc.SlewError, match=rf"time_limit = {limit:g} s: over .*; reached: .* Expected more time"):
-        bc.optimal_slew(sfoam(), np.pi / 2, 200.0, "jerk", 4.5, tip_masses=(0.0, 0.2), time_limit=limit)
-
-
 @pytest.mark.parametrize("objective", ["time", "tip"])
 def test_the_time_limit_is_of_every_way(objective):
     duration = None if objective == "time" else 4.5
-    with pytest.raises(bc.SlewError, match=r"time_limit = 0\.001 s"):  # no machine is as fast as that
+    with pytest.raises(bc.SlewError, match=r"^time_limit = 0\.001 s: over .*; reached: .* Expected more time"):
         bc.optimal_slew(sfoam(), np.pi / 2, 200.0, objective, duration, time_limit=1e-3)
 
 
@@ -157,21 +150,10 @@ def test_the_end_error_is_of_all_coordinates(torque, tip_mass):
     assert "without axial motion" in repr(found)
 
 
-def test_without_axial_modes_nothing_is_left_free():
-    found = bc.optimal_slew(sfoam(1), 1.0, 200.0)
-    assert found.certificate.free_errors == {}
-    assert found.end_error == found.certificate.prescribed_error <= 1e-6
-
-
-@pytest.mark.parametrize("objective", ["effort", "jerk", pytest.param("tip", marks=pytest.mark.slow)])
-def test_a_torque_of_fixed_time_has_no_switches(objective):
-    found = bc.optimal_slew(sfoam(1), 1.0, 200.0, objective, 4.0, intervals=60)
+def test_switches_least_effort_or_noise_none():
+    found = bc.optimal_slew(sfoam(1), 1.0, 200.0, "effort", 4.0, intervals=60)
     assert found.history.switches.size == 0
     assert found.certificate.switches is None
-    assert "switch" not in repr(found.history)
-
-
-def test_noise_of_the_sign_is_no_switch():
     values = np.concatenate([np.full(10, 5.0), 1e-6 * (-1.0) ** np.arange(20), np.full(10, -5.0)])
     noisy = TorqueHistory(np.arange(41.0), values, values)
     assert noisy.switches.size == 0

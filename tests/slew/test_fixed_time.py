@@ -7,7 +7,6 @@ from hypothesis import strategies as st
 
 import boomctl as bc
 from boomctl.slew import resolve
-from boomctl.slew.effort import effort_on_mesh
 from boomctl.slew.linear import guess_from, least_effort
 from boomctl.slew.nlp.interval import Units
 from boomctl.slew.nlp.programme import prepare
@@ -15,7 +14,7 @@ from boomctl.slew.nlp.refinement import refined
 from boomctl.slew.nlp.transcription import Scheme, transcribe
 from boomctl.slew.objectives import OBJECTIVES
 from boomctl.slew.problem import Limits, slew_problem
-from boomctl.slew.replay import played, prescribed_error, violation
+from boomctl.slew.replay import played, prescribed_error
 from tests.profiles import examples
 from tests.slew.systems import rigid
 
@@ -113,20 +112,18 @@ _PAYLOAD = {"tip_masses": (0.2,)}
 
 
 @pytest.mark.parametrize(
-    ("objective", "limits", "ask"),
+    ("model", "objective", "limits", "ask"),
     [
-        ("time", {"speed": 0.7}, {}),
-        pytest.param("jerk", {"moment": 30.0}, {}, marks=pytest.mark.slow),
-        ("tip", {"torque_rate": 500.0}, _PAYLOAD),
-        ("effort", {}, {}),
+        ("sfoam", "time", {"speed": 0.7}, {}),
+        pytest.param("sfoam", "jerk", {"moment": 30.0}, {}, marks=pytest.mark.slow),
+        ("sfoam", "tip", {"torque_rate": 500.0}, _PAYLOAD),
+        ("foam", "effort", {}, {}),
+        ("linear", "time", {}, {}),
+        ("linear", "torque-rate", {}, {}),
     ],
 )
-@pytest.mark.parametrize("model", ["sfoam", "foam", "linear"])
-def test_derivatives_of_a_programme_are_those_of_casadi(objective, limits, ask, model):
+def test_derivatives_of_a_programme_are_those_of_casadi(model, objective, limits, ask):
     h = bc.hub_beam(bc.HubBeamParameters(tip_mass=0.1), model=model, modes=1) if model != "linear" else rigid(50.0)
-    ask, limits = (ask, limits) if model == "sfoam" else ({}, {})
-    if model == "linear" and objective == "tip":
-        objective = "torque-rate"
     problem = slew_problem(h, 1.0, Limits(LIMIT, **limits), objective, None if objective == "time" else 4.0, **ask)
     rng, ramp = np.random.default_rng(0), OBJECTIVES[objective].continuous
     scheme = Scheme(objective, 4, 2, ramp, objective == "time", tuple(problem.limits.beside_torque))
@@ -191,22 +188,22 @@ def test_the_gap_of_least_effort_is_to_the_doubled_mesh_where_the_halved_one_has
     assert slew.certificate.optimality_gap == pytest.approx(abs(compared.cost / slew.cost - 1.0), rel=1e-3)
 
 
-@pytest.mark.parametrize("limit", [LIMIT, 145.0])
 @pytest.mark.parametrize(
-    ("change", "ask"),
+    ("limit", "turn", "change", "ask"),
     [
-        ({}, {"angle": ANGLE}),
-        ({}, {"angle": ANGLE, "tip_masses": (0.3,)}),
-        ({}, {"angle": None, "final_speed": 0.8}),
-        (None, {"angle": ANGLE}),
-        pytest.param({"model": "foam"}, {"angle": ANGLE}, marks=pytest.mark.slow),
+        (LIMIT, ANGLE, {}, {}),
+        (145.0, ANGLE, {}, {}),
+        (LIMIT, ANGLE, {}, _PAYLOAD),
+        (145.0, None, {}, {"final_speed": 0.8}),
+        (LIMIT, ANGLE, None, {}),
+        (145.0, ANGLE, None, {}),
+        (2000.0, 3.0, {"tip_mass": 0.5}, {}),  # the tip goes out to nearly half of the length
+        pytest.param(145.0, ANGLE, {"model": "foam"}, {}, marks=pytest.mark.slow),
     ],
-    ids=["turn", "payload", "spin-up", "linear", "foam"],
 )
-def test_least_effort_of_a_beam_is_what_a_programme_finds(limit, change, ask):
-    h = bc.hub_beam(bc.HubBeamParameters(tip_mass=0.1), **({"modes": 1} | (change or {})))
-    h, ask = h.linearize() if change is None else h, dict(ask)
-    turn = ask.pop("angle")
+def test_least_effort_of_a_beam_is_what_a_programme_finds(limit, turn, change, ask):
+    h = bc.hub_beam(**({"modes": 1, "tip_mass": 0.1} | (change or {})))
+    h = h.linearize() if change is None else h
     known = bc.optimal_slew(h, turn, limit, "effort", 4.0, intervals=60, tolerance=1e-7, **ask)
     found, gap = _programme(h, turn, Limits(limit), 4.0, 60, tolerance=1e-7, **ask)
     assert known.certificate.method == "least effort"
@@ -220,14 +217,6 @@ def test_least_effort_of_a_beam_is_what_a_programme_finds(limit, change, ask):
     else:
         assert known.certificate.optimality_gap == pytest.approx(gap, rel=1e-2)
     assert ("torque_limit" in known.certificate.binding) == (found.peak > 0.9999 * limit)
-
-
-def test_a_beam_that_bends_far_has_the_least_effort_that_a_programme_finds():
-    """The tip goes out to nearly half of the length: beyond what the model is for, and far from the linear part."""
-    h = bc.hub_beam(bc.HubBeamParameters(tip_mass=0.5), modes=1)
-    known = bc.optimal_slew(h, 3.0, 2000.0, "effort", 4.0, intervals=80)
-    assert np.abs(known.tip_displacement).max() > 2.0
-    assert known.cost == pytest.approx(_programme(h, 3.0, Limits(2000.0), 4.0, 80)[0].effort, rel=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -247,22 +236,16 @@ def test_least_effort_within_limits_on_the_way_is_what_a_programme_finds(limits,
     h = h.linearize() if linear else h
     given = {f"{kind}_limit": value for kind, value in limits.items()}
     known = bc.optimal_slew(h, ANGLE, LIMIT, "effort", 4.0, intervals=60, **given, **ask)
-    found, _ = _programme(h, ANGLE, Limits(LIMIT, **limits), 4.0, 60, **ask)
+    found, gap = _programme(h, ANGLE, Limits(LIMIT, **limits), 4.0, 60, **ask)
     free = bc.optimal_slew(h, ANGLE, LIMIT, "effort", 4.0, intervals=60, **ask)
     assert known.certificate.method == "least effort"
     assert known.certificate.constraint_violation <= 1e-9
     assert known.certificate.prescribed_error <= 1e-6
+    assert linear or known.certificate.optimality_gap == pytest.approx(gap, rel=1e-2)
     assert set(known.certificate.binding) <= {*given, "torque_limit"}
     assert free.cost < known.cost * (1.0 - 1e-6)  # the limits are met
     assert known.cost == pytest.approx(found.effort, rel=1e-6)
     assert known.history.left == pytest.approx(found.left, abs=1e-3 * LIMIT)
-
-
-@pytest.mark.parametrize("limits", [{}, {"speed": 0.66}, {"tip": 0.8}])
-def test_joined_intervals_take_the_effort_of_a_mesh_half_as_fine(limits):
-    problem = slew_problem(bc.hub_beam(modes=1), ANGLE, Limits(LIMIT, **limits), "effort", 4.0)
-    fine, coarse = (effort_on_mesh(problem, 4.0, n, problem.limits) for n in (60, 30))
-    assert fine.more == pytest.approx(coarse.history.effort / fine.history.effort - 1.0, rel=1e-2)
 
 
 @pytest.mark.slow
@@ -272,19 +255,6 @@ def test_a_replay_is_asked_for_by_a_method_and_kept():
     assert [each.model for each in found] == ["foam", "geometrically-exact"]
     assert slew.replays is slew.replays
     assert slew.replays == found
-
-
-@pytest.mark.slow
-def test_between_two_instants_of_a_long_slew_no_limit_is_exceeded_either():
-    """The second mode turns 175 times on the way: at 1001 instants its peaks are missed."""
-    beam = bc.hub_beam(modes=2)
-    free = bc.optimal_slew(beam, 1.5, 200.0, "effort", 60.0)
-    most = 0.7 * float(np.abs(free.root_moment).max())
-    slew = bc.optimal_slew(beam, 1.5, 200.0, "effort", 60.0, moment_limit=most)
-    problem = slew.plan.problem
-    dense = violation(problem, slew.history, played(problem, slew.history, 50_001))
-    assert slew.certificate.constraint_violation <= 1e-9
-    assert dense["moment"] <= 1e-5
 
 
 def test_a_long_replay_goes_in_parts_and_says_where_it_looks_less_closely(monkeypatch):

@@ -64,22 +64,6 @@ def test_rest_to_rest_is_antisymmetric_in_time(angle, torque, modes):
     assert slew.history(t) == pytest.approx(-slew.history(slew.duration - t))
 
 
-@examples(8)
-@given(st.floats(0.3, 2.5), st.floats(100.0, 300.0), st.floats(1.01, 2.0))
-def test_more_torque_is_never_slower(angle, torque, factor):
-    h = bc.hub_beam(modes=1).linearize()
-    weak, strong = (bc.optimal_slew(h, angle, limit) for limit in (torque, factor * torque))
-    assert strong.duration < weak.duration
-
-
-@examples(2)
-@given(st.floats(1.1, 3.0))
-def test_rigid_limit_scales_with_the_root_of_the_angle(factor):
-    stiff = bc.hub_beam(bc.HubBeamParameters(youngs_modulus=6.9e14), modes=1)
-    one, more = (bc.optimal_slew(stiff.linearize(), angle, 200.0).duration for angle in (0.5, 0.5 * factor))
-    assert more / one == pytest.approx(np.sqrt(factor), rel=1e-3)
-
-
 def test_lower_bound_catches_a_slew_that_is_not_the_fastest():
     problem = slew_problem(two_masses(), 1.0, Limits(1.0))
     found = least_time(problem)
@@ -118,7 +102,8 @@ def test_nonlinear_bang_bang_satisfies_pontryagin(model, modes):
     assert c.method == "switching times"
     assert c.optimality == "extremal"
     assert c.optimality_gap < 1e-6
-    assert slew.end_error < 1e-6
+    assert c.free_errors == {}
+    assert slew.end_error == c.prescribed_error < 1e-6
     assert slew.residual_energy < 1e-9
     assert np.abs(slew.torque).max() <= 200.0 * (1.0 + 1e-12)
     assert slew.hub_angle[-1] == pytest.approx(np.pi / 2, abs=1e-7)
@@ -142,14 +127,6 @@ def test_spin_up_ends_in_steady_rotation():
     assert slew.residual_energy < 1e-9
     assert slew.duration > 0.99 * inertia / 200.0
     assert slew.certificate.optimality_gap < 1e-6
-
-
-def test_arbitrary_end_states():
-    system = two_masses()
-    start, end = [0.2, 0.0, 0.1, -0.1], [1.0, 1.1, 0.0, 0.0]
-    slew = bc.optimal_slew(system, None, 1.0, initial_state=start, final_state=end)
-    assert slew.states[0] == pytest.approx(start)
-    assert slew.states[-1] == pytest.approx(end, abs=1e-8)
 
 
 @pytest.mark.parametrize(("angle", "amplitude"), [(None, 0.001), (None, 0.1), (0.0, 0.1), (1e-4, 1.0)])
