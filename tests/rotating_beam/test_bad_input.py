@@ -114,34 +114,6 @@ def test_motion_that_cannot_be_followed_refused(run, words):
         run()
 
 
-def test_parameters_from_toml(tmp_path):
-    path = tmp_path / "beam.toml"
-    path.write_text("[hub_beam]\ntip_mass = 0.1\n")
-    assert bc.HubBeamParameters.from_toml(path) == bc.HubBeamParameters(tip_mass=0.1)
-    path.write_text("tipmass = 0.1\n")
-    with pytest.raises(ValueError, match=r"unknown key 'tipmass'"):
-        bc.HubBeamParameters.from_toml(path)
-    path.write_text("tip_mass = \n")
-    with pytest.raises(ValueError, match=r"beam.toml: not a TOML file"):
-        bc.HubBeamParameters.from_toml(path)
-
-
-def short_move(start, length, size, after=0.0):
-    """A smooth turn by ``size`` rad within ``length`` s, and back after a while unless that is zero."""
-
-    def scaled(t, begin):
-        return np.clip((np.asarray(t) - begin) / length, 0.0, 1.0)
-
-    def total(one):
-        return lambda t: one(scaled(t, start)) - (one(scaled(t, start + after)) if after else 0.0)
-
-    return (
-        total(lambda x: size * x**3 * (10.0 - 15.0 * x + 6.0 * x**2)),
-        total(lambda x: size / length * 30.0 * x**2 * (1.0 - x) ** 2),
-        total(lambda x: size / length**2 * 60.0 * x * (1.0 - x) * (1.0 - 2.0 * x)),
-    )
-
-
 _FEW_SINES = st.lists(
     st.tuples(st.floats(0.3, 40.0), st.floats(0.05, 1.0), st.floats(0.0, 6.3)), min_size=1, max_size=4
 )
@@ -149,12 +121,14 @@ _FEW_SINES = st.lists(
 
 def swaying(sines, end):
     """A motion by sines (frequency [rad/s], amplitude of the speed [rad/s], phase) and a short turn within them."""
-    turn = short_move(0.4 * end, 0.07 * end, 0.02 * end)
+    turn = 0.02 * end * np.polynomial.Polynomial([0.0, 0.0, 0.0, 10.0, -15.0, 6.0])
+    begin, length = 0.4 * end, 0.07 * end
 
     def derivative(k):
         def value(t):
             t = np.asarray(t)
-            return turn[k](t) + sum(a * w ** (k - 1) * np.sin(w * t + p + 0.5 * k * np.pi) for w, a, p in sines)
+            moved = turn.deriv(k)(np.clip((t - begin) / length, 0.0, 1.0)) / length**k
+            return moved + sum(a * w ** (k - 1) * np.sin(w * t + p + 0.5 * k * np.pi) for w, a, p in sines)
 
         return value
 

@@ -68,26 +68,3 @@ def test_tolerance_and_estimate_hold_where_the_acceleration_jumps(seed, digits):
     error, largest = np.abs(result.tip_displacement - found).max(), np.abs(found).max()
     assert error <= 1e-12 + rtol * largest
     assert error <= result.error_estimate + 1e-10 * largest
-
-
-@examples(100)
-@given(seed=st.integers(0, 10**6), share=st.floats(-5.0, -4.3))
-@example(seed=0, share=-4.5)
-def test_short_pulse_that_is_not_told_is_followed(seed, share):
-    """A pulse shorter than what is looked at shows where the speed is no integral of smooth pieces."""
-    generator = np.random.default_rng(seed)
-    end, size = generator.uniform(1.0, 20.0), generator.uniform(0.05, 1.0)
-    begin, length = generator.uniform(0.1, 0.9) * end, 10.0**share * end
-
-    def since(t):
-        return np.clip(t - begin, 0.0, length)
-
-    functions = (
-        lambda t: size * (0.5 * since(t) ** 2 + length * np.maximum(t - begin - length, 0.0)) + 1.0 - np.cos(t),
-        lambda t: size * since(t) + np.sin(t),
-        lambda t: size * ((t >= begin) & (t < begin + length)) + np.cos(t),
-    )
-    beam, instants = bc.hub_beam(bc.HubBeamParameters(length=3.0), modes=2), np.linspace(0.0, end, 50)
-    found = beam.simulate(bc.hub_profile(*functions), instants).tip_displacement
-    told = beam.simulate(bc.hub_profile(*functions, (begin, begin + length)), instants, rtol=1e-10).tip_displacement
-    assert np.abs(found - told).max() <= 1e-10 + 2e-8 * np.abs(told).max()

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.integrate import solve_ivp
 
 from boomctl.rotating_beam import (
     HubBeamParameters,
@@ -59,25 +58,6 @@ def test_residual_energy_steady_rotation_zero(model):
     steady[0] = 0.7
     assert beam.residual_energy(steady, speed) == 0.0
     assert beam.residual_energy(steady + bent_and_spinning(beam, 0.1, 0.0), speed) > 0.0
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("model", ALL_MODELS)
-def test_simulator_equals_an_explicit_integrator(model):
-    """The state equations, by an independent Runge-Kutta method at a tight tolerance."""
-    p = HubBeamParameters(length=2.0, damping_ratio=0.01, hub_inertia=5.0)
-    beam = hub_beam(p, model, 1)
-    t = np.linspace(0.0, 0.2, 6)
-    manoeuvre = sine_torque(40.0, 0.16, 0.16)
-    result = beam.simulate(manoeuvre, t, rtol=1e-9, atol=1e-12)
-    other = solve_ivp(
-        lambda t, x: beam.equations.state_derivative(x, float(manoeuvre.torque(t))),
-        (0.0, 0.2), np.zeros(2 * beam.equations.size), "DOP853", t, rtol=1e-10, atol=1e-13, max_step=0.1,
-    )  # fmt: skip
-    tip = beam.equations.tip.transverse @ other.y[1 : beam.equations.size]
-    assert np.abs(tip).max() > 1e-3
-    np.testing.assert_allclose(result.tip_displacement, tip, rtol=0, atol=1e-8 * np.abs(tip).max())
-    np.testing.assert_allclose(result.hub_angle, other.y[0], rtol=0, atol=1e-8 * np.abs(other.y[0]).max())
 
 
 @pytest.mark.parametrize("model", ["tlam", "sfoam", "foam", "cfoam"])
