@@ -5,7 +5,7 @@ from dataclasses import replace
 import control as ct
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 import boomctl as bc
@@ -13,6 +13,7 @@ from boomctl.analysis.box.loops import BoxLoops
 from boomctl.analysis.box.zero_exclusion import Cell, prove_cell
 from boomctl.structure import PolynomialFamily, SecondOrderModel
 from tests.profiles import examples
+from tests.rotating_beam.strategies import parameters
 
 _SPEED_HUB = {"inputs": ["hub_speed", "root_moment"], "outputs": "torque"}
 
@@ -133,27 +134,26 @@ def test_the_angle_is_left_out_only_where_nothing_reads_it():
 
 @pytest.mark.slow
 @examples(200)
-@given(seed=st.integers(0, 100_000))
-def test_the_angle_that_nothing_feels_is_an_exact_integrator_of_every_beam_of_a_family(seed):
+@given(
+    parameters(damped=True),
+    st.sampled_from(["tlam", "sfoam", "sfoam-consistent"]),
+    st.integers(1, 3),
+    st.floats(0.5, 15.0),
+    st.booleans(),
+    st.sampled_from([-1.0, -0.3, 0.0, 0.7, 1.0]),
+)
+def test_the_angle_that_nothing_feels_is_an_exact_integrator_of_every_beam_of_a_family(
+    given, model, modes, fastest, backwards, delta
+):
     """No rounding of its motion shows in what does not read it: norms of loops that hold the speed are finite."""
-    rng = np.random.default_rng(seed)
-    given = bc.HubBeamParameters(
-        damping_ratio=float(10.0 ** rng.uniform(-3.0, -1.0)),
-        tip_mass=float(rng.choice([0.0, rng.uniform(0.0, 1.0)])),
-        hub_inertia=float(10.0 ** rng.uniform(-0.5, 2.8)),
-        hub_radius=float(rng.uniform(0.0, 1.0)),
-        length=float(rng.uniform(1.0, 10.0)),
-    )
-    beam = bc.hub_beam(
-        given, model=str(rng.choice(["tlam", "sfoam", "sfoam-consistent"])), modes=int(rng.integers(1, 4))
-    )
-    fastest = min(0.8 * beam.critical_speed(), float(rng.uniform(0.5, 15.0)))
-    family = beam.family((float(rng.choice([0.0, -fastest])), fastest))
+    assume(given.damping_ratio > 1e-3 and given.hub_inertia > 0.3)
+    beam = bc.hub_beam(given, model=model, modes=modes)
+    fastest = min(0.8 * beam.critical_speed(), fastest)
+    family = beam.family((-fastest if backwards else 0.0, fastest))
     brake = ct.ss([], [], [], [[-5.0 * given.rigid_inertia]], inputs="hub_speed", outputs="torque")
-    for delta in (-1.0, 0.0, float(rng.uniform(-1.0, 1.0)), 1.0):
-        assert np.count_nonzero(family.at([delta]).to_statespace().poles() == 0.0) >= 1
-        loop = bc.feedback_loop(family.at([delta]), brake)["tip_displacement", :]
-        assert bc.hinf_norm(loop).lower < 1e3
+    assert np.count_nonzero(family.at([delta]).to_statespace().poles() == 0.0) >= 1
+    loop = bc.feedback_loop(family.at([delta]), brake)["tip_displacement", :]
+    assert bc.hinf_norm(loop).lower < 1e3
 
 
 def test_an_unstable_stretch_of_a_schedule_is_found():
