@@ -87,6 +87,7 @@ _SIGNALS = [
     (lambda: _run(ct.ss([[0.5]], [[1.0]], [[1.0]], 0.0, 0.1)), "continuous time"),
     (lambda: _grows(40.0, lambda P, d, t: simulate_loop(P, None, d, t, sample_time=0.5)), "diverges"),
     (lambda: _grows(5.0, forced_response), "beyond all numbers"),
+    (lambda: _boom({}), "not empty"),
     (lambda: _boom({"actuator": _TIME}), "did you mean"),
 ]
 _CONTACTS = [

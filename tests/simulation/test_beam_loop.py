@@ -143,22 +143,6 @@ def test_a_long_delay_waits_in_the_log_as_in_a_queue(monkeypatch):
 
 
 @pytest.mark.parametrize(
-    "model", ["tlam", *(pytest.param(model, marks=pytest.mark.slow) for model in ("sfoam-consistent", "foam"))]
-)
-def test_energy_and_momentum_are_kept_without_controller_and_damping(model):
-    beam, time = _beam(model, 2, 0.1), np.linspace(0.0, 2.0, 101)
-    start = np.zeros(len(beam.state_names))
-    half = len(start) // 2
-    start[half - 2], start[half] = 0.1, 1.2
-    run = bc.simulate_loop(beam, None, None, time, sample_time=0.02, initial=start, rtol=1e-10)
-    y, rate = run.states[:, :half], run.states[:, half:]
-    momenta = beam.equations.inertia(y).momenta(rate)
-    energy = 0.5 * np.sum(momenta * rate, axis=1) + 0.5 * np.sum((y[:, 1:] @ beam.equations.K) * y[:, 1:], axis=1)
-    np.testing.assert_allclose(energy, energy[0], rtol=1e-9)
-    np.testing.assert_allclose(momenta[:, 0], momenta[0, 0], rtol=1e-9)
-
-
-@pytest.mark.parametrize(
     "model", ["sfoam", *(pytest.param(name, marks=pytest.mark.slow) for name in (*_MODELS[1:], "cfoam"))]
 )
 def test_the_stated_error_is_not_below_the_true_one(model):

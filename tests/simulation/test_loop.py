@@ -126,7 +126,8 @@ def test_units_do_not_matter(seed, ratios):
     given_as, forces, lengths = ratios
     ins, outs = np.diag([given_as, forces, forces]), np.diag([lengths] * 3)
     other = ct.ss(outs * plant * np.linalg.inv(ins), inputs=plant.input_labels, outputs=plant.output_labels)
-    scaled = ct.ss(forces / lengths * law, inputs=law.input_labels, outputs=law.output_labels)
+    labels = {"inputs": law.input_labels, "outputs": law.output_labels}
+    scaled = ct.ss(law.A, law.B / lengths, law.C * forces, law.D * forces / lengths, _H, **labels)
     plain = simulate_loop(plant, law, {"w": w}, time, sample_time=_H, force_limit=0.5)
     found = simulate_loop(other, scaled, {"w": given_as * w}, time, sample_time=_H, force_limit=0.5 * forces)
     for name, values in plain.outputs.items():

@@ -5,13 +5,11 @@ import numpy as np
 import pytest
 from flint import arb, arb_mat, ctx
 from hypothesis import given
-from hypothesis import strategies as st
 
 import boomctl as bc
 from boomctl import structure as s
 from boomctl.simulation.plant import modal_plant
 from tests.profiles import examples
-from tests.simulation.cases import random_plant
 from tests.strategies import seeds
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*scipy:DeprecationWarning")
@@ -181,17 +179,6 @@ def test_loop_around_free_shaft_matches_arb(gains):
     exact = exact_response(model.to_statespace(), U, h, law)
     run = bc.simulate_loop(model, law, {"w": U[1]}, h * np.arange(steps), sample_time=h)
     assert error(np.array([run[name] for name in model.outputs]), exact) <= 1e-10
-
-
-@given(seed=seeds, share=st.floats(0.05, 0.95))
-@examples(20)
-def test_a_step_with_a_switch_is_two_steps(seed, share):
-    plant = modal_plant(random_plant(np.random.default_rng(seed), 4))
-    h = 0.3
-    whole, early, late = plant.step(h, share * h), plant.step(share * h), plant.step((1.0 - share) * h)
-    np.testing.assert_allclose(whole.Phi, late.Phi @ early.Phi, atol=1e-12)
-    np.testing.assert_allclose(whole.before, late.Phi @ early.held, atol=1e-12)
-    np.testing.assert_allclose(whole.after, late.held, atol=1e-12)
 
 
 @pytest.mark.parametrize("excitation", ["displacement", "force"])

@@ -11,26 +11,16 @@ _NAMES = ["hub_angle", "hub_speed"], ["torque"]
 _LAW = ct.ss([[0.6]], [[0.4, 0.02]], [[-60.0]], [[-80.0, -240.0]], _TS, inputs=_NAMES[0], outputs=_NAMES[1])
 
 
-def _repeated(count, scale=None):
-    """The same law at each sample, its gains scaled."""
-    A, B, C, D = (np.repeat(np.asarray(each)[None], count, axis=0) for each in (_LAW.A, _LAW.B, _LAW.C, _LAW.D))
-    if scale is not None:
-        C, D = C * scale[:, None, None], D * scale[:, None, None]
-    return bc.simulation.TimeVaryingController(A, B, C, D, *_NAMES, sample_time=_TS)
-
-
-def _plants():
-    beam = bc.hub_beam(modes=2)
-    return {"hub-beam": beam, "linear": beam.linearize()}
-
-
 @pytest.mark.parametrize("kind", ["hub-beam", "linear"])
 def test_each_sample_has_its_own_matrices_and_the_last_stay(kind):
     """A controller that goes on with other matrices is one that is started anew where the first ended."""
-    plant, time = _plants()[kind], np.arange(0.0, 1.0, _TS)
-    scale = np.array([1.0, 0.5, 2.0, 0.0, 1.5])
+    beam, time = bc.hub_beam(modes=2), np.arange(0.0, 1.0, _TS)
+    plant, scale = beam if kind == "hub-beam" else beam.linearize(), np.array([1.0, 0.5, 2.0, 0.0, 1.5])
+    A, B, C, D = (np.repeat(np.asarray(each)[None], 5, axis=0) for each in (_LAW.A, _LAW.B, _LAW.C, _LAW.D))
+    C, D = C * scale[:, None, None], D * scale[:, None, None]
+    varying = bc.simulation.TimeVaryingController(A, B, C, D, *_NAMES, sample_time=_TS)
     start = np.linspace(0.1, 0.2, 6)
-    run = bc.simulate_loop(plant, _repeated(5, scale), None, time, sample_time=_TS, initial=start)
+    run = bc.simulate_loop(plant, varying, None, time, sample_time=_TS, initial=start)
     state = np.zeros(1)
     for k in range(8):
         read = np.array([run["hub_angle"][k], run["hub_speed"][k]])

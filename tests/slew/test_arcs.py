@@ -5,8 +5,6 @@ from functools import partial
 import casadi as ca
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 import boomctl as bc
@@ -18,7 +16,6 @@ from boomctl.slew.least_time.switching import least_time
 from boomctl.slew.plant import plant_of
 from boomctl.slew.problem import Limits, slew_problem
 from boomctl.slew.torque import bang_bang
-from tests.profiles import examples
 
 pytestmark = pytest.mark.early
 
@@ -91,24 +88,6 @@ def _adjoint_of(plant, start, rows, history, t):
             answer[:, i] = (carried.sol(t[i]).reshape(rows.shape) @ np.array(b(along(t[i]), torque))).ravel()
         rows = carried.y[:, -1].reshape(rows.shape)
     return answer
-
-
-@examples(4)
-@given(st.floats(0.3, 2.5), st.floats(60.0, 400.0), st.integers(1, 3))
-def test_half_the_way_is_enough(angle, torque, modes):
-    problem = slew_problem(bc.hub_beam(LOADED, modes=modes), angle, Limits(torque))
-    half = halved(problem)
-    assert half is not None
-    assert half.ends.shape[0] == problem.ends.shape[0] // 2
-    found = least_time_arcs(problem, least_time(problem).history)
-    assert found is not None
-    ends = end_map(problem, found.history)
-    durations = np.diff(found.history.edges)
-    counts = np.maximum(40, np.ceil(600 * durations)).astype(int)
-    steps = ends.steps(np.sign(found.history.left[0]), durations, counts)
-    assert np.abs(ends.defect(steps)).max() < 1e-6
-    switches = found.history.switches
-    assert switches + switches[::-1] == pytest.approx(found.history.duration, rel=1e-12)
 
 
 def test_halves_are_refused_where_the_mirror_image_is_no_slew():

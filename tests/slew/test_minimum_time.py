@@ -50,15 +50,17 @@ def test_two_masses_and_a_spring():
     assert slew.tip_displacement is None
 
 
+@pytest.mark.parametrize(("linear", "tolerance"), [(True, 1e-7), (False, 1e-12)], ids=["linear", "nonlinear"])
 @examples(8)
 @given(st.floats(0.3, 2.5), st.floats(100.0, 400.0), st.integers(1, 3))
-def test_rest_to_rest_is_antisymmetric_in_time(angle, torque, modes):
-    slew = bc.optimal_slew(bc.hub_beam(modes=modes).linearize(), angle, torque)
+def test_rest_to_rest_is_antisymmetric_in_time(linear, tolerance, angle, torque, modes):
+    beam = bc.hub_beam(modes=modes, tip_mass=0.1)
+    slew = bc.optimal_slew(beam.linearize() if linear else beam, angle, torque)
     switches = slew.history.switches
-    assert slew.certificate.optimality == "proved"
+    assert slew.certificate.optimality == ("proved" if linear else "extremal")
     assert abs(slew.certificate.optimality_gap) < 1e-6
     assert slew.end_error < 1e-6
-    assert switches + switches[::-1] == pytest.approx(slew.duration, rel=1e-7)
+    assert switches + switches[::-1] == pytest.approx(slew.duration, rel=tolerance)
     t = np.linspace(0.0, slew.duration, 101)[1:-1]
     t = t[np.abs(t[:, None] - switches).min(axis=1) > 1e-6]
     assert slew.history(t) == pytest.approx(-slew.history(slew.duration - t))
