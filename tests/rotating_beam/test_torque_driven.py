@@ -69,7 +69,7 @@ def test_a_looser_tolerance_takes_no_more_steps(modes):
     assert taken == sorted(taken)
 
 
-@pytest.mark.parametrize("model", ALL_MODELS)
+@pytest.mark.parametrize("model", [*ALL_MODELS, pytest.param("geometrically-exact", marks=pytest.mark.slow)])
 @examples(4)
 @given(seed=st.integers(0, 99))
 def test_the_work_of_the_torque_is_in_the_energy(model, seed):

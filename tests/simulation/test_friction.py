@@ -104,36 +104,6 @@ def test_break_away_under_a_growing_force(static):
     assert errors[2] < errors[0] / 8.0 + 1e-9
 
 
-@pytest.mark.slow
-@given(
-    force=st.floats(0.1, 5.0),
-    damping=st.floats(0.0, 2.0),
-    freq=st.floats(2.0, 25.0),
-    static=st.floats(1.0, 2.0),
-)
-@examples(20)
-def test_the_energy_balance_closes(force, damping, freq, static):
-    time = np.linspace(0.0, 6.0, 6001)
-    pushed = 4.0 * np.sin(freq * time)
-    found = simulate_loop(
-        mass_on_spring(damping=damping),
-        None,
-        {"f": pushed},
-        time,
-        sample_time=1e-3,
-        friction=_law(force, static * force),
-        initial=[0.05, 0.0],
-    )
-    x, v = found["x"], found["v"]
-    work = np.trapezoid(pushed * v, time)
-    stored = 50.0 * (x[-1] ** 2 - x[0] ** 2) + 0.5 * v[-1] ** 2
-    lost = np.trapezoid(damping * v**2, time)
-    taken = found.friction.dissipated
-    assert taken >= 0.0
-    assert work == pytest.approx(stored + lost + taken, abs=2e-3 * (abs(work) + lost + taken) + 1e-4)
-    assert np.abs(found.friction.force).max() <= static * force * (1.0 + 1e-9)
-
-
 def test_a_support_that_moves_carries_what_sticks_to_it():
     """The slip has a displacement input: the mass must follow the support without creeping away from it."""
     plant = ct.ss(

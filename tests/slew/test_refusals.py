@@ -63,6 +63,7 @@ REFUSED = [
     (lambda: masses(angle_deg=60.0), "angle, angle_deg: expected one of them, got both"),
     (lambda: bc.optimal_slew(two_masses(), torque_limit=1.0), "angle: expected an angle"),
     (lambda: bc.optimal_slew(two_masses(), 1.0), "torque_limit: expected the largest torque"),
+    (lambda: beam(progress=1), "progress = 1: expected a function"),
     (lambda: single(dt=0.1), "continuous"),
     (lambda: single(D=1.0), "C B = 0"),
     (lambda: single(A=[[0, 1, 0], [0, 0, 0], [0, 0, -1]], C=[[1, 0, 0]]), "does not move the mode"),
@@ -87,6 +88,7 @@ REFUSED = [
     (lambda: classical_torque("bang-bang", shaper("ZV", 1.0), 0.0, 1.0, 1.0), "angle"),
     (lambda: shaper("EI", 1.0, level=2.0), r"level = 2\.0"),
     (lambda: compare_slews(bc.hub_beam(modes=1), None, 200.0, final_speed=0.0), "final_speed"),
+    (lambda: compare_slews(bc.hub_beam(modes=1), 1.0, 9.0, {"a": 5}), "optimal"),
     # feedback along a slew
     (lambda: tracked(torque_limit=100.0), "torque_limit = 100: expected at least 140 N m"),
     (
