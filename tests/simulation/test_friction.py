@@ -106,14 +106,8 @@ def test_break_away_under_a_growing_force(static):
 
 def test_a_support_that_moves_carries_what_sticks_to_it():
     """The slip has a displacement input: the mass must follow the support without creeping away from it."""
-    plant = ct.ss(
-        [[0.0, 1.0], [0.0, 0.0]],
-        [[0.0, 0.0], [0.0, 1.0]],
-        [[1.0, 0.0]],
-        [[-1.0, 0.0]],
-        inputs=["d", "f"],
-        outputs=["x"],
-    )
+    A, B = [[0.0, 1.0], [0.0, 0.0]], [[0.0, 0.0], [0.0, 1.0]]
+    plant = ct.ss(A, B, [[1.0, 0.0]], [[-1.0, 0.0]], inputs=["d", "f"], outputs=["x"])
     for steps, most in ((200, 4e-4), (400, 1e-4)):
         time = np.linspace(0.0, 4.0, 4 * steps + 1)
         d = 0.3 * (1.0 - np.cos(4.0 * time))

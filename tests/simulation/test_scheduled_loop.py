@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 import boomctl as bc
 from tests.profiles import examples
-from tests.simulation.cases import conditioning_gain, random_plant
+from tests.simulation.cases import conditioning_gain, random_controller, random_plant
 from tests.simulation.test_beam_loop import SCENES, run_both
 
 _TS = 0.02
@@ -55,15 +55,7 @@ def test_the_loop_is_what_brute_force_finds(scene):
 def test_equal_controllers_are_one(seed, delay, limit):
     rng = np.random.default_rng(seed)
     plant = random_plant(rng)
-    law = ct.ss(
-        0.5 * np.eye(2),
-        rng.normal(size=(2, 2)),
-        0.1 * rng.normal(size=(2, 2)),
-        0.1 * rng.normal(size=(2, 2)),
-        _TS,
-        inputs=plant.output_labels[:2],
-        outputs=plant.input_labels[:2],
-    )
+    law = random_controller(rng, _TS, gain=0.1)
     scheduled = bc.schedule([law, law, law], [-1.0, 0.1, 2.0], plant.output_labels[1])
     time = np.linspace(0.0, 2.0, 101)
     given = {"sample_time": _TS, "delay": delay, "force_limit": limit}

@@ -56,15 +56,8 @@ def test_strokes_never_pass_and_stops_only_push_and_take_energy(seed):
     A = np.block([[np.zeros((n, n)), np.eye(n)], [-inverse @ K, np.zeros((n, n))]])
     loads = rng.standard_normal((n, 2))
     B, C = np.vstack([np.zeros((n, 2)), inverse @ loads]), np.hstack([loads.T, np.zeros((2, n))])
-    C = np.vstack([C, np.eye(2 * n)])
-    plant = ct.ss(
-        A,
-        B,
-        C,
-        0.0,
-        inputs=["suspension_a", "suspension_b"],
-        outputs=["stroke_a", "stroke_b", *(f"q{k}" for k in range(2 * n))],
-    )
+    outputs = ["stroke_a", "stroke_b", *(f"q{k}" for k in range(2 * n))]
+    plant = ct.ss(A, B, np.vstack([C, np.eye(2 * n)]), 0.0, inputs=["suspension_a", "suspension_b"], outputs=outputs)
     time = np.linspace(0.0, 5.0, 1001)
     start = np.concatenate([np.zeros(n), rng.standard_normal(n)])
     found = simulate_loop(plant, None, None, time, sample_time=0.005, stroke_limit=0.25, initial=start)
@@ -155,14 +148,8 @@ def test_a_stop_is_reached_when_the_stroke_passes_it_between_the_points_too(dela
     h, m = 0.05, 120
     rng = np.random.default_rng(4)
     moved = [[-0.2, 0.0, 0.0]] if displaced else [[0.0, 0.0, 0.0]]
-    plant = ct.ss(
-        [[0.0, 1.0], [-9.0, -0.6]],
-        [[0.0, 0.0, 0.0], [0.3, 1.0, 1.0]],
-        [[1.0, 0.0]],
-        moved,
-        inputs=["d", "u", "f"],
-        outputs=["x"],
-    )
+    A, B = [[0.0, 1.0], [-9.0, -0.6]], [[0.0, 0.0, 0.0], [0.3, 1.0, 1.0]]
+    plant = ct.ss(A, B, [[1.0, 0.0]], moved, inputs=["d", "u", "f"], outputs=["x"])
     law = ct.ss(0.6, 1.0, [[-1.0]], [[-2.0]], h * per_sample, inputs=["x"], outputs=["u"])
     time = h * np.arange(m + 1)
     d = np.sin(1.7 * time) + np.sin(0.9 * time + 1.0) - np.sin(1.0) if displaced else rng.standard_normal(m + 1)

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 import boomctl as bc
 from boomctl.slew import resolve
+from boomctl.slew.effort import effort_on_mesh
 from boomctl.slew.linear import guess_from, least_effort
 from boomctl.slew.nlp.interval import Units
 from boomctl.slew.nlp.programme import prepare
@@ -188,64 +189,59 @@ def test_the_gap_of_least_effort_is_to_the_doubled_mesh_where_the_halved_one_has
     assert slew.certificate.optimality_gap == pytest.approx(abs(compared.cost / slew.cost - 1.0), rel=1e-3)
 
 
+_SLOW = pytest.mark.slow
+
+
 @pytest.mark.parametrize(
-    ("limit", "turn", "change", "ask"),
+    ("limit", "turn", "change", "limits", "ask"),
     [
-        (LIMIT, ANGLE, {}, {}),
-        (145.0, ANGLE, {}, {}),
-        (LIMIT, ANGLE, {}, _PAYLOAD),
-        (145.0, None, {}, {"final_speed": 0.8}),
-        (LIMIT, ANGLE, None, {}),
-        (145.0, ANGLE, None, {}),
-        (2000.0, 3.0, {"tip_mass": 0.5}, {}),  # the tip goes out to nearly half of the length
-        pytest.param(145.0, ANGLE, {"model": "foam"}, {}, marks=pytest.mark.slow),
+        (LIMIT, ANGLE, {}, {}, {}),
+        (145.0, ANGLE, {}, {}, {}),
+        (LIMIT, ANGLE, {}, {}, _PAYLOAD),
+        (145.0, None, {}, {}, {"final_speed": 0.8}),
+        (LIMIT, ANGLE, None, {}, {}),
+        (145.0, ANGLE, None, {}, {}),
+        (2000.0, 3.0, {"tip_mass": 0.5}, {}, {}),  # the tip goes out to nearly half of the length
+        pytest.param(145.0, ANGLE, {"model": "foam"}, {}, {}, marks=_SLOW),
+        (LIMIT, ANGLE, {}, {"speed": 0.66}, {}),
+        (LIMIT, ANGLE, None, {"speed": 0.66, "tip": 0.84}, {}),
+        pytest.param(LIMIT, ANGLE, {}, {"tip": 0.8}, {}, marks=_SLOW),
+        pytest.param(LIMIT, ANGLE, {}, {"moment": 25.0, "speed": 0.67}, {}, marks=_SLOW),
+        pytest.param(LIMIT, ANGLE, {"tip_mass": 0.0}, {"tip": 1.05}, {"tip_masses": (0.3,)}, marks=_SLOW),
     ],
 )
-def test_least_effort_of_a_beam_is_what_a_programme_finds(limit, turn, change, ask):
-    h = bc.hub_beam(**({"modes": 1, "tip_mass": 0.1} | (change or {})))
+def test_least_effort_of_a_beam_is_what_a_programme_finds(limit, turn, change, limits, ask):
+    """Nodes at which limits are met are exchanged; both ways tighten limits by what is exceeded between the nodes."""
+    h, ask = bc.hub_beam(**({"modes": 1, "tip_mass": 0.1} | (change or {}))), ask | {"tolerance": 1e-7}
     h = h.linearize() if change is None else h
-    known = bc.optimal_slew(h, turn, limit, "effort", 4.0, intervals=60, tolerance=1e-7, **ask)
-    found, gap = _programme(h, turn, Limits(limit), 4.0, 60, tolerance=1e-7, **ask)
-    assert known.certificate.method == "least effort"
-    assert known.certificate.optimality == ("proved" if change is None else "stationary")
-    assert known.path == ("least effort on 60 intervals",)
+    given = {f"{kind}_limit": value for kind, value in limits.items()}
+    known = bc.optimal_slew(h, turn, limit, "effort", 4.0, intervals=60, **given, **ask)
+    found, gap = _programme(h, turn, Limits(limit, **limits), 4.0, 60, **ask)
+    certificate = known.certificate
+    assert certificate.method == "least effort"
+    assert known.path[0] == "least effort on 60 intervals"
     assert known.cost == pytest.approx(found.effort, rel=1e-6)
     assert known.history.left == pytest.approx(found.left, abs=1e-3 * limit)
-    if change is None:  # the bound of a linear plant does not know the mesh
-        assert 0.0 < known.certificate.optimality_gap < 2e-3
+    assert certificate.constraint_violation <= 1e-9
+    assert certificate.prescribed_error <= 1e-6
+    assert set(certificate.binding) <= {*given, "torque_limit"}
+    assert ("torque_limit" in certificate.binding) == (found.peak > 0.9999 * limit)
+    if limits:  # they are met
+        assert bc.optimal_slew(h, turn, limit, "effort", 4.0, intervals=60, **ask).cost < known.cost * (1.0 - 1e-6)
+    elif change is None:  # the bound of a linear plant does not know the mesh
+        assert certificate.optimality == "proved"
+        assert 0.0 < certificate.optimality_gap < 2e-3
         assert known.end_error < 1e-11
     else:
-        assert known.certificate.optimality_gap == pytest.approx(gap, rel=1e-2)
-    assert ("torque_limit" in known.certificate.binding) == (found.peak > 0.9999 * limit)
+        assert certificate.optimality == "stationary"
+        assert certificate.optimality_gap == pytest.approx(gap, rel=1e-2)
 
 
-@pytest.mark.parametrize(
-    ("limits", "ask", "linear"),
-    [
-        ({"speed": 0.66}, {}, False),
-        pytest.param({"tip": 0.8}, {}, False, marks=pytest.mark.slow),
-        pytest.param({"moment": 25.0, "speed": 0.67}, {}, False, marks=pytest.mark.slow),
-        pytest.param({"tip": 1.05}, {"tip_masses": (0.3,)}, False, marks=pytest.mark.slow),
-        ({"speed": 0.66, "tip": 0.84}, {}, True),
-    ],
-    ids=["speed", "tip", "moment and speed", "payload", "linear"],
-)
-def test_least_effort_within_limits_on_the_way_is_what_a_programme_finds(limits, ask, linear):
-    """Nodes at which limits are met are exchanged; both ways tighten limits by what is exceeded between the nodes."""
-    h = bc.hub_beam(modes=1)
-    h = h.linearize() if linear else h
-    given = {f"{kind}_limit": value for kind, value in limits.items()}
-    known = bc.optimal_slew(h, ANGLE, LIMIT, "effort", 4.0, intervals=60, **given, **ask)
-    found, gap = _programme(h, ANGLE, Limits(LIMIT, **limits), 4.0, 60, **ask)
-    free = bc.optimal_slew(h, ANGLE, LIMIT, "effort", 4.0, intervals=60, **ask)
-    assert known.certificate.method == "least effort"
-    assert known.certificate.constraint_violation <= 1e-9
-    assert known.certificate.prescribed_error <= 1e-6
-    assert linear or known.certificate.optimality_gap == pytest.approx(gap, rel=1e-2)
-    assert set(known.certificate.binding) <= {*given, "torque_limit"}
-    assert free.cost < known.cost * (1.0 - 1e-6)  # the limits are met
-    assert known.cost == pytest.approx(found.effort, rel=1e-6)
-    assert known.history.left == pytest.approx(found.left, abs=1e-3 * LIMIT)
+@pytest.mark.parametrize("limits", [{}, {"speed": 0.66}, {"tip": 0.8}])
+def test_joined_intervals_take_the_effort_of_a_mesh_half_as_fine(limits):
+    problem = slew_problem(bc.hub_beam(modes=1), ANGLE, Limits(LIMIT, **limits), "effort", 4.0)
+    fine, coarse = (effort_on_mesh(problem, 4.0, n, problem.limits) for n in (60, 30))
+    assert fine.more == pytest.approx(coarse.history.effort / fine.history.effort - 1.0, rel=1e-2)
 
 
 @pytest.mark.slow
