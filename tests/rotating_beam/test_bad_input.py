@@ -42,7 +42,6 @@ REFUSED = [
     (lambda: bc.HubBeamParameters(damping_ratio=1.0), "damping_ratio = 1.0"),
     (lambda: hub_beam(modes=201), "modes = 201: expected"),
     (lambda: hub_beam(model="fadm"), "model = 'fadm': expected one of tlam, sfoam"),
-    (lambda: hub_beam(3.0), "expected HubBeamParameters"),
     (lambda: BEAM.simulate(OTHER_SLOPE, [1.0]), "acceleration: expected the derivative of the speed"),
     (lambda: BEAM.simulate(torque(lambda t: math.nan), [1.0]), "torque at t = .* expected a finite number"),
     (lambda: EXACT.simulate(torque(lambda t: math.nan), [1.0]), "torque"),
@@ -56,7 +55,6 @@ REFUSED = [
     (lambda: hub_beam(model="tlam", modes=2).campbell([5.0, 6.0]), "loses its stiffness"),
     (lambda: family("foam", hub_speed=(0.0, 2000.0)), "loses its stiffness"),
     (lambda: family(), "hub_speed = 0.0: expected a range"),
-    (lambda: family(hub_speed=(3.0, 1.0)), "range of hub_speed = "),
     (lambda: family(hub_speed=(0.0, 1.0), tip_mass=(-0.1, 0.1)), "lower end of tip_mass = -0.1"),
     (
         lambda: family(hub_speed=(0.0, 1.0), sensors=[bc.BeamSensor("a", "acceleration", 1.0)]),

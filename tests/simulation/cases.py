@@ -29,14 +29,8 @@ def random_plant(rng, n=5, controls=2, measurements=2):
     B, C = rng.standard_normal((n, controls + 1)), rng.standard_normal((measurements + 1, n))
     D = np.zeros((measurements + 1, controls + 1))
     D[:, 0] = rng.standard_normal(measurements + 1)
-    return ct.ss(
-        A,
-        B,
-        C,
-        D,
-        inputs=["w", *(f"u{k}" for k in range(controls))],
-        outputs=[*(f"y{k}" for k in range(measurements)), "z"],
-    )
+    inputs, outputs = ["w", *(f"u{k}" for k in range(controls))], [*(f"y{k}" for k in range(measurements)), "z"]
+    return ct.ss(A, B, C, D, inputs=inputs, outputs=outputs)
 
 
 def random_controller(rng, dt, n=2, controls=2, measurements=2, gain=0.4):

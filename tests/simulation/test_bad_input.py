@@ -43,9 +43,9 @@ def _law(k=0, dt=0.02, **names):
     return ct.ss([[0.6]], [[0.4, 0.02]], [[-60.0]], [[-80.0, -240.0 - k]], dt, **_HUB | names)
 
 
-def _varying(states=(3, 1, 1), reads=(3, 1, 2), inputs=("hub_angle", "hub_speed")):
-    A, B, C, D = (np.zeros(shape) for shape in (states, reads, (3, 1, 1), (3, 1, 2)))
-    return TimeVaryingController(A, B, C, D, inputs, ["torque"], sample_time=0.02)
+def _varying(reads):
+    A, B, C, D = (np.zeros((3, 1, columns)) for columns in (1, reads, 1, 2))
+    return TimeVaryingController(A, B, C, D, **_HUB, sample_time=0.02)
 
 
 def _sensor(**change):
@@ -128,7 +128,7 @@ _MACHINES = [
         lambda: bc.schedule([_law(), ct.ss([], [], [], [[-1.0, -1.0]], 0.02, **_HUB)], [0.0, 1.0]),
         r"controllers\[1\]: expected 1 state, as the first, got 0",
     ),
-    (lambda: _varying(reads=(3, 1, 1)), r"B has shape \(3, 1, 1\); expected \(3, 1, 2\)"),
+    (lambda: _varying(1), r"B has shape \(3, 1, 1\); expected \(3, 1, 2\)"),
 ]
 
 

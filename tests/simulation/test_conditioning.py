@@ -117,18 +117,12 @@ def test_a_scheduled_controller_is_bounded_however_fast_its_signal_changes(seed)
             assert np.abs(np.linalg.eigvals(K.A - L[:, S] @ K.C[S])).max() < 1.0
     if not bounded(laws, np.zeros_like(gains), [()]):
         return  # by itself it is not proved to bear any change either
+    stacks = np.array([K.A for K in laws]), np.array([K.C for K in laws]), np.array(gains)
     for S in _sets(m):
         x, length = rng.standard_normal(len(first[0])), 0.0
         for _ in range(400):
             k, share = int(rng.integers(2)), float(rng.random())
-            A, C, L = (
-                (1.0 - share) * a + share * b
-                for a, b in (
-                    (laws[k].A, laws[k + 1].A),
-                    (laws[k].C, laws[k + 1].C),
-                    (gains[k], gains[k + 1]),
-                )
-            )
+            A, C, L = ((1.0 - share) * X[k] + share * X[k + 1] for X in stacks)
             x = (A - L[:, S] @ C[S]) @ x
             length += np.log(np.linalg.norm(x) or 1e-300)
             x /= np.linalg.norm(x) or 1.0

@@ -51,25 +51,15 @@ def test_the_loop_is_the_one_stepped_in_physical_coordinates(seed, share, slow, 
     free = stepped_loop(plant, law, w, _H)[1]
     limit, rate = share * np.abs(free).max(), slow * np.abs(np.diff(free)).max() / _H
     outputs, controls = stepped_loop(plant, law, w, _H, limit, rate, delay * _H)
-    found = simulate_loop(
-        plant,
-        law,
-        {"w": w},
-        time,
-        sample_time=_H,
-        delay=delay * _H,
-        force_limit=None if limit == np.inf else limit,
-        rate_limit=None if rate == np.inf else rate,
-        anti_windup=False,
-    )
+    limits = {name: x for name, x in (("force_limit", limit), ("rate_limit", rate)) if x < np.inf}
+    found = simulate_loop(plant, law, {"w": w}, time, sample_time=_H, delay=delay * _H, anti_windup=False, **limits)
     scale = max(1.0, np.abs(outputs).max())
     for name, values in zip(plant.output_labels, outputs, strict=True):
         np.testing.assert_allclose(found[name], values, atol=1e-8 * scale)
     late = int(np.ceil(delay - 1e-9))
     for k, name in enumerate(law.output_labels):
-        np.testing.assert_allclose(
-            found.controls[name][late:-1], controls[k][: len(time) - 1 - late], atol=1e-8 * scale
-        )
+        acting = found.controls[name][late:-1]
+        np.testing.assert_allclose(acting, controls[k][: len(time) - 1 - late], atol=1e-8 * scale)
         assert np.abs(found.controls[name]).max() <= limit
         assert np.abs(np.diff(found.controls[name])).max() <= rate * _H * (1.0 + 1e-12)
 

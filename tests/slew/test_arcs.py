@@ -22,16 +22,13 @@ pytestmark = pytest.mark.early
 LOADED = bc.HubBeamParameters(tip_mass=0.1)
 
 
-def _rigid(problem):
-    return bang_bang(np.array([0.5 * problem.rigid_time]), problem.rigid_time, problem.limits.torque, 1.0)
-
-
 @pytest.mark.parametrize("modes", [1, 2, 3])
 def test_linear_plants_take_the_time_that_is_proved(modes):
     """From the rigid body's torque, by steps, to the switching times that matrix exponentials give."""
     problem = slew_problem(bc.hub_beam(LOADED, modes=modes).linearize(), 1.0, Limits(150.0))
     exact = least_time(problem)
-    found = least_time_arcs(problem, _rigid(problem))
+    rigid = bang_bang(np.array([0.5 * problem.rigid_time]), problem.rigid_time, problem.limits.torque, 1.0)
+    found = least_time_arcs(problem, rigid)
     assert found is not None
     assert found.history.duration == pytest.approx(exact.duration, rel=1e-8)
     assert found.history.switches == pytest.approx(exact.switches, abs=1e-4)  # the time is flat there

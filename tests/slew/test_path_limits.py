@@ -26,14 +26,8 @@ def flexible(seed):
     tip, moment = rng.uniform(0.5, 1.0, (2, n - 1)) * [[1.0], [5.0]]
     L = np.zeros((3, 2 * n))
     L[0, :n], L[1, 1:n], L[2, 1:n] = 1.0 / (1.0 + np.arange(n)) ** 2 * (np.arange(n) == 0), tip, moment
-    return control.ss(
-        A,
-        np.concatenate([np.zeros(n), B])[:, None],
-        L,
-        0.0,
-        inputs="torque",
-        outputs=["hub_angle", "tip_displacement", "root_moment"],
-    )
+    names = {"inputs": "torque", "outputs": ["hub_angle", "tip_displacement", "root_moment"]}
+    return control.ss(A, np.concatenate([np.zeros(n), B])[:, None], L, 0.0, **names)
 
 
 def motion(system, history):
