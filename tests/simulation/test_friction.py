@@ -89,16 +89,19 @@ def test_den_hartog_without_stops(ratio, share):
     assert largest == pytest.approx(expected, rel=2e-3)
 
 
-@pytest.mark.parametrize("static", [1.0, 1.7])
-def test_break_away_under_a_growing_force(static):
-    """A free mass is pulled with a force that grows evenly: it holds until the static force, then the rest moves it."""
+@pytest.mark.parametrize(("static", "speed"), [(1.0, 0.0), (1.7, 0.0), (1.7, -3.9)])
+def test_break_away_under_a_growing_force(static, speed):
+    """A free mass is pulled with a force that grows evenly: the rest moves it from the static force on, or once it turns."""
     plant = ct.ss([[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]], [[1.0, 0.0]], 0.0, inputs=["f"], outputs=["x"])
-    errors = []
+    errors, start, stop = [], {"initial": [0.0, speed]}, np.sqrt(1.0 - 2.0 * speed) - 1.0
+    begin = max(stop, static)
     for steps in (64, 128, 256):
         time = np.linspace(0.0, 3.0, 3 * steps + 1)
-        found = simulate_loop(plant, None, {"f": time}, time, sample_time=1.0 / steps, friction=_law(1.0, static))["x"]
-        after = np.maximum(time - static, 0.0)
-        exact = after**3 / 6.0 + 0.5 * (static - 1.0) * after**2
+        found = simulate_loop(
+            plant, None, {"f": time}, time, sample_time=1.0 / steps, friction=_law(1.0, static), **start
+        )["x"]
+        before, after = np.minimum(time, stop), np.maximum(time - begin, 0.0)
+        exact = speed * before + 0.5 * before**2 + (before**3 + after**3) / 6.0 + 0.5 * (begin - 1.0) * after**2
         errors.append(np.abs(found - exact).max())
     assert errors[2] < 1e-4
     assert errors[2] < errors[0] / 8.0 + 1e-9
