@@ -114,7 +114,7 @@ def test_the_loop_is_what_brute_force_finds(model, scene):
         assert found.rate_share["torque"] > 0.0
 
 
-@pytest.mark.parametrize(("model", "step", "count"), [("sfoam", 0.005, 81), ("sfoam", 0.04, 11), ("tlam", 0.04, 3)])
+@pytest.mark.parametrize(("model", "step", "count"), [("sfoam", 0.005, 81), ("sfoam-consistent", 0.04, 11)])
 def test_times_finer_and_coarser_than_the_samples(model, step, count):
     beam, time = _beam(model, 2, 0.1), 3.0 + step * np.arange(count)
     half = len(beam.state_names) // 2
