@@ -1,15 +1,18 @@
 """Arguments of right and wrong kinds for every public function: what is tried on each, and what an answer may be.
 
-A call starts from arguments that work; one or two of them are replaced by something else.
+A call starts from arguments that work, those of the example in the docstring; one or two are replaced by something else.
 """
 
+import ast
 import contextlib
 import dataclasses
+import doctest
 import inspect
 import signal
 import warnings
 from fractions import Fraction
 from functools import cache
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -20,11 +23,11 @@ import boomctl.structure as bs
 from tests import handed_out as one
 from tests.docstrings import sections
 from tests.stress.cases import raised_by_boomctl
+from tests.test_public_names import PACKAGES
 
 LONGEST = 20.0  # s of processor time that a call may take: what a user waits without asking
 SHORT = 5.0  # [s], of what takes a time limit
 _TIMES = np.linspace(0.0, 0.5, 51)
-_NOISE = np.random.default_rng(0).standard_normal(400)
 
 
 class Hung(BaseException):
@@ -75,19 +78,8 @@ def beam():
 
 
 @cache
-def swinging():
-    mass = bs.SecondOrderModel([[1.0]], [[0.2]], [[16.0]], {"force": [1.0]}, {"place": [1.0]})
-    return bc.forced_response(mass, {"force": _NOISE}, 0.1 * np.arange(400))["place"]
-
-
-@cache
 def tracked_run():
     return one.tracked().simulate()
-
-
-@cache
-def turning():
-    return beam().family((0.0, 1.0))
 
 
 @cache
@@ -95,64 +87,17 @@ def scheduled():
     return bc.schedule([controller(), controller()], [0.0, 1.0], "y0")
 
 
-@cache
-def half_controller(end):
-    return gain(f"stroke_{end}", f"suspension_{end}")
-
-
 def points():
     rod = bs.RigidBody("rod", bs.GROUND.at(0.0), bs.revolute(), 1.0, 1.0)
     return rod, rod.at(1.0), bs.GROUND.at(1.0)
 
 
-def measured(omega):
-    return one.boom().frequency_response(np.atleast_1d(omega))
-
-
-def springs(parameters):
-    """Return three eigenfrequencies of two springs, at no cost."""
-    soft, stiff = parameters["soft"] ** 0.5, parameters["stiff"] ** 0.5
-    return [soft, soft + stiff, 3.0 * stiff]
-
-
-def of_two(x, y):
-    return {"sum": x + y}
-
-
-def spray():
-    return {"time": _TIMES, "displacement": np.zeros((2, len(_TIMES))), "positions": [-6.0, 6.0], "speed": 3.0}
-
-
-def of_plant():
-    return {"system": plant()}
-
-
-def of_generalized():
-    return {"P": generalized(), "nmeas": 1, "ncon": 1}
-
-
-def of_family():
-    return {"family": one.family(), "controller": half_controller("anti")}
-
-
-def of_loop():
-    return {"plant": plant(), "controller": controller()}
-
-
 def weights():
-    return {"Q": np.eye(2), "R": [[1.0]]}
+    return {"Q": np.eye(2), "R": [[1.0]], "output_weight": None}
 
 
 def noises():
-    return {"process_noise": np.eye(2), "measurement_noise": [[1.0]], "measurements": ["y0"]}
-
-
-def section():
-    return {"width": 0.06, "depth": 0.02}
-
-
-def between():
-    return {"low": 0.1, "high": 100.0}
+    return {"process_noise": np.eye(2), "measurement_noise": [[1.0]]}
 
 
 def fields_of(record):
@@ -164,215 +109,53 @@ def file(name):
     return lambda: {"path": name}
 
 
-# arguments that work beside the defaults of the others, made anew for each call where they could be changed
-CALLS = {
-    **dict.fromkeys(("BoomParameters", "HubBeamParameters", "boom.TractorParameters", "boom.Footprint"), dict),
-    **dict.fromkeys(("free", "hold", "nozzle_positions", "spray_boom", "studies.design_names", "tunable.gain"), dict),
-    **dict.fromkeys(("structure.fixed", "structure.prismatic", "structure.revolute"), dict),
-    **dict.fromkeys(("hinf_norm", "h2_norm", "mode_table", "pzmap"), of_plant),
-    **dict.fromkeys(("step", "impulse"), lambda: {**of_plant(), "timepts": _TIMES}),
-    **dict.fromkeys(("bode", "sigma"), lambda: {"system": one.boom(), "omega": [0.5, 2.0]}),
-    **dict.fromkeys(("margins", "feedback_loop"), of_loop),
-    **dict.fromkeys(("spray_by_motion", "spray_deposit"), spray),
-    **dict.fromkeys(("tunable.lead", "tunable.notch", "tunable.ppf"), between),
-    **dict.fromkeys(("split_symmetric", "structure.split_symmetric"), lambda: {"model": one.boom()}),
+MADE = ("hub_beam", "structure.AffineFamily", "structure.PolynomialFamily", "structure.Point")  # without an example
+# arguments that replace those of the example, or stand beside them: files that are not there, and what takes less time
+BESIDE = {
     **dict.fromkeys(("read_controller", "exchange.read_controller_notes"), file("nowhere.json")),
     **dict.fromkeys(("read_measured_curve", "read_motion"), file("nowhere.csv")),
-    "BeamSensor": lambda: {"name": "gauge", "quantity": "strain", "position": 0.5, "height": 0.01},
-    "simulation.TimeVaryingController": lambda: {
-        **dict.fromkeys("ABCD", np.zeros((2, 1, 1))),
-        "inputs": ["y0"],
-        "outputs": ["u0"],
-        "sample_time": 0.01,
-    },
-    "CoulombFriction": lambda: {"force": 3.0, "static_force": 4.0},
-    "boom.PlatformMotion": lambda: {"time": _TIMES, "left": np.sin(_TIMES), "right": np.sin(_TIMES)},
-    "boom.Track": lambda: {"step": 0.1, "left": np.zeros(20), "right": np.zeros(20), "width": 1.8},
-    "synthesis.band_pass": lambda: {"gain": 1.0, "low": 0.1, "high": 3.0},
-    "boom_family": lambda: {"half": "yaw"},
-    "boom.bump_track": lambda: {"height": 0.1, "bump_length": 1.0},
-    "close_loop": lambda: {"P": generalized(), "controller": system(((-1.0,),), ((1.0,),), ((-0.1,),))},
-    "analysis.closed_loop_response": lambda: {
-        "plant": measured,
-        "controller": half_controller("left"),
-        "omega": [0.1, 1.0],
-    },
-    "discretize": lambda: {"controller": controller(), "sample_time": 0.01},
-    "exact_eigenfrequencies_hz": lambda: {"parameters": bc.BoomParameters(), "count": 3},
-    "exact_frequency_response": lambda: {"parameters": bc.BoomParameters(), "omega": [0.5, 3.0]},
-    "analysis.exact_loop_stability": lambda: {
-        "plant": measured,
-        "controller": half_controller("left"),
-        "poles": [-1.0],
-        "top": 50.0,
-        "max_evaluations": 200,
-    },
-    "estimate_response": lambda: {
-        "inputs": {"force": _NOISE},
-        "outputs": {"place": np.cumsum(_NOISE)},
-        "sample_time": 0.01,
-    },
-    "identification.uncertainty_band": lambda: {
-        "measured": plant().frequency_response(np.geomspace(0.1, 10.0, 30)),
-        "model": plant().frequency_response(np.geomspace(0.1, 10.0, 30)) * 1.1,
-    },
-    "identify": lambda: {
-        "inputs": {"force": _NOISE},
-        "outputs": {"place": swinging()},
-        "sample_time": 0.1,
-        "modes": 1,
-        "band_hz": (0.1, 2.5),
-        "order": 10,
-    },
-    "fit": lambda: {
-        "build": springs,
-        "measured": [0.25, 0.58, 0.95],
-        "free": ["soft"],
-        "start": {"soft": 0.1, "stiff": 0.1},
-        "weights": [1.0, 1.0, 0.5],
-        "starts": 1,
-    },
-    "forced_response": lambda: {"plant": plant(), "signals": {"u0": np.sin(_TIMES)}, "timepts": _TIMES},
-    "studies.FieldScene": lambda: {"tractor": bc.boom.TractorParameters()},
-    "studies.MachineDesign": lambda: {"name": "mine", "title": "a machine", **of_loop()},
-    "studies.load_design": lambda: {"name": "passive_tuning"},
-    "listening": lambda: {"listener": None},
-    "structure.CrossSection": lambda: {"area": 1e-4, "second_moment": 1e-8},
-    "structure.tube_section": lambda: {**section(), "wall": (0.002, 0.003)},
-    "structure.round_tube_section": lambda: {"diameter": 0.06, "wall": 0.002},
-    "structure.bar_section": section,
-    "structure.rod_section": lambda: {"diameter": 0.02},
-    "structure.i_section": lambda: {**section(), "web": 0.004, "flange": 0.006},
-    "unscale_controller": lambda: {"controller": controller(), "scales": {"y0": 0.1, "u0": 10.0}},
-    "generalized_plant": lambda: {
+    "write_controller": lambda: {"controller": controller(0.01), "path": "/nowhere/k.json"},
+    "boom.write_motion": lambda: {"path": Path("/nowhere/motion.csv"), "motion": one.motion()},
+    "structure.AffineFamily": lambda: fields_of(one.family()),
+    "structure.PolynomialFamily": lambda: fields_of(beam().family((0.0, 1.0))),
+    "structure.Point": lambda: {"body": points()[0], "x": 0.0, "y": 0.0},
+    **dict.fromkeys(("step", "impulse"), lambda: {"timepts": _TIMES}),
+    "bode": lambda: {"omega": [0.5, 2.0]},
+    "sigma": lambda: {"omega": [0.5, 2.0], "frequency_hz": None},
+    "analysis.exact_loop_stability": lambda: {"poles": [-1.0], "top": 50.0, "max_evaluations": 200},
+    "identify": lambda: {"modes": 1, "order": 10},
+    "fit": lambda: {"weights": [1.0], "starts": 1},
+    "compare": lambda: {"omega": [0.5, 2.0]},
+    "simulate_loop": lambda: {
         "plant": plant(),
-        "disturbances": {"u1": 1.0},
-        "performance": {"y0": 1.0},
-        "effort": {"u0": 0.1},
-        "noises": {"y0": 0.01},
-        "measurements": ["y0"],
-        "controls": ["u0"],
+        "controller": controller(),
+        "disturbance": {"u1": np.sin(_TIMES)},
+        "timepts": _TIMES,
+        "sample_time": 0.01,
+        "feedforward": {"u0": np.cos(_TIMES)},
+        "reference": None,
     },
-    "h2": of_generalized,
-    "h_infinity": lambda: {**of_generalized(), "tolerance": 0.1},
-    "tune": lambda: {**of_generalized(), "structure": bc.tunable.gain(), "starts": 1, "time_limit": SHORT},
-    "tunable.pid": lambda: {"high": 100.0},
-    "tunable.state_space": lambda: {"order": 1},
-    "tunable.decentralised": lambda: {"*": (("y0", "u0", bc.tunable.gain()),)},
-    "tunable.physical": lambda: {"name": "damping", "low": 0.1, "high": 1.0},
-    "tunable.objective": lambda: {"outputs": "z_y0"},
-    "tunable.budget": lambda: {"inputs": None, "outputs": "z_y0", "limit": 1.0},
+    "studies.FieldScene": lambda: {"tractor": bc.boom.TractorParameters()},
+    "h_infinity": lambda: {"tolerance": 0.1},
+    "tune": lambda: {"time_limit": SHORT},
     "hub_beam": lambda: {
         "parameters": bc.HubBeamParameters(length=80.0),  # so slow that any time is short, or refused
         "accuracy": 0.1,
         "manoeuvre": bc.spin_up(1e-3, 1.0),
         "time": 2.0,
     },
-    "hub_profile": lambda: {"angle": np.square, "speed": lambda t: 2 * t, "acceleration": lambda t: 2 + 0 * t},
-    "scale_signals": lambda: {"system": plant(), "scales": {"u0": 2.0, "u1": 1.0, "y0": 1.0}},
-    "iso_track": lambda: {"length": 20.0},
-    "join_symmetric": lambda: {
-        "model": one.boom(),
-        "symmetric": half_controller("sym"),
-        "antisymmetric": half_controller("anti"),
+    "lqr": lambda: {**weights(), "N": np.zeros((2, 1))},
+    "kalman": noises,
+    **dict.fromkeys(("lqg", "synthesis.loop_transfer_recovery"), lambda: {**weights(), **noises()}),
+    "simulation.TimeVaryingController": lambda: {
+        **dict.fromkeys("ABCD", np.zeros((2, 1, 1))),
+        "inputs": ["y0"],
+        "outputs": ["u0"],
     },
-    "kalman": lambda: {"system": plant(), **noises()},
-    "lqg": lambda: {"system": plant(), **weights(), **noises(), "controls": ["u0"]},
-    "lqr": lambda: {"system": plant(), **weights(), "controls": ["u0"], "N": np.zeros((2, 1))},
-    "synthesis.loop_transfer_recovery": lambda: {
-        "system": plant(),
-        **weights(),
-        **noises(),
-        "controls": ["u0"],
-        "strengths": [1.0],
-        "band": (0.1, 1.0),
-    },
-    **dict.fromkeys(("low_pass", "synthesis.high_pass"), lambda: {"gain": 1.0, "corner": 2.0}),
-    "shelf": lambda: {"low_gain": 1.0, "high_gain": 10.0, "corner": 2.0},
-    "compare": lambda: {"results": {"one": plant(), "other": system()}, "omega": [0.5, 2.0]},
-    "compare_sigma": lambda: {"systems": {"boom": one.boom()}, "omega": [0.5, 2.0]},
-    "nyquist": lambda: {"system": plant(), "controller": controller()},
-    "mixed_sensitivity": lambda: {"plant": system(), "W1": 1.0, "W2": 0.1},
-    "optimal_slew": lambda: {
-        "h": beam(),
-        "angle": 0.6,
-        "angle_deg": None,
-        "torque_limit": 200.0,
-        "intervals": 20,
-        "time_limit": SHORT,
-    },
-    "platform_motion": lambda: {"track": bc.iso_track(length=20.0), "duration": 1.0, "sample_time": 0.01},
-    "prove": lambda: {"result": bc.hinf_norm(plant()), "max_operations": 1e9},
-    "write_controller": lambda: {"controller": controller(0.01), "path": "/nowhere/k.json"},
-    "reduce": lambda: {"system": plant(), "order": 2},
-    "reduce_controller": lambda: {
-        "P": generalized(),
-        "controller": system(((-1.0,),), ((1.0,),), ((-0.1,),)),
-        "order": None,
-    },
-    "robust_stability": lambda: {**of_family(), "max_cells": 3},
-    "analysis.structured_margin": lambda: {**of_family(), "largest": 1.0, "tolerance": 0.5, "max_cells": 2},
-    "worst_case": lambda: {**of_family(), "tolerance": 0.1, "max_cells": 3},
-    "schedule": lambda: {"controllers": [controller(), controller()], "values": [0.0, 1.0], "signal": "y0"},
-    "synthesis.select_channels": lambda: {"system": plant(), "inputs": ["u0"]},
-    "sweep": lambda: {"function": of_two, "over": {"x": [1.0, 2.0], "y": 3.0}, "units": {"x": "m"}},
-    "simulate_loop": lambda: {
-        **of_loop(),
-        "disturbance": {"u1": np.sin(_TIMES)},
-        "timepts": _TIMES,
-        "sample_time": 0.01,
-        "feedforward": {"u0": np.cos(_TIMES)},
-    },
-    "sine_sweep": lambda: {"start_hz": 0.1, "stop_hz": 2.0, "duration": 2.0, "amplitude": 0.01},
-    "sine_torque": lambda: {"amplitude": 10.0, "period": 1.0, "duration": 1.0},
-    "spin_up": lambda: {"final_speed": 1.0, "duration": 1.0},
-    "synthesis.split_controller": lambda: {
-        "model": one.boom(),
-        "controller": bc.join_symmetric(one.boom(), half_controller("sym"), half_controller("anti")),
-    },
-    "boom.split_motion": lambda: {"displacement": np.zeros((2, 5)), "positions": [-6.0, 6.0]},
-    "torque": lambda: {"function": np.sin},
-    "boom.tractor_system": lambda: {"tractor": bc.boom.TractorParameters(), "speed": 2.5},
-    "analysis.sample_plant": lambda: {"plant": plant(), "sample_time": 0.1},
-    "analysis.sampled_norm": lambda: {"plant": plant(), "controller": controller(0.1, 0.5)},
-    "with_states": lambda: {"plant": plant()},
-    "boom.write_motion": lambda: {"path": Path("/nowhere/motion.csv"), "motion": one.motion()},
-    "boom.yaw_family": lambda: {"half": "yaw"},
-    # any planar machine
-    "structure.AffineFamily": lambda: fields_of(one.family()),
-    "structure.PolynomialFamily": lambda: fields_of(turning()),
-    "structure.Assembly": lambda: {"bodies": (points()[0],)},
-    "structure.Beam": lambda: {
-        "name": "beam",
-        "parent": bs.GROUND.at(0.0),
-        "joint": bs.fixed(),
-        "start": (0.0, 0.0),
-        "sections": (bs.BeamSection(1.0, 1.0, 1.0),),
-        "discretization": bs.FiniteElements(2),
-    },
-    "structure.BeamSection": lambda: {"length": 1.0, "mass_per_length": 1.0, "bending_stiffness": 1.0},
-    "structure.CutJoint": lambda: {"a": points()[1], "b": points()[2]},
-    "structure.DiscreteElements": lambda: {"elements": 4},
-    "structure.FiniteElements": lambda: {"elements": 3},
-    "structure.Force": lambda: {"name": "f", "point": points()[1]},
-    "structure.Joint": lambda: {"slides": (("y", 1.0),), "turns": True},
-    "structure.Output": lambda: {"name": "y", "point": points()[1]},
-    "structure.Point": lambda: {"body": points()[0], "x": 0.0, "y": 0.0},
-    "structure.RigidBody": lambda: {"name": "rod", "parent": bs.GROUND.at(0.0), "joint": bs.revolute(), "mass": 1.0},
-    "structure.SecondOrderModel": lambda: {
-        "M": np.eye(2),
-        "C": 0.1 * np.eye(2),
-        "K": np.eye(2),
-        "force_inputs": {"f": [1.0, 0.0]},
-        "outputs": {"y": [0.0, 1.0]},
-        "coordinates": ("a", "b"),
-    },
-    "structure.SpringDamper": lambda: {"a": points()[1], "b": points()[2], "direction": "y", "stiffness": 1.0},
-    "structure.free": lambda: {"*": ("x", "y")},
-    "structure.prescribe_displacement": lambda: {
-        "model": bc.spray_boom(excitation="force"),
-        "inputs": ["cradle"],
-    },
+    "optimal_slew": lambda: {"angle_deg": None, "intervals": 20, "time_limit": SHORT},
+    "robust_stability": lambda: {"max_cells": 3},
+    "worst_case": lambda: {"tolerance": 0.1, "max_cells": 3},
+    "analysis.structured_margin": lambda: {"tolerance": 0.5, "max_cells": 2},
 }
 
 # methods of what is handed out
@@ -417,25 +200,73 @@ METHODS = {
         lambda: {"runs": 2, "tip_mass": 0.1, "stiffness": 0.1, "friction": 1.0, "rtol": 1e-4, "atol": 1e-6},
     ),
     "TrackedSlew.vibration": (one.tracked, lambda: {"run": tracked_run()}),
-    "Assembly.Beam.at": (lambda: bs.Beam(**CALLS["structure.Beam"]()), lambda: {"s": 0.5}),
-    "Assembly.Beam.at_point": (lambda: bs.Beam(**CALLS["structure.Beam"]()), lambda: {"x": 0.5}),
+    "Assembly.Beam.at": (lambda: bs.Beam(**arguments_of("structure.Beam")), lambda: {"s": 0.5}),
+    "Assembly.Beam.at_point": (lambda: bs.Beam(**arguments_of("structure.Beam")), lambda: {"x": 0.5}),
     "Track.heights": (one.track, lambda: {"distance": [1.0]}),
     "AffineFamily.at": (one.family, lambda: {"delta": np.zeros(2)}),
     "AffineFamily.deltas": (one.family, lambda: {"values": {}}),
     "BoomParameters.from_toml": (bc.BoomParameters, file("nowhere.toml")),
 }
+WHOLE = ("structure", "studies", "tunable")  # packages of which records are tried too, beside these
+RECORDS = {"boom.Footprint", "boom.PlatformMotion", "boom.Track", "boom.TractorParameters"}
+RECORDS |= {"simulation.TimeVaryingController"}
+# raised, handed out, or (the last two lines) records that are looked at where they are used, and what takes seconds
+NOT_CALLED = {"SlewError", "SynthesisError", "__version__", "structure.GROUND", "structure.ModeShapes"}
+NOT_CALLED |= {"structure.ShapeLine", "Progress", "ScaledStateSpace", "boom.road_density", "boom.track_coherence"}
+NOT_CALLED |= {"studies.SuspensionDesign", "studies.SlewDesign", "studies.performance"}
+NOT_CALLED |= {f"slew.{name}" for name in ("classical_spin_up", "classical_torque", "compare_slews", "resolve")}
+NOT_CALLED |= {"slew.shaper", "slew.switching_curve"}
+
+
+def public():
+    """Return the names of public functions and records, those of packages with the name of the package."""
+    found = {*bc.__all__, *RECORDS}
+    for package in (*PACKAGES, "exchange", "studies", "tunable"):
+        module = import_module(f"boomctl.{package}")
+        functions = {name for name in module.__all__ if inspect.isfunction(getattr(module, name))} - {*bc.__all__}
+        found |= {f"{package}.{name}" for name in (module.__all__ if package in WHOLE else functions)}
+    return sorted(found - NOT_CALLED)
+
+
 # what Ctrl-C or an error of the user's own function would end is not tried: what it raises is raised
 NOT_REPLACED = ("progress",)
 
 
+@cache
+def _example(name):
+    """Return the call in a function's docstring, compiled, and the names that the lines before it leave."""
+    names = {"call": lambda *given, **named: inspect.signature(function_of(name)).bind(*given, **named)}
+    for example in doctest.DocTestParser().get_examples(function_of(name).__doc__):
+        for node in ast.walk(ast.parse(example.source)):
+            if isinstance(node, ast.Call) and getattr(node.func, "attr", "") == name.rpartition(".")[2]:
+                node.func = ast.copy_location(ast.Name("call", ast.Load()), node.func)
+                return compile(ast.Expression(node), name, "eval"), names
+        exec(example.source, names)
+    raise LookupError(f"{name}: expected an example in its docstring")
+
+
+def _of_example(name):
+    """Return the arguments of the example, those of ``*names`` as ``"*"``."""
+    code, names = _example(name)
+    found = {}
+    for key, value in eval(code, names).arguments.items():
+        kind = inspect.signature(function_of(name)).parameters[key].kind
+        entry = {"*" if kind is inspect.Parameter.VAR_POSITIONAL else key: value}
+        found |= value if kind is inspect.Parameter.VAR_KEYWORD else entry
+    return found
+
+
 def arguments_of(name):
-    """Return arguments that work: those that are written down, and the defaults of the others."""
+    """Return arguments that work: those of the example, those beside it, and the defaults of the others."""
     found = {
         key: parameter.default
         for key, parameter in inspect.signature(function_of(name)).parameters.items()
         if parameter.default is not parameter.empty and key not in NOT_REPLACED
     }
-    return found | (METHODS[name][1] if name in METHODS else CALLS[name])()
+    if name in METHODS:
+        return found | METHODS[name][1]()
+    beside = BESIDE.get(name, dict)()
+    return found | ({} if "path" in beside or name in MADE else _of_example(name)) | beside
 
 
 @cache
