@@ -1,36 +1,26 @@
 """Control: regulators, estimators, H-infinity designs, margins, tuning and anti-windup, against closed forms and laws."""
 
-from dataclasses import replace
 from math import acos, degrees, inf, pi, sqrt
 
-import flint
 import numpy as np
-import pytest
 from scipy import linalg
 
 from boomctl.analysis.margins import margins
 from boomctl.analysis.model_norm import hinf_norm
-from boomctl.simulation.conditioning import conditioning_gains
 from boomctl.synthesis.hinf.h_infinity import h_infinity
 from boomctl.synthesis.lq.h2 import h2
 from boomctl.synthesis.lq.kalman import kalman
-from boomctl.synthesis.lq.lqg import lqg
 from boomctl.synthesis.lq.lqr import lqr
 from tests.stress.cases import (
     RATES,
-    SCALES,
     each_relative,
     named,
     oscillator,
     over,
     over_each,
-    relative,
     repeated_pole,
     static,
 )
-from tests.stress.references import DIGITS, state_space_response
-
-ZETAS = (1e-4, 1e-2, 1e-6, 1e-8)
 
 
 def double_integrator(r):
@@ -71,18 +61,6 @@ def test_lqr_equals_closed_form(check_error, make, value):
     easy = make is double_integrator or (make is light_oscillator and value <= 1.0) or value in (1e-4, 1e-1)
     limit = 1e-6 if make is weakly_controllable else 1e-8
     check_error(lambda: each_relative(read(lqr(system.statespace("plant"), Q, R)), true), limit, may_refuse=not easy)
-
-
-@over("scale", *SCALES)
-def test_lqg_in_other_units_of_time_scales(check_error, scale):
-    """Relative error of the cost against the law of scaling."""
-    one = oscillator(0.05)
-    other = replace(one, A=scale * one.A, B=scale * one.B)
-
-    def cost(system, rate):  # in faster time the same noise has less intensity; what drives the states grows twice
-        return [lqg(system.statespace("plant"), np.eye(2), 1.0, 0.3 * rate, 0.2 / rate).cost]
-
-    check_error(lambda: relative(cost(other, scale), cost(one, 1.0)), 1e-6)
 
 
 @over("variance", 1e-8, 1.0, 1e-16)
@@ -141,34 +119,6 @@ def test_h2_norm_equals_riccati_equations(check_error, zeta):
     check_error(error, 1e-6, may_refuse=True)
 
 
-def unstable_plant(order, cost):
-    """Return a generalized plant of random numbers: two disturbances and a noise, two signals and an effort."""
-    rng, zero = np.random.default_rng(order), np.zeros((order, 1))
-    A = rng.standard_normal((order, order))
-    B, C = (np.hstack([rng.standard_normal((order, 2)), zero, rng.standard_normal((order, 1))]) for _ in "BC")
-    D = np.zeros((4, 4))
-    D[2, 3] = D[3, 2] = cost
-    return named(A, B, C.T, D)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("cost", [1.0, 1e-1, 1e-2, 1e-3])
-def test_cheap_control_norm_is_the_loops_in_sixty_digits(check_error, cost):
-    """Fraction by which the gain of plant and controller lies outside the norm's bounds; near-optimal, 5 states."""
-    P = unstable_plant(5, cost)
-
-    def error():
-        found = h_infinity(P.statespace("P"), 1, 1, tolerance=1e-9, fastest_pole=1e10)
-        norm = found.certificate.norm
-        with flint.ctx.workdps(DIGITS):
-            G, k = (np.array(state_space_response(s, 1j * norm.omega).tolist()) for s in (P, found.controller))
-            loop = G[:3, :3] + G[:3, 3:] * (k[0, 0] / (1 - G[3, 3] * k[0, 0])) * G[3:, :3]
-        gain = float(np.linalg.norm(loop.astype(complex), 2))
-        return max(norm.lower / gain - 1.0, gain / norm.upper - 1.0, 0.0), norm.certified
-
-    check_error(error, 1e-9, may_refuse=True)
-
-
 def loop_margins(plant, gain, dt=0.0):
     """Return the margins of the loop of a plant and a gain, sampled where ``dt`` is given."""
     return margins(plant.statespace("plant"), static(-gain, dt).statespace("controller")).loops[0]
@@ -195,34 +145,5 @@ def test_margins_equal_closed_form(check_error, make, value):
         m = loop_margins(plant, gain)
         found = m.gain_high, m.phase_deg, m.delay, m.gain_high_omega, m.phase_omega
         return max(0.0 if a == b else abs(a / b - 1.0) for a, b in zip(found, true, strict=True))
-
-    check_error(error, 1e-6)
-
-
-@over("zeta", *ZETAS)
-def test_delay_margin_of_light_damping_equals_closed_form(check_error, zeta):
-    """1/(s^2 + 2 z s + 1) fed back with gain 1: its gain is one at w^2 = 2 - 4 z^2; relative error."""
-    w = sqrt(2.0 - 4.0 * zeta**2)
-    left = np.arctan2(2.0 * zeta * w, w * w - 1.0)  # pi less the phase's lag there
-    check_error(lambda: relative([loop_margins(oscillator(zeta), 1.0).delay], [left / w]), 1e-6, may_refuse=zeta < 1e-6)
-
-
-@over("zeta", *ZETAS)
-def test_anti_windup_is_stable_with_each_limit_and_all(check_error, zeta):
-    """Four modes that three controls all show; what is left of a state after 2^50 samples."""
-    rng, A = np.random.default_rng(0), np.zeros((8, 8))
-    for k, w in enumerate((0.03, 0.1, 0.3, 0.6)):  # ten samples in a period of the fastest
-        A[2 * k : 2 * k + 2, 2 * k : 2 * k + 2] = linalg.expm(np.array([[0.0, w], [-w, -2.0 * zeta * w]]))
-    K = named(A, rng.standard_normal((8, 2)), rng.standard_normal((3, 8)))
-
-    def error():
-        gains, proved = conditioning_gains((K,), np.ones(3, dtype=bool))
-        if not proved:  # no gain is used then
-            return np.inf, False
-        left = 0.0
-        for limited in ([0], [1], [2], [0, 1, 2]):
-            X = np.linalg.matrix_power(A - gains[0][:, limited] @ K.C[limited], 2**50)
-            left = max(left, float(np.abs(X).max()))
-        return left, proved
 
     check_error(error, 1e-6)

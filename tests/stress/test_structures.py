@@ -205,60 +205,6 @@ def test_boom_response_equals_sixty_digits(check_error, make, value):
     check_error(error, 1e-7)
 
 
-def rigid_response():
-    """Return what tips do when two actuators move a rigid boom."""
-    half, arm = P.actuator_distance / 2, P.length / 2
-    return np.array([[half + arm, half - arm], [half - arm, half + arm]]) / (2 * half)
-
-
-@over("omega", 1e-4, 1e-6, 1e-3, 1e-2)
-def test_slow_boom_moves_as_a_rigid_one(check_error, omega):
-    """Of finite elements and of the exact boom; relative error against a rigid boom."""
-    exact = lambda *args: exact_frequency_response(P, *args)  # noqa: E731
-    for model, rounding in ((spray_boom(elements=12).frequency_response, 1e-9), (exact, 1e-8)):
-        found = np.asarray(model([omega], ACTUATORS, TIPS).frdata)[:, :, 0]
-        check_error(lambda found=found: relative(found, rigid_response()), max(rounding, 3.0 * omega**2))
-
-
-@over("count", 12, 1, 40, 100)
-def test_boom_state_space_responds_as_the_model(check_error, count):
-    """Evaluated by python-control; error of each channel, of the model's own response."""
-    model, omega = spray_boom(elements=count, accelerometer_bandwidth_hz=20.0), np.geomspace(0.3, 60.0, 12)
-
-    def error():
-        true, system = np.asarray(model.frequency_response(omega).frdata), model.to_statespace()
-        found = np.stack([np.asarray(system(1j * w)) for w in omega], axis=2)
-        return max(relative(found[at], true[at]) for at in np.ndindex(true.shape[:2]))
-
-    check_error(error, {40: 1e-8, 100: 1e-7}.get(count, 1e-9))
-
-
-@over("omega", 1e3, 1e6)
-def test_exact_boom_response_is_reciprocal(check_error, omega):
-    """What one spring's force does to the other's stroke is mutual; difference, of the largest."""
-
-    def error():
-        ports = ["suspension_left", "suspension_right"], ["stroke_left", "stroke_right"]
-        G = np.asarray(exact_frequency_response(P, [omega], *ports).frdata)[:, :, 0]
-        return relative(G, G.T)
-
-    check_error(error, 1e-8, may_refuse=True)
-
-
-@over("count", 5, 1, 50, 200)
-def test_exact_boom_frequencies_equal_high_order(check_error, count):
-    """Undamped; relative error against 80 elements of order 12."""
-    p = BoomParameters(structural_damping=0.0, hinge_damping=0.0, cradle_damping=0.0)
-    half, spring = p.length / 2, p.spring_distance / 2
-    arm = np.concatenate([np.linspace(0.0, spring, 6), np.linspace(spring, half, 36)[1:]])
-
-    def error():
-        model = spray_boom(p, "high-order", np.concatenate([-arm[:0:-1], arm]))
-        return each_relative(exact_eigenfrequencies_hz(p, count, damped=False), model.eigenfrequencies_hz(count))
-
-    check_error(error, 1e-8)
-
-
 @over("tiny", 5e-324, 1e-310, 1e-300)
 def test_parameters_next_to_zero_act_as_zero(check_error, tiny):
     """Boom, exact boom and mass on a spring; relative difference from a billionth of a billionth of the usual value."""
