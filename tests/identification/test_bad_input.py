@@ -42,10 +42,9 @@ def record():
     return driven(three_masses(0.01), 5000, seed=3, errors=0.02)
 
 
-def identify(part=slice(None), columns=(0, 1), outputs=None, **changed):
+def identify(part=slice(None), **changed):
     u, y = record()
-    y = y[part] if outputs is None else outputs
-    return bc.identify(u[part][:, columns], y, STEP, **{"intersample": "bl"} | changed)
+    return bc.identify(u[part], y[part], STEP, intersample="bl", **changed)
 
 
 def fast():
@@ -66,23 +65,16 @@ def band(**changed):
 EXACT = rig(RIG).frequency_response(OMEGA)
 REFUSED = [
     (lambda: fit(build=lambda p: [1.0]), "at least 3 eigenfrequencies, got 1"),
-    (lambda: fit(build=lambda p: [np.nan] * 3), "answer of build: expected finite"),
     (lambda: fit(build=lambda p: [-1.0, 2.0, 3.0]), "build: expected eigenfrequencies above zero, got -1"),
-    (lambda: fit(measured={1: 0.3}), "measured: expected eigenfrequencies"),
-    (lambda: fit(measured=[]), "measured: expected at least one"),
     (lambda: fit(measured=[0.5, 0.3]), "must be in ascending order, got"),
     (lambda: fit(measured=[0.3, 0.4], modes=[1, 1]), "`modes` must be 2 different numbers"),
     (lambda: fit(measured=[EXACT, frequencies(CHAIN)]), "`measured` must be data sets of one kind, shape and signals"),
     (lambda: fit(inputs="force"), "eigenfrequencies have no signals"),
-    (lambda: fit(free=[]), "free: expected at least one"),
-    (lambda: fit(free=None), "free = None"),
     (lambda: fit(free=["k9"]), "unknown free parameter 'k9'; did you mean"),
     (lambda: fit(free=["k1", "k1"]), "'k1' is asked for twice"),
     (lambda: fit(free={"k1": (3.0, 1.0)}), "range of k1"),
     (lambda: fit(free={"k1": (1.0, 2.0)}), "`start` of k1 must be in its range, 1 to 2, got 900"),
     (lambda: fit(start={**CHAIN, "k1": 0.0}), "`start` of k1 must be above zero"),
-    (lambda: fit(start=None), "start: expected the parameters to begin from"),
-    (lambda: fit(start=3.0), "start: expected a dataclass or a mapping"),
     (lambda: fit(weights=[1.0, -1.0, 1.0]), "`weights` must be zeros and numbers above 1e-50, got -1 to 1"),
     (lambda: fit(weights=[1.0, 1.0]), "`weights` must have the measured shape"),
     (
@@ -98,7 +90,6 @@ REFUSED = [
         lambda: fit_boom(measured=control.frd([1.0, 0.0, 1.0], [1.0, 2.0, 3.0])),
         "`measured` has zeros, which have no relative",
     ),
-    (lambda: fit_boom(measured=control.frd([1.0, np.nan], [1.0, 2.0])), "expected finite"),
     (
         lambda: fit_boom(
             build=lambda p: bc.exact_frequency_response(p, OMEGA),
@@ -116,11 +107,7 @@ REFUSED = [
         "boom_mass = 30: expected at least that of the tube",
     ),
     # records
-    (lambda: identify(outputs=np.ones(10)), "outputs: expected 5000 samples, as inputs has, got 10"),
     (lambda: identify(slice(0, 60)), "at least 48 lines of the spectrum"),
-    (lambda: identify(columns=(0, 0)), "inputs that move together cannot be told apart"),
-    (lambda: identify(band_hz=(1.0, 30.0)), "band_hz = .*: expected at most 25 Hz"),
-    (lambda: identify(confidence=1.0), "confidence = 1.0: expected a number from 0.5 to below 1"),
     (lambda: identify(errors="relative"), "errors = 'relative': expected None for a record"),
     (lambda: bc.identify(EXACT, record()[0]), "expected None beside a measured frequency response"),
     (fast, "sample_time = 0.02: expected resonances well below half .* got one at 24.2 Hz of 25"),

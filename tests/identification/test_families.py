@@ -1,13 +1,11 @@
 """Boxes of what measurements leave open hold the truth as often as they say, and controllers tuned over them keep it."""
 
-import os
 from dataclasses import replace
-from pathlib import Path
 
 import control
 import numpy as np
 import pytest
-from scipy import io, stats
+from scipy import stats
 
 import boomctl as bc
 from boomctl import tunable as T
@@ -226,34 +224,3 @@ def test_the_box_holds_the_truth_and_a_controller_tuned_over_it_is_stable_there(
         )
     assert held >= stats.binom.ppf(CHANCE, sets, 0.95)
     assert stable == proved == tuned
-
-
-@pytest.mark.slow
-@pytest.mark.skipif("BOOMCTL_RECORDS" not in os.environ, reason="BOOMCTL_RECORDS names no folder of measured records")
-@pytest.mark.parametrize(("record", "modes", "band_hz"), [("frame", 14, (5.0, 490.0)), ("tower", 6, (0.3, 15.0))])
-def test_family_of_measured_accelerations_is_proved(record, modes, band_hz):
-    """A low-pass filtered acceleration fed back at the largest resonance; poles at points of the box are an oracle."""
-    u, y, step = measured_record(record)
-    inputs, outputs = ({f"{name}{k}": x for k, x in enumerate(X.T)} for name, X in (("u", u), ("y", y)))
-    found = bc.identify(inputs, outputs, step, quantity="acceleration", band_hz=band_hz, modes=modes)
-    family, largest = found.family(), max(found.modes, key=lambda mode: mode.share)
-    rate = 2.0 * np.pi * largest.frequency_hz
-    peak = np.abs(family.centre.frequency_response([rate]).frdata[0, 0, 0])
-    K = control.ss([[-rate]], [[rate]], [[0.1 / peak]], [[0.0]], inputs=["y0"], outputs=["u0"])
-    answer = bc.robust_stability(family, K)
-    assert family.size == 2 * modes
-    assert answer.proved, answer.reason
-    rng = np.random.default_rng(0)
-    for delta in rng.choice([-1.0, 1.0], (50, family.size)):
-        assert bc.feedback_loop(family.at(delta), K, injection_points="u0").poles().real.max() < 0.0
-
-
-def measured_record(name):
-    """Return inputs, outputs and the time between samples of a record of accelerations."""
-    folder = Path(os.environ["BOOMCTL_RECORDS"])
-    if name == "tower":
-        x = np.loadtxt(folder / "unison_tower" / "wn_01.dat.gz")[:15000]
-        return x[:, 1:2], x[:, 2:7], 0.01
-    held = io.loadmat(folder / "steel_frame" / "flexibleStructure.mat")
-    x = next(value for key, value in held.items() if not key.startswith("_"))[:6000]
-    return x[:, :2], x[:, 2:], 1.0 / 1024.0

@@ -1,8 +1,6 @@
 """Identification of measured records, of which the folder is in ``BOOMCTL_RECORDS``, and of simulated ones of their kinds."""
 
-import gzip
 import os
-import warnings
 from pathlib import Path
 
 import control
@@ -62,23 +60,6 @@ def test_steel_frame_record_free_run_and_modes():
         assert mode.damping_interval[1] < 4.0 * mode.damping_interval[0]
     held = _free_run_percent(results[0].system, u[:6000], y[:6000], step, band, 4200).mean()
     assert np.mean(list(results[0].fit_percent.values())) == pytest.approx(held, abs=1.0)
-
-
-@pytest.mark.slow
-def test_tower_records_share_modes():
-    results = []
-    for name in ("wn_01.dat.gz", "wn_02.dat.gz"):
-        with gzip.open(_records() / "unison_tower" / name) as file:
-            data = np.loadtxt(file)
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", UserWarning)  # the first record predicts less than half of an output
-            found = bc.identify(
-                data[:, 1], data[:, 2:7], 0.01, quantity="acceleration", band_hz=(0.3, 15.0), intersample="bl"
-            )
-        results.append(found)
-    hz = [np.array([mode.frequency_hz for mode in result.modes]) for result in results]
-    assert all(6 <= len(frequencies) <= 10 for frequencies in hz)
-    assert sum(np.abs(hz[1] / each - 1.0).min() < 0.03 for each in hz[0]) >= 5
 
 
 @pytest.mark.slow

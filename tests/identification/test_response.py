@@ -133,29 +133,19 @@ def test_impacts_give_modes_response_and_intervals(seeds):
     assert (np.concatenate(within, axis=1).mean(axis=1) >= 0.9).all()
 
 
-@pytest.mark.slow
-def test_response_of_long_impact_records_intervals_hold():
-    """Records of 10 to 60 s, most of them at rest, of one to five impacts in one record or in several."""
-    within = []
-    for seed in range(60):
-        rng = np.random.default_rng([seed, 1])
-        number, length = int(rng.integers(1, 6)), int(rng.integers(2000, 12000))
-        count, hits = (number, 1) if rng.integers(2) else (1, number)
-        record, hz, ratio, _ = impacts(seed, count, (0.035, 0.5)[rng.integers(2)], 0.005, length, hits)
-        H = bc.estimate_response(*record, intersample="bl", band_hz=(0.6, 40.0))
-        within.append(contained(nearest_modes(bc.identify(H), hz), hz, ratio))
-    assert (np.concatenate(within, axis=1).mean(axis=1) >= 0.9).all()
-
-
 @pytest.mark.parametrize("seeds", [[44], pytest.param(range(60), marks=pytest.mark.slow)], ids=["quick", "all"])
-def test_record_of_several_impacts_is_identified(seeds):
-    """The last impact may be in the part that is held back."""
+def test_long_impact_records_give_modes_and_intervals(seeds):
+    """Records of 10 to 40 s, most of them at rest, of two to four impacts; the last one may be in the part held back."""
+    within = []
     for seed in seeds:
         rng = np.random.default_rng([seed, 7])
         length, hits = int(rng.integers(2000, 8000)), int(rng.integers(2, 5))
-        record, hz, _, _ = impacts(seed, 1, 0.035, 0.005, length, hits)
+        record, hz, ratio, _ = impacts(seed, 1, (0.035, 0.5)[seed % 2], 0.005, length, hits)
         nearest = nearest_modes(bc.identify(*record, intersample="bl", band_hz=(0.6, 40.0)), hz)
         assert [mode.frequency_hz for mode in nearest] == pytest.approx(hz, rel=2e-3)
+        H = bc.estimate_response(*record, intersample="bl", band_hz=(0.6, 40.0))
+        within.append(contained(nearest_modes(bc.identify(H), hz), hz, ratio))
+    assert (np.concatenate(within, axis=1).mean(axis=1) >= 0.9).all()
 
 
 @pytest.mark.slow
@@ -300,10 +290,6 @@ F = wave()["inputs"]["f"]
 BAD = {
     "unlike lengths": ({"outputs": Y[:-1]}, "outputs: expected 500 samples, as inputs has, got 499"),
     "names of unlike lengths": ({"outputs": {"y": Y, "z": Y[1:]}}, "outputs: expected 500 samples of 'z', got 499"),
-    "not a number": (
-        {"outputs": np.r_[Y[:7], np.nan, Y[8:]]},
-        r"outputs: expected finite numbers, got nan at \(7,\)",
-    ),
     "constant": ({"inputs": np.ones(500)}, "inputs: expected signals that move, got 'in_1' constant at 1"),
     "a gap": (
         {"inputs": np.r_[F[:200], np.zeros(100), F[300:]], "outputs": np.r_[Y[:200], np.zeros(100), Y[300:]]},
@@ -318,14 +304,11 @@ BAD = {
     ),
     "transposed": ({"inputs": F[None, :]}, r"expected a row a sample, got shape \(1, 500\); is it transposed"),
     "beyond half the rate": ({"band_hz": (1.0, 30.0)}, "band_hz = .*: expected at most 25 Hz"),
-    "descending": ({"band_hz": (2.0, 1.0)}, "band_hz = .*: expected frequencies not below zero that ascend"),
-    "unknown quantity": ({"quantity": "place"}, "unknown quantity 'place'"),
     "quantity of none": ({"quantity": {"x": "velocity"}}, "unknown output in quantity 'x'"),
     "one name twice": ({"outputs": {"f": Y}}, "outputs: 'f' is the name of an input too"),
     "period of parts": ({"period": 0.031}, "period = 0.031: expected a whole number of samples"),
     "one period": ({"period": 6.0}, "expected at least two periods in each record, got 1"),
     "unlike records": ({"outputs": [np.c_[Y], np.c_[Y]]}, "outputs: expected as many records as inputs has, 1, got 2"),
-    "sampling time": ({"sample_time": 0.0}, "sample_time = 0.0: expected a number greater than zero"),
     "two ways": ({"period": 2.0, "resolution_hz": 0.5}, "`resolution_hz` must be None with a period"),
 }
 
