@@ -1,6 +1,6 @@
 """Tuning on plants of COMPleib: every norm is checked on a loop closed here, and lies between the bound and the goal."""
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -22,29 +22,14 @@ WITHIN = 1e-3  # share above a norm that passes for it: published values have th
 HIDDEN = ("CM3",)  # its best loop is nearly a constant: on some processors rounding hides that no frequency exceeds it
 
 
-@dataclass(frozen=True)
-class Goal:
-    """A norm wanted on a plant with a controller of some order.
-
-    Attributes
-    ----------
-    plant : str
-        In COMPleib.
-    order : int
-        Of the controller; 0: a gain.
-    norm : float or None
-        What is asked for; None where only the certificate is.
-    within : float
-        Share above it that passes.
-    published : float or None
-        The lowest norm known to be published for the same plant and order, where ``norm`` is not that.
-    """
+class Goal(NamedTuple):
+    """A norm wanted on a plant with a controller of some order."""
 
     plant: str
-    order: int = 0
-    norm: float | None = None
-    within: float = WITHIN
-    published: float | None = None
+    order: int = 0  # a gain
+    norm: float | None = None  # where there is none, only the certificate is asked for
+    within: float = WITHIN  # share above it that passes
+    published: float | None = None  # the lowest norm known for the same plant and order, where ``norm`` is not that
 
     @property
     def limit(self) -> float | None:
@@ -52,11 +37,6 @@ class Goal:
         if self.norm is None:
             return None if self.published is None else self.published * (1.0 + WITHIN)
         return self.norm * (1.0 + self.within)
-
-    @property
-    def name(self) -> str:
-        """Plant and order."""
-        return self.plant + (f", order {self.order}" if self.order else ", a gain")
 
 
 GOALS = (
@@ -81,9 +61,8 @@ GOALS = (
 """What is measured against a number; all other plants are asked for a certified norm."""
 
 
-def closed(p, K):
+def closed(part, K):
     """Return the loop of a plant and a controller, closed by numpy: A, B, C, D."""
-    part = partition(p.P, p.nmeas, p.ncon)
     assert not part.D22.any()
     Ak, Bk, Ck, Dk = (np.asarray(M, float) for M in (K.A, K.B, K.C, K.D))
     A = np.block([[part.A + part.B2 @ Dk @ part.C2, part.B2 @ Ck], [Bk @ part.C2, Ak]])
@@ -100,19 +79,20 @@ def apart_norm(A, B, C, D):
 
 def check(goal, starts):
     """Tune, and check the result with nothing but numpy and SLICOT; more starts where these are not enough."""
-    p = plant(goal.plant)
+    P, nmeas, ncon = plant(goal.plant)
+    part = partition(P, nmeas, ncon)
     structure = tunable.state_space(goal.order) if goal.order else tunable.gain()
     for count in starts:
-        design = tune(p.P, p.nmeas, p.ncon, structure, starts=count, seed=0, time_limit=PATIENCE)
+        design = tune(P, nmeas, ncon, structure, starts=count, seed=0, time_limit=PATIENCE)
         if goal.limit is None or design.gamma <= goal.limit:
             break
     assert design.certificate.norm.certified or goal.plant in HIDDEN
     assert design.controller.nstates == goal.order
-    loop = closed(p, design.controller)
+    loop = closed(part, design.controller)
     assert np.linalg.eigvals(loop[0]).real.max() < 0.0
     norm = apart_norm(*loop)
     assert norm == pytest.approx(design.gamma, rel=AGREE)
-    bound = full_order_bound(partition(p.P, p.nmeas, p.ncon), Deadline(BOUND_PATIENCE))[0]
+    bound = full_order_bound(part, Deadline(BOUND_PATIENCE))[0]
     assert bound <= norm * (1.0 + AGREE)
     if goal.limit is not None:
         assert norm <= goal.limit * (1.0 + AGREE)
@@ -123,6 +103,10 @@ TRIED = ALL if is_hunt() else ALL[::3]  # every third in the full profile, a cho
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("goal", [goal for goal in TRIED if goal.plant in plant_names()], ids=lambda goal: goal.name)
+@pytest.mark.parametrize(
+    "goal",
+    [goal for goal in TRIED if goal.plant in plant_names()],
+    ids=lambda goal: f"{goal.plant}, order {goal.order}",
+)
 def test_every_plant_reaches_its_goal_certified(goal):
     check(goal, (FEW, WHOLE))

@@ -64,15 +64,6 @@ def test_a_gain_around_a_lag_reaches_the_least_norm_in_closed_form(pole, effort)
     assert found.certificate.norm.certified
 
 
-def test_the_least_h2_norm_of_a_gain_is_that_of_its_cubic():
-    """From ``w`` alone ``x' = -(1 - k) x + w``: the square is ``(1 + e^2 k^2)/(2 (1 - k))``."""
-    channels = [T.objective("w", norm="h2")]
-    found = bc.tune(lag(effort=0.5), 1, 1, T.gain(), channels=channels, starts=2)
-    k = np.linspace(-10.0, 0.99, 1_000_001)
-    least = np.sqrt(((1.0 + 0.25 * k**2) / (2.0 * (1.0 - k))).min())
-    assert found.gamma == pytest.approx(least, rel=1e-6)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, 1])
 def test_a_free_order_of_that_of_the_plant_comes_near_the_best_of_any_order(seed):
