@@ -80,25 +80,6 @@ def test_the_h2_norm_of_the_plants_order_is_that_of_h2_synthesis():
     assert found.gamma == pytest.approx(bc.h2(P, 1, 1).norm, rel=1e-4)
 
 
-@pytest.mark.slow
-def test_state_feedback_reaches_what_riccati_equations_reach():
-    """The best of full information with noise-free states is a gain."""
-    A, B = np.array([[0.0, 1.0], [2.0, -0.3]]), np.array([[0.0], [1.0]])
-    C1, D12 = np.array([[1.0, 0.0], [0.0, 0.0]]), np.array([[0.0], [1.0]])
-    D = np.block([[np.zeros((2, 1)), D12], [np.zeros((2, 2))]])
-    P = control.ss(A, np.hstack([B, B]), np.vstack([C1, np.eye(2)]), D)
-    found = bc.tune(P, 2, 1, T.gain(), starts=3)
-    low, high = 0.1, 100.0
-    for _ in range(60):  # the level at which the Riccati equation of state feedback loses its stabilising solution
-        level = np.sqrt(low * high)
-        H = np.block([[A, B @ B.T / level**2 - B @ B.T], [-C1.T @ C1, -A.T]])
-        values, vectors = np.linalg.eig(H)
-        stable = vectors[:, values.real < -1e-9]
-        good = stable.shape[1] == 2 and np.linalg.eigvalsh(np.real(stable[2:] @ np.linalg.inv(stable[:2])))[0] >= 0.0
-        low, high = (low, level) if good else (level, high)
-    assert found.gamma == pytest.approx(high, rel=1e-4)
-
-
 # -- what a result holds ----------------------------------------------------------------------------------------------
 
 
@@ -393,7 +374,7 @@ def test_what_the_best_start_came_to_is_what_is_verified(seed):
 def tuned(P=None, structure=None, nmeas=1, ncon=1, **options):
     """Tune a gain around a lag, or as the arguments say."""
     structure = T.gain() if structure is None else structure
-    return bc.tune(lag() if P is None else P, nmeas, ncon, structure, starts=2, **options)
+    return bc.tune(lag() if P is None else P, nmeas, ncon, structure, starts=1, **options)
 
 
 def tuned_from(structure, states, signals=1, **change):
