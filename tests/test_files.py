@@ -8,7 +8,8 @@ import pytest
 from boomctl.files import read_numbers, write_whole
 from boomctl.report import Picture, Report, Section, number
 
-REPORT = Report("A title", (), (Section("One", pictures=(Picture("a", "", {"png": b"new"}),)),), {"x": 1})
+PICTURE = Picture("a", "", {"png": b"new", "svg": b"<svg/>"})
+REPORT = Report("A title", (), (Section("One", pictures=(PICTURE,)),), {"x": 1})
 
 
 def test_report_on_full_disk_leaves_files_as_they_were(tmp_path, monkeypatch):
@@ -25,8 +26,9 @@ def test_report_on_full_disk_leaves_files_as_they_were(tmp_path, monkeypatch):
         with pytest.raises(OSError, match="disk full"):
             REPORT.write(tmp_path)
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == {"a.png": b"old"}
-    assert {path.name for path in REPORT.write(tmp_path)} == {"a.png", "results.json", "report.html"}
-    assert (tmp_path / "a.png").read_bytes() == b"new"
+    assert {path.name for path in REPORT.write(tmp_path)} == {"a.png", "a.svg", "results.json", "report.html"}
+    assert [(tmp_path / name).read_bytes() for name in ("a.png", "a.svg")] == [b"new", b"<svg/>"]
+    assert REPORT.html.count("<img") == 1  # the first kind
 
 
 @pytest.mark.parametrize("taken", ["a.png", "results.json", "report.html"])

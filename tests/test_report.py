@@ -17,16 +17,6 @@ def test_a_report_escapes_what_it_shows_and_needs_nothing_else():
         assert text in page
 
 
-def test_a_report_writes_its_pictures_in_all_kinds_and_shows_the_first(tmp_path):
-    picture = Picture("p", "caption", {"png": b"abc", "svg": b"<svg/>"})
-    written = Report("title", ("lead",), (Section("head", pictures=(picture,)),), {"x": 1.0})
-    files = written.write(tmp_path / "out")
-    assert {path.name for path in files} == {"p.png", "p.svg", "results.json", "report.html"}
-    assert all(path.is_file() for path in files)
-    assert (tmp_path / "out" / "p.svg").read_bytes() == b"<svg/>"
-    assert written.html.count("<img") == 1
-
-
 def test_bound_reports_stand_alone():
     bound = bound_reports("both", [("a & b", "<p title='x'>one</p>"), ("c", "<p>two</p>")])
     assert bound.count("srcdoc=") == 2

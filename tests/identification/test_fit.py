@@ -210,7 +210,7 @@ def test_a_family_is_fitted_within_its_box():
     measured = family.at(family.deltas({"spring": 1.12, "mass": 0.93})).eigenfrequencies_hz(5)
     found = bc.fit(family, measured, starts=2)
     assert recovered(found, {"spring": 1.12, "mass": 0.93}, ("spring", "mass"))
-    stiff = bc.fit(family, 1.5 * measured, starts=2)
+    stiff = bc.fit(family, 1.5 * measured, start={"spring": 1.1}, starts=2)
     assert stiff.certificate.at_end
     assert not stiff.certified
     assert "end of the range" in repr(stiff.certificate)
@@ -276,27 +276,24 @@ def test_a_larger_weight_draws_the_fit_nearer():
 # -- what is not seen, and what is not determined -------------------------------------------------------------------------
 
 
-@pytest.mark.slow
-def test_a_product_of_which_both_factors_are_free_is_said():
-    free = ["youngs_modulus", "second_moment", "tip_mass"]
-    truth = bc.HubBeamParameters(tip_mass=0.2)
-    measured = bc.hub_beam(truth).frequencies_hz() * np.array([1.01, 0.99, 1.005, 1.0, 0.998])
-    found = bc.fit(bc.hub_beam, measured, free, bc.HubBeamParameters(tip_mass=0.1), starts=3)
+def test_fit_product_of_two_free_factors_is_undetermined():
+    measured, start = frequencies(CHAIN) * np.array([1.01, 0.99, 1.005]), {**CHAIN, "e": 1.0}
+
+    def build(p):
+        return frequencies({**p, "k2": p["k2"] * p["e"]})
+
+    found, single = (bc.fit(build, measured, free, start, starts=3) for free in (["k2", "e", "m3"], ["k2", "m3"]))
     (unseen,) = found.unseen
     assert not unseen.hardly
-    assert {name: round(power, 6) for name, power in unseen.direction.items()} in (
-        {"youngs_modulus": 1.0, "second_moment": -1.0},
-        {"youngs_modulus": -1.0, "second_moment": 1.0},
-    )
-    assert "youngs_modulus times" in unseen.text
-    assert found.intervals["youngs_modulus"] == found.intervals["second_moment"] == (0.0, np.inf)
-    assert found.interval_text("second_moment") == "not determined"
-    assert np.isinf(found.standard_errors["youngs_modulus"])
+    powers = {name: round(power, 6) for name, power in unseen.direction.items()}
+    assert powers in ({"k2": 1.0, "e": -1.0}, {"k2": -1.0, "e": 1.0})
+    assert "k2 times" in unseen.text
+    assert found.intervals["k2"] == found.intervals["e"] == (0.0, np.inf)
+    assert found.interval_text("e") == "not determined"
+    assert np.isinf(found.standard_errors["k2"])
     assert np.isnan(found.covariance[0, 2])
-    single = bc.fit(bc.hub_beam, measured, ["youngs_modulus", "tip_mass"], bc.HubBeamParameters(tip_mass=0.1), starts=1)
-    assert found.intervals["tip_mass"] == pytest.approx(single.intervals["tip_mass"], rel=0.3)  # one freedom less
-    product = found.values["youngs_modulus"] * found.values["second_moment"]
-    assert product == pytest.approx(single.values["youngs_modulus"] * truth.second_moment, rel=1e-6)
+    assert found.intervals["m3"] == pytest.approx(single.intervals["m3"], rel=1e-4)
+    assert found.values["k2"] * found.values["e"] == pytest.approx(single.values["k2"], rel=1e-6)
 
 
 def test_as_many_parameters_as_numbers_have_no_intervals_unless_the_errors_are_known():
