@@ -304,7 +304,6 @@ BAD = {
     ),
     "transposed": ({"inputs": F[None, :]}, r"expected a row a sample, got shape \(1, 500\); is it transposed"),
     "beyond half the rate": ({"band_hz": (1.0, 30.0)}, "band_hz = .*: expected at most 25 Hz"),
-    "one end": ({"band_hz": (1.0,)}, "expected two frequencies"),
     "quantity of none": ({"quantity": {"x": "velocity"}}, "unknown output in quantity 'x'"),
     "one name twice": ({"outputs": {"f": Y}}, "outputs: 'f' is the name of an input too"),
     "period of parts": ({"period": 0.031}, "period = 0.031: expected a whole number of samples"),
