@@ -98,15 +98,10 @@ def test_sweep_failed_point_is_reported_and_tried_again(tmp_path):
             found = bc.sweep(picky, GRID, checkpoint=file)
         assert found.resumed == resumed
     rows = [json.loads(line) for line in file.read_text().splitlines()[1:]]
-    assert [row["error"] for row in rows] == [
-        None,
-        None,
-        None,
-        "ValueError: not at 2.0",
-        None,
-        None,
-        "ValueError: not at 2.0",
-    ]
+    assert {k: row["error"] for k, row in enumerate(rows) if row["error"]} == dict.fromkeys(
+        (3, 6), "ValueError: not at 2.0"
+    )
+    assert len(rows) == 7
     assert rows[3]["point"] == rows[6]["point"] == {"x": 2.0, "y": 1, "z": 5.0}
     (failure,) = found.failures
     assert failure.point == {"x": 2.0, "y": 1, "z": 5.0}
