@@ -83,6 +83,11 @@ def tracked_run():
 
 
 @cache
+def turning():
+    return beam().family((0.0, 1.0))
+
+
+@cache
 def scheduled():
     return bc.schedule([controller(), controller()], [0.0, 1.0], "y0")
 
@@ -117,13 +122,18 @@ BESIDE = {
     "write_controller": lambda: {"controller": controller(0.01), "path": "/nowhere/k.json"},
     "boom.write_motion": lambda: {"path": Path("/nowhere/motion.csv"), "motion": one.motion()},
     "structure.AffineFamily": lambda: fields_of(one.family()),
-    "structure.PolynomialFamily": lambda: fields_of(beam().family((0.0, 1.0))),
+    "structure.PolynomialFamily": lambda: fields_of(turning()),
     "structure.Point": lambda: {"body": points()[0], "x": 0.0, "y": 0.0},
     **dict.fromkeys(("step", "impulse"), lambda: {"timepts": _TIMES}),
     "bode": lambda: {"omega": [0.5, 2.0]},
     "sigma": lambda: {"omega": [0.5, 2.0], "frequency_hz": None},
     "analysis.exact_loop_stability": lambda: {"poles": [-1.0], "top": 50.0, "max_evaluations": 200},
-    "identify": lambda: {"modes": 1, "order": 10},
+    "identify": lambda: {
+        **dict(zip(("inputs", "outputs", "sample_time"), one.record(), strict=True)),
+        "modes": 1,
+        "band_hz": (0.1, 2.5),
+        "order": 10,
+    },
     "fit": lambda: {"weights": [1.0], "starts": 1},
     "compare": lambda: {"omega": [0.5, 2.0]},
     "simulate_loop": lambda: {

@@ -152,6 +152,7 @@ def test_other_quantities_have_same_poles_and_structure(quantity):
     assert all(np.abs(mode.shape - shape).max() < 0.05 for mode, shape in zip(found.modes, shapes, strict=True))
 
 
+@pytest.mark.slow
 def test_exact_response_gives_exact_modes(chain):
     model, *_ = chain
     exact = model.frequency_response(2.0 * np.pi * np.linspace(0.5, 10.0, 500))
