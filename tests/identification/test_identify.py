@@ -161,6 +161,16 @@ def test_exact_response_gives_exact_modes(chain):
     assert dampings.max() < 1e-6
 
 
+def test_record_of_forced_response_has_one_mode():
+    """Inputs run straight between samples, which neither assumption describes: what that leaves is no mode."""
+    force, mass = np.random.default_rng(0).standard_normal(400), [[1.0]]
+    model = SecondOrderModel(mass, [[0.2]], [[16.0]], {"force": [1.0]}, {"place": [1.0]})
+    moved = bc.forced_response(model, {"force": force}, 0.1 * np.arange(400))["place"]
+    (mode,) = bc.identify(force, moved, 0.1, band_hz=(0.1, 2.5)).modes
+    assert mode.frequency_hz == pytest.approx(4.0 * np.sqrt(1.0 - 0.025**2) / (2.0 * np.pi), rel=1e-5)
+    assert mode.damping == pytest.approx(0.025, rel=1e-3)
+
+
 @pytest.mark.parametrize("errors", [None, pytest.param("absolute", marks=pytest.mark.slow)])
 def test_errors_that_grow_with_a_measured_response_show_no_modes(chain, errors):
     model, omega, rng = chain[0], 2.0 * np.pi * np.linspace(0.5, 10.0, 600), np.random.default_rng(0)
