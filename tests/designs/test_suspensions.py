@@ -193,11 +193,3 @@ def test_suspension_controller_files_have_its_limits():
     assert f"FORCE[2] = {{R({SCENE.force_limit.hex()}), R({SCENE.force_limit.hex()})}}" in files["controller.c"]
     assert not evaluated("passive_tuning").controller_files()
     assert "worst peak there, proved" in evaluated("passive_tuning").report().html
-
-
-def test_field_scene_of_longer_drive_begins_as_shorter_one():
-    """Twice as long, over twice the track: the same ground, so that the run before is the beginning of the run after."""
-    one, longer = (FieldScene(duration=T, run_in=1.0).motion() for T in (5.0, 11.0))
-    assert longer.left[: len(one.left)] == pytest.approx(one.left, abs=1e-9 * one.left.std())
-    assert longer.yaw[: len(one.yaw)] == pytest.approx(one.yaw, abs=1e-9 * one.yaw.std())
-    assert not np.array_equal(one.left, FieldScene(duration=5.0, run_in=1.0, seed=2).motion().left)
