@@ -162,7 +162,6 @@ BESIDE = {
         "inputs": ["y0"],
         "outputs": ["u0"],
     },
-    "nyquist": lambda: {"system": plant(), "controller": controller()},
     "optimal_slew": lambda: {"angle_deg": None, "intervals": 20, "time_limit": SHORT},
     "robust_stability": lambda: {"max_cells": 3},
     "worst_case": lambda: {"tolerance": 0.1, "max_cells": 3},

@@ -1,6 +1,8 @@
 """Identification of measured records, of which the folder is in ``BOOMCTL_RECORDS``, and of simulated ones of their kinds."""
 
+import gzip
 import os
+import warnings
 from pathlib import Path
 
 import control
@@ -60,6 +62,52 @@ def test_steel_frame_record_free_run_and_modes():
         assert mode.damping_interval[1] < 4.0 * mode.damping_interval[0]
     held = _free_run_percent(results[0].system, u[:6000], y[:6000], step, band, 4200).mean()
     assert np.mean(list(results[0].fit_percent.values())) == pytest.approx(held, abs=1.0)
+
+
+@pytest.mark.slow
+def test_tower_records_share_modes():
+    results = []
+    for name in ("wn_01.dat.gz", "wn_02.dat.gz"):
+        with gzip.open(_records() / "unison_tower" / name) as file:
+            data = np.loadtxt(file)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # the first record predicts less than half of an output
+            found = bc.identify(
+                data[:, 1], data[:, 2:7], 0.01, quantity="acceleration", band_hz=(0.3, 15.0), intersample="bl"
+            )
+        results.append(found)
+    hz = [np.array([mode.frequency_hz for mode in result.modes]) for result in results]
+    assert all(6 <= len(frequencies) <= 10 for frequencies in hz)
+    assert sum(np.abs(hz[1] / each - 1.0).min() < 0.03 for each in hz[0]) >= 5
+
+
+def _accelerations(name):
+    """Return inputs, outputs and the time between samples of a record of accelerations."""
+    if name == "tower":
+        x = np.loadtxt(_records() / "unison_tower" / "wn_01.dat.gz")[:15000]
+        return x[:, 1:2], x[:, 2:7], 0.01
+    stored = io.loadmat(_records() / "steel_frame" / "flexibleStructure.mat")
+    x = next(value for key, value in stored.items() if not key.startswith("_"))[:6000]
+    return x[:, :2], x[:, 2:], 1.0 / 1024.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("record", "modes", "band_hz"), [("frame", 14, (5.0, 490.0)), ("tower", 6, (0.3, 15.0))])
+def test_family_of_measured_accelerations_is_proved(record, modes, band_hz):
+    """A low-pass filtered acceleration fed back at the largest resonance; poles at points of the box are an oracle."""
+    u, y, step = _accelerations(record)
+    inputs, outputs = ({f"{name}{k}": x for k, x in enumerate(X.T)} for name, X in (("u", u), ("y", y)))
+    found = bc.identify(inputs, outputs, step, quantity="acceleration", band_hz=band_hz, modes=modes)
+    family, largest = found.family(), max(found.modes, key=lambda mode: mode.share)
+    rate = 2.0 * np.pi * largest.frequency_hz
+    peak = np.abs(family.centre.frequency_response([rate]).frdata[0, 0, 0])
+    K = control.ss([[-rate]], [[rate]], [[0.1 / peak]], [[0.0]], inputs=["y0"], outputs=["u0"])
+    answer = bc.robust_stability(family, K)
+    assert family.size == 2 * modes
+    assert answer.proved, answer.reason
+    rng = np.random.default_rng(0)
+    for delta in rng.choice([-1.0, 1.0], (50, family.size)):
+        assert bc.feedback_loop(family.at(delta), K, injection_points="u0").poles().real.max() < 0.0
 
 
 @pytest.mark.slow

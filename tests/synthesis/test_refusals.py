@@ -85,6 +85,7 @@ REFUSED = [
     (lambda: regulated(controls=[]), "controls: expected at least one"),
     (lambda: regulated(None), "Q, output_weight: expected at least one"),
     (lambda: bc.lqr(control.ss([], [], [], [[1.0]]), 1.0, 1.0), "at least one state"),
+    (lambda: bc.lqr(MODES, 1.0, 1.0, N=[[1.0]]), r"N: expected shape .*, states by controls, got \(1, 1\)"),
     (lambda: bc.lqr(two_modes((1, 1, 1, 0), (1, 1, 1, 1)), 1.0, 1.0, controls="u"), r"3 rad/s .*cannot be moved by u"),
     (lambda: bc.lqr(MODES, None, 1.0, output_weight={"q": 0.0}), "mode at 2 rad/s .*not seen by any weight"),
     (lambda: bc.lqr(STUCK, 1.0, 1.0), r"not stabilisable: the mode at .* \(unstable"),

@@ -23,7 +23,7 @@ from boomctl.analysis.loops import joined, sign_advice
 from boomctl.analysis.margins import DiskMargin, grid_of_loop, single_disk
 from boomctl.analysis.nyquist import followed
 from boomctl.arrays import Array
-from boomctl.checks import no_signals
+from boomctl.checks import no_signals, nonnegative
 from boomctl.lti.bilinear import continuous_image, image_of_poles, omega_of_image
 from boomctl.lti.frequency import Triangular, smooth_curve, triangular
 from boomctl.lti.modal import boundary_poles, side_of_axis
@@ -166,7 +166,7 @@ def nyquist(
     no_signals("controller", controller, "a controller")
     negative = str
     if controller is None:
-        if delay:
+        if nonnegative("delay", delay):
             raise ValueError(f"delay = {delay!r}: expected 0 without a controller")
         opened, S, signals = _of_gain(matrices(system, inputs, outputs))
     else:
