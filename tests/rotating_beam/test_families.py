@@ -153,7 +153,9 @@ def test_the_angle_that_nothing_feels_is_an_exact_integrator_of_every_beam_of_a_
     brake = ct.ss([], [], [], [[-5.0 * given.rigid_inertia]], inputs="hub_speed", outputs="torque")
     assert np.count_nonzero(family.at([delta]).to_statespace().poles() == 0.0) >= 1
     loop = bc.feedback_loop(family.at([delta]), brake)["tip_displacement", :]
-    assert bc.hinf_norm(loop).lower < 1e3
+    compliance = given.length**3 / (3.0 * given.youngs_modulus * given.second_moment)
+    # a resonance with the least damping that is drawn is 500 times as high, and the beam may be softer as it turns
+    assert bc.hinf_norm(loop).lower < 2e3 * compliance
 
 
 def test_an_unstable_stretch_of_a_schedule_is_found():
