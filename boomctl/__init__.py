@@ -4,12 +4,12 @@ What most scripts need stands here, by what one wants to do; the packages offer 
 
 A spray boom
     spray_boom, BoomParameters, split_symmetric, exact_frequency_response, exact_eigenfrequencies_hz; its field:
-    iso_track, platform_motion, sine_sweep, read_motion, nozzle_positions, spray_deposit, spray_by_motion.
+    iso_track, platform_motion, sine_sweep, read_motion, nozzle_positions, spray_deposit, spray_deposit_components.
 A rotating hub-beam
-    hub_beam, HubBeamParameters; how its hub moves: spin_up, sine_torque, hub_profile, torque, hold, free.
+    hub_beam, HubBeamParameters; how its hub moves: spin_up, sine_torque; more in the package ``maneuvers``.
 Any machine
-    the package ``structure``; fit finds its parameters from a measured curve: read_measured_curve; or from a record:
-    estimate_response, identify.
+    the package ``structure``; fit finds its parameters from a measured curve: read_frequency_response; or from a record:
+    estimate_frequency_response, identify.
 Look at a system
     sigma, compare_sigma, bode, nyquist, pzmap, step, impulse, mode_table, compare.
 Certify it
@@ -17,18 +17,18 @@ Certify it
 Make it smaller
     reduce, reduce_controller, scale_signals, unscale_controller, ScaledStateSpace.
 Design a controller
-    lqr, kalman, lqg, h2, h_infinity, discretize, schedule, SynthesisError; its plant: with_states, generalized_plant,
-    mixed_sensitivity, low_pass, shelf.
+    lqr, kalman, lqg, h2, h_infinity, discretize, gain_schedule, SynthesisError; its plant: with_state_outputs,
+    generalized_plant, mixed_sensitivity, low_pass, shelf.
 Tune one of a given structure
     tune, and the package ``tunable``.
 Close the loop
-    feedback_loop, close_loop, join_symmetric, simulate_loop, forced_response, BeamSensor, CoulombFriction.
+    feedback_loop, lft, join_symmetric, simulate_loop, forced_response, BeamSensor, CoulombFriction.
 Prove it over a family of plants
     boom_family, robust_stability, worst_case.
 Turn a beam
     optimal_slew, SlewError.
 Many at once, and to and fro
-    sweep, listening, Progress, read_controller, write_controller.
+    sweep, progress_callback, Progress, read_controller, write_controller.
 
 Names are loaded when first used, so that ``import boomctl`` itself costs next to nothing.
 """

@@ -99,9 +99,9 @@ def _run(words: Sequence[str]) -> None:
         parser.add_argument(flag, **given)
     asked = parser.parse_args(words[1:])
     if asked.json or asked.quiet:
-        from boomctl.progress import listening
+        from boomctl.progress import progress_callback
 
-        with open(os.devnull, "w") as nowhere, redirect_stdout(nowhere), listening(None):
+        with open(os.devnull, "w") as nowhere, redirect_stdout(nowhere), progress_callback(None):
             results = command(asked)
     else:
         results = command(asked)
@@ -140,7 +140,7 @@ def sigma(asked: Namespace) -> dict[str, Any]:
     exact, elements = asked.discretization == "exact", 6 if asked.elements is None else asked.elements
     if exact and asked.elements is not None:
         raise ValueError(f"--elements {asked.elements}: leave it out; expected none for --discretization exact")
-    from boomctl.analysis.measured import read_measured_curve
+    from boomctl.analysis.measured import read_frequency_response
     from boomctl.analysis.sigma import sigma as singular_values
     from boomctl.boom.factory import spray_boom
     from boomctl.boom.model import ACTUATORS, TIPS
@@ -148,7 +148,7 @@ def sigma(asked: Namespace) -> dict[str, Any]:
     from boomctl.checks import known
 
     known("discretization", asked.discretization, _DISCRETIZATIONS)
-    curve = read_measured_curve(asked.measured) if asked.measured else None
+    curve = read_frequency_response(asked.measured) if asked.measured else None
     p = BoomParameters.from_toml(asked.parameters) if asked.parameters else BoomParameters()
     if exact:
         from boomctl.boom.exact import exact_frequency_response  # it imports control, which no other mesh needs
@@ -191,11 +191,11 @@ def design(asked: Namespace) -> Any:
     from boomctl.files import prepared_folder
     from boomctl.progress import computing
     from boomctl.studies.suspension.design import SuspensionDesign
-    from boomctl.studies.suspension.scene import FieldScene
+    from boomctl.studies.suspension.scene import FieldScenario
 
     given = {name: getattr(asked, name) for name in ("road_class", "speed", "seed")}
     chosen = {name: value for name, value in given.items() if value is not None}
-    scene, folder = FieldScene(**chosen), prepared_folder(asked.out)
+    scene, folder = FieldScenario(**chosen), prepared_folder(asked.out)
     aside = redirect_stdout(sys.stderr) if asked.json else nullcontext()  # a design may print
     with computing("design") as tell, aside:
         tell("synthesis", 0, 3)
@@ -250,12 +250,12 @@ def reproduce(asked: Namespace) -> dict[str, Any]:
 
 def _boom_paper(asked: Namespace) -> Any:
     """Return the work for a paper, and the function that makes the report of its results."""
-    from boomctl.analysis.measured import read_measured_curve
+    from boomctl.analysis.measured import read_frequency_response
     from boomctl.boom.parameters import BoomParameters
     from boomctl.lab.papers.anthonis_ramon.report import jobs, report
 
     p = BoomParameters.from_toml(asked.parameters) if asked.parameters else None
-    return jobs(p, read_measured_curve(asked.measured) if asked.measured else None), report
+    return jobs(p, read_frequency_response(asked.measured) if asked.measured else None), report
 
 
 def _hub_beam_paper() -> Any:

@@ -21,10 +21,9 @@ TRANSLATED = {
     word: ours
     for ours, words in {
         "bode": "bode_plot bodemag",
-        "close_loop": "lft",
         "compare_sigma": "singular_values_plot",
         "discretize": "c2d sample_system",
-        "estimate_response": "etfe spa tfestimate modalfrf",
+        "estimate_frequency_response": "etfe spa tfestimate modalfrf",
         "feedback_loop": "feedback connect interconnect",
         "fit": "greyest",
         "forced_response": "lsim",
@@ -45,6 +44,7 @@ TRANSLATED = {
         "sigma": "singular_values_response sigmaplot",
         "step": "step_response stepplot step_info",
         "tune": "systune hinfstruct looptune",
+        "with_state_outputs": "augstate",
         "worst_case": "wcgain",
     }.items()
     for word in words.split()

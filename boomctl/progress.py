@@ -1,7 +1,7 @@
 """What a long computation is doing: told to a function of the caller's, or shown on a terminal and in a notebook.
 
 A computation runs within :func:`computing` and tells its stages.  Who listens is, in this order: the function given to it
-(``progress=``), the one of the :func:`listening` around it, and else, after three seconds, one line on a terminal's
+(``progress=``), the one of the :func:`progress_callback` around it, and else, after three seconds, one line on a terminal's
 standard error or in a notebook, which goes away when the computation ends.  Where neither is there, nothing is shown.
 A computation within another tells through the outer one, and :func:`tell` tells through the one under way, if any.
 """
@@ -121,7 +121,7 @@ _OUTER: ContextVar[_Computation | None] = ContextVar("boomctl_computation", defa
 
 
 @contextmanager
-def listening(listener: Listener | None) -> Iterator[None]:
+def progress_callback(listener: Listener | None) -> Iterator[None]:
     """Let a function be told what the computations within are doing.
 
     Parameters
@@ -144,7 +144,7 @@ def listening(listener: Listener | None) -> Iterator[None]:
     --------
     >>> import boomctl as bc
     >>> heard = []
-    >>> with bc.listening(heard.append):
+    >>> with bc.progress_callback(heard.append):
     ...     small = bc.reduce(bc.spray_boom().select("actuator_left", "tip_left"), order=6)
     >>> heard[0].task
     'reduction'

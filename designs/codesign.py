@@ -83,7 +83,7 @@ def yaw_plant(point: tuple[float, float]) -> Callable[[Mapping[str, float]], con
 def tuned_jolt(limit: float = LIMIT) -> TuneResult:
     """Return the cradle's damper and the jolt's controller: the H2 norm, the largest of the points, and a limited peak."""
     weighed = ["w_actuator_sym", "w_suspension_sym", *(f"n_{stem}_sym" for stem in MEASURED)]
-    peak = bc.tunable.budget("w_platform", "z_tip_sym", 15.0 * limit)
+    peak = bc.tunable.constraint("w_platform", "z_tip_sym", 15.0 * limit)
     return tuned("sym", jolt_plant, [bc.tunable.objective(weighed, norm="h2"), peak], starts=1)
 
 
@@ -97,7 +97,7 @@ def tuned_yaw() -> TuneResult:
 
 def tuned(side: str, plant_at: Callable, channels: list, **options: Any) -> TuneResult:
     """Return the damper and a strictly proper controller of a half."""
-    structure = bc.tunable.state_space(ORDER[side], strictly_proper=True) + bc.tunable.physical(*DAMPER[side])
+    structure = bc.tunable.state_space(ORDER[side], strictly_proper=True) + bc.tunable.plant_parameter(*DAMPER[side])
     fixed: dict[str, Any] = {"channels": channels, "seed": 1, "fastest_pole": FASTEST[side], "time_limit": SECONDS}
     return bc.tune([plant_at(point) for point in POINTS], 2, 1, structure, **fixed, **options)
 

@@ -13,7 +13,7 @@ from boomctl.structure import (
     GROUND,
     Assembly,
     Beam,
-    BeamSection,
+    BeamSegment,
     CutJoint,
     FiniteElements,
     Force,
@@ -27,7 +27,7 @@ from boomctl.structure import (
 
 SPAN, HEIGHT = 2.0, 0.5
 A, D = (-0.3, 0.0), (2.2, -0.2)
-COUPLER = BeamSection(SPAN, mass_per_length=1.2, bending_stiffness=80.0, damping=2e-4)
+COUPLER = BeamSegment(SPAN, mass_per_length=1.2, bending_stiffness=80.0, damping=2e-4)
 OMEGA = np.linspace(1.0, 60.0, 40)
 
 

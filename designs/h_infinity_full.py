@@ -46,7 +46,7 @@ def design() -> SuspensionDesign:
     synthesis = bc.h_infinity(P, nmeas=4, ncon=2)
     symmetric, antisymmetric, mixed = bc.synthesis.split_controller(model, synthesis.controller)
     controller = bc.join_symmetric(model, symmetric, antisymmetric)
-    norm = bc.hinf_norm(bc.close_loop(P, controller))
+    norm = bc.hinf_norm(bc.lft(P, controller))
     share = reduced.measured_error / bc.sigma(reduced.full).peak
     return SuspensionDesign(
         "h_infinity_full",

@@ -33,7 +33,7 @@ def boom(values: Mapping[str, float]) -> SecondOrderModel:
 
 def design() -> SuspensionDesign:
     """Return the regulator and its plant."""
-    family = bc.with_states(AffineFamily.through({"spring": SPRING, "mass": MASS}, boom))
+    family = bc.with_state_outputs(AffineFamily.through({"spring": SPRING, "mass": MASS}, boom))
     plant = family.centre.to_statespace()
     tips = np.asarray(plant.C)[[plant.output_labels.index(name) for name in ("tip_left", "tip_right")]]
     speeds = tips @ plant.A

@@ -15,7 +15,7 @@ import numpy as np
 
 import boomctl as bc
 from boomctl import tunable as T
-from boomctl.identification import FitResult, MeasuredResponse, uncertainty_band
+from boomctl.identification import FitResult, FrequencyResponseEstimate, uncertainty_weight
 from boomctl.structure import SecondOrderModel
 from boomctl.structure.families import Family
 from boomctl.studies.machine import MachineDesign, MachineResult
@@ -74,9 +74,9 @@ def shaken() -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
 
 
 @cache
-def response() -> MeasuredResponse:
+def response() -> FrequencyResponseEstimate:
     """Return the frequency response that the record tells."""
-    return bc.estimate_response(*shaken(), STEP, band_hz=BAND_HZ)
+    return bc.estimate_frequency_response(*shaken(), STEP, band_hz=BAND_HZ)
 
 
 @cache
@@ -93,7 +93,7 @@ def family() -> Family:
 
 def unexplained() -> control.StateSpace:
     """Return the bound of what the parameters do not explain of the loop's response: here noise and counts."""
-    return uncertainty_band(response(), rig(measured().parameters), "torque", "hub_angle")
+    return uncertainty_weight(response(), rig(measured().parameters), "torque", "hub_angle")
 
 
 def weighed(model: SecondOrderModel) -> control.StateSpace:

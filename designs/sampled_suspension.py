@@ -51,10 +51,8 @@ def half_design(model, side):
     P = weighted(bc.reduce(sampled, order=ORDER, omega_range=OMEGA_RANGE), side)
     synthesis = bc.h_infinity(P, nmeas=2, ncon=1)
     smaller = bc.reduce_controller(P, synthesis, tolerance=LOST)
-    mesh = bc.hinf_norm(
-        bc.close_loop(weighted(sampled, side), smaller)
-    )  # certified: infinite if the loop is not stable
-    between = bc.analysis.sampled_norm(
+    mesh = bc.hinf_norm(bc.lft(weighted(sampled, side), smaller))  # certified: infinite if the loop is not stable
+    between = bc.analysis.sampled_data_norm(
         weighted(plant, side), smaller, f"w_actuator_{side}", [f"z_tip_{side}", f"z_stroke_{side}"], delay=DELAY
     )
     facts = {

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from boomctl import HubBeamParameters, hub_beam, lqg, schedule, simulate_loop, spin_up
+from boomctl import HubBeamParameters, gain_schedule, hub_beam, lqg, simulate_loop, spin_up
 from boomctl.lti.controllers.scheduled import ScheduledController
 from boomctl.plotting.canvas import figure_of, panels, picture
 from boomctl.report import Section, Table
@@ -51,7 +51,7 @@ def drive(beam: HubBeam) -> ScheduledController:
         ).controller
         for speed in SPEEDS
     ]
-    return schedule(made, SPEEDS, "hub_speed")
+    return gain_schedule(made, SPEEDS, "hub_speed")
 
 
 def spun_up(beam: HubBeam, K: ScheduledController, way: str, mass: float, duration: float = DURATION) -> LoopResult:

@@ -12,9 +12,10 @@ from typing import Any
 
 import numpy as np
 
+from boomctl.maneuvers import spin_up
 from boomctl.plotting.canvas import figure_of, panels, picture
 from boomctl.report import Section
-from boomctl.rotating_beam import HubBeam, HubBeamParameters, SimulationResult, hub_beam, spin_up
+from boomctl.rotating_beam import HubBeam, HubBeamParameters, SimulationResult, hub_beam
 from boomctl.slew import SlewResult, optimal_slew
 from boomctl.studies.evaluation import table_of
 from boomctl.studies.slew import SlewDesign, SlewEvaluation

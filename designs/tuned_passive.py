@@ -49,7 +49,7 @@ def tuned(half: str, names: tuple[str, ...], fixed: Mapping[str, float]) -> Tune
         make = made_at(half, point)
         return lambda values: make({**fixed, **values})
 
-    first, *others = [bc.tunable.physical(name, *RANGES[name]) for name in names]
+    first, *others = [bc.tunable.plant_parameter(name, *RANGES[name]) for name in names]
     plants = [made(point) for point in [(1.0, 1.0), *product(SPRING, MASS)]]
     return bc.tune(plants, 0, 0, sum(others, start=first), starts=2, time_limit=600.0)
 

@@ -168,7 +168,7 @@ with tempfile.TemporaryDirectory() as folder:
     file = Path(folder) / "measured.csv"
     rows = np.column_stack([freq_hz, *(truth.sigma * noise)])
     np.savetxt(file, rows, delimiter=",", header="freq_hz,sigma_1,sigma_2", comments="")
-    curve = bc.read_measured_curve(file)
+    curve = bc.read_frequency_response(file)
 curve
 
 # %%

@@ -80,7 +80,7 @@ plt.show()
 # %%
 late = run.time >= run_in
 moved = np.array([run.outputs[name] for name in names])
-whole, by_jolt, by_yaw = bc.spray_by_motion(run.time[late], moved[:, late], places, 3.0, nozzles=nozzles)
+whole, by_jolt, by_yaw = bc.spray_deposit_components(run.time[late], moved[:, late], places, 3.0, nozzles=nozzles)
 print(
     f"deposit CV {100 * whole.cv:.2f} %, of the jolt alone {100 * by_jolt.cv:.2f} %, of the yaw alone {100 * by_yaw.cv:.2f} %"
 )
@@ -120,7 +120,9 @@ for i, speed in enumerate(speeds):
             boom, {"actuator_left": drive.left, "actuator_right": drive.right}, drive.time, names
         )
         y = np.array([found.outputs[name] for name in names])[:, late]
-        cv[:, i, seed - 1] = [each.cv for each in bc.spray_by_motion(run.time[late], y, places, speed, nozzles=nozzles)]
+        cv[:, i, seed - 1] = [
+            each.cv for each in bc.spray_deposit_components(run.time[late], y, places, speed, nozzles=nozzles)
+        ]
 
 fig, ax = plt.subplots(figsize=(7, 3.4), layout="constrained")
 for title, lines, color in zip(("whole motion", "jolt alone", "yaw alone"), 100 * cv, ("k", "C0", "C1"), strict=True):
@@ -183,7 +185,7 @@ plt.show()
 
 # %%
 def on_field(**passive_parts):
-    run = bc.studies.performance("passive", bc.studies.FieldScene(), bc.BoomParameters(**passive_parts))
+    run = bc.studies.evaluate_suspension("passive", bc.studies.FieldScenario(), bc.BoomParameters(**passive_parts))
     return {"stroke": run.stroke, "deposit_cv": run.spray.cv, "peak": run.sigma.peak}
 
 

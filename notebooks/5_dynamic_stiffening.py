@@ -179,7 +179,7 @@ for name in ("sfoam", "sfoam-consistent", "foam"):
     start = np.zeros(len(h.state_names))
     start[h.state_names.index("transverse_1")] = 0.2
     start[h.state_names.index("hub_speed")] = 1.0
-    run = h.simulate(bc.free(), timepts, initial=start)
+    run = h.simulate(bc.maneuvers.free_hub(), timepts, initial=start)
     drift = np.ptp(run.energy) / np.abs(run.energy).max()
     print(f"{name:17} energy changes by {drift:.1e}, angular momentum by {np.ptp(run.angular_momentum) / 200:.1e}")
 

@@ -41,7 +41,7 @@ from boomctl.structure import (
     AffineFamily,
     Assembly,
     Beam,
-    BeamSection,
+    BeamSegment,
     FiniteElements,
     Force,
     Output,
@@ -63,7 +63,7 @@ plt.style.use("boomctl.plotting.look")  # or a style of your own
 # %%
 def crane(load=500.0, height=15.0, elements=10):
     carriage = RigidBody("carriage", GROUND.at(0, 0), prismatic(0.0), mass=3000.0)
-    sections = (BeamSection(10.0, 120.0, 2.0e8, damping=2e-4), BeamSection(10.0, 80.0, 1.0e8, damping=2e-4))
+    sections = (BeamSegment(10.0, 120.0, 2.0e8, damping=2e-4), BeamSegment(10.0, 80.0, 1.0e8, damping=2e-4))
     mast = Beam("mast", carriage.at(0, 0), fixed(), (0, 0), sections, FiniteElements(elements), angle=np.pi / 2)
     pallet = RigidBody("pallet", mast.at(height), fixed(), mass=load)
     rail = SpringDamper(carriage.at(0, 0), GROUND.at(0, 0), "x", damping=150.0)
@@ -89,7 +89,7 @@ machine
 
 # %%
 pole = Beam(
-    "pole", GROUND.at(0, 0), fixed(), (0, 0), (BeamSection(20.0, 100.0, 1.5e8),), FiniteElements(10), angle=np.pi / 2
+    "pole", GROUND.at(0, 0), fixed(), (0, 0), (BeamSegment(20.0, 100.0, 1.5e8),), FiniteElements(10), angle=np.pi / 2
 )
 alone = Assembly(bodies=(pole,), forces=(Force("tip", pole.end, "x"),)).assemble()
 textbook = 1.875104**2 * np.sqrt(1.5e8 / (100.0 * 20.0**4)) / (2 * np.pi)

@@ -91,7 +91,7 @@ seen = {"hub_angle": count * np.round(angle / count), "tip_displacement": tip + 
 # Each frequency comes with its deviation and coherence.
 
 # %%
-response = bc.estimate_response(torque, seen, step, band_hz=(0.5, 40.0))
+response = bc.estimate_frequency_response(torque, seen, step, band_hz=(0.5, 40.0))
 print(response)
 axes = response.plot()
 plt.show()
@@ -123,7 +123,7 @@ print("\n".join(f"{name}: {low:.4g} to {high:.4g}" for name, (low, high) in fami
 
 # %%
 model = rig(fitted.parameters)
-band = bc.identification.uncertainty_band(response, model, "torque", "hub_angle")
+band = bc.identification.uncertainty_weight(response, model, "torque", "hub_angle")
 w = response.omega
 left = response.frdata[0, 0] - model.frequency_response(w, ["torque"], ["hub_angle"]).frdata[0, 0]
 fig, ax = plt.subplots()

@@ -17,7 +17,7 @@ from boomctl.structure import (
     GROUND,
     Assembly,
     Beam,
-    BeamSection,
+    BeamSegment,
     CutJoint,
     FiniteElements,
     Force,
@@ -141,7 +141,7 @@ class Machine:
             size**3 * 10.0 ** rng.uniform(-1, 3),
             10.0 ** rng.uniform(-4, -2),
         )
-        section = BeamSection(float(stations[-1]), mass, stiffness, damping)
+        section = BeamSegment(float(stations[-1]), mass, stiffness, damping)
         mesh = FiniteElements(tuple(float(s) for s in stations))
         corner = tuple(float(x) for x in nodes[0])
         beam = Beam(name, self.at(parent, place), joint, corner, (section,), mesh, atan2(float(way[1]), float(way[0])))

@@ -89,7 +89,7 @@ def turning():
 
 @cache
 def scheduled():
-    return bc.schedule([controller(), controller()], [0.0, 1.0], "y0")
+    return bc.gain_schedule([controller(), controller()], [0.0, 1.0], "y0")
 
 
 def points():
@@ -117,8 +117,8 @@ def file(name):
 MADE = ("hub_beam", "structure.AffineFamily", "structure.PolynomialFamily", "structure.Point")  # without an example
 # arguments that replace those of the example, or stand beside them: files that are not there, and what takes less time
 BESIDE = {
-    **dict.fromkeys(("read_controller", "exchange.read_controller_notes"), file("nowhere.json")),
-    **dict.fromkeys(("read_measured_curve", "read_motion"), file("nowhere.csv")),
+    **dict.fromkeys(("read_controller", "exchange.read_controller_metadata"), file("nowhere.json")),
+    **dict.fromkeys(("read_frequency_response", "read_motion"), file("nowhere.csv")),
     "write_controller": lambda: {"controller": controller(0.01), "path": "/nowhere/k.json"},
     "boom.write_motion": lambda: {"path": Path("/nowhere/motion.csv"), "motion": one.motion()},
     "structure.AffineFamily": lambda: fields_of(one.family()),
@@ -127,7 +127,7 @@ BESIDE = {
     **dict.fromkeys(("step", "impulse"), lambda: {"timepts": _TIMES}),
     "bode": lambda: {"omega": [0.5, 2.0]},
     "sigma": lambda: {"omega": [0.5, 2.0], "frequency_hz": None},
-    "analysis.exact_loop_stability": lambda: {"poles": [-1.0], "top": 50.0, "max_evaluations": 200},
+    "analysis.nyquist_stability": lambda: {"poles": [-1.0], "top": 50.0, "max_evaluations": 200},
     "identify": lambda: {
         **dict(zip(("inputs", "outputs", "sample_time"), one.record(), strict=True)),
         "modes": 1,
@@ -145,13 +145,13 @@ BESIDE = {
         "feedforward": {"u0": np.cos(_TIMES)},
         "reference": None,
     },
-    "studies.FieldScene": lambda: {"tractor": bc.boom.TractorParameters()},
+    "studies.FieldScenario": lambda: {"tractor": bc.boom.TractorParameters()},
     "h_infinity": lambda: {"tolerance": 0.1},
     "tune": lambda: {"time_limit": SHORT},
     "hub_beam": lambda: {
         "parameters": bc.HubBeamParameters(length=80.0),  # so slow that any time is short, or refused
         "accuracy": 0.1,
-        "manoeuvre": bc.spin_up(1e-3, 1.0),
+        "maneuver": bc.spin_up(1e-3, 1.0),
         "time": 2.0,
     },
     "lqr": lambda: {**weights(), "N": np.zeros((2, 1))},
@@ -165,7 +165,7 @@ BESIDE = {
     "optimal_slew": lambda: {"angle_deg": None, "intervals": 20, "time_limit": SHORT},
     "robust_stability": lambda: {"max_cells": 3},
     "worst_case": lambda: {"tolerance": 0.1, "max_cells": 3},
-    "analysis.structured_margin": lambda: {"tolerance": 0.5, "max_cells": 2},
+    "analysis.robust_stability_margin": lambda: {"tolerance": 0.5, "max_cells": 2},
 }
 
 # methods of what is handed out
@@ -194,7 +194,7 @@ METHODS = {
             "sensors": [bc.BeamSensor("gauge", "strain", 0.5, 0.01)],
         },
     ),
-    "HubBeam.simulate": (beam, lambda: {"manoeuvre": bc.spin_up(1.0, 0.5), "timepts": _TIMES}),
+    "HubBeam.simulate": (beam, lambda: {"maneuver": bc.spin_up(1.0, 0.5), "timepts": _TIMES}),
     "HubBeam.steady_state": (beam, lambda: {"hub_speed": 0.5}),
     "HubBeam.residual_energy": (beam, lambda: {"state": np.zeros(4)}),
     "HubBeam.with_tip_mass": (beam, lambda: {"tip_mass": 0.1}),
@@ -222,16 +222,16 @@ RECORDS = {"boom.Footprint", "boom.PlatformMotion", "boom.Track", "boom.TractorP
 RECORDS |= {"simulation.TimeVaryingController"}
 # raised, handed out, or (the last two lines) records that are looked at where they are used, and what takes seconds
 NOT_CALLED = {"SlewError", "SynthesisError", "__version__", "structure.GROUND", "structure.ModeShapes"}
-NOT_CALLED |= {"structure.ShapeLine", "Progress", "ScaledStateSpace", "boom.road_density", "boom.track_coherence"}
-NOT_CALLED |= {"studies.SuspensionDesign", "studies.SlewDesign", "studies.performance"}
+NOT_CALLED |= {"structure.BodyShape", "Progress", "ScaledStateSpace", "boom.road_density", "boom.track_coherence"}
+NOT_CALLED |= {"studies.SuspensionDesign", "studies.SlewDesign", "studies.evaluate_suspension"}
 NOT_CALLED |= {f"slew.{name}" for name in ("classical_spin_up", "classical_torque", "compare_slews", "resolve")}
-NOT_CALLED |= {"slew.shaper", "slew.switching_curve"}
+NOT_CALLED |= {"slew.shaper", "slew.switching_function"}
 
 
 def public():
     """Return the names of public functions and records, those of packages with the name of the package."""
     found = {*bc.__all__, *RECORDS}
-    for package in (*PACKAGES, "exchange", "studies", "tunable"):
+    for package in (*PACKAGES, "exchange", "maneuvers", "studies", "tunable"):
         module = import_module(f"boomctl.{package}")
         functions = {name for name in module.__all__ if inspect.isfunction(getattr(module, name))} - {*bc.__all__}
         found |= {f"{package}.{name}" for name in (module.__all__ if package in WHOLE else functions)}
@@ -302,7 +302,7 @@ def _objects():
     plants = [one.boom(), one.yaw(), *masses, bs.SecondOrderModel([[1.0]], [[0.0]], [[1.0]]), beam(), one.family()]
     parameters = [bc.BoomParameters(), bc.HubBeamParameters(), bc.boom.TractorParameters(), bc.boom.Footprint()]
     parts = [bs.GROUND, *points(), bs.fixed(), bs.FiniteElements(2)]
-    motions = [one.track(), one.motion(), bc.CoulombFriction(3.0), bc.spin_up(1.0, 1.0), bc.free()]
+    motions = [one.track(), one.motion(), bc.CoulombFriction(3.0), bc.spin_up(1.0, 1.0), bc.maneuvers.free_hub()]
     functions = [bc.BoomParameters, np.sin, lambda *a: None, lambda t: "text", lambda t: np.nan, lambda t: np.zeros(7)]
     return [*_systems(), *plants, *parameters, *parts, *motions, object(), *functions]
 

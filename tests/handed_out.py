@@ -6,21 +6,21 @@ import control
 import numpy as np
 
 import boomctl as bc
-from boomctl.analysis import MeasuredCurve
-from boomctl.exchange import ControllerNotes
-from boomctl.slew import SlewComparison, SlewLine, SwitchingCurve
+from boomctl.analysis import MeasuredFrequencyResponse
+from boomctl.exchange import ControllerMetadata
+from boomctl.slew import SlewComparison, SlewRow, SwitchingFunction
 from boomctl.structure import (
     GROUND,
     Assembly,
     Beam,
-    BeamSection,
+    BeamSegment,
     FiniteElements,
     Force,
     Output,
     RigidBody,
     SecondOrderModel,
     SpringDamper,
-    free,
+    planar,
     revolute,
 )
 from boomctl.studies.sweeps import FailedPoint
@@ -69,7 +69,7 @@ def h_infinity():
 @functools.cache
 def tuned():
     """Return gains tuned for two models with a budget, and a physical parameter beside them."""
-    parts = bc.tunable.pid(integral=False) + bc.tunable.physical("damping", 0.05, 0.5)
+    parts = bc.tunable.pid(integral=False) + bc.tunable.plant_parameter("damping", 0.05, 0.5)
 
     def plant(stiffness):
         def make(values):
@@ -80,7 +80,7 @@ def tuned():
 
         return make
 
-    channels = [bc.tunable.objective("w_force"), bc.tunable.budget("n_position", "z_force", 0.5)]
+    channels = [bc.tunable.objective("w_force"), bc.tunable.constraint("n_position", "z_force", 0.5)]
     return bc.tune([plant(4.0), plant(5.0)], 1, 1, parts, channels=channels, starts=2)
 
 
@@ -93,8 +93,8 @@ def designed_on_a_reduction():
 
 @functools.cache
 def machine():
-    base = RigidBody("base", GROUND.at(0), free("y"), mass=20.0)
-    beam = Beam("beam", base.at(0), revolute(), (0.0, 0.0), (BeamSection(3.0, 2.0, 500.0),), FiniteElements(4))
+    base = RigidBody("base", GROUND.at(0), planar("y"), mass=20.0)
+    beam = Beam("beam", base.at(0), revolute(), (0.0, 0.0), (BeamSegment(3.0, 2.0, 500.0),), FiniteElements(4))
     return Assembly(
         bodies=(base, beam),
         links=(SpringDamper(beam.at(1.0), base.at(1.0), "y", stiffness=900.0, damping=3.0),),
@@ -167,7 +167,7 @@ def tracking_study():
 def drive():
     signals = {"inputs": ["hub_angle", "hub_speed"], "outputs": "torque"}
     drives = [control.ss([], [], [], [[-150.0, -gain]], **signals) for gain in (200.0, 300.0)]
-    return bc.schedule(drives, [0.0, 2.0])
+    return bc.gain_schedule(drives, [0.0, 2.0])
 
 
 @functools.cache
@@ -179,22 +179,22 @@ def linear_slew():
 def comparison():
     history, t = linear_slew().history, np.linspace(0.0, 3.0, 20)
     rows = [
-        SlewLine(name, 2.0 + k, 0.1, 0.0, 0.0, 5.0, 9.0, 0.05, 0.2, np.array([0.1, 0.3]), history, t, np.sin(t))
+        SlewRow(name, 2.0 + k, 0.1, 0.0, 0.0, 5.0, 9.0, 0.05, 0.2, np.array([0.1, 0.3]), history, t, np.sin(t))
         for k, name in enumerate(("bang-bang", "ZV", "EI"))
     ]
     return SlewComparison(1.0, 200.0, tuple(rows), tip_masses=np.array([0.0, 0.5]))
 
 
-def switching_curve():
+def switching_function():
     t = np.linspace(0.0, 2.0, 50)
-    return SwitchingCurve(t, 1.0 - t, 200.0 * np.sign(1.0 - t), np.array([1.0]), 200.0)
+    return SwitchingFunction(t, 1.0 - t, 200.0 * np.sign(1.0 - t), np.array([1.0]), 200.0)
 
 
 @functools.cache
 def measured_curve():
     """Return a curve that has its phase, as it is read from a file."""
     frequencies, response = OMEGA / (2.0 * np.pi), np.asarray(mass().frequency_response(OMEGA).frdata)
-    return MeasuredCurve(frequencies, np.abs(response[0]), ("measured 1",), response, ("in_1",), ("out_1",))
+    return MeasuredFrequencyResponse(frequencies, np.abs(response[0]), ("measured 1",), response, ("in_1",), ("out_1",))
 
 
 @functools.cache
@@ -210,7 +210,7 @@ def record():
 
 @functools.cache
 def measured_response():
-    return bc.estimate_response(*record())
+    return bc.estimate_frequency_response(*record())
 
 
 @functools.cache
@@ -226,7 +226,7 @@ def fitted():
 
 def exact_loop():
     opened = yaw().select("suspension_anti", "stroke_anti")
-    return bc.analysis.exact_loop_stability(
+    return bc.analysis.nyquist_stability(
         opened.frequency_response, suspension(), np.linalg.eigvals(yaw().to_statespace().A)
     )
 
@@ -247,7 +247,7 @@ FACTORIES = {
     "SecondOrderModel, by accuracy": lambda: bc.spray_boom(accuracy=0.01, band_hz=2.0),
     "SecondOrderModel, user's": mass,
     "Assembly": machine,
-    "CrossSection": lambda: bc.structure.tube_section(0.06, 0.02, 0.002),
+    "CrossSection": lambda: bc.structure.rectangular_tube_section(0.06, 0.02, 0.002),
     "AffineFamily": family,
     "PolynomialFamily": lambda: hub_beam().family((0.0, 2.0)),
     "ScheduledController": drive,
@@ -256,7 +256,7 @@ FACTORIES = {
     "TractorParameters": bc.boom.TractorParameters,
     "Footprint": bc.boom.Footprint,
     "SprayResult": spray,
-    "FieldScene": bc.studies.FieldScene,
+    "FieldScenario": bc.studies.FieldScenario,
     "SuspensionDesign": lambda: bc.studies.SuspensionDesign(
         "mine", "of two springs", controller=suspension(), facts={"peak": "9.87 with its best dampers" * 20}
     ),
@@ -273,11 +273,11 @@ FACTORIES = {
     "SigmaComparison": lambda: bc.compare_sigma({"boom": boom(), "mass": mass()}),
     "Margins": lambda: bc.margins(yaw(), suspension()),
     "RobustStability": lambda: bc.robust_stability(family(), suspension()),
-    "StructuredMargin": lambda: bc.analysis.structured_margin(family(), suspension(), largest=1.2),
+    "RobustStabilityMargin": lambda: bc.analysis.robust_stability_margin(family(), suspension(), largest=1.2),
     "WorstCase": lambda: bc.worst_case(family(), suspension(), ["actuator_anti"], ["tip_anti"]),
-    "ExactLoopStability": exact_loop,
-    "MeasuredCurve": measured_curve,
-    "MeasuredResponse": measured_response,
+    "NyquistStability": exact_loop,
+    "MeasuredFrequencyResponse": measured_curve,
+    "FrequencyResponseEstimate": measured_response,
     "Identification": identified,
     "FitResult": fitted,
     "FitResult, not determined": lambda: bc.fit(
@@ -298,7 +298,7 @@ FACTORIES = {
     "HInfinityResult, of a reduction": designed_on_a_reduction,
     "TuneResult": tuned,
     "ReducedController": lambda: bc.reduce_controller(generalized(), h_infinity().controller, order=1),
-    "ControllerNotes": lambda: ControllerNotes({"tip": "m", "torque": ""}, {"norm": 1.0}, {"boomctl": "0"}),
+    "ControllerMetadata": lambda: ControllerMetadata({"tip": "m", "torque": ""}, {"norm": 1.0}, {"boomctl": "0"}),
     "CoulombFriction": lambda: bc.CoulombFriction(8.0),
     "LoopResult": loop,
     "ForcedResponse": lambda: bc.forced_response(mass(), {"force": np.ones(50)}, np.linspace(0.0, 5.0, 50)),
@@ -306,27 +306,27 @@ FACTORIES = {
     "BeamSensor": lambda: bc.BeamSensor("gauge", "strain", 0.5, 0.01),
     "HubBeamParameters": bc.HubBeamParameters,
     "AssumedModesBeam": hub_beam,
-    "AssumedModesBeam, by accuracy": lambda: bc.hub_beam(accuracy=1e-3, manoeuvre=bc.spin_up(1.0, 2.0), time=3.0),
-    "GeometricallyExactBeam, by accuracy": lambda: bc.hub_beam(accuracy=1e-5, manoeuvre=bc.spin_up(2.0, 4.0), time=5.0),
+    "AssumedModesBeam, by accuracy": lambda: bc.hub_beam(accuracy=1e-3, maneuver=bc.spin_up(1.0, 2.0), time=3.0),
+    "GeometricallyExactBeam, by accuracy": lambda: bc.hub_beam(accuracy=1e-5, maneuver=bc.spin_up(2.0, 4.0), time=5.0),
     "GeometricallyExactBeam": lambda: bc.hub_beam(model="geometrically-exact", modes=2),
     "SimulationResult": lambda: hub_beam().simulate(bc.spin_up(0.5, 5.0), np.linspace(0.0, 6.0, 50)),
     "SpinUp": lambda: bc.spin_up(2.8, 30.0),
     "SineTorque": lambda: bc.sine_torque(200.0, 10.0, 10.0),
-    "Torque": lambda: bc.torque(np.sin),
-    "Hold": bc.hold,
-    "Free": bc.free,
+    "Torque": lambda: bc.maneuvers.applied_torque(np.sin),
+    "Hold": bc.maneuvers.hold_angle,
+    "Free": bc.maneuvers.free_hub,
     "SlewResult": slew,
     "TrackedSlew": tracked,
     "TrackingStudy": tracking_study,
     "SlewResult, of a StateSpace": linear_slew,
     "SlewComparison": comparison,
-    "SlewLine": lambda: comparison().lines[0],
-    "SwitchingCurve": switching_curve,
-    "TorqueHistory": lambda: slew().history,
+    "SlewRow": lambda: comparison().lines[0],
+    "SwitchingFunction": switching_function,
+    "TorqueProfile": lambda: slew().history,
     "Shaper": lambda: bc.slew.shaper("ZV", 1.0, 0.0),
     "BodeResult": lambda: bc.bode(boom()),
     "NyquistResult": lambda: bc.nyquist(yaw(), suspension()),
-    "TransientResult": lambda: bc.step(boom(), np.linspace(0.0, 5.0, 50)),
+    "TimeResponse": lambda: bc.step(boom(), np.linspace(0.0, 5.0, 50)),
     "PoleZeroResult": lambda: bc.pzmap(yaw()),
     "Comparison": lambda: bc.compare({"one": beam_loop(), "again": beam_loop()}),
     "Comparison, of a run and a loop": lambda: bc.compare({"run": loop(), "loop": [mass(), bc.sigma(yaw())]}),

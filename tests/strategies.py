@@ -9,7 +9,7 @@ from boomctl.structure import (
     GROUND,
     Assembly,
     Beam,
-    BeamSection,
+    BeamSegment,
     FiniteElements,
     Force,
     Output,
@@ -17,7 +17,7 @@ from boomctl.structure import (
     SecondOrderModel,
     SpringDamper,
     fixed,
-    free,
+    planar,
     prismatic,
     revolute,
 )
@@ -87,7 +87,7 @@ def random_machine(seed, grounded=True, kinds=("rigid", "beam"), at_nodes=False)
 
     chosen = rng.choice(kinds, int(rng.integers(1, 4)))
     parent = GROUND.at(*rng.uniform(-1, 1, 2))
-    bodies = [RigidBody("root", parent, free("x", "y", "theta"), *rng.uniform(1, 3, 2), tuple(rng.uniform(-1, 1, 2)))]
+    bodies = [RigidBody("root", parent, planar("x", "y", "theta"), *rng.uniform(1, 3, 2), tuple(rng.uniform(-1, 1, 2)))]
     for i, kind in enumerate(chosen):
         parent = somewhere(bodies[int(rng.integers(len(bodies)))])
         bodies.append(_rigid(rng, f"body{i}", parent) if kind == "rigid" else _beam(rng, f"beam{i}", parent, at_nodes))
@@ -123,8 +123,8 @@ def _rigid(rng, name, parent):
 
 
 def _beam(rng, name, parent, at_nodes):
-    joint = (fixed(), revolute(), free("y", "theta"))[int(rng.integers(3))]
-    sections = tuple(BeamSection(*rng.uniform((0.5, 1.0, 20.0, 0.0), (1.5, 2.0, 40.0, 0.01))) for _ in range(2))
+    joint = (fixed(), revolute(), planar("y", "theta"))[int(rng.integers(3))]
+    sections = tuple(BeamSegment(*rng.uniform((0.5, 1.0, 20.0, 0.0), (1.5, 2.0, 40.0, 0.01))) for _ in range(2))
     middle, end = sections[0].length, sections[0].length + sections[1].length
     nodes = [(0.0, middle, end), (0.0, middle / 2, middle, (middle + end) / 2, end)][int(rng.integers(2))]
     angle, station = float(rng.uniform(-3, 3)), float(rng.choice(nodes) if at_nodes else rng.uniform(0.0, end))
@@ -138,8 +138,8 @@ def random_stepped_beam(seed, order=None):
     Nodes stand where sections end and where something is attached; elements are cubic unless ``order`` is given.
     """
     rng = np.random.default_rng(seed)
-    joint = (fixed(), revolute(), free("y", "theta"))[int(rng.integers(3))]
-    sections = tuple(BeamSection(*rng.uniform((0.4, 0.5, 0.5), (1.0, 2.0, 4.0))) for _ in range(rng.integers(1, 4)))
+    joint = (fixed(), revolute(), planar("y", "theta"))[int(rng.integers(3))]
+    sections = tuple(BeamSegment(*rng.uniform((0.4, 0.5, 0.5), (1.0, 2.0, 4.0))) for _ in range(rng.integers(1, 4)))
     ends = np.cumsum([0.0, *(section.length for section in sections)])
     here, there = float(ends[1] / 2), float(ends[-1] - sections[-1].length / 4)
     mesh = FiniteElements(tuple(sorted({*ends.tolist(), here, there})), order or 3)

@@ -39,7 +39,12 @@ HANDED_OUT = (  # classes of what functions and results hold, which are exported
     ("synthesis.hinf.bounds", "Bounds"),
     ("synthesis.lq.riccati", "RiccatiSolution"),
 )
-BESIDE = ("exchange", "studies", "tunable")  # packages whose names are listed, beside those whose members are frozen
+BESIDE = (
+    "exchange",
+    "maneuvers",
+    "studies",
+    "tunable",
+)  # packages whose names are listed, beside those whose members are frozen
 
 
 def _pages():

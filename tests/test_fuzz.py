@@ -14,7 +14,7 @@ from tests.profiles import examples
 # arguments that are stored, or not needed beside the others
 NOT_LOOKED_AT = {"order", "notes", "sections", "listener"}
 # tried in a file of their own share: a call takes a hundred times as long as that of others
-SLOW = ("optimal_slew", "h_infinity", "tune", "analysis.structured_margin", "boom.yaw_family")
+SLOW = ("optimal_slew", "h_infinity", "tune", "analysis.robust_stability_margin", "boom.yaw_family")
 QUICK = [name for name in (*fuzz.public(), *fuzz.METHODS) if name not in SLOW]
 
 
@@ -32,7 +32,7 @@ def test_call_with_arguments_of_example_answers(name):
     """But for files that are not there, and a loop whose phase cannot be followed so soon."""
     arguments = fuzz.arguments_of(name)
     in_order = arguments.pop("*", ())
-    if "path" not in arguments and name != "analysis.exact_loop_stability":
+    if "path" not in arguments and name != "analysis.nyquist_stability":
         assert fuzz.function_of(name)(*in_order, **arguments) is not None
 
 

@@ -17,7 +17,9 @@ CALLS = {
     "H-infinity synthesis": lambda **given: bc.h_infinity(one.generalized(), 1, 1, **given),
     "tuning": lambda **given: bc.tune(one.generalized(), 1, 1, bc.tunable.gain(), starts=1, **given),
     "robust stability": lambda **given: bc.robust_stability(one.family(), one.suspension(), **given),
-    "structured margin": lambda **given: bc.analysis.structured_margin(one.family(), one.suspension(), 1.2, **given),
+    "structured margin": lambda **given: bc.analysis.robust_stability_margin(
+        one.family(), one.suspension(), 1.2, **given
+    ),
     "worst case": lambda **given: bc.worst_case(
         one.family(), one.suspension(), ["actuator_anti"], ["tip_anti"], **given
     ),
@@ -42,7 +44,7 @@ OTHERS = {
 @pytest.mark.parametrize("task", [*CALLS, *OTHERS])
 def test_listener_receives_task_and_stages(task):
     heard, given = [], []
-    with bc.listening(heard.append):
+    with bc.progress_callback(heard.append):
         (CALLS | OTHERS)[task]()
     if task in CALLS:  # an argument is a listener as well
         CALLS[task](progress=given.append)
@@ -76,7 +78,7 @@ def test_a_computation_within_another_tells_through_the_outer_one():
 def test_listener_that_is_no_function_raises():
     with pytest.raises(TypeError, match=r"progress = .*: expected a function of a Progress, or None"):
         CALLS["reduction"](progress=True)
-    with pytest.raises(TypeError, match=r"listener = .*: expected a function"), bc.listening("yes"):
+    with pytest.raises(TypeError, match=r"listener = .*: expected a function"), bc.progress_callback("yes"):
         pass
 
 
@@ -129,7 +131,11 @@ def test_a_terminal_shows_a_line_when_it_takes_a_while_and_takes_it_away():
 @pytest.mark.skipif(os.name != "posix", reason="terminals of their own are a thing of POSIX")
 @pytest.mark.parametrize(
     ("wait", "around", "environment"),
-    [(3.0, "computing('outer')", {}), (0.05, "listening(None)", {}), (0.05, "computing('outer')", {"TERM": "dumb"})],
+    [
+        (3.0, "computing('outer')", {}),
+        (0.05, "progress_callback(None)", {}),
+        (0.05, "computing('outer')", {"TERM": "dumb"}),
+    ],
     ids=["short", "nobody", "dumb"],
 )
 def test_a_terminal_shows_nothing(wait, around, environment):

@@ -73,7 +73,7 @@ def _lines():
     lines = []
     classes = {}
     named = [(module, name) for module in (boomctl, boomctl.structure, boomctl.tunable) for name in module.__all__]
-    for package in (*PACKAGES, "exchange", "studies"):
+    for package in (*PACKAGES, "exchange", "maneuvers", "studies"):
         module = import_module(f"boomctl.{package}")
         functions = [
             name for name in module.__all__ if package == "studies" or inspect.isfunction(getattr(module, name))

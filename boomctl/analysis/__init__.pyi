@@ -1,9 +1,9 @@
 # The public names and where each is defined: `__init__.py` loads them from there when they are first used.
 
 from boomctl.analysis.box.robustness import RobustStability as RobustStability
-from boomctl.analysis.box.robustness import StructuredMargin as StructuredMargin
+from boomctl.analysis.box.robustness import RobustStabilityMargin as RobustStabilityMargin
 from boomctl.analysis.box.robustness import robust_stability as robust_stability
-from boomctl.analysis.box.robustness import structured_margin as structured_margin
+from boomctl.analysis.box.robustness import robust_stability_margin as robust_stability_margin
 from boomctl.analysis.box.worst_case import WorstCase as WorstCase
 from boomctl.analysis.box.worst_case import worst_case as worst_case
 from boomctl.analysis.h2 import h2_norm as h2_norm
@@ -15,7 +15,7 @@ from boomctl.analysis.looking.nyquist import NyquistResult as NyquistResult
 from boomctl.analysis.looking.nyquist import nyquist as nyquist
 from boomctl.analysis.looking.pole_zero import PoleZeroResult as PoleZeroResult
 from boomctl.analysis.looking.pole_zero import pzmap as pzmap
-from boomctl.analysis.looking.transients import TransientResult as TransientResult
+from boomctl.analysis.looking.transients import TimeResponse as TimeResponse
 from boomctl.analysis.looking.transients import impulse as impulse
 from boomctl.analysis.looking.transients import step as step
 from boomctl.analysis.loops import closed_loop_response as closed_loop_response
@@ -24,21 +24,21 @@ from boomctl.analysis.margins import DiskMargin as DiskMargin
 from boomctl.analysis.margins import LoopMargin as LoopMargin
 from boomctl.analysis.margins import Margins as Margins
 from boomctl.analysis.margins import margins as margins
-from boomctl.analysis.measured import MeasuredCurve as MeasuredCurve
-from boomctl.analysis.measured import read_measured_curve as read_measured_curve
+from boomctl.analysis.measured import MeasuredFrequencyResponse as MeasuredFrequencyResponse
+from boomctl.analysis.measured import read_frequency_response as read_frequency_response
 from boomctl.analysis.model_norm import hinf_norm as hinf_norm
-from boomctl.analysis.modes import ModeRow as ModeRow
+from boomctl.analysis.modes import Mode as Mode
 from boomctl.analysis.modes import ModeTable as ModeTable
 from boomctl.analysis.modes import mode_table as mode_table
-from boomctl.analysis.norm import NormCertificate as NormCertificate
-from boomctl.analysis.nyquist import ExactLoopStability as ExactLoopStability
-from boomctl.analysis.nyquist import exact_loop_stability as exact_loop_stability
+from boomctl.analysis.norm import NormBounds as NormBounds
+from boomctl.analysis.nyquist import NyquistStability as NyquistStability
+from boomctl.analysis.nyquist import nyquist_stability as nyquist_stability
 from boomctl.analysis.prove import Proof as Proof
 from boomctl.analysis.prove import prove as prove
-from boomctl.analysis.sampled_norm import sampled_norm as sampled_norm
+from boomctl.analysis.sampled_data_norm import sampled_data_norm as sampled_data_norm
 from boomctl.analysis.sigma import SigmaComparison as SigmaComparison
 from boomctl.analysis.sigma import SigmaResult as SigmaResult
 from boomctl.analysis.sigma import compare_sigma as compare_sigma
 from boomctl.analysis.sigma import sigma as sigma
-from boomctl.analysis.state_outputs import with_states as with_states
+from boomctl.analysis.state_outputs import with_state_outputs as with_state_outputs
 from boomctl.lti.sampled import sample_plant as sample_plant

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from boomctl.analysis.marginal_poles import marginal_poles
-from boomctl.analysis.norm import NOT_PROVED, ON_CIRCLE, PROVED, UNDAMPED, UNSTABLE, NormCertificate, doubtful
+from boomctl.analysis.norm import NOT_PROVED, ON_CIRCLE, PROVED, UNDAMPED, UNSTABLE, NormBounds, doubtful
 from boomctl.arrays import Array
 from boomctl.lti.gramians import refined_gramian
 from boomctl.lti.modal import split
@@ -30,7 +30,7 @@ _CANCELLED = 4.0  # roundings of one, in the difference of one and the product o
 
 
 @one_blas_thread
-def h2_norm(system: "SecondOrderModel | control.StateSpace | control.TransferFunction") -> NormCertificate:
+def h2_norm(system: "SecondOrderModel | control.StateSpace | control.TransferFunction") -> NormBounds:
     """Return the certified H2 norm: the RMS of the outputs to white noise of unit intensity at every input.
 
     In discrete time it is white noise of unit variance at every sample.  The square of the norm is then the sum of the
@@ -44,7 +44,7 @@ def h2_norm(system: "SecondOrderModel | control.StateSpace | control.TransferFun
 
     Returns
     -------
-    NormCertificate
+    NormBounds
         The norm, and bounds of it.
 
     Raises
@@ -68,7 +68,7 @@ def h2_norm(system: "SecondOrderModel | control.StateSpace | control.TransferFun
     return replace(matrices_h2_norm(given), _given=given)
 
 
-def matrices_h2_norm(given: Lti) -> NormCertificate:
+def matrices_h2_norm(given: Lti) -> NormBounds:
     """Return the certified H2 norm of ``A, B, C, D``."""
     if not len(given.A) or min(given.D.shape) == 0:
         through = float(np.linalg.norm(given.D))
@@ -88,16 +88,16 @@ def matrices_h2_norm(given: Lti) -> NormCertificate:
     return _proved(balanced) if axis.hidden.any() else _finite(balanced)
 
 
-def _between(lower: float, value: float, upper: float, method: str) -> NormCertificate:
-    return NormCertificate(lower, upper, nan, method, kind="h2", _value=value)
+def _between(lower: float, value: float, upper: float, method: str) -> NormBounds:
+    return NormBounds(lower, upper, nan, method, kind="h2", _value=value)
 
 
-def _fed_through(given: Lti) -> NormCertificate:
+def _fed_through(given: Lti) -> NormBounds:
     o, i = np.unravel_index(int(np.argmax(np.abs(given.D))), given.D.shape)
     return _between(inf, inf, inf, f"a feedthrough to {given.outputs[int(o)]!r} from {given.inputs[int(i)]!r}")
 
 
-def _doubtful(system: Lti, near: Array, why: str) -> NormCertificate:
+def _doubtful(system: Lti, near: Array, why: str) -> NormBounds:
     """Return the value without the modes that may be undamped, where that can be told; the norm may be infinite."""
     try:
         conjugates = np.abs(system.poles[:, None] - system.poles.conj()).argmin(axis=1)
@@ -107,7 +107,7 @@ def _doubtful(system: Lti, near: Array, why: str) -> NormCertificate:
     return _between(0.0, rest.value, inf, why)
 
 
-def _finite(system: Lti) -> NormCertificate:
+def _finite(system: Lti) -> NormBounds:
     """Return the norm of a stable system, in continuous time without a feedthrough."""
     modes = verified_modal_form(system)
     found = None if modes is None else _by_modes(modes, system.dt)
@@ -120,7 +120,7 @@ def _finite(system: Lti) -> NormCertificate:
     return replace(known, _value=float(np.clip(_by_gramian(system), known.lower, known.upper)))
 
 
-def _proved(system: Lti) -> NormCertificate:
+def _proved(system: Lti) -> NormBounds:
     """Return the norm of a system whose poles decay or do not show, as they are stored; no upper bound if undecided."""
     from boomctl.exact_roots import OPERATIONS, Undecided
     from boomctl.lti.proof import Exact, below
@@ -139,7 +139,7 @@ def _by_gramian(system: Lti) -> float:
     return sqrt(max(float(np.sum((system.C @ P) * system.C) + np.sum(system.D**2)), 0.0))
 
 
-def _by_modes(modes: VerifiedModalForm, dt: float) -> NormCertificate:
+def _by_modes(modes: VerifiedModalForm, dt: float) -> NormBounds:
     """Return the norm as a sum over pairs of modes."""
     modal, p = modes.modal, modes.modal.poles
     through = float(np.sum(modal.D**2))

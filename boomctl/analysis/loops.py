@@ -201,7 +201,8 @@ def signals_of(
     for label in controller.inputs:
         if label not in outputs and label in (state.replace(".", "_") for state in states):
             raise ValueError(
-                f"plant: the controller reads its state {label!r}, which is no output; boomctl.with_states(plant) has it"
+                f"plant: the controller reads its state {label!r}, which is no output; "
+                "boomctl.with_state_outputs(plant) has it"
             )
         known("plant output (it is an input of the controller)", label, outputs)
     for label in controller.outputs:
@@ -228,7 +229,7 @@ def feedback_loop(
     ----------
     plant : SecondOrderModel, control.StateSpace or control.TransferFunction
         The plant, signals named.  A discrete one needs a discrete controller of the same sampling time.
-        :func:`boomctl.with_states` makes outputs of its states, for controllers that read these.
+        :func:`boomctl.with_state_outputs` makes outputs of its states, for controllers that read these.
     controller : control.StateSpace, control.TransferFunction, or a design, which holds one
         Its inputs are outputs of the plant, its outputs inputs of the plant. In the scales of the plant.
     injection_points : str or sequence of str, optional
@@ -295,7 +296,7 @@ def closed_loop_response(
     -------
     control.FrequencyResponseData
         From the inputs that the controller does not drive to the plant's outputs and the controls.  It says nothing of
-        stability: see :func:`boomctl.analysis.exact_loop_stability`.
+        stability: see :func:`boomctl.analysis.nyquist_stability`.
 
     Raises
     ------

@@ -334,7 +334,7 @@ def margins(
     ----------
     plant : SecondOrderModel, control.StateSpace or control.TransferFunction
         The plant, signals named.  A discrete one needs a discrete controller of the same sampling time.
-        :func:`boomctl.with_states` makes outputs of its states, for controllers that read these.
+        :func:`boomctl.with_state_outputs` makes outputs of its states, for controllers that read these.
     controller : control.StateSpace, control.TransferFunction, or a design, which holds one
         Its inputs are outputs of the plant, its outputs inputs of the plant.  A discrete one makes the sampled loop of
         :func:`boomctl.feedback_loop`.  Its margins are those at the samples: of what is sent at a control, and of what

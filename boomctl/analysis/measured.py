@@ -32,7 +32,7 @@ _NO_MAGNITUDES = {  # what the words of a column's name say that it holds
 
 
 @dataclass(frozen=True)
-class MeasuredCurve:
+class MeasuredFrequencyResponse:
     """Measured singular values over frequency, and the complex response that they are of, where it is known.
 
     Attributes
@@ -59,7 +59,7 @@ class MeasuredCurve:
     def __repr__(self) -> str:
         span = f"{len(self.freq_hz)} frequencies, {self.freq_hz[0]:.4g} to {self.freq_hz[-1]:.4g} Hz"
         of = "" if self.entries is None else f"; with phase, {len(self.outputs)} x {len(self.inputs)}"
-        return f"MeasuredCurve: {listed(self.labels)}\n  {span}, largest {self.magnitude.max():.6g}{of}"
+        return f"MeasuredFrequencyResponse: {listed(self.labels)}\n  {span}, largest {self.magnitude.max():.6g}{of}"
 
     @cached_property
     def response(self) -> "control.FrequencyResponseData | None":
@@ -91,7 +91,7 @@ class MeasuredCurve:
         return import_module("boomctl.plotting.sigma").plot_measured(self, ax, unit=unit, **style)
 
 
-def read_measured_curve(path: str | Path) -> MeasuredCurve:
+def read_frequency_response(path: str | Path) -> MeasuredFrequencyResponse:
     r"""Read a measured curve or frequency response.
 
     CSV: the first line names the columns, in a comment or not.  ``freq_hz`` or ``frequency_hz`` [Hz] comes first.
@@ -111,7 +111,7 @@ def read_measured_curve(path: str | Path) -> MeasuredCurve:
 
     Returns
     -------
-    MeasuredCurve
+    MeasuredFrequencyResponse
         Frequencies [Hz], magnitudes or singular values, and the complex response where the file has it.
 
     Raises
@@ -133,7 +133,7 @@ def read_measured_curve(path: str | Path) -> MeasuredCurve:
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     path = Path(folder) / "shaker.csv"
     ...     _ = path.write_text("freq_hz,upper,lower\n0.5,3.1,0.9\n1.0,1.2,0.4\n")
-    ...     curve = bc.read_measured_curve(path)
+    ...     curve = bc.read_frequency_response(path)
     >>> curve.labels, curve.magnitude[0]
     (('upper', 'lower'), array([3.1, 1.2]))
     """
@@ -175,14 +175,16 @@ def read_measured_curve(path: str | Path) -> MeasuredCurve:
         raise ValueError(
             f"{path}, line {table.lines[line]}: expected a magnitude not below zero in {header[1 + column]!r}"
         )
-    return MeasuredCurve(freq, values[:, 1:].T.copy(), header[1:])
+    return MeasuredFrequencyResponse(freq, values[:, 1:].T.copy(), header[1:])
 
 
-def _of_response(freq_hz: Array, response: Array, inputs: tuple[str, ...], outputs: tuple[str, ...]) -> MeasuredCurve:
+def _of_response(
+    freq_hz: Array, response: Array, inputs: tuple[str, ...], outputs: tuple[str, ...]
+) -> MeasuredFrequencyResponse:
     """Return a response with its singular values."""
     curves = singular_values(response)
     labels = tuple(f"measured {i + 1}" for i in range(len(curves)))
-    return MeasuredCurve(freq_hz, curves, labels, response, inputs, outputs)
+    return MeasuredFrequencyResponse(freq_hz, curves, labels, response, inputs, outputs)
 
 
 def _complex_response(path: str | Path, line: int, header: tuple[str, ...], table: Array) -> Array:

@@ -30,7 +30,7 @@ import numpy as np
 from scipy import linalg
 
 from boomctl.analysis.marginal_poles import MarginalPoles, marginal_poles
-from boomctl.analysis.norm import NormCertificate, matrices_norm, norm_of_data
+from boomctl.analysis.norm import NormBounds, matrices_norm, norm_of_data
 from boomctl.arrays import Array
 from boomctl.lti.frequency import (
     ABOVE,
@@ -74,7 +74,7 @@ _SPARE = 3  # modes asked for beyond these, so that as many are left without the
 
 
 @one_blas_thread
-def hinf_norm(system: "LinearSystem") -> NormCertificate:
+def hinf_norm(system: "LinearSystem") -> NormBounds:
     """Return the certified H-infinity norm of a linear system; infinite if it is not stable.
 
     Poles on the imaginary axis count only if they show in the response (undamped or integrating modes).  Of a discrete
@@ -89,7 +89,7 @@ def hinf_norm(system: "LinearSystem") -> NormCertificate:
 
     Returns
     -------
-    NormCertificate
+    NormBounds
         Lower and upper bound of the norm, and the frequency of the peak [rad/s].
 
     Raises
@@ -180,7 +180,7 @@ class SplitModel:
         return Resonances(np.concatenate([np.zeros(0, complex), *found]), BELOW * low, top)
 
     @one_blas_thread
-    def norm(self) -> NormCertificate:
+    def norm(self) -> NormBounds:
         """Return the certified H-infinity norm; infinite with undamped or integrating modes.
 
         Raises
@@ -189,7 +189,7 @@ class SplitModel:
             A response that is not proper (an output that needs a derivative of an input).
         """
         if not self.parts:
-            return NormCertificate(0.0, 0.0, 0.0, "no response", ("halves",))
+            return NormBounds(0.0, 0.0, 0.0, "no response", ("halves",))
         if self.realised is not None:
             found = _norms_of_small(self.realised)
         else:
@@ -323,7 +323,7 @@ def _upper(poles: Array, top: float) -> Array:
     return poles[(poles.imag >= 0.0) & (np.abs(poles) <= top)]
 
 
-def _part_norm(part: SecondOrderModel, band: _Band | None) -> NormCertificate:
+def _part_norm(part: SecondOrderModel, band: _Band | None) -> NormBounds:
     """Return the norm of a part by a core, or of the part as it is."""
     if band is None:
         given = _Realised.of(part)
@@ -372,12 +372,12 @@ class _Realised:
         fastest = max(float(frequencies[-1]), float(np.abs(system.A.diagonal()).max()))
         return cls(system, respond, ("undamped modes",), len(moving) > 0 and fastest > _HELD * moving[0])
 
-    def norm(self, axis: MarginalPoles | None = None) -> NormCertificate:
+    def norm(self, axis: MarginalPoles | None = None) -> NormBounds:
         """Return the norm between its bounds; ``axis`` is what is known of its poles."""
         return replace(matrices_norm(self.system, self.respond, axis), path=self.path)
 
 
-def _norms_of_small(systems: tuple["_Realised", ...]) -> list[NormCertificate]:
+def _norms_of_small(systems: tuple["_Realised", ...]) -> list[NormBounds]:
     """Return the norms of small parts; of one proved to stay below another's norm, the other's bound alone."""
     axes = [marginal_poles(part.system) for part in systems]
     order = sorted(range(len(systems)), key=lambda i: -axes[i].bound)
@@ -385,7 +385,7 @@ def _norms_of_small(systems: tuple["_Realised", ...]) -> list[NormCertificate]:
     found = {order[0]: first}
     for i in order[1:]:
         below = axes[i].bound <= first.lower
-        bound = NormCertificate(0.0, first.upper, first.omega, first.method, systems[i].path)
+        bound = NormBounds(0.0, first.upper, first.omega, first.method, systems[i].path)
         found[i] = bound if below else systems[i].norm(axes[i])
     return [found[i] for i in range(len(systems))]
 

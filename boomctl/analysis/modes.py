@@ -33,7 +33,7 @@ _SHARES = "signals in %: peak of the mode over that of the highest mode, with th
 
 
 @dataclass(frozen=True)
-class ModeRow:
+class Mode:
     """One mode: a pair of complex poles, or a real pole.
 
     Attributes
@@ -59,7 +59,7 @@ class ModeRow:
 
     def __repr__(self) -> str:
         z = "" if self.z is None else f", z = {_z(self.z)}"
-        return f"ModeRow: {self.omega:.6g} rad/s, {self.frequency_hz:.4g} Hz, damping {100.0 * self.damping:.4g} %{z}"
+        return f"Mode: {self.omega:.6g} rad/s, {self.frequency_hz:.4g} Hz, damping {100.0 * self.damping:.4g} %{z}"
 
     @property
     def omega(self) -> float:
@@ -87,21 +87,21 @@ class ModeTable:
     ----------
     inputs, outputs : tuple of str
         Names of the signals, in the order of the shares.
-    rows : tuple of ModeRow
+    rows : tuple of Mode
         The modes, in ascending natural frequency.  Free bodies, at 0 rad/s, have a share of one where they show, and do
         not count as the highest mode of the others.
     """
 
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
-    rows: tuple[ModeRow, ...]
+    rows: tuple[Mode, ...]
 
     def __str__(self) -> str:
         return self.render()
 
     def __repr__(self) -> str:
         lines = [f"ModeTable: {len(self.rows)} modes between {between(self.inputs, self.outputs)}"]
-        lines += [f"  {row!r}".replace("ModeRow: ", "") for row in self.rows[: 4 if len(self.rows) == 4 else 3]]
+        lines += [f"  {row!r}".replace("Mode: ", "") for row in self.rows[: 4 if len(self.rows) == 4 else 3]]
         more = len(self.rows) + 1 - len(lines)
         return "\n".join([*lines, f"  ... {more} more: print(table)"] if more else lines)
 
@@ -231,13 +231,13 @@ def _rigid(system: Lti) -> tuple[Array, Lti]:
     return np.array(shown), parts.rest
 
 
-def _rows(poles: Array, peaks: Array, z: Array | None, free: int) -> tuple[ModeRow, ...]:
+def _rows(poles: Array, peaks: Array, z: Array | None, free: int) -> tuple[Mode, ...]:
     """Return the modes, the first of which are ``free`` bodies."""
     largest = peaks[free:].max(axis=0, initial=0.0)
     with np.errstate(invalid="ignore", divide="ignore"):
         shares = np.where(np.isinf(peaks), 1.0, np.where(largest > 0.0, peaks / largest, 0.0))
     return tuple(
-        ModeRow(
+        Mode(
             complex(pole),
             share.max(axis=0, initial=0.0),
             share.max(axis=1, initial=0.0),

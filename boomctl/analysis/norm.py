@@ -81,7 +81,7 @@ NOT_PROVED = "rounding may change it, and a proof takes too long"  # no upper bo
 
 
 @dataclass(frozen=True)
-class NormCertificate:
+class NormBounds:
     """A norm between two bounds.
 
     Attributes
@@ -145,7 +145,7 @@ class NormCertificate:
         at_most = f"at most {self.upper:.6g}" if isfinite(self.upper) else "no upper bound"
         doubt = "certified" if self.certified else f"not certified, {at_least}{at_most}"
         signals = "" if self._given is None else f"\n  {between(self._given.inputs, self._given.outputs)}"
-        return f"NormCertificate: {NAMES[self.kind]} norm {self.value:.6g}{at}, {doubt}{signals}\n  {self.method}"
+        return f"NormBounds: {NAMES[self.kind]} norm {self.value:.6g}{at}, {doubt}{signals}\n  {self.method}"
 
     @property
     def value(self) -> float:
@@ -163,7 +163,7 @@ class NormCertificate:
         return self.lower == inf or self.upper <= self.lower * (1.0 + CERTIFIED) + TINY
 
 
-def norm_of_data(omega: Array, response: Array) -> NormCertificate:
+def norm_of_data(omega: Array, response: Array) -> NormBounds:
     """Return the largest singular value of a frequency response, outputs by inputs by frequencies, on its grid.
 
     Raises
@@ -175,12 +175,10 @@ def norm_of_data(omega: Array, response: Array) -> NormCertificate:
         raise ValueError("system: expected finite frequency response data")
     values = singular_values(response)[0]
     best = int(np.argmax(values))
-    return NormCertificate(float(values[best]), inf, float(omega[best]), OF_DATA)
+    return NormBounds(float(values[best]), inf, float(omega[best]), OF_DATA)
 
 
-def matrices_norm(
-    given: System, response: Response | None = None, axis: MarginalPoles | None = None
-) -> NormCertificate:
+def matrices_norm(given: System, response: Response | None = None, axis: MarginalPoles | None = None) -> NormBounds:
     """Return the certified norm of ``A, B, C, D``, which are balanced.
 
     ``response`` may be a more accurate one; ``axis`` is what is known of the poles, with a ``doubt`` of infinity where that
@@ -190,14 +188,14 @@ def matrices_norm(
     system = given.system
     if min(system.D.shape) == 0 or not len(system.A):
         value = largest_of(system.D)
-        return NormCertificate(value, value, 0.0, STATIC_GAIN)
+        return NormBounds(value, value, 0.0, STATIC_GAIN)
     axis = marginal_poles(given) if axis is None else axis
     if axis.infinite is not None:
         grows, undamped = axis.infinite.real > 0.0, UNDAMPED if system.dt == 0.0 else ON_CIRCLE
-        return NormCertificate(inf, inf, float("nan") if grows else axis.infinite.imag, UNSTABLE if grows else undamped)
+        return NormBounds(inf, inf, float("nan") if grows else axis.infinite.imag, UNSTABLE if grows else undamped)
     if axis.doubtful is not None:
         peak, at = _largest_beyond_rounding(given)
-        return NormCertificate(peak, inf, at, f"a mode at {abs(axis.doubtful):.6g} rad/s {doubtful(system)}")
+        return NormBounds(peak, inf, at, f"a mode at {abs(axis.doubtful):.6g} rad/s {doubtful(system)}")
     if axis.hidden.any():
         return proved_norm(given, *_largest_beyond_rounding(given))
     if response is None and given is system and not axis.doubt <= _DOUBT * axis.bound:
@@ -228,7 +226,7 @@ def proved_norm(
     omega: float,
     minus: Lti | None = None,
     band: tuple[float, float] | None = None,
-) -> NormCertificate:
+) -> NormBounds:
     """Compute the norm of a system in exact arithmetic, from a guess of the peak; no upper bound if undecided.
 
     With ``minus`` it is the norm of the difference of two systems; with ``band`` [rad/s] the largest singular value there.
@@ -244,13 +242,13 @@ def proved_norm(
         limits = (0.0, inf) if band is None else (exact.square(band[0]), exact.square(band[1]))
         peak, level, square = exact.norm(exact.square(omega), limits)
     except Undecided:
-        return NormCertificate(lower, inf, omega, NOT_PROVED)
-    return NormCertificate(peak, level, exact.omega(square), PROVED)
+        return NormBounds(lower, inf, omega, NOT_PROVED)
+    return NormBounds(peak, level, exact.omega(square), PROVED)
 
 
 def level_norm(
     system: Lti, response: Response | None = None, doubt: float = inf, modes: ModalSystem | None = None
-) -> NormCertificate:
+) -> NormBounds:
     """Return the norm of a stable system by levels proved not to be reached, as if ``A, B, C, D`` had no rounding.
 
     For those who answer for that rounding themselves; :func:`matrices_norm` does.  Where it and the sum over the modes are
@@ -273,15 +271,15 @@ def level_norm(
         if value > level:
             peak, at, above = value, omega, LEVEL
         elif not len(crossings) and level_shows(system, level, peak, at, H):
-            return NormCertificate(peak, level, at, NO_CROSSING)
+            return NormBounds(peak, level, at, NO_CROSSING)
         elif above == LEVEL:
             above = _HIGHER
         else:
             break
-    return NormCertificate(peak, inf, at, NOT_TOLD)
+    return NormBounds(peak, inf, at, NOT_TOLD)
 
 
-def _by_modes(system: Lti, respond: Response, doubt: float, modes: ModalSystem) -> NormCertificate:
+def _by_modes(system: Lti, respond: Response, doubt: float, modes: ModalSystem) -> NormBounds:
     """Return the largest singular value near the modes, and what none exceeds, where the sum over the modes proves it.
 
     It, and the response itself where entries are off in their last places, are off by ``doubt`` at most.  Nearly always the
@@ -300,9 +298,9 @@ def _by_modes(system: Lti, respond: Response, doubt: float, modes: ModalSystem) 
     static = largest_of(system.D)  # eigenvectors may have lost digits of that of the modes
     peak, at = (peak, at) if peak >= static else (static, inf)
     if peak == 0.0:
-        return NormCertificate(0.0, 0.0, 0.0, NO_RESPONSE)
+        return NormBounds(0.0, 0.0, 0.0, NO_RESPONSE)
     if not isfinite(peak):  # its square is no number, and nothing is known of it
-        return NormCertificate(0.0, inf, at, NOT_TOLD)
+        return NormBounds(0.0, inf, at, NOT_TOLD)
     for _ in range(RAISED):
         found, higher = _proved(modes, peak, at, doubt)
         if found is not None:
@@ -311,16 +309,16 @@ def _by_modes(system: Lti, respond: Response, doubt: float, modes: ModalSystem) 
         if value <= peak:
             break
         peak, at = value, omega
-    return NormCertificate(peak, inf, at, NOT_TOLD)
+    return NormBounds(peak, inf, at, NOT_TOLD)
 
 
-def _proved(modes: ModalSystem, peak: float, at: float, doubt: float) -> tuple[NormCertificate | None, Array]:
+def _proved(modes: ModalSystem, peak: float, at: float, doubt: float) -> tuple[NormBounds | None, Array]:
     """Return a norm whose peak is at a frequency, if the sum over the modes proves it, and some where it is higher."""
     if not (doubt <= _DOUBT * peak < inf and isfinite(at)):
         return None, np.zeros(0)
     level = peak * (1.0 + LEVEL)
     told, higher = sum_over_modes.stays_below(modes, level, at)
-    return NormCertificate(peak, level + _TWICE * doubt, at, IN_MODES) if told else None, higher
+    return NormBounds(peak, level + _TWICE * doubt, at, IN_MODES) if told else None, higher
 
 
 def stays_below(system: Lti, level: float, at: float, response: Response | None = None) -> bool:
@@ -348,7 +346,7 @@ def _highest_at(respond: Response, omega: Array) -> tuple[float, float]:
     return float(values.max()), float(seen[values.argmax()])
 
 
-def _by_circle(given: System, doubt: float) -> NormCertificate:
+def _by_circle(given: System, doubt: float) -> NormBounds:
     """Return the norm of a stable discrete system, by its continuous image, as :func:`level_norm` does.
 
     Where eigenvectors have their digits, the sum over its modes, each at its own image, proves the level; elsewhere levels of
@@ -359,7 +357,7 @@ def _by_circle(given: System, doubt: float) -> NormCertificate:
         image = continuous_image(system)
     except ValueError:
         peak, at = _largest_beyond_rounding(given)
-        return NormCertificate(peak, inf, at, NOT_TOLD)
+        return NormBounds(peak, inf, at, NOT_TOLD)
 
     def respond(v: Array) -> Array:
         return system.response(omega_of_image(v, system.dt), quiet=True)

@@ -41,7 +41,7 @@ _WHOLE = 1e-3  # distance from a whole number of windings that is rounding: what
 
 
 @dataclass(frozen=True)
-class ExactLoopStability:
+class NyquistStability:
     """What the winding of ``det(I - G K)`` says of a loop.
 
     Attributes
@@ -100,7 +100,7 @@ class ExactLoopStability:
         near = f"least singular value of I - G K {self.distance:.4g} at {self.distance_omega:.4g} rad/s"
         known = "by a bound of the plant" if self.plant_bounded else "as far as seen"
         beyond = f"loop gain below one beyond {self.top:.4g} rad/s, {known}"
-        return f"ExactLoopStability: {verdict}\n  {near}\n  {beyond}; {self.evaluations} frequencies asked"
+        return f"NyquistStability: {verdict}\n  {near}\n  {beyond}; {self.evaluations} frequencies asked"
 
 
 @dataclass(frozen=True)
@@ -128,14 +128,14 @@ class _LoopGain:
 
 
 @one_blas_thread
-def exact_loop_stability(
+def nyquist_stability(
     plant: Callable[[Array], control.FrequencyResponseData],
     controller: control.StateSpace,
     poles: ArrayLike,
     plant_bound: Callable[[float], float] | None = None,
     top: float | None = None,
     max_evaluations: int = 200_000,
-) -> ExactLoopStability:
+) -> NyquistStability:
     """Return whether the loop ``u = K y`` of a stable plant known by its frequency response alone is stable.
 
     Nyquist's criterion for several signals: the winding of ``det(I - G K)`` around zero is followed along the axis.
@@ -159,7 +159,7 @@ def exact_loop_stability(
 
     Returns
     -------
-    ExactLoopStability
+    NyquistStability
         Whether the loop is stable, how many unstable poles it has, and how near it comes to instability.
 
     Raises
@@ -178,7 +178,7 @@ def exact_loop_stability(
     ...     return bc.spray_boom().frequency_response(omega, "suspension_left", "stroke_left")
     >>> poles = bc.spray_boom().to_statespace().poles()
     >>> damper = control.ss([[-30.0]], [[30.0]], [[3e3]], [[-3e3]], inputs="stroke_left", outputs="suspension_left")
-    >>> bc.analysis.exact_loop_stability(boom, damper, poles[abs(poles) < 50.0]).unstable_poles
+    >>> bc.analysis.nyquist_stability(boom, damper, poles[abs(poles) < 50.0]).unstable_poles
     0
     """
     K, limit = controller_of(controller).balanced(), whole("max_evaluations", max_evaluations)
@@ -207,7 +207,7 @@ def exact_loop_stability(
         raise ArithmeticError(f"{count} encirclements with {unstable} unstable poles: the plant itself is not stable")
     least = singular_values(values.transpose(1, 2, 0))[-1]
     best = int(np.argmin(least))
-    return ExactLoopStability(
+    return NyquistStability(
         stable=count == unstable,
         unstable_poles=unstable - count,
         encirclements=count,

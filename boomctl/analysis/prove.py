@@ -98,7 +98,7 @@ def prove(result: Claiming, *, max_operations: float = 1.2e10) -> Proof:
 
     Parameters
     ----------
-    result : NormCertificate, ReductionResult, Margins, TuneResult, or of a synthesis
+    result : NormBounds, ReductionResult, Margins, TuneResult, or of a synthesis
         Of :func:`boomctl.hinf_norm`, :func:`boomctl.h2_norm`, :func:`boomctl.reduce` and so on.
     max_operations : float, optional
         Operations after which a proof is given up, some 5 ns each: the answer does not depend on the machine.

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from boomctl.analysis.model_norm import SplitModel
-from boomctl.analysis.norm import UNSTABLE, NormCertificate, matrices_norm, norm_of_data
+from boomctl.analysis.norm import UNSTABLE, NormBounds, matrices_norm, norm_of_data
 from boomctl.analysis.prove import Claim
 from boomctl.arrays import Array
 from boomctl.checks import exactly, frequencies, known, mapping, names, up_to
@@ -57,7 +57,7 @@ class GivenSystem:
         return Resonances.of_system(self.system, high)
 
     @one_blas_thread
-    def norm(self) -> NormCertificate:
+    def norm(self) -> NormBounds:
         """Return the certified H-infinity norm."""
         return replace(matrices_norm(self.system), _given=self.system)
 
@@ -102,18 +102,18 @@ class SigmaResult:
     sigma: Array
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
-    _of: SplitModel | GivenSystem | NormCertificate  # what the norm is of; the norm itself where it is known
+    _of: SplitModel | GivenSystem | NormBounds  # what the norm is of; the norm itself where it is known
     unit: str = "Hz"
     value_unit: str = ""
 
     @cached_property
-    def certificate(self) -> NormCertificate:
+    def certificate(self) -> NormBounds:
         """The norm and its bounds, computed when first asked for."""
-        return self._of if isinstance(self._of, NormCertificate) else self._of.norm()
+        return self._of if isinstance(self._of, NormBounds) else self._of.norm()
 
     def __repr__(self) -> str:
         span = f"{len(self.omega)} frequencies, {self.omega[0]:.4g} to {self.omega[-1]:.4g} rad/s"
-        if isinstance(self._of, NormCertificate) or "certificate" in self.__dict__:
+        if isinstance(self._of, NormBounds) or "certificate" in self.__dict__:
             at = f" at {self.peak_omega:.6g} rad/s" if isfinite(self.peak_omega) else ""
             peak = f"peak {self.peak:.6g}{at}, {'certified' if self.certified else 'not certified'}"
         else:  # printing must not cost what the norm costs
@@ -127,7 +127,7 @@ class SigmaResult:
     @cached_property
     def unstable(self) -> bool:
         """Whether the system has an unstable pole: no response to a sine is then as large as its singular value."""
-        if "certificate" in self.__dict__ or isinstance(self._of, NormCertificate):
+        if "certificate" in self.__dict__ or isinstance(self._of, NormBounds):
             return self.certificate.method == UNSTABLE
         found = has_unstable_pole(self._of)
         return self.certificate.method == UNSTABLE if found is None else found

@@ -15,12 +15,14 @@ if TYPE_CHECKING:
 
 
 @overload
-def with_states(plant: AffineFamily) -> AffineFamily: ...
+def with_state_outputs(plant: AffineFamily) -> AffineFamily: ...
 @overload
-def with_states(plant: PolynomialFamily) -> PolynomialFamily: ...
+def with_state_outputs(plant: PolynomialFamily) -> PolynomialFamily: ...
 @overload
-def with_states(plant: "SecondOrderModel | control.StateSpace | control.TransferFunction") -> "control.StateSpace": ...
-def with_states(plant: Any) -> "control.StateSpace | AffineFamily | PolynomialFamily":
+def with_state_outputs(
+    plant: "SecondOrderModel | control.StateSpace | control.TransferFunction",
+) -> "control.StateSpace": ...
+def with_state_outputs(plant: Any) -> "control.StateSpace | AffineFamily | PolynomialFamily":
     """Return the same plant with its states as further outputs, under their names.
 
     A regulator of :func:`boomctl.lqr` reads states.  Its controller and this plant meet by name, so that
@@ -53,9 +55,9 @@ def with_states(plant: Any) -> "control.StateSpace | AffineFamily | PolynomialFa
     >>> signals = {"inputs": "force", "outputs": "place", "states": ["x", "v"]}
     >>> mass = control.ss([[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]], [[1.0, 0.0]], 0.0, **signals)
     >>> regulator = bc.lqr(mass, None, 1.0, output_weight={"place": 1.0})
-    >>> bc.with_states(mass).output_labels
+    >>> bc.with_state_outputs(mass).output_labels
     ['place', 'x', 'v']
-    >>> bool(bc.margins(bc.with_states(mass), regulator.controller)["force"].phase_deg > 60.0)  # Kalman's inequality
+    >>> bool(bc.margins(bc.with_state_outputs(mass), regulator.controller)["force"].phase_deg > 60.0)  # Kalman's inequality
     True
     """
     if isinstance(plant, AffineFamily | PolynomialFamily):
@@ -121,7 +123,7 @@ def _centre_with_states(model: SecondOrderModel) -> SecondOrderModel:
     # q = C1 x1 + D d, and x1' = A11 x1 + A12 x2 + B1 d
     C1, D, A11, A12, B1 = x.C[:, :n], x.D, x.A[:n, :n], x.A[:n, n:], x.B[:n]
     if x.C[:, n:].any():
-        raise ArithmeticError("with_states: expected places that are sums of the first half of the states")
+        raise ArithmeticError("with_state_outputs: expected places that are sums of the first half of the states")
     T, inner = np.linalg.inv(C1), np.linalg.inv(A12)
     L, E = np.zeros((3, 2 * n, n)), np.zeros((3, 2 * n, m))
     L[0], L[1, n:] = np.vstack([T, -inner @ A11 @ T]), inner @ T

@@ -27,7 +27,7 @@ def read_responses(path: Path) -> tuple[Array, Array, tuple[str, ...], tuple[str
     Raises
     ------
     OSError, ValueError, ImportError
-        As for :func:`boomctl.read_measured_curve`.
+        As for :func:`boomctl.read_frequency_response`.
     """
     found: dict[tuple[tuple[int, int], tuple[int, int]], Array] = {}
     grid = None

@@ -14,9 +14,9 @@ from boomctl.boom.parameters import BoomParameters as BoomParameters
 from boomctl.boom.spray import Footprint as Footprint
 from boomctl.boom.spray import SprayResult as SprayResult
 from boomctl.boom.spray import nozzle_positions as nozzle_positions
-from boomctl.boom.spray import split_motion as split_motion
-from boomctl.boom.spray import spray_by_motion as spray_by_motion
+from boomctl.boom.spray import split_jolt_yaw as split_jolt_yaw
 from boomctl.boom.spray import spray_deposit as spray_deposit
+from boomctl.boom.spray import spray_deposit_components as spray_deposit_components
 from boomctl.boom.tracks import Track as Track
 from boomctl.boom.tracks import bump_track as bump_track
 from boomctl.boom.tracks import iso_track as iso_track

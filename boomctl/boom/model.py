@@ -18,14 +18,14 @@ from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.parts import (
     GROUND,
     Beam,
-    BeamSection,
+    BeamSegment,
     Discretization,
     Force,
     Output,
     RigidBody,
     SpringDamper,
     fixed,
-    free,
+    planar,
     prismatic,
     revolute,
 )
@@ -56,9 +56,9 @@ def boom_assembly(
     Source: Anthonis & Ramon (2003), Fig. 1 and Table 2.
     """
     half, spring, actuator = p.length / 2, p.spring_distance / 2, p.actuator_distance / 2
-    tube = BeamSection(p.length, p.mass_per_length, p.bending_stiffness, p.structural_damping)
+    tube = BeamSegment(p.length, p.mass_per_length, p.bending_stiffness, p.structural_damping)
 
-    platform = RigidBody("platform", GROUND.at(0), free("y", "theta"), p.platform_mass, p.platform_inertia)
+    platform = RigidBody("platform", GROUND.at(0), planar("y", "theta"), p.platform_mass, p.platform_inertia)
     cradle = RigidBody("cradle", platform.at(0), prismatic(), p.cradle_mass, p.cradle_inertia)
     boom = Beam("boom", cradle.at(0), revolute(), (-half, 0.0), (tube,), discretization)
     stiff_middle = RigidBody(

@@ -366,7 +366,7 @@ def _check_size(path: Array, cell: tuple[float, float], columns: float, thicknes
         )
 
 
-def split_motion(displacement: ArrayLike, positions: ArrayLike) -> tuple[Array, Array]:
+def split_jolt_yaw(displacement: ArrayLike, positions: ArrayLike) -> tuple[Array, Array]:
     """Return the symmetric (jolt) and the antisymmetric (yaw) part of the motion of points of a boom.
 
     Parameters
@@ -389,7 +389,7 @@ def split_motion(displacement: ArrayLike, positions: ArrayLike) -> tuple[Array, 
     Examples
     --------
     >>> import boomctl as bc
-    >>> jolt, yaw = bc.boom.split_motion([[0.0, 0.0], [0.0, 0.2]], positions=[-6.0, 6.0])  # only the right tip moves
+    >>> jolt, yaw = bc.boom.split_jolt_yaw([[0.0, 0.0], [0.0, 0.2]], positions=[-6.0, 6.0])  # only the right tip moves
     >>> jolt[:, 1], yaw[:, 1]
     (array([0.1, 0.1]), array([-0.1,  0.1]))
     """
@@ -403,7 +403,7 @@ def split_motion(displacement: ArrayLike, positions: ArrayLike) -> tuple[Array, 
 
 
 @one_blas_thread
-def spray_by_motion(
+def spray_deposit_components(
     time: ArrayLike,
     displacement: ArrayLike,
     positions: ArrayLike,
@@ -438,11 +438,11 @@ def spray_by_motion(
     >>> import numpy as np
     >>> time = np.arange(0.0, 20.0, 0.01)
     >>> right = np.outer([0.0, 1.0], 0.1 * np.sin(2.0 * np.pi * 0.25 * time))  # only the right tip moves
-    >>> results = bc.spray_by_motion(time, right, [-6.0, 6.0], speed=2.5, nozzles=bc.nozzle_positions(12.0))
+    >>> results = bc.spray_deposit_components(time, right, [-6.0, 6.0], speed=2.5, nozzles=bc.nozzle_positions(12.0))
     >>> [round(result.cv, 4) for result in results]
     [0.0253, 0.0222, 0.0123]
     """
-    jolt, yaw = split_motion(displacement, positions)
+    jolt, yaw = split_jolt_yaw(displacement, positions)
     total, symmetric, antisymmetric = (
         spray_deposit(time, part, positions, speed, nozzles=nozzles, footprint=footprint, cell=cell)
         for part in (displacement, jolt, yaw)

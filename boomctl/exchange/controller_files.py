@@ -34,7 +34,7 @@ _KINDS = ("inputs", "outputs", "states")
 
 
 @dataclass(frozen=True)
-class ControllerNotes:
+class ControllerMetadata:
     """What a controller's file says beside its matrices.
 
     Attributes
@@ -54,7 +54,7 @@ class ControllerNotes:
     def __repr__(self) -> str:
         told = [f"{name} [{unit}]" if unit else name for name, unit in self.units.items()]
         parts = f"{len(self.certificate)} entries of a certificate, {len(self.provenance)} of provenance"
-        return f"ControllerNotes: {listed(told, 100)}\n  {parts}"
+        return f"ControllerMetadata: {listed(told, 100)}\n  {parts}"
 
 
 def write_controller(
@@ -167,7 +167,7 @@ def controller_contents(
         )
     if sample_time is not None:
         K = _sampled(K, positive("sample_time", sample_time))
-    notes = ControllerNotes(
+    notes = ControllerMetadata(
         _units(K, {} if units is None else mapping("units", units, "signals to units")),
         _plain(own if certificate is None else certificate),
         {
@@ -228,7 +228,7 @@ def read_controller(path: str | Path) -> "control.StateSpace":
     return _read(file)[0].statespace(file.stem.replace(".", "_"))  # python-control allows no dots in names
 
 
-def read_controller_notes(path: str | Path) -> ControllerNotes:
+def read_controller_metadata(path: str | Path) -> ControllerMetadata:
     """Return what a controller's ``.json`` file says beside its matrices: units, certificate, provenance.
 
     Parameters
@@ -238,7 +238,7 @@ def read_controller_notes(path: str | Path) -> ControllerNotes:
 
     Returns
     -------
-    ControllerNotes
+    ControllerMetadata
         Units, certificate and provenance as they stand in the file.
 
     Raises
@@ -255,19 +255,19 @@ def read_controller_notes(path: str | Path) -> ControllerNotes:
     >>> lag = control.ss([[-2.0]], [[2.0]], [[1.0]], 0.0, inputs="stroke", outputs="force")
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     written = bc.write_controller(lag, Path(folder) / "lag.json", units={"stroke": "m", "force": "N"})
-    ...     notes = bc.exchange.read_controller_notes(written[0])
+    ...     notes = bc.exchange.read_controller_metadata(written[0])
     >>> notes.units
     {'stroke': 'm', 'force': 'N'}
     """
     return _read(checked_path("path", path))[1]
 
 
-def _read(file: Path) -> tuple[Lti, ControllerNotes]:
+def _read(file: Path) -> tuple[Lti, ControllerMetadata]:
     known("suffix", file.suffix, (".json", ".mat"))
     if file.suffix == ".mat":
         found = read_matlab(file)
         with _refused(file):
-            return checked_controller(found), ControllerNotes()
+            return checked_controller(found), ControllerMetadata()
     try:
         held = json.loads(file.read_text(encoding="utf-8"))
     except ValueError as error:  # of JSON, of UTF-8, and of whole numbers too long to be read
@@ -284,7 +284,7 @@ def _read(file: Path) -> tuple[Lti, ControllerNotes]:
         )
         if not all(isinstance(unit, str) for unit in units.values()):
             raise TypeError(f"units = {shown(units)}: expected texts by name of signal")
-        return checked_controller(held), ControllerNotes(units, certificate, provenance)
+        return checked_controller(held), ControllerMetadata(units, certificate, provenance)
 
 
 @contextmanager
@@ -326,7 +326,7 @@ def _units(K: Lti, given: Mapping[str, str]) -> dict[str, str]:
     return found
 
 
-def _record(name: str, K: Lti, notes: ControllerNotes) -> dict[str, Any]:
+def _record(name: str, K: Lti, notes: ControllerMetadata) -> dict[str, Any]:
     return {
         "format": _FORMAT,
         "version": _VERSION,

@@ -24,10 +24,10 @@ from boomctl.threads import one_blas_thread
 if TYPE_CHECKING:
     import control
 
-    from boomctl.analysis.measured import MeasuredCurve
+    from boomctl.analysis.measured import MeasuredFrequencyResponse
 
     Range = tuple[float, float]
-    One = ArrayLike | control.FrequencyResponseData | MeasuredCurve
+    One = ArrayLike | control.FrequencyResponseData | MeasuredFrequencyResponse
     Measurement = One | Sequence[One]
 
 _SOLVER = {"xtol": 1e-12, "ftol": 1e-12, "gtol": 1e-15, "max_nfev": 100}  # of least squares: to rounding
@@ -99,7 +99,7 @@ def fit(
         returns a model (:class:`SecondOrderModel`, ``StateSpace``, a hub-beam), or what was measured of it:
         eigenfrequencies [Hz], a frequency response or singular values at the measured frequencies (of several data sets
         all of them once, ascending).  What it refuses with a ValueError or an ArithmeticError is not searched.
-    measured : array_like, FrequencyResponseData or MeasuredCurve
+    measured : array_like, FrequencyResponseData or MeasuredFrequencyResponse
         Eigenfrequencies [Hz], ascending without ``modes`` (damped, if the model's are); a complex frequency response;
         singular values (magnitudes).  A curve that has its phase is fitted as the complex response that it is; singular
         values where there is no phase.  ``measured.kind`` of the result says which.
@@ -114,8 +114,8 @@ def fit(
         missed in the measurement.  Of several data sets the same for all.
     weights : array_like, optional
         How much each value counts: one over the size of its error beside that of the others. By default as the
-        ``deviation`` of a response of :func:`boomctl.estimate_response` says, otherwise 1 for each; 0 leaves a value out.
-        Of several data sets the same for all.
+        ``deviation`` of a response of :func:`boomctl.estimate_frequency_response` says, otherwise 1 for each;
+        0 leaves a value out.  Of several data sets the same for all.
     errors : "relative" or "absolute"
         "relative": the errors are shares of the values (differences of logarithms, also of complex values). "absolute":
         they are in the unit of the values.

@@ -79,7 +79,7 @@ def slopes(f: Callable[[Array], Array], x: Array, free: FreeParameters) -> tuple
 
 
 @dataclass(frozen=True)
-class Combination:
+class ParameterCombination:
     """Parameters that change together while what was measured stays, or hardly changes.
 
     Attributes
@@ -97,7 +97,7 @@ class Combination:
     text: str
 
     def __repr__(self) -> str:
-        return f"Combination: {self.text}"
+        return f"ParameterCombination:\n  {self.text}"
 
 
 @dataclass(frozen=True)
@@ -159,7 +159,7 @@ class Seen:
 
     def combinations(
         self, f: Callable[[Array], Array], x: Array, free: FreeParameters, limit: float, rounding: float
-    ) -> tuple[Combination, ...]:
+    ) -> tuple[ParameterCombination, ...]:
         """Return the combinations that are not identifiable, or hardly, each with a change tried on the model.
 
         Changes of the residuals count as none up to ``limit``, of what is not identifiable up to ``rounding``.
@@ -183,7 +183,7 @@ def _svd(matrix: Array) -> tuple[Array, Array, Array]:
 
 def _combination(
     f: Callable[[Array], Array], x: Array, free: FreeParameters, row: Array, hardly: bool, allowed: float
-) -> Combination | None:
+) -> ParameterCombination | None:
     """Return a combination with the largest factor that changes the residuals by no more than is allowed.
 
     If ``hardly`` and a factor of two changes more, None.
@@ -205,4 +205,4 @@ def _combination(
         said, end = _CHANGES[-1], "changes what was measured by less, the smaller it is: its slope is zero"
     listed = [int(i) for i in np.argsort(-np.abs(scaled), kind="stable") if abs(scaled[i]) > _MIN_TEXT_COMPONENT]
     text = " with ".join(free.told(i, scaled[i] * said) for i in listed)
-    return Combination({free.names[i]: float(scaled[i]) for i in listed}, hardly, f"{text} {end}")
+    return ParameterCombination({free.names[i]: float(scaled[i]) for i in listed}, hardly, f"{text} {end}")

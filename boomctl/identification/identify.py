@@ -16,7 +16,7 @@ from boomctl.identification.families import name_of_real_pole, names_of_mode, of
 from boomctl.identification.jackknife import BLOCKS, deviations
 from boomctl.identification.realised import RankOne
 from boomctl.identification.record import EXCITED, QUANTITIES, Record, band, quantities
-from boomctl.identification.response import MeasuredResponse, with_intersample
+from boomctl.identification.response import FrequencyResponseEstimate, with_intersample
 from boomctl.identification.search import refine, search_poles, settled, weakest, without
 from boomctl.identification.spectra import FEWEST, Spectra, complex_of, rms
 from boomctl.lti.python_control import control
@@ -109,7 +109,7 @@ class RealPole:
 
 
 @dataclass(frozen=True)
-class Identification:
+class IdentificationResult:
     """A modal model of a record, and how it was validated.
 
     Attributes
@@ -159,7 +159,7 @@ class Identification:
     spectra: Array
 
     def family(
-        self, probability: float = 0.95, margin: float = 0.0, *, union_with: "Sequence[Identification]" = ()
+        self, probability: float = 0.95, margin: float = 0.0, *, union_with: "Sequence[IdentificationResult]" = ()
     ) -> Family:
         """Return the structures over a box that holds all frequencies and dampings at once with a probability.
 
@@ -179,7 +179,7 @@ class Identification:
         Returns
         -------
         PolynomialFamily
-            For `tune`, `worst_case`, `robust_stability`, `structured_margin`; ``ranges`` are the box.
+            For `tune`, `worst_case`, `robust_stability`, `robust_stability_margin`; ``ranges`` are the box.
 
         Raises
         ------
@@ -220,7 +220,7 @@ class Identification:
         return found, dict.fromkeys(found, self.parts - 1.0)
 
     def __repr__(self) -> str:
-        lines = [f"Identification: {self._head()}"]
+        lines = [f"IdentificationResult: {self._head()}"]
         shown = self.modes if len(self.modes) <= LINES - 2 else self.modes[: LINES - 3]
         lines += ["  " + ", ".join(self._row(mode)[:3]) for mode in shown]
         if len(shown) < len(self.modes):
@@ -302,14 +302,14 @@ def identify(
     order: int | None = None,
     confidence: float = 0.95,
     errors: str | None = None,
-) -> Identification:
+) -> IdentificationResult:
     """Identify the modes of a structure from a record, and a model with them.
 
     Parameters
     ----------
     inputs, outputs : (N, m) array_like, mapping of names to (N,) array_like, or a sequence of such
         Samples, a row a sample; several records as a list.  Or FrequencyResponseData alone, in place of inputs; one of
-        `estimate_response` is fitted to its record, within its frequencies, and validated on all of it.
+        `estimate_frequency_response` is fitted to its record, within its frequencies, and validated on all of it.
     sample_time : float
         Time between samples [s].
     modes : int, optional
@@ -320,7 +320,7 @@ def identify(
     band_hz : (float, float), optional
         Frequencies of the modes wanted [Hz].  By default where all inputs have power.
     quantity : "displacement", "velocity", "acceleration", or mapping of outputs to these, optional
-        What each output is; by default displacements, or what a response of `estimate_response` says.
+        What each output is; by default displacements, or what a response of `estimate_frequency_response` says.
     intersample : "bl" or "zoh", optional
         Inputs between samples: band-limited (a measurement behind an anti-alias filter) or zero-order hold (a computed
         command).  By default determined from the record.
@@ -342,8 +342,8 @@ def identify(
     Raises
     ------
     TypeError, ValueError
-        Bad signals, as `estimate_response` refuses them; too short a record; inputs that move together; no mode with
-        evidence, or fewer than asked for; a model that predicts the held-back part worse than zero does, on average.
+        Bad signals, as `estimate_frequency_response` refuses them; too short a record; inputs that move together; no mode
+        with evidence, or fewer than asked for; a model that predicts the held-back part worse than zero does, on average.
 
     Warns
     -----
@@ -386,7 +386,7 @@ def identify(
     highest = _HIGHEST if order is None else whole("order", order, least=4, most=400)
     tested: Spectra | None = None
     whole_record: Spectra | None = None
-    recorded = inputs.record if isinstance(inputs, MeasuredResponse) else None
+    recorded = inputs.record if isinstance(inputs, FrequencyResponseEstimate) else None
     if is_frequency_response(inputs) and not (outputs is sample_time is intersample is None):
         raise TypeError("outputs, sample_time, intersample: expected None beside a measured frequency response")
     if errors is not None and (recorded is not None or not is_frequency_response(inputs)):
@@ -405,7 +405,7 @@ def identify(
         kinds = said if quantity is None else quantities(quantity, names[1])
         source = f"intervals from {BLOCKS} groups of frequencies, validated on all of them"
     else:
-        if isinstance(inputs, MeasuredResponse) and inputs.record is not None:
+        if isinstance(inputs, FrequencyResponseEstimate) and inputs.record is not None:
             record, back, ends_hz = inputs.record, 0.0, inputs.omega[[0, -1]] / (2.0 * np.pi)
             low, high = band(tuple(ends_hz) if band_hz is None else band_hz, float(ends_hz[1]))
         else:
@@ -489,7 +489,7 @@ def identify(
         _real_pole(-float(fit.poles[k].real), steps[k, 0], wider[k, 0]) for k in range(number, len(fit.poles))
     )
     spectrum = [np.sqrt(np.square(np.abs(x) / rms(tested.Y)).mean(axis=1)) for x in (tested.Y, left)]
-    return Identification(
+    return IdentificationResult(
         rows,
         real_poles,
         fit.integrators,

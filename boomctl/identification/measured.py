@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from boomctl.analysis.measured import MeasuredCurve
+from boomctl.analysis.measured import MeasuredFrequencyResponse
 from boomctl.analysis.sigma import sigma
 from boomctl.arrays import Array
 from boomctl.checks import (
@@ -93,9 +93,9 @@ class Measured:
         if isinstance(measured, (list, tuple)) and measured and not any(np.isscalar(each) for each in measured):
             return _side_by_side([cls.of(each, modes, weights, errors, inputs, outputs) for each in measured])
         labels = omega = None
-        if isinstance(measured, MeasuredCurve) and measured.response is not None:
+        if isinstance(measured, MeasuredFrequencyResponse) and measured.response is not None:
             measured = measured.response  # with its phase, which singular values lose
-        if isinstance(measured, MeasuredCurve):
+        if isinstance(measured, MeasuredFrequencyResponse):
             omega = frequencies("frequencies of measured", 2.0 * np.pi * measured.freq_hz)
             kind, values = "singular values", -np.sort(-finite_array("measured", measured.magnitude, ndim=2), axis=0)
         elif is_frequency_response(measured):
@@ -269,7 +269,7 @@ def _weights(deviation: Array) -> Array | None:
 
 def _eigenfrequencies(measured: object, modes: object) -> tuple[Array, tuple[int, ...] | None]:
     """Return measured eigenfrequencies and, where they are said, which modes they are."""
-    kinds = "eigenfrequencies [Hz], FrequencyResponseData or a MeasuredCurve"
+    kinds = "eigenfrequencies [Hz], FrequencyResponseData or a MeasuredFrequencyResponse"
     values = finite_array("measured", _numbers("measured", measured, kinds, "iuf"), ndim=1)
     if not len(values):
         raise ValueError("measured: expected at least one eigenfrequency, got none")

@@ -36,7 +36,7 @@ _REST, _RESTING = 5, 0.02  # least samples of a rest at a level; least fraction 
 _LEVELS = 16  # steps of the range, of which a jump has more than one and a half
 
 
-class MeasuredResponse(control.FrequencyResponseData):
+class FrequencyResponseEstimate(control.FrequencyResponseData):
     """A frequency response estimated from a record: python-control's frequency response data, and how sure it is.
 
     Attributes
@@ -62,7 +62,7 @@ class MeasuredResponse(control.FrequencyResponseData):
     def __repr__(self) -> str:
         hz = self.omega / (2.0 * np.pi)
         return (
-            f"MeasuredResponse: {between(self.input_labels, self.output_labels)}, {len(hz)} frequencies "
+            f"FrequencyResponseEstimate: {between(self.input_labels, self.output_labels)}, {len(hz)} frequencies "
             f"from {hz[0]:.4g} to {hz[-1]:.4g} Hz\n  median coherence {np.median(self.coherence):.4g}; from {self.source}"
         )
 
@@ -89,7 +89,7 @@ class MeasuredResponse(control.FrequencyResponseData):
 
 
 @one_blas_thread
-def estimate_response(
+def estimate_frequency_response(
     inputs: "ArrayLike | Mapping[str, ArrayLike] | Any",
     outputs: "ArrayLike | Mapping[str, ArrayLike] | Any",
     sample_time: float,
@@ -99,7 +99,7 @@ def estimate_response(
     period: float | None = None,
     resolution_hz: float | None = None,
     band_hz: tuple[float, float] | None = None,
-) -> MeasuredResponse:
+) -> FrequencyResponseEstimate:
     """Estimate a frequency response from sampled inputs and outputs: noise, chirps, sines, multisines.
 
     Parameters
@@ -123,7 +123,7 @@ def estimate_response(
 
     Returns
     -------
-    MeasuredResponse
+    FrequencyResponseEstimate
         FrequencyResponseData, with ``deviation`` and ``coherence``, for `fit`, `sigma`, `bode` and `identify`.
 
     Raises
@@ -146,7 +146,7 @@ def estimate_response(
     >>> force = np.random.default_rng(0).standard_normal(4000)
     >>> mass = bc.structure.SecondOrderModel([[1.0]], [[2.0]], [[400.0]], {"force": [1.0]}, {"place": [1.0]})
     >>> moved = bc.forced_response(mass, {"force": force}, 0.02 * np.arange(4000))["place"]
-    >>> H = bc.estimate_response({"force": force}, {"place": moved}, 0.02, band_hz=(0.5, 2.5))
+    >>> H = bc.estimate_frequency_response({"force": force}, {"place": moved}, 0.02, band_hz=(0.5, 2.5))
     >>> exact = mass.frequency_response(H.omega).frdata
     >>> bool(abs(H.frdata / exact - 1.0).max() < 0.02)
     True
@@ -172,7 +172,7 @@ def estimate_response(
     hz = hz[use]
     held = through_hold(2j * np.pi * hz, record.step) if record.intersample == "zoh" else 1.0
     names: dict[str, Any] = {"inputs": list(record.inputs), "outputs": list(record.outputs), "name": "measured"}
-    found = MeasuredResponse(G[..., use] / held, 2.0 * np.pi * hz, **names)
+    found = FrequencyResponseEstimate(G[..., use] / held, 2.0 * np.pi * hz, **names)
     found.deviation = np.sqrt(variance[..., use] / 2.0) / np.abs(held)
     found.coherence, found.quantity, found.source = coherence[:, use], record.quantity, source
     found.record = record if period is None else None

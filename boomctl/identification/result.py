@@ -13,7 +13,7 @@ import numpy as np
 from boomctl.arrays import Array
 from boomctl.identification.certificate import FitCertificate
 from boomctl.identification.families import of_fit, union
-from boomctl.identification.identifiability import Combination
+from boomctl.identification.identifiability import ParameterCombination
 from boomctl.identification.measured import Measured
 from boomctl.printing import WIDTH, count
 from boomctl.structure.families import Family
@@ -60,7 +60,7 @@ class FitResult:
         Whether ``deviation`` was estimated.
     freedom : int
         Measured numbers beyond those that the seen combinations of parameters take up.
-    unseen : tuple of Combination
+    unseen : tuple of ParameterCombination
         Combinations of parameters that the measurements do not see, or hardly see.
     certificate : FitCertificate
         What was found about the fit apart from its solver.
@@ -89,7 +89,7 @@ class FitResult:
     deviation: float
     estimated: bool
     freedom: int
-    unseen: tuple[Combination, ...]
+    unseen: tuple[ParameterCombination, ...]
     certificate: FitCertificate
     source: str
     freedoms: dict[str, float]
@@ -134,7 +134,7 @@ class FitResult:
         Returns
         -------
         PolynomialFamily
-            For `tune`, `worst_case`, `robust_stability`, `structured_margin`; ``ranges`` are the box.
+            For `tune`, `worst_case`, `robust_stability`, `robust_stability_margin`; ``ranges`` are the box.
 
         Raises
         ------

@@ -19,7 +19,7 @@ class ScaledStateSpace(control.StateSpace):
 
     A scale is the amount of a signal, in its own unit, that counts as one. `boomctl.scale_signals` returns such a
     system. The scales are retained by `boomctl.reduce`, `boomctl.generalized_plant`, `boomctl.mixed_sensitivity`,
-    `boomctl.with_states`, `boomctl.discretize`, `boomctl.analysis.sample_plant`, `boomctl.feedback_loop` and
+    `boomctl.with_state_outputs`, `boomctl.discretize`, `boomctl.analysis.sample_plant`, `boomctl.feedback_loop` and
     `boomctl.synthesis.select_channels`. Arithmetic and conversions of python-control return a plain
     ``control.StateSpace``, whose scales are unknown.
 

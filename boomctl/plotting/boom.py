@@ -11,7 +11,7 @@ from boomctl.arrays import Array
 from boomctl.plotting.canvas import COLOURS, new_figure, style
 
 if TYPE_CHECKING:
-    from boomctl.analysis.measured import MeasuredCurve
+    from boomctl.analysis.measured import MeasuredFrequencyResponse
     from boomctl.analysis.sigma import SigmaResult
 
 _LINES = {"finite": "--", "discrete": ":", "exact": "-"}
@@ -21,7 +21,7 @@ def draw_figure_3(
     curves: "dict[str, SigmaResult]",
     measured_hz: Array,
     deviation: dict[str, Array],
-    measured: "MeasuredCurve | None" = None,
+    measured: "MeasuredFrequencyResponse | None" = None,
 ) -> Any:
     """Draw the singular values from platform actuators to tips, line styles as in Anthonis & Ramon (2003), Fig. 3."""
     with style():

@@ -7,8 +7,8 @@ import numpy as np
 from boomctl.plotting.canvas import COLOURS, few_labels, frequency_axis, legend, line_look, panels
 
 if TYPE_CHECKING:
-    from boomctl.identification.identify import Identification
-    from boomctl.identification.response import MeasuredResponse
+    from boomctl.identification.identify import IdentificationResult
+    from boomctl.identification.response import FrequencyResponseEstimate
     from boomctl.identification.result import FitResult
 
 _TOGETHER = "0.15"  # nearly black, of what is fitted to several data sets, each of which has a colour (a choice)
@@ -81,7 +81,9 @@ def _draw_curves(result: "FitResult", ax: Any, drawn: dict[str, Any]) -> None:
     ax.set_ylabel("singular values" if data.kind == "singular values" else "magnitude")
 
 
-def plot_response(response: "MeasuredResponse", ax: Any = None, *, unit: str | None = None, **drawn: Any) -> Any:
+def plot_response(
+    response: "FrequencyResponseEstimate", ax: Any = None, *, unit: str | None = None, **drawn: Any
+) -> Any:
     """Draw the magnitude of each entry with its 95 % interval, and the coherence of each output; return the axes."""
     size, error = np.abs(response.frdata), _NORMAL * response.deviation
     entries = [(o, i) for o in range(len(size)) for i in range(size.shape[1])]
@@ -108,7 +110,7 @@ def plot_response(response: "MeasuredResponse", ax: Any = None, *, unit: str | N
     return axes
 
 
-def plot_identification(found: "Identification", ax: Any = None, **drawn: Any) -> Any:
+def plot_identification(found: "IdentificationResult", ax: Any = None, **drawn: Any) -> Any:
     """Draw poles over orders with the modes found, and outputs held back beside what is not predicted; return the axes."""
     with panels(ax, ("stabilisation", "validation"), (7.0, 5.5)) as axes:
         first = {"label": "pole before the fit"}

@@ -19,10 +19,10 @@ if TYPE_CHECKING:
     from boomctl.analysis.looking.bode import BodeResult
     from boomctl.analysis.looking.nyquist import NyquistResult
     from boomctl.analysis.looking.pole_zero import PoleZeroResult
-    from boomctl.analysis.looking.transients import TransientResult
+    from boomctl.analysis.looking.transients import TimeResponse
     from boomctl.analysis.margins import DiskMargin
     from boomctl.analysis.modes import ModeTable
-    from boomctl.analysis.nyquist import ExactLoopStability
+    from boomctl.analysis.nyquist import NyquistStability
 
 _STYLES = ("-", "--", ":", "-.")  # of lines, one each time that the colours have been through
 _STEPS = [1.0, 1.5, 3.0, 4.5, 9.0, 10.0]  # of ticks of an angle: 45, 90 and 180 degrees among them
@@ -155,12 +155,12 @@ def _arrows(ax: Any, curve: Array, half: float, colour: Any) -> None:
         )  # fmt: skip
 
 
-def plot_transient(result: "TransientResult", ax: Any = None, **style: Any) -> Array:
+def plot_transient(result: "TimeResponse", ax: Any = None, **style: Any) -> Array:
     """Draw step or impulse responses over time, one panel an output, one curve an input.
 
     Parameters
     ----------
-    result : TransientResult
+    result : TimeResponse
     ax : sequence of matplotlib Axes, or a figure, optional
         One axes an output; by default a new figure of pyplot.
     **style
@@ -305,12 +305,12 @@ def plot_comparison(what: str, drawn: dict[str, Any], ax: Any = None, *, signals
     return axes
 
 
-def plot_exact_loop(result: "ExactLoopStability", ax: Any = None, **style: Any) -> Any:
+def plot_exact_loop(result: "NyquistStability", ax: Any = None, **style: Any) -> Any:
     """Draw the Nyquist curve of a loop around a plant that is known by its response.
 
     Parameters
     ----------
-    result : ExactLoopStability
+    result : NyquistStability
     ax : matplotlib Axes or figure, optional
         By default a new figure of pyplot.
     **style

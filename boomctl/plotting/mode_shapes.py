@@ -8,7 +8,7 @@ from boomctl.arrays import Array
 from boomctl.plotting.canvas import COLOURS, common_legend, in_rows, legend, line_look, panels
 
 if TYPE_CHECKING:
-    from boomctl.structure.response.mode_shapes import ModeShapes, ShapeLine
+    from boomctl.structure.response.mode_shapes import BodyShape, ModeShapes
 
 _FLAT = (
     0.02  # share of its length up to which a machine is a line, whose motion is drawn to a scale of its own (a choice)
@@ -58,7 +58,7 @@ def plot_mode_shapes(result: "ModeShapes", ax: Any = None, **style: Any) -> Arra
 
 
 def _machine(
-    ax: Any, lines: "tuple[ShapeLine, ...]", mode: int, flat: bool, size: float, style: dict[str, Any]
+    ax: Any, lines: "tuple[BodyShape, ...]", mode: int, flat: bool, size: float, style: dict[str, Any]
 ) -> None:
     """Draw bodies at rest, dashed, and as they swing."""
     largest = max(float(np.abs(line.displacement[mode]).max(initial=0.0)) for line in lines) or 1.0

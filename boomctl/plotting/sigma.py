@@ -7,7 +7,7 @@ import numpy as np
 from boomctl.plotting.canvas import few_labels, frequency_axis, labelled, legend, line_look, panels
 
 if TYPE_CHECKING:
-    from boomctl.analysis.measured import MeasuredCurve
+    from boomctl.analysis.measured import MeasuredFrequencyResponse
     from boomctl.analysis.sigma import SigmaComparison, SigmaResult
 
 _PEAK = "certified peak"
@@ -98,12 +98,12 @@ def plot_sigma_comparison(
     return axes
 
 
-def plot_measured(curve: "MeasuredCurve", ax: Any = None, *, unit: str | None = None, **style: Any) -> Any:
+def plot_measured(curve: "MeasuredFrequencyResponse", ax: Any = None, *, unit: str | None = None, **style: Any) -> Any:
     """Draw a measured curve, by dots; on a sigma plot it lies over the computed ones.
 
     Parameters
     ----------
-    curve : MeasuredCurve
+    curve : MeasuredFrequencyResponse
     ax, unit, **style
         As for :func:`plot_sigma`; by default in Hz, as measured.
 

@@ -81,7 +81,7 @@ def plot_torque(history: Any, ax: Any = None, **style: Any) -> Any:
 
     Parameters
     ----------
-    history : TorqueHistory
+    history : TorqueProfile
     ax : matplotlib Axes or figure, optional
         By default a new figure of pyplot.
     **style
@@ -297,7 +297,7 @@ def plot_switching(curve: Any, ax: Any = None, **style: Any) -> Array:
 
     Parameters
     ----------
-    curve : SwitchingCurve
+    curve : SwitchingFunction
     ax : sequence of two matplotlib Axes, or a figure, optional
         By default a new figure of pyplot.
     **style

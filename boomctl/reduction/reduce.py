@@ -9,7 +9,7 @@ import numpy as np
 from boomctl.analysis.norm import (
     NO_CIRCLE_CROSSING,
     NO_RESPONSE,
-    NormCertificate,
+    NormBounds,
     matrices_norm,
     proved_norm,
     stays_below_on_circle,
@@ -50,7 +50,7 @@ METHODS = {
 }
 _WITHOUT_RANGE = ("hankel", "modal")  # Methods that accept no frequency range.
 AS_GIVEN = "the system itself"  # of all its states: no system differs less
-NO_ERROR = NormCertificate(0.0, 0.0, 0.0, NO_RESPONSE)
+NO_ERROR = NormBounds(0.0, 0.0, 0.0, NO_RESPONSE)
 _MODES = 14  # of a structure, beyond the order, that the first core has: enough for most booms (a choice)
 _TAIL_SHARE = 0.02  # share of the error that a core may leave out; if it is more, the core grows (a choice)
 _ROUNDING = 1e-8  # of the largest Hankel singular value: what a core leaves out below that is rounding (a choice)
@@ -98,7 +98,7 @@ def reduce(
         "hankel" and "modal".
     progress : callable, optional
         Is told a `Progress` at each stage.  Without one, after three seconds a line on a terminal or in a notebook says
-        what goes on; `listening` hears whatever runs within it.
+        what goes on; `progress_callback` hears whatever runs within it.
 
     Returns
     -------
@@ -306,7 +306,7 @@ def _on_circle(full: Lti, found: ReductionResult, band: Band | None) -> Reductio
     )
 
 
-def _in_band(gap: Lti, band: Band, floor: float) -> NormCertificate:
+def _in_band(gap: Lti, band: Band, floor: float) -> NormBounds:
     """Compute the largest error of a discrete system in a band: its own response, below levels that its image proves.
 
     Where rounding hides these, in exact arithmetic.

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from boomctl.analysis.model_norm import SplitModel
-from boomctl.analysis.norm import NormCertificate
+from boomctl.analysis.norm import NormBounds
 from boomctl.analysis.prove import Claim
 from boomctl.analysis.sigma import drawn_grid
 from boomctl.arrays import Array
@@ -84,7 +84,7 @@ class ReductionResult:
         beside an undamped pole changes the response by any amount: that is not in it.
     method : str
         How the system was reduced.
-    certificate : NormCertificate
+    certificate : NormBounds
         Bounds of the H-infinity norm of the difference between the core and the reduced system; of discrete systems,
         between their stable parts on the unit circle.
     truncation_bound : float
@@ -112,7 +112,7 @@ class ReductionResult:
     error_bound: float
     measured_error: float
     method: str
-    certificate: NormCertificate
+    certificate: NormBounds
     truncation_bound: float
     hankel_values: Array = field(repr=False)
     kept: int = 0

@@ -13,7 +13,7 @@ from boomctl.analysis.norm import (
     PROVED,
     STATIC_GAIN,
     UNSTABLE,
-    NormCertificate,
+    NormBounds,
     hamiltonian_matrix,
     level_norm,
     level_shows,
@@ -60,7 +60,7 @@ class Verified:
 
     bound: float
     measured: float
-    certificate: NormCertificate
+    certificate: NormBounds
     truncation: float
 
 
@@ -92,7 +92,7 @@ def verified(core: SystemCore, reduced: Lti, bound: float, band: Band | None) ->
 
     compare(first[0] - core.tail, first[1])
 
-    def error(within: Band | None) -> NormCertificate:
+    def error(within: Band | None) -> NormBounds:
         return verified_norm(core.stable, modal, reduced, within, floor, own_form, given=core.given, rounding=rounding)
 
     found = error(band)
@@ -149,7 +149,7 @@ def verified_norm(
     *,
     given: Lti | None = None,
     rounding: float = 0.0,
-) -> NormCertificate:
+) -> NormBounds:
     """Return the norm of the difference of two stable systems, over all frequencies or over a band.
 
     ``modal`` and ``small`` are the two in modal coordinates, where these keep their digits.
@@ -167,10 +167,10 @@ def verified_norm(
         return first - (reduced.response(omega) if small is None else small.response(omega))
 
     if (side_of_axis(gap.poles) >= 0).any():
-        return NormCertificate(inf, inf, float("nan"), UNSTABLE)
+        return NormBounds(inf, inf, float("nan"), UNSTABLE)
     if not (len(gap.A) and gap.D.size):
         value = float(np.linalg.norm(gap.D, 2)) if gap.D.size else 0.0
-        return NormCertificate(value, value, 0.0, STATIC_GAIN)
+        return NormBounds(value, value, 0.0, STATIC_GAIN)
     found = level_norm(gap, respond) if band is None else band_norm(gap, respond, band, floor)
     # matrices do not show what is slower than rounding of the fastest pole
     seen = band is not None or bool(resolved(gap.poles).all())
@@ -184,7 +184,7 @@ def verified_norm(
     least = float(np.linalg.norm(gap.D, 2))
     for level in _levels(found.lower, floor) if found.upper == inf and band is None else []:
         if level > least and stays_below(gap, level, found.omega, respond):
-            found = NormCertificate(found.lower, level, found.omega, NO_CROSSING)
+            found = NormBounds(found.lower, level, found.omega, NO_CROSSING)
             break
     # eigenvalues show a peak above the level unless it is much nearer to it than the level to the largest value
     return replace(found, upper=found.upper * min(found.upper / max(found.lower, TINY), _ABOVE[2]))
@@ -196,7 +196,7 @@ def _levels(peak: float, floor: float) -> list[float]:
     return sorted(level for level in levels if level > peak)
 
 
-def band_norm(gap: Lti, respond: Response, band: Band, floor: float = 0.0) -> NormCertificate:
+def band_norm(gap: Lti, respond: Response, band: Band, floor: float = 0.0) -> NormBounds:
     """Return the largest singular value within a band: attained, and not crossed by any Hamiltonian eigenvalue there.
 
     The level may lie below the largest singular value of ``D``: within the band none equals it, and at one frequency
@@ -204,11 +204,11 @@ def band_norm(gap: Lti, respond: Response, band: Band, floor: float = 0.0) -> No
     """
     low, high = band
     if (side_of_axis(gap.poles) >= 0).any():
-        return NormCertificate(inf, inf, float("nan"), UNSTABLE)
+        return NormBounds(inf, inf, float("nan"), UNSTABLE)
     grid = resonance_grid(gap.poles, max(low, START * high), high, points=SEARCHED, also=[low, high])
     peak, at = highest_peak(lambda omega: singular_values(respond(omega))[0], grid)
     if max(peak, floor) == 0.0:
-        return NormCertificate(0.0, 0.0, at, NO_RESPONSE)
+        return NormBounds(0.0, 0.0, at, NO_RESPONSE)
     for _ in range(RAISED):
         for level in _levels(peak, floor):
             try:
@@ -224,7 +224,7 @@ def band_norm(gap: Lti, respond: Response, band: Band, floor: float = 0.0) -> No
                 peak, at = float(values.max()), float(tried[int(np.argmax(values))])
                 break
             if not len(crossings) and level_shows(gap, level, peak, at, H):
-                return NormCertificate(peak, level, at, f"{NO_CROSSING} in the band")
+                return NormBounds(peak, level, at, f"{NO_CROSSING} in the band")
         else:
             break
-    return NormCertificate(peak, inf, at, NOT_TOLD)
+    return NormBounds(peak, inf, at, NOT_TOLD)

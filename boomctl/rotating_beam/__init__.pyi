@@ -3,15 +3,9 @@
 from boomctl.rotating_beam.assumed_modes import AssumedModesBeam as AssumedModesBeam
 from boomctl.rotating_beam.beam import HubBeam as HubBeam
 from boomctl.rotating_beam.campbell import CampbellDiagram as CampbellDiagram
-from boomctl.rotating_beam.campbell import SpeedCrossing as SpeedCrossing
+from boomctl.rotating_beam.campbell import CriticalSpeed as CriticalSpeed
 from boomctl.rotating_beam.exact.beam import GeometricallyExactBeam as GeometricallyExactBeam
 from boomctl.rotating_beam.factory import hub_beam as hub_beam
-from boomctl.rotating_beam.manoeuvres import free as free
-from boomctl.rotating_beam.manoeuvres import hold as hold
-from boomctl.rotating_beam.manoeuvres import hub_profile as hub_profile
-from boomctl.rotating_beam.manoeuvres import sine_torque as sine_torque
-from boomctl.rotating_beam.manoeuvres import spin_up as spin_up
-from boomctl.rotating_beam.manoeuvres import torque as torque
 from boomctl.rotating_beam.parameters import HubBeamParameters as HubBeamParameters
 from boomctl.rotating_beam.result import SimulationError as SimulationError
 from boomctl.rotating_beam.result import SimulationResult as SimulationResult

@@ -1,4 +1,4 @@
-"""The first model of the hub-beam that is as exact as asked for in a manoeuvre, tried against the geometrically exact one.
+"""The first model of the hub-beam that is as exact as asked for in a maneuver, tried against the geometrically exact one.
 
 Each model is judged by its own motion, solved as `simulate` will solve it: the largest error of the free end's transverse
 displacement over the largest displacement.  The reference is the geometrically exact beam, refined until two of different
@@ -18,17 +18,17 @@ from numpy.typing import ArrayLike
 
 from boomctl.arrays import Array
 from boomctl.checks import exactly, instance, plain_array, positive, shown, up_to
+from boomctl.maneuvers import Maneuver, PrescribedMotion, TorqueDriven
 from boomctl.printing import count
 from boomctl.progress import computing, tell
 from boomctl.rotating_beam.beam import HubBeam, in_model
 from boomctl.rotating_beam.chosen import ModelChoice
-from boomctl.rotating_beam.manoeuvres import Manoeuvre, PrescribedMotion, TorqueDriven
 from boomctl.rotating_beam.parameters import HubBeamParameters
 from boomctl.rotating_beam.result import SimulationError
 
 # accuracies that can be asked for: below, the reference's rounding shows; above, none is meant (measured)
 ACCURACIES = (1e-7, 1.0)
-_PERIODS = 5.0  # of the slowest mode at rest, that follow a manoeuvre where no time is given (a choice)
+_PERIODS = 5.0  # of the slowest mode at rest, that follow a maneuver where no time is given (a choice)
 _MOST_PERIODS = 1000.0  # of it, in which models are compared: half a minute for each exact beam (measured)
 
 # Of the accuracy asked for.  What is found of a model, and what its reference may be wrong by, are to be within its share.
@@ -46,44 +46,44 @@ _FEWEST = 3  # polynomials of an exact beam that may be chosen: with fewer its s
 _TRIED = (*(("sfoam", n) for n in (1, 2, 3, 5, 8)), *((EXACT, n) for n in (_FEWEST, 4, 6, 8, 12)))  # in turn (a choice)
 _REFERENCES = (5, 7, 10, 14, 20, 28, 40, 60)  # polynomials of references, until two agree: factors of sqrt 2 (a choice)
 _INSTANTS = 24.0  # compared in a period of the second bending mode: of it 1 % may lie between them (derived)
-_FEWEST_INSTANTS, _MOST_INSTANTS = 500, 20_000  # in the manoeuvre and in all (choices)
+_FEWEST_INSTANTS, _MOST_INSTANTS = 500, 20_000  # in the maneuver and in all (choices)
 _UNEVEN = 1.01  # power that spaces them unevenly, so that no vibration is in step with them (a choice)
 _ROUNDING = 1e-14  # of the radius of the free end: displacements are no more exact (measured)
 
 
 def chosen_beam(
-    p: HubBeamParameters, accuracy: float | None, manoeuvre: Manoeuvre | None, time: ArrayLike | None
+    p: HubBeamParameters, accuracy: float | None, maneuver: Maneuver | None, time: ArrayLike | None
 ) -> HubBeam:
-    """Return the hub-beam in the first model that reaches an accuracy in a manoeuvre; see `hub_beam`."""
+    """Return the hub-beam in the first model that reaches an accuracy in a maneuver; see `hub_beam`."""
     if accuracy is None:
-        raise ValueError("accuracy = None: expected a number; accuracy and manoeuvre go together")
-    if manoeuvre is None:
-        raise ValueError("manoeuvre = None: expected one as spin_up, sine_torque, ... return it; it goes with accuracy")
-    instance("manoeuvre", manoeuvre, (PrescribedMotion, TorqueDriven), "one as spin_up, sine_torque, ... return it")
+        raise ValueError("accuracy = None: expected a number; accuracy and maneuver go together")
+    if maneuver is None:
+        raise ValueError("maneuver = None: expected one as spin_up, sine_torque, ... return it; it goes with accuracy")
+    instance("maneuver", maneuver, (PrescribedMotion, TorqueDriven), "one as spin_up, sine_torque, ... return it")
     wanted = positive("accuracy", accuracy)
     if not ACCURACIES[0] <= wanted <= ACCURACIES[1]:
         raise ValueError(f"accuracy = {exactly(wanted)}: expected {ACCURACIES[0]:g} to {ACCURACIES[1]:g}")
     slowest = float(in_model(p, EXACT, _FEWEST).frequencies_hz()[0])
-    until = _own_time(manoeuvre, slowest) if time is None else _last(time)
+    until = _own_time(maneuver, slowest) if time is None else _last(time)
     if until * slowest > _MOST_PERIODS:
         raise ValueError(
             f"time = {exactly(until)}: expected at most {up_to(_MOST_PERIODS / slowest)} s, {_MOST_PERIODS:g} periods of the "
             f"slowest mode"
         )
     try:
-        hash(manoeuvre)
+        hash(maneuver)
     except TypeError:  # made of a function that cannot be told from others
-        choice = _choose(p, wanted, manoeuvre, until)
+        choice = _choose(p, wanted, maneuver, until)
     else:
-        choice = _known(p, wanted, manoeuvre, until)
+        choice = _known(p, wanted, maneuver, until)
     made: Any = in_model(p, choice.model, choice.modes)  # every model is a dataclass
     return replace(made, chosen=choice)
 
 
-def _own_time(manoeuvre: Manoeuvre, slowest: float) -> float:
-    ends = [each for each in manoeuvre.breakpoints if each > 0.0]
+def _own_time(maneuver: Maneuver, slowest: float) -> float:
+    ends = [each for each in maneuver.breakpoints if each > 0.0]
     if not ends:
-        raise ValueError("time = None: expected the last instant [s], for the manoeuvre does not say when it ends")
+        raise ValueError("time = None: expected the last instant [s], for the maneuver does not say when it ends")
     return max(ends) + _PERIODS / slowest
 
 
@@ -98,8 +98,8 @@ def _last(time: ArrayLike) -> float:
 
 
 @lru_cache(maxsize=64)
-def _known(p: HubBeamParameters, accuracy: float, manoeuvre: Manoeuvre, time: float) -> ModelChoice:
-    return _choose(p, accuracy, manoeuvre, time)
+def _known(p: HubBeamParameters, accuracy: float, maneuver: Maneuver, time: float) -> ModelChoice:
+    return _choose(p, accuracy, maneuver, time)
 
 
 class _Run(NamedTuple):
@@ -128,12 +128,12 @@ class _Reference(NamedTuple):
     agreement: tuple[int, int, float]
 
 
-def _choose(p: HubBeamParameters, accuracy: float, manoeuvre: Manoeuvre, time: float) -> ModelChoice:
-    instants, runs = _instants(p, manoeuvre, time), dict[tuple[str, int], _Run]()
+def _choose(p: HubBeamParameters, accuracy: float, maneuver: Maneuver, time: float) -> ModelChoice:
+    instants, runs = _instants(p, maneuver, time), dict[tuple[str, int], _Run]()
     true, tried = None, list[_Trial]()
     with computing("choice of a model"):
-        for true in _references(p, accuracy, manoeuvre, instants):
-            tried = list(_trials(p, accuracy, manoeuvre, instants, true, runs))
+        for true in _references(p, accuracy, maneuver, instants):
+            tried = list(_trials(p, accuracy, maneuver, instants, true, runs))
             if not any(each.perhaps for each in tried):
                 break
     assert true is not None  # or there was no reference, which is an error
@@ -141,13 +141,13 @@ def _choose(p: HubBeamParameters, accuracy: float, manoeuvre: Manoeuvre, time: f
     if not found.enough:
         best = min(tried, key=lambda each: each.error)
         raise ValueError(
-            f"accuracy = {exactly(accuracy)}: expected at least {1.5 * best.error:.1g} in this manoeuvre; {best.modes} modes "
+            f"accuracy = {exactly(accuracy)}: expected at least {1.5 * best.error:.1g} in this maneuver; {best.modes} modes "
             f"of {best.model} come as near as any"
         )
     return ModelChoice(
         accuracy=accuracy,
         time=time,
-        manoeuvre=manoeuvre,
+        maneuver=maneuver,
         model=found.model,
         modes=found.modes,
         error=found.error,
@@ -159,15 +159,15 @@ def _choose(p: HubBeamParameters, accuracy: float, manoeuvre: Manoeuvre, time: f
     )
 
 
-def _instants(p: HubBeamParameters, manoeuvre: Manoeuvre, time: float) -> Array:
-    """Return the instants at which motions are compared: more of them than vibrate, and enough in the manoeuvre itself."""
+def _instants(p: HubBeamParameters, maneuver: Maneuver, time: float) -> Array:
+    """Return the instants at which motions are compared: more of them than vibrate, and enough in the maneuver itself."""
     second = float(in_model(p, EXACT, _REFERENCES[0]).frequencies_hz()[1])
     points = int(np.clip(_INSTANTS * second * time, _FEWEST_INSTANTS, _MOST_INSTANTS))
-    even = [np.linspace(0.0, min(each, time), _FEWEST_INSTANTS) for each in manoeuvre.breakpoints[-1:] if each > 0.0]
+    even = [np.linspace(0.0, min(each, time), _FEWEST_INSTANTS) for each in maneuver.breakpoints[-1:] if each > 0.0]
     return np.unique(np.concatenate([time * np.linspace(0.0, 1.0, points) ** _UNEVEN, *even]))
 
 
-def _references(p: HubBeamParameters, accuracy: float, manoeuvre: Manoeuvre, instants: Array) -> Iterator[_Reference]:
+def _references(p: HubBeamParameters, accuracy: float, maneuver: Maneuver, instants: Array) -> Iterator[_Reference]:
     """Refine the geometrically exact beam: each time that the motions of two of them agree so well as to be a reference.
 
     Raises
@@ -181,7 +181,7 @@ def _references(p: HubBeamParameters, accuracy: float, manoeuvre: Manoeuvre, ins
         tell(f"geometrically exact beam with {modes} polynomials")
         rtol = max(rtol, _NEGLIGIBLE * _CONVERGED[level] * accuracy)
         try:
-            run = in_model(p, EXACT, modes)._solved(manoeuvre, instants, (rtol, rounding))
+            run = in_model(p, EXACT, modes)._solved(maneuver, instants, (rtol, rounding))
         except SimulationError as failure:
             if level:
                 return
@@ -192,7 +192,7 @@ def _references(p: HubBeamParameters, accuracy: float, manoeuvre: Manoeuvre, ins
         tip = run.tip
         largest = float(np.abs(tip).max())
         if largest <= rounding:
-            raise ValueError(f"manoeuvre = {shown(manoeuvre)}: expected one that moves the beam from rest")
+            raise ValueError(f"maneuver = {shown(maneuver)}: expected one that moves the beam from rest")
         if fewer:
             difference = float(np.abs(tip - before).max())
             apart, rtol = (
@@ -208,14 +208,14 @@ def _references(p: HubBeamParameters, accuracy: float, manoeuvre: Manoeuvre, ins
     if not level:
         raise ValueError(
             f"accuracy = {exactly(accuracy)}: expected at least {apart / _CONVERGED[0]:.2g}; geometrically exact beams of "
-            f"{_REFERENCES[-2]} and {_REFERENCES[-1]} polynomials differ by {apart:.1e} in this manoeuvre"
+            f"{_REFERENCES[-2]} and {_REFERENCES[-1]} polynomials differ by {apart:.1e} in this maneuver"
         )
 
 
 def _trials(
     p: HubBeamParameters,
     accuracy: float,
-    manoeuvre: Manoeuvre,
+    maneuver: Maneuver,
     instants: Array,
     true: _Reference,
     runs: dict[tuple[str, int], _Run],
@@ -225,7 +225,7 @@ def _trials(
         if (model, modes) not in runs:
             tell(f"{model} with {count(modes, 'mode')}")
             rtol = 0.5 * (_SOLVED_EXACT if model == EXACT else _SOLVED) * accuracy
-            runs[model, modes] = _run(in_model(p, model, modes), manoeuvre, instants, (rtol, rtol * true.largest))
+            runs[model, modes] = _run(in_model(p, model, modes), maneuver, instants, (rtol, rtol * true.largest))
         run = runs[model, modes]
         error, unsure = _apart(run.tip, true.tip, true.largest), true.agreement[2]
         allowed = accuracy * (_SHARE_EXACT if model == EXACT else _SHARE)
@@ -235,10 +235,10 @@ def _trials(
             return
 
 
-def _run(beam: HubBeam, manoeuvre: Manoeuvre, instants: Array, tolerance: tuple[float, float]) -> _Run:
+def _run(beam: HubBeam, maneuver: Maneuver, instants: Array, tolerance: tuple[float, float]) -> _Run:
     try:
         with np.errstate(all="ignore"):  # a model without stiffness may leave all numbers
-            run = beam.simulate(manoeuvre, instants, rtol=tolerance[0], atol=tolerance[1])
+            run = beam.simulate(maneuver, instants, rtol=tolerance[0], atol=tolerance[1])
     except SimulationError:
         return _Run(None, tolerance)
     return _Run(run.tip_displacement, tolerance)

@@ -14,10 +14,10 @@ from numpy.typing import ArrayLike
 
 from boomctl.arrays import Array
 from boomctl.checks import finite_array
+from boomctl.maneuvers import Maneuver, TorqueDriven
 from boomctl.rotating_beam.beam import MODELS, HubBeam, SmallMotion, lowest_rate, natural_hz
 from boomctl.rotating_beam.chosen import ModelChoice
 from boomctl.rotating_beam.exact.beam import GeometricallyExactBeam
-from boomctl.rotating_beam.manoeuvres import Manoeuvre, TorqueDriven
 from boomctl.rotating_beam.modal import energy
 from boomctl.rotating_beam.modal.cfoam import cfoam
 from boomctl.rotating_beam.modal.equations import Equations, block_diagonal
@@ -60,7 +60,7 @@ class AssumedModesBeam(HubBeam):
     modes : int
         Number n of transverse modes, and of axial ones where the model has them; up to 200, CFOAM up to 60.
     chosen : record, optional
-        What was chosen for its accuracy in a manoeuvre, and what was tried: see `hub_beam`.
+        What was chosen for its accuracy in a maneuver, and what was tried: see `hub_beam`.
     """
 
     parameters: HubBeamParameters
@@ -349,17 +349,17 @@ class AssumedModesBeam(HubBeam):
         return float(self.equations.tip.transverse @ y[1:])
 
     def _motion(
-        self, manoeuvre: Manoeuvre, timepts: Array, start: tuple[Array, Array], tolerance: tuple[float, float]
+        self, maneuver: Maneuver, timepts: Array, start: tuple[Array, Array], tolerance: tuple[float, float]
     ) -> Motion:
-        return motion_of(self._scene(manoeuvre, timepts, start, tolerance))
+        return motion_of(self._scene(maneuver, timepts, start, tolerance))
 
     def _scene(
-        self, manoeuvre: Manoeuvre, timepts: Array, start: tuple[Array, Array], tolerance: tuple[float, float]
+        self, maneuver: Maneuver, timepts: Array, start: tuple[Array, Array], tolerance: tuple[float, float]
     ) -> Scene:
         p = self.parameters
         return Scene(
             equations=self.equations,
-            manoeuvre=manoeuvre,
+            maneuver=maneuver,
             timepts=timepts,
             start=start,
             rtol=tolerance[0],
@@ -368,7 +368,7 @@ class AssumedModesBeam(HubBeam):
             radius=p.hub_radius + p.length,
         )
 
-    def _details(self, manoeuvre: Manoeuvre, timepts: Array, motion: Motion) -> Details:
+    def _details(self, maneuver: Maneuver, timepts: Array, motion: Motion) -> Details:
         y, rate = motion.states()
         q, tip = y[:, 1:], self.equations.tip
         return Details(
@@ -377,7 +377,7 @@ class AssumedModesBeam(HubBeam):
             hub_angle=y[:, 0],
             hub_speed=rate[:, 0],
             states=np.hstack([y, rate]),
-            dynamics=partial(_dynamics, self.equations, manoeuvre, timepts, y, rate),
+            dynamics=partial(_dynamics, self.equations, maneuver, timepts, y, rate),
         )
 
 
@@ -386,25 +386,25 @@ MODELS.update({name: partial(AssumedModesBeam, model=name) for name in ASSUMED_M
 MODELS["geometrically-exact"] = GeometricallyExactBeam
 
 
-def _dynamics(equations: Equations, manoeuvre: Manoeuvre, timepts: Array, y: Array, rate: Array) -> Dynamics:
+def _dynamics(equations: Equations, maneuver: Maneuver, timepts: Array, y: Array, rate: Array) -> Dynamics:
     """What a motion's forces and inertias come to, some instants at a time."""
     parts = [
-        _part(equations, manoeuvre, timepts[at], y[at], rate[at])
+        _part(equations, maneuver, timepts[at], y[at], rate[at])
         for at in (slice(first, first + _CHUNK) for first in range(0, timepts.size, _CHUNK))
     ]
     return Dynamics(*(np.concatenate(each) for each in zip(*parts, strict=True)))
 
 
-def _part(equations: Equations, manoeuvre: Manoeuvre, timepts: Array, y: Array, rate: Array) -> Dynamics:
+def _part(equations: Equations, maneuver: Maneuver, timepts: Array, y: Array, rate: Array) -> Dynamics:
     inertia = equations.inertia(y)
     free = -equations.residual(y, rate, np.zeros_like(y))
-    if isinstance(manoeuvre, TorqueDriven):
-        torque = manoeuvre.torque(timepts)
+    if isinstance(maneuver, TorqueDriven):
+        torque = maneuver.torque(timepts)
         free[:, 0] += torque
         loose = free[:, 0] - np.sum(inertia.coupling * inertia.solve_beam(free[:, 1:]), axis=1)
         turning = loose / inertia.margin()
     else:
-        turning = manoeuvre.acceleration(timepts)
+        turning = maneuver.acceleration(timepts)
         bending = inertia.solve_beam(free[:, 1:] - inertia.coupling * turning[:, None])
         torque = inertia.hub * turning + np.sum(inertia.coupling * bending, axis=1) - free[:, 0]
     momenta = inertia.momenta(rate)

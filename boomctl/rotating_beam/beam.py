@@ -29,19 +29,19 @@ from boomctl.checks import (
     within,
 )
 from boomctl.lti.rounding import ROOT, SUMMED
-from boomctl.printing import WIDTH, count, listed
-from boomctl.progress import computing
-from boomctl.rotating_beam.campbell import CampbellDiagram, campbell_diagram
-from boomctl.rotating_beam.chosen import ModelChoice
-from boomctl.rotating_beam.manoeuvres import (
+from boomctl.maneuvers import (
     HubProfile,
-    Manoeuvre,
+    Maneuver,
     PlannedSlew,
     PlannedTorque,
     PrescribedMotion,
     StraightTorque,
     TorqueDriven,
 )
+from boomctl.printing import WIDTH, count, listed
+from boomctl.progress import computing
+from boomctl.rotating_beam.campbell import CampbellDiagram, campbell_diagram
+from boomctl.rotating_beam.chosen import ModelChoice
 from boomctl.rotating_beam.parameters import HubBeamParameters
 from boomctl.rotating_beam.result import Details, Motion, SimulationResult
 from boomctl.rotating_beam.sensors import BeamSensor, checked_sensors
@@ -96,7 +96,7 @@ class HubBeam(ABC):
     modes : int
         Number of shape functions; the model says which, and how many there may be.
     chosen : record or None
-        Of a beam that `hub_beam` chose for its accuracy in a manoeuvre: what was chosen, and what was tried.
+        Of a beam that `hub_beam` chose for its accuracy in a maneuver: what was chosen, and what was tried.
 
     Raises
     ------
@@ -231,7 +231,7 @@ class HubBeam(ABC):
         """
         from scipy.linalg import eigh
 
-        from boomctl.structure.response.mode_shapes import ModeShapes, ShapeLine, signed
+        from boomctl.structure.response.mode_shapes import BodyShape, ModeShapes, signed
 
         small, size = self._small_motion(0.0), self._size
         wanted = whole("count", count, most=size - 1)
@@ -251,7 +251,7 @@ class HubBeam(ABC):
             shapes,
             self.state_names[1:size],
             tuple(kinds),
-            (ShapeLine("beam", True, points, displacement),),
+            (BodyShape("beam", True, points, displacement),),
         )
 
     @one_blas_thread
@@ -307,28 +307,28 @@ class HubBeam(ABC):
     @one_blas_thread
     def simulate(
         self,
-        manoeuvre: Manoeuvre | PlannedTorque | PlannedSlew,
+        maneuver: Maneuver | PlannedTorque | PlannedSlew,
         timepts: ArrayLike | None = None,
         initial: ArrayLike | None = None,
         rtol: float | None = None,
         atol: float | None = None,
     ) -> SimulationResult:
-        """Simulate a manoeuvre from t = 0.
+        """Simulate a maneuver from t = 0.
 
         Parameters
         ----------
-        manoeuvre : PrescribedMotion, TorqueDriven, SlewResult or TorqueHistory
-            As `spin_up`, `hub_profile`, `hold`, `sine_torque`, `torque` or `free` return it; or a slew that was planned,
+        maneuver : PrescribedMotion, TorqueDriven, SlewResult or TorqueProfile
+            As `spin_up`, `sine_torque` or a function of `boomctl.maneuvers` returns it; or a slew that was planned,
             for this beam or another one, whose torque is played, or its ``history``.
         timepts : array_like, optional
             Instants at which the motion is wanted, s; ascending, >= 0. The motion starts at t = 0 in any case. Of a slew,
             by default its own.
         initial : array_like or None
             State at t = 0 in the order of `state_names`; None is rest. With the hub's motion prescribed its hub angle
-            and speed are to be those of the manoeuvre.
+            and speed are to be those of the maneuver.
         rtol, atol : float, optional
             The error of the free end's displacement is kept below ``atol + rtol max |displacement|`` [m]; that of the
-            hub angle times the free end's radius likewise. By default 1e-8 and 1e-10 m; in the manoeuvre, from rest, for
+            hub angle times the free end's radius likewise. By default 1e-8 and 1e-10 m; in the maneuver, from rest, for
             which a beam was chosen by its accuracy, what that needs.
 
         Returns
@@ -339,7 +339,7 @@ class HubBeam(ABC):
         Raises
         ------
         TypeError
-            If the manoeuvre is none.
+            If the maneuver is none.
         ValueError
             If `timepts`, `initial` or a tolerance is out of its range, the functions of a hub profile do not belong
             together, or a slew does not begin at rest and no `initial` is given.
@@ -347,16 +347,16 @@ class HubBeam(ABC):
             If the mass matrix ceases to be positive definite, the deflection overflows, or the tolerance is missed.
         """
         if timepts is None:
-            timepts = getattr(manoeuvre, "time", None)
+            timepts = getattr(maneuver, "time", None)
             if timepts is None:
                 raise TypeError("timepts: expected instants [s], got none")
         instants = _instants(timepts)
-        manoeuvre = _played(manoeuvre, initial)
-        tolerance = self._tolerance(manoeuvre, initial, rtol, atol)
-        start = self._start(manoeuvre, initial)
-        manoeuvre = _checked(manoeuvre, float(instants[-1]))
+        maneuver = _played(maneuver, initial)
+        tolerance = self._tolerance(maneuver, initial, rtol, atol)
+        start = self._start(maneuver, initial)
+        maneuver = _checked(maneuver, float(instants[-1]))
         with computing("motion"):
-            return self._result(manoeuvre, instants, start, self._motion(manoeuvre, instants, start, tolerance))
+            return self._result(maneuver, instants, start, self._motion(maneuver, instants, start, tolerance))
 
     @one_blas_thread
     def steady_state(self, hub_speed: float = 0.0) -> Array:
@@ -534,11 +534,11 @@ class HubBeam(ABC):
         return replace(copy, parameters=replace(self.parameters, **changes), chosen=None)
 
     def _tolerance(
-        self, manoeuvre: Manoeuvre, initial: ArrayLike | None, rtol: float | None, atol: float | None
+        self, maneuver: Maneuver, initial: ArrayLike | None, rtol: float | None, atol: float | None
     ) -> tuple[float, float]:
-        """Return what keeps the accuracy for which the beam was chosen, in its manoeuvre; else what is usual."""
+        """Return what keeps the accuracy for which the beam was chosen, in its maneuver; else what is usual."""
         chosen, usual = self.chosen, _TOLERANCE
-        if chosen is not None and initial is None and manoeuvre == chosen.manoeuvre:
+        if chosen is not None and initial is None and maneuver == chosen.maneuver:
             usual = chosen.rtol, chosen.atol
         return (
             usual[0] if rtol is None else positive("rtol", rtol),
@@ -571,13 +571,13 @@ class HubBeam(ABC):
                 f"{self.model} loses its stiffness"
             )
 
-    def _solved(self, manoeuvre: Manoeuvre, instants: Array, tolerance: tuple[float, float]) -> Motion:
+    def _solved(self, maneuver: Maneuver, instants: Array, tolerance: tuple[float, float]) -> Motion:
         """Motion from rest, with the error of its solver alone."""
-        start = self._start(manoeuvre, None)
-        return self._motion(_checked(manoeuvre, float(instants[-1])), instants, start, tolerance)
+        start = self._start(maneuver, None)
+        return self._motion(_checked(maneuver, float(instants[-1])), instants, start, tolerance)
 
     def _result(
-        self, manoeuvre: Manoeuvre, instants: Array, start: tuple[Array, Array], found: Motion
+        self, maneuver: Maneuver, instants: Array, start: tuple[Array, Array], found: Motion
     ) -> SimulationResult:
         return SimulationResult(
             model=self.model,
@@ -585,25 +585,25 @@ class HubBeam(ABC):
             tip_displacement=found.tip,
             small_deformation_until=found.small_deformation_until,
             steps=found.steps,
-            _error=partial(self._error, manoeuvre, instants, start, found),
-            details=partial(self._details, manoeuvre, instants, found),
+            _error=partial(self._error, maneuver, instants, start, found),
+            details=partial(self._details, maneuver, instants, found),
             path=found.path,
         )
 
-    def _start(self, manoeuvre: Manoeuvre, initial: ArrayLike | None) -> tuple[Array, Array]:
-        """Coordinates and rates at t = 0, the hub's as the manoeuvre has them."""
-        instance("manoeuvre", manoeuvre, (PrescribedMotion, TorqueDriven), "one as spin_up, hold, ... return it")
+    def _start(self, maneuver: Maneuver, initial: ArrayLike | None) -> tuple[Array, Array]:
+        """Coordinates and rates at t = 0, the hub's as the maneuver has them."""
+        instance("maneuver", maneuver, (PrescribedMotion, TorqueDriven), "one as spin_up, hold, ... return it")
         size = self._size
         state = np.zeros(2 * size) if initial is None else _initial_state(initial, 2 * size)
-        if isinstance(manoeuvre, PrescribedMotion):
+        if isinstance(maneuver, PrescribedMotion):
             for index, name in ((0, "angle"), (size, "speed")):
-                prescribed = float(getattr(manoeuvre, name)(0.0))
+                prescribed = float(getattr(maneuver, name)(0.0))
                 apart = abs(state[index] - prescribed)
-                # an initial hub angle or speed is the manoeuvre's but for rounding, relative or in rad, rad/s
+                # an initial hub angle or speed is the maneuver's but for rounding, relative or in rad, rad/s
                 if initial is not None and apart > SUMMED * max(1.0, abs(prescribed)):
                     raise ValueError(
                         f"initial hub {name} = {exactly(state[index])}: expected {exactly(prescribed)}, as "
-                        f"the manoeuvre has it"
+                        f"the maneuver has it"
                     )
                 state[index] = prescribed
         return state[:size], state[size:]
@@ -667,16 +667,16 @@ class HubBeam(ABC):
 
     @abstractmethod
     def _motion(
-        self, manoeuvre: Manoeuvre, timepts: Array, start: tuple[Array, Array], tolerance: tuple[float, float]
+        self, maneuver: Maneuver, timepts: Array, start: tuple[Array, Array], tolerance: tuple[float, float]
     ) -> Motion:
         """Motion from coordinates and rates at t = 0, to rtol and atol of the free end's displacement."""
 
-    def _error(self, manoeuvre: Manoeuvre, timepts: Array, start: tuple[Array, Array], motion: Motion) -> float:
+    def _error(self, maneuver: Maneuver, timepts: Array, start: tuple[Array, Array], motion: Motion) -> float:
         """Estimated largest error of a motion's tip displacement, m: against the model's own equations."""
         return motion.error
 
     @abstractmethod
-    def _details(self, manoeuvre: Manoeuvre, timepts: Array, motion: Motion) -> Details:
+    def _details(self, maneuver: Maneuver, timepts: Array, motion: Motion) -> Details:
         """Evaluate a motion."""
 
 
@@ -702,7 +702,7 @@ def _instants(value: ArrayLike) -> Array:
     if not timepts.size:
         raise ValueError("timepts: expected at least one instant [s], got none")
     if timepts[0] < 0.0:
-        raise ValueError(f"timepts[0] = {timepts[0]!r}: expected instants >= 0; a manoeuvre starts at 0")
+        raise ValueError(f"timepts[0] = {timepts[0]!r}: expected instants >= 0; a maneuver starts at 0")
     if (timepts[1:] <= timepts[:-1]).any():
         raise ValueError("timepts: expected strictly ascending instants")
     if timepts[-1] > _LATEST:
@@ -712,8 +712,8 @@ def _instants(value: ArrayLike) -> Array:
     return timepts
 
 
-def _played(given: Any, initial: ArrayLike | None) -> Manoeuvre:
-    """Return the torque of a slew, or of its history, as a manoeuvre; manoeuvres as they are."""
+def _played(given: Any, initial: ArrayLike | None) -> Maneuver:
+    """Return the torque of a slew, or of its history, as a maneuver; maneuvers as they are."""
     history: Any = getattr(given, "history", given)
     if not all(hasattr(history, name) for name in ("edges", "left", "right")):
         return given
@@ -723,9 +723,9 @@ def _played(given: Any, initial: ArrayLike | None) -> Manoeuvre:
     return StraightTorque(history.edges, history.left, history.right)
 
 
-def _checked(manoeuvre: Manoeuvre, end: float) -> Manoeuvre:
-    """Return a manoeuvre; a hub profile as it was checked up to an instant [s]."""
-    return manoeuvre.checked_until(end) if isinstance(manoeuvre, HubProfile) and end > 0.0 else manoeuvre
+def _checked(maneuver: Maneuver, end: float) -> Maneuver:
+    """Return a maneuver; a hub profile as it was checked up to an instant [s]."""
+    return maneuver.checked_until(end) if isinstance(maneuver, HubProfile) and end > 0.0 else maneuver
 
 
 def _initial_state(value: ArrayLike, size: int) -> Array:

@@ -18,7 +18,7 @@ _LAST_DIGIT = 4.0 * float(np.finfo(float).eps)  # of a speed, to which crossings
 
 
 @dataclass(frozen=True)
-class SpeedCrossing:
+class CriticalSpeed:
     """A hub speed at which a multiple of it is a natural frequency: an unbalance of this order excites the mode.
 
     Attributes
@@ -36,7 +36,7 @@ class SpeedCrossing:
     --------
     >>> import boomctl as bc
     >>> bc.hub_beam(modes=3).campbell([0.0, 2.0, 4.0]).crossings[0]
-    SpeedCrossing: 3 x 0.986253 rad/s, mode 1 at 0.4709 Hz
+    CriticalSpeed: 3 x 0.986253 rad/s, mode 1 at 0.4709 Hz
     """
 
     order: float
@@ -45,7 +45,7 @@ class SpeedCrossing:
     frequency_hz: float
 
     def __repr__(self) -> str:
-        return f"SpeedCrossing: {self.order:g} x {self.hub_speed:.6g} rad/s, mode {self.mode} at {self.frequency_hz:.4g} Hz"
+        return f"CriticalSpeed: {self.order:g} x {self.hub_speed:.6g} rad/s, mode {self.mode} at {self.frequency_hz:.4g} Hz"
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ class CampbellDiagram:
         Those asked for; in place of those at which the stiffness is lost, some just below [rad/s].
     frequencies_hz : (k, n) ndarray
         Ascending at each speed [Hz].
-    crossings : tuple of SpeedCrossing
+    crossings : tuple of CriticalSpeed
         Critical speeds: where an order meets a frequency, between the speeds asked for, ascending.
     stiffness_lost : float
         Hub speed at which some stiffness is lost [rad/s]; ``inf`` where none is.
@@ -81,7 +81,7 @@ class CampbellDiagram:
     model: str
     hub_speeds: Array = field(repr=False)
     frequencies_hz: Array = field(repr=False)
-    crossings: tuple[SpeedCrossing, ...]
+    crossings: tuple[CriticalSpeed, ...]
     stiffness_lost: float
     orders: tuple[float, ...]
 
@@ -130,6 +130,6 @@ def campbell_diagram(
 
             for k in np.flatnonzero(apart[:-1, mode] * apart[1:, mode] < 0.0):
                 roots.append(float(optimize.brentq(gap, speeds[k], speeds[k + 1], rtol=_LAST_DIGIT)))  # type: ignore[arg-type]
-            found += [SpeedCrossing(order, mode + 1, root, order * root / _TURN) for root in roots]
+            found += [CriticalSpeed(order, mode + 1, root, order * root / _TURN) for root in roots]
     found.sort(key=lambda crossing: crossing.hub_speed)
     return CampbellDiagram(model, speeds, values, tuple(found), lost, orders)

@@ -1,32 +1,32 @@
-"""What was chosen of the models of the hub-beam for its accuracy in a manoeuvre, and what was tried."""
+"""What was chosen of the models of the hub-beam for its accuracy in a maneuver, and what was tried."""
 
 from dataclasses import dataclass
 from typing import final
 
+from boomctl.maneuvers import Maneuver
 from boomctl.printing import compact, count
-from boomctl.rotating_beam.manoeuvres import Manoeuvre
 
 
 @final
 @dataclass(frozen=True, repr=False)
 class ModelChoice:
-    """A model of the hub-beam that was chosen for its accuracy in a manoeuvre, and what was tried.
+    """A model of the hub-beam that was chosen for its accuracy in a maneuver, and what was tried.
 
-    Errors are those of the free end's transverse displacement, the largest over the manoeuvre, relative to the largest
+    Errors are those of the free end's transverse displacement, the largest over the maneuver, relative to the largest
     displacement in it; against the geometrically exact beam.
 
     Attributes
     ----------
     accuracy, time : float
         What was asked for, and until when it holds [s].
-    manoeuvre : PrescribedMotion or TorqueDriven
+    maneuver : PrescribedMotion or TorqueDriven
         In which it holds, from rest.
     model, modes : str, int
         What was chosen.
     error : float
         The error that was found.
     rtol, atol : float
-        Tolerance of a simulation [relative, m] with which it was found; ``simulate`` takes it in this manoeuvre.
+        Tolerance of a simulation [relative, m] with which it was found; ``simulate`` takes it in this maneuver.
     largest : float
         The largest displacement [m].
     reference : tuple of (int, int, float)
@@ -38,7 +38,7 @@ class ModelChoice:
 
     accuracy: float
     time: float
-    manoeuvre: Manoeuvre
+    maneuver: Maneuver
     model: str
     modes: int
     error: float

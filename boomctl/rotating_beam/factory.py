@@ -7,11 +7,11 @@ from typing import Any, Literal, overload
 from numpy.typing import ArrayLike
 
 from boomctl.checks import shown
+from boomctl.maneuvers import Maneuver
 from boomctl.parameters import or_default, signature_of
 from boomctl.rotating_beam.assumed_modes import AssumedModesBeam
 from boomctl.rotating_beam.beam import HubBeam, in_model
 from boomctl.rotating_beam.exact.beam import GeometricallyExactBeam
-from boomctl.rotating_beam.manoeuvres import Manoeuvre
 from boomctl.rotating_beam.parameters import HubBeamParameters
 from boomctl.threads import one_blas_thread
 
@@ -58,7 +58,7 @@ def hub_beam(
     parameters: HubBeamParameters | None = None,
     *,
     accuracy: float,
-    manoeuvre: Manoeuvre,
+    maneuver: Maneuver,
     time: float | ArrayLike | None = None,
     **changes: Any,
 ) -> HubBeam: ...
@@ -70,7 +70,7 @@ def hub_beam(
     model: str | None = None,
     modes: int | None = None,
     accuracy: float | None = None,
-    manoeuvre: Manoeuvre | None = None,
+    maneuver: Maneuver | None = None,
     time: float | ArrayLike | None = None,
     **changes: Any,
 ) -> HubBeam:
@@ -92,15 +92,15 @@ def hub_beam(
     accuracy : float, optional
         Instead of `model` and `modes`: the first of "sfoam" with 1, 2, 3, 5, 8 modes and "geometrically-exact" with 3, 4, 6,
         8, 12 polynomials is chosen whose free end moves across the undeformed beam as a converged geometrically exact
-        beam's does in `manoeuvre`, from rest. The largest error over
+        beam's does in `maneuver`, from rest. The largest error over
         the motion is at most so large, relative to the largest displacement in it; the solver's error is part of that.
-        What is left when the manoeuvre is over may be far smaller, and its relative error larger. The beam's `chosen` says
-        what was tried; ``simulate`` keeps this accuracy in this manoeuvre by default.
-    manoeuvre : PrescribedMotion or TorqueDriven, optional
+        What is left when the maneuver is over may be far smaller, and its relative error larger. The beam's `chosen` says
+        what was tried; ``simulate`` keeps this accuracy in this maneuver by default.
+    maneuver : PrescribedMotion or TorqueDriven, optional
         As for ``simulate``; goes with `accuracy`.
     time : float or array_like, optional
         Until when the accuracy holds [s]; of instants, the last one. By default five periods of the slowest mode after the
-        last breakpoint of the manoeuvre.
+        last breakpoint of the maneuver.
     **changes : float
         Parameters of the machine by name, in place of those of `parameters`.
 
@@ -114,7 +114,7 @@ def hub_beam(
     TypeError
         If `parameters`, `modes` or another argument is of another kind, or a parameter is unknown.
     ValueError
-        If the model is unknown, or `modes` less than 1 or too many; an accuracy beside a model, without a manoeuvre, or that
+        If the model is unknown, or `modes` less than 1 or too many; an accuracy beside a model, without a maneuver, or that
         cannot be reached or proved.
 
     Examples
@@ -126,15 +126,15 @@ def hub_beam(
     >>> beam.frequencies_hz(hub_speed=4.0).round(3)  # stiffer, as it turns
     array([0.385, 3.146, 8.112])
     >>> spin = bc.spin_up(final_speed=2.8, duration=30.0)
-    >>> print(bc.hub_beam(accuracy=1e-3, manoeuvre=spin).chosen)
+    >>> print(bc.hub_beam(accuracy=1e-3, maneuver=spin).chosen)
     3 modes of sfoam: error 3.3e-04 up to 40.7898 s, 0.001 asked for
     """
     p = or_default(HubBeamParameters, "parameters", parameters, changes, signature_of(hub_beam))
-    if accuracy is None and manoeuvre is None and time is None:
+    if accuracy is None and maneuver is None and time is None:
         return in_model(p, "sfoam" if model is None else model, 5 if modes is None else modes)
     for name, given in (("model", model), ("modes", modes)):
         if given is not None:
-            raise ValueError(f"{name} = {shown(given)}: expected none beside accuracy and manoeuvre, which choose it")
+            raise ValueError(f"{name} = {shown(given)}: expected none beside accuracy and maneuver, which choose it")
     from boomctl.rotating_beam.accuracy import chosen_beam  # and what it takes to judge
 
-    return chosen_beam(p, accuracy, manoeuvre, time)
+    return chosen_beam(p, accuracy, maneuver, time)

@@ -2,9 +2,9 @@
 
 from boomctl.lti.controllers.time_varying import TimeVaryingController as TimeVaryingController
 from boomctl.simulation.contact.friction import CoulombFriction as CoulombFriction
-from boomctl.simulation.contact.stops import StopHit as StopHit
+from boomctl.simulation.contact.stops import StopContact as StopContact
 from boomctl.simulation.forced_response import ForcedResponse as ForcedResponse
 from boomctl.simulation.forced_response import forced_response as forced_response
 from boomctl.simulation.loop import simulate_loop as simulate_loop
-from boomctl.simulation.result import FrictionReport as FrictionReport
+from boomctl.simulation.result import FrictionResult as FrictionResult
 from boomctl.simulation.result import LoopResult as LoopResult

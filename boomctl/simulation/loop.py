@@ -37,7 +37,7 @@ from boomctl.simulation.contact.stops import merged_hits
 from boomctl.simulation.controller import corrected, sampled_controller
 from boomctl.simulation.machine.machine import Machine, reading_states
 from boomctl.simulation.plant import ModalPlant, modal_plant
-from boomctl.simulation.result import FrictionReport, LoopResult
+from boomctl.simulation.result import FrictionResult, LoopResult
 from boomctl.simulation.signals import disturbance_rows, per_signal, sampled_noise, sampled_signals, time_grid
 from boomctl.simulation.stepping import Added, ControlLog, Limits, LoopProblem, SampledRun, linear_loop, whole_steps
 from boomctl.structure.model import SecondOrderModel
@@ -91,8 +91,8 @@ def simulate_loop(
     Parameters
     ----------
     plant : control.StateSpace, control.TransferFunction, SecondOrderModel or AssumedModesBeam
-        Continuous time, signals named.  :func:`boomctl.with_states` makes outputs of a linear plant's states.  A model of
-        more than 60 coordinates is projected onto its lowest 60 modes and static responses of the others.  A hub-beam has
+        Continuous time, signals named.  :func:`boomctl.with_state_outputs` makes outputs of a linear plant's states.  A model
+        of more than 60 coordinates is projected onto its lowest 60 modes and static responses of the others.  A hub-beam has
         the inputs ``torque``, ``disturbance_torque`` (both on the hub) and ``tip_force`` (across the undeformed beam,
         turning with the hub), and the outputs ``hub_angle``, ``hub_speed``, ``tip_displacement``, ``root_moment``,
         ``tip_acceleration`` (absolute, across the undeformed beam), those of its ``sensors``, and those of its states that
@@ -312,7 +312,7 @@ def _result(p: LoopProblem, log: ControlLog, moving: Array, contacts: ContactLog
     friction = None
     if contacts is not None and p.contacts is not None and p.contacts.law is not None:
         mean = contacts.friction.reshape(-1, grid.per_point).mean(axis=1)
-        friction = FrictionReport(
+        friction = FrictionResult(
             force=np.concatenate([[0.0], mean]),
             stuck_share=float(contacts.stuck.mean()),
             dissipated=float(contacts.dissipated.sum()),

@@ -11,11 +11,11 @@ from boomctl.arrays import Array
 from boomctl.lti.modal import sides
 from boomctl.lti.time_series import TimeSeries
 from boomctl.printing import count, listed
-from boomctl.simulation.contact.stops import StopHit
+from boomctl.simulation.contact.stops import StopContact
 
 
 @dataclass(frozen=True)
-class FrictionReport:
+class FrictionResult:
     """What friction did.
 
     Attributes
@@ -37,7 +37,7 @@ class FrictionReport:
     output: str
 
     def __repr__(self) -> str:
-        return f"FrictionReport: stuck {100.0 * self.stuck_share:.3g} % of the time, {self.dissipated:.4g} J dissipated"
+        return f"FrictionResult: stuck {100.0 * self.stuck_share:.3g} % of the time, {self.dissipated:.4g} J dissipated"
 
 
 @dataclass(frozen=True)
@@ -58,9 +58,9 @@ class LoopResult(TimeSeries):
         What disturbed the plant; inputs left alone are not listed.
     saturation_share, rate_share : dict from name to float
         Share of the samples at which a control met its limit, and its largest rate of change.
-    stops : tuple of StopHit
+    stops : tuple of StopContact
         End stops touched, in order.
-    friction : FrictionReport or None
+    friction : FrictionResult or None
         What friction did; None without any.
     sample_time, delay : float
         Sampling time of the controller, and delay from a sample to the control that it leads to [s].
@@ -87,8 +87,8 @@ class LoopResult(TimeSeries):
     disturbances: dict[str, Array] = field(repr=False)
     saturation_share: dict[str, float]
     rate_share: dict[str, float]
-    stops: tuple[StopHit, ...]
-    friction: FrictionReport | None
+    stops: tuple[StopContact, ...]
+    friction: FrictionResult | None
     sample_time: float
     delay: float
     path: str = "steps"

@@ -1,11 +1,11 @@
 # The public names and where each is defined: `__init__.py` loads them from there when they are first used.
 
 from boomctl.slew.comparison import SlewComparison as SlewComparison
-from boomctl.slew.comparison import SlewLine as SlewLine
+from boomctl.slew.comparison import SlewRow as SlewRow
 from boomctl.slew.comparison import compare_slews as compare_slews
 from boomctl.slew.deadline import SlewProgress as SlewProgress
-from boomctl.slew.least_time.switching_curve import SwitchingCurve as SwitchingCurve
-from boomctl.slew.least_time.switching_curve import switching_curve as switching_curve
+from boomctl.slew.least_time.switching_function import SwitchingFunction as SwitchingFunction
+from boomctl.slew.least_time.switching_function import switching_function as switching_function
 from boomctl.slew.monte_carlo import TrackingStudy as TrackingStudy
 from boomctl.slew.optimal import optimal_slew as optimal_slew
 from boomctl.slew.optimal import resolve as resolve
@@ -17,5 +17,5 @@ from boomctl.slew.shapers import Shaper as Shaper
 from boomctl.slew.shapers import classical_spin_up as classical_spin_up
 from boomctl.slew.shapers import classical_torque as classical_torque
 from boomctl.slew.shapers import shaper as shaper
-from boomctl.slew.torque import TorqueHistory as TorqueHistory
+from boomctl.slew.torque import TorqueProfile as TorqueProfile
 from boomctl.slew.tracked import TrackedSlew as TrackedSlew

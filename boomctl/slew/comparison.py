@@ -15,7 +15,7 @@ from boomctl.slew.plant import SlewMachine, SlewPlant, plant_of
 from boomctl.slew.problem import warn_of_turns
 from boomctl.slew.result import SlewResult
 from boomctl.slew.shapers import classical_spin_up, classical_torque, shaper
-from boomctl.slew.torque import TorqueHistory
+from boomctl.slew.torque import TorqueProfile
 from boomctl.threads import one_blas_thread
 
 CLASSICAL = (
@@ -41,7 +41,7 @@ _DURING, _AFTER = 401, 121
 
 
 @dataclass(frozen=True, eq=False)
-class SlewLine(TimeSeries):
+class SlewRow(TimeSeries):
     """One way to slew.
 
     Attributes
@@ -64,7 +64,7 @@ class SlewLine(TimeSeries):
         The vibration with the beam's frequencies 10 % below and above [m].
     vibrations : ndarray, m
         The vibration with each of the tip masses of the comparison [m].
-    history : TorqueHistory
+    history : TorqueProfile
         The torque over time.
     time, tip_displacement : ndarray, k
         Instants on the way and afterwards [s], and the tip displacement then [m].
@@ -80,7 +80,7 @@ class SlewLine(TimeSeries):
     vibration_low: float
     vibration_high: float
     vibrations: Array
-    history: TorqueHistory
+    history: TorqueProfile
     time: Array
     tip_displacement: Array
 
@@ -103,7 +103,7 @@ class SlewComparison:
         Angle turned through [rad]; None of spin-ups.
     torque_limit : float
         Largest torque either way [N m].
-    lines : tuple of SlewLine
+    lines : tuple of SlewRow
         One for each slew.
     final_speed : float
         Hub speed at the end [rad/s].
@@ -113,7 +113,7 @@ class SlewComparison:
 
     angle: float | None
     torque_limit: float
-    lines: tuple[SlewLine, ...]
+    lines: tuple[SlewRow, ...]
     final_speed: float = 0.0
     tip_masses: Array = field(default_factory=lambda: np.zeros(0))
 
@@ -136,7 +136,7 @@ class SlewComparison:
         ]
         return table_html(repr(self).partition("\n")[0], heads, rows)
 
-    def __getitem__(self, name: str) -> SlewLine:
+    def __getitem__(self, name: str) -> SlewRow:
         """Return a slew by its name, as `line` does."""
         return self.line(name)
 
@@ -144,7 +144,7 @@ class SlewComparison:
         """Return the names that consoles complete in brackets."""
         return [line.name for line in self.lines]
 
-    def line(self, name: str) -> SlewLine:
+    def line(self, name: str) -> SlewRow:
         """Return the slew of a name.
 
         Parameters
@@ -154,7 +154,7 @@ class SlewComparison:
 
         Returns
         -------
-        SlewLine
+        SlewRow
             The slew of that name.
 
         Raises
@@ -268,7 +268,7 @@ def compare_slews(
         later = history.duration + np.linspace(0.0, 1.5 * heaviest, _AFTER)
         late = t >= after[0]
         lines.append(
-            SlewLine(
+            SlewRow(
                 name=name,
                 duration=history.duration,
                 vibration=float(np.abs(r.tip_displacement[late]).max()),
@@ -287,12 +287,12 @@ def compare_slews(
     return SlewComparison(angle, limit, tuple(lines), final_speed, np.array(masses))
 
 
-def _vibration(machine: SlewMachine, history: TorqueHistory, time: Array) -> float:
+def _vibration(machine: SlewMachine, history: TorqueProfile, time: Array) -> float:
     """Return the largest tip displacement under a torque at given times [m]."""
     return float(np.abs(machine.simulate(history, time).tip_displacement).max())
 
 
-def _classical(plant: SlewPlant, angle: float | None, final_speed: float, limit: float) -> dict[str, TorqueHistory]:
+def _classical(plant: SlewPlant, angle: float | None, final_speed: float, limit: float) -> dict[str, TorqueProfile]:
     """Classical torques by name: slews through an angle, or spin-ups where it is None."""
     if (angle is None) == (final_speed == 0.0):
         raise ValueError(f"final_speed = {final_speed:g}: expected an angle, or a speed not zero with angle None")

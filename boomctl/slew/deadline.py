@@ -62,7 +62,7 @@ class SlewDeadline(Deadline):
     tell : callable or None
         Told a `SlewProgress`.
     heard : list
-        Interrupts since the search began; see `listening`.
+        Interrupts since the search began; see `progress_callback`.
     """
 
     tell: Callable[[SlewProgress], object] | None = None

@@ -17,7 +17,7 @@ from numpy.polynomial.polynomial import polyder, polyval
 from boomctl.arrays import Array
 from boomctl.simulation.machine.exponential_step import krogstad, pushing, stumpff
 from boomctl.slew.plant import SlewPlant
-from boomctl.slew.torque import TorqueHistory, lines_between
+from boomctl.slew.torque import TorqueProfile, lines_between
 from boomctl.symbolic import Places, lifted, symbols
 
 _TAYLOR = 14  # terms of a linear motion: 1 / 15! = 8e-13 is left out where |A h| is 1, below what a replay resolves
@@ -139,7 +139,7 @@ def _row_rates(kind: Kind) -> ca.Function:
     return ca.Function("row_rates", [z, u, slope, row, plant.constants], [first, second])
 
 
-def path_peak(plant: SlewPlant, kind: str, history: TorqueHistory, time: Array, z: Array, enough: float = 0.0) -> float:
+def path_peak(plant: SlewPlant, kind: str, history: TorqueProfile, time: Array, z: Array, enough: float = 0.0) -> float:
     """Return the largest absolute value of a row of the plant along a motion, between the given times too.
 
     Values, slopes and curvatures at both ends of a step define a polynomial of degree five, which is off by ``(w h)^6 /

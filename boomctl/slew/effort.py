@@ -16,7 +16,7 @@ from boomctl.lti.rounding import ALIKE, SUMMED
 from boomctl.slew.end_map import MOST_STEPS, STEP_SHARE, EndMap, Steps, end_map
 from boomctl.slew.linear import Clipped, clipped, least_effort
 from boomctl.slew.problem import Limits, SlewProblem
-from boomctl.slew.torque import TorqueHistory, held
+from boomctl.slew.torque import TorqueProfile, held
 
 _TURNS = 20  # at most; a safeguard
 _STATIONARY = 1e-6  # of the torque limit, that another turn would change: of the effort it is worth the square of that
@@ -146,7 +146,7 @@ class HeldEffort:
 
     Attributes
     ----------
-    history : TorqueHistory
+    history : TorqueProfile
     more : float
         By how much more effort it would take, relative, if it were held on two intervals at a time: by the derivatives
         along its motion, infinite where that does not lead to the end.
@@ -154,7 +154,7 @@ class HeldEffort:
         Nodes at which limits are met: 1 above, -1 below, 0 where they are not.
     """
 
-    history: TorqueHistory
+    history: TorqueProfile
     more: float
     met: Array
 

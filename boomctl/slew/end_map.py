@@ -15,7 +15,7 @@ from boomctl.arrays import Array
 from boomctl.slew.dynamics import KINDS, Kind, kind_of, step_of
 from boomctl.slew.linear import guess_from
 from boomctl.slew.problem import SlewProblem
-from boomctl.slew.torque import TorqueHistory
+from boomctl.slew.torque import TorqueProfile
 
 STEP_SHARE = 0.5  # of the tolerance, for what half as long steps change; what remains is a sixteenth of it
 _AT_ONCE = 3 * 10**7  # instructions of CasADi between two looks at a deadline: a tenth of a second (a choice)
@@ -232,7 +232,7 @@ def _carried_back(jacobians: Array, rows: Array) -> Array:
     return after
 
 
-def end_map(problem: SlewProblem, first: TorqueHistory) -> EndMap:
+def end_map(problem: SlewProblem, first: TorqueProfile) -> EndMap:
     """Prepare the steps of a problem; rows of its end are scaled by the sizes of the states under a first torque."""
     rows = problem.ends / np.abs(problem.ends * guess_from(problem, first).sizes).max(axis=1, keepdims=True)
     return EndMap(problem, rows, [_Stepper(*kind_of(plant)) for plant in problem.plants])

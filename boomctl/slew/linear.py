@@ -9,7 +9,7 @@ from boomctl.gauss import gauss_method
 from boomctl.lti.hold import observability, recursion, zero_order_hold
 from boomctl.lti.rounding import SOLVED
 from boomctl.slew.problem import SlewProblem
-from boomctl.slew.torque import TorqueHistory, held
+from boomctl.slew.torque import TorqueProfile, held
 
 _NEWTON = 60  # steps of Newton's method on the dual at most; a safeguard, for it is damped
 _REGULAR = 1e-12  # of a matrix of unit rows, where few intervals are inside the limit: keeps Newton's equation solvable
@@ -61,7 +61,7 @@ class LeastEffort:
     largest of them: rounding, unless the limit is too low for the time.
     """
 
-    history: TorqueHistory
+    history: TorqueProfile
     costate: Array
     missed: float
 
@@ -155,7 +155,7 @@ class Guess:
         return np.where(sizes > seen * sizes.max(), sizes, instead * sizes.max())
 
 
-def guess_from(problem: SlewProblem, history: TorqueHistory, intervals: int = 200, ramp: bool = False) -> Guess:
+def guess_from(problem: SlewProblem, history: TorqueProfile, intervals: int = 200, ramp: bool = False) -> Guess:
     """Sample a torque and the linear motion under it on a mesh."""
     means = history.means(np.linspace(0.0, history.duration, intervals + 1))
     states = flow(problem).motion(problem.start, history.duration, means)
@@ -164,7 +164,7 @@ def guess_from(problem: SlewProblem, history: TorqueHistory, intervals: int = 20
     return Guess(history.duration, means, states)
 
 
-def effort_gap(problem: SlewProblem, history: TorqueHistory) -> float:
+def effort_gap(problem: SlewProblem, history: TorqueProfile) -> float:
     """How far an effort is above what no torque within the limit can beat, relative: weak duality, on a mesh of its own.
 
     For any c: ``int u^2 >= c^T d - int max_u (p u - u^2) dt`` with ``p = c^T exp(A (T - t)) B``; the maximum is ``p^2 / 4``

@@ -14,7 +14,7 @@ from boomctl.arrays import Array
 from boomctl.slew.dynamics import path_peak, row_rates
 from boomctl.slew.nlp.interval import Interval, Units
 from boomctl.slew.plant import SlewPlant
-from boomctl.slew.torque import TorqueHistory, lines_between
+from boomctl.slew.torque import TorqueProfile, lines_between
 
 _CHATTER = 1e-6  # price of the torque and its changes beside the tip's bound: too small to be seen, enough to decide
 
@@ -46,7 +46,7 @@ class Objective:
 
     title: str
     cost: Callable[[Parts, Units, Interval, int], ca.SX]
-    value: Callable[[TorqueHistory, Paths], float]
+    value: Callable[[TorqueProfile, Paths], float]
     continuous: bool = False
     unit: Callable[[Units], float] = lambda units: 1.0
     bounds_tip: bool = False
@@ -75,7 +75,7 @@ def _jerk(parts: Parts, units: Units, s: Interval, intervals: int) -> ca.SX:
     return total
 
 
-def _jerk_squared(history: TorqueHistory, paths: Paths) -> float:
+def _jerk_squared(history: TorqueProfile, paths: Paths) -> float:
     """Integral of the hub's jerk squared along the replay, whose instants include all corners of the torque."""
     plant, time, coordinates = paths[0]
     start, end, slope = lines_between(history, time)

@@ -52,7 +52,7 @@ from boomctl.slew.problem import (
 )
 from boomctl.slew.replay import Motion, binding, free_errors, other_models, played, prescribed_error, violation
 from boomctl.slew.result import SlewCertificate, SlewError, SlewResult
-from boomctl.slew.torque import TorqueHistory
+from boomctl.slew.torque import TorqueProfile
 from boomctl.threads import one_blas_thread
 
 if TYPE_CHECKING:
@@ -80,7 +80,7 @@ class Planned:
 class _Candidate:
     """A torque before it is judged; what is known of its optimality, and how it was found."""
 
-    history: TorqueHistory
+    history: TorqueProfile
     method: str
     gap: float
     optimality: str
@@ -90,7 +90,7 @@ class _Candidate:
     path: tuple[str, ...] = ()
 
 
-def _arc_durations(problem: SlewProblem, first: TorqueHistory) -> tuple[_Candidate | None, tuple[str, ...]]:
+def _arc_durations(problem: SlewProblem, first: TorqueProfile) -> tuple[_Candidate | None, tuple[str, ...]]:
     """Durations of a bang-bang torque's arcs, from a first torque; None where they are no extremal; and what was done."""
     found = least_time_arcs(problem, first)
     if found is None or found.gain >= _EXTREMAL:

@@ -56,13 +56,13 @@ class SlewMachine(Protocol):
 
     def simulate(
         self,
-        manoeuvre: Any,
+        maneuver: Any,
         timepts: ArrayLike | None = None,
         initial: ArrayLike | None = None,
         rtol: float | None = None,
         atol: float | None = None,
     ) -> Any:
-        """Motion under a `TorqueHistory`: a result with ``states``, ``tip_displacement``, ``hub_angle``, ``hub_speed``."""
+        """Motion under a `TorqueProfile`: a result with ``states``, ``tip_displacement``, ``hub_angle``, ``hub_speed``."""
         ...
 
     def with_tip_mass(self, tip_mass: float) -> SlewMachine:

@@ -13,7 +13,7 @@ from boomctl.slew.objectives import OBJECTIVES
 from boomctl.slew.plant import SlewPlant, is_machine
 from boomctl.slew.problem import AT_LIMIT, SlewProblem
 from boomctl.slew.result import Replay
-from boomctl.slew.torque import APART, TorqueHistory, lines_between
+from boomctl.slew.torque import APART, TorqueProfile, lines_between
 
 _SAMPLES = 1001  # instants of a replay at least: pictures are drawn from them
 # times in a period of the fastest vibration, where motion is limited; `path_peak` interpolates between them
@@ -53,7 +53,7 @@ class Motion:
     small_deformation_until: float = np.inf
 
 
-def played(problem: SlewProblem, history: TorqueHistory, samples: int = _SAMPLES) -> tuple[Motion, ...]:
+def played(problem: SlewProblem, history: TorqueProfile, samples: int = _SAMPLES) -> tuple[Motion, ...]:
     """Play a torque back on all plants of a problem; where their motion is limited, every vibration is seen."""
     if OBJECTIVES[problem.objective].bounds_tip or set(problem.limits.beside_torque) - {"torque_rate"}:
         turns = problem.fastest_vibration * history.duration / (2.0 * np.pi)
@@ -80,7 +80,7 @@ def played(problem: SlewProblem, history: TorqueHistory, samples: int = _SAMPLES
     return tuple(motions)
 
 
-def _linear_motion(plant: SlewPlant, history: TorqueHistory, start: Array, times: Array) -> Array:
+def _linear_motion(plant: SlewPlant, history: TorqueProfile, start: Array, times: Array) -> Array:
     """Linear motion by its Taylor series, in steps between all instants and edges."""
     knots = np.unique(np.concatenate([times, history.edges]))
     widths = np.diff(knots)
@@ -174,7 +174,7 @@ def _ends(problem: SlewProblem, motions: tuple[Motion, ...]) -> tuple[Array, Arr
 
 
 def _followed(
-    problem: SlewProblem, history: TorqueHistory, motions: tuple[Motion, ...]
+    problem: SlewProblem, history: TorqueProfile, motions: tuple[Motion, ...]
 ) -> dict[str, tuple[float, Array, Array]]:
     """Limit, instants and absolute values of all that is limited; the largest of all plants."""
     peaks = np.maximum(np.abs(history.left), np.abs(history.right))
@@ -192,7 +192,7 @@ def _followed(
     return values
 
 
-def violation(problem: SlewProblem, history: TorqueHistory, motions: tuple[Motion, ...]) -> dict[str, float]:
+def violation(problem: SlewProblem, history: TorqueProfile, motions: tuple[Motion, ...]) -> dict[str, float]:
     """Return the relative excess over each limit in the replay, between its times too; 0 where the limit holds."""
     found = {}
     for kind, (limit, _, size) in _followed(problem, history, motions).items():
@@ -206,7 +206,7 @@ def violation(problem: SlewProblem, history: TorqueHistory, motions: tuple[Motio
     return found
 
 
-def binding(problem: SlewProblem, history: TorqueHistory, motions: tuple[Motion, ...]) -> dict[str, float]:
+def binding(problem: SlewProblem, history: TorqueProfile, motions: tuple[Motion, ...]) -> dict[str, float]:
     """Limits that are met within 0.1 %, and the first instant of it, s."""
     found = {}
     for kind, (limit, t, size) in _followed(problem, history, motions).items():
@@ -216,7 +216,7 @@ def binding(problem: SlewProblem, history: TorqueHistory, motions: tuple[Motion,
     return found
 
 
-def other_models(problem: SlewProblem, history: TorqueHistory) -> tuple[Replay, ...]:
+def other_models(problem: SlewProblem, history: TorqueProfile) -> tuple[Replay, ...]:
     """Play a torque back with the other payloads, on FOAM and on the geometrically exact beam; only from rest at 0."""
     machine = problem.plants[0].machine
     if machine is None or np.any(problem.start):

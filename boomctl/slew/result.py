@@ -14,7 +14,7 @@ from boomctl.lti.time_series import TimeSeries
 from boomctl.printing import compact
 from boomctl.slew.objectives import OBJECTIVES
 from boomctl.slew.plant import LABELS
-from boomctl.slew.torque import TorqueHistory
+from boomctl.slew.torque import TorqueProfile
 from boomctl.threads import one_blas_thread
 
 if TYPE_CHECKING:
@@ -191,7 +191,7 @@ class SlewResult(TimeSeries):
         those that planning does not prescribe.
     certificate : SlewCertificate
         How close the slew is to what was asked and to the best there is.
-    history : TorqueHistory
+    history : TorqueProfile
         The torque as a function of time.
     plan : object
         What `resolve` and `track` start from.
@@ -218,7 +218,7 @@ class SlewResult(TimeSeries):
     residual_energy: float | None
     end_error: float
     certificate: SlewCertificate
-    history: TorqueHistory = field(repr=False)
+    history: TorqueProfile = field(repr=False)
     _others: Callable[[], tuple[Replay, ...]] = field(repr=False, default=tuple)
     plan: Any = field(repr=False, default=None)
     path: tuple[str, ...] = field(repr=False, default=())

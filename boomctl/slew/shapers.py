@@ -17,7 +17,7 @@ from boomctl.arrays import Array
 from boomctl.checks import instance, known, nonnegative, positive, real
 from boomctl.printing import compact
 from boomctl.slew.plant import SlewMachine, is_machine, plant_of
-from boomctl.slew.torque import APART, TorqueHistory, held
+from boomctl.slew.torque import APART, TorqueProfile, held
 from boomctl.threads import one_blas_thread
 
 _RISE = 0.1  # share of the duration in which a smoothed bang-bang rises: as Junkins, Rahman and Bang (1991)
@@ -148,7 +148,7 @@ def shaper(name: str, frequency: float | SlewMachine, damping_ratio: float = 0.0
 
 
 @one_blas_thread
-def classical_torque(shape: str, train: Shaper, angle: float, inertia: float, torque_limit: float) -> TorqueHistory:
+def classical_torque(shape: str, train: Shaper, angle: float, inertia: float, torque_limit: float) -> TorqueProfile:
     """Return a torque that turns a rigid body from rest to rest, shaped.
 
     Parameters
@@ -167,7 +167,7 @@ def classical_torque(shape: str, train: Shaper, angle: float, inertia: float, to
 
     Returns
     -------
-    TorqueHistory
+    TorqueProfile
         The torque over time; ``.plot()`` draws it.
 
     Raises
@@ -206,7 +206,7 @@ def classical_torque(shape: str, train: Shaper, angle: float, inertia: float, to
 
 
 @one_blas_thread
-def classical_spin_up(shape: str, train: Shaper, speed: float, inertia: float, torque_limit: float) -> TorqueHistory:
+def classical_spin_up(shape: str, train: Shaper, speed: float, inertia: float, torque_limit: float) -> TorqueProfile:
     """Return a torque that spins a rigid body up from rest, shaped.
 
     Parameters
@@ -225,7 +225,7 @@ def classical_spin_up(shape: str, train: Shaper, speed: float, inertia: float, t
 
     Returns
     -------
-    TorqueHistory
+    TorqueProfile
         The torque over time; ``.plot()`` draws it.
 
     Raises
@@ -273,7 +273,7 @@ def _turned(edges: Array, values: Array) -> float:
     return float(np.trapezoid(speed, edges))
 
 
-def _convolved(edges: Array, values: Array, train: Shaper) -> TorqueHistory:
+def _convolved(edges: Array, values: Array, train: Shaper) -> TorqueProfile:
     """A torque held on intervals, repeated with each impulse's delay and amplitude."""
     jumps = np.diff(np.concatenate([[0.0], values, [0.0]]))
     times = (edges[None, :] + train.times[:, None]).ravel()

@@ -21,7 +21,7 @@ _SWITCH = 0.5  # share of the peak either side of a switch: an arc of a bang-ban
 
 
 @dataclass(frozen=True, eq=False)
-class TorqueHistory:
+class TorqueProfile:
     """A torque that is a straight line on each of N intervals, and zero outside them.
 
     Attributes
@@ -42,7 +42,7 @@ class TorqueHistory:
     def __repr__(self) -> str:
         switching = f", {count(len(self.switches), 'switch', 'switches')}" if self.switches.size else ""
         parts = f"{count(len(self.left), 'interval')}{switching}"
-        return f"TorqueHistory: {self.duration:.6g} s, up to {f'{self.peak:.6g} {self.unit}'.rstrip()}; {parts}"
+        return f"TorqueProfile: {self.duration:.6g} s, up to {f'{self.peak:.6g} {self.unit}'.rstrip()}; {parts}"
 
     def __call__(self, t: ArrayLike) -> Array:
         """Torque at instants t [s], N m; where it jumps, the value after the jump, and at the end the last one."""
@@ -133,17 +133,17 @@ class TorqueHistory:
         return np.diff(whole[k] + since * (self.left[k] + 0.5 * slope * since)) / np.diff(t)
 
 
-def held(edges: Array, values: Array) -> TorqueHistory:
+def held(edges: Array, values: Array) -> TorqueProfile:
     """Return a torque that is constant between edges [s]."""
-    return TorqueHistory(np.asarray(edges, dtype=float), np.array(values), np.array(values))
+    return TorqueProfile(np.asarray(edges, dtype=float), np.array(values), np.array(values))
 
 
-def ramped(edges: Array, values: Array) -> TorqueHistory:
+def ramped(edges: Array, values: Array) -> TorqueProfile:
     """Return a continuous torque, straight between its values [N m] at the edges [s]."""
-    return TorqueHistory(np.asarray(edges, dtype=float), np.array(values[:-1]), np.array(values[1:]))
+    return TorqueProfile(np.asarray(edges, dtype=float), np.array(values[:-1]), np.array(values[1:]))
 
 
-def bang_bang(switches: Array, duration: float, limit: float, sign: float) -> TorqueHistory:
+def bang_bang(switches: Array, duration: float, limit: float, sign: float) -> TorqueProfile:
     """Return a torque of constant size that changes its sign at switches [s] and ends at a duration [s].
 
     Parameters
@@ -161,7 +161,7 @@ def bang_bang(switches: Array, duration: float, limit: float, sign: float) -> To
     return held(np.concatenate([[0.0], switches, [duration]]), values)
 
 
-def lines_between(history: TorqueHistory, time: Array) -> tuple[Array, Array, Array]:
+def lines_between(history: TorqueProfile, time: Array) -> tuple[Array, Array, Array]:
     """Return the torque at the start and at the end of each step between neighboring times, and its slope there.
 
     The times include the edges of the torque, at which it may jump: the values are those within the step.

@@ -41,7 +41,7 @@ from boomctl.slew.feedback import (
 )
 from boomctl.slew.monte_carlo import TrackingStudy, drawn
 from boomctl.slew.plant import SlewPlant
-from boomctl.slew.torque import TorqueHistory
+from boomctl.slew.torque import TorqueProfile
 from boomctl.threads import one_blas_thread
 
 _FEWEST = 8  # samples of a slew at least: fewer would not follow it
@@ -386,7 +386,7 @@ def _run_of(
 
 def tracked_slew(
     plant: SlewPlant,
-    history: TorqueHistory,
+    history: TorqueProfile,
     start: Array,
     planned_limit: float,
     final_speed: float,
@@ -407,7 +407,7 @@ def tracked_slew(
     Parameters
     ----------
     plant : SlewPlant
-    history : TorqueHistory
+    history : TorqueProfile
         The torque planned.
     start : ndarray, n
         State in which the plan begins.

@@ -53,7 +53,7 @@ class Joint:
     True
     """
 
-    _made_by = "revolute(), prismatic(...), fixed() or free(...)"
+    _made_by = "revolute(), prismatic(...), fixed() or planar(...)"
 
     slides: tuple[tuple[str, float], ...] = ()
     turns: bool = False
@@ -130,7 +130,7 @@ def prismatic(angle: float = pi / 2, name: str = "slide") -> Joint:
     return Joint(slides=((name, _radians("angle", angle)),))
 
 
-def free(*freedoms: str) -> Joint:
+def planar(*freedoms: str) -> Joint:
     """Return a joint with the freedoms named.
 
     Parameters
@@ -151,7 +151,7 @@ def free(*freedoms: str) -> Joint:
     Examples
     --------
     >>> import boomctl as bc
-    >>> joint = bc.structure.free("y", "theta")
+    >>> joint = bc.structure.planar("y", "theta")
     >>> [name for name, angle in joint.slides], joint.turns
     (['y'], True)
     """
@@ -327,7 +327,7 @@ class RigidBody:
 
 @dataclass(frozen=True)
 class CrossSection:
-    """What bending knows of a beam's cross section; `BeamSection.from_cross_section` makes a stretch of a beam of it.
+    """What bending knows of a beam's cross section; `BeamSegment.from_cross_section` makes a stretch of a beam of it.
 
     Functions return those of tubes, bars and I sections, bent in the plane of the machine: the depth is measured in that
     plane, the width across it.  They are sums of parts that are all positive, so that thin walls lose no digits; corners
@@ -357,7 +357,10 @@ class CrossSection:
     0.0003
     """
 
-    _made_by = "tube_section(...), round_tube_section(...), bar_section(...), rod_section(...) or i_section(...)"
+    _made_by = (
+        "rectangular_section(...), circular_section(...), rectangular_tube_section(...), circular_tube_section(...) or "
+        "i_section(...)"
+    )
 
     area: float
     second_moment: float
@@ -367,7 +370,7 @@ class CrossSection:
         positive("second_moment", self.second_moment)
 
 
-def tube_section(width: float, depth: float, wall: float | tuple[float, float]) -> CrossSection:
+def rectangular_tube_section(width: float, depth: float, wall: float | tuple[float, float]) -> CrossSection:
     """Return the section of a rectangular tube.
 
     Parameters
@@ -391,7 +394,7 @@ def tube_section(width: float, depth: float, wall: float | tuple[float, float]) 
     Examples
     --------
     >>> import boomctl as bc
-    >>> tube = bc.structure.tube_section(0.0603, 0.02, (0.00215, 0.0021))  # of the spray boom
+    >>> tube = bc.structure.rectangular_tube_section(0.0603, 0.02, (0.00215, 0.0021))  # of the spray boom
     >>> round(tube.area * 1e6, 2), round(tube.second_moment * 1e12, 1)  # mm^2, mm^4
     (321.2, 21793.2)
     """
@@ -404,7 +407,7 @@ def tube_section(width: float, depth: float, wall: float | tuple[float, float]) 
     return CrossSection(area, s * h**3 / 6.0 + inside * t * (t * t / 6.0 + 0.5 * (h - t) ** 2))
 
 
-def round_tube_section(diameter: float, wall: float) -> CrossSection:
+def circular_tube_section(diameter: float, wall: float) -> CrossSection:
     """Return the section of a round tube.
 
     Parameters
@@ -427,7 +430,7 @@ def round_tube_section(diameter: float, wall: float) -> CrossSection:
     Examples
     --------
     >>> import boomctl as bc
-    >>> round(bc.structure.round_tube_section(0.06, 0.002).area * 1e6, 3)  # mm^2
+    >>> round(bc.structure.circular_tube_section(0.06, 0.002).area * 1e6, 3)  # mm^2
     364.425
     """
     d, t = positive("diameter", diameter), positive("wall", wall)
@@ -436,7 +439,7 @@ def round_tube_section(diameter: float, wall: float) -> CrossSection:
     return CrossSection(area, area * (d * d + (d - 2.0 * t) ** 2) / 16.0)
 
 
-def bar_section(width: float, depth: float) -> CrossSection:
+def rectangular_section(width: float, depth: float) -> CrossSection:
     """Return the section of a solid rectangular bar.
 
     Parameters
@@ -457,14 +460,14 @@ def bar_section(width: float, depth: float) -> CrossSection:
     Examples
     --------
     >>> import boomctl as bc
-    >>> round(bc.structure.bar_section(0.03, 0.01).second_moment * 1e12, 6)  # mm^4
+    >>> round(bc.structure.rectangular_section(0.03, 0.01).second_moment * 1e12, 6)  # mm^4
     2500.0
     """
     b, h = positive("width", width), positive("depth", depth)
     return CrossSection(b * h, b * h**3 / 12.0)
 
 
-def rod_section(diameter: float) -> CrossSection:
+def circular_section(diameter: float) -> CrossSection:
     """Return the section of a solid round rod.
 
     Parameters
@@ -485,7 +488,7 @@ def rod_section(diameter: float) -> CrossSection:
     Examples
     --------
     >>> import boomctl as bc
-    >>> round(bc.structure.rod_section(0.02).area * 1e6, 3)  # mm^2
+    >>> round(bc.structure.circular_section(0.02).area * 1e6, 3)  # mm^2
     314.159
     """
     d = positive("diameter", diameter)
@@ -533,10 +536,10 @@ def _room(what: str, wall: float, size: float, of: str) -> None:
 
 
 @dataclass(frozen=True)
-class BeamSection:
+class BeamSegment:
     """A stretch of a beam with one cross section.
 
-    `BeamSection.from_cross_section` takes the section of a tube, a bar or an I beam and a material instead.
+    `BeamSegment.from_cross_section` takes the section of a tube, a bar or an I beam and a material instead.
 
     Parameters
     ----------
@@ -557,7 +560,7 @@ class BeamSection:
     Examples
     --------
     >>> import boomctl as bc
-    >>> bc.structure.BeamSection(length=3.0, mass_per_length=3.5, bending_stiffness=20e3).damping
+    >>> bc.structure.BeamSegment(length=3.0, mass_per_length=3.5, bending_stiffness=20e3).damping
     0.0
     """
 
@@ -575,7 +578,7 @@ class BeamSection:
     @classmethod
     def from_cross_section(
         cls, length: float, section: CrossSection, youngs_modulus: float, density: float, damping: float = 0.0
-    ) -> "BeamSection":
+    ) -> "BeamSegment":
         """Return a stretch of one material and one cross section.
 
         Parameters
@@ -583,15 +586,16 @@ class BeamSection:
         length : float
             Length of the stretch [m].
         section : CrossSection
-            What `tube_section`, `round_tube_section`, `bar_section`, `rod_section` or `i_section` returns.
+            What `rectangular_section`, `circular_section`, `rectangular_tube_section`, `circular_tube_section` or
+            `i_section` returns.
         youngs_modulus, density : float
             Young's modulus [Pa] and density [kg/m^3] of the material.
         damping : float
-            Stiffness-proportional structural damping, as for `BeamSection` [s].
+            Stiffness-proportional structural damping, as for `BeamSegment` [s].
 
         Returns
         -------
-        BeamSection
+        BeamSegment
             With ``rho A`` and ``E I`` of that section and material.
 
         Raises
@@ -603,8 +607,8 @@ class BeamSection:
         --------
         >>> import boomctl as bc
         >>> steel = {"youngs_modulus": 210e9, "density": 7850.0}
-        >>> tube = bc.structure.tube_section(0.04, 0.04, 0.003)
-        >>> round(bc.structure.BeamSection.from_cross_section(3.0, tube, **steel).mass_per_length, 4)
+        >>> tube = bc.structure.rectangular_tube_section(0.04, 0.04, 0.003)
+        >>> round(bc.structure.BeamSegment.from_cross_section(3.0, tube, **steel).mass_per_length, 4)
         3.4854
         """
         given = instance("section", section, CrossSection)
@@ -635,7 +639,7 @@ class Beam:
     start : (float, float) or Point
         Position of the start of the beam at rest [m].  Of a Point, such as ``other.end``, the position is used.  Read
         from the beam, ``start`` is the point of the beam at its start.
-    sections : sequence of BeamSection
+    sections : sequence of BeamSegment
         The stretches, one after the other from the start.
     discretization : FiniteElements or DiscreteElements
         How the beam is turned into coordinates; any object with a method ``mesh`` like theirs will do.
@@ -658,7 +662,7 @@ class Beam:
     --------
     >>> import boomctl as bc
     >>> s = bc.structure
-    >>> stretch = s.BeamSection(length=2.0, mass_per_length=3.0, bending_stiffness=5e3)
+    >>> stretch = s.BeamSegment(length=2.0, mass_per_length=3.0, bending_stiffness=5e3)
     >>> beam = s.Beam("beam", s.GROUND.at(0.0), s.fixed(), (0.0, 0.0), (stretch,), s.FiniteElements(8))
     >>> s.Assembly((beam,)).assemble().eigenfrequencies_hz(2).round(3)  # of a cantilever
     array([ 5.711, 35.795])
@@ -671,7 +675,7 @@ class Beam:
     parent: Point
     joint: Joint
     _origin: tuple[float, float] = field(init=False)
-    sections: tuple[BeamSection, ...]
+    sections: tuple[BeamSegment, ...]
     discretization: Discretization
     angle: float
     length: float = field(init=False)
@@ -693,14 +697,14 @@ class Beam:
         parent: Point,
         joint: Joint,
         start: tuple[float, float] | Point,
-        sections: Sequence[BeamSection],
+        sections: Sequence[BeamSegment],
         discretization: Discretization,
         angle: float = 0.0,
     ) -> None:
         of = f"of beam {signal_name('name of a body', name)!r}"
-        sections = sequence(f"sections {of}", sections, "BeamSection")
+        sections = sequence(f"sections {of}", sections, "BeamSegment")
         for section in sections:
-            instance(f"section {of}", section, BeamSection)
+            instance(f"section {of}", section, BeamSegment)
         if not sections:
             raise ValueError(f"beam {name!r}: expected at least one section")
         if not callable(getattr(discretization, "mesh", None)):
@@ -781,7 +785,7 @@ class Beam:
         --------
         >>> import boomctl as bc
         >>> s = bc.structure
-        >>> stretch = s.BeamSection(length=3.0, mass_per_length=3.0, bending_stiffness=5e3)
+        >>> stretch = s.BeamSegment(length=3.0, mass_per_length=3.0, bending_stiffness=5e3)
         >>> arm = s.Beam("arm", s.GROUND.at_point(2.0), s.fixed(), (2.0, 0.0), (stretch,), s.FiniteElements(8))
         >>> arm.at(1.0)  # 1 m from the start, which is at x = 2 m
         arm.at_point(3, 0)
@@ -822,7 +826,7 @@ class Beam:
         --------
         >>> import boomctl as bc
         >>> s = bc.structure
-        >>> stretch = s.BeamSection(length=3.0, mass_per_length=3.0, bending_stiffness=5e3)
+        >>> stretch = s.BeamSegment(length=3.0, mass_per_length=3.0, bending_stiffness=5e3)
         >>> arm = s.Beam("arm", s.GROUND.at_point(2.0), s.fixed(), (2.0, 0.0), (stretch,), s.FiniteElements(8))
         >>> arm.at_point(3.0) == arm.at(1.0)
         True

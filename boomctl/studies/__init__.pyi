@@ -5,8 +5,8 @@ from boomctl.studies.catalogue import load_design as load_design
 from boomctl.studies.machine import MachineDesign as MachineDesign
 from boomctl.studies.slew import SlewDesign as SlewDesign
 from boomctl.studies.suspension.design import SuspensionDesign as SuspensionDesign
-from boomctl.studies.suspension.performance import performance as performance
-from boomctl.studies.suspension.scene import FieldScene as FieldScene
+from boomctl.studies.suspension.performance import evaluate_suspension as evaluate_suspension
+from boomctl.studies.suspension.scene import FieldScenario as FieldScenario
 
 from . import slew as slew
 from . import suspension as suspension

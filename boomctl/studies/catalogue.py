@@ -67,7 +67,7 @@ def load_design(name: "str | Path") -> "SuspensionDesign | MachineDesign | SlewD
     Returns
     -------
     SuspensionDesign, MachineDesign or SlewDesign
-        ``.evaluate()`` evaluates it; a suspension in a `FieldScene`.
+        ``.evaluate()`` evaluates it; a suspension in a `FieldScenario`.
 
     Raises
     ------

@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from boomctl.analysis.measured import read_measured_curve
+from boomctl.analysis.measured import read_frequency_response
 from boomctl.arrays import Array
 from boomctl.checks import known, positive
 from boomctl.files import json_text, read_numbers
-from boomctl.identification.identify import Identification, identify
-from boomctl.identification.response import MeasuredResponse, estimate_response
+from boomctl.identification.identify import IdentificationResult, identify
+from boomctl.identification.response import FrequencyResponseEstimate, estimate_frequency_response
 from boomctl.plotting.canvas import figure_of, picture
 from boomctl.report import Report, Section, Table, number
 from boomctl.studies.evaluation import word_table
@@ -22,7 +22,7 @@ _OF_MODE = ("frequency_hz", "damping", "frequency_interval_hz", "damping_interva
 _EVEN = 1e-3  # of a sample, by which times may miss an even grid: the digits that files keep (a choice)
 
 
-def _report(path: Path, found: Identification, response: MeasuredResponse | None) -> Report:
+def _report(path: Path, found: IdentificationResult, response: FrequencyResponseEstimate | None) -> Report:
     """Return modes with intervals, the fit of each output, pictures, and the model as a file; ``response``: of a record."""
     modes = Table(("frequency", "damping", "share of energy"), tuple(map(found._row, found.modes)), align="l")
     fits = {name: number(percent, 4) for name, percent in found.fit_percent.items()}
@@ -49,7 +49,7 @@ def _report(path: Path, found: Identification, response: MeasuredResponse | None
 
 def identified_file(
     path: Path, inputs: Sequence[str], outputs: Sequence[str], sample_time: float | None, **options: Any
-) -> tuple[Identification, Report]:
+) -> tuple[IdentificationResult, Report]:
     """Identify a machine from a record (CSV, .mat) or from a measured frequency response (CSV, UFF), and report it.
 
     Raises
@@ -59,7 +59,7 @@ def identified_file(
     """
     columns = _columns(path)
     if columns is None:
-        curve = read_measured_curve(path)
+        curve = read_frequency_response(path)
         if curve.response is None:
             raise ValueError(f"{path}: expected a record over time or a complex frequency response, got magnitudes")
         if inputs or outputs or sample_time is not None:
@@ -80,7 +80,7 @@ def identified_file(
     found = identify(driven, moved, step, **options)
     said = {name: value for name, value in options.items() if name in ("band_hz", "intersample") and value is not None}
     quantity = options.get("quantity") or "displacement"
-    return found, _report(path, found, estimate_response(driven, moved, step, quantity=quantity, **said))
+    return found, _report(path, found, estimate_frequency_response(driven, moved, step, quantity=quantity, **said))
 
 
 def _columns(path: Path) -> Mapping[str, Array] | None:

@@ -13,7 +13,7 @@ from boomctl.printing import compact, count
 from boomctl.report import Picture, Section, Table, number
 from boomctl.rotating_beam.assumed_modes import AssumedModesBeam
 from boomctl.slew.comparison import SlewComparison, compare_slews
-from boomctl.slew.least_time.switching_curve import SwitchingCurve, switching_curve
+from boomctl.slew.least_time.switching_function import SwitchingFunction, switching_function
 from boomctl.slew.result import Replay, SlewResult
 from boomctl.studies.evaluation import Design, Evaluation, table_of
 from boomctl.threads import one_blas_thread
@@ -164,10 +164,10 @@ class SlewEvaluation(Evaluation):
         return found
 
     @cached_property
-    def switching(self) -> SwitchingCurve | None:
+    def switching(self) -> SwitchingFunction | None:
         """The switching function; None of a torque without switching times."""
         slew = self.design.slew
-        return None if slew.certificate.switches is None else switching_curve(slew)
+        return None if slew.certificate.switches is None else switching_function(slew)
 
     @property
     def film_tip_mass(self) -> float:

@@ -1,7 +1,7 @@
 # The public names and where each is defined: `__init__.py` loads them from there when they are first used.
 
 from boomctl.lti.controllers.scheduled import ScheduledController as ScheduledController
-from boomctl.lti.controllers.scheduled import schedule as schedule
+from boomctl.lti.controllers.scheduled import gain_schedule as gain_schedule
 from boomctl.synthesis.assumptions import SynthesisError as SynthesisError
 from boomctl.synthesis.certificate import DesignCertificate as DesignCertificate
 from boomctl.synthesis.discretise import discretize as discretize
@@ -21,7 +21,7 @@ from boomctl.synthesis.plants.full_plant import ReductionWarning as ReductionWar
 from boomctl.synthesis.plants.generalized import generalized_plant as generalized_plant
 from boomctl.synthesis.plants.generalized import mixed_sensitivity as mixed_sensitivity
 from boomctl.synthesis.plants.generalized import select_channels as select_channels
-from boomctl.synthesis.plants.partition import close_loop as close_loop
+from boomctl.synthesis.plants.partition import lft as lft
 from boomctl.synthesis.plants.scaling import scale_signals as scale_signals
 from boomctl.synthesis.plants.scaling import unscale_controller as unscale_controller
 from boomctl.synthesis.plants.symmetry import join_symmetric as join_symmetric

@@ -5,7 +5,7 @@ from functools import cached_property
 from math import inf, isfinite, nan
 from typing import TYPE_CHECKING
 
-from boomctl.analysis.norm import NormCertificate
+from boomctl.analysis.norm import NormBounds
 from boomctl.lti.system import Lti, unscaled
 from boomctl.printing import compact, sentence
 from boomctl.synthesis.lq.riccati import RiccatiSolution
@@ -20,7 +20,7 @@ NOT_COMPUTED = "not computed"
 UNDEFINED = "not defined, because states of the reduced plant have weights or noise"
 
 
-def norm_there(norm: NormCertificate, lead: str) -> str:
+def norm_there(norm: NormBounds, lead: str) -> str:
     """Return a norm on a full plant as text after a lead, of an H2 norm with its square; empty if it was not computed."""
     if norm.method == NOT_COMPUTED:
         return ""
@@ -75,13 +75,13 @@ class ChannelNorm:
         Which of the models; empty where there is only one.
     channel : Channel
         Which channel.
-    norm : NormCertificate
+    norm : NormBounds
         Its norm, between two bounds.
     """
 
     model: str
     channel: Channel
-    norm: NormCertificate
+    norm: NormBounds
 
     @property
     def value(self) -> float:
@@ -124,7 +124,7 @@ class DesignCertificate:
 
     Attributes
     ----------
-    norm : NormCertificate
+    norm : NormBounds
         The closed loop's norm between two bounds: the H-infinity norm; of `lqg` and `h2` the H2 norm, whose square is the
         cost; of `tune` the largest objective, computed anew from the plant as it was handed in; of `lqr` the H-infinity norm
         of the inverse return difference, whose largest value found it is.
@@ -171,7 +171,7 @@ class DesignCertificate:
         Of `tune` over a family: the worst norm found anywhere in it.
     """
 
-    norm: NormCertificate
+    norm: NormBounds
     slowest_pole: float
     fastest_pole: float
     lower: float

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import linalg
 
-from boomctl.analysis.norm import NormCertificate
+from boomctl.analysis.norm import NormBounds
 from boomctl.arrays import Array, balance
 from boomctl.checks import nonnegative, positive, whole
 from boomctl.lti.modal import residualised
@@ -43,7 +43,7 @@ class ReducedController(Design):
         Number of states of the controller.
     gamma, full_gamma : float
         The closed loop's H-infinity norm, verified, with this controller and with the one it was made from.
-    norm : NormCertificate
+    norm : NormBounds
         The closed loop's norm with this controller, between two bounds.
     fastest_pole : float
         Largest magnitude of the controller's poles [rad/s]; in discrete time without a unit.
@@ -58,7 +58,7 @@ class ReducedController(Design):
     order: int
     gamma: float
     full_gamma: float
-    norm: NormCertificate
+    norm: NormBounds
     fastest_pole: float
     method: str
     values: Array

@@ -6,7 +6,7 @@ from boomctl.checks import instance, positive, real, sequence, signal_name, trut
 from boomctl.synthesis.plants.channels import listed_names
 from boomctl.tunable.structures import (
     ControllerForm,
-    Decentralised,
+    Decentralized,
     Gain,
     Lead,
     Notch,
@@ -188,7 +188,7 @@ def state_space(order: int, strictly_proper: bool = False) -> ControllerForm:
     return found if found.order else Gain()
 
 
-def decentralised(
+def decentralized(
     *loops: "ControllerForm | tuple[str | Sequence[str], str | Sequence[str], ControllerForm]",
     shared: bool = False,
 ) -> ControllerForm:
@@ -214,16 +214,16 @@ def decentralised(
     Examples
     --------
     >>> import boomctl as bc
-    >>> bc.tunable.decentralised(("stroke_left", "suspension_left", bc.tunable.gain()))
-    Decentralised(stroke_left -> suspension_left: Gain)
-    >>> bc.tunable.decentralised(bc.tunable.ppf(), shared=True)
-    Decentralised(each: Ppf, shared)
+    >>> bc.tunable.decentralized(("stroke_left", "suspension_left", bc.tunable.gain()))
+    Decentralized(stroke_left -> suspension_left: Gain)
+    >>> bc.tunable.decentralized(bc.tunable.ppf(), shared=True)
+    Decentralized(each: Ppf, shared)
     """
     same = truth("shared", shared)
     if not loops:
         raise ValueError("loops: expected at least one")
     if len(loops) == 1 and isinstance(loops[0], ControllerForm):
-        return Decentralised((), _inner(loops[0]), same)
+        return Decentralized((), _inner(loops[0]), same)
     if same:
         raise ValueError("shared = True: expected one structure alone")
     found = []
@@ -236,10 +236,10 @@ def decentralised(
         if len(parts) != 3:
             raise ValueError(f"loop: expected measurements, controls and a structure, got {len(parts)} things")
         found.append((listed_names("measurement", parts[0]), listed_names("control", parts[1]), _inner(parts[2])))
-    return Decentralised(tuple(found))
+    return Decentralized(tuple(found))
 
 
-def physical(name: str, low: float, high: float) -> ControllerForm:
+def plant_parameter(name: str, low: float, high: float) -> ControllerForm:
     """Return a parameter of the plant that is tuned with the controller, or without one.
 
     Where the plant's matrices are polynomials of the parameters, or as smooth as such, as springs, dampers, masses and
@@ -268,7 +268,7 @@ def physical(name: str, low: float, high: float) -> ControllerForm:
     Examples
     --------
     >>> import boomctl as bc
-    >>> bc.tunable.gain() + bc.tunable.physical("hinge_damping", 1.0, 3000.0)
+    >>> bc.tunable.gain() + bc.tunable.plant_parameter("hinge_damping", 1.0, 3000.0)
     Sum(Gain, Physical hinge_damping 1 to 3000)
     """
     given, start, end = signal_name("parameter", name), real("low", low), real("high", high)
@@ -287,5 +287,5 @@ def _ends(low: object, high: object) -> tuple[float | None, float | None]:
 def _inner(given: object) -> ControllerForm:
     structure = instance("structure", given, ControllerForm, "a structure of boomctl.tunable")
     if structure.physicals():
-        raise ValueError("decentralised: a physical parameter cannot stand within; add it")
+        raise ValueError("decentralized: a physical parameter cannot stand within; add it")
     return structure

@@ -439,7 +439,7 @@ class Series(Composed):
 
 
 @dataclass(frozen=True, repr=False)
-class Decentralised(Composed):
+class Decentralized(Composed):
     """Parts between signals of their own: each from some measurements to some controls."""
 
     loops: tuple[tuple[tuple[str, ...], tuple[str, ...], ControllerForm], ...]
@@ -449,9 +449,9 @@ class Decentralised(Composed):
     @property
     def text(self) -> str:
         if self.each is not None:
-            return f"Decentralised(each: {self.each.text}{', shared' if self.shared else ''})"
+            return f"Decentralized(each: {self.each.text}{', shared' if self.shared else ''})"
         loops = [f"{', '.join(ys)} -> {', '.join(us)}: {part.text}" for ys, us, part in self.loops]
-        return f"Decentralised({listed(loops, 80)})"
+        return f"Decentralized({listed(loops, 80)})"
 
     def _loops(self, ports: Ports) -> list[tuple[list[int], list[int], ControllerForm]]:
         """Return rows, columns and structure of each loop."""

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from boomctl.analysis.h2 import matrices_h2_norm
-from boomctl.analysis.norm import NormCertificate, matrices_norm
+from boomctl.analysis.norm import NormBounds, matrices_norm
 from boomctl.lti.modal import sides
 from boomctl.lti.system import ClosedLoop, Lti, lower_lft
 from boomctl.progress import Deadline
@@ -64,7 +64,7 @@ def edge_of(plant: GeneralizedPlant, loop: Lti) -> str:
     return f"ended at the edge of stability: a pole at {shown} rad/s decays by {-pole.real:.2g}; ask for decay="
 
 
-def channel_norm(loop: Lti, plant: GeneralizedPlant, K: Lti, channel: Channel) -> NormCertificate:
+def channel_norm(loop: Lti, plant: GeneralizedPlant, K: Lti, channel: Channel) -> NormBounds:
     """Return the certified norm of a channel of a loop."""
     columns, rows = places(plant, channel)
     if channel.norm == "hinf":

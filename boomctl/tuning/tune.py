@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from boomctl.analysis.box.points import pattern_search
-from boomctl.analysis.norm import UNSTABLE, NormCertificate
+from boomctl.analysis.norm import UNSTABLE, NormBounds
 from boomctl.arrays import Array
 from boomctl.checks import function_of, instance, known, positive, sequence, whole, within
 from boomctl.lti.rounding import CERTIFIED
@@ -22,7 +22,7 @@ from boomctl.synthesis.certificate import ActivePeak, ChannelNorm, DesignCertifi
 from boomctl.synthesis.plants.channels import Channel, objective, places
 from boomctl.synthesis.plants.partition import GeneralizedPlant
 from boomctl.threads import one_blas_thread
-from boomctl.tunable.structures import GAIN, ControllerForm, Decentralised, Ports, Series, Sum
+from boomctl.tunable.structures import GAIN, ControllerForm, Decentralized, Ports, Series, Sum
 from boomctl.tuning.certificate import channel_norm, edge_of, loop_of, lower_bound
 from boomctl.tuning.initial import initial_numbers
 from boomctl.tuning.plants import FamilyPlants, Plants, made_plants
@@ -83,7 +83,7 @@ def tune(
     structure : ControllerForm
         What the controller is made of, from `boomctl.tunable`: parts can be added, and put in series by ``*``.
     channels : sequence of Channel, optional
-        `boomctl.tunable.objective` and `boomctl.tunable.budget`; by default one objective, the whole loop.
+        `boomctl.tunable.objective` and `boomctl.tunable.constraint`; by default one objective, the whole loop.
     norm : {"hinf", "h2"}
         Which norm, where no channels are given.
     starts : int
@@ -102,7 +102,7 @@ def tune(
     family : AffineFamily or PolynomialFamily, optional
         Structures over a box of parameters.  The middle and the corners, of more than six uncertain parameters the middle
         alone, are tuned for at first, then the worst points that a search over the box finds too, until none is worse.
-        Parameters that are `boomctl.tunable.physical` ones of the
+        Parameters that are `boomctl.tunable.plant_parameter` ones of the
         structure are tuned, the others are uncertain.
     initial : mapping of str to float, control.StateSpace or a design, optional
         A start of your own: free numbers by name, as `TuneResult.values` holds them; where the structure is a
@@ -112,7 +112,7 @@ def tune(
         Seconds after which the best so far is returned; so it is when the user interrupts.
     progress : callable, optional
         Is told a `Progress` at each stage.  Without one, after three seconds a line on a terminal or in a notebook says
-        what goes on; `listening` hears whatever runs within it.
+        what goes on; `progress_callback` hears whatever runs within it.
 
     Returns
     -------
@@ -350,14 +350,14 @@ class _Task:
 
 
 def _check_loops(structure: ControllerForm, measurements: tuple[str, ...], controls: tuple[str, ...]) -> None:
-    """Refuse a decentralised structure whose signals are not there, or a square one between numbers that differ."""
+    """Refuse a decentralized structure whose signals are not there, or a square one between numbers that differ."""
     if isinstance(structure, Sum):
         for part in structure.parts:
             _check_loops(part, measurements, controls)
-    elif isinstance(structure, Decentralised):
+    elif isinstance(structure, Decentralized):
         if structure.each is not None and len(measurements) != len(controls):
             raise ValueError(
-                f"decentralised: expected as many measurements as controls, got {len(measurements)} and {len(controls)};"
+                f"decentralized: expected as many measurements as controls, got {len(measurements)} and {len(controls)};"
                 " name the signals of each loop"
             )
         for ys, us, part in structure.loops:
@@ -373,8 +373,8 @@ def _check_loops(structure: ControllerForm, measurements: tuple[str, ...], contr
         )
     elif isinstance(structure, Series):
         for part in (structure.last, structure.first):
-            if isinstance(part, Decentralised):
-                raise ValueError("structure: decentralised cannot stand in a series; put the series into it")
+            if isinstance(part, Decentralized):
+                raise ValueError("structure: decentralized cannot stand in a series; put the series into it")
 
 
 def _over_family(
@@ -437,7 +437,7 @@ def _worst(task: _Task, over: FamilyPlants, found: Search) -> tuple[float, Array
 
     def aimed(point: Array) -> tuple[float, ChannelNorm]:
         """Return the worst of what is to be small, which a budget that is worst elsewhere does not show."""
-        bad = NormCertificate(inf, inf, nan, UNSTABLE)
+        bad = NormBounds(inf, inf, nan, UNSTABLE)
         shown = [each for each in norms(point) if each[1].channel in aims]
         return max(shown, key=lambda each: each[0], default=(inf, ChannelNorm(over.label(point), aims[0], bad)))
 

@@ -15,7 +15,7 @@ def written(tmp_path, text):
 
 
 def test_magnitudes_are_read_as_they_stand(tmp_path):
-    curve = bc.read_measured_curve(written(tmp_path, "# shaker\nfreq_hz,upper,lower\n0.1,8,1\n0.2,9,1.5\n"))
+    curve = bc.read_frequency_response(written(tmp_path, "# shaker\nfreq_hz,upper,lower\n0.1,8,1\n0.2,9,1.5\n"))
     assert curve.labels == ("upper", "lower")
     assert curve.freq_hz.tolist() == [0.1, 0.2]
     assert curve.magnitude.tolist() == [[8.0, 9.0], [1.0, 1.5]]
@@ -46,7 +46,7 @@ def test_magnitudes_are_read_as_they_stand(tmp_path):
 )
 def test_malformed_file_is_refused_with_its_place(tmp_path, text, message):
     with pytest.raises(ValueError, match=message):
-        bc.read_measured_curve(written(tmp_path, text))
+        bc.read_frequency_response(written(tmp_path, text))
 
 
 @pytest.mark.parametrize(
@@ -65,12 +65,12 @@ def test_malformed_file_is_refused_with_its_place(tmp_path, text, message):
 def test_columns_that_are_no_magnitudes_are_refused(tmp_path, name, words):
     """However they are spelled and wherever the word stands."""
     with pytest.raises(ValueError, match=rf"line 1: .*(the name of {words};|re_OUT_IN and im_OUT_IN)"):
-        bc.read_measured_curve(written(tmp_path, f"freq_hz;lower;{name}\n0.1;8;1\n0.2;9;1\n"))
+        bc.read_frequency_response(written(tmp_path, f"freq_hz;lower;{name}\n0.1;8;1\n0.2;9;1\n"))
 
 
 def test_names_that_begin_like_no_magnitudes_are_read(tmp_path):
     names = ("redback", "degas", "reach", "imbalance", "1")
-    curve = bc.read_measured_curve(written(tmp_path, f"freq_hz;{';'.join(names)}\n0.1;1;2;3;4;5\n0.2;1;2;3;4;5\n"))
+    curve = bc.read_frequency_response(written(tmp_path, f"freq_hz;{';'.join(names)}\n0.1;1;2;3;4;5\n0.2;1;2;3;4;5\n"))
     assert curve.labels == names
 
 
@@ -103,7 +103,7 @@ def test_a_complex_response_comes_back_to_the_last_bit_from_each_dialect(tmp_pat
     if "sep" in head and separator.isspace() and separator != "\t":
         head = ""  # spreadsheets name no blanks
     text = head.format(separator) + complex_table(shaken(), separator, decimal)
-    curve = bc.read_measured_curve(written(tmp_path, text))
+    curve = bc.read_frequency_response(written(tmp_path, text))
     assert curve.response is not None
     assert np.array_equal(curve.response.frdata, shaken())
     assert np.asarray(curve.response.omega) == pytest.approx(OMEGA, rel=1e-15)
@@ -115,16 +115,16 @@ def test_a_complex_response_comes_back_to_the_last_bit_from_each_dialect(tmp_pat
 def test_without_pyuff_the_extra_is_named(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "pyuff", None)
     with pytest.raises(ImportError, match=r"pip install 'boomctl\[uff\]'"):
-        bc.read_measured_curve(tmp_path / "shaker.uff")
+        bc.read_frequency_response(tmp_path / "shaker.uff")
 
 
 def test_names_may_stand_in_a_comment_as_numpy_writes_them(tmp_path):
     path = tmp_path / "saved.csv"
     table = np.column_stack([[0.5, 1.0], [3.0, 1.0], [0.5, 0.25]])
     np.savetxt(path, table, delimiter=";", header="shaken by hand\nfrequency_hz;re_1_1;im_1_1")
-    curve = bc.read_measured_curve(path)
+    curve = bc.read_frequency_response(path)
     np.testing.assert_array_equal(curve.freq_hz, table[:, 0])
     np.testing.assert_array_equal(curve.entries[0, 0], table[:, 1] + 1j * table[:, 2])
     np.savetxt(path, table)
     with pytest.raises(ValueError, match="line 1: expected a line of column names before the numbers"):
-        bc.read_measured_curve(path)
+        bc.read_frequency_response(path)

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from boomctl.analysis import exact_loop_stability, feedback_loop
+from boomctl.analysis import feedback_loop, nyquist_stability
 from boomctl.boom import BoomParameters, exact_frequency_response, spray_boom
 from tests.analysis.loop_cases import SIGNALS, chain, velocity_feedback
 from tests.profiles import examples
@@ -25,7 +25,7 @@ def test_unstable_poles_are_those_that_eigenvalues_show(unstable, seed):
     poles = feedback_loop(plant, K).poles()
     if np.abs(poles.real).min() < 1e-6:
         return
-    found = exact_loop_stability(plant.frequency_response, K, plant.to_statespace().poles())
+    found = nyquist_stability(plant.frequency_response, K, plant.to_statespace().poles())
     assert (found.controller_poles, found.unstable_poles) == (unstable, int((poles.real > 0.0).sum()))
     assert found.stable == bool(poles.real.max() < 0.0)
     assert found.distance > 0.0
@@ -40,5 +40,5 @@ def test_the_exact_boom_agrees_with_a_fine_mesh(gain):
     poles = mesh.to_statespace().poles()
     poles = poles[np.abs(poles) < 600.0]
     p = BoomParameters()
-    found = exact_loop_stability(lambda w: exact_frequency_response(p, w, forces, strokes), K, poles)
+    found = nyquist_stability(lambda w: exact_frequency_response(p, w, forces, strokes), K, poles)
     assert found.unstable_poles == int((feedback_loop(mesh, K).poles().real > 0.0).sum())

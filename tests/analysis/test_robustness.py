@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from boomctl.analysis import robust_stability, structured_margin, worst_case
+from boomctl.analysis import robust_stability, robust_stability_margin, worst_case
 from boomctl.analysis.box.loops import BoxLoops
 from boomctl.analysis.loops import feedback_loop
 from boomctl.boom import boom_family, yaw_family
@@ -38,7 +38,7 @@ def feedback(gain):
 def test_an_uncertain_spring_bears_what_its_closed_form_says(gain, width, damper):
     """``k + d width - gain > 0`` for stability; of the strong dampers all poles are real."""
     family, exact = oscillators({"k": (4.0 - width, 4.0 + width)}, damper), (4.0 - gain) / width
-    found = structured_margin(family, feedback(gain), largest=200.0, tolerance=0.02)
+    found = robust_stability_margin(family, feedback(gain), largest=200.0, tolerance=0.02)
     assert found.stable_up_to <= exact * (1.0 + 1e-9)
     assert exact <= found.unstable_at * (1.0 + 1e-9)
     assert found.stable_up_to >= 0.95 * found.unstable_at
@@ -62,7 +62,7 @@ def test_the_passive_boom_is_stable_over_the_whole_box():
 
 
 def test_a_loop_unstable_in_the_middle_bears_nothing():
-    found = structured_margin(oscillators({"k": (3.0, 5.0)}), feedback(4.5))
+    found = robust_stability_margin(oscillators({"k": (3.0, 5.0)}), feedback(4.5))
     assert found.stable_up_to == found.unstable_at == 0.0
     assert found.mu_lower == found.mu_upper == np.inf
 
@@ -72,8 +72,8 @@ def test_verdicts_read_as_what_they_are():
     stable, unstable = robust_stability(family, feedback(1.0)), robust_stability(family, feedback(3.5))
     assert stable.render().startswith("stable over the whole box, proved in")
     assert unstable.render().startswith("unstable at k = ")
-    assert "times; unstable at " in structured_margin(family, feedback(1.0), largest=10.0).render()
-    assert "no instability found" in structured_margin(family, feedback(1.0), largest=2.0).render()
+    assert "times; unstable at " in robust_stability_margin(family, feedback(1.0), largest=10.0).render()
+    assert "no instability found" in robust_stability_margin(family, feedback(1.0), largest=2.0).render()
     none = control.ss([], [], [], [[0.0]], inputs=["y"], outputs=["u"])
     worst = worst_case(family, none, "w", "y")
     assert f"up to {worst.norm.lower:.5g} at k = " in worst.render()

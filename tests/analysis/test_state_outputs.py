@@ -38,12 +38,12 @@ def regulator(plant, rng):
 def test_a_regulator_of_one_control_has_kalmans_margins(seed):
     plant, rng = random_plant(seed, m=1)
     design, (u,) = regulator(plant, rng)
-    found = bc.margins(bc.with_states(plant), design.controller)[u]
+    found = bc.margins(bc.with_state_outputs(plant), design.controller)[u]
     assert found.gain_high == np.inf
     assert found.gain_low <= 0.5 * (1.0 + 1e-6)
     assert found.phase_deg >= 60.0 - 1e-6
     # Kalman's inequality itself: |S| is at most one
-    S = bc.feedback_loop(bc.with_states(plant), design.controller, u)
+    S = bc.feedback_loop(bc.with_state_outputs(plant), design.controller, u)
     i, o = S.input_labels.index(f"{u}_injected"), S.output_labels.index(u)
     assert bc.hinf_norm(control.ss(S.A, S.B[:, [i]], S.C[[o]], S.D[[o], [i]])).upper <= 1.0 + 1e-5
 
@@ -54,8 +54,8 @@ def test_a_regulator_of_one_control_has_kalmans_margins(seed):
 def test_the_loop_of_a_regulator_is_that_written_by_hand(dt, seed):
     plant, rng = random_plant(seed, dt=dt)
     design, controls = regulator(plant, rng)
-    wide = bc.with_states(plant)
-    assert bc.with_states(wide).output_labels == wide.output_labels  # they are there already
+    wide = bc.with_state_outputs(plant)
+    assert bc.with_state_outputs(wide).output_labels == wide.output_labels  # they are there already
     loop = bc.feedback_loop(wide, design.controller)
     columns = [plant.input_labels.index(name) for name in controls]
     by_hand = plant.A - plant.B[:, columns] @ design.gain
@@ -73,7 +73,7 @@ def test_integral_action_joins_a_regulator_by_name():
         [[0, 1], [0, 0]], [[0, 0], [1, 1]], [[1, 0]], 0, inputs=["force", "load"], outputs="place", states=["x", "v"]
     )
     design = bc.lqr(mass, None, 1.0, output_weight={"place": 1.0}, controls="force", integral=["place"])
-    loop = bc.feedback_loop(bc.with_states(mass), design.controller)
+    loop = bc.feedback_loop(bc.with_state_outputs(mass), design.controller)
     assert np.sort_complex(loop.poles()) == pytest.approx(np.sort_complex(design.poles))
     assert loop.dcgain()[0] == pytest.approx(0.0, abs=1e-12)  # a constant load leaves no error in what is integrated
 
@@ -82,9 +82,9 @@ def test_integral_action_joins_a_regulator_by_name():
 def test_a_family_reads_the_states_of_its_middle_everywhere(excitation):
     """In the middle they are the states; elsewhere the same sums, of places and speeds that other outputs show."""
     family = bc.boom_family(half="yaw", excitation=excitation)
-    found = bc.with_states(family)
+    found = bc.with_state_outputs(family)
     assert (found.names, type(found)) == (family.names, type(family))
-    plain, wide = bc.with_states(family.centre), found.centre.to_statespace()
+    plain, wide = bc.with_state_outputs(family.centre), found.centre.to_statespace()
     assert wide.output_labels == plain.output_labels
     for letter in "ABCD":
         own, other = np.asarray(getattr(wide, letter)), np.asarray(getattr(plain, letter))
@@ -105,13 +105,13 @@ def test_a_family_reads_the_states_of_its_middle_everywhere(excitation):
 @pytest.mark.parametrize("half", ["jolt", "yaw"])
 def test_states_of_a_family_that_are_there_are_not_there_twice(half):
     family = bc.boom_family(half=half)
-    once = bc.with_states(family)
-    assert bc.with_states(once).centre.outputs == once.centre.outputs
+    once = bc.with_state_outputs(family)
+    assert bc.with_state_outputs(once).centre.outputs == once.centre.outputs
     few = (*family.centre.outputs, "mode2_x1")
-    again = bc.with_states(replace(once, centre=once.centre.select(None, few)))
+    again = bc.with_state_outputs(replace(once, centre=once.centre.select(None, few)))
     assert again.centre.outputs[: len(few)] == few
     assert set(again.centre.outputs) == set(once.centre.outputs)
     ports = once.centre.ports
     wrong = SecondOrderModel.of(once.centre.structure, replace(ports, L=2.0 * ports.L))
     with pytest.raises(ValueError, match="expected output 'mode1_x1' to be the state of this name"):
-        bc.with_states(replace(once, centre=wrong))
+        bc.with_state_outputs(replace(once, centre=wrong))

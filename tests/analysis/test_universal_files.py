@@ -75,7 +75,7 @@ def written(path, sets, end="\n"):
 @examples(100)
 def test_a_universal_file_is_read_back_whole(tmp_path_factory, seed, end):
     freq, response, nodes, sets = drawn(np.random.default_rng(seed))
-    curve = bc.read_measured_curve(written(tmp_path_factory.mktemp("uff") / "shaker.uff", sets, end))
+    curve = bc.read_frequency_response(written(tmp_path_factory.mktemp("uff") / "shaker.uff", sets, end))
     assert curve.outputs == tuple(f"{k}+y" for k in nodes[0])
     assert curve.inputs == tuple(f"{k}-z" for k in nodes[1])
     assert curve.freq_hz == pytest.approx(freq, rel=1e-5)
@@ -101,7 +101,7 @@ def test_a_universal_file_that_lost_or_gained_lines_is_not_read(tmp_path_factory
     else:
         damaged.insert(0, units("NaN"))
     with pytest.raises(ValueError, match=r"shaker\.uff"):
-        bc.read_measured_curve(written(tmp_path_factory.mktemp("uff") / "shaker.uff", damaged))
+        bc.read_frequency_response(written(tmp_path_factory.mktemp("uff") / "shaker.uff", damaged))
 
 
 FREQ, ONE = np.array([1.0, 2.0]), data_set(1, 2, np.array([1.0, 1j]), np.array([1.0, 2.0]))
@@ -130,7 +130,7 @@ def entry(out=1, into=2, freq=FREQ, values=(1.0, 1j), **labels):
 )
 def test_universal_file_without_response_is_refused(tmp_path, sets, words):
     with pytest.raises(ValueError, match=words):
-        bc.read_measured_curve(written(tmp_path / "shaker.uff", sets))
+        bc.read_frequency_response(written(tmp_path / "shaker.uff", sets))
 
 
 @pytest.mark.parametrize(
@@ -138,7 +138,7 @@ def test_universal_file_without_response_is_refused(tmp_path, sets, words):
 )
 def test_numbers_in_si_units_are_read(tmp_path, labels):
     coherence = entry(values=(1.0, 1.0), function=6)  # what is no response is left out
-    curve = bc.read_measured_curve(written(tmp_path / "shaker.unv", [coherence, entry(**labels)]))
+    curve = bc.read_frequency_response(written(tmp_path / "shaker.unv", [coherence, entry(**labels)]))
     assert curve.freq_hz.tolist() == [1.0, 2.0]
     assert curve.entries.ravel().tolist() == [1.0, 1j]
 
@@ -150,11 +150,11 @@ def test_binary_universal_file_is_the_text_one(tmp_path):
     head = b"    58b     1     2          11%12d     0     0           0           0\n" % (16 * len(values))
     path = tmp_path / "binary.uff"
     path.write_bytes(b"".join([lines[0], head, *lines[2:13], values.astype("<c16").tobytes(), b"\n    -1\n"]))
-    curve = bc.read_measured_curve(path)
+    curve = bc.read_frequency_response(path)
     assert curve.freq_hz.tolist() == freq.tolist()
     assert curve.entries.ravel().tolist() == values.tolist()
 
 
 def test_universal_file_that_is_not_there_is_named(tmp_path):
     with pytest.raises(OSError, match=r"shaker\.uff"):
-        bc.read_measured_curve(tmp_path / "shaker.uff")
+        bc.read_frequency_response(tmp_path / "shaker.uff")

@@ -205,6 +205,6 @@ def test_bounds_that_samples_fold_without_end_and_schedules_are_refused():
     assert bc.robust_stability(family(), damper(), unmodelled=flat).proved
     with pytest.raises(ValueError, match=r"expected a bound from u to y that falls with frequency, got 0\.01"):
         bc.robust_stability(family(), bc.discretize(damper(), 0.1), unmodelled=flat)
-    follows = bc.schedule([damper(0.5), damper(0.6)], [0.8, 1.2], "stiffness")
+    follows = bc.gain_schedule([damper(0.5), damper(0.6)], [0.8, 1.2], "stiffness")
     with pytest.raises(ValueError, match="unmodelled: expected none beside a controller that follows a parameter"):
         bc.robust_stability(family(), follows, unmodelled=flat)

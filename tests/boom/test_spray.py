@@ -122,12 +122,12 @@ def test_a_straight_boom_between_tips_is_one_with_every_nozzle_given():
 def test_jolt_and_yaw_apart_add_up_to_the_motion():
     rng = np.random.default_rng(2)
     moved = wandering(rng, 24, 801, 0.03)
-    jolt, yaw = bc.boom.split_motion(moved, X)
+    jolt, yaw = bc.boom.split_jolt_yaw(moved, X)
     assert jolt + yaw == pytest.approx(moved)
     assert jolt == pytest.approx(jolt[::-1])
     assert yaw == pytest.approx(-yaw[::-1])
     t = 0.02 * np.arange(801)
-    total, of_jolt, of_yaw = bc.spray_by_motion(t, jolt, X, 2.0)
+    total, of_jolt, of_yaw = bc.spray_deposit_components(t, jolt, X, 2.0)
     assert of_jolt.cv == pytest.approx(total.cv)
     assert of_yaw.cv == pytest.approx(0.0, abs=1e-9)
 
@@ -137,7 +137,7 @@ def test_small_jolt_and_yaw_vary_independently():
     t = 0.005 * np.arange(24001)
     jolt = 0.02 * np.sin(2 * np.pi * 0.5 * t)
     yaw = 0.01 * np.sin(2 * np.pi * 0.3 * t)
-    total, of_jolt, of_yaw = bc.spray_by_motion(t, jolt + X[:, None] * yaw, X, 3.0)
+    total, of_jolt, of_yaw = bc.spray_deposit_components(t, jolt + X[:, None] * yaw, X, 3.0)
     assert total.cv**2 == pytest.approx(of_jolt.cv**2 + of_yaw.cv**2, rel=0.03)
 
 

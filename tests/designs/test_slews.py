@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from boomctl.slew import switching_curve
+from boomctl.slew import switching_function
 from boomctl.studies import catalogue
 from designs import min_time_slew, robust_payload_slew, spin_up_slew, tracked_slew
 from tests import handed_out
@@ -48,7 +48,7 @@ def test_the_certificate_holds(name):
 @pytest.mark.parametrize(("name", "switches"), [("min_time_slew", 3), ("spin_up_slew", 2)])
 def test_the_torque_has_the_sign_of_the_switching_function(name, switches):
     slew = judged(name).design.slew
-    curve = switching_curve(slew)
+    curve = switching_function(slew)
     assert slew.certificate.switches == curve.switches.size == switches
     assert curve.agreement == 1.0
     assert np.abs(curve.values).max() == 1.0
@@ -58,7 +58,7 @@ def test_the_torque_has_the_sign_of_the_switching_function(name, switches):
 
 def test_switching_curve_of_least_effort_raises():
     with pytest.raises(ValueError, match="bang-bang"):
-        switching_curve(handed_out.slew())
+        switching_function(handed_out.slew())
 
 
 @pytest.mark.slow

@@ -12,13 +12,13 @@ from boomctl.analysis.margins import Margins
 from boomctl.boom.model import ACTUATORS, TIPS
 from boomctl.boom.parameters import BoomParameters
 from boomctl.studies.catalogue import load_design as loaded
-from boomctl.studies.suspension import CONTROLS, STROKES, FieldScene, performance, suspension_model
+from boomctl.studies.suspension import CONTROLS, STROKES, FieldScenario, evaluate_suspension, suspension_model
 from boomctl.studies.suspension.assurance import Examined
 from boomctl.studies.suspension.scene import FAMILY_ELEMENTS
 
 pytestmark = pytest.mark.early
 
-SCENE = FieldScene(duration=30.0, run_in=20.0)
+SCENE = FieldScenario(duration=30.0, run_in=20.0)
 PEAKS = {
     "passive_tuning": 9.86,
     "lqr_suspension": 3.37,
@@ -103,7 +103,7 @@ def test_suspensions_on_field_of_page_have_its_numbers(name):
     cv, tolerance, *largest = FIELD[name]
     design = load_design(name)
     parts = design.parameters, design.controller
-    whole = performance("on the field of the page", FieldScene(), *parts, delay=design.delay)
+    whole = evaluate_suspension("on the field of the page", FieldScenario(), *parts, delay=design.delay)
     assert not whole.run.stops
     assert whole.spray.cv == pytest.approx(cv, abs=tolerance)
     if largest:
@@ -175,8 +175,8 @@ def test_sampled_suspension_has_numbers_of_page():
 def test_performance_discrete_controller_uses_its_sampling_time():
     names = {"inputs": list(STROKES), "outputs": list(CONTROLS)}
     damper = control.ss(0.5 * np.eye(2), np.eye(2), 500.0 * np.eye(2), -1000.0 * np.eye(2), 0.02, **names)
-    scene = FieldScene(duration=1.0, run_in=0.2, elements=6)
-    found = performance("slow damper", scene, BoomParameters(), damper, delay=0.013)
+    scene = FieldScenario(duration=1.0, run_in=0.2, elements=6)
+    found = evaluate_suspension("slow damper", scene, BoomParameters(), damper, delay=0.013)
     assert (found.run.sample_time, found.run.delay) == (0.02, 0.013)
     loop = bc.feedback_loop(suspension_model(elements=6, nozzles=True), damper, delay=0.013)
     between = bc.synthesis.select_channels(loop, list(ACTUATORS), list(TIPS))

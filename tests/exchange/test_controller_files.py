@@ -50,7 +50,7 @@ def test_a_result_is_written_with_its_certificate(tmp_path):
     design = bc.lqg(plant, np.eye(2), 1.0, np.eye(2), 0.1)
     bc.write_controller(design, tmp_path / "lqg.json", provenance={"plant": "a mass"})
     assert same(bc.read_controller(tmp_path / "lqg.json"), design.controller)
-    notes = bc.exchange.read_controller_notes(tmp_path / "lqg.json")
+    notes = bc.exchange.read_controller_metadata(tmp_path / "lqg.json")
     assert notes.units == {"tip": "m", "torque": "N m"}
     assert notes.certificate["lower"] == pytest.approx(design.certificate.lower)
     assert notes.certificate["riccati"]["abscissa"] < 0.0
@@ -195,7 +195,7 @@ def test_the_controller_of_a_half_is_refused_unless_a_half_is_meant(tmp_path, su
         bc.write_controller(K, path)
     written = bc.write_controller(K, path, half=True)
     if suffix == ".json":
-        notes = bc.exchange.read_controller_notes(path)
+        notes = bc.exchange.read_controller_metadata(path)
         assert notes.units["suspension_anti"] == "N (orthonormal, root of two times half the difference)"
     else:
         assert path in written

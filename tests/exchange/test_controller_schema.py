@@ -94,7 +94,7 @@ def test_a_file_is_a_controller_or_is_refused_in_one_line(tmp_path_factory, seed
         assert len(str(caught.value)) < 300 + len(str(file))
         return
     K = bc.read_controller(file)
-    assert bc.exchange.read_controller_notes(file).certificate == held.get("certificate", {})
+    assert bc.exchange.read_controller_metadata(file).certificate == held.get("certificate", {})
     for letter in "ABCD":
         found = getattr(K, letter)
         np.testing.assert_array_equal(found, np.array(held[letter], dtype=float).reshape(found.shape))

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import boomctl as bc
-from boomctl.analysis import MeasuredCurve
-from boomctl.identification import uncertainty_band
+from boomctl.analysis import MeasuredFrequencyResponse
+from boomctl.identification import uncertainty_weight
 from boomctl.structure import SecondOrderModel
 from tests.identification.chain import CHAIN, OMEGA, frequencies, three_masses
 from tests.identification.rig import RIG, START, measured, rig
@@ -59,7 +59,7 @@ def rig_fit():
 
 
 def band(**changed):
-    return uncertainty_band(**{"measured": measured(np.random.default_rng(0)), "model": rig(RIG)} | changed)
+    return uncertainty_weight(**{"measured": measured(np.random.default_rng(0)), "model": rig(RIG)} | changed)
 
 
 EXACT = rig(RIG).frequency_response(OMEGA)
@@ -98,7 +98,9 @@ REFUSED = [
     (
         lambda: fit_boom(
             build=lambda p: bc.exact_frequency_response(p, OMEGA),
-            measured=MeasuredCurve(OMEGA / (2 * np.pi), bc.sigma(bc.spray_boom(), OMEGA).sigma, ("upper", "lower")),
+            measured=MeasuredFrequencyResponse(
+                OMEGA / (2 * np.pi), bc.sigma(bc.spray_boom(), OMEGA).sigma, ("upper", "lower")
+            ),
         ),
         r"must return singular values \(2, 40\), got \(5, 40\)\. Set `inputs` and",
     ),

@@ -10,7 +10,7 @@ import pytest
 from scipy import signal, stats
 
 import boomctl as bc
-from boomctl.analysis import MeasuredCurve
+from boomctl.analysis import MeasuredFrequencyResponse
 from tests.identification.chain import CHAIN, OMEGA, frequencies, response
 from tests.profiles import is_hunt
 
@@ -41,7 +41,7 @@ def chain_noise(rng):
 def chain_gain(rng):
     """Magnitudes with errors of 5 %: nothing of the phase."""
     gain = np.abs(response(CHAIN, OMEGA)[0]) * np.exp(0.05 * rng.standard_normal(len(OMEGA)))
-    curve = MeasuredCurve(OMEGA / (2.0 * np.pi), gain, ("gain",))
+    curve = MeasuredFrequencyResponse(OMEGA / (2.0 * np.pi), gain, ("gain",))
     return {"build": lambda p: np.abs(response(p)[0]), "measured": curve, "free": ["k1", "k3", "c"]}
 
 

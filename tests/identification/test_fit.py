@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 from scipy import stats
 
 import boomctl as bc
-from boomctl.analysis import MeasuredCurve
-from boomctl.structure import GROUND, Assembly, Beam, BeamSection, FiniteElements, Output, fixed
+from boomctl.analysis import MeasuredFrequencyResponse
+from boomctl.structure import GROUND, Assembly, Beam, BeamSegment, FiniteElements, Output, fixed
 from tests.identification.chain import CHAIN, OMEGA, frequencies, response
 from tests.profiles import examples
 from tests.strategies import seeds
@@ -92,7 +92,7 @@ def at_an_end(seed):
     if kind == "response":
         measured = control.frd(measured, omega)
     elif kind == "gain":
-        measured = MeasuredCurve(omega / (2.0 * np.pi), measured, ("gain",))
+        measured = MeasuredFrequencyResponse(omega / (2.0 * np.pi), measured, ("gain",))
     else:
         measured = np.sort(measured)
     return kind, answer, build, measured, ranges, start, noise or None
@@ -141,7 +141,7 @@ def exact_response(parameters):
 
 def cantilever(p):
     """Return a stepped beam, whose sections have moduli of their own."""
-    sections = (BeamSection(1.0, 2.0, p["E_root"] * 1e-8), BeamSection(0.7, 1.0, p["E_tip"] * 2e-9))
+    sections = (BeamSegment(1.0, 2.0, p["E_root"] * 1e-8), BeamSegment(0.7, 1.0, p["E_tip"] * 2e-9))
     beam = Beam("beam", GROUND.at(0), fixed(), (0.0, 0.0), sections, FiniteElements(8))
     return Assembly(bodies=(beam,), outputs=(Output("tip", beam.at(1.7)),)).assemble()
 
@@ -149,7 +149,7 @@ def cantilever(p):
 def curve(parameters, build=exact_response):
     """Return the singular values of the exact boom or another, which the fit sorts."""
     found = bc.sigma(build(parameters), OMEGA) if build is bc.spray_boom else bc.sigma(build(parameters))
-    return MeasuredCurve(OMEGA / (2 * np.pi), found.sigma[::-1], ("lower", "upper"))
+    return MeasuredFrequencyResponse(OMEGA / (2 * np.pi), found.sigma[::-1], ("lower", "upper"))
 
 
 def boom_response(p):
@@ -390,7 +390,7 @@ def test_a_picture_shows_measured_beside_fitted_and_is_known_to_pyplot(kind):
     elif kind == "response":
         found = bc.fit(response, control.frd(response(CHAIN, OMEGA), OMEGA), ["k1"], CHAIN, starts=1)
     else:
-        curve = MeasuredCurve(OMEGA / (2 * np.pi), np.abs(response(CHAIN, OMEGA)[0]), ("gain",))
+        curve = MeasuredFrequencyResponse(OMEGA / (2 * np.pi), np.abs(response(CHAIN, OMEGA)[0]), ("gain",))
         found = bc.fit(lambda p: np.abs(response(p)[0]), curve, ["k1"], CHAIN, starts=1)
     plt.close("all")
     ax = found.plot(color="purple")
@@ -411,7 +411,7 @@ def test_a_file_of_complex_responses_is_fitted_with_its_phase(tmp_path):
     rows = [f"{w / (2.0 * np.pi)!r},{y.real!r},{y.imag!r}" for w, y in zip(OMEGA.tolist(), late.tolist(), strict=True)]
     file = tmp_path / "shaker.csv"
     file.write_text("\n".join(["freq_hz,re_1_1,im_1_1", *rows]))
-    curve = bc.read_measured_curve(file)
+    curve = bc.read_frequency_response(file)
 
     def build(p):
         return np.exp(-1j * p["delay"] * OMEGA) * response(CHAIN)[:1, :1]

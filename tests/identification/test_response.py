@@ -36,7 +36,7 @@ def test_deviations_are_those_of_the_errors(driven):
     model, u, y = driven
     rng = np.random.default_rng(1)
     noisy = y + 0.1 * y.std(axis=0) * rng.standard_normal(y.shape)
-    H = bc.estimate_response({"left": u[:, 0], "right": u[:, 1]}, noisy, STEP, band_hz=(0.5, 10.0))
+    H = bc.estimate_frequency_response({"left": u[:, 0], "right": u[:, 1]}, noisy, STEP, band_hz=(0.5, 10.0))
     assert (H.input_labels, H.output_labels) == (["left", "right"], ["out_1", "out_2", "out_3"])
     exact = model.frequency_response(H.omega).frdata
     away = (H.frdata - exact) / H.deviation
@@ -52,7 +52,7 @@ def test_response_from_transient_record_is_exact(damping):
     model = three_masses(damping)
     u = noise(3000, 2, 12.0, seed=5)
     y = response_of_record(model, np.vstack([20.0 * u, u]), STEP)[3000:]
-    H = bc.estimate_response(u, y, STEP, band_hz=(0.5, 10.0))
+    H = bc.estimate_frequency_response(u, y, STEP, band_hz=(0.5, 10.0))
     exact = model.frequency_response(H.omega).frdata
     size = np.abs(exact).max(axis=2, keepdims=True)
     assert np.abs((H.frdata - exact) / size).max() < 1e-3
@@ -63,12 +63,12 @@ def test_periods_in_steady_state_are_exact_and_their_scatter_is_the_deviation():
     one = [noise(1000, 2, 12.0, seed=k) for k in (1, 2)]
     u = [np.tile(each, (8, 1)) for each in one]
     y = [np.tile(response_of_record(model, each, STEP), (8, 1)) for each in one]
-    H = bc.estimate_response(u, y, STEP, period=20.0)
+    H = bc.estimate_frequency_response(u, y, STEP, period=20.0)
     exact = model.frequency_response(H.omega).frdata
     assert np.abs(H.frdata / exact - 1.0).max() < 1e-9
     assert H.omega.max() / (2.0 * np.pi) == pytest.approx(12.0, abs=0.06)
     noisy = [each + 0.01 * each.std(axis=0) * rng.standard_normal(each.shape) for each in y]
-    H = bc.estimate_response(u, noisy, STEP, period=20.0)
+    H = bc.estimate_frequency_response(u, noisy, STEP, period=20.0)
     away = (H.frdata - exact) / H.deviation
     assert 0.95 < np.sqrt(np.mean(np.abs(away) ** 2) / 2.0) < 1.15  # 1, with 14 degrees of freedom of each deviation
 
@@ -122,7 +122,7 @@ def test_impacts_give_modes_response_and_intervals(seeds):
     within, scatter = [], []
     for seed in seeds:
         record, hz, ratio, response = impacts(seed, 1 + 2 * (seed % 3 == 0), (0.0, 0.007, 0.03)[seed % 4 % 3])
-        H = bc.estimate_response(*record, intersample="bl", band_hz=(3.0, 200.0))
+        H = bc.estimate_frequency_response(*record, intersample="bl", band_hz=(3.0, 200.0))
         if seed % 4 % 3:  # half of an impact at the beginning is lost, which the response shows
             scatter.append(np.abs(H.frdata[0, 0] - response(H.omega)) / H.deviation[0, 0] / np.sqrt(2.0))
         for found in (bc.identify(*record, intersample="bl", band_hz=(3.0, 200.0)), bc.identify(H)):
@@ -144,7 +144,7 @@ def test_long_impact_records_give_modes_and_intervals(seeds):
         record, hz, ratio, _ = impacts(seed, 1, (0.035, 0.5)[seed % 2], 0.005, length, hits)
         nearest = nearest_modes(bc.identify(*record, intersample="bl", band_hz=(0.6, 40.0)), hz)
         assert [mode.frequency_hz for mode in nearest] == pytest.approx(hz, rel=2e-3)
-        H = bc.estimate_response(*record, intersample="bl", band_hz=(0.6, 40.0))
+        H = bc.estimate_frequency_response(*record, intersample="bl", band_hz=(0.6, 40.0))
         within.append(contained(nearest_modes(bc.identify(H), hz), hz, ratio))
     assert (np.concatenate(within, axis=1).mean(axis=1) >= 0.9).all()
 
@@ -152,7 +152,7 @@ def test_long_impact_records_give_modes_and_intervals(seeds):
 @pytest.mark.slow
 def test_response_of_record_identification_is_that_of_record(driven):
     u, y = driven[1][:3000], driven[2][:3000, :1]
-    H = bc.estimate_response(u, y, STEP, band_hz=(0.5, 10.0))
+    H = bc.estimate_frequency_response(u, y, STEP, band_hz=(0.5, 10.0))
     band_hz = tuple(H.omega[[0, -1]] / (2.0 * np.pi))
     modes = bc.identify(u, y, STEP, band_hz=band_hz, intersample="bl", held_back=0.0).modes
     assert repr(bc.identify(H).modes) == repr(modes)
@@ -190,12 +190,12 @@ def test_intersample_by_default_matches_record(intersample, quantity, top_hz):
     else:
         y = np.fft.irfft(exact(omega) * np.fft.rfft(force[:, 0]), 24000)[4000:]
     u = force[4000:, 0]
-    H = bc.estimate_response(u, y, STEP, quantity=quantity, band_hz=(0.5, 25.0 / 3.0))
+    H = bc.estimate_frequency_response(u, y, STEP, quantity=quantity, band_hz=(0.5, 25.0 / 3.0))
     phase = np.angle(H.frdata[0, 0] / exact(H.omega), deg=True)
     assert np.median(np.abs(phase)) < 1.0
     wrong = {"bl": "zoh", "zoh": "bl"}[intersample]
     with pytest.warns(UserWarning, match=f"intersample = '{wrong}': .* that of '{intersample}'"):
-        bc.estimate_response(u, y, STEP, quantity=quantity, intersample=wrong, band_hz=(0.5, 8.0))
+        bc.estimate_frequency_response(u, y, STEP, quantity=quantity, intersample=wrong, band_hz=(0.5, 8.0))
 
 
 @pytest.mark.slow
@@ -304,7 +304,7 @@ BAD = {
 @pytest.mark.parametrize(("changed", "said"), BAD.values(), ids=BAD.keys())
 def test_bad_records_are_refused_in_one_line(changed, said):
     with pytest.raises(ValueError, match=said) as refused:
-        bc.estimate_response(**wave(**changed))
+        bc.estimate_frequency_response(**wave(**changed))
     assert "\n" not in str(refused.value)
 
 
@@ -318,7 +318,7 @@ def test_coarse_signals_at_rest_and_two_level_inputs_are_no_bad_records():
 
 def test_the_picture_shows_magnitudes_with_deviations_and_coherences(driven):
     _, u, y = driven
-    H = bc.estimate_response(u, y, STEP, band_hz=(0.5, 10.0))
+    H = bc.estimate_frequency_response(u, y, STEP, band_hz=(0.5, 10.0))
     magnitude, coherence = H.plot(ax=Figure(), color="#123456")
     assert (magnitude.get_xlabel(), coherence.get_xlabel()) == ("", "frequency [Hz]")
     assert len(magnitude.get_lines()) == len(magnitude.collections) == 6

@@ -24,7 +24,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 import boomctl as bc
-from boomctl.analysis import MeasuredCurve
+from boomctl.analysis import MeasuredFrequencyResponse
 from boomctl.plotting import figure_bytes, figure_of, style
 from tests import handed_out as one
 from tests.handed_out import FACTORIES
@@ -231,7 +231,7 @@ def test_frequencies_are_drawn_in_unit_of_argument_or_axes():
         ax = result.plot(Figure().subplots())
         assert ax.get_xlabel() == f"frequency [{unit}]"
         assert ax.get_lines()[0].get_xdata() == pytest.approx([1.0, 2.0])
-    MeasuredCurve(np.array([1.0, 2.0]), np.array([[3.0, 4.0]]), ("upper",)).plot(ax)
+    MeasuredFrequencyResponse(np.array([1.0, 2.0]), np.array([[3.0, 4.0]]), ("upper",)).plot(ax)
     assert ax.get_lines()[-1].get_xdata() == pytest.approx(2.0 * np.pi * np.array([1.0, 2.0]))
     ax = bc.sigma(one.mass()).plot(Figure().subplots())
     for options in ({}, {"unit": "Hz"}):

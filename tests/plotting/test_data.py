@@ -11,7 +11,7 @@ import boomctl as bc
 from boomctl.plotting import figure_of
 from boomctl.plotting.suspension import draw_run
 from boomctl.structure import SecondOrderModel
-from boomctl.structure.response.mode_shapes import ModeShapes, ShapeLine
+from boomctl.structure.response.mode_shapes import BodyShape, ModeShapes
 
 OMEGA = np.array([0.5, 1.0, 2.0])
 
@@ -47,7 +47,7 @@ def test_mode_shape_plots_in_the_plane_are_of_one_size():
     upright = np.array([[0.0, 0.0], [0.0, 2.0], [0.0, 4.0]])
     motion = np.zeros((2, 3, 2))
     motion[0, :, 0], motion[1, :, 1] = (0.0, 0.5, 1.0), (0.0, 0.5, 1.0)
-    shapes = ModeShapes(np.ones(2), np.eye(2), ("a", "b"), ("", ""), (ShapeLine("mast", True, upright, motion),))
+    shapes = ModeShapes(np.ones(2), np.eye(2), ("a", "b"), ("", ""), (BodyShape("mast", True, upright, motion),))
     axes = shapes.plot(Figure())
     moved = [np.asarray(ax.get_lines()[1].get_xydata()) for ax in axes]
     assert moved[0][:, 0] == pytest.approx([0.0, 0.3, 0.6])  # 0.15 of a mast of 4 m

@@ -15,7 +15,8 @@ def test_animate_slew_draws_each_motion(radius):
     beam = bc.hub_beam(bc.HubBeamParameters(hub_radius=radius), modes=1)
     t = np.linspace(0.0, 1.0, 21)
     motions = {
-        f"{torque:g} N m": beam.simulate(bc.torque(lambda t, u=torque: u + 0.0 * t), t) for torque in (50.0, 100.0)
+        f"{torque:g} N m": beam.simulate(bc.maneuvers.applied_torque(lambda t, u=torque: u + 0.0 * t), t)
+        for torque in (50.0, 100.0)
     }
     shown = animate_slew(beam, motions, title="pushed", time_step=0.25)
     figure = shown._fig

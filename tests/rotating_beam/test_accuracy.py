@@ -9,10 +9,10 @@ SPIN_UP = bc.spin_up(final_speed=2.8, duration=30.0)
 EXACT = "geometrically-exact"
 
 
-def _finer(p, manoeuvre, chosen, t):
+def _finer(p, maneuver, chosen, t):
     """Return the tip of a beam with more polynomials and shorter steps than any that the choice was made with."""
     finer = bc.hub_beam(p, EXACT, min(chosen.reference[1] + 3, 60))
-    return finer.simulate(manoeuvre, t, rtol=2e-2 * chosen.accuracy, atol=1e-15 * p.length).tip_displacement
+    return finer.simulate(maneuver, t, rtol=2e-2 * chosen.accuracy, atol=1e-15 * p.length).tip_displacement
 
 
 def _error(found, true):
@@ -27,7 +27,7 @@ _LOADED = bc.HubBeamParameters(5.96, 2700.0, 1.74e-3, 7e10, 1.9e-7, 23.3, 2.07, 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("p", "manoeuvre", "end", "accuracy"),
+    ("p", "maneuver", "end", "accuracy"),
     [
         (_HEAVY, bc.spin_up(0.629, 1.04), 1.42, 6.5e-4),
         (_STOCKY, bc.spin_up(0.0432, 0.741), 1.54, 1.0e-3),
@@ -36,19 +36,19 @@ _LOADED = bc.HubBeamParameters(5.96, 2700.0, 1.74e-3, 7e10, 1.9e-7, 23.3, 2.07, 
     ],
     ids=["heavy hub", "stocky", "damped", "tip mass"],
 )
-def test_chosen_model_is_as_exact_as_asked_for(p, manoeuvre, end, accuracy):
+def test_chosen_model_is_as_exact_as_asked_for(p, maneuver, end, accuracy):
     """Choose, simulate as a user would, and compare with a reference of the test's own."""
     t = np.linspace(0.0, end, 500)
-    beam = bc.hub_beam(p, accuracy=accuracy, manoeuvre=manoeuvre, time=t)
+    beam = bc.hub_beam(p, accuracy=accuracy, maneuver=maneuver, time=t)
     assert beam.chosen.tried
     assert beam.chosen.error + beam.chosen.reference[2] <= accuracy
-    found = beam.simulate(manoeuvre, t).tip_displacement
-    assert _error(found, _finer(p, manoeuvre, beam.chosen, t)) <= accuracy, beam
+    found = beam.simulate(maneuver, t).tip_displacement
+    assert _error(found, _finer(p, maneuver, beam.chosen, t)) <= accuracy, beam
 
 
 @pytest.fixture(scope="module")
 def spun_up():
-    return bc.hub_beam(accuracy=1e-3, manoeuvre=SPIN_UP)
+    return bc.hub_beam(accuracy=1e-3, maneuver=SPIN_UP)
 
 
 @pytest.mark.slow
@@ -68,7 +68,7 @@ def test_what_was_chosen_is_said_and_is_what_is_built(spun_up):
 def test_an_accuracy_beyond_all_assumed_modes_takes_the_exact_beam():
     short = bc.HubBeamParameters(length=2.0, hub_inertia=2.0, tip_mass=0.2)
     turn = bc.spin_up(6.0, 0.6)
-    beam = bc.hub_beam(short, accuracy=1e-5, manoeuvre=turn, time=0.7)
+    beam = bc.hub_beam(short, accuracy=1e-5, maneuver=turn, time=0.7)
     assert isinstance(beam, bc.rotating_beam.GeometricallyExactBeam)
     least = {}
     for model, _, error in beam.chosen.tried:
@@ -81,7 +81,7 @@ def test_an_accuracy_beyond_all_assumed_modes_takes_the_exact_beam():
 
 
 @pytest.mark.slow
-def test_tolerances_are_those_of_the_choice_in_its_manoeuvre_alone(spun_up):
+def test_tolerances_are_those_of_the_choice_in_its_maneuver_alone(spun_up):
     chosen, t = spun_up.chosen, np.linspace(0.0, 40.0, 50)
     assert (chosen.rtol, chosen.atol) == pytest.approx((1e-5, 1e-5 * chosen.largest))
     usual, start = (1e-8, 1e-10), {"initial": np.zeros(8)}
@@ -90,14 +90,14 @@ def test_tolerances_are_those_of_the_choice_in_its_manoeuvre_alone(spun_up):
         (2.7, {}, usual),
         (2.8, start, usual),
     ):
-        manoeuvre = bc.spin_up(final_speed, 30.0)  # an equal one is the same
-        found, known = (spun_up.simulate(manoeuvre, t, **more, **given) for given in ({}, {"rtol": rtol, "atol": atol}))
+        maneuver = bc.spin_up(final_speed, 30.0)  # an equal one is the same
+        found, known = (spun_up.simulate(maneuver, t, **more, **given) for given in ({}, {"rtol": rtol, "atol": atol}))
         np.testing.assert_array_equal(found.tip_displacement, known.tip_displacement)
 
 
 def test_those_around_are_told():
     heard = []
-    with bc.listening(heard.append):
-        bc.hub_beam(accuracy=0.1, manoeuvre=bc.spin_up(1.1, 2.0), time=2.5)
+    with bc.progress_callback(heard.append):
+        bc.hub_beam(accuracy=0.1, maneuver=bc.spin_up(1.1, 2.0), time=2.5)
     assert {told.task for told in heard} == {"choice of a model"}
     assert {"geometrically exact beam with 5 polynomials", "sfoam with 1 mode"} <= {told.stage for told in heard}

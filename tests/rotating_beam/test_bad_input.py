@@ -10,13 +10,14 @@ from hypothesis import strategies as st
 from scipy import interpolate
 
 import boomctl as bc
-from boomctl.rotating_beam import SimulationError, free, hold, hub_beam, hub_profile, sine_torque, spin_up, torque
+from boomctl.maneuvers import applied_torque, free_hub, hold_angle, prescribed_motion, sine_torque, spin_up
+from boomctl.rotating_beam import SimulationError, hub_beam
 from boomctl.structure import PolynomialFamily, SecondOrderModel
 from tests.profiles import examples
 
 BEAM, EXACT = hub_beam(modes=2), hub_beam(model="geometrically-exact", modes=3)
 SPIN_UP = spin_up(2.8, 30.0)
-OTHER_SLOPE = hub_profile(np.sin, np.cos, np.sin)
+OTHER_SLOPE = prescribed_motion(np.sin, np.cos, np.sin)
 
 
 def family(model="sfoam", **ranges):
@@ -25,7 +26,7 @@ def family(model="sfoam", **ranges):
 
 def schedule(family):
     gains = [ct.ss([], [], [], [[-gain]], inputs="hub_speed", outputs="torque") for gain in (1.0, 2.0)]
-    return bc.robust_stability(family, bc.schedule(gains, [0.0, 1.0]))
+    return bc.robust_stability(family, bc.gain_schedule(gains, [0.0, 1.0]))
 
 
 def cornered(values):
@@ -43,11 +44,14 @@ REFUSED = [
     (lambda: hub_beam(modes=201), "modes = 201: expected"),
     (lambda: hub_beam(model="fadm"), "model = 'fadm': expected one of tlam, sfoam"),
     (lambda: BEAM.simulate(OTHER_SLOPE, [1.0]), "acceleration: expected the derivative of the speed"),
-    (lambda: BEAM.simulate(torque(lambda t: math.nan), [1.0]), "torque at t = .* expected a finite number"),
-    (lambda: EXACT.simulate(torque(lambda t: math.nan), [1.0]), "torque"),
-    *((lambda t=t: BEAM.simulate(free(), t), "timepts") for t in ([], [-1.0, 1.0], [1.0, 1.0])),
-    (lambda: BEAM.simulate(free(), [1.0], initial=[0.0, 1.0]), r"initial of shape \(2,\): expected \(6,\)"),
-    (lambda: BEAM.simulate(hold(0.1), [1.0], initial=[0.2, 0, 0, 0, 0, 0]), "initial hub angle = 0.2: expected 0.1"),
+    (lambda: BEAM.simulate(applied_torque(lambda t: math.nan), [1.0]), "torque at t = .* expected a finite number"),
+    (lambda: EXACT.simulate(applied_torque(lambda t: math.nan), [1.0]), "torque"),
+    *((lambda t=t: BEAM.simulate(free_hub(), t), "timepts") for t in ([], [-1.0, 1.0], [1.0, 1.0])),
+    (lambda: BEAM.simulate(free_hub(), [1.0], initial=[0.0, 1.0]), r"initial of shape \(2,\): expected \(6,\)"),
+    (
+        lambda: BEAM.simulate(hold_angle(0.1), [1.0], initial=[0.2, 0, 0, 0, 0, 0]),
+        "initial hub angle = 0.2: expected 0.1",
+    ),
     (lambda: EXACT.simulate(SPIN_UP, [1.0], initial=EXACT.steady_state(1.0)), "initial hub speed"),
     (lambda: BEAM.residual_energy([0.0, 1.0]), "state: expected 6 numbers, got 2"),
     (lambda: BEAM.frequencies_hz(1.0, coupled=True), "no axial modes"),
@@ -63,17 +67,17 @@ REFUSED = [
     (lambda: schedule(family(tip_mass=(0.0, 0.1))), "unknown parameter that the controller follows 'hub_speed'"),
     (lambda: PolynomialFamily.through({"p": (-1.0, 1.0)}, cornered), "K is no polynomial of p"),
     # models chosen by their accuracy
-    (lambda: hub_beam(accuracy=1e-3), "manoeuvre = None: expected"),
-    (lambda: hub_beam(manoeuvre=SPIN_UP), "accuracy = None: expected a number"),
+    (lambda: hub_beam(accuracy=1e-3), "maneuver = None: expected"),
+    (lambda: hub_beam(maneuver=SPIN_UP), "accuracy = None: expected a number"),
     (
-        lambda: hub_beam(accuracy=1e-3, manoeuvre=SPIN_UP, model="sfoam"),
+        lambda: hub_beam(accuracy=1e-3, maneuver=SPIN_UP, model="sfoam"),
         "model = 'sfoam': expected none beside accuracy",
     ),
-    (lambda: hub_beam(accuracy=1e-8, manoeuvre=SPIN_UP), "accuracy = 1e-08: expected 1e-07 to 1"),
-    (lambda: hub_beam(accuracy=1e-3, manoeuvre=SPIN_UP, time=[]), r"time of shape \(0,\): expected an instant"),
-    (lambda: hub_beam(accuracy=1e-3, manoeuvre=SPIN_UP, time=1e10), "time = .*: expected at most .* s, 1000 periods"),
-    (lambda: hub_beam(accuracy=1e-3, manoeuvre=torque(np.sin)), "time = None: expected the last instant"),
-    (lambda: hub_beam(accuracy=1e-3, manoeuvre=hold(), time=1.0), "manoeuvre = Hold.* moves the beam"),
+    (lambda: hub_beam(accuracy=1e-8, maneuver=SPIN_UP), "accuracy = 1e-08: expected 1e-07 to 1"),
+    (lambda: hub_beam(accuracy=1e-3, maneuver=SPIN_UP, time=[]), r"time of shape \(0,\): expected an instant"),
+    (lambda: hub_beam(accuracy=1e-3, maneuver=SPIN_UP, time=1e10), "time = .*: expected at most .* s, 1000 periods"),
+    (lambda: hub_beam(accuracy=1e-3, maneuver=applied_torque(np.sin)), "time = None: expected the last instant"),
+    (lambda: hub_beam(accuracy=1e-3, maneuver=hold_angle(), time=1.0), "maneuver = Hold.* moves the beam"),
 ]
 
 
@@ -100,7 +104,7 @@ def test_combination_that_is_impossible_refused(call, words):
                 (lambda: long("geometrically-exact", 1e4, modes=3), "would take about"),
                 # displacements of 1e-13 m are rounding of a place eight metres out
                 (
-                    lambda: hub_beam(accuracy=1e-7, manoeuvre=spin_up(1e-10, 5.0)),
+                    lambda: hub_beam(accuracy=1e-7, maneuver=spin_up(1e-10, 5.0)),
                     "^accuracy = 1e-07: expected (at least|a larger one)",
                 ),
             )
@@ -152,9 +156,9 @@ def test_functions_that_nearly_belong_together_are_refused(sines, end, what, sha
         "sine of the acceleration": (angle, speed, lambda t: acceleration(t) + off * largest * w * np.sin(w * t)),
         "sine of the speed": (angle, lambda t: speed(t) + off * largest * np.sin(w * t), acceleration),
     }[what]
-    hub_profile(angle, speed, acceleration).checked_until(end)
+    prescribed_motion(angle, speed, acceleration).checked_until(end)
     with pytest.raises(ValueError, match=r"expected the derivative of the .*; from .* to .* s the .* differs by up to"):
-        hub_profile(*wrong).checked_until(end)
+        prescribed_motion(*wrong).checked_until(end)
 
 
 def test_breakpoint_beside_instant_that_is_looked_at_is_one():
@@ -164,7 +168,7 @@ def test_breakpoint_beside_instant_that_is_looked_at_is_one():
         return np.maximum(np.asarray(t) - 4.97, 0.0) ** k - np.maximum(np.asarray(t) - 5.02, 0.0) ** k
 
     functions = lambda t: since(t, 2), lambda t: 2.0 * since(t, 1), lambda t: 2.0 * ((t >= 4.97) & (t < 5.02))
-    found = hub_profile(*functions, (np.nextafter(5.0, 6.0),)).checked_until(10.0)
+    found = prescribed_motion(*functions, (np.nextafter(5.0, 6.0),)).checked_until(10.0)
     assert np.diff(found.breakpoints).min() > 1e-12
 
 
@@ -172,6 +176,6 @@ def test_tables_of_a_motion_belong_together_as_one_spline():
     times = np.linspace(0.0, 5.0, 101)
     table = interpolate.CubicSpline(times, 1.0 - np.cos(times), bc_type="clamped")
     functions = tuple(table if not k else table.derivative(k) for k in range(3))
-    hub_profile(*functions).checked_until(5.0)
+    prescribed_motion(*functions).checked_until(5.0)
     with pytest.raises(ValueError, match=r"of tables take one spline and its derivatives$"):
-        hub_profile(*(lambda t, f=f: np.interp(t, times, f(times)) for f in functions)).checked_until(5.0)
+        prescribed_motion(*(lambda t, f=f: np.interp(t, times, f(times)) for f in functions)).checked_until(5.0)

@@ -44,7 +44,7 @@ def test_torque_undeclared_moves_beam_as_declared(shape, model, begin, decades):
     """From just above the resolution, 0.5 ms."""
     beam, (function, instants) = bc.hub_beam(model=model, modes=2), shape(begin, 10.0**decades)
     inside = tuple(t for t in instants if 0.0 < t < END)
-    found, declared = (beam.simulate(bc.torque(function, each), SECONDS) for each in ((), inside))
+    found, declared = (beam.simulate(bc.maneuvers.applied_torque(function, each), SECONDS) for each in ((), inside))
     peak = np.abs(declared.tip_displacement).max()
     apart = np.abs(found.tip_displacement - declared.tip_displacement).max()
     assert peak > 0.0
@@ -56,7 +56,7 @@ def test_torque_undeclared_moves_beam_as_declared(shape, model, begin, decades):
 def test_other_integrators_know_of_the_jumps_too(model):
     beam, (function, instants) = bc.hub_beam(model=model, modes=1), pulse(0.25031, 0.003)
     found, declared = (
-        beam.simulate(bc.torque(function, each), np.linspace(0.0, 1.0, 3), rtol=1e-6, atol=1e-8)
+        beam.simulate(bc.maneuvers.applied_torque(function, each), np.linspace(0.0, 1.0, 3), rtol=1e-6, atol=1e-8)
         for each in ((), instants)
     )
     assert found.tip_displacement == pytest.approx(declared.tip_displacement, abs=1e-9)
@@ -99,8 +99,8 @@ def test_profile_undeclared_moves_beam_as_declared(begin, width, order, model):
         return value
 
     functions, beam = [derivative(k) for k in range(3)], bc.hub_beam(model=model, modes=2)
-    found = beam.simulate(bc.hub_profile(*functions), np.arange(0.0, 9.0))
-    known = beam.simulate(bc.hub_profile(*functions, (begin, begin + width)), np.arange(0.0, 9.0))
+    found = beam.simulate(bc.maneuvers.prescribed_motion(*functions), np.arange(0.0, 9.0))
+    known = beam.simulate(bc.maneuvers.prescribed_motion(*functions, (begin, begin + width)), np.arange(0.0, 9.0))
     apart = np.abs(found.tip_displacement - known.tip_displacement).max()
     assert apart <= found.error_estimate + known.error_estimate + 1e-13
     assert apart <= 1e-10 + 2e-8 * np.abs(known.tip_displacement).max()

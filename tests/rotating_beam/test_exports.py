@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from boomctl.rotating_beam import HubBeamParameters, hub_beam, sine_torque
+from boomctl.maneuvers import sine_torque
+from boomctl.rotating_beam import HubBeamParameters, hub_beam
 from tests.rotating_beam.strategies import ALL_MODELS
 
 SHORT = HubBeamParameters(length=2.0, hub_inertia=5.0, tip_mass=0.05, damping_ratio=0.01)
@@ -15,10 +16,10 @@ SHORT = HubBeamParameters(length=2.0, hub_inertia=5.0, tip_mass=0.05, damping_ra
 def test_nlsys_equals_the_simulator(model):
     """The state equations, by an independent Runge-Kutta method at a tight tolerance."""
     beam, t = hub_beam(SHORT, model, 1), np.linspace(0.0, 0.2, 6)
-    manoeuvre = sine_torque(40.0, 0.16, 0.16)
-    result, system = beam.simulate(manoeuvre, t, rtol=1e-9, atol=1e-12), beam.to_nlsys()
+    maneuver = sine_torque(40.0, 0.16, 0.16)
+    result, system = beam.simulate(maneuver, t, rtol=1e-9, atol=1e-12), beam.to_nlsys()
     other = solve_ivp(
-        lambda t, x: system.dynamics(t, x, [float(manoeuvre.torque(t))]),
+        lambda t, x: system.dynamics(t, x, [float(maneuver.torque(t))]),
         (0.0, 0.2), np.zeros(system.nstates), "DOP853", t, rtol=1e-10, atol=1e-13, max_step=0.1,
     )  # fmt: skip
     angle, _, tip = np.array([system.output(t, x, [0.0]) for t, x in zip(t, other.y.T, strict=True)]).T

@@ -24,7 +24,7 @@ def _beam(model="sfoam", modes=2, damping=0.01, tip_mass=0.0):
 
 def _drive(count=3, last=4.0):
     gains = [ct.ss([[-3.0]], [[1.0, 0.0]], [[-20.0]], [[-30.0 - 10.0 * k, -0.3]], **_SPEED_HUB) for k in range(count)]
-    return bc.schedule(gains, np.linspace(0.0, last, count))
+    return bc.gain_schedule(gains, np.linspace(0.0, last, count))
 
 
 @pytest.mark.parametrize("damping", [0.0, pytest.param(0.02, marks=pytest.mark.slow)])
@@ -160,7 +160,7 @@ def test_the_angle_that_nothing_feels_is_an_exact_integrator_of_every_beam_of_a_
 
 def test_an_unstable_stretch_of_a_schedule_is_found():
     drives = [ct.ss([], [], [], [[-gain]], inputs="hub_speed", outputs="torque") for gain in (50.0, -5.0, 50.0)]
-    found = bc.robust_stability(_beam().family((0.0, 4.0)), bc.schedule(drives, [0.0, 2.0, 4.0]))
+    found = bc.robust_stability(_beam().family((0.0, 4.0)), bc.gain_schedule(drives, [0.0, 2.0, 4.0]))
     assert not found.proved
     assert found.unstable_at is not None
     assert 1.5 < found.unstable_at["hub_speed"] < 2.5
@@ -168,7 +168,7 @@ def test_an_unstable_stretch_of_a_schedule_is_found():
 
 def test_margin_and_worst_case_of_a_scheduled_drive():
     family, drive = _beam().family((1.0, 3.0)), _drive()
-    margin = bc.analysis.structured_margin(family, drive, largest=1.5)
+    margin = bc.analysis.robust_stability_margin(family, drive, largest=1.5)
     assert margin.stable_up_to == 1.5
     worst = bc.worst_case(family, drive, "tip_force", "tip_displacement")
     speed = worst.values["hub_speed"]

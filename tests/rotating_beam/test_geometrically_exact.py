@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 
-from boomctl.rotating_beam import free, hold, sine_torque
+from boomctl.maneuvers import free_hub, hold_angle, sine_torque
 from boomctl.rotating_beam.exact.basis import strain_basis
 from boomctl.rotating_beam.exact.beam import GeometricallyExactBeam
 from boomctl.rotating_beam.exact.dynamics import ExactBeamDynamics
@@ -96,7 +96,7 @@ def test_energy_and_angular_momentum_are_kept_on_a_free_hub(parameters, seconds)
     """A tip swing of over a metre on a free, turning hub, released with a shock that sets off axial waves."""
     model = GeometricallyExactBeam(parameters, 3)
     r = model.simulate(
-        free(), np.linspace(0, seconds, 10 * seconds + 1), initial=bent(model, 1.2, hub_speed=1.5), rtol=1e-4
+        free_hub(), np.linspace(0, seconds, 10 * seconds + 1), initial=bent(model, 1.2, hub_speed=1.5), rtol=1e-4
     )
     assert np.max(np.abs(r.tip_displacement)) > 1.0
     assert np.ptp(r.energy) < 1e-8 * r.energy[0]
@@ -107,7 +107,7 @@ def test_damping_ratio_of_the_held_beam():
     """The first mode of the clamped beam decays as ``exp(-zeta w t)``."""
     model = GeometricallyExactBeam(replace(BAI, damping_ratio=0.02), 6)
     times = np.linspace(0, 20, 4001)
-    tip = model.simulate(hold(), times, initial=bent(model, 1e-3)).tip_displacement
+    tip = model.simulate(hold_angle(), times, initial=bent(model, 1e-3)).tip_displacement
     peaks = [k for k in range(1, tip.size - 1) if tip[k] >= tip[k - 1] and tip[k] > tip[k + 1] and times[k] > 8]
     decay = math.log(tip[peaks[0]] / tip[peaks[-1]]) / (len(peaks) - 1)
     assert decay == pytest.approx(2 * math.pi * 0.02 / math.sqrt(1 - 0.02**2), rel=1e-3)
@@ -122,7 +122,7 @@ def test_collocation_has_order_eight():
     q, v = np.zeros(5), np.zeros(5)
     q[1:3], v[0] = (0.02, -0.02), 0.5
     q[3:] = GeometricallyExactBeam(BAI, 2).steady_state(0.5)[3:5]
-    ends = [march(dynamics, free(), np.linspace(0.0, 1.2, n + 1), (q, v)).q[-1, :3] for n in (12, 24, 768)]
+    ends = [march(dynamics, free_hub(), np.linspace(0.0, 1.2, n + 1), (q, v)).q[-1, :3] for n in (12, 24, 768)]
     coarse, fine = (np.max(np.abs(end - ends[-1])) for end in ends[:2])
     assert coarse / fine > 2**7
 

@@ -9,7 +9,8 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 import boomctl as bc
-from boomctl.rotating_beam import HubBeamParameters, free, sine_torque, spin_up
+from boomctl.maneuvers import free_hub, sine_torque, spin_up
+from boomctl.rotating_beam import HubBeamParameters
 from boomctl.rotating_beam.exact.beam import GeometricallyExactBeam
 from tests.profiles import examples
 from tests.rotating_beam.chain import chain_tip
@@ -42,7 +43,7 @@ def test_extreme_hubs_and_one_polynomial(parameters):
 
 def test_steady_rotation_stays_steady():
     model = GeometricallyExactBeam(LOADED, 5)
-    r = model.simulate(free(), np.linspace(0, 5, 51), initial=model.steady_state(40.0))
+    r = model.simulate(free_hub(), np.linspace(0, 5, 51), initial=model.steady_state(40.0))
     assert np.max(np.abs(r.tip_displacement)) < 1e-10
     assert np.ptp(r.hub_speed) < 1e-9
     assert np.ptp(r.axial_tip_displacement) < 1e-10 < r.axial_tip_displacement[0]
@@ -85,8 +86,8 @@ EXUDYN = {
 @pytest.mark.slow
 @pytest.mark.parametrize("case", EXUDYN)
 def test_equals_what_exudyn_computed(case):
-    manoeuvre, theirs = EXUDYN[case]
-    r = GeometricallyExactBeam(BAI, 6).simulate(manoeuvre, list(theirs), rtol=1e-6)
+    maneuver, theirs = EXUDYN[case]
+    r = GeometricallyExactBeam(BAI, 6).simulate(maneuver, list(theirs), rtol=1e-6)
     peak = {"spin-up": 0.2043, "400 N m": 1.966}[case]
     np.testing.assert_allclose(r.tip_displacement, list(theirs.values()), atol=1e-3 * peak)
     late = np.array(list(theirs)) > 30.0
@@ -130,6 +131,6 @@ def test_motion_too_short_for_its_first_steps_is_refined(seed):
     generator = np.random.default_rng(seed)
     beam = bc.hub_beam(bc.HubBeamParameters(length=generator.uniform(2.0, 8.0)), "geometrically-exact", modes=4)
     pull = generator.uniform(1.0, 4.0)
-    jerk = bc.hub_profile(lambda t: 0.5 * pull * t**2, lambda t: pull * t, lambda t: pull + 0.0 * t)
+    jerk = bc.maneuvers.prescribed_motion(lambda t: 0.5 * pull * t**2, lambda t: pull * t, lambda t: pull + 0.0 * t)
     time = np.linspace(0.0, 0.15 / beam.frequencies_hz()[0], 8)
     assert beam.simulate(jerk, time, rtol=1e-8, atol=1e-13).steps > beam.simulate(jerk, time, rtol=1e-2).steps

@@ -53,7 +53,7 @@ def test_tolerance_and_estimate_hold_where_the_acceleration_jumps(seed, digits):
         state = piece.y[:, -1]
         found += list(m.tip2 @ piece.y[: beam.modes])
     rtol = 10.0**-digits
-    result = beam.simulate(bc.hub_profile(*motion), instants, rtol=rtol, atol=1e-12)
+    result = beam.simulate(bc.maneuvers.prescribed_motion(*motion), instants, rtol=rtol, atol=1e-12)
     error, largest = np.abs(result.tip_displacement - found).max(), np.abs(found).max()
     assert error <= 1e-12 + rtol * largest
     assert error <= result.error_estimate + 1e-10 * largest

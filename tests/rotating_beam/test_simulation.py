@@ -7,16 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from boomctl.rotating_beam import (
-    HubBeamParameters,
-    free,
-    hold,
-    hub_beam,
-    hub_profile,
-    sine_torque,
-    spin_up,
-    torque,
-)
+from boomctl.maneuvers import applied_torque, free_hub, hold_angle, prescribed_motion, sine_torque, spin_up
+from boomctl.rotating_beam import HubBeamParameters, hub_beam
 from boomctl.rotating_beam.motion import modal_collocation
 from tests.profiles import examples
 from tests.rotating_beam import references
@@ -42,7 +34,7 @@ def bent_and_spinning(beam, bend, spin):
 @given(bend=st.floats(0.05, 0.4), spin=st.floats(-2.0, 2.0), tip_mass=st.sampled_from([0.0, 0.3]))
 def test_energy_and_angular_momentum_are_conserved_without_torque(model, bend, spin, tip_mass):
     beam = hub_beam(HubBeamParameters(tip_mass=tip_mass), model, 2)
-    result = beam.simulate(free(), np.linspace(0.0, 3.0, 31), initial=bent_and_spinning(beam, bend, spin))
+    result = beam.simulate(free_hub(), np.linspace(0.0, 3.0, 31), initial=bent_and_spinning(beam, bend, spin))
     scale = result.energy[0] + 1e-12
     assert np.ptp(result.energy) <= 1e-7 * scale
     assert np.ptp(result.angular_momentum) <= 1e-7 * max(abs(result.angular_momentum[0]), math.sqrt(scale))
@@ -69,7 +61,7 @@ def test_prescribed_motion_needs_the_torque_that_reproduces_it(model):
     from scipy.interpolate import CubicSpline
 
     spline = CubicSpline(t, prescribed.torque)
-    driven = beam.simulate(torque(spline, breakpoints=(6.0,)), t[::100], rtol=1e-6, atol=1e-8)
+    driven = beam.simulate(applied_torque(spline, breakpoints=(6.0,)), t[::100], rtol=1e-6, atol=1e-8)
     np.testing.assert_allclose(driven.hub_angle, prescribed.hub_angle[::100], rtol=0, atol=1e-5)
     np.testing.assert_allclose(driven.tip_displacement, prescribed.tip_displacement[::100], rtol=0, atol=1e-5)
 
@@ -91,7 +83,7 @@ def test_closed_form_continues_the_collocation(model, damping_ratio):
     p = HubBeamParameters(tip_mass=0.2, damping_ratio=damping_ratio)
     beam = hub_beam(p, model, 2)
     spin = spin_up(2.0, 5.0)
-    profile = hub_profile(spin.angle, spin.speed, spin.acceleration, breakpoints=(5.0,))
+    profile = prescribed_motion(spin.angle, spin.speed, spin.acceleration, breakpoints=(5.0,))
     t = np.linspace(0.0, 12.0, 121)
     one, other = (beam.simulate(each, t) for each in (spin, profile))
     np.testing.assert_allclose(one.tip_displacement, other.tip_displacement, rtol=0, atol=3e-8 * 0.3)
@@ -115,7 +107,7 @@ def test_held_hub_vibrates_at_the_clamped_frequency():
     state = bent_and_spinning(beam, 0.1, 0.0)
     state[5] = 0.0
     t = np.linspace(0.0, 20.0, 201)
-    result = beam.simulate(hold(), t, initial=state)
+    result = beam.simulate(hold_angle(), t, initial=state)
     expected = 0.2 * np.cos(2.0 * np.pi * beam.frequencies_hz()[0] * t)
     np.testing.assert_allclose(result.tip_displacement, expected, atol=1e-10)
     assert np.all(result.hub_angle == 0.0)
@@ -176,31 +168,31 @@ def test_residual_after_400_newton_metres(model):
 
 
 @pytest.mark.parametrize(
-    ("model", "manoeuvre", "atol"),
+    ("model", "maneuver", "atol"),
     [("foam", sine_torque(100.0, 4.0, 4.0), 1e-12), ("geometrically-exact", spin_up(2.0, 4.0), 2e-8)],
 )
-def test_result_does_not_depend_on_the_instants_asked_for(model, manoeuvre, atol):
+def test_result_does_not_depend_on_the_instants_asked_for(model, maneuver, atol):
     beam = hub_beam(BAI, model, 2)
-    many = beam.simulate(manoeuvre, np.linspace(0.0, 6.0, 601))
-    few = beam.simulate(manoeuvre, [0.7, 2.5, 6.0])
+    many = beam.simulate(maneuver, np.linspace(0.0, 6.0, 601))
+    few = beam.simulate(maneuver, [0.7, 2.5, 6.0])
     np.testing.assert_allclose(few.tip_displacement, many.tip_displacement[[70, 250, 600]], rtol=0, atol=atol)
 
 
 @pytest.mark.parametrize(
-    ("model", "manoeuvre", "path"),
+    ("model", "maneuver", "path"),
     [
         ("sfoam", spin_up(1.0, 2.0), ("modal collocation",)),
-        ("sfoam", hold(), ("steady rotation by modes",)),
+        ("sfoam", hold_angle(), ("steady rotation by modes",)),
         ("tlam", spin_up(1.0, 2.0), ("collocation", "steady rotation by eigenvectors")),
         ("foam", sine_torque(10.0, 2.0, 2.0), ("free-hub modes",)),
         ("cfoam", sine_torque(10.0, 2.0, 2.0), ("collocation",)),
         ("geometrically-exact", spin_up(1.0, 2.0), ("collocation of momenta",)),
     ],
 )
-def test_the_path_names_the_ways_that_ran(model, manoeuvre, path):
+def test_the_path_names_the_ways_that_ran(model, maneuver, path):
     beam = hub_beam(BAI, model, 2)
-    assert beam.simulate(manoeuvre, [1.0, 3.0], rtol=1e-5).path == path
-    assert beam.simulate(manoeuvre, [0.0]).path == ("initial state",)
+    assert beam.simulate(maneuver, [1.0, 3.0], rtol=1e-5).path == path
+    assert beam.simulate(maneuver, [0.0]).path == ("initial state",)
 
 
 def test_a_way_that_misses_the_tolerance_is_in_the_path(monkeypatch):

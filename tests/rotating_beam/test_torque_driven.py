@@ -8,8 +8,8 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from boomctl.gauss import gauss_method
+from boomctl.maneuvers import applied_torque, free_hub, sine_torque
 from boomctl.rotating_beam import HubBeamParameters, hub_beam
-from boomctl.rotating_beam.manoeuvres import free, sine_torque, torque
 from boomctl.rotating_beam.motion.run import Scene, _collocated
 from boomctl.slew.torque import bang_bang, held
 from tests.profiles import examples
@@ -21,18 +21,18 @@ MODELS = ("sfoam", "sfoam-consistent", "foam", "tlam")
 SWEPT = ("free-hub modes",)
 
 
-def collocated(beam, manoeuvre, timepts, rtol):
+def collocated(beam, maneuver, timepts, rtol):
     """The same motion by plain collocation."""
     p, size = beam.parameters, beam.equations.size
     start = np.zeros(size), np.zeros(size)
-    scene = Scene(beam.equations, manoeuvre, timepts, start, rtol, 1e-14, p.length, p.hub_radius + p.length)
+    scene = Scene(beam.equations, maneuver, timepts, start, rtol, 1e-14, p.length, p.hub_radius + p.length)
     return _collocated(scene)
 
 
 def smooth(rng, end):
     """A smooth torque of up to 100 N m that begins and ends with no torque."""
     sizes = rng.uniform(-25.0, 25.0, 4)
-    return torque(lambda t: sum(a * np.sin((k + 1) * np.pi * t / end) for k, a in enumerate(sizes)))
+    return applied_torque(lambda t: sum(a * np.sin((k + 1) * np.pi * t / end) for k, a in enumerate(sizes)))
 
 
 @pytest.mark.parametrize("model", MODELS)
@@ -47,10 +47,10 @@ def smooth(rng, end):
 @example(modes=2, amplitude=100.0, tip_mass=0.0, damping=0.03, rtol=1e-8)
 def test_the_error_is_below_what_is_asked_for(model, modes, amplitude, tip_mass, damping, rtol):
     beam = hub_beam(replace(BAI, tip_mass=tip_mass, damping_ratio=damping), model, modes)
-    timepts, manoeuvre = np.linspace(0.0, 6.0, 61), sine_torque(amplitude, 4.0, 4.0)
-    result = beam.simulate(manoeuvre, timepts, rtol=rtol, atol=1e-14)
+    timepts, maneuver = np.linspace(0.0, 6.0, 61), sine_torque(amplitude, 4.0, 4.0)
+    result = beam.simulate(maneuver, timepts, rtol=rtol, atol=1e-14)
     assert result.path == SWEPT
-    exact = collocated(beam, manoeuvre, timepts, 1e-2 * rtol)
+    exact = collocated(beam, maneuver, timepts, 1e-2 * rtol)
     largest = np.abs(exact.tip).max()
     error = np.abs(result.tip_displacement - exact.tip).max()
     assert error <= rtol * largest
@@ -74,11 +74,11 @@ def test_a_looser_tolerance_takes_no_more_steps(modes):
 def test_the_work_of_the_torque_is_in_the_energy(model, seed):
     """SFOAM as printed neglects the torque of the beam's inertia forces, which is then missing."""
     beam, end = hub_beam(LOADED, model, 2), 5.0
-    manoeuvre = smooth(np.random.default_rng(seed), end)
+    maneuver = smooth(np.random.default_rng(seed), end)
     method = gauss_method(10)
     edges = np.linspace(0.0, end, 101)
     nodes = (edges[:-1, None] + np.diff(edges)[:, None] * method.nodes).ravel()
-    result = beam.simulate(manoeuvre, np.append(nodes, end), rtol=1e-9)
+    result = beam.simulate(maneuver, np.append(nodes, end), rtol=1e-9)
     weights = np.tile(method.weights * (end / 100.0), 100)
     torque = result.torque - (result.inertia_torque if model == "sfoam" else 0.0)
     work = weights @ (torque * result.hub_speed)[:-1]
@@ -97,7 +97,7 @@ def test_motion_runs_back_when_time_does(model, seed):
     last = beam.simulate(there, [end], rtol=1e-10).states[-1]
     half = last.size // 2
     turned = np.concatenate([last[:half], -last[half:]])
-    back = beam.simulate(torque(lambda t: there.torque(end - t)), [end], turned, rtol=1e-10).states[-1]
+    back = beam.simulate(applied_torque(lambda t: there.torque(end - t)), [end], turned, rtol=1e-10).states[-1]
     sizes = np.abs(last).max()
     assert np.abs(back).max() <= 1e-6 * sizes
 
@@ -108,7 +108,7 @@ def test_motion_may_be_taken_up_at_any_instant(model):
     whole = sine_torque(150.0, 5.0, 5.0)
     middle, end = 2.3, 7.0
     first = beam.simulate(whole, [middle], rtol=1e-9)
-    later = torque(lambda t: whole.torque(t + middle), (5.0 - middle,))
+    later = applied_torque(lambda t: whole.torque(t + middle), (5.0 - middle,))
     second = beam.simulate(later, [end - middle], first.states[-1], rtol=1e-9)
     direct = beam.simulate(whole, [end], rtol=1e-9)
     size = np.abs(direct.states[-1]).max()
@@ -128,7 +128,7 @@ def test_the_opposite_torque_mirrors_the_motion(model):
 
 @pytest.mark.parametrize("model", MODELS)
 def test_without_torque_what_rests_stays_at_rest(model):
-    result = hub_beam(BAI, model, 3).simulate(free(), np.linspace(0.0, 60.0, 7))
+    result = hub_beam(BAI, model, 3).simulate(free_hub(), np.linspace(0.0, 60.0, 7))
     assert result.path == SWEPT
     assert not result.states.any()
     assert result.error_estimate == 0.0
@@ -144,7 +144,7 @@ def test_a_planned_torque_moves_the_beam_as_its_function_does(model, intervals):
         history = held(np.linspace(0.0, 3.0, intervals + 1), rng.uniform(-80.0, 80.0, intervals))
     timepts = np.linspace(0.0, 3.0, 61)
     found = beam.simulate(history, timepts, rtol=1e-10, atol=1e-14)
-    exact = collocated(beam, torque(history, history.breakpoints), timepts, 1e-11)
+    exact = collocated(beam, applied_torque(history, history.breakpoints), timepts, 1e-11)
     assert found.path == SWEPT
     assert np.abs(found.tip_displacement - exact.tip).max() <= 1e-9 * np.abs(exact.tip).max()
     ends = np.concatenate([

@@ -120,12 +120,12 @@ _MACHINES = [
     ),
     (lambda: _beam(time=[0.0, 1e9], sample_time=1e9), "timepts: the motion would take"),
     # controllers that change
-    (lambda: bc.schedule([_law()], [0.0]), "values: expected one for each of two or more"),
-    (lambda: bc.schedule([_law(), _law(1)], [1.0, 0.0]), "expected ascending ones"),
-    (lambda: bc.schedule([_law(), _law(dt=0.1)], [0.0, 1.0]), r"controllers\[1\]: expected the dt of the first"),
-    (lambda: bc.schedule([_law(), _law(inputs=["a", "b"])], [0.0, 1.0]), r"controllers\[1\]: expected the inputs"),
+    (lambda: bc.gain_schedule([_law()], [0.0]), "values: expected one for each of two or more"),
+    (lambda: bc.gain_schedule([_law(), _law(1)], [1.0, 0.0]), "expected ascending ones"),
+    (lambda: bc.gain_schedule([_law(), _law(dt=0.1)], [0.0, 1.0]), r"controllers\[1\]: expected the dt of the first"),
+    (lambda: bc.gain_schedule([_law(), _law(inputs=["a", "b"])], [0.0, 1.0]), r"controllers\[1\]: expected the inputs"),
     (
-        lambda: bc.schedule([_law(), ct.ss([], [], [], [[-1.0, -1.0]], 0.02, **_HUB)], [0.0, 1.0]),
+        lambda: bc.gain_schedule([_law(), ct.ss([], [], [], [[-1.0, -1.0]], 0.02, **_HUB)], [0.0, 1.0]),
         r"controllers\[1\]: expected 1 state, as the first, got 0",
     ),
     (lambda: _varying(1), r"B has shape \(3, 1, 1\); expected \(3, 1, 2\)"),

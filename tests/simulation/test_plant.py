@@ -163,9 +163,9 @@ def test_motion_matches_arb(kind, seed):
 
 def free_shaft():
     """Return a free steel shaft with a load at an end."""
-    section = s.rod_section(0.02)
-    steel = s.BeamSection(0.3, 7850.0 * section.area, 2.1e11 * section.second_moment)
-    shaft = s.Beam("shaft", s.GROUND.at(0.0), s.free("y", "theta"), (0.0, 0.0), (steel,), s.FiniteElements(10))
+    section = s.circular_section(0.02)
+    steel = s.BeamSegment(0.3, 7850.0 * section.area, 2.1e11 * section.second_moment)
+    shaft = s.Beam("shaft", s.GROUND.at(0.0), s.planar("y", "theta"), (0.0, 0.0), (steel,), s.FiniteElements(10))
     loaded, other = shaft.at(0.3), shaft.at(0.0)
     outputs = (s.Output("at", loaded), s.Output("rate", loaded, derivative=1), s.Output("other", other))
     return s.Assembly((shaft,), forces=(s.Force("u", loaded), s.Force("w", other)), outputs=outputs).assemble()

@@ -23,7 +23,7 @@ def _law(k):
 
 
 def _scheduled():
-    return bc.schedule([_law(k) for k in range(len(_SPEEDS))], _SPEEDS)
+    return bc.gain_schedule([_law(k) for k in range(len(_SPEEDS))], _SPEEDS)
 
 
 def _interpolated(measured):
@@ -56,7 +56,7 @@ def test_equal_controllers_are_one(seed, delay, limit):
     rng = np.random.default_rng(seed)
     plant = random_plant(rng)
     law = random_controller(rng, _TS, gain=0.1)
-    scheduled = bc.schedule([law, law, law], [-1.0, 0.1, 2.0], plant.output_labels[1])
+    scheduled = bc.gain_schedule([law, law, law], [-1.0, 0.1, 2.0], plant.output_labels[1])
     time = np.linspace(0.0, 2.0, 101)
     given = {"sample_time": _TS, "delay": delay, "force_limit": limit}
     w = {plant.input_labels[-1]: rng.normal(size=101)}
@@ -101,6 +101,8 @@ def test_frozen_controllers_stand_on_straight_lines():
     scheduled, (low, middle, high) = _scheduled(), (_law(k) for k in range(3))
     for value, wanted in ((-1.0, low.C), (0.03, middle.C), (0.265, 0.5 * (middle.C + high.C)), (9.0, high.C)):
         np.testing.assert_allclose(scheduled.at(value).C, wanted, rtol=1e-14)
-    unread = bc.schedule([ct.ss([], [], [], [[k]], inputs="tip", outputs="torque") for k in (1.0, 2.0)], [0.0, 1.0])
+    unread = bc.gain_schedule(
+        [ct.ss([], [], [], [[k]], inputs="tip", outputs="torque") for k in (1.0, 2.0)], [0.0, 1.0]
+    )
     assert unread.inputs == ("tip", "hub_speed")
     np.testing.assert_array_equal(unread.at(0.25).D, [[1.25, 0.0]])

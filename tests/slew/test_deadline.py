@@ -15,7 +15,7 @@ import pytest
 
 import boomctl as bc
 from boomctl import progress
-from boomctl.slew import SlewProgress, TorqueHistory, resolve
+from boomctl.slew import SlewProgress, TorqueProfile, resolve
 
 LONG = """
 import signal, sys
@@ -155,7 +155,7 @@ def test_switches_least_effort_or_noise_none():
     assert found.history.switches.size == 0
     assert found.certificate.switches is None
     values = np.concatenate([np.full(10, 5.0), 1e-6 * (-1.0) ** np.arange(20), np.full(10, -5.0)])
-    noisy = TorqueHistory(np.arange(41.0), values, values)
+    noisy = TorqueProfile(np.arange(41.0), values, values)
     assert noisy.switches.size == 0
-    bang = TorqueHistory(np.arange(4.0), np.array([5.0, -5.0, 5.0]), np.array([5.0, -5.0, 5.0]))
+    bang = TorqueProfile(np.arange(4.0), np.array([5.0, -5.0, 5.0]), np.array([5.0, -5.0, 5.0]))
     assert list(bang.switches) == [1.0, 2.0]

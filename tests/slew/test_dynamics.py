@@ -42,7 +42,9 @@ def _end(plant, steps, torque=150.0, duration=0.8):
 
 
 def _exact(h, plant, torque=150.0, duration=0.8):
-    motion = h.simulate(bc.torque(lambda t: torque + 0.0 * np.asarray(t)), [0.0, duration], rtol=1e-11, atol=1e-14)
+    motion = h.simulate(
+        bc.maneuvers.applied_torque(lambda t: torque + 0.0 * np.asarray(t)), [0.0, duration], rtol=1e-11, atol=1e-14
+    )
     return plant.from_state @ motion.states[-1]
 
 

@@ -77,7 +77,7 @@ def test_each_objective_is_best_at_its_own(beam):
 def test_limits_are_kept_on_a_dense_replay(beam, name, value):
     slew = bc.optimal_slew(beam, ANGLE, LIMIT, intervals=100, **{name: value})
     t = np.linspace(0.0, slew.duration, 4001)
-    r = beam.simulate(bc.torque(slew.history, slew.history.breakpoints), t, rtol=1e-10, atol=1e-12)
+    r = beam.simulate(bc.maneuvers.applied_torque(slew.history, slew.history.breakpoints), t, rtol=1e-10, atol=1e-12)
     reached = {
         "speed_limit": np.abs(r.hub_speed).max(),
         "tip_limit": np.abs(r.tip_displacement).max(),
@@ -166,7 +166,9 @@ def test_payloads_come_to_rest_together():
     slew = bc.optimal_slew(h, ANGLE, LIMIT, "effort", 5.0, tip_masses=masses, intervals=60)
     for mass in (0.1, *masses):
         other = h.with_tip_mass(mass)
-        r = other.simulate(bc.torque(slew.history, slew.history.breakpoints), slew.duration + np.linspace(0, 3, 31))
+        r = other.simulate(
+            bc.maneuvers.applied_torque(slew.history, slew.history.breakpoints), slew.duration + np.linspace(0, 3, 31)
+        )
         assert np.abs(r.tip_displacement).max() < 1e-4
 
 

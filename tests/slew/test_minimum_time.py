@@ -17,7 +17,7 @@ from boomctl.slew.least_time.switching import least_time, misfit, rigid_and_slow
 from boomctl.slew.plant import plant_of
 from boomctl.slew.problem import Limits, slew_problem
 from boomctl.slew.replay import _linear_motion
-from boomctl.slew.torque import TorqueHistory
+from boomctl.slew.torque import TorqueProfile
 from tests.profiles import examples
 from tests.slew.systems import rigid, two_masses, two_masses_exact
 
@@ -232,7 +232,7 @@ def test_the_switching_function_is_the_costate_carried_back(modes):
 def test_a_linear_replay_is_exact_under_torques_that_are_held_or_straight():
     """Against the exponential of the whole: Taylor's maps, shared by the steps of an interval, leave rounding alone."""
     plant = plant_of(bc.hub_beam(modes=2).linearize())
-    history = TorqueHistory(np.array([0.0, 0.3, 1.0, 1.7]), np.array([5.0, -2.0, 1.0]), np.array([5.0, 3.0, 0.0]))
+    history = TorqueProfile(np.array([0.0, 0.3, 1.0, 1.7]), np.array([5.0, -2.0, 1.0]), np.array([5.0, 3.0, 0.0]))
     times = np.unique(np.concatenate([np.linspace(0.0, 1.7, 20), history.edges]))
     states = _linear_motion(plant, history, np.zeros(plant.n), times) @ plant.from_state.T
     state, expected = np.zeros(plant.n), [np.zeros(plant.n)]
@@ -256,7 +256,7 @@ def test_an_angle_in_degrees_and_a_slew_played_on_another_beam():
     again = beam.simulate(slew)
     assert_allclose(again.tip_displacement, slew.tip_displacement, atol=1e-7)
     loaded = bc.hub_beam(modes=1, tip_mass=0.1)
-    played = loaded.simulate(bc.torque(slew.history, breakpoints=slew.history.breakpoints), slew.time)
+    played = loaded.simulate(bc.maneuvers.applied_torque(slew.history, breakpoints=slew.history.breakpoints), slew.time)
     assert_allclose(loaded.simulate(slew).tip_displacement, played.tip_displacement, atol=1e-12)
     assert_allclose(loaded.simulate(slew.history, slew.time).hub_angle, played.hub_angle, atol=1e-12)
     with pytest.raises(TypeError, match="timepts: expected instants"):

@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 import boomctl as bc
 from boomctl.slew.dynamics import path_peak
 from boomctl.slew.plant import plant_of
-from boomctl.slew.torque import TorqueHistory
+from boomctl.slew.torque import TorqueProfile
 
 WITHIN = 2e-9  # relative: the tolerance to which plans meet limits, and the error of the integration
 
@@ -63,7 +63,7 @@ def random_torque(rng, duration, ramps):
     edges = np.append(np.sort(rng.uniform(0.0, 0.98, 12)) * duration, duration)
     edges[0] = 0.0
     values = rng.uniform(-1.0, 1.0, 13)
-    return TorqueHistory(edges, values[:-1], values[1:] if ramps else values[:-1])
+    return TorqueProfile(edges, values[:-1], values[1:] if ramps else values[:-1])
 
 
 @pytest.mark.parametrize("seed", [*range(4), *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(4, 60))])
@@ -110,7 +110,7 @@ def test_path_peak_of_beam_equals_peak_on_dense_times(model):
     beam = bc.hub_beam(model=model, modes=2)
     plant, rng = plant_of(beam), np.random.default_rng(0)
     history = random_torque(rng, 2.0, True)
-    history = TorqueHistory(history.edges, 100.0 * history.left, 100.0 * history.right)
+    history = TorqueProfile(history.edges, 100.0 * history.left, 100.0 * history.right)
     time = np.union1d(np.linspace(0.0, 2.0, int(40 * plant.fastest_vibration * 2.0 / (2.0 * np.pi))), history.edges)
     coarse, dense = (
         beam.simulate(history, t, rtol=1e-11, atol=1e-14).states @ plant.from_state.T

@@ -97,6 +97,6 @@ def test_compare_slews_plays_tip_masses():
     line = found["fastest"]
     assert line.vibrations[0] < 1e-4
     after = slew.duration + np.linspace(0.0, 10.0, 2001)
-    heavier = h.with_tip_mass(0.4).simulate(bc.torque(slew.history, slew.history.breakpoints), after)
+    heavier = h.with_tip_mass(0.4).simulate(bc.maneuvers.applied_torque(slew.history, slew.history.breakpoints), after)
     assert line.vibrations[1] == pytest.approx(np.abs(heavier.tip_displacement).max(), rel=1e-2)
     assert len(figure_of(found.plot).axes) == 7

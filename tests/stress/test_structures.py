@@ -15,7 +15,7 @@ from boomctl.structure import (
     GROUND,
     Assembly,
     Beam,
-    BeamSection,
+    BeamSegment,
     CutJoint,
     FiniteElements,
     Force,
@@ -23,7 +23,7 @@ from boomctl.structure import (
     RigidBody,
     SpringDamper,
     fixed,
-    free,
+    planar,
     prescribe_displacement,
     revolute,
 )
@@ -47,7 +47,7 @@ def response(model, omega, inputs=ACTUATORS, outputs=TIPS):
 @over("count", 10, 1, 100, 190)
 def test_pinned_beam_frequency_equals_closed_form(check_error, count):
     """Equal elements; relative error against the mesh's own closed form."""
-    part = Beam("beam", GROUND.at(0.0), revolute(), (0.0, 0.0), (BeamSection(1.0, 1.0, 1.0),), FiniteElements(count))
+    part = Beam("beam", GROUND.at(0.0), revolute(), (0.0, 0.0), (BeamSegment(1.0, 1.0, 1.0),), FiniteElements(count))
     model = Assembly((part,), (), (), (), (CutJoint(part.at(1.0), GROUND.at(1.0), ("y",)),)).assemble()
     held = prescribe_displacement(model, hold=list(model.inputs))
     found = lambda: 2 * np.pi * held.eigenfrequencies_hz(1)  # noqa: E731
@@ -58,7 +58,7 @@ def test_pinned_beam_frequency_equals_closed_form(check_error, count):
 def test_cantilever_of_unlike_elements_equals_sixty_digits(check_error, ratio):
     """Lengths of neighbours 1 : ratio; relative error of frequencies and responses against sixty digits."""
     nodes = tuple(np.cumsum([0.0, 1.0, 1.0 / ratio, 1.0, 1.0, 1.0 / ratio]).tolist())
-    section, omega = BeamSection(nodes[-1], 1.0, 1.0), [0.0, 0.1, 1.0, 10.0]
+    section, omega = BeamSegment(nodes[-1], 1.0, 1.0), [0.0, 0.1, 1.0, 10.0]
     part = Beam("beam", GROUND.at(0.0), fixed(), (0.0, 0.0), (section,), FiniteElements(nodes))
     tip = part.at(nodes[-1])
     model = Assembly((part,), (), (Force("f", tip),), (Output("y", tip),)).assemble()
@@ -74,8 +74,8 @@ def test_cantilever_of_unlike_elements_equals_sixty_digits(check_error, ratio):
 @over("gap", 1e-3, 1.0, 1e-6, 1e-9, 1e-12, 1e-15)
 def test_bar_held_and_moved_near_the_same_place_is_a_lever(check_error, gap):
     """A mass hangs on the bar's end by a spring; relative error against the lever's law."""
-    bar = RigidBody("bar", GROUND.at(0.0), free("y", "theta"), 1.0, 1.0, (0.5, 0.0))
-    mass = RigidBody("mass", GROUND.at(1.0), free("y"), 1.0)
+    bar = RigidBody("bar", GROUND.at(0.0), planar("y", "theta"), 1.0, 1.0, (0.5, 0.0))
+    mass = RigidBody("mass", GROUND.at(1.0), planar("y"), 1.0)
     spring = SpringDamper(bar.at(1.0), mass.at(1.0), "y", 4.0, 0.1)
     forces = (Force("hold", bar.at(0.0)), Force("push", bar.at(gap)))
     model = Assembly((bar, mass), (spring,), forces, (Output("tip", mass.at(1.0)),)).assemble()

@@ -16,7 +16,7 @@ from boomctl.structure import (
     Point,
     RigidBody,
     SpringDamper,
-    free,
+    planar,
 )
 from tests.references import dense
 from tests.strategies import random_machine, seeds
@@ -128,7 +128,7 @@ def refined(machine, order):
 
 
 def test_what_acts_along_what_joints_hold_is_warned_of():
-    body = RigidBody("body", GROUND.at(0.0), free("x"), 2.0)
+    body = RigidBody("body", GROUND.at(0.0), planar("x"), 2.0)
     parts = {
         "links": tuple(SpringDamper(body.at(0.0), GROUND.at(0.0), line, 5.0) for line in ("x", "y")),
         "forces": (Force("lift", body.at(0.0), "y"), Force("push", body.at(0.0), 0.0)),

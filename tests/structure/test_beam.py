@@ -11,7 +11,7 @@ from boomctl.structure import (
     GROUND,
     Assembly,
     Beam,
-    BeamSection,
+    BeamSegment,
     CutJoint,
     DiscreteElements,
     FiniteElements,
@@ -20,18 +20,18 @@ from boomctl.structure import (
     RigidBody,
     SpringDamper,
     fixed,
-    free,
+    planar,
     revolute,
 )
 from boomctl.structure.beams.eigenvalues import undamped_frequencies
 from tests.references import ROOTS, dense, natural_frequencies
 from tests.strategies import random_stepped_beam, seeds
 
-TWO = (BeamSection(0.7, 1.3, 2.0, 1e-3), BeamSection(1.1, 0.8, 0.9, 1e-3))
+TWO = (BeamSegment(0.7, 1.3, 2.0, 1e-3), BeamSegment(1.1, 0.8, 0.9, 1e-3))
 MASSES = ("hermite", "linear", "lumped")
 
 
-def beam(mesh, sections=(BeamSection(1.0, 1.0, 1.0),), joint=fixed(), at=()):  # noqa: B008
+def beam(mesh, sections=(BeamSegment(1.0, 1.0, 1.0),), joint=fixed(), at=()):  # noqa: B008
     """Return a beam from x = 0 on, pushed at its end and at the places ``at``; deflections there are read, then slopes."""
     part = Beam("beam", GROUND.at(0.0), joint, (0.0, 0.0), tuple(sections), mesh)
     places = [*at, part.length]
@@ -60,8 +60,8 @@ def test_a_cantilever_bends_statically_as_it_should(elements, order):
 @given(seeds, st.sampled_from(MASSES), st.integers(2, 9))
 def test_every_discretisation_keeps_the_mass(seed, mass, elements):
     """And its first moment; its second only where mass is consistent with rotation."""
-    sections = [BeamSection(*np.random.default_rng(seed).uniform(0.5, 2.0, 3)) for _ in range(2)]
-    part = beam(DiscreteElements(elements, mass), sections, free("y", "theta")).bodies[0]
+    sections = [BeamSegment(*np.random.default_rng(seed).uniform(0.5, 2.0, 3)) for _ in range(2)]
+    part = beam(DiscreteElements(elements, mass), sections, planar("y", "theta")).bodies[0]
     mesh = part.discretization.mesh(part, [])
     M, ends = mass_matrix(part, mesh), np.cumsum([section.length for section in sections])
     shift, turn = np.zeros(len(M)), np.zeros(len(M))
@@ -140,9 +140,9 @@ def test_moved_and_turned_machine_has_same_frequencies(seed):
     carried, load_at, relative = rng.uniform(0.1, 1.0), rng.uniform(0.0, 1.0), rng.uniform(-1.5, 1.5)
 
     def machine(start, angle):
-        stepped, base = (BeamSection(0.3 * a, 2.0, 500.0, 1e-4), BeamSection(0.7 * a, 1.0, 300.0)), GROUND.at(*start)
+        stepped, base = (BeamSegment(0.3 * a, 2.0, 500.0, 1e-4), BeamSegment(0.7 * a, 1.0, 300.0)), GROUND.at(*start)
         mast = Beam("mast", base, fixed(), base, stepped, FiniteElements(4), angle)
-        joint, uniform = mast.at(carried * a), (BeamSection(b, 1.5, 200.0),)
+        joint, uniform = mast.at(carried * a), (BeamSegment(b, 1.5, 200.0),)
         arm = Beam("arm", joint, revolute(), joint, uniform, FiniteElements(4), angle + relative)
         middle, tip = ((p, GROUND.at_point(p.x, p.y)) for p in (arm.at(0.5 * b), arm.end))
         loads = RigidBody("knob", mast.at(load_at * a), fixed(), 1.0), RigidBody("load", arm.end, fixed(), 3.0, 0.2)

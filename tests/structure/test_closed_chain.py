@@ -12,14 +12,14 @@ from boomctl.structure import (
     GROUND,
     Assembly,
     Beam,
-    BeamSection,
+    BeamSegment,
     CutJoint,
     FiniteElements,
     Force,
     Output,
     RigidBody,
     SpringDamper,
-    free,
+    planar,
     revolute,
 )
 
@@ -33,7 +33,7 @@ def linkage(B, C, stiffness, mesh=FiniteElements(4)):  # noqa: B008
     length, angle = hypot(C[0] - B[0], C[1] - B[1]), atan2(C[1] - B[1], C[0] - B[0])
     crank = RigidBody("crank", GROUND.at(*A), revolute(), 2.0, 0.5, (B[0] / 2, B[1] / 2))
     rocker = RigidBody("rocker", GROUND.at(*D), revolute(), 3.0, 0.8, ((C[0] + D[0]) / 2, (C[1] + D[1]) / 2))
-    section = BeamSection(length, 0.9, stiffness, 1e-3)
+    section = BeamSegment(length, 0.9, stiffness, 1e-3)
     coupler = Beam("coupler", crank.at(*B), revolute(), B, (section,), mesh, angle)
     return Assembly(
         bodies=(crank, rocker, coupler),
@@ -91,7 +91,7 @@ def test_the_exact_coupler_is_the_limit_of_high_order_ones(shape):
 @pytest.mark.parametrize("place", [0.3, 0.1 + 0.2])
 def test_a_cut_joint_at_a_hinge_is_no_lock(place):
     """Places that are one but for rounding are one: the joint holds nothing there that the hinge does not hold already."""
-    arm = RigidBody("arm", GROUND.at(0.3), free("x", "theta"), 1.0, 0.1, (0.8, 0.0))
+    arm = RigidBody("arm", GROUND.at(0.3), planar("x", "theta"), 1.0, 0.1, (0.8, 0.0))
     swing = Force("swing", arm.at(1.0), "y")
     with pytest.raises(ValueError, match="moves no coordinate"):
         Assembly((arm,), (), (swing,), cuts=(CutJoint(arm.at(place), GROUND.at(place), ("y",)),)).assemble()

@@ -10,13 +10,13 @@ from boomctl.structure import (
     GROUND,
     Assembly,
     Beam,
-    BeamSection,
+    BeamSegment,
     CutJoint,
     FiniteElements,
     Force,
     Output,
     fixed,
-    free,
+    planar,
     revolute,
 )
 from boomctl.structure.beams.eigenvalues import undamped_frequencies
@@ -25,13 +25,13 @@ from tests.strategies import random_stepped_beam, seeds
 
 SUPPORTS = {
     "clamped-free": (fixed(), False),
-    "free-free": (free("y", "theta"), False),
+    "free-free": (planar("y", "theta"), False),
     "pinned-free": (revolute(), False),
     "pinned-pinned": (revolute(), True),
 }
 
 
-def beam(supports, sections=(BeamSection(1.0, 1.0, 1.0),), mesh=FiniteElements(1)):  # noqa: B008
+def beam(supports, sections=(BeamSegment(1.0, 1.0, 1.0),), mesh=FiniteElements(1)):  # noqa: B008
     """Return a beam from x = 0 on, held as the key of ``SUPPORTS`` says, pushed and read at its end."""
     joint, pinned = SUPPORTS[supports]
     part = Beam("beam", GROUND.at(0.0), joint, (0.0, 0.0), tuple(sections), mesh)

@@ -16,7 +16,7 @@ from boomctl.structure import (
     Beam,
     Force,
     RigidBody,
-    free,
+    planar,
     prescribe_displacement,
 )
 from tests.exact_machine import drawn, response
@@ -105,7 +105,7 @@ def test_what_is_held_is_not_prescribed_once_more(seed):
     angle, size = rng.uniform(-3.0, 3.0), 10.0 ** rng.uniform(-3, 3)
     corner = size * rng.uniform(-2.0, 2.0, 2) + size * rng.integers(-50, 50, 2)
     beside = corner + size * rng.uniform(-3.0, 3.0) * np.array([cos(angle), sin(angle)])
-    body = RigidBody("body", GROUND.at(*(corner + size)), free("x", "y", "theta"), 2.0, 0.7 * size**2)
+    body = RigidBody("body", GROUND.at(*(corner + size)), planar("x", "y", "theta"), 2.0, 0.7 * size**2)
     forces = (
         Force("hold", body.at(*corner), angle),
         Force("again", body.at(*beside), angle),

@@ -17,13 +17,13 @@ from boomctl.structure import (
     GROUND,
     Assembly,
     Beam,
-    BeamSection,
+    BeamSegment,
     FiniteElements,
     Force,
     Output,
     SpringDamper,
     fixed,
-    free,
+    planar,
 )
 from boomctl.structure.beams.dynamic_stiffness import (
     strain_functions,
@@ -129,7 +129,7 @@ def test_eigenfrequencies_of_the_boom_at_any_spring_distance(distance):
 
 def cantilever(lengths, soft=1.0):
     """Return a clamped beam in sections, with a spring to ground at its end, pushed and read there."""
-    sections = tuple(BeamSection(float(length), 2.5, 4000.0, 1e-5) for length in lengths)
+    sections = tuple(BeamSegment(float(length), 2.5, 4000.0, 1e-5) for length in lengths)
     part = Beam("beam", GROUND.at(0.0), fixed(), (0.0, 0.0), sections, FiniteElements(len(sections)))
     end = part.end
     spring = SpringDamper(end, GROUND.at(part.length), "y", soft, 1e-3)
@@ -157,8 +157,8 @@ def test_a_free_beam_moves_as_a_rigid_one_at_low_frequency(seed):
     """``y = -F (1/m + x^2/J)/omega^2``, however stiff its segments; as a whole they strain nothing, to the last digit."""
     rng = np.random.default_rng(seed)
     lengths = 10.0 ** rng.uniform(-4.0, 0.5, 3)
-    sections = tuple(BeamSection(float(length), 2.5, 4e6) for length in lengths)
-    part = Beam("beam", GROUND.at(0.0), free("y", "theta"), (0.0, 0.0), sections, FiniteElements(3))
+    sections = tuple(BeamSegment(float(length), 2.5, 4e6) for length in lengths)
+    part = Beam("beam", GROUND.at(0.0), planar("y", "theta"), (0.0, 0.0), sections, FiniteElements(3))
     end, total = part.end, lengths.sum()
     machine = Assembly((part,), (), (Force("f", end, "y"),), (Output("y", end, "y"),)).exact()
     omega = np.array([1e-5])

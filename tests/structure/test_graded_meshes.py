@@ -9,7 +9,7 @@ from hypothesis import given
 import boomctl as bc
 from boomctl.analysis.norm import LOST
 from boomctl.lti.rounding import AccuracyWarning
-from boomctl.structure import GROUND, Assembly, Beam, BeamSection, FiniteElements, Force, Output, fixed
+from boomctl.structure import GROUND, Assembly, Beam, BeamSegment, FiniteElements, Force, Output, fixed
 from boomctl.structure.response.poles import damped_poles, undamped_modes
 from tests.profiles import examples
 from tests.strategies import seeds
@@ -56,7 +56,7 @@ def unlike_sections(seed):
     cuts = np.sort(rng.uniform(0.05, 0.95, int(rng.integers(1, 4))))
     lengths = np.diff(np.concatenate([[0.0], cuts, [1.0]]))
     sections = [
-        BeamSection(length, 10.0 ** rng.uniform(-2, 2), 10.0 ** rng.uniform(-6, 6)) for length in lengths.tolist()
+        BeamSegment(length, 10.0 ** rng.uniform(-2, 2), 10.0 ** rng.uniform(-6, 6)) for length in lengths.tolist()
     ]
     marks = np.concatenate([[0.0], np.cumsum(lengths)])
     marks[-1] = 1.0

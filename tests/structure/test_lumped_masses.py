@@ -12,7 +12,7 @@ from boomctl.lab.benchmark.high_precision import carried
 from boomctl.structure.assembly import Assembly
 from boomctl.structure.beams.eigenvalues import undamped_frequencies
 from boomctl.structure.beams.elements import DiscreteElements, FiniteElements
-from boomctl.structure.parts import GROUND, Beam, BeamSection, RigidBody, fixed
+from boomctl.structure.parts import GROUND, Beam, BeamSegment, RigidBody, fixed
 
 LINK, BEAM_MASS, STIFFNESS = 1.0, 1.0, 100.0  # m, kg of both links, N m^2
 MOTOR = 0.6  # share of the lumped mass that is at the elbow
@@ -20,7 +20,7 @@ MODES = 2  # as many as there are lumped masses
 
 
 def arm(ratio, mesh):
-    section = BeamSection(LINK, BEAM_MASS / (2 * LINK), STIFFNESS)
+    section = BeamSegment(LINK, BEAM_MASS / (2 * LINK), STIFFNESS)
     beam = Beam("arm", GROUND.at(0.0), fixed(), (0.0, 0.0), (section, section), mesh)
     masses = (("motor", LINK, MOTOR * ratio * BEAM_MASS), ("payload", 2 * LINK, (1.0 - MOTOR) * ratio * BEAM_MASS))
     return Assembly((beam, *(RigidBody(name, beam.at(x), fixed(), mass) for name, x, mass in masses)))

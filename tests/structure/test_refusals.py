@@ -13,7 +13,7 @@ from boomctl.structure import (
     GROUND,
     Assembly,
     Beam,
-    BeamSection,
+    BeamSegment,
     CutJoint,
     DiscreteElements,
     FiniteElements,
@@ -22,14 +22,14 @@ from boomctl.structure import (
     RigidBody,
     SecondOrderModel,
     SpringDamper,
+    circular_tube_section,
     fixed,
-    free,
     i_section,
+    planar,
     prescribe_displacement,
+    rectangular_tube_section,
     revolute,
-    round_tube_section,
     split_symmetric,
-    tube_section,
 )
 from boomctl.structure.beams.eigenvalues import damped_eigenvalues
 from boomctl.structure.response.poles import undamped_modes
@@ -37,9 +37,9 @@ from tests import handed_out as one
 from tests.strategies import random_stepped_beam
 
 ONE = np.eye(1)
-SECTION = BeamSection(2.0, 1.0, 1.0)
-BODY = RigidBody("body", GROUND.at(0.0), free("y"), 1.0)
-OTHER = RigidBody("other", BODY.at(0.0), free("y"), 1.0)
+SECTION = BeamSegment(2.0, 1.0, 1.0)
+BODY = RigidBody("body", GROUND.at(0.0), planar("y"), 1.0)
+OTHER = RigidBody("other", BODY.at(0.0), planar("y"), 1.0)
 CRANK = RigidBody("crank", GROUND.at(0.0), revolute(), 1.0, 1.0)
 MASSLESS = RigidBody("body", GROUND.at(0.0), revolute())
 FORCES = {
@@ -128,9 +128,9 @@ REFUSED = [
     (lambda: beam(parent=GROUND.at(1.0, 0.1)), r"0\.1 m beside an axis of 2 m"),
     (lambda: beam().at(-0.001), r"`s` must be from 0 to 2 m, the length of beam .beam., got -0\.001\. Use `at_point"),
     (lambda: beam().at(0.5, 0.0), r"Use `at_point\(x, y\)` for a position in the drawing"),
-    (lambda: tube_section(0.02, 0.06, 0.01), r"wall = 0\.01: expected less than half the width"),
-    (lambda: tube_section(0.06, 0.02, (0.001, 0.02)), "less than half the depth"),
-    (lambda: round_tube_section(0.06, 0.03), "less than half the diameter"),
+    (lambda: rectangular_tube_section(0.02, 0.06, 0.01), r"wall = 0\.01: expected less than half the width"),
+    (lambda: rectangular_tube_section(0.06, 0.02, (0.001, 0.02)), "less than half the depth"),
+    (lambda: circular_tube_section(0.06, 0.03), "less than half the diameter"),
     (lambda: i_section(0.1, 0.2, 0.15, 0.01), r"web = 0\.15: expected at most the width"),
     # displacement inputs
     (lambda: moved("left", "right", "sum"), "'left', 'right', 'sum': more displacements"),

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import boomctl as bc
-from boomctl.analysis import NormCertificate
+from boomctl.analysis import NormBounds
 from boomctl.boom.tracks import GROUND_LENGTH
 from boomctl.files import plain
 from boomctl.structure import SecondOrderModel
@@ -19,11 +19,11 @@ from boomctl.studies.slew import SlewEvaluation
 from boomctl.studies.suspension import (
     MASS,
     SPRING,
-    FieldScene,
+    FieldScenario,
     SuspensionDesign,
     SuspensionResult,
     assurance,
-    performance,
+    evaluate_suspension,
 )
 from boomctl.studies.suspension.performance import _peak
 
@@ -65,7 +65,7 @@ def test_findings_become_words_numbers_and_tables():
 
 def test_peak_and_margins_without_certificate_say_so():
     """Of a suspension whose peaks, and whose disk margin, could not be shown to be as large as that."""
-    norm = NormCertificate(2.0, np.inf, 1.0, "not found")
+    norm = NormBounds(2.0, np.inf, 1.0, "not found")
     assert [_peak("", each, "").text for each in (norm, replace(norm, upper=2.0))] == ["2.000, NOT certified", "2.000"]
     true = bc.margins(SPRUNG, DAMPER)
     doubted = replace(true, loops=tuple(replace(loop, disk=replace(loop.disk, certified=False)) for loop in true.loops))
@@ -76,14 +76,14 @@ def test_peak_and_margins_without_certificate_say_so():
 
 @pytest.mark.parametrize("doubted", ["passive", "active", ""])
 def test_suspension_verdict_is_certified_if_both_peaks_are(doubted):
-    run = performance("", FieldScene(run_in=0.0, duration=0.5, elements=2), bc.BoomParameters())
+    run = evaluate_suspension("", FieldScenario(run_in=0.0, duration=0.5, elements=2), bc.BoomParameters())
     peak = run.sigma.certificate
     assert run.yaw.lower == pytest.approx(peak.lower, rel=1e-4)
     assert run.jolt.lower < 0.1 * run.yaw.lower
     both = dict.fromkeys(("passive", "active"), run)
     if doubted:
         both[doubted] = replace(run, sigma=replace(run.sigma, _of=replace(peak, upper=2.0 * peak.lower)))
-    found = SuspensionResult(SuspensionDesign("", ""), FieldScene(), both["passive"], both["active"], (), None, ())
+    found = SuspensionResult(SuspensionDesign("", ""), FieldScenario(), both["passive"], both["active"], (), None, ())
     assert found.verdict.startswith("Peak, NOT certified, from" if doubted else "Certified peak from")
     assert not found.better  # than itself
 
@@ -96,7 +96,7 @@ def test_slew_verdict_has_ratio_of_durations():
 
 
 def test_field_scene_ends_where_ground_ends():
-    scene = FieldScene(duration=4000.0)
+    scene = FieldScenario(duration=4000.0)
     longest = (GROUND_LENGTH - scene.tractor.wheelbase - 1.0) / scene.speed  # a meter beyond the front wheels
     with pytest.raises(ValueError, match=r"expected at most .* s together at speed = 3 m/s") as raised:
         scene.motion()
@@ -118,14 +118,14 @@ def families(monkeypatch):
 
 
 def test_suspension_families_span_springs_and_masses(families):
-    found = list(assurance.Examined(bc.BoomParameters(), None, FieldScene(elements=4)).over_the_box())
+    found = list(assurance.Examined(bc.BoomParameters(), None, FieldScenario(elements=4)).over_the_box())
     assert [each.name.partition(":")[0] for each in found] == ["jolt", "jolt", "yaw", "yaw"]
     assert all(family.ranges == {"spring": SPRING, "mass": MASS} for family in families)
     assert families[0].names == families[3].names == ("spring", "mass")
 
 
 def test_measured_yaw_family_ends_at_measured_frequency(families):
-    assurance.Examined(bc.BoomParameters(hinge_damping=500.0), None, FieldScene()).at_the_measured_yaw(None)
+    assurance.Examined(bc.BoomParameters(hinge_damping=500.0), None, FieldScenario()).at_the_measured_yaw(None)
     booms = (bc.spray_boom(spring_stiffness=each, elements=6) for each in families[0].ranges["spring_stiffness"])
     yaw_hz = [bc.split_symmetric(boom)[1].eigenfrequencies_hz(1)[0] for boom in booms]
     assert yaw_hz == pytest.approx([0.245, assurance.MEASURED_YAW_HZ], abs=1e-4)

@@ -61,7 +61,7 @@ def test_machine_design_over_family_proves_stability():
     assert "controller.json" in result.controller_files()
 
 
-SCHEDULED = bc.schedule([DAMPER, DAMPER], [0.0, 1.0], "position")
+SCHEDULED = bc.gain_schedule([DAMPER, DAMPER], [0.0, 1.0], "position")
 
 
 @pytest.mark.parametrize(

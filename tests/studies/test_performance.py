@@ -7,12 +7,12 @@ import pytest
 from boomctl.analysis.sigma import sigma
 from boomctl.boom.parameters import BoomParameters
 from boomctl.plotting.suspension import draw_suspension_sigma
-from boomctl.studies.suspension.performance import _FREQUENCIES, InField, _loop_sigma, performance
-from boomctl.studies.suspension.scene import CONTROLS, STROKES, FieldScene, suspension_model
+from boomctl.studies.suspension.performance import _FREQUENCIES, InField, _loop_sigma, evaluate_suspension
+from boomctl.studies.suspension.scene import CONTROLS, STROKES, FieldScenario, suspension_model
 
 
 def test_the_curve_of_a_loop_is_that_on_all_its_frequencies_with_the_loops_peak():
-    loop = InField(BoomParameters(), None, FieldScene()).to_tips(suspension_model(BoomParameters(), 6, 20.0))
+    loop = InField(BoomParameters(), None, FieldScenario()).to_tips(suspension_model(BoomParameters(), 6, 20.0))
     found, alone = _loop_sigma(loop), sigma(loop)
     whole = sigma(loop, np.union1d(alone.omega, _FREQUENCIES))
     np.testing.assert_array_equal(found.omega, whole.omega)
@@ -29,13 +29,13 @@ def test_a_peak_that_is_infinite_or_higher_than_the_passive_one_is_drawn():
 
 
 def test_forces_change_as_fast_however_often_they_are_sampled_and_not_as_in_the_jump_at_the_start():
-    scene = FieldScene(run_in=1.0, duration=4.0, elements=4)
+    scene = FieldScenario(run_in=1.0, duration=4.0, elements=4)
     gain, rates = np.eye(2), []
     for step in (0.002, 0.0005):  # the second one four times in each step of the track's motion
         left = np.exp(-30.0 * step)
         damper = control.ss(left * gain, gain, 900.0 * (1.0 - left) * gain, -900.0 * gain, step)
         damper.input_labels, damper.output_labels = list(STROKES), list(CONTROLS)
-        found = performance("damper", scene, BoomParameters(), damper)
+        found = evaluate_suspension("damper", scene, BoomParameters(), damper)
         rates.append(found.force_rate)
         late = [found.run.controls[name][found.run.time >= 1.0] for name in CONTROLS]
         assert found.force_rate == pytest.approx(abs(np.diff(late)).max() / 0.002)

@@ -71,7 +71,7 @@ def test_a_zero_on_the_axis_is_seen_from_its_right():
     found = bound(P, 1, 1)
     assert "axis" in found[1]
     gains = (control.ss([], [], [], [[-gain]]) for gain in np.geomspace(1e-3, 1.0, 13))
-    least = min(bc.hinf_norm(bc.close_loop(P, K)).upper for K in gains)
+    least = min(bc.hinf_norm(bc.lft(P, K)).upper for K in gains)
     assert 0.3 < found[0] <= least * (1.0 + ROUNDING)
 
 
@@ -91,6 +91,6 @@ def test_no_stabilising_controller_is_below_it(seed, n, nw, nmeas, noise):
     for _ in range(20):
         order = int(rng.integers(0, 3))
         parts = (rng.normal(size=shape) for shape in [(order, order), (order, nmeas), (1, order), (1, nmeas)])
-        loop = bc.close_loop(P, control.ss(*parts))
+        loop = bc.lft(P, control.ss(*parts))
         if loop.poles().real.max(initial=-1.0) < 0.0:
             assert bc.hinf_norm(loop).upper >= found[0] * (1.0 - ROUNDING)

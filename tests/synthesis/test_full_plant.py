@@ -167,7 +167,7 @@ def test_what_is_said_of_the_full_plant_is_true(seed, states, kept, banded):
     if told.share < 1.0:
         assert slowest < 0.0
     if told.norm.certified:
-        whole = bc.close_loop(full_plant_of(P), found.scaled_controller)
+        whole = bc.lft(full_plant_of(P), found.scaled_controller)
         assert_allclose(bc.hinf_norm(whole).lower, told.norm.lower, rtol=1e-4)
 
 

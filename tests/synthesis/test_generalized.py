@@ -71,7 +71,7 @@ def test_close_loop_is_the_fractional_transformation(seed, n, k, omega):
     K = control.ss(*(rng.normal(size=shape) for shape in ((k, k), (k, 2), (1, k), (1, 2))))
     p, c = P(1j * omega), np.atleast_2d(K(1j * omega))
     expected = p[:3, :3] + p[:3, 3:] @ np.linalg.solve(np.eye(1) - c @ p[3:, 3:], c @ p[3:, :3])
-    loop = bc.close_loop(P, K)
+    loop = bc.lft(P, K)
     assert loop.input_labels == P.input_labels[:3]
     assert loop.output_labels == P.output_labels[:3]
     assert_allclose(loop(1j * omega), expected, rtol=1e-6, atol=1e-8 * np.abs(expected).max())
@@ -82,7 +82,7 @@ def test_close_loop_finds_signals_by_name():
     P = control.ss(P.A, P.B, P.C, P.D, inputs=["w", "u", "v"], outputs=["z", "a", "b", "c"])
     K = control.ss([], [], [], [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]], inputs=["c", "a", "b"], outputs=["v", "u"])
     straight = control.ss([], [], [], [[5.0, 6.0, 4.0], [2.0, 3.0, 1.0]], inputs=["a", "b", "c"], outputs=["u", "v"])
-    assert_allclose(bc.close_loop(P, K)(1j), bc.close_loop(P, straight)(1j))
+    assert_allclose(bc.lft(P, K)(1j), bc.lft(P, straight)(1j))
 
 
 @pytest.mark.parametrize("unit", [1e-9, 1e9])
@@ -94,7 +94,7 @@ def test_units_do_not_make_a_loop_ill_posed(unit):
     D = np.zeros((3, 3))
     D[1:, 1:] = measurements[:, None] * D22 * controls
     P = control.ss([[-1.0]], B[None, :], C[:, None], D)
-    loop = bc.close_loop(P, control.ss([], [], [], gains / np.outer(controls, measurements)))
+    loop = bc.lft(P, control.ss([], [], [], gains / np.outer(controls, measurements)))
     expected = -1.0 + np.ones(2) @ np.linalg.solve(np.eye(2) - gains @ D22, gains @ np.ones(2))
     assert_allclose(loop.A, expected, rtol=1e-9)
 

@@ -56,7 +56,7 @@ def test_h2_norm_is_that_of_pulses_and_no_neighbor_has_less(dt, seed):
                 np.asarray(part) + size * np.abs(part).max() * rng.standard_normal(part.shape)
                 for part in (K.A, K.B, K.C, K.D)
             )
-            other = bc.h2_norm(bc.close_loop(P, control.ss(A, B, C, D, dt, **names)))
+            other = bc.h2_norm(bc.lft(P, control.ss(A, B, C, D, dt, **names)))
             assert other.value >= design.norm * (1.0 - 1e-9)
 
 

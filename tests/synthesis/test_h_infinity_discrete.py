@@ -46,7 +46,7 @@ def test_the_loop_has_the_norm_and_slicot_does_not_go_below_the_bound(seed):
     for level in (0.9 * found.certificate.lower, 0.98 * found.certificate.lower, 1.05 * found.gamma):
         with suppress(SlycotError):
             _, *matrices = slycot.sb10dd(P.nstates, 3, 3, 1, 1, level, P.A, P.B, P.C, P.D)[:5]
-            other = bc.hinf_norm(bc.close_loop(P, control.ss(*matrices, 0.1)))
+            other = bc.hinf_norm(bc.lft(P, control.ss(*matrices, 0.1)))
             assert other.upper >= found.certificate.lower * (1.0 - 1e-6)
 
 

@@ -55,7 +55,7 @@ def sampled_weight(weight):
 
 
 def fed_through(loop_gain):
-    return bc.close_loop(control.ss([], [], [], [[0.0, 1.0], [1.0, 2.0]]), control.ss([], [], [], loop_gain))
+    return bc.lft(control.ss([], [], [], [[0.0, 1.0], [1.0, 2.0]]), control.ss([], [], [], loop_gain))
 
 
 def recovered(system=MASS, Q=1.0, band=(0.1, 10.0), strengths=(1.0,), **options):
@@ -115,8 +115,8 @@ REFUSED = [
     ),
     (lambda: sampled_weight(control.ss(1.1, 1.0, 1.0, 0.0, 0.1)), "stable system, this one has a pole at z"),
     (lambda: fed_through(0.5), "not well-posed"),
-    (lambda: bc.close_loop(P, control.ss([], [], [], 1.0, inputs="z_q", outputs="u")), "'z_q' is an output of P"),
-    (lambda: bc.close_loop(SAMPLED, LAG), "controller: expected a sampling time of 0.1 s, as P has it, got continuous"),
+    (lambda: bc.lft(P, control.ss([], [], [], 1.0, inputs="z_q", outputs="u")), "'z_q' is an output of P"),
+    (lambda: bc.lft(SAMPLED, LAG), "controller: expected a sampling time of 0.1 s, as P has it, got continuous"),
     (lambda: select_channels(P, []), "inputs: expected at least one"),
     (lambda: bc.h_infinity("P", 1, 1), "P: expected a generalised plant.*generalized_plant"),
     (

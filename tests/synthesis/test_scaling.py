@@ -80,7 +80,7 @@ def test_scaled_system_keeps_scales(design):
         bc.reduce(SCALED, order=4).system,
         P,
         bc.mixed_sensitivity(SCALED, W1=1.0),
-        bc.with_states(SCALED),
+        bc.with_state_outputs(SCALED),
         bc.analysis.sample_plant(SCALED, T),
         bc.reduce(bc.analysis.sample_plant(SCALED, T), order=4).system,
         bc.synthesis.select_channels(SCALED, outputs="stroke_anti"),
@@ -94,7 +94,7 @@ def test_scaled_system_keeps_scales(design):
         labels = (*system.input_labels, *system.output_labels)
         assert {SCALES[label] == system.scales[label] for label in labels if label in SCALES} == {True}
     assert bc.mixed_sensitivity(SCALED, W1=1.0).scales["error_stroke_anti"] == SCALES["stroke_anti"]
-    assert not hasattr(bc.close_loop(P, design), "scales")
+    assert not hasattr(bc.lft(P, design), "scales")
     assert not hasattr(2.0 * SCALED, "scales")
 
 
@@ -152,22 +152,22 @@ EITHER = {  # calls with a plant in units of the machine, or scaled, and a contr
     "nyquist": bc.nyquist,
     "feedback_loop": bc.feedback_loop,
     "simulate_loop": lambda G, K: bc.simulate_loop(G, K, None, np.linspace(0.0, 0.1, 6), sample_time=T),
-    "sampled_norm": lambda G, K: bc.analysis.sampled_norm(G, sampled(K)),
+    "sampled_data_norm": lambda G, K: bc.analysis.sampled_data_norm(G, sampled(K)),
     "reduce_controller": lambda G, K: bc.reduce_controller(weighted(G), K),
     "tune": lambda G, K: bc.tune(weighted(G), structure=bc.tunable.state_space(9), initial=K, starts=1),
 }
 MACHINE = {  # in units of the machine alone
-    "close_loop": lambda yaw, K: bc.close_loop(weighted(yaw), K),
+    "lft": lambda yaw, K: bc.lft(weighted(yaw), K),
     "compare": lambda yaw, K: bc.compare({"passive": yaw, "active": bc.feedback_loop(SCALED, K)}),
     "worst_case": lambda _, K: bc.worst_case(bc.boom_family(half="yaw"), K),
     "worst_case sampled": lambda _, K: bc.worst_case(bc.boom_family(half="yaw"), sampled(K)),
     "robust_stability": lambda _, K: bc.robust_stability(bc.boom_family(half="yaw"), K),
-    "structured_margin": lambda _, K: bc.analysis.structured_margin(bc.boom_family(half="yaw"), K),
+    "robust_stability_margin": lambda _, K: bc.analysis.robust_stability_margin(bc.boom_family(half="yaw"), K),
     "closed_loop_response": lambda yaw, K: bc.analysis.closed_loop_response(
         yaw.frequency_response(np.array([1.0, 2.0])), K
     ),
     "join_symmetric": lambda _, K: bc.join_symmetric(BOOM, stroke_gain("sym"), K),
-    "schedule": lambda _, K: bc.schedule([K, K], [0.0, 1.0]),
+    "schedule": lambda _, K: bc.gain_schedule([K, K], [0.0, 1.0]),
 }
 
 
@@ -188,15 +188,13 @@ def test_controller_in_matching_scales_accepted(design):
         EITHER[name](YAW, design.controller)
         EITHER[name](YAW, design)
         EITHER[name](SCALED, design.scaled_controller)
-    for name in MACHINE.keys() - {"compare", "close_loop"}:
+    for name in MACHINE.keys() - {"compare", "lft"}:
         MACHINE[name](YAW, design.controller)
     MACHINE["worst_case sampled"](YAW, design)
 
 
 def test_close_loop_scaled_plant_takes_both_controllers(design):
-    poles = [
-        np.sort_complex(bc.close_loop(P, K).poles()) for K in (design, design.controller, design.scaled_controller)
-    ]
+    poles = [np.sort_complex(bc.lft(P, K).poles()) for K in (design, design.controller, design.scaled_controller)]
     assert_allclose(poles[1], poles[0], rtol=1e-6)
     assert_allclose(poles[2], poles[0], rtol=1e-6)
 

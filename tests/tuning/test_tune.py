@@ -87,7 +87,7 @@ def test_the_h2_norm_of_the_plants_order_is_that_of_h2_synthesis():
 def test_a_result_is_verified_from_what_was_handed_in():
     P = swing(3)
     found = bc.tune(P, 2, 2, T.gain(), starts=3)
-    loop = bc.close_loop(P, found.controller)
+    loop = bc.lft(P, found.controller)
     assert loop.poles().real.max() < 0.0
     assert bc.hinf_norm(loop).lower == pytest.approx(found.gamma, rel=1e-6)
     omega = np.geomspace(1e-3, 1e3, 4000)
@@ -118,7 +118,7 @@ STRUCTURES = {
     "lead": T.lead(),
     "ppf": T.ppf(2),
     "notch": T.gain() * T.notch(),
-    "shared": T.decentralised(T.gain() + T.ppf(), shared=True),
+    "shared": T.decentralized(T.gain() + T.ppf(), shared=True),
 }
 
 
@@ -161,8 +161,8 @@ def test_a_structure_gives_the_controller_that_its_numbers_say(name):
 
 @pytest.mark.slow
 def test_loops_side_by_side_read_and_set_nothing_else():
-    within = T.decentralised((["y0", "y1"], "u0", T.pid(integral=False)))
-    parts = T.decentralised(("y0", "u1", T.gain()), (["y0", "y1"], "u0", within))
+    within = T.decentralized((["y0", "y1"], "u0", T.pid(integral=False)))
+    parts = T.decentralized(("y0", "u1", T.gain()), (["y0", "y1"], "u0", within))
     K = bc.tune(two_by_two(), 2, 2, parts, starts=1).controller
     response = np.asarray(K(2.0j))
     assert response[1, 1] == 0.0
@@ -177,7 +177,7 @@ def test_of_two_models_the_worse_one_counts_and_both_are_stable():
     """Around lags of 1 and -0.5 the least gain for both is where neither norm can fall without the other's rising."""
     plants = [lag(1.0), lag(-0.5)]
     found = bc.tune(plants, 1, 1, T.gain(), starts=2)
-    norms = [bc.hinf_norm(bc.close_loop(P, found.controller)).lower for P in plants]
+    norms = [bc.hinf_norm(bc.lft(P, found.controller)).lower for P in plants]
     assert max(norms) == pytest.approx(found.gamma, rel=1e-6)
     assert all(loop.poles().real.max() < 0.0 for loop in found.closed_loops)
     gains = np.linspace(-30.0, -0.51, 20_001)
@@ -196,7 +196,7 @@ def _norm_of_lag(pole, k):
 def test_a_budget_is_kept_and_said_to_be_used_up():
     """``|k|/(1 - k)`` at most 0.25 means ``k >= -1/3``, and the objective ``1/(1 - k)`` is 0.75."""
     P = lag(noise=0.0)
-    channels = [T.objective("w", "z"), T.budget("w", "zu", 0.25)]
+    channels = [T.objective("w", "z"), T.constraint("w", "zu", 0.25)]
     found = bc.tune(P, 1, 1, T.gain(), channels=channels, starts=2)
     assert found.gamma == pytest.approx(0.75, rel=1e-5)
     assert any("budget" in said for said in found.certificate.active)
@@ -205,7 +205,7 @@ def test_a_budget_is_kept_and_said_to_be_used_up():
 
 def test_h2_budgets_go_with_h_infinity_objectives():
     """The square of the H2 norm of the effort is ``k^2/(2 (1 - k))``: at ``k = -1`` it is 1/4."""
-    channels = [T.objective("w", "z"), T.budget("w", "zu", 0.5, norm="h2")]
+    channels = [T.objective("w", "z"), T.constraint("w", "zu", 0.5, norm="h2")]
     found = bc.tune(lag(noise=0.0), 1, 1, T.gain(), channels=channels, starts=2)
     assert found.gamma == pytest.approx(0.5, rel=1e-5)
 
@@ -240,7 +240,7 @@ def test_a_damper_alone_is_tuned_to_where_two_channels_meet():
         C = [[1.0, 0.0], [0.0, 0.3 * v["c"]]]
         return control.ss(A, [[0.0], [1.0]], C, 0.0, inputs="f", outputs=["place", "force"])
 
-    found = bc.tune(plant, 0, 0, T.physical("c", 0.05, 5.0), starts=2)
+    found = bc.tune(plant, 0, 0, T.plant_parameter("c", 0.05, 5.0), starts=2)
     least = min(bc.hinf_norm(plant({"c": c})).lower for c in np.linspace(0.05, 5.0, 300))
     assert found.gamma <= least * (1.0 + 1e-9)
     assert found.gamma == pytest.approx(least, rel=1e-4)
@@ -249,7 +249,7 @@ def test_a_damper_alone_is_tuned_to_where_two_channels_meet():
 
 
 def test_a_parameter_that_helps_without_cost_ends_at_the_end_of_its_range():
-    found = bc.tune(oscillator, 0, 0, T.physical("c", 0.05, 1.0), starts=1)
+    found = bc.tune(oscillator, 0, 0, T.plant_parameter("c", 0.05, 1.0), starts=1)
     assert found.physical == found.values == {"c": 1.0}  # that end, and no digit beyond
     assert "c at its largest, 1" in found.certificate.active
 
@@ -259,7 +259,7 @@ def test_a_parameter_that_helps_without_cost_ends_at_the_end_of_its_range():
 def test_range_of_a_parameter_has_no_digit_beyond_its_ends(seed):
     rng = np.random.default_rng(seed)
     low, high = np.sort(rng.uniform(0.0, 1.0, 2) * 10.0 ** rng.uniform(-3.0, 3.0)).tolist()
-    value = T.physical("c", low, high).physicals()[0].number.value
+    value = T.plant_parameter("c", low, high).physicals()[0].number.value
     assert (value(-1.0), value(1.0)) == (low, high)
     assert all(low <= value(x) <= high for x in (*rng.uniform(-1.0, 1.0, 9), *np.nextafter([-1.0, 1.0], 0.0)))
 
@@ -289,7 +289,7 @@ def test_over_a_family_nothing_inside_is_worse_than_said():
     found = bc.tune(weighed, 1, 1, T.pid(integral=False, high=50.0), family=family(), starts=2)
     rng = np.random.default_rng(0)
     inside = [*rng.uniform(-1.0, 1.0, (40, 2)), *(np.array(p) for p in product((-1.0, 0.0, 1.0), repeat=2))]
-    worst = max(bc.hinf_norm(bc.close_loop(weighed(family().at(d)), found.controller)).lower for d in inside)
+    worst = max(bc.hinf_norm(bc.lft(weighed(family().at(d)), found.controller)).lower for d in inside)
     assert worst <= found.gamma * 1.002
     assert found.certificate.worst.value <= found.gamma * 1.002
 
@@ -303,20 +303,20 @@ def test_the_worst_of_the_objective_over_a_family_is_not_where_a_budget_is_worst
         {"k": tuple(stiffness), "c": tuple(damping)},
         lambda v: SecondOrderModel([[1.0]], [[v["c"]]], [[v["k"]]], {"f": [1.0]}, {"x": [1.0]}),
     )
-    channels = [T.objective("w_f", "z_x"), T.budget("w_f", "z_f", float(rng.uniform(0.3, 1.0)))]
+    channels = [T.objective("w_f", "z_x"), T.constraint("w_f", "z_f", float(rng.uniform(0.3, 1.0)))]
     found = bc.tune(weighed, 1, 1, T.pid(integral=False, high=50.0), channels=channels, family=box, starts=2)
     for d in product((-1.0, 0.0, 1.0), repeat=2):
-        loop = bc.close_loop(weighed(box.at(np.array(d))), found.controller)
+        loop = bc.lft(weighed(box.at(np.array(d))), found.controller)
         assert bc.hinf_norm(loop["z_x", "w_f"]).lower <= found.certificate.worst.value * (1.0 + 1e-6)
 
 
 @pytest.mark.slow
 def test_a_parameter_of_the_family_may_be_tuned_and_the_others_are_uncertain():
-    parts = T.pid(integral=False, high=50.0) + T.physical("c", 0.1, 1.0)
+    parts = T.pid(integral=False, high=50.0) + T.plant_parameter("c", 0.1, 1.0)
     found = bc.tune(weighed, 1, 1, parts, family=family(), starts=1)
     assert found.physical["c"] == pytest.approx(1.0, rel=1e-3)  # damping costs nothing here
     for k in (-1.0, 0.0, 1.0):
-        loop = bc.close_loop(weighed(family().at([k, 1.0])), found.controller)
+        loop = bc.lft(weighed(family().at([k, 1.0])), found.controller)
         assert bc.hinf_norm(loop).lower <= found.gamma * 1.002
 
 
@@ -385,7 +385,7 @@ def tuned_from(structure, states, signals=1, **change):
     return tuned(structure=structure, initial=control.ss(-np.eye(states), B, C, D, **names))
 
 
-DAMPER, WIDER = T.physical("c", 0.1, 1.0), T.physical("c", 0.1, 2.0)
+DAMPER, WIDER = T.plant_parameter("c", 0.1, 1.0), T.plant_parameter("c", 0.1, 2.0)
 INTEGRATORS = [[0.0, 1.0], [0.0, 0.0]]
 REFUSED = [
     (lambda: tuned(channels=[T.objective("v")]), "disturbance"),
@@ -397,20 +397,20 @@ REFUSED = [
     (lambda: tuned([lag(), swing(0, 2, 1, 1)]), "model 2"),
     (lambda: tuned(oscillator, DAMPER + WIDER, 0, 0), "twice"),
     (lambda: tuned(structure=T.gain() + DAMPER), "function"),
-    (lambda: tuned(weighed, T.gain() + T.physical("m", 0.1, 1.0), family=family()), "parameter of the family"),
+    (lambda: tuned(weighed, T.gain() + T.plant_parameter("m", 0.1, 1.0), family=family()), "parameter of the family"),
     (lambda: tuned(control.ss(1.0, [[1.0, 0.0]], [[1.0], [1.0]], 0.0)), "not stabilisable"),
     (
         lambda: tuned(control.ss(INTEGRATORS, np.eye(2), [[1.0, 0.0], [1.0, 0.0]], 0.0)),
         "no controller of this structure",
     ),
     (
-        lambda: tuned(channels=[T.budget("w", "zu", 0.1), T.budget("w", "z", 0.2)]),
+        lambda: tuned(channels=[T.constraint("w", "zu", 0.1), T.constraint("w", "z", 0.2)]),
         "budgets cannot all be kept",
     ),
     (lambda: tuned(lag(-1.0), gain_limit=0.5), "gain_limit"),
     (lambda: tuned(lag(-1.0), time_limit=1e-6), "in the time allowed"),
     (
-        lambda: tuned(two_by_two(), T.decentralised((["y0", "y1"], "u0", T.notch()), ("y1", "u1", T.gain())), 2, 2),
+        lambda: tuned(two_by_two(), T.decentralized((["y0", "y1"], "u0", T.notch()), ("y1", "u1", T.gain())), 2, 2),
         r"between 2 measurement\(s\) and 1 control\(s\)",
     ),
     (lambda: tuned_from(T.state_space(1), 2), "initial: .*at most 1 states, got 2"),
@@ -452,7 +452,7 @@ def test_the_time_limit_returns_the_best_so_far_verified(stage, monkeypatch):
 
     found = bc.tune(P, 3, 3, T.state_space(2), starts=5, time_limit=1e5, progress=over)
     assert "out of time" in found.certificate.path
-    assert bc.hinf_norm(bc.close_loop(P, found.controller)).lower == pytest.approx(found.gamma, rel=1e-6)
+    assert bc.hinf_norm(bc.lft(P, found.controller)).lower == pytest.approx(found.gamma, rel=1e-6)
 
 
 @pytest.mark.slow
@@ -476,7 +476,7 @@ def test_an_interrupt_returns_the_best_so_far_verified():
     finally:
         signal.signal(signal.SIGINT, before)
     assert "stopped" in found.certificate.path
-    assert bc.hinf_norm(bc.close_loop(P, found.controller)).lower == pytest.approx(found.gamma, rel=1e-6)
+    assert bc.hinf_norm(bc.lft(P, found.controller)).lower == pytest.approx(found.gamma, rel=1e-6)
 
 
 @pytest.mark.slow
@@ -487,7 +487,7 @@ def test_a_start_may_be_a_controller_of_the_order_or_of_a_lower_one(states):
     K = control.ss(K, inputs=["y[3]", "y[4]"], outputs=["u[3]", "u[4]"])
     found = bc.tune(P, 2, 2, T.state_space(2), starts=1, initial=K)
     assert found.starts[0].kind == "given"
-    assert found.gamma <= bc.hinf_norm(bc.close_loop(P, K)).upper
+    assert found.gamma <= bc.hinf_norm(bc.lft(P, K)).upper
 
 
 @pytest.mark.slow
@@ -513,7 +513,7 @@ def lag_and_swing():
 
 def test_a_loop_that_ends_at_the_edge_of_stability_says_so():
     """A gain of ``-k`` in both leaves a norm of ``1/(1 + k)`` and a decay of ``(0.02 - k)/2``: least where none is left."""
-    both = T.decentralised(T.gain(), shared=True)
+    both = T.decentralized(T.gain(), shared=True)
     found = bc.tune(lag_and_swing(), 2, 2, both, starts=1)
     assert found.gamma == pytest.approx(1.0 / 1.02, rel=1e-5)
     assert found.certificate.slowest_pole < 0.0
@@ -523,7 +523,7 @@ def test_a_loop_that_ends_at_the_edge_of_stability_says_so():
 
 
 def test_with_a_decay_asked_for_a_loop_does_not_end_at_the_edge():
-    both = T.decentralised(T.gain(), shared=True)
+    both = T.decentralized(T.gain(), shared=True)
     kept = bc.tune(lag_and_swing(), 2, 2, both, starts=1, decay=0.005)
     assert kept.gamma == pytest.approx(1.0 / 1.01, rel=1e-5)
     assert "edge of stability" not in kept.certificate.statement

@@ -30,8 +30,8 @@ STRUCTURES = {
     "notch": T.gain() * T.notch(),
     "series": T.gain() * T.state_space(1),
     "sum": T.gain() + T.ppf(),
-    "shared": T.decentralised(T.lead(), shared=True),
-    "decentralised": T.decentralised(("y[3]", "u[3]", T.lead()), (["y[3]", "y[4]"], "u[4]", T.gain())),
+    "shared": T.decentralized(T.lead(), shared=True),
+    "decentralized": T.decentralized(("y[3]", "u[3]", T.lead()), (["y[3]", "y[4]"], "u[4]", T.gain())),
 }
 
 

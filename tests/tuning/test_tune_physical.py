@@ -81,9 +81,7 @@ def test_gradient_of_moving_plant_is_its_difference(norm, seed):
 
     def closed(x):
         plant = partition(make(problem.physical_values(x)), 2, 2)
-        return bc.close_loop(
-            plant.system.statespace("P"), problem.lti(x, plant.measurements, plant.controls).statespace("K")
-        )
+        return bc.lft(plant.system.statespace("P"), problem.lti(x, plant.measurements, plant.controls).statespace("K"))
 
     slowest = np.sort(np.round(closed(x).poles().real, 9))[::-1]
     if not point.stable or slowest[0] - slowest[slowest < slowest[0]][0] < 0.01:  # another pole is soon as slow
@@ -127,7 +125,7 @@ def turned(values):
 
 @pytest.mark.slow
 def test_a_plant_whose_states_differ_is_tuned_by_differences_and_says_so():
-    found = bc.tune(turned, 0, 0, T.physical("c", 0.05, 5.0), starts=2)
+    found = bc.tune(turned, 0, 0, T.plant_parameter("c", 0.05, 5.0), starts=2)
     assert "physical parameters by differences" in found.certificate.path
     least = min(bc.hinf_norm(turned({"c": c})).lower for c in np.linspace(0.05, 5.0, 300))
     assert found.gamma <= least * (1.0 + 1e-9)
@@ -149,6 +147,6 @@ def test_no_plant_is_made_once_it_is_a_polynomial():
             [[0.0, 1.0], [-4.0, -values["c"]]], [[0.0], [1.0]], [[1.0, 0.0], [0.0, 0.3 * values["c"]]], 0.0
         )
 
-    found = bc.tune(make, 0, 0, T.physical("c", 0.05, 5.0), starts=2)
+    found = bc.tune(make, 0, 0, T.plant_parameter("c", 0.05, 5.0), starts=2)
     assert "physical parameters by polynomials of degree c 1" in found.certificate.path
     assert len(asked) < 30  # to find the polynomial, to compare it, and to verify what was found

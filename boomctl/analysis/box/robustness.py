@@ -89,7 +89,7 @@ class RobustStability:
 
 
 @dataclass(frozen=True)
-class StructuredMargin:
+class RobustStabilityMargin:
     """How many times the box may grow about its middle before the loop may become unstable.
 
     Attributes
@@ -117,7 +117,7 @@ class StructuredMargin:
         return 1.0 / self.stable_up_to if self.stable_up_to > 0.0 else inf
 
     def __repr__(self) -> str:
-        return sentence("StructuredMargin", self.render())
+        return sentence("RobustStabilityMargin", self.render())
 
     def render(self) -> str:
         """Return both bounds as text.
@@ -170,16 +170,16 @@ def robust_stability(
     delay : float, optional
         Time between a sample and the moment its control acts [s]; only with a discrete controller.
     unmodelled : control.StateSpace, optional
-        Bounds of what the family does not model, in continuous time, such as :func:`boomctl.identification.uncertainty_band`
-        makes: from the controls to what is measured, by name.  The plants are all those of the family with any stable
-        dynamics added, each entry below that of the bounds at every frequency.  With a discrete controller bounds must fall
-        with frequency; what samples fold back is in the proof.
+        Bounds of what the family does not model, in continuous time, such as
+        :func:`boomctl.identification.uncertainty_weight` makes: from the controls to what is measured, by name.  The plants
+        are all those of the family with any stable dynamics added, each entry below that of the bounds at every frequency.
+        With a discrete controller bounds must fall with frequency; what samples fold back is in the proof.
     injection_points : str or sequence of str, optional
         As in :func:`boomctl.worst_case`, so that both accept the same arguments.  Names are checked; the result is the same
         for all of them, because an injected signal changes no pole and all poles count.
     progress : callable, optional
         Is told a `Progress` at each stage.  Without one, after three seconds a line on a terminal or in a notebook says
-        what goes on; `listening` hears whatever runs within it.
+        what goes on; `progress_callback` hears whatever runs within it.
 
     Returns
     -------
@@ -284,7 +284,7 @@ def _given_up(family: Family, abscissa: float, found: BoxProof, limit: int) -> s
 
 
 @one_blas_thread
-def structured_margin(
+def robust_stability_margin(
     family: Family,
     controller: "control.StateSpace | ScheduledController",
     largest: float = 4.0,
@@ -292,7 +292,7 @@ def structured_margin(
     max_cells: int = _MARGIN_CELLS,
     *,
     progress: "Listener | None" = None,
-) -> StructuredMargin:
+) -> RobustStabilityMargin:
     """Return how many times the box may grow about its middle before the loop ``u = K y`` becomes unstable.
 
     It is found by bisection: from above by unstable points, from below by proof.
@@ -307,11 +307,11 @@ def structured_margin(
         Wanted relative distance of the two bounds.
     progress : callable, optional
         Is told a `Progress` at each stage.  Without one, after three seconds a line on a terminal or in a notebook says
-        what goes on; `listening` hears whatever runs within it.
+        what goes on; `progress_callback` hears whatever runs within it.
 
     Returns
     -------
-    StructuredMargin
+    RobustStabilityMargin
         A factor up to which the loop is proved stable, and one at which it is unstable.
 
     Raises
@@ -325,14 +325,14 @@ def structured_margin(
     >>> import control
     >>> family = bc.boom.yaw_family(half="yaw")  # springs of 1100 to 2375 N/m
     >>> spring = control.ss([], [], [], [[-100.0]], inputs="stroke_anti", outputs="suspension_anti")
-    >>> margin = bc.analysis.structured_margin(family, spring)
+    >>> margin = bc.analysis.robust_stability_margin(family, spring)
     >>> round(margin.stable_up_to, 1), round(margin.unstable_at, 1)
     (2.8, 2.9)
     """
     top, close, limit = positive("largest", largest), positive("tolerance", tolerance), whole("max_cells", max_cells)
     loops = BoxLoops.of(family, controller)
     if not loops.at(np.zeros(family.size)).stable:
-        return StructuredMargin(0.0, 0.0, family.values(np.zeros(family.size)))
+        return RobustStabilityMargin(0.0, 0.0, family.values(np.zeros(family.size)))
     with computing("structured margin", progress):
         tell("unstable points")
         bad, where = _unstable_factor(loops, top, close)
@@ -346,7 +346,7 @@ def structured_margin(
             if good >= ceiling * (1.0 - close):
                 break
             tried = 0.5 * (good + ceiling)
-    return StructuredMargin(good, bad, None if where is None else family.values(where))
+    return RobustStabilityMargin(good, bad, None if where is None else family.values(where))
 
 
 def _unstable_factor(loops: BoxLoops, top: float, close: float) -> tuple[float, Array | None]:

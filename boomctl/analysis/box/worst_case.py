@@ -15,7 +15,7 @@ from boomctl.analysis.box.sampled_level import SampledLoops
 from boomctl.analysis.box.zero_exclusion import value_at
 from boomctl.analysis.h2 import matrices_h2_norm
 from boomctl.analysis.loops import sign_advice
-from boomctl.analysis.norm import NAMES, NormCertificate, matrices_norm
+from boomctl.analysis.norm import NAMES, NormBounds, matrices_norm
 from boomctl.arrays import Array
 from boomctl.checks import from_on, known, positive, whole
 from boomctl.lti.controllers.scheduled import ScheduledController
@@ -46,11 +46,11 @@ class WorstCase:
 
     Attributes
     ----------
-    norm : NormCertificate
+    norm : NormBounds
         The norm at the worst point found; infinite where the loop is unstable.
     values : dict
         Parameter values of that point.
-    nominal : NormCertificate
+    nominal : NormBounds
         The norm in the middle of the box.
     evaluations : int
         Number of points tried.
@@ -64,9 +64,9 @@ class WorstCase:
         How many cells of which kind proved it; empty where none was.
     """
 
-    norm: NormCertificate
+    norm: NormBounds
     values: dict[str, float]
-    nominal: NormCertificate
+    nominal: NormBounds
     evaluations: int
     upper_bound: float = inf
     cells: int = 0
@@ -157,7 +157,7 @@ def worst_case(
         name ``"force_injected"``, a disturbance at the control input ``"force"``.
     progress : callable, optional
         Is told a `Progress` at each stage.  Without one, after three seconds a line on a terminal or in a notebook says
-        what goes on; `listening` hears whatever runs within it.
+        what goes on; `progress_callback` hears whatever runs within it.
 
     Returns
     -------
@@ -253,7 +253,7 @@ def driven_parts(
 
 
 def hindrance(
-    parts: "Sequence[DrivenLoops] | Sequence[SampledLoops]", at: "Callable[[Array], NormCertificate]", delta: Array
+    parts: "Sequence[DrivenLoops] | Sequence[SampledLoops]", at: "Callable[[Array], NormBounds]", delta: Array
 ) -> str:
     """Return why there is no bound to be looked for; empty where there may be one.
 
@@ -276,7 +276,7 @@ def hindrance(
 
 def _bounded(
     parts: "Sequence[DrivenLoops] | Sequence[SampledLoops]",
-    at: "Callable[[Array], NormCertificate]",
+    at: "Callable[[Array], NormBounds]",
     delta: Array,
     tolerance: float,
     limit: int,

@@ -39,7 +39,7 @@ _LONG = (
 
 
 @dataclass(frozen=True)
-class TransientResult:
+class TimeResponse:
     """What a system at rest does after a step or an impulse of each input.
 
     Attributes
@@ -70,7 +70,7 @@ class TransientResult:
         at = f"{self.values[o, i, k]:.6g} at {self.time[k]:.6g} s, {self.inputs[i]} -> {self.outputs[o]}"
         unstable = self._of is not None and (sides(self._of.poles, self._of.dt) > 0).any()
         grows = "\n  unstable: without an end it grows without bound" if unstable else ""
-        return f"TransientResult: {self.kind}, {between(self.inputs, self.outputs)}\n  {span}; largest {at}{grows}"
+        return f"TimeResponse: {self.kind}, {between(self.inputs, self.outputs)}\n  {span}; largest {at}{grows}"
 
     def __getitem__(self, name: str | tuple[str, str]) -> Array:
         """Return an output over time by name; ``result["output", "input"]`` where there are several inputs."""
@@ -133,7 +133,7 @@ def step(
     timepts: ArrayLike | float | None = None,
     inputs: str | Sequence[str] | None = None,
     outputs: str | Sequence[str] | None = None,
-) -> TransientResult:
+) -> TimeResponse:
     """Return what a system at rest does after a unit step of each input.
 
     Parameters
@@ -149,7 +149,7 @@ def step(
 
     Returns
     -------
-    TransientResult
+    TimeResponse
         Exact but for rounding at these instants; ``.plot()`` draws it, ``.response`` is python-control's.
 
     Raises
@@ -181,7 +181,7 @@ def impulse(
     timepts: ArrayLike | float | None = None,
     inputs: str | Sequence[str] | None = None,
     outputs: str | Sequence[str] | None = None,
-) -> TransientResult:
+) -> TimeResponse:
     """Return what a system at rest does after a unit impulse of each input.
 
     What passes an impulse on at once, ``D``, is an impulse itself and not among the values, as in python-control.  In
@@ -194,7 +194,7 @@ def impulse(
 
     Returns
     -------
-    TransientResult
+    TimeResponse
         Exact but for rounding at these instants; ``.plot()`` draws it, ``.response`` is python-control's.
 
     Raises
@@ -230,7 +230,7 @@ def _matrices(
 
 def _moved(
     kind: str, system: Lti, timepts: ArrayLike | float | None, motion: tuple[Array, Array, Array]
-) -> TransientResult:
+) -> TimeResponse:
     """Return the free motion ``C A^k X`` of a system that starts with the columns of ``X``."""
     A, X, C = motion
     time = _instants(system, timepts)
@@ -252,7 +252,7 @@ def _moved(
         values = np.concatenate(blocks)[:count].transpose(1, 2, 0)
     if not np.isfinite(values).all():
         raise ValueError(f"system: its outputs grow beyond all numbers within {time[-1]:g} s; it is unstable")
-    return TransientResult(kind, time, values, system.inputs, system.outputs, system.dt, system)
+    return TimeResponse(kind, time, values, system.inputs, system.outputs, system.dt, system)
 
 
 def _instants(system: Lti, timepts: ArrayLike | float | None) -> Array:

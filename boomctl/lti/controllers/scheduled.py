@@ -46,12 +46,12 @@ class ScheduledController:
     >>> import control
     >>> signals = {"inputs": "hub_speed", "outputs": "torque"}
     >>> slow, fast = (control.ss([], [], [], [[gain]], **signals) for gain in (-200.0, -300.0))
-    >>> scheduled = bc.schedule([slow, fast], [0.0, 6.0], "hub_speed")
+    >>> scheduled = bc.gain_schedule([slow, fast], [0.0, 6.0], "hub_speed")
     >>> float(scheduled.at(1.5).D[0, 0])
     -225.0
     """
 
-    _made_by = "schedule(...)"
+    _made_by = "gain_schedule(...)"
 
     signal: str
     values: Array
@@ -157,7 +157,7 @@ def frozen(controller: ScheduledController, value: float) -> Lti:
 
 
 @one_blas_thread
-def schedule(
+def gain_schedule(
     controllers: Sequence[control.StateSpace], values: ArrayLike, signal: str = "hub_speed"
 ) -> ScheduledController:
     """Return one controller of several, each designed at a value of a signal: its matrices run in straight lines between.
@@ -197,7 +197,7 @@ def schedule(
     >>> beam = bc.hub_beam(model="sfoam", modes=2)
     >>> speeds = [0.0, 3.0, 6.0]
     >>> weights = {"Q": {"hub_angle": 10.0, "hub_speed": 100.0}, "R": 1.0}
-    >>> scheduled = bc.schedule([bc.lqr(beam.linearize(w), **weights).controller for w in speeds], speeds)
+    >>> scheduled = bc.gain_schedule([bc.lqr(beam.linearize(w), **weights).controller for w in speeds], speeds)
     >>> scheduled
     ScheduledController: 0 states, hub_angle, ... (6) -> torque
       over hub_speed: 3 controllers from 0 to 6, straight lines between them

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from boomctl.arrays import Array
+from boomctl.maneuvers import Maneuver, TorqueDriven
 from boomctl.progress import computing, tell
 from boomctl.rotating_beam.beam import HubBeam, SmallMotion, lowest_rate, natural_hz
 from boomctl.rotating_beam.chosen import ModelChoice
@@ -18,7 +19,6 @@ from boomctl.rotating_beam.exact.basis import StrainBasis, strain_basis
 from boomctl.rotating_beam.exact.dynamics import ExactBeamDynamics
 from boomctl.rotating_beam.exact.integrator import CHUNK, StepFailed
 from boomctl.rotating_beam.exact.run import Run, run_to_tolerance, run_with_step
-from boomctl.rotating_beam.manoeuvres import Manoeuvre, TorqueDriven
 from boomctl.rotating_beam.parameters import HubBeamParameters
 from boomctl.rotating_beam.result import Details, Dynamics, Motion, SimulationError
 from boomctl.threads import one_blas_thread
@@ -54,7 +54,7 @@ class GeometricallyExactBeam(HubBeam):
         Number of polynomials of curvature, and of stretch, on each span; 1 to 60. The error of a motion says what they
         leave out.
     chosen : record, optional
-        What was chosen for its accuracy in a manoeuvre, and what was tried: see `hub_beam`.
+        What was chosen for its accuracy in a maneuver, and what was tried: see `hub_beam`.
 
     Attributes
     ----------
@@ -179,23 +179,23 @@ class GeometricallyExactBeam(HubBeam):
         return float(np.imag(self.dynamics.tip(y)))
 
     def _motion(
-        self, manoeuvre: Manoeuvre, timepts: Array, start: tuple[Array, Array], tolerance: tuple[float, float]
+        self, maneuver: Maneuver, timepts: Array, start: tuple[Array, Array], tolerance: tuple[float, float]
     ) -> Motion:
-        return self._followed(manoeuvre, timepts, start, tolerance)[0]
+        return self._followed(maneuver, timepts, start, tolerance)[0]
 
-    def _error(self, manoeuvre: Manoeuvre, timepts: Array, start: tuple[Array, Array], motion: Motion) -> float:
+    def _error(self, maneuver: Maneuver, timepts: Array, start: tuple[Array, Array], motion: Motion) -> float:
         if timepts[-1] == 0.0:
             return motion.error
         with computing("error of a motion"):
-            return motion.error + self._left_out(manoeuvre, timepts, start, motion.error)
+            return motion.error + self._left_out(maneuver, timepts, start, motion.error)
 
     def _followed(
-        self, manoeuvre: Manoeuvre, timepts: Array, start: tuple[Array, Array], tolerance: tuple[float, float]
+        self, maneuver: Maneuver, timepts: Array, start: tuple[Array, Array], tolerance: tuple[float, float]
     ) -> tuple[Motion, Run | None]:
         bending = self.frequencies_hz()
         return run_to_tolerance(
             self.dynamics,
-            manoeuvre,
+            maneuver,
             timepts,
             start,
             first_step=float(_FIRST_STEP / bending[1] if bending.size > 1 else _FIRST_STEP_ALONE / bending[0]),
@@ -203,7 +203,7 @@ class GeometricallyExactBeam(HubBeam):
             atol=tolerance[1],
         )
 
-    def _left_out(self, manoeuvre: Manoeuvre, timepts: Array, start: tuple[Array, Array], atol: float) -> float:
+    def _left_out(self, maneuver: Maneuver, timepts: Array, start: tuple[Array, Array], atol: float) -> float:
         """Return what further polynomials are worth [m]: a motion with 1.4 times as many, in the same steps.
 
         What it changes by is due to the polynomials, for the errors of the steps are nearly the same.  So coarse steps serve.
@@ -213,11 +213,11 @@ class GeometricallyExactBeam(HubBeam):
 
         def stepped(beam: GeometricallyExactBeam, step: float) -> Run:
             state = resized(start[0], self.modes, beam.modes), resized(start[1], self.modes, beam.modes)
-            return run_with_step(beam.dynamics, manoeuvre, timepts, state, step)
+            return run_with_step(beam.dynamics, maneuver, timepts, state, step)
 
         try:
             begin = resized(start[0], self.modes, few.modes), resized(start[1], self.modes, few.modes)
-            before = few._followed(manoeuvre, timepts, begin, (_LOOSE, atol))[1]
+            before = few._followed(maneuver, timepts, begin, (_LOOSE, atol))[1]
             if before is None:
                 return 0.0
             tell(f"{more.modes} polynomials")
@@ -235,7 +235,7 @@ class GeometricallyExactBeam(HubBeam):
         """Return this beam with a number of polynomials."""
         return self if modes == self.modes else replace(self, modes=modes)
 
-    def _details(self, manoeuvre: Manoeuvre, timepts: Array, motion: Motion) -> Details:
+    def _details(self, maneuver: Maneuver, timepts: Array, motion: Motion) -> Details:
         q, v = motion.states()
         dynamics = self.dynamics
         extension = dynamics.extension(q)
@@ -245,11 +245,11 @@ class GeometricallyExactBeam(HubBeam):
             hub_angle=q[:, 0],
             hub_speed=v[:, 0],
             states=np.hstack([q, v]),
-            dynamics=partial(_forces, dynamics, manoeuvre, timepts, q, v),
+            dynamics=partial(_forces, dynamics, maneuver, timepts, q, v),
         )
 
 
-def _forces(dynamics: ExactBeamDynamics, manoeuvre: Manoeuvre, timepts: Array, q: Array, v: Array) -> Dynamics:
+def _forces(dynamics: ExactBeamDynamics, maneuver: Maneuver, timepts: Array, q: Array, v: Array) -> Dynamics:
     """What a motion's forces and inertias come to."""
     force = -dynamics.convective_force(q, v)
     inner = force - dynamics.basis.stiffness * q
@@ -262,11 +262,11 @@ def _forces(dynamics: ExactBeamDynamics, manoeuvre: Manoeuvre, timepts: Array, q
         solved = np.linalg.solve(mass[:, 1:, 1:], np.concatenate([column, inner[part, 1:, None]], axis=2))
         margin[part] = mass[:, 0, 0] - np.sum(column * solved[:, :, :1], axis=(1, 2))
         pull[part] = np.sum(column * solved[:, :, 1:], axis=(1, 2))
-    if isinstance(manoeuvre, TorqueDriven):
-        torque = np.array(manoeuvre.torque(timepts))
+    if isinstance(maneuver, TorqueDriven):
+        torque = np.array(maneuver.torque(timepts))
         turning = (torque + inner[:, 0] - pull) / margin
     else:
-        turning = np.array(manoeuvre.acceleration(timepts))
+        turning = np.array(maneuver.acceleration(timepts))
         torque = margin * turning + pull - force[:, 0]
     momentum = dynamics.momentum_and_force(q, v)[0][:, 0]
     return Dynamics(turning, torque, force[:, 0], dynamics.energy(q, v), momentum, margin)

@@ -16,9 +16,9 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.gauss import CollocationMethod, gauss_method
+from boomctl.maneuvers import Maneuver, PrescribedMotion
 from boomctl.progress import tell
 from boomctl.rotating_beam.exact.dynamics import ExactBeamDynamics
-from boomctl.rotating_beam.manoeuvres import Manoeuvre, PrescribedMotion
 
 STAGES = 4  # of the collocation, order 8: a choice
 _MAX_ITERATIONS = 15  # of Newton's method: a choice
@@ -46,7 +46,7 @@ class Trajectory:
 
 def march(
     dynamics: ExactBeamDynamics,
-    manoeuvre: Manoeuvre,
+    maneuver: Maneuver,
     times: Array,
     state: tuple[Array, Array],
 ) -> Trajectory:
@@ -55,7 +55,7 @@ def march(
     Parameters
     ----------
     dynamics : ExactBeamDynamics
-    manoeuvre : PrescribedMotion or TorqueDriven
+    maneuver : PrescribedMotion or TorqueDriven
         Smooth over the steps.
     times : ndarray, k
         Ends of the steps, equally far apart, s.
@@ -75,9 +75,9 @@ def march(
     rule, (q, v) = gauss_method(STAGES), state
     h = (times[-1] - times[0]) / (times.size - 1)
     instants = times[:-1, None] + h * rule.nodes
-    prescribed = isinstance(manoeuvre, PrescribedMotion)
-    hub = np.stack([manoeuvre.angle(instants), manoeuvre.speed(instants)], 1) if prescribed else None
-    torque = None if prescribed else manoeuvre.torque(instants)
+    prescribed = isinstance(maneuver, PrescribedMotion)
+    hub = np.stack([maneuver.angle(instants), maneuver.speed(instants)], 1) if prescribed else None
+    torque = None if prescribed else maneuver.torque(instants)
     p = dynamics.momentum_and_force(q, v)[0]
     guess = np.tile(v, (rule.stages, 1))
     states, momenta = np.tile(q, (times.size, 1)), np.tile(p, (times.size, 1))
@@ -105,8 +105,8 @@ def march(
         states[k + 1], momenta[k + 1] = q, p
         guess = rule.onward @ solved.velocities
     if prescribed:
-        states[:, 0] = manoeuvre.angle(times)
-    speed = manoeuvre.speed(times) if prescribed else None
+        states[:, 0] = maneuver.angle(times)
+    speed = maneuver.speed(times) if prescribed else None
     return Trajectory(times, states, _velocities(dynamics, speed, states, momenta))
 
 

@@ -15,10 +15,10 @@ from numpy.polynomial.legendre import legder, legvander
 
 from boomctl.arrays import Array
 from boomctl.lti.rounding import ALIKE
+from boomctl.maneuvers import HubProfile, Maneuver, Torque
 from boomctl.rotating_beam.drive import resolving
 from boomctl.rotating_beam.exact.dynamics import ExactBeamDynamics
 from boomctl.rotating_beam.exact.integrator import StepFailed, Trajectory, march
-from boomctl.rotating_beam.manoeuvres import HubProfile, Manoeuvre, Torque
 from boomctl.rotating_beam.result import Motion, SimulationError, kept_states, small_deformation_until
 
 _WINDOW = 6  # ends of steps that an interpolation goes through: of degree 11, beyond the order of the steps
@@ -79,7 +79,7 @@ class Run:
 
 def run_with_step(
     dynamics: ExactBeamDynamics,
-    manoeuvre: Manoeuvre,
+    maneuver: Maneuver,
     timepts: Array,
     state: tuple[Array, Array],
     step: float,
@@ -95,13 +95,13 @@ def run_with_step(
         They are too many.
     """
     end = float(timepts[-1])
-    bounds = _bounds(manoeuvre, end, step)
+    bounds = _bounds(maneuver, end, step)
     counts = [_steps(start, stop, step, timepts, least) for start, stop in pairwise(bounds)]
     if sum(counts) > _MOST_STEPS:
         raise _TooMany(f"steps of {step:.2g} s: too many")
     trajectories: list[Trajectory] = []
     for (start, stop), count in zip(pairwise(bounds), counts, strict=True):
-        trajectories.append(march(dynamics, manoeuvre, np.linspace(start, stop, count + 1), state))
+        trajectories.append(march(dynamics, maneuver, np.linspace(start, stop, count + 1), state))
         state = trajectories[-1].q[-1], trajectories[-1].v[-1]
     probes = np.union1d(timepts, np.linspace(0.0, end, _PROBES))
     q, v = _at(trajectories, probes)
@@ -109,12 +109,12 @@ def run_with_step(
     return Run(probes, dynamics.tip(q), arm, (q, v), trajectories, sum(counts), step)
 
 
-def _bounds(manoeuvre: Manoeuvre, end: float, step: float) -> Array:
+def _bounds(maneuver: Maneuver, end: float, step: float) -> Array:
     """Ends of equal steps: where the drive is not smooth, and where a user's function jumps or is swift."""
-    bounds = np.array([0.0, *(c for c in sorted(manoeuvre.breakpoints) if 0.0 < c < end), end])
-    if not isinstance(manoeuvre, HubProfile | Torque):
+    bounds = np.array([0.0, *(c for c in sorted(maneuver.breakpoints) if 0.0 < c < end), end])
+    if not isinstance(maneuver, HubProfile | Torque):
         return bounds
-    drive = manoeuvre.torque if isinstance(manoeuvre, Torque) else manoeuvre.acceleration
+    drive = maneuver.torque if isinstance(maneuver, Torque) else maneuver.acceleration
     parts = [
         np.linspace(start, stop, int(np.ceil((stop - start) / (_LEAST_STEPS * step))), endpoint=False)
         for start, stop in pairwise(bounds)
@@ -125,7 +125,7 @@ def _bounds(manoeuvre: Manoeuvre, end: float, step: float) -> Array:
 
 def run_to_tolerance(
     dynamics: ExactBeamDynamics,
-    manoeuvre: Manoeuvre,
+    maneuver: Maneuver,
     timepts: Array,
     state: tuple[Array, Array],
     *,
@@ -138,7 +138,7 @@ def run_to_tolerance(
     Parameters
     ----------
     dynamics : ExactBeamDynamics
-    manoeuvre : PrescribedMotion or TorqueDriven
+    maneuver : PrescribedMotion or TorqueDriven
     timepts : ndarray, k
         Instants at which the motion is wanted, ascending, >= 0, s.
     state : pair of ndarray, n
@@ -166,7 +166,7 @@ def run_to_tolerance(
         return Motion(np.imag(tip), until, states, 0.0, 0, ("initial state",)), None
     if end / first_step > _LONG:
         tried = {"first_step": first_step, "rtol": rtol, "atol": atol}
-        pilot, _ = run_to_tolerance(dynamics, manoeuvre, np.array([end / _PILOT]), state, **tried)
+        pilot, _ = run_to_tolerance(dynamics, maneuver, np.array([end / _PILOT]), state, **tried)
         if _PILOT * pilot.steps > _HOPELESS * _MOST_STEPS:
             raise SimulationError(
                 f"the motion until t = {end:g} s would take about {_PILOT * pilot.steps:.1e} steps; expected at most about "
@@ -179,7 +179,7 @@ def run_to_tolerance(
             least = round(
                 _LEAST_STEPS * first_step / step
             )  # as many more: two runs with the same steps agree on anything
-            here = run_with_step(dynamics, manoeuvre, timepts, state, step, least)
+            here = run_with_step(dynamics, maneuver, timepts, state, step, least)
         except StepFailed:
             previous, step = None, 0.5 * step
             continue

@@ -15,8 +15,8 @@ from numpy.polynomial import legendre
 from boomctl.arrays import Array
 from boomctl.gauss import gauss_method
 from boomctl.lti.rounding import ALIKE, SUMMED
+from boomctl.maneuvers import TorqueDriven
 from boomctl.rotating_beam.drive import off_polynomials
-from boomctl.rotating_beam.manoeuvres import TorqueDriven
 from boomctl.rotating_beam.modal.equations import FreeHubForm
 from boomctl.rotating_beam.motion.free_modes import FreeModes, free_modes
 from boomctl.rotating_beam.motion.free_trajectory import FreeTrajectory, Piece
@@ -60,7 +60,7 @@ class FreeScene:
 
     Attributes
     ----------
-    manoeuvre : TorqueDriven
+    maneuver : TorqueDriven
     start : pair of ndarray, N
         Coordinates and rates of hub and beam at t = 0.
     corners : ndarray
@@ -76,7 +76,7 @@ class FreeScene:
         Even instants, at which a user's function is looked at, which may be less smooth than it says; None of others, s.
     """
 
-    manoeuvre: TorqueDriven
+    maneuver: TorqueDriven
     start: tuple[Array, Array]
     corners: Array
     rows: Array
@@ -375,7 +375,7 @@ def _typical_speed(form: FreeHubForm, rate: Array, torque: Array, h: Array) -> A
 def _torque(run: _Progress, h: float, stages: int) -> Array:
     """Torque at the nodes of the window, 1 x 1 x (m s)."""
     nodes = (np.arange(run.steps)[:, None] + gauss_method(stages).nodes).ravel()
-    return run.scene.manoeuvre.torque(run.time + h * nodes)[None, None]
+    return run.scene.maneuver.torque(run.time + h * nodes)[None, None]
 
 
 def _overlooked(weights: _Weights, run: _Progress, window: Window) -> Array:
@@ -388,11 +388,11 @@ def _overlooked(weights: _Weights, run: _Progress, window: Window) -> Array:
         return np.zeros(2)
     push, h, places = window.modes.push[0], float(window.flow.h[0]), np.array([_INSIDE, 1.0 - _INSIDE])
     nodes, begin = window.torque.reshape(run.steps, -1), run.time + h * np.arange(run.steps)
-    values = run.scene.manoeuvre.torque(begin[:, None] + h * places)
+    values = run.scene.maneuver.torque(begin[:, None] + h * places)
     apart = np.abs(values - nodes @ _places(nodes.shape[1], tuple(places)).T).max(axis=1)
     gap = instants[1]
     instants = instants[(instants >= begin[0]) & (instants <= begin[-1] + h)]
-    found = run.scene.manoeuvre.torque(instants)
+    found = run.scene.maneuver.torque(instants)
     between, _ = off_polynomials(nodes, begin, np.full(run.steps, h), instants, found)
     size = max(np.abs(values).max(), np.abs(found).max(initial=0.0))
     apart[apart <= _ROUNDING * size] = 0.0

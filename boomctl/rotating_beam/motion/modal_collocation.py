@@ -12,7 +12,7 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.gauss import gauss_method
-from boomctl.rotating_beam.manoeuvres import PrescribedMotion
+from boomctl.maneuvers import PrescribedMotion
 from boomctl.rotating_beam.modal.equations import NormalForm
 from boomctl.rotating_beam.motion.modal_steps import (
     STAGES,
@@ -149,7 +149,7 @@ class ModalTrajectory:
 
 
 def modal_march(
-    form: NormalForm, manoeuvre: PrescribedMotion, edges: Array, start: tuple[Array, Array]
+    form: NormalForm, maneuver: PrescribedMotion, edges: Array, start: tuple[Array, Array]
 ) -> ModalTrajectory:
     """Solve the beam's equations over all steps.
 
@@ -158,7 +158,7 @@ def modal_march(
     Parameters
     ----------
     form : NormalForm
-    manoeuvre : PrescribedMotion
+    maneuver : PrescribedMotion
     edges : ndarray, m + 1
         Ends of the steps, s.
     start : pair of ndarray, n
@@ -167,12 +167,12 @@ def modal_march(
     method, n = gauss_method(STAGES), form.push.size
     h = edges[1:] - edges[:-1]
     nodes = (edges[:-1, None] + h[:, None] * method.nodes).ravel()
-    square = manoeuvre.speed(np.append(nodes, edges[-1])) ** 2
+    square = maneuver.speed(np.append(nodes, edges[-1])) ** 2
     at_nodes = square[:-1].reshape(h.size, STAGES)
     mean = np.append(at_nodes @ method.weights, square[-1])
     values, shapes = np.linalg.eigh(form.stiffness + mean[:, None, None] * form.slope)
     omega, modes = np.sqrt(values), shapes[:-1]
-    push = (form.push @ modes)[..., None] * manoeuvre.acceleration(nodes).reshape(h.size, 1, STAGES)
+    push = (form.push @ modes)[..., None] * maneuver.acceleration(nodes).reshape(h.size, 1, STAGES)
     coupling = modes.swapaxes(1, 2) @ form.slope @ modes
     remainder = at_nodes - mean[:-1, None]
     steps = solve_steps(omega[:-1], h, push, remainder, coupling)
@@ -193,7 +193,7 @@ def modal_march(
 
 def modal_refine(
     form: NormalForm,
-    manoeuvre: PrescribedMotion,
+    maneuver: PrescribedMotion,
     edges: Array,
     start: tuple[Array, Array],
     accuracy: Accuracy,
@@ -204,7 +204,7 @@ def modal_refine(
 
     Parameters
     ----------
-    form, manoeuvre, edges, start
+    form, maneuver, edges, start
         As for `modal_march`; `edges` are the first, coarsest steps.
     accuracy : Accuracy
         Its first group is the free end.
@@ -218,7 +218,7 @@ def modal_refine(
     """
     n, rows = form.push.size, accuracy.rows[0] @ form.to_q
     for _ in range(_LEVELS):
-        trajectory = modal_march(form, manoeuvre, edges, start)
+        trajectory = modal_march(form, maneuver, edges, start)
         allowed = accuracy.atol + accuracy.rtol * float(np.abs(trajectory.x @ rows.T).max())
         error = float(np.abs(trajectory.error[:, :n] @ rows.T).max())
         if vibrates_on:

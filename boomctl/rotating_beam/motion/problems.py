@@ -7,7 +7,7 @@ from typing import final
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.rotating_beam.manoeuvres import PrescribedMotion, TorqueDriven
+from boomctl.maneuvers import PrescribedMotion, TorqueDriven
 from boomctl.rotating_beam.modal.equations import Equations, Tangents
 
 
@@ -52,18 +52,18 @@ class PrescribedProblem(Problem):
     Attributes
     ----------
     equations : Equations
-    manoeuvre : PrescribedMotion
+    maneuver : PrescribedMotion
     """
 
     equations: Equations
-    manoeuvre: PrescribedMotion
+    maneuver: PrescribedMotion
 
     @property
     def linear(self) -> bool:
         return self.equations.beam_speed_terms is not None
 
     def drive(self, t: Array) -> Array:
-        return self.manoeuvre.acceleration(t)
+        return self.maneuver.acceleration(t)
 
     def residual(self, t: Array, q: Array, v: Array, a: Array) -> Array:
         return self.equations.residual(*self._whole(t, q, v, a))[:, 1:]
@@ -73,11 +73,11 @@ class PrescribedProblem(Problem):
         if terms is None:
             whole = self.equations.tangents(*self._whole(t, q, v, a))
             return Tangents(*(each[:, 1:, 1:] for each in whole))
-        speed = self.manoeuvre.speed(t)[:, None, None]
+        speed = self.maneuver.speed(t)[:, None, None]
         stiffness = terms.K + speed**2 * terms.K_w
         if not np.any(terms.G):
             return Tangents(terms.M, terms.C, stiffness)
-        stiffness += self.manoeuvre.acceleration(t)[:, None, None] * terms.K_a
+        stiffness += self.maneuver.acceleration(t)[:, None, None] * terms.K_a
         return Tangents(terms.M, terms.C + speed * terms.G, stiffness)
 
     def first_guess(self, t: Array, start: float, v: Array) -> Array:
@@ -88,7 +88,7 @@ class PrescribedProblem(Problem):
         return f"the deflection grows beyond all bounds from t = {time:.6g} s on: the model has lost its stiffness"
 
     def _whole(self, t: Array, q: Array, v: Array, a: Array) -> tuple[Array, Array, Array]:
-        hub = np.zeros_like(t), self.manoeuvre.speed(t), self.manoeuvre.acceleration(t)
+        hub = np.zeros_like(t), self.maneuver.speed(t), self.maneuver.acceleration(t)
         y, rate, acceleration = (np.column_stack([h, beam]) for h, beam in zip(hub, (q, v, a), strict=True))
         return y, rate, acceleration
 
@@ -101,18 +101,18 @@ class TorqueDrivenProblem(Problem):
     Attributes
     ----------
     equations : Equations
-    manoeuvre : TorqueDriven
+    maneuver : TorqueDriven
     """
 
     equations: Equations
-    manoeuvre: TorqueDriven
+    maneuver: TorqueDriven
 
     def drive(self, t: Array) -> Array:
-        return self.manoeuvre.torque(t)
+        return self.maneuver.torque(t)
 
     def residual(self, t: Array, q: Array, v: Array, a: Array) -> Array:
         result = self.equations.residual(q, v, a)
-        result[:, 0] -= self.manoeuvre.torque(t)
+        result[:, 0] -= self.maneuver.torque(t)
         return result
 
     def tangents(self, t: Array, q: Array, v: Array, a: Array) -> Tangents:
@@ -122,7 +122,7 @@ class TorqueDrivenProblem(Problem):
         """The motion of hub and beam if the beam were rigid and stayed as it is."""
         inertia = self.equations.inertia(np.zeros((1, v.size))).hub[0]
         times = np.concatenate([[start], t.ravel()])
-        torque = self.manoeuvre.torque(times)
+        torque = self.maneuver.torque(times)
         impulse = np.cumsum(0.5 * np.diff(times) * (torque[1:] + torque[:-1]))
         guess = np.zeros((*t.shape, v.size))
         guess[..., 0] = v[0] + impulse.reshape(t.shape) / inertia

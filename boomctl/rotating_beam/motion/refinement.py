@@ -33,7 +33,7 @@ _SMOOTH = 0.02  # part of the allowed error below which a step's highest terms l
 
 
 def first_steps(equations: Equations, breakpoints: tuple[float, ...], end: float, *, graded: bool) -> Array:
-    """Ends of the coarsest steps: equal between the instants at which the manoeuvre is not smooth.
+    """Ends of the coarsest steps: equal between the instants at which the maneuver is not smooth.
 
     Graded after these, down to the time scale of the highest mode, they catch the vibrations that are excited there.
     Otherwise polynomials on two levels of steps, both too coarse for them, could agree on leaving them out.
@@ -42,7 +42,7 @@ def first_steps(equations: Equations, breakpoints: tuple[float, ...], end: float
     ----------
     equations : Equations
     breakpoints : tuple of float
-        Instants at which the manoeuvre is not smooth, s.
+        Instants at which the maneuver is not smooth, s.
     end : float
         Instant at which the last step ends, s.
     graded : bool

@@ -1,4 +1,4 @@
-"""From a manoeuvre to the motion at the instants asked for: which way is taken, and what its failures mean."""
+"""From a maneuver to the motion at the instants asked for: which way is taken, and what its failures mean."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -8,8 +8,8 @@ from typing import NamedTuple, final
 import numpy as np
 
 from boomctl.arrays import Array
+from boomctl.maneuvers import HubProfile, Maneuver, PrescribedMotion, Torque
 from boomctl.rotating_beam.drive import even_instants, resolving
-from boomctl.rotating_beam.manoeuvres import HubProfile, Manoeuvre, PrescribedMotion, Torque
 from boomctl.rotating_beam.modal.equations import Equations
 from boomctl.rotating_beam.motion.free_hub import FreeScene, free_motion
 from boomctl.rotating_beam.motion.free_trajectory import FreeTrajectory
@@ -67,7 +67,7 @@ WAYS = (
         lambda scene: scene.prescribed is None and scene.equations.free_hub_form is not None,
         lambda scene: _by_free_modes(scene),
     ),
-    # any equations, any manoeuvre; steady rotation follows it where the hub's speed becomes constant
+    # any equations, any maneuver; steady rotation follows it where the hub's speed becomes constant
     Way(
         "collocation",
         lambda scene: True,
@@ -85,7 +85,7 @@ class Scene:
     Attributes
     ----------
     equations : Equations
-    manoeuvre : PrescribedMotion or TorqueDriven
+    maneuver : PrescribedMotion or TorqueDriven
     timepts : ndarray, k
         Instants, s.
     start : pair of ndarray, N
@@ -99,7 +99,7 @@ class Scene:
     """
 
     equations: Equations
-    manoeuvre: Manoeuvre
+    maneuver: Maneuver
     timepts: Array
     start: tuple[Array, Array]
     rtol: float
@@ -114,8 +114,8 @@ class Scene:
 
     @property
     def prescribed(self) -> PrescribedMotion | None:
-        """The manoeuvre, if the hub's motion is prescribed."""
-        return self.manoeuvre if isinstance(self.manoeuvre, PrescribedMotion) else None
+        """The maneuver, if the hub's motion is prescribed."""
+        return self.maneuver if isinstance(self.maneuver, PrescribedMotion) else None
 
     @property
     def steady_from(self) -> float:
@@ -135,8 +135,8 @@ class Scene:
 
     @property
     def given(self) -> bool:
-        """Whether the manoeuvre is made of a user's functions, which may be less smooth than they say."""
-        return isinstance(self.manoeuvre, HubProfile | Torque)
+        """Whether the maneuver is made of a user's functions, which may be less smooth than they say."""
+        return isinstance(self.maneuver, HubProfile | Torque)
 
     @property
     def caution(self) -> float:
@@ -187,14 +187,14 @@ def _steady(scene: Scene) -> Motion:
 
 
 def _by_modes(scene: Scene) -> Motion | None:
-    form, manoeuvre, tip = scene.equations.normal_form, scene.prescribed, scene.equations.tip
+    form, maneuver, tip = scene.equations.normal_form, scene.prescribed, scene.equations.tip
     assert form is not None
-    assert manoeuvre is not None
+    assert maneuver is not None
     end = min(scene.end, scene.steady_from)
-    edges = _first_steps(scene, PrescribedProblem(scene.equations, manoeuvre), end, graded=False)
+    edges = _first_steps(scene, PrescribedProblem(scene.equations, maneuver), end, graded=False)
     beam = scene.start[0][1:], scene.start[1][1:]
     accuracy = scene.accuracy((np.stack([tip.transverse, tip.axial]),))
-    found = modal_refine(form, manoeuvre, edges, beam, accuracy, vibrates_on=end < scene.end)
+    found = modal_refine(form, maneuver, edges, beam, accuracy, vibrates_on=end < scene.end)
     if found is None:
         return None
     trajectory, error = found
@@ -202,14 +202,14 @@ def _by_modes(scene: Scene) -> Motion | None:
     until = small_deformation_until(
         scene.watched, displacement, scene.length, lambda part: trajectory(scene.watched[part])[1] @ tip.transverse
     )
-    states = partial(_modal_states, trajectory, manoeuvre, scene.timepts)
+    states = partial(_modal_states, trajectory, maneuver, scene.timepts)
     steps = trajectory.edges.size - 1
     return Motion(scene.asked(displacement), until, states, scene.caution * error, steps, ("modal collocation",))
 
 
-def _modal_states(trajectory: ModalTrajectory, manoeuvre: PrescribedMotion, timepts: Array) -> tuple[Array, Array]:
+def _modal_states(trajectory: ModalTrajectory, maneuver: PrescribedMotion, timepts: Array) -> tuple[Array, Array]:
     q, v = trajectory(timepts)
-    return np.column_stack([manoeuvre.angle(timepts), q]), np.column_stack([manoeuvre.speed(timepts), v])
+    return np.column_stack([maneuver.angle(timepts), q]), np.column_stack([maneuver.speed(timepts), v])
 
 
 def _by_free_modes(scene: Scene) -> Motion | None:
@@ -220,16 +220,16 @@ def _by_free_modes(scene: Scene) -> Motion | None:
 
 
 def _free_scene(scene: Scene) -> FreeScene:
-    manoeuvre, tip = scene.manoeuvre, scene.equations.tip
-    assert not isinstance(manoeuvre, PrescribedMotion)
-    corners = np.array([*manoeuvre.breakpoints, scene.end])
+    maneuver, tip = scene.maneuver, scene.equations.tip
+    assert not isinstance(maneuver, PrescribedMotion)
+    corners = np.array([*maneuver.breakpoints, scene.end])
     _refuse_long(scene, scene.end)
     if scene.given:
-        edges = _first_steps(scene, TorqueDrivenProblem(scene.equations, manoeuvre), scene.end, graded=False)
+        edges = _first_steps(scene, TorqueDrivenProblem(scene.equations, maneuver), scene.end, graded=False)
         jumps = np.flatnonzero(np.diff(edges) < _JUMP * scene.end)
         corners = np.concatenate([corners, edges[jumps], edges[jumps + 1]])
     return FreeScene(
-        manoeuvre=manoeuvre,
+        maneuver=maneuver,
         start=scene.start,
         corners=np.unique(corners[(corners > 0.0) & (corners <= scene.end)]),
         rows=np.stack([tip.transverse, tip.axial]),
@@ -253,12 +253,12 @@ def _free_motion(scene: Scene, trajectory: FreeTrajectory, error: float) -> Moti
 
 
 def _collocated(scene: Scene) -> Motion:
-    tip, manoeuvre = scene.equations.tip, scene.manoeuvre
-    if not isinstance(manoeuvre, PrescribedMotion):
+    tip, maneuver = scene.equations.tip, scene.maneuver
+    if not isinstance(maneuver, PrescribedMotion):
         rows = np.zeros((3, scene.equations.size))
         rows[0, 1:], rows[1, 1:], rows[2, 0] = tip.transverse, tip.axial, scene.radius
         accuracy = scene.accuracy((rows[:2], rows[2:]))
-        problem = TorqueDrivenProblem(scene.equations, manoeuvre)
+        problem = TorqueDrivenProblem(scene.equations, maneuver)
         trajectory, error = refine(problem, _first_steps(scene, problem, scene.end, graded=True), scene.start, accuracy)
         y, rate = trajectory(scene.watched)
         return _sampled(scene, y, rate, scene.caution * error, trajectory.edges.size - 1, ("collocation",))
@@ -266,9 +266,9 @@ def _collocated(scene: Scene) -> Motion:
     terms, end = scene.equations.beam_speed_terms, min(scene.end, scene.steady_from)
     accuracy = scene.accuracy((np.stack([tip.transverse, tip.axial]),))
     if terms is not None and end < scene.end:
-        accuracy = replace(accuracy, modal=vibration_amplitudes(terms, float(manoeuvre.speed(end)), tip.transverse))
+        accuracy = replace(accuracy, modal=vibration_amplitudes(terms, float(maneuver.speed(end)), tip.transverse))
     beam = scene.start[0][1:], scene.start[1][1:]
-    problem = PrescribedProblem(scene.equations, manoeuvre)
+    problem = PrescribedProblem(scene.equations, maneuver)
     trajectory, error = refine(problem, _first_steps(scene, problem, end, graded=True), beam, accuracy)
     path = ("collocation",)
     late = int(np.searchsorted(scene.watched, end, side="right"))
@@ -291,16 +291,16 @@ def _refuse_long(scene: Scene, end: float) -> None:
 
 def _first_steps(scene: Scene, problem: Problem, end: float, *, graded: bool) -> Array:
     _refuse_long(scene, end)
-    edges = first_steps(scene.equations, scene.manoeuvre.breakpoints, end, graded=graded)
+    edges = first_steps(scene.equations, scene.maneuver.breakpoints, end, graded=graded)
     return resolving(edges, problem.drive) if scene.given else edges
 
 
 def _steady_from(scene: Scene, begin: float, beam: tuple[Array, Array], timepts: Array) -> tuple[Array, Array, str]:
     """Coordinates and rates of the beam at constant hub speed from an instant on, and the way that they are found."""
-    terms, manoeuvre = scene.equations.beam_speed_terms, scene.prescribed
+    terms, maneuver = scene.equations.beam_speed_terms, scene.prescribed
     assert terms is not None
-    assert manoeuvre is not None
-    q, v, form = steady_motion(terms, float(manoeuvre.speed(begin)), beam, timepts - begin)
+    assert maneuver is not None
+    q, v, form = steady_motion(terms, float(maneuver.speed(begin)), beam, timepts - begin)
     finite = np.isfinite(q).all(axis=1) & np.isfinite(v).all(axis=1)
     if not finite.all():
         time = timepts[np.argmin(finite)]
@@ -312,9 +312,9 @@ def _steady_from(scene: Scene, begin: float, beam: tuple[Array, Array], timepts:
 
 def _with_hub(scene: Scene, q: Array, v: Array) -> tuple[Array, Array]:
     """Coordinates and rates of hub and beam at the watched instants, the hub's motion prescribed."""
-    manoeuvre = scene.prescribed
-    assert manoeuvre is not None
-    angle, speed = manoeuvre.angle(scene.watched), manoeuvre.speed(scene.watched)
+    maneuver = scene.prescribed
+    assert maneuver is not None
+    angle, speed = maneuver.angle(scene.watched), maneuver.speed(scene.watched)
     return np.column_stack([angle, q]), np.column_stack([speed, v])
 
 

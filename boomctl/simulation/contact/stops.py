@@ -22,7 +22,7 @@ Set = tuple[int, ...]
 
 
 @dataclass(frozen=True)
-class StopHit:
+class StopContact:
     """A stop touched from ``time`` to ``until``.
 
     Attributes
@@ -168,9 +168,9 @@ def _cases(over: list[float]) -> Iterator[tuple[Set, Set, tuple[float, ...]]]:
 
 def merged_hits(
     names: Sequence[str], h: float, start: float, touched: list[tuple[int, int, int, float, float]]
-) -> tuple[StopHit, ...]:
+) -> tuple[StopContact, ...]:
     """Return hits from single steps ``(stop, side, step, impulse, speed)``; consecutive steps are one hit."""
-    hits: list[StopHit] = []
+    hits: list[StopContact] = []
     last: dict[int, int] = {}
     open_hit: dict[int, int] = {}
     for stop, side, step, impulse, speed in touched:
@@ -183,5 +183,5 @@ def merged_hits(
             hits[open_hit[stop]] = replace(old, until=until, impulse=old.impulse + impulse, largest_force=largest)
         else:
             open_hit[stop] = len(hits)
-            hits.append(StopHit(names[stop], side, start + step * h, until, speed, impulse, abs(impulse) / h))
+            hits.append(StopContact(names[stop], side, start + step * h, until, speed, impulse, abs(impulse) / h))
     return tuple(hits)

@@ -7,7 +7,7 @@ from boomctl.arrays import Array
 from boomctl.slew.end_map import EndMap, Steps
 from boomctl.slew.problem import AT_LIMIT
 from boomctl.slew.result import SlewError
-from boomctl.slew.torque import TorqueHistory, held
+from boomctl.slew.torque import TorqueProfile, held
 
 _TURNS = 25  # linear programmes at most; a safeguard
 _FARTHEST = 0.05  # share of the duration by which one programme may change it: as far as first derivatives serve
@@ -20,7 +20,7 @@ class Overflows(SlewError):
     """The motion on the way grows beyond all numbers."""
 
 
-def counted(ends: EndMap, first: TorqueHistory, intervals: int) -> TorqueHistory | None:
+def counted(ends: EndMap, first: TorqueProfile, intervals: int) -> TorqueProfile | None:
     """A bang-bang torque that leads to the end but for the grid's coarseness; None if none is found.
 
     On a grid of equal intervals the torque's values and the duration are improved by linear programmes: the end's
@@ -69,7 +69,7 @@ def _linear_programme(defect: Array, push: Array, longer: Array, values: Array) 
     return answer.x[: count + 1] if answer.status == 0 else None
 
 
-def arcs_behind(values: Array, duration: float, limit: float) -> TorqueHistory:
+def arcs_behind(values: Array, duration: float, limit: float) -> TorqueProfile:
     """The bang-bang torque behind shares of the limit held on equal intervals: between full ones the mean decides."""
     h, full = duration / values.size, np.abs(values) > AT_LIMIT
     edges, signs, k = [0.0], [], 0

@@ -17,7 +17,7 @@ from boomctl.slew.end_map import MOST_STEPS, STEP_SHARE, EndMap, end_map
 from boomctl.slew.least_time.arc_count import Overflows, counted
 from boomctl.slew.plant import SlewPlant, plant_of
 from boomctl.slew.problem import SlewProblem, end_conditions
-from boomctl.slew.torque import TorqueHistory, bang_bang, held
+from boomctl.slew.torque import TorqueProfile, bang_bang, held
 
 _GRIDS = (200, 600, 1800)  # intervals on which arcs are counted, the next where the switching function is still wrong
 _NEWTON = 40  # steps of Newton's method at most; a safeguard
@@ -46,7 +46,7 @@ class ArcSlew:
 
     Attributes
     ----------
-    history : TorqueHistory
+    history : TorqueProfile
     gain : float
         Time that the switching function says could be gained where its sign is not the torque's, that the end's defect
         is worth, and that other durations promise, over the duration.
@@ -54,7 +54,7 @@ class ArcSlew:
         What was done, in words.
     """
 
-    history: TorqueHistory
+    history: TorqueProfile
     gain: float
     path: tuple[str, ...]
 
@@ -76,10 +76,10 @@ class _Arcs:
     wrong_sign: float = np.inf
 
     @staticmethod
-    def of(history: TorqueHistory) -> "_Arcs":
+    def of(history: TorqueProfile) -> "_Arcs":
         return _Arcs(np.diff(history.edges), float(np.sign(history.left[0])))
 
-    def history(self, limit: float) -> TorqueHistory:
+    def history(self, limit: float) -> TorqueProfile:
         edges = np.cumsum(self.durations)
         return bang_bang(edges[:-1], float(edges[-1]), limit, self.sign)
 
@@ -93,7 +93,7 @@ class _Arcs:
         return replace(self, durations=np.concatenate([d[: k - 1], [d[k - 1] + d[k + 1]], d[k + 2 :]]))
 
 
-def least_time_arcs(problem: SlewProblem, first: TorqueHistory) -> ArcSlew | None:
+def least_time_arcs(problem: SlewProblem, first: TorqueProfile) -> ArcSlew | None:
     """Lead a bang-bang torque to the end in least time; None if none is found; `Overflows` if the motion has no bounds.
 
     Beams with axial modes start from the answer without them, which serves as it is where it is accurate enough. Where the
@@ -118,7 +118,7 @@ def least_time_arcs(problem: SlewProblem, first: TorqueHistory) -> ArcSlew | Non
     return replace(answer, history=history, path=(*path, *counting))
 
 
-def _with_right_signs(ends: EndMap, start: TorqueHistory) -> tuple[_Arcs | None, tuple[str, ...]]:
+def _with_right_signs(ends: EndMap, start: TorqueProfile) -> tuple[_Arcs | None, tuple[str, ...]]:
     """Stationary durations whose switching function has the torque's sign, or of all that were found the most of it.
 
     First with the arcs of the torque given; as long as the sign is wrong, with arcs counted on finer and finer grids. What
@@ -310,7 +310,7 @@ def _reversible(plant: SlewPlant, twice: Array) -> bool:
     return True
 
 
-def first_half(history: TorqueHistory) -> TorqueHistory:
+def first_half(history: TorqueProfile) -> TorqueProfile:
     """A torque up to the middle of its duration."""
     middle = 0.5 * history.duration
     # share of a duration by which an edge has to lie before its middle: rounding
@@ -319,7 +319,7 @@ def first_half(history: TorqueHistory) -> TorqueHistory:
     return held(edges, history.left[: inner.size])
 
 
-def doubled(history: TorqueHistory) -> TorqueHistory:
+def doubled(history: TorqueProfile) -> TorqueProfile:
     """A torque that is held on arcs, followed by its negative mirror image."""
     widths = np.diff(history.edges)
     edges = np.concatenate([[0.0], np.cumsum(np.concatenate([widths, widths[::-1]]))])

@@ -19,7 +19,7 @@ from boomctl.lti.rounding import SUMMED
 from boomctl.slew.linear import flow
 from boomctl.slew.problem import SlewProblem
 from boomctl.slew.result import SlewError
-from boomctl.slew.torque import TorqueHistory, bang_bang
+from boomctl.slew.torque import TorqueProfile, bang_bang
 
 _GRIDS = (200, 600, 2000, 6000)  # intervals, the next where the one before shows no arcs that Newton's method takes
 _BLIND, _SEEN = 3.0, 0.3  # rad that the fastest vibration turns in an interval of the grid
@@ -80,7 +80,7 @@ class Extremal:
     path: tuple[str, ...] = ("linear switching times",)
 
     @property
-    def history(self) -> TorqueHistory:
+    def history(self) -> TorqueProfile:
         """The torque."""
         return bang_bang(self.switches, self.duration, self.limit, self.sign)
 
@@ -200,7 +200,7 @@ def _least_sum(G: Array, d: Array, weights: Array) -> tuple[Array, Array] | None
     return y, weights
 
 
-def rigid_and_slowest(problem: SlewProblem) -> TorqueHistory | None:
+def rigid_and_slowest(problem: SlewProblem) -> TorqueProfile | None:
     """The fastest turn of a beam with its slowest vibration alone, without damping; None of what is no turn of one beam.
 
     Switches are in the middle, at H, and b before and after it: ``limit / inertia (H^2 - 2 b^2)`` is the angle, and the

@@ -14,7 +14,7 @@ from boomctl.slew.nlp.transcription import Scheme, Transcription, transcribe
 from boomctl.slew.objectives import OBJECTIVES
 from boomctl.slew.problem import AT_LIMIT, Limits, SlewProblem
 from boomctl.slew.result import LimitsTooTight, SlewError
-from boomctl.slew.torque import TorqueHistory, held, ramped
+from boomctl.slew.torque import TorqueProfile, held, ramped
 
 _OPTIONS = {
     "ipopt.print_level": 0,
@@ -50,7 +50,7 @@ _NEAR = 1e-3  # of a scaled condition: a limit that is nearer is met, in words (
 class Solution:
     """An answer: torque history, value of the programme's cost, iterations, multipliers."""
 
-    history: TorqueHistory
+    history: TorqueProfile
     cost: float
     iterations: int
     raw: dict[str, Any] = field(repr=False)

@@ -13,7 +13,7 @@ from boomctl.slew.objectives import OBJECTIVES
 from boomctl.slew.problem import MESH_GAP, MESHES, ROUNDS, SlewProblem
 from boomctl.slew.replay import Motion, played, prescribed_error, violation
 from boomctl.slew.result import LimitsTooTight, SlewError
-from boomctl.slew.torque import TorqueHistory
+from boomctl.slew.torque import TorqueProfile
 
 _TOO_MUCH = 0.05  # by which a coarse mesh may exceed a limit and a finer still keep it; a choice
 _SEARCH = 0.6  # share of the time in which meshes are refined; the rest is for a verified answer on a coarser one
@@ -45,7 +45,7 @@ class Refined:
     motions: tuple[Motion, ...] | None = None
 
 
-def refined(problem: SlewProblem, least: TorqueHistory | None) -> Refined:
+def refined(problem: SlewProblem, least: TorqueProfile | None) -> Refined:
     """Solve on the mesh asked for, or on finer ones until halving the intervals changes the cost by little.
 
     A mesh too coarse for any slew is passed over. Limits that a mesh exceeds by much, or by no less than a mesh half as fine
@@ -54,7 +54,7 @@ def refined(problem: SlewProblem, least: TorqueHistory | None) -> Refined:
     Parameters
     ----------
     problem : SlewProblem
-    least : TorqueHistory or None
+    least : TorqueProfile or None
         The linear part's slew of least time, from which a slew of free duration starts.
 
     Raises
@@ -91,7 +91,7 @@ def refined(problem: SlewProblem, least: TorqueHistory | None) -> Refined:
         return Refined(programme, solution, found.gap, (*path, f"collocation on {intervals} intervals"), motions)
 
 
-def _on_finer_meshes(problem: SlewProblem, least: TorqueHistory | None, best: list[Refined]) -> Refined:
+def _on_finer_meshes(problem: SlewProblem, least: TorqueProfile | None, best: list[Refined]) -> Refined:
     """Solve on finer and finer meshes; all that is solved on the way is entered in `best`.
 
     A mesh takes twice as long as one half as fine, and is not begun where that is more than what is left.
@@ -155,7 +155,7 @@ def _ramps(problem: SlewProblem) -> bool:
     return OBJECTIVES[problem.objective].continuous or problem.limits.torque_rate is not None
 
 
-def _guess(problem: SlewProblem, least: TorqueHistory | None, before: TorqueHistory | None, intervals: int) -> Guess:
+def _guess(problem: SlewProblem, least: TorqueProfile | None, before: TorqueProfile | None, intervals: int) -> Guess:
     """Where to start: from the torque of another mesh; else from the linear part's least time, or least effort."""
     if before is None and problem.fastest:
         before = least

@@ -36,7 +36,7 @@ class FiniteElements:
     --------
     >>> import boomctl as bc
     >>> s = bc.structure
-    >>> stretch = s.BeamSection(length=2.0, mass_per_length=3.0, bending_stiffness=5e3)
+    >>> stretch = s.BeamSegment(length=2.0, mass_per_length=3.0, bending_stiffness=5e3)
     >>> beam = s.Beam("beam", s.GROUND.at(0.0), s.fixed(), (0.0, 0.0), (stretch,), s.FiniteElements(2, order=6))
     >>> s.Assembly((beam,)).assemble().eigenfrequencies_hz(2).round(3)  # two elements of high order do
     array([ 5.711, 35.792])
@@ -98,7 +98,7 @@ class DiscreteElements:
     --------
     >>> import boomctl as bc
     >>> s = bc.structure
-    >>> stretch = s.BeamSection(length=2.0, mass_per_length=3.0, bending_stiffness=5e3)
+    >>> stretch = s.BeamSegment(length=2.0, mass_per_length=3.0, bending_stiffness=5e3)
     >>> beam = s.Beam("beam", s.GROUND.at(0.0), s.fixed(), (0.0, 0.0), (stretch,), s.DiscreteElements(8, "lumped"))
     >>> s.Assembly((beam,)).assemble().eigenfrequencies_hz(2).round(3)  # 5.711 and 35.792 Hz exactly
     array([ 5.671, 34.926])

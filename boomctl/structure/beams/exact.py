@@ -13,7 +13,7 @@ from boomctl.structure.beams.strains import StrainSystem, wave_numbers
 from boomctl.structure.beams.terms import Lines, Terms, kinds_of
 from boomctl.structure.elimination import eliminate
 from boomctl.structure.layout import KEPT, Layout, Weights
-from boomctl.structure.parts import BeamSection
+from boomctl.structure.parts import BeamSegment
 from boomctl.structure.ports import Ports
 from boomctl.structure.symmetry import Mirror
 
@@ -95,7 +95,7 @@ class ExactModel:
         Rows over its coordinates, inputs and outputs.
     weights : Weights
         Of everything but the beams' bending.
-    segments : tuple of BeamSection
+    segments : tuple of BeamSegment
         The beams, segment by segment.
     mirror : Mirror or None
         The reflection about ``x = 0`` that leaves the structure as it is, if there is one.
@@ -103,7 +103,7 @@ class ExactModel:
 
     layout: ExactLayout
     weights: Weights
-    segments: tuple[BeamSection, ...]
+    segments: tuple[BeamSegment, ...]
     mirror: Mirror | None = None
 
     @property
@@ -189,7 +189,7 @@ def _mirrored(layout: ExactLayout, mirror: Mirror) -> ExactLayout:
     return replace(layout, rigid=replace(layout.rigid, mirror=mirror))
 
 
-def _functions(kinds: Sequence[BeamSection], s: Array) -> Array:
+def _functions(kinds: Sequence[BeamSegment], s: Array) -> Array:
     """Return ``1, s, s^2`` and six functions a kind of segment at each ``s``."""
     values = np.empty((3 + 6 * len(kinds), len(s)), dtype=complex)
     values[0], values[1], values[2] = 1.0, s, s * s
@@ -363,8 +363,8 @@ class PreparedResponse:
 
     arrangement: _Arrangement
     weights: Weights
-    segments: tuple[BeamSection, ...]
-    kinds: tuple[BeamSection, ...]
+    segments: tuple[BeamSegment, ...]
+    kinds: tuple[BeamSegment, ...]
     coefficients: tuple[Array, ...]
     even: bool
 

@@ -17,7 +17,7 @@ from boomctl.lti.rounding import EPS, SUMMED
 from boomctl.structure.beams.dynamic_stiffness import strain_functions, strain_lines, strain_terms
 from boomctl.structure.beams.terms import Lines, Terms, kinds_of
 from boomctl.structure.layout import Weights
-from boomctl.structure.parts import BeamSection
+from boomctl.structure.parts import BeamSegment
 
 _UNFELT = (
     1e-100  # of the largest stiffness: no coordinate is made of a spring softer than that, whose scale would overflow
@@ -26,7 +26,7 @@ _SHORT = 1.0  # |z| up to which strains of a segment are coordinates; rounding i
 _DIFFERENCE = 1e-6  # of |s|, over which a slope is a difference: rounding and curvature leave some 1e-10 (a choice)
 
 
-def wave_numbers(segments: Sequence[BeamSection], s: Array) -> Array:
+def wave_numbers(segments: Sequence[BeamSegment], s: Array) -> Array:
     """Return ``|z|`` of each undamped segment at each ``s``, shape (len(s), segments)."""
     unit = [(part.mass_per_length / part.bending_stiffness) ** 0.25 * part.length for part in segments]
     return np.sqrt(np.abs(s))[:, None] * np.array(unit)
@@ -41,7 +41,7 @@ class StrainEquations:
     V : (n, n) ndarray
     rigid : int
         Number of coordinates that strain neither a short segment nor a spring.
-    kinds : tuple of BeamSection
+    kinds : tuple of BeamSegment
     coefficients, sizes : (numbers, n, n + m) ndarray
         What multiplies ``1, s, s^2`` and six strain functions a kind of segment in ``[D, B]``; how large the products are
         that it was summed from.
@@ -49,13 +49,13 @@ class StrainEquations:
 
     V: Array
     rigid: int
-    kinds: tuple[BeamSection, ...]
+    kinds: tuple[BeamSegment, ...]
     coefficients: Array
     sizes: Array
 
     @classmethod
     def of(
-        cls, left: Lines, right: Lines, forces: Array, weights: Weights, segments: Sequence[BeamSection], short: Array
+        cls, left: Lines, right: Lines, forces: Array, weights: Weights, segments: Sequence[BeamSegment], short: Array
     ) -> "StrainEquations":
         """Return the equations over coordinates of which rows are given.
 
@@ -67,7 +67,7 @@ class StrainEquations:
             The same over the ``m`` inputs, with the sign of a load.
         forces : (n, m) ndarray
             Loads themselves.
-        weights, segments : Weights, sequence of BeamSection
+        weights, segments : Weights, sequence of BeamSegment
         short : (segments,) ndarray of bool
             Segments whose strains become coordinates.
         """
@@ -184,7 +184,7 @@ class StrainSystem:
     right: Lines
     forces: Array
     weights: Weights
-    segments: tuple[BeamSection, ...]
+    segments: tuple[BeamSegment, ...]
     _known: dict[bytes, StrainEquations] = field(default_factory=dict, init=False, repr=False)
 
     @property

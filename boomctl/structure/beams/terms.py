@@ -8,7 +8,7 @@ import numpy as np
 from boomctl.arrays import Array
 from boomctl.structure.beams.dynamic_stiffness import segment_terms
 from boomctl.structure.layout import Weights
-from boomctl.structure.parts import BeamSection
+from boomctl.structure.parts import BeamSegment
 
 Lines = tuple[Array, Array, Array]
 
@@ -64,7 +64,7 @@ class Terms:
         return np.concatenate([fixed, bending.reshape(-1, size)])
 
 
-def kinds_of(segments: Sequence[BeamSection]) -> tuple[tuple[BeamSection, ...], Array]:
+def kinds_of(segments: Sequence[BeamSegment]) -> tuple[tuple[BeamSegment, ...], Array]:
     """Return the kinds of segments, and how much of the unit stiffness of each segment is of each kind."""
     kinds = tuple(dict.fromkeys(segments))
     shares = np.zeros((len(kinds), len(segments)))

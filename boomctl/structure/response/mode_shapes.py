@@ -18,7 +18,7 @@ JOLT, YAW = "jolt", "yaw"  # symmetric and antisymmetric motion, as the halves o
 
 
 @dataclass(frozen=True)
-class ShapeLine:
+class BodyShape:
     """How a body moves in each mode.
 
     Attributes
@@ -36,7 +36,7 @@ class ShapeLine:
     --------
     >>> import boomctl as bc
     >>> bc.spray_boom().mode_shapes(3)["boom"]
-    ShapeLine: beam 'boom', 61 points, 3 modes
+    BodyShape: beam 'boom', 61 points, 3 modes
     """
 
     name: str
@@ -46,7 +46,7 @@ class ShapeLine:
 
     def __repr__(self) -> str:
         kind = "beam" if self.bends else "rigid body"
-        return f"ShapeLine: {kind} {self.name!r}, {len(self.points)} points, {len(self.displacement)} modes"
+        return f"BodyShape: {kind} {self.name!r}, {len(self.points)} points, {len(self.displacement)} modes"
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ class ModeShapes:
     kinds : tuple of str
         What moves: "jolt" (symmetric) or "yaw" (antisymmetric) of a symmetric machine, "bending" or "axial" of a hub-beam,
         otherwise "".
-    lines : tuple of ShapeLine
+    lines : tuple of BodyShape
         The bodies; none of a model that was given as matrices.
 
     Examples
@@ -82,13 +82,13 @@ class ModeShapes:
     shapes: Array = field(repr=False)
     coordinates: tuple[str, ...] = field(repr=False)
     kinds: tuple[str, ...]
-    lines: tuple[ShapeLine, ...] = field(repr=False)
+    lines: tuple[BodyShape, ...] = field(repr=False)
 
     def __repr__(self) -> str:
         bodies = listed([line.name for line in self.lines]) if self.lines else "coordinates without places"
         return f"ModeShapes: {listed(self.names, 84)}\n  undamped, of {bodies}"
 
-    def __getitem__(self, body: str) -> ShapeLine:
+    def __getitem__(self, body: str) -> BodyShape:
         """Return how a body moves, by its name."""
         for line in self.lines:
             if line.name == body:
@@ -160,7 +160,7 @@ def mode_shapes(structure: Structure, count: int) -> ModeShapes:
         shapes,
         structure.coordinates,
         tuple(kinds[k] for k in order),
-        tuple(ShapeLine(line.name, line.bends, line.points, moved) for line, moved in lines),
+        tuple(BodyShape(line.name, line.bends, line.points, moved) for line, moved in lines),
     )
 
 

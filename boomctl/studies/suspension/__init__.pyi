@@ -3,11 +3,11 @@
 from boomctl.studies.suspension.design import SuspensionDesign as SuspensionDesign
 from boomctl.studies.suspension.design import SuspensionResult as SuspensionResult
 from boomctl.studies.suspension.performance import Performance as Performance
-from boomctl.studies.suspension.performance import performance as performance
+from boomctl.studies.suspension.performance import evaluate_suspension as evaluate_suspension
 from boomctl.studies.suspension.scene import ACCELERATIONS as ACCELERATIONS
 from boomctl.studies.suspension.scene import CONTROLS as CONTROLS
 from boomctl.studies.suspension.scene import MASS as MASS
 from boomctl.studies.suspension.scene import SPRING as SPRING
 from boomctl.studies.suspension.scene import STROKES as STROKES
-from boomctl.studies.suspension.scene import FieldScene as FieldScene
+from boomctl.studies.suspension.scene import FieldScenario as FieldScenario
 from boomctl.studies.suspension.scene import suspension_model as suspension_model

@@ -1,7 +1,7 @@
 """What is proved of a suspension beyond its own synthesis: margins, proofs over springs and masses, the exact boom.
 
 A sampled loop is looked at on a mesh of many elements where one in continuous time is on the exact beam.  What happens
-between samples is in the field run, and ``boomctl.analysis.sampled_norm`` bounds it.
+between samples is in the field run, and ``boomctl.analysis.sampled_data_norm`` bounds it.
 """
 
 import warnings
@@ -16,7 +16,7 @@ from boomctl.analysis.box.robustness import robust_stability
 from boomctl.analysis.box.worst_case import worst_case
 from boomctl.analysis.loops import closed_loop_response
 from boomctl.analysis.margins import Margins, SamplingCostsMarginWarning, margins
-from boomctl.analysis.nyquist import exact_loop_stability
+from boomctl.analysis.nyquist import nyquist_stability
 from boomctl.analysis.sigma import SigmaResult, sigma
 from boomctl.arrays import Array
 from boomctl.boom.exact import exact_frequency_response
@@ -133,7 +133,7 @@ class Examined(InField):
         if self.K is None:
             return Finding("exact boom", f"largest singular value there {curves.peak:.4g}", curves)
         poles = self.model(_EXACT_ELEMENTS).to_statespace().poles()
-        found = exact_loop_stability(self.exact_plant, self.K, poles[np.argsort(np.abs(poles))][:_EXACT_POLES])
+        found = nyquist_stability(self.exact_plant, self.K, poles[np.argsort(np.abs(poles))][:_EXACT_POLES])
         verdict = "stable" if found.stable else f"NOT stable, {found.unstable_poles} unstable poles"
         text = (
             f"{verdict}: winding number {found.encirclements} of det(I - G K), followed over {found.evaluations}"

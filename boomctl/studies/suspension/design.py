@@ -18,8 +18,8 @@ from boomctl.report import Section, Table, number
 from boomctl.structure.families import AffineFamily
 from boomctl.studies.evaluation import Design, Evaluation, Finding, numbers, word_table, words
 from boomctl.studies.suspension.assurance import Examined
-from boomctl.studies.suspension.performance import PEAK_DIGITS, Performance, performance
-from boomctl.studies.suspension.scene import FAMILY_ELEMENTS, FieldScene
+from boomctl.studies.suspension.performance import PEAK_DIGITS, Performance, evaluate_suspension
+from boomctl.studies.suspension.scene import FAMILY_ELEMENTS, FieldScenario
 from boomctl.threads import one_blas_thread
 
 _PASSIVE = ("spring_stiffness", "cradle_damping", "hinge_damping", "boom_mass")  # in the report's table
@@ -66,13 +66,13 @@ class SuspensionDesign(Design):
     __repr__ = compact
 
     @one_blas_thread
-    def evaluate(self, scene: FieldScene | None = None) -> "SuspensionResult":
+    def evaluate(self, scene: FieldScenario | None = None) -> "SuspensionResult":
         """Evaluate the design beside the boom of Table 2 of Anthonis & Ramon (2003).
 
         Parameters
         ----------
-        scene : FieldScene, optional
-            The field that both are driven over; by default ``FieldScene()``.
+        scene : FieldScenario, optional
+            The field that both are driven over; by default ``FieldScenario()``.
 
         Returns
         -------
@@ -84,12 +84,12 @@ class SuspensionDesign(Design):
         TypeError, ValueError
             As for :func:`boomctl.simulate_loop` and of the analyses.
         """
-        where = FieldScene() if scene is None else scene
+        where = FieldScenario() if scene is None else scene
         p, K, delay = self.parameters, self.controller, where.delay if self.delay is None else self.delay
         family = self.plant if isinstance(self.plant, AffineFamily) else None
         plant = self.plant if family is None else family.centre.to_statespace()
-        before = performance("passive, Table 2", where, BoomParameters())
-        after = performance(self.title, where, p, K, plant, delay=delay)  # type: ignore[arg-type]
+        before = evaluate_suspension("passive, Table 2", where, BoomParameters())
+        after = evaluate_suspension(self.title, where, p, K, plant, delay=delay)  # type: ignore[arg-type]
         assured: Any = ((), None, ())
         if self.plant is None or (family is not None and K is not None and K.isctime()):
             assured = Examined(p, K, where, delay, family).assured()
@@ -104,7 +104,7 @@ class SuspensionResult(Evaluation):
     ----------
     design : SuspensionDesign
         The design that was evaluated.
-    scene : FieldScene
+    scene : FieldScenario
         The field it was driven over.
     passive, active : Performance
         What the boom of Table 2 does, and what the design does.
@@ -122,7 +122,7 @@ class SuspensionResult(Evaluation):
     kind = "Suspension: "
 
     design: SuspensionDesign
-    scene: FieldScene
+    scene: FieldScenario
     passive: Performance
     active: Performance
     findings: tuple[Finding, ...] = field(repr=False)

@@ -7,11 +7,11 @@ import numpy as np
 
 from boomctl.analysis.loops import feedback_loop
 from boomctl.analysis.model_norm import hinf_norm
-from boomctl.analysis.norm import NormCertificate
+from boomctl.analysis.norm import NormBounds
 from boomctl.analysis.sigma import SigmaResult, sigma
 from boomctl.boom.model import ACTUATORS, TIPS
 from boomctl.boom.parameters import BoomParameters
-from boomctl.boom.spray import SprayResult, nozzle_positions, spray_by_motion
+from boomctl.boom.spray import SprayResult, nozzle_positions, spray_deposit_components
 from boomctl.checks import nonnegative
 from boomctl.lti.python_control import control
 from boomctl.printing import compact
@@ -20,7 +20,7 @@ from boomctl.simulation.loop import simulate_loop
 from boomctl.simulation.result import LoopResult
 from boomctl.structure.model import SecondOrderModel
 from boomctl.studies.evaluation import Finding, numbers
-from boomctl.studies.suspension.scene import ACCELERATIONS, CONTROLS, STROKES, FieldScene, suspension_model
+from boomctl.studies.suspension.scene import ACCELERATIONS, CONTROLS, STROKES, FieldScenario, suspension_model
 from boomctl.synthesis.plants.generalized import select_channels
 from boomctl.threads import one_blas_thread
 
@@ -39,7 +39,7 @@ class Performance:
     sigma : SigmaResult
         Singular values from platform actuators to tips; the peak is certified.  With a discrete controller those at the
         samples, of a platform that is held from one to the next.
-    jolt, yaw : NormCertificate
+    jolt, yaw : NormBounds
         Certified peaks of the symmetric and the antisymmetric part.
     run : LoopResult
         The run over the field, run-in, limits, sampling, delay and quantisation included.
@@ -51,8 +51,8 @@ class Performance:
 
     title: str
     sigma: SigmaResult = field(repr=False)
-    jolt: NormCertificate
-    yaw: NormCertificate
+    jolt: NormBounds
+    yaw: NormBounds
     run: LoopResult = field(repr=False)
     spray: SprayResult = field(repr=False)
     spray_by_jolt: SprayResult = field(repr=False)
@@ -123,7 +123,7 @@ class Performance:
         return max((float(np.abs(np.diff(force[judged])).max()) / step for force in forces), default=0.0)
 
 
-def _peak(name: str, found: NormCertificate, key: str) -> Finding:
+def _peak(name: str, found: NormBounds, key: str) -> Finding:
     text = number(found.lower, PEAK_DIGITS) + ("" if found.certified else ", NOT certified")
     return Finding(name, text, found.lower, found.certified, key)
 
@@ -133,9 +133,9 @@ def _share(name: str, value: float, key: str = "") -> Finding:
 
 
 @one_blas_thread
-def performance(
+def evaluate_suspension(
     title: str,
-    scene: FieldScene,
+    scene: FieldScenario,
     parameters: BoomParameters,
     controller: control.StateSpace | None = None,
     plant: control.StateSpace | None = None,
@@ -148,7 +148,7 @@ def performance(
     ----------
     title : str
         What the suspension is called.
-    scene : FieldScene
+    scene : FieldScenario
         The field, the sensors and the limits.
     parameters : BoomParameters
         The machine, passive parts of the suspension included.
@@ -173,8 +173,8 @@ def performance(
     Examples
     --------
     >>> import boomctl as bc
-    >>> field = bc.studies.FieldScene(run_in=5.0, duration=10.0)
-    >>> passive = bc.studies.performance("as published", field, bc.BoomParameters())
+    >>> field = bc.studies.FieldScenario(run_in=5.0, duration=10.0)
+    >>> passive = bc.studies.evaluate_suspension("as published", field, bc.BoomParameters())
     >>> round(float(passive.sigma.peak)), bool(passive.stroke < 0.05)  # certified peak; largest stroke [m]
     (2458, True)
     """
@@ -197,14 +197,14 @@ class InField:
         Of the machine, passive parts of the suspension included.
     K : control.StateSpace or None
         ``u = K y``; None of springs and dampers alone.
-    scene : FieldScene
+    scene : FieldScenario
     delay : float
         Time between a sample and the moment its forces act [s].
     """
 
     p: BoomParameters
     K: control.StateSpace | None
-    scene: FieldScene
+    scene: FieldScenario
     delay: float = 0.0
 
     def model(self, elements: int, nozzles: bool = False) -> SecondOrderModel:
@@ -246,7 +246,7 @@ class InField:
         points = np.concatenate([[-half], nozzles if names else [], [half]])
         moved = np.array([run[name] for name in (TIPS[0], *names, TIPS[1])])
         record = run.time >= run.time[0] + scene.run_in
-        return run, spray_by_motion(run.time[record], moved[:, record], points, scene.speed, nozzles=nozzles)
+        return run, spray_deposit_components(run.time[record], moved[:, record], points, scene.speed, nozzles=nozzles)
 
 
 def _loop_sigma(loop: control.StateSpace) -> SigmaResult:
@@ -259,7 +259,7 @@ def _loop_sigma(loop: control.StateSpace) -> SigmaResult:
     return replace(peaks, omega=omega[order], sigma=np.hstack([peaks.sigma, others.sigma])[:, order])
 
 
-def _half_norm(loop: control.StateSpace, parity: float) -> NormCertificate:
+def _half_norm(loop: control.StateSpace, parity: float) -> NormBounds:
     """Return the certified peak of the jolt, whose left side moves as the right one, or of the yaw, against it: -1."""
     half = np.sqrt(0.5) * np.array([parity, 1.0])
     return hinf_norm(control.ss(loop.A, loop.B @ half[:, None], half @ loop.C, half @ loop.D @ half[:, None], loop.dt))

@@ -23,7 +23,7 @@ _SPARE = 1.0  # length of track beyond the place where the front wheels end [m] 
 
 
 @dataclass(frozen=True)
-class FieldScene:
+class FieldScenario:
     """A run over a field, on which suspensions are compared.
 
     All of it is assumed; the papers give none of it but the stroke of the shaker's cylinders.
@@ -59,7 +59,7 @@ class FieldScene:
     Examples
     --------
     >>> import boomctl as bc
-    >>> scene = bc.studies.FieldScene(speed=2.0, run_in=5.0, duration=10.0)
+    >>> scene = bc.studies.FieldScenario(speed=2.0, run_in=5.0, duration=10.0)
     >>> round(float(scene.motion().time[-1]), 3)  # s, run-in included
     15.0
     """

@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from boomctl.analysis.norm import NormCertificate, matrices_norm
+from boomctl.analysis.norm import NormBounds, matrices_norm
 from boomctl.lti.modal import split
 from boomctl.lti.rounding import SOLVED
 from boomctl.lti.system import ClosedLoop, Lti, rates_of
@@ -53,7 +53,7 @@ class Candidate:
 
     K: Lti
     loop: Lti
-    norm: NormCertificate
+    norm: NormBounds
     slowest: float
     path: tuple[str, ...] = ()
 

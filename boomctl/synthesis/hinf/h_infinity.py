@@ -141,7 +141,7 @@ def h_infinity(
         Seconds after which it gives up.
     progress : callable, optional
         Is told a `Progress` at each stage.  Without one, after three seconds a line on a terminal or in a notebook says
-        what goes on; `listening` hears whatever runs within it.
+        what goes on; `progress_callback` hears whatever runs within it.
 
     Returns
     -------

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import linalg
 
-from boomctl.analysis.norm import NormCertificate
+from boomctl.analysis.norm import NormBounds
 from boomctl.analysis.prove import Claim
 from boomctl.arrays import Array, blocks
 from boomctl.checks import finite_array, sequence
@@ -257,7 +257,7 @@ def _certify(problem: RiccatiProblem, solution: RiccatiSolution) -> DesignCertif
         raise SynthesisError(f"the return difference of the regulator falls to {least:.6g}, below 1: not optimal")
     residual = f"Riccati residual {solution.residual:.1e}"
     return DesignCertificate(
-        norm=NormCertificate(peak, inf, at, "largest value found of the inverse return difference"),
+        norm=NormBounds(peak, inf, at, "largest value found of the inverse return difference"),
         slowest_pole=slowest,
         fastest_pole=0.0,
         lower=0.0,

@@ -81,7 +81,7 @@ def objective(
     return Channel(disturbed, judged, known("norm", norm, NAMES))
 
 
-def budget(
+def constraint(
     inputs: str | Sequence[str] | None, outputs: str | Sequence[str] | None, limit: float, norm: str = "hinf"
 ) -> Channel:
     """Return a channel whose norm is not to exceed a limit.
@@ -108,7 +108,7 @@ def budget(
     Examples
     --------
     >>> import boomctl as bc
-    >>> bc.tunable.budget("w_track", "z_force", 12.0, norm="h2")
+    >>> bc.tunable.constraint("w_track", "z_force", 12.0, norm="h2")
     Channel: H2 norm from w_track to z_force at most 12
     """
     return replace(objective(inputs, outputs, norm), budget=positive("limit", limit))

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from boomctl.analysis.h2 import matrices_h2_norm
-from boomctl.analysis.norm import UNSTABLE, NormCertificate, axis_eigenvalues, matrices_norm
+from boomctl.analysis.norm import UNSTABLE, NormBounds, axis_eigenvalues, matrices_norm
 from boomctl.arrays import blocks
 from boomctl.checks import warn_user
 from boomctl.lti.bilinear import continuous_image
@@ -104,7 +104,7 @@ def warn_of_lost_channels(plant: Any, channels: dict[str, tuple[tuple[str, ...],
 
 
 def judged_on_full_plant(
-    origin: ReducedPlant | None, plant: GeneralizedPlant, K: Lti, reduced: NormCertificate | None
+    origin: ReducedPlant | None, plant: GeneralizedPlant, K: Lti, reduced: NormBounds | None
 ) -> DesignCertificate | None:
     """Return what is known of a loop on the full plant, if its plant is reduced, and warn.
 
@@ -118,7 +118,7 @@ def judged_on_full_plant(
     size = reduction.full_order + len(plant.A) - reduction.order + len(K.A)  # with weights and controller
     stable, slowest = True if share < 1.0 else None, nan
     kind, why = ("h2", UNDEFINED) if reduced is None else (reduced.kind, NOT_COMPUTED)
-    norm = NormCertificate(0.0, inf, nan, why, kind=kind)
+    norm = NormBounds(0.0, inf, nan, why, kind=kind)
     path = [f"small gain {share:.3g}"]
     if size <= _MOST_POLES:
         full = replace(plant, system=origin.around(of(reduction.full, sampled=True)))
@@ -150,9 +150,7 @@ def judged_on_full_plant(
     return DesignCertificate(norm, slowest, fastest, 0.0, reason, tuple(path), statement, stable, share=share)
 
 
-def _statement(
-    reduction: ReductionResult, stable: bool | None, share: float, slowest: float, norm: NormCertificate
-) -> str:
+def _statement(reduction: ReductionResult, stable: bool | None, share: float, slowest: float, norm: NormBounds) -> str:
     gain = f"K S times the reduction's error of {reduction.measured_error:.3g} is up to {share:.3g}"
     if stable is False:
         return (

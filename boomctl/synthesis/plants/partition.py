@@ -235,7 +235,7 @@ def _places(what: str, wanted: Sequence[str], names: Sequence[str], there: Seque
 
 
 @one_blas_thread
-def close_loop(P: "control.StateSpace", controller: "Controller") -> "control.StateSpace":
+def lft(P: "control.StateSpace", controller: "Controller") -> "control.StateSpace":
     """Return a generalised plant closed by a controller from its measurements to its controls.
 
     The controller's inputs are the last outputs of ``P`` and its outputs the last inputs: found by name where the
@@ -267,7 +267,7 @@ def close_loop(P: "control.StateSpace", controller: "Controller") -> "control.St
     >>> lag = control.ss([[-1.0]], [[1.0]], [[1.0]], 0.0, inputs="u", outputs="y")
     >>> P = bc.mixed_sensitivity(lag, W1=1.0)
     >>> gain = control.ss([], [], [], [[9.0]], inputs="error_y", outputs="u")
-    >>> loop = bc.close_loop(P, gain)
+    >>> loop = bc.lft(P, gain)
     >>> loop.output_labels, round(float(loop.dcgain()), 3)  # the error that is left: 1/(1 + 9)
     (['z_error_y'], 0.1)
     """

@@ -7,7 +7,7 @@ from boomctl.tunable.structures import (
     GAIN,
     PHYSICAL,
     ControllerForm,
-    Decentralised,
+    Decentralized,
     Gain,
     Ports,
     Series,
@@ -29,7 +29,7 @@ def drawn(structure: ControllerForm, ports: Ports, rng: np.random.Generator, *, 
 def _drawn(structure: ControllerForm, ports: Ports, rng: np.random.Generator, level: float, quiet: bool) -> Array:
     if isinstance(structure, Sum):
         return np.concatenate([_drawn(part, ports, rng, level, quiet) for part in structure.parts])
-    if isinstance(structure, Decentralised):
+    if isinstance(structure, Decentralized):
         loops = structure._loops(ports)
         found = [_drawn(part, ports.part(rows, columns), rng, level, quiet) for rows, columns, part in loops]
         return found[0] if structure.shared else np.concatenate(found)

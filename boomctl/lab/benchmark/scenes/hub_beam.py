@@ -12,9 +12,9 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.lab.benchmark.scene import Scene, Setting, relative_error, settings
+from boomctl.maneuvers import SineTorque, SpinUp
 from boomctl.rotating_beam.assumed_modes import AssumedModesBeam
 from boomctl.rotating_beam.factory import hub_beam
-from boomctl.rotating_beam.manoeuvres import SineTorque, SpinUp
 from boomctl.rotating_beam.parameters import HubBeamParameters
 
 SPIN_UP = SpinUp(2.8, 30.0)  # rad/s, s: of Bai et al. (2009), Fig. 5, near the divergence speed of TLAM
@@ -109,25 +109,25 @@ def machine(change: float = 0.0) -> HubBeamParameters:
     return replace(p, length=p.length * (1.0 + change))
 
 
-def equations(beam: AssumedModesBeam, manoeuvre: SpinUp | SineTorque) -> tuple[dict[str, Any], Array]:
+def equations(beam: AssumedModesBeam, maneuver: SpinUp | SineTorque) -> tuple[dict[str, Any], Array]:
     """Return the differential equations in CasADi, from rest, and the row that reads the tip off the states [m].
 
     Parameters
     ----------
     beam : AssumedModesBeam
         Without axial modes where the motion is prescribed.
-    manoeuvre : SpinUp or SineTorque
+    maneuver : SpinUp or SineTorque
     """
     import casadi as ca
 
     t = ca.SX.sym("t")
-    if isinstance(manoeuvre, SineTorque):
+    if isinstance(maneuver, SineTorque):
         size = beam.equations.size
         x = ca.SX.sym("x", 2 * size)
-        sine = manoeuvre.amplitude * ca.sin(2.0 * np.pi * t / manoeuvre.period)
-        rate, _ = beam.casadi_function()(x, ca.if_else(t <= manoeuvre.duration, sine, 0.0))
+        sine = maneuver.amplitude * ca.sin(2.0 * np.pi * t / maneuver.period)
+        rate, _ = beam.casadi_function()(x, ca.if_else(t <= maneuver.duration, sine, 0.0))
         return {"x": x, "t": t, "ode": rate}, np.concatenate([[0.0], beam.equations.tip.transverse, np.zeros(size)])
-    m, w, duration = beam.integrals, manoeuvre.final_speed, manoeuvre.duration
+    m, w, duration = beam.integrals, maneuver.final_speed, maneuver.duration
     n = m.V2.size
     x = ca.SX.sym("x", 2 * n)
     phase = 2.0 * np.pi * ca.fmin(t / duration, 1.0)
@@ -137,24 +137,24 @@ def equations(beam: AssumedModesBeam, manoeuvre: SpinUp | SineTorque) -> tuple[d
     return {"x": x, "t": t, "ode": rate}, np.append(m.tip2, np.zeros(n))
 
 
-def sundials(beam: AssumedModesBeam, manoeuvre: SpinUp | SineTorque, timepts: Array, method: str, rtol: float) -> Array:
+def sundials(beam: AssumedModesBeam, maneuver: SpinUp | SineTorque, timepts: Array, method: str, rtol: float) -> Array:
     """Return the tip's displacement [m] by CasADi's IDAS or CVODES."""
     import casadi as ca
 
-    system, tip = equations(beam, manoeuvre)
+    system, tip = equations(beam, maneuver)
     options = {"reltol": rtol, "abstol": 1e-2 * rtol, "max_num_steps": 10_000_000}
     flow = ca.integrator("flow", method.lower(), system, 0.0, timepts[1:], options)
     return np.concatenate([[0.0], tip @ np.array(flow(x0=0.0)["xf"])])
 
 
 def scipy_motion(
-    beam: AssumedModesBeam, manoeuvre: SpinUp | SineTorque, timepts: Array, method: str, rtol: float
+    beam: AssumedModesBeam, maneuver: SpinUp | SineTorque, timepts: Array, method: str, rtol: float
 ) -> Array:
     """Return the tip's displacement [m] by ``solve_ivp``, the equations compiled by CasADi to one function."""
     import casadi as ca
     from scipy.integrate import solve_ivp
 
-    system, tip = equations(beam, manoeuvre)
+    system, tip = equations(beam, maneuver)
     f = ca.Function("f", [system["t"], system["x"]], [system["ode"]])
     options = {"rtol": rtol, "atol": 1e-2 * rtol}
     span, start = (0.0, timepts[-1]), np.zeros(len(tip))

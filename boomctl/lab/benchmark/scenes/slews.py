@@ -19,7 +19,7 @@ from boomctl.lab.benchmark.scene import Scene, Setting, settings
 from boomctl.lab.benchmark.scenes.hub_beam import machine
 from boomctl.rotating_beam.assumed_modes import AssumedModesBeam
 from boomctl.slew.optimal import optimal_slew
-from boomctl.slew.torque import TorqueHistory, held
+from boomctl.slew.torque import TorqueProfile, held
 
 _ANGLE, _LIMIT, _MODES = np.pi / 2, 200.0, 3  # rad, N m: a quarter turn; of SFOAM
 _DURATION, _GUESS = 3.0, 3.5  # s: of the slew of least effort (the least time is 2.91 s); from which others begin
@@ -54,7 +54,7 @@ class Slew:
         return replace(self, intervals=intervals)
 
 
-def opti_torque(slew: Slew, substeps: int = 1, fastest: bool = False) -> TorqueHistory:
+def opti_torque(slew: Slew, substeps: int = 1, fastest: bool = False) -> TorqueProfile:
     """Return the torque of least effort, or of least time, with some RK4 steps an interval.
 
     Raises
@@ -107,11 +107,11 @@ def _scene(
 ) -> Scene:
     """Return the scene of a slew; ``what`` is least, ``least`` says how the least one is found."""
 
-    def theirs(intervals: int, substeps: int, problem: Any, change: float) -> TorqueHistory:
+    def theirs(intervals: int, substeps: int, problem: Any, change: float) -> TorqueProfile:
         slew = slew_of(change, duration=_GUESS if what == "time" else _DURATION)
         return opti_torque(slew.on(intervals), substeps, fastest=what == "time")
 
-    def error(problem: Any, least: float, found: TorqueHistory) -> float:
+    def error(problem: Any, least: float, found: TorqueProfile) -> float:
         reached = found.duration if what == "time" else found.effort
         return max(abs(reached / least - 1.0), end_error(slew_of(), found), _SAME)
 
@@ -141,7 +141,7 @@ def _scene(
 def slew_time() -> Scene:
     """Return the scene of least time."""
 
-    def ours(rtol: float, problem: Any, change: float) -> TorqueHistory:
+    def ours(rtol: float, problem: Any, change: float) -> TorqueProfile:
         return optimal_slew(slew_of(change).beam, _ANGLE, _LIMIT, tolerance=rtol).history
 
     return _scene(
@@ -157,7 +157,7 @@ def slew_time() -> Scene:
 def slew_effort() -> Scene:
     """Return the scene of least effort."""
 
-    def ours(intervals: int, problem: Any, change: float) -> TorqueHistory:
+    def ours(intervals: int, problem: Any, change: float) -> TorqueProfile:
         return optimal_slew(slew_of(change).beam, _ANGLE, _LIMIT, "effort", _DURATION, intervals=intervals).history
 
     return _scene(
@@ -188,7 +188,7 @@ def _end(beam: AssumedModesBeam, torques: Array, lengths: Array, substeps: int) 
     return np.array(state).ravel()
 
 
-def end_error(slew: Slew, history: TorqueHistory) -> float:
+def end_error(slew: Slew, history: TorqueProfile) -> float:
     """Return by how much a held torque misses the end: the largest of angle [rad], hub speed [rad/s] and tip [m].
 
     Raises

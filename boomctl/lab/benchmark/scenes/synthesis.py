@@ -21,7 +21,7 @@ from boomctl.reduction.reduce import reduce
 from boomctl.structure.model import split_symmetric
 from boomctl.synthesis.hinf.h_infinity import h_infinity
 from boomctl.synthesis.plants.generalized import generalized_plant
-from boomctl.synthesis.plants.partition import close_loop
+from boomctl.synthesis.plants.partition import lft
 from boomctl.synthesis.plants.scaling import scale_signals
 from boomctl.tunable import makers as tunable
 from boomctl.tuning.tune import tune
@@ -69,7 +69,7 @@ def excess(P: control.StateSpace, bound: float, K: control.StateSpace) -> float:
 
     The norm is SLICOT's (Bruinsma and Steinbuch 1990) to ten digits, as far as our certificate of six allows it.
     """
-    loop = close_loop(P, K)
+    loop = lft(P, K)
     if (np.linalg.eigvals(np.asarray(loop.A)).real >= 0.0).any():
         return np.inf
     certified = hinf_norm(loop)
@@ -141,7 +141,7 @@ def tuning() -> Scene:
         }
 
     def norms(plants: dict[str, Any], gains: dict[str, Any]) -> Array:
-        return np.array([hinf_norm(close_loop(P, gains[name])).upper for name, (P, *_) in plants.items()])
+        return np.array([hinf_norm(lft(P, gains[name])).upper for name, (P, *_) in plants.items()])
 
     return Scene(
         title="H-infinity norm of two plants, least by a gain",

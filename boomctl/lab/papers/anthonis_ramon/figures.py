@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from boomctl.analysis.measured import MeasuredCurve
+from boomctl.analysis.measured import MeasuredFrequencyResponse
 from boomctl.analysis.sigma import SigmaResult, sigma
 from boomctl.arrays import Array
 from boomctl.boom.exact import exact_eigenfrequencies_hz, exact_frequency_response
@@ -60,7 +60,7 @@ _ORDERS = tuple(range(3, 15))  # polynomial orders over which errors are shown: 
 _SHAPE_ELEMENTS = 48  # of the boom whose shapes are drawn: smooth to the eye
 
 
-def figures_chapter(p: BoomParameters, measured: MeasuredCurve | None = None) -> Chapter:
+def figures_chapter(p: BoomParameters, measured: MeasuredFrequencyResponse | None = None) -> Chapter:
     """Compute and draw Table 1, Fig. 3, convergence and modes; a measured sigma curve is laid over Fig. 3."""
     from boomctl.plotting.boom import draw_convergence
     from boomctl.plotting.canvas import picture
@@ -136,7 +136,7 @@ def _readings(table: Mapping[str, Any]) -> Table:
     return Table(heads, tuple(lines), "Readings of the geometrical column, 20 elements [Hz].")
 
 
-def _figure_3(p: BoomParameters, measured: MeasuredCurve | None) -> tuple[dict[str, Any], Section]:
+def _figure_3(p: BoomParameters, measured: MeasuredFrequencyResponse | None) -> tuple[dict[str, Any], Section]:
     """Return the curves of Fig. 3, on grids that resolve the peaks of each, and the section that shows them."""
     from boomctl.plotting.boom import draw_figure_3
     from boomctl.plotting.canvas import picture

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from functools import partial
 
-from boomctl.analysis.measured import MeasuredCurve
+from boomctl.analysis.measured import MeasuredFrequencyResponse
 from boomctl.boom.parameters import BoomParameters
 from boomctl.lab.papers.anthonis_ramon.figures import figures_chapter
 from boomctl.lab.papers.anthonis_ramon.friction import POINTS, friction_chapter
@@ -19,7 +19,7 @@ _LEAD = (
 _ORDER = ("table and figures", "friction in the cradle", "fitted parameters")
 
 
-def jobs(parameters: BoomParameters | None = None, measured: MeasuredCurve | None = None) -> Jobs:
+def jobs(parameters: BoomParameters | None = None, measured: MeasuredFrequencyResponse | None = None) -> Jobs:
     """Return the jobs of the reproduction, the longest first; :func:`report` makes a report of their results.
 
     Parameters are by default those of Table 2; a measured sigma curve is laid over Fig. 3.

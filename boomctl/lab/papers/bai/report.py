@@ -12,9 +12,9 @@ from boomctl.lab.papers.bai import frequencies, spin_up, torque
 from boomctl.lab.papers.bai.comparison import CORRECTED, MET, MODELS, NOT_REPRODUCIBLE, Comparison, Part
 from boomctl.lab.papers.bai.validity import TORQUES, section, tip_errors, tips
 from boomctl.lab.papers.jobs import Jobs
+from boomctl.maneuvers import sine_torque
 from boomctl.report import Report, Section, Table
 from boomctl.rotating_beam.exact.beam import GeometricallyExactBeam
-from boomctl.rotating_beam.manoeuvres import sine_torque
 from boomctl.rotating_beam.parameters import HubBeamParameters
 
 _DRAWN = {

@@ -16,9 +16,9 @@ from boomctl.lab.papers.bai.comparison import (
     lines,
     peak,
 )
+from boomctl.maneuvers import spin_up
 from boomctl.rotating_beam.assumed_modes import AssumedModesBeam
 from boomctl.rotating_beam.factory import hub_beam
-from boomctl.rotating_beam.manoeuvres import spin_up
 from boomctl.rotating_beam.parameters import HubBeamParameters
 from boomctl.rotating_beam.result import SimulationResult
 

@@ -17,8 +17,8 @@ from boomctl.lab.papers.bai.comparison import (
     lines,
     peak,
 )
+from boomctl.maneuvers import sine_torque
 from boomctl.rotating_beam.factory import hub_beam
-from boomctl.rotating_beam.manoeuvres import sine_torque
 from boomctl.rotating_beam.parameters import HubBeamParameters
 from boomctl.rotating_beam.published import INERTIA_TORQUES
 from boomctl.rotating_beam.result import SimulationResult

@@ -4,8 +4,8 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.lab.papers.bai.comparison import ADDED, MODELS, Claim, Panel, Part, lines, peak
+from boomctl.maneuvers import sine_torque
 from boomctl.rotating_beam.factory import hub_beam
-from boomctl.rotating_beam.manoeuvres import sine_torque
 from boomctl.rotating_beam.parameters import HubBeamParameters
 from boomctl.rotating_beam.result import SimulationError
 

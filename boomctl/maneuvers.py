@@ -1,4 +1,4 @@
-"""What is done to the hub: a prescribed motion, or a torque. A manoeuvre starts at t = 0.
+"""What is done to the hub: a prescribed motion, or a torque. A maneuver starts at t = 0.
 
 All functions of time take an instant or an array of instants [s] and return an array of the same shape.
 """
@@ -18,6 +18,8 @@ from boomctl.arrays import Array
 from boomctl.checks import finite_array, function_of, plain_array, positive, real, sequence, shown
 from boomctl.gauss import gauss_method
 from boomctl.lti.rounding import SUMMED
+
+__all__ = ["applied_torque", "free_hub", "hold_angle", "prescribed_motion", "sine_torque", "spin_up"]
 
 TimeFunction = Callable[..., object]
 
@@ -75,7 +77,7 @@ class TorqueDriven(ABC):
         """Torque on the hub, N m."""
 
 
-Manoeuvre = PrescribedMotion | TorqueDriven
+Maneuver = PrescribedMotion | TorqueDriven
 
 
 class PlannedTorque(Protocol):
@@ -379,7 +381,7 @@ def spin_up(final_speed: float, duration: float) -> SpinUp:
     Returns
     -------
     SpinUp
-        A manoeuvre for ``simulate``: the hub's angle, speed and acceleration are prescribed.
+        A maneuver for ``simulate``: the hub's angle, speed and acceleration are prescribed.
 
     Raises
     ------
@@ -411,7 +413,7 @@ def sine_torque(amplitude: float, period: float, duration: float) -> SineTorque:
     Returns
     -------
     SineTorque
-        A manoeuvre for ``simulate``: the torque is given, the hub moves as it will.
+        A maneuver for ``simulate``: the torque is given, the hub moves as it will.
 
     Raises
     ------
@@ -428,7 +430,7 @@ def sine_torque(amplitude: float, period: float, duration: float) -> SineTorque:
     return SineTorque(amplitude, period, duration)
 
 
-def hub_profile(
+def prescribed_motion(
     angle: TimeFunction, speed: TimeFunction, acceleration: TimeFunction, breakpoints: tuple[float, ...] = ()
 ) -> HubProfile:
     """Prescribe the hub's motion by functions of time.
@@ -445,7 +447,7 @@ def hub_profile(
     Returns
     -------
     HubProfile
-        A manoeuvre for ``simulate``: the hub's motion is prescribed.
+        A maneuver for ``simulate``: the hub's motion is prescribed.
 
     Raises
     ------
@@ -457,7 +459,7 @@ def hub_profile(
     --------
     >>> import boomctl as bc
     >>> import numpy as np
-    >>> sway = bc.hub_profile(lambda t: 1.0 - np.cos(t), np.sin, np.cos)
+    >>> sway = bc.maneuvers.prescribed_motion(lambda t: 1.0 - np.cos(t), np.sin, np.cos)
     >>> result = bc.hub_beam(modes=1).simulate(sway, [0.0, 1.0, 2.0])
     >>> result.hub_angle.round(4)
     array([0.    , 0.4597, 1.4161])
@@ -465,7 +467,7 @@ def hub_profile(
     return HubProfile(angle, speed, acceleration, breakpoints)
 
 
-def torque(function: TimeFunction, breakpoints: tuple[float, ...] = ()) -> Torque:
+def applied_torque(function: TimeFunction, breakpoints: tuple[float, ...] = ()) -> Torque:
     """Drive the hub by a torque that is a function of time.
 
     Parameters
@@ -480,7 +482,7 @@ def torque(function: TimeFunction, breakpoints: tuple[float, ...] = ()) -> Torqu
     Returns
     -------
     Torque
-        A manoeuvre for ``simulate``: the torque is given, the hub moves as it will.
+        A maneuver for ``simulate``: the torque is given, the hub moves as it will.
 
     Raises
     ------
@@ -490,7 +492,7 @@ def torque(function: TimeFunction, breakpoints: tuple[float, ...] = ()) -> Torqu
     Examples
     --------
     >>> import boomctl as bc
-    >>> push = bc.torque(lambda t: 50.0 * (t < 1.0), breakpoints=(1.0,))
+    >>> push = bc.maneuvers.applied_torque(lambda t: 50.0 * (t < 1.0), breakpoints=(1.0,))
     >>> result = bc.hub_beam(modes=1).simulate(push, [0.0, 1.0, 2.0])
     >>> result.hub_speed[1:].round(4)  # rad/s, the beam still swings
     array([0.2067, 0.2088])
@@ -498,7 +500,7 @@ def torque(function: TimeFunction, breakpoints: tuple[float, ...] = ()) -> Torqu
     return Torque(function, breakpoints)
 
 
-def hold(angle: float = 0.0) -> Hold:
+def hold_angle(angle: float = 0.0) -> Hold:
     """Hold the hub at an angle, as if it were clamped.
 
     Parameters
@@ -509,7 +511,7 @@ def hold(angle: float = 0.0) -> Hold:
     Returns
     -------
     Hold
-        A manoeuvre for ``simulate``: the beam swings, the hub does not.
+        A maneuver for ``simulate``: the beam swings, the hub does not.
 
     Raises
     ------
@@ -521,25 +523,26 @@ def hold(angle: float = 0.0) -> Hold:
     >>> import boomctl as bc
     >>> beam = bc.hub_beam(modes=1)
     >>> bent = [0.0, 0.01, 0.0, 0.0]  # hub angle, mode, and their rates
-    >>> beam.simulate(bc.hold(), [0.0, 1.0], initial=bent).tip_displacement.round(4)  # m
+    >>> beam.simulate(bc.maneuvers.hold_angle(), [0.0, 1.0], initial=bent).tip_displacement.round(4)  # m
     array([ 0.02  , -0.0195])
     """
     return Hold(angle)
 
 
-def free() -> Free:
+def free_hub() -> Free:
     """Leave the hub free, without a torque on it.
 
     Returns
     -------
     Free
-        A manoeuvre for ``simulate``: beam and hub move from the initial state.
+        A maneuver for ``simulate``: beam and hub move from the initial state.
 
     Examples
     --------
     >>> import boomctl as bc
     >>> turning = [0.0, 0.0, 1.0, 0.0]  # hub angle, mode, and their rates
-    >>> result = bc.hub_beam(modes=1, model="sfoam-consistent").simulate(bc.free(), [0.0, 1.0, 2.0], initial=turning)
+    >>> beam, timepts = bc.hub_beam(modes=1, model="sfoam-consistent"), [0.0, 1.0, 2.0]
+    >>> result = beam.simulate(bc.maneuvers.free_hub(), timepts, initial=turning)
     >>> bool(abs(result.angular_momentum / result.angular_momentum[0] - 1.0).max() < 1e-6)  # it is conserved
     True
     """

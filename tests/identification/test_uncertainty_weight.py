@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import boomctl as bc
-from boomctl.identification import uncertainty_band
+from boomctl.identification import uncertainty_weight
 from tests.identification.rig import RIG, START, rig
 
 OMEGA = 2.0 * np.pi * np.geomspace(0.3, 20.0, 80)
@@ -29,7 +29,9 @@ def measured(rng, noise=0.02):
     G = with_stand(RIG).frequency_response(OMEGA)
     size = noise * np.abs(G.frdata)
     errors = size * (rng.standard_normal(size.shape) + 1j * rng.standard_normal(size.shape))
-    found = bc.identification.MeasuredResponse(G.frdata + errors, OMEGA, inputs=["volt"], outputs=["motor", "load"])
+    found = bc.identification.FrequencyResponseEstimate(
+        G.frdata + errors, OMEGA, inputs=["volt"], outputs=["motor", "load"]
+    )
     found.deviation, found.coherence = size, np.ones((2, len(OMEGA)))
     found.quantity, found.source = ("displacement", "displacement"), "drawn"
     return found
@@ -41,7 +43,7 @@ def test_a_band_holds_what_the_fitted_model_leaves_of_the_truth():
     for seed in range(3):
         H = measured(np.random.default_rng(seed))
         model = rig(bc.fit(rig, H, list(RIG), START, starts=1).parameters).frequency_response(OMEGA).frdata
-        W = uncertainty_band(H, model)
+        W = uncertainty_weight(H, model)
         assert W.nstates == 12
         assert [W.input_labels, W.output_labels] == [["volt"], ["motor", "load"]]
         band = np.abs(W(1j * OMEGA)[:, 0])
@@ -55,11 +57,11 @@ def test_a_band_holds_what_the_fitted_model_leaves_of_the_truth():
 def test_an_entry_alone_is_that_of_all_and_several_days_count_by_the_largest():
     H, other = (measured(np.random.default_rng(seed)) for seed in (0, 1))
     s = 1j * OMEGA
-    both = uncertainty_band(H, rig(RIG))
-    motor = uncertainty_band(H, rig(RIG), outputs="motor")
+    both = uncertainty_weight(H, rig(RIG))
+    motor = uncertainty_weight(H, rig(RIG), outputs="motor")
     assert motor.nstates == 6
     np.testing.assert_allclose(motor(s), both(s)[0, 0], rtol=1e-9)
-    days = uncertainty_band([H, other], rig(RIG), outputs="motor", fall=1, order=5)
+    days = uncertainty_weight([H, other], rig(RIG), outputs="motor", fall=1, order=5)
     for each in (H, other):
         left = np.abs(each.frdata[0, 0] - rig(RIG).frequency_response(OMEGA).frdata[0, 0])
         assert (np.abs(days(s)) >= left).all()
@@ -72,7 +74,7 @@ def test_what_is_proved_with_the_band_is_stable_on_the_truth():
     """The stand is in no model.  A soft controller is proved, sampled too; of a stiff one the loop over the family alone."""
     H = measured(np.random.default_rng(0))
     fitted = bc.fit(rig, H, list(RIG), START, starts=1)
-    family, W = fitted.family(margin=0.02), uncertainty_band(H, rig(fitted.parameters), outputs="motor")
+    family, W = fitted.family(margin=0.02), uncertainty_weight(H, rig(fitted.parameters), outputs="motor")
 
     def pd(gain):
         corner = 100.0

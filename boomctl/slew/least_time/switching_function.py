@@ -18,7 +18,7 @@ _CURVE = 1500  # steps at least of a switching curve: it is drawn
 
 
 @dataclass(frozen=True, eq=False)
-class SwitchingCurve(TimeSeries):
+class SwitchingFunction(TimeSeries):
     """Time that a unit of torque saves, over the largest it saves: Pontryagin's principle asks for the torque's sign.
 
     Attributes
@@ -43,7 +43,7 @@ class SwitchingCurve(TimeSeries):
 
     def __repr__(self) -> str:
         agree = f"{self.agreement:.4%} of the time the torque has its sign"
-        return f"SwitchingCurve: {count(len(self.switches), 'switch', 'switches')} in {self.time[-1]:.6g} s; {agree}"
+        return f"SwitchingFunction: {count(len(self.switches), 'switch', 'switches')} in {self.time[-1]:.6g} s; {agree}"
 
     def _outputs(self) -> dict[str, Array]:
         return {"values": self.values}
@@ -75,7 +75,7 @@ class SwitchingCurve(TimeSeries):
 
 
 @one_blas_thread
-def switching_curve(result: SlewResult) -> SwitchingCurve:
+def switching_function(result: SlewResult) -> SwitchingFunction:
     """Return the switching function of a minimum-time slew.
 
     Pontryagin's principle: the torque has the sign of this function.  It is found by carrying the costate back along the
@@ -88,7 +88,7 @@ def switching_curve(result: SlewResult) -> SwitchingCurve:
 
     Returns
     -------
-    SwitchingCurve
+    SwitchingFunction
         The function over time, beside the torque; ``.plot()`` draws both.
 
     Raises
@@ -100,7 +100,7 @@ def switching_curve(result: SlewResult) -> SwitchingCurve:
     --------
     >>> import boomctl as bc
     >>> fast = bc.optimal_slew(bc.hub_beam(modes=1), angle=1.0, torque_limit=200.0)
-    >>> curve = bc.slew.switching_curve(fast)
+    >>> curve = bc.slew.switching_function(fast)
     >>> curve.switches.round(2), round(curve.agreement, 2)  # s; share of the time with the right sign
     (array([0.82, 1.26, 1.69]), 1.0)
     """
@@ -116,4 +116,4 @@ def switching_curve(result: SlewResult) -> SwitchingCurve:
     steps = ends.steps(float(np.sign(history.left[0])), durations, counts)
     values = ends.sensitivity(steps).switching_function
     middle = np.cumsum(steps.h) - 0.5 * steps.h
-    return SwitchingCurve(middle, values / np.abs(values).max(), steps.u, history.switches, problem.limits.torque)
+    return SwitchingFunction(middle, values / np.abs(values).max(), steps.u, history.switches, problem.limits.torque)

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import linalg
 
-from boomctl.analysis.norm import NormCertificate, matrices_norm
+from boomctl.analysis.norm import NormBounds, matrices_norm
 from boomctl.arrays import Array, blocks
 from boomctl.checks import names
 from boomctl.lti.modal import sides
@@ -49,14 +49,14 @@ _GUESS = (0.1, 0.3, 0.7)  # shares of half the sampling rate at which the search
 
 
 @one_blas_thread
-def sampled_norm(
+def sampled_data_norm(
     plant: "SecondOrderModel | control.StateSpace | control.TransferFunction",
     controller: "control.StateSpace | control.TransferFunction",
     inputs: str | Sequence[str] | None = None,
     outputs: str | Sequence[str] | None = None,
     *,
     delay: float = 0.0,
-) -> NormCertificate:
+) -> NormBounds:
     """Return the L2-induced norm of a sampled loop ``u = K y``: its largest gain, between samples included.
 
     The energy of the outputs, as functions of time, is at most the square of this norm times that of the disturbances,
@@ -78,7 +78,7 @@ def sampled_norm(
 
     Returns
     -------
-    NormCertificate
+    NormBounds
         A gain that sinusoids reach, a level that is proved, and the frequency of the former up to whole sampling rates
         [rad/s].  Infinite if the loop is not stable.
 
@@ -95,7 +95,7 @@ def sampled_norm(
     >>> signals = {"inputs": ["load", "force"], "outputs": "place"}
     >>> mass = control.ss([[0.0, 1.0], [0.0, 0.0]], [[0.0, 0.0], [1.0, 1.0]], [[1.0, 0.0]], 0.0, **signals)
     >>> lead = control.ss([[-20.0]], [[1.0]], [[360.0]], -20.0, inputs="place", outputs="force")
-    >>> norm = bc.analysis.sampled_norm(mass, bc.discretize(lead, 0.05), delay=0.03)
+    >>> norm = bc.analysis.sampled_data_norm(mass, bc.discretize(lead, 0.05), delay=0.03)
     >>> round(norm.lower, 3), bool(norm.certified)
     (0.904, True)
     """
@@ -128,7 +128,7 @@ def sampled_norm(
     rows = [every.outputs.index(name) for name in shown]
     loop = SampledLoop.of(every.between([*driven, *acting], [*rows, *measured]).balanced(), K, late)
     if (sides(loop.at_samples.poles, dt) >= 0).any():
-        return NormCertificate(inf, inf, float("nan"), NOT_STABLE)
+        return NormBounds(inf, inf, float("nan"), NOT_STABLE)
     return loop.norm()
 
 
@@ -255,7 +255,7 @@ class SampledLoop:
         D = np.hstack([np.zeros((len(C), inputs)), given])
         return lower_lft(Lti(A, np.hstack([driving, B]), C, D, dt=K.dt), replace(K, states=()))
 
-    def of_level(self, level: float) -> NormCertificate:
+    def of_level(self, level: float) -> NormBounds:
         """Return the norm of the loop of a level, which is below one exactly if the level is above that of this loop.
 
         Its states are those of ``at_samples``.  Signals are in units in which the level is one.  Where the level can be
@@ -266,27 +266,27 @@ class SampledLoop:
             step = _step(part, duration, level)
             total = step if total is None or step is None else total.then(step)
             if total is None:
-                return NormCertificate(inf, inf, 0.0, NOT_STABLE)
+                return NormBounds(inf, inf, 0.0, NOT_STABLE)
         assert total is not None
         A, B = self.queue.A.copy(), self.queue.B[:, -len(self.controller.C) :].copy()
         A[:n], B[:n] = total.Phi[:n] @ self.from_states, total.Phi[:n] @ self.from_given
         found = self._closed(A, B, _root(total.W)[:n], _root(total.X).T)
         if (sides(found.poles, self.controller.dt) >= 0).any():
-            return NormCertificate(inf, inf, 0.0, NOT_STABLE)
+            return NormBounds(inf, inf, 0.0, NOT_STABLE)
         return matrices_norm(found.balanced())
 
-    def norm(self) -> NormCertificate:
+    def norm(self) -> NormBounds:
         """Return the norm between two bounds."""
         level = max(self.gain(share * np.pi / self.controller.dt, _PARTS[0]) for share in _GUESS)
         if level == 0.0:
-            return NormCertificate(0.0, 0.0, 0.0, "no disturbance shows")
+            return NormBounds(0.0, 0.0, 0.0, "no disturbance shows")
         level, omega = self._crossing(level)
         for above in _ABOVE:
             found = self.of_level(level * (1.0 + above))
             if found.upper < 1.0:
                 omega = found.omega
-                return NormCertificate(self._reached(omega, level), level * (1.0 + above), omega, LIFTED)
-        return NormCertificate(self._reached(omega, level), inf, omega, NOT_TOLD)
+                return NormBounds(self._reached(omega, level), level * (1.0 + above), omega, LIFTED)
+        return NormBounds(self._reached(omega, level), inf, omega, NOT_TOLD)
 
     def _crossing(self, level: float) -> tuple[float, float]:
         """Return the level the loop of which has the norm one, by secants between a level below and one above."""

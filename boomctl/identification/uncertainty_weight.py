@@ -15,12 +15,12 @@ from boomctl.threads import one_blas_thread
 if TYPE_CHECKING:
     import control
 
-    from boomctl.identification.response import MeasuredResponse
+    from boomctl.identification.response import FrequencyResponseEstimate
 
 
 @one_blas_thread
-def uncertainty_band(
-    measured: "MeasuredResponse | control.FrequencyResponseData | Sequence[Any]",
+def uncertainty_weight(
+    measured: "FrequencyResponseEstimate | control.FrequencyResponseData | Sequence[Any]",
     model: Any,
     inputs: str | Sequence[str] | None = None,
     outputs: str | Sequence[str] | None = None,
@@ -37,7 +37,7 @@ def uncertainty_band(
 
     Parameters
     ----------
-    measured : MeasuredResponse, FrequencyResponseData, or a list of such
+    measured : FrequencyResponseEstimate, FrequencyResponseData, or a list of such
         As `fit` takes it; without ``deviation`` the measurement is taken for exact.  Of several data sets the largest counts.
     model : SecondOrderModel, StateSpace, FrequencyResponseData, ...
         The model, such as ``build(found.parameters)`` of a fit, or ``found.model`` of an identification.
@@ -77,7 +77,7 @@ def uncertainty_band(
     ...     first = np.eye(len(masses))[0]
     ...     return bc.structure.SecondOrderModel(np.diag(masses), 0.01 * K, K, {"force": first}, {"place": first})
     >>> H = cart(1.0, 0.05).frequency_response(np.geomspace(1.0, 200.0, 80))
-    >>> W = bc.identification.uncertainty_band(H, cart(1.05))
+    >>> W = bc.identification.uncertainty_weight(H, cart(1.05))
     >>> left = abs(H.frdata - cart(1.05).frequency_response(H.omega).frdata)
     >>> bool((abs(W(1j * H.omega)) >= left[0, 0]).all())
     True

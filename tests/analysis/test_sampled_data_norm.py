@@ -60,7 +60,7 @@ def finer(plant, K, late, count):
 @examples(60)
 def test_it_is_where_finer_and_finer_samples_go(seed):
     plant, K, late = random_loop(seed)
-    found = bc.analysis.sampled_norm(plant, K, outputs="z", delay=late)
+    found = bc.analysis.sampled_data_norm(plant, K, outputs="z", delay=late)
     assert found.upper <= found.lower * (1.0 + 1e-4)
     coarse, fine, finest = (finer(plant, K, late, count) for count in (8, 16, 32))
     # the error falls with the length of the finer samples, or its square: either way by at least half
@@ -83,7 +83,7 @@ def test_what_has_no_feedback_has_its_own_norm(seed):
         outputs=["z", "y"],
     )
     nothing = control.ss([], [], [], [[0.0]], _DT, inputs="y", outputs="u")
-    found = bc.analysis.sampled_norm(stable, nothing)
+    found = bc.analysis.sampled_data_norm(stable, nothing)
     exact = bc.hinf_norm(bc.synthesis.select_channels(stable, "w"))
     assert found.lower == pytest.approx(exact.lower, rel=1e-5)
     assert found.upper == pytest.approx(exact.upper, rel=1e-5)
@@ -96,7 +96,9 @@ def test_stiff_filters_and_many_parts_of_a_sample_do_no_harm():
     plant = control.ss(A, [[1.0, 1.0], [1e6, 0.0]], [[1.0, 0.0], [1.0, 0.0]], 0.0, **names)
     slow = control.ss([[-1.0]], [[1.0, 1.0]], [[1.0], [1.0]], 0.0, **names)
     K = control.ss([], [], [], [[-0.5]], 1.0, inputs="y", outputs="u")
-    assert bc.analysis.sampled_norm(plant, K).lower == pytest.approx(bc.analysis.sampled_norm(slow, K).lower, rel=1e-6)
+    assert bc.analysis.sampled_data_norm(plant, K).lower == pytest.approx(
+        bc.analysis.sampled_data_norm(slow, K).lower, rel=1e-6
+    )
 
 
 def test_a_level_is_that_of_a_gain_in_closed_form():
@@ -112,23 +114,23 @@ def test_a_level_is_that_of_a_gain_in_closed_form():
     volterra = (np.tril(np.ones((count, count)), -1) + 0.5 * np.eye(count)) / count
     decay = np.outer(1.0 - middle, np.ones(count)) / count
     best = max(linalg.svdvals(volterra + np.exp(-1j * angle) * decay)[0] for angle in np.linspace(0.0, np.pi, 7))
-    assert bc.analysis.sampled_norm(plant, K).lower == pytest.approx(best, rel=1e-3)
+    assert bc.analysis.sampled_data_norm(plant, K).lower == pytest.approx(best, rel=1e-3)
 
 
 def test_controls_may_count_and_wrong_loops_are_refused():
     plant, K, late = random_loop(5)
-    both = bc.analysis.sampled_norm(plant, K, outputs=["z", "u"], delay=late).lower
-    each = [bc.analysis.sampled_norm(plant, K, outputs=name, delay=late).lower for name in ("z", "u")]
+    both = bc.analysis.sampled_data_norm(plant, K, outputs=["z", "u"], delay=late).lower
+    each = [bc.analysis.sampled_data_norm(plant, K, outputs=name, delay=late).lower for name in ("z", "u")]
     assert max(each) * (1.0 - 1e-6) <= both <= np.hypot(*each) * (1.0 + 1e-6)
     unstable = control.ss([], [], [], [[50.0]], _DT, inputs="y", outputs="u")
-    assert bc.analysis.sampled_norm(plant, unstable).lower == np.inf
+    assert bc.analysis.sampled_data_norm(plant, unstable).lower == np.inf
     direct = control.ss(-1.0, [[1.0, 1.0]], [[1.0]], [[1.0, 0.0]], inputs=["w", "u"], outputs="y")
     with pytest.raises(ValueError, match="disturbance 'w' acts on measurement 'y' directly: samples of it") as refused:
-        bc.analysis.sampled_norm(direct, K)
+        bc.analysis.sampled_data_norm(direct, K)
     said = {"P": direct, "boomctl": bc, "control": control}
     exec(str(refused.value).partition("before it: ")[2], said)  # what the message says to write
     weak = control.ss([], [], [], [[-0.1]], _DT, inputs="y", outputs="u")
-    assert bc.analysis.sampled_norm(said["P"], weak, "filtered").certified
+    assert bc.analysis.sampled_data_norm(said["P"], weak, "filtered").certified
 
 
 @pytest.mark.slow
