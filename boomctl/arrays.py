@@ -21,9 +21,7 @@ def combined(lines: Array, T: Array) -> Array:
     """
     product = lines @ T
     bound = np.outer(np.abs(lines).max(axis=1, initial=0.0), ROUNDED * np.abs(T).sum(axis=0))
-    if not product[
-        np.abs(product) <= bound
-    ].any():  # what is below it is exactly zero: the terms need no second product
+    if not product[np.abs(product) <= bound].any():  # no entry can be rounding: those below the bound are exact zeros
         return product
     return np.where(np.abs(product) > ROUNDED * (np.abs(lines) @ np.abs(T)), product, 0.0)
 

@@ -61,7 +61,7 @@ def with_state_outputs(plant: Any) -> "control.StateSpace | AffineFamily | Polyn
     True
     """
     if isinstance(plant, AffineFamily | PolynomialFamily):
-        centre = _centre_with_states(plant.centre)
+        centre = _centre_with_state_outputs(plant.centre)
         more = ((0, 0), (0, len(centre.outputs) - len(plant.centre.outputs)), (0, 0))  # what states read stays
 
         def wider(slope: Slope) -> Slope:
@@ -72,10 +72,10 @@ def with_state_outputs(plant: Any) -> "control.StateSpace | AffineFamily | Polyn
         return replace(plant, centre=centre, changes=tuple((power, wider(slope)) for power, slope in plant.changes))
     given = of(plant, "plant", "SecondOrderModel, a family, StateSpace or TransferFunction", any_time=True)
     name = getattr(plant, "name", None)
-    return _with_states(given).statespace(name if isinstance(name, str) else "plant")
+    return _with_state_outputs(given).statespace(name if isinstance(name, str) else "plant")
 
 
-def _with_states(plant: Lti) -> Lti:
+def _with_state_outputs(plant: Lti) -> Lti:
     plain, eye = plant.without_dots(), np.eye(len(plant.A))
     labels = tuple(label.replace(".", "_") for label in plant.states)
 
@@ -104,7 +104,7 @@ def _unread(states: Sequence[str], outputs: Sequence[str], same: Callable[[int, 
     return new
 
 
-def _centre_with_states(model: SecondOrderModel) -> SecondOrderModel:
+def _centre_with_state_outputs(model: SecondOrderModel) -> SecondOrderModel:
     """Return a structure whose states, as sums of places, speeds and displacements, are outputs too."""
     ports, n, m = model.ports, model.n, len(model.inputs)
     if not ports.plain:

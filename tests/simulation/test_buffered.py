@@ -4,7 +4,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from boomctl.simulation.machine.exponential_step import BLOCK, at_columns
+from boomctl.simulation.machine.run import BLOCK, at_columns
 
 
 @pytest.mark.parametrize("count", [1, BLOCK + 1])

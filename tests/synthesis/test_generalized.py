@@ -65,7 +65,7 @@ def test_channels_are_products(yaw, dt, omega):
 
 @examples(20)
 @given(seed=st.integers(0, 10**6), n=st.integers(1, 6), k=st.integers(0, 3), omega=st.floats(0.1, 30.0))
-def test_close_loop_is_the_fractional_transformation(seed, n, k, omega):
+def test_lft_is_the_fractional_transformation(seed, n, k, omega):
     rng = np.random.default_rng(seed)
     P = control.ss(*(rng.normal(size=shape) for shape in ((n, n), (n, 4), (5, n), (5, 4))))
     K = control.ss(*(rng.normal(size=shape) for shape in ((k, k), (k, 2), (1, k), (1, 2))))
@@ -77,7 +77,7 @@ def test_close_loop_is_the_fractional_transformation(seed, n, k, omega):
     assert_allclose(loop(1j * omega), expected, rtol=1e-6, atol=1e-8 * np.abs(expected).max())
 
 
-def test_close_loop_finds_signals_by_name():
+def test_lft_finds_signals_by_name():
     P = control.rss(3, 4, 3, strictly_proper=True)
     P = control.ss(P.A, P.B, P.C, P.D, inputs=["w", "u", "v"], outputs=["z", "a", "b", "c"])
     K = control.ss([], [], [], [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]], inputs=["c", "a", "b"], outputs=["v", "u"])

@@ -193,7 +193,7 @@ def test_controller_in_matching_scales_accepted(design):
     MACHINE["worst_case sampled"](YAW, design)
 
 
-def test_close_loop_scaled_plant_takes_both_controllers(design):
+def test_lft_scaled_plant_takes_both_controllers(design):
     poles = [np.sort_complex(bc.lft(P, K).poles()) for K in (design, design.controller, design.scaled_controller)]
     assert_allclose(poles[1], poles[0], rtol=1e-6)
     assert_allclose(poles[2], poles[0], rtol=1e-6)

@@ -2,8 +2,7 @@
 
 ``z'' + Omega^2 z = r(z, z', u)``: the vibration is taken by its exact flow, the remainder by Krogstad's (2005) exponential
 Runge-Kutta scheme of fourth order, which integrates a parabola through the remainder's values against that flow.  Forces that
-run along straight lines are exact by that, and modes that nothing excites may turn many times in a step.  CasADi functions
-of a step read NumPy arrays and write into them (`Buffered`), without a copy entry by entry in Python.
+run along straight lines are exact by that, and modes that nothing excites may turn many times in a step.
 """
 
 from __future__ import annotations
@@ -11,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
@@ -24,8 +23,6 @@ if TYPE_CHECKING:
 
 _SERIES = 1.0  # square of the angle of a step below which closed forms lose digits, and a series is summed
 _TERMS = 9  # of that series: 1 / 19! = 8e-18 is left out where the angle is 1
-# columns that are one call: 1000 take a third longer over a second, 30 a quarter longer over five (measured)
-BLOCK = 250
 
 
 def exponential_step(
@@ -125,55 +122,3 @@ def stumpff(y: casadi.SX) -> list[casadi.SX]:
             series = 1.0 / math.factorial(2 * j + k) - y * series
         found.append(ca.if_else(near, series, closed[k - 1]))
     return found
-
-
-class Buffered:
-    """A function of dense matrices, evaluated in memory that NumPy shares with it.
-
-    Parameters
-    ----------
-    function : casadi.Function
-        Of dense matrices; what it returns with structural zeros is returned full.
-    """
-
-    def __init__(self, function: casadi.Function) -> None:
-        places = range(function.n_in()), range(function.n_out())
-        assert all(function.sparsity_in(i).is_dense() for i in places[0])
-        # to be kept as long as this: what runs the function points to it.  Its stub knows of no memory that Python shares
-        self._buffer: Any = None
-        self._buffer, self._run = function.buffer()
-        # matrices lie column by column: their transposes are what NumPy lays out row by row
-        self._given = [np.empty(function.size_in(i)[::-1]) for i in places[0]]
-        self._found = [np.empty(function.nnz_out(i)) for i in places[1]]
-        self._shapes = [function.size_out(i) for i in places[1]]
-        self._filled = [np.array(function.sparsity_out(i).find(), dtype=int) for i in places[1]]
-        for i, array in enumerate(self._given):
-            self._buffer.set_arg(i, array.reshape(-1).data)
-        for i, array in enumerate(self._found):
-            self._buffer.set_res(i, array.data)
-
-    def __call__(self, *given: Array) -> list[Array]:
-        """Return the matrices that the function returns, (rows, columns); vectors are taken as columns."""
-        for here, each in zip(self._given, given, strict=True):
-            here[...] = np.reshape(each, here.shape[::-1]).T
-        self._run()
-        results = []
-        for array, (rows, columns), filled in zip(self._found, self._shapes, self._filled, strict=True):
-            full = array.copy() if len(array) == rows * columns else np.zeros(rows * columns)
-            if len(array) < len(full):
-                full[filled] = array
-            results.append(full.reshape(columns, rows).T)
-        return results
-
-
-def at_columns(function: casadi.Function, *given: Array) -> list[Array]:
-    """Return what a function of vectors returns at all columns of matrices, (rows, columns) each."""
-    count = given[0].shape[1]
-    block = min(BLOCK, count)
-    run = Buffered(function.map(block))
-    parts = []
-    for k in range(0, count, block):
-        end = min(k + block, count)
-        padded = [np.pad(each[:, k:end], ((0, 0), (0, block - end + k))) for each in given]
-        parts.append([each[:, : end - k] for each in run(*padded)])
-    return [np.hstack(each) for each in zip(*parts, strict=True)]

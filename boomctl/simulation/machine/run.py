@@ -21,7 +21,7 @@ from boomctl.lti.machine_modes import MachineModes
 from boomctl.lti.rounding import ALIKE
 from boomctl.progress import tell
 from boomctl.simulation.controller import SampledController
-from boomctl.simulation.machine.exponential_step import BLOCK, Buffered, at_columns, exponential_step
+from boomctl.simulation.machine.exponential_step import exponential_step
 from boomctl.simulation.stepping import ControlLog, SampledRun
 
 if TYPE_CHECKING:
@@ -41,6 +41,9 @@ _FAILURES = 3  # trials that overflow or come no nearer, after which no more is 
 _MOST_STEPS = 2e7  # of a run: some minutes (a choice)
 _INLINE = 4  # steps within one step of the grid that are one expression; more are a loop over it (measured)
 _LONGEST_QUEUE = 64  # controls on their way that are states of the loop; longer queues are read off the log (a choice)
+# columns that are one call of a CasADi function: 1000 take a third longer over a second, 30 a quarter longer over five
+# (measured)
+BLOCK = 250
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -406,3 +409,55 @@ def _kept_reading(m: MachineModes, acts: Acts) -> casadi.Function:
     sizes = {"z": 2 * len(m.omega), "u": len(acts[0]), "d": len(acts[1])}
     z, u, d = given = [ca.SX.sym(name, size) for name, size in sizes.items()]
     return ca.Function("read", given, list(m.read.call([z, inputs_of(m, acts, u, d)])))
+
+
+class Buffered:
+    """A function of dense matrices, evaluated in memory that NumPy shares with it.
+
+    Parameters
+    ----------
+    function : casadi.Function
+        Of dense matrices; what it returns with structural zeros is returned full.
+    """
+
+    def __init__(self, function: casadi.Function) -> None:
+        places = range(function.n_in()), range(function.n_out())
+        assert all(function.sparsity_in(i).is_dense() for i in places[0])
+        # to be kept as long as this: what runs the function points to it.  Its stub knows of no memory that Python shares
+        self._buffer: Any = None
+        self._buffer, self._run = function.buffer()
+        # matrices lie column by column: their transposes are what NumPy lays out row by row
+        self._given = [np.empty(function.size_in(i)[::-1]) for i in places[0]]
+        self._found = [np.empty(function.nnz_out(i)) for i in places[1]]
+        self._shapes = [function.size_out(i) for i in places[1]]
+        self._filled = [np.array(function.sparsity_out(i).find(), dtype=int) for i in places[1]]
+        for i, array in enumerate(self._given):
+            self._buffer.set_arg(i, array.reshape(-1).data)
+        for i, array in enumerate(self._found):
+            self._buffer.set_res(i, array.data)
+
+    def __call__(self, *given: Array) -> list[Array]:
+        """Return the matrices that the function returns, (rows, columns); vectors are taken as columns."""
+        for here, each in zip(self._given, given, strict=True):
+            here[...] = np.reshape(each, here.shape[::-1]).T
+        self._run()
+        results = []
+        for array, (rows, columns), filled in zip(self._found, self._shapes, self._filled, strict=True):
+            full = array.copy() if len(array) == rows * columns else np.zeros(rows * columns)
+            if len(array) < len(full):
+                full[filled] = array
+            results.append(full.reshape(columns, rows).T)
+        return results
+
+
+def at_columns(function: casadi.Function, *given: Array) -> list[Array]:
+    """Return what a function of vectors returns at all columns of matrices, (rows, columns) each."""
+    count = given[0].shape[1]
+    block = min(BLOCK, count)
+    run = Buffered(function.map(block))
+    parts = []
+    for k in range(0, count, block):
+        end = min(k + block, count)
+        padded = [np.pad(each[:, k:end], ((0, 0), (0, block - end + k))) for each in given]
+        parts.append([each[:, : end - k] for each in run(*padded)])
+    return [np.hstack(each) for each in zip(*parts, strict=True)]

@@ -13,9 +13,16 @@ from boomctl.boom.exact import exact_frequency_response
 from boomctl.boom.factory import spray_boom
 from boomctl.boom.model import ACTUATORS, TIPS
 from boomctl.boom.parameters import BoomParameters
-from boomctl.lab.benchmark import plain_boom as peers
 from boomctl.lab.benchmark.high_precision import exact_response, peak_in_many_digits, sigma_of
-from boomctl.lab.benchmark.plain_boom import PlainBoom, control_boom, varied
+from boomctl.lab.benchmark.plain_boom import (
+    PlainBoom,
+    banded_sigma,
+    control_boom,
+    control_sigma,
+    lsim,
+    pymor_norm,
+    varied,
+)
 from boomctl.lab.benchmark.scene import Scene, Setting, relative_error, settings
 from boomctl.lti.python_control import control
 from boomctl.reduction.reduce import reduce
@@ -79,8 +86,8 @@ def boom_sigma() -> Scene:
             *_ours(lambda model: sigma(model, _OMEGA).sigma),
             *settings("accuracy=", "{:g}", (1e-2, 1e-3, 1e-6), chosen, ours=True),
             *settings("exact beam", "no mesh", [()], exact, ours=True),
-            *_others("python-control", _PEERS, lambda boom: peers.control_sigma(control_boom(boom), _OMEGA)),
-            *_others("SciPy, banded solver", (*_PEERS, 200, 500), lambda boom: peers.banded_sigma(boom, _OMEGA)),
+            *_others("python-control", _PEERS, lambda boom: control_sigma(control_boom(boom), _OMEGA)),
+            *_others("SciPy, banded solver", (*_PEERS, 200, 500), lambda boom: banded_sigma(boom, _OMEGA)),
         ),
         remarks=(_PLAIN,),
     )
@@ -108,7 +115,7 @@ def boom_peak() -> Scene:
         methods=(
             *_ours(peak, verified=True),
             *_others("control.linfnorm", _PEERS, by_control, "slycot"),
-            *_others("pyMOR, hinf_norm", _PEERS[:4], peers.pymor_norm, "pymor", "slycot"),
+            *_others("pyMOR, hinf_norm", _PEERS[:4], pymor_norm, "pymor", "slycot"),
         ),
         remarks=(_PLAIN, "Ours proves that no frequency has a larger singular value; the others do not."),
     )
@@ -154,7 +161,7 @@ def boom_time() -> Scene:
         methods=(
             *(s for rtol, n, k in sizes for s in _ours(ours(rtol), n, k)),
             *_others("control.forced_response", _PEERS, by_control),
-            *_others("scipy.signal.lsim", _PEERS, lambda boom: peers.lsim(boom, time, motion)),
+            *_others("scipy.signal.lsim", _PEERS, lambda boom: lsim(boom, time, motion)),
         ),
         remarks=(_PLAIN, "Mesh and accuracy of ours are set together: a fine mesh is given a tight accuracy."),
     )
