@@ -159,12 +159,12 @@ def sigma(asked: Namespace) -> dict[str, Any]:
         result = singular_values(spray_boom(p, asked.discretization, elements))
     if asked.out is not None:
         _save_sigma(result, "exact" if exact else f"{asked.discretization}, {elements}", curve, asked.out)
-    bound = result.certificate.upper
+    bound = result.certificate.upper_bound
     proof = f"certified below {bound:.6g}" if result.certified and isfinite(bound) else result.certificate.method
     print(f"peak {result.peak:.6g} at {result.peak_omega:.6g} rad/s ({result.peak_omega / tau:.6g} Hz), {proof}")
     found = {"peak": result.peak, "peak_omega": result.peak_omega, "certified": result.certified, "upper_bound": bound}
     curves = {"omega": result.omega, "sigma": result.sigma}
-    return {**found, "inputs": result.inputs, "outputs": result.outputs, **curves}
+    return {**found, "inputs": result.input_labels, "outputs": result.output_labels, **curves}
 
 
 def _save_sigma(result: Any, label: str, curve: Any, out: Path) -> None:
@@ -174,7 +174,7 @@ def _save_sigma(result: Any, label: str, curve: Any, out: Path) -> None:
     prepared_folder(out.parent)
     figure = new_figure()
     ax = figure.add_subplot()
-    result.plot(ax, unit="Hz", label=label)
+    result.plot(ax, frequency_unit="Hz", label=label)
     if curve is not None:
         curve.plot(ax)
     write_whole(out, figure_bytes(figure, out.suffix[1:]))
@@ -287,9 +287,14 @@ def identify(asked: Namespace) -> Any:
 
     folder = prepared_folder(asked.out)
     band = None if asked.band is None else tuple(asked.band)
-    options = {"band_hz": band, "modes": asked.modes, "quantity": asked.quantity, "intersample": asked.intersample}
+    options = {
+        "frequency_range_hz": band,
+        "modes": asked.modes,
+        "quantity": asked.quantity,
+        "intersample": asked.intersample,
+    }
     found, report = identified_file(asked.record, asked.inputs, asked.outputs, asked.sample_time, **options)
-    print(found.render())
+    print(found)
     _write(report, folder)
     return report.results
 

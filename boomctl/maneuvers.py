@@ -87,17 +87,17 @@ class PlannedTorque(Protocol):
     def edges(self) -> Array: ...
 
     @property
-    def left(self) -> Array: ...
+    def start_values(self) -> Array: ...
 
     @property
-    def right(self) -> Array: ...
+    def end_values(self) -> Array: ...
 
 
 class PlannedSlew(Protocol):
     """A slew that was planned: its torque, instants and states on the way."""
 
     @property
-    def history(self) -> PlannedTorque: ...
+    def torque_profile(self) -> PlannedTorque: ...
 
     @property
     def time(self) -> Array: ...
@@ -523,7 +523,7 @@ def hold_angle(angle: float = 0.0) -> Hold:
     >>> import boomctl as bc
     >>> beam = bc.hub_beam(modes=1)
     >>> bent = [0.0, 0.01, 0.0, 0.0]  # hub angle, mode, and their rates
-    >>> beam.simulate(bc.maneuvers.hold_angle(), [0.0, 1.0], initial=bent).tip_displacement.round(4)  # m
+    >>> beam.simulate(bc.maneuvers.hold_angle(), [0.0, 1.0], initial_state=bent).tip_displacement.round(4)  # m
     array([ 0.02  , -0.0195])
     """
     return Hold(angle)
@@ -542,7 +542,7 @@ def free_hub() -> Free:
     >>> import boomctl as bc
     >>> turning = [0.0, 0.0, 1.0, 0.0]  # hub angle, mode, and their rates
     >>> beam, timepts = bc.hub_beam(modes=1, model="sfoam-consistent"), [0.0, 1.0, 2.0]
-    >>> result = beam.simulate(bc.maneuvers.free_hub(), timepts, initial=turning)
+    >>> result = beam.simulate(bc.maneuvers.free_hub(), timepts, initial_state=turning)
     >>> bool(abs(result.angular_momentum / result.angular_momentum[0] - 1.0).max() < 1e-6)  # it is conserved
     True
     """

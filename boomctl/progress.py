@@ -31,7 +31,7 @@ class Progress:
         The computation; within another computation, the outer one.
     stage : str
         What it does now, in words.
-    seconds : float
+    elapsed : float
         Time since it began [s].
     done, total : int or None
         Steps done, and how many there are, where that is known.
@@ -45,14 +45,14 @@ class Progress:
 
     task: str
     stage: str
-    seconds: float
+    elapsed: float
     done: int | None = None
     total: int | None = None
 
     def __str__(self) -> str:
         count = "" if self.done is None else f" {self.done}" if self.total is None else f" {self.done} of {self.total}"
         stage = f": {self.stage}" if self.stage else ""
-        return f"{self.task}{stage}{count} ({self.seconds:.0f} s)"
+        return f"{self.task}{stage}{count} ({self.elapsed:.0f} s)"
 
 
 class OutOfTime(Exception):

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from threadpoolctl import LibController
 
 _LARGE = 1500  # States of a system from which the user's BLAS threads are used: two threads save time above 1,600.
-_HELD = ("_of", "centre", "model", "system")  # attributes of records that hold a system
+_HELD = ("_of", "nominal", "model", "system")  # attributes of records that hold a system
 _LOADERS = ("scipy.linalg", "slycot")  # modules that bring a BLAS library of their own, beside the one of NumPy
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])

@@ -65,7 +65,7 @@ def jolt_plant(point: tuple[float, float]) -> Callable[[Mapping[str, float]], co
         disturbances={"actuator_sym": bc.low_pass(0.03 * share, 4.0), "suspension_sym": 7.5 * share, "platform": 1.0},
         performance={"tip_sym": 15.0},
         effort={"suspension_sym": bc.shelf(4.0 / 150.0, 20.0 / 150.0, 15.0)},
-        noises={f"{stem}_sym": size * share for stem, size in NOISE.items()},
+        noise={f"{stem}_sym": size * share for stem, size in NOISE.items()},
     )
 
 
@@ -105,9 +105,9 @@ def tuned(side: str, plant_at: Callable, channels: list, **options: Any) -> Tune
 def suspension(limit: float = LIMIT) -> SuspensionDesign:
     """Return the machine with both dampers, and both halves' controllers joined into one of it."""
     halves = {"jolt": tuned_jolt(limit), "yaw": tuned_yaw()}
-    facts = {f"{name}: tuned": found.certificate.statement for name, found in halves.items()}
-    facts |= {f"{name}: proved in ball arithmetic": bc.prove(found).statement for name, found in halves.items()}
-    chosen = {name: value for found in halves.values() for name, value in found.physical.items()}
+    facts = {f"{name}: tuned": found.certificate.summary for name, found in halves.items()}
+    facts |= {f"{name}: proved in ball arithmetic": bc.prove(found).claim for name, found in halves.items()}
+    chosen = {name: value for found in halves.values() for name, value in found.plant_parameters.items()}
     for name, value in chosen.items():
         facts[name] = f"{value:.4g} (Table 2: {getattr(TABLE_2, name):.4g})"
     parameters = replace(TABLE_2, **chosen)
@@ -116,7 +116,7 @@ def suspension(limit: float = LIMIT) -> SuspensionDesign:
         "dampers and controllers at once",
         parameters=parameters,
         controller=bc.join_symmetric(suspension_model(parameters), *(found.controller for found in halves.values())),
-        facts=facts,
+        synthesis_info=facts,
         notes=(
             f"The cradle's damper goes with a controller of {ORDER['sym']} states, the hinge's with one of {ORDER['anti']}.",
             f"The hinge's damper is {parameters.hinge_damping / TABLE_2.hinge_damping:.0f} times that of Table 2: a part to"

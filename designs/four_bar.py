@@ -27,7 +27,7 @@ from boomctl.structure import (
 
 SPAN, HEIGHT = 2.0, 0.5
 A, D = (-0.3, 0.0), (2.2, -0.2)
-COUPLER = BeamSegment(SPAN, mass_per_length=1.2, bending_stiffness=80.0, damping=2e-4)
+COUPLER = BeamSegment(SPAN, mass_per_length=1.2, bending_stiffness=80.0, stiffness_damping=2e-4)
 OMEGA = np.linspace(1.0, 60.0, 40)
 
 
@@ -35,7 +35,7 @@ OMEGA = np.linspace(1.0, 60.0, 40)
 class FourBar:
     """Eigenfrequencies [Hz] of the linkage, and the largest relative differences between the three ways to close it."""
 
-    frequencies_hz: np.ndarray
+    eigenfrequencies_hz: np.ndarray
     held_against_cut: float
     multipliers_against_cut: float
 
@@ -50,13 +50,13 @@ def linkage(closed: bool) -> Assembly:
     joint_forces = (Force("joint_x", end, "x", head), Force("joint_y", end, "y", head))
     return Assembly(
         bodies=(crank, coupler, rocker),
-        links=(spring,),
+        springs=(spring,),
         forces=(Force("torque", crank.at(*A), "theta"), *(() if closed else joint_forces)),
         outputs=(
             Output("rocker_angle", rocker.at(*D), "theta"),
             Output("coupler_middle", coupler.at(SPAN / 2)),
         ),
-        cuts=(CutJoint(end, head),) if closed else (),
+        cut_joints=(CutJoint(end, head),) if closed else (),
     )
 
 
@@ -68,7 +68,7 @@ def by_multipliers(tree: SecondOrderModel, omega: np.ndarray) -> np.ndarray:
         D = tree.K + 1j * w * tree.C - w**2 * tree.M
         system = np.block([[D, J], [J.T, np.zeros((2, 2))]])
         z = np.linalg.solve(system, np.concatenate([drive, np.zeros(2)]).astype(complex))
-        response.append(tree.ports.L[0] @ z[: tree.n])
+        response.append(tree.ports.L[0] @ z[: tree.ncoordinates])
     return np.array(response).T
 
 

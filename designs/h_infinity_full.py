@@ -39,7 +39,7 @@ def design() -> SuspensionDesign:
         },
         performance={**dict.fromkeys(("tip_left", "tip_right"), TIP), **dict.fromkeys(STROKES, STROKE)},
         effort=dict.fromkeys(CONTROLS, effort),
-        noises={**dict.fromkeys(STROKES, STROKE_NOISE), **dict.fromkeys(ACCELERATIONS, ACCELERATION_NOISE)},
+        noise={**dict.fromkeys(STROKES, STROKE_NOISE), **dict.fromkeys(ACCELERATIONS, ACCELERATION_NOISE)},
         measurements=[*STROKES, *ACCELERATIONS],
         controls=list(CONTROLS),
     )
@@ -47,15 +47,15 @@ def design() -> SuspensionDesign:
     symmetric, antisymmetric, mixed = bc.synthesis.split_controller(model, synthesis.controller)
     controller = bc.join_symmetric(model, symmetric, antisymmetric)
     norm = bc.hinf_norm(bc.lft(P, controller))
-    share = reduced.measured_error / bc.sigma(reduced.full).peak
+    share = reduced.error_norm / bc.sigma(reduced.full_system).peak
     return SuspensionDesign(
         "h_infinity_full",
         "H-infinity on the full 2 x 2 plant",
         controller=controller,
-        facts={
-            "verified gamma": synthesis.certificate.statement,
-            "proved in ball arithmetic": bc.prove(synthesis).statement,
-            "made symmetric": f"{100 * mixed:.2g} % led from half to half; verified norm without it {norm.upper:.6g}",
+        synthesis_info={
+            "verified gamma": synthesis.certificate.summary,
+            "proved in ball arithmetic": bc.prove(synthesis).claim,
+            "made symmetric": f"{100 * mixed:.2g} % led from half to half; verified norm without it {norm.upper_bound:.6g}",
             "reduction": f"to order {reduced.order}, error up to {OMEGA_RANGE[1]:g} rad/s "
             f"at most {100 * share:.2g} % of the peak",
         },

@@ -54,7 +54,7 @@ def half_design(model, side):
         disturbances={f"actuator_{side}": bc.low_pass(1.0, w.track), push: w.force_disturbance},
         performance={tip: w.tip, stroke: w.stroke},
         effort={push: effort_weight(w)},
-        noises={stroke: w.stroke_noise, acceleration: w.acceleration_noise},
+        noise={stroke: w.stroke_noise, acceleration: w.acceleration_noise},
         measurements=[stroke, acceleration],
         controls=[push],
     )
@@ -70,9 +70,9 @@ def design() -> SuspensionDesign:
         synthesis, reduced = half_design(half, side)
         controllers[side] = synthesis.controller
         name = HALVES[side]
-        facts[f"{name}: verified gamma"] = synthesis.certificate.statement
-        facts[f"{name}: proved in ball arithmetic"] = bc.prove(synthesis).statement
-        share = reduced.measured_error / bc.sigma(reduced.full).peak
+        facts[f"{name}: verified gamma"] = synthesis.certificate.summary
+        facts[f"{name}: proved in ball arithmetic"] = bc.prove(synthesis).claim
+        share = reduced.error_norm / bc.sigma(reduced.full_system).peak
         facts[f"{name}: reduction"] = (
             f"to order {reduced.order}, error up to {OMEGA_RANGE[1]:g} rad/s at most {100 * share:.2g} % of the half's peak"
         )
@@ -80,7 +80,7 @@ def design() -> SuspensionDesign:
         "h_infinity_split",
         "H-infinity, yaw and jolt apart",
         controller=bc.join_symmetric(model, controllers["sym"], controllers["anti"]),
-        facts=facts,
+        synthesis_info=facts,
         weights={f"effort, {name}": effort_weight(WEIGHTS[side]) for side, name in HALVES.items()},
     )
 

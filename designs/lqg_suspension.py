@@ -67,8 +67,8 @@ def design() -> SuspensionDesign:
         controllers[side] = synthesis.controller
         name = {"sym": "jolt", "anti": "yaw"}[side]
         facts[f"{name}: least expected cost"] = f"{synthesis.cost:.4g}, of the loop and by the Riccati equations"
-        facts[f"{name}: proved in ball arithmetic"] = bc.prove(synthesis).statement
-        share = reduced.measured_error / bc.sigma(reduced.full).peak
+        facts[f"{name}: proved in ball arithmetic"] = bc.prove(synthesis).claim
+        share = reduced.error_norm / bc.sigma(reduced.full_system).peak
         facts[f"{name}: reduction"] = (
             f"to order {reduced.order}, error up to {OMEGA_RANGE[1]:g} rad/s at most {100 * share:.2g} % of the half's peak"
         )
@@ -76,7 +76,7 @@ def design() -> SuspensionDesign:
         "lqg_suspension",
         "LQG, yaw and jolt apart",
         controller=bc.join_symmetric(model, controllers["sym"], controllers["anti"]),
-        facts=facts,
+        synthesis_info=facts,
     )
 
 

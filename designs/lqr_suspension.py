@@ -33,23 +33,23 @@ def boom(values: Mapping[str, float]) -> SecondOrderModel:
 
 def design() -> SuspensionDesign:
     """Return the regulator and its plant."""
-    family = bc.with_state_outputs(AffineFamily.through({"spring": SPRING, "mass": MASS}, boom))
-    plant = family.centre.to_statespace()
+    family = bc.with_state_outputs(AffineFamily.from_function({"spring_factor": SPRING, "mass_factor": MASS}, boom))
+    plant = family.nominal.to_statespace()
     tips = np.asarray(plant.C)[[plant.output_labels.index(name) for name in ("tip_left", "tip_right")]]
     speeds = tips @ plant.A
     Q = tips.T @ tips / TIP**2 + speeds.T @ speeds / TIP_SPEED**2
     regulator = bc.lqr(plant, Q, 1.0 / FORCE**2, controls=CONTROLS)
     certificate = regulator.certificate
-    assert certificate.riccati is not None  # every regulator has its solution; other designs have none
+    assert certificate.regulator_riccati is not None  # every regulator has its solution; other designs have none
     return SuspensionDesign(
         "lqr_suspension",
         "LQR, all states measured",
         controller=regulator.controller,
         plant=family,
-        facts={
-            "Riccati residual": f"{certificate.riccati.residual:.2g} relative",
-            "return difference": f"{certificate.return_difference:.6f} at least (1 by Kalman's inequality)",
-            "proved in ball arithmetic": bc.prove(regulator).statement,
+        synthesis_info={
+            "Riccati residual": f"{certificate.regulator_riccati.residual:.2g} relative",
+            "return difference": f"{certificate.min_return_difference:.6f} at least (1 by Kalman's inequality)",
+            "proved in ball arithmetic": bc.prove(regulator).claim,
             "slowest pole": f"{regulator.poles.real.max():.3g} rad/s",
         },
         notes=("All states are taken to be measured, without error: a yardstick, not a suspension to be built.",),

@@ -47,7 +47,7 @@ def rig(p: dict[str, float]) -> SecondOrderModel:
     beam = bc.hub_beam(
         DRAWN.replace(youngs_modulus=p["youngs_modulus"], damping_ratio=p["damping_ratio"]), model="sfoam", modes=2
     )
-    model = beam.structure().select(["torque", "tip_force"], ["hub_angle", "tip_displacement"])
+    model = beam.to_second_order().select(["torque", "tip_force"], ["hub_angle", "tip_displacement"])
     C = np.array(model.C)
     C[0, 0] += p["friction"]
     columns = model.ports.B.copy()
@@ -76,19 +76,19 @@ def shaken() -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
 @cache
 def response() -> FrequencyResponseEstimate:
     """Return the frequency response that the record tells."""
-    return bc.estimate_frequency_response(*shaken(), STEP, band_hz=BAND_HZ)
+    return bc.estimate_frequency_response(*shaken(), STEP, frequency_range_hz=BAND_HZ)
 
 
 @cache
 def measured() -> FitResult:
     """Return the four parameters that the record tells, begun from the drawing."""
-    return bc.fit(rig, response(), list(NOMINAL), NOMINAL, starts=1)
+    return bc.fit(rig, response(), list(NOMINAL), NOMINAL, n_starts=1)
 
 
 @cache
 def family() -> Family:
     """Return the rigs that the record leaves open, and what may change later."""
-    return measured().family(probability=0.95, margin=MARGIN)
+    return measured().family(probability=0.95, range_margin=MARGIN)
 
 
 def unexplained() -> control.StateSpace:
@@ -103,7 +103,7 @@ def weighed(model: SecondOrderModel) -> control.StateSpace:
         disturbances={"torque": 0.02, "tip_force": 0.05},
         performance={"hub_angle": 20.0, "tip_displacement": 50.0},
         effort={"torque": 5.0},
-        noises={"hub_angle": 10.0 * COUNT},
+        noise={"hub_angle": 10.0 * COUNT},
         measurements="hub_angle",
         controls="torque",
     )
@@ -112,8 +112,8 @@ def weighed(model: SecondOrderModel) -> control.StateSpace:
 @cache
 def tuned() -> TuneResult:
     """Return PD with a notch, the worst of the box as good as can be."""
-    parts = T.pid(integral=False, high=FASTEST) * T.notch(20.0, FASTEST)
-    return bc.tune(weighed, structure=parts, family=family(), starts=1, fastest_pole=FASTEST)
+    parts = T.pid(integral=False, omega_max=FASTEST) * T.notch(20.0, FASTEST)
+    return bc.tune(weighed, structure=parts, family=family(), n_starts=1, fastest_pole=FASTEST)
 
 
 @cache
@@ -133,8 +133,8 @@ def proofs(K: control.StateSpace) -> tuple[bc.analysis.RobustStability, bc.analy
     Stability is proved with whatever is within the band of what the parameters do not explain.
     """
     return (
-        bc.robust_stability(family(), K, delay=DELAY, unmodelled=unexplained()),
-        bc.worst_case(family(), K, "tip_force", "hub_angle", delay=DELAY, tolerance=0.05),
+        bc.robust_stability(family(), K, delay=DELAY, additive_uncertainty=unexplained()),
+        bc.worst_case(family(), K, "tip_force", "hub_angle", delay=DELAY, rtol=0.05),
     )
 
 
@@ -143,21 +143,21 @@ def on_the_rig(K: control.StateSpace, seconds: float = 2.0) -> Any:
     t = STEP * np.arange(round(seconds / STEP) + 1)
     push = {"tip_force": np.where((t >= 0.2) & (t < 0.4), 0.05, 0.0)}
     plant = rig(TRUTH).to_statespace()
-    return bc.simulate_loop(plant, K, push, t, sample_time=STEP, delay=DELAY, quantization=COUNT)
+    return bc.simulate_loop(plant, K, t, push, sample_time=STEP, delay=DELAY, quantization=COUNT)
 
 
 def design() -> MachineDesign:
     """Return the PD with notch, and what is proved of it and of the H-infinity controller beside it."""
     fitted = measured()
     facts = {f"{name}": f"{fitted.values[name]:.5g}, {fitted.interval_text(name)}" for name in fitted.names}
-    facts["intervals from"] = fitted.source
+    facts["intervals from"] = fitted.uncertainty_source
     for name, found in (("PD with notch", tuned()), ("H-infinity", optimal())):
         K = sampled(found)
         stable, worst = proofs(K)
         facts |= {
             f"{name}, states": str(K.nstates),
-            f"{name}, sampled loop over the box": stable.render(),
-            f"{name}, tip force to hub angle [rad/N]": worst.render(),
+            f"{name}, sampled loop over the box": stable.summary,
+            f"{name}, tip force to hub angle [rad/N]": worst.summary,
             f"{name}, largest angle on the true rig [rad]": f"{np.abs(on_the_rig(K)['hub_angle']).max():.3g}",
         }
     return MachineDesign(
@@ -167,7 +167,7 @@ def design() -> MachineDesign:
         tuned().controller,
         inputs="tip_force",
         outputs=["hub_angle", "tip_displacement"],
-        facts=facts,
+        synthesis_info=facts,
         notes=(
             f"Known from one minute of record. The box holds gain, friction, stiffness and damping at once with 95 %, and"
             f" {100.0 * MARGIN:g} % more to either side. The sampled loop has {1.0 / STEP:g} samples a second, its torque"

@@ -28,8 +28,8 @@ def design(modes: int = 2, intervals: int = 200) -> SlewDesign:
         "One torque for three payloads",
         beam,
         {ROBUST: robust, PLAIN: plain},
-        rival=PLAIN,
-        payloads=tuple(sorted((NOMINAL, *OTHERS, *BETWEEN))),
+        reference_slew=PLAIN,
+        tip_masses=tuple(sorted((NOMINAL, *OTHERS, *BETWEEN))),
         notes=(f"Robustness costs {robust.cost / plain.cost:.2f} times the effort in the same time.",),
     )
 

@@ -37,7 +37,7 @@ def weighted(plant, side):
         disturbances={f"actuator_{side}": bc.low_pass(1.0, TRACK[side]), push: FORCE},
         performance={tip: TIP[side], stroke: STROKE[side]},
         effort={push: effort_weight(side)},
-        noises={stroke: STROKE_NOISE[side], acceleration: ACCELERATION_NOISE},
+        noise={stroke: STROKE_NOISE[side], acceleration: ACCELERATION_NOISE},
         measurements=[stroke, acceleration],
         controls=[push],
     )
@@ -50,20 +50,20 @@ def half_design(model, side):
     sampled = bc.analysis.sample_plant(plant, SAMPLE_TIME, f"suspension_{side}", delay=DELAY)
     P = weighted(bc.reduce(sampled, order=ORDER, omega_range=OMEGA_RANGE), side)
     synthesis = bc.h_infinity(P, nmeas=2, ncon=1)
-    smaller = bc.reduce_controller(P, synthesis, tolerance=LOST)
+    smaller = bc.reduce_controller(P, synthesis, max_degradation=LOST)
     mesh = bc.hinf_norm(bc.lft(weighted(sampled, side), smaller))  # certified: infinite if the loop is not stable
     between = bc.analysis.sampled_data_norm(
         weighted(plant, side), smaller, f"w_actuator_{side}", [f"z_tip_{side}", f"z_stroke_{side}"], delay=DELAY
     )
     facts = {
-        f"{name}: verified gamma": synthesis.certificate.statement,
-        f"{name}: proved in ball arithmetic": bc.prove(synthesis).statement,
+        f"{name}: verified gamma": synthesis.certificate.summary,
+        f"{name}: proved in ball arithmetic": bc.prove(synthesis).claim,
         f"{name}: smaller controller": f"{smaller.order} of {synthesis.controller.nstates} states, gamma {smaller.gamma:.4g}",
-        f"{name}: whole mesh": f"stable at the samples, certified norm {mesh.lower:.4g} with {sampled.nstates} states",
+        f"{name}: whole mesh": f"stable at the samples, certified norm {mesh.lower_bound:.4g} with {sampled.nstates} states",
         f"{name}: between samples": f"from the track behind its filter to weighted tip and stroke a gain of "
-        f"{between.lower:.4g} is reached, and none above {between.upper:.6g}",
+        f"{between.lower_bound:.4g} is reached, and none above {between.upper_bound:.6g}",
     }
-    if not np.isfinite(mesh.upper):
+    if not np.isfinite(mesh.upper_bound):
         raise bc.SynthesisError(f"{name}: the loop is not stable on the whole mesh, or its norm could not be certified")
     return smaller.controller, facts
 
@@ -79,7 +79,7 @@ def design() -> SuspensionDesign:
         "H-infinity in discrete time, 20 ms",
         controller=bc.join_symmetric(model, controllers["sym"], controllers["anti"]),
         delay=DELAY,
-        facts=facts,
+        synthesis_info=facts,
         weights={f"effort, {NAMES[side]}": effort_weight(side) for side in NAMES},
         notes=(
             f"The controller runs every {1e3 * SAMPLE_TIME:g} ms and its forces act {1e3 * DELAY:g} ms after a sample. Peaks"

@@ -61,17 +61,17 @@ def spun_up(beam: HubBeam, K: ScheduledController, way: str, mass: float, durati
     time = STEP * np.arange(int(np.ceil(last / STEP)) + 1)
     within = (time >= begin) & (time <= begin + GUST_TIME)
     gust = {"tip_force": np.where(within, GUST * np.sin(np.pi * (time - begin) / GUST_TIME), 0.0)}
-    torque = beam.parameters.rigid_inertia * np.array(maneuver.acceleration(time))
+    torque = beam.parameters.rigid_body_inertia * np.array(maneuver.acceleration(time))
     loaded = beam.with_tip_mass(mass)
     if way == OPEN:
-        return simulate_loop(loaded, None, {**gust, "torque": torque}, time, sample_time=STEP)
+        return simulate_loop(loaded, None, time, {**gust, "torque": torque}, sample_time=STEP)
     return simulate_loop(
         loaded,
         K if way == SCHEDULED else K.at(0.0),
-        gust,
         time,
+        gust,
         sample_time=STEP,
-        force_limit=LIMIT,
+        control_limit=LIMIT,
         noise=NOISE,
         reference={"hub_angle": maneuver.angle(time), "hub_speed": maneuver.speed(time)},
         feedforward={"torque": torque},

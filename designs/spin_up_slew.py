@@ -21,7 +21,9 @@ from boomctl.studies.evaluation import table_of
 from boomctl.studies.slew import SlewDesign, SlewEvaluation
 
 SPEED, LIMIT = 1.0, 200.0
-PROFILE = spin_up(SPEED, 2.0 * HubBeamParameters().rigid_inertia * SPEED / LIMIT)  # its largest acceleration is 2 w / T
+PROFILE = spin_up(
+    SPEED, 2.0 * HubBeamParameters().rigid_body_inertia * SPEED / LIMIT
+)  # its largest acceleration is 2 w / T
 HEADS = {
     "name": "",
     "duration": "duration [s]",
@@ -45,9 +47,9 @@ class SpinUp:
 
 def spin_ups(h: HubBeam, slew: SlewResult) -> Iterator[SpinUp]:
     """Yield the motion under the planned torque, and that under the profile of the hub."""
-    last = max(PROFILE.duration, slew.duration) + 1.5 / float(h.frequencies_hz().min())
+    last = max(PROFILE.duration, slew.duration) + 1.5 / float(h.eigenfrequencies_hz().min())
     time = np.unique([*np.linspace(0.0, last, 1201), PROFILE.duration, slew.duration])
-    for name, moved in (("minimum time", slew.history), ("profile, Eq. (43)", PROFILE)):
+    for name, moved in (("minimum time", slew.torque_profile), ("profile, Eq. (43)", PROFILE)):
         run, late = h.simulate(moved, time), time >= moved.duration
         yield SpinUp(
             name,
@@ -97,7 +99,7 @@ def design(modes: int = 2) -> SlewDesign:
         "Spun up to 1 rad/s in the least time",
         beam,
         {"minimum time": planned},
-        rival="smooth torque",
+        reference_slew="smooth torque",
         results={"spin_ups": rows},
         sections=(Section("Into steady rotation", (words,), (table_of(rows, HEADS),), (shown,)),),
     )

@@ -35,7 +35,7 @@ HEADS = {
 def tracked(planned: SlewResult) -> TrackedSlew:
     """Return the slew with feedback along it."""
     return planned.track(
-        torque_limit=LIMIT, measurements=list(NOISE), noise=NOISE, disturbance=3.0, integral_time=0.2, settle=4.0
+        torque_limit=LIMIT, measurements=list(NOISE), noise=NOISE, disturbance=3.0, integral_time=0.2, dwell_time=4.0
     )
 
 
@@ -59,9 +59,9 @@ def lines(slew: TrackedSlew) -> list[dict[str, Any]]:
     return [
         {
             "machine": name,
-            "open_vibration": alone.vibration[k],
-            "vibration": held.vibration[k],
-            "ratio": alone.vibration[k] / held.vibration[k],
+            "open_vibration": alone.residual_vibration[k],
+            "vibration": held.residual_vibration[k],
+            "ratio": alone.residual_vibration[k] / held.residual_vibration[k],
             "open_angle_error": abs(alone.angle_error[k]),
             "angle_error": abs(held.angle_error[k]),
         }
@@ -76,10 +76,10 @@ def design(modes: int = 2, runs: int = 256) -> SlewDesign:
     slew = tracked(planned)
     found, (alone, held) = lines(slew), both(slew, runs, SPREAD)
     least = min(line["ratio"] for line in found if line["machine"].startswith("stiffness"))
-    before, after = (1e3 * float(np.quantile(each.vibration, 0.95)) for each in (alone, held))
+    before, after = (1e3 * float(np.quantile(each.residual_vibration, 0.95)) for each in (alone, held))
     words = (
-        f"The torque planned, up to {slew.planned_limit:g} N m, is the feedforward; every"
-        f" {1e3 * slew.controller.sample_time:.3g} ms a time-varying LQG compares the measurements with the plan and may add"
+        f"The torque planned, up to {slew.planning_torque_limit:g} N m, is the feedforward; every"
+        f" {1e3 * slew.controller.dt:.3g} ms a time-varying LQG compares the measurements with the plan and may add"
         f" up to {LIMIT:g} N m in all. Its noise (standard deviations, SI units): {NOISE}. It knows the planned machine only,"
         " and balances a constant torque that it estimates.",
         "Vibration is the largest distance of the tip from the plan within one and a half of the slowest periods after the"
@@ -92,7 +92,7 @@ def design(modes: int = 2, runs: int = 256) -> SlewDesign:
         picture("held", figure_of(held.plot), f"{caption}With feedback.", "png"),
         picture("alone", figure_of(alone.plot), f"{caption}The plan alone.", "png"),
     )
-    drawn = ("feedback", "seed", "drawn", "vibration", "angle_error", "error_estimate")
+    drawn = ("feedback", "seed", "samples", "residual_vibration", "angle_error", "error_estimate")
     return SlewDesign(
         "tracked_slew",
         "The fastest quarter turn, with feedback",

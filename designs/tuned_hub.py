@@ -37,7 +37,7 @@ def plant(mass: float) -> control.StateSpace:
         disturbances={"disturbance_torque": 1.0},
         performance={"hub_angle": LENGTH, "tip_displacement": 1.0},
         effort={"torque": 1.0},
-        noises={"hub_angle": 1.0},
+        noise={"hub_angle": 1.0},
         measurements=["hub_angle"],
         controls=["torque"],
     )
@@ -47,7 +47,7 @@ def norms(controller: control.StateSpace, mass: float) -> tuple[float, float]:
     """Return the norm from disturbance torque to hub and tip [m/N m], and from noise to torque [N m/rad]."""
     loop = bc.lft(plant(mass), controller)
     ends = [("w_disturbance_torque", ["z_hub_angle", "z_tip_displacement"]), ("n_hub_angle", ["z_torque"])]
-    found = [bc.hinf_norm(bc.synthesis.select_channels(loop, [start], end)).lower for start, end in ends]
+    found = [bc.hinf_norm(bc.synthesis.select_channels(loop, [start], end)).lower_bound for start, end in ends]
     return found[0], found[1]
 
 
@@ -58,7 +58,7 @@ def tuned() -> TuneResult:
         bc.tunable.objective("w_disturbance_torque", ["z_hub_angle", "z_tip_displacement"]),
         bc.tunable.constraint("n_hub_angle", "z_torque", NOISE_GAIN),
     ]
-    return bc.tune([plant(mass) for mass in MASSES], 1, 1, structure, channels=channels, starts=12, time_limit=600.0)
+    return bc.tune([plant(mass) for mass in MASSES], 1, 1, structure, channels=channels, n_starts=12, time_limit=600.0)
 
 
 @cache
@@ -103,7 +103,7 @@ def design() -> bc.studies.MachineDesign:
     best, *others = regulators()
     even = min((best, *others), key=worst)
     said = "{:.4f} m/(N m) with 0.1 kg, at most {:.4f} with 0 to 0.2 kg"
-    facts = {"PD and notch": found.certificate.statement, "proved in ball arithmetic": bc.prove(found).statement}
+    facts = {"PD and notch": found.certificate.summary, "proved in ball arithmetic": bc.prove(found).claim}
     for name, K in (("PD and notch", found.controller), ("best LQG for 0.1 kg", best), ("most even LQG", even)):
         facts[f"{name}, {K.nstates} states"] = said.format(norms(K, MASSES[1])[0], worst(K))
     return bc.studies.MachineDesign(
@@ -113,7 +113,7 @@ def design() -> bc.studies.MachineDesign:
         found.controller,
         inputs="disturbance_torque",
         outputs=["hub_arc", "tip_displacement"],
-        facts=facts,
+        synthesis_info=facts,
         notes=(
             f"Norms from disturbance torque [N m] to hub and tip together [m], the hub's angle times {LENGTH:g} m, at "
             f"{len(BETWEEN)} masses; singular values and margins with {MASSES[1]:g} kg. For each controller torque over "

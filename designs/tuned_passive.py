@@ -51,20 +51,20 @@ def tuned(half: str, names: tuple[str, ...], fixed: Mapping[str, float]) -> Tune
 
     first, *others = [bc.tunable.plant_parameter(name, *RANGES[name]) for name in names]
     plants = [made(point) for point in [(1.0, 1.0), *product(SPRING, MASS)]]
-    return bc.tune(plants, 0, 0, sum(others, start=first), starts=2, time_limit=600.0)
+    return bc.tune(plants, 0, 0, sum(others, start=first), n_starts=2, time_limit=600.0)
 
 
 def design() -> SuspensionDesign:
     """Return the machine with tuned springs and dampers: spring and cradle by the jolt, then the hinge by the yaw."""
     jolt = tuned("jolt", ("spring_stiffness", "cradle_damping"), {})
-    yaw = tuned("yaw", ("hinge_damping",), jolt.physical)
-    chosen = {**jolt.physical, **yaw.physical}
-    facts = {"jolt: tuned": jolt.certificate.statement, "yaw: tuned": yaw.certificate.statement}
-    facts |= {f"{n}: proved in ball arithmetic": bc.prove(x).statement for n, x in (("jolt", jolt), ("yaw", yaw))}
+    yaw = tuned("yaw", ("hinge_damping",), jolt.plant_parameters)
+    chosen = {**jolt.plant_parameters, **yaw.plant_parameters}
+    facts = {"jolt: tuned": jolt.certificate.summary, "yaw: tuned": yaw.certificate.summary}
+    facts |= {f"{n}: proved in ball arithmetic": bc.prove(x).claim for n, x in (("jolt", jolt), ("yaw", yaw))}
     for name, value in chosen.items():
         facts[name.replace("_", " ")] = f"{value:.4g} {UNITS[name]} (Table 2: {getattr(TABLE_2, name):.4g})"
     parameters = replace(TABLE_2, **chosen)
-    return SuspensionDesign("tuned_passive", "passive, tuned over the box", parameters=parameters, facts=facts)
+    return SuspensionDesign("tuned_passive", "passive, tuned over the box", parameters=parameters, synthesis_info=facts)
 
 
 def main() -> SuspensionResult:

@@ -34,7 +34,9 @@ NOISE = {"stroke": 0.005, "tip_acceleration": 0.5}  # of the jolt, beside 0.03 m
 def family(side: str) -> AffineFamily:
     """Return half of the boom over the box, in six elements."""
     half = {"sym": "jolt", "anti": "yaw"}[side]
-    return bc.boom_family(spring=SPRING, mass=MASS, half=half, elements=6, accelerometer_bandwidth_hz=20.0)
+    return bc.boom_family(
+        spring_factor=SPRING, mass_factor=MASS, subsystem=half, elements=6, accelerometer_bandwidth_hz=20.0
+    )
 
 
 def plant(model: SecondOrderModel, side: str, **signals: Any) -> control.StateSpace:
@@ -51,7 +53,7 @@ def jolt_plant(model: SecondOrderModel, share: float = 1.0) -> control.StateSpac
         disturbances={"actuator_sym": bc.low_pass(0.03 * share, 4.0), "suspension_sym": 7.5 * share},
         performance={"tip_sym": 15.0},
         effort={"suspension_sym": bc.shelf(4.0 / 150.0, 40.0 / 150.0, 15.0)},
-        noises={f"{stem}_sym": size * share for stem, size in NOISE.items()},
+        noise={f"{stem}_sym": size * share for stem, size in NOISE.items()},
     )
 
 
@@ -87,7 +89,7 @@ def tuned(P: Any, order: int, side: str, channels: list, **options: Any) -> Tune
     structure = bc.tunable.state_space(order, strictly_proper=True)
     fixed: dict[str, Any] = {
         "channels": channels,
-        "starts": STARTS,
+        "n_starts": STARTS,
         "seed": 1,
         "fastest_pole": FASTEST[side],
         "time_limit": SECONDS,
@@ -98,13 +100,13 @@ def tuned(P: Any, order: int, side: str, channels: list, **options: Any) -> Tune
 def suspension(order: int = ORDER, force: float = FORCE) -> SuspensionDesign:
     """Return both halves' controllers of an order joined into one of the machine."""
     halves = {"jolt": tuned_jolt(order), "yaw": tuned_yaw(order, force=force)}
-    facts = {f"{name}: tuned": found.certificate.statement for name, found in halves.items()}
-    facts |= {f"{name}: proved in ball arithmetic": bc.prove(found).statement for name, found in halves.items()}
+    facts = {f"{name}: tuned": found.certificate.summary for name, found in halves.items()}
+    facts |= {f"{name}: proved in ball arithmetic": bc.prove(found).claim for name, found in halves.items()}
     return SuspensionDesign(
         "tuned_suspension",
         f"order {order} a half, tuned over the box",
         controller=bc.join_symmetric(suspension_model(), *(found.controller for found in halves.values())),
-        facts=facts,
+        synthesis_info=facts,
     )
 
 

@@ -156,7 +156,7 @@ print(
 # A file with columns of numbers is all that is needed.
 
 # %%
-stiff = replace(p, spring_stiffness=float(bc.boom.yaw_family(p, stiffest_hz=0.34).high[0]))
+stiff = replace(p, spring_stiffness=float(bc.boom.yaw_family(p, max_yaw_frequency_hz=0.34).high[0]))
 freq_hz = np.geomspace(0.15, 8.0, 150)
 truth = bc.sigma(
     bc.exact_frequency_response(

@@ -80,7 +80,7 @@ for kind in kinds:
 for kind, n in (("finite", 6), ("finite", 20), ("discrete-geometric", 6), ("discrete-geometric", 20)):
     print(f"{n:2d} {kind}: {100 * errors[kind].max(axis=1)[counts.index(n)]:.2g} %")
 print(f"frequency of the yaw with 6 finite elements off by {100 * errors['finite'][0, 0]:.2f} %")
-damping = bc.mode_table(bc.spray_boom(p, elements=20).select(*ports)).rows[0].damping
+damping = bc.mode_table(bc.spray_boom(p, elements=20).select(*ports)).rows[0].damping_ratio
 print(f"damping ratio of the yaw {100 * damping:.2f} %")
 print("order of 4 elements ", "".join(f"{n:9d}" for n in orders[::2]))
 print(f"{'high-order':20}", "".join(f"{e:9.1e}" for e in errors["high-order"].max(axis=1)[::2]))
@@ -118,7 +118,7 @@ choices = {
 fig, ax = plt.subplots(figsize=(9, 3.6), layout="constrained")
 for name, model in choices.items():
     off = np.abs(bc.sigma(model, omega).sigma / exact - 1).max(axis=0)
-    ax.loglog(omega / (2 * np.pi), np.maximum(off, 1e-13), label=f"{name}, {model.n} unknowns")
+    ax.loglog(omega / (2 * np.pi), np.maximum(off, 1e-13), label=f"{name}, {model.ncoordinates} unknowns")
 ax.axhline(0.1, color="0.5", linestyle="--", linewidth=0.8)
 ax.set(xlabel="frequency [Hz]", ylabel="relative error of singular values", title="Broken line: 10 %")
 ax.set_xlim(0.1, 20)

@@ -58,11 +58,11 @@ for road_class in "CDE":
 # s before we look, and for 60 s more.
 
 # %%
-run_in = 60.0
+warmup_time = 60.0
 boom = bc.spray_boom(p, elements=12, nozzles=nozzles)
 places = [-6.0, *nozzles, 6.0]
 names = ["tip_left", *(name for name in boom.outputs if name.startswith("nozzle")), "tip_right"]
-run = bc.forced_response(boom, {"actuator_left": motion.left, "actuator_right": motion.right}, motion.time, names)
+run = bc.forced_response(boom, motion.time, {"actuator_left": motion.left, "actuator_right": motion.right}, names)
 both = np.array([run.outputs["tip_left"], run.outputs["tip_right"]])
 motion.plot()[-1].set_xlim(60.0, 90.0)
 run.plot(outputs=["tip_left", "tip_right"])[-1].set_xlim(60.0, 90.0)
@@ -78,13 +78,13 @@ plt.show()
 # **Asked:** what does that leave on the field, and who is to blame, jolt or yaw?
 
 # %%
-late = run.time >= run_in
+late = run.time >= warmup_time
 moved = np.array([run.outputs[name] for name in names])
 whole, by_jolt, by_yaw = bc.spray_deposit_components(run.time[late], moved[:, late], places, 3.0, nozzles=nozzles)
 print(
     f"deposit CV {100 * whole.cv:.2f} %, of the jolt alone {100 * by_jolt.cv:.2f} %, of the yaw alone {100 * by_yaw.cv:.2f} %"
 )
-print(f"doses {whole.lowest_dose:.2f} to {whole.highest_dose:.2f}")
+print(f"doses {whole.min_dose:.2f} to {whole.max_dose:.2f}")
 print(f"{100 * whole.share_outside_10:.1f} % of the field get more than 110 % or less than 90 %")
 straight = bc.spray_deposit(run.time[late], both[:, late], [-6.0, 6.0], 3.0, nozzles=nozzles)
 print(f"if the boom were straight between its tips: CV {100 * straight.cv:.2f} %")
@@ -117,7 +117,7 @@ for i, speed in enumerate(speeds):
         track = bc.iso_track("E", length=120.0 * speed + 10.0, seed=seed)
         drive = bc.platform_motion(track, speed=speed, duration=120.0, sample_time=0.005)
         found = bc.forced_response(
-            boom, {"actuator_left": drive.left, "actuator_right": drive.right}, drive.time, names
+            boom, drive.time, {"actuator_left": drive.left, "actuator_right": drive.right}, names
         )
         y = np.array([found.outputs[name] for name in names])[:, late]
         cv[:, i, seed - 1] = [
@@ -159,7 +159,7 @@ for hinge, cradle in ((2.0, 160.0), (500.0, 160.0), (2.0, 500.0), (500.0, 500.0)
     model = bc.spray_boom(changed, elements=12, nozzles=nozzles)
     outputs = [*names, "stroke_left"]
     found = bc.forced_response(
-        model, {"actuator_left": motion.left, "actuator_right": motion.right}, motion.time, outputs
+        model, motion.time, {"actuator_left": motion.left, "actuator_right": motion.right}, outputs
     )
     y = np.array([found.outputs[name] for name in names])[:, late]
     title = f"hinge {hinge:g}, cradle {cradle:g}"
@@ -191,7 +191,11 @@ def on_field(**passive_parts):
 
 found = bc.sweep(
     on_field,
-    over={"spring_stiffness": [550.0, 1100.0], "cradle_damping": [40.0, 160.0, 500.0, 1500.0], "hinge_damping": 500.0},
+    parameters={
+        "spring_stiffness": [550.0, 1100.0],
+        "cradle_damping": [40.0, 160.0, 500.0, 1500.0],
+        "hinge_damping": 500.0,
+    },
 )
 fig, ax = plt.subplots(figsize=(6, 3.4), layout="constrained")
 for row in found.table:
@@ -224,7 +228,7 @@ plt.show()
 
 # %%
 sweep = bc.sine_sweep(0.1, 5.0, 300.0, amplitude=0.001, motion="yaw", sample_time=0.005)
-seen = bc.forced_response(boom, {"actuator_left": sweep.left, "actuator_right": sweep.right}, sweep.time, ["tip_right"])
+seen = bc.forced_response(boom, sweep.time, {"actuator_left": sweep.left, "actuator_right": sweep.right}, ["tip_right"])
 tip = seen.outputs["tip_right"]
 freq_hz = 0.1 * 50.0 ** (sweep.time / 300.0)
 fig, ax = plt.subplots(figsize=(8, 3.0), layout="constrained")

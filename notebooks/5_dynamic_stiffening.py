@@ -49,21 +49,23 @@ q
 speeds = np.linspace(0.0, 10.0, 41)
 exact = bc.hub_beam(q, "geometrically-exact", modes=12)  # its third frequency needs more modes
 fig, ax = plt.subplots(figsize=(7, 4.5), layout="constrained")
-stiffened = exact.campbell(speeds, coupled=True)
+stiffened = exact.campbell(speeds, include_axial=True)
 stiffened.plot(ax, color="black")
-models["foam"].campbell(speeds, coupled=True).plot(ax, color="C0", linestyle="--")
+models["foam"].campbell(speeds, include_axial=True).plot(ax, color="C0", linestyle="--")
 models["tlam"].campbell(speeds).plot(ax, color="C1")
 print(stiffened)
-for met in stiffened.crossings:
+for met in stiffened.critical_speeds:
     print(f"{met.order:g} times {met.hub_speed:.4f} rad/s is mode {met.mode}, {met.frequency_hz:.4f} Hz")
 
 printed = bc.rotating_beam.published.FREQUENCIES_HZ
 for (name, speed), values in printed.items():
-    print(f"{name}, {speed:g} rad/s: {models[name].frequencies_hz(speed)[0]:.4f} Hz, in the paper {values[0]:.4f} Hz")
-ratio = printed["foam", 1.0][0] / models["foam"].frequencies_hz(1.0)[0]
+    print(
+        f"{name}, {speed:g} rad/s: {models[name].eigenfrequencies_hz(speed)[0]:.4f} Hz, in the paper {values[0]:.4f} Hz"
+    )
+ratio = printed["foam", 1.0][0] / models["foam"].eigenfrequencies_hz(1.0)[0]
 print(f"published over computed {ratio:.5f}; 2 pi over 6.28 is {2 * np.pi / 6.28:.5f}")
 for speed in (5.0, 10.0):
-    first = [h.frequencies_hz(speed, coupled=True)[0] for h in (models["foam"], exact)]
+    first = [h.eigenfrequencies_hz(speed, include_axial=True)[0] for h in (models["foam"], exact)]
     print(f"at {speed:g} rad/s: foam {first[0]:.4f} Hz, exact {first[1]:.4f} Hz")
 plt.show()
 
@@ -78,7 +80,7 @@ plt.show()
 # %%
 print("critical speed of tlam [rad/s]     here    paper")
 for mass, value in bc.rotating_beam.published.CRITICAL_SPEEDS.items():
-    critical = bc.hub_beam(bc.HubBeamParameters(tip_mass=mass), "tlam", modes=20).critical_speed()
+    critical = bc.hub_beam(bc.HubBeamParameters(tip_mass=mass), "tlam", modes=20).divergence_speed()
     print(f"{mass:g} kg at the tip             {critical:9.3f} {value:8.2f}")
     assert abs(critical - value) < 0.03
 
@@ -176,10 +178,10 @@ plt.show()
 timepts = np.linspace(0.0, 5.0, 501)
 for name in ("sfoam", "sfoam-consistent", "foam"):
     h = bc.hub_beam(q, name, modes=3)
-    start = np.zeros(len(h.state_names))
-    start[h.state_names.index("transverse_1")] = 0.2
-    start[h.state_names.index("hub_speed")] = 1.0
-    run = h.simulate(bc.maneuvers.free_hub(), timepts, initial=start)
+    start = np.zeros(len(h.state_labels))
+    start[h.state_labels.index("transverse_1")] = 0.2
+    start[h.state_labels.index("hub_speed")] = 1.0
+    run = h.simulate(bc.maneuvers.free_hub(), timepts, initial_state=start)
     drift = np.ptp(run.energy) / np.abs(run.energy).max()
     print(f"{name:17} energy changes by {drift:.1e}, angular momentum by {np.ptp(run.angular_momentum) / 200:.1e}")
 

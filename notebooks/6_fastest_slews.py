@@ -37,10 +37,10 @@ h = bc.hub_beam(bc.HubBeamParameters(tip_mass=0.1), model="sfoam", modes=2)
 
 # %%
 fastest = bc.optimal_slew(h, angle=quarter, torque_limit=limit)
-rigid = 2 * np.sqrt(h.parameters.rigid_inertia * quarter / limit)
+rigid = 2 * np.sqrt(h.parameters.rigid_body_inertia * quarter / limit)
 print(f"flexible arm {fastest.duration:.4f} s, rigid body {rigid:.4f} s")
-print("the torque changes its sign at", np.round(fastest.history.switches, 4), "s")
-print(fastest.certificate.verdict)
+print("the torque changes its sign at", np.round(fastest.torque_profile.switching_times, 4), "s")
+print(fastest.certificate.summary)
 fastest.plot()
 plt.show()
 
@@ -61,9 +61,10 @@ plt.show()
 # %%
 comparison = compare_slews(h, quarter, limit, {"minimum time": fastest})
 print("slew                  duration   vibration left   softer    stiffer   [s, m]")
-for line in comparison.lines:
+for line in comparison.rows:
     print(
-        f"{line.name:20} {line.duration:9.3f} {line.vibration:16.3g} {line.vibration_low:8.3f} {line.vibration_high:10.3f}"
+        f"{line.name:20} {line.duration:9.3f} {line.residual_vibration:16.3g} {line.residual_vibration_low:8.3f} "
+        f"{line.residual_vibration_high:10.3f}"
     )
 comparison.plot()
 plt.show()
@@ -84,11 +85,12 @@ plt.show()
 # %%
 for replay in fastest.replays:
     print(
-        f"{replay.model:20} tip swings by {1e3 * replay.tip_swing:6.2f} mm, angle off by {replay.angle_error:.1e} rad"
+        f"{replay.model:20} tip swings by {1e3 * replay.residual_vibration:6.2f} mm, angle off by "
+        f"{replay.angle_error:.1e} rad"
     )
 more = bc.hub_beam(h.parameters, model="sfoam", modes=5)
 after = fastest.duration + np.linspace(0.0, 4.0, 401)
-played = more.simulate(fastest.history, after)
+played = more.simulate(fastest.torque_profile, after)
 print(f"{'sfoam, 5 modes':20} tip swings by {1e3 * np.abs(played.tip_displacement).max():6.2f} mm")
 
 # %% [markdown]
@@ -129,12 +131,16 @@ plt.show()
 # %%
 noise = {"hub_angle": 2e-5, "hub_speed": 2e-4, "root_moment": 0.2}
 plan = bc.optimal_slew(h, angle=quarter, torque_limit=140.0)
-tracked = plan.track(torque_limit=limit, measurements=list(noise), noise=noise, settle=4.0)
+tracked = plan.track(torque_limit=limit, measurements=list(noise), noise=noise, dwell_time=4.0)
 print(f"{plan.duration:.4f} s with 140 N m")
 print("true load   tip swing left, plan alone   with feedback   and 2 s later")
 for mass in (0.1, 0.2, 0.3):
     alone, held = (tracked.simulate(h.with_tip_mass(mass), feedback=on) for on in (False, True))
-    left = tracked.vibration(alone), tracked.vibration(held), tracked.vibration(held, wait=2.0)
+    left = (
+        tracked.residual_vibration(alone),
+        tracked.residual_vibration(held),
+        tracked.residual_vibration(held, wait=2.0),
+    )
     print(f"{mass:6.1f} kg {left[0]:18.4f} m {left[1]:22.4f} m {left[2]:13.4f} m")
 
 # %% [markdown]

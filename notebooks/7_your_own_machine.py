@@ -35,7 +35,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import boomctl as bc
-from boomctl.slew import shaper
+from boomctl.slew import input_shaper
 from boomctl.structure import (
     GROUND,
     AffineFamily,
@@ -63,7 +63,10 @@ plt.style.use("boomctl.plotting.look")  # or a style of your own
 # %%
 def crane(load=500.0, height=15.0, elements=10):
     carriage = RigidBody("carriage", GROUND.at(0, 0), prismatic(0.0), mass=3000.0)
-    sections = (BeamSegment(10.0, 120.0, 2.0e8, damping=2e-4), BeamSegment(10.0, 80.0, 1.0e8, damping=2e-4))
+    sections = (
+        BeamSegment(10.0, 120.0, 2.0e8, stiffness_damping=2e-4),
+        BeamSegment(10.0, 80.0, 1.0e8, stiffness_damping=2e-4),
+    )
     mast = Beam("mast", carriage.at(0, 0), fixed(), (0, 0), sections, FiniteElements(elements), angle=np.pi / 2)
     pallet = RigidBody("pallet", mast.at(height), fixed(), mass=load)
     rail = SpringDamper(carriage.at(0, 0), GROUND.at(0, 0), "x", damping=150.0)
@@ -75,7 +78,7 @@ def crane(load=500.0, height=15.0, elements=10):
         Output("top_acceleration", mast.end, "x", derivative=2, bandwidth_hz=30.0),
     )
     forces = (Force("drive", carriage.at(0, 0), "x"), Force("push", place, "x"))
-    return Assembly(bodies=(carriage, mast, pallet), links=(rail,), forces=forces, outputs=outputs).assemble()
+    return Assembly(bodies=(carriage, mast, pallet), springs=(rail,), forces=forces, outputs=outputs).assemble()
 
 
 machine = crane()
@@ -109,7 +112,7 @@ for height in (1.0, 5.0, 10.0, 15.0, 19.0):
     free = crane(height=height)
     held = prescribe_displacement(free, ["drive"])
     print(f"{height:5.0f} m {free.eigenfrequencies_hz(1)[0]:15.3f} Hz {held.eigenfrequencies_hz(1)[0]:16.3f} Hz")
-print(bc.mode_table(machine.select(["drive", "push"], ["carriage", "sway"])).render(4))
+print(bc.mode_table(machine.select(["drive", "push"], ["carriage", "sway"])).to_string(4))
 
 # %% [markdown]
 # **Seen:** the higher the load, the slower the swing: from 2.4 Hz down to 1.7 Hz. A drive that holds its position
@@ -129,25 +132,25 @@ distance, limit = 3.0, 3000.0
 coarse = crane(elements=2)
 fastest = bc.optimal_slew(coarse.to_statespace(["drive"], ["carriage", "load"]), distance, limit)
 print(
-    f"{fastest.certificate.verdict}; {len(fastest.history.switches)} switches, the last six within"
-    f" {1e3 * (fastest.history.switches[-1] - fastest.history.switches[-6]):.0f} ms"
+    f"{fastest.certificate.summary}; {len(fastest.torque_profile.switching_times)} switches, the last six within"
+    f" {1e3 * (fastest.torque_profile.switching_times[-1] - fastest.torque_profile.switching_times[-6]):.0f} ms"
 )
 
 mass = 3000.0 + 500.0 + 10.0 * (120.0 + 80.0)
 half = np.sqrt(mass * distance / limit)
 mode_omega, damping = 2 * np.pi * machine.eigenfrequencies_hz(1)[0], 0.0014
-zv = shaper("ZV", mode_omega, damping)
+zv = input_shaper("ZV", mode_omega, damping)
 time = np.arange(0.0, 10.0, 0.001)
 bang = np.where(time < half, limit, np.where(time < 2 * half, -limit, 0.0))
 shaped = sum(a * np.interp(time - t, time, bang, left=0.0) for a, t in zip(zv.amplitudes, zv.times, strict=True))
 plans = {
     "bang-bang": (bang, 2 * half),
     "ZV-shaped": (shaped, 2 * half + zv.times[-1]),
-    "fastest": (fastest.history(time) * (time < fastest.duration), fastest.duration),
+    "fastest": (fastest.torque_profile(time) * (time < fastest.duration), fastest.duration),
 }
 fig, axes = plt.subplots(2, 1, figsize=(8, 4.5), sharex=True, layout="constrained")
 for name, (force, duration) in plans.items():
-    run = bc.forced_response(machine, {"drive": force}, time, ["carriage", "sway"])
+    run = bc.forced_response(machine, time, {"drive": force}, ["carriage", "sway"])
     left = np.abs(run.outputs["sway"][time > duration + 0.05]).max()
     print(f"{name:10} {duration:.3f} s, sway left {1e3 * left:6.2f} mm")
     axes[0].plot(time, force / 1e3, label=name)
@@ -180,23 +183,23 @@ P = bc.generalized_plant(
     disturbances={"push": 1.0, "drive": 0.2},
     performance={"load": 1.0, "carriage": 0.3},
     effort={"drive": bc.shelf(1.0, 400.0, 600.0, order=2)},
-    noises={"carriage": 0.02, "top_acceleration": 0.1},
+    noise={"carriage": 0.02, "top_acceleration": 0.1},
     measurements=sensors,
     controls=["drive"],
 )
 design = bc.h_infinity(P, nmeas=2, ncon=1)
 K = design.controller
-print(design.certificate.statement)
-print(bc.margins(machine, K).render())
+print(design.certificate.summary)
+print(bc.margins(machine, K))
 
 # %% [markdown]
 # **Asked:** is it stable with every load from nothing to 1000 kg? The mass of the load stands in the mass matrix in a
 # straight line, so the crane is an *affine family*, and this can be proved.
 
 # %%
-family = AffineFamily.through({"load": (0.0, 1000.0)}, lambda values: crane(load=values["load"]))
+family = AffineFamily.from_function({"load": (0.0, 1000.0)}, lambda values: crane(load=values["load"]))
 proof = bc.robust_stability(family, K)
-print(proof.render())
+print(proof.summary)
 assert proof.proved
 
 # %%
@@ -204,10 +207,10 @@ time = np.arange(0.0, 20.0, 0.002)
 push = {"push": np.where((time > 1.0) & (time < 1.2), 2000.0, 0.0)}
 held = prescribe_displacement(machine, hold=["drive"])
 runs = {
-    "carriage free": bc.simulate_loop(machine, None, push, time, sample_time=0.002),
-    "carriage held": bc.simulate_loop(held, None, push, time, sample_time=0.002),
+    "carriage free": bc.simulate_loop(machine, None, time, push, sample_time=0.002),
+    "carriage held": bc.simulate_loop(held, None, time, push, sample_time=0.002),
     "H-infinity": bc.simulate_loop(
-        machine, K, push, time, sample_time=0.002, delay=0.002, force_limit={"drive": 4000.0}
+        machine, K, time, push, sample_time=0.002, delay=0.002, control_limit={"drive": 4000.0}
     ),
 }
 for name, run in runs.items():

@@ -52,7 +52,7 @@ drawn = bc.HubBeamParameters(
 
 def rig(p):
     beam = drawn.replace(youngs_modulus=p["youngs_modulus"], damping_ratio=p["damping_ratio"])
-    model = bc.hub_beam(beam, model="sfoam", modes=2).structure()
+    model = bc.hub_beam(beam, model="sfoam", modes=2).to_second_order()
     friction = np.zeros_like(model.C)
     friction[0, 0] = p["friction"]
     torque, tip_force = (model.ports.force_column(name) for name in ("torque", "tip_force"))
@@ -91,7 +91,7 @@ seen = {"hub_angle": count * np.round(angle / count), "tip_displacement": tip + 
 # Each frequency comes with its deviation and coherence.
 
 # %%
-response = bc.estimate_frequency_response(torque, seen, step, band_hz=(0.5, 40.0))
+response = bc.estimate_frequency_response(torque, seen, step, frequency_range_hz=(0.5, 40.0))
 print(response)
 axes = response.plot()
 plt.show()
@@ -103,8 +103,8 @@ plt.show()
 # white noise.
 
 # %%
-fitted = bc.fit(rig, response, list(nominal), nominal, starts=1)
-print(fitted.render())
+fitted = bc.fit(rig, response, list(nominal), nominal, n_starts=1)
+print(fitted)
 print("truth:", ", ".join(f"{name} {value:g}" for name, value in truth.items()))
 axes = fitted.plot()
 plt.show()
@@ -115,7 +115,7 @@ plt.show()
 # The box holds all four at once with 95 %, and five percent more to either side: a rig does not stay what it was.
 
 # %%
-family = fitted.family(probability=0.95, margin=0.05)
+family = fitted.family(probability=0.95, range_margin=0.05)
 print("\n".join(f"{name}: {low:.4g} to {high:.4g}" for name, (low, high) in family.ranges.items()))
 
 # %% [markdown]
@@ -145,13 +145,13 @@ weighed = partial(
     disturbances={"torque": 0.02, "tip_force": 0.05},
     performance={"hub_angle": 20.0, "tip_displacement": 50.0},
     effort={"torque": 5.0},
-    noises={"hub_angle": 10.0 * count},
+    noise={"hub_angle": 10.0 * count},
     measurements="hub_angle",
     controls="torque",
 )
-structure = T.pid(integral=False, high=400.0) * T.notch(20.0, 400.0)
-design = bc.tune(weighed, structure=structure, family=family, starts=1, fastest_pole=400.0)
-print(design)
+structure = T.pid(integral=False, omega_max=400.0) * T.notch(20.0, 400.0)
+design = bc.tune(weighed, structure=structure, family=family, n_starts=1, fastest_pole=400.0)
+print(repr(design))
 
 # %% [markdown]
 # Beside it an H-infinity controller for the same weights. It has as many states as the rig, and knows the fitted rig
@@ -175,8 +175,8 @@ drives = {
 }
 for name, K in drives.items():
     print(name)
-    print(bc.robust_stability(family, K, delay=0.001, unmodelled=band))
-    print(bc.worst_case(family, K, "tip_force", "hub_angle", delay=0.001, tolerance=0.05))
+    print(bc.robust_stability(family, K, delay=0.001, additive_uncertainty=band))
+    print(bc.worst_case(family, K, "tip_force", "hub_angle", delay=0.001, rtol=0.05))
 
 # %% [markdown]
 # Twice the states gain a few percent here. The simple controller is the one to take.
@@ -200,7 +200,7 @@ with tempfile.TemporaryDirectory() as folder:
 # %%
 t = step * np.arange(501)
 push = {"tip_force": np.where((t >= 0.2) & (t < 0.4), 0.05, 0.0)}
-loop = bc.simulate_loop(rig(truth), drive, push, t, sample_time=step, delay=0.001, quantization=count)
+loop = bc.simulate_loop(rig(truth), drive, t, push, sample_time=step, delay=0.001, quantization=count)
 print(
     f"largest angle {np.abs(loop['hub_angle']).max():.4f} rad, at last {np.abs(loop['hub_angle'][-50:]).max():.5f} rad"
 )

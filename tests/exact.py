@@ -292,8 +292,8 @@ class LoopTruth:
 
     gain_low: float
     gain_high: float
-    phase_deg: float
-    delay: float
+    phase_margin_deg: float
+    delay_margin: float
     alpha: float
 
 

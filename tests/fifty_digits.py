@@ -15,7 +15,7 @@ def _element(p, h, s):
     """Return the dynamic stiffness of a cubic element over ``w1, phi1, w2, phi2``."""
     mass, stiffness = exact._tube(p)
     scale = mp.diag([1, h, 1, h])
-    m, k = s * s * mass * h / 420, stiffness * (1 + s * p.structural_damping) / h**3
+    m, k = s * s * mass * h / 420, stiffness * (1 + s * p.stiffness_damping) / h**3
     return scale * (m * mp.matrix(MASS) + k * mp.matrix(STIFFNESS)) * scale
 
 

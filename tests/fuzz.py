@@ -127,45 +127,46 @@ BESIDE = {
     **dict.fromkeys(("step", "impulse"), lambda: {"timepts": _TIMES}),
     "bode": lambda: {"omega": [0.5, 2.0]},
     "sigma": lambda: {"omega": [0.5, 2.0], "frequency_hz": None},
-    "analysis.nyquist_stability": lambda: {"poles": [-1.0], "top": 50.0, "max_evaluations": 200},
+    "analysis.nyquist_stability": lambda: {"plant_poles": [-1.0], "omega_max": 50.0, "max_nfev": 200},
     "identify": lambda: {
         **dict(zip(("inputs", "outputs", "sample_time"), one.record(), strict=True)),
         "modes": 1,
-        "band_hz": (0.1, 2.5),
+        "frequency_range_hz": (0.1, 2.5),
         "order": 10,
     },
-    "fit": lambda: {"weights": [1.0], "starts": 1},
+    "fit": lambda: {"weights": [1.0], "n_starts": 1},
     "compare": lambda: {"omega": [0.5, 2.0]},
     "simulate_loop": lambda: {
         "plant": plant(),
         "controller": controller(),
-        "disturbance": {"u1": np.sin(_TIMES)},
+        "disturbances": {"u1": np.sin(_TIMES)},
         "timepts": _TIMES,
         "sample_time": 0.01,
         "feedforward": {"u0": np.cos(_TIMES)},
         "reference": None,
     },
     "studies.FieldScenario": lambda: {"tractor": bc.boom.TractorParameters()},
-    "h_infinity": lambda: {"tolerance": 0.1},
+    "h_infinity": lambda: {"rtol": 0.1},
     "tune": lambda: {"time_limit": SHORT},
     "hub_beam": lambda: {
         "parameters": bc.HubBeamParameters(length=80.0),  # so slow that any time is short, or refused
         "accuracy": 0.1,
         "maneuver": bc.spin_up(1e-3, 1.0),
-        "time": 2.0,
+        "timepts": 2.0,
     },
     "lqr": lambda: {**weights(), "N": np.zeros((2, 1))},
     "kalman": noises,
     **dict.fromkeys(("lqg", "synthesis.loop_transfer_recovery"), lambda: {**weights(), **noises()}),
     "simulation.TimeVaryingController": lambda: {
         **dict.fromkeys("ABCD", np.zeros((2, 1, 1))),
-        "inputs": ["y0"],
-        "outputs": ["u0"],
+        "input_labels": ["y0"],
+        "output_labels": ["u0"],
+        "dt": 0.1,
     },
     "optimal_slew": lambda: {"angle_deg": None, "intervals": 20, "time_limit": SHORT},
     "robust_stability": lambda: {"max_cells": 3},
-    "worst_case": lambda: {"tolerance": 0.1, "max_cells": 3},
-    "analysis.robust_stability_margin": lambda: {"tolerance": 0.5, "max_cells": 2},
+    "worst_case": lambda: {"rtol": 0.1, "max_cells": 3},
+    "analysis.robust_stability_margin": lambda: {"rtol": 0.5, "max_cells": 2},
 }
 
 # methods of what is handed out
@@ -175,7 +176,7 @@ METHODS = {
     "SecondOrderModel.to_statespace": (one.boom, dict),
     "SecondOrderModel.select": (one.boom, lambda: {"outputs": ["tip_left"]}),
     "SecondOrderModel.mode_shapes": (one.boom, dict),
-    "HubBeam.frequencies_hz": (beam, lambda: {"hub_speed": 1.0}),
+    "HubBeam.eigenfrequencies_hz": (beam, lambda: {"hub_speed": 1.0}),
     "HubBeam.mode_shapes": (beam, lambda: {"count": 1}),
     "HubBeam.campbell": (beam, lambda: {"speeds": [0.0, 1.0], "count": 1}),
     "HubBeam.linearize": (beam, dict),
@@ -184,11 +185,11 @@ METHODS = {
         lambda: {
             "plant": beam(),
             "controller": gain(("hub_angle", "hub_speed"), "torque", (-80.0, -200.0), 0.01),
-            "disturbance": {"tip_force": np.sin(_TIMES)},
+            "disturbances": {"tip_force": np.sin(_TIMES)},
             "timepts": _TIMES,
             "sample_time": 0.01,
             "delay": 0.004,
-            "force_limit": 10.0,
+            "control_limit": 10.0,
             "noise": 1e-3,
             "reference": {"hub_angle": np.ones(51)},
             "sensors": [bc.BeamSensor("gauge", "strain", 0.5, 0.01)],
@@ -198,23 +199,23 @@ METHODS = {
     "HubBeam.steady_state": (beam, lambda: {"hub_speed": 0.5}),
     "HubBeam.residual_energy": (beam, lambda: {"state": np.zeros(4)}),
     "HubBeam.with_tip_mass": (beam, lambda: {"tip_mass": 0.1}),
-    "HubBeam.with_stiffness": (beam, lambda: {"factor": 0.9}),
-    "HubBeam.in_model": (beam, lambda: {"model": "tlam", "modes": 2}),
+    "HubBeam.with_stiffness_factor": (beam, lambda: {"factor": 0.9}),
+    "HubBeam.with_model": (beam, lambda: {"model": "tlam", "modes": 2}),
     "HubBeam.family": (beam, lambda: {"hub_speed": (0.0, 1.0), "tip_mass": (0.0, 0.1)}),
-    "HubBeam.shape": (beam, lambda: {"states": np.zeros(4)}),
+    "HubBeam.deformed_shape": (beam, lambda: {"states": np.zeros(4)}),
     "ScheduledController.at": (scheduled, lambda: {"value": 0.5}),
     "ScheduledController.to_nlsys": (scheduled, dict),
-    "SlewResult.track": (one.slew, lambda: {"sample_time": 0.05, "settle": 0.2, "disturbance": 5.0}),
+    "SlewResult.track": (one.slew, lambda: {"sample_time": 0.05, "dwell_time": 0.2, "disturbance": 5.0}),
     "TrackedSlew.monte_carlo": (
         one.tracked,
         lambda: {"runs": 2, "tip_mass": 0.1, "stiffness": 0.1, "friction": 1.0, "rtol": 1e-4, "atol": 1e-6},
     ),
-    "TrackedSlew.vibration": (one.tracked, lambda: {"run": tracked_run()}),
+    "TrackedSlew.residual_vibration": (one.tracked, lambda: {"run": tracked_run()}),
     "Assembly.Beam.at": (lambda: bs.Beam(**arguments_of("structure.Beam")), lambda: {"s": 0.5}),
     "Assembly.Beam.at_point": (lambda: bs.Beam(**arguments_of("structure.Beam")), lambda: {"x": 0.5}),
     "Track.heights": (one.track, lambda: {"distance": [1.0]}),
     "AffineFamily.at": (one.family, lambda: {"delta": np.zeros(2)}),
-    "AffineFamily.deltas": (one.family, lambda: {"values": {}}),
+    "AffineFamily.normalize": (one.family, lambda: {"values": {}}),
     "BoomParameters.from_toml": (bc.BoomParameters, file("nowhere.toml")),
 }
 WHOLE = ("structure", "studies", "tunable")  # packages of which records are tried too, beside these
@@ -222,10 +223,10 @@ RECORDS = {"boom.Footprint", "boom.PlatformMotion", "boom.Track", "boom.TractorP
 RECORDS |= {"simulation.TimeVaryingController"}
 # raised, handed out, or (the last two lines) records that are looked at where they are used, and what takes seconds
 NOT_CALLED = {"SlewError", "SynthesisError", "__version__", "structure.GROUND", "structure.ModeShapes"}
-NOT_CALLED |= {"structure.BodyShape", "Progress", "ScaledStateSpace", "boom.road_density", "boom.track_coherence"}
+NOT_CALLED |= {"structure.BodyShape", "Progress", "ScaledStateSpace", "boom.road_psd", "boom.track_coherence"}
 NOT_CALLED |= {"studies.SuspensionDesign", "studies.SlewDesign", "studies.evaluate_suspension"}
-NOT_CALLED |= {f"slew.{name}" for name in ("classical_spin_up", "classical_torque", "compare_slews", "resolve")}
-NOT_CALLED |= {"slew.shaper", "slew.switching_function"}
+NOT_CALLED |= {f"slew.{name}" for name in ("spin_up_torque", "rest_to_rest_torque", "compare_slews", "replan")}
+NOT_CALLED |= {"slew.input_shaper", "slew.switching_function"}
 
 
 def public():

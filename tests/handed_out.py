@@ -50,7 +50,7 @@ def weighed(plant):
         disturbances={"force": 1.0},
         performance={"position": 1.0},
         effort={"force": 0.1},
-        noises={"position": 0.1},
+        noise={"position": 0.1},
         measurements=["position"],
         controls=["force"],
     )
@@ -81,7 +81,7 @@ def tuned():
         return make
 
     channels = [bc.tunable.objective("w_force"), bc.tunable.constraint("n_position", "z_force", 0.5)]
-    return bc.tune([plant(4.0), plant(5.0)], 1, 1, parts, channels=channels, starts=2)
+    return bc.tune([plant(4.0), plant(5.0)], 1, 1, parts, channels=channels, n_starts=2)
 
 
 @functools.cache
@@ -97,7 +97,7 @@ def machine():
     beam = Beam("beam", base.at(0), revolute(), (0.0, 0.0), (BeamSegment(3.0, 2.0, 500.0),), FiniteElements(4))
     return Assembly(
         bodies=(base, beam),
-        links=(SpringDamper(beam.at(1.0), base.at(1.0), "y", stiffness=900.0, damping=3.0),),
+        springs=(SpringDamper(beam.at(1.0), base.at(1.0), "y", stiffness=900.0, damping=3.0),),
         forces=(Force("drive", base.at(0)), Force("tip_force", beam.at(3.0))),
         outputs=(Output("tip", beam.at(3.0)),),
     )
@@ -105,7 +105,7 @@ def machine():
 
 @functools.cache
 def family():
-    return bc.boom_family(half="yaw")
+    return bc.boom_family(subsystem="yaw")
 
 
 @functools.cache
@@ -135,9 +135,7 @@ def hub_beam():
 def loop():
     signals = {"actuator_left": motion().left, "actuator_right": motion().right}
     friction = bc.CoulombFriction(8.0)
-    return bc.simulate_loop(
-        boom(), None, signals, motion().time, sample_time=0.01, stroke_limit=0.005, friction=friction
-    )
+    return bc.simulate_loop(boom(), None, motion().time, signals, sample_time=0.01, end_stop=0.005, friction=friction)
 
 
 @functools.cache
@@ -145,7 +143,7 @@ def beam_loop():
     time = np.linspace(0.0, 1.0, 51)
     sensors = [bc.BeamSensor("gauge", "strain", 0.5, 0.01)]
     drive = {"torque": 10.0 * np.sin(time)}
-    return bc.simulate_loop(hub_beam(), None, drive, time, sample_time=0.02, sensors=sensors)
+    return bc.simulate_loop(hub_beam(), None, time, drive, sample_time=0.02, sensors=sensors)
 
 
 @functools.cache
@@ -155,7 +153,7 @@ def slew():
 
 @functools.cache
 def tracked():
-    return slew().track(sample_time=0.05, settle=1.0)
+    return slew().track(sample_time=0.05, dwell_time=1.0)
 
 
 @functools.cache
@@ -177,7 +175,7 @@ def linear_slew():
 
 @functools.cache
 def comparison():
-    history, t = linear_slew().history, np.linspace(0.0, 3.0, 20)
+    history, t = linear_slew().torque_profile, np.linspace(0.0, 3.0, 20)
     rows = [
         SlewRow(name, 2.0 + k, 0.1, 0.0, 0.0, 5.0, 9.0, 0.05, 0.2, np.array([0.1, 0.3]), history, t, np.sin(t))
         for k, name in enumerate(("bang-bang", "ZV", "EI"))
@@ -203,7 +201,7 @@ def record():
     force = np.random.default_rng(0).standard_normal(1000)
     return (
         {"force": force},
-        {"place": bc.forced_response(mass(), {"force": force}, 0.1 * np.arange(1000.0))["position"]},
+        {"place": bc.forced_response(mass(), 0.1 * np.arange(1000.0), {"force": force})["position"]},
         0.1,
     )
 
@@ -221,7 +219,7 @@ def identified():
 @functools.cache
 def fitted():
     hz, free = [0.25, 0.58, 0.95, 2.8, 4.0], ["spring_stiffness", "youngs_modulus"]
-    return bc.fit(bc.spray_boom, hz, free, bc.BoomParameters(), starts=2)
+    return bc.fit(bc.spray_boom, hz, free, bc.BoomParameters(), n_starts=2)
 
 
 def exact_loop():
@@ -244,7 +242,7 @@ def abs_of(x):
 FACTORIES = {
     "BoomParameters": bc.BoomParameters,
     "SecondOrderModel": boom,
-    "SecondOrderModel, by accuracy": lambda: bc.spray_boom(accuracy=0.01, band_hz=2.0),
+    "SecondOrderModel, by accuracy": lambda: bc.spray_boom(accuracy=0.01, max_frequency_hz=2.0),
     "SecondOrderModel, user's": mass,
     "Assembly": machine,
     "CrossSection": lambda: bc.structure.rectangular_tube_section(0.06, 0.02, 0.002),
@@ -258,7 +256,7 @@ FACTORIES = {
     "SprayResult": spray,
     "FieldScenario": bc.studies.FieldScenario,
     "SuspensionDesign": lambda: bc.studies.SuspensionDesign(
-        "mine", "of two springs", controller=suspension(), facts={"peak": "9.87 with its best dampers" * 20}
+        "mine", "of two springs", controller=suspension(), synthesis_info={"peak": "9.87 with its best dampers" * 20}
     ),
     "MachineResult": lambda: bc.studies.MachineDesign("mine", "a half", yaw(), suspension()).evaluate(),
     "SlewDesign": lambda: bc.studies.SlewDesign("mine", "a turn", hub_beam(), {"planned": slew()}),
@@ -273,7 +271,7 @@ FACTORIES = {
     "SigmaComparison": lambda: bc.compare_sigma({"boom": boom(), "mass": mass()}),
     "Margins": lambda: bc.margins(yaw(), suspension()),
     "RobustStability": lambda: bc.robust_stability(family(), suspension()),
-    "RobustStabilityMargin": lambda: bc.analysis.robust_stability_margin(family(), suspension(), largest=1.2),
+    "RobustStabilityMargin": lambda: bc.analysis.robust_stability_margin(family(), suspension(), max_factor=1.2),
     "WorstCase": lambda: bc.worst_case(family(), suspension(), ["actuator_anti"], ["tip_anti"]),
     "NyquistStability": exact_loop,
     "MeasuredFrequencyResponse": measured_curve,
@@ -281,7 +279,7 @@ FACTORIES = {
     "Identification": identified,
     "FitResult": fitted,
     "FitResult, not determined": lambda: bc.fit(
-        bc.hub_beam, [0.46, 2.9], ["youngs_modulus", "second_moment"], bc.HubBeamParameters(), starts=1
+        bc.hub_beam, [0.46, 2.9], ["youngs_modulus", "second_moment"], bc.HubBeamParameters(), n_starts=1
     ),
     "ReductionResult": lambda: bc.reduce(yaw().select("actuator_anti", "tip_anti"), order=4),
     "ReductionResult, second-order": lambda: bc.reduce(
@@ -291,7 +289,7 @@ FACTORIES = {
     "KalmanResult": lambda: bc.kalman(mass(), np.eye(2), np.eye(1)),
     "LqgResult": lambda: bc.lqg(mass(), np.eye(2), 1.0, np.eye(2), 1.0),
     "RecoveryResult": lambda: bc.synthesis.loop_transfer_recovery(
-        mass(), np.eye(2), 1.0, np.eye(2), 1.0, strengths=[1.0, 100.0], band=(0.1, 10.0)
+        mass(), np.eye(2), 1.0, np.eye(2), 1.0, noise_intensities=[1.0, 100.0], omega_range=(0.1, 10.0)
     ),
     "H2Result": lambda: bc.h2(generalized(), 1, 1),
     "HInfinityResult": h_infinity,
@@ -301,13 +299,15 @@ FACTORIES = {
     "ControllerMetadata": lambda: ControllerMetadata({"tip": "m", "torque": ""}, {"norm": 1.0}, {"boomctl": "0"}),
     "CoulombFriction": lambda: bc.CoulombFriction(8.0),
     "LoopResult": loop,
-    "ForcedResponse": lambda: bc.forced_response(mass(), {"force": np.ones(50)}, np.linspace(0.0, 5.0, 50)),
+    "ForcedResponse": lambda: bc.forced_response(mass(), np.linspace(0.0, 5.0, 50), {"force": np.ones(50)}),
     "LoopResult, of a hub-beam": beam_loop,
     "BeamSensor": lambda: bc.BeamSensor("gauge", "strain", 0.5, 0.01),
     "HubBeamParameters": bc.HubBeamParameters,
     "AssumedModesBeam": hub_beam,
-    "AssumedModesBeam, by accuracy": lambda: bc.hub_beam(accuracy=1e-3, maneuver=bc.spin_up(1.0, 2.0), time=3.0),
-    "GeometricallyExactBeam, by accuracy": lambda: bc.hub_beam(accuracy=1e-5, maneuver=bc.spin_up(2.0, 4.0), time=5.0),
+    "AssumedModesBeam, by accuracy": lambda: bc.hub_beam(accuracy=1e-3, maneuver=bc.spin_up(1.0, 2.0), timepts=3.0),
+    "GeometricallyExactBeam, by accuracy": lambda: bc.hub_beam(
+        accuracy=1e-5, maneuver=bc.spin_up(2.0, 4.0), timepts=5.0
+    ),
     "GeometricallyExactBeam": lambda: bc.hub_beam(model="geometrically-exact", modes=2),
     "SimulationResult": lambda: hub_beam().simulate(bc.spin_up(0.5, 5.0), np.linspace(0.0, 6.0, 50)),
     "SpinUp": lambda: bc.spin_up(2.8, 30.0),
@@ -320,10 +320,10 @@ FACTORIES = {
     "TrackingStudy": tracking_study,
     "SlewResult, of a StateSpace": linear_slew,
     "SlewComparison": comparison,
-    "SlewRow": lambda: comparison().lines[0],
+    "SlewRow": lambda: comparison().rows[0],
     "SwitchingFunction": switching_function,
-    "TorqueProfile": lambda: slew().history,
-    "Shaper": lambda: bc.slew.shaper("ZV", 1.0, 0.0),
+    "TorqueProfile": lambda: slew().torque_profile,
+    "Shaper": lambda: bc.slew.input_shaper("ZV", 1.0, 0.0),
     "BodeResult": lambda: bc.bode(boom()),
     "NyquistResult": lambda: bc.nyquist(yaw(), suspension()),
     "TimeResponse": lambda: bc.step(boom(), np.linspace(0.0, 5.0, 50)),

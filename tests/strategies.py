@@ -102,7 +102,7 @@ def random_machine(seed, grounded=True, kinds=("rigid", "beam"), at_nodes=False)
         forces.append(Force(f"p{i}", point, direction))
         outputs.append(Output(f"p{i}", point, direction))
     point, reaction = (somewhere(body) for body in pairs[-1])
-    forces.append(Force("pair", point, "x", reaction=reaction))
+    forces.append(Force("pair", point, "x", reaction_point=reaction))
     outputs.append(Output("pair", point, "x", relative_to=reaction))
     return Assembly(tuple(bodies), tuple(links), tuple(forces), tuple(outputs))
 

@@ -140,7 +140,7 @@ def test_cli_design_on_ascii_terminal_is_shown(tmp_path):
 
 
 def test_an_infinite_peak_is_given_its_reason_and_no_bound(tmp_path):
-    (tmp_path / "boom.toml").write_text("cradle_damping = 0\nhinge_damping = 0\nstructural_damping = 0\n")
+    (tmp_path / "boom.toml").write_text("cradle_damping = 0\nhinge_damping = 0\nstiffness_damping = 0\n")
     done = boomctl("sigma", "--parameters", "boom.toml", cwd=tmp_path)
     assert done.stdout.startswith("peak inf at ")
     assert done.stdout.endswith(", a pole on the imaginary axis\n")
@@ -226,7 +226,7 @@ def record(tmp_path_factory):
     force, mass = np.random.default_rng(0).standard_normal(4000), [[1.0]]
     model = SecondOrderModel(mass, [[0.8]], [[400.0]], {"force": [1.0]}, {"place": [1.0]})
     time = 0.02 * np.arange(len(force))
-    place = bc.forced_response(model, {"force": force}, time)["place"]
+    place = bc.forced_response(model, time, {"force": force})["place"]
     folder = tmp_path_factory.mktemp("record")
     table = np.column_stack([time, force, place])
     np.savetxt(folder / "record.csv", table, delimiter=",", header="time,force,place", comments="")
@@ -243,7 +243,7 @@ def test_identify_reports_the_modes_of_a_record(record):
     results = json.loads((record / "here" / "results.json").read_text())
     (mode,) = results["modes"]
     assert abs(mode["frequency_hz"] - 3.1825) < 0.01
-    assert abs(mode["damping"] - 0.02) < 0.002
+    assert abs(mode["damping_ratio"] - 0.02) < 0.002
     assert json.loads((record / "here" / "model.json").read_text())["inputs"] == ["force"]
     assert {each.name for each in (record / "here").iterdir()} >= {"report.html", "identification.png", "response.png"}
     words = ("--inputs", "force", "--sample-time", "0.02", "--band", "0.5", "8", "--out", "there", "--json")

@@ -43,11 +43,11 @@ SCENES = {
     "boom": ("bc.spray_boom()", BOOM | {"boomctl.analysis"}),
     "sigma": ("bc.sigma(bc.spray_boom()).peak", BOOM | {"boomctl.reduction"}),
     "family": ("bc.boom_family(); bc.split_symmetric(bc.spray_boom())", BOOM),
-    "forced": ("bc.forced_response(bc.spray_boom(), {'cradle': [0.0, 1.0, 0.0]}, [0.0, 0.1, 0.2])", LOOP),
+    "forced": ("bc.forced_response(bc.spray_boom(), [0.0, 0.1, 0.2], {'cradle': [0.0, 1.0, 0.0]})", LOOP),
     "reduction": (f"print(bc.reduce({BOTH}, order=6))", BOOM | {"boomctl.synthesis"}),
     "lqg": (f"print(bc.lqg(bc.spray_boom(), None, 1e-4, {NOISE}, {COST}))", LOOP | {"scipy.optimize"}),
     "synthesis": ("bc.lqg, bc.h2, bc.h_infinity, bc.SynthesisError, bc.simulate_loop, bc.reduce", LOOP),
-    "beam": ("bc.hub_beam(modes=2).frequencies_hz(1.0)", BEAM | {"scipy.optimize"}),
+    "beam": ("bc.hub_beam(modes=2).eigenfrequencies_hz(1.0)", BEAM | {"scipy.optimize"}),
     "spin-up": ("bc.hub_beam(modes=1).simulate(bc.spin_up(1.0, 1.0), [1.0, 2.0])", BEAM),
     "slew": (
         "print(bc.optimal_slew(bc.hub_beam(modes=1), 1.5, 200.0))",

@@ -29,7 +29,7 @@ def test_page_with_more_weight_on_tips_has_larger_norm(app):
     before, after = (app.run(defs={"slider": None, **each})[1] for each in sliders)
     assert after["design"].gamma > 1.2 * before["design"].gamma
     assert abs(after["spray"].cv / before["spray"].cv - 1.0) > 0.1
-    assert abs(after["margins"].controls.alpha / before["margins"].controls.alpha - 1.0) > 0.1
+    assert abs(after["margins"].multiloop_input.alpha / before["margins"].multiloop_input.alpha - 1.0) > 0.1
 
 
 @pytest.mark.slow

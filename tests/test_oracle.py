@@ -52,13 +52,15 @@ def told(certified, holds):
 def hinf_outcome(seed, system, exact):
     low, high, _ = exact.norm()
     found = bc.hinf_norm(system)
-    return told(found.certified, found.lower <= high * (1.0 + SLACK) and found.upper * (1.0 + SLACK) >= low)
+    return told(found.certified, found.lower_bound <= high * (1.0 + SLACK) and found.upper_bound * (1.0 + SLACK) >= low)
 
 
 def h2_outcome(seed, system, exact):
     truth = exact.h2()
     found = bc.h2_norm(system)
-    return told(found.certified, found.lower <= truth * (1.0 + SLACK) and found.upper * (1.0 + SLACK) >= truth)
+    return told(
+        found.certified, found.lower_bound <= truth * (1.0 + SLACK) and found.upper_bound * (1.0 + SLACK) >= truth
+    )
 
 
 def squared(exact, omega):
@@ -96,8 +98,8 @@ def reduce_outcome(seed, system, exact):
             raise
         return "not asked"  # there is no such reduction
     error = exact - Exact.of(found.system)
-    truth = error_beside_kept(system, exact, error) if found.kept else error.norm()[0]
-    return told(True, truth <= found.measured_error * (1.0 + SLACK) + sys.float_info.min)
+    truth = error_beside_kept(system, exact, error) if found.retained_order else error.norm()[0]
+    return told(True, truth <= found.error_norm * (1.0 + SLACK) + sys.float_info.min)
 
 
 def loop_for(seed, system):
@@ -145,16 +147,17 @@ def margins_outcome(seed, system, exact):
         if "is not stable" not in str(refusal):
             raise
         return "refused" if is_damped(closed.poles, closed.damping) else "not asked"
-    names = ["gain_low", "gain_high", "phase_deg", "delay"]
+    pairs = [(found.gain_margin[1], truth.gain_high), (found.phase_margin_deg, truth.phase_margin_deg)]
+    pairs += [(found.delay_margin, truth.delay_margin)]
     poles = exact.poles_in_rad()
-    if any(abs(p.real) <= MOVED * max(abs(q) for q in poles) for p in poles):
-        names.remove("gain_low")  # on which side of the axis such a pole lies rounding tells
-    holds = all(near(getattr(found, name), getattr(truth, name)) for name in names)
-    digits = found.rounding <= LOOP_DIGITS / 10.0
-    if found.disk.certified:
-        holds &= abs(found.disk.alpha - truth.alpha) <= 3e-5 * truth.alpha
-    holds |= not digits and not found.disk.certified
-    return told(digits and found.disk.certified, holds)
+    if all(abs(p.real) > MOVED * max(abs(q) for q in poles) for p in poles):
+        pairs += [(found.gain_margin[0], truth.gain_low)]  # else rounding tells on which side of the axis a pole lies
+    holds = all(near(ours, true) for ours, true in pairs)
+    digits = found.rounding_error <= LOOP_DIGITS / 10.0
+    if found.disk_margin.certified:
+        holds &= abs(found.disk_margin.alpha - truth.alpha) <= 3e-5 * truth.alpha
+    holds |= not digits and not found.disk_margin.certified
+    return told(digits and found.disk_margin.certified, holds)
 
 
 def poles_outcome(seed, system, exact):

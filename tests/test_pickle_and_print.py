@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import boomctl as bc
-from boomctl.slew import resolve
+from boomctl.slew import replan
 from boomctl.slew.result import LimitsTooTight
 from tests import handed_out as one
 from tests.handed_out import FACTORIES
@@ -147,7 +147,7 @@ def test_what_is_computed_when_asked_for_is_so_after_pickling_too():
 def test_a_stored_slew_is_replayed_and_solved_again():
     slew = pickle.loads(pickle.dumps(one.slew()))
     assert slew.replays == one.slew().replays
-    assert resolve(slew, angle=1.5).cost == pytest.approx(resolve(one.slew(), angle=1.5).cost, rel=1e-9)
+    assert replan(slew, angle=1.5).cost == pytest.approx(replan(one.slew(), angle=1.5).cost, rel=1e-9)
 
 
 def test_singular_values_are_compared_without_an_error():
@@ -174,7 +174,7 @@ def test_python_control_is_imported_where_its_systems_learn_to_pickle():
 
 MADE_WHEN_READ = {
     "ReductionResult": ("system",),
-    "LqrResult": ("controller", "closed_loop", "effort"),
+    "LqrResult": ("controller", "closed_loop", "control_loop"),
     "KalmanResult": ("estimator",),
     "LqgResult": ("controller", "closed_loop"),
     "H2Result": ("controller", "closed_loop"),

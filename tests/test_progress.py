@@ -15,7 +15,7 @@ from tests import handed_out as one
 CALLS = {
     "reduction": lambda **given: bc.reduce(one.yaw().select("actuator_anti", "tip_anti"), order=4, **given),
     "H-infinity synthesis": lambda **given: bc.h_infinity(one.generalized(), 1, 1, **given),
-    "tuning": lambda **given: bc.tune(one.generalized(), 1, 1, bc.tunable.gain(), starts=1, **given),
+    "tuning": lambda **given: bc.tune(one.generalized(), 1, 1, bc.tunable.gain(), n_starts=1, **given),
     "robust stability": lambda **given: bc.robust_stability(one.family(), one.suspension(), **given),
     "structured margin": lambda **given: bc.analysis.robust_stability_margin(
         one.family(), one.suspension(), 1.2, **given
@@ -24,7 +24,7 @@ CALLS = {
         one.family(), one.suspension(), ["actuator_anti"], ["tip_anti"], **given
     ),
     "fit": lambda **given: bc.fit(
-        bc.spray_boom, [0.25, 0.59], ["spring_distance"], bc.BoomParameters(), starts=2, **given
+        bc.spray_boom, [0.25, 0.59], ["spring_distance"], bc.BoomParameters(), n_starts=2, **given
     ),
 }
 
@@ -35,7 +35,7 @@ OTHERS = {
     "motion": lambda: bc.hub_beam(model="foam", modes=1).simulate(bc.spin_up(2.8, 3.0), [3.0]),
     "exact motion": lambda: bc.hub_beam(model="geometrically-exact", modes=2).simulate(bc.spin_up(2.8, 1.0), [0.2]),
     "closed loop": lambda: bc.simulate_loop(
-        one.hub_beam(), None, {"torque": np.ones(11)}, np.linspace(0.0, 0.1, 11), sample_time=0.01
+        one.hub_beam(), None, np.linspace(0.0, 0.1, 11), {"torque": np.ones(11)}, sample_time=0.01
     ),
 }
 
@@ -53,7 +53,7 @@ def test_listener_receives_task_and_stages(task):
     assert task in {told.task for told in heard}
     assert all(told.stage for told in heard)
     assert all(0 <= told.done <= told.total for told in heard if None not in (told.done, told.total))
-    own = [told.seconds for told in heard if told.task == task]
+    own = [told.elapsed for told in heard if told.task == task]
     assert own == sorted(own)
 
 

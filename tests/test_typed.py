@@ -80,7 +80,7 @@ def test_the_package_lists_each_name_once_by_what_one_wants_to_do():
 @pytest.mark.slow
 def test_sub_packages_are_there_without_an_import_of_their_own():
     code = (
-        "import sys; import boomctl as bc; bc.structure.Beam; bc.studies.suspension.FieldScenario; bc.slew.shaper;"
+        "import sys; import boomctl as bc; bc.structure.Beam; bc.studies.suspension.FieldScenario; bc.slew.input_shaper;"
         + (
             "assert 'structure' in dir(bc) and 'structure' not in bc.__all__; import boomctl.slew as s; assert s is bc.slew"
         )

@@ -63,7 +63,7 @@ def h2_norm(system: "SecondOrderModel | control.StateSpace | control.TransferFun
     """
     if isinstance(system, SecondOrderModel):
         chosen = system.between()
-        return replace(matrices_h2_norm(chosen.modal_form), _given=chosen)
+        return replace(matrices_h2_norm(chosen._modal_form), _given=chosen)
     given = of(system, sampled=True)
     return replace(matrices_h2_norm(given), _given=given)
 
@@ -114,10 +114,10 @@ def _finite(system: Lti) -> NormBounds:
     if found is not None and found.certified:
         return found
     known = _proved(system)
-    if known.upper < inf:
+    if known.upper_bound < inf:
         return known
     known = found or known
-    return replace(known, _value=float(np.clip(_by_gramian(system), known.lower, known.upper)))
+    return replace(known, _value=float(np.clip(_by_gramian(system), known.lower_bound, known.upper_bound)))
 
 
 def _proved(system: Lti) -> NormBounds:

@@ -99,7 +99,7 @@ class DiskMargin:
     certified: bool
 
     def __repr__(self) -> str:
-        ranges = f"gains by {1.0 / self.gain:.4g} to {self.gain:.4g}, phases by {self.phase_deg:.4g} deg"
+        ranges = f"gains by {1.0 / self.gain_margin:.4g} to {self.gain_margin:.4g}, phases by {self.phase_margin_deg:.4g} deg"
         return f"DiskMargin: {self._text} at {self.omega:.4g} rad/s ({ranges}{'' if self.certified else ', not certified'})"
 
     @property
@@ -110,12 +110,12 @@ class DiskMargin:
         return f">= {self.alpha:.4g}" if self.alpha > 0.0 else "not found"
 
     @property
-    def gain(self) -> float:
+    def gain_margin(self) -> float:
         """Factor by which the gains may rise, and by which they may fall."""
         return (2.0 + self.alpha) / (2.0 - self.alpha) if self.alpha < 2.0 * (1.0 - ALIKE) else inf
 
     @property
-    def phase_deg(self) -> float:
+    def phase_margin_deg(self) -> float:
         """Angle by which the phases may turn [degrees]."""
         return float(np.degrees(2.0 * np.arctan(0.5 * self.alpha)))
 
@@ -126,15 +126,15 @@ class LoopMargin:
 
     Attributes
     ----------
-    signal, place : str
+    signal, location : str
         Where the loop is opened; ``"control"`` or ``"measurement"``.
-    gain_low, gain_high : float
+    gain_margin : (float, float)
         The loop stays stable for factors between these; 0 and ``inf`` where there is no limit between 1e-9 and 1e9.
-    gain_low_omega, gain_high_omega : float
-        Frequencies of the limits [rad/s]; ``nan`` without.
-    phase_deg, phase_omega : float
+    gain_margin_omega : (float, float)
+        Frequencies of the two limits [rad/s]; ``nan`` without.
+    phase_margin_deg, phase_margin_omega : float
         Least angle that makes it unstable [degrees], and where [rad/s]; ``inf`` and ``nan`` without a crossing of gain one.
-    delay, delay_omega : float
+    delay_margin, delay_margin_omega : float
         Least delay that makes the loop unstable [s], and the frequency there [rad/s]; 0 and ``inf`` if the gain of a
         continuous loop at infinite frequency is at least one; ``inf`` and ``nan`` without a limit.  In a sampled loop
         around a continuous plant it is an additional delay of this control or reading, of any fraction of a sample,
@@ -142,9 +142,9 @@ class LoopMargin:
         loop unstable may be missed.  Around a discrete plant it is the least ``tau`` for which ``L exp(-j omega tau)`` is
         one at a gain crossover, at most one sample if the gain at half the sampling rate is at least one: all whole
         samples below it are stable.
-    disk : DiskMargin
+    disk_margin : DiskMargin
         Its disk margin.
-    rounding : float
+    rounding_error : float
         How much rounding of the loop's matrices may change ``1/(1 - L)``, relative and to first order; margins have no
         more digits than that leaves.
 
@@ -160,38 +160,43 @@ class LoopMargin:
     """
 
     signal: str
-    place: str
-    gain_low: float
-    gain_low_omega: float
-    gain_high: float
-    gain_high_omega: float
-    phase_deg: float
-    phase_omega: float
-    delay: float
-    delay_omega: float
-    disk: DiskMargin
-    rounding: float = 0.0
+    location: str
+    gain_margin: tuple[float, float]
+    gain_margin_omega: tuple[float, float]
+    phase_margin_deg: float
+    phase_margin_omega: float
+    delay_margin: float
+    delay_margin_omega: float
+    disk_margin: DiskMargin
+    rounding_error: float = 0.0
     _sensitivity: Lti | None = field(default=None, repr=False, compare=False)
 
     def __repr__(self) -> str:
-        gains = f"gain {self.gain_low:.4g} to {self.gain_high:.4g} ({' to '.join(self._gains_db)} dB)"
-        at = f" at {self.phase_omega:.4g} rad/s" if isfinite(self.phase_omega) else ""
-        limits = f"phase {self.phase_deg:.4g} deg{at}, delay {self.delay:.4g} s, disk {self.disk._text}"
-        return f"LoopMargin: opened at {self.place} {self.signal}\n  {gains}, {limits}"
+        gains = f"gain {self.gain_margin[0]:.4g} to {self.gain_margin[1]:.4g} ({' to '.join(self._gains_db)} dB)"
+        at = f" at {self.phase_margin_omega:.4g} rad/s" if isfinite(self.phase_margin_omega) else ""
+        limits = (
+            f"phase {self.phase_margin_deg:.4g} deg{at}, delay {self.delay_margin:.4g} s, disk {self.disk_margin._text}"
+        )
+        return f"LoopMargin: opened at {self.location} {self.signal}\n  {gains}, {limits}"
 
     @property
     def _gains_db(self) -> list[str]:
-        return [f"{20.0 * log10(gain) if gain > 0.0 else -inf:.4g}" for gain in (self.gain_low, self.gain_high)]
+        return [f"{20.0 * log10(gain) if gain > 0.0 else -inf:.4g}" for gain in self.gain_margin]
 
     @cached_property
     @one_blas_thread
-    def open_loop(self) -> tuple[Array, Array]:
+    def loop_gain(self) -> tuple[Array, Array]:
         """Frequencies [rad/s] and the loop's response ``L`` there, so dense that a Nyquist curve through them is smooth."""
         S = self._sensitivity
         assert S is not None
         image = continuous_image(S)
         opened = _opened(image)
-        limits = [self.gain_low_omega, self.gain_high_omega, self.phase_omega, self.delay_omega, self.disk.omega]
+        limits = [
+            *self.gain_margin_omega,
+            self.phase_margin_omega,
+            self.delay_margin_omega,
+            self.disk_margin.omega,
+        ]
         grids = [grid_of_loop(image), [] if opened is None else grid_of_loop(opened)]
         asked = np.concatenate([*(omega_of_image(grid, S.dt) for grid in grids), limits])
         return smooth_curve(partial(_loop_response, S), np.unique(asked[np.isfinite(asked)]))
@@ -222,14 +227,14 @@ class Margins:
     ----------
     loops : tuple of LoopMargin
         One for each control, then one for each measurement.
-    controls, measurements, everywhere : DiskMargin
+    multiloop_input, multiloop_output, multiloop_io : DiskMargin
         All controls at once; all measurements at once; both together.
     """
 
     loops: tuple[LoopMargin, ...]
-    controls: DiskMargin
-    measurements: DiskMargin
-    everywhere: DiskMargin
+    multiloop_input: DiskMargin
+    multiloop_output: DiskMargin
+    multiloop_io: DiskMargin
     _loop: tuple[Lti, Lti | None] | None = field(default=None, repr=False, compare=False)
 
     def __claims__(self) -> Iterator[Claim]:
@@ -245,7 +250,7 @@ class Margins:
         """Return the names that consoles complete in brackets."""
         return [loop.signal for loop in self.loops]
 
-    def render(self) -> str:
+    def __str__(self) -> str:
         """Return the margins as text.
 
         Returns
@@ -277,21 +282,21 @@ class Margins:
 
     def __repr__(self) -> str:
         disks = (
-            f"disk {self.controls._text} at all controls, {self.measurements._text} at all measurements, "
-            f"{self.everywhere._text} everywhere"
+            f"disk {self.multiloop_input._text} at all controls, {self.multiloop_output._text} at all measurements, "
+            f"{self.multiloop_io._text} everywhere"
         )
-        phase, delay = min(x.phase_deg for x in self.loops), min(x.delay for x in self.loops)
+        phase, delay = min(x.phase_margin_deg for x in self.loops), min(x.delay_margin for x in self.loops)
         least = f"phase {phase:.4g} deg, delay {delay:.4g} s"
         return f"Margins: opened at {listed([x.signal for x in self.loops])}\n  least: {least}\n  {disks}"
 
     def __figures__(self) -> dict[str, float]:
         """Return what a comparison shows."""
         return {
-            "phase margin, least [deg]": min(x.phase_deg for x in self.loops),
-            "delay margin, least [s]": min(x.delay for x in self.loops),
-            "disk margin, all controls": self.controls.alpha,
-            "disk margin, all measurements": self.measurements.alpha,
-            "disk margin, everywhere": self.everywhere.alpha,
+            "phase margin, least [deg]": min(x.phase_margin_deg for x in self.loops),
+            "delay margin, least [s]": min(x.delay_margin for x in self.loops),
+            "disk margin, all controls": self.multiloop_input.alpha,
+            "disk margin, all measurements": self.multiloop_output.alpha,
+            "disk margin, everywhere": self.multiloop_io.alpha,
         }
 
     def _repr_html_(self) -> str:
@@ -303,16 +308,20 @@ class Margins:
         heads = ("opened at", "gain from", "to", "[dB]", "to", "at [rad/s]", "phase [deg]", "at [rad/s]")
         table: list[tuple[str, ...]] = [(*heads, "delay [s]", "disk")]
         for x in self.loops:
-            limits = [(x.gain_low, x.gain_low_omega), (x.gain_high, x.gain_high_omega)]
+            limits = zip(x.gain_margin, x.gain_margin_omega, strict=True)
             nearest = min(limits, key=lambda limit: abs(log10(limit[0])) if 0.0 < limit[0] < inf else inf)[1]
-            gains = (f"{x.gain_low:.4g}", f"{x.gain_high:.4g}", *x._gains_db, _frequency(nearest))
-            phase = (f"{x.phase_deg:.4g}", _frequency(x.phase_omega))
-            table.append((x.signal, *gains, *phase, f"{x.delay:.4g}", x.disk._text))
-        for name in ("controls", "measurements", "everywhere"):
-            disk: DiskMargin = getattr(self, name)
-            factors = 1.0 / disk.gain, disk.gain
+            gains = (*(f"{gain:.4g}" for gain in x.gain_margin), *x._gains_db, _frequency(nearest))
+            phase = (f"{x.phase_margin_deg:.4g}", _frequency(x.phase_margin_omega))
+            table.append((x.signal, *gains, *phase, f"{x.delay_margin:.4g}", x.disk_margin._text))
+        disks = {
+            "controls": self.multiloop_input,
+            "measurements": self.multiloop_output,
+            "everywhere": self.multiloop_io,
+        }
+        for name, disk in disks.items():
+            factors = 1.0 / disk.gain_margin, disk.gain_margin
             gains = [f"{x:.4g}" for x in (*factors, *(20.0 * log10(x) if x > 0.0 else -inf for x in factors))]
-            ends = ("", f"{disk.phase_deg:.4g}", _frequency(disk.omega), "", disk._text)
+            ends = ("", f"{disk.phase_margin_deg:.4g}", _frequency(disk.omega), "", disk._text)
             table.append((f"all at once: {name}", *gains, *ends))
         return table
 
@@ -369,9 +378,9 @@ def margins(
     >>> import control
     >>> mass = control.ss([[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]], [[1.0, 0.0]], 0.0, inputs="force", outputs="place")
     >>> lead = control.ss([[-20.0]], [[1.0]], [[360.0]], -20.0, inputs="place", outputs="force")
-    >>> round(bc.margins(mass, lead)["force"].phase_deg, 1)
+    >>> round(bc.margins(mass, lead)["force"].phase_margin_deg, 1)
     34.0
-    >>> round(bc.margins(mass, bc.discretize(lead, 0.01), delay=0.004)["force"].phase_deg, 1)  # sampling takes some
+    >>> round(bc.margins(mass, bc.discretize(lead, 0.01), delay=0.004)["force"].phase_margin_deg, 1)  # sampling takes some
     33.2
     """
     P = of(plant, "plant", sampled=True)
@@ -412,7 +421,7 @@ def margins(
         for i, (name, place) in enumerate(zip(loop.controls + loop.measurements, places, strict=True))
     )
     first, second, every = (
-        loops[rows[0]].disk
+        loops[rows[0]].disk_margin
         if len(rows) == 1
         else _disk(
             S.between(rows, rows), G[np.ix_(rows, rows)], float(rounding[np.ix_(rows, rows)].max(initial=0.0)), axis
@@ -478,7 +487,7 @@ def _disk(S: Lti, G: Array, rounding: float, axis: MarginalPoles) -> DiskMargin:
     scale = _scaling(2.0 * G - eye[:, :, None])
     C, D = scale[:, None] * 2.0 * S.C, scale[:, None] * (2.0 * S.D - eye) / scale
     norm = matrices_norm(Lti(S.A, S.B / scale, C, D, dt=S.dt), axis=poles)
-    return DiskMargin(2.0 / max(norm.upper, 1.0), norm.omega, norm.certified and rounding <= CERTIFIED)
+    return DiskMargin(2.0 / max(norm.upper_bound, 1.0), norm.peak_omega, norm.certified and rounding <= CERTIFIED)
 
 
 def single_disk(S: Lti) -> DiskMargin:
@@ -652,17 +661,15 @@ def _loop_margin(
     low_omega, high_omega, phase_omega = omega_of_image([low_omega, high_omega, phase_omega], dt).tolist()
     return LoopMargin(
         signal=signal,
-        place=place,
-        gain_low=low,
-        gain_low_omega=low_omega,
-        gain_high=high,
-        gain_high_omega=high_omega,
-        phase_deg=phase,
-        phase_omega=phase_omega,
-        delay=delay,
-        delay_omega=delay_omega,
-        disk=disk,
-        rounding=rounding,
+        location=place,
+        gain_margin=(low, high),
+        gain_margin_omega=(low_omega, high_omega),
+        phase_margin_deg=phase,
+        phase_margin_omega=phase_omega,
+        delay_margin=delay,
+        delay_margin_omega=delay_omega,
+        disk_margin=disk,
+        rounding_error=rounding,
         _sensitivity=S,
     )
 

@@ -37,48 +37,52 @@ class MeasuredFrequencyResponse:
 
     Attributes
     ----------
-    freq_hz : (n,) ndarray
+    frequency_hz : (n,) ndarray
         Frequencies, ascending [Hz].
     magnitude : (k, n) ndarray
         One line for each curve, as they stand in the file, or the singular values of a measured frequency response.
     labels : tuple of str
         Names of the curves.
-    entries : (p, m, n) ndarray or None
+    frdata : (p, m, n) ndarray or None
         The complex frequency response; None where the file has magnitudes only.
-    inputs, outputs : tuple of str
+    input_labels, output_labels : tuple of str
         Names of its signals.
     """
 
-    freq_hz: Array
+    frequency_hz: Array
     magnitude: Array
     labels: tuple[str, ...]
-    entries: Array | None = None
-    inputs: tuple[str, ...] = ()
-    outputs: tuple[str, ...] = ()
+    frdata: Array | None = None
+    input_labels: tuple[str, ...] = ()
+    output_labels: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
-        span = f"{len(self.freq_hz)} frequencies, {self.freq_hz[0]:.4g} to {self.freq_hz[-1]:.4g} Hz"
-        of = "" if self.entries is None else f"; with phase, {len(self.outputs)} x {len(self.inputs)}"
+        span = f"{len(self.frequency_hz)} frequencies, {self.frequency_hz[0]:.4g} to {self.frequency_hz[-1]:.4g} Hz"
+        of = "" if self.frdata is None else f"; with phase, {len(self.output_labels)} x {len(self.input_labels)}"
         return f"MeasuredFrequencyResponse: {listed(self.labels)}\n  {span}, largest {self.magnitude.max():.6g}{of}"
 
     @cached_property
     def response(self) -> "control.FrequencyResponseData | None":
         """The complex frequency response, as python-control has it; None where the file has magnitudes only."""
-        if self.entries is None:
+        if self.frdata is None:
             return None
         from boomctl.lti.python_control import control
 
-        names: dict[str, Any] = {"inputs": list(self.inputs), "outputs": list(self.outputs), "name": "measured"}
-        return control.frd(self.entries, tau * self.freq_hz, **names)
+        names: dict[str, Any] = {
+            "inputs": list(self.input_labels),
+            "outputs": list(self.output_labels),
+            "name": "measured",
+        }
+        return control.frd(self.frdata, tau * self.frequency_hz, **names)
 
-    def plot(self, ax: "Axes | None" = None, *, unit: str | None = None, **style: Any) -> "Axes":
+    def plot(self, ax: "Axes | None" = None, *, frequency_unit: str | None = None, **style: Any) -> "Axes":
         """Draw the curve over frequency, on a sigma plot over the computed ones.
 
         Parameters
         ----------
         ax : matplotlib Axes, optional
             Where to draw; by default a new figure of pyplot.
-        unit : {"Hz", "rad/s"}, optional
+        frequency_unit : {"Hz", "rad/s"}, optional
             Of the frequency axis; by default that of the curves that are there already, otherwise Hz.
         **style
             Of the dots, as matplotlib's lines take it; a ``label`` stands before the names in the file.
@@ -88,7 +92,7 @@ class MeasuredFrequencyResponse:
         matplotlib.axes.Axes
             Those drawn on.
         """
-        return import_module("boomctl.plotting.sigma").plot_measured(self, ax, unit=unit, **style)
+        return import_module("boomctl.plotting.sigma").plot_measured(self, ax, frequency_unit=frequency_unit, **style)
 
 
 def read_frequency_response(path: str | Path) -> MeasuredFrequencyResponse:

@@ -103,7 +103,7 @@ def hinf_norm(system: "LinearSystem") -> NormBounds:
     >>> import control
     >>> swing = control.ss([[0.0, 1.0], [-1.0, -0.1]], [[0.0], [1.0]], [[1.0, 0.0]], 0.0)
     >>> norm = bc.hinf_norm(swing)
-    >>> round(norm.lower, 2), round(norm.omega, 3), bool(norm.certified)
+    >>> round(norm.lower_bound, 2), round(norm.peak_omega, 3), bool(norm.certified)
     (10.01, 0.997, True)
     """
     if is_frequency_response(system):
@@ -111,8 +111,8 @@ def hinf_norm(system: "LinearSystem") -> NormBounds:
     if isinstance(system, SecondOrderModel):
         system = system.between()
         # where a pole does not decay exact arithmetic tells, whose time grows with the fourth power of the states
-        small = system.mirror is not None and system.n <= _WHOLE
-        if small and (system.modal_form.eigensystem[0].real < 0.0).all():
+        small = system._mirror is not None and system.ncoordinates <= _WHOLE
+        if small and (system._modal_form.eigensystem[0].real < 0.0).all():
             found = SplitModel(system, (system,)).norm()
             if found.certified:
                 return found
@@ -131,12 +131,12 @@ class SplitModel:
     @cached_property
     def bands(self) -> tuple["_Band | None", ...]:
         """The band of each part that is not taken whole; None of one that is, or has no real modes."""
-        return tuple(_Band.of(part) if part.n >= CORE_FROM else None for part in self.parts)
+        return tuple(_Band.of(part) if part.ncoordinates >= CORE_FROM else None for part in self.parts)
 
     @cached_property
     def realised(self) -> tuple["_Realised", ...] | None:
         """The state spaces of two small parts; None of others, and where there are none that hold all poles."""
-        if len(self.parts) < 2 or any(part.n >= CORE_FROM for part in self.parts):
+        if len(self.parts) < 2 or any(part.ncoordinates >= CORE_FROM for part in self.parts):
             return None
         try:
             found = tuple(_Realised.of(part) for part in self.parts)
@@ -147,7 +147,7 @@ class SplitModel:
     @classmethod
     def of(cls, model: SecondOrderModel) -> "SplitModel":
         """Return a model with its parts; a half without inputs or outputs is none."""
-        return cls(model, (model,) if model.halves is None else model.halves)
+        return cls(model, (model,) if model._halves is None else model._halves)
 
     def singular_values(self, omega: Array, quiet: bool = False) -> Array:
         """Return the singular values, descending, shape (min(outputs, inputs), frequencies)."""
@@ -194,10 +194,10 @@ class SplitModel:
             found = _norms_of_small(self.realised)
         else:
             found = [_part_norm(part, band) for part, band in zip(self.parts, self.bands, strict=True)]
-        largest, widest = max(found, key=lambda norm: norm.lower), max(found, key=lambda norm: norm.upper)
+        largest, widest = max(found, key=lambda norm: norm.lower_bound), max(found, key=lambda norm: norm.upper_bound)
         path = () if self.parts == (self.model,) else ("halves",)
-        path = sum((norm.path for norm in found), path)
-        both = replace(largest, upper=widest.upper, path=path, _given=self.model)
+        path = sum((norm.stages for norm in found), path)
+        both = replace(largest, upper_bound=widest.upper_bound, stages=path, _given=self.model)
         return both if both.certified else replace(both, method=widest.method)  # why it is not
 
 
@@ -211,7 +211,7 @@ def singular_values_together(given: Sequence[SplitModel], omega: Array) -> list[
 def _modal_band(*parts: SecondOrderModel) -> tuple[float, float] | None:
     """Return the lowest and the eighth elastic frequency of all [rad/s]; None for matrices that have no real modes."""
     try:
-        found = [undamped_modes(part.structure, min(MODES + _SPARE, part.n))[0] for part in parts]
+        found = [undamped_modes(part.structure, min(MODES + _SPARE, part.ncoordinates))[0] for part in parts]
     except ValueError:
         return None
     frequencies = np.sort(np.concatenate(found))
@@ -306,7 +306,12 @@ class _Band:
         if band is None:
             return None
         core = _Core.of(part.structure, part.ports, _CORE_ABOVE * band[1])
-        return cls(*band, core if core is None or core.structure.n < FEWER * part.n or part.n < CORE_FROM else None)
+        return cls(
+            *band,
+            core
+            if core is None or core.structure.n < FEWER * part.ncoordinates or part.ncoordinates < CORE_FROM
+            else None,
+        )
 
 
 def _poles(part: SecondOrderModel, band: _Band | None, top: float) -> Array:
@@ -334,15 +339,15 @@ def _part_norm(part: SecondOrderModel, band: _Band | None) -> NormBounds:
     if core is None:
         return _Realised.of(part).norm()
     inside = _Realised.of(SecondOrderModel.of(core.structure, core.ports)).norm()
-    inside = replace(inside, path=(f"core of {core.structure.n}", *inside.path))
-    if inf in (inside.lower, inside.upper):
+    inside = replace(inside, stages=(f"core of {core.structure.n}", *inside.stages))
+    if inf in (inside.lower_bound, inside.upper_bound):
         return inside
-    error = core.error(np.array([BELOW * low, np.clip(inside.omega, BELOW * low, top), ABOVE * band.last, top]))
+    error = core.error(np.array([BELOW * low, np.clip(inside.peak_omega, BELOW * low, top), ABOVE * band.last, top]))
     if error > _CORE_ERROR:
-        lower = inside.lower * max(1.0 - error, 0.0)
-        return replace(inside, lower=lower, upper=inf, method="a core that could not be verified")
-    upper = max(inside.upper * (1.0 + error), _dissipation_bound(part, top))
-    return replace(inside, upper=upper, method=f"{inside.method}; dissipation above {top:.3g} rad/s")
+        lower = inside.lower_bound * max(1.0 - error, 0.0)
+        return replace(inside, lower_bound=lower, upper_bound=inf, method="a core that could not be verified")
+    upper = max(inside.upper_bound * (1.0 + error), _dissipation_bound(part, top))
+    return replace(inside, upper_bound=upper, method=f"{inside.method}; dissipation above {top:.3g} rad/s")
 
 
 @dataclass(frozen=True)
@@ -360,7 +365,7 @@ class _Realised:
 
     @classmethod
     def of(cls, small: SecondOrderModel) -> "_Realised":
-        respond, system, form = partial(_response, small), small.modal_form, small.structure.strain_form
+        respond, system, form = partial(_response, small), small._modal_form, small.structure.strain_form
         if form is None:
             try:
                 undamped_modes(small.structure)
@@ -374,7 +379,7 @@ class _Realised:
 
     def norm(self, axis: MarginalPoles | None = None) -> NormBounds:
         """Return the norm between its bounds; ``axis`` is what is known of its poles."""
-        return replace(matrices_norm(self.system, self.respond, axis), path=self.path)
+        return replace(matrices_norm(self.system, self.respond, axis), stages=self.path)
 
 
 def _norms_of_small(systems: tuple["_Realised", ...]) -> list[NormBounds]:
@@ -384,8 +389,8 @@ def _norms_of_small(systems: tuple["_Realised", ...]) -> list[NormBounds]:
     first = systems[order[0]].norm(axes[order[0]])
     found = {order[0]: first}
     for i in order[1:]:
-        below = axes[i].bound <= first.lower
-        bound = NormBounds(0.0, first.upper, first.omega, first.method, systems[i].path)
+        below = axes[i].bound <= first.lower_bound
+        bound = NormBounds(0.0, first.upper_bound, first.peak_omega, first.method, systems[i].path)
         found[i] = bound if below else systems[i].norm(axes[i])
     return [found[i] for i in range(len(systems))]
 

@@ -41,10 +41,10 @@ class Mode:
     pole : complex
         The pole, of a pair that of non-negative imaginary part [rad/s]; in discrete time the rate ``log(z)/dt``, ``-inf`` for
         ``z = 0``.
-    input_shares, output_shares : (m,) and (p,) ndarray
+    input_participation, output_participation : (m,) and (p,) ndarray
         From 0 to 1: how much of the largest modal peak between an input and any output (an output and any input) this
         mode makes.
-    peaks : (p, m) ndarray
+    modal_peaks : (p, m) ndarray
         ``|c_o| |b_i|/|Re p|`` in units of output over input, in discrete time ``|c_o| |b_i|/|1 - |z||``; ``inf`` for an
         undamped mode that shows.
     z : complex or None
@@ -52,14 +52,16 @@ class Mode:
     """
 
     pole: complex
-    input_shares: Array
-    output_shares: Array
-    peaks: Array
+    input_participation: Array
+    output_participation: Array
+    modal_peaks: Array
     z: complex | None = None
 
     def __repr__(self) -> str:
         z = "" if self.z is None else f", z = {_z(self.z)}"
-        return f"Mode: {self.omega:.6g} rad/s, {self.frequency_hz:.4g} Hz, damping {100.0 * self.damping:.4g} %{z}"
+        return (
+            f"Mode: {self.omega:.6g} rad/s, {self.frequency_hz:.4g} Hz, damping {100.0 * self.damping_ratio:.4g} %{z}"
+        )
 
     @property
     def omega(self) -> float:
@@ -72,7 +74,7 @@ class Mode:
         return self.pole.imag / (2.0 * np.pi)
 
     @property
-    def damping(self) -> float:
+    def damping_ratio(self) -> float:
         """Damping ratio ``-Re p/|p|``; negative for an unstable mode, 0 at the origin, 1 for ``z = 0``."""
         if np.isinf(self.pole.real):
             return 1.0
@@ -85,37 +87,45 @@ class ModeTable:
 
     Attributes
     ----------
-    inputs, outputs : tuple of str
+    input_labels, output_labels : tuple of str
         Names of the signals, in the order of the shares.
     rows : tuple of Mode
         The modes, in ascending natural frequency.  Free bodies, at 0 rad/s, have a share of one where they show, and do
         not count as the highest mode of the others.
     """
 
-    inputs: tuple[str, ...]
-    outputs: tuple[str, ...]
+    input_labels: tuple[str, ...]
+    output_labels: tuple[str, ...]
     rows: tuple[Mode, ...]
 
     def __str__(self) -> str:
-        return self.render()
+        return self.to_string()
 
     def __repr__(self) -> str:
-        lines = [f"ModeTable: {len(self.rows)} modes between {between(self.inputs, self.outputs)}"]
+        lines = [f"ModeTable: {len(self.rows)} modes between {between(self.input_labels, self.output_labels)}"]
         lines += [f"  {row!r}".replace("Mode: ", "") for row in self.rows[: 4 if len(self.rows) == 4 else 3]]
         more = len(self.rows) + 1 - len(lines)
         return "\n".join([*lines, f"  ... {more} more: print(table)"] if more else lines)
 
     def _repr_html_(self) -> str:
         z = ("z",) if self._discrete else ()
-        heads = ("omega [rad/s]", "[Hz]", "damping [%]", *z, *(f"{name} [%]" for name in (*self.inputs, *self.outputs)))
+        heads = (
+            "omega [rad/s]",
+            "[Hz]",
+            "damping [%]",
+            *z,
+            *(f"{name} [%]" for name in (*self.input_labels, *self.output_labels)),
+        )
         rows = []
         for row in self.rows:
-            shares = [f"{100.0 * share:.1f}" for share in (*row.input_shares, *row.output_shares)]
+            shares = [f"{100.0 * share:.1f}" for share in (*row.input_participation, *row.output_participation)]
             z = [] if row.z is None else [_z(row.z)]
-            rows.append([f"{row.omega:.6g}", f"{row.frequency_hz:.4g}", f"{100.0 * row.damping:.4g}", *z, *shares])
+            rows.append(
+                [f"{row.omega:.6g}", f"{row.frequency_hz:.4g}", f"{100.0 * row.damping_ratio:.4g}", *z, *shares]
+            )
         return table_html(f"Modes; {_SHARES}", heads, rows)
 
-    def render(self, count: int | None = None) -> str:
+    def to_string(self, count: int | None = None) -> str:
         """Return the modes as text, shares in per cent.
 
         Parameters
@@ -128,14 +138,14 @@ class ModeTable:
         str
             What the columns of the signals are, their heads, and one line for each mode.
         """
-        wide = [max(len(name), 6) for name in (*self.inputs, *self.outputs)]
-        heads = [f"{name:>{w}}" for name, w in zip((*self.inputs, *self.outputs), wide, strict=True)]
+        wide = [max(len(name), 6) for name in (*self.input_labels, *self.output_labels)]
+        heads = [f"{name:>{w}}" for name, w in zip((*self.input_labels, *self.output_labels), wide, strict=True)]
         z = f"{'z':>{_WIDE}}  " if self._discrete else ""
         lines = [_SHARES, "  omega [rad/s]     [Hz]  damping [%]  " + z + "  ".join(heads)]
         for row in self.rows[:count]:
-            shares = [*row.input_shares, *row.output_shares]
+            shares = [*row.input_participation, *row.output_participation]
             cells = [f"{100.0 * share:{w}.1f}" for share, w in zip(shares, wide, strict=True)]
-            start = f"{row.omega:15.6g}{row.frequency_hz:9.4g}{100.0 * row.damping:13.4g}"
+            start = f"{row.omega:15.6g}{row.frequency_hz:9.4g}{100.0 * row.damping_ratio:13.4g}"
             z = "" if row.z is None else f"{_z(row.z):>{_WIDE}}  "
             lines.append(start + "  " + z + "  ".join(cells))
         return "\n".join(lines)
@@ -192,10 +202,10 @@ def mode_table(system: "SecondOrderModel | control.StateSpace | control.Transfer
     --------
     >>> import boomctl as bc
     >>> table = bc.mode_table(bc.spray_boom())
-    >>> [(round(mode.frequency_hz, 3), round(mode.damping, 4)) for mode in table.rows[:2]]
+    >>> [(round(mode.frequency_hz, 3), round(mode.damping_ratio, 4)) for mode in table.rows[:2]]
     [(0.245, 0.0014), (0.587, 0.0214)]
     """
-    given = system.modal_form if isinstance(system, SecondOrderModel) else of(system, sampled=True)
+    given = system._modal_form if isinstance(system, SecondOrderModel) else of(system, sampled=True)
     chain, rest = _rigid(given.balanced())
     modal = diagonalized(rest)
     if modal is None:

@@ -86,26 +86,26 @@ class NormBounds:
 
     Attributes
     ----------
-    lower : float
-        The norm is at least this: of an H-infinity norm the largest singular value found, at ``omega``, less what rounding
-        may have added to it.
-    upper : float
+    lower_bound : float
+        The norm is at least this: of an H-infinity norm the largest singular value found, at ``peak_omega``, less
+        what rounding may have added to it.
+    upper_bound : float
         The norm is at most this; ``inf`` where that could not be shown.
-    omega : float
+    peak_omega : float
         Angular frequency of the peak [rad/s]; ``nan`` of an H2 norm, or if the norm is infinite at no single frequency.
     method : str
         How the bounds were obtained, or why there is none.
-    path : tuple of str
+    stages : tuple of str
         What stood for a structure, from the first to the last; empty of a state-space system, which stands for itself.
     kind : str
         "hinf", the largest singular value over frequency, or "h2", the RMS of the outputs to white noise.
     """
 
-    lower: float
-    upper: float
-    omega: float
+    lower_bound: float
+    upper_bound: float
+    peak_omega: float
     method: str
-    path: tuple[str, ...] = ()
+    stages: tuple[str, ...] = ()
     kind: str = "hinf"
     _value: float | None = field(default=None, repr=False)
     _given: "Lti | SecondOrderModel | None" = field(default=None, repr=False, compare=False)
@@ -118,9 +118,9 @@ class NormBounds:
         if self._given is not None:
             stands = "" if isinstance(self._given, Lti) else "the state space that stands for the structure"
             system = of(self._given, sampled=True)
-            yield replace(self.claim(stands or "the system", system), rounded=stands)
+            yield replace(self._claim(stands or "the system", system), rounded=stands)
 
-    def claim(self, what: str, system: Lti, controller: Lti | None = None) -> Claim:
+    def _claim(self, what: str, system: Lti, controller: Lti | None = None) -> Claim:
         """Return the claim that these are bounds of the norm of a system, or of its loop with a controller.
 
         Parameters
@@ -136,13 +136,13 @@ class NormBounds:
             For :func:`prove`.
         """
         if self.kind == "h2":
-            return Claim(what, system, controller, energy=(self.lower, self.upper))
-        return Claim(what, system, controller, norm=(self.lower, self.upper, self.omega))
+            return Claim(what, system, controller, energy=(self.lower_bound, self.upper_bound))
+        return Claim(what, system, controller, norm=(self.lower_bound, self.upper_bound, self.peak_omega))
 
     def __repr__(self) -> str:
-        at = f" at {self.omega:.6g} rad/s" if isfinite(self.omega) else ""
-        at_least = f"at least {self.lower:.6g}, " if self.lower < self.value else ""
-        at_most = f"at most {self.upper:.6g}" if isfinite(self.upper) else "no upper bound"
+        at = f" at {self.peak_omega:.6g} rad/s" if isfinite(self.peak_omega) else ""
+        at_least = f"at least {self.lower_bound:.6g}, " if self.lower_bound < self.value else ""
+        at_most = f"at most {self.upper_bound:.6g}" if isfinite(self.upper_bound) else "no upper bound"
         doubt = "certified" if self.certified else f"not certified, {at_least}{at_most}"
         signals = "" if self._given is None else f"\n  {between(self._given.inputs, self._given.outputs)}"
         return f"NormBounds: {NAMES[self.kind]} norm {self.value:.6g}{at}, {doubt}{signals}\n  {self.method}"
@@ -150,17 +150,12 @@ class NormBounds:
     @property
     def value(self) -> float:
         """The norm: of an H-infinity norm the lower bound, of an H2 norm a number between the bounds."""
-        return self.lower if self._value is None else self._value
-
-    @property
-    def norm(self) -> float:
-        """The same as ``value``: every result that has a norm has it under this name."""
-        return self.value
+        return self.lower_bound if self._value is None else self._value
 
     @property
     def certified(self) -> bool:
         """Whether the bounds agree to one part in 1e5, or the norm is known to be infinite."""
-        return self.lower == inf or self.upper <= self.lower * (1.0 + CERTIFIED) + TINY
+        return self.lower_bound == inf or self.upper_bound <= self.lower_bound * (1.0 + CERTIFIED) + TINY
 
 
 def norm_of_data(omega: Array, response: Array) -> NormBounds:
@@ -203,20 +198,28 @@ def matrices_norm(given: System, response: Response | None = None, axis: Margina
         if verified is not None:
             modes, off = continuous_image_of_modes(verified.modal, system.dt)
             found = _by_modes(replace(system, D=modes.D), modes.response, verified.gap + off, modes)
-            if found.certified and found.lower >= _TINY:
+            if found.certified and found.lower_bound >= _TINY:
                 off += verified.gap + sum_over_modes.lost_by_floats(modes)
-                return replace(found, lower=found.lower - off, omega=float(omega_of_image(found.omega, system.dt)))
+                return replace(
+                    found,
+                    lower_bound=found.lower_bound - off,
+                    peak_omega=float(omega_of_image(found.peak_omega, system.dt)),
+                )
     found = level_norm(system, response, axis.doubt) if system.dt == 0.0 else _by_circle(given, axis.doubt)
-    if found.method == IN_MODES and found.lower >= _TINY:
-        return replace(found, lower=max(found.lower - _rounding_of_response(given, found.omega, 0), 0.0))
-    clear = axis.doubt <= _CLEAR * found.lower
-    rounding = _rounding_of_response(given, found.omega, 0 if clear else _LIGHTEST)
-    sharp = found.certified and rounding <= LEVEL * found.lower and (found.lower >= _TINY or rounding == 0.0)
+    if found.method == IN_MODES and found.lower_bound >= _TINY:
+        return replace(
+            found, lower_bound=max(found.lower_bound - _rounding_of_response(given, found.peak_omega, 0), 0.0)
+        )
+    clear = axis.doubt <= _CLEAR * found.lower_bound
+    rounding = _rounding_of_response(given, found.peak_omega, 0 if clear else _LIGHTEST)
+    sharp = (
+        found.certified and rounding <= LEVEL * found.lower_bound and (found.lower_bound >= _TINY or rounding == 0.0)
+    )
     if not sharp:
-        found = proved_norm(given, max(found.lower - rounding, 0.0), found.omega)
+        found = proved_norm(given, max(found.lower_bound - rounding, 0.0), found.peak_omega)
     if sharp or response is not None:  # what is stored only stands for a structure: its last digits count
-        upper = found.upper + (_CLEAR * found.lower if clear else rounding)
-        found = replace(found, lower=max(found.lower - rounding, 0.0), upper=upper)
+        upper = found.upper_bound + (_CLEAR * found.lower_bound if clear else rounding)
+        found = replace(found, lower_bound=max(found.lower_bound - rounding, 0.0), upper_bound=upper)
     return found if sharp or response is None or found.certified else replace(found, method=LOST)
 
 
@@ -257,9 +260,9 @@ def level_norm(
     """
     respond = partial(_response, system) if response is None else response
     found = _by_modes(system, respond, doubt, partial_fractions(system) if modes is None else modes)
-    if found.certified or found.lower == 0.0:
+    if found.certified or found.lower_bound == 0.0:
         return found
-    peak, at = found.lower, found.omega
+    peak, at = found.lower_bound, found.peak_omega
     above = LEVEL
     for _ in range(RAISED):
         level = peak * (1.0 + above)
@@ -364,11 +367,11 @@ def _by_circle(given: System, doubt: float) -> NormBounds:
 
     modes, off = continuous_image_of_modes(partial_fractions(system), system.dt) if doubt < inf else (None, 0.0)
     found = level_norm(image, respond, doubt + off, modes)
-    found = replace(found, omega=float(omega_of_image(found.omega, system.dt)))
-    if not found.certified or found.lower == 0.0 or found.method == IN_MODES:
+    found = replace(found, peak_omega=float(omega_of_image(found.peak_omega, system.dt)))
+    if not found.certified or found.lower_bound == 0.0 or found.method == IN_MODES:
         return found
-    told = stays_below_on_circle(system, found.upper)
-    return replace(found, method=NO_CIRCLE_CROSSING) if told else replace(found, upper=inf, method=NOT_TOLD)
+    told = stays_below_on_circle(system, found.upper_bound)
+    return replace(found, method=NO_CIRCLE_CROSSING) if told else replace(found, upper_bound=inf, method=NOT_TOLD)
 
 
 def stays_below_on_circle(system: Lti, level: float) -> bool:

@@ -52,15 +52,15 @@ class NyquistStability:
         Number of unstable poles of the loop.
     encirclements : int
         How often ``det(I - G K)`` winds around zero, counter-clockwise, over the whole axis.
-    controller_poles : int
+    unstable_controller_poles : int
         Number of unstable poles of the controller; the plant has none.
-    distance, distance_omega : float
+    min_return_difference, min_return_difference_omega : float
         Least singular value of ``I - G K`` met, and its frequency [rad/s].
-    top : float
+    omega_max : float
         Frequency beyond which the loop gain is below one [rad/s].
-    plant_bounded : bool
+    tail_bounded : bool
         Whether a bound of the plant stands behind that; otherwise it was seen over two further decades.
-    evaluations : int
+    nfev : int
         Number of frequencies at which the plant was asked.
     omega, curve : (n,) ndarray
         The frequencies [rad/s], and ``det(I - G K) - 1`` there, which must not wind around -1 more than said.
@@ -69,12 +69,12 @@ class NyquistStability:
     stable: bool
     unstable_poles: int
     encirclements: int
-    controller_poles: int
-    distance: float
-    distance_omega: float
-    top: float
-    plant_bounded: bool
-    evaluations: int
+    unstable_controller_poles: int
+    min_return_difference: float
+    min_return_difference_omega: float
+    omega_max: float
+    tail_bounded: bool
+    nfev: int
     omega: Array = field(repr=False)
     curve: Array = field(repr=False)
 
@@ -97,10 +97,13 @@ class NyquistStability:
 
     def __repr__(self) -> str:
         verdict = "stable" if self.stable else f"{self.unstable_poles} unstable poles"
-        near = f"least singular value of I - G K {self.distance:.4g} at {self.distance_omega:.4g} rad/s"
-        known = "by a bound of the plant" if self.plant_bounded else "as far as seen"
-        beyond = f"loop gain below one beyond {self.top:.4g} rad/s, {known}"
-        return f"NyquistStability: {verdict}\n  {near}\n  {beyond}; {self.evaluations} frequencies asked"
+        near = (
+            f"least singular value of I - G K {self.min_return_difference:.4g} at "
+            f"{self.min_return_difference_omega:.4g} rad/s"
+        )
+        known = "by a bound of the plant" if self.tail_bounded else "as far as seen"
+        beyond = f"loop gain below one beyond {self.omega_max:.4g} rad/s, {known}"
+        return f"NyquistStability: {verdict}\n  {near}\n  {beyond}; {self.nfev} frequencies asked"
 
 
 @dataclass(frozen=True)
@@ -131,10 +134,10 @@ class _LoopGain:
 def nyquist_stability(
     plant: Callable[[Array], control.FrequencyResponseData],
     controller: control.StateSpace,
-    poles: ArrayLike,
-    plant_bound: Callable[[float], float] | None = None,
-    top: float | None = None,
-    max_evaluations: int = 200_000,
+    plant_poles: ArrayLike,
+    gain_bound: Callable[[float], float] | None = None,
+    omega_max: float | None = None,
+    max_nfev: int = 200_000,
 ) -> NyquistStability:
     """Return whether the loop ``u = K y`` of a stable plant known by its frequency response alone is stable.
 
@@ -146,15 +149,15 @@ def nyquist_stability(
         A stable plant with named signals, such as ``lambda w: boomctl.exact_frequency_response(p, w)``.
     controller : control.StateSpace
         ``u = K y``; its inputs are outputs of the plant, its outputs inputs of it.
-    poles : array_like of complex
+    plant_poles : array_like of complex
         Estimates of the plant's lightly damped poles [rad/s], such as those of a fine mesh; around each of them the
         frequency steps are small.
-    plant_bound : function, optional
+    gain_bound : function, optional
         From a frequency to a bound of the plant's gain (largest singular value) from there on, non-increasing.
-    top : float, optional
+    omega_max : float, optional
         Where to begin the search for the frequency beyond which the loop gain stays below one [rad/s]; by default twice
-        the largest of ``poles`` and of the controller's.
-    max_evaluations : int
+        the largest of ``plant_poles`` and of the controller's.
+    max_nfev : int
         Largest number of frequencies at which the plant is asked.
 
     Returns
@@ -181,18 +184,18 @@ def nyquist_stability(
     >>> bc.analysis.nyquist_stability(boom, damper, poles[abs(poles) < 50.0]).unstable_poles
     0
     """
-    K, limit = controller_of(controller).balanced(), whole("max_evaluations", max_evaluations)
+    K, limit = controller_of(controller).balanced(), whole("max_nfev", max_nfev)
     own, side = K.poles, side_of_axis(K.poles)
     if (side == 0).any():
         raise ValueError("controller: expected no pole on the imaginary axis (an integrator, an undamped mode)")
     gain = _LoopGain(plant, K)
-    near: Array = np.concatenate([_estimates(poles), own])
+    near: Array = np.concatenate([_estimates(plant_poles), own])
     near = near[np.abs(near) > 0.0]
     near = np.where(near.imag < 0.0, near.conj(), near)
     reach = float(np.abs(near).max(initial=1.0))
-    if plant_bound is not None:
-        function_of("plant_bound", plant_bound, "the frequency")
-    end = _top(gain, K, 2.0 * reach if top is None else positive("top", top), plant_bound)
+    if gain_bound is not None:
+        function_of("gain_bound", gain_bound, "the frequency")
+    end = _top(gain, K, 2.0 * reach if omega_max is None else positive("omega_max", omega_max), gain_bound)
     low = float(np.abs(near).min(initial=1.0)) / BEYOND
     omega, values = followed(gain.difference, Resonances(near, low, end).curve([0.0, end]), limit)
     determinants = np.linalg.det(values)
@@ -211,23 +214,23 @@ def nyquist_stability(
         stable=count == unstable,
         unstable_poles=unstable - count,
         encirclements=count,
-        controller_poles=unstable,
-        distance=float(least[best]),
-        distance_omega=float(omega[best]),
-        top=end,
-        plant_bounded=plant_bound is not None,
-        evaluations=len(omega),
+        unstable_controller_poles=unstable,
+        min_return_difference=float(least[best]),
+        min_return_difference_omega=float(omega[best]),
+        omega_max=end,
+        tail_bounded=gain_bound is not None,
+        nfev=len(omega),
         omega=omega,
         curve=determinants - 1.0,
     )
 
 
 def _estimates(poles: ArrayLike) -> Array:
-    array = np.atleast_1d(plain_array("poles", poles))
+    array = np.atleast_1d(plain_array("plant_poles", poles))
     if array.dtype.kind not in "iufc" or array.ndim != 1:
-        raise TypeError(f"poles: expected numbers in one dimension, got shape {array.shape} of {array.dtype}")
+        raise TypeError(f"plant_poles: expected numbers in one dimension, got shape {array.shape} of {array.dtype}")
     if not np.isfinite(array).all():
-        raise ValueError(f"poles: expected finite numbers, got {array[~np.isfinite(array)][0]}")
+        raise ValueError(f"plant_poles: expected finite numbers, got {array[~np.isfinite(array)][0]}")
     if array.size:
         frequencies("sizes of poles", np.abs(array))
     return array.astype(complex)

@@ -28,7 +28,7 @@ class Proof:
     ----------
     proved : bool or None
         True, or None where it could not be decided within the limit; what is refuted raises.
-    statement : str
+    claim : str
         What was to be proved, in words.
     bits : int
         Size of the largest number that it rests on, in binary digits.
@@ -37,13 +37,15 @@ class Proof:
     """
 
     proved: bool | None
-    statement: str
+    claim: str
     bits: int
     operations: float
 
     def __repr__(self) -> str:
         verdict = "proved" if self.proved else "not decided"
-        return f"Proof: {verdict} in ball arithmetic ({self.bits} bits, {self.operations:.2g} operations)\n  {self.statement}"
+        return (
+            f"Proof: {verdict} in ball arithmetic ({self.bits} bits, {self.operations:.2g} operations)\n  {self.claim}"
+        )
 
 
 @dataclass(frozen=True)

@@ -96,7 +96,7 @@ def sampled_data_norm(
     >>> mass = control.ss([[0.0, 1.0], [0.0, 0.0]], [[0.0, 0.0], [1.0, 1.0]], [[1.0, 0.0]], 0.0, **signals)
     >>> lead = control.ss([[-20.0]], [[1.0]], [[360.0]], -20.0, inputs="place", outputs="force")
     >>> norm = bc.analysis.sampled_data_norm(mass, bc.discretize(lead, 0.05), delay=0.03)
-    >>> round(norm.lower, 3), bool(norm.certified)
+    >>> round(norm.lower_bound, 3), bool(norm.certified)
     (0.904, True)
     """
     from boomctl.analysis.loops import signals_of
@@ -283,8 +283,8 @@ class SampledLoop:
         level, omega = self._crossing(level)
         for above in _ABOVE:
             found = self.of_level(level * (1.0 + above))
-            if found.upper < 1.0:
-                omega = found.omega
+            if found.upper_bound < 1.0:
+                omega = found.peak_omega
                 return NormBounds(self._reached(omega, level), level * (1.0 + above), omega, LIFTED)
         return NormBounds(self._reached(omega, level), inf, omega, NOT_TOLD)
 
@@ -294,10 +294,10 @@ class SampledLoop:
         points: list[tuple[float, float]] = []  # levels and the norms of their loops
         for _ in range(_ROUNDS):
             found = self.of_level(level)
-            if np.isfinite(found.lower):
-                omega = found.omega
-                points = [*points[-1:], (level, found.lower)]
-            if found.lower < 1.0:
+            if np.isfinite(found.lower_bound):
+                omega = found.peak_omega
+                points = [*points[-1:], (level, found.lower_bound)]
+            if found.lower_bound < 1.0:
                 high = level
             else:
                 low = level

@@ -67,7 +67,7 @@ def has_unstable_pole(given: SplitModel | GivenSystem) -> bool | None:
     if isinstance(given, GivenSystem):
         return bool((sides(given.system.poles, given.system.dt) > 0).any())
     m = given.model
-    poles = first_order_poles(m.M, m.C, m.K) if m.n <= _PRINTED else None
+    poles = first_order_poles(m.M, m.C, m.K) if m.ncoordinates <= _PRINTED else None
     return None if poles is None else bool((side_of_axis(poles) > 0).any())
 
 
@@ -84,27 +84,27 @@ class SigmaResult:
         Angular frequencies [rad/s].
     sigma : (k, n) ndarray
         Singular values, descending.
-    inputs, outputs : tuple of str
+    input_labels, output_labels : tuple of str
         Names of the signals between which the singular values are.
     peak, peak_omega : float
         Largest singular value and its frequency: the H-infinity norm of a model or state-space system (``inf`` with
         undamped, integrating or unstable modes that show), the largest value on the grid of measured data.
     certified : bool
         Whether ``peak`` lies between two bounds computed apart from each other; see ``certificate``.
-    unit : str
+    frequency_unit : str
         Unit in which the frequencies were asked for, "Hz" where none were; pictures use it.
-    value_unit : str
+    magnitude_unit : str
         Unit of the singular values of a structural model, such as "m/N", or "m or rad per N" where signals differ; empty
         where it is not known, as of a ``StateSpace``.
     """
 
     omega: Array
     sigma: Array
-    inputs: tuple[str, ...]
-    outputs: tuple[str, ...]
+    input_labels: tuple[str, ...]
+    output_labels: tuple[str, ...]
     _of: SplitModel | GivenSystem | NormBounds  # what the norm is of; the norm itself where it is known
-    unit: str = "Hz"
-    value_unit: str = ""
+    frequency_unit: str = "Hz"
+    magnitude_unit: str = ""
 
     @cached_property
     def certificate(self) -> NormBounds:
@@ -118,19 +118,19 @@ class SigmaResult:
             peak = f"peak {self.peak:.6g}{at}, {'certified' if self.certified else 'not certified'}"
         else:  # printing must not cost what the norm costs
             peak = f"largest of these {self.sigma.max():.6g}; the norm is computed when .peak is asked for"
-            if isinstance(self._of, SplitModel) and self._of.model.n > _PRINTED:
-                return f"SigmaResult: {between(self.inputs, self.outputs)}\n  {span}\n  {peak}"
-        if self.unstable:
+            if isinstance(self._of, SplitModel) and self._of.model.ncoordinates > _PRINTED:
+                return f"SigmaResult: {between(self.input_labels, self.output_labels)}\n  {span}\n  {peak}"
+        if not self.stable:
             span += f"\n  {NO_SINES}"
-        return f"SigmaResult: {between(self.inputs, self.outputs)}\n  {span}\n  {peak}"
+        return f"SigmaResult: {between(self.input_labels, self.output_labels)}\n  {span}\n  {peak}"
 
     @cached_property
-    def unstable(self) -> bool:
-        """Whether the system has an unstable pole: no response to a sine is then as large as its singular value."""
+    def stable(self) -> bool:
+        """Whether no pole is unstable: otherwise no response to a sine is as large as its singular value."""
         if "certificate" in self.__dict__ or isinstance(self._of, NormBounds):
-            return self.certificate.method == UNSTABLE
+            return self.certificate.method != UNSTABLE
         found = has_unstable_pole(self._of)
-        return self.certificate.method == UNSTABLE if found is None else found
+        return self.certificate.method != UNSTABLE if found is None else not found
 
     def __claims__(self) -> Iterator[Claim]:
         """Yield what can be proved of the peak."""
@@ -143,17 +143,12 @@ class SigmaResult:
     @property
     def peak(self) -> float:
         """Largest singular value."""
-        return self.certificate.lower
-
-    @property
-    def norm(self) -> float:
-        """The same as ``peak``: every result that has a norm has it under this name."""
-        return self.peak
+        return self.certificate.lower_bound
 
     @property
     def peak_omega(self) -> float:
         """Frequency of the largest singular value [rad/s]."""
-        return self.certificate.omega
+        return self.certificate.peak_omega
 
     @property
     def certified(self) -> bool:
@@ -165,14 +160,14 @@ class SigmaResult:
         """The frequencies of ``omega`` in Hz."""
         return self.omega / (2.0 * np.pi)
 
-    def plot(self, ax: Axes | None = None, *, unit: str | None = None, **style: Any) -> Axes:
+    def plot(self, ax: Axes | None = None, *, frequency_unit: str | None = None, **style: Any) -> Axes:
         """Draw the singular values over frequency.  The picture says so if the system is unstable.
 
         Parameters
         ----------
         ax : matplotlib Axes, optional
             Where to draw; by default a new figure of pyplot.
-        unit : {"Hz", "rad/s"}, optional
+        frequency_unit : {"Hz", "rad/s"}, optional
             Of the frequency axis.  By default that of the curves that are there already, otherwise that in which the
             frequencies were asked for.
         **style
@@ -183,7 +178,7 @@ class SigmaResult:
         matplotlib.axes.Axes
             Those drawn on.
         """
-        return import_module("boomctl.plotting.sigma").plot_sigma(self, ax, unit=unit, **style)
+        return import_module("boomctl.plotting.sigma").plot_sigma(self, ax, frequency_unit=frequency_unit, **style)
 
 
 @one_blas_thread
@@ -242,10 +237,10 @@ def sigma(
         tell("certified peak")
         certificate = given.norm()
         tell("resonances")
-        grid = drawn_grid(given.resonances(), [certificate.omega])
+        grid = drawn_grid(given.resonances(), [certificate.peak_omega])
         tell(f"{len(grid)} frequencies")
         values = _finite(grid, given.singular_values(grid, quiet=True))
-    return SigmaResult(grid, values, chosen.inputs, chosen.outputs, certificate, value_unit=_unit_of(chosen))
+    return SigmaResult(grid, values, chosen.inputs, chosen.outputs, certificate, magnitude_unit=_unit_of(chosen))
 
 
 def asked_frequencies(omega: ArrayLike | None, frequency_hz: ArrayLike | None) -> tuple[Array | None, str]:
@@ -329,18 +324,18 @@ class SigmaComparison:
     def __repr__(self) -> str:
         heads = [f"SigmaComparison: {listed(list(self.curves))}"]
         for name, curve in list(self.curves.items())[:3]:
-            state = ", unstable" if curve.unstable else "" if curve.certified else ", not certified"
-            signals = between(curve.inputs, curve.outputs)
+            state = ", unstable" if not curve.stable else "" if curve.certified else ", not certified"
+            signals = between(curve.input_labels, curve.output_labels)
             heads.append(f"  {name}: {signals}, peak {curve.peak:.6g} at {curve.peak_omega:.6g} rad/s{state}")
         more = len(self.curves) - 3
         return "\n".join([*heads, f"  ... {more} more"] if more > 0 else heads)
 
-    def plot(self, ax: Axes | None = None, *, unit: str | None = None, **style: Any) -> Axes:
+    def plot(self, ax: Axes | None = None, *, frequency_unit: str | None = None, **style: Any) -> Axes:
         """Draw all singular values on one frequency axis, each system in a colour of its own.
 
         Parameters
         ----------
-        ax, unit
+        ax, frequency_unit
             As for :meth:`SigmaResult.plot`.
         **style
             Of all curves, as matplotlib's lines take it; a ``label`` stands before the names.
@@ -350,7 +345,9 @@ class SigmaComparison:
         matplotlib.axes.Axes
             Those drawn on.
         """
-        return import_module("boomctl.plotting.sigma").plot_sigma_comparison(self, ax, unit=unit, **style)
+        return import_module("boomctl.plotting.sigma").plot_sigma_comparison(
+            self, ax, frequency_unit=frequency_unit, **style
+        )
 
 
 @one_blas_thread
@@ -414,7 +411,7 @@ def compare_sigma(
         bands = [given.resonances() for _, given in models.values()]
         low, high = min(found.low for found in bands), max(found.high for found in bands)
         poles = np.concatenate([given.resonances(high).poles for _, given in models.values()])
-        grid = drawn_grid(Resonances(poles, low, high), [norm.omega for norm in norms.values()])
+        grid = drawn_grid(Resonances(poles, low, high), [norm.peak_omega for norm in norms.values()])
         grid = grid[grid <= min(_nyquist(given) for _, given in models.values())]  # what all of them have
     for name, (chosen, given) in models.items():
         if asked is not None:

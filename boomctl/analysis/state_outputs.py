@@ -57,19 +57,22 @@ def with_state_outputs(plant: Any) -> "control.StateSpace | AffineFamily | Polyn
     >>> regulator = bc.lqr(mass, None, 1.0, output_weight={"place": 1.0})
     >>> bc.with_state_outputs(mass).output_labels
     ['place', 'x', 'v']
-    >>> bool(bc.margins(bc.with_state_outputs(mass), regulator.controller)["force"].phase_deg > 60.0)  # Kalman's inequality
+    >>> margin = bc.margins(bc.with_state_outputs(mass), regulator.controller)["force"]
+    >>> bool(margin.phase_margin_deg > 60.0)  # Kalman's inequality
     True
     """
     if isinstance(plant, AffineFamily | PolynomialFamily):
-        centre = _centre_with_state_outputs(plant.centre)
-        more = ((0, 0), (0, len(centre.outputs) - len(plant.centre.outputs)), (0, 0))  # what states read stays
+        centre = _centre_with_state_outputs(plant.nominal)
+        more = ((0, 0), (0, len(centre.outputs) - len(plant.nominal.outputs)), (0, 0))  # what states read stays
 
         def wider(slope: Slope) -> Slope:
             return replace(slope, L=np.pad(slope.L, more)) if slope.L.any() else replace(slope, L=np.zeros(()))
 
         if isinstance(plant, AffineFamily):
-            return replace(plant, centre=centre, slopes=tuple(map(wider, plant.slopes)))
-        return replace(plant, centre=centre, changes=tuple((power, wider(slope)) for power, slope in plant.changes))
+            return replace(plant, nominal=centre, coefficients=tuple(map(wider, plant.coefficients)))
+        return replace(
+            plant, nominal=centre, coefficients=tuple((power, wider(slope)) for power, slope in plant.coefficients)
+        )
     given = of(plant, "plant", "SecondOrderModel, a family, StateSpace or TransferFunction", any_time=True)
     name = getattr(plant, "name", None)
     return _with_state_outputs(given).statespace(name if isinstance(name, str) else "plant")
@@ -106,7 +109,7 @@ def _unread(states: Sequence[str], outputs: Sequence[str], same: Callable[[int, 
 
 def _centre_with_state_outputs(model: SecondOrderModel) -> SecondOrderModel:
     """Return a structure whose states, as sums of places, speeds and displacements, are outputs too."""
-    ports, n, m = model.ports, model.n, len(model.inputs)
+    ports, n, m = model.ports, model.ncoordinates, len(model.inputs)
     if not ports.plain:
         filtered = [name for name, b in zip(model.outputs, ports.bandwidths, strict=True) if b is not None]
         which = f"a filter behind {filtered[0]!r}" if filtered else "an input that is integrated"

@@ -20,7 +20,7 @@ from boomctl.boom.spray import spray_deposit_components as spray_deposit_compone
 from boomctl.boom.tracks import Track as Track
 from boomctl.boom.tracks import bump_track as bump_track
 from boomctl.boom.tracks import iso_track as iso_track
-from boomctl.boom.tracks import road_density as road_density
+from boomctl.boom.tracks import road_psd as road_psd
 from boomctl.boom.tracks import track_coherence as track_coherence
 from boomctl.boom.tractor import TractorParameters as TractorParameters
 from boomctl.boom.tractor import tractor_system as tractor_system

@@ -41,18 +41,18 @@ class MeshChoice:
 
     Attributes
     ----------
-    accuracy, band_hz : float
+    accuracy, max_frequency_hz : float
         What was asked for.
     elements, order : int
         What was chosen: elements of ``"high-order"``, and their polynomial order.
     error : float
-        The largest relative error of the response up to ``band_hz`` that was found, against the exact beam.
+        The largest relative error of the response up to ``max_frequency_hz`` that was found, against the exact beam.
     tried : tuple of (int, int, float)
         Elements, order and error of each mesh that was tried, in turn.
     """
 
     accuracy: float
-    band_hz: float
+    max_frequency_hz: float
     elements: int
     order: int
     error: float
@@ -62,14 +62,15 @@ class MeshChoice:
 
     def __str__(self) -> str:
         return (
-            f"{self.elements} high-order elements of order {self.order}: error {self.error:.1e} up to {self.band_hz:g} Hz, "
+            f"{self.elements} high-order elements of order {self.order}: error {self.error:.1e} up to "
+            f"{self.max_frequency_hz:g} Hz, "
             f"{self.accuracy:.3g} asked for"
         )
 
 
 @lru_cache(maxsize=16)
 def chosen_mesh(
-    p: BoomParameters, accuracy: float, band_hz: float, excitation: str, nozzles: tuple[float, ...] = ()
+    p: BoomParameters, accuracy: float, max_frequency_hz: float, excitation: str, nozzles: tuple[float, ...] = ()
 ) -> MeshChoice:
     """Return the first number of elements that reaches an accuracy, and the lowest order that does.
 
@@ -83,7 +84,10 @@ def chosen_mesh(
     """
     if not ACCURACIES[0] <= accuracy <= ACCURACIES[1]:
         raise ValueError(f"accuracy = {exactly(accuracy)}: expected {ACCURACIES[0]:g} to {ACCURACIES[1]:g}")
-    error, imposed = _error_of(p, band_hz, excitation, nozzles), "force" if excitation == "force" else "displacement"
+    error, imposed = (
+        _error_of(p, max_frequency_hz, excitation, nozzles),
+        "force" if excitation == "force" else "displacement",
+    )
     tried: list[tuple[int, int, float]] = []
 
     def reached(elements: int, order: int) -> bool:
@@ -99,20 +103,21 @@ def chosen_mesh(
             middle = (low + high) // 2
             low, high = (low, middle) if reached(elements, middle) else (middle, high)
         found = next(each for each in tried if each[:2] == (elements, high))
-        return MeshChoice(accuracy, band_hz, *found, tuple(tried))
+        return MeshChoice(accuracy, max_frequency_hz, *found, tuple(tried))
     best = min(tried, key=lambda each: each[2])
     raise ValueError(
-        f"accuracy = {exactly(accuracy)}: expected at least {1.3 * best[2]:.1g} with band_hz = {exactly(band_hz)}; {best[0]} "
+        f"accuracy = {exactly(accuracy)}: expected at least {1.3 * best[2]:.1g} with max_frequency_hz = "
+        f"{exactly(max_frequency_hz)}; {best[0]} "
         f"elements of order {best[1]} come as near as any"
     )
 
 
 def _error_of(
-    p: BoomParameters, band_hz: float, excitation: str, nozzles: tuple[float, ...]
+    p: BoomParameters, max_frequency_hz: float, excitation: str, nozzles: tuple[float, ...]
 ) -> Callable[[SecondOrderModel], float]:
     """Return what takes a model to its error; the exact response is computed once."""
     imposed = "force" if excitation == "force" else "displacement"
-    exact, top = exact_boom(p, imposed, nozzles), 2.0 * np.pi * band_hz
+    exact, top = exact_boom(p, imposed, nozzles), 2.0 * np.pi * max_frequency_hz
     count = int(exact.count_below(np.array([_BEYOND * top]))[0]) + 1
     poles = damped_poles(boom_model(p, fine_mesh(p, count), imposed).structure, count)
     within = poles[poles.imag <= top]

@@ -47,7 +47,7 @@ def exact_boom(
 
 @lru_cache(maxsize=8)
 def _exact_boom(parameters: BoomParameters, nozzles: tuple[float, ...] = ()) -> ExactModel:
-    model = boom_assembly(parameters, FiniteElements(1), nozzles=nozzles).exact()
+    model = boom_assembly(parameters, FiniteElements(1), nozzles=nozzles).to_exact()
     return model.mirrored(boom_mirror(model.coordinates, nozzles))
 
 

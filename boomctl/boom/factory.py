@@ -24,10 +24,10 @@ def spray_boom(
     excitation: str = "displacement",
     accelerometer_bandwidth_hz: float | None = None,
     order: int | None = None,
-    reactions: bool = False,
+    reaction_forces: bool = False,
     nozzles: Sequence[float] | Array | None = None,
     accuracy: float | None = None,
-    band_hz: float | None = None,
+    max_frequency_hz: float | None = None,
     **changes: Any,
 ) -> SecondOrderModel:
     """Return the horizontal dynamics of the spray boom.
@@ -54,15 +54,15 @@ def spray_boom(
         this bandwidth [Hz].
     order : int
         Polynomial order of the elements of ``"high-order"``; by default 12.
-    reactions : bool
+    reaction_forces : bool
         Adds outputs ``actuator_left_force``, ``actuator_right_force`` [N]: what the actuators exert.
     nozzles : sequence of float, optional
         Places ``x`` [m] along the boom, ascending; adds outputs ``nozzle_01``, ``nozzle_02``, ... [m], absolute as
         those of the tips.
-    accuracy, band_hz : float, optional
+    accuracy, max_frequency_hz : float, optional
         Instead of ``discretization``, ``elements`` and ``order``: the coarsest mesh is chosen whose response is so exact,
-        relative, at all frequencies up to ``band_hz`` [Hz], its own resonances included.  Meshes of high-order elements
-        are tried against the exact beam; the model's `chosen` says which one was taken, and why.
+        relative, at all frequencies up to ``max_frequency_hz`` [Hz], its own resonances included.  Meshes of
+        high-order elements are tried against the exact beam; the model's `chosen` says which one was taken, and why.
     **changes : float
         Parameters of the boom by name, in place of those of ``parameters``.
 
@@ -91,27 +91,29 @@ def spray_boom(
     >>> finer = bc.spray_boom(elements=20, nozzles=[-3.0, 3.0])
     >>> finer.outputs[-2:]
     ('nozzle_01', 'nozzle_02')
-    >>> bc.spray_boom(accuracy=1e-3, band_hz=10.0).chosen.order
+    >>> bc.spray_boom(accuracy=1e-3, max_frequency_hz=10.0).selection.order
     9
     """
     p = boom_parameters(parameters, changes, signature_of(spray_boom))
     known("excitation", excitation, (*MOTIONS, "force"))
-    if truth("reactions", reactions) and excitation == "force":
-        raise ValueError("reactions = True: the actuators' forces are inputs where excitation = 'force'")
+    if truth("reaction_forces", reaction_forces) and excitation == "force":
+        raise ValueError("reaction_forces = True: the actuators' forces are inputs where excitation = 'force'")
     places = () if nozzles is None else nozzle_places(p, nozzles)
     chosen = None
-    if accuracy is not None or band_hz is not None:
+    if accuracy is not None or max_frequency_hz is not None:
         for name, given in (("discretization", discretization), ("elements", elements), ("order", order)):
             if given is not None:
                 raise ValueError(
-                    f"{name} = {shown(given)}: expected none beside accuracy and band_hz, which choose the mesh"
+                    f"{name} = {shown(given)}: expected none beside accuracy and max_frequency_hz, which choose the mesh"
                 )
-        for name, given in (("accuracy", accuracy), ("band_hz", band_hz)):
+        for name, given in (("accuracy", accuracy), ("max_frequency_hz", max_frequency_hz)):
             if given is None:
-                raise ValueError(f"{name} = None: expected a number; accuracy and band_hz go together")
+                raise ValueError(f"{name} = None: expected a number; accuracy and max_frequency_hz go together")
         from boomctl.boom.accuracy import chosen_mesh  # and the exact beam
 
-        chosen = chosen_mesh(p, positive("accuracy", accuracy), positive("band_hz", band_hz), excitation, places)
+        chosen = chosen_mesh(
+            p, positive("accuracy", accuracy), positive("max_frequency_hz", max_frequency_hz), excitation, places
+        )
         discretization, elements, order = "high-order", chosen.elements, chosen.order
     mesh = boom_discretization(
         p,
@@ -124,8 +126,8 @@ def spray_boom(
         mesh,
         excitation,
         accelerometer_bandwidth_hz=accelerometer_bandwidth_hz,
-        reactions=reactions,
+        reactions=reaction_forces,
         nozzles=places,
     )
-    check_size(model.n)
+    check_size(model.ncoordinates)
     return model if chosen is None else SecondOrderModel.of(model.structure, model.ports, chosen)

@@ -21,16 +21,16 @@ _HALVES = ("jolt", "yaw")
 _STIFFEST = 1e4  # times the present stiffness and its inverse: where the search for a spring ends (a choice)
 
 
-def scaled_boom(parameters: BoomParameters, spring: float = 1.0, mass: float = 1.0) -> BoomParameters:
-    """Return a boom whose springs are ``spring`` times as stiff and whose beam weighs ``mass`` times as much."""
-    positive("spring", spring)
-    positive("mass", mass)
+def scaled_boom(parameters: BoomParameters, spring_factor: float = 1.0, mass_factor: float = 1.0) -> BoomParameters:
+    """Return a boom with springs and mass multiplied by factors."""
+    positive("spring_factor", spring_factor)
+    positive("mass_factor", mass_factor)
     return replace(
         parameters,
-        spring_stiffness=spring * parameters.spring_stiffness,
-        boom_mass=mass * parameters.boom_mass,
-        boom_inertia=mass * parameters.boom_inertia,
-        density=mass * parameters.density,
+        spring_stiffness=spring_factor * parameters.spring_stiffness,
+        boom_mass=mass_factor * parameters.boom_mass,
+        boom_inertia=mass_factor * parameters.boom_inertia,
+        density=mass_factor * parameters.density,
     )
 
 
@@ -41,9 +41,9 @@ def _part(model: SecondOrderModel, half: str | None) -> SecondOrderModel:
 @one_blas_thread
 def boom_family(
     parameters: BoomParameters | None = None,
-    spring: tuple[float, float] = (0.7, 1.3),
-    mass: tuple[float, float] = (0.8, 1.2),
-    half: str | None = None,
+    spring_factor: tuple[float, float] = (0.7, 1.3),
+    mass_factor: tuple[float, float] = (0.8, 1.2),
+    subsystem: str | None = None,
     elements: int = 6,
     discretization: str = "finite",
     excitation: str = "displacement",
@@ -55,10 +55,10 @@ def boom_family(
     ----------
     parameters : BoomParameters, optional
         By default those of Anthonis & Ramon (2003), Table 2.
-    spring, mass : (float, float)
+    spring_factor, mass_factor : (float, float)
         Least and largest factor on the spring stiffness, and on the mass of the beam; the family's parameters are
-        called ``"spring"`` and ``"mass"``.
-    half : "jolt" or "yaw", optional
+        called ``"spring_factor"`` and ``"mass_factor"``.
+    subsystem : "jolt" or "yaw", optional
         One half of the symmetric boom; by default the whole boom.
     elements, discretization, excitation, accelerometer_bandwidth_hz
         As for :func:`boomctl.spray_boom`.
@@ -76,7 +76,7 @@ def boom_family(
     Examples
     --------
     >>> import boomctl as bc
-    >>> family = bc.boom_family(half="yaw")
+    >>> family = bc.boom_family(subsystem="yaw")
     >>> for spring in (-1.0, 1.0):  # the lower and the upper end, springs 0.7 and 1.3 times as stiff
     ...     print(family.at([spring, 0.0]).eigenfrequencies_hz(1).round(3))
     [0.208]
@@ -86,19 +86,22 @@ def boom_family(
 
     def make(values: Mapping[str, float]) -> SecondOrderModel:
         scaled = scaled_boom(p, **values)
-        return _part(spray_boom(scaled, discretization, elements, excitation, accelerometer_bandwidth_hz), half)
+        return _part(spray_boom(scaled, discretization, elements, excitation, accelerometer_bandwidth_hz), subsystem)
 
-    ranges = {"spring": interval("spring", spring), "mass": interval("mass", mass)}
+    ranges = {
+        "spring_factor": interval("spring_factor", spring_factor),
+        "mass_factor": interval("mass_factor", mass_factor),
+    }
     for name, (low, _) in ranges.items():
         positive(f"lower end of {name}", low)
-    return AffineFamily.through(ranges, make)
+    return AffineFamily.from_function(ranges, make)
 
 
 @one_blas_thread
 def yaw_family(
     parameters: BoomParameters | None = None,
-    stiffest_hz: float = 0.34,
-    half: str | None = None,
+    max_yaw_frequency_hz: float = 0.34,
+    subsystem: str | None = None,
     elements: int = 6,
     discretization: str = "finite",
     excitation: str = "displacement",
@@ -106,16 +109,16 @@ def yaw_family(
 ) -> AffineFamily:
     """Return the boom over a range of spring stiffness, chosen by the yaw frequency that it leads to.
 
-    The range runs from the stiffness given to the one that brings the first yaw frequency to ``stiffest_hz``.  By
+    The range runs from the stiffness given to the one that brings the first yaw frequency to ``max_yaw_frequency_hz``.  By
     default that is 0.34 Hz, as measured by Anthonis & Ramon (2003), Table 1, where their model has 0.245 Hz.
 
     Parameters
     ----------
     parameters : BoomParameters, optional
         By default those of Anthonis & Ramon (2003), Table 2.
-    stiffest_hz : float
+    max_yaw_frequency_hz : float
         First yaw frequency at the upper end of the range [Hz].
-    half : "jolt" or "yaw", optional
+    subsystem : "jolt" or "yaw", optional
         One half of the symmetric boom; by default the whole boom.
     elements, discretization, excitation, accelerometer_bandwidth_hz
         As for :func:`boomctl.spray_boom`.
@@ -133,18 +136,18 @@ def yaw_family(
     Examples
     --------
     >>> import boomctl as bc
-    >>> family = bc.boom.yaw_family(half="yaw")
+    >>> family = bc.boom.yaw_family(subsystem="yaw")
     >>> family.low.round(), family.high.round()  # N/m
     (array([1100.]), array([2375.]))
     >>> family.at([1.0]).eigenfrequencies_hz(1).round(3)
     array([0.34])
     """
     p = boom_parameters(parameters)
-    stiffest = spring_for_yaw(p, stiffest_hz, elements, discretization)
+    stiffest = spring_for_yaw(p, max_yaw_frequency_hz, elements, discretization)
     return spring_family(
         p,
         stiffest,
-        half=half,
+        half=subsystem,
         elements=elements,
         discretization=discretization,
         excitation=excitation,
@@ -160,7 +163,7 @@ def spring_family(
     def make(values: Mapping[str, float]) -> SecondOrderModel:
         return _part(spray_boom(replace(p, **values), elements=elements, **options), half)
 
-    return AffineFamily.through({"spring_stiffness": (p.spring_stiffness, stiffest)}, make)
+    return AffineFamily.from_function({"spring_stiffness": (p.spring_stiffness, stiffest)}, make)
 
 
 def spring_for_yaw(
@@ -178,7 +181,7 @@ def spring_for_yaw(
     parameters, wanted = boom_parameters(parameters), positive("frequency_hz", frequency_hz)
 
     def excess(factor: float) -> float:
-        changed = scaled_boom(parameters, spring=factor)
+        changed = scaled_boom(parameters, spring_factor=factor)
         yaw = split_symmetric(spray_boom(changed, discretization, elements))[1]
         return float(yaw.eigenfrequencies_hz(1)[0]) - wanted
 

@@ -56,7 +56,7 @@ def boom_assembly(
     Source: Anthonis & Ramon (2003), Fig. 1 and Table 2.
     """
     half, spring, actuator = p.length / 2, p.spring_distance / 2, p.actuator_distance / 2
-    tube = BeamSegment(p.length, p.mass_per_length, p.bending_stiffness, p.structural_damping)
+    tube = BeamSegment(p.length, p.mass_per_length, p.bending_stiffness, p.stiffness_damping)
 
     platform = RigidBody("platform", GROUND.at(0), planar("y", "theta"), p.platform_mass, p.platform_inertia)
     cradle = RigidBody("cradle", platform.at(0), prismatic(), p.cradle_mass, p.cradle_inertia)
@@ -81,15 +81,15 @@ def boom_assembly(
     outputs += [Output(nozzle_name(i), boom.at_point(x)) for i, x in enumerate(nozzles)]
     return Assembly(
         bodies=(platform, cradle, boom, stiff_middle),
-        links=(
+        springs=(
             *(SpringDamper(end, base, "y", p.spring_stiffness) for _, end, base in springs),
             SpringDamper(on_cradle, on_platform, "y", damping=p.cradle_damping),
             SpringDamper(stiff_middle.parent, on_cradle, "theta", damping=p.hinge_damping),
         ),
         forces=(
             *(Force(f"actuator_{side}", platform.at(sign * actuator)) for side, sign in sides),
-            *(Force(f"suspension_{side}", end, reaction=base) for side, end, base in springs),
-            Force("cradle", on_cradle, reaction=on_platform),
+            *(Force(f"suspension_{side}", end, reaction_point=base) for side, end, base in springs),
+            Force("cradle", on_cradle, reaction_point=on_platform),
         ),
         outputs=tuple(outputs),
     )

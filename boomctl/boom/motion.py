@@ -101,7 +101,7 @@ class PlatformMotion(TimeSeries):
     def _outputs(self) -> dict[str, Array]:
         return {
             "actuator_left": self.left, "actuator_right": self.right, "jolt": self.jolt, "yaw": self.yaw,
-            "actuator_sym": self.sym, "actuator_anti": self.anti,
+            "actuator_sym": self.symmetric, "actuator_anti": self.antisymmetric,
         }  # fmt: skip
 
     @property
@@ -110,17 +110,17 @@ class PlatformMotion(TimeSeries):
         return float((self.time[-1] - self.time[0]) / (len(self.time) - 1))
 
     @property
-    def actuators(self) -> Array:
+    def _actuators(self) -> Array:
         """Left and right displacement as the two rows of a disturbance (2 x n) [m]."""
         return np.array([self.left, self.right])
 
     @property
-    def sym(self) -> Array:
+    def symmetric(self) -> Array:
         """What drives ``actuator_sym`` of a symmetric half: ``(right + left)/sqrt 2``, root of two times the jolt [m]."""
         return (self.right + self.left) / np.sqrt(2.0)
 
     @property
-    def anti(self) -> Array:
+    def antisymmetric(self) -> Array:
         """What drives ``actuator_anti`` of an antisymmetric half: ``(right - left)/sqrt 2`` [m]; not the yaw, an angle."""
         return (self.right - self.left) / np.sqrt(2.0)
 
@@ -217,7 +217,7 @@ def platform_motion(
     count = step_count("duration", wanted, h, "s")
     if count < 1:
         raise ValueError(f"sample_time = {exactly(h)}: expected less than the duration, {exactly(wanted)} s")
-    finest = max(0.25 * p.contact_length, track.step)
+    finest = max(0.25 * p.contact_length, track.spacing)
     if V * h > finest * (1.0 + 1e-9):
         raise ValueError(
             f"sample_time = {exactly(h)}: expected at most {up_to(finest / V)} s, a quarter of a tyre's contact length"

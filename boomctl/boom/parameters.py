@@ -18,7 +18,7 @@ _MAY_BE_ZERO = (
     "spring_stiffness",
     "cradle_damping",
     "hinge_damping",
-    "structural_damping",
+    "stiffness_damping",
     "inner_width",
     "inner_height",
 )
@@ -54,7 +54,7 @@ class BoomParameters(Parameters):
         Stiffness ``k_s`` of each spring [N/m].
     cradle_damping, hinge_damping : float
         Damping ``c_g`` between platform and cradle [N s/m], and ``c_t`` in the hinge [N m s/rad].
-    structural_damping : float
+    stiffness_damping : float
         Stiffness-proportional damping ``c_b`` of the boom [s].
 
     Raises
@@ -97,7 +97,7 @@ class BoomParameters(Parameters):
     spring_stiffness: float = 1100.0
     cradle_damping: float = 160.0
     hinge_damping: float = 2.0
-    structural_damping: float = 1e-4
+    stiffness_damping: float = 1e-4
 
     def __post_init__(self) -> None:
         for field in fields(self):

@@ -56,9 +56,9 @@ class Footprint:
     Examples
     --------
     >>> import boomctl as bc
-    >>> float(bc.boom.Footprint(width=1.0).share_below(0.25))  # of the triangle
+    >>> float(bc.boom.Footprint(width=1.0).cumulative(0.25))  # of the triangle
     0.875
-    >>> float(bc.boom.Footprint(width=1.0, shape="box").share_below(0.25))
+    >>> float(bc.boom.Footprint(width=1.0, shape="box").cumulative(0.25))
     0.75
     """
 
@@ -71,7 +71,7 @@ class Footprint:
         nonnegative("thickness", self.thickness)
         known("shape", self.shape, _SHAPES)
 
-    def share_below(self, offset: Array) -> Array:
+    def cumulative(self, offset: Array) -> Array:
         """Return the share of a nozzle's spray that falls left of ``x_nozzle + offset``.
 
         Parameters
@@ -100,7 +100,7 @@ class SprayResult:
         Mean deposit of each cell over the nominal one; ``x`` along the boom from left to right, ``y`` along the drive.
     x_edges, y_edges : ndarray
         Edges of the cells [m].
-    x_judged, y_judged : slice
+    x_slice, y_slice : slice
         Cells that figures speak of: between the outermost nozzles, as far inside as a wide footprint needs for all
         neighbours to spray, and away from the ends of the run, on ground that no nozzle met outside the record (if it
         moved there no further than within it).
@@ -115,48 +115,48 @@ class SprayResult:
     deposit: Array
     x_edges: Array
     y_edges: Array
-    x_judged: slice
-    y_judged: slice
+    x_slice: slice
+    y_slice: slice
     rms_tip_speed: float
     speed: float
     footprint: Footprint
 
     def __repr__(self) -> str:
-        size = f"{self.judged.shape[0]} x {self.judged.shape[1]} cells judged"
-        doses = f"doses {self.lowest_dose:.3f} to {self.highest_dose:.3f} of the nominal one"
+        size = f"{self.evaluated_deposit.shape[0]} x {self.evaluated_deposit.shape[1]} cells judged"
+        doses = f"doses {self.min_dose:.3f} to {self.max_dose:.3f} of the nominal one"
         share = f"{100.0 * self.share_outside_10:.3g} % of the field outside 10 %"
         return f"SprayResult: CV {100.0 * self.cv:.4g} %, {size}\n  {doses}, {share}"
 
     @property
-    def judged(self) -> Array:
+    def evaluated_deposit(self) -> Array:
         """The cells that figures speak of."""
-        return self.deposit[self.x_judged, self.y_judged]
+        return self.deposit[self.x_slice, self.y_slice]
 
     @property
     def cv(self) -> float:
         """Coefficient of variation of the deposit: standard deviation over mean."""
-        return float(self.judged.std() / self.judged.mean())
+        return float(self.evaluated_deposit.std() / self.evaluated_deposit.mean())
 
     @property
     def share_outside_10(self) -> float:
         """Share of the field with more than 10 % off the nominal deposit."""
-        return self.share_outside(0.1)
+        return self.fraction_outside(0.1)
 
     @property
     def share_outside_20(self) -> float:
         """Share of the field with more than 20 % off the nominal deposit."""
-        return self.share_outside(0.2)
+        return self.fraction_outside(0.2)
 
     def __figures__(self) -> dict[str, float]:
         """Return what a comparison shows."""
         return {
             "deposit: CV [%]": 100.0 * self.cv,
             "deposit: outside 10 % [% of field]": 100.0 * self.share_outside_10,
-            "deposit: lowest dose": self.lowest_dose,
-            "deposit: highest dose": self.highest_dose,
+            "deposit: lowest dose": self.min_dose,
+            "deposit: highest dose": self.max_dose,
         }
 
-    def share_outside(self, tolerance: float) -> float:
+    def fraction_outside(self, tolerance: float) -> float:
         """Return the share of the field whose deposit is off the nominal one by more than a tolerance.
 
         Parameters
@@ -174,17 +174,17 @@ class SprayResult:
         TypeError, ValueError
             Not a number, or negative.
         """
-        return float((np.abs(self.judged - 1.0) > nonnegative("tolerance", tolerance)).mean())
+        return float((np.abs(self.evaluated_deposit - 1.0) > nonnegative("tolerance", tolerance)).mean())
 
     @property
-    def lowest_dose(self) -> float:
+    def min_dose(self) -> float:
         """Least deposit of a cell over the nominal one."""
-        return float(self.judged.min())
+        return float(self.evaluated_deposit.min())
 
     @property
-    def highest_dose(self) -> float:
+    def max_dose(self) -> float:
         """Largest deposit of a cell over the nominal one."""
-        return float(self.judged.max())
+        return float(self.evaluated_deposit.max())
 
     def plot(
         self, ax: Axes | None = None, *, label: str = "deposit", length: float | None = None, **style: Any
@@ -217,8 +217,8 @@ class SprayResult:
     @property
     def worst_dose(self) -> float:
         """The dose furthest from the nominal one, in ratio: the highest, or the lowest if its inverse is larger."""
-        farther_low = self.lowest_dose <= 0.0 or 1.0 / self.lowest_dose > self.highest_dose
-        return self.lowest_dose if farther_low else self.highest_dose
+        farther_low = self.min_dose <= 0.0 or 1.0 / self.min_dose > self.max_dose
+        return self.min_dose if farther_low else self.max_dose
 
 
 def nozzle_positions(length: float = BoomParameters.length, spacing: float = 0.5) -> Array:
@@ -267,7 +267,7 @@ def spray_deposit(
     *,
     nozzles: ArrayLike | None = None,
     footprint: Footprint | None = None,
-    cell: float | tuple[float, float] = 0.1,
+    cell_size: float | tuple[float, float] = 0.1,
 ) -> SprayResult:
     """Return how evenly the nozzles of a moving boom spray the field.
 
@@ -286,7 +286,7 @@ def spray_deposit(
         between two points.  By default there is a nozzle at each point.
     footprint : Footprint, optional
         By default a triangle of twice the nozzles' spacing along the boom, 0.1 m thick.
-    cell : float or (float, float)
+    cell_size : float or (float, float)
         Size of the cells of the field along the boom and along the drive [m].
 
     Returns
@@ -308,7 +308,7 @@ def spray_deposit(
     >>> time, places = np.arange(0.0, 20.0, 0.01), [-6.0, 6.0]
     >>> yaw = np.outer([-1.0, 1.0], 0.1 * np.sin(2.0 * np.pi * 0.25 * time))  # tips 0.1 m to and fro
     >>> spray = bc.spray_deposit(time, yaw, places, speed=2.5, nozzles=bc.nozzle_positions(12.0))
-    >>> round(spray.cv, 4), round(spray.lowest_dose, 3), round(spray.highest_dose, 3)
+    >>> round(spray.cv, 4), round(spray.min_dose, 3), round(spray.max_dose, 3)
     (0.0245, 0.944, 1.063)
     """
     t, x, moved = _points(time, displacement, positions)
@@ -316,13 +316,13 @@ def spray_deposit(
     at = x if nozzles is None else _nozzles(nozzles, x)
     spacing = _spacing(at)
     pattern = Footprint(2.0 * spacing) if footprint is None else instance("footprint", footprint, Footprint)
-    dx, dy = _cell(cell)
+    dx, dy = _cell(cell_size)
     offset, driven = _between(x, moved, at), V * (t - t[0])
     path, half = offset + driven, 0.5 * pattern.thickness
     _check_size(path, (dx, dy), (at[-1] - at[0] + pattern.width) / dx, pattern.thickness)
     x_edges = _edges(at[0] - 0.5 * pattern.width, at[-1] + 0.5 * pattern.width, dx, origin=at[0])
     y_edges = _edges(path.min() - half, path.max() + half, dy)
-    shares = np.diff(pattern.share_below(x_edges[:, None] - at), axis=0) * (spacing / dx)
+    shares = np.diff(pattern.cumulative(x_edges[:, None] - at), axis=0) * (spacing / dx)
     stays = np.array([np.diff(_stay_below(y_edges, line, t, pattern.thickness)) for line in path])
     lacking = max(0.5 * pattern.width - spacing, 0.0)
     across = _within(x_edges, at[0] + lacking, at[-1] - lacking)
@@ -339,8 +339,8 @@ def spray_deposit(
         deposit=shares @ stays * (V / dy),
         x_edges=x_edges,
         y_edges=y_edges,
-        x_judged=across,
-        y_judged=along,
+        x_slice=across,
+        y_slice=along,
         rms_tip_speed=float(tips),
         speed=V,
         footprint=pattern,
@@ -350,10 +350,10 @@ def spray_deposit(
 def _cell(cell: float | tuple[float, float]) -> tuple[float, float]:
     """Return the size of the cells along the boom and along the drive."""
     if not isinstance(cell, tuple):
-        return positive("cell", cell), positive("cell", cell)
+        return positive("cell_size", cell), positive("cell_size", cell)
     if len(cell) != 2:
-        raise ValueError(f"cell = {cell!r}: expected one size, or that along the boom and that along the drive")
-    return positive("cell", cell[0]), positive("cell", cell[1])
+        raise ValueError(f"cell_size = {cell!r}: expected one size, or that along the boom and that along the drive")
+    return positive("cell_size", cell[0]), positive("cell_size", cell[1])
 
 
 def _check_size(path: Array, cell: tuple[float, float], columns: float, thickness: float) -> None:
@@ -444,7 +444,7 @@ def spray_deposit_components(
     """
     jolt, yaw = split_jolt_yaw(displacement, positions)
     total, symmetric, antisymmetric = (
-        spray_deposit(time, part, positions, speed, nozzles=nozzles, footprint=footprint, cell=cell)
+        spray_deposit(time, part, positions, speed, nozzles=nozzles, footprint=footprint, cell_size=cell)
         for part in (displacement, jolt, yaw)
     )
     return total, symmetric, antisymmetric

@@ -60,10 +60,10 @@ class Track:
 
     Attributes
     ----------
-    step : float
+    spacing : float
         Distance between points [m].
     left, right : (n,) ndarray
-        Heights under the left and the right wheels [m], at ``0, step, 2 step, ...`` along the track.
+        Heights under the left and the right wheels [m], at ``0, spacing, 2 spacing, ...`` along the track.
     width : float
         Distance between the two lines [m].
     periodic : bool
@@ -72,12 +72,12 @@ class Track:
     Raises
     ------
     TypeError, ValueError
-        A step or width not above zero; heights that are not finite, fewer than two, or not equally many on both sides.
+        A spacing or width not above zero; heights that are not finite, fewer than two, or not equally many on both sides.
 
     Examples
     --------
     >>> import boomctl as bc
-    >>> step_up = bc.boom.Track(step=0.5, left=[0.0, 0.1, 0.1], right=[0.0, 0.0, 0.0], width=1.8)
+    >>> step_up = bc.boom.Track(spacing=0.5, left=[0.0, 0.1, 0.1], right=[0.0, 0.0, 0.0], width=1.8)
     >>> step_up.heights([0.25, 0.5])  # left and right wheels, 0.25 m and 0.5 m from the beginning
     array([[0.05, 0.1 ],
            [0.  , 0.  ]])
@@ -85,14 +85,14 @@ class Track:
 
     _made_by = "iso_track(...) or bump_track(...)"
 
-    step: float
+    spacing: float
     left: Array
     right: Array
     width: float
     periodic: bool = False
 
     def __post_init__(self) -> None:
-        for name in ("step", "width"):
+        for name in ("spacing", "width"):
             positive(name, getattr(self, name))
         truth("periodic", self.periodic)
         for side in ("left", "right"):
@@ -106,7 +106,7 @@ class Track:
         kind = "periodic" if self.periodic else "with ends"
         left, right = (f"{side.min():.4g} to {side.max():.4g} m" for side in (self.left, self.right))
         sides = f"left {left}, right {right}; {self.width:.4g} m apart"
-        return f"Track: {self.length:.6g} m, {kind}, a point each {self.step:.4g} m\n  {sides}"
+        return f"Track: {self.length:.6g} m, {kind}, a point each {self.spacing:.4g} m\n  {sides}"
 
     def plot(self, ax: Axes | None = None, **style: Any) -> Axes:
         """Draw the height of the ground under the left and the right wheels over the distance.
@@ -128,12 +128,12 @@ class Track:
     @property
     def distance(self) -> Array:
         """Where the points are, from the beginning of the track [m]."""
-        return self.step * np.arange(len(self.left))
+        return self.spacing * np.arange(len(self.left))
 
     @property
     def length(self) -> float:
         """Length of the track, of one round if it is periodic [m]."""
-        return self.step * (len(self.left) if self.periodic else len(self.left) - 1)
+        return self.spacing * (len(self.left) if self.periodic else len(self.left) - 1)
 
     def heights(self, distance: ArrayLike) -> Array:
         """Return the heights (2 x n: left, right) at places along the track [m].
@@ -167,17 +167,19 @@ class Track:
 def wave_band(band: tuple[float, float]) -> tuple[float, float]:
     """Return the two wave numbers of a band [1/m], checked: both above zero, the lower first."""
     try:
-        low, high = (positive("band", value) for value in sequence("band", band, "two wave numbers"))
+        low, high = (
+            positive("wave_number_range", value) for value in sequence("wave_number_range", band, "two wave numbers")
+        )
     except TypeError as error:
-        raise TypeError(f"band = {band!r}: expected two wave numbers ({error})") from None
+        raise TypeError(f"wave_number_range = {band!r}: expected two wave numbers ({error})") from None
     except ValueError as error:
-        raise ValueError(f"band = {band!r}: expected two wave numbers above zero ({error})") from None
+        raise ValueError(f"wave_number_range = {band!r}: expected two wave numbers above zero ({error})") from None
     if not low < high:
-        raise ValueError(f"band = ({low:g}, {high:g}): expected the lower wave number first")
+        raise ValueError(f"wave_number_range = ({low:g}, {high:g}): expected the lower wave number first")
     return low, high
 
 
-def road_density(road_class: str | int, wave_number: ArrayLike) -> Array:
+def road_psd(road_class: str | int, wave_number: ArrayLike) -> Array:
     """Return the density of the ground's heights of a road class.
 
     Source: ISO 8608, geometric means of the classes.
@@ -202,7 +204,7 @@ def road_density(road_class: str | int, wave_number: ArrayLike) -> Array:
     Examples
     --------
     >>> import boomctl as bc
-    >>> [f"{value:.2e}" for value in bc.boom.road_density("C", [0.1, 1.0])]  # 256e-6 m^3 at 0.1/m
+    >>> [f"{value:.2e}" for value in bc.boom.road_psd("C", [0.1, 1.0])]  # 256e-6 m^3 at 0.1/m
     ['2.56e-04', '2.56e-06']
     """
     n = np.asarray(frequencies("wave_number", wave_number))
@@ -265,8 +267,8 @@ def iso_track(
     seed: int = 0,
     *,
     width: float = 1.8,
-    step: float = 0.02,
-    band: tuple[float, float] = BAND,
+    spacing: float = 0.02,
+    wave_number_range: tuple[float, float] = BAND,
     coherence: str = "isotropic",
     periodic: bool = False,
 ) -> Track:
@@ -285,9 +287,9 @@ def iso_track(
         Of NumPy's PCG64.
     width : float
         Distance between the wheels' tracks [m].
-    step : float
+    spacing : float
         Distance between points [m].
-    band : (float, float)
+    wave_number_range : (float, float)
         Wave numbers [1/m] between which the track has content; none outside.
     coherence : "isotropic", "full" or "none"
         What left and right have in common, see :func:`track_coherence`.
@@ -320,11 +322,11 @@ def iso_track(
     >>> bool((rough.left == bc.iso_track("E", length=100.0, seed=3).left).all())  # the same seed, the same ground
     True
     """
-    spacing, longest = positive("step", step), positive("length", length)
-    low, high = wave_band(band)
+    spacing, longest = positive("spacing", spacing), positive("length", length)
+    low, high = wave_band(wave_number_range)
     if high >= 0.5 / spacing:
         raise ValueError(
-            f"step = {exactly(spacing)}: expected less than {up_to(0.5 / high)} m, half the shortest wave of the band"
+            f"spacing = {exactly(spacing)}: expected less than {up_to(0.5 / high)} m, half the shortest wave of the band"
         )
     count = step_count("length", longest, spacing, "m")
     if count < 2 or count * spacing * high < 1.0:
@@ -341,7 +343,8 @@ def iso_track(
             )
         if high * period > _MOST_WAVES:
             raise ValueError(
-                f"band = ({low:g}, {high:g}): expected at most {_MOST_WAVES / GROUND_LENGTH:g} /m, or periodic=True"
+                f"wave_number_range = ({low:g}, {high:g}): expected at most {_MOST_WAVES / GROUND_LENGTH:g} /m, or "
+                "periodic=True"
             )
     n = np.arange(1, int(high * period * (1.0 + ALIKE)) + 1) / period
     inside = n >= low * (1.0 - ALIKE)
@@ -349,11 +352,11 @@ def iso_track(
         raise ValueError(
             f"length = {longest:g}: no wave of the band ({low:g} to {high:g} /m) fits into it"
             if round_trip
-            else f"band = ({low:g}, {high:g}): expected a multiple of {1.0 / GROUND_LENGTH:g} /m in it"
+            else f"wave_number_range = ({low:g}, {high:g}): expected a multiple of {1.0 / GROUND_LENGTH:g} /m in it"
         )
     common = track_coherence(n, positive("width", width), coherence)
     size = np.zeros(len(n))
-    size[inside] = np.sqrt(0.5 * road_density(road_class, n[inside]) / period)
+    size[inside] = np.sqrt(0.5 * road_psd(road_class, n[inside]) / period)
     drawn = np.random.Generator(np.random.PCG64(whole("seed", seed, least=0))).standard_normal((len(n), 4))
     shares = size * np.sqrt([1.0 + common, 1.0 - common])
     waves = np.zeros((2, len(n) + 1), dtype=complex)
@@ -406,7 +409,7 @@ def bump_track(
     position: float = 5.0,
     length: float = 50.0,
     width: float = 1.8,
-    step: float = 0.005,
+    spacing: float = 0.005,
 ) -> Track:
     """Return level ground with one bump, ``height (1 - cos(2 pi s/bump_length))/2``, such as a stone.
 
@@ -420,7 +423,7 @@ def bump_track(
         Under which wheels it lies.
     position : float
         Where it begins [m].
-    length, width, step : float
+    length, width, spacing : float
         Length of the track, distance between the wheels, distance between points [m].
 
     Returns
@@ -443,7 +446,7 @@ def bump_track(
     """
     known("side", side, ("left", "right", "both"))
     peak, extent, begin = real("height", height), positive("bump_length", bump_length), positive("position", position)
-    spacing, whole_length = positive("step", step), positive("length", length)
+    spacing, whole_length = positive("spacing", spacing), positive("length", length)
     if begin + extent > whole_length:
         raise ValueError(
             f"position = {exactly(begin)}: expected the bump to end before the track does, at {up_to(whole_length)} m"

@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 GRAVITY = 9.81  # m/s^2, the standard acceleration of free fall to three digits
 _BODY = ("x", "z", "pitch", "roll", "yaw")
 WHEELS = ("front_left", "front_right", "rear_left", "rear_right")
-_MAY_BE_ZERO = ("contact_length", "rolling_resistance", "tyre_damping_front", "tyre_damping_rear", "steering_corner_hz")
+_MAY_BE_ZERO = ("contact_length", "rolling_resistance", "tire_damping_front", "tire_damping_rear", "steering_corner_hz")
 
 
 @dataclass(frozen=True, repr=False)
@@ -54,13 +54,13 @@ class TractorParameters(Parameters):
         Mass of tractor and sprayer [kg].
     pitch_inertia, roll_inertia, yaw_inertia : float
         Moments of inertia about the centre of mass [kg m^2].
-    wheelbase, centre_to_rear : float
+    wheelbase, cg_to_rear_axle : float
         Distances from rear to front axle, and from rear axle to centre of mass [m].
     track_width : float
         Distance between left and right wheels [m].
-    centre_height, hub_height, boom_height : float
+    cg_height, hub_height, boom_height : float
         Heights of the centre of mass, of the wheels' hubs, and of the points that drive the boom [m].
-    tyre_stiffness_front, tyre_stiffness_rear, tyre_damping_front, tyre_damping_rear : float
+    tire_stiffness_front, tire_stiffness_rear, tire_damping_front, tire_damping_rear : float
         Vertical stiffness [N/m] and damping [N s/m] of one tyre.
     contact_length : float
         Length of a tyre's contact patch [m].
@@ -92,15 +92,15 @@ class TractorParameters(Parameters):
     roll_inertia: float = 3500.0
     yaw_inertia: float = 9000.0
     wheelbase: float = 2.6
-    centre_to_rear: float = 1.05
+    cg_to_rear_axle: float = 1.05
     track_width: float = 1.8
-    centre_height: float = 1.0
+    cg_height: float = 1.0
     hub_height: float = 0.8
     boom_height: float = 1.2
-    tyre_stiffness_front: float = 3.2e5
-    tyre_stiffness_rear: float = 4.0e5
-    tyre_damping_front: float = 3.0e3
-    tyre_damping_rear: float = 4.0e3
+    tire_stiffness_front: float = 3.2e5
+    tire_stiffness_rear: float = 4.0e5
+    tire_damping_front: float = 3.0e3
+    tire_damping_rear: float = 4.0e3
     contact_length: float = 0.4
     rolling_resistance: float = 0.08
     drive_stiffness: float = 9.0e5
@@ -114,21 +114,21 @@ class TractorParameters(Parameters):
             check = nonnegative if field.name in _MAY_BE_ZERO else positive
             check(field.name, getattr(self, field.name))
         self._plain()
-        if self.centre_to_rear >= self.wheelbase:
+        if self.cg_to_rear_axle >= self.wheelbase:
             raise ValueError(
-                f"centre_to_rear = {exactly(self.centre_to_rear)}: expected less than the wheelbase, "
+                f"cg_to_rear_axle = {exactly(self.cg_to_rear_axle)}: expected less than the wheelbase, "
                 f"{exactly(self.wheelbase)}"
             )
 
     @property
     def axle_positions(self) -> tuple[float, float]:
         """Front and rear axle, ahead of the centre of mass [m]."""
-        return self.wheelbase - self.centre_to_rear, -self.centre_to_rear
+        return self.wheelbase - self.cg_to_rear_axle, -self.cg_to_rear_axle
 
     @property
     def wheel_loads(self) -> tuple[float, float]:
         """Static load of one front and of one rear wheel [N]."""
-        front = 0.5 * self.mass * GRAVITY * self.centre_to_rear / self.wheelbase
+        front = 0.5 * self.mass * GRAVITY * self.cg_to_rear_axle / self.wheelbase
         return front, 0.5 * self.mass * GRAVITY - front
 
     def yaw_damping(self, speed: float) -> float:
@@ -167,10 +167,10 @@ def _row(**values: float) -> Array:
 
 
 def _wheels(p: TractorParameters) -> tuple[_Wheel, ...]:
-    low = p.centre_height - p.hub_height
+    low = p.cg_height - p.hub_height
     tyres = (
-        (p.tyre_stiffness_front, p.tyre_damping_front),
-        (p.tyre_stiffness_rear, p.tyre_damping_rear),
+        (p.tire_stiffness_front, p.tire_damping_front),
+        (p.tire_stiffness_rear, p.tire_damping_rear),
     )
     wheels = []
     for along, load, tyre in zip(p.axle_positions, p.wheel_loads, tyres, strict=True):
@@ -184,7 +184,7 @@ def _body(p: TractorParameters, speed: float) -> tuple[Array, Array, Array]:
     """Return M, C, K of the body on its tyres, without what the wheels' rolling resistance adds."""
     M = np.diag([p.mass, p.mass, p.pitch_inertia, p.roll_inertia, p.yaw_inertia])
     C, K = np.zeros((5, 5)), np.zeros((5, 5))
-    hub = _row(x=1.0, pitch=p.centre_height - p.hub_height)
+    hub = _row(x=1.0, pitch=p.cg_height - p.hub_height)
     turn = _row(yaw=1.0)
     turning = p.yaw_damping(speed)
     links = [(wheel.up, wheel.stiffness, wheel.damping) for wheel in _wheels(p)]
@@ -259,7 +259,7 @@ def tractor_lti(p: TractorParameters, V: float, span: float) -> Lti:
     A[14:, 10:] = np.hstack([-np.eye(4) / tau**2, -2.0 * np.eye(4) / tau])
     B[14:] = np.eye(4) / tau**2
     for i, side in enumerate((-0.5, 0.5)):
-        Cy[i, :5] = _row(x=1.0, pitch=p.centre_height - p.boom_height, yaw=side * span)
+        Cy[i, :5] = _row(x=1.0, pitch=p.cg_height - p.boom_height, yaw=side * span)
     states = (
         *_BODY,
         *(f"{name}_rate" for name in _BODY),

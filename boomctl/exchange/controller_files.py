@@ -62,13 +62,13 @@ def write_controller(
     path: str | Path,
     *,
     sample_time: float | None = None,
-    force_limit: float | Mapping[str, float] | None = None,
+    control_limit: float | Mapping[str, float] | None = None,
     rate_limit: float | Mapping[str, float] | None = None,
     anti_windup: bool = True,
     units: Mapping[str, str] | None = None,
     certificate: object = None,
     provenance: Mapping[str, Any] | None = None,
-    half: bool = False,
+    allow_subsystem: bool = False,
 ) -> tuple[Path, ...]:
     """Write a controller ``u = K y`` to a file; what is written depends on the file's suffix.
 
@@ -88,7 +88,7 @@ def write_controller(
         Its folder must exist.
     sample_time : float, optional
         Sampling time [s]; a controller in continuous time is sampled by :func:`boomctl.discretize`. Needed for C.
-    force_limit, rate_limit : float or mapping from control to float, optional
+    control_limit, rate_limit : float or mapping from control to float, optional
         For C code: largest control, and largest change of it per second.
     anti_windup : bool
         For C code: whether the state is corrected by what the limits took away.
@@ -98,9 +98,9 @@ def write_controller(
         A certificate, or a mapping; by default that of the result.
     provenance : mapping, optional
         Whatever shall stand in the file beside boomctl's version.
-    half : bool
+    allow_subsystem : bool
         Write the controller of a half, whose signals end in ``_sym`` or ``_anti``.  No machine has such signals: they are
-        root of two times a mean or half a difference, and ``force_limit`` counts in them.
+        root of two times a mean or half a difference, and ``control_limit`` counts in them.
 
     Returns
     -------
@@ -111,7 +111,7 @@ def write_controller(
     ------
     TypeError, ValueError
         Another kind of controller or suffix; names of signals not there; continuous time for C; a name that C or
-        MATLAB does not allow; signals of a half, where ``half`` is not True.
+        MATLAB does not allow; signals of a half, where ``allow_subsystem`` is not True.
     OSError
         The folder cannot be written to.
 
@@ -123,15 +123,15 @@ def write_controller(
     >>> from pathlib import Path
     >>> lag = control.ss([[-2.0]], [[2.0]], [[1.0]], 0.0, inputs="stroke", outputs="force")
     >>> with tempfile.TemporaryDirectory() as folder:
-    ...     written = bc.write_controller(lag, Path(folder) / "lag.c", sample_time=0.01, force_limit=60.0)
+    ...     written = bc.write_controller(lag, Path(folder) / "lag.c", sample_time=0.01, control_limit=60.0)
     >>> [file.name for file in written]
     ['lag.c', 'lag.h', 'lag_test.c']
     """
     file = checked_path("path", path)
-    if not truth("half", half):
+    if not truth("allow_subsystem", allow_subsystem):
         _refuse_half(controller_of(controller, any_time=True))
     contents = controller_contents(
-        controller, file.stem, file.suffix, sample_time=sample_time, force_limit=force_limit, rate_limit=rate_limit,
+        controller, file.stem, file.suffix, sample_time=sample_time, control_limit=control_limit, rate_limit=rate_limit,
         anti_windup=anti_windup, units=units, certificate=certificate, provenance=provenance,
     )  # fmt: skip
     named = {file.parent / name: content for name, content in contents.items()}
@@ -145,7 +145,7 @@ def controller_contents(
     suffix: str,
     *,
     sample_time: float | None = None,
-    force_limit: float | Mapping[str, float] | None = None,
+    control_limit: float | Mapping[str, float] | None = None,
     rate_limit: float | Mapping[str, float] | None = None,
     anti_windup: bool = True,
     units: Mapping[str, str] | None = None,
@@ -178,13 +178,13 @@ def controller_contents(
     if suffix == ".c":
         if K.dt == 0.0 or np.isnan(K.dt):
             raise ValueError(f"{name}.c: C code runs once a sample: expected sample_time in seconds")
-        force = per_signal("force_limit", force_limit, K.outputs)
+        force = per_signal("control_limit", control_limit, K.outputs)
         rate = per_signal("rate_limit", rate_limit, K.outputs) * K.dt
         L = correction((K,), force, rate)[0] if truth("anti_windup", anti_windup) else np.zeros((len(K.A), len(K.C)))
         return {**c_files(name, RunningController(K, L, force, rate), notes.units)}
-    if force_limit is not None or rate_limit is not None:
+    if control_limit is not None or rate_limit is not None:
         raise ValueError(
-            f"{name}{suffix}: limits are written to C files alone; expected neither force_limit nor rate_limit"
+            f"{name}{suffix}: limits are written to C files alone; expected neither control_limit nor rate_limit"
         )
     if suffix == ".mat":
         return matlab_files(name, K, notes.units)

@@ -28,39 +28,39 @@ class FitCertificate:
 
     Attributes
     ----------
-    offset : float
+    distance_to_minimum : float
         Largest distance to the minimum of a parabola through the sum of squares along the identifiable combinations, in
         standard errors.
-    minimum : bool
-        Whether the sum of squares rises to both sides, does not fall along the other combinations, and ``offset`` is
-        below 0.05.
-    starts, agreeing : int
+    is_minimum : bool
+        Whether the sum of squares rises to both sides, does not fall along the other combinations, and
+        ``distance_to_minimum`` is below 0.05.
+    n_starts, n_agreeing_starts : int
         Number of starts, and of those that ended at this fit.
-    rivals : tuple of dict
+    alternatives : tuple of dict
         Other parameters, from other starts, that fit within the confidence limit too.
-    at_end : tuple of str
+    at_bounds : tuple of str
         Parameters at an end of their range: the best fit lies beyond.
     residual_percent : float
         Norm of the residuals in percent of the norm of the measured values, both weighted; with relative errors the
         root mean square of the relative residuals.  100 less the fit percent of an uncentered fit.
-    excess : float
+    residual_ratio : float
         Residuals over the size of the errors: the root of the reduced chi-square.  The errors are known from
         ``deviation``, from the difference of data sets or from the deviations of a measured response; ``nan`` where
         none of them is.
-    chance : float
+    p_value : float
         p-value of the residuals if the model is right: of chi-square with ``deviation``, of the F test for lack of fit
         with data sets; ``nan`` otherwise.
     """
 
-    offset: float
-    minimum: bool
-    starts: int
-    agreeing: int
-    rivals: tuple[dict[str, float], ...]
-    at_end: tuple[str, ...]
+    distance_to_minimum: float
+    is_minimum: bool
+    n_starts: int
+    n_agreeing_starts: int
+    alternatives: tuple[dict[str, float], ...]
+    at_bounds: tuple[str, ...]
     residual_percent: float
-    excess: float
-    chance: float
+    residual_ratio: float
+    p_value: float
 
     @property
     def certified(self) -> bool:
@@ -68,24 +68,26 @@ class FitCertificate:
 
         A certified minimum may belong to a wrong model: see ``adequacy``.
         """
-        return self.minimum and not self.rivals and not self.at_end
+        return self.is_minimum and not self.alternatives and not self.at_bounds
 
     @property
-    def explained(self) -> bool:
+    def fit_adequate(self) -> bool:
         """Whether the residuals are no larger than the errors allow; True where the errors are not known."""
-        return not (self.chance < _SIGNIFICANCE or (np.isnan(self.chance) and self.excess**2 > _MAX_CHI_SQUARE))
+        return not (
+            self.p_value < _SIGNIFICANCE or (np.isnan(self.p_value) and self.residual_ratio**2 > _MAX_CHI_SQUARE)
+        )
 
     @property
     def adequacy(self) -> str:
         """Residual in percent of the data, and reduced chi-square where the errors are known."""
         text = f"residual {self.residual_percent:.2g} % of the data"
-        if np.isnan(self.excess):
+        if np.isnan(self.residual_ratio):
             return text
-        text += f", reduced chi-square {self.excess**2:.2g}"
-        return text if self.explained else f"{text} (model inadequate)"
+        text += f", reduced chi-square {self.residual_ratio**2:.2g}"
+        return text if self.fit_adequate else f"{text} (model inadequate)"
 
     @property
-    def statement(self) -> str:
+    def summary(self) -> str:
         """Adequacy of the model, then the checks of the minimum."""
         return f"{self.adequacy}; {self.checks}"
 
@@ -93,22 +95,26 @@ class FitCertificate:
     def checks(self) -> str:
         """Checks of the minimum."""
         parts = [f"minimum {'certified' if self.certified else 'NOT certified'}"]
-        if np.isfinite(self.offset):
-            parts[0] += f" to {self.offset:.2g} standard errors" if self.minimum else f", offset {self.offset:.2g}"
-        if not self.minimum:
+        if np.isfinite(self.distance_to_minimum):
+            parts[0] += (
+                f" to {self.distance_to_minimum:.2g} standard errors"
+                if self.is_minimum
+                else f", offset {self.distance_to_minimum:.2g}"
+            )
+        if not self.is_minimum:
             parts.append("the sum of squares is not least here")
-        parts.append(f"{self.agreeing} of {count(self.starts, 'start')} agree")
-        if self.rivals:
-            values = ", ".join(f"{name} = {value:.4g}" for name, value in self.rivals[0].items())
+        parts.append(f"{self.n_agreeing_starts} of {count(self.n_starts, 'start')} agree")
+        if self.alternatives:
+            values = ", ".join(f"{name} = {value:.4g}" for name, value in self.alternatives[0].items())
             parts.append(f"other parameters fit within the confidence limit too, such as {values}")
-        if self.at_end:
-            parts.append(f"{', '.join(self.at_end)} at an end of the range: the best fit lies beyond")
-        if not self.explained:
+        if self.at_bounds:
+            parts.append(f"{', '.join(self.at_bounds)} at an end of the range: the best fit lies beyond")
+        if not self.fit_adequate:
             parts.append("the intervals are those of an inadequate model")
         return "; ".join(parts)
 
     def __repr__(self) -> str:
-        return sentence("FitCertificate", self.statement)
+        return sentence("FitCertificate", self.summary)
 
 
 def lack_of_fit(cost: float, freedom: int, variance: float, known: float) -> tuple[float, float]:

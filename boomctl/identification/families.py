@@ -24,7 +24,7 @@ def box(result: Any, probability: float, margin: float) -> dict[str, Range]:
     """Return ranges that hold all parameters at once with a probability, each widened by a share (Bonferroni)."""
     level = confident("probability", probability)
     share, found = nonnegative("margin", margin), {}
-    intervals, freedoms = result.uncertain
+    intervals, freedoms = result._uncertain
     for name, (value, low, high) in intervals.items():
         if not np.isfinite([low, high]).all() or (low <= 0.0 < value):
             raise ValueError(
@@ -33,7 +33,7 @@ def box(result: Any, probability: float, margin: float) -> dict[str, Range]:
             )
         freedom = np.array(freedoms[name])
         each = 1.0 - (1.0 - level) / len(intervals)
-        times = float(limits(each, freedom) / limits(result.confidence, freedom))
+        times = float(limits(each, freedom) / limits(result.confidence_level, freedom))
         if low > 0.0:
             ends = value * (low / value) ** times / (1.0 + share), value * (high / value) ** times * (1.0 + share)
         else:
@@ -104,23 +104,23 @@ def paired_modes(result: Any, other: Any) -> dict[str, str]:
 def of_fit(make: Any, parameters: Any, values: Mapping[str, float], ranges: Mapping[str, Range]) -> Family:
     """Return the structures that a function makes of fitted parameters, over ranges of them."""
     if make is None:
-        raise ValueError("build = None: expected a function, as that of the fit did not pickle")
+        raise ValueError("model = None: expected a function, as that of the fit did not pickle")
     if isinstance(make, Family):
         given: Family = make
-        return PolynomialFamily.through(ranges, lambda other: given.at(given.deltas({**values, **other})), 32)
+        return PolynomialFamily.from_function(ranges, lambda other: given.at(given.normalize({**values, **other})), 32)
 
     def at(values: Mapping[str, float]) -> Any:
         return make(changed(parameters, values))
 
     middle = at({})
-    if hasattr(middle, "structure") and hasattr(middle, "family"):  # a hub-beam
+    if hasattr(middle, "to_second_order") and hasattr(middle, "family"):  # a hub-beam
         return middle.family(**ranges)
     if not isinstance(middle, SecondOrderModel):
         raise TypeError(
-            f"build: expected a function that makes a SecondOrderModel or a hub-beam of the parameters, got one that makes"
+            f"model: expected a function that makes a SecondOrderModel or a hub-beam of the parameters, got one that makes"
             f" {type(middle).__name__}; say `build=` of the family"
         )
-    return PolynomialFamily.through(ranges, at)
+    return PolynomialFamily.from_function(ranges, at)
 
 
 def of_modes(
@@ -148,11 +148,13 @@ def of_modes(
         own = {name: ranges[name] for name in parameters if name in ranges}
         if not own:
             continue
-        block = PolynomialFamily.through(own, _alone(kind, parameters, known, float(C[positions[0], positions[0]])))
-        C[positions, positions], K[positions, positions] = block.centre.C[0, 0], block.centre.K[0, 0]
+        block = PolynomialFamily.from_function(
+            own, _alone(kind, parameters, known, float(C[positions[0], positions[0]]))
+        )
+        C[positions, positions], K[positions, positions] = block.nominal.C[0, 0], block.nominal.K[0, 0]
         at = [names.index(name) for name in own]
-        for power, change in block.changes:
-            total = terms.setdefault(tuple(sorted(at[i] for i in power)), np.zeros((2, model.n)))
+        for power, change in block.coefficients:
+            total = terms.setdefault(tuple(sorted(at[i] for i in power)), np.zeros((2, model.ncoordinates)))
             total[:, positions] += np.array([[change.C[0, 0]], [change.K[0, 0]]])
     low, high = np.array(list(ranges.values()), float).T
     centre = SecondOrderModel.of(Structure.of(model.M, C, K, model.coordinates), model.ports)

@@ -74,19 +74,19 @@ class _Problem:
 
 @one_blas_thread
 def fit(
-    build: "Callable[..., Any] | Family",
-    measured: "Measurement",
+    model: "Callable[..., Any] | Family",
+    data: "Measurement",
     free: "Iterable[str] | Mapping[str, Range | None] | None" = None,
-    start: Any = None,
+    initial: Any = None,
     *,
     modes: Sequence[int] | None = None,
     weights: "ArrayLike | None" = None,
-    errors: str = "relative",
-    deviation: float | None = None,
-    confidence: float = 0.95,
+    error_model: str = "relative",
+    error_std: float | None = None,
+    confidence_level: float = 0.95,
     inputs: str | Sequence[str] | None = None,
     outputs: str | Sequence[str] | None = None,
-    starts: int = 5,
+    n_starts: int = 5,
     seed: int = 0,
     progress: Listener | None = None,
 ) -> FitResult:
@@ -94,12 +94,12 @@ def fit(
 
     Parameters
     ----------
-    build : callable or Family
+    model : callable or Family
         A function of the parameters, such as ``bc.spray_boom``, ``bc.exact_eigenfrequencies_hz`` or one's own.  It
         returns a model (:class:`SecondOrderModel`, ``StateSpace``, a hub-beam), or what was measured of it:
         eigenfrequencies [Hz], a frequency response or singular values at the measured frequencies (of several data sets
         all of them once, ascending).  What it refuses with a ValueError or an ArithmeticError is not searched.
-    measured : array_like, FrequencyResponseData or MeasuredFrequencyResponse
+    data : array_like, FrequencyResponseData or MeasuredFrequencyResponse
         Eigenfrequencies [Hz], ascending without ``modes`` (damped, if the model's are); a complex frequency response;
         singular values (magnitudes).  A curve that has its phase is fitted as the complex response that it is; singular
         values where there is no phase.  ``measured.kind`` of the result says which.
@@ -107,27 +107,27 @@ def fit(
     free : names, or mapping from names to (low, high) or None
         Names of the parameters that are fitted. A range limits the search, and is where further starts are drawn. Of a
         family all are fitted by default.
-    start : dataclass or mapping, optional
+    initial : dataclass or mapping, optional
         The parameters to begin from, those that stay among them.  By default the middle of a family, or of the ranges.
     modes : sequence of int, optional
         Which mode of the model each eigenfrequency is, from 1.  By default the nearest ones, as some may have been
         missed in the measurement.  Of several data sets the same for all.
     weights : array_like, optional
         How much each value counts: one over the size of its error beside that of the others. By default as the
-        ``deviation`` of a response of :func:`boomctl.estimate_frequency_response` says, otherwise 1 for each;
+        ``error_std`` of a response of :func:`boomctl.estimate_frequency_response` says, otherwise 1 for each;
         0 leaves a value out.  Of several data sets the same for all.
-    errors : "relative" or "absolute"
+    error_model : "relative" or "absolute"
         "relative": the errors are shares of the values (differences of logarithms, also of complex values). "absolute":
         they are in the unit of the values.
-    deviation : float, optional
+    error_std : float, optional
         Standard deviation of the errors of weight 1, where it is known; of complex values, of each part.  By default it
         is estimated from the residuals.
-    confidence : float
+    confidence_level : float
         Confidence of the intervals, between 0.5 and 1.
     inputs, outputs : str or sequence of str, optional
         Signals of the model between which was measured.  By default those of the measured data, where the model has
         them, else the model's own (of a boom, platform actuators and tips).
-    starts : int
+    n_starts : int
         Number of starts of the search; the first is the one given, the others are drawn.
     seed : int
         Seed of the further starts, which are drawn at random.
@@ -152,7 +152,7 @@ def fit(
     Intervals are those of the linearized model with Student's t, symmetric in the logarithm of positive parameters.
     ``source`` names the origin of the covariance: for several data sets their differences, so that the intervals hold for
     the value in another one; for a response blocks of neighbouring frequencies, so that errors may be correlated.  For
-    lists of frequencies, short responses and with ``deviation``, errors are assumed independent and normal with standard
+    lists of frequencies, short responses and with ``error_std``, errors are assumed independent and normal with standard
     deviations in the ratio of the inverse weights.  An error of the model that all data sets have in common does not widen
     the intervals: ``certificate.adequacy`` compares residuals with errors.
     Parameters that are not identifiable have an infinite interval and are listed in ``unseen``.
@@ -162,52 +162,52 @@ def fit(
     >>> import boomctl as bc
     >>> def spring(parameters):  # a model of one's own: the eigenfrequency [Hz] of a mass of 2 kg on a spring
     ...     return [(parameters["stiffness"] / 2.0) ** 0.5 / 6.2832]
-    >>> found = bc.fit(spring, [0.8], start={"stiffness": 10.0}, free=["stiffness"], deviation=0.01)
+    >>> found = bc.fit(spring, [0.8], initial={"stiffness": 10.0}, free=["stiffness"], error_std=0.01)
     >>> round(found.values["stiffness"], 2), [round(end, 1) for end in found.intervals["stiffness"]]
     (50.53, [48.6, 52.6])
     """
-    make = _function(build)
-    data = Measured.of(measured, modes, weights, errors, inputs, outputs)
-    known_size = None if deviation is None else positive("deviation", deviation)
-    confidence = confident("confidence", confidence)
-    count = whole("starts", starts, most=_MAX_STARTS)
+    make = _function(model)
+    measured = Measured.of(data, modes, weights, error_model, inputs, outputs)
+    known_size = None if error_std is None else positive("error_std", error_std)
+    confidence_level = confident("confidence_level", confidence_level)
+    count = whole("n_starts", n_starts, most=_MAX_STARTS)
     whole("seed", seed, least=0)
-    free_parameters = FreeParameters.of(build, free, start)
-    problem, names = _Problem(make, data, free_parameters), free_parameters.names
+    free_parameters = FreeParameters.of(model, free, initial)
+    problem, names = _Problem(make, measured, free_parameters), free_parameters.names
 
     def named(numbers: Array) -> dict[str, Any]:
         return dict(zip(names, numbers.tolist(), strict=True))
 
     zero = np.zeros(free_parameters.size)
     begun, _ = problem.answer(zero)  # what is wrong at the start is said from here
-    if not np.isfinite(data.residuals(begun)).all():
-        raise ValueError("build: expected finite values above zero at the start; of absolute errors zeros will do")
+    if not np.isfinite(measured.residuals(begun)).all():
+        raise ValueError("model: expected finite values above zero at the start; of absolute errors zeros will do")
     with computing("fit", progress):
         candidates = _search(problem, count, seed)
         f, (cost, x) = problem.residuals, candidates[0]
         matrix, error = slopes(f, x, free_parameters)
         seen = Seen.of(matrix, error, f, x, free_parameters)
         each = _of_each(problem, x)
-    freedom = max(data.size - seen.rank, 0)
+    freedom = max(measured.size - seen.rank, 0)
     size = known_size if known_size is not None else np.sqrt(cost / freedom) if freedom else 0.0
-    floor = ALIKE * data.scale  # smaller errors are rounding errors of the model
+    floor = ALIKE * measured.scale  # smaller errors are rounding errors of the model
     size, exact = max(float(size), floor), bool(size < floor)
     spread = None
     if len(each):
         spread = of_sets(each)
     elif known_size is None and not exact:
-        spread = of_blocks(matrix, f(x), data, seen)
+        spread = of_blocks(matrix, f(x), measured, seen)
     # number of standard deviations within confidence: normal, or Student's t, which has none without freedom
     degrees = np.inf if known_size is not None else freedom
-    limit = float(limits(confidence, np.array(degrees))) if degrees > 0 else np.inf
+    limit = float(limits(confidence_level, np.array(degrees))) if degrees > 0 else np.inf
     if spread is None:
         source = f"{'the deviation given' if known_size is not None else 'all residuals'}, as independent errors"
         spread = Spread(seen.covariance() * size**2, np.full(free_parameters.size, float(degrees)), source)
     coordinates = _covariance(spread, seen)
     floors = _MIN_DEVIATION * size * np.sqrt(np.diag(seen.covariance()))
-    half = limits(confidence, np.maximum(spread.freedom, 1.0)) * np.maximum(np.sqrt(np.diag(coordinates)), floors)
+    half = limits(confidence_level, np.maximum(spread.freedom, 1.0)) * np.maximum(np.sqrt(np.diag(coordinates)), floors)
     low, high = _intervals(problem, cost, x, seen, half)
-    same = cost + max(_SAME_FIT * size**2, data.size * (_EXACT * data.scale) ** 2)
+    same = cost + max(_SAME_FIT * size**2, measured.size * (_EXACT * measured.scale) ** 2)
     rivals, agreeing = [], 0  # rivals fit about as well, with a parameter outside its interval
     for other, at in candidates:
         values = free_parameters.values(at)
@@ -218,21 +218,21 @@ def fit(
         agreeing += other <= same and not outside
     near = np.minimum(x - free_parameters.low, free_parameters.high - x)
     fitted, paired = problem.answer(x)
-    residuals = data.difference(fitted)
+    residuals = measured.difference(fitted)
     offset, shown = minimum(f, free_parameters, x, seen, size)
-    variance, sure = data.variance(residuals, paired)
+    variance, sure = measured.variance(residuals, paired)
     tested = (variance, sure) if known_size is None else (known_size**2, np.inf)
     excess, chance = lack_of_fit(cost, freedom, max(tested[0], floor**2), tested[1])
     certificate = FitCertificate(
-        offset=offset,
-        minimum=shown,
-        starts=count,
-        agreeing=agreeing,
-        rivals=tuple(rivals),
-        at_end=tuple(n for n, d in zip(names, near, strict=True) if d < STEP),
-        residual_percent=data.percent(fitted),
-        excess=excess,
-        chance=chance if known_size is not None or np.isfinite(sure) else float("nan"),
+        distance_to_minimum=offset,
+        is_minimum=shown,
+        n_starts=count,
+        n_agreeing_starts=agreeing,
+        alternatives=tuple(rivals),
+        at_bounds=tuple(n for n, d in zip(names, near, strict=True) if d < STEP),
+        residual_percent=measured.percent(fitted),
+        residual_ratio=excess,
+        p_value=chance if known_size is not None or np.isfinite(sure) else float("nan"),
     )
     scale = free_parameters.slopes(x)
     covariance = coordinates * np.outer(scale, scale)
@@ -242,32 +242,36 @@ def fit(
         names=names,
         values=named(free_parameters.values(x)),
         intervals=dict(zip(names, zip(low.tolist(), high.tolist(), strict=True), strict=True)),
-        confidence=confidence,
+        confidence_level=confidence_level,
         standard_errors=named(deviations),
         covariance=covariance,
-        measured=data,
-        fitted=fitted,
-        begun=begun,
-        modes=paired,
+        data=measured,
+        best_fit=fitted,
+        initial_fit=begun,
+        mode_numbers=paired,
         residuals=residuals,
-        deviation=size if limit < np.inf else float("nan"),
-        estimated=known_size is None,
-        freedom=freedom,
-        unseen=seen.combinations(
-            f, x, free_parameters, limit * size if limit < np.inf else 0.0, _UNCHANGED * data.scale * np.sqrt(data.size)
+        error_std=size if limit < np.inf else float("nan"),
+        error_std_estimated=known_size is None,
+        dof=freedom,
+        unidentifiable=seen.combinations(
+            f,
+            x,
+            free_parameters,
+            limit * size if limit < np.inf else 0.0,
+            _UNCHANGED * measured.scale * np.sqrt(measured.size),
         ),
         certificate=certificate,
-        source=spread.source,
-        freedoms=named(spread.freedom),
-        each=tuple(named(free_parameters.values(at)) for at in each),
-        build=build,
+        uncertainty_source=spread.source,
+        parameter_dof=named(spread.freedom),
+        per_dataset=tuple(named(free_parameters.values(at)) for at in each),
+        model=model,
     )
 
 
 def _function(build: object) -> Callable[[Any], Any]:
     """Return the function that makes a model of parameters."""
     if isinstance(build, Family):
-        return lambda parameters: build.at(build.deltas(parameters))
+        return lambda parameters: build.at(build.normalize(parameters))
     return function_of("build", build, "the parameters, or a family")
 
 

@@ -61,13 +61,15 @@ class FreeParameters:
             first[i] = value = real(f"start of {name}", numbers[name])
             ends = (-np.inf, np.inf) if ranges.get(name) is None else interval(name, ranges[name])
             if not ends[0] <= value <= ends[1]:
-                raise ValueError(f"`start` of {name} must be in its range, {ends[0]:g} to {ends[1]:g}, got {value:g}.")
+                raise ValueError(
+                    f"`initial` of {name} must be in its range, {ends[0]:g} to {ends[1]:g}, got {value:g}."
+                )
             if value > 0.0 and (ends[0] > 0.0 or ends[0] == -np.inf):
                 low[i], high[i] = np.log(ends[0] / value) if ends[0] > 0.0 else -np.inf, np.log(ends[1] / value)
                 continue
             scale[i] = ends[1] - ends[0] if ends[1] < np.inf else -value
             if scale[i] == 0.0:
-                raise ValueError(f"`start` of {name} must be above zero, or have a range in `free`, got 0.")
+                raise ValueError(f"`initial` of {name} must be above zero, or have a range in `free`, got 0.")
             low[i], high[i] = (ends[0] - value) / scale[i], (ends[1] - value) / scale[i]
         return cls(listed, record, first, scale, low, high)
 
@@ -125,10 +127,10 @@ def changed(record: Any, values: Mapping[str, float]) -> Any:
 def _start(build: object, free: object, start: object) -> Any:
     """Return the record to begin from: the one given, a family's middle, or the middle of the ranges."""
     if isinstance(build, Family):
-        middle = build.values(np.zeros(build.size))
+        middle = build.denormalize(np.zeros(build.nparameters))
         if start is None:
             return middle
-        for name in mapping("start", start, "parameters of the family to numbers"):
+        for name in mapping("initial", start, "parameters of the family to numbers"):
             known("parameter", name, build.names)
         return {**middle, **start}  # type: ignore[dict-item]
     if isinstance(start, Mapping):
@@ -136,11 +138,11 @@ def _start(build: object, free: object, start: object) -> Any:
     if is_dataclass(start) and not isinstance(start, type):
         return start
     if start is not None:
-        raise TypeError(f"start: expected a dataclass or a mapping of parameters, got {type(start).__name__}")
+        raise TypeError(f"initial: expected a dataclass or a mapping of parameters, got {type(start).__name__}")
     if isinstance(free, Mapping) and free and all(pair is not None for pair in free.values()):
         ends = {str(name): interval(str(name), pair) for name, pair in free.items()}
         return {n: float(np.sqrt(a) * np.sqrt(b)) if a > 0.0 else 0.5 * (a + b) for n, (a, b) in ends.items()}
-    raise TypeError("start: expected the parameters to begin from, a dataclass or a mapping, got None")
+    raise TypeError("initial: expected the parameters to begin from, a dataclass or a mapping, got None")
 
 
 def _numbers(record: Any) -> dict[str, Any]:
@@ -148,6 +150,6 @@ def _numbers(record: Any) -> dict[str, Any]:
     if isinstance(record, dict):
         for name in record:
             if not isinstance(name, str):
-                raise TypeError(f"start: expected names of parameters, got {name!r}")
+                raise TypeError(f"initial: expected names of parameters, got {name!r}")
         return record
     return {field.name: getattr(record, field.name) for field in fields(record) if field.init}

@@ -86,18 +86,18 @@ class ParameterCombination:
     ----------
     direction : dict of str to float
         The change of the logarithm of each positive parameter (of others, in units of their range), the largest 1.
-    hardly : bool
+    weak : bool
         False: not seen at all.  True: a factor of two along it stays within the confidence limit.
-    text : str
+    description : str
         The combination in words.
     """
 
     direction: dict[str, float]
-    hardly: bool
-    text: str
+    weak: bool
+    description: str
 
     def __repr__(self) -> str:
-        return f"ParameterCombination:\n  {self.text}"
+        return f"ParameterCombination:\n  {self.description}"
 
 
 @dataclass(frozen=True)

@@ -57,29 +57,29 @@ class IdentifiedMode:
     ----------
     frequency_hz : float
         Damped frequency [Hz], as ``eigenfrequencies_hz`` of models.
-    damping : float
+    damping_ratio : float
         Damping ratio.
-    frequency_interval_hz, damping_interval : (float, float)
-        Intervals of ``confidence`` of the mean over the record, from blocks of it.
+    frequency_interval_hz, damping_ratio_interval : (float, float)
+        Intervals of ``confidence_level`` of the mean over the record, from blocks of it.
     shape : (p,) ndarray
         How the outputs move in the mode, as displacements; complex, the largest is one.
-    share : float
+    energy_fraction : float
         Of the energy of what inputs move, outputs in units of their size, in that of all modes.
-    orders : float
+    stabilization : float
         Share of the orders tried at which the mode stood before any fit; 0: found in residuals.
     frequency_prediction_interval_hz, damping_ratio_prediction_interval : (float, float)
-        Intervals of ``confidence`` for another record of the kind, from long parts of this one: structures drift.
+        Intervals of ``confidence_level`` for another record of the kind, from long parts of this one: structures drift.
     closely_spaced : bool
         Whether the left-out error shows a second mode within three half widths that the record does not determine.
     """
 
     frequency_hz: float
-    damping: float
+    damping_ratio: float
     frequency_interval_hz: tuple[float, float]
-    damping_interval: tuple[float, float]
+    damping_ratio_interval: tuple[float, float]
     shape: Array
-    share: float
-    orders: float
+    energy_fraction: float
+    stabilization: float
     frequency_prediction_interval_hz: tuple[float, float]
     damping_ratio_prediction_interval: tuple[float, float]
     closely_spaced: bool
@@ -96,9 +96,9 @@ class RealPole:
     rate : float
         Decay rate [rad/s].
     rate_interval : (float, float)
-        Interval of ``confidence`` of the mean over the record.
+        Interval of ``confidence_level`` of the mean over the record.
     rate_prediction_interval : (float, float)
-        Interval of ``confidence`` of what another record of the kind gives.
+        Interval of ``confidence_level`` of what another record of the kind gives.
     """
 
     rate: float
@@ -128,19 +128,19 @@ class IdentificationResult:
         fit; otherwise modes have two coordinates.
     fit_percent : dict of str to float
         ``100 (1 - |y - predicted| / |y|)`` of each output within the band on the part held back.
-    whiteness : dict of str to float
+    whiteness_p_value : dict of str to float
         Chance of residuals as coloured as each output's, were they white noise (Bartlett's cumulated periodogram).
-    band_hz : (float, float)
+    frequency_range_hz : (float, float)
         Frequencies within which modes were sought [Hz].
-    confidence : float
+    confidence_level : float
         Of the intervals.
     parts : int
         Long parts of the record, or records, that prediction intervals come from.
-    source : str
+    uncertainty_source : str
         What intervals and validation come from.
-    stabilization : dict of int to ndarray
+    stabilization_poles : dict of int to ndarray
         Poles [rad/s] at each order tried, before the fit.
-    spectra : (3, n) ndarray
+    validation_spectra : (3, n) ndarray
         Frequencies [Hz]; size of the outputs and of what is not predicted, on the part held back, over the outputs' size.
     """
 
@@ -150,16 +150,16 @@ class IdentificationResult:
     system: "control.StateSpace"
     model: SecondOrderModel
     fit_percent: dict[str, float]
-    whiteness: dict[str, float]
-    band_hz: tuple[float, float]
-    confidence: float
+    whiteness_p_value: dict[str, float]
+    frequency_range_hz: tuple[float, float]
+    confidence_level: float
     parts: int
-    source: str
-    stabilization: dict[int, Array]
-    spectra: Array
+    uncertainty_source: str
+    stabilization_poles: dict[int, Array]
+    validation_spectra: Array
 
     def family(
-        self, probability: float = 0.95, margin: float = 0.0, *, union_with: "Sequence[IdentificationResult]" = ()
+        self, probability: float = 0.95, range_margin: float = 0.0, *, union_with: "Sequence[IdentificationResult]" = ()
     ) -> Family:
         """Return the structures over a box that holds all frequencies and dampings at once with a probability.
 
@@ -169,7 +169,7 @@ class IdentificationResult:
         ----------
         probability : float
             That the box holds all of them, between 0.5 and 1: ranges are wider than intervals, by Bonferroni's bound.
-        margin : float
+        range_margin : float
             Share of each value by which its range is widened to either side, for what changes after the measurement.
         union_with : sequence of Identification
             Results of other records, such as other levels or days: the box is the smallest that contains the boxes of all.
@@ -197,23 +197,23 @@ class IdentificationResult:
         >>> import numpy as np
         >>> force = np.random.default_rng(0).standard_normal(4000)
         >>> mass = bc.structure.SecondOrderModel([[1.0]], [[0.8]], [[400.0]], {"force": [1.0]}, {"place": [1.0]})
-        >>> moved = bc.forced_response(mass, {"force": force}, 0.02 * np.arange(4000))["place"]
-        >>> found = bc.identify({"force": force}, {"place": moved}, 0.02, band_hz=(0.5, 8.0))
-        >>> found.family(margin=0.1).names
+        >>> moved = bc.forced_response(mass, 0.02 * np.arange(4000), {"force": force})["place"]
+        >>> found = bc.identify({"force": force}, {"place": moved}, 0.02, frequency_range_hz=(0.5, 8.0))
+        >>> found.family(range_margin=0.1).names
         ('mode_1_hz', 'mode_1_damping')
         """
-        modes = [(mode.frequency_hz, mode.damping) for mode in self.modes]
+        modes = [(mode.frequency_hz, mode.damping_ratio) for mode in self.modes]
         real_poles = [*(-pole.rate for pole in self.real_poles), *[0.0] * min(self.integrators, 1)]
-        ranges = union(self, union_with, probability, margin, paired_modes)
+        ranges = union(self, union_with, probability, range_margin, paired_modes)
         return of_modes(self.model, modes, ranges, real_poles)
 
     @property
-    def uncertain(self) -> tuple[dict[str, tuple[float, float, float]], dict[str, float]]:
+    def _uncertain(self) -> tuple[dict[str, tuple[float, float, float]], dict[str, float]]:
         """Value and prediction interval of each frequency [Hz], damping ratio and real pole [rad/s], degrees of freedom."""
         found = {}
         for k, mode in enumerate(self.modes):
             frequency = mode.frequency_hz, *mode.frequency_prediction_interval_hz
-            damping = mode.damping, *mode.damping_ratio_prediction_interval
+            damping = mode.damping_ratio, *mode.damping_ratio_prediction_interval
             found.update(zip(names_of_mode(k), (frequency, damping), strict=True))
         for k, pole in enumerate(self.real_poles):
             found[name_of_real_pole(k)] = pole.rate, *pole.rate_prediction_interval
@@ -225,14 +225,16 @@ class IdentificationResult:
         lines += ["  " + ", ".join(self._row(mode)[:3]) for mode in shown]
         if len(shown) < len(self.modes):
             lines.append(f"  ... ({len(self.modes)})")
-        lines += [*self._others(), f"  {self._fit()}; {self.source}"]
+        lines += [*self._others(), f"  {self._fit()}; {self.uncertainty_source}"]
         return "\n".join(line if len(line) <= WIDTH else line[: WIDTH - 3] + "..." for line in lines)
 
     def _repr_html_(self) -> str:
         heads = ("frequency", "damping", "share of energy")
-        return table_html(f"{self._head()}; {self._fit()}; {self.source}", heads, map(self._row, self.modes))
+        return table_html(
+            f"{self._head()}; {self._fit()}; {self.uncertainty_source}", heads, map(self._row, self.modes)
+        )
 
-    def render(self) -> str:
+    def __str__(self) -> str:
         """Return modes with their intervals, and the fit of each output, as lines of text.
 
         Returns
@@ -241,11 +243,16 @@ class IdentificationResult:
             One line a mode, one an output.
         """
         lines = [self._head(), *("  " + ", ".join(self._row(mode)) for mode in self.modes), *self._others()]
-        return "\n".join([*lines, *(f"  {name}: {fit:.2f} %" for name, fit in self.fit_percent.items()), self.source])
+        return "\n".join(
+            [*lines, *(f"  {name}: {fit:.2f} %" for name, fit in self.fit_percent.items()), self.uncertainty_source]
+        )
 
     def _head(self) -> str:
         names = between(self.system.input_labels, self.system.output_labels)
-        return f"{count(len(self.modes), 'mode')} from {self.band_hz[0]:.4g} to {self.band_hz[1]:.4g} Hz, {names}"
+        return (
+            f"{count(len(self.modes), 'mode')} from {self.frequency_range_hz[0]:.4g} to "
+            f"{self.frequency_range_hz[1]:.4g} Hz, {names}"
+        )
 
     def _others(self) -> list[str]:
         """Return a line for each real pole, one for integrators, and one for modes that may be two."""
@@ -265,9 +272,13 @@ class IdentificationResult:
     @staticmethod
     def _row(mode: IdentifiedMode) -> tuple[str, str, str]:
         about = 0.5 * (mode.frequency_interval_hz[1] - mode.frequency_interval_hz[0])
-        low, high = mode.damping_interval
-        damping = f"damping {100.0 * mode.damping:.3g} % ({100.0 * low:.3g} to {100.0 * high:.3g})"
-        return f"{mode.frequency_hz:.6g} +- {about:.2g} Hz", damping, f"{100.0 * mode.share:.3g} % of the energy"
+        low, high = mode.damping_ratio_interval
+        damping = f"damping {100.0 * mode.damping_ratio:.3g} % ({100.0 * low:.3g} to {100.0 * high:.3g})"
+        return (
+            f"{mode.frequency_hz:.6g} +- {about:.2g} Hz",
+            damping,
+            f"{100.0 * mode.energy_fraction:.3g} % of the energy",
+        )
 
     def plot(self, ax: "Axes | None" = None, **style: Any) -> Array:
         """Draw poles over orders with the modes found, and the spectrum held back beside what is not predicted of it.
@@ -295,13 +306,13 @@ def identify(
     *,
     modes: int | None = None,
     rigid_body: int | None = None,
-    band_hz: tuple[float, float] | None = None,
+    frequency_range_hz: tuple[float, float] | None = None,
     quantity: str | Mapping[str, str] | None = None,
     intersample: str | None = None,
-    held_back: float = 0.3,
+    validation_fraction: float = 0.3,
     order: int | None = None,
-    confidence: float = 0.95,
-    errors: str | None = None,
+    confidence_level: float = 0.95,
+    error_model: str | None = None,
 ) -> IdentificationResult:
     """Identify the modes of a structure from a record, and a model with them.
 
@@ -317,20 +328,20 @@ def identify(
     rigid_body : {0, 1, 2}, optional
         Integrators of the plant: 1 for a motor whose angle is measured, 2 for a body that a force moves freely, 0 for none.
         By default found.
-    band_hz : (float, float), optional
+    frequency_range_hz : (float, float), optional
         Frequencies of the modes wanted [Hz].  By default where all inputs have power.
     quantity : "displacement", "velocity", "acceleration", or mapping of outputs to these, optional
         What each output is; by default displacements, or what a response of `estimate_frequency_response` says.
     intersample : "bl" or "zoh", optional
         Inputs between samples: band-limited (a measurement behind an anti-alias filter) or zero-order hold (a computed
         command).  By default determined from the record.
-    held_back : float
+    validation_fraction : float
         Share of each record, at its end, that the model is validated on and never fitted to; 0: validated on all.
     order : int, optional
         Highest order of the denominators from which poles are begun; the modes hardly depend on it.
-    confidence : float
+    confidence_level : float
         Of the intervals, between 0.5 and 1.
-    errors : "relative" or "absolute", optional
+    error_model : "relative" or "absolute", optional
         How errors of a measured frequency response grow: with its size, or not at all; by default the likelier of the two.
         A mean of periods has its own, a response with repeated frequencies that of the repetitions.
 
@@ -374,13 +385,13 @@ def identify(
     >>> import numpy as np
     >>> force = np.random.default_rng(0).standard_normal(4000)
     >>> mass = bc.structure.SecondOrderModel([[1.0]], [[0.8]], [[400.0]], {"force": [1.0]}, {"place": [1.0]})
-    >>> moved = bc.forced_response(mass, {"force": force}, 0.02 * np.arange(4000))["place"]
-    >>> found = bc.identify({"force": force}, {"place": moved}, 0.02, band_hz=(0.5, 8.0))
-    >>> [(round(mode.frequency_hz, 2), round(mode.damping, 3)) for mode in found.modes]
+    >>> moved = bc.forced_response(mass, 0.02 * np.arange(4000), {"force": force})["place"]
+    >>> found = bc.identify({"force": force}, {"place": moved}, 0.02, frequency_range_hz=(0.5, 8.0))
+    >>> [(round(mode.frequency_hz, 2), round(mode.damping_ratio, 3)) for mode in found.modes]
     [(3.18, 0.02)]
     """
-    level = confident("confidence", confidence)
-    back = within("held_back", held_back, 0.0, 0.8)
+    level = confident("confidence_level", confidence_level)
+    back = within("validation_fraction", validation_fraction, 0.0, 0.8)
     wanted = None if modes is None else whole("modes", modes)
     rigid = None if rigid_body is None else whole("rigid_body", rigid_body, least=0, most=2)
     highest = _HIGHEST if order is None else whole("order", order, least=4, most=400)
@@ -389,16 +400,16 @@ def identify(
     recorded = inputs.record if isinstance(inputs, FrequencyResponseEstimate) else None
     if is_frequency_response(inputs) and not (outputs is sample_time is intersample is None):
         raise TypeError("outputs, sample_time, intersample: expected None beside a measured frequency response")
-    if errors is not None and (recorded is not None or not is_frequency_response(inputs)):
+    if error_model is not None and (recorded is not None or not is_frequency_response(inputs)):
         raise TypeError(
-            f"errors = {errors!r}: expected None for a record, whose residuals say how large its errors are"
+            f"error_model = {error_model!r}: expected None for a record, whose residuals say how large its errors are"
         )
     if is_frequency_response(inputs) and recorded is None:
         response = _merged(inputs)
-        low, high = band(band_hz, float(response.omega[-1]) / (2.0 * np.pi))
+        low, high = band(frequency_range_hz, float(response.omega[-1]) / (2.0 * np.pi))
         trials = {
             words: Spectra.of_response(response, low, high, size)
-            for words, size in _deviations(response, errors).items()
+            for words, size in _deviations(response, error_model).items()
         }
         names = tuple(response.input_labels), tuple(response.output_labels)
         said = getattr(response, "quantity", ("displacement",) * len(names[1]))
@@ -407,11 +418,11 @@ def identify(
     else:
         if isinstance(inputs, FrequencyResponseEstimate) and inputs.record is not None:
             record, back, ends_hz = inputs.record, 0.0, inputs.omega[[0, -1]] / (2.0 * np.pi)
-            low, high = band(tuple(ends_hz) if band_hz is None else band_hz, float(ends_hz[1]))
+            low, high = band(tuple(ends_hz) if frequency_range_hz is None else frequency_range_hz, float(ends_hz[1]))
         else:
             kind = "displacement" if quantity is None else quantity
             record = Record.of(inputs, outputs, sample_time, kind, intersample)
-            low, high = _band(record, band_hz, FEWEST * len(record.inputs) / min(1.0 - back, back or 1.0))
+            low, high = _band(record, frequency_range_hz, FEWEST * len(record.inputs) / min(1.0 - back, back or 1.0))
             record = with_intersample(record, high)
         whole_record = Spectra.of_record(record, low, high, slice(0.0, 1.0))
         data, tested, last = _held_back(record, low, high, back) if back else (whole_record, whole_record, "")
@@ -543,12 +554,12 @@ def _check_fit(percent: Array, outputs: Sequence[str]) -> None:
     if percent.mean() < 0.0:
         raise ValueError(
             f"outputs: expected outputs that the inputs predict, got a fit of {percent.mean():.3g} % on the part that is held"
-            " back; use a longer record, another `band_hz`, or check that the inputs cause the outputs"
+            " back; use a longer record, another `frequency_range_hz`, or check that the inputs cause the outputs"
         )
     if percent.min() < _POOR:
         warn_user(
             f"The model predicts {outputs[worst]!r} of the held-back part by {percent[worst]:.3g} % only (mean"
-            f" {percent.mean():.3g} %). Use a longer record, or another `band_hz`.",
+            f" {percent.mean():.3g} %). Use a longer record, or another `frequency_range_hz`.",
             UserWarning,
         )
 
@@ -581,10 +592,10 @@ def _deviations(response: Any, errors: str | None) -> dict[str, Array | None]:
     """Return how large the errors of a measured response may be, up to a factor for each output, by words on that."""
     if hasattr(response, "deviation"):
         if errors is not None:
-            raise TypeError(f"errors = {errors!r}: expected None for a response that says its own deviation")
+            raise TypeError(f"error_model = {errors!r}: expected None for a response that says its own deviation")
         return {"": response.deviation}
     sizes = {"relative": np.abs(response.frdata), "absolute": None}
-    kinds = [known("errors", errors, sizes)] if errors is not None else list(sizes)
+    kinds = [known("error_model", errors, sizes)] if errors is not None else list(sizes)
     return {f"; errors taken for {kind}": sizes[kind] for kind in kinds}
 
 
@@ -626,14 +637,14 @@ def _factors(value: float, step: float) -> tuple[float, float]:
     return value / factor, value * factor
 
 
-def _band(record: Record, band_hz: Any, least_lines: float) -> tuple[float, float]:
+def _band(record: Record, frequency_range_hz: Any, least_lines: float) -> tuple[float, float]:
     """Return the given band, or that of at least so many lines where all inputs have power."""
-    low, high = band(band_hz, 0.5 / record.step)
+    low, high = band(frequency_range_hz, 0.5 / record.step)
     long = max(range(len(record.u)), key=lambda k: len(record.u[k]))
     hz = np.fft.rfftfreq(len(record.u[long]), record.step)
     U = np.fft.rfft(record.u[long], axis=0)
     driven = np.zeros(0, int)
-    if band_hz is None:
+    if frequency_range_hz is None:
         window = np.ones(_SMOOTH) / _SMOOTH
         power = np.array([np.convolve(np.square(np.abs(each)), window, mode="same") for each in U.T])
         share = (power / power.max(axis=1, keepdims=True)).min(axis=0)
@@ -656,7 +667,9 @@ def _band(record: Record, band_hz: Any, least_lines: float) -> tuple[float, floa
         ]
     )
     if not len(inside):
-        raise ValueError(f"band_hz: expected frequencies that the record has, got none from {low:.4g} to {high:.4g} Hz")
+        raise ValueError(
+            f"frequency_range_hz: expected frequencies that the record has, got none from {low:.4g} to {high:.4g} Hz"
+        )
     size = rms(inside)
     alike = (inside / size).conj().T @ (inside / size) / max(len(inside), 1)
     if np.linalg.eigvalsh(alike)[0] < _TOGETHER or (np.diagonal(alike) == 0.0).any():

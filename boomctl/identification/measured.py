@@ -96,14 +96,14 @@ class Measured:
         if isinstance(measured, MeasuredFrequencyResponse) and measured.response is not None:
             measured = measured.response  # with its phase, which singular values lose
         if isinstance(measured, MeasuredFrequencyResponse):
-            omega = frequencies("frequencies of measured", 2.0 * np.pi * measured.freq_hz)
-            kind, values = "singular values", -np.sort(-finite_array("measured", measured.magnitude, ndim=2), axis=0)
+            omega = frequencies("frequencies of measured", 2.0 * np.pi * measured.frequency_hz)
+            kind, values = "singular values", -np.sort(-finite_array("data", measured.magnitude, ndim=2), axis=0)
         elif is_frequency_response(measured):
             kind, values = RESPONSE, np.asarray(measured.frdata, dtype=complex)
             omega = frequencies("frequencies of measured", np.asarray(measured.omega))
             labels = tuple(measured.input_labels), tuple(measured.output_labels)
             if not np.isfinite(values).all():
-                raise ValueError("measured: expected finite frequency response data")
+                raise ValueError("data: expected finite frequency response data")
         else:
             kind = "eigenfrequencies"
             values, modes = _eigenfrequencies(measured, modes)
@@ -118,7 +118,7 @@ class Measured:
         spread = _spread(_weights(noise) if weights is None and noise is not None else weights, values)
         if errors == "relative" and (values[np.isfinite(spread)] == 0.0).any():
             raise ValueError(
-                "`measured` has zeros, which have no relative error. Set their weight to 0, or errors='absolute'."
+                "`data` has zeros, which have no relative error. Set their weight to 0, or errors='absolute'."
             )
         noise = None if noise is None else np.nan_to_num(noise) / spread
         return cls(kind, values, spread, str(errors), omega, modes, inputs, outputs, labels, noise=noise)  # type: ignore[arg-type]
@@ -247,7 +247,7 @@ def _side_by_side(sets: Sequence["Measured"]) -> "Measured":
         found = other.kind, other.values.shape[:-1], other.labels
         if found != kind or (other.modes is None) != (first.modes is None):
             raise ValueError(
-                f"`measured` must be data sets of one kind, shape and signals, got {kind} and set {k} with {found}."
+                f"`data` must be data sets of one kind, shape and signals, got {kind} and set {k} with {found}."
             )
     if not others:
         return first
@@ -270,14 +270,14 @@ def _weights(deviation: Array) -> Array | None:
 def _eigenfrequencies(measured: object, modes: object) -> tuple[Array, tuple[int, ...] | None]:
     """Return measured eigenfrequencies and, where they are said, which modes they are."""
     kinds = "eigenfrequencies [Hz], FrequencyResponseData or a MeasuredFrequencyResponse"
-    values = finite_array("measured", _numbers("measured", measured, kinds, "iuf"), ndim=1)
+    values = finite_array("data", _numbers("data", measured, kinds, "iuf"), ndim=1)
     if not len(values):
-        raise ValueError("measured: expected at least one eigenfrequency, got none")
+        raise ValueError("data: expected at least one eigenfrequency, got none")
     for value in values:
         positive("measured eigenfrequency", float(value))
     if modes is None:
         if not (np.diff(values) >= 0).all():
-            raise ValueError(f"`measured` must be in ascending order, got {values.tolist()}. Sort it, or give `modes`.")
+            raise ValueError(f"`data` must be in ascending order, got {values.tolist()}. Sort it, or give `modes`.")
         return values, None
     numbers = tuple(whole("mode", mode) for mode in sequence("modes", modes, "whole numbers"))
     if len(numbers) != len(values) or len(set(numbers)) != len(numbers):
@@ -318,47 +318,47 @@ def _frequencies(model: Any, data: Measured) -> Array:
     wanted = least if data.modes else least + _MISSED
     if isinstance(model, SecondOrderModel):
         offered = np.zeros(0)
-        for count in range(min(wanted, model.n), 0, -1):
+        for count in range(min(wanted, model.ncoordinates), 0, -1):
             try:
                 offered = model.eigenfrequencies_hz(count)
                 break
             except ValueError:  # overdamped modes have none
                 if count <= least:
                     raise
-    elif hasattr(model, "frequencies_hz"):
-        offered = np.asarray(model.frequencies_hz(), dtype=float)
+    elif hasattr(model, "divergence_speed"):  # a hub-beam
+        offered = np.asarray(model.eigenfrequencies_hz(), dtype=float)
     elif is_statespace(model):
-        poles = of(model, "build").poles
+        poles = of(model, "model").poles
         offered = np.sort(poles.imag[poles.imag > 0.0]) / (2.0 * np.pi)
     else:
-        offered = np.sort(finite_array("answer of build", _numbers("build", model, "eigenfrequencies [Hz]"), ndim=1))
+        offered = np.sort(finite_array("answer of build", _numbers("model", model, "eigenfrequencies [Hz]"), ndim=1))
     if (offered <= 0.0).any():
-        raise ValueError(f"build: expected eigenfrequencies above zero, got {offered.min():g}")
+        raise ValueError(f"model: expected eigenfrequencies above zero, got {offered.min():g}")
     if len(offered) < least:
-        raise ValueError(f"build: expected a model with at least {least} eigenfrequencies, got {len(offered)}")
+        raise ValueError(f"model: expected a model with at least {least} eigenfrequencies, got {len(offered)}")
     return offered
 
 
 def _curves(model: Any, data: Measured, omega: Array) -> Array:
     """Compute the response or the singular values between the measured signals, in the shape of one data set."""
-    model = model.linearize() if hasattr(model, "frequencies_hz") else model  # a hub-beam
+    model = model.linearize() if hasattr(model, "divergence_speed") else model  # a hub-beam
     if data.kind != RESPONSE and (isinstance(model, SecondOrderModel) or is_statespace(model)):
         found = sigma(model, omega, data.inputs, data.outputs).sigma
     elif isinstance(model, SecondOrderModel):
         found = np.asarray(model.frequency_response(omega, *_signals(data, model)).frdata)
     elif is_statespace(model):
-        system = of(model, "build")
+        system = of(model, "model")
         found = system.select(*_signals(data, system)).response(omega)
     elif is_frequency_response(model):
         found = _of_data(model, data, omega)
         found = found if data.kind == RESPONSE else singular_values(found)
     else:
-        found = np.asarray(_numbers("build", model, f"a model or its {data.kind}"))
+        found = np.asarray(_numbers("model", model, f"a model or its {data.kind}"))
     wanted = (*data.values.shape[:-1], len(omega))
     if data.kind != RESPONSE and data.inputs is not None and data.outputs is not None:
         found = found[: wanted[0]]  # the largest ones
     if found.shape != wanted:
-        raise ValueError(f"`build` must return {data.kind} {wanted}, got {found.shape}. Set `inputs` and `outputs`.")
+        raise ValueError(f"`model` must return {data.kind} {wanted}, got {found.shape}. Set `inputs` and `outputs`.")
     return found
 
 
@@ -388,7 +388,7 @@ def _of_data(model: Any, data: Measured, asked: Array) -> Array:
     """Return frequency response data between the signals asked for, at the measured frequencies."""
     grid = np.asarray(model.omega)
     if grid.shape != asked.shape or not np.allclose(grid, asked, rtol=ALIKE, atol=0.0):
-        raise ValueError("build: expected a response at the measured frequencies, ascending")
+        raise ValueError("model: expected a response at the measured frequencies, ascending")
     there = SimpleNamespace(inputs=tuple(model.input_labels), outputs=tuple(model.output_labels))
     ins, outs = _signals(data, there)
     return np.asarray(model[list(outs or there.outputs), list(ins or there.inputs)].frdata)

@@ -119,18 +119,24 @@ def quantities(quantity: Any, outputs: Sequence[str]) -> tuple[str, ...]:
     return tuple(known("quantity", quantity[name], QUANTITIES) for name in outputs)
 
 
-def band(band_hz: Any, top: float) -> tuple[float, float]:
+def band(frequency_range_hz: Any, top: float) -> tuple[float, float]:
     """Return a band of frequencies [Hz] within those that samples tell apart."""
-    if band_hz is None:
+    if frequency_range_hz is None:
         return 0.0, top
-    ends = sequence("band_hz", band_hz, "two frequencies [Hz]")
+    ends = sequence("frequency_range_hz", frequency_range_hz, "two frequencies [Hz]")
     if len(ends) != 2:
-        raise ValueError(f"band_hz = {shown(band_hz)}: expected two frequencies [Hz], got {len(ends)}")
-    low, high = (real("band_hz", end) for end in ends)
+        raise ValueError(
+            f"frequency_range_hz = {shown(frequency_range_hz)}: expected two frequencies [Hz], got {len(ends)}"
+        )
+    low, high = (real("frequency_range_hz", end) for end in ends)
     if not 0.0 <= low < high:
-        raise ValueError(f"band_hz = {shown(band_hz)}: expected frequencies not below zero that ascend")
+        raise ValueError(
+            f"frequency_range_hz = {shown(frequency_range_hz)}: expected frequencies not below zero that ascend"
+        )
     if high > top * (1.0 + _WHOLE):
-        raise ValueError(f"band_hz = {shown(band_hz)}: expected at most {top:g} Hz, the highest that was measured")
+        raise ValueError(
+            f"frequency_range_hz = {shown(frequency_range_hz)}: expected at most {top:g} Hz, the highest that was measured"
+        )
     return low, high
 
 

@@ -68,14 +68,14 @@ class FrequencyResponseEstimate(control.FrequencyResponseData):
 
     __str__ = __repr__
 
-    def plot(self, ax: "Axes | None" = None, *, unit: str | None = None, **style: Any) -> Array:  # type: ignore[override]
+    def plot(self, ax: "Axes | None" = None, *, frequency_unit: str | None = None, **style: Any) -> Array:  # type: ignore[override]
         """Draw the magnitude of each entry with its deviation, and the coherence of each output.
 
         Parameters
         ----------
         ax : sequence of two matplotlib Axes, or a figure, optional
             Where to draw; by default a new figure of pyplot.
-        unit : {"Hz", "rad/s"}, optional
+        frequency_unit : {"Hz", "rad/s"}, optional
             Of the frequency axis; by default that of the curves that are there already, otherwise Hz.
         **style
             Of the curves, as matplotlib's lines take it.
@@ -85,7 +85,8 @@ class FrequencyResponseEstimate(control.FrequencyResponseData):
         ndarray of matplotlib.axes.Axes
             Magnitude, coherence.
         """
-        return import_module("boomctl.plotting.identification").plot_response(self, ax, unit=unit, **style)
+        plotting = import_module("boomctl.plotting.identification")
+        return plotting.plot_response(self, ax, frequency_unit=frequency_unit, **style)
 
 
 @one_blas_thread
@@ -98,7 +99,7 @@ def estimate_frequency_response(
     intersample: str | None = None,
     period: float | None = None,
     resolution_hz: float | None = None,
-    band_hz: tuple[float, float] | None = None,
+    frequency_range_hz: tuple[float, float] | None = None,
 ) -> FrequencyResponseEstimate:
     """Estimate a frequency response from sampled inputs and outputs: noise, chirps, sines, multisines.
 
@@ -118,7 +119,7 @@ def estimate_frequency_response(
         the periods; the record begins in the steady state.  Needs as many records as inputs, each driven another way.
     resolution_hz : float, optional
         Between two frequencies of the result.  By default the finest at which neighbors are nearly uncorrelated.
-    band_hz : (float, float), optional
+    frequency_range_hz : (float, float), optional
         Frequencies wanted [Hz].  By default all at which the inputs have power.
 
     Returns
@@ -145,14 +146,14 @@ def estimate_frequency_response(
     >>> import numpy as np
     >>> force = np.random.default_rng(0).standard_normal(4000)
     >>> mass = bc.structure.SecondOrderModel([[1.0]], [[2.0]], [[400.0]], {"force": [1.0]}, {"place": [1.0]})
-    >>> moved = bc.forced_response(mass, {"force": force}, 0.02 * np.arange(4000))["place"]
-    >>> H = bc.estimate_frequency_response({"force": force}, {"place": moved}, 0.02, band_hz=(0.5, 2.5))
+    >>> moved = bc.forced_response(mass, 0.02 * np.arange(4000), {"force": force})["place"]
+    >>> H = bc.estimate_frequency_response({"force": force}, {"place": moved}, 0.02, frequency_range_hz=(0.5, 2.5))
     >>> exact = mass.frequency_response(H.omega).frdata
     >>> bool(abs(H.frdata / exact - 1.0).max() < 0.02)
     True
     """
     record = Record.of(inputs, outputs, sample_time, quantity, intersample)
-    low, high = band(band_hz, 0.5 / record.step)
+    low, high = band(frequency_range_hz, 0.5 / record.step)
     record = with_intersample(record, high)
     wanted = None if resolution_hz is None else positive("resolution_hz", resolution_hz)
     if period is not None:

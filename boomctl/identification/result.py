@@ -35,42 +35,42 @@ class FitResult:
     values : dict of str to float
         Fitted values of the free parameters.
     intervals : dict of str to (float, float)
-        Interval of each free parameter, in which it lies with ``confidence``: from the covariance of the linearized
+        Interval of each free parameter, in which it lies with ``confidence_level``: from the covariance of the linearized
         model and Student's t, symmetric in the logarithm of positive parameters.  An end is infinite (0 for a parameter
         above zero) where the measurements, within the range, do not bound the parameter.
-    confidence : float
+    confidence_level : float
         Confidence of the intervals, between 0.5 and 1.
     standard_errors : dict of str to float
-        Standard error of each parameter, from ``source``; ``inf`` where a parameter is not seen.
+        Standard error of each parameter, from ``uncertainty_source``; ``inf`` where a parameter is not seen.
     covariance : (p, p) ndarray
-        Covariance of the free parameters, from ``source``, in the parameters' units; ``inf`` and ``nan`` in rows
+        Covariance of the free parameters, from ``uncertainty_source``, in the parameters' units; ``inf`` and ``nan`` in rows
         and columns of what is not seen.
-    measured : Measured
+    data : Measured
         What was fitted to, as it was compared.
-    fitted, begun : ndarray
+    best_fit, initial_fit : ndarray
         The model's values in the places of those measured, at the fit and at the start.
-    modes : tuple of int or None
+    mode_numbers : tuple of int or None
         Which mode of the model each measured eigenfrequency is, from 1.
     residuals : ndarray
-        Measured less fitted, in the shape of ``fitted``: of relative errors the difference of logarithms.
-    deviation : float
+        Measured less fitted, in the shape of ``best_fit``: of relative errors the difference of logarithms.
+    error_std : float
         Standard deviation of the errors (relative or absolute, of weight 1; of complex values, of each part): as given,
         or estimated from the residuals; ``nan`` where there are too few to tell.
-    estimated : bool
-        Whether ``deviation`` was estimated.
-    freedom : int
+    error_std_estimated : bool
+        Whether ``error_std`` was estimated.
+    dof : int
         Measured numbers beyond those that the seen combinations of parameters take up.
-    unseen : tuple of ParameterCombination
+    unidentifiable : tuple of ParameterCombination
         Combinations of parameters that the measurements do not see, or hardly see.
     certificate : FitCertificate
         What was found about the fit apart from its solver.
-    source : str
+    uncertainty_source : str
         What the intervals come from: data sets, blocks of frequencies, or residuals taken for independent.
-    freedoms : dict of str to float
+    parameter_dof : dict of str to float
         Degrees of freedom of each standard error, for Student's t; infinite where the deviation was given.
-    each : tuple of dict
+    per_dataset : tuple of dict
         Values that each of several data sets has by itself; empty of one.
-    build : callable or family, or None
+    model : callable or family, or None
         What makes the model of its parameters; None after unpickling where it does not pickle.
     """
 
@@ -78,28 +78,28 @@ class FitResult:
     names: tuple[str, ...]
     values: dict[str, float]
     intervals: dict[str, tuple[float, float]]
-    confidence: float
+    confidence_level: float
     standard_errors: dict[str, float]
     covariance: Array
-    measured: Measured
-    fitted: Array
-    begun: Array
-    modes: tuple[int, ...] | None
+    data: Measured
+    best_fit: Array
+    initial_fit: Array
+    mode_numbers: tuple[int, ...] | None
     residuals: Array
-    deviation: float
-    estimated: bool
-    freedom: int
-    unseen: tuple[ParameterCombination, ...]
+    error_std: float
+    error_std_estimated: bool
+    dof: int
+    unidentifiable: tuple[ParameterCombination, ...]
     certificate: FitCertificate
-    source: str
-    freedoms: dict[str, float]
-    each: tuple[dict[str, float], ...]
-    build: Any = field(default=None, repr=False, compare=False)
+    uncertainty_source: str
+    parameter_dof: dict[str, float]
+    per_dataset: tuple[dict[str, float], ...]
+    model: Any = field(default=None, repr=False, compare=False)
 
     def __getstate__(self) -> dict[str, Any]:
         state = dict(self.__dict__)
         try:
-            pickle.dumps(self.build)
+            pickle.dumps(self.model)
         except (pickle.PicklingError, AttributeError, TypeError):  # a function within a function
             state["build"] = None
         return state
@@ -112,10 +112,10 @@ class FitResult:
     def family(
         self,
         probability: float = 0.95,
-        margin: float = 0.0,
+        range_margin: float = 0.0,
         *,
         union_with: "Sequence[FitResult]" = (),
-        build: Any = None,
+        model: Any = None,
     ) -> Family:
         """Return the structures over a box that holds all parameters at once with a probability.
 
@@ -123,11 +123,11 @@ class FitResult:
         ----------
         probability : float
             That the box holds all of them, between 0.5 and 1: ranges are wider than intervals, by Bonferroni's bound.
-        margin : float
+        range_margin : float
             Share of each value by which its range is widened to either side, for what changes after the measurement.
         union_with : sequence of FitResult
             Fits of the same parameters to other measurements: the box is the smallest that contains the boxes of all.
-        build : callable, optional
+        model : callable, optional
             Makes a `SecondOrderModel` of the parameters, or a hub-beam, as controllers are to see it: with its actuators,
             say, or their delay.  By default that of the fit.
 
@@ -147,17 +147,17 @@ class FitResult:
         >>> import boomctl as bc
         >>> def mass(p):
         ...     return bc.structure.SecondOrderModel([[2.0]], [[0.1]], [[p["stiffness"]]], {"force": [1.0]}, {"place": [1.0]})
-        >>> found = bc.fit(mass, [0.8], start={"stiffness": 10.0}, free=["stiffness"], deviation=0.01)
-        >>> [round(end, 1) for end in found.family(margin=0.1).ranges["stiffness"]]
+        >>> found = bc.fit(mass, [0.8], initial={"stiffness": 10.0}, free=["stiffness"], error_std=0.01)
+        >>> [round(end, 1) for end in found.family(range_margin=0.1).ranges["stiffness"]]
         [44.2, 57.8]
         """
-        ranges = union(self, union_with, probability, margin)
-        return of_fit(self.build if build is None else build, self.parameters, self.values, ranges)
+        ranges = union(self, union_with, probability, range_margin)
+        return of_fit(self.model if model is None else model, self.parameters, self.values, ranges)
 
     @property
-    def uncertain(self) -> tuple[dict[str, tuple[float, float, float]], dict[str, float]]:
+    def _uncertain(self) -> tuple[dict[str, tuple[float, float, float]], dict[str, float]]:
         """Value and ends of the interval of each parameter, and degrees of freedom."""
-        return {name: (self.values[name], *self.intervals[name]) for name in self.names}, self.freedoms
+        return {name: (self.values[name], *self.intervals[name]) for name in self.names}, self.parameter_dof
 
     def interval_text(self, name: str) -> str:
         """Return the interval of a parameter in words.
@@ -178,7 +178,7 @@ class FitResult:
             return "not determined" if open_low else f"{low:.5g} or more"
         return f"{high:.5g} or less" if open_low else f"{low:.5g} to {high:.5g}"
 
-    def render(self) -> str:
+    def __str__(self) -> str:
         """Return parameters, intervals, what is not seen and the certificate as lines of text.
 
         Returns
@@ -187,25 +187,29 @@ class FitResult:
             One line for each parameter, then what was found of the fit.
         """
         width = max(len(name) for name in self.names)
-        numbers = f"{self.measured.size} numbers ({self.measured.kind})"
+        numbers = f"{self.data.size} numbers ({self.data.kind})"
         lines = [f"fit of {count(len(self.names), 'parameter')} to {numbers}: {self.certificate.adequacy}"]
         lines += [f"{n:{width}}  {self.values[n]:<12.6g} {self.interval_text(n)}" for n in self.names]
-        lines += [f"not determined: {each.text}" for each in self.unseen]
-        for k, values in enumerate(self.each, start=1):
+        lines += [f"not determined: {each.description}" for each in self.unidentifiable]
+        for k, values in enumerate(self.per_dataset, start=1):
             lines.append(f"data set {k}: {', '.join(f'{n} = {value:.5g}' for n, value in values.items())}")
-        lines += [self._errors(), f"{100.0 * self.confidence:g} % intervals from {self.source}"]
+        lines += [self._errors(), f"{100.0 * self.confidence_level:g} % intervals from {self.uncertainty_source}"]
         return "\n  ".join([*lines, self.certificate.checks])
 
     def __repr__(self) -> str:
         values = ", ".join(f"{name} = {self.values[name]:.6g} ({self.interval_text(name)})" for name in self.names)
-        lines = [f"FitResult: {self.certificate.adequacy}", values, *(each.text for each in self.unseen[:1])]
+        lines = [
+            f"FitResult: {self.certificate.adequacy}",
+            values,
+            *(each.description for each in self.unidentifiable[:1]),
+        ]
         return "\n  ".join(shorten(line, WIDTH - 2, placeholder=" ...") for line in [*lines, self.certificate.checks])
 
     def _errors(self) -> str:
-        if np.isnan(self.deviation):
+        if np.isnan(self.error_std):
             return "as many parameters as numbers: the residuals do not show the errors; give a deviation"
-        size = f"{100.0 * self.deviation:.3g} %" if self.measured.errors == "relative" else f"{self.deviation:.3g}"
-        return f"errors of {size}, {'estimated from the residuals' if self.estimated else 'as given'}"
+        size = f"{100.0 * self.error_std:.3g} %" if self.data.errors == "relative" else f"{self.error_std:.3g}"
+        return f"errors of {size}, {'estimated from the residuals' if self.error_std_estimated else 'as given'}"
 
     def plot(self, ax: "Axes | None" = None, **style: Any) -> "Axes":
         """Draw measured values beside fitted ones and those at the start.

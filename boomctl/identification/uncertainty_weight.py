@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 @one_blas_thread
 def uncertainty_weight(
-    measured: "FrequencyResponseEstimate | control.FrequencyResponseData | Sequence[Any]",
+    data: "FrequencyResponseEstimate | control.FrequencyResponseData | Sequence[Any]",
     model: Any,
     inputs: str | Sequence[str] | None = None,
     outputs: str | Sequence[str] | None = None,
@@ -37,7 +37,7 @@ def uncertainty_weight(
 
     Parameters
     ----------
-    measured : FrequencyResponseEstimate, FrequencyResponseData, or a list of such
+    data : FrequencyResponseEstimate, FrequencyResponseData, or a list of such
         As `fit` takes it; without ``deviation`` the measurement is taken for exact.  Of several data sets the largest counts.
     model : SecondOrderModel, StateSpace, FrequencyResponseData, ...
         The model, such as ``build(found.parameters)`` of a fit, or ``found.model`` of an identification.
@@ -85,22 +85,22 @@ def uncertainty_weight(
     level = confident("probability", probability)
     poles = whole("order", order, most=MOST)
     falling = whole("fall", fall, 0, poles)
-    data = Measured.of(measured, None, None, "absolute", None, None)
-    if data.kind != RESPONSE or data.omega is None or data.labels is None:
-        raise TypeError(f"measured: expected a complex frequency response, got {data.kind}")
+    seen = Measured.of(data, None, None, "absolute", None, None)
+    if seen.kind != RESPONSE or seen.omega is None or seen.labels is None:
+        raise TypeError(f"data: expected a complex frequency response, got {seen.kind}")
     ins, outs = (
         some_names(what, wanted, there)
-        for what, wanted, there in zip(("input", "output"), (inputs, outputs), data.labels, strict=True)
+        for what, wanted, there in zip(("input", "output"), (inputs, outputs), seen.labels, strict=True)
     )
-    left = np.abs(data.values - answered(model, data)[0])
-    if data.noise is not None:  # real and imaginary part normal: the size of their error is Rayleigh's
-        hidden = np.where(data.kept, data.noise * np.where(data.kept, data.spread, 0.0), 0.0)
+    left = np.abs(seen.values - answered(model, seen)[0])
+    if seen.noise is not None:  # real and imaginary part normal: the size of their error is Rayleigh's
+        hidden = np.where(seen.kept, seen.noise * np.where(seen.kept, seen.spread, 0.0), 0.0)
         left += np.sqrt(-2.0 * np.log(1.0 - level)) * hidden
-    omega, entries = data.omega, []
+    omega, entries = seen.omega, []
     for y in outs:
         for u in ins:
-            at = data.labels[1].index(y), data.labels[0].index(u)
-            use = data.kept[at] & (omega > 0.0)
+            at = seen.labels[1].index(y), seen.labels[0].index(u)
+            use = seen.kept[at] & (omega > 0.0)
             if not left[at][use].any():
                 raise ValueError(
                     f"model: expected one that leaves something of what was measured from {u} to {y}, got none"

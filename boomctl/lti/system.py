@@ -567,7 +567,7 @@ def _instead(system: object, models: bool) -> str:
     for held, words in (("controller", ".controller"), ("system", ".system")):
         if is_statespace(getattr(system, held, None)):
             return f"; its {words} is one"
-    for method, words in (("to_statespace", ""), ("assemble", ".assemble()"), ("deltas", ".at(...)")):
+    for method, words in (("to_statespace", ""), ("assemble", ".assemble()"), ("normalize", ".at(...)")):
         if hasattr(system, method):
             return f"; its {words}{to_states} is one"
     ready = "boomctl.spray_boom(), .assemble() of an Assembly or " if models else ""

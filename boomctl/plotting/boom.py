@@ -29,7 +29,7 @@ def draw_figure_3(
         ax, below = figure.subplots(2, 1, sharex=True, height_ratios=(2.4, 1.0))
         for i, (name, curve) in enumerate(reversed(curves.items())):
             linestyle = next(value for key, value in _LINES.items() if name.startswith(key))
-            curve.plot(ax, unit="Hz", label=name, linestyle=linestyle, color=COLOURS[(5, 1, 0)[i]])
+            curve.plot(ax, frequency_unit="Hz", label=name, linestyle=linestyle, color=COLOURS[(5, 1, 0)[i]])
         for k, freq in enumerate(measured_hz):
             ax.axvline(
                 freq, color="#777777", linewidth=0.8, dashes=(2, 2), label="measured frequency" if k == 0 else None
@@ -84,14 +84,14 @@ def _slope(ax: Any, sizes: Array, error: Array, order: int) -> None:
     ax.annotate(f"order {order}", (n[1], start * (n[1] / n[0]) ** -order), fontsize=8, ha="left", va="bottom")
 
 
-def draw_friction(study: Any, band_hz: tuple[float, float] = (2.5, 3.5)) -> Any:
+def draw_friction(study: Any, frequency_range_hz: tuple[float, float] = (2.5, 3.5)) -> Any:
     """Draw the singular values of jolt and yaw, linear and with friction, and the lower one over the linear one."""
     freq_hz = study.omega / (2.0 * np.pi)
     with style():
         figure = new_figure(7.4, 7.6)
         top, below = figure.subplots(2, 1, sharex=True, height_ratios=(1.7, 1.0))
         for ax in (top, below):
-            ax.axvspan(*band_hz, color="#999999", alpha=0.15, linewidth=0)
+            ax.axvspan(*frequency_range_hz, color="#999999", alpha=0.15, linewidth=0)
         top.loglog(freq_hz, study.yaw, color="#999999", linewidth=1.0, label="yaw (not touched by cradle friction)")
         top.loglog(freq_hz, study.jolt, color="#000000", label="jolt, linear (Table 2)")
         top.loglog(freq_hz, study.stuck, "--", color="#000000", linewidth=1.0, label="jolt, cradle stuck to platform")
@@ -107,7 +107,10 @@ def draw_friction(study: Any, band_hz: tuple[float, float] = (2.5, 3.5)) -> Any:
         below.set_ylabel("lower singular value\nover the linear one")
         below.set_xlabel("frequency [Hz]")
         top.annotate(
-            "measured below\ncomputed here", (np.sqrt(band_hz[0] * band_hz[1]), 0.055), ha="center", fontsize=7
+            "measured below\ncomputed here",
+            (np.sqrt(frequency_range_hz[0] * frequency_range_hz[1]), 0.055),
+            ha="center",
+            fontsize=7,
         )
         _ticks(below, freq_hz)
         top.plot(

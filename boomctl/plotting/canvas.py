@@ -248,13 +248,13 @@ def common_legend(ax: Any, axes: Any, place: str = "lower center", **options: An
         axes.legend()
 
 
-def frequency_axis(ax: Any, unit: str | None = None, natural: str = "Hz") -> float:
+def frequency_axis(ax: Any, frequency_unit: str | None = None, natural: str = "Hz") -> float:
     """Label an axis of frequencies, and return what angular frequencies [rad/s] are divided by on it.
 
     Parameters
     ----------
     ax : Axes
-    unit : {"Hz", "rad/s"}, optional
+    frequency_unit : {"Hz", "rad/s"}, optional
         By default that of the curves that are there already, also python-control's; otherwise ``natural``.
     natural : str
 
@@ -263,15 +263,17 @@ def frequency_axis(ax: Any, unit: str | None = None, natural: str = "Hz") -> flo
     ValueError
         Another unit, or another one than that of the curves that are there.
     """
-    if unit is not None and unit not in UNITS:
-        raise ValueError(f"unit = {shown(unit)}: expected 'Hz' or 'rad/s'")
+    if frequency_unit is not None and frequency_unit not in UNITS:
+        raise ValueError(f"frequency_unit = {shown(frequency_unit)}: expected 'Hz' or 'rad/s'")
     there = None
     for each in [ax, *ax.get_shared_x_axes().get_siblings(ax)]:
         words = each.get_xlabel() if each.has_data() else ""
         there = there or ("Hz" if search(r"(?<![A-Za-z])Hz\b", words) else "rad/s" if "rad/s" in words else None)
-    if unit is not None and there not in (None, unit):
-        raise ValueError(f"unit = {unit!r}: the curves on these axes are in {there}; leave it out, or use other axes")
-    chosen = unit or there or natural
+    if frequency_unit is not None and there not in (None, frequency_unit):
+        raise ValueError(
+            f"frequency_unit = {frequency_unit!r}: the curves on these axes are in {there}; leave it out, or use other axes"
+        )
+    chosen = frequency_unit or there or natural
     if there is None:
         ax.set_xlabel(f"frequency [{chosen}]")
     return UNITS[chosen]

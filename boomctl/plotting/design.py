@@ -20,7 +20,9 @@ if TYPE_CHECKING:
 _SHOWN = 8  # loops that are drawn at most, those whose peaks are highest (a choice)
 
 
-def plot_reduction(result: "ReductionResult", ax: Any = None, *, unit: str | None = None, **style: Any) -> Any:
+def plot_reduction(
+    result: "ReductionResult", ax: Any = None, *, frequency_unit: str | None = None, **style: Any
+) -> Any:
     """Draw singular values before and after a reduction, the error, and the levels it is proven not to exceed.
 
     Parameters
@@ -28,7 +30,7 @@ def plot_reduction(result: "ReductionResult", ax: Any = None, *, unit: str | Non
     result : ReductionResult
     ax : matplotlib Axes or figure, optional
         By default a new figure of pyplot.
-    unit : {"Hz", "rad/s"}, optional
+    frequency_unit : {"Hz", "rad/s"}, optional
         Of the frequency axis; by default that of the curves that are there already, otherwise Hz.
     **style
         Of all curves, as matplotlib's lines take it; a ``label`` stands before their names.
@@ -44,13 +46,13 @@ def plot_reduction(result: "ReductionResult", ax: Any = None, *, unit: str | Non
         ("largest error", curves.error[None, :], {"color": COLOURS[1]}),
     ]
     with panels(ax, ("singular values",), (6.4, 4.4)) as (axes,):
-        x = curves.omega / frequency_axis(axes, unit)
+        x = curves.omega / frequency_axis(axes, frequency_unit)
         for name, lines, default in looks:
             _curves(axes, x, lines, name, style, default)
         ends = np.array(result.omega_range if result.omega_range is not None else (curves.omega[0], curves.omega[-1]))
         ends = np.maximum(ends, curves.omega[0]) * x[0] / curves.omega[0]
         where = "in the band" if result.omega_range is not None else "everywhere"
-        levels = [("verified", where, result.measured_error, "--", ends)]
+        levels = [("verified", where, result.error_norm, "--", ends)]
         levels += [("bound beforehand", "everywhere", result.error_bound, ":", x[[0, -1]])]
         for name, place, level, dash, across in levels:
             if 0.0 < level < np.inf:
@@ -66,7 +68,9 @@ def plot_reduction(result: "ReductionResult", ax: Any = None, *, unit: str | Non
     return axes
 
 
-def plot_recovery(result: "RecoveryResult", ax: Any = None, *, unit: str | None = None, **style: Any) -> Array:
+def plot_recovery(
+    result: "RecoveryResult", ax: Any = None, *, frequency_unit: str | None = None, **style: Any
+) -> Array:
     """Draw the regulator's loop and the recovered one over frequency, and the gap over the strength of the noise.
 
     Parameters
@@ -74,7 +78,7 @@ def plot_recovery(result: "RecoveryResult", ax: Any = None, *, unit: str | None 
     result : RecoveryResult
     ax : sequence of two matplotlib Axes, or a figure, optional
         By default a new figure of pyplot.
-    unit : {"Hz", "rad/s"}, optional
+    frequency_unit : {"Hz", "rad/s"}, optional
         Of the frequency axis; by default that of the curves that are there already, otherwise Hz.
     **style
         Of all curves, as matplotlib's lines take it; a ``label`` stands before their names.
@@ -85,19 +89,19 @@ def plot_recovery(result: "RecoveryResult", ax: Any = None, *, unit: str | None 
     """
     with panels(ax, ("loops", "gaps"), (9.0, 3.6), divided(1, 2, width_ratios=(1.4, 1.0))) as axes:
         left, right = axes
-        x = result.omega / frequency_axis(left, unit)
+        x = result.omega / frequency_axis(left, frequency_unit)
         for name, lines, default in (
             ("regulator", result.target, {"color": "0.6", "linewidth": 2.6}),
-            (f"LQG, strength {result.strengths[-1]:.3g}", result.recovered, {"color": COLOURS[0]}),
+            (f"LQG, strength {result.noise_intensities[-1]:.3g}", result.recovered, {"color": COLOURS[0]}),
         ):
             _curves(left, x, lines, name, style, default)
         left.axhline(1.0, color="0.3", linewidth=0.7, zorder=0)
         left.set_ylabel("singular values of the loop")
         left.set_title("Loop at the plant's input")
         left.legend()
-        order = np.argsort(result.strengths)
+        order = np.argsort(result.noise_intensities)
         look = line_look(style, color=COLOURS[0], marker="o", markersize=4)
-        right.loglog(result.strengths[order], result.gaps[order], **look)
+        right.loglog(result.noise_intensities[order], result.recovery_errors[order], **look)
         right.set(xlabel="strength of the fictitious noise", ylabel="largest relative gap")
         for each in axes:
             few_labels(each)
@@ -108,7 +112,7 @@ def plot_recovery(result: "RecoveryResult", ax: Any = None, *, unit: str | None 
 
 
 def plot_h_infinity(
-    result: "HInfinityResult", curves: "SigmaResult", ax: Any = None, *, unit: str | None = None, **style: Any
+    result: "HInfinityResult", curves: "SigmaResult", ax: Any = None, *, frequency_unit: str | None = None, **style: Any
 ) -> Any:
     """Draw the singular values of a closed loop, its verified norm, and what no controller goes below.
 
@@ -119,7 +123,7 @@ def plot_h_infinity(
         Of its closed loop.
     ax : matplotlib Axes or figure, optional
         By default a new figure of pyplot.
-    unit : {"Hz", "rad/s"}, optional
+    frequency_unit : {"Hz", "rad/s"}, optional
         Of the frequency axis, by default that of the curves that are there already.
     **style
         Of the curves, as matplotlib's lines take it; a ``label`` stands before their names.
@@ -130,9 +134,9 @@ def plot_h_infinity(
     """
     with panels(ax, ("singular values",), (6.4, 4.2)) as (axes,):
         look = line_look(style, color=COLOURS[0], label="closed loop")
-        curves.plot(axes, unit=unit, **look)
+        curves.plot(axes, frequency_unit=frequency_unit, **look)
         _level(axes, result.gamma, f"norm {result.gamma:.4g}, verified", look["color"])
-        _least(axes, result.certificate.lower)
+        _least(axes, result.certificate.lower_bound)
         legend(axes)
     return axes
 
@@ -142,7 +146,7 @@ def plot_tune(
     curves: "Mapping[str, SigmaResult]",
     ax: Any = None,
     *,
-    unit: str | None = None,
+    frequency_unit: str | None = None,
     **style: Any,
 ) -> Any:
     """Draw the singular values of tuned loops, and the peaks that keep the largest norm from going lower.
@@ -154,7 +158,7 @@ def plot_tune(
         Of its closed loops, by the models' names.
     ax : matplotlib Axes or figure, optional
         By default a new figure of pyplot.
-    unit : {"Hz", "rad/s"}, optional
+    frequency_unit : {"Hz", "rad/s"}, optional
         Of the frequency axis, by default that of the curves that are there already.
     **style
         Of the curves, as matplotlib's lines take it; a ``label`` stands before their names.
@@ -166,16 +170,16 @@ def plot_tune(
     with panels(ax, ("singular values",), (6.4, 4.2)) as (axes,):
         for k, (name, curve) in enumerate(list(curves.items())[:_SHOWN]):
             look = line_look(style, color=COLOURS[k % len(COLOURS)], label=name or "closed loop")
-            curve.plot(axes, unit=unit, **look)
-        whole = [p for p in result.certificate.peaks if p.channel.inputs is None and p.channel.outputs is None]
+            curve.plot(axes, frequency_unit=frequency_unit, **look)
+        whole = [p for p in result.certificate.active_peaks if p.channel.inputs is None and p.channel.outputs is None]
         shown = [p for p in whole if p.channel.norm == "hinf" and 0.0 < p.omega < np.inf]
         if shown:
-            scale = frequency_axis(axes, unit)
+            scale = frequency_axis(axes, frequency_unit)
             at, heights = [p.omega / scale for p in shown], [p.value for p in shown]
             axes.plot(at, heights, "o", color="0.2", markersize=4.0, label="active peaks")
-        if all(p.channel.norm == "hinf" for p in result.certificate.peaks):
+        if all(p.channel.norm == "hinf" for p in result.certificate.active_peaks):
             _level(axes, result.gamma, f"largest norm {result.gamma:.4g}, verified", "0.2")
-        _least(axes, result.certificate.lower)
+        _least(axes, result.certificate.lower_bound)
         legend(axes)
     return axes
 

@@ -24,15 +24,15 @@ def plot_fit(result: "FitResult", ax: Any = None, **drawn: Any) -> Any:
     by magnitude over frequency; of several data sets each in a colour of its own.  ``drawn`` is the style of what is fitted.
     """
     with panels(ax, ("fit",), (6.4, 4.8)) as (axes,):
-        (_draw_curves if result.modes is None else _draw_eigenfrequencies)(result, axes, drawn)
+        (_draw_curves if result.mode_numbers is None else _draw_eigenfrequencies)(result, axes, drawn)
         axes.legend()
     return axes
 
 
 def _draw_eigenfrequencies(result: "FitResult", ax: Any, drawn: dict[str, Any]) -> None:
-    data, modes = result.measured, np.array(result.modes)
+    data, modes = result.data, np.array(result.mode_numbers)
     kept = data.kept
-    error = np.where(kept, data.spread, 0.0) * (0.0 if np.isnan(result.deviation) else result.deviation)
+    error = np.where(kept, data.spread, 0.0) * (0.0 if np.isnan(result.error_std) else result.error_std)
     if data.errors == "relative":
         error = np.array([data.values * -np.expm1(-error), data.values * np.expm1(error)])[:, kept]
     else:
@@ -43,9 +43,9 @@ def _draw_eigenfrequencies(result: "FitResult", ax: Any, drawn: dict[str, Any]) 
         label = f"measured{number}, ± 1 deviation"
         at, values, bars = modes[kept][own], data.values[kept][own], error[..., own]
         ax.errorbar(at, values, yerr=bars, fmt="o", color=COLOURS[_of_set(k)], label=label)
-    ax.plot(modes, result.begun, "x", color=_BEFORE, label="start")
+    ax.plot(modes, result.initial_fit, "x", color=_BEFORE, label="start")
     look = {"marker": "s", "linestyle": "none", "fillstyle": "none", "color": COLOURS[1], "markersize": 9}
-    ax.plot(modes, result.fitted, **{**look, "label": "fitted", **drawn})
+    ax.plot(modes, result.best_fit, **{**look, "label": "fitted", **drawn})
     ax.set_yscale("log")
     ax.set_xticks(modes)
     ax.set_xlabel("mode of the model")
@@ -58,11 +58,11 @@ def _of_set(k: int) -> int:
 
 
 def _draw_curves(result: "FitResult", ax: Any, drawn: dict[str, Any]) -> None:
-    data = result.measured
+    data = result.data
     hz = data.omega / (2.0 * np.pi)  # type: ignore[operator]
     measured = np.where(data.kept, np.abs(data.values), np.nan).reshape(-1, len(hz))
     first = np.unique(hz, return_index=True)[1]  # the model answers the same to every data set
-    fitted, begun = (np.abs(given).reshape(-1, len(hz))[:, first] for given in (result.fitted, result.begun))
+    fitted, begun = (np.abs(given).reshape(-1, len(hz))[:, first] for given in (result.best_fit, result.initial_fit))
     what = "singular value" if data.kind == "singular values" else "entry"
     for k, (seen, line, before) in enumerate(zip(measured, fitted, begun, strict=True)):
         colour = COLOURS[k % len(COLOURS)] if data.member is None else _TOGETHER
@@ -82,13 +82,13 @@ def _draw_curves(result: "FitResult", ax: Any, drawn: dict[str, Any]) -> None:
 
 
 def plot_response(
-    response: "FrequencyResponseEstimate", ax: Any = None, *, unit: str | None = None, **drawn: Any
+    response: "FrequencyResponseEstimate", ax: Any = None, *, frequency_unit: str | None = None, **drawn: Any
 ) -> Any:
     """Draw the magnitude of each entry with its 95 % interval, and the coherence of each output; return the axes."""
     size, error = np.abs(response.frdata), _NORMAL * response.deviation
     entries = [(o, i) for o in range(len(size)) for i in range(size.shape[1])]
     with panels(ax, ("magnitude", "coherence"), (7.0, 5.0)) as axes:
-        omega = response.omega / frequency_axis(axes[1], unit)
+        omega = response.omega / frequency_axis(axes[1], frequency_unit)
         for k, (o, i) in enumerate(entries):
             name = f"{response.input_labels[i]} -> {response.output_labels[o]}"
             named = name if len(entries) <= len(COLOURS) else None
@@ -114,15 +114,15 @@ def plot_identification(found: "IdentificationResult", ax: Any = None, **drawn: 
     """Draw poles over orders with the modes found, and outputs held back beside what is not predicted; return the axes."""
     with panels(ax, ("stabilisation", "validation"), (7.0, 5.5)) as axes:
         first = {"label": "pole before the fit"}
-        for order, poles in found.stabilization.items():
+        for order, poles in found.stabilization_poles.items():
             look = line_look({}, marker=".", linestyle="none", color=_BEFORE, **first)
             axes[0].plot(poles.imag / (2.0 * np.pi), np.full(len(poles), order), **look)
             first = {}
         for k, mode in enumerate(found.modes):
-            label = None if k else "mode, 95 % interval" if found.confidence == 0.95 else "mode, interval"
+            label = None if k else "mode, 95 % interval" if found.confidence_level == 0.95 else "mode, interval"
             axes[0].axvline(mode.frequency_hz, color=COLOURS[1], linewidth=1.0, label=label)
             axes[0].axvspan(*mode.frequency_interval_hz, color=COLOURS[1], alpha=_SHADE, linewidth=0.0)
-        hz, outputs, left = found.spectra
+        hz, outputs, left = found.validation_spectra
         axes[1].plot(hz, outputs, **line_look(drawn, color=COLOURS[0], label="outputs"))
         axes[1].plot(hz, left, **line_look(drawn, color=COLOURS[5], linewidth=0.8, label="not predicted"))
         axes[1].set_yscale("log")
@@ -130,6 +130,6 @@ def plot_identification(found: "IdentificationResult", ax: Any = None, **drawn: 
         axes[1].set_ylabel("size over outputs' size")
         frequency_axis(axes[1])
         for each in axes:
-            each.set_xlim(*found.band_hz)
+            each.set_xlim(*found.frequency_range_hz)
             legend(each, loc="upper right")
     return axes

@@ -42,7 +42,7 @@ def _looks(style: dict[str, Any], curves: Iterable[str], named: bool = False, **
     return found
 
 
-def plot_bode(result: "BodeResult", ax: Any = None, *, unit: str | None = None, **style: Any) -> Array:
+def plot_bode(result: "BodeResult", ax: Any = None, *, frequency_unit: str | None = None, **style: Any) -> Array:
     """Draw sizes above phases over frequency, one curve for each pair of signals.
 
     Parameters
@@ -50,7 +50,7 @@ def plot_bode(result: "BodeResult", ax: Any = None, *, unit: str | None = None, 
     result : BodeResult
     ax : sequence of two matplotlib Axes, or a figure, optional
         Size and phase; by default a new figure of pyplot.
-    unit : {"Hz", "rad/s"}, optional
+    frequency_unit : {"Hz", "rad/s"}, optional
         Of the frequency axis, by default that of the curves that are there.
     **style
         Of the curves, as matplotlib's lines take it; a ``label`` stands before their names.
@@ -61,13 +61,16 @@ def plot_bode(result: "BodeResult", ax: Any = None, *, unit: str | None = None, 
     """
     with panels(ax, ("magnitude", "phase"), (6.4, 5.4)) as axes:
         upper, lower = axes
-        scale = frequency_axis(lower, unit, result.unit)
+        scale = frequency_axis(lower, frequency_unit, result.frequency_unit)
         seen = result.omega > 0.0  # there is no zero on a logarithmic axis
-        x, pairs = result.omega[seen] / scale, list(product(range(len(result.outputs)), range(len(result.inputs))))
-        pair_names = [f"{result.inputs[i]} → {result.outputs[o]}" for o, i in pairs]
+        x, pairs = (
+            result.omega[seen] / scale,
+            list(product(range(len(result.output_labels)), range(len(result.input_labels)))),
+        )
+        pair_names = [f"{result.input_labels[i]} → {result.output_labels[o]}" for o, i in pairs]
         phase = result.phase_deg
         for (o, i), look in zip(pairs, _looks(style, pair_names), strict=True):
-            size = np.abs(result.values[o, i])[seen]
+            size = np.abs(result.frdata[o, i])[seen]
             (upper.loglog if (size > 0.0).any() else upper.semilogx)(x, size, **look)
             lower.semilogx(x, phase[o, i][seen], **look)
         if result._unstable:
@@ -99,10 +102,10 @@ def plot_nyquist(result: "NyquistResult", ax: Any = None, **style: Any) -> Any:
     matplotlib Axes
     """
     with panels(ax, ("Nyquist curve",), (4.8, 5.4)) as (axes,):
-        turns = f"{result.encirclements} encirclements, {result.open_loop_poles} unstable open-loop poles: "
-        said = turns + ("stable" if result.stable else f"{result.closed_loop_poles} unstable")
+        turns = f"{result.encirclements} encirclements, {result.open_loop_unstable_poles} unstable open-loop poles: "
+        said = turns + ("stable" if result.stable else f"{result.closed_loop_unstable_poles} unstable")
         name = "L" if len(result.signals) == 1 else "det(I + L) − 1"
-        _around(axes, result.curve, result.disk, said, name, style)
+        _around(axes, result.curve, result.disk_margin, said, name, style)
     return axes
 
 
@@ -170,14 +173,14 @@ def plot_transient(result: "TimeResponse", ax: Any = None, **style: Any) -> Arra
     -------
     (p,) ndarray of matplotlib Axes
     """
-    with panels(ax, result.outputs, (6.4, 1.2 + 1.7 * len(result.outputs))) as axes:
-        steps = [f"{result.kind} of {name}" for name in result.inputs]
-        for each, rows in zip(axes, result.values, strict=True):
+    with panels(ax, result.output_labels, (6.4, 1.2 + 1.7 * len(result.output_labels))) as axes:
+        steps = [f"{result.kind} of {name}" for name in result.input_labels]
+        for each, rows in zip(axes, result.outputs, strict=True):
             for look, row in zip(_looks(style, steps, linewidth=1.0), rows, strict=True):
                 draw = each.step if result.dt else each.plot
                 draw(result.time, row, **(look | ({"where": "post"} if result.dt else {})))
         legend(axes[0], "above", 2)
-        over_time(axes, result.outputs)
+        over_time(axes, result.output_labels)
     return axes
 
 
@@ -294,11 +297,11 @@ def plot_comparison(what: str, drawn: dict[str, Any], ax: Any = None, *, signals
             half = NARROW
             for margins, look in zip(drawn.values(), _looks(style, drawn, named=True), strict=True):
                 loop = margins[signal]
-                L = -loop.open_loop[1]
-                draw_critical(each, loop.disk, outlined=look["color"])
-                words = f"{look['label']}: disk {loop.disk.alpha:.3g}"
+                L = -loop.loop_gain[1]
+                draw_critical(each, loop.disk_margin, outlined=look["color"])
+                words = f"{look['label']}: disk {loop.disk_margin.alpha:.3g}"
                 each.plot(L.real, L.imag, **(look | {"label": words}))
-                gains = [1.0 / g for g in (loop.gain_low, loop.gain_high) if 0.0 < g < np.inf]
+                gains = [1.0 / g for g in loop.gain_margin if 0.0 < g < np.inf]
                 half = float(np.clip(ROOM * max(gains, default=1.0), half, WIDE))
             each.set(xlim=(-half, half), ylim=(-half, half), aspect="equal", xlabel="Re(−L)", ylabel="Im(−L)")
             legend(each, "above left", title=f"opened at {signal}", title_fontsize=8, fontsize=7, alignment="left")
@@ -321,7 +324,9 @@ def plot_exact_loop(result: "NyquistStability", ax: Any = None, **style: Any) ->
     matplotlib Axes
     """
     verdict = "stable" if result.stable else f"{result.unstable_poles} unstable"
-    said = f"{result.encirclements} encirclements, {result.controller_poles} unstable controller poles: {verdict}"
+    said = (
+        f"{result.encirclements} encirclements, {result.unstable_controller_poles} unstable controller poles: {verdict}"
+    )
     with panels(ax, ("Nyquist curve",), (4.8, 5.4)) as (axes,):
         _around(axes, _smooth(result.curve), None, said, "det(I − G K) − 1", style)
     return axes
@@ -343,12 +348,12 @@ def plot_mode_table(result: "ModeTable", ax: Any = None, **style: Any) -> Any:
     matplotlib Axes
     """
     with panels(ax, ("damping",), (6.0, 3.8)) as (axes,):
-        seen = [row for row in result.rows if row.damping > 0.0 and np.isfinite(row.omega) and row.omega > 0.0]
+        seen = [row for row in result.rows if row.damping_ratio > 0.0 and np.isfinite(row.omega) and row.omega > 0.0]
         missing = len(result.rows) - len(seen)
         said = f"modes ({missing} without damping not shown)" if missing else "modes"
         look = line_look(style, color=COLOURS[0], marker="o", markersize=4, linestyle="none")
         label = look.pop("label", None)
-        x, y = ([row.omega / (2.0 * np.pi) for row in seen], [100.0 * row.damping for row in seen])
+        x, y = ([row.omega / (2.0 * np.pi) for row in seen], [100.0 * row.damping_ratio for row in seen])
         axes.loglog(x, y, label=f"{label}: {said}" if label else said, **look)
         axes.set(xlabel="natural frequency [Hz]", ylabel="damping [%]")
         few_labels(axes)

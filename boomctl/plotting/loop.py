@@ -44,12 +44,12 @@ def plot_loop(
         Unknown outputs; other axes, or not so many; no property of a line.
     """
     groups = [
-        *_panels("outputs", _chosen(result.outputs, outputs, without=result.strokes), result.units),
-        *_panels("strokes", result.strokes, result.units),
+        *_panels("outputs", _chosen(result.outputs, outputs, without=result._strokes), result.units),
+        *_panels("strokes", result._strokes, result.units),
         *_panels("controls", result.controls, result.units),
     ]
     if result.friction is not None:
-        groups.append(("friction", "friction [N]", {result.friction.input: result.friction.force}))
+        groups.append(("friction", "friction [N]", {result.friction.force_input: result.friction.force}))
     if not groups:
         raise ValueError("outputs: expected at least one name, got none, and there is nothing else to draw")
     return _draw_groups(result, groups, ax, style)
@@ -88,11 +88,11 @@ def _draw(ax: Any, result: Any, kind: str, signals: dict[str, Any], style: dict[
     low, high = ax.get_ylim() if ax.has_data() else (0.0, 0.0)
     for k, (name, values) in enumerate(signals.items()):
         look = line_look(style, color=COLOURS[k % len(COLOURS)], linewidth=1.0, label=name)
-        if kind == "controls" and (result.saturation_share[name] or result.rate_share[name]):
+        if kind == "controls" and (result.saturation_fraction[name] or result.rate_limit_fraction[name]):
             behind = look | {"linewidth": 0.8, "alpha": 0.35, "label": f"{look['label']}, asked for"}
-            ax.plot(result.time, result.asked[name], **behind)
+            ax.plot(result.time, result.commanded[name], **behind)
         ax.plot(result.time, values, **look)
-        hits = [hit.time for hit in result.stops if hit.output == name] if kind == "strokes" else []
+        hits = [hit.time for hit in result.stop_contacts if hit.output == name] if kind == "strokes" else []
         if hits:
             label = f"{look['label']}: {len(hits)} {'hit' if len(hits) == 1 else 'hits'}"
             at = np.interp(hits, result.time, values)

@@ -33,7 +33,7 @@ def plot_margins(result: "Margins", ax: Any = None, **style: Any) -> Array:
     (n,) ndarray of matplotlib Axes
     """
     columns, rows, divide = in_rows(len(result.loops))
-    names = [f"{loop.place} {loop.signal}" for loop in result.loops]
+    names = [f"{loop.location} {loop.signal}" for loop in result.loops]
     with panels(ax, names, (3.4 * columns, 4.3 * rows), divide) as axes:
         for each, loop in zip(axes, result.loops, strict=True):
             _draw(each, loop, style)
@@ -67,8 +67,11 @@ def draw_critical(ax: Any, disk: "DiskMargin | None", *, outlined: Any = None) -
     """Draw the unit circle, the critical point, and the disk that a loop does not enter: shaded, or its edge in a colour."""
     angle = np.linspace(0.0, 2.0 * np.pi, 181)
     across, up = np.cos(angle), np.sin(angle)
-    if disk is not None and disk.gain < _FLAT:
-        middle, radius = -0.5 * (disk.gain + 1.0 / disk.gain), 0.5 * (disk.gain - 1.0 / disk.gain)
+    if disk is not None and disk.gain_margin < _FLAT:
+        middle, radius = (
+            -0.5 * (disk.gain_margin + 1.0 / disk.gain_margin),
+            0.5 * (disk.gain_margin - 1.0 / disk.gain_margin),
+        )
         if outlined is None:
             ax.fill(middle + radius * across, radius * up, color=SHADE, zorder=0)
         else:
@@ -80,10 +83,10 @@ def draw_critical(ax: Any, disk: "DiskMargin | None", *, outlined: Any = None) -
 
 
 def _draw(ax: Any, loop: "LoopMargin", style: dict[str, Any]) -> None:
-    omega, L = loop.open_loop
-    curve, disk = -L, loop.disk
+    omega, L = loop.loop_gain
+    curve, disk = -L, loop.disk_margin
     look = line_look(style, color=COLOURS[0], marker="." if len(L) == 1 else "none")  # a static loop is a point
-    far = [1.0, *(1.0 / factor for factor in (loop.gain_low, loop.gain_high) if 0.0 < factor < np.inf)]
+    far = [1.0, *(1.0 / factor for factor in loop.gain_margin if 0.0 < factor < np.inf)]
     half = float(np.clip(ROOM * max(far), NARROW, WIDE))
     draw_critical(ax, disk)
     ax.plot(curve.real, curve.imag, **look)
@@ -104,14 +107,27 @@ def _marks(loop: "LoopMargin", omega: Array, curve: Array) -> list[tuple[str, li
     def hz(at: float) -> str:
         return f" at {at / (2.0 * np.pi):.3g} Hz" if np.isfinite(at) else ""
 
-    gains = [complex(-1.0 / factor) for factor in (loop.gain_low, loop.gain_high) if 0.0 < factor < np.inf]
-    high = f"{loop.gain_high:.3g}" if np.isfinite(loop.gain_high) else "∞"
-    phase = f"phase ±{loop.phase_deg:.3g}°{hz(loop.phase_omega)}" if np.isfinite(loop.phase_deg) else "phase: any"
-    delay = f"delay {loop.delay:.3g} s{hz(loop.delay_omega)}" if np.isfinite(loop.delay) else "delay: any"
-    doubt = "" if loop.disk.certified else ", not certified"
+    gains = [complex(-1.0 / factor) for factor in loop.gain_margin if 0.0 < factor < np.inf]
+    high = f"{loop.gain_margin[1]:.3g}" if np.isfinite(loop.gain_margin[1]) else "∞"
+    phase = (
+        f"phase ±{loop.phase_margin_deg:.3g}°{hz(loop.phase_margin_omega)}"
+        if np.isfinite(loop.phase_margin_deg)
+        else "phase: any"
+    )
+    delay = (
+        f"delay {loop.delay_margin:.3g} s{hz(loop.delay_margin_omega)}"
+        if np.isfinite(loop.delay_margin)
+        else "delay: any"
+    )
+    doubt = "" if loop.disk_margin.certified else ", not certified"
     return [
-        (f"gain {loop.gain_low:.3g} to {high}", gains, "s", COLOURS[1]),
-        (phase, place(loop.phase_omega), "o", COLOURS[2]),
-        (delay, place(loop.delay_omega), "^", COLOURS[3]),
-        (f"disk {loop.disk.alpha:.3g}{doubt}{hz(loop.disk.omega)}", place(loop.disk.omega), "D", COLOURS[5]),
+        (f"gain {loop.gain_margin[0]:.3g} to {high}", gains, "s", COLOURS[1]),
+        (phase, place(loop.phase_margin_omega), "o", COLOURS[2]),
+        (delay, place(loop.delay_margin_omega), "^", COLOURS[3]),
+        (
+            f"disk {loop.disk_margin.alpha:.3g}{doubt}{hz(loop.disk_margin.omega)}",
+            place(loop.disk_margin.omega),
+            "D",
+            COLOURS[5],
+        ),
     ]

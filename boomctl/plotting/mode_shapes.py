@@ -34,7 +34,7 @@ def plot_mode_shapes(result: "ModeShapes", ax: Any = None, **style: Any) -> Arra
     (k,) ndarray of matplotlib Axes
     """
     count = len(result.names)
-    rests = np.vstack([line.points for line in result.lines]) if result.lines else np.zeros((0, 2))
+    rests = np.vstack([line.points for line in result.bodies]) if result.bodies else np.zeros((0, 2))
     flat = bool(len(rests)) and float(np.ptp(rests[:, 1])) <= _FLAT * float(np.ptp(rests[:, 0]))
     columns, rows, divide = in_rows(count)
     below = flat or not len(rests)
@@ -42,7 +42,7 @@ def plot_mode_shapes(result: "ModeShapes", ax: Any = None, **style: Any) -> Arra
     with panels(ax, result.names, size, None if below else divide) as axes:
         for k, (each, name) in enumerate(zip(axes, result.names, strict=True)):
             if len(rests):
-                _machine(each, result.lines, k, flat, float(np.ptp(rests, axis=0).max()), style)
+                _machine(each, result.bodies, k, flat, float(np.ptp(rests, axis=0).max()), style)
             else:
                 _bars(each, result, k, style)
             each.set_title(name + (f" ({_ACROSS})" if each.get_gid() == _ACROSS else ""))
@@ -67,16 +67,16 @@ def _machine(
     beams = 0
     if along:
         ax.set_gid(_ACROSS)
-    for k, line in enumerate(sorted(lines, key=lambda line: line.bends)):
+    for k, line in enumerate(sorted(lines, key=lambda line: line.is_beam)):
         rest, motion = line.points, factor * line.displacement[mode]
         if along:  # a motion along a line is drawn across it
             motion = motion[:, ::-1] * np.array([0.0, 1.0])
         moved = rest + motion * (np.array([0.0, 1.0]) if flat else 1.0)
         look = {"color": ("0.25", "0.5", "0.7")[k % 3], "linewidth": 2.2, "label": line.name, "solid_capstyle": "round"}
-        if line.bends:
+        if line.is_beam:
             look = line_look(style, color=COLOURS[beams % len(COLOURS)], label=line.name)
             beams += 1
-        if len(moved) == 1 and not line.bends:
+        if len(moved) == 1 and not line.is_beam:
             look |= {"marker": "s", "markersize": 4, "linestyle": "none"}
         ax.plot(rest[:, 0], rest[:, 1], color="0.75", linewidth=0.8, linestyle="--", zorder=0)
         ax.plot(moved[:, 0], moved[:, 1], **look)

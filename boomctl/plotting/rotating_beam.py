@@ -85,23 +85,23 @@ def plot_campbell(result: "CampbellDiagram", ax: Any = None, **style: Any) -> An
         before = [name for name in axes.get_legend_handles_labels()[1] if name != _CRITICAL]
         look = line_look(style, color=COLOURS[len(before) % len(COLOURS)])
         label, speeds = look.pop("label", result.model), result.hub_speeds
-        for k, line in enumerate(result.frequencies_hz.T):
+        for k, line in enumerate(result.eigenfrequencies_hz.T):
             axes.plot(speeds, line, **(look | {"label": label if k == 0 else None}))
-        top = 1.08 * float(result.frequencies_hz.max())
+        top = 1.08 * float(result.eigenfrequencies_hz.max())
         if fresh:
             axes.set(xlim=(speeds[0], speeds[-1]), ylim=(0.0, top), xlabel="hub speed [rad/s]", ylabel="frequency [Hz]")
             _orders(axes, result.orders, float(speeds[-1]), top)
         else:
             axes.set(xlim=(0.0, max(speeds[-1], axes.get_xlim()[1])), ylim=(0.0, max(top, axes.get_ylim()[1])))
-        met = [(c.hub_speed, c.frequency_hz) for c in result.crossings]
+        met = [(c.hub_speed, c.frequency_hz) for c in result.critical_speeds]
         if met:
             x, y = np.array(met).T
             said = None if _CRITICAL in axes.get_legend_handles_labels()[1] else _CRITICAL
             axes.plot(x, y, "o", color=look["color"], markersize=5, fillstyle="none", label=said)
-        if speeds[0] <= result.stiffness_lost <= 1.05 * axes.get_xlim()[1]:
-            axes.axvline(result.stiffness_lost, color=look["color"], linewidth=0.8, linestyle=":")
+        if speeds[0] <= result.divergence_speed <= 1.05 * axes.get_xlim()[1]:
+            axes.axvline(result.divergence_speed, color=look["color"], linewidth=0.8, linestyle=":")
             axes.annotate(
-                f"{result.model}: stiffness lost", (result.stiffness_lost, 0.5), xytext=(3, 0), rotation=90,
+                f"{result.model}: stiffness lost", (result.divergence_speed, 0.5), xytext=(3, 0), rotation=90,
                 xycoords=("data", "axes fraction"), textcoords="offset points", va="center", fontsize=7, color=look["color"],
             )  # fmt: skip
         legend(axes, "above left", 4)

@@ -14,7 +14,7 @@ _PEAK = "certified peak"
 _SIZE = (6.4, 4.2)  # in: a column and a half of a paper
 
 
-def plot_sigma(result: "SigmaResult", ax: Any = None, *, unit: str | None = None, **style: Any) -> Any:
+def plot_sigma(result: "SigmaResult", ax: Any = None, *, frequency_unit: str | None = None, **style: Any) -> Any:
     """Draw singular values over frequency, both axes logarithmic, and mark a certified peak.
 
     Of an unstable system, which answers no sine so, the curves are dotted and the picture says why.
@@ -24,7 +24,7 @@ def plot_sigma(result: "SigmaResult", ax: Any = None, *, unit: str | None = None
     result : SigmaResult
     ax : matplotlib Axes, Figure or SubFigure, optional
         Where to draw, for instance an axes of one of python-control's own plots; by default a new figure of pyplot.
-    unit : {"Hz", "rad/s"}, optional
+    frequency_unit : {"Hz", "rad/s"}, optional
         Of the frequency axis.  By default that of the curves that are there already, otherwise that in which the
         frequencies were asked for, Hz where none were.
     **style
@@ -40,15 +40,15 @@ def plot_sigma(result: "SigmaResult", ax: Any = None, *, unit: str | None = None
         Other axes; an unknown unit, or another one than that of the curves that are there; no property of a line.
     """
     with panels(ax, ("singular values",), _SIZE) as (axes,):
-        _draw(result, axes, unit, style)
+        _draw(result, axes, frequency_unit, style)
         _legend(axes)
     return axes
 
 
-def _draw(result: "SigmaResult", ax: Any, unit: str | None, style: dict[str, Any]) -> None:
+def _draw(result: "SigmaResult", ax: Any, frequency_unit: str | None, style: dict[str, Any]) -> None:
     look = line_look(style)
-    scale, label = frequency_axis(ax, unit, result.unit), look.pop("label", None)
-    if result.unstable:
+    scale, label = frequency_axis(ax, frequency_unit, result.frequency_unit), look.pop("label", None)
+    if not result.stable:
         look["linestyle"], label = ":", f"{label} (unstable)" if label else label
     seen = result.omega > 0.0  # there is no zero on a logarithmic axis
     draw = ax.loglog if (result.sigma[:, seen] > 0.0).any() or ax.has_data() else ax.semilogx
@@ -56,7 +56,7 @@ def _draw(result: "SigmaResult", ax: Any, unit: str | None, style: dict[str, Any
         (drawn,) = draw(result.omega[seen] / scale, line[seen], label=label if k == 0 else None, **look)
         look["color"] = drawn.get_color()
     color = look.get("color")
-    if result.unstable:
+    if not result.stable:
         said = f"{label or 'unstable'}: no response to sines, which would grow"
         place = 1.02 + 0.06 * len(ax.texts)  # of the axes: beside all curves, above what is said of other systems
         ax.text(0.5, place, said, transform=ax.transAxes, ha="center", va="bottom", color=color, fontweight="bold")
@@ -64,8 +64,8 @@ def _draw(result: "SigmaResult", ax: Any, unit: str | None, style: dict[str, Any
         said = None if _PEAK in ax.get_legend_handles_labels()[1] else _PEAK
         x, y = result.peak_omega / scale, result.peak
         ax.plot(x, y, "o", color=color, markersize=4, fillstyle="none", label=said)
-    if result.value_unit or not ax.get_ylabel():
-        ax.set_ylabel(labelled("singular values", result.value_unit))
+    if result.magnitude_unit or not ax.get_ylabel():
+        ax.set_ylabel(labelled("singular values", result.magnitude_unit))
     few_labels(ax)
 
 
@@ -77,14 +77,14 @@ def _legend(ax: Any) -> None:
 
 
 def plot_sigma_comparison(
-    comparison: "SigmaComparison", ax: Any = None, *, unit: str | None = None, **style: Any
+    comparison: "SigmaComparison", ax: Any = None, *, frequency_unit: str | None = None, **style: Any
 ) -> Any:
     """Draw the singular values of several systems, each in a colour of its own, on one frequency axis.
 
     Parameters
     ----------
     comparison : SigmaComparison
-    ax, unit, **style
+    ax, frequency_unit, **style
         As for :func:`plot_sigma`; ``style`` is that of all curves.
 
     Returns
@@ -93,18 +93,20 @@ def plot_sigma_comparison(
     """
     with panels(ax, ("singular values",), _SIZE) as (axes,):
         for name, result in comparison.curves.items():
-            _draw(result, axes, unit, line_look(style, label=name))
+            _draw(result, axes, frequency_unit, line_look(style, label=name))
         _legend(axes)
     return axes
 
 
-def plot_measured(curve: "MeasuredFrequencyResponse", ax: Any = None, *, unit: str | None = None, **style: Any) -> Any:
+def plot_measured(
+    curve: "MeasuredFrequencyResponse", ax: Any = None, *, frequency_unit: str | None = None, **style: Any
+) -> Any:
     """Draw a measured curve, by dots; on a sigma plot it lies over the computed ones.
 
     Parameters
     ----------
     curve : MeasuredFrequencyResponse
-    ax, unit, **style
+    ax, frequency_unit, **style
         As for :func:`plot_sigma`; by default in Hz, as measured.
 
     Returns
@@ -113,11 +115,11 @@ def plot_measured(curve: "MeasuredFrequencyResponse", ax: Any = None, *, unit: s
     """
     with panels(ax, ("measured",), _SIZE) as (axes,):
         fresh = not axes.has_data()
-        scale = frequency_axis(axes, unit)
+        scale = frequency_axis(axes, frequency_unit)
         for label, line in zip(curve.labels, curve.magnitude, strict=True):
             look = line_look(style, label=label, color="#444444", linestyle="none", marker=".", markersize=4)
-            seen = (curve.freq_hz > 0.0) & (line > 0.0) if fresh else slice(None)
-            axes.plot(2.0 * np.pi * curve.freq_hz[seen] / scale, line[seen], **look)
+            seen = (curve.frequency_hz > 0.0) & (line > 0.0) if fresh else slice(None)
+            axes.plot(2.0 * np.pi * curve.frequency_hz[seen] / scale, line[seen], **look)
         if fresh:
             axes.set(xscale="log", yscale="log", ylabel="measured magnitude")
             few_labels(axes)

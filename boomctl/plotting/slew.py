@@ -62,7 +62,7 @@ def plot_slew(result: Any, ax: Any = None, **style: Any) -> Array:
         for each, (kind, values, limit) in zip(axes, curves, strict=True):
             limited |= _draw_limit(each, limit, values)
             if kind == "torque":
-                _draw_torque(each, result.history, look)
+                _draw_torque(each, result.torque_profile, look)
             else:
                 each.plot(result.time, values, **look)
             if kind == "tip":
@@ -111,7 +111,7 @@ def _draw_limit(ax: Any, limit: float | None, values: Any) -> bool:
 
 def _draw_torque(ax: Any, history: Any, look: dict[str, Any]) -> None:
     t = np.repeat(history.edges, 2)
-    values = np.concatenate([[0.0], np.column_stack([history.left, history.right]).ravel(), [0.0]])
+    values = np.concatenate([[0.0], np.column_stack([history.start_values, history.end_values]).ravel(), [0.0]])
     ax.plot(t, values, **look)
 
 
@@ -134,10 +134,10 @@ def plot_slew_comparison(comparison: Any, ax: Any = None, *, names: Sequence[str
     (n,) ndarray of matplotlib Axes
     """
     for name in names:
-        known("slew", name, [line.name for line in comparison.lines])
-    shown = [line for line in comparison.lines if line.name in names] if names else list(comparison.lines[:4])
+        known("slew", name, [line.name for line in comparison.rows])
+    shown = [line for line in comparison.rows if line.name in names] if names else list(comparison.rows[:4])
     # those drawn over time come first, for colours repeat
-    ranked = [*shown, *(line for line in comparison.lines if line not in shown)]
+    ranked = [*shown, *(line for line in comparison.rows if line not in shown)]
     looks, loads = {line.name: _line_style(k) for k, line in enumerate(ranked)}, comparison.tip_masses
 
     def divide(figure: FigureBase) -> Iterable[Axes]:
@@ -157,7 +157,7 @@ def plot_slew_comparison(comparison: Any, ax: Any = None, *, names: Sequence[str
     titles += ["vibration over tip masses"] if loads.size else []
     with panels(ax, titles, (10.5, 0.75 * len(shown) + 3.6), divide) as axes:
         _draw_over_time(axes, comparison, shown, looks, style)
-        _draw_vibration(axes[len(shown) + 1], comparison.lines, looks)
+        _draw_vibration(axes[len(shown) + 1], comparison.rows, looks)
         if loads.size:
             _draw_loaded(axes[-1], comparison, looks)
         common_legend(ax, axes[len(shown) + 1], ncols=4, columnspacing=1.2)
@@ -178,7 +178,7 @@ def _draw_over_time(
     tip, limit = axes[len(shown)], comparison.torque_limit
     for k, line in enumerate(shown):
         strip, look = axes[k], line_look(style, color=looks[line.name]["color"])
-        _draw_torque(strip, line.history, look)
+        _draw_torque(strip, line.torque_profile, look)
         strip.set(ylim=(-1.25 * limit, 1.25 * limit), yticks=(-limit, 0.0, limit))
         strip.tick_params(labelbottom=False)
         strip.text(0.99, 0.92, line.name, transform=strip.transAxes, ha="right", va="top", fontsize=8)
@@ -195,7 +195,9 @@ def _draw_vibration(ax: Any, lines: tuple[Any, ...], looks: dict[str, Any]) -> N
     """Vibration over duration; less than 0.1 mm counts as nothing and stands on the lower edge."""
     for line, x in zip(lines, _apart([line.duration for line in lines]), strict=True):
         look = looks[line.name]
-        low, planned, high = np.maximum([line.vibration_low, line.vibration, line.vibration_high], _NOTHING)
+        low, planned, high = np.maximum(
+            [line.residual_vibration_low, line.residual_vibration, line.residual_vibration_high], _NOTHING
+        )
         ax.plot([x] * 3, sorted((low, planned, high)), color=look["color"], linewidth=0.8, zorder=1)
         for value, marker in ((low, "v"), (high, "^")):
             ax.plot(x, value, linestyle="none", marker=marker, color=look["color"], markersize=3.5)
@@ -210,7 +212,7 @@ def _draw_vibration(ax: Any, lines: tuple[Any, ...], looks: dict[str, Any]) -> N
 
 def _draw_loaded(ax: Any, comparison: Any, looks: dict[str, Any]) -> None:
     """Vibration over tip mass; less than 0.1 mm counts as nothing and stands on the lower edge."""
-    for line in comparison.lines:
+    for line in comparison.rows:
         left = np.maximum(line.vibrations, _NOTHING)
         ax.plot(comparison.tip_masses, left, linewidth=0.8, markersize=5, clip_on=False, **looks[line.name])
     ax.set(yscale="log", xlabel="tip mass [kg]", title="Tip vibration afterwards [m]")
@@ -248,11 +250,11 @@ def plot_tracking_study(study: Any, ax: Any = None, **style: Any) -> Array:
     -------
     (4,) ndarray of matplotlib Axes
     """
-    apart = study.outputs["hub_angle"] - study.planned["hub_angle"]
+    apart = study.outputs["hub_angle"] - study.reference["hub_angle"]
     rows = (
         ("hub angle less plan [rad]", apart, None),
-        ("tip displacement [m]", study.outputs["tip_displacement"], study.planned["tip_displacement"]),
-        ("torque [N m]", study.outputs["torque"], study.planned["torque"]),
+        ("tip displacement [m]", study.outputs["tip_displacement"], study.reference["tip_displacement"]),
+        ("torque [N m]", study.outputs["torque"], study.reference["torque"]),
     )
     names = [*(row[0] for row in rows), "share of runs"]
     with panels(ax, names, (7.0, 7.2), _over_time_and_below) as axes:
@@ -270,14 +272,14 @@ def plot_tracking_study(study: Any, ax: Any = None, **style: Any) -> Array:
             each.set_xmargin(0.0)
         axes[1].legend(loc="upper right", ncols=2)
         axes[2].set_xlabel("time [s]")
-        left = np.maximum(np.sort(study.vibration), _NOTHING)
+        left = np.maximum(np.sort(study.residual_vibration), _NOTHING)
         share = np.arange(1, left.size + 1) / left.size
         axes[3].semilogx(np.append(left[0], left), np.append(0.0, share), **line_look(style, drawstyle="steps-post"))
         axes[3].set_ylim(0.0, 1.02)
         axes[3].set_ylabel("share of runs")
         axes[3].set_xlabel("vibration left, at most [m]")
         how = "with feedback" if study.feedback else "plan alone"
-        axes[0].set_title(f"{study.vibration.size} runs, {how}")
+        axes[0].set_title(f"{study.residual_vibration.size} runs, {how}")
         axes[0].figure.align_ylabels(list(axes))
     return axes
 
@@ -311,7 +313,7 @@ def plot_switching(curve: Any, ax: Any = None, **style: Any) -> Array:
     with panels(ax, ("switching function", "torque"), (7.0, 3.6), divide) as axes:
         upper, lower = axes
         for each in axes:
-            for t in curve.switches:
+            for t in curve.switching_times:
                 each.axvline(t, color="0.7", linewidth=0.7, zorder=0)
             each.set_xmargin(0.0)
         upper.axhline(0.0, color="0.3", linewidth=0.8)
@@ -368,7 +370,7 @@ def animate_slew(
     first = next(iter(motions.values()))
     time = np.arange(0.0, first.time[-1] if until is None else until, time_step)
     frames = {name: np.clip(np.searchsorted(m.time, time), 0, m.time.size - 1) for name, m in motions.items()}
-    shapes = [h.shape(m.states[frames[name]]) for name, m in motions.items()]
+    shapes = [h.deformed_shape(m.states[frames[name]]) for name, m in motions.items()]
     radius, extent = h.parameters.hub_radius, max(float(np.abs(shape).max()) for shape in shapes)
     axis = extent * np.exp(1j * first.hub_angle[next(iter(frames.values()))])
     with style():
@@ -421,7 +423,7 @@ def plot_shaper(result: Any, ax: Any = None, **style: Any) -> Array:
         # without damping the impulses are half a period apart; one alone belongs to no frequency
         designed = np.pi / times[1] if len(times) > 1 else 1.0
         omega = np.linspace(0.0, 2.0 * designed, 401)
-        axes[1].plot(omega, [100.0 * result.residual(float(w)) for w in omega], **look)
+        axes[1].plot(omega, [100.0 * result.residual_vibration(float(w)) for w in omega], **look)
         axes[1].set(xlabel="frequency of the vibration [rad/s]", ylabel="vibration left [%]", ylim=(0.0, 105.0))
         axes[1].set_xmargin(0.0)
         axes[1].legend()

@@ -59,7 +59,7 @@ def plot_deposit(
     """
     from matplotlib.colors import BoundaryNorm, ListedColormap
 
-    along, across = result.y_judged, result.x_judged
+    along, across = result.y_slice, result.x_slice
     begin = result.y_edges[along.start]
     end = result.y_edges[along.stop] if length is None else begin + positive("length", length)
     colours = ListedColormap(list(_SHADES), over=_MORE)
@@ -82,7 +82,7 @@ def plot_deposit(
 def _figures(result: SprayResult) -> str:
     return (
         f"CV {100 * result.cv:.1f} %, {_share(result.share_outside_10)} outside ±10 %,"
-        f" {_share(result.share_outside_20)} outside ±20 %, doses {result.lowest_dose:.2f} to {result.highest_dose:.2f}"
+        f" {_share(result.share_outside_20)} outside ±20 %, doses {result.min_dose:.2f} to {result.max_dose:.2f}"
     )
 
 

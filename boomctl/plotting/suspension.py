@@ -46,8 +46,8 @@ def draw_suspension_sigma(
         for k, each in enumerate(others):
             label = "uncertain springs and mass" if k == 0 else None
             ax.loglog(each.omega / (2 * np.pi), each.sigma[0], color=_FAINT, linewidth=0.8, label=label)
-        passive.plot(ax, unit="Hz", label=labels[0], color=_PASSIVE)
-        active.plot(ax, unit="Hz", label=labels[1], color=_ACTIVE)
+        passive.plot(ax, frequency_unit="Hz", label=labels[0], color=_PASSIVE)
+        active.plot(ax, frequency_unit="Hz", label=labels[1], color=_ACTIVE)
         if exact is not None:
             dots = {"color": "black", "markersize": 2.8, "markevery": 0.01}  # so far apart that the line below is seen
             for k, line in enumerate(exact.sigma):

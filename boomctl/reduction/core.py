@@ -64,7 +64,7 @@ def core_of(system: Lti | SecondOrderModel, modes: int) -> SystemCore:
     if not isinstance(system, SecondOrderModel):
         core = _statespace_core(system, 2 * modes, WHOLE)
         return core if len(core.kept.A) or not core.complete else replace(core, given=system)
-    found = structure_core(system, modes) if system.n >= CORE_FROM else None
+    found = structure_core(system, modes) if system.ncoordinates >= CORE_FROM else None
     if found is not None:
         return found
     try:
@@ -149,7 +149,7 @@ def _lowest_modes(model: SecondOrderModel, modes: int) -> tuple[Lti, float] | No
     """Return a structure in its lowest undamped modes and the bound of the others, or None where there is none."""
     damping = separated_damping(model.structure)
     loads = loads_of(model)
-    if damping is None or damping.beta <= 0.0 or loads is None or modes >= FEWER * model.n:
+    if damping is None or damping.beta <= 0.0 or loads is None or modes >= FEWER * model.ncoordinates:
         return None
     try:
         frequencies, shapes = undamped_modes(model.structure, modes + 1)

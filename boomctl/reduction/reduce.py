@@ -66,7 +66,7 @@ def reduce(
     order: int | None = None,
     method: str = "balanced",
     *,
-    error: float | None = None,
+    max_error: float | None = None,
     omega_range: tuple[float, float] | None = None,
     progress: "Listener | None" = None,
 ) -> ReductionResult:
@@ -89,7 +89,7 @@ def reduce(
         not), the strongest modes with the static gain of the others; of a structure, likewise
         with undamped modes, which gives a smaller structure (an even order, two states a coordinate; the bound is
         ``inf`` for undamped modes, or other outputs than displacements).
-    error : float, optional
+    max_error : float, optional
         Instead of ``order``: the lowest order whose verified error is not above this (absolute).  Where none is, the system
         itself comes back, with an error of zero.
     omega_range : (float, float), optional
@@ -109,7 +109,7 @@ def reduce(
     ------
     TypeError, ValueError
         Another kind of system, discrete time that does not say its sampling time, a pole at ``z = -1``, not finite;
-        unknown method; both or none of ``order`` and ``error``; an
+        unknown method; both or none of ``order`` and ``max_error``; an
         order above the system's or below its kept part, or one that parts equal Hankel singular values ("hankel"); an
         `omega_range` that does not ascend, or that is too far from the poles.
     ReductionError
@@ -126,7 +126,7 @@ def reduce(
     >>> import control
     >>> full = control.ss([[-1.0, 0.0], [0.0, -50.0]], [[1.0], [1.0]], [[1.0, 1.0]], 0.0, inputs="u", outputs="y")
     >>> smaller = bc.reduce(full, order=1)
-    >>> smaller.order, round(smaller.measured_error, 3)
+    >>> smaller.order, round(smaller.error_norm, 3)
     (1, 0.018)
     """
     given = system if isinstance(system, SecondOrderModel) else of(system, sampled=True)
@@ -136,11 +136,11 @@ def reduce(
             f"`omega_range` must be None for method {method!r}, got {omega_range!r}. Use 'balanced' or"
             " 'singular-perturbation'."
         )
-    if (order is None) == (error is None):
+    if (order is None) == (max_error is None):
         raise ValueError("order, error: expected exactly one of them")
     if order is not None and whole("order", order, 0) > _states(given):
         raise ValueError(f"order = {order}: the system has only {_states(given)} states")
-    wanted, limits = None if error is None else positive("error", error), _checked_range(omega_range)
+    wanted, limits = None if max_error is None else positive("max_error", max_error), _checked_range(omega_range)
     if method == "second-order" and isinstance(given, Lti):
         raise TypeError(f"method 'second-order': expected a SecondOrderModel, got {type(system).__name__}")
     with computing("reduction", progress):
@@ -194,15 +194,15 @@ def _by_cores(
         _full=given,
         _reduced=smaller,  # type: ignore[arg-type]
         order=_states(smaller),  # type: ignore[arg-type]
-        asked=order,
+        requested_order=order,
         error_bound=found.bound,
-        measured_error=found.measured,
+        error_norm=found.measured,
         method=method,
         certificate=found.certificate,
-        truncation_bound=truncated,
-        hankel_values=reducer.values,
-        kept=len(core.kept.A),
-        path=tuple(path),
+        core_error_bound=truncated,
+        hankel_singular_values=reducer.values,
+        retained_order=len(core.kept.A),
+        stages=tuple(path),
         omega_range=band,
         full_order=size,
     )
@@ -222,9 +222,9 @@ def _by_image(given: Lti, order: int | None, wanted: float | None, method: str, 
             if wanted is None:
                 raise
         else:
-            if wanted is None or result.measured_error <= wanted:
+            if wanted is None or result.error_norm <= wanted:
                 return result
-        within = found.measured_error * (1.0 - CERTIFIED)  # the next order
+        within = found.error_norm * (1.0 - CERTIFIED)  # the next order
 
 
 def _band_of_image(full: Lti, band: Band) -> Band:
@@ -240,7 +240,7 @@ def _as_given(given: Lti | SecondOrderModel, method: str) -> Lti | SecondOrderMo
     """Return the given system as what a method returns."""
     if isinstance(given, Lti) or method == "second-order":
         return given
-    return given.modal_form
+    return given._modal_form
 
 
 def _kept(system: Lti) -> Array:
@@ -281,26 +281,28 @@ def _on_circle(full: Lti, found: ReductionResult, band: Band | None) -> Reductio
             "rounding of the system's matrices may change its response without bound: nothing is verified"
         )
     gap = replace(difference(*apart), dt=dt)
-    largest = matrices_norm(apart[0].balanced()).lower
+    largest = matrices_norm(apart[0].balanced()).lower_bound
     floor = _ROUNDING * largest
     everywhere = matrices_norm(gap)
-    level = max(found.measured_error, everywhere.lower) * (1.0 + SLACK) + floor
-    if everywhere.upper == inf and len(gap.A) and stays_below_on_circle(gap, level):
-        everywhere = replace(everywhere, upper=level, method=NO_CIRCLE_CROSSING)
+    level = max(found.error_norm, everywhere.lower_bound) * (1.0 + SLACK) + floor
+    if everywhere.upper_bound == inf and len(gap.A) and stays_below_on_circle(gap, level):
+        everywhere = replace(everywhere, upper_bound=level, method=NO_CIRCLE_CROSSING)
     norm = everywhere if band is None else _in_band(gap, band, floor)
-    if norm.lower > found.error_bound * (1.0 + SLACK) + floor:
+    if norm.lower_bound > found.error_bound * (1.0 + SLACK) + floor:
         raise ReductionError(
-            f"the error on the unit circle, {norm.lower:.4g} at {norm.omega:.4g} rad/s, exceeds its bound "
+            f"the error on the unit circle, {norm.lower_bound:.4g} at {norm.peak_omega:.4g} rad/s, exceeds its bound "
             f"{found.error_bound:.4g}: rounding of the bilinear map is larger"
         )
-    if norm.upper == inf:
+    if norm.upper_bound == inf:
         raise ReductionError(f"the error on the unit circle could not be verified ({norm.method})")
     return replace(
         found,
         _full=full,
         _reduced=small,
-        error_bound=max(found.error_bound, everywhere.upper + own),  # which knows of rounding, and of that of the map
-        measured_error=norm.upper + own,
+        error_bound=max(
+            found.error_bound, everywhere.upper_bound + own
+        ),  # which knows of rounding, and of that of the map
+        error_norm=norm.upper_bound + own,
         certificate=norm,
         omega_range=band,
     )
@@ -316,18 +318,18 @@ def _in_band(gap: Lti, band: Band, floor: float) -> NormBounds:
         return gap.response(omega_of_image(v, gap.dt), quiet=True)
 
     found = band_norm(continuous_image(gap), respond, _band_of_image(gap, band), floor)
-    found = replace(found, omega=float(omega_of_image(found.omega, gap.dt)))
-    if found.upper <= found.lower * (1.0 + CERTIFIED):
+    found = replace(found, peak_omega=float(omega_of_image(found.peak_omega, gap.dt)))
+    if found.upper_bound <= found.lower_bound * (1.0 + CERTIFIED):
         return found
-    exact = proved_norm(gap, found.lower, found.omega, band=band)
-    return exact if exact.upper < inf else found
+    exact = proved_norm(gap, found.lower_bound, found.peak_omega, band=band)
+    return exact if exact.upper_bound < inf else found
 
 
 def _states(system: Lti | SecondOrderModel) -> int:
     if isinstance(system, Lti):
         return len(system.A)
     filters = 2 * sum(bandwidth is not None for bandwidth in system.ports.bandwidths)
-    return 2 * system.n + sum(system.ports.integrators) + filters
+    return 2 * system.ncoordinates + sum(system.ports.integrators) + filters
 
 
 def _checked_range(omega_range: object) -> Band | None:
@@ -362,4 +364,4 @@ def _within(reducer: StateReducer | StrongestModes, error: float) -> tuple[Lti |
         best = min(best, found.measured)
         if found.measured <= error:
             return smaller, found
-    raise ReductionError(f"error = {error:g}: the smallest verified error of any order is {best:.4g}")
+    raise ReductionError(f"max_error = {error:g}: the smallest verified error of any order is {best:.4g}")

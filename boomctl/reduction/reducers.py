@@ -309,7 +309,7 @@ class StrongestModes:
     """
 
     def __init__(self, model: SecondOrderModel, core: SystemCore, band: Band | None, modes: int) -> None:
-        self.model, self.core, self.band, self.complete = model, core, band, modes >= model.n
+        self.model, self.core, self.band, self.complete = model, core, band, modes >= model.ncoordinates
         self.all_frequencies, self.all_modes = undamped_modes(model.structure)
         self.frequencies, self.modes = self.all_frequencies[:modes], self.all_modes[:, :modes]
         floating = ~elastic(self.frequencies)
@@ -377,9 +377,9 @@ class StrongestModes:
         """
         model, modes = self.model, self.all_modes
         loads = loads_of(model)
-        if loads is None or modes.shape[1] < model.n:
+        if loads is None or modes.shape[1] < model.ncoordinates:
             return inf
-        kept = np.zeros(model.n, dtype=bool)
+        kept = np.zeros(model.ncoordinates, dtype=bool)
         kept[chosen] = True
         C = model.structure.projected(modes).C
         on_modes = Loads(modes.T @ loads.B0, modes.T @ loads.B1, loads.L @ modes)

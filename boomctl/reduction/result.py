@@ -78,7 +78,7 @@ class ReductionResult:
     error_bound : float
         A priori bound of the largest singular value of the difference at any frequency; ``inf`` where none is known.
         Never below the verified error, in which rounding counts.
-    measured_error : float
+    error_norm : float
         H-infinity norm of the difference, within `omega_range` if there is one: a level proven not to be reached,
         the bound of the modes left out of the core included.  Kept states are the system's own but for rounding, which
         beside an undamped pole changes the response by any amount: that is not in it.
@@ -87,20 +87,20 @@ class ReductionResult:
     certificate : NormBounds
         Bounds of the H-infinity norm of the difference between the core and the reduced system; of discrete systems,
         between their stable parts on the unit circle.
-    truncation_bound : float
+    core_error_bound : float
         Bound, in closed form, of what the core leaves out of the full system, and of what rounding changed in its
         coordinates; part of both errors in continuous time.  Zero if the error was computed in exact arithmetic.
-    hankel_values : (n,) ndarray
+    hankel_singular_values : (n,) ndarray
         Hankel singular values of the stable part, descending; weighted by `omega_range` if there is one.
-    kept : int
+    retained_order : int
         Number of unstable, undamped and rigid-body states that are kept as they are, but for rounding.
-    asked : int or None
+    requested_order : int or None
         Number of states asked for; None where an error was.
-    path : tuple of str
+    stages : tuple of str
         What stood for the system, smaller cores first: each larger one was needed.
     omega_range : (float, float) or None
-        Frequency range [rad/s] of ``measured_error``; ``error_bound`` holds at all frequencies.  None for all.
-    full : control.StateSpace or SecondOrderModel
+        Frequency range [rad/s] of ``error_norm``; ``error_bound`` holds at all frequencies.  None for all.
+    full_system : control.StateSpace or SecondOrderModel
         The system that was reduced.
     full_order : int
         Number of states of the full system.
@@ -110,14 +110,14 @@ class ReductionResult:
     _reduced: Lti | SecondOrderModel = field(repr=False)
     order: int
     error_bound: float
-    measured_error: float
+    error_norm: float
     method: str
     certificate: NormBounds
-    truncation_bound: float
-    hankel_values: Array = field(repr=False)
-    kept: int = 0
-    asked: int | None = None
-    path: tuple[str, ...] = ()
+    core_error_bound: float
+    hankel_singular_values: Array = field(repr=False)
+    retained_order: int = 0
+    requested_order: int | None = None
+    stages: tuple[str, ...] = ()
     omega_range: tuple[float, float] | None = None
     full_order: int = 0
 
@@ -127,23 +127,23 @@ class ReductionResult:
         return self._reduced.statespace("reduced") if isinstance(self._reduced, Lti) else self._reduced
 
     @cached_property
-    def full(self) -> "control.StateSpace | SecondOrderModel":
+    def full_system(self) -> "control.StateSpace | SecondOrderModel":
         """The system that was reduced, as python-control's where it is not a structure."""
         return self._full.statespace("full") if isinstance(self._full, Lti) else self._full
 
     def __claims__(self) -> Iterator[Claim]:
         """Yield what can be proved."""
-        full, reduced, upper = of(self._full, sampled=True), of(self._reduced, sampled=True), self.measured_error
+        full, reduced, upper = of(self._full, sampled=True), of(self._reduced, sampled=True), self.error_norm
         structure = isinstance(self._full, SecondOrderModel)
         stands = "the state space that stands for the structure" if structure else ""
-        if self.kept:  # the response near their poles is what it is, whatever happens to the last digits
+        if self.retained_order:  # the response near their poles is what it is, whatever happens to the last digits
             stands = "states that are kept as they are, but for rounding"
-        norm = (0.0, upper, self.certificate.omega)
+        norm = (0.0, upper, self.certificate.peak_omega)
         yield Claim(
             "the error",
             full,
             minus=reduced,
-            stable=None if self.kept else True,
+            stable=None if self.retained_order else True,
             norm=norm,
             band=self.omega_range,
             rounded=stands,
@@ -151,11 +151,11 @@ class ReductionResult:
 
     def __repr__(self) -> str:
         ends = between(self._reduced.inputs, self._reduced.outputs)
-        kept = f", {self.kept} unstable or rigid-body states kept" if self.kept else ""
+        kept = f", {self.retained_order} unstable or rigid-body states kept" if self.retained_order else ""
         within = "" if self.omega_range is None else " from {:.6g} to {:.6g} rad/s".format(*self.omega_range)
         everywhere = within and " at all frequencies"
-        error = f"error {self.measured_error:.6g}{within}, verified; bound {self.error_bound:.6g}{everywhere}"
-        asked = "" if self.asked in (None, self.order) else f" ({self.asked} asked for)"
+        error = f"error {self.error_norm:.6g}{within}, verified; bound {self.error_bound:.6g}{everywhere}"
+        asked = "" if self.requested_order in (None, self.order) else f" ({self.requested_order} asked for)"
         return (
             f"ReductionResult: {self.order} of {self.full_order} states{asked}, {self.method}: {ends}\n  {error}{kept}"
         )
@@ -164,7 +164,7 @@ class ReductionResult:
     @one_blas_thread
     def curves(self) -> ReductionCurves:
         """Singular values of the full system, of the reduced one and of their difference, computed when first asked for."""
-        full, worst = self._full, self.certificate.omega
+        full, worst = self._full, self.certificate.peak_omega
         top = ABOVE * max(worst if worst < inf else 0.0, 0.0 if self.omega_range is None else self.omega_range[1])
         if isinstance(full, Lti):
             found = Resonances.of_system(full)
@@ -178,14 +178,14 @@ class ReductionResult:
         error = singular_values(before - after)[0]
         return ReductionCurves(omega, singular_values(before), singular_values(after), error)
 
-    def plot(self, ax: "Axes | None" = None, *, unit: str | None = None, **style: Any) -> "Axes":
+    def plot(self, ax: "Axes | None" = None, *, frequency_unit: str | None = None, **style: Any) -> "Axes":
         """Draw singular values before and after, the error, and what it is proven not to exceed.
 
         Parameters
         ----------
         ax : matplotlib Axes, optional
             Where to draw; by default a new figure of pyplot.
-        unit : {"Hz", "rad/s"}, optional
+        frequency_unit : {"Hz", "rad/s"}, optional
             Of the frequency axis, by default Hz.
         **style
             Of all curves, as matplotlib's lines take it.
@@ -195,7 +195,7 @@ class ReductionResult:
         matplotlib.axes.Axes
             Those drawn on.
         """
-        return import_module("boomctl.plotting.design").plot_reduction(self, ax, unit=unit, **style)
+        return import_module("boomctl.plotting.design").plot_reduction(self, ax, frequency_unit=frequency_unit, **style)
 
 
 def _response(system: Lti | SecondOrderModel, omega: Array) -> Array:

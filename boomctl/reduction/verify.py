@@ -97,10 +97,11 @@ def verified(core: SystemCore, reduced: Lti, bound: float, band: Band | None) ->
 
     found = error(band)
     exact = core.given is not None and found.method == PROVED
-    compare(found.lower, found.omega)
-    if found.upper == inf:
+    compare(found.lower_bound, found.peak_omega)
+    if found.upper_bound == inf:
         raise ReductionError(
-            f"the error, at least {found.lower:.4g} at {found.omega:.4g} rad/s, could not be verified ({found.method})"
+            f"the error, at least {found.lower_bound:.4g} at {found.peak_omega:.4g} rad/s, could not be verified "
+            f"({found.method})"
         )
     if rounding == inf and not exact:
         raise ReductionError(
@@ -112,12 +113,12 @@ def verified(core: SystemCore, reduced: Lti, bound: float, band: Band | None) ->
         omega = np.unique(np.abs(core.stable.poles.imag))
         full, small = core.stable if modal is None else modal, reduced if own_form is None else own_form
         if singular_values(full.response(omega) - small.response(omega))[0].max(initial=0.0) > bound:
-            bound = error(None).upper
+            bound = error(None).upper_bound
     # a bound knows neither of rounding nor of the distance of the proved level from the largest value
     if not exact:
-        return Verified(max(bound, found.upper) + rounding, found.upper + rounding, found, core.tail)
+        return Verified(max(bound, found.upper_bound) + rounding, found.upper_bound + rounding, found, core.tail)
     beyond = 0.0 if band is None else rounding  # outside of the band nothing was proved
-    return Verified(max(bound + beyond, found.upper), found.upper, found, 0.0)
+    return Verified(max(bound + beyond, found.upper_bound), found.upper_bound, found, 0.0)
 
 
 def _at_poles(system: Lti, reduced: Lti, band: Band | None) -> tuple[float, tuple[float, float]]:
@@ -174,20 +175,24 @@ def verified_norm(
     found = level_norm(gap, respond) if band is None else band_norm(gap, respond, band, floor)
     # matrices do not show what is slower than rounding of the fastest pole
     seen = band is not None or bool(resolved(gap.poles).all())
-    near = found.upper <= found.lower * (1.0 + _ROUNDING) and (given is None or rounding <= _ROUNDING * found.lower)
+    near = found.upper_bound <= found.lower_bound * (1.0 + _ROUNDING) and (
+        given is None or rounding <= _ROUNDING * found.lower_bound
+    )
     if seen and near:
         return found
     minus = None if given is None else reduced
-    exact = proved_norm(gap if given is None else given, found.lower, found.omega, minus, band)
-    if exact.upper < inf or not seen:
+    exact = proved_norm(gap if given is None else given, found.lower_bound, found.peak_omega, minus, band)
+    if exact.upper_bound < inf or not seen:
         return exact
     least = float(np.linalg.norm(gap.D, 2))
-    for level in _levels(found.lower, floor) if found.upper == inf and band is None else []:
-        if level > least and stays_below(gap, level, found.omega, respond):
-            found = NormBounds(found.lower, level, found.omega, NO_CROSSING)
+    for level in _levels(found.lower_bound, floor) if found.upper_bound == inf and band is None else []:
+        if level > least and stays_below(gap, level, found.peak_omega, respond):
+            found = NormBounds(found.lower_bound, level, found.peak_omega, NO_CROSSING)
             break
     # eigenvalues show a peak above the level unless it is much nearer to it than the level to the largest value
-    return replace(found, upper=found.upper * min(found.upper / max(found.lower, TINY), _ABOVE[2]))
+    return replace(
+        found, upper_bound=found.upper_bound * min(found.upper_bound / max(found.lower_bound, TINY), _ABOVE[2])
+    )
 
 
 def _levels(peak: float, floor: float) -> list[float]:

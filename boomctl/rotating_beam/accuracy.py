@@ -22,9 +22,9 @@ from boomctl.maneuvers import Maneuver, PrescribedMotion, TorqueDriven
 from boomctl.printing import count
 from boomctl.progress import computing, tell
 from boomctl.rotating_beam.beam import HubBeam, in_model
-from boomctl.rotating_beam.chosen import ModelChoice
 from boomctl.rotating_beam.parameters import HubBeamParameters
 from boomctl.rotating_beam.result import SimulationError
+from boomctl.rotating_beam.selection import ModelChoice
 
 # accuracies that can be asked for: below, the reference's rounding shows; above, none is meant (measured)
 ACCURACIES = (1e-7, 1.0)
@@ -63,11 +63,12 @@ def chosen_beam(
     wanted = positive("accuracy", accuracy)
     if not ACCURACIES[0] <= wanted <= ACCURACIES[1]:
         raise ValueError(f"accuracy = {exactly(wanted)}: expected {ACCURACIES[0]:g} to {ACCURACIES[1]:g}")
-    slowest = float(in_model(p, EXACT, _FEWEST).frequencies_hz()[0])
+    slowest = float(in_model(p, EXACT, _FEWEST).eigenfrequencies_hz()[0])
     until = _own_time(maneuver, slowest) if time is None else _last(time)
     if until * slowest > _MOST_PERIODS:
         raise ValueError(
-            f"time = {exactly(until)}: expected at most {up_to(_MOST_PERIODS / slowest)} s, {_MOST_PERIODS:g} periods of the "
+            f"timepts = {exactly(until)}: expected at most {up_to(_MOST_PERIODS / slowest)} s, {_MOST_PERIODS:g} "
+            "periods of the "
             f"slowest mode"
         )
     try:
@@ -77,24 +78,24 @@ def chosen_beam(
     else:
         choice = _known(p, wanted, maneuver, until)
     made: Any = in_model(p, choice.model, choice.modes)  # every model is a dataclass
-    return replace(made, chosen=choice)
+    return replace(made, selection=choice)
 
 
 def _own_time(maneuver: Maneuver, slowest: float) -> float:
     ends = [each for each in maneuver.breakpoints if each > 0.0]
     if not ends:
-        raise ValueError("time = None: expected the last instant [s], for the maneuver does not say when it ends")
+        raise ValueError("timepts = None: expected the last instant [s], for the maneuver does not say when it ends")
     return max(ends) + _PERIODS / slowest
 
 
 def _last(time: ArrayLike) -> float:
     """Return the last of some instants, or the only one [s]."""
     if not isinstance(time, (list, tuple, np.ndarray)):
-        return positive("time", time)
-    instants = plain_array("time", time)
+        return positive("timepts", time)
+    instants = plain_array("timepts", time)
     if instants.ndim != 1 or not instants.size:
         raise ValueError(f"time of shape {instants.shape}: expected an instant [s], or one dimension of them")
-    return positive("time[-1]", instants[-1])
+    return positive("timepts[-1]", instants[-1])
 
 
 @lru_cache(maxsize=64)
@@ -161,7 +162,7 @@ def _choose(p: HubBeamParameters, accuracy: float, maneuver: Maneuver, time: flo
 
 def _instants(p: HubBeamParameters, maneuver: Maneuver, time: float) -> Array:
     """Return the instants at which motions are compared: more of them than vibrate, and enough in the maneuver itself."""
-    second = float(in_model(p, EXACT, _REFERENCES[0]).frequencies_hz()[1])
+    second = float(in_model(p, EXACT, _REFERENCES[0]).eigenfrequencies_hz()[1])
     points = int(np.clip(_INSTANTS * second * time, _FEWEST_INSTANTS, _MOST_INSTANTS))
     even = [np.linspace(0.0, min(each, time), _FEWEST_INSTANTS) for each in maneuver.breakpoints[-1:] if each > 0.0]
     return np.unique(np.concatenate([time * np.linspace(0.0, 1.0, points) ** _UNEVEN, *even]))

@@ -16,7 +16,6 @@ from boomctl.arrays import Array
 from boomctl.checks import finite_array
 from boomctl.maneuvers import Maneuver, TorqueDriven
 from boomctl.rotating_beam.beam import MODELS, HubBeam, SmallMotion, lowest_rate, natural_hz
-from boomctl.rotating_beam.chosen import ModelChoice
 from boomctl.rotating_beam.exact.beam import GeometricallyExactBeam
 from boomctl.rotating_beam.modal import energy
 from boomctl.rotating_beam.modal.cfoam import cfoam
@@ -27,6 +26,7 @@ from boomctl.rotating_beam.modal.shapes import axial_modes, transverse_modes
 from boomctl.rotating_beam.motion.run import Scene, motion_of
 from boomctl.rotating_beam.parameters import HubBeamParameters
 from boomctl.rotating_beam.result import Details, Dynamics, Motion
+from boomctl.rotating_beam.selection import ModelChoice
 from boomctl.symbolic import Places, lifted, symbols
 from boomctl.threads import one_blas_thread
 
@@ -59,14 +59,14 @@ class AssumedModesBeam(HubBeam):
         "tlam", "sfoam", "sfoam-consistent", "foam" or "cfoam"; see `hub_beam`.
     modes : int
         Number n of transverse modes, and of axial ones where the model has them; up to 200, CFOAM up to 60.
-    chosen : record, optional
+    selection : record, optional
         What was chosen for its accuracy in a maneuver, and what was tried: see `hub_beam`.
     """
 
     parameters: HubBeamParameters
     model: str
     modes: int
-    chosen: ModelChoice | None = field(default=None, compare=False)
+    selection: ModelChoice | None = field(default=None, compare=False)
 
     def __post_init__(self) -> None:
         if self.model not in ASSUMED_MODES:
@@ -74,11 +74,11 @@ class AssumedModesBeam(HubBeam):
         super().__post_init__()
 
     @property
-    def most_modes(self) -> int:
+    def max_modes(self) -> int:
         return _MOST_MODES_CFOAM if self.model == "cfoam" else _MOST_MODES
 
     @cached_property
-    def integrals(self) -> ModalIntegrals:
+    def _integrals(self) -> ModalIntegrals:
         """Modal integrals of beam and point mass."""
         return modal_integrals(self.parameters, self.modes)
 
@@ -89,7 +89,7 @@ class AssumedModesBeam(HubBeam):
     @cached_property
     def equations(self) -> Equations:
         """Equations of motion in closed form."""
-        m = self.integrals
+        m = self._integrals
         if self.model == "tlam":
             return tlam(m)
         if self.model == "foam":
@@ -103,19 +103,19 @@ class AssumedModesBeam(HubBeam):
         return self.model not in ("sfoam", "sfoam-consistent")
 
     @property
-    def state_names(self) -> tuple[str, ...]:
+    def state_labels(self) -> tuple[str, ...]:
         axial = [f"axial_{i + 1}" for i in range(self.modes)] if self.has_axial_modes else []
         beam = axial + [f"transverse_{i + 1}" for i in range(self.modes)]
         return ("hub_angle", *beam, "hub_speed", *(f"{name}_rate" for name in beam))
 
     @one_blas_thread
-    def critical_speed(self) -> float:
+    def divergence_speed(self) -> float:
         if self.model == "tlam":
-            return lowest_rate(self.integrals.M2, self.integrals.K2)
-        return self.steady_limit
+            return lowest_rate(self._integrals.M2, self._integrals.K2)
+        return self.max_steady_speed
 
     def _steady_limit(self) -> float:
-        return lowest_rate(self.integrals.M1, self.integrals.K1) if self.has_axial_modes else math.inf
+        return lowest_rate(self._integrals.M1, self._integrals.K1) if self.has_axial_modes else math.inf
 
     def residual_energy(self, state: ArrayLike, hub_speed: float = 0.0) -> float:
         """Return the energy of a state's deviation from steady rotation, whatever the hub angle.
@@ -199,7 +199,7 @@ class AssumedModesBeam(HubBeam):
         )
 
     @one_blas_thread
-    def structure(self, hub_speed: float = 0.0, sensors: Sequence[BeamSensor] = ()) -> SecondOrderModel:
+    def to_second_order(self, hub_speed: float = 0.0, sensors: Sequence[BeamSensor] = ()) -> SecondOrderModel:
         """Return the linear model about steady rotation as a structure, to which drives and friction may be added.
 
         Parameters
@@ -230,14 +230,14 @@ class AssumedModesBeam(HubBeam):
         return structure_of(self, self._steady_speed(hub_speed), read_by(self, sensors))
 
     @property
-    def root_moment_row(self) -> Array:
+    def _root_moment_row(self) -> Array:
         """Row that reads the bending moment ``EI v''(0)`` at the clamp [N m] off a state."""
         p, size, n = self.parameters, self._size, self.modes
         row = np.zeros(2 * size)
         row[size - n : size] = p.bending_stiffness * transverse_modes(n, p.length)(0.0, 2)
         return row
 
-    def shape(self, states: ArrayLike) -> Array:
+    def deformed_shape(self, states: ArrayLike) -> Array:
         p, size, n = self.parameters, self._size, self.modes
         y = self._states(states)[:, :size]
         x = np.linspace(0.0, p.length, _PLACES)
@@ -251,16 +251,16 @@ class AssumedModesBeam(HubBeam):
         return (p.hub_radius + along + 1j * across) * np.exp(1j * y[:, :1])
 
     @cached_property
-    def lagrangian(self) -> energy.Lagrangian:
+    def _lagrangian(self) -> energy.Lagrangian:
         """Energies and damping, from which CasADi derives the equations of motion."""
-        m, axial = self.integrals, self.has_axial_modes
+        m, axial = self._integrals, self.has_axial_modes
         stiffness, damping = (block_diagonal(m.K1, m.K2), block_diagonal(m.C1, m.C2)) if axial else (m.K2, m.C2)
         if self.model == "cfoam":
             kinetic = partial(energy.complete_energy, self._points, self.parameters.hub_inertia)
             return energy.Lagrangian(kinetic, stiffness, damping, self.equations.tip.transverse, True)
         return _lagrangian(self.model, m, stiffness, damping, self.equations.tip.transverse)
 
-    def casadi_function(self) -> casadi.Function:
+    def to_casadi(self) -> casadi.Function:
         """Return the model as a CasADi function ``(x, torque) -> (xdot, y)``, derived from its energies.
 
         States and outputs are those of `to_nlsys`; symbolic, hence differentiable to any order.
@@ -284,8 +284,8 @@ class AssumedModesBeam(HubBeam):
         constants are in a function of its own.
         """
         if self.model == "cfoam":
-            return energy.state_function(self.lagrangian, "equations"), np.zeros(0)
-        m, lagrangian = self.integrals, self.lagrangian
+            return energy.state_function(self._lagrangian, "equations"), np.zeros(0)
+        m, lagrangian = self._integrals, self._lagrangian
         names = ("inertia", "M1", "V1", "R", "M2", "V2", "D") if self.has_axial_modes else ("inertia", "M2", "V2", "D")
         given: tuple[Any, ...] = (
             *(getattr(m, name) for name in names),
@@ -302,15 +302,15 @@ class AssumedModesBeam(HubBeam):
         p, equations = self.parameters, self.equations
         places = forced.shape_places(p, self.modes, axial=self.has_axial_modes, shortening=self.model != "tlam")
         closed = isinstance(equations, FirstOrderEquations)
-        law = forced.first_order_law(equations) if closed else forced.lagrangian_law(self.lagrangian, places, p.length)
-        return forced.forced_modes(self._small_motion(0.0), law, places, p, self.state_names, sensors)
+        law = forced.first_order_law(equations) if closed else forced.lagrangian_law(self._lagrangian, places, p.length)
+        return forced.forced_modes(self._small_motion(0.0), law, places, p, self.state_labels, sensors)
 
     @property
     def _size(self) -> int:
         return self.equations.size
 
     def _transverse_hz(self, speed: float) -> Array:
-        m = self.integrals
+        m = self._integrals
         softening = m.M2 if self.model == "tlam" else m.M2 - m.D
         return natural_hz(m.M2, m.K2 - speed**2 * softening)
 

@@ -41,9 +41,9 @@ from boomctl.maneuvers import (
 from boomctl.printing import WIDTH, count, listed
 from boomctl.progress import computing
 from boomctl.rotating_beam.campbell import CampbellDiagram, campbell_diagram
-from boomctl.rotating_beam.chosen import ModelChoice
 from boomctl.rotating_beam.parameters import HubBeamParameters
 from boomctl.rotating_beam.result import Details, Motion, SimulationResult
+from boomctl.rotating_beam.selection import ModelChoice
 from boomctl.rotating_beam.sensors import BeamSensor, checked_sensors
 from boomctl.threads import one_blas_thread
 from boomctl.units import warn_of_units
@@ -95,7 +95,7 @@ class HubBeam(ABC):
         Name of the model, as in `hub_beam`.
     modes : int
         Number of shape functions; the model says which, and how many there may be.
-    chosen : record or None
+    selection : record or None
         Of a beam that `hub_beam` chose for its accuracy in a maneuver: what was chosen, and what was tried.
 
     Raises
@@ -111,35 +111,35 @@ class HubBeam(ABC):
     >>> beam = bc.hub_beam(modes=2)
     >>> isinstance(beam, bc.rotating_beam.HubBeam), beam.model, beam.modes
     (True, 'sfoam', 2)
-    >>> beam.frequencies_hz(hub_speed=2.0).round(4)
+    >>> beam.eigenfrequencies_hz(hub_speed=2.0).round(4)
     array([0.4935, 3.0065])
     """
 
     parameters: HubBeamParameters
     model: str
     modes: int
-    chosen: ModelChoice | None
+    selection: ModelChoice | None
 
     def __post_init__(self) -> None:
         instance("parameters", self.parameters, HubBeamParameters)
         modes = whole("modes", self.modes)
-        if modes > self.most_modes:
-            raise ValueError(f"modes = {modes}: expected 1 to {self.most_modes} for model {self.model!r}")
+        if modes > self.max_modes:
+            raise ValueError(f"modes = {modes}: expected 1 to {self.max_modes} for model {self.model!r}")
         object.__setattr__(self, "modes", modes)
 
     def __repr__(self) -> str:
         given = ((field, getattr(self.parameters, field.name)) for field in fields(self.parameters))
         others = [f"{field.name} {value:.6g}" for field, value in given if value != field.default]
-        chosen = "" if self.chosen is None else "\n" + indent(fill(str(self.chosen), WIDTH - 2), "  ")
+        chosen = "" if self.selection is None else "\n" + indent(fill(str(self.selection), WIDTH - 2), "  ")
         return (
-            f"{type(self).__name__}: {self.model}, {count(self.modes, 'mode')}, {len(self.state_names)} states\n"
+            f"{type(self).__name__}: {self.model}, {count(self.modes, 'mode')}, {len(self.state_labels)} states\n"
             f"  torque -> hub_angle, hub_speed, tip_displacement\n"
             f"  Table 1, {listed(others) if others else 'no tip mass'}{chosen}"
         )
 
     @property
     @abstractmethod
-    def most_modes(self) -> int:
+    def max_modes(self) -> int:
         """Largest number of modes."""
 
     @property
@@ -149,11 +149,11 @@ class HubBeam(ABC):
 
     @property
     @abstractmethod
-    def state_names(self) -> tuple[str, ...]:
+    def state_labels(self) -> tuple[str, ...]:
         """Names of the states: coordinates, hub angle first, then their rates."""
 
     @abstractmethod
-    def critical_speed(self) -> float:
+    def divergence_speed(self) -> float:
         """Return the hub speed at which some stiffness is first lost.
 
         TLAM loses the transverse stiffness ``K2 - w^2 M2``, FOAM, CFOAM and the geometrically exact beam the axial one
@@ -167,19 +167,19 @@ class HubBeam(ABC):
 
     @cached_property
     @one_blas_thread
-    def steady_limit(self) -> float:
+    def max_steady_speed(self) -> float:
         """Hub speed at which the axial stiffness is lost and a straight beam has no steady rotation, rad/s, or inf."""
         return self._steady_limit()
 
     @one_blas_thread
-    def frequencies_hz(self, hub_speed: float = 0.0, coupled: bool = False) -> Array:
+    def eigenfrequencies_hz(self, hub_speed: float = 0.0, include_axial: bool = False) -> Array:
         """Natural frequencies of the beam at a constant, prescribed hub speed, about the beam stretched by the rotation.
 
         Parameters
         ----------
         hub_speed : float
             Hub speed w, rad/s, below the critical one.
-        coupled : bool
+        include_axial : bool
             False: transverse modes alone, for the assumed-modes models of ``K2 + w^2 (D - M2)`` (Eq. 31; TLAM without
             D). True: axial and transverse modes with their gyroscopic coupling.
 
@@ -191,8 +191,8 @@ class HubBeam(ABC):
         Raises
         ------
         TypeError, ValueError
-            At a hub speed at which the stiffness is lost, or if `coupled` is asked of a model without axial modes; arguments
-            of another kind.
+            At a hub speed at which the stiffness is lost, or if `include_axial` is asked of a model without axial
+            modes; arguments of another kind.
 
         Warns
         -----
@@ -202,10 +202,10 @@ class HubBeam(ABC):
         if isinstance(hub_speed, (list, tuple, np.ndarray)):
             raise TypeError("hub_speed: expected one speed [rad/s]; .campbell(speeds) takes many")
         speed = within("hub_speed", hub_speed, -_FASTEST, _FASTEST, "rad/s")
-        if truth("coupled", coupled) and not self.has_axial_modes:
-            raise ValueError(f"coupled = True: expected False, for model {self.model!r} has no axial modes")
-        self._check_speed(speed, self.critical_speed())
-        found = self._coupled_hz(speed) if coupled else self._transverse_hz(speed)
+        if truth("include_axial", include_axial) and not self.has_axial_modes:
+            raise ValueError(f"include_axial = True: expected False, for model {self.model!r} has no axial modes")
+        self._check_speed(speed, self.divergence_speed())
+        found = self._coupled_hz(speed) if include_axial else self._transverse_hz(speed)
         warn_of_units(found)
         return found
 
@@ -239,17 +239,17 @@ class HubBeam(ABC):
         slowness, shapes = eigh(M, K)  # upside down: the slow modes keep their digits
         slowness, shapes = slowness[::-1][:wanted], shapes[:, ::-1][:, :wanted]
         shapes = signed(shapes / np.sqrt(slowness))
-        rest = self.shape(np.zeros(2 * size))[0]
+        rest = self.deformed_shape(np.zeros(2 * size))[0]
         states = np.zeros((wanted, 2 * size))
         states[:, 1:size] = _SMALL * self.parameters.length * (shapes / np.abs(shapes).max(axis=0)).T
-        moved = (self.shape(states) - self.shape(-states)) / (2.0 * _SMALL * self.parameters.length)
+        moved = (self.deformed_shape(states) - self.deformed_shape(-states)) / (2.0 * _SMALL * self.parameters.length)
         moved = moved * np.abs(shapes).max(axis=0)[:, None]
         kinds = ["bending" if sideways else "axial" for sideways in np.ptp(moved.imag, 1) > np.ptp(moved.real, 1)]
         points, displacement = np.stack([rest.real, rest.imag], 1), np.stack([moved.real, moved.imag], 2)
         return ModeShapes(
             1.0 / (2.0 * np.pi * np.sqrt(slowness)),
             shapes,
-            self.state_names[1:size],
+            self.state_labels[1:size],
             tuple(kinds),
             (BodyShape("beam", True, points, displacement),),
         )
@@ -261,7 +261,7 @@ class HubBeam(ABC):
         *,
         count: int = 3,
         orders: Sequence[float] = (1.0, 2.0, 3.0),
-        coupled: bool = False,
+        include_axial: bool = False,
     ) -> CampbellDiagram:
         """Return the natural frequencies over the hub speed, and the speeds at which multiples of it meet them.
 
@@ -274,8 +274,8 @@ class HubBeam(ABC):
             How many frequencies, from the lowest; fewer where the model has fewer.
         orders : sequence of float
             Multiples of the hub speed, above zero.
-        coupled : bool
-            As for `frequencies_hz`.
+        include_axial : bool
+            As for `eigenfrequencies_hz`.
 
         Returns
         -------
@@ -285,13 +285,13 @@ class HubBeam(ABC):
         Raises
         ------
         TypeError, ValueError
-            Speeds that do not ascend, negative ones, or none at which the beam keeps its stiffness; as `frequencies_hz`.
+            Speeds that do not ascend, negative ones, or none at which the beam keeps its stiffness; as `eigenfrequencies_hz`.
         """
         asked = finite_array("speeds", speeds, ndim=1)
         if len(asked) < 2 or asked[0] < 0.0 or not (np.diff(asked) > 0.0).all():
             raise ValueError("speeds: expected two hub speeds or more, ascending, from 0 on [rad/s]")
         multiples = tuple(positive("orders", order) for order in sequence("orders", orders, "numbers"))
-        most, lost = whole("count", count), self.critical_speed()
+        most, lost = whole("count", count), self.divergence_speed()
         below = asked[asked < lost * _JUST_BELOW]
         if not len(below):
             raise ValueError(f"speeds: expected some below {up_to(lost)} rad/s, where {self.model} loses its stiffness")
@@ -301,7 +301,7 @@ class HubBeam(ABC):
             )  # a frequency falls as a circle does
             below = np.concatenate([below, steep[(steep > below[-1]) & (steep < lost)], [lost * _JUST_BELOW]])
         return campbell_diagram(
-            self.model, lambda speed: self.frequencies_hz(speed, coupled)[:most], below, multiples, lost
+            self.model, lambda speed: self.eigenfrequencies_hz(speed, include_axial)[:most], below, multiples, lost
         )
 
     @one_blas_thread
@@ -309,7 +309,7 @@ class HubBeam(ABC):
         self,
         maneuver: Maneuver | PlannedTorque | PlannedSlew,
         timepts: ArrayLike | None = None,
-        initial: ArrayLike | None = None,
+        initial_state: ArrayLike | None = None,
         rtol: float | None = None,
         atol: float | None = None,
     ) -> SimulationResult:
@@ -323,7 +323,7 @@ class HubBeam(ABC):
         timepts : array_like, optional
             Instants at which the motion is wanted, s; ascending, >= 0. The motion starts at t = 0 in any case. Of a slew,
             by default its own.
-        initial : array_like or None
+        initial_state : array_like or None
             State at t = 0 in the order of `state_names`; None is rest. With the hub's motion prescribed its hub angle
             and speed are to be those of the maneuver.
         rtol, atol : float, optional
@@ -341,8 +341,8 @@ class HubBeam(ABC):
         TypeError
             If the maneuver is none.
         ValueError
-            If `timepts`, `initial` or a tolerance is out of its range, the functions of a hub profile do not belong
-            together, or a slew does not begin at rest and no `initial` is given.
+            If `timepts`, `initial_state` or a tolerance is out of its range, the functions of a hub profile do not belong
+            together, or a slew does not begin at rest and no `initial_state` is given.
         SimulationError
             If the mass matrix ceases to be positive definite, the deflection overflows, or the tolerance is missed.
         """
@@ -351,9 +351,9 @@ class HubBeam(ABC):
             if timepts is None:
                 raise TypeError("timepts: expected instants [s], got none")
         instants = _instants(timepts)
-        maneuver = _played(maneuver, initial)
-        tolerance = self._tolerance(maneuver, initial, rtol, atol)
-        start = self._start(maneuver, initial)
+        maneuver = _played(maneuver, initial_state)
+        tolerance = self._tolerance(maneuver, initial_state, rtol, atol)
+        start = self._start(maneuver, initial_state)
         maneuver = _checked(maneuver, float(instants[-1]))
         with computing("motion"):
             return self._result(maneuver, instants, start, self._motion(maneuver, instants, start, tolerance))
@@ -384,7 +384,7 @@ class HubBeam(ABC):
         return state
 
     @abstractmethod
-    def shape(self, states: ArrayLike) -> Array:
+    def deformed_shape(self, states: ArrayLike) -> Array:
         """Return where the beam is, in fixed axes.
 
         Parameters
@@ -430,7 +430,7 @@ class HubBeam(ABC):
         """
         return self._with(tip_mass=tip_mass)
 
-    def with_stiffness(self, factor: float) -> Self:
+    def with_stiffness_factor(self, factor: float) -> Self:
         """Return the same model with another bending stiffness; the axial stiffness stays.
 
         Parameters
@@ -450,7 +450,7 @@ class HubBeam(ABC):
         """
         return self._with(second_moment=positive("factor", factor) * self.parameters.second_moment)
 
-    def in_model(self, model: str, modes: int | None = None) -> HubBeam:
+    def with_model(self, model: str, modes: int | None = None) -> HubBeam:
         """Return the same machine in another model.
 
         Parameters
@@ -485,7 +485,7 @@ class HubBeam(ABC):
         """
         from boomctl.lti.python_control import control
 
-        names = {"inputs": list(INPUTS), "outputs": list(OUTPUTS), "states": list(self.state_names)}
+        names = {"inputs": list(INPUTS), "outputs": list(OUTPUTS), "states": list(self.state_labels)}
         return control.nlsys(self._update, self._output, **names, name=self._system_name)
 
     def _update(self, t: float, x: Array, u: Array, params: dict[str, object]) -> Array:
@@ -531,13 +531,13 @@ class HubBeam(ABC):
 
     def _with(self, **changes: float) -> Self:
         copy: Any = self  # every model is a dataclass
-        return replace(copy, parameters=replace(self.parameters, **changes), chosen=None)
+        return replace(copy, parameters=replace(self.parameters, **changes), selection=None)
 
     def _tolerance(
         self, maneuver: Maneuver, initial: ArrayLike | None, rtol: float | None, atol: float | None
     ) -> tuple[float, float]:
         """Return what keeps the accuracy for which the beam was chosen, in its maneuver; else what is usual."""
-        chosen, usual = self.chosen, _TOLERANCE
+        chosen, usual = self.selection, _TOLERANCE
         if chosen is not None and initial is None and maneuver == chosen.maneuver:
             usual = chosen.rtol, chosen.atol
         return (
@@ -557,11 +557,11 @@ class HubBeam(ABC):
         B[size:, 0] = np.linalg.solve(motion.mass, np.eye(size)[:, 0])
         C[0, 0] = C[1, size] = 1.0
         C[2, :size] = motion.tip
-        return Lti(A, B, C, np.zeros((3, 1)), inputs=INPUTS, outputs=OUTPUTS, states=self.state_names, scales={})
+        return Lti(A, B, C, np.zeros((3, 1)), inputs=INPUTS, outputs=OUTPUTS, states=self.state_labels, scales={})
 
     def _steady_speed(self, hub_speed: float) -> float:
         speed = within("hub_speed", hub_speed, -_FASTEST, _FASTEST, "rad/s")
-        self._check_speed(speed, self.steady_limit)
+        self._check_speed(speed, self.max_steady_speed)
         return speed
 
     def _check_speed(self, speed: float, critical: float) -> None:
@@ -584,10 +584,10 @@ class HubBeam(ABC):
             time=instants,
             tip_displacement=found.tip,
             small_deformation_until=found.small_deformation_until,
-            steps=found.steps,
+            n_steps=found.steps,
             _error=partial(self._error, maneuver, instants, start, found),
             details=partial(self._details, maneuver, instants, found),
-            path=found.path,
+            stages=found.path,
         )
 
     def _start(self, maneuver: Maneuver, initial: ArrayLike | None) -> tuple[Array, Array]:
@@ -615,7 +615,7 @@ class HubBeam(ABC):
 
     @abstractmethod
     def _transverse_hz(self, speed: float) -> Array:
-        """See `frequencies_hz`; the speed is known to be below the critical one."""
+        """See `eigenfrequencies_hz`; the speed is known to be below the critical one."""
 
     def _coupled_hz(self, speed: float) -> Array:
         """As `_transverse_hz`, of all coordinates of the beam and with gyroscopic terms.
@@ -714,13 +714,13 @@ def _instants(value: ArrayLike) -> Array:
 
 def _played(given: Any, initial: ArrayLike | None) -> Maneuver:
     """Return the torque of a slew, or of its history, as a maneuver; maneuvers as they are."""
-    history: Any = getattr(given, "history", given)
-    if not all(hasattr(history, name) for name in ("edges", "left", "right")):
+    history: Any = getattr(given, "torque_profile", given)
+    if not all(hasattr(history, name) for name in ("edges", "start_values", "end_values")):
         return given
     size = np.abs(getattr(given, "states", np.zeros((1, 1))))
     if initial is None and (size[0] > ROOT * size.max(axis=0)).any():
-        raise ValueError("initial: expected the state that the slew begins with, which is not at rest, got none")
-    return StraightTorque(history.edges, history.left, history.right)
+        raise ValueError("initial_state: expected the state that the slew begins with, which is not at rest, got none")
+    return StraightTorque(history.edges, history.start_values, history.end_values)
 
 
 def _checked(maneuver: Maneuver, end: float) -> Maneuver:
@@ -730,9 +730,11 @@ def _checked(maneuver: Maneuver, end: float) -> Maneuver:
 
 def _initial_state(value: ArrayLike, size: int) -> Array:
     """Return an initial state of `size` finite numbers."""
-    state = finite_array("initial", value)
+    state = finite_array("initial_state", value)
     if state.shape != (size,):
-        raise ValueError(f"initial of shape {state.shape}: expected ({size},), the states of to_nlsys() in their order")
+        raise ValueError(
+            f"initial_state of shape {state.shape}: expected ({size},), the states of to_nlsys() in their order"
+        )
     return state
 
 

@@ -58,11 +58,11 @@ class CampbellDiagram:
         Name of the beam's model.
     hub_speeds : (k,) ndarray
         Those asked for; in place of those at which the stiffness is lost, some just below [rad/s].
-    frequencies_hz : (k, n) ndarray
+    eigenfrequencies_hz : (k, n) ndarray
         Ascending at each speed [Hz].
-    crossings : tuple of CriticalSpeed
+    critical_speeds : tuple of CriticalSpeed
         Critical speeds: where an order meets a frequency, between the speeds asked for, ascending.
-    stiffness_lost : float
+    divergence_speed : float
         Hub speed at which some stiffness is lost [rad/s]; ``inf`` where none is.
     orders : tuple of float
         Multiples of the hub speed.
@@ -74,22 +74,22 @@ class CampbellDiagram:
     >>> diagram
     CampbellDiagram: sfoam, 3 frequencies, 0 to 4 rad/s
       critical speeds: 3 x 0.9863 rad/s (mode 1), 2 x 1.511 rad/s (mode 1), 1 x 3.415 rad/s (mode 1)
-    >>> diagram.frequencies_hz.shape  # speeds, frequencies
+    >>> diagram.eigenfrequencies_hz.shape  # speeds, frequencies
     (3, 3)
     """
 
     model: str
     hub_speeds: Array = field(repr=False)
-    frequencies_hz: Array = field(repr=False)
-    crossings: tuple[CriticalSpeed, ...]
-    stiffness_lost: float
+    eigenfrequencies_hz: Array = field(repr=False)
+    critical_speeds: tuple[CriticalSpeed, ...]
+    divergence_speed: float
     orders: tuple[float, ...]
 
     def __repr__(self) -> str:
         span = f"{self.hub_speeds[0]:.6g} to {self.hub_speeds[-1]:.6g} rad/s"
-        modes = count(self.frequencies_hz.shape[1], "frequency", "frequencies")
-        lost = f"; stiffness lost at {self.stiffness_lost:.6g} rad/s" if isfinite(self.stiffness_lost) else ""
-        met = [f"{c.order:g} x {c.hub_speed:.4g} rad/s (mode {c.mode})" for c in self.crossings]
+        modes = count(self.eigenfrequencies_hz.shape[1], "frequency", "frequencies")
+        lost = f"; stiffness lost at {self.divergence_speed:.6g} rad/s" if isfinite(self.divergence_speed) else ""
+        met = [f"{c.order:g} x {c.hub_speed:.4g} rad/s (mode {c.mode})" for c in self.critical_speeds]
         return f"CampbellDiagram: {self.model}, {modes}, {span}{lost}\n  critical speeds: {listed(met)}"
 
     def plot(self, ax: Any = None, **style: Any) -> Any:

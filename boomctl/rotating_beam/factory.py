@@ -59,7 +59,7 @@ def hub_beam(
     *,
     accuracy: float,
     maneuver: Maneuver,
-    time: float | ArrayLike | None = None,
+    timepts: float | ArrayLike | None = None,
     **changes: Any,
 ) -> HubBeam: ...
 
@@ -71,7 +71,7 @@ def hub_beam(
     modes: int | None = None,
     accuracy: float | None = None,
     maneuver: Maneuver | None = None,
-    time: float | ArrayLike | None = None,
+    timepts: float | ArrayLike | None = None,
     **changes: Any,
 ) -> HubBeam:
     """Return a flexible beam on a rotating hub, in one of several models.
@@ -94,11 +94,11 @@ def hub_beam(
         8, 12 polynomials is chosen whose free end moves across the undeformed beam as a converged geometrically exact
         beam's does in `maneuver`, from rest. The largest error over
         the motion is at most so large, relative to the largest displacement in it; the solver's error is part of that.
-        What is left when the maneuver is over may be far smaller, and its relative error larger. The beam's `chosen` says
+        What is left when the maneuver is over may be far smaller, and its relative error larger. The beam's `selection` says
         what was tried; ``simulate`` keeps this accuracy in this maneuver by default.
     maneuver : PrescribedMotion or TorqueDriven, optional
         As for ``simulate``; goes with `accuracy`.
-    time : float or array_like, optional
+    timepts : float or array_like, optional
         Until when the accuracy holds [s]; of instants, the last one. By default five periods of the slowest mode after the
         last breakpoint of the maneuver.
     **changes : float
@@ -121,20 +121,20 @@ def hub_beam(
     --------
     >>> import boomctl as bc
     >>> beam = bc.hub_beam(model="sfoam", modes=3, tip_mass=1.0)
-    >>> beam.frequencies_hz().round(3)  # at rest
+    >>> beam.eigenfrequencies_hz().round(3)  # at rest
     array([0.247, 2.207, 6.916])
-    >>> beam.frequencies_hz(hub_speed=4.0).round(3)  # stiffer, as it turns
+    >>> beam.eigenfrequencies_hz(hub_speed=4.0).round(3)  # stiffer, as it turns
     array([0.385, 3.146, 8.112])
     >>> spin = bc.spin_up(final_speed=2.8, duration=30.0)
-    >>> print(bc.hub_beam(accuracy=1e-3, maneuver=spin).chosen)
+    >>> print(bc.hub_beam(accuracy=1e-3, maneuver=spin).selection)
     3 modes of sfoam: error 3.3e-04 up to 40.7898 s, 0.001 asked for
     """
     p = or_default(HubBeamParameters, "parameters", parameters, changes, signature_of(hub_beam))
-    if accuracy is None and maneuver is None and time is None:
+    if accuracy is None and maneuver is None and timepts is None:
         return in_model(p, "sfoam" if model is None else model, 5 if modes is None else modes)
     for name, given in (("model", model), ("modes", modes)):
         if given is not None:
             raise ValueError(f"{name} = {shown(given)}: expected none beside accuracy and maneuver, which choose it")
     from boomctl.rotating_beam.accuracy import chosen_beam  # and what it takes to judge
 
-    return chosen_beam(p, accuracy, maneuver, time)
+    return chosen_beam(p, accuracy, maneuver, timepts)

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from boomctl.rotating_beam.sensors import BeamSensor
 
 # of what changes, what outputs read does not
-_UNREAD = ("tip_mass", "tip_position", "hub_inertia", "density", "damping_ratio")
+_UNREAD = ("tip_mass", "tip_mass_position", "hub_inertia", "density", "damping_ratio")
 _ACCELERATION = "acceleration"  # the quantity whose reading changes with the hub speed
 
 
@@ -40,15 +40,15 @@ def read_by(beam: HubBeam, sensors: Sequence[BeamSensor]) -> Read:
     size, outputs = beam._size, (*LOOP_OUTPUTS[:-1], *(sensor.name for sensor in given))
     seen = np.zeros((len(outputs), 2 * size))
     seen[0, 0] = seen[1, size] = 1.0
-    seen[2, :size], seen[3] = beam._small_motion(0.0).tip, beam.root_moment_row  # type: ignore[attr-defined]
+    seen[2, :size], seen[3] = beam._small_motion(0.0).tip, beam._root_moment_row  # type: ignore[attr-defined]
     if given:  # which takes long
         rest = beam.linearize(0.0, given)
         seen[4:] = np.asarray(rest.C)[[rest.output_labels.index(sensor.name) for sensor in given]]
-    states = [i for i, name in enumerate(beam.state_names) if name not in outputs]
+    states = [i for i, name in enumerate(beam.state_labels) if name not in outputs]
     rows = np.vstack([seen, np.eye(2 * size)[states]])
     lines = np.array([rows[:, :size], rows[:, size:], np.zeros((len(rows), size))])
     units = LOOP_UNITS | {sensor.name: QUANTITIES[sensor.quantity] for sensor in given}
-    return (*outputs, *(beam.state_names[i] for i in states)), lines, units
+    return (*outputs, *(beam.state_labels[i] for i in states)), lines, units
 
 
 def structure_of(beam: HubBeam, speed: float, read: Read) -> SecondOrderModel:
@@ -59,7 +59,7 @@ def structure_of(beam: HubBeam, speed: float, read: Read) -> SecondOrderModel:
     columns[0, :2], columns[1:, 2] = 1.0, tip.transverse
     reach = beam.parameters.hub_radius + beam.parameters.length
     columns[0, 2] = reach + tip.axial @ beam._steady_coordinates(speed)
-    structure = Structure.of(motion.mass, motion.damping, motion.stiffness, beam.state_names[:size])
+    structure = Structure.of(motion.mass, motion.damping, motion.stiffness, beam.state_labels[:size])
     outputs, lines, units = read
     return SecondOrderModel.of(structure, Ports.of_forces(LOOP_INPUTS, columns, outputs, lines, units=units))
 
@@ -101,4 +101,4 @@ def hub_beam_family(
         seen = read(tuple(each for each in changes if each[0] not in _UNREAD))
         return structure_of(made(changes), values.get("hub_speed", fixed), seen)
 
-    return PolynomialFamily.through(ranges, make, free=beam.state_names[:1])
+    return PolynomialFamily.from_function(ranges, make, free=beam.state_labels[:1])

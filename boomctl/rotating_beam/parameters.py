@@ -30,7 +30,7 @@ class HubBeamParameters(Parameters):
         Distance r_A from the axis to the clamp, m; may be 0.
     tip_mass : float
         Point mass m_t on the beam, kg; may be 0.
-    tip_position : float or None
+    tip_mass_position : float or None
         Distance l of the point mass from the clamp, m, within [0, length]; None puts it at the free end.
     damping_ratio : float
         Damping ratio of every clamped mode of the beam at rest, transverse and axial; in [0, 1), 0 in the paper.
@@ -60,7 +60,7 @@ class HubBeamParameters(Parameters):
     hub_inertia: float = 200.0
     hub_radius: float = 0.5
     tip_mass: float = 0.0
-    tip_position: float | None = None
+    tip_mass_position: float | None = None
     damping_ratio: float = 0.0
 
     def __post_init__(self) -> None:
@@ -68,9 +68,12 @@ class HubBeamParameters(Parameters):
             positive(name, getattr(self, name))
         for name in ("hub_inertia", "hub_radius", "tip_mass"):
             nonnegative(name, getattr(self, name))
-        if self.tip_position is not None and nonnegative("tip_position", self.tip_position) > self.length:
+        if (
+            self.tip_mass_position is not None
+            and nonnegative("tip_mass_position", self.tip_mass_position) > self.length
+        ):
             raise ValueError(
-                f"tip_position = {self.tip_position!r}: expected a place on the beam, 0 to {self.length} m"
+                f"tip_position = {self.tip_mass_position!r}: expected a place on the beam, 0 to {self.length} m"
             )
         if nonnegative("damping_ratio", self.damping_ratio) >= 1.0:
             raise ValueError(f"damping_ratio = {self.damping_ratio!r}: expected a ratio in [0, 1)")
@@ -92,13 +95,13 @@ class HubBeamParameters(Parameters):
         return self.youngs_modulus * self.area
 
     @property
-    def mass_position(self) -> float:
+    def _mass_position(self) -> float:
         """Distance of the point mass from the clamp, m."""
-        return self.length if self.tip_position is None else self.tip_position
+        return self.length if self.tip_mass_position is None else self.tip_mass_position
 
     @property
-    def rigid_inertia(self) -> float:
+    def rigid_body_inertia(self) -> float:
         """Moment of inertia J_h + J_b of hub, straight beam and point mass about the axis, kg m^2 (Eq. 13 and A1)."""
         inner, outer = self.hub_radius, self.hub_radius + self.length
         beam = self.mass_per_length * (outer**3 - inner**3) / 3.0
-        return self.hub_inertia + beam + self.tip_mass * (self.hub_radius + self.mass_position) ** 2
+        return self.hub_inertia + beam + self.tip_mass * (self.hub_radius + self._mass_position) ** 2

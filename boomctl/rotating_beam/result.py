@@ -88,7 +88,7 @@ class SimulationResult(TimeSeries):
         Instants, s.
     tip_displacement : ndarray
         Transverse displacement v of the free end x = L in the hub's frame, m.
-    axial_tip_displacement : ndarray
+    tip_extension : ndarray
         Extension w_1 of the beam at x = L (what Figs. 5b and 6b of Bai et al. (2009) show), m; zero for models without
         it. The free end moves axially by ``axial_tip_displacement + foreshortening`` in the hub's frame.
     foreshortening : ndarray
@@ -104,9 +104,6 @@ class SimulationResult(TimeSeries):
         The model's own kinetic plus elastic energy, J.
     angular_momentum : ndarray
         The model's own angular momentum about the hub's axis, kg m^2/s.
-    mass_matrix_margin : ndarray
-        Schur complement of the beam's mass matrix in the whole one, kg m^2; the whole is positive definite if > 0.
-        With the hub's motion prescribed it does not matter.
     states : ndarray, k x n
         States in the order and with the names of ``to_nlsys()``: coordinates (hub angle first), then their rates.
     small_deformation_until : float
@@ -116,11 +113,11 @@ class SimulationResult(TimeSeries):
         Estimated largest error of the tip displacement, m: of the solution of an assumed-modes model's own equations; of a
         geometrically exact beam that of its polynomials is part of it, for which one whose number was given moves again
         when the estimate is first asked for.
-    steps : int
+    n_steps : int
         Number of integration steps.
     details : callable
         Computes what is not kept.
-    path : tuple of str
+    stages : tuple of str
         The ways in which the motion was found, in the order in which they ran. One that missed the tolerance is named
         with "(given up)"; the next one then did its work again.
 
@@ -139,14 +136,14 @@ class SimulationResult(TimeSeries):
     time: Array
     tip_displacement: Array
     small_deformation_until: float
-    steps: int
+    n_steps: int
     details: Callable[[], Details] = field(repr=False, compare=False)
     _error: Callable[[], float] = field(repr=False, compare=False)
-    path: tuple[str, ...] = ()
+    stages: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         span = f"{self.time[0]:.6g} to {self.time[-1]:.6g} s, {len(self.time)} instants"
-        error = f"{', '.join(self.path)}: {self.steps} steps, error estimated {self.error_estimate:.1e}"
+        error = f"{', '.join(self.stages)}: {self.n_steps} steps, error estimated {self.error_estimate:.1e}"
         tip = f"largest tip displacement {np.abs(self.tip_displacement).max():.6g} m"
         if np.isfinite(self.small_deformation_until):
             tip += f", beyond a tenth of the length after {self.small_deformation_until:.4g} s"
@@ -170,7 +167,7 @@ class SimulationResult(TimeSeries):
         return import_module("boomctl.plotting.rotating_beam").plot_simulation(self, ax, **style)
 
     def _outputs(self) -> dict[str, Array]:
-        names = ("hub_angle", "hub_speed", "tip_displacement", "axial_tip_displacement", "foreshortening")
+        names = ("hub_angle", "hub_speed", "tip_displacement", "tip_extension", "foreshortening")
         return {name: getattr(self, name) for name in names}
 
     def _inputs(self) -> dict[str, Array]:
@@ -200,7 +197,7 @@ class SimulationResult(TimeSeries):
         return self._details.dynamics()
 
     @property
-    def axial_tip_displacement(self) -> Array:
+    def tip_extension(self) -> Array:
         """Extension w_1 of the beam at x = L, m."""
         return self._details.axial_tip_displacement
 
@@ -245,7 +242,7 @@ class SimulationResult(TimeSeries):
         return self._dynamics.angular_momentum
 
     @property
-    def mass_matrix_margin(self) -> Array:
+    def _mass_matrix_margin(self) -> Array:
         """Schur complement of the beam's mass matrix in the whole one, kg m^2."""
         return self._dynamics.mass_matrix_margin
 

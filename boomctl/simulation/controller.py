@@ -130,7 +130,7 @@ def sampled_controller(
     laws = None
     if scheduled is not None:
         law = np.array([blocks([[each.D, each.C], [each.B, each.A]]) for each in found])
-        laws = Laws(law, none, scheduled.place, scheduled.values)
+        laws = Laws(law, none, scheduled._place, scheduled.values)
     return SampledController.of(found[0], none[0], driven, measured, laws)
 
 
@@ -154,11 +154,11 @@ def _time_varying(
     controller: TimeVaryingController, plant: "ModalPlant | MachineModes", sample_time: float
 ) -> SampledController:
     """Return a controller whose matrices change from sample to sample."""
-    _check_time(controller.sample_time, sample_time)
-    A, B, C, D, L = (getattr(controller, letter) for letter in "ABCDL")
-    first = Lti(A[0], B[0], C[0], D[0], tuple(controller.inputs), tuple(controller.outputs))
+    _check_time(controller.dt, sample_time)
+    A, B, C, D, L = controller.A, controller.B, controller.C, controller.D, controller._correction
+    first = Lti(A[0], B[0], C[0], D[0], tuple(controller.input_labels), tuple(controller.output_labels))
     driven, measured = signals_of(first, plant.inputs, plant.outputs)
-    laws = Laws(controller.laws, L, None, np.zeros(0))
+    laws = Laws(controller._laws, L, None, np.zeros(0))
     return SampledController.of(first, L[0], driven, measured, laws)
 
 

@@ -111,10 +111,10 @@ class ForcedResponse(TimeSeries):
 @one_blas_thread
 def forced_response(
     plant: SecondOrderModel | control.StateSpace,
-    signals: Mapping[str, ArrayLike],
     timepts: ArrayLike,
+    inputs: Mapping[str, ArrayLike],
     outputs: str | Sequence[str] | None = None,
-    accuracy: float = 1e-6,
+    rtol: float = 1e-6,
 ) -> ForcedResponse:
     """Return the response of a plant at rest to given signals.
 
@@ -124,13 +124,13 @@ def forced_response(
     ----------
     plant : SecondOrderModel or control.StateSpace
         The plant, in continuous time.
-    signals : mapping from input to (n,) array
-        Values at ``timepts``; inputs not named stay at zero.
     timepts : (n,) array_like
         Times in equal steps [s].
+    inputs : mapping from input to (n,) array
+        Values at ``timepts``; inputs not named stay at zero.
     outputs : str or sequence of str, optional
         Outputs that are read; by default all.
-    accuracy : float
+    rtol : float
         Largest error of a structure's response by truncated modes, relative to the largest value of each output.
         Rounding may exceed it; ``error_estimate`` includes both.
 
@@ -150,17 +150,17 @@ def forced_response(
     >>> import numpy as np
     >>> time = np.linspace(0.0, 20.0, 401)
     >>> pulled = {"suspension_left": -np.minimum(time, 1.0), "suspension_right": np.minimum(time, 1.0)}  # N
-    >>> result = bc.forced_response(bc.spray_boom(), pulled, time, "tip_right")
+    >>> result = bc.forced_response(bc.spray_boom(), time, pulled, "tip_right")
     >>> (1000.0 * result.outputs["tip_right"][[0, 100, 400]]).round(2)  # mm
     array([0.  , 2.18, 7.  ])
     """
-    time, wanted = uniform_times(timepts), positive("accuracy", accuracy)
+    time, wanted = uniform_times(timepts), positive("rtol", rtol)
     h = float(time[-1] - time[0]) / (len(time) - 1)
-    if not isinstance(signals, Mapping) or not signals:
-        raise TypeError("signals: expected a mapping from inputs of the plant to arrays, not empty")
+    if not isinstance(inputs, Mapping) or not inputs:
+        raise TypeError("inputs: expected a mapping from inputs of the plant to arrays, not empty")
     if not isinstance(plant, SecondOrderModel):
         system = of(plant, "plant")
-        rows = disturbance_rows(signals, system.inputs, (), len(time))
+        rows = disturbance_rows(inputs, system.inputs, (), len(time))
         read = names("output", outputs, system.outputs)
         places = [system.outputs.index(name) for name in read]
         y, nearby = (
@@ -171,12 +171,12 @@ def forced_response(
             raise ValueError("plant: its outputs grow beyond all numbers before the last of timepts")
         size, change = np.abs(y).max(axis=1), np.abs(y - nearby).max(axis=1)
         estimate = float(np.max(_UNITS * change / np.where(size > 0.0, size, 1.0), initial=0.0) + SOLVED)
-        return ForcedResponse(time, dict(zip(read, y, strict=True)), _given(signals), estimate, len(system.A))
-    for name in signals:
+        return ForcedResponse(time, dict(zip(read, y, strict=True)), _given(inputs), estimate, len(system.A))
+    for name in inputs:
         known("signal", name, plant.inputs)
     read = names("output", outputs, plant.outputs)
     total, errors, sizes, modes = np.zeros((len(read), len(time))), np.zeros(len(read)), np.zeros(len(read)), 0
-    for model, U, W in _parts(plant, signals, read, len(time)):
+    for model, U, W in _parts(plant, inputs, read, len(time)):
         y, error, size, used = _structure_response(model, U, h, wanted)
         total += W @ y
         errors += np.abs(W) @ error
@@ -184,7 +184,7 @@ def forced_response(
         modes += used
     sizes = _sizes(total, sizes)
     estimate = float(np.max(errors / np.where(sizes > 0.0, sizes, 1.0)))
-    return ForcedResponse(time, dict(zip(read, total, strict=True)), _given(signals), estimate, modes, plant.units)
+    return ForcedResponse(time, dict(zip(read, total, strict=True)), _given(inputs), estimate, modes, plant.units)
 
 
 def _rounded(system: Lti) -> Lti:
@@ -205,8 +205,8 @@ def _parts(
 ) -> list[tuple[SecondOrderModel, Array, Array]]:
     """Return the symmetric halves of a model (or the model), their signals, and how their outputs make up the wanted."""
     inputs = tuple(signals)
-    if model.mirror is not None:
-        ins, outs = model.mirror.completed(inputs, model.inputs), model.mirror.completed(outputs, model.outputs)
+    if model._mirror is not None:
+        ins, outs = model._mirror.completed(inputs, model.inputs), model._mirror.completed(outputs, model.outputs)
         chosen = model.select(ins, outs)
         parts, rows = halves(chosen.structure, chosen.ports), disturbance_rows(signals, ins, (), n)
         if parts is not None:
@@ -226,11 +226,11 @@ def _structure_response(
     before, last, size = None, np.full(outputs, np.inf), np.zeros(outputs)
     if not U.any():
         return np.zeros((outputs, U.shape[1])), size, size, 0
-    modes, order = (model.n if model.n <= _COMPLETE else _FIRST_MODES), _FIRST_ORDER
+    modes, order = (model.ncoordinates if model.ncoordinates <= _COMPLETE else _FIRST_MODES), _FIRST_ORDER
     while True:
-        frequencies, V = basis(model, min(modes, model.n), order)
+        frequencies, V = basis(model, min(modes, model.ncoordinates), order)
         y, size = _projected_response(model, frequencies, V, U, h)
-        whole = len(frequencies) == model.n
+        whole = len(frequencies) == model.ncoordinates
         if whole:  # modes of another norm for other rounding
             before, _ = _projected_response(model, frequencies, 1.4 * V, U, h)
         elif before is None:

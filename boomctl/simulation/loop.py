@@ -60,19 +60,19 @@ _CAUTION = (
 def simulate_loop(
     plant: control.StateSpace | control.TransferFunction | SecondOrderModel | Machine,
     controller: Controller | None,
-    disturbance: Mapping[str, ArrayLike] | ArrayLike | None,
     timepts: ArrayLike,
+    disturbances: Mapping[str, ArrayLike] | ArrayLike | None,
     *,
     sample_time: float,
     delay: float = 0.0,
-    force_limit: float | Mapping[str, float] | None = None,
+    control_limit: float | Mapping[str, float] | None = None,
     rate_limit: float | Mapping[str, float] | None = None,
-    stroke_limit: StrokeLimit = None,
+    end_stop: StrokeLimit = None,
     quantization: float | Mapping[str, float] | None = None,
     anti_windup: bool = True,
     friction: CoulombFriction | None = None,
-    discretization: str = "tustin",
-    initial: ArrayLike | None = None,
+    method: str = "tustin",
+    initial_state: ArrayLike | None = None,
     noise: float | Mapping[str, float] | None = None,
     seed: int = 0,
     reference: Mapping[str, ArrayLike] | None = None,
@@ -99,20 +99,20 @@ def simulate_loop(
         the controller reads by their names, as one of :func:`boomctl.lqr` does.
     controller : control.StateSpace, TransferFunction, a design, ScheduledController, TimeVaryingController or None
         ``u = K y``: its inputs are named as outputs of the plant, its outputs as inputs of the plant.  A discrete one
-        has ``sample_time`` as its own; a continuous one is discretised.  Of a scheduled one (:func:`boomctl.schedule`)
+        has ``sample_time`` as its own; a continuous one is discretised.  Of a scheduled one (:func:`boomctl.gain_schedule`)
         each controller is discretised, and the matrices follow the measurement as it is read, no reference taken from it.
         A :class:`boomctl.simulation.TimeVaryingController` has matrices for each sample.  ``None``: open loop.
-    disturbance : mapping from input to (n,) array, (k, n) array or None
-        At ``timepts``.  An array has one row for each input of the plant that the controller does not drive.
     timepts : (n,) array_like
         Times in equal steps [s]; the step and ``sample_time`` are a whole multiple of each other, either way.
+    disturbances : mapping from input to (n,) array, (k, n) array or None
+        At ``timepts``.  An array has one row for each input of the plant that the controller does not drive.
     sample_time : float
         Time between samples of the controller [s].
     delay : float
         Between a sample and the moment its control acts [s]; any, fractions of a sample included.
-    force_limit, rate_limit : float or mapping from control to float, optional
+    control_limit, rate_limit : float or mapping from control to float, optional
         Largest control, and largest change of it per second.
-    stroke_limit : float or mapping, optional
+    end_stop : float or mapping, optional
         Hard, inelastic end stops: a number for the outputs ``stroke_*``, which act through the inputs ``suspension_*``
         of the same suffix, or a mapping from output to a number or to ``(number, input)``.
     quantization : float or mapping from measurement to float, optional
@@ -123,9 +123,9 @@ def simulate_loop(
         corrected.
     friction : CoulombFriction, optional
         Dry friction in the plant.
-    discretization : "tustin" or "zoh"
+    method : "tustin" or "zoh"
         Of a continuous controller.
-    initial : (states,) array_like, optional
+    initial_state : (states,) array_like, optional
         States at the first time of a ``StateSpace`` or a hub-beam; by default at rest.
     noise : float or mapping from measurement to float, optional
         Standard deviation of what is added to each measurement at each sample: normal, independent, before rounding.
@@ -168,7 +168,7 @@ def simulate_loop(
     >>> pd = control.ss([], [], [], gains, 0.01, inputs=["hub_angle", "hub_speed"], outputs=["torque"])
     >>> time = np.linspace(0.0, 20.0, 2001)
     >>> wanted = {"hub_angle": np.full(time.size, 0.5)}
-    >>> run = bc.simulate_loop(beam.with_tip_mass(0.1), pd, None, time, sample_time=0.01, reference=wanted)
+    >>> run = bc.simulate_loop(beam.with_tip_mass(0.1), pd, time, None, sample_time=0.01, reference=wanted)
     >>> bool(abs(run["hub_angle"][-1] - 0.5) < 0.01)
     True
     """
@@ -178,7 +178,7 @@ def simulate_loop(
         instance("friction", friction, CoulombFriction)
     modal: ModalPlant | MachineModes
     if isinstance(plant, Machine):
-        for name, value in (("friction", friction), ("stroke_limit", stroke_limit)):
+        for name, value in (("friction", friction), ("end_stop", end_stop)):
             if value is not None:
                 raise ValueError(f"{name}: expected None for a hub-beam, which has no contacts")
         modal = plant._forced_modes(sequence("sensors", sensors, "BeamSensor"))
@@ -188,12 +188,12 @@ def simulate_loop(
         if sequence("sensors", sensors, "BeamSensor"):
             raise ValueError("sensors: expected none for a linear plant, which has outputs of its own")
         modal = modal_plant(plant)
-        places = stop_places(stroke_limit, modal)
+        places = stop_places(end_stop, modal)
     grid = time_grid(timepts, sample_time)
-    K = sampled_controller(controller, modal, float(sample_time), discretization)
-    rows = disturbance_rows(disturbance, modal.inputs, K.outputs, len(grid.time))
+    K = sampled_controller(controller, modal, float(sample_time), method)
+    rows = disturbance_rows(disturbances, modal.inputs, K.outputs, len(grid.time))
     limits = Limits(
-        per_signal("force_limit", force_limit, K.outputs),
+        per_signal("control_limit", control_limit, K.outputs),
         per_signal("rate_limit", rate_limit, K.outputs) * float(sample_time),
         per_signal("quantization", quantization, K.inputs, zero=True),
     )
@@ -207,7 +207,7 @@ def simulate_loop(
         from boomctl.simulation.machine.run import MachineLoop  # brings casadi
 
         size = 2 * len(modal.omega)
-        begin = modal.from_state @ (np.zeros(size) if initial is None else _initial(initial, size))
+        begin = modal.from_state @ (np.zeros(size) if initial_state is None else _initial(initial_state, size))
         loop = MachineLoop(
             machine=modal,
             controller=K,
@@ -220,7 +220,7 @@ def simulate_loop(
         )
         with computing("closed loop"):
             return _machine_result(loop, *tolerance)
-    start = _start(initial, modal)
+    start = _start(initial_state, modal)
     _check_strokes(places, modal.C @ start + modal.D @ rows[:, 0], modal.outputs)
 
     def problem(finer: int, touching: bool = True) -> LoopProblem:
@@ -247,7 +247,7 @@ def simulate_loop(
         found = _result(p, log, moving, contact_log, "contacts")
         if friction is None:
             return found
-        error = _friction_error(problem, substeps, friction.output, moving)
+        error = _friction_error(problem, substeps, friction.slip_output, moving)
         return replace(found, error_estimate=error)
     path = "blocks" if in_blocks(p) else "steps"
     return _result(p, log, run_fast(p, log)[:, :: p.grid.per_point], None, path)
@@ -258,7 +258,7 @@ def _check_strokes(places: list[tuple[str, str, float]], outputs: Array, names: 
         value = float(outputs[names.index(output)])
         if abs(value) > limit:
             raise ValueError(
-                f"stroke_limit: {output!r} is {exactly(value)} m at the first time, beyond its stop at {exactly(limit)} m"
+                f"end_stop: {output!r} is {exactly(value)} m at the first time, beyond its stop at {exactly(limit)} m"
             )
 
 
@@ -292,9 +292,9 @@ def _start(initial: ArrayLike | None, plant: ModalPlant) -> Array:
 
 
 def _initial(initial: ArrayLike, n: int) -> Array:
-    given = finite_array("initial", initial, ndim=1)
+    given = finite_array("initial_state", initial, ndim=1)
     if given.shape != (n,):
-        raise ValueError(f"initial has shape {given.shape}; expected {(n,)}, one a state")
+        raise ValueError(f"initial_state has shape {given.shape}; expected {(n,)}, one a state")
     return given
 
 
@@ -314,18 +314,18 @@ def _result(p: LoopProblem, log: ControlLog, moving: Array, contacts: ContactLog
         mean = contacts.friction.reshape(-1, grid.per_point).mean(axis=1)
         friction = FrictionResult(
             force=np.concatenate([[0.0], mean]),
-            stuck_share=float(contacts.stuck.mean()),
-            dissipated=float(contacts.dissipated.sum()),
-            input=p.contacts.law.input,
-            output=p.contacts.law.output,
+            stick_fraction=float(contacts.stuck.mean()),
+            dissipated_energy=float(contacts.dissipated.sum()),
+            force_input=p.contacts.law.force_input,
+            slip_output=p.contacts.law.slip_output,
         )
     names = [] if p.contacts is None else [stop.output for stop in p.contacts.stops]
     touched = [] if contacts is None else contacts.touched
     return replace(
         _told(p, plant, log, outputs, controls),
-        stops=merged_hits(names, grid.h, float(grid.time[0]), touched),
+        stop_contacts=merged_hits(names, grid.h, float(grid.time[0]), touched),
         friction=friction,
-        path=path,
+        method=path,
         _sampled=sampled,
     )
 
@@ -340,11 +340,11 @@ def _told(
         time=p.grid.time,
         outputs=dict(zip(plant.outputs, outputs, strict=True)),
         controls=applied,
-        asked=asked,
+        commanded=asked,
         disturbances={name: row for name, row in zip(plant.inputs, rows, strict=True) if row.any()},
-        saturation_share=dict(zip(K.outputs, log.saturated.mean(axis=0).tolist(), strict=True)),
-        rate_share=dict(zip(K.outputs, log.slewed.mean(axis=0).tolist(), strict=True)),
-        stops=(),
+        saturation_fraction=dict(zip(K.outputs, log.saturated.mean(axis=0).tolist(), strict=True)),
+        rate_limit_fraction=dict(zip(K.outputs, log.slewed.mean(axis=0).tolist(), strict=True)),
+        stop_contacts=(),
         friction=None,
         sample_time=p.grid.per_sample * p.grid.h,
         delay=p.delay,
@@ -380,7 +380,7 @@ def _machine_result(p: MachineLoop, rtol: float, atol: float) -> LoopResult:
     states, controls = found.states[:, :: p.grid.per_point], p.at_points(found.log)
     return replace(
         _told(p, p.machine, found.log, measured(p, states, controls[0]), controls),
-        path=PATH,
+        method=PATH,
         error_estimate=found.error,
         states=(p.machine.to_state @ states).T,
     )

@@ -67,9 +67,9 @@ def modal_plant(
     """
     if isinstance(system, SecondOrderModel):
         structure, ports = system.structure, system.ports
-        names = *(f"mode{k + 1}" for k in range(system.n)), *structure.coordinates
+        names = *(f"mode{k + 1}" for k in range(system.ncoordinates)), *structure.coordinates
         states = tuple(f"{name}.{part}" for name in names for part in ("x1", "x2"))
-        small = system.n <= _MODES
+        small = system.ncoordinates <= _MODES
         linear = handed_out(structure, ports, None) if small else in_modes(structure, ports, *basis(system, _MODES))
         return replace(ModalPlant.of(linear), states=states, units=system.units)
     return ModalPlant.of(of(system, "plant"))
@@ -85,7 +85,7 @@ def basis(model: SecondOrderModel, modes: int, order: int = 1) -> tuple[Array, A
         frequencies, V = undamped_modes(model.structure, modes)
         frequencies, V = with_statics(model.structure, frequencies, V, _loads(model, V), order)
     except ValueError:
-        return np.ones(model.n), np.eye(model.n)
+        return np.ones(model.ncoordinates), np.eye(model.ncoordinates)
     return frequencies[::-1], V[:, ::-1]
 
 

@@ -22,22 +22,23 @@ class FrictionResult:
     ----------
     force : (n,) ndarray
         Mean friction force between each time and the one before [N]; 0 at the first.
-    stuck_share : float
+    stick_fraction : float
         Share of the time spent at rest.
-    dissipated : float
+    dissipated_energy : float
         Energy that friction took [J].
-    input, output : str
+    force_input, slip_output : str
         Names of the force input through which friction acts, and of the slip.
     """
 
     force: Array = field(repr=False)
-    stuck_share: float
-    dissipated: float
-    input: str
-    output: str
+    stick_fraction: float
+    dissipated_energy: float
+    force_input: str
+    slip_output: str
 
     def __repr__(self) -> str:
-        return f"FrictionResult: stuck {100.0 * self.stuck_share:.3g} % of the time, {self.dissipated:.4g} J dissipated"
+        stuck = f"stuck {100.0 * self.stick_fraction:.3g} % of the time"
+        return f"FrictionResult: {stuck}, {self.dissipated_energy:.4g} J dissipated"
 
 
 @dataclass(frozen=True)
@@ -52,19 +53,19 @@ class LoopResult(TimeSeries):
         Outputs of the plant.
     controls : dict from name to (n,) ndarray
         Controls that act on the plant just after each time, the last included; limits and delay too.
-    asked : dict from name to (n,) ndarray
+    commanded : dict from name to (n,) ndarray
         What the controller asked for at its last sample.
     disturbances : dict from name to (n,) ndarray
         What disturbed the plant; inputs left alone are not listed.
-    saturation_share, rate_share : dict from name to float
+    saturation_fraction, rate_limit_fraction : dict from name to float
         Share of the samples at which a control met its limit, and its largest rate of change.
-    stops : tuple of StopContact
+    stop_contacts : tuple of StopContact
         End stops touched, in order.
     friction : FrictionResult or None
         What friction did; None without any.
     sample_time, delay : float
         Sampling time of the controller, and delay from a sample to the control that it leads to [s].
-    path : str
+    method : str
         Which way the loop was run: "blocks", "steps", "stops not reached" or "contacts", all exact between samples, or
         "exponential steps", of a hub-beam.
     error_estimate : float
@@ -83,15 +84,15 @@ class LoopResult(TimeSeries):
     time: Array
     outputs: dict[str, Array] = field(repr=False)
     controls: dict[str, Array] = field(repr=False)
-    asked: dict[str, Array] = field(repr=False)
+    commanded: dict[str, Array] = field(repr=False)
     disturbances: dict[str, Array] = field(repr=False)
-    saturation_share: dict[str, float]
-    rate_share: dict[str, float]
-    stops: tuple[StopContact, ...]
+    saturation_fraction: dict[str, float]
+    rate_limit_fraction: dict[str, float]
+    stop_contacts: tuple[StopContact, ...]
     friction: FrictionResult | None
     sample_time: float
     delay: float
-    path: str = "steps"
+    method: str = "steps"
     error_estimate: float = 0.0
     states: Array | None = field(default=None, repr=False)
     units: dict[str, str] = field(default_factory=dict, repr=False)
@@ -103,13 +104,15 @@ class LoopResult(TimeSeries):
         span = f"{self.time[0]:.6g} to {self.time[-1]:.6g} s, {len(self.time)} samples"
         late = f", {self.delay:.4g} s late" if self.delay else ""
         controls = f"controls {listed(list(self.controls), 50)}{late}" if self.controls else "no controller"
-        limited = [f"{count(len(self.stops), 'hit')} of a stop"] if self.stops else []
+        limited = [f"{count(len(self.stop_contacts), 'hit')} of a stop"] if self.stop_contacts else []
         limited += [
             f"{name} at its limit {100.0 * share:.3g} % of the time"
-            for name, share in self.saturation_share.items()
+            for name, share in self.saturation_fraction.items()
             if share
         ]
-        limited += [f"stuck {100.0 * self.friction.stuck_share:.3g} % of the time"] if self.friction is not None else []
+        limited += (
+            [f"stuck {100.0 * self.friction.stick_fraction:.3g} % of the time"] if self.friction is not None else []
+        )
         last = f"\n  {listed(limited)}" if limited else ""
         if self._sampled is not None and (sides(np.linalg.eigvals(self._sampled), self.sample_time) > 0).any():
             last += "\n  unstable: the loop grows without bound, unless limits or stops hold it"
@@ -118,7 +121,7 @@ class LoopResult(TimeSeries):
         return f"LoopResult: {span}; {controls}\n  outputs: {listed(list(self.outputs))}{last}"
 
     @property
-    def strokes(self) -> dict[str, Array]:
+    def _strokes(self) -> dict[str, Array]:
         """The outputs named ``stroke_*``."""
         return {name: values for name, values in self.outputs.items() if name.startswith("stroke_")}
 
@@ -140,9 +143,9 @@ class LoopResult(TimeSeries):
             for name, values in signals.items():
                 found[f"{kind}{name}: rms"] = float(np.sqrt(np.mean(values**2)))
                 found[f"{kind}{name}: peak"] = float(np.abs(values).max())
-        limited = {name: share for name, share in self.saturation_share.items() if share}
+        limited = {name: share for name, share in self.saturation_fraction.items() if share}
         found |= {f"control {name}: at its limit [%]": 100.0 * share for name, share in limited.items()}
-        return found | ({"hits of stops": float(len(self.stops))} if self.stops else {})
+        return found | ({"hits of stops": float(len(self.stop_contacts))} if self.stop_contacts else {})
 
     def plot(self, ax: Any = None, *, outputs: str | Sequence[str] | None = None, **style: Any) -> Array:
         """Draw outputs, controls asked for and applied, stops and friction over time.

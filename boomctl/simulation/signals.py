@@ -137,7 +137,7 @@ def disturbance_rows(
     given = np.atleast_2d(plain_array("disturbance", disturbance))
     if given.shape != (len(free), points):
         raise ValueError(
-            f"disturbance has shape {given.shape}; expected {(len(free), points)}, a row for each of "
+            f"disturbances has shape {given.shape}; expected {(len(free), points)}, a row for each of "
             f"{', '.join(free) or 'no inputs'} and a column for each time"
         )
     for name, values in zip(free, given, strict=True):

@@ -14,7 +14,7 @@ from boomctl.printing import compact, table_html
 from boomctl.slew.plant import SlewMachine, SlewPlant, plant_of
 from boomctl.slew.problem import warn_of_turns
 from boomctl.slew.result import SlewResult
-from boomctl.slew.shapers import classical_spin_up, classical_torque, shaper
+from boomctl.slew.shapers import input_shaper, rest_to_rest_torque, spin_up_torque
 from boomctl.slew.torque import TorqueProfile
 from boomctl.threads import one_blas_thread
 
@@ -50,21 +50,21 @@ class SlewRow(TimeSeries):
         What the slew is called.
     duration : float
         How long it takes [s].
-    vibration : float
+    residual_vibration : float
         Largest tip displacement after the end [m].
     angle_error : float
         Error of the hub angle, its mean after the end [rad]; 0 of a spin-up, whose angle is free.
     speed_error : float
         Error of the hub speed, its mean after the end [rad/s].
-    peak_moment : float
+    max_root_moment : float
         Largest bending moment at the clamp on the way [N m].
     effort : float
         Integral of the torque squared [N^2 m^2 s].
-    vibration_low, vibration_high : float
+    residual_vibration_low, residual_vibration_high : float
         The vibration with the beam's frequencies 10 % below and above [m].
     vibrations : ndarray, m
         The vibration with each of the tip masses of the comparison [m].
-    history : TorqueProfile
+    torque_profile : TorqueProfile
         The torque over time.
     time, tip_displacement : ndarray, k
         Instants on the way and afterwards [s], and the tip displacement then [m].
@@ -72,15 +72,15 @@ class SlewRow(TimeSeries):
 
     name: str
     duration: float
-    vibration: float
+    residual_vibration: float
     angle_error: float
     speed_error: float
-    peak_moment: float
+    max_root_moment: float
     effort: float
-    vibration_low: float
-    vibration_high: float
+    residual_vibration_low: float
+    residual_vibration_high: float
     vibrations: Array
-    history: TorqueProfile
+    torque_profile: TorqueProfile
     time: Array
     tip_displacement: Array
 
@@ -90,7 +90,7 @@ class SlewRow(TimeSeries):
         return {"tip_displacement": self.tip_displacement}
 
     def _inputs(self) -> dict[str, Array]:
-        return {"torque": self.history(self.time)}
+        return {"torque": self.torque_profile(self.time)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,7 +103,7 @@ class SlewComparison:
         Angle turned through [rad]; None of spin-ups.
     torque_limit : float
         Largest torque either way [N m].
-    lines : tuple of SlewRow
+    rows : tuple of SlewRow
         One for each slew.
     final_speed : float
         Hub speed at the end [rad/s].
@@ -113,14 +113,14 @@ class SlewComparison:
 
     angle: float | None
     torque_limit: float
-    lines: tuple[SlewRow, ...]
+    rows: tuple[SlewRow, ...]
     final_speed: float = 0.0
     tip_masses: Array = field(default_factory=lambda: np.zeros(0))
 
     def __repr__(self) -> str:
         what = f"{self.angle:.6g} rad" if self.angle is not None else f"spin-ups to {self.final_speed:.6g} rad/s"
-        lines = [f"  {x.name}: {x.duration:.4g} s, vibration left {x.vibration:.3g} m" for x in self.lines[:3]]
-        more = [f"  ... {len(self.lines) - 3} more"] if len(self.lines) > 3 else []
+        lines = [f"  {x.name}: {x.duration:.4g} s, vibration left {x.residual_vibration:.3g} m" for x in self.rows[:3]]
+        more = [f"  ... {len(self.rows) - 3} more"] if len(self.rows) > 3 else []
         return "\n".join([f"SlewComparison: {what}, {self.torque_limit:.6g} N m", *lines, *more])
 
     def _repr_html_(self) -> str:
@@ -129,41 +129,24 @@ class SlewComparison:
         rows = [
             (
                 x.name,
-                *(f"{y:.4g}" for y in (x.duration, x.vibration, x.vibration_low, x.vibration_high)),
-                *(f"{y:.4g}" for y in (*x.vibrations, x.peak_moment)),
+                *(
+                    f"{y:.4g}"
+                    for y in (x.duration, x.residual_vibration, x.residual_vibration_low, x.residual_vibration_high)
+                ),
+                *(f"{y:.4g}" for y in (*x.vibrations, x.max_root_moment)),
             )
-            for x in self.lines
+            for x in self.rows
         ]
         return table_html(repr(self).partition("\n")[0], heads, rows)
 
     def __getitem__(self, name: str) -> SlewRow:
-        """Return a slew by its name, as `line` does."""
-        return self.line(name)
+        """Return a slew by its name."""
+        known("slew", name, [line.name for line in self.rows])
+        return next(line for line in self.rows if line.name == name)
 
     def _ipython_key_completions_(self) -> list[str]:
         """Return the names that consoles complete in brackets."""
-        return [line.name for line in self.lines]
-
-    def line(self, name: str) -> SlewRow:
-        """Return the slew of a name.
-
-        Parameters
-        ----------
-        name : str
-            Name of the slew.
-
-        Returns
-        -------
-        SlewRow
-            The slew of that name.
-
-        Raises
-        ------
-        TypeError, ValueError
-            There is none.
-        """
-        known("slew", name, [line.name for line in self.lines])
-        return next(line for line in self.lines if line.name == name)
+        return [line.name for line in self.rows]
 
     def plot(self, ax: Any = None, *, names: Sequence[str] = (), **style: Any) -> Array:
         """Draw torques and tip displacements over time, vibration over duration, and over tip masses where there are some.
@@ -188,7 +171,7 @@ class SlewComparison:
 
 @one_blas_thread
 def compare_slews(
-    h: SlewMachine,
+    system: SlewMachine,
     angle: float | None,
     torque_limit: float,
     optimal: Mapping[str, SlewResult] | None = None,
@@ -203,7 +186,7 @@ def compare_slews(
 
     Parameters
     ----------
-    h : hub-beam
+    system : hub-beam
         What `hub_beam` returns.
     angle : float or None
         Angle to turn through [rad]; None of a spin-up.
@@ -236,7 +219,7 @@ def compare_slews(
     >>> import boomctl as bc
     >>> found = bc.slew.compare_slews(bc.hub_beam(modes=1), angle=1.0, torque_limit=200.0)
     >>> for name in ("bang-bang", "bang-bang, ZV"):
-    ...     print(name, round(found.line(name).duration, 2), round(found.line(name).vibration, 2))  # s, m
+    ...     print(name, round(found[name].duration, 2), round(found[name].residual_vibration, 2))  # s, m
     bang-bang 2.2 3.72
     bang-bang, ZV 3.18 0.02
     >>> fast = bc.optimal_slew(bc.hub_beam(modes=1), angle=1.0, torque_limit=200.0)
@@ -244,18 +227,18 @@ def compare_slews(
     >>> found["fast"].vibrations.round(2)  # m
     array([0.  , 3.64])
     """
-    plant = plant_of(h)
+    plant = plant_of(system)
     if plant.machine is None:
-        raise TypeError(f"h = {type(h).__name__}: expected a hub-beam")
+        raise TypeError(f"system = {type(system).__name__}: expected a hub-beam")
     limit = positive("torque_limit", torque_limit)
     planned = {} if optimal is None else mapping("optimal", optimal, "names to slews")
     for name, each in planned.items():
         instance(f"optimal[{name!r}]", each, SlewResult)
     if angle is not None:
         warn_of_turns(real("angle", angle))
-    torques = {name: result.history for name, result in planned.items()}
+    torques = {name: result.torque_profile for name, result in planned.items()}
     torques |= _classical(plant, angle, real("final_speed", final_speed), limit)
-    others = [plant.machine.with_stiffness(factor**2) for factor in _CHANGES]
+    others = [plant.machine.with_stiffness_factor(factor**2) for factor in _CHANGES]
     masses = [nonnegative("tip_masses", mass) for mass in sequence("tip_masses", tip_masses, "masses in kg")]
     loaded = [plant.machine.with_tip_mass(mass) for mass in masses]
     heaviest = plant_of(plant.machine.with_tip_mass(max(masses))).period if masses else 0.0
@@ -271,15 +254,15 @@ def compare_slews(
             SlewRow(
                 name=name,
                 duration=history.duration,
-                vibration=float(np.abs(r.tip_displacement[late]).max()),
+                residual_vibration=float(np.abs(r.tip_displacement[late]).max()),
                 angle_error=0.0 if angle is None else _middle(r.hub_angle[late]) - angle,
                 speed_error=_middle(r.hub_speed[late]) - final_speed,
-                peak_moment=float(np.abs(r.states @ plant.machine.root_moment_row).max()),
+                max_root_moment=float(np.abs(r.states @ plant.machine._root_moment_row).max()),
                 effort=history.effort,
-                vibration_low=low,
-                vibration_high=high,
+                residual_vibration_low=low,
+                residual_vibration_high=high,
                 vibrations=np.array([_vibration(each, history, later) for each in loaded]),
-                history=history,
+                torque_profile=history,
                 time=t,
                 tip_displacement=r.tip_displacement,
             )
@@ -300,11 +283,11 @@ def _classical(plant: SlewPlant, angle: float | None, final_speed: float, limit:
     bodies = {"smoothed": "smoothed bang-bang", "constant": "constant torque", "smooth": "smooth torque"}
     torques = {}
     for shape, name in SPIN_UPS if angle is None else CLASSICAL:
-        train, body = shaper(name, *plant.vibration), bodies.get(shape, shape)
+        train, body = input_shaper(name, *plant.vibration), bodies.get(shape, shape)
         if angle is None:
-            history = classical_spin_up(shape, train, final_speed, plant.inertia, limit)
+            history = spin_up_torque(shape, train, final_speed, plant.inertia, limit)
         else:
-            history = classical_torque(shape, train, real("angle", angle), plant.inertia, limit)
+            history = rest_to_rest_torque(shape, train, real("angle", angle), plant.inertia, limit)
         torques[body if name == "none" else f"{body}, {name}"] = history
     return torques
 

@@ -133,7 +133,7 @@ class _Mesh:
         at = np.nonzero(met)
         rows, values = np.vstack([local.G, local.P[at]]), met[at] * self.most[at[0]] - local.rest[at]
         defects = [self.ends.defect(self.steps(found.torques, parts))]
-        while np.abs(defects[-1]).max() > _CLOSED * self.ends.problem.tolerance and len(defects) <= _CHORDS:
+        while np.abs(defects[-1]).max() > _CLOSED * self.ends.problem.rtol and len(defects) <= _CHORDS:
             wanted = np.concatenate([local.G @ found.torques - defects[-1], values])
             found = clipped(rows, wanted, self.limit, found.weights)
             defects.append(self.ends.defect(self.steps(found.torques, parts)))
@@ -186,17 +186,17 @@ def effort_on_mesh(
     mesh = _Mesh(end_map(problem, first), duration, intervals, lines, most, limits.torque)
     parts = max(1, int(np.ceil(duration * mesh.ends.step_frequency / intervals)))
     met = np.zeros((len(lines), intervals - 1)) if before is None else before.met
-    answer = mesh.best(first.left, met, parts)
+    answer = mesh.best(first.start_values, met, parts)
     if answer is None:
         return None
     local, found, met = answer
     missed = np.inf
-    while missed > STEP_SHARE * problem.tolerance:
+    while missed > STEP_SHARE * problem.rtol:
         parts *= 2
         if parts * intervals > MOST_STEPS:
             return None
         found, missed, left = mesh.led(local, found, met, parts)
-        if not left <= STEP_SHARE * problem.tolerance:
+        if not left <= STEP_SHARE * problem.rtol:
             return None
     pairs = np.arange(0, intervals, 2)
     joined = replace(local, d=local.G @ found.torques).joined(pairs)

@@ -218,8 +218,8 @@ def controller_along(
     arriving[:, :n, 0], arriving[:, n + 1, 0] = along.b, 1.0
     following = moving + arriving @ G
     return TimeVaryingController(
-        A=following @ kept, B=following @ correct, C=G @ kept, D=G @ correct, inputs=inputs, outputs=(output,),
-        sample_time=step, L=arriving,
+        A=following @ kept, B=following @ correct, C=G @ kept, D=G @ correct, input_labels=inputs, output_labels=(output,),
+        dt=step, anti_windup_gain=arriving,
     )  # fmt: skip
 
 
@@ -247,10 +247,14 @@ def slowest_pole(
     ValueError
         The loop is not stable.
     """
-    step, kept = controller.sample_time, along.moved
+    step, kept = controller.dt, along.moved
     into, back = modes.from_state[kept], modes.to_state[:, kept]
     machine = Lti(
-        into @ linear.A @ back, into @ linear.B[:, :1], along.C[-1], along.D[-1][:, None], tuple(controller.outputs)
+        into @ linear.A @ back,
+        into @ linear.B[:, :1],
+        along.C[-1],
+        along.D[-1][:, None],
+        tuple(controller.output_labels),
     )
     sampled = sampled_plant(machine, [0], step, [0.0])
     loop = lower_lft(sampled, Lti(*(getattr(controller, letter)[-1] for letter in "ABCD"))).A

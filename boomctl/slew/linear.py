@@ -157,7 +157,7 @@ class Guess:
 
 def guess_from(problem: SlewProblem, history: TorqueProfile, intervals: int = 200, ramp: bool = False) -> Guess:
     """Sample a torque and the linear motion under it on a mesh."""
-    means = history.means(np.linspace(0.0, history.duration, intervals + 1))
+    means = history.interval_means(np.linspace(0.0, history.duration, intervals + 1))
     states = flow(problem).motion(problem.start, history.duration, means)
     if ramp:
         means = np.concatenate([[0.0], 0.5 * (means[1:] + means[:-1]), [0.0]])
@@ -170,7 +170,7 @@ def effort_gap(problem: SlewProblem, history: TorqueProfile) -> float:
     For any c: ``int u^2 >= c^T d - int max_u (p u - u^2) dt`` with ``p = c^T exp(A (T - t)) B``; the maximum is ``p^2 / 4``
     within ``|p| <= 2 limit`` and ``limit |p| - limit^2`` beyond. The integral is summed in Gauss points.
     """
-    intervals = max(_MESH, history.left.size)
+    intervals = max(_MESH, history.start_values.size)
     c = 2.0 * least_effort(problem, history.duration, intervals).costate
     linear, gauss = flow(problem), gauss_method(_POINTS)
     h, limit = history.duration / intervals, problem.limits.torque

@@ -21,17 +21,17 @@ class TrackingStudy:
     ----------
     time : (N,) ndarray
         Instants [s].
-    drawn : dict of str to (runs,) ndarray
+    samples : dict of str to (runs,) ndarray
         "tip_mass" [kg], "stiffness" (what multiplies it), "friction" and "disturbance_torque" [N m] of each run.
     outputs : dict of str to (runs, N) ndarray
         "hub_angle" [rad], "hub_speed" [rad/s], "tip_displacement" [m], "root_moment" [N m], and the "torque" [N m].
-    planned : dict of str to (N,) ndarray
+    reference : dict of str to (N,) ndarray
         The same in the plan.
-    vibration : (runs,) ndarray
+    residual_vibration : (runs,) ndarray
         Largest distance of the tip from the plan within 1.5 slowest periods after the end, or after what was waited [m].
     angle_error : (runs,) ndarray
         Distance of the hub from the plan at the last instant [rad].
-    wait : float
+    settling_time : float
         Time after the end from which a vibration counts [s].
     duration : float
         Of the slew [s].
@@ -46,12 +46,12 @@ class TrackingStudy:
     """
 
     time: Array
-    drawn: dict[str, Array]
+    samples: dict[str, Array]
     outputs: dict[str, Array]
-    planned: dict[str, Array]
-    vibration: Array
+    reference: dict[str, Array]
+    residual_vibration: Array
     angle_error: Array
-    wait: float
+    settling_time: float
     duration: float
     feedback: bool
     seed: int
@@ -59,15 +59,18 @@ class TrackingStudy:
     error_estimate: float
 
     def __repr__(self) -> str:
-        ranges = [f"{name} {row.min():.3g} to {row.max():.3g}" for name, row in self.drawn.items() if np.ptp(row) > 0.0]
-        middle, most = np.quantile(self.vibration, [0.5, 0.95])
+        ranges = [
+            f"{name} {row.min():.3g} to {row.max():.3g}" for name, row in self.samples.items() if np.ptp(row) > 0.0
+        ]
+        middle, most = np.quantile(self.residual_vibration, [0.5, 0.95])
         off = np.quantile(np.abs(self.angle_error), 0.95)
         how = "with feedback" if self.feedback else "plan alone"
-        waited = f" from {self.wait:.3g} s after the end" if self.wait else ""
-        runs = f"{count(len(self.vibration), 'run')} {how}, seed {self.seed}"
+        waited = f" from {self.settling_time:.3g} s after the end" if self.settling_time else ""
+        runs = f"{count(len(self.residual_vibration), 'run')} {how}, seed {self.seed}"
         return (
             f"TrackingStudy: {runs}\n  {'; '.join(ranges) or 'all alike'}\n"
-            f"  vibration{waited}: {middle:.3g} m in the middle, {most:.3g} m in 95 %, {self.vibration.max():.3g} m at most\n"
+            f"  vibration{waited}: {middle:.3g} m in the middle, {most:.3g} m in 95 %, "
+            f"{self.residual_vibration.max():.3g} m at most\n"
             f"  hub off by {off:.3g} rad at the end in 95 %"
         )
 

@@ -96,7 +96,9 @@ OBJECTIVES = {
     "torque-rate": Objective(
         title="minimum torque rate",
         cost=lambda parts, units, s, intervals: (s.u1 - s.u) ** 2 / (s.h / units.time),
-        value=lambda history, paths: float(np.sum((history.right - history.left) ** 2 / np.diff(history.edges))),
+        value=lambda history, paths: float(
+            np.sum((history.end_values - history.start_values) ** 2 / np.diff(history.edges))
+        ),
         continuous=True,
     ),
     "tip": Objective(

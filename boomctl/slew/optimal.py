@@ -103,7 +103,7 @@ def _programme(problem: SlewProblem, least: Extremal | None) -> tuple[_Candidate
     found = refined(problem, None if least is None else least.history)
     history, path, limit = found.solution.history, found.path, problem.limits.torque
     if problem.fastest:
-        bang, ran = _arc_durations(problem, arcs_behind(history.left / limit, history.duration, limit))
+        bang, ran = _arc_durations(problem, arcs_behind(history.start_values / limit, history.duration, limit))
         path += ran
         if bang is not None:
             return bang, path
@@ -147,7 +147,7 @@ def _least_effort(problem: SlewProblem) -> tuple[_Candidate | None, tuple[str, .
             if gap < MESH_GAP:
                 break
         if found is not None and gap == inf and not proved:
-            finer = _effort_within(problem, 2 * found.history.left.size)
+            finer = _effort_within(problem, 2 * found.history.start_values.size)
             gap = inf if finer is None else abs(finer.history.effort / found.history.effort - 1.0)
     except OutOfTime as over:
         if found is None:
@@ -184,7 +184,7 @@ def _effort_within(problem: SlewProblem, intervals: int) -> _Candidate | None:
 
 @one_blas_thread
 def optimal_slew(
-    h: SlewMachine | control.StateSpace,
+    system: SlewMachine | control.StateSpace,
     angle: float | EllipsisType | None = ...,
     torque_limit: float | None = None,
     objective: str = "time",
@@ -199,7 +199,7 @@ def optimal_slew(
     initial_state: ArrayLike | None = None,
     final_state: ArrayLike | None = None,
     tip_masses: tuple[float, ...] = (),
-    tolerance: float = 1e-6,
+    rtol: float = 1e-6,
     intervals: int | None = None,
     time_limit: float = TIME_LIMIT,
     progress: Callable[[SlewProgress], object] | None = None,
@@ -208,7 +208,7 @@ def optimal_slew(
 
     Parameters
     ----------
-    h : hub-beam or control.StateSpace
+    system : hub-beam or control.StateSpace
         A linear system's first input is the torque, its first output the angle; it ends at the rest with ``A x = 0``
         and that angle. Outputs "tip_displacement" and "root_moment" are known by name.  Words and pictures call its signals
         by their own names, and give units where these are those of a hub-beam, "torque" and "hub_angle".
@@ -229,7 +229,7 @@ def optimal_slew(
         that the torque moves.
     tip_masses : tuple of float
         Other payloads [kg] that the same torque leaves without vibration; the angle is that of h itself.
-    tolerance : float
+    rtol : float
         Largest relative error of the prescribed end state in the replay. What the torque does not move in the linear
         part, as FOAM's axial motion, is not prescribed; what is left of it is in ``end_error``.
     intervals : int or None
@@ -273,8 +273,8 @@ def optimal_slew(
     if torque_limit is None:
         raise TypeError("torque_limit: expected the largest torque [N m], got none")
     problem = slew_problem(
-        h,
-        _turned(is_statespace(h), angle, angle_deg),
+        system,
+        _turned(is_statespace(system), angle, angle_deg),
         Limits(torque_limit, torque_rate_limit, speed_limit, tip_limit, moment_limit),
         objective,
         duration,
@@ -282,7 +282,7 @@ def optimal_slew(
         initial_state=initial_state,
         final_state=final_state,
         tip_masses=tip_masses,
-        tolerance=tolerance,
+        rtol=rtol,
         intervals=intervals,
         deadline=deadline,
     )
@@ -308,7 +308,9 @@ def _planned(problem: SlewProblem) -> SlewResult:
     path, found, least = (), None, None
     if problem.fastest and not problem.linear:
         first = rigid_and_slowest(problem)
-        if first is not None and first.left.size == problem.ends.shape[0]:  # fewer arcs than conditions would not do
+        if (
+            first is not None and first.start_values.size == problem.ends.shape[0]
+        ):  # fewer arcs than conditions would not do
             found, ran = _arc_durations(problem, first)
             path = ("rigid body and slowest mode", *ran)
     if problem.objective == "time" and found is None:
@@ -350,7 +352,7 @@ def _in_time(deadline: SlewDeadline) -> Iterator[None]:
 
 
 @one_blas_thread
-def resolve(
+def replan(
     result: SlewResult,
     *,
     angle: float | None = None,
@@ -395,7 +397,7 @@ def resolve(
     --------
     >>> import boomctl as bc
     >>> slew = bc.optimal_slew(bc.hub_beam(modes=1), 1.0, 200.0, "effort", 4.0, intervals=40)
-    >>> further = bc.slew.resolve(slew, angle=1.1)
+    >>> further = bc.slew.replan(slew, angle=1.1)
     >>> round(further.cost / slew.cost, 3)  # about 1.1 squared
     1.21
     """
@@ -421,22 +423,22 @@ def _certified(problem: SlewProblem, found: _Candidate) -> SlewResult:
     motions = played(problem, history) if found.motions is None else found.motions
     error, free = prescribed_error(problem, motions), free_errors(problem, motions)
     excess, whole = violation(problem, history, motions), max(error, *free.values(), 0.0)
-    if error > max(problem.tolerance, SUMMED):  # error of the end, relative, that no tolerance forbids
+    if error > max(problem.rtol, SUMMED):  # error of the end, relative, that no tolerance forbids
         raise SlewError(
-            f"the replay ends {error:.1e} off the end state; expected {problem.tolerance:.1e}. "
+            f"the replay ends {error:.1e} off the end state; expected {problem.rtol:.1e}. "
             "A larger tolerance, or the objective 'effort' with a given duration, may do"
         )
     certificate = SlewCertificate(
         method=found.method,
-        end_error=whole,
-        prescribed_error=error,
-        free_errors=free,
+        terminal_error=whole,
+        prescribed_terminal_error=error,
+        free_terminal_errors=free,
         constraint_violation=max(excess.values()),
-        binding=binding(problem, history, motions),
+        active_constraints=binding(problem, history, motions),
         optimality_gap=found.gap,
-        optimality=found.optimality,
-        switches=int(history.switches.size) if found.method == "switching times" else None,
-        intervals=None if found.method == "switching times" else int(history.left.size),
+        optimality_status=found.optimality,
+        n_switches=int(history.switching_times.size) if found.method == "switching times" else None,
+        intervals=None if found.method == "switching times" else int(history.start_values.size),
     )
     history = replace(history, unit=problem.plants[0].labels["torque"][1])
     paths = [(plant, each.time, each.coordinates) for plant, each in zip(problem.plants, motions, strict=True)]
@@ -454,11 +456,11 @@ def _certified(problem: SlewProblem, found: _Candidate) -> SlewResult:
         root_moment=rows.get("moment"),
         states=first.states,
         residual_energy=first.residual_energy,
-        end_error=whole,
+        terminal_error=whole,
         certificate=certificate,
-        history=history,
+        torque_profile=history,
         _others=partial(other_models, problem, history),
         plan=Planned(problem, found.programme, found.solution),
-        path=found.path,
+        stages=found.path,
         small_deformation_until=first.small_deformation_until,
     )

@@ -34,7 +34,7 @@ class SlewMachine(Protocol):
         ...
 
     @property
-    def root_moment_row(self) -> Array:
+    def _root_moment_row(self) -> Array:
         """Row that reads the bending moment at the clamp off a state, N m."""
         ...
 
@@ -58,7 +58,7 @@ class SlewMachine(Protocol):
         self,
         maneuver: Any,
         timepts: ArrayLike | None = None,
-        initial: ArrayLike | None = None,
+        initial_state: ArrayLike | None = None,
         rtol: float | None = None,
         atol: float | None = None,
     ) -> Any:
@@ -69,15 +69,15 @@ class SlewMachine(Protocol):
         """The same model with another tip mass, kg."""
         ...
 
-    def with_stiffness(self, factor: float) -> SlewMachine:
+    def with_stiffness_factor(self, factor: float) -> SlewMachine:
         """The same model with its bending stiffness multiplied by a factor."""
         ...
 
-    def in_model(self, model: str, modes: int | None = None) -> Any:
+    def with_model(self, model: str, modes: int | None = None) -> Any:
         """The same machine in another model."""
         ...
 
-    def shape(self, states: ArrayLike) -> Array:
+    def deformed_shape(self, states: ArrayLike) -> Array:
         """Positions x + i y along the beam for k states, m."""
         ...
 
@@ -208,7 +208,9 @@ class SlewPlant:
             return self.from_state @ x
         unit = _solved(np.vstack([self.A, self.rows["angle"]]), np.append(np.zeros(self.n), 1.0))
         if unit is None:
-            raise ValueError("h: expected a system that can rest at any angle (A x = 0 with its first output not zero)")
+            raise ValueError(
+                "system: expected a system that can rest at any angle (A x = 0 with its first output not zero)"
+            )
         if speed == 0.0:
             return angle * unit
         turn = _solved(np.vstack([self.A, self.rows["angle"]]), np.append(unit, 0.0))
@@ -237,7 +239,7 @@ def plant_of(h: object) -> SlewPlant:
         kept = _beam(h)
         # equal beams may differ in what they were chosen for, and in who chose their modes
         return kept if kept.machine is h else replace(kept, machine=h)
-    return _linear(lti.of(h, "h", "a hub-beam with an equation of motion, or a control.StateSpace"))
+    return _linear(lti.of(h, "system", "a hub-beam with an equation of motion, or a control.StateSpace"))
 
 
 @lru_cache(maxsize=_BEAMS)
@@ -260,7 +262,7 @@ def _beam(h: SlewMachine) -> SlewPlant:
     modal = from_state @ A @ to_state
     modal[:size, :size], modal[:size, size:] = 0.0, np.eye(size)
     modal[size:, :size] = -np.diag(squares)
-    rows = {"angle": C[0], "speed": C[1], "tip": C[2], "moment": np.asarray(h.root_moment_row)}
+    rows = {"angle": C[0], "speed": C[1], "tip": C[2], "moment": np.asarray(h._root_moment_row)}
     plant = SlewPlant(
         A=modal,
         B=np.concatenate([np.zeros(size), push]),
@@ -281,7 +283,7 @@ def _linear(system: lti.Lti) -> SlewPlant:
     """The linear system from its first input to its outputs, states in units that suit it."""
     A, b, C = system.A, system.B[:, 0], system.C
     if not b.size or system.D[0, 0] != 0.0 or abs(C[0] @ b) > 0.0:
-        raise ValueError("h: expected an angle that follows the torque with two integrations (C B = 0 and D = 0)")
+        raise ValueError("system: expected an angle that follows the torque with two integrations (C B = 0 and D = 0)")
     # powers of two in which states are measured, such that it does not matter which units they came in
     whole = blocks([[A, b[:, None]], [C[:1], np.zeros((1, 1))]])
     scale = balance(whole)[1]
@@ -289,7 +291,7 @@ def _linear(system: lti.Lti) -> SlewPlant:
     A, b, C = A * unit / unit[:, None], b / unit, C * unit
     hidden = unmoved(A, b[:, None], system.states, stable=True)
     if hidden:
-        raise ValueError(f"h: the torque does not move {hidden[0]}; expected a controllable system")
+        raise ValueError(f"system: the torque does not move {hidden[0]}; expected a controllable system")
     rows = {"angle": C[0], "speed": C[0] @ A}
     for name, output in (("tip", "tip_displacement"), ("moment", "root_moment")):
         if output in system.outputs:

@@ -120,7 +120,7 @@ class SlewProblem:
         Rows of the state that are prescribed at the end.
     waits : bool
         Whether the plant can wait at its start or its target.
-    tolerance : float
+    rtol : float
     intervals : int or None
     tip_masses : tuple of float
         Of the other payloads, kg.
@@ -138,7 +138,7 @@ class SlewProblem:
     target: Array
     ends: Array
     waits: bool
-    tolerance: float
+    rtol: float
     intervals: int | None
     tip_masses: tuple[float, ...] = ()
     deadline: SlewDeadline = field(default_factory=SlewDeadline)
@@ -220,7 +220,7 @@ def slew_problem(
     initial_state: ArrayLike | None = None,
     final_state: ArrayLike | None = None,
     tip_masses: tuple[float, ...] = (),
-    tolerance: float = 1e-6,
+    rtol: float = 1e-6,
     intervals: int | None = None,
     deadline: SlewDeadline | None = None,
 ) -> SlewProblem:
@@ -252,7 +252,7 @@ def slew_problem(
         target=target,
         ends=ends,
         waits=waits,
-        tolerance=positive("tolerance", tolerance),
+        rtol=positive("rtol", rtol),
         intervals=None if intervals is None else whole("intervals", intervals, 4),
         tip_masses=masses,
         deadline=SlewDeadline() if deadline is None else deadline,

@@ -177,11 +177,11 @@ def _followed(
     problem: SlewProblem, history: TorqueProfile, motions: tuple[Motion, ...]
 ) -> dict[str, tuple[float, Array, Array]]:
     """Limit, instants and absolute values of all that is limited; the largest of all plants."""
-    peaks = np.maximum(np.abs(history.left), np.abs(history.right))
+    peaks = np.maximum(np.abs(history.start_values), np.abs(history.end_values))
     values = {"torque": (problem.limits.torque, history.edges[:-1], peaks)}
     for kind, limit in problem.limits.beside_torque.items():
         if kind == "torque_rate":
-            slopes = np.abs((history.right - history.left) / np.diff(history.edges))
+            slopes = np.abs((history.end_values - history.start_values) / np.diff(history.edges))
             values[kind] = (limit, history.edges[:-1], slopes)
             continue
         sizes = [
@@ -236,11 +236,11 @@ def other_models(problem: SlewProblem, history: TorqueProfile) -> tuple[Replay, 
             tip_mass=tip_mass,
             angle_error=angle,
             speed_error=float(r.hub_speed[0]) - problem.final_speed,
-            tip_swing=swing,
+            residual_vibration=swing,
             residual_energy=energy,
         )
 
     payloads = [replay(machine.with_tip_mass(mass), machine.model, mass) for mass in problem.tip_masses]
     names = [name for name in ("foam", "geometrically-exact") if name != machine.model]
-    others = [replay(machine.in_model(name, _EXACT_MODES if name != "foam" else None), name, None) for name in names]
+    others = [replay(machine.with_model(name, _EXACT_MODES if name != "foam" else None), name, None) for name in names]
     return (*payloads, *others)

@@ -65,7 +65,7 @@ class Replay:
         Hub angle at the end less the wanted one [rad]; 0 where the angle is free.
     speed_error : float
         Hub speed at the end less the wanted one [rad/s].
-    tip_swing : float
+    residual_vibration : float
         Largest tip displacement in the 1.5 slowest periods after the end [m].
     residual_energy : float or None
         Energy of the deviation from steady rotation at the wanted speed [J].
@@ -84,7 +84,7 @@ class Replay:
     tip_mass: float | None
     angle_error: float
     speed_error: float
-    tip_swing: float
+    residual_vibration: float
     residual_energy: float | None
 
     __repr__ = compact
@@ -98,25 +98,25 @@ class SlewCertificate:
     ----------
     method : str
         "switching times", "least effort" or "collocation".
-    end_error : float
+    terminal_error : float
         Largest deviation of the end state in the replay, of all coordinates of the model, each relative to its largest size
         on the way.
-    prescribed_error : float
+    prescribed_terminal_error : float
         The same for what planning prescribes: all but what the torque does not move in the linear part, as the axial
         motion of FOAM. This is held to the tolerance.
-    free_errors : dict of str to float
+    free_terminal_errors : dict of str to float
         The same for the coordinates that planning leaves free, the modes in the order of their frequencies.
     constraint_violation : float
         Largest relative excess over any limit in the replay, local maxima between its times included; 0 if there is none.
-    binding : dict of str to float
+    active_constraints : dict of str to float
         Limits that are met within 0.1 %, and the first instant at which they are, s.
     optimality_gap : float
-        Distance from the least cost there is, relative; what it rests on stands in ``optimality``.
-    optimality : str
+        Distance from the least cost there is, relative; what it rests on stands in ``optimality_status``.
+    optimality_status : str
         "proved": a duality bound or Pontryagin's principle on a convex problem; "extremal": Pontryagin's conditions hold on
         a problem that is not convex; "stationary": the conditions of an optimum hold on the mesh, and the gap is
         that of halving the mesh, where one mesh of least effort was asked for to first order.
-    switches : int or None
+    n_switches : int or None
         Number of sign changes of a bang-bang torque.
     intervals : int or None
         Number of intervals of the mesh; None without one.
@@ -130,29 +130,33 @@ class SlewCertificate:
     """
 
     method: str
-    end_error: float
-    prescribed_error: float
-    free_errors: dict[str, float]
+    terminal_error: float
+    prescribed_terminal_error: float
+    free_terminal_errors: dict[str, float]
     constraint_violation: float
-    binding: dict[str, float]
+    active_constraints: dict[str, float]
     optimality_gap: float
-    optimality: str
-    switches: int | None
+    optimality_status: str
+    n_switches: int | None
     intervals: int | None
 
     def __repr__(self) -> str:
-        met = f"; limits met: {', '.join(self.binding)}" if self.binding else ""
-        free = f" ({self.prescribed_error:.1e} without axial motion, left free)" if self.free_errors else ""
-        errors = f"end error {self.end_error:.1e}{free}, limits exceeded by {self.constraint_violation:.1e}{met}"
-        return f"SlewCertificate: {self.method}\n  {self.verdict}\n  {errors}"
+        met = f"; limits met: {', '.join(self.active_constraints)}" if self.active_constraints else ""
+        free = (
+            f" ({self.prescribed_terminal_error:.1e} without axial motion, left free)"
+            if self.free_terminal_errors
+            else ""
+        )
+        errors = f"end error {self.terminal_error:.1e}{free}, limits exceeded by {self.constraint_violation:.1e}{met}"
+        return f"SlewCertificate: {self.method}\n  {self.summary}\n  {errors}"
 
     @property
-    def verdict(self) -> str:
+    def summary(self) -> str:
         """What is known about the optimum, in words."""
         gap = abs(self.optimality_gap)
-        if self.optimality == "proved":
+        if self.optimality_status == "proved":
             return f"proved optimal within {max(gap, 1e-15):.0e} of the cost"
-        if self.optimality == "extremal":
+        if self.optimality_status == "extremal":
             within = f" within {gap:.0e}" if gap > 0.0 else ""
             return f"Pontryagin's conditions hold{within}, on a problem that is not convex"
         mesh = f"stationary on its mesh of {self.intervals} intervals"
@@ -186,16 +190,16 @@ class SlewResult(TimeSeries):
         States of the plant, in its own order.
     residual_energy : float or None
         Energy left after the end [J]; None of a linear system.
-    end_error : float
+    terminal_error : float
         Largest relative deviation of the end state, as in the certificate: of all coordinates of the model, also of
         those that planning does not prescribe.
     certificate : SlewCertificate
         How close the slew is to what was asked and to the best there is.
-    history : TorqueProfile
+    torque_profile : TorqueProfile
         The torque as a function of time.
     plan : object
         What `resolve` and `track` start from.
-    path : tuple of str
+    stages : tuple of str
         The ways that were tried to find it, in order, each in words; the last one found it.
     small_deformation_until : float
         Instant at which the tip of a hub-beam first exceeds a tenth of its length [s], up to one and a half of the slowest
@@ -216,12 +220,12 @@ class SlewResult(TimeSeries):
     root_moment: Array | None = field(repr=False)
     states: Array = field(repr=False)
     residual_energy: float | None
-    end_error: float
+    terminal_error: float
     certificate: SlewCertificate
-    history: TorqueProfile = field(repr=False)
+    torque_profile: TorqueProfile = field(repr=False)
     _others: Callable[[], tuple[Replay, ...]] = field(repr=False, default=tuple)
     plan: Any = field(repr=False, default=None)
-    path: tuple[str, ...] = field(repr=False, default=())
+    stages: tuple[str, ...] = field(repr=False, default=())
     small_deformation_until: float = inf
 
     def __repr__(self) -> str:
@@ -234,14 +238,16 @@ class SlewResult(TimeSeries):
         if isfinite(self.small_deformation_until):
             tip += f", beyond a tenth of the length after {self.small_deformation_until:.4g} s"
         free = (
-            f" ({self.certificate.prescribed_error:.1e} without axial motion)" if self.certificate.free_errors else ""
+            f" ({self.certificate.prescribed_terminal_error:.1e} without axial motion)"
+            if self.certificate.free_terminal_errors
+            else ""
         )
         left = f"{free}, {self.residual_energy:.1e} J left" if self.residual_energy is not None else free
         name, unit = self._labels["torque"]
-        torque = f"{name} up to {f'{self.history.peak:.6g} {unit}'.rstrip()}{tip}"
+        torque = f"{name} up to {f'{self.torque_profile.peak:.6g} {unit}'.rstrip()}{tip}"
         return (
             f"SlewResult: {self.title}, {turned}\n  {torque}\n"
-            f"  end error {self.end_error:.1e}{left}\n  {self.certificate.verdict}"
+            f"  end error {self.terminal_error:.1e}{left}\n  {self.certificate.summary}"
         )
 
     @property
@@ -290,14 +296,14 @@ class SlewResult(TimeSeries):
         *,
         sample_time: float = 0.005,
         torque_limit: float | None = None,
-        settle: float | None = None,
+        dwell_time: float | None = None,
         measurements: str | Sequence[str] | None = None,
         sensors: Sequence[Any] = (),
         noise: Levels = None,
-        error_weight: float = 1000.0,
+        tracking_weight: float = 1000.0,
         integral_time: float | None = 0.3,
         disturbance: float | None = None,
-        model_error: float = 0.1,
+        stiffness_uncertainty: float = 0.1,
     ) -> TrackedSlew:
         """Return the slew with feedback along it: a time-varying LQR, or LQG, about its trajectory.
 
@@ -311,7 +317,7 @@ class SlewResult(TimeSeries):
         torque_limit : float, optional
             Largest torque of plan and feedback together [N m]; by default half as much again as that of the planning. A
             slew of least time takes all that it is planned with, so plan it with less than there is.
-        settle : float, optional
+        dwell_time : float, optional
             Time for which the end is held [s]; by default four of the slowest periods.
         measurements : str or sequence of str, optional
             Outputs of the machine that are read, as :func:`boomctl.simulate_loop` names them; by default all states.
@@ -319,7 +325,7 @@ class SlewResult(TimeSeries):
             Further outputs.
         noise : float or mapping from measurement to float, optional
             Standard deviation of each measurement, at each sample.
-        error_weight : float
+        tracking_weight : float
             Weight of the deviations of hub angle, tip and their rates over the span of each in the plan, squared, beside
             that of the torque over its limit; larger follows more tightly.
         integral_time : float, optional
@@ -327,7 +333,7 @@ class SlewResult(TimeSeries):
         disturbance : float, optional
             Standard deviation of a torque that the observer takes to disturb, anew at each sample [N m]; by default 10 % of
             the largest torque.
-        model_error : float
+        stiffness_uncertainty : float
             Share by which the observer takes the stiffness to be wrong.
 
         Returns
@@ -357,20 +363,20 @@ class SlewResult(TimeSeries):
         problem = self.plan.problem
         return tracked_slew(
             problem.plants[0],
-            self.history,
+            self.torque_profile,
             self.states[0],
             problem.limits.torque,
             problem.final_speed,
             sample_time=sample_time,
             torque_limit=torque_limit,
-            settle=settle,
+            settle=dwell_time,
             measurements=measurements,
             sensors=sensors,
             noise=noise,
-            error_weight=error_weight,
+            error_weight=tracking_weight,
             integral_time=integral_time,
             disturbance=disturbance,
-            model_error=model_error,
+            model_error=stiffness_uncertainty,
         )
 
     def _outputs(self) -> dict[str, Array]:
@@ -385,14 +391,14 @@ class SlewResult(TimeSeries):
         own = self._labels is not LABELS  # units of its own, which nobody says
         found = {
             "duration [s]": self.duration,
-            f"{self._labels['torque'][0]}: peak{'' if own else ' [N m]'}": self.history.peak,
+            f"{self._labels['torque'][0]}: peak{'' if own else ' [N m]'}": self.torque_profile.peak,
         }
-        found["effort" if own else "effort [N^2 m^2 s]"] = self.history.effort
+        found["effort" if own else "effort [N^2 m^2 s]"] = self.torque_profile.effort
         if self.tip_displacement is not None:
             found[f"tip displacement: peak{'' if own else ' [m]'}"] = float(abs(self.tip_displacement).max())
         if self.residual_energy is not None:
             found["energy left [J]"] = self.residual_energy
-        return found | {"end error": self.end_error}
+        return found | {"end error": self.terminal_error}
 
     def plot(self, ax: Any = None, **style: Any) -> Array:
         """Draw torque, hub and tip over time, with the limits near them.

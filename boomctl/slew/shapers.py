@@ -38,7 +38,7 @@ class Shaper:
         Their sizes; they add up to one.
     """
 
-    _made_by = "slew.shaper(...)"
+    _made_by = "slew.input_shaper(...)"
 
     name: str
     times: Array
@@ -63,12 +63,12 @@ class Shaper:
         """
         return import_module("boomctl.plotting.slew").plot_shaper(self, ax, **style)
 
-    def residual(self, frequency: float, damping_ratio: float = 0.0) -> float:
+    def residual_vibration(self, omega: float, damping_ratio: float = 0.0) -> float:
         """Return the vibration that is left after the train, as a share of that after one impulse.
 
         Parameters
         ----------
-        frequency : float
+        omega : float
             Angular frequency of the vibration [rad/s].
         damping_ratio : float
             Its damping ratio.
@@ -78,7 +78,7 @@ class Shaper:
         float
             0 where nothing is left, 1 where the train does no better than one impulse.
         """
-        s = -damping_ratio * frequency + 1j * frequency * math.sqrt(1.0 - damping_ratio**2)
+        s = -damping_ratio * omega + 1j * omega * math.sqrt(1.0 - damping_ratio**2)
         return float(abs(np.sum(self.amplitudes * np.exp(s * (self.times[-1] - self.times)))))
 
 
@@ -92,16 +92,16 @@ _TRAINS: dict[str, Callable[[float, float], list[float]]] = {
 
 
 @one_blas_thread
-def shaper(name: str, frequency: float | SlewMachine, damping_ratio: float = 0.0, level: float = 0.05) -> Shaper:
+def input_shaper(name: str, omega: float | SlewMachine, damping_ratio: float = 0.0, level: float = 0.05) -> Shaper:
     """Return a shaper: a train of impulses against one vibration.
 
     Parameters
     ----------
     name : str
         "none", "ZV" (zero vibration), "ZVD" (zero vibration and derivative) or "EI" (extra-insensitive).
-    frequency : float or hub-beam
+    omega : float or hub-beam
         Undamped angular frequency of the vibration [rad/s].  Of a hub-beam it is that of its first mode with the hub free to
-        turn, as a torque moves it; frequencies at a prescribed hub speed (`frequencies_hz`) are lower.
+        turn, as a torque moves it; frequencies at a prescribed hub speed (`eigenfrequencies_hz`) are lower.
     damping_ratio : float
         Damping ratio of the vibration, below 1; of a hub-beam that of the mode.
     level : float
@@ -121,25 +121,25 @@ def shaper(name: str, frequency: float | SlewMachine, damping_ratio: float = 0.0
     Examples
     --------
     >>> import boomctl as bc
-    >>> train = bc.slew.shaper("ZV", frequency=2.0)
+    >>> train = bc.slew.input_shaper("ZV", omega=2.0)
     >>> train.times.round(4), train.amplitudes.round(4)
     (array([0.    , 1.5708]), array([0.5, 0.5]))
-    >>> round(train.residual(2.0), 6), round(train.residual(2.2), 3)  # at the frequency, and 10 % above
+    >>> round(train.residual_vibration(2.0), 6), round(train.residual_vibration(2.2), 3)  # at the frequency, and 10 % above
     (0.0, 0.156)
-    >>> bc.slew.shaper("ZV", bc.hub_beam()).times.round(4)
+    >>> bc.slew.input_shaper("ZV", bc.hub_beam()).times.round(4)
     array([0.    , 0.9872])
     """
     known("shaper", name, _TRAINS)
-    if is_machine(frequency):
+    if is_machine(omega):
         if damping_ratio:
             raise ValueError(
                 f"damping_ratio = {damping_ratio!r}: expected none beside a hub-beam, whose mode has its own"
             )
-        frequency, damping_ratio = plant_of(frequency).vibration
+        omega, damping_ratio = plant_of(omega).vibration
     zeta = nonnegative("damping_ratio", damping_ratio)
     if zeta >= 1.0:
         raise ValueError(f"damping_ratio = {damping_ratio!r}: expected a number below 1")
-    half = math.pi / (positive("frequency", frequency) * math.sqrt(1.0 - zeta**2))
+    half = math.pi / (positive("omega", omega) * math.sqrt(1.0 - zeta**2))
     K = math.exp(-zeta * math.pi / math.sqrt(1.0 - zeta**2))
     if positive("level", level) >= 1.0:
         raise ValueError(f"level = {level!r}: expected a number below 1")
@@ -148,16 +148,18 @@ def shaper(name: str, frequency: float | SlewMachine, damping_ratio: float = 0.0
 
 
 @one_blas_thread
-def classical_torque(shape: str, train: Shaper, angle: float, inertia: float, torque_limit: float) -> TorqueProfile:
+def rest_to_rest_torque(
+    profile: str, shaper: Shaper, angle: float, inertia: float, torque_limit: float
+) -> TorqueProfile:
     """Return a torque that turns a rigid body from rest to rest, shaped.
 
     Parameters
     ----------
-    shape : str
+    profile : str
         "bang-bang"; "smoothed", a bang-bang that rises, turns and falls by cubics, the rise a tenth of the duration
         (Junkins, Rahman and Bang 1991); or "versine": ``sin(2 pi t / T)``, under which the speed is a versine.
-    train : Shaper
-        What `shaper` returns.
+    shaper : Shaper
+        What `input_shaper` returns.
     angle : float
         Angle to turn through [rad].
     inertia : float
@@ -173,26 +175,26 @@ def classical_torque(shape: str, train: Shaper, angle: float, inertia: float, to
     Raises
     ------
     TypeError, ValueError
-        If the shape is unknown or a number out of its range.
+        If the profile is unknown or a number out of its range.
 
     Examples
     --------
     >>> import boomctl as bc
-    >>> train = bc.slew.shaper("ZV", frequency=2.0)
-    >>> push = bc.slew.classical_torque("bang-bang", train, angle=1.0, inertia=100.0, torque_limit=50.0)
+    >>> train = bc.slew.input_shaper("ZV", omega=2.0)
+    >>> push = bc.slew.rest_to_rest_torque("bang-bang", train, angle=1.0, inertia=100.0, torque_limit=50.0)
     >>> round(push.duration, 3), round(push.peak, 3)  # s, N m
     (4.399, 25.0)
     """
-    known("shape", shape, ("bang-bang", "smoothed", "versine"))
-    instance("train", train, Shaper)
+    known("profile", profile, ("bang-bang", "smoothed", "versine"))
+    instance("shaper", shaper, Shaper)
     limit, turn = positive("torque_limit", torque_limit), abs(real("angle", angle))
     if turn == 0.0:
         raise ValueError("angle = 0: expected a turn that leads somewhere")
     sign = math.copysign(1.0, angle)
-    if shape == "bang-bang":
+    if profile == "bang-bang":
         T = 2.0 * math.sqrt(turn * positive("inertia", inertia) / limit)
         edges, values = np.array([0.0, 0.5 * T, T]), np.array([1.0, -1.0])
-    elif shape == "smoothed":
+    elif profile == "smoothed":
         edges, values = _smoothed()
         T = math.sqrt(turn * positive("inertia", inertia) / (limit * _turned(edges, values)))
         edges = T * edges
@@ -202,20 +204,20 @@ def classical_torque(shape: str, train: Shaper, angle: float, inertia: float, to
         impulse = -np.cos(2.0 * np.pi * edges / T) / (2.0 * np.pi / T)
         values = np.diff(impulse) / np.diff(edges)  # means: the impulse is kept
         values *= turn * inertia / (limit * _turned(edges, values))
-    return _convolved(edges, sign * limit * values, train)
+    return _convolved(edges, sign * limit * values, shaper)
 
 
 @one_blas_thread
-def classical_spin_up(shape: str, train: Shaper, speed: float, inertia: float, torque_limit: float) -> TorqueProfile:
+def spin_up_torque(profile: str, shaper: Shaper, speed: float, inertia: float, torque_limit: float) -> TorqueProfile:
     """Return a torque that spins a rigid body up from rest, shaped.
 
     Parameters
     ----------
-    shape : str
+    profile : str
         "constant"; or "smooth", ``1 - cos(2 pi t / T)``: what the hub's motion of Bai et al. (2009), Eq. (43), asks of a
         rigid body.
-    train : Shaper
-        What `shaper` returns.
+    shaper : Shaper
+        What `input_shaper` returns.
     speed : float
         Speed at the end [rad/s].
     inertia : float
@@ -231,27 +233,27 @@ def classical_spin_up(shape: str, train: Shaper, speed: float, inertia: float, t
     Raises
     ------
     TypeError, ValueError
-        If the shape is unknown or a number out of its range.
+        If the profile is unknown or a number out of its range.
 
     Examples
     --------
     >>> import boomctl as bc
-    >>> plain = bc.slew.shaper("none", frequency=2.0)
-    >>> push = bc.slew.classical_spin_up("smooth", plain, speed=1.0, inertia=100.0, torque_limit=50.0)
+    >>> plain = bc.slew.input_shaper("none", omega=2.0)
+    >>> push = bc.slew.spin_up_torque("smooth", plain, speed=1.0, inertia=100.0, torque_limit=50.0)
     >>> round(push.duration, 3), round(push.angular_momentum, 3)  # s, N m s
     (4.0, 100.0)
     """
-    known("shape", shape, ("constant", "smooth"))
-    instance("train", train, Shaper)
+    known("profile", profile, ("constant", "smooth"))
+    instance("shaper", shaper, Shaper)
     limit = positive("torque_limit", torque_limit)
     least = abs(speed) * positive("inertia", inertia) / limit
-    if shape == "constant":
+    if profile == "constant":
         edges, values = np.array([0.0, least]), np.array([1.0])
     else:
         edges = np.linspace(0.0, 2.0 * least, _INTERVALS + 1)
         phase = np.pi * edges / least
         values = 0.5 * np.diff(phase - np.sin(phase)) / np.diff(phase)  # means: the impulse is kept
-    return _convolved(edges, math.copysign(limit, speed) * values, train)
+    return _convolved(edges, math.copysign(limit, speed) * values, shaper)
 
 
 def _smoothed() -> tuple[Array, Array]:

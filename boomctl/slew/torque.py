@@ -28,28 +28,28 @@ class TorqueProfile:
     ----------
     edges : ndarray, N + 1
         Instants at which the intervals meet [s]; ascending, the first is 0.
-    left, right : ndarray, N
+    start_values, end_values : ndarray, N
         Torque at the beginning and at the end of each interval [N m].
     unit : str
         Its unit in words and pictures: "N m", or nothing of a linear system that does not say its own.
     """
 
     edges: Array
-    left: Array
-    right: Array
+    start_values: Array
+    end_values: Array
     unit: str = "N m"
 
     def __repr__(self) -> str:
-        switching = f", {count(len(self.switches), 'switch', 'switches')}" if self.switches.size else ""
-        parts = f"{count(len(self.left), 'interval')}{switching}"
+        switching = f", {count(len(self.switching_times), 'switch', 'switches')}" if self.switching_times.size else ""
+        parts = f"{count(len(self.start_values), 'interval')}{switching}"
         return f"TorqueProfile: {self.duration:.6g} s, up to {f'{self.peak:.6g} {self.unit}'.rstrip()}; {parts}"
 
     def __call__(self, t: ArrayLike) -> Array:
         """Torque at instants t [s], N m; where it jumps, the value after the jump, and at the end the last one."""
         t = plain_array("t", t)
-        k = np.clip(np.searchsorted(self.edges, t, side="right") - 1, 0, self.left.size - 1)
+        k = np.clip(np.searchsorted(self.edges, t, side="right") - 1, 0, self.start_values.size - 1)
         along = (t - self.edges[k]) / (self.edges[k + 1] - self.edges[k])
-        value = self.left[k] + along * (self.right[k] - self.left[k])
+        value = self.start_values[k] + along * (self.end_values[k] - self.start_values[k])
         return np.where((t >= 0.0) & (t <= self.edges[-1]), value, 0.0)
 
     def plot(self, ax: Axes | None = None, **style: Any) -> Axes:
@@ -75,12 +75,12 @@ class TorqueProfile:
         return float(self.edges[-1])
 
     @property
-    def switches(self) -> Array:
+    def switching_times(self) -> Array:
         """Instants at which the torque jumps from at least half of its peak to at least half of it the other way, s.
 
         Other changes of the sign, as on the steps of a mesh on which a smooth torque goes through zero, are no switches.
         """
-        before, after, enough = self.right[:-1], self.left[1:], _SWITCH * self.peak
+        before, after, enough = self.end_values[:-1], self.start_values[1:], _SWITCH * self.peak
         jumps = (before * after < 0.0) & (np.minimum(np.abs(before), np.abs(after)) >= enough)
         return self.edges[1:-1][jumps]
 
@@ -92,27 +92,31 @@ class TorqueProfile:
     @property
     def peak(self) -> float:
         """Largest absolute torque, N m."""
-        return float(max(np.abs(self.left).max(), np.abs(self.right).max()))
+        return float(max(np.abs(self.start_values).max(), np.abs(self.end_values).max()))
 
     @property
-    def steepest(self) -> float:
+    def max_rate(self) -> float:
         """Largest absolute slope, N m/s; infinite where the torque jumps, be it at its ends."""
-        if np.any(self.right[:-1] != self.left[1:]) or self.left[0] != 0.0 or self.right[-1] != 0.0:
+        if (
+            np.any(self.end_values[:-1] != self.start_values[1:])
+            or self.start_values[0] != 0.0
+            or self.end_values[-1] != 0.0
+        ):
             return float("inf")
-        return float(np.abs((self.right - self.left) / np.diff(self.edges)).max())
+        return float(np.abs((self.end_values - self.start_values) / np.diff(self.edges)).max())
 
     @property
     def effort(self) -> float:
         """Integral of the torque squared, N^2 m^2 s."""
-        squares = self.left**2 + self.left * self.right + self.right**2
+        squares = self.start_values**2 + self.start_values * self.end_values + self.end_values**2
         return float(np.sum(np.diff(self.edges) * squares) / 3.0)
 
     @property
     def angular_momentum(self) -> float:
         """Integral of the torque, N m s."""
-        return float(np.sum(np.diff(self.edges) * 0.5 * (self.left + self.right)))
+        return float(np.sum(np.diff(self.edges) * 0.5 * (self.start_values + self.end_values)))
 
-    def means(self, t: Array) -> Array:
+    def interval_means(self, t: Array) -> Array:
         """Return the mean torque between neighbouring instants.
 
         Parameters
@@ -126,11 +130,11 @@ class TorqueProfile:
             Mean torque from each instant to the next [N m].
         """
         t, widths = plain_array("t", t), np.diff(self.edges)
-        whole = np.concatenate([[0.0], np.cumsum(0.5 * widths * (self.left + self.right))])
+        whole = np.concatenate([[0.0], np.cumsum(0.5 * widths * (self.start_values + self.end_values))])
         k = np.clip(np.searchsorted(self.edges, t, side="right") - 1, 0, widths.size - 1)
         since = t - self.edges[k]
-        slope = (self.right[k] - self.left[k]) / widths[k]
-        return np.diff(whole[k] + since * (self.left[k] + 0.5 * slope * since)) / np.diff(t)
+        slope = (self.end_values[k] - self.start_values[k]) / widths[k]
+        return np.diff(whole[k] + since * (self.start_values[k] + 0.5 * slope * since)) / np.diff(t)
 
 
 def held(edges: Array, values: Array) -> TorqueProfile:
@@ -167,7 +171,7 @@ def lines_between(history: TorqueProfile, time: Array) -> tuple[Array, Array, Ar
     The times include the edges of the torque, at which it may jump: the values are those within the step.
     """
     middle = 0.5 * (time[1:] + time[:-1])
-    k = np.clip(np.searchsorted(history.edges, middle) - 1, 0, history.left.size - 1)
-    slope = ((history.right - history.left) / np.diff(history.edges))[k]
-    start, end = (history.left[k] + slope * (t - history.edges[k]) for t in (time[:-1], time[1:]))
+    k = np.clip(np.searchsorted(history.edges, middle) - 1, 0, history.start_values.size - 1)
+    slope = ((history.end_values - history.start_values) / np.diff(history.edges))[k]
+    start, end = (history.start_values[k] + slope * (t - history.edges[k]) for t in (time[:-1], time[1:]))
     return start, end, slope

@@ -73,20 +73,20 @@ class TrackedSlew:
         Outputs and states in the plan, at ``time``.
     feedforward : dict of str to ndarray
         The torque of the plan, its mean from each sample to the next [N m].
-    duration, period : float
+    duration, slowest_period : float
         Of the slew, and of the slowest vibration [s].
     torque_limit : float
         Largest torque, that of the plan and of the feedback together [N m].
-    planned_limit : float
+    planning_torque_limit : float
         Largest torque of the planning [N m].
-    settling : float
+    time_constant : float
         Time constant of the slowest pole of the sampled loop at the end, of the machine planned for: computed from its
         linear model, apart from the gains. A loop that is not stable there is refused [s].
     noise : dict of str to float
         Standard deviations of the measurements; empty where the states are known.
-    machine : hub-beam
+    plant : hub-beam
         The one planned for.
-    start : ndarray, n
+    initial_state : ndarray, n
         State in which the plan begins.
     sensors : tuple of BeamSensor
         Its further sensors.
@@ -98,22 +98,22 @@ class TrackedSlew:
     reference: dict[str, Array]
     feedforward: dict[str, Array]
     duration: float
-    period: float
+    slowest_period: float
     torque_limit: float
-    planned_limit: float
-    settling: float
+    planning_torque_limit: float
+    time_constant: float
     noise: dict[str, float]
-    machine: Any
-    start: Array
+    plant: Any
+    initial_state: Array
     sensors: tuple[Any, ...] = ()
 
     def __repr__(self) -> str:
-        step = self.controller.sample_time
-        how = f"LQG from {listed(self.controller.inputs, 40)}" if self.noise else "LQR of all states"
-        reserve = f"{self.planned_limit:g} N m planned of {self.torque_limit:g}"
+        step = self.controller.dt
+        how = f"LQG from {listed(self.controller.input_labels, 40)}" if self.noise else "LQR of all states"
+        reserve = f"{self.planning_torque_limit:g} N m planned of {self.torque_limit:g}"
         return (
             f"TrackedSlew: {self.duration:.6g} s, sampled every {step:.4g} s\n  {how}\n  torque: {reserve}\n"
-            f"  stable at the end, the slowest pole in {self.settling:.3g} s"
+            f"  stable at the end, the slowest pole in {self.time_constant:.3g} s"
         )
 
     @one_blas_thread
@@ -124,13 +124,13 @@ class TrackedSlew:
         feedback: bool = True,
         disturbance: Mapping[str, ArrayLike] | None = None,
         friction: float = 0.0,
-        creep: float = _CREEP,
+        friction_smoothing_speed: float = _CREEP,
         noise: Levels = None,
         seed: int = 0,
         delay: float = 0.0,
         rate_limit: float | None = None,
         quantization: Levels = None,
-        initial: ArrayLike | None = None,
+        initial_state: ArrayLike | None = None,
         rtol: float = 1e-8,
         atol: float = 1e-10,
     ) -> LoopResult:
@@ -139,13 +139,13 @@ class TrackedSlew:
         Parameters
         ----------
         plant : hub-beam, optional
-            The true machine: ``h.with_tip_mass(0.2)``, ``h.with_stiffness(0.9)``, another model where states are not read;
-            by default the one planned for.
+            The true machine: ``h.with_tip_mass(0.2)``, ``h.with_stiffness_factor(0.9)``, another model where states
+            are not read; by default the one planned for.
         feedback : bool
             Whether the controller reacts; otherwise the torque is that of the plan.
         disturbance : mapping from input to float or (N,) array, optional
             "disturbance_torque" [N m] and "tip_force" [N], at ``time``; a number stays all the time.
-        friction, creep : float
+        friction, friction_smoothing_speed : float
             Torque of dry friction on the hub [N m], ``friction tanh(speed / creep)`` with the creep in rad/s.
         noise : float or mapping from measurement to float, optional
             Standard deviations at each sample; by default those that the observer was designed for.
@@ -153,7 +153,7 @@ class TrackedSlew:
             Of the noise.
         delay, rate_limit, quantization, rtol, atol
             As of :func:`boomctl.simulate_loop`.
-        initial : (n,) array_like, optional
+        initial_state : (n,) array_like, optional
             State at the first instant; by default that of the plan.
 
         Returns
@@ -171,27 +171,29 @@ class TrackedSlew:
         >>> import boomctl as bc
         >>> beam = bc.hub_beam(modes=1)
         >>> tracked = bc.optimal_slew(beam, angle=1.0, torque_limit=160.0).track(torque_limit=200.0)
-        >>> softer = beam.with_stiffness(0.9)
+        >>> softer = beam.with_stiffness_factor(0.9)
         >>> runs = [tracked.simulate(softer, feedback=on) for on in (False, True)]
-        >>> [f"{tracked.vibration(run, wait=1.0):.3f} m" for run in runs]
+        >>> [f"{tracked.residual_vibration(run, wait=1.0):.3f} m" for run in runs]
         ['0.534 m', '0.045 m']
         """
-        true = self.machine if plant is None else instance("plant", plant, Machine, "a hub-beam")
+        true = self.plant if plant is None else instance("plant", plant, Machine, "a hub-beam")
         controller = self.controller if truth("feedback", feedback) else self._still()
         return simulate_loop(
-            RubbingMachine(true, nonnegative("friction", friction), positive("creep", creep)),
+            RubbingMachine(
+                true, nonnegative("friction", friction), positive("friction_smoothing_speed", friction_smoothing_speed)
+            ),
             controller,
-            self._disturbances(disturbance),
             self.time,
-            sample_time=controller.sample_time,
+            self._disturbances(disturbance),
+            sample_time=controller.dt,
             delay=delay,
-            force_limit=self.torque_limit,
+            control_limit=self.torque_limit,
             rate_limit=rate_limit,
             quantization=quantization,
-            initial=self._start(true) if initial is None else initial,
+            initial_state=self._start(true) if initial_state is None else initial_state,
             noise=(self.noise or None) if noise is None else noise,
             seed=seed,
-            reference={name: self.reference[name] for name in controller.inputs},
+            reference={name: self.reference[name] for name in controller.input_labels},
             feedforward=self.feedforward,
             sensors=self.sensors,
             rtol=rtol,
@@ -209,8 +211,8 @@ class TrackedSlew:
         friction: Any = None,
         disturbance_torque: Any = None,
         feedback: bool = True,
-        wait: float = 0.0,
-        creep: float = _CREEP,
+        settling_time: float = 0.0,
+        friction_smoothing_speed: float = _CREEP,
         noise: Levels = None,
         delay: float = 0.0,
         rate_limit: float | None = None,
@@ -234,9 +236,9 @@ class TrackedSlew:
             What multiplies the bending stiffness; a number is the half-width of a range around one: 0.1 is 0.9 to 1.1.
         feedback : bool
             Whether the controller reacts.
-        wait : float
+        settling_time : float
             Time after the end from which a vibration counts [s].
-        creep, noise, delay, rate_limit, rtol, atol
+        friction_smoothing_speed, noise, delay, rate_limit, rtol, atol
             As of `simulate`.
         n_jobs : int
             Number of parallel workers; negative as for `joblib.Parallel`, -1: all cores. The result does not depend on it.
@@ -256,16 +258,16 @@ class TrackedSlew:
         >>> import boomctl as bc
         >>> slew = bc.optimal_slew(bc.hub_beam(modes=1), angle=1.0, torque_limit=160.0)
         >>> tracked = slew.track(torque_limit=200.0, sample_time=0.02)
-        >>> study = tracked.monte_carlo(16, stiffness=0.1, tip_mass=(0.0, 0.1), wait=1.0)
+        >>> study = tracked.monte_carlo(16, stiffness=0.1, tip_mass=(0.0, 0.1), settling_time=1.0)
         >>> study["tip_displacement"].shape == (16, study.time.size)
         True
-        >>> alone = tracked.monte_carlo(16, stiffness=0.1, tip_mass=(0.0, 0.1), wait=1.0, feedback=False)
-        >>> bool(study.vibration.max() < 0.1 * alone.vibration.max())
+        >>> alone = tracked.monte_carlo(16, stiffness=0.1, tip_mass=(0.0, 0.1), settling_time=1.0, feedback=False)
+        >>> bool(study.residual_vibration.max() < 0.1 * alone.vibration.max())
         True
         """
         count, start = whole("runs", runs, most=_MOST_RUNS), whole("seed", seed, least=0)
         rng = np.random.default_rng(start)
-        mass = self.machine.parameters.tip_mass
+        mass = self.plant.parameters.tip_mass
         given = {
             "tip_mass": drawn("tip_mass", tip_mass, count, rng, None, mass),
             "stiffness": drawn("stiffness", stiffness, count, rng, 1.0, 1.0),
@@ -284,8 +286,8 @@ class TrackedSlew:
         import joblib  # which no other use of a slew needs
 
         options = {
-            "feedback": reacts, "creep": creep, "noise": noise, "delay": delay, "rate_limit": rate_limit, "rtol": rtol,
-            "atol": atol,
+            "feedback": reacts, "friction_smoothing_speed": friction_smoothing_speed, "noise": noise, "delay": delay,
+            "rate_limit": rate_limit, "rtol": rtol, "atol": atol,
         }  # fmt: skip
         tasks = (
             joblib.delayed(_run_of)(self, {name: float(row[i]) for name, row in given.items()}, int(seeds[i]), options)
@@ -302,12 +304,12 @@ class TrackedSlew:
         apart = outputs["tip_displacement"] - planned["tip_displacement"]
         return TrackingStudy(
             time=self.time,
-            drawn=given,
+            samples=given,
             outputs=outputs,
-            planned=planned,
-            vibration=np.abs(apart[:, self._judged(wait)]).max(axis=1),
+            reference=planned,
+            residual_vibration=np.abs(apart[:, self._judged(settling_time)]).max(axis=1),
             angle_error=outputs["hub_angle"][:, -1] - planned["hub_angle"][-1],
-            wait=wait,
+            settling_time=settling_time,
             duration=self.duration,
             feedback=reacts,
             seed=start,
@@ -316,7 +318,7 @@ class TrackedSlew:
         )
 
     @one_blas_thread
-    def vibration(self, run: LoopResult, wait: float = 0.0) -> float:
+    def residual_vibration(self, run: LoopResult, wait: float = 0.0) -> float:
         """Return the largest distance of the tip from the plan within 1.5 slowest periods after the end of the slew.
 
         Parameters
@@ -341,31 +343,31 @@ class TrackedSlew:
 
     def _judged(self, wait: float) -> Array:
         """Which of the samples lie in the 1.5 slowest periods after the end of the slew and a time [s] more."""
-        late = self.time - self.duration - nonnegative("wait", wait)
-        found = (late >= -0.5 * self.controller.sample_time) & (late <= _JUDGED * self.period)
+        late = self.time - self.duration - nonnegative("settling_time", wait)
+        found = (late >= -0.5 * self.controller.dt) & (late <= _JUDGED * self.slowest_period)
         if not found.any():
             raise ValueError(
-                f"wait = {wait:g}: expected at most {self.time[-1] - self.duration:g} s, where the motion ends"
+                f"settling_time = {wait:g}: expected at most {self.time[-1] - self.duration:g} s, where the motion ends"
             )
         return found
 
     def _still(self) -> TimeVaryingController:
         """The same signals without feedback."""
-        p = len(self.controller.inputs)
+        p = len(self.controller.input_labels)
         none = np.zeros((1, 0, 0)), np.zeros((1, 0, p)), np.zeros((1, 1, 0)), np.zeros((1, 1, p))
         return TimeVaryingController(
-            *none, self.controller.inputs, self.controller.outputs, self.controller.sample_time
+            *none, self.controller.input_labels, self.controller.output_labels, self.controller.dt
         )
 
     def _start(self, true: Any) -> Array | None:
-        if np.abs(self.start).max() <= _REST:
+        if np.abs(self.initial_state).max() <= _REST:
             return None
-        names = tuple(getattr(true, "state_names", ()))
-        if names != tuple(self.machine.state_names):
+        names = tuple(getattr(true, "state_labels", ()))
+        if names != tuple(self.plant.state_labels):
             raise ValueError(
-                "initial: expected a state, for the plan does not begin at rest and the machine has other states"
+                "initial_state: expected a state, for the plan does not begin at rest and the machine has other states"
             )
-        return self.start
+        return self.initial_state
 
     def _disturbances(self, given: Mapping[str, ArrayLike] | None) -> dict[str, Array] | None:
         if given is None:
@@ -378,7 +380,7 @@ def _run_of(
     tracked: TrackedSlew, drawn_values: Mapping[str, float], seed: int, options: Mapping[str, Any]
 ) -> tuple[Array, float]:
     """Return the outputs of one machine that follows a slew, the torque last, and their error [m]."""
-    machine = tracked.machine.with_tip_mass(drawn_values["tip_mass"]).with_stiffness(drawn_values["stiffness"])
+    machine = tracked.plant.with_tip_mass(drawn_values["tip_mass"]).with_stiffness_factor(drawn_values["stiffness"])
     disturbance = {"disturbance_torque": drawn_values["disturbance_torque"]}
     run = tracked.simulate(machine, disturbance=disturbance, friction=drawn_values["friction"], seed=seed, **options)
     return np.array([*(run[name] for name in _KEPT), run.controls["torque"]]), run.error_estimate
@@ -444,7 +446,7 @@ def tracked_slew(
         )
     if measurements is None and noise is not None:
         raise ValueError("noise: expected None without measurements, for the states are known then")
-    torques = np.concatenate([history.means(time[: count + 1]), np.zeros(after)])
+    torques = np.concatenate([history.interval_means(time[: count + 1]), np.zeros(after)])
     motion = machine.simulate(history, time, start)
     states = motion.states @ modes.from_state.T
     along = linearised_along(
@@ -472,17 +474,17 @@ def tracked_slew(
     linear = machine._linear(final_speed)
     return TrackedSlew(
         controller=controller,
-        settling=slowest_pole(modes, along, controller, linear, integral_time is not None),
+        time_constant=slowest_pole(modes, along, controller, linear, integral_time is not None),
         gains=K @ modes.from_state[along.moved],
         time=time,
         reference=dict(zip(modes.outputs, outputs, strict=True)),
         feedforward={modes.inputs[0]: np.append(torques, 0.0)},
         duration=history.duration,
-        period=plant.period,
+        slowest_period=plant.period,
         torque_limit=limit,
-        planned_limit=planned_limit,
+        planning_torque_limit=planned_limit,
         noise={} if measurements is None else dict(zip(wanted, level.tolist(), strict=True)),
-        machine=machine,
-        start=start,
+        plant=machine,
+        initial_state=start,
         sensors=places,
     )

@@ -47,13 +47,13 @@ class Assembly:
     ----------
     bodies : tuple of RigidBody and Beam
         Each after its parent.
-    links : tuple of SpringDamper
+    springs : tuple of SpringDamper
         Springs and dampers between any two points.
     forces : tuple of Force
         The inputs: forces and torques.
     outputs : tuple of Output
         The outputs: measured motions.
-    cuts : tuple of CutJoint
+    cut_joints : tuple of CutJoint
         Joints that close kinematic chains.
 
     Raises
@@ -73,18 +73,18 @@ class Assembly:
     """
 
     bodies: tuple[RigidBody | Beam, ...]
-    links: tuple[SpringDamper, ...] = ()
+    springs: tuple[SpringDamper, ...] = ()
     forces: tuple[Force, ...] = ()
     outputs: tuple[Output, ...] = ()
-    cuts: tuple[CutJoint, ...] = ()
+    cut_joints: tuple[CutJoint, ...] = ()
 
     def __post_init__(self) -> None:
         kinds = {
             "bodies": (RigidBody, Beam),
-            "links": SpringDamper,
+            "springs": SpringDamper,
             "forces": Force,
             "outputs": Output,
-            "cuts": CutJoint,
+            "cut_joints": CutJoint,
         }
         for name, kind in kinds.items():
             given = sequence(name, getattr(self, name), "parts")
@@ -104,10 +104,10 @@ class Assembly:
             self._require(point, there, "a link, force, output or cut joint")
 
     def __repr__(self) -> str:
-        joints = f", {count(len(self.cuts), 'cut joint')}" if self.cuts else ""
+        joints = f", {count(len(self.cut_joints), 'cut joint')}" if self.cut_joints else ""
         ports = signals([force.name for force in self.forces], [output.name for output in self.outputs])
         bodies = listed([body.name for body in self.bodies], 50)
-        return f"Assembly: {bodies}; {count(len(self.links), 'link')}{joints}\n{ports}"
+        return f"Assembly: {bodies}; {count(len(self.springs), 'link')}{joints}\n{ports}"
 
     @staticmethod
     def _require(point: Point, there: set[str], user: str) -> None:
@@ -124,10 +124,10 @@ class Assembly:
             twice.
         """
         points = [body.parent for body in self.bodies]
-        points += [point for link in self.links for point in (link.a, link.b)]
-        points += [point for cut in self.cuts for point in (cut.a, cut.b)]
+        points += [point for link in self.springs for point in (link.a, link.b)]
+        points += [point for cut in self.cut_joints for point in (cut.a, cut.b)]
         points += [force.point for force in self.forces]
-        points += [force.reaction for force in self.forces if force.reaction is not None]
+        points += [force.reaction_point for force in self.forces if force.reaction_point is not None]
         points += [output.point for output in self.outputs]
         points += [output.relative_to for output in self.outputs if output.relative_to is not None]
         return points
@@ -170,7 +170,7 @@ class Assembly:
         """
         points = self.points()
         mesh_of = {beam.name: _discretized(beam, attachments(beam, points)) for beam in self._beams()}
-        motion = kinematics(self.bodies, mesh_of, self.cuts)
+        motion = kinematics(self.bodies, mesh_of, self.cut_joints)
         index = {name: i for i, name in enumerate(motion.coordinates)}
         T, _ = _free_coordinates(motion, index)
         found = []
@@ -181,7 +181,9 @@ class Assembly:
                 shown = [body.at(float(s)) for s in between]
             else:
                 own = [body.parent, *(point for point in points if point.body.name == body.name)]
-                places = {(point.x, point.y) for point in own} | ({body.centre} if body.centre else set())
+                places = {(point.x, point.y) for point in own} | (
+                    {body.center_of_mass} if body.center_of_mass else set()
+                )
                 shown = [body.at(x, y) for x, y in sorted(places)]
             frames = [motion.motion(point) for point in shown]
             rows = (row_matrix([getattr(frame, axis) for frame in frames], index) @ T for axis in "xy")
@@ -190,7 +192,7 @@ class Assembly:
         return tuple(found)
 
     @one_blas_thread
-    def exact(self) -> ExactModel:
+    def to_exact(self) -> ExactModel:
         """Return the structure with exact beams, which need no elements; forces are its inputs.
 
         Returns
@@ -201,7 +203,7 @@ class Assembly:
         """
         mechanism = _mechanism(self, exact=True)
         segments = tuple(
-            replace(body.sections[place], length=float(length))
+            replace(body.segments[place], length=float(length))
             for body, mesh, lengths in zip(self._beams(), mechanism.meshes, mechanism.lengths, strict=True)
             for place, length in zip(mesh.section, lengths, strict=True)
         )
@@ -217,8 +219,8 @@ class Assembly:
             if isinstance(body, RigidBody):
                 m += [body.mass, body.mass, body.inertia]
             else:
-                m.append(sum(section.length * section.mass_per_length for section in body.sections))
-        c, k = [link.damping for link in self.links], [link.stiffness for link in self.links]
+                m.append(sum(section.length * section.mass_per_length for section in body.segments))
+        c, k = [link.damping for link in self.springs], [link.stiffness for link in self.springs]
         return Weights(np.array(m, dtype=float), np.array(c, dtype=float), np.array(k, dtype=float))
 
 
@@ -255,7 +257,7 @@ class Mechanism:
         rigid = assembly._rigid_weights()
         m, c, k = [rigid.m], [rigid.c], [rigid.k]
         for beam, mesh in zip(assembly._beams(), self.meshes, strict=True):
-            sections = [(s.mass_per_length, s.bending_stiffness, s.damping) for s in beam.sections]
+            sections = [(s.mass_per_length, s.bending_stiffness, s.stiffness_damping) for s in beam.segments]
             mass, stiffness, damping = np.array(sections, dtype=float).T[:, mesh.section]
             m.append(mesh.inertia.weights(mass))
             c.append(mesh.strain.weights(stiffness * damping))
@@ -301,19 +303,19 @@ def _where(assembly: Assembly) -> tuple[Hashable, ...]:
 
     def of(body: RigidBody | Beam) -> Hashable:
         if isinstance(body, RigidBody):
-            return body.name, at(body.parent), body.joint, body.centre
-        lengths = tuple(section.length for section in body.sections)
+            return body.name, at(body.parent), body.joint, body.center_of_mass
+        lengths = tuple(section.length for section in body.segments)
         return body.name, at(body.parent), body.joint, body._origin, body.angle, body.discretization, lengths
 
     return (
         tuple(of(body) for body in assembly.bodies),
-        tuple((at(link.a), at(link.b), link.direction) for link in assembly.links),
-        tuple((f.name, at(f.point), f.direction, at(f.reaction)) for f in assembly.forces),
+        tuple((at(link.a), at(link.b), link.direction) for link in assembly.springs),
+        tuple((f.name, at(f.point), f.direction, at(f.reaction_point)) for f in assembly.forces),
         tuple(
             (o.name, at(o.point), o.direction, at(o.relative_to), o.derivative, o.bandwidth_hz)
             for o in assembly.outputs
         ),
-        tuple((at(cut.a), at(cut.b), cut.directions) for cut in assembly.cuts),
+        tuple((at(cut.a), at(cut.b), cut.directions) for cut in assembly.cut_joints),
     )
 
 
@@ -325,7 +327,7 @@ def _kept_mechanism(place: _Place) -> Mechanism:
 def _find_mechanism(assembly: Assembly, exact: bool) -> Mechanism:
     points, beams = assembly.points(), assembly._beams()
     mesh_of = {beam.name: (_segment_mesh if exact else _discretized)(beam, attachments(beam, points)) for beam in beams}
-    motion = kinematics(assembly.bodies, mesh_of, assembly.cuts)
+    motion = kinematics(assembly.bodies, mesh_of, assembly.cut_joints)
     if not motion.coordinates:
         raise ValueError("the assembly has no coordinates: expected a body that can move or a beam")
     # each force may become a prescribed displacement, which takes a coordinate away
@@ -340,15 +342,15 @@ def _find_mechanism(assembly: Assembly, exact: bool) -> Mechanism:
     bodies: list[Row] = []
     for body in assembly.bodies:
         if isinstance(body, RigidBody):
-            centre = motion.motion(body.at(*(body.centre or (body.parent.x, body.parent.y))))
+            centre = motion.motion(body.at(*(body.center_of_mass or (body.parent.x, body.parent.y))))
             bodies += [centre.x, centre.y, centre.theta]
         else:
             bodies.append(motion.frames[body.name].along(body.angle))
-    N, R = rows(bodies), rows([motion.relative(link.a, link.b, link.direction) for link in assembly.links])
+    N, R = rows(bodies), rows([motion.relative(link.a, link.b, link.direction) for link in assembly.springs])
     elongated = np.abs(R).max(axis=1, initial=0.0)
     idle = [
         f"the link of {link.a.body.name!r} and {link.b.body.name!r} along {link.direction!r}"
-        for link, size in zip(assembly.links, elongated, strict=True)
+        for link, size in zip(assembly.springs, elongated, strict=True)
         if size <= CANCELLED
     ]
     S, lengths = np.zeros((0, len(names))), ()
@@ -400,13 +402,13 @@ def _segment_lengths(beam: Beam, nodes: Array, points: Sequence[Point]) -> Array
         gap = np.abs(nodes - beam.station(point.x, point.y))
         if gap.min() <= lost:
             at.setdefault(int(gap.argmin()), point)
-    marks = np.cumsum([0.0, *(section.length for section in beam.sections)])
+    marks = np.cumsum([0.0, *(section.length for section in beam.segments)])
     ends = {int(np.abs(nodes - mark).argmin()): k for k, mark in enumerate(marks)}
     for i in range(len(lengths)):
         if i in at and i + 1 in at:
             lengths[i] = hypot(at[i + 1].x - at[i].x, at[i + 1].y - at[i].y)
         elif i in ends and ends.get(i + 1) == ends[i] + 1:
-            lengths[i] = beam.sections[ends[i]].length
+            lengths[i] = beam.segments[ends[i]].length
     order = np.argsort(lengths)
     for a, b in pairwise(order):
         if lengths[b] - lengths[a] <= lost:
@@ -425,7 +427,7 @@ def _free_coordinates(motion: Kinematics, index: dict[str, int]) -> tuple[Array,
 
 def _ports(assembly: Assembly, motion: Kinematics, rows: Callable[[list[Row]], Array]) -> Ports:
     """Return the inputs and outputs of an assembly over its free coordinates."""
-    columns = rows([motion.relative(f.point, f.reaction, f.direction) for f in assembly.forces]).T
+    columns = rows([motion.relative(f.point, f.reaction_point, f.direction) for f in assembly.forces]).T
     lines = rows([motion.relative(o.point, o.relative_to, o.direction) for o in assembly.outputs])
     derivative = np.array([o.derivative for o in assembly.outputs], dtype=int)
     L = np.array([lines * (derivative == k)[:, None] for k in range(3)]).reshape(3, *lines.shape)

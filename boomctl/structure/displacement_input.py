@@ -82,8 +82,10 @@ def prescribe_displacement(
         there = [name for name, is_moved in zip(model.inputs, model.ports.moved, strict=True) if is_moved]
         raise ValueError(f"inputs {there} impose motion already: prescribe all displacements in one call")
     J = np.column_stack([model.ports.force_column(name) for name in both])
-    if len(both) >= model.n:
-        raise ValueError(f"{len(both)} displacements are prescribed in a model of {model.n} coordinates: nothing moves")
+    if len(both) >= model.ncoordinates:
+        raise ValueError(
+            f"{len(both)} displacements are prescribed in a model of {model.ncoordinates} coordinates: nothing moves"
+        )
     old = model.structure
     if old.layout is None or old.weights is None:
         choice = eliminate(J, both)

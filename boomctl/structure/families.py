@@ -52,41 +52,41 @@ class Family:
     names: tuple[str, ...]
     low: Array
     high: Array
-    centre: SecondOrderModel
+    nominal: SecondOrderModel
     _no: ClassVar[str]
 
     def __repr__(self) -> str:
         box = (
             f"{name} {low:.6g} to {high:.6g}" for name, low, high in zip(self.names, self.low, self.high, strict=True)
         )
-        ports = signals(self.centre.inputs, self.centre.outputs)
-        return f"{type(self).__name__}: {self.centre.n} coordinates; {listed(list(box), 50)}\n{ports}"
+        ports = signals(self.nominal.inputs, self.nominal.outputs)
+        return f"{type(self).__name__}: {self.nominal.ncoordinates} coordinates; {listed(list(box), 50)}\n{ports}"
 
     @property
-    def terms(self) -> tuple[tuple[tuple[int, ...], Slope], ...]:
+    def _terms(self) -> tuple[tuple[tuple[int, ...], Slope], ...]:
         """What each product of ``delta``s, such as ``(0, 0, 1)`` for ``d0^2 d1``, brings to the matrices."""
         raise NotImplementedError
 
     @property
-    def unfelt(self) -> tuple[int, ...]:
+    def _unfelt(self) -> tuple[int, ...]:
         """Coordinates whose position nothing in the structure feels: left out of a loop that does not read them."""
         return ()
 
     @property
-    def size(self) -> int:
+    def nparameters(self) -> int:
         """Number of parameters."""
         return len(self.names)
 
     @cached_property
     def _often(self) -> Array:
         """How often each term has each parameter as a factor."""
-        often = [[power.count(i) for i in range(self.size)] for power, _ in self.terms]
-        return np.array(often).reshape(len(often), self.size)
+        often = [[power.count(i) for i in range(self.nparameters)] for power, _ in self._terms]
+        return np.array(often).reshape(len(often), self.nparameters)
 
     @cached_property
     def _acting(self) -> list[list[tuple[int, Array]]]:
         """Of each matrix the terms that change it, and by what."""
-        changes = [[(i, getattr(slope, letter)) for i, (_, slope) in enumerate(self.terms)] for letter in "MCKBL"]
+        changes = [[(i, getattr(slope, letter)) for i, (_, slope) in enumerate(self._terms)] for letter in "MCKBL"]
         return [[(i, X) for i, X in each if abs(X).sum()] for each in changes]
 
     @property
@@ -94,7 +94,7 @@ class Family:
         """Least and largest value of each parameter."""
         return {name: (float(a), float(b)) for name, a, b in zip(self.names, self.low, self.high, strict=True)}
 
-    def deltas(self, values: Mapping[str, float]) -> Array:
+    def normalize(self, values: Mapping[str, float]) -> Array:
         """Return parameter values as ``delta``, from -1 at the lower end of a range to 1 at the upper.
 
         Parameters
@@ -118,7 +118,7 @@ class Family:
         given = np.array([real(n, values.get(n, middle[i])) for i, n in enumerate(self.names)])
         return (given - middle) / width
 
-    def values(self, delta: ArrayLike) -> dict[str, float]:
+    def denormalize(self, delta: ArrayLike) -> dict[str, float]:
         """Return ``delta`` as parameter values.
 
         Parameters
@@ -152,20 +152,20 @@ class Family:
         Returns
         -------
         SecondOrderModel
-            With the signals of ``centre``.
+            With the signals of ``nominal``.
 
         Raises
         ------
         TypeError, ValueError
             Not as many numbers as parameters, or not finite.
         """
-        c, shares = self.centre, shares_of(self, self._delta(delta)).tolist()
+        c, shares = self.nominal, shares_of(self, self._delta(delta)).tolist()
         M, C, K, B, L = (
             np.asarray(sum((shares[i] * change for i, change in acting if shares[i]), getattr(middle, letter)))
             for acting, letter, middle in zip(self._acting, "MCKBL", (c, c, c, c.ports, c.ports), strict=True)
         )
         ports = replace(c.ports, B=B, L=L)
-        return SecondOrderModel.of(Structure.of(M, C, K, c.coordinates, c.mirror).drawn_as(c.structure.outline), ports)
+        return SecondOrderModel.of(Structure.of(M, C, K, c.coordinates, c._mirror).drawn_as(c.structure.outline), ports)
 
     def _delta(self, delta: ArrayLike) -> Array:
         d = finite_array("delta", delta, ndim=1)
@@ -180,7 +180,7 @@ class Family:
     def _checked_box(self) -> None:
         """Refuse what is no box of parameters around a structure."""
         count = len([signal_name("parameter", name) for name in sequence("names", self.names, "names of parameters")])
-        instance("centre", self.centre, SecondOrderModel)
+        instance("nominal", self.nominal, SecondOrderModel)
         for name in ("low", "high"):
             ends = finite_array(name, getattr(self, name), ndim=1)
             if len(ends) != count:
@@ -191,7 +191,7 @@ class Family:
 
     def _check_all(self, made: Sequence[SecondOrderModel]) -> None:
         """Refuse a family that misses what a function makes at a corner of the box or a point drawn inside it."""
-        for delta, exact in zip(tried_points(self.size), made, strict=True):
+        for delta, exact in zip(tried_points(self.nparameters), made, strict=True):
             self._check(delta, exact)
 
     def _check(self, delta: Array, exact: SecondOrderModel) -> None:
@@ -208,7 +208,7 @@ class Family:
             else:
                 size = np.full_like(size, size.max(initial=0.0))
             if (np.abs(a - b) > ALIKE * size).any():
-                where = ", ".join(f"{key} = {value:.6g}" for key, value in self.values(delta).items())
+                where = ", ".join(f"{key} = {value:.6g}" for key, value in self.denormalize(delta).items())
                 raise ValueError(
                     f"{name} is {self._no} {', '.join(self.names)}: the family misses what was made at {where}"
                 )
@@ -227,9 +227,9 @@ class AffineFamily(Family):
         Names of the parameters.
     low, high : (k,) ndarray
         Lower and upper ends of their ranges, in the parameters' units.
-    centre : SecondOrderModel
+    nominal : SecondOrderModel
         The structure in the middle of the box.
-    slopes : tuple of Slope
+    coefficients : tuple of Slope
         For each parameter, how the matrices change from the middle of its range to the upper end.
 
     Raises
@@ -240,7 +240,7 @@ class AffineFamily(Family):
     Examples
     --------
     >>> import boomctl as bc
-    >>> family = bc.boom_family(spring=(0.7, 1.3))
+    >>> family = bc.boom_family(spring_factor=(0.7, 1.3))
     >>> family.names, family.size
     (('spring', 'mass'), 2)
     >>> family.at([1.0, 0.0]).eigenfrequencies_hz(1).round(3)  # springs 1.3 times as stiff
@@ -250,25 +250,25 @@ class AffineFamily(Family):
     names: tuple[str, ...]
     low: Array
     high: Array
-    centre: SecondOrderModel
-    slopes: tuple[Slope, ...]
+    nominal: SecondOrderModel
+    coefficients: tuple[Slope, ...]
 
     _no: ClassVar[str] = "not affine in"
 
     def __post_init__(self) -> None:
         self._checked_box()
-        slopes = [instance("slope", slope, Slope) for slope in sequence("slopes", self.slopes, "Slope")]
-        if len(slopes) != self.size:
-            raise ValueError(f"slopes: expected {self.size}, one a parameter, got {len(slopes)}")
+        slopes = [instance("slope", slope, Slope) for slope in sequence("coefficients", self.coefficients, "Slope")]
+        if len(slopes) != self.nparameters:
+            raise ValueError(f"slopes: expected {self.nparameters}, one a parameter, got {len(slopes)}")
 
     @property
-    def terms(self) -> tuple[tuple[tuple[int, ...], Slope], ...]:
-        return tuple(((i,), slope) for i, slope in enumerate(self.slopes))
+    def _terms(self) -> tuple[tuple[tuple[int, ...], Slope], ...]:
+        return tuple(((i,), slope) for i, slope in enumerate(self.coefficients))
 
     @classmethod
     @one_blas_thread
-    def through(
-        cls, ranges: Mapping[str, tuple[float, float]], make: Callable[[Mapping[str, float]], SecondOrderModel]
+    def from_function(
+        cls, ranges: Mapping[str, tuple[float, float]], function: Callable[[Mapping[str, float]], SecondOrderModel]
     ) -> AffineFamily:
         """Return the family through the structures that a function makes.
 
@@ -278,7 +278,7 @@ class AffineFamily(Family):
         ----------
         ranges : mapping from name to (low, high)
             The parameters and the ends of their ranges, ascending.
-        make : function
+        function : function
             Makes a `SecondOrderModel` from a mapping of parameter values; its matrices must depend on them affinely.
 
         Returns
@@ -292,7 +292,7 @@ class AffineFamily(Family):
             Empty or reversed ranges; structures of different signals; a corner or a point inside that the affine family
             misses, or outputs that feel an input otherwise from point to point.
         """
-        names, low, high, at = _box(ranges, make)
+        names, low, high, at = _box(ranges, function)
         centre = at(np.zeros(len(names)))
         ends = [at(unit) for unit in np.eye(len(names))]
         family = cls(names, low, high, centre, tuple(_slope(centre, end) for end in ends))
@@ -306,7 +306,7 @@ class PolynomialFamily(Family):
 
     With ``delta`` from -1 to 1 across the range of each parameter, ``M = M_0 + sum_p delta^p M_p`` over products
     ``delta^p`` of them; ``C``, ``K``, the columns of the inputs and what the outputs read alike.
-    `PolynomialFamily.through` makes one.
+    `PolynomialFamily.from_function` makes one.
 
     Attributes
     ----------
@@ -314,12 +314,12 @@ class PolynomialFamily(Family):
         Names of the parameters.
     low, high : (k,) ndarray
         Lower and upper ends of their ranges, in the parameters' units.
-    centre : SecondOrderModel
+    nominal : SecondOrderModel
         The structure in the middle of the box.
-    changes : tuple of (tuple of int, Slope)
+    coefficients : tuple of (tuple of int, Slope)
         Products of parameters, each named by its factors, ``(0, 0, 1)`` for the square of the first times the second, and
         what they are multiplied by.
-    free : tuple of str
+    ignorable_coordinates : tuple of str
         Coordinates whose position nothing in the structure feels, as a hub's angle: proofs leave the integrator out
         where the controller does not read them.
 
@@ -340,15 +340,15 @@ class PolynomialFamily(Family):
     names: tuple[str, ...]
     low: Array
     high: Array
-    centre: SecondOrderModel
-    changes: tuple[tuple[tuple[int, ...], Slope], ...]
-    free: tuple[str, ...] = ()
+    nominal: SecondOrderModel
+    coefficients: tuple[tuple[tuple[int, ...], Slope], ...]
+    ignorable_coordinates: tuple[str, ...] = ()
     _no: ClassVar[str] = "no polynomial of"
 
     def __post_init__(self) -> None:
         self._checked_box()
-        for entry in sequence("changes", self.changes, "pairs of factors and Slope"):
-            pair = sequence("changes", entry, "pairs of factors and Slope")
+        for entry in sequence("coefficients", self.coefficients, "pairs of factors and Slope"):
+            pair = sequence("coefficients", entry, "pairs of factors and Slope")
             if len(pair) != 2:
                 raise ValueError(f"changes: expected pairs of factors and Slope, got {len(pair)} of them together")
             power, slope = pair
@@ -356,31 +356,31 @@ class PolynomialFamily(Family):
             if not sequence("factors", power, "int"):
                 raise ValueError("changes: expected products of one parameter or more, got none")
             for factor in power:
-                whole("factor", factor, 0, self.size - 1)
-        for name in sequence("free", self.free, "str"):
-            known("coordinate", name, self.centre.coordinates)
+                whole("factor", factor, 0, self.nparameters - 1)
+        for name in sequence("ignorable_coordinates", self.ignorable_coordinates, "str"):
+            known("coordinate", name, self.nominal.coordinates)
 
     @property
-    def terms(self) -> tuple[tuple[tuple[int, ...], Slope], ...]:
-        return self.changes
+    def _terms(self) -> tuple[tuple[tuple[int, ...], Slope], ...]:
+        return self.coefficients
 
     @property
-    def unfelt(self) -> tuple[int, ...]:
-        return tuple(self.centre.coordinates.index(name) for name in self.free)
+    def _unfelt(self) -> tuple[int, ...]:
+        return tuple(self.nominal.coordinates.index(name) for name in self.ignorable_coordinates)
 
     def _least(self, name: str) -> Array | float:
         if name not in ("M", "C", "K"):
             return 0.0
-        pairs = [(letter, getattr(self.centre, letter)) for letter in ("M", "C", "K")]
-        largest = {x: np.abs(c) + sum(np.abs(getattr(slope, x)) for _, slope in self.terms) for x, c in pairs}
+        pairs = [(letter, getattr(self.nominal, letter)) for letter in ("M", "C", "K")]
+        largest = {x: np.abs(c) + sum(np.abs(getattr(slope, x)) for _, slope in self._terms) for x, c in pairs}
         return _sizes({letter: size[None] for letter, size in largest.items()})[name]
 
     @classmethod
     @one_blas_thread
-    def through(
+    def from_function(
         cls,
         ranges: Mapping[str, tuple[float, float]],
-        make: Callable[[Mapping[str, float]], SecondOrderModel],
+        function: Callable[[Mapping[str, float]], SecondOrderModel],
         degree: int = 16,
         free: Sequence[str] = (),
     ) -> PolynomialFamily:
@@ -393,7 +393,7 @@ class PolynomialFamily(Family):
         ----------
         ranges : mapping from name to (low, high)
             The parameters and the ends of their ranges, ascending.
-        make : function
+        function : function
             Makes a `SecondOrderModel` from a mapping of parameter values; its matrices must be polynomials of them, or
             as smooth as one.
         degree : int
@@ -412,7 +412,7 @@ class PolynomialFamily(Family):
             Empty or reversed ranges; structures of different signals; a corner or a point inside that the family misses, or
             outputs that feel an input otherwise from point to point; polynomials of too many terms.
         """
-        names, low, high, at = _box(ranges, make)
+        names, low, high, at = _box(ranges, function)
         tried, most = [at(delta) for delta in tried_points(len(names))], whole("degree", degree)
 
         def matrices(points: Sequence[Array]) -> dict[str, Array]:
@@ -504,7 +504,7 @@ def interval(name: str, given: object) -> tuple[float, float]:
 
 def _slope(centre: SecondOrderModel, end: SecondOrderModel) -> Slope:
     before: Ports = centre.ports
-    if end.inputs != centre.inputs or end.outputs != centre.outputs or end.n != centre.n:
+    if end.inputs != centre.inputs or end.outputs != centre.outputs or end.ncoordinates != centre.ncoordinates:
         raise ValueError("the structures of a family must have the same coordinates, inputs and outputs")
     M, C, K = end.M - centre.M, end.C - centre.C, end.K - centre.K
     return Slope(M, C, K, end.ports.B - before.B, end.ports.L - before.L)

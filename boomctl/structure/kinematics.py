@@ -192,11 +192,11 @@ def _joint_motion(body: Body, parent: Frame) -> tuple[list[str], Frame]:
     """Return the joint's coordinates and the motion of the body's frame at the joint."""
     x, y, theta = parent.x, parent.y, parent.theta
     names = []
-    for label, angle in body.joint.slides:
+    for label, angle in body.joint.translations:
         slide = Row({f"{body.name}.{label}": 1.0})
         x, y = x + _along(slide, angle, cos), y + _along(slide, angle, sin)
         names.append(f"{body.name}.{label}")
-    if body.joint.turns:
+    if body.joint.rotation:
         theta = theta + Row({f"{body.name}.theta": 1.0})
         names.append(f"{body.name}.theta")
     return names, Frame(parent.x0, parent.y0, x, y, theta)
@@ -206,6 +206,6 @@ def _beam_conditions(beam: Beam, mesh: BeamMesh, frame: Frame) -> list[tuple[str
     """Return the rows that keep a beam at its joint: its deflection there and, unless it turns, its slope."""
     w, phi = beam_rows(beam, mesh, beam.station(beam.parent.x, beam.parent.y))
     conditions = [(f"joint of {beam.name} (deflection)", w - frame.along(beam.angle + pi / 2))]
-    if not beam.joint.turns:
+    if not beam.joint.rotation:
         conditions.append((f"joint of {beam.name} (slope)", phi - frame.theta))
     return conditions

@@ -80,7 +80,7 @@ class SecondOrderModel:
         The matrices and the names of the coordinates.
     ports : Ports
         The inputs and outputs.
-    chosen : record or None
+    selection : record or None
         Which mesh was chosen where an accuracy was asked for, and why.
 
     Raises
@@ -100,7 +100,7 @@ class SecondOrderModel:
 
     structure: Structure
     ports: Ports
-    chosen: Any
+    selection: Any
 
     def __init__(
         self,
@@ -130,14 +130,16 @@ class SecondOrderModel:
         ports = Ports.of_forces(tuple(force_inputs or {}), columns.T, tuple(outputs or {}), L)
         object.__setattr__(self, "structure", Structure.of(matrices["M"], matrices["C"], matrices["K"], labels))
         object.__setattr__(self, "ports", ports)
-        object.__setattr__(self, "chosen", None)
+        object.__setattr__(self, "selection", None)
 
     def __repr__(self) -> str:
-        chosen = "" if self.chosen is None else f"\n  {self.chosen}"
-        return f"SecondOrderModel: {count(self.n, 'coordinate')}\n{signals(self.inputs, self.outputs)}{chosen}"
+        chosen = "" if self.selection is None else f"\n  {self.selection}"
+        return (
+            f"SecondOrderModel: {count(self.ncoordinates, 'coordinate')}\n{signals(self.inputs, self.outputs)}{chosen}"
+        )
 
     @classmethod
-    def of(cls, structure: Structure, ports: Ports, chosen: Any = None) -> SecondOrderModel:
+    def of(cls, structure: Structure, ports: Ports, selection: Any = None) -> SecondOrderModel:
         """Return the model of a structure, which others may share, with inputs and outputs of its own.
 
         Parameters
@@ -146,7 +148,7 @@ class SecondOrderModel:
             The matrices.
         ports : Ports
             The inputs and outputs.
-        chosen : record, optional
+        selection : record, optional
             Which mesh was chosen for the model, and why.
 
         Returns
@@ -155,14 +157,14 @@ class SecondOrderModel:
             The model; no matrix is copied.
         """
         model = cls.__new__(cls)
-        object.__setattr__(model, "chosen", chosen)
+        object.__setattr__(model, "selection", selection)
         object.__setattr__(model, "structure", structure)
         object.__setattr__(model, "ports", ports)
         return model
 
     def __getstate__(self) -> dict[str, Any]:
         """Pickle what it is made of; what was computed when asked for can be computed again."""
-        return {"structure": self.structure, "ports": self.ports, "chosen": self.chosen}
+        return {"structure": self.structure, "ports": self.ports, "selection": self.selection}
 
     @property
     def M(self) -> Array:
@@ -185,12 +187,12 @@ class SecondOrderModel:
         return self.structure.coordinates
 
     @property
-    def mirror(self) -> Mirror | None:
+    def _mirror(self) -> Mirror | None:
         """The reflection about ``x = 0`` that leaves the model as it is, where there is one."""
         return self.structure.mirror
 
     @property
-    def n(self) -> int:
+    def ncoordinates(self) -> int:
         """Number of coordinates."""
         return self.structure.n
 
@@ -232,7 +234,7 @@ class SecondOrderModel:
         for what, wanted, there in (("input", inputs, self.inputs), ("output", outputs, self.outputs)):
             if wanted is not None:
                 some_names(what, wanted, there)
-        return SecondOrderModel.of(self.structure, self.ports.select(inputs, outputs), self.chosen)
+        return SecondOrderModel.of(self.structure, self.ports.select(inputs, outputs), self.selection)
 
     @cached_property
     def _primary(self) -> SecondOrderModel:
@@ -264,13 +266,13 @@ class SecondOrderModel:
         return self.select(first[0] if inputs is None else inputs, first[1] if outputs is None else outputs)
 
     @cached_property
-    def halves(self) -> tuple[SecondOrderModel, ...] | None:
+    def _halves(self) -> tuple[SecondOrderModel, ...] | None:
         """Its symmetric and antisymmetric half, as far as they have inputs and outputs; None of one that does not split."""
         found = halves(self.structure, self.ports)
         return None if found is None else tuple(SecondOrderModel.of(part.structure, part.ports) for part in found)
 
     @cached_property
-    def modal_form(self) -> Lti:
+    def _modal_form(self) -> Lti:
         """The balanced state space over undamped modes, or without such modes over the coordinates: matrices alone.
 
         Raises
@@ -390,7 +392,7 @@ class SecondOrderModel:
             As :meth:`eigenfrequencies_hz`, of units that are not SI.
         """
         found = mode_shapes(self.structure, count)
-        warn_of_units(found.frequencies_hz)
+        warn_of_units(found.eigenfrequencies_hz)
         return found
 
     @one_blas_thread
@@ -530,10 +532,10 @@ def split_symmetric(model: SecondOrderModel) -> tuple[SecondOrderModel, SecondOr
     (array([0.587]), array([0.245]))
     """
     instance("model", model, SecondOrderModel)
-    if model.mirror is None:
+    if model._mirror is None:
         raise ValueError("the model is not symmetric about x = 0 (mesh or machine), so it does not split")
     for name, matrix in (("M", model.M), ("C", model.C), ("K", model.K)):
-        if model.mirror.change(matrix) > ALIKE:
+        if model._mirror.change(matrix) > ALIKE:
             raise ValueError(f"the model is not symmetric about x = 0: its reflection changes {name}")
     jolt, yaw = (half(model.structure, model.ports, parity) for parity in (1, -1))
     if jolt is None or yaw is None:

@@ -34,37 +34,37 @@ class Joint:
 
     Parameters
     ----------
-    slides : tuple of (str, float)
+    translations : tuple of (str, float)
         Directions along which the body may slide: a name for the coordinate, and the direction's angle from the x axis
         [rad].
-    turns : bool
+    rotation : bool
         Whether the body may turn about the joint.
 
     Raises
     ------
     TypeError, ValueError
-        Not pairs of a name and a finite angle, or ``turns`` is neither True nor False.
+        Not pairs of a name and a finite angle, or ``rotation`` is neither True nor False.
 
     Examples
     --------
     >>> import boomctl as bc
-    >>> slide = bc.structure.Joint(slides=(("slide", 0.0),), turns=True)  # as of a pin in a slot along x
-    >>> slide.turns
+    >>> slide = bc.structure.Joint(translations=(("slide", 0.0),), rotation=True)  # as of a pin in a slot along x
+    >>> slide.rotation
     True
     """
 
     _made_by = "revolute(), prismatic(...), fixed() or planar(...)"
 
-    slides: tuple[tuple[str, float], ...] = ()
-    turns: bool = False
+    translations: tuple[tuple[str, float], ...] = ()
+    rotation: bool = False
 
     def __post_init__(self) -> None:
-        for slide in sequence("slides of a joint", self.slides, "pairs of name and angle"):
+        for slide in sequence("translations of a joint", self.translations, "pairs of name and angle"):
             if not isinstance(slide, tuple) or len(slide) != 2:
-                raise TypeError(f"slides of a joint: expected pairs of name and angle, got {shown(slide)}")
+                raise TypeError(f"translations of a joint: expected pairs of name and angle, got {shown(slide)}")
             signal_name("name of a slide", slide[0])
             _radians("angle of a slide", slide[1])
-        truth("turns of a joint", self.turns)
+        truth("rotation of a joint", self.rotation)
 
 
 def fixed() -> Joint:
@@ -79,7 +79,7 @@ def fixed() -> Joint:
     --------
     >>> import boomctl as bc
     >>> bc.structure.fixed()
-    Joint(slides=(), turns=False)
+    Joint(translations=(), rotation=False)
     """
     return Joint()
 
@@ -95,10 +95,10 @@ def revolute() -> Joint:
     Examples
     --------
     >>> import boomctl as bc
-    >>> bc.structure.revolute().turns
+    >>> bc.structure.revolute().rotation
     True
     """
-    return Joint(turns=True)
+    return Joint(rotation=True)
 
 
 def prismatic(angle: float = pi / 2, name: str = "slide") -> Joint:
@@ -124,10 +124,10 @@ def prismatic(angle: float = pi / 2, name: str = "slide") -> Joint:
     Examples
     --------
     >>> import boomctl as bc
-    >>> bc.structure.prismatic(0.0, "along").slides
+    >>> bc.structure.prismatic(0.0, "along").translations
     (('along', 0.0),)
     """
-    return Joint(slides=((name, _radians("angle", angle)),))
+    return Joint(translations=((name, _radians("angle", angle)),))
 
 
 def planar(*freedoms: str) -> Joint:
@@ -152,13 +152,13 @@ def planar(*freedoms: str) -> Joint:
     --------
     >>> import boomctl as bc
     >>> joint = bc.structure.planar("y", "theta")
-    >>> [name for name, angle in joint.slides], joint.turns
+    >>> [name for name, angle in joint.translations], joint.rotation
     (['y'], True)
     """
     for freedom in freedoms:
-        known("freedom", freedom, ("x", "y", "theta"))
-    slides = tuple((name, angle) for name, angle in (("x", 0.0), ("y", pi / 2)) if name in freedoms)
-    return Joint(slides=slides, turns="theta" in freedoms)
+        known("dof", freedom, ("x", "y", "theta"))
+    translations = tuple((name, angle) for name, angle in (("x", 0.0), ("y", pi / 2)) if name in freedoms)
+    return Joint(translations=translations, rotation="theta" in freedoms)
 
 
 @dataclass(frozen=True)
@@ -256,7 +256,7 @@ class RigidBody:
         How the body may move relative to its parent at that point.
     mass, inertia : float
         Mass [kg] and moment of inertia about the centre of mass [kg m^2]; zero is allowed.
-    centre : (float, float), optional
+    center_of_mass : (float, float), optional
         Position of the centre of mass at rest in the inertial frame [m], not relative to the joint; by default that of
         the joint.
 
@@ -270,7 +270,7 @@ class RigidBody:
     --------
     >>> import boomctl as bc
     >>> s = bc.structure
-    >>> rod = s.RigidBody("rod", s.GROUND.at(0.0), s.revolute(), mass=3.0, inertia=0.25, centre=(0.5, 0.0))
+    >>> rod = s.RigidBody("rod", s.GROUND.at(0.0), s.revolute(), mass=3.0, inertia=0.25, center_of_mass=(0.5, 0.0))
     >>> machine = s.Assembly((rod,), (s.SpringDamper(rod.at(1.0), s.GROUND.at(1.0), "y", stiffness=100.0),))
     >>> machine.assemble().eigenfrequencies_hz(1).round(4)  # 10/(2 pi): the inertia about the hinge is 1 kg m^2
     array([1.5915])
@@ -281,7 +281,7 @@ class RigidBody:
     joint: Joint
     mass: float = 0.0
     inertia: float = 0.0
-    centre: tuple[float, float] | None = None
+    center_of_mass: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
         signal_name("name of a body", self.name)
@@ -289,8 +289,8 @@ class RigidBody:
         instance(f"joint of {self.name!r}", self.joint, Joint)
         nonnegative(f"mass of {self.name!r}", self.mass)
         nonnegative(f"inertia of {self.name!r}", self.inertia)
-        if self.centre is not None:
-            _place(f"centre of {self.name!r}", self.centre)
+        if self.center_of_mass is not None:
+            _place(f"centre of {self.name!r}", self.center_of_mass)
 
     __repr__ = compact
 
@@ -549,7 +549,7 @@ class BeamSegment:
         ``rho A`` [kg/m].
     bending_stiffness : float
         ``E I`` [N m^2].
-    damping : float
+    stiffness_damping : float
         Stiffness-proportional structural damping ``c_b`` [s]: bending moment ``E I (kappa + c_b kappa')``.
 
     Raises
@@ -567,13 +567,13 @@ class BeamSegment:
     length: float
     mass_per_length: float
     bending_stiffness: float
-    damping: float = 0.0
+    stiffness_damping: float = 0.0
 
     def __post_init__(self) -> None:
         positive("length of a beam section", self.length)
         positive("mass_per_length", self.mass_per_length)
         positive("bending_stiffness", self.bending_stiffness)
-        nonnegative("damping of a beam section", self.damping)
+        nonnegative("damping of a beam section", self.stiffness_damping)
 
     @classmethod
     def from_cross_section(
@@ -639,7 +639,7 @@ class Beam:
     start : (float, float) or Point
         Position of the start of the beam at rest [m].  Of a Point, such as ``other.end``, the position is used.  Read
         from the beam, ``start`` is the point of the beam at its start.
-    sections : sequence of BeamSegment
+    segments : sequence of BeamSegment
         The stretches, one after the other from the start.
     discretization : FiniteElements or DiscreteElements
         How the beam is turned into coordinates; any object with a method ``mesh`` like theirs will do.
@@ -675,7 +675,7 @@ class Beam:
     parent: Point
     joint: Joint
     _origin: tuple[float, float] = field(init=False)
-    sections: tuple[BeamSegment, ...]
+    segments: tuple[BeamSegment, ...]
     discretization: Discretization
     angle: float
     length: float = field(init=False)
@@ -697,26 +697,26 @@ class Beam:
         parent: Point,
         joint: Joint,
         start: tuple[float, float] | Point,
-        sections: Sequence[BeamSegment],
+        segments: Sequence[BeamSegment],
         discretization: Discretization,
         angle: float = 0.0,
     ) -> None:
         of = f"of beam {signal_name('name of a body', name)!r}"
-        sections = sequence(f"sections {of}", sections, "BeamSegment")
-        for section in sections:
-            instance(f"section {of}", section, BeamSegment)
-        if not sections:
-            raise ValueError(f"beam {name!r}: expected at least one section")
+        segments = sequence(f"segments {of}", segments, "BeamSegment")
+        for segment in segments:
+            instance(f"segment {of}", segment, BeamSegment)
+        if not segments:
+            raise ValueError(f"beam {name!r}: expected at least one segment")
         if not callable(getattr(discretization, "mesh", None)):
             raise TypeError(f"discretization {of} = {shown(discretization)}: expected FiniteElements or another one")
         values = {
             "name": name,
             "parent": instance(f"parent {of}", parent, Point),
             "joint": instance(f"joint {of}", joint, Joint),
-            "sections": sections,
+            "segments": segments,
             "discretization": discretization,
             "angle": _radians(f"angle {of}", angle),
-            "length": float(sum(section.length for section in sections)),
+            "length": float(sum(segment.length for segment in segments)),
             "_origin": (start.x, start.y) if isinstance(start, Point) else _place(f"start {of}", start),
         }
         for attribute, value in values.items():
@@ -926,7 +926,7 @@ class Force:
         Point at which it acts.
     direction : "x", "y", "theta" or float
         Its direction [N]; a number is an angle from the x axis [rad]; ``"theta"`` makes it a torque [N m].
-    reaction : Point, optional
+    reaction_point : Point, optional
         A point of another body that feels the opposite force, as with an actuator between two bodies.  Without one, the
         force acts from outside.
 
@@ -948,14 +948,14 @@ class Force:
     name: str
     point: Point
     direction: "str | float" = "y"
-    reaction: Point | None = None
+    reaction_point: Point | None = None
 
     def __post_init__(self) -> None:
         signal_name("name of a force", self.name)
         instance(f"point of force {self.name!r}", self.point, Point)
         direction_angle(self.direction)
-        if self.reaction is not None:
-            _check_pair(self.point, self.reaction, f"force {self.name!r}", self.direction)
+        if self.reaction_point is not None:
+            _check_pair(self.point, self.reaction_point, f"force {self.name!r}", self.direction)
 
     __repr__ = compact
 

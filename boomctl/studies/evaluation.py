@@ -22,7 +22,7 @@ class Design:
     ----------
     name, title : str
         A name in one word, and what it is in a line.
-    facts : mapping of str to str
+    synthesis_info : mapping of str to str
         What synthesis and reduction report: gamma and bounds, errors, orders.
     notes : tuple of str
         What a reader of the report should know.
@@ -35,7 +35,7 @@ class Design:
     name: str
     title: str
     _: KW_ONLY
-    facts: Mapping[str, str] = field(default_factory=dict)
+    synthesis_info: Mapping[str, str] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     results: Mapping[str, Any] = field(default_factory=dict)
     sections: tuple[Section, ...] = ()
@@ -175,18 +175,18 @@ class Evaluation(ABC):
         return {}
 
     def _controller_files(
-        self, certificate: Mapping[str, str], sample_time: float | None, force_limit: float | None
+        self, certificate: Mapping[str, str], sample_time: float | None, control_limit: float | None
     ) -> dict[str, bytes | str]:
         design = self.design
         if design.controller is None or isinstance(design.controller, ScheduledController):
             return {}
-        made_by = {"design": design.name, "title": design.title, **design.facts}
+        made_by = {"design": design.name, "title": design.title, **design.synthesis_info}
         given: dict[str, Any] = {"certificate": dict(certificate), "provenance": made_by}
         found = {}
         for suffix in (".json", ".mat"):
             found |= controller_contents(design.controller, "controller", suffix, **given)
         if sample_time is not None:
-            given |= {"sample_time": sample_time, "force_limit": force_limit}
+            given |= {"sample_time": sample_time, "control_limit": control_limit}
             with suppress(ValueError):
                 found |= controller_contents(design.controller, "controller", ".c", **given)
         return found

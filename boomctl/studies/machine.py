@@ -41,9 +41,9 @@ class MachineDesign(Design):
         drive to all outputs.
     sample_time : float, optional
         Sampling time of C code of the controller [s]; without one, there is none.
-    force_limit : float, optional
+    control_limit : float, optional
         Largest value of each control, for C code.
-    name, title, facts, notes, results, sections
+    name, title, synthesis_info, notes, results, sections
         As of every `Design`.
 
     Raises
@@ -68,7 +68,7 @@ class MachineDesign(Design):
     inputs: str | Sequence[str] | None = None
     outputs: str | Sequence[str] | None = None
     sample_time: float | None = None
-    force_limit: float | None = None
+    control_limit: float | None = None
 
     __repr__ = compact
 
@@ -78,7 +78,7 @@ class MachineDesign(Design):
         loop = joined(*self._nominal)
         names("input", self.inputs, loop.disturbances)
         names("output", self.outputs, loop.outputs)
-        for what in ("sample_time", "force_limit"):
+        for what in ("sample_time", "control_limit"):
             if getattr(self, what) is not None:
                 positive(what, getattr(self, what))
 
@@ -92,7 +92,7 @@ class MachineDesign(Design):
         middle = {name: (low + high) / 2.0 for name, (low, high) in family.ranges.items()}
         if isinstance(K, ScheduledController):
             K = K.at(middle[known("parameter of plant", K.signal, middle)])
-        return family.centre, K
+        return family.nominal, K
 
     @one_blas_thread
     def evaluate(self) -> MachineResult:
@@ -171,30 +171,30 @@ class MachineResult(Evaluation):
     @property
     def words(self) -> dict[str, str]:
         """The findings by name."""
-        box = {} if self.robust is None else {"stability over the family": self.robust.render()}
-        return {**self.design.facts, **box}
+        box = {} if self.robust is None else {"stability over the family": self.robust.summary}
+        return {**self.design.synthesis_info, **box}
 
     def __str__(self) -> str:
         """Return what a terminal shows."""
-        return super().__str__() + (f"\n{self.margins.render()}" if self.margins else "")
+        return super().__str__() + (f"\n{self.margins}" if self.margins else "")
 
     def _results(self) -> dict[str, Any]:
         design, box = self.design, self.robust
         return {
             "design": design.name,
             "stable": self.stable,
-            "synthesis": dict(design.facts),
+            "synthesis": dict(design.synthesis_info),
             "before": _peak(self.before),
             "after": _peak(self.after),
-            "disk_margin": self.margins.everywhere.alpha if self.margins else None,
-            **({} if box is None else {"proved": box.proved, "slowest_pole": box.abscissa}),
+            "disk_margin": self.margins.multiloop_io.alpha if self.margins else None,
+            **({} if box is None else {"proved": box.proved, "spectral_abscissa": box.spectral_abscissa}),
         }
 
     def _sections(self) -> Iterator[Section]:
         from boomctl.plotting.canvas import figure_of, picture
 
         drawn = figure_of(SigmaComparison({"without controller": self.before, "with controller": self.after}).plot)
-        caption = f"Singular values from {', '.join(self.after.inputs)} to {', '.join(self.after.outputs)}."
+        caption = f"Singular values from {', '.join(self.after.input_labels)} to {', '.join(self.after.output_labels)}."
         yield Section("Synthesis", self.design.notes, (word_table(self.words),) if self.words else ())
         yield Section("Singular values", pictures=(picture("sigma", drawn, caption),))
         if self.margins is not None:
@@ -209,7 +209,7 @@ class MachineResult(Evaluation):
         dict of str to bytes or str
             Contents of the files by name; none of a scheduled controller.
         """
-        return self._controller_files({"verdict": self.verdict}, self.design.sample_time, self.design.force_limit)
+        return self._controller_files({"verdict": self.verdict}, self.design.sample_time, self.design.control_limit)
 
 
 def _peak(found: SigmaResult) -> dict[str, Any]:

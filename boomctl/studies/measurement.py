@@ -18,7 +18,13 @@ from boomctl.studies.evaluation import word_table
 
 _TIMES = ("t", "time", "time_s", "t_s")  # names of a column of times [s]
 _FREQUENCIES = ("freq_hz", "frequency_hz")  # of the first column of a measured response
-_OF_MODE = ("frequency_hz", "damping", "frequency_interval_hz", "damping_interval", "share")  # in results.json
+_OF_MODE = (
+    "frequency_hz",
+    "damping_ratio",
+    "frequency_interval_hz",
+    "damping_ratio_interval",
+    "energy_fraction",
+)  # in results.json
 _EVEN = 1e-3  # of a sample, by which times may miss an even grid: the digits that files keep (a choice)
 
 
@@ -34,15 +40,22 @@ def _report(path: Path, found: IdentificationResult, response: FrequencyResponse
     matrices = {letter: np.asarray(getattr(system, letter)).tolist() for letter in "ABCD"}
     model = {"inputs": list(system.input_labels), "outputs": list(system.output_labels), **matrices}
     sections = (
-        Section("Modes", (f"{found.source}; intervals of {100.0 * found.confidence:g} %.",), (modes,)),
+        Section(
+            "Modes", (f"{found.uncertainty_source}; intervals of {100.0 * found.confidence_level:g} %.",), (modes,)
+        ),
         Section("Share of each output that is predicted", (), (word_table(fits, ("output", "fit [%]")),)),
         Section("Pictures", (), (), pictures),
     )
-    lead = (f"{len(found.modes)} modes from {found.band_hz[0]:.4g} to {found.band_hz[1]:.4g} Hz.",)
+    lead = (
+        f"{len(found.modes)} modes from {found.frequency_range_hz[0]:.4g} to {found.frequency_range_hz[1]:.4g} Hz.",
+    )
     results = {
         "file": path.name,
         "modes": [{name: getattr(mode, name) for name in _OF_MODE} for mode in found.modes],
-        **{name: getattr(found, name) for name in ("fit_percent", "band_hz", "confidence", "source")},
+        **{
+            name: getattr(found, name)
+            for name in ("fit_percent", "frequency_range_hz", "confidence_level", "uncertainty_source")
+        },
     }
     return Report(f"Modes of {path.name}", lead, sections, results, {"model.json": json_text(model)})
 
@@ -78,7 +91,11 @@ def identified_file(
     if not moved:
         raise ValueError(f"{path}: expected outputs beside the inputs, got none")
     found = identify(driven, moved, step, **options)
-    said = {name: value for name, value in options.items() if name in ("band_hz", "intersample") and value is not None}
+    said = {
+        name: value
+        for name, value in options.items()
+        if name in ("frequency_range_hz", "intersample") and value is not None
+    }
     quantity = options.get("quantity") or "displacement"
     return found, _report(path, found, estimate_frequency_response(driven, moved, step, quantity=quantity, **said))
 

@@ -22,14 +22,14 @@ _MORE = 0.1  # by how much the tip mass of the followed beam exceeds the largest
 _AFTER = 2.0  # how long the film goes on after the end [s] (a choice)
 _RTOL, _ATOL = 1e-7, 1e-9  # of motions in which errors of millimeters are looked for (a choice)
 _OF_SLEW = (
-    "objective", "duration", "cost", "end_error", "residual_energy", "time", "torque", "hub_angle", "hub_speed",
+    "objective", "duration", "cost", "terminal_error", "residual_energy", "time", "torque", "hub_angle", "hub_speed",
     "tip_displacement",
 )  # fmt: skip
 _COMPARED = (
-    "name", "duration", "vibration", "vibration_low", "vibration_high", "angle_error", "speed_error", "peak_moment",
-    "effort",
+    "name", "duration", "residual_vibration", "residual_vibration_low", "residual_vibration_high", "angle_error",
+    "speed_error", "max_root_moment", "effort",
 )  # fmt: skip
-_REPLAYED = ("model", "tip_mass", "angle_error", "speed_error", "tip_swing", "residual_energy")
+_REPLAYED = ("model", "tip_mass", "angle_error", "speed_error", "residual_vibration", "residual_energy")
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,16 +38,16 @@ class SlewDesign(Design):
 
     Attributes
     ----------
-    name, title, facts, notes, results, sections
+    name, title, synthesis_info, notes, results, sections
         As of every `Design`.
     beam : AssumedModesBeam
         What the slew was planned for.
-    planned : mapping of str to SlewResult
+    slews : mapping of str to SlewResult
         Slews of the beam by name: first the one designed, then others to be compared with it. All have the same angle, or
         spin up to the same speed, under the same torque limit. The evaluation adds classical ones.
-    rival : str
+    reference_slew : str
         The slew that the film shows beside the designed one: planned or classical. "": a rigid body's.
-    payloads : tuple of float
+    tip_masses : tuple of float
         Tip masses with which the planned slews are played [kg].
     followed : bool
         Whether the slew is followed, with all states measured, by a beam with 0.1 kg more at the tip.
@@ -62,9 +62,9 @@ class SlewDesign(Design):
     """
 
     beam: AssumedModesBeam
-    planned: Mapping[str, SlewResult]
-    rival: str = ""
-    payloads: tuple[float, ...] = ()
+    slews: Mapping[str, SlewResult]
+    reference_slew: str = ""
+    tip_masses: tuple[float, ...] = ()
     followed: bool = True
 
     __repr__ = compact
@@ -72,15 +72,15 @@ class SlewDesign(Design):
     @property
     def slew(self) -> SlewResult:
         """The slew designed."""
-        return next(iter(self.planned.values()))
+        return next(iter(self.slews.values()))
 
     @property
-    def label(self) -> str:
+    def _label(self) -> str:
         """Its name."""
-        return next(iter(self.planned))
+        return next(iter(self.slews))
 
     @property
-    def rigid(self) -> str:
+    def _rigid(self) -> str:
         """Name of the fastest torque of a rigid body with the same inertia."""
         return "constant torque" if self.slew.plan.problem.angle is None else "bang-bang"
 
@@ -93,8 +93,8 @@ class SlewDesign(Design):
         SlewEvaluation
             What was found, as text and for a report.
         """
-        problem, masses = self.slew.plan.problem, self.payloads
-        asked = self.beam, problem.angle, problem.limits.torque, self.planned, problem.final_speed
+        problem, masses = self.slew.plan.problem, self.tip_masses
+        asked = self.beam, problem.angle, problem.limits.torque, self.slews, problem.final_speed
         return SlewEvaluation(self, compare_slews(*asked, tip_masses=masses))
 
 
@@ -118,28 +118,29 @@ class SlewEvaluation(Evaluation):
     @property
     def verdict(self) -> str:
         """The result in a sentence."""
-        own, rigid = (self.comparison.line(name) for name in (self.design.label, self.design.rigid))
+        own, rigid = (self.comparison[name] for name in (self.design._label, self.design._rigid))
         said = (
             f"{own.duration:.5g} s, {own.duration / rigid.duration:.3f} times a rigid body's least time; the tip vibrates by "
-            f"{_length(own.vibration)} afterwards, {_length(rigid.vibration)} after a rigid body's fastest torque"
+            f"{_length(own.residual_vibration)} afterwards, {_length(rigid.residual_vibration)} after a rigid body's "
+            "fastest torque"
         )
         masses = self.comparison.tip_masses
         if not masses.size:
             return f"{said}."
-        left = {name: float(self.comparison.line(name).vibrations.max()) for name in self.design.planned}
+        left = {name: float(self.comparison[name].vibrations.max()) for name in self.design.slews}
         parts = ", ".join(f"{_length(most)} ({name})" for name, most in left.items())
         return f"{said}; with payloads from {masses.min():g} to {masses.max():g} kg by at most {parts}."
 
     @property
     def words(self) -> dict[str, str]:
         """The findings by name."""
-        return {**self.design.facts, "certificate": self.design.slew.certificate.verdict}
+        return {**self.design.synthesis_info, "certificate": self.design.slew.certificate.summary}
 
     @property
     def replays(self) -> tuple[Replay, ...]:
         """The slew on the planning model, with the other payloads, and on other models."""
         design, slew = self.design, self.design.slew
-        problem, swing = slew.plan.problem, self.comparison.line(design.label).vibration
+        problem, swing = slew.plan.problem, self.comparison[design._label].residual_vibration
         angle_error = 0.0 if problem.angle is None else float(slew.hub_angle[-1]) - problem.angle
         speed_error = float(slew.hub_speed[-1]) - problem.final_speed
         return (Replay(design.beam.model, None, angle_error, speed_error, swing, slew.residual_energy), *slew.replays)
@@ -154,27 +155,27 @@ class SlewEvaluation(Evaluation):
         if not self.design.followed:
             return None
         tracked = self.design.slew.track(integral_time=None)
-        mass = max(self.design.beam.parameters.tip_mass, *self.design.payloads, 0.0) + _MORE
-        late, found = tracked.time >= tracked.time[-1] - tracked.period, {"tip_mass": mass}
+        mass = max(self.design.beam.parameters.tip_mass, *self.design.tip_masses, 0.0) + _MORE
+        late, found = tracked.time >= tracked.time[-1] - tracked.slowest_period, {"tip_mass": mass}
         for opening in ("", "open_"):
-            run = tracked.simulate(tracked.machine.with_tip_mass(mass), feedback=not opening, rtol=_RTOL, atol=_ATOL)
+            run = tracked.simulate(tracked.plant.with_tip_mass(mass), feedback=not opening, rtol=_RTOL, atol=_ATOL)
             error = abs(run["hub_angle"][-1] - tracked.reference["hub_angle"][-1])
             found[f"{opening}final_angle_error"] = float(error)
-            found[f"{opening}tip_swing"] = float(np.abs(run["tip_displacement"][late]).max())
+            found[f"{opening}residual_vibration"] = float(np.abs(run["tip_displacement"][late]).max())
         return found
 
     @cached_property
     def switching(self) -> SwitchingFunction | None:
         """The switching function; None of a torque without switching times."""
         slew = self.design.slew
-        return None if slew.certificate.switches is None else switching_function(slew)
+        return None if slew.certificate.n_switches is None else switching_function(slew)
 
     @property
     def film_tip_mass(self) -> float:
         """Payload that the film shows: the one that the rival suits least [kg]."""
         masses = self.comparison.tip_masses
-        if masses.size and self.design.rival in self.design.planned:
-            return float(masses[self.comparison.line(self.design.rival).vibrations.argmax()])
+        if masses.size and self.design.reference_slew in self.design.slews:
+            return float(masses[self.comparison[self.design.reference_slew].vibrations.argmax()])
         return self.design.beam.parameters.tip_mass
 
     def _results(self) -> dict[str, Any]:
@@ -186,12 +187,12 @@ class SlewEvaluation(Evaluation):
             "modes": design.beam.modes,
             "parameters": asdict(design.beam.parameters),
             "certificate": asdict(slew.certificate),
-            "verdict": slew.certificate.verdict,
+            "verdict": slew.certificate.summary,
             "worth": self.verdict,
-            "switches": None if switching is None else slew.history.switches,
-            "switching_agreement": None if switching is None else switching.agreement,
+            "switching_times": None if switching is None else slew.torque_profile.switching_times,
+            "switching_agreement": None if switching is None else switching.sign_agreement,
             "replays": [_scalars(each) for each in self.replays],
-            "comparison": [_scalars(each) | {"vibrations": each.vibrations} for each in self.comparison.lines],
+            "comparison": [_scalars(each) | {"vibrations": each.vibrations} for each in self.comparison.rows],
             "tip_masses": self.comparison.tip_masses,
             "film_tip_mass": self.film_tip_mass,
             "tracking": self.following,
@@ -207,13 +208,13 @@ class SlewEvaluation(Evaluation):
             *str(slew).removeprefix("SlewResult: ").splitlines(),
             f"Method: {found.method}; {str(found).splitlines()[-1].strip()}.",
         ]
-        if found.switches is not None:
-            words.append(f"Switching times: {', '.join(f'{t:.5f}' for t in slew.history.switches)} s.")
+        if found.n_switches is not None:
+            words.append(f"Switching times: {', '.join(f'{t:.5f}' for t in slew.torque_profile.switching_times)} s.")
         yield Section("The slew", (*words, *design.notes), pictures=(_drawn("slew", slew.plot, caption),))
         beam, motions = design.beam.with_tip_mass(self.film_tip_mass), {}
         time = np.linspace(0.0, slew.duration + _AFTER, 601)
-        for name in (design.label, design.rival or design.rigid):
-            motions[name] = beam.simulate(comparison.line(name).history, time)
+        for name in (design._label, design.reference_slew or design._rigid):
+            motions[name] = beam.simulate(comparison[name].torque_profile, time)
         shown = animate_slew(beam, motions, title=slew.title.capitalize())
         caption = f"Top view, drawn to scale, in real time, with {self.film_tip_mass:g} kg at the tip."
         yield Section("In motion", pictures=(film("slew", shown, caption),))
@@ -222,7 +223,8 @@ class SlewEvaluation(Evaluation):
                 "The switching function says how much time a little more torque would save at each instant. In minimum time"
                 " the torque has its sign everywhere (Pontryagin's principle), which is necessary, and not sufficient where"
                 " the problem is not convex. It is computed backwards along the nonlinear motion from the multipliers of the"
-                f" end conditions, and has the torque's sign on {100.0 * self.switching.agreement:.4g} % of the duration."
+                f" end conditions, and has the torque's sign on {100.0 * self.switching.sign_agreement:.4g} % of the "
+                "duration."
             )
             caption = "Switching function over its largest size, on a scale of cube roots, and torque."
             yield Section("The switching function", (text,), (), (_drawn("switching", self.switching.plot, caption),))
@@ -231,12 +233,12 @@ class SlewEvaluation(Evaluation):
             " beam's frequencies 10 % lower and higher. ZV, ZVD and EI: input shapers for the first frequency, hub free."
         )
         loads = [f"{mass:g}\u00a0kg" for mass in comparison.tip_masses]
-        rows = [{**vars(line), **dict(zip(loads, line.vibrations, strict=True))} for line in comparison.lines]
+        rows = [{**vars(line), **dict(zip(loads, line.vibrations, strict=True))} for line in comparison.rows]
         tables = [table_of(rows, _COMPARED)]
         if loads:
             tables.append(table_of(rows, ("name", *loads), "Vibration with each payload."))
-        zv = f"{design.rigid}, ZV"
-        names = tuple(dict.fromkeys((*design.planned, design.rigid, design.rival or zv, zv)))
+        zv = f"{design._rigid}, ZV"
+        names = tuple(dict.fromkeys((*design.slews, design._rigid, design.reference_slew or zv, zv)))
         caption = (
             "Torques and tip displacements over time; vibration over duration, small marks with other frequencies."
         )
@@ -252,7 +254,10 @@ class SlewEvaluation(Evaluation):
                 " torque is the feedforward; a time-varying LQR about the trajectory knows all states, and may use half as"
                 " much torque again as the plan."
             )
-            lines = {"angle error at the end [rad]": "final_angle_error", "tip swing at the end [m]": "tip_swing"}
+            lines = {
+                "angle error at the end [rad]": "final_angle_error",
+                "tip swing at the end [m]": "residual_vibration",
+            }
             body = tuple((name, number(t[f"open_{key}"]), number(t[key])) for name, key in lines.items())
             table = Table(("", "feedforward alone", "with feedback"), body)
             yield Section("Followed with another payload", (text,), (table,))

@@ -29,9 +29,9 @@ def norm_there(norm: NormBounds, lead: str) -> str:
     if norm.kind == "h2":
         known = "" if norm.certified else f" (not certified: {norm.method})"
         return f"{lead}H2 norm there is {norm.value:.6g}, a cost of {norm.value**2:.6g}{known}"
-    if isfinite(norm.upper):
-        return f"{lead}norm there is {norm.upper:.6g}"
-    return f"{lead}norm there is at least {norm.lower:.6g} ({norm.method})"
+    if isfinite(norm.upper_bound):
+        return f"{lead}norm there is {norm.upper_bound:.6g}"
+    return f"{lead}norm there is at least {norm.lower_bound:.6g} ({norm.method})"
 
 
 class Design:
@@ -124,88 +124,88 @@ class DesignCertificate:
 
     Attributes
     ----------
-    norm : NormBounds
+    norm_bounds : NormBounds
         The closed loop's norm between two bounds: the H-infinity norm; of `lqg` and `h2` the H2 norm, whose square is the
         cost; of `tune` the largest objective, computed anew from the plant as it was handed in; of `lqr` the H-infinity norm
         of the inverse return difference, whose largest value found it is.
-    slowest_pole : float
+    spectral_abscissa : float
         Largest real part of the closed loop's poles [rad/s], negative; ``-inf`` without states.  In discrete time of their
         rates ``log(z)/dt``.
     fastest_pole : float
         Largest magnitude of the controller's poles [rad/s]; in discrete time of ``z``.
-    lower : float
+    lower_bound : float
         A norm that no controller of any order goes below; 0 where none is known.
-    lower_reason : str
+    lower_bound_source : str
         Where that bound comes from, or why there is none.
-    path : tuple of str
+    stages : tuple of str
         What was done or tried, in that order, and what came of it.
-    statement : str
+    summary : str
         All this in a sentence.
     stable : bool or None
         Whether the loop is stable; None of a loop on a full plant where that was not proved either way.
     full_plant : DesignCertificate or None
-        Of a design on a reduced plant: what is known of the loop on the full one.  Its ``norm`` is of the kind of the
+        Of a design on a reduced plant: what is known of the loop on the full one.  Its ``norm_bounds`` is of the kind of the
         design's: of `lqg` the root of the cost on the full plant, of `h2` the H2 norm there.
-    share : float
+    small_gain : float
         Of a loop on a full plant: the largest ``K S`` (from what is added to the measurements to the controls) times the
         error of the reduction, at any frequency: below one, the loop is proved stable.
-    riccati, filter : RiccatiSolution or None
+    regulator_riccati, filter_riccati : RiccatiSolution or None
         Of `lqr`, `lqg` and `h2`: the solutions of the Riccati equations of regulator and filter, and how exact they are.
-    return_difference : float
+    min_return_difference : float
         Of `lqr`: smallest singular value of ``R^1/2 (I + F (s I - A)^-1 B) R^-1/2`` found at any frequency.  Of an optimal
         regulator it is 1 (Kalman's inequality), whence margins of 60 degrees and from one half to infinity in each
         control; on very fine meshes rounding of the gain takes some of its digits, and below 0.99 no regulator is
         returned.  In discrete time, where a regulator has no such margins, of ``(R + B^T X B)^1/2 (I + F (z I - A)^-1 B)
         R^-1/2`` on the unit circle, likewise at least 1.  With a cross weight ``N``, where the inequality does not
         hold, it is what was found.
-    norms : tuple of ChannelNorm
+    channel_norms : tuple of ChannelNorm
         Of `tune`: each channel of each model.
-    peaks : tuple of ActivePeak
+    active_peaks : tuple of ActivePeak
         Of `tune`: the peaks that keep the norm from going lower.
     stationarity : float
         Of `tune`: length of the least element of the hull of the gradients of these peaks, over that of the longest of them:
         near zero where no small step goes lower, one where a single smooth peak still falls.
-    active : tuple of str
+    active_constraints : tuple of str
         Of `tune`: bounds that are used up.
-    worst : ChannelNorm or None
+    worst_case : ChannelNorm or None
         Of `tune` over a family: the worst norm found anywhere in it.
     """
 
-    norm: NormBounds
-    slowest_pole: float
+    norm_bounds: NormBounds
+    spectral_abscissa: float
     fastest_pole: float
-    lower: float
-    lower_reason: str
-    path: tuple[str, ...]
-    statement: str
+    lower_bound: float
+    lower_bound_source: str
+    stages: tuple[str, ...]
+    summary: str
     stable: bool | None = True
     full_plant: "DesignCertificate | None" = None
-    share: float = nan
-    riccati: RiccatiSolution | None = field(default=None, repr=False)
-    filter: RiccatiSolution | None = field(default=None, repr=False)
-    return_difference: float = nan
-    norms: tuple[ChannelNorm, ...] = ()
-    peaks: tuple[ActivePeak, ...] = ()
+    small_gain: float = nan
+    regulator_riccati: RiccatiSolution | None = field(default=None, repr=False)
+    filter_riccati: RiccatiSolution | None = field(default=None, repr=False)
+    min_return_difference: float = nan
+    channel_norms: tuple[ChannelNorm, ...] = ()
+    active_peaks: tuple[ActivePeak, ...] = ()
     stationarity: float = nan
-    active: tuple[str, ...] = ()
-    worst: ChannelNorm | None = None
+    active_constraints: tuple[str, ...] = ()
+    worst_case: ChannelNorm | None = None
 
     def __repr__(self) -> str:
-        full = "" if self.full_plant is None else f"; {self.full_plant.statement}"
-        return sentence("DesignCertificate", self.statement + full)
+        full = "" if self.full_plant is None else f"; {self.full_plant.summary}"
+        return sentence("DesignCertificate", self.summary + full)
 
     @property
-    def on_full_plant(self) -> str:
+    def _on_full_plant(self) -> str:
         """A line on the loop on the full plant, for the ``repr`` of a design; empty where nothing was reduced."""
         if self.full_plant is None:
             return ""
         known, judged = {True: "stable", False: "UNSTABLE", None: "not proved"}, self.full_plant
-        there = norm_there(judged.norm, "; ") if judged.stable else ""
+        there = norm_there(judged.norm_bounds, "; ") if judged.stable else ""
         return f"\n  {known[judged.stable]} on the full plant{there}"
 
     @property
-    def distance(self) -> float:
+    def optimality_gap(self) -> float:
         """How far above the lower bound the norm lies at most, relative to it; ``inf`` where there is no bound."""
-        if self.lower > 0.0:
-            return self.norm.upper / self.lower - 1.0
-        return inf if self.norm.upper > 0.0 else 0.0
+        if self.lower_bound > 0.0:
+            return self.norm_bounds.upper_bound / self.lower_bound - 1.0
+        return inf if self.norm_bounds.upper_bound > 0.0 else 0.0

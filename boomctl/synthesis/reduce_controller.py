@@ -41,15 +41,15 @@ class ReducedController(Design):
         The same in the scaled signals of the plant; equal to `controller` if the plant has no scales.
     order : int
         Number of states of the controller.
-    gamma, full_gamma : float
+    gamma, gamma_full : float
         The closed loop's H-infinity norm, verified, with this controller and with the one it was made from.
-    norm : NormBounds
+    norm_bounds : NormBounds
         The closed loop's norm with this controller, between two bounds.
     fastest_pole : float
         Largest magnitude of the controller's poles [rad/s]; in discrete time without a unit.
     method : str
         What was done to the states left out.
-    values : ndarray
+    singular_values : ndarray
         Hankel-like singular values of the controller's states within the loop, descending.
     """
 
@@ -57,14 +57,14 @@ class ReducedController(Design):
     _closed_loop: Lti = field(repr=False)
     order: int
     gamma: float
-    full_gamma: float
-    norm: NormBounds
+    gamma_full: float
+    norm_bounds: NormBounds
     fastest_pole: float
     method: str
-    values: Array
+    singular_values: Array
 
     def __repr__(self) -> str:
-        norms = f"norm of the closed loop {self.gamma:.6g}, verified; {self.full_gamma:.6g} with the full controller"
+        norms = f"norm of the closed loop {self.gamma:.6g}, verified; {self.gamma_full:.6g} with the full controller"
         return f"ReducedController: controller of {system(self._controller)}, {self.method}\n  {norms}"
 
 
@@ -74,7 +74,7 @@ def reduce_controller(
     controller: "Controller",
     *,
     order: int | None = None,
-    tolerance: float = 0.05,
+    max_degradation: float = 0.05,
     fastest_pole: float | None = None,
 ) -> ReducedController:
     """Return a controller of lower order whose closed loop has nearly the norm of before.
@@ -91,8 +91,8 @@ def reduce_controller(
         signals.
     order : int, optional
         Number of states wanted; fewer where the controller has states that do nothing within the loop.  By default the
-        lowest whose loop stays within ``tolerance``, which at the latest is the controller itself.
-    tolerance : float
+        lowest whose loop stays within ``max_degradation``, which at the latest is the controller itself.
+    max_degradation : float
         By how much the closed loop's norm may grow, relative to it.
     fastest_pole : float, optional
         No pole of the controller may have a larger magnitude [rad/s]; faster ones are replaced by their static gain.
@@ -118,14 +118,14 @@ def reduce_controller(
     >>> lag = control.ss([[-1.0]], [[1.0]], [[1.0]], 0.0, inputs="u", outputs="y")
     >>> P = bc.mixed_sensitivity(lag, W1=bc.shelf(100.0, 0.5, corner=1.0), W2=0.1)
     >>> design = bc.h_infinity(P, nmeas=1, ncon=1)
-    >>> smaller = bc.reduce_controller(P, design.controller, tolerance=0.05)
+    >>> smaller = bc.reduce_controller(P, design.controller, max_degradation=0.05)
     >>> smaller.order <= design.controller.nstates, bool(smaller.gamma <= 1.05 * smaller.full_gamma)
     (True, True)
     """
     plant, K = matched(P, controller, sampled=True)
     if K.dt != 0.0 and fastest_pole is not None:
         raise ValueError("fastest_pole: expected none for a discrete controller, which runs once a sample")
-    share = nonnegative("tolerance", tolerance)
+    share = nonnegative("max_degradation", max_degradation)
     limit = np.inf if fastest_pole is None else positive("fastest_pole", fastest_pole)
     if order is not None and whole("order", order, 0) > len(K.A):
         raise ValueError(f"order = {order}: the controller has only {len(K.A)} states")
@@ -142,7 +142,7 @@ def reduce_controller(
     most = len(balanced.A)
     orders = range(most + 1) if order is None else [min(order, most)]
     last = [("not reduced", K)] if order is None or order >= len(K.A) else []  # balancing may cost what is allowed
-    allowed, rejected = full.norm.upper * (1.0 + share), ""
+    allowed, rejected = full.norm.upper_bound * (1.0 + share), ""
     for method, smaller in chain((found for count in orders for found in _smaller(balanced, count)), last):
         if largest_pole(smaller) > limit:
             rejected = f"a pole at {largest_pole(smaller):.3g} rad/s where {limit:.3g} are allowed"
@@ -153,12 +153,12 @@ def reduce_controller(
                 _controller=replace(found.K, scales=plant.system.scales),
                 _closed_loop=found.loop,
                 order=len(found.K.A),
-                gamma=found.norm.lower,
-                full_gamma=full.norm.lower,
-                norm=found.norm,
+                gamma=found.norm.lower_bound,
+                gamma_full=full.norm.lower_bound,
+                norm_bounds=found.norm,
                 fastest_pole=largest_pole(found.K),
                 method=method,
-                values=values,
+                singular_values=values,
             )
         rejected = found
     which = f"order {order}" if order is not None else "any order"

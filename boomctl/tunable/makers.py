@@ -38,7 +38,7 @@ def gain() -> ControllerForm:
 
 
 def pid(
-    integral: bool = True, derivative: bool = True, *, low: float | None = None, high: float | None = None
+    integral: bool = True, derivative: bool = True, *, omega_min: float | None = None, omega_max: float | None = None
 ) -> ControllerForm:
     """Return proportional, integral and derivative gains, ``G_p + G_i/s + G_d s/(s/w + 1)``.
 
@@ -46,7 +46,7 @@ def pid(
     ----------
     integral, derivative : bool
         Whether these parts are there.
-    low, high : float, optional
+    omega_min, omega_max : float, optional
         Ends of the range of the derivative's corner ``w`` [rad/s]; by default a hundred times the plant's band.
 
     Returns
@@ -62,19 +62,19 @@ def pid(
     Examples
     --------
     >>> import boomctl as bc
-    >>> pd = bc.tunable.pid(integral=False, high=200.0)
+    >>> pd = bc.tunable.pid(integral=False, omega_max=200.0)
     >>> pd * bc.tunable.notch(10.0, 30.0)  # the notch reads the measurement
     Series(Pid, Notch)
     """
-    return Pid(truth("integral", integral), truth("derivative", derivative), *_ends(low, high))
+    return Pid(truth("integral", integral), truth("derivative", derivative), *_ends(omega_min, omega_max))
 
 
-def lead(low: float | None = None, high: float | None = None) -> ControllerForm:
+def lead(omega_min: float | None = None, omega_max: float | None = None) -> ControllerForm:
     """Return gains behind a lead or lag, ``G (s/z + 1)/(s/p + 1)``.
 
     Parameters
     ----------
-    low, high : float, optional
+    omega_min, omega_max : float, optional
         Ends of the range of zero ``z`` and pole ``p`` [rad/s]; by default a hundred times the plant's band.
 
     Returns
@@ -93,17 +93,17 @@ def lead(low: float | None = None, high: float | None = None) -> ControllerForm:
     >>> bc.tunable.lead(1.0, 100.0)
     Lead(low=1, high=100)
     """
-    return Lead(*_ends(low, high))
+    return Lead(*_ends(omega_min, omega_max))
 
 
-def notch(low: float | None = None, high: float | None = None) -> ControllerForm:
+def notch(omega_min: float | None = None, omega_max: float | None = None) -> ControllerForm:
     """Return a notch on each of the signals that pass, ``(s^2 + 2 a w s + w^2)/(s^2 + 2 b w s + w^2)``.
 
     It has no gain of its own: put it in series with what has.
 
     Parameters
     ----------
-    low, high : float, optional
+    omega_min, omega_max : float, optional
         Ends of the range of its frequency ``w`` [rad/s]; by default a hundred times the plant's band.
 
     Returns
@@ -122,10 +122,10 @@ def notch(low: float | None = None, high: float | None = None) -> ControllerForm
     >>> bc.tunable.gain() * bc.tunable.notch(5.0, 50.0)
     Series(Gain, Notch)
     """
-    return Notch(*_ends(low, high))
+    return Notch(*_ends(omega_min, omega_max))
 
 
-def ppf(modes: int = 1, low: float | None = None, high: float | None = None) -> ControllerForm:
+def ppf(modes: int = 1, omega_min: float | None = None, omega_max: float | None = None) -> ControllerForm:
     """Return positive position feedback, a sum of ``G w^2/(s^2 + 2 z w s + w^2)`` (Fanson & Caughey 1990).
 
     Gains of either sign are tried, as a plant's own sign may be either.
@@ -134,7 +134,7 @@ def ppf(modes: int = 1, low: float | None = None, high: float | None = None) -> 
     ----------
     modes : int
         Number of terms.
-    low, high : float, optional
+    omega_min, omega_max : float, optional
         Ends of the range of their frequencies ``w`` [rad/s]; by default a hundred times the plant's band.
 
     Returns
@@ -150,10 +150,10 @@ def ppf(modes: int = 1, low: float | None = None, high: float | None = None) -> 
     Examples
     --------
     >>> import boomctl as bc
-    >>> bc.tunable.ppf(2, high=100.0)
+    >>> bc.tunable.ppf(2, omega_max=100.0)
     Ppf(modes=2, high=100)
     """
-    return Ppf(whole("modes", modes, 1, _MOST_MODES), *_ends(low, high))
+    return Ppf(whole("modes", modes, 1, _MOST_MODES), *_ends(omega_min, omega_max))
 
 
 def state_space(order: int, strictly_proper: bool = False) -> ControllerForm:
@@ -190,7 +190,7 @@ def state_space(order: int, strictly_proper: bool = False) -> ControllerForm:
 
 def decentralized(
     *loops: "ControllerForm | tuple[str | Sequence[str], str | Sequence[str], ControllerForm]",
-    shared: bool = False,
+    shared_parameters: bool = False,
 ) -> ControllerForm:
     """Return loops side by side, each between signals of its own.
 
@@ -198,7 +198,7 @@ def decentralized(
     ----------
     *loops : ControllerForm, or tuples of measurements, controls and a structure
         One structure alone stands between the first measurement and the first control, between the second ones, and so on.
-    shared : bool
+    shared_parameters : bool
         Whether all loops have the same numbers; for one structure alone.
 
     Returns
@@ -216,16 +216,16 @@ def decentralized(
     >>> import boomctl as bc
     >>> bc.tunable.decentralized(("stroke_left", "suspension_left", bc.tunable.gain()))
     Decentralized(stroke_left -> suspension_left: Gain)
-    >>> bc.tunable.decentralized(bc.tunable.ppf(), shared=True)
+    >>> bc.tunable.decentralized(bc.tunable.ppf(), shared_parameters=True)
     Decentralized(each: Ppf, shared)
     """
-    same = truth("shared", shared)
+    same = truth("shared_parameters", shared_parameters)
     if not loops:
         raise ValueError("loops: expected at least one")
     if len(loops) == 1 and isinstance(loops[0], ControllerForm):
         return Decentralized((), _inner(loops[0]), same)
     if same:
-        raise ValueError("shared = True: expected one structure alone")
+        raise ValueError("shared_parameters = True: expected one structure alone")
     found = []
     for loop in loops:
         if isinstance(loop, ControllerForm):
@@ -271,14 +271,14 @@ def plant_parameter(name: str, low: float, high: float) -> ControllerForm:
     >>> bc.tunable.gain() + bc.tunable.plant_parameter("hinge_damping", 1.0, 3000.0)
     Sum(Gain, Physical hinge_damping 1 to 3000)
     """
-    given, start, end = signal_name("parameter", name), real("low", low), real("high", high)
+    given, start, end = signal_name("parameter", name), real("omega_min", low), real("omega_max", high)
     if start >= end:
         raise ValueError(f"low, high = {start:g}, {end:g}: expected ascending ends of {given}")
     return Physical(given, start, end)
 
 
 def _ends(low: object, high: object) -> tuple[float | None, float | None]:
-    found = None if low is None else positive("low", low), None if high is None else positive("high", high)
+    found = None if low is None else positive("omega_min", low), None if high is None else positive("omega_max", high)
     if found[0] is not None and found[1] is not None and found[0] >= found[1]:
         raise ValueError(f"low, high = {found[0]:g}, {found[1]:g}: expected ascending ends")
     return found

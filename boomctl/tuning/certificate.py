@@ -112,7 +112,7 @@ def lower_bound(
 
 def _bound(plant: GeneralizedPlant, channel: Channel, deadline: Deadline) -> float:
     if channel.norm == "h2":
-        return h2(plant.system.statespace("P"), plant.nmeas, plant.ncon).optimum
+        return h2(plant.system.statespace("P"), plant.nmeas, plant.ncon).optimal_norm
     if not (plant.nmeas and plant.ncon):
         raise SynthesisError("there is no controller")
     lower, told = full_order_bound(plant, deadline)

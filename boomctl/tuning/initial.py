@@ -30,11 +30,11 @@ def initial_numbers(
         or scales.
     """
     if is_statespace(given) or hasattr(given, "controller"):
-        K = controller_of(given, "a mapping of free numbers or a StateSpace", what="initial", scales=scales)
+        K = controller_of(given, "a mapping of free numbers or a StateSpace", what="initial_controller", scales=scales)
         check_scales(K, scales)
         return _of_controller(problem, K)
     names = [each.name for each in problem.free]
-    for name in mapping("initial", given, "free numbers to values, or a StateSpace"):
+    for name in mapping("initial_controller", given, "free numbers to values, or a StateSpace"):
         known("free number", name, names)
     numbers: Mapping[str, float] = given  # type: ignore[assignment]
     x = []
@@ -42,9 +42,9 @@ def initial_numbers(
         if each.name not in numbers:
             x.append(0.0 if each.kind == GAIN else 0.5 * (low + high))
             continue
-        value = real(f"initial {each.name}", numbers[each.name])
+        value = real(f"initial_controller {each.name}", numbers[each.name])
         if each.kind != GAIN:
-            within(f"initial {each.name}", value, each.low, each.high)
+            within(f"initial_controller {each.name}", value, each.low, each.high)
         x.append(each.number(value))
     return np.array(x)
 
@@ -54,15 +54,17 @@ def _of_controller(problem: Problem, K: Lti) -> Array:
     free = [part for part in parts if isinstance(part, StateSpace)]
     if len(free) != 1 or any(not isinstance(part, (StateSpace, Physical)) for part in parts):
         raise ValueError(
-            f"initial = a StateSpace: expected a structure tunable.state_space, got {problem.structure.text};"
+            f"initial_controller = a StateSpace: expected a structure tunable.state_space, got {problem.structure.text};"
             " give its free numbers by name"
         )
     K = _signals(problem, K)
     wanted, n = free[0], len(K.A)
     if n > wanted.order:
-        raise ValueError(f"initial: expected a controller of at most {wanted.order} states, got {n}")
+        raise ValueError(f"initial_controller: expected a controller of at most {wanted.order} states, got {n}")
     if wanted.strictly_proper and K.D.any():
-        raise ValueError("initial: expected a strictly proper controller, as the structure is, got a feedthrough")
+        raise ValueError(
+            "initial_controller: expected a strictly proper controller, as the structure is, got a feedthrough"
+        )
     found, start = [], 0
     for part in parts:
         size = len(part.free(problem.ports))
@@ -79,7 +81,8 @@ def _signals(problem: Problem, K: Lti) -> Lti:
     for kind, mine, theirs in (("input", K.inputs, ports.measurements), ("output", K.outputs, ports.controls)):
         if len(mine) != len(theirs):
             raise ValueError(
-                f"initial: expected {len(theirs)} {kind}(s), {', '.join(theirs)}, got {len(mine)}: {', '.join(mine)}"
+                f"initial_controller: expected {len(theirs)} {kind}(s), {', '.join(theirs)}, got {len(mine)}: "
+                f"{', '.join(mine)}"
             )
         unnamed = tuple(f"{'u' if kind == 'input' else 'y'}[{i}]" for i in range(len(mine)))
         if set(mine) == set(theirs):
@@ -88,7 +91,9 @@ def _signals(problem: Problem, K: Lti) -> Lti:
             found.append(list(range(len(mine))))
         else:
             other = next(name for name in mine if name not in theirs)
-            raise ValueError(f"initial: {kind} {other!r} is none of the plant's: expected {', '.join(theirs)}")
+            raise ValueError(
+                f"initial_controller: {kind} {other!r} is none of the plant's: expected {', '.join(theirs)}"
+            )
     columns, rows = found
     return Lti(K.A, K.B[:, columns], K.C[rows], K.D[np.ix_(rows, columns)])
 

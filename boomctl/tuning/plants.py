@@ -165,7 +165,7 @@ class FamilyPlants:
 
     def delta(self, values: dict[str, float], point: Array) -> Array:
         """Return the family's own coordinates of a point of the uncertain box, at values of the physical parameters."""
-        found = self.family.deltas(values)
+        found = self.family.normalize(values)
         found[self.uncertain] = point
         return found
 

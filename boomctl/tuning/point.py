@@ -245,7 +245,7 @@ class Point:
 
     def _loop_poles(self) -> list[Bound]:
         """Return how far poles of the loops are from the damping and decay asked for."""
-        damping, decay = self.problem.damping, self.problem.decay
+        damping, decay = self.problem.min_damping_ratio, self.problem.min_decay_rate
         found: list[Bound] = []
         rate = self.problem.ports.rate
         if damping is None and decay is None:
@@ -393,7 +393,7 @@ class Point:
 
     def offset(self, channel: int) -> float:
         """Return the logarithm of what a norm counts in."""
-        limit = self.problem.gain_limit if channel == GAIN_LIMIT else self.problem.channels[channel].budget
+        limit = self.problem.max_gain if channel == GAIN_LIMIT else self.problem.channels[channel].budget
         return 0.0 if limit is None else log(limit)
 
     def is_limit(self, channel: int) -> bool:
@@ -412,7 +412,7 @@ class Point:
             for c, channel in enumerate(self.problem.channels)
             if channel.norm == "hinf"
         ]
-        return pairs + ([(-1, GAIN_LIMIT)] if self.problem.gain_limit is not None else [])
+        return pairs + ([(-1, GAIN_LIMIT)] if self.problem.max_gain is not None else [])
 
     @cached_property
     def norms(self) -> list[tuple[int, int, float, float]]:

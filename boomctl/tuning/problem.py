@@ -228,7 +228,7 @@ class Problem:
         Of each channel in the plant's signals.
     order : int
         Of the controller.
-    fastest_pole, gain_limit, damping, decay : float or None
+    fastest_pole, max_gain, min_damping_ratio, min_decay_rate : float or None
         Bounds.
     edge : float or None
         How far from the edge of stability the search keeps for now: decay of a pole over its size.
@@ -246,9 +246,9 @@ class Problem:
     rows: tuple[Array, ...]
     order: int
     fastest_pole: float | None
-    gain_limit: float | None
-    damping: float | None
-    decay: float | None
+    max_gain: float | None
+    min_damping_ratio: float | None
+    min_decay_rate: float | None
     edge: float | None = None
 
     @cached_property

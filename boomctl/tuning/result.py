@@ -39,7 +39,7 @@ class TuneResult(Design):
         What vouches for the controller, and how far from the best of any order it is.
     values : dict of str to float
         The free numbers by name, in the units of the signals and rad/s.
-    physical : dict of str to float
+    plant_parameters : dict of str to float
         The physical parameters among them.
     starts : tuple of TuneStart
         What each start came to.
@@ -53,7 +53,7 @@ class TuneResult(Design):
     gamma: float
     certificate: DesignCertificate
     values: dict[str, float]
-    physical: dict[str, float]
+    plant_parameters: dict[str, float]
     starts: tuple[TuneStart, ...]
     models: tuple[str, ...]
     _plants: tuple[GeneralizedPlant, ...] = field(default=(), repr=False, compare=False)
@@ -64,15 +64,10 @@ class TuneResult(Design):
             what = f"the closed loop of {name}" if name else "the closed loop"
             controller = self._controller if plant.ncon else None
             yield Claim(what, plant.system, controller, stable=True)
-            for each in self.certificate.norms:
+            for each in self.certificate.channel_norms:
                 if each.model == name:
                     part = channel_of(plant, each.channel).system
-                    yield each.norm.claim(f"{what}, {each.channel.text}", part, controller)
-
-    @property
-    def norm(self) -> float:
-        """The same as ``gamma``: every result that has a norm has it under this name."""
-        return self.gamma
+                    yield each.norm._claim(f"{what}, {each.channel.text}", part, controller)
 
     @cached_property
     def closed_loop(self) -> "control.StateSpace":
@@ -84,14 +79,14 @@ class TuneResult(Design):
         """As systems of python-control; they are made when they are first read."""
         return tuple(loop.statespace(f"closed_loop_{i + 1}") for i, loop in enumerate(self._loops))
 
-    def plot(self, ax: Any = None, *, unit: str | None = None, **style: Any) -> Any:
+    def plot(self, ax: Any = None, *, frequency_unit: str | None = None, **style: Any) -> Any:
         """Draw the singular values of the loops in which peaks are active, and these peaks.
 
         Parameters
         ----------
         ax : matplotlib Axes, optional
             Where to draw; by default a new figure of pyplot.
-        unit : {"Hz", "rad/s"}, optional
+        frequency_unit : {"Hz", "rad/s"}, optional
             Of the frequency axis, by default that of the curves that are there already.
         **style
             Of the curves, as matplotlib's lines take it.
@@ -101,12 +96,14 @@ class TuneResult(Design):
         matplotlib.axes.Axes
             Those drawn on.
         """
-        shown = [m for m in self.models if any(peak.model == m for peak in self.certificate.peaks)]
+        shown = [m for m in self.models if any(peak.model == m for peak in self.certificate.active_peaks)]
         chosen = {name: self._loops[self.models.index(name)] for name in shown or [self.models[self._worst]]}
         curves = {name: sigma(loop.statespace("loop")) for name, loop in chosen.items()}
-        return import_module("boomctl.plotting.design").plot_tune(self, curves, ax, unit=unit, **style)
+        return import_module("boomctl.plotting.design").plot_tune(
+            self, curves, ax, frequency_unit=frequency_unit, **style
+        )
 
-    def render(self) -> str:
+    def __str__(self) -> str:
         """Return the result as text.
 
         Returns
@@ -115,39 +112,39 @@ class TuneResult(Design):
             Lines: the certificate, active peaks, starts and what was done.
         """
         c = self.certificate
-        lines = [f"controller of {system(self._controller)}", c.statement]
-        lines += [f"  {name} = {value:.6g}" for name, value in self.physical.items()]
+        lines = [f"controller of {system(self._controller)}", c.summary]
+        lines += [f"  {name} = {value:.6g}" for name, value in self.plant_parameters.items()]
         lines.append("norms:")
-        lines += [f"  {repr(each).removeprefix('ChannelNorm: ')}" for each in c.norms]
+        lines += [f"  {repr(each).removeprefix('ChannelNorm: ')}" for each in c.channel_norms]
         lines.append("active peaks:")
         lines += [
             f"  {p.value:.6g} at {p.omega:.5g} rad/s, {p.channel.text}" + (f", {p.model}" if p.model else "")
-            for p in c.peaks
+            for p in c.active_peaks
         ]
         lines.append("starts:")
-        lines += [f"  {s.kind}: {s.value:.6g} after {count(s.steps, 'step')}" for s in self.starts]
-        lines += ["done: " + "; ".join(c.path)] if c.path else []
+        lines += [f"  {s.origin}: {s.objective:.6g} after {count(s.nit, 'step')}" for s in self.starts]
+        lines += ["done: " + "; ".join(c.stages)] if c.stages else []
         return "\n".join(lines)
 
     def __figures__(self) -> dict[str, float]:
         """Return what a comparison shows."""
         found = {"norm, verified": self.gamma}
-        if self.certificate.lower > 0.0:
-            found["no controller goes below"] = self.certificate.lower
-        if self.certificate.worst is not None:
-            found["worst norm found over the family"] = self.certificate.worst.value
+        if self.certificate.lower_bound > 0.0:
+            found["no controller goes below"] = self.certificate.lower_bound
+        if self.certificate.worst_case is not None:
+            found["worst norm found over the family"] = self.certificate.worst_case.value
         return found
 
     def __repr__(self) -> str:
-        lower = self.certificate.lower
+        lower = self.certificate.lower_bound
         least = f"; no controller goes below {lower:.6g}" if lower > 0.0 else ""
         many = f" over {len(self.models)} models" if len(self.models) > 1 else ""
         lines = [
             f"TuneResult: controller of {system(self._controller)}",
             f"  largest norm{many} {self.gamma:.6g}, verified{least}",
         ]
-        if self.physical:
-            lines.append("  " + listed([f"{name} = {value:.6g}" for name, value in self.physical.items()], 90))
-        if self.certificate.active:
-            lines.append("  used up: " + listed(list(self.certificate.active), 80))
+        if self.plant_parameters:
+            lines.append("  " + listed([f"{name} = {value:.6g}" for name, value in self.plant_parameters.items()], 90))
+        if self.certificate.active_constraints:
+            lines.append("  used up: " + listed(list(self.certificate.active_constraints), 80))
         return "\n".join(lines)

@@ -54,14 +54,14 @@ def tune(
     *,
     channels: "Sequence[Channel] | None" = None,
     norm: str = "hinf",
-    starts: int = 10,
+    n_starts: int = 10,
     seed: int = 0,
     fastest_pole: float | None = None,
-    gain_limit: float | None = None,
-    damping: float | None = None,
-    decay: float | None = None,
+    max_gain: float | None = None,
+    min_damping_ratio: float | None = None,
+    min_decay_rate: float | None = None,
     family: "Family | None" = None,
-    initial: "Mapping[str, float] | Controller | None" = None,
+    initial_controller: "Mapping[str, float] | Controller | None" = None,
     time_limit: float = 60.0,
     progress: "Listener | None" = None,
 ) -> TuneResult:
@@ -86,25 +86,25 @@ def tune(
         `boomctl.tunable.objective` and `boomctl.tunable.constraint`; by default one objective, the whole loop.
     norm : {"hinf", "h2"}
         Which norm, where no channels are given.
-    starts : int
+    n_starts : int
         Number of starts.  Lower orders of a free state-space part are tuned on the way.
     seed : int
         Of the starts drawn; the same seed gives the same controller, if the time limit does not interfere.
     fastest_pole : float, optional
         No pole of the controller has a larger magnitude [rad/s].
-    gain_limit : float, optional
+    max_gain : float, optional
         Largest singular value of the controller's response at any frequency, in the units of the signals.  Some norms have
         their infimum at infinite gain.
-    damping : float, optional
+    min_damping_ratio : float, optional
         Least damping ratio of all poles of the loops.
-    decay : float, optional
+    min_decay_rate : float, optional
         All poles of the loops lie left of ``-decay`` [rad/s].
     family : AffineFamily or PolynomialFamily, optional
         Structures over a box of parameters.  The middle and the corners, of more than six uncertain parameters the middle
         alone, are tuned for at first, then the worst points that a search over the box finds too, until none is worse.
         Parameters that are `boomctl.tunable.plant_parameter` ones of the
         structure are tuned, the others are uncertain.
-    initial : mapping of str to float, control.StateSpace or a design, optional
+    initial_controller : mapping of str to float, control.StateSpace or a design, optional
         A start of your own: free numbers by name, as `TuneResult.values` holds them; where the structure is a
         `boomctl.tunable.state_space` (physical parameters may be added to it), a controller of its order or of a lower one.
         In the scaled signals of a scaled plant.
@@ -133,7 +133,7 @@ def tune(
     >>> import boomctl as bc
     >>> import control
     >>> P = control.ss(-1.0, [[1.0, 0.0, 1.0]], [[1.0], [0.0], [1.0]], [[0, 0, 0], [0, 0, 1], [0, 0.1, 0]])
-    >>> design = bc.tune(P, 1, 1, bc.tunable.gain(), starts=2)
+    >>> design = bc.tune(P, 1, 1, bc.tunable.gain(), n_starts=2)
     >>> best = bc.h_infinity(P, 1, 1)  # of any order; here it can do no more than a gain
     >>> round(design.gamma, 4), round(best.certificate.lower, 4)
     (0.7071, 0.7071)
@@ -146,11 +146,13 @@ def tune(
     listed = _channels(channels, norm)
     limits = {
         "fastest_pole": None if fastest_pole is None else positive("fastest_pole", fastest_pole),
-        "gain_limit": None if gain_limit is None else positive("gain_limit", gain_limit),
-        "damping": None if damping is None else within("damping", damping, 0.0, 1.0),
-        "decay": None if decay is None else positive("decay", decay),
+        "max_gain": None if max_gain is None else positive("max_gain", max_gain),
+        "min_damping_ratio": None
+        if min_damping_ratio is None
+        else within("min_damping_ratio", min_damping_ratio, 0.0, 1.0),
+        "min_decay_rate": None if min_decay_rate is None else positive("min_decay_rate", min_decay_rate),
     }
-    count, number = whole("starts", starts), whole("seed", seed, 0)
+    count, number = whole("n_starts", n_starts), whole("seed", seed, 0)
     deadline = Deadline(positive("time_limit", time_limit))
     nmeas, ncon = _counts(structure, nmeas, ncon)
     with computing("tuning", progress):
@@ -158,7 +160,7 @@ def tune(
         over = _family(P, nmeas, ncon, structure, family)
         plants = over.plants(deadline) if over is not None else _plants(P, nmeas, ncon, structure, deadline)
         task = _Task(structure, listed, limits, plants, deadline)
-        begun = task.begun(initial)
+        begun = task.begun(initial_controller)
         found = task.searched(count, np.random.default_rng(number), begun)
         worst, path = None, [*plants.path, *found.path]
         if over is not None and over.uncertain:
@@ -322,8 +324,8 @@ class _Task:
                         f"{channel.text}: infinite through a feedthrough of the controller; "
                         "expected a strictly proper structure, or filters"
                     )
-        if problem.gain_limit is not None and n and np.abs(np.linalg.eigvals(K[:n, :n])).min() == 0.0:
-            raise ValueError("gain_limit: the structure integrates, so that its gain has no limit at low frequency")
+        if problem.max_gain is not None and n and np.abs(np.linalg.eigvals(K[:n, :n])).min() == 0.0:
+            raise ValueError("max_gain: the structure integrates, so that its gain has no limit at low frequency")
 
     def searched(self, starts: int, rng: np.random.Generator, begun: list[Array]) -> Search:
         """Return what a search found.
@@ -488,21 +490,21 @@ def _result(task: _Task, found: Search, worst: "ChannelNorm | None", path: tuple
     fastest = float(np.abs(K.poles).max(initial=0.0)) if len(K.A) else 0.0
     slowest = max((float(loop.poles.real.max()) for loop in loops if len(loop.A)), default=-inf)
     certificate = DesignCertificate(
-        norm=top.norm,
-        norms=tuple(each for _, each in norms),
-        slowest_pole=slowest,
-        lower=lower,
-        lower_reason=reason,
+        norm_bounds=top.norm,
+        channel_norms=tuple(each for _, each in norms),
+        spectral_abscissa=slowest,
+        lower_bound=lower,
+        lower_bound_source=reason,
         fastest_pole=fastest,
-        peaks=peaks,
+        active_peaks=peaks,
         stationarity=least,
-        active=active,
-        path=path,
-        statement="",
-        worst=None if worst is None else max((worst, top), key=_share_used),
+        active_constraints=active,
+        stages=path,
+        summary="",
+        worst_case=None if worst is None else max((worst, top), key=_share_used),
     )
     edges = [told for plant, loop in zip(plants, loops, strict=True) if (told := edge_of(plant, loop))]
-    certificate = replace(certificate, statement=_statement(certificate, top, len(plants), least, found, edges))
+    certificate = replace(certificate, summary=_statement(certificate, top, len(plants), least, found, edges))
     named = replace(K, inputs=plants[0].measurements, outputs=plants[0].controls)
     return TuneResult(
         named,
@@ -533,20 +535,18 @@ def _check_kept(problem: Problem, x: Array, norms: "tuple[tuple[int, ChannelNorm
     for piece in point.bounds:
         if piece.value > CERTIFIED:
             raise SynthesisError(f"no controller found keeps its bound: {_bound_text(problem, piece.channel)}")
-    if problem.gain_limit is not None:
+    if problem.max_gain is not None:
         value = float(point.norm_peaks(-1, GAIN_LIMIT, 0.0)[1][0])
-        if value > problem.gain_limit * (1.0 + CERTIFIED):
-            raise SynthesisError(
-                f"no controller found keeps gain_limit = {problem.gain_limit:.6g}: it reaches {value:.6g}"
-            )
+        if value > problem.max_gain * (1.0 + CERTIFIED):
+            raise SynthesisError(f"no controller found keeps max_gain = {problem.max_gain:.6g}: it reaches {value:.6g}")
 
 
 def _bound_text(problem: Problem, kind: int) -> str:
     return {
         FASTEST_POLE: f"fastest_pole = {problem.fastest_pole}",
-        DAMPING: f"damping = {problem.damping}",
-        DECAY: f"decay = {problem.decay}",
-        GAIN_LIMIT: f"gain_limit = {problem.gain_limit}",
+        DAMPING: f"min_damping_ratio = {problem.min_damping_ratio}",
+        DECAY: f"min_decay_rate = {problem.min_decay_rate}",
+        GAIN_LIMIT: f"max_gain = {problem.max_gain}",
     }[kind]
 
 
@@ -563,9 +563,9 @@ def _active(problem: Problem, x: Array, point: Point) -> tuple[str, ...]:
                     found.append(f"{each.name} at its {name}, {each.value(number):.6g}")
     kinds = {piece.channel for piece in point.bounds if piece.value > -_ACTIVE}
     found += [_bound_text(problem, kind) for kind in sorted(kinds, reverse=True)]
-    if problem.gain_limit is not None:
+    if problem.max_gain is not None:
         value = float(point.norm_peaks(-1, GAIN_LIMIT, 0.0)[1][0])
-        if value > problem.gain_limit * (1.0 - _ACTIVE):
+        if value > problem.max_gain * (1.0 - _ACTIVE):
             found.append(_bound_text(problem, GAIN_LIMIT))
     for _, c, _, value in point.norms:
         if c >= 0 and problem.channels[c].budget is not None and value > -_ACTIVE and point.is_limit(c):
@@ -595,22 +595,25 @@ def _peaks(task: _Task, problem: Problem, point: Point) -> tuple[tuple[ActivePea
 def _statement(
     c: DesignCertificate, top: ChannelNorm, models: int, least: float, found: Search, edges: list[str]
 ) -> str:
-    kind = "verified" if top.norm.certified else f"between {top.norm.lower:.6g} and {top.norm.upper:.6g}"
+    kind = "verified" if top.norm.certified else f"between {top.norm.lower_bound:.6g} and {top.norm.upper_bound:.6g}"
     over = f", the largest of {models} models" if models > 1 else ""
     said = f"{top.channel.text} {top.value:.6g}{over}, {kind}"
-    if c.lower > 0.0 and c.distance <= _TELLING:
-        said += f"; at most {100.0 * c.distance:.2g} % above {c.lower:.6g}, which no controller of any order beats"
-    elif c.lower > 0.0:
-        said += f"; controllers of any order might go far lower: not below {c.lower:.3g} is all that is known"
+    if c.lower_bound > 0.0 and c.optimality_gap <= _TELLING:
+        said += (
+            f"; at most {100.0 * c.optimality_gap:.2g} % above {c.lower_bound:.6g}, which no controller of any order "
+            "beats"
+        )
+    elif c.lower_bound > 0.0:
+        said += f"; controllers of any order might go far lower: not below {c.lower_bound:.3g} is all that is known"
     else:
-        said += f"; no bound on other controllers: {c.lower_reason.removeprefix('none: ')}"
-    same = sum(isfinite(s.value) and abs(s.value / exp(found.value) - 1.0) < _ACTIVE for s in found.starts)
-    said += f"; stationary to {least:.2g} over {counted(len(c.peaks), 'peak')}"
+        said += f"; no bound on other controllers: {c.lower_bound_source.removeprefix('none: ')}"
+    same = sum(isfinite(s.objective) and abs(s.objective / exp(found.value) - 1.0) < _ACTIVE for s in found.starts)
+    said += f"; stationary to {least:.2g} over {counted(len(c.active_peaks), 'peak')}"
     said += f"; {same} of {len(found.starts)} starts came here"
-    if c.worst is not None:
-        said += f"; over the family {c.worst.value:.6g} at most as far as was found ({c.worst.model})"
-    if c.active:
-        said += f"; used up: {', '.join(c.active)}"
+    if c.worst_case is not None:
+        said += f"; over the family {c.worst_case.value:.6g} at most as far as was found ({c.worst_case.model})"
+    if c.active_constraints:
+        said += f"; used up: {', '.join(c.active_constraints)}"
     if edges:
         said += f"; {edges[0]}"
     return said

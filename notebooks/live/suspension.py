@@ -43,7 +43,7 @@ def _(bc, np):
         "tip_acceleration_anti": 1.0,
     }
     motion = bc.platform_motion(bc.iso_track("E", 200.0, seed=1), speed=SPEED, duration=40.0, sample_time=SAMPLE_TIME)
-    platform = {"actuator_anti": motion.anti}
+    platform = {"actuator_anti": motion.antisymmetric}
     FASTEST = 10.0  # of the frequencies that are drawn [Hz]
 
     def sprayed(run):
@@ -73,7 +73,7 @@ def _(SAMPLE_TIME, SCALES, bc, motion, platform, springs, sprayed, time):
     yaw = bc.split_symmetric(bc.spray_boom(_parameters, elements=12, accelerometer_bandwidth_hz=20.0))[1]
     small = bc.reduce(bc.scale_signals(yaw, SCALES), order=12, omega_range=(0.0, 80.0))
     passive = bc.sigma(yaw, inputs="actuator_anti", outputs="tip_anti")  # at frequencies that show each resonance
-    passive_run = bc.simulate_loop(yaw, None, platform, motion.time, sample_time=SAMPLE_TIME)
+    passive_run = bc.simulate_loop(yaw, None, motion.time, platform, sample_time=SAMPLE_TIME)
     passive_spray = sprayed(passive_run)
     seconds_machine = time.perf_counter() - _began
     return passive, passive_run, passive_spray, seconds_machine, small, yaw
@@ -87,7 +87,7 @@ def _(SAMPLE_TIME, SCALES, bc, effort, motion, np, platform, small, sprayed, str
         disturbances={"actuator_anti": bc.low_pass(1.0, 2.0), "suspension_anti": 0.05},
         performance={"tip_anti": tips.value, "stroke_anti": stroke.value},
         effort={"suspension_anti": bc.shelf(effort.value, 3600.0 * effort.value, 39.0, order=2)},
-        noises={"stroke_anti": 0.02, "tip_acceleration_anti": 1.5},
+        noise={"stroke_anti": 0.02, "tip_acceleration_anti": 1.5},
         measurements=["stroke_anti", "tip_acceleration_anti"],
         controls=["suspension_anti"],
     )
@@ -96,8 +96,8 @@ def _(SAMPLE_TIME, SCALES, bc, effort, motion, np, platform, small, sprayed, str
     _controller = design.controller
     _loop = bc.feedback_loop(yaw, _controller)
     active = bc.sigma(_loop, inputs="actuator_anti", outputs="tip_anti")
-    step = bc.forced_response(_loop, {"actuator_anti": np.full(500, 0.05 * np.sqrt(2.0))}, np.linspace(0.0, 10.0, 500))
-    run = bc.simulate_loop(yaw, _controller, platform, motion.time, sample_time=SAMPLE_TIME, force_limit=212.0)
+    step = bc.forced_response(_loop, np.linspace(0.0, 10.0, 500), {"actuator_anti": np.full(500, 0.05 * np.sqrt(2.0))})
+    run = bc.simulate_loop(yaw, _controller, motion.time, platform, sample_time=SAMPLE_TIME, control_limit=212.0)
     spray = sprayed(run)
     seconds_design = time.perf_counter() - _began
     return active, design, margins, run, seconds_design, spray, step
@@ -109,7 +109,7 @@ def _(active, design, margins, mo, np, passive, passive_spray, run, seconds_desi
         "verified norm of the loop": f"{design.gamma:.4g}",
         "certified peak, passive": f"{passive.peak:.4g} m/m",
         "certified peak, controlled": f"{active.peak:.4g} m/m",
-        "disk margin, alpha": f"{margins.controls.alpha:.3g}",
+        "disk margin, alpha": f"{margins.multiloop_input.alpha:.3g}",
         "deposit CV, passive": f"{100.0 * passive_spray.cv:.3g} %",
         "deposit CV, controlled": f"{100.0 * spray.cv:.3g} %",
         "largest force": f"{np.abs(run.controls['suspension_anti']).max() / np.sqrt(2.0):.3g} N",
@@ -146,9 +146,9 @@ def _(FASTEST, active, go, make_subplots, np, passive, passive_run, run, spray, 
         figure.add_trace(go.Scatter(x=motion_of.time[::5], y=tip, mode="lines", line=line, showlegend=False), 2, 1)
     tip = step["tip_anti"] / np.sqrt(2.0)
     figure.add_trace(go.Scatter(x=step.time, y=tip, mode="lines", line={"color": "#0072b2"}, showlegend=False), 1, 2)
-    dose = spray.judged.T[::2]
-    along = spray.y_edges[spray.y_judged][::2]
-    across = spray.x_edges[spray.x_judged]
+    dose = spray.evaluated_deposit.T[::2]
+    along = spray.y_edges[spray.y_slice][::2]
+    across = spray.x_edges[spray.x_slice]
     bar = {"len": 0.42, "y": 0.2, "title": "dose over nominal"}
     figure.add_trace(go.Heatmap(z=dose, x=across, y=along, zmin=0.9, zmax=1.1, colorscale="RdBu", colorbar=bar), 2, 2)
     for row, col, x, y in (

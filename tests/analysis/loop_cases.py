@@ -47,7 +47,7 @@ class Walls:
         eye = np.eye(count)
         self.forces, self.outputs = {"push": eye[0], "u": eye[1]}, {"y": eye[1], "z": eye[-1]}
         ranges = {f"p{k}": (1.0 - s, 1.0 + s) for k, s in enumerate(rng.uniform(*spread, parameters))}
-        self.family = AffineFamily.through(
+        self.family = AffineFamily.from_function(
             ranges, lambda p: SecondOrderModel(*self.matrices([*p.values()]), self.forces, self.outputs)
         )
         corner, gain = rng.uniform(5.0, 20.0), rng.uniform(0.05, 0.4)

@@ -16,7 +16,7 @@ def test_of_an_oscillator_is_its_closed_form(zeta, omega):
     found = h2_norm(model)
     assert found.certified
     assert found.value == pytest.approx(1.0 / np.sqrt(4.0 * zeta * omega**3), rel=1e-8)
-    assert found.lower <= found.value <= found.upper
+    assert found.lower_bound <= found.value <= found.upper_bound
 
 
 def test_is_infinite_for_reasons_it_names():

@@ -63,12 +63,12 @@ def test_negated_controller_is_reported_with_advice(sample_time):
         bc.feedback_loop(mass, bad)
     time = 0.01 * np.arange(50)
     with pytest.warns(FeedbackSignWarning, match=advice):
-        bc.simulate_loop(mass, bad, {"load": np.ones(50)}, time, sample_time=0.01)
+        bc.simulate_loop(mass, bad, time, {"load": np.ones(50)}, sample_time=0.01)
     assert "u = +K y: pass -K" in repr(bc.nyquist(mass, bad))
     with warnings.catch_warnings():
         warnings.simplefilter("error", FeedbackSignWarning)
         loop = bc.feedback_loop(mass, good)
-        bc.simulate_loop(mass, good, {"load": np.ones(50)}, time, sample_time=0.01)
+        bc.simulate_loop(mass, good, time, {"load": np.ones(50)}, sample_time=0.01)
     assert (loop.poles().real < 0.0).all() if loop.isctime() else (np.abs(loop.poles()) < 1.0).all()
     assert "pass -K" not in repr(bc.nyquist(mass, good))
 
@@ -86,5 +86,5 @@ def test_unstable_loop_with_either_sign_has_no_sign_advice():
 def test_worst_case_of_negated_controller_has_advice():
     signals = {"inputs": "stroke_anti", "outputs": "suspension_anti"}
     damper = control.ss([[-30.0]], [[30.0]], [[-3000.0]], [[3000.0]], **signals)
-    worst = bc.worst_case(bc.boom.yaw_family(half="yaw"), damper, "actuator_anti", "tip_anti")
+    worst = bc.worst_case(bc.boom.yaw_family(subsystem="yaw"), damper, "actuator_anti", "tip_anti")
     assert "u = +K y: pass -K" in repr(worst)

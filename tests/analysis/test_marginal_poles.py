@@ -50,7 +50,7 @@ ON_AXIS = pytest.mark.parametrize(
 def test_a_mode_on_the_axis_makes_norms_infinite_however_weakly_it_shows(A, visible):
     n = len(A)
     system = beside(np.array(A), np.eye(n)[:, -1:] * 10.0**visible, np.eye(n)[0])
-    assert bc.hinf_norm(system).lower == np.inf
+    assert bc.hinf_norm(system).lower_bound == np.inf
     assert bc.h2_norm(system).value == np.inf
     assert bc.sigma(system).peak == np.inf
 
@@ -63,7 +63,7 @@ def test_a_mode_on_the_axis_that_does_not_show_does_not_count(A, hidden):
     system = beside(np.array(A), 0.0 * B if "input" in hidden else B, C if "input" in hidden else 0.0 * C)
     norm, energy = bc.hinf_norm(system), bc.h2_norm(system)
     assert norm.certified
-    assert norm.lower == pytest.approx(REST, rel=1e-6)
+    assert norm.lower_bound == pytest.approx(REST, rel=1e-6)
     assert energy.certified
     assert energy.value == pytest.approx(REST / np.sqrt(2.0), rel=1e-9)
 
@@ -86,20 +86,20 @@ def test_light_damping_has_a_norm_and_its_sign_is_told(damping, omega):
         if zeta >= 1e-11 or sign < 0.0:
             assert norm.certified
             assert energy.certified
-        assert (norm.lower < np.inf) == (energy.value < np.inf) == (sign > 0.0)
+        assert (norm.lower_bound < np.inf) == (energy.value < np.inf) == (sign > 0.0)
         assert np.isfinite(bc.sigma(system, [w]).peak) == (sign > 0.0)
         if sign > 0.0:
             peak = 1.0 / (2.0 * zeta * w)
-            assert norm.lower <= peak * (1.0 + zeta) + 2.0
-            assert norm.upper >= peak - 2.0
+            assert norm.lower_bound <= peak * (1.0 + zeta) + 2.0
+            assert norm.upper_bound >= peak - 2.0
 
 
 @pytest.mark.parametrize("spread", [1e3, 1e8, 1e13])
 def test_a_slow_pole_beside_a_fast_one_keeps_its_side(spread):
-    assert bc.hinf_norm(control.ss(np.diag([1.0, -spread]), [[1.0], [1.0]], [[1.0, 1.0]], 0.0)).lower == np.inf
+    assert bc.hinf_norm(control.ss(np.diag([1.0, -spread]), [[1.0], [1.0]], [[1.0, 1.0]], 0.0)).lower_bound == np.inf
     stable = bc.hinf_norm(control.ss(np.diag([-1.0, -spread]), [[1.0], [1.0]], [[1.0, 1.0]], 0.0))
     assert stable.certified
-    assert stable.lower == pytest.approx(1.0 + 1.0 / spread, rel=1e-9)
+    assert stable.lower_bound == pytest.approx(1.0 + 1.0 / spread, rel=1e-9)
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -109,10 +109,10 @@ def test_what_only_rounding_decides_is_not_certified_finite(A, seed):
     n = len(A)
     system = turned(beside(np.array(A), np.eye(n)[:, -1:], np.eye(n)[0]), seed)
     for norm in (bc.hinf_norm(system), bc.h2_norm(system)):
-        assert norm.upper == np.inf
+        assert norm.upper_bound == np.inf
     hidden = turned(beside(np.array(A), np.zeros((n, 1)), np.eye(n)[0]), seed)
     norm = bc.hinf_norm(hidden)
-    assert norm.lower == np.inf or norm.upper == np.inf or not norm.certified
+    assert norm.lower_bound == np.inf or norm.upper_bound == np.inf or not norm.certified
 
 
 @given(seed=st.integers(0, 10**6), dt=st.sampled_from([0.0, 0.1]))

@@ -17,7 +17,7 @@ def written(tmp_path, text):
 def test_magnitudes_are_read_as_they_stand(tmp_path):
     curve = bc.read_frequency_response(written(tmp_path, "# shaker\nfreq_hz,upper,lower\n0.1,8,1\n0.2,9,1.5\n"))
     assert curve.labels == ("upper", "lower")
-    assert curve.freq_hz.tolist() == [0.1, 0.2]
+    assert curve.frequency_hz.tolist() == [0.1, 0.2]
     assert curve.magnitude.tolist() == [[8.0, 9.0], [1.0, 1.5]]
     assert curve.response is None
 
@@ -123,8 +123,8 @@ def test_names_may_stand_in_a_comment_as_numpy_writes_them(tmp_path):
     table = np.column_stack([[0.5, 1.0], [3.0, 1.0], [0.5, 0.25]])
     np.savetxt(path, table, delimiter=";", header="shaken by hand\nfrequency_hz;re_1_1;im_1_1")
     curve = bc.read_frequency_response(path)
-    np.testing.assert_array_equal(curve.freq_hz, table[:, 0])
-    np.testing.assert_array_equal(curve.entries[0, 0], table[:, 1] + 1j * table[:, 2])
+    np.testing.assert_array_equal(curve.frequency_hz, table[:, 0])
+    np.testing.assert_array_equal(curve.frdata[0, 0], table[:, 1] + 1j * table[:, 2])
     np.savetxt(path, table)
     with pytest.raises(ValueError, match="line 1: expected a line of column names before the numbers"):
         bc.read_frequency_response(path)

@@ -17,19 +17,19 @@ def test_an_oscillators_row_is_its_frequency_damping_and_peak():
     model = SecondOrderModel([[1.0]], [[0.04]], [[4.0]], {"f": [1.0]}, {"y": [3.0]})
     (row,) = mode_table(model).rows
     assert row.omega == pytest.approx(2.0)
-    assert row.damping == pytest.approx(0.01)
+    assert row.damping_ratio == pytest.approx(0.01)
     assert row.frequency_hz == pytest.approx(2.0 * np.sqrt(1 - 1e-4) / (2 * np.pi))
-    assert row.peaks[0, 0] == pytest.approx(hinf_norm(model.to_statespace()).lower, rel=1e-2)
+    assert row.modal_peaks[0, 0] == pytest.approx(hinf_norm(model.to_statespace()).lower_bound, rel=1e-2)
 
 
 def test_the_cradle_does_not_move_yaw_modes_nor_does_its_slip_show_them():
     table = mode_table(spray_boom())
     yaw = table.rows[0]
     assert yaw.frequency_hz == pytest.approx(0.2450, abs=1e-4)
-    assert yaw.input_shares[table.inputs.index("cradle")] < 1e-8
-    assert yaw.output_shares[table.outputs.index("cradle_slip")] < 1e-8
-    assert yaw.input_shares[table.inputs.index("actuator_left")] == pytest.approx(1.0)
-    assert "actuator_left" in table.render(2)
+    assert yaw.input_participation[table.input_labels.index("cradle")] < 1e-8
+    assert yaw.output_participation[table.output_labels.index("cradle_slip")] < 1e-8
+    assert yaw.input_participation[table.input_labels.index("actuator_left")] == pytest.approx(1.0)
+    assert "actuator_left" in table.to_string(2)
 
 
 def free_train(seed):
@@ -60,18 +60,18 @@ def test_a_free_train_has_a_rigid_body_and_elastic_modes_in_any_coordinates_and_
         T @ system.A @ np.linalg.inv(T), T @ system.B * units_in, units_out * system.C @ np.linalg.inv(T), 0.0
     )
     for mine, theirs in zip(mode_table(model).rows, mode_table(mixed).rows, strict=True):
-        assert theirs.input_shares == pytest.approx(mine.input_shares, rel=1e-4, abs=1e-6)
-        assert theirs.output_shares == pytest.approx(mine.output_shares, rel=1e-4, abs=1e-6)
+        assert theirs.input_participation == pytest.approx(mine.input_participation, rel=1e-4, abs=1e-6)
+        assert theirs.output_participation == pytest.approx(mine.output_participation, rel=1e-4, abs=1e-6)
     for given_system in (model, mixed, control.c2d(system, 0.1 / unit)):
         rows = mode_table(given_system).rows
         assert len(rows) == 2 + len(w)
         for row in rows[:2]:
             assert row.pole == 0.0
-            assert row.damping == 0.0
+            assert row.damping_ratio == 0.0
             assert row.z in (None, 1.0)
-            assert row.input_shares.tolist() == row.output_shares.tolist() == [1.0, 0.0]
-            assert row.peaks.tolist() == [[np.inf, 0.0], [0.0, 0.0]]
+            assert row.input_participation.tolist() == row.output_participation.tolist() == [1.0, 0.0]
+            assert row.modal_peaks.tolist() == [[np.inf, 0.0], [0.0, 0.0]]
         for row, pole in zip(rows[2:], expected, strict=True):
             assert row.pole == pytest.approx(pole, rel=1e-6)
-            assert row.peaks[0, 0] < np.inf
-        assert max((row.output_shares[0] for row in rows[2:]), default=1.0) == 1.0  # among those that vibrate
+            assert row.modal_peaks[0, 0] < np.inf
+        assert max((row.output_participation[0] for row in rows[2:]), default=1.0) == 1.0  # among those that vibrate

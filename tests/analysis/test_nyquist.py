@@ -26,9 +26,9 @@ def test_unstable_poles_are_those_that_eigenvalues_show(unstable, seed):
     if np.abs(poles.real).min() < 1e-6:
         return
     found = nyquist_stability(plant.frequency_response, K, plant.to_statespace().poles())
-    assert (found.controller_poles, found.unstable_poles) == (unstable, int((poles.real > 0.0).sum()))
+    assert (found.unstable_controller_poles, found.unstable_poles) == (unstable, int((poles.real > 0.0).sum()))
     assert found.stable == bool(poles.real.max() < 0.0)
-    assert found.distance > 0.0
+    assert found.min_return_difference > 0.0
 
 
 @pytest.mark.parametrize("gain", [-20000.0, -200.0, -1.0, 200.0, 30000.0])

@@ -89,7 +89,7 @@ def test_a_level_is_proved_only_if_no_loop_that_is_meant_reaches_it(seed, reach,
     exact = SampledLoops(loops.cell, loops.A, loops.B, loops.C, loops.D, (0.0 * A[0], 0.0 * B[0]), 0.1)
     norm = matrices_norm(exact.at(cell.middle))
     if norm.certified and np.abs(np.linalg.eigvals(exact.at(cell.middle).A)).max() < 0.999:
-        assert exact.prover(1.05 * norm.upper)(small).proved
+        assert exact.prover(1.05 * norm.upper_bound)(small).proved
 
 
 @given(st.floats(-0.9, 0.9), st.floats(0.01, 0.9))
@@ -127,7 +127,7 @@ def test_a_singular_matrix_before_the_derivative_is_not_proved():
 def masses(rng, count, parameters, light, spread):
     """Return a family of masses between walls with even dampers and even spreads, and its LQG controller."""
     family = Walls(rng, parameters, count, (spread, spread), (light, light)).family
-    plant = family.centre.to_statespace()
+    plant = family.nominal.to_statespace()
     push, u = (plant.B[:, [plant.input_labels.index(name)]] for name in ("push", "u"))
     A, C = plant.A, plant.C[[plant.output_labels.index("y")]]
     F, L = control.lqr(A, u, np.eye(len(A)), [[0.1]])[0], control.lqe(A, push, C, [[1.0]], [[1e-2]])[0]
@@ -147,14 +147,14 @@ def test_what_is_proved_is_stable_at_every_point_drawn(seed, parameters, late):
     points = np.clip(1.2 * rng.uniform(-1.0, 1.0, (25, parameters)), -1.0, 1.0)
     loops = [bc.feedback_loop(family.at(point), K, delay=delay).poles() for point in points]
     worst = max(float((np.abs(poles) - 1.0 if late is not None else poles.real).max()) for poles in loops)
-    assert bool(found.path) == found.proved
+    assert bool(found.method) == found.proved
     if found.proved:
         assert worst < 0.0
-        assert sum(int(word) for word in found.path.split() if word.isdigit()) == found.cells
+        assert sum(int(word) for word in found.method.split() if word.isdigit()) == found.cells
     if worst > 1e-9:
         assert not found.proved
-    if found.unstable_at is not None:
-        poles = bc.feedback_loop(family.at(family.deltas(found.unstable_at)), K, delay=delay).poles()
+    if found.destabilizing_values is not None:
+        poles = bc.feedback_loop(family.at(family.normalize(found.destabilizing_values)), K, delay=delay).poles()
         assert (np.abs(poles) - 1.0 if late is not None else poles.real).max() >= -1e-9
 
 
@@ -166,7 +166,7 @@ def test_a_lightly_damped_sampled_loop_takes_few_cells(monkeypatch, seed):
     found = bc.robust_stability(family, sampled(K, 0.1), delay=0.05)
     assert found.proved
     assert found.cells <= 4
-    assert found.path == f"{found.cells} of parameters"
+    assert found.method == f"{found.cells} of parameters"
 
 
 @pytest.mark.slow
@@ -181,7 +181,7 @@ def test_where_cells_of_parameters_would_give_up_those_of_frequencies_prove_the_
     assert waiting
     found = bc.robust_stability(family, K, 100)
     assert found.proved
-    assert found.path.endswith("of parameters and frequencies")
+    assert found.method.endswith("of parameters and frequencies")
     points = np.random.default_rng(0).uniform(-1.0, 1.0, (200, 4))
     assert max(bc.feedback_loop(family.at(point), K).poles().real.max() for point in points) < 0.0
 

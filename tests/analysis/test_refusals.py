@@ -37,7 +37,7 @@ UNTIMED, OTHER = (siso(0.5, 0.1, -1.0, 0.0, dt, "y", "u") for dt in (True, 0.2))
 
 def family(forces=("u",)):
     """Return a mass on a spring, which is uncertain."""
-    return AffineFamily.through(
+    return AffineFamily.from_function(
         {"k": (0.9, 1.1)},
         lambda p: SecondOrderModel([[1.0]], [[0.1]], [[p["k"]]], {name: [1.0] for name in forces}, {"y": [1.0]}),
     )
@@ -48,7 +48,7 @@ def double_integrator(C, **names):
 
 
 def unmodelled(bound):
-    return bc.robust_stability(family(), gain([[-0.2]]), unmodelled=bound)
+    return bc.robust_stability(family(), gain([[-0.2]]), additive_uncertainty=bound)
 
 
 REFUSED = [
@@ -72,7 +72,7 @@ REFUSED = [
     (lambda: bc.nyquist(double_integrator([[1.0, 0.0]])), "encirclements cannot be told|boundary|pole on"),
     (lambda: bc.nyquist(control.ss(-1.0, [[1.0, 1.0]], 1.0, [[0.0, 0.0]])), "as many outputs as inputs"),
     (lambda: bc.nyquist(PLANT, delay=1.0), "without a controller"),
-    (lambda: bc.compare({"run": one.loop()}).plot(what="margins"), "unknown picture"),
+    (lambda: bc.compare({"run": one.loop()}).plot(kind="margins"), "unknown kind"),
     (
         lambda: bc.compare({"run": one.loop(), "margins": bc.margins(one.yaw(), one.suspension())}).plot(),
         "nothing over",
@@ -117,7 +117,7 @@ REFUSED = [
     ),
     (lambda: bc.robust_stability(family(), K, delay=1e4), "at most 1000 samples"),
     (
-        lambda: bc.robust_stability(bc.boom_family(half="yaw"), gain(0.1, "stroke_anti", "actuator_anti")),
+        lambda: bc.robust_stability(bc.boom_family(subsystem="yaw"), gain(0.1, "stroke_anti", "actuator_anti")),
         "actuator_anti",
     ),
     (lambda: bc.worst_case(family(), gain([[-0.2]]), injection_points="z"), r"measurement \(injection_points\) 'z'"),
@@ -126,20 +126,20 @@ REFUSED = [
         "must result in new names, got 'u_injected'",
     ),
     (lambda: bc.worst_case(family(), gain([[-0.2]]), norm="h3"), "norm"),
-    (lambda: bc.worst_case(family(), gain([[-0.2]]), tolerance=2.0), "tolerance = 2: expected at most 1"),
+    (lambda: bc.worst_case(family(), gain([[-0.2]]), rtol=2.0), "rtol = 2: expected at most 1"),
     (lambda: sampled_data_norm(PLANT, gain([[1.0]])), r"controller: expected a sampling time.*boomctl\.discretize"),
     (lambda: sampled_data_norm(sample_plant(PLANT, 0.1), K), "continuous time"),
     (lambda: sampled_data_norm(PLANT, K, "y"), "unknown disturbance"),
     (lambda: sample_plant(PLANT, 1e-3, delay=2.0), "at most 1000 samples"),
     (lambda: unmodelled(siso(outputs="x")), r"unknown output of unmodelled \(the controller has it\) 'y'"),
-    (lambda: unmodelled(siso(1.0)), "unmodelled: expected a stable bound"),
-    (lambda: unmodelled(DISCRETE), "unmodelled: expected continuous time"),
+    (lambda: unmodelled(siso(1.0)), "additive_uncertainty: expected a stable bound"),
+    (lambda: unmodelled(DISCRETE), "additive_uncertainty: expected continuous time"),
     (
-        lambda: bc.with_state_outputs(bc.boom_family(half="yaw", accelerometer_bandwidth_hz=20.0)),
+        lambda: bc.with_state_outputs(bc.boom_family(subsystem="yaw", accelerometer_bandwidth_hz=20.0)),
         "filter behind 'tip_acc",
     ),
     (
-        lambda: bc.with_state_outputs(bc.boom_family(half="yaw", excitation="velocity")),
+        lambda: bc.with_state_outputs(bc.boom_family(subsystem="yaw", excitation="velocity")),
         "got an input that is integrated",
     ),
     (lambda: bc.with_state_outputs(double_integrator([[1.0, 0.0]], states=["a.b", "a_b"])), "'a_b' twice"),

@@ -68,9 +68,10 @@ def test_delay_margin_window_wider_than_the_grid_is_found(seed):
         warnings.simplefilter("ignore", SamplingCostsMarginWarning)
         found = bc.margins(plant, controller)
     for loop in found.loops:
-        assert loop.delay <= delays[1:][unstable[1:] & unstable[:-1]][0]
+        assert loop.delay_margin <= delays[1:][unstable[1:] & unstable[:-1]][0]
         sides = [
-            radius(plant, controller, 0.0, further=loop.delay * f, at=loop.signal) for f in (1.0 - 1e-5, 1.0 + 1e-5)
+            radius(plant, controller, 0.0, further=loop.delay_margin * f, at=loop.signal)
+            for f in (1.0 - 1e-5, 1.0 + 1e-5)
         ]
         assert sides[0] < 1.0 < sides[1]
 
@@ -93,11 +94,11 @@ def test_delays_of_loops_with_repeated_poles_are_those_at_which_they_become_unst
         warnings.simplefilter("ignore", SamplingCostsMarginWarning)
         found = bc.margins(plant, controller)
     for loop in found.loops:
-        known = loop.delay < 50.0 * dt
+        known = loop.delay_margin < 50.0 * dt
         ends = (1.0 - 1e-5, 1.0 + 1e-5) if known else ()
-        sides = [radius(plant, controller, 0.0, further=loop.delay * f, at=loop.signal) for f in ends]
+        sides = [radius(plant, controller, 0.0, further=loop.delay_margin * f, at=loop.signal) for f in ends]
         assert not sides or sides[0] < 1.0 < sides[1]
-        tried = np.linspace(0.0, min(loop.delay, 20.0 * dt), 41)[:-1]
+        tried = np.linspace(0.0, min(loop.delay_margin, 20.0 * dt), 41)[:-1]
         assert max(radius(plant, controller, 0.0, further=delay, at=loop.signal) for delay in tried) < 1.0
 
 
@@ -111,7 +112,7 @@ def test_every_gain_within_the_disk_is_borne_by_all_signals_at_once(seed):
         warnings.simplefilter("ignore", SamplingCostsMarginWarning)
         found = bc.margins(plant, controller, delay=delay)
     rng = np.random.default_rng(seed)
-    gain = min(found.everywhere.gain, 1e6) ** 0.999
+    gain = min(found.multiloop_io.gain_margin, 1e6) ** 0.999
     P, K = np.ones(plant.ninputs), np.ones(plant.noutputs)
     for _ in range(3):
         P, K = (gain ** rng.choice([-1.0, 1.0], len(each)) for each in (P, K))
@@ -120,7 +121,7 @@ def test_every_gain_within_the_disk_is_borne_by_all_signals_at_once(seed):
             inputs=controller.input_labels, outputs=controller.output_labels,
         )  # fmt: skip
         assert radius(plant, changed, delay) < 1.0
-    assert found.everywhere.certified
+    assert found.multiloop_io.certified
 
 
 @pytest.mark.slow
@@ -131,8 +132,8 @@ def test_fast_sampling_has_the_margins_of_the_continuous_loop():
     errors = []
     for dt in (1e-3, 5e-4, 2.5e-4):
         now = bc.margins(plant, bc.discretize(K, dt))
-        errors.append(abs(now["force"].phase_deg - before["force"].phase_deg))
-        assert now["force"].disk.alpha == pytest.approx(before["force"].disk.alpha, rel=20.0 * dt)
+        errors.append(abs(now["force"].phase_margin_deg - before["force"].phase_margin_deg))
+        assert now["force"].disk_margin.alpha == pytest.approx(before["force"].disk_margin.alpha, rel=20.0 * dt)
     assert errors[0] / errors[1] == pytest.approx(2.0, rel=0.05)  # half a sample of delay: of first order
     assert errors[1] / errors[2] == pytest.approx(2.0, rel=0.05)
 

@@ -53,7 +53,7 @@ def finer(plant, K, late, count):
         columns.append([*x, *sent[:queue], *shown, y])
     M, s = np.array(columns).T, n + queue
     lifted = Lti(M[:s, :s], M[:s, s:], M[s:, :s], M[s:, s:], dt=_DT)
-    return matrices_norm(lower_lft(lifted, of(K, "K", sampled=True)).balanced()).lower
+    return matrices_norm(lower_lft(lifted, of(K, "K", sampled=True)).balanced()).lower_bound
 
 
 @given(st.integers(0, 10**6))
@@ -61,12 +61,12 @@ def finer(plant, K, late, count):
 def test_it_is_where_finer_and_finer_samples_go(seed):
     plant, K, late = random_loop(seed)
     found = bc.analysis.sampled_data_norm(plant, K, outputs="z", delay=late)
-    assert found.upper <= found.lower * (1.0 + 1e-4)
+    assert found.upper_bound <= found.lower_bound * (1.0 + 1e-4)
     coarse, fine, finest = (finer(plant, K, late, count) for count in (8, 16, 32))
     # the error falls with the length of the finer samples, or its square: either way by at least half
-    assert finest == pytest.approx(found.lower, rel=0.15)
-    assert abs(finest - found.lower) <= 0.6 * abs(fine - found.lower) + 1e-4 * found.lower
-    assert abs(fine - found.lower) <= 0.6 * abs(coarse - found.lower) + 2e-4 * found.lower
+    assert finest == pytest.approx(found.lower_bound, rel=0.15)
+    assert abs(finest - found.lower_bound) <= 0.6 * abs(fine - found.lower_bound) + 1e-4 * found.lower_bound
+    assert abs(fine - found.lower_bound) <= 0.6 * abs(coarse - found.lower_bound) + 2e-4 * found.lower_bound
 
 
 @pytest.mark.slow
@@ -85,8 +85,8 @@ def test_what_has_no_feedback_has_its_own_norm(seed):
     nothing = control.ss([], [], [], [[0.0]], _DT, inputs="y", outputs="u")
     found = bc.analysis.sampled_data_norm(stable, nothing)
     exact = bc.hinf_norm(bc.synthesis.select_channels(stable, "w"))
-    assert found.lower == pytest.approx(exact.lower, rel=1e-5)
-    assert found.upper == pytest.approx(exact.upper, rel=1e-5)
+    assert found.lower_bound == pytest.approx(exact.lower_bound, rel=1e-5)
+    assert found.upper_bound == pytest.approx(exact.upper_bound, rel=1e-5)
 
 
 def test_stiff_filters_and_many_parts_of_a_sample_do_no_harm():
@@ -96,8 +96,8 @@ def test_stiff_filters_and_many_parts_of_a_sample_do_no_harm():
     plant = control.ss(A, [[1.0, 1.0], [1e6, 0.0]], [[1.0, 0.0], [1.0, 0.0]], 0.0, **names)
     slow = control.ss([[-1.0]], [[1.0, 1.0]], [[1.0], [1.0]], 0.0, **names)
     K = control.ss([], [], [], [[-0.5]], 1.0, inputs="y", outputs="u")
-    assert bc.analysis.sampled_data_norm(plant, K).lower == pytest.approx(
-        bc.analysis.sampled_data_norm(slow, K).lower, rel=1e-6
+    assert bc.analysis.sampled_data_norm(plant, K).lower_bound == pytest.approx(
+        bc.analysis.sampled_data_norm(slow, K).lower_bound, rel=1e-6
     )
 
 
@@ -114,16 +114,16 @@ def test_a_level_is_that_of_a_gain_in_closed_form():
     volterra = (np.tril(np.ones((count, count)), -1) + 0.5 * np.eye(count)) / count
     decay = np.outer(1.0 - middle, np.ones(count)) / count
     best = max(linalg.svdvals(volterra + np.exp(-1j * angle) * decay)[0] for angle in np.linspace(0.0, np.pi, 7))
-    assert bc.analysis.sampled_data_norm(plant, K).lower == pytest.approx(best, rel=1e-3)
+    assert bc.analysis.sampled_data_norm(plant, K).lower_bound == pytest.approx(best, rel=1e-3)
 
 
 def test_controls_may_count_and_wrong_loops_are_refused():
     plant, K, late = random_loop(5)
-    both = bc.analysis.sampled_data_norm(plant, K, outputs=["z", "u"], delay=late).lower
-    each = [bc.analysis.sampled_data_norm(plant, K, outputs=name, delay=late).lower for name in ("z", "u")]
+    both = bc.analysis.sampled_data_norm(plant, K, outputs=["z", "u"], delay=late).lower_bound
+    each = [bc.analysis.sampled_data_norm(plant, K, outputs=name, delay=late).lower_bound for name in ("z", "u")]
     assert max(each) * (1.0 - 1e-6) <= both <= np.hypot(*each) * (1.0 + 1e-6)
     unstable = control.ss([], [], [], [[50.0]], _DT, inputs="y", outputs="u")
-    assert bc.analysis.sampled_data_norm(plant, unstable).lower == np.inf
+    assert bc.analysis.sampled_data_norm(plant, unstable).lower_bound == np.inf
     direct = control.ss(-1.0, [[1.0, 1.0]], [[1.0]], [[1.0, 0.0]], inputs=["w", "u"], outputs="y")
     with pytest.raises(ValueError, match="disturbance 'w' acts on measurement 'y' directly: samples of it") as refused:
         bc.analysis.sampled_data_norm(direct, K)
@@ -141,5 +141,5 @@ def test_a_sampled_plant_is_the_one_that_a_sampled_controller_sees(seed, late):
     seen = bc.analysis.sample_plant(plant, _DT, "u", delay=late * _DT)
     loop, same = bc.feedback_loop(plant, K, delay=late * _DT), bc.feedback_loop(seen, K)
     assert np.sort_complex(loop.poles()) == pytest.approx(np.sort_complex(same.poles()), abs=1e-9)
-    assert bc.hinf_norm(loop).lower == pytest.approx(bc.hinf_norm(same).lower, rel=1e-9)
+    assert bc.hinf_norm(loop).lower_bound == pytest.approx(bc.hinf_norm(same).lower_bound, rel=1e-9)
     assert seen.output_labels == plant.output_labels

@@ -45,7 +45,7 @@ def test_signals_that_were_selected_are_those_meant():
         asked = bc.sigma(boom, [1.0, 9.0], ins, outs)
         selected = bc.sigma(boom.select(ins, outs), [1.0, 9.0])
         np.testing.assert_array_equal(selected.sigma, asked.sigma)
-        assert (selected.inputs, selected.outputs) == (asked.inputs, asked.outputs)
+        assert (selected.input_labels, selected.output_labels) == (asked.input_labels, asked.output_labels)
 
 
 @pytest.mark.parametrize("excitation", ["velocity", "acceleration", "force"])
@@ -98,7 +98,7 @@ def loop():
 def test_picture_and_print_say_whether_system_is_unstable(system, unstable, omega):
     ax = new_figure().add_subplot()
     result = bc.sigma(system, omega)
-    assert ("unstable" in repr(result)) == result.unstable == unstable
+    assert ("unstable" in repr(result)) == (not result.stable) == unstable
     result.plot(ax, label="mine")
     assert any("unstable" in text.get_text() for text in ax.texts) == unstable
     assert ({line.get_linestyle() for line in ax.lines} == {":"}) == unstable

@@ -39,13 +39,13 @@ def test_a_regulator_of_one_control_has_kalmans_margins(seed):
     plant, rng = random_plant(seed, m=1)
     design, (u,) = regulator(plant, rng)
     found = bc.margins(bc.with_state_outputs(plant), design.controller)[u]
-    assert found.gain_high == np.inf
-    assert found.gain_low <= 0.5 * (1.0 + 1e-6)
-    assert found.phase_deg >= 60.0 - 1e-6
+    assert found.gain_margin[1] == np.inf
+    assert found.gain_margin[0] <= 0.5 * (1.0 + 1e-6)
+    assert found.phase_margin_deg >= 60.0 - 1e-6
     # Kalman's inequality itself: |S| is at most one
     S = bc.feedback_loop(bc.with_state_outputs(plant), design.controller, u)
     i, o = S.input_labels.index(f"{u}_injected"), S.output_labels.index(u)
-    assert bc.hinf_norm(control.ss(S.A, S.B[:, [i]], S.C[[o]], S.D[[o], [i]])).upper <= 1.0 + 1e-5
+    assert bc.hinf_norm(control.ss(S.A, S.B[:, [i]], S.C[[o]], S.D[[o], [i]])).upper_bound <= 1.0 + 1e-5
 
 
 @pytest.mark.parametrize("dt", [0.0, 0.1])
@@ -63,8 +63,8 @@ def test_the_loop_of_a_regulator_is_that_written_by_hand(dt, seed):
     assert loop.input_labels == ["w"]
     assert loop.output_labels == ["y0", "y1", "x_0", "x_1", "x_2", "x_3", *controls]
     assert loop.C[-2:] == pytest.approx(-design.gain)
-    assert bc.hinf_norm(bc.synthesis.select_channels(loop, outputs=["y0", "y1"])).lower == pytest.approx(
-        bc.hinf_norm(design.closed_loop).lower, rel=1e-8
+    assert bc.hinf_norm(bc.synthesis.select_channels(loop, outputs=["y0", "y1"])).lower_bound == pytest.approx(
+        bc.hinf_norm(design.closed_loop).lower_bound, rel=1e-8
     )
 
 
@@ -72,7 +72,7 @@ def test_integral_action_joins_a_regulator_by_name():
     mass = control.ss(
         [[0, 1], [0, 0]], [[0, 0], [1, 1]], [[1, 0]], 0, inputs=["force", "load"], outputs="place", states=["x", "v"]
     )
-    design = bc.lqr(mass, None, 1.0, output_weight={"place": 1.0}, controls="force", integral=["place"])
+    design = bc.lqr(mass, None, 1.0, output_weight={"place": 1.0}, controls="force", integral_action=["place"])
     loop = bc.feedback_loop(bc.with_state_outputs(mass), design.controller)
     assert np.sort_complex(loop.poles()) == pytest.approx(np.sort_complex(design.poles))
     assert loop.dcgain()[0] == pytest.approx(0.0, abs=1e-12)  # a constant load leaves no error in what is integrated
@@ -81,19 +81,19 @@ def test_integral_action_joins_a_regulator_by_name():
 @pytest.mark.parametrize("excitation", ["displacement", "force"])
 def test_a_family_reads_the_states_of_its_middle_everywhere(excitation):
     """In the middle they are the states; elsewhere the same sums, of places and speeds that other outputs show."""
-    family = bc.boom_family(half="yaw", excitation=excitation)
+    family = bc.boom_family(subsystem="yaw", excitation=excitation)
     found = bc.with_state_outputs(family)
     assert (found.names, type(found)) == (family.names, type(family))
-    plain, wide = bc.with_state_outputs(family.centre), found.centre.to_statespace()
+    plain, wide = bc.with_state_outputs(family.nominal), found.nominal.to_statespace()
     assert wide.output_labels == plain.output_labels
     for letter in "ABCD":
         own, other = np.asarray(getattr(wide, letter)), np.asarray(getattr(plain, letter))
         np.testing.assert_allclose(own, other, rtol=1e-9, atol=1e-9 * max(np.abs(other).max(), 1.0))
-    tip, place = ([found.centre.outputs.index(name)] for name in ("tip_anti", "mode1_x1"))
+    tip, place = ([found.nominal.outputs.index(name)] for name in ("tip_anti", "mode1_x1"))
     for delta in ([1.0, -1.0], [-0.4, 0.9]):
         there = found.at(delta)
-        assert np.array_equal(there.ports.L, found.centre.ports.L)
-        assert np.array_equal(there.ports.E, found.centre.ports.E)
+        assert np.array_equal(there.ports.L, found.nominal.ports.L)
+        assert np.array_equal(there.ports.E, found.nominal.ports.E)
         # the tip is the same sum of states that are places as in the middle
         count = len(plain.state_labels) // 2
         C = np.asarray(plain.C)[tip[0], :count]
@@ -104,14 +104,14 @@ def test_a_family_reads_the_states_of_its_middle_everywhere(excitation):
 
 @pytest.mark.parametrize("half", ["jolt", "yaw"])
 def test_states_of_a_family_that_are_there_are_not_there_twice(half):
-    family = bc.boom_family(half=half)
+    family = bc.boom_family(subsystem=half)
     once = bc.with_state_outputs(family)
-    assert bc.with_state_outputs(once).centre.outputs == once.centre.outputs
-    few = (*family.centre.outputs, "mode2_x1")
-    again = bc.with_state_outputs(replace(once, centre=once.centre.select(None, few)))
-    assert again.centre.outputs[: len(few)] == few
-    assert set(again.centre.outputs) == set(once.centre.outputs)
-    ports = once.centre.ports
-    wrong = SecondOrderModel.of(once.centre.structure, replace(ports, L=2.0 * ports.L))
+    assert bc.with_state_outputs(once).nominal.outputs == once.nominal.outputs
+    few = (*family.nominal.outputs, "mode2_x1")
+    again = bc.with_state_outputs(replace(once, nominal=once.nominal.select(None, few)))
+    assert again.nominal.outputs[: len(few)] == few
+    assert set(again.nominal.outputs) == set(once.nominal.outputs)
+    ports = once.nominal.ports
+    wrong = SecondOrderModel.of(once.nominal.structure, replace(ports, L=2.0 * ports.L))
     with pytest.raises(ValueError, match="expected output 'mode1_x1' to be the state of this name"):
-        bc.with_state_outputs(replace(once, centre=wrong))
+        bc.with_state_outputs(replace(once, nominal=wrong))

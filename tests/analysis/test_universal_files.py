@@ -76,9 +76,9 @@ def written(path, sets, end="\n"):
 def test_a_universal_file_is_read_back_whole(tmp_path_factory, seed, end):
     freq, response, nodes, sets = drawn(np.random.default_rng(seed))
     curve = bc.read_frequency_response(written(tmp_path_factory.mktemp("uff") / "shaker.uff", sets, end))
-    assert curve.outputs == tuple(f"{k}+y" for k in nodes[0])
-    assert curve.inputs == tuple(f"{k}-z" for k in nodes[1])
-    assert curve.freq_hz == pytest.approx(freq, rel=1e-5)
+    assert curve.output_labels == tuple(f"{k}+y" for k in nodes[0])
+    assert curve.input_labels == tuple(f"{k}-z" for k in nodes[1])
+    assert curve.frequency_hz == pytest.approx(freq, rel=1e-5)
     assert np.abs(np.asarray(curve.response.frdata) - response).max() <= 1e-5 * np.abs(response).max()
 
 
@@ -139,8 +139,8 @@ def test_universal_file_without_response_is_refused(tmp_path, sets, words):
 def test_numbers_in_si_units_are_read(tmp_path, labels):
     coherence = entry(values=(1.0, 1.0), function=6)  # what is no response is left out
     curve = bc.read_frequency_response(written(tmp_path / "shaker.unv", [coherence, entry(**labels)]))
-    assert curve.freq_hz.tolist() == [1.0, 2.0]
-    assert curve.entries.ravel().tolist() == [1.0, 1j]
+    assert curve.frequency_hz.tolist() == [1.0, 2.0]
+    assert curve.frdata.ravel().tolist() == [1.0, 1j]
 
 
 def test_binary_universal_file_is_the_text_one(tmp_path):
@@ -151,8 +151,8 @@ def test_binary_universal_file_is_the_text_one(tmp_path):
     path = tmp_path / "binary.uff"
     path.write_bytes(b"".join([lines[0], head, *lines[2:13], values.astype("<c16").tobytes(), b"\n    -1\n"]))
     curve = bc.read_frequency_response(path)
-    assert curve.freq_hz.tolist() == freq.tolist()
-    assert curve.entries.ravel().tolist() == values.tolist()
+    assert curve.frequency_hz.tolist() == freq.tolist()
+    assert curve.frdata.ravel().tolist() == values.tolist()
 
 
 def test_universal_file_that_is_not_there_is_named(tmp_path):

@@ -24,7 +24,7 @@ def family(damping=0.1, unit=1.0):
         C = damping * np.array([[2.0, -1.0], [-1.0, 1.0]])
         return SecondOrderModel(M, C, K, {"u": [1.0, 0.0], "v": [0.0, 1.0]}, {"y": [1.0, 0.0], "z": [0.0, unit]})
 
-    return AffineFamily.through({"stiffness": (0.8, 1.2), "mass": (0.9, 1.1)}, make)
+    return AffineFamily.from_function({"stiffness": (0.8, 1.2), "mass": (0.9, 1.1)}, make)
 
 
 def named(system, inputs="u", outputs="y"):
@@ -75,13 +75,13 @@ def test_what_is_proved_is_stable_with_whatever_is_within_the_bounds(late):
     """Up to 5 % below where small gain ends; drawn: points of the box, and dynamics that touch the bounds everywhere."""
     rng, plants = np.random.default_rng(0), family()
     K = damper() if late is None else bc.discretize(damper(), 0.1)
-    loose = bc.robust_stability(plants, K, unmodelled=scaled(BOUND, 0.1), delay=late or 0.0)
+    loose = bc.robust_stability(plants, K, additive_uncertainty=scaled(BOUND, 0.1), delay=late or 0.0)
     assert loose.proved
-    W = scaled(BOUND, 0.1 * 0.95 / loose.gain)
-    tight = bc.robust_stability(plants, K, unmodelled=W, delay=late or 0.0)
+    W = scaled(BOUND, 0.1 * 0.95 / loose.small_gain)
+    tight = bc.robust_stability(plants, K, additive_uncertainty=W, delay=late or 0.0)
     assert tight.proved
-    assert tight.gain == pytest.approx(0.95, rel=1e-3)
-    assert "with what is not modelled" in tight.path
+    assert tight.small_gain == pytest.approx(0.95, rel=1e-3)
+    assert "with what is not modelled" in tight.method
     for _ in range(40):
         plant = with_beside(plants.at(rng.uniform(-1.0, 1.0, 2)), named(turned(W, rng)))
         assert slowest(plant, K, late or 0.0) < 0.0
@@ -90,22 +90,22 @@ def test_what_is_proved_is_stable_with_whatever_is_within_the_bounds(late):
 def test_just_beyond_the_bounds_a_plant_is_unstable_and_nothing_is_proved():
     """Of one entry small gain is necessary: a pass of all turns the phase until a pole crosses the axis."""
     plants, K = family(), damper()
-    found = bc.robust_stability(plants, K, unmodelled=BOUND)
+    found = bc.robust_stability(plants, K, additive_uncertainty=BOUND)
     for by in (0.97, 1.03):
-        W = scaled(BOUND, by / found.gain)
-        again = bc.robust_stability(plants, K, unmodelled=W)
+        W = scaled(BOUND, by / found.small_gain)
+        again = bc.robust_stability(plants, K, additive_uncertainty=W)
         assert again.proved == (by < 1.0)
-        assert again.unstable_at is None
-    assert "gain 1.03 around what is not modelled" in again.reason
+        assert again.destabilizing_values is None
+    assert "gain 1.03 around what is not modelled" in again.message
     gains = []
     for delta in np.random.default_rng(0).uniform(-1.0, 1.0, (30, 2)):
         plant = plants.at(delta).select("u", "y").to_statespace()
         around = control.ss(W) * named(K, "y", "u") * control.feedback(control.ss([], [], [], 1.0), plant * K, sign=1)
         gains.append((bc.hinf_norm(around), delta, around))
-    norm, delta, around = max(gains, key=lambda each: each[0].lower)
-    assert 0.95 < norm.lower <= 1.03 * (1.0 + 1e-9)
-    omega, value = norm.omega, around(1j * norm.omega)
-    larger = scaled(W, 1.02 / norm.lower)
+    norm, delta, around = max(gains, key=lambda each: each[0].lower_bound)
+    assert 0.95 < norm.lower_bound <= 1.03 * (1.0 + 1e-9)
+    omega, value = norm.peak_omega, around(1j * norm.peak_omega)
+    larger = scaled(W, 1.02 / norm.lower_bound)
     angle = np.angle(1.0 / value) % (2.0 * np.pi)  # of -+ (s - r)/(s + r), from pi down to 0
     sign, angle = (1.0, angle) if angle < np.pi else (-1.0, angle - np.pi)
     rate = omega / np.tan(0.5 * (np.pi - angle)) if angle else 0.0
@@ -181,30 +181,34 @@ def test_entries_of_several_signals_are_weighed_whatever_their_units():
     entry = control.ss(BOUND)
     W = control.ss([], [], [], [[1.0, 0.5], [0.5, 1.0]]) * control.append(entry, entry)
     W = named(W, ["u", "v"], ["y", "z"])
-    found = bc.robust_stability(plants, K, unmodelled=scaled(W, 0.1))
+    found = bc.robust_stability(plants, K, additive_uncertainty=scaled(W, 0.1))
     assert found.proved
-    W = scaled(W, 0.095 / found.gain)
-    assert bc.robust_stability(plants, K, unmodelled=W).proved
+    W = scaled(W, 0.095 / found.small_gain)
+    assert bc.robust_stability(plants, K, additive_uncertainty=W).proved
     for _ in range(20):
         plant = plants.at(rng.uniform(-1.0, 1.0, 2))
         for u in "uv":
             for y in "yz":
                 share = 0.5 if (u == "v") == (y == "y") else 1.0
-                beside = named(share * 0.095 / found.gain * turned(entry, rng), u, y)
+                beside = named(share * 0.095 / found.small_gain * turned(entry, rng), u, y)
                 plant = with_beside(plant, beside)
         assert slowest(plant, K) < 0.0
     S = np.diag([1.0, 1024.0])
     K2 = control.ss(K.A, K.B @ np.linalg.inv(S), K.C, K.D @ np.linalg.inv(S), inputs=["y", "z"], outputs=["u", "v"])
     W2 = control.ss(W.A, W.B, S @ W.C, S @ W.D, inputs=["u", "v"], outputs=["y", "z"])
-    assert bc.robust_stability(family(0.3, 1024.0), K2, unmodelled=W2).gain == pytest.approx(0.95, rel=1e-2)
+    assert bc.robust_stability(family(0.3, 1024.0), K2, additive_uncertainty=W2).small_gain == pytest.approx(
+        0.95, rel=1e-2
+    )
 
 
 @pytest.mark.slow
 def test_bounds_that_samples_fold_without_end_and_schedules_are_refused():
     flat = named(control.ss([], [], [], 0.01))
-    assert bc.robust_stability(family(), damper(), unmodelled=flat).proved
+    assert bc.robust_stability(family(), damper(), additive_uncertainty=flat).proved
     with pytest.raises(ValueError, match=r"expected a bound from u to y that falls with frequency, got 0\.01"):
-        bc.robust_stability(family(), bc.discretize(damper(), 0.1), unmodelled=flat)
+        bc.robust_stability(family(), bc.discretize(damper(), 0.1), additive_uncertainty=flat)
     follows = bc.gain_schedule([damper(0.5), damper(0.6)], [0.8, 1.2], "stiffness")
-    with pytest.raises(ValueError, match="unmodelled: expected none beside a controller that follows a parameter"):
-        bc.robust_stability(family(), follows, unmodelled=flat)
+    with pytest.raises(
+        ValueError, match="additive_uncertainty: expected none beside a controller that follows a parameter"
+    ):
+        bc.robust_stability(family(), follows, additive_uncertainty=flat)

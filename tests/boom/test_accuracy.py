@@ -30,7 +30,7 @@ def _machine(rng):
         spring_stiffness=around(1100.0),
         cradle_damping=around(160.0),
         hinge_damping=around(2.0, 1.0),
-        structural_damping=around(1e-4, 1.0),
+        stiffness_damping=around(1e-4, 1.0),
         boom_mass=1e4,
         boom_inertia=1e6,
     )
@@ -62,24 +62,24 @@ def _error(p, model, band, rng):
 def test_a_random_boom_is_as_exact_as_asked_for(seed):
     rng = np.random.default_rng(seed)
     p, band, accuracy = _machine(rng)
-    model = bc.spray_boom(p, accuracy=accuracy, band_hz=band)
-    assert model.chosen.error <= accuracy
+    model = bc.spray_boom(p, accuracy=accuracy, max_frequency_hz=band)
+    assert model.selection.error <= accuracy
     assert _error(p, model, band, rng) <= accuracy
 
 
 def test_what_was_chosen_is_said_and_is_what_is_built():
-    model = bc.spray_boom(accuracy=1e-3, band_hz=10.0, nozzles=[-2.0, 0.5])
-    assert (model.chosen.elements, model.chosen.order) == (4, 9)
+    model = bc.spray_boom(accuracy=1e-3, max_frequency_hz=10.0, nozzles=[-2.0, 0.5])
+    assert (model.selection.elements, model.selection.order) == (4, 9)
     assert "4 high-order elements of order 9" in repr(model)
     same = bc.spray_boom(discretization="high-order", elements=4, order=9, nozzles=[-2.0, 0.5])
     np.testing.assert_array_equal(model.K, same.K)
-    assert model.chosen.tried[0][:2] == (4, 14)  # from the finest of so many elements down
-    coarser = next(error for elements, order, error in model.chosen.tried if (elements, order) == (4, 8))
+    assert model.selection.tried[0][:2] == (4, 14)  # from the finest of so many elements down
+    coarser = next(error for elements, order, error in model.selection.tried if (elements, order) == (4, 8))
     assert coarser > 1e-3 * 0.8
 
 
 def test_of_a_boom_driven_by_forces():
-    model = bc.spray_boom(accuracy=1e-3, band_hz=10.0, excitation="force")
+    model = bc.spray_boom(accuracy=1e-3, max_frequency_hz=10.0, excitation="force")
     omega = np.geomspace(0.1, 60.0, 50)
     wanted = bc.exact_frequency_response(bc.BoomParameters(), omega, outputs=["tip_left"], excitation="force").frdata
     found = model.frequency_response(omega, outputs=["tip_left"]).frdata

@@ -36,7 +36,7 @@ TABLE_2 = {
     "spring_stiffness": 1100.0,
     "cradle_damping": 160.0,
     "hinge_damping": 2.0,
-    "structural_damping": 1e-4,
+    "stiffness_damping": 1e-4,
 }
 """The parameters printed in Anthonis & Ramon (2003), SI units."""
 
@@ -117,7 +117,7 @@ def test_with_equal_elements_more_of_them_may_be_worse():
 
 def test_four_elements_of_order_twelve_are_exact_to_nine_digits():
     model = bc.spray_boom(discretization="high-order", elements=4, order=12)
-    assert model.n <= 46
+    assert model.ncoordinates <= 46
     found = model.frequency_response(BAND, ACTUATORS, TIPS).frdata
     exact = bc.exact_frequency_response(P, BAND, ACTUATORS, TIPS).frdata
     sizes = [np.linalg.svd(np.moveaxis(Y, 2, 0), compute_uv=False) for Y in (found, exact)]
@@ -152,7 +152,7 @@ def test_forces_and_what_they_move_are_reciprocal(elements):
 @pytest.mark.parametrize("elements", [6, 12])
 def test_moved_actuators_are_the_multiplier_solution_of_the_floating_boom(elements):
     model = bc.spray_boom(elements=elements, excitation="force")
-    driven = bc.spray_boom(elements=elements, reactions=True)
+    driven = bc.spray_boom(elements=elements, reaction_forces=True)
     B, L = model.ports.B[0], model.ports.L[0]
     Y, F = kkt_response((model.M, model.C, model.K), B, L, [0, 1], [2, 3, 4], BAND[::10])
     found = driven.frequency_response(BAND[::10]).frdata

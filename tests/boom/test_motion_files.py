@@ -83,9 +83,9 @@ def test_jolt_and_yaw_are_left_and_right(tmp_path):
     assert motion.jolt == pytest.approx([1.0, 2.0])
     assert motion.yaw == pytest.approx([0.1, 0.2])
     assert motion.sample_time == pytest.approx(0.5)
-    assert (motion.actuators == [motion.left, motion.right]).all()
-    assert motion.sym == pytest.approx(np.sqrt(0.5) * (motion.right + motion.left))
-    assert motion.anti == pytest.approx(np.sqrt(0.5) * (motion.right - motion.left))
+    assert (motion._actuators == [motion.left, motion.right]).all()
+    assert motion.symmetric == pytest.approx(np.sqrt(0.5) * (motion.right + motion.left))
+    assert motion.antisymmetric == pytest.approx(np.sqrt(0.5) * (motion.right - motion.left))
 
 
 def test_times_rounded_in_the_file_are_taken_as_equally_spaced(tmp_path):

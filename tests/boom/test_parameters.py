@@ -164,8 +164,8 @@ def test_consistent_boom_mass_does_not_warn():
         bc.BoomParameters(**HEAVIER, density=1.1 * P.density)
         bc.BoomParameters(boom_mass=P.boom_mass + 0.02)
         dataclasses.replace(P, boom_mass=39.3)
-        bc.boom_family(mass=(0.8, 1.2))
-        bc.fit(bc.spray_boom, frequencies, ["boom_mass"], bc.BoomParameters(), starts=1)
+        bc.boom_family(mass_factor=(0.8, 1.2))
+        bc.fit(bc.spray_boom, frequencies, ["boom_mass"], bc.BoomParameters(), n_starts=1)
 
 
 @pytest.mark.parametrize("where", ["changed keys", "all keys"])

@@ -10,15 +10,15 @@ import boomctl as bc
 from boomctl.boom import boom_family, bump_track, tractor_system
 
 P, TRACTOR = bc.BoomParameters(), bc.boom.TractorParameters()
-STILL = replace(P, cradle_damping=0.0, hinge_damping=0.0, structural_damping=0.0)
+STILL = replace(P, cradle_damping=0.0, hinge_damping=0.0, stiffness_damping=0.0)
 HEAVY = {"boom_mass": 1e15, "boom_inertia": 1e15}
 TIME, MOVED, PLACES = np.arange(0.0, 10.0, 0.01), np.zeros((24, 1000)), bc.nozzle_positions()
 BENDS = r"would bend at .* expected 1e-05 to 1e\+06 rad/s, in SI units"
 TRACK = bc.iso_track("C", 40.0)
 
 
-def chosen(accuracy=1e-3, band_hz=5.0, **options):
-    return bc.spray_boom(accuracy=accuracy, band_hz=band_hz, **options)
+def chosen(accuracy=1e-3, max_frequency_hz=5.0, **options):
+    return bc.spray_boom(accuracy=accuracy, max_frequency_hz=max_frequency_hz, **options)
 
 
 def sprayed(**changes):
@@ -38,38 +38,44 @@ REFUSED = [
     (lambda: bc.BoomParameters(length=1e4, **HEAVY), BENDS),
     (lambda: bc.BoomParameters(length=1e-6, spring_distance=1e-7), BENDS),
     (lambda: bc.BoomParameters(density=1e16), r"density = 1e\+16: expected at most 1e\+15, in SI units"),
-    (lambda: replace(TRACTOR, centre_to_rear=3.0), "centre_to_rear = 3: expected less than the wheelbase"),
+    (lambda: replace(TRACTOR, cg_to_rear_axle=3.0), "cg_to_rear_axle = 3: expected less than the wheelbase"),
     # meshes
     (lambda: bc.spray_boom(elements=[-6, 1, 0, 6]), "expected at least two.*, ascending"),
     (lambda: bc.spray_boom(elements=[-6, 0, 5]), r"run from .* to .* m; expected"),
     (lambda: bc.spray_boom(discretization="discrete-hermite", elements=7), "elements = 7: expected an even number, at"),
     (lambda: bc.spray_boom(discretization="discrete-hermite", elements=[-6, 0, 6]), "not a mass allocation point"),
-    (lambda: bc.spray_boom(excitation="force", reactions=True), "reactions = True"),
+    (lambda: bc.spray_boom(excitation="force", reaction_forces=True), "reaction_forces = True"),
     (lambda: bc.spray_boom(nozzles=[1.0, 0.0]), "nozzles: expected at least one place along the boom, ascending"),
     (lambda: bc.spray_boom(nozzles=[0.0, 6.5]), "expected places on the boom, -6 to 6 m, got 0 to 6.5"),
-    (lambda: chosen(band_hz=None), "band_hz = None: expected a number"),
+    (lambda: chosen(max_frequency_hz=None), "max_frequency_hz = None: expected a number"),
     (lambda: chosen(elements=8), "elements = 8: expected none beside accuracy"),
     (lambda: chosen(discretization="finite"), "discretization = 'finite': expected none"),
     (lambda: chosen(accuracy=1e-12), "accuracy = 1e-12: expected 1e-07 to 1"),
-    (lambda: chosen(parameters=STILL, band_hz=2.0), r"infinite at 0\.\d+ Hz, where nothing damps it"),
-    (lambda: boom_family(spring=(1.2, 0.8)), "range of spring.*ascending"),
-    (lambda: boom_family(mass=(-0.5, 1.2)), "lower end of mass"),
-    (lambda: boom_family(mass=(0.8, 1.0, 1.2)), "range of mass"),
+    (lambda: chosen(parameters=STILL, max_frequency_hz=2.0), r"infinite at 0\.\d+ Hz, where nothing damps it"),
+    (lambda: boom_family(spring_factor=(1.2, 0.8)), "range of spring.*ascending"),
+    (lambda: boom_family(mass_factor=(-0.5, 1.2)), "lower end of mass"),
+    (lambda: boom_family(mass_factor=(0.8, 1.0, 1.2)), "range of mass"),
     # tracks
     (lambda: road("I"), "unknown road_class 'I'"),
     (lambda: road(8), "road_class = 8: expected a letter from A to H or a number from 0 to 7"),
     (lambda: road(length=0.2), r"length = 0\.2: expected at least the shortest wave"),
-    (lambda: road(step=0.5), r"step = 0\.5: expected less than 0\.16"),
-    (lambda: road(band=(3.0, 1.0)), "band = .3, 1.: expected the lower wave number first"),
-    (lambda: road(band=(0.01, 1.0, 2.0)), "band = .*expected two wave numbers"),
+    (lambda: road(spacing=0.5), r"spacing = 0\.5: expected less than 0\.16"),
+    (lambda: road(wave_number_range=(3.0, 1.0)), "wave_number_range = .3, 1.: expected the lower wave number first"),
+    (lambda: road(wave_number_range=(0.01, 1.0, 2.0)), "wave_number_range = .*expected two wave numbers"),
     (lambda: road(length=12e3), r"length = 12000: expected at most 10000 m, the ground of a seed, or periodic=True"),
-    (lambda: road(band=(0.01, 600.0), step=5e-4), r"band = \(0\.01, 600\): expected at most 500 /m, or periodic"),
-    (lambda: road(band=(0.10001, 0.10002)), r"band = .*: expected a multiple of 0\.0001 /m in it"),
-    (lambda: road(band=(0.011, 0.014), periodic=True), "length = 200: no wave of the band"),
+    (
+        lambda: road(wave_number_range=(0.01, 600.0), spacing=5e-4),
+        r"wave_number_range = \(0\.01, 600\): expected at most 500 /m, or periodic",
+    ),
+    (
+        lambda: road(wave_number_range=(0.10001, 0.10002)),
+        r"wave_number_range = .*: expected a multiple of 0\.0001 /m in it",
+    ),
+    (lambda: road(wave_number_range=(0.011, 0.014), periodic=True), "length = 200: no wave of the band"),
     (lambda: road(length=1e12), r"length = 1e\+12: expected at most 5e\+07 steps of 0.02 m"),
     (lambda: bump_track(0.1, 0.4, position=49.9), r"position = 49\.9: expected the bump to end before the track does"),
     (lambda: bump_track(0.1, 0.01), r"bump_length = 0\.01: expected at least ten steps"),
-    (lambda: bump_track(0.1, 0.4, step=1e-12), "length = 50: expected at most"),
+    (lambda: bump_track(0.1, 0.4, spacing=1e-12), "length = 50: expected at most"),
     (lambda: bc.boom.Track(0.1, np.zeros(3), np.zeros(2), 1.8), "equally many, got 3 and 2"),
     # motions
     (lambda: bc.platform_motion("C"), r"expected Track, got str; iso_track\(\.\.\.\)"),
@@ -93,8 +99,8 @@ REFUSED = [
     (lambda: sprayed(speed=0.0), r"speed = 0\.0: expected a number from 1e-06 to 1e\+06 m/s"),
     (lambda: sprayed(speed=0.001), "too short for a cell to be judged"),
     (lambda: sprayed(displacement=1e6 * TIME * np.ones((24, 1))), r"displacement: nozzles travel 9\.99e.06 m over"),
-    (lambda: sprayed(cell=(0.1,)), "cell = .0.1,.: expected one size, or that along the boom"),
-    (lambda: sprayed(cell=(1e-9, 0.1)), "too much for cells of 1e-09 by 0.1 m"),
+    (lambda: sprayed(cell_size=(0.1,)), "cell_size = .0.1,.: expected one size, or that along the boom"),
+    (lambda: sprayed(cell_size=(1e-9, 0.1)), "too much for cells of 1e-09 by 0.1 m"),
     (lambda: sprayed(footprint=bc.boom.Footprint(14.0)), "footprint: no cell of 0.1 m between the nozzles"),
     (lambda: sprayed(nozzles=[-6.0, 0.0, 6.0]), "nozzles: expected places between the points given"),
     (lambda: sprayed(nozzles=[-5.0, 0.0, 4.0]), "nozzles: expected at least two, ascending and equally spaced"),

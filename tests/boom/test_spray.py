@@ -38,7 +38,7 @@ def test_all_that_was_sprayed_lies_on_the_ground(seed, size, thickness, shape):
     cell = (float(rng.uniform(0.05, 0.4)), float(rng.uniform(0.03, 0.3)))
     footprint = bc.boom.Footprint(float(rng.uniform(0.2, 1.5)), thickness, shape)
     assume(np.ptp(moved) < 10.0)
-    result = bc.spray_deposit(t, moved, x, 3.0, footprint=footprint, cell=cell)
+    result = bc.spray_deposit(t, moved, x, 3.0, footprint=footprint, cell_size=cell)
     area = np.outer(np.diff(result.x_edges), np.diff(result.y_edges))
     assert (result.deposit * area).sum() == pytest.approx(6 * 0.5 * 3.0 * t[-1], rel=1e-9)
     assert result.deposit.min() > -1e-9 * result.deposit.max()
@@ -63,12 +63,12 @@ def test_the_time_spent_behind_an_edge_is_that_of_many_drops(seed, size, thickne
 def test_the_variation_of_a_sine_is_known(k):
     """Dose ``1/(1 + y'/V)`` under a point; over the ground its square has the mean ``1/sqrt(1 - k^2)``."""
     t, moved = sine(k)
-    result = bc.spray_deposit(t, moved, X, 2.0, footprint=LINE, cell=(0.5, 0.01))
+    result = bc.spray_deposit(t, moved, X, 2.0, footprint=LINE, cell_size=(0.5, 0.01))
     assert result.cv == pytest.approx(np.sqrt(1.0 / np.sqrt(1.0 - k * k) - 1.0), rel=5e-3, abs=1e-9)
-    assert result.highest_dose == pytest.approx(1.0 / (1.0 - k), rel=5e-3)
-    assert result.lowest_dose == pytest.approx(1.0 / (1.0 + k), rel=5e-3)
+    assert result.max_dose == pytest.approx(1.0 / (1.0 - k), rel=5e-3)
+    assert result.min_dose == pytest.approx(1.0 / (1.0 + k), rel=5e-3)
     assert result.relative_tip_speed == pytest.approx(k / np.sqrt(2.0), rel=1e-3)
-    assert result.worst_dose == (result.highest_dose if k else pytest.approx(1.0))
+    assert result.worst_dose == (result.max_dose if k else pytest.approx(1.0))
 
 
 def test_where_a_nozzle_goes_back_its_passes_add_up():
@@ -76,8 +76,8 @@ def test_where_a_nozzle_goes_back_its_passes_add_up():
     t = 0.01 * np.arange(701)
     path = np.interp(t, [0.0, 3.0, 4.0, 7.0], [0.0, 3.0, 2.0, 5.0])
     moved = np.ones((24, 1)) * (path - t * 5.0 / 7.0)
-    result = bc.spray_deposit(t, moved, X, 5.0 / 7.0, footprint=LINE, cell=0.1)
-    along = result.deposit[result.x_judged].mean(axis=0)
+    result = bc.spray_deposit(t, moved, X, 5.0 / 7.0, footprint=LINE, cell_size=0.1)
+    along = result.deposit[result.x_slice].mean(axis=0)
     middle = 0.5 * (result.y_edges[1:] + result.y_edges[:-1])
     nominal = 5.0 / 7.0
     for low, high, passes in ((0.0, 2.0, 1), (2.0, 3.0, 3), (3.0, 5.0, 1)):
@@ -107,7 +107,7 @@ def test_the_footprint_is_what_it_says(shape):
     s = np.linspace(-0.6, 0.6, 4001)
     density = np.where(np.abs(s) < 0.4, 1.0 / 0.8 if shape == "box" else (1 - np.abs(s) / 0.4) / 0.4, 0.0)
     share = np.concatenate([[0.0], np.cumsum(0.5 * (density[1:] + density[:-1]) * np.diff(s))])
-    assert footprint.share_below(s) == pytest.approx(share, abs=1e-3)
+    assert footprint.cumulative(s) == pytest.approx(share, abs=1e-3)
 
 
 def test_a_straight_boom_between_tips_is_one_with_every_nozzle_given():
@@ -144,14 +144,14 @@ def test_small_jolt_and_yaw_vary_independently():
 def test_the_shares_and_the_worst_dose_are_counted_on_the_judged_cells():
     t, moved = sine(0.3)
     result = bc.spray_deposit(t, moved, X, 2.0)
-    dose = result.judged
+    dose = result.evaluated_deposit
     assert result.share_outside_10 == pytest.approx(np.mean(np.abs(dose - 1) > 0.1))
     assert result.share_outside_20 == pytest.approx(np.mean(np.abs(dose - 1) > 0.2))
-    assert (result.lowest_dose, result.highest_dose) == pytest.approx((dose.min(), dose.max()))
-    assert result.share_outside(0.0) == pytest.approx(1.0, abs=0.01)
-    assert result.worst_dose in (result.lowest_dose, result.highest_dose)
+    assert (result.min_dose, result.max_dose) == pytest.approx((dose.min(), dose.max()))
+    assert result.fraction_outside(0.0) == pytest.approx(1.0, abs=0.01)
+    assert result.worst_dose in (result.min_dose, result.max_dose)
     assert result.cv == pytest.approx(dose.std() / dose.mean())
-    edges = result.x_edges[result.x_judged.start], result.x_edges[result.x_judged.stop]
+    edges = result.x_edges[result.x_slice.start], result.x_edges[result.x_slice.stop]
     assert edges == pytest.approx((X[0], X[-1]), abs=0.1 + 1e-9)
 
 
@@ -177,7 +177,7 @@ def test_boom_with_nozzles_splits_where_they_are_mirror_images(nozzles):
             bc.split_symmetric(model)
         return
     jolt, yaw = bc.split_symmetric(model)
-    assert jolt.n + yaw.n == model.n
+    assert jolt.ncoordinates + yaw.ncoordinates == model.ncoordinates
     assert "nozzle_01_sym" in jolt.outputs
     assert "nozzle_01_anti" in yaw.outputs
 
@@ -190,16 +190,16 @@ def test_cells_are_judged_only_where_all_neighbours_spray(width, shape):
     found = bc.spray_deposit(t, np.zeros((24, 1001)), X, 2.5, footprint=footprint)
     longer = np.r_[X[0] - 0.5, X, X[-1] + 0.5]
     more = bc.spray_deposit(t, np.zeros((26, 1001)), longer, 2.5, footprint=footprint)
-    start = int(np.flatnonzero(np.isclose(more.x_edges, found.x_edges[found.x_judged.start]))[0])
-    same = more.deposit[start : start + len(found.judged), found.y_judged]
-    assert same == pytest.approx(found.judged, abs=1e-9)
-    assert len(found.judged) > 20
+    start = int(np.flatnonzero(np.isclose(more.x_edges, found.x_edges[found.x_slice.start]))[0])
+    same = more.deposit[start : start + len(found.evaluated_deposit), found.y_slice]
+    assert same == pytest.approx(found.evaluated_deposit, abs=1e-9)
+    assert len(found.evaluated_deposit) > 20
 
 
 def test_a_thick_footprint_on_fine_cells_is_done_in_portions(monkeypatch):
     t, moved = 0.01 * np.arange(301), wandering(np.random.default_rng(3), 24, 301, 0.1)
     arguments = (t, moved, X, 2.0)
-    options = {"footprint": bc.boom.Footprint(1.0, 1.0), "cell": (0.5, 0.01)}
+    options = {"footprint": bc.boom.Footprint(1.0, 1.0), "cell_size": (0.5, 0.01)}
     whole = bc.spray_deposit(*arguments, **options).deposit
     monkeypatch.setattr("boomctl.boom.spray._PORTION", 500)
     assert bc.spray_deposit(*arguments, **options).deposit == pytest.approx(whole, abs=1e-12)

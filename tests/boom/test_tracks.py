@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.integrate import quad
 
 import boomctl as bc
-from boomctl.boom import road_density, track_coherence
+from boomctl.boom import road_psd, track_coherence
 from tests.profiles import examples
 
 GROUND = 10_000.0  # m of ground that a seed has
@@ -15,17 +15,17 @@ GROUND = 10_000.0  # m of ground that a seed has
 
 def test_the_classes_are_those_of_the_standard():
     """Geometric means at 0.1 /m in 1e-6 m^3, A to H."""
-    found = [float(road_density(letter, 0.1)[0]) * 1e6 for letter in "ABCDEFGH"]
+    found = [float(road_psd(letter, 0.1)[0]) * 1e6 for letter in "ABCDEFGH"]
     assert found == pytest.approx([16, 64, 256, 1024, 4096, 16384, 65536, 262144])
-    assert road_density("C", [0.1, 0.2]) == pytest.approx([256e-6, 64e-6])
-    assert road_density(2, 0.1) == road_density("C", 0.1)
+    assert road_psd("C", [0.1, 0.2]) == pytest.approx([256e-6, 64e-6])
+    assert road_psd(2, 0.1) == road_psd("C", 0.1)
 
 
 def summed(road_class, seed, period, low, waves, distance):
     """Return left and right as the sum of their waves one by one: whoever has PCG64 has the track."""
     n = np.arange(1, waves + 1) / period
     drawn = np.random.Generator(np.random.PCG64(seed)).standard_normal((waves, 4)).T
-    size = np.sqrt(road_density(road_class, n) / period * (n >= low))
+    size = np.sqrt(road_psd(road_class, n) / period * (n >= low))
     common = track_coherence(n, 1.8)
     phase = 2.0 * np.pi * np.outer(distance, n)
     mean = (np.cos(phase) * drawn[0] - np.sin(phase) * drawn[1]) @ (size * np.sqrt(0.5 * (1 + common)))
@@ -37,7 +37,7 @@ def summed(road_class, seed, period, low, waves, distance):
 def test_the_tracks_of_a_seed_are_built_from_its_first_normal_numbers(periodic):
     """A wave after the other; half sum first, then half difference, cosine before sine."""
     period = 20.0 if periodic else GROUND
-    track = bc.iso_track("B", 20.0, 11, step=0.1, band=(0.05, 0.7), periodic=periodic)
+    track = bc.iso_track("B", 20.0, 11, spacing=0.1, wave_number_range=(0.05, 0.7), periodic=periodic)
     left, right = summed("B", 11, period, 0.05, round(0.7 * period), track.distance)
     assert track.left == pytest.approx(left, abs=1e-11 * np.abs(left).max())
     assert track.right == pytest.approx(right, abs=1e-11 * np.abs(right).max())
@@ -48,8 +48,8 @@ def test_the_tracks_of_a_seed_are_built_from_its_first_normal_numbers(periodic):
 @given(st.integers(0, 2**53), st.sampled_from((20.0, 60.0)), st.sampled_from((90.0, 700.0)), st.integers(1, 4))
 @examples(8)
 def test_a_seed_is_the_same_ground_however_long_and_however_fine(seed, short, long, finer):
-    one = bc.iso_track("D", short, seed, step=0.08, band=(0.01, 1.0))
-    other = bc.iso_track("D", long, seed, step=0.08 / finer, band=(0.01, 1.0))
+    one = bc.iso_track("D", short, seed, spacing=0.08, wave_number_range=(0.01, 1.0))
+    other = bc.iso_track("D", long, seed, spacing=0.08 / finer, wave_number_range=(0.01, 1.0))
     for side in ("left", "right"):
         heights = getattr(one, side)
         assert getattr(other, side)[::finer][: len(heights)] == pytest.approx(heights, abs=1e-11 * heights.std())
@@ -58,9 +58,9 @@ def test_a_seed_is_the_same_ground_however_long_and_however_fine(seed, short, lo
 @pytest.mark.slow
 def test_far_down_a_long_track_of_many_points_the_heights_are_those_of_the_sum():
     """Behind many blocks, where phases have gone round ten thousand times."""
-    track = bc.iso_track("C", GROUND, 2, step=0.01, band=(0.01, 3.0))
+    track = bc.iso_track("C", GROUND, 2, spacing=0.01, wave_number_range=(0.01, 3.0))
     at = np.array([1, 32767, 32768, 499_999, 777_777, 999_999, 1_000_000])
-    left, right = summed("C", 2, GROUND, 0.01, 30_000, track.step * at)
+    left, right = summed("C", 2, GROUND, 0.01, 30_000, track.spacing * at)
     assert track.left[at] == pytest.approx(left, abs=1e-10 * track.left.std())
     assert track.right[at] == pytest.approx(right, abs=1e-10 * track.right.std())
     assert track.left[0] == pytest.approx(track.left[-1], abs=1e-10 * track.left.std())
@@ -71,7 +71,7 @@ def grounds():
     """The amplitudes of three whole grounds (seed, side, wave) up to 0.6 /m, and their wave numbers."""
     found = []
     for seed in range(3):
-        track = bc.iso_track("D", GROUND, seed, step=0.5, band=(0.01, 0.6), width=1.5)
+        track = bc.iso_track("D", GROUND, seed, spacing=0.5, wave_number_range=(0.01, 0.6), width=1.5)
         found.append([np.fft.rfft(side[:-1])[1:6001] / (len(side) - 1) for side in (track.left, track.right)])
     return np.array(found), np.arange(1, 6001) / GROUND
 
@@ -80,7 +80,7 @@ def test_a_whole_ground_has_the_density_of_its_class_wave_by_wave(grounds):
     """Shares of the expected size have the mean and the variance of exponential variables, and none is outside."""
     found, n = grounds
     inside = n >= 0.01 * (1 - 1e-9)
-    share = 2.0 * np.abs(found[..., inside]) ** 2 * GROUND / road_density("D", n[inside])
+    share = 2.0 * np.abs(found[..., inside]) ** 2 * GROUND / road_psd("D", n[inside])
     assert np.abs(found[..., ~inside]).max() < 1e-12 * np.abs(found).max()
     for part in np.array_split(share, 5, axis=2):
         assert part.mean() == pytest.approx(1.0, abs=5.0 / np.sqrt(part.size / 2))
@@ -127,11 +127,11 @@ def test_a_bump_is_where_it_should_be():
     assert np.abs(track.left).max() == 0.0
     assert track.right.max() == pytest.approx(0.08)
     assert track.distance[track.right.argmax()] == pytest.approx(3.2)
-    assert track.step * track.right.sum() == pytest.approx(0.5 * 0.08 * 0.4)
+    assert track.spacing * track.right.sum() == pytest.approx(0.5 * 0.08 * 0.4)
     assert (bc.boom.bump_track(0.08, 0.4, "both").left == bc.boom.bump_track(0.08, 0.4, "left").left).all()
 
 
 def test_a_track_that_goes_round_may_be_longer_than_a_ground():
-    track = bc.iso_track("C", 12e3, 1, step=1.0, band=(0.01, 0.4), periodic=True)
+    track = bc.iso_track("C", 12e3, 1, spacing=1.0, wave_number_range=(0.01, 0.4), periodic=True)
     assert track.length == 12e3
     assert track.left.std() == pytest.approx(np.sqrt(256e-6 * 0.01 * (1 / 0.01 - 1 / 0.4)), rel=0.3)

@@ -31,21 +31,21 @@ def test_forces_on_the_body_are_mass_times_acceleration(p, speed, omega):
     X = np.linalg.solve(s * np.eye(18) - system.A, system.B @ ground)
     x, z, pitch, roll, yaw = X[:5]
     felt = ground / (1 + s * p.contact_length / (2 * np.sqrt(6) * speed)) ** 2
-    ahead = np.array([1, 1, 0, 0]) * p.wheelbase - p.centre_to_rear
+    ahead = np.array([1, 1, 0, 0]) * p.wheelbase - p.cg_to_rear_axle
     across = 0.5 * p.track_width * np.array([-1, 1, -1, 1])
     k, c = (
-        np.repeat([getattr(p, f"tyre_{what}_{axle}") for axle in ("front", "rear")], 2)
+        np.repeat([getattr(p, f"tire_{what}_{axle}") for axle in ("front", "rear")], 2)
         for what in ("stiffness", "damping")
     )
     lift = (k + s * c) * (felt - z - ahead * pitch - across * roll)
-    front = p.mass * GRAVITY * p.centre_to_rear / p.wheelbase / 2
+    front = p.mass * GRAVITY * p.cg_to_rear_axle / p.wheelbase / 2
     load = np.repeat([front, p.mass * GRAVITY / 2 - front], 2)
     push = -load * s * felt / speed - p.rolling_resistance * lift
-    below = p.centre_height - p.hub_height
+    below = p.cg_height - p.hub_height
     drive = -(p.drive_stiffness + s * p.drive_damping) * (x + below * pitch)
     side = 2 * (
-        p.cornering_stiffness_front * (p.wheelbase - p.centre_to_rear) ** 2
-        + p.cornering_stiffness_rear * p.centre_to_rear**2
+        p.cornering_stiffness_front * (p.wheelbase - p.cg_to_rear_axle) ** 2
+        + p.cornering_stiffness_rear * p.cg_to_rear_axle**2
     )
     steer = -(side / speed) * (s + 2 * np.pi * p.steering_corner_hz) * yaw
     balances = (
@@ -58,7 +58,7 @@ def test_forces_on_the_body_are_mass_times_acceleration(p, speed, omega):
     size = np.abs(lift).max() + np.abs(push).max() + np.abs(drive)
     for inertia, force in balances:
         assert abs(inertia - force) < 1e-9 * size
-    boom = x + (p.centre_height - p.boom_height) * pitch
+    boom = x + (p.cg_height - p.boom_height) * pitch
     turned = 0.5 * bc.BoomParameters().actuator_distance * yaw
     assert pytest.approx([boom - turned, boom + turned], rel=1e-9) == system.C @ X
 
@@ -121,7 +121,7 @@ def test_without_steering_a_step_under_one_side_turns_the_heading_for_good():
 
 
 def test_a_finer_sampling_of_the_same_straight_ground_changes_nothing():
-    track = bc.iso_track("C", 40.0, 1, step=0.04, band=(0.05, 3.0))
+    track = bc.iso_track("C", 40.0, 1, spacing=0.04, wave_number_range=(0.05, 3.0))
     coarse, fine = (bc.platform_motion(track, P, 2.0, sample_time=h) for h in (0.02, 0.005))
     assert fine.left[::4] == pytest.approx(coarse.left, abs=1e-7 * coarse.left.std())
     assert fine.right[::4] == pytest.approx(coarse.right, abs=1e-7 * coarse.right.std())
@@ -130,7 +130,7 @@ def test_a_finer_sampling_of_the_same_straight_ground_changes_nothing():
 def test_on_a_periodic_track_each_harmonic_is_the_frequency_response_to_it():
     """Straight lines between points weigh a harmonic with sinc^2."""
     speed, count = 2.0, 2000
-    track = bc.iso_track("C", 80.0, 7, step=0.04, periodic=True)
+    track = bc.iso_track("C", 80.0, 7, spacing=0.04, periodic=True)
     motion = bc.platform_motion(track, P, speed, sample_time=0.02)
     assert motion.left[0] == pytest.approx(motion.left[-1], abs=1e-5 * motion.left.std())
     k = np.arange(2, 200)
@@ -163,7 +163,7 @@ def test_platform_motion_random_tracks_have_expected_density(periodic):
     f = spacing * np.arange(1, round(8.75 / spacing))
     H = bc.boom.tractor_system(P, 2.5)(2j * np.pi * f, squeeze=False)
     left, right = (H[:, side] * np.exp(2j * np.pi * f * P.wheelbase / 2.5) + H[:, 2 + side] for side in (0, 1))
-    ground = bc.boom.road_density("D", f / 2.5) / 2.5 * ((f / 2.5 >= 0.01) & (f / 2.5 <= 3.0))
+    ground = bc.boom.road_psd("D", f / 2.5) / 2.5 * ((f / 2.5 >= 0.01) & (f / 2.5 <= 3.0))
     common = bc.boom.track_coherence(f / 2.5, P.track_width)
     jolt = 0.5 * np.abs(0.5 * (left + right).sum(axis=0)) ** 2 * ground * (1.0 + common)
     difference = 0.5 * np.abs(0.5 * ((left - right)[0] - (left - right)[1])) ** 2 * ground * (1.0 - common)
@@ -174,7 +174,7 @@ def test_platform_motion_random_tracks_have_expected_density(periodic):
 
 
 SLOW = replace(P, steering_corner_hz=2e-4)
-ROUND = bc.iso_track("C", 40.0, 3, step=0.04, band=(0.05, 3.0), periodic=True)
+ROUND = bc.iso_track("C", 40.0, 3, spacing=0.04, wave_number_range=(0.05, 3.0), periodic=True)
 
 
 def test_slow_steering_costs_no_more_rounds_and_leaves_a_motion_that_repeats():

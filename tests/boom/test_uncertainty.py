@@ -18,7 +18,9 @@ factors = st.floats(-1.0, 1.0)
 @examples(15)
 def test_the_family_is_the_boom_at_every_point(a, b, bandwidth):
     family = boom_family(accelerometer_bandwidth_hz=bandwidth)
-    exact = spray_boom(scaled_boom(BoomParameters(), **family.values([a, b])), accelerometer_bandwidth_hz=bandwidth)
+    exact = spray_boom(
+        scaled_boom(BoomParameters(), **family.denormalize([a, b])), accelerometer_bandwidth_hz=bandwidth
+    )
     mine = family.at([a, b])
     for name in ("M", "C", "K"):
         assert getattr(mine, name) == pytest.approx(getattr(exact, name), rel=1e-9, abs=1e-9 * np.abs(exact.K).max())
@@ -30,7 +32,7 @@ def test_the_family_is_the_boom_at_every_point(a, b, bandwidth):
 def test_a_heavier_boom_keeps_its_tubes_share():
     p = BoomParameters()
     for mass in (0.5, 0.8, 1.2, 3.0):
-        scaled = scaled_boom(p, mass=mass)
+        scaled = scaled_boom(p, mass_factor=mass)
         assert scaled.tube_mass / scaled.boom_mass == pytest.approx(p.tube_mass / p.boom_mass)
         assert scaled.tube_inertia / scaled.boom_inertia == pytest.approx(p.tube_inertia / p.boom_inertia)
 
@@ -40,18 +42,18 @@ def test_the_yaw_frequency_runs_from_the_models_to_the_measured_one():
     assert family.at([-1.0]).eigenfrequencies_hz(1)[0] == pytest.approx(0.2450, abs=1e-4)
     stiff = spray_boom(replace(BoomParameters(), spring_stiffness=float(family.high[0])))
     assert stiff.eigenfrequencies_hz(1)[0] == pytest.approx(0.34, rel=1e-9)
-    assert yaw_family(half="yaw").centre.inputs == ("actuator_anti", "suspension_anti")
+    assert yaw_family(subsystem="yaw").nominal.inputs == ("actuator_anti", "suspension_anti")
 
 
 def test_springs_go_up_to_those_of_the_measured_yaw_whatever_the_dampers():
     """A damper at the hinge that leaves the yaw no frequency changes the damping alone."""
     damped = replace(BoomParameters(), hinge_damping=700.0)
     with pytest.raises(ValueError, match="frequency_hz"):
-        yaw_family(damped, half="yaw")
+        yaw_family(damped, subsystem="yaw")
     stiffest = float(yaw_family().high[0])
     one, other = (spring_family(p, stiffest, half="yaw", elements=6) for p in (BoomParameters(), damped))
     assert one.high == other.high == stiffest
     for delta in (-1.0, 1.0):
         assert np.allclose(one.at([delta]).K, other.at([delta]).K)
-    assert not np.allclose(one.centre.C, other.centre.C)
-    assert np.allclose(yaw_family(half="yaw").at([1.0]).K, one.at([1.0]).K)
+    assert not np.allclose(one.nominal.C, other.nominal.C)
+    assert np.allclose(yaw_family(subsystem="yaw").at([1.0]).K, one.at([1.0]).K)

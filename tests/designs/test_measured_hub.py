@@ -41,10 +41,10 @@ def test_what_is_proved_over_the_box_holds_on_the_true_rig(made, states, most):
     assert K.nstates == states
     stable, worst = proofs(K)
     assert stable.proved
-    assert stable.gain < 0.4  # around what the parameters do not explain
+    assert stable.small_gain < 0.4  # around what the parameters do not explain
     assert worst.upper_bound < most  # rad/N
     true = bc.feedback_loop(rig(TRUTH), K, delay=DELAY)["hub_angle", "tip_force"]
-    assert bc.hinf_norm(true).lower <= worst.upper_bound
+    assert bc.hinf_norm(true).lower_bound <= worst.upper_bound
     loop = on_the_rig(K)
     assert np.abs(loop["hub_angle"]).max() < 0.05
     assert np.abs(loop["hub_angle"][-round(0.2 / STEP) :]).max() < 5.0 * COUNT
@@ -53,15 +53,15 @@ def test_what_is_proved_over_the_box_holds_on_the_true_rig(made, states, most):
 @pytest.mark.slow
 def test_h_infinity_is_better_on_the_rig_as_fitted_where_no_controller_is_much_better():
     P = weighed(rig(measured().parameters))
-    norms = [bc.hinf_norm(bc.lft(P, each.controller)).lower for each in (tuned(), optimal())]
-    assert optimal().certificate.lower <= norms[1] < norms[0]
-    assert norms[1] < 1.06 * optimal().certificate.lower
+    norms = [bc.hinf_norm(bc.lft(P, each.controller)).lower_bound for each in (tuned(), optimal())]
+    assert optimal().certificate.lower_bound <= norms[1] < norms[0]
+    assert norms[1] < 1.06 * optimal().certificate.lower_bound
 
 
 @pytest.mark.slow
 def test_the_report_says_what_was_measured_and_proved():
     made = design()
     for name in ("PD with notch", "H-infinity"):
-        assert made.facts[f"{name}, sampled loop over the box"].startswith("stable over the whole box, proved")
-    assert "blocks of neighbouring frequencies" in made.facts["intervals from"]
+        assert made.synthesis_info[f"{name}, sampled loop over the box"].startswith("stable over the whole box, proved")
+    assert "blocks of neighbouring frequencies" in made.synthesis_info["intervals from"]
     assert made.evaluate().stable

@@ -30,7 +30,7 @@ words = st.lists(pieces, min_size=1, max_size=8).map("".join)
 def test_names_and_units_stay_within_their_comment(tmp_path_factory, names, units):
     folder = tmp_path_factory.mktemp("c")
     K = control.ss([[0.5]], np.ones((1, 9)), np.ones((3, 1)), 0.0, 0.01, inputs=names[:9], outputs=names[9:])
-    bc.write_controller(K, folder / "loop.c", units=dict(zip(names, units, strict=True)), force_limit=1.0)
+    bc.write_controller(K, folder / "loop.c", units=dict(zip(names, units, strict=True)), control_limit=1.0)
     header = (folder / "loop.h").read_bytes().decode()
     listed = header.split(" * Measurements:\n")[1].split(" *\n")[0].split("\n")
     assert [line.split(":")[0] for line in listed] == [

@@ -52,8 +52,8 @@ def test_a_result_is_written_with_its_certificate(tmp_path):
     assert same(bc.read_controller(tmp_path / "lqg.json"), design.controller)
     notes = bc.exchange.read_controller_metadata(tmp_path / "lqg.json")
     assert notes.units == {"tip": "m", "torque": "N m"}
-    assert notes.certificate["lower"] == pytest.approx(design.certificate.lower)
-    assert notes.certificate["riccati"]["abscissa"] < 0.0
+    assert notes.certificate["lower_bound"] == pytest.approx(design.certificate.lower_bound)
+    assert notes.certificate["regulator_riccati"]["abscissa"] < 0.0
     assert notes.provenance["boomctl"] == bc.__version__
     assert notes.provenance["plant"] == "a mass"
 
@@ -62,7 +62,7 @@ def test_a_result_is_written_with_its_certificate(tmp_path):
 @pytest.mark.skipif(CC is None, reason="no C compiler")
 @pytest.mark.parametrize("states", [0, 7])
 def test_c_code_in_single_precision_is_close(tmp_path, states):
-    limits = {"force_limit": {"suspension_0": 2.0}, "rate_limit": 30.0}
+    limits = {"control_limit": {"suspension_0": 2.0}, "rate_limit": 30.0}
     bc.write_controller(controller(3, states, 3, 2, 0.01), tmp_path / "loop.c", **limits)
     single = ran(tmp_path, "-O2", "-DLOOP_SINGLE")
     assert single.returncode == 0, single.stdout
@@ -86,7 +86,7 @@ def test_c_code_test_stays_within_limits_first_and_exceeds_them_then():
 @pytest.mark.skipif(CC is None, reason="no C compiler")
 def test_the_comparison_fails_where_a_number_is_wrong(tmp_path):
     K = controller(3, 4, 2, 2, 0.01)
-    bc.write_controller(K, tmp_path / "loop.c", force_limit=1.0)
+    bc.write_controller(K, tmp_path / "loop.c", control_limit=1.0)
     code = (tmp_path / "loop.c").read_text()
     first = float(K.C[0, 0]).hex()
     assert first in code
@@ -103,9 +103,9 @@ def test_the_running_controller_is_that_of_simulate_loop():
     K = controller(5, 3, 1, 1, 0.01)
     t = np.arange(0.0, 2.0, 0.01)
     run = bc.simulate_loop(
-        plant, K, {"push": 30.0 * np.sin(9.0 * t)}, t, sample_time=0.01, force_limit=0.6, rate_limit=20.0
+        plant, K, t, {"push": 30.0 * np.sin(9.0 * t)}, sample_time=0.01, control_limit=0.6, rate_limit=20.0
     )
-    assert run.saturation_share["suspension_0"] > 0.05
+    assert run.saturation_fraction["suspension_0"] > 0.05
     from tests.simulation.cases import conditioning_gain
 
     own = of(K, any_time=True)
@@ -193,7 +193,7 @@ def test_the_controller_of_a_half_is_refused_unless_a_half_is_meant(tmp_path, su
     K, path = control.ss([], [], [], [[-100.0]], 0.01, **signals), tmp_path / f"yaw{suffix}"
     with pytest.raises(ValueError, match=r"'stroke_anti' is a signal of a half.*join_symmetric"):
         bc.write_controller(K, path)
-    written = bc.write_controller(K, path, half=True)
+    written = bc.write_controller(K, path, allow_subsystem=True)
     if suffix == ".json":
         notes = bc.exchange.read_controller_metadata(path)
         assert notes.units["suspension_anti"] == "N (orthonormal, root of two times half the difference)"

@@ -38,7 +38,7 @@ def weighed(model):
         disturbances={"volt": 1.0},
         performance={"load": 10.0},
         effort={"volt": 0.3},
-        noises={"motor": 0.01},
+        noise={"motor": 0.01},
         measurements="motor",
         controls="volt",
     )

@@ -21,14 +21,14 @@ PORTS = {"inputs": ("actuator_left", "actuator_right"), "outputs": ("tip_left", 
 
 def fit(**changed):
     """A fit of two springs of the chain to its frequencies."""
-    call = {"build": frequencies, "measured": frequencies(CHAIN), "free": ["k1", "k2"], "start": CHAIN, "starts": 1}
+    call = {"model": frequencies, "data": frequencies(CHAIN), "free": ["k1", "k2"], "initial": CHAIN, "n_starts": 1}
     return bc.fit(**call | changed)
 
 
 def fit_boom(**changed):
     """A fit of a spring of the boom to its response."""
-    call = {"build": bc.spray_boom, "free": ["spring_stiffness"], "start": bc.BoomParameters()}
-    return bc.fit(**{"measured": bc.spray_boom().frequency_response(OMEGA, *PORTS.values())} | call | changed)
+    call = {"model": bc.spray_boom, "free": ["spring_stiffness"], "initial": bc.BoomParameters()}
+    return bc.fit(**{"data": bc.spray_boom().frequency_response(OMEGA, *PORTS.values())} | call | changed)
 
 
 def narrow(p):
@@ -50,55 +50,55 @@ def identify(part=slice(None), **changed):
 def fast():
     """Identify a record with a resonance close to half the sampling rate."""
     model = SecondOrderModel([[1.0]], [[0.5]], [[(2.0 * np.pi * 24.2) ** 2]], {"f": [1.0]}, {"y": [1.0]})
-    return bc.identify(*driven(model, 4000, seed=0, errors=0.01, top_hz=24.9), STEP, band_hz=(0.0, 24.8))
+    return bc.identify(*driven(model, 4000, seed=0, errors=0.01, top_hz=24.9), STEP, frequency_range_hz=(0.0, 24.8))
 
 
 @cache
 def rig_fit():
-    return bc.fit(rig, measured(np.random.default_rng(0)), list(RIG), START, starts=1)
+    return bc.fit(rig, measured(np.random.default_rng(0)), list(RIG), START, n_starts=1)
 
 
 def band(**changed):
-    return uncertainty_weight(**{"measured": measured(np.random.default_rng(0)), "model": rig(RIG)} | changed)
+    return uncertainty_weight(**{"data": measured(np.random.default_rng(0)), "model": rig(RIG)} | changed)
 
 
 EXACT = rig(RIG).frequency_response(OMEGA)
 REFUSED = [
-    (lambda: fit(build=lambda p: [1.0]), "at least 3 eigenfrequencies, got 1"),
-    (lambda: fit(build=lambda p: [-1.0, 2.0, 3.0]), "build: expected eigenfrequencies above zero, got -1"),
-    (lambda: fit(measured=[]), "measured: expected at least one"),
-    (lambda: fit(measured=[0.5, 0.3]), "must be in ascending order, got"),
-    (lambda: fit(measured=[0.3, 0.4], modes=[1, 1]), "`modes` must be 2 different numbers"),
-    (lambda: fit(measured=[EXACT, frequencies(CHAIN)]), "`measured` must be data sets of one kind, shape and signals"),
+    (lambda: fit(model=lambda p: [1.0]), "at least 3 eigenfrequencies, got 1"),
+    (lambda: fit(model=lambda p: [-1.0, 2.0, 3.0]), "model: expected eigenfrequencies above zero, got -1"),
+    (lambda: fit(data=[]), "data: expected at least one"),
+    (lambda: fit(data=[0.5, 0.3]), "must be in ascending order, got"),
+    (lambda: fit(data=[0.3, 0.4], modes=[1, 1]), "`modes` must be 2 different numbers"),
+    (lambda: fit(data=[EXACT, frequencies(CHAIN)]), "`data` must be data sets of one kind, shape and signals"),
     (lambda: fit(inputs="force"), "eigenfrequencies have no signals"),
     (lambda: fit(free=[]), "free: expected at least one"),
     (lambda: fit(free=None), "free = None"),
     (lambda: fit(free=["k9"]), "unknown free parameter 'k9'; did you mean"),
     (lambda: fit(free=["k1", "k1"]), "'k1' is asked for twice"),
     (lambda: fit(free={"k1": (3.0, 1.0)}), "range of k1"),
-    (lambda: fit(free={"k1": (1.0, 2.0)}), "`start` of k1 must be in its range, 1 to 2, got 900"),
-    (lambda: fit(start={**CHAIN, "k1": 0.0}), "`start` of k1 must be above zero"),
-    (lambda: fit(start=None), "start: expected the parameters to begin from"),
-    (lambda: fit(start=3.0), "start: expected a dataclass or a mapping"),
+    (lambda: fit(free={"k1": (1.0, 2.0)}), "`initial` of k1 must be in its range, 1 to 2, got 900"),
+    (lambda: fit(initial={**CHAIN, "k1": 0.0}), "`initial` of k1 must be above zero"),
+    (lambda: fit(initial=None), "initial: expected the parameters to begin from"),
+    (lambda: fit(initial=3.0), "initial: expected a dataclass or a mapping"),
     (lambda: fit(weights=[1.0, -1.0, 1.0]), "`weights` must be zeros and numbers above 1e-50, got -1 to 1"),
     (lambda: fit(weights=[1.0, 1.0]), "`weights` must have the measured shape"),
     (
-        lambda: bc.fit(narrow, [4.0], ["k"], {"k": 4.0}, starts=1),
+        lambda: bc.fit(narrow, [4.0], ["k"], {"k": 4.0}, n_starts=1),
         r"raises at all values near k = 4\. Use a range that ends",
     ),
     # responses
     (lambda: fit_boom(inputs="nobody"), "unknown input 'nobody'"),
     (lambda: fit_boom(modes=[1]), "modes: expected None"),
-    (lambda: fit_boom(build=lambda p: bc.exact_frequency_response(p, [1.0, 2.0])), "at the measured frequencies"),
-    (lambda: fit_boom(build=lambda p: "boom"), "build: expected a model or its complex frequency response"),
+    (lambda: fit_boom(model=lambda p: bc.exact_frequency_response(p, [1.0, 2.0])), "at the measured frequencies"),
+    (lambda: fit_boom(model=lambda p: "boom"), "model: expected a model or its complex frequency response"),
     (
-        lambda: fit_boom(measured=control.frd([1.0, 0.0, 1.0], [1.0, 2.0, 3.0])),
-        "`measured` has zeros, which have no relative",
+        lambda: fit_boom(data=control.frd([1.0, 0.0, 1.0], [1.0, 2.0, 3.0])),
+        "`data` has zeros, which have no relative",
     ),
     (
         lambda: fit_boom(
-            build=lambda p: bc.exact_frequency_response(p, OMEGA),
-            measured=MeasuredFrequencyResponse(
+            model=lambda p: bc.exact_frequency_response(p, OMEGA),
+            data=MeasuredFrequencyResponse(
                 OMEGA / (2 * np.pi), bc.sigma(bc.spray_boom(), OMEGA).sigma, ("upper", "lower")
             ),
         ),
@@ -106,31 +106,31 @@ REFUSED = [
     ),
     (
         lambda: fit_boom(
-            build=lambda p: bc.spray_boom(bc.BoomParameters(**p)),
-            measured=[0.3],
+            model=lambda p: bc.spray_boom(bc.BoomParameters(**p)),
+            data=[0.3],
             free=["boom_mass"],
-            start={"boom_mass": 30.0},
+            initial={"boom_mass": 30.0},
         ),
         "boom_mass = 30: expected at least that of the tube",
     ),
-    (lambda: fit_boom(measured=control.frd([1.0, np.nan], [1.0, 2.0])), "expected finite"),
+    (lambda: fit_boom(data=control.frd([1.0, np.nan], [1.0, 2.0])), "expected finite"),
     # records
     (lambda: bc.identify(record()[0][:, [0, 0]], record()[1], STEP), "inputs that move together cannot be told apart"),
-    (lambda: identify(band_hz=(1.0, 2.0, 3.0)), "expected two frequencies"),
-    (lambda: identify(confidence=1.0), "confidence = 1.0: expected a number from 0.5 to below 1"),
+    (lambda: identify(frequency_range_hz=(1.0, 2.0, 3.0)), "expected two frequencies"),
+    (lambda: identify(confidence_level=1.0), "confidence_level = 1.0: expected a number from 0.5 to below 1"),
     (lambda: identify(slice(0, 60)), "at least 48 lines of the spectrum"),
-    (lambda: identify(errors="relative"), "errors = 'relative': expected None for a record"),
+    (lambda: identify(error_model="relative"), "error_model = 'relative': expected None for a record"),
     (lambda: bc.identify(EXACT, record()[0]), "expected None beside a measured frequency response"),
     (fast, "sample_time = 0.02: expected resonances well below half .* got one at 24.2 Hz of 25"),
     # families, and bands of what they leave
-    (lambda: fit(deviation=0.01).family(), "build: expected a function that makes a SecondOrderModel .* makes ndarray"),
-    (lambda: replace(rig_fit(), build=None).family(), "build = None: expected a function"),
+    (lambda: fit(error_std=0.01).family(), "model: expected a function that makes a SecondOrderModel .* makes ndarray"),
+    (lambda: replace(rig_fit(), model=None).family(), "model = None: expected a function"),
     (
-        lambda: fit(measured=frequencies(CHAIN)[:2]).family(),
+        lambda: fit(data=frequencies(CHAIN)[:2]).family(),
         "family: expected parameters that the measurements bound, got k1 from 0 to inf",
     ),
-    (lambda: band(measured=[1.0, 2.0]), "measured: expected a complex frequency response, got eigenfrequencies"),
-    (lambda: band(measured=EXACT, model=EXACT), "model: expected one that leaves something .* from volt to motor"),
+    (lambda: band(data=[1.0, 2.0]), "data: expected a complex frequency response, got eigenfrequencies"),
+    (lambda: band(data=EXACT, model=EXACT), "model: expected one that leaves something .* from volt to motor"),
 ]
 
 

@@ -21,28 +21,28 @@ SAFE = 0.995  # at most, of intervals from blocks, which are wider where few fre
 def chain_frequencies(rng):
     """Three frequencies with errors of 2 %: two parameters, one degree of freedom."""
     measured = frequencies(CHAIN) * np.exp(0.02 * rng.standard_normal(3))
-    return {"build": frequencies, "measured": measured, "modes": (1, 2, 3), "free": ["k1", "k2"]}
+    return {"model": frequencies, "data": measured, "modes": (1, 2, 3), "free": ["k1", "k2"]}
 
 
 def chain_response(rng):
     """A complex response with errors of 5 % of each value."""
     noise = 0.05 * (rng.standard_normal(len(OMEGA)) + 1j * rng.standard_normal(len(OMEGA)))
     measured = control.frd(response(CHAIN, OMEGA) * (1.0 + noise), OMEGA)
-    return {"build": response, "measured": measured, "free": ["k1", "k3", "c"]}
+    return {"model": response, "data": measured, "free": ["k1", "k3", "c"]}
 
 
 def chain_noise(rng):
     """A complex response with errors of one size at all frequencies, a tenth of what it is at rest."""
     noise = rng.standard_normal(len(OMEGA)) + 1j * rng.standard_normal(len(OMEGA))
     measured = control.frd(response(CHAIN, OMEGA) + 1e-4 * noise, OMEGA)
-    return {"build": response, "measured": measured, "free": ["k1", "k3", "c"], "errors": "absolute"}
+    return {"model": response, "data": measured, "free": ["k1", "k3", "c"], "error_model": "absolute"}
 
 
 def chain_gain(rng):
     """Magnitudes with errors of 5 %: nothing of the phase."""
     gain = np.abs(response(CHAIN, OMEGA)[0]) * np.exp(0.05 * rng.standard_normal(len(OMEGA)))
     curve = MeasuredFrequencyResponse(OMEGA / (2.0 * np.pi), gain, ("gain",))
-    return {"build": lambda p: np.abs(response(p)[0]), "measured": curve, "free": ["k1", "k3", "c"]}
+    return {"model": lambda p: np.abs(response(p)[0]), "data": curve, "free": ["k1", "k3", "c"]}
 
 
 def held(draw, truth, start, sets, **more):
@@ -50,7 +50,7 @@ def held(draw, truth, start, sets, **more):
     rng = np.random.default_rng(0)
     hits = []
     for _ in range(sets):
-        found = bc.fit(**draw(rng), start=start, starts=1, **more)
+        found = bc.fit(**draw(rng), initial=start, n_starts=1, **more)
         hits.append([low <= truth[name] <= high for name, (low, high) in found.intervals.items()])
     return np.mean(hits, axis=0)
 
@@ -79,7 +79,7 @@ def correlated(rng):
     omega, c = np.linspace(5.0, 50.0, 150), 4e-3
     e = signal.lfilter([np.sqrt(0.51)], [1.0, -0.7], rng.standard_normal((2, 300)), axis=1)[:, -150:]
     measured = control.frd(response({**CHAIN, "c": c}, omega) * np.exp(0.05 * (e[0] + 1j * e[1])), omega)
-    return {"build": lambda p: response(p, omega), "measured": measured, "free": ["k1", "k3"]}
+    return {"model": lambda p: response(p, omega), "data": measured, "free": ["k1", "k3"]}
 
 
 @pytest.mark.slow

@@ -36,7 +36,7 @@ def test_deviations_are_those_of_the_errors(driven):
     model, u, y = driven
     rng = np.random.default_rng(1)
     noisy = y + 0.1 * y.std(axis=0) * rng.standard_normal(y.shape)
-    H = bc.estimate_frequency_response({"left": u[:, 0], "right": u[:, 1]}, noisy, STEP, band_hz=(0.5, 10.0))
+    H = bc.estimate_frequency_response({"left": u[:, 0], "right": u[:, 1]}, noisy, STEP, frequency_range_hz=(0.5, 10.0))
     assert (H.input_labels, H.output_labels) == (["left", "right"], ["out_1", "out_2", "out_3"])
     exact = model.frequency_response(H.omega).frdata
     away = (H.frdata - exact) / H.deviation
@@ -52,7 +52,7 @@ def test_response_from_transient_record_is_exact(damping):
     model = three_masses(damping)
     u = noise(3000, 2, 12.0, seed=5)
     y = response_of_record(model, np.vstack([20.0 * u, u]), STEP)[3000:]
-    H = bc.estimate_frequency_response(u, y, STEP, band_hz=(0.5, 10.0))
+    H = bc.estimate_frequency_response(u, y, STEP, frequency_range_hz=(0.5, 10.0))
     exact = model.frequency_response(H.omega).frdata
     size = np.abs(exact).max(axis=2, keepdims=True)
     assert np.abs((H.frdata - exact) / size).max() < 1e-3
@@ -109,7 +109,7 @@ def nearest_modes(found, hz):
 
 def contained(modes, hz, ratio):
     """Return whether the intervals of modes contain frequencies and damping ratios, (2, modes)."""
-    intervals = np.array([[mode.frequency_interval_hz, mode.damping_interval] for mode in modes])
+    intervals = np.array([[mode.frequency_interval_hz, mode.damping_ratio_interval] for mode in modes])
     return ((intervals[..., 0] <= np.c_[hz, ratio]) & (np.c_[hz, ratio] <= intervals[..., 1])).T
 
 
@@ -122,13 +122,13 @@ def test_impacts_give_modes_response_and_intervals(seeds):
     within, scatter = [], []
     for seed in seeds:
         record, hz, ratio, response = impacts(seed, 1 + 2 * (seed % 3 == 0), (0.0, 0.007, 0.03)[seed % 4 % 3])
-        H = bc.estimate_frequency_response(*record, intersample="bl", band_hz=(3.0, 200.0))
+        H = bc.estimate_frequency_response(*record, intersample="bl", frequency_range_hz=(3.0, 200.0))
         if seed % 4 % 3:  # half of an impact at the beginning is lost, which the response shows
             scatter.append(np.abs(H.frdata[0, 0] - response(H.omega)) / H.deviation[0, 0] / np.sqrt(2.0))
-        for found in (bc.identify(*record, intersample="bl", band_hz=(3.0, 200.0)), bc.identify(H)):
+        for found in (bc.identify(*record, intersample="bl", frequency_range_hz=(3.0, 200.0)), bc.identify(H)):
             nearest = nearest_modes(found, hz)
             assert [mode.frequency_hz for mode in nearest] == pytest.approx(hz, rel=2e-3)
-            assert [mode.damping for mode in nearest] == pytest.approx(ratio, rel=0.1)
+            assert [mode.damping_ratio for mode in nearest] == pytest.approx(ratio, rel=0.1)
             within.append(contained(nearest, hz, ratio))
     assert 0.6 < np.sqrt(np.mean(np.square(np.concatenate(scatter)))) < 1.3
     assert (np.concatenate(within, axis=1).mean(axis=1) >= 0.9).all()
@@ -142,9 +142,9 @@ def test_long_impact_records_give_modes_and_intervals(seeds):
         rng = np.random.default_rng([seed, 7])
         length, hits = int(rng.integers(2000, 8000)), int(rng.integers(2, 5))
         record, hz, ratio, _ = impacts(seed, 1, (0.035, 0.5)[seed % 2], 0.005, length, hits)
-        nearest = nearest_modes(bc.identify(*record, intersample="bl", band_hz=(0.6, 40.0)), hz)
+        nearest = nearest_modes(bc.identify(*record, intersample="bl", frequency_range_hz=(0.6, 40.0)), hz)
         assert [mode.frequency_hz for mode in nearest] == pytest.approx(hz, rel=2e-3)
-        H = bc.estimate_frequency_response(*record, intersample="bl", band_hz=(0.6, 40.0))
+        H = bc.estimate_frequency_response(*record, intersample="bl", frequency_range_hz=(0.6, 40.0))
         within.append(contained(nearest_modes(bc.identify(H), hz), hz, ratio))
     assert (np.concatenate(within, axis=1).mean(axis=1) >= 0.9).all()
 
@@ -152,9 +152,11 @@ def test_long_impact_records_give_modes_and_intervals(seeds):
 @pytest.mark.slow
 def test_response_of_record_identification_is_that_of_record(driven):
     u, y = driven[1][:3000], driven[2][:3000, :1]
-    H = bc.estimate_frequency_response(u, y, STEP, band_hz=(0.5, 10.0))
-    band_hz = tuple(H.omega[[0, -1]] / (2.0 * np.pi))
-    modes = bc.identify(u, y, STEP, band_hz=band_hz, intersample="bl", held_back=0.0).modes
+    H = bc.estimate_frequency_response(u, y, STEP, frequency_range_hz=(0.5, 10.0))
+    frequency_range_hz = tuple(H.omega[[0, -1]] / (2.0 * np.pi))
+    modes = bc.identify(
+        u, y, STEP, frequency_range_hz=frequency_range_hz, intersample="bl", validation_fraction=0.0
+    ).modes
     assert repr(bc.identify(H).modes) == repr(modes)
     with pytest.raises(ValueError, match="read-only"):
         H.frdata[0] *= 2.0
@@ -190,12 +192,12 @@ def test_intersample_by_default_matches_record(intersample, quantity, top_hz):
     else:
         y = np.fft.irfft(exact(omega) * np.fft.rfft(force[:, 0]), 24000)[4000:]
     u = force[4000:, 0]
-    H = bc.estimate_frequency_response(u, y, STEP, quantity=quantity, band_hz=(0.5, 25.0 / 3.0))
+    H = bc.estimate_frequency_response(u, y, STEP, quantity=quantity, frequency_range_hz=(0.5, 25.0 / 3.0))
     phase = np.angle(H.frdata[0, 0] / exact(H.omega), deg=True)
     assert np.median(np.abs(phase)) < 1.0
     wrong = {"bl": "zoh", "zoh": "bl"}[intersample]
     with pytest.warns(UserWarning, match=f"intersample = '{wrong}': .* that of '{intersample}'"):
-        bc.estimate_frequency_response(u, y, STEP, quantity=quantity, intersample=wrong, band_hz=(0.5, 8.0))
+        bc.estimate_frequency_response(u, y, STEP, quantity=quantity, intersample=wrong, frequency_range_hz=(0.5, 8.0))
 
 
 @pytest.mark.slow
@@ -290,8 +292,11 @@ BAD = {
         "expected records of at least 64 samples for 6 inputs, got 50",
     ),
     "transposed": ({"inputs": F[None, :]}, r"expected a row a sample, got shape \(1, 500\); is it transposed"),
-    "beyond half the rate": ({"band_hz": (1.0, 30.0)}, "band_hz = .*: expected at most 25 Hz"),
-    "descending": ({"band_hz": (2.0, 1.0)}, "band_hz = .*: expected frequencies not below zero that ascend"),
+    "beyond half the rate": ({"frequency_range_hz": (1.0, 30.0)}, "frequency_range_hz = .*: expected at most 25 Hz"),
+    "descending": (
+        {"frequency_range_hz": (2.0, 1.0)},
+        "frequency_range_hz = .*: expected frequencies not below zero that ascend",
+    ),
     "quantity of none": ({"quantity": {"x": "velocity"}}, "unknown output in quantity 'x'"),
     "one name twice": ({"outputs": {"f": Y}}, "outputs: 'f' is the name of an input too"),
     "period of parts": ({"period": 0.031}, "period = 0.031: expected a whole number of samples"),
@@ -318,7 +323,7 @@ def test_coarse_signals_at_rest_and_two_level_inputs_are_no_bad_records():
 
 def test_the_picture_shows_magnitudes_with_deviations_and_coherences(driven):
     _, u, y = driven
-    H = bc.estimate_frequency_response(u, y, STEP, band_hz=(0.5, 10.0))
+    H = bc.estimate_frequency_response(u, y, STEP, frequency_range_hz=(0.5, 10.0))
     magnitude, coherence = H.plot(ax=Figure(), color="#123456")
     assert (magnitude.get_xlabel(), coherence.get_xlabel()) == ("", "frequency [Hz]")
     assert len(magnitude.get_lines()) == len(magnitude.collections) == 6

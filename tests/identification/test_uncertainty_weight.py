@@ -42,7 +42,7 @@ def test_a_band_holds_what_the_fitted_model_leaves_of_the_truth():
     """Of the truth, without errors, at all frequencies but a few; it is no larger than it must be at the peak."""
     for seed in range(3):
         H = measured(np.random.default_rng(seed))
-        model = rig(bc.fit(rig, H, list(RIG), START, starts=1).parameters).frequency_response(OMEGA).frdata
+        model = rig(bc.fit(rig, H, list(RIG), START, n_starts=1).parameters).frequency_response(OMEGA).frdata
         W = uncertainty_weight(H, model)
         assert W.nstates == 12
         assert [W.input_labels, W.output_labels] == [["volt"], ["motor", "load"]]
@@ -73,8 +73,8 @@ def test_an_entry_alone_is_that_of_all_and_several_days_count_by_the_largest():
 def test_what_is_proved_with_the_band_is_stable_on_the_truth():
     """The stand is in no model.  A soft controller is proved, sampled too; of a stiff one the loop over the family alone."""
     H = measured(np.random.default_rng(0))
-    fitted = bc.fit(rig, H, list(RIG), START, starts=1)
-    family, W = fitted.family(margin=0.02), uncertainty_weight(H, rig(fitted.parameters), outputs="motor")
+    fitted = bc.fit(rig, H, list(RIG), START, n_starts=1)
+    family, W = fitted.family(range_margin=0.02), uncertainty_weight(H, rig(fitted.parameters), outputs="motor")
 
     def pd(gain):
         corner = 100.0
@@ -82,11 +82,11 @@ def test_what_is_proved_with_the_band_is_stable_on_the_truth():
         return control.ss(-corner, corner, gain * 0.1 * corner, D, inputs="motor", outputs="volt")
 
     soft, stiff = pd(1.0), pd(20.0)
-    found = bc.robust_stability(family, soft, unmodelled=W)
+    found = bc.robust_stability(family, soft, additive_uncertainty=W)
     assert found.proved
     assert bc.feedback_loop(with_stand(RIG), soft, injection_points="motor").poles().real.max() < 0.0
-    late = bc.robust_stability(family, bc.discretize(soft, 0.005), delay=0.002, unmodelled=W)
+    late = bc.robust_stability(family, bc.discretize(soft, 0.005), delay=0.002, additive_uncertainty=W)
     assert late.proved
-    assert late.gain > found.gain  # what samples fold back, and the delay
+    assert late.small_gain > found.small_gain  # what samples fold back, and the delay
     assert bc.robust_stability(family, stiff).proved
-    assert not bc.robust_stability(family, stiff, unmodelled=W).proved
+    assert not bc.robust_stability(family, stiff, additive_uncertainty=W).proved

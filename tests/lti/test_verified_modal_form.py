@@ -98,4 +98,4 @@ def test_the_norm_of_a_boom_over_coordinates_is_certified(elements):
     norm = hinf_norm(system.statespace("boom"))
     assert norm.certified
     with mp.workdps(DIGITS):
-        assert norm.lower <= largest(response(system, norm.omega)) <= norm.upper
+        assert norm.lower_bound <= largest(response(system, norm.peak_omega)) <= norm.upper_bound

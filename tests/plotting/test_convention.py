@@ -234,13 +234,13 @@ def test_frequencies_are_drawn_in_unit_of_argument_or_axes():
     MeasuredFrequencyResponse(np.array([1.0, 2.0]), np.array([[3.0, 4.0]]), ("upper",)).plot(ax)
     assert ax.get_lines()[-1].get_xdata() == pytest.approx(2.0 * np.pi * np.array([1.0, 2.0]))
     ax = bc.sigma(one.mass()).plot(Figure().subplots())
-    for options in ({}, {"unit": "Hz"}):
+    for options in ({}, {"frequency_unit": "Hz"}):
         rad.plot(ax, **options)
         assert ax.get_lines()[-2].get_xdata() == pytest.approx(rad.frequency_hz)
-    with pytest.raises(ValueError, match="unit = 'rad/s': the curves on these axes are in Hz"):
-        rad.plot(ax, unit="rad/s")
-    with pytest.raises(ValueError, match="unit = 'kHz': expected 'Hz' or 'rad/s'"):
-        rad.plot(unit="kHz")
+    with pytest.raises(ValueError, match="frequency_unit = 'rad/s': the curves on these axes are in Hz"):
+        rad.plot(ax, frequency_unit="rad/s")
+    with pytest.raises(ValueError, match="frequency_unit = 'kHz': expected 'Hz' or 'rad/s'"):
+        rad.plot(frequency_unit="kHz")
     with pytest.raises(ValueError, match="omega, frequency_hz: expected one of them, got both"):
         bc.sigma(one.mass(), [1.0], frequency_hz=[1.0])
     theirs = control.singular_values_plot(control.singular_values_response(one.mass().to_statespace(), [1.0, 2.0]))
@@ -294,40 +294,46 @@ def test_the_picture_of_a_reduction_shows_the_error_below_what_is_proven(band):
     result = bc.reduce(given, order=10, omega_range=band)
     curves = result.curves
     inside = slice(None) if band is None else curves.omega <= band[1]
-    assert curves.error[inside].max() <= result.measured_error
+    assert curves.error[inside].max() <= result.error_norm
     assert curves.error.max() <= result.error_bound
-    assert curves.error[inside].max() > 0.9 * result.measured_error  # the peak of the error is on the grid
+    assert curves.error[inside].max() > 0.9 * result.error_norm  # the peak of the error is on the grid
     exact = bc.sigma(given, curves.omega)
     assert curves.full == pytest.approx(exact.sigma, rel=1e-9)
     ax = result.plot(Figure().subplots())
     said = [text.get_text() for text in ax.get_legend().get_texts()]
     place = "everywhere" if band is None else "in the band"
-    assert f"verified: at most {result.measured_error:.3g} {place}" in said
+    assert f"verified: at most {result.error_norm:.3g} {place}" in said
 
 
 def test_a_nyquist_curve_touches_the_disk_of_its_margin_and_passes_through_its_marks():
     loop = bc.margins(one.yaw(), one.suspension())["suspension_anti"]
-    omega, L = loop.open_loop
-    low, high = 1.0 / loop.disk.gain, loop.disk.gain
+    omega, L = loop.loop_gain
+    low, high = 1.0 / loop.disk_margin.gain_margin, loop.disk_margin.gain_margin
     distance = np.abs(-L + 0.5 * (low + high)) - 0.5 * (high - low)
     assert distance.min() == pytest.approx(0.0, abs=1e-4)
-    assert omega[np.argmin(distance)] == pytest.approx(loop.disk.omega, rel=1e-2)
-    crossing = L[np.argmin(np.abs(omega - loop.phase_omega))]
+    assert omega[np.argmin(distance)] == pytest.approx(loop.disk_margin.omega, rel=1e-2)
+    crossing = L[np.argmin(np.abs(omega - loop.phase_margin_omega))]
     assert abs(crossing) == pytest.approx(1.0, rel=1e-6)
-    assert abs(np.degrees(np.angle(crossing))) == pytest.approx(loop.phase_deg, rel=1e-6)
+    assert abs(np.degrees(np.angle(crossing))) == pytest.approx(loop.phase_margin_deg, rel=1e-6)
     near = np.abs(L) < 5.0
     assert np.abs(np.diff(L))[near[1:] & near[:-1]].max() < 0.4  # smooth to the eye
     ax = loop.plot(Figure().subplots())
     marks = {line.get_label(): line.get_xydata() for line in ax.get_lines() if str(line.get_label()).startswith("gain")}
     ((_, places),) = marks.items()
-    assert places[:, 0] == pytest.approx([-1.0 / g for g in (loop.gain_low, loop.gain_high) if 0.0 < g < np.inf])
+    assert places[:, 0] == pytest.approx([-1.0 / g for g in loop.gain_margin if 0.0 < g < np.inf])
 
 
 def test_controls_of_an_overlay_are_not_cut_off():
     def run(size):
         t = np.linspace(0.0, 1.0, 11)
-        words = {"saturation_share": {"u": 0.0}, "rate_share": {"u": 0.0}, "stops": (), "friction": None, "units": {}}
-        signals = {"outputs": {"y": t}, "strokes": {}, "controls": {"u": size * t}, "asked": {"u": size * t}}
+        words = {
+            "saturation_fraction": {"u": 0.0},
+            "rate_limit_fraction": {"u": 0.0},
+            "stop_contacts": (),
+            "friction": None,
+            "units": {},
+        }
+        signals = {"outputs": {"y": t}, "_strokes": {}, "controls": {"u": size * t}, "commanded": {"u": size * t}}
         return SimpleNamespace(time=t, **words, **signals)
 
     from boomctl.plotting.loop import plot_loop
@@ -351,16 +357,16 @@ def test_loop_plot_has_axes_for_each_unit():
         (yaw.to_statespace(), "actuator_anti", ["outputs", "accelerations", "strokes"]),  # without units
         (bc.hub_beam(modes=1), "torque", beam),
     ):
-        run = bc.simulate_loop(plant, None, {drive: np.sin(time)}, time, sample_time=0.01)
+        run = bc.simulate_loop(plant, None, time, {drive: np.sin(time)}, sample_time=0.01)
         assert [each.get_ylabel() for each in run.plot(Figure().subplots(len(wanted), 1))] == wanted
-    moved = bc.forced_response(model, {"actuator_left": time, "cradle": time}, time, ["tip_left", "stroke_left"])
+    moved = bc.forced_response(model, time, {"actuator_left": time, "cradle": time}, ["tip_left", "stroke_left"])
     assert [each.get_ylabel() for each in moved.plot(Figure())] == ["inputs [m]", "inputs [N]", "outputs [m]"]
 
 
 def test_the_axis_of_singular_values_has_their_unit():
     model, grid = bc.spray_boom(), [1.0, 2.0]
     assert bc.sigma(model, grid).plot(Figure().subplots()).get_ylabel() == "singular values [m/m]"
-    assert bc.sigma(bc.spray_boom(excitation="acceleration"), grid).value_unit == "m per m/s^2"
-    assert bc.sigma(model, grid, ["actuator_left", "cradle"]).value_unit == "m per m or N"
-    assert bc.sigma(bc.split_symmetric(model)[1], grid).value_unit == "m/m"  # orthonormal on both sides
+    assert bc.sigma(bc.spray_boom(excitation="acceleration"), grid).magnitude_unit == "m per m/s^2"
+    assert bc.sigma(model, grid, ["actuator_left", "cradle"]).magnitude_unit == "m per m or N"
+    assert bc.sigma(bc.split_symmetric(model)[1], grid).magnitude_unit == "m/m"  # orthonormal on both sides
     assert bc.sigma(model.to_statespace(), grid).plot(Figure().subplots()).get_ylabel() == "singular values"

@@ -23,7 +23,7 @@ def test_animate_slew_draws_each_motion(radius):
     shown._func(3)  # at 0.75 s
     (spoke, *lines), ax = figure.axes[0].get_lines(), figure.axes[0]
     for line, (name, motion) in zip(lines, motions.items(), strict=True):
-        shape = beam.shape(motion.states[15:16])[0]
+        shape = beam.deformed_shape(motion.states[15:16])[0]
         assert line.get_label() == name
         assert np.allclose(line.get_xdata() + 1j * line.get_ydata(), shape, atol=1e-12)
     first = motions["50 N m"].hub_angle[15]
@@ -36,5 +36,5 @@ def test_slew_comparison_plot_has_vibration_of_each_slew():
     comparison = handed_out.comparison()
     vibrations = figure_of(comparison.plot).axes[-2].get_lines()
     drawn = {line.get_label(): line.get_ydata() for line in vibrations}
-    for line in comparison.lines:
-        assert drawn[line.name] == pytest.approx([line.vibration])
+    for line in comparison.rows:
+        assert drawn[line.name] == pytest.approx([line.residual_vibration])

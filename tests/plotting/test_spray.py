@@ -25,7 +25,7 @@ def test_spray_plot_shows_a_length_on_the_scale_of_all():
     assert (drawn.norm.boundaries == figure_of(active.plot).axes[0].collections[0].norm.boundaries).all()
     assert ax.get_title(loc="left").startswith(f"passive: CV {100 * passive.cv:.1f} %")
     assert (np.asarray(drawn.get_array()) == passive.deposit).all()
-    assert ax.get_xlim() == pytest.approx(passive.y_edges[passive.y_judged.start] + np.array([0.0, 20.0]))
+    assert ax.get_xlim() == pytest.approx(passive.y_edges[passive.y_slice.start] + np.array([0.0, 20.0]))
     assert bar.get_ylabel().startswith("deposit over nominal")
     files = [figure_bytes(figure_of(passive.plot, label="passive", length=20.0), "svg") for _ in range(2)]
     assert files[0] == files[1]  # to the last byte: reports of one design can be compared
@@ -34,7 +34,7 @@ def test_spray_plot_shows_a_length_on_the_scale_of_all():
 def test_spray_plot_of_an_even_field_has_the_middle_color():
     result = sprayed(0.0)
     drawn = figure_of(result.plot).axes[0].collections[0]
-    colors = drawn.cmap(drawn.norm(result.judged.ravel()))
+    colors = drawn.cmap(drawn.norm(result.evaluated_deposit.ravel()))
     assert np.allclose(colors, drawn.cmap(drawn.norm(1.0)))
     assert mpl.colors.to_hex(colors[0]) == "#f7f7f7"
     with pytest.raises(ValueError, match="length = -1"):

@@ -31,7 +31,7 @@ def cart(friction, masses=2, coordinates="plain", seed=0):
 def test_a_cart_keeps_its_integrator_at_every_friction(coordinates):
     for seed, friction in enumerate(np.geomspace(1e-5, 10.0, 15)):
         reduced = bc.reduce(cart(friction, coordinates=coordinates, seed=seed), 3)
-        assert (reduced.order, reduced.kept) == (3, 1)
+        assert (reduced.order, reduced.retained_order) == (3, 1)
         # a push of one moves both masses by 1/(2 friction), in the end
         slow = 1e-6j * friction
         end = (slow * of(reduced.system).response(np.array([abs(slow)]))[:, 0, 0]).real
@@ -42,7 +42,7 @@ def test_a_cart_keeps_its_integrator_at_every_friction(coordinates):
 @pytest.mark.parametrize("coordinates", ["plain", "orthogonal", "mixed"])
 def test_without_friction_the_rigid_motion_is_a_double_integrator(masses, coordinates):
     reduced = bc.reduce(cart(0.0, masses, coordinates), 3 if masses == 2 else 4)
-    assert reduced.kept == 2
+    assert reduced.retained_order == 2
     slow = 1e-3
     assert of(reduced.system).response(np.array([slow]))[:, 0, 0] == pytest.approx(-1.0 / (masses * slow**2), rel=1e-4)
 
@@ -54,6 +54,6 @@ def test_an_order_not_asked_for_is_said(method):
         with warnings.catch_warnings(record=True) as said:
             warnings.simplefilter("always")
             reduced = bc.reduce(system, order, method)
-        assert reduced.asked == order
+        assert reduced.requested_order == order
         assert (reduced.order < order) == any(one.category is LowerOrderWarning for one in said)
         assert (f"{order} asked for" in repr(reduced)) == (reduced.order < order)

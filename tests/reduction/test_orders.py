@@ -25,8 +25,8 @@ def ladder(count):
 def test_modes_are_added_until_a_wanted_error_is_reached(masses, share):
     model = chain(masses, 1e-2)
     wanted = share * bc.sigma(model).peak
-    reduced = bc.reduce(model, error=wanted, method="modal")
-    assert reduced.measured_error <= wanted
+    reduced = bc.reduce(model, max_error=wanted, method="modal")
+    assert reduced.error_norm <= wanted
     assert reduced.order <= 2 * masses
 
 
@@ -34,12 +34,12 @@ def test_modes_are_added_until_a_wanted_error_is_reached(masses, share):
 @pytest.mark.parametrize("count", [12, *(pytest.param(count, marks=pytest.mark.slow) for count in (60, 100))])
 def test_every_order_has_an_error_also_below_rounding(method, count):
     full = ladder(count)
-    size = bc.hinf_norm(full).lower
+    size = bc.hinf_norm(full).lower_bound
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", LowerOrderWarning)
         found = [bc.reduce(full, order, method) for order in range(6, 13)]
-    assert max(one.measured_error for one in found[6 - 2 :]) <= 1e-5 * size
-    assert all(one.measured_error <= one.error_bound * (1.0 + 1e-3) for one in found)
+    assert max(one.error_norm for one in found[6 - 2 :]) <= 1e-5 * size
+    assert all(one.error_norm <= one.error_bound * (1.0 + 1e-3) for one in found)
 
 
 @pytest.mark.parametrize(
@@ -73,4 +73,4 @@ def test_an_error_below_rounding_is_at_most_rounding():
         ):
             found = bc.reduce(full, order)
         assert found.order == 2
-        assert found.measured_error <= 1e-6
+        assert found.error_norm <= 1e-6

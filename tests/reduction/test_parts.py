@@ -56,8 +56,8 @@ def test_jordan_blocks_are_balanced_without_modal_coordinates():
     full = control.ss(A, np.eye(4)[:, 3:], np.eye(4)[:1], 0.0)
     assert diagonalized(of(full).balanced()) is None
     red = bc.reduce(full, order=2)
-    assert red.certificate.lower <= red.error_bound
-    assert red.measured_error == pytest.approx(control.linfnorm(full - red.system)[0], rel=1e-4)
+    assert red.certificate.lower_bound <= red.error_bound
+    assert red.error_norm == pytest.approx(control.linfnorm(full - red.system)[0], rel=1e-4)
     with pytest.raises(ValueError, match="Jordan"):
         bc.reduce(full, order=2, method="modal")
 

@@ -7,7 +7,7 @@ from scipy.linalg import eigh
 from boomctl.rotating_beam import HubBeamParameters
 
 BAI = HubBeamParameters()
-LOADED = HubBeamParameters(tip_mass=0.4, tip_position=5.0)
+LOADED = HubBeamParameters(tip_mass=0.4, tip_mass_position=5.0)
 SIMO = HubBeamParameters(
     length=10.0,
     density=1.2,
@@ -34,9 +34,9 @@ def states(coordinates, strain=0.02, rate=0.3):
 
 def bent(model, tip, hub_speed=0.0):
     """Steady rotation, bent in the first clamped mode of the beam at rest to a tip displacement (by linear theory)."""
-    own, dynamics = model.basis.bending, model.dynamics
-    _, shapes = eigh(np.diag(model.basis.stiffness[own]), dynamics.rest_mass[own, own])
-    row = np.imag(dynamics.tip_row(np.zeros(model.basis.coordinates)))[own]
+    own, dynamics = model._basis.bending, model.dynamics
+    _, shapes = eigh(np.diag(model._basis.stiffness[own]), dynamics.rest_mass[own, own])
+    row = np.imag(dynamics.tip_row(np.zeros(model._basis.coordinates)))[own]
     state = model.steady_state(hub_speed)
     state[own] = shapes[:, 0] * tip / (row @ shapes[:, 0])
     return state

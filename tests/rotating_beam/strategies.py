@@ -20,6 +20,6 @@ def parameters(draw: st.DrawFn, damped: bool = False) -> HubBeamParameters:
         hub_inertia=draw(st.floats(0.0, 300.0)),
         hub_radius=draw(st.floats(0.0, 2.0)),
         tip_mass=draw(st.sampled_from([0.0, 0.01, 0.3])),
-        tip_position=draw(st.one_of(st.none(), st.floats(0.0, 1.0).map(lambda part: part * length))),
+        tip_mass_position=draw(st.one_of(st.none(), st.floats(0.0, 1.0).map(lambda part: part * length))),
         damping_ratio=draw(st.floats(0.0, 0.2)) if damped else 0.0,
     )

@@ -39,11 +39,11 @@ _LOADED = bc.HubBeamParameters(5.96, 2700.0, 1.74e-3, 7e10, 1.9e-7, 23.3, 2.07, 
 def test_chosen_model_is_as_exact_as_asked_for(p, maneuver, end, accuracy):
     """Choose, simulate as a user would, and compare with a reference of the test's own."""
     t = np.linspace(0.0, end, 500)
-    beam = bc.hub_beam(p, accuracy=accuracy, maneuver=maneuver, time=t)
-    assert beam.chosen.tried
-    assert beam.chosen.error + beam.chosen.reference[2] <= accuracy
+    beam = bc.hub_beam(p, accuracy=accuracy, maneuver=maneuver, timepts=t)
+    assert beam.selection.tried
+    assert beam.selection.error + beam.selection.reference[2] <= accuracy
     found = beam.simulate(maneuver, t).tip_displacement
-    assert _error(found, _finer(p, maneuver, beam.chosen, t)) <= accuracy, beam
+    assert _error(found, _finer(p, maneuver, beam.selection, t)) <= accuracy, beam
 
 
 @pytest.fixture(scope="module")
@@ -53,7 +53,7 @@ def spun_up():
 
 @pytest.mark.slow
 def test_what_was_chosen_is_said_and_is_what_is_built(spun_up):
-    chosen = spun_up.chosen
+    chosen = spun_up.selection
     assert (spun_up.model, spun_up.modes) == (chosen.model, chosen.modes) == ("sfoam", 3)
     assert [each[:2] for each in chosen.tried] == [("sfoam", 1), ("sfoam", 2), ("sfoam", 3)]
     errors = [each[2] for each in chosen.tried]
@@ -68,23 +68,23 @@ def test_what_was_chosen_is_said_and_is_what_is_built(spun_up):
 def test_an_accuracy_beyond_all_assumed_modes_takes_the_exact_beam():
     short = bc.HubBeamParameters(length=2.0, hub_inertia=2.0, tip_mass=0.2)
     turn = bc.spin_up(6.0, 0.6)
-    beam = bc.hub_beam(short, accuracy=1e-5, maneuver=turn, time=0.7)
+    beam = bc.hub_beam(short, accuracy=1e-5, maneuver=turn, timepts=0.7)
     assert isinstance(beam, bc.rotating_beam.GeometricallyExactBeam)
     least = {}
-    for model, _, error in beam.chosen.tried:
+    for model, _, error in beam.selection.tried:
         least[model] = min(error, least.get(model, error))
     assert all(error > 1e-5 for model, error in least.items() if model != EXACT)
     assert {"sfoam", EXACT} == set(least)
     t = np.linspace(0.0, 0.7, 300)
     found = beam.simulate(turn, t).tip_displacement
-    assert _error(found, _finer(short, turn, beam.chosen, t)) <= 1e-5
+    assert _error(found, _finer(short, turn, beam.selection, t)) <= 1e-5
 
 
 @pytest.mark.slow
 def test_tolerances_are_those_of_the_choice_in_its_maneuver_alone(spun_up):
-    chosen, t = spun_up.chosen, np.linspace(0.0, 40.0, 50)
+    chosen, t = spun_up.selection, np.linspace(0.0, 40.0, 50)
     assert (chosen.rtol, chosen.atol) == pytest.approx((1e-5, 1e-5 * chosen.largest))
-    usual, start = (1e-8, 1e-10), {"initial": np.zeros(8)}
+    usual, start = (1e-8, 1e-10), {"initial_state": np.zeros(8)}
     for final_speed, more, (rtol, atol) in (
         (2.8, {}, (chosen.rtol, chosen.atol)),
         (2.7, {}, usual),
@@ -98,6 +98,6 @@ def test_tolerances_are_those_of_the_choice_in_its_maneuver_alone(spun_up):
 def test_those_around_are_told():
     heard = []
     with bc.progress_callback(heard.append):
-        bc.hub_beam(accuracy=0.1, maneuver=bc.spin_up(1.1, 2.0), time=2.5)
+        bc.hub_beam(accuracy=0.1, maneuver=bc.spin_up(1.1, 2.0), timepts=2.5)
     assert {told.task for told in heard} == {"choice of a model"}
     assert {"geometrically exact beam with 5 polynomials", "sfoam with 1 mode"} <= {told.stage for told in heard}

@@ -23,7 +23,7 @@ def derived_residual(beam):
     """Left-hand sides of Lagrange's equations as a CasADi function of coordinates, rates and accelerations."""
     import casadi as ca
 
-    *motion, residual = equations_of_motion(beam.lagrangian)
+    *motion, residual = equations_of_motion(beam._lagrangian)
     return ca.Function("residual", motion, [residual])
 
 
@@ -38,7 +38,7 @@ def test_closed_form_equals_the_one_derived_from_the_energies(model, p, seed, mo
     np.testing.assert_allclose(closed, derived, rtol=0, atol=1e-12 * np.abs(derived).max())
     torque = 3.0
     x = np.concatenate([1e-3 * y[0], rate[0]])
-    xdot, _ = beam.casadi_function()(x, torque)
+    xdot, _ = beam.to_casadi()(x, torque)
     closed = beam.equations.state_derivative(x, torque)
     np.testing.assert_allclose(closed, np.array(xdot).ravel(), rtol=0, atol=1e-10 * np.abs(closed).max())
 

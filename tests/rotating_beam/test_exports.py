@@ -26,7 +26,7 @@ def test_nlsys_equals_the_simulator(model):
     assert np.abs(tip).max() > 1e-3
     np.testing.assert_allclose(result.tip_displacement, tip, rtol=0, atol=1e-8 * np.abs(tip).max())
     np.testing.assert_allclose(result.hub_angle, angle, rtol=0, atol=1e-8 * np.abs(angle).max())
-    assert tuple(system.state_labels) == beam.state_names
+    assert tuple(system.state_labels) == beam.state_labels
 
 
 @pytest.mark.parametrize("model", ALL_MODELS)
@@ -40,7 +40,7 @@ def test_linear_model_is_the_jacobian_of_the_nonlinear_one(model, speed):
     size = beam.equations.size
     point = np.zeros(2 * size)
     point[1:size], point[size] = beam._steady_coordinates(speed), speed
-    function = beam.casadi_function()
+    function = beam.to_casadi()
     x, u = ca.SX.sym("x", 2 * size), ca.SX.sym("u")
     xdot, y = function(x, u)
     jacobians = ca.Function("j", [x, u], [ca.jacobian(each, of) for each in (xdot, y) for of in (x, u)])(point, 0.0)
@@ -56,7 +56,7 @@ def test_linear_model_is_the_jacobian_of_the_nonlinear_one(model, speed):
     ("model", "speed"), [("sfoam", 0.0), ("tlam", 0.0), ("foam", 1.1), ("geometrically-exact", 1.1)]
 )
 def test_linear_model_equals_the_numerical_jacobian_of_nlsys(model, speed):
-    beam = hub_beam(HubBeamParameters(tip_mass=0.4, tip_position=5.0), model, 3)
+    beam = hub_beam(HubBeamParameters(tip_mass=0.4, tip_mass_position=5.0), model, 3)
     exact, system = beam.linearize(speed), beam.to_nlsys()
     numerical = system.linearize(beam.steady_state(speed), [0.0], eps=1e-7)
     scale = np.abs(exact.A).max(axis=1, keepdims=True)
@@ -65,7 +65,7 @@ def test_linear_model_equals_the_numerical_jacobian_of_nlsys(model, speed):
     np.testing.assert_allclose(numerical.C, exact.C, rtol=1e-6, atol=1e-6)
     assert exact.input_labels == system.input_labels == ["torque"]
     assert exact.output_labels == system.output_labels == ["hub_angle", "hub_speed", "tip_displacement"]
-    assert exact.state_labels == system.state_labels == list(beam.state_names)
+    assert exact.state_labels == system.state_labels == list(beam.state_labels)
 
 
 def test_linear_models_have_the_frequencies_of_a_free_hub():
@@ -73,7 +73,7 @@ def test_linear_models_have_the_frequencies_of_a_free_hub():
     beam = hub_beam(HubBeamParameters(hub_inertia=1e9), "foam", 3)
     poles = np.linalg.eigvals(beam.linearize(1.0).A)
     found = np.sort(poles.imag[poles.imag > 1.0]) / (2.0 * np.pi)
-    np.testing.assert_allclose(found, beam.frequencies_hz(1.0, coupled=True), rtol=1e-5)
+    np.testing.assert_allclose(found, beam.eigenfrequencies_hz(1.0, include_axial=True), rtol=1e-5)
 
 
 def test_nlsys_outside_the_region_of_the_mass_matrix_is_an_error():

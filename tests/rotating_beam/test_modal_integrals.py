@@ -12,7 +12,7 @@ from boomctl.rotating_beam.parameters import HubBeamParameters
 from tests.profiles import examples
 from tests.rotating_beam.strategies import parameters
 
-LOADED = HubBeamParameters(tip_mass=0.1, tip_position=5.3)
+LOADED = HubBeamParameters(tip_mass=0.1, tip_mass_position=5.3)
 
 
 def exact_shape(i: int, length: float):
@@ -53,7 +53,7 @@ def test_integrals_equal_those_in_45_digits(i, j):
     m = modal_integrals(p, n)
     with mp.workdps(45):
         length, r, line = mp.mpf(p.length), mp.mpf(p.hub_radius), mp.mpf(p.density) * mp.mpf(p.area)
-        mass, place = mp.mpf(p.tip_mass), mp.mpf(p.mass_position)
+        mass, place = mp.mpf(p.tip_mass), mp.mpf(p._mass_position)
         (fi, di), (fj, dj) = exact_shape(i, length), exact_shape(j, length)
         a = (2 * i - 1) * mp.pi / (2 * length)
 

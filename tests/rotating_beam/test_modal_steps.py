@@ -22,7 +22,7 @@ def jumping(seed):
         "sfoam",
         modes=int(generator.integers(2, 5)),
     )
-    end = generator.uniform(0.3, 3.0) / beam.frequencies_hz()[0]
+    end = generator.uniform(0.3, 3.0) / beam.eigenfrequencies_hz()[0]
     jumps = np.append(0.0, np.sort(generator.uniform(0.05, 0.95, generator.integers(1, 5)))) * end
     pulls = 10.0 ** generator.uniform(-1.5, 0.3) * generator.normal(size=jumps.size)
     acceleration = PPoly(pulls[None], np.append(jumps, end))

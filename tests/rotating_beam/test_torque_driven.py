@@ -16,7 +16,7 @@ from tests.profiles import examples
 from tests.rotating_beam.strategies import ALL_MODELS
 
 BAI = HubBeamParameters()
-LOADED = HubBeamParameters(tip_mass=0.4, tip_position=6.0)
+LOADED = HubBeamParameters(tip_mass=0.4, tip_mass_position=6.0)
 MODELS = ("sfoam", "sfoam-consistent", "foam", "tlam")
 SWEPT = ("free-hub modes",)
 
@@ -49,7 +49,7 @@ def test_the_error_is_below_what_is_asked_for(model, modes, amplitude, tip_mass,
     beam = hub_beam(replace(BAI, tip_mass=tip_mass, damping_ratio=damping), model, modes)
     timepts, maneuver = np.linspace(0.0, 6.0, 61), sine_torque(amplitude, 4.0, 4.0)
     result = beam.simulate(maneuver, timepts, rtol=rtol, atol=1e-14)
-    assert result.path == SWEPT
+    assert result.stages == SWEPT
     exact = collocated(beam, maneuver, timepts, 1e-2 * rtol)
     largest = np.abs(exact.tip).max()
     error = np.abs(result.tip_displacement - exact.tip).max()
@@ -64,7 +64,9 @@ def test_a_looser_tolerance_takes_no_more_steps(modes):
     """Steps that are short while the torque makes fast modes vibrate are so no longer when it has ended."""
     timepts, beam = np.linspace(0.0, 60.0, 61), hub_beam(BAI, "sfoam", modes)
     tolerances = (1e-2, 1e-4, 1e-6, 1e-7, 3e-8, 1e-8, 1e-9)
-    taken = [beam.simulate(sine_torque(200.0, 10.0, 10.0), timepts, rtol=rtol, atol=1e-15).steps for rtol in tolerances]
+    taken = [
+        beam.simulate(sine_torque(200.0, 10.0, 10.0), timepts, rtol=rtol, atol=1e-15).n_steps for rtol in tolerances
+    ]
     assert taken == sorted(taken)
 
 
@@ -120,7 +122,7 @@ def test_motion_may_be_taken_up_at_any_instant(model):
 def test_the_opposite_torque_mirrors_the_motion(model):
     beam, timepts = hub_beam(BAI, model, 2), np.linspace(0.0, 5.0, 26)
     left, right = (beam.simulate(sine_torque(a, 4.0, 4.0), timepts, rtol=1e-8) for a in (100.0, -100.0))
-    assert left.path == SWEPT
+    assert left.stages == SWEPT
     assert np.abs(left.tip_displacement + right.tip_displacement).max() <= 1e-12 * np.abs(left.tip_displacement).max()
     assert np.abs(left.hub_angle + right.hub_angle).max() <= 1e-12 * np.abs(left.hub_angle).max()
     assert np.abs(left.energy - right.energy).max() <= 1e-11 * left.energy.max()
@@ -129,7 +131,7 @@ def test_the_opposite_torque_mirrors_the_motion(model):
 @pytest.mark.parametrize("model", MODELS)
 def test_without_torque_what_rests_stays_at_rest(model):
     result = hub_beam(BAI, model, 3).simulate(free_hub(), np.linspace(0.0, 60.0, 7))
-    assert result.path == SWEPT
+    assert result.stages == SWEPT
     assert not result.states.any()
     assert result.error_estimate == 0.0
 
@@ -145,7 +147,7 @@ def test_a_planned_torque_moves_the_beam_as_its_function_does(model, intervals):
     timepts = np.linspace(0.0, 3.0, 61)
     found = beam.simulate(history, timepts, rtol=1e-10, atol=1e-14)
     exact = collocated(beam, applied_torque(history, history.breakpoints), timepts, 1e-11)
-    assert found.path == SWEPT
+    assert found.stages == SWEPT
     assert np.abs(found.tip_displacement - exact.tip).max() <= 1e-9 * np.abs(exact.tip).max()
     ends = np.concatenate([
         p.begin + p.h * np.arange(p.force.shape[1] + 1) for p in found.details.args[2].states.func.pieces
@@ -156,4 +158,4 @@ def test_a_planned_torque_moves_the_beam_as_its_function_does(model, intervals):
 def test_modes_that_creep_are_left_to_collocation():
     beam = hub_beam(replace(BAI, damping_ratio=0.999), "sfoam", 1)
     assert beam.equations.free_hub_form is None
-    assert beam.simulate(sine_torque(10.0, 2.0, 2.0), [3.0]).path == ("collocation",)
+    assert beam.simulate(sine_torque(10.0, 2.0, 2.0), [3.0]).stages == ("collocation",)

@@ -35,7 +35,7 @@ def brute_force(beam, law, disturbance, time, *, sample_time, read, start=None, 
     rate, quantum = options.get("rate", np.inf) * sample_time, options.get("quantum")
     noise, reference, forward = options.get("noise"), options.get("reference"), options.get("forward")
     changing = law if callable(law) else lambda measured: law
-    size = len(beam.state_names) // 2
+    size = len(beam.state_labels) // 2
     end = time[-1]
     rows = np.array([disturbance.get(name, 0.0 * time) for name in LOOP_INPUTS])
 

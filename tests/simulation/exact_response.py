@@ -34,7 +34,7 @@ def _matrices(structure, ports):
 
 
 def _outputs(model, U, step):
-    ports, n, m = model.ports, model.n, len(U)
+    ports, n, m = model.ports, model.ncoordinates, len(U)
     order = np.array(ports.integrators)
     M, C, K, B0 = _matrices(model.structure, ports)
     size = 2 * n + int(order.sum())  # states: q - G d, q' less its part in d, integrals of inputs

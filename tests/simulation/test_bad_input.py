@@ -13,7 +13,7 @@ _HUB = {"inputs": ["hub_angle", "hub_speed"], "outputs": ["torque"]}
 
 
 def _run(plant, law=None, disturbance=None, time=_TIME, **options):
-    return simulate_loop(plant, law, disturbance, time, **{"sample_time": 0.02} | options)
+    return simulate_loop(plant, law, time, disturbance, **{"sample_time": 0.02} | options)
 
 
 def _mass(**options):
@@ -45,7 +45,7 @@ def _law(k=0, dt=0.02, **names):
 
 def _varying(reads):
     A, B, C, D = (np.zeros((3, 1, columns)) for columns in (1, reads, 1, 2))
-    return TimeVaryingController(A, B, C, D, **_HUB, sample_time=0.02)
+    return TimeVaryingController(A, B, C, D, *_HUB.values(), dt=0.02)
 
 
 def _sensor(**change):
@@ -55,17 +55,17 @@ def _sensor(**change):
 def _slid(h):
     plant = ct.ss([[0, 1], [-4, -0.4]], [[0], [1]], [[1, 0]], 0, inputs=["cradle"], outputs=["cradle_slip"])
     time = h * np.arange(101)
-    return simulate_loop(plant, None, {"cradle": time / 100}, time, sample_time=h, friction=CoulombFriction(10.0))
+    return simulate_loop(plant, None, time, {"cradle": time / 100}, sample_time=h, friction=CoulombFriction(10.0))
 
 
 def _boom(signals, **options):
-    return forced_response(bc.spray_boom(elements=6), signals, **{"timepts": _TIME} | options)
+    return forced_response(bc.spray_boom(elements=6), **{"timepts": _TIME, "inputs": signals} | options)
 
 
 def _grows(rate, run):
     plant, time = ct.ss([[rate]], [[1.0]], [[1.0]], 0.0, inputs=["d"], outputs=["y"]), 0.5 * np.arange(2000)
     with np.errstate(all="ignore"):
-        return run(plant, {"d": np.ones(2000)}, time)
+        return run(plant, time, {"d": np.ones(2000)})
 
 
 _GAP = np.where(np.arange(11) == 7, np.nan, 0.0)
@@ -75,32 +75,32 @@ _SIGNALS = [
     (lambda: _mass(disturbance=np.zeros((2, 11))), r"shape \(2, 11\); expected \(1, 11\)"),
     (lambda: _mass(time=_TIME[::-1]), "ascending"),
     (lambda: _mass(time=[0.0]), "at least two"),
-    (lambda: _mass(initial=[0.0]), "initial has shape"),
+    (lambda: _mass(initial_state=[0.0]), "initial_state has shape"),
     (lambda: _mass(time=np.delete(0.02 * np.arange(12), 5)), "expected equal steps"),
     (lambda: _mass(sample_time=0.03), "whole multiple"),
-    (lambda: _read("x", force_limit={"u9": 1.0}), "unknown signal of force_limit 'u9'"),
+    (lambda: _read("x", control_limit={"u9": 1.0}), "unknown signal of control_limit 'u9'"),
     (lambda: _mass(sensors=[_sensor()]), "sensors: expected none for a linear plant"),
     (lambda: _read("z"), "'z'"),
     (lambda: _read("mode1_x1", plant=bc.spray_boom(elements=6)), "its state 'mode1_x1', which is no output"),
     (lambda: _pole(-250.0), r"too long for the controller's pole at -250\+0j rad/s.*fastest_pole="),
     (lambda: _pole(0.5, dt=0.1), "its sampling time is 0.1 s"),
     (lambda: _run(ct.ss([[0.5]], [[1.0]], [[1.0]], 0.0, 0.1)), "continuous time"),
-    (lambda: _grows(40.0, lambda P, d, t: simulate_loop(P, None, d, t, sample_time=0.5)), "diverges"),
+    (lambda: _grows(40.0, lambda P, t, d: simulate_loop(P, None, t, d, sample_time=0.5)), "diverges"),
     (lambda: _grows(5.0, forced_response), "beyond all numbers"),
     (lambda: _boom({}), "not empty"),
     (lambda: _boom({"actuator": _TIME}), "did you mean"),
 ]
 _CONTACTS = [
-    (lambda: CoulombFriction(1.0, 0.5), "static_force = 0.5"),
+    (lambda: CoulombFriction(1.0, 0.5), "breakaway_force = 0.5"),
     (lambda: _slid(4.0), "finer timepts"),
-    (lambda: _free(stroke_limit={"x": (1.0,)}), r"stroke_limit\['x'\]"),
-    (lambda: _free(stroke_limit={"v": (0.1, "f")}), "no inertia"),
-    (lambda: _free(stroke_limit=0.1), "no outputs stroke_"),
-    (lambda: _free(stroke_limit={"x": (0.5, "f")}, initial=[0.6, 0.0]), "'x' is 0.6 m at the first time"),
+    (lambda: _free(end_stop={"x": (1.0,)}), r"end_stop\['x'\]"),
+    (lambda: _free(end_stop={"v": (0.1, "f")}), "no inertia"),
+    (lambda: _free(end_stop=0.1), "no outputs stroke_"),
+    (lambda: _free(end_stop={"x": (0.5, "f")}, initial_state=[0.6, 0.0]), "'x' is 0.6 m at the first time"),
 ]
 _MACHINES = [
     (lambda: _beam(model="geometrically-exact"), "`plant` must be a hub-beam with assumed modes"),
-    (lambda: _beam(stroke_limit=1.0), "stroke_limit: expected None for a hub-beam"),
+    (lambda: _beam(end_stop=1.0), "end_stop: expected None for a hub-beam"),
     (lambda: _beam(friction=CoulombFriction(1.0)), "friction: expected None for a hub-beam"),
     (lambda: _beam(sensors=[_sensor(position=9.0)]), r"sensors\[0\]: .*9.0.*8"),
     (lambda: _beam(sensors=[_sensor(name="hub_angle")]), "sensors.*'hub_angle'"),

@@ -39,7 +39,7 @@ def _apart(found, true):
 def _outputs(beam, states):
     size = beam.equations.size
     tip = states[:, 1:size] @ beam.equations.tip.transverse
-    root = states @ beam.root_moment_row
+    root = states @ beam._root_moment_row
     return {"hub_angle": states[:, 0], "hub_speed": states[:, size], "tip_displacement": tip, "root_moment": root}
 
 
@@ -65,11 +65,11 @@ def run_both(beam, scene, time, law, matrices=None, **more):
     found = bc.simulate_loop(
         beam,
         law,
-        disturbance,
         time,
+        disturbance,
         sample_time=_TS,
         delay=scene.get("delay", 0.0),
-        force_limit=scene.get("force"),
+        control_limit=scene.get("force"),
         rate_limit=scene.get("rate"),
         quantization=scene.get("quantum"),
         noise=dict(zip(("hub_angle", "hub_speed"), sigma, strict=True)) if noise is not None else None,
@@ -88,7 +88,7 @@ def run_both(beam, scene, time, law, matrices=None, **more):
         time,
         sample_time=_TS,
         read=lambda x, a: (x[0], x[len(x) // 2]),
-        start=more.get("initial"),
+        start=more.get("initial_state"),
         **options,
     )
     return found, states, given
@@ -109,18 +109,18 @@ def test_the_loop_is_what_brute_force_finds(model, scene):
     acting = np.array([given[(k - late) // 2] if k >= late else 0.0 for k in range(len(time))])
     np.testing.assert_allclose(found.controls["torque"], acting, atol=1e-7 * np.abs(given).max())
     if "force" in SCENES[scene]:
-        assert found.saturation_share["torque"] > 0.0
+        assert found.saturation_fraction["torque"] > 0.0
     if "rate" in SCENES[scene]:
-        assert found.rate_share["torque"] > 0.0
+        assert found.rate_limit_fraction["torque"] > 0.0
 
 
 @pytest.mark.parametrize(("model", "step", "count"), [("sfoam", 0.005, 81), ("sfoam-consistent", 0.04, 11)])
 def test_times_finer_and_coarser_than_the_samples(model, step, count):
     beam, time = _beam(model, 2, 0.1), 3.0 + step * np.arange(count)
-    half = len(beam.state_names) // 2
+    half = len(beam.state_labels) // 2
     start = np.zeros(2 * half)
     start[[0, half - 2, half - 1, half, -2]] = 0.1, 0.02, -0.001, 0.2, 0.05
-    found, states, _ = run_both(beam, {"delay": 0.031, "rate": 300.0}, time, _law(), initial=start)
+    found, states, _ = run_both(beam, {"delay": 0.031, "rate": 300.0}, time, _law(), initial_state=start)
     apart = _apart(found, _outputs(beam, states))
     assert max(apart.values()) < 1e-8, apart
 
@@ -145,9 +145,9 @@ def test_a_long_delay_waits_in_the_log_as_in_a_queue(monkeypatch):
 def test_the_stated_error_is_not_below_the_true_one(model):
     beam, time = _beam(model, 2, 0.1), np.linspace(0.0, 1.0, 51)
     drive = {"torque": 150.0 * np.sin(5.0 * time), "tip_force": np.cos(7.0 * time)}
-    true = bc.simulate_loop(beam, None, drive, time, sample_time=0.02, rtol=1e-12, atol=1e-15)
+    true = bc.simulate_loop(beam, None, time, drive, sample_time=0.02, rtol=1e-12, atol=1e-15)
     for rtol in (1e-3, 1e-6, 1e-9):
-        run = bc.simulate_loop(beam, None, drive, time, sample_time=0.02, rtol=rtol, atol=1e-15)
+        run = bc.simulate_loop(beam, None, time, drive, sample_time=0.02, rtol=rtol, atol=1e-15)
         apart = np.abs(run["tip_displacement"] - true["tip_displacement"]).max()
         assert apart <= run.error_estimate + 2.0 * true.error_estimate + 1e-14
         assert run.error_estimate <= 1e-15 + rtol * 9.0 * np.abs(run["hub_angle"]).max()
@@ -171,12 +171,12 @@ def test_sensors_read_the_shape_and_its_accelerations(model):
     sensors += [bc.BeamSensor("moment", "moment", 3.0), bc.BeamSensor("clamp", "moment", 0.0)]
     forces = np.array([30.0, 5.0, 0.7])
     drive = {name: np.full(2, f) for name, f in zip(("torque", "disturbance_torque", "tip_force"), forces, strict=True)}
-    run = bc.simulate_loop(beam, None, drive, [0.0, 1e-4], sample_time=1e-4, initial=start, sensors=sensors)
+    run = bc.simulate_loop(beam, None, [0.0, 1e-4], drive, sample_time=1e-4, initial_state=start, sensors=sensors)
     turned = np.exp(-1j * start[0])
 
     def position(t):
         a = accelerations(beam, start[:half], start[half:], forces)
-        return beam.shape(np.concatenate([start[:half] + t * start[half:] + 0.5 * t**2 * a, start[half:]]))[0]
+        return beam.deformed_shape(np.concatenate([start[:half] + t * start[half:] + 0.5 * t**2 * a, start[half:]]))[0]
 
     h = 1e-3
     here = position(0.0) * turned
@@ -188,7 +188,7 @@ def test_sensors_read_the_shape_and_its_accelerations(model):
         assert run[f"acceleration_{k}"][0] == pytest.approx((second * turned)[k].imag, rel=1e-6)
     assert run["tip_acceleration"][0] == pytest.approx(run["acceleration_40"][0], rel=1e-13)
     assert run["clamp"][0] == pytest.approx(run["root_moment"][0], rel=1e-13)
-    assert run["root_moment"][0] == pytest.approx(beam.root_moment_row @ start, rel=1e-10)
+    assert run["root_moment"][0] == pytest.approx(beam._root_moment_row @ start, rel=1e-10)
     # Simpson's rule on the slopes; the curvature turns moment and strain
     across = run["slope_14"][0] + 4.0 * run["slope_15"][0] + run["slope_16"][0]
     assert (here[16] - here[14]).imag == pytest.approx(0.4 / 6.0 * across, rel=1e-2)
@@ -201,13 +201,13 @@ def test_noise_is_the_same_for_the_same_seed_and_adds_its_variance():
     time = 0.01 * np.arange(4001)
     plant = ct.ss([[-1.0]], [[1.0]], [[1.0]], 0.0, inputs=["u"], outputs=["y"])
     law = ct.ss([], [], [], [[-1.0]], 0.01, inputs=["y"], outputs=["u"])
-    runs = [bc.simulate_loop(plant, law, None, time, sample_time=0.01, noise=0.3, seed=seed) for seed in (1, 1, 2)]
-    np.testing.assert_array_equal(runs[0].asked["u"], runs[1].asked["u"])
-    assert not np.array_equal(runs[0].asked["u"], runs[2].asked["u"])
-    heard = -(runs[0].asked["u"] + runs[0]["y"])
+    runs = [bc.simulate_loop(plant, law, time, None, sample_time=0.01, noise=0.3, seed=seed) for seed in (1, 1, 2)]
+    np.testing.assert_array_equal(runs[0].commanded["u"], runs[1].commanded["u"])
+    assert not np.array_equal(runs[0].commanded["u"], runs[2].commanded["u"])
+    heard = -(runs[0].commanded["u"] + runs[0]["y"])
     assert np.std(heard) == pytest.approx(0.3, rel=0.05)
-    quiet = bc.simulate_loop(plant, law, {"u": np.ones(time.size)}, time, sample_time=0.01, noise=0.0)
-    plain = bc.simulate_loop(plant, law, {"u": np.ones(time.size)}, time, sample_time=0.01)
+    quiet = bc.simulate_loop(plant, law, time, {"u": np.ones(time.size)}, sample_time=0.01, noise=0.0)
+    plain = bc.simulate_loop(plant, law, time, {"u": np.ones(time.size)}, sample_time=0.01)
     np.testing.assert_array_equal(quiet["y"], plain["y"])
 
 
@@ -220,11 +220,11 @@ def test_small_motions_are_those_of_the_linear_model_with_its_sensors(model):
     read = ["hub_angle", "hub_speed", "slope", "tip_acceleration"]
     law = ct.ss([], [], [], [[-80.0, -240.0, -80.0, -2.0]], _TS, inputs=read, outputs=["torque"])
     reference = {"hub_angle": np.full(time.size, small)}
-    options = {"sample_time": _TS, "delay": 0.013, "force_limit": 50.0 * small, "atol": 1e-16}
+    options = {"sample_time": _TS, "delay": 0.013, "control_limit": 50.0 * small, "atol": 1e-16}
     options |= {"reference": reference, "feedforward": {"torque": 20.0 * small * np.cos(time)}}
-    linear = bc.simulate_loop(beam.linearize(sensors=sensors), law, rows, time, **options)
-    nonlinear = bc.simulate_loop(beam, law, rows, time, sensors=sensors, **options)
-    assert linear.saturation_share["torque"] > 0.0
+    linear = bc.simulate_loop(beam.linearize(sensors=sensors), law, time, rows, **options)
+    nonlinear = bc.simulate_loop(beam, law, time, rows, sensors=sensors, **options)
+    assert linear.saturation_fraction["torque"] > 0.0
     assert set(linear.outputs) == set(nonlinear.outputs)
     for name in linear.outputs:
         atol = (1e-6 if "acceleration" in name else 1e-7) * np.abs(linear[name]).max()

@@ -136,7 +136,7 @@ def _loop(K, **limits):
     gains[:, -1] = 1.0
     plant = ct.ss([], [], [], gains, inputs=[*names, "w"], outputs=list(inputs))
     time = _TS * np.arange(800)
-    return bc.simulate_loop(plant, K, {"w": np.sin(3.0 * time)}, time, sample_time=_TS, **limits)
+    return bc.simulate_loop(plant, K, time, {"w": np.sin(3.0 * time)}, sample_time=_TS, **limits)
 
 
 def _diverging():
@@ -151,16 +151,16 @@ def test_gains_of_a_time_varying_controller_that_are_not_bounded_are_left_out_an
     *matrices, L = (X[None] for X in _diverging())
     good = np.array([[[0.2, 0.0], [0.0, 0.2]]])
     K, sound, plain = (
-        TimeVaryingController(*matrices, ["y"], ["u0", "u1"], sample_time=_TS, L=gain) for gain in (L, good, None)
+        TimeVaryingController(*matrices, ["y"], ["u0", "u1"], dt=_TS, anti_windup_gain=gain) for gain in (L, good, None)
     )
-    limits = {"force_limit": {"u0": 0.5}}
+    limits = {"control_limit": {"u0": 0.5}}
     with pytest.warns(WindupWarning, match=r"where limits are met by u0, .* is not corrected"):
         found = _loop(K, **limits)
-    np.testing.assert_array_equal(found.asked["u0"], _loop(plain, **limits, anti_windup=False).asked["u0"])
+    np.testing.assert_array_equal(found.commanded["u0"], _loop(plain, **limits, anti_windup=False).commanded["u0"])
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         corrected = _loop(sound, **limits)
-    assert np.abs(corrected.asked["u0"] - found.asked["u0"]).max() > 0.01
+    assert np.abs(corrected.commanded["u0"] - found.commanded["u0"]).max() > 0.01
 
 
 def test_rates_of_many_controls_are_not_corrected_and_that_is_said():
@@ -169,7 +169,7 @@ def test_rates_of_many_controls_are_not_corrected_and_that_is_said():
         _loop(K, rate_limit=1.0)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        _loop(K, rate_limit=1.0, force_limit=5.0)
+        _loop(K, rate_limit=1.0, control_limit=5.0)
         _loop(K, rate_limit={"u0": 1.0, "u2": 1.0})
         _loop(K)
 
@@ -183,4 +183,4 @@ def test_an_integrator_whose_control_has_no_limit_is_left_alone():
     gains, proved = conditioning_gains(laws, np.array([True, False]))
     assert proved
     np.testing.assert_allclose(gains[0], [[one[0, 0], 0.0], [0.0, 0.0]], atol=1e-6)
-    _loop(ct.ss(A, B, C, D, _TS, **names), force_limit={"u0": 0.5})
+    _loop(ct.ss(A, B, C, D, _TS, **names), control_limit={"u0": 0.5})

@@ -31,9 +31,9 @@ def test_error_half_boom_ramp_below_estimate():
     half, _ = split_symmetric(bc.spray_boom(elements=42, excitation="force"))
     time = np.linspace(0.0, 100.0, 101)
     signals = {half.inputs[0]: np.minimum(time, 1.0)}
-    found = forced_response(half, signals, time)
+    found = forced_response(half, time, signals)
     error = _error(found, exact_response(half, signals, 1.0))
-    assert found.modes < half.n
+    assert found.modes < half.ncoordinates
     assert error <= max(found.error_estimate, _STORED)
     assert found.error_estimate <= 1e-6
 
@@ -45,8 +45,8 @@ def test_response_driven_body_above_soft_modes_complete():
     K = np.block([[line, np.zeros((n, n))], [np.zeros((n, n)), 1e4 * line]])
     driven, read = ({name: np.r_[nothing, eye[k]]} for name, k in (("f", 0), ("y", 5)))
     both = bc.structure.SecondOrderModel(np.eye(2 * n), 1e-3 * K, K, driven, read)
-    expected = forced_response(stiff, signals, time)["y"]
-    np.testing.assert_allclose(forced_response(both, signals, time)["y"], expected, atol=1e-6 * np.abs(expected).max())
+    expected = forced_response(stiff, time, signals)["y"]
+    np.testing.assert_allclose(forced_response(both, time, signals)["y"], expected, atol=1e-6 * np.abs(expected).max())
 
 
 def test_projection_dependent_statics_is_orthonormal():
@@ -66,7 +66,7 @@ def test_error_random_structures_below_accuracy_or_estimate(seed):
     names = rng.permutation(model.inputs)[: rng.integers(1, 3)]
     signals = {name: _random_signal(rng, time) for name in names.tolist()}
     accuracy = 10.0 ** rng.integers(-10, -2)
-    found = forced_response(model, signals, time, accuracy=accuracy)
+    found = forced_response(model, time, signals, rtol=accuracy)
     error = _error(found, exact_response(model, signals, time[-1] / (len(time) - 1)))
     assert error <= max(found.error_estimate, _STORED)
     assert found.error_estimate <= max(accuracy, 1e-8)
@@ -116,9 +116,9 @@ def _random_signal(rng, time):
 
 def test_one_actuator_alone_and_superposition():
     model = bc.spray_boom(elements=20)
-    both = forced_response(model, _PLATFORM, _TIME, "tip_left")
+    both = forced_response(model, _TIME, _PLATFORM, "tip_left")
     alone = [
-        forced_response(model, {name: values}, _TIME, "tip_left")["tip_left"] for name, values in _PLATFORM.items()
+        forced_response(model, _TIME, {name: values}, "tip_left")["tip_left"] for name, values in _PLATFORM.items()
     ]
     np.testing.assert_allclose(both["tip_left"], sum(alone), atol=1e-6 * np.abs(both["tip_left"]).max())
     assert tuple(both.outputs) == ("tip_left",)
@@ -136,7 +136,7 @@ def test_one_actuator_alone_and_superposition():
 )
 def test_forced_response_equals_open_sampled_loop(elements, excitation, tolerance):
     model = bc.spray_boom(elements=elements, excitation=excitation)
-    loop = simulate_loop(model, None, _PLATFORM, _TIME, sample_time=float(_TIME[1]))
-    found = forced_response(model, _PLATFORM, _TIME, accuracy=1e-9)
+    loop = simulate_loop(model, None, _TIME, _PLATFORM, sample_time=float(_TIME[1]))
+    found = forced_response(model, _TIME, _PLATFORM, rtol=1e-9)
     for name, values in loop.outputs.items():
         np.testing.assert_allclose(found[name], values, atol=tolerance * max(1.0, np.abs(values).max()))

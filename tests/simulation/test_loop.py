@@ -51,8 +51,8 @@ def test_the_loop_is_the_one_stepped_in_physical_coordinates(seed, share, slow, 
     free = stepped_loop(plant, law, w, _H)[1]
     limit, rate = share * np.abs(free).max(), slow * np.abs(np.diff(free)).max() / _H
     outputs, controls = stepped_loop(plant, law, w, _H, limit, rate, delay * _H)
-    limits = {name: x for name, x in (("force_limit", limit), ("rate_limit", rate)) if x < np.inf}
-    found = simulate_loop(plant, law, {"w": w}, time, sample_time=_H, delay=delay * _H, anti_windup=False, **limits)
+    limits = {name: x for name, x in (("control_limit", limit), ("rate_limit", rate)) if x < np.inf}
+    found = simulate_loop(plant, law, time, {"w": w}, sample_time=_H, delay=delay * _H, anti_windup=False, **limits)
     scale = max(1.0, np.abs(outputs).max())
     for name, values in zip(plant.output_labels, outputs, strict=True):
         np.testing.assert_allclose(found[name], values, atol=1e-8 * scale)
@@ -69,16 +69,19 @@ def test_stepping_in_blocks_changes_nothing(delay, monkeypatch):
     eye, time = np.eye(2), 1e-2 * np.arange(1500)
     law = ct.ss(-6.0 * eye, 6.0 * eye, 150.0 * eye, -300.0 * eye, inputs=_STROKES, outputs=_SUSPENSION)
     platform = {"actuator_left": 0.01 * np.sin(3.0 * time), "actuator_right": 0.01 * np.sin(2.0 * time)}
-    options = {"sample_time": 1e-2, "delay": delay, "force_limit": 1.0, "rate_limit": 10.0}
-    found = simulate_loop(bc.spray_boom(elements=6), law, platform, time, **options)
+    options = {"sample_time": 1e-2, "delay": delay, "control_limit": 1.0, "rate_limit": 10.0}
+    found = simulate_loop(bc.spray_boom(elements=6), law, time, platform, **options)
     monkeypatch.setattr("boomctl.simulation.loop.run_fast", run_smooth)
-    slow = simulate_loop(bc.spray_boom(elements=6), law, platform, time, **options)
-    for kind in ("outputs", "controls", "asked"):
+    slow = simulate_loop(bc.spray_boom(elements=6), law, time, platform, **options)
+    for kind in ("outputs", "controls", "commanded"):
         for name, values in getattr(slow, kind).items():
             _close(getattr(found, kind)[name], values)
-    assert (found.saturation_share, found.rate_share) == (slow.saturation_share, slow.rate_share)
-    assert min(found.saturation_share.values()) > 0.01
-    assert max(found.rate_share.values()) > 0.01
+    assert (found.saturation_fraction, found.rate_limit_fraction) == (
+        slow.saturation_fraction,
+        slow.rate_limit_fraction,
+    )
+    assert min(found.saturation_fraction.values()) > 0.01
+    assert max(found.rate_limit_fraction.values()) > 0.01
 
 
 @given(
@@ -98,7 +101,7 @@ def test_the_loop_that_is_run_is_the_loop_that_is_analysed(seed, delay, shared, 
     law = ct.ss(10.0**power * weak, inputs=weak.input_labels, outputs=weak.output_labels)
     if shared:  # a control that an output feels at once
         plant.D[-1, 1] = 0.5
-    run = simulate_loop(plant, law, None, time, sample_time=_H, delay=delay * _H)
+    run = simulate_loop(plant, law, time, None, sample_time=_H, delay=delay * _H)
     poles = np.linalg.eigvals(run._sampled), bc.feedback_loop(plant, law, delay=delay * _H).poles()
     radius = np.abs(poles[1]).max()
     if abs(radius - 1.0) > 1e-6:
@@ -118,8 +121,8 @@ def test_units_do_not_matter(seed, ratios):
     other = ct.ss(outs * plant * np.linalg.inv(ins), inputs=plant.input_labels, outputs=plant.output_labels)
     labels = {"inputs": law.input_labels, "outputs": law.output_labels}
     scaled = ct.ss(law.A, law.B / lengths, law.C * forces, law.D * forces / lengths, _H, **labels)
-    plain = simulate_loop(plant, law, {"w": w}, time, sample_time=_H, force_limit=0.5)
-    found = simulate_loop(other, scaled, {"w": given_as * w}, time, sample_time=_H, force_limit=0.5 * forces)
+    plain = simulate_loop(plant, law, time, {"w": w}, sample_time=_H, control_limit=0.5)
+    found = simulate_loop(other, scaled, time, {"w": given_as * w}, sample_time=_H, control_limit=0.5 * forces)
     for name, values in plain.outputs.items():
         np.testing.assert_allclose(found[name] / lengths, values, atol=1e-6 * max(1.0, np.abs(values).max()))
 
@@ -127,21 +130,21 @@ def test_units_do_not_matter(seed, ratios):
 def test_measurements_are_rounded_to_their_steps():
     plant, _, time, w = _scene(7)
     gain = ct.ss([], [], [], [[2.0]], _H, inputs=["y0"], outputs=["u0"])
-    found = simulate_loop(plant, gain, {"w": w}, time, sample_time=_H, quantization={"y0": 0.25})
-    steps = found.asked["u0"][:-1] / 0.5
+    found = simulate_loop(plant, gain, time, {"w": w}, sample_time=_H, quantization={"y0": 0.25})
+    steps = found.commanded["u0"][:-1] / 0.5
     np.testing.assert_allclose(steps, np.rint(steps), atol=1e-9)
-    assert np.abs(found.asked["u0"][:-1] - 2.0 * found["y0"][:-1]).max() <= 0.25 + 1e-9
-    assert np.abs(found.asked["u0"]).max() > 0.0
+    assert np.abs(found.commanded["u0"][:-1] - 2.0 * found["y0"][:-1]).max() <= 0.25 + 1e-9
+    assert np.abs(found.commanded["u0"]).max() > 0.0
 
 
 @given(seed=seeds)
 @examples(15)
 def test_anti_windup_does_nothing_while_no_limit_is_met(seed):
     plant, law, time, w = _scene(seed)
-    plain = simulate_loop(plant, law, {"w": w}, time, sample_time=_H)
-    most = 1.01 * max(np.abs(values).max() for values in plain.asked.values())
+    plain = simulate_loop(plant, law, time, {"w": w}, sample_time=_H)
+    most = 1.01 * max(np.abs(values).max() for values in plain.commanded.values())
     with_it, without = (
-        simulate_loop(plant, law, {"w": w}, time, sample_time=_H, force_limit=most, anti_windup=chosen)
+        simulate_loop(plant, law, time, {"w": w}, sample_time=_H, control_limit=most, anti_windup=chosen)
         for chosen in (True, False)
     )
     for name, values in plain.outputs.items():
@@ -164,13 +167,13 @@ def test_anti_windup_keeps_what_was_saturated_from_overshooting(rate, law, wound
     time = 0.02 * np.arange(2000)
     w = np.where(time < 10.0, 3.0, 0.0)
     with_it, without = (
-        simulate_loop(plant, law, {"w": w}, time, sample_time=0.02, force_limit=1.0, anti_windup=chosen)
+        simulate_loop(plant, law, time, {"w": w}, sample_time=0.02, control_limit=1.0, anti_windup=chosen)
         for chosen in (True, False)
     )
     after = time > 10.0
     assert without["y"][after].min() < wound
     assert with_it["y"][after].min() > share * without["y"][after].min()
-    assert np.abs(np.diff(with_it.asked["u"][after])).max() < jump
+    assert np.abs(np.diff(with_it.commanded["u"][after])).max() < jump
 
 
 def test_the_conditioning_gain_is_that_of_hanus_where_that_is_stable():
@@ -183,7 +186,7 @@ def test_the_conditioning_gain_is_that_of_hanus_where_that_is_stable():
 
 def test_the_result_is_a_named_time_response():
     plant, law, time, w = _scene(1)
-    response = simulate_loop(plant, law, {"w": w}, time, sample_time=_H).response
+    response = simulate_loop(plant, law, time, {"w": w}, sample_time=_H).response
     assert isinstance(response, ct.TimeResponseData)
     assert response.output_labels == plant.output_labels
     assert response.input_labels == ["w", "u0", "u1"]
@@ -192,8 +195,8 @@ def test_the_result_is_a_named_time_response():
 
 def test_an_open_loop_takes_an_array():
     time = np.linspace(0.0, 2.0, 101)
-    by_name = simulate_loop(mass_on_spring(), None, {"f": np.sin(time)}, time, sample_time=0.02)
-    by_row = simulate_loop(mass_on_spring(), None, np.sin(time), time, sample_time=0.02)
+    by_name = simulate_loop(mass_on_spring(), None, time, {"f": np.sin(time)}, sample_time=0.02)
+    by_row = simulate_loop(mass_on_spring(), None, time, np.sin(time), sample_time=0.02)
     np.testing.assert_array_equal(by_name["x"], by_row["x"])
 
 
@@ -202,7 +205,7 @@ def test_delay_of_a_plant_without_states(share):
     plant = ct.ss([], [], [], [[1.0, 1.0]], inputs=["u", "d"], outputs=["y"])
     law = ct.ss([], [], [], [[-0.5]], 0.01, inputs=["y"], outputs=["u"])
     time = 0.01 * np.arange(8)
-    found = simulate_loop(plant, law, {"d": np.ones(8)}, time, sample_time=0.01, delay=share * 0.01)
+    found = simulate_loop(plant, law, time, {"d": np.ones(8)}, sample_time=0.01, delay=share * 0.01)
     late, whole = int(np.ceil(share)), int(share)
     given, before = [], 0.0
     for k in range(8):
@@ -213,7 +216,7 @@ def test_delay_of_a_plant_without_states(share):
 
 @pytest.mark.parametrize("per_sample", [2, *(pytest.param(count, marks=pytest.mark.slow) for count in (1, 3))])
 @pytest.mark.parametrize(
-    "limits", [{}, {"force_limit": 0.3}, {"quantization": 1e-6}, {"stroke_limit": {"x": (9.0, "u")}}]
+    "limits", [{}, {"control_limit": 0.3}, {"quantization": 1e-6}, {"end_stop": {"x": (9.0, "u")}}]
 )
 def test_more_points_change_nothing_at_those_before(per_sample, limits):
     """The controller is sampled at the last time as well, when a sample falls on it."""
@@ -226,7 +229,7 @@ def test_more_points_change_nothing_at_those_before(per_sample, limits):
 
     def run(count):
         time = h * np.arange(count)
-        return simulate_loop(plant, law, {"d": pushed[:count]}, time, sample_time=per_sample * h, **limits)
+        return simulate_loop(plant, law, time, {"d": pushed[:count]}, sample_time=per_sample * h, **limits)
 
     full = run(whole)
     for count in (2, 3, 4, 64, 65, 66, 95, 96, 97, 98, 128, 129, 130):
@@ -234,4 +237,4 @@ def test_more_points_change_nothing_at_those_before(per_sample, limits):
         for name in ("x", "a"):
             np.testing.assert_allclose(part[name], full[name][:count], atol=1e-10)
         np.testing.assert_allclose(part.controls["u"], full.controls["u"][:count], atol=1e-8)
-        np.testing.assert_allclose(part.asked["u"], full.asked["u"][:count], atol=1e-8)
+        np.testing.assert_allclose(part.commanded["u"], full.commanded["u"][:count], atol=1e-8)

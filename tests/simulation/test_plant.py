@@ -148,16 +148,16 @@ def test_motion_matches_arb(kind, seed):
     exact = exact_response(plant, U, h)
     allowed = 1e-12 + ROUNDING * error(exact_response(near, U, h), exact)
     signals = dict(zip(plant.input_labels, U, strict=True))
-    forced, run = bc.forced_response(plant, signals, t), bc.simulate_loop(plant, None, signals, t, sample_time=h)
+    forced, run = bc.forced_response(plant, t, signals), bc.simulate_loop(plant, None, t, signals, sample_time=h)
     assert error(np.array([forced["y"], forced["z"]]), exact) <= forced.error_estimate
     assert error(np.array([run["y"], run["z"]]), exact) <= allowed
     first = exact_response(plant, np.vstack([np.ones(steps), np.zeros(steps)]), h)
-    stepped = bc.step(plant, t, inputs="u").values[:, 0]
+    stepped = bc.step(plant, t, inputs="u").outputs[:, 0]
     assert error(stepped, first) <= allowed
     gain, lag = 0.1 / np.abs(first[0]).max(), int(rng.integers(3))
     law = ct.ss([[0.5]], [[1.0]], [[gain]], [[-gain]], h, inputs=["y"], outputs=["u"])
     exact = exact_response(plant, np.vstack([np.zeros(steps), U[1]]), h, law, lag)
-    run = bc.simulate_loop(plant, law, {"w": U[1]}, t, sample_time=h, delay=lag * h)
+    run = bc.simulate_loop(plant, law, t, {"w": U[1]}, sample_time=h, delay=lag * h)
     assert error(np.array([run["y"], run["z"]]), exact) <= allowed
 
 
@@ -177,7 +177,7 @@ def test_loop_around_free_shaft_matches_arb(gains):
     law = None if gains is None else ct.ss([], [], [], gains, h, inputs=["at", "rate"], outputs=["u"])
     U = np.vstack([np.zeros(steps), np.ones(steps)])
     exact = exact_response(model.to_statespace(), U, h, law)
-    run = bc.simulate_loop(model, law, {"w": U[1]}, h * np.arange(steps), sample_time=h)
+    run = bc.simulate_loop(model, law, h * np.arange(steps), {"w": U[1]}, sample_time=h)
     assert error(np.array([run[name] for name in model.outputs]), exact) <= 1e-10
 
 
@@ -185,7 +185,7 @@ def test_loop_around_free_shaft_matches_arb(gains):
 def test_modal_plant_large_structure_keeps_response(excitation):
     model = bc.spray_boom(elements=60, excitation=excitation)
     modal = modal_plant(model)
-    assert len(modal.A) < 2 * model.n
+    assert len(modal.A) < 2 * model.ncoordinates
     omega = 2.0 * np.pi * np.array([1e-3, 0.01, 0.2, 1.0, 5.0, 20.0])
     resolvent = np.linalg.solve(1j * omega[:, None, None] * np.eye(len(modal.A)) - modal.A, modal.B.astype(complex))
     found = np.moveaxis(modal.C @ resolvent + modal.D, 0, 2)

@@ -58,9 +58,9 @@ def test_equal_controllers_are_one(seed, delay, limit):
     law = random_controller(rng, _TS, gain=0.1)
     scheduled = bc.gain_schedule([law, law, law], [-1.0, 0.1, 2.0], plant.output_labels[1])
     time = np.linspace(0.0, 2.0, 101)
-    given = {"sample_time": _TS, "delay": delay, "force_limit": limit}
+    given = {"sample_time": _TS, "delay": delay, "control_limit": limit}
     w = {plant.input_labels[-1]: rng.normal(size=101)}
-    one, other = (bc.simulate_loop(plant, K, w, time, **given) for K in (law, scheduled))
+    one, other = (bc.simulate_loop(plant, K, time, w, **given) for K in (law, scheduled))
     for name, row in one.outputs.items():
         np.testing.assert_allclose(other[name], row, atol=1e-9 * np.abs(row).max())
 
@@ -70,13 +70,13 @@ def test_a_regulator_reads_the_states_of_a_hub_beam():
     beam, time = bc.hub_beam(model="sfoam", modes=2), np.linspace(0.0, 2.0, 201)
     design = bc.lqr(beam.linearize(0.0), {"hub_angle": 10.0, "hub_speed": 1e3, "transverse_1": 1e4}, 0.1)
     wanted, push = {"hub_speed": 0.5 * time, "hub_angle": 0.25 * time**2}, {"tip_force": np.cos(3.0 * time)}
-    run = bc.simulate_loop(beam, design.controller, push, time, sample_time=0.01, reference=wanted)
+    run = bc.simulate_loop(beam, design.controller, time, push, sample_time=0.01, reference=wanted)
     assert {"transverse_1", "transverse_2_rate"} <= set(run.outputs)
     off = run.states.copy()
     off[:, 0] -= wanted["hub_angle"]
     off[:, beam.equations.size] -= wanted["hub_speed"]
     np.testing.assert_allclose(run.controls["torque"], -off @ design.gain[0], rtol=1e-9, atol=1e-9)
-    for k, name in enumerate(beam.state_names):
+    for k, name in enumerate(beam.state_labels):
         np.testing.assert_allclose(run[name] if name in run.outputs else run.states[:, k], run.states[:, k], atol=1e-12)
 
 
@@ -84,7 +84,7 @@ def test_the_same_in_python_control():
     beam = bc.hub_beam(model="sfoam", modes=1)
     plant, time = beam.linearize(0.0), np.linspace(0.0, 1.0, 51)
     speed = 0.8 * time
-    run = bc.simulate_loop(plant, _scheduled(), None, time, sample_time=_TS, reference={"hub_speed": speed})
+    run = bc.simulate_loop(plant, _scheduled(), time, None, sample_time=_TS, reference={"hub_speed": speed})
     discrete = ct.sample_system(plant, _TS)
     for each in ("input_labels", "output_labels", "state_labels"):
         setattr(discrete, each, getattr(plant, each))
@@ -104,5 +104,5 @@ def test_frozen_controllers_stand_on_straight_lines():
     unread = bc.gain_schedule(
         [ct.ss([], [], [], [[k]], inputs="tip", outputs="torque") for k in (1.0, 2.0)], [0.0, 1.0]
     )
-    assert unread.inputs == ("tip", "hub_speed")
+    assert unread.input_labels == ("tip", "hub_speed")
     np.testing.assert_array_equal(unread.at(0.25).D, [[1.25, 0.0]])

@@ -17,15 +17,15 @@ _FREE = ct.ss([[0.0, 1.0], [0.0, 0.0]], [[0.0], [0.5]], np.eye(2), 0.0, inputs=[
 def test_a_thrown_mass_stops_dead():
     time = np.linspace(0.0, 2.0, 201)
     found = simulate_loop(
-        _FREE, None, None, time, sample_time=0.01, stroke_limit={"x": (1.003, "f")}, initial=[0.0, 1.5]
+        _FREE, None, time, None, sample_time=0.01, end_stop={"x": (1.003, "f")}, initial_state=[0.0, 1.5]
     )
     before = time < 1.003 / 1.5
     np.testing.assert_allclose(found["x"][before], 1.5 * time[before], atol=1e-12)
     np.testing.assert_allclose(found["x"][time > 0.68], 1.003, atol=1e-12)
     np.testing.assert_allclose(found["v"][time > 0.68], 0.0, atol=1e-12)
-    first = found.stops[0]
+    first = found.stop_contacts[0]
     assert first.impulse == pytest.approx(-3.0, rel=1e-9)  # 2 kg at 1.5 m/s
-    assert first.speed == pytest.approx(1.5)
+    assert first.impact_speed == pytest.approx(1.5)
     assert first.side == 1
     assert first.time == pytest.approx(1.003 / 1.5, abs=0.01)
 
@@ -33,16 +33,16 @@ def test_a_thrown_mass_stops_dead():
 def test_a_mass_pressed_to_a_stop_rests_there_and_leaves_when_pulled():
     time = np.linspace(0.0, 6.0, 601)
     pushed = np.where(time <= 3.0, 2.0, -2.0 * (time - 3.0))
-    found = simulate_loop(_FREE, None, {"f": pushed}, time, sample_time=0.01, stroke_limit={"x": (0.5, "f")})
+    found = simulate_loop(_FREE, None, time, {"f": pushed}, sample_time=0.01, end_stop={"x": (0.5, "f")})
     resting = (time > 1.1) & (time < 2.99)
     np.testing.assert_allclose(found["x"][resting], 0.5, atol=1e-10)
     np.testing.assert_allclose(found["v"][resting], 0.0, atol=1e-10)
-    total = sum(hit.impulse for hit in found.stops if hit.time < 3.0)
+    total = sum(hit.impulse for hit in found.stop_contacts if hit.time < 3.0)
     assert total == pytest.approx(-2.0 * 3.0, rel=0.01)  # what was pushed: the mass is at rest again
     later = time > 3.1
     np.testing.assert_allclose(found["x"][later], np.maximum(0.5 - (time[later] - 3.0) ** 3 / 6.0, -0.5), atol=0.01)
-    assert found.stops[0].side == 1
-    assert found.stops[-1].side == -1
+    assert found.stop_contacts[0].side == 1
+    assert found.stop_contacts[-1].side == -1
 
 
 @given(seed=seeds)
@@ -60,10 +60,10 @@ def test_strokes_never_pass_and_stops_only_push_and_take_energy(seed):
     plant = ct.ss(A, B, np.vstack([C, np.eye(2 * n)]), 0.0, inputs=["suspension_a", "suspension_b"], outputs=outputs)
     time = np.linspace(0.0, 5.0, 1001)
     start = np.concatenate([np.zeros(n), rng.standard_normal(n)])
-    found = simulate_loop(plant, None, None, time, sample_time=0.005, stroke_limit=0.25, initial=start)
-    for stroke in found.strokes.values():
+    found = simulate_loop(plant, None, time, None, sample_time=0.005, end_stop=0.25, initial_state=start)
+    for stroke in found._strokes.values():
         assert np.abs(stroke).max() <= 0.25 * (1.0 + 1e-8)
-    for hit in found.stops:
+    for hit in found.stop_contacts:
         assert hit.impulse * hit.side <= 0.0
     states = np.array([found[f"q{k}"] for k in range(2 * n)])
     q, v = states[:n], states[n:]
@@ -82,16 +82,16 @@ def test_a_shaken_boom_between_narrow_stops(seed):
     found = simulate_loop(
         bc.spray_boom(elements=8),
         None,
-        {"actuator_left": platform[0], "actuator_right": platform[1]},
         time,
+        {"actuator_left": platform[0], "actuator_right": platform[1]},
         sample_time=1e-3,
-        stroke_limit=1.2e-3,
+        end_stop=1.2e-3,
         friction=CoulombFriction(10.0, 15.0),
     )
-    assert max(np.abs(stroke).max() for stroke in found.strokes.values()) <= 1.2e-3 * (1.0 + 1e-8)
-    assert {hit.side for hit in found.stops} == {-1, 1}
-    assert all(hit.impulse * hit.side <= 0.0 for hit in found.stops)
-    assert found.friction.dissipated > 0.0
+    assert max(np.abs(stroke).max() for stroke in found._strokes.values()) <= 1.2e-3 * (1.0 + 1e-8)
+    assert {hit.side for hit in found.stop_contacts} == {-1, 1}
+    assert all(hit.impulse * hit.side <= 0.0 for hit in found.stop_contacts)
+    assert found.friction.dissipated_energy > 0.0
 
 
 @pytest.mark.slow
@@ -109,11 +109,11 @@ def test_what_sticks_below_break_away_still_does_when_a_stop_holds_it(heavy):
     found = simulate_loop(
         plant,
         None,
-        {"carriage": np.full(1601, 3.0 + heavy), "mass": pull},
         time,
+        {"carriage": np.full(1601, 3.0 + heavy), "mass": pull},
         sample_time=0.005,
-        friction=CoulombFriction(1.0, 2.0, input="rubbing", output="slip"),
-        stroke_limit={"way": (0.1, "carriage")},
+        friction=CoulombFriction(1.0, 2.0, force_input="rubbing", slip_output="slip"),
+        end_stop={"way": (0.1, "carriage")},
     )
     before = (time > 4.0) & (time < 6.98)
     assert np.ptp(found["slip"][before]) < 1e-6
@@ -130,9 +130,9 @@ def test_a_stop_that_moves_is_left_only_when_pulled():
     plant = ct.ss([[0, 1.0], [0, 0]], [[0, 0], [0, 1.0]], [[1.0, 0]], [[-1.0, 0]], inputs=["d", "f"], outputs=["x"])
     time = np.linspace(0.0, 4.0, 401)
     motion = {"d": 0.3 * (1.0 - np.cos(4.0 * time)), "f": np.full(401, 20.0)}
-    found = simulate_loop(plant, None, motion, time, sample_time=0.01, stroke_limit={"x": (0.05, "f")})
+    found = simulate_loop(plant, None, time, motion, sample_time=0.01, end_stop={"x": (0.05, "f")})
     np.testing.assert_allclose(found["x"][time > 0.2], 0.05, atol=1e-9)
-    assert len([hit for hit in found.stops if hit.until > 0.2]) == 1
+    assert len([hit for hit in found.stop_contacts if hit.end_time > 0.2]) == 1
 
 
 def test_stops_that_contradict_each_other_are_an_error_of_arithmetic():
@@ -155,15 +155,15 @@ def test_a_stop_is_reached_when_the_stroke_passes_it_between_the_points_too(dela
     d = np.sin(1.7 * time) + np.sin(0.9 * time + 1.0) - np.sin(1.0) if displaced else rng.standard_normal(m + 1)
     options = {"sample_time": h * per_sample, "delay": delay * h}
     fine = h / 4.0 * min(per_sample, 1.0) * np.arange(round(m * 4 / min(per_sample, 1.0)) + 1)
-    plain = simulate_loop(plant, law, {"d": d}, time, **options)
-    finely = simulate_loop(plant, law, {"d": np.interp(fine, time, d)}, fine, **options)
+    plain = simulate_loop(plant, law, time, {"d": d}, **options)
+    finely = simulate_loop(plant, law, fine, {"d": np.interp(fine, time, d)}, **options)
     largest = np.abs(finely["x"]).max()
     bend = 2e-3 if displaced else 1e-6  # what is displaced runs along a cubic between the points, not along lines
-    beyond = simulate_loop(plant, law, {"d": d}, time, stroke_limit={"x": (largest * (1.0 + bend), "f")}, **options)
-    assert beyond.stops == ()
+    beyond = simulate_loop(plant, law, time, {"d": d}, end_stop={"x": (largest * (1.0 + bend), "f")}, **options)
+    assert beyond.stop_contacts == ()
     np.testing.assert_allclose(beyond["x"], plain["x"], atol=1e-12)
-    within = simulate_loop(plant, law, {"d": d}, time, stroke_limit={"x": (largest * (1.0 - bend), "f")}, **options)
-    assert within.stops
+    within = simulate_loop(plant, law, time, {"d": d}, end_stop={"x": (largest * (1.0 - bend), "f")}, **options)
+    assert within.stop_contacts
     assert np.abs(within["x"]).max() <= largest * (1.0 - bend) * (1.0 + 1e-8)
 
 

@@ -18,12 +18,12 @@ def test_each_sample_has_its_own_matrices_and_the_last_stay(kind):
     plant, scale = beam if kind == "hub-beam" else beam.linearize(), np.array([1.0, 0.5, 2.0, 0.0, 1.5])
     A, B, C, D = (np.repeat(np.asarray(each)[None], 5, axis=0) for each in (_LAW.A, _LAW.B, _LAW.C, _LAW.D))
     C, D = C * scale[:, None, None], D * scale[:, None, None]
-    varying = bc.simulation.TimeVaryingController(A, B, C, D, *_NAMES, sample_time=_TS)
+    varying = bc.simulation.TimeVaryingController(A, B, C, D, *_NAMES, dt=_TS)
     start = np.linspace(0.1, 0.2, 6)
-    run = bc.simulate_loop(plant, varying, None, time, sample_time=_TS, initial=start)
+    run = bc.simulate_loop(plant, varying, time, None, sample_time=_TS, initial_state=start)
     state = np.zeros(1)
     for k in range(8):
         read = np.array([run["hub_angle"][k], run["hub_speed"][k]])
         asked = scale[min(k, 4)] * (_LAW.C @ state + _LAW.D @ read)
-        assert run.asked["torque"][k] == pytest.approx(float(asked[0]), rel=1e-9)
+        assert run.commanded["torque"][k] == pytest.approx(float(asked[0]), rel=1e-9)
         state = _LAW.A @ state + _LAW.B @ read

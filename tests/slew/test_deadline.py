@@ -15,7 +15,7 @@ import pytest
 
 import boomctl as bc
 from boomctl import progress
-from boomctl.slew import SlewProgress, TorqueProfile, resolve
+from boomctl.slew import SlewProgress, TorqueProfile, replan
 
 LONG = """
 import signal, sys
@@ -87,8 +87,8 @@ def test_out_of_time_the_best_verified_slew_is_returned(late):
             late.append(seen)
 
     found = bc.optimal_slew(*asked, time_limit=1e5, progress=over)
-    assert any("out of time" in step for step in found.path)
-    assert found.end_error <= 1e-6
+    assert any("out of time" in step for step in found.stages)
+    assert found.terminal_error <= 1e-6
     assert found.certificate.constraint_violation <= 1e-9
     assert found.cost >= whole.cost * (1.0 - 1e-3)
 
@@ -116,7 +116,7 @@ def test_progress_is_told_in_small_frozen_records():
         told[0].stage = "else"
     assert pickle.loads(pickle.dumps(found)).cost == found.cost  # it keeps nothing of who was told
     count = len(told)
-    again = resolve(found, angle=1.1, progress=told.append)
+    again = replan(found, angle=1.1, progress=told.append)
     assert len(told) > count
     assert again.hub_angle[-1] == pytest.approx(1.1, abs=1e-6)
 
@@ -137,25 +137,25 @@ def test_what_progress_raises_comes_through():
 def test_the_end_error_is_of_all_coordinates(torque, tip_mass):
     beam = bc.hub_beam(bc.HubBeamParameters(tip_mass=tip_mass), model="foam", modes=1)
     found = bc.optimal_slew(beam, 1.0, torque)
-    replay = beam.simulate(found.history, np.linspace(0.0, found.duration, 4001), rtol=1e-10, atol=1e-13)
+    replay = beam.simulate(found.torque_profile, np.linspace(0.0, found.duration, 4001), rtol=1e-10, atol=1e-13)
     # the model's own axial coordinate, beside its size on the way: no change of coordinates of the planning
-    axial = [k for k, name in enumerate(beam.state_names) if "axial" in name]
+    axial = [k for k, name in enumerate(beam.state_labels) if "axial" in name]
     assert axial
     left = max(abs(replay.states[-1, k]) / np.abs(replay.states[:, k]).max() for k in axial)
     assert left > 1e-3
-    assert found.end_error >= 0.3 * left
-    assert found.certificate.end_error == found.end_error
-    assert found.certificate.prescribed_error <= 1e-6
-    assert max(found.certificate.free_errors.values()) == found.end_error
+    assert found.terminal_error >= 0.3 * left
+    assert found.certificate.terminal_error == found.terminal_error
+    assert found.certificate.prescribed_terminal_error <= 1e-6
+    assert max(found.certificate.free_terminal_errors.values()) == found.terminal_error
     assert "without axial motion" in repr(found)
 
 
 def test_switches_least_effort_or_noise_none():
     found = bc.optimal_slew(sfoam(1), 1.0, 200.0, "effort", 4.0, intervals=60)
-    assert found.history.switches.size == 0
-    assert found.certificate.switches is None
+    assert found.torque_profile.switching_times.size == 0
+    assert found.certificate.n_switches is None
     values = np.concatenate([np.full(10, 5.0), 1e-6 * (-1.0) ** np.arange(20), np.full(10, -5.0)])
     noisy = TorqueProfile(np.arange(41.0), values, values)
-    assert noisy.switches.size == 0
+    assert noisy.switching_times.size == 0
     bang = TorqueProfile(np.arange(4.0), np.array([5.0, -5.0, 5.0]), np.array([5.0, -5.0, 5.0]))
-    assert list(bang.switches) == [1.0, 2.0]
+    assert list(bang.switching_times) == [1.0, 2.0]

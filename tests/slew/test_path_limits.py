@@ -33,7 +33,9 @@ def flexible(seed):
 def motion(system, history):
     """Return the states over time by DOP853, a function for each interval of the torque."""
     x, pieces = np.zeros(system.nstates), []
-    for t0, t1, u0, u1 in zip(history.edges[:-1], history.edges[1:], history.left, history.right, strict=True):
+    for t0, t1, u0, u1 in zip(
+        history.edges[:-1], history.edges[1:], history.start_values, history.end_values, strict=True
+    ):
 
         def rates(t, x, t0=t0, t1=t1, u0=u0, u1=u1):
             return system.A @ x + system.B[:, 0] * (u0 + (u1 - u0) * (t - t0) / (t1 - t0))
@@ -93,14 +95,14 @@ def test_path_limits_hold_between_times_of_replay(seed, kind, objective):
     rng, system = np.random.default_rng(seed), flexible(seed)
     duration = float(rng.uniform(1.5, 4.0))
     free = bc.optimal_slew(system, 1.0, 50.0, "effort", duration)
-    limit = peaks(system, free.history)[kind] * (0.97 if kind == "speed" else 0.9)
-    torque, until = (1.2 * free.history.peak, None) if objective == "time" else (50.0, duration)
+    limit = peaks(system, free.torque_profile)[kind] * (0.97 if kind == "speed" else 0.9)
+    torque, until = (1.2 * free.torque_profile.peak, None) if objective == "time" else (50.0, duration)
     try:
         slew = bc.optimal_slew(system, 1.0, torque, objective, until, intervals=1040, **{f"{kind}_limit": limit})
     except bc.slew.SlewError:
         assert kind == "speed"  # a limit that is too low
         return
-    true = peaks(system, slew.history)[kind] / limit - 1.0
+    true = peaks(system, slew.torque_profile)[kind] / limit - 1.0
     assert true <= slew.certificate.constraint_violation + WITHIN
 
 
@@ -110,7 +112,7 @@ def test_path_peak_of_beam_equals_peak_on_dense_times(model):
     beam = bc.hub_beam(model=model, modes=2)
     plant, rng = plant_of(beam), np.random.default_rng(0)
     history = random_torque(rng, 2.0, True)
-    history = TorqueProfile(history.edges, 100.0 * history.left, 100.0 * history.right)
+    history = TorqueProfile(history.edges, 100.0 * history.start_values, 100.0 * history.end_values)
     time = np.union1d(np.linspace(0.0, 2.0, int(40 * plant.fastest_vibration * 2.0 / (2.0 * np.pi))), history.edges)
     coarse, dense = (
         beam.simulate(history, t, rtol=1e-11, atol=1e-14).states @ plant.from_state.T

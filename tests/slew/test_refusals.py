@@ -9,7 +9,7 @@ import pytest
 from matplotlib.figure import Figure
 
 import boomctl as bc
-from boomctl.slew import classical_torque, compare_slews, shaper
+from boomctl.slew import compare_slews, input_shaper, rest_to_rest_torque
 from tests.slew.systems import rigid, two_masses
 
 pytestmark = pytest.mark.early
@@ -84,9 +84,9 @@ REFUSED = [
         "by itself",
     ),
     # shaped torques and comparisons
-    (lambda: shaper("ZV", bc.hub_beam(modes=1), 0.01), "expected none beside a hub-beam"),
-    (lambda: classical_torque("bang-bang", shaper("ZV", 1.0), 0.0, 1.0, 1.0), "angle"),
-    (lambda: shaper("EI", 1.0, level=2.0), r"level = 2\.0"),
+    (lambda: input_shaper("ZV", bc.hub_beam(modes=1), 0.01), "expected none beside a hub-beam"),
+    (lambda: rest_to_rest_torque("bang-bang", input_shaper("ZV", 1.0), 0.0, 1.0, 1.0), "angle"),
+    (lambda: input_shaper("EI", 1.0, level=2.0), r"level = 2\.0"),
     (lambda: compare_slews(bc.hub_beam(modes=1), None, 200.0, final_speed=0.0), "final_speed"),
     (lambda: compare_slews(bc.hub_beam(modes=1), 1.0, 9.0, {"a": 5}), "optimal"),
     # feedback along a slew
@@ -101,7 +101,7 @@ REFUSED = [
     (lambda: tracked().monte_carlo(4, tip_mass=(0.2, 0.1)), "expected the lower end first"),
     (lambda: tracked().monte_carlo(4, stiffness=1.5), "stiffness = 1.5: expected a half-width"),
     (lambda: tracked().monte_carlo(4, friction=[1.0, 2.0, 3.0]), "friction has shape"),
-    (lambda: tracked().monte_carlo(4, wait=99.0), "wait = 99"),
+    (lambda: tracked().monte_carlo(4, settling_time=99.0), "settling_time = 99"),
 ]
 
 
@@ -115,7 +115,7 @@ def test_rigid_bound_is_sharp():
     least = 2.0 * np.sqrt(241.0 / 100.0)
     with pytest.raises(bc.SlewError, match="needs"):
         bc.optimal_slew(rigid(241.0), 1.0, 100.0, "effort", 0.999 * least)
-    assert bc.optimal_slew(rigid(241.0), 1.0, 100.0, "effort", 1.01 * least, intervals=100).end_error < 1e-6
+    assert bc.optimal_slew(rigid(241.0), 1.0, 100.0, "effort", 1.01 * least, intervals=100).terminal_error < 1e-6
 
 
 @pytest.mark.parametrize(
@@ -145,12 +145,12 @@ def test_units_are_those_of_the_plant_or_none():
     A, B, C = [[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]], [[1.0, 0.0]]
     crane = control.ss(A, B, C, 0.0, inputs="force", outputs="place")
     slew = bc.optimal_slew(crane, 2.0, 1.0)
-    said = repr(slew) + repr(slew.history) + str(list(slew.__figures__()))
+    said = repr(slew) + repr(slew.torque_profile) + str(list(slew.__figures__()))
     assert not re.search(r"\brad\b|N m|torque|angle", said)
     assert "place by 2 in" in said
     assert "force up to 1\n" in said
     assert [each.get_ylabel() for each in slew.plot(Figure().subplots(3, 1))] == ["force", "place", "rate of place"]
-    assert slew.history.plot(Figure().subplots()).get_ylabel() == "torque"
+    assert slew.torque_profile.plot(Figure().subplots()).get_ylabel() == "torque"
     with pytest.raises(bc.SlewError, match="too short for a change of place by 2; a rigid body of inertia 1 takes"):
         bc.optimal_slew(crane, 2.0, 1.0, "effort", 1.0)
     turned = control.ss(A, B, C, 0.0, inputs="torque", outputs="hub_angle")

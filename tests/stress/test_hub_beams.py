@@ -14,7 +14,7 @@ RATE = sqrt(P.bending_stiffness / P.mass_per_length) / P.length**2  # the unit o
 
 
 def frequencies(p, model, modes, speed=0.0):
-    return 2 * pi * hub_beam(p, model, modes).frequencies_hz(speed)
+    return 2 * pi * hub_beam(p, model, modes).eigenfrequencies_hz(speed)
 
 
 @over("modes", 5, 1, 12, 20, 50, 100, 200)

@@ -34,19 +34,25 @@ def light_oscillator(zeta):
     p12 = 1.0 / (1.0 + sqrt(2.0))
     rest = 2.0 * p12 + 1.0
     p22 = rest / (2.0 * zeta + sqrt(4.0 * zeta**2 + rest))
-    return oscillator(zeta), np.eye(2), 1.0, lambda X: X.cost, [[2.0 * zeta * p12 + p22 + p12 * p22, p12], [p12, p22]]
+    return (
+        oscillator(zeta),
+        np.eye(2),
+        1.0,
+        lambda X: X.riccati_solution,
+        [[2.0 * zeta * p12 + p22 + p12 * p22, p12], [p12, p22]],
+    )
 
 
 def weakly_controllable(gain):
     """Return the same of x' = x + g u: p = (1 + sqrt(1 + g^2)) / g^2."""
     system, true = named(np.diag([1.0, -1.0]), [[gain], [1.0]], np.eye(2)), [1.0 + sqrt(1.0 + gain**2)]
-    return system, np.diag([1.0, 0.0]), 1.0, lambda X: X.cost[:1, 0] * gain**2, true
+    return system, np.diag([1.0, 0.0]), 1.0, lambda X: X.riccati_solution[:1, 0] * gain**2, true
 
 
 def spread_poles(spread):
     """Return the same of two modes, each with a weight and a control of its own: p = q / (a + sqrt(a^2 + q))."""
     system, true = named(np.diag([-1.0, -spread]), np.eye(2), np.eye(2)), [a + sqrt(a * a + 1.0) for a in (1.0, spread)]
-    return system, np.eye(2), np.eye(2), lambda X: 1.0 / np.diag(X.cost), true
+    return system, np.eye(2), np.eye(2), lambda X: 1.0 / np.diag(X.riccati_solution), true
 
 
 @over_each(
@@ -99,7 +105,7 @@ def test_h_infinity_norm_is_the_loops_own(check_error, make, value):
     def error():
         found = h_infinity(with_effort(make(value)).statespace("P"), 1, 1)
         own = hinf_norm(found.closed_loop)
-        return max(abs(found.gamma / own.lower - 1.0), found.certificate.lower / found.gamma - 1.0)
+        return max(abs(found.gamma / own.lower_bound - 1.0), found.certificate.lower_bound / found.gamma - 1.0)
 
     check_error(error, 1e-5, may_refuse=True)
 
@@ -143,7 +149,7 @@ def test_margins_equal_closed_form(check_error, make, value):
 
     def error():
         m = loop_margins(plant, gain)
-        found = m.gain_high, m.phase_deg, m.delay, m.gain_high_omega, m.phase_omega
+        found = m.gain_margin[1], m.phase_margin_deg, m.delay_margin, m.gain_margin_omega[1], m.phase_margin_omega
         return max(0.0 if a == b else abs(a / b - 1.0) for a, b in zip(found, true, strict=True))
 
     check_error(error, 1e-6)

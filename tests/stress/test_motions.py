@@ -34,8 +34,8 @@ def test_ramp_response_at_any_frequency_equals_sixty_digits(check_error, omega):
     """An oscillator over a hundred periods, and in a loop without a controller; error of the largest."""
     times, plant = hundred_periods(omega), oscillator(0.01, omega).statespace("plant")
     true, push = ramp_response(omega, 0.01, times), {"u0": omega * times}
-    check_error(lambda: relative(forced_response(plant, push, times)["y0"], true), 1e-9)
-    run = lambda: simulate_loop(plant, None, push, times, sample_time=float(times[1]))  # noqa: E731
+    check_error(lambda: relative(forced_response(plant, times, push)["y0"], true), 1e-9)
+    run = lambda: simulate_loop(plant, None, times, push, sample_time=float(times[1]))  # noqa: E731
     check_error(lambda: relative(run()["y0"], true), 1e-9)
 
 
@@ -46,7 +46,7 @@ def test_ramp_response_at_any_damping_equals_sixty_digits(check_error, zeta):
     true = ramp_response(1.0, zeta, times)
     limit = max(1e-9, 4.0 * EPS * zeta**2)  # rounding of the fastest pole is as large as so much of the slowest
     for plant in (oscillator(zeta).statespace("plant"), mass_on_spring(zeta)):
-        error = lambda plant=plant: relative(forced_response(plant, {"u0": times}, times)["y0"], true)  # noqa: E731
+        error = lambda plant=plant: relative(forced_response(plant, times, {"u0": times})["y0"], true)  # noqa: E731
         check_error(error, limit, may_refuse=zeta > 1.0)
 
 
@@ -58,7 +58,7 @@ def test_step_response_of_repeated_pole_equals_sixty_digits(check_error, count):
         t = [mp.mpf(float(x)) for x in times]
         true = [float(1 - mp.exp(-x) * sum(x**k / factorial(k) for k in range(count))) for x in t]
     plant = repeated_pole(count).statespace("plant")
-    check_error(lambda: relative(forced_response(plant, {"u0": np.ones_like(times)}, times)["y0"], true), 1e-9)
+    check_error(lambda: relative(forced_response(plant, times, {"u0": np.ones_like(times)})["y0"], true), 1e-9)
 
 
 @over("spread", 1e6, 1e3, 1e10, 1e14)
@@ -68,7 +68,7 @@ def test_step_response_of_spread_poles_equals_closed_form(check_error, spread):
     plant = named(np.diag([-1.0, -spread]), [[1.0], [spread]], np.eye(2)).statespace("plant")
 
     def error():
-        run = forced_response(plant, {"u0": np.ones_like(times)}, times)
+        run = forced_response(plant, times, {"u0": np.ones_like(times)})
         return relative([run["y0"], run["y1"]], [-np.expm1(-times), -np.expm1(-spread * times)])
 
     check_error(error, 1e-9)
@@ -89,7 +89,7 @@ def test_sampled_integrator_follows_its_recursion(check_error, delay, count):
         x.append(x[-1] + h * (1.0 + (delay - whole) * older[0] + (1.0 - delay + whole) * older[1]))
     times, K = h * np.arange(count + 1), static(-k).statespace("controller")
     plant, push = named([[0.0]], [[1.0, 1.0]], [[1.0]]).statespace("plant"), {"u1": np.ones_like(times)}
-    run = lambda: simulate_loop(plant, K, push, times, sample_time=h, delay=delay * h)  # noqa: E731
+    run = lambda: simulate_loop(plant, K, times, push, sample_time=h, delay=delay * h)  # noqa: E731
     check_error(lambda: relative(run()["y0"], x), 1e-8 if delay else 1e-9)
 
 
@@ -116,7 +116,7 @@ def test_least_time_of_two_masses_equals_published(check_error, omega):
 
     def error():
         found = optimal_slew(plant, 1.0, 1.0)
-        switches = np.asarray(found.history.switches) * f
+        switches = np.asarray(found.torque_profile.switching_times) * f
         missed = float(np.abs(switches - [1.003, 2.109, 3.215]).max()) if len(switches) == 3 else inf
         return max(abs(found.duration * f / 4.218 - 1.0), 0.2 * missed)
 

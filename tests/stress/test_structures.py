@@ -98,7 +98,7 @@ def test_bar_on_two_hinges_does_not_turn(check_error, gap):
     def error():
         model = Assembly((bar,), (spring,), *ends, (cut,)).assemble()
         held = prescribe_displacement(model, hold=[name for name in model.inputs if name != "moment"])
-        if not held.n:
+        if not held.ncoordinates:
             return 0.0
         found = response(held, [1.0], ["moment"], ["angle"])[0, 0, 0]
         alone = 1.0 / (1.0 + 0.1j - 1.25)  # inertia 1 about the middle, mass 1 half a length from the hinge
@@ -130,7 +130,7 @@ FORCE_TIME = {
     "spring_stiffness": (-1, 1, 0),
     "cradle_damping": (-1, 1, 1),
     "hinge_damping": (1, 1, 1),
-    "structural_damping": (0, 0, 1),
+    "stiffness_damping": (0, 0, 1),
 }
 
 
@@ -188,7 +188,7 @@ FACTORS = (1e3, 0.0, 1e-6, 1.0, 1e6)
 
 @over_each(
     (some_boom, *range(24)),
-    (with_other("structural_damping"), *FACTORS),
+    (with_other("stiffness_damping"), *FACTORS),
     (with_other("hinge_damping"), *FACTORS),
     (with_other("cradle_damping"), *FACTORS),
 )
@@ -209,7 +209,7 @@ def test_boom_response_equals_sixty_digits(check_error, make, value):
 def test_parameters_next_to_zero_act_as_zero(check_error, tiny):
     """Boom, exact boom and mass on a spring; relative difference from a billionth of a billionth of the usual value."""
     tips = lambda **change: response(spray_boom(replace(P, **change)), [0.1, 1.0, 10.0])  # noqa: E731
-    for name in ("spring_stiffness", "cradle_damping", "hinge_damping", "structural_damping", "platform_mass"):
+    for name in ("spring_stiffness", "cradle_damping", "hinge_damping", "stiffness_damping", "platform_mass"):
         pair = {name: tiny}, {name: 1e-18 * getattr(P, name)}
         check_error(lambda pair=pair: relative(tips(**pair[0]), tips(**pair[1])), 1e-9, may_refuse=True)
 

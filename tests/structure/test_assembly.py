@@ -45,10 +45,10 @@ def weight(machine):
     parts = []
     for body in machine.bodies:
         if isinstance(body, RigidBody):
-            parts.append((body.mass, *(body.centre or (body.parent.x, body.parent.y)), body.inertia))
+            parts.append((body.mass, *(body.center_of_mass or (body.parent.x, body.parent.y)), body.inertia))
             continue
         station = 0.0
-        for section in body.sections:
+        for section in body.segments:
             middle = station + section.length / 2
             mass = section.mass_per_length * section.length
             x, y = body.start.x + middle * np.cos(body.angle), body.start.y + middle * np.sin(body.angle)
@@ -106,7 +106,7 @@ def test_the_exact_machine_is_the_limit_of_high_order_elements(seed):
     """Order 20, with nodes wherever something is attached, as the deflection is smooth between those alone."""
     machine = random_machine(seed, at_nodes=True)
     names = tuple(force.name for force in machine.forces)
-    exact = machine.exact().response(OMEGA, names, names)
+    exact = machine.to_exact().response(OMEGA, names, names)
     fine = refined(machine, 20).assemble().frequency_response(OMEGA).frdata
     assert np.abs(fine - exact).max() < 1e-9 * np.abs(exact).max()
 
@@ -123,23 +123,23 @@ def refined(machine, order):
     for body in machine.bodies:
         mesh = {"discretization": replace(body.discretization, order=order)} if isinstance(body, Beam) else {}
         bodies[body.name] = copied(body, **mesh)
-    links, forces, outputs = (tuple(map(copied, x)) for x in (machine.links, machine.forces, machine.outputs))
+    links, forces, outputs = (tuple(map(copied, x)) for x in (machine.springs, machine.forces, machine.outputs))
     return Assembly(tuple(bodies.values())[1:], links, forces, outputs)
 
 
 def test_what_acts_along_what_joints_hold_is_warned_of():
     body = RigidBody("body", GROUND.at(0.0), planar("x"), 2.0)
     parts = {
-        "links": tuple(SpringDamper(body.at(0.0), GROUND.at(0.0), line, 5.0) for line in ("x", "y")),
+        "springs": tuple(SpringDamper(body.at(0.0), GROUND.at(0.0), line, 5.0) for line in ("x", "y")),
         "forces": (Force("lift", body.at(0.0), "y"), Force("push", body.at(0.0), 0.0)),
         "outputs": (Output("rise", body.at(0.0)), Output("place", body.at(0.0), "x", derivative=2)),
     }
     idle = "the link of 'body' and 'ground' along 'y', force 'lift' along 'y', output 'rise' along 'y': the joints"
     machine = Assembly((body,), **parts)
-    for made in (machine.assemble, machine.assemble, machine.exact):  # also where the mechanism is known already
+    for made in (machine.assemble, machine.assemble, machine.to_exact):  # also where the mechanism is known already
         with pytest.warns(UserWarning, match=idle) as said:
             made()
         assert said[0].filename == __file__
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        Assembly((body,), parts["links"][:1], parts["forces"][1:], parts["outputs"][1:]).assemble()
+        Assembly((body,), parts["springs"][:1], parts["forces"][1:], parts["outputs"][1:]).assemble()

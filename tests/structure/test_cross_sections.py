@@ -77,7 +77,7 @@ def test_the_boom_is_made_of_its_tube():
     p = bc.BoomParameters()
     walls = 0.5 * (p.outer_height - p.inner_height), 0.5 * (p.outer_width - p.inner_width)
     section = rectangular_tube_section(p.outer_height, p.outer_width, walls)
-    beam = BeamSegment.from_cross_section(p.length, section, p.youngs_modulus, p.density, p.structural_damping)
+    beam = BeamSegment.from_cross_section(p.length, section, p.youngs_modulus, p.density, p.stiffness_damping)
     assert beam.bending_stiffness == pytest.approx(p.bending_stiffness, rel=1e-13)
     assert beam.mass_per_length == pytest.approx(p.mass_per_length, rel=1e-13)
-    assert beam.damping == p.structural_damping
+    assert beam.stiffness_damping == p.stiffness_damping

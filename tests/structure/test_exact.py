@@ -43,7 +43,7 @@ def beam(supports, sections=(BeamSegment(1.0, 1.0, 1.0),), mesh=FiniteElements(1
 @pytest.mark.parametrize("supports", SUPPORTS)
 def test_uniform_beams_have_the_roots_of_textbooks(supports):
     """Also free ones, whose roots are those of the clamped beam, where a segment's own stiffness is infinite."""
-    found = np.sqrt(undamped_frequencies(beam(supports).exact(), 4))
+    found = np.sqrt(undamped_frequencies(beam(supports).to_exact(), 4))
     assert found == pytest.approx(ROOTS[supports], rel=4e-15)
 
 
@@ -52,7 +52,7 @@ def test_uniform_beams_have_the_roots_of_textbooks(supports):
 )
 def test_the_hundredth_root_is_the_asymptotic_one(supports, shift):
     """``cos`` alone decides there: ``exp(-300)`` is nothing."""
-    found = np.sqrt(undamped_frequencies(beam(supports).exact(), 100))
+    found = np.sqrt(undamped_frequencies(beam(supports).to_exact(), 100))
     assert np.diff(found)[10:] == pytest.approx(np.pi, rel=1e-11)
     assert found[-1] == pytest.approx((100 + shift) * np.pi, rel=1e-14)
 
@@ -65,7 +65,7 @@ def test_the_count_is_the_number_of_modes_of_a_stepped_beam(seed):
     omega = np.random.default_rng(seed).uniform(0.0, modes[10], 60)
     omega = omega[np.abs(omega[:, None] / np.maximum(modes, 1e-3) - 1).min(axis=1) > 1e-6]
     expected = (modes[None, :] < omega[:, None]).sum(axis=1)
-    assert np.array_equal(machine.exact().count_below(omega), expected)
+    assert np.array_equal(machine.to_exact().count_below(omega), expected)
 
 
 @pytest.mark.parametrize(

@@ -55,10 +55,10 @@ def test_a_machine_is_what_its_multipliers_say(seed):
         assert REFUSED.search(str(said))  # noqa: PT017
         return
     if expected is None:
-        assert model.n == 0
+        assert model.ncoordinates == 0
         return
     left, true, sizes = expected
-    assert model.n == left
+    assert model.ncoordinates == left
     outputs = [f"y{i}" for i in range(len(machine.outputs))]
     assert off(model.frequency_response(OMEGA).frdata, true, sizes) < 1e-7
     many = np.concatenate([OMEGA, np.linspace(2.0, 3.0, 2000 // left)])
@@ -91,7 +91,7 @@ def test_accelerations_that_need_no_derivative_are_realised_and_others_refused(s
     names = ([f"f{i}" for i in group] for group in (moved, held))
     model = prescribe_displacement(read.assemble(), *names)
     if not grows:
-        assert model.to_statespace().nstates == 2 * model.n
+        assert model.to_statespace().nstates == 2 * model.ncoordinates
         return
     with pytest.raises(ValueError, match="needs a derivative of input"):
         model.to_statespace()

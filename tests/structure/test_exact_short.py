@@ -70,7 +70,7 @@ def test_strain_functions_equal_their_quotients_in_sixty_digits(exponent):
 
 
 @pytest.mark.parametrize("distance", [1e-5, 1e-3, 6.0])
-@pytest.mark.parametrize("change", [{}, {"spring_stiffness": 0.0}, {"structural_damping": 0.0, "hinge_damping": 0.0}])
+@pytest.mark.parametrize("change", [{}, {"spring_stiffness": 0.0}, {"stiffness_damping": 0.0, "hinge_damping": 0.0}])
 def test_the_boom_solves_the_beam_equation_at_any_spring_distance(distance, change):
     """From 1e-4 Hz to the hundredth mode, and says nothing of rounding."""
     p = bc.BoomParameters(spring_distance=distance, **change)
@@ -86,7 +86,7 @@ def test_the_boom_solves_the_beam_equation_at_any_spring_distance(distance, chan
 def test_no_response_is_further_off_than_is_promised_or_said(distance, frequency, damping, softness):
     """Random booms and frequencies, springs from usual to 1e-4 of that."""
     p = bc.BoomParameters(
-        spring_distance=10.0**distance, structural_damping=damping, spring_stiffness=1100.0 * 10.0**-softness
+        spring_distance=10.0**distance, stiffness_damping=damping, spring_stiffness=1100.0 * 10.0**-softness
     )
     omega = np.array([10.0**frequency])
     truth = exact_response(p, omega, DIGITS)
@@ -99,7 +99,7 @@ def test_no_response_is_further_off_than_is_promised_or_said(distance, frequency
 @pytest.mark.parametrize("away", [1e-8, 1e-11])
 def test_rounding_that_may_show_is_said_with_its_size(away):
     """Beside an undamped resonance: a frequency of sixteen digits does not tell how far away it is."""
-    p = bc.BoomParameters(structural_damping=0.0, hinge_damping=0.0, cradle_damping=0.0)
+    p = bc.BoomParameters(stiffness_damping=0.0, hinge_damping=0.0, cradle_damping=0.0)
     omega = np.array([undamped_frequencies(exact_boom(p), 4)[3] * (1.0 + away)])
     with pytest.warns(AccuracyWarning, match=r"may be as much as .* rad/s|rad/s may be as much as") as said:
         found = bc.exact_frequency_response(p, omega).frdata
@@ -112,7 +112,7 @@ def test_rounding_that_may_show_is_said_with_its_size(away):
 @pytest.mark.parametrize("distance", [1e-5, *(pytest.param(d, marks=pytest.mark.slow) for d in (1e-3, 6.0, 11.9))])
 def test_eigenfrequencies_of_the_boom_at_any_spring_distance(distance):
     p = bc.BoomParameters(spring_distance=distance)
-    still = bc.BoomParameters(spring_distance=distance, structural_damping=0.0, hinge_damping=0.0, cradle_damping=0.0)
+    still = bc.BoomParameters(spring_distance=distance, stiffness_damping=0.0, hinge_damping=0.0, cradle_damping=0.0)
     found = bc.exact_eigenfrequencies_hz(p, 6, damped=False)
     truth = damped_eigenvalues(still, 2j * np.pi * found * (1.0 + 1e-9), 50).imag / (2.0 * np.pi)
     assert found == pytest.approx(truth, rel=1e-10)
@@ -146,7 +146,7 @@ def test_a_beam_with_a_short_section_is_the_beam_without(seed):
     rest = rng.dirichlet(np.ones(count + 1)) * 12.0
     lengths = np.concatenate([np.stack([rest[:-1], short], axis=1).ravel(), rest[-1:]])
     omega, soft = 10.0 ** rng.uniform(-3.0, 4.0, 6), 10.0 ** rng.uniform(-4.0, 3.0)
-    whole, parts = cantilever([lengths.sum()], soft).exact(), cantilever(lengths, soft).exact()
+    whole, parts = cantilever([lengths.sum()], soft).to_exact(), cantilever(lengths, soft).to_exact()
     assert error(parts.response(omega, ["f"], ["y"]), whole.response(omega, ["f"], ["y"])) < PROMISED
     assert undamped_frequencies(parts, 4) == pytest.approx(undamped_frequencies(whole, 4), rel=PROMISED)
 
@@ -160,7 +160,7 @@ def test_a_free_beam_moves_as_a_rigid_one_at_low_frequency(seed):
     sections = tuple(BeamSegment(float(length), 2.5, 4e6) for length in lengths)
     part = Beam("beam", GROUND.at(0.0), planar("y", "theta"), (0.0, 0.0), sections, FiniteElements(3))
     end, total = part.end, lengths.sum()
-    machine = Assembly((part,), (), (Force("f", end, "y"),), (Output("y", end, "y"),)).exact()
+    machine = Assembly((part,), (), (Force("f", end, "y"),), (Output("y", end, "y"),)).to_exact()
     omega = np.array([1e-5])
     expected = -4.0 / (2.5 * total * omega**2)
     assert machine.response(omega, ["f"], ["y"])[0, 0].real == pytest.approx(expected, rel=1e-11)

@@ -36,7 +36,7 @@ def test_a_family_that_is_bent_inside_the_box_is_refused(bent, others):
         return chain(1.0 - 3.0 * BENT[bent](v["d"]) + sum(v[name] for name in v if name != "d"))
 
     with pytest.raises(ValueError, match=r"K is not affine in d.*d = "):
-        AffineFamily.through(ranges, make)
+        AffineFamily.from_function(ranges, make)
 
 
 def test_a_soft_part_is_not_lost_beside_a_stiff_one():
@@ -47,7 +47,7 @@ def test_a_soft_part_is_not_lost_beside_a_stiff_one():
         return SecondOrderModel(np.eye(2), np.eye(2), K, {"u": [1.0, 0.0]}, {"y": [0.0, 1.0]})
 
     with pytest.raises(ValueError, match="K is not affine in d"):
-        AffineFamily.through({"d": (-1.0, 1.0)}, make)
+        AffineFamily.from_function({"d": (-1.0, 1.0)}, make)
 
 
 def test_a_bent_column_of_an_input_is_refused_and_an_affine_one_is_taken():
@@ -57,8 +57,8 @@ def test_a_bent_column_of_an_input_is_refused_and_an_affine_one_is_taken():
         )
 
     with pytest.raises(ValueError, match="B0 is not affine in d"):
-        AffineFamily.through({"d": (-1.0, 1.0)}, make(0.3))
-    family = AffineFamily.through({"d": (-1.0, 1.0)}, make(0.0))
+        AffineFamily.from_function({"d": (-1.0, 1.0)}, make(0.3))
+    family = AffineFamily.from_function({"d": (-1.0, 1.0)}, make(0.0))
     assert family.at([0.4]).ports.B[0] == pytest.approx(1.4)
 
 
@@ -66,13 +66,13 @@ def test_a_family_without_parameters_is_its_centre():
     family, controller = AffineFamily((), [], [], chain(1.0), ()), control.ss([], [], [], [[-0.1]], 0.1)
     controller.update_names(inputs=["y"], outputs=["u"])
     assert (family.at([]).K == chain(1.0).K).all()
-    assert bc.robust_stability(family, controller).unstable_at is None
+    assert bc.robust_stability(family, controller).destabilizing_values is None
 
 
 @pytest.mark.parametrize("stiff", [1.0, 1e6, 1e12])
 def test_rounding_of_an_assembly_is_no_bend(stiff):
-    family = AffineFamily.through({"k": (0.5, 1.7), "c": (0.1, 0.3)}, lambda v: chain(v["k"], v["c"], stiff))
-    assert family.size == 2
+    family = AffineFamily.from_function({"k": (0.5, 1.7), "c": (0.1, 0.3)}, lambda v: chain(v["k"], v["c"], stiff))
+    assert family.nparameters == 2
 
 
 @pytest.mark.parametrize("step", [0.0, pytest.param(0.02, marks=pytest.mark.slow)])
@@ -89,7 +89,7 @@ def test_what_is_proved_holds_where_outputs_read_and_inputs_act_otherwise_from_p
         forces, outputs = {"f": b + 0.5 * y * db}, {"q": l + 0.7 * x * dl + 0.5 * y * db}
         return SecondOrderModel(np.eye(2), C, K * (1.0 + softer * x), forces, outputs)
 
-    family = PolynomialFamily.through({"x": (-1.0, 1.0), "y": (-1.0, 1.0)}, make)
+    family = PolynomialFamily.from_function({"x": (-1.0, 1.0), "y": (-1.0, 1.0)}, make)
     slow = control.ss([[-20.0]], [[20.0]], [[-rng.uniform(0.2, 12.0)]], 0.0, inputs="q", outputs="f")
     controller, late = (bc.discretize(slow, step), {"delay": 0.5 * step}) if step else (slow, {})
     proved, grid = bc.robust_stability(family, controller, **late).proved, np.linspace(-1.0, 1.0, 5)

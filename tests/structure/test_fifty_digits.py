@@ -9,7 +9,7 @@ from boomctl.lab.benchmark.high_precision import exact_response, peak_in_many_di
 from tests.fifty_digits import mesh_response
 
 OMEGA = 2.0 * np.pi * np.geomspace(0.1, 10.0, 12)
-OTHER = bc.BoomParameters(boom_mass=50.0, boom_inertia=420.0, length=10.0, spring_distance=3.1, structural_damping=4e-4)
+OTHER = bc.BoomParameters(boom_mass=50.0, boom_inertia=420.0, length=10.0, spring_distance=3.1, stiffness_damping=4e-4)
 
 
 def largest(a, b):

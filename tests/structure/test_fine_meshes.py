@@ -50,7 +50,7 @@ def test_response_fine_mesh_each_signal_is_near_exact_beam(elements, excitation)
 @pytest.mark.slow
 def test_spray_boom_largest_mesh_is_computed():
     model = bc.spray_boom(elements=499)
-    assert model.n == 1000
+    assert model.ncoordinates == 1000
     assert model.eigenfrequencies_hz(3) == pytest.approx(
         bc.exact_eigenfrequencies_hz(P, 3), rel=4e-6 * (100.0 / 499.0) ** 3
     )
@@ -74,7 +74,7 @@ def test_beams_of_high_order_answer_or_refuse_in_words(order, ratio, count, dist
     p = bc.BoomParameters(spring_distance=10.0**distance)
     for nodes in (graded(ratio, count), 2 * count + 2):
         model = bc.spray_boom(p, "high-order", nodes, order=order)
-        if model.n > 300:
+        if model.ncoordinates > 300:
             continue  # strain coordinates of larger ones take seconds
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", AccuracyWarning)

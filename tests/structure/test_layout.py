@@ -57,7 +57,7 @@ def test_a_discretisation_compared_by_identity_is_asked_again():
         machine = bc.boom.model.boom_assembly(bc.BoomParameters(), mesh)
         sizes = []
         for mesh.elements in (2, 3):
-            sizes.append(machine.assemble().n)
+            sizes.append(machine.assemble().ncoordinates)
         assert sizes[1] == sizes[0] + 2
 
 

@@ -26,8 +26,8 @@ def chain(n, ends=0.0):
 def test_modes_diagonalise_mass_and_stiffness(seed):
     """The lowest six; the highest of a stiff machine are a hundred million times stiffer than the lowest."""
     model = random_machine(seed).assemble()
-    found = model.mode_shapes(min(6, model.n))
-    omega, V = 2.0 * np.pi * found.frequencies_hz, found.shapes
+    found = model.mode_shapes(min(6, model.ncoordinates))
+    omega, V = 2.0 * np.pi * found.eigenfrequencies_hz, found.shapes
     assert (np.diff(omega) >= 0.0).all()
     M, K = dense(model.M), dense(model.K)
     assert np.abs(V.T @ M @ V - np.eye(len(omega))).max() < 1e-9
@@ -74,7 +74,7 @@ def test_poles_of_large_models_are_those_of_their_whole_pencil(elements):
     """From 65 coordinates on a basis of modes stands for the structure; it leaves nothing of eight digits out."""
     model = bc.spray_boom(elements=elements)
     M, C, K = (dense(x) for x in (model.M, model.C, model.K))
-    n = model.n
+    n = model.ncoordinates
     A = np.block([[np.zeros((n, n)), np.eye(n)], [-np.linalg.solve(M, K), -np.linalg.solve(M, C)]])
     truth = np.sort(linalg.eigvals(A).imag)
     truth = truth[truth > 1e-3][:5]

@@ -31,7 +31,7 @@ def test_jolt_is_symmetric_and_yaw_antisymmetric_and_the_halves_have_the_same_sh
         own = half.mode_shapes(2)
         assert own.kinds == (kind, kind)
         first = found.kinds.index(kind)
-        assert own.frequencies_hz[0] == pytest.approx(found.frequencies_hz[first], rel=1e-12)
+        assert own.eigenfrequencies_hz[0] == pytest.approx(found.eigenfrequencies_hz[first], rel=1e-12)
         ours, theirs = own["boom"].displacement[0, :, 1], boom.displacement[first, :, 1]
         assert min(np.abs(ours - theirs).max(), np.abs(ours + theirs).max()) < 1e-9
 
@@ -47,7 +47,7 @@ def test_outputs_read_what_the_picture_shows():
 def test_a_free_beam_has_rigid_motions_and_its_nodes_where_they_are_known():
     """Nodes of the first two bending modes at 0.22416 and 0.13211 of the length (Young & Felgar 1949)."""
     found = beam(s.planar("y", "theta")).mode_shapes(4)
-    assert found.frequencies_hz[:2] == pytest.approx(0.0, abs=1e-5)
+    assert found.eigenfrequencies_hz[:2] == pytest.approx(0.0, abs=1e-5)
     assert found.numbers == (0, 0, 1, 2)
     line = found["beam"]
     x = line.points[:, 0] / 2.0
@@ -83,9 +83,9 @@ def test_an_upright_beam_swings_sideways():
 def test_matrices_alone_have_shapes_without_places_and_members_of_a_family_have_them():
     m = s.SecondOrderModel(np.eye(2), np.zeros((2, 2)), np.diag([1.0, 4.0]), {"f": [1.0, 0.0]}, {"y": [1.0, 1.0]})
     found = m.mode_shapes(2)
-    assert found.lines == ()
+    assert found.bodies == ()
     assert found.shapes == pytest.approx(np.eye(2))
-    assert bc.boom.yaw_family().at([0.0] * bc.boom.yaw_family().size).mode_shapes(1).lines
+    assert bc.boom.yaw_family().at([0.0] * bc.boom.yaw_family().nparameters).mode_shapes(1).bodies
     with pytest.raises(ValueError, match="count"):
         m.mode_shapes(3)
     with pytest.raises(ValueError, match="unknown body 'arm'"):
@@ -96,7 +96,7 @@ def test_modes_are_numbered_as_eigenfrequencies_are():
     """Whatever floats: the actuators of this boom push, so that its platform is free."""
     for model in (bc.spray_boom(), bc.spray_boom(excitation="force")):
         shapes, frequencies = model.mode_shapes(6), model.eigenfrequencies_hz(4)
-        for number, undamped, name in zip(shapes.numbers, shapes.frequencies_hz, shapes.names, strict=True):
+        for number, undamped, name in zip(shapes.numbers, shapes.eigenfrequencies_hz, shapes.names, strict=True):
             if number == 0:
                 assert undamped == 0.0
                 assert name.startswith("rigid: ")
@@ -146,4 +146,4 @@ def test_soft_spring_in_stiff_machine_is_not_warned_of():
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         soft.eigenfrequencies_hz(2)
-        bc.hub_beam(modes=1).frequencies_hz()
+        bc.hub_beam(modes=1).eigenfrequencies_hz()

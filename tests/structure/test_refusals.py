@@ -56,7 +56,7 @@ MODEL = SecondOrderModel(np.eye(4), 0.1 * np.eye(4), np.diag([1.0, 2.0, 3.0, 4.0
 
 
 def beam(mesh=FiniteElements(2), **changes):  # noqa: B008
-    fields = {"parent": GROUND.at(1.0), "joint": revolute(), "start": (0.0, 0.0), "sections": (SECTION,)}
+    fields = {"parent": GROUND.at(1.0), "joint": revolute(), "start": (0.0, 0.0), "segments": (SECTION,)}
     return Beam("beam", **{**fields, "discretization": mesh, **changes})
 
 
@@ -67,7 +67,7 @@ def meshed(mesh, direction="y"):
 
 
 def chained(*cuts):
-    return Assembly((CRANK,), cuts=cuts).assemble()
+    return Assembly((CRANK,), cut_joints=cuts).assemble()
 
 
 def moved(*inputs, **options):
@@ -84,7 +84,7 @@ def driven_acceleration(motion):
 def read_exactly(**options):
     machine = random_stepped_beam(0)
     read = Output("y", machine.outputs[0].point, **options)
-    return Assembly(machine.bodies, (), machine.forces, (read,)).exact().response(np.ones(1), ["tip"], ["y"])
+    return Assembly(machine.bodies, (), machine.forces, (read,)).to_exact().response(np.ones(1), ["tip"], ["y"])
 
 
 def modes_of(M, K):
@@ -124,7 +124,7 @@ REFUSED = [
     (lambda: SpringDamper(BODY.at(0.0), BODY.at(1.0), "y"), "both ends are on 'body'; expected two bodies"),
     (lambda: CutJoint(BODY.at(0.0), BODY.at(0.0)), "cut joint: both ends are on 'body'"),
     (lambda: Output("y", BODY.at(0.0), derivative=3), "derivative of output 'y' = 3: expected 0, 1 or 2"),
-    (lambda: beam(sections=()), "beam 'beam': expected at least one section"),
+    (lambda: beam(segments=()), "beam 'beam': expected at least one segment"),
     (lambda: beam(parent=GROUND.at(1.0, 0.1)), r"0\.1 m beside an axis of 2 m"),
     (lambda: beam().at(-0.001), r"`s` must be from 0 to 2 m, the length of beam .beam., got -0\.001\. Use `at_point"),
     (lambda: beam().at(0.5, 0.0), r"Use `at_point\(x, y\)` for a position in the drawing"),
@@ -165,7 +165,7 @@ REFUSED = [
     ),
     (lambda: bc.step(one.boom(), "tip_left"), r"timepts = 'tip_left': expected instants \[s\]; signals are named"),
     (lambda: bc.nyquist(one.boom(), "tip_left"), "controller = 'tip_left': expected a controller; signals are named"),
-    (lambda: bc.hub_beam(modes=1).frequencies_hz(np.array([0.0, 1.0])), r"\.campbell\(speeds\) takes many"),
+    (lambda: bc.hub_beam(modes=1).eigenfrequencies_hz(np.array([0.0, 1.0])), r"\.campbell\(speeds\) takes many"),
     # other kinds, and what makes the right one
     (lambda: one.boom() * one.boom(), r"its \.to_statespace\(\) is"),
     (lambda: one.boom().A, r"no attribute 'A'; its \.to_statespace\(\) has"),

@@ -71,7 +71,7 @@ def test_units_say_what_a_signal_is():
     for excitation, unit in zip(EXCITATIONS, ("m", "m/s", "m/s^2", "N"), strict=True):
         whole = bc.spray_boom(excitation=excitation, accelerometer_bandwidth_hz=20.0)
         assert [whole.units[name] for name in names] == ["m", "m/s^2", "N", unit]
-    assert bc.spray_boom(reactions=True).units["actuator_left_force"] == "N"
+    assert bc.spray_boom(reaction_forces=True).units["actuator_left_force"] == "N"
     jolt, yaw = split_symmetric(bc.spray_boom(excitation="force"))
     assert yaw.units["tip_anti"] == "m (orthonormal, root of two times half the difference)"
     assert jolt.units["actuator_sym"] == "N (orthonormal, root of two times the mean)"

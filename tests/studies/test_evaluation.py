@@ -35,7 +35,7 @@ DAMPER = control.ss(-20.0, 20.0, 40.0, -40.0, inputs="position", outputs="force"
 def result():
     """A damped mass on a spring, with two facts of its synthesis."""
     facts = {"gain": "40 N s/m <at most>", "made": "by hand"}
-    return bc.studies.MachineDesign("mine", "A mass on a spring", SPRUNG, DAMPER, facts=facts).evaluate()
+    return bc.studies.MachineDesign("mine", "A mass on a spring", SPRUNG, DAMPER, synthesis_info=facts).evaluate()
 
 
 def test_evaluation_shows_same_words_everywhere(result):
@@ -66,9 +66,14 @@ def test_findings_become_words_numbers_and_tables():
 def test_peak_and_margins_without_certificate_say_so():
     """Of a suspension whose peaks, and whose disk margin, could not be shown to be as large as that."""
     norm = NormBounds(2.0, np.inf, 1.0, "not found")
-    assert [_peak("", each, "").text for each in (norm, replace(norm, upper=2.0))] == ["2.000, NOT certified", "2.000"]
+    assert [_peak("", each, "").text for each in (norm, replace(norm, upper_bound=2.0))] == [
+        "2.000, NOT certified",
+        "2.000",
+    ]
     true = bc.margins(SPRUNG, DAMPER)
-    doubted = replace(true, loops=tuple(replace(loop, disk=replace(loop.disk, certified=False)) for loop in true.loops))
+    doubted = replace(
+        true, loops=tuple(replace(loop, disk_margin=replace(loop.disk_margin, certified=False)) for loop in true.loops)
+    )
     found = [assurance.margins_finding(each) for each in (true, doubted)]
     assert [each.proved for each in found] == [True, None]
     assert [each.text.rpartition("(")[2] for each in found] == ["certified)", "NOT certified)"]
@@ -76,22 +81,26 @@ def test_peak_and_margins_without_certificate_say_so():
 
 @pytest.mark.parametrize("doubted", ["passive", "active", ""])
 def test_suspension_verdict_is_certified_if_both_peaks_are(doubted):
-    run = evaluate_suspension("", FieldScenario(run_in=0.0, duration=0.5, elements=2), bc.BoomParameters())
+    run = evaluate_suspension("", FieldScenario(warmup_time=0.0, duration=0.5, elements=2), bc.BoomParameters())
     peak = run.sigma.certificate
-    assert run.yaw.lower == pytest.approx(peak.lower, rel=1e-4)
-    assert run.jolt.lower < 0.1 * run.yaw.lower
+    assert run.yaw.lower_bound == pytest.approx(peak.lower_bound, rel=1e-4)
+    assert run.jolt.lower_bound < 0.1 * run.yaw.lower_bound
     both = dict.fromkeys(("passive", "active"), run)
     if doubted:
-        both[doubted] = replace(run, sigma=replace(run.sigma, _of=replace(peak, upper=2.0 * peak.lower)))
+        both[doubted] = replace(run, sigma=replace(run.sigma, _of=replace(peak, upper_bound=2.0 * peak.lower_bound)))
     found = SuspensionResult(SuspensionDesign("", ""), FieldScenario(), both["passive"], both["active"], (), None, ())
     assert found.verdict.startswith("Peak, NOT certified, from" if doubted else "Certified peak from")
     assert not found.better  # than itself
 
 
+class _Rows(dict):
+    tip_masses = np.zeros(0)
+
+
 def test_slew_verdict_has_ratio_of_durations():
-    lines = {name: SimpleNamespace(duration=T, vibration=0.01) for name, T in (("own", 3.0), ("rigid", 2.0))}
-    comparison = SimpleNamespace(line=lines.get, tip_masses=np.zeros(0))
-    found = SlewEvaluation(SimpleNamespace(label="own", rigid="rigid"), comparison)
+    lines = {name: SimpleNamespace(duration=T, residual_vibration=0.01) for name, T in (("own", 3.0), ("rigid", 2.0))}
+    comparison = _Rows(lines)
+    found = SlewEvaluation(SimpleNamespace(_label="own", _rigid="rigid"), comparison)
     assert found.verdict.startswith("3 s, 1.500 times a rigid body's least time; the tip vibrates by 10 mm afterwards")
 
 
@@ -110,7 +119,7 @@ def families(monkeypatch):
 
     def proved(family, *_, **__):
         found.append(family)
-        return SimpleNamespace(render=str, proved=True, upper_bound=1.0)
+        return SimpleNamespace(summary="", proved=True, upper_bound=1.0)
 
     for name in ("robust_stability", "worst_case"):
         monkeypatch.setattr(assurance, name, proved)
@@ -120,8 +129,8 @@ def families(monkeypatch):
 def test_suspension_families_span_springs_and_masses(families):
     found = list(assurance.Examined(bc.BoomParameters(), None, FieldScenario(elements=4)).over_the_box())
     assert [each.name.partition(":")[0] for each in found] == ["jolt", "jolt", "yaw", "yaw"]
-    assert all(family.ranges == {"spring": SPRING, "mass": MASS} for family in families)
-    assert families[0].names == families[3].names == ("spring", "mass")
+    assert all(family.ranges == {"spring_factor": SPRING, "mass_factor": MASS} for family in families)
+    assert families[0].names == families[3].names == ("spring_factor", "mass_factor")
 
 
 def test_measured_yaw_family_ends_at_measured_frequency(families):

@@ -14,14 +14,14 @@ DAMPER = control.ss(-20.0, 20.0, 40.0, -40.0, inputs="position", outputs="force"
 
 
 def test_peaks_margins_and_stability_are_those_of_the_loop():
-    sampled = {"sample_time": 0.001, "force_limit": 5.0}
+    sampled = {"sample_time": 0.001, "control_limit": 5.0}
     result = bc.studies.MachineDesign("mine", "A mass on a spring", SPRUNG, DAMPER, **sampled).evaluate()
     s = control.tf("s")
     damped = 1 / (s**2 + 0.02 * s + 4 + 40 * s / (s + 20))
     assert result.stable
     assert result.after.peak == pytest.approx(control.norm(damped, "inf"), rel=1e-5)
     assert result.before.peak == pytest.approx(25.0, rel=1e-3)
-    assert result.margins.everywhere.alpha > 0.0
+    assert result.margins.multiloop_io.alpha > 0.0
     assert result.as_dict()["after"]["peak"] == result.after.peak
     assert "The loop is stable" in str(result)
     files = result.controller_files()
@@ -41,7 +41,7 @@ def test_a_loop_that_is_not_stable_is_said_to_be():
     assert "controller.json" in result.report().files
 
 
-SPRINGS = AffineFamily.through(
+SPRINGS = AffineFamily.from_function(
     {"stiffness": (3.0, 5.0)},
     lambda p: SecondOrderModel(
         [[1.0]], [[0.02]], [[p["stiffness"]]], {"force": [1.0], "wind": [1.0]}, {"position": [1.0]}
@@ -55,7 +55,7 @@ def test_machine_design_over_family_proves_stability():
     assert result.before.peak == pytest.approx(25.0, rel=1e-3)  # of the center
     found = result.as_dict()
     assert found["proved"]
-    assert found["slowest_pole"] == result.robust.abscissa < 0.0
+    assert found["spectral_abscissa"] == result.robust.spectral_abscissa < 0.0
     assert found["made"] == 2
     assert result.verdict.endswith("Proved stable at every stiffness 3 to 5.")
     assert "controller.json" in result.controller_files()

@@ -29,7 +29,7 @@ def test_a_peak_that_is_infinite_or_higher_than_the_passive_one_is_drawn():
 
 
 def test_forces_change_as_fast_however_often_they_are_sampled_and_not_as_in_the_jump_at_the_start():
-    scene = FieldScenario(run_in=1.0, duration=4.0, elements=4)
+    scene = FieldScenario(warmup_time=1.0, duration=4.0, elements=4)
     gain, rates = np.eye(2), []
     for step in (0.002, 0.0005):  # the second one four times in each step of the track's motion
         left = np.exp(-30.0 * step)

@@ -55,7 +55,7 @@ def test_sweep_grid_combines_all_values():
 
 
 def test_sweep_zip_combines_values_in_order():
-    found = bc.sweep(numbers, {"x": [1.0, 2.0], "y": range(2), "z": 0.0}, combine="zip")
+    found = bc.sweep(numbers, {"x": [1.0, 2.0], "y": range(2), "z": 0.0}, mode="zip")
     assert found["sum"].tolist() == [1.0, 3.0]
     assert [list(point.values()) for point in found.points] == [[1.0, 0, 0.0], [2.0, 1, 0.0]]
 
@@ -74,12 +74,12 @@ def test_sweep_labels_objects_by_name():
 @pytest.mark.parametrize(
     ("changes", "error"),
     [
-        ({"over": {}}, ValueError),
-        ({"over": {"x": [], "y": 1, "z": 1}}, ValueError),
-        ({"over": {"x": [1.0, 1.0], "y": 1, "z": 1}}, ValueError),
-        ({"over": {"x": range(2000), "y": range(2000), "z": 1}}, ValueError),
-        ({"over": {"x": [1, 2], "y": [1], "z": 1}, "combine": "zip"}, ValueError),
-        ({"over": {"x": 1.0, "speed": [1.0]}}, RuntimeError),
+        ({"parameters": {}}, ValueError),
+        ({"parameters": {"x": [], "y": 1, "z": 1}}, ValueError),
+        ({"parameters": {"x": [1.0, 1.0], "y": 1, "z": 1}}, ValueError),
+        ({"parameters": {"x": range(2000), "y": range(2000), "z": 1}}, ValueError),
+        ({"parameters": {"x": [1, 2], "y": [1], "z": 1}, "mode": "zip"}, ValueError),
+        ({"parameters": {"x": 1.0, "speed": [1.0]}}, RuntimeError),
         ({"n_jobs": 0}, ValueError),
         ({"n_jobs": 2, "backend": "tow"}, ValueError),
         ({"checkpoint": "."}, ValueError),
@@ -87,7 +87,7 @@ def test_sweep_labels_objects_by_name():
 )
 def test_sweep_of_bad_arguments_raises(changes, error):
     with pytest.raises(error) as raised:
-        bc.sweep(**{"function": numbers, "over": GRID, **changes})
+        bc.sweep(**{"function": numbers, "parameters": GRID, **changes})
     assert "\n" not in str(raised.value)
 
 

@@ -84,7 +84,7 @@ def weighed(plant: control.StateSpace) -> control.StateSpace:
     return bc.generalized_plant(
         plant,
         disturbances={"d": 1.0},
-        noises={"y": 0.1},
+        noise={"y": 0.1},
         performance={"q": 1.0},
         effort={"u": 0.1},
         measurements="y",
@@ -92,14 +92,14 @@ def weighed(plant: control.StateSpace) -> control.StateSpace:
     )
 
 
-def yaw_plant(*measured: str, noise: float = 0.01, plant=None, **changes) -> control.StateSpace:
+def yaw_plant(*measured: str, noise=0.01, plant=None, **changes) -> control.StateSpace:
     """Return the boom's antisymmetric half with a cheap control: effort weight 0.01, in SI units.
 
     ``plant`` stands for another form of that half, ``changes`` for other signals of a kind and their weights.
     """
     signals = {
         "disturbances": {"actuator_anti": 1.0},
-        "noises": dict.fromkeys(measured, noise),
+        "noise": noise if isinstance(noise, dict) else dict.fromkeys(measured, noise),
         "performance": {"tip_anti": 1.0},
         "effort": {"suspension_anti": 0.01},
     }

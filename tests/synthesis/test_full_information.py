@@ -59,6 +59,6 @@ def test_seeing_everything_reaches_the_full_information_level(seed, n):
     P = random_plant(seed, n, _SIZES, False)
     level = full_information_level(P)
     design, partial = bc.h_infinity(seeing_everything(P, 1e-5), n + 2, 1), bc.h_infinity(P, 1, 1)
-    assert design.certificate.lower <= 1.002 * min(level, partial.gamma)
+    assert design.certificate.lower_bound <= 1.002 * min(level, partial.gamma)
     assert design.gamma <= 1.02 * level
     assert min(design.gamma, partial.gamma) >= level * (1.0 - 1e-4)

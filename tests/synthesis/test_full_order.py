@@ -37,7 +37,7 @@ def test_where_synthesis_takes_the_plant_it_is_that_of_synthesis():
     P = plant(np.random.default_rng(1), 3, 2, 1, noise=0.3)
     found, design = bound(P, 1, 1), bc.h_infinity(P, 1, 1)
     assert found[1] == ""
-    assert found[0] == pytest.approx(design.certificate.lower, rel=0.01)
+    assert found[0] == pytest.approx(design.certificate.lower_bound, rel=0.01)
     assert found[0] <= design.gamma
 
 
@@ -49,7 +49,7 @@ def test_measurements_without_noise_are_the_limit_of_little_noise(nw, nmeas, tol
     noisy = bc.h_infinity(plant(rng[1], 3, nw, nmeas, noise=1e-5), nmeas, 1)
     assert told in exact[1]
     assert exact[0] <= noisy.gamma
-    assert exact[0] == pytest.approx(noisy.certificate.lower, rel=0.02)
+    assert exact[0] == pytest.approx(noisy.certificate.lower_bound, rel=0.02)
 
 
 def test_a_control_without_weight_is_a_measurement_without_noise_of_the_dual():
@@ -71,7 +71,7 @@ def test_a_zero_on_the_axis_is_seen_from_its_right():
     found = bound(P, 1, 1)
     assert "axis" in found[1]
     gains = (control.ss([], [], [], [[-gain]]) for gain in np.geomspace(1e-3, 1.0, 13))
-    least = min(bc.hinf_norm(bc.lft(P, K)).upper for K in gains)
+    least = min(bc.hinf_norm(bc.lft(P, K)).upper_bound for K in gains)
     assert 0.3 < found[0] <= least * (1.0 + ROUNDING)
 
 
@@ -93,4 +93,4 @@ def test_no_stabilising_controller_is_below_it(seed, n, nw, nmeas, noise):
         parts = (rng.normal(size=shape) for shape in [(order, order), (order, nmeas), (1, order), (1, nmeas)])
         loop = bc.lft(P, control.ss(*parts))
         if loop.poles().real.max(initial=-1.0) < 0.0:
-            assert bc.hinf_norm(loop).upper >= found[0] * (1.0 - ROUNDING)
+            assert bc.hinf_norm(loop).upper_bound >= found[0] * (1.0 - ROUNDING)

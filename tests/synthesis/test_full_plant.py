@@ -39,7 +39,7 @@ def generalized(plant):
         disturbances={"actuator_anti": bc.low_pass(1.0, 2.0), "suspension_anti": 0.05},
         performance={"tip_anti": 1.0, "stroke_anti": 2.0},
         effort={"suspension_anti": bc.shelf(2.0, 7200.0, 39.0, order=2)},
-        noises={"stroke_anti": 0.02, "tip_acceleration_anti": 1.5},
+        noise={"stroke_anti": 0.02, "tip_acceleration_anti": 1.5},
         measurements=["stroke_anti", "tip_acceleration_anti"],
         controls=["suspension_anti"],
     )
@@ -66,13 +66,13 @@ def test_design_on_reduction_says_what_becomes_of_the_full_loop(full, order, sta
     proof, slowest = found.certificate.full_plant, slowest_on(full, found.scaled_controller)
     assert proof.stable is stable
     assert (slowest < 0.0) == stable
-    assert_allclose(proof.slowest_pole, slowest, rtol=1e-6)
+    assert_allclose(proof.spectral_abscissa, slowest, rtol=1e-6)
     if stable:
         loop = generalized(full).lft(found.scaled_controller)
-        assert_allclose(proof.norm.lower, control.norm(loop, "inf"), rtol=1e-3)
-    assert (proof.norm.lower > 1.1 * found.gamma) == worse
+        assert_allclose(proof.norm_bounds.lower_bound, control.norm(loop, "inf"), rtol=1e-3)
+    assert (proof.norm_bounds.lower_bound > 1.1 * found.gamma) == worse
     assert len(said) == worse
-    assert not worse or (f"{proof.norm.upper:.6g}" if stable else "UNSTABLE") in said[0]
+    assert not worse or (f"{proof.norm_bounds.upper_bound:.6g}" if stable else "UNSTABLE") in said[0]
     for text in (repr(found), repr(found.certificate)):
         assert stable == ("UNSTABLE" not in text)
 
@@ -95,7 +95,7 @@ def test_the_generalised_plant_of_a_reduction_is_that_of_its_system_and_remember
     assert full_plant.origin_of(plain) is None
     for other in (P, pickle.loads(pickle.dumps(P)), copy.deepcopy(P)):
         origin = full_plant.origin_of(other)
-        assert origin.reduction.measured_error == small.measured_error
+        assert origin.reduction.error_norm == small.error_norm
         np.testing.assert_array_equal(origin.around(of(full)).A, generalized(full).A)
 
 
@@ -111,8 +111,8 @@ def test_reduced_plants_of_other_kinds_know_the_full_one(full):
         found, said = design(P, nmeas)
         proof = found.certificate.full_plant
         assert proof.stable == bool(around.lft(found.scaled_controller).poles().real.max() < 0.0)
-        assert f"the full plant of {plant.nstates} states" in proof.statement
-        assert bool(said) == (not proof.stable or proof.norm.upper > 1.1 * found.gamma)
+        assert f"the full plant of {plant.nstates} states" in proof.summary
+        assert bool(said) == (not proof.stable or proof.norm_bounds.upper_bound > 1.1 * found.gamma)
     assert said
 
 
@@ -122,11 +122,11 @@ def test_a_full_plant_too_large_for_its_poles_is_proved_by_the_small_gain_or_not
     found, said = design(generalized(bc.reduce(full, order=12)))
     told = found.certificate.full_plant
     assert told.stable is None
-    assert told.share >= 1.0
+    assert told.small_gain >= 1.0
     assert "not proved" in said[0]
-    near, said = design(generalized(bc.reduce(full, error=1e-4)))
+    near, said = design(generalized(bc.reduce(full, max_error=1e-4)))
     assert near.certificate.full_plant.stable
-    assert near.certificate.full_plant.share < 1.0
+    assert near.certificate.full_plant.small_gain < 1.0
     assert not said
 
 
@@ -152,7 +152,7 @@ def test_what_is_said_of_the_full_plant_is_true(seed, states, kept, banded):
             disturbances={"u[0]": 1.0},
             performance={"y[0]": 1.0},
             effort={"u[1]": 0.3},
-            noises={"y[1]": 0.3},
+            noise={"y[1]": 0.3},
             measurements="y[1]",
             controls="u[1]",
         )
@@ -164,11 +164,11 @@ def test_what_is_said_of_the_full_plant_is_true(seed, states, kept, banded):
     slowest = slowest_on(plant, found.scaled_controller)
     if told.stable is not None:
         assert told.stable == (slowest < 0.0)
-    if told.share < 1.0:
+    if told.small_gain < 1.0:
         assert slowest < 0.0
-    if told.norm.certified:
+    if told.norm_bounds.certified:
         whole = bc.lft(full_plant_of(P), found.scaled_controller)
-        assert_allclose(bc.hinf_norm(whole).lower, told.norm.lower, rtol=1e-4)
+        assert_allclose(bc.hinf_norm(whole).lower_bound, told.norm_bounds.lower_bound, rtol=1e-4)
 
 
 def cost_on(plant, K, weights, noise):
@@ -208,18 +208,18 @@ def test_cost_and_h2_norm_on_full_plant_equal_lyapunov(sampled, seed):
     weights, noise = np.exp(rng.normal(size=2)), np.exp(rng.normal(size=3)) * [1.0, 1.0, float(not sampled)]
     (W, R), (intensity, V, q) = weights, noise
     signals = {"disturbances": {"u[0]": 1.0}, "performance": {"y[0]": 2.0}, "effort": {"u[1]": 0.3}}
-    signals |= {"noises": {"y[1]": 0.3}, "measurements": "y[1]", "controls": "u[1]"}
+    signals |= {"noise": {"y[1]": 0.3}, "measurements": "y[1]", "controls": "u[1]"}
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         small = bc.reduce(plant, order=min(kept, states - 1))
-        found = bc.lqg(small, None, R, {"u[0]": intensity}, V, "y[1]", "u[1]", output_weight=W, ltr=q)
+        found = bc.lqg(small, None, R, {"u[0]": intensity}, V, "y[1]", "u[1]", output_weight=W, ltr_intensity=q)
         best = bc.h2(bc.generalized_plant(small, **signals))
     assert cost_on(small.system, found.controller, weights, noise) == pytest.approx(found.cost, rel=1e-7)
     told, true = found.certificate.full_plant, cost_on(plant, found.controller, weights, noise)
     assert told.stable == np.isfinite(true)
-    assert told.norm.kind == "h2"
-    assert told.norm.value**2 == pytest.approx(true, rel=1e-7)
-    assert not told.stable or f"a cost of {told.norm.value**2:.6g}" in told.statement
+    assert told.norm_bounds.kind == "h2"
+    assert told.norm_bounds.value**2 == pytest.approx(true, rel=1e-7)
+    assert not told.stable or f"a cost of {told.norm_bounds.value**2:.6g}" in told.summary
 
     told, whole = best.certificate.full_plant, bc.generalized_plant(plant, **signals).lft(best.controller)
     assert told.stable == bool((np.abs(whole.poles()).max() if sampled else np.exp(whole.poles().real.max())) < 1.0)
@@ -227,7 +227,7 @@ def test_cost_and_h2_norm_on_full_plant_equal_lyapunov(sampled, seed):
         solve = linalg.solve_discrete_lyapunov if sampled else linalg.solve_continuous_lyapunov
         covariance = solve(whole.A, whole.B @ whole.B.T * (1.0 if sampled else -1.0))
         true = np.trace(whole.C @ covariance @ whole.C.T) + sampled * np.square(whole.D).sum()
-        assert told.norm.value**2 == pytest.approx(true, rel=1e-7)
+        assert told.norm_bounds.value**2 == pytest.approx(true, rel=1e-7)
 
 
 def test_cost_of_reduced_states_is_undefined_on_full_plant(full):
@@ -235,14 +235,14 @@ def test_cost_of_reduced_states_is_undefined_on_full_plant(full):
     given = (1e-2, {"actuator_anti": 1.0}, 1e-2, "stroke_anti", "suspension_anti")
     states = bc.lqg(small, 1e-9, *given, output_weight={"tip_anti": 1.0}).certificate.full_plant
     assert states.stable
-    assert states.norm.upper == np.inf
-    assert "cost there is not defined" in states.statement
+    assert states.norm_bounds.upper_bound == np.inf
+    assert "cost there is not defined" in states.summary
     outputs = bc.lqg(small, None, *given, output_weight={"tip_anti": 1.0})
-    assert outputs.certificate.full_plant.norm.value**2 == pytest.approx(outputs.cost, rel=0.1)
+    assert outputs.certificate.full_plant.norm_bounds.value**2 == pytest.approx(outputs.cost, rel=0.1)
     assert "a cost of" in repr(outputs)
 
 
 def full_plant_of(P):
     """Return the generalised plant around the full one."""
     origin = full_plant.origin_of(P)
-    return origin.around(of(origin.reduction.full)).statespace("full")
+    return origin.around(of(origin.reduction.full_system)).statespace("full")

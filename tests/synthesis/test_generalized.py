@@ -28,7 +28,7 @@ WEIGHTS = (  # of disturbance, performance, effort and noise
 
 
 def weighed_yaw(plant, track, tip, effort, noise):
-    weights = {"disturbances": {"actuator_anti": track}, "noises": {"stroke_anti": noise}}
+    weights = {"disturbances": {"actuator_anti": track}, "noise": {"stroke_anti": noise}}
     weights |= {"performance": {"tip_anti": tip}, "effort": {"suspension_anti": effort}}
     return yaw_plant("stroke_anti", plant=plant, **weights)
 
@@ -37,7 +37,7 @@ def test_names_and_states(yaw):
     P = weighed_yaw(yaw, *WEIGHTS)
     assert P.input_labels == ["w_actuator_anti", "n_stroke_anti", "suspension_anti"]
     assert P.output_labels == ["z_tip_anti", "z_suspension_anti", "stroke_anti"]
-    assert P.nstates == 2 * yaw.n + sum(weight.nstates for weight in WEIGHTS)
+    assert P.nstates == 2 * yaw.ncoordinates + sum(weight.nstates for weight in WEIGHTS)
     assert "w_actuator_anti[1]" in P.state_labels
     assert "mode1.x1" in P.state_labels
     assert bc.synthesis.select_channels(P, "suspension_anti", "stroke_anti").output_labels == ["stroke_anti"]
@@ -118,8 +118,8 @@ def test_names_tell_measurements_and_controls():
     P = yaw_plant("stroke_anti")
     told = bc.h_infinity(P)
     assert told.gamma == bc.h_infinity(P, nmeas=1, ncon=1).gamma
-    assert bc.synthesis.h2(P).optimum == bc.synthesis.h2(P, 1, 1).optimum
-    tuned = bc.tune(P, structure=bc.tunable.gain(), starts=1)
-    assert tuned.gamma == bc.tune(P, 1, 1, bc.tunable.gain(), starts=1).gamma
+    assert bc.synthesis.h2(P).optimal_norm == bc.synthesis.h2(P, 1, 1).optimal_norm
+    tuned = bc.tune(P, structure=bc.tunable.gain(), n_starts=1)
+    assert tuned.gamma == bc.tune(P, 1, 1, bc.tunable.gain(), n_starts=1).gamma
     lag = control.ss([[-1.0]], [[1.0]], [[1.0]], 0.0, inputs="u", outputs="y")
     assert bc.h_infinity(bc.mixed_sensitivity(lag, W1=bc.shelf(100.0, 0.5, corner=1.0), W2=0.1)).gamma < 0.93

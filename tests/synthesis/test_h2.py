@@ -39,7 +39,7 @@ def test_the_norm_is_slycots_and_the_closed_loops_own(seed):
     design = bc.h2(P, 2, 2)
     K = slycot.sb10hd(4, 5, 5, 2, 2, P.A, P.B, P.C, P.D)[:4]
     assert design.norm == pytest.approx(bc.h2_norm(P.lft(control.ss(*K))).value, rel=1e-5)
-    assert design.norm == pytest.approx(design.optimum, rel=1e-5)
+    assert design.norm == pytest.approx(design.optimal_norm, rel=1e-5)
     loop = P.lft(design.controller)
     assert bc.h2_norm(loop).value == pytest.approx(design.norm, rel=1e-5)
     for w in (0.1, 1.0, 10.0):
@@ -69,7 +69,7 @@ def test_a_direct_way_that_a_controller_can_cancel_is_cancelled(seed):
     D[:3, :3] = -D[:3, 3:] @ gain @ D[3:, :3]
     design = bc.h2(control.ss(plain.A, plain.B, plain.C, D), 2, 2)
     assert pytest.approx(gain, rel=1e-6, abs=1e-8) == design.controller.D
-    assert design.norm == pytest.approx(design.optimum, rel=1e-5)
+    assert design.norm == pytest.approx(design.optimal_norm, rel=1e-5)
     assert not design.closed_loop.D.any()
 
 

@@ -46,7 +46,7 @@ def test_h2_norm_is_that_of_pulses_and_no_neighbor_has_less(dt, seed):
         return
     K, rng = design.controller, np.random.default_rng(seed)
     assert K.dt == design.closed_loop.dt == dt
-    assert design.norm == pytest.approx(design.optimum, rel=1e-6)
+    assert design.norm == pytest.approx(design.optimal_norm, rel=1e-6)
     if dt:
         assert square_of_pulses(design.closed_loop) == pytest.approx(design.norm**2, rel=1e-6)
     names = {"inputs": K.input_labels, "outputs": K.output_labels}

@@ -31,16 +31,16 @@ def test_a_regulator_is_that_of_python_control_and_its_cost_is_the_sum(seed):
     found = bc.lqr(plant, Q, R, N=N)
     F, X, _ = control.dlqr(plant.A, plant.B, Q, R, N)
     assert found.gain == pytest.approx(F, rel=1e-7, abs=1e-8)
-    assert found.cost == pytest.approx(X, rel=1e-7, abs=1e-8 * np.abs(X).max())
+    assert found.riccati_solution == pytest.approx(X, rel=1e-7, abs=1e-8 * np.abs(X).max())
     x0 = rng.standard_normal(n)
     x, total = x0, 0.0
     for _ in range(3000):
         u = -found.gain @ x
         total += x @ Q @ x + u @ R @ u + 2.0 * x @ N @ u
         x = plant.A @ x + plant.B @ u
-    assert total == pytest.approx(x0 @ found.cost @ x0, rel=1e-6)
+    assert total == pytest.approx(x0 @ found.riccati_solution @ x0, rel=1e-6)
     assert np.abs(found.poles).max() < 1.0
-    assert found.certificate.riccati.residual < 1e-12
+    assert found.certificate.regulator_riccati.residual < 1e-12
     assert found.closed_loop.dt == found.controller.dt == 0.1
 
 
@@ -49,9 +49,9 @@ def test_a_regulator_is_that_of_python_control_and_its_cost_is_the_sum(seed):
 def test_the_return_difference_of_a_regulator_is_at_least_one(seed):
     plant = random_plant(seed)
     found = bc.lqr(plant, 1.0, 1.0)
-    assert found.certificate.return_difference >= 1.0 - 1e-6
+    assert found.certificate.min_return_difference >= 1.0 - 1e-6
     n, m = plant.nstates, plant.ninputs
-    wide = linalg.cholesky(np.eye(m) + plant.B.T @ found.cost @ plant.B)
+    wide = linalg.cholesky(np.eye(m) + plant.B.T @ found.riccati_solution @ plant.B)
     for angle in np.linspace(0.0, np.pi, 50):
         L = found.gain @ np.linalg.solve(np.exp(1j * angle) * np.eye(n) - plant.A, plant.B + 0j)
         assert np.linalg.svd(wide @ (np.eye(m) + L), compute_uv=False)[-1] >= 1.0 - 1e-6
@@ -132,9 +132,9 @@ def test_a_filter_of_a_servo_is_exact_state_by_state_however_little_noise_reache
 
 def test_the_certificate_says_which_solver_answered():
     plant = control.ss(1.5, 1.0, 1.0, 0.0, 0.1)
-    assert bc.lqr(plant, 1.0, 1.0).certificate.riccati.path == ("structure-preserving doubling",)
+    assert bc.lqr(plant, 1.0, 1.0).certificate.regulator_riccati.path == ("structure-preserving doubling",)
     mirrored = bc.lqr(plant, 0.0, 1.0)
-    assert mirrored.certificate.riccati.path == ("structure-preserving doubling", "SciPy, extended pencil")
+    assert mirrored.certificate.regulator_riccati.path == ("structure-preserving doubling", "SciPy, extended pencil")
     assert mirrored.poles == pytest.approx(1.0 / 1.5)
 
 
@@ -159,7 +159,7 @@ def test_integral_action_leaves_no_error():
         inputs=["force", "wind"],
         outputs="place",
     )
-    found = bc.lqr(plant, 1.0, 1.0, controls="force", integral=["place"])
+    found = bc.lqr(plant, 1.0, 1.0, controls="force", integral_action=["place"])
     loop = found.closed_loop
     assert (loop.input_labels, loop.dt) == (["wind"], 0.1)
     rest = loop.C @ np.linalg.solve(np.eye(loop.nstates) - loop.A, loop.B)

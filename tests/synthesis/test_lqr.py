@@ -53,10 +53,10 @@ def variance(A, noise, dt):
 def test_solutions_in_closed_form(case):
     design = bc.lqr(control.ss(case.A, case.B, np.eye(len(case.A)), 0.0), case.Q, case.R)
     size = np.sqrt(np.diag(case.X))
-    assert np.abs((design.cost - case.X) / np.outer(size, size)).max() < 1e-11
+    assert np.abs((design.riccati_solution - case.X) / np.outer(size, size)).max() < 1e-11
     gain = np.linalg.solve(case.R, case.B.T @ case.X)
     assert design.gain == pytest.approx(gain, rel=1e-9, abs=1e-11 * np.abs(gain).max())
-    assert design.certificate.riccati.residual < 1e-11
+    assert design.certificate.regulator_riccati.residual < 1e-11
     assert design.poles.real.max() < 0.0
 
 
@@ -66,11 +66,13 @@ def test_poles_come_near_the_axis_and_the_solution_stays_exact(epsilon):
     block = np.array([[-epsilon, 1.0], [-1.0, -epsilon]])
     A = linalg.block_diag(block, -block.T)
     design = bc.lqr(control.ss(A, np.ones((4, 1)), np.eye(4), 0), np.ones((4, 4)), 1.0)
-    X = design.cost
+    X = design.riccati_solution
     assert np.linalg.eigvalsh(X).min() > 0.0
     assert np.abs(A.T @ X + X @ A - X @ np.ones((4, 4)) @ X + np.ones((4, 4))).max() < 1e-13 * np.abs(X).max() ** 2
     assert design.poles.real.max() == pytest.approx(-0.5 * epsilon**2, rel=0.1) or epsilon == 1.0
-    assert design.certificate.riccati.cost_error < 1e-14 / epsilon**2  # rounding over the distance from the axis
+    assert (
+        design.certificate.regulator_riccati.cost_error < 1e-14 / epsilon**2
+    )  # rounding over the distance from the axis
 
 
 @given(seeds)
@@ -89,8 +91,8 @@ def test_the_gain_follows_units_order_and_coordinates(seed):
         other = bc.lqr(same, _even(T.T @ Q @ T), _even(effort @ R @ effort))
         assert effort @ other.gain @ inverse == pytest.approx(design.gain, rel=1e-6, abs=1e-7 * abs(design.gain).max())
         assert sorted(other.poles.real) == pytest.approx(sorted(design.poles.real), rel=1e-6)
-        size = np.sqrt(np.diag(other.cost))
-        assert np.abs((other.cost - T.T @ design.cost @ T) / np.outer(size, size)).max() < 1e-6
+        size = np.sqrt(np.diag(other.riccati_solution))
+        assert np.abs((other.riccati_solution - T.T @ design.riccati_solution @ T) / np.outer(size, size)).max() < 1e-6
 
 
 @given(seeds)
@@ -98,8 +100,8 @@ def test_the_gain_follows_units_order_and_coordinates(seed):
 def test_kalmans_inequality_and_no_other_gain_costs_less(seed):
     system, Q, R = random_system(seed), random_weight(seed, 5), random_weight(seed + 1, 2)
     design = bc.lqr(system, Q, R)
-    assert design.certificate.return_difference == pytest.approx(1.0, abs=1e-8)
-    assert design.effort.output_labels == ["u0", "u1"]
+    assert design.certificate.min_return_difference == pytest.approx(1.0, abs=1e-8)
+    assert design.control_loop.output_labels == ["u0", "u1"]
     L = linalg.cholesky(R)
     for w in np.geomspace(1e-2, 1e2, 30):
         loop = design.gain @ np.linalg.solve(1j * w * np.eye(5) - system.A, system.B)
@@ -111,10 +113,10 @@ def test_kalmans_inequality_and_no_other_gain_costs_less(seed):
         gain = design.gain + size * rng.standard_normal(design.gain.shape)
         run = variance((system.A - system.B @ gain).T, Q + gain.T @ R @ gain, 0.0)
         if size == 0.0:
-            assert x @ run @ x == pytest.approx(x @ design.cost @ x, rel=1e-7)
+            assert x @ run @ x == pytest.approx(x @ design.riccati_solution @ x, rel=1e-7)
         elif run is not None:
-            assert np.linalg.eigvalsh(run - design.cost).min() > -1e-9 * np.abs(run).max()
-            assert np.trace(run) > np.trace(design.cost)
+            assert np.linalg.eigvalsh(run - design.riccati_solution).min() > -1e-9 * np.abs(run).max()
+            assert np.trace(run) > np.trace(design.riccati_solution)
 
 
 @given(seeds)
@@ -126,7 +128,9 @@ def test_a_cross_weight_is_a_change_of_controls(seed):
     Q = random_weight(seed + 1, 5)
     plain = bc.lqr(control.ss(system.A - system.B @ F, system.B, system.C, system.D), Q, R)
     crossed = bc.lqr(system, _even(Q + F.T @ R @ F), R, N=F.T @ R)
-    assert crossed.cost == pytest.approx(plain.cost, rel=1e-6, abs=1e-8 * abs(plain.cost).max())
+    assert crossed.riccati_solution == pytest.approx(
+        plain.riccati_solution, rel=1e-6, abs=1e-8 * abs(plain.riccati_solution).max()
+    )
     assert crossed.gain == pytest.approx(plain.gain + F, rel=1e-6, abs=1e-7)
 
 

@@ -59,7 +59,7 @@ def fed_through(loop_gain):
 
 
 def recovered(system=MASS, Q=1.0, band=(0.1, 10.0), strengths=(1.0,), **options):
-    return loop_transfer_recovery(system, Q, 1.0, 1.0, 1.0, strengths=strengths, band=band, **options)
+    return loop_transfer_recovery(system, Q, 1.0, 1.0, 1.0, noise_intensities=strengths, omega_range=band, **options)
 
 
 def regulated(Q=1.0, R=1.0, **options):
@@ -80,7 +80,7 @@ REFUSED = [
     (lambda: regulated([[1.0, 2.0], [0.0, 1.0]]), "Q: expected a symmetric matrix"),
     (lambda: regulated(np.ones(3)), "Q: expected a number, 2 numbers or a 2 by 2 matrix, got shape"),
     (lambda: regulated(output_weight={"plac": 1.0}), "unknown signal in output_weight 'plac'; did you mean 'place'"),
-    (lambda: regulated(integral={"place": -1.0}), "integral: expected a positive semidefinite"),
+    (lambda: regulated(integral_action={"place": -1.0}), "integral_action: expected a positive semidefinite"),
     (lambda: regulated(N=10.0 * np.ones((2, 1))), "Q - N R"),
     (lambda: regulated(controls=[]), "controls: expected at least one"),
     (lambda: regulated(None), "Q, output_weight: expected at least one"),
@@ -94,9 +94,12 @@ REFUSED = [
     (lambda: bc.kalman(two_modes((1, 1, 1, 1), (1, 1, 1, 0)), 1.0, 1.0, measurements="y"), r"3 rad/s .*not seen by y"),
     (lambda: bc.kalman(two_modes((1, 1, 0, 1), (1, 1, 1, 1)), {"d": 1.0}, 1.0), "3 rad/s .*not reached by any process"),
     (lambda: bc.kalman(MASS, -1.0, 1.0), "process_noise: expected a positive semidefinite weight, got an eigenvalue"),
-    (lambda: bc.lqg(UNSEEN, 1.0, 1.0, 1.0, 1.0, ltr=0.5), "ltr = 0.5: expected 0 for a discrete system"),
-    (lambda: recovered(band=(3.0, 1.0)), "band = .* ascending"),
-    (lambda: recovered(strengths=[]), "strengths: expected one number or more"),
+    (
+        lambda: bc.lqg(UNSEEN, 1.0, 1.0, 1.0, 1.0, ltr_intensity=0.5),
+        "ltr_intensity = 0.5: expected 0 for a discrete system",
+    ),
+    (lambda: recovered(band=(3.0, 1.0)), "omega_range = .* ascending"),
+    (lambda: recovered(strengths=[]), "noise_intensities: expected one number or more"),
     (lambda: recovered(control.ss(LAG), 0.0), "expected a regulator with a loop to recover"),
     (lambda: recovered(MODES, measurements="y"), "measurements: expected at least as many as controls"),
     # generalised plants
@@ -105,9 +108,9 @@ REFUSED = [
         lambda: yaw_plant("stroke_anti", effort={"suspension_anti": control.rss(2, 2, 1)}),
         "'suspension_anti'.*one input",
     ),
-    (lambda: yaw_plant("stroke_anti", noises={"tip_anti": 1.0}), "unknown noise of measurement"),
+    (lambda: yaw_plant("stroke_anti", noise={"tip_anti": 1.0}), "unknown noise of measurement"),
     (lambda: yaw_plant("stroke_anti", effort={"actuator_anti": 1.0}), "unknown effort of control"),
-    (lambda: yaw_plant("stroke_anti", disturbances={}, noises={}), "at least one disturbance"),
+    (lambda: yaw_plant("stroke_anti", disturbances={}, noise={}), "at least one disturbance"),
     (lambda: yaw_plant("stroke_anti", performance={}, effort={}), "at least one performance"),
     (
         lambda: sampled_weight(control.ss(0.5, 1.0, 1.0, 0.0, 0.2)),
@@ -213,7 +216,7 @@ def test_lqr_mode_out_of_reach_is_named_if_it_decays(damping):
     A[3, 3] = -6.0 * damping
     plant = control.ss(A, plant.B, plant.C, 0.0, inputs=["d", "u"], outputs=["q", "y"])
     if damping > 0.0:
-        (unmoved,) = bc.lqr(plant, None, 1.0, output_weight=1.0, controls="u").unmoved
+        (unmoved,) = bc.lqr(plant, None, 1.0, output_weight=1.0, controls="u").uncontrollable_modes
         assert unmoved.omega == pytest.approx(3.0)
         assert "damping 0.1 %" in str(unmoved)
         return

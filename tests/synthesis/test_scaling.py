@@ -101,8 +101,8 @@ def test_scaled_system_keeps_scales(design):
 DESIGNS = {
     "h2": bc.h2,
     "h_infinity": bc.h_infinity,
-    "tune": lambda P: bc.tune(P, structure=bc.tunable.gain(), starts=1),
-    "reduce_controller": lambda P: bc.reduce_controller(P, bc.h2(P), tolerance=0.5),
+    "tune": lambda P: bc.tune(P, structure=bc.tunable.gain(), n_starts=1),
+    "reduce_controller": lambda P: bc.reduce_controller(P, bc.h2(P), max_degradation=0.5),
     "lqg": lambda P: bc.lqg(
         P, None, 1.0, {"w_actuator_anti": 1.0}, 1.0, "stroke_anti", "suspension_anti", output_weight={"z_tip_anti": 1.0}
     ),
@@ -128,7 +128,11 @@ def test_design_controller_in_machine_units(method, dt):
         )
     assert_allclose(gains[0], gains[1], rtol=1e-8)
     machine, other = (bc.margins(plant, design)["suspension_anti"] for plant in plants)
-    assert_allclose([machine.phase_deg, machine.disk.alpha], [other.phase_deg, other.disk.alpha], rtol=1e-6)
+    assert_allclose(
+        [machine.phase_margin_deg, machine.disk_margin.alpha],
+        [other.phase_margin_deg, other.disk_margin.alpha],
+        rtol=1e-6,
+    )
     if method != "reduce_controller":  # its result makes no claim to prove
         bc.prove(design)
 
@@ -151,18 +155,18 @@ EITHER = {  # calls with a plant in units of the machine, or scaled, and a contr
     "margins": bc.margins,
     "nyquist": bc.nyquist,
     "feedback_loop": bc.feedback_loop,
-    "simulate_loop": lambda G, K: bc.simulate_loop(G, K, None, np.linspace(0.0, 0.1, 6), sample_time=T),
+    "simulate_loop": lambda G, K: bc.simulate_loop(G, K, np.linspace(0.0, 0.1, 6), None, sample_time=T),
     "sampled_data_norm": lambda G, K: bc.analysis.sampled_data_norm(G, sampled(K)),
     "reduce_controller": lambda G, K: bc.reduce_controller(weighted(G), K),
-    "tune": lambda G, K: bc.tune(weighted(G), structure=bc.tunable.state_space(9), initial=K, starts=1),
+    "tune": lambda G, K: bc.tune(weighted(G), structure=bc.tunable.state_space(9), initial_controller=K, n_starts=1),
 }
 MACHINE = {  # in units of the machine alone
     "lft": lambda yaw, K: bc.lft(weighted(yaw), K),
     "compare": lambda yaw, K: bc.compare({"passive": yaw, "active": bc.feedback_loop(SCALED, K)}),
-    "worst_case": lambda _, K: bc.worst_case(bc.boom_family(half="yaw"), K),
-    "worst_case sampled": lambda _, K: bc.worst_case(bc.boom_family(half="yaw"), sampled(K)),
-    "robust_stability": lambda _, K: bc.robust_stability(bc.boom_family(half="yaw"), K),
-    "robust_stability_margin": lambda _, K: bc.analysis.robust_stability_margin(bc.boom_family(half="yaw"), K),
+    "worst_case": lambda _, K: bc.worst_case(bc.boom_family(subsystem="yaw"), K),
+    "worst_case sampled": lambda _, K: bc.worst_case(bc.boom_family(subsystem="yaw"), sampled(K)),
+    "robust_stability": lambda _, K: bc.robust_stability(bc.boom_family(subsystem="yaw"), K),
+    "robust_stability_margin": lambda _, K: bc.analysis.robust_stability_margin(bc.boom_family(subsystem="yaw"), K),
     "closed_loop_response": lambda yaw, K: bc.analysis.closed_loop_response(
         yaw.frequency_response(np.array([1.0, 2.0])), K
     ),
@@ -207,9 +211,9 @@ def test_loop_with_other_scales_raises(design):
 
 def test_write_controller_scaled_raises(tmp_path, design):
     with pytest.raises(ValueError, match=r"units of the machine.*\.controller"):
-        bc.write_controller(design.scaled_controller, tmp_path / "K.json", half=True)
+        bc.write_controller(design.scaled_controller, tmp_path / "K.json", allow_subsystem=True)
     assert not list(tmp_path.iterdir())
-    bc.write_controller(design, tmp_path / "K.json", half=True)
+    bc.write_controller(design, tmp_path / "K.json", allow_subsystem=True)
     assert_allclose(bc.read_controller(tmp_path / "K.json").B, design.controller.B)
 
 

@@ -83,10 +83,10 @@ def check(goal, starts):
     part = partition(P, nmeas, ncon)
     structure = tunable.state_space(goal.order) if goal.order else tunable.gain()
     for count in starts:
-        design = tune(P, nmeas, ncon, structure, starts=count, seed=0, time_limit=PATIENCE)
+        design = tune(P, nmeas, ncon, structure, n_starts=count, seed=0, time_limit=PATIENCE)
         if goal.limit is None or design.gamma <= goal.limit:
             break
-    assert design.certificate.norm.certified or goal.plant in HIDDEN
+    assert design.certificate.norm_bounds.certified or goal.plant in HIDDEN
     assert design.controller.nstates == goal.order
     loop = closed(part, design.controller)
     assert np.linalg.eigvals(loop[0]).real.max() < 0.0

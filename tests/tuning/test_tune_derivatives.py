@@ -30,7 +30,7 @@ STRUCTURES = {
     "notch": T.gain() * T.notch(),
     "series": T.gain() * T.state_space(1),
     "sum": T.gain() + T.ppf(),
-    "shared": T.decentralized(T.lead(), shared=True),
+    "shared": T.decentralized(T.lead(), shared_parameters=True),
     "decentralized": T.decentralized(("y[3]", "u[3]", T.lead()), (["y[3]", "y[4]"], "u[4]", T.gain())),
 }
 
@@ -49,7 +49,7 @@ def problem_between(plants, make, structure, channels, **bounds):
     ends = np.array([each.ends() for each in free])
     where = [places(plants[0], channel) for channel in channels]
     middle = ends.mean(axis=1) if np.isfinite(ends).all() else np.zeros(len(free))
-    limits = {"fastest_pole": None, "gain_limit": None, "damping": None, "decay": None} | bounds
+    limits = {"fastest_pole": None, "max_gain": None, "min_damping_ratio": None, "min_decay_rate": None} | bounds
     return Problem(
         structure=structure,
         ports=ports,
@@ -126,11 +126,11 @@ ONE = T.objective("u[0]", "y[0]", norm="h2")  # finite with any controller
         *((merit, name, 1, ONE, {}) for name in STRUCTURES if name != "strictly proper"),
         (merit, "strictly proper", 1, T.objective(norm="h2"), {}),
         *((edge, name, 3, T.objective(), {"edge": 0.5}) for name in STRUCTURES),
-        (merit, "free", 3, T.objective(), {"damping": 0.99}),
-        (merit, "free", 3, T.objective(), {"decay": 50.0}),
+        (merit, "free", 3, T.objective(), {"min_damping_ratio": 0.99}),
+        (merit, "free", 3, T.objective(), {"min_decay_rate": 50.0}),
         (merit, "free", 3, T.objective(), {"fastest_pole": 1e-3}),
         (merit, "ppf", 3, T.objective(), {"fastest_pole": 1e-3}),  # of a pair of poles
-        (merit, "free", 3, T.objective(), {"gain_limit": 1e-3}),
+        (merit, "free", 3, T.objective(), {"max_gain": 1e-3}),
         (abscissa, "free", 4, T.objective(), {}),  # two poles of about that size
         (abscissa, "free", 3, T.objective(), {"fastest_pole": 1e-3}),
     ],

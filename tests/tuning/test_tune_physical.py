@@ -125,9 +125,9 @@ def turned(values):
 
 @pytest.mark.slow
 def test_a_plant_whose_states_differ_is_tuned_by_differences_and_says_so():
-    found = bc.tune(turned, 0, 0, T.plant_parameter("c", 0.05, 5.0), starts=2)
-    assert "physical parameters by differences" in found.certificate.path
-    least = min(bc.hinf_norm(turned({"c": c})).lower for c in np.linspace(0.05, 5.0, 300))
+    found = bc.tune(turned, 0, 0, T.plant_parameter("c", 0.05, 5.0), n_starts=2)
+    assert "physical parameters by differences" in found.certificate.stages
+    least = min(bc.hinf_norm(turned({"c": c})).lower_bound for c in np.linspace(0.05, 5.0, 300))
     assert found.gamma <= least * (1.0 + 1e-9)
 
 
@@ -147,6 +147,6 @@ def test_no_plant_is_made_once_it_is_a_polynomial():
             [[0.0, 1.0], [-4.0, -values["c"]]], [[0.0], [1.0]], [[1.0, 0.0], [0.0, 0.3 * values["c"]]], 0.0
         )
 
-    found = bc.tune(make, 0, 0, T.plant_parameter("c", 0.05, 5.0), starts=2)
-    assert "physical parameters by polynomials of degree c 1" in found.certificate.path
+    found = bc.tune(make, 0, 0, T.plant_parameter("c", 0.05, 5.0), n_starts=2)
+    assert "physical parameters by polynomials of degree c 1" in found.certificate.stages
     assert len(asked) < 30  # to find the polynomial, to compare it, and to verify what was found

@@ -57,8 +57,8 @@ class DrivenLoops:
             A signal that needs more derivatives: measured ones may be places or speeds without a filter, judged ones places,
             or controls to which no speed is sent on at once.
         """
-        centre = family.centre
-        ports, n = centre.ports, centre.n
+        centre = family.nominal
+        ports, n = centre.ports, centre.ncoordinates
         controls = [centre.inputs.index(name) for name in K.outputs]
         labels = (*centre.inputs, *map(injected, K.outputs + K.inputs))
         entry = np.zeros((len(labels), len(inputs)))
@@ -71,12 +71,12 @@ class DrivenLoops:
         rows = [centre.outputs.index(name) for name in K.inputs]
         judged = [centre.outputs.index(name) for name in outputs if name in centre.outputs]
         asked = sorted({*rows, *judged})
-        if any(change.L.any() and change.L[:, asked].any() for _, change in family.terms):
+        if any(change.L.any() and change.L[:, asked].any() for _, change in family._terms):
             raise ValueError(
                 "family: outputs that change with the parameters, of which sampled loops alone have a bound"
             )
         plain = [[o for o in group if ports.bandwidths[o] is None] for group in (rows, judged)]
-        columns = (ports.B, *(change.B for _, change in family.terms))
+        columns = (ports.B, *(change.B for _, change in family._terms))
         derived = [X[1 + k :, group] for k, group in ((1, plain[0]), (0, plain[1])) for X in (ports.L, ports.E)]
         late = (*(X[2] @ at_plant for X in columns), *(X[1:, :, controls] for X in columns))
         if any(X.any() for X in (*derived, *late)):
@@ -120,7 +120,7 @@ class DrivenLoops:
         B[:n] = ports.B[1] @ at_plant + ports.B[0][:, controls] @ impulse_direct
         B[n : 2 * n] = ports.B[0] @ at_plant + ports.B[0][:, controls] @ at_once
         found: tuple[Polynomial, Polynomial, Polynomial] = {(): E0}, {(): A}, {(): B}
-        for power, change in family.terms:
+        for power, change in family._terms:
             e, a, b = np.zeros((size, size)), np.zeros((size, size)), np.zeros_like(B)
             e[:n, :n], a[:n, :n], a[n : 2 * n, :n] = change.M, -change.C, -change.K
             a[n : 2 * n] += change.B[0][:, controls] @ force
@@ -131,7 +131,7 @@ class DrivenLoops:
                 if each.any():
                     total[power] = each
         order = np.argsort([name not in centre.outputs for name in outputs], kind="stable").argsort()
-        whole = Cell(np.zeros(family.size), np.ones(family.size))
+        whole = Cell(np.zeros(family.nparameters), np.ones(family.nparameters))
         return cls(
             whole,
             *found,

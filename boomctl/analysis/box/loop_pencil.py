@@ -56,7 +56,7 @@ def closed_pencil(model: SecondOrderModel, controller: Lti) -> LoopPencil:
     for i, name in enumerate(model.inputs):
         if ports.moved[i] or any(b[:, i].any() for b in ports.B[1:]) or any(e[:, i].any() for e in ports.E):
             raise ValueError(f"control {name!r}: expected a force, got an input that imposes motion or is felt at once")
-    n, k = model.n, len(controller.A)
+    n, k = model.ncoordinates, len(controller.A)
     filtered = [(o, b) for o, b in enumerate(ports.bandwidths) if b is not None]
     f = 2 * len(filtered)
     size = 2 * n + f + k

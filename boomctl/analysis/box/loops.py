@@ -71,19 +71,19 @@ class BoxLoops:
         """
         instance("family", family, Family, "AffineFamily or PolynomialFamily")
         if not isinstance(controller, ScheduledController):
-            K = of(controller_at(family, controller, np.zeros(family.size)), any_time=True)
+            K = of(controller_at(family, controller, np.zeros(family.nparameters)), any_time=True)
             if K.dt != 0.0:
                 raise ValueError(
                     f"controller: expected continuous time, got a sampling time of {exactly(K.dt)} s; of sampled loops "
                     "boomctl.robust_stability and boomctl.worst_case have proofs"
                 )
-            signals_of(K, family.centre.inputs, family.centre.outputs)
+            signals_of(K, family.nominal.inputs, family.nominal.outputs)
             family, K = without_feedthrough(family, K)
             return cls(family, 0, (Stretch(-np.inf, np.inf, _terms(family, K, None, 0)),))
         if controller.dt != 0.0:
             raise ValueError(f"controller: expected continuous time, got a sampling time of {controller.dt:g} s")
         known("parameter that the controller follows", controller.signal, family.names)
-        signals_of(controller.systems[0], family.centre.inputs, family.centre.outputs)
+        signals_of(controller.systems[0], family.nominal.inputs, family.nominal.outputs)
         axis = family.names.index(controller.signal)
         middle, width = 0.5 * (family.low + family.high)[axis], 0.5 * (family.high - family.low)[axis]
         places = (controller.values - middle) / width
@@ -120,7 +120,7 @@ class BoxLoops:
         for each in self.stretches:
             low, high = max(each.low, -factor), min(each.high, factor)
             if low < high:
-                middle, reach = np.zeros(self.family.size), np.full(self.family.size, factor)
+                middle, reach = np.zeros(self.family.nparameters), np.full(self.family.nparameters, factor)
                 middle[self.axis], reach[self.axis] = 0.5 * (low + high), 0.5 * (high - low)
                 found.append(StablePart.of(each.terms, Cell(middle, reach)))
         return found
@@ -135,7 +135,7 @@ def checked_controller(
     scheduled = isinstance(controller, ScheduledController)
     K = None if scheduled else controller_of(controller, "StateSpace or ScheduledController", sampled=True)
     if K is not None and K.dt != 0.0:
-        signals_of(K, family.centre.inputs, family.centre.outputs)
+        signals_of(K, family.nominal.inputs, family.nominal.outputs)
         time_of_loop(Lti(K.A, K.B, K.C, K.D), K, late)  # what a delay may be
     elif late:
         raise ValueError(f"delay = {exactly(delay)}: expected 0 with a controller in continuous time")
@@ -148,7 +148,7 @@ def controller_at(
     """Return a controller as it is at a point of the box, in the states that it has in `BoxLoops`."""
     if not isinstance(controller, ScheduledController):
         return controller_of(controller, "StateSpace or ScheduledController", any_time=True).balanced()
-    return frozen(controller, family.values(delta)[controller.signal])
+    return frozen(controller, family.denormalize(delta)[controller.signal])
 
 
 def joined_at(family: Family, controller: control.StateSpace | ScheduledController, delay: float, delta: Array) -> Loop:
@@ -166,7 +166,7 @@ def without_feedthrough(family: Family, K: Lti) -> tuple[Family, Lti]:
     ValueError
         The loop of the feedthrough and the controller's is not well-posed.
     """
-    ports = family.centre.ports
+    ports = family.nominal.ports
     acting = [ports.inputs.index(name) for name in K.outputs]
     read = [ports.outputs.index(name) for name in K.inputs]
     E = ports.E[0][np.ix_(read, acting)]
@@ -178,8 +178,8 @@ def without_feedthrough(family: Family, K: Lti) -> tuple[Family, Lti]:
     closed = lower_lft(Lti(np.zeros((0, 0)), np.zeros((0, p + m)), np.zeros((m + p, 0)), direct, *signals), K)
     without = ports.E.copy()
     without[0][np.ix_(read, acting)] = 0.0
-    centre = SecondOrderModel.of(family.centre.structure, replace(ports, E=without))
-    return replace(family, centre=centre), closed  # type: ignore[type-var]
+    centre = SecondOrderModel.of(family.nominal.structure, replace(ports, E=without))
+    return replace(family, nominal=centre), closed  # type: ignore[type-var]
 
 
 def _combined(systems: tuple[Lti, Lti], shares: tuple[float, float]) -> Lti:
@@ -190,10 +190,10 @@ def _combined(systems: tuple[Lti, Lti], shares: tuple[float, float]) -> Lti:
 
 def _terms(family: Family, K: Lti, slope: Lti | None, axis: int) -> Terms:
     """Return the loop with ``K + delta slope``, ``delta`` that of one parameter, as a polynomial of the parameters."""
-    centre = family.centre.select(K.outputs, K.inputs)
-    acting = [family.centre.inputs.index(name) for name in K.outputs]
-    read = [family.centre.outputs.index(name) for name in K.inputs]
-    empty = np.zeros((centre.n, centre.n))
+    centre = family.nominal.select(K.outputs, K.inputs)
+    acting = [family.nominal.inputs.index(name) for name in K.outputs]
+    read = [family.nominal.outputs.index(name) for name in K.inputs]
+    empty = np.zeros((centre.ncoordinates, centre.ncoordinates))
     bare = Structure.of(empty, empty, empty, centre.coordinates)
     unforced, unread = np.zeros_like(centre.ports.B), np.zeros_like(centre.ports.L)
 
@@ -210,7 +210,7 @@ def _terms(family: Family, K: Lti, slope: Lti | None, axis: int) -> Terms:
         before = found.get(power := tuple(sorted(power)))
         found[power] = more if before is None else LoopPencil(before.E + more.E, before.A + more.A)
 
-    B0, L0, changes = centre.ports.B, centre.ports.L, family.terms
+    B0, L0, changes = centre.ports.B, centre.ports.L, family._terms
     rest = pencil(unforced, unread)
     columns = {power: change.B[:, :, acting] for power, change in changes if change.B[:, :, acting].any()}
     lines = {power: change.L[:, read] for power, change in changes if change.L.any() and change.L[:, read].any()}
@@ -232,7 +232,7 @@ def _terms(family: Family, K: Lti, slope: Lti | None, axis: int) -> Terms:
     if slope is not None:
         plain = SecondOrderModel.of(bare, centre.ports)
         add((axis,), closed_pencil(plain, slope), closed_pencil(plain, _combined((slope, slope), (1.0, -1.0))))
-    return without(found, family.unfelt)
+    return without(found, family._unfelt)
 
 
 def without(terms: Terms, positions: tuple[int, ...]) -> Terms:

@@ -41,36 +41,37 @@ class RobustStability:
         Whether the loop is proved stable at every point of the box: no pole touches the imaginary axis, or the unit circle,
         in any of the cells that cover it.  Of sampled loops what the polynomials miss, by which they are proved, is not
         itself proved: it is measured at points drawn, and counted ten times.
-    unstable_at : dict or None
+    destabilizing_values : dict or None
         Parameter values at which the loop is unstable, the first that were found; None where none were.
     cells : int
         Cells in which it was proved (or tried).
-    abscissa : float
+    spectral_abscissa : float
         Largest real part of the poles at the points tried [rad/s]; a lower bound of that over the box.
-    worst : dict
+    worst_values : dict
         Parameter values at which the largest real part was found.
-    reason : str
+    message : str
         Why the proof was given up, and where; empty where it was not.
-    path : str
+    method : str
         How many cells of which kind proved it; empty where it was not.
-    gain : float
+    small_gain : float
         Largest gain found around what is not modelled, in its bounds: below one at every point where it is proved; ``nan``
         where nothing was said to be unmodelled, or the loop is not proved stable without it.
     """
 
     proved: bool
-    unstable_at: dict[str, float] | None
+    destabilizing_values: dict[str, float] | None
     cells: int
-    abscissa: float
-    worst: dict[str, float]
-    reason: str = ""
-    path: str = ""
-    gain: float = nan
+    spectral_abscissa: float
+    worst_values: dict[str, float]
+    message: str = ""
+    method: str = ""
+    small_gain: float = nan
 
     def __repr__(self) -> str:
-        return sentence("RobustStability", self.render())
+        return sentence("RobustStability", self.summary)
 
-    def render(self) -> str:
+    @property
+    def summary(self) -> str:
         """Return the verdict as text.
 
         Returns
@@ -78,14 +79,23 @@ class RobustStability:
         str
             A sentence.
         """
-        if self.unstable_at is not None:
-            return f"unstable at {listed_values(self.unstable_at)} (pole with real part {self.abscissa:.4g} rad/s)"
+        if self.destabilizing_values is not None:
+            return (
+                f"unstable at {listed_values(self.destabilizing_values)} (pole with real part "
+                f"{self.spectral_abscissa:.4g} rad/s)"
+            )
         verdict = "stable over the whole box, proved" if self.proved else "stable where tried, but not proved,"
-        found = f"real parts of poles found up to {self.abscissa:.4g} rad/s, at {listed_values(self.worst)}"
-        around = (
-            "" if isnan(self.gain) else f"; gain around what is not modelled found up to {self.gain:.4g} of its bounds"
+        found = (
+            f"real parts of poles found up to {self.spectral_abscissa:.4g} rad/s, at {listed_values(self.worst_values)}"
         )
-        return f"{verdict} in {count(self.cells, 'cell')}{f' ({self.reason})' if self.reason else ''}; {found}{around}"
+        around = (
+            ""
+            if isnan(self.small_gain)
+            else f"; gain around what is not modelled found up to {self.small_gain:.4g} of its bounds"
+        )
+        return (
+            f"{verdict} in {count(self.cells, 'cell')}{f' ({self.message})' if self.message else ''}; {found}{around}"
+        )
 
 
 @dataclass(frozen=True)
@@ -94,32 +104,33 @@ class RobustStabilityMargin:
 
     Attributes
     ----------
-    stable_up_to : float
+    lower_bound : float
         The loop is proved stable over the box enlarged by this factor.
-    unstable_at : float
+    upper_bound : float
         The loop is unstable at a point of the box enlarged by this factor; ``inf`` if none was found.
-    unstable_values : dict or None
+    destabilizing_values : dict or None
         Parameter values of that point.
     """
 
-    stable_up_to: float
-    unstable_at: float
-    unstable_values: dict[str, float] | None
+    lower_bound: float
+    upper_bound: float
+    destabilizing_values: dict[str, float] | None
 
     @property
     def mu_lower(self) -> float:
         """Lower bound of the structured singular value for these real parameters, 1 being the box itself."""
-        return 1.0 / self.unstable_at if self.unstable_at > 0.0 else inf
+        return 1.0 / self.upper_bound if self.upper_bound > 0.0 else inf
 
     @property
     def mu_upper(self) -> float:
         """Upper bound of it."""
-        return 1.0 / self.stable_up_to if self.stable_up_to > 0.0 else inf
+        return 1.0 / self.lower_bound if self.lower_bound > 0.0 else inf
 
     def __repr__(self) -> str:
-        return sentence("RobustStabilityMargin", self.render())
+        return sentence("RobustStabilityMargin", self.summary)
 
-    def render(self) -> str:
+    @property
+    def summary(self) -> str:
         """Return both bounds as text.
 
         Returns
@@ -127,15 +138,15 @@ class RobustStabilityMargin:
         str
             A sentence.
         """
-        proved = f"proved stable over the box enlarged {self.stable_up_to:.4g} times"
-        if self.unstable_values is None:
+        proved = f"proved stable over the box enlarged {self.lower_bound:.4g} times"
+        if self.destabilizing_values is None:
             return f"{proved}; no instability found"
-        return f"{proved}; unstable at {self.unstable_at:.4g} times: {listed_values(self.unstable_values)}"
+        return f"{proved}; unstable at {self.upper_bound:.4g} times: {listed_values(self.destabilizing_values)}"
 
 
 def _most_unstable(loops: BoxLoops, factor: float) -> tuple[Array, float]:
     """Return the point of the box with the largest real part of a pole, by corners, faces and a pattern search."""
-    return pattern_search(loops.abscissa, loops.family.size, factor)[:2]
+    return pattern_search(loops.abscissa, loops.family.nparameters, factor)[:2]
 
 
 @one_blas_thread
@@ -145,7 +156,7 @@ def robust_stability(
     max_cells: int = _CELLS,
     *,
     delay: float = 0.0,
-    unmodelled: "control.StateSpace | None" = None,
+    additive_uncertainty: "control.StateSpace | None" = None,
     injection_points: str | Sequence[str] = (),
     progress: "Listener | None" = None,
 ) -> RobustStability:
@@ -169,7 +180,7 @@ def robust_stability(
         instability is claimed.  Of those of parameters and frequencies, which are smaller, there may be 150 times as many.
     delay : float, optional
         Time between a sample and the moment its control acts [s]; only with a discrete controller.
-    unmodelled : control.StateSpace, optional
+    additive_uncertainty : control.StateSpace, optional
         Bounds of what the family does not model, in continuous time, such as
         :func:`boomctl.identification.uncertainty_weight` makes: from the controls to what is measured, by name.  The plants
         are all those of the family with any stable dynamics added, each entry below that of the bounds at every frequency.
@@ -196,32 +207,32 @@ def robust_stability(
     --------
     >>> import boomctl as bc
     >>> import control
-    >>> family = bc.boom_family(half="yaw")
+    >>> family = bc.boom_family(subsystem="yaw")
     >>> spring = control.ss([], [], [], [[-100.0]], inputs="stroke_anti", outputs="suspension_anti")
     >>> bc.robust_stability(family, spring).proved
     True
     >>> W = bc.low_pass(1e-4, 20.0, order=2)  # m/N
     >>> W.update_names(inputs=["suspension_anti"], outputs=["stroke_anti"])
-    >>> around = bc.robust_stability(family, spring, unmodelled=W)
-    >>> around.proved, round(around.gain, 3)
+    >>> around = bc.robust_stability(family, spring, additive_uncertainty=W)
+    >>> around.proved, round(around.small_gain, 3)
     (True, 0.353)
     """
     limit = whole("max_cells", max_cells)
     K, late = checked_controller(family, controller, delay)
-    if unmodelled is not None:
-        of(unmodelled, "unmodelled", "StateSpace")
+    if additive_uncertainty is not None:
+        of(additive_uncertainty, "additive_uncertainty", "StateSpace")
         if K is None:
-            raise ValueError("unmodelled: expected none beside a controller that follows a parameter")
+            raise ValueError("additive_uncertainty: expected none beside a controller that follows a parameter")
     if K is not None and K.dt != 0.0:
         loops = _Sampled(family, K, late, sampled_loops(family, K, (), (), late))
     else:
         loops = BoxLoops.of(family, controller)
     if not isinstance(injection_points, Sequence) or injection_points:
-        joined_at(family, controller, late, np.zeros(family.size)).injections(injection_points)
+        joined_at(family, controller, late, np.zeros(family.nparameters)).injections(injection_points)
     with computing("robust stability", progress):
         tell("points of the box")
-        at, rate = pattern_search(loops.abscissa, family.size, 1.0, enough=0.0)[:2]
-        worst = family.values(at)
+        at, rate = pattern_search(loops.abscissa, family.nparameters, 1.0, enough=0.0)[:2]
+        worst = family.denormalize(at)
         if not loops.stable(at):
             return RobustStability(False, worst, 0, rate, worst)
         tell("loop over the box")
@@ -232,21 +243,21 @@ def robust_stability(
         found = prove_box(parts, Statement.stable(loops.stable), limit)
         cells, bad = found.dear + found.cheap, found.refuted
         if bad is not None:
-            return RobustStability(False, family.values(bad), cells, loops.abscissa(bad), family.values(bad))
+            return RobustStability(False, family.denormalize(bad), cells, loops.abscissa(bad), family.denormalize(bad))
         reason = "" if found.left is None else _given_up(family, loops.abscissa(found.left), found, limit)
         alone = RobustStability(found.proved, None, cells, rate, worst, reason, found.path)
-        if unmodelled is None or K is None or not found.proved:
+        if additive_uncertainty is None or K is None or not found.proved:
             return alone
         from boomctl.analysis.box.unmodelled import small_gain  # which brings worst cases
 
-        gain, at, proof, refused = small_gain(family, K, unmodelled, delay, limit)
+        gain, at, proof, refused = small_gain(family, K, additive_uncertainty, delay, limit)
     if gain >= 1.0:
-        reason = f"gain {gain:.4g} around what is not modelled at {listed_values(family.values(at))}"
+        reason = f"gain {gain:.4g} around what is not modelled at {listed_values(family.denormalize(at))}"
     else:
         reason = "" if proof.proved else refused or f"gain not proved below one with max_cells = {limit}"
     cells += proof.dear + proof.cheap
-    path = f"{alone.path}; {proof.path} with what is not modelled" if proof.proved else ""
-    return replace(alone, proved=proof.proved, cells=cells, reason=reason, path=path, gain=gain)
+    path = f"{alone.method}; {proof.path} with what is not modelled" if proof.proved else ""
+    return replace(alone, proved=proof.proved, cells=cells, message=reason, method=path, small_gain=gain)
 
 
 @dataclass(frozen=True)
@@ -276,7 +287,7 @@ class _Sampled:
 def _given_up(family: Family, abscissa: float, found: BoxProof, limit: int) -> str:
     """Return why a proof ended: a cell is as small as cells get, or there were as many as allowed."""
     assert found.left is not None
-    where = f"at {listed_values(family.values(found.left))}, where poles have real parts up to"
+    where = f"at {listed_values(family.denormalize(found.left))}, where poles have real parts up to"
     where = f"{where} {abscissa:.4g} rad/s"
     if found.small:
         return f"given up {where}: not even a cell of 1/{limit} of the box (max_cells) could be proved there"
@@ -287,8 +298,8 @@ def _given_up(family: Family, abscissa: float, found: BoxProof, limit: int) -> s
 def robust_stability_margin(
     family: Family,
     controller: "control.StateSpace | ScheduledController",
-    largest: float = 4.0,
-    tolerance: float = 0.05,
+    max_factor: float = 4.0,
+    rtol: float = 0.05,
     max_cells: int = _MARGIN_CELLS,
     *,
     progress: "Listener | None" = None,
@@ -301,9 +312,9 @@ def robust_stability_margin(
     ----------
     family, controller, max_cells
         As for :func:`robust_stability`.
-    largest : float
+    max_factor : float
         The box is not enlarged beyond this factor; where no instability is known up to there, ``unstable_at = inf``.
-    tolerance : float
+    rtol : float
         Wanted relative distance of the two bounds.
     progress : callable, optional
         Is told a `Progress` at each stage.  Without one, after three seconds a line on a terminal or in a notebook says
@@ -323,16 +334,16 @@ def robust_stability_margin(
     --------
     >>> import boomctl as bc
     >>> import control
-    >>> family = bc.boom.yaw_family(half="yaw")  # springs of 1100 to 2375 N/m
+    >>> family = bc.boom.yaw_family(subsystem="yaw")  # springs of 1100 to 2375 N/m
     >>> spring = control.ss([], [], [], [[-100.0]], inputs="stroke_anti", outputs="suspension_anti")
     >>> margin = bc.analysis.robust_stability_margin(family, spring)
-    >>> round(margin.stable_up_to, 1), round(margin.unstable_at, 1)
+    >>> round(margin.lower_bound, 1), round(margin.upper_bound, 1)
     (2.8, 2.9)
     """
-    top, close, limit = positive("largest", largest), positive("tolerance", tolerance), whole("max_cells", max_cells)
+    top, close, limit = positive("max_factor", max_factor), positive("rtol", rtol), whole("max_cells", max_cells)
     loops = BoxLoops.of(family, controller)
-    if not loops.at(np.zeros(family.size)).stable:
-        return RobustStabilityMargin(0.0, 0.0, family.values(np.zeros(family.size)))
+    if not loops.at(np.zeros(family.nparameters)).stable:
+        return RobustStabilityMargin(0.0, 0.0, family.denormalize(np.zeros(family.nparameters)))
     with computing("structured margin", progress):
         tell("unstable points")
         bad, where = _unstable_factor(loops, top, close)
@@ -346,7 +357,7 @@ def robust_stability_margin(
             if good >= ceiling * (1.0 - close):
                 break
             tried = 0.5 * (good + ceiling)
-    return RobustStabilityMargin(good, bad, None if where is None else family.values(where))
+    return RobustStabilityMargin(good, bad, None if where is None else family.denormalize(where))
 
 
 def _unstable_factor(loops: BoxLoops, top: float, close: float) -> tuple[float, Array | None]:

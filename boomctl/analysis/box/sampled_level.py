@@ -89,11 +89,13 @@ class SampledLoops:
             Loops that change too fast over the box.
         """
         raw = sampled_loops(family, K, inputs, outputs, delay)
-        waiting, found = [Cell(np.zeros(family.size), np.ones(family.size))], []
+        waiting, found = [Cell(np.zeros(family.nparameters), np.ones(family.nparameters))], []
         while waiting:
             cell = waiting.pop()
             at = _matrices(raw, cell)
-            counts = [points_along(at, axis, _negligible, _DEGREE, _SPARE_POINTS) for axis in np.eye(family.size)]
+            counts = [
+                points_along(at, axis, _negligible, _DEGREE, _SPARE_POINTS) for axis in np.eye(family.nparameters)
+            ]
             if max(counts) <= _MOST_POINTS:
                 found.append(cls._of(cell, at, tuple(counts), K.dt, _groups(family)))
             elif np.prod(cell.reach) * _MOST_PARTS > 1.0:
@@ -198,11 +200,11 @@ def _groups(family: Family) -> list[list[int]]:
 
     From sample to sample such a coordinate moves by its own parameters; a controller with feedthrough couples it with others.
     """
-    if family.size <= FEW_PARAMETERS:
+    if family.nparameters <= FEW_PARAMETERS:
         return []
-    matrices = [getattr(family.centre, letter) for letter in "MCK"]
-    owners: list[set[int]] = [set() for _ in range(family.centre.n)]
-    for power, change in family.terms:
+    matrices = [getattr(family.nominal, letter) for letter in "MCK"]
+    owners: list[set[int]] = [set() for _ in range(family.nominal.ncoordinates)]
+    for power, change in family._terms:
         if change.B.any() or change.L.any():
             return []
         for X in (getattr(change, letter) for letter in "MCK"):
@@ -226,11 +228,11 @@ def sampled_loops(
     Without signals nothing drives or judges it.  Places that nothing feels, as a hub's angle, are left out of it; a family
     without such places is taken in the modes of its middle, which keep digits that a fine mesh would lose.
     """
-    given = family.centre
+    given = family.nominal
     read = [name for name in given.outputs if name in {*K.inputs, *outputs}]
     driven = [name for name in given.inputs if name in {*K.outputs, *inputs}]
-    structure, V = given.structure, np.eye(given.n)
-    if not family.unfelt:
+    structure, V = given.structure, np.eye(given.ncoordinates)
+    if not family._unfelt:
         try:
             V = undamped_modes(given.structure)[1]
         except ValueError:
@@ -246,7 +248,7 @@ def sampled_loops(
             V.T @ change.B[:, :, columns],
             change.L[:, lines] @ V if change.L.any() else np.zeros_like(ports.L),
         )
-        for _, change in family.terms
+        for _, change in family._terms
     ]
     stacks = [np.array([change[i] for change in changes]).reshape(len(changes), *X.shape) for i, X in enumerate(middle)]
 
@@ -261,9 +263,9 @@ def sampled_loops(
         n = len(loop.A)
         return Lti(loop.A, np.zeros((n, 1)), np.zeros((1, n)), np.zeros((1, 1)), dt=loop.dt)
 
-    centre = whole(np.zeros(family.size))
+    centre = whole(np.zeros(family.nparameters))
     eye = np.eye(len(centre.A))
-    unfelt = [i for i in family.unfelt if (centre.A[:, i] == eye[i]).all() and not centre.C[:, i].any()]
+    unfelt = [i for i in family._unfelt if (centre.A[:, i] == eye[i]).all() and not centre.C[:, i].any()]
     kept = np.setdiff1d(np.arange(len(eye)), unfelt)
 
     def felt(delta: Array) -> Lti:

@@ -65,8 +65,10 @@ def small_gain(
     unit = np.ones((len(K.inputs), len(K.outputs)))
     if unit.size > 1:
         wide, driven, points = _joined(family, K, bounds, unit)
-        loop = joined(wide.centre, driven, delay if K.dt else None).closed(points)
-        gains = np.array([[matrices_norm(loop.select(d, u)).lower for d in map(injected, points)] for u in K.outputs])
+        loop = joined(wide.nominal, driven, delay if K.dt else None).closed(points)
+        gains = np.array(
+            [[matrices_norm(loop.select(d, u)).lower_bound for d in map(injected, points)] for u in K.outputs]
+        )
         each = np.tile(np.eye(len(K.outputs)), len(K.inputs)).T @ gains  # an entry sees the control that drives it
         unit = balance(each)[1].reshape(unit.shape)
     wide, driven, points = _joined(family, K, bounds, unit)
@@ -85,11 +87,11 @@ def small_gain(
         return seen[key]
 
     tell("points of the box, with what is not modelled")
-    worst, gain, _ = pattern_search(lambda delta: at(delta).lower, family.size, 1.0)
+    worst, gain, _ = pattern_search(lambda delta: at(delta).lower_bound, family.nparameters, 1.0)
     if gain >= 1.0:
         return gain, worst, BoxProof(False), ""
     tell("loop over the box, with what is not modelled")
-    parts, reason = driven_parts(wide, driven, loop_at(np.zeros(family.size)), delay)
+    parts, reason = driven_parts(wide, driven, loop_at(np.zeros(family.nparameters)), delay)
     reason = reason or hindrance(parts, at, worst)
     if reason:
         return gain, worst, BoxProof(False), reason
@@ -100,8 +102,8 @@ def small_gain(
             gain, worst = found, point
 
     def holds(point: Array) -> bool:
-        met(at(point).lower, point)
-        return at(point).lower < 1.0
+        met(at(point).lower_bound, point)
+        return at(point).lower_bound < 1.0
 
     level = Statement(lambda: 1.0 if gain < 1.0 else inf, met, holds, lambda: False)
     found = prove_box(parts, level, limit)
@@ -110,13 +112,13 @@ def small_gain(
 
 def _bounds(K: Lti, unmodelled: control.StateSpace) -> list[list[Lti]]:
     """Return the bound of each entry, from what the controller drives to what it reads, as the loop meets it."""
-    W = of(unmodelled, "unmodelled", "StateSpace")
+    W = of(unmodelled, "additive_uncertainty", "StateSpace")
     for what, wanted, there in (("input", K.outputs, W.inputs), ("output", K.inputs, W.outputs)):
         for name in wanted:
             known(f"{what} of unmodelled (the controller has it)", name, there)
     if (W.poles.real >= 0.0).any():
         raise ValueError(
-            f"unmodelled: expected a stable bound, got a pole with real part {W.poles.real.max():.4g} rad/s"
+            f"additive_uncertainty: expected a stable bound, got a pole with real part {W.poles.real.max():.4g} rad/s"
         )
 
     def entry(u: str, y: str) -> Lti:
@@ -140,7 +142,8 @@ def _folded(W: Lti, dt: float, which: str) -> Lti:
     """Return a discrete bound of all that a hold and samples make of anything below a continuous one."""
     if W.D.any():
         raise ValueError(
-            f"unmodelled: expected a bound {which} that falls with frequency, got {abs(W.D[0, 0]):.4g} at infinite frequency,"
+            f"additive_uncertainty: expected a bound {which} that falls with frequency, got {abs(W.D[0, 0]):.4g} at "
+            "infinite frequency,"
             " of which samples fold back more than any bound"
         )
     if not len(W.A):
@@ -180,7 +183,7 @@ def _joined(
     """
     p, m = unit.shape
     size = np.sqrt(np.square(1.0 / unit).sum(axis=0))
-    centre, ports = family.centre, family.centre.ports
+    centre, ports = family.nominal, family.nominal.ports
     points = tuple(f"unmodelled {k + 1}" for k in range(p * m))
     share = np.ones(len(ports.inputs))
     share[[ports.inputs.index(name) for name in K.outputs]] = 1.0 / size
@@ -198,9 +201,9 @@ def _joined(
         strains=None if ports.strains is None else ports.strains * share,
         tensions=None if ports.tensions is None else wider(ports.tensions),
     )
-    changes = tuple((power, Slope(x.M, x.C, x.K, x.B * share, wider(x.L))) for power, x in family.terms)
+    changes = tuple((power, Slope(x.M, x.C, x.K, x.B * share, wider(x.L))) for power, x in family._terms)
     structure = SecondOrderModel.of(centre.structure, wide)
-    free = tuple(centre.coordinates[i] for i in family.unfelt)
+    free = tuple(centre.coordinates[i] for i in family._unfelt)
     entries = [entry for row in bounds for entry in row]
     rows = np.kron(np.eye(p), np.ones(m)) * unit.ravel()  # which output an entry adds to, in its unit
     A, B, C, D = (linalg.block_diag(*(getattr(entry, x) for entry in entries)) for x in "ABCD")

@@ -46,42 +46,43 @@ class WorstCase:
 
     Attributes
     ----------
-    norm : NormBounds
+    worst_norm : NormBounds
         The norm at the worst point found; infinite where the loop is unstable.
-    values : dict
+    worst_values : dict
         Parameter values of that point.
     nominal : NormBounds
         The norm in the middle of the box.
-    evaluations : int
+    nfev : int
         Number of points tried.
     upper_bound : float
         The norm is proved to be below this at every point of the box; ``inf`` where none is.
     cells : int
         Cells in which it was proved.
-    reason : str
+    message : str
         Why no bound was proved; empty where one was.
-    path : str
+    method : str
         How many cells of which kind proved it; empty where none was.
     """
 
-    norm: NormBounds
-    values: dict[str, float]
+    worst_norm: NormBounds
+    worst_values: dict[str, float]
     nominal: NormBounds
-    evaluations: int
+    nfev: int
     upper_bound: float = inf
     cells: int = 0
-    reason: str = ""
-    path: str = ""
+    message: str = ""
+    method: str = ""
 
     @property
-    def gap(self) -> float:
+    def relative_gap(self) -> float:
         """How far the bound lies above the worst point found, relative."""
-        return self.upper_bound / self.norm.lower - 1.0 if 0.0 < self.norm.lower < inf else 0.0
+        return self.upper_bound / self.worst_norm.lower_bound - 1.0 if 0.0 < self.worst_norm.lower_bound < inf else 0.0
 
     def __repr__(self) -> str:
-        return sentence("WorstCase", self.render())
+        return sentence("WorstCase", self.summary)
 
-    def render(self) -> str:
+    @property
+    def summary(self) -> str:
         """Return the worst case as text.
 
         Returns
@@ -89,21 +90,23 @@ class WorstCase:
         str
             A sentence.
         """
-        where = f"at {listed_values(self.values)}"
-        if self.norm.kind == "hinf":
-            where += f" and {self.norm.omega:.4g} rad/s"
-        middle = f"in the middle of the box {self.nominal.lower:.5g}"
+        where = f"at {listed_values(self.worst_values)}"
+        if self.worst_norm.kind == "hinf":
+            where += f" and {self.worst_norm.peak_omega:.4g} rad/s"
+        middle = f"in the middle of the box {self.nominal.lower_bound:.5g}"
         proved = f"none above {from_on(self.upper_bound)} anywhere in the box, proved in {count(self.cells, 'cell')}"
-        bound = proved if self.upper_bound < inf else f"no bound proved ({self.reason})"
-        name = NAMES[self.norm.kind]
-        return f"{name} norm up to {self.norm.lower:.5g} {where}; {bound}; {middle}; {self.evaluations} points tried"
+        bound = proved if self.upper_bound < inf else f"no bound proved ({self.message})"
+        name = NAMES[self.worst_norm.kind]
+        return (
+            f"{name} norm up to {self.worst_norm.lower_bound:.5g} {where}; {bound}; {middle}; {self.nfev} points tried"
+        )
 
     def __figures__(self) -> dict[str, float]:
         """Return what a comparison shows."""
         return {
-            "worst case found over the box": self.norm.lower,
+            "worst case found over the box": self.worst_norm.lower_bound,
             "worst case at most, proved": self.upper_bound,
-            "the same in its middle": self.nominal.lower,
+            "the same in its middle": self.nominal.lower_bound,
         }
 
 
@@ -115,7 +118,7 @@ def worst_case(
     outputs: "str | Sequence[str] | None" = None,
     *,
     norm: str = "hinf",
-    tolerance: float | None = 1e-3,
+    rtol: float | None = 1e-3,
     max_cells: int = _CELLS,
     delay: float = 0.0,
     injection_points: "str | Sequence[str]" = (),
@@ -144,7 +147,7 @@ def worst_case(
     norm : {"hinf", "h2"}
         Largest singular value over frequency, or RMS of the outputs to white noise.  Of the H2 norm only the worst point
         is looked for; no bound is proved, and ``reason`` says so.
-    tolerance : float or None
+    rtol : float or None
         How far the bound may lie above the worst point found, relative.  Where that would take too many cells, ten and a
         hundred times as much is tried.  None: no bound is asked for.
     max_cells : int
@@ -177,14 +180,14 @@ def worst_case(
     >>> import control
     >>> signals = {"inputs": "stroke_anti", "outputs": "suspension_anti"}
     >>> damper = control.ss([[-30.0]], [[30.0]], [[3000.0]], [[-3000.0]], **signals)  # 100 N s/m
-    >>> worst = bc.worst_case(bc.boom.yaw_family(half="yaw"), damper, "actuator_anti", "tip_anti")
-    >>> round(worst.nominal.lower, 1), round(worst.norm.lower, 1), worst.upper_bound < 97.8
+    >>> worst = bc.worst_case(bc.boom.yaw_family(subsystem="yaw"), damper, "actuator_anti", "tip_anti")
+    >>> round(worst.nominal.lower_bound, 1), round(worst.worst_norm.lower_bound, 1), worst.upper_bound < 97.8
     (76.1, 97.7, True)
     """
     limit = whole("max_cells", max_cells)
-    wanted = None if tolerance is None else positive("tolerance", tolerance)
+    wanted = None if rtol is None else positive("rtol", rtol)
     if wanted is not None and wanted > _LARGEST:
-        raise ValueError(f"tolerance = {wanted:g}: expected at most {_LARGEST:g}")
+        raise ValueError(f"rtol = {wanted:g}: expected at most {_LARGEST:g}")
     known("norm", norm, NAMES)
     K, late = checked_controller(family, controller, delay)
     if K is None or K.dt == 0.0:
@@ -192,7 +195,7 @@ def worst_case(
 
     def loop_at(delta: Array) -> Lti:
         loop = joined_at(family, controller, late, delta).closed(injection_points)
-        return loop.select(inputs, family.centre.outputs if outputs is None else outputs)
+        return loop.select(inputs, family.nominal.outputs if outputs is None else outputs)
 
     seen: dict[bytes, Any] = {}
 
@@ -210,33 +213,33 @@ def worst_case(
 
         def peak(point: Array) -> float:
             tell("points of the box", next(looked_at))
-            return at(point).lower
+            return at(point).lower_bound
 
-        delta, _, tried = pattern_search(peak, family.size, 1.0)
-        nominal = at(np.zeros(family.size))
+        delta, _, tried = pattern_search(peak, family.nparameters, 1.0)
+        nominal = at(np.zeros(family.nparameters))
         bound, proof, reason = inf, BoxProof(False), ""
         if norm == "h2":
             reason = "found, not proved: an H2 norm"
         elif wanted is None:
             reason = "none was asked for"
-        elif at(delta).lower == inf:
+        elif at(delta).lower_bound == inf:
             reason = _LOST
         elif K is None:
             reason = "none is tried for controllers that follow a parameter"
         else:
             tell("loop over the box")
-            parts, reason = driven_parts(family, K, loop_at(np.zeros(family.size)), late)
+            parts, reason = driven_parts(family, K, loop_at(np.zeros(family.nparameters)), late)
             reason = reason or hindrance(parts, at, delta)
             if not reason:
                 delta, bound, proof, reason = _bounded(parts, at, delta, wanted, limit)
-    reason = reason if nominal.lower < inf else _advised(reason, family, K, late)
+    reason = reason if nominal.lower_bound < inf else _advised(reason, family, K, late)
     cells = proof.dear + proof.cheap
-    return WorstCase(at(delta), family.values(delta), nominal, tried, bound, cells, reason, proof.path)
+    return WorstCase(at(delta), family.denormalize(delta), nominal, tried, bound, cells, reason, proof.path)
 
 
 def _advised(reason: str, family: Family, K: Lti | None, late: float) -> str:
     """Return the reason, followed by the advice to pass ``-K`` if that stabilizes the nominal loop."""
-    advice = "" if K is None else sign_advice(of(family.at(np.zeros(family.size)), sampled=True), K, late)
+    advice = "" if K is None else sign_advice(of(family.at(np.zeros(family.nparameters)), sampled=True), K, late)
     return f"{reason}; {advice}" if advice else reason
 
 
@@ -268,10 +271,10 @@ def hindrance(
             if not value_at(part.pencils, point).stable:
                 return "a pole that does not decay hides from these signals"
             here, there = at(middle + reach * point), matrices_norm(part.at(point))
-            known = [(x.lower, x.upper if x.certified else x.lower) for x in (here, there)]
+            known = [(x.lower_bound, x.upper_bound if x.certified else x.lower_bound) for x in (here, there)]
             if max(low for low, _ in known) > min(high for _, high in known) * (1.0 + _SAME):
-                return f"two routes to the norm differ: {here.lower:.9g} and {there.lower:.9g}"
-    return "" if at(delta).lower > 0.0 else "nothing comes through at any point tried"
+                return f"two routes to the norm differ: {here.lower_bound:.9g} and {there.lower_bound:.9g}"
+    return "" if at(delta).lower_bound > 0.0 else "nothing comes through at any point tried"
 
 
 def _bounded(
@@ -285,22 +288,22 @@ def _bounded(
 
     The level is raised where a worse point is met, and where cells run out.
     """
-    lower, gap, loosened = at(delta).lower, tolerance, 0
+    lower, gap, loosened = at(delta).lower_bound, tolerance, 0
     at_infinity = max(part.at_infinity for part in parts)
     level = max(lower, at_infinity) * (1.0 + gap)
 
     def met(gain: float, point: Array) -> None:
         nonlocal delta, lower, level
         if gain > lower * (1.0 + _SAME):
-            found, most, _ = pattern_search(lambda d: at(d).lower, len(delta), 1.0, point)
+            found, most, _ = pattern_search(lambda d: at(d).lower_bound, len(delta), 1.0, point)
             if most > lower:  # a gain of the polynomials may lie above that of the loop
                 delta, lower = found, most
             if lower * (1.0 + 0.5 * gap) > level:
                 level = lower * (1.0 + gap)
 
     def holds(point: Array) -> bool:
-        met(at(point).lower, point)
-        return at(point).lower < inf
+        met(at(point).lower_bound, point)
+        return at(point).lower_bound < inf
 
     def looser() -> bool:
         nonlocal gap, loosened, level
@@ -313,7 +316,7 @@ def _bounded(
     found = prove_box(parts, Statement(lambda: level, met, holds, looser), limit / WORTH)
     if found.proved:
         drawn = np.random.default_rng(0).uniform(-1.0, 1.0, (_CHECKED, len(delta)))
-        if max(at(point).lower for point in drawn) > level:
+        if max(at(point).lower_bound for point in drawn) > level:
             raise ArithmeticError(f"worst_case: a norm above the level proved, {level:.9g}, at a point drawn")
         return delta, level, found, ""
     if found.refuted is not None or level == inf:

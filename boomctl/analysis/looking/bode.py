@@ -44,27 +44,30 @@ class BodeResult:
     ----------
     omega : (n,) ndarray
         Angular frequencies [rad/s].
-    values : (p, m, n) complex ndarray
+    frdata : (p, m, n) complex ndarray
         Responses: outputs by inputs by frequencies.
-    inputs, outputs : tuple of str
+    input_labels, output_labels : tuple of str
         Names of the signals.
-    unit : str
+    frequency_unit : str
         Unit in which the frequencies were asked for, "Hz" where none were; pictures use it.
     """
 
     omega: Array
-    values: Array = field(repr=False)
-    inputs: tuple[str, ...]
-    outputs: tuple[str, ...]
-    unit: str = "Hz"
+    frdata: Array = field(repr=False)
+    input_labels: tuple[str, ...]
+    output_labels: tuple[str, ...]
+    frequency_unit: str = "Hz"
     _of: SplitModel | GivenSystem | None = field(default=None, repr=False, compare=False)  # None: measured data
 
     def __repr__(self) -> str:
         span = f"{len(self.omega)} frequencies, {self.omega[0]:.4g} to {self.omega[-1]:.4g} rad/s"
-        o, i, k = np.unravel_index(int(np.abs(self.values).argmax()), self.values.shape)
-        peak = f"{abs(self.values[o, i, k]):.6g} at {self.omega[k]:.6g} rad/s, {self.inputs[i]} -> {self.outputs[o]}"
+        o, i, k = np.unravel_index(int(np.abs(self.frdata).argmax()), self.frdata.shape)
+        peak = (
+            f"{abs(self.frdata[o, i, k]):.6g} at {self.omega[k]:.6g} rad/s, {self.input_labels[i]} -> "
+            f"{self.output_labels[o]}"
+        )
         span += f"\n  {NO_SINES}" if self._unstable else ""
-        return f"BodeResult: {between(self.inputs, self.outputs)}\n  {span}\n  largest {peak}"
+        return f"BodeResult: {between(self.input_labels, self.output_labels)}\n  {span}\n  largest {peak}"
 
     @cached_property
     def _unstable(self) -> bool | None:
@@ -75,22 +78,22 @@ class BodeResult:
         """Return the complex response of an output to an input: ``result["output", "input"]``."""
         if not isinstance(pair, tuple) or len(pair) != 2:
             raise ValueError(f"{pair!r}: expected an output and an input, as result['output', 'input']")
-        output, given = known("output", pair[0], self.outputs), known("input", pair[1], self.inputs)
-        return self.values[self.outputs.index(output), self.inputs.index(given)]
+        output, given = known("output", pair[0], self.output_labels), known("input", pair[1], self.input_labels)
+        return self.frdata[self.output_labels.index(output), self.input_labels.index(given)]
 
     def _ipython_key_completions_(self) -> list[tuple[str, str]]:
         """Return the pairs that consoles complete in brackets."""
-        return [(output, given) for output in self.outputs for given in self.inputs]
+        return [(output, given) for output in self.output_labels for given in self.input_labels]
 
     @property
     def magnitude(self) -> Array:
         """Sizes, shape (outputs, inputs, frequencies)."""
-        return np.abs(self.values)
+        return np.abs(self.frdata)
 
     @property
     def phase_deg(self) -> Array:
         """Phases [degrees], without jumps, the first from -180 to 180."""
-        return np.degrees(np.unwrap(np.angle(self.values), axis=2))
+        return np.degrees(np.unwrap(np.angle(self.frdata), axis=2))
 
     @property
     def frequency_hz(self) -> Array:
@@ -102,17 +105,17 @@ class BodeResult:
         """The same as python-control's named frequency response, whose ``.plot()`` draws it as python-control does."""
         from boomctl.lti.python_control import control
 
-        labels = {"inputs": list(self.inputs), "outputs": list(self.outputs)}
-        return control.frd(self.values, self.omega, **labels, name="response")
+        labels = {"inputs": list(self.input_labels), "outputs": list(self.output_labels)}
+        return control.frd(self.frdata, self.omega, **labels, name="response")
 
-    def plot(self, ax: Any = None, *, unit: str | None = None, **style: Any) -> Array:
+    def plot(self, ax: Any = None, *, frequency_unit: str | None = None, **style: Any) -> Array:
         """Draw sizes above phases, one curve for each pair of signals.
 
         Parameters
         ----------
         ax : sequence of matplotlib Axes, or a figure, optional
             Where to draw: size and phase; by default a new figure of pyplot.
-        unit : {"Hz", "rad/s"}, optional
+        frequency_unit : {"Hz", "rad/s"}, optional
             Of the frequency axis.  By default that of the curves that are there already, otherwise that in which the
             frequencies were asked for.
         **style
@@ -123,7 +126,7 @@ class BodeResult:
         ndarray of matplotlib.axes.Axes
             Those drawn on, in the order in which ``ax`` names them.
         """
-        return import_module("boomctl.plotting.looking").plot_bode(self, ax, unit=unit, **style)
+        return import_module("boomctl.plotting.looking").plot_bode(self, ax, frequency_unit=frequency_unit, **style)
 
 
 @one_blas_thread
@@ -197,7 +200,7 @@ def bode(
     if asked is not None:
         grid = below_nyquist(asked, given, "omega" if frequency_hz is None else "frequency_hz")
         return BodeResult(grid, _finite(grid, given.response(grid)), chosen.inputs, chosen.outputs, unit, given)
-    found, peak = given.resonances(), given.norm().omega
+    found, peak = given.resonances(), given.norm().peak_omega
     if found.high < ABOVE * peak < np.inf:
         found = given.resonances(ABOVE * peak)
     grid, values = with_peaks(

@@ -42,14 +42,14 @@ class Comparison:
     ----------
     names : tuple of str
         What is compared.
-    figures : tuple of str
+    metrics : tuple of str
         Names of the figures, those that some have and others not included.
     values : dict of str to dict of str to float
         For each name the figures that it has.
     """
 
     names: tuple[str, ...]
-    figures: tuple[str, ...]
+    metrics: tuple[str, ...]
     values: dict[str, dict[str, float]] = field(repr=False)
     _parts: dict[str, tuple[Any, ...]] = field(repr=False, compare=False)
 
@@ -61,17 +61,14 @@ class Comparison:
         """Return the names that consoles complete in brackets."""
         return list(self.names)
 
-    def __str__(self) -> str:
-        return self.render()
-
     def __repr__(self) -> str:
-        return f"Comparison: {listed(self.names)}\n  {count(len(self.figures), 'figure')}: {listed(self.figures, 70)}"
+        return f"Comparison: {listed(self.names)}\n  {count(len(self.metrics), 'figure')}: {listed(self.metrics, 70)}"
 
     def _repr_html_(self) -> str:
         heads, *rows = self._table()
         return table_html("Comparison", heads, rows) + "".join(f"<p>{escape(line)}</p>" for line in self._signals())
 
-    def render(self) -> str:
+    def __str__(self) -> str:
         """Return the figures as text.
 
         Returns
@@ -92,13 +89,13 @@ class Comparison:
     def _signals(self) -> list[str]:
         """Return between which signals the singular values and norms of each are, and which of them are unstable."""
         return [
-            f"{name}: {between(part.inputs, part.outputs)}{', unstable' if part.unstable else ''}"
+            f"{name}: {between(part.input_labels, part.output_labels)}{'' if part.stable else ', unstable'}"
             for name, parts in self._parts.items()
             for part in parts
             if isinstance(part, SigmaResult)
         ]
 
-    def as_dict(self) -> dict[str, dict[str, float]]:
+    def to_dict(self) -> dict[str, dict[str, float]]:
         """Return the figures as plain dictionaries: ``pandas.DataFrame(comparison.as_dict())`` is a table of them.
 
         Returns
@@ -108,14 +105,14 @@ class Comparison:
         """
         return {name: dict(figures) for name, figures in self.values.items()}
 
-    def plot(self, ax: Any = None, *, what: str | None = None, signals: Sequence[str] = (), **style: Any) -> Any:
+    def plot(self, ax: Any = None, *, kind: str | None = None, signals: Sequence[str] = (), **style: Any) -> Any:
         """Draw all of them over each other, each in a colour of its own.
 
         Parameters
         ----------
         ax : matplotlib Axes, sequence of them, or a figure, optional
             Where to draw: one axes a signal or loop, one for singular values; by default a new figure of pyplot.
-        what : {"time", "frequency", "margins"}, optional
+        kind : {"time", "frequency", "margins"}, optional
             Signals over time, singular values, or Nyquist curves with the critical disks.  By default the first that all of
             them have.
         signals : sequence of str, optional
@@ -128,16 +125,16 @@ class Comparison:
         ndarray of matplotlib.axes.Axes
             Those drawn on.
         """
-        there = [kind for kind in (TIME, FREQUENCY, MARGINS) if all(_of_kind(kind, p) for p in self._parts.values())]
+        there = [each for each in (TIME, FREQUENCY, MARGINS) if all(_of_kind(each, p) for p in self._parts.values())]
         if not there:
             raise ValueError("plot: there is nothing over time, over frequency, or of margins that all of them have")
-        chosen = there[0] if what is None else known("picture", what, there)
+        chosen = there[0] if kind is None else known("kind", kind, there)
         drawn = {name: _of_kind(chosen, parts) for name, parts in self._parts.items()}
         return import_module("boomctl.plotting.looking").plot_comparison(chosen, drawn, ax, signals=signals, **style)
 
     def _table(self) -> list[tuple[str, ...]]:
         rows: list[tuple[str, ...]] = [("", *self.names)]
-        for figure in self.figures:
+        for figure in self.metrics:
             cells = (self.values[name].get(figure) for name in self.names)
             rows.append((figure, *("–" if cell is None else f"{cell:.4g}" for cell in cells)))
         return rows

@@ -59,10 +59,10 @@ class NyquistResult:
         Where the loop is opened, all at once.
     encirclements : int
         How often the whole curve, negative frequencies included, winds around -1, counter-clockwise.
-    open_loop_poles, closed_loop_poles : int
+    open_loop_unstable_poles, closed_loop_unstable_poles : int
         Unstable poles of the open and of the closed loop: the second is the first less the encirclements, and the
         eigenvalues of the closed loop agree.
-    disk : DiskMargin or None
+    disk_margin : DiskMargin or None
         The disk margin at this signal; None of several signals (see :func:`boomctl.margins`) and of an unstable loop.
     """
 
@@ -70,24 +70,27 @@ class NyquistResult:
     curve: Array = field(repr=False)
     signals: tuple[str, ...]
     encirclements: int
-    open_loop_poles: int
-    closed_loop_poles: int
-    disk: DiskMargin | None
+    open_loop_unstable_poles: int
+    closed_loop_unstable_poles: int
+    disk_margin: DiskMargin | None
     _advice: str = field(default="", repr=False, compare=False)
 
     def __repr__(self) -> str:
         turns = (
-            f"{self.encirclements} encirclements of -1, {count(self.open_loop_poles, 'unstable pole')} of the open loop"
+            f"{self.encirclements} encirclements of -1, {count(self.open_loop_unstable_poles, 'unstable pole')} of "
+            "the open loop"
         )
-        verdict = "stable" if self.stable else f"{count(self.closed_loop_poles, 'unstable pole')} of the closed loop"
-        disk = "" if self.disk is None else f"; disk margin {self.disk.alpha:.4g}"
+        verdict = (
+            "stable" if self.stable else f"{count(self.closed_loop_unstable_poles, 'unstable pole')} of the closed loop"
+        )
+        disk = "" if self.disk_margin is None else f"; disk margin {self.disk_margin.alpha:.4g}"
         advice = f"\n  {self._advice}" if self._advice else ""
         return f"NyquistResult: opened at {listed(self.signals, 60)}\n  {turns}: {verdict}{disk}{advice}"
 
     @property
     def stable(self) -> bool:
         """Whether the closed loop is stable."""
-        return self.closed_loop_poles == 0
+        return self.closed_loop_unstable_poles == 0
 
     @property
     def response(self) -> control.FrequencyResponseData:
@@ -160,7 +163,7 @@ def nyquist(
     >>> import control
     >>> motor = control.ss([[0.0, 1.0], [0.0, -1.0]], [[0.0], [1.0]], [[0.5, 0.0]], 0.0)
     >>> found = bc.nyquist(motor)
-    >>> found.stable, round(found.disk.phase_deg, 1)
+    >>> found.stable, round(found.disk_margin.phase_margin_deg, 1)
     (True, 60.0)
     """
     no_signals("controller", controller, "a controller")
@@ -193,9 +196,9 @@ def nyquist(
         curve=curve,
         signals=signals,
         encirclements=turns,
-        open_loop_poles=unstable,
-        closed_loop_poles=closed,
-        disk=disk,
+        open_loop_unstable_poles=unstable,
+        closed_loop_unstable_poles=closed,
+        disk_margin=disk,
         _advice=negative() if closed else "",
     )
 

@@ -29,7 +29,7 @@ class PoleZeroResult:
     ----------
     poles, zeros : complex ndarray
         Ascending in size [rad/s]; in discrete time ``z``.
-    inputs, outputs : tuple of str
+    input_labels, output_labels : tuple of str
         Between which signals the zeros are.
     dt : float
         Sampling time [s]; 0 in continuous time.
@@ -37,8 +37,8 @@ class PoleZeroResult:
 
     poles: Array = field(repr=False)
     zeros: Array = field(repr=False)
-    inputs: tuple[str, ...]
-    outputs: tuple[str, ...]
+    input_labels: tuple[str, ...]
+    output_labels: tuple[str, ...]
     dt: float = 0.0
 
     def __repr__(self) -> str:
@@ -49,7 +49,7 @@ class PoleZeroResult:
         slowest = self.poles[np.argmax(self.poles.real if not self.dt else np.abs(self.poles))] if len(side) else None
         last = "" if slowest is None else f"; slowest pole {complex(slowest.real, abs(slowest.imag)):.6g}"
         said = f" ({', '.join(some)})" if some else ""
-        return f"PoleZeroResult: {between(self.inputs, self.outputs)}\n  {numbers}{said}{last}"
+        return f"PoleZeroResult: {between(self.input_labels, self.output_labels)}\n  {numbers}{said}{last}"
 
     @property
     def response(self) -> Any:

@@ -48,9 +48,9 @@ class TimeResponse:
         "step" or "impulse".
     time : (n,) ndarray
         Instants in equal steps from 0 [s].
-    values : (p, m, n) ndarray
+    outputs : (p, m, n) ndarray
         Outputs by inputs by instants.
-    inputs, outputs : tuple of str
+    input_labels, output_labels : tuple of str
         Names of the signals.
     dt : float
         Sampling time [s]; 0 in continuous time.
@@ -58,52 +58,52 @@ class TimeResponse:
 
     kind: str
     time: Array = field(repr=False)
-    values: Array = field(repr=False)
-    inputs: tuple[str, ...]
-    outputs: tuple[str, ...]
+    outputs: Array = field(repr=False)
+    input_labels: tuple[str, ...]
+    output_labels: tuple[str, ...]
     dt: float = 0.0
     _of: Lti | None = field(default=None, repr=False, compare=False)
 
     def __repr__(self) -> str:
         span = f"to {self.time[-1]:.6g} s, {len(self.time)} instants"
-        o, i, k = np.unravel_index(int(np.abs(self.values).argmax()), self.values.shape)
-        at = f"{self.values[o, i, k]:.6g} at {self.time[k]:.6g} s, {self.inputs[i]} -> {self.outputs[o]}"
+        o, i, k = np.unravel_index(int(np.abs(self.outputs).argmax()), self.outputs.shape)
+        at = f"{self.outputs[o, i, k]:.6g} at {self.time[k]:.6g} s, {self.input_labels[i]} -> {self.output_labels[o]}"
         unstable = self._of is not None and (sides(self._of.poles, self._of.dt) > 0).any()
         grows = "\n  unstable: without an end it grows without bound" if unstable else ""
-        return f"TimeResponse: {self.kind}, {between(self.inputs, self.outputs)}\n  {span}; largest {at}{grows}"
+        return f"TimeResponse: {self.kind}, {between(self.input_labels, self.output_labels)}\n  {span}; largest {at}{grows}"
 
     def __getitem__(self, name: str | tuple[str, str]) -> Array:
         """Return an output over time by name; ``result["output", "input"]`` where there are several inputs."""
         output, given = name if isinstance(name, tuple) and len(name) == 2 else (name, None)
-        row = self.values[self.outputs.index(known("output", output, self.outputs))]
-        if given is None and len(self.inputs) > 1:
+        row = self.outputs[self.output_labels.index(known("output", output, self.output_labels))]
+        if given is None and len(self.input_labels) > 1:
             raise ValueError(f"{name!r}: expected an output and an input, as result['output', 'input']")
-        return row[0] if given is None else row[self.inputs.index(known("input", given, self.inputs))]
+        return row[0] if given is None else row[self.input_labels.index(known("input", given, self.input_labels))]
 
     def _ipython_key_completions_(self) -> list[str] | list[tuple[str, str]]:
         """Return the names, or pairs, that consoles complete in brackets."""
-        pairs = [(output, given) for output in self.outputs for given in self.inputs]
-        return list(self.outputs) if len(self.inputs) == 1 else pairs
+        pairs = [(output, given) for output in self.output_labels for given in self.input_labels]
+        return list(self.output_labels) if len(self.input_labels) == 1 else pairs
 
     @property
     def response(self) -> control.TimeResponseData:
         """The same as python-control's named time response."""
         from boomctl.lti.python_control import control
 
-        acting = np.zeros((len(self.inputs), len(self.inputs), len(self.time)))
-        own = np.arange(len(self.inputs))
+        acting = np.zeros((len(self.input_labels), len(self.input_labels), len(self.time)))
+        own = np.arange(len(self.input_labels))
         if self.kind == "step":
             acting[own, own] = 1.0
         elif self.dt:
             acting[own, own, 0] = 1.0 / self.dt
         return control.TimeResponseData(
             self.time,
-            self.values,
+            self.outputs,
             inputs=acting,
-            output_labels=list(self.outputs),
-            input_labels=list(self.inputs),
-            trace_labels=[f"From {name}" for name in self.inputs],
-            trace_types=[self.kind] * len(self.inputs),
+            output_labels=list(self.output_labels),
+            input_labels=list(self.input_labels),
+            trace_labels=[f"From {name}" for name in self.input_labels],
+            trace_types=[self.kind] * len(self.input_labels),
             issiso=False,
             sysname=self.kind,
             plot_inputs=False,

@@ -70,7 +70,7 @@ def _exact_half(p: BoomParameters, s: Any, parity: int) -> tuple[Any, Any]:
     the cradle.  The coordinate runs from the tip inwards: slope and third derivative have the other sign than along ``x``.
     """
     mass, stiffness = _tube(p)
-    stiffness = stiffness * (1 + s * p.structural_damping)
+    stiffness = stiffness * (1 + s * p.stiffness_damping)
     beta = mp.sqrt(mp.sqrt(-s * s * mass / stiffness))
     spring = mp.mpf(p.spring_distance) / 2
     start = _start(3)

@@ -52,7 +52,7 @@ class PlainBoom:
         middle, turn = _row(p, elements, 0.0), _row(p, elements, 0.0, slope=True)
         M += np.outer(middle, middle) * (p.boom_mass - p.tube_mass + p.cradle_mass)
         M += np.outer(turn, turn) * (p.boom_inertia - p.tube_inertia)
-        C = p.structural_damping * K
+        C = p.stiffness_damping * K
         C += np.outer(middle, middle) * p.cradle_damping + np.outer(turn, turn) * p.hinge_damping
         shift, angle = np.array([0.5, 0.5]), np.array([-1.0, 1.0]) / p.actuator_distance  # of the platform, over d
         G = p.cradle_damping * np.outer(middle, shift) + p.hinge_damping * np.outer(turn, angle)

@@ -35,7 +35,7 @@ class ScheduledController:
         Values of it, ascending, at which there are matrices.
     A, B, C, D : ndarray
         The matrices at each value, (k, n, n), (k, n, p), (k, m, n), (k, m, p).
-    inputs, outputs, states : tuple of str
+    input_labels, output_labels, state_labels : tuple of str
         Names; ``signal`` is one of the inputs, with columns of zeros where no controller reads it.
     dt : float
         Sampling time [s]; 0 in continuous time.
@@ -59,28 +59,28 @@ class ScheduledController:
     B: Array
     C: Array
     D: Array
-    inputs: tuple[str, ...]
-    outputs: tuple[str, ...]
-    states: tuple[str, ...] = field(default=())
+    input_labels: tuple[str, ...]
+    output_labels: tuple[str, ...]
+    state_labels: tuple[str, ...] = field(default=())
     dt: float = 0.0
 
     def __repr__(self) -> str:
         size, ends = count(self.A.shape[1], "state"), f"{self.values[0]:.6g} to {self.values[-1]:.6g}"
         time = f", every {self.dt:g} s" if self.dt else ""
         return (
-            f"ScheduledController: {size}{time}, {between(self.inputs, self.outputs)}\n"
+            f"ScheduledController: {size}{time}, {between(self.input_labels, self.output_labels)}\n"
             f"  over {self.signal}: {count(len(self.values), 'controller')} from {ends}, straight lines between them"
         )
 
     @property
-    def place(self) -> int:
+    def _place(self) -> int:
         """Which of the inputs the signal is."""
-        return self.inputs.index(self.signal)
+        return self.input_labels.index(self.signal)
 
     @cached_property
     def systems(self) -> tuple[Lti, ...]:
         """The controllers at the values."""
-        both = (self.inputs, self.outputs, self.states, self.dt)
+        both = (self.input_labels, self.output_labels, self.state_labels, self.dt)
         return tuple(Lti(*each, *both) for each in zip(self.A, self.B, self.C, self.D, strict=True))
 
     def at(self, value: float) -> control.StateSpace:
@@ -124,12 +124,12 @@ class ScheduledController:
         """
         from boomctl.lti.python_control import control
 
-        wanted = names("reference", references, self.inputs)
-        places, p, zero = [self.inputs.index(name) for name in wanted], len(self.inputs), np.zeros(0)
+        wanted = names("reference", references, self.input_labels)
+        places, p, zero = [self.input_labels.index(name) for name in wanted], len(self.input_labels), np.zeros(0)
 
         def split(u: Any) -> tuple[Lti, Array]:
             read = np.array(u[:p], dtype=float)
-            here = frozen(self, float(read[self.place]))
+            here = frozen(self, float(read[self._place]))
             read[places] -= u[p:]
             return here, read
 
@@ -141,10 +141,10 @@ class ScheduledController:
             here, read = split(u)
             return here.C @ x + here.D @ read if len(here.A) else here.D @ read
 
-        inputs = [*self.inputs, *(f"{name}_reference" for name in wanted)]
+        inputs = [*self.input_labels, *(f"{name}_reference" for name in wanted)]
         n = self.A.shape[1]
-        states = list(self.states) if len(self.states) == n else [f"x{i}" for i in range(n)]
-        given = {"inputs": inputs, "outputs": list(self.outputs), "states": states, "dt": self.dt}
+        states = list(self.state_labels) if len(self.state_labels) == n else [f"x{i}" for i in range(n)]
+        given = {"inputs": inputs, "outputs": list(self.output_labels), "states": states, "dt": self.dt}
         return control.nlsys(update if n else None, output, **given, name="scheduled_controller")
 
 
@@ -153,7 +153,7 @@ def frozen(controller: ScheduledController, value: float) -> Lti:
     K = controller
     w = [float(np.interp(value, K.values, unit)) for unit in np.eye(len(K.values))]
     A, B, C, D = (np.tensordot(w, X, 1) for X in (K.A, K.B, K.C, K.D))
-    return Lti(A, B, C, D, K.inputs, K.outputs, K.states, K.dt)
+    return Lti(A, B, C, D, K.input_labels, K.output_labels, K.state_labels, K.dt)
 
 
 @one_blas_thread

@@ -20,11 +20,11 @@ class TimeVaryingController:
     ----------
     A, B, C, D : array_like
         The matrices at each sample, (k, n, n), (k, n, p), (k, m, n) and (k, m, p).
-    inputs, outputs : sequence of str
+    input_labels, output_labels : sequence of str
         Names of the p measurements and the m controls.
-    sample_time : float
+    dt : float
         Time between samples [s].
-    L : array_like, optional
+    anti_windup_gain : array_like, optional
         How the control that limits allow corrects the state, (k, n, m); zero unless given.
 
     Raises
@@ -40,7 +40,7 @@ class TimeVaryingController:
     >>> import numpy as np
     >>> gains = np.linspace(-100.0, -200.0, 5)[:, None, None] * np.array([[1.0, 2.0]])
     >>> none = np.zeros((5, 0, 0)), np.zeros((5, 0, 2)), np.zeros((5, 1, 0))
-    >>> bc.simulation.TimeVaryingController(*none, gains, ["hub_angle", "hub_speed"], ["torque"], sample_time=0.01)
+    >>> bc.simulation.TimeVaryingController(*none, gains, ["hub_angle", "hub_speed"], ["torque"], dt=0.01)
     TimeVaryingController: 0 states, every 0.01 s, hub_angle, hub_speed -> torque
       5 samples, the last matrices stay
     """
@@ -49,26 +49,26 @@ class TimeVaryingController:
     B: Array
     C: Array
     D: Array
-    inputs: Sequence[str]
-    outputs: Sequence[str]
-    sample_time: float
-    L: Array | None = None
+    input_labels: Sequence[str]
+    output_labels: Sequence[str]
+    dt: float
+    anti_windup_gain: Array | None = None
 
     def __post_init__(self) -> None:
-        for what in ("inputs", "outputs"):
+        for what in ("input_labels", "output_labels"):
             given = sequence(what, getattr(self, what), "str")
             found = tuple(signal_name(f"{what}[{i}]", each) for i, each in enumerate(given))
             if len(set(found)) < len(found) or not found:
                 raise ValueError(f"{what} = {found!r}: expected one name or more, each once")
             object.__setattr__(self, what, found)
-        object.__setattr__(self, "sample_time", positive("sample_time", self.sample_time))
+        object.__setattr__(self, "dt", positive("dt", self.dt))
         for letter in "ABCD":
             object.__setattr__(self, letter, finite_array(letter, getattr(self, letter), ndim=3))
-        (k, n), p, m = self.A.shape[:2], len(self.inputs), len(self.outputs)
-        if self.L is None:
-            object.__setattr__(self, "L", np.zeros((k, n, m)))
-        object.__setattr__(self, "L", finite_array("L", self.correction, ndim=3))
-        wanted = {"A": (k, n, n), "B": (k, n, p), "C": (k, m, n), "D": (k, m, p), "L": (k, n, m)}
+        (k, n), p, m = self.A.shape[:2], len(self.input_labels), len(self.output_labels)
+        if self.anti_windup_gain is None:
+            object.__setattr__(self, "anti_windup_gain", np.zeros((k, n, m)))
+        object.__setattr__(self, "anti_windup_gain", finite_array("anti_windup_gain", self._correction, ndim=3))
+        wanted = {"A": (k, n, n), "B": (k, n, p), "C": (k, m, n), "D": (k, m, p), "anti_windup_gain": (k, n, m)}
         for letter, shape in wanted.items():
             if k < 1 or getattr(self, letter).shape != shape:
                 raise ValueError(
@@ -77,17 +77,17 @@ class TimeVaryingController:
                 )
 
     def __repr__(self) -> str:
-        signals = between(self.inputs, self.outputs)
-        first = f"{count(self.A.shape[1], 'state')}, every {exactly(self.sample_time)} s, {signals}"
+        signals = between(self.input_labels, self.output_labels)
+        first = f"{count(self.A.shape[1], 'state')}, every {exactly(self.dt)} s, {signals}"
         return f"TimeVaryingController: {first}\n  {count(len(self.A), 'sample')}, the last matrices stay"
 
     @property
-    def correction(self) -> Array:
+    def _correction(self) -> Array:
         """``L_k`` of all samples."""
-        assert self.L is not None
-        return self.L
+        assert self.anti_windup_gain is not None
+        return self.anti_windup_gain
 
     @property
-    def laws(self) -> Array:
+    def _laws(self) -> Array:
         """``[[D, C], [B, A]]`` of all samples, (k, m + n, p + n)."""
         return np.block([[self.D, self.C], [self.B, self.A]])

@@ -98,7 +98,7 @@ def strain_basis(parameters: HubBeamParameters, modes: int) -> StrainBasis:
         integration[start:end, start + 1 : end + 1] = half * within
     masses = parameters.mass_per_length * np.kron(halves, weights)
     if parameters.tip_mass > 0.0:
-        row = _row_to(parameters, halves, weights, int(np.searchsorted(ends, parameters.mass_position)))
+        row = _row_to(parameters, halves, weights, int(np.searchsorted(ends, parameters._mass_position)))
         integration, masses = np.vstack([integration, row]), np.append(masses, parameters.tip_mass)
     rigidities = (parameters.bending_stiffness, parameters.axial_stiffness)
     return StrainBasis(
@@ -115,8 +115,8 @@ def strain_basis(parameters: HubBeamParameters, modes: int) -> StrainBasis:
 
 def _span_ends(parameters: HubBeamParameters) -> Array:
     """Ends of the spans [m]; the tip mass, if any, stands at one of them."""
-    inside = parameters.tip_mass > 0.0 and 0.0 < parameters.mass_position < parameters.length
-    return np.array([0.0, *([parameters.mass_position] if inside else []), parameters.length])
+    inside = parameters.tip_mass > 0.0 and 0.0 < parameters._mass_position < parameters.length
+    return np.array([0.0, *([parameters._mass_position] if inside else []), parameters.length])
 
 
 def _strain_rows(halves: Array, nodes: Array, modes: int) -> tuple[Array, Array]:

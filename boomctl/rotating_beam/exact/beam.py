@@ -14,13 +14,13 @@ from boomctl.arrays import Array
 from boomctl.maneuvers import Maneuver, TorqueDriven
 from boomctl.progress import computing, tell
 from boomctl.rotating_beam.beam import HubBeam, SmallMotion, lowest_rate, natural_hz
-from boomctl.rotating_beam.chosen import ModelChoice
 from boomctl.rotating_beam.exact.basis import StrainBasis, strain_basis
 from boomctl.rotating_beam.exact.dynamics import ExactBeamDynamics
 from boomctl.rotating_beam.exact.integrator import CHUNK, StepFailed
 from boomctl.rotating_beam.exact.run import Run, run_to_tolerance, run_with_step
 from boomctl.rotating_beam.parameters import HubBeamParameters
 from boomctl.rotating_beam.result import Details, Dynamics, Motion, SimulationError
+from boomctl.rotating_beam.selection import ModelChoice
 from boomctl.threads import one_blas_thread
 
 if TYPE_CHECKING:
@@ -53,7 +53,7 @@ class GeometricallyExactBeam(HubBeam):
     modes : int
         Number of polynomials of curvature, and of stretch, on each span; 1 to 60. The error of a motion says what they
         leave out.
-    chosen : record, optional
+    selection : record, optional
         What was chosen for its accuracy in a maneuver, and what was tried: see `hub_beam`.
 
     Attributes
@@ -70,10 +70,10 @@ class GeometricallyExactBeam(HubBeam):
     parameters: HubBeamParameters
     modes: int = 8
     model: str = field(default="geometrically-exact", init=False)
-    chosen: ModelChoice | None = None
+    selection: ModelChoice | None = None
 
     @property
-    def most_modes(self) -> int:
+    def max_modes(self) -> int:
         return _MOST_POLYNOMIALS
 
     @property
@@ -81,25 +81,25 @@ class GeometricallyExactBeam(HubBeam):
         return True
 
     @cached_property
-    def basis(self) -> StrainBasis:
+    def _basis(self) -> StrainBasis:
         """The discretised beam."""
         return strain_basis(self.parameters, self.modes)
 
     @cached_property
     def dynamics(self) -> ExactBeamDynamics:
         """Its energies, momenta and forces."""
-        return ExactBeamDynamics(self.basis, _damping_matrix(self.basis, self.parameters.damping_ratio))
+        return ExactBeamDynamics(self._basis, _damping_matrix(self._basis, self.parameters.damping_ratio))
 
     @property
-    def state_names(self) -> tuple[str, ...]:
+    def state_labels(self) -> tuple[str, ...]:
         """Names of the states: hub angle, curvatures, stretches, then their rates."""
         count = (self._size - 1) // 2
         strains = [f"{kind}_{k + 1}" for kind in ("curvature", "stretch") for k in range(count)]
         return ("hub_angle", *strains, "hub_speed", *(f"{name}_rate" for name in strains))
 
     @one_blas_thread
-    def critical_speed(self) -> float:
-        return self.steady_limit
+    def divergence_speed(self) -> float:
+        return self.max_steady_speed
 
     def _steady_limit(self) -> float:
         stiffness, mass, _ = self._axial
@@ -111,13 +111,13 @@ class GeometricallyExactBeam(HubBeam):
 
         A straight beam that turns at ``w`` is at rest where ``(K - w^2 M) b = w^2 V``.
         """
-        basis = self.basis
+        basis = self._basis
         positions = basis.integration @ basis.stretch[:, basis.stretching]
         weighted = basis.point_masses[:, None] * positions
         stiffness = np.diag(basis.stiffness[basis.stretching])
         return stiffness, positions.T @ weighted, weighted.T @ basis.integration.sum(axis=1)
 
-    def shape(self, states: ArrayLike) -> Array:
+    def deformed_shape(self, states: ArrayLike) -> Array:
         """Return where the beam is, in fixed axes.
 
         Parameters
@@ -139,15 +139,15 @@ class GeometricallyExactBeam(HubBeam):
 
     @property
     def _size(self) -> int:
-        return self.basis.coordinates
+        return self._basis.coordinates
 
     def _transverse_hz(self, speed: float) -> Array:
         mass, _, stiffness = self._linearised(speed)
-        own = self.basis.bending
+        own = self._basis.bending
         return natural_hz(mass[own, own], stiffness[own, own])
 
     def _steady_coordinates(self, speed: float) -> Array:
-        (stiffness, mass, pull), stretching = self._axial, self.basis.stretching
+        (stiffness, mass, pull), stretching = self._axial, self._basis.stretching
         q = np.zeros(self._size)
         q[stretching] = np.linalg.solve(stiffness - speed**2 * mass, speed**2 * pull)
         return q[1:]
@@ -192,7 +192,7 @@ class GeometricallyExactBeam(HubBeam):
     def _followed(
         self, maneuver: Maneuver, timepts: Array, start: tuple[Array, Array], tolerance: tuple[float, float]
     ) -> tuple[Motion, Run | None]:
-        bending = self.frequencies_hz()
+        bending = self.eigenfrequencies_hz()
         return run_to_tolerance(
             self.dynamics,
             maneuver,
@@ -241,7 +241,7 @@ class GeometricallyExactBeam(HubBeam):
         extension = dynamics.extension(q)
         return Details(
             axial_tip_displacement=extension,
-            foreshortening=np.real(dynamics.tip(q)) - np.sum(self.basis.tip_row) - extension,
+            foreshortening=np.real(dynamics.tip(q)) - np.sum(self._basis.tip_row) - extension,
             hub_angle=q[:, 0],
             hub_speed=v[:, 0],
             states=np.hstack([q, v]),

@@ -96,7 +96,7 @@ def modal_integrals(parameters: HubBeamParameters, modes: int) -> ModalIntegrals
     """
     p = parameters
     f1, f2 = axial_modes(modes, p.length), transverse_modes(modes, p.length)
-    line, mass, place = p.mass_per_length, p.tip_mass, p.mass_position
+    line, mass, place = p.mass_per_length, p.tip_mass, p._mass_position
     radius = p.hub_radius + place
     at1, at2 = f1(place), f2(place)
 
@@ -114,7 +114,7 @@ def modal_integrals(parameters: HubBeamParameters, modes: int) -> ModalIntegrals
     R = line * _overlap(f1, f2, x, weights) + mass * np.outer(at1, at2)
     C1, C2 = (_modal_damping(M, K, p.damping_ratio) for M, K in ((M1, K1), (M2, K2)))
     return ModalIntegrals(
-        inertia=p.rigid_inertia,
+        inertia=p.rigid_body_inertia,
         M1=M1, K1=K1, C1=C1, V1=V1, M2=M2, K2=K2, C2=C2, V2=V2, D=D, R=R,
         tip1=f1(p.length), tip2=f2(p.length), S_tip=f2.shortening(p.length),
     )  # fmt: skip
@@ -134,7 +134,7 @@ def mass_points(parameters: HubBeamParameters, modes: int) -> MassPoints:
     x, weights = gauss_points(p.length, f2.wavenumbers[-1] * p.length)
     mass = p.mass_per_length * weights
     if p.tip_mass > 0.0:
-        x, mass = np.append(x, p.mass_position), np.append(mass, p.tip_mass)
+        x, mass = np.append(x, p._mass_position), np.append(mass, p.tip_mass)
     return MassPoints(mass, p.hub_radius + x, f1(x), f2(x), f2.shortening(x))
 
 

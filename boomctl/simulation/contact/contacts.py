@@ -146,24 +146,24 @@ def stop_places(limit: StrokeLimit, plant: ModalPlant) -> list[tuple[str, str, f
     found: list[tuple[str, str, float]] = []
     if isinstance(limit, Mapping):
         for name, value in limit.items():
-            output = known("output of stroke_limit", name, plant.outputs)
+            output = known("output of end_stop", name, plant.outputs)
             pair = value if isinstance(value, tuple) else (value, output.replace("stroke_", "suspension_", 1))
             if len(pair) != 2:
-                raise ValueError(f"stroke_limit[{output!r}] = {value!r}: expected a number or (number, input)")
+                raise ValueError(f"end_stop[{output!r}] = {value!r}: expected a number or (number, input)")
             size, force = pair
             known(f"input at the stop of {output!r}", force, plant.inputs)
-            found.append((output, force, positive(f"stroke_limit[{output!r}]", size)))
+            found.append((output, force, positive(f"end_stop[{output!r}]", size)))
     else:
-        size = positive("stroke_limit", limit)
+        size = positive("end_stop", limit)
         pairs = [(o, o.replace("stroke_", "suspension_", 1)) for o in plant.outputs if o.startswith("stroke_")]
         found = [(o, i, size) for o, i in pairs if i in plant.inputs]
     if not found:
         raise ValueError(
-            f"stroke_limit: the plant has no outputs stroke_* with inputs suspension_* of the same suffix (outputs: "
+            f"end_stop: the plant has no outputs stroke_* with inputs suspension_* of the same suffix (outputs: "
             f"{', '.join(plant.outputs)}; inputs: {', '.join(plant.inputs)})"
         )
     if len(found) > _MOST_STOPS:
-        raise ValueError(f"stroke_limit: {len(found)} end stops; expected at most {_MOST_STOPS}")
+        raise ValueError(f"end_stop: {len(found)} end stops; expected at most {_MOST_STOPS}")
     return found
 
 
@@ -178,7 +178,7 @@ def contacts_of(
     slip = (
         None
         if friction is None
-        else contact_at(plant, maps, friction.output, friction.input, driven=driven, least=_COARSE)
+        else contact_at(plant, maps, friction.slip_output, friction.force_input, driven=driven, least=_COARSE)
     )
     stops = tuple(contact_at(plant, maps, output, force, driven=driven) for output, force, _ in places)
     if slip is None and not stops:

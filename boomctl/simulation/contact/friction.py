@@ -13,21 +13,22 @@ from typing import NamedTuple
 
 from boomctl.checks import exactly, nonnegative, positive, signal_name, whole
 from boomctl.lti.rounding import SUMMED
+from boomctl.printing import compact
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class CoulombFriction:
     """Coulomb friction between the two bodies on which an input of the plant acts.
 
     Parameters
     ----------
-    force : float
+    sliding_force : float
         Friction force while sliding [N].
-    static_force : float, optional
-        Force that must be exceeded to break away [N]; by default ``force``.
-    input : str
+    breakaway_force : float, optional
+        Force that must be exceeded to break away [N]; by default ``sliding_force``.
+    force_input : str
         Name of the force input of the plant through which friction acts.
-    output : str
+    slip_output : str
         Name of the slip: the displacement on which that force does work.
     substeps : int
         Number of steps of the computation from one instant asked for to the next; the result's ``error_estimate`` tells
@@ -35,49 +36,54 @@ class CoulombFriction:
 
     Attributes
     ----------
-    breakaway : float
+    _breakaway_force : float
         Largest force that holds [N].
 
     Raises
     ------
     TypeError, ValueError
-        A force not positive, ``static_force`` below ``force``, fewer than one step.
+        A force not positive, ``breakaway_force`` below ``sliding_force``, fewer than one step.
 
     Examples
     --------
     >>> import boomctl as bc
-    >>> bc.CoulombFriction(3.0, static_force=4.0).breakaway
-    4.0
-    >>> bc.CoulombFriction(3.0).breakaway
-    3.0
+    >>> law = bc.CoulombFriction(3.0, breakaway_force=4.0)
+    >>> law.sliding_force, law.breakaway_force
+    (3.0, 4.0)
     """
 
-    force: float
-    static_force: float | None = None
-    input: str = "cradle"
-    output: str = "cradle_slip"
+    sliding_force: float
+    breakaway_force: float | None = None
+    force_input: str = "cradle"
+    slip_output: str = "cradle_slip"
     substeps: int = 4
 
+    __repr__ = compact
+
     def __post_init__(self) -> None:
-        positive("force", self.force)
-        signal_name("input", self.input)
-        signal_name("output", self.output)
+        positive("sliding_force", self.sliding_force)
+        signal_name("force_input", self.force_input)
+        signal_name("slip_output", self.slip_output)
         whole("substeps", self.substeps)
-        if self.static_force is not None and nonnegative("static_force", self.static_force) < self.force:
+        if (
+            self.breakaway_force is not None
+            and nonnegative("breakaway_force", self.breakaway_force) < self.sliding_force
+        ):
             raise ValueError(
-                f"static_force = {exactly(self.static_force)}: expected no less than force = {exactly(self.force)}"
+                f"breakaway_force = {exactly(self.breakaway_force)}: expected no less than sliding_force = "
+                f"{exactly(self.sliding_force)}"
             )
 
     @property
-    def breakaway(self) -> float:
+    def _breakaway_force(self) -> float:
         """Largest force that holds [N]."""
-        return float(self.force if self.static_force is None else self.static_force)
+        return float(self.sliding_force if self.breakaway_force is None else self.breakaway_force)
 
 
 class Slip(NamedTuple):
     """Slip velocity, whether it is at rest, and the mean force that held it over the whole step before (or ``None``).
 
-    The load is extrapolated from that force to find where the slip breaks away, which matters where ``static_force``
+    The load is extrapolated from that force to find where the slip breaks away, which matters where ``breakaway_force``
     exceeds ``force``.
     """
 
@@ -122,7 +128,7 @@ def friction_step(slip: Slip, free: float, gain: float, law: CoulombFriction) ->
     if stuck:
         return _from_rest(holding, free, gain, law, held)
     direction = 1.0 if velocity > 0.0 else -1.0
-    first = -law.force * direction
+    first = -law.sliding_force * direction
     end = free + gain * first
     if end * direction > 0.0:
         return FrictionStep(first, end, False, 1.0, first)
@@ -131,22 +137,22 @@ def friction_step(slip: Slip, free: float, gain: float, law: CoulombFriction) ->
     if rest < SUMMED:  # share of a step: what rounding leaves of it is no rest
         return FrictionStep(holding, 0.0, True, 1.0, first)
     needed = (holding - share * first) / rest
-    if abs(needed) <= law.breakaway:
+    if abs(needed) <= law._breakaway_force:
         return FrictionStep(holding, 0.0, True, share, first)
-    mean = share * first + rest * (law.force if needed > 0.0 else -law.force)
+    mean = share * first + rest * (law.sliding_force if needed > 0.0 else -law.sliding_force)
     return FrictionStep(mean, free + gain * mean, False, share, first)
 
 
 def _from_rest(holding: float, free: float, gain: float, law: CoulombFriction, held: float | None) -> FrictionStep:
-    slope = 0.0 if held is None or law.breakaway == law.force else holding - held
+    slope = 0.0 if held is None or law._breakaway_force == law.sliding_force else holding - held
     start, end = holding - 0.5 * slope, holding + 0.5 * slope
-    if max(abs(start), abs(end)) <= law.breakaway:
+    if max(abs(start), abs(end)) <= law._breakaway_force:
         return FrictionStep(holding, 0.0, True, 0.0, holding)
     sign = 1.0 if (end if abs(end) > abs(start) else start) > 0.0 else -1.0
     share = 0.0
-    if sign * start < law.breakaway and slope != 0.0:
-        share = min(max((sign * law.breakaway - start) / slope, 0.0), 1.0)
-    mean = share * (start + 0.5 * share * slope) + (1.0 - share) * sign * law.force
+    if sign * start < law._breakaway_force and slope != 0.0:
+        share = min(max((sign * law._breakaway_force - start) / slope, 0.0), 1.0)
+    mean = share * (start + 0.5 * share * slope) + (1.0 - share) * sign * law.sliding_force
     velocity = free + gain * mean
     if velocity * sign >= 0.0:
         return FrictionStep(holding, 0.0, True, 0.0, holding)

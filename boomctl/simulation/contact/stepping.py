@@ -137,7 +137,7 @@ def _friction(rows: ContactRows, free: float, slip: Slip) -> FrictionStep:
 
 def _together(rows: ContactRows, row: Array, slip: Slip, alone: FrictionStep) -> Outcome:
     """Return a step in which stops are touched: held or sliding throughout if either agrees with the law."""
-    force = 0.0 if rows.law is None else rows.law.force
+    force = 0.0 if rows.law is None else rows.law.sliding_force
     sliding = (force, -force) if slip.stuck else (-force if slip.velocity > 0.0 else force,)
     for held in (True, False) if slip.stuck or alone.stuck else (False, True):
         if held:
@@ -181,7 +181,7 @@ def _reversing(rows: ContactRows, row: Array, slip: Slip) -> Outcome:
     law then fails within this one step, the stops hold, and the slip goes on with the velocity that it has.
     """
     assert rows.law is not None
-    size = rows.law.breakaway
+    size = rows.law._breakaway_force
     low, high, force = -size, size, 0.0
     end, step, stops = _under(rows, row, slip, force)
     for _ in range(_ROUNDS):
@@ -263,7 +263,7 @@ def run_contact(p: LoopProblem, log: ControlLog, contacts: Contacts) -> tuple[Ar
             row, step, stops = contact_step(rows, row, slip)
             if step is not None and rows.law is not None:
                 way = float(row[n + 1] - old[n + 1])
-                kept.write_friction(k, slip, step, force=rows.law.force, h=p.grid.h, way=way)
+                kept.write_friction(k, slip, step, force=rows.law.sliding_force, h=p.grid.h, way=way)
                 slip = slip.after(step)
             if stops is not None:
                 speeds = old[n + 2 + rows.stops :].tolist()

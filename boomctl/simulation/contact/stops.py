@@ -23,7 +23,7 @@ Set = tuple[int, ...]
 
 @dataclass(frozen=True)
 class StopContact:
-    """A stop touched from ``time`` to ``until``.
+    """A stop touched from ``time`` to ``end_time``.
 
     Attributes
     ----------
@@ -31,23 +31,23 @@ class StopContact:
         The stroke that ended.
     side : int
         +1 at the upper, -1 at the lower end.
-    time, until : float
+    time, end_time : float
         First and last moment of contact [s].
-    speed : float
+    impact_speed : float
         Stroke velocity at which it was met [m/s].
     impulse : float
         Total impulse that the stop gave while it was touched [N s].
-    largest_force : float
+    peak_force : float
         Largest mean force over a step [N].
     """
 
     output: str
     side: int
     time: float
-    until: float
-    speed: float
+    end_time: float
+    impact_speed: float
     impulse: float
-    largest_force: float
+    peak_force: float
 
     __repr__ = compact
 
@@ -179,8 +179,8 @@ def merged_hits(
         until = start + (step + 1) * h
         if going_on:
             old = hits[open_hit[stop]]
-            largest = max(old.largest_force, abs(impulse) / h)
-            hits[open_hit[stop]] = replace(old, until=until, impulse=old.impulse + impulse, largest_force=largest)
+            largest = max(old.peak_force, abs(impulse) / h)
+            hits[open_hit[stop]] = replace(old, end_time=until, impulse=old.impulse + impulse, peak_force=largest)
         else:
             open_hit[stop] = len(hits)
             hits.append(StopContact(names[stop], side, start + step * h, until, speed, impulse, abs(impulse) / h))

@@ -28,7 +28,7 @@ def counted(ends: EndMap, first: TorqueProfile, intervals: int) -> TorqueProfile
     all but a few intervals, so they settle in few turns.
     """
     duration, limit = first.duration, ends.problem.limits.torque
-    values = first.means(np.linspace(0.0, duration, intervals + 1)) / limit
+    values = first.interval_means(np.linspace(0.0, duration, intervals + 1)) / limit
     parts = max(1, int(np.ceil(duration * ends.step_frequency / intervals / _STEP)))
     for _ in range(_TURNS):
         ends.problem.deadline.check(f"counting arcs on {intervals} intervals")

@@ -77,7 +77,7 @@ class _Arcs:
 
     @staticmethod
     def of(history: TorqueProfile) -> "_Arcs":
-        return _Arcs(np.diff(history.edges), float(np.sign(history.left[0])))
+        return _Arcs(np.diff(history.edges), float(np.sign(history.start_values[0])))
 
     def history(self, limit: float) -> TorqueProfile:
         edges = np.cumsum(self.durations)
@@ -108,7 +108,7 @@ def least_time_arcs(problem: SlewProblem, first: TorqueProfile) -> ArcSlew | Non
     ends = end_map(half or problem, first)
     if near is not None:
         found = _refined(ends, _weighed(ends, _Arcs.of(first), _FINER), finer=_FINER, exact=False)
-        if found is not None and found.gain < problem.tolerance:
+        if found is not None and found.gain < problem.rtol:
             return replace(found, path=(*path, "durations led to the end, not to the least sum"))
     arcs, counting = _with_right_signs(ends, first_half(first) if half else first)
     answer = None if arcs is None else _refined(ends, arcs)
@@ -136,7 +136,7 @@ def _with_right_signs(ends: EndMap, start: TorqueProfile) -> tuple[_Arcs | None,
             best, gain = found, found.wrong_sign / float(found.durations.sum())
             start = found.history(ends.problem.limits.torque)
         path = (*path, f"arcs counted on {intervals} intervals") if intervals else path
-        if gain < _ENOUGH * ends.problem.tolerance:
+        if gain < _ENOUGH * ends.problem.rtol:
             break
     if best is None and overflow is not None:
         raise overflow
@@ -145,7 +145,7 @@ def _with_right_signs(ends: EndMap, start: TorqueProfile) -> tuple[_Arcs | None,
 
 def _refined(ends: EndMap, found: _Arcs, finer: int = 1, exact: bool = True) -> ArcSlew | None:
     """Halve the steps until the end stays where it is; if not exact, durations are led to the end, not to the least sum."""
-    tolerance, error = ends.problem.tolerance, np.inf
+    tolerance, error = ends.problem.rtol, np.inf
     while error > STEP_SHARE * tolerance and finer * _counts(ends, found.durations).sum() < MOST_STEPS:
         finer *= 2
         near, error = _corrected(ends, found, finer)
@@ -290,7 +290,7 @@ def without_axial_modes(problem: SlewProblem) -> SlewProblem | None:
     asked = problem.plants[0].rest(problem.angle or 0.0, problem.final_speed)
     if np.any(asked != problem.target[: asked.size]):
         return None
-    plants = tuple(plant_of(machine.in_model(_WITHOUT_AXIAL)) for machine in machines if machine is not None)
+    plants = tuple(plant_of(machine.with_model(_WITHOUT_AXIAL)) for machine in machines if machine is not None)
     start, target, ends, waits = end_conditions(plants, problem.angle, problem.final_speed)
     return replace(problem, plants=plants, start=start, target=target, ends=ends, waits=waits)
 
@@ -316,11 +316,11 @@ def first_half(history: TorqueProfile) -> TorqueProfile:
     # share of a duration by which an edge has to lie before its middle: rounding
     inner = history.edges[history.edges < middle * (1.0 - SUMMED)]
     edges = np.append(inner, middle)
-    return held(edges, history.left[: inner.size])
+    return held(edges, history.start_values[: inner.size])
 
 
 def doubled(history: TorqueProfile) -> TorqueProfile:
     """A torque that is held on arcs, followed by its negative mirror image."""
     widths = np.diff(history.edges)
     edges = np.concatenate([[0.0], np.cumsum(np.concatenate([widths, widths[::-1]]))])
-    return held(edges, np.concatenate([history.left, -history.left[::-1]]))
+    return held(edges, np.concatenate([history.start_values, -history.start_values[::-1]]))

@@ -29,7 +29,7 @@ class SwitchingFunction(TimeSeries):
         The switching function, between -1 and 1.
     torque : ndarray, k
         The torque [N m].
-    switches : ndarray
+    switching_times : ndarray
         Instants at which the torque changes its sign [s].
     torque_limit : float
         Largest torque either way [N m].
@@ -38,12 +38,15 @@ class SwitchingFunction(TimeSeries):
     time: Array
     values: Array
     torque: Array
-    switches: Array
+    switching_times: Array
     torque_limit: float
 
     def __repr__(self) -> str:
-        agree = f"{self.agreement:.4%} of the time the torque has its sign"
-        return f"SwitchingFunction: {count(len(self.switches), 'switch', 'switches')} in {self.time[-1]:.6g} s; {agree}"
+        agree = f"{self.sign_agreement:.4%} of the time the torque has its sign"
+        return (
+            f"SwitchingFunction: {count(len(self.switching_times), 'switch', 'switches')} in {self.time[-1]:.6g} s; "
+            f"{agree}"
+        )
 
     def _outputs(self) -> dict[str, Array]:
         return {"values": self.values}
@@ -52,7 +55,7 @@ class SwitchingFunction(TimeSeries):
         return {"torque": self.torque}
 
     @property
-    def agreement(self) -> float:
+    def sign_agreement(self) -> float:
         """Share of the duration on which the torque has the sign of the switching function."""
         return float(np.mean(self.values * self.torque > 0.0))
 
@@ -105,15 +108,17 @@ def switching_function(result: SlewResult) -> SwitchingFunction:
     (array([0.82, 1.26, 1.69]), 1.0)
     """
     instance("result", result, SlewResult)
-    history, problem = result.history, result.plan.problem
-    if result.certificate.switches is None:
+    history, problem = result.torque_profile, result.plan.problem
+    if result.certificate.n_switches is None:
         raise ValueError(
             "result: expected a slew with a bang-bang torque; plan one of minimum time without other limits"
         )
     durations, ends = np.diff(history.edges), end_map(problem, history)
     frequency = max(ends.step_frequency, _CURVE / history.duration)
     counts = np.maximum(2, np.ceil(durations * frequency)).astype(int)
-    steps = ends.steps(float(np.sign(history.left[0])), durations, counts)
+    steps = ends.steps(float(np.sign(history.start_values[0])), durations, counts)
     values = ends.sensitivity(steps).switching_function
     middle = np.cumsum(steps.h) - 0.5 * steps.h
-    return SwitchingFunction(middle, values / np.abs(values).max(), steps.u, history.switches, problem.limits.torque)
+    return SwitchingFunction(
+        middle, values / np.abs(values).max(), steps.u, history.switching_times, problem.limits.torque
+    )

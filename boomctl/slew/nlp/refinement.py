@@ -82,7 +82,7 @@ def refined(problem: SlewProblem, least: TorqueProfile | None) -> Refined:
         excess = violation(problem, found.solution.history, motions)
         path = (*found.path, f"out of time: {over}")
         # relative, over a limit, in a replay: rounding of the integrator
-        if prescribed_error(problem, motions) <= problem.tolerance and max(excess.values()) <= ALIKE:
+        if prescribed_error(problem, motions) <= problem.rtol and max(excess.values()) <= ALIKE:
             return replace(found, path=path, motions=motions)
         found = best[max(0, len(best) - 2)]  # a coarser mesh, on which points can be added in the time that is left
         intervals = found.programme.transcription.scheme.intervals
@@ -185,7 +185,7 @@ def _solved(
                 free_time=problem.duration is None,
                 limits=kinds,
             )
-            programme = prepare(problem, scheme, guess, problem.tolerance)
+            programme = prepare(problem, scheme, guess, problem.rtol)
         solution = programme.solve(problem, before, limits)
         if rough:
             return programme, solution, None
@@ -193,7 +193,7 @@ def _solved(
         excess = violation(problem, solution.history, motions)
         worst = max((excess[kind] for kind in limits.beside_torque), default=0.0)
         missed = prescribed_error(problem, motions)
-        if missed > problem.tolerance:
+        if missed > problem.rtol:
             if points >= _HIGHEST:
                 break
             points, programme, before = points + 1, None, guess
@@ -203,7 +203,7 @@ def _solved(
             return programme, solution, motions
     raise SlewError(
         f"intervals = {intervals}: the replay misses the end by {missed:.1e} or exceeds a limit by "
-        f"{worst:.1e}; expected {problem.tolerance:.1e}. More intervals may help"
+        f"{worst:.1e}; expected {problem.rtol:.1e}. More intervals may help"
     )
 
 

@@ -158,19 +158,19 @@ def distinct(stations: Sequence[float], length: float) -> list[float]:
 
 def element_sections(beam: Beam, nodes: Array) -> Array:
     """Return of which section of ``beam`` each interval between ``nodes`` is."""
-    ends = np.cumsum([section.length for section in beam.sections])
-    return np.minimum(np.searchsorted(ends, 0.5 * (nodes[1:] + nodes[:-1])), len(beam.sections) - 1)
+    ends = np.cumsum([section.length for section in beam.segments])
+    return np.minimum(np.searchsorted(ends, 0.5 * (nodes[1:] + nodes[:-1])), len(beam.segments) - 1)
 
 
 def element_nodes(beam: Beam, elements: int | Sequence[float]) -> Array:
     """Return node stations: ``elements`` equal elements, or those given; section ends are nodes in any case.
 
-    On a stepped beam a number of elements is shared out among the sections by their length.
+    On a stepped beam a number of elements is shared out among the segments by their length.
 
     Raises
     ------
     ValueError
-        Fewer elements than sections; stations not ascending or not from 0 to the beam's length; an element shorter than
+        Fewer elements than segments; stations not ascending or not from 0 to the beam's length; an element shorter than
         5e-13 of the beam.
     """
     nodes = _all_nodes(beam, elements)
@@ -186,10 +186,10 @@ def element_nodes(beam: Beam, elements: int | Sequence[float]) -> Array:
 
 def _all_nodes(beam: Beam, elements: int | Sequence[float]) -> Array:
     length = beam.length
-    ends = np.cumsum([section.length for section in beam.sections])[:-1]
+    ends = np.cumsum([section.length for section in beam.segments])[:-1]
     if isinstance(elements, (int, np.integer)):
         marks = np.concatenate([[0.0], ends, [length]])
-        return shared_out(marks, whole("elements", elements), f"beam {beam.name!r} has {len(marks) - 1} sections")
+        return shared_out(marks, whole("elements", elements), f"beam {beam.name!r} has {len(marks) - 1} segments")
     nodes = finite_array(f"node stations of beam {beam.name!r}", elements, ndim=1)
     if len(nodes) < 2 or not (np.diff(nodes) > 0.0).all():
         raise ValueError(f"node stations of beam {beam.name!r}: expected at least two, ascending")

@@ -155,7 +155,7 @@ class ExactModel:
     def _at_rest(self) -> "ExactModel":
         """The structure without any damping."""
         weights = replace(self.weights, c=np.zeros_like(self.weights.c))
-        return replace(self, weights=weights, segments=tuple(replace(s, damping=0.0) for s in self.segments))
+        return replace(self, weights=weights, segments=tuple(replace(s, stiffness_damping=0.0) for s in self.segments))
 
     def count_below(self, omega: Array) -> Array:
         """Return how many undamped natural frequencies lie below each ``omega`` (Wittrick & Williams 1971)."""
@@ -194,7 +194,7 @@ def _functions(kinds: Sequence[BeamSegment], s: Array) -> Array:
     values = np.empty((3 + 6 * len(kinds), len(s)), dtype=complex)
     values[0], values[1], values[2] = 1.0, s, s * s
     for k, seg in enumerate(kinds):
-        modulus = 1.0 + seg.damping * s
+        modulus = 1.0 + seg.stiffness_damping * s
         x = -(s * s) * (seg.mass_per_length * seg.length**4 / seg.bending_stiffness) / modulus
         values[3 + 6 * k : 9 + 6 * k] = end_functions(x) * modulus
     return values

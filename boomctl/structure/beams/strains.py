@@ -125,7 +125,7 @@ class StrainEquations:
         values[0], values[1], values[2] = 1.0, s, s * s
         sizes[:3] = np.abs(values[:3])
         for k, kind in enumerate(self.kinds):
-            modulus = 1.0 + kind.damping * s
+            modulus = 1.0 + kind.stiffness_damping * s
             x = -(s * s) * (kind.mass_per_length * kind.length**4 / kind.bending_stiffness) / modulus
             six, six_size = strain_functions(x)
             values[3 + 6 * k : 9 + 6 * k], sizes[3 + 6 * k : 9 + 6 * k] = six * modulus, six_size * np.abs(modulus)

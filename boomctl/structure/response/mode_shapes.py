@@ -25,7 +25,7 @@ class BodyShape:
     ----------
     name : str
         Of the body.
-    bends : bool
+    is_beam : bool
         Whether it is a beam.
     points : (k, 2) ndarray
         Where its points rest [m].
@@ -40,12 +40,12 @@ class BodyShape:
     """
 
     name: str
-    bends: bool
+    is_beam: bool
     points: Array
     displacement: Array
 
     def __repr__(self) -> str:
-        kind = "beam" if self.bends else "rigid body"
+        kind = "beam" if self.is_beam else "rigid body"
         return f"BodyShape: {kind} {self.name!r}, {len(self.points)} points, {len(self.displacement)} modes"
 
 
@@ -55,7 +55,7 @@ class ModeShapes:
 
     Attributes
     ----------
-    frequencies_hz : (k,) ndarray
+    eigenfrequencies_hz : (k,) ndarray
         Undamped natural frequencies, ascending [Hz]; 0 of rigid motions.
     shapes : (n, k) ndarray
         Over the coordinates, one column a mode, mass-normalised: ``shapes.T @ M @ shapes`` is the unit matrix.
@@ -64,7 +64,7 @@ class ModeShapes:
     kinds : tuple of str
         What moves: "jolt" (symmetric) or "yaw" (antisymmetric) of a symmetric machine, "bending" or "axial" of a hub-beam,
         otherwise "".
-    lines : tuple of BodyShape
+    bodies : tuple of BodyShape
         The bodies; none of a model that was given as matrices.
 
     Examples
@@ -78,39 +78,39 @@ class ModeShapes:
     (3, 61, 2)
     """
 
-    frequencies_hz: Array
+    eigenfrequencies_hz: Array
     shapes: Array = field(repr=False)
     coordinates: tuple[str, ...] = field(repr=False)
     kinds: tuple[str, ...]
-    lines: tuple[BodyShape, ...] = field(repr=False)
+    bodies: tuple[BodyShape, ...] = field(repr=False)
 
     def __repr__(self) -> str:
-        bodies = listed([line.name for line in self.lines]) if self.lines else "coordinates without places"
+        bodies = listed([line.name for line in self.bodies]) if self.bodies else "coordinates without places"
         return f"ModeShapes: {listed(self.names, 84)}\n  undamped, of {bodies}"
 
     def __getitem__(self, body: str) -> BodyShape:
         """Return how a body moves, by its name."""
-        for line in self.lines:
+        for line in self.bodies:
             if line.name == body:
                 return line
-        raise ValueError(f"unknown body {body!r} (there are: {', '.join(x.name for x in self.lines) or 'none'})")
+        raise ValueError(f"unknown body {body!r} (there are: {', '.join(x.name for x in self.bodies) or 'none'})")
 
     def _ipython_key_completions_(self) -> list[str]:
         """Return the names that consoles complete in brackets."""
-        return [line.name for line in self.lines]
+        return [line.name for line in self.bodies]
 
     @property
     def names(self) -> tuple[str, ...]:
         """What each mode is called: its number, its kind, and its frequency; rigid motions have no number."""
         return tuple(
             f"{number or 'rigid'}: {f'{kind}, ' if kind else ''}{frequency:.4g} Hz"
-            for number, kind, frequency in zip(self.numbers, self.kinds, self.frequencies_hz, strict=True)
+            for number, kind, frequency in zip(self.numbers, self.kinds, self.eigenfrequencies_hz, strict=True)
         )
 
     @property
     def numbers(self) -> tuple[int, ...]:
         """The number of each mode, from 1, as ``eigenfrequencies_hz`` counts them; 0 of rigid motions, which come first."""
-        rigid = int((self.frequencies_hz == 0.0).sum())
+        rigid = int((self.eigenfrequencies_hz == 0.0).sum())
         return tuple(max(0, k + 1 - rigid) for k in range(len(self.kinds)))
 
     def plot(self, ax: Any = None, **style: Any) -> Array:

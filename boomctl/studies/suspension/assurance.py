@@ -73,7 +73,7 @@ class Examined(InField):
     def scaled(self, spring: float, mass: float, nozzles: bool = False) -> SecondOrderModel:
         """Return the boom with other springs and another mass, or the machine of the family there."""
         if self.family is not None:
-            return self.family.at(self.family.deltas({"spring": spring, "mass": mass}))
+            return self.family.at(self.family.normalize({"spring_factor": spring, "mass_factor": mass}))
         return replace(self, p=scaled_boom(self.p, spring, mass)).model(FAMILY_ELEMENTS, nozzles)
 
     def over_the_box(self) -> Iterator[Finding]:
@@ -82,11 +82,11 @@ class Examined(InField):
             yield from _over_the_box(self.family, self.K, ACTUATORS, TIPS, 0.0)
             return
         model, late = self.model(self.scene.elements), self.delay if self.sampled else 0.0
-        band = None if self.K is None else self.scene.accelerometer_hz
+        band = None if self.K is None else self.scene.accelerometer_bandwidth_hz
         controllers = _controllers(model, self.K)
         for (half, side), plant in zip(_SIDES.items(), split_symmetric(model), strict=True):
             family = boom_family(
-                self.p, SPRING, MASS, half=half, elements=FAMILY_ELEMENTS, accelerometer_bandwidth_hz=band
+                self.p, SPRING, MASS, subsystem=half, elements=FAMILY_ELEMENTS, accelerometer_bandwidth_hz=band
             )
             K, ends = controllers[half], ([f"actuator_{side}"], [f"tip_{side}"])
             found = [*_over_the_box(family, K, *ends, late)]
@@ -106,11 +106,11 @@ class Examined(InField):
         """
         dampers = {name: getattr(BoomParameters(), name) for name in ("cradle_damping", "hinge_damping")}
         stiffest = spring_for_yaw(replace(self.p, **dampers), MEASURED_YAW_HZ, FAMILY_ELEMENTS)
-        band = self.scene.accelerometer_hz
+        band = self.scene.accelerometer_bandwidth_hz
         stiffer = spring_family(self.p, stiffest, half="yaw", elements=FAMILY_ELEMENTS, accelerometer_bandwidth_hz=band)
         stable = robust_stability(stiffer, K)
         name = f"yaw frequency from Table 2 to the measured {MEASURED_YAW_HZ:g} Hz"
-        return Finding(name, stable.render(), stable, stable.proved)
+        return Finding(name, stable.summary, stable, stable.proved)
 
     def worst_deposit(self) -> Finding:
         """Return the least even deposit of runs over the field at the corners of the box: not proved between them."""
@@ -136,7 +136,7 @@ class Examined(InField):
         found = nyquist_stability(self.exact_plant, self.K, poles[np.argsort(np.abs(poles))][:_EXACT_POLES])
         verdict = "stable" if found.stable else f"NOT stable, {found.unstable_poles} unstable poles"
         text = (
-            f"{verdict}: winding number {found.encirclements} of det(I - G K), followed over {found.evaluations}"
+            f"{verdict}: winding number {found.encirclements} of det(I - G K), followed over {found.nfev}"
             f" frequencies; largest singular value of the loop there {curves.peak:.4g}"
         )
         return Finding("exact boom", text, found, found.stable)
@@ -148,7 +148,7 @@ class Examined(InField):
         damping ratio of the model's, the square root of one half.
         """
         found = exact_frequency_response(self.p, omega, (*ACTUATORS, *CONTROLS), (*TIPS, *STROKES))
-        corner, s = 2.0 * np.pi * self.scene.accelerometer_hz, 1j * np.asarray(omega, dtype=float)
+        corner, s = 2.0 * np.pi * self.scene.accelerometer_bandwidth_hz, 1j * np.asarray(omega, dtype=float)
         reads = s**2 * corner**2 / (s**2 + np.sqrt(2.0) * corner * s + corner**2)
         data = np.asarray(found.frdata)
         whole = np.concatenate([data, reads * data[: len(TIPS)]])
@@ -186,13 +186,17 @@ def _controllers(model: SecondOrderModel, K: control.StateSpace | None) -> dict[
 def margins_finding(found: Margins) -> Finding:
     """Return the margins of the first loop."""
     loop = found.loops[0]
-    upwards = f"gain from {loop.gain_low:.2g} times upwards"
-    gains = f"gain from {loop.gain_low:.2g} to {loop.gain_high:.3g} times" if loop.gain_high < inf else upwards
-    phase = f"phase {loop.phase_deg:.0f} degrees" if loop.phase_deg < inf else "any phase"
-    late = f"delay {1e3 * loop.delay:.0f} ms" if loop.delay < inf else "any delay"
-    certified = "certified" if loop.disk.certified else "NOT certified"
-    text = f"{gains}, {phase}, {late}; disk margin {loop.disk.alpha:.2f} ({certified})"
-    return Finding("margins at the actuator", text, found, loop.disk.certified or None)
+    upwards = f"gain from {loop.gain_margin[0]:.2g} times upwards"
+    gains = (
+        f"gain from {loop.gain_margin[0]:.2g} to {loop.gain_margin[1]:.3g} times"
+        if loop.gain_margin[1] < inf
+        else upwards
+    )
+    phase = f"phase {loop.phase_margin_deg:.0f} degrees" if loop.phase_margin_deg < inf else "any phase"
+    late = f"delay {1e3 * loop.delay_margin:.0f} ms" if loop.delay_margin < inf else "any delay"
+    certified = "certified" if loop.disk_margin.certified else "NOT certified"
+    text = f"{gains}, {phase}, {late}; disk margin {loop.disk_margin.alpha:.2f} ({certified})"
+    return Finding("margins at the actuator", text, found, loop.disk_margin.certified or None)
 
 
 def _over_the_box(
@@ -204,8 +208,8 @@ def _over_the_box(
 ) -> Iterator[Finding]:
     """Yield stability and the largest peak over springs and masses; forces of a discrete controller act later [s]."""
     stable = robust_stability(family, K, delay=delay)
-    yield Finding("springs ±30 %, boom mass ±20 %", stable.render(), stable, stable.proved)
+    yield Finding("springs ±30 %, boom mass ±20 %", stable.summary, stable, stable.proved)
     worst = worst_case(family, K, inputs, outputs, delay=delay)
     bounded = worst.upper_bound < inf
     name = f"worst peak there, {'proved' if bounded else 'found'}"
-    yield Finding(name, worst.render(), worst, bounded or None)
+    yield Finding(name, worst.summary, worst, bounded or None)

@@ -33,7 +33,7 @@ class SuspensionDesign(Design):
 
     Attributes
     ----------
-    name, title, facts, notes, results, sections
+    name, title, synthesis_info, notes, results, sections
         As of every `Design`.
     parameters : BoomParameters
         The machine, passive parts of the suspension included.
@@ -42,8 +42,8 @@ class SuspensionDesign(Design):
         ...), outputs ``suspension_left``, ``suspension_right``.  A discrete one runs at its own sampling time.
     plant : AffineFamily, control.StateSpace or None
         A machine of its own where the controller reads what the boom with its sensors does not offer, such as states.  A
-        family is that machine over springs and masses, ``"spring"`` and ``"mass"``, the design's own in its middle:
-        stability and the worst peak are then proved over it, of a controller in continuous time.
+        family is that machine over factors on springs and masses, ``"spring_factor"`` and ``"mass_factor"``, the design's
+        own in its middle: stability and the worst peak are then proved over it, of a controller in continuous time.
     weights : mapping from str to control.StateSpace
         Weights of the design, to be drawn over frequency.
     delay : float or None
@@ -87,7 +87,7 @@ class SuspensionDesign(Design):
         where = FieldScenario() if scene is None else scene
         p, K, delay = self.parameters, self.controller, where.delay if self.delay is None else self.delay
         family = self.plant if isinstance(self.plant, AffineFamily) else None
-        plant = self.plant if family is None else family.centre.to_statespace()
+        plant = self.plant if family is None else family.nominal.to_statespace()
         before = evaluate_suspension("passive, Table 2", where, BoomParameters())
         after = evaluate_suspension(self.title, where, p, K, plant, delay=delay)  # type: ignore[arg-type]
         assured: Any = ((), None, ())
@@ -134,12 +134,12 @@ class SuspensionResult(Evaluation):
     @property
     def yaw_reduction_db(self) -> float:
         """By how much the certified peak of the yaw comes down [dB]."""
-        return 20.0 * log10(self.passive.yaw.lower / self.active.yaw.lower)
+        return 20.0 * log10(self.passive.yaw.lower_bound / self.active.yaw.lower_bound)
 
     @property
     def within_limits(self) -> bool:
         """Whether the run hit no end stop and no force limit."""
-        return not self.active.run.stops and not any(self.active.run.saturation_share.values())
+        return not self.active.run.stop_contacts and not any(self.active.run.saturation_fraction.values())
 
     @property
     def better(self) -> bool:
@@ -182,26 +182,26 @@ class SuspensionResult(Evaluation):
         return (
             f"{peak} from {b.sigma.peak:.4g} to {a.sigma.peak:.4g} (the yaw by {self.yaw_reduction_db:.1f} dB),"
             f" deposit CV from {100 * b.spray.cv:.2f} to {100 * a.spray.cv:.2f} %, {held} the limits of"
-            f" ±{1e3 * scene.stroke_limit:g} mm and {scene.force_limit:g} N."
+            f" ±{1e3 * scene.end_stop:g} mm and {scene.control_limit:g} N."
         )
 
     @property
     def words(self) -> dict[str, str]:
         """The findings by name."""
-        return {**self.design.facts, **words(self.findings)}
+        return {**self.design.synthesis_info, **words(self.findings)}
 
     def _results(self) -> dict[str, Any]:
         K, worst = self.design.controller, {}
         for name, found in self.worst.items():
-            bound, gap = (found.upper_bound, found.gap) if found.upper_bound < inf else (None, None)
-            worst[name] = {"found": found.norm.lower, "upper_bound": bound, "gap": gap}
+            bound, gap = (found.upper_bound, found.relative_gap) if found.upper_bound < inf else (None, None)
+            worst[name] = {"found": found.worst_norm.lower_bound, "upper_bound": bound, "relative_gap": gap}
         return {
             "design": self.design.name,
             "better_than_passive": self.better,
             "yaw_reduction_db": self.yaw_reduction_db,
             "passive": self.passive.as_dict(),
             "active": self.active.as_dict(),
-            "synthesis": dict(self.design.facts),
+            "synthesis": dict(self.design.synthesis_info),
             "assurance": words(self.findings),
             "controller": None if K is None else {"states": K.nstates},
             "worst_case": worst or None,
@@ -221,13 +221,13 @@ class SuspensionResult(Evaluation):
         yield Section("Before and after", design.notes, (compared,))
         text = (
             f"The boom of Anthonis & Ramon (2003): {scene.elements} finite elements, accelerometers of"
-            f" {scene.accelerometer_hz:g} Hz. The static gain from yaw of the platform to the tips is"
+            f" {scene.accelerometer_bandwidth_hz:g} Hz. The static gain from yaw of the platform to the tips is"
             f" {p.length / p.actuator_distance:.3f}; no suspension that centers the boom goes below that at zero frequency."
         )
         parts = tuple(
             (name.replace("_", " "), *(f"{getattr(each, name):g}" for each in (base, p))) for name in _PASSIVE
         )
-        synthesis = (word_table(design.facts),) if design.facts else ()
+        synthesis = (word_table(design.synthesis_info),) if design.synthesis_info else ()
         yield Section("Plant and synthesis", (text,), (Table(("passive parts, SI units", *titles), parts), *synthesis))
         if design.weights:
             drawn = draw_weights(design.weights, np.geomspace(0.05, 500.0, 400))
@@ -249,8 +249,8 @@ class SuspensionResult(Evaluation):
             f" wheelbase of {scene.tractor.wheelbase:g} m and a track of {scene.tractor.track_width:g} m; a controller is"
             f" sampled every {1e3 * after.run.sample_time:g} ms, its forces {1e3 * after.run.delay:g} ms late."
         )
-        start, length = scene.run_in + 0.25 * scene.duration, min(_SPAN, 0.75 * scene.duration)
-        limits, span = (scene.force_limit, scene.stroke_limit), (start, start + length)
+        start, length = scene.warmup_time + 0.25 * scene.duration, min(_SPAN, 0.75 * scene.duration)
+        limits, span = (scene.control_limit, scene.end_stop), (start, start + length)
         drawn = draw_run(before.run, after.run, labels=titles, limits=limits, span=span)
         shown = picture("run", drawn, f"Platform, left tip, left stroke and forces, {length:g} s of it.")
         yield Section("A run over the field", (text,), (Table(("", *titles), tuple(rows[run:])),), (shown,))
@@ -269,12 +269,12 @@ class SuspensionResult(Evaluation):
         dict of str to bytes or str
             Contents of the files by name; no C code of a controller that is too fast for the sampling of the field run.
         """
-        return self._controller_files(words(self.findings), self.active.run.sample_time, self.scene.force_limit)
+        return self._controller_files(words(self.findings), self.active.run.sample_time, self.scene.control_limit)
 
     def _bounds(self) -> Iterator[tuple[str, str, str]]:
         """Yield lines of a table with the worst peaks over the box where they are bounded."""
         for name, found in self.worst.items():
             if found.upper_bound < inf:
                 bound = number(float(from_on(found.upper_bound, PEAK_DIGITS)), PEAK_DIGITS)  # not rounded downwards
-                text = f"{bound} at most (gap {100 * found.gap:.2g} %)"
+                text = f"{bound} at most (gap {100 * found.relative_gap:.2g} %)"
                 yield f"worst peak of the {name}, springs ±30 %, boom mass ±20 %: proved", "-", text

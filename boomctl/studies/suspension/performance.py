@@ -45,7 +45,7 @@ class Performance:
         The run over the field, run-in, limits, sampling, delay and quantisation included.
     spray, spray_by_jolt, spray_by_yaw : SprayResult
         Spray of the whole motion, of its symmetric and of its antisymmetric part.
-    run_in : float
+    warmup_time : float
         How long the run goes before what it leaves on the field counts [s].
     """
 
@@ -57,14 +57,14 @@ class Performance:
     spray: SprayResult = field(repr=False)
     spray_by_jolt: SprayResult = field(repr=False)
     spray_by_yaw: SprayResult = field(repr=False)
-    run_in: float = 0.0
+    warmup_time: float = 0.0
 
     __repr__ = compact
 
     @property
     def findings(self) -> tuple[Finding, ...]:
         """The results for tables: certified peaks, spray, and from the largest stroke on the run."""
-        spray, shares = self.spray, self.run.saturation_share
+        spray, shares = self.spray, self.run.saturation_fraction
         force, rate = (f"{self.force:.1f}", f"{self.force_rate:.0f}") if shares else ("-", "-")
         return (
             _peak("certified peak, platform to tips", self.sigma.certificate, "peak"),
@@ -73,12 +73,14 @@ class Performance:
             _share("deposit CV [%]", spray.cv, "deposit_cv"),
             _share("share outside ±10 % [%]", spray.share_outside_10, "share_outside_10"),
             _share("share outside ±20 % [%]", spray.share_outside_20, "share_outside_20"),
-            Finding("doses", f"{spray.lowest_dose:.2f} to {spray.highest_dose:.2f}"),
+            Finding("doses", f"{spray.min_dose:.2f} to {spray.max_dose:.2f}"),
             _share("RMS tip speed over driving speed [%]", spray.relative_tip_speed),
             _share("deposit CV by jolt alone [%]", self.spray_by_jolt.cv, "deposit_cv_jolt"),
             _share("deposit CV by yaw alone [%]", self.spray_by_yaw.cv, "deposit_cv_yaw"),
             Finding("largest stroke [mm]", f"{1e3 * self.stroke:.1f}", self.stroke, key="stroke"),
-            Finding("end stops hit", str(len(self.run.stops)), len(self.run.stops), key="end_stops_hit"),
+            Finding(
+                "end stops hit", str(len(self.run.stop_contacts)), len(self.run.stop_contacts), key="end_stops_hit"
+            ),
             Finding("largest force [N]", force, self.force, key="force"),
             Finding("largest force rate [N/s]", rate, self.force_rate, key="force_rate"),
             _share("time at the force limit [%]", max(shares.values(), default=0.0)),
@@ -94,18 +96,18 @@ class Performance:
         """
         return {
             "title": self.title,
-            "peak_upper_bound": self.sigma.certificate.upper,
+            "peak_upper_bound": self.sigma.certificate.upper_bound,
             "peak_omega": self.sigma.peak_omega,
             "worst_dose": self.spray.worst_dose,
             "rms_tip_speed": self.spray.rms_tip_speed,
-            "saturation_share": self.run.saturation_share,
+            "saturation_fraction": self.run.saturation_fraction,
             **numbers(self.findings),
         }
 
     @property
     def stroke(self) -> float:
         """Largest stroke of the run [m]."""
-        return max(float(np.abs(values).max()) for values in self.run.strokes.values())
+        return max(float(np.abs(values).max()) for values in self.run._strokes.values())
 
     @property
     def force(self) -> float:
@@ -119,13 +121,13 @@ class Performance:
         From one time of the run to the next where these are longer.
         """
         time, forces = self.run.time, self.run.controls.values()
-        step, judged = max(self.run.sample_time, time[1] - time[0]), time >= time[0] + self.run_in
+        step, judged = max(self.run.sample_time, time[1] - time[0]), time >= time[0] + self.warmup_time
         return max((float(np.abs(np.diff(force[judged])).max()) / step for force in forces), default=0.0)
 
 
 def _peak(name: str, found: NormBounds, key: str) -> Finding:
-    text = number(found.lower, PEAK_DIGITS) + ("" if found.certified else ", NOT certified")
-    return Finding(name, text, found.lower, found.certified, key)
+    text = number(found.lower_bound, PEAK_DIGITS) + ("" if found.certified else ", NOT certified")
+    return Finding(name, text, found.lower_bound, found.certified, key)
 
 
 def _share(name: str, value: float, key: str = "") -> Finding:
@@ -135,7 +137,7 @@ def _share(name: str, value: float, key: str = "") -> Finding:
 @one_blas_thread
 def evaluate_suspension(
     title: str,
-    scene: FieldScenario,
+    scenario: FieldScenario,
     parameters: BoomParameters,
     controller: control.StateSpace | None = None,
     plant: control.StateSpace | None = None,
@@ -148,7 +150,7 @@ def evaluate_suspension(
     ----------
     title : str
         What the suspension is called.
-    scene : FieldScenario
+    scenario : FieldScenario
         The field, the sensors and the limits.
     parameters : BoomParameters
         The machine, passive parts of the suspension included.
@@ -173,18 +175,18 @@ def evaluate_suspension(
     Examples
     --------
     >>> import boomctl as bc
-    >>> field = bc.studies.FieldScenario(run_in=5.0, duration=10.0)
+    >>> field = bc.studies.FieldScenario(warmup_time=5.0, duration=10.0)
     >>> passive = bc.studies.evaluate_suspension("as published", field, bc.BoomParameters())
     >>> round(float(passive.sigma.peak)), bool(passive.stroke < 0.05)  # certified peak; largest stroke [m]
     (2458, True)
     """
-    late = scene.delay if delay is None else nonnegative("delay", delay)
-    boom = InField(parameters, controller, scene, late)
-    machine = boom.model(scene.elements, nozzles=True) if plant is None else plant
+    late = scenario.delay if delay is None else nonnegative("delay", delay)
+    boom = InField(parameters, controller, scenario, late)
+    machine = boom.model(scenario.elements, nozzles=True) if plant is None else plant
     loop = boom.to_tips(machine)
     run, sprays = boom.run(machine)
     peaks = _half_norm(loop, 1.0), _half_norm(loop, -1.0)
-    return Performance(title, _loop_sigma(loop), *peaks, run, *sprays, run_in=scene.run_in)
+    return Performance(title, _loop_sigma(loop), *peaks, run, *sprays, warmup_time=scenario.warmup_time)
 
 
 @dataclass(frozen=True)
@@ -209,7 +211,7 @@ class InField:
 
     def model(self, elements: int, nozzles: bool = False) -> SecondOrderModel:
         """Return the boom with its sensors."""
-        return suspension_model(self.p, elements, self.scene.accelerometer_hz, nozzles)
+        return suspension_model(self.p, elements, self.scene.accelerometer_bandwidth_hz, nozzles)
 
     def to_tips(self, machine: SecondOrderModel | control.StateSpace) -> control.StateSpace:
         """Return the loop from the platform to the tips: with the controller, if there is one, its forces late if sampled."""
@@ -226,26 +228,28 @@ class InField:
         K, scene, motion = self.K, self.scene, self.scene.motion()
         active: dict[str, Any] = {}
         if K is not None:
-            steps = dict.fromkeys(STROKES, scene.stroke_step) | dict.fromkeys(ACCELERATIONS, scene.acceleration_step)
+            steps = dict.fromkeys(STROKES, scene.stroke_resolution) | dict.fromkeys(
+                ACCELERATIONS, scene.acceleration_resolution
+            )
             active = {
                 "delay": self.delay,
-                "force_limit": dict.fromkeys(CONTROLS, scene.force_limit),
+                "control_limit": dict.fromkeys(CONTROLS, scene.control_limit),
                 "quantization": {name: steps[name] for name in K.input_labels if steps.get(name)},
             }
         run = simulate_loop(
             machine,
             K,
-            {"actuator_left": motion.left, "actuator_right": motion.right},
             motion.time,
+            {"actuator_left": motion.left, "actuator_right": motion.right},
             sample_time=scene.sample_time if K is None or K.isctime() else K.dt,
-            stroke_limit=dict(zip(STROKES, [(scene.stroke_limit, name) for name in CONTROLS], strict=True)),
+            end_stop=dict(zip(STROKES, [(scene.end_stop, name) for name in CONTROLS], strict=True)),
             **active,
         )
         names = sorted(name for name in run.outputs if name.startswith("nozzle_"))  # of a machine that reads them
         nozzles, half = nozzle_positions(self.p.length), self.p.length / 2
         points = np.concatenate([[-half], nozzles if names else [], [half]])
         moved = np.array([run[name] for name in (TIPS[0], *names, TIPS[1])])
-        record = run.time >= run.time[0] + scene.run_in
+        record = run.time >= run.time[0] + scene.warmup_time
         return run, spray_deposit_components(run.time[record], moved[:, record], points, scene.speed, nozzles=nozzles)
 
 

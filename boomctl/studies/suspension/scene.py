@@ -18,7 +18,7 @@ ACCELERATIONS = ("tip_left_acceleration", "tip_right_acceleration")
 SPRING = (0.7, 1.3)  # springs over those of Table 2; an assumption, for the paper gives no spread
 MASS = (0.8, 1.2)  # boom's mass over that of Table 2; an assumption, for hoses and liquid are not weighed there
 FAMILY_ELEMENTS = 6  # of the paper's own mesh, whose frequencies are within 0.4 %: far less than the family spans
-_MAY_BE_ZERO = ("run_in", "delay", "stroke_step", "acceleration_step")
+_MAY_BE_ZERO = ("warmup_time", "delay", "stroke_resolution", "acceleration_resolution")
 _SPARE = 1.0  # length of track beyond the place where the front wheels end [m] (a choice)
 
 
@@ -36,17 +36,17 @@ class FieldScenario:
         The tractor that carries the boom.
     speed : float
         Driving speed [m/s].
-    run_in, duration : float
+    warmup_time, duration : float
         Time driven before the record begins, until lightly damped modes have built up, and length of the record [s].
     seed : int
         Seed of the random track.
     sample_time, delay : float
         Sampling time of the controller, and time between a sample and the force it leads to [s].
-    force_limit, stroke_limit : float
+    control_limit, end_stop : float
         Largest force of each actuator of the suspension [N], and its end stops [m].
-    stroke_step, acceleration_step : float
+    stroke_resolution, acceleration_resolution : float
         What the sensors resolve [m], [m/s^2].
-    accelerometer_hz : float
+    accelerometer_bandwidth_hz : float
         Bandwidth of the accelerometers [Hz].
     elements : int
         Finite elements of the boom that is driven over the field.
@@ -59,7 +59,7 @@ class FieldScenario:
     Examples
     --------
     >>> import boomctl as bc
-    >>> scene = bc.studies.FieldScenario(speed=2.0, run_in=5.0, duration=10.0)
+    >>> scene = bc.studies.FieldScenario(speed=2.0, warmup_time=5.0, duration=10.0)
     >>> round(float(scene.motion().time[-1]), 3)  # s, run-in included
     15.0
     """
@@ -67,16 +67,16 @@ class FieldScenario:
     road_class: str = "E"
     tractor: TractorParameters = field(default_factory=TractorParameters)
     speed: float = 3.0
-    run_in: float = 60.0
+    warmup_time: float = 60.0
     duration: float = 60.0
     seed: int = 1
     sample_time: float = 0.002
     delay: float = 0.002
-    force_limit: float = 150.0
-    stroke_limit: float = 0.05
-    stroke_step: float = 1e-4
-    acceleration_step: float = 5e-3
-    accelerometer_hz: float = 20.0
+    control_limit: float = 150.0
+    end_stop: float = 0.05
+    stroke_resolution: float = 1e-4
+    acceleration_resolution: float = 5e-3
+    accelerometer_bandwidth_hz: float = 20.0
     elements: int = 20
 
     __repr__ = compact
@@ -102,11 +102,12 @@ class FieldScenario:
         ValueError
             A longer way than the 10 km of ground that a seed has.
         """
-        duration = self.run_in + self.duration
+        duration = self.warmup_time + self.duration
         most = (GROUND_LENGTH - self.tractor.wheelbase - _SPARE) / self.speed
         if duration > most:
             raise ValueError(
-                f"run_in, duration = {self.run_in:g}, {self.duration:g}: expected at most {up_to(most)} s together at"
+                f"warmup_time, duration = {self.warmup_time:g}, {self.duration:g}: expected at most {up_to(most)} s "
+                "together at"
                 f" speed = {self.speed:g} m/s; the ground of a seed is {GROUND_LENGTH:g} m long"
             )
         length = self.speed * duration + self.tractor.wheelbase + _SPARE

@@ -63,7 +63,7 @@ class Checkpoint:
         try:
             rows = [json.loads(line) for line in lines]
             done = [row for row in rows if row["found"] is not None]
-            self._found = {row["key"]: Outcome(_decoded(row["found"]), row["seconds"]) for row in done}
+            self._found = {row["key"]: Outcome(_decoded(row["found"]), row["elapsed"]) for row in done}
         except Exception:  # pickle raises anything
             raise ValueError(f"`checkpoint` must be a file that a sweep wrote, got {path} with other lines.") from None
 
@@ -77,7 +77,7 @@ class Checkpoint:
             found = outcome.columns and {name: _encoded(cell) for name, cell in outcome.columns.items()}
         except Exception as error:  # pickle raises anything
             raise TypeError(f"`checkpoint` must be None for values that cannot be pickled, got {error}.") from None
-        row = {"point": labels, "found": found, "seconds": outcome.seconds, "error": outcome.error or None}
+        row = {"point": labels, "found": found, "elapsed": outcome.seconds, "error": outcome.error or None}
         with open(self._path, "ab") as file:
             file.write(json.dumps({**row, "key": _key(point)}).encode() + b"\n")
 

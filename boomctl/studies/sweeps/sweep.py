@@ -31,9 +31,9 @@ class SweepWarning(UserWarning):
 
 def sweep(
     function: Callable[..., Any],
-    over: Mapping[str, Any],
+    parameters: Mapping[str, Any],
     *,
-    combine: str = "grid",
+    mode: str = "grid",
     checkpoint: str | os.PathLike[str] | None = None,
     n_jobs: int = 1,
     backend: str | None = None,
@@ -48,10 +48,10 @@ def sweep(
     ----------
     function : callable
         Called as ``function(**point)``; it returns a number, an array, or a mapping of names to numbers and arrays.
-    over : mapping of str to sequence, mapping or value
+    parameters : mapping of str to sequence, mapping or value
         The values of each parameter.  Objects are labeled by their ``name``, or by the keys of a mapping.  A single value,
         such as a number or a string, holds at all points.
-    combine : {"grid", "zip"}, default: "grid"
+    mode : {"grid", "zip"}, default: "grid"
         "grid": all combinations of the values.  "zip": the first values together, the second together, and so on.
     checkpoint : path, optional
         File to which each point is written as soon as it is computed, a line of JSON.  The same call resumes from it, also
@@ -93,23 +93,25 @@ def sweep(
     >>> def first_mode(spring_stiffness, elements):
     ...     boom = bc.spray_boom(bc.BoomParameters(spring_stiffness=spring_stiffness), elements=elements)
     ...     return {"yaw_hz": boom.eigenfrequencies_hz(1)[0]}
-    >>> found = bc.sweep(first_mode, over={"spring_stiffness": [550.0, 1100.0], "elements": [6, 12]})
+    >>> found = bc.sweep(first_mode, parameters={"spring_stiffness": [550.0, 1100.0], "elements": [6, 12]})
     >>> found["yaw_hz"].round(3)  # one row for each stiffness, one column for each mesh
     array([[0.178, 0.178],
            [0.245, 0.244]])
     """
     function_of("function", function, "the swept parameters")
-    axes = _axes(over)
-    swept = tuple(name for name, values in over.items() if not _is_single(values))
+    axes = _axes(parameters)
+    swept = tuple(name for name, values in parameters.items() if not _is_single(values))
     shape = tuple(len(axes[name]) for name in swept)
-    if known("combine", combine, ("grid", "zip")) == "grid":
+    if known("mode", mode, ("grid", "zip")) == "grid":
         if prod(shape) > _MAX_POINTS:
-            raise ValueError(f"`over` must have at most {_MAX_POINTS:,} points, got {prod(shape):,}.")
+            raise ValueError(f"`parameters` must have at most {_MAX_POINTS:,} points, got {prod(shape):,}.")
         rows: Iterable[tuple[Label, ...]] = product(*axes.values())
     else:
         if len(set(shape)) > 1:
             sizes = ", ".join(f"{size} of {name}" for size, name in zip(shape, swept, strict=True))
-            raise ValueError(f"`over` must have as many values of each parameter with combine = 'zip', got {sizes}.")
+            raise ValueError(
+                f"`parameters` must have as many values of each parameter with combine = 'zip', got {sizes}."
+            )
         shape = shape[:1] or (1,)
         rows = zip(*(axis if name in swept else [*axis] * shape[0] for name, axis in axes.items()), strict=True)
     points = [dict(zip(axes, row, strict=True)) for row in rows]
@@ -151,15 +153,15 @@ def sweep(
 def _axes(over: object) -> dict[str, dict[Label, Any]]:
     """Return the values of each parameter by label."""
     axes = {}
-    for name, values in mapping("over", over, "parameters to values").items():
-        what = f"over[{instance('a name in over', name, str)!r}]"
+    for name, values in mapping("parameters", over, "parameters to values").items():
+        what = f"parameters[{instance('a name in over', name, str)!r}]"
         labeled = _labeled(what, (values,) if _is_single(values) else values)
         axes[name] = dict(labeled)
         if not labeled or len(axes[name]) < len(labeled) or any(label != label for label in axes[name]):
             shows = shown([label for label, _ in labeled])
             raise ValueError(f"`{what}` must be different values, none of them NaN, got {shows}.")
     if not axes:
-        raise ValueError("`over` must have at least one parameter, got none.")
+        raise ValueError("`parameters` must have at least one parameter, got none.")
     return axes
 
 
@@ -203,7 +205,7 @@ def _outcomes(
         ) from error
     except PicklingError as error:
         raise TypeError(
-            f"`function` and the values in `over` must be picklable with n_jobs = {n_jobs}, got {error}. Use"
+            f"`function` and the values in `parameters` must be picklable with n_jobs = {n_jobs}, got {error}. Use"
             " backend='threading' for others."
         ) from error
 

@@ -186,6 +186,6 @@ def verified_candidate(plant: GeneralizedPlant, K: Lti, limit: float) -> Candida
     norm = matrices_norm(parts)
     if not norm.certified:
         return f"the norm of its loop could not be certified ({norm.method})"
-    if norm.upper > limit or norm.lower == np.inf:
-        return f"its loop has norm {norm.lower:.6g}, more than {limit:.6g}"
+    if norm.upper_bound > limit or norm.lower_bound == np.inf:
+        return f"its loop has norm {norm.lower_bound:.6g}, more than {limit:.6g}"
     return Candidate(K, loop, norm, slowest)

@@ -50,7 +50,7 @@ class HInfinityResult(Design):
         The closed loop's H-infinity norm, verified.
     certificate : DesignCertificate
         What vouches for the controller, and how far from the best possible one it is.
-    bounds : Bounds
+    gamma_bounds : Bounds
         What no controller beats, at one frequency and by the two Riccati equations; and the level that these say can be
         reached.  Of a discrete plant those of its continuous image, ``omega`` mapped back.
     """
@@ -59,27 +59,24 @@ class HInfinityResult(Design):
     _closed_loop: Lti = field(repr=False)
     gamma: float
     certificate: DesignCertificate
-    bounds: Bounds
+    gamma_bounds: Bounds
     _plant: Lti | None = field(default=None, repr=False, compare=False)
 
     def __claims__(self) -> Iterator[Claim]:
         """Yield what can be proved: of the loop of the plant that was handed in."""
         if self._plant is not None:
-            yield replace(self.certificate.norm.claim("the closed loop", self._plant, self._controller), stable=True)
+            yield replace(
+                self.certificate.norm_bounds._claim("the closed loop", self._plant, self._controller), stable=True
+            )
 
-    @property
-    def norm(self) -> float:
-        """The same as ``gamma``: every result that has a norm has it under this name."""
-        return self.gamma
-
-    def plot(self, ax: Any = None, *, unit: str | None = None, **style: Any) -> Any:
+    def plot(self, ax: Any = None, *, frequency_unit: str | None = None, **style: Any) -> Any:
         """Draw the singular values of the closed loop below its norm, and the bound that no controller goes below.
 
         Parameters
         ----------
         ax : matplotlib Axes, optional
             Where to draw; by default a new figure of pyplot.
-        unit : {"Hz", "rad/s"}, optional
+        frequency_unit : {"Hz", "rad/s"}, optional
             Of the frequency axis, by default that of the curves that are there already.
         **style
             Of the curves, as matplotlib's lines take it.
@@ -90,13 +87,14 @@ class HInfinityResult(Design):
             Those drawn on.
         """
         curves = sigma(self.closed_loop)
-        return import_module("boomctl.plotting.design").plot_h_infinity(self, curves, ax, unit=unit, **style)
+        plotting = import_module("boomctl.plotting.design")
+        return plotting.plot_h_infinity(self, curves, ax, frequency_unit=frequency_unit, **style)
 
     def __repr__(self) -> str:
-        least = f"no controller goes below {self.certificate.lower:.6g}"
+        least = f"no controller goes below {self.certificate.lower_bound:.6g}"
         verified = f"norm of the closed loop {self.gamma:.6g}, verified; {least}"
         return (
-            f"HInfinityResult: controller of {system(self._controller)}\n  {verified}{self.certificate.on_full_plant}"
+            f"HInfinityResult: controller of {system(self._controller)}\n  {verified}{self.certificate._on_full_plant}"
         )
 
 
@@ -107,7 +105,7 @@ def h_infinity(
     ncon: int | None = None,
     *,
     gamma: float | None = None,
-    tolerance: float = 0.01,
+    rtol: float = 0.01,
     fastest_pole: float | None = None,
     time_limit: float = 60.0,
     progress: "Listener | None" = None,
@@ -116,7 +114,7 @@ def h_infinity(
 
     The assumptions are checked first.  Each controller tried is verified: closed loop stable, norm certified and not
     above 1.01 times the level it was computed for.  Controllers whose poles can be implemented come first, even where
-    that costs more than ``tolerance``; the certificate says so.
+    that costs more than ``rtol``; the certificate says so.
 
     Parameters
     ----------
@@ -131,7 +129,7 @@ def h_infinity(
         names tell them.
     gamma : float, optional
         A level that is enough: the closed loop's norm will not exceed it, and nothing lower is sought.
-    tolerance : float
+    rtol : float
         How far above the lower bound the norm may lie, relative to it.
     fastest_pole : float, optional
         No pole of the controller has a larger magnitude [rad/s].  By default that is 1,000 times the band, the fastest
@@ -178,7 +176,7 @@ def h_infinity(
         raise ValueError("fastest_pole: expected none for a discrete plant, whose controller runs once a sample")
     wanted = None if gamma is None else within("gamma", gamma, *_LEVELS) * (1.0 - _MORE if discrete else 1.0)
     plant = replace(given, system=continuous_image(given.system))
-    share, limit = positive("tolerance", tolerance), positive("time_limit", time_limit)
+    share, limit = positive("rtol", rtol), positive("time_limit", time_limit)
     allowed = None if fastest_pole is None else positive("fastest_pole", fastest_pole)
     check_ranks(plant)
     ready = normalised(plant)
@@ -226,46 +224,49 @@ def _on_circle(plant: GeneralizedPlant, found: HInfinityResult, origin: ReducedP
     except ValueError as error:
         raise SynthesisError(f"the controller of the image has no counterpart in discrete time: {error}") from None
     poles, norm = loop.poles, matrices_norm(parts)
-    if (sides(poles, dt) >= 0).any() or not norm.upper <= found.certificate.norm.upper * (1.0 + _MORE):
+    if (sides(poles, dt) >= 0).any() or not norm.upper_bound <= found.certificate.norm_bounds.upper_bound * (
+        1.0 + _MORE
+    ):
         raise SynthesisError(
-            f"the loop in discrete time is not that of its image: norm from {norm.lower:.6g} to {norm.upper:.6g} for "
+            f"the loop in discrete time is not that of its image: norm from {norm.lower_bound:.6g} to "
+            f"{norm.upper_bound:.6g} for "
             f"{found.gamma:.6g}, largest pole {np.abs(poles).max(initial=0.0):.7g}"
         )
     c = found.certificate
-    bounds = replace(found.bounds, omega=float(omega_of_image(found.bounds.omega, dt)))
+    bounds = replace(found.gamma_bounds, omega=float(omega_of_image(found.gamma_bounds.omega, dt)))
     certificate = replace(
         c,
-        norm=norm,
-        slowest_pole=float(rates_of(poles, dt).real.max(initial=-np.inf)),
+        norm_bounds=norm,
+        spectral_abscissa=float(rates_of(poles, dt).real.max(initial=-np.inf)),
         fastest_pole=largest_pole(K),
-        lower_reason=bounds.why,
-        path=(*c.path, "mapped to the unit circle"),
-        statement=f"{c.statement}; verified anew on the unit circle",
+        lower_bound_source=bounds.why,
+        stages=(*c.stages, "mapped to the unit circle"),
+        summary=f"{c.summary}; verified anew on the unit circle",
         full_plant=judged_on_full_plant(origin, plant, K, norm),
     )
-    return HInfinityResult(K, loop, norm.lower, certificate, bounds, plant.system)
+    return HInfinityResult(K, loop, norm.lower_bound, certificate, bounds, plant.system)
 
 
 def _result(task: Task, found: Candidate, origin: ReducedPlant | None) -> HInfinityResult:
-    task = replace(task, bounds=task.bounds.below(found.norm.upper))
+    task = replace(task, bounds=task.bounds.below(found.norm.upper_bound))
     plant, bounds = task.plant, task.bounds
     certificate = DesignCertificate(
-        norm=found.norm,
-        slowest_pole=found.slowest,
+        norm_bounds=found.norm,
+        spectral_abscissa=found.slowest,
         fastest_pole=largest_pole(found.K),
-        lower=bounds.lower,
-        lower_reason=bounds.why,
-        path=found.path,
-        statement=_statement(task, found),
+        lower_bound=bounds.lower,
+        lower_bound_source=bounds.why,
+        stages=found.path,
+        summary=_statement(task, found),
         full_plant=judged_on_full_plant(origin, plant, found.K, found.norm),
     )
     K = replace(found.K, inputs=plant.measurements, outputs=plant.controls, scales=plant.system.scales)
-    return HInfinityResult(K, found.loop, found.norm.lower, certificate, bounds, plant.system)
+    return HInfinityResult(K, found.loop, found.norm.lower_bound, certificate, bounds, plant.system)
 
 
 def _statement(task: Task, found: Candidate) -> str:
     """Say how far the norm lies above the bound and, where that is farther than wanted or poles are fast, why."""
-    bounds, gamma, fast = task.bounds, found.norm.upper, largest_pole(found.K)
+    bounds, gamma, fast = task.bounds, found.norm.upper_bound, largest_pole(found.K)
     told = f"verified norm {gamma:.6g}"
     if bounds.lower > 0.0:
         above = gamma / bounds.lower - 1.0

@@ -43,7 +43,7 @@ class H2Result(Design):
         The loop from the disturbances to the performance outputs, named as in the generalised plant.
     norm : float
         H2 norm of the closed loop, found of the loop itself.
-    optimum : float
+    optimal_norm : float
         The least H2 norm of any controller, from the Riccati solutions alone.
     poles : complex ndarray
         Poles of the closed loop [rad/s]: those of the regulator, then those of the filter.
@@ -56,7 +56,7 @@ class H2Result(Design):
     _controller: Lti = field(repr=False)
     _closed_loop: Lti = field(repr=False)
     norm: float
-    optimum: float
+    optimal_norm: float
     poles: Array = field(repr=False)
     certificate: DesignCertificate
     _plant: Lti | None = field(default=None, repr=False, compare=False)
@@ -67,9 +67,9 @@ class H2Result(Design):
             yield Claim("the closed loop", self._plant, self._controller, stable=True)
 
     def __repr__(self) -> str:
-        verified = "verified" if self.certificate.norm.certified else "not certified"
-        norms = f"H2 norm of the closed loop {self.norm:.6g}, {verified}; least possible {self.optimum:.6g}"
-        return f"H2Result: controller of {system(self._controller)}\n  {norms}{self.certificate.on_full_plant}"
+        verified = "verified" if self.certificate.norm_bounds.certified else "not certified"
+        norms = f"H2 norm of the closed loop {self.norm:.6g}, {verified}; least possible {self.optimal_norm:.6g}"
+        return f"H2Result: controller of {system(self._controller)}\n  {norms}{self.certificate._on_full_plant}"
 
 
 @one_blas_thread
@@ -140,8 +140,8 @@ def h2(P: "control.StateSpace", nmeas: int | None = None, ncon: int | None = Non
     return H2Result(
         _controller=K,
         _closed_loop=loop,
-        norm=certificate.norm.value,
-        optimum=certificate.lower,
+        norm=certificate.norm_bounds.value,
+        optimal_norm=certificate.lower_bound,
         poles=np.concatenate([regulator.poles, estimator.poles]),
         certificate=certificate,
         _plant=plant.system,

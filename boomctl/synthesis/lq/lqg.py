@@ -71,14 +71,14 @@ class LqgResult(Design):
             yield Claim("the closed loop", self._plant, self._controller, stable=True)
 
     @property
-    def norm(self) -> float:
+    def h2_norm(self) -> float:
         """The H2 norm of the loop, the root of ``cost``: every result that has a norm has it under this name."""
-        return self.certificate.norm.value
+        return self.certificate.norm_bounds.value
 
     def __repr__(self) -> str:
-        least = f"least possible {self.certificate.lower**2:.6g}"
-        verified = "verified" if self.certificate.norm.certified else "not certified"
-        told = f"cost {self.cost:.6g}, {verified}; {least}{self.certificate.on_full_plant}"
+        least = f"least possible {self.certificate.lower_bound**2:.6g}"
+        verified = "verified" if self.certificate.norm_bounds.certified else "not certified"
+        told = f"cost {self.cost:.6g}, {verified}; {least}{self.certificate._on_full_plant}"
         return f"LqgResult: controller of {system(self._controller)}\n  {told}"
 
 
@@ -94,7 +94,7 @@ def lqg(
     *,
     disturbances: str | Sequence[str] | None = None,
     output_weight: Weight | None = None,
-    ltr: float = 0.0,
+    ltr_intensity: float = 0.0,
 ) -> LqgResult:
     """Return the controller of least expected ``x^T Q x + y^T W y + u^T R u`` in white noise.
 
@@ -111,7 +111,7 @@ def lqg(
         Intensities of the noises, and the inputs that are noise, as for :func:`kalman`.
     measurements, controls : sequence of str, optional
         Outputs the controller reads and inputs it drives; by default all.
-    ltr : float
+    ltr_intensity : float
         Intensity of fictitious noise added to each control (Doyle & Stein 1979).  As it grows, the loop at the plant's
         input comes near that of the regulator where the plant has no zeros in the right half-plane; see
         :func:`loop_transfer_recovery`.  The cost counts this noise as well.  Only in continuous time.
@@ -157,9 +157,11 @@ def lqg(
     problem = regulator_problem(plant, driven, Q, R, output_weight)
     noise = noise_of(plant, process_noise, measurement_noise, measurements=measured, disturbances=disturbances)
     way = plant.select(driven, measured)
-    if nonnegative("ltr", ltr) and plant.dt:
-        raise ValueError(f"ltr = {exactly(ltr)}: expected 0 for a discrete system, whose loop it does not recover")
-    noise = _with_recovery(noise, way, ltr)
+    if nonnegative("ltr_intensity", ltr_intensity) and plant.dt:
+        raise ValueError(
+            f"ltr_intensity = {exactly(ltr_intensity)}: expected 0 for a discrete system, whose loop it does not recover"
+        )
+    noise = _with_recovery(noise, way, ltr_intensity)
     regulator = solved_regulator(problem, driven, plant.states)
     estimator = solved_filter(plant, noise, measured)
     K = observer(way, regulator.gain, estimator.gain.T)
@@ -179,7 +181,7 @@ def lqg(
             task = regulator_problem(given, driven, 0.0, R, output_weight)
             noise = noise_of(given, process_noise, measurement_noise, measurements=measured, disturbances=disturbances)
             way = given.select(driven, measured)
-            return _weighted(way, task, _with_recovery(noise, way, ltr))
+            return _weighted(way, task, _with_recovery(noise, way, ltr_intensity))
 
         origin = ReducedPlant(origin.reduction, with_cost)
     certificate = certify(loop, K, least, regulator, estimator, plant=P, origin=origin, by_states=by_states)
@@ -189,7 +191,7 @@ def lqg(
         regulator_gain=regulator.gain,
         filter_gain=estimator.gain.T,
         poles=np.concatenate([regulator.poles, estimator.poles]),
-        cost=certificate.norm.value**2,
+        cost=certificate.norm_bounds.value**2,
         certificate=certificate,
         _plant=way,
     )

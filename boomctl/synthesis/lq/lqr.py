@@ -45,7 +45,7 @@ class LqrResult(Design):
     ----------
     gain : (m, n) ndarray
         ``F`` of ``u = -F x``, the sign of ``control.lqr``; with integral action the integrals are the last states.
-    cost : (n, n) ndarray
+    riccati_solution : (n, n) ndarray
         ``X``: from the state ``x`` the cost is ``x^T X x``.
     controller : control.StateSpace
         ``u = K x``, so ``K = -F``: inputs named as the states, dots replaced by ``_``, and
@@ -56,11 +56,11 @@ class LqrResult(Design):
     closed_loop : control.StateSpace
         The loop, from the inputs that are no controls (if there are none: from signals added to the controls, of their
         names) to the outputs of the system.
-    effort : control.StateSpace
+    control_loop : control.StateSpace
         The loop, from the same inputs to the controls.
     poles : (n,) complex ndarray
         Poles of the closed loop [rad/s].
-    unmoved : tuple of HiddenMode
+    uncontrollable_modes : tuple of HiddenMode
         Stable modes that the controls cannot move; they stay as they are.
     certificate : DesignCertificate
         How well the Riccati equation is solved, and what that proves of the loop.
@@ -69,18 +69,18 @@ class LqrResult(Design):
     _called = "regulator"
 
     gain: Array
-    cost: Array = field(repr=False)
+    riccati_solution: Array = field(repr=False)
     _controller: Lti = field(repr=False)
     _closed_loop: Lti = field(repr=False)
     _effort: Lti = field(repr=False)
     poles: Array = field(repr=False)
-    unmoved: tuple[HiddenMode, ...]
+    uncontrollable_modes: tuple[HiddenMode, ...]
     certificate: DesignCertificate
     _plant: Lti | None = field(default=None, repr=False, compare=False)
 
     def __iter__(self) -> Iterator[Array]:
         """Yield gain, cost and poles: ``K, S, E = lqr(...)``, as python-control's ``lqr`` returns them."""
-        return iter((self.gain, self.cost, self.poles))
+        return iter((self.gain, self.riccati_solution, self.poles))
 
     def __claims__(self) -> Iterator[Claim]:
         """Yield what can be proved: of the loop of the plant that was handed in."""
@@ -88,14 +88,14 @@ class LqrResult(Design):
             yield Claim("the closed loop", self._plant, static(-self.gain), stable=True)
 
     @cached_property
-    def effort(self) -> control.StateSpace:
+    def control_loop(self) -> control.StateSpace:
         """As a system of python-control; it is made when it is first read."""
         return self._effort.statespace("effort")
 
     def __repr__(self) -> str:
-        left = f", {count(len(self.unmoved), 'mode')} not moved" if self.unmoved else ""
+        left = f", {count(len(self.uncontrollable_modes), 'mode')} not moved" if self.uncontrollable_modes else ""
         between_signals = between(self._controller.inputs, self._controller.outputs)
-        return f"LqrResult: state feedback, {between_signals}{left}\n  {self.certificate.statement}"
+        return f"LqrResult: state feedback, {between_signals}{left}\n  {self.certificate.summary}"
 
 
 @one_blas_thread
@@ -106,7 +106,7 @@ def lqr(
     *,
     output_weight: Weight | None = None,
     controls: str | Sequence[str] | None = None,
-    integral: Sequence[str] | Mapping[str, float] = (),
+    integral_action: Sequence[str] | Mapping[str, float] = (),
     N: ArrayLike | None = None,
 ) -> LqrResult:
     """Return the state feedback ``u = -F x`` that minimises the integral of ``x^T Q x + y^T W y + u^T R u + 2 x^T N u``.
@@ -124,7 +124,7 @@ def lqr(
         ``W``, positive semidefinite; what the controls feed through to an output counts too.
     controls : sequence of str, optional
         The inputs that the regulator may use; by default all.
-    integral : sequence of str, or mapping from output name to number, optional
+    integral_action : sequence of str, or mapping from output name to number, optional
         Outputs whose integrals become states ``integral.NAME`` behind the others, so that a constant disturbance leaves
         no error in them, and the weights of these integrals (1 where only names are given).  In discrete time sums of
         the outputs times the sampling time.
@@ -154,16 +154,16 @@ def lqr(
     """
     bare = plant_of(system, sampled=True)
     driven = chosen("controls", controls, bare.inputs)
-    listed = (integral,) if isinstance(integral, str) else integral
+    listed = (integral_action,) if isinstance(integral_action, str) else integral_action
     if not isinstance(listed, Mapping):
-        listed = sequence("integral", listed, "names of outputs")
-    integrated = chosen("integral", tuple(listed), bare.outputs) if len(listed) else ()
+        listed = sequence("integral_action", listed, "names of outputs")
+    integrated = chosen("integral_action", tuple(listed), bare.outputs) if len(listed) else ()
     integrals = dict(listed) if isinstance(listed, Mapping) else dict.fromkeys(integrated, 1.0)
     problem = regulator_problem(bare, driven, Q, R, output_weight, N=N)
     plant = bare
     if integrated:
         plant = _with_integrators(bare, integrated)
-        weights = linalg.block_diag(problem.Q, semidefinite("integral", integrals, integrated))
+        weights = linalg.block_diag(problem.Q, semidefinite("integral_action", integrals, integrated))
         cross = np.vstack([problem.N, np.zeros((len(integrated), len(driven)))])
         problem = RiccatiProblem(plant.A, plant.select(driven).B, weights, problem.R, cross, bare.dt)
     solution = solved_regulator(problem, driven, plant.states)
@@ -171,12 +171,12 @@ def lqr(
     closed_loop, effort = _loops(plant, driven, solution.gain)
     return LqrResult(
         gain=solution.gain,
-        cost=solution.X,
+        riccati_solution=solution.X,
         _controller=_controller(plant, driven, integrated, solution.gain).without_dots(),
         _closed_loop=closed_loop,
         _effort=effort,
         poles=solution.poles,
-        unmoved=unmoved(plant.A, problem.B, plant.states, stable=True, dt=plant.dt),
+        uncontrollable_modes=unmoved(plant.A, problem.B, plant.states, stable=True, dt=plant.dt),
         certificate=certificate,
         _plant=Lti(plant.A, problem.B, np.eye(len(plant.A)), np.zeros(problem.B.shape), dt=plant.dt),
     )
@@ -257,15 +257,15 @@ def _certify(problem: RiccatiProblem, solution: RiccatiSolution) -> DesignCertif
         raise SynthesisError(f"the return difference of the regulator falls to {least:.6g}, below 1: not optimal")
     residual = f"Riccati residual {solution.residual:.1e}"
     return DesignCertificate(
-        norm=NormBounds(peak, inf, at, "largest value found of the inverse return difference"),
-        slowest_pole=slowest,
+        norm_bounds=NormBounds(peak, inf, at, "largest value found of the inverse return difference"),
+        spectral_abscissa=slowest,
         fastest_pole=0.0,
-        lower=0.0,
-        lower_reason="none: the cost is what is least",
-        path=solution.path,
-        statement=f"slowest pole {slowest:.4g} rad/s; {residual}; return difference at least {least:.6g}",
-        riccati=solution,
-        return_difference=least,
+        lower_bound=0.0,
+        lower_bound_source="none: the cost is what is least",
+        stages=solution.path,
+        summary=f"slowest pole {slowest:.4g} rad/s; {residual}; return difference at least {least:.6g}",
+        regulator_riccati=solution,
+        min_return_difference=least,
     )
 
 

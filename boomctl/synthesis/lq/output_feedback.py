@@ -62,15 +62,15 @@ def certify(
         )
     known = "verified" if norm.certified else "not certified"
     return DesignCertificate(
-        norm=norm,
-        slowest_pole=slowest,
+        norm_bounds=norm,
+        spectral_abscissa=slowest,
         fastest_pole=float(np.abs(K.poles).max(initial=0.0)),
-        lower=lower,
-        lower_reason="both Riccati equations",
-        path=(*regulator.path, *estimator.path, norm.method),
-        statement=f"H2 norm {norm.value:.6g}, {known}; no controller goes below {lower:.6g}, by the Riccati equations; "
+        lower_bound=lower,
+        lower_bound_source="both Riccati equations",
+        stages=(*regulator.path, *estimator.path, norm.method),
+        summary=f"H2 norm {norm.value:.6g}, {known}; no controller goes below {lower:.6g}, by the Riccati equations; "
         f"slowest pole {slowest:.4g} rad/s; Riccati residuals {regulator.residual:.1e} and {estimator.residual:.1e}",
         full_plant=judged_on_full_plant(origin, plant, K, None if by_states else norm),
-        riccati=regulator,
-        filter=estimator,
+        regulator_riccati=regulator,
+        filter_riccati=estimator,
     )

@@ -38,9 +38,9 @@ class RecoveryResult:
 
     Attributes
     ----------
-    strengths : (k,) ndarray
+    noise_intensities : (k,) ndarray
         Intensities of the fictitious noise at the controls.
-    gaps : (k,) ndarray
+    recovery_errors : (k,) ndarray
         Largest distance between a singular value of the loop at the plant's input and its counterpart of the
         regulator's loop ``F (s I - A)^-1 B`` in the band, relative to the latter.
     omega : (n,) ndarray
@@ -53,8 +53,8 @@ class RecoveryResult:
         One for each strength.
     """
 
-    strengths: Array
-    gaps: Array
+    noise_intensities: Array
+    recovery_errors: Array
     omega: Array = field(repr=False)
     target: Array = field(repr=False)
     recovered: Array = field(repr=False)
@@ -62,7 +62,7 @@ class RecoveryResult:
     designs: tuple[LqgResult, ...] = field(repr=False)
 
     def __repr__(self) -> str:
-        pairs = zip(self.strengths, self.gaps, strict=True)
+        pairs = zip(self.noise_intensities, self.recovery_errors, strict=True)
         gaps = listed([f"{gap:.3g} at {strength:.3g}" for strength, gap in pairs])
         zeros = (
             f"\n  {count(len(self.zeros), 'zero')} in the right half-plane: it stays incomplete"
@@ -71,14 +71,14 @@ class RecoveryResult:
         )
         return f"RecoveryResult: relative gap to the regulator's loop, by strength of the noise\n  {gaps}{zeros}"
 
-    def plot(self, ax: Any = None, *, unit: str | None = None, **style: Any) -> Array:
+    def plot(self, ax: Any = None, *, frequency_unit: str | None = None, **style: Any) -> Array:
         """Draw the regulator's loop and the recovered one over frequency, and the gap over the strength.
 
         Parameters
         ----------
         ax : sequence of matplotlib Axes, or a figure, optional
             Where to draw: loops and gaps; by default a new figure of pyplot.
-        unit : {"Hz", "rad/s"}, optional
+        frequency_unit : {"Hz", "rad/s"}, optional
             Of the frequency axis, by default Hz.
         **style
             Of the curves, as matplotlib's lines take it; a ``label`` stands before their names.
@@ -88,7 +88,7 @@ class RecoveryResult:
         ndarray of matplotlib.axes.Axes
             Those drawn on, in the order in which ``ax`` names them.
         """
-        return import_module("boomctl.plotting.design").plot_recovery(self, ax, unit=unit, **style)
+        return import_module("boomctl.plotting.design").plot_recovery(self, ax, frequency_unit=frequency_unit, **style)
 
 
 @one_blas_thread
@@ -101,8 +101,8 @@ def loop_transfer_recovery(
     measurements: str | Sequence[str] | None = None,
     controls: str | Sequence[str] | None = None,
     *,
-    strengths: ArrayLike,
-    band: tuple[float, float],
+    noise_intensities: ArrayLike,
+    omega_range: tuple[float, float],
     disturbances: str | Sequence[str] | None = None,
     output_weight: Weight | None = None,
 ) -> RecoveryResult:
@@ -114,9 +114,9 @@ def loop_transfer_recovery(
     ----------
     system, Q, R, process_noise, measurement_noise, measurements, controls, disturbances, output_weight
         As for :func:`lqg`.
-    strengths : array_like
+    noise_intensities : array_like
         Intensities of the fictitious noise, each above zero; one controller is designed for each.
-    band : (float, float)
+    omega_range : (float, float)
         Frequencies between which the loops are compared [rad/s].
 
     Returns
@@ -137,7 +137,7 @@ def loop_transfer_recovery(
     >>> import boomctl as bc
     >>> import control
     >>> mass = control.ss([[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]], [[1.0, 0.0]], 0.0, inputs="force", outputs="place")
-    >>> setting = {"output_weight": {"place": 1.0}, "strengths": [1.0, 1e2, 1e4], "band": (0.1, 10.0)}
+    >>> setting = {"output_weight": {"place": 1.0}, "noise_intensities": [1.0, 1e2, 1e4], "omega_range": (0.1, 10.0)}
     >>> found = bc.synthesis.loop_transfer_recovery(mass, None, 1.0, {"force": 1.0}, 1.0, **setting)
     >>> found.gaps.round(2)  # the more noise, the nearer
     array([0.97, 0.87, 0.3 ])
@@ -149,17 +149,17 @@ def loop_transfer_recovery(
         raise ValueError(
             f"measurements: expected at least as many as controls ({len(driven)}) to recover a loop, got {len(measured)}"
         )
-    ends = frequencies("band", band)
+    ends = frequencies("omega_range", omega_range)
     if ends.shape != (2,) or not 0.0 < ends[0] < ends[1]:
-        raise ValueError(f"band = {band!r}: expected two frequencies above zero, ascending [rad/s]")
+        raise ValueError(f"omega_range = {omega_range!r}: expected two frequencies above zero, ascending [rad/s]")
     omega = np.geomspace(ends[0], ends[1], _POINTS)
-    given = np.atleast_1d(finite_array("strengths", strengths))
+    given = np.atleast_1d(finite_array("noise_intensities", noise_intensities))
     if given.ndim != 1 or not given.size:
-        raise ValueError(f"strengths: expected one number or more, got shape {given.shape}")
-    levels = [positive("strengths", float(q)) for q in given]
+        raise ValueError(f"noise_intensities: expected one number or more, got shape {given.shape}")
+    levels = [positive("noise_intensities", float(q)) for q in given]
     noise = (process_noise, measurement_noise, measured, driven)
     options = {"disturbances": disturbances, "output_weight": output_weight}
-    designs = tuple(lqg(system, Q, R, *noise, **options, ltr=level) for level in levels)  # type: ignore[arg-type]
+    designs = tuple(lqg(system, Q, R, *noise, **options, ltr_intensity=level) for level in levels)  # type: ignore[arg-type]
     inner, F = plant.select(driven, measured), designs[0].regulator_gain
     target = singular_values(Lti(plant.A, inner.B, F, np.zeros((len(F), len(F)))).response(omega))
     if not target.all():
@@ -172,8 +172,8 @@ def loop_transfer_recovery(
     loops = [singular_values(_at_input(design, response, omega)) for design in designs]
     gaps = np.array([float((np.abs(loop - target) / target).max()) for loop in loops])
     return RecoveryResult(
-        strengths=np.array(levels),
-        gaps=gaps,
+        noise_intensities=np.array(levels),
+        recovery_errors=gaps,
         omega=omega,
         target=target,
         recovered=loops[-1],

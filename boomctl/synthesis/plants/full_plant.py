@@ -93,11 +93,11 @@ def warn_of_lost_channels(plant: Any, channels: dict[str, tuple[tuple[str, ...],
     for what, (inputs, outputs) in channels.items():
         if inputs and outputs and len(system.A):
             peak, _ = largest_gain(continuous_image(system.select(inputs, outputs)))
-            if peak <= plant.measured_error:
+            if peak <= plant.error_norm:
                 lost.append(f"{what} (at most {peak:.3g})")
     if lost:
         said = (
-            f"the reduction's error, up to {plant.measured_error:.3g}, is as large as all that the reduced plant does from "
+            f"the reduction's error, up to {plant.error_norm:.3g}, is as large as all that the reduced plant does from "
             f"{' and from '.join(lost)}; reduce to more states, or scale these signals to similar magnitudes (scale_signals)"
         )
         warn_user(said, ReductionWarning)
@@ -121,7 +121,7 @@ def judged_on_full_plant(
     norm = NormBounds(0.0, inf, nan, why, kind=kind)
     path = [f"small gain {share:.3g}"]
     if size <= _MOST_POLES:
-        full = replace(plant, system=origin.around(of(reduction.full, sampled=True)))
+        full = replace(plant, system=origin.around(of(reduction.full_system, sampled=True)))
         try:
             parts = ClosedLoop(full.system, K)
             loop = parts.system
@@ -134,24 +134,24 @@ def judged_on_full_plant(
             stable = {-1: True, 0: stable, 1: False}[side]  # of poles that stand on the axis the small gain alone tells
             path.append("poles")
             if stable is False:
-                norm = replace(norm, lower=inf, method=UNSTABLE)
+                norm = replace(norm, lower_bound=inf, method=UNSTABLE)
             elif stable and reduced is not None and size <= _MOST_NORM:
                 norm = matrices_h2_norm(cancelled(loop, full.D11)) if reduced.kind == "h2" else matrices_norm(parts)
                 path.append(f"norm: {norm.method}")
     statement = _statement(reduction, stable, share, slowest, norm)
     worse = False
     if stable and reduced is not None and norm.method != NOT_COMPUTED:
-        now, before = (norm.value, reduced.value) if norm.kind == "h2" else (norm.upper, reduced.upper)
+        now, before = (norm.value, reduced.value) if norm.kind == "h2" else (norm.upper_bound, reduced.upper_bound)
         worse = now > _WORSE * before
     if not stable or worse:
         warn_user(f"the controller was designed on a reduced plant: {statement}", ReductionWarning)
     fastest = float(np.abs(K.poles).max(initial=0.0))
     reason = "none: sought for the reduced plant"
-    return DesignCertificate(norm, slowest, fastest, 0.0, reason, tuple(path), statement, stable, share=share)
+    return DesignCertificate(norm, slowest, fastest, 0.0, reason, tuple(path), statement, stable, small_gain=share)
 
 
 def _statement(reduction: ReductionResult, stable: bool | None, share: float, slowest: float, norm: NormBounds) -> str:
-    gain = f"K S times the reduction's error of {reduction.measured_error:.3g} is up to {share:.3g}"
+    gain = f"K S times the reduction's error of {reduction.error_norm:.3g} is up to {share:.3g}"
     if stable is False:
         return (
             f"on the full plant of {reduction.full_order} states the loop is UNSTABLE (a pole with real part {slowest:.3g} "
@@ -179,15 +179,15 @@ def _share(reduction: ReductionResult, plant: GeneralizedPlant, K: Lti) -> float
     )
     parts = ClosedLoop(added, K)
     KS = parts.system
-    if reduction.measured_error == 0.0:
+    if reduction.error_norm == 0.0:
         return 0.0
-    largest = matrices_norm(parts).upper
+    largest = matrices_norm(parts).upper_bound
     if reduction.omega_range is None:
-        return largest * min(reduction.measured_error, reduction.error_bound)
+        return largest * min(reduction.error_norm, reduction.error_bound)
     everywhere = largest * reduction.error_bound
     if everywhere < 1.0 or KS.dt != 0.0:  # of a band on the unit circle nothing more is told
         return everywhere
-    inside = band_norm(KS, KS.response, reduction.omega_range).upper * reduction.measured_error
+    inside = band_norm(KS, KS.response, reduction.omega_range).upper_bound * reduction.error_norm
     low, high = reduction.omega_range
     outside = np.array([0.0, 0.5 * low, _BEYOND * high] if low > 0.0 else [_BEYOND * high])
     values = np.append(singular_values(KS.response(outside, quiet=True))[0], np.linalg.norm(KS.D, 2))

@@ -30,7 +30,7 @@ def generalized_plant(
     disturbances: Mapping[str, Weight],
     performance: Mapping[str, Weight],
     effort: Mapping[str, Weight] | None = None,
-    noises: Mapping[str, Weight] | None = None,
+    noise: Mapping[str, Weight] | None = None,
     measurements: str | Sequence[str],
     controls: str | Sequence[str],
 ) -> control.StateSpace:
@@ -52,7 +52,7 @@ def generalized_plant(
         What shall be small; ``"tip_sym"`` becomes the output ``"z_tip_sym"`` behind its weight.
     effort : mapping from control to weight, optional
         What the controls cost; ``"suspension_sym"`` becomes the output ``"z_suspension_sym"``.
-    noises : mapping from measurement to weight, optional
+    noise : mapping from measurement to weight, optional
         Noise levels or filters; ``"stroke_sym"`` becomes the input ``"n_stroke_sym"``, added to that measurement.
     measurements, controls : str or sequence of str
         Outputs that the controller reads and inputs that it sets; they keep their names.
@@ -83,7 +83,7 @@ def generalized_plant(
     ...     disturbances={"actuator_anti": bc.synthesis.band_pass(0.02, 0.5, 5.0)},
     ...     performance={"tip_anti": 10.0},
     ...     effort={"suspension_anti": 0.01},
-    ...     noises={"stroke_anti": 0.001},
+    ...     noise={"stroke_anti": 0.001},
     ...     measurements="stroke_anti",
     ...     controls="suspension_anti",
     ... )
@@ -97,7 +97,7 @@ def generalized_plant(
     read, set_ = names("measurement", measurements, outs), names("control", controls, ins)
     dt = system.dt
     w = _weighted("disturbance", "w_", disturbances, ins, dt)
-    n = _weighted("noise of measurement", "n_", {} if noises is None else noises, read, dt)
+    n = _weighted("noise of measurement", "n_", {} if noise is None else noise, read, dt)
     z = _weighted("performance output", "z_", performance, outs, dt)
     e = _weighted("effort of control", "z_", {} if effort is None else effort, set_, dt)
     for what, found in (

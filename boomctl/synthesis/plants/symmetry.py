@@ -182,9 +182,9 @@ class _Side:
 
 def _mirror(model: SecondOrderModel) -> Mirror:
     instance("model", model, SecondOrderModel)
-    if model.mirror is None:
+    if model._mirror is None:
         raise ValueError("model: expected one with mirror symmetry, such as spray_boom with a symmetric mesh")
-    return model.mirror
+    return model._mirror
 
 
 def _around(K: Lti) -> Array:

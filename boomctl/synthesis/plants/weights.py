@@ -27,7 +27,7 @@ def _second(corner: float, damping: float) -> tuple[list[list[float]], list[list
     return [[0.0, corner], [-corner, -2.0 * damping * corner]], [[0.0], [corner]]
 
 
-def low_pass(gain: float, corner: float, order: int = 1, damping: float = _BUTTERWORTH) -> control.StateSpace:
+def low_pass(gain: float, corner: float, order: int = 1, damping_ratio: float = _BUTTERWORTH) -> control.StateSpace:
     """Return a low-pass filter, to be used as a weight: ``gain`` below the corner frequency, rolling off above.
 
     Parameters
@@ -38,7 +38,7 @@ def low_pass(gain: float, corner: float, order: int = 1, damping: float = _BUTTE
         Corner frequency [rad/s].
     order : 1 or 2
         Number of poles: the gain falls by 20 or by 40 dB a decade.
-    damping : float
+    damping_ratio : float
         Damping ratio of the two poles of order 2; a small one makes a peak of height ``gain/(2 damping)``.
 
     Returns
@@ -58,13 +58,13 @@ def low_pass(gain: float, corner: float, order: int = 1, damping: float = _BUTTE
     >>> abs(weight.frequency_response([0.0, 10.0, 1000.0]).complex).round(3)
     array([2.   , 1.414, 0.02 ])
     """
-    g, w, zeta = real("gain", gain), positive("corner", corner), positive("damping", damping)
+    g, w, zeta = real("gain", gain), positive("corner", corner), positive("damping_ratio", damping_ratio)
     if _order(order) == 1:
         return _filter([[-w]], [[w]], [[g]], 0.0)
     return _filter(*_second(w, zeta), [[g, 0.0]], 0.0)
 
 
-def high_pass(gain: float, corner: float, order: int = 1, damping: float = _BUTTERWORTH) -> control.StateSpace:
+def high_pass(gain: float, corner: float, order: int = 1, damping_ratio: float = _BUTTERWORTH) -> control.StateSpace:
     """Return a high-pass filter, to be used as a weight: ``gain`` above the corner frequency, zero at zero frequency.
 
     Parameters
@@ -75,7 +75,7 @@ def high_pass(gain: float, corner: float, order: int = 1, damping: float = _BUTT
         Corner frequency [rad/s].
     order : 1 or 2
         Number of poles: below the corner the gain rises by 20 or by 40 dB a decade.
-    damping : float
+    damping_ratio : float
         Damping ratio of the two poles of order 2.
 
     Returns
@@ -95,7 +95,7 @@ def high_pass(gain: float, corner: float, order: int = 1, damping: float = _BUTT
     >>> abs(weight.frequency_response([0.0, 10.0, 1000.0]).complex).round(3)
     array([0.   , 1.414, 2.   ])
     """
-    g, w, zeta = real("gain", gain), positive("corner", corner), positive("damping", damping)
+    g, w, zeta = real("gain", gain), positive("corner", corner), positive("damping_ratio", damping_ratio)
     if _order(order) == 1:
         return _filter([[-w]], [[w]], [[-g]], g)
     return _filter(*_second(w, zeta), [[-g, -2.0 * g * zeta]], g)

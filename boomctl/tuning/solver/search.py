@@ -43,20 +43,20 @@ class TuneStart:
 
     Attributes
     ----------
-    kind : str
+    origin : str
         How it began.
-    value : float
+    objective : float
         The objective that it reached; ``inf`` where no stabilising controller, or none within the bounds, was found.
-    steps : int
+    nit : int
         Steps taken.
-    stationary : bool
+    converged : bool
         Whether it ended because no step promised any gain.
     """
 
-    kind: str
-    value: float
-    steps: int
-    stationary: bool
+    origin: str
+    objective: float
+    nit: int
+    converged: bool
 
 
 @dataclass
@@ -135,8 +135,8 @@ class Search:
             B, C, D = loop.part(columns, rows)
             norm = level_norm(Lti(loop.A, B, C, D))
             here = exp(value + point.offset(channel))
-            if norm.lower > here * (1.0 + _MISSED) and isfinite(norm.omega):
-                self.known[model, channel] = np.append(self.known.get((model, channel), np.zeros(0)), norm.omega)
+            if norm.lower_bound > here * (1.0 + _MISSED) and isfinite(norm.peak_omega):
+                self.known[model, channel] = np.append(self.known.get((model, channel), np.zeros(0)), norm.peak_omega)
                 missed = True
         return (point.beside(point.x), False) if missed else (point, True)
 

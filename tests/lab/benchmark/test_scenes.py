@@ -74,7 +74,7 @@ def test_tip_transfer_is_the_exact_response_by_halves():
 def test_motion_of_the_reference_is_ours_on_the_same_mesh():
     time, motion = boom.wheels()
     model = bc.spray_boom(P, "high-order", 8, order=8)
-    ours = bc.forced_response(model, dict(zip(ACTUATORS, motion, strict=True)), time, TIPS, accuracy=1e-9)
+    ours = bc.forced_response(model, time, dict(zip(ACTUATORS, motion, strict=True)), TIPS, rtol=1e-9)
     assert apart(boom.exact_motion(P, time, motion), np.array([ours[name] for name in TIPS])) < 1e-8
 
 
@@ -140,9 +140,12 @@ def test_hub_beam_keeps_its_tolerance_on_equations_of_others(maneuver):
 
 def test_end_error_is_that_of_a_replay():
     slew = slew_of(modes=1, duration=3.2)
-    found = optimal_slew(slew.beam, slew.angle, slew.torque_limit, "effort", slew.duration, intervals=40).history
+    found = optimal_slew(slew.beam, slew.angle, slew.torque_limit, "effort", slew.duration, intervals=40).torque_profile
     assert end_error(slew, found) < 1e-6
-    assert end_error(slew, replace(found, left=1.01 * found.left, right=1.01 * found.right)) > 1e-2
+    assert (
+        end_error(slew, replace(found, start_values=1.01 * found.start_values, end_values=1.01 * found.end_values))
+        > 1e-2
+    )
     with pytest.raises(ValueError, match="held"):
         end_error(slew, ramped(np.linspace(0.0, 1.0, 3), np.array([0.0, 1.0, 0.0])))
 
@@ -162,8 +165,8 @@ def test_references_of_slews_are_ours(modes, duration, rel):
 @pytest.mark.slow
 def test_opti_has_the_optimum_of_ours():
     slew = replace(slew_of(modes=1, duration=2.8), angle=0.8, torque_limit=140.0).on(40)
-    ours = optimal_slew(slew.beam, 0.8, 140.0, "effort", 2.8, intervals=40).history.left
-    theirs = opti_torque(slew, 8).left
+    ours = optimal_slew(slew.beam, 0.8, 140.0, "effort", 2.8, intervals=40).torque_profile.start_values
+    theirs = opti_torque(slew, 8).start_values
     assert theirs == pytest.approx(ours, abs=1e-3 * slew.torque_limit)
     assert np.abs(theirs).max() == pytest.approx(slew.torque_limit, rel=1e-6)  # the limit binds
     least, held = optimal_slew(slew.beam, 0.8, 140.0).duration, opti_torque(slew, 8, fastest=True)
@@ -174,8 +177,8 @@ def test_opti_has_the_optimum_of_ours():
 
 def test_unstable_loop_has_infinite_excess():
     plant = control.ss(1.0, [[1.0, 0.0, 1.0]], [[1.0], [0.0], [1.0]], [[0, 0, 0], [0, 0, 1], [0, 0.1, 0]])
-    design = bc.h_infinity(plant, 1, 1, tolerance=1e-3)
-    lower = design.certificate.lower
+    design = bc.h_infinity(plant, 1, 1, rtol=1e-3)
+    lower = design.certificate.lower_bound
     assert 0.0 < synthesis.excess(plant, lower, design.controller) < 1.1e-3
     assert synthesis.excess(plant, lower, control.ss([], [], [], [[0.0]])) == np.inf
 

@@ -87,7 +87,7 @@ def test_neglected_terms_are_what_cfoam_has_beyond_foam():
     shape = lambda x: np.cosh(beta * x) - np.cos(beta * x) - s * (np.sinh(beta * x) - np.sin(beta * x))  # noqa: E731
     slope = lambda x: beta * (np.sinh(beta * x) + np.sin(beta * x) - s * (np.cosh(beta * x) - np.cos(beta * x)))  # noqa: E731
     v = result.tip_displacement[1] / shape(8.0)
-    u = result.axial_tip_displacement[1]
+    u = result.tip_extension[1]
     square = np.array([np.sum(slope(at * x / 8) ** 2 * w * at / 8) for at in x]) * v**2
     integrand = 0.25 * square**2 - u * np.sin(math.pi * x / 16) * square
     expected = 2.7667e3 * 7.2968e-5 * np.sum(w * integrand)

@@ -70,7 +70,7 @@ def boom_sigma() -> Scene:
     """Return the scene of singular values."""
 
     def chosen(accuracy: float, p: BoomParameters, change: float) -> Array:
-        return sigma(spray_boom(varied(p, change), accuracy=accuracy, band_hz=10.0), _OMEGA).sigma
+        return sigma(spray_boom(varied(p, change), accuracy=accuracy, max_frequency_hz=10.0), _OMEGA).sigma
 
     def exact(p: BoomParameters, change: float) -> Array:
         return sigma(exact_frequency_response(varied(p, change), _OMEGA, ACTUATORS, TIPS)).sigma
@@ -141,7 +141,7 @@ def boom_time() -> Scene:
 
     def ours(accuracy: float) -> _Solve:
         def solve(model: SecondOrderModel) -> Array:
-            found = forced_response(model, dict(zip(ACTUATORS, motion, strict=True)), time, TIPS, accuracy=accuracy)
+            found = forced_response(model, time, dict(zip(ACTUATORS, motion, strict=True)), TIPS, rtol=accuracy)
             return np.array([found[name] for name in TIPS])
 
         return solve

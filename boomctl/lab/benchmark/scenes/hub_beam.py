@@ -125,9 +125,9 @@ def equations(beam: AssumedModesBeam, maneuver: SpinUp | SineTorque) -> tuple[di
         size = beam.equations.size
         x = ca.SX.sym("x", 2 * size)
         sine = maneuver.amplitude * ca.sin(2.0 * np.pi * t / maneuver.period)
-        rate, _ = beam.casadi_function()(x, ca.if_else(t <= maneuver.duration, sine, 0.0))
+        rate, _ = beam.to_casadi()(x, ca.if_else(t <= maneuver.duration, sine, 0.0))
         return {"x": x, "t": t, "ode": rate}, np.concatenate([[0.0], beam.equations.tip.transverse, np.zeros(size)])
-    m, w, duration = beam.integrals, maneuver.final_speed, maneuver.duration
+    m, w, duration = beam._integrals, maneuver.final_speed, maneuver.duration
     n = m.V2.size
     x = ca.SX.sym("x", 2 * n)
     phase = 2.0 * np.pi * ca.fmin(t / duration, 1.0)

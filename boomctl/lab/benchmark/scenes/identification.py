@@ -49,7 +49,9 @@ def identification() -> Scene:
 
     def ours(held_back: float, problem: tuple[Array, Array, Array], change: float) -> Array:
         u, y, _ = problem
-        found = identify(u, (1.0 + change) * y, STEP, band_hz=BAND, quantity="acceleration", held_back=held_back)
+        found = identify(
+            u, (1.0 + change) * y, STEP, frequency_range_hz=BAND, quantity="acceleration", validation_fraction=held_back
+        )
         return np.array([mode.frequency_hz for mode in found.modes])
 
     def theirs(method: str, order: int, problem: tuple[Array, Array, Array], change: float) -> Array:

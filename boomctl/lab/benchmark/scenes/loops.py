@@ -185,8 +185,12 @@ class BoomLoop:
     def simulated(self, limit: float = _FORCE) -> Array:
         """Return the tips by this package."""
         wheels: dict[str, Array] = dict(zip(ACTUATORS, self.motion[self.places(ACTUATORS, inputs=True)], strict=True))
-        options: dict[str, Any] = {"sample_time": _STEP, "force_limit": limit, "anti_windup": False}  # others have none
-        found = simulate_loop(self.plant, self.law, wheels, _TIME, **options)
+        options: dict[str, Any] = {
+            "sample_time": _STEP,
+            "control_limit": limit,
+            "anti_windup": False,
+        }  # others have none
+        found = simulate_loop(self.plant, self.law, _TIME, wheels, **options)
         return np.array([found[name] for name in TIPS]).T
 
     def responded(self, method: str, rtol: float) -> Array:
@@ -241,9 +245,9 @@ def beam_law(dt: float = 0.0) -> control.StateSpace:
 
 def simulated(beam: AssumedModesBeam, time: Array, rtol: float) -> Array:
     """Return the tip's displacement by this package."""
-    options: dict[str, Any] = {"force_limit": _TORQUE, "reference": {"hub_angle": np.full(time.size, _ANGLE)}}
+    options: dict[str, Any] = {"control_limit": _TORQUE, "reference": {"hub_angle": np.full(time.size, _ANGLE)}}
     options |= {"sample_time": _STEP, "rtol": rtol, "atol": 1e-2 * rtol}
-    return simulate_loop(beam, beam_law(_STEP), None, time, **options)["tip_displacement"][:, None]
+    return simulate_loop(beam, beam_law(_STEP), time, None, **options)["tip_displacement"][:, None]
 
 
 def loop_of(beam: AssumedModesBeam, time: Array) -> Loop:
@@ -263,7 +267,7 @@ def beam_reference(beam: AssumedModesBeam, time: Array) -> Array:
     """Return the tip's displacement to rounding: the equations derived from the energies, extrapolated between samples."""
     import casadi as ca
 
-    f, n = beam.casadi_function(), 2 * beam.equations.size
+    f, n = beam.to_casadi(), 2 * beam.equations.size
     x, u = ca.SX.sym("x", n), ca.SX.sym("u")
     step = ca.Function("step", [x, u], [extrapolated_step(lambda a, _: f(a, u)[0], x, 0.0, _STEP)])
     return loop_of(beam, time).advanced(lambda k, x, u: np.array(step(x, u)).ravel())

@@ -64,7 +64,7 @@ def opti_torque(slew: Slew, substeps: int = 1, fastest: bool = False) -> TorqueP
     """
     import casadi as ca
 
-    f, n, N, limit = slew.beam.casadi_function(), slew.target.size, slew.intervals, slew.torque_limit
+    f, n, N, limit = slew.beam.to_casadi(), slew.target.size, slew.intervals, slew.torque_limit
     x, u, t = ca.SX.sym("x", n), ca.SX.sym("u"), ca.SX.sym("t")
     step = ca.Function("step", [x, u, t], [_rk4(lambda a: f(a, u)[0], x, t / N / substeps, substeps)])
     opti = ca.Opti()
@@ -142,7 +142,7 @@ def slew_time() -> Scene:
     """Return the scene of least time."""
 
     def ours(rtol: float, problem: Any, change: float) -> TorqueProfile:
-        return optimal_slew(slew_of(change).beam, _ANGLE, _LIMIT, tolerance=rtol).history
+        return optimal_slew(slew_of(change).beam, _ANGLE, _LIMIT, rtol=rtol).torque_profile
 
     return _scene(
         "Slew of least time",
@@ -158,7 +158,9 @@ def slew_effort() -> Scene:
     """Return the scene of least effort."""
 
     def ours(intervals: int, problem: Any, change: float) -> TorqueProfile:
-        return optimal_slew(slew_of(change).beam, _ANGLE, _LIMIT, "effort", _DURATION, intervals=intervals).history
+        return optimal_slew(
+            slew_of(change).beam, _ANGLE, _LIMIT, "effort", _DURATION, intervals=intervals
+        ).torque_profile
 
     return _scene(
         f"Slew of least effort in {_DURATION:g} s",
@@ -175,7 +177,7 @@ def _step(beam: AssumedModesBeam) -> Any:
     """Return the function of state, held torque [N m] and step [s]."""
     import casadi as ca
 
-    f, x, u, h = beam.casadi_function(), ca.SX.sym("x", 2 * beam.equations.size), ca.SX.sym("u"), ca.SX.sym("h")
+    f, x, u, h = beam.to_casadi(), ca.SX.sym("x", 2 * beam.equations.size), ca.SX.sym("u"), ca.SX.sym("h")
     return ca.Function("step", [x, u, h], [extrapolated_step(lambda a, _: f(a, u)[0], x, 0.0, h)])
 
 
@@ -196,11 +198,11 @@ def end_error(slew: Slew, history: TorqueProfile) -> float:
     ValueError
         The torque is not held on its intervals.
     """
-    if np.any(history.left != history.right):
+    if np.any(history.start_values != history.end_values):
         raise ValueError("history: expected a torque that is held on each interval")
     size, lengths = slew.beam.equations.size, np.diff(history.edges)
     substeps = int(np.ceil(lengths.max() * slew.beam.equations.frequency_range[1] / _PHASE))
-    end = _end(slew.beam, history.left, lengths, substeps)
+    end = _end(slew.beam, history.start_values, lengths, substeps)
     tip = slew.beam.equations.tip.transverse @ end[1:size]
     return float(max(abs(end[0] - slew.angle), abs(end[size]), abs(tip)))
 
@@ -224,7 +226,7 @@ def least_time(slew: Slew, intervals: int) -> float:
         Opti's has another number of arcs, or the durations do not lead to the end.
     """
     found = opti_torque(slew.on(intervals), _SUBSTEPS, fastest=True)
-    shares, h = found.left / slew.torque_limit, found.duration / intervals
+    shares, h = found.start_values / slew.torque_limit, found.duration / intervals
     signs = np.sign(shares)
     turns = np.flatnonzero(signs[1:] != signs[:-1])
     # the momentum up to a turn tells where within the two intervals at it the torque changes its sign

@@ -51,7 +51,7 @@ def suspension_plant() -> control.StateSpace:
     return generalized_plant(
         control.ss(A, B, C, D, inputs=ins, outputs=outs),
         disturbances=dict.fromkeys(platform, 1.0) | dict.fromkeys(controls, 0.05),
-        noises=dict.fromkeys(strokes, 0.02),
+        noise=dict.fromkeys(strokes, 0.02),
         performance=dict.fromkeys(tips, 1.0),
         effort=dict.fromkeys(controls, 1.0),
         measurements=strokes,
@@ -73,7 +73,7 @@ def excess(P: control.StateSpace, bound: float, K: control.StateSpace) -> float:
     if (np.linalg.eigvals(np.asarray(loop.A)).real >= 0.0).any():
         return np.inf
     certified = hinf_norm(loop)
-    norm = min(max(control.linfnorm(loop, tol=1e-10)[0], certified.lower), certified.upper)
+    norm = min(max(control.linfnorm(loop, tol=1e-10)[0], certified.lower_bound), certified.upper_bound)
     return max(norm / bound - 1.0, _SAME)
 
 
@@ -82,7 +82,7 @@ def h_infinity_scene() -> Scene:
 
     def ours(tolerance: float, fastest: float | None, P: control.StateSpace, change: float) -> control.StateSpace:
         options: dict[str, Any] = {} if fastest is None else {"fastest_pole": fastest}
-        return h_infinity(_faster(P, change), _NMEAS, _NCON, tolerance=tolerance, **options).controller
+        return h_infinity(_faster(P, change), _NMEAS, _NCON, rtol=tolerance, **options).controller
 
     def hinfsyn(P: control.StateSpace, change: float) -> control.StateSpace:
         return control.hinfsyn(_faster(P, change), _NMEAS, _NCON)[0]
@@ -98,7 +98,7 @@ def h_infinity_scene() -> Scene:
         question="From the generalized plant of yaw and jolt suspension to a controller.",
         measure=f"Norm of the loop over the proved bound that no controller beats, less one; at least {_SAME:.0e}.",
         problem=suspension_plant,
-        reference=lambda P: h_infinity(P, 2, 2, tolerance=_REFERENCE, fastest_pole=_FAST).certificate.lower,
+        reference=lambda P: h_infinity(P, 2, 2, rtol=_REFERENCE, fastest_pole=_FAST).certificate.lower_bound,
         error=excess,
         methods=(
             *settings("h_infinity", "tolerance {:g}", cases, ours, verified=True, ours=True),
@@ -130,7 +130,7 @@ def tuning() -> Scene:
     def ours(n_starts: int, plants: dict[str, Any], change: float, seed: int = 0) -> dict[str, Any]:
         gain = tunable.gain()
         return {
-            name: tune(_faster(P, change), nmeas, ncon, gain, starts=n_starts, seed=seed).controller
+            name: tune(_faster(P, change), nmeas, ncon, gain, n_starts=n_starts, seed=seed).controller
             for name, (P, nmeas, ncon) in plants.items()
         }
 
@@ -141,7 +141,7 @@ def tuning() -> Scene:
         }
 
     def norms(plants: dict[str, Any], gains: dict[str, Any]) -> Array:
-        return np.array([hinf_norm(lft(P, gains[name])).upper for name, (P, *_) in plants.items()])
+        return np.array([hinf_norm(lft(P, gains[name])).upper_bound for name, (P, *_) in plants.items()])
 
     return Scene(
         title="H-infinity norm of two plants, least by a gain",

@@ -159,7 +159,7 @@ def _figure_3(p: BoomParameters, measured: MeasuredFrequencyResponse | None) -> 
             "peak": curve.peak,
             "peak_hz": curve.peak_omega / (2 * np.pi),
             "certified": curve.certified,
-            "upper_bound": curve.certificate.upper,
+            "upper_bound": curve.certificate.upper_bound,
         }
         for name, curve in curves.items()
     }
@@ -173,7 +173,7 @@ def _peaks(curves: Mapping[str, SigmaResult]) -> Table:
             f"{curve.peak:.4f}",
             f"{curve.peak_omega / (2 * np.pi):.6f}",
             "yes" if curve.certified else "on its grid",
-            f"{curve.certificate.upper:.4f}" if curve.certified else "-",
+            f"{curve.certificate.upper_bound:.4f}" if curve.certified else "-",
         )
         for name, curve in curves.items()
     )
@@ -185,7 +185,7 @@ def convergence(p: BoomParameters, exact: Array) -> dict[str, dict[str, Array]]:
     """Return the relative errors of the first five damped frequencies, (sizes, 5), over the size of the mesh."""
 
     def errors(models: Iterable[SecondOrderModel], sizes: Sequence[int], of: str = "elements") -> dict[str, Array]:
-        found = [(model.n, np.abs(model.eigenfrequencies_hz(_MODES) / exact - 1.0)) for model in models]
+        found = [(model.ncoordinates, np.abs(model.eigenfrequencies_hz(_MODES) / exact - 1.0)) for model in models]
         unknowns, error = map(np.array, zip(*found, strict=True))
         return {of: np.array(sizes), "unknowns": unknowns, "relative_error": error}
 

@@ -91,8 +91,10 @@ def describing_function(
     output : str
         Output that is read.
     """
-    H = np.asarray(plant.frequency_response(omega, [excitation, friction.input], [output, friction.output]).frdata)
-    (moved, free), receptance, level = amplitude * H[:, 0], H[1, 1], 4.0 * friction.force / np.pi
+    H = np.asarray(
+        plant.frequency_response(omega, [excitation, friction.force_input], [output, friction.slip_output]).frdata
+    )
+    (moved, free), receptance, level = amplitude * H[:, 0], H[1, 1], 4.0 * friction.sliding_force / np.pi
     turned = 1j * level * receptance
     slip_size = np.sqrt(np.maximum(np.abs(free) ** 2 - np.imag(turned) ** 2, 0.0)) - np.real(turned)
     sliding = slip_size > 0.0
@@ -115,7 +117,7 @@ def stepped_sine(
     """
     system = plant.to_statespace()
     A, B = np.asarray(system.A), np.asarray(system.B)
-    acting = [system.input_labels.index(name) for name in (excitation, friction.input)]
+    acting = [system.input_labels.index(name) for name in (excitation, friction.force_input)]
     phase = 2.0 * np.pi / _STEPS * np.arange(_PERIODS * _STEPS + 1)
     late = phase >= 0.5 * np.pi * _PERIODS
     window = np.hanning(late.sum())
@@ -125,8 +127,8 @@ def stepped_sine(
         start = np.linalg.solve(1j * w * np.eye(len(A)) - A, B[:, acting] @ [amplitude, force]).real
         excited, step = {excitation: amplitude * np.cos(phase)}, phase[1] / w
         law = replace(friction, substeps=1)
-        found = simulate_loop(system, None, excited, phase / w, sample_time=step, friction=law, initial=start)
-        fundamentals.append([weights @ found[name][late] for name in (output, friction.output)])
+        found = simulate_loop(system, None, phase / w, excited, sample_time=step, friction=law, initial_state=start)
+        fundamentals.append([weights @ found[name][late] for name in (output, friction.slip_output)])
     response, slip = np.array(fundamentals).T
     return SineResponse(omega, response / amplitude, slip, balance.force)
 

@@ -83,8 +83,8 @@ def updating_study(parameters: BoomParameters | None = None) -> BoomUpdating:
     """Fit the measured row of Table 1."""
     p = BoomParameters() if parameters is None else parameters
     modes = range(1, len(MEASURED_HZ) + 1)
-    readings = tuple(fit(_boom, MEASURED_HZ, free, p, modes=modes, starts=STARTS) for free in READINGS)
-    others = fit(_boom, MEASURED_HZ[1:], READINGS[2], p, modes=modes[1:], starts=STARTS)
+    readings = tuple(fit(_boom, MEASURED_HZ, free, p, modes=modes, n_starts=STARTS) for free in READINGS)
+    others = fit(_boom, MEASURED_HZ[1:], READINGS[2], p, modes=modes[1:], n_starts=STARTS)
     first = _first(others.parameters)
     slope = []
     for name, value in others.values.items():
@@ -92,7 +92,7 @@ def updating_study(parameters: BoomParameters | None = None) -> BoomUpdating:
         slope.append((np.log(up) - np.log(down)) / (2.0 * _STEP * value))
     from scipy.special import stdtrit
 
-    spread = float(stdtrit(others.freedom, 0.975) * np.sqrt(np.array(slope) @ others.covariance @ np.array(slope)))
+    spread = float(stdtrit(others.dof, 0.975) * np.sqrt(np.array(slope) @ others.covariance @ np.array(slope)))
     ends = float(first * np.exp(-spread)), float(first * np.exp(spread))
     return BoomUpdating(p, readings, others, first, ends)
 
@@ -130,10 +130,10 @@ def _findings(study: BoomUpdating) -> tuple[str, str]:
     inside = "holds" if _holds(lever, "spring_distance", p.actuator_distance) else "does not hold"
     return (
         f"Without the first frequency, spring stiffness and modulus meet the other four to"
-        f" {100.0 * study.without_first.deviation:.1f} %, and predict {study.first_hz:.3f} Hz for the first"
+        f" {100.0 * study.without_first.error_std:.1f} %, and predict {study.first_hz:.3f} Hz for the first"
         f" ({low:.3f} to {high:.3f}): the measured {measured:g} Hz {comes} a stiffer spring, which would move the second"
         " and third frequency too.",
-        f"One parameter explains all five to {100.0 * lever.deviation:.1f} %: a spring distance of"
+        f"One parameter explains all five to {100.0 * lever.error_std:.1f} %: a spring distance of"
         f" {lever.values['spring_distance']:.3f} m ({lever.interval_text('spring_distance')}) in place of"
         f" {p.spring_distance:g} m.{confirmed} The interval {inside} the distance of the actuators,"
         f" {p.actuator_distance:g} m. The frequencies do not tell this from anything else that changes the stiffness of"
@@ -150,8 +150,8 @@ def _holds(found: FitResult, name: str, value: float) -> bool:
 def _table(study: BoomUpdating) -> Table:
     others = study.without_first
     rows = [("none (Table 2)", None, _boom(study.parameters).eigenfrequencies_hz(len(MEASURED_HZ)))]
-    rows += [(", ".join(found.names), found, found.fitted) for found in study.readings]
-    rows += [(f"{', '.join(others.names)} (to the last four)", others, np.array([study.first_hz, *others.fitted]))]
+    rows += [(", ".join(found.names), found, found.best_fit) for found in study.readings]
+    rows += [(f"{', '.join(others.names)} (to the last four)", others, np.array([study.first_hz, *others.best_fit]))]
     lines: list[tuple[str, ...]] = [("measured", "", *(f"{value:g}" for value in MEASURED_HZ), "", "")]
     for words, found, hz in rows:
         rms = 100.0 * np.sqrt(np.mean(np.square(np.log(hz / np.array(MEASURED_HZ)))))
@@ -172,8 +172,8 @@ def _results(study: BoomUpdating) -> dict[str, object]:
         return {
             "values": found.values,
             "intervals": found.intervals,
-            "fitted_hz": found.fitted,
-            "deviation": found.deviation,
+            "fitted_hz": found.best_fit,
+            "deviation": found.error_std,
             "certified": found.certified,
         }
 

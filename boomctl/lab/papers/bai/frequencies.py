@@ -23,7 +23,9 @@ def table_2() -> Part:
     slip = 2.0 * math.pi / TWO_PI_OF_THE_PAPER
     comparisons = []
     for (model, speed), values in FREQUENCIES_HZ.items():
-        computed, few = (hub_beam(HubBeamParameters(), model, modes).frequencies_hz(speed) for modes in (_MODES, 5))
+        computed, few = (
+            hub_beam(HubBeamParameters(), model, modes).eigenfrequencies_hz(speed) for modes in (_MODES, 5)
+        )
         row = f"{model.upper()}, {speed:g} rad/s" if speed else "natural frequency"
         for k, (printed, ours, ours_of_five) in enumerate(zip(values, computed, few, strict=False), 1):
             what, why, slipped = f"{row}, mode {k}", "rad/s divided by 6.28, not 2 pi", float(ours_of_five) * slip
@@ -72,10 +74,10 @@ def _critical_speed(mass: float, printed: float, computed: float) -> Comparison:
 
 
 def _critical(mass: float, place: float | None) -> float:
-    return float(hub_beam(HubBeamParameters(tip_mass=mass, tip_position=place), "tlam", _MODES).critical_speed())
+    return float(hub_beam(HubBeamParameters(tip_mass=mass, tip_mass_position=place), "tlam", _MODES).divergence_speed())
 
 
 def _smallest_eigenvalue(mass: float, speed: float) -> float:
     """Of ``K2 - w^2 M2`` with the five modes of the paper, N/m."""
-    integrals = AssumedModesBeam(HubBeamParameters(tip_mass=mass), "tlam", 5).integrals
+    integrals = AssumedModesBeam(HubBeamParameters(tip_mass=mass), "tlam", 5)._integrals
     return float(np.linalg.eigvalsh(integrals.K2 - speed**2 * integrals.M2)[0])

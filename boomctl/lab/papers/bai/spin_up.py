@@ -112,7 +112,7 @@ def foam_and_tlam() -> Part:
 def _pair(row: int, speed: float, runs: dict[str, SimulationResult]) -> tuple[Panel, Panel]:
     """Transverse and axial response at a speed; at 3 rad/s TLAM leaves the frame."""
     transverse = lines(TIME, {name: run.tip_displacement for name, run in runs.items()})
-    axial = lines(TIME, {name: 1e3 * run.axial_tip_displacement for name, run in runs.items()})
+    axial = lines(TIME, {name: 1e3 * run.tip_extension for name, run in runs.items()})
     limits = ((-3.0, 1.0), (-0.02, 0.1)) if speed == 3.0 else (None, None)
     return (
         Panel(f"(a{row}) transverse, {speed} rad/s", "v(L) [m]", transverse, ylim=limits[0]),
@@ -141,7 +141,7 @@ def mode_by_mode() -> Part:
     runs = {n: _run("FOAM", 5.0, n, 0.0) for n in (1, 2, 5)}
     tip, q = AssumedModesBeam(HubBeamParameters(), "foam", 5).equations.tip, runs[5].states[:, 1:11]
     axial, transverse = q[:, :5] * tip.axial[:5], q[:, 5:] * tip.transverse[5:]
-    ratio = peak(runs[5].tip_displacement) / peak(runs[5].axial_tip_displacement)
+    ratio = peak(runs[5].tip_displacement) / peak(runs[5].tip_extension)
     peaks = np.max(np.abs(transverse), axis=0)
     what = "transverse over axial peak at 5 rad/s"
     comparison = compare("Fig. 6", what, "", 1500.0, ratio, "peaks at the tip")
@@ -218,7 +218,7 @@ def _frequency_lines() -> tuple[Line, ...]:
     for label, dash in (("FOAM", "-"), ("TLAM", "--")):
         for k, mass in enumerate(MASSES):
             beam = hub_beam(HubBeamParameters(tip_mass=mass), "tlam", 15)
-            end = 10.0 if label == "FOAM" else 0.999999 * float(beam.critical_speed())
+            end = 10.0 if label == "FOAM" else 0.999999 * float(beam.divergence_speed())
             speeds = end * np.sin(np.linspace(0.0, np.pi / 2.0, 61))
             frequencies = np.array([_first(label, mass, w) for w in speeds])
             found.append(Line(f"{label}, {mass:g} kg", speeds, frequencies, f"C{k}{dash}"))
@@ -227,4 +227,4 @@ def _frequency_lines() -> tuple[Line, ...]:
 
 def _first(label: str, mass: float, speed: float) -> float:
     beam = hub_beam(HubBeamParameters(tip_mass=mass), MODELS[label], 15)
-    return float(2.0 * np.pi * beam.frequencies_hz(float(speed))[0])
+    return float(2.0 * np.pi * beam.eigenfrequencies_hz(float(speed))[0])
