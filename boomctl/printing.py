@@ -40,7 +40,7 @@ def between(inputs: Sequence[str], outputs: Sequence[str]) -> str:
 
 def system(given: Any) -> str:
     """Return a linear system's size and signals in part of a line."""
-    return f"{count(len(given.A), 'state')}, {between(given.inputs, given.outputs)}"
+    return f"{count(len(given.A), 'state')}, {between(given.input_labels, given.output_labels)}"
 
 
 def value(given: Any) -> str:

@@ -33,24 +33,25 @@ class Progress:
         What it does now, in words.
     elapsed : float
         Time since it began [s].
-    done, total : int or None
+    completed, total : int or None
         Steps done, and how many there are, where that is known.
 
     Examples
     --------
     >>> import boomctl as bc
-    >>> bc.Progress("reduction", "core", seconds=1.5, done=2, total=10).stage
+    >>> bc.Progress("reduction", "core", elapsed=1.5, completed=2, total=10).stage
     'core'
     """
 
     task: str
     stage: str
     elapsed: float
-    done: int | None = None
+    completed: int | None = None
     total: int | None = None
 
     def __str__(self) -> str:
-        count = "" if self.done is None else f" {self.done}" if self.total is None else f" {self.done} of {self.total}"
+        of = "" if self.total is None else f" of {self.total}"
+        count = "" if self.completed is None else f" {self.completed}{of}"
         stage = f": {self.stage}" if self.stage else ""
         return f"{self.task}{stage}{count} ({self.elapsed:.0f} s)"
 
@@ -103,7 +104,7 @@ class _Computation:
     listener: Listener | None
     began: float = field(default_factory=time.monotonic)
     stage: str = ""
-    done: int | None = None
+    completed: int | None = None
     total: int | None = None
 
     def now(self) -> Progress:

@@ -84,7 +84,7 @@ def tuned_jolt(limit: float = LIMIT) -> TuneResult:
     """Return the cradle's damper and the jolt's controller: the H2 norm, the largest of the points, and a limited peak."""
     weighed = ["w_actuator_sym", "w_suspension_sym", *(f"n_{stem}_sym" for stem in MEASURED)]
     peak = bc.tunable.constraint("w_platform", "z_tip_sym", 15.0 * limit)
-    return tuned("sym", jolt_plant, [bc.tunable.objective(weighed, norm="h2"), peak], starts=1)
+    return tuned("sym", jolt_plant, [bc.tunable.objective(weighed, norm="h2"), peak], n_starts=1)
 
 
 @cache
@@ -92,7 +92,7 @@ def tuned_yaw() -> TuneResult:
     """Return the hinge's damper and the yaw's controller: peaks from platform to tip and force, and round the control."""
     ends = [("platform", "tip_anti"), ("platform", "suspension_anti"), ("suspension_anti", "suspension_anti")]
     channels = [bc.tunable.objective(f"w_{start}", f"z_{end}") for start, end in ends]
-    return tuned("anti", yaw_plant, channels, starts=1, decay=DECAY)
+    return tuned("anti", yaw_plant, channels, n_starts=1, min_decay_rate=DECAY)
 
 
 def tuned(side: str, plant_at: Callable, channels: list, **options: Any) -> TuneResult:

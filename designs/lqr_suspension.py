@@ -28,7 +28,7 @@ TIP, TIP_SPEED, FORCE = 0.2, 0.2, 60.0  # what counts as one [m], [m/s], [N]
 def boom(values: Mapping[str, float]) -> SecondOrderModel:
     """Return the boom with other springs and another mass, nozzles among its outputs, without accelerometers."""
     model = suspension_model(scaled_boom(bc.BoomParameters(), **values), ELEMENTS, nozzles=True)
-    return model.select(None, [name for name in model.outputs if name not in ACCELERATIONS])
+    return model.select(None, [name for name in model.output_labels if name not in ACCELERATIONS])
 
 
 def design() -> SuspensionDesign:

@@ -52,8 +52,8 @@ def rig(p: dict[str, float]) -> SecondOrderModel:
     C[0, 0] += p["friction"]
     columns = model.ports.B.copy()
     columns[:, :, 0] *= p["gain"]
-    forces = dict(zip(model.inputs, columns[0].T, strict=True))
-    return SecondOrderModel(model.M, C, model.K, forces, dict(zip(model.outputs, model.ports.L[0], strict=True)))
+    forces = dict(zip(model.input_labels, columns[0].T, strict=True))
+    return SecondOrderModel(model.M, C, model.K, forces, dict(zip(model.output_labels, model.ports.L[0], strict=True)))
 
 
 def shaken() -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:

@@ -81,7 +81,7 @@ def tuned_yaw(order: int = ORDER, decay: float | None = DECAY, force: float = FO
     """Return the yaw's controller: peaks from platform to tip and force, and round the control, over the box."""
     ends = [("actuator_anti", "tip_anti"), ("actuator_anti", "suspension_anti"), ("suspension_anti", "suspension_anti")]
     channels = [bc.tunable.objective(f"w_{start}", f"z_{end}") for start, end in ends]
-    return tuned(partial(yaw_plant, force=force), order, "anti", channels, family=family("anti"), decay=decay)
+    return tuned(partial(yaw_plant, force=force), order, "anti", channels, family=family("anti"), min_decay_rate=decay)
 
 
 def tuned(P: Any, order: int, side: str, channels: list, **options: Any) -> TuneResult:

@@ -91,7 +91,7 @@ assert np.allclose(computed["discrete-hermite", 6], published["discrete-hermite"
 # %%
 x = np.linspace(-6.0, 6.0, 61)
 fine = bc.spray_boom(p, elements=24, nozzles=x)  # also reads the displacement at these places
-names = [name for name in fine.outputs if name.startswith("nozzle")]
+names = [name for name in fine.output_labels if name.startswith("nozzle")]
 fig, axes = plt.subplots(1, 5, figsize=(10, 2.2), sharey=True, layout="constrained")
 for ax, f in zip(axes, exact, strict=True):
     response = fine.frequency_response([2 * np.pi * f], ["actuator_left", "actuator_right"], names).frdata[:, :, 0]

@@ -61,7 +61,7 @@ for road_class in "CDE":
 warmup_time = 60.0
 boom = bc.spray_boom(p, elements=12, nozzles=nozzles)
 places = [-6.0, *nozzles, 6.0]
-names = ["tip_left", *(name for name in boom.outputs if name.startswith("nozzle")), "tip_right"]
+names = ["tip_left", *(name for name in boom.output_labels if name.startswith("nozzle")), "tip_right"]
 run = bc.forced_response(boom, motion.time, {"actuator_left": motion.left, "actuator_right": motion.right}, names)
 both = np.array([run.outputs["tip_left"], run.outputs["tip_right"]])
 motion.plot()[-1].set_xlim(60.0, 90.0)

@@ -56,7 +56,7 @@ def rig(p):
     friction = np.zeros_like(model.C)
     friction[0, 0] = p["friction"]
     torque, tip_force = (model.ports.force_column(name) for name in ("torque", "tip_force"))
-    outputs = dict(zip(model.outputs, model.ports.L[0], strict=True))
+    outputs = dict(zip(model.output_labels, model.ports.L[0], strict=True))
     return SecondOrderModel(
         model.M,
         model.C + friction,

@@ -88,7 +88,7 @@ def test_beam_imported_alone_has_other_models():
     imported(
         "from boomctl.rotating_beam.assumed_modes import AssumedModesBeam as B;"
         "from boomctl.rotating_beam.parameters import HubBeamParameters as P;"
-        "B(P(), 'foam', 2).in_model('geometrically-exact'); assert 'boomctl.rotating_beam.factory' not in sys.modules"
+        "B(P(), 'foam', 2).with_model('geometrically-exact'); assert 'boomctl.rotating_beam.factory' not in sys.modules"
     )
 
 

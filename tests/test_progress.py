@@ -48,11 +48,13 @@ def test_listener_receives_task_and_stages(task):
         (CALLS | OTHERS)[task]()
     if task in CALLS:  # an argument is a listener as well
         CALLS[task](progress=given.append)
-        assert [(told.stage, told.done, told.total) for told in given] == [(t.stage, t.done, t.total) for t in heard]
+        assert [(told.stage, told.completed, told.total) for told in given] == [
+            (t.stage, t.completed, t.total) for t in heard
+        ]
     task = task.removeprefix("exact ")
     assert task in {told.task for told in heard}
     assert all(told.stage for told in heard)
-    assert all(0 <= told.done <= told.total for told in heard if None not in (told.done, told.total))
+    assert all(0 <= told.completed <= told.total for told in heard if None not in (told.completed, told.total))
     own = [told.elapsed for told in heard if told.task == task]
     assert own == sorted(own)
 
@@ -70,7 +72,7 @@ def test_a_computation_within_another_tells_through_the_outer_one():
     heard = []
     with computing("outer", heard.append), computing("inner") as tell:
         tell("a stage", 1, 2)
-    assert [(told.task, told.stage, told.done, told.total) for told in heard] == [("outer", "a stage", 1, 2)]
+    assert [(told.task, told.stage, told.completed, told.total) for told in heard] == [("outer", "a stage", 1, 2)]
     assert str(heard[0]).startswith("outer: a stage 1 of 2 (0 s)")
     assert pickle.loads(pickle.dumps(heard[0])) == heard[0]
 

@@ -55,10 +55,10 @@ class FurtherDelay:
     def of(cls, plant: Lti, controller: Lti, delay: float, signal: str) -> "FurtherDelay":
         """Return the loop of a plant and a controller, found by name, delayed at a signal."""
         between, acting = (
-            signals_of(controller, plant.inputs, plant.outputs, scales=plant.scales),
-            signal in controller.outputs,
+            signals_of(controller, plant.input_labels, plant.output_labels, scales=plant.scales),
+            signal in controller.output_labels,
         )
-        index = (controller.outputs if acting else controller.inputs).index(signal)
+        index = (controller.output_labels if acting else controller.input_labels).index(signal)
         return cls(plant.between(*between).balanced(), controller, delay, acting, index)
 
     def least(self) -> tuple[float, float]:

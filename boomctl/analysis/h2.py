@@ -94,7 +94,9 @@ def _between(lower: float, value: float, upper: float, method: str) -> NormBound
 
 def _fed_through(given: Lti) -> NormBounds:
     o, i = np.unravel_index(int(np.argmax(np.abs(given.D))), given.D.shape)
-    return _between(inf, inf, inf, f"a feedthrough to {given.outputs[int(o)]!r} from {given.inputs[int(i)]!r}")
+    return _between(
+        inf, inf, inf, f"a feedthrough to {given.output_labels[int(o)]!r} from {given.input_labels[int(i)]!r}"
+    )
 
 
 def _doubtful(system: Lti, near: Array, why: str) -> NormBounds:

@@ -71,7 +71,7 @@ class Loop:
         around = self.controls + self.measurements
         points = names("control or measurement (injection_points)", injection_points, around)
         for label in map(injected, points):
-            if self.system.inputs.count(label) > 1:
+            if self.system.input_labels.count(label) > 1:
                 raise ValueError(
                     f"`injection_points` must result in new names, got {label!r}, a name of two inputs. Rename a signal."
                 )
@@ -118,12 +118,12 @@ def joined(
     either = delay is not None
     P = of(plant, "plant", sampled=either)
     K = controller_of(controller, sampled=either, scales=P.scales)
-    K = replace(K, states=tuple(f"controller_{label}" for label in K.states))
-    acting, measured = signals_of(K, P.inputs, P.outputs, P.states, P.scales)
+    K = replace(K, state_labels=tuple(f"controller_{label}" for label in K.state_labels))
+    acting, measured = signals_of(K, P.input_labels, P.output_labels, P.state_labels, P.scales)
     dt, late = time_of_loop(P, K, 0.0 if delay is None else delay)
     if dt:
         P = sampled_plant(P, acting, dt, [late] * len(acting))
-    others = [i for i in range(len(P.inputs)) if i not in acting]
+    others = [i for i in range(len(P.input_labels)) if i not in acting]
     m, p, outputs = len(acting), len(measured), len(P.C)
     driven, between = P.D[:, acting], P.D[np.ix_(measured, acting)]
     read = np.hstack([P.D[np.ix_(measured, others)], between, np.eye(p), between])
@@ -137,11 +137,21 @@ def joined(
     )
     B = np.hstack([P.B[:, others], P.B[:, acting], np.zeros((len(P.A), p)), P.B[:, acting]])
     C = np.vstack([P.C, np.zeros((m, len(P.A))), P.C[measured], P.C[measured]])
-    disturbances = tuple(P.inputs[i] for i in others)
-    inputs = (*disturbances, *map(injected, K.outputs + K.inputs), *K.outputs)
+    disturbances = tuple(P.input_labels[i] for i in others)
+    inputs = (*disturbances, *map(injected, K.output_labels + K.input_labels), *K.output_labels)
     scales = P.scales and {**P.scales, **{injected(name): value for name, value in P.scales.items()}}
-    open_loop = Lti(P.A, B, C, D, inputs, P.outputs + K.outputs + K.inputs + K.inputs, P.states, dt, scales)
-    return Loop(disturbances, K.outputs, K.inputs, P.outputs, lower_lft(open_loop, K))
+    open_loop = Lti(
+        P.A,
+        B,
+        C,
+        D,
+        inputs,
+        P.output_labels + K.output_labels + K.input_labels + K.input_labels,
+        P.state_labels,
+        dt,
+        scales,
+    )
+    return Loop(disturbances, K.output_labels, K.input_labels, P.output_labels, lower_lft(open_loop, K))
 
 
 def sign_advice(plant: Lti, controller: Lti, delay: float) -> str:
@@ -189,26 +199,28 @@ def signals_of(
         it gets them.
     """
     unnamed = [
-        *(f"u[{k}]" for k in range(len(controller.inputs))),
-        *(f"y[{k}]" for k in range(len(controller.outputs))),
+        *(f"u[{k}]" for k in range(len(controller.input_labels))),
+        *(f"y[{k}]" for k in range(len(controller.output_labels))),
     ]
-    if unnamed == [*controller.inputs, *controller.outputs] and not {*unnamed} & {*inputs, *outputs}:
+    if unnamed == [*controller.input_labels, *controller.output_labels] and not {*unnamed} & {*inputs, *outputs}:
         raise ValueError(
             f"controller: its signals have no names but {listed(unnamed)}: python-control loses them in -K, 2 * K, K1 * K2;"
             f" K.update_names(inputs=[...], outputs=[...]) gives them: what it reads is among {listed(outputs)}, what it"
             f" drives among {listed(inputs)}"
         )
-    for label in controller.inputs:
+    for label in controller.input_labels:
         if label not in outputs and label in (state.replace(".", "_") for state in states):
             raise ValueError(
                 f"plant: the controller reads its state {label!r}, which is no output; "
                 "boomctl.with_state_outputs(plant) has it"
             )
         known("plant output (it is an input of the controller)", label, outputs)
-    for label in controller.outputs:
+    for label in controller.output_labels:
         known("plant input (it is an output of the controller)", label, inputs)
     check_scales(controller, scales)
-    return [inputs.index(label) for label in controller.outputs], [outputs.index(label) for label in controller.inputs]
+    return [inputs.index(label) for label in controller.output_labels], [
+        outputs.index(label) for label in controller.input_labels
+    ]
 
 
 @one_blas_thread
@@ -335,7 +347,7 @@ def closed_loop_response(
         np.concatenate([z, u], axis=1).transpose(1, 2, 0),
         grid,
         inputs=[data.input_labels[i] for i in others],
-        outputs=[*data.output_labels, *K.outputs],
+        outputs=[*data.output_labels, *K.output_labels],
         name="closed loop",
     )
 

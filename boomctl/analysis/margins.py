@@ -439,7 +439,7 @@ def margins(
             said = f"sampling every {dt:g} s with a delay of {delay:g} s takes the disk margin {', and '.join(costs)}"
             warn_user(said, SamplingCostsMarginWarning)
     if P.dt == K.dt and not delay:
-        handed = P.between(*signals_of(K, P.inputs, P.outputs, P.states, P.scales)), K
+        handed = P.between(*signals_of(K, P.input_labels, P.output_labels, P.state_labels, P.scales)), K
     else:
         handed = loop.system, None
     return Margins(loops, first, second, every, handed)

@@ -156,7 +156,7 @@ class SplitModel:
 
     def _from_parts(self, answers: Sequence[Array], points: int) -> Array:
         """Return the singular values, descending, from the responses of the parts."""
-        count = min(len(self.model.inputs), len(self.model.outputs))
+        count = min(len(self.model.input_labels), len(self.model.output_labels))
         found = [singular_values(answer) for answer in answers]
         if [len(values) for values in found] == [1, 1]:
             return np.array([np.maximum(*found)[0], np.minimum(*found)[0]])[:count]

@@ -222,7 +222,7 @@ def mode_table(system: "SecondOrderModel | control.StateSpace | control.Transfer
     count = len(chain)
     peaks = np.concatenate([np.repeat(np.where(chain.any(axis=0), np.inf, 0.0)[None], count, axis=0), peaks])
     rates, poles = np.concatenate([np.zeros(count), rates[chosen]]), np.concatenate([np.ones(count), poles])
-    return ModeTable(given.inputs, given.outputs, _rows(rates, peaks, None if dt == 0.0 else poles, count))
+    return ModeTable(given.input_labels, given.output_labels, _rows(rates, peaks, None if dt == 0.0 else poles, count))
 
 
 def _rigid(system: Lti) -> tuple[Array, Lti]:

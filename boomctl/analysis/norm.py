@@ -144,7 +144,7 @@ class NormBounds:
         at_least = f"at least {self.lower_bound:.6g}, " if self.lower_bound < self.value else ""
         at_most = f"at most {self.upper_bound:.6g}" if isfinite(self.upper_bound) else "no upper bound"
         doubt = "certified" if self.certified else f"not certified, {at_least}{at_most}"
-        signals = "" if self._given is None else f"\n  {between(self._given.inputs, self._given.outputs)}"
+        signals = "" if self._given is None else f"\n  {between(self._given.input_labels, self._given.output_labels)}"
         return f"NormBounds: {NAMES[self.kind]} norm {self.value:.6g}{at}, {doubt}{signals}\n  {self.method}"
 
     @property

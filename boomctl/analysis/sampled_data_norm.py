@@ -105,27 +105,29 @@ def sampled_data_norm(
     K = controller_of(controller, discrete=True, sampled=True, scales=P.scales)
     if K.dt == 0.0:
         raise ValueError("controller: expected a sampling time, got continuous time; boomctl.discretize samples it")
-    acting, measured = signals_of(K, P.inputs, P.outputs, P.states, P.scales)
+    acting, measured = signals_of(K, P.input_labels, P.output_labels, P.state_labels, P.scales)
     dt, late = time_of_loop(P, K, delay)
-    free = [name for name in P.inputs if name not in K.outputs]
-    driven = [P.inputs.index(name) for name in names("disturbance", inputs, free)]
-    shown = names("output", outputs, (*P.outputs, *K.outputs)) if outputs is not None else P.outputs
+    free = [name for name in P.input_labels if name not in K.output_labels]
+    driven = [P.input_labels.index(name) for name in names("disturbance", inputs, free)]
+    shown = names("output", outputs, (*P.output_labels, *K.output_labels)) if outputs is not None else P.output_labels
     if not (driven and shown):
         raise ValueError("inputs, outputs: expected at least one disturbance and one output")
     direct = P.D[np.ix_(measured, driven)]
     if direct.any():
         o, i = (int(k[0]) for k in np.nonzero(direct))
-        name, corner = P.inputs[driven[i]], np.pi / dt  # half the sampling rate
-        others = [each for each in P.inputs if each != name]
+        name, corner = P.input_labels[driven[i]], np.pi / dt  # half the sampling rate
+        others = [each for each in P.input_labels if each != name]
         raise ValueError(
-            f"disturbance {name!r} acts on measurement {P.outputs[measured[o]]!r} directly: samples of it have no"
+            f"disturbance {name!r} acts on measurement {P.output_labels[measured[o]]!r} directly: samples of it have no"
             f" bound without a filter before it: W = boomctl.low_pass(1.0, {corner:.4g});"
             f" W.input_labels, W.output_labels = ['filtered'], [{name!r}]; P = control.interconnect([P, W],"
-            f" inputs={['filtered', *others]}, outputs={list(P.outputs)})"
+            f" inputs={['filtered', *others]}, outputs={list(P.output_labels)})"
         )
-    zero, one = np.zeros((len(acting), len(P.A))), np.eye(len(P.inputs))[acting]  # the controls, as outputs
-    every = replace(P, C=np.vstack([P.C, zero]), D=np.vstack([P.D, one]), outputs=(*P.outputs, *K.outputs))
-    rows = [every.outputs.index(name) for name in shown]
+    zero, one = np.zeros((len(acting), len(P.A))), np.eye(len(P.input_labels))[acting]  # the controls, as outputs
+    every = replace(
+        P, C=np.vstack([P.C, zero]), D=np.vstack([P.D, one]), output_labels=(*P.output_labels, *K.output_labels)
+    )
+    rows = [every.output_labels.index(name) for name in shown]
     loop = SampledLoop.of(every.between([*driven, *acting], [*rows, *measured]).balanced(), K, late)
     if (sides(loop.at_samples.poles, dt) >= 0).any():
         return NormBounds(inf, inf, float("nan"), NOT_STABLE)
@@ -253,7 +255,7 @@ class SampledLoop:
         C = np.vstack([leaving @ self.from_states, self.queue.C[read]])
         given = np.vstack([leaving @ self.from_given, self.queue.D[read, -len(K.C) :]])
         D = np.hstack([np.zeros((len(C), inputs)), given])
-        return lower_lft(Lti(A, np.hstack([driving, B]), C, D, dt=K.dt), replace(K, states=()))
+        return lower_lft(Lti(A, np.hstack([driving, B]), C, D, dt=K.dt), replace(K, state_labels=()))
 
     def of_level(self, level: float) -> NormBounds:
         """Return the norm of the loop of a level, which is below one exactly if the level is above that of this loop.

@@ -232,7 +232,7 @@ def sigma(
     if asked is not None:
         asked = below_nyquist(asked, given, "omega" if frequency_hz is None else "frequency_hz")
         values = _finite(asked, given.singular_values(asked))
-        return SigmaResult(asked, values, chosen.inputs, chosen.outputs, given, unit, _unit_of(chosen))
+        return SigmaResult(asked, values, chosen.input_labels, chosen.output_labels, given, unit, _unit_of(chosen))
     with computing("singular values"):
         tell("certified peak")
         certificate = given.norm()
@@ -240,7 +240,9 @@ def sigma(
         grid = drawn_grid(given.resonances(), [certificate.peak_omega])
         tell(f"{len(grid)} frequencies")
         values = _finite(grid, given.singular_values(grid, quiet=True))
-    return SigmaResult(grid, values, chosen.inputs, chosen.outputs, certificate, magnitude_unit=_unit_of(chosen))
+    return SigmaResult(
+        grid, values, chosen.input_labels, chosen.output_labels, certificate, magnitude_unit=_unit_of(chosen)
+    )
 
 
 def asked_frequencies(omega: ArrayLike | None, frequency_hz: ArrayLike | None) -> tuple[Array | None, str]:
@@ -260,7 +262,7 @@ def between_signals(
     """Return a system between the chosen signals, and what answers for it."""
     if isinstance(system, SecondOrderModel):
         model = system.between(inputs, outputs)
-        for kind, there in (("inputs", model.inputs), ("outputs", model.outputs)):
+        for kind, there in (("inputs", model.input_labels), ("outputs", model.output_labels)):
             if not there:
                 raise ValueError(f"system: expected a model with {kind}, got none")
         return model, SplitModel.of(model)
@@ -271,7 +273,11 @@ def between_signals(
 
 def _unit_of(chosen: SecondOrderModel | Lti) -> str:
     """Return the unit of a gain between the signals of a structure; other systems do not say theirs."""
-    return gain_unit(chosen.units, chosen.inputs, chosen.outputs) if isinstance(chosen, SecondOrderModel) else ""
+    return (
+        gain_unit(chosen.units, chosen.input_labels, chosen.output_labels)
+        if isinstance(chosen, SecondOrderModel)
+        else ""
+    )
 
 
 def _nyquist(given: SplitModel | GivenSystem) -> float:
@@ -420,7 +426,7 @@ def compare_sigma(
             )
         values = _finite(grid, given.singular_values(grid, quiet=asked is None))
         done[name] = SigmaResult(
-            grid, values, chosen.inputs, chosen.outputs, norms.get(name, given), unit, _unit_of(chosen)
+            grid, values, chosen.input_labels, chosen.output_labels, norms.get(name, given), unit, _unit_of(chosen)
         )
     return SigmaComparison({name: done[name] for name in systems})
 

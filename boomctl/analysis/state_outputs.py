@@ -63,7 +63,11 @@ def with_state_outputs(plant: Any) -> "control.StateSpace | AffineFamily | Polyn
     """
     if isinstance(plant, AffineFamily | PolynomialFamily):
         centre = _centre_with_state_outputs(plant.nominal)
-        more = ((0, 0), (0, len(centre.outputs) - len(plant.nominal.outputs)), (0, 0))  # what states read stays
+        more = (
+            (0, 0),
+            (0, len(centre.output_labels) - len(plant.nominal.output_labels)),
+            (0, 0),
+        )  # what states read stays
 
         def wider(slope: Slope) -> Slope:
             return replace(slope, L=np.pad(slope.L, more)) if slope.L.any() else replace(slope, L=np.zeros(()))
@@ -80,17 +84,17 @@ def with_state_outputs(plant: Any) -> "control.StateSpace | AffineFamily | Polyn
 
 def _with_state_outputs(plant: Lti) -> Lti:
     plain, eye = plant.without_dots(), np.eye(len(plant.A))
-    labels = tuple(label.replace(".", "_") for label in plant.states)
+    labels = tuple(label.replace(".", "_") for label in plant.state_labels)
 
     def same(output: int, state: int) -> bool:
         return bool((plain.C[output] == eye[state]).all() and not plain.D[output].any())
 
-    new = _unread(labels, plain.outputs, same)
+    new = _unread(labels, plain.output_labels, same)
     return replace(
         plain,
         C=np.vstack([plain.C, eye[new]]),
         D=np.vstack([plain.D, np.zeros((len(new), plain.D.shape[1]))]),
-        outputs=(*plain.outputs, *(labels[i] for i in new)),
+        output_labels=(*plain.output_labels, *(labels[i] for i in new)),
     )
 
 
@@ -109,9 +113,9 @@ def _unread(states: Sequence[str], outputs: Sequence[str], same: Callable[[int, 
 
 def _centre_with_state_outputs(model: SecondOrderModel) -> SecondOrderModel:
     """Return a structure whose states, as sums of places, speeds and displacements, are outputs too."""
-    ports, n, m = model.ports, model.ncoordinates, len(model.inputs)
+    ports, n, m = model.ports, model.ncoordinates, len(model.input_labels)
     if not ports.plain:
-        filtered = [name for name, b in zip(model.outputs, ports.bandwidths, strict=True) if b is not None]
+        filtered = [name for name, b in zip(model.output_labels, ports.bandwidths, strict=True) if b is not None]
         which = f"a filter behind {filtered[0]!r}" if filtered else "an input that is integrated"
         raise ValueError(f"plant: expected a family without filters and integrators, got {which}")
     places = replace(
@@ -131,17 +135,17 @@ def _centre_with_state_outputs(model: SecondOrderModel) -> SecondOrderModel:
     L, E = np.zeros((3, 2 * n, n)), np.zeros((3, 2 * n, m))
     L[0], L[1, n:] = np.vstack([T, -inner @ A11 @ T]), inner @ T
     E[0], E[1, n:] = np.vstack([-T @ D, inner @ (A11 @ T @ D - B1)]), -inner @ T @ D
-    labels = tuple(label.replace(".", "_") for label in x.states)
+    labels = tuple(label.replace(".", "_") for label in x.state_labels)
 
     def same(output: int, state: int) -> bool:
         return bool((ports.L[:, output] == L[:, state]).all() and (ports.E[:, output] == E[:, state]).all())
 
-    new = _unread(labels, model.outputs, same)
+    new = _unread(labels, model.output_labels, same)
     read = replace(
         ports,
-        outputs=(*model.outputs, *(labels[i] for i in new)),
+        outputs=(*model.output_labels, *(labels[i] for i in new)),
         L=np.concatenate([ports.L, L[:, new]], axis=1),
         E=np.concatenate([ports.E, E[:, new]], axis=1),
-        bandwidths=(None,) * (len(model.outputs) + len(new)),
+        bandwidths=(None,) * (len(model.output_labels) + len(new)),
     )
     return SecondOrderModel.of(model.structure, read)

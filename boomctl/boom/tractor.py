@@ -266,4 +266,4 @@ def tractor_lti(p: TractorParameters, V: float, span: float) -> Lti:
         *(f"{w}_felt" for w in WHEELS),
         *(f"{w}_rate" for w in WHEELS),
     )
-    return Lti(A, B, Cy, np.zeros((2, 4)), inputs=WHEELS, outputs=ACTUATORS, states=states)
+    return Lti(A, B, Cy, np.zeros((2, 4)), input_labels=WHEELS, output_labels=ACTUATORS, state_labels=states)

@@ -85,7 +85,7 @@ def c_files(name: str, running: RunningController, units: Mapping[str, str]) -> 
     if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", name):
         raise ValueError(f"path: {name!r} is no name in C: expected letters, digits and _, a letter first")
     K = running.K
-    if not (K.inputs and K.outputs):
+    if not (K.input_labels and K.output_labels):
         raise ValueError("controller: expected at least one input and one output")
     measured = _measurements(running)
     controls = running.run(measured)
@@ -115,12 +115,12 @@ def c_files(name: str, running: RunningController, units: Mapping[str, str]) -> 
     }
     words = plain | {key: _filled(text, plain) for key, text in parts.items()}
     words |= {
-        "INPUT_COUNT": str(len(K.inputs)),
-        "OUTPUT_COUNT": str(len(K.outputs)),
+        "INPUT_COUNT": str(len(K.input_labels)),
+        "OUTPUT_COUNT": str(len(K.output_labels)),
         "STATE_COUNT": str(len(K.A)),
         "TIME": f"{K.dt!r}",
-        "INPUT_LIST": _listed(K.inputs, units),
-        "OUTPUT_LIST": _listed(K.outputs, units),
+        "INPUT_LIST": _listed(K.input_labels, units),
+        "OUTPUT_LIST": _listed(K.output_labels, units),
         "SAMPLE_COUNT": str(len(measured)),
         "MEASURED": _table(measured),
         "CONTROLS": _table(controls),
@@ -139,7 +139,7 @@ def _measurements(running: RunningController) -> Array:
     K, rng = running.K, np.random.default_rng(0)
     own = float(np.abs(np.linalg.eigvals(K.A)).max()) if len(K.A) else 0.0
     half = _SAMPLES // 2 if own <= 1.0 else max(2, min(_SAMPLES // 2, int(log(_GROWN) / log(own))))
-    noise = rng.standard_normal((2 * half, len(K.inputs)))
+    noise = rng.standard_normal((2 * half, len(K.input_labels)))
     with np.errstate(all="ignore"):  # of gains beyond all numbers the measurements are zero
         scale = np.abs(np.vstack([K.D, K.C @ K.B if len(K.A) else K.D])).max(axis=0)
         noise = np.clip(noise / np.where(scale > 0.0, scale, 1.0), -_HUGE, _HUGE)

@@ -161,9 +161,9 @@ def controller_contents(
     check_scales(K)
     if not np.isnan(K.dt):
         nonnegative("controller: its sampling time", K.dt)
-    if K.states and len(K.states) != len(K.A):
+    if K.state_labels and len(K.state_labels) != len(K.A):
         raise ValueError(
-            f"controller: expected a name for each of {len(K.A)} states, got {len(K.states)}: some are there twice"
+            f"controller: expected a name for each of {len(K.A)} states, got {len(K.state_labels)}: some are there twice"
         )
     if sample_time is not None:
         K = _sampled(K, positive("sample_time", sample_time))
@@ -178,8 +178,8 @@ def controller_contents(
     if suffix == ".c":
         if K.dt == 0.0 or np.isnan(K.dt):
             raise ValueError(f"{name}.c: C code runs once a sample: expected sample_time in seconds")
-        force = per_signal("control_limit", control_limit, K.outputs)
-        rate = per_signal("rate_limit", rate_limit, K.outputs) * K.dt
+        force = per_signal("control_limit", control_limit, K.output_labels)
+        rate = per_signal("rate_limit", rate_limit, K.output_labels) * K.dt
         L = correction((K,), force, rate)[0] if truth("anti_windup", anti_windup) else np.zeros((len(K.A), len(K.C)))
         return {**c_files(name, RunningController(K, L, force, rate), notes.units)}
     if control_limit is not None or rate_limit is not None:
@@ -297,7 +297,7 @@ def _refused(file: Path) -> Iterator[None]:
 
 
 def _refuse_half(K: Lti) -> None:
-    found = [name for name in (*K.inputs, *K.outputs) if is_half(name)]
+    found = [name for name in (*K.input_labels, *K.output_labels) if is_half(name)]
     if found:
         raise ValueError(
             f"controller: {found[0]!r} is a signal of a half, root of two times what a machine has; expected the controller"
@@ -317,9 +317,9 @@ def _sampled(K: Lti, sample_time: float) -> Lti:
 
 def _units(K: Lti, given: Mapping[str, str]) -> dict[str, str]:
     for name in given:
-        known("signal", name, (*K.inputs, *K.outputs))
+        known("signal", name, (*K.input_labels, *K.output_labels))
     found = {}
-    for name in (*K.inputs, *K.outputs):
+    for name in (*K.input_labels, *K.output_labels):
         rate = next((unit for ending, unit in _RATES.items() if ending in name), None)
         stem = next((unit for start, unit in _UNITS.items() if name.startswith(start)), "")
         found[name] = str(given.get(name, half_unit(rate or stem, name)))
@@ -333,9 +333,9 @@ def _record(name: str, K: Lti, notes: ControllerMetadata) -> dict[str, Any]:
         "name": name,
         "law": "u = K y; y: inputs, u: outputs",
         "sample_time": True if np.isnan(K.dt) else K.dt,
-        "inputs": list(K.inputs),
-        "outputs": list(K.outputs),
-        "states": list(K.states) or [f"x{i}" for i in range(len(K.A))],
+        "inputs": list(K.input_labels),
+        "outputs": list(K.output_labels),
+        "states": list(K.state_labels) or [f"x{i}" for i in range(len(K.A))],
         "units": dict(notes.units),
         "A": K.A,
         "B": K.B,

@@ -30,18 +30,18 @@ def matlab_files(name: str, K: Lti, units: Mapping[str, str]) -> dict[str, bytes
         )
     from scipy.io import savemat  # for those who write such a file
 
-    states = K.states or tuple(f"x{i}" for i in range(len(K.A)))
+    states = K.state_labels or tuple(f"x{i}" for i in range(len(K.A)))
     held = {
         "A": K.A,
         "B": K.B,
         "C": K.C,
         "D": K.D,
         "sample_time": _NOT_SAID if np.isnan(K.dt) else K.dt,
-        "inputs": _cells(K.inputs),
-        "outputs": _cells(K.outputs),
+        "inputs": _cells(K.input_labels),
+        "outputs": _cells(K.output_labels),
         "states": _cells(states),
-        "input_units": _cells([units.get(signal, "") for signal in K.inputs]),
-        "output_units": _cells([units.get(signal, "") for signal in K.outputs]),
+        "input_units": _cells([units.get(signal, "") for signal in K.input_labels]),
+        "output_units": _cells([units.get(signal, "") for signal in K.output_labels]),
     }
     file = io.BytesIO()
     savemat(file, held)

@@ -118,7 +118,7 @@ def of_fit(make: Any, parameters: Any, values: Mapping[str, float], ranges: Mapp
     if not isinstance(middle, SecondOrderModel):
         raise TypeError(
             f"model: expected a function that makes a SecondOrderModel or a hub-beam of the parameters, got one that makes"
-            f" {type(middle).__name__}; say `build=` of the family"
+            f" {type(middle).__name__}; say `model=` of the family"
         )
     return PolynomialFamily.from_function(ranges, at)
 

@@ -272,7 +272,7 @@ def _function(build: object) -> Callable[[Any], Any]:
     """Return the function that makes a model of parameters."""
     if isinstance(build, Family):
         return lambda parameters: build.at(build.normalize(parameters))
-    return function_of("build", build, "the parameters, or a family")
+    return function_of("model", build, "the parameters, or a family")
 
 
 def _search(problem: _Problem, count: int, seed: int) -> list[tuple[float, Array]]:

@@ -331,7 +331,7 @@ def _frequencies(model: Any, data: Measured) -> Array:
         poles = of(model, "model").poles
         offered = np.sort(poles.imag[poles.imag > 0.0]) / (2.0 * np.pi)
     else:
-        offered = np.sort(finite_array("answer of build", _numbers("model", model, "eigenfrequencies [Hz]"), ndim=1))
+        offered = np.sort(finite_array("answer of model", _numbers("model", model, "eigenfrequencies [Hz]"), ndim=1))
     if (offered <= 0.0).any():
         raise ValueError(f"model: expected eigenfrequencies above zero, got {offered.min():g}")
     if len(offered) < least:
@@ -373,10 +373,10 @@ def _signals(data: Measured, model: Any) -> tuple[Sequence[str] | None, Sequence
     """Return between which signals a model is asked: those named, those of the data, or the model's own."""
     found: list[Sequence[str] | None] = []
     primary = getattr(getattr(model, "ports", None), "primary", None) or (None, None)
-    for k, (name, said) in enumerate((("inputs", data.inputs), ("outputs", data.outputs))):
-        there, label = getattr(model, name), data.labels[k] if data.labels else ()
+    for k, (name, said) in enumerate((("input", data.inputs), ("output", data.outputs))):
+        there, label = getattr(model, f"{name}_labels"), data.labels[k] if data.labels else ()
         if said is not None:
-            found.append(some_names(name[:-1], said, there))
+            found.append(some_names(name, said, there))
         elif label and set(label) <= set(there):
             found.append(label)
         else:
@@ -389,6 +389,6 @@ def _of_data(model: Any, data: Measured, asked: Array) -> Array:
     grid = np.asarray(model.omega)
     if grid.shape != asked.shape or not np.allclose(grid, asked, rtol=ALIKE, atol=0.0):
         raise ValueError("model: expected a response at the measured frequencies, ascending")
-    there = SimpleNamespace(inputs=tuple(model.input_labels), outputs=tuple(model.output_labels))
+    there = SimpleNamespace(input_labels=tuple(model.input_labels), output_labels=tuple(model.output_labels))
     ins, outs = _signals(data, there)
-    return np.asarray(model[list(outs or there.outputs), list(ins or there.inputs)].frdata)
+    return np.asarray(model[list(outs or there.output_labels), list(ins or there.input_labels)].frdata)

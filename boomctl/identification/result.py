@@ -101,7 +101,7 @@ class FitResult:
         try:
             pickle.dumps(self.model)
         except (pickle.PicklingError, AttributeError, TypeError):  # a function within a function
-            state["build"] = None
+            state["model"] = None
         return state
 
     @property

@@ -40,7 +40,7 @@ def uncertainty_weight(
     data : FrequencyResponseEstimate, FrequencyResponseData, or a list of such
         As `fit` takes it; without ``deviation`` the measurement is taken for exact.  Of several data sets the largest counts.
     model : SecondOrderModel, StateSpace, FrequencyResponseData, ...
-        The model, such as ``build(found.parameters)`` of a fit, or ``found.model`` of an identification.
+        The model, such as ``model(found.parameters)`` of a fit, or ``found.model`` of an identification.
     inputs, outputs : str or sequence of str, optional
         Entries wanted, by names in what was measured; by default all.
     probability : float

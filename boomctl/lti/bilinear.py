@@ -59,7 +59,9 @@ def continuous_image(system: Lti) -> Lti:
     # one factor of 2 g to each side, so that Gramians are those of the discrete system up to no more than that
     side = np.sqrt(2.0 * g)
     D = system.D - system.C @ B
-    return Lti(A, side * B, side * C, D, system.inputs, system.outputs, system.states, scales=system.scales)
+    return Lti(
+        A, side * B, side * C, D, system.input_labels, system.output_labels, system.state_labels, scales=system.scales
+    )
 
 
 def image_of_poles(poles: Array, dt: float) -> Array:
@@ -86,7 +88,9 @@ def discrete_image(system: Lti, dt: float) -> Lti:
     A, D = inverse @ moved, system.D + system.C @ B / g
     # of a pole at -2/dt nothing is left but rounding
     A[np.abs(A) <= DIGIT * (np.abs(inverse) @ (eye + np.abs(system.A) / g))] = 0.0
-    return Lti(A, side * B, side * C, D, system.inputs, system.outputs, system.states, dt, system.scales)
+    return Lti(
+        A, side * B, side * C, D, system.input_labels, system.output_labels, system.state_labels, dt, system.scales
+    )
 
 
 def discretized(system: Lti, dt: float, method: str, warped: float | None = None) -> Lti:

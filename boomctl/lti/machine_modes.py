@@ -18,7 +18,7 @@ class MachineModes:
 
     Attributes
     ----------
-    inputs, outputs, states : tuple of str
+    input_labels, output_labels, state_labels : tuple of str
         Names of u, of what is measured, and of the states: of a hub-beam those of ``to_nlsys()``.
     omega : ndarray, m
         Frequencies, rad/s; that of a rigid motion is 0.
@@ -40,9 +40,9 @@ class MachineModes:
         Of inputs, outputs and sensors, as far as they are known.
     """
 
-    inputs: tuple[str, ...]
-    outputs: tuple[str, ...]
-    states: tuple[str, ...]
+    input_labels: tuple[str, ...]
+    output_labels: tuple[str, ...]
+    state_labels: tuple[str, ...]
     omega: Array
     decay: float
     push: Array

@@ -338,7 +338,7 @@ def residualised(system: Lti, count: int) -> Lti:
     X, U = rest[:, :r], rest[:, r:]
     return replace(
         system, A=A[:r, :r] + A[:r, r:] @ X, B=B[:r] + A[:r, r:] @ U, C=C[:, :r] + C[:, r:] @ X, D=D + C[:, r:] @ U,
-        states=system.states[:r],
+        state_labels=system.state_labels[:r],
     )  # fmt: skip
 
 

@@ -121,7 +121,7 @@ def sample_plant(
     (['v', 'force_held_1', 'force_held_2'], 0.1)
     """
     given, dt = of(plant, "plant"), positive("sample_time", sample_time)
-    acting = [given.inputs.index(name) for name in names("control", controls, given.inputs)]
+    acting = [given.input_labels.index(name) for name in names("control", controls, given.input_labels)]
     late = nonnegative("delay", delay)
     _check_samples(late, dt)
     name = getattr(plant, "name", None)
@@ -232,10 +232,18 @@ class Held:
     def sampled(self, dt: float) -> Lti:
         """Return the plant from sample to sample."""
         plant, lengths = self.plant, np.diff(self.starts)
-        queues = [f"{plant.inputs[i]}_held_{k + 1}" for i in np.flatnonzero(self.controls) for k in range(lengths[i])]
-        states = (*plant.states, *queues)
+        queues = [
+            f"{plant.input_labels[i]}_held_{k + 1}" for i in np.flatnonzero(self.controls) for k in range(lengths[i])
+        ]
+        states = (*plant.state_labels, *queues)
         return Lti(
-            *self.matrices(*self.motion(dt)), *self.answers(0.0), plant.inputs, plant.outputs, states, dt, plant.scales
+            *self.matrices(*self.motion(dt)),
+            *self.answers(0.0),
+            plant.input_labels,
+            plant.output_labels,
+            states,
+            dt,
+            plant.scales,
         )
 
 
@@ -289,5 +297,10 @@ def _read(system: Lti, output: int, reading: tuple[Array, Array], samples: int) 
     C[output], D[output] = 0.0, 0.0
     C[output, place + samples - 1] = 1.0
     return replace(
-        system, A=A, B=B, C=C, D=D, states=(*system.states, *(f"read_late_{place + k}" for k in range(samples)))
+        system,
+        A=A,
+        B=B,
+        C=C,
+        D=D,
+        state_labels=(*system.state_labels, *(f"read_late_{place + k}" for k in range(samples))),
     )

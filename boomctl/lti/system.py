@@ -50,7 +50,7 @@ class Lti:
     ----------
     A, B, C, D : ndarray
         Real, finite, of shapes (n, n), (n, m), (p, n), (p, m).
-    inputs, outputs, states : tuple of str
+    input_labels, output_labels, state_labels : tuple of str
         Names; empty where nobody asks for them.
     dt : float
         Sampling time [s]; 0 in continuous time, ``nan`` in discrete time that does not say.
@@ -63,9 +63,9 @@ class Lti:
     B: Array
     C: Array
     D: Array
-    inputs: tuple[str, ...] = ()
-    outputs: tuple[str, ...] = ()
-    states: tuple[str, ...] = ()
+    input_labels: tuple[str, ...] = ()
+    output_labels: tuple[str, ...] = ()
+    state_labels: tuple[str, ...] = ()
     dt: float = 0.0
     scales: Mapping[str, float] | None = None
 
@@ -79,20 +79,24 @@ class Lti:
         ValueError
             A name that is not known or is asked for twice.
         """
-        ins, outs = names("input", inputs, self.inputs), names("output", outputs, self.outputs)
-        return self.between([self.inputs.index(name) for name in ins], [self.outputs.index(name) for name in outs])
+        ins, outs = names("input", inputs, self.input_labels), names("output", outputs, self.output_labels)
+        return self.between(
+            [self.input_labels.index(name) for name in ins], [self.output_labels.index(name) for name in outs]
+        )
 
     def between(self, inputs: Sequence[int], outputs: Sequence[int]) -> "Lti":
         """Return the system between the signals of these numbers."""
         i, o = list(inputs), list(outputs)
-        ins = tuple(self.inputs[k] for k in i) if self.inputs else ()
-        outs = tuple(self.outputs[k] for k in o) if self.outputs else ()
-        return replace(self, B=self.B[:, i], C=self.C[o], D=self.D[np.ix_(o, i)], inputs=ins, outputs=outs)
+        ins = tuple(self.input_labels[k] for k in i) if self.input_labels else ()
+        outs = tuple(self.output_labels[k] for k in o) if self.output_labels else ()
+        return replace(self, B=self.B[:, i], C=self.C[o], D=self.D[np.ix_(o, i)], input_labels=ins, output_labels=outs)
 
     def without_dots(self) -> "Lti":
         """Return the system with its signals named as in python-control: dots, which it does not allow, become ``_``."""
-        inputs, outputs = (tuple(name.replace(".", "_") for name in names) for names in (self.inputs, self.outputs))
-        return replace(self, inputs=inputs, outputs=outputs)
+        inputs, outputs = (
+            tuple(name.replace(".", "_") for name in names) for names in (self.input_labels, self.output_labels)
+        )
+        return replace(self, input_labels=inputs, output_labels=outputs)
 
     def balanced(self) -> "Lti":
         """Return the system with states scaled by powers of two, so that rows and columns of ``A`` have like sizes."""
@@ -217,10 +221,12 @@ class Lti:
         from boomctl.lti.python_control import UNSCALED, ScaledStateSpace, control
 
         named = self.without_dots()
-        given = {kind: list(labels) for kind in ("inputs", "outputs") if (labels := getattr(named, kind))}
-        states = list(self.states) or None
+        labels = {"inputs": named.input_labels, "outputs": named.output_labels}
+        given = {kind: list(names) for kind, names in labels.items() if names}
+        states = list(self.state_labels) or None
         time = {} if self.dt == 0.0 else {"dt": True if np.isnan(self.dt) else self.dt}
-        scales = {label: value for label, value in (self.scales or {}).items() if label in named.inputs + named.outputs}
+        signals = named.input_labels + named.output_labels
+        scales = {label: value for label, value in (self.scales or {}).items() if label in signals}
         matrices = (self.A, self.B, self.C, self.D)
         if scales:
             return ScaledStateSpace(*matrices, name=name, states=states, scales=scales, **given, **time)
@@ -253,7 +259,7 @@ def append(first: Lti, *others: Lti) -> Lti:
     """Return systems side by side: the inputs, outputs and states of one after those of the other."""
     systems = (first, *others)
     A, B, C, D = (linalg.block_diag(*(getattr(system, letter) for system in systems)) for letter in "ABCD")
-    inputs, outputs, states = (_labels(kind, *systems) for kind in ("inputs", "outputs", "states"))
+    inputs, outputs, states = (_labels(kind, *systems) for kind in ("input", "output", "state"))
     return Lti(A, B, C, D, inputs, outputs, states, first.dt)
 
 
@@ -262,8 +268,8 @@ def series(first: Lti, second: Lti) -> Lti:
     corner = np.zeros((len(first.A), len(second.A)))
     A = blocks([[first.A, corner], [second.B @ first.C, second.A]])
     B, C = np.vstack([first.B, second.B @ first.D]), np.hstack([second.D @ first.C, second.C])
-    states = _labels("states", first, second)
-    return Lti(A, B, C, second.D @ first.D, first.inputs, second.outputs, states, first.dt)
+    states = _labels("state", first, second)
+    return Lti(A, B, C, second.D @ first.D, first.input_labels, second.output_labels, states, first.dt)
 
 
 @dataclass(frozen=True, eq=False)
@@ -304,7 +310,7 @@ class ClosedLoop:
     def system(self) -> Lti:
         """The loop, balanced, its states without names."""
         A, scale = self._balance
-        return replace(self.whole, A=A, B=self.whole.B / scale[:, None], C=self.whole.C * scale, states=())
+        return replace(self.whole, A=A, B=self.whole.B / scale[:, None], C=self.whole.C * scale, state_labels=())
 
     @cached_property
     def magnitudes(self) -> Lti:
@@ -350,9 +356,9 @@ def closed(plant: Lti, K: Lti, solved: Array) -> Lti:
     A = blocks([[plant.A + B2 @ direct @ C2, B2 @ state], [read @ C2, K.A + K.B @ D22 @ state]])
     B = np.vstack([B1 + B2 @ direct @ D21, read @ D21])
     C = np.hstack([C1 + D12 @ direct @ C2, D12 @ state])
-    states = _labels("states", plant, K)
+    states = _labels("state", plant, K)
     D = D11 + D12 @ direct @ D21
-    return Lti(A, B, C, D, plant.inputs[:m], plant.outputs[:p], states, plant.dt, plant.scales)
+    return Lti(A, B, C, D, plant.input_labels[:m], plant.output_labels[:p], states, plant.dt, plant.scales)
 
 
 def signal_scales(A: Array, B: Array, C: Array) -> Array:
@@ -383,11 +389,11 @@ def well_posed_inverse(matrix: Array) -> Array:
 
 def _labels(kind: str, *systems: Lti) -> tuple[str, ...]:
     """Return the names of systems one after the other; none where one of them does not name its own."""
-    sizes = {"inputs": "B", "outputs": "C", "states": "A"}
+    sizes = {"input": "B", "output": "C", "state": "A"}
     listed: list[str] = []
     for system in systems:
-        labels = getattr(system, kind)
-        if len(labels) != getattr(system, sizes[kind]).shape[1 if kind == "inputs" else 0]:
+        labels = getattr(system, f"{kind}_labels")
+        if len(labels) != getattr(system, sizes[kind]).shape[1 if kind == "input" else 0]:
             return ()
         listed += labels
     return tuple(listed)
@@ -505,8 +511,8 @@ def rescale(system: Lti, scales: Mapping[str, float]) -> Lti:
     """
     before = system.scales or {}
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
-        entry = np.array([scales.get(label, 1.0) / before.get(label, 1.0) for label in system.inputs])
-        leave = np.array([before.get(label, 1.0) / scales.get(label, 1.0) for label in system.outputs])
+        entry = np.array([scales.get(label, 1.0) / before.get(label, 1.0) for label in system.input_labels])
+        leave = np.array([before.get(label, 1.0) / scales.get(label, 1.0) for label in system.output_labels])
         B, C, D = system.B * entry, leave[:, None] * system.C, leave[:, None] * system.D * entry
     for name, matrix in (("B", B), ("C", C), ("D", D)):
         finite_array(f"{name} in these scales", matrix)
@@ -535,7 +541,7 @@ def check_scales(controller: Lti, plant: Mapping[str, float] | None = None) -> N
     own, others = controller.scales, plant or {}
     if own is None:
         return
-    for label in (*controller.inputs, *controller.outputs):
+    for label in (*controller.input_labels, *controller.output_labels):
         mine, theirs = own.get(label, 1.0), others.get(label, 1.0)
         if mine == theirs:
             continue
@@ -576,7 +582,10 @@ def _instead(system: object, models: bool) -> str:
 
 def _check_names(what: str, found: Lti) -> None:
     """Raise ``ValueError`` where signals have the same name."""
-    for kind, listed, count in (("input", found.inputs, found.D.shape[1]), ("output", found.outputs, len(found.D))):
+    for kind, listed, count in (
+        ("input", found.input_labels, found.D.shape[1]),
+        ("output", found.output_labels, len(found.D)),
+    ):
         if len(set(listed)) < len(listed):
             twice = next(label for label in listed if listed.count(label) > 1)
             raise ValueError(f"{what}: {kind} {twice!r} is there twice")

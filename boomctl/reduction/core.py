@@ -109,7 +109,7 @@ def structure_core(model: SecondOrderModel, modes: int) -> SystemCore | None:
     """Return a core of undamped modes, or None for a structure whose other modes have no bound in closed form."""
     split = halves(model.structure, model.ports)
     if split is None:
-        parts = [(model, np.eye(len(model.inputs)), np.eye(len(model.outputs)))]
+        parts = [(model, np.eye(len(model.input_labels)), np.eye(len(model.output_labels)))]
     else:
         parts = [(SecondOrderModel.of(part.structure, part.ports), part.W_in, part.W_out) for part in split]
         modes = (modes + 1) // 2

@@ -189,7 +189,9 @@ def _by_cores(
             break
     if isinstance(smaller, Lti):
         scales = getattr(given, "scales", {})  # a structure is in the units of the machine
-        smaller = replace(smaller, inputs=given.inputs, outputs=given.outputs, states=(), scales=scales).without_dots()
+        smaller = replace(
+            smaller, input_labels=given.input_labels, output_labels=given.output_labels, state_labels=(), scales=scales
+        ).without_dots()
     return ReductionResult(
         _full=given,
         _reduced=smaller,  # type: ignore[arg-type]
@@ -259,12 +261,14 @@ def _on_circle(full: Lti, found: ReductionResult, band: Band | None) -> Reductio
         The error on the unit circle is another, or could not be verified.
     """
     if found.order >= len(full.A):
-        small = replace(full, states=()).without_dots()
+        small = replace(full, state_labels=()).without_dots()
         return replace(found, _full=full, _reduced=small, certificate=NO_ERROR, omega_range=band)
     image = found._reduced
     assert isinstance(image, Lti)
     small, dt, kept = discrete_image(image, full.dt), full.dt, "unstable, undamped or rigid-body poles"
-    small = replace(small, inputs=full.inputs, outputs=full.outputs, states=(), scales=full.scales).without_dots()
+    small = replace(
+        small, input_labels=full.input_labels, output_labels=full.output_labels, state_labels=(), scales=full.scales
+    ).without_dots()
     # a system without such poles stays as it is: rounding of other coordinates moves what is slow by more than the error
     apart, ours, own = [full.balanced(), small.balanced()], [], 0.0
     for k, system in enumerate(apart):

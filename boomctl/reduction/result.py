@@ -150,7 +150,7 @@ class ReductionResult:
         )
 
     def __repr__(self) -> str:
-        ends = between(self._reduced.inputs, self._reduced.outputs)
+        ends = between(self._reduced.input_labels, self._reduced.output_labels)
         kept = f", {self.retained_order} unstable or rigid-body states kept" if self.retained_order else ""
         within = "" if self.omega_range is None else " from {:.6g} to {:.6g} rad/s".format(*self.omega_range)
         everywhere = within and " at all frequencies"

@@ -557,7 +557,16 @@ class HubBeam(ABC):
         B[size:, 0] = np.linalg.solve(motion.mass, np.eye(size)[:, 0])
         C[0, 0] = C[1, size] = 1.0
         C[2, :size] = motion.tip
-        return Lti(A, B, C, np.zeros((3, 1)), inputs=INPUTS, outputs=OUTPUTS, states=self.state_labels, scales={})
+        return Lti(
+            A,
+            B,
+            C,
+            np.zeros((3, 1)),
+            input_labels=INPUTS,
+            output_labels=OUTPUTS,
+            state_labels=self.state_labels,
+            scales={},
+        )
 
     def _steady_speed(self, hub_speed: float) -> float:
         speed = within("hub_speed", hub_speed, -_FASTEST, _FASTEST, "rad/s")

@@ -42,7 +42,7 @@ def correction(laws: Sequence[Lti], force: Array, rate: Array) -> Array:
     gains, proved = conditioning_gains(laws, limited)
     left = np.isfinite(rate) & ~limited if proved else np.isfinite(force) | np.isfinite(rate)
     if laws[0].A.size and left.any():
-        _warn(laws[0].outputs, left)
+        _warn(laws[0].output_labels, left)
     return gains
 
 
@@ -53,7 +53,7 @@ def bounded_correction(law: Lti, gains: Array, force: Array, rate: Array) -> Arr
     left = np.isfinite(rate) & ~limited
     if not left.any() and bounded((law,), gains[-1:], _looked_at(limited), _rate(own)):
         return gains
-    _warn(law.outputs, limited | left)
+    _warn(law.output_labels, limited | left)
     return np.zeros_like(gains)
 
 

@@ -93,7 +93,7 @@ class SampledController:
     ) -> "SampledController":
         """Return a discrete system as it runs, or the first of those that it is in turn."""
         read, moved = (np.array(each, dtype=int) for each in (measured, driven))
-        return cls(K.A, K.B, K.C, K.D, L, read, moved, K.inputs, K.outputs, laws)
+        return cls(K.A, K.B, K.C, K.D, L, read, moved, K.input_labels, K.output_labels, laws)
 
 
 def sampled_controller(
@@ -118,13 +118,13 @@ def sampled_controller(
     known("discretization", discretization, DISCRETIZATIONS)
     if isinstance(controller, TimeVaryingController):
         return _time_varying(controller, plant, sample_time)
-    states, scales = (plant.states, plant.scales) if isinstance(plant, ModalPlant) else ((), None)
+    states, scales = (plant.state_labels, plant.scales) if isinstance(plant, ModalPlant) else ((), None)
     scheduled = controller if isinstance(controller, ScheduledController) else None
     if scheduled is None:
         given = (controller_of(controller, "StateSpace, ScheduledController or None", any_time=True, scales=scales),)
     else:
         given = scheduled.systems
-    driven, measured = signals_of(given[0], plant.inputs, plant.outputs, states, scales)
+    driven, measured = signals_of(given[0], plant.input_labels, plant.output_labels, states, scales)
     found = [_discrete(each, sample_time, discretization) for each in given]
     none = np.zeros((len(found), len(found[0].A), len(found[0].C)))
     laws = None
@@ -157,7 +157,7 @@ def _time_varying(
     _check_time(controller.dt, sample_time)
     A, B, C, D, L = controller.A, controller.B, controller.C, controller.D, controller._correction
     first = Lti(A[0], B[0], C[0], D[0], tuple(controller.input_labels), tuple(controller.output_labels))
-    driven, measured = signals_of(first, plant.inputs, plant.outputs)
+    driven, measured = signals_of(first, plant.input_labels, plant.output_labels)
     laws = Laws(controller._laws, L, None, np.zeros(0))
     return SampledController.of(first, L[0], driven, measured, laws)
 

@@ -160,9 +160,9 @@ def forced_response(
         raise TypeError("inputs: expected a mapping from inputs of the plant to arrays, not empty")
     if not isinstance(plant, SecondOrderModel):
         system = of(plant, "plant")
-        rows = disturbance_rows(inputs, system.inputs, (), len(time))
-        read = names("output", outputs, system.outputs)
-        places = [system.outputs.index(name) for name in read]
+        rows = disturbance_rows(inputs, system.input_labels, (), len(time))
+        read = names("output", outputs, system.output_labels)
+        places = [system.output_labels.index(name) for name in read]
         y, nearby = (
             lifted_response(modal.step(h).of_signals, modal.C, modal.D, rows)[places]
             for modal in map(ModalPlant.of, (system, _rounded(system)))
@@ -173,8 +173,8 @@ def forced_response(
         estimate = float(np.max(_UNITS * change / np.where(size > 0.0, size, 1.0), initial=0.0) + SOLVED)
         return ForcedResponse(time, dict(zip(read, y, strict=True)), _given(inputs), estimate, len(system.A))
     for name in inputs:
-        known("signal", name, plant.inputs)
-    read = names("output", outputs, plant.outputs)
+        known("signal", name, plant.input_labels)
+    read = names("output", outputs, plant.output_labels)
     total, errors, sizes, modes = np.zeros((len(read), len(time))), np.zeros(len(read)), np.zeros(len(read)), 0
     for model, U, W in _parts(plant, inputs, read, len(time)):
         y, error, size, used = _structure_response(model, U, h, wanted)
@@ -206,7 +206,10 @@ def _parts(
     """Return the symmetric halves of a model (or the model), their signals, and how their outputs make up the wanted."""
     inputs = tuple(signals)
     if model._mirror is not None:
-        ins, outs = model._mirror.completed(inputs, model.inputs), model._mirror.completed(outputs, model.outputs)
+        ins, outs = (
+            model._mirror.completed(inputs, model.input_labels),
+            model._mirror.completed(outputs, model.output_labels),
+        )
         chosen = model.select(ins, outs)
         parts, rows = halves(chosen.structure, chosen.ports), disturbance_rows(signals, ins, (), n)
         if parts is not None:
@@ -222,7 +225,7 @@ def _structure_response(
     model: SecondOrderModel, U: Array, h: float, accuracy: float
 ) -> tuple[Array, Array, Array, int]:
     """Return outputs, the estimated error of each (outputs,), a bound of its size, and the number of modes."""
-    outputs = len(model.outputs)
+    outputs = len(model.output_labels)
     before, last, size = None, np.full(outputs, np.inf), np.zeros(outputs)
     if not U.any():
         return np.zeros((outputs, U.shape[1])), size, size, 0

@@ -182,7 +182,7 @@ def simulate_loop(
             if value is not None:
                 raise ValueError(f"{name}: expected None for a hub-beam, which has no contacts")
         modal = plant._forced_modes(sequence("sensors", sensors, "BeamSensor"))
-        modal = reading_states(modal, getattr(controller, "input_labels", None) or getattr(controller, "inputs", ()))
+        modal = reading_states(modal, getattr(controller, "input_labels", ()))
         places = []
     else:
         if sequence("sensors", sensors, "BeamSensor"):
@@ -191,7 +191,7 @@ def simulate_loop(
         places = stop_places(end_stop, modal)
     grid = time_grid(timepts, sample_time)
     K = sampled_controller(controller, modal, float(sample_time), method)
-    rows = disturbance_rows(disturbances, modal.inputs, K.outputs, len(grid.time))
+    rows = disturbance_rows(disturbances, modal.input_labels, K.outputs, len(grid.time))
     limits = Limits(
         per_signal("control_limit", control_limit, K.outputs),
         per_signal("rate_limit", rate_limit, K.outputs) * float(sample_time),
@@ -221,7 +221,7 @@ def simulate_loop(
         with computing("closed loop"):
             return _machine_result(loop, *tolerance)
     start = _start(initial_state, modal)
-    _check_strokes(places, modal.C @ start + modal.D @ rows[:, 0], modal.outputs)
+    _check_strokes(places, modal.C @ start + modal.D @ rows[:, 0], modal.output_labels)
 
     def problem(finer: int, touching: bool = True) -> LoopProblem:
         """Return the loop in steps so much finer."""
@@ -278,7 +278,7 @@ def _friction_error(problem: Callable[[int], LoopProblem], substeps: int, slip: 
             number = 2 * substeps
             other = problem(number)
         assert other.contacts is not None
-        apart = (run_contact(other, other.new_log(), other.contacts)[0] - moving)[other.plant.outputs.index(slip)]
+        apart = (run_contact(other, other.new_log(), other.contacts)[0] - moving)[other.plant.output_labels.index(slip)]
         share = 1.0 / abs((substeps / number) ** 2 - 1.0)  # of it that is this run's, if both fall by the second order
         error = max(error, _CAUTION * share * float(np.abs(apart).max()))
     return error
@@ -338,10 +338,10 @@ def _told(
     applied, asked = (dict(zip(K.outputs, each, strict=True)) for each in controls)
     return LoopResult(
         time=p.grid.time,
-        outputs=dict(zip(plant.outputs, outputs, strict=True)),
+        outputs=dict(zip(plant.output_labels, outputs, strict=True)),
         controls=applied,
         commanded=asked,
-        disturbances={name: row for name, row in zip(plant.inputs, rows, strict=True) if row.any()},
+        disturbances={name: row for name, row in zip(plant.input_labels, rows, strict=True) if row.any()},
         saturation_fraction=dict(zip(K.outputs, log.saturated.mean(axis=0).tolist(), strict=True)),
         rate_limit_fraction=dict(zip(K.outputs, log.slewed.mean(axis=0).tolist(), strict=True)),
         stop_contacts=(),

@@ -27,8 +27,8 @@ _MODES = 60  # largest number of undamped modes of a structure: five times those
 class ModalPlant(Lti):
     """Linear plant and its exact motion over a step, in coordinates ``z = from_state x`` of its states.
 
-    ``states`` are the names of the states before a structure is projected onto its modes, for messages about a loop that
-    reads one of them.  ``units`` are those of the signals that have known units.
+    ``state_labels`` are the names of the states before a structure is projected onto its modes, for messages about a
+    loop that reads one of them.  ``units`` are those of the signals that have known units.
     """
 
     from_state: Array = field(kw_only=True)
@@ -38,7 +38,7 @@ class ModalPlant(Lti):
     def of(cls, system: Lti) -> "ModalPlant":
         """Return the plant of a state space."""
         form, to_form = motion_coordinates(system)
-        named = (system.inputs, system.outputs, system.states)
+        named = (system.input_labels, system.output_labels, system.state_labels)
         return cls(form.A, form.B, form.C, form.D, *named, scales=system.scales, from_state=to_form)
 
     def hold(self, duration: float, inputs: Array | list[int]) -> tuple[Array, Array]:
@@ -71,7 +71,7 @@ def modal_plant(
         states = tuple(f"{name}.{part}" for name in names for part in ("x1", "x2"))
         small = system.ncoordinates <= _MODES
         linear = handed_out(structure, ports, None) if small else in_modes(structure, ports, *basis(system, _MODES))
-        return replace(ModalPlant.of(linear), states=states, units=system.units)
+        return replace(ModalPlant.of(linear), state_labels=states, units=system.units)
     return ModalPlant.of(of(system, "plant"))
 
 

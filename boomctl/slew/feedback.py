@@ -91,7 +91,7 @@ def linearised_along(modes: MachineModes, measured: list[int], states: Array, to
     """
     import casadi as ca
 
-    z, u, others = ca.SX.sym("z", states.shape[1]), ca.SX.sym("u"), len(modes.inputs) - 1
+    z, u, others = ca.SX.sym("z", states.shape[1]), ca.SX.sym("u"), len(modes.input_labels) - 1
     given = ca.vertcat(u, ca.SX.zeros(others))
     now, count = z, steps_for(modes, step)
     for _ in range(count):
@@ -118,9 +118,9 @@ def weights(modes: MachineModes, along: Along, states: Array) -> Array:
     import casadi as ca
 
     z = ca.SX.sym("z", states.shape[1])
-    places = [modes.outputs.index(name) for name in ("hub_angle", "tip_displacement")]
+    places = [modes.output_labels.index(name) for name in ("hub_angle", "tip_displacement")]
     at = ca.Function(
-        "rows", [z], [ca.densify(ca.jacobian(modes.read(z, ca.SX.zeros(len(modes.inputs)))[0][places], z))]
+        "rows", [z], [ca.densify(ca.jacobian(modes.read(z, ca.SX.zeros(len(modes.input_labels)))[0][places], z))]
     )
     half, total = states.shape[1] // 2, np.zeros((along.moved.sum(),) * 2)
     for row in np.array(at(np.zeros(states.shape[1]))):

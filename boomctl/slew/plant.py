@@ -289,13 +289,13 @@ def _linear(system: lti.Lti) -> SlewPlant:
     scale = balance(whole)[1]
     unit = scale[:-1] / scale[-1]
     A, b, C = A * unit / unit[:, None], b / unit, C * unit
-    hidden = unmoved(A, b[:, None], system.states, stable=True)
+    hidden = unmoved(A, b[:, None], system.state_labels, stable=True)
     if hidden:
         raise ValueError(f"system: the torque does not move {hidden[0]}; expected a controllable system")
     rows = {"angle": C[0], "speed": C[0] @ A}
     for name, output in (("tip", "tip_displacement"), ("moment", "root_moment")):
-        if output in system.outputs:
-            rows[name] = C[system.outputs.index(output)]
+        if output in system.output_labels:
+            rows[name] = C[system.output_labels.index(output)]
     return SlewPlant(
         A=A,
         B=b,
@@ -305,7 +305,7 @@ def _linear(system: lti.Lti) -> SlewPlant:
         frequencies=None,
         controllable=np.ones(b.size, dtype=bool),
         machine=None,
-        labels=_labels(system.inputs[0], system.outputs[0]),
+        labels=_labels(system.input_labels[0], system.output_labels[0]),
     )
 
 

@@ -436,8 +436,10 @@ def tracked_slew(
         )
     time, places = step * np.arange(count + after + 1), sequence("sensors", sensors, "BeamSensor")
     modes = machine._forced_modes(places)
-    modes = reading_states(modes, modes.states)
-    wanted = modes.states if measurements is None else some_names("measurement", measurements, modes.outputs)
+    modes = reading_states(modes, modes.state_labels)
+    wanted = (
+        modes.state_labels if measurements is None else some_names("measurement", measurements, modes.output_labels)
+    )
     level = per_signal("noise", noise, wanted, zero=True)
     if measurements is not None and np.isinf(level).any():
         silent = ", ".join(name for name, each in zip(wanted, level, strict=True) if np.isinf(each))
@@ -450,7 +452,7 @@ def tracked_slew(
     motion = machine.simulate(history, time, start)
     states = motion.states @ modes.from_state.T
     along = linearised_along(
-        modes, [modes.outputs.index(name) for name in wanted], states[: count + 1], torques[:count], step
+        modes, [modes.output_labels.index(name) for name in wanted], states[: count + 1], torques[:count], step
     )
     tuning = Tuning(
         limit=limit,
@@ -467,18 +469,18 @@ def tracked_slew(
         raise ValueError(
             "noise, disturbance, error_weight: there are no gains for these; expected numbers nearer to each other"
         )
-    push = np.zeros((len(modes.inputs), len(time)))
+    push = np.zeros((len(modes.input_labels), len(time)))
     push[0, 1:] = torques
     outputs = np.array(modes.read.map(len(time))(states.T, push)[0])
-    controller = controller_along(along, K, F, wanted, modes.inputs[0], step)
+    controller = controller_along(along, K, F, wanted, modes.input_labels[0], step)
     linear = machine._linear(final_speed)
     return TrackedSlew(
         controller=controller,
         time_constant=slowest_pole(modes, along, controller, linear, integral_time is not None),
         gains=K @ modes.from_state[along.moved],
         time=time,
-        reference=dict(zip(modes.outputs, outputs, strict=True)),
-        feedforward={modes.inputs[0]: np.append(torques, 0.0)},
+        reference=dict(zip(modes.output_labels, outputs, strict=True)),
+        feedforward={modes.input_labels[0]: np.append(torques, 0.0)},
         duration=history.duration,
         slowest_period=plant.period,
         torque_limit=limit,

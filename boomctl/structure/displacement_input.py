@@ -69,7 +69,7 @@ def prescribe_displacement(
     >>> held.eigenfrequencies_hz(2).round(3)
     array([0.245, 0.587])
     """
-    there = instance("model", model, SecondOrderModel).inputs
+    there = instance("model", model, SecondOrderModel).input_labels
     moved, held = names("input", inputs, there), names("input", hold, there)
     both, reactions = moved + held, truth("reactions", reactions)
     for name in both:
@@ -79,7 +79,7 @@ def prescribe_displacement(
     if not both:
         return model
     if any(model.ports.moved):
-        there = [name for name, is_moved in zip(model.inputs, model.ports.moved, strict=True) if is_moved]
+        there = [name for name, is_moved in zip(model.input_labels, model.ports.moved, strict=True) if is_moved]
         raise ValueError(f"inputs {there} impose motion already: prescribe all displacements in one call")
     J = np.column_stack([model.ports.force_column(name) for name in both])
     if len(both) >= model.ncoordinates:

@@ -59,7 +59,7 @@ class Family:
         box = (
             f"{name} {low:.6g} to {high:.6g}" for name, low, high in zip(self.names, self.low, self.high, strict=True)
         )
-        ports = signals(self.nominal.inputs, self.nominal.outputs)
+        ports = signals(self.nominal.input_labels, self.nominal.output_labels)
         return f"{type(self).__name__}: {self.nominal.ncoordinates} coordinates; {listed(list(box), 50)}\n{ports}"
 
     @property
@@ -504,7 +504,8 @@ def interval(name: str, given: object) -> tuple[float, float]:
 
 def _slope(centre: SecondOrderModel, end: SecondOrderModel) -> Slope:
     before: Ports = centre.ports
-    if end.inputs != centre.inputs or end.outputs != centre.outputs or end.ncoordinates != centre.ncoordinates:
+    signals = (end.input_labels, end.output_labels) == (centre.input_labels, centre.output_labels)
+    if not signals or end.ncoordinates != centre.ncoordinates:
         raise ValueError("the structures of a family must have the same coordinates, inputs and outputs")
     M, C, K = end.M - centre.M, end.C - centre.C, end.K - centre.K
     return Slope(M, C, K, end.ports.B - before.B, end.ports.L - before.L)

@@ -135,7 +135,8 @@ class SecondOrderModel:
     def __repr__(self) -> str:
         chosen = "" if self.selection is None else f"\n  {self.selection}"
         return (
-            f"SecondOrderModel: {count(self.ncoordinates, 'coordinate')}\n{signals(self.inputs, self.outputs)}{chosen}"
+            f"SecondOrderModel: "
+            f"{count(self.ncoordinates, 'coordinate')}\n{signals(self.input_labels, self.output_labels)}{chosen}"
         )
 
     @classmethod
@@ -197,19 +198,19 @@ class SecondOrderModel:
         return self.structure.n
 
     @property
-    def inputs(self) -> tuple[str, ...]:
+    def input_labels(self) -> tuple[str, ...]:
         """Names of the inputs."""
         return self.ports.inputs
 
     @property
-    def outputs(self) -> tuple[str, ...]:
+    def output_labels(self) -> tuple[str, ...]:
         """Names of the outputs."""
         return self.ports.outputs
 
     @property
     def units(self) -> dict[str, str]:
         """Units of the inputs and outputs by name, ``""`` where only whoever gave the matrices knows them."""
-        return {name: self.ports.units.get(name, "") for name in (*self.inputs, *self.outputs)}
+        return {name: self.ports.units.get(name, "") for name in (*self.input_labels, *self.output_labels)}
 
     def select(
         self, inputs: str | Sequence[str] | None = None, outputs: str | Sequence[str] | None = None
@@ -231,7 +232,7 @@ class SecondOrderModel:
         TypeError, ValueError
             Unknown names, or one asked for twice.
         """
-        for what, wanted, there in (("input", inputs, self.inputs), ("output", outputs, self.outputs)):
+        for what, wanted, there in (("input", inputs, self.input_labels), ("output", outputs, self.output_labels)):
             if wanted is not None:
                 some_names(what, wanted, there)
         return SecondOrderModel.of(self.structure, self.ports.select(inputs, outputs), self.selection)
@@ -290,7 +291,7 @@ class SecondOrderModel:
 
     def _ipython_key_completions_(self) -> list[tuple[str, str]]:
         """Return the pairs that consoles complete in brackets."""
-        return [(output, given) for output in self.outputs for given in self.inputs]
+        return [(output, given) for output in self.output_labels for given in self.input_labels]
 
     @property
     def _name(self) -> str:
@@ -539,7 +540,7 @@ def split_symmetric(model: SecondOrderModel) -> tuple[SecondOrderModel, SecondOr
             raise ValueError(f"the model is not symmetric about x = 0: its reflection changes {name}")
     jolt, yaw = (half(model.structure, model.ports, parity) for parity in (1, -1))
     if jolt is None or yaw is None:
-        raise ValueError(f"inputs {model.inputs} or outputs {model.outputs} are not pairs of mirror images")
+        raise ValueError(f"inputs {model.input_labels} or outputs {model.output_labels} are not pairs of mirror images")
     return SecondOrderModel.of(jolt.structure, jolt.ports), SecondOrderModel.of(yaw.structure, yaw.ports)
 
 

@@ -119,8 +119,8 @@ def check_modes(plant: GeneralizedPlant, ready: NormalizedPlant) -> None:
     SynthesisError
         The plant is not stabilisable or not detectable; the mode and its state are named.
     """
-    check_stabilizable(ready.A, ready.B2, plant.controls, ready.system.states, ready.system.dt)
-    check_detectable(ready.A, ready.C2, plant.measurements, ready.system.states, ready.system.dt)
+    check_stabilizable(ready.A, ready.B2, plant.controls, ready.system.state_labels, ready.system.dt)
+    check_detectable(ready.A, ready.C2, plant.measurements, ready.system.state_labels, ready.system.dt)
 
 
 def check_zeros(plant: GeneralizedPlant, ready: NormalizedPlant) -> None:
@@ -152,7 +152,7 @@ def _zeros_on_axis(ready: GeneralizedPlant) -> tuple[HiddenMode, ...]:
     # share of all performance rows below which one of them is what rounding leaves of a rotation
     rows = rows[np.linalg.norm(rows, axis=1) > SOLVED * np.linalg.norm(ready.C1)]
     shifted, dt = ready.A - ready.B2 @ ready.C1[free:], ready.system.dt
-    return unmoved(shifted.T, rows.T, ready.system.states, axis_only=True, dt=dt)
+    return unmoved(shifted.T, rows.T, ready.system.state_labels, axis_only=True, dt=dt)
 
 
 def _place(zero: HiddenMode, dt: float) -> str:

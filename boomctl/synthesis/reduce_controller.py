@@ -182,7 +182,7 @@ def _balanced_in_loop(plant: GeneralizedPlant, K: Lti) -> tuple[Lti, Array]:
     kept = values > SUMMED * values[0]
     into = (left[:, kept] / np.sqrt(values[kept])).T @ seen.T / scale[n:]
     out = scale[n:, None] * (driven @ (right[kept].T / np.sqrt(values[kept])))
-    return replace(K, A=into @ K.A @ out, B=into @ K.B, C=K.C @ out, states=()), values
+    return replace(K, A=into @ K.A @ out, B=into @ K.B, C=K.C @ out, state_labels=()), values
 
 
 def _root(gramian: Array) -> Array:

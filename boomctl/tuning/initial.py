@@ -78,7 +78,10 @@ def _of_controller(problem: Problem, K: Lti) -> Array:
 def _signals(problem: Problem, K: Lti) -> Lti:
     """Return the controller with its signals in the plant's order; those that were never named are in order already."""
     ports, found = problem.ports, []
-    for kind, mine, theirs in (("input", K.inputs, ports.measurements), ("output", K.outputs, ports.controls)):
+    for kind, mine, theirs in (
+        ("input", K.input_labels, ports.measurements),
+        ("output", K.output_labels, ports.controls),
+    ):
         if len(mine) != len(theirs):
             raise ValueError(
                 f"initial_controller: expected {len(theirs)} {kind}(s), {', '.join(theirs)}, got {len(mine)}: "

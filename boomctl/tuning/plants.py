@@ -212,11 +212,11 @@ def _alike(plants: Sequence[GeneralizedPlant]) -> None:
     """Check that plants have the same signals and scales."""
     first = plants[0].system
     for i, plant in enumerate(plants[1:], 2):
-        for kind in ("inputs", "outputs"):
-            here, there = getattr(plant.system, kind), getattr(first, kind)
+        for kind in ("input", "output"):
+            here, there = getattr(plant.system, f"{kind}_labels"), getattr(first, f"{kind}_labels")
             if here != there:
                 raise ValueError(
-                    f"P: the {kind} of model {i} are {', '.join(here)}; expected those of model 1: {', '.join(there)}"
+                    f"P: the {kind}s of model {i} are {', '.join(here)}; expected those of model 1: {', '.join(there)}"
                 )
         for label in (*plant.measurements, *plant.controls):
             here, there = ((each.scales or {}).get(label, 1.0) for each in (plant.system, first))

@@ -312,7 +312,7 @@ def ports_of(plants: tuple[GeneralizedPlant, ...]) -> Ports:
     if first.nmeas and first.ncon:
         size = np.zeros((first.nmeas, first.ncon))
         for plant in plants:
-            part = replace(plant.system, B=plant.B2, C=plant.C2, D=plant.D22, inputs=(), outputs=())
+            part = replace(plant.system, B=plant.B2, C=plant.C2, D=plant.D22, input_labels=(), output_labels=())
             size += _size(part, omega)
         size /= len(plants)
         lines = [np.fmax.reduce(size, axis=k, initial=-np.inf, keepdims=True) for k in (0, 1)]
@@ -336,7 +336,7 @@ def _size(part: Lti, omega: Array) -> Array:
     part, n = part.balanced(), len(part.A)
     found = np.abs(part.response(omega, quiet=True))
     if n:
-        states = replace(part, C=np.eye(n), D=np.zeros((n, part.D.shape[1])), outputs=())
+        states = replace(part, C=np.eye(n), D=np.zeros((n, part.D.shape[1])), output_labels=())
         moved = np.abs(states.response(omega, quiet=True)).max(axis=0)
         found = np.where(found > _NOTHING * np.linalg.norm(part.C, axis=1)[:, None, None] * moved, found, 0.0)
     top = found.max(axis=2)

@@ -285,8 +285,8 @@ class _Task:
             s, where = plant.system, f"{label}: " if label else ""
             if len(self.plants.physical) == 0 and plant.ncon:
                 try:
-                    check_stabilizable(plant.A, plant.B2, plant.controls, s.states)
-                    check_detectable(plant.A, plant.C2, plant.measurements, s.states)
+                    check_stabilizable(plant.A, plant.B2, plant.controls, s.state_labels)
+                    check_detectable(plant.A, plant.C2, plant.measurements, s.state_labels)
                 except SynthesisError as error:
                     raise SynthesisError(f"{where}{error}") from None
         problem = self.problem(self.structure)
@@ -505,10 +505,10 @@ def _result(task: _Task, found: Search, worst: "ChannelNorm | None", path: tuple
     )
     edges = [told for plant, loop in zip(plants, loops, strict=True) if (told := edge_of(plant, loop))]
     certificate = replace(certificate, summary=_statement(certificate, top, len(plants), least, found, edges))
-    named = replace(K, inputs=plants[0].measurements, outputs=plants[0].controls)
+    named = replace(K, input_labels=plants[0].measurements, output_labels=plants[0].controls)
     return TuneResult(
         named,
-        tuple(replace(loop, states=()) for loop in loops),
+        tuple(replace(loop, state_labels=()) for loop in loops),
         largest,
         top.value,
         certificate,

@@ -75,7 +75,7 @@ def test_norms_of_boom_have_default_signals_of_sigma():
 @pytest.mark.parametrize("order", [14, 20])
 def test_that_of_a_stiff_structure_is_told_though_eigenvectors_lose_digits(order):
     model = spray_boom(BoomParameters(), "high-order", 4, order=order)
-    norm = hinf_norm(model.select(model.inputs, model.outputs))
+    norm = hinf_norm(model.select(model.input_labels, model.output_labels))
     assert norm.certified
     assert norm.lower_bound == pytest.approx(2469.1458521, rel=1e-6)
 

@@ -89,7 +89,7 @@ def test_a_family_reads_the_states_of_its_middle_everywhere(excitation):
     for letter in "ABCD":
         own, other = np.asarray(getattr(wide, letter)), np.asarray(getattr(plain, letter))
         np.testing.assert_allclose(own, other, rtol=1e-9, atol=1e-9 * max(np.abs(other).max(), 1.0))
-    tip, place = ([found.nominal.outputs.index(name)] for name in ("tip_anti", "mode1_x1"))
+    tip, place = ([found.nominal.output_labels.index(name)] for name in ("tip_anti", "mode1_x1"))
     for delta in ([1.0, -1.0], [-0.4, 0.9]):
         there = found.at(delta)
         assert np.array_equal(there.ports.L, found.nominal.ports.L)
@@ -106,11 +106,11 @@ def test_a_family_reads_the_states_of_its_middle_everywhere(excitation):
 def test_states_of_a_family_that_are_there_are_not_there_twice(half):
     family = bc.boom_family(subsystem=half)
     once = bc.with_state_outputs(family)
-    assert bc.with_state_outputs(once).nominal.outputs == once.nominal.outputs
-    few = (*family.nominal.outputs, "mode2_x1")
+    assert bc.with_state_outputs(once).nominal.output_labels == once.nominal.output_labels
+    few = (*family.nominal.output_labels, "mode2_x1")
     again = bc.with_state_outputs(replace(once, nominal=once.nominal.select(None, few)))
-    assert again.nominal.outputs[: len(few)] == few
-    assert set(again.nominal.outputs) == set(once.nominal.outputs)
+    assert again.nominal.output_labels[: len(few)] == few
+    assert set(again.nominal.output_labels) == set(once.nominal.output_labels)
     ports = once.nominal.ports
     wrong = SecondOrderModel.of(once.nominal.structure, replace(ports, L=2.0 * ports.L))
     with pytest.raises(ValueError, match="expected output 'mode1_x1' to be the state of this name"):

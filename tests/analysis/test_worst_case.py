@@ -132,7 +132,7 @@ def test_a_sampled_loop_that_changes_too_fast_over_the_box_is_told_in_a_line():
 def loops_with_speeds(rng, half):
     """Return a family all states of which are measured, and a controller with states of its own that reads them."""
     family = bc.with_state_outputs(Walls(rng, int(rng.integers(1, 4))).family)
-    read = [name for name in family.nominal.outputs if name not in ("y", "z")]
+    read = [name for name in family.nominal.output_labels if name not in ("y", "z")]
     size = int(rng.integers(0, 3))
     A = -rng.uniform(1.0, 9.0) * np.eye(size) + 0.3 * rng.standard_normal((size, size))
     B, C, D = (rng.standard_normal(shape) for shape in ((size, len(read)), (1, size), (1, len(read))))

@@ -158,7 +158,7 @@ def test_the_shares_and_the_worst_dose_are_counted_on_the_judged_cells():
 def test_nozzles_of_the_model_are_the_boom_between_its_tips():
     """Where a nozzle is at a tip it is the tip; slowly driven, the boom follows the platform as a rigid one."""
     model = bc.spray_boom(nozzles=[-6.0, -2.0, 2.0, 6.0])
-    assert model.outputs[-4:] == ("nozzle_01", "nozzle_02", "nozzle_03", "nozzle_04")
+    assert model.output_labels[-4:] == ("nozzle_01", "nozzle_02", "nozzle_03", "nozzle_04")
     Y = model.frequency_response([0.5, 5.0], outputs=["tip_left", "nozzle_01", "tip_right", "nozzle_04"]).frdata
     assert Y[0] == pytest.approx(Y[1])
     assert Y[2] == pytest.approx(Y[3])
@@ -178,8 +178,8 @@ def test_boom_with_nozzles_splits_where_they_are_mirror_images(nozzles):
         return
     jolt, yaw = bc.split_symmetric(model)
     assert jolt.ncoordinates + yaw.ncoordinates == model.ncoordinates
-    assert "nozzle_01_sym" in jolt.outputs
-    assert "nozzle_01_anti" in yaw.outputs
+    assert "nozzle_01_sym" in jolt.output_labels
+    assert "nozzle_01_anti" in yaw.output_labels
 
 
 @pytest.mark.parametrize("width", [0.3, *(pytest.param(w, marks=pytest.mark.slow) for w in (1.0, 1.7, 2.0)), 4.0])

@@ -42,7 +42,7 @@ def test_the_yaw_frequency_runs_from_the_models_to_the_measured_one():
     assert family.at([-1.0]).eigenfrequencies_hz(1)[0] == pytest.approx(0.2450, abs=1e-4)
     stiff = spray_boom(replace(BoomParameters(), spring_stiffness=float(family.high[0])))
     assert stiff.eigenfrequencies_hz(1)[0] == pytest.approx(0.34, rel=1e-9)
-    assert yaw_family(subsystem="yaw").nominal.inputs == ("actuator_anti", "suspension_anti")
+    assert yaw_family(subsystem="yaw").nominal.input_labels == ("actuator_anti", "suspension_anti")
 
 
 def test_springs_go_up_to_those_of_the_measured_yaw_whatever_the_dampers():

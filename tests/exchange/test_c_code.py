@@ -95,7 +95,7 @@ def test_c_code_any_measurements_give_finite_controls(tmp_path_factory, seed):
     folder, rng = tmp_path_factory.mktemp("c"), np.random.default_rng(seed)
     K, limits = _random_controller(rng)
     own = of(K, any_time=True)
-    p, m = len(own.inputs), len(own.outputs)
+    p, m = len(own.input_labels), len(own.output_labels)
     force, rate = (
         np.array([limits[f"{kind}_limit"].get(f"u{i}", np.inf) for i in range(m)]) for kind in ("force", "rate")
     )

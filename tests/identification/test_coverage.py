@@ -86,4 +86,4 @@ def correlated(rng):
 def test_intervals_of_correlated_errors_hold_where_those_of_independent_ones_do_not():
     truth = {**CHAIN, "c": 4e-3}
     assert (held(correlated, truth, truth, 100) > 0.88).all()  # 0.93 and 0.92 seen; chance is 2.5 %
-    assert (held(correlated, truth, truth, 100, deviation=0.05) < 0.8).all()
+    assert (held(correlated, truth, truth, 100, error_std=0.05) < 0.8).all()

@@ -67,7 +67,7 @@ def test_a_hub_beam_that_was_fitted_makes_its_family():
 
     found = bc.fit(build, hz, ["density"], bc.HubBeamParameters(density=2800.0), error_std=0.01, n_starts=1)
     assert found.family().names == ("density",)
-    assert found.family().nominal.inputs == ("torque", "disturbance_torque", "tip_force")
+    assert found.family().nominal.input_labels == ("torque", "disturbance_torque", "tip_force")
 
 
 def test_identified_modes_make_a_family_over_their_frequencies_and_dampings():
@@ -77,7 +77,7 @@ def test_identified_modes_make_a_family_over_their_frequencies_and_dampings():
     moved = response_of_record(mass, force, step)
     moved += 0.02 * moved.std(axis=0) * rng.standard_normal(moved.shape)
     identified = bc.identify(
-        {"f1": force[:, 0], "f2": force[:, 1]}, {name: moved[:, k] for k, name in enumerate(mass.outputs)}, step,
+        {"f1": force[:, 0], "f2": force[:, 1]}, {name: moved[:, k] for k, name in enumerate(mass.output_labels)}, step,
         frequency_range_hz=(0.5, 10.0),
     )  # fmt: skip
     family = identified.family()
@@ -97,7 +97,7 @@ def test_identified_modes_make_a_family_over_their_frequencies_and_dampings():
 def accelerometer_record(model, seed, noise=0.01, count=4000, step=0.02):
     """Return a force and the accelerations of the places of a model, which repeat for ever."""
     rng = np.random.default_rng(seed)
-    force = rng.standard_normal((count, len(model.inputs)))
+    force = rng.standard_normal((count, len(model.input_labels)))
     omega = 2.0 * np.pi * np.fft.rfftfreq(count, step)
     moved = response_of_record(model, force, step)
     y = np.fft.irfft(-(omega[:, None] ** 2) * np.fft.rfft(moved, axis=0), count, axis=0)
@@ -111,8 +111,8 @@ def test_family_of_accelerometer_record_is_proved(damper, inputs):
     """A damper at one mass makes the modes complex; the truth is in the box, and the controller is stable on it."""
     mass, end = three_masses(0.01), np.array([0.0, 0.0, 1.0])
     C = mass.C + damper * np.outer(end, end)
-    columns = dict(zip(mass.inputs, mass.ports.B[0].T, strict=True))
-    outputs = dict(zip(mass.outputs, mass.ports.L[0], strict=True))
+    columns = dict(zip(mass.input_labels, mass.ports.B[0].T, strict=True))
+    outputs = dict(zip(mass.output_labels, mass.ports.L[0], strict=True))
     truth = SecondOrderModel(mass.M, C, mass.K, {name: columns[name] for name in inputs}, outputs)
     force, y = accelerometer_record(truth, 1)
     found = bc.identify(

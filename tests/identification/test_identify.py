@@ -30,7 +30,7 @@ def poles_of(model, top_hz=np.inf):
 def driven(model, count, seed, errors=0.0, top_hz=12.0, step=STEP):
     """Return a record of a structure that has been driven for long."""
     scale = step / STEP
-    u = noise(2 * count, len(model.inputs), top_hz * scale, seed)
+    u = noise(2 * count, len(model.input_labels), top_hz * scale, seed)
     y = response_of_record(model, u, step)[count:]
     rng = np.random.default_rng(seed + 1)
     return u[count:], y + errors * y.std(axis=0) * rng.standard_normal(y.shape)
@@ -145,7 +145,7 @@ def test_other_quantities_have_same_poles_and_structure(quantity):
     grid = 2.0 * np.pi * np.linspace(1.0, 9.0, 60)
     exact = model.frequency_response(grid).frdata * (1j * grid) ** power
     off = np.abs(found.model.frequency_response(grid).frdata - exact).max() / np.abs(exact).max()
-    assert (found.model.ncoordinates, found.model.inputs, found.model.outputs) == (
+    assert (found.model.ncoordinates, found.model.input_labels, found.model.output_labels) == (
         3,
         *(tuple(x) for x in (found.system.input_labels, found.system.output_labels)),
     )

@@ -28,28 +28,31 @@ def at(system: Lti) -> np.ndarray:
 def test_side_by_side():
     a, b, gain = random(1, 2, 1, 3, "a"), random(2, 3, 2, 1, "b"), static(np.array([[2.0, 3.0]]), "pq", "r")
     joined = append(a, gain, b)
-    assert (joined.inputs, joined.outputs) == ((*a.inputs, "p", "q", *b.inputs), (*a.outputs, "r", *b.outputs))
-    assert joined.states == a.states + b.states
+    assert joined.input_labels == (*a.input_labels, "p", "q", *b.input_labels)
+    assert joined.output_labels == (*a.output_labels, "r", *b.output_labels)
+    assert joined.state_labels == a.state_labels + b.state_labels
     G = at(joined)
     assert_allclose(G[:, :3, :1], at(a))
     assert_allclose(G[:, 3, 1:3], np.tile([2.0, 3.0], (4, 1)))
     assert_allclose(G[:, 4:, 3:], at(b))
     unnamed = append(a, static(np.eye(1)))
-    assert (unnamed.inputs, unnamed.outputs, unnamed.states) == ((), (), a.states)
+    assert (unnamed.input_labels, unnamed.output_labels, unnamed.state_labels) == ((), (), a.state_labels)
     assert not G[:, :3, 1:].any()
 
 
 def test_one_behind_the_other():
     a, b = random(1, 2, 1, 3, "a"), random(2, 3, 3, 2, "b")
     joined = series(a, b)
-    assert (joined.inputs, joined.outputs, joined.states) == (a.inputs, b.outputs, a.states + b.states)
+    assert (joined.input_labels, joined.output_labels) == (a.input_labels, b.output_labels)
+    assert joined.state_labels == a.state_labels + b.state_labels
     assert_allclose(at(joined), at(b) @ at(a))
 
 
 def test_lower_lft_is_that_of_python_control():
     P, K = random(3, 4, 3, 4, "p"), random(4, 2, 2, 1, "k")
     loop = lower_lft(P, K)
-    assert (loop.inputs, loop.outputs, loop.states) == (P.inputs[:2], P.outputs[:2], P.states + K.states)
+    assert (loop.input_labels, loop.output_labels) == (P.input_labels[:2], P.output_labels[:2])
+    assert loop.state_labels == P.state_labels + K.state_labels
     peer = control.ss(P.A, P.B, P.C, P.D).lft(control.ss(K.A, K.B, K.C, K.D))
     for ours, theirs in ((loop.A, peer.A), (loop.B, peer.B), (loop.C, peer.C), (loop.D, peer.D)):
         assert_allclose(ours, theirs, rtol=1e-12, atol=1e-12)
@@ -67,7 +70,7 @@ def test_a_model_is_the_system_that_python_control_would_have_made_of_it(bandwid
     direct, there_and_back = of(model), of(model.to_statespace())
     for letter in "ABCD":
         np.testing.assert_array_equal(getattr(direct, letter), getattr(there_and_back, letter))
-    for kind in ("inputs", "outputs", "states", "dt"):
+    for kind in ("input_labels", "output_labels", "state_labels", "dt"):
         assert getattr(direct, kind) == getattr(there_and_back, kind)
     with pytest.raises(ValueError, match="expected a sampling time, got continuous time"):
         of(model, discrete=True)
@@ -96,4 +99,4 @@ def test_dots_in_names_become_what_python_control_allows():
             return Lti(-np.eye(1), np.eye(1), np.eye(1), np.zeros((1, 1)), ("a.force",), ("a.place",), ("a.x1",))
 
     found = of(Machine())
-    assert (found.inputs, found.outputs, found.states) == (("a_force",), ("a_place",), ("a.x1",))
+    assert (found.input_labels, found.output_labels, found.state_labels) == (("a_force",), ("a_place",), ("a.x1",))

@@ -79,7 +79,11 @@ def test_sparse_transfer_matrix_keeps_response():
         except ValueError:
             refused.append(PATTERNS[seed // 2 % len(PATTERNS)])
             continue
-        assert (list(system.inputs), list(system.outputs), system.dt) == (G.input_labels, G.output_labels, G.dt)
+        assert (list(system.input_labels), list(system.output_labels), system.dt) == (
+            G.input_labels,
+            G.output_labels,
+            G.dt,
+        )
         exact = exact_response(G, omega)
         error, sizes = np.abs(system.response(omega) - exact).max(axis=2), np.abs(exact).max(axis=2)
         assert (error <= 1e-6 * sizes + 1e-8 * sizes.max()).all()

@@ -19,7 +19,7 @@ def test_the_result_is_a_passive_structure_and_its_error_is_verified(structure):
     small = red.system
     assert isinstance(small, SecondOrderModel)
     assert (small.ncoordinates, red.order) == (3, 6)
-    assert (small.inputs, small.outputs) == (structure.model.inputs, structure.model.outputs)
+    assert (small.input_labels, small.output_labels) == (structure.model.input_labels, structure.model.output_labels)
     for matrix in (small.M, small.C, small.K):
         assert np.linalg.eigvalsh(matrix).min() > 0.0
     omega = np.concatenate([[0.0], np.geomspace(0.01, 100.0, 800)])
@@ -34,7 +34,7 @@ def test_the_result_is_a_passive_structure_and_its_error_is_verified(structure):
 def test_the_boom_keeps_its_names_and_comes_within_a_wanted_error(elements):
     model = bc.spray_boom(elements=elements).select(ACTUATORS, TIPS)
     red = bc.reduce(model, max_error=1.0, method="second-order")
-    assert (red.system.inputs, red.system.outputs) == (ACTUATORS, TIPS)
+    assert (red.system.input_labels, red.system.output_labels) == (ACTUATORS, TIPS)
     assert red.error_norm <= 1.0
     omega = bc.sigma(model).omega
     full = np.asarray(model.frequency_response(omega).frdata)

@@ -37,7 +37,7 @@ def test_it_is_the_linear_model_at_every_point(model, damping):
     sensor = bc.BeamSensor("gauge", "strain", 2.0, height=0.01)
     family = beam.family((0.0, high), (0.0, 0.2), sensors=[sensor])
     assert family.names == ("hub_speed", "tip_mass")
-    assert family.nominal.outputs[:5] == ("hub_angle", "hub_speed", "tip_displacement", "root_moment", "gauge")
+    assert family.nominal.output_labels[:5] == ("hub_angle", "hub_speed", "tip_displacement", "root_moment", "gauge")
     fast = beam._small_motion(high)
     sizes = [np.abs(each).max() for each in (fast.mass, fast.damping, fast.stiffness)]
     for speed, mass in ((0.0, 0.2), (0.37 * high, 0.05), (high, 0.13)):
@@ -65,7 +65,7 @@ def test_any_parameter_of_the_beam_makes_a_family_that_is_the_linear_model():
     linear = bc.hub_beam(there, model="sfoam", modes=2).linearize(sensors=())
     true = ct.ss(linear.A, linear.B, linear.C, linear.D)(1j * omega)
     np.testing.assert_allclose(mine[:4], true[:4], rtol=1e-8)
-    assert family.nominal.outputs == _beam().to_second_order().outputs
+    assert family.nominal.output_labels == _beam().to_second_order().output_labels
 
 
 def test_one_parameter_is_enough():

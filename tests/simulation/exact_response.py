@@ -9,7 +9,7 @@ def exact_response(model, signals, step, bits=200):
     before, ctx.prec = ctx.prec, bits
     try:
         model = model.select(tuple(signals), None)
-        return dict(zip(model.outputs, _outputs(model, np.array(list(signals.values())), step), strict=True))
+        return dict(zip(model.output_labels, _outputs(model, np.array(list(signals.values())), step), strict=True))
     finally:
         ctx.prec = before
 

@@ -123,7 +123,10 @@ _MACHINES = [
     (lambda: bc.gain_schedule([_law()], [0.0]), "values: expected one for each of two or more"),
     (lambda: bc.gain_schedule([_law(), _law(1)], [1.0, 0.0]), "expected ascending ones"),
     (lambda: bc.gain_schedule([_law(), _law(dt=0.1)], [0.0, 1.0]), r"controllers\[1\]: expected the dt of the first"),
-    (lambda: bc.gain_schedule([_law(), _law(inputs=["a", "b"])], [0.0, 1.0]), r"controllers\[1\]: expected the inputs"),
+    (
+        lambda: bc.gain_schedule([_law(), _law(inputs=["a", "b"])], [0.0, 1.0]),
+        r"controllers\[1\]: expected the input_labels",
+    ),
     (
         lambda: bc.gain_schedule([_law(), ct.ss([], [], [], [[-1.0, -1.0]], 0.02, **_HUB)], [0.0, 1.0]),
         r"controllers\[1\]: expected 1 state, as the first, got 0",

@@ -30,7 +30,7 @@ def _error(found, exact):
 def test_error_half_boom_ramp_below_estimate():
     half, _ = split_symmetric(bc.spray_boom(elements=42, excitation="force"))
     time = np.linspace(0.0, 100.0, 101)
-    signals = {half.inputs[0]: np.minimum(time, 1.0)}
+    signals = {half.input_labels[0]: np.minimum(time, 1.0)}
     found = forced_response(half, time, signals)
     error = _error(found, exact_response(half, signals, 1.0))
     assert found.modes < half.ncoordinates
@@ -63,7 +63,7 @@ def test_error_random_structures_below_accuracy_or_estimate(seed):
     rng = np.random.default_rng(seed)
     model = _random_boom(rng) if seed % 2 else _random_chain(rng)
     time = np.linspace(0.0, 10.0 ** rng.uniform(0.0, 2.0), int(rng.integers(100, 300)))
-    names = rng.permutation(model.inputs)[: rng.integers(1, 3)]
+    names = rng.permutation(model.input_labels)[: rng.integers(1, 3)]
     signals = {name: _random_signal(rng, time) for name in names.tolist()}
     accuracy = 10.0 ** rng.integers(-10, -2)
     found = forced_response(model, time, signals, rtol=accuracy)

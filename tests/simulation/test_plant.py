@@ -178,7 +178,7 @@ def test_loop_around_free_shaft_matches_arb(gains):
     U = np.vstack([np.zeros(steps), np.ones(steps)])
     exact = exact_response(model.to_statespace(), U, h, law)
     run = bc.simulate_loop(model, law, h * np.arange(steps), {"w": U[1]}, sample_time=h)
-    assert error(np.array([run[name] for name in model.outputs]), exact) <= 1e-10
+    assert error(np.array([run[name] for name in model.output_labels]), exact) <= 1e-10
 
 
 @pytest.mark.parametrize("excitation", ["displacement", "force"])

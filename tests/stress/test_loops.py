@@ -77,7 +77,7 @@ def test_kalman_with_modes_without_noise_equals_closed_form(check_error, varianc
     true = 0.5 * (variance + sqrt(variance**2 + 4.0 * variance))
 
     def error():
-        found = kalman(plant.statespace("plant"), {"u0": variance}, 1.0, disturbances=plant.inputs).covariance
+        found = kalman(plant.statespace("plant"), {"u0": variance}, 1.0, disturbances=plant.input_labels).covariance
         return max(float(found[1:].any()), abs(found[0, 0] / true - 1.0))
 
     check_error(error, 1e-8)

@@ -49,7 +49,7 @@ def test_pinned_beam_frequency_equals_closed_form(check_error, count):
     """Equal elements; relative error against the mesh's own closed form."""
     part = Beam("beam", GROUND.at(0.0), revolute(), (0.0, 0.0), (BeamSegment(1.0, 1.0, 1.0),), FiniteElements(count))
     model = Assembly((part,), (), (), (), (CutJoint(part.at(1.0), GROUND.at(1.0), ("y",)),)).assemble()
-    held = prescribe_displacement(model, hold=list(model.inputs))
+    held = prescribe_displacement(model, hold=list(model.input_labels))
     found = lambda: 2 * np.pi * held.eigenfrequencies_hz(1)  # noqa: E731
     check_error(lambda: each_relative(found(), [pinned_mesh_frequency(count)]), 1e-12 if count <= 100 else 1e-9)
 
@@ -97,7 +97,7 @@ def test_bar_on_two_hinges_does_not_turn(check_error, gap):
 
     def error():
         model = Assembly((bar,), (spring,), *ends, (cut,)).assemble()
-        held = prescribe_displacement(model, hold=[name for name in model.inputs if name != "moment"])
+        held = prescribe_displacement(model, hold=[name for name in model.input_labels if name != "moment"])
         if not held.ncoordinates:
             return 0.0
         found = response(held, [1.0], ["moment"], ["angle"])[0, 0, 0]

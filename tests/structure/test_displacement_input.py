@@ -44,7 +44,7 @@ def test_reactions_are_the_multipliers(structure):
     """Held points push as well.  Forces meet the inverse of J_sr twice: once in the motion, once as its dual."""
     driven = prescribe_displacement(structure.model, ["f0"], hold=["f1"], reactions=True)
     _, forces = kkt_response((structure.M, structure.C, structure.K), structure.B, structure.L, [0, 1], [2], OMEGA)
-    assert driven.outputs == ("y0", "y1", "f0_force", "f1_force")
+    assert driven.output_labels == ("y0", "y1", "f0_force", "f1_force")
     found = driven.frequency_response(OMEGA, outputs=["f0_force", "f1_force"]).frdata
     J = structure.B[:, :2]
     slack = tolerance(driven, J) * np.linalg.cond(dependent_rows(driven, J))
@@ -59,8 +59,8 @@ def test_held_first_and_moved_then_equals_both_at_once(structure, reactions):
     first = prescribe_displacement(structure.model, hold="f1", reactions=reactions)
     twice = prescribe_displacement(first, "f0", reactions=reactions)
     slack = tolerance(once, structure.B[:, :2]) + tolerance(twice, structure.B[:, :2])
-    assert twice.inputs == once.inputs
-    found, truth = (m.frequency_response(OMEGA, outputs=once.outputs).frdata for m in (twice, once))
+    assert twice.input_labels == once.input_labels
+    found, truth = (m.frequency_response(OMEGA, outputs=once.output_labels).frdata for m in (twice, once))
     assert distance(found, truth) < slack
 
 

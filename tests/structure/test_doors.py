@@ -11,8 +11,8 @@ import boomctl as bc
 def test_signals_by_index_are_outputs_first():
     boom = bc.spray_boom()
     one = boom["tip_left", "actuator_left"]
-    assert (one.inputs, one.outputs) == (("actuator_left",), ("tip_left",))
-    assert boom[["tip_right", "tip_left"], "cradle"].outputs == ("tip_right", "tip_left")
+    assert (one.input_labels, one.output_labels) == (("actuator_left",), ("tip_left",))
+    assert boom[["tip_right", "tip_left"], "cradle"].output_labels == ("tip_right", "tip_left")
     with pytest.raises(ValueError, match="did you mean 'tip_left'"):
         boom["tip_lef", "cradle"]
     with pytest.raises(TypeError, match=r"expected model\[outputs, inputs\]"):

@@ -64,7 +64,7 @@ def test_a_machine_is_what_its_multipliers_say(seed):
     many = np.concatenate([OMEGA, np.linspace(2.0, 3.0, 2000 // left)])
     assert off(model.frequency_response(many).frdata[:, :, : len(OMEGA)], true, sizes) < 1e-7
     bends = any(isinstance(body, Beam) for body in description.bodies)  # over coordinates, fast bending takes digits
-    for states in (None, *(["coordinates"] * (not bends))) if model.inputs else ():
+    for states in (None, *(["coordinates"] * (not bends))) if model.input_labels else ():
         with warnings.catch_warnings():
             warnings.simplefilter("error", AccuracyWarning)
             try:

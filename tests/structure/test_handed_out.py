@@ -45,8 +45,8 @@ def test_norms(boom):
 
 def test_names_are_kept_and_modes_are_named(boom):
     model, system, _ = boom
-    assert system.input_labels == list(model.inputs)
-    assert system.output_labels == list(model.outputs)
+    assert system.input_labels == list(model.input_labels)
+    assert system.output_labels == list(model.output_labels)
     assert system.state_labels[:2] == ["mode1.x1", "mode2.x1"]
     assert len(set(system.state_labels)) == system.nstates
     own = model.to_statespace(states="coordinates")

@@ -40,7 +40,7 @@ def test_outputs_read_what_the_picture_shows():
     m = bc.spray_boom(elements=10)
     found = m.mode_shapes(5)
     ends = found["boom"].displacement[:, [0, -1], 1]
-    rows = np.array([m.ports.L[0][m.outputs.index(name)] for name in ("tip_left", "tip_right")])
+    rows = np.array([m.ports.L[0][m.output_labels.index(name)] for name in ("tip_left", "tip_right")])
     assert pytest.approx(rows @ found.shapes, abs=1e-12) == ends.T
 
 

@@ -45,7 +45,11 @@ def test_it_does_not_matter_how_matrices_are_stored(structure, store):
 @given(structures(inputs=3))
 def test_a_selection_has_only_what_was_selected(structure):
     part = structure.model.select(["f2", "f0"], "y1")
-    assert (part.inputs, part.outputs, part.ncoordinates) == (("f2", "f0"), ("y1",), structure.model.ncoordinates)
+    assert (part.input_labels, part.output_labels, part.ncoordinates) == (
+        ("f2", "f0"),
+        ("y1",),
+        structure.model.ncoordinates,
+    )
     whole = structure.model.frequency_response([1.0]).frdata
     assert np.allclose(part.frequency_response([1.0]).frdata, whole[1:2, [2, 0]], rtol=1e-12)
 

@@ -23,8 +23,8 @@ def test_half_signals_are_orthonormal_sums_and_differences(discretization):
     """``sym = (right + left)/sqrt 2``, ``anti = (right - left)/sqrt 2``, for inputs and outputs alike."""
     model = bc.spray_boom(discretization=discretization)
     Y = plain(model).frequency_response(OMEGA).frdata
-    row = {name: i for i, name in enumerate(model.outputs)}
-    column = {name: i for i, name in enumerate(model.inputs)}
+    row = {name: i for i, name in enumerate(model.output_labels)}
+    column = {name: i for i, name in enumerate(model.input_labels)}
     for part, (sign, stem) in zip(split_symmetric(model), BASES.values(), strict=True):
         for y in ("tip", "stroke"):
             for u in ("actuator", "suspension"):
@@ -39,10 +39,10 @@ def test_half_signals_are_orthonormal_sums_and_differences(discretization):
 
 def test_the_signals_that_stand_on_the_axis_belong_to_the_jolt():
     jolt, yaw = split_symmetric(bc.spray_boom())
-    assert jolt.inputs == ("actuator_sym", "suspension_sym", "cradle")
-    assert jolt.outputs == ("tip_sym", "stroke_sym", "cradle_slip")
-    assert yaw.inputs == ("actuator_anti", "suspension_anti")
-    assert yaw.outputs == ("tip_anti", "stroke_anti")
+    assert jolt.input_labels == ("actuator_sym", "suspension_sym", "cradle")
+    assert jolt.output_labels == ("tip_sym", "stroke_sym", "cradle_slip")
+    assert yaw.input_labels == ("actuator_anti", "suspension_anti")
+    assert yaw.output_labels == ("tip_anti", "stroke_anti")
 
 
 @pytest.mark.parametrize("excitation", EXCITATIONS)

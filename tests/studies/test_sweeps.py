@@ -146,7 +146,9 @@ def test_sweep_dead_worker_raises_and_keeps_points(tmp_path):
 def test_sweep_progress_reports_each_point():
     seen = []
     bc.sweep(lambda x: bc.sigma(bc.spray_boom()).peak, {"x": [1, 2]}, progress=seen.append)
-    assert [(each.task, each.stage, each.done, each.total) for each in seen] == [("sweep", "", k, 2) for k in range(3)]
+    assert [(each.task, each.stage, each.completed, each.total) for each in seen] == [
+        ("sweep", "", k, 2) for k in range(3)
+    ]
 
 
 class Recorder:

@@ -95,7 +95,7 @@ def test_the_closed_loop_is_the_plant_joined_with_the_controller():
     whole = control.interconnect(
         [model.to_statespace(), design.controller],
         inputs=["actuator_left", "actuator_right", "cradle"],
-        outputs=list(model.outputs),
+        outputs=list(model.output_labels),
     )
     # states balanced: python-control's own evaluation keeps only six digits of a controller with gains of 1e5
     omega = np.array([0.5, 1.54, 17.5])

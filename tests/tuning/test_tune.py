@@ -450,7 +450,7 @@ def test_the_time_limit_returns_the_best_so_far_verified(stage, monkeypatch):
     monkeypatch.setattr("boomctl.progress.time", clock)
 
     def over(told):
-        if (told.stage, told.done) == (stage, 3):
+        if (told.stage, told.completed) == (stage, 3):
             late.append(told)
 
     found = bc.tune(P, 3, 3, T.state_space(2), n_starts=5, time_limit=1e5, progress=over)
@@ -466,7 +466,7 @@ def test_an_interrupt_returns_the_best_so_far_verified():
     main, begun = threading.main_thread().ident, threading.Event()
 
     def heard(told):
-        if told.done == 3:
+        if told.completed == 3:
             begun.set()
 
     def interrupt():

@@ -59,17 +59,21 @@ class DrivenLoops:
         """
         centre = family.nominal
         ports, n = centre.ports, centre.ncoordinates
-        controls = [centre.inputs.index(name) for name in K.outputs]
-        labels = (*centre.inputs, *map(injected, K.outputs + K.inputs))
+        controls = [centre.input_labels.index(name) for name in K.output_labels]
+        labels = (*centre.input_labels, *map(injected, K.output_labels + K.input_labels))
         entry = np.zeros((len(labels), len(inputs)))
         entry[[labels.index(name) for name in inputs], range(len(inputs))] = 1.0
-        m = len(centre.inputs)
-        at_plant, at_control, at_reading = entry[:m], entry[m : m + len(K.outputs)], entry[m + len(K.outputs) :]
+        m = len(centre.input_labels)
+        at_plant, at_control, at_reading = (
+            entry[:m],
+            entry[m : m + len(K.output_labels)],
+            entry[m + len(K.output_labels) :],
+        )
         filtered = [(o, b) for o, b in enumerate(ports.bandwidths) if b is not None]
         k, f = len(K.A), 2 * len(filtered)
         size = 2 * n + f + k
-        rows = [centre.outputs.index(name) for name in K.inputs]
-        judged = [centre.outputs.index(name) for name in outputs if name in centre.outputs]
+        rows = [centre.output_labels.index(name) for name in K.input_labels]
+        judged = [centre.output_labels.index(name) for name in outputs if name in centre.output_labels]
         asked = sorted({*rows, *judged})
         if any(change.L.any() and change.L[:, asked].any() for _, change in family._terms):
             raise ValueError(
@@ -83,10 +87,10 @@ class DrivenLoops:
             raise ValueError(
                 "family: expected outputs that are places, or accelerations behind a filter; measured ones may be speeds"
             )
-        read, direct = np.zeros((len(centre.outputs), size)), ports.E[0] @ at_plant
+        read, direct = np.zeros((len(centre.output_labels), size)), ports.E[0] @ at_plant
         read[:, :n] = ports.L[0]
         unfiltered = np.array([b is None for b in ports.bandwidths])
-        sped = np.zeros((len(centre.outputs), size))  # what of the outputs is the derivative of
+        sped = np.zeros((len(centre.output_labels), size))  # what of the outputs is the derivative of
         sped[:, :n] = unfiltered[:, None] * ports.L[1]
         sped_direct = unfiltered[:, None] * ports.E[1] @ at_plant
         A, B = np.zeros((size, size)), np.zeros((size, len(inputs)))
@@ -105,7 +109,7 @@ class DrivenLoops:
         heard = direct[rows] + at_reading
         at_once = K.D @ heard + K.C @ K.B @ sped_direct[rows] + at_control
         impulse, impulse_direct = K.D @ sped[rows], K.D @ sped_direct[rows]  # whose derivative it sends besides
-        sent = [K.outputs.index(name) for name in outputs if name not in centre.outputs]
+        sent = [K.output_labels.index(name) for name in outputs if name not in centre.output_labels]
         if impulse[sent].any() or impulse_direct[sent].any():
             raise ValueError("controller: expected one that sends no speed on at once, where what it sends is judged")
         A[own, own] = K.A
@@ -130,7 +134,7 @@ class DrivenLoops:
             for total, each in zip(found, (e, a, b), strict=True):
                 if each.any():
                     total[power] = each
-        order = np.argsort([name not in centre.outputs for name in outputs], kind="stable").argsort()
+        order = np.argsort([name not in centre.output_labels for name in outputs], kind="stable").argsort()
         whole = Cell(np.zeros(family.nparameters), np.ones(family.nparameters))
         return cls(
             whole,

@@ -53,7 +53,7 @@ def closed_pencil(model: SecondOrderModel, controller: Lti) -> LoopPencil:
         An input that imposes motion, or that an output feels at once.
     """
     ports = model.ports
-    for i, name in enumerate(model.inputs):
+    for i, name in enumerate(model.input_labels):
         if ports.moved[i] or any(b[:, i].any() for b in ports.B[1:]) or any(e[:, i].any() for e in ports.E):
             raise ValueError(f"control {name!r}: expected a force, got an input that imposes motion or is felt at once")
     n, k = model.ncoordinates, len(controller.A)
@@ -64,7 +64,7 @@ def closed_pencil(model: SecondOrderModel, controller: Lti) -> LoopPencil:
     E, A = np.eye(size), np.zeros((size, size))
     E[n : 2 * n, n : 2 * n] = M
     A[:n, n : 2 * n], A[n : 2 * n, :n], A[n : 2 * n, n : 2 * n] = np.eye(n), -K, -C
-    reading, rate = np.zeros((len(model.outputs), size)), np.zeros((len(model.outputs), size))
+    reading, rate = np.zeros((len(model.output_labels), size)), np.zeros((len(model.output_labels), size))
     reading[:, :n], reading[:, n : 2 * n], rate[:, n : 2 * n] = ports.L
     for j, (o, b) in enumerate(filtered):
         first, second = 2 * n + 2 * j, 2 * n + 2 * j + 1

@@ -77,13 +77,13 @@ class BoxLoops:
                     f"controller: expected continuous time, got a sampling time of {exactly(K.dt)} s; of sampled loops "
                     "boomctl.robust_stability and boomctl.worst_case have proofs"
                 )
-            signals_of(K, family.nominal.inputs, family.nominal.outputs)
+            signals_of(K, family.nominal.input_labels, family.nominal.output_labels)
             family, K = without_feedthrough(family, K)
             return cls(family, 0, (Stretch(-np.inf, np.inf, _terms(family, K, None, 0)),))
         if controller.dt != 0.0:
             raise ValueError(f"controller: expected continuous time, got a sampling time of {controller.dt:g} s")
         known("parameter that the controller follows", controller.signal, family.names)
-        signals_of(controller.systems[0], family.nominal.inputs, family.nominal.outputs)
+        signals_of(controller.systems[0], family.nominal.input_labels, family.nominal.output_labels)
         axis = family.names.index(controller.signal)
         middle, width = 0.5 * (family.low + family.high)[axis], 0.5 * (family.high - family.low)[axis]
         places = (controller.values - middle) / width
@@ -135,7 +135,7 @@ def checked_controller(
     scheduled = isinstance(controller, ScheduledController)
     K = None if scheduled else controller_of(controller, "StateSpace or ScheduledController", sampled=True)
     if K is not None and K.dt != 0.0:
-        signals_of(K, family.nominal.inputs, family.nominal.outputs)
+        signals_of(K, family.nominal.input_labels, family.nominal.output_labels)
         time_of_loop(Lti(K.A, K.B, K.C, K.D), K, late)  # what a delay may be
     elif late:
         raise ValueError(f"delay = {exactly(delay)}: expected 0 with a controller in continuous time")
@@ -167,14 +167,14 @@ def without_feedthrough(family: Family, K: Lti) -> tuple[Family, Lti]:
         The loop of the feedthrough and the controller's is not well-posed.
     """
     ports = family.nominal.ports
-    acting = [ports.inputs.index(name) for name in K.outputs]
-    read = [ports.outputs.index(name) for name in K.inputs]
+    acting = [ports.inputs.index(name) for name in K.output_labels]
+    read = [ports.outputs.index(name) for name in K.input_labels]
     E = ports.E[0][np.ix_(read, acting)]
     if not E.any() or any(ports.bandwidths[o] is not None for o in read):
         return family, K
     p, m = E.shape
     direct = np.block([[np.zeros((m, p)), np.eye(m)], [np.eye(p), E]])
-    signals = (*K.inputs, *K.outputs), (*K.outputs, *K.inputs)
+    signals = (*K.input_labels, *K.output_labels), (*K.output_labels, *K.input_labels)
     closed = lower_lft(Lti(np.zeros((0, 0)), np.zeros((0, p + m)), np.zeros((m + p, 0)), direct, *signals), K)
     without = ports.E.copy()
     without[0][np.ix_(read, acting)] = 0.0
@@ -185,14 +185,14 @@ def without_feedthrough(family: Family, K: Lti) -> tuple[Family, Lti]:
 def _combined(systems: tuple[Lti, Lti], shares: tuple[float, float]) -> Lti:
     A, B, C, D = (sum(w * getattr(each, x) for w, each in zip(shares, systems, strict=True)) for x in "ABCD")
     first: Any = systems[0]
-    return Lti(np.asarray(A), np.asarray(B), np.asarray(C), np.asarray(D), first.inputs, first.outputs)
+    return Lti(np.asarray(A), np.asarray(B), np.asarray(C), np.asarray(D), first.input_labels, first.output_labels)
 
 
 def _terms(family: Family, K: Lti, slope: Lti | None, axis: int) -> Terms:
     """Return the loop with ``K + delta slope``, ``delta`` that of one parameter, as a polynomial of the parameters."""
-    centre = family.nominal.select(K.outputs, K.inputs)
-    acting = [family.nominal.inputs.index(name) for name in K.outputs]
-    read = [family.nominal.outputs.index(name) for name in K.inputs]
+    centre = family.nominal.select(K.output_labels, K.input_labels)
+    acting = [family.nominal.input_labels.index(name) for name in K.output_labels]
+    read = [family.nominal.output_labels.index(name) for name in K.input_labels]
     empty = np.zeros((centre.ncoordinates, centre.ncoordinates))
     bare = Structure.of(empty, empty, empty, centre.coordinates)
     unforced, unread = np.zeros_like(centre.ports.B), np.zeros_like(centre.ports.L)

@@ -229,8 +229,8 @@ def sampled_loops(
     without such places is taken in the modes of its middle, which keep digits that a fine mesh would lose.
     """
     given = family.nominal
-    read = [name for name in given.outputs if name in {*K.inputs, *outputs}]
-    driven = [name for name in given.inputs if name in {*K.outputs, *inputs}]
+    read = [name for name in given.output_labels if name in {*K.input_labels, *outputs}]
+    driven = [name for name in given.input_labels if name in {*K.output_labels, *inputs}]
     structure, V = given.structure, np.eye(given.ncoordinates)
     if not family._unfelt:
         try:
@@ -240,7 +240,10 @@ def sampled_loops(
         else:
             structure = given.structure.projected(V, given.coordinates)
     ports = given.ports.congruent(V).select(driven, read)
-    columns, lines = [given.inputs.index(name) for name in driven], [given.outputs.index(name) for name in read]
+    columns, lines = (
+        [given.input_labels.index(name) for name in driven],
+        [given.output_labels.index(name) for name in read],
+    )
     middle = (structure.M, structure.C, structure.K, ports.B, ports.L)
     changes = [
         (
@@ -258,7 +261,10 @@ def sampled_loops(
         here = Structure.of(M, C, stiffness, given.coordinates)
         loop = joined(realize(here, replace(ports, B=B, L=L)), K, delay).system
         if inputs and outputs:
-            places = [loop.inputs.index(name) for name in inputs], [loop.outputs.index(name) for name in outputs]
+            places = (
+                [loop.input_labels.index(name) for name in inputs],
+                [loop.output_labels.index(name) for name in outputs],
+            )
             return loop.between(*places)
         n = len(loop.A)
         return Lti(loop.A, np.zeros((n, 1)), np.zeros((1, n)), np.zeros((1, 1)), dt=loop.dt)

@@ -62,21 +62,22 @@ def small_gain(
         do not fall.
     """
     bounds = _bounds(K, unmodelled)
-    unit = np.ones((len(K.inputs), len(K.outputs)))
+    unit = np.ones((len(K.input_labels), len(K.output_labels)))
     if unit.size > 1:
         wide, driven, points = _joined(family, K, bounds, unit)
         loop = joined(wide.nominal, driven, delay if K.dt else None).closed(points)
         gains = np.array(
-            [[matrices_norm(loop.select(d, u)).lower_bound for d in map(injected, points)] for u in K.outputs]
+            [[matrices_norm(loop.select(d, u)).lower_bound for d in map(injected, points)] for u in K.output_labels]
         )
-        each = np.tile(np.eye(len(K.outputs)), len(K.inputs)).T @ gains  # an entry sees the control that drives it
+        # an entry sees the control that drives it
+        each = np.tile(np.eye(len(K.output_labels)), len(K.input_labels)).T @ gains
         unit = balance(each)[1].reshape(unit.shape)
     wide, driven, points = _joined(family, K, bounds, unit)
     inputs = [*map(injected, points)]
     late = delay if K.dt else None
 
     def loop_at(delta: Array) -> Lti:
-        return joined(wide.at(delta), driven, late).closed(points).select(inputs, K.outputs)
+        return joined(wide.at(delta), driven, late).closed(points).select(inputs, K.output_labels)
 
     seen = {}
 
@@ -113,7 +114,10 @@ def small_gain(
 def _bounds(K: Lti, unmodelled: control.StateSpace) -> list[list[Lti]]:
     """Return the bound of each entry, from what the controller drives to what it reads, as the loop meets it."""
     W = of(unmodelled, "additive_uncertainty", "StateSpace")
-    for what, wanted, there in (("input", K.outputs, W.inputs), ("output", K.inputs, W.outputs)):
+    for what, wanted, there in (
+        ("input", K.output_labels, W.input_labels),
+        ("output", K.input_labels, W.output_labels),
+    ):
         for name in wanted:
             known(f"{what} of unmodelled (the controller has it)", name, there)
     if (W.poles.real >= 0.0).any():
@@ -125,7 +129,7 @@ def _bounds(K: Lti, unmodelled: control.StateSpace) -> list[list[Lti]]:
         alone = _without_hidden(W.select(u, y))
         return alone if K.dt == 0.0 else _folded(alone, K.dt, f"from {u} to {y}")
 
-    return [[entry(u, y) for u in K.outputs] for y in K.inputs]
+    return [[entry(u, y) for u in K.output_labels] for y in K.input_labels]
 
 
 def _without_hidden(W: Lti) -> Lti:
@@ -186,7 +190,7 @@ def _joined(
     centre, ports = family.nominal, family.nominal.ports
     points = tuple(f"unmodelled {k + 1}" for k in range(p * m))
     share = np.ones(len(ports.inputs))
-    share[[ports.inputs.index(name) for name in K.outputs]] = 1.0 / size
+    share[[ports.inputs.index(name) for name in K.output_labels]] = 1.0 / size
 
     def wider(X: Array) -> Array:
         return np.pad(X, [(0, 0)] * (X.ndim - 2) + [(0, p * m), (0, 0)]) if X.ndim else X
@@ -209,8 +213,14 @@ def _joined(
     A, B, C, D = (linalg.block_diag(*(getattr(entry, x) for entry in entries)) for x in "ABCD")
     none = np.zeros((len(A), p))
     before = Lti(
-        A, np.hstack([none, B]), rows @ C, np.hstack([np.eye(p), rows @ D]), (*K.inputs, *points), K.inputs, dt=K.dt
+        A,
+        np.hstack([none, B]),
+        rows @ C,
+        np.hstack([np.eye(p), rows @ D]),
+        (*K.input_labels, *points),
+        K.input_labels,
+        dt=K.dt,
     )
-    driven = series(before, replace(K, states=()))
+    driven = series(before, replace(K, state_labels=()))
     driven = replace(driven, C=size[:, None] * driven.C, D=size[:, None] * driven.D)
     return PolynomialFamily(family.names, family.low, family.high, structure, changes, free), driven, points

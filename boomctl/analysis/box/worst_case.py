@@ -195,7 +195,7 @@ def worst_case(
 
     def loop_at(delta: Array) -> Lti:
         loop = joined_at(family, controller, late, delta).closed(injection_points)
-        return loop.select(inputs, family.nominal.outputs if outputs is None else outputs)
+        return loop.select(inputs, family.nominal.output_labels if outputs is None else outputs)
 
     seen: dict[bytes, Any] = {}
 
@@ -249,8 +249,8 @@ def driven_parts(
     """Return the loops whose level is to be proved, between the signals judged, or why there are none."""
     try:
         if K.dt == 0.0:
-            return [DrivenLoops.of(family, K.balanced(), judged.inputs, judged.outputs)], ""
-        return SampledLoops.over(family, K, judged.inputs, judged.outputs, late), ""
+            return [DrivenLoops.of(family, K.balanced(), judged.input_labels, judged.output_labels)], ""
+        return SampledLoops.over(family, K, judged.input_labels, judged.output_labels, late), ""
     except ValueError as error:
         return [], str(error)
 

@@ -194,19 +194,21 @@ def bode(
         grid = np.asarray(system.omega, dtype=float)
         return BodeResult(grid, _finite(grid, np.asarray(system.frdata)[np.ix_(o, i)]), ins, outs)
     chosen, given = between_signals(system, inputs, outputs)
-    for kind, there in (("inputs", chosen.inputs), ("outputs", chosen.outputs)):
+    for kind, there in (("inputs", chosen.input_labels), ("outputs", chosen.output_labels)):
         if not there:
             raise ValueError(f"system: expected a system with {kind}, got none")
     if asked is not None:
         grid = below_nyquist(asked, given, "omega" if frequency_hz is None else "frequency_hz")
-        return BodeResult(grid, _finite(grid, given.response(grid)), chosen.inputs, chosen.outputs, unit, given)
+        return BodeResult(
+            grid, _finite(grid, given.response(grid)), chosen.input_labels, chosen.output_labels, unit, given
+        )
     found, peak = given.resonances(), given.norm().peak_omega
     if found.high < ABOVE * peak < np.inf:
         found = given.resonances(ABOVE * peak)
     grid, values = with_peaks(
         lambda w: given.response(w, quiet=True), drawn_grid(found, [peak]), lambda w: beside_undamped(found, w)
     )
-    return BodeResult(grid, _finite(grid, values), chosen.inputs, chosen.outputs, _of=given)
+    return BodeResult(grid, _finite(grid, values), chosen.input_labels, chosen.output_labels, _of=given)
 
 
 def _finite(omega: Array, values: Array) -> Array:

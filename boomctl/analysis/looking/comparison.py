@@ -224,7 +224,7 @@ def _check_same_scales(systems: Mapping[str, tuple[Any, Lti]]) -> None:
     """Check that signals of one name have one scale in all systems."""
     scales: dict[str, float] = {}
     for _, system in systems.values():
-        for label in (*system.inputs, *system.outputs):
+        for label in (*system.input_labels, *system.output_labels):
             scale = (system.scales or {}).get(label, 1.0)
             if scales.setdefault(label, scale) != scale:
                 raise ValueError(

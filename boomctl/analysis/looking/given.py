@@ -36,7 +36,7 @@ def matrices(
     else:
         found = of(system, what, f"SecondOrderModel, {EXPECTED.removeprefix('a SecondOrderModel, ')}", sampled=True)
         found = found.select(inputs, outputs)
-    for kind, there in (("inputs", found.inputs), ("outputs", found.outputs)):
+    for kind, there in (("inputs", found.input_labels), ("outputs", found.output_labels)):
         if not there:
             raise ValueError(f"{what}: expected a system with {kind}, got none")
     return found.balanced()

@@ -206,9 +206,11 @@ def nyquist(
 def _of_gain(L: Lti) -> tuple[Lti, Lti, tuple[str, ...]]:
     """Return a loop's gain, its sensitivity ``(I + L)^-1``, and its signals."""
     if L.D.shape[0] != L.D.shape[1]:
-        raise ValueError(f"system: expected as many outputs as inputs, got {len(L.outputs)} and {len(L.inputs)}")
+        raise ValueError(
+            f"system: expected as many outputs as inputs, got {len(L.output_labels)} and {len(L.input_labels)}"
+        )
     R = well_posed_inverse(np.eye(len(L.D)) + L.D)
-    return L, replace(L, A=L.A - L.B @ R @ L.C, B=L.B @ R, C=-R @ L.C, D=R).balanced(), L.outputs
+    return L, replace(L, A=L.A - L.B @ R @ L.C, B=L.B @ R, C=-R @ L.C, D=R).balanced(), L.output_labels
 
 
 def _of_loop(P: Lti, K: Lti, delay: float) -> tuple[Lti, Lti, tuple[str, ...]]:
@@ -219,7 +221,7 @@ def _of_loop(P: Lti, K: Lti, delay: float) -> tuple[Lti, Lti, tuple[str, ...]]:
     G = opened.system.between(range(first, first + m), range(measured, measured + len(loop.measurements)))
     C = K.D @ G.C
     C[:, C.shape[1] - K.C.shape[1] :] += K.C
-    L = replace(G, C=-C, D=-K.D @ G.D, outputs=loop.controls)
+    L = replace(G, C=-C, D=-K.D @ G.D, output_labels=loop.controls)
     return L.balanced(), loop.sensitivity.between(range(m), range(m)), loop.controls
 
 

@@ -117,7 +117,7 @@ def pzmap(
     zeros = np.asarray(zeros, dtype=complex)
     zeros = zeros[np.isfinite(zeros)]
     poles = np.asarray(found.poles, dtype=complex)
-    return PoleZeroResult(_ascending(poles), _ascending(zeros), found.inputs, found.outputs, found.dt)
+    return PoleZeroResult(_ascending(poles), _ascending(zeros), found.input_labels, found.output_labels, found.dt)
 
 
 def _ascending(values: Array) -> Array:

@@ -252,7 +252,7 @@ def _moved(
         values = np.concatenate(blocks)[:count].transpose(1, 2, 0)
     if not np.isfinite(values).all():
         raise ValueError(f"system: its outputs grow beyond all numbers within {time[-1]:g} s; it is unstable")
-    return TimeResponse(kind, time, values, system.inputs, system.outputs, system.dt, system)
+    return TimeResponse(kind, time, values, system.input_labels, system.output_labels, system.dt, system)
 
 
 def _instants(system: Lti, timepts: ArrayLike | float | None) -> Array:

@@ -217,7 +217,7 @@ def gain_schedule(
         raise ValueError(f"values = {shown(places.tolist())}: expected ascending ones")
     first, followed = given[0], signal_name("signal", signal)
     for i, each in enumerate(given):
-        for what in ("inputs", "outputs", "dt"):
+        for what in ("input_labels", "output_labels", "dt"):
             if getattr(each, what) != getattr(first, what):
                 raise ValueError(
                     f"controllers[{i}]: expected the {what} of the first, {getattr(first, what)}, got {getattr(each, what)}"
@@ -226,8 +226,8 @@ def gain_schedule(
             raise ValueError(
                 f"controllers[{i}]: expected {count(len(first.A), 'state')}, as the first, got {len(each.A)}"
             )
-    inputs = first.inputs if followed in first.inputs else (*first.inputs, followed)
+    inputs = first.input_labels if followed in first.input_labels else (*first.input_labels, followed)
     A, B, C, D = (np.array([getattr(each, letter) for each in given]) for letter in "ABCD")
-    if len(inputs) > len(first.inputs):
+    if len(inputs) > len(first.input_labels):
         B, D = (np.concatenate([X, np.zeros((*X.shape[:2], 1))], axis=2) for X in (B, D))
-    return ScheduledController(followed, places, A, B, C, D, inputs, first.outputs, first.states, first.dt)
+    return ScheduledController(followed, places, A, B, C, D, inputs, first.output_labels, first.state_labels, first.dt)

@@ -168,7 +168,7 @@ class GeometricallyExactBeam(HubBeam):
 
     def _built_modes(self, sensors: tuple[BeamSensor, ...]) -> MachineModes:
         raise ValueError(
-            "`plant` must be a hub-beam with assumed modes, got a geometrically exact one. Pass plant.in_model('foam')."
+            "`plant` must be a hub-beam with assumed modes, got a geometrically exact one. Pass plant.with_model('foam')."
         )
 
     def _state_derivative(self, x: Array, torque: float) -> Array:

@@ -187,9 +187,9 @@ def forced_modes(
     reach, V, M = p.hub_radius + p.length, modes.V, np.linalg.inv(modes.V)
     on_tip = np.concatenate([[reach], row.ravel()])
     return MachineModes(
-        inputs=LOOP_INPUTS,
-        outputs=(*LOOP_OUTPUTS, *(sensor.name for sensor in sensors)),
-        states=states,
+        input_labels=LOOP_INPUTS,
+        output_labels=(*LOOP_OUTPUTS, *(sensor.name for sensor in sensors)),
+        state_labels=states,
         omega=np.sqrt(np.concatenate([[0.0], modes.squares])),
         decay=modes.decay,
         push=np.stack([V[0], V[0], on_tip @ V], axis=1),
@@ -209,14 +209,18 @@ def linearised(modes: MachineModes, state: Array) -> Lti:
     from boomctl.lti.system import Lti  # brings scipy.linalg
 
     m = modes.omega.size
-    z, u = ca.SX.sym("z", 2 * m), ca.SX.sym("u", len(modes.inputs))
+    z, u = ca.SX.sym("z", 2 * m), ca.SX.sym("u", len(modes.input_labels))
     moved = ca.vertcat(z[m:], modes.rest(z, u) - ca.DM(modes.omega**2) * z[:m])
     both = ca.vertcat(moved, modes.read(z, u)[0])
     slopes = ca.Function("slopes", [z, u], [ca.densify(ca.jacobian(both, z)), ca.densify(ca.jacobian(both, u))])
-    by_state, by_input = (np.array(each) for each in slopes(modes.from_state @ state, np.zeros(len(modes.inputs))))
+    by_state, by_input = (
+        np.array(each) for each in slopes(modes.from_state @ state, np.zeros(len(modes.input_labels)))
+    )
     T, S = modes.to_state, modes.from_state
     A, B, C, D = T @ by_state[: 2 * m] @ S, T @ by_input[: 2 * m], by_state[2 * m :] @ S, by_input[2 * m :]
-    return Lti(A, B, C, D, inputs=modes.inputs, outputs=modes.outputs, states=modes.states)
+    return Lti(
+        A, B, C, D, input_labels=modes.input_labels, output_labels=modes.output_labels, state_labels=modes.state_labels
+    )
 
 
 def shape_places(parameters: HubBeamParameters, count: int, *, axial: bool, shortening: bool) -> Places:

@@ -102,8 +102,8 @@ def contact_at(
         Unknown names; the force moves the displacement or its velocity at once (no inertia between them), or not at
         all, or against itself; a control moves the displacement at once; steps too long for the motion.
     """
-    o = plant.outputs.index(known("output of a contact", output, plant.outputs))
-    i = plant.inputs.index(known("input of a contact", force, plant.inputs))
+    o = plant.output_labels.index(known("output of a contact", output, plant.output_labels))
+    i = plant.input_labels.index(known("input of a contact", force, plant.input_labels))
     row, column = plant.C[o], plant.B[:, i]
     velocity = row @ plant.A
     through = np.vstack([plant.D[o], row @ plant.B])
@@ -122,7 +122,7 @@ def contact_at(
             f"work; {why}"
         )
     for name in driven:
-        if through[0, plant.inputs.index(name)]:
+        if through[0, plant.input_labels.index(name)]:
             raise ValueError(f"contact at output {output!r}: the control {name!r} moves it at once, in jumps")
     return Contact(
         output=output,
@@ -146,21 +146,21 @@ def stop_places(limit: StrokeLimit, plant: ModalPlant) -> list[tuple[str, str, f
     found: list[tuple[str, str, float]] = []
     if isinstance(limit, Mapping):
         for name, value in limit.items():
-            output = known("output of end_stop", name, plant.outputs)
+            output = known("output of end_stop", name, plant.output_labels)
             pair = value if isinstance(value, tuple) else (value, output.replace("stroke_", "suspension_", 1))
             if len(pair) != 2:
                 raise ValueError(f"end_stop[{output!r}] = {value!r}: expected a number or (number, input)")
             size, force = pair
-            known(f"input at the stop of {output!r}", force, plant.inputs)
+            known(f"input at the stop of {output!r}", force, plant.input_labels)
             found.append((output, force, positive(f"end_stop[{output!r}]", size)))
     else:
         size = positive("end_stop", limit)
-        pairs = [(o, o.replace("stroke_", "suspension_", 1)) for o in plant.outputs if o.startswith("stroke_")]
-        found = [(o, i, size) for o, i in pairs if i in plant.inputs]
+        pairs = [(o, o.replace("stroke_", "suspension_", 1)) for o in plant.output_labels if o.startswith("stroke_")]
+        found = [(o, i, size) for o, i in pairs if i in plant.input_labels]
     if not found:
         raise ValueError(
             f"end_stop: the plant has no outputs stroke_* with inputs suspension_* of the same suffix (outputs: "
-            f"{', '.join(plant.outputs)}; inputs: {', '.join(plant.inputs)})"
+            f"{', '.join(plant.output_labels)}; inputs: {', '.join(plant.input_labels)})"
         )
     if len(found) > _MOST_STOPS:
         raise ValueError(f"end_stop: {len(found)} end stops; expected at most {_MOST_STOPS}")

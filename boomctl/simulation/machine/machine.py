@@ -20,16 +20,16 @@ class Machine(Protocol):
 
 def reading_states(machine: MachineModes, wanted: Sequence[str]) -> MachineModes:
     """Return a machine whose outputs include those of its states that a controller reads by their names."""
-    more = [name for name in wanted if name in machine.states and name not in machine.outputs]
+    more = [name for name in wanted if name in machine.state_labels and name not in machine.output_labels]
     if not more:
         return machine
     import casadi as ca
 
-    z, u = ca.SX.sym("z", len(machine.to_state)), ca.SX.sym("u", len(machine.inputs))
+    z, u = ca.SX.sym("z", len(machine.to_state)), ca.SX.sym("u", len(machine.input_labels))
     outputs, margin = machine.read.call([z, u])
-    rows = machine.to_state[[machine.states.index(name) for name in more]]
+    rows = machine.to_state[[machine.state_labels.index(name) for name in more]]
     read = ca.Function("read", [z, u], [ca.vertcat(outputs, ca.mtimes(ca.sparsify(ca.DM(rows)), z)), margin])
-    return replace(machine, outputs=(*machine.outputs, *more), read=read)
+    return replace(machine, output_labels=(*machine.output_labels, *more), read=read)
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,10 +67,10 @@ def rubbing(modes: MachineModes, friction: float, creep: float) -> MachineModes:
     """
     import casadi as ca
 
-    z, u = ca.SX.sym("z", len(modes.from_state)), ca.SX.sym("u", len(modes.inputs))
-    hub_speed = modes.read(z, u)[0][modes.outputs.index("hub_speed")]
+    z, u = ca.SX.sym("z", len(modes.from_state)), ca.SX.sym("u", len(modes.input_labels))
+    hub_speed = modes.read(z, u)[0][modes.output_labels.index("hub_speed")]
     acting = ca.SX(u)
-    acting[modes.inputs.index("disturbance_torque")] -= friction * ca.tanh(hub_speed / creep)
+    acting[modes.input_labels.index("disturbance_torque")] -= friction * ca.tanh(hub_speed / creep)
     return replace(
         modes,
         rest=ca.Function("rest", [z, u], [modes.rest(z, acting)]),

@@ -278,7 +278,7 @@ def inputs_of(m: MachineModes, acts: Acts, controls: casadi.SX, disturbances: ca
     """Return all inputs of the machine; those that nothing moves are zeros, on which no operation is spent."""
     import casadi as ca
 
-    u = ca.SX.zeros(len(m.inputs))
+    u = ca.SX.zeros(len(m.input_labels))
     for places, values in zip(acts, (controls, disturbances), strict=True):
         for k, place in enumerate(places):
             u[place] += values[k]

@@ -142,5 +142,5 @@ def suspension_model(
     p = BoomParameters() if parameters is None else parameters
     places = nozzle_positions(p.length) if nozzles else None
     model = spray_boom(p, elements=elements, accelerometer_bandwidth_hz=accelerometer_hz, nozzles=places)
-    outputs = [name for name in model.outputs if name != "cradle_slip"]
+    outputs = [name for name in model.output_labels if name != "cradle_slip"]
     return model.select(["actuator_left", "actuator_right", *CONTROLS], outputs)

@@ -169,7 +169,7 @@ def without_fast_poles(K: Lti, fastest: float) -> Lti | None:
         D = slow.D - fast.C @ np.linalg.solve(fast.A, fast.B)
     except (np.linalg.LinAlgError, ValueError):
         return None
-    slower = replace(K, A=slow.A, B=slow.B, C=slow.C, D=D, states=())
+    slower = replace(K, A=slow.A, B=slow.B, C=slow.C, D=D, state_labels=())
     return slower if all(np.isfinite(part).all() for part in (slower.B, slower.C, slower.D)) else None
 
 

@@ -65,7 +65,8 @@ def _shifted(plant: GeneralizedPlant, share: float) -> GeneralizedPlant:
     old, rate = plant.system, _fastest(plant.A)
     through = old.D.copy()
     through[plant.nz :, plant.nw :] = 0.0
-    system = Lti(plant.A - share * rate * np.eye(len(plant.A)), old.B, old.C, through, old.inputs, states=old.states)
+    A = plant.A - share * rate * np.eye(len(plant.A))
+    system = Lti(A, old.B, old.C, through, old.input_labels, state_labels=old.state_labels)
     return GeneralizedPlant(system, plant.nmeas, plant.ncon)
 
 
@@ -113,5 +114,5 @@ def _measured(plant: GeneralizedPlant, C: Array, D: Array) -> GeneralizedPlant:
     """Return the plant with other measurements."""
     old = plant.system
     through = np.vstack([old.D[: plant.nz], np.hstack([D, np.zeros((len(D), plant.ncon))])])
-    system = Lti(plant.A, old.B, np.vstack([plant.C1, C]), through, old.inputs, states=old.states)
+    system = Lti(plant.A, old.B, np.vstack([plant.C1, C]), through, old.input_labels, state_labels=old.state_labels)
     return GeneralizedPlant(system, nmeas=len(C), ncon=plant.ncon)

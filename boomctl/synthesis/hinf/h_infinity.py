@@ -218,7 +218,7 @@ def _on_circle(plant: GeneralizedPlant, found: HInfinityResult, origin: ReducedP
     """
     dt = plant.system.dt
     try:
-        K = discrete_image(replace(found._controller, states=()), dt)
+        K = discrete_image(replace(found._controller, state_labels=()), dt)
         parts = ClosedLoop(plant.system, K)
         loop = parts.system
     except ValueError as error:
@@ -260,7 +260,7 @@ def _result(task: Task, found: Candidate, origin: ReducedPlant | None) -> HInfin
         summary=_statement(task, found),
         full_plant=judged_on_full_plant(origin, plant, found.K, found.norm),
     )
-    K = replace(found.K, inputs=plant.measurements, outputs=plant.controls, scales=plant.system.scales)
+    K = replace(found.K, input_labels=plant.measurements, output_labels=plant.controls, scales=plant.system.scales)
     return HInfinityResult(K, found.loop, found.norm.lower_bound, certificate, bounds, plant.system)
 
 

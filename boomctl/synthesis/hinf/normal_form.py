@@ -33,7 +33,8 @@ class NormalizedPlant(GeneralizedPlant):
         s = self.system
         A, B, C = s.A[::-1, ::-1], s.B[::-1], s.C[:, ::-1]
         scale = signal_scales(A, B, C)
-        system = replace(s, A=A / scale[:, None] * scale, B=B / scale[:, None], C=C * scale, states=s.states[::-1])
+        A, B, C = A / scale[:, None] * scale, B / scale[:, None], C * scale
+        system = replace(s, A=A, B=B, C=C, state_labels=s.state_labels[::-1])
         return replace(self, system=system, modes=self.modes[:, ::-1] * scale)
 
 
@@ -58,8 +59,8 @@ def normalised(plant: GeneralizedPlant) -> NormalizedPlant:
     modes = _modal_basis(plant.A, B, C)
     lengths = np.linalg.norm(modes, axis=0)  # those of modes hardly driven or seen differ by many decades
     inverse = np.linalg.inv(modes / lengths) / lengths[:, None] if len(modes) else modes
-    names = tuple(plant.system.states[k] for k in np.abs(modes).argmax(axis=0)) if len(modes) else ()
-    system = Lti(inverse @ plant.A @ modes, inverse @ B, C @ modes, D, states=names, dt=plant.system.dt)
+    names = tuple(plant.system.state_labels[k] for k in np.abs(modes).argmax(axis=0)) if len(modes) else ()
+    system = Lti(inverse @ plant.A @ modes, inverse @ B, C @ modes, D, state_labels=names, dt=plant.system.dt)
     return NormalizedPlant(system, nmeas, ncon, from_controls, from_measurements, modes)
 
 

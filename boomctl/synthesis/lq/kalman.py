@@ -112,14 +112,14 @@ def kalman(
     array([[2., 2.]])
     """
     plant = plant_of(system, sampled=True)
-    measured = chosen("measurements", measurements, plant.outputs)
+    measured = chosen("measurements", measurements, plant.output_labels)
     noise = noise_of(plant, process_noise, measurement_noise, measurements=measured, disturbances=disturbances)
     solution = solved_filter(plant, noise, measured)
     L, n = solution.gain.T, len(plant.A)
-    known = tuple(name for name in plant.inputs if name not in noise.inputs)
+    known = tuple(name for name in plant.input_labels if name not in noise.inputs)
     way = plant.select(known, measured)
     B = np.hstack([L, way.B - L @ way.D])
-    inputs, states = (*measured, *known), plant.states
+    inputs, states = (*measured, *known), plant.state_labels
     estimator = Lti(
         plant.A - L @ way.C, B, np.eye(n), np.zeros(B.shape), inputs, states, states, plant.dt, plant.scales
     )
@@ -136,7 +136,7 @@ def solved_filter(plant: Lti, noise: Noise, measurements: Sequence[str]) -> Ricc
     """Return the solution of a filter's problem, its gain transposed; refuse modes in the way of one by name."""
     C = plant.select(outputs=measurements).C
     problem = RiccatiProblem(plant.A.T, C.T, noise.W, noise.V, noise.S, plant.dt)
-    check_detectable(plant.A, C, measurements, plant.states, plant.dt)
+    check_detectable(plant.A, C, measurements, plant.state_labels, plant.dt)
     shifted, _, W = problem.shifted
-    check_excited(shifted.T, square_root(W), "any process noise", plant.states, plant.dt)
+    check_excited(shifted.T, square_root(W), "any process noise", plant.state_labels, plant.dt)
     return solution_of(problem, "the Riccati equation of the filter")

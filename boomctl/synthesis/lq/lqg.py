@@ -146,14 +146,14 @@ def lqg(
     (8.4853, 2)
     """
     plant = plant_of(system.system if isinstance(system, ReductionResult) else system, sampled=True)
-    driven = chosen("controls", controls, plant.inputs)
-    noisy = [name for name in plant.inputs if isinstance(process_noise, Mapping) and name in process_noise]
-    if controls is None and noisy and len(noisy) < len(plant.inputs):
+    driven = chosen("controls", controls, plant.input_labels)
+    noisy = [name for name in plant.input_labels if isinstance(process_noise, Mapping) and name in process_noise]
+    if controls is None and noisy and len(noisy) < len(plant.input_labels):
         warn_user(
             f"controls: none named, so that the controller drives all inputs, {', '.join(noisy)} among them, which"
             " process_noise calls noise; name the inputs it drives"
         )
-    measured = chosen("measurements", measurements, plant.outputs)
+    measured = chosen("measurements", measurements, plant.output_labels)
     problem = regulator_problem(plant, driven, Q, R, output_weight)
     noise = noise_of(plant, process_noise, measurement_noise, measurements=measured, disturbances=disturbances)
     way = plant.select(driven, measured)
@@ -162,7 +162,7 @@ def lqg(
             f"ltr_intensity = {exactly(ltr_intensity)}: expected 0 for a discrete system, whose loop it does not recover"
         )
     noise = _with_recovery(noise, way, ltr_intensity)
-    regulator = solved_regulator(problem, driven, plant.states)
+    regulator = solved_regulator(problem, driven, plant.state_labels)
     estimator = solved_filter(plant, noise, measured)
     K = observer(way, regulator.gain, estimator.gain.T)
     P = GeneralizedPlant(_weighted(way, problem, noise), len(measured), len(driven))
@@ -170,12 +170,12 @@ def lqg(
     effort = problem.R if plant.dt == 0.0 else problem.R + problem.B.T @ regulator.X @ problem.B
     least = least_cost(noise.W, effort, regulator, estimator)
     origin = origin_of(system)
-    by_states = not noise.inputs or (Q is not None and bool(semidefinite("Q", Q, plant.states).any()))
+    by_states = not noise.inputs or (Q is not None and bool(semidefinite("Q", Q, plant.state_labels).any()))
     if origin is not None:
         around = origin.around
 
         def with_cost(full: Lti) -> Lti:
-            given = around(full).select(plant.inputs, plant.outputs)
+            given = around(full).select(plant.input_labels, plant.output_labels)
             if by_states:
                 return _between_all(given, driven, measured)
             task = regulator_problem(given, driven, 0.0, R, output_weight)
@@ -218,6 +218,6 @@ def _weighted(way: Lti, problem: RiccatiProblem, noise: Noise) -> Lti:
 
 def _between_all(plant: Lti, controls: Sequence[str], measured: Sequence[str]) -> Lti:
     """Return the generalised plant from the inputs that are no controls to all outputs; a signal may stand on both sides."""
-    entering = tuple(name for name in plant.inputs if name not in controls) or tuple(controls)
-    columns = [plant.inputs.index(name) for name in (*entering, *controls)]
-    return plant.between(columns, [plant.outputs.index(name) for name in (*plant.outputs, *measured)])
+    entering = tuple(name for name in plant.input_labels if name not in controls) or tuple(controls)
+    columns = [plant.input_labels.index(name) for name in (*entering, *controls)]
+    return plant.between(columns, [plant.output_labels.index(name) for name in (*plant.output_labels, *measured)])

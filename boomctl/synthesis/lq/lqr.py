@@ -94,7 +94,7 @@ class LqrResult(Design):
 
     def __repr__(self) -> str:
         left = f", {count(len(self.uncontrollable_modes), 'mode')} not moved" if self.uncontrollable_modes else ""
-        between_signals = between(self._controller.inputs, self._controller.outputs)
+        between_signals = between(self._controller.input_labels, self._controller.output_labels)
         return f"LqrResult: state feedback, {between_signals}{left}\n  {self.certificate.summary}"
 
 
@@ -153,11 +153,11 @@ def lqr(
     array([[1.    , 1.4142]])
     """
     bare = plant_of(system, sampled=True)
-    driven = chosen("controls", controls, bare.inputs)
+    driven = chosen("controls", controls, bare.input_labels)
     listed = (integral_action,) if isinstance(integral_action, str) else integral_action
     if not isinstance(listed, Mapping):
         listed = sequence("integral_action", listed, "names of outputs")
-    integrated = chosen("integral_action", tuple(listed), bare.outputs) if len(listed) else ()
+    integrated = chosen("integral_action", tuple(listed), bare.output_labels) if len(listed) else ()
     integrals = dict(listed) if isinstance(listed, Mapping) else dict.fromkeys(integrated, 1.0)
     problem = regulator_problem(bare, driven, Q, R, output_weight, N=N)
     plant = bare
@@ -166,7 +166,7 @@ def lqr(
         weights = linalg.block_diag(problem.Q, semidefinite("integral_action", integrals, integrated))
         cross = np.vstack([problem.N, np.zeros((len(integrated), len(driven)))])
         problem = RiccatiProblem(plant.A, plant.select(driven).B, weights, problem.R, cross, bare.dt)
-    solution = solved_regulator(problem, driven, plant.states)
+    solution = solved_regulator(problem, driven, plant.state_labels)
     certificate = _certify(problem, solution)
     closed_loop, effort = _loops(plant, driven, solution.gain)
     return LqrResult(
@@ -176,7 +176,7 @@ def lqr(
         _closed_loop=closed_loop,
         _effort=effort,
         poles=solution.poles,
-        uncontrollable_modes=unmoved(plant.A, problem.B, plant.states, stable=True, dt=plant.dt),
+        uncontrollable_modes=unmoved(plant.A, problem.B, plant.state_labels, stable=True, dt=plant.dt),
         certificate=certificate,
         _plant=Lti(plant.A, problem.B, np.eye(len(plant.A)), np.zeros(problem.B.shape), dt=plant.dt),
     )
@@ -192,7 +192,7 @@ def _with_integrators(plant: Lti, integrated: Sequence[str]) -> Lti:
         A=blocks([[plant.A, np.zeros((n, k))], [share * read.C, kept * np.eye(k)]]),
         B=np.vstack([plant.B, share * read.D]),
         C=np.hstack([plant.C, np.zeros((len(plant.C), k))]),
-        states=(*plant.states, *(f"integral.{name}" for name in integrated)),
+        state_labels=(*plant.state_labels, *(f"integral.{name}" for name in integrated)),
     )
 
 
@@ -211,16 +211,16 @@ def regulator_problem(
     n, m = B.shape
     if Q is None and output_weight is None:
         raise ValueError("Q, output_weight: expected at least one of them")
-    states = np.zeros((n, n)) if Q is None else semidefinite("Q", Q, plant.states)
+    states = np.zeros((n, n)) if Q is None else semidefinite("Q", Q, plant.state_labels)
     efforts = definite("R", R, controls)
     cross = np.zeros((n, m)) if N is None else finite_array("N", N)
     if cross.shape != (n, m):
         raise ValueError(f"N: expected shape {(n, m)}, states by controls, got {cross.shape}")
     if cross.any():
         joint = states - cross @ linalg.solve(efforts, cross.T, assume_a="pos")
-        semidefinite("Q - N R^-1 N^T", 0.5 * (joint + joint.T), plant.states)
+        semidefinite("Q - N R^-1 N^T", 0.5 * (joint + joint.T), plant.state_labels)
     if output_weight is not None:
-        W = semidefinite("output_weight", output_weight, plant.outputs)
+        W = semidefinite("output_weight", output_weight, plant.output_labels)
         states = states + plant.C.T @ W @ plant.C
         efforts = efforts + D.T @ W @ D
         cross = cross + plant.C.T @ W @ D
@@ -276,16 +276,16 @@ def _controller(plant: Lti, controls: Sequence[str], integrated: Sequence[str], 
     kept, share = (0.0, 1.0) if dt == 0.0 else (1.0, dt)
     reads = np.hstack([np.zeros((k, n)), share * np.eye(k)])
     direct = np.hstack([-gain[:, :n], np.zeros((len(gain), k))])
-    inputs = (*plant.states[:n], *integrated)
+    inputs = (*plant.state_labels[:n], *integrated)
     return Lti(
-        kept * np.eye(k), reads, -gain[:, n:], direct, inputs, tuple(controls), plant.states[n:], dt, plant.scales
+        kept * np.eye(k), reads, -gain[:, n:], direct, inputs, tuple(controls), plant.state_labels[n:], dt, plant.scales
     )
 
 
 def _loops(plant: Lti, controls: Sequence[str], gain: Array) -> tuple[Lti, Lti]:
     """Return the loop closed by ``u = -F x``: to the outputs, and to the controls."""
     driven = plant.select(controls)
-    entering = plant.select(tuple(name for name in plant.inputs if name not in controls) or controls)
+    entering = plant.select(tuple(name for name in plant.input_labels if name not in controls) or controls)
     loop = replace(entering, A=plant.A - driven.B @ gain, C=plant.C - driven.D @ gain)
-    still = np.zeros((len(gain), len(entering.inputs)))
-    return loop, replace(loop, C=-gain, D=still, outputs=tuple(controls))
+    still = np.zeros((len(gain), len(entering.input_labels)))
+    return loop, replace(loop, C=-gain, D=still, output_labels=tuple(controls))

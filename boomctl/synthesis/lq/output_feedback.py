@@ -16,8 +16,18 @@ from boomctl.synthesis.plants.partition import GeneralizedPlant
 def observer(plant: Lti, F: Array, L: Array) -> Lti:
     """Return ``u = -F z`` with ``z' = A z + B u + L (y - C z - D u)``, from measurements to controls."""
     A = plant.A - plant.B @ F - L @ (plant.C - plant.D @ F)
-    states = tuple(f"estimate.{name}" for name in plant.states)
-    return Lti(A, L, -F, np.zeros((len(F), L.shape[1])), plant.outputs, plant.inputs, states, plant.dt, plant.scales)
+    states = tuple(f"estimate.{name}" for name in plant.state_labels)
+    return Lti(
+        A,
+        L,
+        -F,
+        np.zeros((len(F), L.shape[1])),
+        plant.output_labels,
+        plant.input_labels,
+        states,
+        plant.dt,
+        plant.scales,
+    )
 
 
 def least_cost(W: Array, R: Array, regulator: RiccatiSolution, estimator: RiccatiSolution) -> float:

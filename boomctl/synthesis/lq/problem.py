@@ -151,13 +151,13 @@ def noise_of(
     it names, and a number, vector or matrix over the states.
     """
     if isinstance(process_noise, Mapping) and disturbances is None:
-        disturbances = chosen("process_noise", tuple(process_noise), plant.inputs)
+        disturbances = chosen("process_noise", tuple(process_noise), plant.input_labels)
     V = definite("measurement_noise", measurement_noise, measurements)
     if disturbances is None:
         array = finite_array("process_noise", process_noise)  # type: ignore[arg-type]
-        W = semidefinite("process_noise", array, plant.states)
+        W = semidefinite("process_noise", array, plant.state_labels)
         return Noise(W, V, W[:, :0] @ V[:0])
-    entering = chosen("disturbances", disturbances, plant.inputs)
+    entering = chosen("disturbances", disturbances, plant.input_labels)
     intensity = semidefinite("process_noise", process_noise, entering)
     way = plant.select(entering, measurements)
     W, V = way.B @ intensity @ way.B.T, V + way.D @ intensity @ way.D.T

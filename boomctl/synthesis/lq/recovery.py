@@ -143,8 +143,8 @@ def loop_transfer_recovery(
     array([0.97, 0.87, 0.3 ])
     """
     plant = plant_of(system)
-    driven = chosen("controls", controls, plant.inputs)
-    measured = chosen("measurements", measurements, plant.outputs)
+    driven = chosen("controls", controls, plant.input_labels)
+    measured = chosen("measurements", measurements, plant.output_labels)
     if len(measured) < len(driven):
         raise ValueError(
             f"measurements: expected at least as many as controls ({len(driven)}) to recover a loop, got {len(measured)}"

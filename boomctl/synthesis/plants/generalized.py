@@ -93,7 +93,7 @@ def generalized_plant(
     ['z_tip_anti', 'z_suspension_anti', 'stroke_anti']
     """
     system = plant_within(plant)
-    ins, outs = system.inputs, system.outputs
+    ins, outs = system.input_labels, system.output_labels
     read, set_ = names("measurement", measurements, outs), names("control", controls, ins)
     dt = system.dt
     w = _weighted("disturbance", "w_", disturbances, ins, dt)
@@ -128,7 +128,7 @@ def _weighed(
     set_: tuple[str, ...],
 ) -> Lti:
     """Return a plant with weights: of disturbances, noises, outputs and efforts, then measurements and controls."""
-    ins, outs = system.inputs, system.outputs
+    ins, outs = system.input_labels, system.output_labels
     # disturbances and noises pass their weights; the plant takes its inputs, beside it pass noises and controls;
     # what is shown, costs and is read is picked and passes its weights
     first = append(*w.values(), *n.values(), _through(set_))
@@ -193,7 +193,7 @@ def mixed_sensitivity(
     0.92
     """
     system = plant_within(plant)
-    ins, outs = system.inputs, system.outputs
+    ins, outs = system.input_labels, system.output_labels
     errors = tuple(f"error_{name}" for name in outs)
     weights = [
         *([] if W1 is None else _weighted("error", "z_", dict.fromkeys(errors, W1), errors, system.dt).values()),
@@ -209,7 +209,7 @@ def mixed_sensitivity(
 
 def _weighed_sensitivity(system: Lti, *, weights: list[Lti], given: list[bool]) -> Lti:
     """Return a plant under control errors, with the weights of errors, controls and outputs that are given."""
-    ins, outs = system.inputs, system.outputs
+    ins, outs = system.input_labels, system.output_labels
     errors = tuple(f"error_{name}" for name in outs)
     p, m = len(outs), len(ins)
     first = _through((*(f"r_{name}" for name in outs), *ins))
@@ -229,7 +229,7 @@ def _weighed_sensitivity(system: Lti, *, weights: list[Lti], given: list[bool]) 
 def _joined(first: Lti, entry: Array, middle: Lti, leave: Array, last: Lti) -> Lti:
     """Return what is driven by weights, mixed into the plant, mixed again and weighed; no name may come twice."""
     joined = series(series(series(series(first, static(entry)), middle), static(leave)), last)
-    for what, listed in (("input", joined.inputs), ("output", joined.outputs)):
+    for what, listed in (("input", joined.input_labels), ("output", joined.output_labels)):
         twice = [name for name in listed if listed.count(name) > 1]
         if twice:
             raise ValueError(f"{what} {twice[0]!r} would exist twice")
@@ -243,7 +243,7 @@ def _weighted(what: str, prefix: str, given: Mapping[str, Weight], choices: Sequ
         outside = prefix + known(what, name, choices)
         system = _weight(f"weight of {what} {name!r}", weight, dt)
         states = tuple(f"{outside}[{k}]" for k in range(len(system.A)))
-        found[name] = replace(system, inputs=(outside,), outputs=(outside,), states=states)
+        found[name] = replace(system, input_labels=(outside,), output_labels=(outside,), state_labels=states)
     return found
 
 
@@ -309,6 +309,6 @@ def select_channels(
     (1, 2, True)
     """
     plain = of(system, expected="StateSpace", any_time=True)
-    some_names("input", inputs, plain.inputs)
-    some_names("output", outputs, plain.outputs)
+    some_names("input", inputs, plain.input_labels)
+    some_names("output", outputs, plain.output_labels)
     return plain.select(inputs, outputs).statespace(system.name)

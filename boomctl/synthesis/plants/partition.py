@@ -62,7 +62,7 @@ class GeneralizedPlant:
     def dual(self) -> "GeneralizedPlant":
         """The transposed plant: controls become measurements, disturbances performance signals, and the other way."""
         s = self.system
-        transposed = Lti(s.A.T, s.C.T, s.B.T, s.D.T, s.outputs, s.inputs, s.states, s.dt)
+        transposed = Lti(s.A.T, s.C.T, s.B.T, s.D.T, s.output_labels, s.input_labels, s.state_labels, s.dt)
         return GeneralizedPlant(transposed, self.ncon, self.nmeas)
 
     @property
@@ -123,22 +123,22 @@ class GeneralizedPlant:
     @property
     def disturbances(self) -> tuple[str, ...]:
         """Names of the first inputs."""
-        return self.system.inputs[: self.nw]
+        return self.system.input_labels[: self.nw]
 
     @property
     def controls(self) -> tuple[str, ...]:
         """Names of the last inputs."""
-        return self.system.inputs[self.nw :]
+        return self.system.input_labels[self.nw :]
 
     @property
     def performance(self) -> tuple[str, ...]:
         """Names of the first outputs."""
-        return self.system.outputs[: self.nz]
+        return self.system.output_labels[: self.nz]
 
     @property
     def measurements(self) -> tuple[str, ...]:
         """Names of the last outputs."""
-        return self.system.outputs[self.nz :]
+        return self.system.output_labels[self.nz :]
 
 
 def partition(
@@ -162,8 +162,8 @@ def partition(
         )
     system = of(P, "P", "StateSpace", sampled=sampled)
     p, m = system.D.shape
-    nmeas = _count("nmeas", nmeas, system.outputs, OUTSIDE[:1], "output", "performance signal")
-    ncon = _count("ncon", ncon, system.inputs, OUTSIDE[1:], "input", "disturbance")
+    nmeas = _count("nmeas", nmeas, system.output_labels, OUTSIDE[:1], "output", "performance signal")
+    ncon = _count("ncon", ncon, system.input_labels, OUTSIDE[1:], "input", "disturbance")
     if whole("nmeas", nmeas) >= p:
         raise ValueError(f"nmeas = {nmeas}: P has {p} output(s), and at least one must be a performance signal")
     if whole("ncon", ncon) >= m:
@@ -215,9 +215,10 @@ def matched(
             f"a sampling time of {exactly(dt)} s" if dt else "continuous time" for dt in (plant.system.dt, K.dt)
         )
         raise ValueError(f"controller: expected {wanted}, as P has it, got {got}")
-    columns = _places("output", plant.measurements, K.inputs, plant.system.outputs)
-    rows = _places("input", plant.controls, K.outputs, plant.system.inputs)
-    return plant, replace(K.between(columns, rows), inputs=plant.measurements, outputs=plant.controls, states=())
+    columns = _places("output", plant.measurements, K.input_labels, plant.system.output_labels)
+    rows = _places("input", plant.controls, K.output_labels, plant.system.input_labels)
+    names = {"input_labels": plant.measurements, "output_labels": plant.controls, "state_labels": ()}
+    return plant, replace(K.between(columns, rows), **names)
 
 
 def _places(what: str, wanted: Sequence[str], names: Sequence[str], there: Sequence[str]) -> list[int]:
@@ -290,9 +291,9 @@ def with_feedthrough(K: Lti, D22: Array) -> Lti:
         np.hstack([K.B, K.B]),
         np.vstack([K.C, K.C]),
         np.tile(K.D, (2, 2)),
-        K.inputs * 2,
-        K.outputs * 2,
-        K.states,
+        K.input_labels * 2,
+        K.output_labels * 2,
+        K.state_labels,
         K.dt,
         K.scales,
     )

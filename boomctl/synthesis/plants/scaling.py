@@ -110,7 +110,7 @@ def unscale_controller(
 
 def _checked(scales: Mapping[str, float], system: Lti, what: str) -> dict[str, float]:
     """Return scales as floats, checked to be those of the signals of a system."""
-    labels = (*system.inputs, *system.outputs)
+    labels = (*system.input_labels, *system.output_labels)
     values = mapping("scales", scales, "signals to their scales")
     for name in labels:
         if name not in values:

@@ -76,10 +76,10 @@ def join_symmetric(
     times = {half.dt for (half, _), dt in zip(halves, given, strict=True) if dt is not None}
     if len(times) > 1:
         raise ValueError(f"sampling times {symmetric.dt} and {antisymmetric.dt} s: expected the same in both halves")
-    measured = _whole(mirror, [(half.inputs, parity) for half, parity in halves], model.outputs, "output")
-    driven = _whole(mirror, [(half.outputs, parity) for half, parity in halves], model.inputs, "input")
-    read = np.hstack([_matrix(mirror, measured, half.inputs, parity) for half, parity in halves])
-    drive = np.hstack([_matrix(mirror, driven, half.outputs, parity) for half, parity in halves])
+    measured = _whole(mirror, [(half.input_labels, parity) for half, parity in halves], model.output_labels, "output")
+    driven = _whole(mirror, [(half.output_labels, parity) for half, parity in halves], model.input_labels, "input")
+    read = np.hstack([_matrix(mirror, measured, half.input_labels, parity) for half, parity in halves])
+    drive = np.hstack([_matrix(mirror, driven, half.output_labels, parity) for half, parity in halves])
     both = append(*(half for half, _ in halves))
     B, C, D = both.B @ read.T, drive @ both.C, drive @ both.D @ read.T
     dt, scales = min(times, default=0.0), None if None in [half.scales for half, _ in halves] else {}
@@ -131,7 +131,7 @@ def split_controller(
     # a discrete one is told apart as the continuous controller whose Tustin discretisation it is
     K, sides = continuous_image(given).balanced(), []
     for parity in (1, -1):
-        read, drive = mirror.signals(K.inputs, parity), mirror.signals(K.outputs, parity)
+        read, drive = mirror.signals(K.input_labels, parity), mirror.signals(K.output_labels, parity)
         if read is None or drive is None:
             raise ValueError("controller: expected both signals of each pair, left and right")
         sides.append(_Side(read[0], drive[0], read[1], drive[1]))
