@@ -1,10 +1,11 @@
 """Control design for flexible structures on a moving base.
 
-What most scripts need stands here, by what one wants to do; the packages offer the rest (``boomctl.boom.bump_track``).
+What most scripts need stands here, by what one wants to do; the packages offer the rest (``boomctl.boom.write_motion``).
 
 A spray boom
     spray_boom, BoomParameters, split_symmetric, exact_frequency_response, exact_eigenfrequencies_hz; its field:
-    iso_track, platform_motion, sine_sweep, read_motion, nozzle_positions, spray_deposit, spray_deposit_components.
+    iso_track, bump_track, platform_motion, sine_sweep, read_motion, nozzle_positions, spray_deposit,
+    spray_deposit_components.
 A rotating hub-beam
     hub_beam, HubBeamParameters; how its hub moves: spin_up, sine_torque; more in the package ``maneuvers``.
 Any machine

@@ -29,6 +29,7 @@ from boomctl.boom.parameters import BoomParameters as BoomParameters
 from boomctl.boom.spray import nozzle_positions as nozzle_positions
 from boomctl.boom.spray import spray_deposit as spray_deposit
 from boomctl.boom.spray import spray_deposit_components as spray_deposit_components
+from boomctl.boom.tracks import bump_track as bump_track
 from boomctl.boom.tracks import iso_track as iso_track
 from boomctl.exchange.controller_files import read_controller as read_controller
 from boomctl.exchange.controller_files import write_controller as write_controller

@@ -49,9 +49,9 @@ q
 speeds = np.linspace(0.0, 10.0, 41)
 exact = bc.hub_beam(q, "geometrically-exact", modes=12)  # its third frequency needs more modes
 fig, ax = plt.subplots(figsize=(7, 4.5), layout="constrained")
-stiffened = exact.campbell(speeds, include_axial=True)
+stiffened = exact.campbell(speeds, coupled=True)
 stiffened.plot(ax, color="black")
-models["foam"].campbell(speeds, include_axial=True).plot(ax, color="C0", linestyle="--")
+models["foam"].campbell(speeds, coupled=True).plot(ax, color="C0", linestyle="--")
 models["tlam"].campbell(speeds).plot(ax, color="C1")
 print(stiffened)
 for met in stiffened.critical_speeds:
@@ -65,7 +65,7 @@ for (name, speed), values in printed.items():
 ratio = printed["foam", 1.0][0] / models["foam"].eigenfrequencies_hz(1.0)[0]
 print(f"published over computed {ratio:.5f}; 2 pi over 6.28 is {2 * np.pi / 6.28:.5f}")
 for speed in (5.0, 10.0):
-    first = [h.eigenfrequencies_hz(speed, include_axial=True)[0] for h in (models["foam"], exact)]
+    first = [h.eigenfrequencies_hz(speed, coupled=True)[0] for h in (models["foam"], exact)]
     print(f"at {speed:g} rad/s: foam {first[0]:.4f} Hz, exact {first[1]:.4f} Hz")
 plt.show()
 

@@ -194,7 +194,7 @@ def platform_motion(
     Examples
     --------
     >>> import boomctl as bc
-    >>> stone = bc.boom.bump_track(0.05, bump_length=0.4, side="left", length=20.0)
+    >>> stone = bc.bump_track(0.05, bump_length=0.4, side="left", length=20.0)
     >>> motion = bc.platform_motion(stone, speed=2.0, sample_time=0.01)
     >>> round(1000.0 * float(abs(motion.jolt).max()), 1)  # mm
     5.9

@@ -221,13 +221,13 @@ class SprayResult:
         return self.min_dose if farther_low else self.max_dose
 
 
-def nozzle_positions(length: float = BoomParameters.length, spacing: float = 0.5) -> Array:
+def nozzle_positions(boom: BoomParameters | float = BoomParameters.length, spacing: float = 0.5) -> Array:
     """Return places for nozzles along a boom, equally spaced about its middle.
 
     Parameters
     ----------
-    length : float
-        Length of the boom [m].
+    boom : BoomParameters or float
+        The boom, or its length [m].
     spacing : float
         Distance between nozzles [m].
 
@@ -245,10 +245,11 @@ def nozzle_positions(length: float = BoomParameters.length, spacing: float = 0.5
     Examples
     --------
     >>> import boomctl as bc
-    >>> bc.nozzle_positions(length=3.0, spacing=0.5)
+    >>> bc.nozzle_positions(3.0, spacing=0.5)
     array([-1.25, -0.75, -0.25,  0.25,  0.75,  1.25])
     """
-    count = int(min(positive("length", length) / positive("spacing", spacing) + 1e-9, _MOST_CELLS))
+    length = boom.length if isinstance(boom, BoomParameters) else positive("boom", boom)
+    count = int(min(length / positive("spacing", spacing) + 1e-9, _MOST_CELLS))
     if count == _MOST_CELLS:
         raise ValueError(
             f"spacing = {exactly(spacing)}: expected fewer than {_MOST_CELLS:g} nozzles on {exactly(length)} m"

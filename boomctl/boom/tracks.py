@@ -439,7 +439,7 @@ def bump_track(
     Examples
     --------
     >>> import boomctl as bc
-    >>> stone = bc.boom.bump_track(0.05, bump_length=0.4, side="left", position=5.0)
+    >>> stone = bc.bump_track(0.05, bump_length=0.4, side="left", position=5.0)
     >>> stone.heights([5.2]).round(3)  # its top, under the left wheels only
     array([[0.05],
            [0.  ]])

@@ -172,14 +172,14 @@ class HubBeam(ABC):
         return self._steady_limit()
 
     @one_blas_thread
-    def eigenfrequencies_hz(self, hub_speed: float = 0.0, include_axial: bool = False) -> Array:
+    def eigenfrequencies_hz(self, hub_speed: float = 0.0, coupled: bool = False) -> Array:
         """Natural frequencies of the beam at a constant, prescribed hub speed, about the beam stretched by the rotation.
 
         Parameters
         ----------
         hub_speed : float
             Hub speed w, rad/s, below the critical one.
-        include_axial : bool
+        coupled : bool
             False: transverse modes alone, for the assumed-modes models of ``K2 + w^2 (D - M2)`` (Eq. 31; TLAM without
             D). True: axial and transverse modes with their gyroscopic coupling.
 
@@ -191,7 +191,7 @@ class HubBeam(ABC):
         Raises
         ------
         TypeError, ValueError
-            At a hub speed at which the stiffness is lost, or if `include_axial` is asked of a model without axial
+            At a hub speed at which the stiffness is lost, or if `coupled` is asked of a model without axial
             modes; arguments of another kind.
 
         Warns
@@ -202,10 +202,10 @@ class HubBeam(ABC):
         if isinstance(hub_speed, (list, tuple, np.ndarray)):
             raise TypeError("hub_speed: expected one speed [rad/s]; .campbell(speeds) takes many")
         speed = within("hub_speed", hub_speed, -_FASTEST, _FASTEST, "rad/s")
-        if truth("include_axial", include_axial) and not self.has_axial_modes:
-            raise ValueError(f"include_axial = True: expected False, for model {self.model!r} has no axial modes")
+        if truth("coupled", coupled) and not self.has_axial_modes:
+            raise ValueError(f"coupled = True: expected False, for model {self.model!r} has no axial modes")
         self._check_speed(speed, self.divergence_speed())
-        found = self._coupled_hz(speed) if include_axial else self._transverse_hz(speed)
+        found = self._coupled_hz(speed) if coupled else self._transverse_hz(speed)
         warn_of_units(found)
         return found
 
@@ -261,7 +261,7 @@ class HubBeam(ABC):
         *,
         count: int = 3,
         orders: Sequence[float] = (1.0, 2.0, 3.0),
-        include_axial: bool = False,
+        coupled: bool = False,
     ) -> CampbellDiagram:
         """Return the natural frequencies over the hub speed, and the speeds at which multiples of it meet them.
 
@@ -274,7 +274,7 @@ class HubBeam(ABC):
             How many frequencies, from the lowest; fewer where the model has fewer.
         orders : sequence of float
             Multiples of the hub speed, above zero.
-        include_axial : bool
+        coupled : bool
             As for `eigenfrequencies_hz`.
 
         Returns
@@ -301,7 +301,7 @@ class HubBeam(ABC):
             )  # a frequency falls as a circle does
             below = np.concatenate([below, steep[(steep > below[-1]) & (steep < lost)], [lost * _JUST_BELOW]])
         return campbell_diagram(
-            self.model, lambda speed: self.eigenfrequencies_hz(speed, include_axial)[:most], below, multiples, lost
+            self.model, lambda speed: self.eigenfrequencies_hz(speed, coupled)[:most], below, multiples, lost
         )
 
     @one_blas_thread

@@ -123,12 +123,12 @@ def test_a_periodic_track_goes_round_and_runs_straight_between_points():
 
 
 def test_a_bump_is_where_it_should_be():
-    track = bc.boom.bump_track(0.08, 0.4, "right", position=3.0, length=10.0)
+    track = bc.bump_track(0.08, 0.4, "right", position=3.0, length=10.0)
     assert np.abs(track.left).max() == 0.0
     assert track.right.max() == pytest.approx(0.08)
     assert track.distance[track.right.argmax()] == pytest.approx(3.2)
     assert track.spacing * track.right.sum() == pytest.approx(0.5 * 0.08 * 0.4)
-    assert (bc.boom.bump_track(0.08, 0.4, "both").left == bc.boom.bump_track(0.08, 0.4, "left").left).all()
+    assert (bc.bump_track(0.08, 0.4, "both").left == bc.bump_track(0.08, 0.4, "left").left).all()
 
 
 def test_a_track_that_goes_round_may_be_longer_than_a_ground():

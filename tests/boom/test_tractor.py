@@ -98,7 +98,7 @@ def test_a_tractor_on_the_mirrored_track_does_the_mirrored_motion():
 
 def test_a_stone_under_the_left_wheels_turns_the_left_side_back():
     """It holds the left side back when met, and lets go behind its top; front wheels first, rear ones a wheelbase later."""
-    motion = bc.platform_motion(bc.boom.bump_track(0.1, 0.5, "left", position=8.0, length=40.0), P, 2.0)
+    motion = bc.platform_motion(bc.bump_track(0.1, 0.5, "left", position=8.0, length=40.0), P, 2.0)
     met, again = (8.0 - P.wheelbase) / 2.0, 8.0 / 2.0
     before = motion.time < met - 0.01
     assert np.abs(motion.left[before]).max() < 1e-9
@@ -116,7 +116,7 @@ def test_without_steering_a_step_under_one_side_turns_the_heading_for_good():
     motion = bc.platform_motion(bc.boom.Track(0.01, left, 0.0 * left, P.track_width), free, 2.0)
     impulse = 0.5 * P.track_width * 0.5 * P.mass * GRAVITY * rise / 2.0
     assert motion.yaw[-1] == pytest.approx(impulse / P.yaw_damping(2.0), rel=1e-4)
-    over = bc.platform_motion(bc.boom.bump_track(0.1, 0.5), free, 2.0)
+    over = bc.platform_motion(bc.bump_track(0.1, 0.5), free, 2.0)
     assert abs(over.yaw[-1]) < 1e-4 * np.abs(over.yaw).max()
 
 

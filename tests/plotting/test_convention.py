@@ -156,7 +156,7 @@ def test_a_part_of_a_figure_is_divided():
 def test_pictures_in_threads_warn_of_nothing_and_leave_the_settings_alone():
     before, tracks = (
         dict(mpl.rcParams),
-        [bc.boom.bump_track(0.1, 1.0 + seed, length=50.0) for seed in range(24)],
+        [bc.bump_track(0.1, 1.0 + seed, length=50.0) for seed in range(24)],
     )  # 20 of pyplot would warn
     with warnings.catch_warnings():
         warnings.simplefilter("error")

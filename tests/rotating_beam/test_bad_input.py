@@ -57,7 +57,7 @@ REFUSED = [
     ),
     (lambda: EXACT.simulate(SPIN_UP, [1.0], initial_state=EXACT.steady_state(1.0)), "initial hub speed"),
     (lambda: BEAM.residual_energy([0.0, 1.0]), "state: expected 6 numbers, got 2"),
-    (lambda: BEAM.eigenfrequencies_hz(1.0, include_axial=True), "no axial modes"),
+    (lambda: BEAM.eigenfrequencies_hz(1.0, coupled=True), "no axial modes"),
     (lambda: BEAM.campbell([1.0]), "speeds: expected two hub speeds or more"),
     (lambda: hub_beam(model="tlam", modes=2).campbell([5.0, 6.0]), "loses its stiffness"),
     (lambda: family("foam", hub_speed=(0.0, 2000.0)), "loses its stiffness"),

@@ -31,7 +31,7 @@ def test_all_models_agree_at_rest(p):
     at_rest = hub_beam(p, "sfoam", 3).eigenfrequencies_hz(0.0)
     for model in ("tlam", "sfoam-consistent", "foam", "cfoam"):
         np.testing.assert_allclose(hub_beam(p, model, 3).eigenfrequencies_hz(0.0), at_rest, rtol=1e-12)
-    both = hub_beam(p, "foam", 3).eigenfrequencies_hz(0.0, include_axial=True)
+    both = hub_beam(p, "foam", 3).eigenfrequencies_hz(0.0, coupled=True)
     assert all(np.min(np.abs(both / each - 1.0)) < 1e-9 for each in at_rest)
 
 
@@ -62,7 +62,7 @@ def test_table_2_is_exact_theory_and_its_print_is_off_by_one_factor():
         beam = hub_beam(BAI, model, modes)
         np.testing.assert_allclose(beam.eigenfrequencies_hz(0.0)[:5], references.CLAMPED_HZ, rtol=0, atol=rest)
         np.testing.assert_allclose(beam.eigenfrequencies_hz(1.0)[:5], references.FOAM_HZ_AT_1, rtol=0, atol=turning)
-        assert beam.eigenfrequencies_hz(1.0, include_axial=True)[0] == pytest.approx(
+        assert beam.eigenfrequencies_hz(1.0, coupled=True)[0] == pytest.approx(
             references.FOAM_HZ_AT_1_COUPLED, abs=turning
         )
     for (model, speed), printed in FREQUENCIES_HZ.items():

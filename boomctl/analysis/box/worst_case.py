@@ -74,9 +74,14 @@ class WorstCase:
     method: str = ""
 
     @property
+    def lower_bound(self) -> float:
+        """The largest norm found: that of ``worst_norm``."""
+        return self.worst_norm.lower_bound
+
+    @property
     def relative_gap(self) -> float:
         """How far the bound lies above the worst point found, relative."""
-        return self.upper_bound / self.worst_norm.lower_bound - 1.0 if 0.0 < self.worst_norm.lower_bound < inf else 0.0
+        return self.upper_bound / self.lower_bound - 1.0 if 0.0 < self.lower_bound < inf else 0.0
 
     def __repr__(self) -> str:
         return sentence("WorstCase", self.summary)

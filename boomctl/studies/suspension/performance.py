@@ -246,7 +246,7 @@ class InField:
             **active,
         )
         names = sorted(name for name in run.outputs if name.startswith("nozzle_"))  # of a machine that reads them
-        nozzles, half = nozzle_positions(self.p.length), self.p.length / 2
+        nozzles, half = nozzle_positions(self.p), self.p.length / 2
         points = np.concatenate([[-half], nozzles if names else [], [half]])
         moved = np.array([run[name] for name in (TIPS[0], *names, TIPS[1])])
         record = run.time >= run.time[0] + scene.warmup_time
