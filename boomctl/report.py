@@ -35,7 +35,7 @@ class Table:
     align : str
         One letter a column, "l" for words and "r" for numbers; the last letter holds for all columns that follow.
     shades : mapping of str to str
-        Colours behind cells, by the text of the cell.
+        Colors behind cells, by the text of the cell.
     """
 
     heads: tuple[str, ...]

@@ -48,7 +48,7 @@ def half(side: str, values: Mapping[str, float], point: tuple[float, float]) -> 
 
 
 def plant(side: str, point: tuple[float, float], **signals: Any) -> Callable[[Mapping[str, float]], control.StateSpace]:
-    """Return the function from a damper to the generalised plant of a half at a point."""
+    """Return the function from a damper to the generalized plant of a half at a point."""
     chosen: dict[str, Any] = {
         "measurements": [f"{stem}_{side}" for stem in MEASURED],
         "controls": [f"suspension_{side}"],

@@ -97,7 +97,7 @@ def unexplained() -> control.StateSpace:
 
 
 def weighed(model: SecondOrderModel) -> control.StateSpace:
-    """Return a generalised plant: the tip, hub's turn included, is to stand still; torque and encoder are not perfect."""
+    """Return a generalized plant: the tip, hub's turn included, is to stand still; torque and encoder are not perfect."""
     return bc.generalized_plant(
         model,
         disturbances={"torque": 0.02, "tip_force": 0.05},

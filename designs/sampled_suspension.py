@@ -30,7 +30,7 @@ def effort_weight(side) -> control.StateSpace:
 
 
 def weighted(plant, side):
-    """Return the generalised plant of a half, in continuous or discrete time."""
+    """Return the generalized plant of a half, in continuous or discrete time."""
     push, tip, stroke, acceleration = (f"{stem}_{side}" for stem in ("suspension", "tip", "stroke", "tip_acceleration"))
     return bc.generalized_plant(
         plant,

@@ -31,7 +31,7 @@ def beam(mass: float) -> control.StateSpace:
 
 @cache
 def plant(mass: float) -> control.StateSpace:
-    """Return the generalised plant: disturbance torque and encoder noise to what hub and tip do, and to the torque."""
+    """Return the generalized plant: disturbance torque and encoder noise to what hub and tip do, and to the torque."""
     return bc.generalized_plant(
         beam(mass),
         disturbances={"disturbance_torque": 1.0},

@@ -40,7 +40,7 @@ def family(side: str) -> AffineFamily:
 
 
 def plant(model: SecondOrderModel, side: str, **signals: Any) -> control.StateSpace:
-    """Return a generalised plant with the sensors and the control of a half."""
+    """Return a generalized plant with the sensors and the control of a half."""
     measured, push = [f"{stem}_{side}" for stem in MEASURED], f"suspension_{side}"
     return bc.generalized_plant(model, measurements=measured, controls=[push], **signals)
 

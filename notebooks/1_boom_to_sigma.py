@@ -131,8 +131,8 @@ ax.set(xlim=(0.1, 10), ylim=(1e-3, 5e3), title="Platform to tips; grey lines: me
 plt.show()
 
 # %% [markdown]
-# **Seen:** the largest singular value has a very sharp peak of 2472.8: at 0.245 Hz one millimetre at the platform
-# becomes more than two metres at the tips. It belongs to the yaw; the largest peak of the jolt is 49.7.
+# **Seen:** the largest singular value has a very sharp peak of 2472.8: at 0.245 Hz one millimeter at the platform
+# becomes more than two meters at the tips. It belongs to the yaw; the largest peak of the jolt is 49.7.
 #
 # **Conclude:** a suspension must first of all damp the yaw. And six elements are enough up to about 5 Hz.
 #

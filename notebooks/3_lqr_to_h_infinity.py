@@ -15,7 +15,7 @@
 # beside the springs push between platform and boom. This notebook designs its controller in three ways and compares
 # them.
 #
-# | method | it minimises | it reads |
+# | method | it minimizes | it reads |
 # |---|---|---|
 # | LQR | the mean of squared tip motion and force | all states; nobody can measure them |
 # | LQG | the same, and it estimates the states | sensors |
@@ -40,7 +40,7 @@ yaw
 # %% [markdown]
 # ## First step: a smaller model, and a look at its error
 #
-# A controller has as many states as the plant it is designed on. So we make the plant small first. Numbers in metres
+# A controller has as many states as the plant it is designed on. So we make the plant small first. Numbers in meters
 # and newtons are of very different size; `scales` are the amounts that count as one.
 #
 # **Asked:** how many states are enough up to 80 rad/s (13 Hz)?
@@ -102,7 +102,7 @@ plt.show()
 
 # %% [markdown]
 # **Seen:** from r = 1e+04 to r = 10 the tip motion falls from 108.51 to 3.46, and the force rises only from 779 to
-# 915 N/m. Below r = 0.1 force is spent for almost nothing. The curve has kinks because LQR minimises a mean, and we
+# 915 N/m. Below r = 0.1 force is spent for almost nothing. The curve has kinks because LQR minimizes a mean, and we
 # draw peaks.
 #
 # The return difference is never below 1. This is Kalman's inequality: such a loop has a phase margin of at least 60
@@ -112,12 +112,12 @@ plt.show()
 #
 # ## LQG and H-infinity: with sensors
 #
-# Now the controller reads two sensors. Both methods need a *generalised plant*: a list of what comes in, what shall
+# Now the controller reads two sensors. Both methods need a *generalized plant*: a list of what comes in, what shall
 # be small, what is measured and what can be done. Each entry has a weight, for the scaled signals.
 
 
 # %%
-def generalised(effort):
+def generalized(effort):
     return bc.generalized_plant(
         G,
         disturbances={
@@ -134,7 +134,7 @@ def generalised(effort):
     )
 
 
-P = generalised(effort=2.0)
+P = generalized(effort=2.0)
 lqg, hinf = bc.h2(P, nmeas=2, ncon=1), bc.h_infinity(P, nmeas=2, ncon=1)  # bc.h2: LQG with all weights in P
 print(hinf.certificate.summary)
 
@@ -197,7 +197,7 @@ family = bc.boom_family(subsystem="yaw", accelerometer_bandwidth_hz=20.0)
 print("effort  gamma   peak  alpha  worst peak")
 trade = {}
 for effort in (0.2, 1.0, 2.0, 5.0, 20.0):
-    d = bc.h_infinity(generalised(effort), nmeas=2, ncon=1)
+    d = bc.h_infinity(generalized(effort), nmeas=2, ncon=1)
     K = d.controller
     peak = bc.sigma(bc.feedback_loop(yaw, K), inputs=disturbance, outputs=tip).peak
     alpha = next(loop.disk_margin.alpha for loop in bc.margins(yaw, K).loops if loop.signal == control)

@@ -69,7 +69,7 @@ run.plot(outputs=["tip_left", "tip_right"])[-1].set_xlim(60.0, 90.0)
 plt.show()
 
 # %% [markdown]
-# **Seen:** the platform moves by one or two centimetres, nearly all of it jolt. The tips move up to ten times as far,
+# **Seen:** the platform moves by one or two centimeters, nearly all of it jolt. The tips move up to ten times as far,
 # and more slowly. From 61 to 64 s they move nearly together (jolt), from 77 to 80 s against each other (yaw): the yaw
 # needs little to be excited, and it goes on for long.
 #

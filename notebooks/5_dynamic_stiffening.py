@@ -33,7 +33,7 @@ import numpy as np
 import boomctl as bc
 
 plt.style.use("boomctl.plotting.look")  # or a style of your own
-q = bc.HubBeamParameters()  # Table 1 of the paper: a slender aluminium beam, 8 m long, on a hub of 0.5 m
+q = bc.HubBeamParameters()  # Table 1 of the paper: a slender aluminum beam, 8 m long, on a hub of 0.5 m
 names = ["tlam", "sfoam", "foam", "cfoam", "geometrically-exact"]
 models = {name: bc.hub_beam(q, name, modes=5) for name in names}
 q

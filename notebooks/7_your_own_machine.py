@@ -56,7 +56,7 @@ plt.style.use("boomctl.plotting.look")  # or a style of your own
 # %% [markdown]
 # ## Bodies, beams, forces, outputs
 #
-# Each part says on what it stands and how it may move there. Places are those at rest, in metres. The mast has two
+# Each part says on what it stands and how it may move there. Places are those at rest, in meters. The mast has two
 # sections: the lower one is heavier and stiffer.
 
 
@@ -121,7 +121,7 @@ print(bc.mode_table(machine.select(["drive", "push"], ["carriage", "sway"])).to_
 #
 # **Conclude:** whether the drive is a force or a position changes the machine. Say which one you have.
 #
-# ## Drive three metres
+# ## Drive three meters
 #
 # **Asked:** how long does it take to move by 3 m with 3000 N, until the load stands still? We try three forces: full
 # force and full brake; the same through an *input shaper* (ZV, tuned to the mode), and the fastest force of all. The
@@ -230,7 +230,7 @@ plt.show()
 
 # %% [markdown]
 # **Seen:** with the carriage held, the load swings on for minutes: still by 19.53 mm after 4 s. If the carriage is left free,
-# it also rolls away by a metre. With the controller the swing is gone after two seconds, and the load is back in its
+# it also rolls away by a meter. With the controller the swing is gone after two seconds, and the load is back in its
 # place. The drive needs up to 3585 N for it, the model that the controller was designed on has 8 states, the crane
 # has 42 and a filter.
 #

@@ -53,7 +53,7 @@ class Machine:
     scale: Fraction
     rounded: bool
     bodies: list = field(default_factory=lambda: [GROUND])
-    centres: list = field(default_factory=lambda: [None])  # of a beam: its direction and the places of its nodes
+    centers: list = field(default_factory=lambda: [None])  # of a beam: its direction and the places of its nodes
     first: list = field(default_factory=lambda: [None])  # of each body, its first coordinate
     n: int = 0
     inertia: list = field(default_factory=list)  # rows and their weights
@@ -77,7 +77,7 @@ class Machine:
             return {}
         first = self.first[body]
         if isinstance(self.bodies[body], Beam):
-            way, nodes = self.centres[body]
+            way, nodes = self.centers[body]
             node = first + 1 + 2 * nodes.index(place)
             if d == TURN:
                 return {node + 1: Fraction(1)}
@@ -85,7 +85,7 @@ class Machine:
             return {k: v for k, v in zip((first, node), parts, strict=True) if v}
         if d == TURN:
             return {first + 2: Fraction(1)}
-        dx, dy = (place[i] - self.centres[body][i] for i in (0, 1))
+        dx, dy = (place[i] - self.centers[body][i] for i in (0, 1))
         return {k: v for k, v in zip((first, first + 1, first + 2), (*d, dx * d[1] - dy * d[0]), strict=True) if v}
 
     def between(self, a, b, place, other, d):
@@ -93,7 +93,7 @@ class Machine:
 
     def place(self, *bodies):
         """Return a place: of a beam a node, and anywhere for others; None if two beams have none in common."""
-        nodes = [self.centres[b][1] for b in bodies if isinstance(self.bodies[b], Beam)]
+        nodes = [self.centers[b][1] for b in bodies if isinstance(self.bodies[b], Beam)]
         if nodes:
             common = [place for place in nodes[0] if place in nodes[-1]]
             return common[self.rng.integers(len(common))] if common else None
@@ -124,7 +124,7 @@ class Machine:
     def along(self, body, place, d):
         """Return a place on the line through another one; of a beam that place, if it is a node, or any node."""
         if isinstance(self.bodies[body], Beam):
-            return place if place in self.centres[body][1] else self.place(body)
+            return place if place in self.centers[body][1] else self.place(body)
         way = Fraction(int(self.rng.integers(-20, 21)), 10) * self.scale
         return place[0] + way * d[0], place[1] + way * d[1]
 
@@ -147,7 +147,7 @@ class Machine:
         beam = Beam(name, self.at(parent, place), joint, corner, (section,), mesh, atan2(float(way[1]), float(way[0])))
         first = self.n
         self.bodies.append(beam)
-        self.centres.append((way, nodes))
+        self.centers.append((way, nodes))
         self.first.append(first)
         self.n += 1 + 2 * len(nodes)
         self.inertia.append(({first: Fraction(1)}, Fraction(mass) * stations[-1]))
@@ -170,7 +170,7 @@ class Machine:
 
 
 def drawn(seed, beams=0.2):
-    """Return a random machine, from millimetres to kilometres, held and moved at some of its forces; a share of beams."""
+    """Return a random machine, from millimeters to kilometers, held and moved at some of its forces; a share of beams."""
     rng = np.random.default_rng(seed)
     m = Machine(
         rng, Fraction(int(rng.integers(1, 100)), 10) * Fraction(10) ** int(rng.integers(-3, 4)), rng.random() < 0.3
@@ -186,11 +186,11 @@ def drawn(seed, beams=0.2):
         if rng.random() < beams:
             m.added_beam(f"b{i}", parent, place, joint, size)
         else:
-            centre = m.place() if rng.random() < 0.6 else place
+            center = m.place() if rng.random() < 0.6 else place
             mass, inertia = 10.0 ** rng.uniform(-1, 1), size**2 * 10.0 ** rng.uniform(-2, 0.5)
-            at = tuple(m.number(x) for x in centre)
+            at = tuple(m.number(x) for x in center)
             m.bodies.append(RigidBody(f"b{i}", m.at(parent, place), joint, mass, inertia, at))
-            m.centres.append(centre)
+            m.centers.append(center)
             m.first.append(m.n)
             m.inertia += [({m.n + k: Fraction(1)}, Fraction(x)) for k, x in enumerate((mass, mass, inertia))]
             m.n += 3

@@ -82,7 +82,7 @@ def _progress(output):
 
 
 def lighten(notebook):
-    """Store the pictures of a notebook in 256 colours: a third of the bytes, and the eye sees no difference."""
+    """Store the pictures of a notebook in 256 colors: a third of the bytes, and the eye sees no difference."""
     from PIL import Image
 
     for output in (output for cell in notebook.cells for output in cell.get("outputs", ())):

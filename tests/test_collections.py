@@ -32,7 +32,7 @@ LARGE_FROM = 100  # states from which on a call may take longer: it is of as man
 LARGE_LIMIT = 150  # [s]
 SYNTHESIS_LIMIT = 12.0  # s
 # states beyond which a plant is not asked for a synthesis, whose closed loop has twice as many
-SYNTHESISED = 130
+SYNTHESIZED = 130
 LOOPS = 60  # states up to which margins are asked for: of a loop each, and of all together
 EXACT = 30  # states up to which answers are checked exactly
 RESIDUAL = 1e-6  # relative, of a Riccati equation, in exact arithmetic: what the documentation promises
@@ -62,7 +62,7 @@ class Plant:
         return control.ss(self.A, self.B2, self.C2, 0.0)
 
     @property
-    def generalised(self):
+    def generalized(self):
         D = np.block([[self.D11, self.D12], [self.D21, np.zeros((len(self.C2), self.B2.shape[1]))]])
         return control.ss(self.A, np.hstack([self.B1, self.B2]), np.vstack([self.C1, self.C2]), D)
 
@@ -146,7 +146,7 @@ def regulator(plant):
 
 
 def least_h2(plant):
-    found = bc.h2(plant.generalised, len(plant.C2), plant.B2.shape[1])
+    found = bc.h2(plant.generalized, len(plant.C2), plant.B2.shape[1])
     assert found.closed_loop.poles().real.max() < 0.0
     if found.closed_loop.nstates <= EXACT:
         assert Exact.of(found.closed_loop).h2() == pytest.approx(found.norm, rel=1e-4)
@@ -154,7 +154,7 @@ def least_h2(plant):
 
 
 def least_hinf(plant):
-    found = bc.h_infinity(plant.generalised, len(plant.C2), plant.B2.shape[1], time_limit=SYNTHESIS_LIMIT)
+    found = bc.h_infinity(plant.generalized, len(plant.C2), plant.B2.shape[1], time_limit=SYNTHESIS_LIMIT)
     assert found.closed_loop.poles().real.max() < 0.0
     assert largest_seen(found.closed_loop) <= found.gamma * (1.0 + SHOWN)
     return "certified" if found.certificate.norm_bounds.certified else "uncertified"
@@ -232,7 +232,7 @@ def outcome(function, plant):
 
 def asked_of(plant):
     """Return the names of the functions that a plant is handed to."""
-    names = FUNCTIONS if len(plant.A) <= SYNTHESISED else LARGE
+    names = FUNCTIONS if len(plant.A) <= SYNTHESIZED else LARGE
     return [name for name in names if name != "margins" or len(plant.A) <= LOOPS]
 
 

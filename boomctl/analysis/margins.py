@@ -505,7 +505,7 @@ def _scaling(G: Array) -> Array:
     n = len(G)
     if n == 1:
         return np.ones(1)
-    best = _levelled(G)
+    best = _leveled(G)
     if n > _SEARCHED:
         return np.exp(np.append(best, 0.0))
     values = _scaled_values(best, G)
@@ -522,7 +522,7 @@ def _scaling(G: Array) -> Array:
     return np.exp(np.append(best, 0.0))
 
 
-def _levelled(G: Array) -> Array:
+def _leveled(G: Array) -> Array:
     """Return the logarithm of a scaling that makes rows and columns alike, all but the last, whose is zero."""
     size, log = np.abs(G).max(axis=2), np.zeros(len(G))
     for _ in range(_SWEEPS):

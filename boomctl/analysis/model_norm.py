@@ -134,12 +134,12 @@ class SplitModel:
         return tuple(_Band.of(part) if part.ncoordinates >= CORE_FROM else None for part in self.parts)
 
     @cached_property
-    def realised(self) -> tuple["_Realised", ...] | None:
+    def realized(self) -> tuple["_Realized", ...] | None:
         """The state spaces of two small parts; None of others, and where there are none that hold all poles."""
         if len(self.parts) < 2 or any(part.ncoordinates >= CORE_FROM for part in self.parts):
             return None
         try:
-            found = tuple(_Realised.of(part) for part in self.parts)
+            found = tuple(_Realized.of(part) for part in self.parts)
         except ValueError:  # an output that needs a derivative of an input: its norm is refused, not its response
             return None
         return None if any(part.wide for part in found) else found
@@ -173,8 +173,8 @@ class SplitModel:
         if shown is None:
             return Resonances.of(first_order_poles(self.model.M, self.model.C, self.model.K), high)
         low, top = shown[0], ABOVE * shown[1] if high is None else high
-        if self.realised is not None:
-            found = [_upper(part.system.poles, top) for part in self.realised]
+        if self.realized is not None:
+            found = [_upper(part.system.poles, top) for part in self.realized]
         else:
             found = [_poles(part, band, top) for part, band in zip(self.parts, self.bands, strict=True)]
         return Resonances(np.concatenate([np.zeros(0, complex), *found]), BELOW * low, top)
@@ -190,8 +190,8 @@ class SplitModel:
         """
         if not self.parts:
             return NormBounds(0.0, 0.0, 0.0, "no response", ("halves",))
-        if self.realised is not None:
-            found = _norms_of_small(self.realised)
+        if self.realized is not None:
+            found = _norms_of_small(self.realized)
         else:
             found = [_part_norm(part, band) for part, band in zip(self.parts, self.bands, strict=True)]
         largest, widest = max(found, key=lambda norm: norm.lower_bound), max(found, key=lambda norm: norm.upper_bound)
@@ -331,14 +331,14 @@ def _upper(poles: Array, top: float) -> Array:
 def _part_norm(part: SecondOrderModel, band: _Band | None) -> NormBounds:
     """Return the norm of a part by a core, or of the part as it is."""
     if band is None:
-        given = _Realised.of(part)
+        given = _Realized.of(part)
         band = _Band.of(part) if given.wide else None
         if band is None:
             return given.norm()
     low, top, core = band.low, _CORE_ABOVE * band.last, band.core
     if core is None:
-        return _Realised.of(part).norm()
-    inside = _Realised.of(SecondOrderModel.of(core.structure, core.ports)).norm()
+        return _Realized.of(part).norm()
+    inside = _Realized.of(SecondOrderModel.of(core.structure, core.ports)).norm()
     inside = replace(inside, stages=(f"core of {core.structure.n}", *inside.stages))
     if inf in (inside.lower_bound, inside.upper_bound):
         return inside
@@ -351,7 +351,7 @@ def _part_norm(part: SecondOrderModel, band: _Band | None) -> NormBounds:
 
 
 @dataclass(frozen=True)
-class _Realised:
+class _Realized:
     """A small model in state space: over its undamped modes, or without them over its own coordinates.
 
     The response at its peak comes from its matrices, which is more accurate than any state space.  One whose poles lie too
@@ -364,7 +364,7 @@ class _Realised:
     wide: bool = False
 
     @classmethod
-    def of(cls, small: SecondOrderModel) -> "_Realised":
+    def of(cls, small: SecondOrderModel) -> "_Realized":
         respond, system, form = partial(_response, small), small._modal_form, small.structure.strain_form
         if form is None:
             try:
@@ -382,7 +382,7 @@ class _Realised:
         return replace(matrices_norm(self.system, self.respond, axis), stages=self.path)
 
 
-def _norms_of_small(systems: tuple["_Realised", ...]) -> list[NormBounds]:
+def _norms_of_small(systems: tuple["_Realized", ...]) -> list[NormBounds]:
     """Return the norms of small parts; of one proved to stay below another's norm, the other's bound alone."""
     axes = [marginal_poles(part.system) for part in systems]
     order = sorted(range(len(systems)), key=lambda i: -axes[i].bound)

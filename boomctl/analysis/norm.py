@@ -9,7 +9,7 @@ Hamiltonian matrix lies on the imaginary axis (Boyd, Balakrishnan & Kabamba 1989
 
 In discrete time the level is found by the continuous image of the bilinear map, which has the same norm.  The largest value
 is then the system's own on the unit circle.  The sum over the modes, each at its own image, proves the level, or it is proved
-without the map: no generalised eigenvalue of the symplectic pencil on the unit circle.
+without the map: no generalized eigenvalue of the symplectic pencil on the unit circle.
 """
 
 from collections.abc import Iterator

@@ -66,7 +66,7 @@ def sampled_data_norm(
     Parameters
     ----------
     plant : SecondOrderModel, control.StateSpace or control.TransferFunction
-        The plant in continuous time, signals named; a generalised plant too.
+        The plant in continuous time, signals named; a generalized plant too.
     controller : control.StateSpace or control.TransferFunction
         In discrete time: its inputs are outputs of the plant, its outputs inputs of the plant.
     inputs : str or sequence of str, optional

@@ -337,7 +337,7 @@ class SigmaComparison:
         return "\n".join([*heads, f"  ... {more} more"] if more > 0 else heads)
 
     def plot(self, ax: Axes | None = None, *, frequency_unit: str | None = None, **style: Any) -> Axes:
-        """Draw all singular values on one frequency axis, each system in a colour of its own.
+        """Draw all singular values on one frequency axis, each system in a color of its own.
 
         Parameters
         ----------

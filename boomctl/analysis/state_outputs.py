@@ -62,10 +62,10 @@ def with_state_outputs(plant: Any) -> "control.StateSpace | AffineFamily | Polyn
     True
     """
     if isinstance(plant, AffineFamily | PolynomialFamily):
-        centre = _centre_with_state_outputs(plant.nominal)
+        center = _center_with_state_outputs(plant.nominal)
         more = (
             (0, 0),
-            (0, len(centre.output_labels) - len(plant.nominal.output_labels)),
+            (0, len(center.output_labels) - len(plant.nominal.output_labels)),
             (0, 0),
         )  # what states read stays
 
@@ -73,9 +73,9 @@ def with_state_outputs(plant: Any) -> "control.StateSpace | AffineFamily | Polyn
             return replace(slope, L=np.pad(slope.L, more)) if slope.L.any() else replace(slope, L=np.zeros(()))
 
         if isinstance(plant, AffineFamily):
-            return replace(plant, nominal=centre, coefficients=tuple(map(wider, plant.coefficients)))
+            return replace(plant, nominal=center, coefficients=tuple(map(wider, plant.coefficients)))
         return replace(
-            plant, nominal=centre, coefficients=tuple((power, wider(slope)) for power, slope in plant.coefficients)
+            plant, nominal=center, coefficients=tuple((power, wider(slope)) for power, slope in plant.coefficients)
         )
     given = of(plant, "plant", "SecondOrderModel, a family, StateSpace or TransferFunction", any_time=True)
     name = getattr(plant, "name", None)
@@ -111,7 +111,7 @@ def _unread(states: Sequence[str], outputs: Sequence[str], same: Callable[[int, 
     return new
 
 
-def _centre_with_state_outputs(model: SecondOrderModel) -> SecondOrderModel:
+def _center_with_state_outputs(model: SecondOrderModel) -> SecondOrderModel:
     """Return a structure whose states, as sums of places, speeds and displacements, are outputs too."""
     ports, n, m = model.ports, model.ncoordinates, len(model.input_labels)
     if not ports.plain:

@@ -89,7 +89,7 @@ def spray_boom(
     >>> bc.spray_boom(spring_stiffness=900.0).eigenfrequencies_hz(1).round(3)  # softer springs
     array([0.224])
     >>> finer = bc.spray_boom(elements=20, nozzles=[-3.0, 3.0])
-    >>> finer.outputs[-2:]
+    >>> finer.output_labels[-2:]
     ('nozzle_01', 'nozzle_02')
     >>> bc.spray_boom(accuracy=1e-3, max_frequency_hz=10.0).selection.order
     9

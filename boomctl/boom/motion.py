@@ -220,7 +220,7 @@ def platform_motion(
     finest = max(0.25 * p.contact_length, track.spacing)
     if V * h > finest * (1.0 + 1e-9):
         raise ValueError(
-            f"sample_time = {exactly(h)}: expected at most {up_to(finest / V)} s, a quarter of a tyre's contact length"
+            f"sample_time = {exactly(h)}: expected at most {up_to(finest / V)} s, a quarter of a tire's contact length"
             f" at speed = {exactly(V)}, or a speed of at most {up_to(finest / h)} m/s"
         )
     before, rest = _driven_before(system, track, V, h, p.wheelbase) if track.periodic else (0, None)
@@ -358,7 +358,7 @@ def read_motion(path: str | Path, actuator_distance: float | None = None) -> Pla
     TypeError, ValueError
         A column is missing, unknown or there twice; a value missing or not finite; times that do not ascend, have a gap
         or are not equally spaced; an `actuator_distance` other than the file's; a comment with a distance of the actuators
-        that is not in metres; the message names file and line.
+        that is not in meters; the message names file and line.
 
     Examples
     --------

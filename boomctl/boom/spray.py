@@ -102,7 +102,7 @@ class SprayResult:
         Edges of the cells [m].
     x_slice, y_slice : slice
         Cells that figures speak of: between the outermost nozzles, as far inside as a wide footprint needs for all
-        neighbours to spray, and away from the ends of the run, on ground that no nozzle met outside the record (if it
+        neighbors to spray, and away from the ends of the run, on ground that no nozzle met outside the record (if it
         moved there no further than within it).
     rms_tip_speed : float
         RMS of ``y'`` at the outermost points given, the larger one of both [m/s].
@@ -330,7 +330,7 @@ def spray_deposit(
     if across.start == across.stop:
         raise ValueError(
             f"footprint: no cell of {dx:g} m between the nozzles at {at[0]:g} and {at[-1]:g} m is sprayed by all"
-            f" neighbours {pattern.width:g} m wide"
+            f" neighbors {pattern.width:g} m wide"
         )
     along = _within(y_edges, offset.max() + half, driven[-1] + offset.min() - half)
     if along.start == along.stop:

@@ -47,10 +47,10 @@ ROAD_CLASSES = "ABCDEFGH"
 COHERENCES = ("isotropic", "full", "none")
 REFERENCE_WAVE_NUMBER = 0.1  # 1/m, at which ISO 8608 states the densities of its classes
 SPEEDS = (1e-6, 1e6)  # m/s at which a machine may drive: far beyond any, and not yet numbers that overflow (a choice)
-BAND = (0.01, 3.0)  # 1/m: waves of 100 m to 0.33 m, 0.025 to 7.5 Hz at 2.5 m/s; tyres smooth shorter ones (a choice)
+BAND = (0.01, 3.0)  # 1/m: waves of 100 m to 0.33 m, 0.025 to 7.5 Hz at 2.5 m/s; tires smooth shorter ones (a choice)
 MOST_STEPS = 50_000_000  # of a track or a motion: 400 MB a signal (a choice)
 GROUND_LENGTH = 10_000.0  # m, after which a seed's ground repeats: 100 of the longest waves, 55 min at 3 m/s (a choice)
-_MOST_WAVES = 5_000_000  # of a ground, 500 to the metre: 160 MB of random numbers (a choice)
+_MOST_WAVES = 5_000_000  # of a ground, 500 to the meter: 160 MB of random numbers (a choice)
 _BLOCK = 2**15  # points of a track summed at once at least, so that phases keep their digits (a choice)
 
 
@@ -274,7 +274,7 @@ def iso_track(
 ) -> Track:
     """Return a random track of a road class of ISO 8608, the same for the same seed on every machine.
 
-    A seed is a ground of 10 km, and a track its first metres: a longer one begins with the shorter one, and a finer one
+    A seed is a ground of 10 km, and a track its first meters: a longer one begins with the shorter one, and a finer one
     has its heights where both have a point.  Another band leaves the waves alone that are in both.
 
     Parameters

@@ -3,17 +3,17 @@
 The paper gives no tractor.  This one is an assumption, small and linear, stated here in full; its numbers are typical
 of a six-tonne tractor with a mounted sprayer and are not fitted to any result.
 
-- The body is rigid on four tyres (spring and damper, vertical).  It bounces, pitches, rolls, moves fore and aft, and yaws
+- The body is rigid on four tires (spring and damper, vertical).  It bounces, pitches, rolls, moves fore and aft, and yaws
   about a uniform, straight drive; lateral motion is left out, since it moves no nozzle along the driving direction,
   and so is what it would add to yaw.
-- A tyre does not feel waves shorter than its contact patch: the height under it passes ``1/(1 + s tau)^2`` with
+- A tire does not feel waves shorter than its contact patch: the height under it passes ``1/(1 + s tau)^2`` with
   ``tau = contact_length/(2 sqrt(6) V)``, which has the second moment of the mean over the patch.
 - Each wheel is held back at its hub by ``N z'/V + f dN``: its static load ``N`` times the slope of the ground, and the
   rolling resistance ``f`` of its dynamic load ``dN``.  Their sum moves the tractor fore and aft and, through its lever,
   pitches it; the difference between right and left yaws it.
-- Fore and aft the driven rear wheels are held to uniform rolling through spring and damper (tyre, soil and drive line)
+- Fore and aft the driven rear wheels are held to uniform rolling through spring and damper (tire, soil and drive line)
   at hub height.
-- Yaw is resisted by the side forces of rolling tyres, a damping ``sum C_alpha a^2/V``; slow deviations are steered away,
+- Yaw is resisted by the side forces of rolling tires, a damping ``sum C_alpha a^2/V``; slow deviations are steered away,
   a high pass of first order with the corner ``steering_corner_hz``.
 - The boom is driven at the height ``boom_height``, where pitch counts as fore-and-aft motion.
 
@@ -53,30 +53,30 @@ class TractorParameters(Parameters):
     mass : float
         Mass of tractor and sprayer [kg].
     pitch_inertia, roll_inertia, yaw_inertia : float
-        Moments of inertia about the centre of mass [kg m^2].
+        Moments of inertia about the center of mass [kg m^2].
     wheelbase, cg_to_rear_axle : float
-        Distances from rear to front axle, and from rear axle to centre of mass [m].
+        Distances from rear to front axle, and from rear axle to center of mass [m].
     track_width : float
         Distance between left and right wheels [m].
     cg_height, hub_height, boom_height : float
-        Heights of the centre of mass, of the wheels' hubs, and of the points that drive the boom [m].
+        Heights of the center of mass, of the wheels' hubs, and of the points that drive the boom [m].
     tire_stiffness_front, tire_stiffness_rear, tire_damping_front, tire_damping_rear : float
-        Vertical stiffness [N/m] and damping [N s/m] of one tyre.
+        Vertical stiffness [N/m] and damping [N s/m] of one tire.
     contact_length : float
-        Length of a tyre's contact patch [m].
+        Length of a tire's contact patch [m].
     rolling_resistance : float
         Resisting force over load, on soil.
     drive_stiffness, drive_damping : float
         Stiffness [N/m] and damping [N s/m] with which the drive holds the tractor to uniform rolling.
     cornering_stiffness_front, cornering_stiffness_rear : float
-        Side force over slip angle, of one tyre [N/rad].
+        Side force over slip angle, of one tire [N/rad].
     steering_corner_hz : float
         Frequency below which the driver steers deviations of the heading away [Hz].
 
     Raises
     ------
     TypeError, ValueError
-        Not a number, not finite, not above zero (damping, resistance, contact length, corner: negative), centre of mass
+        Not a number, not finite, not above zero (damping, resistance, contact length, corner: negative), center of mass
         not between the axles.
 
     Examples
@@ -122,7 +122,7 @@ class TractorParameters(Parameters):
 
     @property
     def axle_positions(self) -> tuple[float, float]:
-        """Front and rear axle, ahead of the centre of mass [m]."""
+        """Front and rear axle, ahead of the center of mass [m]."""
         return self.wheelbase - self.cg_to_rear_axle, -self.cg_to_rear_axle
 
     @property
@@ -132,7 +132,7 @@ class TractorParameters(Parameters):
         return front, 0.5 * self.mass * GRAVITY - front
 
     def yaw_damping(self, speed: float) -> float:
-        """Return how much the rolling tyres' side forces damp the tractor's yaw.
+        """Return how much the rolling tires' side forces damp the tractor's yaw.
 
         Parameters
         ----------
@@ -168,20 +168,20 @@ def _row(**values: float) -> Array:
 
 def _wheels(p: TractorParameters) -> tuple[_Wheel, ...]:
     low = p.cg_height - p.hub_height
-    tyres = (
+    tires = (
         (p.tire_stiffness_front, p.tire_damping_front),
         (p.tire_stiffness_rear, p.tire_damping_rear),
     )
     wheels = []
-    for along, load, tyre in zip(p.axle_positions, p.wheel_loads, tyres, strict=True):
+    for along, load, tire in zip(p.axle_positions, p.wheel_loads, tires, strict=True):
         for across in (-0.5 * p.track_width, 0.5 * p.track_width):
             up = _row(z=1.0, pitch=along, roll=across)
-            wheels.append(_Wheel(up, _row(x=1.0, pitch=low, yaw=across), *tyre, load))
+            wheels.append(_Wheel(up, _row(x=1.0, pitch=low, yaw=across), *tire, load))
     return tuple(wheels)
 
 
 def _body(p: TractorParameters, speed: float) -> tuple[Array, Array, Array]:
-    """Return M, C, K of the body on its tyres, without what the wheels' rolling resistance adds."""
+    """Return M, C, K of the body on its tires, without what the wheels' rolling resistance adds."""
     M = np.diag([p.mass, p.mass, p.pitch_inertia, p.roll_inertia, p.yaw_inertia])
     C, K = np.zeros((5, 5)), np.zeros((5, 5))
     hub = _row(x=1.0, pitch=p.cg_height - p.hub_height)
@@ -255,7 +255,7 @@ def tractor_lti(p: TractorParameters, V: float, span: float) -> Lti:
     A[5:10, 10:] = inverse @ np.hstack([felt, felt_rate + slope_force])
     A[10:14, 14:] = np.eye(4)
     if not 1e-150 < tau < 1e150:
-        raise ValueError(f"speed = {V:g}: a tyre passes its contact patch in {tau:g} s, beyond what can be computed")
+        raise ValueError(f"speed = {V:g}: a tire passes its contact patch in {tau:g} s, beyond what can be computed")
     A[14:, 10:] = np.hstack([-np.eye(4) / tau**2, -2.0 * np.eye(4) / tau])
     B[14:] = np.eye(4) / tau**2
     for i, side in enumerate((-0.5, 0.5)):

@@ -1,9 +1,9 @@
 """How far parameters spread, from blocks of what was measured or from data sets, instead of a formula for white noise.
 
-Errors of neighbouring frequencies, and what a model does not explain, are no independent numbers.  A block of frequencies
+Errors of neighboring frequencies, and what a model does not explain, are no independent numbers.  A block of frequencies
 that is left out moves the parameters by what all of its errors do together; how much the blocks differ in this is the
 deviation of the parameters (a jackknife, by one Gauss-Newton step each).  Where few blocks say something of a parameter,
-this is known badly, so that it is drawn towards what all residuals say, with the correlation of neighbours that they have.
+this is known badly, so that it is drawn towards what all residuals say, with the correlation of neighbors that they have.
 Of several data sets, such as days, the parameters of each tell.
 
 Sources: Bell & McCaffrey (2002), Survey Methodology 28 (degrees of freedom of blocks); Newey & West (1987), Econometrica 55
@@ -59,11 +59,11 @@ def of_sets(each: Array) -> Spread:
 def of_blocks(slopes: Array, residuals: Array, data: Measured, seen: Seen) -> Spread | None:
     """Return the spread that blocks of frequencies show, None where there are too few of them.
 
-    Blocks are neighbours, each with about the same say in the parameters.
+    Blocks are neighbors, each with about the same say in the parameters.
     """
     if data.omega is None or not seen.rank:
         return None
-    entry = data.labelled(np.argsort(np.argsort(data.omega, kind="stable")))
+    entry = data.labeled(np.argsort(np.argsort(data.omega, kind="stable")))
     lines = len(data.omega)
     blocks = min(_BLOCKS, len(np.unique(entry)) // _LINES)
     if blocks < _FEWEST:
@@ -91,7 +91,7 @@ def of_blocks(slopes: Array, residuals: Array, data: Measured, seen: Seen) -> Sp
     common = min(_COMMON, freedom)
     weight = np.sqrt(np.outer(own, own))
     covariance = (weight * apart + common * together) / (np.outer(*2 * [np.sqrt(own + common)]))
-    return Spread(covariance, own + common, f"{count(size, 'block')} of neighbouring frequencies")
+    return Spread(covariance, own + common, f"{count(size, 'block')} of neighboring frequencies")
 
 
 def _correlated(J: Array, residuals: Array, data: Measured, entry: Array) -> tuple[Array, float]:

@@ -157,10 +157,10 @@ def of_modes(
             total = terms.setdefault(tuple(sorted(at[i] for i in power)), np.zeros((2, model.ncoordinates)))
             total[:, positions] += np.array([[change.C[0, 0]], [change.K[0, 0]]])
     low, high = np.array(list(ranges.values()), float).T
-    centre = SecondOrderModel.of(Structure.of(model.M, C, K, model.coordinates), model.ports)
+    center = SecondOrderModel.of(Structure.of(model.M, C, K, model.coordinates), model.ports)
     still, unmoved = np.zeros_like(C), np.zeros_like(model.ports.B)
     changes = [(power, Slope(still, np.diag(terms[power][0]), np.diag(terms[power][1]), unmoved)) for power in terms]
-    return PolynomialFamily(names, low, high, centre, tuple(sorted(changes, key=lambda each: (len(each[0]), each[0]))))
+    return PolynomialFamily(names, low, high, center, tuple(sorted(changes, key=lambda each: (len(each[0]), each[0]))))
 
 
 def _alone(

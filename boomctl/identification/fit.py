@@ -151,7 +151,7 @@ def fit(
     -----
     Intervals are those of the linearized model with Student's t, symmetric in the logarithm of positive parameters.
     ``source`` names the origin of the covariance: for several data sets their differences, so that the intervals hold for
-    the value in another one; for a response blocks of neighbouring frequencies, so that errors may be correlated.  For
+    the value in another one; for a response blocks of neighboring frequencies, so that errors may be correlated.  For
     lists of frequencies, short responses and with ``error_std``, errors are assumed independent and normal with standard
     deviations in the ratio of the inverse weights.  An error of the model that all data sets have in common does not widen
     the intervals: ``certificate.adequacy`` compares residuals with errors.

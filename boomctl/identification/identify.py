@@ -14,7 +14,7 @@ from boomctl.identification.blocks import confident
 from boomctl.identification.common_poles import CommonPoles
 from boomctl.identification.families import name_of_real_pole, names_of_mode, of_modes, paired_modes, union
 from boomctl.identification.jackknife import BLOCKS, deviations
-from boomctl.identification.realised import RankOne
+from boomctl.identification.realized import RankOne
 from boomctl.identification.record import EXCITED, QUANTITIES, Record, band, quantities
 from boomctl.identification.response import FrequencyResponseEstimate, with_intersample
 from boomctl.identification.search import refine, search_poles, settled, weakest, without
@@ -46,7 +46,7 @@ _POOR = 50.0  # Fit [%] below which a warning is given.
 _WIDEST = 20.0  # logarithm of a factor of damping: it is not determined then
 _LOSS = 1.0  # points of the fit that a structure may cost (a choice)
 _FEEDBACK = 6.0  # deviations of a correlation of errors with inputs that come later: one in a thousand million
-_LATER = 3  # lags that are not asked, as the band alone correlates neighbours (a choice)
+_LATER = 3  # lags that are not asked, as the band alone correlates neighbors (a choice)
 
 
 @dataclass(frozen=True)
@@ -129,7 +129,7 @@ class IdentificationResult:
     fit_percent : dict of str to float
         ``100 (1 - |y - predicted| / |y|)`` of each output within the band on the part held back.
     whiteness_p_value : dict of str to float
-        Chance of residuals as coloured as each output's, were they white noise (Bartlett's cumulated periodogram).
+        Chance of residuals as colored as each output's, were they white noise (Bartlett's cumulated periodogram).
     frequency_range_hz : (float, float)
         Frequencies within which modes were sought [Hz].
     confidence_level : float
@@ -293,7 +293,7 @@ class IdentificationResult:
         Returns
         -------
         ndarray of matplotlib.axes.Axes
-            Stabilisation, validation.
+            Stabilization, validation.
         """
         return import_module("boomctl.plotting.identification").plot_identification(self, ax, **style)
 

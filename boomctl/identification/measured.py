@@ -143,7 +143,7 @@ class Measured:
         values, spread = self.values[..., own], self.spread[..., own]
         return replace(self, values=values, spread=spread, omega=omega, modes=modes, noise=noise, member=None)
 
-    def labelled(self, labels: Array) -> Array:
+    def labeled(self, labels: Array) -> Array:
         """Return a label of each entry of the last axis for each of the residuals."""
         found = np.broadcast_to(labels, self.values.shape)[self.kept]
         return np.concatenate([found, found]) if np.iscomplexobj(self.values) else found

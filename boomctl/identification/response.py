@@ -299,10 +299,10 @@ def _local(record: Record, resolution: float | None) -> tuple[Any, ...]:
     width = max(width, order * stride)
     if width > lines - 1:
         raise ValueError(f"inputs: expected records of at least {2 * width + 2} samples for {m} inputs, got {length}")
-    centres = np.arange(stride, lines, stride)
-    first = np.clip(centres - width // 2, 1, lines - width)
-    at = first[:, None] + np.arange(width)  # centres x width
-    r = (at - centres[:, None]) / width
+    centers = np.arange(stride, lines, stride)
+    first = np.clip(centers - width // 2, 1, lines - width)
+    at = first[:, None] + np.arange(width)  # centers x width
+    r = (at - centers[:, None]) / width
     alone = np.broadcast_to(np.eye(records)[:, None], (records, lines, records))  # of the transient of each record
     signals = np.concatenate([U, alone], axis=2)[:, at]
     K = np.einsum("ecwj,cwd->cewdj", signals, r[..., None] ** np.arange(order)).reshape(len(at), records * width, -1)
@@ -311,7 +311,7 @@ def _local(record: Record, resolution: float | None) -> tuple[Any, ...]:
     K = K / size[:, None]
     inverse, values = _inverse(K)
     by_inputs = np.tile(np.arange(m + records) < m, order)
-    powers = np.tile(r, (1, records))[..., None] ** np.arange(1, _POLES + 1)  # centres x rows x powers
+    powers = np.tile(r, (1, records))[..., None] ** np.arange(1, _POLES + 1)  # centers x rows x powers
     found = []
     for y in np.moveaxis(Y[:, at], 3, 0):
         rows = np.moveaxis(y, 0, 1).reshape(len(at), -1, 1)
@@ -329,10 +329,10 @@ def _local(record: Record, resolution: float | None) -> tuple[Any, ...]:
         coherence = explained / (explained + error.shape[1] * noise + _least(explained))
         found.append((fitted[:, :m, 0] / size[:, :m], noise[:, None] * spread / np.square(size[:, :m]), coherence))
     G, variance, coherence = (np.stack(each) for each in zip(*found, strict=True))
-    power = np.square(np.abs(U[:, at])).mean(axis=(0, 2))  # centres x inputs
+    power = np.square(np.abs(U[:, at])).mean(axis=(0, 2))  # centers x inputs
     excited = _driven(power) & (values[:, -1] > _INDEPENDENT)
     source = f"local fits over {count(width, 'line')} of {count(records, 'record')}"
-    return centres / span, G.swapaxes(1, 2), variance.swapaxes(1, 2), coherence, excited, source
+    return centers / span, G.swapaxes(1, 2), variance.swapaxes(1, 2), coherence, excited, source
 
 
 def _inverse(columns: Array) -> tuple[Array, Array]:

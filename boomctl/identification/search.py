@@ -356,7 +356,7 @@ def _side(data: Spectra, rate: float) -> int:
 
 
 def _apart(pole: complex, others: list[complex]) -> bool:
-    """Return whether a pole's neighbourhood has none of the others'."""
+    """Return whether a pole's neighborhood has none of the others'."""
     return all(abs(pole.imag - other.imag) > -3.0 * (pole.real + other.real) for other in others)
 
 
@@ -370,16 +370,16 @@ def _tried(data: Spectra, rate: float) -> tuple[Array, Array]:
         thin = -(-half // _MOST)
         side = thin * np.arange(-(half // thin), half // thin + 1)
         apart = max(round(rate), 1)
-        centres = np.arange(half, len(omega) - half, apart)
-        if not len(centres):
+        centers = np.arange(half, len(omega) - half, apart)
+        if not len(centers):
             continue
-        at = centres[:, None] + side
-        s = 1j * (omega[at] - omega[centres][:, None]) / data.resolution
+        at = centers[:, None] + side
+        s = 1j * (omega[at] - omega[centers][:, None]) / data.resolution
         ground = np.concatenate([U[at], s[..., None] * U[at] / half, np.ones((*at.shape, 1))], axis=2)
         mode = U[at] / (s + rate)[..., None]
         rest = np.linalg.qr(np.concatenate([ground, mode], axis=2))[0][..., -U.shape[1] :]
         windows = sliding_window_view(E, side[-1] - side[0] + 1, axis=0)[at[0, 0] : at[-1, 0] + 1 : apart, :, ::thin]
         within = np.square(np.abs(windows @ rest.conj())).sum(axis=(1, 2))
-        for centre, gain in zip(omega[centres], within, strict=True):
-            gains[float(centre)] = gains.get(float(centre), 0.0) + float(gain)
+        for center, gain in zip(omega[centers], within, strict=True):
+            gains[float(center)] = gains.get(float(center), 0.0) + float(gain)
     return np.array(list(gains.values())), -rate * data.resolution + 1j * np.array(list(gains))

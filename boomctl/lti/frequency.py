@@ -20,7 +20,7 @@ from boomctl.lti.system import SLOWEST, Lti
 Response = Callable[[Array], Array]  # from frequencies (N,) to responses (outputs, inputs, N)
 Value = TypeVar("Value", float, Array)  # one frequency or height, or many
 
-_AROUND = np.array([-1, 0, 1])  # a point and its neighbours
+_AROUND = np.array([-1, 0, 1])  # a point and its neighbors
 _BACKWARD = 2.0 * EPS  # of each entry: error of a refined response; elimination leaves ten times as much, and more
 _CLOSED_FROM = 12  # frequencies from which on a closed form takes less time than LAPACK (measured)
 _COLUMNS = 256  # right-hand sides substituted at once: what stays in the cache

@@ -17,7 +17,7 @@ def overbound(omega: Array, size: Array, order: int, fall: int) -> Lti:
     """Return a filter with real poles whose magnitude is at least ``size`` at all frequencies, and near it on average.
 
     Below the lowest frequency it is at least the size there, above the highest one at least the size there, falling as told.
-    Its squared magnitude is a sum of bands, each flat between two neighbouring poles and falling to either side.  Their
+    Its squared magnitude is a sum of bands, each flat between two neighboring poles and falling to either side.  Their
     heights are found by a linear programme.
 
     Parameters

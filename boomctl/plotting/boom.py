@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.plotting.canvas import COLOURS, new_figure, style
+from boomctl.plotting.canvas import COLORS, new_figure, style
 
 if TYPE_CHECKING:
     from boomctl.analysis.measured import MeasuredFrequencyResponse
@@ -29,13 +29,13 @@ def draw_figure_3(
         ax, below = figure.subplots(2, 1, sharex=True, height_ratios=(2.4, 1.0))
         for i, (name, curve) in enumerate(reversed(curves.items())):
             linestyle = next(value for key, value in _LINES.items() if name.startswith(key))
-            curve.plot(ax, frequency_unit="Hz", label=name, linestyle=linestyle, color=COLOURS[(5, 1, 0)[i]])
+            curve.plot(ax, frequency_unit="Hz", label=name, linestyle=linestyle, color=COLORS[(5, 1, 0)[i]])
         for k, freq in enumerate(measured_hz):
             ax.axvline(
                 freq, color="#777777", linewidth=0.8, dashes=(2, 2), label="measured frequency" if k == 0 else None
             )
         if measured is not None:
-            measured.plot(ax, color=COLOURS[2])
+            measured.plot(ax, color=COLORS[2])
         ax.set_xlim(0.1, 10.0)
         ax.set_ylim(1e-3, 5e3)
         ax.set_ylabel("singular values, platform actuators to tips [m/m]")
@@ -43,7 +43,7 @@ def draw_figure_3(
         ax.legend(loc="lower left")
         freq_hz = curves["exact beam"].omega / (2 * np.pi)
         for name, largest in deviation.items():
-            linestyle, color = ("--", COLOURS[0]) if name.startswith("finite") else (":", COLOURS[1])
+            linestyle, color = ("--", COLORS[0]) if name.startswith("finite") else (":", COLORS[1])
             below.loglog(freq_hz, np.maximum(100.0 * largest, 1e-6), linestyle, color=color)
         below.set_ylim(1e-3, 1e3)
         below.set_ylabel("off the exact\nbeam by [%]")
@@ -97,7 +97,7 @@ def draw_friction(study: Any, frequency_range_hz: tuple[float, float] = (2.5, 3.
         top.loglog(freq_hz, study.stuck, "--", color="#000000", linewidth=1.0, label="jolt, cradle stuck to platform")
         below.axhline(1.0, color="#000000", linewidth=1.4)
         below.loglog(freq_hz, study.ratio(study.omega, study.stuck), "--", color="#000000", linewidth=1.0)
-        for color, reading in zip(COLOURS, study.readings, strict=False):
+        for color, reading in zip(COLORS, study.readings, strict=False):
             _reading(top, below, study, reading, color)
         top.set_ylim(0.05, 100.0)
         top.set_ylabel("singular values,\nplatform actuators to tips [m/m]")

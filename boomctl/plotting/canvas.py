@@ -27,7 +27,7 @@ from boomctl.checks import shown
 from boomctl.report import Picture
 
 _LOOK = mpl.rc_params_from_file(Path(__file__).with_name("look.mplstyle"), use_default_template=False)
-COLOURS: tuple[str, ...] = tuple(_LOOK["axes.prop_cycle"].by_key()["color"])
+COLORS: tuple[str, ...] = tuple(_LOOK["axes.prop_cycle"].by_key()["color"])
 
 UNITS = {"Hz": 2.0 * np.pi, "rad/s": 1.0}
 """Units of a frequency axis, and what angular frequencies [rad/s] are divided by in each."""
@@ -36,7 +36,7 @@ IN_A_ROW = 3  # panels of one kind (a choice)
 _DECADES, _FRACTION = (
     0.9,
     0.4,
-)  # of a span: below the first some minor ticks are labelled, below the second all (a choice)
+)  # of a span: below the first some minor ticks are labeled, below the second all (a choice)
 _SETTINGS = RLock()  # matplotlib's settings belong to the whole process: one thread at a time may change them
 
 
@@ -218,7 +218,7 @@ _OUTSIDE: dict[str, dict[str, Any]] = {
 """Where legends stand outside the axes."""
 
 
-def labelled(name: str, unit: str) -> str:
+def labeled(name: str, unit: str) -> str:
     """Return the label of an axis with its unit, where that is known."""
     plain, _, half = unit.partition(" (")
     said = f"[{plain.replace('^2', '²')}{', orthonormal' if half else ''}]"

@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 
 from boomctl.arrays import Array
 from boomctl.lti.rounding import VISIBLE
-from boomctl.plotting.canvas import COLOURS, divided, few_labels, frequency_axis, legend, line_look, panels
+from boomctl.plotting.canvas import COLORS, divided, few_labels, frequency_axis, legend, line_look, panels
 
 if TYPE_CHECKING:
     from boomctl.analysis.sigma import SigmaResult
@@ -42,8 +42,8 @@ def plot_reduction(
     curves = result.curves
     looks: list[tuple[str, Array, dict[str, Any]]] = [
         ("full", curves.full, {"color": "0.6", "linewidth": 2.6}),
-        (f"reduced, {result.order} states", curves.reduced, {"color": COLOURS[0]}),
-        ("largest error", curves.error[None, :], {"color": COLOURS[1]}),
+        (f"reduced, {result.order} states", curves.reduced, {"color": COLORS[0]}),
+        ("largest error", curves.error[None, :], {"color": COLORS[1]}),
     ]
     with panels(ax, ("singular values",), (6.4, 4.4)) as (axes,):
         x = curves.omega / frequency_axis(axes, frequency_unit)
@@ -92,7 +92,7 @@ def plot_recovery(
         x = result.omega / frequency_axis(left, frequency_unit)
         for name, lines, default in (
             ("regulator", result.target, {"color": "0.6", "linewidth": 2.6}),
-            (f"LQG, strength {result.noise_intensities[-1]:.3g}", result.recovered, {"color": COLOURS[0]}),
+            (f"LQG, strength {result.noise_intensities[-1]:.3g}", result.recovered, {"color": COLORS[0]}),
         ):
             _curves(left, x, lines, name, style, default)
         left.axhline(1.0, color="0.3", linewidth=0.7, zorder=0)
@@ -100,7 +100,7 @@ def plot_recovery(
         left.set_title("Loop at the plant's input")
         left.legend()
         order = np.argsort(result.noise_intensities)
-        look = line_look(style, color=COLOURS[0], marker="o", markersize=4)
+        look = line_look(style, color=COLORS[0], marker="o", markersize=4)
         right.loglog(result.noise_intensities[order], result.recovery_errors[order], **look)
         right.set(xlabel="strength of the fictitious noise", ylabel="largest relative gap")
         for each in axes:
@@ -133,7 +133,7 @@ def plot_h_infinity(
     matplotlib Axes
     """
     with panels(ax, ("singular values",), (6.4, 4.2)) as (axes,):
-        look = line_look(style, color=COLOURS[0], label="closed loop")
+        look = line_look(style, color=COLORS[0], label="closed loop")
         curves.plot(axes, frequency_unit=frequency_unit, **look)
         _level(axes, result.gamma, f"norm {result.gamma:.4g}, verified", look["color"])
         _least(axes, result.certificate.lower_bound)
@@ -169,7 +169,7 @@ def plot_tune(
     """
     with panels(ax, ("singular values",), (6.4, 4.2)) as (axes,):
         for k, (name, curve) in enumerate(list(curves.items())[:_SHOWN]):
-            look = line_look(style, color=COLOURS[k % len(COLOURS)], label=name or "closed loop")
+            look = line_look(style, color=COLORS[k % len(COLORS)], label=name or "closed loop")
             curve.plot(axes, frequency_unit=frequency_unit, **look)
         whole = [p for p in result.certificate.active_peaks if p.channel.inputs is None and p.channel.outputs is None]
         shown = [p for p in whole if p.channel.norm == "hinf" and 0.0 < p.omega < np.inf]
@@ -191,8 +191,8 @@ def _curves(ax: Axes, x: Array, lines: Array, name: str, style: dict[str, Any], 
             ax.loglog(x, line, **line_look(style, **default, **({"label": name} if k == 0 else {})))
 
 
-def _level(ax: Axes, value: float, said: str, colour: str, dash: str = "--") -> None:
-    ax.axhline(value, color=colour, linewidth=0.9, linestyle=dash, label=said)
+def _level(ax: Axes, value: float, said: str, color: str, dash: str = "--") -> None:
+    ax.axhline(value, color=color, linewidth=0.9, linestyle=dash, label=said)
 
 
 def _least(ax: Axes, value: float) -> None:

@@ -4,14 +4,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from boomctl.plotting.canvas import COLOURS, few_labels, frequency_axis, legend, line_look, panels
+from boomctl.plotting.canvas import COLORS, few_labels, frequency_axis, legend, line_look, panels
 
 if TYPE_CHECKING:
     from boomctl.identification.identify import IdentificationResult
     from boomctl.identification.response import FrequencyResponseEstimate
     from boomctl.identification.result import FitResult
 
-_TOGETHER = "0.15"  # nearly black, of what is fitted to several data sets, each of which has a colour (a choice)
+_TOGETHER = "0.15"  # nearly black, of what is fitted to several data sets, each of which has a color (a choice)
 _BEFORE = "0.6"  # grey of what the start gave (a choice)
 _NORMAL = 1.96  # deviations to either side of a curve that hold 95 % of normal errors
 _SHADE = 0.25  # opacity of an interval (a choice)
@@ -21,7 +21,7 @@ def plot_fit(result: "FitResult", ax: Any = None, **drawn: Any) -> Any:
     """Draw measured values beside fitted ones and those at the start; return the axes.
 
     Eigenfrequencies stand over the numbers of their modes with the deviation of their errors; responses and singular values
-    by magnitude over frequency; of several data sets each in a colour of its own.  ``drawn`` is the style of what is fitted.
+    by magnitude over frequency; of several data sets each in a color of its own.  ``drawn`` is the style of what is fitted.
     """
     with panels(ax, ("fit",), (6.4, 4.8)) as (axes,):
         (_draw_curves if result.mode_numbers is None else _draw_eigenfrequencies)(result, axes, drawn)
@@ -42,9 +42,9 @@ def _draw_eigenfrequencies(result: "FitResult", ax: Any, drawn: dict[str, Any]) 
         number = "" if data.member is None else f", data set {k + 1}"
         label = f"measured{number}, ± 1 deviation"
         at, values, bars = modes[kept][own], data.values[kept][own], error[..., own]
-        ax.errorbar(at, values, yerr=bars, fmt="o", color=COLOURS[_of_set(k)], label=label)
+        ax.errorbar(at, values, yerr=bars, fmt="o", color=COLORS[_of_set(k)], label=label)
     ax.plot(modes, result.initial_fit, "x", color=_BEFORE, label="start")
-    look = {"marker": "s", "linestyle": "none", "fillstyle": "none", "color": COLOURS[1], "markersize": 9}
+    look = {"marker": "s", "linestyle": "none", "fillstyle": "none", "color": COLORS[1], "markersize": 9}
     ax.plot(modes, result.best_fit, **{**look, "label": "fitted", **drawn})
     ax.set_yscale("log")
     ax.set_xticks(modes)
@@ -53,8 +53,8 @@ def _draw_eigenfrequencies(result: "FitResult", ax: Any, drawn: dict[str, Any]) 
 
 
 def _of_set(k: int) -> int:
-    """Return which colour a data set has: not that of what is fitted, which is the second, where there are others."""
-    return 0 if k == 0 else 2 + (k - 1) % (len(COLOURS) - 2)
+    """Return which color a data set has: not that of what is fitted, which is the second, where there are others."""
+    return 0 if k == 0 else 2 + (k - 1) % (len(COLORS) - 2)
 
 
 def _draw_curves(result: "FitResult", ax: Any, drawn: dict[str, Any]) -> None:
@@ -65,16 +65,16 @@ def _draw_curves(result: "FitResult", ax: Any, drawn: dict[str, Any]) -> None:
     fitted, begun = (np.abs(given).reshape(-1, len(hz))[:, first] for given in (result.best_fit, result.initial_fit))
     what = "singular value" if data.kind == "singular values" else "entry"
     for k, (seen, line, before) in enumerate(zip(measured, fitted, begun, strict=True)):
-        colour = COLOURS[k % len(COLOURS)] if data.member is None else _TOGETHER
-        named = len(measured) <= len(COLOURS)
+        color = COLORS[k % len(COLORS)] if data.member is None else _TOGETHER
+        named = len(measured) <= len(COLORS)
         number = f", {what} {k + 1}" if len(measured) > 1 else ""
         ax.plot(hz[first], before, ":", color=_BEFORE, linewidth=1.0, label="start" if k == 0 else None)
         if data.member is None:
-            ax.plot(hz, seen, ".", color=colour, markersize=3, label=f"measured{number}" if named else None)
+            ax.plot(hz, seen, ".", color=color, markersize=3, label=f"measured{number}" if named else None)
         for j in range(data.sets if data.member is not None else 0):
             own, label = data.member == j, f"measured, data set {j + 1}" if k == 0 else None
-            ax.plot(hz[own], seen[own], ".", color=COLOURS[_of_set(j)], markersize=3, label=label)
-        ax.plot(hz[first], line, **{"color": colour, "label": f"fitted{number}" if named else None, **drawn})
+            ax.plot(hz[own], seen[own], ".", color=COLORS[_of_set(j)], markersize=3, label=label)
+        ax.plot(hz[first], line, **{"color": color, "label": f"fitted{number}" if named else None, **drawn})
     ax.set_xscale("log" if (hz > 0.0).all() else "linear")
     ax.set_yscale("log")
     ax.set_xlabel("frequency [Hz]")
@@ -91,14 +91,14 @@ def plot_response(
         omega = response.omega / frequency_axis(axes[1], frequency_unit)
         for k, (o, i) in enumerate(entries):
             name = f"{response.input_labels[i]} -> {response.output_labels[o]}"
-            named = name if len(entries) <= len(COLOURS) else None
-            look = line_look(drawn, color=COLOURS[k % len(COLOURS)], label=named)
+            named = name if len(entries) <= len(COLORS) else None
+            look = line_look(drawn, color=COLORS[k % len(COLORS)], label=named)
             axes[0].plot(omega, size[o, i], **look)
             low, high = np.maximum(size[o, i] - error[o, i], size[o, i].min() * _SHADE), size[o, i] + error[o, i]
             axes[0].fill_between(omega, low, high, color=look["color"], alpha=_SHADE, linewidth=0.0)
         for o, coherence in enumerate(response.coherence):
-            named = response.output_labels[o] if len(size) <= len(COLOURS) else None
-            axes[1].plot(omega, coherence, **line_look(drawn, color=COLOURS[o % len(COLOURS)], label=named))
+            named = response.output_labels[o] if len(size) <= len(COLORS) else None
+            axes[1].plot(omega, coherence, **line_look(drawn, color=COLORS[o % len(COLORS)], label=named))
         axes[0].set_yscale("log")
         axes[0].set_ylabel("magnitude")
         axes[1].set_ylabel("coherence")
@@ -112,7 +112,7 @@ def plot_response(
 
 def plot_identification(found: "IdentificationResult", ax: Any = None, **drawn: Any) -> Any:
     """Draw poles over orders with the modes found, and outputs held back beside what is not predicted; return the axes."""
-    with panels(ax, ("stabilisation", "validation"), (7.0, 5.5)) as axes:
+    with panels(ax, ("stabilization", "validation"), (7.0, 5.5)) as axes:
         first = {"label": "pole before the fit"}
         for order, poles in found.stabilization_poles.items():
             look = line_look({}, marker=".", linestyle="none", color=_BEFORE, **first)
@@ -120,11 +120,11 @@ def plot_identification(found: "IdentificationResult", ax: Any = None, **drawn: 
             first = {}
         for k, mode in enumerate(found.modes):
             label = None if k else "mode, 95 % interval" if found.confidence_level == 0.95 else "mode, interval"
-            axes[0].axvline(mode.frequency_hz, color=COLOURS[1], linewidth=1.0, label=label)
-            axes[0].axvspan(*mode.frequency_interval_hz, color=COLOURS[1], alpha=_SHADE, linewidth=0.0)
+            axes[0].axvline(mode.frequency_hz, color=COLORS[1], linewidth=1.0, label=label)
+            axes[0].axvspan(*mode.frequency_interval_hz, color=COLORS[1], alpha=_SHADE, linewidth=0.0)
         hz, outputs, left = found.validation_spectra
-        axes[1].plot(hz, outputs, **line_look(drawn, color=COLOURS[0], label="outputs"))
-        axes[1].plot(hz, left, **line_look(drawn, color=COLOURS[5], linewidth=0.8, label="not predicted"))
+        axes[1].plot(hz, outputs, **line_look(drawn, color=COLORS[0], label="outputs"))
+        axes[1].plot(hz, left, **line_look(drawn, color=COLORS[5], linewidth=0.8, label="not predicted"))
         axes[1].set_yscale("log")
         axes[0].set_ylabel("order")
         axes[1].set_ylabel("size over outputs' size")

@@ -12,7 +12,7 @@ from boomctl.arrays import Array
 from boomctl.checks import names
 from boomctl.lti.frequency import MODES
 from boomctl.lti.rounding import SUMMED
-from boomctl.plotting.canvas import COLOURS, few_labels, frequency_axis, in_rows, legend, line_look, over_time, panels
+from boomctl.plotting.canvas import COLORS, few_labels, frequency_axis, in_rows, legend, line_look, over_time, panels
 from boomctl.plotting.margins import NARROW, ROOM, SHADE, WIDE, draw_critical
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from boomctl.analysis.modes import ModeTable
     from boomctl.analysis.nyquist import NyquistStability
 
-_STYLES = ("-", "--", ":", "-.")  # of lines, one each time that the colours have been through
+_STYLES = ("-", "--", ":", "-.")  # of lines, one each time that the colors have been through
 _STEPS = [1.0, 1.5, 3.0, 4.5, 9.0, 10.0]  # of ticks of an angle: 45, 90 and 180 degrees among them
 _DAMPINGS = (0.0005, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5)  # ratios that a line is drawn for (a choice)
 _BETWEEN = 6  # places that are drawn from one that was computed to the next (a choice)
@@ -32,12 +32,12 @@ _LINES = 4  # of equal damping that are drawn at most: more touch (a choice)
 
 
 def _looks(style: dict[str, Any], curves: Iterable[str], named: bool = False, **default: Any) -> list[dict[str, Any]]:
-    """Return how several curves look: colours first, then other lines; one alone carries no name unless ``named``."""
+    """Return how several curves look: colors first, then other lines; one alone carries no name unless ``named``."""
     names, found = list(curves), []
-    kinds = cycle([(colour, line) for line in _STYLES for colour in COLOURS])
-    for name, (colour, line) in zip(names, kinds, strict=False):
+    kinds = cycle([(color, line) for line in _STYLES for color in COLORS])
+    for name, (color, line) in zip(names, kinds, strict=False):
         own = {"label": name} if named or len(names) > 1 else {}
-        look = line_look(style, color=colour, linestyle=line, **default, **own)
+        look = line_look(style, color=color, linestyle=line, **default, **own)
         found.append({"label": name} | look)
     return found
 
@@ -112,7 +112,7 @@ def plot_nyquist(result: "NyquistResult", ax: Any = None, **style: Any) -> Any:
 def _around(ax: Any, curve: Array, disk: "DiskMargin | None", said: str, name: str, style: dict[str, Any]) -> None:
     """Draw a curve around -1, with its direction, what is said of it, and the critical disk."""
     fresh = not ax.has_data()
-    look = line_look(style, color=COLOURS[0], marker="." if len(np.unique(curve)) == 1 else "none")
+    look = line_look(style, color=COLORS[0], marker="." if len(np.unique(curve)) == 1 else "none")
     label = look.pop("label", None)
     draw_critical(ax, disk if fresh else None)
     ax.plot(curve.real, curve.imag, label=f"{label}: {said}" if label else said, **look)
@@ -140,7 +140,7 @@ def _smooth(curve: Array) -> Array:
     return CubicSpline(along, curve[kept])(t)
 
 
-def _arrows(ax: Any, curve: Array, half: float, colour: Any) -> None:
+def _arrows(ax: Any, curve: Array, half: float, color: Any) -> None:
     """Draw the direction of a curve where it is seen, at two places."""
     inside = np.flatnonzero((np.abs(curve[:-1].real) < half) & (np.abs(curve[:-1].imag) < half))
     if len(inside) < 3:
@@ -154,7 +154,7 @@ def _arrows(ax: Any, curve: Array, half: float, colour: Any) -> None:
         start, end = curve[k], curve[k] + 1e-3 * half * step / abs(step)
         ax.annotate(
             "", (end.real, end.imag), (start.real, start.imag),
-            arrowprops={"arrowstyle": "-|>", "color": colour, "mutation_scale": 12},
+            arrowprops={"arrowstyle": "-|>", "color": color, "mutation_scale": 12},
         )  # fmt: skip
 
 
@@ -201,7 +201,7 @@ def plot_pole_zero(result: "PoleZeroResult", ax: Any = None, **style: Any) -> An
     """
     with panels(ax, ("poles and zeros",), (5.4, 5.0)) as (axes,):
         fresh = not axes.has_data()
-        look = line_look(style, color=COLOURS[0], markersize=7)
+        look = line_look(style, color=COLORS[0], markersize=7)
         label = look.pop("label", None)
         top = _top(result)
         poles, zeros = (values[np.abs(values) <= top] for values in (result.poles, result.zeros))
@@ -251,7 +251,7 @@ def _damping_lines(ax: Any) -> None:
 
 
 def plot_comparison(what: str, drawn: dict[str, Any], ax: Any = None, *, signals: Any = (), **style: Any) -> Array:
-    """Draw several systems or results over each other, each in a colour of its own.
+    """Draw several systems or results over each other, each in a color of its own.
 
     Parameters
     ----------
@@ -280,7 +280,7 @@ def plot_comparison(what: str, drawn: dict[str, Any], ax: Any = None, *, signals
         shapes = {name: [np.asarray(part[0][name]) for part in drawn.values()] for name in common}
         apart = [name for name, all_ in shapes.items() if any(not np.array_equal(all_[0], each) for each in all_[1:])]
         common = common if len(signals) or not apart else apart
-    chosen = common[: len(COLOURS)] if not len(signals) else list(names("signal", signals, common))
+    chosen = common[: len(COLORS)] if not len(signals) else list(names("signal", signals, common))
     if not chosen:
         raise ValueError("signals: all of them have none in common")
     if what == "time":
@@ -351,7 +351,7 @@ def plot_mode_table(result: "ModeTable", ax: Any = None, **style: Any) -> Any:
         seen = [row for row in result.rows if row.damping_ratio > 0.0 and np.isfinite(row.omega) and row.omega > 0.0]
         missing = len(result.rows) - len(seen)
         said = f"modes ({missing} without damping not shown)" if missing else "modes"
-        look = line_look(style, color=COLOURS[0], marker="o", markersize=4, linestyle="none")
+        look = line_look(style, color=COLORS[0], marker="o", markersize=4, linestyle="none")
         label = look.pop("label", None)
         x, y = ([row.omega / (2.0 * np.pi) for row in seen], [100.0 * row.damping_ratio for row in seen])
         axes.loglog(x, y, label=f"{label}: {said}" if label else said, **look)

@@ -7,7 +7,7 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.checks import names
-from boomctl.plotting.canvas import COLOURS, labelled, legend, line_look, over_time, panels
+from boomctl.plotting.canvas import COLORS, labeled, legend, line_look, over_time, panels
 
 if TYPE_CHECKING:
     from boomctl.simulation.forced_response import ForcedResponse
@@ -70,7 +70,7 @@ def _chosen(there: dict[str, Any], asked: str | Sequence[str] | None, without: I
     """Return the outputs to draw: those asked for, or the first."""
     if asked is not None:
         return {name: there[name] for name in names("output", asked, tuple(there))}
-    return {name: there[name] for name in [name for name in there if name not in without][: len(COLOURS)]}
+    return {name: there[name] for name in [name for name in there if name not in without][: len(COLORS)]}
 
 
 def _panels(kind: str, signals: dict[str, Any], units: Mapping[str, str]) -> list[tuple[str, str, dict[str, Any]]]:
@@ -79,7 +79,7 @@ def _panels(kind: str, signals: dict[str, Any], units: Mapping[str, str]) -> lis
     for name, values in signals.items():
         whole = name.removesuffix("_sym").removesuffix("_anti")
         apart = next((panel for end, panel in _APART.items() if kind == "outputs" and whole.endswith(end)), kind)
-        found.setdefault(labelled(apart, units.get(name, "")), {})[name] = values
+        found.setdefault(labeled(apart, units.get(name, "")), {})[name] = values
     return [(kind, label, each) for label, each in found.items()]
 
 
@@ -87,7 +87,7 @@ def _draw(ax: Any, result: Any, kind: str, signals: dict[str, Any], style: dict[
     """Draw some signals; behind controls what was asked for, on strokes where a stop was met."""
     low, high = ax.get_ylim() if ax.has_data() else (0.0, 0.0)
     for k, (name, values) in enumerate(signals.items()):
-        look = line_look(style, color=COLOURS[k % len(COLOURS)], linewidth=1.0, label=name)
+        look = line_look(style, color=COLORS[k % len(COLORS)], linewidth=1.0, label=name)
         if kind == "controls" and (result.saturation_fraction[name] or result.rate_limit_fraction[name]):
             behind = look | {"linewidth": 0.8, "alpha": 0.35, "label": f"{look['label']}, asked for"}
             ax.plot(result.time, result.commanded[name], **behind)

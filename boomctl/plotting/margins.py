@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.plotting.canvas import COLOURS, in_rows, legend, line_look, panels
+from boomctl.plotting.canvas import COLORS, in_rows, legend, line_look, panels
 
 if TYPE_CHECKING:
     from boomctl.analysis.margins import DiskMargin, LoopMargin, Margins
@@ -64,7 +64,7 @@ def plot_loop_margin(result: "LoopMargin", ax: Any = None, **style: Any) -> Any:
 
 
 def draw_critical(ax: Any, disk: "DiskMargin | None", *, outlined: Any = None) -> None:
-    """Draw the unit circle, the critical point, and the disk that a loop does not enter: shaded, or its edge in a colour."""
+    """Draw the unit circle, the critical point, and the disk that a loop does not enter: shaded, or its edge in a color."""
     angle = np.linspace(0.0, 2.0 * np.pi, 181)
     across, up = np.cos(angle), np.sin(angle)
     if disk is not None and disk.gain_margin < _FLAT:
@@ -85,14 +85,14 @@ def draw_critical(ax: Any, disk: "DiskMargin | None", *, outlined: Any = None) -
 def _draw(ax: Any, loop: "LoopMargin", style: dict[str, Any]) -> None:
     omega, L = loop.loop_gain
     curve, disk = -L, loop.disk_margin
-    look = line_look(style, color=COLOURS[0], marker="." if len(L) == 1 else "none")  # a static loop is a point
+    look = line_look(style, color=COLORS[0], marker="." if len(L) == 1 else "none")  # a static loop is a point
     far = [1.0, *(1.0 / factor for factor in loop.gain_margin if 0.0 < factor < np.inf)]
     half = float(np.clip(ROOM * max(far), NARROW, WIDE))
     draw_critical(ax, disk)
     ax.plot(curve.real, curve.imag, **look)
     ax.plot(curve.real, -curve.imag, **(look | {"alpha": 0.35, "linewidth": 0.8, "label": None}))
-    for words, places, marker, colour in _marks(loop, omega, curve):
-        look = {"marker": marker, "color": colour, "markersize": 5, "markerfacecolor": "white", "linestyle": "none"}
+    for words, places, marker, color in _marks(loop, omega, curve):
+        look = {"marker": marker, "color": color, "markersize": 5, "markerfacecolor": "white", "linestyle": "none"}
         ax.plot(np.real(places), np.imag(places), label=words, **look)
     ax.set(xlim=(-half, half), ylim=(-half, half), aspect="equal", xlabel="Re(−L)", ylabel="Im(−L)")
     legend(ax, "above left", title=f"Opened at {loop.signal}", title_fontsize=8, fontsize=7, alignment="left")
@@ -121,13 +121,13 @@ def _marks(loop: "LoopMargin", omega: Array, curve: Array) -> list[tuple[str, li
     )
     doubt = "" if loop.disk_margin.certified else ", not certified"
     return [
-        (f"gain {loop.gain_margin[0]:.3g} to {high}", gains, "s", COLOURS[1]),
-        (phase, place(loop.phase_margin_omega), "o", COLOURS[2]),
-        (delay, place(loop.delay_margin_omega), "^", COLOURS[3]),
+        (f"gain {loop.gain_margin[0]:.3g} to {high}", gains, "s", COLORS[1]),
+        (phase, place(loop.phase_margin_omega), "o", COLORS[2]),
+        (delay, place(loop.delay_margin_omega), "^", COLORS[3]),
         (
             f"disk {loop.disk_margin.alpha:.3g}{doubt}{hz(loop.disk_margin.omega)}",
             place(loop.disk_margin.omega),
             "D",
-            COLOURS[5],
+            COLORS[5],
         ),
     ]

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.plotting.canvas import COLOURS, common_legend, in_rows, legend, line_look, panels
+from boomctl.plotting.canvas import COLORS, common_legend, in_rows, legend, line_look, panels
 
 if TYPE_CHECKING:
     from boomctl.structure.response.mode_shapes import BodyShape, ModeShapes
@@ -74,7 +74,7 @@ def _machine(
         moved = rest + motion * (np.array([0.0, 1.0]) if flat else 1.0)
         look = {"color": ("0.25", "0.5", "0.7")[k % 3], "linewidth": 2.2, "label": line.name, "solid_capstyle": "round"}
         if line.is_beam:
-            look = line_look(style, color=COLOURS[beams % len(COLOURS)], label=line.name)
+            look = line_look(style, color=COLORS[beams % len(COLORS)], label=line.name)
             beams += 1
         if len(moved) == 1 and not line.is_beam:
             look |= {"marker": "s", "markersize": 4, "linestyle": "none"}
@@ -92,7 +92,7 @@ def _machine(
 def _bars(ax: Any, result: "ModeShapes", mode: int, style: dict[str, Any]) -> None:
     """Draw the coordinates of a shape as bars, the longest of length one."""
     shape = result.shapes[:, mode] / (np.abs(result.shapes[:, mode]).max() or 1.0)
-    look = line_look(style, color=COLOURS[0], marker="o", markersize=4, linestyle="none")
+    look = line_look(style, color=COLORS[0], marker="o", markersize=4, linestyle="none")
     here = np.arange(len(shape))
     ax.vlines(here, 0.0, shape, color=look["color"], linewidth=1.2)
     ax.plot(here, shape, **look)

@@ -7,9 +7,9 @@ from typing import Any
 
 from matplotlib.lines import Line2D
 
-from boomctl.plotting.canvas import COLOURS, divided, few_labels, panels
+from boomctl.plotting.canvas import COLORS, divided, few_labels, panels
 
-_MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "p", "h")  # as many as tell methods of one colour apart
+_MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "p", "h")  # as many as tell methods of one color apart
 _FLOOR = 1e-17  # where an error of zero is drawn: below what doubles tell
 _USELESS = 10.0  # relative error from which on an answer is not drawn: it is none (a choice)
 _WAYS = {"cold": "cold: first call in a new process", "hot": "hot: later calls"}
@@ -45,14 +45,14 @@ def plot_precision(diagram: Any, ax: Any = None) -> Any:
 
 
 def _looks(methods: Mapping[str, Sequence[Any]]) -> dict[str, dict[str, Any]]:
-    marks = zip(cycle(COLOURS), cycle(_MARKERS))
+    marks = zip(cycle(COLORS), cycle(_MARKERS))
     return {
         name: {
-            "color": colour,
+            "color": color,
             "marker": marker,
             "linestyle": "-" if points[0].ours else "--",
         }
-        for (name, points), (colour, marker) in zip(methods.items(), marks)  # noqa: B905 -- marks never end
+        for (name, points), (color, marker) in zip(methods.items(), marks)  # noqa: B905 -- marks never end
     }
 
 

@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from boomctl.arrays import Array
-from boomctl.plotting.canvas import COLOURS, legend, line_look, new_figure, over_time, panels, style
+from boomctl.plotting.canvas import COLORS, legend, line_look, new_figure, over_time, panels, style
 
 if TYPE_CHECKING:
     from boomctl.rotating_beam.campbell import CampbellDiagram
@@ -83,7 +83,7 @@ def plot_campbell(result: "CampbellDiagram", ax: Any = None, **style: Any) -> An
     with panels(ax, ("Campbell diagram",), (6.6, 4.4)) as (axes,):
         fresh = not axes.has_data()
         before = [name for name in axes.get_legend_handles_labels()[1] if name != _CRITICAL]
-        look = line_look(style, color=COLOURS[len(before) % len(COLOURS)])
+        look = line_look(style, color=COLORS[len(before) % len(COLORS)])
         label, speeds = look.pop("label", result.model), result.hub_speeds
         for k, line in enumerate(result.eigenfrequencies_hz.T):
             axes.plot(speeds, line, **(look | {"label": label if k == 0 else None}))

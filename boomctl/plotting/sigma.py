@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from boomctl.plotting.canvas import few_labels, frequency_axis, labelled, legend, line_look, panels
+from boomctl.plotting.canvas import few_labels, frequency_axis, labeled, legend, line_look, panels
 
 if TYPE_CHECKING:
     from boomctl.analysis.measured import MeasuredFrequencyResponse
@@ -65,7 +65,7 @@ def _draw(result: "SigmaResult", ax: Any, frequency_unit: str | None, style: dic
         x, y = result.peak_omega / scale, result.peak
         ax.plot(x, y, "o", color=color, markersize=4, fillstyle="none", label=said)
     if result.magnitude_unit or not ax.get_ylabel():
-        ax.set_ylabel(labelled("singular values", result.magnitude_unit))
+        ax.set_ylabel(labeled("singular values", result.magnitude_unit))
     few_labels(ax)
 
 
@@ -79,7 +79,7 @@ def _legend(ax: Any) -> None:
 def plot_sigma_comparison(
     comparison: "SigmaComparison", ax: Any = None, *, frequency_unit: str | None = None, **style: Any
 ) -> Any:
-    """Draw the singular values of several systems, each in a colour of its own, on one frequency axis.
+    """Draw the singular values of several systems, each in a color of its own, on one frequency axis.
 
     Parameters
     ----------

@@ -14,10 +14,10 @@ from matplotlib.patches import Circle
 from boomctl.arrays import Array
 from boomctl.checks import known
 from boomctl.plotting.canvas import (
-    COLOURS,
+    COLORS,
     common_legend,
     divided,
-    labelled,
+    labeled,
     line_look,
     new_figure,
     over_time,
@@ -72,7 +72,7 @@ def plot_slew(result: Any, ax: Any = None, **style: Any) -> Array:
             axes[0].set_title(f"{result.title.capitalize()}: {result.duration:.4g} s{note}")
         if "label" in look:
             axes[0].legend()
-        over_time(axes, [labelled(*result._labels[kind]) for kind, _, _ in curves], _AROUND)
+        over_time(axes, [labeled(*result._labels[kind]) for kind, _, _ in curves], _AROUND)
     return axes
 
 
@@ -94,7 +94,7 @@ def plot_torque(history: Any, ax: Any = None, **style: Any) -> Any:
     with panels(ax, ("torque",), (6.4, 2.6)) as (axes,):
         look = line_look(style)
         _draw_torque(axes, history, look)
-        axes.set(xlabel="time [s]", ylabel=labelled("torque", history.unit))
+        axes.set(xlabel="time [s]", ylabel=labeled("torque", history.unit))
         axes.set_xmargin(_AROUND)
         if "label" in look:
             axes.legend()
@@ -136,7 +136,7 @@ def plot_slew_comparison(comparison: Any, ax: Any = None, *, names: Sequence[str
     for name in names:
         known("slew", name, [line.name for line in comparison.rows])
     shown = [line for line in comparison.rows if line.name in names] if names else list(comparison.rows[:4])
-    # those drawn over time come first, for colours repeat
+    # those drawn over time come first, for colors repeat
     ranked = [*shown, *(line for line in comparison.rows if line not in shown)]
     looks, loads = {line.name: _line_style(k) for k, line in enumerate(ranked)}, comparison.tip_masses
 
@@ -165,10 +165,10 @@ def plot_slew_comparison(comparison: Any, ax: Any = None, *, names: Sequence[str
 
 
 def _line_style(k: int) -> dict[str, Any]:
-    """Colour and marker of the k-th slew: the second round of colours is hollow."""
-    colour = COLOURS[k % len(COLOURS)]
-    filled = k < len(COLOURS)
-    return {"color": colour, "marker": _SHAPES[k % len(_SHAPES)], "markerfacecolor": colour if filled else "white"}
+    """Color and marker of the k-th slew: the second round of colors is hollow."""
+    color = COLORS[k % len(COLORS)]
+    filled = k < len(COLORS)
+    return {"color": color, "marker": _SHAPES[k % len(_SHAPES)], "markerfacecolor": color if filled else "white"}
 
 
 def _draw_over_time(
@@ -262,9 +262,9 @@ def plot_tracking_study(study: Any, ax: Any = None, **style: Any) -> Array:
             low, quarter, middle, most, high = np.quantile(runs, _BANDS, axis=0)
             look = line_look(style, linewidth=1.0, label="middle run")
             (line,) = each.plot(study.time, middle, **look)
-            colour = line.get_color()
-            each.fill_between(study.time, low, high, color=colour, alpha=0.18, linewidth=0.0, label="nine of ten")
-            each.fill_between(study.time, quarter, most, color=colour, alpha=0.35, linewidth=0.0, label="middle half")
+            color = line.get_color()
+            each.fill_between(study.time, low, high, color=color, alpha=0.18, linewidth=0.0, label="nine of ten")
+            each.fill_between(study.time, quarter, most, color=color, alpha=0.35, linewidth=0.0, label="middle half")
             if planned is not None:
                 each.plot(study.time, planned, color="0.35", linewidth=0.8, linestyle="--", label="planned")
             each.axvline(study.duration, color="0.7", linewidth=0.8)
@@ -317,9 +317,9 @@ def plot_switching(curve: Any, ax: Any = None, **style: Any) -> Array:
                 each.axvline(t, color="0.7", linewidth=0.7, zorder=0)
             each.set_xmargin(0.0)
         upper.axhline(0.0, color="0.3", linewidth=0.8)
-        for sign, colour in ((1.0, COLOURS[0]), (-1.0, COLOURS[1])):
+        for sign, color in ((1.0, COLORS[0]), (-1.0, COLORS[1])):
             inside = np.maximum(sign * curve.values, 0.0) * sign
-            upper.fill_between(curve.time, 0.0, inside, color=colour, alpha=0.18, linewidth=0.0)
+            upper.fill_between(curve.time, 0.0, inside, color=color, alpha=0.18, linewidth=0.0)
         upper.plot(curve.time, curve.values, **line_look(style, color="0.15"))
         # most switches stand where the function is small
         upper.set_yscale("function", functions=(np.cbrt, lambda root: root**3))
@@ -327,7 +327,7 @@ def plot_switching(curve: Any, ax: Any = None, **style: Any) -> Array:
         upper.set_yticks(ticks, [f"{tick:g}".replace("-", "−") for tick in ticks])
         upper.set_ylabel("switching function\n(cube-root scale)")
         upper.set_title("The sign of the switching function, and the torque")
-        lower.step(curve.time, curve.torque, where="mid", **line_look(style, color=COLOURS[0]))
+        lower.step(curve.time, curve.torque, where="mid", **line_look(style, color=COLORS[0]))
         limit = curve.torque_limit
         lower.set(ylabel="torque [N m]", xlabel="time [s]", ylim=(-1.2 * limit, 1.2 * limit))
         lower.set_yticks((-limit, 0.0, limit))
@@ -381,7 +381,7 @@ def animate_slew(
         ax.add_patch(Circle((0.0, 0.0), radius, color="0.75"))
         (spoke,) = ax.plot([], [], ":", color="0.6", linewidth=1.0, label="hub's axis")
         lines = [
-            ax.plot([], [], color=COLOURS[k % len(COLOURS)], linewidth=1.8, label=name)[0]
+            ax.plot([], [], color=COLORS[k % len(COLORS)], linewidth=1.8, label=name)[0]
             for k, name in enumerate(motions)
         ]
         ax.legend(loc="lower left")
@@ -415,7 +415,7 @@ def plot_shaper(result: Any, ax: Any = None, **style: Any) -> Array:
     (2,) ndarray of matplotlib Axes
     """
     with panels(ax, ("impulses", "vibration left"), (7.2, 3.0), divided(1, 2)) as axes:
-        look = line_look(style, color=COLOURS[0], label=result.name)
+        look = line_look(style, color=COLORS[0], label=result.name)
         times, sizes = result.times, result.amplitudes
         axes[0].vlines(times, 0.0, sizes, color=look["color"], linewidth=1.4)
         axes[0].plot(times, sizes, **(look | {"marker": "o", "markersize": 4, "linestyle": "none"}))

@@ -6,14 +6,14 @@ from typing import TYPE_CHECKING, Any
 
 from boomctl.arrays import Array
 from boomctl.checks import positive
-from boomctl.plotting.canvas import COLOURS, legend, line_look, over_time, panels
+from boomctl.plotting.canvas import COLORS, legend, line_look, over_time, panels
 
 if TYPE_CHECKING:
     from boomctl.boom.motion import PlatformMotion
     from boomctl.boom.spray import SprayResult
     from boomctl.boom.tracks import Track
 
-# doses at which the colour changes: ±2, 5, 10 and 20 % as deposits are judged by, then coarser
+# doses at which the color changes: ±2, 5, 10 and 20 % as deposits are judged by, then coarser
 _STEPS = (0.0, 0.5, 0.8, 0.9, 0.95, 0.98, 1.02, 1.05, 1.1, 1.2, 1.5, 2.0)
 _SHADES = (
     "#67001f",
@@ -62,8 +62,8 @@ def plot_deposit(
     along, across = result.y_slice, result.x_slice
     begin = result.y_edges[along.start]
     end = result.y_edges[along.stop] if length is None else begin + positive("length", length)
-    colours = ListedColormap(list(_SHADES), over=_MORE)
-    look: dict[str, Any] = {"cmap": colours, "norm": BoundaryNorm(_STEPS, len(_SHADES)), "rasterized": True, **style}
+    colors = ListedColormap(list(_SHADES), over=_MORE)
+    look: dict[str, Any] = {"cmap": colors, "norm": BoundaryNorm(_STEPS, len(_SHADES)), "rasterized": True, **style}
     options: dict[str, Any] = {"spacing": "uniform", "ticks": _STEPS, "extend": "max"} if "norm" not in style else {}
     with panels(ax, ("deposit",), (9.0, 2.95)) as (axes,):
         drawn = axes.pcolormesh(result.y_edges, result.x_edges, result.deposit, **look)
@@ -106,8 +106,8 @@ def plot_track(track: Track, ax: Any = None, **style: Any) -> Any:
     matplotlib Axes
     """
     with panels(ax, ("height",), (7.4, 2.8)) as (axes,):
-        for side, heights, colour in (("left", track.left, COLOURS[0]), ("right", track.right, COLOURS[1])):
-            axes.plot(track.distance, 1e3 * heights, **line_look(style, color=colour, linewidth=1.0, label=side))
+        for side, heights, color in (("left", track.left, COLORS[0]), ("right", track.right, COLORS[1])):
+            axes.plot(track.distance, 1e3 * heights, **line_look(style, color=color, linewidth=1.0, label=side))
         axes.set(xlabel="distance [m]", ylabel="height [mm]")
         axes.set_xmargin(0.0)
         axes.legend()

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.plotting.canvas import COLOURS, new_figure, style
+from boomctl.plotting.canvas import COLORS, new_figure, style
 
 if TYPE_CHECKING:
     import control
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from boomctl.analysis.sigma import SigmaResult
     from boomctl.simulation.result import LoopResult
 
-_PASSIVE, _ACTIVE, _FAINT = COLOURS[1], COLOURS[0], "#9bb8d3"
+_PASSIVE, _ACTIVE, _FAINT = COLORS[1], COLORS[0], "#9bb8d3"
 
 
 def draw_suspension_sigma(
@@ -106,17 +106,17 @@ def draw_run(
         axes = figure.subplots(rows, 1, sharex=True)
         left, right = (active.disturbances[f"actuator_{side}"][inside] for side in ("left", "right"))
         axes[0].plot(t, 1e3 * left, color="black", label="left")
-        axes[0].plot(t, 1e3 * right, color=COLOURS[4], label="right", linewidth=1.0)
+        axes[0].plot(t, 1e3 * right, color=COLORS[4], label="right", linewidth=1.0)
         axes[0].set_ylabel("platform [mm]")
-        for run, label, colour in runs:
-            axes[1].plot(t, 1e3 * run["tip_left"][inside], color=colour, label=label)
-            axes[2].plot(t, 1e3 * run["stroke_left"][inside], color=colour, label=label)
+        for run, label, color in runs:
+            axes[1].plot(t, 1e3 * run["tip_left"][inside], color=color, label=label)
+            axes[2].plot(t, 1e3 * run["stroke_left"][inside], color=color, label=label)
         axes[1].set_ylabel("left tip [mm]")
         axes[2].set_ylabel("left stroke [mm]")
         _limit(axes[2], 1e3 * limits[1])
         if active.controls:
-            for side, colour in (("left", _ACTIVE), ("right", COLOURS[3])):
-                axes[3].plot(t, active.controls[f"suspension_{side}"][inside], color=colour, label=side)
+            for side, color in (("left", _ACTIVE), ("right", COLORS[3])):
+                axes[3].plot(t, active.controls[f"suspension_{side}"][inside], color=color, label=side)
             axes[3].set_ylabel("force [N]")
             _limit(axes[3], limits[0])
         for ax in axes:

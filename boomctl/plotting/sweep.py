@@ -1,4 +1,4 @@
-"""Pictures of sweeps: all points over one parameter, a colour and a line of medians for each value of another one."""
+"""Pictures of sweeps: all points over one parameter, a color and a line of medians for each value of another one."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -6,12 +6,12 @@ import numpy as np
 from matplotlib import colormaps
 
 from boomctl.checks import known
-from boomctl.plotting.canvas import COLOURS, labelled, legend, line_look, panels
+from boomctl.plotting.canvas import COLORS, labeled, legend, line_look, panels
 
 if TYPE_CHECKING:
     from boomctl.studies.sweeps.result import SweepResult
 
-_DRAWN = "seed"  # of what is drawn at random: no parameter to tell apart by colour
+_DRAWN = "seed"  # of what is drawn at random: no parameter to tell apart by color
 
 
 def plot_sweep(
@@ -32,17 +32,17 @@ def plot_sweep(
     groups: list[Any] = list(dict.fromkeys(row[second] for row in rows)) if second else [None]
     if second in axes:
         groups.sort()
-    colours = COLOURS if len(groups) <= len(COLOURS) else colormaps["viridis"](np.linspace(0.0, 0.9, len(groups)))
-    named = {groups[k] for k in np.linspace(0, len(groups) - 1, min(len(groups), len(COLOURS))).round().astype(int)}
+    colors = COLORS if len(groups) <= len(COLORS) else colormaps["viridis"](np.linspace(0.0, 0.9, len(groups)))
+    named = {groups[k] for k in np.linspace(0, len(groups) - 1, min(len(groups), len(COLORS))).round().astype(int)}
     medians = False
     with panels(ax, ["numbers"], (7.0, 4.2)) as (drawn_on,):
-        for colour, value in zip(colours, groups, strict=False):
+        for color, value in zip(colors, groups, strict=False):
             own = [row for row in rows if second is None or row[second] == value]
             x, y = np.array([row[over] for row in own], float), np.array([row[shown] for row in own], float)
             places = np.unique(x)
             said = f"{value:.4g}" if second in axes else str(value)
             name = {"label": said} if second is not None and value in named else {}
-            look = line_look(drawn, color=colour, **name)
+            look = line_look(drawn, color=color, **name)
             (line,) = drawn_on.plot(places, [np.median(y[x == place]) for place in places], **look)
             drawn_on.plot(x, y, ".", color=line.get_color(), alpha=0.5)
             medians |= len(places) < len(x)
@@ -62,4 +62,4 @@ def _number(row: Any, name: str) -> bool:
 
 
 def _with_unit(result: "SweepResult", name: str) -> str:
-    return labelled(name, result.units.get(name, ""))
+    return labeled(name, result.units.get(name, ""))

@@ -16,7 +16,7 @@ from boomctl.structure.matrices import halves
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.response.modal_form import in_modes
 from boomctl.structure.response.poles import undamped_modes
-from boomctl.structure.response.realisation import realize
+from boomctl.structure.response.realization import realize
 
 # Ways to a core, in the order tried; a result's path names those that were taken.
 # of a large structure that has a bound

@@ -28,11 +28,11 @@ from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.ports import evaluate
 from boomctl.structure.response.modal_form import elastic
 from boomctl.structure.response.poles import undamped_modes
-from boomctl.structure.response.realisation import realize
+from boomctl.structure.response.realization import realize
 
 MINIMAL = 1e-11  # share of the largest Hankel singular value up to which a state does nothing but add rounding
 _SEEN = 1e-6  # share of its inputs and outputs that a band may miss of a system (a choice)
-_CENTRE = 0.01  # least low end of a band, relative to its high end, of which the middle is taken (a choice)
+_CENTER = 0.01  # least low end of a band, relative to its high end, of which the middle is taken (a choice)
 _SAME = 1e-6  # relative difference up to which Markov parameters are the same, those of a double integrator included
 _MOMENTS = 4  # Markov parameters compared: two systems of so few kept states that agree in them are the same
 
@@ -205,7 +205,7 @@ class HankelApproximation(GramianReducer):
         if len(stable.A) != r or len(antistable.A) != n - r - k:
             raise ValueError(
                 f"order {r + kept}: the all-pass dilation has {len(stable.A)} stable poles; Hankel singular values "
-                f"{values[r]:.3g} and its neighbours are too close to tell apart"
+                f"{values[r]:.3g} and its neighbors are too close to tell apart"
             )
         bound = sigma + 2.0 * float(values[r + k :].sum()) + balanced.lost
         return stable, bound
@@ -292,7 +292,7 @@ class ModalTruncation(StateReducer):
 
 def _middle(band: Band) -> float:
     """Return the middle of a band, in the logarithm [rad/s]."""
-    return float(np.sqrt(max(band[0], _CENTRE * band[1]) * band[1]))
+    return float(np.sqrt(max(band[0], _CENTER * band[1]) * band[1]))
 
 
 @final

@@ -72,7 +72,7 @@ def tail_bound(
     loads : Loads
     damping : Damping
     V : (n, k) ndarray
-        Mass-normalised modes kept, all that lie below ``lowest``.
+        Mass-normalized modes kept, all that lie below ``lowest``.
     lowest : float
         No mode left out is lower [rad/s].
     core : (k, k) ndarray, ModalSystem
@@ -186,7 +186,7 @@ def truncation_bound(stiffness: Array, C: Array, loads: Loads, kept: Array) -> f
     stiffness : (n,) ndarray
         Squares of the undamped frequencies of all modes [rad^2/s^2].
     C : (n, n) ndarray
-        Damping between the mass-normalised modes.
+        Damping between the mass-normalized modes.
     loads : Loads
         On the modes.
     kept : (n,) ndarray of bool

@@ -222,7 +222,7 @@ class AssumedModesBeam(HubBeam):
         Examples
         --------
         >>> import boomctl as bc
-        >>> bc.hub_beam(model="sfoam", modes=2).structure().inputs
+        >>> bc.hub_beam(model="sfoam", modes=2).to_second_order().input_labels
         ('torque', 'disturbance_torque', 'tip_force')
         """
         from boomctl.rotating_beam.families import read_by, structure_of  # as above

@@ -221,7 +221,7 @@ class HubBeam(ABC):
         Returns
         -------
         ModeShapes
-            Frequencies, mass-normalised shapes over the beam's coordinates, bending and axial motion told; ``.plot()``
+            Frequencies, mass-normalized shapes over the beam's coordinates, bending and axial motion told; ``.plot()``
             draws the beam.
 
         Raises
@@ -497,7 +497,7 @@ class HubBeam(ABC):
 
     @one_blas_thread
     def linearize(self, hub_speed: float = 0.0, sensors: Sequence[BeamSensor] | None = None) -> control.StateSpace:
-        """Linearise about steady rotation at a hub speed, the beam stretched as the model has it, the hub free.
+        """Linearize about steady rotation at a hub speed, the beam stretched as the model has it, the hub free.
 
         Parameters
         ----------
@@ -519,10 +519,10 @@ class HubBeam(ABC):
         """
         if sensors is None:
             return self._linear(self._steady_speed(hub_speed)).statespace(self._system_name)
-        from boomctl.rotating_beam.modal.forced import linearised  # brings casadi
+        from boomctl.rotating_beam.modal.forced import linearized  # brings casadi
 
         state = self.steady_state(hub_speed)
-        found = linearised(self._forced_modes(sequence("sensors", sensors, "BeamSensor")), state)
+        found = linearized(self._forced_modes(sequence("sensors", sensors, "BeamSensor")), state)
         return found.statespace(self._system_name)
 
     @property

@@ -35,7 +35,7 @@ class CriticalSpeed:
     Examples
     --------
     >>> import boomctl as bc
-    >>> bc.hub_beam(modes=3).campbell([0.0, 2.0, 4.0]).crossings[0]
+    >>> bc.hub_beam(modes=3).campbell([0.0, 2.0, 4.0]).critical_speeds[0]
     CriticalSpeed: 3 x 0.986253 rad/s, mode 1 at 0.4709 Hz
     """
 

@@ -107,7 +107,7 @@ def hub_beam(
     Returns
     -------
     AssumedModesBeam or GeometricallyExactBeam
-        What is simulated, linearised, or slewed: see `HubBeam`.
+        What is simulated, linearized, or slewed: see `HubBeam`.
 
     Raises
     ------

@@ -46,7 +46,7 @@ class HubBeamParameters(Parameters):
     --------
     >>> import boomctl as bc
     >>> loaded = bc.HubBeamParameters(tip_mass=2.0)
-    >>> round(loaded.bending_stiffness, 2), round(loaded.rigid_inertia, 2)  # N m^2, kg m^2
+    >>> round(loaded.bending_stiffness, 2), round(loaded.rigid_body_inertia, 2)  # N m^2, kg m^2
     (566.71, 385.82)
     """
 

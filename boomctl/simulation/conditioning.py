@@ -86,7 +86,7 @@ def conditioning_gains(laws: Sequence[Lti], limited: Array, softening: float = 0
     The controller is run as an observer of itself: its input is taken for white noise, what was applied for a
     measurement of what it asked for, itself noisy by ``softening`` of the variance that one sample adds.  Without
     softening the stationary Kalman gain is Hanus' conditioning ``B D^-1`` where ``D`` is invertible and the controller
-    of minimum phase, and stabilising otherwise; but that is harsh where ``D`` is small, as it is in every controller
+    of minimum phase, and stabilizing otherwise; but that is harsh where ``D`` is small, as it is in every controller
     that rolls off.  The gain counts on all controls at once, so that it may not be stable with some of them; then there
     is none.
 

@@ -4,7 +4,7 @@ There are four ways to run a loop around a linear plant, tried in this order, an
 ``path`` names the one that was taken:
 
 =====================  ==============================================================================================
-"blocks"               no contact, sampled at every step, no quantised sensors, nothing added to signals: linear
+"blocks"               no contact, sampled at every step, no quantized sensors, nothing added to signals: linear
                        between its limits, so that 32 samples are one product
 "steps"                no contact, but none of that: step by step
 "stops not reached"    end stops and no friction: run as if there were none, in one of the ways above; kept if no stroke

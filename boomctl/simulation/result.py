@@ -70,7 +70,7 @@ class LoopResult(TimeSeries):
         "exponential steps", of a hub-beam.
     error_estimate : float
         Estimated largest error of a hub-beam's tip displacement, and of its hub angle times the radius of the free end,
-        m: the distance to the run with steps twice as long.  With quantised measurements it is that of the
+        m: the distance to the run with steps twice as long.  With quantized measurements it is that of the
         motion under the controls given.  With friction, of the slip [m]: from runs with fewer
         substeps, or with two where there is one.  0 of other linear plants.
     states : (n, states) ndarray or None

@@ -36,7 +36,7 @@ class Limits:
 
     @property
     def coarse(self) -> bool:
-        """Whether a measurement is quantised."""
+        """Whether a measurement is quantized."""
         return bool(np.isfinite(self.quantum).any())
 
 

@@ -85,7 +85,7 @@ class _Stepper:
         steps = _repeated(_step(self.kind), u.size)
         return np.column_stack([start, steps(start, u[None, :], h[None, :], self.constants).full()])
 
-    def linearised(self, start: Array, u: Array, h: Array, check: Callable[[], None]) -> tuple[Array, Array]:
+    def linearized(self, start: Array, u: Array, h: Array, check: Callable[[], None]) -> tuple[Array, Array]:
         """The same, and the Jacobians of the steps by state, torque and width, K x n x (n + 2)."""
         states, jacobians = [start[:, None]], []
         for part in _parts(_jacobian(self.kind), u.size):
@@ -197,7 +197,7 @@ class EndMap:
         end, by_torque, by_width, motions = np.zeros(m), np.zeros((m, u.size)), np.zeros((m, u.size)), []
         for stepper, (plant, own) in zip(self._steppers, self.problem.parts, strict=True):
             check = partial(self.problem.deadline.check, f"sensitivity of the end to {u.size} steps")
-            z, jacobians = stepper.linearised(self.problem.start[own], u, h, check)
+            z, jacobians = stepper.linearized(self.problem.start[own], u, h, check)
             after = _carried_back(jacobians, self.rows[:, own])
             end += self.rows[:, own] @ z[:, -1]
             by_torque += np.einsum("kmi,ki->mk", after, jacobians[:, :, plant.n])

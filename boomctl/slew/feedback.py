@@ -1,4 +1,4 @@
-"""Feedback along a plan: the machine linearised there, a regulator backwards in time, an observer forwards.
+"""Feedback along a plan: the machine linearized there, a regulator backwards in time, an observer forwards.
 
 All is done in the machine's modes at rest, on deviations from the plan, and only in those modes that the torque moves.
 """
@@ -26,7 +26,7 @@ _SMALL = 1e-12  # largest planned value below which nothing is planned there: it
 
 @dataclass(frozen=True, eq=False)
 class Along:
-    """A machine linearised along a plan: deviations ``z+ = A z + b u``, ``y = C z + D u``, u acting before the sample.
+    """A machine linearized along a plan: deviations ``z+ = A z + b u``, ``y = C z + D u``, u acting before the sample.
 
     Attributes
     ----------
@@ -73,7 +73,7 @@ class Tuning:
     model_error: float
 
 
-def linearised_along(modes: MachineModes, measured: list[int], states: Array, torques: Array, step: float) -> Along:
+def linearized_along(modes: MachineModes, measured: list[int], states: Array, torques: Array, step: float) -> Along:
     """Return a machine's motion near a plan.
 
     Parameters

@@ -101,15 +101,15 @@ class TrackingStudy:
         return import_module("boomctl.plotting.slew").plot_tracking_study(self, ax, **style)
 
 
-def drawn(name: str, given: Any, runs: int, rng: np.random.Generator, centre: float | None, nominal: float) -> Array:
+def drawn(name: str, given: Any, runs: int, rng: np.random.Generator, center: float | None, nominal: float) -> Array:
     """Return one number a run, as a distribution is given.
 
     Parameters
     ----------
     given : None, float, (low, high), or (runs,) array_like
-        Nominal; a number: the same in all runs, or a relative half-width where there is a centre; even between two; or as
+        Nominal; a number: the same in all runs, or a relative half-width where there is a center; even between two; or as
         listed, which two numbers of two runs are.
-    centre : float or None
+    center : float or None
         Around which a number is a relative half-width.
 
     Raises
@@ -122,11 +122,11 @@ def drawn(name: str, given: Any, runs: int, rng: np.random.Generator, centre: fl
     values = plain_array(name, given)
     if values.ndim == 0:
         width = real(name, given)
-        if centre is None:
+        if center is None:
             return np.full(runs, width)
         if not 0.0 <= width < 1.0:
             raise ValueError(f"{name} = {exactly(width)}: expected a half-width from 0 to less than 1, or two ends")
-        return centre * (1.0 + width * (2.0 * even - 1.0))
+        return center * (1.0 + width * (2.0 * even - 1.0))
     if values.shape == (2,) and runs != 2:
         low, high = (real(f"{name}[{i}]", each) for i, each in enumerate(values.tolist()))
         if low > high:

@@ -266,7 +266,7 @@ def optimal_slew(
     >>> A, B, C = [[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]], [[1.0, 0.0]]
     >>> rigid = control.ss(A, B, C, 0.0, inputs="torque", outputs="angle")  # of unit inertia
     >>> slew = bc.optimal_slew(rigid, angle=1.0, torque_limit=1.0)
-    >>> round(slew.duration, 4), slew.certificate.switches, slew.certificate.optimality
+    >>> round(slew.duration, 4), slew.certificate.n_switches, slew.certificate.optimality_status
     (2.0, 1, 'proved')
     """
     deadline = _deadline(time_limit, progress)

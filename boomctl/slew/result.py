@@ -125,7 +125,7 @@ class SlewCertificate:
     --------
     >>> import boomctl as bc
     >>> slew = bc.optimal_slew(bc.hub_beam(modes=1), angle=1.0, torque_limit=160.0)
-    >>> slew.certificate.method, slew.certificate.optimality, slew.certificate.switches
+    >>> slew.certificate.method, slew.certificate.optimality_status, slew.certificate.n_switches
     ('switching times', 'extremal', 3)
     """
 
@@ -308,7 +308,7 @@ class SlewResult(TimeSeries):
         """Return the slew with feedback along it: a time-varying LQR, or LQG, about its trajectory.
 
         The plan's torque is the feedforward, and what is measured is compared with the plan.  The nonlinear model is
-        linearised along the plan, sampled as the torque is held; Riccati's recursion runs back from the rest at the end.
+        linearized along the plan, sampled as the torque is held; Riccati's recursion runs back from the rest at the end.
 
         Parameters
         ----------

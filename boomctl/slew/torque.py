@@ -117,7 +117,7 @@ class TorqueProfile:
         return float(np.sum(np.diff(self.edges) * 0.5 * (self.start_values + self.end_values)))
 
     def interval_means(self, t: Array) -> Array:
-        """Return the mean torque between neighbouring instants.
+        """Return the mean torque between neighboring instants.
 
         Parameters
         ----------

@@ -33,7 +33,7 @@ from boomctl.simulation.signals import Levels, per_signal
 from boomctl.slew.feedback import (
     Tuning,
     controller_along,
-    linearised_along,
+    linearized_along,
     observer,
     regulator,
     slowest_pole,
@@ -262,7 +262,7 @@ class TrackedSlew:
         >>> study["tip_displacement"].shape == (16, study.time.size)
         True
         >>> alone = tracked.monte_carlo(16, stiffness=0.1, tip_mass=(0.0, 0.1), settling_time=1.0, feedback=False)
-        >>> bool(study.residual_vibration.max() < 0.1 * alone.vibration.max())
+        >>> bool(study.residual_vibration.max() < 0.1 * alone.residual_vibration.max())
         True
         """
         count, start = whole("runs", runs, most=_MOST_RUNS), whole("seed", seed, least=0)
@@ -451,7 +451,7 @@ def tracked_slew(
     torques = np.concatenate([history.interval_means(time[: count + 1]), np.zeros(after)])
     motion = machine.simulate(history, time, start)
     states = motion.states @ modes.from_state.T
-    along = linearised_along(
+    along = linearized_along(
         modes, [modes.output_labels.index(name) for name in wanted], states[: count + 1], torques[:count], step
     )
     tuning = Tuning(

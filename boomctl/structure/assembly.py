@@ -233,7 +233,7 @@ class Mechanism:
     meshes : tuple of BeamMesh
         Of its beams, in their order.
     layout : Layout
-        ``N``: centres of the bodies and beams along their axes; ``R``: elongations of the links.  Below them, unless the
+        ``N``: centers of the bodies and beams along their axes; ``R``: elongations of the links.  Below them, unless the
         beams are exact, deflections and strains of the beams.
     exact : ExactLayout
         The same with the ends of exact beams' segments, if the beams are exact.
@@ -342,8 +342,8 @@ def _find_mechanism(assembly: Assembly, exact: bool) -> Mechanism:
     bodies: list[Row] = []
     for body in assembly.bodies:
         if isinstance(body, RigidBody):
-            centre = motion.motion(body.at(*(body.center_of_mass or (body.parent.x, body.parent.y))))
-            bodies += [centre.x, centre.y, centre.theta]
+            center = motion.motion(body.at(*(body.center_of_mass or (body.parent.x, body.parent.y))))
+            bodies += [center.x, center.y, center.theta]
         else:
             bodies.append(motion.frames[body.name].along(body.angle))
     N, R = rows(bodies), rows([motion.relative(link.a, link.b, link.direction) for link in assembly.springs])

@@ -64,7 +64,7 @@ def prescribe_displacement(
     >>> import boomctl as bc
     >>> driven = bc.spray_boom(excitation="force")
     >>> held = bc.structure.prescribe_displacement(driven, ["actuator_left", "actuator_right"])
-    >>> driven.n, held.n  # two coordinates are given now
+    >>> driven.ncoordinates, held.ncoordinates  # two coordinates are given now
     (16, 14)
     >>> held.eigenfrequencies_hz(2).round(3)
     array([0.245, 0.587])

@@ -25,7 +25,7 @@ _EXACT = 0.1  # of what a family is checked to, by which polynomials may miss wh
 
 @dataclass(frozen=True)
 class Slope:
-    """How matrices change from the centre of a parameter's range to its upper end.
+    """How matrices change from the center of a parameter's range to its upper end.
 
     Attributes
     ----------
@@ -235,14 +235,14 @@ class AffineFamily(Family):
     Raises
     ------
     TypeError, ValueError
-        Not as many ends and slopes as names; ends that do not ascend; a centre that is not a SecondOrderModel.
+        Not as many ends and slopes as names; ends that do not ascend; a center that is not a SecondOrderModel.
 
     Examples
     --------
     >>> import boomctl as bc
     >>> family = bc.boom_family(spring_factor=(0.7, 1.3))
-    >>> family.names, family.size
-    (('spring', 'mass'), 2)
+    >>> family.names, family.nparameters
+    (('spring_factor', 'mass_factor'), 2)
     >>> family.at([1.0, 0.0]).eigenfrequencies_hz(1).round(3)  # springs 1.3 times as stiff
     array([0.275])
     """
@@ -293,9 +293,9 @@ class AffineFamily(Family):
             misses, or outputs that feel an input otherwise from point to point.
         """
         names, low, high, at = _box(ranges, function)
-        centre = at(np.zeros(len(names)))
+        center = at(np.zeros(len(names)))
         ends = [at(unit) for unit in np.eye(len(names))]
-        family = cls(names, low, high, centre, tuple(_slope(centre, end) for end in ends))
+        family = cls(names, low, high, center, tuple(_slope(center, end) for end in ends))
         family._check_all([at(delta) for delta in tried_points(len(names))])
         return family
 
@@ -326,14 +326,14 @@ class PolynomialFamily(Family):
     Raises
     ------
     TypeError, ValueError
-        Not as many ends as names; ends that do not ascend; products of unknown parameters; unknown coordinates; a centre
+        Not as many ends as names; ends that do not ascend; products of unknown parameters; unknown coordinates; a center
         that is not a SecondOrderModel.
 
     Examples
     --------
     >>> import boomctl as bc
     >>> family = bc.hub_beam(model="sfoam", modes=2).family(hub_speed=(0.0, 6.0))
-    >>> [power for power, _ in family.changes]  # the speed and its square
+    >>> [power for power, _ in family.coefficients]  # the speed and its square
     [(0,), (0, 0)]
     """
 
@@ -434,9 +434,9 @@ class PolynomialFamily(Family):
             changes.append((power, Slope(*(found[letter].get(power, nothing[letter]) for letter in letters))))
         M, C, K, B, L = (found[letter][()] for letter in letters)
         structure = Structure.of(M, C, K, tried[0].coordinates)
-        centre = SecondOrderModel.of(structure, replace(tried[0].ports, B=B, L=L, strains=None, tensions=None))
+        center = SecondOrderModel.of(structure, replace(tried[0].ports, B=B, L=L, strains=None, tensions=None))
         order = sorted(changes, key=lambda change: (len(change[0]), change[0]))
-        family = cls(names, low, high, centre, tuple(order), tuple(free))
+        family = cls(names, low, high, center, tuple(order), tuple(free))
         family._check_all(tried)
         return family
 
@@ -502,10 +502,10 @@ def interval(name: str, given: object) -> tuple[float, float]:
     return low, high
 
 
-def _slope(centre: SecondOrderModel, end: SecondOrderModel) -> Slope:
-    before: Ports = centre.ports
-    signals = (end.input_labels, end.output_labels) == (centre.input_labels, centre.output_labels)
-    if not signals or end.ncoordinates != centre.ncoordinates:
+def _slope(center: SecondOrderModel, end: SecondOrderModel) -> Slope:
+    before: Ports = center.ports
+    signals = (end.input_labels, end.output_labels) == (center.input_labels, center.output_labels)
+    if not signals or end.ncoordinates != center.ncoordinates:
         raise ValueError("the structures of a family must have the same coordinates, inputs and outputs")
-    M, C, K = end.M - centre.M, end.C - centre.C, end.K - centre.K
+    M, C, K = end.M - center.M, end.C - center.C, end.K - center.K
     return Slope(M, C, K, end.ports.B - before.B, end.ports.L - before.L)

@@ -379,7 +379,7 @@ class SecondOrderModel:
         Returns
         -------
         ModeShapes
-            Frequencies, mass-normalised shapes, jolt and yaw of a symmetric machine told; ``.plot()`` draws beams as
+            Frequencies, mass-normalized shapes, jolt and yaw of a symmetric machine told; ``.plot()`` draws beams as
             their elements bend, other bodies as lines through what is attached to them.
 
         Raises
@@ -504,7 +504,7 @@ def split_symmetric(model: SecondOrderModel) -> tuple[SecondOrderModel, SecondOr
     Signals that come in pairs become ``stem_sym = (right + left)/sqrt 2`` and ``stem_anti = (right - left)/sqrt 2``;
     the transformation is orthonormal, so that the singular values of the two halves are those of the whole.
 
-    So they are no metres and newtons of the machine, but root of two times the mean, or half the difference: 150 N of each
+    So they are no meters and newtons of the machine, but root of two times the mean, or half the difference: 150 N of each
     actuator against the other are 212 of ``suspension_anti``.  ``.units`` of a half says so, ``PlatformMotion.sym`` and
     ``.anti`` give what drives it, and :func:`boomctl.join_symmetric` makes of its controllers one of the machine.
 
@@ -527,7 +527,7 @@ def split_symmetric(model: SecondOrderModel) -> tuple[SecondOrderModel, SecondOr
     --------
     >>> import boomctl as bc
     >>> jolt, yaw = bc.split_symmetric(bc.spray_boom())
-    >>> yaw.outputs
+    >>> yaw.output_labels
     ('tip_anti', 'stroke_anti')
     >>> jolt.eigenfrequencies_hz(1).round(3), yaw.eigenfrequencies_hz(1).round(3)
     (array([0.587]), array([0.245]))

@@ -255,15 +255,15 @@ class RigidBody:
     joint : Joint
         How the body may move relative to its parent at that point.
     mass, inertia : float
-        Mass [kg] and moment of inertia about the centre of mass [kg m^2]; zero is allowed.
+        Mass [kg] and moment of inertia about the center of mass [kg m^2]; zero is allowed.
     center_of_mass : (float, float), optional
-        Position of the centre of mass at rest in the inertial frame [m], not relative to the joint; by default that of
+        Position of the center of mass at rest in the inertial frame [m], not relative to the joint; by default that of
         the joint.
 
     Raises
     ------
     TypeError, ValueError
-        Something else than a name; another kind of parent or joint; a negative mass or inertia; a centre that is not two
+        Something else than a name; another kind of parent or joint; a negative mass or inertia; a center that is not two
         numbers.
 
     Examples
@@ -290,7 +290,7 @@ class RigidBody:
         nonnegative(f"mass of {self.name!r}", self.mass)
         nonnegative(f"inertia of {self.name!r}", self.inertia)
         if self.center_of_mass is not None:
-            _place(f"centre of {self.name!r}", self.center_of_mass)
+            _place(f"center of {self.name!r}", self.center_of_mass)
 
     __repr__ = compact
 
@@ -338,7 +338,7 @@ class CrossSection:
     area : float
         Area of the section [m^2].
     second_moment : float
-        Second moment of area about the axis across the plane of motion, through the centre of area [m^4].
+        Second moment of area about the axis across the plane of motion, through the center of area [m^4].
 
     Raises
     ------
@@ -560,7 +560,7 @@ class BeamSegment:
     Examples
     --------
     >>> import boomctl as bc
-    >>> bc.structure.BeamSegment(length=3.0, mass_per_length=3.5, bending_stiffness=20e3).damping
+    >>> bc.structure.BeamSegment(length=3.0, mass_per_length=3.5, bending_stiffness=20e3).stiffness_damping
     0.0
     """
 
@@ -941,7 +941,7 @@ class Force:
     >>> s = bc.structure
     >>> mass = s.RigidBody("mass", s.GROUND.at(0.0), s.prismatic(), mass=2.0)
     >>> push, place = s.Force("push", mass.at(0.0)), s.Output("place", mass.at(0.0))
-    >>> s.Assembly((mass,), forces=(push,), outputs=(place,)).assemble().inputs
+    >>> s.Assembly((mass,), forces=(push,), outputs=(place,)).assemble().input_labels
     ('push',)
     """
 
@@ -1038,7 +1038,7 @@ class CutJoint:
     >>> left = s.RigidBody("left", s.GROUND.at(0.0), s.revolute(), 1.0, 0.1)
     >>> right = s.RigidBody("right", s.GROUND.at(2.0), s.revolute(), 1.0, 0.1)
     >>> pin = s.CutJoint(left.at(1.0), right.at(1.0), directions=("y",))
-    >>> s.Assembly((left, right), cuts=(pin,)).assemble().n  # two angles, one of them bound to the other
+    >>> s.Assembly((left, right), cut_joints=(pin,)).assemble().ncoordinates  # two angles, one of them bound to the other
     1
     """
 

@@ -77,7 +77,7 @@ class StrainForm:
         return B, L
 
     def modes(self) -> tuple[Array, Array]:
-        """Return undamped frequencies [rad/s], ascending, and mass-normalised shapes over the old coordinates.
+        """Return undamped frequencies [rad/s], ascending, and mass-normalized shapes over the old coordinates.
 
         Rigid motions have the frequency zero.  The others follow from the singular values of the mass rows, which are the
         inverse frequencies: the slow ones have all digits.
@@ -87,7 +87,7 @@ class StrainForm:
 
     @cached_property
     def own_modes(self) -> tuple[Array, Array]:
-        """Undamped frequencies and mass-normalised shapes over these coordinates.
+        """Undamped frequencies and mass-normalized shapes over these coordinates.
 
         What is faster than rounding can tell has the frequency at which that begins.
         """

@@ -81,7 +81,7 @@ def load_design(name: "str | Path") -> "SuspensionDesign | MachineDesign | SlewD
     >>> design = bc.studies.load_design("lqr_suspension")
     >>> design.controller.output_labels
     ['suspension_left', 'suspension_right']
-    >>> design.facts["slowest pole"]
+    >>> design.synthesis_info["slowest pole"]
     '-0.685 rad/s'
     """
     if not isinstance(name, (str, Path)):

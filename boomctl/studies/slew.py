@@ -57,7 +57,7 @@ class SlewDesign(Design):
     >>> import boomctl as bc
     >>> beam = bc.hub_beam(modes=1)
     >>> fastest = bc.optimal_slew(beam, angle=1.0, torque_limit=200.0)
-    >>> bc.studies.SlewDesign("quick", "one radian in least time", beam, {"least time": fastest}).rival
+    >>> bc.studies.SlewDesign("quick", "one radian in least time", beam, {"least time": fastest}).reference_slew
     ''
     """
 

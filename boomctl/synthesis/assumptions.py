@@ -112,7 +112,7 @@ def _dependent(columns: Array, names: tuple[str, ...]) -> list[str]:
 
 
 def check_modes(plant: GeneralizedPlant, ready: NormalizedPlant) -> None:
-    """Refuse unstable and undamped modes of a generalised plant that no control moves or no measurement sees.
+    """Refuse unstable and undamped modes of a generalized plant that no control moves or no measurement sees.
 
     Raises
     ------

@@ -85,7 +85,7 @@ def reduce_controller(
     Parameters
     ----------
     P : control.StateSpace
-        Generalised plant, in continuous or discrete time; the controller fits its last outputs and inputs.
+        Generalized plant, in continuous or discrete time; the controller fits its last outputs and inputs.
     controller : control.StateSpace, or a design, which holds one
         ``u = K y``, of the sampling time of ``P`` if it has one; it stabilizes ``P``. For a scaled ``P`` in its scaled
         signals.
@@ -109,7 +109,7 @@ def reduce_controller(
         Other kinds of system; sampling times or scales that differ; numbers out of range; an order above the
         controller's.
     SynthesisError
-        The controller does not stabilise ``P``; no one of the order, or without faster poles, stays within the tolerance.
+        The controller does not stabilize ``P``; no one of the order, or without faster poles, stays within the tolerance.
 
     Examples
     --------
@@ -119,7 +119,7 @@ def reduce_controller(
     >>> P = bc.mixed_sensitivity(lag, W1=bc.shelf(100.0, 0.5, corner=1.0), W2=0.1)
     >>> design = bc.h_infinity(P, nmeas=1, ncon=1)
     >>> smaller = bc.reduce_controller(P, design.controller, max_degradation=0.05)
-    >>> smaller.order <= design.controller.nstates, bool(smaller.gamma <= 1.05 * smaller.full_gamma)
+    >>> smaller.order <= design.controller.nstates, bool(smaller.gamma <= 1.05 * smaller.gamma_full)
     (True, True)
     """
     plant, K = matched(P, controller, sampled=True)
@@ -135,7 +135,7 @@ def reduce_controller(
     if largest_pole(K) > limit:
         slower = without_fast_poles(K, limit)
         found = "they cannot be split off" if slower is None else verified_candidate(plant, slower, np.inf)
-        if slower is None or isinstance(found, str):  # it must stabilise, or nothing can be balanced
+        if slower is None or isinstance(found, str):  # it must stabilize, or nothing can be balanced
             raise SynthesisError(f"the controller does not work without its poles above {limit:.3g} rad/s: {found}")
         K = slower
     balanced, values = _balanced_in_loop(plant, K)

@@ -29,12 +29,12 @@ Maker = Callable[[dict[str, float]], GeneralizedPlant]
 
 @dataclass
 class Plants:
-    """Generalised plants as a function of physical parameters.
+    """Generalized plants as a function of physical parameters.
 
     Attributes
     ----------
     makers : tuple of function
-        Each returns a generalised plant from values of the physical parameters.
+        Each returns a generalized plant from values of the physical parameters.
     labels : tuple of str
         What the plants are called.
     physical : tuple of Physical
@@ -106,7 +106,7 @@ class Plants:
 
 
 def partitioned(P: Any, nmeas: int | None, ncon: int | None) -> GeneralizedPlant:
-    """Return a generalised plant; without measurements and controls, all of it is between disturbances and performance.
+    """Return a generalized plant; without measurements and controls, all of it is between disturbances and performance.
 
     Raises
     ------
@@ -127,7 +127,7 @@ def made_plants(
         if not physical or not callable(each) or hasattr(each, "ninputs"):
             plant = partitioned(each, nmeas, ncon)
             return lambda values: plant
-        make = function_of("P", each, "a mapping of physical parameters to a generalised plant")
+        make = function_of("P", each, "a mapping of physical parameters to a generalized plant")
         return lambda values: partitioned(make(values), nmeas, ncon)
 
     labels = ("",) if len(P) == 1 else tuple(f"model {i + 1}" for i in range(len(P)))
@@ -139,13 +139,13 @@ def made_plants(
 
 @dataclass(frozen=True)
 class FamilyPlants:
-    """A family, and what makes a generalised plant of each of its structures.
+    """A family, and what makes a generalized plant of each of its structures.
 
     Attributes
     ----------
     family : Family
     make : function
-        From a structure of the family to a generalised plant.
+        From a structure of the family to a generalized plant.
     nmeas, ncon : int or None
     physical : tuple of Physical
         Parameters of the family that are tuned; the others are uncertain.
@@ -170,7 +170,7 @@ class FamilyPlants:
         return found
 
     def plant(self, values: dict[str, float], point: Array, settled: bool = False) -> GeneralizedPlant:
-        """Return the generalised plant at a point of the uncertain box, if ``settled`` over the family's coordinates."""
+        """Return the generalized plant at a point of the uncertain box, if ``settled`` over the family's coordinates."""
         model = self.family.at(self.delta(values, point))
         if settled:
             model = SecondOrderModel.of(replace(model.structure, settled=True), model.ports)

@@ -32,7 +32,7 @@ _ILL_POSED = 1e-10  # least singular value of I - K D22 up to which a loop is no
 
 @dataclass(frozen=True)
 class ScaledPlant(GeneralizedPlant):
-    """A generalised plant in units in which its gains are near one, and with balanced states.
+    """A generalized plant in units in which its gains are near one, and with balanced states.
 
     Attributes
     ----------

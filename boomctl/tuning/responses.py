@@ -194,7 +194,7 @@ def peaks(channel: Response, omega: Array, values: Array, window: float) -> tupl
     both.sort(key=lambda each: -each[0])
     kept: list[tuple[float, float]] = []
     for value, at in both:
-        # neighbours on the grid may narrow down to the same peak
+        # neighbors on the grid may narrow down to the same peak
         if value >= (1.0 - window) * both[0][0] and not any(same_place(at, k[1], 10.0 * _PLACED) for k in kept):
             kept.append((value, at))
     return np.array([at for _, at in kept]), np.array([value for value, _ in kept])

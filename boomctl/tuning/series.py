@@ -1,4 +1,4 @@
-"""Generalised plants as polynomials of physical parameters, so that their derivatives are exact.
+"""Generalized plants as polynomials of physical parameters, so that their derivatives are exact.
 
 Springs and dampers enter the matrices of a state space in straight lines, masses as smooth as a polynomial of some degree.
 The polynomials are found through plants at Chebyshev points and are compared with others apart from these: where a plant's
@@ -36,7 +36,7 @@ Make = Callable[[Array], GeneralizedPlant]
 
 @dataclass(frozen=True)
 class PlantSeries:
-    """All matrices of a generalised plant, ``[[A, B], [C, D]]``, as Chebyshev series of numbers between -1 and 1.
+    """All matrices of a generalized plant, ``[[A, B], [C, D]]``, as Chebyshev series of numbers between -1 and 1.
 
     Attributes
     ----------

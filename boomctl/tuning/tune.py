@@ -67,14 +67,14 @@ def tune(
 ) -> TuneResult:
     """Return the controller of a given structure that makes a norm of the closed loop as small as can be found.
 
-    From many starts the loops are stabilised, then the norm is brought down by descent on its highest peak and by
+    From many starts the loops are stabilized, then the norm is brought down by descent on its highest peak and by
     quadratic programmes over all peaks near the highest, in turn (Apkarian & Noll 2006; Lewis & Overton 2013).  The
     minimum is a local one: the best of all starts.  The controller returned is verified apart from the search.
 
     Parameters
     ----------
     P : control.StateSpace, function, or sequence of them
-        Generalised plant, as for `h_infinity`; of several, with the same signals, the largest norm counts and all are to
+        Generalized plant, as for `h_infinity`; of several, with the same signals, the largest norm counts and all are to
         be stable.  A function returns one: from a mapping of the physical parameters of the structure, or, with
         ``family``, from a `SecondOrderModel` of the family.
     nmeas, ncon : int, optional
@@ -126,7 +126,7 @@ def tune(
         unknown signals or parameters; a start of another structure, order or with other signals; a channel whose H2 norm is
         infinite for every controller of the structure.
     SynthesisError
-        No controller can stabilise a model, none of the structure was found that does, or none that keeps the budgets.
+        No controller can stabilize a model, none of the structure was found that does, or none that keeps the budgets.
 
     Examples
     --------
@@ -135,7 +135,7 @@ def tune(
     >>> P = control.ss(-1.0, [[1.0, 0.0, 1.0]], [[1.0], [0.0], [1.0]], [[0, 0, 0], [0, 0, 1], [0, 0.1, 0]])
     >>> design = bc.tune(P, 1, 1, bc.tunable.gain(), n_starts=2)
     >>> best = bc.h_infinity(P, 1, 1)  # of any order; here it can do no more than a gain
-    >>> round(design.gamma, 4), round(best.certificate.lower, 4)
+    >>> round(design.gamma, 4), round(best.certificate.lower_bound, 4)
     (0.7071, 0.7071)
     """
     if isinstance(nmeas, ControllerForm):
@@ -207,7 +207,7 @@ def _family(
     if family is None:
         return None
     given = instance("family", family, Family, "AffineFamily or PolynomialFamily")
-    make = function_of("P", P, "a structure of the family to a generalised plant")
+    make = function_of("P", P, "a structure of the family to a generalized plant")
     for each in structure.physicals():
         known("parameter of the family", each.name, given.names)
         i = given.names.index(each.name)
@@ -222,7 +222,7 @@ def _family(
 def _plants(P: Any, nmeas: int | None, ncon: int | None, structure: ControllerForm, deadline: Deadline) -> Plants:
     many = tuple(P) if isinstance(P, (list, tuple)) else (P,)
     if not many:
-        raise ValueError("P: expected at least one generalised plant")
+        raise ValueError("P: expected at least one generalized plant")
     physical = structure.physicals()
     if physical and not any(callable(each) and not hasattr(each, "ninputs") for each in many):
         function_of("P", many[0], f"the physical parameters ({', '.join(p.name for p in physical)})")
@@ -333,7 +333,7 @@ class _Task:
         Raises
         ------
         SynthesisError
-            No controller that stabilises and keeps the budgets.
+            No controller that stabilizes and keeps the budgets.
         """
         problem = self.problem(self.structure)
         with np.errstate(all="ignore"), warnings.catch_warnings():
@@ -345,7 +345,7 @@ class _Task:
             many = " all models" if len(self.plants.labels) > 1 else ""
             near = f"; the largest real part of a pole came down to {found.abscissa:.4g} rad/s"
             raise SynthesisError(
-                f"no controller of this structure was found that stabilises{many}{when}"
+                f"no controller of this structure was found that stabilizes{many}{when}"
                 f"{near if found.abscissa < inf else ''}"
             )
         return found

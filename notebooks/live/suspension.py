@@ -134,11 +134,11 @@ def _(FASTEST, active, go, make_subplots, np, passive, passive_run, run, spray, 
             "dose on the field, controlled",
         ),
     )
-    for name, colour, curve, motion_of in (
+    for name, color, curve, motion_of in (
         ("passive", "#999999", passive, passive_run),
         ("controlled", "#0072b2", active, run),
     ):
-        line = {"color": colour}
+        line = {"color": color}
         seen = curve.frequency_hz <= FASTEST
         x, y = curve.frequency_hz[seen], curve.sigma[0, seen]
         figure.add_trace(go.Scatter(x=x, y=y, name=name, mode="lines", line=line), 1, 1)

@@ -25,7 +25,7 @@ def between_walls(k):
 
 
 def velocity_feedback(gain, corner=30.0):
-    """Return ``u = -gain s/(1 + s/corner) y``, or its destabilising opposite for a negative gain."""
+    """Return ``u = -gain s/(1 + s/corner) y``, or its destabilizing opposite for a negative gain."""
     eye = np.eye(2)
     return control.ss(-corner * eye, eye, gain * corner**2 * eye, -gain * corner * eye, **SIGNALS)
 

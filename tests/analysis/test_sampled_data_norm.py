@@ -32,7 +32,7 @@ def random_loop(seed):
         if np.abs(bc.feedback_loop(plant, K, delay=late).poles()).max() < 0.95:
             return plant, K, late
     assume(False)
-    raise AssertionError("no controller was found that stabilises the plant")
+    raise AssertionError("no controller was found that stabilizes the plant")
 
 
 def finer(plant, K, late, count):

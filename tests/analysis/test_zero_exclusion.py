@@ -86,7 +86,7 @@ def test_a_radius_is_called_below_one_only_if_it_is(seed, radius, n):
 
 
 def test_a_wide_cell_is_cut_where_a_pole_crosses_and_proved_where_none_does():
-    centre = LoopPencil(np.eye(2), np.array([[-0.1, 3.0], [-3.0, -0.1]]))
-    terms = {(): centre, (0,): LoopPencil(np.zeros((2, 2)), np.eye(2))}
+    center = LoopPencil(np.eye(2), np.array([[-0.1, 3.0], [-3.0, -0.1]]))
+    terms = {(): center, (0,): LoopPencil(np.zeros((2, 2)), np.eye(2))}
     assert prove_cell(terms, Cell(np.zeros(1), np.array([0.099]))).proved
     assert not prove_cell(terms, Cell(np.zeros(1), np.array([0.101]))).proved

@@ -9,7 +9,7 @@ import boomctl as bc
 
 
 def _machine(rng):
-    """Return a boom of 4 to 40 m in steel or aluminium, springs and dampers a decade up and down, and a band [Hz]."""
+    """Return a boom of 4 to 40 m in steel or aluminum, springs and dampers a decade up and down, and a band [Hz]."""
 
     def around(value, decades=0.5):
         return value * 10.0 ** rng.uniform(-decades, decades)

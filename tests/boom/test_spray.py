@@ -22,7 +22,7 @@ def sine(k, speed=2.0, frequency_hz=0.5, duration=40.0, step=1e-3):
 
 
 def wandering(rng, count, n, size):
-    """Return rough and smooth motions with an RMS of ``size`` metres, walking to and fro."""
+    """Return rough and smooth motions with an RMS of ``size`` meters, walking to and fro."""
     steps = rng.standard_normal((count, n))
     smooth = np.cumsum(np.cumsum(steps - steps.mean(axis=1)[:, None], axis=1), axis=1)
     moved = smooth / np.abs(smooth).max() + 0.02 * steps
@@ -72,7 +72,7 @@ def test_the_variation_of_a_sine_is_known(k):
 
 
 def test_where_a_nozzle_goes_back_its_passes_add_up():
-    """Forward 3 m, back 1 m, forward 3 m, at 1 m/s against the ground: three passes over the middle metre."""
+    """Forward 3 m, back 1 m, forward 3 m, at 1 m/s against the ground: three passes over the middle meter."""
     t = 0.01 * np.arange(701)
     path = np.interp(t, [0.0, 3.0, 4.0, 7.0], [0.0, 3.0, 2.0, 5.0])
     moved = np.ones((24, 1)) * (path - t * 5.0 / 7.0)
@@ -184,7 +184,7 @@ def test_boom_with_nozzles_splits_where_they_are_mirror_images(nozzles):
 
 @pytest.mark.parametrize("width", [0.3, *(pytest.param(w, marks=pytest.mark.slow) for w in (1.0, 1.7, 2.0)), 4.0])
 @pytest.mark.parametrize("shape", ["triangle", "box"])
-def test_cells_are_judged_only_where_all_neighbours_spray(width, shape):
+def test_cells_are_judged_only_where_all_neighbors_spray(width, shape):
     """One nozzle more at each end changes nothing there, however wide the footprint."""
     t, footprint = 0.01 * np.arange(1001), bc.boom.Footprint(width, 0.1, shape)
     found = bc.spray_deposit(t, np.zeros((24, 1001)), X, 2.5, footprint=footprint)

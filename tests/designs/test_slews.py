@@ -111,20 +111,20 @@ def test_the_spin_up_ends_in_steady_rotation():
             ValueError,
             "^modes = 0: expected",
         ),
-        ("from neighbour import x\ndef design(): return x['y']\n", ValueError, r"mine\.py, line 2: KeyError: 'y'"),
+        ("from neighbor import x\ndef design(): return x['y']\n", ValueError, r"mine\.py, line 2: KeyError: 'y'"),
         ("import broken\n", ValueError, r"broken\.py, line 1: SyntaxError"),
     ],
 )
 def test_a_file_that_fails_is_told_by_file_and_line(tmp_path, text, error, message):
     path = tmp_path / "mine.py"
     path.write_text(text)
-    (tmp_path / "neighbour.py").write_text("x = {}\n")
+    (tmp_path / "neighbor.py").write_text("x = {}\n")
     (tmp_path / "broken.py").write_text("x = = 2\n")
     before = list(sys.path)
     with pytest.raises(error, match=message):
         catalogue.load_design(path)
     assert sys.path == before
-    sys.modules.pop("neighbour", None)
+    sys.modules.pop("neighbor", None)
 
 
 @pytest.mark.slow

@@ -32,7 +32,7 @@ def measured(rng, truth=None, noise=0.03):
 
 
 def weighed(model):
-    """Return a generalised plant: the load is to follow, the voltage is not to be large."""
+    """Return a generalized plant: the load is to follow, the voltage is not to be large."""
     return bc.generalized_plant(
         model,
         disturbances={"volt": 1.0},

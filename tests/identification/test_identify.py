@@ -246,7 +246,7 @@ def test_the_spray_boom_from_ten_minutes():
 def twin(seed):
     """Return a record of a random structure, its poles and their shares, how large the errors are, and its slowest periods.
 
-    Every second one has modes 1 % apart, every third one is quantised, of every fourth one errors are colored.
+    Every second one has modes 1 % apart, every third one is quantized, of every fourth one errors are colored.
     """
     rng = np.random.default_rng(seed)
     modes, inputs = int(rng.integers(2, 9)), int(rng.integers(1, 4))
@@ -275,7 +275,7 @@ def twin(seed):
 
 @pytest.mark.slow
 def test_intervals_of_random_twins_hold_and_modes_are_those_of_the_truth():
-    """Errors of 0.1 to 30 %, white and colored, dampings of 0.05 to 5 %, modes 1 % apart, 8 to 600 periods, quantised."""
+    """Errors of 0.1 to 30 %, white and colored, dampings of 0.05 to 5 %, modes 1 % apart, 8 to 600 periods, quantized."""
     held, false = [], 0
     seeds = range(200) if is_hunt() else [*range(60), 169, 192]  # a weak mode near a strong one; a weak pair 1 % apart
     for seed in seeds:
@@ -329,8 +329,8 @@ def test_default_band_of_low_pass_inputs_has_the_mode(kind, seed):
 
 def test_the_picture_shows_modes_and_what_is_not_predicted(chain):
     _, _, _, found = chain
-    stabilisation, validation = found.plot(ax=Figure())
-    hz = [line.get_xdata()[0] for line in stabilisation.get_lines()[-3:]]
+    stabilization, validation = found.plot(ax=Figure())
+    hz = [line.get_xdata()[0] for line in stabilization.get_lines()[-3:]]
     assert hz == [mode.frequency_hz for mode in found.modes]
     measured, left = validation.get_lines()
     assert np.mean(left.get_ydata() ** 2) < 1e-3 * np.mean(measured.get_ydata() ** 2)

@@ -119,7 +119,7 @@ def test_inaccurate_realization_of_matrix_raises(monkeypatch, entry):
         of(MATLAB)
 
 
-def test_all_who_analyse_take_transfer_functions():
+def test_all_who_analyze_take_transfer_functions():
     G = control.tf([2.0], [1.0, 0.4, 4.0], inputs="force", outputs="place")
     K = control.tf([-1.0, 0.0], [0.01, 1.0], inputs="place", outputs="force")
     assert bc.hinf_norm(G).lower_bound == pytest.approx(2.0 / (2.0 * 0.1 * 4.0 * np.sqrt(1.0 - 0.01)), rel=1e-6)
@@ -132,7 +132,7 @@ def test_all_who_analyse_take_transfer_functions():
     assert len(of(shared).A) == 2  # as many integrators as the response has, not one an entry
 
 
-def test_what_has_no_realisation_is_refused():
+def test_what_has_no_realization_is_refused():
     with pytest.raises(ValueError, match="proper"):
         bc.hinf_norm(control.tf([1.0, 0.0, 0.0], [1.0, 1.0]))
     modes = np.array([1.0])  # six decades of hardly damped modes: what each does is below the digits of the others

@@ -30,7 +30,7 @@ from tests import handed_out as one
 from tests.handed_out import FACTORIES
 
 ENDS = ["actuator_left", "actuator_right"], ["tip_left", "tip_right"]
-MARK = "#123456"  # a colour that no picture has by itself
+MARK = "#123456"  # a color that no picture has by itself
 
 
 def plots():

@@ -58,7 +58,7 @@ def test_mode_shape_plots_in_the_plane_are_of_one_size():
 
 
 @pytest.mark.parametrize(("stroke", "limited"), [(0.03, True), (0.01, False)])
-def test_draw_run_shows_millimetres_and_limits_that_are_near(stroke, limited):
+def test_draw_run_shows_millimeters_and_limits_that_are_near(stroke, limited):
     time = np.linspace(0.0, 2.0, 41)
     wave = np.sin(np.pi * time)
 

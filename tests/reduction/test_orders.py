@@ -13,7 +13,7 @@ from tests.reduction.test_hard_cases import chain
 
 
 def ladder(count):
-    """Lags in a row, each driven by its neighbours: the Hankel singular values fall by tens."""
+    """Lags in a row, each driven by its neighbors: the Hankel singular values fall by tens."""
     A = -2.0 * np.eye(count) + np.diag(np.ones(count - 1), -1) + np.diag(np.ones(count - 1), 1)
     return control.ss(A, np.eye(count)[:, :1], np.eye(count)[-1:], 0.0)
 

@@ -108,7 +108,7 @@ def test_combination_that_is_impossible_refused(call, words):
                 (lambda: EXACT.simulate(spin_up(2.0, 1.0), [0.0, 1.0], rtol=1e-17, atol=1e-99), "rtol"),
                 (lambda: long("cfoam", 1e4, modes=3), "would take about"),
                 (lambda: long("geometrically-exact", 1e4, modes=3), "would take about"),
-                # displacements of 1e-13 m are rounding of a place eight metres out
+                # displacements of 1e-13 m are rounding of a place eight meters out
                 (
                     lambda: hub_beam(accuracy=1e-7, maneuver=spin_up(1e-10, 5.0)),
                     "^accuracy = 1e-07: expected (at least|a larger one)",

@@ -95,7 +95,7 @@ def test_matrices_are_derivatives_of_momentum_and_force(state):
 @pytest.mark.parametrize("seconds", [2, pytest.param(60 if is_hunt() else 15, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("parameters", [BAI, LOADED])
 def test_energy_and_angular_momentum_are_kept_on_a_free_hub(parameters, seconds):
-    """A tip swing of over a metre on a free, turning hub, released with a shock that sets off axial waves."""
+    """A tip swing of over a meter on a free, turning hub, released with a shock that sets off axial waves."""
     model = GeometricallyExactBeam(parameters, 3)
     r = model.simulate(
         free_hub(), np.linspace(0, seconds, 10 * seconds + 1), initial_state=bent(model, 1.2, hub_speed=1.5), rtol=1e-4
@@ -159,7 +159,7 @@ def test_interpolation_is_exact_for_degree_eleven():
     q, v = interpolate(piece, wanted)
     np.testing.assert_allclose(q[:, 0], line(wanted), rtol=1e-11)
     np.testing.assert_allclose(v[:, 0], line.deriv()(wanted), rtol=1e-10)
-    # the distance of two of many neighbours has lost the digits that their instants have: the whole run tells the step
+    # the distance of two of many neighbors has lost the digits that their instants have: the whole run tells the step
     time, wanted = np.linspace(30.0, 60.0, 100_001), np.linspace(30.0, 60.0, 513)
     q, v = interpolate(Trajectory(time, time[:, None], np.ones((time.size, 1))), wanted)
     np.testing.assert_allclose(q[:, 0], wanted, rtol=1e-14)

@@ -102,7 +102,7 @@ def test_equals_what_exudyn_computed(case):
 @given(st.floats(3.0, 9.0), st.floats(0.4, 1.0), st.integers(3, 5), st.floats(0.0, 1.0), st.floats(0.0, 0.3))
 @example(speed=7.93695191, duration=0.91773355, modes=5, radius=0.882407583, tip_mass=0.424180920)
 def test_the_error_of_a_whip_is_that_of_its_polynomials_too(speed, duration, modes, radius, tip_mass):
-    """A spin-up that leaves the tip behind: few polynomials are wrong by up to a metre, and say so."""
+    """A spin-up that leaves the tip behind: few polynomials are wrong by up to a meter, and say so."""
     p, whip = HubBeamParameters(hub_radius=radius, tip_mass=tip_mass), spin_up(speed, duration)
     times = np.linspace(0.0, duration + 0.2, 30)
     few, true = (GeometricallyExactBeam(p, n).simulate(whip, times, rtol=1e-4) for n in (modes, 2 * modes + 3))

@@ -160,7 +160,7 @@ def test_inertia_torque_of_table_3(amplitude):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("model", ["foam", "cfoam"])
-def test_residual_after_400_newton_metres(model):
+def test_residual_after_400_newton_meters(model):
     t = np.linspace(0.0, 30.0, 6001)
     result = hub_beam(BAI, model, 5).simulate(sine_torque(400.0, 10.0, 10.0), t, rtol=1e-6)
     residual = np.abs(result.tip_displacement[t > 10.0]).max()

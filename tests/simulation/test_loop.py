@@ -92,7 +92,7 @@ def test_stepping_in_blocks_changes_nothing(delay, monkeypatch):
 )
 @example(seed=3, delay=0.4, shared=False, power=1.5)
 @examples(60)
-def test_the_loop_that_is_run_is_the_loop_that_is_analysed(seed, delay, shared, power):
+def test_the_loop_that_is_run_is_the_loop_that_is_analyzed(seed, delay, shared, power):
     """Both queues hold what is on its way; the one that is run has also the controls given last, which nothing need feel.
 
     A loop that grows says so.

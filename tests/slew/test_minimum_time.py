@@ -69,10 +69,10 @@ def test_rest_to_rest_is_antisymmetric_in_time(linear, tolerance, angle, torque,
 def test_lower_bound_catches_a_slew_that_is_not_the_fastest():
     problem = slew_problem(two_masses(), 1.0, Limits(1.0))
     found = least_time(problem)
-    spoilt = replace(found, switches=found.switches * 1.05, duration=found.duration * 1.05)
+    spoiled = replace(found, switches=found.switches * 1.05, duration=found.duration * 1.05)
     assert time_gap(problem, found) < 1e-9
-    assert time_gap(problem, spoilt) > 1e-3
-    assert misfit(problem, spoilt) > 1e-2
+    assert time_gap(problem, spoiled) > 1e-3
+    assert misfit(problem, spoiled) > 1e-2
 
 
 @pytest.mark.slow

@@ -141,7 +141,7 @@ def test_failure_names_the_limit_and_the_time(name, value, duration):
 
 
 def test_units_are_those_of_the_plant_or_none():
-    """Metres and newtons are called by their own names, without a unit; a hub-beam's linear model has its units."""
+    """Meters and newtons are called by their own names, without a unit; a hub-beam's linear model has its units."""
     A, B, C = [[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]], [[1.0, 0.0]]
     crane = control.ss(A, B, C, 0.0, inputs="force", outputs="place")
     slew = bc.optimal_slew(crane, 2.0, 1.0)

@@ -56,7 +56,7 @@ def test_pinned_beam_frequency_equals_closed_form(check_error, count):
 
 @over("ratio", 1e4, 1.0, 1e2, 1e6)
 def test_cantilever_of_unlike_elements_equals_sixty_digits(check_error, ratio):
-    """Lengths of neighbours 1 : ratio; relative error of frequencies and responses against sixty digits."""
+    """Lengths of neighbors 1 : ratio; relative error of frequencies and responses against sixty digits."""
     nodes = tuple(np.cumsum([0.0, 1.0, 1.0 / ratio, 1.0, 1.0, 1.0 / ratio]).tolist())
     section, omega = BeamSegment(nodes[-1], 1.0, 1.0), [0.0, 0.1, 1.0, 10.0]
     part = Beam("beam", GROUND.at(0.0), fixed(), (0.0, 0.0), (section,), FiniteElements(nodes))

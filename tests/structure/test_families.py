@@ -62,7 +62,7 @@ def test_a_bent_column_of_an_input_is_refused_and_an_affine_one_is_taken():
     assert family.at([0.4]).ports.B[0] == pytest.approx(1.4)
 
 
-def test_a_family_without_parameters_is_its_centre():
+def test_a_family_without_parameters_is_its_center():
     family, controller = AffineFamily((), [], [], chain(1.0), ()), control.ss([], [], [], [[-0.1]], 0.1)
     controller.update_names(inputs=["y"], outputs=["u"])
     assert (family.at([]).K == chain(1.0).K).all()

@@ -1,4 +1,4 @@
-"""Meshes with elements up to 1e11 times as long as their neighbours, and very fine ones: right, or said not to be."""
+"""Meshes with elements up to 1e11 times as long as their neighbors, and very fine ones: right, or said not to be."""
 
 import warnings
 

@@ -124,7 +124,7 @@ def bar(length, modulus, area, second_moment):
     [
         (chain(1e-9, 1.0), True),
         (chain(1e15, 1.0), True),
-        (bar(2000.0, 210.0, 400.0, 13333.0), True),  # counts in millimetres and gigapascals
+        (bar(2000.0, 210.0, 400.0, 13333.0), True),  # counts in millimeters and gigapascals
         (chain(1.0, 1.0), False),
         (chain(1e9, 1e-2), False),
         (bar(2.0, 2.1e11, 4e-4, 1.3333e-8), False),

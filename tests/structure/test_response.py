@@ -87,7 +87,7 @@ def test_a_floating_structure_has_no_static_response(n):
 
 
 def test_imposed_displacements_carry_the_boom_along_at_rest():
-    """Both tips follow the straight line through the two actuators, six metres out."""
+    """Both tips follow the straight line through the two actuators, six meters out."""
     found = bc.spray_boom().frequency_response([0.0], ACTUATORS, TIPS).frdata[:, :, 0]
     lever = 6.0 / 1.78
     assert np.allclose(found, [[0.5 + lever, 0.5 - lever], [0.5 - lever, 0.5 + lever]], rtol=1e-9)

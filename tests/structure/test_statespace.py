@@ -75,7 +75,7 @@ def test_states_are_named_after_coordinates_and_integrals(structure):
 
 
 @given(structures(inputs=2), seeds)
-def test_unsymmetric_matrices_are_realised_as_they_are(structure, seed):
+def test_unsymmetric_matrices_are_realized_as_they_are(structure, seed):
     """Rotating frames, followers and feedback leave no matrix symmetric."""
     skew = 0.1 * np.random.default_rng(seed).standard_normal((3, *structure.M.shape))
     M, C, K = (X + s for X, s in zip((structure.M, structure.C, structure.K), skew, strict=True))

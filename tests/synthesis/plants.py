@@ -46,7 +46,7 @@ def _closed_at(P: control.StateSpace, K: control.StateSpace, omega: float) -> np
 
 
 def random_plant(seed: int, states: int, sizes: tuple[int, int, int, int], feedthrough: bool) -> control.StateSpace:
-    """Return a generalised plant, often unstable; sizes: disturbances and performance signals beyond the others,
+    """Return a generalized plant, often unstable; sizes: disturbances and performance signals beyond the others,
     controls, measurements."""
     rng = np.random.default_rng(seed)
     more_w, more_z, ncon, nmeas = sizes
@@ -80,7 +80,7 @@ def two_modes(drives: tuple[int, int, int, int], shown: tuple[int, int, int, int
 
 
 def weighed(plant: control.StateSpace) -> control.StateSpace:
-    """Return the generalised plant of ``resonators`` and ``two_modes``."""
+    """Return the generalized plant of ``resonators`` and ``two_modes``."""
     return bc.generalized_plant(
         plant,
         disturbances={"d": 1.0},

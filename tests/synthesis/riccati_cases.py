@@ -9,7 +9,7 @@ __all__ = ["CASES", "Case"]
 
 @dataclass(frozen=True)
 class Case:
-    """``A, B, Q, R`` and the stabilising ``X``."""
+    """``A, B, Q, R`` and the stabilizing ``X``."""
 
     name: str
     A: np.ndarray

@@ -14,7 +14,7 @@ _SIZES = (1, 1, 1, 1)
 
 
 def full_information_level(P: control.StateSpace) -> float:
-    """Return the lowest level at which ``A'X + XA - X(B2 B2' - B1 B1'/g^2)X + C'C = 0`` has a stabilising X >= 0."""
+    """Return the lowest level at which ``A'X + XA - X(B2 B2' - B1 B1'/g^2)X + C'C = 0`` has a stabilizing X >= 0."""
     scale = np.linalg.norm(P.D[:2, 2:])
     # D12 is rotated to [0; 1], so that cross terms go into A and C
     rotate = linalg.qr(P.D[:2, 2:])[0]

@@ -75,7 +75,7 @@ def test_a_zero_on_the_axis_is_seen_from_its_right():
     assert 0.3 < found[0] <= least * (1.0 + ROUNDING)
 
 
-def test_what_no_one_can_stabilise_has_no_bound_and_a_reason():
+def test_what_no_one_can_stabilize_has_no_bound_and_a_reason():
     P = control.ss([[1.0]], [[1.0, 0.0]], [[1.0], [0.0], [1.0]], [[0, 0], [0, 1], [0.1, 0]])
     found = bound(P, 1, 1)
     assert found[0] == 0.0
@@ -84,7 +84,7 @@ def test_what_no_one_can_stabilise_has_no_bound_and_a_reason():
 
 @examples(60)
 @given(st.integers(0, 10_000), st.integers(1, 4), st.integers(1, 3), st.integers(1, 2), st.sampled_from([0.0, 0.2]))
-def test_no_stabilising_controller_is_below_it(seed, n, nw, nmeas, noise):
+def test_no_stabilizing_controller_is_below_it(seed, n, nw, nmeas, noise):
     rng = np.random.default_rng(seed)
     P = plant(rng, n, nw, nmeas, noise)
     found = bound(P, nmeas, 1)

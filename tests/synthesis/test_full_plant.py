@@ -86,7 +86,7 @@ def test_a_reduction_that_has_lost_the_plant_is_warned_of_before_the_design(full
         generalized(bc.reduce(full, order=12))
 
 
-def test_the_generalised_plant_of_a_reduction_is_that_of_its_system_and_remembers_it(full):
+def test_the_generalized_plant_of_a_reduction_is_that_of_its_system_and_remembers_it(full):
     small = bc.reduce(full, order=16)
     P, plain = generalized(small), generalized(small.system)
     for letter in "ABCD":
@@ -100,7 +100,7 @@ def test_the_generalised_plant_of_a_reduction_is_that_of_its_system_and_remember
 
 
 def test_reduced_plants_of_other_kinds_know_the_full_one(full):
-    """A reduction of a generalised plant, and the mixed sensitivity of a reduction."""
+    """A reduction of a generalized plant, and the mixed sensitivity of a reduction."""
     lag = control.ss(control.tf([400.0], np.polymul([1.0, 1.0], [1.0, 0.8, 400.0])), inputs="u", outputs="y")
     weights = {"W1": bc.low_pass(4.0, 0.5), "W2": 0.1}
     whole, other = generalized(full), bc.mixed_sensitivity(lag, **weights)
@@ -243,6 +243,6 @@ def test_cost_of_reduced_states_is_undefined_on_full_plant(full):
 
 
 def full_plant_of(P):
-    """Return the generalised plant around the full one."""
+    """Return the generalized plant around the full one."""
     origin = full_plant.origin_of(P)
     return origin.around(of(origin.reduction.full_system)).statespace("full")

@@ -1,4 +1,4 @@
-"""Generalised plants: each channel against the product that it stands for, every name in its place."""
+"""Generalized plants: each channel against the product that it stands for, every name in its place."""
 
 import control
 import numpy as np

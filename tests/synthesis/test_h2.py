@@ -13,7 +13,7 @@ from tests.synthesis import plants
 
 
 def random_plant(seed):
-    """Return a generalised plant of two controls and measurements, without direct terms between signals of a kind."""
+    """Return a generalized plant of two controls and measurements, without direct terms between signals of a kind."""
     return plants.random_plant(seed, 4, (1, 1, 2, 2), False)
 
 

@@ -1,4 +1,4 @@
-"""Discrete H2 synthesis, generalised plants and smaller controllers: optimality by trial, sums of pulses, exact parts."""
+"""Discrete H2 synthesis, generalized plants and smaller controllers: optimality by trial, sums of pulses, exact parts."""
 
 import control
 import numpy as np
@@ -13,7 +13,7 @@ from tests.synthesis.test_lqr import random_system
 
 
 def random_plant(seed, dt=0.1):
-    """Return a generalised plant, stable or not, with direct ways everywhere that its norm is finite with."""
+    """Return a generalized plant, stable or not, with direct ways everywhere that its norm is finite with."""
     rng = np.random.default_rng(seed)
     n = int(rng.integers(1, 6))
     A = rng.standard_normal((n, n))

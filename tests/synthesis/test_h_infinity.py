@@ -14,7 +14,7 @@ from scipy import linalg
 import boomctl as bc
 from boomctl.progress import Deadline
 from boomctl.synthesis.hinf.bounds import Bounds, frequency_bound, lowest_level
-from boomctl.synthesis.hinf.normal_form import normalised
+from boomctl.synthesis.hinf.normal_form import normalized
 from boomctl.synthesis.plants.partition import partition
 from tests.profiles import examples
 from tests.synthesis.plants import assert_verified, lower_loop_norm, random_plant, resonators, weighed, yaw_plant
@@ -40,7 +40,7 @@ def test_one_state_in_closed_form(pole, unit):
 
 @examples(15)
 @given(seed=st.integers(0, 10**6), n=st.integers(1, 12), shift=st.floats(-1.0, 1.0))
-def test_normalised_coprime_factors_in_closed_form(seed, n, shift):
+def test_normalized_coprime_factors_in_closed_form(seed, n, shift):
     """Glover & McFarlane (1989): the least norm of [K; I](I - GK)^-1 [G, I] is sqrt(1 + rho(XZ)), G unstable or not."""
     rng = np.random.default_rng(seed)
     A, B, C = rng.normal(size=(n, n)) + shift * np.eye(n), rng.normal(size=(n, 2)), rng.normal(size=(2, n))
@@ -98,7 +98,7 @@ def test_norm_is_what_others_find_and_no_bound_lies_above_it(seed, n, sizes, fee
 @examples(15)
 @given(seed=st.integers(0, 10**6), n=st.integers(1, 6), sizes=SIZES, feedthrough=st.booleans())
 def test_no_matrix_beats_the_frequency_bound(seed, n, sizes, feedthrough):
-    """At the bound's frequency ``P11 + P12 Q P21`` stays above it for any Q, the least-squares one and its neighbours."""
+    """At the bound's frequency ``P11 + P12 Q P21`` stays above it for any Q, the least-squares one and its neighbors."""
     P = random_plant(seed, n, sizes, feedthrough)
     design = bc.h_infinity(P, sizes[3], sizes[2])
     G = P(1j * design.gamma_bounds.omega) if np.isfinite(design.gamma_bounds.omega) else P.D
@@ -179,7 +179,7 @@ def test_slow_controllers_come_first_and_the_certificate_tells_their_price():
 def test_the_frequency_bound_holds_with_any_feedback():
     """Feedback does not change what no control reaches: one that rounding leaves far from optimal must not raise it."""
     plant = partition(random_plant(4, 5, (2, 2, 1, 1), False), 1, 1)
-    ready = normalised(replace(plant, system=replace(plant.system, A=plant.A - 10.0 * np.eye(5))))
+    ready = normalized(replace(plant, system=replace(plant.system, A=plant.A - 10.0 * np.eye(5))))
     nothing = np.zeros((1, 5)), np.zeros((5, 1))
     F, L = 0.3 * np.ones((1, 5)), 0.3 * np.ones((5, 1))
     assert_allclose(frequency_bound(ready, F, L)[0], frequency_bound(ready, *nothing)[0], rtol=1e-3)
@@ -188,8 +188,8 @@ def test_the_frequency_bound_holds_with_any_feedback():
 @examples(20)
 @given(seed=st.integers(0, 10**6), n=st.integers(1, 8), sizes=SIZES, tolerance=st.sampled_from([1e-4, 1e-2, 1.0]))
 def test_the_lowest_level_is_as_close_to_its_bound_as_asked_for(seed, n, sizes, tolerance):
-    """What reaches it stabilises at that level, and the bounds of two tolerances do not contradict each other."""
-    ready = normalised(partition(random_plant(seed, n, sizes, False), sizes[3], sizes[2]))
+    """What reaches it stabilizes at that level, and the bounds of two tolerances do not contradict each other."""
+    ready = normalized(partition(random_plant(seed, n, sizes, False), sizes[3], sizes[2]))
     loose, level = lowest_level(ready, tolerance, Deadline(60.0))
     tight, _ = lowest_level(ready, 1e-5, Deadline(60.0))
     assert (level.gamma, level.reason) == (loose.reached, "")

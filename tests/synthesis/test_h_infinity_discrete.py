@@ -11,14 +11,14 @@ from hypothesis import strategies as st
 from slycot.exceptions import SlycotError
 
 import boomctl as bc
-from boomctl.synthesis.hinf.normal_form import normalised
+from boomctl.synthesis.hinf.normal_form import normalized
 from boomctl.synthesis.plants.partition import partition
 from tests.profiles import examples
 from tests.synthesis import test_h2_discrete
 
 
 def random_plant(seed):
-    """Return a discrete generalised plant of which D12 and D21 are one, and no other direct way is there."""
+    """Return a discrete generalized plant of which D12 and D21 are one, and no other direct way is there."""
     P = test_h2_discrete.random_plant(seed)
     P.D = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0]])
     return P
@@ -59,11 +59,11 @@ def test_a_tustin_discretisation_has_the_level_of_the_continuous_problem():
 
 
 @pytest.mark.parametrize("split", [0.0, 1e-28, -1e-28])
-def test_normalised_double_pole_stays_bounded(split):
+def test_normalized_double_pole_stays_bounded(split):
     """A double pole that rounding splits into a complex pair has eigenvectors that are parallel but for rounding."""
     A = np.array([[-120.0, 30.0 * split], [30.0, -120.0]])
     B, C = [[1.0, 0.0, 1.0], [0.0, 0.0, 0.0]], [[0.0, 1.0], [0.0, 0.0], [0.0, 1.0]]
     P = control.ss(A, B, C, [[0, 0, 0], [0, 0, 1], [0, 1, 0]])
-    ready = normalised(partition(P, 1, 1))
+    ready = normalized(partition(P, 1, 1))
     assert max(np.linalg.norm(X) for X in (ready.A, ready.system.B, ready.system.C)) < 1e4
     assert bc.h2(P, 1, 1).certificate.norm_bounds.certified

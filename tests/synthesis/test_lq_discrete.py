@@ -1,4 +1,4 @@
-"""Discrete regulators, filters and LQG: against the sum they minimise, python-control, duality, and many digits."""
+"""Discrete regulators, filters and LQG: against the sum they minimize, python-control, duality, and many digits."""
 
 import control
 import flint
@@ -58,7 +58,7 @@ def test_the_return_difference_of_a_regulator_is_at_least_one(seed):
 
 
 def servo(seed):
-    """Return a servo of two stages, sampled: a rigid body with modes, a second stage that no noise moves, coloured noises.
+    """Return a servo of two stages, sampled: a rigid body with modes, a second stage that no noise moves, colored noises.
 
     Its numbers are those of the trade: forces of 1e-11 beside gains of 1e9.
     """
@@ -70,15 +70,15 @@ def servo(seed):
         return [np.array([[0.0, 1.0], [-(a**2), -2.0 * b * a]]) for a, b in zip(w, z, strict=True)]
 
     body = [np.array([[0.0, 1.0], [0.0, 0.0]]), *modes(rng.integers(1, 4), 2.5, 4.3, (-3, -1.3))]
-    second, colours = modes(rng.integers(1, 3), 3.5, 4.5, (-3, -1.3)), modes(rng.integers(1, 3), 1.5, 3.7, (-3, -0.5))
-    blocks = [*body, *second, *colours]
-    n, m, ends = 2 * len(blocks), 2 + len(colours) + 1, (2 * len(body), 2 * len(body) + 2 * len(second))
+    second, colors = modes(rng.integers(1, 3), 3.5, 4.5, (-3, -1.3)), modes(rng.integers(1, 3), 1.5, 3.7, (-3, -0.5))
+    blocks = [*body, *second, *colors]
+    n, m, ends = 2 * len(blocks), 2 + len(colors) + 1, (2 * len(body), 2 * len(body) + 2 * len(second))
     A, B, C = np.zeros((n + 2, n + 2)), np.zeros((n + 2, m)), np.zeros((1, n + 2))
     A[:n, :n], C[0, :n:2] = linalg.block_diag(*blocks), 1.0
     force = gain * np.concatenate([[1.0], rng.standard_normal(len(body) - 1)])
     A[1 : ends[0] : 2, n] = B[1 : ends[0] : 2, 0] = force
     B[ends[0] + 1 : ends[1] : 2, 1] = 10.0 ** rng.uniform(4, 10)
-    for k, block in enumerate(colours):
+    for k, block in enumerate(colors):
         B[ends[1] + 2 * k + 1, 2 + k] = 10.0 ** rng.uniform(-2, 1) * -block[1, 0]
     a, b = 10.0 ** rng.uniform(1, 4, 2)
     A[n, n], A[n, n + 1], A[n + 1, n + 1] = -a, 1.0, -b

@@ -21,7 +21,7 @@ TRACKS = {"actuator_left": 1e-3, "actuator_right": 1e-3}
 TIPS = {"tip_left": 1.0, "tip_right": 1.0}
 
 
-def generalised(system, Q, R, W, V):
+def generalized(system, Q, R, W, V):
     """The plant whose H2 norm squared is the LQG cost, written out with Cholesky factors."""
     n, m, p = system.nstates, system.ninputs, system.noutputs
     q, r, w, v = linalg.cholesky(Q), linalg.cholesky(R), linalg.cholesky(W).T, linalg.cholesky(V).T
@@ -75,7 +75,7 @@ def test_lqg_cost_is_variance_of_loop_and_no_gain_costs_less(dt, seed):
     if not dt:
         assert design.certificate.norm_bounds.certified
         assert design.certificate.lower_bound**2 == pytest.approx(design.cost, rel=1e-6)
-        assert bc.h2(generalised(system, Q, R, W, V), 2, 2).norm ** 2 == pytest.approx(design.cost, rel=1e-6)
+        assert bc.h2(generalized(system, Q, R, W, V), 2, 2).norm ** 2 == pytest.approx(design.cost, rel=1e-6)
 
 
 @given(seeds)

@@ -22,7 +22,7 @@ MODEL = bc.spray_boom(elements=6)
 
 
 def made(A, B, C, D, dt=0.0, states=None):
-    """Return a generalised plant of one control ``u`` and measurement ``y`` between other signals."""
+    """Return a generalized plant of one control ``u`` and measurement ``y`` between other signals."""
     inputs, outputs = [f"w{i}" for i in range(len(D[0]) - 1)], [f"z{i}" for i in range(len(D) - 1)]
     return control.ss(A, B, C, D, dt, inputs=[*inputs, "u"], outputs=[*outputs, "y"], states=states)
 
@@ -102,7 +102,7 @@ REFUSED = [
     (lambda: recovered(strengths=[]), "noise_intensities: expected one number or more"),
     (lambda: recovered(control.ss(LAG), 0.0), "expected a regulator with a loop to recover"),
     (lambda: recovered(MODES, measurements="y"), "measurements: expected at least as many as controls"),
-    # generalised plants
+    # generalized plants
     (lambda: yaw_plant("stroke_anti", performance={"tip_anti": WEIGHT}), "'tip_anti'.*pole"),
     (
         lambda: yaw_plant("stroke_anti", effort={"suspension_anti": control.rss(2, 2, 1)}),
@@ -121,7 +121,7 @@ REFUSED = [
     (lambda: bc.lft(P, control.ss([], [], [], 1.0, inputs="z_q", outputs="u")), "'z_q' is an output of P"),
     (lambda: bc.lft(SAMPLED, LAG), "controller: expected a sampling time of 0.1 s, as P has it, got continuous"),
     (lambda: select_channels(P, []), "inputs: expected at least one"),
-    (lambda: bc.h_infinity("P", 1, 1), "P: expected a generalised plant.*generalized_plant"),
+    (lambda: bc.h_infinity("P", 1, 1), "P: expected a generalized plant.*generalized_plant"),
     (
         lambda: bc.h2(control.rss(2, 3, 3), 3, 1),
         "nmeas = 3: P has 3 output.* at least one must be a performance signal",

@@ -38,8 +38,8 @@ def plant(name: str) -> BenchmarkPlant:
     """Return a plant by its name in COMPleib."""
     if name in _RENUMBERED:
         found = gym(_RENUMBERED[name])
-        return found.generalised, len(found.C2), found.B2.shape[1]
-    return _generalised(_rod() if name == "HF1" else _printed()[name])
+        return found.generalized, len(found.C2), found.B2.shape[1]
+    return _generalized(_rod() if name == "HF1" else _printed()[name])
 
 
 @cache
@@ -47,7 +47,7 @@ def _printed() -> dict[str, dict[str, Any]]:
     return read_toml(_FILE)
 
 
-def _generalised(found: dict[str, Any]) -> BenchmarkPlant:
+def _generalized(found: dict[str, Any]) -> BenchmarkPlant:
     """Return the plant of some matrices; those that are not there follow the collection's rules."""
     have = {key: np.asarray(value, dtype=float) for key, value in found.items() if key not in ("about", "source")}
     A, B, C = have["A"], have["B"], have["C"]

@@ -37,7 +37,7 @@ def oscillator(values):
 
 
 def swing(seed, states=4, nmeas=2, ncon=2):
-    """Return a generalised plant drawn at random: noise on what is measured, effort weighed."""
+    """Return a generalized plant drawn at random: noise on what is measured, effort weighed."""
     rng = np.random.default_rng(seed)
     A = rng.normal(size=(states, states))
     A -= np.eye(states) * (np.linalg.eigvals(A).real.max() + 0.1 * rng.random())
@@ -364,7 +364,7 @@ def test_what_the_best_start_came_to_is_what_is_verified(seed):
     try:
         found = bc.tune(P, 1, 1, T.state_space(1) if seed % 2 else T.gain(), n_starts=2)
     except SynthesisError:
-        return  # not every plant of the class is stabilised from two starts
+        return  # not every plant of the class is stabilized from two starts
     assert found.gamma == pytest.approx(min(start.objective for start in found.starts), rel=1e-6)
 
 

@@ -57,13 +57,13 @@ class DrivenLoops:
             A signal that needs more derivatives: measured ones may be places or speeds without a filter, judged ones places,
             or controls to which no speed is sent on at once.
         """
-        centre = family.nominal
-        ports, n = centre.ports, centre.ncoordinates
-        controls = [centre.input_labels.index(name) for name in K.output_labels]
-        labels = (*centre.input_labels, *map(injected, K.output_labels + K.input_labels))
+        center = family.nominal
+        ports, n = center.ports, center.ncoordinates
+        controls = [center.input_labels.index(name) for name in K.output_labels]
+        labels = (*center.input_labels, *map(injected, K.output_labels + K.input_labels))
         entry = np.zeros((len(labels), len(inputs)))
         entry[[labels.index(name) for name in inputs], range(len(inputs))] = 1.0
-        m = len(centre.input_labels)
+        m = len(center.input_labels)
         at_plant, at_control, at_reading = (
             entry[:m],
             entry[m : m + len(K.output_labels)],
@@ -72,8 +72,8 @@ class DrivenLoops:
         filtered = [(o, b) for o, b in enumerate(ports.bandwidths) if b is not None]
         k, f = len(K.A), 2 * len(filtered)
         size = 2 * n + f + k
-        rows = [centre.output_labels.index(name) for name in K.input_labels]
-        judged = [centre.output_labels.index(name) for name in outputs if name in centre.output_labels]
+        rows = [center.output_labels.index(name) for name in K.input_labels]
+        judged = [center.output_labels.index(name) for name in outputs if name in center.output_labels]
         asked = sorted({*rows, *judged})
         if any(change.L.any() and change.L[:, asked].any() for _, change in family._terms):
             raise ValueError(
@@ -87,10 +87,10 @@ class DrivenLoops:
             raise ValueError(
                 "family: expected outputs that are places, or accelerations behind a filter; measured ones may be speeds"
             )
-        read, direct = np.zeros((len(centre.output_labels), size)), ports.E[0] @ at_plant
+        read, direct = np.zeros((len(center.output_labels), size)), ports.E[0] @ at_plant
         read[:, :n] = ports.L[0]
         unfiltered = np.array([b is None for b in ports.bandwidths])
-        sped = np.zeros((len(centre.output_labels), size))  # what of the outputs is the derivative of
+        sped = np.zeros((len(center.output_labels), size))  # what of the outputs is the derivative of
         sped[:, :n] = unfiltered[:, None] * ports.L[1]
         sped_direct = unfiltered[:, None] * ports.E[1] @ at_plant
         A, B = np.zeros((size, size)), np.zeros((size, len(inputs)))
@@ -109,16 +109,16 @@ class DrivenLoops:
         heard = direct[rows] + at_reading
         at_once = K.D @ heard + K.C @ K.B @ sped_direct[rows] + at_control
         impulse, impulse_direct = K.D @ sped[rows], K.D @ sped_direct[rows]  # whose derivative it sends besides
-        sent = [K.output_labels.index(name) for name in outputs if name not in centre.output_labels]
+        sent = [K.output_labels.index(name) for name in outputs if name not in center.output_labels]
         if impulse[sent].any() or impulse_direct[sent].any():
             raise ValueError("controller: expected one that sends no speed on at once, where what it sends is judged")
         A[own, own] = K.A
         A[own] += K.B @ read[rows] + K.A @ K.B @ sped[rows]
         B[own] = K.B @ heard + K.A @ K.B @ sped_direct[rows]
         E0 = np.eye(size)
-        E0[:n, :n] = centre.M
-        A[:n, :n], A[:n, n : 2 * n] = -centre.C, np.eye(n)
-        A[n : 2 * n, :n] = -centre.K
+        E0[:n, :n] = center.M
+        A[:n, :n], A[:n, n : 2 * n] = -center.C, np.eye(n)
+        A[n : 2 * n, :n] = -center.K
         A[n : 2 * n] += ports.B[0][:, controls] @ force
         A[:n] += ports.B[0][:, controls] @ impulse
         B[:n] = ports.B[1] @ at_plant + ports.B[0][:, controls] @ impulse_direct
@@ -134,7 +134,7 @@ class DrivenLoops:
             for total, each in zip(found, (e, a, b), strict=True):
                 if each.any():
                     total[power] = each
-        order = np.argsort([name not in centre.output_labels for name in outputs], kind="stable").argsort()
+        order = np.argsort([name not in center.output_labels for name in outputs], kind="stable").argsort()
         whole = Cell(np.zeros(family.nparameters), np.ones(family.nparameters))
         return cls(
             whole,

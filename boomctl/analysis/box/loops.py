@@ -178,8 +178,8 @@ def without_feedthrough(family: Family, K: Lti) -> tuple[Family, Lti]:
     closed = lower_lft(Lti(np.zeros((0, 0)), np.zeros((0, p + m)), np.zeros((m + p, 0)), direct, *signals), K)
     without = ports.E.copy()
     without[0][np.ix_(read, acting)] = 0.0
-    centre = SecondOrderModel.of(family.nominal.structure, replace(ports, E=without))
-    return replace(family, nominal=centre), closed  # type: ignore[type-var]
+    center = SecondOrderModel.of(family.nominal.structure, replace(ports, E=without))
+    return replace(family, nominal=center), closed  # type: ignore[type-var]
 
 
 def _combined(systems: tuple[Lti, Lti], shares: tuple[float, float]) -> Lti:
@@ -190,17 +190,17 @@ def _combined(systems: tuple[Lti, Lti], shares: tuple[float, float]) -> Lti:
 
 def _terms(family: Family, K: Lti, slope: Lti | None, axis: int) -> Terms:
     """Return the loop with ``K + delta slope``, ``delta`` that of one parameter, as a polynomial of the parameters."""
-    centre = family.nominal.select(K.output_labels, K.input_labels)
+    center = family.nominal.select(K.output_labels, K.input_labels)
     acting = [family.nominal.input_labels.index(name) for name in K.output_labels]
     read = [family.nominal.output_labels.index(name) for name in K.input_labels]
-    empty = np.zeros((centre.ncoordinates, centre.ncoordinates))
-    bare = Structure.of(empty, empty, empty, centre.coordinates)
-    unforced, unread = np.zeros_like(centre.ports.B), np.zeros_like(centre.ports.L)
+    empty = np.zeros((center.ncoordinates, center.ncoordinates))
+    bare = Structure.of(empty, empty, empty, center.coordinates)
+    unforced, unread = np.zeros_like(center.ports.B), np.zeros_like(center.ports.L)
 
     def pencil(B: Array, L: Array, structure: Structure = bare) -> LoopPencil:
-        return closed_pencil(SecondOrderModel.of(structure, replace(centre.ports, B=B, L=L)), K)
+        return closed_pencil(SecondOrderModel.of(structure, replace(center.ports, B=B, L=L)), K)
 
-    found: dict[tuple[int, ...], LoopPencil] = {(): closed_pencil(centre, K)}
+    found: dict[tuple[int, ...], LoopPencil] = {(): closed_pencil(center, K)}
 
     def add(power: tuple[int, ...], *parts: LoopPencil) -> None:
         """Add one pencil less others."""
@@ -210,7 +210,7 @@ def _terms(family: Family, K: Lti, slope: Lti | None, axis: int) -> Terms:
         before = found.get(power := tuple(sorted(power)))
         found[power] = more if before is None else LoopPencil(before.E + more.E, before.A + more.A)
 
-    B0, L0, changes = centre.ports.B, centre.ports.L, family._terms
+    B0, L0, changes = center.ports.B, center.ports.L, family._terms
     rest = pencil(unforced, unread)
     columns = {power: change.B[:, :, acting] for power, change in changes if change.B[:, :, acting].any()}
     lines = {power: change.L[:, read] for power, change in changes if change.L.any() and change.L[:, read].any()}
@@ -221,7 +221,7 @@ def _terms(family: Family, K: Lti, slope: Lti | None, axis: int) -> Terms:
         )
     for power, change in changes:
         B = columns.get(power, unforced)
-        moved = Structure.of(change.M, change.C, change.K, centre.coordinates)
+        moved = Structure.of(change.M, change.C, change.K, center.coordinates)
         add(power, pencil(B, L0, moved), pencil(unforced, L0))
         if power in lines:
             add(power, pencil(B0, lines[power]), pencil(B0, unread))
@@ -230,7 +230,7 @@ def _terms(family: Family, K: Lti, slope: Lti | None, axis: int) -> Terms:
         acted, seen = pencil(B, unread), pencil(unforced, L)
         add((*p, *q), LoopPencil(both.E + rest.E, both.A + rest.A), acted, seen)
     if slope is not None:
-        plain = SecondOrderModel.of(bare, centre.ports)
+        plain = SecondOrderModel.of(bare, center.ports)
         add((axis,), closed_pencil(plain, slope), closed_pencil(plain, _combined((slope, slope), (1.0, -1.0))))
     return without(found, family._unfelt)
 

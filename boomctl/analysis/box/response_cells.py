@@ -368,11 +368,11 @@ class _Series:
         k = loop.size
         values = cells.ends[:, :, 0] + (cells.ends[:, :, 1:] * cells.middle[:, None, :]).sum(axis=2)
         slopes = cells.ends[:, :, 1:] * cells.reach[:, None, :]
-        centre, half = 0.5 * (values[:, 1] + values[:, 0]), 0.5 * (values[:, 1] - values[:, 0])
+        center, half = 0.5 * (values[:, 1] + values[:, 0]), 0.5 * (values[:, 1] - values[:, 0])
         tilt, spread = 0.5 * (slopes[:, 1] + slopes[:, 0]), 0.5 * (slopes[:, 1] - slopes[:, 0])
         # the pencil is j a E - b A: (frequency, 1), or (1, inverse frequency) of cells that reach infinity
-        a, da = (np.where(cells.inverse, x, y)[:, None, None] for x, y in ((1.0, centre), (0.0, half)))
-        b, db = (np.where(cells.inverse, x, y)[:, None, None] for x, y in ((centre, 1.0), (half, 0.0)))
+        a, da = (np.where(cells.inverse, x, y)[:, None, None] for x, y in ((1.0, center), (0.0, half)))
+        b, db = (np.where(cells.inverse, x, y)[:, None, None] for x, y in ((center, 1.0), (half, 0.0)))
         shares, beyond = _shares(loop.powers, cells)
         E, A, B, R = ({p: np.tensordot(w, X, 1) for p, w in shares.items()} for X in (loop.E, loop.A, loop.B, loop.R))
         inverse = np.linalg.inv(1j * a * E[()] - b * A[()])
@@ -393,7 +393,7 @@ class _Series:
             for place, pair in enumerate(loop.sizes):
                 others[place] += sum(w * np.tensordot(beyond, X, 1) for w, X in zip(side, pair, strict=True))
         higher, driven = (X.higher + np.abs(inverse) @ more for X, more in zip((Z, driving), others, strict=True))
-        frequency = (centre, half, tilt, spread)
+        frequency = (center, half, tilt, spread)
         x = _solution(driving, Z)
         return cls(loop, cells, 1j * P[()], Z.first, Z.second, higher, x, driven, frequency)
 
@@ -453,7 +453,7 @@ class _Series:
 
     def cuts(self, bounds: _Bounds, second: Array, rest: Array) -> tuple[NDArray[np.int_], Array]:
         """Return across which variable cells are to be cut, zero the frequency, and along which surface there."""
-        centre, half, tilt, spread = self.frequency
+        center, half, tilt, spread = self.frequency
         shares = np.stack([(own / bounds.d).max(axis=(1, 2)) for own in bounds.own], axis=1)
         squares = (np.abs(self.along) ** 2).sum(axis=(1, 2))
         turns = [-(self.along.conj() * Z).sum(axis=(1, 2)).real / squares for Z in self.first[1:]]
@@ -472,7 +472,7 @@ class _Series:
         axes = np.where(bounds.rho > _FAR, after.argmin(axis=1), axes)
         axes = np.where((axes == 0) & ~straight, 1 + np.abs(spread).argmax(axis=1), axes)
         slopes = np.where(self.cells.inverse[:, None], 0.0, tilt + np.stack(turns, axis=1)) / self.cells.reach
-        return axes, np.column_stack([centre - (slopes * self.cells.middle).sum(axis=1), slopes])
+        return axes, np.column_stack([center - (slopes * self.cells.middle).sum(axis=1), slopes])
 
 
 def _orthogonalise(V: Array) -> None:

@@ -54,7 +54,7 @@ class RobustStability:
     method : str
         How many cells of which kind proved it; empty where it was not.
     small_gain : float
-        Largest gain found around what is not modelled, in its bounds: below one at every point where it is proved; ``nan``
+        Largest gain found around what is not modeled, in its bounds: below one at every point where it is proved; ``nan``
         where nothing was said to be unmodelled, or the loop is not proved stable without it.
     """
 
@@ -91,7 +91,7 @@ class RobustStability:
         around = (
             ""
             if isnan(self.small_gain)
-            else f"; gain around what is not modelled found up to {self.small_gain:.4g} of its bounds"
+            else f"; gain around what is not modeled found up to {self.small_gain:.4g} of its bounds"
         )
         return (
             f"{verdict} in {count(self.cells, 'cell')}{f' ({self.message})' if self.message else ''}; {found}{around}"
@@ -252,11 +252,11 @@ def robust_stability(
 
         gain, at, proof, refused = small_gain(family, K, additive_uncertainty, delay, limit)
     if gain >= 1.0:
-        reason = f"gain {gain:.4g} around what is not modelled at {listed_values(family.denormalize(at))}"
+        reason = f"gain {gain:.4g} around what is not modeled at {listed_values(family.denormalize(at))}"
     else:
         reason = "" if proof.proved else refused or f"gain not proved below one with max_cells = {limit}"
     cells += proof.dear + proof.cheap
-    path = f"{alone.method}; {proof.path} with what is not modelled" if proof.proved else ""
+    path = f"{alone.method}; {proof.path} with what is not modeled" if proof.proved else ""
     return replace(alone, proved=proof.proved, cells=cells, message=reason, method=path, small_gain=gain)
 
 

@@ -32,7 +32,7 @@ from boomctl.lti.system import Lti, signal_scales
 from boomctl.structure.families import Family, shares_of
 from boomctl.structure.matrices import Structure
 from boomctl.structure.response.poles import undamped_modes
-from boomctl.structure.response.realisation import realize
+from boomctl.structure.response.realization import realize
 
 _EXACT = 1e-9  # share of the largest entry that a polynomial may miss (a choice: far below what damps a loop)
 # The same of many parameters, whose products of different coordinates are left out: they count as what is missed does.
@@ -269,9 +269,9 @@ def sampled_loops(
         n = len(loop.A)
         return Lti(loop.A, np.zeros((n, 1)), np.zeros((1, n)), np.zeros((1, 1)), dt=loop.dt)
 
-    centre = whole(np.zeros(family.nparameters))
-    eye = np.eye(len(centre.A))
-    unfelt = [i for i in family._unfelt if (centre.A[:, i] == eye[i]).all() and not centre.C[:, i].any()]
+    center = whole(np.zeros(family.nparameters))
+    eye = np.eye(len(center.A))
+    unfelt = [i for i in family._unfelt if (center.A[:, i] == eye[i]).all() and not center.C[:, i].any()]
     kept = np.setdiff1d(np.arange(len(eye)), unfelt)
 
     def felt(delta: Array) -> Lti:

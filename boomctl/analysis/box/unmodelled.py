@@ -87,11 +87,11 @@ def small_gain(
             seen[key] = matrices_norm(loop_at(delta).balanced())
         return seen[key]
 
-    tell("points of the box, with what is not modelled")
+    tell("points of the box, with what is not modeled")
     worst, gain, _ = pattern_search(lambda delta: at(delta).lower_bound, family.nparameters, 1.0)
     if gain >= 1.0:
         return gain, worst, BoxProof(False), ""
-    tell("loop over the box, with what is not modelled")
+    tell("loop over the box, with what is not modeled")
     parts, reason = driven_parts(wide, driven, loop_at(np.zeros(family.nparameters)), delay)
     reason = reason or hindrance(parts, at, worst)
     if reason:
@@ -187,7 +187,7 @@ def _joined(
     """
     p, m = unit.shape
     size = np.sqrt(np.square(1.0 / unit).sum(axis=0))
-    centre, ports = family.nominal, family.nominal.ports
+    center, ports = family.nominal, family.nominal.ports
     points = tuple(f"unmodelled {k + 1}" for k in range(p * m))
     share = np.ones(len(ports.inputs))
     share[[ports.inputs.index(name) for name in K.output_labels]] = 1.0 / size
@@ -206,8 +206,8 @@ def _joined(
         tensions=None if ports.tensions is None else wider(ports.tensions),
     )
     changes = tuple((power, Slope(x.M, x.C, x.K, x.B * share, wider(x.L))) for power, x in family._terms)
-    structure = SecondOrderModel.of(centre.structure, wide)
-    free = tuple(centre.coordinates[i] for i in family._unfelt)
+    structure = SecondOrderModel.of(center.structure, wide)
+    free = tuple(center.coordinates[i] for i in family._unfelt)
     entries = [entry for row in bounds for entry in row]
     rows = np.kron(np.eye(p), np.ones(m)) * unit.ravel()  # which output an entry adds to, in its unit
     A, B, C, D = (linalg.block_diag(*(getattr(entry, x) for entry in entries)) for x in "ABCD")

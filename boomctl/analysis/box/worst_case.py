@@ -131,7 +131,7 @@ def worst_case(
 ) -> WorstCase:
     """Return the largest norm of the loop ``u = K y`` over a box of parameters, the H-infinity norm from both sides.
 
-    From below, the box's middle, faces and corners are tried, then the neighbourhood of the worst of them, and the middles of
+    From below, the box's middle, faces and corners are tried, then the neighborhood of the worst of them, and the middles of
     cells that resist a proof.  From above, the box is cut until in each cell no singular value can reach the level: cells of
     parameters first, and what they leave in smaller ones of parameters and frequencies (:mod:`boomctl.analysis.box.prove`).
     A bound proves besides that the loop is stable over the box.

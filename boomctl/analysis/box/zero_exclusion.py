@@ -1,6 +1,6 @@
 """Proof that no eigenvalue of ``E(delta) x' = A(delta) x`` crosses the imaginary axis within a cell of parameters.
 
-In the eigenvectors of the cell's centre the pencil ``s E - A`` is diagonal but for what the parameters change.  What
+In the eigenvectors of the cell's center the pencil ``s E - A`` is diagonal but for what the parameters change.  What
 they change on the diagonal moves each pole by itself, exactly accounted for: in a lightly damped structure mostly along
 the axis, which a small-gain test would take for a loss of damping.  What they change off the diagonal couples the
 modes.  At a frequency the pencil is regular over the whole cell if the matrix of the couplings, each row divided by the
@@ -336,7 +336,7 @@ def _squares(modes: _Modes) -> Array:
 
 
 def _failed(modes: _Modes, squares: Array, points: Array) -> tuple[NDArray[np.bool_], Array | None]:
-    """Return which intervals between neighbours of ``points[line, place]`` are not excluded, and a hopeless point."""
+    """Return which intervals between neighbors of ``points[line, place]`` are not excluded, and a hopeless point."""
     lines, places, n = *points.shape[:2], len(modes.poles)
     flat = points.reshape(-1, 2)
     coupling = _couplings(squares, flat).reshape(lines, places, n, n)

@@ -106,7 +106,7 @@ class Comparison:
         return {name: dict(figures) for name, figures in self.values.items()}
 
     def plot(self, ax: Any = None, *, kind: str | None = None, signals: Sequence[str] = (), **style: Any) -> Any:
-        """Draw all of them over each other, each in a colour of its own.
+        """Draw all of them over each other, each in a color of its own.
 
         Parameters
         ----------

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 class ScheduledController:
     """A controller whose matrices follow a signal that it reads; :func:`boomctl.schedule` makes it.
 
-    At a value ``w`` of the signal it is ``x' = A(w) x + B(w) y``, ``u = C(w) x + D(w) y``; between neighbours among
+    At a value ``w`` of the signal it is ``x' = A(w) x + B(w) y``, ``u = C(w) x + D(w) y``; between neighbors among
     ``values`` each matrix runs in a straight line, and beyond the first and the last it stays as it is there.
 
     Attributes

@@ -142,7 +142,7 @@ class GeometricallyExactBeam(HubBeam):
         return self._basis.coordinates
 
     def _transverse_hz(self, speed: float) -> Array:
-        mass, _, stiffness = self._linearised(speed)
+        mass, _, stiffness = self._linearized(speed)
         own = self._basis.bending
         return natural_hz(mass[own, own], stiffness[own, own])
 
@@ -152,14 +152,14 @@ class GeometricallyExactBeam(HubBeam):
         q[stretching] = np.linalg.solve(stiffness - speed**2 * mass, speed**2 * pull)
         return q[1:]
 
-    def _linearised(self, speed: float) -> tuple[Array, Array, Array]:
+    def _linearized(self, speed: float) -> tuple[Array, Array, Array]:
         """Derivatives of momentum and force in steady rotation, see `ExactBeamDynamics.linearisation`."""
         q, v = np.append(0.0, self._steady_coordinates(speed)), np.zeros(self._size)
         v[0] = speed
         return self.dynamics.linearisation(q, v)
 
     def _small_motion(self, speed: float) -> SmallMotion:
-        mass, coupling, stiffness = self._linearised(speed)
+        mass, coupling, stiffness = self._linearized(speed)
         damping = coupling - coupling.T
         if self.dynamics.damping is not None:
             damping = damping + self.dynamics.damping

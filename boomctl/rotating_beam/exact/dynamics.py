@@ -18,7 +18,7 @@ from boomctl.rotating_beam.exact.basis import StrainBasis
 
 @dataclass(frozen=True, eq=False)
 class ExactBeamDynamics:
-    """Energies and generalised momenta and forces over ``q`` and ``v = q'``.
+    """Energies and generalized momenta and forces over ``q`` and ``v = q'``.
 
     ``q`` and ``v`` have shape ``(..., coordinates)``; results follow the leading dimensions. ``damping`` is a
     symmetric matrix over the coordinates, or None.

@@ -1,6 +1,6 @@
 """A hub-beam under forces on hub and tip, in the modes of its linear part with the hub free, as CasADi functions.
 
-With mass-normalised modes ``(theta, q) = V z`` the equations are ``z'' + Omega^2 z = r(z, z', u)``: all that the linear
+With mass-normalized modes ``(theta, q) = V z`` the equations are ``z'' + Omega^2 z = r(z, z', u)``: all that the linear
 vibration at rest leaves out stands on the right.
 """
 
@@ -202,7 +202,7 @@ def forced_modes(
     )
 
 
-def linearised(modes: MachineModes, state: Array) -> Lti:
+def linearized(modes: MachineModes, state: Array) -> Lti:
     """Return the linear model about a state of steady rotation, without forces."""
     import casadi as ca
 

@@ -1,7 +1,7 @@
 """Newton's method for the collocation equations of many steps at once.
 
 The unknowns are the rates V at the nodes of a step; with the step h, coordinates and accelerations at the nodes are
-``Q = q_0 + h A V`` and ``A^-1 (V - v_0) / h``, so stiff systems stay well scaled. One iteration linearises all nodes of
+``Q = q_0 + h A V`` and ``A^-1 (V - v_0) / h``, so stiff systems stay well scaled. One iteration linearizes all nodes of
 a window of steps in one vectorised call, solves each step for its transition matrix and runs through the steps.
 """
 
@@ -204,7 +204,7 @@ def _newton(
 
 
 def _newton_step(problem: Problem, method: CollocationMethod, nodes: Array, h: Array, current: _Window) -> _Window:
-    """Changes of ends and nodes that satisfy the linearised equations of all steps."""
+    """Changes of ends and nodes that satisfy the linearized equations of all steps."""
     m, s, n = current.stages.shape
     each = h[:, None, None]
     q = current.q[:-1, None] + each * (method.A @ current.stages)

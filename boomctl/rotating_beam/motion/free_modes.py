@@ -10,7 +10,7 @@ from boomctl.arrays import Array
 from boomctl.rotating_beam.modal.equations import FreeHubForm
 from boomctl.rotating_beam.motion.oscillators import Oscillators
 
-_SOFTEST = 0.1  # of the lowest stiffness at rest: a speed that leaves less is not linearised about; a choice
+_SOFTEST = 0.1  # of the lowest stiffness at rest: a speed that leaves less is not linearized about; a choice
 
 
 @final

@@ -33,7 +33,7 @@ _LEVELS = 6  # of halved steps, before plain collocation takes over: a choice, 3
 
 @dataclass(frozen=True)
 class ModalTrajectory:
-    """Motion of n mass-normalised coordinates over m steps and beyond.
+    """Motion of n mass-normalized coordinates over m steps and beyond.
 
     Attributes
     ----------

@@ -25,7 +25,7 @@ class Contact:
 
     Attributes
     ----------
-    output, input : str
+    output : str
     position, velocity : (n,) ndarray
         Rows that read displacement and velocity from the states.
     through : (2, inputs) ndarray
@@ -39,7 +39,6 @@ class Contact:
     """
 
     output: str
-    input: str
     position: Array
     velocity: Array
     through: Array
@@ -126,7 +125,6 @@ def contact_at(
             raise ValueError(f"contact at output {output!r}: the control {name!r} moves it at once, in jumps")
     return Contact(
         output=output,
-        input=force,
         position=row,
         velocity=velocity,
         through=through,

@@ -2,7 +2,7 @@
 
 A step of the grid is a sample of the controller (where one falls on it) and the machine's motion under the control before
 and after the switch.  The motions of two lengths of step are compared: their distance is the error, of the coarser one, and
-an upper bound of that of the finer one, which is returned.  Where measurements are quantised, the second run repeats the
+an upper bound of that of the finer one, which is returned.  Where measurements are quantized, the second run repeats the
 controls of the first, for a rounding that flips is no error of the motion.
 """
 

@@ -84,7 +84,7 @@ class _Arcs:
         return bang_bang(edges[:-1], float(edges[-1]), limit, self.sign)
 
     def without_shortest(self) -> "_Arcs":
-        """Leave out the shortest arc; its neighbours become one."""
+        """Leave out the shortest arc; its neighbors become one."""
         d, k = self.durations, int(np.argmin(self.durations))
         if k == 0:
             return replace(self, durations=d[1:], sign=-self.sign)

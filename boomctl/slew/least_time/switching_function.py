@@ -104,7 +104,7 @@ def switching_function(result: SlewResult) -> SwitchingFunction:
     >>> import boomctl as bc
     >>> fast = bc.optimal_slew(bc.hub_beam(modes=1), angle=1.0, torque_limit=200.0)
     >>> curve = bc.slew.switching_function(fast)
-    >>> curve.switches.round(2), round(curve.agreement, 2)  # s; share of the time with the right sign
+    >>> curve.switching_times.round(2), round(curve.sign_agreement, 2)  # s; share of the time with the right sign
     (array([0.82, 1.26, 1.69]), 1.0)
     """
     instance("result", result, SlewResult)

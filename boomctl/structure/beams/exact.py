@@ -34,7 +34,7 @@ class ExactLayout:
     Attributes
     ----------
     rigid : Layout
-        ``N``: centres of bodies, and beams along their axes; ``R``: elongations of springs and dampers.
+        ``N``: centers of bodies, and beams along their axes; ``R``: elongations of springs and dampers.
     S : (4 segments, n) ndarray
         End displacements and rotations ``w1, l phi1, w2, l phi2`` of each segment of the beams, of length ``l``.
     ports : Ports

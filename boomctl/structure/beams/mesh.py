@@ -27,7 +27,7 @@ class ElementRows:
     place : (elements, order + 1) ndarray
         Where these stand among the beam's.
     unit : (elements, rows) ndarray
-        Weight of each row: of mass for one kilogram a metre, of stiffness for one newton square metre.
+        Weight of each row: of mass for one kilogram a meter, of stiffness for one newton square meter.
     """
 
     blocks: Array

@@ -16,7 +16,7 @@ from boomctl.structure.matrices import Structure, is_symmetric
 from boomctl.structure.ports import Ports
 from boomctl.structure.response.direct import direct_response
 from boomctl.structure.response.poles import SMALL, undamped_modes
-from boomctl.structure.response.realisation import realize
+from boomctl.structure.response.realization import realize
 from boomctl.structure.strain_coordinates import parted
 
 MODES, COORDINATES = "modes", "coordinates"  # over what the states of a model are
@@ -24,7 +24,7 @@ MODES, COORDINATES = "modes", "coordinates"  # over what the states of a model a
 # share of the largest root of a damping up to which that of a rigid-body mode is rounding: strains of such a mode are
 # some units of rounding, and a rotation of such modes mixes in the root of rounding
 _UNFELT = 1e-8
-# ratio of the scales that would balance a state matrix up to which matrices given are realised over their own coordinates
+# ratio of the scales that would balance a state matrix up to which matrices given are realized over their own coordinates
 _EVEN = 2.0**10
 # largest rate of damping over the slowest frequency from which on a state space over modes is looked at (a choice)
 _OVERDAMPED = 1e3

@@ -30,7 +30,7 @@ class BodyShape:
     points : (k, 2) ndarray
         Where its points rest [m].
     displacement : (modes, k, 2) ndarray
-        How they move, in each mode, of mass-normalised shapes [m].
+        How they move, in each mode, of mass-normalized shapes [m].
 
     Examples
     --------
@@ -58,7 +58,7 @@ class ModeShapes:
     eigenfrequencies_hz : (k,) ndarray
         Undamped natural frequencies, ascending [Hz]; 0 of rigid motions.
     shapes : (n, k) ndarray
-        Over the coordinates, one column a mode, mass-normalised: ``shapes.T @ M @ shapes`` is the unit matrix.
+        Over the coordinates, one column a mode, mass-normalized: ``shapes.T @ M @ shapes`` is the unit matrix.
     coordinates : tuple of str
         Names of the coordinates.
     kinds : tuple of str

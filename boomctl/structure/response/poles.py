@@ -31,7 +31,7 @@ _NOISE = 1e3 * EPS  # of the largest stiffness over mass: rounding, with room (a
 
 
 def undamped_modes(structure: Structure, count: int | None = None) -> tuple[Array, Array]:
-    """Return the lowest undamped angular frequencies [rad/s], ascending, and mass-normalised mode shapes (columns).
+    """Return the lowest undamped angular frequencies [rad/s], ascending, and mass-normalized mode shapes (columns).
 
     Small structures with rows, and those whose stiffest element is too stiff for a stiffness matrix in double precision,
     are solved in strain coordinates.  Otherwise the pencil is solved upside down, ``M v = mu (K + alpha M) v``, so that
@@ -101,7 +101,7 @@ def _in_strains(structure: Structure, count: int) -> tuple[Array, Array]:
 
 
 def _near(structure: Structure, shift: float, count: int) -> tuple[Array, Array]:
-    """Return modal stiffnesses, ascending, and mass-normalised shapes, found with a shift."""
+    """Return modal stiffnesses, ascending, and mass-normalized shapes, found with a shift."""
     M, K = structure.M, structure.K
     chosen = None if count == len(M) else (len(M) - count, len(M) - 1)
     try:

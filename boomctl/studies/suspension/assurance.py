@@ -179,7 +179,7 @@ def _controllers(model: SecondOrderModel, K: control.StateSpace | None) -> dict[
         return {name: control.ss([], [], [], [[0.0]], **names) for name, names in zip(_SIDES, ends, strict=True)}
     symmetric, antisymmetric, mixed = split_controller(model, K)
     if mixed > _MIXED:
-        raise ValueError(f"controller: {100 * mixed:.2g} % of it leads from one half to the other; symmetrise it first")
+        raise ValueError(f"controller: {100 * mixed:.2g} % of it leads from one half to the other; symmetrize it first")
     return {"jolt": symmetric, "yaw": antisymmetric}
 
 

@@ -42,7 +42,7 @@ class Performance:
     jolt, yaw : NormBounds
         Certified peaks of the symmetric and the antisymmetric part.
     run : LoopResult
-        The run over the field, run-in, limits, sampling, delay and quantisation included.
+        The run over the field, run-in, limits, sampling, delay and quantization included.
     spray, spray_by_jolt, spray_by_yaw : SprayResult
         Spray of the whole motion, of its symmetric and of its antisymmetric part.
     warmup_time : float

@@ -18,7 +18,7 @@ from boomctl.lti.system import Lti
 from boomctl.progress import Deadline, OutOfTime
 from boomctl.synthesis.assumptions import SynthesisError
 from boomctl.synthesis.hinf.bounds import lowest_level
-from boomctl.synthesis.hinf.normal_form import normalised
+from boomctl.synthesis.hinf.normal_form import normalized
 from boomctl.synthesis.plants.partition import GeneralizedPlant
 
 _TOLERANCE = 1e-4  # to which the lowest level is found (a choice)
@@ -27,7 +27,7 @@ _FAILED = (SynthesisError, np.linalg.LinAlgError, ValueError)  # how numbers tha
 
 
 def full_order_bound(plant: GeneralizedPlant, deadline: Deadline) -> tuple[float, str]:
-    """Return a norm that no stabilising controller goes below, whatever its order.
+    """Return a norm that no stabilizing controller goes below, whatever its order.
 
     Parameters
     ----------
@@ -49,7 +49,7 @@ def full_order_bound(plant: GeneralizedPlant, deadline: Deadline) -> tuple[float
         try:
             measured, seen = _noisy(_shifted(plant, shift))
             weighed, moved = _noisy(measured.dual)
-            bounds, _ = lowest_level(normalised(weighed.dual), _TOLERANCE, deadline)
+            bounds, _ = lowest_level(normalized(weighed.dual), _TOLERANCE, deadline)
         except OutOfTime as over:
             return 0.0, f"the time ran out while {over}"
         except _FAILED as error:

@@ -21,7 +21,7 @@ from boomctl.synthesis.assumptions import SynthesisError, check_modes, check_ran
 from boomctl.synthesis.certificate import Design, DesignCertificate
 from boomctl.synthesis.hinf.bounds import Bounds, lowest_level
 from boomctl.synthesis.hinf.candidates import Candidate, Task, first_accepted, largest_pole
-from boomctl.synthesis.hinf.normal_form import normalised
+from boomctl.synthesis.hinf.normal_form import normalized
 from boomctl.synthesis.plants.full_plant import ReducedPlant, judged_on_full_plant, origin_of
 from boomctl.synthesis.plants.partition import GeneralizedPlant, partition
 from boomctl.threads import one_blas_thread
@@ -119,7 +119,7 @@ def h_infinity(
     Parameters
     ----------
     P : control.StateSpace or ReductionResult
-        Generalised plant: the last ``nmeas`` outputs are measured, the last ``ncon`` inputs are
+        Generalized plant: the last ``nmeas`` outputs are measured, the last ``ncon`` inputs are
         controls (`generalized_plant` makes one).  Where it, or the plant that `generalized_plant` was given, is what
         `reduce` returned, the design is judged on the full plant too: ``certificate.full_plant``.  A discrete one is
         designed for as its continuous image by the bilinear map, which has the same loops and norms; controller and loop
@@ -167,7 +167,7 @@ def h_infinity(
     >>> import control
     >>> P = control.ss(-1.0, [[1.0, 0.0, 1.0]], [[1.0], [0.0], [1.0]], [[0, 0, 0], [0, 0, 1], [0, 0.1, 0]])
     >>> design = bc.h_infinity(P, nmeas=1, ncon=1)
-    >>> bool(design.gamma <= 1.01 * design.certificate.lower)  # no controller does better by more than 1 %
+    >>> bool(design.gamma <= 1.01 * design.certificate.lower_bound)  # no controller does better by more than 1 %
     True
     """
     given = partition(P.system if isinstance(P, ReductionResult) else P, nmeas, ncon, sampled=True)
@@ -179,7 +179,7 @@ def h_infinity(
     share, limit = positive("rtol", rtol), positive("time_limit", time_limit)
     allowed = None if fastest_pole is None else positive("fastest_pole", fastest_pole)
     check_ranks(plant)
-    ready = normalised(plant)
+    ready = normalized(plant)
     check_modes(plant, ready)
     check_zeros(plant, ready)
     with computing("H-infinity synthesis", progress):

@@ -1,4 +1,4 @@
-"""Generalised plants in the signals and states that H-infinity solvers work with."""
+"""Generalized plants in the signals and states that H-infinity solvers work with."""
 
 from dataclasses import dataclass, replace
 
@@ -38,8 +38,8 @@ class NormalizedPlant(GeneralizedPlant):
         return replace(self, system=system, modes=self.modes[:, ::-1] * scale)
 
 
-def normalised(plant: GeneralizedPlant) -> NormalizedPlant:
-    """Return the plant in normalised signals and, where its eigenvectors allow, in real modal coordinates.
+def normalized(plant: GeneralizedPlant) -> NormalizedPlant:
+    """Return the plant in normalized signals and, where its eigenvectors allow, in real modal coordinates.
 
     ``D12`` must have full column rank and ``D21`` full row rank.
     """

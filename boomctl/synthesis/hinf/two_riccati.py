@@ -85,7 +85,7 @@ class Level:
     ready : NormalizedPlant
         What the equations are of.
     X, Y : (n, n) ndarray or None
-        Stabilising solutions, as far as they were computed.
+        Stabilizing solutions, as far as they were computed.
     """
 
     gamma: float
@@ -123,14 +123,14 @@ class Level:
 
 def level_of(ready: NormalizedPlant, gamma: float) -> Level:
     """Return what the two Riccati equations say of a level; ``inf`` gives those of H2."""
-    X = _stabilising(_state_feedback(ready, gamma))
+    X = _stabilizing(_state_feedback(ready, gamma))
     if X is None:
-        return Level(gamma, "with all states known no controller reaches it (no stabilising X)", np.nan, ready)
+        return Level(gamma, "with all states known no controller reaches it (no stabilizing X)", np.nan, ready)
     if _indefinite(X):
         return Level(gamma, "with all states known no controller reaches it (X is indefinite)", np.nan, ready, X=X)
-    Y = _stabilising(_state_feedback(ready.dual, gamma))
+    Y = _stabilizing(_state_feedback(ready.dual, gamma))
     if Y is None:
-        reason = "with all states driven at will no controller reaches it (no stabilising Y)"
+        reason = "with all states driven at will no controller reaches it (no stabilizing Y)"
         return Level(gamma, reason, np.nan, ready)
     if _indefinite(Y):
         reason = "with all states driven at will no controller reaches it (Y is indefinite)"
@@ -147,8 +147,8 @@ def _indefinite(X: Array) -> bool:
     return bool(values[0] < -_NEGATIVE * max(abs(values[-1]), abs(values[0]), TINY))
 
 
-def _stabilising(equation: _StateFeedback) -> Array | None:
-    """Return the stabilising solution from the stable subspace of the Hamiltonian matrix; None if there is none."""
+def _stabilizing(equation: _StateFeedback) -> Array | None:
+    """Return the stabilizing solution from the stable subspace of the Hamiltonian matrix; None if there is none."""
     n = len(equation.F)
     if n == 0:
         return np.zeros((0, 0))
@@ -168,7 +168,7 @@ def _stabilising(equation: _StateFeedback) -> Array | None:
 
 
 def _error(equation: _StateFeedback, X: Array) -> float:
-    """Return the size of the Newton step from a solution; infinite if it does not stabilise."""
+    """Return the size of the Newton step from a solution; infinite if it does not stabilize."""
     if not len(X):
         return 0.0
     closed = equation.F - equation.G @ X
@@ -200,7 +200,7 @@ def gains(ready: NormalizedPlant, level: Level) -> tuple[Array, Array]:
 
 
 def suboptimal_controller(ready: NormalizedPlant, level: Level, D22: Array) -> Lti:
-    """Return a controller of a level in normalised signals: the central one, where its loop is well-posed.
+    """Return a controller of a level in normalized signals: the central one, where its loop is well-posed.
 
     Otherwise it is the one, of three, with which ``I + D_K D22`` is farthest from singular.
 

@@ -1,4 +1,4 @@
-"""H2-optimal controllers of generalised plants: two Riccati equations, the norm verified on the closed loop.
+"""H2-optimal controllers of generalized plants: two Riccati equations, the norm verified on the closed loop.
 
 Doyle, Glover, Khargonekar & Francis (1989), IEEE Transactions on Automatic Control 34; in discrete time Chen & Francis
 (1995), Optimal Sampled-Data Control Systems, chapter 6: the control at a sample may use the measurement at that sample.
@@ -17,7 +17,7 @@ from boomctl.lti.system import Lti, lower_lft
 from boomctl.printing import system
 from boomctl.synthesis.assumptions import SynthesisError, check_modes, check_ranks, check_zeros
 from boomctl.synthesis.certificate import Design, DesignCertificate
-from boomctl.synthesis.hinf.normal_form import normalised
+from boomctl.synthesis.hinf.normal_form import normalized
 from boomctl.synthesis.lq.output_feedback import certify, least_cost, observer
 from boomctl.synthesis.lq.riccati import RiccatiProblem, RiccatiSolution
 from boomctl.synthesis.lq.riccati_steps import solution_of
@@ -40,7 +40,7 @@ class H2Result(Design):
     scaled_controller : control.StateSpace
         The same in the scaled signals of the plant; equal to `controller` if the plant has no scales.
     closed_loop : control.StateSpace
-        The loop from the disturbances to the performance outputs, named as in the generalised plant.
+        The loop from the disturbances to the performance outputs, named as in the generalized plant.
     norm : float
         H2 norm of the closed loop, found of the loop itself.
     optimal_norm : float
@@ -79,7 +79,7 @@ def h2(P: "control.StateSpace", nmeas: int | None = None, ncon: int | None = Non
     Parameters
     ----------
     P : control.StateSpace
-        Generalised plant: its last ``ncon`` inputs are controls, its last ``nmeas`` outputs are measurements; the others
+        Generalized plant: its last ``ncon`` inputs are controls, its last ``nmeas`` outputs are measurements; the others
         are disturbances (unit white noise) and performance outputs.  Of a discrete one the controller is the best of all
         whose control at a sample rests on the measurements up to that sample; :func:`boomctl.lqg` gives the best of those
         that rest on the ones before it.  Where the plant that `generalized_plant` was given is what `reduce` returned,
@@ -125,7 +125,7 @@ def h2(P: "control.StateSpace", nmeas: int | None = None, ncon: int | None = Non
     check_ranks(plant)
     direct = _cancelling(plant) if plant.system.dt == 0.0 else np.zeros((plant.ncon, plant.nmeas))
     shifted = _with_direct(plant, direct)
-    ready = normalised(shifted)
+    ready = normalized(shifted)
     check_modes(shifted, ready)
     check_zeros(shifted, ready)
     regulator = _solved(shifted, "the Riccati equation of the H2 regulator")
@@ -185,7 +185,7 @@ def _cancelling(parts: GeneralizedPlant) -> Array:
 
 
 def _with_direct(parts: GeneralizedPlant, direct: Array) -> GeneralizedPlant:
-    """Return the generalised plant with ``u = direct y + v``, ``v`` in place of ``u``, and without its ``D22``.
+    """Return the generalized plant with ``u = direct y + v``, ``v`` in place of ``u``, and without its ``D22``.
 
     In continuous time ``direct`` cancels its ``D11``.
     """

@@ -101,7 +101,7 @@ def lqg(
     Parameters
     ----------
     system : control.StateSpace, SecondOrderModel or ReductionResult
-        The system, signals named.  Of what `reduce` returned, and of a generalised plant around one, the loop is judged
+        The system, signals named.  Of what `reduce` returned, and of a generalized plant around one, the loop is judged
         on the full plant too: ``certificate.full_plant``, whose norm is the root of the cost there.  The full plant has no
         such cost where ``Q`` or ``process_noise`` is over states of the reduced one.  Of a discrete one the controller is the
         best of all whose control at a sample rests on the measurements before it.
@@ -206,7 +206,7 @@ def _with_recovery(noise: Noise, way: Lti, q: float) -> Noise:
 
 
 def _weighted(way: Lti, problem: RiccatiProblem, noise: Noise) -> Lti:
-    """Return the generalised plant whose H2 norm squared is the cost: unit noise in, weighted states and controls out."""
+    """Return the generalized plant whose H2 norm squared is the cost: unit noise in, weighted states and controls out."""
     n = len(way.A)
     weight = square_root(blocks([[problem.Q, problem.N], [problem.N.T, problem.R]])).T
     drive = square_root(blocks([[noise.W, noise.S], [noise.S.T, noise.V]]))
@@ -217,7 +217,7 @@ def _weighted(way: Lti, problem: RiccatiProblem, noise: Noise) -> Lti:
 
 
 def _between_all(plant: Lti, controls: Sequence[str], measured: Sequence[str]) -> Lti:
-    """Return the generalised plant from the inputs that are no controls to all outputs; a signal may stand on both sides."""
+    """Return the generalized plant from the inputs that are no controls to all outputs; a signal may stand on both sides."""
     entering = tuple(name for name in plant.input_labels if name not in controls) or tuple(controls)
     columns = [plant.input_labels.index(name) for name in (*entering, *controls)]
     return plant.between(columns, [plant.output_labels.index(name) for name in (*plant.output_labels, *measured)])

@@ -109,13 +109,13 @@ def lqr(
     integral_action: Sequence[str] | Mapping[str, float] = (),
     N: ArrayLike | None = None,
 ) -> LqrResult:
-    """Return the state feedback ``u = -F x`` that minimises the integral of ``x^T Q x + y^T W y + u^T R u + 2 x^T N u``.
+    """Return the state feedback ``u = -F x`` that minimizes the integral of ``x^T Q x + y^T W y + u^T R u + 2 x^T N u``.
 
     Parameters
     ----------
     system : control.StateSpace or SecondOrderModel
         The system ``x' = A x + B u``, signals named.  Of a discrete one, ``x+ = A x + B u``, the sum over the samples is
-        minimised.
+        minimized.
     Q : number, vector, matrix, mapping from state name to number, or None
         Weight of the states, positive semidefinite; None weighs none of them.
     R : number, vector, matrix or mapping from control name to number

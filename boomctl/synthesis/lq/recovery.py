@@ -139,7 +139,7 @@ def loop_transfer_recovery(
     >>> mass = control.ss([[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]], [[1.0, 0.0]], 0.0, inputs="force", outputs="place")
     >>> setting = {"output_weight": {"place": 1.0}, "noise_intensities": [1.0, 1e2, 1e4], "omega_range": (0.1, 10.0)}
     >>> found = bc.synthesis.loop_transfer_recovery(mass, None, 1.0, {"force": 1.0}, 1.0, **setting)
-    >>> found.gaps.round(2)  # the more noise, the nearer
+    >>> found.recovery_errors.round(2)  # the more noise, the nearer
     array([0.97, 0.87, 0.3 ])
     """
     plant = plant_of(system)

@@ -1,4 +1,4 @@
-"""Stabilising solutions of Riccati equations, refined by Newton's method and certified in the coordinates given.
+"""Stabilizing solutions of Riccati equations, refined by Newton's method and certified in the coordinates given.
 
 ``A^T X + X A + Q - (X B + N) R^-1 (X B + N)^T = 0``, solved by the Schur vectors of the Hamiltonian matrix (Laub 1979;
 SLICOT SB02MD) in modal coordinates scaled so that each mode is as easy to move as to see, then by Newton's method
@@ -78,7 +78,7 @@ class RiccatiProblem:
 
 @dataclass(frozen=True)
 class RiccatiSolution:
-    """A stabilising solution, and what was found about it in the coordinates of the problem and apart from the solver.
+    """A stabilizing solution, and what was found about it in the coordinates of the problem and apart from the solver.
 
     Attributes
     ----------
@@ -160,7 +160,7 @@ _COORDINATES: dict[str, Callable[[Array, Array, Array], Change | None]] = {
 
 
 def solve_riccati(problem: RiccatiProblem, what: str = "Riccati equation") -> RiccatiSolution:
-    """Return the most exact stabilising solution of those found in one set of coordinates after the other.
+    """Return the most exact stabilizing solution of those found in one set of coordinates after the other.
 
     Raises
     ------
@@ -190,7 +190,7 @@ def solve_riccati(problem: RiccatiProblem, what: str = "Riccati equation") -> Ri
         if _rank(best) <= _GOOD:
             break
     if best is None:
-        raise SynthesisError(f"{what}: no stabilising solution was found; eigenvalues lie too close to the axis")
+        raise SynthesisError(f"{what}: no stabilizing solution was found; eigenvalues lie too close to the axis")
     if not _rank(best) <= 1.0:
         raise SynthesisError(
             f"{what}: the best solution found is not exact enough to vouch for (relative residual {best.residual:.1e}, "
@@ -200,7 +200,7 @@ def solve_riccati(problem: RiccatiProblem, what: str = "Riccati equation") -> Ri
 
 
 def _rank(c: RiccatiSolution) -> float:
-    """Return what is in doubt of a solution as a share of what may be; ``inf`` where it does not stabilise."""
+    """Return what is in doubt of a solution as a share of what may be; ``inf`` where it does not stabilize."""
     return max(c.cost_error / LARGEST_COST_ERROR, c.residual / LARGEST_RESIDUAL) if c.abscissa < 0.0 else np.inf
 
 
@@ -220,7 +220,7 @@ def _start(own: RiccatiProblem) -> tuple[str, Array | None]:
 
 
 def _refined(own: RiccatiProblem, X: Array) -> Array | None:
-    """Return a solution after Newton steps, as many as make it better; None if it does not stabilise."""
+    """Return a solution after Newton steps, as many as make it better; None if it does not stabilize."""
     last = np.inf
     for _ in range(_STEPS):
         step, _ = newton_step(own, X, own.residual(X))
@@ -236,7 +236,7 @@ def _refined(own: RiccatiProblem, X: Array) -> Array | None:
 
 
 def newton_step(problem: RiccatiProblem, X: Array, residual: Array) -> tuple[Array | None, Array]:
-    """Return the change of ``X`` that Newton's method makes (None where ``X`` does not stabilise) and the poles."""
+    """Return the change of ``X`` that Newton's method makes (None where ``X`` does not stabilize) and the poles."""
     closed, d = balance(problem.A - problem.B @ problem.gain(X))
     T, Z = linalg.schur(closed, output="complex")
     poles = np.asarray(np.diag(T), dtype=complex)

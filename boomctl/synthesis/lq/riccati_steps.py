@@ -1,6 +1,6 @@
 """The Riccati equation of discrete time, ``X = A^T X A + Q - (A^T X B + N)(R + B^T X B)^-1 (A^T X B + N)^T``.
 
-Solved by structure-preserving doubling (Chu, Fan, Lin & Wang 2004) or, where that does not stabilise, by the generalised
+Solved by structure-preserving doubling (Chu, Fan, Lin & Wang 2004) or, where that does not stabilize, by the generalized
 Schur vectors of the extended pencil (Van Dooren 1981, SciPy), then by Newton's method (Hewer 1971); certified apart from
 these, by the residual in extended precision, by one more Newton step and by the poles of the closed loop.
 """
@@ -36,7 +36,7 @@ _DOUBLINGS = (
 
 
 def solution_of(problem: RiccatiProblem, what: str) -> RiccatiSolution:
-    """Return the stabilising solution of a problem in either time.
+    """Return the stabilizing solution of a problem in either time.
 
     States that decay and from which no path leads to the weight cost nothing: they are left out, and ``X`` is zero there.
     A solver would leave rounding, which beside a cost of zero is any doubt.
@@ -75,7 +75,7 @@ def _weighted_states(problem: RiccatiProblem) -> Array:
 
 
 def solve_steps(problem: RiccatiProblem, what: str) -> RiccatiSolution:
-    """Return the stabilising solution of a problem in discrete time.
+    """Return the stabilizing solution of a problem in discrete time.
 
     Raises
     ------
@@ -88,7 +88,7 @@ def solve_steps(problem: RiccatiProblem, what: str) -> RiccatiSolution:
     for name, start in _STARTS.items():
         path.append(name)
         try:
-            with np.errstate(over="ignore", invalid="ignore"):  # of what it does not stabilise
+            with np.errstate(over="ignore", invalid="ignore"):  # of what it does not stabilize
                 X = start(p)
         except (linalg.LinAlgError, ValueError):
             continue
@@ -99,7 +99,7 @@ def solve_steps(problem: RiccatiProblem, what: str) -> RiccatiSolution:
             if _rank(best, p.dt) <= 1.0:
                 break
     if best is None or _rank(best, p.dt) == np.inf:
-        raise SynthesisError(f"{what}: no stabilising solution was found; eigenvalues lie too close to the unit circle")
+        raise SynthesisError(f"{what}: no stabilizing solution was found; eigenvalues lie too close to the unit circle")
     if _rank(best, p.dt) > 1.0:
         raise SynthesisError(
             f"{what}: the solution found is not exact enough to vouch for (relative residual {best.residual:.1e}, cost in "
@@ -115,7 +115,7 @@ def _rank(found: RiccatiSolution, dt: float) -> float:
 
 
 def _doubled(p: RiccatiProblem) -> Array:
-    """Return the cost of two, four, eight and more steps; what is not weighed is not stabilised."""
+    """Return the cost of two, four, eight and more steps; what is not weighed is not stabilized."""
     A, acting, H = p.shifted
     G, one = acting @ acting.T, np.eye(len(A))
     for _ in range(_DOUBLINGS):
@@ -155,7 +155,7 @@ def _refined(p: RiccatiProblem, X: Array) -> RiccatiSolution:
 
 
 def _certified(p: RiccatiProblem, X: Array, near: bool) -> tuple[RiccatiSolution, Array | None]:
-    """Return what is found about a solution, and the Newton step from there; None where it does not stabilise.
+    """Return what is found about a solution, and the Newton step from there; None where it does not stabilize.
 
     Where ``X`` is ``near``, the step is solved for with each state scaled by its own cost, the scale in which it is judged:
     in any other the rounding of the states that cost most hides those that cost least.

@@ -16,7 +16,7 @@ class Channel:
     Attributes
     ----------
     inputs, outputs : tuple of str or None
-        Disturbances and performance signals of the generalised plant; None: all.
+        Disturbances and performance signals of the generalized plant; None: all.
     norm : str
         "hinf" or "h2".
     budget : float or None
@@ -56,7 +56,7 @@ def objective(
     Parameters
     ----------
     inputs, outputs : str or sequence of str, optional
-        Disturbances and performance signals of the generalised plant; by default all.
+        Disturbances and performance signals of the generalized plant; by default all.
     norm : {"hinf", "h2"}
         Largest singular value over frequency, or RMS of the outputs to white noise.
 
@@ -89,7 +89,7 @@ def constraint(
     Parameters
     ----------
     inputs, outputs : str or sequence of str, or None
-        Disturbances and performance signals of the generalised plant; None: all.
+        Disturbances and performance signals of the generalized plant; None: all.
     limit : float
         The largest norm allowed, in the signals' units.
     norm : {"hinf", "h2"}

@@ -30,7 +30,7 @@ from boomctl.synthesis.plants.partition import GeneralizedPlant, cancelled
 if TYPE_CHECKING:
     import control
 
-_ORIGIN = "_boomctl_reduced_plant"  # the attribute in which a generalised plant carries what it was made of
+_ORIGIN = "_boomctl_reduced_plant"  # the attribute in which a generalized plant carries what it was made of
 _MOST_POLES = 800  # states of a full loop whose poles are computed: two seconds (a choice)
 _MOST_NORM = 200  # states of a full loop whose norm is certified: a second (a choice)
 _WORSE = 1.1  # times the norm on the reduced plant: a norm on the full one above that is worth a warning (a choice)
@@ -43,14 +43,14 @@ class ReductionWarning(UserWarning):
 
 @dataclass(frozen=True, eq=False)
 class ReducedPlant:
-    """What a generalised plant was made of.
+    """What a generalized plant was made of.
 
     Attributes
     ----------
     reduction : ReductionResult
         Of the plant within.
     around : callable
-        Makes the generalised plant around any plant with the same signals.
+        Makes the generalized plant around any plant with the same signals.
     """
 
     reduction: ReductionResult
@@ -66,14 +66,14 @@ def plant_within(plant: Any) -> Lti:
 
 
 def carrying(P: "control.StateSpace", plant: Any, around: Callable[[Lti], Lti]) -> "control.StateSpace":
-    """Return a generalised plant that knows, where its plant is a reduction, what that was made of."""
+    """Return a generalized plant that knows, where its plant is a reduction, what that was made of."""
     if isinstance(plant, ReductionResult):
         setattr(P, _ORIGIN, ReducedPlant(plant, around))
     return P
 
 
 def origin_of(P: Any) -> ReducedPlant | None:
-    """Return what a generalised plant was made of, if its plant is a reduction, or it is one itself."""
+    """Return what a generalized plant was made of, if its plant is a reduction, or it is one itself."""
     return ReducedPlant(P, of) if isinstance(P, ReductionResult) else getattr(P, _ORIGIN, None)
 
 

@@ -1,4 +1,4 @@
-"""Generalised plants put together from a plant and weights at its signals, in state space; every name survives."""
+"""Generalized plants put together from a plant and weights at its signals, in state space; every name survives."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def generalized_plant(
     measurements: str | Sequence[str],
     controls: str | Sequence[str],
 ) -> control.StateSpace:
-    """Return a generalised plant: what disturbs, what shall be small, what is measured and what is set, with weights.
+    """Return a generalized plant: what disturbs, what shall be small, what is measured and what is set, with weights.
 
     A weight is a number or a stable system with one input and one output (`low_pass`, `high_pass`, `band_pass`,
     `shelf`).  Numbers add no states; inputs and outputs that nobody names are left out.  Of a discrete plant a weight has the
@@ -44,8 +44,8 @@ def generalized_plant(
     ----------
     plant : control.StateSpace, SecondOrderModel or ReductionResult
         With named signals, in continuous or discrete time (:func:`boomctl.analysis.sample_plant`).  Of a reduction, what
-        `reduce` returns, the reduced system is taken; the generalised plant remembers its error, and `h_infinity` says
-        what the design is worth on the full one.  Other operations on the generalised plant forget it.
+        `reduce` returns, the reduced system is taken; the generalized plant remembers its error, and `h_infinity` says
+        what the design is worth on the full one.  Other operations on the generalized plant forget it.
     disturbances : mapping from input to weight
         What drives the plant; ``"actuator_sym"`` becomes the input ``"w_actuator_sym"`` in front of its weight.
     performance : mapping from output to weight
@@ -157,7 +157,7 @@ def mixed_sensitivity(
     W2: Weight | None = None,
     W3: Weight | None = None,
 ) -> control.StateSpace:
-    """Return the generalised plant of mixed sensitivity: weighted control errors, controls and outputs, for references.
+    """Return the generalized plant of mixed sensitivity: weighted control errors, controls and outputs, for references.
 
     The controller reads the control errors ``e = r - y``.  The closed loop is ``[W1 S; W2 K S; W3 T]``, with
     ``S = (I + G K)^-1`` and ``T = G K S``.

@@ -1,4 +1,4 @@
-"""A generalised plant and its partition: disturbances and controls, performance signals and measurements."""
+"""A generalized plant and its partition: disturbances and controls, performance signals and measurements."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -144,7 +144,7 @@ class GeneralizedPlant:
 def partition(
     P: "control.StateSpace", nmeas: int | None, ncon: int | None, *, sampled: bool = False
 ) -> GeneralizedPlant:
-    """Return a generalised plant whose last outputs are measured and whose last inputs are controls.
+    """Return a generalized plant whose last outputs are measured and whose last inputs are controls.
 
     In discrete time too if ``sampled``.  Counts that are None are told by the names that `generalized_plant` and
     `mixed_sensitivity` give.
@@ -157,7 +157,7 @@ def partition(
     """
     if not (isinstance(P, Lti) or is_statespace(P) or is_transfer_function(P)):
         raise TypeError(
-            f"P: expected a generalised plant, a StateSpace, got {type(P).__name__}; boomctl.generalized_plant(system, "
+            f"P: expected a generalized plant, a StateSpace, got {type(P).__name__}; boomctl.generalized_plant(system, "
             "performance={...}, measurements=[...], controls=[...], ...) makes one of a structure or a system"
         )
     system = of(P, "P", "StateSpace", sampled=sampled)
@@ -237,7 +237,7 @@ def _places(what: str, wanted: Sequence[str], names: Sequence[str], there: Seque
 
 @one_blas_thread
 def lft(P: "control.StateSpace", controller: "Controller") -> "control.StateSpace":
-    """Return a generalised plant closed by a controller from its measurements to its controls.
+    """Return a generalized plant closed by a controller from its measurements to its controls.
 
     The controller's inputs are the last outputs of ``P`` and its outputs the last inputs: found by name where the
     controller bears their names, in that order where all of its names are strange to ``P``.
@@ -245,7 +245,7 @@ def lft(P: "control.StateSpace", controller: "Controller") -> "control.StateSpac
     Parameters
     ----------
     P : control.StateSpace
-        Generalised plant: its last inputs are controls, its last outputs measurements.
+        Generalized plant: its last inputs are controls, its last outputs measurements.
     controller : control.StateSpace, control.TransferFunction, or a design, which holds one
         ``u = K y``, of the same sampling time if there is one. For a scaled ``P`` in its scaled signals or, if designed
         by boomctl, in the units of the machine.

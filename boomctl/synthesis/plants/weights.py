@@ -1,4 +1,4 @@
-"""Weights for generalised plants: small stable filters in state space, corner frequencies in rad/s."""
+"""Weights for generalized plants: small stable filters in state space, corner frequencies in rad/s."""
 
 from __future__ import annotations
 
@@ -133,9 +133,9 @@ def band_pass(gain: float, low: float, high: float) -> control.StateSpace:
     g, a, b = real("gain", gain), positive("low", low), positive("high", high)
     if a >= b:
         raise ValueError(f"low, high = {exactly(a)}, {exactly(b)}: expected ascending frequencies [rad/s]")
-    centre = float(np.sqrt(a * b))
-    damping = (b - a) / (2.0 * centre)
-    return _filter(*_second(centre, damping), [[0.0, 2.0 * g * damping]], 0.0)
+    center = float(np.sqrt(a * b))
+    damping = (b - a) / (2.0 * center)
+    return _filter(*_second(center, damping), [[0.0, 2.0 * g * damping]], 0.0)
 
 
 def shelf(low_gain: float, high_gain: float, corner: float, order: int = 1) -> control.StateSpace:

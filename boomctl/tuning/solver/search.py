@@ -1,4 +1,4 @@
-"""The search from many starts: stabilise, descend, polish, in turn until nothing changes; the best so far is kept."""
+"""The search from many starts: stabilize, descend, polish, in turn until nothing changes; the best so far is kept."""
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
@@ -17,7 +17,7 @@ from boomctl.tuning.solver.bundle import polish
 from boomctl.tuning.solver.descent import descend
 from boomctl.tuning.solver.starts import drawn, grown, lower
 
-_STABILISING = 300  # steps of the descent of the spectral abscissa at most (a choice)
+_STABILIZING = 300  # steps of the descent of the spectral abscissa at most (a choice)
 _DESCENDING, _POLISHING = 5, 60  # steps of a descent and of a polish at most (choices: polishing gains more a second)
 _LONG = 400  # steps of a descent where second derivatives are not known (a choice)
 _FINISHED = 2  # starts that are taken to the end, the best after their first turn (a choice)
@@ -46,7 +46,7 @@ class TuneStart:
     origin : str
         How it began.
     objective : float
-        The objective that it reached; ``inf`` where no stabilising controller, or none within the bounds, was found.
+        The objective that it reached; ``inf`` where no stabilizing controller, or none within the bounds, was found.
     nit : int
         Steps taken.
     converged : bool
@@ -180,10 +180,10 @@ class Search:
             self.finish(self.begin(self.problem.clipped(moved), "shaken"))
 
     def begin(self, x: Array, kind: str) -> "LocalSearch":
-        """Stabilise from one start, and take a first turn."""
+        """Stabilize from one start, and take a first turn."""
         local = LocalSearch(kind, x)
         self.searches.append(local)
-        found, local.steps = self.stabilised(x)
+        found, local.steps = self.stabilized(x)
         if found is not None:
             local.x, local.open = found, True
             self.keep(Point(self.problem, found, self.known))
@@ -243,7 +243,7 @@ class Search:
         elif fine and done.stationary:
             local.gain = 0.0  # the last digits alone are left
 
-    def stabilised(self, x: Array) -> tuple[Array | None, int]:
+    def stabilized(self, x: Array) -> tuple[Array | None, int]:
         """Return free numbers at which all loops are stable, found by descending the spectral abscissa."""
         if self.point(x).stable:
             return x, 0
@@ -256,7 +256,7 @@ class Search:
             x,
             self.problem.low,
             self.problem.high,
-            steps=_STABILISING,
+            steps=_STABILIZING,
             gain=1e-9,
             enough=enough,
         )

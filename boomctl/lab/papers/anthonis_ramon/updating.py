@@ -54,7 +54,7 @@ class BoomUpdating:
     first_hz : float
         The first frequency that this predicts [Hz].
     first_interval_hz : (float, float)
-        Where it lies with 95 %, parameters of the linearised model.
+        Where it lies with 95 %, parameters of the linearized model.
     """
 
     parameters: BoomParameters

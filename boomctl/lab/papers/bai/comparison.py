@@ -84,7 +84,7 @@ _FORMATS = {
     "exact": "k:",
     "SFOAM, 1 mode": "C3:",
 }
-"""One colour and dash a model, as matplotlib writes them."""
+"""One color and dash a model, as matplotlib writes them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,7 +98,7 @@ class Line:
 
 
 def lines(x: Array, curves: Mapping[str, Array], markers: Sequence[str] = ("",)) -> tuple[Line, ...]:
-    """Return curves by label over one abscissa, with these markers in turn; those of models in the models' colours."""
+    """Return curves by label over one abscissa, with these markers in turn; those of models in the models' colors."""
     marked = zip(curves.items(), cycle(markers), strict=False)
     return tuple(Line(name, x, y, _FORMATS.get(name, "-") + marker) for (name, y), marker in marked)
 

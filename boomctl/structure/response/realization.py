@@ -1,4 +1,4 @@
-"""State-space realisation of a second-order model.
+"""State-space realization of a second-order model.
 
 For a displacement input (``u = d``) the states are those of Anthonis & Ramon (2003), Eqs. (9) and (10):
 ``x1 = q - G d`` with ``G = M^-1 B2`` and ``x2 = x1' - H d`` with ``H = M^-1 (B1 - C G)``.  Where the velocity
@@ -137,7 +137,7 @@ def _outputs(
 
 
 def _check_proper(ports: Ports, missing: tuple[Array, Array, Array], felt: Callable[[], tuple[Array, Array]]) -> None:
-    """Raise where an unfiltered output needs a derivative of an input that the realisation does not have."""
+    """Raise where an unfiltered output needs a derivative of an input that the realization does not have."""
     G, H, G2 = missing
     order = np.array(ports.integrators, dtype=int)
     L1, L2, E1, E2 = ports.L[1], ports.L[2], ports.E[1] * (order < 1), ports.E[2] * (order < 2)
