@@ -7,6 +7,7 @@
 
 import difflib
 import inspect
+import re
 from importlib import import_module
 from pathlib import Path
 
@@ -17,6 +18,13 @@ import boomctl.structure
 import boomctl.tunable
 
 STORED = Path(__file__).with_name("public_names.txt")
+_VAGUE = {"chance", "each", "path", "place", "share", "statement"}
+# names that end as participles and adverbs do: nouns, and adjectives that control theory and SciPy use
+_NOUNS = {"assembly", "damping", "family", "foreshortening", "seed", "spacing", "speed", "to_string"}
+_ADJECTIVES = {
+    "certified", "closely_spaced", "commanded", "completed", "converged", "decentralized", "elapsed", "error_std_estimated",
+    "fixed", "followed", "proved", "recovered", "reduced", "scaled", "tail_bounded",
+}  # fmt: skip
 
 # where the models and results that users are handed are exported; their members are listed under the bare class name
 PACKAGES = (
@@ -99,6 +107,13 @@ def test_public_names_parameters_and_members_are_those_written_down():
     stored = STORED.read_text().splitlines()
     changes = list(difflib.unified_diff(stored, _lines(), "written down", "now", lineterm="", n=0))
     assert not changes, "\n".join([*changes, "deliberate? python -m tests.test_public_names"])
+
+
+def test_names_are_nouns_and_verbs():
+    names = {line.partition("(")[0].rpartition(".")[2] for line in STORED.read_text().splitlines()}
+    assert not names & _VAGUE
+    ends = {name for name in map(str.lower, names) if re.search(r"(ed|ing|ly)$", name)}
+    assert {name for name in ends if not name.endswith(tuple(_NOUNS))} <= _ADJECTIVES
 
 
 if __name__ == "__main__":
