@@ -44,10 +44,10 @@ def known_along(at: Callable[[Array], dict[str, Array]], negligible: Sizes, degr
     """
     count = min(_FIRST_POINTS, degree + 1)
     while True:
-        found = at(chebyshev.chebpts1(count))
-        least = negligible(found)
-        if count > degree or all((np.abs(series(stack)[-2:]) <= least[name]).all() for name, stack in found.items()):
-            return found
+        result = at(chebyshev.chebpts1(count))
+        least = negligible(result)
+        if count > degree or all((np.abs(series(stack)[-2:]) <= least[name]).all() for name, stack in result.items()):
+            return result
         count = min(2 * count - 1, degree + 1)
 
 
@@ -128,16 +128,16 @@ def fitted(
         stacks = {name: np.concatenate([stacks.get(name, stack[:0]), stack]) for name, stack in new.items()}
         products, known = _products(places, chosen), _products(tried, chosen)
         inverse = np.linalg.pinv(products)
-        found, off, miss = {}, {}, 0.0
+        result, off, miss = {}, {}, 0.0
         for name, least in negligible(stacks).items():
             coefficients = np.tensordot(inverse, stacks[name], 1)
             coefficients[np.abs(coefficients) <= least] = 0.0
             misses = ((known, wanted[name]), (products, stacks[name]))
             off[name] = np.maximum(*(np.abs(np.tensordot(T, coefficients, 1) - X).max(axis=0) for T, X in misses))
-            found[name] = _in_powers(coefficients, chosen)
+            result[name] = _in_powers(coefficients, chosen)
             miss = max(miss, float((off[name] / np.maximum(least, TINY)).max(initial=0.0)))
         if miss <= exact or beyond == inf:
-            return found, off, miss
+            return result, off, miss
         reach = max(_WIDER * reach, beyond)  # by one term at least
 
 
@@ -145,14 +145,14 @@ def _degrees_of_groups(
     counts: Sequence[int], reach: float, groups: Sequence[Sequence[int]]
 ) -> tuple[NDArray[np.int_], float]:
     """Return the degrees of products of variables of one group, and the least sum beyond the reach."""
-    found, least = [np.zeros((1, len(counts)), int)], inf
+    result, least = [np.zeros((1, len(counts)), int)], inf
     for group in groups:
         own, beyond = _degrees([counts[i] for i in group], reach)
         wide = np.zeros((len(own), len(counts)), int)
         wide[:, list(group)] = own
-        found.append(wide[own.any(axis=1)])
+        result.append(wide[own.any(axis=1)])
         least = min(least, beyond)
-    return np.concatenate(found), least
+    return np.concatenate(result), least
 
 
 def _degrees(counts: Sequence[int], reach: float) -> tuple[NDArray[np.int_], float]:
@@ -178,10 +178,10 @@ def _degrees(counts: Sequence[int], reach: float) -> tuple[NDArray[np.int_], flo
 
 def _products(places: Array, degrees: Array) -> Array:
     """Return products of Chebyshev polynomials at places (n, k): (n, terms)."""
-    found = np.ones((len(places), len(degrees)))
+    result = np.ones((len(places), len(degrees)))
     for x, degree in zip(places.T, degrees.T, strict=True):
-        found *= np.cos(np.arccos(np.clip(x, -1.0, 1.0))[:, None] * degree)
-    return found
+        result *= np.cos(np.arccos(np.clip(x, -1.0, 1.0))[:, None] * degree)
+    return result
 
 
 def _in_powers(coefficients: Array, degrees: Array) -> dict[tuple[int, ...], Array]:

@@ -238,7 +238,7 @@ def no_signals(name: str, value: object, expected: str) -> None:
         Which says what is expected there, and where signals are named.
     """
     given = [value] if isinstance(value, str) else value
-    if isinstance(given, list | tuple) and any(isinstance(each, str) for each in given):
+    if isinstance(given, list | tuple) and any(isinstance(item, str) for item in given):
         raise TypeError(f"{name} = {shown(value)}: expected {expected}; signals are named by inputs= and outputs=")
 
 
@@ -297,10 +297,10 @@ def names(what: str, wanted: str | Sequence[str] | None, choices: Sequence[str])
 
 def some_names(what: str, wanted: str | Sequence[str] | None, choices: Sequence[str]) -> tuple[str, ...]:
     """Return the wanted names as `names` does; none at all are refused."""
-    found = names(what, wanted, choices)
-    if not found:
+    result = names(what, wanted, choices)
+    if not result:
         raise ValueError(f"{what}s: expected at least one name, got none")
-    return found
+    return result
 
 
 def job_count(value: Any) -> int:

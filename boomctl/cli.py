@@ -125,7 +125,7 @@ def _fail(message: str, code: int) -> NoReturn:
 def _write(report: "Report", folder: Path) -> None:
     """Write a report into a folder, and name its other files, which are not of this run."""
     written = report.write(folder)
-    others = sorted(each.name for each in folder.iterdir() if each.is_file() and each not in written)
+    others = sorted(item.name for item in folder.iterdir() if item.is_file() and item not in written)
     if others:
         print(f"boomctl: {folder}: also has files that are not of this run: {', '.join(others)}", file=sys.stderr)
     print(f"Report: {folder / 'report.html'}")
@@ -233,9 +233,9 @@ def reproduce(asked: Namespace) -> dict[str, Any]:
     folder, results, reports = prepared_folder(asked.out), {}, []
     jobs = {name: job for work, _ in papers for name, job in work.items()}
     with computing("reproduction") as tell:
-        found = run_jobs(jobs, workers, tell)
+        result = run_jobs(jobs, workers, tell)
     for name, (_, report_of) in zip(names, papers, strict=True):
-        report = report_of(found)
+        report = report_of(result)
         results[name] = plain(report.results)
         reports.append((_PAPERS[name], report.html))
         _print_paper(name, results[name])
@@ -270,8 +270,8 @@ def _print_paper(name: str, results: dict[str, Any]) -> None:
         print(f"Bai et al. (2009), numbers and statements: {verdicts}.")
         return
     print("Anthonis & Ramon (2003), Table 1, difference from the published frequencies in percent:")
-    for method, found in results["table_1"]["methods"].items():
-        print(f"  {method}: {', '.join(f'{percent:+.2f}' for percent in found['difference_percent'])}")
+    for method, result in results["table_1"]["methods"].items():
+        print(f"  {method}: {', '.join(f'{percent:+.2f}' for percent in result['difference_percent'])}")
     print(
         "The geometrical column's fourth value, 2.9316 Hz, is not reproducible under any reading tried; see the report."
     )
@@ -293,8 +293,8 @@ def identify(asked: Namespace) -> Any:
         "quantity": asked.quantity,
         "intersample": asked.intersample,
     }
-    found, report = identified_file(asked.record, asked.inputs, asked.outputs, asked.sample_time, **options)
-    print(found)
+    result, report = identified_file(asked.record, asked.inputs, asked.outputs, asked.sample_time, **options)
+    print(result)
     _write(report, folder)
     return report.results
 
@@ -310,11 +310,11 @@ def benchmark(asked: Namespace) -> dict[str, Any]:
 
     folder = None if asked.out is None else prepared_folder(asked.out)
     with computing("benchmark") as tell:
-        found = run(asked.what, quick=asked.quick, progress=tell)
-    print(found)
+        result = run(asked.what, quick=asked.quick, progress=tell)
+    print(result)
     if folder is not None:
-        _write(found.report(), folder)
-    return found.as_dict()
+        _write(result.report(), folder)
+    return result.as_dict()
 
 
 def parameters(asked: Namespace) -> dict[str, Any]:
@@ -334,17 +334,17 @@ def notebooks(asked: Namespace) -> list[str]:
     from boomctl.studies.catalogue import shipped
 
     source = shipped("notebooks")
-    found = sorted(path for path in source.glob("*") if path.is_file() and path.name[0] not in "._")
-    if not any(path.suffix == ".ipynb" for path in found):
+    result = sorted(path for path in source.glob("*") if path.is_file() and path.name[0] not in "._")
+    if not any(path.suffix == ".ipynb" for path in result):
         raise RuntimeError(f"there are no notebooks in {source}: this installation of boomctl came without them")
     if asked.out.resolve() == source.resolve():
         raise ValueError(f"--out {asked.out}: that is where they come from; expected another folder")
-    there = [path.name for path in found if (asked.out / path.name).exists()]
+    there = [path.name for path in result if (asked.out / path.name).exists()]
     if there and not asked.force:
         raise ValueError(f"--out {asked.out}: {', '.join(there)} already there; expected another folder, or --force")
     prepared_folder(asked.out)
-    write_all({asked.out / path.name: path.read_bytes() for path in found})
-    copied = [str(asked.out / path.name) for path in found]
+    write_all({asked.out / path.name: path.read_bytes() for path in result})
+    copied = [str(asked.out / path.name) for path in result]
     print(*copied, sep="\n")
     return copied
 

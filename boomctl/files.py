@@ -108,10 +108,10 @@ def json_text(value: Any) -> str:
 
 def _file(path: str | Path) -> Path:
     """Return a path that is not that of a folder."""
-    found = checked_path("path", path)
-    if found.is_dir():
+    result = checked_path("path", path)
+    if result.is_dir():
         raise ValueError(f"{path}: expected a file, got a folder")
-    return found
+    return result
 
 
 def read_toml(path: str | Path) -> dict[str, Any]:

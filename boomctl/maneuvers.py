@@ -250,7 +250,7 @@ class HubProfile(PrescribedMotion):
             low, high = ends[:, :-1].ravel(), ends[:, 1:].ravel()
             if not len(low):
                 break
-        at, missed = (np.concatenate(each) for each in zip(*settled, strict=True))
+        at, missed = (np.concatenate(item) for item in zip(*settled, strict=True))
         order = np.argsort(at)
         apart = np.abs(np.cumsum(missed[order]))
         worst = int(np.argmax(apart))
@@ -555,10 +555,10 @@ def _breakpoints(values: tuple[float, ...]) -> tuple[float, ...]:
 
 def _real_numbers(value: object) -> Array:
     """Return what a user's function returned as real numbers; complex ones are none."""
-    found = plain_array("function", value)  # type: ignore[arg-type]
-    if found.dtype.kind not in "iuf":
+    result = plain_array("function", value)  # type: ignore[arg-type]
+    if result.dtype.kind not in "iuf":
         raise TypeError
-    return found.astype(float)
+    return result.astype(float)
 
 
 def _number(name: str, value: object, t: float) -> float:
@@ -575,7 +575,7 @@ def _evaluate(name: str, function: TimeFunction, t: ArrayLike) -> Array:
     try:
         values = np.broadcast_to(_real_numbers(function(t)), t.shape)
     except (TypeError, ValueError):
-        values = np.array([_number(name, function(float(each)), each) for each in t.ravel()]).reshape(t.shape)
+        values = np.array([_number(name, function(float(item)), item) for item in t.ravel()]).reshape(t.shape)
     if not np.all(np.isfinite(values)):
         where = t[~np.isfinite(values)].ravel()[0]
         raise ValueError(f"{name} at t = {where:g} s: expected a finite number")

@@ -79,9 +79,9 @@ class Parameters:
         """
         from boomctl.files import read_toml
 
-        found = read_toml(path)
-        table = found.get(cls._toml_table)
-        values = table if isinstance(table, dict) else found
+        result = read_toml(path)
+        table = result.get(cls._toml_table)
+        values = table if isinstance(table, dict) else result
         defaults = {field.name: field.default for field in fields(cls)}  # type: ignore[arg-type]
         try:
             for key, value in values.items():

@@ -26,8 +26,8 @@ class Places(NamedTuple):
 def lifted(matrices: Sequence[Array | float]) -> tuple[tuple[Places, ...], Array]:
     """Return the places of matrices, vectors (as columns) and numbers, and the entries there, those of all in one vector."""
     places, entries = [], []
-    for each in matrices:
-        matrix = np.asarray(each, dtype=float)
+    for item in matrices:
+        matrix = np.asarray(item, dtype=float)
         matrix = matrix.reshape(matrix.shape[0] if matrix.ndim else 1, -1)
         size = np.abs(matrix)
         filled = size > _ZERO * size.max(initial=0.0)
@@ -45,7 +45,7 @@ def symbols(places: Sequence[Places]) -> tuple[casadi.SX, list[casadi.SX]]:
         column, row = np.nonzero(np.frombuffer(filled, dtype=bool).reshape(rows, columns).T)
         patterns.append(ca.Sparsity.triplet(rows, columns, row.tolist(), column.tolist()))
     vector, ends = (
-        ca.SX.sym("constants", sum(each.nnz() for each in patterns)),
+        ca.SX.sym("constants", sum(item.nnz() for item in patterns)),
         np.cumsum([0, *map(ca.Sparsity.nnz, patterns)]),
     )
     spans = zip(patterns, ends[:-1].tolist(), ends[1:].tolist(), strict=True)

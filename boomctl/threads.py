@@ -81,11 +81,11 @@ def _libraries() -> "dict[bool, list[LibController]]":
     """Return the BLAS libraries that are loaded, by whether their numbers of threads belong to threads of Python."""
     from threadpoolctl import ThreadpoolController  # the import and the search take some 2 ms each
 
-    found: dict[bool, list[LibController]] = {False: [], True: []}
+    result: dict[bool, list[LibController]] = {False: [], True: []}
     for library in ThreadpoolController().select(user_api="blas").lib_controllers:
         own = library.internal_api == "openblas" and getattr(library, "threading_layer", "") == "openmp"
-        found[own].append(library)
-    return found
+        result[own].append(library)
+    return result
 
 
 def _set_threads(counts: "list[tuple[LibController, int]]") -> None:

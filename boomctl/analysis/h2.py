@@ -112,13 +112,13 @@ def _doubtful(system: Lti, near: Array, why: str) -> NormBounds:
 def _finite(system: Lti) -> NormBounds:
     """Return the norm of a stable system, in continuous time without a feedthrough."""
     modes = verified_modal_form(system)
-    found = None if modes is None else _by_modes(modes, system.dt)
-    if found is not None and found.certified:
-        return found
+    result = None if modes is None else _by_modes(modes, system.dt)
+    if result is not None and result.certified:
+        return result
     known = _proved(system)
     if known.upper_bound < inf:
         return known
-    known = found or known
+    known = result or known
     return replace(known, _value=float(np.clip(_by_gramian(system), known.lower_bound, known.upper_bound)))
 
 

@@ -49,14 +49,14 @@ def marginal_poles(given: System) -> MarginalPoles:
     """Return what is known of the poles of a (balanced) system at the imaginary axis; of a loop, as its parts are stored."""
     system, made = given.system, given.magnitudes
     hidden, open_ = np.zeros((2, len(system.A)), bool)
-    found = MarginalPoles(None, None, hidden, open_)
+    result = MarginalPoles(None, None, hidden, open_)
     if not len(system.A):
-        return found
+        return result
     poles, reads, right = system.eigensystem
     decay = -poles.real if system.dt == 0.0 else 1.0 - np.abs(poles)
     fastest, known = int(np.argmin(decay)), bounds(system, made, decay)
     if known == (inf, 0.0):
-        return replace(found, infinite=complex(system.rates[fastest]))
+        return replace(result, infinite=complex(system.rates[fastest]))
     if known is not None:
         return MarginalPoles(None, None, hidden, open_, *known)
     from boomctl.exact_roots import OPERATIONS, Undecided
@@ -72,17 +72,17 @@ def marginal_poles(given: System) -> MarginalPoles:
     least = int(np.argmin(decay / moved))
     slowest = float(decay.min())
     if growing and (decay[least] < -moved[least] or (slowest < 0.0 and _stays(system, size, poles, 0.5 * slowest))):
-        return replace(found, infinite=complex(system.rates[fastest]))
+        return replace(result, infinite=complex(system.rates[fastest]))
     if shown:
-        return replace(found, infinite=complex(0.0, abs(rates_of(np.array(shown), system.dt).imag).min()))
+        return replace(result, infinite=complex(0.0, abs(rates_of(np.array(shown), system.dt).imag).min()))
     for pole in on_axis:
-        found.hidden[np.argmin(np.where(found.hidden, np.inf, np.abs(poles - pole)))] = True
-    open_ = ~found.hidden & (decay <= moved)
+        result.hidden[np.argmin(np.where(result.hidden, np.inf, np.abs(poles - pole)))] = True
+    open_ = ~result.hidden & (decay <= moved)
     if not growing and (not open_.any() or _stays(system, size, poles[open_], 0.0)):
-        return found
-    worst = int(np.argmin(np.where(found.hidden, np.inf, decay / moved)))
+        return result
+    worst = int(np.argmin(np.where(result.hidden, np.inf, decay / moved)))
     open_[worst] = True
-    return replace(found, doubtful=complex(system.rates[worst]), hidden=np.zeros_like(open_), open=open_)
+    return replace(result, doubtful=complex(system.rates[worst]), hidden=np.zeros_like(open_), open=open_)
 
 
 def _stays(system: Lti, size: Array, poles: Array, inside: float) -> bool:

@@ -562,7 +562,7 @@ def _least(G: Array, start: Array) -> tuple[Array, float]:
         "fun": lambda x: x[-1] - known(x[:-1].tobytes())[0],
         "jac": lambda x: np.insert(-known(x[:-1].tobytes())[1], n, 1.0, axis=1),
     }
-    found = optimize.minimize(
+    result = optimize.minimize(
         lambda x: x[-1],
         np.append(start, 1.0),
         jac=lambda _: np.eye(n + 1)[-1],
@@ -571,7 +571,7 @@ def _least(G: Array, start: Array) -> tuple[Array, float]:
         constraints=room,
         options={"maxiter": _STEPS, "ftol": ALIKE},
     )
-    return found.x[:-1], float(_scaled_values(found.x[:-1], G).max())
+    return result.x[:-1], float(_scaled_values(result.x[:-1], G).max())
 
 
 def grid_of_loop(system: Lti) -> Array:
@@ -603,8 +603,8 @@ def _zeros(system: Lti) -> Array:
     if system.D.shape != (1, 1):
         return np.zeros(0, complex)
     pencil = blocks([[system.A, system.B], [system.C, system.D]])
-    found = linalg.eigvals(pencil, np.diag(np.append(np.ones(len(system.A)), 0.0)))
-    return found[np.isfinite(found)]
+    result = linalg.eigvals(pencil, np.diag(np.append(np.ones(len(system.A)), 0.0)))
+    return result[np.isfinite(result)]
 
 
 def _loop_response(S: Lti, omega: Array) -> Array:
@@ -649,8 +649,8 @@ def _loop_margin(
     def response(omega: Array) -> Array:
         new = [w for w in omega.tolist() if w not in computed]
         if new:
-            found = refined.response(omega_of_image(np.array(new), dt))[0]
-            computed.update(zip(new, _opened_at(found).tolist(), strict=True))
+            result = refined.response(omega_of_image(np.array(new), dt))[0]
+            computed.update(zip(new, _opened_at(result).tolist(), strict=True))
         return np.array([computed[w] for w in omega.tolist()])
 
     (low, low_omega), (high, high_omega) = _gain_limits(response, grid, values, open_loop)
@@ -703,7 +703,7 @@ def _roots(function: Callable[[Array], Array], ends: tuple[Array, Array], values
     """Return zeros of a function in brackets at whose ends its signs differ: Chandrupatla's method, all at once."""
     (x, y), (f, g) = (np.array(ends), np.array(values))
     z, h = y.copy(), g.copy()
-    step, found, active = np.full(len(x), 0.5), x.copy(), np.arange(len(x))
+    step, result, active = np.full(len(x), 0.5), x.copy(), np.arange(len(x))
     while len(active):
         new = x + step * (y - x)
         at = function(new)
@@ -711,7 +711,7 @@ def _roots(function: Callable[[Array], Array], ends: tuple[Array, Array], values
         z, h = np.where(same, x, y), np.where(same, f, g)
         y, g = np.where(same, y, x), np.where(same, g, f)
         x, f = new, at
-        found[active] = best = np.where(np.abs(f) < np.abs(g), x, y)
+        result[active] = best = np.where(np.abs(f) < np.abs(g), x, y)
         width, least = np.abs(y - x), DIGIT * np.abs(best) + TINY
         left = (width > least) & (f != 0.0)
         active, x, y, z, f, g, h, width, least = (a[left] for a in (active, x, y, z, f, g, h, width, least))
@@ -720,7 +720,7 @@ def _roots(function: Callable[[Array], Array], ends: tuple[Array, Array], values
             inverse = f / (f - g) * h / (h - g) - (z - x) / (y - x) * f / (h - f) * g / (g - h)
             smooth = (height**2 < place) & ((1.0 - height) ** 2 < 1.0 - place)
         step = np.clip(np.where(smooth, inverse, 0.5), 0.5 * least / width, 1.0 - 0.5 * least / width)
-    return found
+    return result
 
 
 def _opened(S: Lti) -> Lti | None:
@@ -745,10 +745,10 @@ def _gain_limits(
         doubt = SOLVED * np.abs(L.poles).max()
         crossings = crossings[(np.abs(crossings[:, None] - np.abs(undamped.imag)) > doubt).all(axis=1)]
     low, high = (0.0, float("nan")), (inf, float("nan"))
-    found = [(1.0 / float(x.real), w) for w in crossings if _positive(x := response(np.array([w]))[0])]
+    result = [(1.0 / float(x.real), w) for w in crossings if _positive(x := response(np.array([w]))[0])]
     if _FAINTEST < D < inf:
-        found.append((1.0 / D, inf))
-    for factor, omega in found:
+        result.append((1.0 / D, inf))
+    for factor, omega in result:
         if factor > 1.0 and factor < high[0]:
             high = (factor, omega)
         elif low[0] < factor < 1.0:

@@ -113,9 +113,9 @@ def hinf_norm(system: "LinearSystem") -> NormBounds:
         # where a pole does not decay exact arithmetic tells, whose time grows with the fourth power of the states
         small = system._mirror is not None and system.ncoordinates <= _WHOLE
         if small and (system._modal_form.eigensystem[0].real < 0.0).all():
-            found = SplitModel(system, (system,)).norm()
-            if found.certified:
-                return found
+            result = SplitModel(system, (system,)).norm()
+            if result.certified:
+                return result
         return SplitModel.of(system).norm()
     handed = of(system, sampled=True)
     return replace(matrices_norm(handed.balanced()), _given=handed)
@@ -139,10 +139,10 @@ class SplitModel:
         if len(self.parts) < 2 or any(part.ncoordinates >= CORE_FROM for part in self.parts):
             return None
         try:
-            found = tuple(_Realized.of(part) for part in self.parts)
+            result = tuple(_Realized.of(part) for part in self.parts)
         except ValueError:  # an output that needs a derivative of an input: its norm is refused, not its response
             return None
-        return None if any(part.wide for part in found) else found
+        return None if any(part.wide for part in result) else result
 
     @classmethod
     def of(cls, model: SecondOrderModel) -> "SplitModel":
@@ -157,10 +157,10 @@ class SplitModel:
     def _from_parts(self, answers: Sequence[Array], points: int) -> Array:
         """Return the singular values, descending, from the responses of the parts."""
         count = min(len(self.model.input_labels), len(self.model.output_labels))
-        found = [singular_values(answer) for answer in answers]
-        if [len(values) for values in found] == [1, 1]:
-            return np.array([np.maximum(*found)[0], np.minimum(*found)[0]])[:count]
-        return -np.sort(-np.vstack([*found, np.zeros((count, points))]), axis=0)[:count]
+        result = [singular_values(answer) for answer in answers]
+        if [len(values) for values in result] == [1, 1]:
+            return np.array([np.maximum(*result)[0], np.minimum(*result)[0]])[:count]
+        return -np.sort(-np.vstack([*result, np.zeros((count, points))]), axis=0)[:count]
 
     def response(self, omega: Array, quiet: bool = False) -> Array:
         """Return the frequency response, shape (outputs, inputs, frequencies)."""
@@ -174,10 +174,10 @@ class SplitModel:
             return Resonances.of(first_order_poles(self.model.M, self.model.C, self.model.K), high)
         low, top = shown[0], ABOVE * shown[1] if high is None else high
         if self.realized is not None:
-            found = [_upper(part.system.poles, top) for part in self.realized]
+            result = [_upper(part.system.poles, top) for part in self.realized]
         else:
-            found = [_poles(part, band, top) for part, band in zip(self.parts, self.bands, strict=True)]
-        return Resonances(np.concatenate([np.zeros(0, complex), *found]), BELOW * low, top)
+            result = [_poles(part, band, top) for part, band in zip(self.parts, self.bands, strict=True)]
+        return Resonances(np.concatenate([np.zeros(0, complex), *result]), BELOW * low, top)
 
     @one_blas_thread
     def norm(self) -> NormBounds:
@@ -191,30 +191,30 @@ class SplitModel:
         if not self.parts:
             return NormBounds(0.0, 0.0, 0.0, "no response", ("halves",))
         if self.realized is not None:
-            found = _norms_of_small(self.realized)
+            result = _norms_of_small(self.realized)
         else:
-            found = [_part_norm(part, band) for part, band in zip(self.parts, self.bands, strict=True)]
-        largest, widest = max(found, key=lambda norm: norm.lower_bound), max(found, key=lambda norm: norm.upper_bound)
+            result = [_part_norm(part, band) for part, band in zip(self.parts, self.bands, strict=True)]
+        largest, widest = max(result, key=lambda norm: norm.lower_bound), max(result, key=lambda norm: norm.upper_bound)
         path = () if self.parts == (self.model,) else ("halves",)
-        path = sum((norm.stages for norm in found), path)
+        path = sum((norm.stages for norm in result), path)
         both = replace(largest, upper_bound=widest.upper_bound, stages=path, _given=self.model)
         return both if both.certified else replace(both, method=widest.method)  # why it is not
 
 
 def singular_values_together(given: Sequence[SplitModel], omega: Array) -> list[Array]:
     """Return the singular values of each model; small parts of one size are computed in one call."""
-    parts = [(part.structure, part.ports) for each in given for part in each.parts]
+    parts = [(part.structure, part.ports) for item in given for part in item.parts]
     answers = iter(respond_parts(parts, omega))
-    return [each._from_parts([next(answers).values for _ in each.parts], len(omega)) for each in given]
+    return [item._from_parts([next(answers).values for _ in item.parts], len(omega)) for item in given]
 
 
 def _modal_band(*parts: SecondOrderModel) -> tuple[float, float] | None:
     """Return the lowest and the eighth elastic frequency of all [rad/s]; None for matrices that have no real modes."""
     try:
-        found = [undamped_modes(part.structure, min(MODES + _SPARE, part.ncoordinates))[0] for part in parts]
+        result = [undamped_modes(part.structure, min(MODES + _SPARE, part.ncoordinates))[0] for part in parts]
     except ValueError:
         return None
-    frequencies = np.sort(np.concatenate(found))
+    frequencies = np.sort(np.concatenate(result))
     shown = frequencies[elastic(frequencies)][:MODES]
     shown = shown[shown <= _WIDE * shown[:1]]
     return (float(shown[0]), float(shown[-1])) if len(shown) else None
@@ -387,12 +387,12 @@ def _norms_of_small(systems: tuple["_Realized", ...]) -> list[NormBounds]:
     axes = [marginal_poles(part.system) for part in systems]
     order = sorted(range(len(systems)), key=lambda i: -axes[i].bound)
     first = systems[order[0]].norm(axes[order[0]])
-    found = {order[0]: first}
+    result = {order[0]: first}
     for i in order[1:]:
         below = axes[i].bound <= first.lower_bound
         bound = NormBounds(0.0, first.upper_bound, first.peak_omega, first.method, systems[i].path)
-        found[i] = bound if below else systems[i].norm(axes[i])
-    return [found[i] for i in range(len(systems))]
+        result[i] = bound if below else systems[i].norm(axes[i])
+    return [result[i] for i in range(len(systems))]
 
 
 def _response(small: SecondOrderModel, omega: Array) -> Array:

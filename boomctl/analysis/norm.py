@@ -197,30 +197,30 @@ def matrices_norm(given: System, response: Response | None = None, axis: Margina
         verified = verified_modal_form(system)  # takes longer, and loses less
         if verified is not None:
             modes, off = continuous_image_of_modes(verified.modal, system.dt)
-            found = _by_modes(replace(system, D=modes.D), modes.response, verified.gap + off, modes)
-            if found.certified and found.lower_bound >= _TINY:
+            result = _by_modes(replace(system, D=modes.D), modes.response, verified.gap + off, modes)
+            if result.certified and result.lower_bound >= _TINY:
                 off += verified.gap + sum_over_modes.lost_by_floats(modes)
                 return replace(
-                    found,
-                    lower_bound=found.lower_bound - off,
-                    peak_omega=float(omega_of_image(found.peak_omega, system.dt)),
+                    result,
+                    lower_bound=result.lower_bound - off,
+                    peak_omega=float(omega_of_image(result.peak_omega, system.dt)),
                 )
-    found = level_norm(system, response, axis.doubt) if system.dt == 0.0 else _by_circle(given, axis.doubt)
-    if found.method == IN_MODES and found.lower_bound >= _TINY:
+    result = level_norm(system, response, axis.doubt) if system.dt == 0.0 else _by_circle(given, axis.doubt)
+    if result.method == IN_MODES and result.lower_bound >= _TINY:
         return replace(
-            found, lower_bound=max(found.lower_bound - _rounding_of_response(given, found.peak_omega, 0), 0.0)
+            result, lower_bound=max(result.lower_bound - _rounding_of_response(given, result.peak_omega, 0), 0.0)
         )
-    clear = axis.doubt <= _CLEAR * found.lower_bound
-    rounding = _rounding_of_response(given, found.peak_omega, 0 if clear else _LIGHTEST)
+    clear = axis.doubt <= _CLEAR * result.lower_bound
+    rounding = _rounding_of_response(given, result.peak_omega, 0 if clear else _LIGHTEST)
     sharp = (
-        found.certified and rounding <= LEVEL * found.lower_bound and (found.lower_bound >= _TINY or rounding == 0.0)
+        result.certified and rounding <= LEVEL * result.lower_bound and (result.lower_bound >= _TINY or rounding == 0.0)
     )
     if not sharp:
-        found = proved_norm(given, max(found.lower_bound - rounding, 0.0), found.peak_omega)
+        result = proved_norm(given, max(result.lower_bound - rounding, 0.0), result.peak_omega)
     if sharp or response is not None:  # what is stored only stands for a structure: its last digits count
-        upper = found.upper_bound + (_CLEAR * found.lower_bound if clear else rounding)
-        found = replace(found, lower_bound=max(found.lower_bound - rounding, 0.0), upper_bound=upper)
-    return found if sharp or response is None or found.certified else replace(found, method=LOST)
+        upper = result.upper_bound + (_CLEAR * result.lower_bound if clear else rounding)
+        result = replace(result, lower_bound=max(result.lower_bound - rounding, 0.0), upper_bound=upper)
+    return result if sharp or response is None or result.certified else replace(result, method=LOST)
 
 
 def proved_norm(
@@ -259,10 +259,10 @@ def level_norm(
     ``modes`` are its partial fractions, where they are known.
     """
     respond = partial(_response, system) if response is None else response
-    found = _by_modes(system, respond, doubt, partial_fractions(system) if modes is None else modes)
-    if found.certified or found.lower_bound == 0.0:
-        return found
-    peak, at = found.lower_bound, found.peak_omega
+    result = _by_modes(system, respond, doubt, partial_fractions(system) if modes is None else modes)
+    if result.certified or result.lower_bound == 0.0:
+        return result
+    peak, at = result.lower_bound, result.peak_omega
     above = LEVEL
     for _ in range(RAISED):
         level = peak * (1.0 + above)
@@ -294,9 +294,9 @@ def _by_modes(system: Lti, respond: Response, doubt: float, modes: ModalSystem) 
 
     top = top_of_a_mode(modes) if doubt < inf else None
     if top is not None:
-        found, _ = _proved(modes, float(highest(np.array(top[1:]))[0]), top[1], doubt)
-        if found is not None:
-            return found
+        result, _ = _proved(modes, float(highest(np.array(top[1:]))[0]), top[1], doubt)
+        if result is not None:
+            return result
     peak, at = largest_gain(system, respond, modes)
     static = largest_of(system.D)  # eigenvectors may have lost digits of that of the modes
     peak, at = (peak, at) if peak >= static else (static, inf)
@@ -305,9 +305,9 @@ def _by_modes(system: Lti, respond: Response, doubt: float, modes: ModalSystem) 
     if not isfinite(peak):  # its square is no number, and nothing is known of it
         return NormBounds(0.0, inf, at, NOT_TOLD)
     for _ in range(RAISED):
-        found, higher = _proved(modes, peak, at, doubt)
-        if found is not None:
-            return found
+        result, higher = _proved(modes, peak, at, doubt)
+        if result is not None:
+            return result
         value, omega = highest_peak(highest, higher) if len(higher) else (0.0, at)
         if value <= peak:
             break
@@ -366,12 +366,12 @@ def _by_circle(given: System, doubt: float) -> NormBounds:
         return system.response(omega_of_image(v, system.dt), quiet=True)
 
     modes, off = continuous_image_of_modes(partial_fractions(system), system.dt) if doubt < inf else (None, 0.0)
-    found = level_norm(image, respond, doubt + off, modes)
-    found = replace(found, peak_omega=float(omega_of_image(found.peak_omega, system.dt)))
-    if not found.certified or found.lower_bound == 0.0 or found.method == IN_MODES:
-        return found
-    told = stays_below_on_circle(system, found.upper_bound)
-    return replace(found, method=NO_CIRCLE_CROSSING) if told else replace(found, upper_bound=inf, method=NOT_TOLD)
+    result = level_norm(image, respond, doubt + off, modes)
+    result = replace(result, peak_omega=float(omega_of_image(result.peak_omega, system.dt)))
+    if not result.certified or result.lower_bound == 0.0 or result.method == IN_MODES:
+        return result
+    told = stays_below_on_circle(system, result.upper_bound)
+    return replace(result, method=NO_CIRCLE_CROSSING) if told else replace(result, upper_bound=inf, method=NOT_TOLD)
 
 
 def stays_below_on_circle(system: Lti, level: float) -> bool:
@@ -531,7 +531,7 @@ def axis_eigenvalues(system: Lti, level: float) -> Array:
     They are the imaginary parts, not below zero, of eigenvalues of the Hamiltonian matrix on the imaginary axis, or so near
     to it that rounding may have moved them off it.
     """
-    return np.concatenate([found.imag for found in near_axis(hamiltonian_matrix(system, level)[0])])
+    return np.concatenate([result.imag for result in near_axis(hamiltonian_matrix(system, level)[0])])
 
 
 def near_axis(H: Array) -> tuple[Array, Array]:

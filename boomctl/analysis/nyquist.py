@@ -264,8 +264,8 @@ def followed(difference: Callable[[Array], Array], grid: Array, limit: int) -> t
         if len(omega) + len(open_) > limit:
             break
         middle = 0.5 * (omega[open_] + omega[open_ + 1])
-        found = difference(middle)
-        a, b, m = (np.linalg.det(x) for x in (values[open_], values[open_ + 1], found))
+        result = difference(middle)
+        a, b, m = (np.linalg.det(x) for x in (values[open_], values[open_ + 1], result))
         if (np.abs(m) == 0.0).any():
             break
         small = (
@@ -273,7 +273,7 @@ def followed(difference: Callable[[Array], Array], grid: Array, limit: int) -> t
         )
         straight = np.abs(m - 0.5 * (a + b)) < _STRAIGHT * np.minimum(np.abs(a), np.abs(b))
         fine = small & straight
-        omega, values = np.insert(omega, open_ + 1, middle), np.insert(values, open_ + 1, found, axis=0)
+        omega, values = np.insert(omega, open_ + 1, middle), np.insert(values, open_ + 1, result, axis=0)
         halves = np.repeat(settled, np.where(settled, 1, 2))
         places = open_ + np.arange(len(open_))
         halves[places], halves[places + 1] = fine, fine

@@ -218,10 +218,10 @@ def _energy_shown(claim: Claim, exact: "Exact", low: float, high: float) -> str:
         if high < inf:
             _refute(claim, f"the H2 norm is infinite, not {high:.9g}")
         return "H2 norm infinite as stored"
-    found = exact.energy().sqrt()
-    if found > high * (1.0 + SUMMED) or found < low * (1.0 - SUMMED):
-        _refute(claim, f"the H2 norm is {float(found):.9g}, not from {low:.9g} to {high:.9g}")
-    return f"H2 norm {float(found):.9g}"
+    result = exact.energy().sqrt()
+    if result > high * (1.0 + SUMMED) or result < low * (1.0 - SUMMED):
+        _refute(claim, f"the H2 norm is {float(result):.9g}, not from {low:.9g} to {high:.9g}")
+    return f"H2 norm {float(result):.9g}"
 
 
 def _refute(claim: Claim, counterexample: str) -> None:

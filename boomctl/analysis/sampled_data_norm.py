@@ -116,7 +116,7 @@ def sampled_data_norm(
     if direct.any():
         o, i = (int(k[0]) for k in np.nonzero(direct))
         name, corner = P.input_labels[driven[i]], np.pi / dt  # half the sampling rate
-        others = [each for each in P.input_labels if each != name]
+        others = [item for item in P.input_labels if item != name]
         raise ValueError(
             f"disturbance {name!r} acts on measurement {P.output_labels[measured[o]]!r} directly: samples of it have no"
             f" bound without a filter before it: W = boomctl.low_pass(1.0, {corner:.4g});"
@@ -189,10 +189,10 @@ def _step(system: Lti, duration: float, level: float) -> _Step | None:
         E = E + term
     back = linalg.inv(E[n:, n:])
     W, X = E[:n, n:] @ back, -back @ E[n:, :n]
-    found: _Step | None = _Step(back.T, 0.5 * (W + W.T), 0.5 * (X + X.T))
+    result: _Step | None = _Step(back.T, 0.5 * (W + W.T), 0.5 * (X + X.T))
     for _ in range(count):
-        found = None if found is None else found.then(found)
-    return found
+        result = None if result is None else result.then(result)
+    return result
 
 
 @dataclass(frozen=True)
@@ -272,10 +272,10 @@ class SampledLoop:
         assert total is not None
         A, B = self.queue.A.copy(), self.queue.B[:, -len(self.controller.C) :].copy()
         A[:n], B[:n] = total.Phi[:n] @ self.from_states, total.Phi[:n] @ self.from_given
-        found = self._closed(A, B, _root(total.W)[:n], _root(total.X).T)
-        if (sides(found.poles, self.controller.dt) >= 0).any():
+        result = self._closed(A, B, _root(total.W)[:n], _root(total.X).T)
+        if (sides(result.poles, self.controller.dt) >= 0).any():
             return NormBounds(inf, inf, 0.0, NOT_STABLE)
-        return matrices_norm(found.balanced())
+        return matrices_norm(result.balanced())
 
     def norm(self) -> NormBounds:
         """Return the norm between two bounds."""
@@ -284,9 +284,9 @@ class SampledLoop:
             return NormBounds(0.0, 0.0, 0.0, "no disturbance shows")
         level, omega = self._crossing(level)
         for above in _ABOVE:
-            found = self.of_level(level * (1.0 + above))
-            if found.upper_bound < 1.0:
-                omega = found.peak_omega
+            result = self.of_level(level * (1.0 + above))
+            if result.upper_bound < 1.0:
+                omega = result.peak_omega
                 return NormBounds(self._reached(omega, level), level * (1.0 + above), omega, LIFTED)
         return NormBounds(self._reached(omega, level), inf, omega, NOT_TOLD)
 
@@ -295,11 +295,11 @@ class SampledLoop:
         low, high, omega = 0.0, inf, 0.0
         points: list[tuple[float, float]] = []  # levels and the norms of their loops
         for _ in range(_ROUNDS):
-            found = self.of_level(level)
-            if np.isfinite(found.lower_bound):
-                omega = found.peak_omega
-                points = [*points[-1:], (level, found.lower_bound)]
-            if found.lower_bound < 1.0:
+            result = self.of_level(level)
+            if np.isfinite(result.lower_bound):
+                omega = result.peak_omega
+                points = [*points[-1:], (level, result.lower_bound)]
+            if result.lower_bound < 1.0:
                 high = level
             else:
                 low = level

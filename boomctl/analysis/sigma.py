@@ -129,8 +129,8 @@ class SigmaResult:
         """Whether no pole is unstable: otherwise no response to a sine is as large as its singular value."""
         if "certificate" in self.__dict__ or isinstance(self._of, NormBounds):
             return self.certificate.method != UNSTABLE
-        found = has_unstable_pole(self._of)
-        return self.certificate.method != UNSTABLE if found is None else not found
+        result = has_unstable_pole(self._of)
+        return self.certificate.method != UNSTABLE if result is None else not result
 
     def __claims__(self) -> Iterator[Claim]:
         """Yield what can be proved of the peak."""
@@ -415,7 +415,7 @@ def compare_sigma(
     if asked is None and models:
         norms = {name: given.norm() for name, (_, given) in models.items()}
         bands = [given.resonances() for _, given in models.values()]
-        low, high = min(found.low for found in bands), max(found.high for found in bands)
+        low, high = min(result.low for result in bands), max(result.high for result in bands)
         poles = np.concatenate([given.resonances(high).poles for _, given in models.values()])
         grid = drawn_grid(Resonances(poles, low, high), [norm.peak_omega for norm in norms.values()])
         grid = grid[grid <= min(_nyquist(given) for _, given in models.values())]  # what all of them have

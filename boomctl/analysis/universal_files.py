@@ -29,29 +29,29 @@ def read_responses(path: Path) -> tuple[Array, Array, tuple[str, ...], tuple[str
     OSError, ValueError, ImportError
         As for :func:`boomctl.read_frequency_response`.
     """
-    found: dict[tuple[tuple[int, int], tuple[int, int]], Array] = {}
+    result: dict[tuple[tuple[int, int], tuple[int, int]], Array] = {}
     grid = None
     kinds, sets = _data_sets(path)
-    for k, each in sets:
-        if int(each["func_type"]) not in _RESPONSES or int(each["abscissa_spec_data_type"]) != _FREQUENCY:
+    for k, item in sets:
+        if int(item["func_type"]) not in _RESPONSES or int(item["abscissa_spec_data_type"]) != _FREQUENCY:
             continue  # coherences, spectra and time histories may stand beside them
         place = f"{path}, data set {k + 1}"
-        out, into = ((int(each[f"{side}_node"]), int(each[f"{side}_dir"])) for side in ("rsp", "ref"))
-        freq, values = _curve(place, each)
+        out, into = ((int(item[f"{side}_node"]), int(item[f"{side}_dir"])) for side in ("rsp", "ref"))
+        freq, values = _curve(place, item)
         grid = freq if grid is None else grid
         if freq.shape != grid.shape or not np.allclose(freq, grid, rtol=ALIKE, atol=0.0):
             raise ValueError(f"{place}: expected the frequencies of the data sets before it")
-        if (out, into) in found:
+        if (out, into) in result:
             raise ValueError(f"{place}: the response of {_signal(out)} to {_signal(into)} is there twice")
-        found[out, into] = values
+        result[out, into] = values
     if grid is None:
         there = ", ".join(str(kind) for kind in sorted(set(kinds))) or "none"
         raise ValueError(f"{path}: expected data sets 58 with frequency responses, got data sets {there}")
-    outputs, inputs = (sorted({key[side] for key in found}) for side in (0, 1))
-    hole = next(((out, into) for out in outputs for into in inputs if (out, into) not in found), None)
+    outputs, inputs = (sorted({key[side] for key in result}) for side in (0, 1))
+    hole = next(((out, into) for out in outputs for into in inputs if (out, into) not in result), None)
     if hole is not None:
         raise ValueError(f"{path}: the response of {_signal(hole[0])} to {_signal(hole[1])} is missing")
-    response = np.array([[found[out, into] for into in inputs] for out in outputs])
+    response = np.array([[result[out, into] for into in inputs] for out in outputs])
     return grid, response, tuple(map(_signal, inputs)), tuple(map(_signal, outputs))
 
 
@@ -75,14 +75,14 @@ def _data_sets(path: Path) -> tuple[list[int], list[tuple[int, dict[str, Any]]]]
         kinds = [int(kind) for kind in file.get_set_types()]
         sets = [(k, file.read_sets(k)) for k, kind in enumerate(kinds) if kind == 58]
         units = [file.read_sets(k) for k, kind in enumerate(kinds) if kind == 164]
-        factors = [(name, float(each[name])) for each in units for name in ("length", "force")]
-        for _, each in sets:
+        factors = [(name, float(item[name])) for item in units for name in ("length", "force")]
+        for _, item in sets:
             _ = (
-                int(each["func_type"]),
-                int(each["abscissa_spec_data_type"]),
-                int(each["num_pts"]),
-                each["x"],
-                each["data"],
+                int(item["func_type"]),
+                int(item["abscissa_spec_data_type"]),
+                int(item["num_pts"]),
+                item["x"],
+                item["data"],
             )
     except Exception as error:  # of a broken file it may raise anything
         raise ValueError(f"{path}: not a universal file that pyuff can read: {error}") from None

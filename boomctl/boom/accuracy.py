@@ -102,8 +102,8 @@ def chosen_mesh(
         while high - low > 1:
             middle = (low + high) // 2
             low, high = (low, middle) if reached(elements, middle) else (middle, high)
-        found = next(each for each in tried if each[:2] == (elements, high))
-        return MeshChoice(accuracy, max_frequency_hz, *found, tuple(tried))
+        result = next(item for item in tried if item[:2] == (elements, high))
+        return MeshChoice(accuracy, max_frequency_hz, *result, tuple(tried))
     best = min(tried, key=lambda each: each[2])
     raise ValueError(
         f"accuracy = {exactly(accuracy)}: expected at least {1.3 * best[2]:.1g} with max_frequency_hz = "
@@ -146,25 +146,25 @@ def _error_of(
     allowed = sizes(wanted)
 
     def error(model: SecondOrderModel) -> float:
-        found = respond(model.structure, model.ports, omega, available=model.ports).values
-        return float((sizes(found - wanted) / allowed).max())
+        result = respond(model.structure, model.ports, omega, available=model.ports).values
+        return float((sizes(result - wanted) / allowed).max())
 
     return error
 
 
 def _dips(values: Callable[[Array], Array], omega: Array) -> Array:
     """Return the frequencies at which curves, (curves, frequencies), have local minima: errors weigh most there."""
-    found = values(omega)
-    curve, k = np.nonzero((found[:, 1:-1] < found[:, :-2]) & (found[:, 1:-1] <= found[:, 2:]))
+    result = values(omega)
+    curve, k = np.nonzero((result[:, 1:-1] < result[:, :-2]) & (result[:, 1:-1] <= result[:, 2:]))
     which, place = np.arange(len(k)), np.array([omega[k], omega[k + 1], omega[k + 2]])
-    height = np.array([found[curve, k], found[curve, k + 1], found[curve, k + 2]])
+    height = np.array([result[curve, k], result[curve, k + 1], result[curve, k + 2]])
     for _ in range(_HALVINGS):
         between = 0.5 * (place[:-1] + place[1:])
         new = np.array([values(between[side])[curve, which] for side in (0, 1)])
         place = np.array([place[0], between[0], place[1], between[1], place[2]])
         height = np.array([height[0], new[0], height[1], new[1], height[2]])
         lowest = 1 + np.argmin(height[1:4], axis=0)
-        place, height = (each[lowest + np.array([[-1], [0], [1]]), which] for each in (place, height))
+        place, height = (item[lowest + np.array([[-1], [0], [1]]), which] for item in (place, height))
     return place[1]
 
 

@@ -375,8 +375,8 @@ def read_motion(path: str | Path, actuator_distance: float | None = None) -> Pla
     given = None if actuator_distance is None else positive("actuator_distance", actuator_distance)
     table = read_numbers(path)
     distance = _distance_of(path, table.comments, given)
-    found = set(table.header)
-    if len(found) != len(table.header) or found not in (set(_SIDES), set(_MOTIONS)):
+    result = set(table.header)
+    if len(result) != len(table.header) or result not in (set(_SIDES), set(_MOTIONS)):
         raise ValueError(
             f"{path}, line {table.header_line}: expected columns {', '.join(_SIDES)} or {', '.join(_MOTIONS)},"
             f" got {', '.join(table.header)}"

@@ -389,8 +389,8 @@ def _sum_of_waves(waves: Array, turn: float, count: int) -> Array:
     summed = np.empty((len(waves), count))
     for begin in range(0, count, block):
         shifted = waves * (chirp[:order] * np.exp(2j * np.pi * np.mod(k * (turn * begin), 1.0)))
-        found = ifft(fft(shifted, size) * kernel)[:, :block] * chirp[:block]
-        summed[:, begin : begin + block] = found.real[:, : count - begin]
+        result = ifft(fft(shifted, size) * kernel)[:, :block] * chirp[:block]
+        summed[:, begin : begin + block] = result.real[:, : count - begin]
     return summed
 
 

@@ -48,7 +48,7 @@ class RunningController:
         """Return the controls given to measurements, one a row, from rest: plain sums, from the first term to the last."""
         A, B, C, D, L = (matrix.tolist() for matrix in (self.K.A, self.K.B, self.K.C, self.K.D, self.L))
         n, u = len(A), len(D)
-        x, last, found = [0.0] * n, [0.0] * u, []
+        x, last, result = [0.0] * n, [0.0] * u, []
         for y in measured.tolist():
             asked = [_sum(D[i], y, _sum(C[i], x, 0.0)) for i in range(u)]
             given = [self._limited(value, last[i], i) for i, value in enumerate(asked)]
@@ -58,8 +58,8 @@ class RunningController:
                 following = [_sum(L[i], kept, following[i]) for i in range(n)]
             if all(map(isfinite, [*y, *asked, *following])):
                 x, last = following, given
-            found.append(last)
-        return np.array(found).reshape(len(measured), u)
+            result.append(last)
+        return np.array(result).reshape(len(measured), u)
 
     def _limited(self, value: float, last: float, i: int) -> float:
         force, step = float(self.force[i]), float(self.step[i])
@@ -90,7 +90,7 @@ def c_files(name: str, running: RunningController, units: Mapping[str, str]) -> 
     measured = _measurements(running)
     controls = running.run(measured)
     stored = (K.A, K.B, K.C, K.D, running.L, *(x[np.isfinite(x)] for x in (running.force, running.step)))
-    largest = max(float(np.abs(each).max(initial=0.0)) for each in stored)
+    largest = max(float(np.abs(item).max(initial=0.0)) for item in stored)
     plain = {
         "NAME": name,
         "GUARD": f"{name.upper()}_H",
@@ -164,12 +164,12 @@ def _matrix(name: str, letter: str, matrix: Array) -> str:
 
 def _limits(name: str, running: RunningController) -> str:
     """Return the limits as arrays; what is not limited is so to the largest number."""
-    found = ""
+    result = ""
     for label, values in (("FORCE", running.force), ("STEP", running.step)):
         if np.isfinite(values).any():
             entries = ", ".join(f"R({x.hex()})" if isfinite(x) else "@NAME@_NONE" for x in values.tolist())
-            found += f"static const {name}_real {label}[{len(values)}] = {{{entries}}};\n"
-    return found
+            result += f"static const {name}_real {label}[{len(values)}] = {{{entries}}};\n"
+    return result
 
 
 def _table(values: Array) -> str:
@@ -184,11 +184,11 @@ def _listed(names: tuple[str, ...], units: Mapping[str, str]) -> str:
 
 def _commented(line: str) -> str:
     """Return a text that is one line of a comment whatever it holds: what would end it, or is not seen, by its number."""
-    found = "".join(letter if letter.isprintable() and letter != "\\" else f"<U+{ord(letter):04X}>" for letter in line)
+    result = "".join(letter if letter.isprintable() and letter != "\\" else f"<U+{ord(letter):04X}>" for letter in line)
     for pair in ("*/", "/*", "??"):
-        while pair in found:
-            found = found.replace(pair, " ".join(pair))
-    return found
+        while pair in result:
+            result = result.replace(pair, " ".join(pair))
+    return result
 
 
 _HEADER = """\

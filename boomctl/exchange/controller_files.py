@@ -265,9 +265,9 @@ def read_controller_metadata(path: str | Path) -> ControllerMetadata:
 def _read(file: Path) -> tuple[Lti, ControllerMetadata]:
     known("suffix", file.suffix, (".json", ".mat"))
     if file.suffix == ".mat":
-        found = read_matlab(file)
+        result = read_matlab(file)
         with _refused(file):
-            return checked_controller(found), ControllerMetadata()
+            return checked_controller(result), ControllerMetadata()
     try:
         held = json.loads(file.read_text(encoding="utf-8"))
     except ValueError as error:  # of JSON, of UTF-8, and of whole numbers too long to be read
@@ -297,10 +297,10 @@ def _refused(file: Path) -> Iterator[None]:
 
 
 def _refuse_half(K: Lti) -> None:
-    found = [name for name in (*K.input_labels, *K.output_labels) if is_half(name)]
-    if found:
+    result = [name for name in (*K.input_labels, *K.output_labels) if is_half(name)]
+    if result:
         raise ValueError(
-            f"controller: {found[0]!r} is a signal of a half, root of two times what a machine has; expected the controller"
+            f"controller: {result[0]!r} is a signal of a half, root of two times what a machine has; expected the controller"
             " that join_symmetric makes of those of both halves, or half=True"
         )
 
@@ -318,12 +318,12 @@ def _sampled(K: Lti, sample_time: float) -> Lti:
 def _units(K: Lti, given: Mapping[str, str]) -> dict[str, str]:
     for name in given:
         known("signal", name, (*K.input_labels, *K.output_labels))
-    found = {}
+    result = {}
     for name in (*K.input_labels, *K.output_labels):
         rate = next((unit for ending, unit in _RATES.items() if ending in name), None)
         stem = next((unit for start, unit in _UNITS.items() if name.startswith(start)), "")
-        found[name] = str(given.get(name, half_unit(rate or stem, name)))
-    return found
+        result[name] = str(given.get(name, half_unit(rate or stem, name)))
+    return result
 
 
 def _record(name: str, K: Lti, notes: ControllerMetadata) -> dict[str, Any]:
@@ -354,16 +354,16 @@ def _plain(certificate: object) -> dict[str, Any]:
         return dict(certificate)
     if not is_dataclass(certificate) or isinstance(certificate, type):
         raise TypeError(f"certificate: expected a certificate or a mapping, got {type(certificate).__name__}")
-    found: dict[str, Any] = {}
+    result: dict[str, Any] = {}
     for entry in fields(certificate):
         value = getattr(certificate, entry.name)
         if is_dataclass(value) and not isinstance(value, type):
-            found[entry.name] = _plain(value)
+            result[entry.name] = _plain(value)
         elif value is None or isinstance(value, (bool, int, float, str, np.generic)):
-            found[entry.name] = value
+            result[entry.name] = value
         elif isinstance(value, (tuple, list)) and all(isinstance(item, (bool, int, float, str)) for item in value):
-            found[entry.name] = list(value)
-    return found
+            result[entry.name] = list(value)
+    return result
 
 
 def checked_controller(held: Mapping[str, Any]) -> Lti:
@@ -405,8 +405,8 @@ def _matrix(letter: str, given: object, shape: tuple[int, int]) -> Array:
     if not isinstance(given, list) or not all(isinstance(row, list) for row in given):
         raise TypeError(f"{letter} = {shown(given)}: expected a list of rows of numbers")
     if len(given) != shape[0] or any(len(row) != shape[1] for row in given):
-        found = f"{len(given)} of {' or '.join(map(str, sorted({len(row) for row in given}))) or 0}"
-        raise ValueError(f"{letter}: expected {shape[0]} rows of {shape[1]} numbers, as there are names, got {found}")
+        result = f"{len(given)} of {' or '.join(map(str, sorted({len(row) for row in given}))) or 0}"
+        raise ValueError(f"{letter}: expected {shape[0]} rows of {shape[1]} numbers, as there are names, got {result}")
     for value in (value for row in given for value in row):
         if type(value) not in (int, float) or not -_LARGEST <= value <= _LARGEST:
             raise ValueError(f"expected finite numbers in {letter}, got {shown(value)}")

@@ -67,12 +67,12 @@ def read_matlab(path: Path) -> dict[str, Any]:
     if missing:
         raise ValueError(f"{path}: expected matrices A, B, C, D; {', '.join(missing)} not there")
     p, m = np.shape(held["D"]) if np.ndim(held["D"]) == 2 else (0, 0)
-    found = {letter: held[letter] for letter in "ABCD"}
+    result = {letter: held[letter] for letter in "ABCD"}
     for kind, count in (("inputs", m), ("outputs", p), ("states", np.shape(held["A"])[0])):
-        found[kind] = _names(held.get(kind), count, kind[0])
+        result[kind] = _names(held.get(kind), count, kind[0])
     time = np.asarray(held.get("sample_time", 0.0))
     seconds = time.item() if time.size == 1 and time.dtype.kind in "iuf" else time
-    return found | {"sample_time": True if seconds is not time and seconds == _NOT_SAID else seconds}
+    return result | {"sample_time": True if seconds is not time and seconds == _NOT_SAID else seconds}
 
 
 def _cells(words: "tuple[str, ...] | list[str]") -> Array:
@@ -89,8 +89,8 @@ def _cells(words: "tuple[str, ...] | list[str]") -> Array:
 def _names(cells: object, count: int, letter: str) -> list[object]:
     if cells is None:
         return [f"{letter}{i}" for i in range(count)]
-    found = (np.ravel(cell) for cell in np.ravel(np.asarray(cells, dtype=object)))
-    return ["" if not cell.size else cell[0] if cell.dtype.kind != "U" else str(cell[0]) for cell in found]
+    result = (np.ravel(cell) for cell in np.ravel(np.asarray(cells, dtype=object)))
+    return ["" if not cell.size else cell[0] if cell.dtype.kind != "U" else str(cell[0]) for cell in result]
 
 
 _FUNCTION = """\

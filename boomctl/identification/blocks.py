@@ -51,9 +51,9 @@ class Spread:
 def of_sets(each: Array) -> Spread:
     """Return the spread of what another data set would say, of what each one says (sets, p)."""
     size = len(each)
-    found = np.atleast_2d(np.cov(each.T, ddof=1)) * (1.0 + 1.0 / size)
+    result = np.atleast_2d(np.cov(each.T, ddof=1)) * (1.0 + 1.0 / size)
     source = f"how much {count(size, 'data set')} differ: they hold for another one"
-    return Spread(found, np.full(each.shape[1], size - 1.0), source)
+    return Spread(result, np.full(each.shape[1], size - 1.0), source)
 
 
 def of_blocks(slopes: Array, residuals: Array, data: Measured, seen: Seen) -> Spread | None:
@@ -102,23 +102,23 @@ def _correlated(J: Array, residuals: Array, data: Measured, entry: Array) -> tup
     left[series, entry], columns[series, entry] = residuals, J
     n, r = J.shape
     power = float(np.square(residuals).sum()) / max(n - r, 1)
-    found, lost, reach = columns.reshape(-1, r).T @ columns.reshape(-1, r), 1.0, max(lines // _REACH, 1)
+    result, lost, reach = columns.reshape(-1, r).T @ columns.reshape(-1, r), 1.0, max(lines // _REACH, 1)
     for lag in range(1, reach + 1):
         share = float((left[:, :-lag] * left[:, lag:]).sum() / np.square(left).sum()) * (1.0 - lag / (reach + 1.0))
         beside = np.einsum("skr,skt->rt", columns[:, :-lag], columns[:, lag:])
-        found = found + share * (beside + beside.T)
+        result = result + share * (beside + beside.T)
         lost += 2.0 * share**2
-    values, turned = np.linalg.eigh(found)
+    values, turned = np.linalg.eigh(result)
     whole = np.linalg.eigvalsh(J.T @ J)
     return power * (turned * np.maximum(values, whole[0] / n)) @ turned.T, max(n - r, 1) / lost
 
 
 def confident(name: str, value: object) -> float:
     """Return a probability from 0.5 to below 1."""
-    found = real(name, value)
-    if not 0.5 <= found < 1.0:
+    result = real(name, value)
+    if not 0.5 <= result < 1.0:
         raise ValueError(f"{name} = {value!r}: expected a number from 0.5 to below 1")
-    return found
+    return result
 
 
 def limits(confidence: float, freedom: Array) -> Array:

@@ -138,8 +138,8 @@ def minimum(
     """Return how far from a minimum the fit is, in standard errors, and whether it is one, from sums of squares alone."""
 
     def cost(at: Array) -> float:
-        found = residuals(np.clip(at, free.low, free.high))
-        return float(np.square(found).sum()) if np.isfinite(found).all() else np.inf
+        result = residuals(np.clip(at, free.low, free.high))
+        return float(np.square(result).sum()) if np.isfinite(result).all() else np.inf
 
     here, offset, rises = cost(x), 0.0, True
     for k, direction in enumerate(seen.directions):

@@ -88,14 +88,14 @@ class CommonPoles:
     @cached_property
     def _solved(self) -> tuple[Array, Array]:
         """Return coefficients and residuals; the second round takes back what rounding of products costs the first."""
-        left, found = real(self.data.Y), np.zeros((len(self._rows), self.data.Y.shape[1]))
+        left, result = real(self.data.Y), np.zeros((len(self._rows), self.data.Y.shape[1]))
         rounding = _CLEAN * np.square(left).sum()
         for _ in range(2):
             step = self._root @ (self._root.T @ (self._rows @ left))
-            left, found = left - self._rows.T @ step, found + step
+            left, result = left - self._rows.T @ step, result + step
             if np.square(left).sum() > rounding:
                 break
-        return found, left
+        return result, left
 
     @property
     def basis(self) -> Array:
@@ -111,8 +111,8 @@ class CommonPoles:
     @property
     def coefficients(self) -> Array:
         """Of the pairs' columns, (k, 2, m + records, p)."""
-        found = self._solved[0]
-        return found[: len(found) - len(self._rest)].reshape(len(self.poles), 2, self._width, found.shape[1])
+        result = self._solved[0]
+        return result[: len(result) - len(self._rest)].reshape(len(self.poles), 2, self._width, result.shape[1])
 
     def contribution(self, k: int) -> Array:
         """Return the response and the free motions of one pole, (2 n, p)."""
@@ -122,8 +122,8 @@ class CommonPoles:
     @property
     def of_rest(self) -> Array:
         """Of the columns beside the poles, (r, p)."""
-        found = self._solved[0]
-        return found[len(found) - len(self._rest) :]
+        result = self._solved[0]
+        return result[len(result) - len(self._rest) :]
 
     @cached_property
     def cost(self) -> float:
@@ -182,11 +182,11 @@ class CommonPoles:
         m = self.data.U.shape[1]
         energy = np.square(np.abs(self.data.Y)).sum(axis=0)
         energy[energy == 0.0] = 1.0
-        found = []
+        result = []
         for rows, answer in zip(self._of_inputs, self.coefficients[:, :, :m], strict=True):
             products, c = self._products[np.ix_(rows, rows)], answer.reshape(2 * m, -1)
-            found.append(((c * (products @ c)).sum(axis=0) / energy).mean())
-        return np.array(found)
+            result.append(((c * (products @ c)).sum(axis=0) / energy).mean())
+        return np.array(result)
 
     @property
     def _of_inputs(self) -> Array:
@@ -205,11 +205,11 @@ class CommonPoles:
         width = _AROUND * self.data.resolution
         around = 1.0 / (np.square(np.abs(self.data.s[:, None] - self.poles)) + width**2)
         errors = (around / around.sum(axis=0)).T @ self.errors
-        found = []
+        result = []
         for k, (rows, answer) in enumerate(zip(self._of_inputs, self.coefficients[:, :, :m], strict=True)):
             spread, c = self._root[rows] @ self._root[rows].T, answer.reshape(2 * m, -1)
-            found.append(float((c * (linalg.pinv(spread, check_finite=False) @ c) / errors[k]).sum()))
-        return np.array(found)
+            result.append(float((c * (linalg.pinv(spread, check_finite=False) @ c) / errors[k]).sum()))
+        return np.array(result)
 
     @property
     def slopes(self) -> Array:
@@ -260,8 +260,8 @@ def curvature(factors: Array, products: Array) -> Array:
     k, _, w, p = factors.shape
     first = factors.transpose(0, 1, 3, 2).reshape(k, 2 * p, w) @ products.reshape(k, w, k * w)
     first = first.reshape(k, 2, p, k, w).transpose(3, 0, 1, 4, 2).reshape(k, 2 * k, w * p)
-    found = first @ factors.transpose(0, 2, 3, 1).reshape(k, w * p, 2)
-    return found.transpose(1, 0, 2).reshape(2 * k, 2 * k)
+    result = first @ factors.transpose(0, 2, 3, 1).reshape(k, w * p, 2)
+    return result.transpose(1, 0, 2).reshape(2 * k, 2 * k)
 
 
 def pull(factors: Array, products: Array) -> Array:

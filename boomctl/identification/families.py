@@ -32,8 +32,8 @@ def box(result: Any, probability: float, margin: float) -> dict[str, Range]:
                 " fit without it, or measure what shows it"
             )
         freedom = np.array(freedoms[name])
-        each = 1.0 - (1.0 - level) / len(intervals)
-        times = float(limits(each, freedom) / limits(result.confidence_level, freedom))
+        item = 1.0 - (1.0 - level) / len(intervals)
+        times = float(limits(item, freedom) / limits(result.confidence_level, freedom))
         if low > 0.0:
             ends = value * (low / value) ** times / (1.0 + share), value * (high / value) ** times * (1.0 + share)
         else:
@@ -82,7 +82,7 @@ def paired_modes(result: Any, other: Any) -> dict[str, str]:
     UserWarning
         Modes of the other one without a partner: the family does not have them.
     """
-    own, there = (np.log([mode.frequency_hz for mode in each.modes]) for each in (result, other))
+    own, there = (np.log([mode.frequency_hz for mode in item.modes]) for item in (result, other))
     apart = np.abs(own[:, None] - there)
     pairs = [
         (k, j)

@@ -66,10 +66,10 @@ class _Problem:
         f = self.residuals
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", AccuracyWarning)  # of trial parameters
-            found = least_squares(
+            result = least_squares(
                 f, x, jac=lambda y: np.nan_to_num(differences(f, y, STEP, self.free)), bounds=bounds, **_SOLVER
             )
-        return 2.0 * float(found.cost), found.x
+        return 2.0 * float(result.cost), result.x
 
 
 @one_blas_thread
@@ -187,14 +187,14 @@ def fit(
         f, (cost, x) = problem.residuals, candidates[0]
         matrix, error = slopes(f, x, free_parameters)
         seen = Seen.of(matrix, error, f, x, free_parameters)
-        each = _of_each(problem, x)
+        item = _of_each(problem, x)
     freedom = max(measured.size - seen.rank, 0)
     size = known_size if known_size is not None else np.sqrt(cost / freedom) if freedom else 0.0
     floor = ALIKE * measured.scale  # smaller errors are rounding errors of the model
     size, exact = max(float(size), floor), bool(size < floor)
     spread = None
-    if len(each):
-        spread = of_sets(each)
+    if len(item):
+        spread = of_sets(item)
     elif known_size is None and not exact:
         spread = of_blocks(matrix, f(x), measured, seen)
     # number of standard deviations within confidence: normal, or Student's t, which has none without freedom
@@ -263,7 +263,7 @@ def fit(
         certificate=certificate,
         uncertainty_source=spread.source,
         parameter_dof=named(spread.freedom),
-        per_dataset=tuple(named(free_parameters.values(at)) for at in each),
+        per_dataset=tuple(named(free_parameters.values(at)) for at in item),
         model=model,
     )
 
@@ -280,7 +280,7 @@ def _search(problem: _Problem, count: int, seed: int) -> list[tuple[float, Array
 
     Of a response, the search goes by bounded relative errors first: it finds resonances from further away.
     """
-    data, first, found = problem.data, None, []
+    data, first, result = problem.data, None, []
     if data.kind != "eigenfrequencies" and (data.values[data.kept] != 0.0).all():
         first = replace(problem, data=replace(data, errors=BOUNDED))
     for k, x in enumerate(problem.free.drawn(count, seed)):
@@ -289,26 +289,26 @@ def _search(problem: _Problem, count: int, seed: int) -> list[tuple[float, Array
             continue
         if first is not None and np.isfinite(first.residuals(x)).all():
             _, x = first.solve(x)
-        found.append(problem.solve(x))
-    return sorted(found, key=lambda candidate: candidate[0])
+        result.append(problem.solve(x))
+    return sorted(result, key=lambda candidate: candidate[0])
 
 
 def _of_each(problem: _Problem, x: Array) -> Array:
     """Return the coordinates at which each of several data sets is fitted by itself, from the fit to all."""
-    data, found = problem.data, []
+    data, result = problem.data, []
     for k in range(data.sets if data.sets > 1 else 0):
         tell("data sets", k, data.sets)
-        found.append(replace(problem, data=data.one(k)).solve(x)[1])
-    return np.array(found)
+        result.append(replace(problem, data=data.one(k)).solve(x)[1])
+    return np.array(result)
 
 
 def _covariance(spread: Spread, seen: Seen) -> Array:
     """Return the covariance of the coordinates, infinite for parameters that are not identifiable."""
-    found, hidden = spread.covariance.copy(), np.flatnonzero(seen.hidden | ~(spread.freedom > 0.0))
-    found[hidden] = np.nan
-    found[:, hidden] = np.nan
-    found[hidden, hidden] = np.inf
-    return found
+    result, hidden = spread.covariance.copy(), np.flatnonzero(seen.hidden | ~(spread.freedom > 0.0))
+    result[hidden] = np.nan
+    result[:, hidden] = np.nan
+    result[hidden, hidden] = np.inf
+    return result
 
 
 def _intervals(problem: _Problem, cost: float, x: Array, seen: Seen, half: Array) -> tuple[Array, Array]:

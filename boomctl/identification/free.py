@@ -95,8 +95,8 @@ class FreeParameters:
 
     def at(self, x: Array) -> Any:
         """Return the whole record of parameters at coordinates."""
-        found = {name: float(value) for name, value in zip(self.names, self.values(x), strict=True)}
-        return changed(self.record, found)
+        result = {name: float(value) for name, value in zip(self.names, self.values(x), strict=True)}
+        return changed(self.record, result)
 
     def drawn(self, count: int, seed: int) -> list[Array]:
         """Return so many starts: the first as given, the others drawn evenly over the ranges."""

@@ -65,7 +65,7 @@ def slopes(f: Callable[[Array], Array], x: Array, free: FreeParameters) -> tuple
         If the model raises on both sides of a parameter.
     """
     tried = np.array([differences(f, x, step, free) for step in _STEPS])
-    error, size = (np.linalg.norm(each, axis=1) for each in (np.diff(tried, axis=0), tried[1:]))
+    error, size = (np.linalg.norm(item, axis=1) for item in (np.diff(tried, axis=0), tried[1:]))
     ratio = error / np.where(size == 0.0, 1.0, size)
     ratio[np.isnan(ratio)] = np.inf
     best, columns = ratio.argmin(axis=0), np.arange(free.size)
@@ -130,7 +130,7 @@ class Seen:
         for row in rows[values <= least] / size:
             direction = row / np.linalg.norm(row)
             tried = [_along(f, x, direction, step, anywhere) for step in _STEPS[:_TRIED_STEPS]]
-            smallest = min((float(np.linalg.norm(each)) for each in tried if np.isfinite(each).all()), default=0.0)
+            smallest = min((float(np.linalg.norm(item)) for item in tried if np.isfinite(item).all()), default=0.0)
             if smallest > _TRIED_FACTOR * float(np.linalg.norm(error * direction)) + _ROUNDING * values[0] * size.max():
                 resolved = min(resolved or smallest, smallest)
             else:
@@ -164,15 +164,15 @@ class Seen:
 
         Changes of the residuals count as none up to ``limit``, of what is not identifiable up to ``rounding``.
         """
-        found, rows = [], self.directions[self.rank :].copy()
+        result, rows = [], self.directions[self.rank :].copy()
         if len(rows):  # reduced row echelon form: one parameter in each row that no other row has
             R, order = linalg.qr(rows, mode="r", pivoting=True)
             rows[:, order] = linalg.solve_triangular(R[:, : len(rows)], R)
-            found = [_combination(f, x, free, row, False, rounding) for row in rows]
+            result = [_combination(f, x, free, row, False, rounding) for row in rows]
         for value, row in zip(self.values[: self.rank], self.directions, strict=False):
             if value * _CHANGES[0] / np.abs(row).max() < limit:
-                found.append(_combination(f, x, free, row, True, limit))
-        return tuple(each for each in found if each is not None)
+                result.append(_combination(f, x, free, row, True, limit))
+        return tuple(item for item in result if item is not None)
 
 
 def _svd(matrix: Array) -> tuple[Array, Array, Array]:

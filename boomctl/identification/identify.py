@@ -210,14 +210,14 @@ class IdentificationResult:
     @property
     def _uncertain(self) -> tuple[dict[str, tuple[float, float, float]], dict[str, float]]:
         """Value and prediction interval of each frequency [Hz], damping ratio and real pole [rad/s], degrees of freedom."""
-        found = {}
+        result = {}
         for k, mode in enumerate(self.modes):
             frequency = mode.frequency_hz, *mode.frequency_prediction_interval_hz
             damping = mode.damping_ratio, *mode.damping_ratio_prediction_interval
-            found.update(zip(names_of_mode(k), (frequency, damping), strict=True))
+            result.update(zip(names_of_mode(k), (frequency, damping), strict=True))
         for k, pole in enumerate(self.real_poles):
-            found[name_of_real_pole(k)] = pole.rate, *pole.rate_prediction_interval
-        return found, dict.fromkeys(found, self.parts - 1.0)
+            result[name_of_real_pole(k)] = pole.rate, *pole.rate_prediction_interval
+        return result, dict.fromkeys(result, self.parts - 1.0)
 
     def __repr__(self) -> str:
         lines = [f"IdentificationResult: {self._head()}"]
@@ -444,7 +444,7 @@ def identify(
     words = (
         max(searched, key=lambda words: _likelihood(searched[words][0])) if len(searched) > 1 else next(iter(searched))
     )
-    (fit, unresolved, found), source = searched[words], source + words
+    (fit, unresolved, result), source = searched[words], source + words
     if whole_record is None or tested is None:  # a measured response, which is validated on what it is fitted to
         tested = whole_record = data = fit.data
     simple = RankOne.of(fit)
@@ -491,7 +491,7 @@ def identify(
             simple.c[k],
             kinds,
             shares[k],
-            _steadiness(fit.poles[k], found, len(orders)),
+            _steadiness(fit.poles[k], result, len(orders)),
             doubtful[k],
         )
         for k in range(number)
@@ -513,7 +513,7 @@ def identify(
         parts,
         source,
         {
-            order: np.array([p for t in found for p, o in zip(t.poles, t.orders, strict=True) if o == order])
+            order: np.array([p for t in result for p, o in zip(t.poles, t.orders, strict=True) if o == order])
             for order in orders
         },
         np.array([tested.s.imag / (2.0 * np.pi), *spectrum])[:, tested.record == 0],
@@ -646,7 +646,7 @@ def _band(record: Record, frequency_range_hz: Any, least_lines: float) -> tuple[
     driven = np.zeros(0, int)
     if frequency_range_hz is None:
         window = np.ones(_SMOOTH) / _SMOOTH
-        power = np.array([np.convolve(np.square(np.abs(each)), window, mode="same") for each in U.T])
+        power = np.array([np.convolve(np.square(np.abs(item)), window, mode="same") for item in U.T])
         share = (power / power.max(axis=1, keepdims=True)).min(axis=0)
         driven = np.zeros(0, int)
         for least in _LOWEST:  # low-pass inputs leave few lines at the first

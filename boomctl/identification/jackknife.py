@@ -52,11 +52,11 @@ def deviations(fit: CommonPoles, count: int = BLOCKS) -> Array:
 def left_out_errors(fit: CommonPoles) -> Array:
     """Compute the sum of squared errors of each block if the residues are fitted without the block."""
     p = fit.residuals.shape[1]
-    found = []
+    result = []
     for block in _blocks(fit, np.concatenate([fit.basis, fit.residuals], axis=1), BLOCKS):
         basis, left = np.split(block, [-p], axis=1)
-        found.append(np.square(left + _left_out(basis, left)).sum())
-    return np.array(found)
+        result.append(np.square(left + _left_out(basis, left)).sum())
+    return np.array(result)
 
 
 def _left_out(basis: Array, left: Array) -> Array:
@@ -75,11 +75,11 @@ def _blocks(
         return [rows[group == k] for k in range(group.max() + 1)]
     parts = fit.data.in_time(columns)
     length = sum(map(len, parts)) / count
-    found = []
+    result = []
     for part in parts:
         ends = np.linspace(0, len(part), max(round(len(part) / length), 1) + 1).astype(int)
         if information is not None:
             before = np.append(0.0, np.cumsum(information(part)))
             ends = np.unique(np.searchsorted(before, before[-1] * ends / len(part)))
-        found += [part[begin:end] for begin, end in pairwise(ends)]
-    return found
+        result += [part[begin:end] for begin, end in pairwise(ends)]
+    return result

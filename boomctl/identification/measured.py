@@ -90,8 +90,8 @@ class Measured:
     ) -> "Measured":
         """Return what was measured, checked; of a list of data sets, all of them side by side."""
         known("kind of errors", errors, ERRORS)
-        if isinstance(measured, (list, tuple)) and measured and not any(np.isscalar(each) for each in measured):
-            return _side_by_side([cls.of(each, modes, weights, errors, inputs, outputs) for each in measured])
+        if isinstance(measured, (list, tuple)) and measured and not any(np.isscalar(item) for item in measured):
+            return _side_by_side([cls.of(item, modes, weights, errors, inputs, outputs) for item in measured])
         labels = omega = None
         if isinstance(measured, MeasuredFrequencyResponse) and measured.response is not None:
             measured = measured.response  # with its phase, which singular values lose
@@ -145,8 +145,8 @@ class Measured:
 
     def labeled(self, labels: Array) -> Array:
         """Return a label of each entry of the last axis for each of the residuals."""
-        found = np.broadcast_to(labels, self.values.shape)[self.kept]
-        return np.concatenate([found, found]) if np.iscomplexobj(self.values) else found
+        result = np.broadcast_to(labels, self.values.shape)[self.kept]
+        return np.concatenate([result, result]) if np.iscomplexobj(self.values) else result
 
     @property
     def kept(self) -> Array:
@@ -244,19 +244,19 @@ def _side_by_side(sets: Sequence["Measured"]) -> "Measured":
     first, *others = sets
     kind = first.kind, first.values.shape[:-1], first.labels
     for k, other in enumerate(others, start=2):
-        found = other.kind, other.values.shape[:-1], other.labels
-        if found != kind or (other.modes is None) != (first.modes is None):
+        result = other.kind, other.values.shape[:-1], other.labels
+        if result != kind or (other.modes is None) != (first.modes is None):
             raise ValueError(
-                f"`data` must be data sets of one kind, shape and signals, got {kind} and set {k} with {found}."
+                f"`data` must be data sets of one kind, shape and signals, got {kind} and set {k} with {result}."
             )
     if not others:
         return first
     joined: dict[str, Any] = {}
     for name in ("values", "spread", "omega", "modes", "noise"):
-        parts = [getattr(each, name) for each in sets]
+        parts = [getattr(item, name) for item in sets]
         joined[name] = None if any(part is None for part in parts) else np.concatenate(parts, axis=-1)
     joined["modes"] = None if joined["modes"] is None else tuple(joined["modes"].tolist())
-    member = np.repeat(np.arange(len(sets)), [each.values.shape[-1] for each in sets])
+    member = np.repeat(np.arange(len(sets)), [item.values.shape[-1] for item in sets])
     return replace(first, **joined, member=member)
 
 
@@ -343,23 +343,23 @@ def _curves(model: Any, data: Measured, omega: Array) -> Array:
     """Compute the response or the singular values between the measured signals, in the shape of one data set."""
     model = model.linearize() if hasattr(model, "divergence_speed") else model  # a hub-beam
     if data.kind != RESPONSE and (isinstance(model, SecondOrderModel) or is_statespace(model)):
-        found = sigma(model, omega, data.inputs, data.outputs).sigma
+        result = sigma(model, omega, data.inputs, data.outputs).sigma
     elif isinstance(model, SecondOrderModel):
-        found = np.asarray(model.frequency_response(omega, *_signals(data, model)).frdata)
+        result = np.asarray(model.frequency_response(omega, *_signals(data, model)).frdata)
     elif is_statespace(model):
         system = of(model, "model")
-        found = system.select(*_signals(data, system)).response(omega)
+        result = system.select(*_signals(data, system)).response(omega)
     elif is_frequency_response(model):
-        found = _of_data(model, data, omega)
-        found = found if data.kind == RESPONSE else singular_values(found)
+        result = _of_data(model, data, omega)
+        result = result if data.kind == RESPONSE else singular_values(result)
     else:
-        found = np.asarray(_numbers("model", model, f"a model or its {data.kind}"))
+        result = np.asarray(_numbers("model", model, f"a model or its {data.kind}"))
     wanted = (*data.values.shape[:-1], len(omega))
     if data.kind != RESPONSE and data.inputs is not None and data.outputs is not None:
-        found = found[: wanted[0]]  # the largest ones
-    if found.shape != wanted:
-        raise ValueError(f"`model` must return {data.kind} {wanted}, got {found.shape}. Set `inputs` and `outputs`.")
-    return found
+        result = result[: wanted[0]]  # the largest ones
+    if result.shape != wanted:
+        raise ValueError(f"`model` must return {data.kind} {wanted}, got {result.shape}. Set `inputs` and `outputs`.")
+    return result
 
 
 def _numbers(name: str, value: Any, expected: str, kinds: str = "iufc") -> ArrayLike:
@@ -371,17 +371,17 @@ def _numbers(name: str, value: Any, expected: str, kinds: str = "iufc") -> Array
 
 def _signals(data: Measured, model: Any) -> tuple[Sequence[str] | None, Sequence[str] | None]:
     """Return between which signals a model is asked: those named, those of the data, or the model's own."""
-    found: list[Sequence[str] | None] = []
+    result: list[Sequence[str] | None] = []
     primary = getattr(getattr(model, "ports", None), "primary", None) or (None, None)
     for k, (name, said) in enumerate((("input", data.inputs), ("output", data.outputs))):
         there, label = getattr(model, f"{name}_labels"), data.labels[k] if data.labels else ()
         if said is not None:
-            found.append(some_names(name, said, there))
+            result.append(some_names(name, said, there))
         elif label and set(label) <= set(there):
-            found.append(label)
+            result.append(label)
         else:
-            found.append(primary[k])
-    return found[0], found[1]
+            result.append(primary[k])
+    return result[0], result[1]
 
 
 def _of_data(model: Any, data: Measured, asked: Array) -> Array:

@@ -75,10 +75,10 @@ class RankOne:
         blocks = _columns(data, poles, b, fixed, rigid_b, integrators)
         blocks += [data.free(poles), data.ends(integrators)]
         every = _coefficients(np.concatenate(blocks, axis=1), real(data.Y)) * data.scale
-        found = np.split(every, np.cumsum([block.shape[1] for block in blocks]))
+        result = np.split(every, np.cumsum([block.shape[1] for block in blocks]))
         k, f, m, p = len(poles), len(fixed), b.shape[1], every.shape[1]
-        c = found[0][:k] + 1j * found[0][k:]
-        return cls(poles, b, c, found[1], fixed, found[2].reshape(f, 2, m, p), rigid_b, found[3])
+        c = result[0][:k] + 1j * result[0][k:]
+        return cls(poles, b, c, result[1], fixed, result[2].reshape(f, 2, m, p), rigid_b, result[3])
 
     def with_real_directions(self, data: Spectra, loss: float) -> "RankOne":
         """Return the model with real ``b``, where that raises the error of no output by more than a percentage; else itself.

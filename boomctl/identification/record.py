@@ -143,12 +143,12 @@ def band(frequency_range_hz: Any, top: float) -> tuple[float, float]:
 def _signals(what: str, given: Any, word: str) -> tuple[tuple[str, ...], list[Array]]:
     """Return names and records of signals: of one record or of a sequence of them, arrays or mappings."""
     several = isinstance(given, (list, tuple)) and all(_is_record(x, len(given)) for x in given)
-    found = [_one(what, each, word) for each in (given if several or np.ndim(_bare(given)) == 3 else [given])]
-    if not found:
+    result = [_one(what, item, word) for item in (given if several or np.ndim(_bare(given)) == 3 else [given])]
+    if not result:
         raise ValueError(f"{what}: expected at least one record, got none")
-    if any(names != found[0][0] for names, _ in found):
+    if any(names != result[0][0] for names, _ in result):
         raise ValueError(f"{what}: expected the same signals in every record, in the same order")
-    return found[0][0], [data for _, data in found]
+    return result[0][0], [data for _, data in result]
 
 
 def _is_record(item: Any, count: int) -> bool:

@@ -173,13 +173,13 @@ def estimate_frequency_response(
     hz = hz[use]
     held = through_hold(2j * np.pi * hz, record.step) if record.intersample == "zoh" else 1.0
     names: dict[str, Any] = {"inputs": list(record.inputs), "outputs": list(record.outputs), "name": "measured"}
-    found = FrequencyResponseEstimate(G[..., use] / held, 2.0 * np.pi * hz, **names)
-    found.deviation = np.sqrt(variance[..., use] / 2.0) / np.abs(held)
-    found.coherence, found.quantity, found.source = coherence[:, use], record.quantity, source
-    found.record = record if period is None else None
-    for values in (found.frdata, found.omega, found.deviation, found.coherence):
+    result = FrequencyResponseEstimate(G[..., use] / held, 2.0 * np.pi * hz, **names)
+    result.deviation = np.sqrt(variance[..., use] / 2.0) / np.abs(held)
+    result.coherence, result.quantity, result.source = coherence[:, use], record.quantity, source
+    result.record = record if period is None else None
+    for values in (result.frdata, result.omega, result.deviation, result.coherence):
         values.flags.writeable = False  # Otherwise they could differ from the record.
-    return found
+    return result
 
 
 def with_intersample(record: Record, top_hz: float) -> Record:
@@ -312,7 +312,7 @@ def _local(record: Record, resolution: float | None) -> tuple[Any, ...]:
     inverse, values = _inverse(K)
     by_inputs = np.tile(np.arange(m + records) < m, order)
     powers = np.tile(r, (1, records))[..., None] ** np.arange(1, _POLES + 1)  # centers x rows x powers
-    found = []
+    result = []
     for y in np.moveaxis(Y[:, at], 3, 0):
         rows = np.moveaxis(y, 0, 1).reshape(len(at), -1, 1)
         columns = -powers * rows / _norm(rows)
@@ -327,8 +327,8 @@ def _local(record: Record, resolution: float | None) -> tuple[Any, ...]:
         spread = (np.square(np.abs(estimator)) @ weight)[..., 0]
         explained = np.square(_norm(K[..., by_inputs] @ fitted[:, by_inputs]))[:, 0, 0]
         coherence = explained / (explained + error.shape[1] * noise + _least(explained))
-        found.append((fitted[:, :m, 0] / size[:, :m], noise[:, None] * spread / np.square(size[:, :m]), coherence))
-    G, variance, coherence = (np.stack(each) for each in zip(*found, strict=True))
+        result.append((fitted[:, :m, 0] / size[:, :m], noise[:, None] * spread / np.square(size[:, :m]), coherence))
+    G, variance, coherence = (np.stack(item) for item in zip(*result, strict=True))
     power = np.square(np.abs(U[:, at])).mean(axis=(0, 2))  # centers x inputs
     excited = _driven(power) & (values[:, -1] > _INDEPENDENT)
     source = f"local fits over {count(width, 'line')} of {count(records, 'record')}"

@@ -190,7 +190,7 @@ class FitResult:
         numbers = f"{self.data.size} numbers ({self.data.kind})"
         lines = [f"fit of {count(len(self.names), 'parameter')} to {numbers}: {self.certificate.adequacy}"]
         lines += [f"{n:{width}}  {self.values[n]:<12.6g} {self.interval_text(n)}" for n in self.names]
-        lines += [f"not determined: {each.description}" for each in self.unidentifiable]
+        lines += [f"not determined: {item.description}" for item in self.unidentifiable]
         for k, values in enumerate(self.per_dataset, start=1):
             lines.append(f"data set {k}: {', '.join(f'{n} = {value:.5g}' for n, value in values.items())}")
         lines += [self._errors(), f"{100.0 * self.confidence_level:g} % intervals from {self.uncertainty_source}"]
@@ -201,7 +201,7 @@ class FitResult:
         lines = [
             f"FitResult: {self.certificate.adequacy}",
             values,
-            *(each.description for each in self.unidentifiable[:1]),
+            *(item.description for item in self.unidentifiable[:1]),
         ]
         return "\n  ".join(shorten(line, WIDTH - 2, placeholder=" ...") for line in [*lines, self.certificate.checks])
 

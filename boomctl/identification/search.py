@@ -57,12 +57,12 @@ def search_poles(
     integrators : tuple of int
         Numbers of integrators that the plant may have, ascending.
     """
-    found = tracks(poles_by_order(data, orders), data.resolution)
-    fit, unresolved = _from_tracks(data, found, _STEADY * len(orders), low, high, integrators)
+    result = tracks(poles_by_order(data, orders), data.resolution)
+    fit, unresolved = _from_tracks(data, result, _STEADY * len(orders), low, high, integrators)
     if not len(fit.poles):
-        fit, unresolved = _from_tracks(data, found, _LESS_STEADY * len(orders), low, high, integrators)
+        fit, unresolved = _from_tracks(data, result, _LESS_STEADY * len(orders), low, high, integrators)
     fit = with_background(_weighted(fit), low, high, integrators)
-    return settled(fit, low, high, integrators), unresolved, found
+    return settled(fit, low, high, integrators), unresolved, result
 
 
 def _from_tracks(
@@ -261,11 +261,11 @@ def needed(fit: CommonPoles) -> float:
 def _in_residuals(fit: CommonPoles) -> tuple[Spectra, list[tuple[float, complex]]]:
     """Return the residuals in units of their errors, and poles with evidence in them, by evidence."""
     data, least = replace(fit.data, Y=complex_of(fit.residuals) / np.sqrt(fit.errors)), needed(fit)
-    found: list[tuple[float, complex]] = []
+    result: list[tuple[float, complex]] = []
     for k in range(_RATES):
         gains, poles = _tried(data, 0.5 * 4.0**k)
-        found += [(gain, pole) for gain, pole in zip(gains, poles, strict=True) if gain > least]
-    return data, sorted(found, key=lambda entry: -entry[0])
+        result += [(gain, pole) for gain, pole in zip(gains, poles, strict=True) if gain > least]
+    return data, sorted(result, key=lambda entry: -entry[0])
 
 
 def candidates(fit: CommonPoles) -> tuple[Array, Array]:
@@ -280,13 +280,13 @@ def candidates(fit: CommonPoles) -> tuple[Array, Array]:
     unresolved : (k,) ndarray of bool
         Poles of the fit beside which the left-out error shows another one.
     """
-    data, found = _in_residuals(fit)
+    data, result = _in_residuals(fit)
     least = needed(fit)
     chosen: list[complex] = []
     tried: list[complex] = []
     starts: dict[int, complex] = {}
-    for gain, pole in found:
-        if gain <= _BESIDE * found[0][0] or len(tried) >= _CANDIDATES:
+    for gain, pole in result:
+        if gain <= _BESIDE * result[0][0] or len(tried) >= _CANDIDATES:
             break
         near = np.flatnonzero(
             np.abs(fit.poles.imag - pole.imag) < _NEIGHBOR * np.maximum(-fit.poles.real, data.resolution)

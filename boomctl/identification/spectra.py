@@ -66,7 +66,7 @@ class Spectra:
             parts.append((2j * np.pi * hz[use], *spectra, np.full(len(use), k)))
             lines.append(use)
             lengths.append(len(u))
-        s, U, Y, which = (np.concatenate(each) for each in zip(*parts, strict=True))
+        s, U, Y, which = (np.concatenate(item) for item in zip(*parts, strict=True))
         held = record.intersample == "zoh"
         return cls(s, U, Y, which, tuple(lines), tuple(lengths), record.step, held, np.ones(Y.shape[1])).scaled(rms(Y))
 
@@ -101,7 +101,7 @@ class Spectra:
     def within(self, low: float, high: float) -> "Spectra":
         """Return the rows of frequencies from low to high [rad/s]."""
         use = (self.s.imag >= low) & (self.s.imag <= high)
-        lines = tuple(each[use[self.record == k]] for k, each in enumerate(self.lines))
+        lines = tuple(item[use[self.record == k]] for k, item in enumerate(self.lines))
         return replace(self, s=self.s[use], U=self.U[use], Y=self.Y[use], record=self.record[use], lines=lines)
 
     def of_record_number(self, k: int) -> "Spectra":
@@ -162,12 +162,12 @@ class Spectra:
         ``(second, -first)``.
         """
         m = self.U.shape[1]
-        found = np.empty((len(above[0]), 2, m + self.records, len(self.s)), complex)
+        result = np.empty((len(above[0]), 2, m + self.records, len(self.s)), complex)
         for which, signals, at in ((0, self.U.T, slice(m)), (2, self._own.T, slice(m, None))):
             if len(signals):
                 for part, pair in enumerate(pairs(above[which + derived], below[which + derived])):
-                    np.multiply(pair[:, None], signals, out=found[:, part, at])
-        return found.reshape(-1, len(self.s)).view(float)
+                    np.multiply(pair[:, None], signals, out=result[:, part, at])
+        return result.reshape(-1, len(self.s)).view(float)
 
     def free(self, poles: Array) -> Array:
         """Return columns of free motions of each record, (2 n, 2 poles records)."""
@@ -212,11 +212,11 @@ class Spectra:
         The transform is unitary: products of columns are the same.
         """
         whole = complex_of(columns)
-        found = []
+        result = []
         for k, lines in enumerate(self.lines):
             samples = fft.next_fast_len(len(lines))
-            found.append(real(fft.ifft(whole[self.record == k], samples, axis=0, norm="ortho")))
-        return tuple(found)
+            result.append(real(fft.ifft(whole[self.record == k], samples, axis=0, norm="ortho")))
+        return tuple(result)
 
 
 def pairs(above: Array, below: Array) -> tuple[Array, Array]:

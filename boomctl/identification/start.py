@@ -64,7 +64,7 @@ def poles_by_order(data: Spectra, orders: tuple[int, ...]) -> dict[int, Array]:
     S = blocks[..., r:].transpose(0, 2, 3, 1).reshape((top + 1) * r, -1)
     factor = np.linalg.cholesky(R + _RIDGE * np.abs(R).max() * np.eye(len(R)))
     explained = linalg.solve_triangular(factor, S, lower=True, check_finite=False).reshape(len(R), p, top + 1)
-    found = {}
+    result = {}
     for order in orders:
         part = explained[: (order + 1) * r, :, : order + 1].reshape(-1, order + 1)
         M = own[place[: order + 1, : order + 1]] - part.conj().T @ part
@@ -73,8 +73,8 @@ def poles_by_order(data: Spectra, orders: tuple[int, ...]) -> dict[int, Array]:
         roots = roots[np.abs(roots) > 1.0]
         angle = np.mod(-np.angle(roots), 2.0 * np.pi)
         at = -np.log(np.abs(roots)) / time + 1j * (low + angle / time)
-        found[order] = at[(at.imag <= high) & (at.imag > 0.0)]
-    return found
+        result[order] = at[(at.imag <= high) & (at.imag > 0.0)]
+    return result
 
 
 def tracks(found: dict[int, Array], resolution: float) -> tuple[Track, ...]:

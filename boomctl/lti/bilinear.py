@@ -113,6 +113,8 @@ def _inverse(matrix: Array, refusal: str) -> Array:
     values = linalg.svdvals(balanced)
     if values[-1] <= _SINGULAR * values[0]:
         raise ValueError(refusal)
-    found = linalg.inv(balanced)
-    found += found @ (np.eye(len(matrix)) - balanced @ found)  # to componentwise accuracy: zeros of a chain stay zero
-    return found * scale[:, None] / scale
+    result = linalg.inv(balanced)
+    result += result @ (
+        np.eye(len(matrix)) - balanced @ result
+    )  # to componentwise accuracy: zeros of a chain stay zero
+    return result * scale[:, None] / scale

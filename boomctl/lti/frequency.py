@@ -126,11 +126,11 @@ def resonance_grid(
     near = near[(near >= low) & (near <= high)]
     spread = low * (high / low) ** (np.arange(points) / (points - 1.0))
     spread[-1] = high  # which rounding may miss
-    found = np.concatenate([spread, near, np.asarray(also, float).ravel()])
-    found.sort()
-    new = np.empty(len(found), bool)
-    new[0], new[1:] = True, found[1:] > found[:-1]
-    return found[new]
+    result = np.concatenate([spread, near, np.asarray(also, float).ravel()])
+    result.sort()
+    new = np.empty(len(result), bool)
+    new[0], new[1:] = True, result[1:] > result[:-1]
+    return result[new]
 
 
 @np.errstate(divide="ignore", invalid="ignore", over="ignore")  # of values at a pole, and of brackets that are flat
@@ -150,17 +150,17 @@ def highest_peak(value: Callable[[Array], Array], grid: Array) -> tuple[float, f
     best, slow = heights[:, 1].argmax(), np.ones(len(omega), bool)
     peak, at = float(heights[best, 1]), float(omega[best, 1])
     while len(omega):
-        finer, found = _narrowed(value, omega, heights, halved=bool(slow.any()))
-        best = found[:, 1].argmax()
-        if found[best, 1] > peak:
-            peak, at = float(found[best, 1]), float(finer[best, 1])
-        width, top = finer[:, 2] - finer[:, 0], found[:, 1]
+        finer, result = _narrowed(value, omega, heights, halved=bool(slow.any()))
+        best = result[:, 1].argmax()
+        if result[best, 1] > peak:
+            peak, at = float(result[best, 1]), float(finer[best, 1])
+        width, top = finer[:, 2] - finer[:, 0], result[:, 1]
         slow = width > _SLOW * (omega[:, 2] - omega[:, 0])
         # a step has raised the peak by rounding only, and the ends lie so little below it that the top of a parabola
         # through them misses it by the square of that
-        flat = (top <= heights[:, 1] * (1.0 + SOLVED)) & (found.min(axis=1) >= top * (1.0 - ROOT))
+        flat = (top <= heights[:, 1] * (1.0 + SOLVED)) & (result.min(axis=1) >= top * (1.0 - ROOT))
         going = (width > _PLACED * finer[:, 2]) & ~flat
-        omega, heights, slow = finer[going], found[going], slow[going]
+        omega, heights, slow = finer[going], result[going], slow[going]
     return peak, at
 
 
@@ -264,8 +264,8 @@ def largest_gain(system: Lti, respond: Response | None = None, modes: ModalSyste
         places=_STARTS,
         also=[0.0] if len(seen) == len(size) else (),
     )
-    found = _peak_of_modes(modes, grid)
-    return confirmed_peak(found, lambda omega: singular_values(exact(omega))[0], grid)
+    result = _peak_of_modes(modes, grid)
+    return confirmed_peak(result, lambda omega: singular_values(exact(omega))[0], grid)
 
 
 @np.errstate(divide="ignore", invalid="ignore", over="ignore")  # of eigenvectors that lose all digits
@@ -352,9 +352,9 @@ class Resonances:
         if system.dt == 0.0:
             return cls.of(system.poles, high)
         rates, top = system.rates, system.nyquist
-        found = cls.of(rates[np.isfinite(rates)], high)
-        end = min(found.high, top) if len(found.poles) else top
-        return cls(found.poles[found.poles.imag <= end], min(found.low, _LOWEST_SHOWN * end), end)
+        result = cls.of(rates[np.isfinite(rates)], high)
+        end = min(result.high, top) if len(result.poles) else top
+        return cls(result.poles[result.poles.imag <= end], min(result.low, _LOWEST_SHOWN * end), end)
 
     def curve(self, also: ArrayLike = ()) -> Array:
         """Return frequencies through which a curve shows the poles in the band, and others wherever they lie."""
@@ -447,8 +447,8 @@ class Refined:
                 exact = (np.abs(residual) <= _BACKWARD * largest).all(axis=0)
                 if exact.all():
                     break
-        found = self.system.C @ x + self.system.D[:, :1]
-        found[:, s.imag == 0.0] = np.real(found[:, s.imag == 0.0])  # at rest a response is real
+        result = self.system.C @ x + self.system.D[:, :1]
+        result[:, s.imag == 0.0] = np.real(result[:, s.imag == 0.0])  # at rest a response is real
         if not exact.all():
-            found[:, ~exact] = self.system.response(omega[~exact])[:, 0]
-        return found
+            result[:, ~exact] = self.system.response(omega[~exact])[:, 0]
+        return result

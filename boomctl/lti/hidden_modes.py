@@ -84,7 +84,7 @@ def unmoved(
         side_of_axis(poles, doubt) if dt == 0.0 else np.where(np.abs(np.abs(poles) - 1.0) <= doubt, 0, sides(poles, dt))
     )
     chosen = (poles.imag >= 0.0) & (stable | ((side == 0) if axis_only else (side >= 0)))
-    found = []
+    result = []
     for cluster in _clusters(poles, doubt, chosen):
         U, values, _ = linalg.svd(left[:, cluster], full_matrices=False)
         basis = U[:, values > _PARALLEL * values[0]]
@@ -99,8 +99,8 @@ def unmoved(
             shape = basis @ directions[:, k]
             if dt != 0.0:
                 pole = complex(rates_of(np.array([pole if abs(pole) > EPS else EPS]), dt)[0])
-            found.append(HiddenMode(pole, str(states[int(np.argmax(np.abs(shape)))])))
-    return tuple(found)
+            result.append(HiddenMode(pole, str(states[int(np.argmax(np.abs(shape)))])))
+    return tuple(result)
 
 
 def _doubt(A: Array, left: Array, right: Array) -> Array:

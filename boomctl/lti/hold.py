@@ -219,13 +219,13 @@ def linear_hold_response(system: object, inputs: ArrayLike, step: float, initial
         return D @ u
     with np.errstate(over="ignore", invalid="ignore"):
         Phi, G, H = linear_hold(A, B, h)
-        found = lifted_response((Phi, G - H, H), C, D, u, to_form @ start)
-    if not np.isfinite(found).all():
+        result = lifted_response((Phi, G - H, H), C, D, u, to_form @ start)
+    if not np.isfinite(result).all():
         raise ValueError(
             f"system: its outputs grow beyond all numbers within {u.shape[1]} samples, {h:g} s apart; it is unstable, "
             "or step is too long for its numbers"
         )
-    return found
+    return result
 
 
 @dataclass(frozen=True)

@@ -50,10 +50,10 @@ def overbound(omega: Array, size: Array, order: int, fall: int) -> Lti:
     for band, end in ((0, given + len(_BESIDE) - 1), (-1, len(omega) - 1)):
         least[band] = max(least[band], wanted[end] / bands[end, band])
     cost = (bands / room)[:given].mean(axis=0)
-    found = linprog(cost, A_ub=-bands / room, b_ub=-wanted / room[:, 0], bounds=[(x, None) for x in least])
-    if found.x is None:
-        raise ArithmeticError(f"no filter of order {order} was found above the magnitudes: {found.message}")
-    heights = np.maximum(found.x, 0.0) * after[exponents]
+    result = linprog(cost, A_ub=-bands / room, b_ub=-wanted / room[:, 0], bounds=[(x, None) for x in least])
+    if result.x is None:
+        raise ArithmeticError(f"no filter of order {order} was found above the magnitudes: {result.message}")
+    heights = np.maximum(result.x, 0.0) * after[exponents]
     last = int(np.flatnonzero(heights)[-1])
     zeros = -unit * np.sqrt(-np.roots(heights[last::-1]).astype(complex))
     gain = top * float(np.sqrt(heights[last])) * unit ** (order - last)

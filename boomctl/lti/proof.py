@@ -238,10 +238,10 @@ class Exact:
             middle = np.array([[complex(entry) for entry in row] for row in G])
             v = [acb(x.real, x.imag) for x in np.linalg.svd(middle)[2][0].conj().tolist()]
             moved = [sum((g * x for g, x in zip(row, v, strict=True)), acb(0)) for row in G]
-            squares = [sum((abs(x) ** 2 for x in each), arb(0)) for each in (moved, v)]
-            found = (squares[0] / squares[1]).sqrt()
-            if found.rad() <= _DIGITS * found.mid():
-                return found
+            squares = [sum((abs(x) ** 2 for x in item), arb(0)) for item in (moved, v)]
+            result = (squares[0] / squares[1]).sqrt()
+            if result.rad() <= _DIGITS * result.mid():
+                return result
         raise Undecided
 
     def norm(self, square: float, band: tuple[float, float] = (0.0, inf)) -> tuple[float, float, float]:
@@ -296,9 +296,9 @@ class Exact:
                 x = arb_mat(fmpq_mat(rows)).solve(arb_mat(fmpq_mat([[total[2 * k]] for k in range(n)])))
             except ZeroDivisionError:
                 continue
-            found = x[n - 1, 0] / arb(a[n])
-            if found.rad() <= _DIGITS * found.mid():
-                return found
+            result = x[n - 1, 0] / arb(a[n])
+            if result.rad() <= _DIGITS * result.mid():
+                return result
         raise Undecided
 
     def _digits(self) -> Iterator[int]:
@@ -337,10 +337,10 @@ def _squares(p: fmpq_poly) -> fmpq_poly:
 
 
 def _value(p: fmpq_poly, s: acb) -> acb:
-    found = acb(0)
+    result = acb(0)
     for c in reversed(p.coeffs()):
-        found = found * s + arb(c)
-    return found
+        result = result * s + arb(c)
+    return result
 
 
 def _rational(system: Lti) -> Lti:

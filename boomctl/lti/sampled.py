@@ -125,8 +125,8 @@ def sample_plant(
     late = nonnegative("delay", delay)
     _check_samples(late, dt)
     name = getattr(plant, "name", None)
-    found = sampled_plant(given, acting, dt, [late] * len(acting))
-    return found.statespace(name if isinstance(name, str) else "plant")
+    result = sampled_plant(given, acting, dt, [late] * len(acting))
+    return result.statespace(name if isinstance(name, str) else "plant")
 
 
 def _check_samples(late: float, dt: float) -> None:
@@ -272,16 +272,16 @@ def sampled_plant(
         In discrete time, inputs and outputs as the plant's.  Outputs are those just before the controls change.
     """
     held = Held.of(plant, acting, [whole_samples(delay, dt) for delay in delays])
-    found = held.sampled(plant.dt or dt)
-    size = len(found.A)
+    result = held.sampled(plant.dt or dt)
+    size = len(result.A)
     for output, age in enumerate(readings or ()):
         whole, rest = whole_samples(age, dt)
         if rest:  # read between two samples, and known at the later one
             rows, given = held.answers(dt - rest)
-            found = _read(found, output, (rows[output], given[output]), whole + 1)
+            result = _read(result, output, (rows[output], given[output]), whole + 1)
         elif whole:
-            found = _read(found, output, (found.C[output, :size], found.D[output]), whole)
-    return found
+            result = _read(result, output, (result.C[output, :size], result.D[output]), whole)
+    return result
 
 
 def _read(system: Lti, output: int, reading: tuple[Array, Array], samples: int) -> Lti:

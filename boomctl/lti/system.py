@@ -116,8 +116,8 @@ class Lti:
         growth = poles.real if self.dt == 0.0 else np.abs(poles) - 1.0
         if growth.max() <= ROOT * np.abs(poles).max():
             return poles
-        found, reads, right = self.eigensystem
-        growth = found.real if self.dt == 0.0 else np.abs(found) - 1.0
+        result, reads, right = self.eigensystem
+        growth = result.real if self.dt == 0.0 else np.abs(result) - 1.0
         with np.errstate(invalid="ignore", over="ignore"):
             moved = CANCELLED * np.einsum("ji,ij->j", np.abs(reads), np.abs(self.A) @ np.abs(right))
         if ((growth <= 0.0) | (moved < growth)).all():
@@ -455,21 +455,21 @@ def of(
     given: Any = system
     models = "SecondOrderModel" in expected
     if models and hasattr(system, "__lti__"):
-        found: Lti = given.__lti__().without_dots()
+        result: Lti = given.__lti__().without_dots()
     else:
         if models and hasattr(system, "to_statespace"):
             given = given.to_statespace()
         if is_transfer_function(given):
             matrices = realized(given, what)
-            found = Lti(*matrices, *_names(given), tuple(f"x[{i}]" for i in range(len(matrices[0]))), _time(given))
+            result = Lti(*matrices, *_names(given), tuple(f"x[{i}]" for i in range(len(matrices[0]))), _time(given))
         elif is_statespace(given):
-            found = _plain(given)
+            result = _plain(given)
         else:
             raise TypeError(f"{what}: expected {expected}, got {type(system).__name__}{_instead(system, models)}")
     if not any_time:
-        _check_time(what, found.dt, discrete, sampled)
+        _check_time(what, result.dt, discrete, sampled)
     for letter in "ABCD":
-        matrix = getattr(found, letter)
+        matrix = getattr(result, letter)
         largest = float(np.abs(matrix).max(initial=0.0))
         if not np.isfinite(largest):
             row, column = np.argwhere(~np.isfinite(matrix))[0]
@@ -480,8 +480,8 @@ def of(
                 f"{what}: the largest entry of {letter} is {largest:g} in size; expected from {_SIZES[0]:g} to {_SIZES[1]:g}:"
                 " choose other units"
             )
-    _check_names(what, found)
-    return found
+    _check_names(what, result)
+    return result
 
 
 def controller_of(

@@ -183,16 +183,16 @@ def rounding_doubt(system: Lti, doubt: float = 0.0) -> float:
 
 def in_verified_modal_form(system: Lti, doubt: float = 0.0) -> tuple[ModalSystem | None, float]:
     """Return a stable system in modal coordinates, None where its own keep more digits, and a bound of what is lost."""
-    found = verified_modal_form(system, doubt)
-    if found is None:
+    result = verified_modal_form(system, doubt)
+    if result is None:
         return None, rounding_doubt(system, doubt)
-    modal = found.modal
+    modal = result.modal
     peak = singular_values(modal.response(np.abs(modal.poles)))[0].max() if len(modal.poles) and modal.D.size else 0.0
     cancels = modal.sizes.max(initial=0.0) > _CANCELS * peak
-    if not cancels and found.gap <= _DIGITS * peak:
-        return modal, found.gap
+    if not cancels and result.gap <= _DIGITS * peak:
+        return modal, result.gap
     own = rounding_doubt(system, doubt)
-    return (modal, found.gap) if not cancels and found.gap <= own else (None, own)
+    return (modal, result.gap) if not cancels and result.gap <= own else (None, own)
 
 
 def _paired(first: Array, poles: Array, B: Array, C: Array, D: Array) -> ModalSystem:

@@ -56,9 +56,9 @@ def draw_convergence(convergence: "dict[str, dict[str, Array]]") -> Any:
     with style():
         figure = new_figure(9.0, 6.0)
         axes = figure.subplots(2, 3, sharey=True).ravel()
-        for ax, (name, found) in zip(axes, convergence.items(), strict=False):
-            error, orders = found["relative_error"], found.get("order")
-            sizes = found["elements"] if orders is None else orders
+        for ax, (name, result) in zip(axes, convergence.items(), strict=False):
+            error, orders = result["relative_error"], result.get("order")
+            sizes = result["elements"] if orders is None else orders
             for k, values in enumerate(error.T):
                 ax.loglog(sizes, np.maximum(values, 1e-16), ".-", label=f"eigenfrequency {k + 1}", linewidth=1.0)
             ax.set_title(name.replace(", nodes", ",\nnodes").replace(", geom", ",\ngeom").replace(", Herm", ",\nHerm"))

@@ -145,14 +145,14 @@ def _axes(ax: Any, names: Sequence[str], size: tuple[float, float], divide: Divi
         given = list(np.ravel(np.asarray(parts, dtype=object)))
     else:
         given = [ax] if isinstance(ax, Axes) else list(np.ravel(np.asarray(ax, dtype=object)))
-        if not all(isinstance(each, Axes) for each in given):
+        if not all(isinstance(item, Axes) for item in given):
             many = f"a sequence of {len(names)} ({', '.join(names)})" if len(names) > 1 else "a figure"
             raise TypeError(f"ax = {shown(ax)}: expected matplotlib axes, or {many}")
         if len(given) != len(names):
             raise ValueError(f"ax: expected {len(names)} axes ({', '.join(names)}), got {len(given)}")
-    found = np.empty(len(given), dtype=object)
-    found[:] = given
-    return found
+    result = np.empty(len(given), dtype=object)
+    result[:] = given
+    return result
 
 
 def line_look(asked: Mapping[str, Any], **default: Any) -> dict[str, Any]:
@@ -198,8 +198,8 @@ def divided(rows: int, columns: int, **options: Any) -> Divide:
 
 def over_time(axes: Array, labels: Iterable[str], margin: float = 0.0) -> None:
     """Finish panels one below the other over time, of which a share is left free at both ends, each with its label."""
-    for each, label in zip(axes, labels, strict=True):
-        each.set(ylabel=label, xmargin=margin)
+    for item, label in zip(axes, labels, strict=True):
+        item.set(ylabel=label, xmargin=margin)
     axes[-1].set_xlabel("time [s]")
     axes[0].figure.align_ylabels(list(axes))
 
@@ -266,8 +266,8 @@ def frequency_axis(ax: Any, frequency_unit: str | None = None, natural: str = "H
     if frequency_unit is not None and frequency_unit not in UNITS:
         raise ValueError(f"frequency_unit = {shown(frequency_unit)}: expected 'Hz' or 'rad/s'")
     there = None
-    for each in [ax, *ax.get_shared_x_axes().get_siblings(ax)]:
-        words = each.get_xlabel() if each.has_data() else ""
+    for item in [ax, *ax.get_shared_x_axes().get_siblings(ax)]:
+        words = item.get_xlabel() if item.has_data() else ""
         there = there or ("Hz" if search(r"(?<![A-Za-z])Hz\b", words) else "rad/s" if "rad/s" in words else None)
     if frequency_unit is not None and there not in (None, frequency_unit):
         raise ValueError(

@@ -103,8 +103,8 @@ def plot_recovery(
         look = line_look(style, color=COLORS[0], marker="o", markersize=4)
         right.loglog(result.noise_intensities[order], result.recovery_errors[order], **look)
         right.set(xlabel="strength of the fictitious noise", ylabel="largest relative gap")
-        for each in axes:
-            few_labels(each)
+        for item in axes:
+            few_labels(item)
         zeros = len(result.zeros)
         right.set_title("Gap" if not zeros else f"Gap; stays: {zeros} zero{'s' * (zeros > 1)} in the right half-plane")
         legend(right)

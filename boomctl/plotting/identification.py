@@ -103,10 +103,10 @@ def plot_response(
         axes[0].set_ylabel("magnitude")
         axes[1].set_ylabel("coherence")
         axes[1].set_ylim(0.0, 1.05)
-        for each in axes:
-            each.set_xscale("log")
-            legend(each)
-            few_labels(each)
+        for item in axes:
+            item.set_xscale("log")
+            legend(item)
+            few_labels(item)
     return axes
 
 
@@ -129,7 +129,7 @@ def plot_identification(found: "IdentificationResult", ax: Any = None, **drawn: 
         axes[0].set_ylabel("order")
         axes[1].set_ylabel("size over outputs' size")
         frequency_axis(axes[1])
-        for each in axes:
-            each.set_xlim(*found.frequency_range_hz)
-            legend(each, loc="upper right")
+        for item in axes:
+            item.set_xlim(*found.frequency_range_hz)
+            legend(item, loc="upper right")
     return axes

@@ -33,13 +33,13 @@ _LINES = 4  # of equal damping that are drawn at most: more touch (a choice)
 
 def _looks(style: dict[str, Any], curves: Iterable[str], named: bool = False, **default: Any) -> list[dict[str, Any]]:
     """Return how several curves look: colors first, then other lines; one alone carries no name unless ``named``."""
-    names, found = list(curves), []
+    names, result = list(curves), []
     kinds = cycle([(color, line) for line in _STYLES for color in COLORS])
     for name, (color, line) in zip(names, kinds, strict=False):
         own = {"label": name} if named or len(names) > 1 else {}
         look = line_look(style, color=color, linestyle=line, **default, **own)
-        found.append({"label": name} | look)
-    return found
+        result.append({"label": name} | look)
+    return result
 
 
 def plot_bode(result: "BodeResult", ax: Any = None, *, frequency_unit: str | None = None, **style: Any) -> Array:
@@ -175,9 +175,9 @@ def plot_transient(result: "TimeResponse", ax: Any = None, **style: Any) -> Arra
     """
     with panels(ax, result.output_labels, (6.4, 1.2 + 1.7 * len(result.output_labels))) as axes:
         steps = [f"{result.kind} of {name}" for name in result.input_labels]
-        for each, rows in zip(axes, result.outputs, strict=True):
+        for item, rows in zip(axes, result.outputs, strict=True):
             for look, row in zip(_looks(style, steps, linewidth=1.0), rows, strict=True):
-                draw = each.step if result.dt else each.plot
+                draw = item.step if result.dt else item.plot
                 draw(result.time, row, **(look | ({"where": "post"} if result.dt else {})))
         legend(axes[0], "above", 2)
         over_time(axes, result.output_labels)
@@ -278,33 +278,33 @@ def plot_comparison(what: str, drawn: dict[str, Any], ax: Any = None, *, signals
     common = [name for name in next(iter(there.values())) if all(name in given for given in there.values())]
     if what == "time":  # what is the same for all, such as a disturbance, is no comparison
         shapes = {name: [np.asarray(part[0][name]) for part in drawn.values()] for name in common}
-        apart = [name for name, all_ in shapes.items() if any(not np.array_equal(all_[0], each) for each in all_[1:])]
+        apart = [name for name, all_ in shapes.items() if any(not np.array_equal(all_[0], item) for item in all_[1:])]
         common = common if len(signals) or not apart else apart
     chosen = common[: len(COLORS)] if not len(signals) else list(names("signal", signals, common))
     if not chosen:
         raise ValueError("signals: all of them have none in common")
     if what == "time":
         with panels(ax, chosen, (7.0, 1.2 + 1.5 * len(chosen))) as axes:
-            for each, signal in zip(axes, chosen, strict=True):
+            for item, signal in zip(axes, chosen, strict=True):
                 for (values, time), look in zip(drawn.values(), _looks(style, drawn, True, linewidth=1.0), strict=True):
-                    each.plot(time, values[signal], **look)
+                    item.plot(time, values[signal], **look)
             over_time(axes, chosen)
             legend(axes[0], "above", 4)
         return axes
     columns, rows, divide = in_rows(len(chosen))
     with panels(ax, chosen, (3.6 * columns, 4.2 * rows), divide) as axes:
-        for each, signal in zip(axes, chosen, strict=True):
+        for item, signal in zip(axes, chosen, strict=True):
             half = NARROW
             for margins, look in zip(drawn.values(), _looks(style, drawn, named=True), strict=True):
                 loop = margins[signal]
                 L = -loop.loop_gain[1]
-                draw_critical(each, loop.disk_margin, outlined=look["color"])
+                draw_critical(item, loop.disk_margin, outlined=look["color"])
                 words = f"{look['label']}: disk {loop.disk_margin.alpha:.3g}"
-                each.plot(L.real, L.imag, **(look | {"label": words}))
+                item.plot(L.real, L.imag, **(look | {"label": words}))
                 gains = [1.0 / g for g in loop.gain_margin if 0.0 < g < np.inf]
                 half = float(np.clip(ROOM * max(gains, default=1.0), half, WIDE))
-            each.set(xlim=(-half, half), ylim=(-half, half), aspect="equal", xlabel="Re(−L)", ylabel="Im(−L)")
-            legend(each, "above left", title=f"opened at {signal}", title_fontsize=8, fontsize=7, alignment="left")
+            item.set(xlim=(-half, half), ylim=(-half, half), aspect="equal", xlabel="Re(−L)", ylabel="Im(−L)")
+            legend(item, "above left", title=f"opened at {signal}", title_fontsize=8, fontsize=7, alignment="left")
     return axes
 
 

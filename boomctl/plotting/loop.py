@@ -75,12 +75,12 @@ def _chosen(there: dict[str, Any], asked: str | Sequence[str] | None, without: I
 
 def _panels(kind: str, signals: dict[str, Any], units: Mapping[str, str]) -> list[tuple[str, str, dict[str, Any]]]:
     """Return kind, label and signals of each panel: one for each unit, and for what differs in kind where that is unknown."""
-    found: dict[str, dict[str, Any]] = {}
+    result: dict[str, dict[str, Any]] = {}
     for name, values in signals.items():
         whole = name.removesuffix("_sym").removesuffix("_anti")
         apart = next((panel for end, panel in _APART.items() if kind == "outputs" and whole.endswith(end)), kind)
-        found.setdefault(labeled(apart, units.get(name, "")), {})[name] = values
-    return [(kind, label, each) for label, each in found.items()]
+        result.setdefault(labeled(apart, units.get(name, "")), {})[name] = values
+    return [(kind, label, item) for label, item in result.items()]
 
 
 def _draw(ax: Any, result: Any, kind: str, signals: dict[str, Any], style: dict[str, Any]) -> None:

@@ -35,8 +35,8 @@ def plot_margins(result: "Margins", ax: Any = None, **style: Any) -> Array:
     columns, rows, divide = in_rows(len(result.loops))
     names = [f"{loop.location} {loop.signal}" for loop in result.loops]
     with panels(ax, names, (3.4 * columns, 4.3 * rows), divide) as axes:
-        for each, loop in zip(axes, result.loops, strict=True):
-            _draw(each, loop, style)
+        for item, loop in zip(axes, result.loops, strict=True):
+            _draw(item, loop, style)
     return axes
 
 

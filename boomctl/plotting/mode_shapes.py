@@ -40,19 +40,19 @@ def plot_mode_shapes(result: "ModeShapes", ax: Any = None, **style: Any) -> Arra
     below = flat or not len(rests)
     size = (6.4, 1.0 + 1.35 * count) if below else (3.0 * columns, 0.4 + 3.0 * rows)
     with panels(ax, result.names, size, None if below else divide) as axes:
-        for k, (each, name) in enumerate(zip(axes, result.names, strict=True)):
+        for k, (item, name) in enumerate(zip(axes, result.names, strict=True)):
             if len(rests):
-                _machine(each, result.bodies, k, flat, float(np.ptp(rests, axis=0).max()), style)
+                _machine(item, result.bodies, k, flat, float(np.ptp(rests, axis=0).max()), style)
             else:
-                _bars(each, result, k, style)
-            each.set_title(name + (f" ({_ACROSS})" if each.get_gid() == _ACROSS else ""))
-            each.set_xlabel("" if flat and each is not axes[-1] else "x [m]" if len(rests) else each.get_xlabel())
+                _bars(item, result, k, style)
+            item.set_title(name + (f" ({_ACROSS})" if item.get_gid() == _ACROSS else ""))
+            item.set_xlabel("" if flat and item is not axes[-1] else "x [m]" if len(rests) else item.get_xlabel())
         if flat:
             legend(axes[0], "above", 4)
         elif len(rests):
-            low, high = (np.array([each.viewLim.get_points()[i] for each in axes]) for i in (0, 1))
-            for each in axes:  # all of one size
-                each.set(xlim=(low[:, 0].min(), high[:, 0].max()), ylim=(low[:, 1].min(), high[:, 1].max()))
+            low, high = (np.array([item.viewLim.get_points()[i] for item in axes]) for i in (0, 1))
+            for item in axes:  # all of one size
+                item.set(xlim=(low[:, 0].min(), high[:, 0].max()), ylim=(low[:, 1].min(), high[:, 1].max()))
             common_legend(ax, axes[0], ncols=6)
     return axes
 

@@ -41,8 +41,8 @@ def plot_simulation(result: "SimulationResult", ax: Any = None, **style: Any) ->
     }
     with panels(ax, list(rows), (7.0, 6.2)) as axes:
         first, look = not axes[0].has_data(), line_look(style)
-        for each, values in zip(axes, rows.values(), strict=True):
-            each.plot(result.time, values, **look)
+        for item, values in zip(axes, rows.values(), strict=True):
+            item.plot(result.time, values, **look)
         mark_large(axes[-1], result)
         if first:
             axes[0].set_title(f"Hub-beam, model {result.model}")

@@ -71,9 +71,9 @@ def _draw(result: "SigmaResult", ax: Any, frequency_unit: str | None, style: dic
 
 def _legend(ax: Any) -> None:
     """Draw the legend, what the circles are last."""
-    found = sorted(zip(*ax.get_legend_handles_labels(), strict=True), key=lambda each: each[1] == _PEAK)
-    if found:
-        ax.legend(*zip(*found, strict=True))
+    result = sorted(zip(*ax.get_legend_handles_labels(), strict=True), key=lambda each: each[1] == _PEAK)
+    if result:
+        ax.legend(*zip(*result, strict=True))
 
 
 def plot_sigma_comparison(

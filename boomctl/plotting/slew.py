@@ -59,14 +59,14 @@ def plot_slew(result: Any, ax: Any = None, **style: Any) -> Array:
     curves = [(kind, values, limits.get(kind)) for kind, values in there.items() if values is not None]
     with panels(ax, [kind for kind, _, _ in curves], (7.0, 1.45 * len(curves) + 0.4)) as axes:
         first, limited, look = not axes[0].has_data(), False, line_look(style)
-        for each, (kind, values, limit) in zip(axes, curves, strict=True):
-            limited |= _draw_limit(each, limit, values)
+        for item, (kind, values, limit) in zip(axes, curves, strict=True):
+            limited |= _draw_limit(item, limit, values)
             if kind == "torque":
-                _draw_torque(each, result.torque_profile, look)
+                _draw_torque(item, result.torque_profile, look)
             else:
-                each.plot(result.time, values, **look)
+                item.plot(result.time, values, **look)
             if kind == "tip":
-                mark_large(each, result)
+                mark_large(item, result)
         if first:
             note = "; broken lines: limits" if limited else ""
             axes[0].set_title(f"{result.title.capitalize()}: {result.duration:.4g} s{note}")
@@ -258,18 +258,18 @@ def plot_tracking_study(study: Any, ax: Any = None, **style: Any) -> Array:
     )
     names = [*(row[0] for row in rows), "share of runs"]
     with panels(ax, names, (7.0, 7.2), _over_time_and_below) as axes:
-        for each, (label, runs, planned) in zip(axes, rows, strict=False):
+        for item, (label, runs, planned) in zip(axes, rows, strict=False):
             low, quarter, middle, most, high = np.quantile(runs, _BANDS, axis=0)
             look = line_look(style, linewidth=1.0, label="middle run")
-            (line,) = each.plot(study.time, middle, **look)
+            (line,) = item.plot(study.time, middle, **look)
             color = line.get_color()
-            each.fill_between(study.time, low, high, color=color, alpha=0.18, linewidth=0.0, label="nine of ten")
-            each.fill_between(study.time, quarter, most, color=color, alpha=0.35, linewidth=0.0, label="middle half")
+            item.fill_between(study.time, low, high, color=color, alpha=0.18, linewidth=0.0, label="nine of ten")
+            item.fill_between(study.time, quarter, most, color=color, alpha=0.35, linewidth=0.0, label="middle half")
             if planned is not None:
-                each.plot(study.time, planned, color="0.35", linewidth=0.8, linestyle="--", label="planned")
-            each.axvline(study.duration, color="0.7", linewidth=0.8)
-            each.set_ylabel(label)
-            each.set_xmargin(0.0)
+                item.plot(study.time, planned, color="0.35", linewidth=0.8, linestyle="--", label="planned")
+            item.axvline(study.duration, color="0.7", linewidth=0.8)
+            item.set_ylabel(label)
+            item.set_xmargin(0.0)
         axes[1].legend(loc="upper right", ncols=2)
         axes[2].set_xlabel("time [s]")
         left = np.maximum(np.sort(study.residual_vibration), _NOTHING)
@@ -287,10 +287,10 @@ def plot_tracking_study(study: Any, ax: Any = None, **style: Any) -> Array:
 def _over_time_and_below(figure: Any) -> Any:
     """Three axes over one time, and one of its own below."""
     axes = figure.subplots(4, 1)
-    for each in axes[1:3]:
-        each.sharex(axes[0])
-    for each in axes[:2]:
-        each.tick_params(labelbottom=False)
+    for item in axes[1:3]:
+        item.sharex(axes[0])
+    for item in axes[:2]:
+        item.tick_params(labelbottom=False)
     return axes
 
 
@@ -312,10 +312,10 @@ def plot_switching(curve: Any, ax: Any = None, **style: Any) -> Array:
     divide = divided(2, 1, sharex=True, height_ratios=(1.6, 1.0))
     with panels(ax, ("switching function", "torque"), (7.0, 3.6), divide) as axes:
         upper, lower = axes
-        for each in axes:
+        for item in axes:
             for t in curve.switching_times:
-                each.axvline(t, color="0.7", linewidth=0.7, zorder=0)
-            each.set_xmargin(0.0)
+                item.axvline(t, color="0.7", linewidth=0.7, zorder=0)
+            item.set_xmargin(0.0)
         upper.axhline(0.0, color="0.3", linewidth=0.8)
         for sign, color in ((1.0, COLORS[0]), (-1.0, COLORS[1])):
             inside = np.maximum(sign * curve.values, 0.0) * sign

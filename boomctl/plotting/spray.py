@@ -131,8 +131,8 @@ def plot_motion(motion: PlatformMotion, ax: Any = None, **style: Any) -> Array:
     """
     with panels(ax, ("jolt", "yaw"), (7.4, 4.0)) as axes:
         look = line_look(style, linewidth=1.0)
-        for each, values in zip(axes, (1e3 * motion.jolt, 1e3 * motion.yaw), strict=True):
-            each.plot(motion.time, values, **look)
+        for item, values in zip(axes, (1e3 * motion.jolt, 1e3 * motion.yaw), strict=True):
+            item.plot(motion.time, values, **look)
         legend(axes[0])
         over_time(axes, ("jolt, ahead [mm]", "yaw [mrad]"))
     return axes

@@ -43,9 +43,9 @@ def draw_suspension_sigma(
     with style():
         figure = new_figure(7.4, 4.6)
         ax = figure.add_subplot()
-        for k, each in enumerate(others):
+        for k, item in enumerate(others):
             label = "uncertain springs and mass" if k == 0 else None
-            ax.loglog(each.omega / (2 * np.pi), each.sigma[0], color=_FAINT, linewidth=0.8, label=label)
+            ax.loglog(item.omega / (2 * np.pi), item.sigma[0], color=_FAINT, linewidth=0.8, label=label)
         passive.plot(ax, frequency_unit="Hz", label=labels[0], color=_PASSIVE)
         active.plot(ax, frequency_unit="Hz", label=labels[1], color=_ACTIVE)
         if exact is not None:
@@ -54,7 +54,7 @@ def draw_suspension_sigma(
                 label = f"{labels[1]}, exact boom" if k == 0 else None
                 ax.loglog(exact.omega / (2 * np.pi), line, ".", label=label, **dots)
         ax.set_xlim(0.03, 20.0)
-        ax.set_ylim(1e-3, max((1.6 * each.peak for each in (passive, active) if np.isfinite(each.peak)), default=None))
+        ax.set_ylim(1e-3, max((1.6 * item.peak for item in (passive, active) if np.isfinite(item.peak)), default=None))
         ax.set_title("Platform to tips; circles: certified peaks")
         ax.legend(loc="lower left")
     return figure

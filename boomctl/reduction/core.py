@@ -64,9 +64,9 @@ def core_of(system: Lti | SecondOrderModel, modes: int) -> SystemCore:
     if not isinstance(system, SecondOrderModel):
         core = _statespace_core(system, 2 * modes, WHOLE)
         return core if len(core.kept.A) or not core.complete else replace(core, given=system)
-    found = structure_core(system, modes) if system.ncoordinates >= CORE_FROM else None
-    if found is not None:
-        return found
+    result = structure_core(system, modes) if system.ncoordinates >= CORE_FROM else None
+    if result is not None:
+        return result
     try:
         # the highest modes come first: solvers of eigenvalues keep the digits of what stands last in a graded matrix
         modes_of = None if system.structure.elastic is None else undamped_modes(system.structure)
@@ -115,10 +115,10 @@ def structure_core(model: SecondOrderModel, modes: int) -> SystemCore | None:
         modes = (modes + 1) // 2
     fast, modals, kept, tail = [], [], [], 0.0
     for part, W_in, W_out in parts:
-        found = _lowest_modes(part, modes)
-        if found is None:
+        result = _lowest_modes(part, modes)
+        if result is None:
             return None
-        system, left_out = found
+        system, left_out = result
         split_off = spectral_parts(Lti(system.A, system.B @ W_in.T, W_out @ system.C, W_out @ system.D @ W_in.T))
         modal, gap = in_verified_modal_form(split_off.fast, split_off.doubt)
         fast.append(split_off.fast)
@@ -128,11 +128,11 @@ def structure_core(model: SecondOrderModel, modes: int) -> SystemCore | None:
     if not fast:
         return None
     D = np.sum([part.D for part in fast], axis=0)
-    found = [modal for modal in modals if modal is not None]
+    result = [modal for modal in modals if modal is not None]
     modal = None
-    if len(found) == len(fast):
-        poles = np.concatenate([part.poles for part in found])
-        modal = ModalSystem(poles, np.vstack([p.B for p in found]), np.hstack([p.C for p in found]), D)
+    if len(result) == len(fast):
+        poles = np.concatenate([part.poles for part in result])
+        modal = ModalSystem(poles, np.vstack([p.B for p in result]), np.hstack([p.C for p in result]), D)
     stable = _parallel(fast, D) if modal is None else modal.blocks
     return SystemCore(
         stable=stable, modal=modal, kept=_parallel(kept, 0.0 * D), tail=tail, complete=False, way=HIGH_MODES_BOUNDED

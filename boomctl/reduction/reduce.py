@@ -172,20 +172,20 @@ def _by_cores(
         if not (core.complete or last) and wanted is not None and core.tail > max(_TAIL_SHARE * wanted, floor):
             continue  # what this core leaves out alone is more than may be
         try:
-            smaller, found = reducer.reduced(order) if wanted is None else _within(reducer, wanted)  # type: ignore[arg-type]
+            smaller, result = reducer.reduced(order) if wanted is None else _within(reducer, wanted)  # type: ignore[arg-type]
         except ReductionError:
             if not (reducer.complete or last):
                 continue
             if wanted is None and (order != size or not isinstance(given, Lti)):
                 raise
-            smaller, found = None, None
-        if found is None or (isinstance(given, Lti) and _states(smaller) >= size):  # type: ignore[arg-type]
+            smaller, result = None, None
+        if result is None or (isinstance(given, Lti) and _states(smaller) >= size):  # type: ignore[arg-type]
             # no system differs less from one than itself
-            smaller, found = _as_given(given, method), Verified(0.0, 0.0, NO_ERROR, 0.0)
+            smaller, result = _as_given(given, method), Verified(0.0, 0.0, NO_ERROR, 0.0)
             path.append(AS_GIVEN)
             break
-        if core.complete or last or core.tail <= max(_TAIL_SHARE * found.measured, floor):
-            truncated = found.truncation
+        if core.complete or last or core.tail <= max(_TAIL_SHARE * result.measured, floor):
+            truncated = result.truncation
             break
     if isinstance(smaller, Lti):
         scales = getattr(given, "scales", {})  # a structure is in the units of the machine
@@ -197,10 +197,10 @@ def _by_cores(
         _reduced=smaller,  # type: ignore[arg-type]
         order=_states(smaller),  # type: ignore[arg-type]
         requested_order=order,
-        error_bound=found.bound,
-        error_norm=found.measured,
+        error_bound=result.bound,
+        error_norm=result.measured,
         method=method,
-        certificate=found.certificate,
+        certificate=result.certificate,
         core_error_bound=truncated,
         hankel_singular_values=reducer.values,
         retained_order=len(core.kept.A),
@@ -321,12 +321,12 @@ def _in_band(gap: Lti, band: Band, floor: float) -> NormBounds:
     def respond(v: Array) -> Array:
         return gap.response(omega_of_image(v, gap.dt), quiet=True)
 
-    found = band_norm(continuous_image(gap), respond, _band_of_image(gap, band), floor)
-    found = replace(found, peak_omega=float(omega_of_image(found.peak_omega, gap.dt)))
-    if found.upper_bound <= found.lower_bound * (1.0 + CERTIFIED):
-        return found
-    exact = proved_norm(gap, found.lower_bound, found.peak_omega, band=band)
-    return exact if exact.upper_bound < inf else found
+    result = band_norm(continuous_image(gap), respond, _band_of_image(gap, band), floor)
+    result = replace(result, peak_omega=float(omega_of_image(result.peak_omega, gap.dt)))
+    if result.upper_bound <= result.lower_bound * (1.0 + CERTIFIED):
+        return result
+    exact = proved_norm(gap, result.lower_bound, result.peak_omega, band=band)
+    return exact if exact.upper_bound < inf else result
 
 
 def _states(system: Lti | SecondOrderModel) -> int:
@@ -359,13 +359,13 @@ def _within(reducer: StateReducer | StrongestModes, error: float) -> tuple[Lti |
     for order in reducer.orders(error):
         tell(f"{order} states")
         try:
-            smaller, found = reducer.reduced(order)
+            smaller, result = reducer.reduced(order)
         except (
             ValueError,
             ReductionError,
         ):  # a Hankel singular value repeated across the cut, or not verified: the next
             continue
-        best = min(best, found.measured)
-        if found.measured <= error:
-            return smaller, found
+        best = min(best, result.measured)
+        if result.measured <= error:
+            return smaller, result
     raise ReductionError(f"max_error = {error:g}: the smallest verified error of any order is {best:.4g}")

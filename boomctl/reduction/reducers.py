@@ -115,13 +115,13 @@ class StateReducer(ABC):
                 f"order {order}: the states that go cannot rest, for they have no static answer; use 'balanced'"
             ) from None
         try:
-            found = verified(self.core, stable, bound, self.band)
+            result = verified(self.core, stable, bound, self.band)
         except ReductionError as reason:
             raise ReductionError(f"order {order - len(kept.A)}: {reason}") from None
         if not len(kept.A):
-            return stable, found
+            return stable, result
         A = append(kept, stable).A
-        return Lti(A, np.vstack([kept.B, stable.B]), np.hstack([kept.C, stable.C]), stable.D), found
+        return Lti(A, np.vstack([kept.B, stable.B]), np.hstack([kept.C, stable.C]), stable.D), result
 
 
 class GramianReducer(StateReducer):
@@ -258,9 +258,9 @@ class ModalTruncation(StateReducer):
     def __init__(self, system: Lti | SecondOrderModel, core: SystemCore, band: Band | None, modes: int) -> None:
         super().__init__(system, core, band, modes)
         # modes that keep fewer digits than the states given will do here: what they are off is added to the bound
-        found = verified_modal_form(core.stable) if core.modal is None else None
-        modal = core.modal if found is None else found.modal
-        self.lost = 0.0 if found is None else found.gap
+        result = verified_modal_form(core.stable) if core.modal is None else None
+        modal = core.modal if result is None else result.modal
+        self.lost = 0.0 if result is None else result.gap
         if modal is None or self.lost == inf:
             raise ValueError(
                 "method 'modal': the stable poles are defective (Jordan blocks) or nearly so, use 'balanced'"

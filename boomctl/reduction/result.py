@@ -167,13 +167,13 @@ class ReductionResult:
         full, worst = self._full, self.certificate.peak_omega
         top = ABOVE * max(worst if worst < inf else 0.0, 0.0 if self.omega_range is None else self.omega_range[1])
         if isinstance(full, Lti):
-            found = Resonances.of_system(full)
-            found = Resonances.of_system(full, top) if top > found.high else found
+            result = Resonances.of_system(full)
+            result = Resonances.of_system(full, top) if top > result.high else result
         else:
             split = SplitModel.of(full)
-            found = split.resonances()
-            found = split.resonances(top) if top > found.high else found
-        omega = drawn_grid(found, [worst])
+            result = split.resonances()
+            result = split.resonances(top) if top > result.high else result
+        omega = drawn_grid(result, [worst])
         before, after = (_response(system, omega) for system in (full, self._reduced))
         error = singular_values(before - after)[0]
         return ReductionCurves(omega, singular_values(before), singular_values(after), error)

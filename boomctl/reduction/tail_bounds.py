@@ -214,8 +214,8 @@ def truncation_bound(stiffness: Array, C: Array, loads: Loads, kept: Array) -> f
     lowest = float(w.min())
     ends = intervals(closed, lowest)
     forces = damper_forces(closed, np.zeros((len(w), m)), np.ones(len(w)), m, ends)
-    by_outputs, by_inputs = (np.linalg.norm(each, axis=0) for each in forces)
-    b0, b1, reads = (float(np.linalg.norm(each / w[:, None], 2)) for each in (others.B0, others.B1, others.L.T))
+    by_outputs, by_inputs = (np.linalg.norm(item, axis=0) for item in forces)
+    b0, b1, reads = (float(np.linalg.norm(item / w[:, None], 2)) for item in (others.B0, others.B1, others.L.T))
     softened = float(np.linalg.norm(between, 2))
     reads, b0 = reads + by_outputs, b0 + by_inputs
     return _over_intervals(ends, reads, b0, b1, lowest=lowest, softened=softened, dissipated=dissipated)

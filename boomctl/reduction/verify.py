@@ -95,13 +95,13 @@ def verified(core: SystemCore, reduced: Lti, bound: float, band: Band | None) ->
     def error(within: Band | None) -> NormBounds:
         return verified_norm(core.stable, modal, reduced, within, floor, own_form, given=core.given, rounding=rounding)
 
-    found = error(band)
-    exact = core.given is not None and found.method == PROVED
-    compare(found.lower_bound, found.peak_omega)
-    if found.upper_bound == inf:
+    result = error(band)
+    exact = core.given is not None and result.method == PROVED
+    compare(result.lower_bound, result.peak_omega)
+    if result.upper_bound == inf:
         raise ReductionError(
-            f"the error, at least {found.lower_bound:.4g} at {found.peak_omega:.4g} rad/s, could not be verified "
-            f"({found.method})"
+            f"the error, at least {result.lower_bound:.4g} at {result.peak_omega:.4g} rad/s, could not be verified "
+            f"({result.method})"
         )
     if rounding == inf and not exact:
         raise ReductionError(
@@ -116,9 +116,9 @@ def verified(core: SystemCore, reduced: Lti, bound: float, band: Band | None) ->
             bound = error(None).upper_bound
     # a bound knows neither of rounding nor of the distance of the proved level from the largest value
     if not exact:
-        return Verified(max(bound, found.upper_bound) + rounding, found.upper_bound + rounding, found, core.tail)
+        return Verified(max(bound, result.upper_bound) + rounding, result.upper_bound + rounding, result, core.tail)
     beyond = 0.0 if band is None else rounding  # outside of the band nothing was proved
-    return Verified(max(bound + beyond, found.upper_bound), found.upper_bound, found, 0.0)
+    return Verified(max(bound + beyond, result.upper_bound), result.upper_bound, result, 0.0)
 
 
 def _at_poles(system: Lti, reduced: Lti, band: Band | None) -> tuple[float, tuple[float, float]]:
@@ -172,26 +172,26 @@ def verified_norm(
     if not (len(gap.A) and gap.D.size):
         value = float(np.linalg.norm(gap.D, 2)) if gap.D.size else 0.0
         return NormBounds(value, value, 0.0, STATIC_GAIN)
-    found = level_norm(gap, respond) if band is None else band_norm(gap, respond, band, floor)
+    result = level_norm(gap, respond) if band is None else band_norm(gap, respond, band, floor)
     # matrices do not show what is slower than rounding of the fastest pole
     seen = band is not None or bool(resolved(gap.poles).all())
-    near = found.upper_bound <= found.lower_bound * (1.0 + _ROUNDING) and (
-        given is None or rounding <= _ROUNDING * found.lower_bound
+    near = result.upper_bound <= result.lower_bound * (1.0 + _ROUNDING) and (
+        given is None or rounding <= _ROUNDING * result.lower_bound
     )
     if seen and near:
-        return found
+        return result
     minus = None if given is None else reduced
-    exact = proved_norm(gap if given is None else given, found.lower_bound, found.peak_omega, minus, band)
+    exact = proved_norm(gap if given is None else given, result.lower_bound, result.peak_omega, minus, band)
     if exact.upper_bound < inf or not seen:
         return exact
     least = float(np.linalg.norm(gap.D, 2))
-    for level in _levels(found.lower_bound, floor) if found.upper_bound == inf and band is None else []:
-        if level > least and stays_below(gap, level, found.peak_omega, respond):
-            found = NormBounds(found.lower_bound, level, found.peak_omega, NO_CROSSING)
+    for level in _levels(result.lower_bound, floor) if result.upper_bound == inf and band is None else []:
+        if level > least and stays_below(gap, level, result.peak_omega, respond):
+            result = NormBounds(result.lower_bound, level, result.peak_omega, NO_CROSSING)
             break
     # eigenvalues show a peak above the level unless it is much nearer to it than the level to the largest value
     return replace(
-        found, upper_bound=found.upper_bound * min(found.upper_bound / max(found.lower_bound, TINY), _ABOVE[2])
+        result, upper_bound=result.upper_bound * min(result.upper_bound / max(result.lower_bound, TINY), _ABOVE[2])
     )
 
 
@@ -220,8 +220,8 @@ def band_norm(gap: Lti, respond: Response, band: Band, floor: float = 0.0) -> No
                 H = hamiltonian_matrix(gap, level)
             except np.linalg.LinAlgError:  # a singular value of D to the last digit, of which the matrix is not defined
                 continue
-            near = (found.imag for found in near_axis(H[0]))
-            crossings, beside = (found[(found > low) & (found < high)] for found in near)
+            near = (result.imag for result in near_axis(H[0]))
+            crossings, beside = (result[(result > low) & (result < high)] for result in near)
             seen = np.sort(np.concatenate([[low], crossings, beside, [high]]))
             tried = np.concatenate([seen[1:-1], 0.5 * (seen[1:] + seen[:-1])])
             values = singular_values(respond(tried))[0]

@@ -82,7 +82,7 @@ def chosen_beam(
 
 
 def _own_time(maneuver: Maneuver, slowest: float) -> float:
-    ends = [each for each in maneuver.breakpoints if each > 0.0]
+    ends = [item for item in maneuver.breakpoints if item > 0.0]
     if not ends:
         raise ValueError("timepts = None: expected the last instant [s], for the maneuver does not say when it ends")
     return max(ends) + _PERIODS / slowest
@@ -135,11 +135,11 @@ def _choose(p: HubBeamParameters, accuracy: float, maneuver: Maneuver, time: flo
     with computing("choice of a model"):
         for true in _references(p, accuracy, maneuver, instants):
             tried = list(_trials(p, accuracy, maneuver, instants, true, runs))
-            if not any(each.perhaps for each in tried):
+            if not any(item.perhaps for item in tried):
                 break
     assert true is not None  # or there was no reference, which is an error
-    found = tried[-1]
-    if not found.enough:
+    result = tried[-1]
+    if not result.enough:
         best = min(tried, key=lambda each: each.error)
         raise ValueError(
             f"accuracy = {exactly(accuracy)}: expected at least {1.5 * best.error:.1g} in this maneuver; {best.modes} modes "
@@ -149,14 +149,14 @@ def _choose(p: HubBeamParameters, accuracy: float, maneuver: Maneuver, time: flo
         accuracy=accuracy,
         time=time,
         maneuver=maneuver,
-        model=found.model,
-        modes=found.modes,
-        error=found.error,
-        rtol=found.run.tolerance[0],
-        atol=found.run.tolerance[1],
+        model=result.model,
+        modes=result.modes,
+        error=result.error,
+        rtol=result.run.tolerance[0],
+        atol=result.run.tolerance[1],
         largest=true.largest,
         reference=true.agreement,
-        tried=tuple(each[:3] for each in tried),
+        tried=tuple(item[:3] for item in tried),
     )
 
 
@@ -164,7 +164,7 @@ def _instants(p: HubBeamParameters, maneuver: Maneuver, time: float) -> Array:
     """Return the instants at which motions are compared: more of them than vibrate, and enough in the maneuver itself."""
     second = float(in_model(p, EXACT, _REFERENCES[0]).eigenfrequencies_hz()[1])
     points = int(np.clip(_INSTANTS * second * time, _FEWEST_INSTANTS, _MOST_INSTANTS))
-    even = [np.linspace(0.0, min(each, time), _FEWEST_INSTANTS) for each in maneuver.breakpoints[-1:] if each > 0.0]
+    even = [np.linspace(0.0, min(item, time), _FEWEST_INSTANTS) for item in maneuver.breakpoints[-1:] if item > 0.0]
     return np.unique(np.concatenate([time * np.linspace(0.0, 1.0, points) ** _UNEVEN, *even]))
 
 
@@ -250,5 +250,5 @@ def _apart(tip: Array | None, other: Array | None, largest: float) -> float:
     if tip is None or other is None:
         return math.inf
     with np.errstate(all="ignore"):
-        found = float(np.abs(tip - other).max()) / largest
-    return found if math.isfinite(found) else math.inf
+        result = float(np.abs(tip - other).max()) / largest
+    return result if math.isfinite(result) else math.inf

@@ -339,7 +339,7 @@ class AssumedModesBeam(HubBeam):
         return self._steady(speed)[0]
 
     def _small_motion(self, speed: float) -> SmallMotion:
-        mass, damping, stiffness = (each[0] for each in self._steady(speed)[1])
+        mass, damping, stiffness = (item[0] for item in self._steady(speed)[1])
         return SmallMotion(mass, damping, stiffness, np.append(0.0, self.equations.tip.transverse))
 
     def _state_derivative(self, x: Array, torque: float) -> Array:
@@ -392,7 +392,7 @@ def _dynamics(equations: Equations, maneuver: Maneuver, timepts: Array, y: Array
         _part(equations, maneuver, timepts[at], y[at], rate[at])
         for at in (slice(first, first + _CHUNK) for first in range(0, timepts.size, _CHUNK))
     ]
-    return Dynamics(*(np.concatenate(each) for each in zip(*parts, strict=True)))
+    return Dynamics(*(np.concatenate(item) for item in zip(*parts, strict=True)))
 
 
 def _part(equations: Equations, maneuver: Maneuver, timepts: Array, y: Array, rate: Array) -> Dynamics:

@@ -205,9 +205,9 @@ class HubBeam(ABC):
         if truth("coupled", coupled) and not self.has_axial_modes:
             raise ValueError(f"coupled = True: expected False, for model {self.model!r} has no axial modes")
         self._check_speed(speed, self.divergence_speed())
-        found = self._coupled_hz(speed) if coupled else self._transverse_hz(speed)
-        warn_of_units(found)
-        return found
+        result = self._coupled_hz(speed) if coupled else self._transverse_hz(speed)
+        warn_of_units(result)
+        return result
 
     @one_blas_thread
     def mode_shapes(self, count: int = 3) -> ModeShapes:
@@ -522,8 +522,8 @@ class HubBeam(ABC):
         from boomctl.rotating_beam.modal.forced import linearized  # brings casadi
 
         state = self.steady_state(hub_speed)
-        found = linearized(self._forced_modes(sequence("sensors", sensors, "BeamSensor")), state)
-        return found.statespace(self._system_name)
+        result = linearized(self._forced_modes(sequence("sensors", sensors, "BeamSensor")), state)
+        return result.statespace(self._system_name)
 
     @property
     def _system_name(self) -> str:
@@ -635,7 +635,7 @@ class HubBeam(ABC):
         from scipy.linalg import cholesky, solve_triangular
 
         small = self._small_motion(speed)
-        mass, damping, stiffness = (each[1:, 1:] for each in (small.mass, small.damping, small.stiffness))
+        mass, damping, stiffness = (item[1:, 1:] for item in (small.mass, small.damping, small.stiffness))
         try:
             root = cholesky(0.5 * (stiffness + stiffness.T), lower=True)
         except np.linalg.LinAlgError:

@@ -118,7 +118,7 @@ def campbell_diagram(
     from scipy import optimize  # long to import
 
     values = np.array([frequencies(float(speed)) for speed in speeds])
-    found = []
+    result = []
     for order in orders:
         apart = values - order * speeds[:, None] / _TURN
         for mode in range(values.shape[1]):
@@ -130,6 +130,6 @@ def campbell_diagram(
 
             for k in np.flatnonzero(apart[:-1, mode] * apart[1:, mode] < 0.0):
                 roots.append(float(optimize.brentq(gap, speeds[k], speeds[k + 1], rtol=_LAST_DIGIT)))  # type: ignore[arg-type]
-            found += [CriticalSpeed(order, mode + 1, root, order * root / _TURN) for root in roots]
-    found.sort(key=lambda crossing: crossing.hub_speed)
-    return CampbellDiagram(model, speeds, values, tuple(found), lost, orders)
+            result += [CriticalSpeed(order, mode + 1, root, order * root / _TURN) for root in roots]
+    result.sort(key=lambda crossing: crossing.hub_speed)
+    return CampbellDiagram(model, speeds, values, tuple(result), lost, orders)

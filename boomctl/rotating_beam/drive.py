@@ -68,8 +68,8 @@ def resolving(edges: Array, function: Callable[[Array], Array]) -> Array:
     ends = np.array([_NEAR_END, 1.0 - _NEAR_END])
     at_ends = legendre.legvander(2.0 * ends - 1.0, _POINTS - 1) @ terms
     instants = even_instants(float(edges[-1]))
-    found = function(instants)
-    largest = float(np.abs(found).max())
+    result = function(instants)
+    largest = float(np.abs(result).max())
     for _ in range(_PASSES):
         length = np.diff(edges)
         values = function(edges[:-1, None] + length[:, None] * nodes)
@@ -77,13 +77,13 @@ def resolving(edges: Array, function: Callable[[Array], Array]) -> Array:
         rough = np.abs(values @ terms[-2:].T).max(axis=1) > _ROUGH * largest
         near_ends = function(edges[:-1, None] + length[:, None] * ends)
         rough |= np.abs(near_ends - values @ at_ends.T).max(axis=1) > _ROUGH * largest
-        apart, step = off_polynomials(values, edges[:-1], length, instants, found)
+        apart, step = off_polynomials(values, edges[:-1], length, instants, result)
         rough[step[apart > _ROUGH * largest]] = True
         rough &= 0.5 * length > _SMALLEST * edges[-1]
         if not rough.any():
             break
         # what was not rough is not looked at again
         open_ = rough[step]
-        instants, found = instants[open_], found[open_]
+        instants, result = instants[open_], result[open_]
         edges = np.sort(np.concatenate([edges, (edges[:-1] + 0.5 * length)[rough]]))
     return edges

@@ -98,7 +98,7 @@ def hub_beam_family(
 
     def make(values: Mapping[str, float]) -> SecondOrderModel:
         changes = tuple((name, value) for name, value in values.items() if name != "hub_speed")
-        seen = read(tuple(each for each in changes if each[0] not in _UNREAD))
+        seen = read(tuple(item for item in changes if item[0] not in _UNREAD))
         return structure_of(made(changes), values.get("hub_speed", fixed), seen)
 
     return PolynomialFamily.from_function(ranges, make, free=beam.state_labels[:1])

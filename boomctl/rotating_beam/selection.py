@@ -51,10 +51,10 @@ class ModelChoice:
     __repr__ = compact
 
     def __str__(self) -> str:
-        found = f"{count(self.modes, 'mode')} of {self.model}: error {self.error:.1e} up to {self.time:.6g} s"
+        result = f"{count(self.modes, 'mode')} of {self.model}: error {self.error:.1e} up to {self.time:.6g} s"
         best: dict[str, float] = {}
         for model, _, error in self.tried:
             if error > self.accuracy:
                 best[model] = min(error, best.get(model, error))
         missed = ", ".join(f"{model} {error:.1e}" for model, error in best.items() if model != self.model)
-        return f"{found}, {self.accuracy:.3g} asked for{f'; not with {missed}' if missed else ''}"
+        return f"{result}, {self.accuracy:.3g} asked for{f'; not with {missed}' if missed else ''}"

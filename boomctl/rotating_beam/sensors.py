@@ -77,14 +77,14 @@ def checked_sensors(sensors: Sequence[object], length: float) -> tuple[BeamSenso
     TypeError, ValueError
         If one is none, is beyond the free end, or has the name of another output.
     """
-    found: list[BeamSensor] = []
+    result: list[BeamSensor] = []
     for i, given in enumerate(sensors):
         sensor = instance(f"sensors[{i}]", given, BeamSensor)
         if sensor.position > length:
             raise ValueError(
                 f"sensors[{i}]: position = {sensor.position!r}: expected a place on the beam, 0 to {length} m"
             )
-        if sensor.name in (*LOOP_OUTPUTS, *(each.name for each in found)):
+        if sensor.name in (*LOOP_OUTPUTS, *(item.name for item in result)):
             raise ValueError(f"sensors[{i}]: expected a name of its own, got {sensor.name!r}, which another output has")
-        found.append(sensor)
-    return tuple(found)
+        result.append(sensor)
+    return tuple(result)

@@ -43,12 +43,12 @@ def _run_blocks(p: LoopProblem, log: ControlLog) -> Array:
     starts, clean, stepped = _blocks(p, log, loop, lifted, blocks, last)
     shown = slice(0, outputs + nu)
     y = lifted.forced(blocks, shown) + lifted.free(starts, shown)
-    found = y.reshape(outputs + nu, -1)[:, : p.grid.steps + 1]
+    result = y.reshape(outputs + nu, -1)[:, : p.grid.steps + 1]
     for k, rows in stepped:
-        found[:outputs, k : k + len(rows)] = p.plant.C @ rows.T
+        result[:outputs, k : k + len(rows)] = p.plant.C @ rows.T
     samples = np.flatnonzero(np.repeat(clean, _BLOCK)[: p.samples])
-    log.asked[samples] = log.given[samples] = found[outputs:, samples].T
-    return found[:outputs]
+    log.asked[samples] = log.given[samples] = result[outputs:, samples].T
+    return result[:outputs]
 
 
 def _one_more(W: Array) -> Array:
@@ -162,16 +162,16 @@ def run_if_no_stop_is_met(p: LoopProblem, fine: LoopProblem) -> tuple[Array, Con
     D = np.vstack([p.plant.D, np.zeros((len(C) - outputs, p.plant.D.shape[1]))])
     seen, log = replace(p, plant=replace(p.plant, C=C, D=D)), p.new_log()
     with np.errstate(all="ignore"):
-        found = run_fast(seen, log)
-        strokes = found[outputs:].reshape(per_step, len(stops), -1)[:, :, :-1].copy()
+        result = run_fast(seen, log)
+        strokes = result[outputs:].reshape(per_step, len(stops), -1)[:, :, :-1].copy()
         for j in range(1, per_step):
             strokes[j] += positions @ _pushed(p, fine, log, j)
         offsets = np.array([stop.offsets(fine.W, fine.grid.h, fine.grid.per_point)[0] for stop in stops])
         strokes += offsets[:, :-1].reshape(len(stops), -1, per_step).transpose(2, 0, 1)
-        last = found[outputs : outputs + len(stops), -1] + offsets[:, -1]
+        last = result[outputs : outputs + len(stops), -1] + offsets[:, -1]
         limits = fine.contacts.stop_maps.limits
         free = (np.abs(strokes) <= limits[:, None]).all() and (np.abs(last) <= limits).all()
-    return (found[:outputs], log) if free else None
+    return (result[:outputs], log) if free else None
 
 
 def _pushed(p: LoopProblem, fine: LoopProblem, log: ControlLog, j: int) -> Array:

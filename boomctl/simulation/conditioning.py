@@ -75,7 +75,7 @@ def _followed(force: Array, rate: Array, count: int) -> Array:
 
 
 def _warn(outputs: Sequence[str], left: Array) -> None:
-    names = ", ".join(name for name, each in zip(outputs, left, strict=True) if each)
+    names = ", ".join(name for name, item in zip(outputs, left, strict=True) if item)
     text = f"anti_windup: where limits are met by {names}, the controller's state is not corrected; no gain is proved bounded"
     warn_user(text, WindupWarning)
 
@@ -133,7 +133,7 @@ def _kalman_gain(K: Lti, limited: Array, softening: float) -> Array:
         )  # no square of large numbers
         size = np.where(size > 0.0, size, size.max() or 1.0)
         C, D = K.C * moved / size[:, None], K.D / size[:, None]
-    if not all(np.isfinite(each).all() for each in (A, B, C, D)):
+    if not all(np.isfinite(item).all() for item in (A, B, C, D)):
         return np.full((n, u), np.nan)
     soft = np.where(limited, softening + _REGULAR, _HARDLY * (softening + 1.0))
     R, Q, S = D @ D.T + np.diag(soft), B @ B.T, B @ D.T
@@ -193,8 +193,8 @@ def _contracting(V: Array, doubt: Array, rate: float) -> bool:
     if P is None or not positive_definite(P, np.zeros_like(P)):
         return False
     size, sums = np.abs(P), (4 * len(P) + 8) * _UNIT  # twice what the sums of the products round off
-    for each, off in zip(V, doubt, strict=True):
-        M, reach = rate**2 * P - each.T @ P @ each, np.abs(each) + off
+    for item, off in zip(V, doubt, strict=True):
+        M, reach = rate**2 * P - item.T @ P @ item, np.abs(item) + off
         E = sums * (rate**2 * size + reach.T @ size @ reach) + off.T @ size @ reach + reach.T @ size @ off
         if not positive_definite(0.5 * (M + M.T), E):
             return False

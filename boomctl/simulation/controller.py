@@ -56,7 +56,7 @@ class Laws:
         i = min(max(int(np.searchsorted(self.values, measured[self.place])) - 1, 0), len(self.values) - 2)
         share = (measured[self.place] - self.values[i]) / (self.values[i + 1] - self.values[i])
         t = min(max(float(share), 0.0), 1.0)
-        both = ((1.0 - t) * each[i] + t * each[i + 1] for each in (self.law, self.correction))
+        both = ((1.0 - t) * item[i] + t * item[i + 1] for item in (self.law, self.correction))
         return next(both), next(both)
 
 
@@ -92,7 +92,7 @@ class SampledController:
         cls, K: Lti, L: Array, driven: Sequence[int], measured: Sequence[int], laws: Laws | None = None
     ) -> "SampledController":
         """Return a discrete system as it runs, or the first of those that it is in turn."""
-        read, moved = (np.array(each, dtype=int) for each in (measured, driven))
+        read, moved = (np.array(item, dtype=int) for item in (measured, driven))
         return cls(K.A, K.B, K.C, K.D, L, read, moved, K.input_labels, K.output_labels, laws)
 
 
@@ -125,29 +125,29 @@ def sampled_controller(
     else:
         given = scheduled.systems
     driven, measured = signals_of(given[0], plant.input_labels, plant.output_labels, states, scales)
-    found = [_discrete(each, sample_time, discretization) for each in given]
-    none = np.zeros((len(found), len(found[0].A), len(found[0].C)))
+    result = [_discrete(item, sample_time, discretization) for item in given]
+    none = np.zeros((len(result), len(result[0].A), len(result[0].C)))
     laws = None
     if scheduled is not None:
-        law = np.array([blocks([[each.D, each.C], [each.B, each.A]]) for each in found])
+        law = np.array([blocks([[item.D, item.C], [item.B, item.A]]) for item in result])
         laws = Laws(law, none, scheduled._place, scheduled.values)
-    return SampledController.of(found[0], none[0], driven, measured, laws)
+    return SampledController.of(result[0], none[0], driven, measured, laws)
 
 
 def corrected(K: SampledController, force: Array, rate: Array, anti_windup: bool) -> SampledController:
     """Return a controller whose state is corrected where its controls meet limits of force and rate; ``inf`` for none."""
-    u, p, found = len(K.C), len(K.measured), K.laws
+    u, p, result = len(K.C), len(K.measured), K.laws
     matrices = (
-        [(K.A, K.B, K.C, K.D)] if found is None else [(X[u:, p:], X[u:, :p], X[:u, p:], X[:u, :p]) for X in found.law]
+        [(K.A, K.B, K.C, K.D)] if result is None else [(X[u:, p:], X[u:, :p], X[:u, p:], X[:u, :p]) for X in result.law]
     )
-    laws = [Lti(*each, K.inputs, K.outputs) for each in matrices]
+    laws = [Lti(*item, K.inputs, K.outputs) for item in matrices]
     if not anti_windup or not len(K.A):
         L = np.zeros((len(laws), *K.L.shape))
-    elif found is not None and found.place is None:
-        L = bounded_correction(laws[-1], found.correction, force, rate)
+    elif result is not None and result.place is None:
+        L = bounded_correction(laws[-1], result.correction, force, rate)
     else:
         L = correction(laws, force, rate)
-    return replace(K, L=L[0], laws=None if found is None else replace(found, correction=L))
+    return replace(K, L=L[0], laws=None if result is None else replace(result, correction=L))
 
 
 def _time_varying(

@@ -244,11 +244,11 @@ def simulate_loop(
     log = p.new_log()
     if p.contacts is not None:
         moving, contact_log = run_contact(p, log, p.contacts)
-        found = _result(p, log, moving, contact_log, "contacts")
+        result = _result(p, log, moving, contact_log, "contacts")
         if friction is None:
-            return found
+            return result
         error = _friction_error(problem, substeps, friction.slip_output, moving)
-        return replace(found, error_estimate=error)
+        return replace(result, error_estimate=error)
     path = "blocks" if in_blocks(p) else "steps"
     return _result(p, log, run_fast(p, log)[:, :: p.grid.per_point], None, path)
 
@@ -335,7 +335,7 @@ def _told(
 ) -> LoopResult:
     """Return signals of any run by name: outputs, and the controls that act and those asked for, at the given times."""
     K, rows = p.controller, p.W[:, :: p.grid.per_point]
-    applied, asked = (dict(zip(K.outputs, each, strict=True)) for each in controls)
+    applied, asked = (dict(zip(K.outputs, item, strict=True)) for item in controls)
     return LoopResult(
         time=p.grid.time,
         outputs=dict(zip(plant.output_labels, outputs, strict=True)),
@@ -376,11 +376,11 @@ def _machine_result(p: MachineLoop, rtol: float, atol: float) -> LoopResult:
     """Run a loop around a hub-beam and return its signals by name."""
     from boomctl.simulation.machine.run import PATH, measured, run_to_tolerance
 
-    found = run_to_tolerance(p, rtol, atol)
-    states, controls = found.states[:, :: p.grid.per_point], p.at_points(found.log)
+    result = run_to_tolerance(p, rtol, atol)
+    states, controls = result.states[:, :: p.grid.per_point], p.at_points(result.log)
     return replace(
-        _told(p, p.machine, found.log, measured(p, states, controls[0]), controls),
+        _told(p, p.machine, result.log, measured(p, states, controls[0]), controls),
         method=PATH,
-        error_estimate=found.error,
+        error_estimate=result.error,
         states=(p.machine.to_state @ states).T,
     )

@@ -138,14 +138,14 @@ class LoopResult(TimeSeries):
 
     def __figures__(self) -> dict[str, float]:
         """Return what a comparison shows."""
-        found = {}
+        result = {}
         for kind, signals in (("", self.outputs), ("control ", self.controls)):
             for name, values in signals.items():
-                found[f"{kind}{name}: rms"] = float(np.sqrt(np.mean(values**2)))
-                found[f"{kind}{name}: peak"] = float(np.abs(values).max())
+                result[f"{kind}{name}: rms"] = float(np.sqrt(np.mean(values**2)))
+                result[f"{kind}{name}: peak"] = float(np.abs(values).max())
         limited = {name: share for name, share in self.saturation_fraction.items() if share}
-        found |= {f"control {name}: at its limit [%]": 100.0 * share for name, share in limited.items()}
-        return found | ({"hits of stops": float(len(self.stop_contacts))} if self.stop_contacts else {})
+        result |= {f"control {name}: at its limit [%]": 100.0 * share for name, share in limited.items()}
+        return result | ({"hits of stops": float(len(self.stop_contacts))} if self.stop_contacts else {})
 
     def plot(self, ax: Any = None, *, outputs: str | Sequence[str] | None = None, **style: Any) -> Array:
         """Draw outputs, controls asked for and applied, stops and friction over time.

@@ -186,9 +186,9 @@ def _row(what: str, name: str, values: ArrayLike, points: int) -> Array:
 
 def per_signal(what: str, levels: Levels, signals: Sequence[str], zero: bool = False) -> Array:
     """Return a positive level for each signal, ``inf`` where none is given; ``zero``: levels of zero stand for none."""
-    found = np.full(len(signals), np.inf)
+    result = np.full(len(signals), np.inf)
     if levels is None:
-        return found
+        return result
 
     def check(name: str, value: object) -> float:
         return 0.0 if zero and nonnegative(name, value) == 0.0 else positive(name, value)
@@ -196,9 +196,9 @@ def per_signal(what: str, levels: Levels, signals: Sequence[str], zero: bool = F
     if isinstance(levels, Mapping):
         for name, value in levels.items():
             known(f"signal of {what}", name, signals)
-            found[list(signals).index(name)] = check(f"{what}[{name!r}]", value)
+            result[list(signals).index(name)] = check(f"{what}[{name!r}]", value)
     else:
-        found[:] = check(what, levels)
+        result[:] = check(what, levels)
     if zero:
-        found[found == 0.0] = np.inf
-    return found
+        result[result == 0.0] = np.inf
+    return result

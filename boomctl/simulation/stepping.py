@@ -215,8 +215,8 @@ def sampler(p: LoopProblem, log: ControlLog) -> Callable[[int, Array], None]:
         heard += p.added.noise
     wanted, forward = p.added.reference, p.added.feedforward
     law = blocks([[c.D, c.C], [c.B, c.A]])
-    known, found = np.zeros(ny + len(c.A)), np.zeros(nu + len(c.A))
-    y, state, u, following = known[:ny], known[ny:], found[:nu], found[nu:]
+    known, result = np.zeros(ny + len(c.A)), np.zeros(nu + len(c.A))
+    y, state, u, following = known[:ny], known[ny:], result[:nu], result[nu:]
     coarse = np.isfinite(p.limits.quantum)
     grain = np.where(coarse, p.limits.quantum, 1.0) if p.limits.coarse else None
     bounded = bool(np.isfinite(p.limits.force).any() or np.isfinite(p.limits.rate).any())
@@ -234,7 +234,7 @@ def sampler(p: LoopProblem, log: ControlLog) -> Callable[[int, Array], None]:
             law, correction = laws.at(k, y)
         if wanted is not None:
             y.__isub__(wanted[k])
-        np.dot(law, known, out=found)
+        np.dot(law, known, out=result)
         if forward is not None:
             u.__iadd__(forward[k])
         asked[k] = u

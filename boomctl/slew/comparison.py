@@ -232,8 +232,8 @@ def compare_slews(
         raise TypeError(f"system = {type(system).__name__}: expected a hub-beam")
     limit = positive("torque_limit", torque_limit)
     planned = {} if optimal is None else mapping("optimal", optimal, "names to slews")
-    for name, each in planned.items():
-        instance(f"optimal[{name!r}]", each, SlewResult)
+    for name, item in planned.items():
+        instance(f"optimal[{name!r}]", item, SlewResult)
     if angle is not None:
         warn_of_turns(real("angle", angle))
     torques = {name: result.torque_profile for name, result in planned.items()}
@@ -247,7 +247,7 @@ def compare_slews(
         after = history.duration + np.linspace(0.0, 1.5 * plant.period, _AFTER)
         t = np.concatenate([np.linspace(0.0, history.duration, _DURING)[:-1], after])
         r = plant.machine.simulate(history, t)
-        low, high = (_vibration(each, history, after) for each in others)
+        low, high = (_vibration(item, history, after) for item in others)
         later = history.duration + np.linspace(0.0, 1.5 * heaviest, _AFTER)
         late = t >= after[0]
         lines.append(
@@ -261,7 +261,7 @@ def compare_slews(
                 effort=history.effort,
                 residual_vibration_low=low,
                 residual_vibration_high=high,
-                vibrations=np.array([_vibration(each, history, later) for each in loaded]),
+                vibrations=np.array([_vibration(item, history, later) for item in loaded]),
                 torque_profile=history,
                 time=t,
                 tip_displacement=r.tip_displacement,

@@ -203,10 +203,10 @@ def solved(
     if deadline.limit < inf:
         options["ipopt.max_wall_time"] = max(deadline.limit - deadline.seconds, _LEAST)
     solver = ca.nlpsol("slew", "ipopt", nlp, options)
-    found, statistics = solver(**arguments), solver.stats()
+    result, statistics = solver(**arguments), solver.stats()
     if watch.failed is not None:
         raise watch.failed
     deadline.obey()
     if not statistics["success"] and (watch.late or statistics["return_status"] == "Maximum_WallTime_Exceeded"):
         raise OutOfTime(stage)
-    return found, statistics
+    return result, statistics

@@ -125,7 +125,7 @@ def row_rates(plant: SlewPlant, row: Array, z: Array, torque: Array, slope: Arra
         return first @ row, (first @ plant.A.T + np.outer(slope, plant.B)) @ row
     (kind, constants), count = kind_of(plant), len(z)
     given = z.T, torque[None], slope[None], np.tile(row[:, None], count), np.tile(constants[:, None], count)
-    first, second = (np.array(each).ravel() for each in _row_rates(kind).map(count)(*given))
+    first, second = (np.array(item).ravel() for item in _row_rates(kind).map(count)(*given))
     return first, second
 
 
@@ -154,7 +154,7 @@ def path_peak(plant: SlewPlant, kind: str, history: TorqueProfile, time: Array, 
     if not near.size:
         return top
     h = np.diff(time)[near]
-    start, end, slope = (each[near] for each in lines_between(history, time))
+    start, end, slope = (item[near] for item in lines_between(history, time))
     v0, v1 = values[near], values[near + 1]
     s0, c0 = row_rates(plant, row, z[near], start, slope)
     s1, c1 = row_rates(plant, row, z[near + 1], end, slope)

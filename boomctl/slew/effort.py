@@ -42,7 +42,7 @@ class _Local:
         """Torques that begin with some of the intervals and are held until the next one begins."""
         root = np.sqrt(np.diff(np.append(first, self.G.shape[1])))
         inner = first[1:] - 1
-        G, P = (np.add.reduceat(each, first, axis=-1) / root for each in (self.G, self.P[:, inner]))
+        G, P = (np.add.reduceat(item, first, axis=-1) / root for item in (self.G, self.P[:, inner]))
         return _Local(G, self.d, P, self.rest[:, inner], self.most)
 
     def solve(self, limit: float | Array, met: Array) -> tuple[Clipped, Array] | None:
@@ -56,19 +56,19 @@ class _Local:
         for _ in range(_EXCHANGES):
             at = np.nonzero(met)
             rows, wanted = self.P[at], met[at] * self.most[at[0]] - self.rest[at]
-            found = clipped(np.vstack([self.G, rows]), np.concatenate([self.d, wanted]), limit)
-            if found.missed > ALIKE:
+            result = clipped(np.vstack([self.G, rows]), np.concatenate([self.d, wanted]), limit)
+            if result.missed > ALIKE:
                 return None
             if not len(self.P):
-                return found, met
-            values = self.P @ found.torques + self.rest
+                return result, met
+            values = self.P @ result.torques + self.rest
             size = np.pad(np.where(met == 0.0, np.abs(values), 0.0), ((0, 0), (1, 1)))
             peak = (size[:, 1:-1] >= size[:, :-2]) & (size[:, 1:-1] > size[:, 2:])
             following = np.where(peak & (size[:, 1:-1] > self.most[:, None] * (1.0 + SUMMED)), np.sign(values), met)
-            following[at] = np.where(met[at] * found.weights[self.G.shape[0] :] <= 0.0, met[at], 0.0)
+            following[at] = np.where(met[at] * result.weights[self.G.shape[0] :] <= 0.0, met[at], 0.0)
             changes = np.argwhere(following != met)
             if not len(changes):
-                return found, met
+                return result, met
             fewest, patience = (len(changes), _PATIENCE) if len(changes) < fewest else (fewest, patience - 1)
             if patience < 0:
                 last = tuple(changes[-1])
@@ -119,13 +119,13 @@ class _Mesh:
             answer = local.solve(self.limit, met) if np.isfinite(local.G).all() else None
             if answer is None:
                 return None
-            found, met = answer
-            before, size = size, float(np.abs(found.torques - u).max()) / self.limit
+            result, met = answer
+            before, size = size, float(np.abs(result.torques - u).max()) / self.limit
             if size > before:
                 return None
-            u = found.torques
+            u = result.torques
             if size * (size / before if before < np.inf else 1.0) <= _STATIONARY:  # what the next turn would change
-                return local, found, met
+                return local, result, met
         return None
 
     def led(self, local: _Local, found: Clipped, met: Array, parts: int) -> tuple[Clipped, float, float]:
@@ -189,18 +189,18 @@ def effort_on_mesh(
     answer = mesh.best(first.start_values, met, parts)
     if answer is None:
         return None
-    local, found, met = answer
+    local, result, met = answer
     missed = np.inf
     while missed > STEP_SHARE * problem.rtol:
         parts *= 2
         if parts * intervals > MOST_STEPS:
             return None
-        found, missed, left = mesh.led(local, found, met, parts)
+        result, missed, left = mesh.led(local, result, met, parts)
         if not left <= STEP_SHARE * problem.rtol:
             return None
     pairs = np.arange(0, intervals, 2)
-    joined = replace(local, d=local.G @ found.torques).joined(pairs)
+    joined = replace(local, d=local.G @ result.torques).joined(pairs)
     root = np.sqrt(np.diff(np.append(pairs, intervals)))
     fewer = joined.solve(limits.torque * root, met[:, pairs[1:] - 1])
-    more = np.inf if fewer is None else float(np.sum(fewer[0].torques ** 2) / np.sum(found.torques**2)) - 1.0
-    return HeldEffort(held(np.linspace(0.0, duration, intervals + 1), found.torques), more, met)
+    more = np.inf if fewer is None else float(np.sum(fewer[0].torques ** 2) / np.sum(result.torques**2)) - 1.0
+    return HeldEffort(held(np.linspace(0.0, duration, intervals + 1), result.torques), more, met)

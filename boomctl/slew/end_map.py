@@ -91,9 +91,9 @@ class _Stepper:
         for part in _parts(_jacobian(self.kind), u.size):
             check()
             steps = _repeated(_jacobian(self.kind), u[part].size)
-            after, each = steps(states[-1][:, -1], u[None, part], h[None, part], self.constants)
+            after, item = steps(states[-1][:, -1], u[None, part], h[None, part], self.constants)
             states.append(after.full())
-            jacobians.append(each.full().reshape(self.kind.n, -1, self.kind.n + 2).transpose(1, 0, 2))
+            jacobians.append(item.full().reshape(self.kind.n, -1, self.kind.n + 2).transpose(1, 0, 2))
         return np.hstack(states), np.concatenate(jacobians)
 
     def hessians(self, z: Array, u: Array, h: Array, after: Array, check: Callable[[], None]) -> Array:
@@ -102,8 +102,8 @@ class _Stepper:
         for part in _parts(_hessian(self.kind), u.size):
             check()
             steps = _hessian(self.kind).map(u[part].size)
-            each = np.array(steps(z[:, :-1][:, part], u[None, part], h[None, part], self.constants, after[part].T))
-            hessians.append(each.reshape(size, -1, size).transpose(1, 0, 2))
+            item = np.array(steps(z[:, :-1][:, part], u[None, part], h[None, part], self.constants, after[part].T))
+            hessians.append(item.reshape(size, -1, size).transpose(1, 0, 2))
         return np.concatenate(hessians)
 
 

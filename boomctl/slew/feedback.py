@@ -124,9 +124,9 @@ def weights(modes: MachineModes, along: Along, states: Array) -> Array:
     )
     half, total = states.shape[1] // 2, np.zeros((along.moved.sum(),) * 2)
     for row in np.array(at(np.zeros(states.shape[1]))):
-        for each in (row, np.concatenate([np.zeros(half), row[:half]])):
-            size = max(float(np.ptp(states @ each)), _SMALL)
-            total += np.outer(each[along.moved], each[along.moved]) / size**2
+        for item in (row, np.concatenate([np.zeros(half), row[:half]])):
+            size = max(float(np.ptp(states @ item)), _SMALL)
+            total += np.outer(item[along.moved], item[along.moved]) / size**2
     return total
 
 
@@ -177,7 +177,7 @@ def observer(modes: MachineModes, along: Along, states: Array, tuning: Tuning, s
         return A, C, Q
 
     used = slice(0, n + 1 if slow else n)
-    A, C, Q = (each[..., used] for each in whole(-1))
+    A, C, Q = (item[..., used] for item in whole(-1))
     P = np.zeros((n + 1, n + 1))
     P[used, used] = _stationary(A[used].T, C.T, Q[used], R, "measurements: they do not show all that the torque moves")
     gains = np.empty((count, n + 1, along.C.shape[1]))

@@ -74,9 +74,9 @@ def least_effort(problem: SlewProblem, duration: float, intervals: int) -> Least
     linear = flow(problem)
     G = problem.ends @ linear.responses(duration, intervals)
     d = problem.ends @ (problem.target - linear.step(duration)[0] @ problem.start)
-    found = clipped(G, d, problem.limits.torque)
-    costate = found.weights @ problem.ends * (duration / intervals)
-    return LeastEffort(held(np.linspace(0.0, duration, intervals + 1), found.torques), costate, found.missed)
+    result = clipped(G, d, problem.limits.torque)
+    costate = result.weights @ problem.ends * (duration / intervals)
+    return LeastEffort(held(np.linspace(0.0, duration, intervals + 1), result.torques), costate, result.missed)
 
 
 @dataclass(frozen=True, eq=False)

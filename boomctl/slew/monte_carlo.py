@@ -128,7 +128,7 @@ def drawn(name: str, given: Any, runs: int, rng: np.random.Generator, center: fl
             raise ValueError(f"{name} = {exactly(width)}: expected a half-width from 0 to less than 1, or two ends")
         return center * (1.0 + width * (2.0 * even - 1.0))
     if values.shape == (2,) and runs != 2:
-        low, high = (real(f"{name}[{i}]", each) for i, each in enumerate(values.tolist()))
+        low, high = (real(f"{name}[{i}]", item) for i, item in enumerate(values.tolist()))
         if low > high:
             raise ValueError(f"{name} = ({low:g}, {high:g}): expected the lower end first")
         return low + (high - low) * even
@@ -136,4 +136,4 @@ def drawn(name: str, given: Any, runs: int, rng: np.random.Generator, center: fl
         raise ValueError(
             f"{name} has shape {values.shape}; expected a number, the two ends of a range, or one for each of {runs} runs"
         )
-    return np.array([real(f"{name}[{i}]", each) for i, each in enumerate(values.tolist())])
+    return np.array([real(f"{name}[{i}]", item) for i, item in enumerate(values.tolist())])

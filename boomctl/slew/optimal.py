@@ -92,22 +92,22 @@ class _Candidate:
 
 def _arc_durations(problem: SlewProblem, first: TorqueProfile) -> tuple[_Candidate | None, tuple[str, ...]]:
     """Durations of a bang-bang torque's arcs, from a first torque; None where they are no extremal; and what was done."""
-    found = least_time_arcs(problem, first)
-    if found is None or found.gain >= _EXTREMAL:
+    result = least_time_arcs(problem, first)
+    if result is None or result.gain >= _EXTREMAL:
         return None, ("durations of arcs: none found",)
-    return _Candidate(found.history, "switching times", found.gain, "extremal"), ("durations of arcs", *found.path)
+    return _Candidate(result.history, "switching times", result.gain, "extremal"), ("durations of arcs", *result.path)
 
 
 def _programme(problem: SlewProblem, least: Extremal | None) -> tuple[_Candidate, tuple[str, ...]]:
     """The torque of a programme on a mesh; where it is bang-bang, the durations of its arcs once more."""
-    found = refined(problem, None if least is None else least.history)
-    history, path, limit = found.solution.history, found.path, problem.limits.torque
+    result = refined(problem, None if least is None else least.history)
+    history, path, limit = result.solution.history, result.path, problem.limits.torque
     if problem.fastest:
         bang, ran = _arc_durations(problem, arcs_behind(history.start_values / limit, history.duration, limit))
         path += ran
         if bang is not None:
             return bang, path
-    return _on_mesh(problem, found), path
+    return _on_mesh(problem, result), path
 
 
 def _on_mesh(problem: SlewProblem, found: Refined) -> _Candidate:
@@ -133,29 +133,29 @@ def _least_effort(problem: SlewProblem) -> tuple[_Candidate | None, tuple[str, .
     """
     asked = problem.intervals
     proved = problem.linear and not problem.limits.beside_torque
-    found, path, gap = None, (), inf
+    result, path, gap = None, (), inf
     try:
         for intervals in MESHES if asked is None else (asked,):
             path = (*path, f"least effort on {intervals} intervals")
             finer = _effort_within(problem, intervals)
             if finer is None:
-                if found is not None or len(path) == _FAILED:
+                if result is not None or len(path) == _FAILED:
                     break
                 continue
-            coarser, found = found, finer
-            gap = found.gap if coarser is None else abs(coarser.history.effort / found.history.effort - 1.0)
+            coarser, result = result, finer
+            gap = result.gap if coarser is None else abs(coarser.history.effort / result.history.effort - 1.0)
             if gap < MESH_GAP:
                 break
-        if found is not None and gap == inf and not proved:
-            finer = _effort_within(problem, 2 * found.history.start_values.size)
-            gap = inf if finer is None else abs(finer.history.effort / found.history.effort - 1.0)
+        if result is not None and gap == inf and not proved:
+            finer = _effort_within(problem, 2 * result.history.start_values.size)
+            gap = inf if finer is None else abs(finer.history.effort / result.history.effort - 1.0)
     except OutOfTime as over:
-        if found is None:
+        if result is None:
             raise
         path = (*path, f"out of time: {over}")
-    if found is None:
+    if result is None:
         return None, (*path, "no least effort found")
-    return replace(found, gap=effort_gap(problem, found.history) if proved else gap), path
+    return replace(result, gap=effort_gap(problem, result.history) if proved else gap), path
 
 
 def _effort_within(problem: SlewProblem, intervals: int) -> _Candidate | None:
@@ -165,12 +165,12 @@ def _effort_within(problem: SlewProblem, intervals: int) -> _Candidate | None:
     if not limits.beside_torque and problem.linear:
         least = least_effort(problem, duration, intervals)
         return _Candidate(least.history, "least effort", inf, "proved") if least.missed <= ALIKE else None
-    found = None
+    result = None
     for _ in range(ROUNDS):
-        found = effort_on_mesh(problem, duration, intervals, limits, found)
-        if found is None:
+        result = effort_on_mesh(problem, duration, intervals, limits, result)
+        if result is None:
             return None
-        candidate = _Candidate(found.history, "least effort", found.more, "stationary")
+        candidate = _Candidate(result.history, "least effort", result.more, "stationary")
         if not limits.beside_torque:
             return candidate
         motions = played(problem, candidate.history)
@@ -305,15 +305,15 @@ def _turned(linear: bool, angle: float | EllipsisType | None, angle_deg: float |
 
 def _planned(problem: SlewProblem) -> SlewResult:
     """Plan a slew by the first way that finds one."""
-    path, found, least = (), None, None
+    path, result, least = (), None, None
     if problem.fastest and not problem.linear:
         first = rigid_and_slowest(problem)
         if (
             first is not None and first.start_values.size == problem.ends.shape[0]
         ):  # fewer arcs than conditions would not do
-            found, ran = _arc_durations(problem, first)
+            result, ran = _arc_durations(problem, first)
             path = ("rigid body and slowest mode", *ran)
-    if problem.objective == "time" and found is None:
+    if problem.objective == "time" and result is None:
         least = least_time(problem)  # of the linear part: where every other way starts
         path += least.path
         if problem.fastest and problem.linear:  # it is the answer: what is left to find is its distance from the bound
@@ -321,14 +321,14 @@ def _planned(problem: SlewProblem) -> SlewResult:
             optimality = "proved" if problem.waits and gap < 1.0 else "extremal"
             return _certified(problem, _Candidate(least.history, "switching times", gap, optimality, path=path))
         if problem.fastest:
-            found, ran = _arc_durations(problem, least.history)
+            result, ran = _arc_durations(problem, least.history)
             path += ran
     if problem.objective == "effort" and problem.limits.torque_rate is None:
-        found, path = _least_effort(problem)
-    if found is None:
-        found, ran = _programme(problem, least)
+        result, path = _least_effort(problem)
+    if result is None:
+        result, ran = _programme(problem, least)
         path += ran
-    return _certified(problem, replace(found, path=path))
+    return _certified(problem, replace(result, path=path))
 
 
 def _deadline(time_limit: float, progress: Callable[[SlewProgress], object] | None) -> SlewDeadline:
@@ -441,7 +441,7 @@ def _certified(problem: SlewProblem, found: _Candidate) -> SlewResult:
         intervals=None if found.method == "switching times" else int(history.start_values.size),
     )
     history = replace(history, unit=problem.plants[0].labels["torque"][1])
-    paths = [(plant, each.time, each.coordinates) for plant, each in zip(problem.plants, motions, strict=True)]
+    paths = [(plant, item.time, item.coordinates) for plant, item in zip(problem.plants, motions, strict=True)]
     first = motions[0]
     rows = {name: first.coordinates @ row for name, row in problem.plants[0].rows.items()}
     return SlewResult(

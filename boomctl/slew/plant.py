@@ -258,7 +258,7 @@ def _beam(h: SlewMachine) -> SlewPlant:
     felt = np.abs(push) * np.linalg.norm(shapes, axis=0) > SUMMED * np.linalg.norm(B)
     scale = np.where(felt, push / push[0], 1.0)
     shapes, inverse, push = shapes * scale, inverse / scale[:, None], np.where(felt, push / scale, 0.0)
-    to_state, from_state = (np.kron(np.eye(2), each) for each in (shapes, inverse))
+    to_state, from_state = (np.kron(np.eye(2), item) for item in (shapes, inverse))
     modal = from_state @ A @ to_state
     modal[:size, :size], modal[:size, size:] = 0.0, np.eye(size)
     modal[size:, :size] = -np.diag(squares)
@@ -273,9 +273,9 @@ def _beam(h: SlewMachine) -> SlewPlant:
         controllable=np.concatenate([felt, felt]),
         machine=h,
     )
-    for each in (*vars(plant).values(), *plant.rows.values()):
-        if isinstance(each, np.ndarray):
-            each.setflags(write=False)  # whoever asks next has the same ones
+    for item in (*vars(plant).values(), *plant.rows.values()):
+        if isinstance(item, np.ndarray):
+            item.setflags(write=False)  # whoever asks next has the same ones
     return plant
 
 

@@ -292,7 +292,7 @@ def _plants(h: object, masses: tuple[float, ...]) -> tuple[SlewPlant, ...]:
     if not is_machine(h):
         raise ValueError("tip_masses: expected none for a linear system; they are of a hub-beam")
     others = (plant_of(h.with_tip_mass(mass)) for mass in dict.fromkeys(masses))
-    return (first, *(each for each in others if not np.array_equal(each.A, first.A)))
+    return (first, *(item for item in others if not np.array_equal(item.A, first.A)))
 
 
 def end_conditions(

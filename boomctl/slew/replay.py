@@ -157,13 +157,13 @@ def free_errors(problem: SlewProblem, motions: tuple[Motion, ...]) -> dict[str, 
     """
     end, sizes = _ends(problem, motions)
     left = np.abs(end - problem.target) / np.where(sizes > 0.0, sizes, 1.0)
-    found = {}
+    result = {}
     for k, (plant, own) in enumerate(problem.parts):
         half = plant.n // 2
         payload = f" with payload {k}" if k else ""
         for mode in np.flatnonzero(~plant.controllable[:half]):
-            found[f"mode {mode}{payload}"] = float(max(left[own][mode], left[own][mode + half]))
-    return found
+            result[f"mode {mode}{payload}"] = float(max(left[own][mode], left[own][mode + half]))
+    return result
 
 
 def _ends(problem: SlewProblem, motions: tuple[Motion, ...]) -> tuple[Array, Array]:
@@ -194,7 +194,7 @@ def _followed(
 
 def violation(problem: SlewProblem, history: TorqueProfile, motions: tuple[Motion, ...]) -> dict[str, float]:
     """Return the relative excess over each limit in the replay, between its times too; 0 where the limit holds."""
-    found = {}
+    result = {}
     for kind, (limit, _, size) in _followed(problem, history, motions).items():
         peak = float(size.max())
         if kind in problem.plants[0].rows:
@@ -202,18 +202,18 @@ def violation(problem: SlewProblem, history: TorqueProfile, motions: tuple[Motio
                 path_peak(plant, kind, history, motion.time, motion.coordinates, limit)
                 for plant, motion in zip(problem.plants, motions, strict=True)
             )
-        found[kind] = max(0.0, peak / limit - 1.0)
-    return found
+        result[kind] = max(0.0, peak / limit - 1.0)
+    return result
 
 
 def binding(problem: SlewProblem, history: TorqueProfile, motions: tuple[Motion, ...]) -> dict[str, float]:
     """Limits that are met within 0.1 %, and the first instant of it, s."""
-    found = {}
+    result = {}
     for kind, (limit, t, size) in _followed(problem, history, motions).items():
         met = np.flatnonzero(size >= AT_LIMIT * limit)
         if met.size:
-            found[f"{kind}_limit"] = float(t[met[0]])
-    return found
+            result[f"{kind}_limit"] = float(t[met[0]])
+    return result
 
 
 def other_models(problem: SlewProblem, history: TorqueProfile) -> tuple[Replay, ...]:

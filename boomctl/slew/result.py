@@ -389,16 +389,16 @@ class SlewResult(TimeSeries):
     def __figures__(self) -> dict[str, float]:
         """Return what a comparison shows."""
         own = self._labels is not LABELS  # units of its own, which nobody says
-        found = {
+        result = {
             "duration [s]": self.duration,
             f"{self._labels['torque'][0]}: peak{'' if own else ' [N m]'}": self.torque_profile.peak,
         }
-        found["effort" if own else "effort [N^2 m^2 s]"] = self.torque_profile.effort
+        result["effort" if own else "effort [N^2 m^2 s]"] = self.torque_profile.effort
         if self.tip_displacement is not None:
-            found[f"tip displacement: peak{'' if own else ' [m]'}"] = float(abs(self.tip_displacement).max())
+            result[f"tip displacement: peak{'' if own else ' [m]'}"] = float(abs(self.tip_displacement).max())
         if self.residual_energy is not None:
-            found["energy left [J]"] = self.residual_energy
-        return found | {"end error": self.terminal_error}
+            result["energy left [J]"] = self.residual_energy
+        return result | {"end error": self.terminal_error}
 
     def plot(self, ax: Any = None, **style: Any) -> Array:
         """Draw torque, hub and tip over time, with the limits near them.

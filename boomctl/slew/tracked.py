@@ -293,12 +293,12 @@ class TrackedSlew:
             joblib.delayed(_run_of)(self, {name: float(row[i]) for name, row in given.items()}, int(seeds[i]), options)
             for i in range(count)
         )
-        found: list[tuple[Array, float]] = []
+        result: list[tuple[Array, float]] = []
         with computing("machines that follow a slew"):
-            for each in joblib.Parallel(n_jobs, return_as="generator")(tasks):
-                found.append(each)
-                tell("runs", len(found), count)
-        rows = np.array([outputs for outputs, _ in found]).swapaxes(0, 1)
+            for item in joblib.Parallel(n_jobs, return_as="generator")(tasks):
+                result.append(item)
+                tell("runs", len(result), count)
+        rows = np.array([outputs for outputs, _ in result]).swapaxes(0, 1)
         outputs: dict[str, Array] = dict(zip((*_KEPT, "torque"), rows, strict=True))
         planned = {name: self.reference[name] for name in _KEPT} | self.feedforward
         apart = outputs["tip_displacement"] - planned["tip_displacement"]
@@ -314,7 +314,7 @@ class TrackedSlew:
             feedback=reacts,
             seed=start,
             seeds=seeds,
-            error_estimate=max(error for _, error in found),
+            error_estimate=max(error for _, error in result),
         )
 
     @one_blas_thread
@@ -344,12 +344,12 @@ class TrackedSlew:
     def _judged(self, wait: float) -> Array:
         """Which of the samples lie in the 1.5 slowest periods after the end of the slew and a time [s] more."""
         late = self.time - self.duration - nonnegative("settling_time", wait)
-        found = (late >= -0.5 * self.controller.dt) & (late <= _JUDGED * self.slowest_period)
-        if not found.any():
+        result = (late >= -0.5 * self.controller.dt) & (late <= _JUDGED * self.slowest_period)
+        if not result.any():
             raise ValueError(
                 f"settling_time = {wait:g}: expected at most {self.time[-1] - self.duration:g} s, where the motion ends"
             )
-        return found
+        return result
 
     def _still(self) -> TimeVaryingController:
         """The same signals without feedback."""
@@ -442,7 +442,7 @@ def tracked_slew(
     )
     level = per_signal("noise", noise, wanted, zero=True)
     if measurements is not None and np.isinf(level).any():
-        silent = ", ".join(name for name, each in zip(wanted, level, strict=True) if np.isinf(each))
+        silent = ", ".join(name for name, item in zip(wanted, level, strict=True) if np.isinf(item))
         raise ValueError(
             f"noise: expected a standard deviation above zero for each measurement, there is none for {silent}"
         )

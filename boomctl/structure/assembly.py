@@ -173,7 +173,7 @@ class Assembly:
         motion = kinematics(self.bodies, mesh_of, self.cut_joints)
         index = {name: i for i, name in enumerate(motion.coordinates)}
         T, _ = _free_coordinates(motion, index)
-        found = []
+        result = []
         for body in self.bodies:
             if isinstance(body, Beam):
                 nodes = mesh_of[body.name].nodes
@@ -188,8 +188,8 @@ class Assembly:
             frames = [motion.motion(point) for point in shown]
             rows = (row_matrix([getattr(frame, axis) for frame in frames], index) @ T for axis in "xy")
             places = np.array([(frame.x0, frame.y0) for frame in frames])
-            found.append(Line(body.name, isinstance(body, Beam), places, *rows))
-        return tuple(found)
+            result.append(Line(body.name, isinstance(body, Beam), places, *rows))
+        return tuple(result)
 
     @one_blas_thread
     def to_exact(self) -> ExactModel:
@@ -268,12 +268,12 @@ class Mechanism:
 def _mechanism(assembly: Assembly, exact: bool) -> Mechanism:
     """Return the mechanism of a machine, its beams discretised or exact; warn of links, forces and outputs without motion."""
     place = _Place(_where(assembly), exact, assembly)
-    found = _kept_mechanism(place) if place.decides() else _find_mechanism(assembly, exact)
-    if found.idle:
+    result = _kept_mechanism(place) if place.decides() else _find_mechanism(assembly, exact)
+    if result.idle:
         warn_user(
-            f"No motion for {', '.join(found.idle)}: the joints constrain the point in that direction. Check the direction."
+            f"No motion for {', '.join(result.idle)}: the joints constrain the point in that direction. Check the direction."
         )
-    return found
+    return result
 
 
 @dataclass(frozen=True)

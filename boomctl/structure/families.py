@@ -87,7 +87,7 @@ class Family:
     def _acting(self) -> list[list[tuple[int, Array]]]:
         """Of each matrix the terms that change it, and by what."""
         changes = [[(i, getattr(slope, letter)) for i, (_, slope) in enumerate(self._terms)] for letter in "MCKBL"]
-        return [[(i, X) for i, X in each if abs(X).sum()] for each in changes]
+        return [[(i, X) for i, X in item if abs(X).sum()] for item in changes]
 
     @property
     def ranges(self) -> dict[str, tuple[float, float]]:
@@ -137,8 +137,8 @@ class Family:
             Not as many numbers as parameters, or not finite.
         """
         d = self._delta(delta)
-        found = 0.5 * (self.low + self.high) + 0.5 * (self.high - self.low) * d
-        return {name: float(value) for name, value in zip(self.names, found, strict=True)}
+        result = 0.5 * (self.low + self.high) + 0.5 * (self.high - self.low) * d
+        return {name: float(value) for name, value in zip(self.names, result, strict=True)}
 
     @one_blas_thread
     def at(self, delta: ArrayLike) -> SecondOrderModel:
@@ -419,7 +419,7 @@ class PolynomialFamily(Family):
             return _matrices(tried[0], [at(delta) for delta in points])
 
         counts = [points_along(matrices, axis, _negligible, most) for axis in np.eye(len(names))]
-        found, _, _ = fitted(
+        result, _, _ = fitted(
             matrices,
             counts,
             _matrices(tried[0], tried),
@@ -428,11 +428,11 @@ class PolynomialFamily(Family):
             f"family of {listed(names)}",
         )
         letters = ("M", "C", "K", "B", "L")
-        nothing = {letter: np.zeros_like(found[letter][()]) for letter in letters}
+        nothing = {letter: np.zeros_like(result[letter][()]) for letter in letters}
         changes: list[Any] = []
-        for power in dict.fromkeys(power for letter in letters for power in found[letter] if power):
-            changes.append((power, Slope(*(found[letter].get(power, nothing[letter]) for letter in letters))))
-        M, C, K, B, L = (found[letter][()] for letter in letters)
+        for power in dict.fromkeys(power for letter in letters for power in result[letter] if power):
+            changes.append((power, Slope(*(result[letter].get(power, nothing[letter]) for letter in letters))))
+        M, C, K, B, L = (result[letter][()] for letter in letters)
         structure = Structure.of(M, C, K, tried[0].coordinates)
         center = SecondOrderModel.of(structure, replace(tried[0].ports, B=B, L=L, strains=None, tensions=None))
         order = sorted(changes, key=lambda change: (len(change[0]), change[0]))
@@ -443,10 +443,10 @@ class PolynomialFamily(Family):
 
 def _matrices(first: SecondOrderModel, made: Sequence[SecondOrderModel]) -> dict[str, Array]:
     """Return matrices and columns of inputs of structures, stacked; refused where signals are not those of the first."""
-    for each in made:
-        _slope(first, each)
-    found = {letter: np.array([getattr(each, letter) for each in made]) for letter in ("M", "C", "K")}
-    return {**found, **{letter: np.array([getattr(each.ports, letter) for each in made]) for letter in ("B", "L")}}
+    for item in made:
+        _slope(first, item)
+    result = {letter: np.array([getattr(item, letter) for item in made]) for letter in ("M", "C", "K")}
+    return {**result, **{letter: np.array([getattr(item.ports, letter) for item in made]) for letter in ("B", "L")}}
 
 
 def _negligible(stacks: Mapping[str, Array]) -> dict[str, Array]:
@@ -459,15 +459,15 @@ def _sizes(stacks: Mapping[str, Array]) -> dict[str, Array]:
     Masses and stiffnesses go with the diagonals beside them, a coordinate without stiffness counting with the least rate of
     the others; dampings and gyroscopic terms go with the largest rate.
     """
-    found = {letter: np.abs(stack).max(axis=0) for letter, stack in stacks.items()}
-    mass, stiffness = np.diag(found["M"]), np.diag(found["K"])
+    result = {letter: np.abs(stack).max(axis=0) for letter, stack in stacks.items()}
+    mass, stiffness = np.diag(result["M"]), np.diag(result["K"])
     squares = np.divide(stiffness, mass, out=np.zeros_like(mass), where=mass > 0.0)
     stiffness = np.maximum(stiffness, mass * squares[squares > 0.0].min(initial=np.inf if squares.any() else 0.0))
     beside: dict[str, Any] = {"M": np.sqrt(np.outer(mass, mass)), "K": np.sqrt(np.outer(stiffness, stiffness))}
-    rates = np.divide(found["C"], beside["M"], out=np.zeros_like(found["C"]), where=beside["M"] > 0.0)
+    rates = np.divide(result["C"], beside["M"], out=np.zeros_like(result["C"]), where=beside["M"] > 0.0)
     beside["C"] = rates.max(initial=0.0) * beside["M"]
-    beside["L"] = found["L"].max(axis=-1, keepdims=True) if "L" in found else 0.0  # of what an output reads beside it
-    return {letter: np.maximum(size, beside.get(letter, 0.0)) for letter, size in found.items()}
+    beside["L"] = result["L"].max(axis=-1, keepdims=True) if "L" in result else 0.0  # of what an output reads beside it
+    return {letter: np.maximum(size, beside.get(letter, 0.0)) for letter, size in result.items()}
 
 
 def _box(

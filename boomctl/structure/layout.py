@@ -148,20 +148,20 @@ class Layout:
         """The motions of each parity, ``q = P q_half``, and the rows over them; the layout has a mirror."""
         if self.mirror is None:
             raise ValueError("the structure carries no mirror")
-        found = {}
+        result = {}
         for parity in (1, -1):
             P = self.mirror.basis(parity)
-            found[parity] = P, self.congruent(P, self.mirror.half_coordinates(self.coordinates, parity))
-        return found
+            result[parity] = P, self.congruent(P, self.mirror.half_coordinates(self.coordinates, parity))
+        return result
 
     def keeps_mirror(self, mirror: Mirror, weights: Weights) -> bool:
         """Return whether a reflection leaves mass, damping and stiffness as they are.
 
         They are asked for the forces that a motion without any symmetry needs, reflected before and after.
         """
-        for rows, each in ((self.N, (weights.m,)), (self.R, (weights.c, weights.k))):
+        for rows, item in ((self.N, (weights.m,)), (self.R, (weights.c, weights.k))):
             strains = rows @ mirror.probe
-            for weight in each:
+            for weight in item:
                 forces, reflected = (rows.T @ (weight[:, None] * strains)).T
                 largest = squared_sums(rows, weight).max(initial=0.0)
                 if np.abs(mirror.reflect(reflected) - forces).max(initial=0.0) > ALIKE * largest:

@@ -89,16 +89,16 @@ def modal_structure(
     count = len(poles) if modes is None else modes
     names = [f"mode_{k + 1}" if k < count else f"outside_{k + 1 - count}" for k in range(len(poles))]
     pairs = zip(names, poles, b, c, strict=True)
-    coordinates = [each for pair in pairs for each in _of_pair(*pair)]
-    own = sum(each.name.startswith("mode_") for each in coordinates)
+    coordinates = [item for pair in pairs for item in _of_pair(*pair)]
+    own = sum(item.name.startswith("mode_") for item in coordinates)
     typical = float(np.abs(poles).min()) if len(poles) else 1.0
     residues = np.zeros((0, m, p)) if real_residues is None else np.asarray(real_residues, float)
     coordinates += _of_real_poles(np.asarray(real_poles, float), residues, double_residue, typical)
     n = len(coordinates)
-    K, C = (np.array([getattr(each, letter) for each in coordinates]) for letter in "KC")
-    forces = np.array([each.force for each in coordinates]).reshape(n, m)
+    K, C = (np.array([getattr(item, letter) for item in coordinates]) for letter in "KC")
+    forces = np.array([item.force for item in coordinates]).reshape(n, m)
     L, E = np.zeros((3, p, n)), np.zeros((3, p, m))
-    L[:2] = np.array([each.rows for each in coordinates]).reshape(n, 2, p).transpose(1, 2, 0)
+    L[:2] = np.array([item.rows for item in coordinates]).reshape(n, 2, p).transpose(1, 2, 0)
     E[0] = D
     for o, order in enumerate(derivatives):
         if order == 2:  # L0 q = L2 (q'' + C q' - B u) of the coordinates of modes, with L2 = -L0/K
@@ -106,7 +106,7 @@ def modal_structure(
             L[0, o, :own] = 0.0
             L[1, o, :own] += C[:own] * L[2, o, :own]
             E[0, o] -= L[2, o, :own] @ forces[:own]
-    structure = Structure.of(np.eye(n), np.diag(C), np.diag(K), tuple(each.name for each in coordinates))
+    structure = Structure.of(np.eye(n), np.diag(C), np.diag(K), tuple(item.name for item in coordinates))
     return SecondOrderModel.of(structure, replace(Ports.of_forces(tuple(inputs), forces, tuple(outputs), L), E=E))
 
 
@@ -128,18 +128,18 @@ def _of_pair(name: str, pole: complex, b: Array, c: Array) -> list[_Coordinate]:
     """Return the coordinate of a pair of poles; two, where ``b`` is complex beyond a factor."""
     turn = np.exp(-0.5j * np.angle(np.square(b).sum()))  # the real and the imaginary part are then orthogonal
     b, c = b * turn, c / turn
-    found = []
+    result = []
     for force, row in ((b.real, c), (b.imag, 1j * c)):
         if np.linalg.norm(force) > _ROUNDING * np.linalg.norm(b):
             rows = np.array([-2.0 * (row * np.conj(pole)).real, 2.0 * row.real])
-            label = name if not found else f"{name}.{len(found) + 1}"
-            found.append(_Coordinate(label, abs(pole) ** 2, -2.0 * pole.real, force, rows))
-    return found
+            label = name if not result else f"{name}.{len(result) + 1}"
+            result.append(_Coordinate(label, abs(pole) ** 2, -2.0 * pole.real, force, rows))
+    return result
 
 
 def _of_real_poles(poles: Array, residues: Array, double: Array | None, typical: float) -> list[_Coordinate]:
     """Return the coordinates of real poles and of a rigid body; ``typical`` is the rate of what goes with an integrator."""
-    found: list[_Coordinate] = []
+    result: list[_Coordinate] = []
     dyads: list[Dyad] = []
     integrators = np.flatnonzero(poles == 0.0)
     rest = np.array(residues)
@@ -149,7 +149,7 @@ def _of_real_poles(poles: Array, residues: Array, double: Array | None, typical:
             for i in integrators:
                 speed = speed + force @ rest[i]
                 rest[i] = rest[i] - np.outer(force, force @ rest[i])
-            found.append(_Coordinate(f"rigid_body_{number}", 0.0, 0.0, force, np.array([row, speed])))
+            result.append(_Coordinate(f"rigid_body_{number}", 0.0, 0.0, force, np.array([row, speed])))
         for i in integrators:
             rest[i] *= np.abs(rest[i]) > _ROUNDING * np.linalg.norm(residues[i])
     for i in np.argsort(-poles, kind="stable"):
@@ -158,8 +158,8 @@ def _of_real_poles(poles: Array, residues: Array, double: Array | None, typical:
         first, *dyads = dyads
         partner = next((k for k, other in enumerate(dyads) if _parallel(first, other)), None)
         second = None if partner is None else dyads.pop(partner)
-        found.append(_of_dyads(first, second, typical))
-    return _numbered(found)
+        result.append(_of_dyads(first, second, typical))
+    return _numbered(result)
 
 
 def _of_dyads(first: Dyad, second: Dyad | None, typical: float) -> _Coordinate:
@@ -193,8 +193,8 @@ def _parallel(first: Dyad, second: Dyad) -> bool:
 def _numbered(coordinates: list[_Coordinate]) -> list[_Coordinate]:
     """Return the coordinates with different names."""
     seen: dict[str, int] = {}
-    found = []
-    for each in coordinates:
-        seen[each.name] = seen.get(each.name, 0) + 1
-        found.append(each if seen[each.name] == 1 else replace(each, name=f"{each.name}.{seen[each.name]}"))
-    return found
+    result = []
+    for item in coordinates:
+        seen[item.name] = seen.get(item.name, 0) + 1
+        result.append(item if seen[item.name] == 1 else replace(item, name=f"{item.name}.{seen[item.name]}"))
+    return result

@@ -269,8 +269,8 @@ class SecondOrderModel:
     @cached_property
     def _halves(self) -> tuple[SecondOrderModel, ...] | None:
         """Its symmetric and antisymmetric half, as far as they have inputs and outputs; None of one that does not split."""
-        found = halves(self.structure, self.ports)
-        return None if found is None else tuple(SecondOrderModel.of(part.structure, part.ports) for part in found)
+        result = halves(self.structure, self.ports)
+        return None if result is None else tuple(SecondOrderModel.of(part.structure, part.ports) for part in result)
 
     @cached_property
     def _modal_form(self) -> Lti:
@@ -363,9 +363,9 @@ class SecondOrderModel:
         """
         poles, rounding = poles_and_rounding(self.structure, whole("count", count))
         warn_of_rounding("the highest eigenfrequency", rounding, PROMISED)
-        found = np.sort(poles.imag)[:count] / (2.0 * np.pi)
-        warn_of_units(found)
-        return found
+        result = np.sort(poles.imag)[:count] / (2.0 * np.pi)
+        warn_of_units(result)
+        return result
 
     @one_blas_thread
     def mode_shapes(self, count: int = 5) -> ModeShapes:
@@ -392,9 +392,9 @@ class SecondOrderModel:
         UserWarning
             As :meth:`eigenfrequencies_hz`, of units that are not SI.
         """
-        found = mode_shapes(self.structure, count)
-        warn_of_units(found.eigenfrequencies_hz)
-        return found
+        result = mode_shapes(self.structure, count)
+        warn_of_units(result.eigenfrequencies_hz)
+        return result
 
     @one_blas_thread
     def frequency_response(
@@ -486,11 +486,11 @@ class SecondOrderModel:
         """
         if states is not None and not (isinstance(states, str) and states in (MODES, COORDINATES)):
             raise ValueError(f"states = {states!r}: expected {MODES!r}, {COORDINATES!r} or None")
-        found = handed_out(self.structure, self.select(inputs, outputs).ports, states)
+        result = handed_out(self.structure, self.select(inputs, outputs).ports, states)
         if dt is not None:
-            Phi, G = zero_order_hold(found.A, found.B, positive("dt", dt))
-            found = replace(found, A=Phi, B=G, dt=float(dt))
-        return found.statespace(self._name)
+            Phi, G = zero_order_hold(result.A, result.B, positive("dt", dt))
+            result = replace(result, A=Phi, B=G, dt=float(dt))
+        return result.statespace(self._name)
 
     def __lti__(self) -> Lti:
         """Return the state-space form as what is computed with a model takes it, without python-control."""

@@ -92,17 +92,17 @@ def load_design(name: "str | Path") -> "SuspensionDesign | MachineDesign | SlewD
         function = runpy.run_path(str(path), run_name=path.stem).get(_DESIGN)
         if not callable(function):
             raise ValueError(f"design {str(name)!r}: expected a file with a function {_DESIGN}()")
-        found: Any = function()
+        result: Any = function()
     except (Exception, SystemExit) as error:
         if isinstance(error, _REPORTED) and not isinstance(error, NotImplementedError | RecursionError):
             raise
         raise ValueError(_located(path, error)) from error
     finally:
         sys.path.remove(str(path.resolve().parent))
-    if not hasattr(found, "evaluate"):
+    if not hasattr(result, "evaluate"):
         expected = "a SuspensionDesign, a MachineDesign or a SlewDesign"
-        raise TypeError(f"design {str(name)!r}: {_DESIGN}() returned {type(found).__name__}, expected {expected}")
-    return found
+        raise TypeError(f"design {str(name)!r}: {_DESIGN}() returned {type(result).__name__}, expected {expected}")
+    return result
 
 
 def shipped(name: str) -> Path:

@@ -73,12 +73,12 @@ class Finding:
 
 def words(found: Iterable[Finding]) -> dict[str, str]:
     """Return the texts of findings by their names."""
-    return {each.name: each.text for each in found if each.text}
+    return {item.name: item.text for item in found if item.text}
 
 
 def numbers(found: Iterable[Finding]) -> dict[str, Any]:
     """Return the values of findings by their keys."""
-    return {each.key: each.value for each in found if each.key}
+    return {item.key: item.value for item in found if item.key}
 
 
 def table_of(rows: Iterable[Mapping[str, Any]], columns: Iterable[str], caption: str = "") -> Table:
@@ -130,8 +130,8 @@ class Evaluation(ABC):
 
     def __str__(self) -> str:
         """Return what a terminal shows."""
-        found = (f"{name}: {text}" for name, text in self.words.items())
-        return "\n  ".join([f"{self.design.title}: {self.verdict}", *found])
+        result = (f"{name}: {text}" for name, text in self.words.items())
+        return "\n  ".join([f"{self.design.title}: {self.verdict}", *result])
 
     def _repr_html_(self) -> str:
         return table_html(f"{self.design.title}: {self.verdict}", ("", "result"), self.words.items())
@@ -182,11 +182,11 @@ class Evaluation(ABC):
             return {}
         made_by = {"design": design.name, "title": design.title, **design.synthesis_info}
         given: dict[str, Any] = {"certificate": dict(certificate), "provenance": made_by}
-        found = {}
+        result = {}
         for suffix in (".json", ".mat"):
-            found |= controller_contents(design.controller, "controller", suffix, **given)
+            result |= controller_contents(design.controller, "controller", suffix, **given)
         if sample_time is not None:
             given |= {"sample_time": sample_time, "control_limit": control_limit}
             with suppress(ValueError):
-                found |= controller_contents(design.controller, "controller", ".c", **given)
-        return found
+                result |= controller_contents(design.controller, "controller", ".c", **given)
+        return result

@@ -35,7 +35,7 @@ def _report(path: Path, found: IdentificationResult, response: FrequencyResponse
     drawn: dict[str, Any] = {"identification": (found, "Poles over orders with the modes found; what is not predicted")}
     if response is not None:
         drawn["response"] = (response, f"Frequency response and coherence, from {response.source}")
-    pictures = tuple(picture(name, figure_of(each.plot), caption) for name, (each, caption) in drawn.items())
+    pictures = tuple(picture(name, figure_of(item.plot), caption) for name, (item, caption) in drawn.items())
     system = found.system
     matrices = {letter: np.asarray(getattr(system, letter)).tolist() for letter in "ABCD"}
     model = {"inputs": list(system.input_labels), "outputs": list(system.output_labels), **matrices}
@@ -77,8 +77,8 @@ def identified_file(
             raise ValueError(f"{path}: expected a record over time or a complex frequency response, got magnitudes")
         if inputs or outputs or sample_time is not None:
             raise ValueError(f"{path}: expected no inputs, outputs or sample time beside a measured frequency response")
-        found = identify(curve.response, **options)
-        return found, _report(path, found, None)
+        result = identify(curve.response, **options)
+        return result, _report(path, result, None)
     time = next((name for name in columns if name.lower() in _TIMES), None)
     signals = [name for name in columns if name != time]
     if not inputs:
@@ -90,14 +90,14 @@ def identified_file(
     moved = {name: columns[name] for name in outputs or signals if name not in inputs}
     if not moved:
         raise ValueError(f"{path}: expected outputs beside the inputs, got none")
-    found = identify(driven, moved, step, **options)
+    result = identify(driven, moved, step, **options)
     said = {
         name: value
         for name, value in options.items()
         if name in ("frequency_range_hz", "intersample") and value is not None
     }
     quantity = options.get("quantity") or "displacement"
-    return found, _report(path, found, estimate_frequency_response(driven, moved, step, quantity=quantity, **said))
+    return result, _report(path, result, estimate_frequency_response(driven, moved, step, quantity=quantity, **said))
 
 
 def _columns(path: Path) -> Mapping[str, Array] | None:
@@ -106,10 +106,10 @@ def _columns(path: Path) -> Mapping[str, Array] | None:
         from scipy import io  # long to import, and few files are such
 
         try:
-            found = io.loadmat(path, squeeze_me=True)
+            result = io.loadmat(path, squeeze_me=True)
         except (NotImplementedError, ValueError) as error:
             raise ValueError(f"{path}: expected a MAT file up to version 7 ({error})") from None
-        vectors = {name: value for name, value in found.items() if not name.startswith("__") and np.ndim(value) == 1}
+        vectors = {name: value for name, value in result.items() if not name.startswith("__") and np.ndim(value) == 1}
         if not vectors:
             raise ValueError(f"{path}: expected vectors of numbers, one a signal, got none")
         return vectors

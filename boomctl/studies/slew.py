@@ -156,13 +156,13 @@ class SlewEvaluation(Evaluation):
             return None
         tracked = self.design.slew.track(integral_time=None)
         mass = max(self.design.beam.parameters.tip_mass, *self.design.tip_masses, 0.0) + _MORE
-        late, found = tracked.time >= tracked.time[-1] - tracked.slowest_period, {"tip_mass": mass}
+        late, result = tracked.time >= tracked.time[-1] - tracked.slowest_period, {"tip_mass": mass}
         for opening in ("", "open_"):
             run = tracked.simulate(tracked.plant.with_tip_mass(mass), feedback=not opening, rtol=_RTOL, atol=_ATOL)
             error = abs(run["hub_angle"][-1] - tracked.reference["hub_angle"][-1])
-            found[f"{opening}final_angle_error"] = float(error)
-            found[f"{opening}residual_vibration"] = float(np.abs(run["tip_displacement"][late]).max())
-        return found
+            result[f"{opening}final_angle_error"] = float(error)
+            result[f"{opening}residual_vibration"] = float(np.abs(run["tip_displacement"][late]).max())
+        return result
 
     @cached_property
     def switching(self) -> SwitchingFunction | None:
@@ -191,8 +191,8 @@ class SlewEvaluation(Evaluation):
             "worth": self.verdict,
             "switching_times": None if switching is None else slew.torque_profile.switching_times,
             "switching_agreement": None if switching is None else switching.sign_agreement,
-            "replays": [_scalars(each) for each in self.replays],
-            "comparison": [_scalars(each) | {"vibrations": each.vibrations} for each in self.comparison.rows],
+            "replays": [_scalars(item) for item in self.replays],
+            "comparison": [_scalars(item) | {"vibrations": item.vibrations} for item in self.comparison.rows],
             "tip_masses": self.comparison.tip_masses,
             "film_tip_mass": self.film_tip_mass,
             "tracking": self.following,
@@ -202,13 +202,13 @@ class SlewEvaluation(Evaluation):
     def _sections(self) -> Iterator[Section]:
         design, slew, comparison, free = self.design, self.design.slew, self.comparison, self.comparison.angle is None
         caption = "Torque, hub angle and speed, tip displacement and moment at the clamp; broken lines: limits nearby."
-        beam, found = design.beam, slew.certificate
+        beam, result = design.beam, slew.certificate
         words = [
             f"{beam.model.upper()} with {count(beam.modes, 'mode')} and a tip mass of {beam.parameters.tip_mass:g} kg.",
             *str(slew).removeprefix("SlewResult: ").splitlines(),
-            f"Method: {found.method}; {str(found).splitlines()[-1].strip()}.",
+            f"Method: {result.method}; {str(result).splitlines()[-1].strip()}.",
         ]
-        if found.n_switches is not None:
+        if result.n_switches is not None:
             words.append(f"Switching times: {', '.join(f'{t:.5f}' for t in slew.torque_profile.switching_times)} s.")
         yield Section("The slew", (*words, *design.notes), pictures=(_drawn("slew", slew.plot, caption),))
         beam, motions = design.beam.with_tip_mass(self.film_tip_mass), {}
@@ -270,7 +270,7 @@ def _drawn(name: str, plot: Any, caption: str, **options: Any) -> Picture:
 
 def _scalars(record: Any) -> dict[str, Any]:
     """Return the fields of a record that are numbers, words or not there: without curves and other records."""
-    values = {each.name: getattr(record, each.name) for each in fields(record)}
+    values = {item.name: getattr(record, item.name) for item in fields(record)}
     return {name: value for name, value in values.items() if value is None or isinstance(value, (str, int, float))}
 
 

@@ -134,33 +134,33 @@ def reduce_controller(
         raise SynthesisError(f"the controller cannot be reduced: {full}")
     if largest_pole(K) > limit:
         slower = without_fast_poles(K, limit)
-        found = "they cannot be split off" if slower is None else verified_candidate(plant, slower, np.inf)
-        if slower is None or isinstance(found, str):  # it must stabilize, or nothing can be balanced
-            raise SynthesisError(f"the controller does not work without its poles above {limit:.3g} rad/s: {found}")
+        result = "they cannot be split off" if slower is None else verified_candidate(plant, slower, np.inf)
+        if slower is None or isinstance(result, str):  # it must stabilize, or nothing can be balanced
+            raise SynthesisError(f"the controller does not work without its poles above {limit:.3g} rad/s: {result}")
         K = slower
     balanced, values = _balanced_in_loop(plant, K)
     most = len(balanced.A)
     orders = range(most + 1) if order is None else [min(order, most)]
     last = [("not reduced", K)] if order is None or order >= len(K.A) else []  # balancing may cost what is allowed
     allowed, rejected = full.norm.upper_bound * (1.0 + share), ""
-    for method, smaller in chain((found for count in orders for found in _smaller(balanced, count)), last):
+    for method, smaller in chain((result for count in orders for result in _smaller(balanced, count)), last):
         if largest_pole(smaller) > limit:
             rejected = f"a pole at {largest_pole(smaller):.3g} rad/s where {limit:.3g} are allowed"
             continue
-        found = verified_candidate(plant, smaller, allowed)
-        if isinstance(found, Candidate):
+        result = verified_candidate(plant, smaller, allowed)
+        if isinstance(result, Candidate):
             return ReducedController(
-                _controller=replace(found.K, scales=plant.system.scales),
-                _closed_loop=found.loop,
-                order=len(found.K.A),
-                gamma=found.norm.lower_bound,
+                _controller=replace(result.K, scales=plant.system.scales),
+                _closed_loop=result.loop,
+                order=len(result.K.A),
+                gamma=result.norm.lower_bound,
                 gamma_full=full.norm.lower_bound,
-                norm_bounds=found.norm,
-                fastest_pole=largest_pole(found.K),
+                norm_bounds=result.norm,
+                fastest_pole=largest_pole(result.K),
                 method=method,
                 singular_values=values,
             )
-        rejected = found
+        rejected = result
     which = f"order {order}" if order is not None else "any order"
     raise SynthesisError(f"no controller of {which} keeps the norm of the loop below {allowed:.6g}: {rejected}")
 

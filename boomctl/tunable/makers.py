@@ -182,10 +182,10 @@ def state_space(order: int, strictly_proper: bool = False) -> ControllerForm:
     >>> bc.tunable.state_space(3, strictly_proper=True)
     StateSpace(order=3, strictly_proper=True)
     """
-    found = StateSpace(whole("order", order, 0, _LARGEST_ORDER), truth("strictly_proper", strictly_proper))
-    if found.order == 0 and found.strictly_proper:
+    result = StateSpace(whole("order", order, 0, _LARGEST_ORDER), truth("strictly_proper", strictly_proper))
+    if result.order == 0 and result.strictly_proper:
         raise ValueError("order = 0: a strictly proper controller without states does nothing; expected 1 or more")
-    return found if found.order else Gain()
+    return result if result.order else Gain()
 
 
 def decentralized(
@@ -226,7 +226,7 @@ def decentralized(
         return Decentralized((), _inner(loops[0]), same)
     if same:
         raise ValueError("shared_parameters = True: expected one structure alone")
-    found = []
+    result = []
     for loop in loops:
         if isinstance(loop, ControllerForm):
             raise ValueError(
@@ -235,8 +235,8 @@ def decentralized(
         parts = sequence("loop", loop, "measurements, controls and a structure")
         if len(parts) != 3:
             raise ValueError(f"loop: expected measurements, controls and a structure, got {len(parts)} things")
-        found.append((listed_names("measurement", parts[0]), listed_names("control", parts[1]), _inner(parts[2])))
-    return Decentralized(tuple(found))
+        result.append((listed_names("measurement", parts[0]), listed_names("control", parts[1]), _inner(parts[2])))
+    return Decentralized(tuple(result))
 
 
 def plant_parameter(name: str, low: float, high: float) -> ControllerForm:
@@ -278,10 +278,10 @@ def plant_parameter(name: str, low: float, high: float) -> ControllerForm:
 
 
 def _ends(low: object, high: object) -> tuple[float | None, float | None]:
-    found = None if low is None else positive("omega_min", low), None if high is None else positive("omega_max", high)
-    if found[0] is not None and found[1] is not None and found[0] >= found[1]:
-        raise ValueError(f"low, high = {found[0]:g}, {found[1]:g}: expected ascending ends")
-    return found
+    result = None if low is None else positive("omega_min", low), None if high is None else positive("omega_max", high)
+    if result[0] is not None and result[1] is not None and result[0] >= result[1]:
+        raise ValueError(f"low, high = {result[0]:g}, {result[1]:g}: expected ascending ends")
+    return result
 
 
 def _inner(given: object) -> ControllerForm:

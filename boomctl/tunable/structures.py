@@ -184,26 +184,26 @@ class Pid(ControllerForm):
     high: float | None = None
 
     def free(self, ports: Ports) -> tuple[Free, ...]:
-        found = _each(ports, "proportional")
+        result = _each(ports, "proportional")
         if self.integral:
-            found += _each(ports, "integral", ports.rate)
+            result += _each(ports, "integral", ports.rate)
         if self.derivative:
-            found += (
+            result += (
                 *_each(ports, "derivative", 1.0 / ports.rate),
                 Free("filter", RATE, *ports.rates(self.low, self.high)),
             )
-        return found
+        return result
 
     def system(self, x: Array, ports: Ports) -> SystemJet:
         (rows, columns), k = ports.shape, len(x)
         size, unit = rows * columns, np.eye(columns)
-        found = static(_scaled(entries(x, rows, columns, 0, k), ports))
+        result = static(_scaled(entries(x, rows, columns, 0, k), ports))
         start = size
         if self.integral:
             C = _scaled(entries(x * ports.rate, rows, columns, start, k), ports)
             C = Jet(C.value, C.slopes * ports.rate)
             still = fixed(np.zeros((columns, columns)), k)
-            found = found.beside(SystemJet(still, fixed(unit, k), C, fixed(np.zeros((rows, columns)), k)))
+            result = result.beside(SystemJet(still, fixed(unit, k), C, fixed(np.zeros((rows, columns)), k)))
             start += size
         if self.derivative:
             rate, by = exp(x[-1]), np.zeros((k, 1, 1))
@@ -212,10 +212,10 @@ class Pid(ControllerForm):
             gains = _scaled(entries(x / ports.rate, rows, columns, start, k), ports)
             gains = Jet(gains.value, gains.slopes / ports.rate)
             direct = gains @ corner
-            found = found.beside(
+            result = result.beside(
                 SystemJet(Jet(-corner.value, -corner.slopes), corner, Jet(-direct.value, -direct.slopes), direct)
             )
-        return found
+        return result
 
 
 @dataclass(frozen=True, repr=False)
@@ -278,17 +278,17 @@ class Ppf(ControllerForm):
     high: float | None = None
 
     def free(self, ports: Ports) -> tuple[Free, ...]:
-        found: tuple[Free, ...] = ()
+        result: tuple[Free, ...] = ()
         for i in range(self.modes):
             tag = "" if self.modes == 1 else f"{i + 1}"
-            found += _each(ports, f"ppf{tag}")
-            found += (Free(f"frequency{tag}", RATE, *ports.rates(self.low, self.high)),)
-            found += (Free(f"damping{tag}", RATIO, *_DAMPING),)
-        return found
+            result += _each(ports, f"ppf{tag}")
+            result += (Free(f"frequency{tag}", RATE, *ports.rates(self.low, self.high)),)
+            result += (Free(f"damping{tag}", RATIO, *_DAMPING),)
+        return result
 
     def system(self, x: Array, ports: Ports) -> SystemJet:
         (rows, columns), k = ports.shape, len(x)
-        size, found = rows * columns, None
+        size, result = rows * columns, None
         for start in range(0, k, size + 2):
             rate, damping = exp(x[start + size]), exp(x[start + size + 1])
             A = Jet(np.array([[0.0, rate], [-rate, -2.0 * damping * rate]]), np.zeros((k, 2, 2)))
@@ -299,9 +299,9 @@ class Ppf(ControllerForm):
             C = fixed(np.array([[1.0, 0.0]]), k)
             filters = repeated(SystemJet(A, B, C, fixed(np.zeros((1, 1)), k)), columns)
             mode = static(_scaled(entries(x, rows, columns, start, k), ports)).after(filters)
-            found = mode if found is None else found.beside(mode)
-        assert found is not None
-        return found
+            result = mode if result is None else result.beside(mode)
+        assert result is not None
+        return result
 
 
 @dataclass(frozen=True, repr=False)
@@ -383,19 +383,19 @@ class Sum(Composed):
         return _uniquely_named([part.free(ports) for part in self.parts])
 
     def system(self, x: Array, ports: Ports) -> SystemJet:
-        found, start = static(fixed(np.zeros(ports.shape), len(x))), 0
+        result, start = static(fixed(np.zeros(ports.shape), len(x))), 0
         for part in self.parts:
             size = len(part.free(ports))
-            found = found.beside(part.system(x[start : start + size], ports).moved(start, len(x)))
+            result = result.beside(part.system(x[start : start + size], ports).moved(start, len(x)))
             start += size
-        return found
+        return result
 
     @property
     def text(self) -> str:
         return f"Sum({listed([part.text for part in self.parts], 80)})"
 
     def physicals(self) -> tuple[Physical, ...]:
-        return tuple(each for part in self.parts for each in part.physicals())
+        return tuple(item for part in self.parts for item in part.physicals())
 
 
 @dataclass(frozen=True, repr=False)
@@ -471,26 +471,26 @@ class Decentralized(Composed):
 
     def free(self, ports: Ports) -> tuple[Free, ...]:
         own = self._own(ports)
-        found = [part.free(own.part(rows, columns)) for rows, columns, part in self._loops(ports)]
-        return found[0] if self.shared else _uniquely_named(found)
+        result = [part.free(own.part(rows, columns)) for rows, columns, part in self._loops(ports)]
+        return result[0] if self.shared else _uniquely_named(result)
 
     def system(self, x: Array, ports: Ports) -> SystemJet:
-        found, start, own = static(fixed(np.zeros(ports.shape), len(x))), 0, self._own(ports)
+        result, start, own = static(fixed(np.zeros(ports.shape), len(x))), 0, self._own(ports)
         for rows, columns, part in self._loops(ports):
             mine = own.part(rows, columns)
             size = len(part.free(mine))
             system = part.system(x[start : start + size], mine).moved(start, len(x))
-            found = found.beside(system.placed(rows, columns, ports.shape))
+            result = result.beside(system.placed(rows, columns, ports.shape))
             start += 0 if self.shared else size
-        return found
+        return result
 
 
 def _uniquely_named(groups: list[tuple[Free, ...]]) -> tuple[Free, ...]:
     """Return free numbers of several parts; names that come twice get the number of their part."""
     names = [free.name for group in groups for free in group]
-    found = []
+    result = []
     for i, group in enumerate(groups):
         for free in group:
             twice = names.count(free.name) > 1
-            found.append(replace(free, name=f"{free.name}.{i + 1}" if twice else free.name))
-    return tuple(found)
+            result.append(replace(free, name=f"{free.name}.{i + 1}" if twice else free.name))
+    return tuple(result)

@@ -56,11 +56,11 @@ def _from_others(alpha: Array, beta: Array, U: Array, values: Array, Vh: Array) 
     both = 0.5 * np.concatenate([beside + along, beside - along], axis=1)
     gaps = np.concatenate([top - values, top + values])
     apart = gaps > _APART * top
-    found = 2.0 * _squared(both[:, apart], 1.0 / gaps[apart])
+    result = 2.0 * _squared(both[:, apart], 1.0 / gaps[apart])
     for vectors, inside in ((alpha, along), (beta, beside)):
         if vectors.shape[1] > len(values):  # vectors that the response, whose singular values are fewer, has none for
-            found += (_squared(vectors) - _squared(inside)) / top
-    return found
+            result += (_squared(vectors) - _squared(inside)) / top
+    return result
 
 
 def _squared(c: Array, weights: Array | float = 1.0) -> Array:

@@ -33,19 +33,19 @@ def initial_numbers(
         K = controller_of(given, "a mapping of free numbers or a StateSpace", what="initial_controller", scales=scales)
         check_scales(K, scales)
         return _of_controller(problem, K)
-    names = [each.name for each in problem.free]
+    names = [item.name for item in problem.free]
     for name in mapping("initial_controller", given, "free numbers to values, or a StateSpace"):
         known("free number", name, names)
     numbers: Mapping[str, float] = given  # type: ignore[assignment]
     x = []
-    for each, low, high in zip(problem.free, problem.low, problem.high, strict=True):
-        if each.name not in numbers:
-            x.append(0.0 if each.kind == GAIN else 0.5 * (low + high))
+    for item, low, high in zip(problem.free, problem.low, problem.high, strict=True):
+        if item.name not in numbers:
+            x.append(0.0 if item.kind == GAIN else 0.5 * (low + high))
             continue
-        value = real(f"initial_controller {each.name}", numbers[each.name])
-        if each.kind != GAIN:
-            within(f"initial_controller {each.name}", value, each.low, each.high)
-        x.append(each.number(value))
+        value = real(f"initial_controller {item.name}", numbers[item.name])
+        if item.kind != GAIN:
+            within(f"initial_controller {item.name}", value, item.low, item.high)
+        x.append(item.number(value))
     return np.array(x)
 
 
@@ -65,19 +65,19 @@ def _of_controller(problem: Problem, K: Lti) -> Array:
         raise ValueError(
             "initial_controller: expected a strictly proper controller, as the structure is, got a feedthrough"
         )
-    found, start = [], 0
+    result, start = [], 0
     for part in parts:
         size = len(part.free(problem.ports))
         ends = slice(start, start + size)
         middle = 0.5 * (problem.low[ends] + problem.high[ends])
-        found.append(_numbers(problem, K, wanted) if part is wanted else middle)
+        result.append(_numbers(problem, K, wanted) if part is wanted else middle)
         start += size
-    return np.concatenate(found)
+    return np.concatenate(result)
 
 
 def _signals(problem: Problem, K: Lti) -> Lti:
     """Return the controller with its signals in the plant's order; those that were never named are in order already."""
-    ports, found = problem.ports, []
+    ports, result = problem.ports, []
     for kind, mine, theirs in (
         ("input", K.input_labels, ports.measurements),
         ("output", K.output_labels, ports.controls),
@@ -89,15 +89,15 @@ def _signals(problem: Problem, K: Lti) -> Lti:
             )
         unnamed = tuple(f"{'u' if kind == 'input' else 'y'}[{i}]" for i in range(len(mine)))
         if set(mine) == set(theirs):
-            found.append([mine.index(name) for name in theirs])
+            result.append([mine.index(name) for name in theirs])
         elif mine == unnamed:
-            found.append(list(range(len(mine))))
+            result.append(list(range(len(mine))))
         else:
             other = next(name for name in mine if name not in theirs)
             raise ValueError(
                 f"initial_controller: {kind} {other!r} is none of the plant's: expected {', '.join(theirs)}"
             )
-    columns, rows = found
+    columns, rows = result
     return Lti(K.A, K.B[:, columns], K.C[rows], K.D[np.ix_(rows, columns)])
 
 

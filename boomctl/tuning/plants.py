@@ -54,7 +54,7 @@ class Plants:
 
     def values(self, numbers: Array) -> dict[str, float]:
         """Return physical parameters from numbers between -1 and 1."""
-        return {each.name: each.number.value(x) for each, x in zip(self.physical, numbers, strict=True)}
+        return {item.name: item.number.value(x) for item, x in zip(self.physical, numbers, strict=True)}
 
     def given(self, numbers: Array) -> tuple[GeneralizedPlant, ...]:
         """Return the plants as the user means them."""
@@ -75,7 +75,7 @@ class Plants:
     def series(self) -> "tuple[PlantSeries | None, ...]":
         """Polynomials of the physical parameters, None where a plant is none; found when asked for, once."""
         for maker, settled in list(zip(self.makers, self.settled, strict=True))[len(self._series) :]:
-            given, make = (lambda x, each=each: each(self.values(x)) for each in (maker, settled))
+            given, make = (lambda x, each=item: each(self.values(x)) for item in (maker, settled))
             size = len(self.physical)
             self._series.append(plant_series(make, given, size, lambda: self.deadline.over) if size else None)
         return tuple(self._series)
@@ -83,13 +83,13 @@ class Plants:
     @property
     def path(self) -> tuple[str, ...]:
         """How derivatives by physical parameters are known."""
-        found = [each.degrees for each in self.series if each is not None]
+        result = [item.degrees for item in self.series if item is not None]
         if not self.physical:
             return ()
-        if len(found) < len(self.labels):
+        if len(result) < len(self.labels):
             return ("physical parameters by differences",)
         degrees = ", ".join(
-            f"{each.name} {max(d)}" for each, d in zip(self.physical, zip(*found, strict=True), strict=True)
+            f"{item.name} {max(d)}" for item, d in zip(self.physical, zip(*result, strict=True), strict=True)
         )
         return (f"physical parameters by polynomials of degree {degrees}",)
 
@@ -131,7 +131,7 @@ def made_plants(
         return lambda values: partitioned(make(values), nmeas, ncon)
 
     labels = ("",) if len(P) == 1 else tuple(f"model {i + 1}" for i in range(len(P)))
-    makers = tuple(maker(each) for each in P)
+    makers = tuple(maker(item) for item in P)
     plants = Plants(makers, labels, physical, makers, deadline)
     _alike(list(plants.given(np.zeros(len(physical)))))
     return plants
@@ -160,14 +160,14 @@ class FamilyPlants:
     @property
     def uncertain(self) -> list[int]:
         """Places of the family's uncertain parameters."""
-        tuned = {each.name for each in self.physical}
+        tuned = {item.name for item in self.physical}
         return [i for i, name in enumerate(self.family.names) if name not in tuned]
 
     def delta(self, values: dict[str, float], point: Array) -> Array:
         """Return the family's own coordinates of a point of the uncertain box, at values of the physical parameters."""
-        found = self.family.normalize(values)
-        found[self.uncertain] = point
-        return found
+        result = self.family.normalize(values)
+        result[self.uncertain] = point
+        return result
 
     def plant(self, values: dict[str, float], point: Array, settled: bool = False) -> GeneralizedPlant:
         """Return the generalized plant at a point of the uncertain box, if ``settled`` over the family's coordinates."""
@@ -179,11 +179,11 @@ class FamilyPlants:
     def label(self, point: Array) -> str:
         """Return what a point is called."""
         f = self.family
-        found = (
+        result = (
             f"{f.names[i]} = {0.5 * (f.low[i] + f.high[i]) + 0.5 * (f.high[i] - f.low[i]) * d:.5g}"
             for i, d in zip(self.uncertain, point, strict=True)
         )
-        return ", ".join(found)
+        return ", ".join(result)
 
     def points(self) -> list[Array]:
         """Return the middle of the uncertain box and its corners; of many parameters the middle alone."""
@@ -202,10 +202,10 @@ class FamilyPlants:
         """Return the plants in the middle and at the corners."""
         points = self.points()
         labels = tuple(self.label(point) for point in points)
-        makers, settled = (tuple(self.maker(point, each) for point in points) for each in (False, True))
-        found = Plants(makers, labels, self.physical, settled, deadline)
-        _alike(list(found.given(np.zeros(len(self.physical)))))
-        return found
+        makers, settled = (tuple(self.maker(point, item) for point in points) for item in (False, True))
+        result = Plants(makers, labels, self.physical, settled, deadline)
+        _alike(list(result.given(np.zeros(len(self.physical)))))
+        return result
 
 
 def _alike(plants: Sequence[GeneralizedPlant]) -> None:
@@ -219,6 +219,6 @@ def _alike(plants: Sequence[GeneralizedPlant]) -> None:
                     f"P: the {kind}s of model {i} are {', '.join(here)}; expected those of model 1: {', '.join(there)}"
                 )
         for label in (*plant.measurements, *plant.controls):
-            here, there = ((each.scales or {}).get(label, 1.0) for each in (plant.system, first))
+            here, there = ((item.scales or {}).get(label, 1.0) for item in (plant.system, first))
             if here != there:
                 raise ValueError(f"`P` must have one scale of {label!r} in all models, got {there:g} and {here:g}.")

@@ -104,34 +104,34 @@ class Point:
     def slopes(self, model: int) -> Array:
         """Return derivatives, as rows, of what moves in a loop: the controller's matrices, and the plant's beside them."""
         if model not in self._slopes:
-            found, moving = self.controller[1], self.plants[model].slopes if model >= 0 else None
+            result, moving = self.controller[1], self.plants[model].slopes if model >= 0 else None
             if moving is not None:
-                own = np.zeros((len(found), *moving.shape[1:]))
+                own = np.zeros((len(result), *moving.shape[1:]))
                 own[self.problem.physical] = moving
-                found = _diagonal(found.reshape(len(found), *self.controller[0].shape), own).reshape(len(found), -1)
-            self._slopes[model] = found
+                result = _diagonal(result.reshape(len(result), *self.controller[0].shape), own).reshape(len(result), -1)
+            self._slopes[model] = result
         return self._slopes[model]
 
     def bends(self, model: int) -> Array | None:
         """Return second derivatives of the same; None where there are none."""
-        found, moving = self._controller_bends, self.plants[model].bends if model >= 0 else None
+        result, moving = self._controller_bends, self.plants[model].bends if model >= 0 else None
         if moving is None:
-            return found
+            return result
         k = len(self.x)
         own = np.zeros((k, k, *moving.shape[2:]))
         own[np.ix_(self.problem.physical, self.problem.physical)] = moving
-        return _diagonal(np.zeros((k, k, *self.controller[0].shape)) if found is None else found, own)
+        return _diagonal(np.zeros((k, k, *self.controller[0].shape)) if result is None else result, own)
 
     @cached_property
     def _controller_bends(self) -> Array | None:
         problem, k = self.problem, len(self.x)
         if problem.linear:
             return None
-        found = np.zeros((k, k, *self.controller[0].shape))
+        result = np.zeros((k, k, *self.controller[0].shape))
         for i, step in enumerate(_BEND * np.eye(k)):
             up, down = problem.controller(self.x + step), problem.controller(self.x - step)
-            found[i] = (up.slopes - down.slopes) / (2.0 * _BEND)
-        return 0.5 * (found + found.swapaxes(0, 1))
+            result[i] = (up.slopes - down.slopes) / (2.0 * _BEND)
+        return 0.5 * (result + result.swapaxes(0, 1))
 
     @cached_property
     def loops(self) -> tuple[Closed | None, ...]:
@@ -194,17 +194,17 @@ class Point:
         assert loop is not None
         n = len(loop.A)
         outer = np.outer(l @ loop.before[:n], loop.after[:, :n] @ r)
-        found = self.slopes(model) @ outer.ravel()
+        result = self.slopes(model) @ outer.ravel()
         for axis, place in self._by_differences(model):
-            found = found.astype(complex)
+            result = result.astype(complex)
             offsets, weights = self._stencil(axis)
             changes = []
             for offset in offsets:
                 moved = self._loop_at(model, axis, offset)
                 poles = np.linalg.eigvals(moved.A) if moved is not None else np.array([np.nan + 0j])
                 changes.append(poles[np.argmin(np.abs(poles - pole))])
-            found[place] = weights @ np.array(changes)
-        return of(found)
+            result[place] = weights @ np.array(changes)
+        return of(result)
 
     def _of_own_pole(self, pole: complex, of: Callable[[Array], Array]) -> Array:
         """Return the gradient of such a function of a pole of the controller."""
@@ -221,7 +221,7 @@ class Point:
         if limit is None or not n:
             return []
         poles = np.linalg.eigvals(self.controller[0][:n, :n])
-        found = []
+        result = []
         for k in np.flatnonzero((np.abs(poles) >= (1.0 - _ALIKE_POLES) * np.abs(poles).max()) & (poles.imag >= 0.0)):
             pole = poles[k]
             if abs(pole) == 0.0:
@@ -231,8 +231,8 @@ class Point:
                 return (pole.conjugate() * change).real / abs(pole) / limit
 
             gradient = partial(self._of_own_pole, pole, of)
-            found.append(Bound(-1, FASTEST_POLE, float(abs(pole)), abs(pole) / limit - 1.0, gradient))
-        return found
+            result.append(Bound(-1, FASTEST_POLE, float(abs(pole)), abs(pole) / limit - 1.0, gradient))
+        return result
 
     @cached_property
     def _bounds(self) -> list[Bound]:
@@ -241,15 +241,15 @@ class Point:
     @cached_property
     def bounds(self) -> list[Piece]:
         """Bounds on poles."""
-        return [Piece(*each[:4], each.gradient(), True) for each in self._bounds]
+        return [Piece(*item[:4], item.gradient(), True) for item in self._bounds]
 
     def _loop_poles(self) -> list[Bound]:
         """Return how far poles of the loops are from the damping and decay asked for."""
         damping, decay = self.problem.min_damping_ratio, self.problem.min_decay_rate
-        found: list[Bound] = []
+        result: list[Bound] = []
         rate = self.problem.ports.rate
         if damping is None and decay is None:
-            return found
+            return result
         for i, loop in enumerate(self.loops):
             assert loop is not None
             poles, left, right = self._eigen(i)
@@ -261,13 +261,13 @@ class Point:
                     s = abs(pole)
                     return np.real(change) / s - pole.real * (pole.conjugate() * change).real / s**3
 
-                found += self._poles_near_top(i, DAMPING, values, (poles, left, right), of_damping)
+                result += self._poles_near_top(i, DAMPING, values, (poles, left, right), of_damping)
             if decay is not None:
                 values = (poles.real + decay) / rate
-                found += self._poles_near_top(
+                result += self._poles_near_top(
                     i, DECAY, values, (poles, left, right), lambda change, pole: np.real(change) / rate
                 )
-        return found
+        return result
 
     @cached_property
     def _distances(self) -> list[Array]:
@@ -278,14 +278,14 @@ class Point:
     @cached_property
     def apart(self) -> float:
         """How far the loops are from the edge of stability."""
-        return min((float(each.min(initial=1.0)) for each in self._distances), default=1.0)
+        return min((float(item.min(initial=1.0)) for item in self._distances), default=1.0)
 
     def _edge_poles(self) -> list[Bound]:
         """Return poles near the edge of stability: logarithms of how far they are to stay from it, over how far they are."""
         edge, slowest = self.problem.edge, self.problem.ports.slowest
-        found: list[Bound] = []
+        result: list[Bound] = []
         if edge is None or self.apart > _NEAR_EDGE * edge:
-            return found
+            return result
         for i, apart in enumerate(self._distances):
             if apart.min(initial=1.0) > _NEAR_EDGE * edge:
                 continue
@@ -300,8 +300,8 @@ class Point:
                     return (pole.conjugate() * change).real / max(abs(pole), _TINY) / size - np.real(change) / pole.real
 
                 gradient = partial(self._of_pole, i, pole, left[:, k], right[:, k], of)
-                found.append(Bound(i, EDGE, float(abs(pole)), log(edge / max(float(apart[k]), _TINY)), gradient))
-        return found
+                result.append(Bound(i, EDGE, float(abs(pole)), log(edge / max(float(apart[k]), _TINY)), gradient))
+        return result
 
     def _poles_near_top(
         self,
@@ -365,11 +365,11 @@ class Point:
 
     def _passages_at(self, model: int, channel: int, omega: list[float]) -> list[Passage]:
         known = self._passages
-        new = [each for each in omega if (model, channel, each) not in known]
+        new = [item for item in omega if (model, channel, item) not in known]
         if new:
-            found = self.paths(model, channel).passages(np.array(new))
-            known.update(((model, channel, each), one) for each, one in zip(new, found, strict=True))
-        return [known[model, channel, each] for each in omega]
+            result = self.paths(model, channel).passages(np.array(new))
+            known.update(((model, channel, item), one) for item, one in zip(new, result, strict=True))
+        return [known[model, channel, item] for item in omega]
 
     def norm_peaks(self, model: int, channel: int, window: float) -> tuple[Array, Array]:
         """Return frequencies and values of the peaks of a channel within a share of the highest."""
@@ -400,7 +400,7 @@ class Point:
         """Return whether a norm is only to stay below its budget."""
         if channel == GAIN_LIMIT:
             return True
-        only = all(each.budget is not None for each in self.problem.channels)
+        only = all(item.budget is not None for item in self.problem.channels)
         return self.problem.channels[channel].budget is not None and not only
 
     @cached_property
@@ -417,12 +417,12 @@ class Point:
     @cached_property
     def norms(self) -> list[tuple[int, int, float, float]]:
         """Return model, channel, frequency and value, as a logarithm over its budget, of every norm."""
-        found = []
+        result = []
         for model, channel in self._sums:
             at, value = self.norm_peaks(model, channel, 0.0)
-            found.append((model, channel, float(at[0]), log(max(float(value[0]), _TINY)) - self.offset(channel)))
-        found += self._squares_of(False) + self._squares_of(True)
-        return found
+            result.append((model, channel, float(at[0]), log(max(float(value[0]), _TINY)) - self.offset(channel)))
+        result += self._squares_of(False) + self._squares_of(True)
+        return result
 
     def _highest(self, limits: bool) -> tuple[int, int, float, float] | None:
         """Return model, channel, frequency and value of the highest objective, or of the highest budget."""
@@ -437,30 +437,30 @@ class Point:
             height = log(max(float(value[0]), _TINY)) - self.offset(channel)
             if best is None or height > best[3]:
                 best = model, channel, float(at[0]), height
-        for each in self._squares_of(limits):
-            best = each if best is None or each[3] > best[3] else best
+        for item in self._squares_of(limits):
+            best = item if best is None or item[3] > best[3] else best
         return best
 
     @property
     def highest(self) -> list[tuple[int, int, float]]:
         """Models, channels and frequencies of the peaks that make the merit what it is."""
-        found = [each for each in (self._top, self._over) if each is not None]
-        return [each[:3] for each in found if not np.isnan(each[2])]
+        result = [item for item in (self._top, self._over) if item is not None]
+        return [item[:3] for item in result if not np.isnan(item[2])]
 
     def _squares_of(self, limits: bool) -> list[tuple[int, int, float, float]]:
-        found = []
+        result = []
         for c, channel in enumerate(self.problem.channels):
             if channel.norm == "h2" and self.is_limit(c) == limits:
                 for i in range(self.problem.count):
                     value = log(max(self.h2(i, c)[0], _TINY)) - self.offset(c)
-                    found.append((i, c, np.nan, value))
-        return found
+                    result.append((i, c, np.nan, value))
+        return result
 
     @cached_property
     def _top(self) -> tuple[int, int, float, float]:
-        found = self._highest(limits=False)
-        assert found is not None
-        return found
+        result = self._highest(limits=False)
+        assert result is not None
+        return result
 
     @cached_property
     def _over(self) -> tuple[int, int, float, float] | None:
@@ -485,8 +485,8 @@ class Point:
     @cached_property
     def excess(self) -> float:
         """By how much the worst bound is exceeded; zero or less where all are kept."""
-        found = [bound.value for bound in self._bounds]
-        return max(found if self._over is None else [*found, self._over[3]], default=-inf)
+        result = [bound.value for bound in self._bounds]
+        return max(result if self._over is None else [*result, self._over[3]], default=-inf)
 
     @cached_property
     def aim(self) -> float:
@@ -505,7 +505,7 @@ class Point:
 
         Beside the peaks these are frequencies that are asked for, and those of the grid within the share ``between``.
         """
-        found: list[Piece] = []
+        result: list[Piece] = []
         for model, channel in self._sums:
             high = self._near(model, channel, window)[0]
             others = sorted(at for i, c, at in asked or () if (i, c) == (model, channel))
@@ -513,20 +513,20 @@ class Point:
                 omega, seen, _ = self._coarse(model, channel)
                 others += omega[seen >= (1.0 - between) * exp(self._level(channel))].tolist()
             others = [at for at in others if not any(same_place(at, peak, BESIDE) for peak in high)]
-            found += self._singular(model, channel, [(at, window) for at in high] + [(at, 0.0) for at in others])
+            result += self._singular(model, channel, [(at, window) for at in high] + [(at, 0.0) for at in others])
         for model, channel, omega, value in self._squares_of(False) + self._squares_of(True):
             gradient = self.h2(model, channel)[1]
-            found.append(Piece(model, channel, omega, value, gradient, self.is_limit(channel)))
-        return found + self.bounds
+            result.append(Piece(model, channel, omega, value, gradient, self.is_limit(channel)))
+        return result + self.bounds
 
     def tops(self, window: float) -> list[tuple[int, int, float, float]]:
         """Return model, channel, frequency and value of the pieces of a window that are the largest singular value itself."""
-        found = []
+        result = []
         for model, channel in self._sums:
             offset = self.offset(channel)
             for at, value in zip(*self._near(model, channel, window), strict=True):
-                found.append((model, channel, at, log(max(value, _TINY)) - offset))
-        return found + self._squares_of(False) + self._squares_of(True) + [bound[:4] for bound in self._bounds]
+                result.append((model, channel, at, log(max(value, _TINY)) - offset))
+        return result + self._squares_of(False) + self._squares_of(True) + [bound[:4] for bound in self._bounds]
 
     def _near(self, model: int, channel: int, window: float) -> tuple[list[float], list[float]]:
         """Return frequencies and values of a channel's peaks within a share of what counts."""
@@ -544,11 +544,11 @@ class Point:
     def _singular(self, model: int, channel: int, wanted: list[tuple[float, float]]) -> list[Piece]:
         """Return the largest singular values at frequencies, and with a window those near them and mixtures of the two."""
         known = self._pieces
-        new = [each for each in wanted if (model, channel, *each) not in known]
+        new = [item for item in wanted if (model, channel, *item) not in known]
         if new:
-            found = self._pieces_at(model, channel, new)
-            known.update(((model, channel, *each), pieces) for each, pieces in zip(new, found, strict=True))
-        return [piece for each in wanted for piece in known[model, channel, *each]]
+            result = self._pieces_at(model, channel, new)
+            known.update(((model, channel, *item), pieces) for item, pieces in zip(new, result, strict=True))
+        return [piece for item in wanted for piece in known[model, channel, *item]]
 
     def _pieces_at(self, model: int, channel: int, wanted: list[tuple[float, float]]) -> list[list[Piece]]:
         """Return the pieces at frequencies, each with its window, for each of these."""
@@ -567,22 +567,22 @@ class Point:
                     seen.append((u, v, 0.5 * (values[0] + values[k]), False))
             owner += [i] * (len(seen) - len(owner))
         lefts, rights = np.array([passages[i].left for i in owner]), np.array([passages[i].right for i in owner])
-        us, vs = np.array([each[0] for each in seen]).conj(), np.array([each[1] for each in seen])
+        us, vs = np.array([item[0] for item in seen]).conj(), np.array([item[1] for item in seen])
         outer = (us[:, None, :] @ lefts).swapaxes(1, 2) * (rights @ vs[:, :, None]).swapaxes(1, 2)
         gradients = np.real(outer).reshape(len(seen), -1) @ self.slopes(model).T
         for axis, place in self._by_differences(model):
             offsets, weights = self._stencil(axis)
-            moved = [[self._response_at(model, channel, axis, each, at) for each in offsets] for at in omega]
+            moved = [[self._response_at(model, channel, axis, item, at) for item in offsets] for at in omega]
             for k, i in enumerate(owner):
                 changes = [w * (us[k] @ M @ vs[k]).real for w, M in zip(weights, moved[i], strict=True)]
                 gradients[k, place] = float(sum(changes))
         offset, limit = self.offset(channel), self.is_limit(channel)
-        found: list[list[Piece]] = [[] for _ in omega]
+        result: list[list[Piece]] = [[] for _ in omega]
         for i, (_, _, value, top), gradient in zip(owner, seen, gradients, strict=True):
             size = max(value, _TINY)
             piece = Piece(model, channel, omega[i], log(size) - offset, gradient / size, limit, top)
-            found[i].append(piece)
-        return found
+            result[i].append(piece)
+        return result
 
     def h2(self, model: int, channel: int) -> tuple[float, Array]:
         """Return an H2 norm and the gradient of its logarithm."""
@@ -661,9 +661,9 @@ class Point:
 def _diagonal(one: Array, other: Array) -> Array:
     """Return stacks of matrices on a diagonal."""
     r, c = one.shape[-2:]
-    found = np.zeros((*one.shape[:-2], r + other.shape[-2], c + other.shape[-1]))
-    found[..., :r, :c], found[..., r:, c:] = one, other
-    return found
+    result = np.zeros((*one.shape[:-2], r + other.shape[-2], c + other.shape[-1]))
+    result[..., :r, :c], result[..., r:, c:] = one, other
+    return result
 
 
 def _eigen(A: Array) -> tuple[Array, Array, Array]:

@@ -107,8 +107,8 @@ def _without_jordan_blocks(A: Array) -> Array:
             size = float(np.linalg.norm(nilpotent))
             apart[part, part] = _HAIR * float(np.linalg.norm(block)) * nilpotent.T / max(size, TINY)
         start += width
-    found = A + columns @ apart @ np.linalg.inv(columns)
-    return found if independent(found) is not None else A
+    result = A + columns @ apart @ np.linalg.inv(columns)
+    return result if independent(result) is not None else A
 
 
 def independent(A: Array) -> tuple[Array, Array, Array] | None:
@@ -149,9 +149,9 @@ class Closed:
         """
         if not len(self.A):
             return np.zeros(0, complex), self.A.astype(complex), self.A.astype(complex)
-        found = independent(self.A)
-        if found is not None:
-            return found
+        result = independent(self.A)
+        if result is not None:
+            return result
         T, Z = linalg.schur(self.A, output="complex", check_finite=False)
         return T, Z.conj().T, Z
 
@@ -254,14 +254,14 @@ class Problem:
     @cached_property
     def physical(self) -> Array:
         """Places of the physical parameters among the free numbers."""
-        return np.array([i for i, each in enumerate(self.free) if each.kind == PHYSICAL], dtype=int)
+        return np.array([i for i, item in enumerate(self.free) if item.kind == PHYSICAL], dtype=int)
 
     @cached_property
     def linear(self) -> bool:
         """Whether the controller's matrices depend on the free numbers in straight lines."""
         middle = np.where(np.isfinite(self.high), 0.5 * (np.maximum(self.low, -1e300) + self.high), 0.0)
         drawn = np.random.default_rng(0).normal(size=(2, len(middle)))
-        one, other = (self.structure.system(middle + 0.1 * each, self.ports).matrix().slopes for each in drawn)
+        one, other = (self.structure.system(middle + 0.1 * item, self.ports).matrix().slopes for item in drawn)
         return bool((one == other).all())
 
     @cached_property
@@ -280,7 +280,7 @@ class Problem:
 
     def values(self, x: Array) -> dict[str, float]:
         """Return what the free numbers stand for, in the users' units."""
-        return {each.name: each.value(number) for each, number in zip(self.free, x, strict=True)}
+        return {item.name: item.value(number) for item, number in zip(self.free, x, strict=True)}
 
     def physical_values(self, x: Array) -> dict[str, float]:
         """Return the physical parameters alone."""
@@ -334,15 +334,15 @@ def ports_of(plants: tuple[GeneralizedPlant, ...]) -> Ports:
 def _size(part: Lti, omega: Array) -> Array:
     """Return logarithms of the sizes of responses, by their upper three decades; nan where nothing but rounding passes."""
     part, n = part.balanced(), len(part.A)
-    found = np.abs(part.response(omega, quiet=True))
+    result = np.abs(part.response(omega, quiet=True))
     if n:
         states = replace(part, C=np.eye(n), D=np.zeros((n, part.D.shape[1])), output_labels=())
         moved = np.abs(states.response(omega, quiet=True)).max(axis=0)
-        found = np.where(found > _NOTHING * np.linalg.norm(part.C, axis=1)[:, None, None] * moved, found, 0.0)
-    top = found.max(axis=2)
+        result = np.where(result > _NOTHING * np.linalg.norm(part.C, axis=1)[:, None, None] * moved, result, 0.0)
+    top = result.max(axis=2)
     there = (top > TINY) & np.isfinite(top)
     with np.errstate(divide="ignore"):
-        size = np.log(np.maximum(found, _LOW * top[:, :, None])).mean(axis=2)
+        size = np.log(np.maximum(result, _LOW * top[:, :, None])).mean(axis=2)
     return np.where(there, size, np.nan)
 
 

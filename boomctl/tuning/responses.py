@@ -71,8 +71,8 @@ class Response:
     def largest(self, omega: Array) -> Array:
         """Return the largest singular values."""
         with np.errstate(all="ignore"):
-            found = _largest(self.response(omega))
-        return np.where(np.isfinite(found), found, np.inf)
+            result = _largest(self.response(omega))
+        return np.where(np.isfinite(result), result, np.inf)
 
 
 def _largest(G: Array) -> Array:
@@ -92,10 +92,10 @@ def _largest_eigenvalues(G: Array) -> Array:
     G = G.transpose(2, 0, 1)
     gram = G @ G.conj().swapaxes(1, 2)
     there = np.isfinite(gram).all(axis=(1, 2))
-    found = np.full(len(G), np.inf)
+    result = np.full(len(G), np.inf)
     if there.any():
-        found[there] = np.linalg.eigvalsh(gram[there])[:, -1]
-    return np.maximum(found, 0.0)
+        result[there] = np.linalg.eigvalsh(gram[there])[:, -1]
+    return np.maximum(result, 0.0)
 
 
 class Bracket(NamedTuple):
@@ -149,9 +149,9 @@ def grid(poles: Array, also: Array) -> Array:
     low, high = log(0.1 * float(seen.min())), log(10.0 * top)
     spread = np.exp(low + (high - low) * _SPREAD)
     real = -poles.real[(poles.imag == 0.0) & (size > _SLOWEST * top)]
-    found = np.concatenate([[0.0], spread, near[near > 0.0], np.abs(real), also])
-    found.sort()
-    return found[np.append(True, found[1:] > found[:-1])]
+    result = np.concatenate([[0.0], spread, near[near > 0.0], np.abs(real), also])
+    result.sort()
+    return result[np.append(True, result[1:] > result[:-1])]
 
 
 def coarse(channel: Response, omega: Array) -> tuple[Array, float]:
@@ -177,7 +177,7 @@ def peaks(channel: Response, omega: Array, values: Array, window: float) -> tupl
     tops = tops[values[tops] >= (1.0 - window) * float(values.max(initial=channel.through)) * BELOW]
     places, heights = omega.tolist(), values.tolist()
     brackets = [
-        Bracket(*(each[i] for each in (places, heights) for i in (max(k - 1, 0), k, min(k + 1, len(omega) - 1))))
+        Bracket(*(item[i] for item in (places, heights) for i in (max(k - 1, 0), k, min(k + 1, len(omega) - 1))))
         for k in tops.tolist()
     ]
     for _ in range(_ROUNDS):
@@ -185,8 +185,8 @@ def peaks(channel: Response, omega: Array, values: Array, window: float) -> tupl
         if not going:
             break
         asked = [brackets[k].asked() for k in going]
-        found = channel.largest(np.array(asked).ravel()).reshape(-1, len(asked[0])).tolist()
-        for k, more, there in zip(going, asked, found, strict=True):
+        result = channel.largest(np.array(asked).ravel()).reshape(-1, len(asked[0])).tolist()
+        for k, more, there in zip(going, asked, result, strict=True):
             brackets[k] = brackets[k].narrowed(more, there)
     both = [(bracket.top, bracket.middle) for bracket in brackets]
     if channel.through > 0.0:
@@ -271,4 +271,4 @@ class Paths:
         p, m = self.response.D.shape
         U, values, Vh = np.linalg.svd(whole[:, :p, :m], full_matrices=False)
         parts = (U, values, Vh, whole[:, :p, m:], whole[:, p:, :m], whole[:, p:, m:])
-        return [Passage(*each) for each in zip(*parts, strict=True)]
+        return [Passage(*item) for item in zip(*parts, strict=True)]

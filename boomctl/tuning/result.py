@@ -64,10 +64,10 @@ class TuneResult(Design):
             what = f"the closed loop of {name}" if name else "the closed loop"
             controller = self._controller if plant.ncon else None
             yield Claim(what, plant.system, controller, stable=True)
-            for each in self.certificate.channel_norms:
-                if each.model == name:
-                    part = channel_of(plant, each.channel).system
-                    yield each.norm._claim(f"{what}, {each.channel.text}", part, controller)
+            for item in self.certificate.channel_norms:
+                if item.model == name:
+                    part = channel_of(plant, item.channel).system
+                    yield item.norm._claim(f"{what}, {item.channel.text}", part, controller)
 
     @cached_property
     def closed_loop(self) -> "control.StateSpace":
@@ -115,7 +115,7 @@ class TuneResult(Design):
         lines = [f"controller of {system(self._controller)}", c.summary]
         lines += [f"  {name} = {value:.6g}" for name, value in self.plant_parameters.items()]
         lines.append("norms:")
-        lines += [f"  {repr(each).removeprefix('ChannelNorm: ')}" for each in c.channel_norms]
+        lines += [f"  {repr(item).removeprefix('ChannelNorm: ')}" for item in c.channel_norms]
         lines.append("active peaks:")
         lines += [
             f"  {p.value:.6g} at {p.omega:.5g} rad/s, {p.channel.text}" + (f", {p.model}" if p.model else "")
@@ -128,12 +128,12 @@ class TuneResult(Design):
 
     def __figures__(self) -> dict[str, float]:
         """Return what a comparison shows."""
-        found = {"norm, verified": self.gamma}
+        result = {"norm, verified": self.gamma}
         if self.certificate.lower_bound > 0.0:
-            found["no controller goes below"] = self.certificate.lower_bound
+            result["no controller goes below"] = self.certificate.lower_bound
         if self.certificate.worst_case is not None:
-            found["worst norm found over the family"] = self.certificate.worst_case.value
-        return found
+            result["worst norm found over the family"] = self.certificate.worst_case.value
+        return result
 
     def __repr__(self) -> str:
         lower = self.certificate.lower_bound

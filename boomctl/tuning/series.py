@@ -60,17 +60,17 @@ class PlantSeries:
         axes = [_powers(count, float(x)) for count, x in zip(self.coefficients.shape, numbers, strict=False)]
         wanted = [(), *((i,) for i in range(k)), *((i, j) for i in range(k) for j in range(i, k))]
         weights = np.array([_outer([axes[a][orders.count(a)] for a in range(k)]) for orders in wanted])
-        found = (weights @ self.coefficients.reshape(weights.shape[1], -1)).reshape(len(wanted), *shape)
+        result = (weights @ self.coefficients.reshape(weights.shape[1], -1)).reshape(len(wanted), *shape)
         bends = np.empty((k, k, *shape))
-        for (i, j), bend in zip(wanted[1 + k :], found[1 + k :], strict=True):
+        for (i, j), bend in zip(wanted[1 + k :], result[1 + k :], strict=True):
             bends[i, j] = bends[j, i] = bend
-        return found[0], found[1 : 1 + k], bends
+        return result[0], result[1 : 1 + k], bends
 
     def scaled(self, numbers: Array) -> ScaledPlant:
         """Return the plant with balanced states, and its derivatives."""
-        found, slopes, bends = self.at(numbers)
+        result, slopes, bends = self.at(numbers)
         s, n = self.plant.system, len(self.plant.A)
-        here = replace(s, A=found[:n, :n], B=found[:n, n:], C=found[n:, :n], D=found[n:, n:])
+        here = replace(s, A=result[:n, :n], B=result[:n, n:], C=result[n:, :n], D=result[n:, n:])
         states = balance(here.A)[1]
         return ScaledPlant.of(replace(self.plant, system=here), states).moving(slopes, bends, states)
 
@@ -124,9 +124,9 @@ def _count(line: Callable[[float], GeneralizedPlant], scale: Array, over: Callab
             return None
         stack = np.array([_matrix(line(float(x)), scale) for x in chebyshev.chebpts1(count)])
         size = np.abs(stack).max(axis=(0, 2))[:, None]
-        found = np.abs(series(stack))
-        if (found[-2:] <= _SMALL * size).all():
-            used = np.flatnonzero((found > _ROUNDING * size).any(axis=(1, 2)))
+        result = np.abs(series(stack))
+        if (result[-2:] <= _SMALL * size).all():
+            used = np.flatnonzero((result > _ROUNDING * size).any(axis=(1, 2)))
             return int(used[-1]) + 1 if len(used) else 1
     return None
 
@@ -139,12 +139,12 @@ def _matrix(plant: GeneralizedPlant, scale: Array | None = None) -> Array:
 
 def _meets(series: PlantSeries, plant: GeneralizedPlant, point: Array) -> bool:
     """Return whether responses are those of a plant made at a point."""
-    found, s = series.at(point)[0], plant.system
+    result, s = series.at(point)[0], plant.system
     n = len(s.A)
-    if found.shape != (n + len(s.C), n + s.B.shape[1]):
+    if result.shape != (n + len(s.C), n + s.B.shape[1]):
         return False
     omega = band_of([s])[1]
-    mine = replace(s, A=found[:n, :n], B=found[:n, n:], C=found[n:, :n], D=found[n:, n:])
+    mine = replace(s, A=result[:n, :n], B=result[:n, n:], C=result[n:, :n], D=result[n:, n:])
     exact = s.response(omega, quiet=True)
     apart, size = np.abs(mine.response(omega, quiet=True) - exact).max(axis=2), np.abs(exact).max(axis=2)
     rounding = _NOTHING * np.minimum(size.max(axis=1, initial=0.0)[:, None], size.max(axis=0, initial=0.0))
@@ -153,19 +153,21 @@ def _meets(series: PlantSeries, plant: GeneralizedPlant, point: Array) -> bool:
 
 def _powers(count: int, x: float) -> Array:
     """Return the Chebyshev polynomials at a place, their first and their second derivatives."""
-    found = np.zeros((3, count))
-    found[0, 0] = 1.0
+    result = np.zeros((3, count))
+    result[0, 0] = 1.0
     if count > 1:
-        found[:, 1] = x, 1.0, 0.0
+        result[:, 1] = x, 1.0, 0.0
     for n in range(2, count):
         for order in range(3):
-            found[order, n] = 2.0 * (x * found[order, n - 1] + order * found[order - 1, n - 1]) - found[order, n - 2]
-    return found
+            result[order, n] = (
+                2.0 * (x * result[order, n - 1] + order * result[order - 1, n - 1]) - result[order, n - 2]
+            )
+    return result
 
 
 def _outer(factors: list[Array]) -> Array:
     """Return all products of one entry of each factor, the last running first."""
-    found = np.ones(1)
+    result = np.ones(1)
     for factor in factors:
-        found = np.outer(found, factor).ravel()
-    return found
+        result = np.outer(result, factor).ravel()
+    return result

@@ -161,11 +161,11 @@ def tune(
         plants = over.plants(deadline) if over is not None else _plants(P, nmeas, ncon, structure, deadline)
         task = _Task(structure, listed, limits, plants, deadline)
         begun = task.begun(initial_controller)
-        found = task.searched(count, np.random.default_rng(number), begun)
-        worst, path = None, [*plants.path, *found.path]
+        result = task.searched(count, np.random.default_rng(number), begun)
+        worst, path = None, [*plants.path, *result.path]
         if over is not None and over.uncertain:
-            task, found, worst = _over_family(task, over, found, number, path)
-        return _result(task, found, worst, tuple(path))
+            task, result, worst = _over_family(task, over, result, number, path)
+        return _result(task, result, worst, tuple(path))
 
 
 def _channels(channels: "Sequence[Channel] | None", norm: str) -> tuple[Channel, ...]:
@@ -173,10 +173,10 @@ def _channels(channels: "Sequence[Channel] | None", norm: str) -> tuple[Channel,
         return (objective(norm=norm),)
     if norm != "hinf":
         raise ValueError(f"norm = {norm!r}: expected none beside channels, which say their own")
-    found = tuple(instance("channel", each, Channel) for each in sequence("channels", channels, "Channel"))
-    if not found:
+    result = tuple(instance("channel", item, Channel) for item in sequence("channels", channels, "Channel"))
+    if not result:
         raise ValueError("channels: expected at least one")
-    return found
+    return result
 
 
 def _counts(structure: ControllerForm, nmeas: int | None, ncon: int | None) -> tuple[int | None, int | None]:
@@ -186,19 +186,19 @@ def _counts(structure: ControllerForm, nmeas: int | None, ncon: int | None) -> t
     """
     parts = structure.parts if isinstance(structure, Sum) else (structure,)
     passive = len(structure.physicals()) == len(parts)
-    names = [each.name for each in structure.physicals()]
+    names = [item.name for item in structure.physicals()]
     if len(set(names)) < len(names):
         twice = next(name for name in names if names.count(name) > 1)
         raise ValueError(f"structure: the physical parameter {twice!r} is there twice")
     least = 0 if passive else 1
     if passive and nmeas is None and ncon is None:
         return 0, 0
-    found = tuple(None if n is None else whole(what, n, least) for what, n in (("nmeas", nmeas), ("ncon", ncon)))
-    if passive and found != (0, 0):
+    result = tuple(None if n is None else whole(what, n, least) for what, n in (("nmeas", nmeas), ("ncon", ncon)))
+    if passive and result != (0, 0):
         raise ValueError(
-            f"nmeas, ncon = {found[0]}, {found[1]}: expected 0, 0 for a structure of physical parameters alone"
+            f"nmeas, ncon = {result[0]}, {result[1]}: expected 0, 0 for a structure of physical parameters alone"
         )
-    return found[0], found[1]
+    return result[0], result[1]
 
 
 def _family(
@@ -208,12 +208,12 @@ def _family(
         return None
     given = instance("family", family, Family, "AffineFamily or PolynomialFamily")
     make = function_of("P", P, "a structure of the family to a generalized plant")
-    for each in structure.physicals():
-        known("parameter of the family", each.name, given.names)
-        i = given.names.index(each.name)
-        if each.low < given.low[i] or each.high > given.high[i]:
+    for item in structure.physicals():
+        known("parameter of the family", item.name, given.names)
+        i = given.names.index(item.name)
+        if item.low < given.low[i] or item.high > given.high[i]:
             raise ValueError(
-                f"physical {each.name!r} from {each.low:g} to {each.high:g}: expected a range within the family's,"
+                f"physical {item.name!r} from {item.low:g} to {item.high:g}: expected a range within the family's,"
                 f" {given.low[i]:g} to {given.high[i]:g}"
             )
     return FamilyPlants(given, make, nmeas, ncon, structure.physicals())
@@ -224,7 +224,7 @@ def _plants(P: Any, nmeas: int | None, ncon: int | None, structure: ControllerFo
     if not many:
         raise ValueError("P: expected at least one generalized plant")
     physical = structure.physicals()
-    if physical and not any(callable(each) and not hasattr(each, "ninputs") for each in many):
+    if physical and not any(callable(item) and not hasattr(item, "ninputs") for item in many):
         function_of("P", many[0], f"the physical parameters ({', '.join(p.name for p in physical)})")
     return made_plants(many, nmeas, ncon, physical, deadline)
 
@@ -246,18 +246,20 @@ class _Task:
     @cached_property
     def ports(self) -> Ports:
         """The ports of the controller."""
-        found = ports_of(self.middle())
+        result = ports_of(self.middle())
         limit = self.limits["fastest_pole"]
         return (
-            found if limit is None else replace(found, fastest=min(found.fastest, limit), rate=min(found.rate, limit))
+            result
+            if limit is None
+            else replace(result, fastest=min(result.fastest, limit), rate=min(result.rate, limit))
         )
 
     def problem(self, structure: ControllerForm) -> Problem:
         """Return the problem of a structure."""
         ports, plant = self.ports, self.middle()[0]
         free = structure.free(ports)
-        ends = np.array([each.ends() for each in free]).reshape(-1, 2)
-        gains = np.array([each.kind == GAIN for each in free], dtype=bool)
+        ends = np.array([item.ends() for item in free]).reshape(-1, 2)
+        gains = np.array([item.kind == GAIN for item in free], dtype=bool)
         low = np.where(gains, np.maximum(ends[:, 0], -_LARGEST_GAIN), ends[:, 0])
         high = np.where(gains, np.minimum(ends[:, 1], _LARGEST_GAIN), ends[:, 1])
         wanted = [places(plant, channel) for channel in self.channels]
@@ -338,17 +340,17 @@ class _Task:
         problem = self.problem(self.structure)
         with np.errstate(all="ignore"), warnings.catch_warnings():
             warnings.simplefilter("ignore", RuntimeWarning)  # of what is tried and given up
-            found = search(problem, starts, rng, self.deadline, begun, self.problem)
-        if found.best is None:
-            ended = [each for each in ("out of time", "stopped") if each in found.path]
+            result = search(problem, starts, rng, self.deadline, begun, self.problem)
+        if result.best is None:
+            ended = [item for item in ("out of time", "stopped") if item in result.path]
             when = f" before it was {ended[0]}" if ended == ["stopped"] else " in the time allowed" if ended else ""
             many = " all models" if len(self.plants.labels) > 1 else ""
-            near = f"; the largest real part of a pole came down to {found.abscissa:.4g} rad/s"
+            near = f"; the largest real part of a pole came down to {result.abscissa:.4g} rad/s"
             raise SynthesisError(
                 f"no controller of this structure was found that stabilizes{many}{when}"
-                f"{near if found.abscissa < inf else ''}"
+                f"{near if result.abscissa < inf else ''}"
             )
-        return found
+        return result
 
 
 def _check_loops(structure: ControllerForm, measurements: tuple[str, ...], controls: tuple[str, ...]) -> None:
@@ -416,7 +418,7 @@ def _worst(task: _Task, over: FamilyPlants, found: Search) -> tuple[float, Array
     x, problem = found.best, found.problem
     plants, values = task.middle(), problem.physical_values(x)
     K = problem.lti(x, plants[0].measurements, plants[0].controls)
-    aims = [each for each in task.channels if each.budget is None] or list(task.channels)
+    aims = [item for item in task.channels if item.budget is None] or list(task.channels)
     top = exp(found.value)
 
     def norms(point: Array) -> list[tuple[float, ChannelNorm]]:
@@ -435,12 +437,12 @@ def _worst(task: _Task, over: FamilyPlants, found: Search) -> tuple[float, Array
         return listed
 
     def excess(point: Array) -> float:
-        return max((each[0] for each in norms(point)), default=inf)
+        return max((item[0] for item in norms(point)), default=inf)
 
     def aimed(point: Array) -> tuple[float, ChannelNorm]:
         """Return the worst of what is to be small, which a budget that is worst elsewhere does not show."""
         bad = NormBounds(inf, inf, nan, UNSTABLE)
-        shown = [each for each in norms(point) if each[1].channel in aims]
+        shown = [item for item in norms(point) if item[1].channel in aims]
         return max(shown, key=lambda each: each[0], default=(inf, ChannelNorm(over.label(point), aims[0], bad)))
 
     size = len(over.uncertain)
@@ -474,11 +476,11 @@ def _result(task: _Task, found: Search, worst: "ChannelNorm | None", path: tuple
         for channel in task.channels
     )
     only = all(channel.budget is not None for channel in task.channels)
-    aims = [each for each in norms if only or each[1].channel.budget is None]
+    aims = [item for item in norms if only or item[1].channel.budget is None]
     largest, top = max(aims, key=lambda each: _share_used(each[1]))
     _check_kept(problem, x, norms)
     passive = len(task.plants.physical) > 0
-    values = [(each.value, i, each.channel) for i, each in aims]
+    values = [(item.value, i, item.channel) for i, item in aims]
     if passive:
         lower, reason = 0.0, "none: the plant itself is tuned"
     else:
@@ -491,7 +493,7 @@ def _result(task: _Task, found: Search, worst: "ChannelNorm | None", path: tuple
     slowest = max((float(loop.poles.real.max()) for loop in loops if len(loop.A)), default=-inf)
     certificate = DesignCertificate(
         norm_bounds=top.norm,
-        channel_norms=tuple(each for _, each in norms),
+        channel_norms=tuple(item for _, item in norms),
         spectral_abscissa=slowest,
         lower_bound=lower,
         lower_bound_source=reason,
@@ -523,14 +525,14 @@ def _result(task: _Task, found: Search, worst: "ChannelNorm | None", path: tuple
 def _check_kept(problem: Problem, x: Array, norms: "tuple[tuple[int, ChannelNorm], ...]") -> None:
     """Refuse a controller that exceeds a budget or a bound on poles or gains."""
     only = all(channel.budget is not None for channel in problem.channels)
-    for _, each in norms:
-        budget = each.channel.budget
-        if budget is not None and each.value > budget * (1.0 + CERTIFIED):
+    for _, item in norms:
+        budget = item.channel.budget
+        if budget is not None and item.value > budget * (1.0 + CERTIFIED):
             what = (
                 "the budgets cannot all be kept as far as was found" if only else "no controller found keeps its budget"
             )
-            where = f", {each.model}" if each.model else ""
-            raise SynthesisError(f"{what}: {each.channel.text}{where} is {each.value:.6g}, allowed are {budget:.6g}")
+            where = f", {item.model}" if item.model else ""
+            raise SynthesisError(f"{what}: {item.channel.text}{where} is {item.value:.6g}, allowed are {budget:.6g}")
     point = Point(problem, x)
     for piece in point.bounds:
         if piece.value > CERTIFIED:
@@ -552,26 +554,26 @@ def _bound_text(problem: Problem, kind: int) -> str:
 
 def _active(problem: Problem, x: Array, point: Point) -> tuple[str, ...]:
     """Return the bounds that are used up."""
-    found = []
-    for each, number, low, high in zip(problem.free, x, problem.low, problem.high, strict=True):
+    result = []
+    for item, number, low, high in zip(problem.free, x, problem.low, problem.high, strict=True):
         width = high - low
         for end, name in ((low, "least"), (high, "largest")):
             if abs(number - end) <= _AT_END * width:
-                if each.kind == GAIN:
-                    found.append(f"{each.name} runs away: an infimum at infinite gain; give gain_limit")
+                if item.kind == GAIN:
+                    result.append(f"{item.name} runs away: an infimum at infinite gain; give gain_limit")
                 else:
-                    found.append(f"{each.name} at its {name}, {each.value(number):.6g}")
+                    result.append(f"{item.name} at its {name}, {item.value(number):.6g}")
     kinds = {piece.channel for piece in point.bounds if piece.value > -_ACTIVE}
-    found += [_bound_text(problem, kind) for kind in sorted(kinds, reverse=True)]
+    result += [_bound_text(problem, kind) for kind in sorted(kinds, reverse=True)]
     if problem.max_gain is not None:
         value = float(point.norm_peaks(-1, GAIN_LIMIT, 0.0)[1][0])
         if value > problem.max_gain * (1.0 - _ACTIVE):
-            found.append(_bound_text(problem, GAIN_LIMIT))
+            result.append(_bound_text(problem, GAIN_LIMIT))
     for _, c, _, value in point.norms:
         if c >= 0 and problem.channels[c].budget is not None and value > -_ACTIVE and point.is_limit(c):
             text = f"budget of the {problem.channels[c].text}"
-            found += [] if text in found else [text]
-    return tuple(found)
+            result += [] if text in result else [text]
+    return tuple(result)
 
 
 def _peaks(task: _Task, problem: Problem, point: Point) -> tuple[tuple[ActivePeak, ...], float]:
@@ -580,7 +582,7 @@ def _peaks(task: _Task, problem: Problem, point: Point) -> tuple[tuple[ActivePea
     top = point.aim
     near = [p for p in pieces if p.value >= (0.0 if p.limit else top) + log(1.0 - _ACTIVE)]
     shown = sorted((p for p in near if p.channel >= 0 and p.top and not p.limit), key=lambda p: -p.value)
-    found = tuple(
+    result = tuple(
         ActivePeak(
             task.plants.labels[p.model],
             problem.channels[p.channel],
@@ -589,7 +591,7 @@ def _peaks(task: _Task, problem: Problem, point: Point) -> tuple[tuple[ActivePea
         )
         for p in shown
     )
-    return found, stationarity(near, point, problem.low, problem.high)
+    return result, stationarity(near, point, problem.low, problem.high)
 
 
 def _statement(

@@ -123,7 +123,7 @@ class DrivenLoops:
         A[:n] += ports.B[0][:, controls] @ impulse
         B[:n] = ports.B[1] @ at_plant + ports.B[0][:, controls] @ impulse_direct
         B[n : 2 * n] = ports.B[0] @ at_plant + ports.B[0][:, controls] @ at_once
-        found: tuple[Polynomial, Polynomial, Polynomial] = {(): E0}, {(): A}, {(): B}
+        result: tuple[Polynomial, Polynomial, Polynomial] = {(): E0}, {(): A}, {(): B}
         for power, change in family._terms:
             e, a, b = np.zeros((size, size)), np.zeros((size, size)), np.zeros_like(B)
             e[:n, :n], a[:n, :n], a[n : 2 * n, :n] = change.M, -change.C, -change.K
@@ -131,14 +131,14 @@ class DrivenLoops:
             a[:n] += change.B[0][:, controls] @ impulse
             b[:n] = change.B[1] @ at_plant + change.B[0][:, controls] @ impulse_direct
             b[n : 2 * n] = change.B[0] @ at_plant + change.B[0][:, controls] @ at_once
-            for total, each in zip(found, (e, a, b), strict=True):
-                if each.any():
-                    total[power] = each
+            for total, item in zip(result, (e, a, b), strict=True):
+                if item.any():
+                    total[power] = item
         order = np.argsort([name not in center.output_labels for name in outputs], kind="stable").argsort()
         whole = Cell(np.zeros(family.nparameters), np.ones(family.nparameters))
         return cls(
             whole,
-            *found,
+            *result,
             np.vstack([read[judged], force[sent]])[order],
             np.vstack([direct[judged], at_once[sent]])[order],
         )
@@ -163,10 +163,10 @@ class DrivenLoops:
         """Return the even pencil at a level."""
         inverse = np.linalg.inv(gamma**2 * np.eye(self.D.shape[1]) - self.D.T @ self.D)
         n = len(self.E[()])
-        found: dict[tuple[int, ...], tuple[Array, Array]] = {}
+        result: dict[tuple[int, ...], tuple[Array, Array]] = {}
 
         def part(power: tuple[int, ...]) -> tuple[Array, Array]:
-            return found.setdefault(tuple(sorted(power)), (np.zeros((2 * n, 2 * n)), np.zeros((2 * n, 2 * n))))
+            return result.setdefault(tuple(sorted(power)), (np.zeros((2 * n, 2 * n)), np.zeros((2 * n, 2 * n))))
 
         for power, E in self.E.items():
             part(power)[0][:n, :n] += E
@@ -178,12 +178,12 @@ class DrivenLoops:
         for (p, B), (q, other) in product(self.B.items(), repeat=2):
             part((*p, *q))[1][:n, n:] += B @ inverse @ other.T
         part(())[1][n:, :n] -= self.C.T @ (self.C + self.D @ add)
-        return {power: LoopPencil(E, A) for power, (E, A) in found.items()}
+        return {power: LoopPencil(E, A) for power, (E, A) in result.items()}
 
     def at(self, delta: Array) -> Lti:
         """Return the loop at a point, as a state-space system."""
         here = value_at(self.pencils, delta)
-        B = sum(float(np.prod(delta[list(power)])) * each for power, each in self.B.items())
+        B = sum(float(np.prod(delta[list(power)])) * item for power, item in self.B.items())
         solved = np.linalg.solve(here.E, np.hstack([here.A, np.asarray(B)]))
         n = len(here.E)
         return Lti(solved[:, :n], solved[:, n:], self.C, self.D).balanced()

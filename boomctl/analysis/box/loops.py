@@ -88,18 +88,18 @@ class BoxLoops:
         middle, width = 0.5 * (family.low + family.high)[axis], 0.5 * (family.high - family.low)[axis]
         places = (controller.values - middle) / width
         first, *_, last = controller.systems
-        found = [Stretch(-np.inf, float(places[0]), _terms(family, first, None, axis))]
+        result = [Stretch(-np.inf, float(places[0]), _terms(family, first, None, axis))]
         for k, (low, high) in enumerate(pairwise(places.tolist())):
             a, b = controller.systems[k : k + 2]
             slope = _combined((b, a), (1.0 / (high - low), -1.0 / (high - low)))
             start = _combined((a, slope), (1.0, -low))
-            found.append(Stretch(float(low), float(high), _terms(family, start, slope, axis)))
-        found.append(Stretch(float(places[-1]), np.inf, _terms(family, last, None, axis)))
-        return cls(family, axis, tuple(found))
+            result.append(Stretch(float(low), float(high), _terms(family, start, slope, axis)))
+        result.append(Stretch(float(places[-1]), np.inf, _terms(family, last, None, axis)))
+        return cls(family, axis, tuple(result))
 
     def at(self, delta: Array) -> LoopPencil:
         """Return the loop at a point."""
-        here = next(each for each in self.stretches if delta[self.axis] <= each.high)
+        here = next(item for item in self.stretches if delta[self.axis] <= item.high)
         return value_at(here.terms, delta)
 
     def abscissa(self, delta: Array) -> float:
@@ -112,18 +112,18 @@ class BoxLoops:
 
     def terms(self, cell: Cell) -> Terms:
         """Return the loop over a cell that lies in one stretch."""
-        return next(each for each in self.stretches if cell.middle[self.axis] <= each.high).terms
+        return next(item for item in self.stretches if cell.middle[self.axis] <= item.high).terms
 
     def parts(self, factor: float) -> list[StablePart]:
         """Return the box, enlarged by a factor, as one part a stretch."""
-        found = []
-        for each in self.stretches:
-            low, high = max(each.low, -factor), min(each.high, factor)
+        result = []
+        for item in self.stretches:
+            low, high = max(item.low, -factor), min(item.high, factor)
             if low < high:
                 middle, reach = np.zeros(self.family.nparameters), np.full(self.family.nparameters, factor)
                 middle[self.axis], reach[self.axis] = 0.5 * (low + high), 0.5 * (high - low)
-                found.append(StablePart.of(each.terms, Cell(middle, reach)))
-        return found
+                result.append(StablePart.of(item.terms, Cell(middle, reach)))
+        return result
 
 
 def checked_controller(
@@ -183,7 +183,7 @@ def without_feedthrough(family: Family, K: Lti) -> tuple[Family, Lti]:
 
 
 def _combined(systems: tuple[Lti, Lti], shares: tuple[float, float]) -> Lti:
-    A, B, C, D = (sum(w * getattr(each, x) for w, each in zip(shares, systems, strict=True)) for x in "ABCD")
+    A, B, C, D = (sum(w * getattr(item, x) for w, item in zip(shares, systems, strict=True)) for x in "ABCD")
     first: Any = systems[0]
     return Lti(np.asarray(A), np.asarray(B), np.asarray(C), np.asarray(D), first.input_labels, first.output_labels)
 
@@ -200,15 +200,15 @@ def _terms(family: Family, K: Lti, slope: Lti | None, axis: int) -> Terms:
     def pencil(B: Array, L: Array, structure: Structure = bare) -> LoopPencil:
         return closed_pencil(SecondOrderModel.of(structure, replace(center.ports, B=B, L=L)), K)
 
-    found: dict[tuple[int, ...], LoopPencil] = {(): closed_pencil(center, K)}
+    result: dict[tuple[int, ...], LoopPencil] = {(): closed_pencil(center, K)}
 
     def add(power: tuple[int, ...], *parts: LoopPencil) -> None:
         """Add one pencil less others."""
         more = parts[0]
         for part in parts[1:]:
             more = LoopPencil(more.E - part.E, more.A - part.A)
-        before = found.get(power := tuple(sorted(power)))
-        found[power] = more if before is None else LoopPencil(before.E + more.E, before.A + more.A)
+        before = result.get(power := tuple(sorted(power)))
+        result[power] = more if before is None else LoopPencil(before.E + more.E, before.A + more.A)
 
     B0, L0, changes = center.ports.B, center.ports.L, family._terms
     rest = pencil(unforced, unread)
@@ -232,7 +232,7 @@ def _terms(family: Family, K: Lti, slope: Lti | None, axis: int) -> Terms:
     if slope is not None:
         plain = SecondOrderModel.of(bare, center.ports)
         add((axis,), closed_pencil(plain, slope), closed_pencil(plain, _combined((slope, slope), (1.0, -1.0))))
-    return without(found, family._unfelt)
+    return without(result, family._unfelt)
 
 
 def without(terms: Terms, positions: tuple[int, ...]) -> Terms:

@@ -51,8 +51,8 @@ def pattern_search(
                 if (point == at).all():
                     continue
                 tried += 1
-                found = value(point)
+                result = value(point)
                 # by how much a point must be worse than the worst so far, relative, to be gone to: more than rounding
-                if found > top * (1.0 + ALIKE * np.sign(top)):
-                    at, top, moved = point, found, found < enough
+                if result > top * (1.0 + ALIKE * np.sign(top)):
+                    at, top, moved = point, result, result < enough
     return at, top, tried

@@ -191,13 +191,13 @@ def prove_box(parts: Sequence[Part], statement: Statement, limit: float) -> BoxP
         Most cells of parameters in each part at a level, one at least; of those with frequencies there may be `WORTH` times
         as many.
     """
-    found = BoxProof(True)
+    result = BoxProof(True)
     for part in parts:
         here = _proved(part, statement, limit)
-        found = replace(here, dear=found.dear + here.dear, cheap=found.cheap + here.cheap)
-        if not found.proved:
+        result = replace(here, dear=result.dear + here.dear, cheap=result.cheap + here.cheap)
+        if not result.proved:
             break
-    return found
+    return result
 
 
 def _proved(part: Part, statement: Statement, limit: float) -> BoxProof:
@@ -260,8 +260,8 @@ def _covered(part: Part, statement: Statement, cover: _Cover, allowed: float, tr
     while waiting and tried < tries and level < inf:
         tell("cells of the box proved", proved)
         cell, tried = waiting[-1], tried + 1
-        found = prove(cell)
-        if found.proved:
+        result = prove(cell)
+        if result.proved:
             waiting, proved = waiting[:-1], proved + 1
             continue
         middle = part.cell.middle + part.cell.reach * cell.middle
@@ -272,7 +272,7 @@ def _covered(part: Part, statement: Statement, cover: _Cover, allowed: float, tr
             prove = part.prover(level)
         if cell.reach.max() < 1.0 / allowed:
             return _Cover(tuple(waiting), proved, cover.tried + tried, small=True)
-        waiting = [*waiting[:-1], *cell.halves(found.axis)]
+        waiting = [*waiting[:-1], *cell.halves(result.axis)]
     return _Cover(tuple(waiting), proved, cover.tried + tried)
 
 

@@ -88,15 +88,15 @@ class Frontier:
 
     def with_halves(self, parents: Frontier, axes: NDArray[np.int_], between: Array) -> Frontier:
         """Return these and both halves of others, cut across a parameter or, ``axes = 0``, along a surface."""
-        found: list[Frontier] = [self]
+        result: list[Frontier] = [self]
         across, along = np.flatnonzero(axes == 0), np.flatnonzero(axes)
         for side in (-1, 1):
             middle, reach, ends = parents.middle.copy(), parents.reach.copy(), parents.ends.copy()
             ends[across, 1 if side < 0 else 0] = between[across]
             reach[along, axes[along] - 1] *= 0.5
             middle[along, axes[along] - 1] += side * reach[along, axes[along] - 1]
-            found.append(Frontier(middle, reach, ends, parents.inverse))
-        fields = (np.concatenate([getattr(x, name) for x in found]) for name in ("middle", "reach", "ends", "inverse"))
+            result.append(Frontier(middle, reach, ends, parents.inverse))
+        fields = (np.concatenate([getattr(x, name) for x in result]) for name in ("middle", "reach", "ends", "inverse"))
         return Frontier(*fields)
 
 
@@ -165,7 +165,7 @@ class ResponseCells:
         pushed, rates = (np.array([W @ X.get(power, np.zeros((n, m))) for power in powers]) for X in (B, rate))
         off = np.zeros((n, m))
         if missed is not None:
-            sizes, off = [each + np.abs(W) @ missed[0] @ np.abs(V) for each in sizes], np.abs(W) @ missed[1]
+            sizes, off = [item + np.abs(W) @ missed[0] @ np.abs(V) for item in sizes], np.abs(W) @ missed[1]
         rounding = sizes[0], sizes[1], off
         return cls(powers, W @ stack(E) @ V, W @ stack(A) @ V, pushed, rates, C @ V, D, rounding, poles, size)
 
@@ -298,10 +298,10 @@ class _Frequency:
         tilt, spread = ([X[:, i] for i in range(size)] for X in (self.tilt, self.spread))
 
         def changed(power: tuple[int, ...], ca: Array, cb: Array) -> Array:
-            found = none
+            result = none
             if power in P:
-                found = found + 1j * ca * P[power]
-            return found - cb * Q[power] if power in Q else found
+                result = result + 1j * ca * P[power]
+            return result - cb * Q[power] if power in Q else result
 
         straight = 1j * P[()] if () in P else none
         first = [changed((), da, db)]
@@ -310,13 +310,13 @@ class _Frequency:
             first.append(changed((i,), a, b) + tilt[i] * straight)
             second[0, i + 1] = changed((i,), da, db) + spread[i] * straight
         for i, j in combinations_with_replacement(range(size), 2):
-            found = changed((i, j), a, b)
+            result = changed((i, j), a, b)
             if (j,) in P:
-                found = found + 1j * tilt[i] * P[j,]
+                result = result + 1j * tilt[i] * P[j,]
             if i != j and (i,) in P:
-                found = found + 1j * tilt[j] * P[i,]
-            if found is not none:
-                second[i + 1, j + 1] = found
+                result = result + 1j * tilt[j] * P[i,]
+            if result is not none:
+                second[i + 1, j + 1] = result
         spreads, higher = np.abs(self.spread).sum(axis=1), np.zeros(shape)
         for power in {*P, *Q} - {()}:
             p, q = P.get(power, none), Q.get(power, none)
@@ -465,7 +465,7 @@ class _Series:
         straight = np.abs(half) > _WEDGE * widest
         whole = sum(bounds.own[1:], bounds.own[0])
         tries = [0.5 * bounds.own[0] + sum(turned[1:], turned[0]), *(whole - 0.5 * own for own in bounds.own[1:])]
-        after = np.stack([(each / bounds.d).max(axis=(1, 2)) for each in tries], axis=1)
+        after = np.stack([(item / bounds.d).max(axis=(1, 2)) for item in tries], axis=1)
         after[:, 0] = np.where(straight, after[:, 0], np.inf)
         score = second + rest[:, None] * shares / shares.sum(axis=1, keepdims=True)
         axes = np.where(np.isfinite(score).all(axis=1), score.argmax(axis=1), shares.argmax(axis=1))
@@ -490,14 +490,14 @@ def _solution(driving: _Expansion, Z: _Expansion) -> tuple[Array, list[Array], l
     x1 = [s - z @ x0 for s, z in zip(driving.first, Z.first, strict=True)]
     x2 = []
     for i, j in combinations_with_replacement(range(len(x1)), 2):
-        found = -Z.first[i] @ x1[j]
+        result = -Z.first[i] @ x1[j]
         if i != j:
-            found = found - Z.first[j] @ x1[i]
+            result = result - Z.first[j] @ x1[i]
         if (i, j) in Z.second:
-            found = found - Z.second[i, j] @ x0
+            result = result - Z.second[i, j] @ x0
         if (i, j) in driving.second:
-            found = found + driving.second[i, j]
-        x2.append(found)
+            result = result + driving.second[i, j]
+        x2.append(result)
     return x0, x1, x2
 
 
@@ -517,18 +517,18 @@ def _shares(powers: tuple[tuple[int, ...], ...], cells: Frontier) -> tuple[dict[
         parts.append([])
         for count in range(_KEPT + 1):
             left = np.maximum(n - count, 0)
-            ways = np.where(n >= count, [comb(each, count) for each in n.tolist()], 0.0)
+            ways = np.where(n >= count, [comb(item, count) for item in n.tolist()], 0.0)
             parts[i].append(ways * known[:, left] * (reach**count)[:, None])
-    found: dict[tuple[int, ...], Array] = {}
+    result: dict[tuple[int, ...], Array] = {}
     for count in range(_KEPT + 1):
         for here in combinations_with_replacement(range(k), count):
             share = np.ones((len(cells), len(powers)))
             for i in range(k):
                 share = share * parts[i][here.count(i)]
             if share.any():
-                found[here] = share
+                result[here] = share
             total -= np.abs(share)
-    return found, np.maximum(np.where(often.sum(axis=1) > _KEPT, total, 0.0), 0.0)
+    return result, np.maximum(np.where(often.sum(axis=1) > _KEPT, total, 0.0), 0.0)
 
 
 def _size(G: Array) -> Array:

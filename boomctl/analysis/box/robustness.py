@@ -85,7 +85,7 @@ class RobustStability:
                 f"{self.spectral_abscissa:.4g} rad/s)"
             )
         verdict = "stable over the whole box, proved" if self.proved else "stable where tried, but not proved,"
-        found = (
+        result = (
             f"real parts of poles found up to {self.spectral_abscissa:.4g} rad/s, at {listed_values(self.worst_values)}"
         )
         around = (
@@ -94,7 +94,7 @@ class RobustStability:
             else f"; gain around what is not modeled found up to {self.small_gain:.4g} of its bounds"
         )
         return (
-            f"{verdict} in {count(self.cells, 'cell')}{f' ({self.message})' if self.message else ''}; {found}{around}"
+            f"{verdict} in {count(self.cells, 'cell')}{f' ({self.message})' if self.message else ''}; {result}{around}"
         )
 
 
@@ -240,13 +240,13 @@ def robust_stability(
             parts = loops.parts(1.0)
         except ValueError as error:
             return RobustStability(False, None, 0, rate, worst, str(error))
-        found = prove_box(parts, Statement.stable(loops.stable), limit)
-        cells, bad = found.dear + found.cheap, found.refuted
+        result = prove_box(parts, Statement.stable(loops.stable), limit)
+        cells, bad = result.dear + result.cheap, result.refuted
         if bad is not None:
             return RobustStability(False, family.denormalize(bad), cells, loops.abscissa(bad), family.denormalize(bad))
-        reason = "" if found.left is None else _given_up(family, loops.abscissa(found.left), found, limit)
-        alone = RobustStability(found.proved, None, cells, rate, worst, reason, found.path)
-        if additive_uncertainty is None or K is None or not found.proved:
+        reason = "" if result.left is None else _given_up(family, loops.abscissa(result.left), result, limit)
+        alone = RobustStability(result.proved, None, cells, rate, worst, reason, result.path)
+        if additive_uncertainty is None or K is None or not result.proved:
             return alone
         from boomctl.analysis.box.unmodelled import small_gain  # which brings worst cases
 
@@ -280,8 +280,8 @@ class _Sampled:
 
     def parts(self, factor: float) -> list[StablePart]:
         """Return polynomials of the parameters that cover the box; ``factor`` is one."""
-        found = SampledLoops.over(self.family, self.K, (), (), self.delay)
-        return [StablePart(each.cell, each.pencils, each.missed[0]) for each in found]
+        result = SampledLoops.over(self.family, self.K, (), (), self.delay)
+        return [StablePart(item.cell, item.pencils, item.missed[0]) for item in result]
 
 
 def _given_up(family: Family, abscissa: float, found: BoxProof, limit: int) -> str:
@@ -350,10 +350,10 @@ def robust_stability_margin(
         good, ceiling = 0.0, min(bad, top)
         tried = ceiling * (1.0 - 0.5 * close) if bad < inf else ceiling
         for _ in range(_PROOFS):
-            found = prove_box(loops.parts(tried), Statement.stable(loops.stable), limit)
-            if found.refuted is not None:
-                bad, where = float(np.abs(found.refuted).max()), found.refuted
-            good, ceiling = (tried, ceiling) if found.proved else (good, tried)
+            result = prove_box(loops.parts(tried), Statement.stable(loops.stable), limit)
+            if result.refuted is not None:
+                bad, where = float(np.abs(result.refuted).max()), result.refuted
+            good, ceiling = (tried, ceiling) if result.proved else (good, tried)
             if good >= ceiling * (1.0 - close):
                 break
             tried = 0.5 * (good + ceiling)

@@ -89,7 +89,7 @@ class SampledLoops:
             Loops that change too fast over the box.
         """
         raw = sampled_loops(family, K, inputs, outputs, delay)
-        waiting, found = [Cell(np.zeros(family.nparameters), np.ones(family.nparameters))], []
+        waiting, result = [Cell(np.zeros(family.nparameters), np.ones(family.nparameters))], []
         while waiting:
             cell = waiting.pop()
             at = _matrices(raw, cell)
@@ -97,12 +97,12 @@ class SampledLoops:
                 points_along(at, axis, _negligible, _DEGREE, _SPARE_POINTS) for axis in np.eye(family.nparameters)
             ]
             if max(counts) <= _MOST_POINTS:
-                found.append(cls._of(cell, at, tuple(counts), K.dt, _groups(family)))
+                result.append(cls._of(cell, at, tuple(counts), K.dt, _groups(family)))
             elif np.prod(cell.reach) * _MOST_PARTS > 1.0:
                 waiting += cell.halves(int(np.argmax(counts)))
             else:
                 raise ValueError(f"{_FAST}: {_MOST_PARTS} parts of it would not be enough")
-        return tuple(found)
+        return tuple(result)
 
     @classmethod
     def _of(

@@ -70,8 +70,8 @@ def small_gain(
             [[matrices_norm(loop.select(d, u)).lower_bound for d in map(injected, points)] for u in K.output_labels]
         )
         # an entry sees the control that drives it
-        each = np.tile(np.eye(len(K.output_labels)), len(K.input_labels)).T @ gains
-        unit = balance(each)[1].reshape(unit.shape)
+        item = np.tile(np.eye(len(K.output_labels)), len(K.input_labels)).T @ gains
+        unit = balance(item)[1].reshape(unit.shape)
     wide, driven, points = _joined(family, K, bounds, unit)
     inputs = [*map(injected, points)]
     late = delay if K.dt else None
@@ -107,8 +107,8 @@ def small_gain(
         return at(point).lower_bound < 1.0
 
     level = Statement(lambda: 1.0 if gain < 1.0 else inf, met, holds, lambda: False)
-    found = prove_box(parts, level, limit)
-    return gain, worst, found, ""
+    result = prove_box(parts, level, limit)
+    return gain, worst, result, ""
 
 
 def _bounds(K: Lti, unmodelled: control.StateSpace) -> list[list[Lti]]:

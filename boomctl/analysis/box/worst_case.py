@@ -206,12 +206,12 @@ def worst_case(
 
     def at(delta: Array) -> Any:
         """Return the certificate of the norm at a point."""
-        found = seen.get(delta.tobytes())
-        if found is None:
+        result = seen.get(delta.tobytes())
+        if result is None:
             loop = loop_at(delta)
-            found = matrices_h2_norm(loop) if norm == "h2" else matrices_norm(loop.balanced())
-            seen[delta.tobytes()] = found
-        return found
+            result = matrices_h2_norm(loop) if norm == "h2" else matrices_norm(loop.balanced())
+            seen[delta.tobytes()] = result
+        return result
 
     looked_at = itertools.count(1)
     with computing("worst case", progress):
@@ -300,9 +300,9 @@ def _bounded(
     def met(gain: float, point: Array) -> None:
         nonlocal delta, lower, level
         if gain > lower * (1.0 + _SAME):
-            found, most, _ = pattern_search(lambda d: at(d).lower_bound, len(delta), 1.0, point)
+            result, most, _ = pattern_search(lambda d: at(d).lower_bound, len(delta), 1.0, point)
             if most > lower:  # a gain of the polynomials may lie above that of the loop
-                delta, lower = found, most
+                delta, lower = result, most
             if lower * (1.0 + 0.5 * gap) > level:
                 level = lower * (1.0 + gap)
 
@@ -318,13 +318,13 @@ def _bounded(
         level = max(lower, at_infinity) * (1.0 + gap)
         return True
 
-    found = prove_box(parts, Statement(lambda: level, met, holds, looser), limit / WORTH)
-    if found.proved:
+    result = prove_box(parts, Statement(lambda: level, met, holds, looser), limit / WORTH)
+    if result.proved:
         drawn = np.random.default_rng(0).uniform(-1.0, 1.0, (_CHECKED, len(delta)))
         if max(at(point).lower_bound for point in drawn) > level:
             raise ArithmeticError(f"worst_case: a norm above the level proved, {level:.9g}, at a point drawn")
-        return delta, level, found, ""
-    if found.refuted is not None or level == inf:
-        return (delta if found.refuted is None else found.refuted), inf, found, _LOST
-    about = f"about {found.needed:.0e} cells, more than" if limit < found.needed < inf else "more than"
-    return delta, inf, found, f"it would take {about} max_cells = {limit} at {level:.5g}"
+        return delta, level, result, ""
+    if result.refuted is not None or level == inf:
+        return (delta if result.refuted is None else result.refuted), inf, result, _LOST
+    about = f"about {result.needed:.0e} cells, more than" if limit < result.needed < inf else "more than"
+    return delta, inf, result, f"it would take {about} max_cells = {limit} at {level:.5g}"

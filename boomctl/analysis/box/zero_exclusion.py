@@ -128,16 +128,16 @@ def value_at(terms: Terms, delta: Array) -> LoopPencil:
 
 def about(terms: Terms, middle: Array) -> dict[tuple[int, ...], LoopPencil]:
     """Return the same polynomial in the distances of the parameters from another middle."""
-    found: dict[tuple[int, ...], LoopPencil] = {}
+    result: dict[tuple[int, ...], LoopPencil] = {}
     for power, pencil in terms.items():
         often = [power.count(i) for i in range(len(middle))]
         for kept in product(*(range(count + 1) for count in often)):
             share = float(np.prod([comb(n, k) * m ** (n - k) for n, k, m in zip(often, kept, middle, strict=True)]))
             here = tuple(i for i, k in enumerate(kept) for _ in range(k))
             if share or not here:
-                E, A = (found[here].E, found[here].A) if here in found else (0.0, 0.0)
-                found[here] = LoopPencil(E + share * pencil.E, A + share * pencil.A)
-    return found
+                E, A = (result[here].E, result[here].A) if here in result else (0.0, 0.0)
+                result[here] = LoopPencil(E + share * pencil.E, A + share * pencil.A)
+    return result
 
 
 def prove_cell(terms: Terms, cell: Cell, missed: Array | None = None) -> CellProof:
@@ -160,7 +160,7 @@ def prove_pencil(terms: Terms, cell: Cell, holds: bool, missed: Array | None = N
 
 def _parameter_to_halve(modes: _Modes, point: Array) -> int:
     """Return the parameter whose range, halved, would leave the least couplings at a frequency."""
-    found = []
+    result = []
     for axis in range(modes.powers.shape[1]):
         half = modes.halved(axis)
         n = len(half.poles)
@@ -168,10 +168,10 @@ def _parameter_to_halve(modes: _Modes, point: Array) -> int:
         distance = _along(half, point[None])[:, 0].max(axis=0)
         clear = float(distance.min())
         if clear > 0.0:
-            found.append((0, float(np.abs(np.linalg.eigvals(coupling / distance[:, None])).max()), axis))
+            result.append((0, float(np.abs(np.linalg.eigvals(coupling / distance[:, None])).max()), axis))
         else:
-            found.append((1, -clear, axis))
-    return min(found)[2]
+            result.append((1, -clear, axis))
+    return min(result)[2]
 
 
 def _modes(local: Terms, reach: Array, missed: Array | None = None) -> _Modes | None:
@@ -194,7 +194,7 @@ def _modes(local: Terms, reach: Array, missed: Array | None = None) -> _Modes | 
     rounding = [F @ G - X for (F, G), X in zip(both.pop(()), (eye, np.diag(poles)), strict=True)]
     both[(-1,)] = (eye, rounding[0]), (eye, rounding[1])
     off = np.zeros(state.shape) if missed is None else np.abs(W) @ missed @ np.abs(V)
-    finite = all(np.isfinite(X).all() for pair in both.values() for each in pair for X in each)
+    finite = all(np.isfinite(X).all() for pair in both.values() for item in pair for X in item)
     return _straightened(poles, both, reach, off) if finite else None
 
 
@@ -326,13 +326,13 @@ def _squares(modes: _Modes) -> Array:
     Rounding, which cancellation could make felt, is added; diagonals that are accounted for exactly are left out.
     """
     E, A = (modes.size[:, None, None] * X for X in (modes.E, modes.A))
-    found = np.stack([np.abs(E) ** 2, np.abs(A) ** 2, -2.0 * (1j * E * A.conj()).real], axis=1)
-    found[:, :2] *= 1.0 + _ROUNDING
-    np.einsum("tqkk->tqk", found)[: modes.exact] = 0.0
+    result = np.stack([np.abs(E) ** 2, np.abs(A) ** 2, -2.0 * (1j * E * A.conj()).real], axis=1)
+    result[:, :2] *= 1.0 + _ROUNDING
+    np.einsum("tqkk->tqk", result)[: modes.exact] = 0.0
     E, A = modes.rest
     if E.any() or A.any():
-        found = np.concatenate([found, [(1.0 + _ROUNDING) * np.array([E**2, A**2, 2.0 * E * A])]])
-    return found.reshape(len(found), 3, -1)
+        result = np.concatenate([result, [(1.0 + _ROUNDING) * np.array([E**2, A**2, 2.0 * E * A])]])
+    return result.reshape(len(result), 3, -1)
 
 
 def _failed(modes: _Modes, squares: Array, points: Array) -> tuple[NDArray[np.bool_], Array | None]:
@@ -371,11 +371,11 @@ def _along(modes: _Modes, points: Array) -> Array:
     low, high = (bound[: modes.exact, None, None] for bound in (modes.low, modes.high))
     base = 1j * points[:, :1] - points[:, 1:] * modes.poles
     rounding = _ROUNDING * (points[:, :1] + points[:, 1:] * np.abs(modes.poles))
-    found = np.empty((len(_DIRECTIONS), *base.shape))
+    result = np.empty((len(_DIRECTIONS), *base.shape))
     for i, direction in enumerate(_DIRECTIONS):
         seen = points @ np.stack([(1j * direction * own_E).real, -(direction * own_A).real], axis=1)
-        found[i] = (base * direction).real - rounding + np.minimum(low * seen, high * seen).sum(axis=0)
-    return found
+        result[i] = (base * direction).real - rounding + np.minimum(low * seen, high * seen).sum(axis=0)
+    return result
 
 
 def _fail(coupling: Array, distance: Array) -> int | None:

@@ -202,11 +202,11 @@ def bode(
         return BodeResult(
             grid, _finite(grid, given.response(grid)), chosen.input_labels, chosen.output_labels, unit, given
         )
-    found, peak = given.resonances(), given.norm().peak_omega
-    if found.high < ABOVE * peak < np.inf:
-        found = given.resonances(ABOVE * peak)
+    result, peak = given.resonances(), given.norm().peak_omega
+    if result.high < ABOVE * peak < np.inf:
+        result = given.resonances(ABOVE * peak)
     grid, values = with_peaks(
-        lambda w: given.response(w, quiet=True), drawn_grid(found, [peak]), lambda w: beside_undamped(found, w)
+        lambda w: given.response(w, quiet=True), drawn_grid(result, [peak]), lambda w: beside_undamped(result, w)
     )
     return BodeResult(grid, _finite(grid, values), chosen.input_labels, chosen.output_labels, _of=given)
 

@@ -125,7 +125,7 @@ class Comparison:
         ndarray of matplotlib.axes.Axes
             Those drawn on.
         """
-        there = [each for each in (TIME, FREQUENCY, MARGINS) if all(_of_kind(each, p) for p in self._parts.values())]
+        there = [item for item in (TIME, FREQUENCY, MARGINS) if all(_of_kind(item, p) for p in self._parts.values())]
         if not there:
             raise ValueError("plot: there is nothing over time, over frequency, or of margins that all of them have")
         chosen = there[0] if kind is None else known("kind", kind, there)

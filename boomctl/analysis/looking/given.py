@@ -12,8 +12,8 @@ EXPECTED = "a SecondOrderModel, StateSpace, TransferFunction, or a result with a
 def looked_at(given: object) -> Any:
     """Return the system that is meant: of a design its closed loop, of a reduction the reduced system; all else as it is."""
     for part in ("_closed_loop", "_reduced"):
-        if isinstance(found := getattr(given, part, None), Lti | SecondOrderModel):
-            return found
+        if isinstance(result := getattr(given, part, None), Lti | SecondOrderModel):
+            return result
     return given
 
 
@@ -32,11 +32,11 @@ def matrices(
     """
     system = looked_at(given)
     if isinstance(system, SecondOrderModel):
-        found = of(system.between(inputs, outputs))
+        result = of(system.between(inputs, outputs))
     else:
-        found = of(system, what, f"SecondOrderModel, {EXPECTED.removeprefix('a SecondOrderModel, ')}", sampled=True)
-        found = found.select(inputs, outputs)
-    for kind, there in (("inputs", found.input_labels), ("outputs", found.output_labels)):
+        result = of(system, what, f"SecondOrderModel, {EXPECTED.removeprefix('a SecondOrderModel, ')}", sampled=True)
+        result = result.select(inputs, outputs)
+    for kind, there in (("inputs", result.input_labels), ("outputs", result.output_labels)):
         if not there:
             raise ValueError(f"{what}: expected a system with {kind}, got none")
-    return found.balanced()
+    return result.balanced()

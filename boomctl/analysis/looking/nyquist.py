@@ -178,7 +178,7 @@ def nyquist(
         opened, S, signals = _of_loop(P, K, delay)
         negative = partial(sign_advice, P, K, delay)
     images = image, gain = continuous_image(S), continuous_image(opened)
-    grid = np.union1d(*(grid_of_loop(each) for each in images))
+    grid = np.union1d(*(grid_of_loop(item) for item in images))
     loop = _Difference(triangular(image), triangular(gain))
     turns, unstable = _windings(loop, opened, image.poles, grid)
     closed = unstable - turns
@@ -246,11 +246,11 @@ class _Difference:
                 raise ArithmeticError(
                     "encirclements cannot be told: the closed loop has a pole on the boundary of stability"
                 )
-            found = 1.0 / np.linalg.det(values)
-            large = np.isfinite(found) & (np.abs(found) > 1.0)
+            result = 1.0 / np.linalg.det(values)
+            large = np.isfinite(result) & (np.abs(result) > 1.0)
             direct = np.linalg.det(np.eye(len(self.L.D)) + self.L.at(s[large]).transpose(2, 0, 1))
-            found[large] = np.where(np.isfinite(direct), direct, found[large])
-        return found
+            result[large] = np.where(np.isfinite(direct), direct, result[large])
+        return result
 
 
 def _windings(loop: _Difference, opened: Lti, theirs: Array, grid: Array) -> tuple[int, int]:

@@ -112,12 +112,12 @@ def pzmap(
     >>> abs(found.poles[found.poles.imag > 0][:2]).round(2), abs(found.zeros[found.zeros.imag > 0][:1]).round(2)
     (array([ 1.54, 17.51]), array([4.66]))
     """
-    found = matrices(system, inputs, outputs)
-    zeros = found.statespace("system").zeros() if len(found.A) else np.zeros(0)
+    result = matrices(system, inputs, outputs)
+    zeros = result.statespace("system").zeros() if len(result.A) else np.zeros(0)
     zeros = np.asarray(zeros, dtype=complex)
     zeros = zeros[np.isfinite(zeros)]
-    poles = np.asarray(found.poles, dtype=complex)
-    return PoleZeroResult(_ascending(poles), _ascending(zeros), found.input_labels, found.output_labels, found.dt)
+    poles = np.asarray(result.poles, dtype=complex)
+    return PoleZeroResult(_ascending(poles), _ascending(zeros), result.input_labels, result.output_labels, result.dt)
 
 
 def _ascending(values: Array) -> Array:

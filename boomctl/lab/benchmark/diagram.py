@@ -78,13 +78,13 @@ class Diagram:
             Run time of the other over that of ours, the other, and ours: 0 and None where ours has no such error; the least
             first.
         """
-        found = []
+        result = []
         for other in self.front(way, ours=False):
             able = (p for p in self.front(way, ours=True) if p.error <= other.error * (1.0 + _ALIKE))
             best, theirs = next(able, None), other.elapsed(way)
             taken = best and best.elapsed(way)
-            found.append((theirs / taken if taken and theirs else 0.0, other, best))
-        return sorted(found, key=lambda lead: lead[0])
+            result.append((theirs / taken if taken and theirs else 0.0, other, best))
+        return sorted(result, key=lambda lead: lead[0])
 
     @property
     def methods(self) -> dict[str, tuple[Point, ...]]:

@@ -22,18 +22,18 @@ def extrapolated_step(rate: Callable[[Any, Any], Any], x: Any, t: Any, h: Any, c
 
     Their errors are series in the square of a part.
     """
-    found = []
+    result = []
     for count in range(1, columns + 1):
         part = h / (2 * count)
         before, now = x, x + part * rate(x, t)
         for i in range(1, 2 * count):
             before, now = now, before + 2.0 * part * rate(now, t + i * part)
-        found.append(now)
+        result.append(now)
     for column in range(1, columns):
         for i in range(columns - 1, column - 1, -1):
             ratio = ((i + 1) / (i + 1 - column)) ** 2
-            found[i] = found[i] + (found[i] - found[i - 1]) / (ratio - 1.0)
-    return found[-1]
+            result[i] = result[i] + (result[i] - result[i - 1]) / (ratio - 1.0)
+    return result[-1]
 
 
 def extended_maps(A: Array, B: Array, h: float) -> tuple[Array, Array, Array]:

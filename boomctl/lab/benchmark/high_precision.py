@@ -121,7 +121,7 @@ def exact_response(p: BoomParameters, omega: Array, digits: int = DIGITS) -> Arr
     digits : int
         How many to calculate with.
     """
-    found = []
+    result = []
     with mp.workdps(digits):
         for w in np.atleast_1d(omega):
             s = mp.mpc(0, float(w))
@@ -131,8 +131,8 @@ def exact_response(p: BoomParameters, omega: Array, digits: int = DIGITS) -> Arr
             whole[:4, :4] = _of_sides(symmetric[:2, :2], antisymmetric[:, :2])
             whole[4, :4], whole[:4, 4] = 0.5 * symmetric[2, :2].repeat(2), symmetric[:2, 2].repeat(2)
             whole[4, 4] = symmetric[2, 2]
-            found.append(whole)
-    return np.stack(found, axis=2)
+            result.append(whole)
+    return np.stack(result, axis=2)
 
 
 def sigma_of(response: Array) -> Array:
@@ -157,7 +157,7 @@ def peak_in_many_digits(p: BoomParameters) -> float:
 
     grid = 2 * np.pi * np.geomspace(0.1, 10.0, 500)
     k = int(np.argmax([height(w) for w in grid]))
-    found = minimize_scalar(
+    result = minimize_scalar(
         lambda w: -height(w), bounds=grid[[k - 1, k + 1]], method="bounded", options={"xatol": 1e-9}
     )
-    return -float(found.fun)
+    return -float(result.fun)

@@ -122,10 +122,10 @@ def main(place: str, index: str, duration: str, stored: str) -> None:
         while not hot or (sum(turn[0] for turn in hot) < float(duration) and len(hot) < _MOST_CALLS):
             low, high = _CHANGES
             hot.append(_timed(setting, problem, low + (high - low) * ((len(hot) + 1) * _GOLDEN % 1.0))[1:])
-        found = {"answer": answer, "cold": cold, "hot": hot}
+        result = {"answer": answer, "cold": cold, "hot": hot}
     except Exception as raised:  # whatever a method raises is why the setting has failed
-        found = {"failed": f"{type(raised).__name__}: {' '.join(str(raised).split())}"[:_WORDS]}
-    Path(stored).write_bytes(pickle.dumps(found))
+        result = {"failed": f"{type(raised).__name__}: {' '.join(str(raised).split())}"[:_WORDS]}
+    Path(stored).write_bytes(pickle.dumps(result))
 
 
 def _timed(setting: Setting, problem: Any, change: float) -> list[Any]:

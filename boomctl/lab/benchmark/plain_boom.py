@@ -112,13 +112,13 @@ def banded_sigma(boom: PlainBoom, omega: Array) -> Array:
     for matrix, band in ((boom.M, M), (boom.C, C), (boom.K, K)):
         for k in range(-_WIDTH, _WIDTH + 1):
             band[_WIDTH - k, max(k, 0) : max(k, 0) + len(matrix) - abs(k)] = np.diag(matrix, k)
-    found = np.empty((len(omega), 2, 2), complex)
+    result = np.empty((len(omega), 2, 2), complex)
     for k, w in enumerate(omega):
         solved = solve_banded(
             (_WIDTH, _WIDTH), K + 1j * w * C - w * w * M, boom.F + 1j * w * boom.G, check_finite=False
         )
-        found[k] = solved[[0, -2]]
-    return np.linalg.svd(found, compute_uv=False).T
+        result[k] = solved[[0, -2]]
+    return np.linalg.svd(result, compute_uv=False).T
 
 
 def lsim(boom: PlainBoom, time: Array, inputs: Array) -> Array:

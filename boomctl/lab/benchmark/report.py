@@ -65,7 +65,7 @@ class BenchmarkReport:
     def as_dict(self) -> dict[str, Any]:
         """Return the results for JSON."""
         facts = {"environment": dict(self.environment), "command": self.command, "elapsed": round(self.elapsed, 1)}
-        return plain({"scenes": [asdict(each) for each in self.diagrams], **facts})
+        return plain({"scenes": [asdict(item) for item in self.diagrams], **facts})
 
     def report(self) -> Report:
         """Return the report with all tables and pictures."""
@@ -154,12 +154,12 @@ def environment() -> dict[str, str]:
 
     listed = Path("/proc/cpuinfo")
     models = re.findall(r"model name\s*: (.*)", listed.read_text(encoding="utf-8")) if listed.is_file() else []
-    found = {each.name.lower(): each.version for each in distributions()}
+    result = {item.name.lower(): item.version for item in distributions()}
     return {
         "processor": (models or [platform.processor()])[0],
         "python": platform.python_version(),
         "cores": str(os.cpu_count() or 1),
-        **{name: found.get(name, "not installed") for name in _PACKAGES},
+        **{name: result.get(name, "not installed") for name in _PACKAGES},
         "BLAS": "; ".join(sorted({f"{pool['internal_api']} {pool['version']}" for pool in threadpool_info()})),
     }
 

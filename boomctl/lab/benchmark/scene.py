@@ -63,8 +63,8 @@ def settings(
         ``verified``, ``modules``, ``ours`` of :class:`Setting`.
     """
     for value in values:
-        each = value if isinstance(value, tuple) else (value,)
-        yield Setting(method, label.format(*each), partial(solve, *each), **kind)
+        item = value if isinstance(value, tuple) else (value,)
+        yield Setting(method, label.format(*item), partial(solve, *item), **kind)
 
 
 def relative_error(least: float = 0.0) -> Callable[[Any, Array, Array], float]:
@@ -111,4 +111,4 @@ class Scene:
         places: dict[str, list[int]] = {}
         for place, setting in enumerate(self.settings):
             places.setdefault(setting.method, []).append(place)
-        return {place: self.settings[place] for found in places.values() for place in found[::3]}
+        return {place: self.settings[place] for result in places.values() for place in result[::3]}

@@ -42,9 +42,9 @@ def run_jobs(
         A process ended without an answer.
     """
     answers = Parallel(workers or -1, return_as="generator")(delayed(work)() for work in jobs.values())
-    found = {}
+    result = {}
     for name in jobs:
-        tell(name, len(found), len(jobs))
-        found[name] = next(answers)
+        tell(name, len(result), len(jobs))
+        result[name] = next(answers)
     next(answers, None)  # which ends them
-    return found
+    return result

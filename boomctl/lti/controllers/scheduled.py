@@ -81,7 +81,7 @@ class ScheduledController:
     def systems(self) -> tuple[Lti, ...]:
         """The controllers at the values."""
         both = (self.input_labels, self.output_labels, self.state_labels, self.dt)
-        return tuple(Lti(*each, *both) for each in zip(self.A, self.B, self.C, self.D, strict=True))
+        return tuple(Lti(*item, *both) for item in zip(self.A, self.B, self.C, self.D, strict=True))
 
     def at(self, value: float) -> control.StateSpace:
         """Return the controller as it is while the signal stays at a value.
@@ -203,11 +203,11 @@ def gain_schedule(
       over hub_speed: 3 controllers from 0 to 6, straight lines between them
     """
     given = [
-        of(each, f"controllers[{i}]", expected="StateSpace", any_time=True)
-        for i, each in enumerate(sequence("controllers", controllers, "StateSpace"))
+        of(item, f"controllers[{i}]", expected="StateSpace", any_time=True)
+        for i, item in enumerate(sequence("controllers", controllers, "StateSpace"))
     ]
-    for each in given:
-        check_scales(each)
+    for item in given:
+        check_scales(item)
     places = finite_array("values", values, ndim=1)
     if len(given) < 2 or len(places) != len(given):
         raise ValueError(
@@ -216,18 +216,18 @@ def gain_schedule(
     if not (np.diff(places) > 0.0).all():
         raise ValueError(f"values = {shown(places.tolist())}: expected ascending ones")
     first, followed = given[0], signal_name("signal", signal)
-    for i, each in enumerate(given):
+    for i, item in enumerate(given):
         for what in ("input_labels", "output_labels", "dt"):
-            if getattr(each, what) != getattr(first, what):
+            if getattr(item, what) != getattr(first, what):
                 raise ValueError(
-                    f"controllers[{i}]: expected the {what} of the first, {getattr(first, what)}, got {getattr(each, what)}"
+                    f"controllers[{i}]: expected the {what} of the first, {getattr(first, what)}, got {getattr(item, what)}"
                 )
-        if len(each.A) != len(first.A):
+        if len(item.A) != len(first.A):
             raise ValueError(
-                f"controllers[{i}]: expected {count(len(first.A), 'state')}, as the first, got {len(each.A)}"
+                f"controllers[{i}]: expected {count(len(first.A), 'state')}, as the first, got {len(item.A)}"
             )
     inputs = first.input_labels if followed in first.input_labels else (*first.input_labels, followed)
-    A, B, C, D = (np.array([getattr(each, letter) for each in given]) for letter in "ABCD")
+    A, B, C, D = (np.array([getattr(item, letter) for item in given]) for letter in "ABCD")
     if len(inputs) > len(first.input_labels):
         B, D = (np.concatenate([X, np.zeros((*X.shape[:2], 1))], axis=2) for X in (B, D))
     return ScheduledController(followed, places, A, B, C, D, inputs, first.output_labels, first.state_labels, first.dt)

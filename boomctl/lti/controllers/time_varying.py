@@ -57,10 +57,10 @@ class TimeVaryingController:
     def __post_init__(self) -> None:
         for what in ("input_labels", "output_labels"):
             given = sequence(what, getattr(self, what), "str")
-            found = tuple(signal_name(f"{what}[{i}]", each) for i, each in enumerate(given))
-            if len(set(found)) < len(found) or not found:
-                raise ValueError(f"{what} = {found!r}: expected one name or more, each once")
-            object.__setattr__(self, what, found)
+            result = tuple(signal_name(f"{what}[{i}]", item) for i, item in enumerate(given))
+            if len(set(result)) < len(result) or not result:
+                raise ValueError(f"{what} = {result!r}: expected one name or more, each once")
+            object.__setattr__(self, what, result)
         object.__setattr__(self, "dt", positive("dt", self.dt))
         for letter in "ABCD":
             object.__setattr__(self, letter, finite_array(letter, getattr(self, letter), ndim=3))

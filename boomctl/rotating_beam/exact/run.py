@@ -190,11 +190,11 @@ def run_to_tolerance(
             stuck = stuck + 1 if difference > _STUCK * error else 0
             error = difference
             if error <= atol + rtol * here.largest(radius):
-                found = _at(here.trajectories, timepts)
+                result = _at(here.trajectories, timepts)
                 motion = Motion(
-                    tip=np.imag(dynamics.tip(found[0])),
+                    tip=np.imag(dynamics.tip(result[0])),
                     small_deformation_until=_small_until(dynamics, here.probes, here.tip, here.state),
-                    states=partial(kept_states, *found),
+                    states=partial(kept_states, *result),
                     error=error,
                     steps=here.steps,
                     path=("collocation of momenta",),
@@ -228,9 +228,9 @@ def _steps(start: float, stop: float, step: float, timepts: Array, least: int) -
 
 def _at(trajectories: list[Trajectory], timepts: Array) -> tuple[Array, Array]:
     """Coordinates and velocities at ``timepts``; at a corner, those of the trajectory that ends there."""
-    ends = np.array([each.time[-1] for each in trajectories])
+    ends = np.array([item.time[-1] for item in trajectories])
     which = np.minimum(np.searchsorted(ends, timepts), len(trajectories) - 1)
-    parts = [interpolate(each, timepts[which == k]) for k, each in enumerate(trajectories)]
+    parts = [interpolate(item, timepts[which == k]) for k, item in enumerate(trajectories)]
     return np.concatenate([q for q, _ in parts]), np.concatenate([v for _, v in parts])
 
 

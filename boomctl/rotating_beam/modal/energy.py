@@ -139,10 +139,10 @@ def state_function(lagrangian: Lagrangian, name: str, constants: "casadi.SX | No
     """
     import casadi as ca
 
-    y, rate, forces, found, _ = accelerations(lagrangian)
+    y, rate, forces, result, _ = accelerations(lagrangian)
     torque, size = ca.SX.sym("torque"), y.numel()
-    found = ca.substitute(found, forces, ca.vertcat(torque, ca.SX.zeros(size - 1)))
-    xdot = ca.vertcat(rate, found)
+    result = ca.substitute(result, forces, ca.vertcat(torque, ca.SX.zeros(size - 1)))
+    xdot = ca.vertcat(rate, result)
     outputs = ca.vertcat(y[0], rate[0], ca.dot(lagrangian.tip, y[1:]))
     x = ca.vertcat(y, rate)
     state = ca.SX.sym("x", 2 * size)

@@ -81,7 +81,7 @@ class FirstOrderEquations(Equations):
         except np.linalg.LinAlgError:
             return None
         to_q = np.linalg.inv(root).T
-        stiffness, slope, gyro, damping = (to_q.T @ each @ to_q for each in (self.K, self.N, self.B, self.C))
+        stiffness, slope, gyro, damping = (to_q.T @ item @ to_q for item in (self.K, self.N, self.B, self.C))
         lean = -(self.W @ to_q) / self.rigid_inertia
         squares, shapes = np.linalg.eigh(stiffness)
         if np.any(squares <= np.einsum("ji,jk,ki->i", shapes, 0.5 * damping, shapes) ** 2):

@@ -165,8 +165,8 @@ def forced_modes(
         )
         velocity = ca.jtimes(both, coordinates, rates)
         bent = ca.jtimes(velocity, coordinates, rates) + ca.jtimes(both, coordinates, second)
-        found = moved.hub * here.along + bent[1] + 2.0 * speed * velocity[0] - speed**2 * here.across
-        return ca.substitute(found, ca.vertcat(coordinates, rates, second), ca.vertcat(q, q_rate, moved.beam))
+        result = moved.hub * here.along + bent[1] + 2.0 * speed * velocity[0] - speed**2 * here.across
+        return ca.substitute(result, ca.vertcat(coordinates, rates, second), ca.vertcat(q, q_rate, moved.beam))
 
     def reading(sensor: BeamSensor) -> casadi.SX:
         if sensor.quantity == "acceleration":
@@ -214,7 +214,7 @@ def linearized(modes: MachineModes, state: Array) -> Lti:
     both = ca.vertcat(moved, modes.read(z, u)[0])
     slopes = ca.Function("slopes", [z, u], [ca.densify(ca.jacobian(both, z)), ca.densify(ca.jacobian(both, u))])
     by_state, by_input = (
-        np.array(each) for each in slopes(modes.from_state @ state, np.zeros(len(modes.input_labels)))
+        np.array(item) for item in slopes(modes.from_state @ state, np.zeros(len(modes.input_labels)))
     )
     T, S = modes.to_state, modes.from_state
     A, B, C, D = T @ by_state[: 2 * m] @ S, T @ by_input[: 2 * m], by_state[2 * m :] @ S, by_input[2 * m :]
@@ -301,12 +301,12 @@ def lagrangian_law(lagrangian: Lagrangian, places: Places, length: float) -> Law
         import casadi as ca
 
         size = modes.lean.size + 1
-        y, y_rate, forces, found, margin = accelerations(lagrangian)
+        y, y_rate, forces, result, margin = accelerations(lagrangian)
         across = places(y[1:], length).across
         on_beam = force * ca.gradient(across, y[1:])
         acting = ca.substitute(ca.vertcat(torque + force * tip.along, on_beam), y, _times(modes.V, z))
         given, wanted = ca.vertcat(y, y_rate, forces), ca.vertcat(_times(modes.V, z), _times(modes.V, rate), acting)
-        second, margin = ca.substitute([found, margin], [given], [wanted])
+        second, margin = ca.substitute([result, margin], [given], [wanted])
         rest = _times(np.linalg.inv(modes.V), second) + ca.vertcat(0.0, ca.DM(modes.squares) * z[1:])
         return Moved(second[0], second[1:size], rest, margin)
 
@@ -317,7 +317,7 @@ def _at(place: Place, coordinates: casadi.SX, q: casadi.SX) -> Place:
     """Return a point at other coordinates."""
     import casadi as ca
 
-    return Place(*(ca.substitute(each, coordinates, q) for each in place))
+    return Place(*(ca.substitute(item, coordinates, q) for item in place))
 
 
 def _times(matrix: Array, vector: casadi.SX) -> casadi.SX:

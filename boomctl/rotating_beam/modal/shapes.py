@@ -76,7 +76,7 @@ class TransverseModes:
         scaled = self.wavenumbers
         d = [self(x, k) / scaled**k for k in range(4)]
         b_i, b_j = scaled[:, None], scaled[None, :]
-        row, column = [each[..., :, None] for each in d], [each[..., None, :] for each in d]
+        row, column = [item[..., :, None] for item in d], [item[..., None, :] for item in d]
         bracket = (
             b_i**4 * b_j * row[0] * column[1]
             - b_i**3 * b_j**2 * row[3] * column[2]

@@ -206,9 +206,9 @@ def _newton(
 def _newton_step(problem: Problem, method: CollocationMethod, nodes: Array, h: Array, current: _Window) -> _Window:
     """Changes of ends and nodes that satisfy the linearized equations of all steps."""
     m, s, n = current.stages.shape
-    each = h[:, None, None]
-    q = current.q[:-1, None] + each * (method.A @ current.stages)
-    a = method.A_inverse @ (current.stages - current.v[:-1, None]) / each
+    item = h[:, None, None]
+    q = current.q[:-1, None] + item * (method.A @ current.stages)
+    a = method.A_inverse @ (current.stages - current.v[:-1, None]) / item
     flat = nodes.ravel(), q.reshape(-1, n), current.stages.reshape(-1, n), a.reshape(-1, n)
     residual = problem.residual(*flat)
     responses = _stage_responses(problem.tangents(*flat), residual.reshape(m, s * n), method, h, (m, s, n))
@@ -222,16 +222,16 @@ def _stage_responses(
 ) -> Array:
     """Changes of a step's nodes by its start's coordinates, its start's rates and the residual, m x s n x (2 n + 1)."""
     m, s, n = shape
-    mass, damping, stiffness = (np.broadcast_to(each, (m * s, n, n)).reshape(m, s, n, n) for each in tangents)
-    each = h[:, None, None, None]
+    mass, damping, stiffness = (np.broadcast_to(item, (m * s, n, n)).reshape(m, s, n, n) for item in tangents)
+    item = h[:, None, None, None]
     system = np.empty((m, s, n, s, n))
     right = np.empty((m, s, n, 2 * n + 1))
     for j in range(s):
-        system[:, :, :, j] = (method.A_inverse[:, j, None, None] / each) * mass
-        system[:, :, :, j] += (method.A[:, j, None, None] * each) * stiffness
+        system[:, :, :, j] = (method.A_inverse[:, j, None, None] / item) * mass
+        system[:, :, :, j] += (method.A[:, j, None, None] * item) * stiffness
         system[:, j, :, j] += damping[:, j]
     right[..., :n] = -stiffness
-    right[..., n : 2 * n] = (method.A_inverse.sum(axis=1)[:, None, None] / each) * mass
+    right[..., n : 2 * n] = (method.A_inverse.sum(axis=1)[:, None, None] / item) * mass
     right[..., 2 * n] = -residual.reshape(m, s, n)
     return np.linalg.solve(system.reshape(m, s * n, s * n), right.reshape(m, s * n, 2 * n + 1))
 

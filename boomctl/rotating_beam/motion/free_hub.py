@@ -151,7 +151,7 @@ class _Progress:
             # relative difference below which intervals between corners count as equal: rounding of their ends
             return float(gap / np.ceil(gap / length * (1.0 - ALIKE)))
         count = min(_even(left[: self.steps]), int(length / gap * (1.0 + ALIKE)))
-        return float(left[next(each for each in range(count, 0, -1) if self.steps % each == 0) - 1])
+        return float(left[next(item for item in range(count, 0, -1) if self.steps % item == 0) - 1])
 
     def allowed(self, peaks: Array) -> Array:
         """Allowed errors at given largest values, m."""
@@ -194,9 +194,9 @@ def free_motion(form: FreeHubForm, scene: FreeScene) -> tuple[FreeTrajectory, fl
 
 def _begin(form: FreeHubForm, scene: FreeScene, share: float, steps: int) -> _Progress:
     states = np.empty((2, form.lean.size + 1))
-    for state, each in zip(states, scene.start, strict=True):
-        state[1:] = np.linalg.solve(form.to_q, each[1:])
-        state[0] = (each[0] - form.lean @ state[1:]) * np.sqrt(form.inertia)
+    for state, item in zip(states, scene.start, strict=True):
+        state[1:] = np.linalg.solve(form.to_q, item[1:])
+        state[0] = (item[0] - form.lean @ state[1:]) * np.sqrt(form.inertia)
     none = np.zeros(2)
     radian = steps / np.sqrt(form.softest)
     longest = _DECAYED / form.decay if form.decay else np.inf
@@ -348,7 +348,7 @@ def _tried(form: FreeHubForm, run: _Progress, length: float) -> _Tried | None:
     errors, added, turning = _errors(weights, coarse, fine, window)
     hidden = _overlooked(weights, run, window)
     unseen, worst = _unseen(weights, fine, window)
-    ends = np.stack([np.stack(modes.oscillators.coordinates(each.states[..., -1]), 1) for each in (coarse, fine)], 1)
+    ends = np.stack([np.stack(modes.oscillators.coordinates(item.states[..., -1]), 1) for item in (coarse, fine)], 1)
     ends[..., 1:] = ends[..., 1:] @ modes.shapes.swapaxes(1, 2)[:, None]
     return _Tried(
         sweeps=coarse.sweeps,
@@ -392,9 +392,9 @@ def _overlooked(weights: _Weights, run: _Progress, window: Window) -> Array:
     apart = np.abs(values - nodes @ _places(nodes.shape[1], tuple(places)).T).max(axis=1)
     gap = instants[1]
     instants = instants[(instants >= begin[0]) & (instants <= begin[-1] + h)]
-    found = run.scene.maneuver.torque(instants)
-    between, _ = off_polynomials(nodes, begin, np.full(run.steps, h), instants, found)
-    size = max(np.abs(values).max(), np.abs(found).max(initial=0.0))
+    result = run.scene.maneuver.torque(instants)
+    between, _ = off_polynomials(nodes, begin, np.full(run.steps, h), instants, result)
+    size = max(np.abs(values).max(), np.abs(result).max(initial=0.0))
     apart[apart <= _ROUNDING * size] = 0.0
     between[between <= _SEEN * size] = 0.0
     to_tip, to_hub = np.sum(weights.tip[0, 1:] * np.abs(push[1:])), weights.speed[0] * push[0] ** 2
@@ -421,14 +421,14 @@ def _errors(weights: _Weights, coarse: Swept, fine: Swept, window: Window) -> tu
     own[:, 1:] = apart[:, 1:] - window.flow.turns * apart[:, 1:, :1]
     elapsed = window.flow.h[:, None] * np.arange(apart.shape[2])
     own[:, 0] = apart[:, 0] - apart[:, 0, :1] - 1j * elapsed * np.real(apart[:, 0, :1])
-    found = []
-    for each in (apart, own):
-        size = np.abs(each)
-        size[:, 0] = np.abs(np.imag(each[:, 0]))
+    result = []
+    for item in (apart, own):
+        size = np.abs(item)
+        size[:, 0] = np.abs(np.imag(item[:, 0]))
         tip, hub = ((weight[:, None] @ size)[:, 0].max(axis=1) for weight in (weights.tip, weights.hub))
-        found.append(np.stack([tip, hub], axis=1))
-    turning = np.stack([np.abs(np.real(each[:, 0]).mean(axis=1)) for each in (apart, own)], axis=1)
-    return found[0], found[1], (weights.speed * window.modes.push[:, 0])[:, None] * turning
+        result.append(np.stack([tip, hub], axis=1))
+    turning = np.stack([np.abs(np.real(item[:, 0]).mean(axis=1)) for item in (apart, own)], axis=1)
+    return result[0], result[1], (weights.speed * window.modes.push[:, 0])[:, None] * turning
 
 
 def _unseen(weights: _Weights, fine: Swept, window: Window) -> tuple[Array, Array]:

@@ -129,8 +129,8 @@ class FreeTrajectory:
 
     @cached_property
     def _oscillators(self) -> Oscillators:
-        each = [piece.modes.oscillators for piece in self.pieces]
-        sigma, omega = (np.concatenate([getattr(one, name) for one in each]) for name in ("sigma", "omega"))
+        item = [piece.modes.oscillators for piece in self.pieces]
+        sigma, omega = (np.concatenate([getattr(one, name) for one in item]) for name in ("sigma", "omega"))
         return Oscillators(sigma, omega, bool(self.form.decay))
 
     @cached_property

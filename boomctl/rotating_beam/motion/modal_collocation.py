@@ -69,8 +69,8 @@ class ModalTrajectory:
         weights = ((row @ self.form.to_q) @ self.shapes)[:, None]
         waves = weights * self._waves
         step, elapsed = self._placed(timepts)
-        each = np.stack([self.omega, np.arctan2(waves[:, 1], waves[:, 0]), np.hypot(waves[:, 0], waves[:, 1])])
-        omega, phase, amplitude = each.take(step, 1)
+        item = np.stack([self.omega, np.arctan2(waves[:, 1], waves[:, 0]), np.hypot(waves[:, 0], waves[:, 1])])
+        omega, phase, amplitude = item.take(step, 1)
         omega *= elapsed[:, None]
         omega += phase
         result: Array = np.einsum("kn,kn->k", np.cos(omega), amplitude)

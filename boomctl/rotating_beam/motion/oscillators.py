@@ -241,8 +241,8 @@ def _table(stages: int) -> _Table:
     ahead = places[1:, None] - points
     derivatives = np.zeros((stages, places.size, stages))
     terms = to_terms
-    for each in derivatives:
-        each[:] = legendre.legval(2.0 * places - 1.0, terms).T
+    for item in derivatives:
+        item[:] = legendre.legval(2.0 * places - 1.0, terms).T
         terms = 2.0 * legendre.legder(terms)
     start = np.zeros((1, stages))
     pushed = np.concatenate([start, quadrature.sum(axis=1)])

@@ -72,7 +72,7 @@ class PrescribedProblem(Problem):
         terms = self.equations.beam_speed_terms
         if terms is None:
             whole = self.equations.tangents(*self._whole(t, q, v, a))
-            return Tangents(*(each[:, 1:, 1:] for each in whole))
+            return Tangents(*(item[:, 1:, 1:] for item in whole))
         speed = self.maneuver.speed(t)[:, None, None]
         stiffness = terms.K + speed**2 * terms.K_w
         if not np.any(terms.G):

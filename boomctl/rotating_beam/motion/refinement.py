@@ -50,7 +50,7 @@ def first_steps(equations: Equations, breakpoints: tuple[float, ...], end: float
     """
     lowest, highest = equations.frequency_range
     phase = _PHASE_GRADED if graded else _PHASE
-    corners = [0.0, *(each for each in breakpoints if 0.0 < each < end), end]
+    corners = [0.0, *(item for item in breakpoints if 0.0 < item < end), end]
     edges: list[Array] = [np.zeros(1)]
     for left, right in pairwise(corners):
         count = max(1, ceil((right - left) * lowest / phase))
@@ -146,7 +146,7 @@ def refine(problem: Problem, edges: Array, start: tuple[Array, Array], accuracy:
         fine = march(problem, method, finer, start, coarse, _NEWTON_SHARE * min(allowed))
         errors = accuracy.errors(coarse, fine)
         error = errors[0]
-        if all(each <= bound for each, bound in zip(errors, allowed, strict=True)):
+        if all(item <= bound for item, bound in zip(errors, allowed, strict=True)):
             return fine, error
         coarse = fine
     raise SimulationError(f"the tip displacement's error stays at {error:.1e} m: raise rtol or atol")

@@ -168,15 +168,15 @@ def motion_of(scene: Scene) -> Motion:
     given_up: tuple[str, ...] = ()
     for way in WAYS:
         if way.applies(scene):
-            found = way.find(scene)
-            if found is not None:
-                return replace(found, path=given_up + found.path) if given_up else found
+            result = way.find(scene)
+            if result is not None:
+                return replace(result, path=given_up + result.path) if given_up else result
             given_up += (f"{way.name} (given up)",)
     raise AssertionError("the last way applies always, and raises what it cannot do")
 
 
 def _initial_state(scene: Scene) -> Motion:
-    y, rate = (each[None] for each in scene.start)
+    y, rate = (item[None] for item in scene.start)
     return _sampled(scene, y, rate, 0.0, 0, ("initial state",))
 
 
@@ -194,10 +194,10 @@ def _by_modes(scene: Scene) -> Motion | None:
     edges = _first_steps(scene, PrescribedProblem(scene.equations, maneuver), end, graded=False)
     beam = scene.start[0][1:], scene.start[1][1:]
     accuracy = scene.accuracy((np.stack([tip.transverse, tip.axial]),))
-    found = modal_refine(form, maneuver, edges, beam, accuracy, vibrates_on=end < scene.end)
-    if found is None:
+    result = modal_refine(form, maneuver, edges, beam, accuracy, vibrates_on=end < scene.end)
+    if result is None:
         return None
-    trajectory, error = found
+    trajectory, error = result
     displacement = trajectory.displacement(tip.transverse, scene.watched)
     until = small_deformation_until(
         scene.watched, displacement, scene.length, lambda part: trajectory(scene.watched[part])[1] @ tip.transverse
@@ -215,8 +215,8 @@ def _modal_states(trajectory: ModalTrajectory, maneuver: PrescribedMotion, timep
 def _by_free_modes(scene: Scene) -> Motion | None:
     form = scene.equations.free_hub_form
     assert form is not None
-    found = free_motion(form, _free_scene(scene))
-    return None if found is None else _free_motion(scene, *found)
+    result = free_motion(form, _free_scene(scene))
+    return None if result is None else _free_motion(scene, *result)
 
 
 def _free_scene(scene: Scene) -> FreeScene:

@@ -68,7 +68,7 @@ def _modal(mass: Array, stiffness: Array, start: tuple[Array, Array], elapsed: A
     from scipy.linalg import eigh
 
     squares, shapes = eigh(stiffness, mass)
-    q, v = (shapes.T @ mass @ each for each in start)
+    q, v = (shapes.T @ mass @ item for item in start)
     rate = np.sqrt(np.abs(squares))
     phase = np.multiply.outer(elapsed, rate)
     stiff = squares > 0.0

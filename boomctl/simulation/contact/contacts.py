@@ -141,7 +141,7 @@ def stop_places(limit: StrokeLimit, plant: ModalPlant) -> list[tuple[str, str, f
     """
     if limit is None:
         return []
-    found: list[tuple[str, str, float]] = []
+    result: list[tuple[str, str, float]] = []
     if isinstance(limit, Mapping):
         for name, value in limit.items():
             output = known("output of end_stop", name, plant.output_labels)
@@ -150,19 +150,19 @@ def stop_places(limit: StrokeLimit, plant: ModalPlant) -> list[tuple[str, str, f
                 raise ValueError(f"end_stop[{output!r}] = {value!r}: expected a number or (number, input)")
             size, force = pair
             known(f"input at the stop of {output!r}", force, plant.input_labels)
-            found.append((output, force, positive(f"end_stop[{output!r}]", size)))
+            result.append((output, force, positive(f"end_stop[{output!r}]", size)))
     else:
         size = positive("end_stop", limit)
         pairs = [(o, o.replace("stroke_", "suspension_", 1)) for o in plant.output_labels if o.startswith("stroke_")]
-        found = [(o, i, size) for o, i in pairs if i in plant.input_labels]
-    if not found:
+        result = [(o, i, size) for o, i in pairs if i in plant.input_labels]
+    if not result:
         raise ValueError(
             f"end_stop: the plant has no outputs stroke_* with inputs suspension_* of the same suffix (outputs: "
             f"{', '.join(plant.output_labels)}; inputs: {', '.join(plant.input_labels)})"
         )
-    if len(found) > _MOST_STOPS:
-        raise ValueError(f"end_stop: {len(found)} end stops; expected at most {_MOST_STOPS}")
-    return found
+    if len(result) > _MOST_STOPS:
+        raise ValueError(f"end_stop: {len(result)} end stops; expected at most {_MOST_STOPS}")
+    return result
 
 
 def contacts_of(

@@ -141,9 +141,9 @@ def _together(rows: ContactRows, row: Array, slip: Slip, alone: FrictionStep) ->
     sliding = (force, -force) if slip.stuck else (-force if slip.velocity > 0.0 else force,)
     for held in (True, False) if slip.stuck or alone.stuck else (False, True):
         if held:
-            found = _holding(rows, row, slip)
-            if found is not None:
-                return found
+            result = _holding(rows, row, slip)
+            if result is not None:
+                return result
             continue
         for trial in sliding:
             end, step, stops = _under(rows, row, slip, trial)

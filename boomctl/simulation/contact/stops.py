@@ -81,13 +81,13 @@ class StopMaps:
         columns = rows + [count + i for i in resting]
         matrix = np.vstack([self.position[np.ix_(rows, columns)], self.velocity[np.ix_(resting, columns)]])
         scale = np.concatenate([np.abs(self.position[rows, rows]), np.abs(self.velocity[resting, resting])])
-        found = np.zeros((2 * count, len(columns)))
+        result = np.zeros((2 * count, len(columns)))
         try:
-            found[columns] = np.linalg.inv(matrix / scale[:, None]) / scale
+            result[columns] = np.linalg.inv(matrix / scale[:, None]) / scale
         except np.linalg.LinAlgError:
             return None
-        sizes = np.abs(matrix / scale[:, None]).sum(axis=1).max() * np.abs(found[columns] * scale).sum(axis=1).max()
-        return found if sizes < _DEPENDENT else None
+        sizes = np.abs(matrix / scale[:, None]).sum(axis=1).max() * np.abs(result[columns] * scale).sum(axis=1).max()
+        return result if sizes < _DEPENDENT else None
 
 
 @dataclass(frozen=True)

@@ -115,10 +115,10 @@ def stumpff(y: casadi.SX) -> list[casadi.SX]:
     near = y < _SERIES
     x = ca.sqrt(ca.if_else(near, 1.0, y))
     c1, c2 = ca.sin(x) / x, 2.0 * (ca.sin(0.5 * x) / x) ** 2
-    closed, found = [c1, c2, (1.0 - c1) / x**2, (0.5 - c2) / x**2], []
+    closed, result = [c1, c2, (1.0 - c1) / x**2, (0.5 - c2) / x**2], []
     for k in range(1, 5):
         series = 0.0 * y
         for j in range(_TERMS - 1, -1, -1):
             series = 1.0 / math.factorial(2 * j + k) - y * series
-        found.append(ca.if_else(near, series, closed[k - 1]))
-    return found
+        result.append(ca.if_else(near, series, closed[k - 1]))
+    return result

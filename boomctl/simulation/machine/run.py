@@ -124,7 +124,7 @@ def run_to_tolerance(p: MachineLoop, rtol: float, atol: float) -> MachineRun:
                     "the loop diverges: its states grow beyond all numbers before the last of timepts"
                 ) from None
             continue
-        there, here = (at_columns(p.machine.judged, found[0][:, :: p.grid.per_point])[0] for found in (first, second))
+        there, here = (at_columns(p.machine.judged, result[0][:, :: p.grid.per_point])[0] for result in (first, second))
         apart = np.abs(here - there).max(axis=1)
         wanted = atol + rtol * np.abs(here).max(axis=1)
         if (apart <= wanted).all():
@@ -208,9 +208,9 @@ def _closed(p: MachineLoop, counts: tuple[int, ...]) -> tuple[Array, ControlLog]
             raise _Overflow
         states[:, k + 1 : end + 1] = moved[:nz, : end - k]
         at = np.arange(-(-k // ps) * ps, end, ps)
-        _write(log, at // ps, *(each[:, at - k] for each in taken))
+        _write(log, at // ps, *(item[:, at - k] for item in taken))
     if steps % ps == 0:
-        _, *taken = (np.array(each) for each in sample(state, beside.signals(at_end=True)))
+        _, *taken = (np.array(item) for item in sample(state, beside.signals(at_end=True)))
         _write(log, np.array([steps // ps]), *taken)
     return states, log
 
@@ -226,8 +226,8 @@ def _repeated(p: MachineLoop, counts: tuple[int, ...], log: ControlLog) -> tuple
     after = log.acting(steps, p.lag, p.grid.per_sample).T
     before = np.hstack([np.zeros((nu, 1)), after[:, :-1]])
     W = p.W[p.disturbed]
-    found = _advance(p, counts).mapaccum("run", len(steps))(p.start, before, after, W[:, :-1], W[:, 1:])
-    states = np.hstack([p.start[:, None], np.array(found)])
+    result = _advance(p, counts).mapaccum("run", len(steps))(p.start, before, after, W[:, :-1], W[:, 1:])
+    states = np.hstack([p.start[:, None], np.array(result)])
     if not np.isfinite(states[:, -1]).all():
         raise _Overflow
     return states, log
@@ -255,23 +255,23 @@ class StepSignals:
         """Return them for all steps, (rows, steps), or for the sample at the last time, (rows,)."""
         p, ps, added = self.p, self.p.grid.per_sample, self.p.added
         steps = np.array([p.grid.steps]) if at_end else np.arange(p.grid.steps)
-        found, W = np.zeros((self.rows, len(steps))), p.W[p.disturbed]
-        found[self.first] = W[:, steps]
+        result, W = np.zeros((self.rows, len(steps))), p.W[p.disturbed]
+        result[self.first] = W[:, steps]
         if not at_end:
-            found[self.last] = W[:, steps + 1]
+            result[self.last] = W[:, steps + 1]
         for place, rows in (
             (self.noise, added.noise),
             (self.reference, added.reference),
             (self.forward, added.feedforward),
         ):
             if rows is not None:
-                found[place] = rows[np.minimum(steps // ps, len(rows) - 1)].T
+                result[place] = rows[np.minimum(steps // ps, len(rows) - 1)].T
         if self.changing is not None:
             here = np.minimum(steps // ps, len(self.changing.law) - 1)
-            found[self.law] = self.changing.law[here].reshape(len(here), -1).T
-            found[self.correction] = self.changing.correction[here].reshape(len(here), -1).T
-        found[self.sampled], found[self.arrives] = steps % ps == 0, (steps - p.lag) % ps == 0
-        return found[:, 0] if at_end else found
+            result[self.law] = self.changing.law[here].reshape(len(here), -1).T
+            result[self.correction] = self.changing.correction[here].reshape(len(here), -1).T
+        result[self.sampled], result[self.arrives] = steps % ps == 0, (steps - p.lag) % ps == 0
+        return result[:, 0] if at_end else result
 
 
 def inputs_of(m: MachineModes, acts: Acts, controls: casadi.SX, disturbances: casadi.SX) -> casadi.SX:
@@ -334,18 +334,18 @@ def _laws(c: SampledController, y: casadi.SX, w: casadi.SX, beside: StepSignals)
 
     if c.laws is None:
         return sparse(blocks([[c.D, c.C], [c.B, c.A]])), sparse(c.L) if c.L.any() else None
-    laws, found = c.laws, []
-    for each, given in ((laws.law, beside.law), (laws.correction, beside.correction)):
-        _, rows, columns = each.shape
+    laws, result = c.laws, []
+    for item, given in ((laws.law, beside.law), (laws.correction, beside.correction)):
+        _, rows, columns = item.shape
         if laws.place is None:
-            found.append(ca.reshape(w[given], columns, rows).T)
+            result.append(ca.reshape(w[given], columns, rows).T)
             continue
-        total = sparse(each[0])
+        total = sparse(item[0])
         for i, (low, high) in enumerate(pairwise(laws.values.tolist())):
             share = ca.fmax(ca.fmin((y[laws.place] - low) / (high - low), 1.0), 0.0)
-            total += share * sparse(each[i + 1] - each[i])
-        found.append(total)
-    return found[0], found[1] if laws.correction.any() else None
+            total += share * sparse(item[i + 1] - item[i])
+        result.append(total)
+    return result[0], result[1] if laws.correction.any() else None
 
 
 def _advance(p: MachineLoop, counts: tuple[int, ...]) -> casadi.Function:
@@ -438,8 +438,8 @@ class Buffered:
 
     def __call__(self, *given: Array) -> list[Array]:
         """Return the matrices that the function returns, (rows, columns); vectors are taken as columns."""
-        for here, each in zip(self._given, given, strict=True):
-            here[...] = np.reshape(each, here.shape[::-1]).T
+        for here, item in zip(self._given, given, strict=True):
+            here[...] = np.reshape(item, here.shape[::-1]).T
         self._run()
         results = []
         for array, (rows, columns), filled in zip(self._found, self._shapes, self._filled, strict=True):
@@ -458,6 +458,6 @@ def at_columns(function: casadi.Function, *given: Array) -> list[Array]:
     parts = []
     for k in range(0, count, block):
         end = min(k + block, count)
-        padded = [np.pad(each[:, k:end], ((0, 0), (0, block - end + k))) for each in given]
-        parts.append([each[:, : end - k] for each in run(*padded)])
-    return [np.hstack(each) for each in zip(*parts, strict=True)]
+        padded = [np.pad(item[:, k:end], ((0, 0), (0, block - end + k))) for item in given]
+        parts.append([item[:, : end - k] for item in run(*padded)])
+    return [np.hstack(item) for item in zip(*parts, strict=True)]

@@ -34,15 +34,15 @@ def counted(ends: EndMap, first: TorqueProfile, intervals: int) -> TorqueProfile
         ends.problem.deadline.check(f"counting arcs on {intervals} intervals")
         count = intervals * parts
         steps = Steps(np.repeat(values * limit, parts), np.full(count, duration / count), np.zeros((count, 0)))
-        found = ends.sensitivity(steps)
-        if not (np.isfinite(found.by_torque).all() and np.isfinite(found.by_width).all()):
+        result = ends.sensitivity(steps)
+        if not (np.isfinite(result.by_torque).all() and np.isfinite(result.by_width).all()):
             raise Overflows(
                 f"torque_limit = {limit:g} N m: bends the plant until its motion overflows; expected a smaller one, or "
                 "a start nearer to rest"
             )
-        defect = found.end - ends.target
-        push = found.by_torque.reshape(defect.size, intervals, parts).sum(axis=2) * limit
-        change = _linear_programme(defect, push, found.by_width.sum(axis=1) * duration / count, values)
+        defect = result.end - ends.target
+        push = result.by_torque.reshape(defect.size, intervals, parts).sum(axis=2) * limit
+        change = _linear_programme(defect, push, result.by_width.sum(axis=1) * duration / count, values)
         if change is None:
             return None
         values, longer = np.clip(values + change[:-1], -1.0, 1.0), float(change[-1])

@@ -107,9 +107,9 @@ def least_time_arcs(problem: SlewProblem, first: TorqueProfile) -> ArcSlew | Non
     half = halved(problem)  # none of a beam with axial modes
     ends = end_map(half or problem, first)
     if near is not None:
-        found = _refined(ends, _weighed(ends, _Arcs.of(first), _FINER), finer=_FINER, exact=False)
-        if found is not None and found.gain < problem.rtol:
-            return replace(found, path=(*path, "durations led to the end, not to the least sum"))
+        result = _refined(ends, _weighed(ends, _Arcs.of(first), _FINER), finer=_FINER, exact=False)
+        if result is not None and result.gain < problem.rtol:
+            return replace(result, path=(*path, "durations led to the end, not to the least sum"))
     arcs, counting = _with_right_signs(ends, first_half(first) if half else first)
     answer = None if arcs is None else _refined(ends, arcs)
     if answer is None:
@@ -131,10 +131,10 @@ def _with_right_signs(ends: EndMap, start: TorqueProfile) -> tuple[_Arcs | None,
         except Overflows as error:
             overflow = error
             continue
-        found = None if torque is None else _stationary(ends, _Arcs.of(torque), 1)
-        if found is not None and found.wrong_sign / float(found.durations.sum()) < gain:
-            best, gain = found, found.wrong_sign / float(found.durations.sum())
-            start = found.history(ends.problem.limits.torque)
+        result = None if torque is None else _stationary(ends, _Arcs.of(torque), 1)
+        if result is not None and result.wrong_sign / float(result.durations.sum()) < gain:
+            best, gain = result, result.wrong_sign / float(result.durations.sum())
+            start = result.history(ends.problem.limits.torque)
         path = (*path, f"arcs counted on {intervals} intervals") if intervals else path
         if gain < _ENOUGH * ends.problem.rtol:
             break

@@ -105,9 +105,9 @@ def least_time(problem: SlewProblem) -> Extremal:
                 near = replace(_fastest(beside, guess), limit=limits.torque)
             except SlewError:
                 continue
-            found = _merged(problem, _newton(problem, _fitted(problem, near)))
-            if found is not None and misfit(problem, found) < _AGREE:
-                return replace(found, path=(*found.path, f"started from {factor:g} of the torque limit"))
+            result = _merged(problem, _newton(problem, _fitted(problem, near)))
+            if result is not None and misfit(problem, result) < _AGREE:
+                return replace(result, path=(*result.path, f"started from {factor:g} of the torque limit"))
         raise failure
 
 
@@ -134,10 +134,10 @@ def _fastest(problem: SlewProblem, guess: float) -> Extremal:
             continue
         guess = duration
         first = _from_costate(problem, duration, values, costate)
-        found = None if first is None else _merged(problem, _newton(problem, first))
-        if found is not None and misfit(problem, found) < _AGREE:
-            return found
-        best = found or best
+        result = None if first is None else _merged(problem, _newton(problem, first))
+        if result is not None and misfit(problem, result) < _AGREE:
+            return result
+        best = result or best
     missing = "none converged" if best is None else f"conditions are missed by {best.residual:.1e}"
     raise SwitchesNotFound(f"minimum time: the switching times could not be found; {missing}")
 
@@ -155,20 +155,20 @@ def _likely(problem: SlewProblem, guess: float) -> Extremal | None:
         if system is None:
             return None
         G, d, scale = system
-        found = _least_sum(G, d, weights)
-        if found is None:
+        result = _least_sum(G, d, weights)
+        if result is None:
             return None
-        y, weights = found
+        y, weights = result
         peaks.append(-math.log(float(np.abs(y @ G).sum())))
         if abs(peaks[-1]) < _ROUGHLY:
-            found = _least_sum(G, d, weights)
-            if found is None:
+            result = _least_sum(G, d, weights)
+            if result is None:
                 return None
-            y, duration = found[0], math.exp(logarithms[-1])
+            y, duration = result[0], math.exp(logarithms[-1])
             costate = (y / scale) @ problem.ends
             first = _from_costate(problem, duration, np.sign(y @ G), costate)
-            found = None if first is None else _merged(problem, _newton(problem, first))
-            return found if found is not None and misfit(problem, found) < _AGREE else None
+            result = None if first is None else _merged(problem, _newton(problem, first))
+            return result if result is not None and misfit(problem, result) < _AGREE else None
         if len(peaks) == 1:
             further = 0.5 * peaks[0]  # of a rigid body, whose least peak falls with the square of the time
         else:
@@ -275,8 +275,8 @@ def _grid_solution(problem: SlewProblem, guess: float, intervals: int) -> tuple[
             break
     else:
         raise SlewError("torque_limit: no torque within it leads to the end state in any time tried")
-    found = brentq(excess, low, high, xtol=_EXACT, rtol=_EXACT) if low < high else low
-    duration = math.exp(float(found))
+    result = brentq(excess, low, high, xtol=_EXACT, rtol=_EXACT) if low < high else low
+    duration = math.exp(float(result))
     _, values, costate = _least_peak(problem, duration, intervals)
     return duration, values, costate
 
@@ -378,30 +378,30 @@ def _newton(problem: SlewProblem, first: Extremal) -> Extremal | None:
 
     With too few switches its steps, solved for in least squares, may end where the end conditions are not met: None too.
     """
-    found, ends = first, problem.ends
+    result, ends = first, problem.ends
     weights = np.linalg.lstsq(ends.T, first.costate, rcond=None)[0]
     best, size, missed = None, np.inf, np.inf
     reached = max(float(np.abs(ends @ problem.target).max()), float(np.abs(ends @ problem.start).max()))
     for _ in range(_NEWTON):
-        problem.deadline.check(f"{found.switches.size} switching times of the linear part", found.duration)
-        residual, slope = _conditions(problem, found, weights)
+        problem.deadline.check(f"{result.switches.size} switching times of the linear part", result.duration)
+        residual, slope = _conditions(problem, result, weights)
         move = _least_squares(slope, -residual, 1e-14)
-        count = found.switches.size
-        step = float(np.abs(move[: count + 1]).max() / found.duration)
+        count = result.switches.size
+        step = float(np.abs(move[: count + 1]).max() / result.duration)
         if step < size:
-            best, size = replace(found, costate=weights @ ends, residual=float(step)), step
+            best, size = replace(result, costate=weights @ ends, residual=float(step)), step
             missed = float(np.abs(residual[: ends.shape[0]]).max()) / reached
         elif size < _ROUNDED:
             break
         damping = 1.0
         while damping > _SHORTEST:
-            times = np.append(found.switches, found.duration) + damping * move[: count + 1]
+            times = np.append(result.switches, result.duration) + damping * move[: count + 1]
             if np.all(np.diff(np.concatenate([[0.0], times])) > 0.0):
                 break
             damping *= 0.5
         else:
             return None
-        found = replace(found, switches=times[:-1], duration=float(times[-1]))
+        result = replace(result, switches=times[:-1], duration=float(times[-1]))
         weights = weights + damping * move[count + 1 :]
     return best if size < _CONVERGED and missed < _MISSED else None
 

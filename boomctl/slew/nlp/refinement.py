@@ -77,18 +77,18 @@ def refined(problem: SlewProblem, least: TorqueProfile | None) -> Refined:
     except OutOfTime as over:
         if not best:
             raise
-        found = best[-1]
-        motions = played(problem, found.solution.history)
-        excess = violation(problem, found.solution.history, motions)
-        path = (*found.path, f"out of time: {over}")
+        result = best[-1]
+        motions = played(problem, result.solution.history)
+        excess = violation(problem, result.solution.history, motions)
+        path = (*result.path, f"out of time: {over}")
         # relative, over a limit, in a replay: rounding of the integrator
         if prescribed_error(problem, motions) <= problem.rtol and max(excess.values()) <= ALIKE:
-            return replace(found, path=path, motions=motions)
-        found = best[max(0, len(best) - 2)]  # a coarser mesh, on which points can be added in the time that is left
-        intervals = found.programme.transcription.scheme.intervals
-        guess = _guess(problem, least, found.solution.history, intervals)
+            return replace(result, path=path, motions=motions)
+        result = best[max(0, len(best) - 2)]  # a coarser mesh, on which points can be added in the time that is left
+        intervals = result.programme.transcription.scheme.intervals
+        guess = _guess(problem, least, result.solution.history, intervals)
         programme, solution, motions = _solved(problem, guess, intervals)
-        return Refined(programme, solution, found.gap, (*path, f"collocation on {intervals} intervals"), motions)
+        return Refined(programme, solution, result.gap, (*path, f"collocation on {intervals} intervals"), motions)
 
 
 def _on_finer_meshes(problem: SlewProblem, least: TorqueProfile | None, best: list[Refined]) -> Refined:

@@ -164,8 +164,8 @@ def transcribe(parts: Parts, ends: Array, scheme: Scheme, units: Units) -> Trans
 
     gradients = ca.vec(stage.gradient.map(N)(every, data))
     gradient = ca.densify(_assembled([local.ravel()], [np.zeros(local.size, int)], (layout.size, 1), gradients))
-    r, c = (np.array(each) for each in stage.jacobian_pattern.get_triplet())
-    pr, pc = (np.array(each) for each in stage.path_pattern.get_triplet())
+    r, c = (np.array(item) for item in stage.jacobian_pattern.get_triplet())
+    pr, pc = (np.array(item) for item in stage.path_pattern.get_triplet())
     er, ec = np.nonzero(scaled)
     g_rows = [np.arange(N)[:, None] * rows + r, N * rows + pr, N * rows + last_rows + er]
     g_columns = [
@@ -182,7 +182,7 @@ def transcribe(parts: Parts, ends: Array, scheme: Scheme, units: Units) -> Trans
     weight, multipliers = ca.MX.sym("w"), ca.MX.sym("m", g.shape[0])
     per_stage = ca.reshape(multipliers[: N * rows], rows, N)
     nonzeros = stage.hessian.map(N)(every, data, ca.repmat(weight, 1, N), per_stage)
-    hr, hc = (np.array(each) for each in stage.hessian_pattern.get_triplet())
+    hr, hc = (np.array(item) for item in stage.hessian_pattern.get_triplet())
     a, b = local[:, hr], local[:, hc]
     hessian = _assembled([np.minimum(a, b)], [np.maximum(a, b)], (layout.size, layout.size), ca.vec(nonzeros))
     given = ["x", "p", "lam_f", "lam_g"]
@@ -290,9 +290,9 @@ def _stage(parts: Parts, scheme: Scheme, units: Units, layout: Layout) -> _Stage
         names += ["torque_rate_limit"] * 2
     value, of_defects = ca.vertcat(*conditions), len(points)
     cost = OBJECTIVES[scheme.objective].cost(parts, units, s, scheme.intervals)
-    slopes = ca.vertcat(*(ca.mtimes(each.jacobian, ca.jacobian(each.place, v)) for each in points))
+    slopes = ca.vertcat(*(ca.mtimes(item.jacobian, ca.jacobian(item.place, v)) for item in points))
     jacobian, gradient = (
-        ca.jacobian(each, v) + ca.mtimes(ca.jacobian(each, _rates(points)), slopes) for each in (value, cost)
+        ca.jacobian(item, v) + ca.mtimes(ca.jacobian(item, _rates(points)), slopes) for item in (value, cost)
     )
     weight, multipliers = ca.SX.sym("w"), ca.SX.sym("m", value.shape[0])
     lagrangian = weight * cost + ca.dot(multipliers, value)
@@ -314,7 +314,7 @@ def _stage(parts: Parts, scheme: Scheme, units: Units, layout: Layout) -> _Stage
 
 
 def _rates(points: Sequence[_Point]) -> ca.SX:
-    return ca.vertcat(*(each.rates for each in points))
+    return ca.vertcat(*(item.rates for item in points))
 
 
 def _nonzeros(matrix: ca.SX) -> ca.SX:
@@ -326,10 +326,10 @@ def _total_hessian(lagrangian: ca.SX, v: ca.SX, points: Sequence[_Point], slopes
     along = ca.vertcat(ca.SX.eye(v.shape[0]), slopes)
     total = ca.mtimes([along.T, ca.hessian(lagrangian, ca.vertcat(v, _rates(points)))[0], along])
     bent = ca.SX(0)
-    for each in points:
-        moved = ca.jacobian(each.place, v)
-        total += ca.mtimes([moved.T, each.hessian, moved])
-        bent += ca.dot(ca.mtimes(each.jacobian.T, each.weights), each.place)
+    for item in points:
+        moved = ca.jacobian(item.place, v)
+        total += ca.mtimes([moved.T, item.hessian, moved])
+        bent += ca.dot(ca.mtimes(item.jacobian.T, item.weights), item.place)
     return total + ca.hessian(bent, v)[0]
 
 
@@ -337,16 +337,16 @@ def _with_rates(name: str, v: ca.SX, p: ca.SX, points: Sequence[_Point], values:
     """Return a function of v and p of expressions in which rates at points stand."""
     inner = ca.Function(name, [v, p, _rates(points)], values)
     x, data = inner.mx_in()[:2]
-    found = [each.evaluated(rates_of, place) for each, place in _places(v, p, points, x, data)]
-    return ca.Function(name, [x, data], inner.call([x, data, ca.vertcat(*found)]))
+    result = [item.evaluated(rates_of, place) for item, place in _places(v, p, points, x, data)]
+    return ca.Function(name, [x, data], inner.call([x, data, ca.vertcat(*result)]))
 
 
 def _with_jacobians(name: str, v: ca.SX, p: ca.SX, points: Sequence[_Point], value: ca.SX) -> ca.Function:
     """Return a function of v and p of an expression in which rates at points and their Jacobians stand."""
-    inner = ca.Function(name, [v, p, _rates(points), *(each.jacobian for each in points)], [value])
+    inner = ca.Function(name, [v, p, _rates(points), *(item.jacobian for item in points)], [value])
     x, data = inner.mx_in()[:2]
-    found = [each.evaluated(rate_jacobian_of, place) for each, place in _places(v, p, points, x, data)]
-    return ca.Function(name, [x, data], [inner(x, data, ca.vertcat(*(f for f, _ in found)), *(J for _, J in found))])
+    result = [item.evaluated(rate_jacobian_of, place) for item, place in _places(v, p, points, x, data)]
+    return ca.Function(name, [x, data], [inner(x, data, ca.vertcat(*(f for f, _ in result)), *(J for _, J in result))])
 
 
 def _with_hessians(
@@ -354,19 +354,19 @@ def _with_hessians(
 ) -> ca.Function:
     """Return a function of v, p and multipliers of an expression in which derivatives of the rates by v stand."""
     of_rates = [v, p, _rates(points), weight, multipliers]
-    weights = ca.Function("weights", of_rates, [ca.gradient(lagrangian, each.rates) for each in points])
-    symbols = [(each.weights, each.jacobian, each.hessian) for each in points]
-    inner = ca.Function("hessian", [*of_rates, *(each for three in symbols for each in three)], [value])
+    weights = ca.Function("weights", of_rates, [ca.gradient(lagrangian, item.rates) for item in points])
+    symbols = [(item.weights, item.jacobian, item.hessian) for item in points]
+    inner = ca.Function("hessian", [*of_rates, *(item for three in symbols for item in three)], [value])
     x, data, w, m = (
-        ca.MX.sym(name, each.shape[0]) for name, each in zip("xpwm", (v, p, weight, multipliers), strict=True)
+        ca.MX.sym(name, item.shape[0]) for name, item in zip("xpwm", (v, p, weight, multipliers), strict=True)
     )
     places = _places(v, p, points, x, data)
-    given = x, data, ca.vertcat(*(each.evaluated(rates_of, place) for each, place in places)), w, m
-    found = weights.call(given)
+    given = x, data, ca.vertcat(*(item.evaluated(rates_of, place) for item, place in places)), w, m
+    result = weights.call(given)
     derivatives = [
-        each
-        for (point, place), l in zip(places, found, strict=True)
-        for each in (l, *point.evaluated(rate_hessian_of, place, l))
+        item
+        for (point, place), l in zip(places, result, strict=True)
+        for item in (l, *point.evaluated(rate_hessian_of, place, l))
     ]
     return ca.Function("hessian", [x, data, w, m], [inner(*given, *derivatives)])
 
@@ -374,7 +374,7 @@ def _with_hessians(
 def _places(v: ca.SX, p: ca.SX, points: Sequence[_Point], x: ca.MX, data: ca.MX) -> list[tuple[_Point, ca.MX]]:
     """Return points with their places as functions of v and p."""
     return list(
-        zip(points, ca.Function("places", [v, p], [each.place for each in points]).call([x, data]), strict=True)
+        zip(points, ca.Function("places", [v, p], [item.place for item in points]).call([x, data]), strict=True)
     )
 
 
@@ -414,8 +414,8 @@ def _path(parts: Parts, units: Units, s: Interval, limits: dict[str, ca.SX]) -> 
 
 def _assembled(rows: list[Array], columns: list[Array], shape: tuple[int, int], entries: ca.MX) -> ca.MX:
     """A sparse matrix with entries at (rows, columns), those of one place added."""
-    row = np.concatenate([np.ravel(each) for each in rows]).astype(np.int64)
-    column = np.concatenate([np.ravel(each) for each in columns]).astype(np.int64)
+    row = np.concatenate([np.ravel(item) for item in rows]).astype(np.int64)
+    column = np.concatenate([np.ravel(item) for item in columns]).astype(np.int64)
     place, inverse = np.unique(column * shape[0] + row, return_inverse=True)
     pattern = ca.Sparsity.triplet(*shape, (place % shape[0]).tolist(), (place // shape[0]).tolist())
     if place.size == row.size:

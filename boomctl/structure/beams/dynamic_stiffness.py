@@ -38,9 +38,9 @@ def _series(weights: Array) -> Array:
         parts = [(Fraction(w) * factor, o, ratio) for w, (o, ratio, factor) in zip(line, _FRACTIONS, strict=True) if w]
         powers = [[w * Fraction(ratio) ** k / factorial(4 * k + o) for w, o, ratio in parts] for k in range(_TERMS)]
         lines.append([float(sum(terms)) for terms in powers])
-    found = np.array(lines)
-    found.setflags(write=False)
-    return found
+    result = np.array(lines)
+    result.setflags(write=False)
+    return result
 
 
 # The six strain functions as sums of the six end functions, derived from end displacements and rotations

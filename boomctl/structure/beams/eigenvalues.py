@@ -71,8 +71,8 @@ def _deciding(model: ExactModel, omega: Array, wanted: Array) -> Array:
     values, clamped = model.inertia(omega.ravel())
     values, place = values.reshape(*omega.shape, -1), wanted - clamped.reshape(omega.shape)
     n = values.shape[2]
-    found = np.take_along_axis(values, np.clip(place, 0, n - 1)[:, :, None], axis=2)[:, :, 0]
-    return np.where(place < 0, -np.inf, np.where(place >= n, np.inf, found))
+    result = np.take_along_axis(values, np.clip(place, 0, n - 1)[:, :, None], axis=2)[:, :, 0]
+    return np.where(place < 0, -np.inf, np.where(place >= n, np.inf, result))
 
 
 def _bracket(model: ExactModel, count: int) -> tuple[float, float, int]:

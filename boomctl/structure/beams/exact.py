@@ -411,8 +411,8 @@ class PreparedResponse:
         total = np.tile(direct.astype(complex), (len(omega), 1, 1))
         rounding = np.zeros(total.shape)
         for part, system in self._strained:
-            found, left = system.response(1j * omega, part.L)
-            total += part.W_out @ found @ part.W_in.T
+            result, left = system.response(1j * omega, part.L)
+            total += part.W_out @ result @ part.W_in.T
             rounding += np.abs(part.W_out) @ left @ np.abs(part.W_in).T
         size = np.abs(total).max(axis=1, initial=0.0)
         share = np.where(size > 0.0, rounding.max(axis=1, initial=0.0) / np.where(size > 0.0, size, 1.0), 0.0).max(

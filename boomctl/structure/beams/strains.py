@@ -245,8 +245,8 @@ class StrainSystem:
     def response(self, s: Array, L: Array) -> tuple[Array, Array]:
         """Return ``L q`` at each ``s``, (len(s), outputs, m), and a bound of its rounding."""
         n, m = self.forces.shape
-        found = np.empty((len(s), len(L), m), dtype=complex)
-        rounding = np.empty(found.shape)
+        result = np.empty((len(s), len(L), m), dtype=complex)
+        rounding = np.empty(result.shape)
         for places, equations in self.groups(s):
             functions, sizes = equations.functions(s[places])
             both, size, scale = equations.at(functions), equations.size(sizes), equations.scale(sizes)
@@ -260,7 +260,7 @@ class StrainSystem:
                 read = L @ equations.V
                 backward = size[:, :, :n] @ np.abs(z) + size[:, :, n:]
                 forward = scale[:, :, None] * (np.abs(inverse) @ (scale[:, :, None] * backward))
-                found[places] = read @ z
+                result[places] = read @ z
                 forward += np.abs(z)
                 rounding[places] = equations.unit_rounding * (np.abs(L) @ (np.abs(equations.V) @ forward))
-        return found, rounding
+        return result, rounding

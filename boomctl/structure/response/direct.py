@@ -57,15 +57,15 @@ def respond(structure: Structure, ports: Ports, omega: Array, available: Ports |
         ports = available.select(ins, mirror.completed(ports.outputs, available.outputs))
     parts = halves(structure, ports)
     if parts is None:
-        (found,) = respond_parts([(structure, ports)], omega)
+        (result,) = respond_parts([(structure, ports)], omega)
     else:
         answers = respond_parts([(part.structure, part.ports) for part in parts], omega)
         path = sum((answer.path for answer in answers), ("halves",))
         total = np.zeros((len(ports.outputs), len(ports.inputs), len(omega)), dtype=complex)
         for part, answer in zip(parts, answers, strict=True):
             _add(total, part, answer.values)
-        found = Response(total, path)
-    return Response(found.values[: len(wanted.outputs), : len(wanted.inputs)], found.path)
+        result = Response(total, path)
+    return Response(result.values[: len(wanted.outputs), : len(wanted.inputs)], result.path)
 
 
 def _add(total: Array, part: Half, values: Array) -> None:
@@ -82,12 +82,12 @@ def respond_parts(parts: Sequence[Part], omega: Array) -> list[Response]:
             _check_static(structure)
     largest = max(structure.n for structure, _ in parts) if parts else 0
     many = largest * len(omega) >= _MODES_FROM
-    found = respond_by_modes(parts, omega) if many else [None] * len(parts)
+    result = respond_by_modes(parts, omega) if many else [None] * len(parts)
     return [
         Response(direct_response(*part, omega), ("dense solutions",))
         if values is None
         else Response(values, ("undamped modes",))
-        for part, values in zip(parts, found, strict=True)
+        for part, values in zip(parts, result, strict=True)
     ]
 
 

@@ -32,7 +32,7 @@ Part = tuple[Structure, Ports]
 
 def respond_by_modes(parts: Sequence[Part], omega: Array) -> list[Array | None]:
     """Return the response (outputs, inputs, frequencies) of each structure; None where this way is not accurate."""
-    found: list[Array | None] = [None] * len(parts)
+    result: list[Array | None] = [None] * len(parts)
     alike: dict[object, list[tuple[int, Part, _Driven]]] = {}
     for i, part in enumerate(parts):
         driven = _Driven.of(*part)
@@ -41,8 +41,8 @@ def respond_by_modes(parts: Sequence[Part], omega: Array) -> list[Array | None]:
     for group in alike.values():
         sums, good = _receptances([driven for _, _, driven in group], omega)
         for (i, (_, ports), driven), values, holds in zip(group, sums, good, strict=True):
-            found[i] = _response(ports, driven, values, 1j * omega) if holds else None
-    return found
+            result[i] = _response(ports, driven, values, 1j * omega) if holds else None
+    return result
 
 
 def _response(ports: Ports, driven: "_Driven", sums: Array, s: Array) -> Array:
@@ -205,10 +205,10 @@ class _Modes:
 
 def _eigen(M: Array, K: Array) -> tuple[Array, Array]:
     """Return the eigenvalues and vectors of ``M v = mass K v``, vectors of unit stiffness, of each structure."""
-    found = [lapack.dsygvd(mass, stiffness) for mass, stiffness in zip(M, K, strict=True)]
-    if any(failed for _, _, failed in found):
+    result = [lapack.dsygvd(mass, stiffness) for mass, stiffness in zip(M, K, strict=True)]
+    if any(failed for _, _, failed in result):
         raise np.linalg.LinAlgError("a stiffness matrix is not positive definite")
-    return np.array([mass for mass, _, _ in found]), np.array([V for _, V, _ in found])
+    return np.array([mass for mass, _, _ in result]), np.array([V for _, V, _ in result])
 
 
 def _refined(V: Array, M: Array, stiffness: Array) -> tuple[Array, Array]:
@@ -254,7 +254,7 @@ def _hold(
     chosen = [sorted({0, last, *peaks}) for peaks in size.argmax(axis=2).tolist()]
     most = max(len(places) for places in chosen)
     check = np.array([places + places[-1:] * (most - len(places)) for places in chosen])
-    found = np.array([values[:, :, places] for values, places in zip(sums, check, strict=True)])
+    result = np.array([values[:, :, places] for values, places in zip(sums, check, strict=True)])
     s = 1j * omega[check][:, None, None, :]
     X = modes.receptance(modes.V, modes.Vt @ columns, omega[check])
     force = s**2 * _times(M, X)
@@ -266,8 +266,8 @@ def _hold(
     at = s.reshape(len(sums), -1, 1, 1)
     D = at**2 * M[:, None] + at * C[:, None] + K[:, None]
     missing = lines[:, None] @ np.linalg.solve(D, (columns[:, :, :, None] - force).transpose(0, 3, 1, 2))
-    floor = _FLOOR * np.abs(found).max(axis=2, keepdims=True)
-    within = np.abs(missing.transpose(0, 2, 3, 1)) <= _AGREEMENT * np.maximum(np.abs(found), floor)
+    floor = _FLOOR * np.abs(result).max(axis=2, keepdims=True)
+    within = np.abs(missing.transpose(0, 2, 3, 1)) <= _AGREEMENT * np.maximum(np.abs(result), floor)
     return within.all(axis=(1, 2, 3))
 
 

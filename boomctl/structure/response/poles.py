@@ -82,14 +82,14 @@ def _told(structure: Structure, frequencies: Array, shapes: Array) -> tuple[Arra
     slow = np.flatnonzero(frequencies <= ROOT * frequencies.max(initial=0.0))
     if not len(slow):
         return frequencies, shapes
-    shape, told, found = shapes[:, slow], frequencies.copy(), shapes.copy()
+    shape, told, result = shapes[:, slow], frequencies.copy(), shapes.copy()
     moving = np.where(np.abs(shape) * np.sqrt(structure.M.diagonal())[:, None] > _NOISE, shape, 0.0)
     strained = np.einsum("ij,ij->j", moving, structure.K @ moving)
-    terms, felt = (np.einsum("ij,ij->j", each, abs(structure.K) @ each) for each in (np.abs(shape), np.abs(moving)))
+    terms, felt = (np.einsum("ij,ij->j", item, abs(structure.K) @ item) for item in (np.abs(shape), np.abs(moving)))
     alone = strained <= _NOISE * felt
     told[slow[alone | (frequencies[slow] ** 2 <= _NOISE * terms)]] = 0.0
-    found[:, slow[alone]] = moving[:, alone]
-    return told, found
+    result[:, slow[alone]] = moving[:, alone]
+    return told, result
 
 
 def _in_strains(structure: Structure, count: int) -> tuple[Array, Array]:
@@ -157,10 +157,10 @@ def poles_and_rounding(structure: Structure, count: int) -> tuple[Array, float]:
         poles = structure.strain_form.poles()
         lowest, slowest = _lowest(poles, count), np.abs(poles[poles != 0.0]).min()
         return lowest, DIGIT * float(np.abs(lowest[-1]) / slowest)
-    found = _pole_basis(structure, count) if structure.n > 2 * count + 20 else None
-    if found is None:
+    result = _pole_basis(structure, count) if structure.n > 2 * count + 20 else None
+    if result is None:
         return _lowest(first_order_poles(structure.M, structure.C, structure.K), count), 0.0
-    frequencies, basis = found
+    frequencies, basis = result
     floats = frequencies[0] <= ROOT * frequencies[-1]  # all poles: those of rigid motions are exactly zero then
     moving = frequencies[frequencies > 0.0]
     noisy = structure.elastic is not None and len(moving) and structure.noise > _GRADED * moving[0] ** 2

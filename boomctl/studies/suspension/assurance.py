@@ -57,13 +57,13 @@ class Examined(InField):
         ValueError
             The controller mixes the halves of the machine: it cannot be examined half by half.
         """
-        found, exact = [*self.over_the_box(), self.worst_deposit()], None
+        result, exact = [*self.over_the_box(), self.worst_deposit()], None
         if self.sampled:
-            found.append(self.on_a_finer_mesh())
+            result.append(self.on_a_finer_mesh())
         elif self.family is None:
             exact = self.exact_sigma()
-            found.append(self.on_the_exact_boom(exact))
-        return tuple(found), exact, tuple(self.corner_sigma())
+            result.append(self.on_the_exact_boom(exact))
+        return tuple(result), exact, tuple(self.corner_sigma())
 
     @property
     def sampled(self) -> bool:
@@ -89,13 +89,13 @@ class Examined(InField):
                 self.p, SPRING, MASS, subsystem=half, elements=FAMILY_ELEMENTS, accelerometer_bandwidth_hz=band
             )
             K, ends = controllers[half], ([f"actuator_{side}"], [f"tip_{side}"])
-            found = [*_over_the_box(family, K, *ends, late)]
+            result = [*_over_the_box(family, K, *ends, late)]
             if self.K is not None:
                 with warnings.catch_warnings():  # margins are reported: what they were without sampling is not
                     warnings.simplefilter("ignore", SamplingCostsMarginWarning)
-                    found.insert(0, margins_finding(margins(plant, K, delay=late)))
-            for each in found:
-                yield replace(each, name=f"{half}: {each.name}")
+                    result.insert(0, margins_finding(margins(plant, K, delay=late)))
+            for item in result:
+                yield replace(item, name=f"{half}: {item.name}")
         if self.K is not None and not self.sampled:
             yield self.at_the_measured_yaw(controllers["yaw"])
 
@@ -133,13 +133,13 @@ class Examined(InField):
         if self.K is None:
             return Finding("exact boom", f"largest singular value there {curves.peak:.4g}", curves)
         poles = self.model(_EXACT_ELEMENTS).to_statespace().poles()
-        found = nyquist_stability(self.exact_plant, self.K, poles[np.argsort(np.abs(poles))][:_EXACT_POLES])
-        verdict = "stable" if found.stable else f"NOT stable, {found.unstable_poles} unstable poles"
+        result = nyquist_stability(self.exact_plant, self.K, poles[np.argsort(np.abs(poles))][:_EXACT_POLES])
+        verdict = "stable" if result.stable else f"NOT stable, {result.unstable_poles} unstable poles"
         text = (
-            f"{verdict}: winding number {found.encirclements} of det(I - G K), followed over {found.nfev}"
+            f"{verdict}: winding number {result.encirclements} of det(I - G K), followed over {result.nfev}"
             f" frequencies; largest singular value of the loop there {curves.peak:.4g}"
         )
-        return Finding("exact boom", text, found, found.stable)
+        return Finding("exact boom", text, result, result.stable)
 
     def exact_plant(self, omega: Array) -> control.FrequencyResponseData:
         """Return the frequency response of the exact boom to platform and suspension; signals as of its model.
@@ -147,10 +147,10 @@ class Examined(InField):
         An accelerometer is the second derivative of a tip behind a second-order low pass, ``-w^2 F(i w)``, with the
         damping ratio of the model's, the square root of one half.
         """
-        found = exact_frequency_response(self.p, omega, (*ACTUATORS, *CONTROLS), (*TIPS, *STROKES))
+        result = exact_frequency_response(self.p, omega, (*ACTUATORS, *CONTROLS), (*TIPS, *STROKES))
         corner, s = 2.0 * np.pi * self.scene.accelerometer_bandwidth_hz, 1j * np.asarray(omega, dtype=float)
         reads = s**2 * corner**2 / (s**2 + np.sqrt(2.0) * corner * s + corner**2)
-        data = np.asarray(found.frdata)
+        data = np.asarray(result.frdata)
         whole = np.concatenate([data, reads * data[: len(TIPS)]])
         names = {"inputs": [*ACTUATORS, *CONTROLS], "outputs": [*TIPS, *STROKES, *ACCELERATIONS]}
         return control.frd(whole, omega, **names, name="exact boom")

@@ -150,7 +150,7 @@ class SuspensionResult(Evaluation):
     @property
     def robust(self) -> bool:
         """Whether the loop is proved stable over the whole uncertainty, and stable on the exact boom or the finer mesh."""
-        return all(each.proved is not False for each in self.findings)
+        return all(item.proved is not False for item in self.findings)
 
     def of(self, kind: type) -> dict[str, Any]:
         """Return what was found of each half, or of the whole boom where it was not halved.
@@ -165,8 +165,8 @@ class SuspensionResult(Evaluation):
         dict
             By "jolt" and "yaw", or by "boom".
         """
-        found = {each.name: each.value for each in self.findings if isinstance(each.value, kind)}
-        return {name.split(": ")[0] if ": " in name else "boom": value for name, value in found.items()}
+        result = {item.name: item.value for item in self.findings if isinstance(item.value, kind)}
+        return {name.split(": ")[0] if ": " in name else "boom": value for name, value in result.items()}
 
     @property
     def worst(self) -> Mapping[str, WorstCase]:
@@ -192,9 +192,9 @@ class SuspensionResult(Evaluation):
 
     def _results(self) -> dict[str, Any]:
         K, worst = self.design.controller, {}
-        for name, found in self.worst.items():
-            bound, gap = (found.upper_bound, found.relative_gap) if found.upper_bound < inf else (None, None)
-            worst[name] = {"found": found.worst_norm.lower_bound, "upper_bound": bound, "relative_gap": gap}
+        for name, result in self.worst.items():
+            bound, gap = (result.upper_bound, result.relative_gap) if result.upper_bound < inf else (None, None)
+            worst[name] = {"found": result.worst_norm.lower_bound, "upper_bound": bound, "relative_gap": gap}
         return {
             "design": self.design.name,
             "better_than_passive": self.better,
@@ -225,7 +225,7 @@ class SuspensionResult(Evaluation):
             f" {p.length / p.actuator_distance:.3f}; no suspension that centers the boom goes below that at zero frequency."
         )
         parts = tuple(
-            (name.replace("_", " "), *(f"{getattr(each, name):g}" for each in (base, p))) for name in _PASSIVE
+            (name.replace("_", " "), *(f"{getattr(item, name):g}" for item in (base, p))) for name in _PASSIVE
         )
         synthesis = (word_table(design.synthesis_info),) if design.synthesis_info else ()
         yield Section("Plant and synthesis", (text,), (Table(("passive parts, SI units", *titles), parts), *synthesis))
@@ -255,8 +255,8 @@ class SuspensionResult(Evaluation):
         shown = picture("run", drawn, f"Platform, left tip, left stroke and forces, {length:g} s of it.")
         yield Section("A run over the field", (text,), (Table(("", *titles), tuple(rows[run:])),), (shown,))
         drawn = new_figure(9.0, 4.7)
-        for ax, each in zip(drawn.subplots(2, 1), (before, after), strict=True):
-            each.spray.plot(ax, label=each.title, length=_FIELD)
+        for ax, item in zip(drawn.subplots(2, 1), (before, after), strict=True):
+            item.spray.plot(ax, label=item.title, length=_FIELD)
         text = f"Deposit relative to the nominal dose, in cells of 0.1 m by 0.1 m. Assumed of each nozzle: {Footprint()!r}."
         shown = picture("deposit", drawn, "Deposit before and after.", "png", "svg")  # so many cells are shown as PNG
         yield Section("Spray on the field", (text,), pictures=(shown,))
@@ -273,8 +273,8 @@ class SuspensionResult(Evaluation):
 
     def _bounds(self) -> Iterator[tuple[str, str, str]]:
         """Yield lines of a table with the worst peaks over the box where they are bounded."""
-        for name, found in self.worst.items():
-            if found.upper_bound < inf:
-                bound = number(float(from_on(found.upper_bound, PEAK_DIGITS)), PEAK_DIGITS)  # not rounded downwards
-                text = f"{bound} at most (gap {100 * found.relative_gap:.2g} %)"
+        for name, result in self.worst.items():
+            if result.upper_bound < inf:
+                bound = number(float(from_on(result.upper_bound, PEAK_DIGITS)), PEAK_DIGITS)  # not rounded downwards
+                text = f"{bound} at most (gap {100 * result.relative_gap:.2g} %)"
                 yield f"worst peak of the {name}, springs ±30 %, boom mass ±20 %: proved", "-", text

@@ -82,12 +82,12 @@ class FieldScenario:
     __repr__ = compact
 
     def __post_init__(self) -> None:
-        for each in fields(self):
-            value = getattr(self, each.name)
-            if each.name in ("seed", "elements"):
-                whole(each.name, value, 0 if each.name == "seed" else 1)
-            elif each.name not in ("road_class", "tractor"):
-                (nonnegative if each.name in _MAY_BE_ZERO else positive)(each.name, value)
+        for item in fields(self):
+            value = getattr(self, item.name)
+            if item.name in ("seed", "elements"):
+                whole(item.name, value, 0 if item.name == "seed" else 1)
+            elif item.name not in ("road_class", "tractor"):
+                (nonnegative if item.name in _MAY_BE_ZERO else positive)(item.name, value)
 
     def motion(self) -> PlatformMotion:
         """Return what the track does to the platform, run-in included; a longer run begins with the shorter one.

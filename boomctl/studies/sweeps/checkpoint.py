@@ -74,10 +74,10 @@ class Checkpoint:
     def add(self, labels: Mapping[str, Any], point: Mapping[str, Any], outcome: Outcome) -> None:
         """Write the outcome of a point."""
         try:
-            found = outcome.columns and {name: _encoded(cell) for name, cell in outcome.columns.items()}
+            result = outcome.columns and {name: _encoded(cell) for name, cell in outcome.columns.items()}
         except Exception as error:  # pickle raises anything
             raise TypeError(f"`checkpoint` must be None for values that cannot be pickled, got {error}.") from None
-        row = {"point": labels, "found": found, "elapsed": outcome.seconds, "error": outcome.error or None}
+        row = {"point": labels, "found": result, "elapsed": outcome.seconds, "error": outcome.error or None}
         with open(self._path, "ab") as file:
             file.write(json.dumps({**row, "key": _key(point)}).encode() + b"\n")
 
@@ -137,7 +137,7 @@ class _ContentHasher(NumpyHasher):
         elif isinstance(obj, frozenset):
             obj = ("frozenset", set(obj))  # joblib sorts sets only
         elif is_dataclass(obj):
-            obj = ("record", type(obj), {each.name: getattr(obj, each.name) for each in fields(obj)})
+            obj = ("record", type(obj), {item.name: getattr(obj, item.name) for item in fields(obj)})
         elif type(obj).__module__.startswith("control."):  # whose systems are numbered in their names
             obj = ("record", type(obj), {name: value for name, value in vars(obj).items() if name != "name"})
         elif "__wrapped__" in getattr(obj, "__dict__", ()):  # functools.cache
@@ -186,16 +186,16 @@ def _definition(of: FunctionType | type) -> tuple[Any, ...]:
 
 
 def _compiled(code: CodeType) -> tuple[Any, ...]:
-    constants = [each for each in code.co_consts if not isinstance(each, CodeType)]
+    constants = [item for item in code.co_consts if not isinstance(item, CodeType)]
     return code.co_code, code.co_names, constants, getattr(code, "co_exceptiontable", None)
 
 
 def _reads(codes: list[CodeType], namespace: dict[str, Any]) -> dict[str, Any]:
     """Return the globals that code reads, and what it imports; of modules of the user also the attributes."""
     steps = [(step.opname, step.argval) for code in codes for step in dis.get_instructions(code)]
-    found = {name: namespace[name] for how, name in steps if how in _LOADS and name in namespace}
+    result = {name: namespace[name] for how, name in steps if how in _LOADS and name in namespace}
     attributes = {name for how, name in steps if how in _ATTRIBUTES}
-    for of, module in list(found.items()):
+    for of, module in list(result.items()):
         if isinstance(module, ModuleType) and _package(module.__name__) is None:
-            found |= {f"{of}.{name}": getattr(module, name) for name in attributes if hasattr(module, name)}
-    return found | {f"import {name}": _module(name) for how, name in steps if how == "IMPORT_NAME" and name}
+            result |= {f"{of}.{name}": getattr(module, name) for name in attributes if hasattr(module, name)}
+    return result | {f"import {name}": _module(name) for how, name in steps if how == "IMPORT_NAME" and name}

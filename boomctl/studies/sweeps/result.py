@@ -85,7 +85,7 @@ class SweepResult:
     @property
     def columns(self) -> tuple[str, ...]:
         """Names of what the function returned."""
-        return tuple(dict.fromkeys(name for found in self.values if found is not None for name in found))
+        return tuple(dict.fromkeys(name for result in self.values if result is not None for name in result))
 
     @property
     def table(self) -> list[dict[str, Any]]:
@@ -94,7 +94,7 @@ class SweepResult:
             if name in self.labels:
                 raise ValueError(f"`function` must return names that are not swept, got {name!r}. Rename that result.")
         empty = dict.fromkeys(self.columns)
-        return [{**point, **empty, **(found or {})} for point, found in zip(self.points, self.values, strict=True)]
+        return [{**point, **empty, **(result or {})} for point, result in zip(self.points, self.values, strict=True)]
 
     def __len__(self) -> int:
         return len(self.points)
@@ -105,7 +105,7 @@ class SweepResult:
         Where the function failed stands NaN (None for what is no number).
         """
         known("column", name, self.columns)
-        cells = [None if found is None else found.get(name) for found in self.values]
+        cells = [None if result is None else result.get(name) for result in self.values]
         numbers = [np.asarray(cell) for cell in cells if isinstance(cell, (bool, int, float, complex, np.ndarray))]
         alike = len(numbers) == sum(cell is not None for cell in cells) and len({cell.shape for cell in numbers}) == 1
         if not alike or any(cell.dtype.kind not in "biufc" for cell in numbers):

@@ -120,31 +120,31 @@ def sweep(
     job_count(n_jobs)
     if backend is not None:
         known("backend", instance("backend", backend, str), [*BACKENDS, *EXTERNAL_BACKENDS])
-    found: dict[int, Outcome] = {}
+    result: dict[int, Outcome] = {}
     with computing("sweep", progress) as tell:
         file = None if checkpoint is None else Checkpoint(checkpoint, function)
         if file is not None:
-            found |= {k: outcome for k, point in enumerate(arguments) if (outcome := file.get(point)) is not None}
-        resumed, waiting = len(found), {k: point for k, point in enumerate(arguments) if k not in found}
+            result |= {k: outcome for k, point in enumerate(arguments) if (outcome := file.get(point)) is not None}
+        resumed, waiting = len(result), {k: point for k, point in enumerate(arguments) if k not in result}
         with closing(_outcomes(function, waiting, n_jobs, backend)) as outcomes:
-            tell("", len(found), len(points))
+            tell("", len(result), len(points))
             for k, outcome in outcomes:
-                found[k] = outcome
+                result[k] = outcome
                 if file is not None:
                     file.add(points[k], arguments[k], outcome)
-                tell("", len(found), len(points))
-    ordered = [found[k] for k in range(len(points))]
-    failed = [(points[k], each) for k, each in enumerate(ordered) if each.columns is None]
-    failures = tuple(FailedPoint(point, each.error, each.trace) for point, each in failed)
+                tell("", len(result), len(points))
+    ordered = [result[k] for k in range(len(points))]
+    failed = [(points[k], item) for k, item in enumerate(ordered) if item.columns is None]
+    failures = tuple(FailedPoint(point, item.error, item.trace) for point, item in failed)
     _report(failures, len(points))
     return SweepResult(
         labels={name: tuple(axis) for name, axis in axes.items()},
         swept=swept,
         shape=shape,
         points=tuple(points),
-        values=tuple(each.columns for each in ordered),
+        values=tuple(item.columns for item in ordered),
         failures=failures,
-        seconds=np.array([each.seconds for each in ordered]),
+        seconds=np.array([item.seconds for item in ordered]),
         units=dict(named),
         resumed=resumed,
     )
@@ -169,13 +169,13 @@ def _labeled(what: str, values: Any) -> list[tuple[Label, Any]]:
     """Return values with their labels: keys of a mapping, numbers and strings themselves, else names or positions."""
     if isinstance(values, Mapping):
         return [(instance(f"a name in {what}", name, str), value) for name, value in values.items()]
-    found = [_plain(value) for value in sequence(what, values)]
-    labels = [value if isinstance(value, (int, float, str)) else getattr(value, "name", None) for value in found]
+    result = [_plain(value) for value in sequence(what, values)]
+    labels = [value if isinstance(value, (int, float, str)) else getattr(value, "name", None) for value in result]
     if not all(
-        value is None or isinstance(label, (int, float, str)) for label, value in zip(labels, found, strict=True)
+        value is None or isinstance(label, (int, float, str)) for label, value in zip(labels, result, strict=True)
     ):
-        labels = [*range(len(found))]
-    return list(zip(labels, found, strict=True))
+        labels = [*range(len(result))]
+    return list(zip(labels, result, strict=True))
 
 
 def _plain(value: Any) -> Any:

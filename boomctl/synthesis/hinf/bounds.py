@@ -242,6 +242,6 @@ def _out_of_reach(plant: GeneralizedPlant, F: Array) -> tuple[float, float]:
         response = fractions.response(omega)  # of eigenvectors that may be dependent
         return rest(response) if np.isfinite(response).all() else np.full(len(omega), np.inf)
 
-    found = highest_peak(quick, grid)
-    peak, omega = confirmed_peak(found, lambda omega: rest(system.response(omega, quiet=True)), grid)
+    result = highest_peak(quick, grid)
+    peak, omega = confirmed_peak(result, lambda omega: rest(system.response(omega, quiet=True)), grid)
     return (peak, omega) if peak >= last else (last, np.inf)

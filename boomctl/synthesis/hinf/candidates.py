@@ -75,15 +75,15 @@ def first_accepted(task: Task, strict: bool) -> Candidate:
     first = [share * t for share in _FIRST]
     if task.wanted is not None:
         levels = {max(task.wanted * share, task.bounds.reached) for share in (0.9999, 0.999, 0.99)}
-        found = _first_of(task, sorted(levels, reverse=True), tried)
+        result = _first_of(task, sorted(levels, reverse=True), tried)
     else:
         near = _levels(task, (*first, *(share for share in (2.0 * t, *_CLOSE) if share > t)))
-        found = _first_of(task, near, tried) or _farther(task, near[-1], strict, tried)
-    if found is None and not strict:
-        found = _first_of(replace(task, fastest=np.inf), _levels(task, (first[0], t, *_ANY)), tried)
-    if found is not None:
+        result = _first_of(task, near, tried) or _farther(task, near[-1], strict, tried)
+    if result is None and not strict:
+        result = _first_of(replace(task, fastest=np.inf), _levels(task, (first[0], t, *_ANY)), tried)
+    if result is not None:
         path = (f"{solver} at gamma = {level:.6g}: {outcome}" for solver, level, outcome in tried)
-        return replace(found, path=tuple(path))
+        return replace(result, path=tuple(path))
     last = {solver: outcome for solver, _, outcome in tried}
     told = "; ".join(f"{solver}: {outcome}" for solver, outcome in last.items())
     raise SynthesisError(f"no controller passed verification, from gamma = {task.bounds.reached:.6g} on ({told})")
@@ -100,14 +100,14 @@ def _farther(task: Task, last: float, strict: bool, tried: list[_Tried]) -> Cand
     """Return a controller from farther above the bound, the level halved back towards the last that gave none."""
     levels = [last, *(level for level in _levels(task, _ANY if strict else _FAR) if level > last)]
     for below, above in pairwise(levels):
-        found = _first_of(task, [above], tried)
-        if found is None:
+        result = _first_of(task, [above], tried)
+        if result is None:
             continue
         for _ in range(_HALVINGS):
             middle = float(np.sqrt(below * above))
             better = _first_of(task, [middle], tried)
-            below, above, found = (below, middle, better) if better is not None else (middle, above, found)
-        return found
+            below, above, result = (below, middle, better) if better is not None else (middle, above, result)
+        return result
     return None
 
 
@@ -117,11 +117,11 @@ def _first_of(task: Task, levels: Sequence[float], tried: list[_Tried]) -> Candi
         limit = task.wanted if task.wanted is not None else (1.0 + _ACCEPT) * level
         for solver, K in _controllers(task, level, tried):
             task.deadline.check(f"verifying a controller for gamma = {level:.6g}")
-            found = verified_candidate(task.plant, K, limit)
-            if isinstance(found, Candidate):
+            result = verified_candidate(task.plant, K, limit)
+            if isinstance(result, Candidate):
                 tried.append((solver, level, "passed"))
-                return found
-            tried.append((solver, level, found))
+                return result
+            tried.append((solver, level, result))
     return None
 
 
@@ -133,10 +133,10 @@ def _controllers(task: Task, level: float, tried: list[_Tried]) -> Iterator[tupl
         try:
             # the first level tried is often the one that was reached
             known = ready is task.ready and abs(level / task.reached.gamma - 1.0) <= SOLVED
-            found = task.reached if known else level_of(ready, level)
-            if found.reason:
-                raise ValueError(found.reason)
-            K = suboptimal_controller(ready, found, inward @ task.plant.D22 @ outward)
+            result = task.reached if known else level_of(ready, level)
+            if result.reason:
+                raise ValueError(result.reason)
+            K = suboptimal_controller(ready, result, inward @ task.plant.D22 @ outward)
             K = Lti(K.A, K.B @ inward, outward @ K.C, outward @ K.D @ inward)
             if not all(np.isfinite(part).all() for part in (K.A, K.B, K.C, K.D)):
                 raise ValueError("a controller that is not finite")

@@ -198,14 +198,14 @@ def h_infinity(
                 deadline=deadline,
                 wanted=wanted,
             )
-            found = first_accepted(task, strict=allowed is not None)
+            result = first_accepted(task, strict=allowed is not None)
         except OutOfTime as over:
             raise SynthesisError(
                 f"the time limit of {limit:g} s ran out while {over}; no controller is returned"
             ) from None
         if discrete:
-            return _on_circle(given, _result(task, found, None), origin_of(P))
-        return _result(task, found, origin_of(P))
+            return _on_circle(given, _result(task, result, None), origin_of(P))
+        return _result(task, result, origin_of(P))
 
 
 def _on_circle(plant: GeneralizedPlant, found: HInfinityResult, origin: ReducedPlant | None) -> HInfinityResult:

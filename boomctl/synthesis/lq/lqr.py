@@ -248,7 +248,7 @@ def _certify(problem: RiccatiProblem, solution: RiccatiSolution) -> DesignCertif
     """
     B, L = problem.B, linalg.cholesky(problem.R, lower=True)
     wide = L if problem.dt == 0.0 else linalg.cholesky(problem.R + B.T @ solution.X @ B, lower=True)
-    acting, direct = (linalg.solve_triangular(wide, each, lower=True).T for each in (B.T, L))
+    acting, direct = (linalg.solve_triangular(wide, item, lower=True).T for item in (B.T, L))
     inverse = Lti(problem.A - B @ solution.gain, acting, -L.T @ solution.gain, direct, dt=problem.dt).balanced()
     peak, at = largest_gain(continuous_image(inverse))
     peak, at = (peak, float(omega_of_image(at, problem.dt))) if peak > 1.0 else (1.0, inf)

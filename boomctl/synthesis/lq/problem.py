@@ -40,10 +40,10 @@ def plant_of(system: object, *, sampled: bool = False) -> Lti:
 
 def chosen(what: str, wanted: str | Sequence[str] | None, choices: Sequence[str]) -> tuple[str, ...]:
     """Return names of signals, each known, none twice, at least one; all if ``wanted`` is None."""
-    found = names(what, wanted, choices)
-    if not found:
+    result = names(what, wanted, choices)
+    if not result:
         raise ValueError(f"{what}: expected at least one name, got none")
-    return found
+    return result
 
 
 def semidefinite(what: str, value: Weight, signals: Sequence[str]) -> Array:

@@ -195,8 +195,8 @@ def right_zeros(system: Lti) -> Array:
     """
     p, m = system.D.shape
     random = np.random.default_rng(0)
-    found = [_square_zeros(system, np.eye(p) if p == m else random.standard_normal((m, p))) for _ in range(2)]
-    first, second = found
+    result = [_square_zeros(system, np.eye(p) if p == m else random.standard_normal((m, p))) for _ in range(2)]
+    first, second = result
     if p == m or not len(first):
         return first
     near = np.array([np.abs(second - z).min(initial=np.inf) <= _SHARED * abs(z) for z in first], dtype=bool)

@@ -184,9 +184,9 @@ def solve_riccati(problem: RiccatiProblem, what: str = "Riccati equation") -> Ri
         Z = None if Z is None else _refined(own, Z)
         if Z is None:
             continue
-        found = _polished(problem, even(inverse.T @ Z @ inverse))
-        if best is None or _rank(found) < _rank(best):
-            best = found
+        result = _polished(problem, even(inverse.T @ Z @ inverse))
+        if best is None or _rank(result) < _rank(best):
+            best = result
         if _rank(best) <= _GOOD:
             break
     if best is None:
@@ -254,10 +254,10 @@ def _polished(problem: RiccatiProblem, X: Array) -> RiccatiSolution:
     for _ in range(_POLISHING):
         if step is None or _rank(best) <= _POLISHED:
             break
-        found, step = _certified(problem, even(best.X + step))
-        if _rank(found) >= _rank(best):
+        result, step = _certified(problem, even(best.X + step))
+        if _rank(result) >= _rank(best):
             break
-        best = found
+        best = result
     poles = np.asarray(linalg.eigvals(problem.A - problem.B @ best.gain))
     return replace(best, poles=poles, abscissa=_abscissa(poles))
 
@@ -267,7 +267,7 @@ def _certified(problem: RiccatiProblem, X: Array) -> tuple[RiccatiSolution, Arra
     residual = problem.residual(X, extended=len(X) <= EXTENDED)
     terms = max(float(np.linalg.norm(term)) for term in (*problem.terms(X), problem.Q))
     step, poles = newton_step(problem, X, residual)
-    found = RiccatiSolution(
+    result = RiccatiSolution(
         X,
         problem.gain(X),
         poles,
@@ -275,7 +275,7 @@ def _certified(problem: RiccatiProblem, X: Array) -> tuple[RiccatiSolution, Arra
         cost_error=np.inf if step is None else scaled_size(step, X),
         abscissa=_abscissa(poles),
     )
-    return found, step
+    return result, step
 
 
 def scaled_size(step: Array, X: Array) -> float:

@@ -53,14 +53,14 @@ def solution_of(problem: RiccatiProblem, what: str) -> RiccatiSolution:
         return solve(problem, what)
     n, m = problem.B.shape
     X, F, poles, inside = np.zeros((n, n)), np.zeros((m, n)), others, np.ix_(kept, kept)
-    found = RiccatiSolution(X, F, others, 0.0, 0.0, -np.inf, ("zero: nothing is weighed",))
+    result = RiccatiSolution(X, F, others, 0.0, 0.0, -np.inf, ("zero: nothing is weighed",))
     if kept.any():
         part = replace(problem, A=problem.A[inside], B=problem.B[kept], Q=problem.Q[inside], N=problem.N[kept])
-        found = solve(part, what)
-        X[inside], F[:, kept] = found.X, found.gain
-        poles = np.concatenate([found.poles, others])
+        result = solve(part, what)
+        X[inside], F[:, kept] = result.X, result.gain
+        poles = np.concatenate([result.poles, others])
     abscissa = float(rates_of(poles, problem.dt).real.max())
-    return replace(found, X=X, gain=F, poles=poles, abscissa=abscissa)
+    return replace(result, X=X, gain=F, poles=poles, abscissa=abscissa)
 
 
 def _weighted_states(problem: RiccatiProblem) -> Array:
@@ -93,9 +93,9 @@ def solve_steps(problem: RiccatiProblem, what: str) -> RiccatiSolution:
         except (linalg.LinAlgError, ValueError):
             continue
         if np.isfinite(X).all():
-            found = _refined(p, X)
-            if best is None or _rank(found, p.dt) < _rank(best, p.dt):
-                best = found
+            result = _refined(p, X)
+            if best is None or _rank(result, p.dt) < _rank(best, p.dt):
+                best = result
             if _rank(best, p.dt) <= 1.0:
                 break
     if best is None or _rank(best, p.dt) == np.inf:
@@ -146,9 +146,9 @@ def _refined(p: RiccatiProblem, X: Array) -> RiccatiSolution:
             break
         X = even(X + step)
         near = best.cost_error < _NEAR
-        found, step = _certified(p, X, near)
-        if found.cost_error < best.cost_error or not near:
-            best = found
+        result, step = _certified(p, X, near)
+        if result.cost_error < best.cost_error or not near:
+            best = result
         else:
             break
     return replace(best, X=np.asarray(best.X, dtype=float))
@@ -174,7 +174,7 @@ def _certified(p: RiccatiProblem, X: Array, near: bool) -> tuple[RiccatiSolution
         d = 1.0 / np.sqrt(np.where(np.diag(own) > 0.0, np.diag(own), 1.0)) if near else balance(closed)[1]
         scaled = closed * d / d[:, None]
         step = even(_summed(scaled, even(residual) * np.outer(d, d))) / np.outer(d, d)
-    found = RiccatiSolution(
+    result = RiccatiSolution(
         X,
         gain,
         poles,
@@ -182,7 +182,7 @@ def _certified(p: RiccatiProblem, X: Array, near: bool) -> tuple[RiccatiSolution
         cost_error=float("inf") if step is None else scaled_size(step, own),
         abscissa=float(rates_of(poles, p.dt).real.max()),
     )
-    return found, step
+    return result, step
 
 
 def _summed(A: Array, R: Array) -> Array:

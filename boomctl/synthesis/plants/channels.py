@@ -42,10 +42,10 @@ class Channel:
 
 def listed_names(what: str, given: object) -> tuple[str, ...]:
     """Return names of signals from one name or a sequence of them; none at all are refused."""
-    found = (given,) if isinstance(given, str) else sequence(f"{what}s", given, "names")
-    if not found:
+    result = (given,) if isinstance(given, str) else sequence(f"{what}s", given, "names")
+    if not result:
         raise ValueError(f"{what}s: expected at least one name, got none")
-    return tuple(instance(what, name, str) for name in found)
+    return tuple(instance(what, name, str) for name in result)
 
 
 def objective(

@@ -100,13 +100,13 @@ def generalized_plant(
     n = _weighted("noise of measurement", "n_", {} if noise is None else noise, read, dt)
     z = _weighted("performance output", "z_", performance, outs, dt)
     e = _weighted("effort of control", "z_", {} if effort is None else effort, set_, dt)
-    for what, found in (
+    for what, result in (
         ("disturbance or noise", w | n),
         ("performance output or effort", z | e),
         ("measurement", read),
         ("control", set_),
     ):
-        if not found:
+        if not result:
             raise ValueError(f"expected at least one {what}")
     ways = {
         "disturbances to performance outputs": (tuple(w), tuple(z)),
@@ -238,13 +238,13 @@ def _joined(first: Lti, entry: Array, middle: Lti, leave: Array, last: Lti) -> L
 
 def _weighted(what: str, prefix: str, given: Mapping[str, Weight], choices: Sequence[str], dt: float) -> dict[str, Lti]:
     """Return the weight of each signal in ``given``, named as outside; signals unknown and weights that fail are refused."""
-    found = {}
+    result = {}
     for name, weight in mapping(what, given, "signals to weights").items():
         outside = prefix + known(what, name, choices)
         system = _weight(f"weight of {what} {name!r}", weight, dt)
         states = tuple(f"{outside}[{k}]" for k in range(len(system.A)))
-        found[name] = replace(system, input_labels=(outside,), output_labels=(outside,), state_labels=states)
-    return found
+        result[name] = replace(system, input_labels=(outside,), output_labels=(outside,), state_labels=states)
+    return result
 
 
 def _weight(what: str, weight: Any, dt: float) -> Lti:

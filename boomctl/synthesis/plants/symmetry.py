@@ -147,10 +147,10 @@ def split_controller(
     for faint in _FAINT:
         halves = _controllers_of_halves(K, sides, faint)
         for k, half in enumerate(halves):
-            found, whole = half.response(grid, quiet=True).transpose(2, 0, 1) / units[k], parts[k, k]
+            result, whole = half.response(grid, quiet=True).transpose(2, 0, 1) / units[k], parts[k, k]
             # share of the largest gain that is none: half of all digits
             gain = np.maximum(np.abs(whole).max(axis=(1, 2), initial=0.0), ROOT * size)
-            share = np.abs(found - whole).max(axis=(1, 2), initial=0.0) / np.where(gain > 0.0, gain, 1.0)
+            share = np.abs(result - whole).max(axis=(1, 2), initial=0.0) / np.where(gain > 0.0, gain, 1.0)
             lost[k] = np.maximum(share - moved, 0.0)
         if lost.max() <= _LOST:
             break
@@ -220,9 +220,9 @@ def _controllers_of_halves(K: Lti, sides: list[_Side], faint: float) -> list[Lti
     for k, side in enumerate(sides):
         D = side.leave.T @ K.D @ side.entry
         empty = Lti(np.zeros((0, 0)), np.zeros((0, D.shape[1])), np.zeros((len(D), 0)), D)
-        found = [parts[k] for parts in done if len(parts[k].A)]
-        A = linalg.block_diag(*(part.A for part in found)) if found else empty.A
-        B, C = np.vstack([empty.B, *(part.B for part in found)]), np.hstack([empty.C, *(part.C for part in found)])
+        result = [parts[k] for parts in done if len(parts[k].A)]
+        A = linalg.block_diag(*(part.A for part in result)) if result else empty.A
+        B, C = np.vstack([empty.B, *(part.B for part in result)]), np.hstack([empty.C, *(part.C for part in result)])
         halves.append(Lti(A, B, C, D, side.inputs, side.outputs))
     return halves
 
@@ -244,11 +244,11 @@ def _blocks(K: Lti) -> list[_Block]:
     B, C = rows @ K.B, K.C @ columns
     noise_B, noise_C = _UNITS * EPS * (np.abs(rows) @ np.abs(K.B)), _UNITS * EPS * (np.abs(K.C) @ np.abs(columns))
     ends = np.cumsum(widths).astype(int)
-    found = []
+    result = []
     for end, width in zip(ends, widths, strict=True):
         own = slice(end - width, end)
-        found.append(_Block(blocks[own, own], B[own], C[:, own], noise_B[own], noise_C[:, own]))
-    return found
+        result.append(_Block(blocks[own, own], B[own], C[:, own], noise_B[own], noise_C[:, own]))
+    return result
 
 
 def _joined(one: _Block, other: _Block) -> _Block:
@@ -301,15 +301,15 @@ def _whole(
     mirror: Mirror, halves: list[tuple[tuple[str, ...], int]], available: tuple[str, ...], what: str
 ) -> list[str]:
     """Return the machine's signals that make up those of the halves, in the machine's order."""
-    found = set()
+    result = set()
     for labels, parity in halves:
         for label in labels:
             names = _sources(mirror, label, parity)
             if names is None or not names <= set(available):
                 side = "symmetric" if parity > 0 else "antisymmetric"
                 raise ValueError(f"{label!r} of the {side} controller belongs to no {what} of the machine's half")
-            found |= names
-    return [name for name in available if name in found]
+            result |= names
+    return [name for name in available if name in result]
 
 
 def _sources(mirror: Mirror, label: str, parity: int) -> set[str] | None:
@@ -324,8 +324,8 @@ def _sources(mirror: Mirror, label: str, parity: int) -> set[str] | None:
 
 def _matrix(mirror: Mirror, names: list[str], labels: tuple[str, ...], parity: int) -> Array:
     """Return the columns that make the machine's signals of a half's."""
-    found = mirror.signals(names, parity)
-    if found is None:
+    result = mirror.signals(names, parity)
+    if result is None:
         raise ValueError(f"signals {', '.join(names)}: expected both of each pair")
-    matrix, stems = found
+    matrix, stems = result
     return matrix[:, [stems.index(label) for label in labels]]

@@ -112,17 +112,17 @@ def polish(
             tried = at(x + d, multipliers)
             if exact:
                 tried = _corrected(tried, pieces, x, value - _GOOD * promised, solved, at)
-            there, found = tried[1:3]
-            if found <= value - _FALL * promised:
+            there, result = tried[1:3]
+            if result <= value - _FALL * promised:
                 if trial == 0:
-                    good = value - found >= _GOOD * promised
+                    good = value - result >= _GOOD * promised
                     damping = max((0.1 if good else 0.4) * damping, _LEAST)
                 break
-            more = _unseen(there, pieces, asked) if isfinite(found) else set()
+            more = _unseen(there, pieces, asked) if isfinite(result) else set()
             if more:
                 asked |= more
                 pieces = _chosen(point, asked)
-            bends = 0.0 if isfinite(found) else _SHORTER * float(d @ H @ d) / float(d @ (sizes * d))
+            bends = 0.0 if isfinite(result) else _SHORTER * float(d @ H @ d) / float(d @ (sizes * d))
             damping = min(max((2.0 if more else 6.0) * damping, bends), _LARGEST)
         else:
             return Ended(x, value, k)
@@ -162,8 +162,8 @@ def _h2_hessian(point: Point, piece: Piece) -> Array:
     rows = []
     for step in _LITTLE * np.eye(len(point.x)):
         moved = point.beside(point.x + step)
-        found = moved.h2(piece.model, piece.channel)[1] if moved.stable else piece.gradient
-        rows.append((found - piece.gradient) / _LITTLE)
+        result = moved.h2(piece.model, piece.channel)[1] if moved.stable else piece.gradient
+        rows.append((result - piece.gradient) / _LITTLE)
     return np.array(rows)
 
 
@@ -267,7 +267,7 @@ def _nearest(pieces: list[Piece], others: list[Place]) -> list[Place | None]:
     """Return what each piece has become among others; None where nothing near it is the same."""
     if not others or not pieces:
         return [None] * len(pieces)
-    mine, theirs = np.array([each[:3] for each in pieces])[:, None], np.array([each[:3] for each in others])
+    mine, theirs = np.array([item[:3] for item in pieces])[:, None], np.array([item[:3] for item in others])
     a, b = mine[..., 2], theirs[:, 2]
     with np.errstate(invalid="ignore"):  # infinity from infinity, and what is no number
         apart = np.abs(a - b) / np.maximum(np.maximum(np.abs(a), np.abs(b)), TINY)
@@ -278,19 +278,19 @@ def _nearest(pieces: list[Piece], others: list[Place]) -> list[Place | None]:
 
 def _unseen(trial: Point, pieces: list[Piece], asked: "set[tuple[int, int, float]]") -> "set[tuple[int, int, float]]":
     """Return what stands out at a point tried and was no piece."""
-    found = set()
+    result = set()
     for model, channel, omega in trial.highest:
         there = [p.omega for p in pieces if p.model == model and p.channel == channel]
-        if not any(same_place(omega, each, BESIDE) for each in there):
-            found.add((model, channel, omega))
-    return found - asked
+        if not any(same_place(omega, item, BESIDE) for item in there):
+            result.add((model, channel, omega))
+    return result - asked
 
 
 def _updated(B: Array, s: Array, active: list[tuple[float, Piece]], after: list[Piece]) -> Array:
     """Return the curvature of the Lagrangian, by Powell's damped update."""
     y, size = np.zeros_like(s), float(s @ B @ s)
-    tops = [each for each in after if each.top]
-    for (multiplier, piece), near in zip(active, _nearest([each for _, each in active], tops), strict=True):
+    tops = [item for item in after if item.top]
+    for (multiplier, piece), near in zip(active, _nearest([item for _, item in active], tops), strict=True):
         if near is not None:
             y += multiplier * (near.gradient - piece.gradient)
     if size <= 0.0:
@@ -357,10 +357,10 @@ def least(H: Array, c: Array, G: Array, h: Array, give: float = 0.0) -> tuple[Ar
         if not np.isfinite(rows).all():
             break
         try:
-            found = nnls(rows, end)[0]
+            result = nnls(rows, end)[0]
         except RuntimeError:  # it went on too long
             break
-        z = found / (end[n] - rows[n] @ found)
+        z = result / (end[n] - rows[n] @ result)
         step = lapack.dtrtrs(root, free + rows[:n] @ z, lower=1, trans=1)[0]
         y = y + step
         if float(np.abs(lent * step).max(initial=0.0)) <= _ENOUGH * float(np.abs(c).max(initial=0.0)):

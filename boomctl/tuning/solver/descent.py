@@ -91,7 +91,7 @@ def descend(
                 return Ended(x, value, k)
             H, fresh = np.eye(n), True
             continue
-        point, found, gradient = new
+        point, result, gradient = new
         s, y = point - x, gradient - g
         curvature = float(s @ y)
         if curvature > 1e-14 * float(np.linalg.norm(s) * np.linalg.norm(y)) and curvature > 0.0:
@@ -100,7 +100,7 @@ def descend(
             rho = 1.0 / curvature
             V = np.eye(n) - rho * np.outer(s, y)
             H, fresh = V @ H @ V.T + rho * np.outer(s, s), False
-        x, value, g = point, found, gradient
+        x, value, g = point, result, gradient
         history.append(value)
         if len(history) > _STALLED and history[-1 - _STALLED] - value < gain:
             return Ended(x, value, k + 1)
@@ -126,12 +126,12 @@ def _weak_wolfe(
     best: tuple[Array, float, Array] | None = None
     for _ in range(_TRIALS):
         point = np.minimum(np.maximum(x + t * d, low), high)
-        found, slope = function(point)
-        if not found <= value + _FALL * t * falling:
+        result, slope = function(point)
+        if not result <= value + _FALL * t * falling:
             far = t
         else:
             gradient = slope()
-            best, short = (point, found, gradient), t
+            best, short = (point, result, gradient), t
             if gradient @ d >= _TURN * falling or t >= longest:
                 return best
         t = 0.5 * (short + far) if far < inf else min(2.0 * t, longest)

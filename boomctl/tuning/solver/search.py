@@ -143,7 +143,7 @@ class Search:
     @property
     def starts(self) -> list[TuneStart]:
         """What all starts came to, those of searches before this one first."""
-        return self.earlier + [each.start for each in self.searches]
+        return self.earlier + [item.start for item in self.searches]
 
     def nothing_left(self) -> bool:
         """Return whether the norm is zero as far as numbers tell."""
@@ -183,10 +183,10 @@ class Search:
         """Stabilize from one start, and take a first turn."""
         local = LocalSearch(kind, x)
         self.searches.append(local)
-        found, local.steps = self.stabilized(x)
-        if found is not None:
-            local.x, local.open = found, True
-            self.keep(Point(self.problem, found, self.known))
+        result, local.steps = self.stabilized(x)
+        if result is not None:
+            local.x, local.open = result, True
+            self.keep(Point(self.problem, result, self.known))
             self.turn(local)
         return local
 
@@ -251,7 +251,7 @@ class Search:
         def enough(x: Array, value: float) -> bool:
             return value < 0.0 and self.point(x).stable
 
-        found = descend(
+        result = descend(
             lambda x: self.point(x).abscissa(),
             x,
             self.problem.low,
@@ -260,10 +260,10 @@ class Search:
             gain=1e-9,
             enough=enough,
         )
-        end = self.point(found.x)
+        end = self.point(result.x)
         if end.well_posed:
             self.abscissa = min(self.abscissa, max(loop.abscissa for loop in end.loops if loop is not None))
-        return (found.x if end.stable else None), found.steps
+        return (result.x if end.stable else None), result.steps
 
 
 def search(
@@ -310,9 +310,9 @@ def search(
 
         def every() -> Iterator[tuple[str, Array]]:
             """Yield starts, from beside the optimum of the order below only where that itself led no further."""
-            for k, each in enumerate(begun):
+            for k, item in enumerate(begun):
                 if k < len(begun) - 1 or work.value >= reached - _GAIN:
-                    yield each
+                    yield item
             for k in range(more):
                 yield "drawn" if k else "quiet", drawn(problem.structure, problem.ports, rng, quiet=k == 0)
 

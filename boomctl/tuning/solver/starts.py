@@ -31,8 +31,8 @@ def _drawn(structure: ControllerForm, ports: Ports, rng: np.random.Generator, le
         return np.concatenate([_drawn(part, ports, rng, level, quiet) for part in structure.parts])
     if isinstance(structure, Decentralized):
         loops = structure._loops(ports)
-        found = [_drawn(part, ports.part(rows, columns), rng, level, quiet) for rows, columns, part in loops]
-        return found[0] if structure.shared else np.concatenate(found)
+        result = [_drawn(part, ports.part(rows, columns), rng, level, quiet) for rows, columns, part in loops]
+        return result[0] if structure.shared else np.concatenate(result)
     if isinstance(structure, Series):
         behind, before = structure._ports(ports)
         root = level if structure.last.square or structure.first.square else level**0.5
@@ -40,19 +40,19 @@ def _drawn(structure: ControllerForm, ports: Ports, rng: np.random.Generator, le
         return np.concatenate(parts)
     if isinstance(structure, StateSpace):
         return _state_space(structure, ports, rng, level)
-    found = []
+    result = []
     band = np.log([ports.slowest, ports.fastest])
     for free in structure.free(ports):
         low, high = free.ends()
         if free.kind == GAIN:
-            found.append(level * rng.normal())
+            result.append(level * rng.normal())
         elif free.kind == PHYSICAL:
-            found.append(0.0 if quiet else rng.uniform(low, high))
+            result.append(0.0 if quiet else rng.uniform(low, high))
         else:
             inner = (max(low, band[0]), min(high, band[1])) if free.kind == "rate" else (low, high)
             ends = inner if inner[0] < inner[1] else (low, high)
-            found.append(rng.uniform(*ends))
-    return np.array(found)
+            result.append(rng.uniform(*ends))
+    return np.array(result)
 
 
 def _state_space(structure: StateSpace, ports: Ports, rng: np.random.Generator, level: float) -> Array:
@@ -97,15 +97,15 @@ def grown(structure: ControllerForm, ports: Ports, x: Array, rng: np.random.Gene
     Of ``size`` zero it is driven, but does not act: the controller is the same one.
     """
     if isinstance(structure, Sum):
-        found, start = [], 0
+        result, start = [], 0
         done = False
         for part in structure.parts:
             less = None if done else lower(part)
             count = len((part if less is None else less).free(ports))
             mine = x[start : start + count]
-            found.append(mine if less is None else grown(part, ports, mine, rng, size))
+            result.append(mine if less is None else grown(part, ports, mine, rng, size))
             start, done = start + count, done or less is not None
-        return np.concatenate(found)
+        return np.concatenate(result)
     assert isinstance(structure, StateSpace)
     (rows, columns), n = ports.shape, structure.order
     old = n - 1

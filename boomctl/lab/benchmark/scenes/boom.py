@@ -97,10 +97,10 @@ def boom_peak() -> Scene:
     """Return the scene of the largest singular value."""
 
     def peak(model: SecondOrderModel) -> float:
-        found = hinf_norm(model.between())
-        if not found.certified:
-            raise RuntimeError(f"not certified: {found.method}")
-        return found.value
+        result = hinf_norm(model.between())
+        if not result.certified:
+            raise RuntimeError(f"not certified: {result.method}")
+        return result.value
 
     def by_control(boom: PlainBoom) -> float:
         return float(control.linfnorm(control_boom(boom))[0])
@@ -141,8 +141,8 @@ def boom_time() -> Scene:
 
     def ours(accuracy: float) -> _Solve:
         def solve(model: SecondOrderModel) -> Array:
-            found = forced_response(model, time, dict(zip(ACTUATORS, motion, strict=True)), TIPS, rtol=accuracy)
-            return np.array([found[name] for name in TIPS])
+            result = forced_response(model, time, dict(zip(ACTUATORS, motion, strict=True)), TIPS, rtol=accuracy)
+            return np.array([result[name] for name in TIPS])
 
         return solve
 
@@ -206,5 +206,5 @@ def resonance_grid(model: SecondOrderModel) -> tuple[Array, Array]:
 
 def difference(reduced: Any, omega: Array, response: Array) -> float:
     """Return the largest singular value of the difference from a response, over that of the response."""
-    found = np.moveaxis(np.asarray(control.frequency_response(control.ss(reduced), omega).frdata), 2, 0)
-    return float(np.linalg.norm(found - response, 2, (1, 2)).max() / np.linalg.norm(response, 2, (1, 2)).max())
+    result = np.moveaxis(np.asarray(control.frequency_response(control.ss(reduced), omega).frdata), 2, 0)
+    return float(np.linalg.norm(result - response, 2, (1, 2)).max() / np.linalg.norm(response, 2, (1, 2)).max())

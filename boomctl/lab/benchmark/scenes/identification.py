@@ -33,7 +33,7 @@ def frame_record(outputs: int) -> tuple[Array, Array, Array]:
     s = 2j * np.pi * np.fft.rfftfreq(2 * _SAMPLES, STEP)[:, None]
     U = np.fft.rfft(rng.standard_normal((2 * _SAMPLES, 2)), axis=0) * (s.imag < 2.0 * np.pi * _TOP)
     modal = s**2 / ((s - poles) * (s - poles.conj()))
-    u, y = (np.fft.irfft(each, axis=0)[_SAMPLES:] for each in (U, (modal * (U @ b.T)) @ c))
+    u, y = (np.fft.irfft(item, axis=0)[_SAMPLES:] for item in (U, (modal * (U @ b.T)) @ c))
     return u, y + _ERRORS * y.std(axis=0) * rng.standard_normal(y.shape), poles[np.argsort(poles[:_MODES].imag)]
 
 
@@ -49,10 +49,10 @@ def identification() -> Scene:
 
     def ours(held_back: float, problem: tuple[Array, Array, Array], change: float) -> Array:
         u, y, _ = problem
-        found = identify(
+        result = identify(
             u, (1.0 + change) * y, STEP, frequency_range_hz=BAND, quantity="acceleration", validation_fraction=held_back
         )
-        return np.array([mode.frequency_hz for mode in found.modes])
+        return np.array([mode.frequency_hz for mode in result.modes])
 
     def theirs(method: str, order: int, problem: tuple[Array, Array, Array], change: float) -> Array:
         u, y, _ = problem

@@ -65,15 +65,15 @@ class Loop:
     def advanced(self, advance: Callable[[int, Array, Array], Array], kind: Any = float) -> Array:
         """Return what is compared; ``advance`` takes index, state and control to the state at the next sample."""
         law, x, state = self.law, np.zeros(self.states, kind), np.zeros(self.law.nstates, kind)
-        found = []
+        result = []
         for k in range(len(self.time)):
             measured, compared = self.read(k, x)
-            found.append(np.asarray(compared, float))
+            result.append(np.asarray(compared, float))
             if k < len(self.time) - 1:
                 u = np.clip(law.C @ state + law.D @ measured, -self.limit, self.limit)
                 state = law.A @ state + law.B @ measured
                 x = advance(k, x, u)
-        return np.array(found)
+        return np.array(result)
 
     def restarted(self, method: str, rtol: float) -> Array:
         """Return what is compared, by ``solve_ivp`` from each sample to the next."""
@@ -120,8 +120,8 @@ def interconnected(
 def responded(loop: control.NonlinearIOSystem, time: Array, inputs: Array, method: str, rtol: float) -> Array:
     """Return the outputs of a loop by ``input_output_response``, (samples, outputs)."""
     options = {"rtol": rtol, "atol": 1e-3 * rtol}
-    found = control.input_output_response(loop, time, inputs, solve_ivp_method=method, solve_ivp_kwargs=options)
-    return np.asarray(found.outputs).reshape(-1, len(time)).T
+    result = control.input_output_response(loop, time, inputs, solve_ivp_method=method, solve_ivp_kwargs=options)
+    return np.asarray(result.outputs).reshape(-1, len(time)).T
 
 
 def _peers(restarted: Callable[..., Array], continuous: Callable[..., Array]) -> Iterator[Setting]:
@@ -190,8 +190,8 @@ class BoomLoop:
             "control_limit": limit,
             "anti_windup": False,
         }  # others have none
-        found = simulate_loop(self.plant, self.law, _TIME, wheels, **options)
-        return np.array([found[name] for name in TIPS]).T
+        result = simulate_loop(self.plant, self.law, _TIME, wheels, **options)
+        return np.array([result[name] for name in TIPS]).T
 
     def responded(self, method: str, rtol: float) -> Array:
         """Return the tips by python-control, whose controller is continuous."""

@@ -82,9 +82,9 @@ def opti_torque(slew: Slew, substeps: int = 1, fastest: bool = False) -> TorqueP
         opti.set_initial(T, slew.duration)
     opti.minimize(T if fastest else ca.sumsqr(U) / N)
     opti.solver("ipopt", _QUIET)
-    found = opti.solve()
-    edges = np.linspace(0.0, float(found.value(T)), N + 1)
-    return held(edges, np.array(found.value(U)).ravel() * limit)
+    result = opti.solve()
+    edges = np.linspace(0.0, float(result.value(T)), N + 1)
+    return held(edges, np.array(result.value(U)).ravel() * limit)
 
 
 def _rk4(f: Callable[[Any], Any], x: Any, h: Any, steps: int) -> Any:
@@ -225,14 +225,14 @@ def least_time(slew: Slew, intervals: int) -> float:
     RuntimeError
         Opti's has another number of arcs, or the durations do not lead to the end.
     """
-    found = opti_torque(slew.on(intervals), _SUBSTEPS, fastest=True)
-    shares, h = found.start_values / slew.torque_limit, found.duration / intervals
+    result = opti_torque(slew.on(intervals), _SUBSTEPS, fastest=True)
+    shares, h = result.start_values / slew.torque_limit, result.duration / intervals
     signs = np.sign(shares)
     turns = np.flatnonzero(signs[1:] != signs[:-1])
     # the momentum up to a turn tells where within the two intervals at it the torque changes its sign
     parts = shares[turns] - signs[turns] + shares[turns + 1] + signs[turns]
     switches = h * (turns + 1.0 + 0.5 * signs[turns] * parts)
-    lengths = np.diff(np.concatenate([[0.0], switches, [found.duration]]))
+    lengths = np.diff(np.concatenate([[0.0], switches, [result.duration]]))
     if lengths.size != slew.target.size:
         raise RuntimeError(f"{lengths.size} arcs for {slew.target.size} states")
     torques = slew.torque_limit * signs[0] * (-1.0) ** np.arange(lengths.size)

@@ -115,13 +115,13 @@ def h_infinity_scene() -> Scene:
 
 def published_plants() -> dict[str, tuple[control.StateSpace, int, int]]:
     """Return generalized plants of COMPleib with their numbers of measurements and controls."""
-    found = {}
+    result = {}
     for name, given in read_toml(_PLANTS).items():
         A, B1, B, C1, C, D12 = (np.asarray(given[key], float) for key in ("A", "B1", "B", "C1", "C", "D12"))
         D = np.zeros((len(C1) + len(C), B1.shape[1] + B.shape[1]))
         D[: len(C1), B1.shape[1] :] = D12
-        found[name] = control.ss(A, np.hstack([B1, B]), np.vstack([C1, C]), D), len(C), B.shape[1]
-    return found
+        result[name] = control.ss(A, np.hstack([B1, B]), np.vstack([C1, C]), D), len(C), B.shape[1]
+    return result
 
 
 def tuning() -> Scene:
@@ -164,8 +164,8 @@ def sb10ad(
     import slycot
 
     matrices = (np.array(part, dtype=float, order="F") for part in (P.A, P.B, P.C, P.D))
-    found = slycot.sb10ad(P.nstates, P.ninputs, P.noutputs, ncon, nmeas, level, *matrices, job, gtol, 0.0)
-    return control.ss(*found[1:5])
+    result = slycot.sb10ad(P.nstates, P.ninputs, P.noutputs, ncon, nmeas, level, *matrices, job, gtol, 0.0)
+    return control.ss(*result[1:5])
 
 
 def simplex_gain(P: control.StateSpace, nmeas: int, ncon: int, n_starts: int) -> Array:
@@ -179,8 +179,8 @@ def simplex_gain(P: control.StateSpace, nmeas: int, ncon: int, n_starts: int) ->
         abscissa = float(loop.poles().real.max())
         return 1e3 * (1.0 + abscissa) if abscissa >= 0.0 else float(control.linfnorm(loop)[0])
 
-    rng, found = np.random.default_rng(0), []
+    rng, result = np.random.default_rng(0), []
     options: dict[str, Any] = {"method": "Nelder-Mead", "bounds": [(-_LARGEST, _LARGEST)] * (ncon * nmeas)}
     for _ in range(n_starts):
-        found.append(minimize(value, rng.standard_normal(ncon * nmeas), **options))
-    return min(found, key=lambda each: each.fun).x.reshape(ncon, nmeas)
+        result.append(minimize(value, rng.standard_normal(ncon * nmeas), **options))
+    return min(result, key=lambda each: each.fun).x.reshape(ncon, nmeas)

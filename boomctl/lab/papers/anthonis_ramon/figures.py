@@ -185,8 +185,8 @@ def convergence(p: BoomParameters, exact: Array) -> dict[str, dict[str, Array]]:
     """Return the relative errors of the first five damped frequencies, (sizes, 5), over the size of the mesh."""
 
     def errors(models: Iterable[SecondOrderModel], sizes: Sequence[int], of: str = "elements") -> dict[str, Array]:
-        found = [(model.ncoordinates, np.abs(model.eigenfrequencies_hz(_MODES) / exact - 1.0)) for model in models]
-        unknowns, error = map(np.array, zip(*found, strict=True))
+        result = [(model.ncoordinates, np.abs(model.eigenfrequencies_hz(_MODES) / exact - 1.0)) for model in models]
+        unknowns, error = map(np.array, zip(*result, strict=True))
         return {of: np.array(sizes), "unknowns": unknowns, "relative_error": error}
 
     def meshes(discretization: str, counts: Sequence[int]) -> Iterable[SecondOrderModel]:

@@ -127,8 +127,8 @@ def stepped_sine(
         start = np.linalg.solve(1j * w * np.eye(len(A)) - A, B[:, acting] @ [amplitude, force]).real
         excited, step = {excitation: amplitude * np.cos(phase)}, phase[1] / w
         law = replace(friction, substeps=1)
-        found = simulate_loop(system, None, phase / w, excited, sample_time=step, friction=law, initial_state=start)
-        fundamentals.append([weights @ found[name][late] for name in (output, friction.slip_output)])
+        result = simulate_loop(system, None, phase / w, excited, sample_time=step, friction=law, initial_state=start)
+        fundamentals.append([weights @ result[name][late] for name in (output, friction.slip_output)])
     response, slip = np.array(fundamentals).T
     return SineResponse(omega, response / amplitude, slip, balance.force)
 
@@ -187,11 +187,11 @@ class BoomFriction:
 
     def numbers(self) -> dict[str, float]:
         """Return the lower singular value over the linear one, mean over 2.5 to 3.5 Hz, of each reading and method."""
-        found = {"stuck": self.change(self.omega, self.stuck)}
+        result = {"stuck": self.change(self.omega, self.stuck)}
         for reading in self.readings:
             for method, response in (("describing function", reading.balance), ("stepped sine", reading.stepped)):
-                found[f"friction {reading.name}, {method}"] = self.change(response.omega, response.gain)
-        return found
+                result[f"friction {reading.name}, {method}"] = self.change(response.omega, response.gain)
+        return result
 
     def change(self, omega: Array, jolt: Array) -> float:
         """Return the mean (geometric) ratio of a lower singular value to the linear one, from 2.5 to 3.5 Hz."""

@@ -150,15 +150,15 @@ def _holds(found: FitResult, name: str, value: float) -> bool:
 def _table(study: BoomUpdating) -> Table:
     others = study.without_first
     rows = [("none (Table 2)", None, _boom(study.parameters).eigenfrequencies_hz(len(MEASURED_HZ)))]
-    rows += [(", ".join(found.names), found, found.best_fit) for found in study.readings]
+    rows += [(", ".join(result.names), result, result.best_fit) for result in study.readings]
     rows += [(f"{', '.join(others.names)} (to the last four)", others, np.array([study.first_hz, *others.best_fit]))]
     lines: list[tuple[str, ...]] = [("measured", "", *(f"{value:g}" for value in MEASURED_HZ), "", "")]
-    for words, found, hz in rows:
+    for words, result, hz in rows:
         rms = 100.0 * np.sqrt(np.mean(np.square(np.log(hz / np.array(MEASURED_HZ)))))
         values, certified = "", ""
-        if found:
-            values = "; ".join(f"{found.values[name]:.4g} ({found.interval_text(name)})" for name in found.names)
-            certified = "yes" if found.certified else "no"
+        if result:
+            values = "; ".join(f"{result.values[name]:.4g} ({result.interval_text(name)})" for name in result.names)
+            certified = "yes" if result.certified else "no"
         lines.append((words.replace("_", " "), values, *(f"{value:.4f}" for value in hz), f"{rms:.1f}", certified))
     heads = ("free", "fitted (95 % interval)", *"12345", "rms %", "certified")
     caption = "Parameters fitted to the measured row of Table 1, and the frequencies they give [Hz]."
@@ -178,7 +178,7 @@ def _results(study: BoomUpdating) -> dict[str, object]:
         }
 
     return {
-        "readings": {", ".join(found.names): numbers(found) for found in study.readings},
+        "readings": {", ".join(result.names): numbers(result) for result in study.readings},
         "without_first": numbers(study.without_first),
         "predicted_first_hz": study.first_hz,
         "predicted_first_interval_hz": study.first_interval_hz,

@@ -29,8 +29,8 @@ def table_2() -> Part:
         row = f"{model.upper()}, {speed:g} rad/s" if speed else "natural frequency"
         for k, (printed, ours, ours_of_five) in enumerate(zip(values, computed, few, strict=False), 1):
             what, why, slipped = f"{row}, mode {k}", "rad/s divided by 6.28, not 2 pi", float(ours_of_five) * slip
-            found = compare("Table 2", what, "Hz", printed, float(ours), why, tolerance=LAST_DIGIT, slipped=slipped)
-            comparisons.append(found)
+            result = compare("Table 2", what, "Hz", printed, float(ours), why, tolerance=LAST_DIGIT, slipped=slipped)
+            comparisons.append(result)
     return Part("Table 2: frequencies (printed under the caption of Table 3)", comparisons=tuple(comparisons))
 
 

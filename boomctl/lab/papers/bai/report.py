@@ -106,15 +106,15 @@ def _line(found: Comparison) -> tuple[str, ...]:
 
 def results(parts: Sequence[Part]) -> dict[str, Any]:
     """Return every number, statement and curve, and how many of them are met, as results.json holds them."""
-    verdicts = [each.verdict for part in parts for each in (*part.comparisons, *part.claims)]
+    verdicts = [item.verdict for part in parts for item in (*part.comparisons, *part.claims)]
     return {
         "paper": "Bai, Ben-Tzvi, Zhou & Huang 2009, Sensors & Transducers 5, 53-68",
         "summary": {verdict: verdicts.count(verdict) for verdict in (MET, CORRECTED, NOT_REPRODUCIBLE)},
         "sections": [
             {
                 "title": part.title,
-                "comparisons": [asdict(each) for each in part.comparisons],
-                "claims": [asdict(each) for each in part.claims],
+                "comparisons": [asdict(item) for item in part.comparisons],
+                "claims": [asdict(item) for item in part.claims],
                 "figures": [_curves(part)] if part.panels else [],
             }
             for part in parts

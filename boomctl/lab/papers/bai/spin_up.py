@@ -148,7 +148,7 @@ def mode_by_mode() -> Part:
     claim = judge(
         "Fig. 6",
         "the first two transverse modes dominate",
-        "peaks " + ", ".join(f"{1e3 * each:.3g}" for each in peaks) + " mm",
+        "peaks " + ", ".join(f"{1e3 * item:.3g}" for item in peaks) + " mm",
         bool(peaks[:2].sum() > 20.0 * peaks[2:].sum()),
         "one mode alone gives the tip to a few per cent: panel (d)",
     )
@@ -198,7 +198,7 @@ def tip_mass() -> Part:
         judge(
             "conclusions",
             "the tip mass has a stiffening effect in FOAM",
-            "first frequency at 10 rad/s: " + ", ".join(f"{each:.3f}" for each in at_ten.values()) + " rad/s",
+            "first frequency at 10 rad/s: " + ", ".join(f"{item:.3f}" for item in at_ten.values()) + " rad/s",
             at_ten[0.5] > at_ten[0.0],
             "the mass adds a stiffness term m (r_A + l) S w^2, but it lowers the frequency in FOAM too",
         ),
@@ -214,15 +214,15 @@ def tip_mass() -> Part:
 
 def _frequency_lines() -> tuple[Line, ...]:
     """First frequency of FOAM up to 10 rad/s, and of TLAM up to its critical speed."""
-    found = []
+    result = []
     for label, dash in (("FOAM", "-"), ("TLAM", "--")):
         for k, mass in enumerate(MASSES):
             beam = hub_beam(HubBeamParameters(tip_mass=mass), "tlam", 15)
             end = 10.0 if label == "FOAM" else 0.999999 * float(beam.divergence_speed())
             speeds = end * np.sin(np.linspace(0.0, np.pi / 2.0, 61))
             frequencies = np.array([_first(label, mass, w) for w in speeds])
-            found.append(Line(f"{label}, {mass:g} kg", speeds, frequencies, f"C{k}{dash}"))
-    return tuple(found)
+            result.append(Line(f"{label}, {mass:g} kg", speeds, frequencies, f"C{k}{dash}"))
+    return tuple(result)
 
 
 def _first(label: str, mass: float, speed: float) -> float:

@@ -22,13 +22,13 @@ Errors = dict[str, dict[str, Array]]
 
 def tips(model: str, torques: tuple[float, ...]) -> list[Array]:
     """Return the tip displacement of a model over :data:`TIME` for each torque [m]; inf where it cannot be followed."""
-    beam, found = hub_beam(HubBeamParameters(), model, MODES), []
+    beam, result = hub_beam(HubBeamParameters(), model, MODES), []
     for torque in torques:
         try:
-            found.append(beam.simulate(sine_torque(torque, 10.0, 10.0), TIME, rtol=1e-6).tip_displacement)
+            result.append(beam.simulate(sine_torque(torque, 10.0, 10.0), TIME, rtol=1e-6).tip_displacement)
         except SimulationError:
-            found.append(np.full(TIME.size, np.inf))
-    return found
+            result.append(np.full(TIME.size, np.inf))
+    return result
 
 
 def tip_errors(found: dict[str, list[Array]]) -> Errors:
