@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, repr=False, eq=False)
 class ScheduledController:
-    """A controller whose matrices follow a signal that it reads; :func:`boomctl.schedule` makes it.
+    """A controller whose matrices follow a signal that it reads; :func:`boomctl.gain_schedule` makes it.
 
     At a value ``w`` of the signal it is ``x' = A(w) x + B(w) y``, ``u = C(w) x + D(w) y``; between neighbors among
     ``values`` each matrix runs in a straight line, and beyond the first and the last it stays as it is there.
