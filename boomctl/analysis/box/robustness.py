@@ -173,8 +173,8 @@ def robust_stability(
         The plants, such as :func:`boomctl.boom_family` or ``.family()`` of a hub-beam returns; its controls are forces.
     controller : control.StateSpace or ScheduledController
         ``u = K y``; its inputs are outputs of the family, its outputs inputs of it.  A discrete one makes sampled loops.  One
-        that follows a parameter of the family (:func:`boomctl.gain_schedule`) is proved at each constant value; the proof does
-        not cover a changing one.
+        that follows a parameter of the family (:func:`boomctl.gain_schedule`) is proved at each constant value; the proof
+        does not cover a changing one.
     max_cells : int
         Largest number of cells of a part of the box, of which most boxes are one; after so many neither stability nor
         instability is claimed.  Of those of parameters and frequencies, which are smaller, there may be 150 times as many.
