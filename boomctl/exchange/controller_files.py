@@ -301,7 +301,7 @@ def _refuse_half(K: Lti) -> None:
     if result:
         raise ValueError(
             f"controller: {result[0]!r} is a signal of a half, root of two times what a machine has; expected the controller"
-            " that join_symmetric makes of those of both halves, or half=True"
+            " that join_symmetric makes of those of both halves, or allow_subsystem=True"
         )
 
 

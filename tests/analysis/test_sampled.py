@@ -61,9 +61,13 @@ def loop_with_a_window(seed):
 @given(st.integers(0, 100_000))
 def test_delay_margin_window_wider_than_the_grid_is_found(seed):
     """Two of the delays, a twentieth of a sample apart, are unstable: the window is wider than a part of the grid."""
-    plant, controller, radii, delays = loop_with_a_window(seed)
-    unstable = radii > 1.0 + 1e-9
-    assume(radii[0] < 1.0 - 1e-6 and (unstable[1:] & unstable[:-1]).any())
+    for draw in range(20):  # most loops have no window
+        plant, controller, radii, delays = loop_with_a_window(seed + 100_001 * draw)
+        unstable = radii > 1.0 + 1e-9
+        if radii[0] < 1.0 - 1e-6 and (unstable[1:] & unstable[:-1]).any():
+            break
+    else:
+        assume(False)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", SamplingCostsMarginWarning)
         found = bc.margins(plant, controller)
