@@ -182,7 +182,7 @@ plt.show()
 # %% [markdown]
 # **Seen:** at the actuator (`suspension_anti`) H-infinity allows 1.545 times the gain, 39.55 degrees and a delay of
 # 0.08849 s; its disk margin is 0.428, that of LQG 0.371. In the picture the Nyquist curves stay outside the disks.
-# With all sensors and the actuator wrong at once (`everywhere`), only 5 % remain.
+# With all sensors and the actuator wrong at once (`multiloop_io`), only 5 % remain.
 #
 # **Conclude:** both are good enough, none is generous. LQG has no guaranteed margin at all; here it has one by luck
 # and by weights.

@@ -4,7 +4,7 @@ A symmetric model stands as its two halves, one of many coordinates as a core.  
 frequency it was built for; above it, dissipation bounds the response: with ``D = K - omega^2 M + i omega C`` and ``C``
 positive definite, ``|L D^-1 B(omega)| <= |C^-1/2 L^T| |C^-1/2 B(omega)|/omega``.
 
-The ways to a norm, in the order tried; a certificate's ``path`` names those that were taken:
+The ways to a norm, in the order tried; a certificate's ``stages`` names those that were taken:
 
 ==================  ================================================  ==================================================
 way                 where                                             why

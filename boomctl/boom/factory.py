@@ -62,7 +62,7 @@ def spray_boom(
     accuracy, max_frequency_hz : float, optional
         Instead of ``discretization``, ``elements`` and ``order``: the coarsest mesh is chosen whose response is so exact,
         relative, at all frequencies up to ``max_frequency_hz`` [Hz], its own resonances included.  Meshes of
-        high-order elements are tried against the exact beam; the model's `chosen` says which one was taken, and why.
+        high-order elements are tried against the exact beam; the model's `selection` says which one was taken, and why.
     **changes : float
         Parameters of the boom by name, in place of those of ``parameters``.
 

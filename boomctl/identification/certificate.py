@@ -45,10 +45,10 @@ class FitCertificate:
         root mean square of the relative residuals.  100 less the fit percent of an uncentered fit.
     residual_ratio : float
         Residuals over the size of the errors: the root of the reduced chi-square.  The errors are known from
-        ``deviation``, from the difference of data sets or from the deviations of a measured response; ``nan`` where
+        ``error_std``, from the difference of data sets or from the deviations of a measured response; ``nan`` where
         none of them is.
     p_value : float
-        p-value of the residuals if the model is right: of chi-square with ``deviation``, of the F test for lack of fit
+        p-value of the residuals if the model is right: of chi-square with ``error_std``, of the F test for lack of fit
         with data sets; ``nan`` otherwise.
     """
 

@@ -155,7 +155,7 @@ def fit(
     lists of frequencies, short responses and with ``error_std``, errors are assumed independent and normal with standard
     deviations in the ratio of the inverse weights.  An error of the model that all data sets have in common does not widen
     the intervals: ``certificate.adequacy`` compares residuals with errors.
-    Parameters that are not identifiable have an infinite interval and are listed in ``unseen``.
+    Parameters that are not identifiable have an infinite interval and are listed in ``unidentifiable``.
 
     Examples
     --------

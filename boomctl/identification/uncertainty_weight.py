@@ -54,7 +54,7 @@ def uncertainty_weight(
     Returns
     -------
     control.StateSpace
-        Stable, ``order`` states for each entry; for ``unmodelled`` of `robust_stability`.
+        Stable, ``order`` states for each entry; for ``additive_uncertainty`` of `robust_stability`.
 
     Raises
     ------

@@ -280,7 +280,7 @@ class HubBeam(ABC):
         Returns
         -------
         CampbellDiagram
-            ``.crossings`` are the critical speeds, to rounding; ``.plot()`` draws the diagram.
+            ``.critical_speeds`` are the critical speeds, to rounding; ``.plot()`` draws the diagram.
 
         Raises
         ------
@@ -319,7 +319,7 @@ class HubBeam(ABC):
         ----------
         maneuver : PrescribedMotion, TorqueDriven, SlewResult or TorqueProfile
             As `spin_up`, `sine_torque` or a function of `boomctl.maneuvers` returns it; or a slew that was planned,
-            for this beam or another one, whose torque is played, or its ``history``.
+            for this beam or another one, whose torque is played, or its ``torque_profile``.
         timepts : array_like, optional
             Instants at which the motion is wanted, s; ascending, >= 0. The motion starts at t = 0 in any case. Of a slew,
             by default its own.
@@ -648,7 +648,7 @@ class HubBeam(ABC):
 
     @abstractmethod
     def _steady_limit(self) -> float:
-        """See `steady_limit`."""
+        """See `max_steady_speed`."""
 
     @abstractmethod
     def _steady_coordinates(self, speed: float) -> Array:

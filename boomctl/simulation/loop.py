@@ -1,7 +1,7 @@
 """The sampled-data closed loop: exact plant, discrete controller, delay, limits, stops, friction.
 
 There are four ways to run a loop around a linear plant, tried in this order, and one around a hub-beam; the result's
-``path`` names the one that was taken:
+``method`` names the one that was taken:
 
 =====================  ==============================================================================================
 "blocks"               no contact, sampled at every step, no quantized sensors, nothing added to signals: linear

@@ -231,7 +231,7 @@ def optimal_slew(
         Other payloads [kg] that the same torque leaves without vibration; the angle is that of h itself.
     rtol : float
         Largest relative error of the prescribed end state in the replay. What the torque does not move in the linear
-        part, as FOAM's axial motion, is not prescribed; what is left of it is in ``end_error``.
+        part, as FOAM's axial motion, is not prescribed; what is left of it is in ``terminal_error``.
     intervals : int or None
         Number of intervals of the mesh; None refines it until halving it changes the cost by less than 1e-4.
     time_limit : float

@@ -219,7 +219,7 @@ class AffineFamily(Family):
     """A family of structures whose matrices depend on uncertain parameters in a straight line (affinely).
 
     With ``delta`` from -1 to 1 across the range of each parameter, ``M = M_0 + sum_i delta_i M_i``; ``C``, ``K``, the columns
-    of the inputs and what the outputs read alike.  `AffineFamily.through` makes one.
+    of the inputs and what the outputs read alike.  `AffineFamily.from_function` makes one.
 
     Attributes
     ----------

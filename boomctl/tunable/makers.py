@@ -246,7 +246,7 @@ def plant_parameter(name: str, low: float, high: float) -> ControllerForm:
     positions make them, their derivatives are exact, and the plants are made a few times only: so it is with parameters of a
     family, and with a function whose plants have the same states everywhere, such as
     ``to_statespace(states="coordinates")``.  Otherwise derivatives of responses are differences of fourth order, for which
-    plants are made at each step.  The certificate's ``path`` says which.
+    plants are made at each step.  The certificate's ``stages`` says which.
 
     Parameters
     ----------

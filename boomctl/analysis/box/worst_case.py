@@ -151,7 +151,7 @@ def worst_case(
         disturbances and injected signals to all outputs of the family.
     norm : {"hinf", "h2"}
         Largest singular value over frequency, or RMS of the outputs to white noise.  Of the H2 norm only the worst point
-        is looked for; no bound is proved, and ``reason`` says so.
+        is looked for; no bound is proved, and ``message`` says so.
     rtol : float or None
         How far the bound may lie above the worst point found, relative.  Where that would take too many cells, ten and a
         hundred times as much is tried.  None: no bound is asked for.

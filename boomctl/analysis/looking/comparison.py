@@ -165,7 +165,7 @@ def compare(
     Returns
     -------
     Comparison
-        ``comparison["name"]["figure"]``; ``print`` shows a table, ``.plot()`` a picture, ``.as_dict()`` gives all numbers.
+        ``comparison["name"]["figure"]``; ``print`` shows a table, ``.plot()`` a picture, ``.to_dict()`` gives all numbers.
 
     Raises
     ------

@@ -149,7 +149,7 @@ def slew_time() -> Scene:
         "time",
         "switching times, found from Opti's by extrapolated motions",
         lambda problem: least_time(slew_of(duration=_GUESS), 200),
-        tuple(settings("optimal_slew", "tolerance {:.0e}", (1e-3, 1e-6, 1e-9), ours, verified=True, ours=True)),
+        tuple(settings("optimal_slew", "rtol {:.0e}", (1e-3, 1e-6, 1e-9), ours, verified=True, ours=True)),
         "Ours replays the torque by another integrator; torques held on a mesh take a little longer.",
     )
 

@@ -101,7 +101,7 @@ def h_infinity_scene() -> Scene:
         reference=lambda P: h_infinity(P, 2, 2, rtol=_REFERENCE, fastest_pole=_FAST).certificate.lower_bound,
         error=excess,
         methods=(
-            *settings("h_infinity", "tolerance {:g}", cases, ours, verified=True, ours=True),
+            *settings("h_infinity", "rtol {:g}", cases, ours, verified=True, ours=True),
             *settings("control.hinfsyn", "defaults", [()], hinfsyn, modules=("slycot",)),
             *settings("slycot sb10ad, bisection", "gtol {2:.0e}", searched, slycot, modules=("slycot",)),
             *settings("slycot sb10ad, told the level", "{2:.2%} above the best", told, slycot, modules=("slycot",)),
