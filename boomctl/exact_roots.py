@@ -15,7 +15,7 @@ _CUBED = 30.0  # Operations per state^3 and entry of a response.
 _FOURTH = 2.0  # Operations per state^4 and entry of a response, with the isolation of its roots.
 
 
-class Undecided(Exception):
+class UndecidedError(Exception):
     """A proof would take more operations than the limit."""
 
 
@@ -27,12 +27,12 @@ class Work:
     spent: float = 0.0
 
     def check(self, operations: float = 0.0) -> None:
-        """Raise `Undecided` if fewer operations are left."""
+        """Raise `UndecidedError` if fewer operations are left."""
         if operations > self.left:
-            raise Undecided
+            raise UndecidedError
 
     def check_entries(self, n: int, entries: int) -> None:
-        """Raise `Undecided` if arithmetic on entries of a response of ``n`` states, roots included, exceeds what is left."""
+        """Raise `UndecidedError` if arithmetic on entries of a response of ``n`` states, with roots, exceeds what is left."""
         self.check(_FOURTH * n**4 * entries)
 
     def charge_entries(self, n: int, entries: int) -> None:

@@ -56,7 +56,7 @@ class Progress:
         return f"{self.task}{stage}{count} ({self.elapsed:.0f} s)"
 
 
-class OutOfTime(Exception):
+class OutOfTimeError(Exception):
     """The time for a computation is over; the message says what was being done."""
 
 
@@ -86,10 +86,10 @@ class Deadline:
         return self.seconds >= self.limit
 
     def check(self, doing: str) -> None:
-        """Tell what is done, and raise `OutOfTime` if no time is left for it."""
+        """Tell what is done, and raise `OutOfTimeError` if no time is left for it."""
         tell(doing)
         if self.over:
-            raise OutOfTime(doing)
+            raise OutOfTimeError(doing)
 
 
 Listener = Callable[[Progress], object]

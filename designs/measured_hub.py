@@ -14,7 +14,7 @@ import control
 import numpy as np
 
 import boomctl as bc
-from boomctl import tunable as T
+from boomctl import tunable
 from boomctl.identification import FitResult, FrequencyResponseEstimate, uncertainty_weight
 from boomctl.structure import SecondOrderModel
 from boomctl.structure.families import Family
@@ -112,7 +112,7 @@ def weighed(model: SecondOrderModel) -> control.StateSpace:
 @cache
 def tuned() -> TuneResult:
     """Return PD with a notch, the worst of the box as good as can be."""
-    parts = T.pid(integral=False, omega_max=FASTEST) * T.notch(20.0, FASTEST)
+    parts = tunable.pid(integral=False, omega_max=FASTEST) * tunable.notch(20.0, FASTEST)
     return bc.tune(weighed, structure=parts, family=family(), n_starts=1, fastest_pole=FASTEST)
 
 

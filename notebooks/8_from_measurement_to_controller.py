@@ -27,7 +27,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import boomctl as bc
-from boomctl import tunable as T
+from boomctl import tunable
 from boomctl.structure import SecondOrderModel
 
 plt.style.use("boomctl.plotting.look")  # or a style of your own
@@ -149,7 +149,7 @@ weighed = partial(
     measurements="hub_angle",
     controls="torque",
 )
-structure = T.pid(integral=False, omega_max=400.0) * T.notch(20.0, 400.0)
+structure = tunable.pid(integral=False, omega_max=400.0) * tunable.notch(20.0, 400.0)
 design = bc.tune(weighed, structure=structure, family=family, n_starts=1, fastest_pole=400.0)
 print(repr(design))
 

@@ -231,7 +231,11 @@ def exact_loop():
 
 def spray():
     return bc.spray_deposit(
-        loop().time, [loop()["tip_left"], loop()["tip_right"]], [-6.0, 6.0], 3.0, nozzles=bc.nozzle_positions(6.0, 1.0)
+        loop().time,
+        [loop()["tip_left"], loop()["tip_right"]],
+        [-6.0, 6.0],
+        3.0,
+        nozzles=bc.nozzle_positions(spacing=1.0)[3:-3],
     )
 
 

@@ -13,7 +13,7 @@ import pytest
 
 import boomctl as bc
 from boomctl.slew import replan
-from boomctl.slew.result import LimitsTooTight
+from boomctl.slew.result import LimitsTooTightError
 from tests import handed_out as one
 from tests.handed_out import FACTORIES
 
@@ -123,7 +123,7 @@ def test_package_is_pickled_by_name(package):
 
 
 def test_slew_error_survives_pickle_with_its_limit():
-    error = LimitsTooTight("tip_limit binds", 0.3)
+    error = LimitsTooTightError("tip_limit binds", 0.3)
     other = pickle.loads(pickle.dumps(error))
     assert (str(other), vars(other)) == (str(error), vars(error))
 

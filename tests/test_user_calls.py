@@ -1,6 +1,4 @@
-"""What users' scripts call, with real arguments; and the order and defaults of what they pass by position."""
-
-import inspect
+"""Calls of users' scripts with real arguments; `test_public_names` compares their signatures."""
 
 import control
 import numpy as np
@@ -11,40 +9,6 @@ from boomctl.structure import Assembly, Beam, BeamSegment, RigidBody, SecondOrde
 
 pytestmark = pytest.mark.slow
 OMEGA = np.geomspace(0.6, 60.0, 20)
-NO_DEFAULT = inspect.Parameter.empty
-SIGNATURES = {
-    "spray_boom": "parameters=None, discretization=None, elements=None",
-    "exact_frequency_response": "parameters, omega, inputs=None, outputs=None",
-    "exact_eigenfrequencies_hz": "parameters, count=5, damped=True",
-    "sigma": "system, omega=None, inputs=None, outputs=None",
-    "hub_beam": "parameters=None, model=None, modes=None",
-    "optimal_slew": "system, angle=..., torque_limit=None, objective='time', duration=None",
-    "simulate_loop": "plant, controller, timepts, disturbances",
-    "forced_response": "plant, timepts, inputs, outputs=None, rtol=1e-06",
-    "lqr": "system, Q, R",
-    "lqg": "system, Q, R, process_noise, measurement_noise, measurements=None, controls=None",
-    "identify": "inputs, outputs=None, sample_time=None",
-    "estimate_frequency_response": "inputs, outputs, sample_time",
-    "fit": "model, data, free=None",
-    "margins": "plant, controller",
-    "worst_case": "family, controller, inputs=None, outputs=None",
-    "robust_stability": "family, controller",
-    "join_symmetric": "model, symmetric, antisymmetric",
-    "write_controller": "controller, path",
-    "generalized_plant": "plant",
-}
-
-
-@pytest.mark.parametrize("name", SIGNATURES)
-def test_arguments_by_position_have_their_order_and_defaults(name):
-    positional = (inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)
-    given = [p for p in inspect.signature(getattr(bc, name)).parameters.values() if p.kind in positional]
-    texts = [
-        p.name if p.default is NO_DEFAULT else f"{p.name}={'...' if p.default is ... else repr(p.default)}"
-        for p in given
-    ]
-    wanted = SIGNATURES[name].split(", ")
-    assert texts[: len(wanted)] == wanted
 
 
 def test_spray_boom_calls():
@@ -125,16 +89,19 @@ def test_machine_calls():
     )
     assert prescribe_displacement(g, ["f1"], hold=["f2"]).input_labels == ("f1",)
     ground = bc.structure.GROUND
-    beam = Beam("b", ground.at(0.0), bc.structure.fixed(), (0.0, 0.0), [BeamSegment(1.0, 2.0, 5.0)], _elements(2))
+    beam = Beam(
+        "b",
+        ground.at(0.0),
+        bc.structure.fixed(),
+        (0.0, 0.0),
+        [BeamSegment(1.0, 2.0, 5.0)],
+        bc.structure.FiniteElements(2),
+    )
     assert (beam.at(1.0).x, beam.at_point(0.5, 0.0).x, beam.start.x, beam.end.x) == (1.0, 0.5, 0.0, 1.0)
     load = RigidBody("load", beam.end, bc.structure.fixed(), mass=1.0)
     push = bc.structure.Force("push", load.at(1.0, 0.0), "y")
     read = bc.structure.Output("y", load.at(1.0, 0.0), "y")
     assert Assembly((beam, load), forces=(push,), outputs=(read,)).assemble().output_labels == ("y",)
-
-
-def _elements(count):
-    return bc.structure.FiniteElements(count)
 
 
 def test_hub_beam_calls():
@@ -159,10 +126,9 @@ def test_hub_beam_calls():
     assert slew.time[-1] == pytest.approx(slew.duration)
     assert slew.torque.shape == slew.hub_angle.shape == slew.tip_displacement.shape
     assert slew.torque_profile.switching_times.size > 0
-    assert slew.terminal_error < 1e-3
-    assert slew.certificate is not None
+    assert slew.certificate.terminal_error < 1e-3
     assert slew.plot() is not None
-    assert slew.track() is not None
+    assert slew.track(torque_limit=250.0).simulate()["hub_angle"][-1] == pytest.approx(np.pi / 2, abs=1e-2)
     for objective in ("effort", "jerk", "torque-rate", "tip"):
         found = bc.optimal_slew(h, angle_deg=45.0, torque_limit=200.0, objective=objective, duration=4.0)
         assert found.duration == pytest.approx(4.0)
@@ -194,14 +160,14 @@ def test_method_calls(tmp_path):
     d = bc.h_infinity(P)
     assert d.controller.nstates == d.scaled_controller.nstates
     assert d.closed_loop.noutputs == 2
-    assert d.certificate is not None
+    assert d.certificate.norm_bounds.upper_bound >= d.gamma
     assert bc.tune(P, structure=bc.tunable.gain(), n_starts=1, family=None).gamma >= d.gamma * 0.999
     K = d.controller
     assert bc.margins(yaw, K, delay=0.0)["suspension_anti"].gain_margin[1] > 1.0
     assert bc.feedback_loop(yaw, K, delay=0.0, injection_points=()).noutputs > 0
     family = bc.boom_family(subsystem="yaw")
     proof = bc.robust_stability(family, K, injection_points=())
-    assert proof.summary
+    assert proof.proved or proof.message or proof.destabilizing_values
     w = bc.worst_case(family, K, ["actuator_anti"], ["tip_anti"], injection_points=(), rtol=0.1)
     assert w.lower_bound <= w.upper_bound
     assert set(w.worst_values) == set(family.names)

@@ -124,12 +124,12 @@ def _finite(system: Lti) -> NormBounds:
 
 def _proved(system: Lti) -> NormBounds:
     """Return the norm of a system whose poles decay or do not show, as they are stored; no upper bound if undecided."""
-    from boomctl.exact_roots import OPERATIONS, Undecided
+    from boomctl.exact_roots import OPERATIONS, UndecidedError
     from boomctl.lti.proof import Exact, below
 
     try:
         square = Exact.of(system, OPERATIONS).energy()
-    except Undecided:
+    except UndecidedError:
         return _between(0.0, 0.0, inf, NOT_PROVED)
     low, high = below(square.sqrt()), -below(-square.sqrt())
     return _between(max(low, 0.0), float(square.sqrt()), high, PROVED)

@@ -59,13 +59,15 @@ def marginal_poles(given: System) -> MarginalPoles:
         return replace(result, infinite=complex(system.rates[fastest]))
     if known is not None:
         return MarginalPoles(None, None, hidden, open_, *known)
-    from boomctl.exact_roots import OPERATIONS, Undecided
+    from boomctl.exact_roots import OPERATIONS, UndecidedError
     from boomctl.lti.proof import Exact
 
     size, on_axis, shown = made.A, [], []
     try:
         growing, on_axis, shown = Exact.of(given, OPERATIONS).sides
-    except Undecided:  # what is known is what an eigenvalue solver says, whose errors are those of the matrix's norm
+    except (
+        UndecidedError
+    ):  # what is known is what an eigenvalue solver says, whose errors are those of the matrix's norm
         growing, size = int((decay < 0.0).sum()), np.full_like(size, np.abs(system.A).max())
     reads = np.fmin(np.abs(reads), 1.0 / TINY)  # none of equal poles in a chain
     moved = CANCELLED * np.einsum("ji,ij->j", reads, size @ np.abs(right)) + TINY

@@ -234,17 +234,17 @@ def proved_norm(
 
     With ``minus`` it is the norm of the difference of two systems; with ``band`` [rad/s] the largest singular value there.
     """
-    from boomctl.exact_roots import OPERATIONS, Undecided
+    from boomctl.exact_roots import OPERATIONS, UndecidedError
     from boomctl.lti.proof import Exact
 
     try:
         exact = Exact.of(given, OPERATIONS, minus)
         exact.check_norm()
         if exact.sides[0]:
-            raise Undecided
+            raise UndecidedError
         limits = (0.0, inf) if band is None else (exact.square(band[0]), exact.square(band[1]))
         peak, level, square = exact.norm(exact.square(omega), limits)
-    except Undecided:
+    except UndecidedError:
         return NormBounds(lower, inf, omega, NOT_PROVED)
     return NormBounds(peak, level, exact.omega(square), PROVED)
 

@@ -125,7 +125,7 @@ def prove(result: Claiming, *, max_operations: float = 1.2e10) -> Proof:
     >>> bc.prove(bc.hinf_norm(swing)).proved
     True
     """
-    from boomctl.exact_roots import Undecided
+    from boomctl.exact_roots import UndecidedError
     from boomctl.lti.proof import Exact
 
     limit = positive("max_operations", max_operations)
@@ -147,7 +147,7 @@ def prove(result: Claiming, *, max_operations: float = 1.2e10) -> Proof:
             exact = Exact.of(given, limit - spent, claim.minus)
             text = f"{text}: {', '.join(_shown(claim, exact))}"
             bits = max(bits, exact.bits)
-        except Undecided as reason:
+        except UndecidedError as reason:
             sure, text = False, f"{text}: not decided{f' ({reason})' if str(reason) else ' within the limit'}"
         spent += exact.work.spent if exact is not None else 0.0
         said.append(text)
@@ -161,7 +161,7 @@ def _shown(claim: Claim, exact: "Exact") -> Iterator[str]:
     ------
     CertificateError
         It is refuted.
-    Undecided
+    UndecidedError
         Neither.
     """
     if claim.stable is not None:
@@ -225,8 +225,8 @@ def _energy_shown(claim: Claim, exact: "Exact", low: float, high: float) -> str:
 
 
 def _refute(claim: Claim, counterexample: str) -> None:
-    from boomctl.exact_roots import Undecided
+    from boomctl.exact_roots import UndecidedError
 
     if claim.rounded:
-        raise Undecided(f"{claim.rounded}: {counterexample}")
+        raise UndecidedError(f"{claim.rounded}: {counterexample}")
     raise CertificateError(f"{claim.what}: {counterexample}")

@@ -110,11 +110,6 @@ class PlatformMotion(TimeSeries):
         return float((self.time[-1] - self.time[0]) / (len(self.time) - 1))
 
     @property
-    def _actuators(self) -> Array:
-        """Left and right displacement as the two rows of a disturbance (2 x n) [m]."""
-        return np.array([self.left, self.right])
-
-    @property
     def symmetric(self) -> Array:
         """What drives ``actuator_sym`` of a symmetric half: ``(right + left)/sqrt 2``, root of two times the jolt [m]."""
         return (self.right + self.left) / np.sqrt(2.0)

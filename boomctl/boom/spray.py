@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 
 from boomctl.arrays import Array
 from boomctl.boom.motion import uneven
-from boomctl.boom.parameters import BoomParameters
+from boomctl.boom.parameters import BoomParameters, boom_parameters
 from boomctl.boom.tracks import SPEEDS
 from boomctl.checks import exactly, finite_array, instance, known, nonnegative, positive, within
 from boomctl.threads import one_blas_thread
@@ -221,13 +221,13 @@ class SprayResult:
         return self.min_dose if farther_low else self.max_dose
 
 
-def nozzle_positions(boom: BoomParameters | float = BoomParameters.length, spacing: float = 0.5) -> Array:
+def nozzle_positions(parameters: BoomParameters | None = None, spacing: float = 0.5) -> Array:
     """Return places for nozzles along a boom, equally spaced about its middle.
 
     Parameters
     ----------
-    boom : BoomParameters or float
-        The boom, or its length [m].
+    parameters : BoomParameters, optional
+        The boom; by default that of Table 2.
     spacing : float
         Distance between nozzles [m].
 
@@ -245,10 +245,10 @@ def nozzle_positions(boom: BoomParameters | float = BoomParameters.length, spaci
     Examples
     --------
     >>> import boomctl as bc
-    >>> bc.nozzle_positions(3.0, spacing=0.5)
-    array([-1.25, -0.75, -0.25,  0.25,  0.75,  1.25])
+    >>> bc.nozzle_positions(spacing=2.0)
+    array([-5., -3., -1.,  1.,  3.,  5.])
     """
-    length = boom.length if isinstance(boom, BoomParameters) else positive("boom", boom)
+    length = boom_parameters(parameters).length
     count = int(min(length / positive("spacing", spacing) + 1e-9, _MOST_CELLS))
     if count == _MOST_CELLS:
         raise ValueError(
@@ -308,7 +308,7 @@ def spray_deposit(
     >>> import numpy as np
     >>> time, places = np.arange(0.0, 20.0, 0.01), [-6.0, 6.0]
     >>> yaw = np.outer([-1.0, 1.0], 0.1 * np.sin(2.0 * np.pi * 0.25 * time))  # tips 0.1 m to and fro
-    >>> spray = bc.spray_deposit(time, yaw, places, speed=2.5, nozzles=bc.nozzle_positions(12.0))
+    >>> spray = bc.spray_deposit(time, yaw, places, speed=2.5, nozzles=bc.nozzle_positions())
     >>> round(spray.cv, 4), round(spray.min_dose, 3), round(spray.max_dose, 3)
     (0.0245, 0.944, 1.063)
     """
@@ -439,7 +439,7 @@ def spray_deposit_components(
     >>> import numpy as np
     >>> time = np.arange(0.0, 20.0, 0.01)
     >>> right = np.outer([0.0, 1.0], 0.1 * np.sin(2.0 * np.pi * 0.25 * time))  # only the right tip moves
-    >>> results = bc.spray_deposit_components(time, right, [-6.0, 6.0], speed=2.5, nozzles=bc.nozzle_positions(12.0))
+    >>> results = bc.spray_deposit_components(time, right, [-6.0, 6.0], speed=2.5, nozzles=bc.nozzle_positions())
     >>> [round(result.cv, 4) for result in results]
     [0.0253, 0.0222, 0.0123]
     """

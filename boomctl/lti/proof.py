@@ -28,7 +28,7 @@ from flint import acb, arb, arb_mat, fmpq, fmpq_mat, fmpq_poly
 from boomctl.arrays import blocks
 from boomctl.exact_roots import (
     BITS,
-    Undecided,
+    UndecidedError,
     Work,
     characteristic_polynomial,
     eigenvalues,
@@ -180,7 +180,7 @@ class Exact:
             roots = isolated_roots(p, self.work)
             if all(root.real > 0 or root.real < 0 for root, _ in roots):
                 return roots
-        raise Undecided
+        raise UndecidedError
 
     def _positive(self, p: fmpq_poly) -> list[arb]:
         """Return the positive roots of a polynomial that has none at zero, in ascending order, as often as they occur."""
@@ -190,7 +190,7 @@ class Exact:
             told = all(x > 0 or x < 0 for x, _ in real)
             if told and all(root.imag == 0 or root.imag > 0 or root.imag < 0 for root, _ in roots):
                 return sorted((x for x, count in real if x > 0 for _ in range(count)), key=float)
-        raise Undecided
+        raise UndecidedError
 
     def crossings(self, level: float, inside: float = 1.0) -> tuple[list[arb], bool]:
         """Return where a singular value equals the level, and whether all are below it at one frequency.
@@ -203,7 +203,7 @@ class Exact:
         hidden = _symmetric(a)
         growing, _, shown = self.sides
         if shown or (growing and hidden.degree()):
-            raise Undecided
+            raise UndecidedError
         rows = N if len(N) < len(N[0]) else [list(column) for column in zip(*N, strict=True)]  # the smaller product
         self.work.charge_entries(self.A.nrows(), len(rows) ** 2)
         zero, aa, square = fmpq_poly([0]), a * _flipped(a), fmpq(*level.as_integer_ratio()) ** 2
@@ -214,7 +214,7 @@ class Exact:
         for k in range(len(rows)):
             pivot = left[k][k]
             if not pivot:  # a singular value that is the level at all frequencies
-                raise Undecided
+                raise UndecidedError
             for i in range(k + 1, len(rows)):
                 for j in range(k + 1, len(rows)):
                     left[i][j] = (pivot * left[i][j] - left[i][k] * left[k][j]) / minors[-1]
@@ -242,7 +242,7 @@ class Exact:
             result = (squares[0] / squares[1]).sqrt()
             if result.rad() <= _DIGITS * result.mid():
                 return result
-        raise Undecided
+        raise UndecidedError
 
     def norm(self, square: float, band: tuple[float, float] = (0.0, inf)) -> tuple[float, float, float]:
         """Return two bounds of the H-infinity norm of a stable system and ``omega^2`` of the peak, from a guess of it.
@@ -262,7 +262,7 @@ class Exact:
         for _ in range(RAISED):
             level = max(peak * (1.0 + LEVEL), TINY)
             if not level < inf:  # larger than any float
-                raise Undecided
+                raise UndecidedError
             places, stays = self.crossings(level, inside)
             reached = [x for x in map(float, places) if low < x < high]
             if stays and not reached:
@@ -272,10 +272,10 @@ class Exact:
             ends = max(low, 0.25 * reached[0]), min(high, 4.0 * reached[-1])
             between = [(x * y) ** 0.5 for x, y in pairwise([ends[0], *reached, ends[1]])]
             peak, at = max(*((below(self.gain(x)), x) for x in between), (level, reached[0]))
-        raise Undecided
+        raise UndecidedError
 
     def check_norm(self) -> None:
-        """Raise `Undecided` where a norm takes more operations than are left: to find out in the middle takes as many."""
+        """Raise `UndecidedError` if a norm takes more operations than are left, before any of them is spent."""
         p, m = self.D.nrows(), self.D.ncols()
         self.work.check_entries(self.A.nrows(), p * m + min(p, m) ** 2)
 
@@ -299,7 +299,7 @@ class Exact:
             result = x[n - 1, 0] / arb(a[n])
             if result.rad() <= _DIGITS * result.mid():
                 return result
-        raise Undecided
+        raise UndecidedError
 
     def _digits(self) -> Iterator[int]:
         """Work with more and more bits, until no operations are left."""

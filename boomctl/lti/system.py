@@ -122,11 +122,11 @@ class Lti:
             moved = CANCELLED * np.einsum("ji,ij->j", np.abs(reads), np.abs(self.A) @ np.abs(right))
         if ((growth <= 0.0) | (moved < growth)).all():
             return poles
-        from boomctl.exact_roots import OPERATIONS, Undecided, Work, eigenvalues, rational_matrix
+        from boomctl.exact_roots import OPERATIONS, UndecidedError, Work, eigenvalues, rational_matrix
 
         try:
             return eigenvalues(rational_matrix(self.A), Work(OPERATIONS))
-        except Undecided:
+        except UndecidedError:
             return poles
 
     @cached_property

@@ -242,11 +242,6 @@ class SimulationResult(TimeSeries):
         return self._dynamics.angular_momentum
 
     @property
-    def _mass_matrix_margin(self) -> Array:
-        """Schur complement of the beam's mass matrix in the whole one, kg m^2."""
-        return self._dynamics.mass_matrix_margin
-
-    @property
     def states(self) -> Array:
         """States in the order of ``to_nlsys()``, k x n."""
         return self._details.states

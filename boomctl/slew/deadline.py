@@ -15,7 +15,7 @@ import casadi as ca
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.progress import Deadline, OutOfTime
+from boomctl.progress import Deadline, OutOfTimeError
 
 _KEPT = 1e-6  # miss of scaled conditions from which an iteration counts as a slew: what a replay is held to
 _LEAST = 1e-3  # [s] of wall time, which IPOPT wants to be positive
@@ -69,12 +69,12 @@ class SlewDeadline(Deadline):
     heard: list[int] = field(default_factory=list)
 
     def check(self, doing: str, objective: float | None = None) -> None:
-        """Tell what is done; or raise `OutOfTime`, or `KeyboardInterrupt` if one was heard."""
+        """Tell what is done; or raise `OutOfTimeError`, or `KeyboardInterrupt` if one was heard."""
         self.obey()
         if self.tell is not None:
             self.tell(SlewProgress(doing, self.seconds, objective, None))
         if self.over:
-            raise OutOfTime(doing)
+            raise OutOfTimeError(doing)
 
     def obey(self) -> None:
         """Raise `KeyboardInterrupt` if an interrupt was heard."""
@@ -192,7 +192,7 @@ def solved(
 
     Raises
     ------
-    OutOfTime
+    OutOfTimeError
         If no time is left.
     KeyboardInterrupt
         On an interrupt, after the iteration in which it came.
@@ -208,5 +208,5 @@ def solved(
         raise watch.failed
     deadline.obey()
     if not statistics["success"] and (watch.late or statistics["return_status"] == "Maximum_WallTime_Exceeded"):
-        raise OutOfTime(stage)
+        raise OutOfTimeError(stage)
     return result, statistics

@@ -30,7 +30,7 @@ from boomctl.checks import instance, positive, real
 from boomctl.lti.rounding import ALIKE, SUMMED
 from boomctl.lti.system import is_statespace
 from boomctl.printing import compact
-from boomctl.progress import OutOfTime, computing, tell
+from boomctl.progress import OutOfTimeError, computing, tell
 from boomctl.slew.deadline import SlewDeadline, SlewProgress, listening
 from boomctl.slew.effort import effort_on_mesh
 from boomctl.slew.least_time.arc_count import arcs_behind
@@ -149,7 +149,7 @@ def _least_effort(problem: SlewProblem) -> tuple[_Candidate | None, tuple[str, .
         if result is not None and gap == inf and not proved:
             finer = _effort_within(problem, 2 * result.history.start_values.size)
             gap = inf if finer is None else abs(finer.history.effort / result.history.effort - 1.0)
-    except OutOfTime as over:
+    except OutOfTimeError as over:
         if result is None:
             raise
         path = (*path, f"out of time: {over}")
@@ -344,7 +344,7 @@ def _in_time(deadline: SlewDeadline) -> Iterator[None]:
     try:
         with listening(deadline):
             yield
-    except OutOfTime as over:
+    except OutOfTimeError as over:
         raise SlewError(
             f"time_limit = {deadline.limit:g} s: over before there was a slew that the replay confirms; reached: {over}. "
             "Expected more time, fewer modes or payloads, or a larger tolerance"

@@ -39,7 +39,7 @@ class SlewError(RuntimeError):
     """
 
 
-class LimitsTooTight(SlewError):
+class LimitsTooTightError(SlewError):
     """No slew keeps the limits on a mesh; `excess` is the least sum of scaled misses that IPOPT finds."""
 
     def __init__(self, message: str, excess: float) -> None:

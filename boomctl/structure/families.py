@@ -504,8 +504,8 @@ def interval(name: str, given: object) -> tuple[float, float]:
 
 def _slope(center: SecondOrderModel, end: SecondOrderModel) -> Slope:
     before: Ports = center.ports
-    signals = (end.input_labels, end.output_labels) == (center.input_labels, center.output_labels)
-    if not signals or end.ncoordinates != center.ncoordinates:
+    same_signals = (end.input_labels, end.output_labels) == (center.input_labels, center.output_labels)
+    if not same_signals or end.ncoordinates != center.ncoordinates:
         raise ValueError("the structures of a family must have the same coordinates, inputs and outputs")
     M, C, K = end.M - center.M, end.C - center.C, end.K - center.K
     return Slope(M, C, K, end.ports.B - before.B, end.ports.L - before.L)

@@ -83,7 +83,6 @@ def test_jolt_and_yaw_are_left_and_right(tmp_path):
     assert motion.jolt == pytest.approx([1.0, 2.0])
     assert motion.yaw == pytest.approx([0.1, 0.2])
     assert motion.sample_time == pytest.approx(0.5)
-    assert (motion._actuators == [motion.left, motion.right]).all()
     assert motion.symmetric == pytest.approx(np.sqrt(0.5) * (motion.right + motion.left))
     assert motion.antisymmetric == pytest.approx(np.sqrt(0.5) * (motion.right - motion.left))
 

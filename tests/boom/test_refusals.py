@@ -105,8 +105,8 @@ REFUSED = [
     (lambda: sprayed(nozzles=[-6.0, 0.0, 6.0]), "nozzles: expected places between the points given"),
     (lambda: sprayed(nozzles=[-5.0, 0.0, 4.0]), "nozzles: expected at least two, ascending and equally spaced"),
     (lambda: bc.boom.split_jolt_yaw(MOVED, PLACES + 0.1), "symmetrically about x = 0"),
-    (lambda: bc.nozzle_positions(12.0, 20.0), "spacing = 20: expected at most the boom's length"),
-    (lambda: bc.nozzle_positions(12.0, 1e-12), "spacing = 1e-12: expected fewer than"),
+    (lambda: bc.nozzle_positions(spacing=20.0), "spacing = 20: expected at most the boom's length"),
+    (lambda: bc.nozzle_positions(spacing=1e-12), "spacing = 1e-12: expected fewer than"),
 ]
 
 

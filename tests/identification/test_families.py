@@ -8,7 +8,7 @@ import pytest
 from scipy import stats
 
 import boomctl as bc
-from boomctl import tunable as T
+from boomctl import tunable
 from boomctl.identification.families import of_modes
 from boomctl.structure import PolynomialFamily, SecondOrderModel
 from boomctl.structure.modal_structure import modal_structure
@@ -214,7 +214,7 @@ def test_the_box_holds_the_truth_and_a_controller_tuned_over_it_is_stable_there(
         family = fitted.family(probability=0.95)
         held += all(low <= RIG[name] <= high for name, (low, high) in family.ranges.items())
         if seed % TUNED == 0:
-            design = bc.tune(weighed, structure=T.pid(integral=False, omega_max=200.0), family=family, n_starts=1)
+            design = bc.tune(weighed, structure=tunable.pid(integral=False, omega_max=200.0), family=family, n_starts=1)
             stable += bool((bc.lft(weighed(rig(RIG)), design.controller).poles().real < 0.0).all())
             proved += bc.robust_stability(family, design.controller).proved
     tuned = sets // TUNED

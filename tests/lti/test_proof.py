@@ -14,7 +14,7 @@ from scipy import linalg, signal
 
 import boomctl as bc
 from boomctl.analysis.prove import CertificateError
-from boomctl.exact_roots import OPERATIONS, Undecided
+from boomctl.exact_roots import OPERATIONS, UndecidedError
 from boomctl.lti.proof import Exact
 from boomctl.lti.system import Lti, of
 from tests.hard_systems import unimodular
@@ -357,7 +357,7 @@ def test_norm_beyond_limit_undecided_at_once(n, decided, monkeypatch):
 
     monkeypatch.setattr("boomctl.lti.proof.characteristic_polynomial", unwanted)
     exact = Exact.of(Lti(-np.eye(n), np.ones((n, 1)), np.ones((1, n)), np.zeros((1, 1))), OPERATIONS)
-    with nullcontext() if decided else pytest.raises(Undecided):
+    with nullcontext() if decided else pytest.raises(UndecidedError):
         exact.check_norm()
 
 
@@ -365,7 +365,7 @@ def test_proof_ends_at_limit_of_operations():
     system = drawn(3)
     exact = Exact.of(of(system))
     exact.norm(1.0)
-    with pytest.raises(Undecided):
+    with pytest.raises(UndecidedError):
         Exact.of(of(system), 0.1 * exact.work.spent).norm(1.0)
     assert Exact.of(of(system), 1.01 * exact.work.spent).norm(1.0) == exact.norm(1.0)
     proof = bc.prove(bc.hinf_norm(system), max_operations=1.0)

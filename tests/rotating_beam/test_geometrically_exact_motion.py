@@ -38,7 +38,7 @@ def test_extreme_hubs_and_one_polynomial(parameters):
     after = r.time >= 2.0
     assert np.all(np.isfinite(r.states))
     assert np.ptp(r.energy[after]) < 1e-9 * r.energy[-1]
-    assert np.all(r._mass_matrix_margin > 0.0)
+    assert np.all(r._dynamics.mass_matrix_margin > 0.0)
 
 
 def test_steady_rotation_stays_steady():

@@ -122,13 +122,13 @@ def test_progress_is_told_in_small_frozen_records():
 
 
 def test_what_progress_raises_comes_through():
-    class Enough(Exception):
+    class EnoughError(Exception):
         pass
 
     def stop(seen):
-        raise Enough
+        raise EnoughError
 
-    with pytest.raises(Enough):
+    with pytest.raises(EnoughError):
         bc.optimal_slew(sfoam(1), 1.0, 200.0, "effort", 4.0, progress=stop)
 
 

@@ -16,7 +16,7 @@ from boomctl.progress import computing, tell
 from boomctl.rotating_beam.beam import HubBeam, SmallMotion, lowest_rate, natural_hz
 from boomctl.rotating_beam.exact.basis import StrainBasis, strain_basis
 from boomctl.rotating_beam.exact.dynamics import ExactBeamDynamics
-from boomctl.rotating_beam.exact.integrator import CHUNK, StepFailed
+from boomctl.rotating_beam.exact.integrator import CHUNK, StepFailedError
 from boomctl.rotating_beam.exact.run import Run, run_to_tolerance, run_with_step
 from boomctl.rotating_beam.parameters import HubBeamParameters
 from boomctl.rotating_beam.result import Details, Dynamics, Motion, SimulationError
@@ -225,7 +225,7 @@ class GeometricallyExactBeam(HubBeam):
             while True:
                 try:
                     return _LEFT * stepped(more, step).apart(before)
-                except StepFailed:
+                except StepFailedError:
                     step *= 0.5
                     before = stepped(few, step)
         except SimulationError:

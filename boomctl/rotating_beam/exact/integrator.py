@@ -30,7 +30,7 @@ _HOPELESS = 0.7  # contraction above which a frozen Jacobian is given up for a f
 CHUNK = 500  # mass matrices held at once: a choice, to bound the memory
 
 
-class StepFailed(Exception):
+class StepFailedError(Exception):
     """The equations of one step did not converge: the step is too long."""
 
 
@@ -69,7 +69,7 @@ def march(
 
     Raises
     ------
-    StepFailed
+    StepFailedError
         A step's equations did not converge.
     """
     rule, (q, v) = gauss_method(STAGES), state
@@ -99,7 +99,7 @@ def march(
         # in turn: the Jacobian of an earlier step, cheap; a fresh one in each iteration; that from the calm start
         solved = step.solve(guess, frozen) or step.solve(guess, None) or step.solve(step.calm_guess(), None)
         if solved is None:
-            raise StepFailed(f"a step of {h:.3g} s at t = {times[k]:.6g} s did not converge")
+            raise StepFailedError(f"a step of {h:.3g} s at t = {times[k]:.6g} s did not converge")
         frozen = frozen if solved.contraction < _SLOW else None
         q, p = q + h * (rule.weights @ solved.velocities), p + h * (rule.weights @ solved.force)
         states[k + 1], momenta[k + 1] = q, p

@@ -18,7 +18,7 @@ from boomctl.lti.rounding import ALIKE
 from boomctl.maneuvers import HubProfile, Maneuver, Torque
 from boomctl.rotating_beam.drive import resolving
 from boomctl.rotating_beam.exact.dynamics import ExactBeamDynamics
-from boomctl.rotating_beam.exact.integrator import StepFailed, Trajectory, march
+from boomctl.rotating_beam.exact.integrator import StepFailedError, Trajectory, march
 from boomctl.rotating_beam.result import Motion, SimulationError, kept_states, small_deformation_until
 
 _WINDOW = 6  # ends of steps that an interpolation goes through: of degree 11, beyond the order of the steps
@@ -34,7 +34,7 @@ _STUCK = 0.7  # part of the last error above which a refinement has not lowered 
 _MOST_STUCK = 3  # refinements that do not lower the error before the run is given up
 
 
-class _TooMany(SimulationError):
+class _TooManyError(SimulationError):
     """More steps than are taken."""
 
 
@@ -89,7 +89,7 @@ def run_with_step(
 
     Raises
     ------
-    StepFailed
+    StepFailedError
         The steps are too long.
     SimulationError
         They are too many.
@@ -98,7 +98,7 @@ def run_with_step(
     bounds = _bounds(maneuver, end, step)
     counts = [_steps(start, stop, step, timepts, least) for start, stop in pairwise(bounds)]
     if sum(counts) > _MOST_STEPS:
-        raise _TooMany(f"steps of {step:.2g} s: too many")
+        raise _TooManyError(f"steps of {step:.2g} s: too many")
     trajectories: list[Trajectory] = []
     for (start, stop), count in zip(pairwise(bounds), counts, strict=True):
         trajectories.append(march(dynamics, maneuver, np.linspace(start, stop, count + 1), state))
@@ -180,10 +180,10 @@ def run_to_tolerance(
                 _LEAST_STEPS * first_step / step
             )  # as many more: two runs with the same steps agree on anything
             here = run_with_step(dynamics, maneuver, timepts, state, step, least)
-        except StepFailed:
+        except StepFailedError:
             previous, step = None, 0.5 * step
             continue
-        except _TooMany:
+        except _TooManyError:
             break
         if previous is not None:
             difference = here.apart(previous)  # the error of twice the step, which is more than that of this one

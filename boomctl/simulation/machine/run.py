@@ -117,7 +117,7 @@ def run_to_tolerance(p: MachineLoop, rtol: float, atol: float) -> MachineRun:
         try:
             first = _closed(p, counts) if coarse is None else coarse
             second = _repeated(p, finer, first[1]) if p.limits.coarse else _closed(p, finer)
-        except _Overflow:  # which a step too long may do as well as the loop
+        except _StepOverflowError:  # which a step too long may do as well as the loop
             coarse, counts, failures = None, finer, failures + 1
             if failures > _FAILURES:
                 raise ValueError(
@@ -141,7 +141,7 @@ def run_to_tolerance(p: MachineLoop, rtol: float, atol: float) -> MachineRun:
         counts = tuple(count * 2**doublings for count in counts)
 
 
-class _Overflow(Exception):
+class _StepOverflowError(Exception):
     """The states grow beyond all numbers."""
 
 
@@ -205,7 +205,7 @@ def _closed(p: MachineLoop, counts: tuple[int, ...]) -> tuple[Array, ControlLog]
         moved, *taken = run(state, here)
         state = moved[:, end - k - 1]
         if not np.isfinite(state).all():
-            raise _Overflow
+            raise _StepOverflowError
         states[:, k + 1 : end + 1] = moved[:nz, : end - k]
         at = np.arange(-(-k // ps) * ps, end, ps)
         _write(log, at // ps, *(item[:, at - k] for item in taken))
@@ -229,7 +229,7 @@ def _repeated(p: MachineLoop, counts: tuple[int, ...], log: ControlLog) -> tuple
     result = _advance(p, counts).mapaccum("run", len(steps))(p.start, before, after, W[:, :-1], W[:, 1:])
     states = np.hstack([p.start[:, None], np.array(result)])
     if not np.isfinite(states[:, -1]).all():
-        raise _Overflow
+        raise _StepOverflowError
     return states, log
 
 

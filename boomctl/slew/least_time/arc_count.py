@@ -16,7 +16,7 @@ _STEP = 1.5  # rad that a step turns at most: half again as long as for the answ
 _SETTLED, _MET = 1e-7, 1e-5  # relative change of the duration, and defect of the end, at which the programmes end
 
 
-class Overflows(SlewError):
+class ArcOverflowError(SlewError):
     """The motion on the way grows beyond all numbers."""
 
 
@@ -36,7 +36,7 @@ def counted(ends: EndMap, first: TorqueProfile, intervals: int) -> TorqueProfile
         steps = Steps(np.repeat(values * limit, parts), np.full(count, duration / count), np.zeros((count, 0)))
         result = ends.sensitivity(steps)
         if not (np.isfinite(result.by_torque).all() and np.isfinite(result.by_width).all()):
-            raise Overflows(
+            raise ArcOverflowError(
                 f"torque_limit = {limit:g} N m: bends the plant until its motion overflows; expected a smaller one, or "
                 "a start nearer to rest"
             )

@@ -14,7 +14,7 @@ from boomctl.arrays import Array
 from boomctl.lti.rounding import ALIKE, SUMMED
 from boomctl.slew.dynamics import kind_of, rates_of
 from boomctl.slew.end_map import MOST_STEPS, STEP_SHARE, EndMap, end_map
-from boomctl.slew.least_time.arc_count import Overflows, counted
+from boomctl.slew.least_time.arc_count import ArcOverflowError, counted
 from boomctl.slew.plant import SlewPlant, plant_of
 from boomctl.slew.problem import SlewProblem, end_conditions
 from boomctl.slew.torque import TorqueProfile, bang_bang, held
@@ -94,7 +94,7 @@ class _Arcs:
 
 
 def least_time_arcs(problem: SlewProblem, first: TorqueProfile) -> ArcSlew | None:
-    """Lead a bang-bang torque to the end in least time; None if none is found; `Overflows` if the motion has no bounds.
+    """Lead a bang-bang torque to the end in least time; None if none is found; raise where motions overflow.
 
     Beams with axial modes start from the answer without them, which serves as it is where it is accurate enough. Where the
     second half of the slew mirrors the first, only that is sought.
@@ -128,7 +128,7 @@ def _with_right_signs(ends: EndMap, start: TorqueProfile) -> tuple[_Arcs | None,
     for intervals in (0, *_GRIDS):
         try:
             torque = start if intervals == 0 else counted(ends, start, intervals)
-        except Overflows as error:
+        except ArcOverflowError as error:
             overflow = error
             continue
         result = None if torque is None else _stationary(ends, _Arcs.of(torque), 1)

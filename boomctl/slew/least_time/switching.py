@@ -45,7 +45,7 @@ _SAMPLES = 4000  # instants at which the signs of torque and switching function 
 _PARTS = 2000  # of the duration, in which the integral of |p| is summed: |p| is smooth between switches
 
 
-class SwitchesNotFound(SlewError):
+class SwitchesNotFoundError(SlewError):
     """A torque leads to the end, but the switching times of the fastest were not found."""
 
 
@@ -97,7 +97,7 @@ def least_time(problem: SlewProblem) -> Extremal:
     guess = problem.rigid_time if first is None else first.duration
     try:
         return _fastest(problem, guess)
-    except SwitchesNotFound as failure:
+    except SwitchesNotFoundError as failure:
         # where an arc is about to appear, no grid shows how many there are; a torque limit beside the given one may
         for factor in _BESIDE:
             try:
@@ -139,7 +139,7 @@ def _fastest(problem: SlewProblem, guess: float) -> Extremal:
             return result
         best = result or best
     missing = "none converged" if best is None else f"conditions are missed by {best.residual:.1e}"
-    raise SwitchesNotFound(f"minimum time: the switching times could not be found; {missing}")
+    raise SwitchesNotFoundError(f"minimum time: the switching times could not be found; {missing}")
 
 
 def _likely(problem: SlewProblem, guess: float) -> Extremal | None:

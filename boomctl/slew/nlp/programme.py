@@ -13,7 +13,7 @@ from boomctl.slew.nlp.interval import Units
 from boomctl.slew.nlp.transcription import Scheme, Transcription, transcribe
 from boomctl.slew.objectives import OBJECTIVES
 from boomctl.slew.problem import AT_LIMIT, Limits, SlewProblem
-from boomctl.slew.result import LimitsTooTight, SlewError
+from boomctl.slew.result import LimitsTooTightError, SlewError
 from boomctl.slew.torque import TorqueProfile, held, ramped
 
 _OPTIONS = {
@@ -98,7 +98,7 @@ class Programme:
         if not statistics["success"]:
             said, missed = self._failure(problem, raw, arguments)
             if statistics["return_status"] == "Infeasible_Problem_Detected":
-                raise LimitsTooTight(said, missed)
+                raise LimitsTooTightError(said, missed)
             raise SlewError(said)
         return self._read(problem, raw, int(statistics["iter_count"]))
 

@@ -5,14 +5,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from boomctl.lti.rounding import ALIKE
-from boomctl.progress import OutOfTime
+from boomctl.progress import OutOfTimeError
 from boomctl.slew.linear import Guess, guess_from, least_effort
 from boomctl.slew.nlp.programme import Programme, Solution, prepare
 from boomctl.slew.nlp.transcription import Scheme
 from boomctl.slew.objectives import OBJECTIVES
 from boomctl.slew.problem import MESH_GAP, MESHES, ROUNDS, SlewProblem
 from boomctl.slew.replay import Motion, played, prescribed_error, violation
-from boomctl.slew.result import LimitsTooTight, SlewError
+from boomctl.slew.result import LimitsTooTightError, SlewError
 from boomctl.slew.torque import TorqueProfile
 
 _TOO_MUCH = 0.05  # by which a coarse mesh may exceed a limit and a finer still keep it; a choice
@@ -68,13 +68,13 @@ def refined(problem: SlewProblem, least: TorqueProfile | None) -> Refined:
         programme, solution, motions = _solved(problem, guess, problem.intervals)
         try:
             gap = _gap(solution.cost, _companion(problem, programme, solution).cost)
-        except OutOfTime as over:
+        except OutOfTimeError as over:
             return Refined(programme, solution, np.inf, (*path, f"out of time: {over}"), motions)
         return Refined(programme, solution, gap, path, motions)
     best: list[Refined] = []
     try:
         return _on_finer_meshes(problem, least, best)
-    except OutOfTime as over:
+    except OutOfTimeError as over:
         if not best:
             raise
         result = best[-1]
@@ -104,7 +104,7 @@ def _on_finer_meshes(problem: SlewProblem, least: TorqueProfile | None, best: li
         last, path = intervals == MESHES[-1], (*path, f"collocation on {intervals} intervals")
         begun = problem.deadline.seconds
         if 2.0 * took > problem.deadline.limit - begun:
-            raise OutOfTime(path[-1])
+            raise OutOfTimeError(path[-1])
         try:
             guess = _guess(problem, least, coarser, intervals)
             programme, solution, motions = _solved(problem, guess, intervals, rough=not last)
@@ -113,7 +113,7 @@ def _on_finer_meshes(problem: SlewProblem, least: TorqueProfile | None, best: li
             if gap < MESH_GAP and not last:
                 guess = _guess(problem, least, solution.history, intervals)
                 programme, solution, motions = _solved(problem, guess, intervals)
-        except LimitsTooTight as error:
+        except LimitsTooTightError as error:
             if error.excess > min(_TOO_MUCH, 0.5 * before):
                 raise
             failure, before = error, error.excess

@@ -112,7 +112,7 @@ def lowest_level(
     ------
     SynthesisError
         Not even the H2 Riccati equations could be solved; no level can be reached.
-    OutOfTime
+    OutOfTimeError
         There was no time left for it.
     """
     relaxed = level_of(ready, np.inf)

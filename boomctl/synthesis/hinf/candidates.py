@@ -67,7 +67,7 @@ def first_accepted(task: Task, strict: bool) -> Candidate:
     ------
     SynthesisError
         No controller passes; why each was rejected is told.
-    OutOfTime
+    OutOfTimeError
         There was no time left for another one.
     """
     tried: list[_Tried] = []

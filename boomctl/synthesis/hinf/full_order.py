@@ -15,7 +15,7 @@ from scipy import linalg
 from boomctl.arrays import Array
 from boomctl.lti.rounding import ALIKE
 from boomctl.lti.system import Lti
-from boomctl.progress import Deadline, OutOfTime
+from boomctl.progress import Deadline, OutOfTimeError
 from boomctl.synthesis.assumptions import SynthesisError
 from boomctl.synthesis.hinf.bounds import lowest_level
 from boomctl.synthesis.hinf.normal_form import normalized
@@ -50,7 +50,7 @@ def full_order_bound(plant: GeneralizedPlant, deadline: Deadline) -> tuple[float
             measured, seen = _noisy(_shifted(plant, shift))
             weighed, moved = _noisy(measured.dual)
             bounds, _ = lowest_level(normalized(weighed.dual), _TOLERANCE, deadline)
-        except OutOfTime as over:
+        except OutOfTimeError as over:
             return 0.0, f"the time ran out while {over}"
         except _FAILED as error:
             reason = reason or " ".join(str(error).split())

@@ -15,7 +15,7 @@ from boomctl.lti.bilinear import continuous_image, discrete_image, omega_of_imag
 from boomctl.lti.modal import sides
 from boomctl.lti.system import ClosedLoop, Lti, rates_of
 from boomctl.printing import system
-from boomctl.progress import Deadline, Listener, OutOfTime, computing
+from boomctl.progress import Deadline, Listener, OutOfTimeError, computing
 from boomctl.reduction.result import ReductionResult
 from boomctl.synthesis.assumptions import SynthesisError, check_modes, check_ranks, check_zeros
 from boomctl.synthesis.certificate import Design, DesignCertificate
@@ -199,7 +199,7 @@ def h_infinity(
                 wanted=wanted,
             )
             result = first_accepted(task, strict=allowed is not None)
-        except OutOfTime as over:
+        except OutOfTimeError as over:
             raise SynthesisError(
                 f"the time limit of {limit:g} s ran out while {over}; no controller is returned"
             ) from None

@@ -234,20 +234,23 @@ class _Block:
     A: Array
     B: Array
     C: Array
-    noise_B: Array
-    noise_C: Array
+    input_noise: Array
+    output_noise: Array
 
 
 def _blocks(K: Lti) -> list[_Block]:
     blocks, columns, widths = block_diagonal(K.A)
     rows = linalg.inv(columns) if len(K.A) else K.A
     B, C = rows @ K.B, K.C @ columns
-    noise_B, noise_C = _UNITS * EPS * (np.abs(rows) @ np.abs(K.B)), _UNITS * EPS * (np.abs(K.C) @ np.abs(columns))
+    input_noise, output_noise = (
+        _UNITS * EPS * (np.abs(rows) @ np.abs(K.B)),
+        _UNITS * EPS * (np.abs(K.C) @ np.abs(columns)),
+    )
     ends = np.cumsum(widths).astype(int)
     result = []
     for end, width in zip(ends, widths, strict=True):
         own = slice(end - width, end)
-        result.append(_Block(blocks[own, own], B[own], C[:, own], noise_B[own], noise_C[:, own]))
+        result.append(_Block(blocks[own, own], B[own], C[:, own], input_noise[own], output_noise[:, own]))
     return result
 
 
@@ -256,8 +259,8 @@ def _joined(one: _Block, other: _Block) -> _Block:
         linalg.block_diag(one.A, other.A),
         np.vstack([one.B, other.B]),
         np.hstack([one.C, other.C]),
-        np.vstack([one.noise_B, other.noise_B]),
-        np.hstack([one.noise_C, other.noise_C]),
+        np.vstack([one.input_noise, other.input_noise]),
+        np.hstack([one.output_noise, other.output_noise]),
     )
 
 
@@ -270,7 +273,7 @@ def _apart(one: _Block, other: _Block) -> float:
 def _minimal(block: _Block, side: _Side, faint: float) -> Lti:
     """Return the states that one half reaches and sees, of those of a block."""
     entry, leave = block.B @ side.entry, side.leave.T @ block.C
-    unsure = block.noise_B @ np.abs(side.entry), np.abs(side.leave.T) @ block.noise_C
+    unsure = block.input_noise @ np.abs(side.entry), np.abs(side.leave.T) @ block.output_noise
     sizes = (
         np.linalg.norm(block.B) * np.linalg.norm(side.entry, axis=0),
         np.linalg.norm(block.C) * np.linalg.norm(side.leave.T, axis=1),

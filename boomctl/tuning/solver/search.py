@@ -10,7 +10,7 @@ from boomctl.analysis.norm import level_norm
 from boomctl.arrays import Array
 from boomctl.lti.rounding import LEVEL
 from boomctl.lti.system import Lti
-from boomctl.progress import Deadline, OutOfTime, tell
+from boomctl.progress import Deadline, OutOfTimeError, tell
 from boomctl.tuning.point import Point
 from boomctl.tuning.problem import Problem
 from boomctl.tuning.solver.bundle import polish
@@ -105,7 +105,7 @@ class Search:
     def point(self, x: Array, problem: Problem | None = None) -> Point:
         """Return the loops at free numbers; out of time where it is."""
         if self.deadline.over:
-            raise OutOfTime
+            raise OutOfTimeError
         return Point(self.problem if problem is None else problem, x, self.known)
 
     def keep(self, point: Point, *, complete: bool = False) -> None:
@@ -317,7 +317,7 @@ def search(
                 yield "drawn" if k else "quiet", drawn(problem.structure, problem.ports, rng, quiet=k == 0)
 
         work.from_starts(every(), len(begun) + more, starts > _MANY, rng)
-    except OutOfTime:
+    except OutOfTimeError:
         work.path.append("out of time")
     except KeyboardInterrupt:
         work.path.append("stopped")
