@@ -6,15 +6,19 @@ import re
 import shutil
 import subprocess
 import sys
+from dataclasses import fields
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
+from typing import get_type_hints
 
 import control
 import pytest
 
 import boomctl
 from boomctl import lazy
+from boomctl.boom.parameters import BoomChanges
+from boomctl.rotating_beam.parameters import HubBeamChanges
 
 PACKAGE = Path(boomctl.__file__).parent
 SCRIPT = Path(__file__).with_name("user_script.py")
@@ -100,16 +104,37 @@ def test_the_users_script_uses_every_public_name():
     assert used == set(boomctl.__all__) | packages
 
 
+@pytest.mark.parametrize(
+    ("keywords", "parameters"), [(BoomChanges, boomctl.BoomParameters), (HubBeamChanges, boomctl.HubBeamParameters)]
+)
+def test_keywords_of_a_factory_are_its_parameters(keywords, parameters):
+    assert get_type_hints(keywords) == {field.name: field.type for field in fields(parameters)}
+
+
 @pytest.mark.slow  # a type checker's start and one pass over all that is public: 7 s
 @pytest.mark.skipif(find_spec("pyright") is None, reason="pyright is not installed (pip install '.[dev]')")
 def test_a_type_checker_knows_every_type_in_the_users_script(tmp_path):
     # in a folder of its own: a user's type checker does not read this repository's settings
     shutil.copy(SCRIPT, tmp_path)
+    misspelled = tmp_path / "misspelled.py"
+    misspelled.write_text("import boomctl as bc\n\nbc.spray_boom(lengths=13.0)\nbc.hub_beam(tip_mas=1.0)\n")
     (tmp_path / "pyrightconfig.json").write_text(json.dumps({"extraPaths": [str(PACKAGE.parent)]}))
-    words = [sys.executable, "-m", "pyright", "--pythonpath", sys.executable, "--outputjson", SCRIPT.name]
+    words = [
+        sys.executable,
+        "-m",
+        "pyright",
+        "--pythonpath",
+        sys.executable,
+        "--outputjson",
+        SCRIPT.name,
+        misspelled.name,
+    ]
     done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, check=False)
     found = json.loads(done.stdout)["generalDiagnostics"]
-    assert not [entry for entry in found if entry["severity"] == "error"]
+    errors = [(Path(entry["file"]).name, entry["message"]) for entry in found if entry["severity"] == "error"]
+    assert [file for file, _ in errors] == [misspelled.name] * 2
+    assert '"lengths"' in errors[0][1]
+    assert '"hub_beam"' in errors[1][1]  # none of its overloads
     revealed = [entry["message"] for entry in found if entry["severity"] == "information"]
     assert len(revealed) == SCRIPT.read_text().count("reveal_type(")
     # an array's shape and kind of numbers stay open; everything else is known

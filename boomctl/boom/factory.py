@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Unpack
 
 from boomctl.arrays import Array
 from boomctl.boom.model import boom_discretization, boom_model, nozzle_places
-from boomctl.boom.parameters import BoomParameters, boom_parameters
+from boomctl.boom.parameters import BoomChanges, BoomParameters, boom_parameters
 from boomctl.checks import known, positive, shown, truth
 from boomctl.parameters import signature_of
 from boomctl.structure.displacement_input import MOTIONS
@@ -28,7 +28,7 @@ def spray_boom(
     nozzles: Sequence[float] | Array | None = None,
     accuracy: float | None = None,
     max_frequency_hz: float | None = None,
-    **changes: Any,
+    **changes: Unpack[BoomChanges],
 ) -> SecondOrderModel:
     """Return the horizontal dynamics of the spray boom.
 

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from math import sqrt
-from typing import Any
+from typing import Any, TypedDict
 
 from boomctl.checks import exactly, from_on, nonnegative, positive, warn_user
 from boomctl.parameters import Parameters, compared_with_defaults, or_default, replaced
@@ -22,6 +22,30 @@ _MAY_BE_ZERO = (
     "inner_width",
     "inner_height",
 )
+
+
+class BoomChanges(TypedDict, total=False):
+    """The keywords with which `spray_boom` changes parameters: those of `BoomParameters`."""
+
+    platform_mass: float
+    cradle_mass: float
+    boom_mass: float
+    platform_inertia: float
+    cradle_inertia: float
+    boom_inertia: float
+    density: float
+    youngs_modulus: float
+    length: float
+    actuator_distance: float
+    spring_distance: float
+    outer_width: float
+    inner_width: float
+    outer_height: float
+    inner_height: float
+    spring_stiffness: float
+    cradle_damping: float
+    hinge_damping: float
+    stiffness_damping: float
 
 
 @compared_with_defaults

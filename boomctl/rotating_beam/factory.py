@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal, overload
+from typing import Literal, Unpack, overload
 
 from numpy.typing import ArrayLike
 
@@ -12,7 +12,7 @@ from boomctl.parameters import or_default, signature_of
 from boomctl.rotating_beam.assumed_modes import AssumedModesBeam
 from boomctl.rotating_beam.beam import HubBeam, in_model
 from boomctl.rotating_beam.exact.beam import GeometricallyExactBeam
-from boomctl.rotating_beam.parameters import HubBeamParameters
+from boomctl.rotating_beam.parameters import HubBeamChanges, HubBeamParameters
 from boomctl.threads import one_blas_thread
 
 
@@ -21,7 +21,7 @@ def hub_beam(
     parameters: HubBeamParameters | None = None,
     model: Literal["tlam", "sfoam", "sfoam-consistent", "foam", "cfoam"] | None = None,
     modes: int | None = None,
-    **changes: Any,
+    **changes: Unpack[HubBeamChanges],
 ) -> AssumedModesBeam: ...
 
 
@@ -30,7 +30,7 @@ def hub_beam(
     parameters: HubBeamParameters | None,
     model: Literal["geometrically-exact"],
     modes: int | None = None,
-    **changes: Any,
+    **changes: Unpack[HubBeamChanges],
 ) -> GeometricallyExactBeam: ...
 
 
@@ -40,7 +40,7 @@ def hub_beam(
     *,
     model: Literal["geometrically-exact"],
     modes: int | None = None,
-    **changes: Any,
+    **changes: Unpack[HubBeamChanges],
 ) -> GeometricallyExactBeam: ...
 
 
@@ -49,7 +49,7 @@ def hub_beam(
     parameters: HubBeamParameters | None = None,
     model: str | None = None,
     modes: int | None = None,
-    **changes: Any,
+    **changes: Unpack[HubBeamChanges],
 ) -> HubBeam: ...
 
 
@@ -60,7 +60,7 @@ def hub_beam(
     accuracy: float,
     maneuver: Maneuver,
     timepts: float | ArrayLike | None = None,
-    **changes: Any,
+    **changes: Unpack[HubBeamChanges],
 ) -> HubBeam: ...
 
 
@@ -72,7 +72,7 @@ def hub_beam(
     accuracy: float | None = None,
     maneuver: Maneuver | None = None,
     timepts: float | ArrayLike | None = None,
-    **changes: Any,
+    **changes: Unpack[HubBeamChanges],
 ) -> HubBeam:
     """Return a flexible beam on a rotating hub, in one of several models.
 

@@ -1,9 +1,25 @@
 """Physical parameters of the rotating hub-beam."""
 
 from dataclasses import dataclass
+from typing import TypedDict
 
 from boomctl.checks import nonnegative, positive
 from boomctl.parameters import Parameters
+
+
+class HubBeamChanges(TypedDict, total=False):
+    """The keywords with which `hub_beam` changes parameters: those of `HubBeamParameters`."""
+
+    length: float
+    density: float
+    area: float
+    youngs_modulus: float
+    second_moment: float
+    hub_inertia: float
+    hub_radius: float
+    tip_mass: float
+    tip_mass_position: float | None
+    damping_ratio: float
 
 
 @dataclass(frozen=True, repr=False)
