@@ -18,7 +18,7 @@ Certify it
 Make it smaller
     reduce, reduce_controller, scale_signals, unscale_controller, ScaledStateSpace.
 Design a controller
-    lqr, kalman, lqg, h2, h_infinity, discretize, gain_schedule, SynthesisError; its plant: with_state_outputs,
+    lqr, kalman, lqg, h2, h_infinity, discretize, gain_schedule; its plant: with_state_outputs,
     generalized_plant, mixed_sensitivity, low_pass, shelf.
 Tune one of a given structure
     tune, and the package ``tunable``.
@@ -27,9 +27,11 @@ Close the loop
 Prove it over a family of plants
     boom_family, robust_stability, worst_case.
 Turn a beam
-    optimal_slew, SlewError.
+    optimal_slew.
 Many at once, and to and fro
     sweep, progress_callback, Progress, read_controller, write_controller.
+Handle errors and warnings
+    the module ``exceptions``.
 
 Names are loaded when first used, so that ``import boomctl`` itself costs next to nothing.
 """

@@ -50,10 +50,8 @@ from boomctl.simulation.contact.friction import CoulombFriction as CoulombFricti
 from boomctl.simulation.forced_response import forced_response as forced_response
 from boomctl.simulation.loop import simulate_loop as simulate_loop
 from boomctl.slew.optimal import optimal_slew as optimal_slew
-from boomctl.slew.result import SlewError as SlewError
 from boomctl.structure.model import split_symmetric as split_symmetric
 from boomctl.studies.sweeps.sweep import sweep as sweep
-from boomctl.synthesis.assumptions import SynthesisError as SynthesisError
 from boomctl.synthesis.discretise import discretize as discretize
 from boomctl.synthesis.hinf.h_infinity import h_infinity as h_infinity
 from boomctl.synthesis.lq.h2 import h2 as h2
@@ -73,6 +71,7 @@ from boomctl.tuning.tune import tune as tune
 
 from . import analysis as analysis
 from . import boom as boom
+from . import exceptions as exceptions
 from . import exchange as exchange
 from . import identification as identification
 from . import maneuvers as maneuvers

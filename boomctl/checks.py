@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from boomctl.arrays import Array
+from boomctl.exceptions import BoomctlWarning
 
 _FASTEST = 1e60  # rad/s; of what is faster, the fourth power times a mass may be beyond all numbers (a choice)
 _LARGEST_WHOLE = 2**53  # whole numbers up to here are also numbers in double precision
@@ -33,7 +34,7 @@ def shown(value: object) -> str:
     return text if len(text) <= _SHOWN else f"{text[:_SHOWN]}..."
 
 
-def warn_user(message: str, category: type[Warning] = UserWarning) -> None:
+def warn_user(message: str, category: type[Warning] = BoomctlWarning) -> None:
     """Warn at the line that called the library, however many of its own calls lie between."""
     frame = sys._getframe(1)
     while frame.f_globals.get("__name__", "").partition(".")[0] in _INNER and frame.f_back is not None:

@@ -64,7 +64,9 @@ def half_design(model, side):
         f"{between.lower_bound:.4g} is reached, and none above {between.upper_bound:.6g}",
     }
     if not np.isfinite(mesh.upper_bound):
-        raise bc.SynthesisError(f"{name}: the loop is not stable on the whole mesh, or its norm could not be certified")
+        raise bc.exceptions.SynthesisError(
+            f"{name}: the loop is not stable on the whole mesh, or its norm could not be certified"
+        )
     return smaller.controller, facts
 
 

@@ -46,7 +46,7 @@ SCENES = {
     "forced": ("bc.forced_response(bc.spray_boom(), [0.0, 0.1, 0.2], {'cradle': [0.0, 1.0, 0.0]})", LOOP),
     "reduction": (f"print(bc.reduce({BOTH}, order=6))", BOOM | {"boomctl.synthesis"}),
     "lqg": (f"print(bc.lqg(bc.spray_boom(), None, 1e-4, {NOISE}, {COST}))", LOOP | {"scipy.optimize"}),
-    "synthesis": ("bc.lqg, bc.h2, bc.h_infinity, bc.SynthesisError, bc.simulate_loop, bc.reduce", LOOP),
+    "synthesis": ("bc.lqg, bc.h2, bc.h_infinity, bc.exceptions.SynthesisError, bc.simulate_loop, bc.reduce", LOOP),
     "beam": ("bc.hub_beam(modes=2).eigenfrequencies_hz(1.0)", BEAM | {"scipy.optimize"}),
     "spin-up": ("bc.hub_beam(modes=1).simulate(bc.spin_up(1.0, 1.0), [1.0, 2.0])", BEAM),
     "slew": (

@@ -18,8 +18,7 @@ from flint import fmpq_mat
 from scipy import io
 
 import boomctl as bc
-from boomctl.reduction.result import ReductionError
-from boomctl.synthesis.assumptions import SynthesisError
+from boomctl.exceptions import ReductionError, SynthesisError
 from tests.exact import Exact, dyadic
 from tests.fuzz import in_time
 from tests.profiles import is_hunt

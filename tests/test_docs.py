@@ -19,7 +19,7 @@ import boomctl
 import boomctl.structure
 import boomctl.tunable
 from tests.docstrings import sections
-from tests.test_public_names import PACKAGES
+from tests.test_public_names import EXCEPTIONS, PACKAGES
 
 pytestmark = pytest.mark.early
 
@@ -85,7 +85,8 @@ def test_every_public_name_stands_on_one_page():
         f"{name}.{part}" for name, package in packages for part in package.__all__ if getattr(package, part) not in tops
     }
     handed_out = {f"{module}.{name}" for module, name in HANDED_OUT}
-    assert sorted(_listed()) == sorted({*boomctl.__all__, *parts, *handed_out} - {"__version__"})
+    raised = {f"exceptions.{name}" for name in EXCEPTIONS}
+    assert sorted(_listed()) == sorted({*boomctl.__all__, *parts, *handed_out, *raised} - {"__version__"})
 
 
 def _public():

@@ -15,9 +15,9 @@ import pytest
 from flint import fmpq
 
 import boomctl as bc
+from boomctl.exceptions import ReductionError
 from boomctl.lti.modal import side_of_axis, spectral_parts
 from boomctl.lti.system import of
-from boomctl.reduction.result import ReductionError
 from tests.exact import Exact, dyadic, loop_is_stable, loop_of, loop_truth, on_axis
 from tests.hard_systems import BEYOND, KINDS, hard
 from tests.profiles import is_hunt
@@ -89,7 +89,7 @@ def reduce_outcome(seed, system, exact):
     method = METHODS[seed // len(KINDS) % len(METHODS)]
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", bc.reduction.result.LowerOrderWarning)
+            warnings.simplefilter("ignore", bc.exceptions.LowerOrderWarning)
             found = bc.reduce(system, system.nstates // 2, method)
     except ReductionError:
         return "refused"

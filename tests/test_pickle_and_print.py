@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 import boomctl as bc
+from boomctl.exceptions import LimitsTooTightError
 from boomctl.slew import replan
-from boomctl.slew.result import LimitsTooTightError
 from tests import handed_out as one
 from tests.handed_out import FACTORIES
 

@@ -16,11 +16,12 @@ import numpy as np
 import boomctl
 import boomctl.structure
 import boomctl.tunable
+from boomctl import exceptions
 
 STORED = Path(__file__).with_name("public_names.txt")
 _VAGUE = {"chance", "each", "path", "place", "share", "statement"}
 # names that end as participles and adverbs do: nouns, and adjectives that control theory and SciPy use
-_NOUNS = {"assembly", "damping", "family", "foreshortening", "seed", "spacing", "speed", "to_string"}
+_NOUNS = {"assembly", "damping", "family", "foreshortening", "seed", "spacing", "speed", "to_string", "warning"}
 _ADJECTIVES = {
     "certified", "closely_spaced", "commanded", "completed", "converged", "decentralized", "elapsed", "error_std_estimated",
     "fixed", "followed", "proved", "recovered", "reduced", "scaled", "tail_bounded",
@@ -39,6 +40,8 @@ PACKAGES = (
     "simulation",
     "slew",
 )
+
+EXCEPTIONS = {name: value for name, value in vars(exceptions).items() if isinstance(value, type)}
 
 
 def _default(value):
@@ -80,7 +83,8 @@ def _members(owner):
 def _lines():
     lines = []
     classes = {}
-    named = [(module, name) for module in (boomctl, boomctl.structure, boomctl.tunable) for name in module.__all__]
+    named = [(exceptions, name) for name in EXCEPTIONS]
+    named += [(module, name) for module in (boomctl, boomctl.structure, boomctl.tunable) for name in module.__all__]
     for package in (*PACKAGES, "exchange", "maneuvers", "studies"):
         module = import_module(f"boomctl.{package}")
         functions = [
@@ -107,6 +111,12 @@ def test_public_names_parameters_and_members_are_those_written_down():
     stored = STORED.read_text().splitlines()
     changes = list(difflib.unified_diff(stored, _lines(), "written down", "now", lineterm="", n=0))
     assert not changes, "\n".join([*changes, "deliberate? python -m tests.test_public_names"])
+
+
+def test_exceptions_and_warnings_have_common_bases():
+    for name, value in EXCEPTIONS.items():
+        bases = (exceptions.BoomctlWarning,) if name.endswith("Warning") else (exceptions.BoomctlError, RuntimeError)
+        assert value is exceptions.BoomctlError or all(issubclass(value, base) for base in bases), name
 
 
 def test_names_are_nouns_and_verbs():

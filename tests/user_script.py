@@ -144,7 +144,7 @@ tuned = bc.tune(P, 1, 1, T.gain(), channels=[T.objective(), T.constraint(None, "
 reveal_type(tuned)
 reveal_type(tuned.controller)
 reveal_type(tuned.certificate.active_peaks[0].omega)
-reveal_type(bc.synthesis.ReductionWarning("said"))
+reveal_type(bc.exceptions.ReductionWarning("said"))
 reveal_type(bc.h2(P, 1, 1))
 reveal_type(bc.lqr(plant, {"tip_left": 1.0}, np.eye(1)).gain)
 reveal_type(bc.kalman(plant, np.eye(1), np.eye(1)).estimator)
@@ -193,7 +193,7 @@ reveal_type(bc.worst_case(family, K, ["actuator_anti"], ["tip_anti"]).worst_norm
 try:
     exact = bc.analysis.nyquist_stability(lambda w: bc.exact_frequency_response(p, w), K, plant_poles=[-1.0])
     reveal_type(exact)
-except bc.SynthesisError as refused:
+except bc.exceptions.SynthesisError as refused:
     reveal_type(refused)
 
 # simulation
@@ -272,5 +272,5 @@ try:
     reveal_type(tracked.monte_carlo(256, stiffness=0.1, tip_mass=(0.0, 0.2)).residual_vibration)
     planned: bc.slew.SlewResult = bc.optimal_slew(h.linearize(), 1.0, 200.0)
     reveal_type(planned.residual_energy)
-except bc.SlewError as refused:
+except bc.exceptions.SlewError as refused:
     reveal_type(refused)

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from boomctl.arrays import Array
 from boomctl.checks import frequencies, known, names, warn_user
+from boomctl.exceptions import FeedbackSignWarning
 from boomctl.lti.bilinear import continuous_image
 from boomctl.lti.modal import sides
 from boomctl.lti.sampled import sampled_plant, time_of_loop
@@ -26,10 +27,6 @@ if TYPE_CHECKING:
 
 SIGN_ADVICE = "The controller acts as u = +K y: pass -K, which stabilizes the loop."
 _MAX_CHECKED_STATES = 200  # States of a loop up to which its poles are computed for a warning: some 20 ms.
-
-
-class FeedbackSignWarning(UserWarning):
-    """The loop ``u = K y`` is unstable, and stable with ``-K``."""
 
 
 @dataclass(frozen=True)

@@ -26,6 +26,7 @@ from boomctl.analysis.norm import axis_eigenvalues, matrices_norm
 from boomctl.analysis.prove import Claim
 from boomctl.arrays import Array, blocks
 from boomctl.checks import known, warn_user
+from boomctl.exceptions import MarginAccuracyWarning, MarginLossWarning
 from boomctl.lti.bilinear import continuous_image, omega_of_image
 from boomctl.lti.frequency import (
     BEYOND,
@@ -70,14 +71,6 @@ _ROUNDS = 12  # of adding those where it is not; two or three do
 _SWEEPS = 50  # over rows and columns, to make them alike; few do, for the start of a search
 _SEARCHED = 30  # signals beyond which rows and columns are made alike and no more: a search takes tens of seconds
 _STEPS = 50  # of a search at most; a dozen does (a choice)
-
-
-class UncertainMarginsWarning(UserWarning):
-    """Margins have few digits: rounding of the loop's matrices alone changes its response."""
-
-
-class SamplingCostsMarginWarning(UserWarning):
-    """Sampling and delay take more than 3 dB off a disk margin of the loop."""
 
 
 @dataclass(frozen=True)
@@ -364,9 +357,9 @@ def margins(
 
     Warns
     -----
-    UncertainMarginsWarning
+    MarginAccuracyWarning
         Rounding of the loop's matrices alone may change the response by more than one part in 1e5.
-    SamplingCostsMarginWarning
+    MarginLossWarning
         Sampling and delay take more than 3 dB off the disk margin at all controls, or off that at all measurements.  The
         loop is compared with that of the continuous plant and of the continuous controller whose Tustin discretisation
         the discrete one is.  Where there is no such loop (a discrete plant, a pole at ``z = -1``, a continuous loop that is
@@ -404,7 +397,7 @@ def margins(
         said = (
             f"rounding of the loop's matrices alone may change its response by {most:.1g} of its size; scale the states"
         )
-        warn_user(said, UncertainMarginsWarning)
+        warn_user(said, MarginAccuracyWarning)
     loops = tuple(
         _loop_margin(
             name,
@@ -437,7 +430,7 @@ def margins(
         ]
         if costs:
             said = f"sampling every {dt:g} s with a delay of {delay:g} s takes the disk margin {', and '.join(costs)}"
-            warn_user(said, SamplingCostsMarginWarning)
+            warn_user(said, MarginLossWarning)
     if P.dt == K.dt and not delay:
         handed = P.between(*signals_of(K, P.input_labels, P.output_labels, P.state_labels, P.scales)), K
     else:

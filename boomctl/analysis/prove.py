@@ -6,6 +6,7 @@ from math import inf
 from typing import TYPE_CHECKING, Protocol
 
 from boomctl.checks import positive
+from boomctl.exceptions import CertificateError
 from boomctl.lti.rounding import SUMMED
 from boomctl.lti.system import ClosedLoop, Lti
 from boomctl.threads import one_blas_thread
@@ -14,10 +15,6 @@ if TYPE_CHECKING:
     from boomctl.lti.proof import Exact
 
 _LEAST = 1e-300  # level of a bound that is zero: its square is a rational number still
-
-
-class CertificateError(RuntimeError):
-    """A statement of a result was refuted; the message holds the counterexample."""
 
 
 @dataclass(frozen=True)

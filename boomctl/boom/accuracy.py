@@ -14,9 +14,9 @@ from boomctl.boom.exact import exact_boom, fine_mesh
 from boomctl.boom.model import boom_discretization, boom_model
 from boomctl.boom.parameters import BoomParameters
 from boomctl.checks import exactly
+from boomctl.exceptions import AccuracyWarning
 from boomctl.lti.frequency import DRAWN, resonance_grid, singular_values
 from boomctl.lti.modal import side_of_axis
-from boomctl.lti.rounding import AccuracyWarning
 from boomctl.printing import compact
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.response.direct import respond

@@ -90,7 +90,7 @@ class BoomParameters(Parameters):
 
     Warns
     -----
-    UserWarning
+    BoomctlWarning
         If ``boom_mass`` or ``boom_inertia`` is changed and the tube is not, or the tube is and one of them is not.
 
     Examples

@@ -79,7 +79,7 @@ def paired_modes(result: Any, other: Any) -> dict[str, str]:
 
     Warns
     -----
-    UserWarning
+    BoomctlWarning
         Modes of the other one without a partner: the family does not have them.
     """
     own, there = (np.log([mode.frequency_hz for mode in item.modes]) for item in (result, other))
@@ -93,8 +93,7 @@ def paired_modes(result: Any, other: Any) -> dict[str, str]:
     if alone:
         warn_user(
             f"The family has no mode for those of `union_with` at {', '.join(f'{hz:.5g}' for hz in alone)} Hz."
-            " Identify all records with the same modes.",
-            UserWarning,
+            " Identify all records with the same modes."
         )
     paired = {a: b for k, j in pairs for a, b in zip(names_of_mode(k), names_of_mode(j), strict=True)}
     both = min(len(result.real_poles), len(other.real_poles))

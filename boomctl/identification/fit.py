@@ -10,13 +10,14 @@ from numpy.typing import ArrayLike
 
 from boomctl.arrays import Array
 from boomctl.checks import function_of, positive, whole
+from boomctl.exceptions import AccuracyWarning
 from boomctl.identification.blocks import Spread, confident, limits, of_blocks, of_sets
 from boomctl.identification.certificate import FitCertificate, lack_of_fit, minimum
 from boomctl.identification.free import FreeParameters
 from boomctl.identification.identifiability import STEP, Seen, differences, slopes
 from boomctl.identification.measured import BOUNDED, Measured, answered
 from boomctl.identification.result import FitResult
-from boomctl.lti.rounding import ALIKE, AccuracyWarning
+from boomctl.lti.rounding import ALIKE
 from boomctl.progress import Listener, computing, tell
 from boomctl.structure.families import Family
 from boomctl.threads import one_blas_thread

@@ -188,7 +188,7 @@ class IdentificationResult:
 
         Warns
         -----
-        UserWarning
+        BoomctlWarning
             Modes of another record that this one does not have.
 
         Examples
@@ -358,7 +358,7 @@ def identify(
 
     Warns
     -----
-    UserWarning
+    BoomctlWarning
         Inputs follow from errors of the outputs: the record was taken in a closed loop.  An output is predicted by less than
         50 %.  The record does not show `intersample`.
 
@@ -559,8 +559,7 @@ def _check_fit(percent: Array, outputs: Sequence[str]) -> None:
     if percent.min() < _POOR:
         warn_user(
             f"The model predicts {outputs[worst]!r} of the held-back part by {percent[worst]:.3g} % only (mean"
-            f" {percent.mean():.3g} %). Use a longer record, or another `frequency_range_hz`.",
-            UserWarning,
+            f" {percent.mean():.3g} %). Use a longer record, or another `frequency_range_hz`."
         )
 
 
@@ -716,7 +715,6 @@ def _said_of_feedback(fit: CommonPoles) -> None:
             ):
                 warn_user(
                     f"inputs follow from errors of output {o + 1}, as in a closed loop: the model then mixes structure and"
-                    " controller, unless errors are small; add a signal of your own to the inputs",
-                    UserWarning,
+                    " controller, unless errors are small; add a signal of your own to the inputs"
                 )
                 return

@@ -191,16 +191,14 @@ def with_intersample(record: Record, top_hz: float) -> Record:
             why = "the phase of the outputs is" if outputs else "the spectrum of the inputs is"
             warn_user(
                 f"intersample = {record.intersample!r}: {why} that of {expected!r}; the wrong one shifts phases by half a"
-                " sample",
-                UserWarning,
+                " sample"
             )
         return record
     if expected is None and top_hz > _SLOW / record.step:
         warn_user(
             "intersample: the record does not show whether its inputs are band-limited ('bl', taken here: measured behind"
             " an anti-alias filter) or held between samples ('zoh': a computed command), and the wrong one shifts phases"
-            f" by half a sample, {180.0 * top_hz * record.step:.2g} degrees at {top_hz:.4g} Hz; give intersample",
-            UserWarning,
+            f" by half a sample, {180.0 * top_hz * record.step:.2g} degrees at {top_hz:.4g} Hz; give intersample"
         )
     return replace(record, intersample=expected or "bl")
 

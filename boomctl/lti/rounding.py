@@ -7,6 +7,7 @@ the terms of a sum.  A number that a proof needs and that holds for one computat
 import numpy as np
 
 from boomctl.checks import warn_user
+from boomctl.exceptions import AccuracyWarning
 
 EPS = float(np.finfo(float).eps)  # the unit of rounding: distance of one from the next number
 TERMS = 16.0  # units of a term of a sum over modes, beside one for each that it is added to
@@ -23,10 +24,6 @@ ROOT = 1e-7  # the root of rounding, with room: by so much of the largest one ro
 CERTIFIED = 1e-5  # relative distance of two bounds up to which a norm is certified (a choice)
 LEVEL = 1e-6  # how far above the largest gain known a level is tried, relative: a tenth of what a norm is certified to
 VISIBLE = 1e-4  # of the largest response: what would show in a plot
-
-
-class AccuracyWarning(UserWarning):
-    """The estimated rounding error of a result exceeds what it is usually good for."""
 
 
 def warn_of_rounding(what: str, share: float, promised: float) -> None:

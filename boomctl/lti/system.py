@@ -16,6 +16,7 @@ from scipy.linalg import lapack
 
 from boomctl.arrays import Array, balance, blocks, scaled_to_one
 from boomctl.checks import finite_array, names, warn_user
+from boomctl.exceptions import SingularFrequencyWarning
 from boomctl.lti.rounding import ALIKE, CANCELLED, ROOT, SUMMED
 from boomctl.lti.transfer_functions import realized
 from boomctl.printing import compact
@@ -36,10 +37,6 @@ BATCH = 2**16  # entries of the pencils that are solved at once: what stays in t
 _SIZES = (1e-250, 1e100)
 _TIMES = (1e-30, 1e30)  # sampling times [s] with which rates and frequencies are numbers still (a choice)
 SLOWEST = 1e-12  # [rad/s], up to which a frequency is zero (a choice)
-
-
-class SingularFrequencyWarning(UserWarning):
-    """A response was asked for exactly at a pole, and is that of a frequency beside it."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,5 +2,4 @@
 
 from boomctl.reduction.reduce import reduce as reduce
 from boomctl.reduction.result import ReductionCurves as ReductionCurves
-from boomctl.reduction.result import ReductionError as ReductionError
 from boomctl.reduction.result import ReductionResult as ReductionResult

@@ -16,6 +16,7 @@ from boomctl.analysis.norm import (
 )
 from boomctl.arrays import Array
 from boomctl.checks import finite_array, known, positive, up_to, warn_user, whole
+from boomctl.exceptions import LowerOrderWarning, ReductionError
 from boomctl.lti.bilinear import continuous_image, discrete_image, image_of_omega, omega_of_image
 from boomctl.lti.frequency import singular_values
 from boomctl.lti.modal import sides, split
@@ -33,7 +34,7 @@ from boomctl.reduction.reducers import (
     StateReducer,
     StrongestModes,
 )
-from boomctl.reduction.result import LowerOrderWarning, ReductionError, ReductionResult
+from boomctl.reduction.result import ReductionResult
 from boomctl.reduction.verify import SLACK, START, Band, Verified, band_norm, difference
 from boomctl.structure.model import SecondOrderModel
 from boomctl.threads import one_blas_thread

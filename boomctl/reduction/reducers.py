@@ -15,13 +15,13 @@ import numpy as np
 from scipy import linalg
 
 from boomctl.arrays import Array
+from boomctl.exceptions import ReductionError
 from boomctl.lti.gramians import band_integral, factors
 from boomctl.lti.modal import ModalSystem, residualised, spectral_parts
 from boomctl.lti.rounding import ALIKE, ROOT, SUMMED
 from boomctl.lti.system import Lti, append
 from boomctl.lti.verified_modal_form import verified_modal_form
 from boomctl.reduction.core import SystemCore
-from boomctl.reduction.result import ReductionError
 from boomctl.reduction.tail_bounds import Loads, loads_of, truncation_bound
 from boomctl.reduction.verify import GRAMIANS, Band, Verified, verified
 from boomctl.structure.model import SecondOrderModel

@@ -26,14 +26,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
-class ReductionError(RuntimeError):
-    """A reduced system could not be verified; the message says what failed."""
-
-
-class LowerOrderWarning(UserWarning):
-    """A reduced system has fewer states than asked for."""
-
-
 @dataclass(frozen=True, eq=False)
 class ReductionCurves:
     """Singular values before and after a reduction.

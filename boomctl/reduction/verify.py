@@ -22,6 +22,7 @@ from boomctl.analysis.norm import (
     stays_below,
 )
 from boomctl.arrays import Array
+from boomctl.exceptions import ReductionError
 from boomctl.lti.frequency import (
     RAISED,
     SEARCHED,
@@ -37,7 +38,6 @@ from boomctl.lti.rounding import ALIKE, CANCELLED, DIGIT, LEVEL, TINY
 from boomctl.lti.system import Lti
 from boomctl.lti.verified_modal_form import in_verified_modal_form
 from boomctl.reduction.core import SystemCore
-from boomctl.reduction.result import ReductionError
 
 Band = tuple[float, float]
 

@@ -7,7 +7,6 @@ from boomctl.rotating_beam.campbell import CriticalSpeed as CriticalSpeed
 from boomctl.rotating_beam.exact.beam import GeometricallyExactBeam as GeometricallyExactBeam
 from boomctl.rotating_beam.factory import hub_beam as hub_beam
 from boomctl.rotating_beam.parameters import HubBeamParameters as HubBeamParameters
-from boomctl.rotating_beam.result import SimulationError as SimulationError
 from boomctl.rotating_beam.result import SimulationResult as SimulationResult
 from boomctl.rotating_beam.sensors import BeamSensor as BeamSensor
 

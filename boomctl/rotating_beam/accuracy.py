@@ -18,12 +18,12 @@ from numpy.typing import ArrayLike
 
 from boomctl.arrays import Array
 from boomctl.checks import exactly, instance, plain_array, positive, shown, up_to
+from boomctl.exceptions import SimulationError
 from boomctl.maneuvers import Maneuver, PrescribedMotion, TorqueDriven
 from boomctl.printing import count
 from boomctl.progress import computing, tell
 from boomctl.rotating_beam.beam import HubBeam, in_model
 from boomctl.rotating_beam.parameters import HubBeamParameters
-from boomctl.rotating_beam.result import SimulationError
 from boomctl.rotating_beam.selection import ModelChoice
 
 # accuracies that can be asked for: below, the reference's rounding shows; above, none is meant (measured)

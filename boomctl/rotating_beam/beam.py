@@ -196,7 +196,7 @@ class HubBeam(ABC):
 
         Warns
         -----
-        UserWarning
+        BoomctlWarning
             The lowest is below 1e-4 Hz and none is above 0.01 Hz, or the lowest is above 1e5 Hz: units that are not SI.
         """
         if isinstance(hub_speed, (list, tuple, np.ndarray)):

@@ -247,10 +247,6 @@ class SimulationResult(TimeSeries):
         return self._details.states
 
 
-class SimulationError(RuntimeError):
-    """A motion that the model cannot be followed through: why, and from which instant."""
-
-
 def small_deformation_until(
     time: Array, tip_displacement: Array, length: float, tip_rate: Callable[[slice], Array]
 ) -> float:

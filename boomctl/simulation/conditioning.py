@@ -20,6 +20,7 @@ from scipy import linalg
 
 from boomctl.arrays import Array, balance
 from boomctl.checks import warn_user
+from boomctl.exceptions import WindupWarning
 from boomctl.lti.system import Lti
 
 # share of the noise added everywhere, so that the Riccati equation is solvable; below all that is felt
@@ -30,10 +31,6 @@ _ROUNDED = 1e-12  # error of the magnitude of a pole on the unit circle
 _FOLLOWED = 2  # controls whose rate alone is limited, which are proved: see above
 _DOUBLINGS = 40  # of the steps that a sum of powers has: a pole at 1 - 1e-10 has faded by then (a choice)
 _UNIT = 2.0**-53  # of rounding
-
-
-class WindupWarning(UserWarning):
-    """A controller's state is not corrected where it saturates."""
 
 
 def correction(laws: Sequence[Lti], force: Array, rate: Array) -> Array:

@@ -11,7 +11,6 @@ from boomctl.slew.optimal import optimal_slew as optimal_slew
 from boomctl.slew.optimal import replan as replan
 from boomctl.slew.result import Replay as Replay
 from boomctl.slew.result import SlewCertificate as SlewCertificate
-from boomctl.slew.result import SlewError as SlewError
 from boomctl.slew.result import SlewResult as SlewResult
 from boomctl.slew.shapers import Shaper as Shaper
 from boomctl.slew.shapers import input_shaper as input_shaper

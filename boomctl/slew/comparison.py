@@ -211,7 +211,7 @@ def compare_slews(
 
     Warns
     -----
-    UserWarning
+    BoomctlWarning
         The beam is to turn further than once round: an angle in degrees, it may be.
 
     Examples

@@ -27,6 +27,7 @@ from typing import TYPE_CHECKING
 from numpy.typing import ArrayLike
 
 from boomctl.checks import instance, positive, real
+from boomctl.exceptions import SlewError
 from boomctl.lti.rounding import ALIKE, SUMMED
 from boomctl.lti.system import is_statespace
 from boomctl.printing import compact
@@ -51,7 +52,7 @@ from boomctl.slew.problem import (
     warn_of_turns,
 )
 from boomctl.slew.replay import Motion, binding, free_errors, other_models, played, prescribed_error, violation
-from boomctl.slew.result import SlewCertificate, SlewError, SlewResult
+from boomctl.slew.result import SlewCertificate, SlewResult
 from boomctl.slew.torque import TorqueProfile
 from boomctl.threads import one_blas_thread
 
@@ -256,7 +257,7 @@ def optimal_slew(
 
     Warns
     -----
-    UserWarning
+    BoomctlWarning
         A hub-beam is to turn further than once round: an angle in degrees, it may be.
 
     Examples
@@ -390,7 +391,7 @@ def replan(
 
     Warns
     -----
-    UserWarning
+    BoomctlWarning
         As `optimal_slew`.
 
     Examples

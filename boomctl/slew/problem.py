@@ -25,13 +25,13 @@ from boomctl.checks import (
     warn_user,
     whole,
 )
+from boomctl.exceptions import SlewError
 from boomctl.lti.hold import matrix_expm1
 from boomctl.lti.rounding import ALIKE
 from boomctl.printing import compact
 from boomctl.slew.deadline import SlewDeadline
 from boomctl.slew.objectives import OBJECTIVES
 from boomctl.slew.plant import LABELS, SlewPlant, is_machine, plant_of
-from boomctl.slew.result import SlewError
 
 MESHES = (50, 100, 200, 400, 800)  # intervals tried, the coarsest and the finest a choice; each halves those before
 MESH_GAP = 1e-4  # relative change of the cost by a halved mesh that is accepted: what a user would see

@@ -60,8 +60,7 @@ def played(problem: SlewProblem, history: TorqueProfile, samples: int = _SAMPLES
         if _IN_PERIOD * turns > _MOST_SAMPLES:
             warn_user(
                 f"limits of the motion are judged at {_MOST_SAMPLES / turns:.2g} instants in a period of the fastest"
-                " vibration: between them it may exceed them; fewer modes or a shorter slew are judged closely",
-                UserWarning,
+                " vibration: between them it may exceed them; fewer modes or a shorter slew are judged closely"
             )
         samples = max(samples, min(int(_IN_PERIOD * turns), _MOST_SAMPLES))
     t = np.unique(np.concatenate([np.linspace(0.0, history.duration, samples), history.edges]))

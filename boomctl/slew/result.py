@@ -22,35 +22,6 @@ if TYPE_CHECKING:
     from boomctl.slew.tracked import TrackedSlew
 
 
-class SlewError(RuntimeError):
-    """A slew that cannot be done, or could not be found or verified; the message says what binds, and when.
-
-    Examples
-    --------
-    >>> import boomctl as bc
-    >>> import control
-    >>> A, B, C = [[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]], [[1.0, 0.0]]
-    >>> rigid = control.ss(A, B, C, 0.0, inputs="torque", outputs="angle")  # of unit inertia
-    >>> try:
-    ...     bc.optimal_slew(rigid, angle=1.0, torque_limit=1.0, objective="effort", duration=1.0)
-    ... except bc.SlewError as error:
-    ...     print(str(error).split(";")[0])
-    duration = 1 s: too short for a change of angle by 1
-    """
-
-
-class LimitsTooTightError(SlewError):
-    """No slew keeps the limits on a mesh; `excess` is the least sum of scaled misses that IPOPT finds."""
-
-    def __init__(self, message: str, excess: float) -> None:
-        super().__init__(message)
-        self.excess = excess
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        """Pickle both, as a pool of processes does to hand an error on."""
-        return type(self), (str(self), self.excess)
-
-
 @dataclass(frozen=True)
 class Replay:
     """What a model does under the planned torque, by an integrator that the planning does not use.

@@ -148,7 +148,7 @@ class Assembly:
 
         Warns
         -----
-        UserWarning
+        BoomctlWarning
             If the joints leave no motion of a point in the direction of a force, a link or an output.
         """
         mechanism, outline = _mechanism(self, exact=False), Outline(self)

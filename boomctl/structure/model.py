@@ -358,7 +358,7 @@ class SecondOrderModel:
         -----
         AccuracyWarning
             Rounding may be more than 1e-8 of them: elements of very unlike length and stiffness, or very fast modes.
-        UserWarning
+        BoomctlWarning
             The lowest is below 1e-4 Hz and none is above 0.01 Hz, or the lowest is above 1e5 Hz: units that are not SI.
         """
         poles, rounding = poles_and_rounding(self.structure, whole("count", count))
@@ -389,7 +389,7 @@ class SecondOrderModel:
 
         Warns
         -----
-        UserWarning
+        BoomctlWarning
             As :meth:`eigenfrequencies_hz`, of units that are not SI.
         """
         result = mode_shapes(self.structure, count)

@@ -2,7 +2,6 @@
 
 from boomctl.lti.controllers.scheduled import ScheduledController as ScheduledController
 from boomctl.lti.controllers.scheduled import gain_schedule as gain_schedule
-from boomctl.synthesis.assumptions import SynthesisError as SynthesisError
 from boomctl.synthesis.certificate import DesignCertificate as DesignCertificate
 from boomctl.synthesis.discretise import discretize as discretize
 from boomctl.synthesis.hinf.h_infinity import HInfinityResult as HInfinityResult
@@ -17,7 +16,6 @@ from boomctl.synthesis.lq.lqr import LqrResult as LqrResult
 from boomctl.synthesis.lq.lqr import lqr as lqr
 from boomctl.synthesis.lq.recovery import RecoveryResult as RecoveryResult
 from boomctl.synthesis.lq.recovery import loop_transfer_recovery as loop_transfer_recovery
-from boomctl.synthesis.plants.full_plant import ReductionWarning as ReductionWarning
 from boomctl.synthesis.plants.generalized import generalized_plant as generalized_plant
 from boomctl.synthesis.plants.generalized import mixed_sensitivity as mixed_sensitivity
 from boomctl.synthesis.plants.generalized import select_channels as select_channels

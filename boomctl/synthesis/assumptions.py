@@ -6,6 +6,7 @@ import numpy as np
 from scipy import linalg
 
 from boomctl.arrays import Array
+from boomctl.exceptions import SynthesisError
 from boomctl.lti.hidden_modes import HiddenMode, unmoved
 from boomctl.lti.rounding import SOLVED
 from boomctl.synthesis.hinf.normal_form import NormalizedPlant
@@ -15,22 +16,6 @@ from boomctl.synthesis.plants.partition import GeneralizedPlant
 _RANK = 1e-10
 _ZERO = 1e-14  # share of the largest column below which a column is nothing but rounding
 _SHARE = 1e-3  # least part in a dependent combination that a signal is named for (a choice)
-
-
-class SynthesisError(RuntimeError):
-    """No controller could be computed and verified; the message says which assumption fails, and at which signal.
-
-    Examples
-    --------
-    >>> import boomctl as bc
-    >>> import control
-    >>> hidden = control.ss([[1.0]], [[0.0]], [[1.0]], 0.0, inputs="u", outputs="y")
-    >>> try:
-    ...     bc.lqr(hidden, 1.0, 1.0)
-    ... except bc.SynthesisError as error:
-    ...     print(str(error).split(":")[0])
-    not stabilisable
-    """
 
 
 def check_stabilizable(A: Array, B: Array, controls: Sequence[str], states: Sequence[str], dt: float = 0.0) -> None:

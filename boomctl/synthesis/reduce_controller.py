@@ -11,11 +11,11 @@ from scipy import linalg
 from boomctl.analysis.norm import NormBounds
 from boomctl.arrays import Array, balance
 from boomctl.checks import nonnegative, positive, whole
+from boomctl.exceptions import SynthesisError
 from boomctl.lti.modal import residualised
 from boomctl.lti.rounding import SUMMED
 from boomctl.lti.system import Lti, lower_lft
 from boomctl.printing import system
-from boomctl.synthesis.assumptions import SynthesisError
 from boomctl.synthesis.certificate import Design
 from boomctl.synthesis.hinf.candidates import Candidate, largest_pole, verified_candidate, without_fast_poles
 from boomctl.synthesis.plants.partition import GeneralizedPlant, matched

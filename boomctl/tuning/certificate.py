@@ -6,10 +6,10 @@ import numpy as np
 
 from boomctl.analysis.h2 import matrices_h2_norm
 from boomctl.analysis.norm import NormBounds, matrices_norm
+from boomctl.exceptions import SynthesisError
 from boomctl.lti.modal import sides
 from boomctl.lti.system import ClosedLoop, Lti, lower_lft
 from boomctl.progress import Deadline
-from boomctl.synthesis.assumptions import SynthesisError
 from boomctl.synthesis.hinf.bounds import REFUTED
 from boomctl.synthesis.hinf.full_order import full_order_bound
 from boomctl.synthesis.lq.h2 import h2

@@ -13,11 +13,12 @@ from boomctl.analysis.box.points import pattern_search
 from boomctl.analysis.norm import UNSTABLE, NormBounds
 from boomctl.arrays import Array
 from boomctl.checks import function_of, instance, known, positive, sequence, whole, within
+from boomctl.exceptions import SynthesisError
 from boomctl.lti.rounding import CERTIFIED
 from boomctl.printing import count as counted
 from boomctl.progress import Deadline, Listener, computing, tell
 from boomctl.structure.families import Family
-from boomctl.synthesis.assumptions import SynthesisError, check_detectable, check_stabilizable
+from boomctl.synthesis.assumptions import check_detectable, check_stabilizable
 from boomctl.synthesis.certificate import ActivePeak, ChannelNorm, DesignCertificate
 from boomctl.synthesis.plants.channels import Channel, objective, places
 from boomctl.synthesis.plants.partition import GeneralizedPlant

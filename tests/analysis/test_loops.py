@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 import boomctl as bc
 from boomctl.analysis import closed_loop_response, feedback_loop
-from boomctl.analysis.loops import FeedbackSignWarning
+from boomctl.exceptions import FeedbackSignWarning
 from tests.analysis.loop_cases import chain, velocity_feedback
 from tests.profiles import examples
 

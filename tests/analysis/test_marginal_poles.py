@@ -11,8 +11,9 @@ from scipy import linalg
 
 import boomctl as bc
 from boomctl.analysis.marginal_poles import marginal_poles
-from boomctl.analysis.prove import CertificateError, Claim
+from boomctl.analysis.prove import Claim
 from boomctl.analysis.sum_over_modes import bounds
+from boomctl.exceptions import CertificateError
 from boomctl.lti.frequency import singular_values
 from boomctl.lti.rounding import CANCELLED
 from boomctl.lti.system import Lti, of

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy import linalg
 
 from boomctl.analysis import margins
-from boomctl.analysis.margins import UncertainMarginsWarning
+from boomctl.exceptions import MarginAccuracyWarning
 from tests.analysis.loop_cases import SIGNALS, chain, velocity_feedback
 from tests.analysis.stepped import radius
 from tests.profiles import examples
@@ -150,7 +150,7 @@ def test_margins_that_rounding_changes_are_said_to_be_uncertain():
     A = np.kron(np.diag(np.arange(1.0, 5.0)), np.array([[-1e-4, 1.0], [-1.0, -1e-4]]))
     back = np.linalg.inv(T)
     B, C = np.ones((n, 1)), np.ones((1, n))
-    with pytest.warns(UncertainMarginsWarning, match="rounding"):
+    with pytest.warns(MarginAccuracyWarning, match="rounding"):
         bad = opened(control.ss(T @ A @ back, T @ B, C @ back, 0.0), 0.01)
     assert not bad.disk_margin.certified
     good = opened(control.ss(A, B, C, 0.0), 0.01)

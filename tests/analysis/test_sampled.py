@@ -9,7 +9,7 @@ from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
 import boomctl as bc
-from boomctl.analysis.margins import SamplingCostsMarginWarning
+from boomctl.exceptions import MarginLossWarning
 from tests.analysis.stepped import radius, step_matrix
 from tests.analysis.test_margins import random_case
 from tests.profiles import examples
@@ -69,7 +69,7 @@ def test_delay_margin_window_wider_than_the_grid_is_found(seed):
     else:
         assume(False)
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", SamplingCostsMarginWarning)
+        warnings.simplefilter("ignore", MarginLossWarning)
         found = bc.margins(plant, controller)
     for loop in found.loops:
         assert loop.delay_margin <= delays[1:][unstable[1:] & unstable[:-1]][0]
@@ -95,7 +95,7 @@ def test_delays_of_loops_with_repeated_poles_are_those_at_which_they_become_unst
     sampled = control.sample_system(plant, dt, name="plant")
     controller = bc.lqg(sampled, None, 1.0, {"u": other}, 1.0, output_weight={"y": like}).controller
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", SamplingCostsMarginWarning)
+        warnings.simplefilter("ignore", MarginLossWarning)
         found = bc.margins(plant, controller)
     for loop in found.loops:
         known = loop.delay_margin < 50.0 * dt
@@ -113,7 +113,7 @@ def test_every_gain_within_the_disk_is_borne_by_all_signals_at_once(seed):
     plant, controller, delay = random_case(seed, "sampled")
     assume(radius(plant, controller, delay) < 0.995)
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", SamplingCostsMarginWarning)
+        warnings.simplefilter("ignore", MarginLossWarning)
         found = bc.margins(plant, controller, delay=delay)
     rng = np.random.default_rng(seed)
     gain = min(found.multiloop_io.gain_margin, 1e6) ** 0.999
@@ -146,7 +146,7 @@ def test_fast_sampling_has_the_margins_of_the_continuous_loop():
 def test_what_sampling_costs_is_warned_of():
     plant = control.ss([[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]], [[1.0, 0.0]], 0.0, inputs="force", outputs="place")
     K = control.ss([[-20.0]], [[1.0]], [[360.0]], [[-20.0]], inputs="place", outputs="force")
-    with pytest.warns(SamplingCostsMarginWarning, match="takes the disk margin from .* to .* at all controls"):
+    with pytest.warns(MarginLossWarning, match="takes the disk margin from .* to .* at all controls"):
         bc.margins(plant, bc.discretize(K, 0.05), delay=0.2)
     with warnings.catch_warnings():
         warnings.simplefilter("error")

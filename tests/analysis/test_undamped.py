@@ -139,5 +139,5 @@ def test_designs_refuse_modes_that_do_not_decay(damping):
     """Those that nothing moves or sees; of modes that have no weight, the undamped ones alone."""
     refused = (DESIGNS if side(damping) >= 0 else {}) | (UNWEIGHED if side(damping) == 0 else {})
     for words, design in (DESIGNS | UNWEIGHED).items():
-        with pytest.raises(bc.SynthesisError, match=words) if words in refused else nullcontext():
+        with pytest.raises(bc.exceptions.SynthesisError, match=words) if words in refused else nullcontext():
             design(damping)

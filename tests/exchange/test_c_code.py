@@ -9,9 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import boomctl as bc
+from boomctl.exceptions import WindupWarning
 from boomctl.exchange.c_code import RunningController, c_files
 from boomctl.lti.system import of
-from boomctl.simulation.conditioning import WindupWarning, correction
+from boomctl.simulation.conditioning import correction
 from tests.exchange.cases import CC, compiled, ran
 from tests.profiles import examples
 from tests.strategies import seeds

@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import linalg
 
+from boomctl.exceptions import SingularFrequencyWarning
 from boomctl.lti.frequency import (
     Refined,
     highest_peak,
@@ -18,7 +19,7 @@ from boomctl.lti.frequency import (
     triangular,
 )
 from boomctl.lti.rounding import EPS
-from boomctl.lti.system import Lti, SingularFrequencyWarning
+from boomctl.lti.system import Lti
 from tests.profiles import examples
 
 

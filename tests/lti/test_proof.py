@@ -13,8 +13,8 @@ from flint import acb, acb_mat, arb, ctx, fmpq, fmpq_mat
 from scipy import linalg, signal
 
 import boomctl as bc
-from boomctl.analysis.prove import CertificateError
 from boomctl.exact_roots import OPERATIONS, UndecidedError
+from boomctl.exceptions import CertificateError
 from boomctl.lti.proof import Exact
 from boomctl.lti.system import Lti, of
 from tests.hard_systems import unimodular
@@ -336,7 +336,7 @@ def test_a_design_is_certified_for_the_controller_that_is_handed_out(seed):
     P, tight = cheap(seed), {"rtol": 1e-9, "fastest_pole": 1e10} if seed % 2 else {}
     try:
         found = bc.h_infinity(P, 1, 1, **tight)
-    except bc.SynthesisError:
+    except bc.exceptions.SynthesisError:
         return
     assert bc.prove(found).proved
     norm = found.certificate.norm_bounds

@@ -8,12 +8,12 @@ from hypothesis import strategies as st
 from scipy import linalg
 
 from boomctl import reduce
-from boomctl.reduction.result import ReductionError
+from boomctl.exceptions import ReductionError
 from tests.profiles import examples
 from tests.reduction.test_truth import METHODS, exact_error
 from tests.strategies import seeds
 
-pytestmark = pytest.mark.filterwarnings("ignore::boomctl.reduction.result.LowerOrderWarning")
+pytestmark = pytest.mark.filterwarnings("ignore::boomctl.exceptions.LowerOrderWarning")
 
 
 def random_system(seed, integrator=False):

@@ -10,11 +10,11 @@ import boomctl as bc
 from boomctl.analysis import sigma
 from boomctl.boom.factory import spray_boom
 from boomctl.boom.model import ACTUATORS, TIPS
+from boomctl.exceptions import ReductionError
 from boomctl.lti.frequency import singular_values
 from boomctl.lti.system import Lti, of
 from boomctl.reduction import reduce
 from boomctl.reduction.core import core_of
-from boomctl.reduction.result import ReductionError
 from boomctl.structure import SecondOrderModel
 from tests.profiles import examples
 from tests.strategies import seeds

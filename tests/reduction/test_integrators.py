@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import boomctl as bc
+from boomctl.exceptions import LowerOrderWarning
 from boomctl.lti.system import of
-from boomctl.reduction.result import LowerOrderWarning
 
 
 def cart(friction, masses=2, coordinates="plain", seed=0):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import boomctl as bc
-from boomctl.reduction.result import LowerOrderWarning
+from boomctl.exceptions import LowerOrderWarning
 from tests.reduction.test_hard_cases import chain
 
 

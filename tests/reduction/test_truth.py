@@ -10,11 +10,11 @@ from hypothesis import given
 from scipy import linalg
 
 import boomctl as bc
-from boomctl.reduction.result import ReductionError
+from boomctl.exceptions import ReductionError
 from tests.profiles import examples
 from tests.strategies import seeds
 
-pytestmark = pytest.mark.filterwarnings("ignore::boomctl.reduction.result.LowerOrderWarning")
+pytestmark = pytest.mark.filterwarnings("ignore::boomctl.exceptions.LowerOrderWarning")
 METHODS = ("balanced", "singular-perturbation", "hankel", "modal")
 
 

@@ -10,8 +10,9 @@ from hypothesis import strategies as st
 from scipy import interpolate
 
 import boomctl as bc
+from boomctl.exceptions import SimulationError
 from boomctl.maneuvers import applied_torque, free_hub, hold_angle, prescribed_motion, sine_torque, spin_up
-from boomctl.rotating_beam import SimulationError, hub_beam
+from boomctl.rotating_beam import hub_beam
 from boomctl.structure import PolynomialFamily, SecondOrderModel
 from tests.profiles import examples
 

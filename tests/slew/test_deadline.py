@@ -65,7 +65,9 @@ def sfoam(modes=3):
 @pytest.mark.parametrize("objective", ["time", "tip"])
 def test_the_time_limit_is_of_every_way(objective):
     duration = None if objective == "time" else 4.5
-    with pytest.raises(bc.SlewError, match=r"^time_limit = 0\.001 s: over .*; reached: .* Expected more time"):
+    with pytest.raises(
+        bc.exceptions.SlewError, match=r"^time_limit = 0\.001 s: over .*; reached: .* Expected more time"
+    ):
         bc.optimal_slew(sfoam(), np.pi / 2, 200.0, objective, duration, time_limit=1e-3)
 
 
@@ -101,7 +103,7 @@ def test_optimal_slew_ends_near_time_limit(objective, limit, monkeypatch):
     begin = time.process_time()
     shift = time.monotonic() - begin
     monkeypatch.setattr(progress, "time", SimpleNamespace(monotonic=lambda: shift + time.process_time()))
-    with suppress(bc.slew.SlewError):
+    with suppress(bc.exceptions.SlewError):
         bc.optimal_slew(beam, 1.0, 200.0, objective, duration, time_limit=limit)
     assert time.process_time() - begin < limit + 0.5
 

@@ -99,7 +99,7 @@ def test_path_limits_hold_between_times_of_replay(seed, kind, objective):
     torque, until = (1.2 * free.torque_profile.peak, None) if objective == "time" else (50.0, duration)
     try:
         slew = bc.optimal_slew(system, 1.0, torque, objective, until, intervals=1040, **{f"{kind}_limit": limit})
-    except bc.slew.SlewError:
+    except bc.exceptions.SlewError:
         assert kind == "speed"  # a limit that is too low
         return
     true = peaks(system, slew.torque_profile)[kind] / limit - 1.0

@@ -107,13 +107,13 @@ REFUSED = [
 
 @pytest.mark.parametrize(("call", "words"), REFUSED)
 def test_combination_that_is_impossible_refused(call, words):
-    with pytest.raises((TypeError, ValueError, bc.SlewError), match=words):
+    with pytest.raises((TypeError, ValueError, bc.exceptions.SlewError), match=words):
         call()
 
 
 def test_rigid_bound_is_sharp():
     least = 2.0 * np.sqrt(241.0 / 100.0)
-    with pytest.raises(bc.SlewError, match="needs"):
+    with pytest.raises(bc.exceptions.SlewError, match="needs"):
         bc.optimal_slew(rigid(241.0), 1.0, 100.0, "effort", 0.999 * least)
     assert bc.optimal_slew(rigid(241.0), 1.0, 100.0, "effort", 1.01 * least, intervals=100).terminal_error < 1e-6
 
@@ -130,7 +130,7 @@ def test_rigid_bound_is_sharp():
 )
 def test_failure_names_the_limit_and_the_time(name, value, duration):
     ask = {"torque_limit": 300.0, "intervals": 40, "duration": duration} | {name: value}
-    with pytest.raises(bc.SlewError, match=f"no slew of {duration:g} s was found: ") as caught:
+    with pytest.raises(bc.exceptions.SlewError, match=f"no slew of {duration:g} s was found: ") as caught:
         bc.optimal_slew(bc.hub_beam(modes=1), 1.0, objective="effort", **ask)
     message = str(caught.value)
     said = re.search(rf"{name} = {value:g} .*? is (?:exceeded most at|met from) t = (\S+) s", message)
@@ -151,7 +151,9 @@ def test_units_are_those_of_the_plant_or_none():
     assert "force up to 1\n" in said
     assert [each.get_ylabel() for each in slew.plot(Figure().subplots(3, 1))] == ["force", "place", "rate of place"]
     assert slew.torque_profile.plot(Figure().subplots()).get_ylabel() == "torque"
-    with pytest.raises(bc.SlewError, match="too short for a change of place by 2; a rigid body of inertia 1 takes"):
+    with pytest.raises(
+        bc.exceptions.SlewError, match="too short for a change of place by 2; a rigid body of inertia 1 takes"
+    ):
         bc.optimal_slew(crane, 2.0, 1.0, "effort", 1.0)
     turned = control.ss(A, B, C, 0.0, inputs="torque", outputs="hub_angle")
     slew = bc.optimal_slew(turned, 2.0, 1.0)

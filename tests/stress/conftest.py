@@ -6,6 +6,7 @@ from math import isfinite
 
 import pytest
 
+from boomctl.exceptions import BoomctlWarning
 from tests.stress.cases import raised_by_boomctl
 
 
@@ -37,7 +38,7 @@ def check_error(request, record_property):
         inner = [str(warning.message) for warning in noted if issubclass(warning.category, RuntimeWarning)]
         assert not inner
         error, certified = found if isinstance(found, tuple) else (found, True)
-        said = [str(warning.message) for warning in noted if warning.category.__module__.startswith("boomctl.")]
+        said = [str(warning.message) for warning in noted if warning.category in BoomctlWarning.__subclasses__()]
         exact = isfinite(error) and error <= limit
         outcome = "exact" if exact else "uncertified" if said or not certified else "wrong"
         record(outcome, f"{error:.1e}", limit, "; ".join(said))

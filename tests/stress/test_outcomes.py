@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from boomctl.checks import positive
-from boomctl.lti.rounding import AccuracyWarning
+from boomctl.exceptions import AccuracyWarning
 
 
 def warned():

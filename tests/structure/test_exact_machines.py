@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 
-from boomctl.lti.rounding import AccuracyWarning
+from boomctl.exceptions import AccuracyWarning
 from boomctl.structure import (
     GROUND,
     Assembly,

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 import boomctl as bc
 from boomctl.boom.exact import exact_boom
 from boomctl.boom.model import ACTUATORS, boom_assembly
+from boomctl.exceptions import AccuracyWarning
 from boomctl.lab.benchmark.high_precision import exact_response
-from boomctl.lti.rounding import AccuracyWarning
 from boomctl.structure import (
     GROUND,
     Assembly,

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 import boomctl as bc
 from boomctl.boom.exact import exact_boom
-from boomctl.lti.rounding import AccuracyWarning
+from boomctl.exceptions import AccuracyWarning
 from boomctl.structure.beams.eigenvalues import undamped_frequencies
 from boomctl.structure.response.poles import undamped_modes
 from tests.profiles import examples

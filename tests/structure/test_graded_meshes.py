@@ -8,7 +8,7 @@ from hypothesis import given
 
 import boomctl as bc
 from boomctl.analysis.norm import LOST
-from boomctl.lti.rounding import AccuracyWarning
+from boomctl.exceptions import AccuracyWarning
 from boomctl.structure import GROUND, Assembly, Beam, BeamSegment, FiniteElements, Force, Output, fixed
 from boomctl.structure.response.poles import damped_poles, undamped_modes
 from tests.profiles import examples

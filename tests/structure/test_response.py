@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import boomctl as bc
-from boomctl.lti.rounding import AccuracyWarning
+from boomctl.exceptions import AccuracyWarning
 from boomctl.structure import SecondOrderModel
 from boomctl.structure.response.direct import direct_response, respond
 from tests.references import dense, direct

@@ -16,7 +16,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import boomctl as bc
-from boomctl.studies.sweeps import SweepWarning
+from boomctl.exceptions import SweepWarning
 from boomctl.studies.sweeps import checkpoint as checkpoint_module
 from tests.profiles import examples
 

@@ -66,7 +66,7 @@ def test_a_zero_on_the_axis_is_seen_from_its_right():
     A, B1, B2 = [[0.0, 1.0], [0.0, -1.0]], [[0.0, 0.0], [1.0, 0.0]], [[0.0], [1.0]]
     C, D = [[0.0, 1.0], [0.0, 0.0], [1.0, 0.0]], [[0, 0, 0], [0, 0, 1], [0, 0.1, 0]]
     P = control.ss(A, np.hstack([B1, B2]), C, D)
-    with pytest.raises(bc.SynthesisError):
+    with pytest.raises(bc.exceptions.SynthesisError):
         bc.h_infinity(P, 1, 1)
     found = bound(P, 1, 1)
     assert "axis" in found[1]

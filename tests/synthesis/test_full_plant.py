@@ -13,8 +13,8 @@ from numpy.testing import assert_allclose
 from scipy import linalg
 
 import boomctl as bc
+from boomctl.exceptions import ReductionError
 from boomctl.lti.system import of
-from boomctl.reduction import ReductionError
 from boomctl.synthesis.plants import full_plant
 from tests.profiles import examples
 
@@ -55,10 +55,10 @@ def design(P, nmeas=2):
     with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always")
         found = bc.h_infinity(P, nmeas, 1)
-    return found, [str(one.message) for one in said if issubclass(one.category, bc.synthesis.ReductionWarning)]
+    return found, [str(one.message) for one in said if issubclass(one.category, bc.exceptions.ReductionWarning)]
 
 
-@pytest.mark.filterwarnings("ignore::boomctl.synthesis.ReductionWarning")
+@pytest.mark.filterwarnings("ignore::boomctl.exceptions.ReductionWarning")
 @pytest.mark.parametrize(("order", "stable", "worse"), [(2, False, True), (4, True, True), (16, True, False)])
 def test_design_on_reduction_says_what_becomes_of_the_full_loop(full, order, stable, worse):
     """It is certified there, and warned of where it is unstable or worse."""
@@ -78,7 +78,7 @@ def test_design_on_reduction_says_what_becomes_of_the_full_loop(full, order, sta
 
 
 def test_a_reduction_that_has_lost_the_plant_is_warned_of_before_the_design(full):
-    with pytest.warns(bc.synthesis.ReductionWarning, match="from controls to measurements") as said:
+    with pytest.warns(bc.exceptions.ReductionWarning, match="from controls to measurements") as said:
         generalized(bc.reduce(full, order=2))
     assert said[0].filename == __file__
     with warnings.catch_warnings():
@@ -158,7 +158,7 @@ def test_what_is_said_of_the_full_plant_is_true(seed, states, kept, banded):
         )
         try:
             found = bc.h_infinity(P, 1, 1)
-        except bc.SynthesisError:
+        except bc.exceptions.SynthesisError:
             return
     told = found.certificate.full_plant
     slowest = slowest_on(plant, found.scaled_controller)

@@ -41,7 +41,7 @@ def test_h2_norm_is_that_of_pulses_and_no_neighbor_has_less(dt, seed):
     P = random_plant(seed, dt)
     try:
         design = bc.h2(P, 1, 1)
-    except bc.SynthesisError as error:
+    except bc.exceptions.SynthesisError as error:
         assert any(word in str(error) for word in ("zero on the unit circle", "moved", "seen"))  # noqa: PT017
         return
     K, rng = design.controller, np.random.default_rng(seed)

@@ -160,7 +160,7 @@ def test_a_level_that_is_enough_and_one_that_is_too_low(P):
     best = bc.h_infinity(P, 1, 1)
     enough = bc.h_infinity(P, 1, 1, gamma=2.0 * best.gamma)
     assert best.gamma < enough.gamma <= enough.certificate.norm_bounds.upper_bound <= 2.0 * best.gamma
-    with pytest.raises(bc.SynthesisError, match="cannot be reached"):
+    with pytest.raises(bc.exceptions.SynthesisError, match="cannot be reached"):
         bc.h_infinity(P, 1, 1, gamma=0.9 * best.certificate.lower_bound)
 
 
@@ -172,7 +172,7 @@ def test_slow_controllers_come_first_and_the_certificate_tells_their_price():
     assert "could not be had with poles below 100 rad/s" in slow.certificate.summary
     assert "could not be had" not in free.certificate.summary
     assert_verified(P, slow.controller, slow.gamma, slow.certificate.norm_bounds.peak_omega)
-    with pytest.raises(bc.SynthesisError, match=r"a pole at .* rad/s where 0.1 are allowed"):
+    with pytest.raises(bc.exceptions.SynthesisError, match=r"a pole at .* rad/s where 0.1 are allowed"):
         bc.h_infinity(P, 1, 1, fastest_pole=0.1)
 
 

@@ -29,7 +29,7 @@ def test_the_lowest_order_within_the_tolerance(design):
     assert_allclose(small.gamma_full, full.gamma, rtol=1e-5)
     assert small.controller.input_labels == ["stroke_anti"]
     assert small.closed_loop.input_labels == full.closed_loop.input_labels
-    with pytest.raises(bc.SynthesisError, match=f"order {small.order - 1}"):
+    with pytest.raises(bc.exceptions.SynthesisError, match=f"order {small.order - 1}"):
         bc.reduce_controller(P, full.controller, order=small.order - 1)
 
 

@@ -189,7 +189,7 @@ REFUSED = [
 
 @pytest.mark.parametrize(("call", "words"), REFUSED, ids=[re.sub(r"\W+", " ", words)[:40] for _, words in REFUSED])
 def test_problem_without_solution_is_refused(call, words):
-    with pytest.raises((TypeError, ValueError, bc.SynthesisError), match=words):
+    with pytest.raises((TypeError, ValueError, bc.exceptions.SynthesisError), match=words):
         call()
 
 
@@ -205,7 +205,7 @@ def test_problem_without_solution_is_refused(call, words):
     ],
 )
 def test_modes_and_zeros_on_the_axis_are_named(design, drives, shown, words):
-    with pytest.raises(bc.SynthesisError, match=words):
+    with pytest.raises(bc.exceptions.SynthesisError, match=words):
         design(weighed(two_modes(drives, shown)), 1, 1)
 
 
@@ -220,5 +220,5 @@ def test_lqr_mode_out_of_reach_is_named_if_it_decays(damping):
         assert unmoved.omega == pytest.approx(3.0)
         assert "damping 0.1 %" in str(unmoved)
         return
-    with pytest.raises(bc.SynthesisError, match=r"unstable, damping -0\.1 %.*cannot be moved by u"):
+    with pytest.raises(bc.exceptions.SynthesisError, match=r"unstable, damping -0\.1 %.*cannot be moved by u"):
         bc.lqr(plant, None, 1.0, output_weight=1.0, controls="u")

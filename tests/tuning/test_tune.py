@@ -13,9 +13,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import boomctl as bc
+from boomctl.exceptions import SynthesisError
 from boomctl.lti.system import Lti
 from boomctl.structure import SecondOrderModel
-from boomctl.synthesis.assumptions import SynthesisError
 from boomctl.synthesis.plants.partition import partition
 from boomctl.tuning.certificate import loop_of
 from tests.profiles import examples, is_hunt

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from boomctl.arrays import Array
+from boomctl.exceptions import SimulationError
 from boomctl.maneuvers import Maneuver, TorqueDriven
 from boomctl.progress import computing, tell
 from boomctl.rotating_beam.beam import HubBeam, SmallMotion, lowest_rate, natural_hz
@@ -19,7 +20,7 @@ from boomctl.rotating_beam.exact.dynamics import ExactBeamDynamics
 from boomctl.rotating_beam.exact.integrator import CHUNK, StepFailedError
 from boomctl.rotating_beam.exact.run import Run, run_to_tolerance, run_with_step
 from boomctl.rotating_beam.parameters import HubBeamParameters
-from boomctl.rotating_beam.result import Details, Dynamics, Motion, SimulationError
+from boomctl.rotating_beam.result import Details, Dynamics, Motion
 from boomctl.rotating_beam.selection import ModelChoice
 from boomctl.threads import one_blas_thread
 

@@ -14,12 +14,13 @@ import numpy as np
 from numpy.polynomial.legendre import legder, legvander
 
 from boomctl.arrays import Array
+from boomctl.exceptions import SimulationError
 from boomctl.lti.rounding import ALIKE
 from boomctl.maneuvers import HubProfile, Maneuver, Torque
 from boomctl.rotating_beam.drive import resolving
 from boomctl.rotating_beam.exact.dynamics import ExactBeamDynamics
 from boomctl.rotating_beam.exact.integrator import StepFailedError, Trajectory, march
-from boomctl.rotating_beam.result import Motion, SimulationError, kept_states, small_deformation_until
+from boomctl.rotating_beam.result import Motion, kept_states, small_deformation_until
 
 _WINDOW = 6  # ends of steps that an interpolation goes through: of degree 11, beyond the order of the steps
 _LEAST_STEPS = 2 * _WINDOW  # between two corners: a choice

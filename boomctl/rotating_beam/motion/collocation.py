@@ -13,12 +13,12 @@ import numpy as np
 from numpy.polynomial import legendre
 
 from boomctl.arrays import Array
+from boomctl.exceptions import SimulationError
 from boomctl.gauss import CollocationMethod, integrated_legendre
 from boomctl.lti.rounding import SOLVED
 from boomctl.progress import tell
 from boomctl.rotating_beam.modal.equations import Tangents
 from boomctl.rotating_beam.motion.problems import Problem
-from boomctl.rotating_beam.result import SimulationError
 
 WINDOW = 64  # steps solved at once: a choice; 8 take half as long again, 256 no less (measured, a torque on SFOAM)
 _ITERATIONS = 12  # of Newton's method: it takes one to three (measured), more only in a window that is too long

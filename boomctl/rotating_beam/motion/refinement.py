@@ -8,11 +8,11 @@ from typing import final
 import numpy as np
 
 from boomctl.arrays import Array
+from boomctl.exceptions import SimulationError
 from boomctl.gauss import gauss_method
 from boomctl.rotating_beam.modal.equations import Equations
 from boomctl.rotating_beam.motion.collocation import Trajectory, march
 from boomctl.rotating_beam.motion.problems import Problem
-from boomctl.rotating_beam.result import SimulationError
 
 STAGES = 8  # of the collocation, order 16: a choice; 4 and 6 take longer (measured, a torque on FOAM, 5 + 5 modes)
 

@@ -8,6 +8,7 @@ from typing import NamedTuple, final
 import numpy as np
 
 from boomctl.arrays import Array
+from boomctl.exceptions import SimulationError
 from boomctl.maneuvers import HubProfile, Maneuver, PrescribedMotion, Torque
 from boomctl.rotating_beam.drive import even_instants, resolving
 from boomctl.rotating_beam.modal.equations import Equations
@@ -17,7 +18,7 @@ from boomctl.rotating_beam.motion.modal_collocation import ModalTrajectory, moda
 from boomctl.rotating_beam.motion.problems import PrescribedProblem, Problem, TorqueDrivenProblem
 from boomctl.rotating_beam.motion.refinement import Accuracy, first_steps, refine
 from boomctl.rotating_beam.motion.steady_rotation import steady_motion, vibration_amplitudes
-from boomctl.rotating_beam.result import Motion, SimulationError, kept_states, small_deformation_until
+from boomctl.rotating_beam.result import Motion, kept_states, small_deformation_until
 
 _WATCHED = 16.0  # instants in a period of the lowest mode at which the tip is watched: it turns by 22 degrees between
 _JUMP = 1e-11  # of the whole time: steps so short are there for a jump of the torque that lies in them

@@ -4,9 +4,9 @@ import numpy as np
 from scipy.optimize import linprog
 
 from boomctl.arrays import Array
+from boomctl.exceptions import SlewError
 from boomctl.slew.end_map import EndMap, Steps
 from boomctl.slew.problem import AT_LIMIT
-from boomctl.slew.result import SlewError
 from boomctl.slew.torque import TorqueProfile, held
 
 _TURNS = 25  # linear programmes at most; a safeguard

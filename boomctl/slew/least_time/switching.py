@@ -15,10 +15,10 @@ import numpy as np
 from scipy.optimize import brentq, linprog
 
 from boomctl.arrays import Array
+from boomctl.exceptions import SlewError
 from boomctl.lti.rounding import SUMMED
 from boomctl.slew.linear import flow
 from boomctl.slew.problem import SlewProblem
-from boomctl.slew.result import SlewError
 from boomctl.slew.torque import TorqueProfile, bang_bang
 
 _GRIDS = (200, 600, 2000, 6000)  # intervals, the next where the one before shows no arcs that Newton's method takes

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from boomctl.arrays import Array
+from boomctl.exceptions import LimitsTooTightError, SlewError
 from boomctl.printing import compact, count
 from boomctl.slew.deadline import solved
 from boomctl.slew.linear import Guess
@@ -13,7 +14,6 @@ from boomctl.slew.nlp.interval import Units
 from boomctl.slew.nlp.transcription import Scheme, Transcription, transcribe
 from boomctl.slew.objectives import OBJECTIVES
 from boomctl.slew.problem import AT_LIMIT, Limits, SlewProblem
-from boomctl.slew.result import LimitsTooTightError, SlewError
 from boomctl.slew.torque import TorqueProfile, held, ramped
 
 _OPTIONS = {

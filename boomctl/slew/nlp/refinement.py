@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from boomctl.exceptions import LimitsTooTightError, SlewError
 from boomctl.lti.rounding import ALIKE
 from boomctl.progress import OutOfTimeError
 from boomctl.slew.linear import Guess, guess_from, least_effort
@@ -12,7 +13,6 @@ from boomctl.slew.nlp.transcription import Scheme
 from boomctl.slew.objectives import OBJECTIVES
 from boomctl.slew.problem import MESH_GAP, MESHES, ROUNDS, SlewProblem
 from boomctl.slew.replay import Motion, played, prescribed_error, violation
-from boomctl.slew.result import LimitsTooTightError, SlewError
 from boomctl.slew.torque import TorqueProfile
 
 _TOO_MUCH = 0.05  # by which a coarse mesh may exceed a limit and a finer still keep it; a choice

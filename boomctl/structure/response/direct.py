@@ -21,7 +21,8 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.checks import warn_user
-from boomctl.lti.rounding import EPS, SOLVED, VISIBLE, AccuracyWarning
+from boomctl.exceptions import AccuracyWarning
+from boomctl.lti.rounding import EPS, SOLVED, VISIBLE
 from boomctl.structure.matrices import Half, Structure, halves
 from boomctl.structure.ports import Ports, evaluate
 from boomctl.structure.response.modes import Part, respond_by_modes

@@ -15,7 +15,7 @@ import numpy as np
 from boomctl.analysis.box.robustness import robust_stability
 from boomctl.analysis.box.worst_case import worst_case
 from boomctl.analysis.loops import closed_loop_response
-from boomctl.analysis.margins import Margins, SamplingCostsMarginWarning, margins
+from boomctl.analysis.margins import Margins, margins
 from boomctl.analysis.nyquist import nyquist_stability
 from boomctl.analysis.sigma import SigmaResult, sigma
 from boomctl.arrays import Array
@@ -23,6 +23,7 @@ from boomctl.boom.exact import exact_frequency_response
 from boomctl.boom.families import boom_family, scaled_boom, spring_family, spring_for_yaw
 from boomctl.boom.model import ACTUATORS, TIPS
 from boomctl.boom.parameters import BoomParameters
+from boomctl.exceptions import MarginLossWarning
 from boomctl.lti.python_control import control
 from boomctl.structure.families import AffineFamily
 from boomctl.structure.model import SecondOrderModel, split_symmetric
@@ -92,7 +93,7 @@ class Examined(InField):
             result = [*_over_the_box(family, K, *ends, late)]
             if self.K is not None:
                 with warnings.catch_warnings():  # margins are reported: what they were without sampling is not
-                    warnings.simplefilter("ignore", SamplingCostsMarginWarning)
+                    warnings.simplefilter("ignore", MarginLossWarning)
                     result.insert(0, margins_finding(margins(plant, K, delay=late)))
             for item in result:
                 yield replace(item, name=f"{half}: {item.name}")

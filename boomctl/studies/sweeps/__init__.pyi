@@ -2,5 +2,4 @@
 
 from boomctl.studies.sweeps.result import FailedPoint as FailedPoint
 from boomctl.studies.sweeps.result import SweepResult as SweepResult
-from boomctl.studies.sweeps.sweep import SweepWarning as SweepWarning
 from boomctl.studies.sweeps.sweep import sweep as sweep

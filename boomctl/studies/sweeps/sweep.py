@@ -16,6 +16,7 @@ import numpy as np
 from joblib.parallel import BACKENDS, EXTERNAL_BACKENDS
 
 from boomctl.checks import function_of, instance, job_count, known, mapping, sequence, shown, warn_user
+from boomctl.exceptions import SweepWarning
 from boomctl.progress import Listener, computing, silent
 from boomctl.studies.sweeps.checkpoint import Checkpoint, Outcome
 from boomctl.studies.sweeps.result import FailedPoint, Label, SweepResult
@@ -23,10 +24,6 @@ from boomctl.threads import one_blas_thread
 
 _MAX_POINTS = 1_000_000  # the table of a larger sweep takes more than a gigabyte
 _TRACE_CALLS = 20  # last calls of a traceback that are stored
-
-
-class SweepWarning(UserWarning):
-    """A function failed at some points of a sweep."""
 
 
 def sweep(

@@ -13,13 +13,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from boomctl.arrays import Array
+from boomctl.exceptions import SynthesisError
 from boomctl.lti.frequency import SEARCHED, confirmed_peak, highest_peak, resonance_grid, singular_values
 from boomctl.lti.modal import partial_fractions
 from boomctl.lti.rounding import TINY
 from boomctl.lti.system import Lti
 from boomctl.printing import compact
 from boomctl.progress import Deadline
-from boomctl.synthesis.assumptions import SynthesisError
 from boomctl.synthesis.hinf.normal_form import NormalizedPlant
 from boomctl.synthesis.hinf.two_riccati import COUPLING, Level, gains, level_of
 from boomctl.synthesis.plants.partition import GeneralizedPlant

@@ -7,11 +7,11 @@ from itertools import pairwise
 import numpy as np
 
 from boomctl.analysis.norm import NormBounds, matrices_norm
+from boomctl.exceptions import SynthesisError
 from boomctl.lti.modal import split
 from boomctl.lti.rounding import SOLVED
 from boomctl.lti.system import ClosedLoop, Lti, rates_of
 from boomctl.progress import Deadline
-from boomctl.synthesis.assumptions import SynthesisError
 from boomctl.synthesis.hinf.bounds import CLOSEST, Bounds
 from boomctl.synthesis.hinf.normal_form import NormalizedPlant
 from boomctl.synthesis.hinf.two_riccati import Level, level_of, suboptimal_controller

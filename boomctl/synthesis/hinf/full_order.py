@@ -13,10 +13,10 @@ import numpy as np
 from scipy import linalg
 
 from boomctl.arrays import Array
+from boomctl.exceptions import SynthesisError
 from boomctl.lti.rounding import ALIKE
 from boomctl.lti.system import Lti
 from boomctl.progress import Deadline, OutOfTimeError
-from boomctl.synthesis.assumptions import SynthesisError
 from boomctl.synthesis.hinf.bounds import lowest_level
 from boomctl.synthesis.hinf.normal_form import normalized
 from boomctl.synthesis.plants.partition import GeneralizedPlant

@@ -11,13 +11,14 @@ from boomctl.analysis.norm import matrices_norm
 from boomctl.analysis.prove import Claim
 from boomctl.analysis.sigma import sigma
 from boomctl.checks import positive, within
+from boomctl.exceptions import SynthesisError
 from boomctl.lti.bilinear import continuous_image, discrete_image, omega_of_image
 from boomctl.lti.modal import sides
 from boomctl.lti.system import ClosedLoop, Lti, rates_of
 from boomctl.printing import system
 from boomctl.progress import Deadline, Listener, OutOfTimeError, computing
 from boomctl.reduction.result import ReductionResult
-from boomctl.synthesis.assumptions import SynthesisError, check_modes, check_ranks, check_zeros
+from boomctl.synthesis.assumptions import check_modes, check_ranks, check_zeros
 from boomctl.synthesis.certificate import Design, DesignCertificate
 from boomctl.synthesis.hinf.bounds import Bounds, lowest_level
 from boomctl.synthesis.hinf.candidates import Candidate, Task, first_accepted, largest_pole

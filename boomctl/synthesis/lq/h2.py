@@ -13,9 +13,10 @@ from scipy import linalg
 
 from boomctl.analysis.prove import Claim
 from boomctl.arrays import Array, blocks
+from boomctl.exceptions import SynthesisError
 from boomctl.lti.system import Lti, lower_lft
 from boomctl.printing import system
-from boomctl.synthesis.assumptions import SynthesisError, check_modes, check_ranks, check_zeros
+from boomctl.synthesis.assumptions import check_modes, check_ranks, check_zeros
 from boomctl.synthesis.certificate import Design, DesignCertificate
 from boomctl.synthesis.hinf.normal_form import normalized
 from boomctl.synthesis.lq.output_feedback import certify, least_cost, observer

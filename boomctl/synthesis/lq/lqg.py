@@ -131,7 +131,7 @@ def lqg(
 
     Warns
     -----
-    UserWarning
+    BoomctlWarning
         No controls are named, and only some of the inputs are noise.
     ReductionWarning
         On the full plant the loop is not stable, or not proved to be, or the root of its cost is more than a tenth larger.

@@ -16,13 +16,14 @@ from boomctl.analysis.norm import NormBounds
 from boomctl.analysis.prove import Claim
 from boomctl.arrays import Array, blocks
 from boomctl.checks import finite_array, sequence
+from boomctl.exceptions import SynthesisError
 from boomctl.lti.bilinear import continuous_image, omega_of_image
 from boomctl.lti.frequency import largest_gain
 from boomctl.lti.gramians import square_root
 from boomctl.lti.hidden_modes import HiddenMode, unmoved
 from boomctl.lti.system import Lti, static
 from boomctl.printing import between, count
-from boomctl.synthesis.assumptions import SynthesisError, check_stabilizable, check_weighted
+from boomctl.synthesis.assumptions import check_stabilizable, check_weighted
 from boomctl.synthesis.certificate import Design, DesignCertificate
 from boomctl.synthesis.lq.problem import Weight, chosen, definite, plant_of, semidefinite
 from boomctl.synthesis.lq.riccati import RiccatiProblem, RiccatiSolution

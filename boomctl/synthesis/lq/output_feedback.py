@@ -4,9 +4,9 @@ import numpy as np
 
 from boomctl.analysis.h2 import matrices_h2_norm
 from boomctl.arrays import Array
+from boomctl.exceptions import SynthesisError
 from boomctl.lti.modal import sides
 from boomctl.lti.system import Lti, rates_of
-from boomctl.synthesis.assumptions import SynthesisError
 from boomctl.synthesis.certificate import DesignCertificate
 from boomctl.synthesis.lq.riccati import LARGEST_COST_ERROR, RiccatiSolution
 from boomctl.synthesis.plants.full_plant import ReducedPlant, judged_on_full_plant

@@ -15,9 +15,9 @@ from scipy import linalg
 from slycot.exceptions import SlycotError
 
 from boomctl.arrays import Array, balance
+from boomctl.exceptions import SynthesisError
 from boomctl.lti.rounding import TINY
 from boomctl.printing import compact
-from boomctl.synthesis.assumptions import SynthesisError
 
 _CONDITION = 1e10  # of the eigenvectors, from which on modal coordinates keep too few digits to start from (a choice)
 _FLOOR = 1e-24  # share of the best driven or seen mode that one which is not counts as, so that scales stay within 1e6

@@ -11,10 +11,10 @@ import numpy as np
 from scipy import linalg
 
 from boomctl.arrays import Array, balance
+from boomctl.exceptions import SynthesisError
 from boomctl.lti.modal import sides
 from boomctl.lti.rounding import EPS, TINY
 from boomctl.lti.system import rates_of
-from boomctl.synthesis.assumptions import SynthesisError
 from boomctl.synthesis.lq.riccati import (
     EXTENDED,
     LARGEST_COST_ERROR,

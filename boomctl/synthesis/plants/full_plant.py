@@ -17,6 +17,7 @@ from boomctl.analysis.h2 import matrices_h2_norm
 from boomctl.analysis.norm import UNSTABLE, NormBounds, axis_eigenvalues, matrices_norm
 from boomctl.arrays import blocks
 from boomctl.checks import warn_user
+from boomctl.exceptions import ReductionWarning
 from boomctl.lti.bilinear import continuous_image
 from boomctl.lti.frequency import largest_gain, singular_values
 from boomctl.lti.modal import sides
@@ -35,10 +36,6 @@ _MOST_POLES = 800  # states of a full loop whose poles are computed: two seconds
 _MOST_NORM = 200  # states of a full loop whose norm is certified: a second (a choice)
 _WORSE = 1.1  # times the norm on the reduced plant: a norm on the full one above that is worth a warning (a choice)
 _BEYOND = 2.0  # times the end of a band: a frequency beyond it
-
-
-class ReductionWarning(UserWarning):
-    """The error of a reduction touches a design: on the full plant the loop is not what it is on the reduced one."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,11 +3,11 @@
 import numpy as np
 
 from boomctl.arrays import Array
+from boomctl.exceptions import SimulationError
 from boomctl.lab.papers.bai.comparison import ADDED, MODELS, Claim, Panel, Part, lines, peak
 from boomctl.maneuvers import sine_torque
 from boomctl.rotating_beam.factory import hub_beam
 from boomctl.rotating_beam.parameters import HubBeamParameters
-from boomctl.rotating_beam.result import SimulationError
 
 # amplitudes [N m] from where all models agree to twice what the hub is driven with, in steps of some 2 times
 TORQUES = (5.0, 11.0, 24.0, 50.0, 100.0, 200.0, 400.0, 800.0)
