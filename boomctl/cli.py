@@ -314,7 +314,7 @@ def benchmark(asked: Namespace) -> dict[str, Any]:
     print(result)
     if folder is not None:
         _write(result.report(), folder)
-    return result.as_dict()
+    return result.to_dict()
 
 
 def parameters(asked: Namespace) -> dict[str, Any]:

@@ -4,7 +4,12 @@ import textwrap
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields
 from html import escape
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+if TYPE_CHECKING:
+    import pandas  # type: ignore[import-not-found]
+
+DataFrame: TypeAlias = "pandas.DataFrame"
 
 WIDTH = 98  # columns of a line at most: fits a notebook's cell and half a screen
 PART = 60  # letters of a part within another: longer ones say what they are and no more
@@ -141,3 +146,31 @@ def table_html(caption: str, heads: Sequence[str], rows: Iterable[Sequence[str]]
     head = "".join(f"<th>{escape(cell)}</th>" for cell in heads)
     body = "".join("<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in rows)
     return f"<table><caption>{escape(caption)}</caption><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
+
+
+class Summarized:
+    """A result whose certificate has a summary."""
+
+    certificate: Any
+
+    @property
+    def message(self) -> str:
+        """What was found, in one sentence."""
+        return self.certificate.summary
+
+
+def data_frame(data: Any, axis: str | None = None, units: Mapping[str, str] | None = None, **how: Any) -> DataFrame:
+    """Return a data frame of pandas, its index named by ``axis``, units in its ``attrs``; ``how`` is pandas' own.
+
+    Raises
+    ------
+    ImportError
+        pandas is not installed.
+    """
+    try:
+        import pandas  # type: ignore[import-not-found]
+    except ImportError:
+        raise ImportError("pandas is not installed: pip install 'boomctl[tables]'") from None
+    frame = pandas.DataFrame(data, **how)
+    frame.index.name, frame.attrs["units"] = axis, dict(units or {})
+    return frame

@@ -76,14 +76,14 @@ class Deadline:
     begun: float = field(default_factory=time.monotonic)
 
     @property
-    def seconds(self) -> float:
+    def elapsed(self) -> float:
         """Since the computation began."""
         return time.monotonic() - self.begun
 
     @property
     def over(self) -> bool:
         """Whether no time is left."""
-        return self.seconds >= self.limit
+        return self.elapsed >= self.limit
 
     def check(self, doing: str) -> None:
         """Tell what is done, and raise `OutOfTimeError` if no time is left for it."""

@@ -83,7 +83,7 @@ plt.show()
 # another integrator, on FOAM and on the geometrically exact beam.
 
 # %%
-for replay in fastest.replays:
+for replay in fastest.replay():
     print(
         f"{replay.model:20} tip swings by {1e3 * replay.residual_vibration:6.2f} mm, angle off by "
         f"{replay.angle_error:.1e} rad"

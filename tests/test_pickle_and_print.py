@@ -5,6 +5,7 @@ import dataclasses
 import functools
 import pickle
 import re
+import sys
 from pathlib import Path
 
 import control
@@ -122,6 +123,56 @@ def test_package_is_pickled_by_name(package):
     assert pickle.loads(pickle.dumps(package)) is package
 
 
+# how a search ended: which of its counters a result has
+SEARCHES = {
+    "FitResult": {"nfev", "elapsed"},
+    "Identification": {"elapsed"},
+    "HInfinityResult": {"elapsed"},
+    "TuneResult": {"nit", "elapsed"},
+    "SlewResult": {"elapsed"},
+    "SlewResult, of a StateSpace": {"elapsed"},
+    "LoopResult": set(),
+}
+# the first columns of a table
+PANDAS = {
+    "LoopResult, of a hub-beam": ["torque", "hub_angle", "hub_speed"],
+    "ForcedResponse": ["force", "position"],
+    "SimulationResult": ["torque", "hub_angle", "hub_speed"],
+    "SlewResult": ["torque", "hub_angle", "hub_speed"],
+    "ModeTable": ["omega", "frequency_hz", "damping_ratio", "actuator_anti"],
+    "Comparison": ["one", "again"],
+    "FitResult": ["value", "standard_error", "lower_bound", "upper_bound", "dof"],
+}
+
+ROWS = {"ModeTable": "rows", "Comparison": "metrics", "FitResult": "names"}
+
+
+@pytest.mark.parametrize("name", [name for name in SEARCHES | PANDAS if name not in SLOW])
+def test_results_say_how_the_search_ended_and_make_tables(name, monkeypatch):
+    result = _made_once(FACTORIES[name])()
+    if name in SEARCHES:
+        assert result.success is True
+        assert re.fullmatch(r"\S.*[^.\s]", result.message)
+        assert {word for word in ("nit", "nfev", "elapsed") if getattr(result, word, None) is not None} == SEARCHES[
+            name
+        ]
+        assert all(getattr(result, word) > 0 for word in SEARCHES[name])
+    if name in PANDAS:
+        pytest.importorskip("pandas")
+        frame = result.to_pandas()
+        assert list(frame.columns)[: len(PANDAS[name])] == PANDAS[name]
+        if hasattr(result, "time"):
+            assert (frame.index.name, list(frame.index)) == ("time [s]", result.time.tolist())
+            assert all(np.array_equal(frame[column], result[column]) for column in frame)
+            assert frame.attrs["units"] == getattr(result, "units", {})
+        assert len(frame) == len(
+            result.time if hasattr(result, "time") else getattr(result, ROWS[type(result).__name__])
+        )
+        monkeypatch.setitem(sys.modules, "pandas", None)
+        with pytest.raises(ImportError, match=r"pandas is not installed: pip install 'boomctl\[tables\]'"):
+            result.to_pandas()
+
+
 def test_slew_error_survives_pickle_with_its_limit():
     error = LimitsTooTightError("tip_limit binds", 0.3)
     other = pickle.loads(pickle.dumps(error))
@@ -146,7 +197,7 @@ def test_what_is_computed_when_asked_for_is_so_after_pickling_too():
 @pytest.mark.slow  # replays on two other models, two slews: 5 s
 def test_a_stored_slew_is_replayed_and_solved_again():
     slew = pickle.loads(pickle.dumps(one.slew()))
-    assert slew.replays == one.slew().replays
+    assert slew.replay() == one.slew().replay()
     assert replan(slew, angle=1.5).cost == pytest.approx(replan(one.slew(), angle=1.5).cost, rel=1e-9)
 
 

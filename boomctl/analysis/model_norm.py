@@ -195,9 +195,9 @@ class SplitModel:
         else:
             result = [_part_norm(part, band) for part, band in zip(self.parts, self.bands, strict=True)]
         largest, widest = max(result, key=lambda norm: norm.lower_bound), max(result, key=lambda norm: norm.upper_bound)
-        path = () if self.parts == (self.model,) else ("halves",)
-        path = sum((norm.stages for norm in result), path)
-        both = replace(largest, upper_bound=widest.upper_bound, stages=path, _given=self.model)
+        stages = () if self.parts == (self.model,) else ("halves",)
+        stages = sum((norm.stages for norm in result), stages)
+        both = replace(largest, upper_bound=widest.upper_bound, stages=stages, _given=self.model)
         return both if both.certified else replace(both, method=widest.method)  # why it is not
 
 
@@ -360,7 +360,7 @@ class _Realized:
 
     system: Lti
     respond: Response
-    path: tuple[str, ...]
+    stages: tuple[str, ...]
     wide: bool = False
 
     @classmethod
@@ -379,7 +379,7 @@ class _Realized:
 
     def norm(self, axis: MarginalPoles | None = None) -> NormBounds:
         """Return the norm between its bounds; ``axis`` is what is known of its poles."""
-        return replace(matrices_norm(self.system, self.respond, axis), stages=self.path)
+        return replace(matrices_norm(self.system, self.respond, axis), stages=self.stages)
 
 
 def _norms_of_small(systems: tuple["_Realized", ...]) -> list[NormBounds]:
@@ -390,7 +390,7 @@ def _norms_of_small(systems: tuple["_Realized", ...]) -> list[NormBounds]:
     result = {order[0]: first}
     for i in order[1:]:
         below = axes[i].bound <= first.lower_bound
-        bound = NormBounds(0.0, first.upper_bound, first.peak_omega, first.method, systems[i].path)
+        bound = NormBounds(0.0, first.upper_bound, first.peak_omega, first.method, systems[i].stages)
         result[i] = bound if below else systems[i].norm(axes[i])
     return [result[i] for i in range(len(systems))]
 

@@ -19,7 +19,7 @@ from boomctl.lti.integrators import without_integrators
 from boomctl.lti.modal import diagonalized, sides
 from boomctl.lti.rounding import TINY
 from boomctl.lti.system import Lti, of, rates_of
-from boomctl.printing import between, table_html
+from boomctl.printing import DataFrame, between, data_frame, table_html
 from boomctl.structure.model import SecondOrderModel
 from boomctl.threads import one_blas_thread
 
@@ -107,23 +107,18 @@ class ModeTable:
         more = len(self.rows) + 1 - len(lines)
         return "\n".join([*lines, f"  ... {more} more: print(table)"] if more else lines)
 
+    def _cells(self) -> list[list[str]]:
+        """Return the modes as text: [rad/s], [Hz], damping [%], of a discrete system z, shares of the signals [%]."""
+        result = []
+        for r in self.rows:
+            z = [] if r.z is None else [_z(r.z)]
+            shares = [f"{100.0 * share:.1f}" for share in (*r.input_participation, *r.output_participation)]
+            result.append([f"{r.omega:.6g}", f"{r.frequency_hz:.4g}", f"{100.0 * r.damping_ratio:.4g}", *z, *shares])
+        return result
+
     def _repr_html_(self) -> str:
-        z = ("z",) if self._discrete else ()
-        heads = (
-            "omega [rad/s]",
-            "[Hz]",
-            "damping [%]",
-            *z,
-            *(f"{name} [%]" for name in (*self.input_labels, *self.output_labels)),
-        )
-        rows = []
-        for row in self.rows:
-            shares = [f"{100.0 * share:.1f}" for share in (*row.input_participation, *row.output_participation)]
-            z = [] if row.z is None else [_z(row.z)]
-            rows.append(
-                [f"{row.omega:.6g}", f"{row.frequency_hz:.4g}", f"{100.0 * row.damping_ratio:.4g}", *z, *shares]
-            )
-        return table_html(f"Modes; {_SHARES}", heads, rows)
+        signals = (f"{name} [%]" for name in (*self.input_labels, *self.output_labels))
+        return table_html(f"Modes; {_SHARES}", [*self._heads, *signals], self._cells())
 
     def to_string(self, count: int | None = None) -> str:
         """Return the modes as text, shares in per cent.
@@ -138,17 +133,24 @@ class ModeTable:
         str
             What the columns of the signals are, their heads, and one line for each mode.
         """
-        wide = [max(len(name), 6) for name in (*self.input_labels, *self.output_labels)]
-        heads = [f"{name:>{w}}" for name, w in zip((*self.input_labels, *self.output_labels), wide, strict=True)]
-        z = f"{'z':>{_WIDE}}  " if self._discrete else ""
-        lines = [_SHARES, "  omega [rad/s]     [Hz]  damping [%]  " + z + "  ".join(heads)]
-        for row in self.rows[:count]:
-            shares = [*row.input_participation, *row.output_participation]
-            cells = [f"{100.0 * share:{w}.1f}" for share, w in zip(shares, wide, strict=True)]
-            start = f"{row.omega:15.6g}{row.frequency_hz:9.4g}{100.0 * row.damping_ratio:13.4g}"
-            z = "" if row.z is None else f"{_z(row.z):>{_WIDE}}  "
-            lines.append(start + "  " + z + "  ".join(cells))
-        return "\n".join(lines)
+        heads, names = self._heads, (*self.input_labels, *self.output_labels)
+        wide = [*(13, 7, 11, _WIDE)[: len(heads)], *(max(len(name), 6) for name in names)]
+        lines = [[*heads, *names], *self._cells()[:count]]
+        rows = ("".join(f"  {cell:>{w}}" for cell, w in zip(x, wide, strict=True)) for x in lines)
+        return "\n".join([_SHARES, *rows])
+
+    def to_pandas(self) -> DataFrame:
+        """Return the modes as a data frame of pandas.
+
+        Returns
+        -------
+        pandas.DataFrame
+            One row a mode, from 1; frequency, damping, and shares of the signals, from 0 to 1.
+        """
+        heads = ["omega", "frequency_hz", "damping_ratio", "z"][: len(self._heads)]
+        rows = [[*(getattr(r, n) for n in heads), *r.input_participation, *r.output_participation] for r in self.rows]
+        numbers = range(1, len(rows) + 1)
+        return data_frame(rows, "mode", index=numbers, columns=[*heads, *self.input_labels, *self.output_labels])
 
     def plot(self, ax: Any = None, **style: Any) -> Any:
         """Draw the damping of each mode over its frequency.
@@ -168,8 +170,9 @@ class ModeTable:
         return import_module("boomctl.plotting.looking").plot_mode_table(self, ax, **style)
 
     @property
-    def _discrete(self) -> bool:
-        return any(row.z is not None for row in self.rows)
+    def _heads(self) -> list[str]:
+        discrete = any(row.z is not None for row in self.rows)
+        return ["omega [rad/s]", "[Hz]", "damping [%]", "z"][: 4 if discrete else 3]
 
 
 def _z(z: complex) -> str:

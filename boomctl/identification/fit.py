@@ -18,7 +18,7 @@ from boomctl.identification.identifiability import STEP, Seen, differences, slop
 from boomctl.identification.measured import BOUNDED, Measured, answered
 from boomctl.identification.result import FitResult
 from boomctl.lti.rounding import ALIKE
-from boomctl.progress import Listener, computing, tell
+from boomctl.progress import Deadline, Listener, computing, tell
 from boomctl.structure.families import Family
 from boomctl.threads import one_blas_thread
 
@@ -59,8 +59,8 @@ class _Problem:
         except (ValueError, ArithmeticError):
             return np.full(self.data.residuals(self.data.values).shape, np.inf)
 
-    def solve(self, x: Array) -> tuple[float, Array]:
-        """Return the least sum of squares that is found from a start, and its coordinates."""
+    def solve(self, x: Array) -> tuple[float, Array, int]:
+        """Return the least sum of squares that is found from a start, its coordinates, and the number of evaluations."""
         from scipy.optimize import least_squares  # long to import, and only a fit comes here
 
         bounds: Any = (self.free.low, self.free.high)
@@ -70,7 +70,7 @@ class _Problem:
             result = least_squares(
                 f, x, jac=lambda y: np.nan_to_num(differences(f, y, STEP, self.free)), bounds=bounds, **_SOLVER
             )
-        return 2.0 * float(result.cost), result.x
+        return 2.0 * float(result.cost), result.x, result.nfev
 
 
 @one_blas_thread
@@ -184,8 +184,9 @@ def fit(
     if not np.isfinite(measured.residuals(begun)).all():
         raise ValueError("model: expected finite values above zero at the start; of absolute errors zeros will do")
     with computing("fit", progress):
+        clock = Deadline()
         candidates = _search(problem, count, seed)
-        f, (cost, x) = problem.residuals, candidates[0]
+        f, (cost, x, _) = problem.residuals, candidates[0]
         matrix, error = slopes(f, x, free_parameters)
         seen = Seen.of(matrix, error, f, x, free_parameters)
         item = _of_each(problem, x)
@@ -210,7 +211,7 @@ def fit(
     low, high = _intervals(problem, cost, x, seen, half)
     same = cost + max(_SAME_FIT * size**2, measured.size * (_EXACT * measured.scale) ** 2)
     rivals, agreeing = [], 0  # rivals fit about as well, with a parameter outside its interval
-    for other, at in candidates:
+    for other, at, _ in candidates:
         values = free_parameters.values(at)
         slack = _EXACT * np.abs(values)
         outside = bool(((values < low - slack) | (values > high + slack)).any())
@@ -265,6 +266,8 @@ def fit(
         uncertainty_source=spread.source,
         parameter_dof=named(spread.freedom),
         per_dataset=tuple(named(free_parameters.values(at)) for at in item),
+        nfev=sum(evaluations for *_, evaluations in candidates),
+        elapsed=clock.elapsed,
         model=model,
     )
 
@@ -276,8 +279,8 @@ def _function(build: object) -> Callable[[Any], Any]:
     return function_of("model", build, "the parameters, or a family")
 
 
-def _search(problem: _Problem, count: int, seed: int) -> list[tuple[float, Array]]:
-    """Return where the starts came to, the best first.
+def _search(problem: _Problem, count: int, seed: int) -> list[tuple[float, Array, int]]:
+    """Return where the starts came to and by how many evaluations, the best first.
 
     Of a response, the search goes by bounded relative errors first: it finds resonances from further away.
     """
@@ -288,9 +291,11 @@ def _search(problem: _Problem, count: int, seed: int) -> list[tuple[float, Array
         tell("starts", k, count)
         if not np.isfinite(problem.residuals(x)).all():  # drawn where there is no such model
             continue
+        before = 0
         if first is not None and np.isfinite(first.residuals(x)).all():
-            _, x = first.solve(x)
-        result.append(problem.solve(x))
+            _, x, before = first.solve(x)
+        cost, x, more = problem.solve(x)
+        result.append((cost, x, before + more))
     return sorted(result, key=lambda candidate: candidate[0])
 
 

@@ -1,7 +1,7 @@
 """A modal model in continuous time from a record or from a measured frequency response."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -23,6 +23,7 @@ from boomctl.lti.python_control import control
 from boomctl.lti.rounding import ALIKE
 from boomctl.lti.system import is_frequency_response
 from boomctl.printing import LINES, WIDTH, between, compact, count, table_html
+from boomctl.progress import Deadline
 from boomctl.structure.families import Family
 from boomctl.structure.model import SecondOrderModel
 from boomctl.threads import one_blas_thread
@@ -142,6 +143,8 @@ class IdentificationResult:
         Poles [rad/s] at each order tried, before the fit.
     validation_spectra : (3, n) ndarray
         Frequencies [Hz]; size of the outputs and of what is not predicted, on the part held back, over the outputs' size.
+    elapsed : float
+        Time that the identification took [s].
     """
 
     modes: tuple[IdentifiedMode, ...]
@@ -157,6 +160,17 @@ class IdentificationResult:
     uncertainty_source: str
     stabilization_poles: dict[int, Array]
     validation_spectra: Array
+    elapsed: float = field(repr=False, compare=False)
+
+    @property
+    def success(self) -> bool:
+        """Whether at least half of each output is predicted: ``fit_percent`` is 50 % or more."""
+        return min(self.fit_percent.values()) >= _POOR
+
+    @property
+    def message(self) -> str:
+        """How many modes were found, where and between which signals, and the fit, in one sentence."""
+        return f"{self._head()}; {self._fit()}"
 
     def family(
         self, probability: float = 0.95, range_margin: float = 0.0, *, union_with: "Sequence[IdentificationResult]" = ()
@@ -230,9 +244,7 @@ class IdentificationResult:
 
     def _repr_html_(self) -> str:
         heads = ("frequency", "damping", "share of energy")
-        return table_html(
-            f"{self._head()}; {self._fit()}; {self.uncertainty_source}", heads, map(self._row, self.modes)
-        )
+        return table_html(f"{self.message}; {self.uncertainty_source}", heads, map(self._row, self.modes))
 
     def __str__(self) -> str:
         """Return modes with their intervals, and the fit of each output, as lines of text.
@@ -390,7 +402,7 @@ def identify(
     >>> [(round(mode.frequency_hz, 2), round(mode.damping_ratio, 3)) for mode in found.modes]
     [(3.18, 0.02)]
     """
-    level = confident("confidence_level", confidence_level)
+    clock, level = Deadline(), confident("confidence_level", confidence_level)
     back = within("validation_fraction", validation_fraction, 0.0, 0.8)
     wanted = None if modes is None else whole("modes", modes)
     rigid = None if rigid_body is None else whole("rigid_body", rigid_body, least=0, most=2)
@@ -517,6 +529,7 @@ def identify(
             for order in orders
         },
         np.array([tested.s.imag / (2.0 * np.pi), *spectrum])[:, tested.record == 0],
+        clock.elapsed,
     )
 
 

@@ -15,7 +15,7 @@ from boomctl.identification.certificate import FitCertificate
 from boomctl.identification.families import of_fit, union
 from boomctl.identification.identifiability import ParameterCombination
 from boomctl.identification.measured import Measured
-from boomctl.printing import WIDTH, count
+from boomctl.printing import WIDTH, DataFrame, Summarized, count, data_frame
 from boomctl.structure.families import Family
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class FitResult:
+class FitResult(Summarized):
     """Parameters of a model that fit measurements.
 
     Attributes
@@ -70,6 +70,10 @@ class FitResult:
         Degrees of freedom of each standard error, for Student's t; infinite where the deviation was given.
     per_dataset : tuple of dict
         Values that each of several data sets has by itself; empty of one.
+    nfev : int
+        Evaluations of the model by the searches from all starts, those for derivatives not counted.
+    elapsed : float
+        Time that the fit took [s].
     model : callable or family, or None
         What makes the model of its parameters; None after unpickling where it does not pickle.
     """
@@ -94,6 +98,8 @@ class FitResult:
     uncertainty_source: str
     parameter_dof: dict[str, float]
     per_dataset: tuple[dict[str, float], ...]
+    nfev: int
+    elapsed: float = field(repr=False, compare=False)
     model: Any = field(default=None, repr=False, compare=False)
 
     def __getstate__(self) -> dict[str, Any]:
@@ -105,7 +111,7 @@ class FitResult:
         return state
 
     @property
-    def certified(self) -> bool:
+    def success(self) -> bool:
         """Whether the minimum is certified; see ``certificate``, whose ``adequacy`` compares residuals with errors."""
         return self.certificate.certified
 
@@ -177,6 +183,23 @@ class FitResult:
         if high == inf:
             return "not determined" if open_low else f"{low:.5g} or more"
         return f"{high:.5g} or less" if open_low else f"{low:.5g} to {high:.5g}"
+
+    def to_pandas(self) -> DataFrame:
+        """Return the parameters as a data frame of pandas.
+
+        Returns
+        -------
+        pandas.DataFrame
+            One row a parameter: value, standard error, ends of the interval, degrees of freedom.
+        """
+        low, high = ({name: self.intervals[name][end] for name in self.names} for end in (0, 1))
+        columns = {
+            "value": self.values,
+            "standard_error": self.standard_errors,
+            "lower_bound": low,
+            "upper_bound": high,
+        }
+        return data_frame(columns | {"dof": self.parameter_dof}, "parameter", index=self.names)
 
     def __str__(self) -> str:
         """Return parameters, intervals, what is not seen and the certificate as lines of text.

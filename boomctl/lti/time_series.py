@@ -10,6 +10,7 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.checks import known
+from boomctl.printing import DataFrame, data_frame
 
 if TYPE_CHECKING:
     import control
@@ -33,6 +34,10 @@ class TimeSeries:
     def _inputs(self) -> Mapping[str, Array]:
         """Return what drives it, by name."""
         return {}
+
+    def _columns(self) -> Mapping[str, Array]:
+        """Return the columns of a table of it, by name."""
+        return {**self._inputs(), **self._outputs()}
 
     def __getitem__(self, name: str) -> Array:
         """Return a signal by name."""
@@ -58,6 +63,16 @@ class TimeSeries:
             issiso=False,
             sysname=type(self).__name__,
         )
+
+    def to_pandas(self) -> DataFrame:
+        """Return the signals as a data frame of pandas.
+
+        Returns
+        -------
+        pandas.DataFrame
+            One row a time [s], one column a signal, of loops also what was commanded; known units in its ``attrs["units"]``.
+        """
+        return data_frame(self._columns(), "time [s]", getattr(self, "units", None), index=self.time)
 
     def plot(self, ax: Any = None, **style: Any) -> Array:
         """Draw each signal over time.

@@ -18,7 +18,7 @@ from boomctl.structure.response.modal_form import in_modes
 from boomctl.structure.response.poles import undamped_modes
 from boomctl.structure.response.realization import realize
 
-# Ways to a core, in the order tried; a result's path names those that were taken.
+# Ways to a core, in the order tried; a result's stages names those that were taken.
 # of a large structure that has a bound
 HIGH_MODES_BOUNDED = "the lowest undamped modes, the others bounded in closed form"
 ALL_MODES = "all undamped modes"  # of other structures with strain rows: they keep digits that assembled matrices lose

@@ -161,12 +161,12 @@ def _by_cores(
     given: Lti | SecondOrderModel, order: int | None, wanted: float | None, method: str, band: Band | None
 ) -> ReductionResult:
     """Return the reduction to an order or within an error, of the first core large enough."""
-    path: list[str] = []
+    stages: list[str] = []
     modes, size, truncated = _MODES + (order or 0), _states(given), 0.0
     while True:
         tell(f"core of up to {modes} modes")
         core = core_of(given, modes)
-        path.append(core.way)
+        stages.append(core.way)
         reducer = METHODS[method](given, core, band, modes)
         last, floor = modes >= _LARGEST_CORE, _ROUNDING * float(reducer.values.max(initial=0.0))
         modes *= 2  # of the next core, where this one does not do
@@ -183,7 +183,7 @@ def _by_cores(
         if result is None or (isinstance(given, Lti) and _states(smaller) >= size):  # type: ignore[arg-type]
             # no system differs less from one than itself
             smaller, result = _as_given(given, method), Verified(0.0, 0.0, NO_ERROR, 0.0)
-            path.append(AS_GIVEN)
+            stages.append(AS_GIVEN)
             break
         if core.complete or last or core.tail <= max(_TAIL_SHARE * result.measured, floor):
             truncated = result.truncation
@@ -205,7 +205,7 @@ def _by_cores(
         core_error_bound=truncated,
         hankel_singular_values=reducer.values,
         retained_order=len(core.kept.A),
-        stages=tuple(path),
+        stages=tuple(stages),
         omega_range=band,
         full_order=size,
     )

@@ -596,7 +596,7 @@ class HubBeam(ABC):
             n_steps=found.steps,
             _error=partial(self._error, maneuver, instants, start, found),
             details=partial(self._details, maneuver, instants, found),
-            stages=found.path,
+            stages=found.stages,
         )
 
     def _start(self, maneuver: Maneuver, initial: ArrayLike | None) -> tuple[Array, Array]:

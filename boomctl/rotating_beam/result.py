@@ -33,7 +33,7 @@ class Motion:
         Estimated largest error of the free end's displacement, m.
     steps : int
         Number of integration steps.
-    path : tuple of str
+    stages : tuple of str
         The ways that ran, in their order.
     """
 
@@ -42,7 +42,7 @@ class Motion:
     states: Callable[[], tuple[Array, Array]]
     error: float
     steps: int
-    path: tuple[str, ...]
+    stages: tuple[str, ...]
 
 
 def kept_states(y: Array, rate: Array) -> tuple[Array, Array]:

@@ -249,8 +249,8 @@ def simulate_loop(
             return result
         error = _friction_error(problem, substeps, friction.slip_output, moving)
         return replace(result, error_estimate=error)
-    path = "blocks" if in_blocks(p) else "steps"
-    return _result(p, log, run_fast(p, log)[:, :: p.grid.per_point], None, path)
+    method = "blocks" if in_blocks(p) else "steps"
+    return _result(p, log, run_fast(p, log)[:, :: p.grid.per_point], None, method)
 
 
 def _check_strokes(places: list[tuple[str, str, float]], outputs: Array, names: tuple[str, ...]) -> None:
@@ -298,7 +298,7 @@ def _initial(initial: ArrayLike, n: int) -> Array:
     return given
 
 
-def _result(p: LoopProblem, log: ControlLog, moving: Array, contacts: ContactLog | None, path: str) -> LoopResult:
+def _result(p: LoopProblem, log: ControlLog, moving: Array, contacts: ContactLog | None, method: str) -> LoopResult:
     """Return signals by name; ``moving`` is what the outputs read of the states at the given times."""
     plant, grid, controls = p.plant, p.grid, p.at_points(log)
     outputs = moving + plant.D @ p.W[:, :: grid.per_point] + plant.D[:, p.controller.driven] @ controls[0]
@@ -325,7 +325,7 @@ def _result(p: LoopProblem, log: ControlLog, moving: Array, contacts: ContactLog
         _told(p, plant, log, outputs, controls),
         stop_contacts=merged_hits(names, grid.h, float(grid.time[0]), touched),
         friction=friction,
-        method=path,
+        method=method,
         _sampled=sampled,
     )
 

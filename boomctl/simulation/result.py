@@ -110,15 +110,24 @@ class LoopResult(TimeSeries):
             for name, share in self.saturation_fraction.items()
             if share
         ]
-        limited += (
-            [f"stuck {100.0 * self.friction.stick_fraction:.3g} % of the time"] if self.friction is not None else []
-        )
+        if self.friction is not None:
+            limited.append(f"stuck {100.0 * self.friction.stick_fraction:.3g} % of the time")
         last = f"\n  {listed(limited)}" if limited else ""
-        if self._sampled is not None and (sides(np.linalg.eigvals(self._sampled), self.sample_time) > 0).any():
-            last += "\n  unstable: the loop grows without bound, unless limits or stops hold it"
+        last += "" if self.success else f"\n  {self.message}"
         known_error = self.states is not None or self.friction is not None
         last += f"\n  error estimated {self.error_estimate:.1e} m" if known_error else ""
         return f"LoopResult: {span}; {controls}\n  outputs: {listed(list(self.outputs))}{last}"
+
+    @property
+    def success(self) -> bool:
+        """Whether the loop is stable while no limit or stop is met, as far as that is known: of linear plants."""
+        return self._sampled is None or not (sides(np.linalg.eigvals(self._sampled), self.sample_time) > 0).any()
+
+    @property
+    def message(self) -> str:
+        """That the loop is unstable, or which way it was run, in one sentence."""
+        unstable = "unstable: the loop grows without bound, unless limits or stops hold it"
+        return f"run to {self.time[-1]:.6g} s by {self.method}" if self.success else unstable
 
     @property
     def _strokes(self) -> dict[str, Array]:
@@ -135,6 +144,9 @@ class LoopResult(TimeSeries):
             for name, values in signals.items():
                 moved[name] = moved[name] + values
         return moved
+
+    def _columns(self) -> dict[str, Array]:
+        return {**self._inputs(), **{f"commanded_{k}": v for k, v in self.commanded.items()}, **self.outputs}
 
     def __figures__(self) -> dict[str, float]:
         """Return what a comparison shows."""

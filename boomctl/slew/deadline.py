@@ -29,7 +29,7 @@ class SlewProgress:
     ----------
     stage : str
         What is done, in words.
-    seconds : float
+    elapsed : float
         Time since the search began [s].
     objective : float or None
         Of the best iteration so far of this stage that keeps all conditions on its mesh; in seconds where the least time is
@@ -48,7 +48,7 @@ class SlewProgress:
     """
 
     stage: str
-    seconds: float
+    elapsed: float
     objective: float | None
     violation: float | None
 
@@ -72,7 +72,7 @@ class SlewDeadline(Deadline):
         """Tell what is done; or raise `OutOfTimeError`, or `KeyboardInterrupt` if one was heard."""
         self.obey()
         if self.tell is not None:
-            self.tell(SlewProgress(doing, self.seconds, objective, None))
+            self.tell(SlewProgress(doing, self.elapsed, objective, None))
         if self.over:
             raise OutOfTimeError(doing)
 
@@ -119,7 +119,7 @@ class Watch(ca.Callback):
         self.sizes = {"x": arguments["x0"].size, "lam_x": arguments["x0"].size, "f": 1}
         self.sizes |= {"g": self.low.size, "lam_g": self.low.size}
         self.deadline, self.stage, self.unit = deadline, stage, unit
-        self.iterations, self.before, self.late = 0, deadline.seconds, False
+        self.iterations, self.before, self.late = 0, deadline.elapsed, False
         self.best: float | None = None
         self.failed: BaseException | None = None
         self.construct("watch", {})
@@ -145,7 +145,7 @@ class Watch(ca.Callback):
                 self._tell(dict(zip(ca.nlpsol_out(), arg, strict=True)))
         except BaseException as error:  # CasADi would hide it
             self.failed = error
-        now = self.deadline.seconds
+        now = self.deadline.elapsed
         self.late, self.before = 2.0 * now - self.before > self.deadline.limit, now
         return [int(self.failed is not None or self.late or bool(self.deadline.heard))]
 
@@ -158,7 +158,7 @@ class Watch(ca.Callback):
             cost = self.unit * float(values["f"])
             self.best = cost if self.best is None else min(self.best, cost)
         stage = f"{self.stage}, iteration {self.iterations}"
-        self.deadline.tell(SlewProgress(stage, self.deadline.seconds, self.best, violation))
+        self.deadline.tell(SlewProgress(stage, self.deadline.elapsed, self.best, violation))
 
 
 def solved(
@@ -201,7 +201,7 @@ def solved(
     watch = Watch(arguments, deadline, stage, unit)
     options = options | {"iteration_callback": watch}
     if deadline.limit < inf:
-        options["ipopt.max_wall_time"] = max(deadline.limit - deadline.seconds, _LEAST)
+        options["ipopt.max_wall_time"] = max(deadline.limit - deadline.elapsed, _LEAST)
     solver = ca.nlpsol("slew", "ipopt", nlp, options)
     result, statistics = solver(**arguments), solver.stats()
     if watch.failed is not None:

@@ -1,6 +1,6 @@
 """Optimal slews: the best torque for a problem, by the first way that finds one, played back and certified.
 
-The ways, in the order in which they are tried; the path of a result names those that ran:
+The ways, in the order in which they are tried; the stages of a result names those that ran:
 
 1. Switching times of a linear plant, for the least time under the torque's limit alone: the problem is convex, the times
    are exact, and weak duality proves that they are optimal.
@@ -88,7 +88,7 @@ class _Candidate:
     programme: Programme | None = None
     solution: Solution | None = None
     motions: tuple[Motion, ...] | None = None
-    path: tuple[str, ...] = ()
+    stages: tuple[str, ...] = ()
 
 
 def _arc_durations(problem: SlewProblem, first: TorqueProfile) -> tuple[_Candidate | None, tuple[str, ...]]:
@@ -96,19 +96,19 @@ def _arc_durations(problem: SlewProblem, first: TorqueProfile) -> tuple[_Candida
     result = least_time_arcs(problem, first)
     if result is None or result.gain >= _EXTREMAL:
         return None, ("durations of arcs: none found",)
-    return _Candidate(result.history, "switching times", result.gain, "extremal"), ("durations of arcs", *result.path)
+    return _Candidate(result.history, "switching times", result.gain, "extremal"), ("durations of arcs", *result.stages)
 
 
 def _programme(problem: SlewProblem, least: Extremal | None) -> tuple[_Candidate, tuple[str, ...]]:
     """The torque of a programme on a mesh; where it is bang-bang, the durations of its arcs once more."""
     result = refined(problem, None if least is None else least.history)
-    history, path, limit = result.solution.history, result.path, problem.limits.torque
+    history, stages, limit = result.solution.history, result.stages, problem.limits.torque
     if problem.fastest:
         bang, ran = _arc_durations(problem, arcs_behind(history.start_values / limit, history.duration, limit))
-        path += ran
+        stages += ran
         if bang is not None:
-            return bang, path
-    return _on_mesh(problem, result), path
+            return bang, stages
+    return _on_mesh(problem, result), stages
 
 
 def _on_mesh(problem: SlewProblem, found: Refined) -> _Candidate:
@@ -121,7 +121,7 @@ def _on_mesh(problem: SlewProblem, found: Refined) -> _Candidate:
         programme=found.programme,
         solution=found.solution,
         motions=found.motions,
-        path=found.path,
+        stages=found.stages,
     )
 
 
@@ -134,13 +134,13 @@ def _least_effort(problem: SlewProblem) -> tuple[_Candidate | None, tuple[str, .
     """
     asked = problem.intervals
     proved = problem.linear and not problem.limits.beside_torque
-    result, path, gap = None, (), inf
+    result, stages, gap = None, (), inf
     try:
         for intervals in MESHES if asked is None else (asked,):
-            path = (*path, f"least effort on {intervals} intervals")
+            stages = (*stages, f"least effort on {intervals} intervals")
             finer = _effort_within(problem, intervals)
             if finer is None:
-                if result is not None or len(path) == _FAILED:
+                if result is not None or len(stages) == _FAILED:
                     break
                 continue
             coarser, result = result, finer
@@ -153,10 +153,10 @@ def _least_effort(problem: SlewProblem) -> tuple[_Candidate | None, tuple[str, .
     except OutOfTimeError as over:
         if result is None:
             raise
-        path = (*path, f"out of time: {over}")
+        stages = (*stages, f"out of time: {over}")
     if result is None:
-        return None, (*path, "no least effort found")
-    return replace(result, gap=effort_gap(problem, result.history) if proved else gap), path
+        return None, (*stages, "no least effort found")
+    return replace(result, gap=effort_gap(problem, result.history) if proved else gap), stages
 
 
 def _effort_within(problem: SlewProblem, intervals: int) -> _Candidate | None:
@@ -306,30 +306,30 @@ def _turned(linear: bool, angle: float | EllipsisType | None, angle_deg: float |
 
 def _planned(problem: SlewProblem) -> SlewResult:
     """Plan a slew by the first way that finds one."""
-    path, result, least = (), None, None
+    stages, result, least = (), None, None
     if problem.fastest and not problem.linear:
         first = rigid_and_slowest(problem)
         if (
             first is not None and first.start_values.size == problem.ends.shape[0]
         ):  # fewer arcs than conditions would not do
             result, ran = _arc_durations(problem, first)
-            path = ("rigid body and slowest mode", *ran)
+            stages = ("rigid body and slowest mode", *ran)
     if problem.objective == "time" and result is None:
         least = least_time(problem)  # of the linear part: where every other way starts
-        path += least.path
+        stages += least.stages
         if problem.fastest and problem.linear:  # it is the answer: what is left to find is its distance from the bound
             gap = time_gap(problem, least)
             optimality = "proved" if problem.waits and gap < 1.0 else "extremal"
-            return _certified(problem, _Candidate(least.history, "switching times", gap, optimality, path=path))
+            return _certified(problem, _Candidate(least.history, "switching times", gap, optimality, stages=stages))
         if problem.fastest:
             result, ran = _arc_durations(problem, least.history)
-            path += ran
+            stages += ran
     if problem.objective == "effort" and problem.limits.torque_rate is None:
-        result, path = _least_effort(problem)
+        result, stages = _least_effort(problem)
     if result is None:
         result, ran = _programme(problem, least)
-        path += ran
-    return _certified(problem, replace(result, path=path))
+        stages += ran
+    return _certified(problem, replace(result, stages=stages))
 
 
 def _deadline(time_limit: float, progress: Callable[[SlewProgress], object] | None) -> SlewDeadline:
@@ -413,14 +413,15 @@ def replan(
         if before.programme is None or before.solution is None:
             return _planned(problem)
         solution, motions = solved_again(problem, before.programme, before.solution)
-    path = ("collocation, solved again on its mesh",)
-    found = Refined(before.programme, solution, result.certificate.optimality_gap, path, motions)
+    stages = ("collocation, solved again on its mesh",)
+    found = Refined(before.programme, solution, result.certificate.optimality_gap, stages, motions)
     return _certified(problem, _on_mesh(problem, found))
 
 
 def _certified(problem: SlewProblem, found: _Candidate) -> SlewResult:
     """Play a torque back, unless it was, judge it, and put the result together."""
-    history, problem = found.history, replace(problem, deadline=SlewDeadline())  # what is kept of it tells nobody
+    # what is kept of the problem tells nobody
+    history, deadline, problem = found.history, problem.deadline, replace(problem, deadline=SlewDeadline())
     motions = played(problem, history) if found.motions is None else found.motions
     error, free = prescribed_error(problem, motions), free_errors(problem, motions)
     excess, whole = violation(problem, history, motions), max(error, *free.values(), 0.0)
@@ -462,6 +463,7 @@ def _certified(problem: SlewProblem, found: _Candidate) -> SlewResult:
         torque_profile=history,
         _others=partial(other_models, problem, history),
         plan=Planned(problem, found.programme, found.solution),
-        stages=found.path,
+        stages=found.stages,
         small_deformation_until=first.small_deformation_until,
+        elapsed=deadline.elapsed,
     )

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from boomctl.arrays import Array
 from boomctl.lti.time_series import TimeSeries
-from boomctl.printing import compact
+from boomctl.printing import Summarized, compact
 from boomctl.slew.objectives import OBJECTIVES
 from boomctl.slew.plant import LABELS
 from boomctl.slew.torque import TorqueProfile
@@ -45,9 +45,9 @@ class Replay:
     --------
     >>> import boomctl as bc
     >>> slew = bc.optimal_slew(bc.hub_beam(modes=1), angle=1.0, torque_limit=160.0)
-    >>> [run.model for run in slew.replays]
+    >>> [run.model for run in slew.replay()]
     ['foam', 'geometrically-exact']
-    >>> round(slew.replays[0].angle_error, 5)  # [rad]
+    >>> round(slew.replay()[0].angle_error, 5)  # [rad]
     0.0005
     """
 
@@ -137,7 +137,7 @@ class SlewCertificate:
 
 
 @dataclass(frozen=True, eq=False)
-class SlewResult(TimeSeries):
+class SlewResult(Summarized, TimeSeries):
     """A slew: the torque, what the plant does under it, and the certificate.
 
     Attributes
@@ -176,6 +176,8 @@ class SlewResult(TimeSeries):
         Instant at which the tip of a hub-beam first exceeds a tenth of its length [s], up to one and a half of the slowest
         periods after the end: beyond it, only the geometrically exact model holds. inf if it never does, and of a linear
         system, whose length nobody says.
+    elapsed : float
+        Time that the search took, its replay included [s].
     """
 
     _made_by = "optimal_slew(...)"
@@ -198,6 +200,7 @@ class SlewResult(TimeSeries):
     plan: Any = field(repr=False, default=None)
     stages: tuple[str, ...] = field(repr=False, default=())
     small_deformation_until: float = inf
+    elapsed: float = field(repr=False, default=0.0)
 
     def __repr__(self) -> str:
         name, unit = self._labels["angle"]
@@ -227,17 +230,25 @@ class SlewResult(TimeSeries):
         return LABELS if self.plan is None else self.plan.problem.plants[0].labels
 
     @property
+    def success(self) -> bool:
+        """Whether the search ended by itself; False where time ran out before the cost was known to be that of any mesh."""
+        return self.certificate.optimality_status != "stationary" or "out of time" not in "; ".join(self.stages)
+
+    @property
+    def nit(self) -> int | None:
+        """Iterations of the solver on the final mesh; None where the torque was found without one."""
+        return getattr(getattr(self.plan, "solution", None), "nit", None)
+
+    @property
     def title(self) -> str:
         """The objective in words, as "minimum time"."""
         return OBJECTIVES[self.objective].title
 
     @cached_property
     @one_blas_thread
-    def replays(self) -> tuple[Replay, ...]:
-        """What `replay` returns, computed once."""
-        return self.replay()
+    def _replays(self) -> tuple[Replay, ...]:
+        return self._others()
 
-    @one_blas_thread
     def replay(self) -> tuple[Replay, ...]:
         """Play the torque on the other payloads of the plan, on the FOAM and on the geometrically exact beam.
 
@@ -259,7 +270,7 @@ class SlewResult(TimeSeries):
         >>> round(float(heavier.hub_angle[-1]), 2)
         0.87
         """
-        return self._others()
+        return self._replays
 
     @one_blas_thread
     def track(

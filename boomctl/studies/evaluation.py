@@ -136,7 +136,7 @@ class Evaluation(ABC):
     def _repr_html_(self) -> str:
         return table_html(f"{self.design.title}: {self.verdict}", ("", "result"), self.words.items())
 
-    def as_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """Return the numbers, for JSON.
 
         Returns
@@ -161,7 +161,7 @@ class Evaluation(ABC):
             )
             sections.append(Section("The controller in files", (listed,)))
         lead = f"{self.design.title}. {self.verdict[:1].upper()}{self.verdict[1:]}"
-        return Report(f"{self.kind}{self.design.title}", (lead,), tuple(sections), self.as_dict(), files)
+        return Report(f"{self.kind}{self.design.title}", (lead,), tuple(sections), self.to_dict(), files)
 
     def controller_files(self) -> dict[str, bytes | str]:
         """Return the controller for other programs: JSON, MATLAB, and C99 with its limits where it is sampled.

@@ -143,7 +143,7 @@ class SlewEvaluation(Evaluation):
         problem, swing = slew.plan.problem, self.comparison[design._label].residual_vibration
         angle_error = 0.0 if problem.angle is None else float(slew.hub_angle[-1]) - problem.angle
         speed_error = float(slew.hub_speed[-1]) - problem.final_speed
-        return (Replay(design.beam.model, None, angle_error, speed_error, swing, slew.residual_energy), *slew.replays)
+        return (Replay(design.beam.model, None, angle_error, speed_error, swing, slew.residual_energy), *slew.replay())
 
     @cached_property
     def following(self) -> dict[str, float] | None:

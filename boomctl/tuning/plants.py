@@ -81,7 +81,7 @@ class Plants:
         return tuple(self._series)
 
     @property
-    def path(self) -> tuple[str, ...]:
+    def stages(self) -> tuple[str, ...]:
         """How derivatives by physical parameters are known."""
         result = [item.degrees for item in self.series if item is not None]
         if not self.physical:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from boomctl.analysis.prove import Claim
 from boomctl.analysis.sigma import sigma
 from boomctl.lti.system import Lti
-from boomctl.printing import count, listed, system
+from boomctl.printing import Summarized, count, listed, system
 from boomctl.synthesis.certificate import Design, DesignCertificate
 from boomctl.synthesis.plants.channels import channel_of
 from boomctl.synthesis.plants.partition import GeneralizedPlant
@@ -18,9 +18,11 @@ from boomctl.tuning.solver.search import TuneStart
 if TYPE_CHECKING:
     import control
 
+_UNFINISHED = ("out of time", "stopped", "worse by", "found nothing")  # how stages begin that end a search too early
+
 
 @dataclass(frozen=True)
-class TuneResult(Design):
+class TuneResult(Summarized, Design):
     """A controller of a given structure, and the closed loops it was verified in.
 
     Attributes
@@ -45,6 +47,8 @@ class TuneResult(Design):
         What each start came to.
     models : tuple of str
         What the models are called.
+    elapsed : float
+        Time that the search took, its verification included [s].
     """
 
     _controller: Lti = field(repr=False)
@@ -57,6 +61,17 @@ class TuneResult(Design):
     starts: tuple[TuneStart, ...]
     models: tuple[str, ...]
     _plants: tuple[GeneralizedPlant, ...] = field(default=(), repr=False, compare=False)
+    elapsed: float = field(default=0.0, repr=False, compare=False)
+
+    @property
+    def success(self) -> bool:
+        """Whether the search ended by itself, and nothing worse is known in the family; False where time ran out."""
+        return not any(stage.startswith(_UNFINISHED) for stage in self.certificate.stages)
+
+    @property
+    def nit(self) -> int:
+        """Steps taken from all starts."""
+        return sum(start.nit for start in self.starts)
 
     def __claims__(self) -> Iterator[Claim]:
         """Yield what can be proved: of the loops of the plants that were handed in, and of each channel's norm."""

@@ -163,10 +163,10 @@ def tune(
         task = _Task(structure, listed, limits, plants, deadline)
         begun = task.begun(initial_controller)
         result = task.searched(count, np.random.default_rng(number), begun)
-        worst, path = None, [*plants.path, *result.path]
+        worst, stages = None, [*plants.stages, *result.stages]
         if over is not None and over.uncertain:
-            task, result, worst = _over_family(task, over, result, number, path)
-        return _result(task, result, worst, tuple(path))
+            task, result, worst = _over_family(task, over, result, number, stages)
+        return _result(task, result, worst, tuple(stages))
 
 
 def _channels(channels: "Sequence[Channel] | None", norm: str) -> tuple[Channel, ...]:
@@ -343,8 +343,8 @@ class _Task:
             warnings.simplefilter("ignore", RuntimeWarning)  # of what is tried and given up
             result = search(problem, starts, rng, self.deadline, begun, self.problem)
         if result.best is None:
-            ended = [item for item in ("out of time", "stopped") if item in result.path]
-            when = f" before it was {ended[0]}" if ended == ["stopped"] else " in the time allowed" if ended else ""
+            ended = {"stopped": " before it was stopped", "out of time": " in the time allowed"}
+            when = ended.get((result.stages or [""])[-1], "")
             many = " all models" if len(self.plants.labels) > 1 else ""
             near = f"; the largest real part of a pole came down to {result.abscissa:.4g} rad/s"
             raise SynthesisError(
@@ -383,7 +383,7 @@ def _check_loops(structure: ControllerForm, measurements: tuple[str, ...], contr
 
 
 def _over_family(
-    task: _Task, over: FamilyPlants, found: Search, seed: int, path: list[str]
+    task: _Task, over: FamilyPlants, found: Search, seed: int, stages: list[str]
 ) -> "tuple[_Task, Search, ChannelNorm | None]":
     """Return the search with the worst points of the family among the models, until none is worse."""
     worst = None
@@ -392,23 +392,23 @@ def _over_family(
         tell("worst point of the family")
         excess, point, worst = _worst(task, over, found)
         if excess <= _WORSE:
-            path.append(f"nothing worse in the family, {len(task.plants.labels)} points")
+            stages.append(f"nothing worse in the family, {len(task.plants.labels)} points")
             break
-        stopped = "stopped" in found.path or task.deadline.over
+        stopped = "stopped" in found.stages or task.deadline.over
         if extra == _MORE_POINTS or stopped:
-            path.append(f"worse by {100.0 * excess:.3g} % at {over.label(point)}")
+            stages.append(f"worse by {100.0 * excess:.3g} % at {over.label(point)}")
             break
-        path.append(f"added {over.label(point)}")
+        stages.append(f"added {over.label(point)}")
         more = replace(
             task, plants=task.plants.with_more(over.maker(point), over.maker(point, settled=True), over.label(point))
         )
         try:
             again = more.searched(_AGAIN, np.random.default_rng(seed + extra + 1), [found.best])
         except SynthesisError:
-            path.append("found nothing with it")
+            stages.append("found nothing with it")
             break
         again.earlier = found.starts
-        path += again.path
+        stages += again.stages
         task, found = more, again
     return task, found, worst
 
@@ -456,7 +456,7 @@ def _share_used(found: ChannelNorm) -> float:
     return found.value / (found.channel.budget or 1.0)
 
 
-def _result(task: _Task, found: Search, worst: "ChannelNorm | None", path: tuple[str, ...]) -> TuneResult:
+def _result(task: _Task, found: Search, worst: "ChannelNorm | None", stages: tuple[str, ...]) -> TuneResult:
     """Return the best controller, verified from what the user handed in.
 
     Raises
@@ -502,7 +502,7 @@ def _result(task: _Task, found: Search, worst: "ChannelNorm | None", path: tuple
         active_peaks=peaks,
         stationarity=least,
         active_constraints=active,
-        stages=path,
+        stages=stages,
         summary="",
         worst_case=None if worst is None else max((worst, top), key=_share_used),
     )
@@ -520,6 +520,7 @@ def _result(task: _Task, found: Search, worst: "ChannelNorm | None", path: tuple
         tuple(found.starts),
         task.plants.labels,
         tuple(plants),
+        task.deadline.elapsed,
     )
 
 

@@ -88,7 +88,7 @@ def test_one_torque_leaves_every_payload_at_rest():
 @pytest.mark.slow
 def test_the_spin_up_ends_in_steady_rotation():
     evaluation = judged("spin_up_slew")
-    planned, profile = evaluation.as_dict()["spin_ups"]
+    planned, profile = evaluation.to_dict()["spin_ups"]
     assert planned["speed_error"] < 1e-6
     assert planned["vibration"] < 1e-6 < profile["vibration"]
     assert planned["peak_torque"] == spin_up_slew.LIMIT < profile["peak_torque"]

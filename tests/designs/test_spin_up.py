@@ -20,7 +20,7 @@ def judged(modes):
 
 
 def numbers(modes, key="runs"):
-    return {(row["way"], row["tip_mass"]): row for row in judged(modes).as_dict()[key]}
+    return {(row["way"], row["tip_mass"]): row for row in judged(modes).to_dict()[key]}
 
 
 @pytest.mark.slow
@@ -28,7 +28,7 @@ def numbers(modes, key="runs"):
 def test_scheduled_drive_is_proved_and_holds_the_speed(modes):
     result, runs = judged(modes), numbers(modes)
     assert result.robust.proved
-    assert result.as_dict()["proved"]
+    assert result.to_dict()["proved"]
     assert runs[SCHEDULED, 0.1]["after_gust"] < 0.5 * runs[FIXED, 0.1]["after_gust"]
     assert runs[OPEN, 0.1]["speed_error"] > 0.1 > 2.5 * runs[SCHEDULED, 0.1]["speed_error"]
     assert all(row["torque"] < scheduled_spin_up.LIMIT for row in runs.values())
@@ -45,7 +45,7 @@ def test_scheduled_drive_numbers_are_those_of_the_page():
         wanted = [float(re.match(r"[\d.]+", cell)[0]) for cell in cells.split(" | ")]
         expected = [found["tip"], 1e3 * found["left"], 1e3 * found["after_gust"], found["torque"]]
         assert wanted == pytest.approx(expected, rel=0.02)
-    assert judged(3).as_dict()["rate_asked"] == pytest.approx(0.67, abs=0.01)
+    assert judged(3).to_dict()["rate_asked"] == pytest.approx(0.67, abs=0.01)
     assert runs[OPEN, 0.1]["speed_error"] == pytest.approx(0.14, abs=0.01)
     faster = numbers(3, "faster_runs")
     assert faster[SCHEDULED, 0.1]["torque"] == scheduled_spin_up.LIMIT

@@ -89,7 +89,7 @@ def test_suspensions_are_proved_stable_over_box(result):
     )
     assert all(0.0 <= each.relative_gap <= 1.001e-3 for each in worst.values())  # nowhere in the box higher, proved
     for name, each in worst.items():
-        stored = result.as_dict()["worst_case"][name]
+        stored = result.to_dict()["worst_case"][name]
         assert stored == {
             "found": each.worst_norm.lower_bound,
             "upper_bound": each.upper_bound,
@@ -121,7 +121,7 @@ def test_suspensions_on_field_of_page_have_its_numbers(name):
 def test_tuned_suspension_meets_its_goals():
     """Three states a half; peak, proved worst peak, and force of the goals; the yaw near its static gain everywhere."""
     result = evaluated("tuned_suspension")
-    assert result.as_dict()["controller"] == {"states": 6}
+    assert result.to_dict()["controller"] == {"states": 6}
     assert result.active.sigma.certificate.upper_bound < 9.3
     assert max(each.upper_bound for each in result.worst.values()) < 10.2
     assert result.active.yaw.lower_bound == pytest.approx(6.85, abs=0.01)
@@ -134,7 +134,7 @@ def test_codesign_meets_its_goals():
     result = evaluated("codesign")
     dampers = result.design.parameters.cradle_damping, result.design.parameters.hinge_damping
     assert dampers == (pytest.approx(174.6, abs=2), pytest.approx(527, abs=7))
-    assert result.as_dict()["controller"] == {"states": 5}
+    assert result.to_dict()["controller"] == {"states": 5}
     assert result.active.sigma.certificate.upper_bound < 7.9
     assert result.worst["jolt"].upper_bound == pytest.approx(7.708, abs=1e-3)
     assert result.worst["yaw"].upper_bound < 6.85

@@ -199,7 +199,7 @@ def test_fit_exact_data_gives_the_parameters(case):
     free = [name for name, value in true.items() if value != (start if isinstance(start, dict) else vars(start))[name]]
     found = bc.fit(build, answer(truth), free, start, n_starts=2, **(more[0] if more else {}))
     assert recovered(found, true, free)
-    assert found.certified
+    assert found.success
     assert isinstance(found.parameters, type(start))
     others = found.parameters if isinstance(start, dict) else vars(found.parameters)
     assert {**others, **found.values} == others
@@ -212,7 +212,7 @@ def test_a_family_is_fitted_within_its_box():
     assert recovered(found, {"spring_factor": 1.12, "mass_factor": 0.93}, ("spring_factor", "mass_factor"))
     stiff = bc.fit(family, 1.5 * measured, initial={"spring_factor": 1.1}, n_starts=2)
     assert stiff.certificate.at_bounds
-    assert not stiff.certified
+    assert not stiff.success
     assert "end of the range" in repr(stiff.certificate)
 
 
@@ -337,7 +337,7 @@ def test_a_solver_that_ends_elsewhere_is_not_believed(monkeypatch):
 
     measured = frequencies(CHAIN) * np.array([1.01, 0.99, 1.0])
     good = bc.fit(frequencies, measured, ["k1"], CHAIN, n_starts=1)
-    assert good.certified
+    assert good.success
     assert good.certificate.distance_to_minimum < 0.05
     monkeypatch.setattr(scipy.optimize, "least_squares", early)
     bad = bc.fit(frequencies, measured, ["k1"], CHAIN, n_starts=1)
@@ -351,7 +351,7 @@ def test_two_minima_that_fit_alike_are_both_said():
 
     measured = np.array([1.3, 3.55])
     found = bc.fit(even, measured, {"a": (0.5, 8.0)}, {"a": 2.5}, n_starts=12)
-    assert not found.certified
+    assert not found.success
     (rival, *_) = found.certificate.alternatives
     assert rival["a"] * found.values["a"] == pytest.approx(4.0, rel=0.05)
     assert "other parameters fit" in repr(found.certificate)
@@ -377,7 +377,7 @@ def test_parameters_that_a_model_refuses_are_not_searched():
     measured = 1.2 * bc.spray_boom(p).eigenfrequencies_hz(4)
     found = bc.fit(bc.spray_boom, measured, ["boom_mass"], p, n_starts=1)
     assert found.values["boom_mass"] >= p.tube_mass * (1.0 - 1e-9)
-    assert not found.certified
+    assert not found.success
 
 
 # -- pictures ---------------------------------------------------------------------------------------------------------------
@@ -524,7 +524,7 @@ def test_fit_adequacy_is_headline(case, wrong):
     build, measured, more = cases(np.random.default_rng(0), wrong)[case]
     found = bc.fit(build, measured, ["k1"], {**CHAIN, "c": 4e-3}, n_starts=1, **more)
     certificate = found.certificate
-    assert found.certified
+    assert found.success
     assert certificate.residual_percent == pytest.approx(left(found), rel=1e-6)
     assert 25.0 < certificate.residual_percent < 45.0 if wrong else certificate.residual_percent < 3.0
     assert np.isnan(certificate.residual_ratio) == (case == "unknown")

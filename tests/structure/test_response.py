@@ -48,7 +48,7 @@ def test_unsymmetric_chains_respond_as_the_direct_solution(seed):
     found, truth = respond(model.structure, model.ports, omega), direct(model, omega)
     worst = max(np.linalg.cond(dense(model.K) + 1j * w * dense(model.C) - w * w * dense(model.M)) for w in omega)
     assert np.abs(found.values - truth).max() < 1e-15 * worst * np.abs(truth).max()
-    assert found.path == ("dense solutions",)
+    assert found.stages == ("dense solutions",)
 
 
 @given(st.sampled_from([40, 80]), st.floats(0.05, 1.5))
@@ -121,4 +121,4 @@ def test_direct_response_in_pieces_is_the_whole(monkeypatch, frequencies):
 def test_a_response_names_the_ways_that_led_to_it(elements, points, path):
     model = bc.spray_boom(elements=elements)
     found = respond(model.structure, model.ports, np.geomspace(0.5, 60.0, points))
-    assert re.fullmatch(path, ", ".join(found.path))
+    assert re.fullmatch(path, ", ".join(found.stages))

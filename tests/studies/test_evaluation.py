@@ -50,7 +50,7 @@ def test_evaluation_shows_same_words_everywhere(result):
 @pytest.mark.slow
 def test_evaluation_report_stores_numbers_and_words(result):
     report = result.report()
-    assert report.results == result.as_dict()
+    assert report.results == result.to_dict()
     assert json.loads(json.dumps(plain(report.results)))["synthesis"] == result.words
     assert set(report.files) == set(result.controller_files())
     assert escape(result.verdict) in report.html

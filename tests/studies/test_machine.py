@@ -22,7 +22,7 @@ def test_peaks_margins_and_stability_are_those_of_the_loop():
     assert result.after.peak == pytest.approx(control.norm(damped, "inf"), rel=1e-5)
     assert result.before.peak == pytest.approx(25.0, rel=1e-3)
     assert result.margins.multiloop_io.alpha > 0.0
-    assert result.as_dict()["after"]["peak"] == result.after.peak
+    assert result.to_dict()["after"]["peak"] == result.after.peak
     assert "The loop is stable" in str(result)
     files = result.controller_files()
     assert set(files) >= {"controller.json", "controller.mat", "controller.c"}
@@ -36,7 +36,7 @@ def test_a_loop_that_is_not_stable_is_said_to_be():
     assert not result.stable
     assert result.margins is None
     assert "NOT stable" in result.verdict
-    written = json.loads(json.dumps(result.as_dict()))
+    written = json.loads(json.dumps(result.to_dict()))
     assert written["after"]["peak"] is None
     assert "controller.json" in result.report().files
 
@@ -53,7 +53,7 @@ def test_machine_design_over_family_proves_stability():
     result = bc.studies.MachineDesign("mine", "A mass on a spring", SPRINGS, DAMPER, results={"made": 2}).evaluate()
     assert result.robust.proved
     assert result.before.peak == pytest.approx(25.0, rel=1e-3)  # of the center
-    found = result.as_dict()
+    found = result.to_dict()
     assert found["proved"]
     assert found["spectral_abscissa"] == result.robust.spectral_abscissa < 0.0
     assert found["made"] == 2

@@ -132,9 +132,9 @@ def test_a_filter_of_a_servo_is_exact_state_by_state_however_little_noise_reache
 
 def test_the_certificate_says_which_solver_answered():
     plant = control.ss(1.5, 1.0, 1.0, 0.0, 0.1)
-    assert bc.lqr(plant, 1.0, 1.0).certificate.regulator_riccati.path == ("structure-preserving doubling",)
+    assert bc.lqr(plant, 1.0, 1.0).certificate.regulator_riccati.stages == ("structure-preserving doubling",)
     mirrored = bc.lqr(plant, 0.0, 1.0)
-    assert mirrored.certificate.regulator_riccati.path == ("structure-preserving doubling", "SciPy, extended pencil")
+    assert mirrored.certificate.regulator_riccati.stages == ("structure-preserving doubling", "SciPy, extended pencil")
     assert mirrored.poles == pytest.approx(1.0 / 1.5)
 
 

@@ -80,5 +80,5 @@ def test_the_solution_says_which_way_was_taken():
     one = np.eye(1)
     mode = RiccatiProblem(np.array([[0.0, 1.0], [-4.0, -0.1]]), np.eye(2)[:, 1:], np.eye(2), one, np.zeros((2, 1)))
     chain = RiccatiProblem(np.array([[0.0, 1.0], [0.0, 0.0]]), np.eye(2)[:, 1:], np.eye(2), one, np.zeros((2, 1)))
-    assert solve_riccati(mode).path == ("modal coordinates: SLICOT SB02MD",)
-    assert solve_riccati(chain).path == ("modal coordinates: none", "balanced coordinates: SLICOT SB02MD")
+    assert solve_riccati(mode).stages == ("modal coordinates: SLICOT SB02MD",)
+    assert solve_riccati(chain).stages == ("modal coordinates: none", "balanced coordinates: SLICOT SB02MD")

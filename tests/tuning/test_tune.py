@@ -455,6 +455,7 @@ def test_the_time_limit_returns_the_best_so_far_verified(stage, monkeypatch):
 
     found = bc.tune(P, 3, 3, T.state_space(2), n_starts=5, time_limit=1e5, progress=over)
     assert "out of time" in found.certificate.stages
+    assert not found.success
     assert bc.hinf_norm(bc.lft(P, found.controller)).lower_bound == pytest.approx(found.gamma, rel=1e-6)
 
 
@@ -479,6 +480,7 @@ def test_an_interrupt_returns_the_best_so_far_verified():
     finally:
         signal.signal(signal.SIGINT, before)
     assert "stopped" in found.certificate.stages
+    assert not found.success
     assert bc.hinf_norm(bc.lft(P, found.controller)).lower_bound == pytest.approx(found.gamma, rel=1e-6)
 
 

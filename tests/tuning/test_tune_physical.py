@@ -45,7 +45,7 @@ def moving(seed, norm):
         return control.ss(S[:n, :n], S[:n, n:], S[n:, :n], S[n:, n:])
 
     plants = made_plants([make], 2, 2, TUNED)
-    assert plants.path == ("physical parameters by polynomials of degree p 1, q 2",)
+    assert plants.stages == ("physical parameters by polynomials of degree p 1, q 2",)
     structure = T.state_space(1, strictly_proper=norm == "h2")
     problem = problem_of(plants, structure, [T.objective(norm="h2" if norm == "h2" else "hinf")])
     x = 0.1 * rng.normal(size=len(problem.free))
@@ -103,7 +103,7 @@ def test_gradient_of_moving_plant_is_its_difference(norm, seed):
 def test_second_derivatives_of_a_peak_by_two_parameters_are_differences_of_its_gradient():
     tuned = Physical("k", 2.0, 6.0), Physical("c", 0.1, 1.0)
     plants = FamilyPlants(family(), weighed, 1, 1, tuned).plants()
-    assert plants.path == ("physical parameters by polynomials of degree k 1, c 1",)
+    assert plants.stages == ("physical parameters by polynomials of degree k 1, c 1",)
     problem = problem_of(plants, T.state_space(2), [T.objective()])
     x = 0.02 * np.random.default_rng(0).normal(size=len(problem.free))
     x[problem.physical] = 0.2

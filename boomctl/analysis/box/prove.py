@@ -151,7 +151,7 @@ class BoxProof:
     needed: float = inf
 
     @property
-    def path(self) -> str:
+    def method(self) -> str:
         """How many cells of which kind proved it; empty where it is not proved."""
         kinds = ((self.dear, "of parameters"), (self.cheap, "of parameters and frequencies"))
         return " and ".join(f"{count} {kind}" for count, kind in kinds if count) if self.proved else ""

@@ -245,7 +245,7 @@ def robust_stability(
         if bad is not None:
             return RobustStability(False, family.denormalize(bad), cells, loops.abscissa(bad), family.denormalize(bad))
         reason = "" if result.left is None else _given_up(family, loops.abscissa(result.left), result, limit)
-        alone = RobustStability(result.proved, None, cells, rate, worst, reason, result.path)
+        alone = RobustStability(result.proved, None, cells, rate, worst, reason, result.method)
         if additive_uncertainty is None or K is None or not result.proved:
             return alone
         from boomctl.analysis.box.unmodelled import small_gain  # which brings worst cases
@@ -256,8 +256,8 @@ def robust_stability(
     else:
         reason = "" if proof.proved else refused or f"gain not proved below one with max_cells = {limit}"
     cells += proof.dear + proof.cheap
-    path = f"{alone.method}; {proof.path} with what is not modeled" if proof.proved else ""
-    return replace(alone, proved=proof.proved, cells=cells, message=reason, method=path, small_gain=gain)
+    method = f"{alone.method}; {proof.method} with what is not modeled" if proof.proved else ""
+    return replace(alone, proved=proof.proved, cells=cells, message=reason, method=method, small_gain=gain)
 
 
 @dataclass(frozen=True)

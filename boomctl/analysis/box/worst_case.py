@@ -239,7 +239,7 @@ def worst_case(
                 delta, bound, proof, reason = _bounded(parts, at, delta, wanted, limit)
     reason = reason if nominal.lower_bound < inf else _advised(reason, family, K, late)
     cells = proof.dear + proof.cheap
-    return WorstCase(at(delta), family.denormalize(delta), nominal, tried, bound, cells, reason, proof.path)
+    return WorstCase(at(delta), family.denormalize(delta), nominal, tried, bound, cells, reason, proof.method)
 
 
 def _advised(reason: str, family: Family, K: Lti | None, late: float) -> str:

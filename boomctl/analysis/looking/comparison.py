@@ -23,7 +23,7 @@ from boomctl.checks import known, mapping, shown
 from boomctl.lti.modal import resolved
 from boomctl.lti.system import Lti
 from boomctl.lti.time_series import TimeSeries
-from boomctl.printing import between, count, listed, table_html
+from boomctl.printing import DataFrame, between, count, data_frame, listed, table_html
 from boomctl.structure.model import SecondOrderModel
 from boomctl.threads import one_blas_thread
 
@@ -96,7 +96,7 @@ class Comparison:
         ]
 
     def to_dict(self) -> dict[str, dict[str, float]]:
-        """Return the figures as plain dictionaries: ``pandas.DataFrame(comparison.as_dict())`` is a table of them.
+        """Return the figures as plain dictionaries.
 
         Returns
         -------
@@ -104,6 +104,16 @@ class Comparison:
             For each name the figures that it has.
         """
         return {name: dict(figures) for name, figures in self.values.items()}
+
+    def to_pandas(self) -> DataFrame:
+        """Return the figures as a data frame of pandas.
+
+        Returns
+        -------
+        pandas.DataFrame
+            One row a figure, one column a name; NaN for what one lacks.
+        """
+        return data_frame(self.to_dict(), index=self.metrics)
 
     def plot(self, ax: Any = None, *, kind: str | None = None, signals: Sequence[str] = (), **style: Any) -> Any:
         """Draw all of them over each other, each in a color of its own.
@@ -165,7 +175,7 @@ def compare(
     Returns
     -------
     Comparison
-        ``comparison["name"]["figure"]``; ``print`` shows a table, ``.plot()`` a picture, ``.to_dict()`` gives all numbers.
+        ``comparison["name"]["figure"]``; ``print`` shows a table, ``.plot()`` a picture, ``.to_pandas()`` gives all numbers.
 
     Raises
     ------

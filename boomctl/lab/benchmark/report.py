@@ -62,7 +62,7 @@ class BenchmarkReport:
     command: str = "boomctl benchmark"
     elapsed: float = 0.0
 
-    def as_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """Return the results for JSON."""
         facts = {"environment": dict(self.environment), "command": self.command, "elapsed": round(self.elapsed, 1)}
         return plain({"scenes": [asdict(item) for item in self.diagrams], **facts})
@@ -81,7 +81,7 @@ class BenchmarkReport:
             *map(_scene_section, self.diagrams),
             Section("Machine, versions, and how to repeat this", text, (facts,)),
         )
-        return Report("Run time against error", (lead,), sections, self.as_dict())
+        return Report("Run time against error", (lead,), sections, self.to_dict())
 
     def __str__(self) -> str:
         """Return whose front leads, for a terminal."""

@@ -198,7 +198,7 @@ def run_to_tolerance(
                     states=partial(kept_states, *result),
                     error=error,
                     steps=here.steps,
-                    path=("collocation of momenta",),
+                    stages=("collocation of momenta",),
                 )
                 return motion, here
         previous, step = here, 0.5 * step

@@ -75,7 +75,7 @@ WAYS = (
         lambda scene: _collocated(scene),
     ),
 )
-"""In the order tried. The first that applies and keeps the tolerance gives the motion; `Motion.path` names all that ran."""
+"""In the order tried. The first that applies and keeps the tolerance gives the motion; `Motion.stages` names all that ran."""
 
 
 @final
@@ -171,7 +171,7 @@ def motion_of(scene: Scene) -> Motion:
         if way.applies(scene):
             result = way.find(scene)
             if result is not None:
-                return replace(result, path=given_up + result.path) if given_up else result
+                return replace(result, stages=given_up + result.stages) if given_up else result
             given_up += (f"{way.name} (given up)",)
     raise AssertionError("the last way applies always, and raises what it cannot do")
 
@@ -271,14 +271,14 @@ def _collocated(scene: Scene) -> Motion:
     beam = scene.start[0][1:], scene.start[1][1:]
     problem = PrescribedProblem(scene.equations, maneuver)
     trajectory, error = refine(problem, _first_steps(scene, problem, end, graded=True), beam, accuracy)
-    path = ("collocation",)
+    stages = ("collocation",)
     late = int(np.searchsorted(scene.watched, end, side="right"))
     q, v = trajectory(scene.watched[:late])
     if late < scene.watched.size:
         last = trajectory.q[-1], trajectory.v[-1]
         q_late, v_late, name = _steady_from(scene, end, last, scene.watched[late:])
-        q, v, path = np.concatenate([q, q_late]), np.concatenate([v, v_late]), (*path, name)
-    return _sampled(scene, *_with_hub(scene, q, v), scene.caution * error, trajectory.edges.size - 1, path)
+        q, v, stages = np.concatenate([q, q_late]), np.concatenate([v, v_late]), (*stages, name)
+    return _sampled(scene, *_with_hub(scene, q, v), scene.caution * error, trajectory.edges.size - 1, stages)
 
 
 def _refuse_long(scene: Scene, end: float) -> None:
@@ -319,10 +319,10 @@ def _with_hub(scene: Scene, q: Array, v: Array) -> tuple[Array, Array]:
     return np.column_stack([angle, q]), np.column_stack([speed, v])
 
 
-def _sampled(scene: Scene, y: Array, rate: Array, error: float, steps: int, path: tuple[str, ...]) -> Motion:
+def _sampled(scene: Scene, y: Array, rate: Array, error: float, steps: int, stages: tuple[str, ...]) -> Motion:
     """A motion of coordinates and rates at the watched instants."""
     row = scene.equations.tip.transverse
     tip = y[:, 1:] @ row
     until = small_deformation_until(scene.watched, tip, scene.length, lambda part: rate[part, 1:] @ row)
     states = partial(kept_states, scene.asked(y), scene.asked(rate))
-    return Motion(scene.asked(tip), until, states, error, steps, path)
+    return Motion(scene.asked(tip), until, states, error, steps, stages)

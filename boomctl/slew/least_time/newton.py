@@ -50,13 +50,13 @@ class ArcSlew:
     gain : float
         Time that the switching function says could be gained where its sign is not the torque's, that the end's defect
         is worth, and that other durations promise, over the duration.
-    path : tuple of str
+    stages : tuple of str
         What was done, in words.
     """
 
     history: TorqueProfile
     gain: float
-    path: tuple[str, ...]
+    stages: tuple[str, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,21 +101,21 @@ def least_time_arcs(problem: SlewProblem, first: TorqueProfile) -> ArcSlew | Non
     """
     smaller = without_axial_modes(problem)
     near = None if smaller is None else least_time_arcs(smaller, first)
-    path: tuple[str, ...] = ()
+    stages: tuple[str, ...] = ()
     if near is not None:
-        first, path = near.history, ("started from the beam without axial modes", *near.path)
+        first, stages = near.history, ("started from the beam without axial modes", *near.stages)
     half = halved(problem)  # none of a beam with axial modes
     ends = end_map(half or problem, first)
     if near is not None:
         result = _refined(ends, _weighed(ends, _Arcs.of(first), _FINER), finer=_FINER, exact=False)
         if result is not None and result.gain < problem.rtol:
-            return replace(result, path=(*path, "durations led to the end, not to the least sum"))
+            return replace(result, stages=(*stages, "durations led to the end, not to the least sum"))
     arcs, counting = _with_right_signs(ends, first_half(first) if half else first)
     answer = None if arcs is None else _refined(ends, arcs)
     if answer is None:
         return None
-    history, path = (doubled(answer.history), (*path, "first half")) if half else (answer.history, path)
-    return replace(answer, history=history, path=(*path, *counting))
+    history, stages = (doubled(answer.history), (*stages, "first half")) if half else (answer.history, stages)
+    return replace(answer, history=history, stages=(*stages, *counting))
 
 
 def _with_right_signs(ends: EndMap, start: TorqueProfile) -> tuple[_Arcs | None, tuple[str, ...]]:
@@ -124,7 +124,7 @@ def _with_right_signs(ends: EndMap, start: TorqueProfile) -> tuple[_Arcs | None,
     First with the arcs of the torque given; as long as the sign is wrong, with arcs counted on finer and finer grids. What
     was done comes with them.
     """
-    best, gain, overflow, path = None, np.inf, None, ()
+    best, gain, overflow, stages = None, np.inf, None, ()
     for intervals in (0, *_GRIDS):
         try:
             torque = start if intervals == 0 else counted(ends, start, intervals)
@@ -135,12 +135,12 @@ def _with_right_signs(ends: EndMap, start: TorqueProfile) -> tuple[_Arcs | None,
         if result is not None and result.wrong_sign / float(result.durations.sum()) < gain:
             best, gain = result, result.wrong_sign / float(result.durations.sum())
             start = result.history(ends.problem.limits.torque)
-        path = (*path, f"arcs counted on {intervals} intervals") if intervals else path
+        stages = (*stages, f"arcs counted on {intervals} intervals") if intervals else stages
         if gain < _ENOUGH * ends.problem.rtol:
             break
     if best is None and overflow is not None:
         raise overflow
-    return best, path
+    return best, stages
 
 
 def _refined(ends: EndMap, found: _Arcs, finer: int = 1, exact: bool = True) -> ArcSlew | None:

@@ -67,7 +67,7 @@ class Extremal:
         At the end, such that the Hamiltonian is 1.
     residual : float
         Last step of Newton's method, over the duration.
-    path : tuple of str
+    stages : tuple of str
         What was done beside the usual, in words.
     """
 
@@ -77,7 +77,7 @@ class Extremal:
     limit: float
     costate: Array
     residual: float
-    path: tuple[str, ...] = ("linear switching times",)
+    stages: tuple[str, ...] = ("linear switching times",)
 
     @property
     def history(self) -> TorqueProfile:
@@ -107,7 +107,7 @@ def least_time(problem: SlewProblem) -> Extremal:
                 continue
             result = _merged(problem, _newton(problem, _fitted(problem, near)))
             if result is not None and misfit(problem, result) < _AGREE:
-                return replace(result, path=(*result.path, f"started from {factor:g} of the torque limit"))
+                return replace(result, stages=(*result.stages, f"started from {factor:g} of the torque limit"))
         raise failure
 
 

@@ -52,7 +52,7 @@ class Solution:
 
     history: TorqueProfile
     cost: float
-    iterations: int
+    nit: int
     raw: dict[str, Any] = field(repr=False)
 
     __repr__ = compact

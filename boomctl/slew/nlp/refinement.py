@@ -32,7 +32,7 @@ class Refined:
     solution : Solution
     gap : float
         Change of the cost when the mesh is halved, relative; infinite if there was no time for another mesh.
-    path : tuple of str
+    stages : tuple of str
         The meshes that were tried, in words.
     motions : tuple of Motion or None
         The replay of the solution; None where it was not replayed.
@@ -41,7 +41,7 @@ class Refined:
     programme: Programme
     solution: Solution
     gap: float
-    path: tuple[str, ...]
+    stages: tuple[str, ...]
     motions: tuple[Motion, ...] | None = None
 
 
@@ -63,14 +63,14 @@ def refined(problem: SlewProblem, least: TorqueProfile | None) -> Refined:
         If no mesh has a solution that a replay confirms; if the time is over before, the message says what was reached.
     """
     if problem.intervals is not None:
-        path = (f"collocation on {problem.intervals} intervals",)
+        stages = (f"collocation on {problem.intervals} intervals",)
         guess = _guess(problem, least, None, problem.intervals)
         programme, solution, motions = _solved(problem, guess, problem.intervals)
         try:
             gap = _gap(solution.cost, _companion(problem, programme, solution).cost)
         except OutOfTimeError as over:
-            return Refined(programme, solution, np.inf, (*path, f"out of time: {over}"), motions)
-        return Refined(programme, solution, gap, path, motions)
+            return Refined(programme, solution, np.inf, (*stages, f"out of time: {over}"), motions)
+        return Refined(programme, solution, gap, stages, motions)
     best: list[Refined] = []
     try:
         return _on_finer_meshes(problem, least, best)
@@ -80,15 +80,15 @@ def refined(problem: SlewProblem, least: TorqueProfile | None) -> Refined:
         result = best[-1]
         motions = played(problem, result.solution.history)
         excess = violation(problem, result.solution.history, motions)
-        path = (*result.path, f"out of time: {over}")
+        stages = (*result.stages, f"out of time: {over}")
         # relative, over a limit, in a replay: rounding of the integrator
         if prescribed_error(problem, motions) <= problem.rtol and max(excess.values()) <= ALIKE:
-            return replace(result, path=path, motions=motions)
+            return replace(result, stages=stages, motions=motions)
         result = best[max(0, len(best) - 2)]  # a coarser mesh, on which points can be added in the time that is left
         intervals = result.programme.transcription.scheme.intervals
         guess = _guess(problem, least, result.solution.history, intervals)
         programme, solution, motions = _solved(problem, guess, intervals)
-        return Refined(programme, solution, result.gap, (*path, f"collocation on {intervals} intervals"), motions)
+        return Refined(programme, solution, result.gap, (*stages, f"collocation on {intervals} intervals"), motions)
 
 
 def _on_finer_meshes(problem: SlewProblem, least: TorqueProfile | None, best: list[Refined]) -> Refined:
@@ -96,20 +96,20 @@ def _on_finer_meshes(problem: SlewProblem, least: TorqueProfile | None, best: li
 
     A mesh takes twice as long as one half as fine, and is not begun where that is more than what is left.
     """
-    cost, failure, before, path, coarser = np.inf, SlewError("no mesh was tried"), np.inf, (), None
+    cost, failure, before, stages, coarser = np.inf, SlewError("no mesh was tried"), np.inf, (), None
     whole, took = problem.deadline, 0.0
     for intervals in MESHES:
         if best:  # there is something to fall back on
             problem = replace(problem, deadline=replace(whole, limit=_SEARCH * whole.limit))
-        last, path = intervals == MESHES[-1], (*path, f"collocation on {intervals} intervals")
-        begun = problem.deadline.seconds
+        last, stages = intervals == MESHES[-1], (*stages, f"collocation on {intervals} intervals")
+        begun = problem.deadline.elapsed
         if 2.0 * took > problem.deadline.limit - begun:
-            raise OutOfTimeError(path[-1])
+            raise OutOfTimeError(stages[-1])
         try:
             guess = _guess(problem, least, coarser, intervals)
             programme, solution, motions = _solved(problem, guess, intervals, rough=not last)
             gap = _gap(solution.cost, cost)
-            best.append(Refined(programme, solution, gap, path))
+            best.append(Refined(programme, solution, gap, stages))
             if gap < MESH_GAP and not last:
                 guess = _guess(problem, least, solution.history, intervals)
                 programme, solution, motions = _solved(problem, guess, intervals)
@@ -122,10 +122,10 @@ def _on_finer_meshes(problem: SlewProblem, least: TorqueProfile | None, best: li
             failure = error
             continue
         finally:
-            took = problem.deadline.seconds - begun
+            took = problem.deadline.elapsed - begun
         cost, coarser = solution.cost, solution.history
         if gap < MESH_GAP or last:
-            return Refined(programme, solution, gap, path, motions)
+            return Refined(programme, solution, gap, stages, motions)
     raise failure
 
 

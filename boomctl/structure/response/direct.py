@@ -1,6 +1,6 @@
 """Frequency response of a structure, straight from its matrices.
 
-The ways, in the order tried; where one does not hold, the next one answers, and :attr:`Response.path` names those that
+The ways, in the order tried; where one does not hold, the next one answers, and :attr:`Response.stages` names those that
 did.
 
 ==================  ============================================  ====================================================
@@ -38,7 +38,7 @@ class Response:
     """A frequency response, shape (outputs, inputs, frequencies), and the ways that led to it, first to last."""
 
     values: Array
-    path: tuple[str, ...]
+    stages: tuple[str, ...]
 
 
 def respond(structure: Structure, ports: Ports, omega: Array, available: Ports | None = None) -> Response:
@@ -61,12 +61,12 @@ def respond(structure: Structure, ports: Ports, omega: Array, available: Ports |
         (result,) = respond_parts([(structure, ports)], omega)
     else:
         answers = respond_parts([(part.structure, part.ports) for part in parts], omega)
-        path = sum((answer.path for answer in answers), ("halves",))
+        stages = sum((answer.stages for answer in answers), ("halves",))
         total = np.zeros((len(ports.outputs), len(ports.inputs), len(omega)), dtype=complex)
         for part, answer in zip(parts, answers, strict=True):
             _add(total, part, answer.values)
-        result = Response(total, path)
-    return Response(result.values[: len(wanted.outputs), : len(wanted.inputs)], result.path)
+        result = Response(total, stages)
+    return Response(result.values[: len(wanted.outputs), : len(wanted.inputs)], result.stages)
 
 
 def _add(total: Array, part: Half, values: Array) -> None:

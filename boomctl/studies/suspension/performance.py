@@ -86,7 +86,7 @@ class Performance:
             _share("time at the force limit [%]", max(shares.values(), default=0.0)),
         )
 
-    def as_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """Return the numbers, for JSON.
 
         Returns

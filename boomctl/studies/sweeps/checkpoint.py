@@ -34,7 +34,7 @@ class Outcome(NamedTuple):
     """What the function returned at a point, or None and what it raised; run time [s]."""
 
     columns: dict[str, Any] | None
-    seconds: float
+    elapsed: float
     error: str = ""
     trace: str = ""
 
@@ -77,7 +77,7 @@ class Checkpoint:
             result = outcome.columns and {name: _encoded(cell) for name, cell in outcome.columns.items()}
         except Exception as error:  # pickle raises anything
             raise TypeError(f"`checkpoint` must be None for values that cannot be pickled, got {error}.") from None
-        row = {"point": labels, "found": result, "elapsed": outcome.seconds, "error": outcome.error or None}
+        row = {"point": labels, "found": result, "elapsed": outcome.elapsed, "error": outcome.error or None}
         with open(self._path, "ab") as file:
             file.write(json.dumps({**row, "key": _key(point)}).encode() + b"\n")
 

@@ -10,10 +10,9 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.checks import known
-from boomctl.printing import LINES, WIDTH, compact, count, listed, value
+from boomctl.printing import LINES, WIDTH, DataFrame, compact, count, data_frame, listed, value
 
 if TYPE_CHECKING:
-    import pandas  # type: ignore[import-not-found]
     from matplotlib.axes import Axes
 
 Label = bool | int | float | str | None
@@ -64,7 +63,7 @@ class SweepResult:
         What the function returned at each point, by name; what is no mapping is called ``value``.  None where it failed.
     failures : tuple of FailedPoint
         The points at which it failed.
-    seconds : (n,) ndarray
+    elapsed : (n,) ndarray
         Run time of each point [s].
     units : dict of str to str
         Units of parameters and results.
@@ -78,7 +77,7 @@ class SweepResult:
     points: tuple[dict[str, Label], ...]
     values: tuple[dict[str, Any] | None, ...]
     failures: tuple[FailedPoint, ...]
-    seconds: Array
+    elapsed: Array
     units: dict[str, str]
     resumed: int
 
@@ -117,7 +116,7 @@ class SweepResult:
         """Return the names that consoles complete in brackets."""
         return list(self.columns)
 
-    def to_pandas(self) -> pandas.DataFrame:
+    def to_pandas(self) -> DataFrame:
         """Return the table as a data frame of pandas, one row for each point; units in its ``attrs["units"]``.
 
         Returns
@@ -132,13 +131,7 @@ class SweepResult:
         ValueError
             A result is called as a parameter.
         """
-        try:
-            import pandas  # type: ignore[import-not-found]
-        except ImportError:
-            raise ImportError("pandas is not installed: pip install 'boomctl[tables]'") from None
-        frame = pandas.DataFrame(self.table, columns=[*self.labels, *self.columns])
-        frame.attrs["units"] = dict(self.units)
-        return frame
+        return data_frame(self.table, units=self.units, columns=[*self.labels, *self.columns])
 
     def plot(
         self, ax: Axes | None = None, *, column: str | None = None, against: str | None = None, **style: Any
@@ -177,5 +170,5 @@ class SweepResult:
         lines.append(f"  {listed([f'{name} {value(self[name])}' for name in self.columns], WIDTH - 2)}")
         lines += [f"  {len(self.failures)} failed: {failure.text}" for failure in self.failures[:1]]
         resumed = f", {self.resumed} points from the checkpoint" if self.resumed else ""
-        lines.append(f"  {self.seconds.sum():.3g} s of computing{resumed}")
+        lines.append(f"  {self.elapsed.sum():.3g} s of computing{resumed}")
         return "\n".join(line if len(line) <= WIDTH else line[: WIDTH - 3] + "..." for line in lines[:LINES])

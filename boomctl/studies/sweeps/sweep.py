@@ -141,7 +141,7 @@ def sweep(
         points=tuple(points),
         values=tuple(item.columns for item in ordered),
         failures=failures,
-        seconds=np.array([item.seconds for item in ordered]),
+        elapsed=np.array([item.elapsed for item in ordered]),
         units=dict(named),
         resumed=resumed,
     )

@@ -49,13 +49,13 @@ class Task:
 
 @dataclass(frozen=True)
 class Candidate:
-    """A controller that passed, the loop it passed in, and what was found of it; ``path`` tells what was tried."""
+    """A controller that passed, the loop it passed in, and what was found of it; ``stages`` tells what was tried."""
 
     K: Lti
     loop: Lti
     norm: NormBounds
     slowest: float
-    path: tuple[str, ...] = ()
+    stages: tuple[str, ...] = ()
 
 
 def first_accepted(task: Task, strict: bool) -> Candidate:
@@ -82,8 +82,8 @@ def first_accepted(task: Task, strict: bool) -> Candidate:
     if result is None and not strict:
         result = _first_of(replace(task, fastest=np.inf), _levels(task, (first[0], t, *_ANY)), tried)
     if result is not None:
-        path = (f"{solver} at gamma = {level:.6g}: {outcome}" for solver, level, outcome in tried)
-        return replace(result, path=tuple(path))
+        stages = (f"{solver} at gamma = {level:.6g}: {outcome}" for solver, level, outcome in tried)
+        return replace(result, stages=tuple(stages))
     last = {solver: outcome for solver, _, outcome in tried}
     told = "; ".join(f"{solver}: {outcome}" for solver, outcome in last.items())
     raise SynthesisError(f"no controller passed verification, from gamma = {task.bounds.reached:.6g} on ({told})")

@@ -15,7 +15,7 @@ from boomctl.exceptions import SynthesisError
 from boomctl.lti.bilinear import continuous_image, discrete_image, omega_of_image
 from boomctl.lti.modal import sides
 from boomctl.lti.system import ClosedLoop, Lti, rates_of
-from boomctl.printing import system
+from boomctl.printing import Summarized, system
 from boomctl.progress import Deadline, Listener, OutOfTimeError, computing
 from boomctl.reduction.result import ReductionResult
 from boomctl.synthesis.assumptions import check_modes, check_ranks, check_zeros
@@ -36,7 +36,7 @@ _BAND = 1000.0  # poles so many times faster than plant and H2 loop cannot be im
 
 
 @dataclass(frozen=True)
-class HInfinityResult(Design):
+class HInfinityResult(Summarized, Design):
     """A controller and the closed loop it was verified in.
 
     Attributes
@@ -54,6 +54,8 @@ class HInfinityResult(Design):
     gamma_bounds : Bounds
         What no controller beats, at one frequency and by the two Riccati equations; and the level that these say can be
         reached.  Of a discrete plant those of its continuous image, ``omega`` mapped back.
+    elapsed : float
+        Time that the design took, its verification included [s].
     """
 
     _controller: Lti = field(repr=False)
@@ -62,6 +64,15 @@ class HInfinityResult(Design):
     certificate: DesignCertificate
     gamma_bounds: Bounds
     _plant: Lti | None = field(default=None, repr=False, compare=False)
+    _rtol: float = field(default=np.inf, repr=False, compare=False)
+    elapsed: float = field(default=0.0, repr=False, compare=False)
+
+    @property
+    def success(self) -> bool:
+        """Whether the norm is as low as asked for, and a loop on a full plant is proved stable."""
+        c = self.certificate
+        near = c.lower_bound == 0.0 or c.optimality_gap <= self._rtol
+        return bool(near) and (c.full_plant is None or c.full_plant.stable is True)
 
     def __claims__(self) -> Iterator[Claim]:
         """Yield what can be proved: of the loop of the plant that was handed in."""
@@ -204,9 +215,9 @@ def h_infinity(
             raise SynthesisError(
                 f"the time limit of {limit:g} s ran out while {over}; no controller is returned"
             ) from None
-        if discrete:
-            return _on_circle(given, _result(task, result, None), origin_of(P))
-        return _result(task, result, origin_of(P))
+        design = _result(task, result, None if discrete else origin_of(P))
+        design = _on_circle(given, design, origin_of(P)) if discrete else design
+        return replace(design, elapsed=deadline.elapsed, _rtol=share if wanted is None else np.inf)
 
 
 def _on_circle(plant: GeneralizedPlant, found: HInfinityResult, origin: ReducedPlant | None) -> HInfinityResult:
@@ -257,7 +268,7 @@ def _result(task: Task, found: Candidate, origin: ReducedPlant | None) -> HInfin
         fastest_pole=largest_pole(found.K),
         lower_bound=bounds.lower,
         lower_bound_source=bounds.why,
-        stages=found.path,
+        stages=found.stages,
         summary=_statement(task, found),
         full_plant=judged_on_full_plant(origin, plant, found.K, found.norm),
     )

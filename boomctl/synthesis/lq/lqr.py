@@ -263,7 +263,7 @@ def _certify(problem: RiccatiProblem, solution: RiccatiSolution) -> DesignCertif
         fastest_pole=0.0,
         lower_bound=0.0,
         lower_bound_source="none: the cost is what is least",
-        stages=solution.path,
+        stages=solution.stages,
         summary=f"slowest pole {slowest:.4g} rad/s; {residual}; return difference at least {least:.6g}",
         regulator_riccati=solution,
         min_return_difference=least,

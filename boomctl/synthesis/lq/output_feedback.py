@@ -77,7 +77,7 @@ def certify(
         fastest_pole=float(np.abs(K.poles).max(initial=0.0)),
         lower_bound=lower,
         lower_bound_source="both Riccati equations",
-        stages=(*regulator.path, *estimator.path, norm.method),
+        stages=(*regulator.stages, *estimator.stages, norm.method),
         summary=f"H2 norm {norm.value:.6g}, {known}; no controller goes below {lower:.6g}, by the Riccati equations; "
         f"slowest pole {slowest:.4g} rad/s; Riccati residuals {regulator.residual:.1e} and {estimator.residual:.1e}",
         full_plant=judged_on_full_plant(origin, plant, K, None if by_states else norm),

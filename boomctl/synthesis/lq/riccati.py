@@ -95,7 +95,7 @@ class RiccatiSolution:
         or with a residual above 1e-6, no solution is returned.
     abscissa : float
         Largest real part of the closed-loop poles [rad/s]; in discrete time of their rates ``log(z)/dt``.
-    path : tuple of str
+    stages : tuple of str
         Coordinates and solvers tried, in that order; the most exact of their solutions is the one.
     """
 
@@ -105,7 +105,7 @@ class RiccatiSolution:
     residual: float
     cost_error: float
     abscissa: float
-    path: tuple[str, ...] = ()
+    stages: tuple[str, ...] = ()
 
     __repr__ = compact
 
@@ -168,19 +168,19 @@ def solve_riccati(problem: RiccatiProblem, what: str = "Riccati equation") -> Ri
         None was found, or the best one found is not exact enough.
     """
     best: RiccatiSolution | None = None
-    path: list[str] = []
+    stages: list[str] = []
     A, acting, Q = problem.shifted
     for name, coordinates in _COORDINATES.items():
         change = coordinates(A, acting, Q)
         if change is None:
-            path.append(f"{name} coordinates: none")
+            stages.append(f"{name} coordinates: none")
             continue
         T, inverse = change
         own = RiccatiProblem(
             inverse @ A @ T, inverse @ acting, even(T.T @ Q @ T), np.eye(acting.shape[1]), np.zeros_like(acting)
         )
         solver, Z = _start(own)
-        path.append(f"{name} coordinates: {solver}")
+        stages.append(f"{name} coordinates: {solver}")
         Z = None if Z is None else _refined(own, Z)
         if Z is None:
             continue
@@ -196,7 +196,7 @@ def solve_riccati(problem: RiccatiProblem, what: str = "Riccati equation") -> Ri
             f"{what}: the best solution found is not exact enough to vouch for (relative residual {best.residual:.1e}, "
             f"cost in doubt by {best.cost_error:.1e}, largest real part of the poles {best.abscissa:.3g} rad/s)"
         )
-    return replace(best, path=tuple(path))
+    return replace(best, stages=tuple(stages))
 
 
 def _rank(c: RiccatiSolution) -> float:

@@ -84,9 +84,9 @@ def solve_steps(problem: RiccatiProblem, what: str) -> RiccatiSolution:
     """
     p = problem
     best: RiccatiSolution | None = None
-    path: list[str] = []
+    stages: list[str] = []
     for name, start in _STARTS.items():
-        path.append(name)
+        stages.append(name)
         try:
             with np.errstate(over="ignore", invalid="ignore"):  # of what it does not stabilize
                 X = start(p)
@@ -105,7 +105,7 @@ def solve_steps(problem: RiccatiProblem, what: str) -> RiccatiSolution:
             f"{what}: the solution found is not exact enough to vouch for (relative residual {best.residual:.1e}, cost in "
             f"doubt by {best.cost_error:.1e}, largest pole {np.abs(best.poles).max():.9g})"
         )
-    return replace(best, path=tuple(path))
+    return replace(best, stages=tuple(stages))
 
 
 def _rank(found: RiccatiSolution, dt: float) -> float:

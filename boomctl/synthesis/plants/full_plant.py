@@ -116,7 +116,7 @@ def judged_on_full_plant(
     stable, slowest = True if share < 1.0 else None, nan
     kind, why = ("h2", UNDEFINED) if reduced is None else (reduced.kind, NOT_COMPUTED)
     norm = NormBounds(0.0, inf, nan, why, kind=kind)
-    path = [f"small gain {share:.3g}"]
+    stages = [f"small gain {share:.3g}"]
     if size <= _MOST_POLES:
         full = replace(plant, system=origin.around(of(reduction.full_system, sampled=True)))
         try:
@@ -124,17 +124,17 @@ def judged_on_full_plant(
             loop = parts.system
         except ValueError:  # not well-posed on the full plant
             stable, slowest = False, inf
-            path.append("not well-posed")
+            stages.append("not well-posed")
         else:
             slowest = float(loop.rates.real.max(initial=-inf))
             side = int(sides(loop.poles, loop.dt).max(initial=-1))
             stable = {-1: True, 0: stable, 1: False}[side]  # of poles that stand on the axis the small gain alone tells
-            path.append("poles")
+            stages.append("poles")
             if stable is False:
                 norm = replace(norm, lower_bound=inf, method=UNSTABLE)
             elif stable and reduced is not None and size <= _MOST_NORM:
                 norm = matrices_h2_norm(cancelled(loop, full.D11)) if reduced.kind == "h2" else matrices_norm(parts)
-                path.append(f"norm: {norm.method}")
+                stages.append(f"norm: {norm.method}")
     statement = _statement(reduction, stable, share, slowest, norm)
     worse = False
     if stable and reduced is not None and norm.method != NOT_COMPUTED:
@@ -144,7 +144,7 @@ def judged_on_full_plant(
         warn_user(f"the controller was designed on a reduced plant: {statement}", ReductionWarning)
     fastest = float(np.abs(K.poles).max(initial=0.0))
     reason = "none: sought for the reduced plant"
-    return DesignCertificate(norm, slowest, fastest, 0.0, reason, tuple(path), statement, stable, small_gain=share)
+    return DesignCertificate(norm, slowest, fastest, 0.0, reason, tuple(stages), statement, stable, small_gain=share)
 
 
 def _statement(reduction: ReductionResult, stable: bool | None, share: float, slowest: float, norm: NormBounds) -> str:

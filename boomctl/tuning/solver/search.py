@@ -49,14 +49,11 @@ class TuneStart:
         The objective that it reached; ``inf`` where no stabilizing controller, or none within the bounds, was found.
     nit : int
         Steps taken.
-    converged : bool
-        Whether it ended because no step promised any gain.
     """
 
     origin: str
     objective: float
     nit: int
-    converged: bool
 
 
 @dataclass
@@ -72,12 +69,11 @@ class LocalSearch:
     weight: float = _WEIGHT
     edge: float = _EDGE
     steps: int = 0
-    stationary: bool = False
 
     @property
     def start(self) -> TuneStart:
         """What it came to."""
-        return TuneStart(self.kind, exp(self.value) if self.value < inf else inf, self.steps, self.stationary)
+        return TuneStart(self.kind, exp(self.value) if self.value < inf else inf, self.steps)
 
 
 @dataclass
@@ -100,7 +96,7 @@ class Search:
     earlier: list[TuneStart] = field(default_factory=list)
     searches: "list[LocalSearch]" = field(default_factory=list)
     known: dict[tuple[int, int], Array] = field(default_factory=dict)
-    path: list[str] = field(default_factory=list)
+    stages: list[str] = field(default_factory=list)
 
     def point(self, x: Array, problem: Problem | None = None) -> Point:
         """Return the loops at free numbers; out of time where it is."""
@@ -149,7 +145,7 @@ class Search:
         """Return whether the norm is zero as far as numbers tell."""
         if self.value >= self.floor:
             return False
-        self.path.append("nothing left")
+        self.stages.append("nothing left")
         return True
 
     def from_starts(
@@ -167,7 +163,7 @@ class Search:
             if self.nothing_left():
                 return
             if self.best is not None and half.over:
-                self.path.append(f"time for {k + 1} starts")
+                self.stages.append(f"time for {k + 1} starts")
                 break
         for k, local in enumerate(sorted(self.searches, key=lambda each: each.value)[:_FINISHED]):
             tell(f"{order}, finishing", k + 1, _FINISHED)
@@ -228,7 +224,6 @@ class Search:
             hard=-inf if before == inf else _PROMISE,  # the last digits are for those that are finished
         )
         local.x, local.steps, local.merit = done.x, local.steps + done.steps, done.value
-        local.stationary = done.stationary
         point, fine = self.checked(Point(self.problem, local.x, self.known))
         self.keep(point, complete=True)
         if point.excess > LEVEL:
@@ -295,16 +290,17 @@ def search(
             small = problem_of(less)
             # what a call for that order comes to: the same starts and the same numbers drawn
             inner = search(small, starts, rng, _share(deadline, _LOWER), [], problem_of)
-            work.path += inner.path
+            work.stages += [f"order {small.order}: {stage}" for stage in inner.stages]
             if inner.best is not None:
                 name, reached = f"from order {small.order}: {exp(inner.value):.6g}", inner.value
-                work.path.append(name)
+                work.stages.append(name)
                 same = grown(problem.structure, problem.ports, inner.best, rng, 0.0)
                 near = grown(problem.structure, problem.ports, inner.best, rng)
                 begun += [(f"order {small.order}", same), (f"order {small.order}", near)]
-            if "stopped" in inner.path or deadline.over:
+            if "stopped" in inner.stages or deadline.over:
                 for _, x in begun:
                     work.keep(Point(problem, problem.clipped(x), work.known))
+                work.stages.append("stopped" if "stopped" in inner.stages else "out of time")
                 return work
         more = max(starts - len(begun), 1)
 
@@ -318,11 +314,11 @@ def search(
 
         work.from_starts(every(), len(begun) + more, starts > _MANY, rng)
     except OutOfTimeError:
-        work.path.append("out of time")
+        work.stages.append("out of time")
     except KeyboardInterrupt:
-        work.path.append("stopped")
+        work.stages.append("stopped")
     return work
 
 
 def _share(deadline: Deadline, share: float) -> Deadline:
-    return Deadline(share * max(deadline.limit - deadline.seconds, 0.0))
+    return Deadline(share * max(deadline.limit - deadline.elapsed, 0.0))

@@ -158,7 +158,7 @@ def _table(study: BoomUpdating) -> Table:
         values, certified = "", ""
         if result:
             values = "; ".join(f"{result.values[name]:.4g} ({result.interval_text(name)})" for name in result.names)
-            certified = "yes" if result.certified else "no"
+            certified = "yes" if result.success else "no"
         lines.append((words.replace("_", " "), values, *(f"{value:.4f}" for value in hz), f"{rms:.1f}", certified))
     heads = ("free", "fitted (95 % interval)", *"12345", "rms %", "certified")
     caption = "Parameters fitted to the measured row of Table 1, and the frequencies they give [Hz]."
@@ -174,7 +174,7 @@ def _results(study: BoomUpdating) -> dict[str, object]:
             "intervals": found.intervals,
             "fitted_hz": found.best_fit,
             "deviation": found.error_std,
-            "certified": found.certified,
+            "certified": found.success,
         }
 
     return {
