@@ -37,7 +37,7 @@ def evaluate(terms: Array, s: Array, used: list[int] | None = None) -> Array:
     used = _there(terms) if used is None else used
     if used in ([], [0]):
         return np.full((len(s), *terms[0].shape), terms[0], complex)
-    powers = s[:, None] ** np.array(used)
+    powers = np.array([np.ones_like(s), s, s * s])[used].T
     _, rows, columns = terms.shape
     return (powers @ terms[used].reshape(len(used), rows * columns)).reshape(len(s), rows, columns)
 
@@ -206,16 +206,18 @@ class Ports:
             raise ValueError(f"input {name!r} is a displacement already")
         return self.B[0][:, i]
 
-    def conditioning(self, s: Array) -> tuple[Array, Array]:
-        """Return what filters do to outputs, (len(s), p), and integrators to inputs, (len(s), m)."""
-        after = np.ones((len(s), len(self.outputs)), dtype=complex)
+    def conditioned(self, s: Array, Y: Array) -> Array:
+        """Return a response, (outputs, inputs, len(s)), behind the filters of outputs and integrators of inputs."""
+        if self.plain:
+            return Y
+        after = np.ones((len(self.outputs), 1, len(s)), dtype=complex)
         for i, bandwidth in enumerate(self.bandwidths):
             if bandwidth is not None:
-                after[:, i] = bandwidth**2 / (s**2 + 2 * FILTER_DAMPING * bandwidth * s + bandwidth**2)
-        before = np.ones((len(s), len(self.inputs)), dtype=complex)
+                after[i] = bandwidth**2 / (s**2 + 2 * FILTER_DAMPING * bandwidth * s + bandwidth**2)
+        before = np.ones((len(self.inputs), len(s)), dtype=complex)
         for i, count in enumerate(self.integrators):
             if count:
                 if (s == 0).any():
                     raise ValueError(f"input {self.inputs[i]!r} is integrated: its response at omega = 0 is not finite")
-                before[:, i] = s**-count
-        return after, before
+                before[i] = s**-count
+        return after * Y * before

@@ -25,9 +25,11 @@ from boomctl.exceptions import AccuracyWarning
 from boomctl.lti.rounding import EPS, SOLVED, VISIBLE
 from boomctl.structure.matrices import Half, Structure, halves
 from boomctl.structure.ports import Ports, evaluate
-from boomctl.structure.response.modes import Part, respond_by_modes
+from boomctl.structure.response.modes import respond_by_modes
 
 _MODES_FROM = 1500  # frequencies times coordinates; of fewer, dense solutions are faster (measured on booms)
+Part = tuple[Structure, Ports]
+
 _ENTRIES = 10_000_000  # of the matrices of all frequencies that are solved together: 0.3 GB (a choice)
 _UNEVEN = 1e-2  # noise of stiffness, of the highest frequency squared, from which on rounding is looked at (a choice)
 _GLANCES = 7  # frequencies at which rounding is looked at first (a choice)
@@ -83,7 +85,7 @@ def respond_parts(parts: Sequence[Part], omega: Array) -> list[Response]:
             _check_static(structure)
     largest = max(structure.n for structure, _ in parts) if parts else 0
     many = largest * len(omega) >= _MODES_FROM
-    result = respond_by_modes(parts, omega) if many else [None] * len(parts)
+    result = [respond_by_modes(*part, omega) if many else None for part in parts]
     return [
         Response(direct_response(*part, omega), ("dense solutions",))
         if values is None
@@ -153,7 +155,7 @@ def direct_response(structure: Structure, ports: Ports, omega: Array) -> Array:
             "omega hits an undamped resonance (or a rigid-body mode at 0): the response is infinite"
         ) from None
     Y = evaluate(L, s, ports.read) @ X
-    return _conditioned(ports, s, Y + evaluate(ports.E, s) if ports.E.any() else Y)
+    return ports.conditioned(s, (Y + evaluate(ports.E, s) if ports.E.any() else Y).transpose(1, 2, 0))
 
 
 def _matrices_rounding(structure: Structure, ports: Ports, omega: Array) -> float:
@@ -174,10 +176,3 @@ def _warn(rounding: float) -> None:
     if rounding > VISIBLE:
         message = f"rounding error of the frequency response is estimated at {rounding:.1g} of its size"
         warn_user(f"{message}: the mesh is finer than double precision carries", AccuracyWarning)
-
-
-def _conditioned(ports: Ports, s: Array, Y: Array) -> Array:
-    if ports.plain:
-        return Y.transpose(1, 2, 0)
-    after, before = ports.conditioning(s)
-    return (after[:, :, None] * Y * before[:, None, :]).transpose(1, 2, 0)
