@@ -17,7 +17,6 @@ from boomctl.lti.rounding import ALIKE, SUMMED
 from boomctl.printing import compact, listed, signals
 from boomctl.structure.matrices import Structure
 from boomctl.structure.model import SecondOrderModel
-from boomctl.structure.ports import Ports
 from boomctl.threads import one_blas_thread
 
 _EXACT = 0.1  # of what a family is checked to, by which polynomials may miss what they are fitted to (a choice)
@@ -44,16 +43,29 @@ class Slope:
     __repr__ = compact
 
 
+@dataclass(frozen=True, repr=False)
 class Family:
-    """Structures over a box of parameters: one in its middle, and how products of the parameters change its matrices."""
+    """Structures over a box of parameters: the nominal one, and polynomials of the parameters that change its matrices."""
 
-    _made_by = "boom_family(), AffineFamily.through(...) or .family(...) of a hub-beam"
+    _made_by = "boom_family(), AffineFamily.from_function(...) or .family(...) of a hub-beam"
+    _no: ClassVar[str]
 
     names: tuple[str, ...]
     low: Array
     high: Array
     nominal: SecondOrderModel
-    _no: ClassVar[str]
+    coefficients: tuple[Any, ...]
+
+    def __post_init__(self) -> None:
+        count = len([signal_name("parameter", name) for name in sequence("names", self.names, "names of parameters")])
+        instance("nominal", self.nominal, SecondOrderModel)
+        for name in ("low", "high"):
+            ends = finite_array(name, getattr(self, name), ndim=1)
+            if len(ends) != count:
+                raise ValueError(f"{name}: expected {count} numbers, one a parameter, got {len(ends)}")
+            object.__setattr__(self, name, ends)
+        if not (self.low < self.high).all():
+            raise ValueError(f"low = {self.low.tolist()}, high = {self.high.tolist()}: expected low below high")
 
     def __repr__(self) -> str:
         box = (
@@ -173,45 +185,29 @@ class Family:
             raise ValueError(f"delta has {len(d)} entries; expected {len(self.names)}: {', '.join(self.names)}")
         return d
 
-    def _least(self, name: str) -> Array | float:
-        """Return sizes of a matrix's entries over the box, where what vanishes at a point of it counts by them."""
-        return 0.0
+    def _check(self, made: Sequence[SecondOrderModel], sizes: Mapping[str, Array]) -> None:
+        """Raise if the family differs from what a function makes at a corner of the box or a point drawn inside it.
 
-    def _checked_box(self) -> None:
-        """Refuse what is no box of parameters around a structure."""
-        count = len([signal_name("parameter", name) for name in sequence("names", self.names, "names of parameters")])
-        instance("nominal", self.nominal, SecondOrderModel)
-        for name in ("low", "high"):
-            ends = finite_array(name, getattr(self, name), ndim=1)
-            if len(ends) != count:
-                raise ValueError(f"{name}: expected {count} numbers, one a parameter, got {len(ends)}")
-            object.__setattr__(self, name, ends)
-        if not (self.low < self.high).all():
-            raise ValueError(f"low = {self.low.tolist()}, high = {self.high.tolist()}: expected low below high")
-
-    def _check_all(self, made: Sequence[SecondOrderModel]) -> None:
-        """Refuse a family that misses what a function makes at a corner of the box or a point drawn inside it."""
+        ``sizes`` are those of entries over the box, for what vanishes at a point of it.
+        """
         for delta, exact in zip(tried_points(self.nparameters), made, strict=True):
-            self._check(delta, exact)
-
-    def _check(self, delta: Array, exact: SecondOrderModel) -> None:
-        mine = self.at(delta)
-        pairs = [(name, getattr(mine, name), getattr(exact, name)) for name in ("M", "C", "K")]
-        for group in ("B", "L", "E"):
-            mine_3, exact_3 = getattr(mine.ports, group), getattr(exact.ports, group)
-            pairs += [(f"{group}{k}", mine_3[k], exact_3[k]) for k in range(3)]
-        for name, a, b in pairs:
-            size = np.maximum(np.maximum(np.abs(a), np.abs(b)), self._least(name))
-            if name in ("M", "C", "K"):  # an entry may cancel, and is then as exact as the diagonals beside it
-                along = np.sqrt(np.diag(size))
-                size = np.maximum(size, np.outer(along, along))
-            else:
-                size = np.full_like(size, size.max(initial=0.0))
-            if (np.abs(a - b) > ALIKE * size).any():
-                where = ", ".join(f"{key} = {value:.6g}" for key, value in self.denormalize(delta).items())
-                raise ValueError(
-                    f"{name} is {self._no} {', '.join(self.names)}: the family misses what was made at {where}"
-                )
+            mine = self.at(delta)
+            pairs = [(name, getattr(mine, name), getattr(exact, name)) for name in "MCK"]
+            pairs += [
+                (f"{name}{k}", getattr(mine.ports, name)[k], getattr(exact.ports, name)[k])
+                for name in "BLE"
+                for k in range(3)
+            ]
+            for name, a, b in pairs:
+                size = np.maximum(np.maximum(np.abs(a), np.abs(b)), sizes.get(name, 0.0))
+                if name in "MCK":  # An entry may cancel, and is then as exact as the diagonals beside it.
+                    along = np.sqrt(np.diag(size))
+                    size = np.maximum(size, np.outer(along, along))
+                if (np.abs(a - b) > ALIKE * (size if name in "MCK" else size.max(initial=0.0))).any():
+                    where = ", ".join(f"{key} = {value:.6g}" for key, value in self.denormalize(delta).items())
+                    raise ValueError(
+                        f"{name} is {self._no} {', '.join(self.names)}: the family misses what was made at {where}"
+                    )
 
 
 @dataclass(frozen=True, repr=False)
@@ -247,16 +243,10 @@ class AffineFamily(Family):
     array([0.275])
     """
 
-    names: tuple[str, ...]
-    low: Array
-    high: Array
-    nominal: SecondOrderModel
-    coefficients: tuple[Slope, ...]
-
     _no: ClassVar[str] = "not affine in"
 
     def __post_init__(self) -> None:
-        self._checked_box()
+        super().__post_init__()
         slopes = [instance("slope", slope, Slope) for slope in sequence("coefficients", self.coefficients, "Slope")]
         if len(slopes) != self.nparameters:
             raise ValueError(f"slopes: expected {self.nparameters}, one a parameter, got {len(slopes)}")
@@ -296,7 +286,7 @@ class AffineFamily(Family):
         center = at(np.zeros(len(names)))
         ends = [at(unit) for unit in np.eye(len(names))]
         family = cls(names, low, high, center, tuple(_slope(center, end) for end in ends))
-        family._check_all([at(delta) for delta in tried_points(len(names))])
+        family._check([at(delta) for delta in tried_points(len(names))], {})
         return family
 
 
@@ -337,16 +327,11 @@ class PolynomialFamily(Family):
     [(0,), (0, 0)]
     """
 
-    names: tuple[str, ...]
-    low: Array
-    high: Array
-    nominal: SecondOrderModel
-    coefficients: tuple[tuple[tuple[int, ...], Slope], ...]
-    ignorable_coordinates: tuple[str, ...] = ()
     _no: ClassVar[str] = "no polynomial of"
+    ignorable_coordinates: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        self._checked_box()
+        super().__post_init__()
         for entry in sequence("coefficients", self.coefficients, "pairs of factors and Slope"):
             pair = sequence("coefficients", entry, "pairs of factors and Slope")
             if len(pair) != 2:
@@ -367,13 +352,6 @@ class PolynomialFamily(Family):
     @property
     def _unfelt(self) -> tuple[int, ...]:
         return tuple(self.nominal.coordinates.index(name) for name in self.ignorable_coordinates)
-
-    def _least(self, name: str) -> Array | float:
-        if name not in ("M", "C", "K"):
-            return 0.0
-        pairs = [(letter, getattr(self.nominal, letter)) for letter in ("M", "C", "K")]
-        largest = {x: np.abs(c) + sum(np.abs(getattr(slope, x)) for _, slope in self._terms) for x, c in pairs}
-        return _sizes({letter: size[None] for letter, size in largest.items()})[name]
 
     @classmethod
     @one_blas_thread
@@ -419,34 +397,29 @@ class PolynomialFamily(Family):
             return _matrices(tried[0], [at(delta) for delta in points])
 
         counts = [points_along(matrices, axis, _negligible, most) for axis in np.eye(len(names))]
-        result, _, _ = fitted(
-            matrices,
-            counts,
-            _matrices(tried[0], tried),
-            _negligible,
-            _EXACT * ALIKE / SUMMED,
-            f"family of {listed(names)}",
+        samples, what = _matrices(tried[0], tried), f"family of {listed(names)}"
+        result, _, _ = fitted(matrices, counts, samples, _negligible, _EXACT * ALIKE / SUMMED, what)
+        powers = sorted({power for X in result.values() for power in X if power}, key=lambda power: (len(power), power))
+        M, C, K, B, L = (result[letter][()] for letter in "MCKBL")
+        changes = tuple(
+            (power, Slope(*(result[letter].get(power, np.zeros_like(result[letter][()])) for letter in "MCKBL")))
+            for power in powers
         )
-        letters = ("M", "C", "K", "B", "L")
-        nothing = {letter: np.zeros_like(result[letter][()]) for letter in letters}
-        changes: list[Any] = []
-        for power in dict.fromkeys(power for letter in letters for power in result[letter] if power):
-            changes.append((power, Slope(*(result[letter].get(power, nothing[letter]) for letter in letters))))
-        M, C, K, B, L = (result[letter][()] for letter in letters)
         structure = Structure.of(M, C, K, tried[0].coordinates)
         center = SecondOrderModel.of(structure, replace(tried[0].ports, B=B, L=L, strains=None, tensions=None))
-        order = sorted(changes, key=lambda change: (len(change[0]), change[0]))
-        family = cls(names, low, high, center, tuple(order), tuple(free))
-        family._check_all(tried)
+        family, sizes = cls(names, low, high, center, changes, tuple(free)), _sizes(samples)
+        family._check(tried, {letter: sizes[letter] for letter in "MCK"})
         return family
 
 
 def _matrices(first: SecondOrderModel, made: Sequence[SecondOrderModel]) -> dict[str, Array]:
     """Return matrices and columns of inputs of structures, stacked; refused where signals are not those of the first."""
     for item in made:
-        _slope(first, item)
-    result = {letter: np.array([getattr(item, letter) for item in made]) for letter in ("M", "C", "K")}
-    return {**result, **{letter: np.array([getattr(item.ports, letter) for item in made]) for letter in ("B", "L")}}
+        _check_alike(first, item)
+    return {
+        letter: np.array([getattr(item if letter in "MCK" else item.ports, letter) for item in made])
+        for letter in "MCKBL"
+    }
 
 
 def _negligible(stacks: Mapping[str, Array]) -> dict[str, Array]:
@@ -502,10 +475,14 @@ def interval(name: str, given: object) -> tuple[float, float]:
     return low, high
 
 
-def _slope(center: SecondOrderModel, end: SecondOrderModel) -> Slope:
-    before: Ports = center.ports
-    same_signals = (end.input_labels, end.output_labels) == (center.input_labels, center.output_labels)
-    if not same_signals or end.ncoordinates != center.ncoordinates:
+def _check_alike(first: SecondOrderModel, other: SecondOrderModel) -> None:
+    """Raise if two structures differ in the number of coordinates or in signals."""
+    same_signals = (other.input_labels, other.output_labels) == (first.input_labels, first.output_labels)
+    if not same_signals or other.ncoordinates != first.ncoordinates:
         raise ValueError("the structures of a family must have the same coordinates, inputs and outputs")
+
+
+def _slope(center: SecondOrderModel, end: SecondOrderModel) -> Slope:
+    _check_alike(center, end)
     M, C, K = end.M - center.M, end.C - center.C, end.K - center.K
-    return Slope(M, C, K, end.ports.B - before.B, end.ports.L - before.L)
+    return Slope(M, C, K, end.ports.B - center.ports.B, end.ports.L - center.ports.L)
