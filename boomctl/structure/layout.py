@@ -22,9 +22,9 @@ from boomctl.printing import compact
 from boomctl.structure.elimination import Elimination
 from boomctl.structure.symmetry import Mirror
 
-KEPT = 16  # of each kind of result, for the next structure with the same rows or places (a choice of memory)
-_FILLED = 0.1  # share of the entries of rows, up to which sums of squares are made of products of pairs (measured)
-_FEW = 64  # coordinates up to which one product of matrices is as fast (measured)
+KEPT = 16  # Cached results of each kind, for the next structure with the same rows or places.
+_FILLED = 0.1  # Fraction of nonzero entries of a row up to which sums over products of pairs are faster.
+_SMALL = 64  # Coordinates up to which one product of matrices is as fast.
 
 
 @dataclass(frozen=True)
@@ -36,50 +36,6 @@ class Weights:
     k: Array
 
     __repr__ = compact
-
-
-@dataclass(frozen=True, eq=False)
-class Squares:
-    """Which products of entries a weighted sum of squares of rows is made of, known once for all weights.
-
-    Rows of beams have a few entries each: the sum takes a tenth of the time of a product of matrices.
-
-    Attributes
-    ----------
-    place : ndarray
-        Where each product stands, line by line in a full matrix.
-    row : ndarray
-        Whose weight it has.
-    value : ndarray
-    n : int
-        Number of coordinates.
-    """
-
-    place: Array
-    row: Array
-    value: Array
-    n: int
-
-    __repr__ = compact
-
-    @classmethod
-    def of(cls, rows: Array) -> "Squares | None":
-        """Return the products of all pairs of entries of each row; None for rows that are few or mostly filled."""
-        count, n = rows.shape
-        if n <= _FEW or np.count_nonzero(rows) > _FILLED * rows.size:
-            return None
-        row, column = np.nonzero(rows)
-        counts, data = np.bincount(row, minlength=count), rows[row, column]
-        partners = counts[row]
-        left = np.repeat(np.arange(len(row)), partners)
-        first = np.cumsum(partners) - partners
-        starts = np.cumsum(counts) - counts
-        right = np.repeat(starts[row] - first, partners) + np.arange(len(left))
-        return cls(column[left] * n + column[right], row[left], data[left] * data[right], n)
-
-    def summed(self, weight: Array) -> Array:
-        """Return the weighted sum, exactly symmetric."""
-        return np.bincount(self.place, self.value * weight[self.row], self.n * self.n).reshape(self.n, self.n)
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,24 +80,17 @@ class Layout:
         return self.congruent(choice.T_q, names, None if self.mirror is None else self.mirror.restricted(choice))
 
     @cached_property
-    def squares(self) -> tuple[Squares | None, Squares | None]:
-        """What the sums of squares of rows ``N`` and ``R`` are made of, where they have few entries."""
-        return Squares.of(self.N), Squares.of(self.R)
+    def _products(self) -> tuple[tuple[Array, Array] | None, tuple[Array, Array] | None]:
+        """Products of pairs of entries of the rows ``N`` and ``R``, where these have few entries."""
+        return _products(self.N), _products(self.R)
 
     def mass(self, m: Array) -> Array:
         """Return ``N^T diag(m) N``."""
-        return self._gram(0, self.N, m)
+        return _gram(self.N, self._products[0], m)
 
     def stiffness(self, k: Array) -> Array:
         """Return ``R^T diag(k) R``."""
-        return self._gram(1, self.R, k)
-
-    def _gram(self, which: int, rows: Array, weight: Array) -> Array:
-        squares = self.squares[which]
-        if squares is not None:
-            return squares.summed(weight)
-        total = rows.T @ (weight[:, None] * rows)
-        return 0.5 * (total + total.T)
+        return _gram(self.R, self._products[1], k)
 
     @cached_property
     def halves(self) -> "dict[int, tuple[Array, Layout]]":
@@ -167,6 +116,29 @@ class Layout:
                 if np.abs(mirror.reflect(reflected) - forces).max(initial=0.0) > ALIKE * largest:
                     return False
         return True
+
+
+def _products(rows: Array) -> tuple[Array, Array] | None:
+    """Return the products of all pairs of entries of each row, and where they are in a matrix; None for filled rows.
+
+    Rows of beams have a few entries each: their sum takes a tenth of the time of a product of matrices.
+    """
+    n, entries = rows.shape[1], int(np.count_nonzero(rows, axis=1).max(initial=0))
+    if n <= _SMALL or entries > _FILLED * n:
+        return None
+    column = np.argsort(rows == 0.0, axis=1, kind="stable")[:, :entries]
+    values = np.take_along_axis(rows, column, axis=1)
+    places = column[:, :, None] * n + column[:, None]
+    return places.ravel(), values[:, :, None] * values[:, None]
+
+
+def _gram(rows: Array, products: tuple[Array, Array] | None, weight: Array) -> Array:
+    """Return ``rows^T diag(weight) rows``, exactly symmetric."""
+    n = rows.shape[1]
+    if products is not None:
+        return np.bincount(products[0], (weight[:, None, None] * products[1]).ravel(), n * n).reshape(n, n)
+    total = rows.T @ (weight[:, None] * rows)
+    return 0.5 * (total + total.T)
 
 
 def squared_sums(rows: Array, weight: Array) -> Array:

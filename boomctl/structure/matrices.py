@@ -94,30 +94,27 @@ class Structure:
         return len(self.coordinates)
 
     @cached_property
-    def M(self) -> Array:
-        """Mass matrix."""
+    def _matrices(self) -> tuple[Array, Array, Array]:
         if self.layout is None or self.weights is None:
-            return self._given[0]
-        return self.layout.mass(self.weights.m)
-
-    @cached_property
-    def C(self) -> Array:
-        """Damping matrix."""
-        if self.layout is None or self.weights is None:
-            return self._given[1]
-        return self.layout.stiffness(self.weights.c)
-
-    @cached_property
-    def K(self) -> Array:
-        """Stiffness matrix."""
-        if self.layout is None or self.weights is None:
-            return self._given[2]
-        return self.layout.stiffness(self.weights.k)
+            assert self.given is not None
+            return self.given
+        layout, weights = self.layout, self.weights
+        return layout.mass(weights.m), layout.stiffness(weights.c), layout.stiffness(weights.k)
 
     @property
-    def _given(self) -> tuple[Array, Array, Array]:
-        assert self.given is not None
-        return self.given
+    def M(self) -> Array:
+        """Mass matrix."""
+        return self._matrices[0]
+
+    @property
+    def C(self) -> Array:
+        """Damping matrix."""
+        return self._matrices[1]
+
+    @property
+    def K(self) -> Array:
+        """Stiffness matrix."""
+        return self._matrices[2]
 
     @property
     def elastic(self) -> ElasticRows | None:
@@ -151,14 +148,14 @@ class Structure:
 
     @property
     def noise(self) -> float:
-        """What rounding of the stiffness matrix is over the mass matrix, at most: an uncertainty of ``omega^2``."""
-        return EPS * float(self._squares[-1]) if len(self._squares) else 0.0
+        """Rounding of the stiffness matrix over the mass matrix, at most: an uncertainty of ``omega^2``."""
+        return EPS * float(self._squares.max(initial=0.0))
 
     @property
     def graded(self) -> bool:
         """Whether rows are known and some elements are so much shorter than most that displacements lose their strains."""
-        square = self._squares if self.layout is not None and self.weights is not None else ()
-        return len(square) > 0 and bool(square[-1] > _GRADED * square[len(square) // 2])
+        square = self._squares
+        return self.layout is not None and len(square) > 0 and bool(square[-1] > _GRADED * square[len(square) // 2])
 
     def at(self, s: Array) -> Array:
         """Return ``s^2 M + s C + K`` at each ``s``, shape (len(s), n, n)."""
@@ -195,37 +192,33 @@ class Structure:
         if mirror is None:
             return self
         if self.layout is None or self.weights is None:
-            broken = any(mirror.change(matrix) > ALIKE for matrix in (self.M, self.C, self.K))
+            broken = any(mirror.change(matrix) > ALIKE for matrix in self._matrices)
             return self if broken else replace(self, mirror=mirror)
-        if not self.layout.keeps_mirror(mirror, self.weights):
-            return self
-        if self.graded:
+        if self.graded or not self.layout.keeps_mirror(mirror, self.weights):
             return self
         return replace(self, layout=_mirrored(self.layout, mirror), mirror=mirror)
 
     @cached_property
     def halves(self) -> "dict[int, tuple[Array, Structure]]":
-        """Of a structure with a mirror: the motions of each parity, ``q = P q_half``, and the structure that they see."""
-        return {parity: _half_structure(self, parity) for parity in (1, -1)}
+        """Of a structure with a mirror: the motions of each parity, ``q = P q_half``, and the structure over them."""
+        return {parity: self._half(parity) for parity in (1, -1)}
+
+    def _half(self, parity: int) -> "tuple[Array, Structure]":
+        assert self.mirror is not None
+        if self.layout is not None and self.weights is not None:
+            P, layout = self.layout.halves[parity]
+            half = Structure.weighed(layout, self.weights)
+        else:
+            P, names = self.mirror.basis(parity), self.mirror.half_coordinates(self.coordinates, parity)
+            M, C, K = (P.T @ (matrix @ P) for matrix in self._matrices)
+            half = Structure(names, (M, C, K), settled=self.settled)
+        return P, half.drawn_as(self.outline, P, parity)
 
 
 @lru_cache(maxsize=KEPT)
 def _mirrored(layout: Layout, mirror: Mirror) -> Layout:
     """Return a layout with a mirror; one for all structures that share the layout."""
     return replace(layout, mirror=mirror)
-
-
-def _half_structure(whole: Structure, parity: int) -> tuple[Array, Structure]:
-    if whole.layout is not None and whole.weights is not None:
-        P, layout = whole.layout.halves[parity]
-        structure = Structure.weighed(layout, whole.weights)
-        return P, structure.drawn_as(whole.outline, P, parity)
-    if whole.mirror is None:
-        raise ValueError("the structure carries no mirror")
-    P, names = whole.mirror.basis(parity), whole.mirror.half_coordinates(whole.coordinates, parity)
-    M, C, K = (P.T @ (matrix @ P) for matrix in (whole.M, whole.C, whole.K))
-    moved = replace(Structure.of(M, C, K, names), settled=whole.settled)
-    return P, moved.drawn_as(whole.outline, P, parity)
 
 
 @dataclass(frozen=True)
