@@ -157,8 +157,8 @@ class Assembly:
         if len(massless):
             T, kept = _condensation(Structure.weighed(layout, weights), ports, massless)
             layout, ports = layout.congruent(T, tuple(layout.coordinates[i] for i in kept)), ports.restricted(T)
-            outline = outline.mapped(T)
-        return SecondOrderModel.of(Structure.weighed(layout, weights).drawn_as(outline), ports)
+            outline = Outline(self, (T,))
+        return SecondOrderModel.of(Structure.weighed(layout, weights, outline=outline), ports)
 
     def lines(self) -> tuple[Line, ...]:
         """Return where the bodies are, and how they move with the coordinates that the joints leave.

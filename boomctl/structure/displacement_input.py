@@ -15,6 +15,7 @@ from boomctl.structure.elimination import Elimination, eliminate
 from boomctl.structure.layout import KEPT, Layout
 from boomctl.structure.matrices import Structure
 from boomctl.structure.model import SecondOrderModel
+from boomctl.structure.outline import mapped
 from boomctl.structure.ports import Ports
 from boomctl.threads import one_blas_thread
 from boomctl.units import motion_unit
@@ -91,21 +92,15 @@ def prescribe_displacement(
         choice = eliminate(J, both)
         moving, imposed = _Side(choice.T_q), _Side(choice.T_d)
         M, C, K = (choice.T_q.T @ (matrix @ choice.T_q) for matrix in (old.M, old.C, old.K))
-        structure = Structure.of(
-            M,
-            C,
-            K,
-            tuple(old.coordinates[i] for i in choice.independent),
-            None if old.mirror is None else old.mirror.restricted(choice),
-        )
+        names_left = tuple(old.coordinates[i] for i in choice.independent)
+        mirror = None if old.mirror is None else old.mirror.restricted(choice)
+        structure = Structure(names_left, (M, C, K), mirror=mirror, outline=mapped(old.outline, choice.T_q))
     else:
         choice, layout, imposed = _eliminated(old.layout, both, J.tobytes())
-        moving = _Side(choice.T_q, layout)
-        structure = Structure.weighed(layout, old.weights, None if old.mirror is None else layout.mirror)
-    structure = structure.drawn_as(old.outline, choice.T_q)
-    return SecondOrderModel.of(
-        structure, _Prescribed(old, model.ports, moving, imposed, moved, held).ports(orders, reactions)
-    )
+        moving, mirror = _Side(choice.T_q, layout), None if old.mirror is None else layout.mirror
+        structure = Structure.weighed(layout, old.weights, mirror, mapped(old.outline, choice.T_q))
+    ports = _Prescribed(old, model.ports, moving, imposed, moved, held).ports(orders, reactions)
+    return SecondOrderModel.of(structure, ports)
 
 
 @lru_cache(maxsize=KEPT)

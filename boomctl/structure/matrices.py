@@ -14,7 +14,7 @@ from boomctl.arrays import Array
 from boomctl.lti.rounding import ALIKE, EPS, SUMMED
 from boomctl.printing import compact
 from boomctl.structure.layout import KEPT, Layout, Weights, squared_sums
-from boomctl.structure.outline import Outline
+from boomctl.structure.outline import Outline, mapped
 from boomctl.structure.ports import Ports
 from boomctl.structure.strain_coordinates import StrainForm, strain_form
 from boomctl.structure.symmetry import Mirror
@@ -74,19 +74,15 @@ class Structure:
         return cls(coordinates, (M, C, K), mirror=mirror)
 
     @classmethod
-    def weighed(cls, layout: Layout, weights: Weights, mirror: Mirror | None = None) -> "Structure":
-        """Return a structure of rows and what they weigh; its matrices are made when they are asked for."""
-        return cls(layout.coordinates, None, layout, weights, mirror)
+    def weighed(
+        cls, layout: Layout, weights: Weights, mirror: Mirror | None = None, outline: Outline | None = None
+    ) -> "Structure":
+        """Return a structure of rows and what they weigh; its matrices are computed on first access."""
+        return cls(layout.coordinates, None, layout, weights, mirror, outline)
 
     def __getstate__(self) -> dict[str, object]:
         """Pickle what it is made of; what was computed when asked for can be computed again."""
         return {field.name: getattr(self, field.name) for field in fields(self)}
-
-    def drawn_as(self, outline: Outline | None, T: Array | None = None, parity: int = 0) -> "Structure":
-        """Return the structure with the outline of another one, whose coordinates are ``T`` times its own."""
-        if outline is None:
-            return self
-        return replace(self, outline=outline if T is None else outline.mapped(T, parity))
 
     @property
     def n(self) -> int:
@@ -207,12 +203,10 @@ class Structure:
         assert self.mirror is not None
         if self.layout is not None and self.weights is not None:
             P, layout = self.layout.halves[parity]
-            half = Structure.weighed(layout, self.weights)
-        else:
-            P, names = self.mirror.basis(parity), self.mirror.half_coordinates(self.coordinates, parity)
-            M, C, K = (P.T @ (matrix @ P) for matrix in self._matrices)
-            half = Structure(names, (M, C, K), settled=self.settled)
-        return P, half.drawn_as(self.outline, P, parity)
+            return P, Structure.weighed(layout, self.weights, None, mapped(self.outline, P, parity))
+        P, names = self.mirror.basis(parity), self.mirror.half_coordinates(self.coordinates, parity)
+        M, C, K = (P.T @ (matrix @ P) for matrix in self._matrices)
+        return P, Structure(names, (M, C, K), outline=mapped(self.outline, P, parity), settled=self.settled)
 
 
 @lru_cache(maxsize=KEPT)
@@ -247,8 +241,7 @@ def half(structure: Structure, ports: Ports, parity: int) -> Half | None:
         if pair[0] is not None and pair[1] is not None:
             primary = tuple(n for n in pair[0][1] if n in ins[1]), tuple(n for n in pair[1][1] if n in outs[1])
     P, part = structure.halves[parity]
-    mixed = ports.mixed(ins[0], outs[0], ins[1], outs[1], primary)
-    return Half(part, mixed.congruent(P), ins[0], outs[0])
+    return Half(part, ports.mixed(P, ins, outs, primary), ins[0], outs[0])
 
 
 def halves(structure: Structure, ports: Ports) -> tuple[Half, ...] | None:

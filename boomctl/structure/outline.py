@@ -4,7 +4,7 @@ A structure carries its :class:`Outline` through every change of coordinates as 
 picture is asked for.
 """
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -56,13 +56,14 @@ class Outline:
     maps: tuple[Array, ...] = field(default=(), repr=False)
     parity: int = 0
 
-    def mapped(self, T: Array, parity: int = 0) -> "Outline":
-        """Return the outline over coordinates ``z`` with ``q = T z``."""
-        return replace(self, maps=(*self.maps, T), parity=parity or self.parity)
-
     def moved(self, shapes: Array) -> tuple[tuple[Line, Array], ...]:
         """Return each line, and how its points move (motions, points, 2) with motions of the coordinates in columns."""
         for T in reversed(self.maps):
             shapes = T @ shapes
         lines: tuple[Line, ...] = self.machine.lines()
         return tuple((line, np.stack([(line.x @ shapes).T, (line.y @ shapes).T], axis=2)) for line in lines)
+
+
+def mapped(outline: Outline | None, T: Array, parity: int = 0) -> Outline | None:
+    """Return an outline, if there is one, over coordinates ``z`` with ``q = T z``."""
+    return None if outline is None else Outline(outline.machine, (*outline.maps, T), parity or outline.parity)

@@ -172,24 +172,24 @@ class Ports:
 
     def mixed(
         self,
-        W_in: Array,
-        W_out: Array,
-        inputs: tuple[str, ...],
-        outputs: tuple[str, ...],
+        P: Array,
+        ins: tuple[Array, tuple[str, ...]],
+        outs: tuple[Array, tuple[str, ...]],
         primary: tuple[tuple[str, ...], tuple[str, ...]] | None,
     ) -> "Ports":
-        """Return the ports whose inputs ``v`` and outputs are ``d = W_in v``, ``W_out^T y``."""
-        first_in, first_out = np.abs(W_in).argmax(axis=0), np.abs(W_out).argmax(axis=0)
-        sources = {new: self.inputs[k] for new, k in zip(inputs, first_in, strict=True)}
-        sources |= {new: self.outputs[k] for new, k in zip(outputs, first_out, strict=True)}
-        units = {new: (self.units.get(old, ""), new != old) for new, old in sources.items()}
-        return replace(
-            self,
-            units={name: half_unit(unit, name) if half else unit for name, (unit, half) in units.items()},
+        """Return the ports over ``z`` with ``q = P z`` whose inputs ``v`` and outputs are ``d = W_in v``, ``W_out^T y``.
+
+        ``ins`` and ``outs`` are ``W_in`` and ``W_out``, each with the names of the new signals.
+        """
+        (W_in, inputs), (W_out, outputs) = ins, outs
+        first_in, first_out = np.abs(W_in).argmax(axis=0).tolist(), np.abs(W_out).argmax(axis=0).tolist()
+        sources = [self.inputs[k] for k in first_in] + [self.outputs[k] for k in first_out]
+        pairs = [(new, old, self.units.get(old, "")) for new, old in zip(inputs + outputs, sources, strict=True)]
+        return Ports(
             inputs=inputs,
             outputs=outputs,
-            B=self.B @ W_in,
-            L=W_out.T @ self.L,
+            B=P.T @ (self.B @ W_in),
+            L=(W_out.T @ self.L) @ P,
             E=W_out.T @ self.E @ W_in,
             moved=tuple(self.moved[k] for k in first_in),
             integrators=tuple(self.integrators[k] for k in first_in),
@@ -197,6 +197,7 @@ class Ports:
             primary=primary,
             strains=None if self.strains is None else self.strains @ W_in,
             tensions=None if self.tensions is None else W_out.T @ self.tensions,
+            units={new: unit if new == old else half_unit(unit, new) for new, old, unit in pairs},
         )
 
     def force_column(self, name: str) -> Array:
