@@ -9,7 +9,7 @@ import numpy as np
 from boomctl.arrays import Array, combined
 from boomctl.lti.rounding import ALIKE, warn_of_rounding
 from boomctl.structure.beams.dynamic_stiffness import clamped_count, end_functions
-from boomctl.structure.beams.strains import StrainSystem, wave_numbers
+from boomctl.structure.beams.strains import StrainSystem, beside, wave_numbers
 from boomctl.structure.beams.terms import Lines, Terms, kinds_of
 from boomctl.structure.elimination import eliminate
 from boomctl.structure.layout import KEPT, Layout, Weights
@@ -133,13 +133,12 @@ class ExactModel:
 
     def prepared(self, inputs: Sequence[str], outputs: Sequence[str]) -> "PreparedResponse":
         """Return what of the frequency response does not depend on frequency; symmetric structures in halves."""
-        arranged = _arranged(self.layout, self.mirror, tuple(inputs), tuple(outputs))
+        groups, direct = _arranged(self.layout, self.mirror, tuple(inputs), tuple(outputs))
         kinds, shares = kinds_of(self.segments)
         coefficients = [
-            [part.terms.weighed(self.weights, shares).T for part in batch.parts] for batch in arranged.batches
+            np.stack([part.terms.weighed(self.weights, shares).T for part in parts], axis=1) for parts in groups
         ]
-        stacked = tuple(np.stack(group, axis=1) for group in coefficients)
-        return PreparedResponse(arranged, self.weights, self.segments, kinds, stacked, self._even)
+        return PreparedResponse(groups, direct, self.weights, self.segments, kinds, tuple(coefficients), self._even)
 
     @property
     def _even(self) -> bool:
@@ -207,56 +206,48 @@ def _combined(coefficients: Array, values: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class _Part:
-    """One half of a structure, or the whole: its equations, and how its signals stand in those asked for.
+    """Equations of a structure or one of its halves, and the contribution of its unknowns to the requested response.
 
     ``terms`` are what each weight adds to the entries of ``D`` at ``places``, to the sums of its columns, weighted, to
-    ``B`` and to its sums.  ``W_out`` and ``W_in`` are the part's outputs and inputs over those asked for.  ``left`` and
-    ``right`` are the rows ``N, R, S`` over coordinates and inputs, ``forces`` the columns of the forces.
+    ``B`` and to its sums.  ``mixing`` takes the unknowns ``shown``, each with its input, to outputs times inputs.
+    ``W_out`` and ``W_in`` are the part's outputs and inputs over those requested, ``L`` its outputs over its unknowns;
+    ``left`` and ``right`` the rows ``N, R, S`` over coordinates and inputs, ``forces`` the columns of the forces.
     """
 
-    n: int
-    inputs: int
     places: tuple[tuple[int, int], ...]
     terms: Terms
-    L: Array
-    E: Array
+    mixing: Array
+    shown: tuple[tuple[int, int], ...]
     W_out: Array
     W_in: Array
+    L: Array
     left: Lines
     right: Lines
     forces: Array
 
     @classmethod
     def of(
-        cls,
-        layout: ExactLayout,
-        ports: Ports,
-        P: Array,
-        W_in: Array,
-        W_out: Array,
-        shape: tuple[int, int],
-    ) -> "_Part":
-        """Return the equations of the motions ``q = P z`` that the inputs ``d = W_in v`` drive, read by ``W_out^T y``."""
-        moved = [name in layout.moved for name in ports.inputs]
-        N, R, S = layout.rows(P)
-        D_only, m = Terms.of((N, R, S), (N, R, S), np.zeros((P.shape[1],) * 2)), W_in.shape[1]
-        imposed, direct = (
-            [np.zeros((len(x), len(moved))) for x in (N, R, S)],
-            np.zeros((len(ports.outputs), len(moved))),
-        )
-        for i, name in enumerate(ports.inputs):
-            if layout.imposed is not None and layout.direct is not None and name in layout.moved:
-                j = layout.moved.index(name)
-                for mine, all_imposed in zip(imposed, layout.imposed, strict=True):
-                    mine[:, i] = -all_imposed[:, j]
-                direct[:, i] = layout.direct[[layout.ports.outputs.index(o) for o in ports.outputs], j]
-        forces = P.T @ np.where(moved, 0.0, ports.B[0]) @ W_in
-        left, right = (N, R, S), (imposed[0] @ W_in, imposed[1] @ W_in, imposed[2] @ W_in)
-        N_in, R_in, S_in = (np.hstack([x, y]) for x, y in zip(left, right, strict=True))
-        n = P.shape[1]
+        cls, layout: ExactLayout, ports: Ports, P: Array, W_in: Array, W_out: Array, shape: tuple[int, int]
+    ) -> "tuple[_Part, Array]":
+        """Return the part of motions ``q = P z``, inputs ``d = W_in v`` and outputs ``W_out^T y``; and its feedthrough.
+
+        Of inputs and outputs, the first ones, ``shape``, are requested.
+        """
+        n, m = P.shape[1], W_in.shape[1]
+        moved = [[name == item for name in ports.inputs] for item in layout.moved]
+        which = np.array(moved, dtype=float).reshape(-1, len(ports.inputs)) @ W_in
+        forces = P.T @ np.where(np.any(moved, axis=0), 0.0, ports.B[0]) @ W_in
+        left = layout.rows(P)
+        imposed = layout.imposed or [np.zeros((len(rows), 0)) for rows in left]
+        right = tuple(-(rows @ which) for rows in imposed)
+        if layout.direct is None:
+            direct = np.zeros((W_out.shape[1], m))
+        else:
+            direct = W_out.T @ layout.direct[[layout.ports.outputs.index(name) for name in ports.outputs]] @ which
+        terms = Terms.of(left, beside(left, right), np.hstack([np.zeros((n, n)), forces]))
         occupied = np.eye(n, dtype=bool)
-        for item in (D_only.elastic, D_only.inertia, D_only.bending):
-            occupied |= np.abs(item).reshape(-1, n, n).sum(axis=0) > 0
+        for item in (terms.elastic, terms.inertia, terms.bending):
+            occupied |= (np.abs(item[..., :n]).reshape(-1, n, n) > 0.0).any(axis=0)
         i, j = np.nonzero(np.tril(occupied))
         weights = 1.0 + 0.5 * np.cos(np.arange(n))
 
@@ -265,68 +256,32 @@ class _Part:
             flat = (*entries.shape[:-2], n * m)
             return np.concatenate([D[..., i, j], weights @ D, B.reshape(flat), weights @ B], axis=-1)
 
-        terms = Terms.of((N, R, S), (N_in, R_in, S_in), np.hstack([np.zeros((n, n)), forces])).mapped(numbers)
-        return cls(
-            n=n,
-            inputs=m,
+        L, W_out, W_in = W_out.T @ ports.L[0] @ P, W_out[: shape[0]], W_in[: shape[1]]
+        mixing = np.einsum("ou,uk,iv->oikv", W_out, L, W_in).reshape(-1, n * m)
+        shown = np.flatnonzero(mixing.any(axis=0))
+        part = cls(
             places=tuple(zip(i.tolist(), j.tolist(), strict=True)),
-            terms=terms,
-            L=W_out.T @ ports.L[0] @ P,
-            E=W_out.T @ direct @ W_in,
-            W_out=W_out[: shape[0]],
-            W_in=W_in[: shape[1]],
+            terms=terms.mapped(numbers),
+            mixing=mixing[:, shown],
+            shown=tuple(divmod(k, m) for k in shown.tolist()),
+            W_out=W_out,
+            W_in=W_in,
+            L=L,
             left=left,
             right=right,
             forces=forces,
         )
+        return part, W_out @ direct @ W_in.T
 
 
-@dataclass(frozen=True, eq=False)
-class _Batch:
-    """Parts of one pattern, solved together; ``mixing`` takes their unknowns that show to the full response."""
-
-    parts: tuple[_Part, ...]
-    shown: Array
-    mixing: Array
-
-    @classmethod
-    def of(cls, parts: Sequence[_Part]) -> "_Batch":
-        first = parts[0]
-        mixing = [np.einsum("ou,uk,iv->oikv", part.W_out, part.L, part.W_in) for part in parts]
-        by_unknown = np.stack(mixing, axis=-1).reshape(-1, first.n * first.inputs * len(parts))
-        shown = np.flatnonzero(by_unknown.any(axis=0))
-        return cls(tuple(parts), shown, by_unknown[:, shown])
-
-    def add(self, coefficients: Array, functions: Array, total: Array) -> Array:
-        """Add the batch's share of the response, (outputs * inputs, frequencies); return where it lost too many digits.
-
-        Frequencies of all parts stand in line.
-        """
-        first, count, points = self.parts[0], len(self.parts), functions.shape[1]
-        values = _combined(coefficients.reshape(-1, coefficients.shape[2]), functions).reshape(-1, count * points)
-        entries, n, m = len(first.places), first.n, first.inputs
-        D = dict(zip(first.places, values, strict=False))
-        check = values[entries : entries + n]
-        B = values[entries + n : entries + n + n * m].reshape(n, m, -1)
-        X, lost = solve_symmetric(n, D, list(B), check, values[entries + n + n * m :])
-        rows = [X[k // (m * count)][k // count % m].reshape(count, points)[k % count] for k in self.shown]
-        if rows:
-            total += _combined(self.mixing, np.array(rows))
-        return np.asarray(lost.reshape(count, points).any(axis=0))
-
-
-@dataclass(frozen=True, eq=False)
-class _Arrangement:
-    """Everything of a response that neither weights nor frequencies change."""
-
-    batches: tuple[_Batch, ...]
-    direct: Array
+Parts = tuple[_Part, ...]
 
 
 @lru_cache(maxsize=KEPT)
 def _arranged(
     layout: ExactLayout, mirror: Mirror | None, inputs: tuple[str, ...], outputs: tuple[str, ...]
-) -> _Arrangement:
+) -> tuple[tuple[Parts, ...], Array]:
+    """Return the parts of a structure, those of one pattern together, and what inputs add to outputs directly."""
     wanted_in, wanted_out, shape = inputs, outputs, (len(outputs), len(inputs))
     if mirror is not None:
         wanted_in = mirror.completed(wanted_in, layout.ports.inputs)
@@ -336,32 +291,36 @@ def _arranged(
         raise ValueError("the exact beam offers displacement outputs only")
     if any(bandwidth is not None for bandwidth in ports.bandwidths):
         raise ValueError("the exact beam offers outputs without a bandwidth only")
-    parts = []
-    for parity in (1, -1) if mirror is not None else ():
-        assert mirror is not None
-        ins, outs = mirror.signals(ports.inputs, parity), mirror.signals(ports.outputs, parity)
-        if ins is None or outs is None:
-            return _arranged(layout, None, inputs, outputs)
-        if ins[0].shape[1] and outs[0].shape[1]:
-            parts.append(_Part.of(layout, ports, mirror.basis(parity), ins[0], outs[0], shape))
     if mirror is None:
-        parts = [_Part.of(layout, ports, np.eye(layout.n), np.eye(shape[1]), np.eye(shape[0]), shape)]
-    alike: dict[object, list[_Part]] = {}
-    for part in parts:
-        alike.setdefault((part.places, part.inputs), []).append(part)
-    direct = sum((part.W_out @ part.E @ part.W_in.T for part in parts), np.zeros(shape))
-    return _Arrangement(tuple(_Batch.of(group) for group in alike.values()), direct)
+        motions = [(np.eye(layout.n), np.eye(shape[1]), np.eye(shape[0]))]
+    else:
+        motions = []
+        for parity in (1, -1):
+            ins, outs = mirror.signals(ports.inputs, parity), mirror.signals(ports.outputs, parity)
+            if ins is None or outs is None:
+                return _arranged(layout, None, inputs, outputs)
+            if ins[0].shape[1] and outs[0].shape[1]:
+                motions.append((mirror.basis(parity), ins[0], outs[0]))
+    alike: dict[object, Parts] = {}
+    total = np.zeros(shape)
+    for motion in motions:
+        part, direct = _Part.of(layout, ports, *motion, shape)
+        total += direct
+        key = part.places, part.forces.shape
+        alike[key] = (*alike.get(key, ()), part)
+    return tuple(alike.values()), total
 
 
 @dataclass(frozen=True, eq=False)
 class PreparedResponse:
-    """A structure with exact beams, ready to be asked for its response at any frequencies.
+    """The frequency response of a structure with exact beams, but for frequency.
 
-    ``coefficients`` are, for each batch, those of its numbers over ``1, s, s^2`` and the functions of the ``kinds``;
-    ``even`` says whether no segment is short.
+    ``coefficients`` are, for each group of parts of one pattern, those of its numbers over ``1, s, s^2`` and the functions
+    of the ``kinds`` of segments; ``even`` is whether no segment is short.
     """
 
-    arrangement: _Arrangement
+    groups: tuple[Parts, ...]
+    direct: Array
     weights: Weights
     segments: tuple[BeamSegment, ...]
     kinds: tuple[BeamSegment, ...]
@@ -371,7 +330,7 @@ class PreparedResponse:
     def at(self, omega: Array) -> Array:
         """Return the response, shape (outputs, inputs, frequencies), at ``omega`` [rad/s].
 
-        Nodal stiffnesses answer; where a segment is short, and where they cancel, strain coordinates do.
+        It is computed by nodal stiffnesses, and by strain coordinates where a segment is short or these cancel.
 
         Raises
         ------
@@ -383,46 +342,60 @@ class PreparedResponse:
         AccuracyWarning
             Rounding may exceed 1e-9 of the largest output to an input.
         """
-        direct, batches = self.arrangement.direct, self.arrangement.batches
         if (omega == 0.0).any() and any(system.rigid for _, system in self._strained):
             raise ValueError("omega = 0: the structure moves freely (a rigid-body mode), its response is infinite")
         if not self.even:
             return self._in_strains(omega)
-        total = np.empty((direct.size, len(omega)), dtype=complex)
-        total[:] = direct.reshape(-1, 1)
-        functions = _functions(self.kinds, 1j * omega)
-        lost = np.zeros(len(omega), dtype=bool)
-        for batch, coefficients in zip(batches, self.coefficients, strict=True):
-            lost |= batch.add(coefficients, functions, total)
-        response = total.reshape(*direct.shape, -1)
+        total = np.empty((self.direct.size, len(omega)), dtype=complex)
+        total[:] = self.direct.reshape(-1, 1)
+        functions, lost = _functions(self.kinds, 1j * omega), np.zeros(len(omega), dtype=bool)
+        for parts, coefficients in zip(self.groups, self.coefficients, strict=True):
+            lost |= _add(parts, coefficients, functions, total)
+        response = total.reshape(*self.direct.shape, -1)
         if lost.any():
             response[:, :, lost] = self._in_strains(omega[lost])
         return response
 
     @cached_property
     def _strained(self) -> list[tuple[_Part, StrainSystem]]:
-        """Return the parts, each with its rows ready for strain coordinates."""
-        parts = [part for batch in self.arrangement.batches for part in batch.parts]
+        """The parts, each with its rows prepared for strain coordinates."""
+        parts = [part for group in self.groups for part in group]
         return [(part, StrainSystem(part.left, part.right, part.forces, self.weights, self.segments)) for part in parts]
 
     def _in_strains(self, omega: Array) -> Array:
-        """Return the response by strain coordinates, and warn of what rounding is left."""
-        direct = self.arrangement.direct
-        total = np.tile(direct.astype(complex), (len(omega), 1, 1))
+        """Return the response by strain coordinates, and warn of its rounding."""
+        total = np.tile(self.direct.astype(complex), (len(omega), 1, 1))
         rounding = np.zeros(total.shape)
         for part, system in self._strained:
-            result, left = system.response(1j * omega, part.L)
-            total += part.W_out @ result @ part.W_in.T
-            rounding += np.abs(part.W_out) @ left @ np.abs(part.W_in).T
+            response, error = system.response(1j * omega, part.L)
+            total += part.W_out @ response @ part.W_in.T
+            rounding += np.abs(part.W_out) @ error @ np.abs(part.W_in).T
         size = np.abs(total).max(axis=1, initial=0.0)
-        share = np.where(size > 0.0, rounding.max(axis=1, initial=0.0) / np.where(size > 0.0, size, 1.0), 0.0).max(
+        ratio = np.divide(rounding.max(axis=1, initial=0.0), size, out=np.zeros_like(size), where=size > 0.0).max(
             axis=1
         )
         if len(omega):
-            worst = int(np.argmax(share))
+            worst = int(np.argmax(ratio))
             of = f"the exact beam's response at {omega[worst]:.6g} rad/s"
-            warn_of_rounding(of, float(share[worst]), PROMISED)
+            warn_of_rounding(of, float(ratio[worst]), PROMISED)
         return total.transpose(1, 2, 0)
+
+
+def _add(parts: Parts, coefficients: Array, functions: Array, total: Array) -> Array:
+    """Add the response of parts of one pattern, (outputs * inputs, frequencies); return where it lost too many digits.
+
+    All parts are solved at once, the frequencies of one after those of another.
+    """
+    (n, m), count, points = parts[0].forces.shape, len(parts), functions.shape[1]
+    values = _combined(coefficients.reshape(-1, coefficients.shape[2]), functions).reshape(-1, count * points)
+    D, check, B, check_B = np.split(values, np.cumsum([len(parts[0].places), n, n * m]))
+    entries = dict(zip(parts[0].places, D, strict=True))
+    X, lost = solve_symmetric(n, entries, list(B.reshape(n, m, -1)), check, check_B)
+    for k, part in enumerate(parts):
+        if part.shown:
+            rows = np.array([X[i][v, k * points : (k + 1) * points] for i, v in part.shown])
+            total += _combined(part.mixing, rows)
+    return np.asarray(lost.reshape(count, points).any(axis=0))
 
 
 def solve_symmetric(n: int, D: Entries, B: list[Array], check: Array, check_B: Array) -> tuple[list[Array], Array]:

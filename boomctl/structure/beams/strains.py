@@ -104,8 +104,8 @@ class StrainEquations:
         m = forces.shape[1]
         loads = np.hstack([np.zeros((n, n)), V.T @ forces])
         loads_size = np.hstack([np.zeros((n, n)), large.T @ np.abs(forces)])
-        both = _beside(own, (N_r, R_r, S_r))
-        both_size = _beside(own_size, (np.abs(N_r), np.abs(R_r), np.abs(S_r)))
+        both = beside(own, (N_r, R_r, S_r))
+        both_size = beside(own_size, (np.abs(N_r), np.abs(R_r), np.abs(S_r)))
         terms, term_sizes = (
             Terms.of(own, both, loads, strain_terms),
             Terms.of(own_size, both_size, loads_size, strain_terms),
@@ -151,7 +151,7 @@ class StrainEquations:
         return (len(self.coefficients) + self.V.shape[0]) * EPS
 
 
-def _beside(left: Lines, right: Lines) -> Lines:
+def beside(left: Lines, right: Lines) -> Lines:
     """Return rows over coordinates and inputs, side by side."""
     return np.hstack([left[0], right[0]]), np.hstack([left[1], right[1]]), np.hstack([left[2], right[2]])
 
