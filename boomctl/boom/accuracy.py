@@ -22,17 +22,14 @@ from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.response.direct import respond
 from boomctl.structure.response.poles import damped_poles
 
-ACCURACIES = (
-    1e-7,
-    1.0,
-)  # that can be asked for: below, rounding of slow strokes shows; above, none is meant (measured)
-_REACH = 1e-3  # of the band, where the frequencies compared begin: slower ones are as quasi-static (a choice)
-_BEYOND = 1.2  # times the band, up to which resonances are looked for: one just outside shows within (a choice)
-_SPREAD = 120  # frequencies compared beside those at resonances (a choice)
-_HALVINGS = 12  # of the distance between two frequencies compared, towards a dip: a narrow one is met (a choice)
-_ELEMENTS = (4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128)  # tried in this order, of the numbers that the boom takes
-_ORDERS = (3, 14)  # of the elements: lowest, and where rounding ends what a higher one gains (measured)
-_SHARE = 0.8  # of the accuracy asked for that a mesh may use: the frequencies compared are not all there are (a choice)
+# Accuracies that can be requested: rounding of slow strokes limits the lower one.
+ACCURACIES = (1e-7, 1.0)
+_SLOWEST = 1e-3  # Lowest frequency compared, in bands: slower motion is as quasi-static.
+_BEYOND = 1.2  # Bands up to which resonances are looked for: one just outside contributes within.
+_POINTS = 400  # Frequencies compared in addition to those at resonances: enough for the dips between these.
+_ELEMENTS = (4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128)
+_ORDERS = (3, 14)  # Of the elements: lowest, and where rounding ends what a higher one gains.
+_SAFETY = 0.8  # Fraction of the accuracy that a mesh may use: errors between the frequencies compared are larger.
 
 
 @dataclass(frozen=True, repr=False)
@@ -84,16 +81,14 @@ def chosen_mesh(
     """
     if not ACCURACIES[0] <= accuracy <= ACCURACIES[1]:
         raise ValueError(f"accuracy = {exactly(accuracy)}: expected {ACCURACIES[0]:g} to {ACCURACIES[1]:g}")
-    error, imposed = (
-        _error_of(p, max_frequency_hz, excitation, nozzles),
-        "force" if excitation == "force" else "displacement",
-    )
+    imposed = "force" if excitation == "force" else "displacement"
+    error = _error_of(p, max_frequency_hz, imposed, nozzles)
     tried: list[tuple[int, int, float]] = []
 
     def reached(elements: int, order: int) -> bool:
         mesh = boom_discretization(p, "high-order", elements, order)
         tried.append((elements, order, error(boom_model(p, mesh, imposed, nozzles=nozzles))))
-        return tried[-1][2] <= _SHARE * accuracy
+        return tried[-1][2] <= _SAFETY * accuracy
 
     for elements in _ELEMENTS:
         if not reached(elements, _ORDERS[1]):
@@ -113,10 +108,9 @@ def chosen_mesh(
 
 
 def _error_of(
-    p: BoomParameters, max_frequency_hz: float, excitation: str, nozzles: tuple[float, ...]
+    p: BoomParameters, max_frequency_hz: float, imposed: str, nozzles: tuple[float, ...]
 ) -> Callable[[SecondOrderModel], float]:
-    """Return what takes a model to its error; the exact response is computed once."""
-    imposed = "force" if excitation == "force" else "displacement"
+    """Return the function from a model to its error; the exact response is computed once."""
     exact, top = exact_boom(p, imposed, nozzles), 2.0 * np.pi * max_frequency_hz
     count = int(exact.count_below(np.array([_BEYOND * top]))[0]) + 1
     poles = damped_poles(boom_model(p, fine_mesh(p, count), imposed).structure, count)
@@ -135,14 +129,10 @@ def _error_of(
     def sizes(response: Array) -> Array:
         return np.array([singular_values(response[at])[0] for at in blocks])
 
-    def exactly_at(omega: Array) -> Array:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", AccuracyWarning)  # of a part in 1e9, far below what can be asked for
-            return exact.response(omega, ports.inputs, ports.outputs)
-
-    omega = resonance_grid(poles, _REACH * top, top, points=_SPREAD, places=DRAWN)
-    omega = np.union1d(omega, _dips(lambda at: sizes(exactly_at(at)), omega))
-    wanted = exactly_at(omega)
+    omega = resonance_grid(poles, _SLOWEST * top, top, points=_POINTS, places=DRAWN)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", AccuracyWarning)  # Of 1e-9, far below the accuracies above.
+        wanted = exact.response(omega, ports.inputs, ports.outputs)
     allowed = sizes(wanted)
 
     def error(model: SecondOrderModel) -> float:
@@ -150,22 +140,6 @@ def _error_of(
         return float((sizes(result - wanted) / allowed).max())
 
     return error
-
-
-def _dips(values: Callable[[Array], Array], omega: Array) -> Array:
-    """Return the frequencies at which curves, (curves, frequencies), have local minima: errors weigh most there."""
-    result = values(omega)
-    curve, k = np.nonzero((result[:, 1:-1] < result[:, :-2]) & (result[:, 1:-1] <= result[:, 2:]))
-    which, place = np.arange(len(k)), np.array([omega[k], omega[k + 1], omega[k + 2]])
-    height = np.array([result[curve, k], result[curve, k + 1], result[curve, k + 2]])
-    for _ in range(_HALVINGS):
-        between = 0.5 * (place[:-1] + place[1:])
-        new = np.array([values(between[side])[curve, which] for side in (0, 1)])
-        place = np.array([place[0], between[0], place[1], between[1], place[2]])
-        height = np.array([height[0], new[0], height[1], new[1], height[2]])
-        lowest = 1 + np.argmin(height[1:4], axis=0)
-        place, height = (item[lowest + np.array([[-1], [0], [1]]), which] for item in (place, height))
-    return place[1]
 
 
 def _groups(names: tuple[str, ...], *stems: tuple[str, ...]) -> list[list[int]]:
