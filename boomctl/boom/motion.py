@@ -24,10 +24,9 @@ from boomctl.threads import one_blas_thread
 _DISTANCE = BoomParameters.actuator_distance
 _SETTLED = 1e-6  # share of the motion at the start that is left when the record begins (a choice)
 _DRIFTING = 1e-9  # decay [1/s] below which nothing holds the heading: it would take 30 years (a choice)
-_SIDES = ("time_s", "left_m", "right_m")
-_MOTIONS = ("time_s", "jolt_m", "yaw_rad")
+_SIDES, _MOTIONS = ("time_s", "left_m", "right_m"), ("time_s", "jolt_m", "yaw_rad")  # Columns of a file of motion.
 _STATED = "actuator_distance_m"  # the comment "# actuator_distance_m = 1.78" of a file of motion
-_MEANT = re.compile(r"(?=.*actuator)(?=.*distance)(?=.*\d)", re.IGNORECASE)  # a comment that can mean nothing else
+_MEANT = re.compile(rf"{_STATED}|(?=.*actuator)(?=.*distance)(?=.*\d)", re.IGNORECASE)  # A comment on that distance.
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,21 +130,20 @@ class PlatformMotion(TimeSeries):
 
 
 def uneven(time: Array) -> tuple[int, str] | None:
-    """Return the first sample at which times are not equally spaced, and what is wrong there; None if they are."""
+    """Return the first sample at which times are not equally spaced, and the reason; None if they are."""
     steps = np.diff(time)
-    usual = float(np.median(steps))
-    for broken, what in (
-        (steps <= 0.0, "expected times to ascend"),
-        (steps > 1.5 * usual, f"a gap, samples are missing before it (usual step {usual:g} s)"),
-    ):
-        if broken.any():
-            return int(np.argmax(broken)) + 1, what
-    step = (time[-1] - time[0]) / len(steps)
+    usual, step = float(np.median(steps)), (time[-1] - time[0]) / len(steps)
+    if (steps <= 0.0).any():
+        return int(np.argmax(steps <= 0.0)) + 1, "expected times to ascend"
+    if (steps > 1.5 * usual).any():
+        return int(np.argmax(steps > 1.5 * usual)) + 1, f"a gap, samples are missing before it (usual step {usual:g} s)"
     off = np.abs(time - (time[0] + step * np.arange(len(time))))
     worst = int(np.argmax(off))
-    if off[worst] > 0.05 * step:
-        return worst, f"expected equal steps, of {step:g} s in the mean; resample the motion"
-    return None
+    return (
+        (worst, f"expected equal steps, of {step:g} s in the mean; resample the motion")
+        if off[worst] > 0.05 * step
+        else None
+    )
 
 
 @one_blas_thread
@@ -379,37 +377,35 @@ def read_motion(path: str | Path, actuator_distance: float | None = None) -> Pla
     if len(table.values) < 2:
         raise ValueError(f"{path}: expected at least two samples")
     column = {name: table.values[:, i] for i, name in enumerate(table.header)}
-    bad = uneven(column["time_s"])
+    time = column["time_s"]
+    bad = uneven(time)
     if bad is not None:
-        raise ValueError(f"{path}, line {table.lines[bad[0]]}: time_s = {column['time_s'][bad[0]]:g}: {bad[1]}")
+        raise ValueError(f"{path}, line {table.lines[bad[0]]}: time_s = {time[bad[0]]:g}: {bad[1]}")
     if "left_m" in column:
-        return PlatformMotion(column["time_s"], column["left_m"], column["right_m"], distance)
+        return PlatformMotion(time, column["left_m"], column["right_m"], distance)
     half = 0.5 * distance * column["yaw_rad"]
-    return PlatformMotion(column["time_s"], column["jolt_m"] - half, column["jolt_m"] + half, distance)
+    return PlatformMotion(time, column["jolt_m"] - half, column["jolt_m"] + half, distance)
 
 
 def _distance_of(path: str | Path, comments: tuple[tuple[int, str], ...], given: float | None) -> float:
     """Return the distance of the actuators [m] that was given, or that the comments of a file state."""
-    stated = []
-    for line, text in comments:
-        name, _, value = (part.strip() for part in text.partition("="))
-        if name.lower() == _STATED:
-            stated.append((line, value))
-        elif _MEANT.match(text):
-            raise ValueError(f"{path}, line {line}: expected '# {_STATED} = ...', got {text[:50]!r}")
+    stated = [(line, text) for line, text in comments if _MEANT.match(text)]
     if not stated:
         return _DISTANCE if given is None else given
-    (line, text), *more = stated
-    if more:
-        raise ValueError(f"{path}, line {more[0][0]}: {_STATED} is there twice, the first time in line {line}")
+    line, text = stated[0]
+    if len(stated) > 1:
+        raise ValueError(f"{path}, line {stated[1][0]}: {_STATED} is there twice, the first time in line {line}")
+    name, _, value = (part.strip() for part in text.partition("="))
+    if name.lower() != _STATED:
+        raise ValueError(f"{path}, line {line}: expected '# {_STATED} = ...', got {text[:50]!r}")
     try:
-        distance = positive(_STATED, float(text.replace("_", "?")))  # digits in groups are numbers to Python alone
+        distance = positive(_STATED, float(value.replace("_", "?")))  # Digits in groups are numbers to Python alone.
     except ValueError:
-        raise ValueError(f"{path}, line {line}: {_STATED}: expected a number above zero, got {text[:50]!r}") from None
-    if given is not None and given != distance:
+        raise ValueError(f"{path}, line {line}: {_STATED}: expected a number above zero, got {value[:50]!r}") from None
+    if given not in (None, distance):
         raise ValueError(
-            f"actuator_distance = {exactly(given)}: expected {exactly(distance)} m, as line {line} of "
-            f"{path} says, or leave it out"
+            f"actuator_distance = {exactly(given)}: expected {exactly(distance)} m, as line {line} of {path} says, or"
+            " leave it out"
         )
     return distance
 
