@@ -14,8 +14,8 @@ from boomctl.lti.hold import Step, changing, linear_hold, motion_coordinates, ze
 from boomctl.lti.rounding import ALIKE, TINY
 from boomctl.lti.system import Lti, of
 from boomctl.structure.model import SecondOrderModel
-from boomctl.structure.response.modal_form import handed_out, in_modes
-from boomctl.structure.response.poles import damper_forces, undamped_modes, with_statics
+from boomctl.structure.response.modal_form import handed_out, in_modes, undamped_modes
+from boomctl.structure.response.poles import damper_forces, with_statics
 
 if TYPE_CHECKING:
     import control

@@ -90,7 +90,8 @@ class Structure:
         return len(self.coordinates)
 
     @cached_property
-    def _matrices(self) -> tuple[Array, Array, Array]:
+    def matrices(self) -> tuple[Array, Array, Array]:
+        """Mass, damping and stiffness matrix."""
         if self.layout is None or self.weights is None:
             assert self.given is not None
             return self.given
@@ -100,17 +101,17 @@ class Structure:
     @property
     def M(self) -> Array:
         """Mass matrix."""
-        return self._matrices[0]
+        return self.matrices[0]
 
     @property
     def C(self) -> Array:
         """Damping matrix."""
-        return self._matrices[1]
+        return self.matrices[1]
 
     @property
     def K(self) -> Array:
         """Stiffness matrix."""
-        return self._matrices[2]
+        return self.matrices[2]
 
     @property
     def elastic(self) -> ElasticRows | None:
@@ -188,7 +189,7 @@ class Structure:
         if mirror is None:
             return self
         if self.layout is None or self.weights is None:
-            broken = any(mirror.change(matrix) > ALIKE for matrix in self._matrices)
+            broken = any(mirror.change(matrix) > ALIKE for matrix in self.matrices)
             return self if broken else replace(self, mirror=mirror)
         if self.graded or not self.layout.keeps_mirror(mirror, self.weights):
             return self
@@ -205,7 +206,7 @@ class Structure:
             P, layout = self.layout.halves[parity]
             return P, Structure.weighed(layout, self.weights, None, mapped(self.outline, P, parity))
         P, names = self.mirror.basis(parity), self.mirror.half_coordinates(self.coordinates, parity)
-        M, C, K = (P.T @ (matrix @ P) for matrix in self._matrices)
+        M, C, K = (P.T @ (matrix @ P) for matrix in self.matrices)
         return P, Structure(names, (M, C, K), outline=mapped(self.outline, P, parity), settled=self.settled)
 
 

@@ -232,10 +232,13 @@ class SecondOrderModel:
         TypeError, ValueError
             Unknown names, or one asked for twice.
         """
-        for what, wanted, there in (("input", inputs, self.input_labels), ("output", outputs, self.output_labels)):
+        return SecondOrderModel.of(self.structure, self._ports(inputs, outputs), self.selection)
+
+    def _ports(self, inputs: str | Sequence[str] | None, outputs: str | Sequence[str] | None) -> Ports:
+        for what, wanted, available in (("input", inputs, self.ports.inputs), ("output", outputs, self.ports.outputs)):
             if wanted is not None:
-                some_names(what, wanted, there)
-        return SecondOrderModel.of(self.structure, self.ports.select(inputs, outputs), self.selection)
+                some_names(what, wanted, available)
+        return self.ports.select(inputs, outputs)
 
     @cached_property
     def _primary(self) -> SecondOrderModel:
@@ -296,7 +299,9 @@ class SecondOrderModel:
     @property
     def _name(self) -> str:
         """What it is called beside other systems: two halves must not have the same name."""
-        return {"sym": "jolt", "anti": "yaw"}.get("".join(self.coordinates[:1]).rpartition("_")[2], "structure")
+        return {"sym": "jolt", "anti": "yaw"}.get(
+            "".join(self.structure.coordinates[:1]).rpartition("_")[2], "structure"
+        )
 
     def __getattr__(self, name: str) -> Any:
         """Say where something is that state spaces have."""
@@ -424,7 +429,7 @@ class SecondOrderModel:
         """
         from boomctl.lti.python_control import control
 
-        grid, ports = frequencies("omega", omega), self.select(inputs, outputs).ports
+        grid, ports = frequencies("omega", omega), self._ports(inputs, outputs)
         values = respond(self.structure, ports, grid, available=self.ports).values
         return control.frd(values, grid, inputs=list(ports.inputs), outputs=list(ports.outputs), name=self._name)
 
@@ -486,7 +491,7 @@ class SecondOrderModel:
         """
         if states is not None and not (isinstance(states, str) and states in (MODES, COORDINATES)):
             raise ValueError(f"states = {states!r}: expected {MODES!r}, {COORDINATES!r} or None")
-        result = handed_out(self.structure, self.select(inputs, outputs).ports, states)
+        result = handed_out(self.structure, self._ports(inputs, outputs), states)
         if dt is not None:
             Phi, G = zero_order_hold(result.A, result.B, positive("dt", dt))
             result = replace(result, A=Phi, B=G, dt=float(dt))

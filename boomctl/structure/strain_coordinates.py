@@ -16,7 +16,7 @@ from scipy.linalg import blas, lapack
 
 from boomctl.arrays import Array, blocks, combined
 from boomctl.lti.rounding import CANCELLED, EPS, SUMMED
-from boomctl.structure.layout import Layout, Weights, squared_sums
+from boomctl.structure.layout import Layout, Weights
 from boomctl.structure.ports import Ports
 
 # smallest singular value of such rows, up to which coordinates are scaled evenly before rank is told: short elements beside
@@ -194,8 +194,8 @@ def unstrained(S: Array, rows: Array, column: Array) -> tuple[Array, Array, Arra
 
 def strain_form(layout: Layout, weights: Weights) -> StrainForm | None:
     """Return a structure in strain coordinates; None for one without mass or stiffness."""
-    n, elastic, N, R = layout.n, weights.k > 0.0, layout.N, layout.R
-    mass, inertia = squared_sums(N, weights.m), np.sqrt(weights.m)[:, None] * N
+    n, elastic, N, R = len(layout.coordinates), weights.k > 0.0, layout.N, layout.R
+    mass, inertia = weights.m @ N**2, np.sqrt(weights.m)[:, None] * N
     if not (mass > 0.0).all() or not R[elastic].any():
         return None
     V, Q, order, r = unstrained(np.sqrt(weights.k[elastic])[:, None] * R[elastic], R[elastic], 1.0 / np.sqrt(mass))

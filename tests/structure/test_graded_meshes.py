@@ -10,7 +10,8 @@ import boomctl as bc
 from boomctl.analysis.norm import LOST
 from boomctl.exceptions import AccuracyWarning
 from boomctl.structure import GROUND, Assembly, Beam, BeamSegment, FiniteElements, Force, Output, fixed
-from boomctl.structure.response.poles import damped_poles, undamped_modes
+from boomctl.structure.response.modal_form import undamped_modes
+from boomctl.structure.response.poles import damped_poles
 from tests.profiles import examples
 from tests.strategies import seeds
 from tests.stress.references import cantilever_frequencies

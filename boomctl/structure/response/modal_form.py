@@ -1,4 +1,4 @@
-"""State spaces over undamped modes: which modes are elastic, the form itself, and the form in which a model is handed out.
+"""Undamped modes, and state spaces over them.
 
 Over nodal coordinates a state matrix holds ``M^-1 K``, whose rounding is that of its stiffest element: 100 elements of a
 beam leave the slow modes eight digits, however the states are scaled.  Over modes it holds each frequency once.
@@ -10,26 +10,120 @@ import numpy as np
 from scipy import linalg
 
 from boomctl.arrays import Array, balance, combined
-from boomctl.lti.rounding import VISIBLE, warn_of_rounding
+from boomctl.lti.rounding import EPS, ROOT, VISIBLE, warn_of_rounding
 from boomctl.lti.system import Lti
 from boomctl.structure.matrices import Structure, is_symmetric
 from boomctl.structure.ports import Ports
 from boomctl.structure.response.direct import direct_response
-from boomctl.structure.response.poles import SMALL, undamped_modes
 from boomctl.structure.response.realization import realize
 from boomctl.structure.strain_coordinates import parted
 
-MODES, COORDINATES = "modes", "coordinates"  # over what the states of a model are
+MODES, COORDINATES = "modes", "coordinates"  # Values of `states`.
 
-# share of the largest root of a damping up to which that of a rigid-body mode is rounding: strains of such a mode are
-# some units of rounding, and a rotation of such modes mixes in the root of rounding
-_UNFELT = 1e-8
-# ratio of the scales that would balance a state matrix up to which matrices given are realized over their own coordinates
-_EVEN = 2.0**10
-# largest rate of damping over the slowest frequency from which on a state space over modes is looked at (a choice)
-_OVERDAMPED = 1e3
-_ASKED = np.array([0.01, 0.7])  # times the slowest frequency: where a state space is looked at, between no resonances
-_PROMISED = 1e-6  # of a response, rounding of a state space over modes above which a user is warned (a choice)
+SMALL = 60  # Coordinates up to which modes are computed in strain coordinates at once: they cost little more.
+# Noise of stiffness over mass, in units of its lowest value, above which shapes from matrices have errors above 1e-10.
+GRADED = 30.0
+_NOISE = 1e3 * EPS  # Of the largest stiffness over mass: rounding.
+_SPREAD = 1e7  # Of stiffnesses, from which on the softest mode counts as nearly floating.
+_PASSES = 3  # With the shift at the lowest elastic mode.
+_ALIKE = 10.0  # Ratio of the lowest elastic mode's stiffness to the shift, up to which the shift stays.
+# Ratio to the largest root of a damping up to which that of a rigid-body mode is rounding: strains of such a mode are
+# some units of rounding, and a rotation of such modes mixes in the root of rounding.
+_UNDAMPED = 1e-8
+_EVEN = 2.0**10  # Ratio of the balancing scales of a state matrix up to which given matrices keep their coordinates.
+_OVERDAMPED = 1e3  # Rate of damping over the slowest frequency above which the accuracy of a state space is checked.
+_CHECKED = np.array([0.01, 0.7])  # Times the slowest frequency: where it is checked, between no resonances.
+_MAX_ROUNDING = 1e-6  # Of a response: rounding of a state space over modes above which a warning is given.
+
+
+def undamped_modes(structure: Structure, count: int | None = None) -> tuple[Array, Array]:
+    """Return the lowest undamped angular frequencies [rad/s], ascending, and mass-normalized mode shapes (columns).
+
+    Small structures with rows, and those whose stiffest element is too stiff for a stiffness matrix in double precision,
+    are solved in strain coordinates.  Otherwise the pencil is solved upside down, ``M v = mu (K + alpha M) v``, so that
+    the low modes are the largest eigenvalues and keep their digits on fine meshes; a Rayleigh quotient over the strain
+    rows mends what rounding is left.  The shift ``alpha``, just above rounding, keeps floating structures definite; where
+    one floats, or nearly does, the pencil is solved once more with the shift at its lowest elastic mode, or the softest
+    modes would take the others' digits.
+
+    Raises
+    ------
+    ValueError
+        ``M`` is not positive definite, ``K`` not positive semidefinite, or they are not symmetric.
+    """
+    wanted, form = structure.n if count is None else min(count, structure.n), None
+    if structure.n <= SMALL or structure.graded:
+        form = structure.strain_form
+    result = _inverted_modes(structure, wanted) if form is None else None
+    if result is not None:
+        return result
+    form = structure.strain_form
+    assert form is not None
+    frequencies, shapes = form.modes()
+    return frequencies[:wanted], shapes[:, :wanted]
+
+
+def _inverted_modes(structure: Structure, count: int) -> tuple[Array, Array] | None:
+    """Return the lowest modes from the inverted pencil; None where rounding spoils them and rows are known."""
+    M, _, K = structure.matrices
+    for name, matrix in (("M", M), ("K", K)):
+        if abs(matrix - matrix.T).max() > 1e-9 * abs(matrix).max():
+            raise ValueError(f"undamped modes need a symmetric {name}")
+    if not (M.diagonal() > 0.0).all():
+        raise ValueError("undamped modes need a positive definite M")
+    shift = noise = _NOISE * float((np.abs(K.diagonal()) / M.diagonal()).max())
+    stiffness, shapes = _near(structure, shift, count)
+    for _ in range(_PASSES):
+        elastic = stiffness[stiffness > 0.1 * noise]
+        even = len(elastic) == len(stiffness) and stiffness[-1] <= _SPREAD * elastic[0] and not structure.graded
+        if even or not len(elastic) or shift / _ALIKE <= elastic[0] <= _ALIKE * shift:
+            break
+        shift = float(elastic[0])
+        stiffness, shapes = _near(structure, shift, count)
+    if noise > GRADED * max(float(stiffness[0]), 0.0) and structure.strain_form is not None:
+        return None
+    return _with_rigid_motions(structure, np.sqrt(np.maximum(stiffness, 0.0)), shapes)
+
+
+def _with_rigid_motions(structure: Structure, frequencies: Array, shapes: Array) -> tuple[Array, Array]:
+    """Return modes, those whose ``v^T K v`` is the rounding of its terms with a frequency of exactly zero.
+
+    The other coordinates of a shape are zero where a coordinate without stiffness moves alone: they contribute nothing to
+    the kinetic energy, and the remainder strains nothing.
+    """
+    slow = np.flatnonzero(frequencies <= ROOT * frequencies.max(initial=0.0))
+    if not len(slow):
+        return frequencies, shapes
+    shape, exact, result = shapes[:, slow], frequencies.copy(), shapes.copy()
+    moving = np.where(np.abs(shape) * np.sqrt(structure.M.diagonal())[:, None] > _NOISE, shape, 0.0)
+    strained = np.einsum("ij,ij->j", moving, structure.K @ moving)
+    terms, left = (np.einsum("ij,ij->j", item, abs(structure.K) @ item) for item in (np.abs(shape), np.abs(moving)))
+    alone = strained <= _NOISE * left
+    exact[slow[alone | (frequencies[slow] ** 2 <= _NOISE * terms)]] = 0.0
+    result[:, slow[alone]] = moving[:, alone]
+    return exact, result
+
+
+def _near(structure: Structure, shift: float, count: int) -> tuple[Array, Array]:
+    """Return modal stiffnesses, ascending, and mass-normalized shapes, found with a shift."""
+    M, K = structure.M, structure.K
+    chosen = None if count == len(M) else (len(M) - count, len(M) - 1)
+    try:
+        _, vectors = linalg.eigh(M, K + shift * M, subset_by_index=chosen)
+    except linalg.LinAlgError:
+        raise ValueError("undamped modes need a positive semidefinite K") from None
+    vectors = vectors[:, ::-1]
+    mass = np.einsum("ij,ij->j", vectors, M @ vectors)
+    if not (mass > 0.0).all():
+        raise ValueError("undamped modes need a positive definite M")
+    shapes, rows = vectors / np.sqrt(mass), structure.elastic
+    if rows is None:
+        stiffness = np.einsum("ij,ij->j", shapes, K @ shapes)
+    else:
+        strain = rows.R @ shapes
+        stiffness = np.einsum("ij,i,ij->j", strain, rows.k, strain)
+    order = np.argsort(stiffness)
+    return stiffness[order], shapes[:, order]
 
 
 def elastic(frequencies: Array) -> Array:
@@ -49,7 +143,7 @@ def over_modes(structure: Structure, ports: Ports, frequencies: Array, V: Array)
     is zero and not rounding.  Gyroscopic terms stay.
     """
     moved = structure.projected(V, tuple(f"mode{i + 1}" for i in range(V.shape[1])))
-    rigid = np.flatnonzero(~elastic(frequencies))
+    rigid = np.flatnonzero(frequencies == 0.0)
     if not len(rigid):
         return moved, ports.congruent(V)
     V, C, K = _resisted(structure, V, moved, rigid)
@@ -75,7 +169,7 @@ def _resisted(structure: Structure, V: Array, moved: Structure, rigid: Array) ->
     apart[np.ix_(rigid, rigid)] = linalg.eigh(C[np.ix_(rigid, rigid)])[1]
     V, C, turning = V @ apart, apart.T @ C @ apart, apart.T @ turning @ apart
     size = np.sqrt(np.abs(np.diag(C)))
-    undamped = rigid[size[rigid] <= _UNFELT * size.max()]
+    undamped = rigid[size[rigid] <= _UNDAMPED * size.max()]
     C[undamped], C[:, undamped] = 0.0, 0.0
     return V, C + turning, K
 
@@ -101,7 +195,7 @@ def handed_out(structure: Structure, ports: Ports, states: str | None) -> Lti:
         return _warned(realize(structure, ports), structure, ports, VISIBLE)
     if states is None and structure.settled:
         return realize(structure, ports)
-    if states is None and structure.elastic is None:
+    if states is None and structure.layout is None:
         own = realize(structure, ports)
         scale = balance(own.A)[1]
         if scale.max() <= _EVEN * scale.min():
@@ -110,10 +204,10 @@ def handed_out(structure: Structure, ports: Ports, states: str | None) -> Lti:
         frequencies, V = undamped_modes(structure)
     except ValueError:
         return realize(structure, ports).balanced()
-    system, n = _scaled(in_modes(structure, ports, frequencies, V), ports, frequencies), len(frequencies)
-    slowest = frequencies[elastic(frequencies)].min(initial=np.inf)
+    system, n = _scaled(realize(*over_modes(structure, ports, frequencies, V)), ports, frequencies), len(frequencies)
+    slowest = frequencies[frequencies > 0.0].min(initial=np.inf)
     overdamped = np.abs(system.A[n : 2 * n, n : 2 * n]).max(initial=0.0) > _OVERDAMPED * slowest
-    return _warned(system, structure, ports, _PROMISED) if overdamped else system
+    return _warned(system, structure, ports, _MAX_ROUNDING) if overdamped else system
 
 
 def _warned(system: Lti, structure: Structure, ports: Ports, promised: float) -> Lti:
@@ -124,7 +218,7 @@ def _warned(system: Lti, structure: Structure, ports: Ports, promised: float) ->
     form = structure.strain_form if structure.n <= SMALL else None
     if form is None or not form.strains:
         return system
-    omega = _ASKED * form.own_modes[0][form.rigid]
+    omega = _CHECKED * form.own_modes[0][form.rigid]
     true = direct_response(structure, ports, omega)
     off, size = (np.abs(values).max(axis=2) for values in (system.response(omega, quiet=True) - true, true))
     size = np.maximum(size, VISIBLE * size.max(axis=1, keepdims=True, initial=0.0))
@@ -139,7 +233,7 @@ def _scaled(system: Lti, ports: Ports, frequencies: Array) -> Lti:
     Rigid-body modes count as fast as the slowest elastic one.
     """
     scale, n = np.ones(len(system.A)), len(frequencies)
-    moving = elastic(frequencies)
+    moving = frequencies > 0.0
     slowest = frequencies[moving].min(initial=np.inf)
     scale[:n] = np.where(moving, frequencies, slowest if np.isfinite(slowest) else 1.0)
     bandwidths = np.array([b for b in ports.bandwidths if b is not None])

@@ -12,7 +12,7 @@ from boomctl.arrays import Array
 from boomctl.checks import whole
 from boomctl.printing import listed
 from boomctl.structure.matrices import Structure
-from boomctl.structure.response.poles import undamped_modes
+from boomctl.structure.response.modal_form import undamped_modes
 
 JOLT, YAW = "jolt", "yaw"  # symmetric and antisymmetric motion, as the halves of a symmetric machine are called
 
