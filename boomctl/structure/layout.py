@@ -23,7 +23,7 @@ from boomctl.structure.elimination import Elimination
 from boomctl.structure.symmetry import Mirror
 
 KEPT = 16  # Cached results of each kind, for the next structure with the same rows or places.
-_FILLED = 0.1  # Fraction of nonzero entries of a row up to which sums over products of pairs are faster.
+_FILLED = 0.25  # Fraction of nonzero entries of a row up to which sums over products of pairs are faster.
 _SMALL = 64  # Coordinates up to which one product of matrices is as fast.
 
 
