@@ -6,7 +6,7 @@ and of the springs; every other motion strains them by zero, exactly (see :mod:`
 dynamic stiffness of these segments has no static share but that of its strains, and segments longer than a wave are soft.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -19,11 +19,9 @@ from boomctl.structure.beams.terms import Lines, Terms, kinds_of
 from boomctl.structure.layout import Weights
 from boomctl.structure.parts import BeamSegment
 
-_UNFELT = (
-    1e-100  # of the largest stiffness: no coordinate is made of a spring softer than that, whose scale would overflow
-)
-_SHORT = 1.0  # |z| up to which strains of a segment are coordinates; rounding is alike from 0.5 to 2 (measured)
-_DIFFERENCE = 1e-6  # of |s|, over which a slope is a difference: rounding and curvature leave some 1e-10 (a choice)
+_SOFTEST = 1e-100  # Of the largest stiffness: the scale of the elongation of a softer spring would overflow.
+_SHORT = 1.0  # |z| up to which strains of a segment are coordinates; rounding is alike from 0.5 to 2.
+_DIFFERENCE = 1e-6  # Of |s|: step of the difference quotient, whose rounding and curvature are some 1e-10.
 
 
 def wave_numbers(segments: Sequence[BeamSegment], s: Array) -> Array:
@@ -73,50 +71,29 @@ class StrainEquations:
         """
         kinds, shares = kinds_of(segments)
         N, R, S = left
-        n, stiffness = N.shape[1], shares.sum(axis=0)
+        n, m, stiffness = N.shape[1], forces.shape[1], shares.sum(axis=0)
         lines = strain_lines(S)
+        imposed = right[0], right[1], strain_lines(right[2])
         scale = np.sqrt(np.stack([stiffness, 3.0 * stiffness], axis=1)).ravel()
         strains = lines.reshape(-1, 4, n)[:, 2:].reshape(-1, n) * scale[:, None]
-        felt = weights.k > _UNFELT * max(float(stiffness.max(initial=0.0)), float(weights.k.max(initial=0.0)))
-        springs = np.sqrt(weights.k)[:, None] * R
-        rows = np.concatenate([strains, springs])
-        used = np.concatenate([np.repeat(short, 2), felt]) & rows.any(axis=1)
+        stiff = weights.k > _SOFTEST * max(float(stiffness.max(initial=0.0)), float(weights.k.max(initial=0.0)))
+        rows = np.concatenate([strains, np.sqrt(weights.k)[:, None] * R])
+        used = np.concatenate([np.repeat(short, 2), stiff]) & rows.any(axis=1)
         V, strained, rigid = _coordinates(rows[used])
-        rows, sizes = rows @ V, np.abs(rows) @ np.abs(V)
-        rows[used], sizes[used] = strained, np.abs(strained)
-        count = len(strains)
+        unit, count = np.sqrt(np.where(stiff, weights.k, 1.0)), len(strains)
 
-        def placed(rows: Array, lines: Array, links: Array) -> tuple[Array, Array]:
-            """Return the lines with strains for theirs, and the links, all with their own unit again."""
-            lines = lines.copy()
-            lines.reshape(-1, 4, n)[:, 2:] = (rows[:count] / scale[:, None]).reshape(-1, 2, n)
-            elongations = np.where(
-                felt[:, None],
-                rows[count:] / np.sqrt(np.where(felt, weights.k, 1.0))[:, None],
-                links,
-            )
-            return elongations, lines
+        def numbers(size: Callable[[Array], Array]) -> Array:
+            """Return what multiplies the functions, of the numbers themselves or of their absolute values."""
+            T = size(V)
+            moved, ends = size(rows) @ T, size(lines) @ T
+            moved[used] = size(strained)
+            ends.reshape(-1, 4, n)[:, 2:] = (moved[:count] / scale[:, None]).reshape(-1, 2, n)
+            own = size(N) @ T, np.where(stiff[:, None], moved[count:] / unit[:, None], size(R) @ T), ends
+            both = beside(own, (size(imposed[0]), size(imposed[1]), size(imposed[2])))
+            loads = np.hstack([np.zeros((n, n)), T.T @ size(forces)])
+            return Terms.of(own, both, loads, strain_terms).weighed(weights, shares).reshape(-1, n, n + m)
 
-        large = np.abs(V)
-        own = (N @ V, *placed(rows, lines @ V, R @ V))
-        own_size = (np.abs(N) @ large, *placed(sizes, np.abs(lines) @ large, np.abs(R) @ large))
-        N_r, R_r, S_r = right[0], right[1], strain_lines(right[2])
-        m = forces.shape[1]
-        loads = np.hstack([np.zeros((n, n)), V.T @ forces])
-        loads_size = np.hstack([np.zeros((n, n)), large.T @ np.abs(forces)])
-        both = beside(own, (N_r, R_r, S_r))
-        both_size = beside(own_size, (np.abs(N_r), np.abs(R_r), np.abs(S_r)))
-        terms, term_sizes = (
-            Terms.of(own, both, loads, strain_terms),
-            Terms.of(own_size, both_size, loads_size, strain_terms),
-        )
-        return cls(
-            V,
-            rigid,
-            kinds,
-            terms.weighed(weights, shares).reshape(-1, n, n + m),
-            term_sizes.weighed(weights, shares).reshape(-1, n, n + m),
-        )
+        return cls(V, rigid, kinds, numbers(np.asarray), numbers(np.abs))
 
     def functions(self, s: Array) -> tuple[Array, Array]:
         """Return ``1, s, s^2`` and six strain functions a kind of segment at each ``s``, and their size."""
@@ -133,12 +110,11 @@ class StrainEquations:
 
     def at(self, values: Array) -> Array:
         """Return ``[D, B]`` at frequencies of these function values, (frequencies, n, n + m)."""
-        flat = self.coefficients.reshape(len(self.coefficients), -1).T
-        return (flat @ values).T.reshape(-1, *self.coefficients.shape[1:])
+        return _summed(self.coefficients, values)
 
     def size(self, sizes: Array) -> Array:
         """Return how large the terms are that ``[D, B]`` is summed from, functions being of these sizes."""
-        return (self.sizes.reshape(len(self.sizes), -1).T @ sizes).T.reshape(-1, *self.sizes.shape[1:])
+        return _summed(self.sizes, sizes)
 
     def scale(self, sizes: Array) -> Array:
         """Return by what lines and columns are scaled, so that no term of the diagonal exceeds one, (frequencies, n)."""
@@ -149,6 +125,10 @@ class StrainEquations:
     def unit_rounding(self) -> float:
         """What sum and elimination of an equation lose at most, of the size of its terms (Higham 2002, section 3.1)."""
         return (len(self.coefficients) + self.V.shape[0]) * EPS
+
+
+def _summed(coefficients: Array, values: Array) -> Array:
+    return (coefficients.reshape(len(coefficients), -1).T @ values).T.reshape(-1, *coefficients.shape[1:])
 
 
 def beside(left: Lines, right: Lines) -> Lines:
