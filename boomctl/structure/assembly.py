@@ -169,26 +169,21 @@ class Assembly:
             A beam has points along its elements, a rigid body those at which something is attached.
         """
         points = self.points()
-        mesh_of = {beam.name: _discretized(beam, attachments(beam, points)) for beam in self._beams()}
-        motion = kinematics(self.bodies, mesh_of, self.cut_joints)
-        index = {name: i for i, name in enumerate(motion.coordinates)}
-        T, _ = _free_coordinates(motion, index)
+        mesh_of, motion, index, T, _ = _moving(self, exact=False)
         result = []
         for body in self.bodies:
             if isinstance(body, Beam):
-                nodes = mesh_of[body.name].nodes
-                between = np.linspace(0.0, body.length, int(np.clip(_DRAWN * (len(nodes) - 1), *_POINTS)) + 1)
-                shown = [body.at(float(s)) for s in between]
+                elements = len(mesh_of[body.name].nodes) - 1
+                stations = np.linspace(0.0, body.length, int(np.clip(_DRAWN * elements, *_POINTS)) + 1)
+                shown = [body.at(float(s)) for s in stations]
             else:
                 own = [body.parent, *(point for point in points if point.body.name == body.name)]
-                places = {(point.x, point.y) for point in own} | (
-                    {body.center_of_mass} if body.center_of_mass else set()
-                )
-                shown = [body.at(x, y) for x, y in sorted(places)]
+                center = {body.center_of_mass} if body.center_of_mass else set()
+                shown = [body.at(x, y) for x, y in sorted({(point.x, point.y) for point in own} | center)]
             frames = [motion.motion(point) for point in shown]
-            rows = (row_matrix([getattr(frame, axis) for frame in frames], index) @ T for axis in "xy")
+            x, y = (row_matrix([getattr(frame, axis) for frame in frames], index) @ T for axis in "xy")
             places = np.array([(frame.x0, frame.y0) for frame in frames])
-            result.append(Line(body.name, isinstance(body, Beam), places, *rows))
+            result.append(Line(body.name, isinstance(body, Beam), places, x, y))
         return tuple(result)
 
     @one_blas_thread
@@ -286,13 +281,11 @@ class _Place:
 
     def decides(self) -> bool:
         """Return whether equal places mean equal mechanisms; a discretisation that is not compared by value does not."""
-        if any(type(beam.discretization).__hash__ is object.__hash__ for beam in self.assembly._beams()):
-            return False
         try:
             hash(self.where)
         except TypeError:
             return False
-        return True
+        return all(type(beam.discretization).__hash__ is not object.__hash__ for beam in self.assembly._beams())
 
 
 def _where(assembly: Assembly) -> tuple[Hashable, ...]:
@@ -325,16 +318,10 @@ def _kept_mechanism(place: _Place) -> Mechanism:
 
 
 def _find_mechanism(assembly: Assembly, exact: bool) -> Mechanism:
-    points, beams = assembly.points(), assembly._beams()
-    mesh_of = {beam.name: (_segment_mesh if exact else _discretized)(beam, attachments(beam, points)) for beam in beams}
-    motion = kinematics(assembly.bodies, mesh_of, assembly.cut_joints)
-    if not motion.coordinates:
-        raise ValueError("the assembly has no coordinates: expected a body that can move or a beam")
-    # each force may become a prescribed displacement, which takes a coordinate away
-    check_size(len(motion.coordinates) - len(motion.held) - len(assembly.forces))
-    index, meshes = {name: i for i, name in enumerate(motion.coordinates)}, tuple(mesh_of.values())
+    beams = assembly._beams()
+    mesh_of, motion, index, T, names = _moving(assembly, exact)
+    meshes = tuple(mesh_of.values())
     first = [index[f"{beam.name}.{mesh.names[0]}"] for beam, mesh in zip(beams, meshes, strict=True)]
-    T, names = _free_coordinates(motion, index)
 
     def rows(lines: list[Row]) -> Array:
         return combined(row_matrix(lines, index), T)
@@ -347,26 +334,45 @@ def _find_mechanism(assembly: Assembly, exact: bool) -> Mechanism:
         else:
             bodies.append(motion.frames[body.name].along(body.angle))
     N, R = rows(bodies), rows([motion.relative(link.a, link.b, link.direction) for link in assembly.springs])
-    elongated = np.abs(R).max(axis=1, initial=0.0)
-    idle = [
-        f"the link of {link.a.body.name!r} and {link.b.body.name!r} along {link.direction!r}"
-        for link, size in zip(assembly.springs, elongated, strict=True)
-        if size <= CANCELLED
-    ]
-    S, lengths = np.zeros((0, len(names))), ()
+    links, S, lengths = R, np.zeros((0, len(names))), ()
     if exact and meshes:
-        lengths = tuple(_segment_lengths(beam, mesh.nodes, points) for beam, mesh in zip(beams, meshes, strict=True))
+        lengths = tuple(
+            _segment_lengths(beam, mesh.nodes, assembly.points()) for beam, mesh in zip(beams, meshes, strict=True)
+        )
         S = np.vstack([_segment_ends(size, T[at:]) for at, size in zip(first, lengths, strict=True)])
     elif not exact:
         deflections = [mesh.inertia.matrix(at, len(index)) @ T for at, mesh in zip(first, meshes, strict=True)]
         strains = [combined(mesh.strain.matrix(at, len(index)), T) for at, mesh in zip(first, meshes, strict=True)]
         N, R = np.vstack([N, *deflections]), np.vstack([R, *strains])
     layout, ports = Layout(names, N, R), _ports(assembly, motion, rows)
-    forces = zip(assembly.forces, np.abs(ports.B[0]).max(axis=0, initial=0.0), strict=True)
-    idle += [f"force {force.name!r} along {force.direction!r}" for force, size in forces if size <= CANCELLED]
-    outputs = zip(assembly.outputs, np.abs(ports.L).max(axis=(0, 2), initial=0.0), strict=True)
-    idle += [f"output {output.name!r} along {output.direction!r}" for output, size in outputs if size <= CANCELLED]
+    described = [f"the link of {x.a.body.name!r} and {x.b.body.name!r} along {x.direction!r}" for x in assembly.springs]
+    described += [f"force {force.name!r} along {force.direction!r}" for force in assembly.forces]
+    described += [f"output {output.name!r} along {output.direction!r}" for output in assembly.outputs]
+    largest = [np.abs(x).max(axis=axis, initial=0.0) for x, axis in ((links, 1), (ports.B[0], 0), (ports.L, (0, 2)))]
+    idle = [text for text, size in zip(described, np.concatenate(largest), strict=True) if size <= CANCELLED]
     return Mechanism(meshes, layout, ExactLayout(layout, S, ports), ports, lengths, tuple(idle))
+
+
+def _moving(
+    assembly: Assembly, exact: bool
+) -> tuple[dict[str, BeamMesh], Kinematics, dict[str, int], Array, tuple[str, ...]]:
+    """Return meshes of beams, the kinematics, the place of each coordinate, and how all follow from the free ones, named."""
+    points = assembly.points()
+    mesh_of = {}
+    for beam in assembly._beams():
+        stations = attachments(beam, points)
+        mesh_of[beam.name] = _segment_mesh(beam, stations) if exact else beam.discretization.mesh(beam, stations)
+    motion = kinematics(assembly.bodies, mesh_of, assembly.cut_joints)
+    if not motion.coordinates:
+        raise ValueError("the assembly has no coordinates: expected a body that can move or a beam")
+    # Each force may become a prescribed displacement, which takes a coordinate away.
+    check_size(len(motion.coordinates) - len(motion.held) - len(assembly.forces))
+    index = {name: i for i, name in enumerate(motion.coordinates)}
+    if not motion.held:
+        return mesh_of, motion, index, np.eye(len(index)), motion.coordinates
+    labels, held = zip(*motion.held, strict=True)
+    choice = eliminate(row_matrix(held, index).T, labels, motion.weights)
+    return mesh_of, motion, index, choice.T_q, tuple(motion.coordinates[i] for i in choice.independent)
 
 
 def _segment_ends(lengths: Array, T: Array) -> Array:
@@ -374,10 +380,6 @@ def _segment_ends(lengths: Array, T: Array) -> Array:
     lines = T[2 * np.arange(len(lengths))[:, None] + np.arange(4)]
     lines[:, 1::2] *= lengths[:, None, None]
     return lines.reshape(-1, T.shape[1])
-
-
-def _discretized(beam: Beam, stations: list[float]) -> BeamMesh:
-    return beam.discretization.mesh(beam, stations)
 
 
 def _segment_mesh(beam: Beam, stations: list[float]) -> BeamMesh:
@@ -414,15 +416,6 @@ def _segment_lengths(beam: Beam, nodes: Array, points: Sequence[Point]) -> Array
         if lengths[b] - lengths[a] <= lost:
             lengths[b] = lengths[a]
     return lengths
-
-
-def _free_coordinates(motion: Kinematics, index: dict[str, int]) -> tuple[Array, tuple[str, ...]]:
-    """Return how all coordinates follow from those that the joints leave, and the names of these."""
-    if not motion.held:
-        return np.eye(len(index)), motion.coordinates
-    labels, held = zip(*motion.held, strict=True)
-    choice = eliminate(row_matrix(held, index).T, labels, motion.weights)
-    return choice.T_q, tuple(motion.coordinates[i] for i in choice.independent)
 
 
 def _ports(assembly: Assembly, motion: Kinematics, rows: Callable[[list[Row]], Array]) -> Ports:

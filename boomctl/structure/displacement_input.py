@@ -4,7 +4,7 @@ Source: Anthonis & Ramon (2003), Eqs. (2)-(12) and appendix A, with the signs me
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -87,28 +87,27 @@ def prescribe_displacement(
         raise ValueError(
             f"{len(both)} displacements are prescribed in a model of {model.ncoordinates} coordinates: nothing moves"
         )
-    old = model.structure
+    old, ports = model.structure, model.ports
     if old.layout is None or old.weights is None:
         choice = eliminate(J, both)
-        moving, imposed = _Side(choice.T_q), _Side(choice.T_d)
-        M, C, K = (choice.T_q.T @ (matrix @ choice.T_q) for matrix in (old.M, old.C, old.K))
+        M, C, K = (choice.T_q.T @ (matrix @ choice.T_q) for matrix in old.matrices)
         names_left = tuple(old.coordinates[i] for i in choice.independent)
         mirror = None if old.mirror is None else old.mirror.restricted(choice)
         structure = Structure(names_left, (M, C, K), mirror=mirror, outline=mapped(old.outline, choice.T_q))
+        imposed = None
     else:
         choice, layout, imposed = _eliminated(old.layout, both, J.tobytes())
-        moving, mirror = _Side(choice.T_q, layout), None if old.mirror is None else layout.mirror
+        mirror = None if old.mirror is None else layout.mirror
         structure = Structure.weighed(layout, old.weights, mirror, mapped(old.outline, choice.T_q))
-    ports = _Prescribed(old, model.ports, moving, imposed, moved, held).ports(orders, reactions)
-    return SecondOrderModel.of(structure, ports)
+    forces = _imposing_forces(old, choice, structure.layout, imposed)
+    return SecondOrderModel.of(structure, _prescribed(ports, choice, imposed, forces, moved, held, orders, reactions))
 
 
 @lru_cache(maxsize=KEPT)
-def _eliminated(layout: Layout, names: tuple[str, ...], columns: bytes) -> tuple[Elimination, Layout, "_Side"]:
-    """Return what imposing motion at the columns of ``names`` makes of rows, whatever the structure weighs."""
+def _eliminated(layout: Layout, names: tuple[str, ...], columns: bytes) -> tuple[Elimination, Layout, Layout]:
+    """Return the elimination of the columns of ``names``, and rows over the independent coordinates and the imposed ones."""
     choice = eliminate(np.frombuffer(columns).reshape(layout.n, len(names)), names)
-    over_imposed = Layout(names, layout.N @ choice.T_d, layout.R @ choice.T_d)
-    return choice, layout.eliminated(choice), _Side(choice.T_d, over_imposed)
+    return choice, layout.eliminated(choice), Layout(names, layout.N @ choice.T_d, layout.R @ choice.T_d)
 
 
 def _orders(moved: tuple[str, ...], motion: str | Mapping[str, str]) -> dict[str, int]:
@@ -120,98 +119,77 @@ def _orders(moved: tuple[str, ...], motion: str | Mapping[str, str]) -> dict[str
     return {name: MOTIONS.index(known("motion", motion.get(name, "displacement"), MOTIONS)) for name in moved}
 
 
-@dataclass(frozen=True, eq=False)
-class _Side:
-    """A group of coordinates, ``q = T z``: those that still move, or the imposed displacements; rows over them if known."""
+def _imposing_forces(
+    old: Structure, choice: Elimination, moving: Layout | None, imposed: Layout | None
+) -> tuple[Array, Array]:
+    """Return blocks ``K, C, M`` of all coordinates: moving by imposed, and imposed by imposed.
 
-    T: Array
-    layout: Layout | None = None
+    They are computed from rows where these are known, so that rounding is small.
+    """
+    weights = old.weights
+    if weights is None or moving is None or imposed is None:
+        loads = np.array([matrix @ choice.T_d for matrix in old.matrices[::-1]])
+        return choice.T_q.T @ loads, choice.T_d.T @ loads
+    pairs = (imposed.R, weights.k, "R"), (imposed.R, weights.c, "R"), (imposed.N, weights.m, "N")
+    loads = [weight[:, None] * rows for rows, weight, _ in pairs]
+    across, among = (
+        np.array([getattr(side, name).T @ load for load, (_, _, name) in zip(loads, pairs, strict=True)])
+        for side in (moving, imposed)
+    )
+    return across, among
 
 
-@dataclass(frozen=True)
-class _Prescribed:
-    """Which force inputs of a structure become motions (``moved``) or are held (``held``), and what is eliminated."""
-
-    structure: Structure
-    old: Ports
-    moving: _Side
-    imposed: _Side
-    moved: tuple[str, ...]
-    held: tuple[str, ...]
-
-    @property
-    def kept(self) -> tuple[str, ...]:
-        """Inputs that stay, in their old order."""
-        return tuple(name for name in self.old.inputs if name not in self.held)
-
-    def blocks(self, left: _Side, right: _Side) -> Array:
-        """Return the blocks of ``K, C, M`` between two groups, one of them imposed; from rows, so that rounding is small."""
-        weights = self.structure.weights
-        if weights is None or left.layout is None or right.layout is None:
-            matrices = self.structure.K, self.structure.C, self.structure.M
-            return np.array([left.T.T @ matrix @ right.T for matrix in matrices])
-        if right is self.moving:
-            return self.blocks(right, left).transpose(0, 2, 1)
-        R, N = left.layout.R.T, left.layout.N.T
-        return np.array(
-            [
-                R @ (weights.k[:, None] * right.layout.R),
-                R @ (weights.c[:, None] * right.layout.R),
-                N @ (weights.m[:, None] * right.layout.N),
-            ]
-        )
-
-    def ports(self, orders: Mapping[str, int], reactions: bool) -> Ports:
-        """Return the ports of the displacement-driven structure, inputs in their old order."""
-        old, kept, T_d = self.old, self.kept, self.imposed.T
-        force = (old if kept == old.inputs else old.select(kept, None)).restricted(self.moving.T)
-        B, L, E = force.B.copy(), force.L, force.E.copy()
-        places = [kept.index(name) for name in self.moved]
-        B[:, :, places] = -self.blocks(self.moving, self.imposed)[:, :, : len(places)]
-        E[:, :, places] = combined(old.L.reshape(-1, len(T_d)), T_d[:, : len(places)]).reshape(
-            *E.shape[:2], len(places)
-        )
-        outputs, bandwidths, both = old.outputs, old.bandwidths, self.moved + self.held
-        felt = old.E[0][:, [old.inputs.index(name) for name in both]]
-        tensions, strains = old.tensions, None
-        if self.imposed.layout is not None:
-            strains = np.zeros((len(self.imposed.layout.R), len(kept)))
-            strains[:, places] = self.imposed.layout.R[:, : len(places)]
-        if reactions or felt.any():
-            force_L, force_E = self.reactions()
-            L, E = L + felt @ force_L, E + felt @ force_E
-            if self.imposed.layout is not None:
-                read = self.imposed.layout.R.T
-                tensions = felt @ read + (0.0 if tensions is None else tensions)
-                tensions = np.concatenate([tensions, read]) if reactions else tensions
-            if reactions:
-                L, E = np.concatenate([L, force_L], axis=1), np.concatenate([E, force_E], axis=1)
-                outputs = outputs + tuple(f"{name}_force" for name in both)
-                bandwidths = bandwidths + (None,) * len(both)
-        units = dict(old.units)
-        for name in both:
-            if name in old.units:
-                units[f"{name}_force"] = old.units[name]
-                units[name] = motion_unit(old.units[name] == "N m", orders.get(name, 0))
-        return replace(
-            old,
-            units=units,
-            inputs=kept,
-            outputs=outputs,
-            B=B,
-            L=L,
-            E=E,
-            moved=tuple(name in self.moved for name in kept),
-            integrators=tuple(orders.get(name, 0) for name in kept),
-            bandwidths=bandwidths,
-            strains=strains,
-            tensions=tensions,
-        )
-
-    def reactions(self) -> tuple[Array, Array]:
-        """Return the rows of Eq. (7), upper part: ``f_p = M_dd d'' + M_dq q'' + ... - F_d f``."""
-        kept, T_d = self.kept, self.imposed.T
-        E = -(T_d.T @ self.old.select(kept, None).B)
-        places = [kept.index(name) for name in self.moved]
-        E[:, :, places] = self.blocks(self.imposed, self.imposed)[:, :, : len(places)]
-        return self.blocks(self.imposed, self.moving), E
+def _prescribed(
+    old: Ports,
+    choice: Elimination,
+    imposed: Layout | None,
+    forces: tuple[Array, Array],
+    moved: tuple[str, ...],
+    held: tuple[str, ...],
+    orders: Mapping[str, int],
+    reactions: bool,
+) -> Ports:
+    """Return the ports of the displacement-driven structure: ``moved`` become motions, ``held`` go, the order stays."""
+    kept, T_d, both = tuple(name for name in old.inputs if name not in held), choice.T_d, moved + held
+    stay = old if kept == old.inputs else old.select(kept, None)
+    force = stay.restricted(choice.T_q)
+    B, L, E = force.B.copy(), force.L, force.E.copy()
+    places, (across, among) = [kept.index(name) for name in moved], forces
+    B[:, :, places] = -across[:, :, : len(places)]
+    through = combined(old.L.reshape(-1, len(T_d)), T_d[:, : len(places)])
+    E[:, :, places] = through.reshape(*E.shape[:2], len(places))
+    outputs, bandwidths = old.outputs, old.bandwidths
+    direct = old.E[0][:, [old.inputs.index(name) for name in both]]
+    tensions, strains = old.tensions, None
+    if imposed is not None:
+        strains = np.zeros((len(imposed.R), len(kept)))
+        strains[:, places] = imposed.R[:, : len(places)]
+    if reactions or direct.any():  # Rows of Eq. (7), upper part: f_p = M_dd d'' + M_dq q'' + ... - F_d f.
+        force_L, force_E = across.transpose(0, 2, 1), -(T_d.T @ stay.B)
+        force_E[:, :, places] = among[:, :, : len(places)]
+        L, E = L + direct @ force_L, E + direct @ force_E
+        if imposed is not None:
+            tensions = direct @ imposed.R.T + (0.0 if tensions is None else tensions)
+            tensions = np.concatenate([tensions, imposed.R.T]) if reactions else tensions
+        if reactions:
+            L, E = np.concatenate([L, force_L], axis=1), np.concatenate([E, force_E], axis=1)
+            outputs, bandwidths = outputs + tuple(f"{name}_force" for name in both), bandwidths + (None,) * len(both)
+    units = dict(old.units)
+    for name in both:
+        if name in old.units:
+            units[f"{name}_force"] = old.units[name]
+            units[name] = motion_unit(old.units[name] == "N m", orders.get(name, 0))
+    return replace(
+        old,
+        units=units,
+        inputs=kept,
+        outputs=outputs,
+        B=B,
+        L=L,
+        E=E,
+        moved=tuple(name in moved for name in kept),
+        integrators=tuple(orders.get(name, 0) for name in kept),
+        bandwidths=bandwidths,
+        strains=strains,
+        tensions=tensions,
+    )
