@@ -24,9 +24,9 @@ from boomctl.structure.beams.elements import FiniteElements, distinct, element_n
 from boomctl.structure.beams.exact import ExactLayout, ExactModel
 from boomctl.structure.beams.mesh import BeamMesh
 from boomctl.structure.elimination import eliminate
-from boomctl.structure.kinematics import Kinematics, Row, attachments, kinematics, row_matrix
+from boomctl.structure.kinematics import Kinematics, Row, attachments, kinematics
 from boomctl.structure.layout import KEPT, Layout, Weights, squared_sums
-from boomctl.structure.matrices import Structure, check_size
+from boomctl.structure.matrices import Structure
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.outline import Line, Outline
 from boomctl.structure.parts import Beam, CutJoint, Force, Ground, Output, Point, RigidBody, SpringDamper
@@ -169,11 +169,11 @@ class Assembly:
             A beam has points along its elements, a rigid body those at which something is attached.
         """
         points = self.points()
-        mesh_of, motion, index, T, _ = _moving(self, exact=False)
+        motion, T, _ = _moving(self, exact=False)
         result = []
         for body in self.bodies:
             if isinstance(body, Beam):
-                elements = len(mesh_of[body.name].nodes) - 1
+                elements = len(motion.meshes[body.name].nodes) - 1
                 stations = np.linspace(0.0, body.length, int(np.clip(_DRAWN * elements, *_POINTS)) + 1)
                 shown = [body.at(float(s)) for s in stations]
             else:
@@ -181,7 +181,7 @@ class Assembly:
                 center = {body.center_of_mass} if body.center_of_mass else set()
                 shown = [body.at(x, y) for x, y in sorted({(point.x, point.y) for point in own} | center)]
             frames = [motion.motion(point) for point in shown]
-            x, y = (row_matrix([getattr(frame, axis) for frame in frames], index) @ T for axis in "xy")
+            x, y = (motion.matrix(rows) @ T for rows in ([frame.x for frame in frames], [frame.y for frame in frames]))
             places = np.array([(frame.x0, frame.y0) for frame in frames])
             result.append(Line(body.name, isinstance(body, Beam), places, x, y))
         return tuple(result)
@@ -319,12 +319,12 @@ def _kept_mechanism(place: _Place) -> Mechanism:
 
 def _find_mechanism(assembly: Assembly, exact: bool) -> Mechanism:
     beams = assembly._beams()
-    mesh_of, motion, index, T, names = _moving(assembly, exact)
-    meshes = tuple(mesh_of.values())
+    motion, T, names = _moving(assembly, exact)
+    index, meshes = motion.index, tuple(motion.meshes.values())
     first = [index[f"{beam.name}.{mesh.names[0]}"] for beam, mesh in zip(beams, meshes, strict=True)]
 
     def rows(lines: list[Row]) -> Array:
-        return combined(row_matrix(lines, index), T)
+        return combined(motion.matrix(lines), T)
 
     bodies: list[Row] = []
     for body in assembly.bodies:
@@ -353,26 +353,19 @@ def _find_mechanism(assembly: Assembly, exact: bool) -> Mechanism:
     return Mechanism(meshes, layout, ExactLayout(layout, S, ports), ports, lengths, tuple(idle))
 
 
-def _moving(
-    assembly: Assembly, exact: bool
-) -> tuple[dict[str, BeamMesh], Kinematics, dict[str, int], Array, tuple[str, ...]]:
-    """Return meshes of beams, the kinematics, the place of each coordinate, and how all follow from the free ones, named."""
-    points = assembly.points()
-    mesh_of = {}
+def _moving(assembly: Assembly, exact: bool) -> tuple[Kinematics, Array, tuple[str, ...]]:
+    """Return the kinematics of a machine, how all coordinates follow from the free ones, and the names of these."""
+    points, meshes = assembly.points(), {}
     for beam in assembly._beams():
         stations = attachments(beam, points)
-        mesh_of[beam.name] = _segment_mesh(beam, stations) if exact else beam.discretization.mesh(beam, stations)
-    motion = kinematics(assembly.bodies, mesh_of, assembly.cut_joints)
-    if not motion.coordinates:
-        raise ValueError("the assembly has no coordinates: expected a body that can move or a beam")
-    # Each force may become a prescribed displacement, which takes a coordinate away.
-    check_size(len(motion.coordinates) - len(motion.held) - len(assembly.forces))
-    index = {name: i for i, name in enumerate(motion.coordinates)}
+        meshes[beam.name] = _segment_mesh(beam, stations) if exact else beam.discretization.mesh(beam, stations)
+    motion = kinematics(assembly.bodies, meshes, assembly.cut_joints, len(assembly.forces))
+    coordinates = tuple(motion.index)
     if not motion.held:
-        return mesh_of, motion, index, np.eye(len(index)), motion.coordinates
+        return motion, np.eye(len(coordinates)), coordinates
     labels, held = zip(*motion.held, strict=True)
-    choice = eliminate(row_matrix(held, index).T, labels, motion.weights)
-    return mesh_of, motion, index, choice.T_q, tuple(motion.coordinates[i] for i in choice.independent)
+    choice = eliminate(motion.matrix(held).T, labels, motion.weights)
+    return motion, choice.T_q, tuple(coordinates[i] for i in choice.independent)
 
 
 def _segment_ends(lengths: Array, T: Array) -> Array:

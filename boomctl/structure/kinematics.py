@@ -1,7 +1,7 @@
-"""From a description to rows: which coordinates a machine has, and how every point of it moves with them."""
+"""From a description to rows: the coordinates of a machine, and the motion of each of its points over them."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from math import cos, pi, sin
 
 import numpy as np
@@ -9,6 +9,7 @@ import numpy as np
 from boomctl.arrays import Array
 from boomctl.lti.rounding import CANCELLED
 from boomctl.structure.beams.mesh import BeamMesh
+from boomctl.structure.matrices import check_size
 from boomctl.structure.parts import Beam, CutJoint, Ground, Point, RigidBody, direction_angle
 
 Body = RigidBody | Beam
@@ -16,47 +17,35 @@ Body = RigidBody | Beam
 
 @dataclass(frozen=True)
 class Row:
-    """A linear combination of coordinates, ``sum(terms[name] * coordinate[name])``.
+    """A linear combination of coordinates.
 
     In a system of small motions everything is a row: a spring adds ``k r^T r``, a force acts through ``r^T``,
     an output reads ``r z``.
 
     Attributes
     ----------
-    terms : mapping from coordinate to float
-    sizes : mapping from coordinate to float
-        Of what each was made of, where this was larger: what is left of it may be rounding.
+    terms : (n,) or () ndarray
+        Coefficients of the coordinates.
+    sizes : (n,) or () ndarray
+        Largest number that each coefficient was summed from: what is far below it is rounding.
     """
 
-    terms: Mapping[str, float] = field(default_factory=dict)
-    sizes: Mapping[str, float] = field(default_factory=dict)
-
-    def size(self, name: str) -> float:
-        """Return how large what the term of a coordinate was made of is; zero without one."""
-        return self.sizes.get(name, abs(self.terms.get(name, 0.0)))
+    terms: Array = field(default_factory=lambda: np.zeros(()))
+    sizes: Array = field(default_factory=lambda: np.zeros(()))
 
     def scaled(self, factor: float, size: float) -> "Row":
-        """Return the row times a factor that was made of numbers as large as ``size``; zero if it is what rounding left."""
+        """Return the row times a factor that was computed from numbers as large as ``size``; zero if it is rounding."""
         if abs(factor) <= CANCELLED * size:
             return Row()
-        return Row(
-            {name: factor * value for name, value in self.terms.items()},
-            {name: size * self.size(name) for name in self.terms},
-        )
+        return Row(factor * self.terms, size * self.sizes)
 
     def __add__(self, other: "Row") -> "Row":
-        terms, sizes = {}, {}
-        for name in {**self.terms, **other.terms}:
-            total, size = self.terms.get(name, 0.0) + other.terms.get(name, 0.0), max(self.size(name), other.size(name))
-            if abs(total) > CANCELLED * size:
-                terms[name], sizes[name] = total, size
-        return Row(terms, sizes)
-
-    def __neg__(self) -> "Row":
-        return Row({name: -value for name, value in self.terms.items()}, self.sizes)
+        total, size = self.terms + other.terms, np.maximum(self.sizes, other.sizes)
+        significant = np.abs(total) > CANCELLED * size
+        return Row(np.where(significant, total, 0.0), np.where(significant, size, 0.0))
 
     def __sub__(self, other: "Row") -> "Row":
-        return self + (-other)
+        return self + Row(-other.terms, other.sizes)
 
 
 @dataclass(frozen=True)
@@ -80,37 +69,39 @@ class Frame:
         return _along(self.x, angle, cos) + _along(self.y, angle, sin)
 
 
-def row_matrix(rows: Sequence[Row], index: Mapping[str, int]) -> Array:
-    """Stack rows into a matrix, one line a row and one column a coordinate of ``index``."""
-    stacked = np.zeros((len(rows), len(index)))
-    for i, row in enumerate(rows):
-        for name, value in row.terms.items():
-            stacked[i, index[name]] = value
-    return stacked
-
-
 @dataclass(frozen=True)
 class Kinematics:
-    """How a machine can move.
+    """The motions of a machine.
 
     Attributes
     ----------
-    frames : mapping from body to Frame
-        Motion of each body's frame at its joint.
-    meshes : mapping from beam to BeamMesh
-    coordinates : tuple of str
-        Names of all coordinates, those that joints will take away included.
+    index : mapping from coordinate to int
+        Places of all coordinates, those that joints will take away included.
     weights : ndarray
         Preference: a coordinate of larger weight is rather made dependent.
-    held : tuple of (str, Row)
-        What joints and cut joints hold at zero, each with what a message calls it.
+    meshes : mapping from beam to BeamMesh
+    frames : mapping from body to Frame
+        Motion of each body's frame at its joint.
+    held : list of (str, Row)
+        Motions that joints and cut joints hold at zero, each with its name in messages.
     """
 
-    frames: Mapping[str, Frame]
+    index: Mapping[str, int]
+    weights: Array
     meshes: Mapping[str, BeamMesh]
-    coordinates: tuple[str, ...] = ()
-    weights: Array = field(default_factory=lambda: np.zeros(0))
-    held: tuple[tuple[str, Row], ...] = ()
+    frames: dict[str, Frame] = field(default_factory=dict)
+    held: list[tuple[str, Row]] = field(default_factory=list)
+
+    def matrix(self, rows: Iterable[Row]) -> Array:
+        """Stack rows into a matrix, one line a row and one column a coordinate."""
+        n = len(self.index)
+        return np.array([np.broadcast_to(row.terms, n) for row in rows]).reshape(-1, n)
+
+    def coordinate(self, name: str) -> Row:
+        """Return the row of one coordinate."""
+        terms = np.zeros(len(self.index))
+        terms[self.index[name]] = 1.0
+        return Row(terms, terms)
 
     def motion(self, point: Point) -> Frame:
         """Return the motion of a point of any body."""
@@ -119,11 +110,20 @@ class Kinematics:
             return Frame(point.x, point.y)
         if isinstance(body, RigidBody):
             return self.frames[body.name].moved_to(point.x, point.y)
-        w, phi = beam_rows(body, self.meshes[body.name], body.station(point.x, point.y))
+        w, phi = self.beam_rows(body, point)
         axial = self.frames[body.name].along(body.angle)
         x = _along(axial, body.angle, cos) - _along(w, body.angle, sin)
         y = _along(axial, body.angle, sin) + _along(w, body.angle, cos)
         return Frame(point.x, point.y, x, y, phi)
+
+    def beam_rows(self, beam: Beam, point: Point) -> tuple[Row, Row]:
+        """Return the rows of a beam's deflection and slope at a point of its axis."""
+        mesh, station = self.meshes[beam.name], beam.station(point.x, point.y)
+        first, rows = self.index[f"{beam.name}.{mesh.names[0]}"], np.zeros((2, len(self.index)))
+        for derivative in (0, 1):
+            places, values = mesh.interpolation(station, derivative)
+            rows[derivative, first + places] = values
+        return Row(rows[0], np.abs(rows[0])), Row(rows[1], np.abs(rows[1]))
 
     def relative(self, a: Point, b: Point | None, direction: "str | float") -> Row:
         """Return the row of the displacement (or rotation) of ``a`` less that of ``b`` along ``direction``."""
@@ -135,21 +135,26 @@ class Kinematics:
 
         return component(a) if b is None else component(a) - component(b)
 
+    def add_body(self, body: Body) -> None:
+        """Add the motion of a body, whose parent is there, and what its joint holds."""
+        parent = self.motion(body.parent)
+        x, y, theta = parent.x, parent.y, parent.theta
+        for label, angle in body.joint.translations:
+            slide = self.coordinate(f"{body.name}.{label}")
+            x, y = x + _along(slide, angle, cos), y + _along(slide, angle, sin)
+        if body.joint.rotation and isinstance(body, RigidBody):
+            theta = theta + self.coordinate(f"{body.name}.theta")
+        frame = self.frames[body.name] = Frame(parent.x0, parent.y0, x, y, theta)
+        if isinstance(body, Beam):
+            w, phi = self.beam_rows(body, body.parent)
+            self.held.append((f"joint of {body.name} (deflection)", w - frame.along(body.angle + pi / 2)))
+            if not body.joint.rotation:
+                self.held.append((f"joint of {body.name} (slope)", phi - frame.theta))
+
 
 def _along(row: Row, angle: float, component: Callable[[float], float]) -> Row:
     """Return the component of a row along an angle, its cosine or sine, which is as exact as one is."""
     return row.scaled(component(angle), 1.0)
-
-
-def beam_rows(beam: Beam, mesh: BeamMesh, station: float) -> tuple[Row, Row]:
-    """Return the rows of a beam's deflection and slope at ``station``."""
-    rows = []
-    for derivative in (0, 1):
-        places, values = mesh.interpolation(station, derivative)
-        rows.append(
-            Row({f"{beam.name}.{mesh.names[p]}": float(v) for p, v in zip(places, values, strict=True) if v != 0.0})
-        )
-    return rows[0], rows[1]
 
 
 def attachments(beam: Beam, points: Iterable[Point]) -> list[float]:
@@ -158,54 +163,36 @@ def attachments(beam: Beam, points: Iterable[Point]) -> list[float]:
     return sorted({beam.station(point.x, point.y) for point in here})
 
 
-def kinematics(bodies: Sequence[Body], meshes: Mapping[str, BeamMesh], cuts: Sequence[CutJoint]) -> Kinematics:
-    """Walk the tree from the ground and write down coordinates, motions and joint conditions."""
+def kinematics(
+    bodies: Sequence[Body], meshes: Mapping[str, BeamMesh], cuts: Sequence[CutJoint], prescribed: int
+) -> Kinematics:
+    """Walk the tree from the ground and write down coordinates, motions and joint conditions.
+
+    ``prescribed`` is how many displacements may be prescribed, each of which takes a coordinate away.
+    """
     names: list[str] = []
     weights: list[float] = []
-    frames: dict[str, Frame] = {}
-    held: list[tuple[str, Row]] = []
-    depth = {Ground.name: 0}
-    so_far = Kinematics(frames, meshes)
+    depth, conditions = {Ground.name: 0}, sum(len(cut.directions) for cut in cuts)
     for body in bodies:
         depth[body.name] = depth[body.parent.body.name] + 1
-        joint_names, frame = _joint_motion(body, so_far.motion(body.parent))
-        if isinstance(body, Beam):
-            joint_names = [name for name in joint_names if not name.endswith(".theta")]
-            held += _beam_conditions(body, meshes[body.name], frame)
-        names += joint_names
-        weights += [100.0 * depth[body.name]] * len(joint_names)
-        frames[body.name] = frame
+        own = [label for label, _ in body.joint.translations]
+        own += ["theta"] if body.joint.rotation and isinstance(body, RigidBody) else []
+        weights += [100.0 * depth[body.name]] * len(own)
         if isinstance(body, Beam):
             local = meshes[body.name].names
-            names += [f"{body.name}.{name}" for name in local]
-            # slopes count by what they move over an element, so that the choice does not depend on the unit of length
+            # Slopes count by what they move over an element, so that the choice does not depend on the unit of length.
             element = body.length / (len(meshes[body.name].nodes) - 1)
             weights += [1.0 if name.startswith("w") else 1.0 / element for name in local]
+            own, conditions = [*own, *local], conditions + 1 + (not body.joint.rotation)
+        names += [f"{body.name}.{name}" for name in own]
+    if not names:
+        raise ValueError("the assembly has no coordinates: expected a body that can move or a beam")
+    check_size(len(names) - conditions - prescribed)
+    result = Kinematics({name: i for i, name in enumerate(names)}, np.array(weights), meshes)
+    for body in bodies:
+        result.add_body(body)
     for cut in cuts:
         for direction in cut.directions:
             label = f"cut joint between {cut.a.body.name} and {cut.b.body.name} along {direction}"
-            held.append((label, so_far.relative(cut.a, cut.b, direction)))
-    return replace(so_far, coordinates=tuple(names), weights=np.array(weights), held=tuple(held))
-
-
-def _joint_motion(body: Body, parent: Frame) -> tuple[list[str], Frame]:
-    """Return the joint's coordinates and the motion of the body's frame at the joint."""
-    x, y, theta = parent.x, parent.y, parent.theta
-    names = []
-    for label, angle in body.joint.translations:
-        slide = Row({f"{body.name}.{label}": 1.0})
-        x, y = x + _along(slide, angle, cos), y + _along(slide, angle, sin)
-        names.append(f"{body.name}.{label}")
-    if body.joint.rotation:
-        theta = theta + Row({f"{body.name}.theta": 1.0})
-        names.append(f"{body.name}.theta")
-    return names, Frame(parent.x0, parent.y0, x, y, theta)
-
-
-def _beam_conditions(beam: Beam, mesh: BeamMesh, frame: Frame) -> list[tuple[str, Row]]:
-    """Return the rows that keep a beam at its joint: its deflection there and, unless it turns, its slope."""
-    w, phi = beam_rows(beam, mesh, beam.station(beam.parent.x, beam.parent.y))
-    conditions = [(f"joint of {beam.name} (deflection)", w - frame.along(beam.angle + pi / 2))]
-    if not beam.joint.rotation:
-        conditions.append((f"joint of {beam.name} (slope)", phi - frame.theta))
-    return conditions
+            result.held.append((label, result.relative(cut.a, cut.b, direction)))
+    return result
