@@ -89,16 +89,14 @@ class Mirror:
 
     def signals(self, names: Sequence[str], parity: int) -> tuple[Array, tuple[str, ...]] | None:
         """Return the matrix from half signals to full ones, and the half signals' names; None if an image lacks."""
-        return _half_signals(self.pairs, tuple(names), parity)
+        return _half_signals(self, tuple(names), parity)
 
 
 @lru_cache(maxsize=_KEPT)
-def _half_signals(
-    pairs: tuple[SignalPair, ...], names: tuple[str, ...], parity: int
-) -> tuple[Array, tuple[str, ...]] | None:
+def _half_signals(mirror: Mirror, names: tuple[str, ...], parity: int) -> tuple[Array, tuple[str, ...]] | None:
     place = {name: i for i, name in enumerate(names)}
     columns, stems, covered = [], [], set()
-    for pair in pairs:
+    for pair in mirror.pairs:
         have = [name for name in (pair.right, pair.left) if name in place]
         if not have:
             continue

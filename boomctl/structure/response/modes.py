@@ -113,7 +113,7 @@ class _Modes:
         """
         into, out, small = both[p:, :m], both[:p, m:], both[p:, m:].copy()
         for j, gamma in enumerate(self.gamma):
-            small[j, j] -= 1j / (gamma * omega)
+            small[j, j].imag -= 1.0 / (gamma * omega)
         if len(small) == 1:
             return out * (into / small)
         if len(small) == 2:
