@@ -238,8 +238,11 @@ class _Part:
         which = np.array(moved, dtype=float).reshape(-1, len(ports.inputs)) @ W_in
         forces = P.T @ np.where(np.any(moved, axis=0), 0.0, ports.B[0]) @ W_in
         left = layout.rows(P)
-        imposed = layout.imposed or [np.zeros((len(rows), 0)) for rows in left]
-        right = tuple(-(rows @ which) for rows in imposed)
+        if layout.imposed is None:
+            right = np.zeros((len(left[0]), m)), np.zeros((len(left[1]), m)), np.zeros((len(left[2]), m))
+        else:
+            N_d, R_d, S_d = layout.imposed
+            right = -(N_d @ which), -(R_d @ which), -(S_d @ which)
         if layout.direct is None:
             direct = np.zeros((W_out.shape[1], m))
         else:

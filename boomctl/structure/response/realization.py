@@ -49,7 +49,7 @@ def realize(structure: Structure, ports: Ports) -> Lti:
     motion = q, rate, solve(force)
     integrated = [d[k + 1][i] for i, count in enumerate(ports.integrators) for k in range(count)]
     rates = np.vstack([*motion[1:], *integrated])
-    y = sum(ports.L[k] @ motion[k] + ports.E[k] @ d[k] for k in range(3))
+    y = np.array([ports.L[k] @ motion[k] + ports.E[k] @ d[k] for k in range(3)]).sum(axis=0)
     states = [f"{name}.x{k}" for k in (1, 2) for name in structure.coordinates]
     for name, count in zip(ports.inputs, ports.integrators, strict=True):
         states += [f"{name}.displacement", f"{name}.velocity"][:count]
