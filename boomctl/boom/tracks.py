@@ -153,30 +153,8 @@ class Track:
         TypeError, ValueError
             Not a row of finite numbers.
         """
-        at = finite_array("distance", distance, ndim=1)
-        x = self.distance
-        if self.periodic:
-            x = np.append(x, self.length)
-            sides = [np.append(side, side[0]) for side in (self.left, self.right)]
-            at = np.mod(at, self.length)
-        else:
-            sides = [self.left, self.right]
-        return np.array([np.interp(at, x, side) for side in sides])
-
-
-def wave_band(band: tuple[float, float]) -> tuple[float, float]:
-    """Return the two wave numbers of a band [1/m], checked: both above zero, the lower first."""
-    try:
-        low, high = (
-            positive("wave_number_range", value) for value in sequence("wave_number_range", band, "two wave numbers")
-        )
-    except TypeError as error:
-        raise TypeError(f"wave_number_range = {band!r}: expected two wave numbers ({error})") from None
-    except ValueError as error:
-        raise ValueError(f"wave_number_range = {band!r}: expected two wave numbers above zero ({error})") from None
-    if not low < high:
-        raise ValueError(f"wave_number_range = ({low:g}, {high:g}): expected the lower wave number first")
-    return low, high
+        at, period = finite_array("distance", distance, ndim=1), self.length if self.periodic else None
+        return np.array([np.interp(at, self.distance, side, period=period) for side in (self.left, self.right)])
 
 
 def road_psd(road_class: str | int, wave_number: ArrayLike) -> Array:
@@ -323,7 +301,12 @@ def iso_track(
     True
     """
     spacing, longest = positive("spacing", spacing), positive("length", length)
-    low, high = wave_band(wave_number_range)
+    ends = sequence("wave_number_range", wave_number_range, "two wave numbers")
+    if len(ends) != 2:
+        raise ValueError(f"wave_number_range = {wave_number_range!r}: expected two wave numbers")
+    low, high = positive("wave_number_range", ends[0]), positive("wave_number_range", ends[1])
+    if not low < high:
+        raise ValueError(f"wave_number_range = ({low:g}, {high:g}): expected the lower wave number first")
     if high >= 0.5 / spacing:
         raise ValueError(
             f"spacing = {exactly(spacing)}: expected less than {up_to(0.5 / high)} m, half the shortest wave of the band"
