@@ -23,16 +23,16 @@ from boomctl.arrays import Array
 from boomctl.checks import warn_user
 from boomctl.exceptions import AccuracyWarning
 from boomctl.lti.rounding import EPS, SOLVED, VISIBLE
-from boomctl.structure.matrices import Half, Structure, halves
+from boomctl.structure.matrices import Structure, halves
 from boomctl.structure.ports import Ports, evaluate
 from boomctl.structure.response.modes import respond_by_modes
 
-_MODES_FROM = 1500  # frequencies times coordinates; of fewer, dense solutions are faster (measured on booms)
 Part = tuple[Structure, Ports]
 
-_ENTRIES = 10_000_000  # of the matrices of all frequencies that are solved together: 0.3 GB (a choice)
-_UNEVEN = 1e-2  # noise of stiffness, of the highest frequency squared, from which on rounding is looked at (a choice)
-_GLANCES = 7  # frequencies at which rounding is looked at first (a choice)
+_MODES_FROM = 1500  # Frequencies times coordinates; for fewer, dense solutions are faster.
+_ENTRIES = 10_000_000  # Of the matrices of all frequencies that are solved together: 0.3 GB.
+_UNEVEN = 1e-2  # Noise of stiffness, of the highest frequency squared, from which on rounding is estimated.
+_CHECKS = 7  # Frequencies at which rounding of given matrices is estimated.
 
 
 @dataclass(frozen=True)
@@ -54,44 +54,36 @@ def respond(structure: Structure, ports: Ports, omega: Array, available: Ports |
     AccuracyWarning
         The rounding estimate exceeds 1e-4: the mesh is finer than double precision carries.
     """
-    wanted, mirror = ports, structure.mirror
+    p, m, mirror = len(ports.outputs), len(ports.inputs), structure.mirror
     if available is not None and mirror is not None:
         ins = mirror.completed(ports.inputs, available.inputs)
         ports = available.select(ins, mirror.completed(ports.outputs, available.outputs))
     parts = halves(structure, ports)
     if parts is None:
-        (result,) = respond_parts([(structure, ports)], omega)
-    else:
-        answers = respond_parts([(part.structure, part.ports) for part in parts], omega)
-        stages = sum((answer.stages for answer in answers), ("halves",))
-        total = np.zeros((len(ports.outputs), len(ports.inputs), len(omega)), dtype=complex)
-        for part, answer in zip(parts, answers, strict=True):
-            _add(total, part, answer.values)
-        result = Response(total, stages)
-    return Response(result.values[: len(wanted.outputs), : len(wanted.inputs)], result.stages)
-
-
-def _add(total: Array, part: Half, values: Array) -> None:
-    """Add a half's response to that of the whole."""
-    for o, u in zip(*np.nonzero(part.W_out), strict=True):
-        for i, v in zip(*np.nonzero(part.W_in), strict=True):
-            total[o, i] += (part.W_out[o, u] * part.W_in[i, v]) * values[u, v]
+        return respond_parts([(structure, ports)], omega)[0]
+    answers = respond_parts([(part.structure, part.ports) for part in parts], omega)
+    total = np.zeros((p, m, len(omega)), dtype=complex)
+    for part, answer in zip(parts, answers, strict=True):
+        u, v, points = answer.values.shape
+        outputs = (part.W_out[:p] @ answer.values.reshape(u, v * points)).reshape(p, v, points)
+        total += part.W_in[:m] @ outputs
+    return Response(total, sum((answer.stages for answer in answers), ("halves",)))
 
 
 def respond_parts(parts: Sequence[Part], omega: Array) -> list[Response]:
-    """Return the responses of structures as :func:`respond` does, without looking for symmetry; small ones together."""
+    """Return the responses of structures as :func:`respond` does, without looking for symmetry."""
     if (omega == 0.0).any():
         for structure, _ in parts:
             _check_static(structure)
-    largest = max(structure.n for structure, _ in parts) if parts else 0
-    many = largest * len(omega) >= _MODES_FROM
-    result = [respond_by_modes(*part, omega) if many else None for part in parts]
-    return [
-        Response(direct_response(*part, omega), ("dense solutions",))
-        if values is None
-        else Response(values, ("undamped modes",))
-        for part, values in zip(parts, result, strict=True)
-    ]
+    many = max((structure.n for structure, _ in parts), default=0) * len(omega) >= _MODES_FROM
+    result = []
+    for part in parts:
+        values = respond_by_modes(*part, omega) if many else None
+        if values is None:
+            result.append(Response(direct_response(*part, omega), ("dense solutions",)))
+        else:
+            result.append(Response(values, ("undamped modes",)))
+    return result
 
 
 def _check_static(structure: Structure) -> None:
@@ -160,7 +152,7 @@ def direct_response(structure: Structure, ports: Ports, omega: Array) -> Array:
 
 def _matrices_rounding(structure: Structure, ports: Ports, omega: Array) -> float:
     """Return how much of the largest output rounding of a stiffness matrix may be, at a few frequencies."""
-    s = 1j * omega[np.linspace(0, len(omega) - 1, min(_GLANCES, len(omega))).astype(int)]
+    s = 1j * omega[np.linspace(0, len(omega) - 1, min(_CHECKS, len(omega))).astype(int)]
     shaken = EPS * np.abs(structure.K.diagonal())[:, None]
     at, B, L = structure.at(s), evaluate(ports.B, s), evaluate(ports.L, s)
     try:
