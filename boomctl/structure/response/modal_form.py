@@ -51,16 +51,15 @@ def undamped_modes(structure: Structure, count: int | None = None) -> tuple[Arra
     ValueError
         ``M`` is not positive definite, ``K`` not positive semidefinite, or they are not symmetric.
     """
-    wanted, form = structure.n if count is None else min(count, structure.n), None
-    if structure.n <= SMALL or structure.graded:
-        form = structure.strain_form
+    wanted = structure.n if count is None else min(count, structure.n)
+    form = structure.strain_form if structure.n <= SMALL or structure.graded else None
     result = _inverted_modes(structure, wanted) if form is None else None
-    if result is not None:
-        return result
-    form = structure.strain_form
-    assert form is not None
-    frequencies, shapes = form.modes()
-    return frequencies[:wanted], shapes[:, :wanted]
+    if result is None:
+        form = structure.strain_form
+        assert form is not None
+        frequencies, shapes = form.modes()
+        result = frequencies[:wanted], shapes[:, :wanted]
+    return result
 
 
 def _inverted_modes(structure: Structure, count: int) -> tuple[Array, Array] | None:
