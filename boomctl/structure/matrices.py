@@ -155,14 +155,9 @@ class Structure:
         return self.layout is not None and len(square) > 0 and bool(square[-1] > _GRADED * square[len(square) // 2])
 
     def at(self, s: Array) -> Array:
-        """Return ``s^2 M + s C + K`` at each ``s``, shape (len(s), n, n)."""
-        full = np.empty((len(s), self.n, self.n), dtype=complex)
-        if not s.real.any():  # real and imaginary part apart, which is faster
-            omega = s.imag[:, None, None]
-            full.real, full.imag = self.K - omega**2 * self.M, omega * self.C
-            return full
-        at = s[:, None, None]
-        full[:] = self.K + at * self.C + at**2 * self.M
+        """Return ``s^2 M + s C + K`` at each imaginary ``s``, shape (len(s), n, n)."""
+        full, omega = np.empty((len(s), self.n, self.n), dtype=complex), s.imag[:, None, None]
+        full.real, full.imag = self.K - omega**2 * self.M, omega * self.C
         return full
 
     def force(self, motion: Array, s: Array) -> Array:
