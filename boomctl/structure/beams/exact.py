@@ -125,7 +125,8 @@ class ExactModel:
         """Return the structure with a reflection, if it leaves the structure as it is; otherwise without."""
         if mirror is None:
             return replace(self, mirror=None)
-        D = self._dynamic_terms()
+        n = self.layout.n
+        D = self.layout.terms.weighed(self.weights, kinds_of(self.segments)[1]).reshape(-1, n, n)
         change = np.abs(mirror.sign[:, None] * D[:, mirror.partner][:, :, mirror.partner] * mirror.sign - D)
         if (change.max(axis=(1, 2)) > ALIKE * np.abs(D).max(axis=(1, 2))).any():
             return replace(self, mirror=None)
@@ -176,11 +177,6 @@ class ExactModel:
         left = self.layout.rows(np.eye(n))
         N, R, S = (np.zeros((len(rows), 0)) for rows in left)
         return StrainSystem(left, (N, R, S), np.zeros((n, 0)), self.weights, self.segments)
-
-    def _dynamic_terms(self) -> Array:
-        """Return the matrices that multiply ``1, s, s^2`` and six functions a kind of segment."""
-        n = self.layout.n
-        return self.layout.terms.weighed(self.weights, kinds_of(self.segments)[1]).reshape(-1, n, n)
 
 
 @lru_cache(maxsize=KEPT)
