@@ -113,7 +113,7 @@ class Structure:
         """Stiffness matrix."""
         return self.matrices[2]
 
-    @property
+    @cached_property
     def elastic(self) -> ElasticRows | None:
         """Stiffness and damping once more, as sums over strains, where they are known."""
         if self.layout is None or self.weights is None:
@@ -162,10 +162,9 @@ class Structure:
 
     def force(self, motion: Array, s: Array) -> Array:
         """Return ``(s^2 M + s C + K) q`` of motions in columns, each with its ``s``; elastic forces through strains."""
-        inertia = s**2 * (self.M @ motion)
-        if self.elastic is None:
+        inertia, rows = s**2 * (self.M @ motion), self.elastic
+        if rows is None:
             return inertia + self.K @ motion + s * (self.C @ motion)
-        rows = self.elastic
         return inertia + rows.R.T @ ((rows.k[:, None] + rows.c[:, None] * s) * (rows.R @ motion))
 
     def projected(self, V: Array, coordinates: tuple[str, ...] | None = None) -> "Structure":

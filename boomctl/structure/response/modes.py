@@ -15,7 +15,7 @@ from boomctl.arrays import Array
 from boomctl.lti.rounding import SOLVED
 from boomctl.structure.damping import separated_damping
 from boomctl.structure.matrices import Structure
-from boomctl.structure.ports import Ports, evaluate
+from boomctl.structure.ports import Ports
 
 _RESIDUAL_RTOL = 1e-10  # Largest change of an output by the residual forces, relative.
 _EQUAL_MASS_RTOL = 1e-8  # Relative distance of modal masses up to which modes have one frequency: root of rounding.
@@ -41,7 +41,10 @@ def respond_by_modes(structure: Structure, ports: Ports, omega: Array) -> Array 
         except np.linalg.LinAlgError:  # A floating structure, or an undamped resonance at one of the frequencies.
             return None
     s = 1j * omega
-    Y = evaluate(ports.E, s).transpose(1, 2, 0) if ports.E.any() else np.zeros((p, m, len(s)), dtype=complex)
+    Y = np.zeros((p, m, len(s)), dtype=complex)
+    for k, E in enumerate(ports.E):
+        if E.any():
+            Y += E[:, :, None] * s**k
     for a, power_L in enumerate(ports.read):
         for b, power_B in enumerate(ports.acting):
             part = sums[a * p : (a + 1) * p, b * m : (b + 1) * m]
