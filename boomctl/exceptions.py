@@ -85,7 +85,7 @@ class SynthesisError(BoomctlError, RuntimeError):
     ...     bc.lqr(hidden, 1.0, 1.0)
     ... except bc.exceptions.SynthesisError as error:
     ...     print(str(error).split(":")[0])
-    not stabilisable
+    The plant is not stabilizable
     """
 
 

@@ -1,4 +1,4 @@
-"""What must hold before a controller is looked for; what fails is named by mode and signal."""
+"""Assumptions of the syntheses; errors name the mode and the signals for which one fails."""
 
 from collections.abc import Sequence
 
@@ -7,140 +7,121 @@ from scipy import linalg
 
 from boomctl.arrays import Array
 from boomctl.exceptions import SynthesisError
-from boomctl.lti.hidden_modes import HiddenMode, unmoved
+from boomctl.lti.hidden_modes import unmoved
 from boomctl.lti.rounding import SOLVED
 from boomctl.synthesis.hinf.normal_form import NormalizedPlant
 from boomctl.synthesis.plants.partition import GeneralizedPlant
 
-# Least singular value of D12 or D21 with unit columns: the inverse of a smaller one has six digits or fewer
-_RANK = 1e-10
-_ZERO = 1e-14  # share of the largest column below which a column is nothing but rounding
-_SHARE = 1e-3  # least part in a dependent combination that a signal is named for (a choice)
+_RANK_RTOL = 1e-10  # Least singular value of D12 or D21 with unit columns; its inverse must have six digits.
+_ZERO_RTOL = 1e-14  # A column below this fraction of the largest one is rounding.
+_NAMED_SHARE = 1e-3  # Least part in a dependent combination for which a signal is named.
 
 
 def check_stabilizable(A: Array, B: Array, controls: Sequence[str], states: Sequence[str], dt: float = 0.0) -> None:
-    """Raise :class:`SynthesisError` naming an unstable or undamped mode that the controls cannot move."""
+    """Raise :class:`SynthesisError` for an unstable or undamped mode that is uncontrollable."""
     for mode in unmoved(A, B, states, dt=dt):
-        raise SynthesisError(
-            f"not stabilisable: {mode} cannot be moved by {_listed(controls)}, and it does not decay by itself"
-        )
+        source = ", ".join(controls) or "any control"
+        raise SynthesisError(f"The plant is not stabilizable: {mode} is uncontrollable from {source}.")
 
 
 def check_detectable(A: Array, C: Array, measurements: Sequence[str], states: Sequence[str], dt: float = 0.0) -> None:
-    """Raise :class:`SynthesisError` naming an unstable or undamped mode that no measurement sees."""
+    """Raise :class:`SynthesisError` for an unstable or undamped mode that is unobservable."""
     for mode in unmoved(A.T, C.T, states, dt=dt):
-        raise SynthesisError(
-            f"not detectable: {mode} is not seen by {_listed(measurements)}, and it does not decay by itself"
-        )
+        sensors = ", ".join(measurements) or "any measurement"
+        raise SynthesisError(f"The plant is not detectable: {mode} is unobservable from {sensors}.")
 
 
 def check_weighted(A: Array, root: Array, what: str, states: Sequence[str], dt: float = 0.0) -> None:
-    """Raise :class:`SynthesisError` naming a mode on the imaginary axis that the weight ``root root^T`` does not see."""
+    """Raise :class:`SynthesisError` for an undamped mode without weight, which is ``root root^T``."""
     for mode in unmoved(A.T, root, states, axis_only=True, dt=dt):
-        raise SynthesisError(f"{mode} is undamped and not seen by {what}: weigh a state or output in which it shows")
+        raise SynthesisError(f"{mode} is undamped and has no part in {what}. Weight a state or output in which it has.")
 
 
 def check_excited(A: Array, root: Array, what: str, states: Sequence[str], dt: float = 0.0) -> None:
-    """Raise :class:`SynthesisError` naming a mode on the imaginary axis that the noise ``root root^T`` does not reach."""
+    """Raise :class:`SynthesisError` for an undamped mode that the noise ``root root^T`` does not excite."""
     for mode in unmoved(A, root, states, axis_only=True, dt=dt):
-        raise SynthesisError(
-            f"{mode} is undamped and not reached by {what}: the estimator would trust its model of it for ever"
-        )
-
-
-def _listed(signals: Sequence[str]) -> str:
-    return ", ".join(signals) if signals else "any control"
+        raise SynthesisError(f"{mode} is undamped and not excited by {what}. Add noise that excites it.")
 
 
 def check_ranks(plant: GeneralizedPlant) -> None:
-    """Refuse a control that costs nothing and a measurement without noise.
+    """Check that every control has a weight and every measurement has noise.
 
     Raises
     ------
     SynthesisError
-        ``D12`` lacks full column rank or ``D21`` full row rank; the signals are named.
+        If ``D12`` lacks full column rank or ``D21`` full row rank, with the signals.
     """
     continuous = plant.system.dt == 0.0
-    lazy = _dependent(plant.D12, plant.controls)
-    if lazy:
-        where = " at high frequency" if continuous else " at the sample at which it acts"
+    where = " at high frequency" if continuous else " at the sample at which it acts"
+    for signals in _dependent(plant.D12, plant.controls, "control"):
         raise SynthesisError(
-            f"D12 has not full column rank: the performance signals do not weigh {_combined('control', lazy)}{where}, "
-            "so that the best controller would use it without limit; give it an effort weight"
+            f"D12 must have full column rank: {signals} has no weight in the performance outputs{where}, so that its gain"
+            " is unbounded. Add an effort weight."
         )
-    exact = _dependent(plant.D21.T, plant.measurements)
-    if exact:
-        where = " at high frequency" if continuous else ""
+    for signals in _dependent(plant.D21.T, plant.measurements, "measurement"):
         raise SynthesisError(
-            f"D21 has not full row rank: {_combined('measurement', exact)} carries no noise of its own{where}, "
-            "so that the best controller would differentiate it without limit; give it a noise level"
+            f"D21 must have full row rank: {signals} carries no noise of its own{' at high frequency' * continuous}, so that"
+            " its gain is unbounded. Add a noise level."
         )
 
 
-def _combined(what: str, names: list[str]) -> str:
-    quoted = ", ".join(repr(name) for name in names)
-    return f"{what} {quoted}" if len(names) == 1 else f"a combination of the {what}s {quoted}"
-
-
-def _dependent(columns: Array, names: tuple[str, ...]) -> list[str]:
-    """Return the names of columns that vanish or, failing that, of a combination of columns that does."""
+def _dependent(columns: Array, names: tuple[str, ...], what: str) -> list[str]:
+    """Return the name of a column that vanishes or, failing that, of a combination of columns that does."""
     sizes = np.linalg.norm(columns, axis=0)
-    zero = [name for name, size in zip(names, sizes, strict=True) if size <= _ZERO * sizes.max()]
+    zero = [f"{what} {name!r}" for name, size in zip(names, sizes, strict=True) if size <= _ZERO_RTOL * sizes.max()]
     if zero:
         return zero[:1]
-    right = linalg.svd(columns / sizes)
-    values = np.concatenate([right[1], np.zeros(max(0, len(names) - len(columns)))])
-    if values[-1] > _RANK:
+    _, values, right = linalg.svd(columns / sizes)
+    if len(columns) >= len(names) and values[-1] > _RANK_RTOL:
         return []
-    share = np.abs(right[2][-1])
-    return [name for name, part in zip(names, share, strict=True) if part > _SHARE * share.max()]
+    share = np.abs(right[-1])
+    parts = [repr(name) for name, part in zip(names, share, strict=True) if part > _NAMED_SHARE * share.max()]
+    return [f"a combination of the {what}s {', '.join(parts)}"]
 
 
 def check_modes(plant: GeneralizedPlant, ready: NormalizedPlant) -> None:
-    """Refuse unstable and undamped modes of a generalized plant that no control moves or no measurement sees.
+    """Check that the unstable and undamped modes of a generalized plant are controllable and observable.
 
     Raises
     ------
     SynthesisError
-        The plant is not stabilisable or not detectable; the mode and its state are named.
+        If the plant is not stabilizable or not detectable, with the mode and its state.
     """
     check_stabilizable(ready.A, ready.B2, plant.controls, ready.system.state_labels, ready.system.dt)
     check_detectable(ready.A, ready.C2, plant.measurements, ready.system.state_labels, ready.system.dt)
 
 
 def check_zeros(plant: GeneralizedPlant, ready: NormalizedPlant) -> None:
-    """Refuse zeros on the imaginary axis, from controls to performance signals and from disturbances to measurements.
+    """Check that there are no zeros on the axis, from controls to performance outputs and from disturbances to measurements.
 
     Raises
     ------
     SynthesisError
-        There is one; its frequency and its state are named.
+        If there is one, with its frequency and its state.
     """
-    for zero in _zeros_on_axis(ready):
+    for place in _zeros_on_axis(ready):
         raise SynthesisError(
-            f"from the controls ({', '.join(plant.controls)}) to the performance signals nothing passes "
-            f"{_place(zero, plant.system.dt)}: "
-            "weigh a signal in which that motion shows, or damp it"
+            f"From the controls ({', '.join(plant.controls)}) to the performance outputs there is a zero {place}. Weight"
+            " a signal in which that motion has a part, or damp it."
         )
-    for zero in _zeros_on_axis(ready.dual):
+    for place in _zeros_on_axis(ready.dual):
         raise SynthesisError(
-            f"from the disturbances ({', '.join(plant.disturbances)}) to the measurements "
-            f"({', '.join(plant.measurements)}) nothing passes {_place(zero, plant.system.dt)}: add a disturbance or a "
-            "measurement noise that excites that motion"
+            f"From the disturbances ({', '.join(plant.disturbances)}) to the measurements"
+            f" ({', '.join(plant.measurements)}) there is a zero {place}. Add a disturbance or a noise that excites that"
+            " motion."
         )
 
 
-def _zeros_on_axis(ready: GeneralizedPlant) -> tuple[HiddenMode, ...]:
-    """Return zeros from controls to performance signals on the axis: modes that control can hide from these signals."""
-    free = ready.nz - ready.ncon
+def _zeros_on_axis(ready: GeneralizedPlant) -> list[str]:
+    """Return where zeros from controls to performance outputs are on the axis: modes that control can hide from these."""
+    free, dt = ready.nz - ready.ncon, ready.system.dt
     rows = ready.C1[:free]
-    # share of all performance rows below which one of them is what rounding leaves of a rotation
-    rows = rows[np.linalg.norm(rows, axis=1) > SOLVED * np.linalg.norm(ready.C1)]
-    shifted, dt = ready.A - ready.B2 @ ready.C1[free:], ready.system.dt
-    return unmoved(shifted.T, rows.T, ready.system.state_labels, axis_only=True, dt=dt)
-
-
-def _place(zero: HiddenMode, dt: float) -> str:
-    omega = abs(zero.pole.imag) or zero.omega
-    at = f"at {omega:.6g} rad/s ({omega / (2.0 * np.pi):.4g} Hz)"
-    return f"{at}, a zero on the {'unit circle' if dt else 'imaginary axis'} (mostly in state {zero.state!r})"
+    rows = rows[np.linalg.norm(rows, axis=1) > SOLVED * np.linalg.norm(ready.C1)]  # without rounding of a rotation
+    shifted, places = ready.A - ready.B2 @ ready.C1[free:], []
+    for zero in unmoved(shifted.T, rows.T, ready.system.state_labels, axis_only=True, dt=dt):
+        omega = abs(zero.pole.imag) or zero.omega
+        axis = "unit circle" if dt else "imaginary axis"
+        places.append(
+            f"on the {axis} at {omega:.6g} rad/s ({omega / (2.0 * np.pi):.4g} Hz, mostly in state {zero.state!r})"
+        )
+    return places

@@ -1,4 +1,4 @@
-"""What vouches for a controller, whichever way it was designed: found of its loop, apart from what computed it."""
+"""Certificates of controllers, computed from the closed loop independently of the synthesis."""
 
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -15,23 +15,27 @@ if TYPE_CHECKING:
     import control
 
 
-# methods of a norm on a full plant that there is not
+# Methods of a norm on a full plant that is not available.
 NOT_COMPUTED = "not computed"
 UNDEFINED = "not defined, because states of the reduced plant have weights or noise"
 
 
 def norm_there(norm: NormBounds, lead: str) -> str:
-    """Return a norm on a full plant as text after a lead, of an H2 norm with its square; empty if it was not computed."""
+    """Return a norm on a full plant as text, empty if it was not computed."""
     if norm.method == NOT_COMPUTED:
         return ""
     if norm.method == UNDEFINED:
         return f"{lead}cost there is {UNDEFINED}"
     if norm.kind == "h2":
-        known = "" if norm.certified else f" (not certified: {norm.method})"
-        return f"{lead}H2 norm there is {norm.value:.6g}, a cost of {norm.value**2:.6g}{known}"
+        return f"{lead}H2 norm there is {norm.value:.6g}, a cost of {norm.value**2:.6g} ({trust(norm)})"
     if isfinite(norm.upper_bound):
         return f"{lead}norm there is {norm.upper_bound:.6g}"
     return f"{lead}norm there is at least {norm.lower_bound:.6g} ({norm.method})"
+
+
+def trust(norm: NormBounds) -> str:
+    """Return how much a norm can be trusted, as text."""
+    return "verified" if norm.certified else "not certified"
 
 
 class Design:
@@ -61,7 +65,7 @@ class Design:
 
     @cached_property
     def closed_loop(self) -> "control.StateSpace":
-        """As a system of python-control; it is made when it is first read."""
+        """The closed loop, converted on first access."""
         return self._closed_loop.statespace("closed_loop")
 
 
@@ -120,7 +124,7 @@ class ActivePeak:
 
 @dataclass(frozen=True)
 class DesignCertificate:
-    """What vouches for a controller, and how far from the best possible one it is.
+    """Verification of a controller, and its distance from the optimum.
 
     Attributes
     ----------
@@ -196,7 +200,7 @@ class DesignCertificate:
 
     @property
     def _on_full_plant(self) -> str:
-        """A line on the loop on the full plant, for the ``repr`` of a design; empty where nothing was reduced."""
+        """Line of the ``repr`` of a design about the loop on the full plant; empty if nothing was reduced."""
         if self.full_plant is None:
             return ""
         known, judged = {True: "stable", False: "UNSTABLE", None: "not proved"}, self.full_plant
@@ -205,7 +209,7 @@ class DesignCertificate:
 
     @property
     def optimality_gap(self) -> float:
-        """How far above the lower bound the norm lies at most, relative to it; ``inf`` where there is no bound."""
+        """Excess of the norm over the lower bound, relative to it; ``inf`` if there is no bound."""
         if self.lower_bound > 0.0:
             return self.norm_bounds.upper_bound / self.lower_bound - 1.0
         return inf if self.norm_bounds.upper_bound > 0.0 else 0.0

@@ -1,4 +1,4 @@
-"""Controllers for a computer: a sampled version of a controller in continuous time, names kept."""
+"""Discretization of continuous-time controllers."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from boomctl.lti.system import Controller
 
 _METHODS = ("tustin", "zoh")
-_CORNER = 1e-6  # relative distance from 2/T within which a pole counts as lying there: ten digits are then lost
+_CORNER_RTOL = 1e-6  # Relative distance of a pole from 2/T at which the rule loses ten digits.
 
 
 @one_blas_thread
@@ -28,7 +28,7 @@ def discretize(
     samples_per_period: float = 4.0,
     prewarp_omega: float | None = None,
 ) -> "control.StateSpace":
-    """Return a controller that runs once a sample, refused where it is sampled too slowly for its poles.
+    """Discretize a controller; too low a sampling rate for its poles is an error.
 
     Parameters
     ----------
@@ -47,13 +47,13 @@ def discretize(
     Returns
     -------
     control.StateSpace
-        In discrete time, inputs, outputs and states named as the controller's, in the same scales.
+        In discrete time, with the labels and the scales of the controller.
 
     Raises
     ------
     TypeError, ValueError
-        Not a continuous-time state space, not finite; unknown method; a sampling rate too low for a pole, which is
-        named with the rate that it needs.
+        If `controller` is not a continuous-time system, if an entry is not finite, if the method is unknown, or if the
+        sampling rate is too low for a pole, with the rate that it needs.
 
     Examples
     --------
@@ -66,49 +66,40 @@ def discretize(
     given: Any = getattr(controller, "controller", controller)
     if hasattr(given, "__lti__"):
         raise TypeError(
-            f"controller: expected StateSpace, got {type(given).__name__}; a structure is sampled by its"
-            f" .to_statespace(dt={sample_time}), with late controls by boomctl.analysis.sample_plant"
+            f"`controller` must be a StateSpace, got {type(given).__name__}. Sample a structure by its"
+            f" .to_statespace(dt={sample_time}), with delayed controls by boomctl.analysis.sample_plant."
         )
-    K = controller_of(given)
-    T = positive("sample_time", sample_time)
+    K, T, warped = controller_of(given), positive("sample_time", sample_time), None
     known("method", method, _METHODS)
     if positive("samples_per_period", samples_per_period) < 2.0:
         raise ValueError(
-            f"samples_per_period = {exactly(samples_per_period)}: expected at least 2, the limit of Nyquist"
+            f"`samples_per_period` must be at least 2, the limit of Nyquist, got {exactly(samples_per_period)}."
         )
-    warped = None
     if prewarp_omega is not None:
-        if method != "tustin":
-            raise ValueError(f"prewarp_omega: expected only with method 'tustin', got method {method!r}")
         warped = positive("prewarp_omega", prewarp_omega)
+        if method != "tustin":
+            raise ValueError(f'`prewarp_omega` must be None unless `method` is "tustin", got method {method!r}.')
         if warped >= np.pi / T:
             raise ValueError(
-                f"prewarp_omega = {exactly(warped)}: expected less than pi/sample_time = {up_to(np.pi / T)} rad/s"
+                f"`prewarp_omega` must be less than pi/sample_time = {up_to(np.pi / T)} rad/s, got {exactly(warped)}."
             )
-    _check_rate(K.poles, T, samples_per_period)
-    if method == "tustin":
-        _check_corner(K.poles, T if warped is None else 2.0 * np.tan(0.5 * warped * T) / warped)
+    corner = 2.0 / T if warped is None else warped / np.tan(0.5 * warped * T)
+    _check_poles(K.poles, T, samples_per_period, corner if method == "tustin" else np.inf)
     return discretized(K, T, method, warped).statespace(f"{given.name}_discrete")
 
 
-def _check_corner(poles: Array, T: float) -> None:
-    """Raise ``ValueError`` if a pole lies at ``2/T``, where the trapezoidal rule has no solution."""
-    for pole in poles[np.abs(poles * T - 2.0) <= _CORNER]:
-        raise ValueError(
-            f"sample_time: the trapezoidal rule sends the unstable pole of the controller at {pole:.4g} rad/s, twice "
-            "the rate of the samples, to infinity; sample faster, or use method 'zoh'"
-        )
-
-
-def _check_rate(poles: Array, T: float, samples: float) -> None:
-    """Raise ``ValueError`` naming the fastest pole if it sees fewer samples a period than wanted."""
-    if not len(poles):
-        return
-    fastest = complex(poles[np.argmax(np.abs(poles))])
+def _check_poles(poles: Array, T: float, samples: float, corner: float) -> None:
+    """Raise ``ValueError`` if a pole has too few samples a period, or is at a corner, where Tustin's rule is singular."""
+    fastest = complex(poles[np.argmax(np.abs(poles))]) if len(poles) else 0j
     needed = samples * abs(fastest) / (2.0 * np.pi)
     if needed * T > 1.0:
         raise ValueError(
-            f"sample_time = {exactly(T)} s: too long for the pole of the controller at {fastest:.4g} rad/s, which needs "
-            f"{from_on(needed)} Hz or more ({samples:g} samples in each {2.0 * np.pi / abs(fastest):.4g} s); sample faster,"
-            f" or take faster poles out: reduce_controller(P, K, fastest_pole={2.0 * np.pi / (samples * T):.4g})"
+            f"`sample_time` must allow for {from_on(needed)} Hz or more, {samples:g} samples in a period of the controller's"
+            f" pole at {fastest:.4g} rad/s, got {exactly(T)} s. Sample faster, or remove faster poles by"
+            f" reduce_controller(P, K, fastest_pole={2.0 * np.pi / (samples * T):.4g})."
+        )
+    for pole in poles[np.abs(poles / corner - 1.0) <= _CORNER_RTOL]:
+        raise ValueError(
+            f"`sample_time` must not put the controller's unstable pole at {pole:.4g} rad/s on 2/sample_time, where Tustin's"
+            ' rule is singular. Sample faster, or use method "zoh".'
         )

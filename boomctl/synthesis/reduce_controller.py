@@ -1,4 +1,4 @@
-"""Controllers of lower order and without fast poles, accepted only after their loop was verified."""
+"""Reduction of controllers, with verification of the closed loop."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
@@ -26,12 +26,12 @@ if TYPE_CHECKING:
 
     from boomctl.lti.system import Controller
 
-_SINGULAR = 1e12  # condition above which states left out have no rest to be put at: four digits would be left
+_MAX_CONDITION = 1e12  # Of the static equation of truncated states, which leaves four digits.
 
 
 @dataclass(frozen=True)
 class ReducedController(Design):
-    """A smaller controller and the loop it was verified in.
+    """Result of a controller reduction.
 
     Attributes
     ----------
@@ -48,9 +48,9 @@ class ReducedController(Design):
     fastest_pole : float
         Largest magnitude of the controller's poles [rad/s]; in discrete time without a unit.
     method : str
-        What was done to the states left out.
+        Treatment of the truncated states.
     singular_values : ndarray
-        Hankel-like singular values of the controller's states within the loop, descending.
+        Hankel-like singular values of the controller's states within the closed loop, descending.
     """
 
     _controller: Lti = field(repr=False)
@@ -77,39 +77,39 @@ def reduce_controller(
     max_degradation: float = 0.05,
     fastest_pole: float | None = None,
 ) -> ReducedController:
-    """Return a controller of lower order whose closed loop has nearly the norm of before.
+    """Reduce the order of a controller, within a limit on the norm of its closed loop.
 
-    The controller's states are balanced by what they do within the loop (the controller's parts of the closed loop's
-    gramians), so that unstable controllers need no care of their own.
+    The controller's states are balanced within the closed loop, by the controller's blocks of its Gramians, so that the
+    controller may be unstable.
 
     Parameters
     ----------
     P : control.StateSpace
-        Generalized plant, in continuous or discrete time; the controller fits its last outputs and inputs.
+        Generalized plant, in continuous or discrete time, of the controller's signals as last outputs and inputs.
     controller : control.StateSpace, or a design, which holds one
         ``u = K y``, of the sampling time of ``P`` if it has one; it stabilizes ``P``. For a scaled ``P`` in its scaled
         signals.
     order : int, optional
-        Number of states wanted; fewer where the controller has states that do nothing within the loop.  By default the
-        lowest whose loop stays within ``max_degradation``, which at the latest is the controller itself.
+        Number of states; fewer if the controller has states that are not minimal within the loop. If None, the lowest
+        number whose loop stays within ``max_degradation``, at most that of the controller.
     max_degradation : float
-        By how much the closed loop's norm may grow, relative to it.
+        Allowed relative increase of the norm of the closed loop.
     fastest_pole : float, optional
-        No pole of the controller may have a larger magnitude [rad/s]; faster ones are replaced by their static gain.
-        Not for a discrete controller, which runs once a sample.
+        Largest magnitude of the controller's poles [rad/s]; faster ones are replaced by their static gain. Not for a
+        discrete controller.
 
     Returns
     -------
     ReducedController
-        The smaller controller, the closed loop it was verified in, and the norms with it and without the reduction.
+        The reduced controller, its verified closed loop, and the norms with it and with the full controller.
 
     Raises
     ------
     TypeError, ValueError
-        Other kinds of system; sampling times or scales that differ; numbers out of range; an order above the
-        controller's.
+        If `P` or `controller` is not a system, if sampling times or scales do not match, or if a number is out of range.
     SynthesisError
-        The controller does not stabilize ``P``; no one of the order, or without faster poles, stays within the tolerance.
+        If the controller does not stabilize ``P``, or if no controller of the order, or without faster poles, stays within
+        the limit.
 
     Examples
     --------
@@ -124,19 +124,19 @@ def reduce_controller(
     """
     plant, K = matched(P, controller, sampled=True)
     if K.dt != 0.0 and fastest_pole is not None:
-        raise ValueError("fastest_pole: expected none for a discrete controller, which runs once a sample")
+        raise ValueError("`fastest_pole` must be None for a discrete controller, which runs once a sample.")
     share = nonnegative("max_degradation", max_degradation)
     limit = np.inf if fastest_pole is None else positive("fastest_pole", fastest_pole)
     if order is not None and whole("order", order, 0) > len(K.A):
-        raise ValueError(f"order = {order}: the controller has only {len(K.A)} states")
+        raise ValueError(f"`order` must be at most {len(K.A)}, that of the controller, got {order}.")
     full = verified_candidate(plant, K, np.inf)
     if isinstance(full, str):
-        raise SynthesisError(f"the controller cannot be reduced: {full}")
+        raise SynthesisError(f"The controller cannot be reduced: {full}.")
     if largest_pole(K) > limit:
         slower = without_fast_poles(K, limit)
         result = "they cannot be split off" if slower is None else verified_candidate(plant, slower, np.inf)
         if slower is None or isinstance(result, str):  # it must stabilize, or nothing can be balanced
-            raise SynthesisError(f"the controller does not work without its poles above {limit:.3g} rad/s: {result}")
+            raise SynthesisError(f"The controller needs its poles above {limit:.3g} rad/s: without them, {result}.")
         K = slower
     balanced, values = _balanced_in_loop(plant, K)
     most = len(balanced.A)
@@ -161,21 +161,19 @@ def reduce_controller(
                 singular_values=values,
             )
         rejected = result
-    which = f"order {order}" if order is not None else "any order"
-    raise SynthesisError(f"no controller of {which} keeps the norm of the loop below {allowed:.6g}: {rejected}")
+    which = "any order" if order is None else f"order {order}"
+    raise SynthesisError(f"No controller of {which} has a closed loop with a norm below {allowed:.6g}: {rejected}.")
 
 
 def _balanced_in_loop(plant: GeneralizedPlant, K: Lti) -> tuple[Lti, Array]:
-    """Return a controller in coordinates in which its states are as much driven as seen within the loop, descending."""
+    """Return a controller with states balanced within the closed loop, and their singular values, descending."""
     if not len(K.A):
         return K, np.zeros(0)
     loop, n = lower_lft(plant.system, K), len(plant.A)
     A, scale = balance(loop.A)
     B, C = loop.B / scale[:, None], loop.C * scale[None, :]
-    if K.dt == 0.0:
-        P, Q = linalg.solve_continuous_lyapunov(A, -B @ B.T), linalg.solve_continuous_lyapunov(A.T, -C.T @ C)
-    else:
-        P, Q = linalg.solve_discrete_lyapunov(A, B @ B.T), linalg.solve_discrete_lyapunov(A.T, C.T @ C)
+    solve, sign = (linalg.solve_continuous_lyapunov, -1.0) if K.dt == 0.0 else (linalg.solve_discrete_lyapunov, 1.0)
+    P, Q = solve(A, sign * B @ B.T), solve(A.T, sign * C.T @ C)
     driven, seen = _root(P[n:, n:]), _root(Q[n:, n:])
     left, values, right = linalg.svd(seen.T @ driven)
     # share of the largest singular value below which a state does nothing but rounding
@@ -191,8 +189,8 @@ def _root(gramian: Array) -> Array:
 
 
 def _smaller(K: Lti, order: int) -> Iterator[tuple[str, Lti]]:
-    """Yield controllers of an order: the states left out, and these at rest."""
+    """Yield controllers of an order, with states truncated and residualized."""
     yield "truncated", replace(K, A=K.A[:order, :order], B=K.B[:order], C=K.C[:, :order])
     rest = K.A[order:, order:] - (0.0 if K.dt == 0.0 else 1.0) * np.eye(len(K.A) - order)  # of x' = 0, or of x+ = x
-    if len(rest) and np.linalg.cond(rest) < _SINGULAR:
-        yield "residualised", residualised(K, order)
+    if len(rest) and np.linalg.cond(rest) < _MAX_CONDITION:
+        yield "residualized", residualised(K, order)

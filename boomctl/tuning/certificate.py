@@ -10,11 +10,11 @@ from boomctl.exceptions import SynthesisError
 from boomctl.lti.modal import sides
 from boomctl.lti.system import ClosedLoop, Lti, lower_lft
 from boomctl.progress import Deadline
-from boomctl.synthesis.hinf.bounds import REFUTED
-from boomctl.synthesis.hinf.full_order import full_order_bound
+from boomctl.synthesis.hinf.bounds import REFUTED_RTOL
 from boomctl.synthesis.lq.h2 import h2
 from boomctl.synthesis.plants.channels import Channel, channel_of, places
 from boomctl.synthesis.plants.partition import GeneralizedPlant
+from boomctl.tuning.full_order import full_order_bound
 
 _EDGE = 1e-5  # decay of a pole over its size below which a loop may have ended at the edge of stability (a choice)
 _LOST = 1e-3  # share of the decay that the same pole had without the controller, below which it has (a choice)
@@ -47,7 +47,7 @@ def edge_of(plant: GeneralizedPlant, loop: Lti) -> str:
     before, after = plant.system.poles, loop.poles
     sizes = np.abs(before[before != 0.0])
     slowest = float(sizes.min(initial=np.inf)) if len(sizes) else 1.0
-    slowest = max(slowest, REFUTED * float(sizes.max(initial=0.0)))
+    slowest = max(slowest, REFUTED_RTOL * float(sizes.max(initial=0.0)))
     if not len(after):
         return ""
     apart = -after.real / (np.abs(after) + slowest)
@@ -100,7 +100,7 @@ def lower_bound(
         except (SynthesisError, np.linalg.LinAlgError, ValueError, ArithmeticError) as error:
             reasons.append(str(error))
             continue
-        if bound > value * (1.0 + REFUTED):
+        if bound > value * (1.0 + REFUTED_RTOL):
             reasons.append("the bound was made by rounding")
             continue
         if min(bound, value) > best:

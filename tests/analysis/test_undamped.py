@@ -122,15 +122,15 @@ def generalized(damping):
 
 LAST = [0.0, 0.0, 1.0, 1.0]  # weights of the other mode alone
 DESIGNS = {
-    "cannot be moved": lambda d: bc.lqr(oscillator(d, hidden=True), 1.0, 1.0),
-    "is not seen": lambda d: bc.kalman(oscillator(d, hidden=True), 1.0, 1.0),
+    "is uncontrollable": lambda d: bc.lqr(oscillator(d, hidden=True), 1.0, 1.0),
+    "is unobservable": lambda d: bc.kalman(oscillator(d, hidden=True), 1.0, 1.0),
     "2 rad/s": lambda d: bc.h2(generalized(d), 1, 1),
     "at 2 rad/s": lambda d: bc.h_infinity(generalized(d), 1, 1),
 }
 UNWEIGHED = {
-    "is undamped and not seen": lambda d: bc.lqr(oscillator(d), LAST, 1.0),
-    "is undamped and not reached": lambda d: bc.kalman(oscillator(d), np.diag(LAST), 1.0),
-    "undamped and not seen": lambda d: bc.lqg(oscillator(d), LAST, 1.0, 1.0, 1.0),
+    "is undamped and has no part": lambda d: bc.lqr(oscillator(d), LAST, 1.0),
+    "is undamped and not excited": lambda d: bc.kalman(oscillator(d), np.diag(LAST), 1.0),
+    "undamped and has no part": lambda d: bc.lqg(oscillator(d), LAST, 1.0, 1.0, 1.0),
 }
 
 

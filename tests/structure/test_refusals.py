@@ -172,7 +172,10 @@ REFUSED = [
     (lambda: bc.sigma(one.machine()), r"got Assembly; its \.assemble\(\) is one"),
     (lambda: bc.sigma(one.family()), r"got AffineFamily; its \.at\(\.\.\.\) is one"),
     (lambda: bc.hinf_norm(bc.reduce(one.mass(), order=2)), r"got ReductionResult; its \.system is one"),
-    (lambda: bc.discretize(one.mass(), 0.01), r"got SecondOrderModel; .* sampled by its \.to_statespace\(dt=0\.01\)"),
+    (
+        lambda: bc.discretize(one.mass(), 0.01),
+        r"got SecondOrderModel. Sample a structure by its \.to_statespace\(dt=0\.01\)",
+    ),
     (lambda: bc.write_controller(one.machine(), "law.json"), r"got Assembly; its \.assemble\(\)\.to_statespace\(\) is"),
     (lambda: bc.sigma(np.eye(2)), r"got ndarray; .* or control\.ss\(A, B, C, D\) makes one"),
     (lambda: split_symmetric(one.machine()), r"got Assembly; .*\.assemble\(\) of an Assembly"),

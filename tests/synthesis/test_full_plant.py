@@ -118,7 +118,7 @@ def test_reduced_plants_of_other_kinds_know_the_full_one(full):
 
 @pytest.mark.slow
 def test_a_full_plant_too_large_for_its_poles_is_proved_by_the_small_gain_or_not_at_all(monkeypatch, full):
-    monkeypatch.setattr(full_plant, "_MOST_POLES", 0)
+    monkeypatch.setattr(full_plant, "_MAX_POLES", 0)
     found, said = design(generalized(bc.reduce(full, order=12)))
     told = found.certificate.full_plant
     assert told.stable is None

@@ -52,7 +52,7 @@ def test_the_solution_is_right_to_many_digits():
     assert np.abs(step / np.outer(size, size)).max() < 1e-9
     assert found.cost_error < 1e-9
     if np.finfo(np.longdouble).nmant > 60:
-        assert problem.residual(found.X, extended=True) == pytest.approx(exact, abs=1e-9 * np.abs(exact).max() + 1e-16)
+        assert problem.residual(found.X) == pytest.approx(exact, abs=1e-9 * np.abs(exact).max() + 1e-16)
 
 
 def test_states_without_a_way_to_the_weight_cost_exactly_nothing():
@@ -81,4 +81,4 @@ def test_the_solution_says_which_way_was_taken():
     mode = RiccatiProblem(np.array([[0.0, 1.0], [-4.0, -0.1]]), np.eye(2)[:, 1:], np.eye(2), one, np.zeros((2, 1)))
     chain = RiccatiProblem(np.array([[0.0, 1.0], [0.0, 0.0]]), np.eye(2)[:, 1:], np.eye(2), one, np.zeros((2, 1)))
     assert solve_riccati(mode).stages == ("modal coordinates: SLICOT SB02MD",)
-    assert solve_riccati(chain).stages == ("modal coordinates: none", "balanced coordinates: SLICOT SB02MD")
+    assert solve_riccati(chain).stages == ("modal coordinates: none", "scaled coordinates: SLICOT SB02MD")

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from boomctl.progress import Deadline
-from boomctl.synthesis.hinf.full_order import full_order_bound
 from boomctl.synthesis.plants.partition import partition
 from boomctl.tunable import makers as tunable
+from boomctl.tuning.full_order import full_order_bound
 from boomctl.tuning.tune import tune
 from tests.profiles import is_hunt
 from tests.tuning.compleib import plant, plant_names

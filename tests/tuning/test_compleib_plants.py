@@ -6,8 +6,8 @@ from scipy import io
 
 from boomctl.lab.benchmark.scenes.synthesis import published_plants
 from boomctl.progress import Deadline
-from boomctl.synthesis.hinf.full_order import full_order_bound
 from boomctl.synthesis.plants.partition import partition
+from boomctl.tuning.full_order import full_order_bound
 from tests.test_collections import KEYS, gym_folder, gym_names
 from tests.tuning.compleib import exact_names, plant
 

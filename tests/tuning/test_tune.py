@@ -398,7 +398,7 @@ REFUSED = [
     (lambda: tuned(oscillator, DAMPER + WIDER, 0, 0), "twice"),
     (lambda: tuned(structure=T.gain() + DAMPER), "function"),
     (lambda: tuned(weighed, T.gain() + T.plant_parameter("m", 0.1, 1.0), family=family()), "parameter of the family"),
-    (lambda: tuned(control.ss(1.0, [[1.0, 0.0]], [[1.0], [1.0]], 0.0)), "not stabilisable"),
+    (lambda: tuned(control.ss(1.0, [[1.0, 0.0]], [[1.0], [1.0]], 0.0)), "not stabilizable"),
     (
         lambda: tuned(control.ss(INTEGRATORS, np.eye(2), [[1.0, 0.0], [1.0, 0.0]], 0.0)),
         "no controller of this structure",

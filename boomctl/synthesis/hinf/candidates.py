@@ -1,8 +1,6 @@
-"""Controllers of one level after another, each verified in its loop before anyone sees it."""
+"""The H-infinity controller of the lowest level that passes two tests: slow enough poles, and a verified closed loop."""
 
-from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 
@@ -12,146 +10,137 @@ from boomctl.lti.modal import split
 from boomctl.lti.rounding import SOLVED
 from boomctl.lti.system import ClosedLoop, Lti, rates_of
 from boomctl.progress import Deadline
-from boomctl.synthesis.hinf.bounds import CLOSEST, Bounds
+from boomctl.synthesis.hinf.bounds import FIRST_LEVEL, Bounds
 from boomctl.synthesis.hinf.normal_form import NormalizedPlant
 from boomctl.synthesis.hinf.two_riccati import Level, level_of, suboptimal_controller
 from boomctl.synthesis.plants.partition import GeneralizedPlant, with_feedthrough
 
-# Share by which a loop's norm may exceed the level its controller was computed for: rounding of the solver
-_ACCEPT = 0.01
-
-# Levels in the order tried, as shares above the lower bound.  All are choices: a controller nearer the optimum has faster
-# poles, so that the first level takes up nearly all of the tolerance and leaves the rest to rounding.
-_FIRST = (CLOSEST, 0.5, 1.0)  # of the tolerance
-_CLOSE = (0.02, 0.0485)  # up to 5 % with rounding: then twice the tolerance and these, where they are more than it
-_FAR = (0.1, 0.2, 0.4, 0.7, 1.0)  # then up to twice the bound, where poles may stay slow only at that cost
-_ANY = (*_FAR, 3.0, 10.0, 100.0)  # where slow poles were asked for, at whatever cost
-# Of the ratio between the last level that failed and the first that passed: to an eighth of its logarithm
-_HALVINGS = 3
-
-# A controller that was tried: who computed it, for which level, and what came of it
-_Tried = tuple[str, float, str]
+_NORM_RTOL = 0.01  # Excess of the norm of a loop over the level of its controller, by rounding of the solver.
+_WANTED_LEVELS = (0.9999, 0.99)  # Levels below a wanted norm; the second one leaves more for rounding.
+# Excess of the first levels over the lower bound, relative to rtol. The nearer one has faster poles, further from those
+# that are retained if they are residualized.
+_FIRST_LEVELS = (FIRST_LEVEL, 0.5)
+# Growth of the excess over the lower bound until a controller passes, from a level that leaves enough for rounding.
+_GROWTH, _LEAST_EXCESS = 2.0, 0.01
+# Largest excess over the lower bound with poles below the default limit, and with no limit or one that the user set.
+_MAX_EXCESS, _MAX_EXCESS_STRICT = 1.0, 100.0
+_BISECTIONS = 4  # Of the last growth of the excess.
 
 
 @dataclass(frozen=True)
 class Task:
-    """A plant, what bounds its loops from below, the equations of the level reached, and what is wanted of a controller."""
+    """A plant, lower bounds of its loops, the lowest level reached, and the requirements on a controller."""
 
     plant: GeneralizedPlant
     ready: NormalizedPlant
     bounds: Bounds
     reached: Level
     fastest: float
-    tolerance: float
+    rtol: float
     deadline: Deadline
     wanted: float | None = None
+
+    def level(self, excess: float) -> float:
+        """Return a level by its excess over the lower bound, not below the one that is reached."""
+        reached = self.bounds.reached
+        level = (self.bounds.lower or reached) * (1.0 + excess)
+        return level if level >= reached else reached * (1.0 + 0.1 * self.rtol)
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """A controller that passed, the loop it passed in, and what was found of it; ``stages`` tells what was tried."""
+    """A controller, its verified closed loop with norm and spectral abscissa, and the log of the search."""
 
     K: Lti
     loop: Lti
     norm: NormBounds
-    slowest: float
+    abscissa: float
     stages: tuple[str, ...] = ()
 
 
-def first_accepted(task: Task, strict: bool) -> Candidate:
-    """Return a controller whose poles may be implemented, as near to the lower bound as that allows.
+def lowest_controller(task: Task, strict: bool) -> Candidate:
+    """Return the controller of the lowest level whose poles are slow enough and whose loop is verified.
 
-    Where none is found up to twice the lower bound, and unless ``strict``, one with faster poles comes back.
+    If there is none up to twice the lower bound, and unless ``strict``, the limit on the poles is dropped.
 
     Raises
     ------
     SynthesisError
-        No controller passes; why each was rejected is told.
+        If no controller passes, with the reasons.
     OutOfTimeError
-        There was no time left for another one.
+        If the time is up.
     """
-    tried: list[_Tried] = []
-    t = task.tolerance
-    first = [share * t for share in _FIRST]
-    if task.wanted is not None:
-        levels = {max(task.wanted * share, task.bounds.reached) for share in (0.9999, 0.999, 0.99)}
-        result = _first_of(task, sorted(levels, reverse=True), tried)
-    else:
-        near = _levels(task, (*first, *(share for share in (2.0 * t, *_CLOSE) if share > t)))
-        result = _first_of(task, near, tried) or _farther(task, near[-1], strict, tried)
+    log: list[str] = []
+    result = _lowest(task, _MAX_EXCESS_STRICT if strict else _MAX_EXCESS, log)
     if result is None and not strict:
-        result = _first_of(replace(task, fastest=np.inf), _levels(task, (first[0], t, *_ANY)), tried)
+        result = _lowest(replace(task, fastest=np.inf), _MAX_EXCESS_STRICT, log)
     if result is not None:
-        stages = (f"{solver} at gamma = {level:.6g}: {outcome}" for solver, level, outcome in tried)
-        return replace(result, stages=tuple(stages))
-    last = {solver: outcome for solver, _, outcome in tried}
-    told = "; ".join(f"{solver}: {outcome}" for solver, outcome in last.items())
-    raise SynthesisError(f"no controller passed verification, from gamma = {task.bounds.reached:.6g} on ({told})")
+        return replace(result, stages=tuple(log))
+    raise SynthesisError(f"No controller passed verification: {'; '.join(log[-2:])}.")
 
 
-def _levels(task: Task, shares: Sequence[float]) -> list[float]:
-    """Return levels that lie these shares above the lower bound, none of them below what can be reached."""
-    reached = task.bounds.reached
-    levels = [(task.bounds.lower or reached) * (1.0 + share) for share in shares]
-    return [level if level >= reached else reached * (1.0 + 0.1 * task.tolerance) for level in levels]
+def _lowest(task: Task, max_excess: float, log: list[str]) -> Candidate | None:
+    """Return the first controller that passes as the level grows, or that of a lower level by bisection after that."""
+    if task.wanted is not None:
+        levels = sorted({max(task.wanted * share, task.bounds.reached) for share in _WANTED_LEVELS}, reverse=True)
+        candidates = (_controller_of_level(task, level, log) for level in levels)
+        return next((candidate for candidate in candidates if candidate is not None), None)
+    result: Candidate | None = None
+    for share in _FIRST_LEVELS:
+        result = _controller_of_level(task, task.level(share * task.rtol), log)
+        if result is not None:
+            return result
+    failed = excess = FIRST_LEVEL * task.rtol
+    while result is None and excess < max_excess:
+        failed, excess = excess, min(max(_GROWTH * excess, _LEAST_EXCESS), max_excess)
+        result = _controller_of_level(task, task.level(excess), log)
+    if result is None:
+        return None
+    for _ in range(_BISECTIONS):
+        middle = 0.5 * (failed + excess)
+        better = _controller_of_level(task, task.level(middle), log)
+        failed, excess, result = (failed, middle, better) if better is not None else (middle, excess, result)
+    return result
 
 
-def _farther(task: Task, last: float, strict: bool, tried: list[_Tried]) -> Candidate | None:
-    """Return a controller from farther above the bound, the level halved back towards the last that gave none."""
-    levels = [last, *(level for level in _levels(task, _ANY if strict else _FAR) if level > last)]
-    for below, above in pairwise(levels):
-        result = _first_of(task, [above], tried)
-        if result is None:
-            continue
-        for _ in range(_HALVINGS):
-            middle = float(np.sqrt(below * above))
-            better = _first_of(task, [middle], tried)
-            below, above, result = (below, middle, better) if better is not None else (middle, above, result)
-        return result
-    return None
-
-
-def _first_of(task: Task, levels: Sequence[float], tried: list[_Tried]) -> Candidate | None:
-    """Return the first controller of these levels that passes; all that were computed go into ``tried``."""
-    for level in levels:
-        limit = task.wanted if task.wanted is not None else (1.0 + _ACCEPT) * level
-        for solver, K in _controllers(task, level, tried):
-            task.deadline.check(f"verifying a controller for gamma = {level:.6g}")
-            result = verified_candidate(task.plant, K, limit)
-            if isinstance(result, Candidate):
-                tried.append((solver, level, "passed"))
-                return result
-            tried.append((solver, level, result))
-    return None
-
-
-def _controllers(task: Task, level: float, tried: list[_Tried]) -> Iterator[tuple[str, Lti]]:
-    """Yield controllers of a level, one with poles that are too fast without these; refusals go into ``tried``."""
-    for solver, ready in (("two Riccati equations", task.ready), ("states in another order", task.ready.reordered)):
-        task.deadline.check(f"computing a controller for gamma = {level:.6g}")
-        outward, inward = ready.from_controls, ready.from_measurements
-        try:
-            # the first level tried is often the one that was reached
-            known = ready is task.ready and abs(level / task.reached.gamma - 1.0) <= SOLVED
-            result = task.reached if known else level_of(ready, level)
-            if result.reason:
-                raise ValueError(result.reason)
-            K = suboptimal_controller(ready, result, inward @ task.plant.D22 @ outward)
-            K = Lti(K.A, K.B @ inward, outward @ K.C, outward @ K.D @ inward)
-            if not all(np.isfinite(part).all() for part in (K.A, K.B, K.C, K.D)):
-                raise ValueError("a controller that is not finite")
-            K = with_feedthrough(K, task.plant.D22)
-        except (ValueError, np.linalg.LinAlgError) as error:
-            tried.append((solver, level, str(error)))
-            continue
-        speed = largest_pole(K)
-        if speed <= task.fastest:
-            yield solver, K
-            continue
-        tried.append((solver, level, f"a pole at {speed:.3g} rad/s where {task.fastest:.3g} are allowed"))
+def _controller_of_level(task: Task, gamma: float, log: list[str]) -> Candidate | None:
+    """Return the controller of a level if it passes, without its poles that are too fast; the log tells the outcome."""
+    task.deadline.check(f"computing a controller for gamma = {gamma:.6g}")
+    name, level = "two Riccati equations", f"at gamma = {gamma:.6g}"
+    try:
+        K = _controller(task, gamma)
+    except (ValueError, np.linalg.LinAlgError) as error:
+        log.append(f"{name} {level}: {error}")
+        return None
+    if (speed := largest_pole(K)) > task.fastest:
+        log.append(f"{name} {level}: a pole at {speed:.3g} rad/s where {task.fastest:.3g} are allowed")
         slower = without_fast_poles(K, task.fastest)
-        if slower is not None:
-            yield f"{solver}, fast poles residualised", slower
+        if slower is None:
+            return None
+        name, K = f"{name}, fast poles residualized", slower
+    result = verified_candidate(task.plant, K, task.wanted or (1.0 + _NORM_RTOL) * gamma)
+    log.append(f"{name} {level}: {result if isinstance(result, str) else 'passed'}")
+    return None if isinstance(result, str) else result
+
+
+def _controller(task: Task, gamma: float) -> Lti:
+    """Return the controller of a level in the signals of the plant.
+
+    Raises
+    ------
+    ValueError, numpy.linalg.LinAlgError
+        If the level is not reached, or if the controller is not finite or its loop not well-posed.
+    """
+    ready, D22 = task.ready, task.plant.D22
+    outward, inward = ready.from_controls, ready.from_measurements
+    level = task.reached if abs(gamma / task.reached.gamma - 1.0) <= SOLVED else level_of(ready, gamma)
+    if level.reason:
+        raise ValueError(level.reason)
+    K = suboptimal_controller(ready, level, inward @ D22 @ outward)
+    K = Lti(K.A, K.B @ inward, outward @ K.C, outward @ K.D @ inward)
+    if not all(np.isfinite(part).all() for part in (K.A, K.B, K.C, K.D)):
+        raise ValueError("a controller that is not finite")
+    return with_feedthrough(K, D22)
 
 
 def largest_pole(K: Lti) -> float:
@@ -160,10 +149,7 @@ def largest_pole(K: Lti) -> float:
 
 
 def without_fast_poles(K: Lti, fastest: float) -> Lti | None:
-    """Return a system without its poles above a magnitude [rad/s], their gain at zero frequency kept in ``D``.
-
-    None comes back where they cannot be split off.  Nothing is said of the loop: verify it.
-    """
+    """Return a controller with the poles above a magnitude [rad/s] replaced by their static gain; None if inseparable."""
     try:
         fast, slow, _ = split(K, np.abs(K.poles) > fastest)
         D = slow.D - fast.C @ np.linalg.solve(fast.A, fast.B)
@@ -174,18 +160,18 @@ def without_fast_poles(K: Lti, fastest: float) -> Lti | None:
 
 
 def verified_candidate(plant: GeneralizedPlant, K: Lti, limit: float) -> Candidate | str:
-    """Return a controller with its certificate if its loop is stable and its norm not above ``limit``; else why not."""
+    """Return a controller whose loop is stable, with a verified norm up to ``limit``; otherwise the reason."""
     try:
         parts = ClosedLoop(plant.system, K)
         loop = parts.system
     except ValueError as error:
         return str(error)
-    slowest = float(rates_of(loop.eigensystem[0], loop.dt).real.max(initial=-np.inf))
-    if slowest >= 0.0:
-        return f"its loop has a pole with real part {slowest:.3g} rad/s"
+    abscissa = float(rates_of(loop.eigensystem[0], loop.dt).real.max(initial=-np.inf))
+    if abscissa >= 0.0:
+        return f"its loop has a pole with real part {abscissa:.3g} rad/s"
     norm = matrices_norm(parts)
     if not norm.certified:
-        return f"the norm of its loop could not be certified ({norm.method})"
+        return f"the norm of its loop could not be verified ({norm.method})"
     if norm.upper_bound > limit or norm.lower_bound == np.inf:
         return f"its loop has norm {norm.lower_bound:.6g}, more than {limit:.6g}"
-    return Candidate(K, loop, norm, slowest)
+    return Candidate(K, loop, norm, abscissa)

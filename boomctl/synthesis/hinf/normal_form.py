@@ -1,45 +1,33 @@
-"""Generalized plants in the signals and states that H-infinity solvers work with."""
+"""Generalized plants in the signals and states of the H-infinity and H2 solvers."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy import linalg
 
 from boomctl.arrays import Array, balance
 from boomctl.lti.modal import block_diagonal
-from boomctl.lti.rounding import ROOT
-from boomctl.lti.system import Lti, signal_scales
+from boomctl.lti.system import Lti
 from boomctl.synthesis.plants.partition import GeneralizedPlant
 
-_INDEPENDENT = 1e5  # condition of a basis above which its columns count as dependent: half of all digits are then left
+_MAX_CONDITION = 1e5  # Of the modal basis; modes with nearly dependent eigenvectors share a block.
 
 
 @dataclass(frozen=True)
 class NormalizedPlant(GeneralizedPlant):
-    """A plant with ``D12 = [0; I]``, ``D21 = [0, I]``, ``D22 = 0`` and modes of like size.
+    """Plant with ``D12 = [0; I]``, ``D21 = [0, I]``, ``D22 = 0`` and scaled modal states.
 
-    The controller of the plant is ``from_controls @ K @ from_measurements``, its ``D22`` apart; the states of the plant
-    are ``modes`` times those in here, which are each named after the state of the plant that takes the largest part in
-    them.  Disturbances and performance signals are only rotated, so no norm changes.
+    The controller of the original plant is ``from_controls @ K @ from_measurements``, apart from its ``D22``.
+    Disturbances and performance outputs are only rotated, which preserves norms. Each state is named after the original
+    state with the largest participation.
     """
 
     from_controls: Array
     from_measurements: Array
-    modes: Array
-
-    @property
-    def reordered(self) -> "NormalizedPlant":
-        """The plant with its states in reverse order and other scales: what rounding spoils in one the other may bear."""
-        s = self.system
-        A, B, C = s.A[::-1, ::-1], s.B[::-1], s.C[:, ::-1]
-        scale = signal_scales(A, B, C)
-        A, B, C = A / scale[:, None] * scale, B / scale[:, None], C * scale
-        system = replace(s, A=A, B=B, C=C, state_labels=s.state_labels[::-1])
-        return replace(self, system=system, modes=self.modes[:, ::-1] * scale)
 
 
 def normalized(plant: GeneralizedPlant) -> NormalizedPlant:
-    """Return the plant in normalized signals and, where its eigenvectors allow, in real modal coordinates.
+    """Return the plant in normalized signals and real modal coordinates.
 
     ``D12`` must have full column rank and ``D21`` full row rank.
     """
@@ -56,51 +44,23 @@ def normalized(plant: GeneralizedPlant) -> NormalizedPlant:
     D[: plant.nz, : plant.nw] = rotate_z @ plant.D11 @ rotate_w
     D[plant.nz - ncon : plant.nz, plant.nw :] = np.eye(ncon)
     D[plant.nz :, plant.nw - nmeas : plant.nw] = np.eye(nmeas)
-    modes = _modal_basis(plant.A, B, C)
-    lengths = np.linalg.norm(modes, axis=0)  # those of modes hardly driven or seen differ by many decades
-    inverse = np.linalg.inv(modes / lengths) / lengths[:, None] if len(modes) else modes
-    names = tuple(plant.system.state_labels[k] for k in np.abs(modes).argmax(axis=0)) if len(modes) else ()
-    system = Lti(inverse @ plant.A @ modes, inverse @ B, C @ modes, D, state_labels=names, dt=plant.system.dt)
-    return NormalizedPlant(system, nmeas, ncon, from_controls, from_measurements, modes)
+    A, basis, inverse = _modal_form(plant.A, B, C)
+    names = tuple(plant.system.state_labels[k] for k in np.abs(basis).argmax(axis=0)) if len(A) else ()
+    system = Lti(A, inverse @ B, C @ basis, D, state_labels=names, dt=plant.system.dt)
+    return NormalizedPlant(system, nmeas, ncon, from_controls, from_measurements)
 
 
-def _modal_basis(A: Array, B: Array, C: Array) -> Array:
-    """Return real columns that span the modes of ``A``, each scaled so that it is driven as much as it is seen.
-
-    Modes whose eigenvectors hardly differ (integrator chains, double poles) stay together in a block.
-    """
-    if not len(A):
-        return np.zeros((0, 0))
-    values, vectors = linalg.eig(A)
-    blocks = [
-        [v.real, v.imag] if value.imag > 0.0 else [v.real]
-        for value, v in zip(values, vectors.T, strict=True)
-        if value.imag >= 0.0
-    ]
-    basis = np.array([column for block in blocks for column in block]).T
-    widths = [len(block) for block in blocks]
-    # a double pole that rounding split into a complex pair: the imaginary part of the eigenvector is rounding
-    double = ((values.imag > 0.0) & (values.imag <= ROOT * np.abs(values))).any()
-    if double or basis.shape != A.shape or np.linalg.cond(basis / np.linalg.norm(basis, axis=0)) > _INDEPENDENT:
-        basis, widths = _blocks(A)
-    B, C = np.linalg.solve(basis, B), C @ basis
-    start = 0
+def _modal_form(A: Array, B: Array, C: Array) -> tuple[Array, Array, Array]:
+    """Return ``A`` in modal blocks, the basis and its inverse; inputs and outputs are coupled equally to each block."""
+    balanced, scale = balance(A)
+    blocks, columns, widths = block_diagonal(balanced, _MAX_CONDITION)
+    inverse = np.linalg.inv(columns) if len(A) else columns
+    driven, seen = inverse @ (B / scale[:, None]), (C * scale) @ columns
+    d, start = np.ones(len(A)), 0
     for width in widths:
         block = slice(start, start + width)
-        driven, seen = np.linalg.norm(B[block]), np.linalg.norm(C[:, block])
-        if driven > 0.0 and seen > 0.0:
-            basis[:, block] *= np.sqrt(driven / seen)
+        d[block] = balance(blocks[block, block])[1]
+        b, c = np.linalg.norm(driven[block] / d[block, None]), np.linalg.norm(seen[:, block] * d[block])
+        d[block] *= np.sqrt(b / c) if b > 0.0 and c > 0.0 else 1.0
         start += width
-    return basis
-
-
-def _blocks(A: Array) -> tuple[Array, list[int]]:
-    """Return columns that bring ``A`` to diagonal blocks without being near to dependent, and the blocks' widths."""
-    balanced, scale = balance(A)
-    blocks, columns, widths = block_diagonal(balanced, _INDEPENDENT)
-    basis, start = scale[:, None] * columns, 0
-    for width in widths:
-        part = slice(start, start + width)
-        basis[:, part] *= balance(blocks[part, part])[1]
-        start += width
-    return basis, widths
+    return blocks / d[:, None] * d, scale[:, None] * columns * d, inverse / scale / d[:, None]

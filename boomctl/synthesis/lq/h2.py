@@ -1,4 +1,4 @@
-"""H2-optimal controllers of generalized plants: two Riccati equations, the norm verified on the closed loop.
+"""H2-optimal controllers of generalized plants, with the verified norm of the closed loop.
 
 Doyle, Glover, Khargonekar & Francis (1989), IEEE Transactions on Automatic Control 34; in discrete time Chen & Francis
 (1995), Optimal Sampled-Data Control Systems, chapter 6: the control at a sample may use the measurement at that sample.
@@ -17,13 +17,19 @@ from boomctl.exceptions import SynthesisError
 from boomctl.lti.system import Lti, lower_lft
 from boomctl.printing import system
 from boomctl.synthesis.assumptions import check_modes, check_ranks, check_zeros
-from boomctl.synthesis.certificate import Design, DesignCertificate
+from boomctl.synthesis.certificate import Design, DesignCertificate, trust
 from boomctl.synthesis.hinf.normal_form import normalized
+from boomctl.synthesis.lq.discrete_riccati import solution_of
 from boomctl.synthesis.lq.output_feedback import certify, least_cost, observer
 from boomctl.synthesis.lq.riccati import RiccatiProblem, RiccatiSolution
-from boomctl.synthesis.lq.riccati_steps import solution_of
 from boomctl.synthesis.plants.full_plant import origin_of
-from boomctl.synthesis.plants.partition import FEEDTHROUGH, GeneralizedPlant, cancelled, partition, with_feedthrough
+from boomctl.synthesis.plants.partition import (
+    FEEDTHROUGH_RTOL,
+    GeneralizedPlant,
+    cancelled,
+    partition,
+    with_feedthrough,
+)
 from boomctl.threads import one_blas_thread
 
 if TYPE_CHECKING:
@@ -32,7 +38,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class H2Result(Design):
-    """An H2-optimal controller.
+    """Result of an H2 synthesis.
 
     Attributes
     ----------
@@ -41,15 +47,15 @@ class H2Result(Design):
     scaled_controller : control.StateSpace
         The same in the scaled signals of the plant; equal to `controller` if the plant has no scales.
     closed_loop : control.StateSpace
-        The loop from the disturbances to the performance outputs, named as in the generalized plant.
+        Closed loop from the disturbances to the performance outputs, labeled as in the generalized plant.
     norm : float
-        H2 norm of the closed loop, found of the loop itself.
+        H2 norm of the closed loop.
     optimal_norm : float
-        The least H2 norm of any controller, from the Riccati solutions alone.
+        The least H2 norm of any controller, by the Riccati equations.
     poles : complex ndarray
         Poles of the closed loop [rad/s]: those of the regulator, then those of the filter.
     certificate : DesignCertificate
-        The norm between two bounds, the least one by the Riccati equations, and how well these are solved.
+        The norm, the least one by the Riccati equations, and the errors of their solutions.
     """
 
     _called = "h2"
@@ -63,31 +69,31 @@ class H2Result(Design):
     _plant: Lti | None = field(default=None, repr=False, compare=False)
 
     def __claims__(self) -> Iterator[Claim]:
-        """Yield what can be proved: of the loop of the plant that was handed in."""
+        """Yield the claims about the loop of the plant that can be proved."""
         if self._plant is not None:
             yield Claim("the closed loop", self._plant, self._controller, stable=True)
 
     def __repr__(self) -> str:
-        verified = "verified" if self.certificate.norm_bounds.certified else "not certified"
-        norms = f"H2 norm of the closed loop {self.norm:.6g}, {verified}; least possible {self.optimal_norm:.6g}"
-        return f"H2Result: controller of {system(self._controller)}\n  {norms}{self.certificate._on_full_plant}"
+        c = self.certificate
+        norms = f"H2 norm of the closed loop {self.norm:.6g}, {trust(c.norm_bounds)}; least possible {self.optimal_norm:.6g}"
+        return f"H2Result: controller of {system(self._controller)}\n  {norms}{c._on_full_plant}"
 
 
 @one_blas_thread
 def h2(P: "control.StateSpace", nmeas: int | None = None, ncon: int | None = None) -> H2Result:
-    """Return the controller that makes the H2 norm of the closed loop as small as can be.
+    """Design the controller that minimizes the H2 norm of the closed loop.
 
     Parameters
     ----------
     P : control.StateSpace
         Generalized plant: its last ``ncon`` inputs are controls, its last ``nmeas`` outputs are measurements; the others
-        are disturbances (unit white noise) and performance outputs.  Of a discrete one the controller is the best of all
-        whose control at a sample rests on the measurements up to that sample; :func:`boomctl.lqg` gives the best of those
-        that rest on the ones before it.  Where the plant that `generalized_plant` was given is what `reduce` returned,
-        the loop is judged on the full plant too, its H2 norm among it: ``certificate.full_plant``.
+        are disturbances (unit white noise) and performance outputs. For a discrete plant the control at a sample depends on
+        the measurements up to that sample; with :func:`boomctl.lqg`, on those before it. If the plant passed to
+        `generalized_plant` is a result of `reduce`, the loop is also evaluated on the full plant:
+        ``certificate.full_plant``.
     nmeas, ncon : int, optional
-        Numbers of measurements and controls; not needed of what `generalized_plant` or `mixed_sensitivity` made, whose
-        names tell them.
+        Numbers of measurements and controls. If None, they are determined from the labels that `generalized_plant` and
+        `mixed_sensitivity` give.
 
     Returns
     -------
@@ -97,17 +103,16 @@ def h2(P: "control.StateSpace", nmeas: int | None = None, ncon: int | None = Non
     Raises
     ------
     TypeError, ValueError
-        Another kind of system, discrete time that does not say its sampling time, not finite; numbers of signals that the
-        plant does not have.
+        If `P` is not a system, if its sampling time is unspecified, if an entry is not finite, or if a count is out of range.
     SynthesisError
-        A control that no performance output weighs, a measurement without noise, a direct way from a disturbance to a
-        performance output that no controller can cancel (in continuous time), a mode in the way: each named.  A loop
-        whose norm is not what the Riccati equations say.
+        If a control has no weight or a measurement no noise, if a feedthrough from a disturbance to a performance output
+        cannot be canceled (in continuous time), if an assumption fails for a mode, or if the norm of the loop is not that of
+        the Riccati equations.
 
     Warns
     -----
     ReductionWarning
-        On the full plant the loop is not stable, or not proved to be, or its norm is more than a tenth larger.
+        If the loop with the full plant is not stable, not proved to be, or has a norm larger by more than a tenth.
 
     Examples
     --------
@@ -122,7 +127,7 @@ def h2(P: "control.StateSpace", nmeas: int | None = None, ncon: int | None = Non
     """
     plant = partition(P, nmeas, ncon, sampled=True)
     if not len(plant.A):
-        raise ValueError("P: expected at least one state, got a static gain")
+        raise ValueError("`P` must have at least one state, got a static gain.")
     check_ranks(plant)
     direct = _cancelling(plant) if plant.system.dt == 0.0 else np.zeros((plant.ncon, plant.nmeas))
     shifted = _with_direct(plant, direct)
@@ -135,7 +140,7 @@ def h2(P: "control.StateSpace", nmeas: int | None = None, ncon: int | None = Non
     try:
         K = with_feedthrough(replace(K, D=K.D + direct), plant.D22)
     except ValueError as error:
-        raise SynthesisError(f"feedthrough from controls to measurements: {error}") from None
+        raise SynthesisError(f"The feedthrough from controls to measurements is not allowed: {error}.") from None
     loop = cancelled(lower_lft(plant.system, K), plant.D11)
     certificate = certify(loop, K, least, regulator, estimator, plant=plant, origin=origin_of(P))
     return H2Result(
@@ -170,17 +175,17 @@ def _controller(p: GeneralizedPlant, regulator: RiccatiSolution, estimator: Ricc
 
 
 def _cancelling(parts: GeneralizedPlant) -> Array:
-    """Return the direct gain from measurements to controls that cancels the direct way to the performance signals."""
+    """Return the gain from measurements to controls that cancels the feedthrough to the performance outputs."""
     D11 = parts.D11
     if not D11.any():
         return np.zeros((len(parts.controls), len(parts.measurements)))
     direct = -np.linalg.pinv(parts.D12) @ D11 @ np.linalg.pinv(parts.D21)
     left = D11 + parts.D12 @ direct @ parts.D21
-    if np.abs(left).max() > FEEDTHROUGH * np.abs(D11).max():
+    if np.abs(left).max() > FEEDTHROUGH_RTOL * np.abs(D11).max():
         i, j = (int(k) for k in np.unravel_index(np.argmax(np.abs(left)), left.shape))
         raise SynthesisError(
-            f"disturbance {parts.disturbances[j]!r} acts on performance signal {parts.performance[i]!r} directly (gain "
-            f"{D11[i, j]:.4g}), which no controller can cancel: the H2 norm is infinite; filter one of them (D11 = 0)"
+            f"The H2 norm is infinite: disturbance {parts.disturbances[j]!r} has a feedthrough {D11[i, j]:.4g} to performance"
+            f" output {parts.performance[i]!r}, which no controller cancels. Filter one of them."
         )
     return direct
 

@@ -1,4 +1,4 @@
-"""Stationary Kalman filters: the estimate of least variance, the dual of the regulator."""
+"""Stationary Kalman filters, the duals of regulators."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from boomctl.lti.gramians import square_root
 from boomctl.lti.system import Lti
 from boomctl.printing import system
 from boomctl.synthesis.assumptions import check_detectable, check_excited
+from boomctl.synthesis.lq.discrete_riccati import solution_of
 from boomctl.synthesis.lq.problem import Noise, Weight, chosen, noise_of, plant_of
 from boomctl.synthesis.lq.riccati import RiccatiProblem, RiccatiSolution
-from boomctl.synthesis.lq.riccati_steps import solution_of
 from boomctl.threads import one_blas_thread
 
 if TYPE_CHECKING:
@@ -34,14 +34,13 @@ class KalmanResult:
     gain : (n, p) ndarray
         Gain ``L`` of the filter.
     covariance : (n, n) ndarray
-        Covariance of the error of the estimate.
+        Covariance of the estimation error.
     estimator : control.StateSpace
-        The filter as a system: from the measurements and the known inputs, by their names, to the estimated states
-        (dots in their names replaced by ``_``).
+        From the measurements and the known inputs to the estimated states, labeled like these, with dots replaced by ``_``.
     poles : (n,) complex ndarray
         Poles of the estimator [rad/s].
     certificate : RiccatiSolution
-        How well the Riccati equation is solved.
+        Errors of the Riccati solution.
     """
 
     gain: Array
@@ -52,14 +51,13 @@ class KalmanResult:
 
     @cached_property
     def estimator(self) -> control.StateSpace:
-        """As a system of python-control; it is made when it is first read."""
+        """The filter as a system, converted on first access."""
         return self._estimator.statespace("estimator")
 
     def __repr__(self) -> str:
         rate = self.certificate.abscissa if self._estimator.dt else self.poles.real.max(initial=-np.inf)
-        slowest = f"slowest pole of the estimator {rate:.4g} rad/s"
-        checked = f"Riccati residual {self.certificate.residual:.1e}"
-        return f"KalmanResult: estimator of {system(self._estimator)}\n  {slowest}; {checked}"
+        errors = f"slowest pole of the estimator {rate:.4g} rad/s; Riccati residual {self.certificate.residual:.1e}"
+        return f"KalmanResult: estimator of {system(self._estimator)}\n  {errors}"
 
 
 @one_blas_thread
@@ -71,7 +69,7 @@ def kalman(
     measurements: str | Sequence[str] | None = None,
     disturbances: str | Sequence[str] | None = None,
 ) -> KalmanResult:
-    """Return the stationary Kalman filter of a system driven by white noise.
+    """Design the stationary Kalman filter of a system driven by white noise.
 
     Parameters
     ----------
@@ -98,10 +96,10 @@ def kalman(
     Raises
     ------
     TypeError, ValueError
-        Another kind of system; unknown names; wrong shapes; an indefinite intensity, whose eigenvalue is named.
+        If `system` is not a system, if a label is unknown, if a shape is wrong, or if an intensity is indefinite.
     SynthesisError
-        An unstable or undamped mode that no measurement sees, or an undamped one that no noise reaches (named by
-        frequency and damping); a solution that is not exact enough.
+        If an unstable or undamped mode is unobservable, if an undamped one is not excited by noise (with its frequency and
+        damping), or if the solution is not accurate enough.
 
     Examples
     --------
@@ -115,14 +113,12 @@ def kalman(
     measured = chosen("measurements", measurements, plant.output_labels)
     noise = noise_of(plant, process_noise, measurement_noise, measurements=measured, disturbances=disturbances)
     solution = solved_filter(plant, noise, measured)
-    L, n = solution.gain.T, len(plant.A)
+    L, n, states = solution.gain.T, len(plant.A), plant.state_labels
     known = tuple(name for name in plant.input_labels if name not in noise.inputs)
     way = plant.select(known, measured)
     B = np.hstack([L, way.B - L @ way.D])
-    inputs, states = (*measured, *known), plant.state_labels
-    estimator = Lti(
-        plant.A - L @ way.C, B, np.eye(n), np.zeros(B.shape), inputs, states, states, plant.dt, plant.scales
-    )
+    A, C, D, inputs = plant.A - L @ way.C, np.eye(n), np.zeros(B.shape), (*measured, *known)
+    estimator = Lti(A, B, C, D, inputs, states, states, plant.dt, plant.scales)
     return KalmanResult(
         gain=L,
         covariance=solution.X,
@@ -133,7 +129,7 @@ def kalman(
 
 
 def solved_filter(plant: Lti, noise: Noise, measurements: Sequence[str]) -> RiccatiSolution:
-    """Return the solution of a filter's problem, its gain transposed; refuse modes in the way of one by name."""
+    """Return the solution of a filter's problem, with its gain transposed, after checks of its assumptions."""
     C = plant.select(outputs=measurements).C
     problem = RiccatiProblem(plant.A.T, C.T, noise.W, noise.V, noise.S, plant.dt)
     check_detectable(plant.A, C, measurements, plant.state_labels, plant.dt)

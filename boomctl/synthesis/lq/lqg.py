@@ -1,4 +1,4 @@
-"""Linear-quadratic-Gaussian controllers: a regulator fed by a Kalman filter."""
+"""Linear-quadratic-Gaussian controllers."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from boomctl.lti.gramians import square_root
 from boomctl.lti.system import Lti, lower_lft
 from boomctl.printing import system
 from boomctl.reduction.result import ReductionResult
-from boomctl.synthesis.certificate import Design, DesignCertificate
+from boomctl.synthesis.certificate import Design, DesignCertificate, trust
 from boomctl.synthesis.lq.kalman import solved_filter
 from boomctl.synthesis.lq.lqr import regulator_problem, solved_regulator
 from boomctl.synthesis.lq.output_feedback import certify, least_cost, observer
@@ -33,25 +33,25 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class LqgResult(Design):
-    """A linear-quadratic-Gaussian controller.
+    """Result of a linear-quadratic-Gaussian design.
 
     Attributes
     ----------
     controller : control.StateSpace
-        ``u = K y``, from the measurements to the controls, by their labels, in the units of the machine.
+        ``u = K y``, labeled as the measurements and controls, in the units of the machine.
     scaled_controller : control.StateSpace
         The same in the scaled signals of the plant; equal to `controller` if the plant has no scales.
     closed_loop : control.StateSpace
-        The loop, from the inputs that are no controls (if there are none: from signals added to the controls, of their
-        names) to the outputs of the system.
+        Closed loop from the inputs that are not controls (if there are none: from signals added to the controls, with their
+        labels) to the outputs of the system.
     regulator_gain, filter_gain : ndarray
         ``F`` of ``u = -F z`` and ``L`` of ``z' = A z + B u + L (y - C z - D u)``; in discrete time ``z+`` for ``z'``.
     poles : complex ndarray
         Poles of the closed loop [rad/s]: those of the regulator, then those of the filter.
     cost : float
-        Expected value of ``x^T Q x + y^T W y + u^T R u`` at rest in the noise.
+        Stationary expected value of ``x^T Q x + y^T W y + u^T R u``.
     certificate : DesignCertificate
-        The H2 norm of the loop, the least one by the Riccati equations, and how well these are solved.
+        The H2 norm of the loop, the least one by the Riccati equations, and the errors of their solutions.
     """
 
     _called = "lqg"
@@ -66,20 +66,19 @@ class LqgResult(Design):
     _plant: Lti | None = field(default=None, repr=False, compare=False)
 
     def __claims__(self) -> Iterator[Claim]:
-        """Yield what can be proved: of the loop of the plant that was handed in."""
+        """Yield the claims about the loop of the plant that can be proved."""
         if self._plant is not None:
             yield Claim("the closed loop", self._plant, self._controller, stable=True)
 
     @property
     def h2_norm(self) -> float:
-        """The H2 norm of the loop, the root of ``cost``: every result that has a norm has it under this name."""
+        """H2 norm of the closed loop, the square root of ``cost``."""
         return self.certificate.norm_bounds.value
 
     def __repr__(self) -> str:
-        least = f"least possible {self.certificate.lower_bound**2:.6g}"
-        verified = "verified" if self.certificate.norm_bounds.certified else "not certified"
-        told = f"cost {self.cost:.6g}, {verified}; {least}{self.certificate._on_full_plant}"
-        return f"LqgResult: controller of {system(self._controller)}\n  {told}"
+        c = self.certificate
+        costs = f"cost {self.cost:.6g}, {trust(c.norm_bounds)}; least possible {c.lower_bound**2:.6g}{c._on_full_plant}"
+        return f"LqgResult: controller of {system(self._controller)}\n  {costs}"
 
 
 @one_blas_thread
@@ -96,25 +95,25 @@ def lqg(
     output_weight: Weight | None = None,
     ltr_intensity: float = 0.0,
 ) -> LqgResult:
-    """Return the controller of least expected ``x^T Q x + y^T W y + u^T R u`` in white noise.
+    """Design the controller that minimizes the expected ``x^T Q x + y^T W y + u^T R u`` in white noise.
 
     Parameters
     ----------
     system : control.StateSpace, SecondOrderModel or ReductionResult
-        The system, signals named.  Of what `reduce` returned, and of a generalized plant around one, the loop is judged
-        on the full plant too: ``certificate.full_plant``, whose norm is the root of the cost there.  The full plant has no
-        such cost where ``Q`` or ``process_noise`` is over states of the reduced one.  Of a discrete one the controller is the
-        best of all whose control at a sample rests on the measurements before it.
+        System with labeled signals. For a result of `reduce`, and a generalized plant of one, the loop is also evaluated on
+        the full plant: ``certificate.full_plant``, whose norm is the root of the cost there. This cost is not defined if
+        ``Q`` or ``process_noise`` is of states of the reduced plant. For a discrete system, the control at a sample depends
+        on the measurements before it.
     Q, R, output_weight
-        Weights of states, controls and outputs, as for :func:`lqr`.
+        Weights of states, controls and outputs, see :func:`lqr`.
     process_noise, measurement_noise, disturbances
-        Intensities of the noises, and the inputs that are noise, as for :func:`kalman`.
+        Intensities of the noise, and the inputs that are noise, see :func:`kalman`.
     measurements, controls : sequence of str, optional
-        Outputs the controller reads and inputs it drives; by default all.
+        Inputs and outputs of the controller. If None, all.
     ltr_intensity : float
-        Intensity of fictitious noise added to each control (Doyle & Stein 1979).  As it grows, the loop at the plant's
-        input comes near that of the regulator where the plant has no zeros in the right half-plane; see
-        :func:`loop_transfer_recovery`.  The cost counts this noise as well.  Only in continuous time.
+        Intensity of fictitious noise added to each control (Doyle & Stein 1979). As it grows, the loop at the plant's input
+        approaches that of the regulator, if the plant has no zeros in the right half-plane; see
+        :func:`loop_transfer_recovery`. The cost includes this noise. Only in continuous time.
 
     Returns
     -------
@@ -124,17 +123,17 @@ def lqg(
     Raises
     ------
     TypeError, ValueError
-        As :func:`lqr` and :func:`kalman`.
+        See :func:`lqr` and :func:`kalman`.
     SynthesisError
-        A mode in the way, named by frequency and damping; a closed loop that is not stable or whose cost is not what
-        the Riccati equations say.
+        If an assumption fails, with the mode; if the closed loop is not stable, or its cost is not that of the Riccati
+        equations.
 
     Warns
     -----
     BoomctlWarning
-        No controls are named, and only some of the inputs are noise.
+        If no controls are given, and only some of the inputs are noise.
     ReductionWarning
-        On the full plant the loop is not stable, or not proved to be, or the root of its cost is more than a tenth larger.
+        If the loop with the full plant is not stable, not proved to be, or has a root of the cost larger by a tenth.
 
     Examples
     --------
@@ -150,8 +149,8 @@ def lqg(
     noisy = [name for name in plant.input_labels if isinstance(process_noise, Mapping) and name in process_noise]
     if controls is None and noisy and len(noisy) < len(plant.input_labels):
         warn_user(
-            f"controls: none named, so that the controller drives all inputs, {', '.join(noisy)} among them, which"
-            " process_noise calls noise; name the inputs it drives"
+            f"The controller drives all inputs, also those with process noise, {', '.join(noisy)}. Pass"
+            " `controls` to exclude them."
         )
     measured = chosen("measurements", measurements, plant.output_labels)
     problem = regulator_problem(plant, driven, Q, R, output_weight)
@@ -159,7 +158,7 @@ def lqg(
     way = plant.select(driven, measured)
     if nonnegative("ltr_intensity", ltr_intensity) and plant.dt:
         raise ValueError(
-            f"ltr_intensity = {exactly(ltr_intensity)}: expected 0 for a discrete system, whose loop it does not recover"
+            f"`ltr_intensity` must be 0 for a discrete system, whose loop is not recovered, got {exactly(ltr_intensity)}."
         )
     noise = _with_recovery(noise, way, ltr_intensity)
     regulator = solved_regulator(problem, driven, plant.state_labels)
@@ -206,7 +205,7 @@ def _with_recovery(noise: Noise, way: Lti, q: float) -> Noise:
 
 
 def _weighted(way: Lti, problem: RiccatiProblem, noise: Noise) -> Lti:
-    """Return the generalized plant whose H2 norm squared is the cost: unit noise in, weighted states and controls out."""
+    """Return the generalized plant whose squared H2 norm is the cost."""
     n = len(way.A)
     weight = square_root(blocks([[problem.Q, problem.N], [problem.N.T, problem.R]])).T
     drive = square_root(blocks([[noise.W, noise.S], [noise.S.T, noise.V]]))
@@ -217,7 +216,7 @@ def _weighted(way: Lti, problem: RiccatiProblem, noise: Noise) -> Lti:
 
 
 def _between_all(plant: Lti, controls: Sequence[str], measured: Sequence[str]) -> Lti:
-    """Return the generalized plant from the inputs that are no controls to all outputs; a signal may stand on both sides."""
+    """Return the generalized plant from the inputs that are not controls to all outputs; signals may be repeated."""
     entering = tuple(name for name in plant.input_labels if name not in controls) or tuple(controls)
     columns = [plant.input_labels.index(name) for name in (*entering, *controls)]
     return plant.between(columns, [plant.output_labels.index(name) for name in (*plant.output_labels, *measured)])

@@ -1,4 +1,4 @@
-"""Linear-quadratic regulators: the state feedback of least cost, with integral action and output weighting."""
+"""Linear-quadratic regulators with integral action and output weights."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ from boomctl.lti.system import Lti, static
 from boomctl.printing import between, count
 from boomctl.synthesis.assumptions import check_stabilizable, check_weighted
 from boomctl.synthesis.certificate import Design, DesignCertificate
+from boomctl.synthesis.lq.discrete_riccati import solution_of
 from boomctl.synthesis.lq.problem import Weight, chosen, definite, plant_of, semidefinite
 from boomctl.synthesis.lq.riccati import RiccatiProblem, RiccatiSolution
-from boomctl.synthesis.lq.riccati_steps import solution_of
 from boomctl.threads import one_blas_thread
 
 if TYPE_CHECKING:
@@ -35,12 +35,12 @@ if TYPE_CHECKING:
 
     from boomctl.structure.model import SecondOrderModel
 
-_RETURN_DIFFERENCE = 1e-2  # how far rounding on fine meshes may take the return difference below 1 (a choice)
+_RETURN_DIFFERENCE_ATOL = 1e-2  # Of the bound 1 of the return difference, by rounding on fine meshes.
 
 
 @dataclass(frozen=True)
 class LqrResult(Design):
-    """A linear-quadratic regulator.
+    """Result of a linear-quadratic regulator design.
 
     Attributes
     ----------
@@ -49,22 +49,21 @@ class LqrResult(Design):
     riccati_solution : (n, n) ndarray
         ``X``: from the state ``x`` the cost is ``x^T X x``.
     controller : control.StateSpace
-        ``u = K x``, so ``K = -F``: inputs named as the states, dots replaced by ``_``, and
-        behind them the integrated outputs; outputs named as the controls.  Static unless it integrates.  In the units of
-        the machine.
+        ``u = K x`` with ``K = -F``: inputs labeled as the states, with dots replaced by ``_``, followed by the integrated
+        outputs; outputs labeled as the controls. Static unless it integrates. In the units of the machine.
     scaled_controller : control.StateSpace
         The same in the scaled signals of the plant; equal to `controller` if the plant has no scales.
     closed_loop : control.StateSpace
-        The loop, from the inputs that are no controls (if there are none: from signals added to the controls, of their
-        names) to the outputs of the system.
+        Closed loop from the inputs that are not controls (if there are none: from signals added to the controls, with
+        their labels) to the outputs of the system.
     control_loop : control.StateSpace
-        The loop, from the same inputs to the controls.
+        Closed loop from the same inputs to the controls.
     poles : (n,) complex ndarray
         Poles of the closed loop [rad/s].
     uncontrollable_modes : tuple of HiddenMode
-        Stable modes that the controls cannot move; they stay as they are.
+        Stable modes that are uncontrollable.
     certificate : DesignCertificate
-        How well the Riccati equation is solved, and what that proves of the loop.
+        Errors of the Riccati solution, and the return difference of the loop.
     """
 
     _called = "regulator"
@@ -84,19 +83,19 @@ class LqrResult(Design):
         return iter((self.gain, self.riccati_solution, self.poles))
 
     def __claims__(self) -> Iterator[Claim]:
-        """Yield what can be proved: of the loop of the plant that was handed in."""
+        """Yield the claims about the loop of the plant that can be proved."""
         if self._plant is not None:
             yield Claim("the closed loop", self._plant, static(-self.gain), stable=True)
 
     @cached_property
     def control_loop(self) -> control.StateSpace:
-        """As a system of python-control; it is made when it is first read."""
+        """Closed loop to the controls, converted on first access."""
         return self._effort.statespace("effort")
 
     def __repr__(self) -> str:
-        left = f", {count(len(self.uncontrollable_modes), 'mode')} not moved" if self.uncontrollable_modes else ""
-        between_signals = between(self._controller.input_labels, self._controller.output_labels)
-        return f"LqrResult: state feedback, {between_signals}{left}\n  {self.certificate.summary}"
+        left = f", {count(len(self.uncontrollable_modes), 'mode')} uncontrollable" if self.uncontrollable_modes else ""
+        labels = between(self._controller.input_labels, self._controller.output_labels)
+        return f"LqrResult: state feedback, {labels}{left}\n  {self.certificate.summary}"
 
 
 @one_blas_thread
@@ -140,10 +139,10 @@ def lqr(
     Raises
     ------
     TypeError, ValueError
-        Another kind of system; unknown names; wrong shapes; an indefinite weight, whose eigenvalue is named.
+        If `system` is not a system, if a label is unknown, if a shape is wrong, or if a weight is indefinite.
     SynthesisError
-        An unstable or undamped mode that the controls cannot move, or an undamped one that no weight sees (named by
-        frequency and damping); a solution that is not exact enough.
+        If an unstable or undamped mode is uncontrollable, if an undamped one has no weight (with its frequency and
+        damping), or if the solution is not accurate enough.
 
     Examples
     --------
@@ -153,20 +152,19 @@ def lqr(
     >>> bc.lqr(mass, None, 1.0, output_weight={"place": 1.0}).gain.round(4)
     array([[1.    , 1.4142]])
     """
-    bare = plant_of(system, sampled=True)
-    driven = chosen("controls", controls, bare.input_labels)
+    plant = plant_of(system, sampled=True)
+    driven = chosen("controls", controls, plant.input_labels)
     listed = (integral_action,) if isinstance(integral_action, str) else integral_action
     if not isinstance(listed, Mapping):
         listed = sequence("integral_action", listed, "names of outputs")
-    integrated = chosen("integral_action", tuple(listed), bare.output_labels) if len(listed) else ()
+    integrated = chosen("integral_action", tuple(listed), plant.output_labels) if len(listed) else ()
     integrals = dict(listed) if isinstance(listed, Mapping) else dict.fromkeys(integrated, 1.0)
-    problem = regulator_problem(bare, driven, Q, R, output_weight, N=N)
-    plant = bare
+    problem = regulator_problem(plant, driven, Q, R, output_weight, N=N)
     if integrated:
-        plant = _with_integrators(bare, integrated)
+        plant = _with_integrators(plant, integrated)
         weights = linalg.block_diag(problem.Q, semidefinite("integral_action", integrals, integrated))
         cross = np.vstack([problem.N, np.zeros((len(integrated), len(driven)))])
-        problem = RiccatiProblem(plant.A, plant.select(driven).B, weights, problem.R, cross, bare.dt)
+        problem = RiccatiProblem(plant.A, plant.select(driven).B, weights, problem.R, cross, plant.dt)
     solution = solved_regulator(problem, driven, plant.state_labels)
     certificate = _certify(problem, solution)
     closed_loop, effort = _loops(plant, driven, solution.gain)
@@ -184,7 +182,7 @@ def lqr(
 
 
 def _with_integrators(plant: Lti, integrated: Sequence[str]) -> Lti:
-    """Return the plant with the integral of each output named as a further state, ``integral.NAME``."""
+    """Return the plant with the integrals of some outputs as further states, ``integral.NAME``."""
     k, n = len(integrated), len(plant.A)
     read = plant.select(outputs=integrated)
     kept, share = (0.0, 1.0) if plant.dt == 0.0 else (1.0, plant.dt)
@@ -206,17 +204,17 @@ def regulator_problem(
     *,
     N: ArrayLike | None = None,
 ) -> RiccatiProblem:
-    """Return the Riccati problem of a regulator, its weights checked."""
+    """Return the Riccati problem of a regulator with checked weights."""
     driven = plant.select(controls)
     B, D = driven.B, driven.D
     n, m = B.shape
     if Q is None and output_weight is None:
-        raise ValueError("Q, output_weight: expected at least one of them")
+        raise ValueError("`Q` or `output_weight` must be given, got None for both.")
     states = np.zeros((n, n)) if Q is None else semidefinite("Q", Q, plant.state_labels)
     efforts = definite("R", R, controls)
     cross = np.zeros((n, m)) if N is None else finite_array("N", N)
     if cross.shape != (n, m):
-        raise ValueError(f"N: expected shape {(n, m)}, states by controls, got {cross.shape}")
+        raise ValueError(f"`N` must have the shape {(n, m)}, states by controls, got {cross.shape}.")
     if cross.any():
         joint = states - cross @ linalg.solve(efforts, cross.T, assume_a="pos")
         semidefinite("Q - N R^-1 N^T", 0.5 * (joint + joint.T), plant.state_labels)
@@ -229,7 +227,7 @@ def regulator_problem(
 
 
 def solved_regulator(problem: RiccatiProblem, controls: Sequence[str], states: Sequence[str]) -> RiccatiSolution:
-    """Return the solution of a regulator's problem; refuse modes that stand in the way of one by name."""
+    """Return the solution of a regulator's problem, after checks of its assumptions."""
     check_stabilizable(problem.A, problem.B, controls, states, problem.dt)
     shifted, _, Q = problem.shifted
     check_weighted(shifted, square_root(Q), "any weight", states, problem.dt)
@@ -237,41 +235,44 @@ def solved_regulator(problem: RiccatiProblem, controls: Sequence[str], states: S
 
 
 def _certify(problem: RiccatiProblem, solution: RiccatiSolution) -> DesignCertificate:
-    """Return what vouches for a regulator: the smallest singular value of the return difference, one over its inverse's peak.
+    """Return a certificate of the smallest singular value of the return difference, the inverse of its inverse's peak.
 
-    The inverse ``I - F (s I - A + B F)^-1 B`` is stable, also where the loop itself has integrators; of both sides the
-    weight is made one, in discrete time on the left that of what a control costs with all that follows, ``R + B' X B``.
+    The inverse ``I - F (s I - A + B F)^-1 B`` is stable, even if the loop itself has integrators. Its weight is one on both
+    sides; in discrete time ``R + B' X B`` on the left.
 
     Raises
     ------
     SynthesisError
-        It falls below one where it cannot of an optimal regulator.
+        If it is below one, which it cannot be for an optimal regulator.
     """
     B, L = problem.B, linalg.cholesky(problem.R, lower=True)
     wide = L if problem.dt == 0.0 else linalg.cholesky(problem.R + B.T @ solution.X @ B, lower=True)
     acting, direct = (linalg.solve_triangular(wide, item, lower=True).T for item in (B.T, L))
     inverse = Lti(problem.A - B @ solution.gain, acting, -L.T @ solution.gain, direct, dt=problem.dt).balanced()
-    peak, at = largest_gain(continuous_image(inverse))
-    peak, at = (peak, float(omega_of_image(at, problem.dt))) if peak > 1.0 else (1.0, inf)
-    least, slowest = 1.0 / peak, solution.abscissa
-    if not problem.N.any() and least < 1.0 - _RETURN_DIFFERENCE:
-        raise SynthesisError(f"the return difference of the regulator falls to {least:.6g}, below 1: not optimal")
-    residual = f"Riccati residual {solution.residual:.1e}"
+    peak, omega = largest_gain(continuous_image(inverse))
+    peak, omega = (peak, float(omega_of_image(omega, problem.dt))) if peak > 1.0 else (1.0, inf)
+    least = 1.0 / peak
+    if not problem.N.any() and least < 1.0 - _RETURN_DIFFERENCE_ATOL:
+        raise SynthesisError(
+            f"LQR verification failed: the return difference is {least:.6g}, but at least 1 for an optimal regulator."
+            " The Riccati equation is too ill-conditioned; scale the signals."
+        )
     return DesignCertificate(
-        norm_bounds=NormBounds(peak, inf, at, "largest value found of the inverse return difference"),
-        spectral_abscissa=slowest,
+        norm_bounds=NormBounds(peak, inf, omega, "largest value found of the inverse return difference"),
+        spectral_abscissa=solution.abscissa,
         fastest_pole=0.0,
         lower_bound=0.0,
-        lower_bound_source="none: the cost is what is least",
+        lower_bound_source="none: the cost is minimal",
         stages=solution.stages,
-        summary=f"slowest pole {slowest:.4g} rad/s; {residual}; return difference at least {least:.6g}",
+        summary=f"slowest pole {solution.abscissa:.4g} rad/s; Riccati residual {solution.residual:.1e}; "
+        f"return difference at least {least:.6g}",
         regulator_riccati=solution,
         min_return_difference=least,
     )
 
 
 def _controller(plant: Lti, controls: Sequence[str], integrated: Sequence[str], gain: Array) -> Lti:
-    """Return ``u = -F x`` that reads the plant's states and integrates the outputs named by itself."""
+    """Return ``u = -F x`` with the plant's states and some outputs, which it integrates, as inputs."""
     k, dt = len(integrated), plant.dt
     n = len(plant.A) - k
     kept, share = (0.0, 1.0) if dt == 0.0 else (1.0, dt)
@@ -284,9 +285,8 @@ def _controller(plant: Lti, controls: Sequence[str], integrated: Sequence[str], 
 
 
 def _loops(plant: Lti, controls: Sequence[str], gain: Array) -> tuple[Lti, Lti]:
-    """Return the loop closed by ``u = -F x``: to the outputs, and to the controls."""
+    """Return the loop closed by ``u = -F x``, to the outputs and to the controls."""
     driven = plant.select(controls)
-    entering = plant.select(tuple(name for name in plant.input_labels if name not in controls) or controls)
-    loop = replace(entering, A=plant.A - driven.B @ gain, C=plant.C - driven.D @ gain)
-    still = np.zeros((len(gain), len(entering.input_labels)))
-    return loop, replace(loop, C=-gain, D=still, output_labels=tuple(controls))
+    others = tuple(name for name in plant.input_labels if name not in controls) or tuple(controls)
+    loop = replace(plant.select(others), A=plant.A - driven.B @ gain, C=plant.C - driven.D @ gain)
+    return loop, replace(loop, C=-gain, D=np.zeros((len(gain), len(others))), output_labels=tuple(controls))

@@ -1,4 +1,4 @@
-"""What a linear-quadratic design is given, checked: a plant, weights by signal, intensities of noise."""
+"""Input of linear-quadratic designs, checked: plants, weights by signal, intensities of noise."""
 
 from __future__ import annotations
 
@@ -17,118 +17,103 @@ from boomctl.lti.system import Lti, of
 Weight: TypeAlias = ArrayLike | Mapping[str, float]
 """A number (the same for each signal), one number a signal, a symmetric matrix, or numbers by signal name."""
 
-# Eigenvalue of a weight with unit diagonal, by row, that rounding may have made; a choice, far above eps
-_ROUNDING = 1e-12
-# sizes of weights and intensities: products of a few of them are numbers still (a choice)
-_LEAST, _MOST = 1e-60, 1e60
-_ASYMMETRY = 1e-10  # share of the largest entry by which a symmetric matrix may be off: products computed by the user
+_DEFINITE_RTOL = 1e-12  # Eigenvalue of a weight with unit diagonal, by row, that is rounding.
+_RANGE = 1e-60, 1e60  # Of the entries of weights, whose products must not overflow.
+_ASYMMETRY_RTOL = 1e-10  # Asymmetry of a weight, relative to its largest entry, that is rounding.
 
 
 def plant_of(system: object, *, sampled: bool = False) -> Lti:
-    """Return the matrices and names of a plant; in discrete time too if ``sampled``.
+    """Return the matrices and labels of a plant, in discrete time too if ``sampled``.
 
     Raises
     ------
     TypeError, ValueError
-        Another kind of system, in discrete time, not finite, or without states.
+        If it is not a system, or has another time, an entry that is not finite, or no states.
     """
     plant = of(system, sampled=sampled)
     if not len(plant.A):
-        raise ValueError("system: expected at least one state, got a static gain")
+        raise ValueError("`system` must have at least one state, got a static gain.")
     return plant
 
 
 def chosen(what: str, wanted: str | Sequence[str] | None, choices: Sequence[str]) -> tuple[str, ...]:
-    """Return names of signals, each known, none twice, at least one; all if ``wanted`` is None."""
+    """Return the labels of signals, known, distinct, at least one; all if ``wanted`` is None."""
     result = names(what, wanted, choices)
     if not result:
-        raise ValueError(f"{what}: expected at least one name, got none")
+        raise ValueError(f"`{what}` must have at least one name, got none.")
     return result
 
 
 def semidefinite(what: str, value: Weight, signals: Sequence[str]) -> Array:
-    """Return a weight as a positive semidefinite matrix over ``signals``; names a mapping leaves out weigh nothing.
+    """Return a weight as a positive semidefinite matrix over ``signals``; signals that a mapping omits have no weight.
 
     Raises
     ------
     TypeError, ValueError
-        Of the wrong shape, not symmetric, an unknown name, or a negative eigenvalue, which is named.
+        If the shape is wrong, if it is not symmetric or semidefinite, or if a name is unknown.
     """
-    matrix = _matrix(what, value, signals)
-    lowest = _scaled_lowest(matrix)
-    if lowest < -_ROUNDING * max(len(matrix), 1):
-        raise ValueError(
-            f"{what}: expected a positive semidefinite weight, got an eigenvalue of {_lowest(matrix, lowest):.4g}"
-        )
-    return matrix
+    return _checked(what, value, signals, "semidefinite", -_DEFINITE_RTOL * max(len(signals), 1))
 
 
 def definite(what: str, value: Weight, signals: Sequence[str]) -> Array:
-    """Return a weight as a positive definite matrix over ``signals``, each of which has to weigh something.
+    """Return a weight as a positive definite matrix over ``signals``; a mapping must name all of them.
 
     Raises
     ------
     TypeError, ValueError
-        Of the wrong shape, not symmetric, an unknown or missing name, or an eigenvalue not above zero, which is named.
+        If the shape is wrong, if it is not symmetric or definite, or if a name is unknown or missing.
     """
-    if isinstance(value, Mapping):
-        for name in signals:
-            if name not in value:
-                raise ValueError(f"{what}: expected a weight for each of {', '.join(signals)}; {name!r} has none")
+    named = value if isinstance(value, Mapping) else signals
+    for name in signals:
+        if name not in named:
+            raise ValueError(f"`{what}` must have a weight for each of {', '.join(signals)}, got none for {name!r}.")
+    return _checked(what, value, signals, "definite", _DEFINITE_RTOL)
+
+
+def _checked(what: str, value: Weight, signals: Sequence[str], kind: str, limit: float) -> Array:
+    """Return a weight as a matrix whose lowest eigenvalue with unit diagonal, which is free of units, is above a limit."""
     matrix = _matrix(what, value, signals)
-    lowest = _scaled_lowest(matrix)
-    if lowest <= _ROUNDING:
-        raise ValueError(
-            f"{what}: expected a positive definite weight, got an eigenvalue of {_lowest(matrix, lowest):.4g}"
-        )
+    size = np.sqrt(np.abs(np.diag(matrix)))
+    coupled = np.abs(matrix).max(axis=1, initial=0.0) > 0.0
+    safe = np.where(size > 0.0, size, np.where(coupled, np.sqrt(np.abs(matrix).max(initial=0.0)), 1.0))
+    lowest = float(linalg.eigvalsh(matrix / np.outer(safe, safe)).min(initial=np.inf))
+    if lowest < limit or (kind == "definite" and lowest == limit):
+        plain = float(linalg.eigvalsh(matrix)[0])
+        lowest = plain if (plain < 0.0) == (lowest < 0.0) else lowest
+        raise ValueError(f"`{what}` must be positive {kind}, got an eigenvalue of {lowest:.4g}.")
     return matrix
 
 
 def _matrix(what: str, value: Weight, signals: Sequence[str]) -> Array:
     n = len(signals)
-    diagonal = np.zeros(n)
-    if isinstance(value, Mapping):
-        for name, number in value.items():
-            diagonal[signals.index(known(f"signal in {what}", name, signals))] = real(f"{what}[{name!r}]", number)
-    array = diagonal if isinstance(value, Mapping) else finite_array(what, value)
-    size = np.abs(array[array != 0.0])
-    if size.size and not (size.min() >= _LEAST and size.max() <= _MOST):
-        wrong = size.min() if size.min() < _LEAST else size.max()
-        raise ValueError(f"{what}: expected zeros and numbers from {_LEAST:g} to {_MOST:g} in size, got {wrong:g}")
+    array = np.zeros(n) if isinstance(value, Mapping) else finite_array(what, value)
+    for name, number in value.items() if isinstance(value, Mapping) else ():
+        array[signals.index(known(f"signal in {what}", name, signals))] = real(f"{what}[{name!r}]", number)
+    for entry in np.abs(array[array != 0.0]):
+        if not _RANGE[0] <= entry <= _RANGE[1]:
+            raise ValueError(
+                f"`{what}` must have entries from {_RANGE[0]:g} to {_RANGE[1]:g} in modulus, got {entry:g}."
+            )
     if array.ndim == 0:
         return float(array) * np.eye(n)
     if array.shape == (n,):
         return np.diag(array)
     if array.shape != (n, n):
-        raise ValueError(f"{what}: expected a number, {n} numbers or a {n} by {n} matrix, got shape {array.shape}")
-    if np.abs(array - array.T).max(initial=0.0) > _ASYMMETRY * np.abs(array).max(initial=0.0):
-        i, j = (int(k) for k in np.unravel_index(np.argmax(np.abs(array - array.T)), array.shape))
+        raise ValueError(f"`{what}` must be a number, {n} numbers or a {n} by {n} matrix, got shape {array.shape}.")
+    asymmetry = np.abs(array - array.T)
+    if asymmetry.max(initial=0.0) > _ASYMMETRY_RTOL * np.abs(array).max(initial=0.0):
+        i, j = (int(k) for k in np.unravel_index(np.argmax(asymmetry), array.shape))
         raise ValueError(
-            f"{what}: expected a symmetric matrix, got {array[i, j]:.6g} at ({i}, {j}) and {array[j, i]:.6g} at ({j}, {i})"
+            f"`{what}` must be symmetric, got {array[i, j]:.6g} at ({i}, {j}) and {array[j, i]:.6g} at ({j}, {i})."
         )
     return 0.5 * (array + array.T)
 
 
-def _scaled_lowest(matrix: Array) -> float:
-    """Return the lowest eigenvalue of the matrix scaled to a unit diagonal, so that units do not matter."""
-    if not matrix.size:
-        return np.inf
-    size = np.sqrt(np.abs(np.diag(matrix)))
-    bare = np.abs(matrix).max(axis=1) > 0.0
-    safe = np.where(size > 0.0, size, np.where(bare, np.sqrt(np.abs(matrix).max()), 1.0))
-    return float(linalg.eigvalsh(matrix / np.outer(safe, safe))[0])
-
-
-def _lowest(matrix: Array, scaled: float) -> float:
-    plain = float(linalg.eigvalsh(matrix)[0])
-    return plain if (plain < 0.0) == (scaled < 0.0) else scaled
-
-
 @dataclass(frozen=True)
 class Noise:
-    """Noise as intensities (two-sided spectral densities); in discrete time as variances at each sample.
+    """Intensities of white noise (two-sided spectral densities); in discrete time variances at each sample.
 
-    ``W`` is that on ``x'``, ``V`` that on the measurements, ``S`` between the two; ``inputs`` are those it enters by.
+    ``W`` is that of ``x'``, ``V`` that of the measurements, ``S`` the cross intensity; ``inputs`` are those it enters by.
     """
 
     W: Array
@@ -145,7 +130,7 @@ def noise_of(
     measurements: Sequence[str],
     disturbances: str | Sequence[str] | None,
 ) -> Noise:
-    """Return the noise of a plant, checked.
+    """Return the checked noise of a plant.
 
     ``process_noise`` is over the inputs named in ``disturbances``; without these, a mapping is over the inputs that
     it names, and a number, vector or matrix over the states.

@@ -1,9 +1,8 @@
-"""Stabilizing solutions of Riccati equations, refined by Newton's method and certified in the coordinates given.
+"""Stabilizing solutions of continuous-time Riccati equations, refined by Newton's method and certified.
 
-``A^T X + X A + Q - (X B + N) R^-1 (X B + N)^T = 0``, solved by the Schur vectors of the Hamiltonian matrix (Laub 1979;
-SLICOT SB02MD) in modal coordinates scaled so that each mode is as easy to move as to see, then by Newton's method
-(Kleinman 1968), which doubles the digits that are right with every step.  On a fine mesh the nodal coordinates lose
-them all: the certificate is computed there nevertheless, apart from the solver.
+``A^T X + X A + Q - (X B + N) R^-1 (X B + N)^T = 0`` is solved by the Schur vectors of the Hamiltonian matrix (Laub 1979;
+SLICOT SB02MD) in scaled modal coordinates, then by Newton's method (Kleinman 1968) with residuals in the coordinates of
+the problem and in extended precision, as iterative refinement of linear equations.
 """
 
 from collections.abc import Callable
@@ -16,19 +15,19 @@ from slycot.exceptions import SlycotError
 
 from boomctl.arrays import Array, balance
 from boomctl.exceptions import SynthesisError
+from boomctl.lti.gramians import square_root
 from boomctl.lti.rounding import TINY
+from boomctl.lti.system import signal_scales
 from boomctl.printing import compact
 
-_CONDITION = 1e10  # of the eigenvectors, from which on modal coordinates keep too few digits to start from (a choice)
-_FLOOR = 1e-24  # share of the best driven or seen mode that one which is not counts as, so that scales stay within 1e6
-_STEPS = 12  # Newton steps in the coordinates of the solver: the digits double, four make all of them from one
-_GOAL = 1e-12  # change of the solution, each state scaled by its own cost, at which these stop: rounding of 50 states
-_POLISHING = 4  # Newton steps in the coordinates of the problem, from a solution that is nearly right
-_POLISHED = 1e-8  # share of what a certificate allows at which these stop: a cost in doubt by 1e-12
-_GOOD = 1e-2  # share of what a certificate allows at which no other coordinates are tried
-LARGEST_RESIDUAL = 1e-6  # of a solution that is vouched for, relative to the terms of the equation (a choice)
-LARGEST_COST_ERROR = 1e-4  # and share of the cost that may be in doubt (a choice)
-EXTENDED = 300  # states up to which residuals are computed in long numbers, which take seconds beyond
+_MAX_CONDITION = 1e10  # Of the eigenvectors; modal coordinates of worse ones leave too few digits for Newton's method.
+_LEAST_COUPLING = 1e-24  # Of a mode, relative to the largest one, so that scales are within 1e6.
+_MAX_STEPS = 12  # Newton steps. The digits double with each one: four of them yield all from one.
+_SOLVED = 1e-8  # Newton's method ends at this fraction of the largest errors of a certificate.
+_ACCEPTED = 1e-2  # No other coordinates are tried below this fraction of the largest errors of a certificate.
+MAX_RESIDUAL = 1e-6  # Of a certified solution, relative to the terms of the equation.
+MAX_COST_ERROR = 1e-4  # Of a certified solution, relative to the cost.
+MAX_EXTENDED = 300  # States up to which residuals are computed in extended precision, which takes seconds beyond.
 
 
 @dataclass(frozen=True)
@@ -57,19 +56,15 @@ class RiccatiProblem:
         return linalg.solve(self.R, self.B.T @ X + self.N.T, assume_a="pos")
 
     def terms(self, X: Array) -> tuple[Array, Array]:
-        """Return ``A^T X`` and ``(X B + N) R^-1 (X B + N)^T``, what control takes off the cost."""
+        """Return ``A^T X`` and ``(X B + N) R^-1 (X B + N)^T``, the cost that control saves."""
         half = linalg.solve_triangular(linalg.cholesky(self.R, lower=True), self.B.T @ X + self.N.T, lower=True)
         return self.A.T @ X, half.T @ half
 
-    def residual(self, X: Array, extended: bool = False) -> Array:
-        """Return the residual of ``X``; if ``extended``, with products in the longest floating-point numbers at hand."""
-        if not extended:
-            half, drop = self.terms(X)
-            return half + half.T + self.Q - drop
-        A, B, Q, R, N, x = (
-            np.asarray(part, dtype=np.longdouble) for part in (self.A, self.B, self.Q, self.R, self.N, X)
-        )
-        inverse = np.asarray(linalg.inv(self.R), dtype=np.longdouble)
+    def residual(self, X: Array) -> Array:
+        """Return the residual of ``X``, with products in extended precision up to 300 states."""
+        dtype = np.longdouble if len(X) <= MAX_EXTENDED else float
+        A, B, Q, R, N, x = (np.asarray(part, dtype=dtype) for part in (self.A, self.B, self.Q, self.R, self.N, X))
+        inverse = np.asarray(linalg.inv(self.R), dtype=dtype)
         for _ in range(2):
             inverse = inverse @ (2.0 * np.eye(len(R)) - R @ inverse)
         half, side = A.T @ x, x @ B + N
@@ -78,7 +73,7 @@ class RiccatiProblem:
 
 @dataclass(frozen=True)
 class RiccatiSolution:
-    """A stabilizing solution, and what was found about it in the coordinates of the problem and apart from the solver.
+    """A stabilizing solution and its errors in the coordinates of the problem, computed independently of the solver.
 
     Attributes
     ----------
@@ -87,16 +82,15 @@ class RiccatiSolution:
     gain : (m, n) ndarray
         ``F`` of ``u = -F x``.
     poles : (n,) complex ndarray
-        Poles of the loop that it closes.
+        Poles of the closed loop.
     residual : float
-        Residual of the equation, relative to the largest of its terms (Frobenius norms).
+        Residual of the equation, relative to the largest of its terms (Frobenius norms). At most 1e-6.
     cost_error : float
-        Size of one more Newton step, each state scaled by its own cost: how much of the cost is in doubt.  Above 1e-4,
-        or with a residual above 1e-6, no solution is returned.
+        Norm of one more Newton step, each state scaled by its own cost: the relative error of the cost. At most 1e-4.
     abscissa : float
         Largest real part of the closed-loop poles [rad/s]; in discrete time of their rates ``log(z)/dt``.
     stages : tuple of str
-        Coordinates and solvers tried, in that order; the most exact of their solutions is the one.
+        Coordinates and solvers, in the order they were used; the solution is the most accurate of them.
     """
 
     X: Array = field(repr=False)
@@ -109,184 +103,163 @@ class RiccatiSolution:
 
     __repr__ = compact
 
+    @property
+    def relative_error(self) -> float:
+        """The larger of the errors, relative to the largest that are certified; ``inf`` if the loop is not stable."""
+        errors = self.cost_error / MAX_COST_ERROR, self.residual / MAX_RESIDUAL
+        return max(errors) if self.abscissa < 0.0 else float("inf")
+
 
 Change = tuple[Array, Array]
 """A change of coordinates ``x = T z`` and its inverse."""
 
 
 def _modal(A: Array, acting: Array, Q: Array) -> Change | None:
-    """Return a real basis of eigenvectors, two columns a complex pair, or None where they are nearly dependent."""
+    """Return real eigenvectors, scaled so that each mode is coupled equally to controls and weight.
+
+    None if they are nearly dependent.
+    """
     poles, V = linalg.eig(A)
     first, second = poles.imag > 0.0, poles.imag < 0.0
     T = np.real(V)
     T[:, first] *= np.sqrt(2.0)
     T[:, second] = -np.sqrt(2.0) * V[:, second].imag
-    if np.linalg.cond(T) >= _CONDITION:
+    if np.linalg.cond(T) >= _MAX_CONDITION:
         return None
     inverse = np.linalg.inv(T)
-    d = _mode_scales(inverse @ acting, T.T @ Q @ T, mode=np.cumsum(~second) - 1)
+    mode = np.cumsum(~second) - 1
+    driven = np.bincount(mode, ((inverse @ acting) ** 2).sum(axis=1))
+    weighted = np.bincount(mode, np.maximum(((Q @ T) * T).sum(axis=0), 0.0))
+    if not (driven.any() and weighted.any()):
+        return T, inverse
+    least = _LEAST_COUPLING * driven.max(), _LEAST_COUPLING * weighted.max()
+    d = ((np.maximum(driven, least[0]) / np.maximum(weighted, least[1])) ** 0.25)[mode]
     return T * d, inverse / d[:, None]
 
 
-def _balanced(A: Array, acting: Array, Q: Array) -> Change:
-    scale = balance(A)[1]
-    one = np.zeros(len(A), dtype=int)
-    d = scale * _mode_scales(acting / scale[:, None], Q * np.outer(scale, scale), mode=one)
+def _scaled(A: Array, acting: Array, Q: Array) -> Change:
+    """Return scaled states, with which the rows and columns of ``[A, acting; Q^1/2, 0]`` have similar norms."""
+    d = signal_scales(A, acting, square_root(Q).T)
     return np.diag(d), np.diag(1.0 / d)
 
 
-def _as_given(A: Array, acting: Array, Q: Array) -> Change:
-    return np.eye(len(A)), np.eye(len(A))
-
-
-def _mode_scales(acting: Array, Q: Array, mode: Array) -> Array:
-    """Return scales, one a mode, under which controls and weight act on it alike."""
-    count = int(mode.max(initial=-1)) + 1
-    g, q = np.zeros(count), np.zeros(count)
-    np.add.at(g, mode, (acting**2).sum(axis=1))
-    np.add.at(q, mode, np.maximum(np.diag(Q), 0.0))
-    if g.max(initial=0.0) <= 0.0 or q.max(initial=0.0) <= 0.0:
-        return np.ones(len(mode))
-    return ((np.maximum(g, _FLOOR * g.max()) / np.maximum(q, _FLOOR * q.max())) ** 0.25)[mode]
-
-
-# Coordinates in the order tried.  Modal ones keep the digits of light damping and fine meshes; double poles have none, and
-# are solved in scaled states; those of the problem are left for what neither solves.
-_COORDINATES: dict[str, Callable[[Array, Array, Array], Change | None]] = {
-    "modal": _modal,
-    "balanced": _balanced,
-    "given": _as_given,
-}
+# Coordinates in the order tried. Modal ones are accurate for light damping and fine meshes; double poles have none.
+_COORDINATES: dict[str, Callable[[Array, Array, Array], Change | None]] = {"modal": _modal, "scaled": _scaled}
 
 
 def solve_riccati(problem: RiccatiProblem, what: str = "Riccati equation") -> RiccatiSolution:
-    """Return the most exact stabilizing solution of those found in one set of coordinates after the other.
+    """Return the more accurate one of the stabilizing solutions in modal and in scaled coordinates.
 
     Raises
     ------
     SynthesisError
-        None was found, or the best one found is not exact enough.
+        If there is none, or if it is not accurate enough.
     """
     best: RiccatiSolution | None = None
     stages: list[str] = []
-    A, acting, Q = problem.shifted
+    shifted = problem.shifted
     for name, coordinates in _COORDINATES.items():
-        change = coordinates(A, acting, Q)
+        change = coordinates(*shifted)
         if change is None:
             stages.append(f"{name} coordinates: none")
             continue
-        T, inverse = change
-        own = RiccatiProblem(
-            inverse @ A @ T, inverse @ acting, even(T.T @ Q @ T), np.eye(acting.shape[1]), np.zeros_like(acting)
-        )
-        solver, Z = _start(own)
+        solver, X = _start(*shifted, change)
         stages.append(f"{name} coordinates: {solver}")
-        Z = None if Z is None else _refined(own, Z)
-        if Z is None:
+        if X is None:
             continue
-        result = _polished(problem, even(inverse.T @ Z @ inverse))
-        if best is None or _rank(result) < _rank(best):
+        result = _refined(problem, X, change)
+        if best is None or result.relative_error < best.relative_error:
             best = result
-        if _rank(best) <= _GOOD:
+        if best.relative_error <= _ACCEPTED:
             break
-    if best is None:
-        raise SynthesisError(f"{what}: no stabilizing solution was found; eigenvalues lie too close to the axis")
-    if not _rank(best) <= 1.0:
+    return replace(accepted(best, what), stages=tuple(stages))
+
+
+def accepted(solution: RiccatiSolution | None, what: str) -> RiccatiSolution:
+    """Return a solution if it is accurate enough.
+
+    Raises
+    ------
+    SynthesisError
+        If there is none, or if it is not.
+    """
+    if solution is None or solution.relative_error == np.inf:
         raise SynthesisError(
-            f"{what}: the best solution found is not exact enough to vouch for (relative residual {best.residual:.1e}, "
-            f"cost in doubt by {best.cost_error:.1e}, largest real part of the poles {best.abscissa:.3g} rad/s)"
+            f"No stabilizing solution of {what} was found: eigenvalues are too close to the stability boundary."
         )
-    return replace(best, stages=tuple(stages))
+    if not solution.relative_error <= 1.0:
+        raise SynthesisError(
+            f"The solution of {what} is not accurate enough: relative residual {solution.residual:.1e}, cost error"
+            f" {solution.cost_error:.1e}, abscissa {solution.abscissa:.3g} rad/s. Scale the signals, or weight all modes."
+        )
+    return solution
 
 
-def _rank(c: RiccatiSolution) -> float:
-    """Return what is in doubt of a solution as a share of what may be; ``inf`` where it does not stabilize."""
-    return max(c.cost_error / LARGEST_COST_ERROR, c.residual / LARGEST_RESIDUAL) if c.abscissa < 0.0 else np.inf
-
-
-def _start(own: RiccatiProblem) -> tuple[str, Array | None]:
-    """Return the solver that answered, and its solution: Schur vectors by SLICOT or, where that refuses, by SciPy."""
-    scaling = "G" if own.Q.any() and own.B.any() else "N"
-    solver = "SLICOT SB02MD"
+def _start(A: Array, acting: Array, Q: Array, change: Change) -> tuple[str, Array | None]:
+    """Return the solver that succeeded and its solution: Schur vectors by SLICOT or, if that fails, by SciPy."""
+    T, inverse = change
+    A, B, Q = inverse @ A @ T, inverse @ acting, even(T.T @ Q @ T)
+    scaling, solver = "G" if Q.any() and B.any() else "N", "SLICOT SB02MD"
     try:
-        X = slycot.sb02md(len(own.A), own.A.copy(), own.B @ own.B.T, own.Q.copy(), "C", scal=scaling)[0]
+        Z = slycot.sb02md(len(A), A.copy(), B @ B.T, Q.copy(), "C", scal=scaling)[0]
     except SlycotError:
-        solver = "SLICOT SB02MD refused, SciPy"
+        solver = "SLICOT SB02MD failed, SciPy"
         try:
-            X = linalg.solve_continuous_are(own.A, own.B, own.Q, own.R)
+            Z = linalg.solve_continuous_are(A, B, Q, np.eye(B.shape[1]))
         except (linalg.LinAlgError, ValueError):
-            return f"{solver} refused", None
-    return (solver, even(np.asarray(X))) if np.isfinite(X).all() else (f"{solver}: not finite", None)
+            return f"{solver} failed", None
+    return (solver, even(inverse.T @ Z @ inverse)) if np.isfinite(Z).all() else (f"{solver}: not finite", None)
 
 
-def _refined(own: RiccatiProblem, X: Array) -> Array | None:
-    """Return a solution after Newton steps, as many as make it better; None if it does not stabilize."""
-    last = np.inf
-    for _ in range(_STEPS):
-        step, _ = newton_step(own, X, own.residual(X))
-        if step is None:
-            return None if not np.isfinite(last) else X
-        size = scaled_size(step, X + step)
-        if size >= 0.5 * last:
-            return X
-        X, last = even(X + step), size
-        if size <= _GOAL:
-            return X
-    return X
-
-
-def newton_step(problem: RiccatiProblem, X: Array, residual: Array) -> tuple[Array | None, Array]:
-    """Return the change of ``X`` that Newton's method makes (None where ``X`` does not stabilize) and the poles."""
-    closed, d = balance(problem.A - problem.B @ problem.gain(X))
-    T, Z = linalg.schur(closed, output="complex")
-    poles = np.asarray(np.diag(T), dtype=complex)
-    if _abscissa(poles) >= 0.0:
-        return None, poles
-    solve = linalg.get_lapack_funcs("trsyl", (T,))
-    scaled = even(residual) * np.outer(d, d)
-    Y, scale, _ = solve(T, T, -(Z.conj().T @ scaled @ Z), trana="C")
-    return even(np.real(Z @ (Y / scale) @ Z.conj().T)) / np.outer(d, d), poles
-
-
-def _polished(problem: RiccatiProblem, X: Array) -> RiccatiSolution:
-    """Return a solution after Newton steps in the coordinates of the problem, as long as they help."""
-    best, step = _certified(problem, X)
-    for _ in range(_POLISHING):
-        if step is None or _rank(best) <= _POLISHED:
+def _refined(problem: RiccatiProblem, X: Array, change: Change) -> RiccatiSolution:
+    """Return a solution after as many Newton steps as improve it."""
+    best, step = _certified(problem, X, change)
+    for _ in range(_MAX_STEPS):
+        if step is None or best.relative_error <= _SOLVED:
             break
-        result, step = _certified(problem, even(best.X + step))
-        if _rank(result) >= _rank(best):
+        result, step = _certified(problem, even(best.X + step), change)
+        if result.relative_error >= best.relative_error:
             break
         best = result
-    poles = np.asarray(linalg.eigvals(problem.A - problem.B @ best.gain))
-    return replace(best, poles=poles, abscissa=_abscissa(poles))
+    return best
 
 
-def _certified(problem: RiccatiProblem, X: Array) -> tuple[RiccatiSolution, Array | None]:
-    """Return what is found about a solution, and the Newton step from there."""
-    residual = problem.residual(X, extended=len(X) <= EXTENDED)
+def _certified(problem: RiccatiProblem, X: Array, change: Change) -> tuple[RiccatiSolution, Array | None]:
+    """Return a solution with its errors, and the Newton step from there; None if the loop is not stable."""
+    residual, gain = problem.residual(X), problem.gain(X)
     terms = max(float(np.linalg.norm(term)) for term in (*problem.terms(X), problem.Q))
-    step, poles = newton_step(problem, X, residual)
+    closed = problem.A - problem.B @ gain
+    poles = np.asarray(linalg.eigvals(closed), dtype=complex)
+    abscissa = float(np.real(poles).max())
+    step = _newton_step(closed, residual, change) if abscissa < 0.0 else None
     result = RiccatiSolution(
         X,
-        problem.gain(X),
+        gain,
         poles,
         residual=float(np.linalg.norm(residual)) / max(terms, TINY),
-        cost_error=np.inf if step is None else scaled_size(step, X),
-        abscissa=_abscissa(poles),
+        cost_error=np.inf if step is None else scaled_norm(step, X),
+        abscissa=abscissa,
     )
     return result, step
 
 
-def scaled_size(step: Array, X: Array) -> float:
-    """Return the size of a change of ``X``, each state scaled by its own cost."""
+def _newton_step(closed: Array, residual: Array, change: Change) -> Array | None:
+    """Return the solution of the Lyapunov equation of a loop, solved in other coordinates; None if it is unstable there."""
+    T, inverse = change
+    balanced, d = balance(inverse @ closed @ T)
+    S, Z = linalg.schur(balanced, output="complex")
+    if np.real(np.diag(S)).max() >= 0.0:
+        return None
+    scaled = even(T.T @ residual @ T) * np.outer(d, d)
+    Y, scale, _ = linalg.get_lapack_funcs("trsyl", (S,))(S, S, -(Z.conj().T @ scaled @ Z), trana="C")
+    return even(inverse.T @ (np.real(Z @ (Y / scale) @ Z.conj().T) / np.outer(d, d)) @ inverse)
+
+
+def scaled_norm(step: Array, X: Array) -> float:
+    """Return the norm of a change of ``X``, each state scaled by its own cost."""
     size = np.sqrt(np.maximum(np.diag(X), 0.0))
     inverse = np.where(size > 0.0, 1.0 / np.where(size > 0.0, size, 1.0), 0.0)
     return float(np.linalg.norm(step * np.outer(inverse, inverse), 2)) if len(X) else 0.0
-
-
-def _abscissa(poles: Array) -> float:
-    return float(np.max(np.real(poles)))
 
 
 def even(matrix: Array) -> Array:

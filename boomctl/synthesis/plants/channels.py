@@ -1,4 +1,4 @@
-"""What is to be small, between which signals: objectives, and budgets that are not to be exceeded."""
+"""Channels of a closed loop with objectives and constraints on their norms."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -11,16 +11,16 @@ from boomctl.synthesis.plants.partition import GeneralizedPlant
 
 @dataclass(frozen=True)
 class Channel:
-    """Part of a closed loop, and what its norm is worth.
+    """Channel of a closed loop, with the requirement on its norm.
 
     Attributes
     ----------
     inputs, outputs : tuple of str or None
-        Disturbances and performance signals of the generalized plant; None: all.
+        Disturbances and performance outputs of the generalized plant; if None, all.
     norm : str
         "hinf" or "h2".
     budget : float or None
-        What the norm shall not exceed; None: it is to be as small as possible.
+        Limit of the norm; if None, it is minimized.
     """
 
     inputs: tuple[str, ...] | None
@@ -34,24 +34,24 @@ class Channel:
 
     @property
     def text(self) -> str:
-        """The channel in a few words."""
+        """Description of the channel."""
         ends = [listed(signals, 30) if signals else "all" for signals in (self.inputs, self.outputs)]
         where = "" if self.inputs is None and self.outputs is None else f" from {ends[0]} to {ends[1]}"
         return f"{NAMES[self.norm]} norm{where}"
 
 
 def listed_names(what: str, given: object) -> tuple[str, ...]:
-    """Return names of signals from one name or a sequence of them; none at all are refused."""
+    """Return the labels of signals, at least one."""
     result = (given,) if isinstance(given, str) else sequence(f"{what}s", given, "names")
     if not result:
-        raise ValueError(f"{what}s: expected at least one name, got none")
+        raise ValueError(f"`{what}s` must have at least one name, got none.")
     return tuple(instance(what, name, str) for name in result)
 
 
 def objective(
     inputs: str | Sequence[str] | None = None, outputs: str | Sequence[str] | None = None, norm: str = "hinf"
 ) -> Channel:
-    """Return a channel whose norm is to be as small as possible; of several, the largest counts.
+    """Return a channel whose norm is minimized; of several channels, the largest norm.
 
     Parameters
     ----------
@@ -84,7 +84,7 @@ def objective(
 def constraint(
     inputs: str | Sequence[str] | None, outputs: str | Sequence[str] | None, limit: float, norm: str = "hinf"
 ) -> Channel:
-    """Return a channel whose norm is not to exceed a limit.
+    """Return a channel whose norm is limited.
 
     Parameters
     ----------

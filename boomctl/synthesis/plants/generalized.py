@@ -1,8 +1,8 @@
-"""Generalized plants put together from a plant and weights at its signals, in state space; every name survives."""
+"""Generalized plants of a plant and weights of its signals."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -34,28 +34,28 @@ def generalized_plant(
     measurements: str | Sequence[str],
     controls: str | Sequence[str],
 ) -> control.StateSpace:
-    """Return a generalized plant: what disturbs, what shall be small, what is measured and what is set, with weights.
+    """Build a generalized plant of disturbances, performance outputs, measurements and controls, with weights.
 
     A weight is a number or a stable system with one input and one output (`low_pass`, `high_pass`, `band_pass`,
-    `shelf`).  Numbers add no states; inputs and outputs that nobody names are left out.  Of a discrete plant a weight has the
-    same sampling time; one in continuous time stands for its Tustin discretisation.
+    `shelf`). Numbers add no states; other inputs and outputs are omitted. Weights of a discrete plant have its sampling time,
+    or are in continuous time and discretized by Tustin's rule.
 
     Parameters
     ----------
     plant : control.StateSpace, SecondOrderModel or ReductionResult
-        With named signals, in continuous or discrete time (:func:`boomctl.analysis.sample_plant`).  Of a reduction, what
-        `reduce` returns, the reduced system is taken; the generalized plant remembers its error, and `h_infinity` says
-        what the design is worth on the full one.  Other operations on the generalized plant forget it.
+        With labeled signals, in continuous or discrete time (:func:`boomctl.analysis.sample_plant`). Of a result of `reduce`
+        the reduced system is used; designs for the generalized plant are also evaluated on the full one. Other operations
+        on the generalized plant drop this.
     disturbances : mapping from input to weight
-        What drives the plant; ``"actuator_sym"`` becomes the input ``"w_actuator_sym"`` in front of its weight.
+        Weights of disturbances; ``"actuator_sym"`` becomes the input ``"w_actuator_sym"`` in front of its weight.
     performance : mapping from output to weight
-        What shall be small; ``"tip_sym"`` becomes the output ``"z_tip_sym"`` behind its weight.
+        Weights of performance outputs; ``"tip_sym"`` becomes the output ``"z_tip_sym"`` behind its weight.
     effort : mapping from control to weight, optional
-        What the controls cost; ``"suspension_sym"`` becomes the output ``"z_suspension_sym"``.
+        Weights of controls; ``"suspension_sym"`` becomes the output ``"z_suspension_sym"``.
     noise : mapping from measurement to weight, optional
         Noise levels or filters; ``"stroke_sym"`` becomes the input ``"n_stroke_sym"``, added to that measurement.
     measurements, controls : str or sequence of str
-        Outputs that the controller reads and inputs that it sets; they keep their names.
+        Inputs and outputs of the controller, with their labels.
 
     Returns
     -------
@@ -65,14 +65,15 @@ def generalized_plant(
     Raises
     ------
     TypeError, ValueError
-        Another kind of system; unknown or repeated signals; a weight that is not a number or a stable system with one
-        input and one output, or has another sampling time than the plant; nothing to disturb or nothing that shall be small.
+        If `plant` is not a system, if a label is unknown or repeated, if a weight is not a number or a stable system with one
+        input and one output, if its sampling time is not that of the plant, or if there are no disturbances or no
+        performance outputs.
 
     Warns
     -----
     ReductionWarning
-        The error of the reduction is as large as all that the reduced plant does from disturbances to performance
-        outputs, or from controls to measurements.
+        If the error of the reduction exceeds the gain of the reduced plant from disturbances to performance outputs, or from
+        controls to measurements.
 
     Examples
     --------
@@ -107,7 +108,7 @@ def generalized_plant(
         ("control", set_),
     ):
         if not result:
-            raise ValueError(f"expected at least one {what}")
+            raise ValueError(f"The generalized plant must have at least one {what}, got none.")
     ways = {
         "disturbances to performance outputs": (tuple(w), tuple(z)),
         "controls to measurements": (set_, read),
@@ -127,26 +128,16 @@ def _weighed(
     read: tuple[str, ...],
     set_: tuple[str, ...],
 ) -> Lti:
-    """Return a plant with weights: of disturbances, noises, outputs and efforts, then measurements and controls."""
+    """Return a plant with weights of disturbances, noise, outputs and efforts, with measurements and controls."""
     ins, outs = system.input_labels, system.output_labels
-    # disturbances and noises pass their weights; the plant takes its inputs, beside it pass noises and controls;
-    # what is shown, costs and is read is picked and passes its weights
+    plant_in, plant_out = [("plant", i) for i in ins], [("plant", o) for o in outs]
+    passed = [*(("noise", y) for y in n), *(("control", u) for u in set_)]
     first = append(*w.values(), *n.values(), _through(set_))
     middle = append(system, _through((*n, *set_)))
     last = append(*z.values(), *e.values(), _through(read))
-    entry = blocks(
-        [
-            [_selection(ins, w).T, np.zeros((len(ins), len(n))), _selection(ins, set_).T],
-            [np.zeros((len(n) + len(set_), len(w))), np.eye(len(n) + len(set_))],
-        ]
-    )
-    leave = blocks(
-        [
-            [_selection(outs, z), np.zeros((len(z), len(n) + len(set_)))],
-            [np.zeros((len(e), len(outs) + len(n))), _selection(set_, e)],
-            [_selection(outs, read), _selection(read, n).T, np.zeros((len(read), len(set_)))],
-        ]
-    )
+    sources = [{("plant", i)} for i in w] + [{("noise", y)} for y in n] + [{("plant", u), ("control", u)} for u in set_]
+    targets = [{("plant", o)} for o in z] + [{("control", u)} for u in e] + [{("plant", y), ("noise", y)} for y in read]
+    entry, leave = _incidence(sources, [*plant_in, *passed]).T, _incidence(targets, [*plant_out, *passed])
     return replace(_joined(first, entry, middle, leave, last), dt=system.dt, scales=system.scales)
 
 
@@ -157,7 +148,7 @@ def mixed_sensitivity(
     W2: Weight | None = None,
     W3: Weight | None = None,
 ) -> control.StateSpace:
-    """Return the generalized plant of mixed sensitivity: weighted control errors, controls and outputs, for references.
+    """Build the generalized plant of mixed sensitivity: weighted control errors, controls and outputs.
 
     The controller reads the control errors ``e = r - y``.  The closed loop is ``[W1 S; W2 K S; W3 T]``, with
     ``S = (I + G K)^-1`` and ``T = G K S``.
@@ -167,7 +158,7 @@ def mixed_sensitivity(
     plant : control.StateSpace, SecondOrderModel or ReductionResult
         As for `generalized_plant`; all inputs are controls, all outputs are controlled.
     W1, W2, W3 : float, control.StateSpace or control.TransferFunction, optional
-        Weights of errors, controls and outputs, each for every signal of its kind; None leaves them out.
+        Weights of errors, controls and outputs, for every signal of a kind. If None, these are omitted.
 
     Returns
     -------
@@ -196,48 +187,53 @@ def mixed_sensitivity(
     ins, outs = system.input_labels, system.output_labels
     errors = tuple(f"error_{name}" for name in outs)
     weights = [
-        *([] if W1 is None else _weighted("error", "z_", dict.fromkeys(errors, W1), errors, system.dt).values()),
-        *([] if W2 is None else _weighted("control", "z_", dict.fromkeys(ins, W2), ins, system.dt).values()),
-        *([] if W3 is None else _weighted("output", "z_", dict.fromkeys(outs, W3), outs, system.dt).values()),
+        (signal, weight)
+        for what, signals, W in (("error", errors, W1), ("control", ins, W2), ("output", outs, W3))
+        if W is not None
+        for signal, weight in _weighted(what, "z_", dict.fromkeys(signals, W), signals, system.dt).items()
     ]
     if not weights:
-        raise ValueError("W1, W2, W3: expected at least one weight")
-    around = partial(_weighed_sensitivity, weights=weights, given=[W is not None for W in (W1, W2, W3)])
+        raise ValueError("`W1`, `W2` or `W3` must be given, got None for all.")
+    if len(dict(weights)) < len(weights):
+        raise ValueError("`plant` must have distinct labels of inputs and outputs, or weights for one kind only.")
+    w = {f"r_{name}": _through([f"r_{name}"]) for name in outs}
+    weigh = partial(_weighed, w=w, n={}, z=dict(weights), e={}, read=errors, set_=ins)
     warn_of_lost_channels(plant, {"controls to measurements": (ins, outs)})
+    around = partial(_with_errors, weigh=weigh)
     return carrying(around(system).statespace("generalized_plant"), plant, around)
 
 
-def _weighed_sensitivity(system: Lti, *, weights: list[Lti], given: list[bool]) -> Lti:
-    """Return a plant under control errors, with the weights of errors, controls and outputs that are given."""
-    ins, outs = system.input_labels, system.output_labels
-    errors = tuple(f"error_{name}" for name in outs)
-    p, m = len(outs), len(ins)
-    first = _through((*(f"r_{name}" for name in outs), *ins))
-    middle = append(_through(outs), system, _through(ins))
-    entry = blocks([[np.eye(p), np.zeros((p, m))], [np.zeros((m, p)), np.eye(m)], [np.zeros((m, p)), np.eye(m)]])
-    error = np.hstack([np.eye(p), -np.eye(p), np.zeros((p, m))])
-    output = np.hstack([np.zeros((p, p)), np.eye(p), np.zeros((p, m))])
-    effort = np.hstack([np.zeros((m, 2 * p)), np.eye(m)])
-    shown = [rows for rows, there in zip((error, effort, output), given, strict=True) if there]
-    joined = _joined(first, entry, middle, np.vstack([*shown, error]), append(*weights, _through(errors)))
+def _with_errors(system: Lti, *, weigh: Callable[[Lti], Lti]) -> Lti:
+    """Return the weighted plant of a system with references as inputs, and with control errors and controls as outputs."""
+    ins, outs, (p, m) = system.input_labels, system.output_labels, system.D.shape
     scales = system.scales
     if scales:
         scales = {**scales, **{f"error_{name}": scales.get(name, 1.0) for name in outs}}
-    return replace(joined, dt=system.dt, scales=scales)
+    return weigh(
+        replace(
+            system,
+            B=np.hstack([np.zeros((len(system.A), p)), system.B]),
+            C=np.vstack([-system.C, np.zeros((m, len(system.A))), system.C]),
+            D=blocks([[np.eye(p), -system.D], [np.zeros((m, p)), np.eye(m)], [np.zeros((p, p)), system.D]]),
+            input_labels=(*(f"r_{name}" for name in outs), *ins),
+            output_labels=(*(f"error_{name}" for name in outs), *ins, *outs),
+            scales=scales,
+        )
+    )
 
 
 def _joined(first: Lti, entry: Array, middle: Lti, leave: Array, last: Lti) -> Lti:
-    """Return what is driven by weights, mixed into the plant, mixed again and weighed; no name may come twice."""
+    """Return a series of systems and gains; labels must be distinct."""
     joined = series(series(series(series(first, static(entry)), middle), static(leave)), last)
     for what, listed in (("input", joined.input_labels), ("output", joined.output_labels)):
         twice = [name for name in listed if listed.count(name) > 1]
         if twice:
-            raise ValueError(f"{what} {twice[0]!r} would exist twice")
+            raise ValueError(f"Labels of the generalized plant must be distinct, got the {what} {twice[0]!r} twice.")
     return joined
 
 
 def _weighted(what: str, prefix: str, given: Mapping[str, Weight], choices: Sequence[str], dt: float) -> dict[str, Lti]:
-    """Return the weight of each signal in ``given``, named as outside; signals unknown and weights that fail are refused."""
+    """Return the checked weights of signals, with prefixed labels."""
     result = {}
     for name, weight in mapping(what, given, "signals to weights").items():
         outside = prefix + known(what, name, choices)
@@ -248,57 +244,55 @@ def _weighted(what: str, prefix: str, given: Mapping[str, Weight], choices: Sequ
 
 
 def _weight(what: str, weight: Any, dt: float) -> Lti:
-    """Return a weight in the time of the plant, whose sampling time is ``dt``."""
+    """Return a checked weight in the time of the plant, whose sampling time is ``dt``."""
     if not isinstance(weight, control.InputOutputSystem):
         return static(np.array([[real(what, weight)]]))
     system = of(weight, what, "a number or a StateSpace", sampled=dt != 0.0)
-    outputs, inputs = system.D.shape
-    if (outputs, inputs) != (1, 1):
-        shape = f"{inputs} input(s) and {outputs} output(s)"
-        raise ValueError(f"{what}: expected a system with one input and one output, got {shape}")
+    if system.D.shape != (1, 1):
+        raise ValueError(f"The {what} must have one input and one output, got (outputs, inputs) = {system.D.shape}.")
     if system.dt not in (0.0, dt):
         raise ValueError(
-            f"{what}: expected continuous time or the plant's sampling time, {exactly(dt)} s, got {exactly(system.dt)} s"
+            f"The {what} must be in continuous time or have the sampling time of the plant, {exactly(dt)} s,"
+            f" got {exactly(system.dt)} s."
         )
-    lasting = system.poles[sides(system.poles, system.dt) >= 0]
-    if len(lasting):
-        worst = lasting[np.argmax(lasting.real if system.dt == 0.0 else np.abs(lasting))]
-        at = f"{worst:.6g} rad/s" if system.dt == 0.0 else f"z = {worst:.6g}"
-        raise ValueError(f"{what}: expected a stable system, this one has a pole at {at}")
+    unstable = system.poles[sides(system.poles, system.dt) >= 0]
+    if len(unstable):
+        at = f"{unstable[0]:.6g} rad/s" if system.dt == 0.0 else f"z = {unstable[0]:.6g}"
+        raise ValueError(f"The {what} must be stable, got a pole at {at}.")
     return discrete_image(system, dt) if system.dt == 0.0 else system
 
 
 def _through(signals: Sequence[str]) -> Lti:
-    """Return signals that pass unchanged."""
+    """Return a unit gain of some signals."""
     return static(np.eye(len(signals)), signals, signals)
 
 
-def _selection(choices: Sequence[str], wanted: Iterable[str]) -> Array:
-    """Return the matrix that picks the wanted signals, its rows, from all."""
-    return np.eye(len(choices))[[choices.index(name) for name in wanted]]
+def _incidence(groups: Sequence[set[tuple[str, str]]], signals: Sequence[tuple[str, str]]) -> Array:
+    """Return the matrix with a row for each group of signals, 1 for those in the group."""
+    return np.array([[float(signal in group) for signal in signals] for group in groups])
 
 
 def select_channels(
     system: control.StateSpace, inputs: str | Sequence[str] | None = None, outputs: str | Sequence[str] | None = None
 ) -> control.StateSpace:
-    """Return a system between some of its signals, found by name; the states and the sampling time stay.
+    """Select inputs and outputs of a system by label.
 
     Parameters
     ----------
     system : control.StateSpace
-        The system, signals named.
+        System with labeled signals.
     inputs, outputs : str or sequence of str, optional
-        Names of the signals to keep, in this order; by default all.
+        Labels of the signals, in this order. If None, all.
 
     Returns
     -------
     control.StateSpace
-        The same states with fewer signals.
+        System with the same states.
 
     Raises
     ------
     TypeError, ValueError
-        Another kind of system, not finite; an unknown signal, one asked for twice, or none on a side.
+        If `system` is not a system, if an entry is not finite, or if a label is unknown or repeated, or there is none.
 
     Examples
     --------

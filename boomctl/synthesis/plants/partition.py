@@ -1,7 +1,7 @@
-"""A generalized plant and its partition: disturbances and controls, performance signals and measurements."""
+"""A generalized plant and its partition: disturbances and controls, performance outputs and measurements."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -28,16 +28,9 @@ if TYPE_CHECKING:
 
     from boomctl.lti.system import Controller
 
-
-OUTSIDE = (
-    "z_",
-    "w_",
-    "n_",
-    "r_",
-)  # what names of performance signals, and of disturbances, noises, references begin with
-
-
-FEEDTHROUGH = 1e-10  # share of D11 that rounding may leave of a direct way that the controller cancels
+OUTPUT_PREFIXES = ("z_",)  # Of performance outputs.
+INPUT_PREFIXES = ("w_", "n_", "r_")  # Of disturbances, noise and references.
+FEEDTHROUGH_RTOL = 1e-10  # Rounding residue of a canceled feedthrough, relative to D11.
 
 
 @dataclass(frozen=True)
@@ -50,95 +43,63 @@ class GeneralizedPlant:
         Its last inputs are the controls ``u``, its last outputs the measurements ``y``.
     nmeas, ncon : int
         Numbers of measurements and controls.
+    nw, nz : int
+        Numbers of disturbances and performance outputs.
+    A, B1, B2, C1, C2, D11, D12, D21, D22 : ndarray
+        Parts of the matrices of ``system``.
+    disturbances, controls, performance, measurements : tuple of str
+        Labels of the signals.
     """
 
     system: Lti
     nmeas: int
     ncon: int
+    nw: int = field(init=False, repr=False, compare=False)
+    nz: int = field(init=False, repr=False, compare=False)
+    A: Array = field(init=False, repr=False, compare=False)
+    B1: Array = field(init=False, repr=False, compare=False)
+    B2: Array = field(init=False, repr=False, compare=False)
+    C1: Array = field(init=False, repr=False, compare=False)
+    C2: Array = field(init=False, repr=False, compare=False)
+    D11: Array = field(init=False, repr=False, compare=False)
+    D12: Array = field(init=False, repr=False, compare=False)
+    D21: Array = field(init=False, repr=False, compare=False)
+    D22: Array = field(init=False, repr=False, compare=False)
+    disturbances: tuple[str, ...] = field(init=False, repr=False, compare=False)
+    controls: tuple[str, ...] = field(init=False, repr=False, compare=False)
+    performance: tuple[str, ...] = field(init=False, repr=False, compare=False)
+    measurements: tuple[str, ...] = field(init=False, repr=False, compare=False)
 
     __repr__ = compact
 
+    def __post_init__(self) -> None:
+        s = self.system
+        nz, nw = len(s.D) - self.nmeas, s.D.shape[1] - self.ncon
+        z, y, w, u = slice(nz), slice(nz, None), slice(nw), slice(nw, None)
+        vars(self).update(
+            nw=nw,
+            nz=nz,
+            A=s.A,
+            B1=s.B[:, w],
+            B2=s.B[:, u],
+            C1=s.C[z],
+            C2=s.C[y],
+            D11=s.D[z, w],
+            D12=s.D[z, u],
+            D21=s.D[y, w],
+            D22=s.D[y, u],
+            disturbances=s.input_labels[w],
+            controls=s.input_labels[u],
+            performance=s.output_labels[z],
+            measurements=s.output_labels[y],
+        )
+
     @property
     def dual(self) -> "GeneralizedPlant":
-        """The transposed plant: controls become measurements, disturbances performance signals, and the other way."""
+        """Transposed plant, in which controls and measurements, and the other signals, are exchanged."""
         s = self.system
         transposed = Lti(s.A.T, s.C.T, s.B.T, s.D.T, s.output_labels, s.input_labels, s.state_labels, s.dt)
         return GeneralizedPlant(transposed, self.ncon, self.nmeas)
-
-    @property
-    def nw(self) -> int:
-        """Number of disturbances."""
-        return self.system.B.shape[1] - self.ncon
-
-    @property
-    def nz(self) -> int:
-        """Number of performance signals."""
-        return len(self.system.C) - self.nmeas
-
-    @property
-    def A(self) -> Array:
-        """Dynamics of the states."""
-        return self.system.A
-
-    @property
-    def B1(self) -> Array:
-        """States from disturbances."""
-        return self.system.B[:, : self.nw]
-
-    @property
-    def B2(self) -> Array:
-        """States from controls."""
-        return self.system.B[:, self.nw :]
-
-    @property
-    def C1(self) -> Array:
-        """Performance signals from states."""
-        return self.system.C[: self.nz]
-
-    @property
-    def C2(self) -> Array:
-        """Measurements from states."""
-        return self.system.C[self.nz :]
-
-    @property
-    def D11(self) -> Array:
-        """Performance signals from disturbances."""
-        return self.system.D[: self.nz, : self.nw]
-
-    @property
-    def D12(self) -> Array:
-        """Performance signals from controls."""
-        return self.system.D[: self.nz, self.nw :]
-
-    @property
-    def D21(self) -> Array:
-        """Measurements from disturbances."""
-        return self.system.D[self.nz :, : self.nw]
-
-    @property
-    def D22(self) -> Array:
-        """Measurements from controls."""
-        return self.system.D[self.nz :, self.nw :]
-
-    @property
-    def disturbances(self) -> tuple[str, ...]:
-        """Names of the first inputs."""
-        return self.system.input_labels[: self.nw]
-
-    @property
-    def controls(self) -> tuple[str, ...]:
-        """Names of the last inputs."""
-        return self.system.input_labels[self.nw :]
-
-    @property
-    def performance(self) -> tuple[str, ...]:
-        """Names of the first outputs."""
-        return self.system.output_labels[: self.nz]
-
-    @property
-    def measurements(self) -> tuple[str, ...]:
-        """Names of the last outputs."""
-        return self.system.output_labels[self.nz :]
 
 
 def partition(
@@ -146,48 +107,46 @@ def partition(
 ) -> GeneralizedPlant:
     """Return a generalized plant whose last outputs are measured and whose last inputs are controls.
 
-    In discrete time too if ``sampled``.  Counts that are None are told by the names that `generalized_plant` and
-    `mixed_sensitivity` give.
+    In discrete time too if ``sampled``.  If a count is None, it is determined from the labels that
+    `generalized_plant` and `mixed_sensitivity` give.
 
     Raises
     ------
-    TypeError, ValueError
-        Another kind of system, discrete time, not finite; counts that leave no disturbance or no performance signal, that
-        take one of these for a measurement or a control, or that names do not tell.
+    TypeError
+        If `P` is not a system.
+    ValueError
+        If the time or an entry is not allowed, or if a count leaves no disturbance or performance output, counts one
+        of these, or is None where the labels do not determine it.
     """
     if not (isinstance(P, Lti) or is_statespace(P) or is_transfer_function(P)):
         raise TypeError(
-            f"P: expected a generalized plant, a StateSpace, got {type(P).__name__}; boomctl.generalized_plant(system, "
-            "performance={...}, measurements=[...], controls=[...], ...) makes one of a structure or a system"
+            f"`P` must be a generalized plant, a StateSpace, got {type(P).__name__}. Build one of a structure or a"
+            " system by boomctl.generalized_plant."
         )
     system = of(P, "P", "StateSpace", sampled=sampled)
-    p, m = system.D.shape
-    nmeas = _count("nmeas", nmeas, system.output_labels, OUTSIDE[:1], "output", "performance signal")
-    ncon = _count("ncon", ncon, system.input_labels, OUTSIDE[1:], "input", "disturbance")
-    if whole("nmeas", nmeas) >= p:
-        raise ValueError(f"nmeas = {nmeas}: P has {p} output(s), and at least one must be a performance signal")
-    if whole("ncon", ncon) >= m:
-        raise ValueError(f"ncon = {ncon}: P has {m} input(s), and at least one must be a disturbance")
+    nmeas = _count("nmeas", nmeas, system.output_labels, len(system.D), OUTPUT_PREFIXES, "performance output")
+    ncon = _count("ncon", ncon, system.input_labels, system.D.shape[1], INPUT_PREFIXES, "disturbance")
     return GeneralizedPlant(system, nmeas, ncon)
 
 
 def _count(
-    what: str, count: int | None, signals: Sequence[str], prefixes: tuple[str, ...], kind: str, other: str
+    what: str, count: int | None, labels: Sequence[str], total: int, prefixes: tuple[str, ...], other: str
 ) -> int:
-    """Return how many signals stand last: as they are named, where no count is given; else the count, held against names."""
-    outside = next((i for i, name in enumerate(signals) if not name.startswith(prefixes)), len(signals))
-    told = outside > 0 and not any(name.startswith(prefixes) for name in signals[outside:])
+    """Return the number of measurements or controls, checked against the labels, or determined from these if None."""
+    first = next((i for i, label in enumerate(labels) if not label.startswith(prefixes)), len(labels))
+    known = first > 0 and not any(label.startswith(prefixes) for label in labels[first:])
     if count is None:
-        if not told:
+        if not known:
             raise ValueError(
-                f"{what}: expected a number, since the names of P do not tell it: as {kind}s, those of generalized_plant"
-                f" that begin with {' or '.join(prefixes)} come first, got {listed(signals)}"
+                f"`{what}` must be given unless the labels of P begin with {' or '.join(prefixes)} for every {other}"
+                f" and only for these, got None with {listed(labels)}."
             )
-        return len(signals) - outside
-    if told and whole(what, count) > len(signals) - outside:
+        return len(labels) - first
+    if whole(what, count) >= total:
+        raise ValueError(f"`{what}` must be less than {total}, so that P has at least one {other}, got {count}.")
+    if known and count > len(labels) - first:
         raise ValueError(
-            f"{what} = {count}: P has {len(signals) - outside} ({listed(signals[outside:])}), its {signals[outside - 1]!r} is"
-            f" a {other}"
+            f"`{what}` must be at most {len(labels) - first}, since {labels[first - 1]!r} of P is a {other}, got {count}."
         )
     return count
 
@@ -195,14 +154,15 @@ def _count(
 def matched(
     P: "control.StateSpace", controller: "Controller", *, sampled: bool = False, convert: bool = False
 ) -> tuple[GeneralizedPlant, Lti]:
-    """Return a plant partitioned as a controller demands, and the controller with the plant's signals, in their order.
+    """Return a plant partitioned to fit a controller, and the controller with the plant's signals, in their order.
 
     In discrete time too if ``sampled``. If ``convert``, a controller in the units of the machine is scaled as the plant.
 
     Raises
     ------
     TypeError, ValueError
-        Other kinds of system, another kind of time, sampling times or scales that differ, not finite, too many signals.
+        If `P` or the controller is not such a system, if the controller has too many signals, or if sampling times,
+        scales or labels do not match.
     """
     scales = getattr(P, "scales", None)
     K = controller_of(controller, sampled=sampled, scales=scales)
@@ -211,55 +171,55 @@ def matched(
     check_scales(K, scales)
     plant = partition(P, K.B.shape[1], len(K.C), sampled=sampled)
     if not same_time(K.dt, plant.system.dt):
-        wanted, got = (
+        needed, actual = (
             f"a sampling time of {exactly(dt)} s" if dt else "continuous time" for dt in (plant.system.dt, K.dt)
         )
-        raise ValueError(f"controller: expected {wanted}, as P has it, got {got}")
-    columns = _places("output", plant.measurements, K.input_labels, plant.system.output_labels)
-    rows = _places("input", plant.controls, K.output_labels, plant.system.input_labels)
-    names = {"input_labels": plant.measurements, "output_labels": plant.controls, "state_labels": ()}
-    return plant, replace(K.between(columns, rows), **names)
+        raise ValueError(f"`controller` must have {needed}, as P has, got {actual}.")
+    columns = _order("output", plant.measurements, K.input_labels, plant.system.output_labels)
+    rows = _order("input", plant.controls, K.output_labels, plant.system.input_labels)
+    labels = {"input_labels": plant.measurements, "output_labels": plant.controls, "state_labels": ()}
+    return plant, replace(K.between(columns, rows), **labels)
 
 
-def _places(what: str, wanted: Sequence[str], names: Sequence[str], there: Sequence[str]) -> list[int]:
-    """Return where the wanted names stand; in their order where all names are strange to the plant."""
-    listed = list(names)
-    if set(listed) == set(wanted):
-        return [listed.index(name) for name in wanted]
-    for name in listed:
-        if name in there:
+def _order(kind: str, labels: Sequence[str], own: Sequence[str], of_plant: Sequence[str]) -> list[int]:
+    """Return the positions of a controller's signals in the order of the plant; unchanged if it has none of its labels."""
+    if set(own) == set(labels):
+        return [list(own).index(label) for label in labels]
+    for label in own:
+        if label in of_plant:
             raise ValueError(
-                f"controller: its signal {name!r} is an {what} of P, but the last {len(wanted)} {what}(s) of P are "
-                f"{', '.join(wanted)}, and its own are {', '.join(listed)}; name all of them, or none"
+                f"`controller` must have the last {kind}s of P, {', '.join(labels)}, or none of its labels, got"
+                f" {', '.join(own)}: {label!r} is an {kind} of P."
             )
-    return list(range(len(listed)))
+    return list(range(len(own)))
 
 
 @one_blas_thread
 def lft(P: "control.StateSpace", controller: "Controller") -> "control.StateSpace":
-    """Return a generalized plant closed by a controller from its measurements to its controls.
+    """Close a generalized plant by a controller from its measurements to its controls.
 
-    The controller's inputs are the last outputs of ``P`` and its outputs the last inputs: found by name where the
-    controller bears their names, in that order where all of its names are strange to ``P``.
+    The inputs of the controller are the last outputs of ``P`` and its outputs the last inputs: matched by name, or in
+    this order if the controller has none of the labels of ``P``.
 
     Parameters
     ----------
     P : control.StateSpace
         Generalized plant: its last inputs are controls, its last outputs measurements.
-    controller : control.StateSpace, control.TransferFunction, or a design, which holds one
-        ``u = K y``, of the same sampling time if there is one. For a scaled ``P`` in its scaled signals or, if designed
-        by boomctl, in the units of the machine.
+    controller : control.StateSpace, control.TransferFunction, or a design
+        Controller ``u = K y``, with the sampling time of `P`. For a scaled `P` in its scaled signals or, if designed by
+        boomctl, in the units of the machine.
 
     Returns
     -------
     control.StateSpace
-        From the disturbances to the performance signals, named as in ``P``.
+        From the disturbances to the performance outputs, labeled as in `P`.
 
     Raises
     ------
-    TypeError, ValueError
-        Other kinds of system, sampling times or scales that differ, too many signals; names of which some are signals of
-        ``P`` but not those last ones; the loop is not well-posed.
+    TypeError
+        If `P` or `controller` is not a system.
+    ValueError
+        If sampling times, scales or labels do not match, or if the loop is not well-posed.
 
     Examples
     --------
@@ -269,7 +229,7 @@ def lft(P: "control.StateSpace", controller: "Controller") -> "control.StateSpac
     >>> P = bc.mixed_sensitivity(lag, W1=1.0)
     >>> gain = control.ss([], [], [], [[9.0]], inputs="error_y", outputs="u")
     >>> loop = bc.lft(P, gain)
-    >>> loop.output_labels, round(float(loop.dcgain()), 3)  # the error that is left: 1/(1 + 9)
+    >>> loop.output_labels, round(float(loop.dcgain()), 3)  # the control error: 1/(1 + 9)
     (['z_error_y'], 0.1)
     """
     plant, K = matched(P, controller, sampled=True, convert=True)
@@ -277,32 +237,29 @@ def lft(P: "control.StateSpace", controller: "Controller") -> "control.StateSpac
 
 
 def with_feedthrough(K: Lti, D22: Array) -> Lti:
-    """Return the controller that does with ``D22`` what ``K`` does without it: ``K`` reads ``y - D22 u``.
+    """Return the controller for a plant with the feedthrough ``D22`` from one without: ``K`` of ``y - D22 u``.
 
     Raises
     ------
     ValueError
-        That loop is not well-posed.
+        If that loop is not well-posed.
     """
     if not D22.any():
         return K
-    twice = Lti(
-        K.A,
-        np.hstack([K.B, K.B]),
-        np.vstack([K.C, K.C]),
-        np.tile(K.D, (2, 2)),
-        K.input_labels * 2,
-        K.output_labels * 2,
-        K.state_labels,
-        K.dt,
-        K.scales,
+    repeated = replace(
+        K,
+        B=np.hstack([K.B, K.B]),
+        C=np.vstack([K.C, K.C]),
+        D=np.tile(K.D, (2, 2)),
+        input_labels=K.input_labels * 2,
+        output_labels=K.output_labels * 2,
     )
-    return lower_lft(twice, static(-D22))
+    return lower_lft(repeated, static(-D22))
 
 
 def cancelled(loop: Lti, D11: Array) -> Lti:
-    """Return a loop in continuous time without what rounding leaves of a direct way that the controller cancels."""
-    left = np.abs(loop.D).max(initial=0.0)
-    if loop.dt == 0.0 and left <= 10.0 * FEEDTHROUGH * np.abs(D11).max(initial=0.0):
+    """Return a continuous-time loop without the rounding residue of a feedthrough that the controller cancels."""
+    residue = np.abs(loop.D).max(initial=0.0)
+    if loop.dt == 0.0 and residue <= 10.0 * FEEDTHROUGH_RTOL * np.abs(D11).max(initial=0.0):
         return replace(loop, D=np.zeros_like(loop.D))
     return loop

@@ -1,6 +1,6 @@
-"""Controllers of a symmetric machine: one of each half joined into one, and one split into those of the halves."""
+"""Controllers of a mirror-symmetric machine: joined from those of its two subsystems, and split into them."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,38 +19,40 @@ from boomctl.threads import one_blas_thread
 if TYPE_CHECKING:
     import control
 
-_FAINT = 1e-7, 1e-9, 1e-11  # shares of a state's size that are rounding, tried in turn until nothing is lost (choices)
-_LOST = 1e-6  # share of a half's gain, at any frequency looked at, that it may differ by from the controller (a choice)
-_FELT = 100.0  # units of rounding of the norm of A by which its poles may be off, with room (a choice)
-_UNITS = 1e3  # of rounding of a product, below which an entry tells nothing (a choice)
-_BESIDE = 1e-3  # relative distance kept from undamped poles, where a response has no end (a choice)
-_SAME = 1e-6  # share of its size below which what A makes of a column is rounding (a choice)
+# Norm of a reachable or observable state, relative to the controller, below which it is rounding. Tried in turn until
+# the response is preserved.
+_RANK_RTOL = (1e-7, 1e-9, 1e-11)
+_RESPONSE_RTOL = 1e-6  # Largest relative change of the response of a subsystem.
+_POLE_RTOL = 100.0 * EPS  # Rounding error of the poles, relative to the norm of A.
+_CLUSTER_RTOL = 1e-3  # Poles that are closer than this, relative to their modulus, are reduced together.
+_GAP = 1e-3  # Relative distance of frequencies from undamped poles.
+_NULL_RTOL = 1e-6  # Fraction of the norm of A below which the image of a state is rounding.
 
 
 @one_blas_thread
 def join_symmetric(
     model: SecondOrderModel, symmetric: "control.StateSpace", antisymmetric: "control.StateSpace"
 ) -> "control.StateSpace":
-    """Return the controller of the whole machine whose halves are controlled apart.
+    """Join the controllers of the symmetric and the antisymmetric subsystem to one of the machine.
 
     Parameters
     ----------
     model : SecondOrderModel
-        The whole machine, with the mirror symmetry by which :func:`boomctl.split_symmetric` splits it.
+        The machine, with the mirror symmetry of :func:`boomctl.split_symmetric`.
     symmetric, antisymmetric : control.StateSpace
-        Controllers of the two halves, ``u = K y``; inputs named as outputs of the half, outputs as its inputs. A gain
-        without a time of its own goes with continuous and with discrete ones.
+        Controllers ``u = K y`` of the two subsystems, with their labels. A gain of unspecified time is accepted with
+        continuous and discrete ones.
 
     Returns
     -------
     control.StateSpace
-        Inputs named as outputs of the machine, outputs as its inputs; the halves' states one after the other.
+        With the labels of the machine; the states of the symmetric controller come first.
 
     Raises
     ------
     TypeError, ValueError
-        Another kind of model or controller, one with entries that are not finite; the model has no mirror symmetry; the
-        halves' controllers differ in sampling time; a signal that is no half of a pair of the machine's.
+        If an argument has another type, if an entry is not finite, if the model has no mirror symmetry, if the sampling
+        times differ, or if a label is not one of the subsystem.
 
     Examples
     --------
@@ -75,11 +77,12 @@ def join_symmetric(
     given = (symmetric.dt, antisymmetric.dt)
     times = {half.dt for (half, _), dt in zip(halves, given, strict=True) if dt is not None}
     if len(times) > 1:
-        raise ValueError(f"sampling times {symmetric.dt} and {antisymmetric.dt} s: expected the same in both halves")
-    measured = _whole(mirror, [(half.input_labels, parity) for half, parity in halves], model.output_labels, "output")
-    driven = _whole(mirror, [(half.output_labels, parity) for half, parity in halves], model.input_labels, "input")
-    read = np.hstack([_matrix(mirror, measured, half.input_labels, parity) for half, parity in halves])
-    drive = np.hstack([_matrix(mirror, driven, half.output_labels, parity) for half, parity in halves])
+        raise ValueError(f"`antisymmetric` must have the sampling time {symmetric.dt} s, got {antisymmetric.dt} s.")
+    inputs, outputs = (
+        [(getattr(half, kind), parity) for half, parity in halves] for kind in ("input_labels", "output_labels")
+    )
+    measured, read = _signals(mirror, inputs, model.output_labels, "output")
+    driven, drive = _signals(mirror, outputs, model.input_labels, "input")
     both = append(*(half for half, _ in halves))
     B, C, D = both.B @ read.T, drive @ both.C, drive @ both.D @ read.T
     dt, scales = min(times, default=0.0), None if None in [half.scales for half, _ in halves] else {}
@@ -90,7 +93,7 @@ def join_symmetric(
 def split_controller(
     model: SecondOrderModel, controller: "control.StateSpace"
 ) -> "tuple[control.StateSpace, control.StateSpace, float]":
-    """Return the controllers of the halves that a controller of a symmetric machine amounts to, and what they miss.
+    """Split a controller of a symmetric machine into those of its two subsystems.
 
     Parameters
     ----------
@@ -102,19 +105,17 @@ def split_controller(
     Returns
     -------
     symmetric, antisymmetric : control.StateSpace
-        Controllers of the two halves, without the states that only serve the other half.
+        Controllers of the two subsystems, without the states of the other one.
     missed : float
-        Share of the controller that leads from one half to the other: the largest gain of those channels at the
-        frequencies of its poles and decades around, over the largest gain of the others, each in units in which the
-        machine's measurements are alike.  Rounding of a symmetric controller; anything else is a controller that mixes
-        the halves.
+        Coupling of the subsystems by the controller: largest gain between them at and around the frequencies of its poles,
+        relative to the largest gain within them, with measurements scaled to similar magnitudes. Rounding error for a
+        symmetric controller.
 
     Raises
     ------
     TypeError, ValueError
-        Another kind of model or controller, discrete time that does not say its sampling time or with a pole at
-        ``z = -1``, not finite; the model has no mirror symmetry; a signal
-        without its mirror image.
+        If an argument has another type, if the sampling time is unspecified, if there is a pole at ``z = -1``, if an entry is
+        not finite, if the model has no mirror symmetry, or if a signal has no mirror image.
 
     Examples
     --------
@@ -126,209 +127,134 @@ def split_controller(
     >>> jolt.D.round(6), yaw.D.round(6), round(missed, 9)
     (array([[-200.]]), array([[-100.]]), 0.0)
     """
-    mirror, given = _mirror(model), controller_of(controller, sampled=True).balanced()
-    check_scales(given)
-    # a discrete one is told apart as the continuous controller whose Tustin discretisation it is
-    K, sides = continuous_image(given).balanced(), []
+    mirror, controller_lti = _mirror(model), controller_of(controller, sampled=True).balanced()
+    check_scales(controller_lti)
+    # A discrete controller is split as the continuous one whose Tustin discretization it is.
+    K = continuous_image(controller_lti).balanced()
+    grid, clusters, sides = _frequencies(K), _clusters(K), []
+    response = K.response(grid, quiet=True).transpose(2, 0, 1)
+    largest = np.abs(response).max(axis=(0, 1), initial=0.0)
     for parity in (1, -1):
         read, drive = mirror.signals(K.input_labels, parity), mirror.signals(K.output_labels, parity)
         if read is None or drive is None:
-            raise ValueError("controller: expected both signals of each pair, left and right")
-        sides.append(_Side(read[0], drive[0], read[1], drive[1]))
-    grid = _around(K)
-    response = K.response(grid, quiet=True).transpose(2, 0, 1)
-    largest = np.abs(response).max(axis=(0, 1), initial=0.0)
-    units = [(side.entry**2).T @ np.where(largest > 0.0, largest, 1.0) for side in sides]  # the same for both of a pair
-    parts = {(i, j): sides[i].leave.T @ response @ sides[j].entry / units[j] for i in (0, 1) for j in (0, 1)}
-    size = max(float(np.abs(part).max(initial=0.0)) for part in parts.values())
+            raise ValueError("`controller` must have both signals of each pair, left and right.")
+        sides.append((read[0], drive[0].T, read[1], drive[1]))
+    units = [(read**2).T @ np.where(largest > 0.0, largest, 1.0) for read, *_ in sides]  # the same for both of a pair
+    parts = {(i, j): sides[i][1] @ response @ sides[j][0] / units[j] for i in (0, 1) for j in (0, 1)}
+    gains = {key: float(np.abs(part).max(initial=0.0)) for key, part in parts.items()}
     nearest = np.abs(1j * grid[:, None] - K.poles).min(axis=1, initial=np.inf)
-    moved = _FELT * EPS * float(np.linalg.norm(K.A)) / nearest  # share of a gain that is rounding of the poles
-    halves, lost = [], np.full((2, len(grid)), np.inf)
-    for faint in _FAINT:
-        halves = _controllers_of_halves(K, sides, faint)
-        for k, half in enumerate(halves):
-            result, whole = half.response(grid, quiet=True).transpose(2, 0, 1) / units[k], parts[k, k]
-            # share of the largest gain that is none: half of all digits
-            gain = np.maximum(np.abs(whole).max(axis=(1, 2), initial=0.0), ROOT * size)
-            share = np.abs(result - whole).max(axis=(1, 2), initial=0.0) / np.where(gain > 0.0, gain, 1.0)
-            lost[k] = np.maximum(share - moved, 0.0)
-        if lost.max() <= _LOST:
-            break
-    else:
-        k = int(np.argmax(lost.max(axis=1)))
-        raise ValueError(
-            f"controller: its {('symmetric', 'antisymmetric')[k]} half would differ from it by"
-            f" {100.0 * lost[k].max():.2g} % at {grid[int(np.argmax(lost[k]))]:.4g} rad/s; expected poles that rounding"
-            " does not mix so much between the halves"
-        )
-    gains = {key: np.abs(part).max(initial=0.0) for key, part in parts.items()}
-    kept = max(gains[0, 0], gains[1, 1])
-    missed = float(max(gains[0, 1], gains[1, 0]) / kept) if kept else 0.0
-    symmetric, antisymmetric = (
-        replace(discrete_image(half, given.dt), scales=given.scales).statespace("controller") for half in halves
-    )
+    rounding = _POLE_RTOL * float(np.linalg.norm(K.A))
+    pole_error = rounding / nearest
+    result = []
+    for k, (read, drive, inputs, outputs) in enumerate(sides):
+        gain = np.maximum(np.abs(parts[k, k]).max(axis=(1, 2), initial=0.0), ROOT * max(gains.values()))
+        change = np.zeros(0)
+        for rtol in _RANK_RTOL:
+            blocks = [_minimal(cluster, read, drive, rtol, rounding) for cluster in clusters]
+            A, B = linalg.block_diag(*(block.A for block in blocks)), np.vstack([block.B for block in blocks])
+            half = Lti(A, B, np.hstack([block.C for block in blocks]), drive @ K.D @ read, inputs, outputs)
+            error = half.response(grid, quiet=True).transpose(2, 0, 1) / units[k] - parts[k, k]
+            change = np.abs(error).max(axis=(1, 2), initial=0.0) / np.where(gain > 0.0, gain, 1.0) - pole_error
+            if change.max() <= _RESPONSE_RTOL:
+                break
+        else:
+            name, worst = ("symmetric", "antisymmetric")[k], int(np.argmax(change))
+            raise ValueError(
+                f"`controller` cannot be split: its {name} part would change by {100.0 * change[worst]:.2g} % at"
+                f" {grid[worst]:.4g} rad/s, as rounding mixes its poles. Design one controller for each subsystem."
+            )
+        result.append(replace(discrete_image(half, controller_lti.dt), scales=controller_lti.scales))
+    missed = max(gains[0, 1], gains[1, 0]) / (max(gains[0, 0], gains[1, 1]) or 1.0)
+    symmetric, antisymmetric = (half.statespace("controller") for half in result)
     return symmetric, antisymmetric, missed
 
 
-@dataclass(frozen=True)
-class _Side:
-    """What the controller of a half reads and drives: columns over the machine's signals, and names."""
+def _frequencies(K: Lti) -> Array:
+    """Return frequencies at and around a controller's poles, except for undamped ones."""
+    poles = K.poles[resolved(K.poles) & (K.poles != 0.0)]
+    poles = poles if len(poles) else -np.ones(1)
+    size = np.abs(poles)
+    grid = np.union1d(np.geomspace(0.01 * size.min(), 10.0 * size.max(), 200), size)
+    for omega in size[np.abs(poles.real) <= _GAP * size]:
+        grid = np.where(np.abs(grid - omega) <= _GAP * omega, omega * (1.0 + _GAP), grid)
+    return grid
 
-    entry: Array
-    leave: Array
-    inputs: tuple[str, ...]
-    outputs: tuple[str, ...]
+
+def _clusters(K: Lti) -> list[Lti]:
+    """Return the parts of a controller that belong to clusters of nearly equal poles."""
+    A, columns, widths = block_diagonal(K.A)
+    rows = linalg.inv(columns) if len(A) else columns
+    clusters: list[tuple[Array, Array]] = []  # of states and of poles
+    error = _POLE_RTOL * float(np.linalg.norm(A))
+    for end, width in zip(np.cumsum(widths).astype(int), widths, strict=True):
+        states = np.arange(end - width, end)
+        poles, apart = linalg.eigvals(A[np.ix_(states, states)]), []
+        for others, values in clusters:
+            if (np.abs(poles[:, None] - values) <= _CLUSTER_RTOL * np.abs(values) + error).any():
+                states, poles = np.concatenate([others, states]), np.concatenate([values, poles])
+            else:
+                apart.append((others, values))
+        clusters = [*apart, (states, poles)]
+    B, C = rows @ K.B, K.C @ columns
+    groups = [states for states, _ in clusters] or [np.arange(0)]
+    return [Lti(A[np.ix_(states, states)], B[states], C[:, states], K.D) for states in groups]
+
+
+def _minimal(part: Lti, read: Array, drive: Array, rtol: float, rounding: float) -> Lti:
+    """Return the reachable and observable states of a part between the signals of a subsystem."""
+    inputs, outputs = (
+        np.linalg.norm(part.B) * np.linalg.norm(read, axis=0),
+        np.linalg.norm(part.C) * np.linalg.norm(drive, axis=1),
+    )
+    B, C = part.B @ read, drive @ part.C
+    V = _reachable(part.A, B / np.where(inputs > 0.0, inputs, 1.0), rtol, rounding)
+    A, B, C = V.T @ part.A @ V, V.T @ B, C @ V
+    W = _reachable(A.T, C.T / np.where(outputs > 0.0, outputs, 1.0), rtol, rounding)
+    return Lti(W.T @ A @ W, W.T @ B, C @ W, np.zeros((len(C), B.shape[1])))
+
+
+def _reachable(A: Array, columns: Array, rtol: float, rounding: float) -> Array:
+    """Return an orthonormal basis of the Krylov space of some columns, without directions below a fraction of them."""
+    basis, size = np.zeros((len(A), 0)), max(float(np.linalg.norm(A)), TINY)
+    while columns.shape[1]:
+        left, values, _ = linalg.svd(columns - basis @ (basis.T @ columns), full_matrices=False)
+        new = left[:, values > rtol]
+        new = linalg.qr(new - basis @ (basis.T @ new), mode="economic")[0]  # orthogonal to rounding
+        basis, columns = np.hstack([basis, new]), A @ new
+        norms = np.linalg.norm(columns, axis=0)
+        columns = (columns / np.maximum(norms, _NULL_RTOL * size))[:, norms > rounding]
+    return basis
 
 
 def _mirror(model: SecondOrderModel) -> Mirror:
     instance("model", model, SecondOrderModel)
     if model._mirror is None:
-        raise ValueError("model: expected one with mirror symmetry, such as spray_boom with a symmetric mesh")
+        raise ValueError("`model` must have mirror symmetry, such as spray_boom with a symmetric mesh.")
     return model._mirror
 
 
-def _around(K: Lti) -> Array:
-    """Return frequencies at a controller's poles and around, beside those that are undamped."""
-    poles = K.poles if len(K.A) else -np.ones(1)
-    size = np.abs(poles)
-    seen = resolved(poles) & (size > 0.0)
-    poles, size = poles[seen], size[seen]
-    low, high = (float(size.min()), float(size.max())) if len(size) else (1.0, 1.0)
-    grid = np.union1d(np.geomspace(0.01 * low, 10.0 * high, 200), size)
-    for omega in size[np.abs(poles.real) <= _BESIDE * size]:
-        grid = np.where(np.abs(grid - omega) <= _BESIDE * omega, omega * (1.0 + _BESIDE), grid)
-    return grid
-
-
-def _controllers_of_halves(K: Lti, sides: list[_Side], faint: float) -> list[Lti]:
-    """Return the controllers of the halves: of each group of poles, the states that a half reaches and sees.
-
-    Poles apart are groups of their own.  A group that both halves use, with more states than it has, holds poles that
-    rounding has mixed, such as equal ones of the two halves: it is joined with the nearest.
-    """
-    waiting, done = _blocks(K), []
-    while waiting:
-        block = waiting.pop()
-        parts = [_minimal(block, side, faint) for side in sides]
-        if not waiting or sum(len(part.A) for part in parts) <= len(block.A):
-            done.append(parts)
-            continue
-        distance = [_apart(block, other) for other in waiting]
-        other = waiting.pop(int(np.argmin(distance)))
-        waiting.append(_joined(block, other))
-    halves = []
-    for k, side in enumerate(sides):
-        D = side.leave.T @ K.D @ side.entry
-        empty = Lti(np.zeros((0, 0)), np.zeros((0, D.shape[1])), np.zeros((len(D), 0)), D)
-        result = [parts[k] for parts in done if len(parts[k].A)]
-        A = linalg.block_diag(*(part.A for part in result)) if result else empty.A
-        B, C = np.vstack([empty.B, *(part.B for part in result)]), np.hstack([empty.C, *(part.C for part in result)])
-        halves.append(Lti(A, B, C, D, side.inputs, side.outputs))
-    return halves
-
-
-@dataclass(frozen=True)
-class _Block:
-    """Some poles of a controller, with what of ``B`` and ``C`` is theirs, and how far rounding may have moved that."""
-
-    A: Array
-    B: Array
-    C: Array
-    input_noise: Array
-    output_noise: Array
-
-
-def _blocks(K: Lti) -> list[_Block]:
-    blocks, columns, widths = block_diagonal(K.A)
-    rows = linalg.inv(columns) if len(K.A) else K.A
-    B, C = rows @ K.B, K.C @ columns
-    input_noise, output_noise = (
-        _UNITS * EPS * (np.abs(rows) @ np.abs(K.B)),
-        _UNITS * EPS * (np.abs(K.C) @ np.abs(columns)),
-    )
-    ends = np.cumsum(widths).astype(int)
-    result = []
-    for end, width in zip(ends, widths, strict=True):
-        own = slice(end - width, end)
-        result.append(_Block(blocks[own, own], B[own], C[:, own], input_noise[own], output_noise[:, own]))
-    return result
-
-
-def _joined(one: _Block, other: _Block) -> _Block:
-    return _Block(
-        linalg.block_diag(one.A, other.A),
-        np.vstack([one.B, other.B]),
-        np.hstack([one.C, other.C]),
-        np.vstack([one.input_noise, other.input_noise]),
-        np.hstack([one.output_noise, other.output_noise]),
-    )
-
-
-def _apart(one: _Block, other: _Block) -> float:
-    """Return the least distance of the poles of two blocks."""
-    poles, others = linalg.eigvals(one.A), linalg.eigvals(other.A)
-    return float(np.abs(poles[:, None] - others).min())
-
-
-def _minimal(block: _Block, side: _Side, faint: float) -> Lti:
-    """Return the states that one half reaches and sees, of those of a block."""
-    entry, leave = block.B @ side.entry, side.leave.T @ block.C
-    unsure = block.input_noise @ np.abs(side.entry), np.abs(side.leave.T) @ block.output_noise
-    sizes = (
-        np.linalg.norm(block.B) * np.linalg.norm(side.entry, axis=0),
-        np.linalg.norm(block.C) * np.linalg.norm(side.leave.T, axis=1),
-    )
-    entry, leave = np.where(np.abs(entry) > unsure[0], entry, 0.0), np.where(np.abs(leave) > unsure[1], leave, 0.0)
-    V = columns_spanned(block.A, entry / np.where(sizes[0] > 0.0, sizes[0], 1.0), faint)
-    A, entry, leave = V.T @ block.A @ V, V.T @ entry, leave @ V
-    W = columns_spanned(A.T, (leave / np.where(sizes[1] > 0.0, sizes[1], 1.0)[:, None]).T, faint)
-    return Lti(W.T @ A @ W, W.T @ entry, leave @ W, np.zeros((len(leave), entry.shape[1])))
-
-
-def columns_spanned(A: Array, start: Array, faint: float) -> Array:
-    """Return orthonormal columns that span what ``A`` makes of those given, without what is fainter than a share of them."""
-    basis, size = np.zeros((len(A), 0)), max(float(np.linalg.norm(A)), TINY)
-    while start.shape[1]:
-        left, strength, _ = linalg.svd(start - basis @ (basis.T @ start), full_matrices=False)
-        new = left[:, strength > faint]
-        new = linalg.qr(new - basis @ (basis.T @ new), mode="economic")[
-            0
-        ]  # what a faint column lost of its right angle
-        basis, onward = np.hstack([basis, new]), A @ new
-        # a column that A nearly annihilates is rounding, and stays small
-        start = onward / np.maximum(np.linalg.norm(onward, axis=0), _SAME * size)
-    return basis
-
-
-def _whole(
-    mirror: Mirror, halves: list[tuple[tuple[str, ...], int]], available: tuple[str, ...], what: str
-) -> list[str]:
-    """Return the machine's signals that make up those of the halves, in the machine's order."""
-    result = set()
-    for labels, parity in halves:
-        for label in labels:
-            names = _sources(mirror, label, parity)
-            if names is None or not names <= set(available):
-                side = "symmetric" if parity > 0 else "antisymmetric"
-                raise ValueError(f"{label!r} of the {side} controller belongs to no {what} of the machine's half")
-            result |= names
-    return [name for name in available if name in result]
-
-
-def _sources(mirror: Mirror, label: str, parity: int) -> set[str] | None:
+def _signals(
+    mirror: Mirror, subsystems: list[tuple[tuple[str, ...], int]], available: tuple[str, ...], kind: str
+) -> tuple[list[str], Array]:
+    """Return the machine's signals of which those of two subsystems consist, and the matrix from these to them."""
+    sources: dict[tuple[str, int], set[str]] = {}
     for pair in mirror.pairs:
-        if pair.left is None:
-            if label == pair.stem and pair.parity == parity:
-                return {pair.right}
-        elif label == f"{pair.stem}_{'sym' if parity > 0 else 'anti'}":
-            return {pair.right, pair.left}
-    return None
-
-
-def _matrix(mirror: Mirror, names: list[str], labels: tuple[str, ...], parity: int) -> Array:
-    """Return the columns that make the machine's signals of a half's."""
-    result = mirror.signals(names, parity)
-    if result is None:
-        raise ValueError(f"signals {', '.join(names)}: expected both of each pair")
-    matrix, stems = result
-    return matrix[:, [stems.index(label) for label in labels]]
+        for parity, side in ((1, "sym"), (-1, "anti")):
+            if pair.left is not None:
+                sources[f"{pair.stem}_{side}", parity] = {pair.right, pair.left}
+            elif pair.parity == parity:
+                sources[pair.stem, parity] = {pair.right}
+    used: set[str] = set()
+    for label, parity in ((label, parity) for labels, parity in subsystems for label in labels):
+        names = sources.get((label, parity), {""})
+        if not names <= set(available):
+            side = "symmetric" if parity > 0 else "antisymmetric"
+            raise ValueError(f"{label!r} of the {side} controller must be an {kind} of that subsystem of `model`.")
+        used |= names
+    machine, columns = [name for name in available if name in used], []
+    for labels, parity in subsystems:
+        result = mirror.signals(machine, parity)
+        if result is None:
+            raise ValueError(f"`model` must have both signals of each pair, got {', '.join(machine)}.")
+        columns.append(result[0][:, [result[1].index(label) for label in labels]])
+    return machine, np.hstack(columns)

@@ -1,4 +1,4 @@
-"""Weights for generalized plants: small stable filters in state space, corner frequencies in rad/s."""
+"""Weighting filters for generalized plants, with corner frequencies in rad/s."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 from boomctl.checks import exactly, positive, real, whole
 from boomctl.lti.python_control import control
 
-_BUTTERWORTH = float(np.sqrt(0.5))  # damping ratio of the flattest second-order filter: gain/sqrt(2) at the corner
+_BUTTERWORTH = float(np.sqrt(0.5))  # Damping ratio of a filter with the gain 1/sqrt(2) at the corner.
 
 
 def _filter(A: ArrayLike, B: ArrayLike, C: ArrayLike, D: float) -> control.StateSpace:
@@ -18,7 +18,7 @@ def _filter(A: ArrayLike, B: ArrayLike, C: ArrayLike, D: float) -> control.State
 def _order(value: object) -> int:
     order = whole("order", value)
     if order > 2:
-        raise ValueError(f"order = {order}: expected 1 or 2")
+        raise ValueError(f"`order` must be 1 or 2, got {order}.")
     return order
 
 
@@ -132,7 +132,7 @@ def band_pass(gain: float, low: float, high: float) -> control.StateSpace:
     """
     g, a, b = real("gain", gain), positive("low", low), positive("high", high)
     if a >= b:
-        raise ValueError(f"low, high = {exactly(a)}, {exactly(b)}: expected ascending frequencies [rad/s]")
+        raise ValueError(f"`low` must be less than `high`, got {exactly(a)} and {exactly(b)} rad/s.")
     center = float(np.sqrt(a * b))
     damping = (b - a) / (2.0 * center)
     return _filter(*_second(center, damping), [[0.0, 2.0 * g * damping]], 0.0)

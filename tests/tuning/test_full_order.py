@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 
 import boomctl as bc
 from boomctl.progress import Deadline
-from boomctl.synthesis.hinf.full_order import full_order_bound
 from boomctl.synthesis.plants.partition import partition
+from boomctl.tuning.full_order import full_order_bound
 from tests.profiles import examples
 
 ROUNDING = 1e-6  # relative: norms are certified to as much
