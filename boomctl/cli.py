@@ -160,9 +160,9 @@ def sigma(asked: Namespace) -> dict[str, Any]:
     if asked.out is not None:
         _save_sigma(result, "exact" if exact else f"{asked.discretization}, {elements}", curve, asked.out)
     bound = result.certificate.upper_bound
-    proof = f"certified below {bound:.6g}" if result.certified and isfinite(bound) else result.certificate.method
+    proof = f"{result.certificate.status} below {bound:.6g}" if isfinite(bound) else result.certificate.method
     print(f"peak {result.peak:.6g} at {result.peak_omega:.6g} rad/s ({result.peak_omega / tau:.6g} Hz), {proof}")
-    found = {"peak": result.peak, "peak_omega": result.peak_omega, "certified": result.certified, "upper_bound": bound}
+    found = {"peak": result.peak, "peak_omega": result.peak_omega, "verified": result.verified, "upper_bound": bound}
     curves = {"omega": result.omega, "sigma": result.sigma}
     return {**found, "inputs": result.input_labels, "outputs": result.output_labels, **curves}
 

@@ -1,8 +1,7 @@
-"""How H2 norms are found between two bounds.
+"""H2 norms by Gramians, and how they are verified.
 
-In modal coordinates that answer for their rounding (:mod:`boomctl.lti.verified_modal_form`) its square is a sum over pairs of
-modes, ``|G|^2 = -sum_ij (c_i^* c_j)(b_j b_i^*)/(p_j + p_i^*)``; in discrete time with ``1/(1 - p_i p_j^*)``.  Where that has
-too few digits, the norm is enclosed in ball arithmetic (:mod:`boomctl.lti.proof`).
+The square of the norm is ``trace(C P C')`` with the Gramian of controllability ``P``, and ``trace(B' Q B)`` with that of
+observability: the two agree where rounding leaves digits.
 """
 
 from dataclasses import replace
@@ -11,22 +10,27 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from boomctl.analysis.marginal_poles import marginal_poles
-from boomctl.analysis.norm import NOT_PROVED, ON_CIRCLE, PROVED, UNDAMPED, UNSTABLE, NormBounds, doubtful
-from boomctl.arrays import Array
+from boomctl.analysis.norm import (
+    NOT_PROVED,
+    PROVED,
+    UNSTABLE,
+    NormBounds,
+    at_boundary,
+)
+from boomctl.analysis.sum_over_modes import bounds
 from boomctl.lti.gramians import refined_gramian
-from boomctl.lti.modal import split
-from boomctl.lti.rounding import EPS, TERMS, TINY
+from boomctl.lti.rounding import CERTIFIED, EXACT_STATES
 from boomctl.lti.system import Lti, of
-from boomctl.lti.verified_modal_form import VerifiedModalForm, verified_modal_form
 from boomctl.structure.model import SecondOrderModel
 from boomctl.threads import one_blas_thread
 
 if TYPE_CHECKING:
     import control
 
-BY_MODES = "a sum over pairs of modes"
-_CANCELLED = 4.0  # roundings of one, in the difference of one and the product of two poles
+BY_GRAMIANS = "Gramians of controllability and observability agree"
+NOT_AGREED = "Gramians of controllability and observability do not agree"
+_AGREED = 0.1 * CERTIFIED  # Relative difference of the norms by the two Gramians, up to which it is verified.
+_MARGIN = 0.2 * CERTIFIED  # Share of the norm by which its bounds lie on either side of it.
 
 
 @one_blas_thread
@@ -69,92 +73,68 @@ def h2_norm(system: "SecondOrderModel | control.StateSpace | control.TransferFun
 
 
 def matrices_h2_norm(given: Lti) -> NormBounds:
-    """Return the certified H2 norm of ``A, B, C, D``."""
+    """Return the H2 norm of ``A, B, C, D``."""
     if not len(given.A) or min(given.D.shape) == 0:
         through = float(np.linalg.norm(given.D))
         if through and given.dt == 0.0:
             return _fed_through(given)
-        return _between(through, through, through, "no states")
-    balanced = given.balanced()
-    axis = marginal_poles(balanced)
-    if axis.infinite is not None:
-        pole = axis.infinite
-        what = UNSTABLE if pole.real > 0.0 else UNDAMPED if given.dt == 0.0 else ON_CIRCLE
-        return _between(inf, inf, inf, f"{what} at {pole.real:.4g}{pole.imag:+.4g}j rad/s")
+        return _between(through, through, through, "no states", verified=True, proved=True)
+    return replace(_norm(given, given.balanced()), _given=given)
+
+
+def _norm(given: Lti, system: Lti) -> NormBounds:
+    """Return the norm of a system that is balanced, too."""
+    infinite, hidden = at_boundary(system, bounds(system))
+    if infinite is not None:
+        pole = (
+            system.rates[int(np.argmax(system.rates.real))] if infinite.method == UNSTABLE else 1j * infinite.peak_omega
+        )
+        return replace(infinite, peak_omega=nan, kind="h2", method=f"{infinite.method} at {pole:.4g} rad/s")
     if given.D.any() and given.dt == 0.0:
         return _fed_through(given)
-    if axis.doubtful is not None:
-        return _doubtful(balanced, axis.open, f"a mode at {abs(axis.doubtful):.6g} rad/s {doubtful(given)}")
-    return _proved(balanced) if axis.hidden.any() else _finite(balanced)
+    if hidden:
+        return _by_exact_arithmetic(system, _between(0.0, 0.0, inf, NOT_PROVED))
+    result = _by_gramians(system)
+    return result if result.verified else _by_exact_arithmetic(system, result)
 
 
-def _between(lower: float, value: float, upper: float, method: str) -> NormBounds:
-    return NormBounds(lower, upper, nan, method, kind="h2", _value=value)
+def _between(
+    lower: float, value: float, upper: float, method: str, verified: bool = False, proved: bool = False
+) -> NormBounds:
+    return NormBounds(lower, upper, nan, method, kind="h2", verified=verified, _proved=proved, _value=value)
 
 
 def _fed_through(given: Lti) -> NormBounds:
     o, i = np.unravel_index(int(np.argmax(np.abs(given.D))), given.D.shape)
-    return _between(
-        inf, inf, inf, f"a feedthrough to {given.output_labels[int(o)]!r} from {given.input_labels[int(i)]!r}"
-    )
+    method = f"a feedthrough to {given.output_labels[int(o)]!r} from {given.input_labels[int(i)]!r}"
+    return _between(inf, inf, inf, method, verified=True, proved=True)
 
 
-def _doubtful(system: Lti, near: Array, why: str) -> NormBounds:
-    """Return the value without the modes that may be undamped, where that can be told; the norm may be infinite."""
+def _by_gramians(system: Lti) -> NormBounds:
+    """Return the norm of a stable system, verified where both Gramians give it."""
+    steps, through = system.dt != 0.0, float(np.sum(system.D**2))
     try:
-        conjugates = np.abs(system.poles[:, None] - system.poles.conj()).argmin(axis=1)
-        rest = _finite(split(system, near | near[conjugates], "undamped modes")[1])
-    except ValueError:
-        return _between(0.0, 0.0, inf, why)
-    return _between(0.0, rest.value, inf, why)
+        P = refined_gramian(system.A, system.B, steps)
+        Q = refined_gramian(system.A.T, system.C.T, steps)
+        squares = float(np.sum((system.C @ P) * system.C)), float(np.sum((system.B.T @ Q) * system.B.T))
+    except (np.linalg.LinAlgError, ValueError):
+        squares = nan, nan
+    value, other = (sqrt(square + through) if square >= 0.0 else nan for square in squares)
+    if not abs(value - other) <= _AGREED * value < inf:
+        return _between(0.0, value if value < inf else 0.0, inf, NOT_AGREED)
+    room = _MARGIN * value
+    return _between(value - room, value, value + room, BY_GRAMIANS, verified=True)
 
 
-def _finite(system: Lti) -> NormBounds:
-    """Return the norm of a stable system, in continuous time without a feedthrough."""
-    modes = verified_modal_form(system)
-    result = None if modes is None else _by_modes(modes, system.dt)
-    if result is not None and result.certified:
-        return result
-    known = _proved(system)
-    if known.upper_bound < inf:
-        return known
-    known = result or known
-    return replace(known, _value=float(np.clip(_by_gramian(system), known.lower_bound, known.upper_bound)))
-
-
-def _proved(system: Lti) -> NormBounds:
-    """Return the norm of a system whose poles decay or do not show, as they are stored; no upper bound if undecided."""
+def _by_exact_arithmetic(system: Lti, known: NormBounds) -> NormBounds:
+    """Return the norm of a system whose poles decay or do not show, of the numbers as stored, or what is known of it."""
     from boomctl.exact_roots import OPERATIONS, UndecidedError
     from boomctl.lti.proof import Exact, below
 
+    if len(system.A) > EXACT_STATES:
+        return known
     try:
-        square = Exact.of(system, OPERATIONS).energy()
+        root = Exact.of(system, OPERATIONS).energy().sqrt()
     except UndecidedError:
-        return _between(0.0, 0.0, inf, NOT_PROVED)
-    low, high = below(square.sqrt()), -below(-square.sqrt())
-    return _between(max(low, 0.0), float(square.sqrt()), high, PROVED)
-
-
-def _by_gramian(system: Lti) -> float:
-    """Return the norm where modes nearly coincide and a proof takes too long: a value without bounds of its own."""
-    P = refined_gramian(system.A, system.B, system.dt != 0.0)
-    return sqrt(max(float(np.sum((system.C @ P) * system.C) + np.sum(system.D**2)), 0.0))
-
-
-def _by_modes(modes: VerifiedModalForm, dt: float) -> NormBounds:
-    """Return the norm as a sum over pairs of modes."""
-    modal, p = modes.modal, modes.modal.poles
-    through = float(np.sum(modal.D**2))
-    acting: Array = modal.B @ modal.B.conj().T
-    reading: Array = modal.C.conj().T @ modal.C
-    pairs = -(p[:, None] + p.conj()[None, :]) if dt == 0.0 else 1.0 - p[:, None] * p.conj()[None, :]
-    shares, units = 1.0 / pairs, TERMS + len(p)
-    if dt != 0.0:  # where 1 and the product of two poles nearly cancel, the difference is off by a few roundings of one
-        units = units + _CANCELLED * np.abs(shares)
-    square = max(float(np.sum(reading.T * acting * shares).real), 0.0) + through
-    sizes = (np.abs(modal.C).T @ np.abs(modal.C)) * (np.abs(modal.B) @ np.abs(modal.B).T) * np.abs(shares)
-    rounding = EPS * (float(np.sum(sizes * units)) + TERMS * through)
-    if (modal.B.any() and modal.C.any()) or modal.D.any():
-        rounding += TINY  # below it squares have fewer digits
-    low, value, high = (sqrt(x) for x in (max(square - rounding, 0.0), square, square + rounding))
-    return _between(max(low - modes.energy_gap, 0.0), value, high + modes.energy_gap, BY_MODES)
+        return replace(known, method=NOT_PROVED)
+    return _between(max(below(root), 0.0), float(root), -below(-root), PROVED, verified=True, proved=True)

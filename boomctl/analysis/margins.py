@@ -10,7 +10,7 @@ circle, so that gains, angles and disks are the same; frequencies are mapped bac
 """
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property, lru_cache, partial
 from importlib import import_module
 from math import inf, isfinite, isnan, log10, nan
@@ -19,11 +19,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy import linalg
 
+from boomctl.analysis.claim import Claim
 from boomctl.analysis.further_delay import FurtherDelay
 from boomctl.analysis.loops import joined, sign_advice, signals_of, unsampled
-from boomctl.analysis.marginal_poles import MarginalPoles, marginal_poles
-from boomctl.analysis.norm import axis_eigenvalues, matrices_norm
-from boomctl.analysis.prove import Claim
+from boomctl.analysis.norm import NormBounds, axis_eigenvalues, matrices_norm
 from boomctl.arrays import Array, blocks
 from boomctl.checks import known, warn_user
 from boomctl.exceptions import MarginAccuracyWarning, MarginLossWarning
@@ -75,30 +74,40 @@ _STEPS = 50  # of a search at most; a dozen does (a choice)
 
 @dataclass(frozen=True)
 class DiskMargin:
-    """Disk margin from the certified upper bound of a norm: a guaranteed value.
+    """Disk margin from the upper bound of a norm.
 
     Attributes
     ----------
     alpha : float
-        The margin, at most 2; a lower bound of it, 0 if there is none, where ``certified`` is False.
+        The margin, at most 2; a lower bound of it, 0 if there is none, where ``verified`` is False.
     omega : float
         Frequency at which it is least [rad/s]; ``inf`` where it is the loop's own at high frequency.
+    verified : bool
+        Whether the norm is verified to one part in 1e5, rounding of the loop's matrices included.
     certified : bool
-        Whether the norm is known to one part in 1e5, rounding of the loop's matrices included.
+        Whether it is proved, too; a proof may run when this is first read.
     """
 
     alpha: float
     omega: float
-    certified: bool
+    verified: bool
+    _norm: NormBounds = field(repr=False, compare=False)
 
     def __repr__(self) -> str:
         ranges = f"gains by {1.0 / self.gain_margin:.4g} to {self.gain_margin:.4g}, phases by {self.phase_margin_deg:.4g} deg"
-        return f"DiskMargin: {self._text} at {self.omega:.4g} rad/s ({ranges}{'' if self.certified else ', not certified'})"
+        return (
+            f"DiskMargin: {self._text} at {self.omega:.4g} rad/s ({ranges}{'' if self.verified else ', not verified'})"
+        )
+
+    @property
+    def certified(self) -> bool:
+        """Whether the margin is proved; a proof may run when this is first read."""
+        return self.verified and self._norm.certified
 
     @property
     def _text(self) -> str:
         """The margin as a value, as a lower bound, or as not found."""
-        if self.certified:
+        if self.verified:
             return f"{self.alpha:.4g}"
         return f">= {self.alpha:.4g}" if self.alpha > 0.0 else "not found"
 
@@ -392,7 +401,7 @@ def margins(
     quick, grid = triangular(image), grid_of_loop(image)
     G = quick.response(grid)
     m, total = len(loop.controls), len(S.D)
-    places, rounding, axis = ["control"] * m + ["measurement"] * (total - m), _rounding(S), marginal_poles(S)
+    places, rounding = ["control"] * m + ["measurement"] * (total - m), _rounding(S)
     if (most := float(rounding.max(initial=0.0))) > CERTIFIED:
         said = (
             f"rounding of the loop's matrices alone may change its response by {most:.1g} of its size; scale the states"
@@ -408,7 +417,6 @@ def margins(
             refined=refined.only(i),
             known=(grid, G[i, i]),
             rounding=float(rounding[i, i]),
-            axis=axis,
             further=FurtherDelay.of(P, K, delay, name) if dt != 0.0 and P.dt == 0.0 else None,
         )
         for i, (name, place) in enumerate(zip(loop.controls + loop.measurements, places, strict=True))
@@ -416,9 +424,7 @@ def margins(
     first, second, every = (
         loops[rows[0]].disk_margin
         if len(rows) == 1
-        else _disk(
-            S.between(rows, rows), G[np.ix_(rows, rows)], float(rounding[np.ix_(rows, rows)].max(initial=0.0)), axis
-        )
+        else _disk(S.between(rows, rows), G[np.ix_(rows, rows)], float(rounding[np.ix_(rows, rows)].max(initial=0.0)))
         for rows in (range(m), range(m, total), range(total))
     )
     if dt != 0.0:
@@ -445,8 +451,8 @@ def _of_continuous(P: Lti, K: Lti) -> list[DiskMargin]:
         return []
     S, m = loop.sensitivity, len(loop.controls)
     G = triangular(S).response(grid_of_loop(S))
-    groups, axis = (list(range(m)), list(range(m, len(S.D)))), marginal_poles(S)
-    return [_disk(S.between(rows, rows), G[np.ix_(rows, rows)], 0.0, axis) for rows in groups]
+    groups = list(range(m)), list(range(m, len(S.D)))
+    return [_disk(S.between(rows, rows), G[np.ix_(rows, rows)], 0.0) for rows in groups]
 
 
 def _rounding(S: Lti) -> Array:
@@ -470,22 +476,18 @@ def _rounding(S: Lti) -> Array:
     return (changes / np.maximum(values, 1.0)).max(axis=0)
 
 
-def _disk(S: Lti, G: Array, rounding: float, axis: MarginalPoles) -> DiskMargin:
-    """Return the disk margin of a sensitivity of response ``G`` on a grid; ``S - T = 2 S - 1``.
-
-    The sensitivities of all signals have the same ``A``, so that ``axis`` is decided once; what it says of the responses of
-    its own system does not hold of others.
-    """
-    eye, poles = np.eye(len(S.D)), replace(axis, bound=inf, doubt=inf)
+def _disk(S: Lti, G: Array, rounding: float) -> DiskMargin:
+    """Return the disk margin of a sensitivity of response ``G`` on a grid; ``S - T = 2 S - 1``."""
+    eye = np.eye(len(S.D))
     scale = _scaling(2.0 * G - eye[:, :, None])
     C, D = scale[:, None] * 2.0 * S.C, scale[:, None] * (2.0 * S.D - eye) / scale
-    norm = matrices_norm(Lti(S.A, S.B / scale, C, D, dt=S.dt), axis=poles)
-    return DiskMargin(2.0 / max(norm.upper_bound, 1.0), norm.peak_omega, norm.certified and rounding <= CERTIFIED)
+    norm = matrices_norm(Lti(S.A, S.B / scale, C, D, dt=S.dt))
+    return DiskMargin(2.0 / max(norm.upper_bound, 1.0), norm.peak_omega, norm.verified and rounding <= CERTIFIED, norm)
 
 
 def single_disk(S: Lti) -> DiskMargin:
     """Return the disk margin of a loop of one signal, whose sensitivity is given."""
-    return _disk(S, np.ones((1, 1, 1), dtype=complex), float(_rounding(S).max(initial=0.0)), marginal_poles(S))
+    return _disk(S, np.ones((1, 1, 1), dtype=complex), float(_rounding(S).max(initial=0.0)))
 
 
 def _scaling(G: Array) -> Array:
@@ -620,7 +622,6 @@ def _loop_margin(
     refined: Refined,
     known: tuple[Array, Array],
     rounding: float,
-    axis: MarginalPoles,
     further: FurtherDelay | None,
 ) -> LoopMargin:
     """Return the margins of the loop whose sensitivity is ``S = 1/(1 - L)``, known at some frequencies.
@@ -628,7 +629,7 @@ def _loop_margin(
     ``image`` is ``S`` itself in continuous time; in discrete time its continuous image, whose frequencies are meant below.
     ``further`` knows what a delay does to a sampled loop around a continuous plant.
     """
-    disk, dt = _disk(S, known[1][None, None], rounding, axis), S.dt
+    disk, dt = _disk(S, known[1][None, None], rounding), S.dt
     open_loop = _opened(image)
     more = np.setdiff1d(grid_of_loop(image if open_loop is None else open_loop), known[0])
     grid = np.concatenate([known[0], more])

@@ -1,53 +1,36 @@
-"""Second-order models over frequency: singular values, resonances and certified norms, without their state space.
+"""H-infinity norms of structures and state-space systems, and structures seen through their halves.
 
-A symmetric model stands as its two halves, one of many coordinates as a core.  A core speaks for the model up to the
-frequency it was built for; above it, dissipation bounds the response: with ``D = K - omega^2 M + i omega C`` and ``C``
-positive definite, ``|L D^-1 B(omega)| <= |C^-1/2 L^T| |C^-1/2 B(omega)|/omega``.
-
-The ways to a norm, in the order tried; a certificate's ``stages`` names those that were taken:
-
-==================  ================================================  ==================================================
-way                 where                                             why
-==================  ================================================  ==================================================
-halves              a mirror, signals in pairs of images; not the     the larger of two norms; each goes on below, but a
-                    norm alone of a small model that decays           small half that stays below the other's is not
-                                                                      searched for a peak of its own
-core                40 coordinates and more, real modes               a few motions stand for all; goes on below
-undamped modes      real modes                                        light damping costs no digits
-given coordinates   no real modes                                     always holds
-==================  ================================================  ==================================================
-
-The last two give a state-space system, whose norm is that of :mod:`boomctl.analysis.norm`.
+A symmetric structure stands as its two halves, whose singular values together are its own.  The state space of each is that
+of its undamped modes, where it has them, or of its own coordinates; the response at its peak comes from its matrices.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import partial
 from math import inf
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy import linalg
 
-from boomctl.analysis.marginal_poles import MarginalPoles, marginal_poles
-from boomctl.analysis.norm import NormBounds, matrices_norm, norm_of_data
+from boomctl.analysis.norm import LOST, NO_RESPONSE, NormBounds, agree, matrices_norm, norm_of_data
+from boomctl.analysis.sum_over_modes import Bounded, bounds
 from boomctl.arrays import Array
 from boomctl.lti.frequency import (
     ABOVE,
     BELOW,
+    EMPTY,
     MODES,
+    SEARCHED,
     Resonances,
-    Response,
+    highest_peak,
+    resonance_grid,
     singular_values,
 )
-from boomctl.lti.rounding import ALIKE
-from boomctl.lti.system import Lti, beside, is_frequency_response, of
-from boomctl.structure.matrices import Structure
+from boomctl.lti.system import beside, is_frequency_response, of
 from boomctl.structure.model import SecondOrderModel
-from boomctl.structure.ports import Ports
-from boomctl.structure.response.direct import direct_response, ports_rounding, respond, respond_parts
-from boomctl.structure.response.modal_form import elastic
-from boomctl.structure.response.poles import first_order_poles, undamped_modes
+from boomctl.structure.response.direct import direct_response, respond, respond_parts
+from boomctl.structure.response.modal_form import elastic, undamped_modes
+from boomctl.structure.response.poles import first_order_poles
 from boomctl.threads import one_blas_thread
 
 if TYPE_CHECKING:
@@ -55,22 +38,12 @@ if TYPE_CHECKING:
 
     LinearSystem = SecondOrderModel | control.StateSpace | control.TransferFunction | control.FrequencyResponseData
 
-# coordinates up to which halves cost one norm more than they save: each needs its modes (measured)
+_SPARE = 3  # Modes asked for beyond these, so that as many are left without the rigid ones of a plane body.
+# Coordinates up to which halves cost one norm more than they save: each needs its modes (measured).
 _WHOLE = 24
-CORE_FROM = 40  # coordinates from which on a core, or its bound, is worth its building (a choice)
-# verified error of a core, relative, that a norm may be certified with: a hundredth of what that allows
-_CORE_ERROR = 1e-7
-FEWER = 0.8  # share of a part's coordinates that a core has at most; of more, it is no smaller problem (a choice)
-_CORE_ABOVE = 4.0  # where a core ends, relative to the band's last mode: above it dissipation does the rest (a choice)
-_WIDE = 1e7  # ratio of a band's last mode to its lowest: beyond, it ends below (a choice)
-# ratio of a small structure's fastest pole to its lowest mode, from which on no state space holds both: some 1e-3/eps
+# Ratio of the fastest rate to the lowest elastic frequency beyond which no state space holds both.
 _HELD = 1e12
-_KEPT = 4.0  # times the top of the band, up to where modes are kept: their error falls with the eighth power (a choice)
-# times the top of the band: a motion faster than that follows at once, so that it may be as slow as that (its share of the
-# response, small as it is, changes by the inverse square of it)
-_FASTEST = 1e4
-_DROP = 1e-6  # of the largest motion at rest; what others add to it below that shows in the response by the square
-_SPARE = 3  # modes asked for beyond these, so that as many are left without the rigid ones of a plane body
+_WIDE = 1e7  # Ratio of a band's last mode to its lowest: beyond, it ends below (a choice).
 
 
 @one_blas_thread
@@ -114,7 +87,7 @@ def hinf_norm(system: "LinearSystem") -> NormBounds:
         small = system._mirror is not None and system.ncoordinates <= _WHOLE
         if small and (system._modal_form.eigensystem[0].real < 0.0).all():
             result = SplitModel(system, (system,)).norm()
-            if result.certified:
+            if result.status == "certified":
                 return result
         return SplitModel.of(system).norm()
     handed = of(system, sampled=True)
@@ -127,22 +100,6 @@ class SplitModel:
 
     model: SecondOrderModel
     parts: tuple[SecondOrderModel, ...]
-
-    @cached_property
-    def bands(self) -> tuple["_Band | None", ...]:
-        """The band of each part that is not taken whole; None of one that is, or has no real modes."""
-        return tuple(_Band.of(part) if part.ncoordinates >= CORE_FROM else None for part in self.parts)
-
-    @cached_property
-    def realized(self) -> tuple["_Realized", ...] | None:
-        """The state spaces of two small parts; None of others, and where there are none that hold all poles."""
-        if len(self.parts) < 2 or any(part.ncoordinates >= CORE_FROM for part in self.parts):
-            return None
-        try:
-            result = tuple(_Realized.of(part) for part in self.parts)
-        except ValueError:  # an output that needs a derivative of an input: its norm is refused, not its response
-            return None
-        return None if any(part.wide for part in result) else result
 
     @classmethod
     def of(cls, model: SecondOrderModel) -> "SplitModel":
@@ -173,11 +130,8 @@ class SplitModel:
         if shown is None:
             return Resonances.of(first_order_poles(self.model.M, self.model.C, self.model.K), high)
         low, top = shown[0], ABOVE * shown[1] if high is None else high
-        if self.realized is not None:
-            result = [_upper(part.system.poles, top) for part in self.realized]
-        else:
-            result = [_poles(part, band, top) for part, band in zip(self.parts, self.bands, strict=True)]
-        return Resonances(np.concatenate([np.zeros(0, complex), *result]), BELOW * low, top)
+        poles: Array = np.concatenate([np.zeros(0, complex), *map(_poles, self.parts)])
+        return Resonances(poles[(poles.imag >= 0.0) & (np.abs(poles) <= top)], BELOW * low, top)
 
     @one_blas_thread
     def norm(self) -> NormBounds:
@@ -188,17 +142,29 @@ class SplitModel:
         ValueError
             A response that is not proper (an output that needs a derivative of an input).
         """
-        if not self.parts:
-            return NormBounds(0.0, 0.0, 0.0, "no response", ("halves",))
-        if self.realized is not None:
-            result = _norms_of_small(self.realized)
-        else:
-            result = [_part_norm(part, band) for part, band in zip(self.parts, self.bands, strict=True)]
-        largest, widest = max(result, key=lambda norm: norm.lower_bound), max(result, key=lambda norm: norm.upper_bound)
         stages = () if self.parts == (self.model,) else ("halves",)
-        stages = sum((norm.stages for norm in result), stages)
-        both = replace(largest, upper_bound=widest.upper_bound, stages=stages, _given=self.model)
-        return both if both.certified else replace(both, method=widest.method)  # why it is not
+        if not self.parts:
+            return NormBounds(0.0, 0.0, 0.0, NO_RESPONSE, stages, verified=True, _proved=True, _given=self.model)
+        bounded = [Bounded() if _is_wide(part) else bounds(part._modal_form) for part in self.parts]
+        norms: list[NormBounds] = []
+        # Of a part whose bound is below the norm of another one nothing else is asked.
+        for i in sorted(range(len(self.parts)), key=lambda i: -bounded[i].norm):
+            part = self.parts[i]
+            stages += (_coordinates_of(part),)
+            if not norms or bounded[i].norm > norms[0].lower_bound:
+                norms.append(_part_norm(part, bounded[i]))
+        largest = max(norms, key=lambda norm: norm.lower_bound)
+        widest = max(norms, key=lambda norm: norm.upper_bound)
+        verified = agree(largest.lower_bound, widest.upper_bound) and largest.verified
+        return replace(
+            largest,
+            upper_bound=widest.upper_bound,
+            method=largest.method if verified else widest.method,  # Why it is not verified.
+            stages=stages,
+            verified=verified,
+            _proved=all(norm._proved for norm in norms),
+            _given=self.model,
+        )
 
 
 def singular_values_together(given: Sequence[SplitModel], omega: Array) -> list[Array]:
@@ -220,179 +186,42 @@ def _modal_band(*parts: SecondOrderModel) -> tuple[float, float] | None:
     return (float(shown[0]), float(shown[-1])) if len(shown) else None
 
 
-@dataclass(frozen=True)
-class _Core:
-    """A structure of many coordinates seen through a few motions: its lowest modes, and how it answers at rest.
-
-    Modes left out follow forces as at rest, up to the second power of frequency squared: that is two motions for each column
-    through which inputs act and outputs read, and for each damper that couples them with the modes kept.  Inputs and outputs
-    share the basis, so that the error of the core's response is of second order in the error of the basis.  It is measured
-    at the frequencies that matter, against the structure itself.
-
-    Attributes
-    ----------
-    structure, ports : Structure, Ports
-        The small one, over motions of mass one.
-    whole : tuple of Structure and Ports
-        The large one.
-    """
-
-    structure: Structure
-    ports: Ports
-    whole: tuple[Structure, Ports]
-
-    @classmethod
-    def of(cls, structure: Structure, ports: Ports, top: float) -> "_Core":
-        """Return a core for frequencies up to ``top`` [rad/s].
-
-        It is taken from strain coordinates where the structure has them, which keep the digits of the slow motions.  Motions
-        so fast that no state space holds them beside the slow ones get more mass: see :data:`_FASTEST`.
-
-        Raises
-        ------
-        ValueError
-            A structure without real modes.
-        """
-        form = structure.strain_form
-        if form is None:
-            (frequencies, own), seen, damping = undamped_modes(structure), ports, structure.C
-        else:
-            B, L = form.seen(ports)
-            (frequencies, own), seen, damping = form.own_modes, replace(ports, B=B, L=L), form.C
-        low = frequencies <= _KEPT * top
-        slow, fast, rates = own[:, low], own[:, ~low], frequencies[~low]
-        coupled, size, _ = np.linalg.svd(fast.T @ damping @ slow, full_matrices=False)
-        resisted = np.einsum("ij,ij->j", slow, damping @ slow).max(initial=0.0)
-        ports_loads = fast.T @ np.hstack([*seen.B, *(line.T for line in seen.L)])
-        loads = np.hstack([ports_loads, coupled[:, size > ALIKE * resisted]])
-        still = np.hstack([loads / rates[:, None] ** 2, loads / rates[:, None] ** 4])
-        size = np.linalg.norm(still, axis=0)
-        Q, spread, _ = np.linalg.svd(still[:, size > 0.0] / size[size > 0.0], full_matrices=False)
-        Q = Q[:, spread > _DROP * spread.max(initial=0.0)]
-        stiffness, mixed = linalg.eigh(Q.T @ (rates[:, None] ** 2 * Q))
-        basis = np.hstack([slow, fast @ (Q @ mixed)])
-        stiffness = np.concatenate([frequencies[low] ** 2, stiffness])
-        decay = np.einsum("ij,ij->j", basis, damping @ basis)
-        mass = np.maximum(1.0, np.maximum(stiffness / (_FASTEST * top) ** 2, decay / (_FASTEST * top)))
-        basis = basis / np.sqrt(mass)
-        names = tuple(f"v{i}" for i in range(len(mass)))
-        small = Structure(names, (np.eye(len(mass)), basis.T @ damping @ basis, np.diag(stiffness / mass)))
-        return cls(small, seen.congruent(basis), (structure, ports))
-
-    def error(self, omega: Array) -> float:
-        """Return how far outputs are off at frequencies [rad/s], each input's largest for one, rounding included."""
-        structure, ports = self.whole
-        true = direct_response(structure, ports, omega)
-        off, size = (
-            np.abs(values).max(axis=0) for values in (direct_response(self.structure, self.ports, omega) - true, true)
-        )
-        form = structure.strain_form
-        motions = np.eye(structure.n) if form is None else form.V
-        rounding = ports_rounding(structure.in_strains, ports, motions, omega)
-        return float((off[size > 0.0] / size[size > 0.0]).max(initial=0.0)) + rounding
+def _part_norm(part: SecondOrderModel, bounded: Bounded) -> NormBounds:
+    """Return the norm of a part; not verified where no state space holds its fastest motions beside the slowest ones."""
+    if not _is_wide(part):
+        return matrices_norm(part._modal_form, partial(_response, part), bounded)
+    band = _modal_band(part)
+    low, last = band if band is not None else EMPTY
+    grid = resonance_grid(_poles(part), BELOW * low, ABOVE * last, points=SEARCHED)
+    peak, at = highest_peak(lambda omega: singular_values(_response(part, omega))[0], grid)
+    return NormBounds(peak, inf, at, LOST)
 
 
-@dataclass(frozen=True)
-class _Band:
-    """The band of a part's lowest modes [rad/s], and a core for them and some way above, where there is a small one."""
-
-    low: float
-    last: float
-    core: _Core | None
-
-    @classmethod
-    def of(cls, part: SecondOrderModel) -> "_Band | None":
-        band = _modal_band(part)
-        if band is None:
-            return None
-        core = _Core.of(part.structure, part.ports, _CORE_ABOVE * band[1])
-        return cls(
-            *band,
-            core
-            if core is None or core.structure.n < FEWER * part.ncoordinates or part.ncoordinates < CORE_FROM
-            else None,
-        )
+def _is_wide(part: SecondOrderModel) -> bool:
+    form = part.structure.strain_form
+    if form is None:
+        return False
+    frequencies = form.own_modes[0]
+    moving = frequencies[elastic(frequencies)]
+    fastest = max(float(frequencies[-1]), float(np.abs(part._modal_form.A.diagonal()).max()))
+    return len(moving) > 0 and fastest > _HELD * moving[0]
 
 
-def _poles(part: SecondOrderModel, band: _Band | None, top: float) -> Array:
-    """Return the poles of a part up to a frequency."""
-    small = part.structure if band is None or band.core is None else band.core.structure
-    if small.elastic is not None and small.noise > top**2 and small.strain_form is not None:
-        poles = small.strain_form.poles()
-    else:
-        poles = first_order_poles(small.M, small.C, small.K)
-    return _upper(poles, top)
+def _poles(part: SecondOrderModel) -> Array:
+    try:
+        wide = part.structure.strain_form if _is_wide(part) else None
+        return part._modal_form.poles if wide is None else wide.poles()
+    except ValueError:  # An output that needs a derivative of an input: its norm is refused, not its response.
+        return first_order_poles(part.M, part.C, part.K)
 
 
-def _upper(poles: Array, top: float) -> Array:
-    return poles[(poles.imag >= 0.0) & (np.abs(poles) <= top)]
-
-
-def _part_norm(part: SecondOrderModel, band: _Band | None) -> NormBounds:
-    """Return the norm of a part by a core, or of the part as it is."""
-    if band is None:
-        given = _Realized.of(part)
-        band = _Band.of(part) if given.wide else None
-        if band is None:
-            return given.norm()
-    low, top, core = band.low, _CORE_ABOVE * band.last, band.core
-    if core is None:
-        return _Realized.of(part).norm()
-    inside = _Realized.of(SecondOrderModel.of(core.structure, core.ports)).norm()
-    inside = replace(inside, stages=(f"core of {core.structure.n}", *inside.stages))
-    if inf in (inside.lower_bound, inside.upper_bound):
-        return inside
-    error = core.error(np.array([BELOW * low, np.clip(inside.peak_omega, BELOW * low, top), ABOVE * band.last, top]))
-    if error > _CORE_ERROR:
-        lower = inside.lower_bound * max(1.0 - error, 0.0)
-        return replace(inside, lower_bound=lower, upper_bound=inf, method="a core that could not be verified")
-    upper = max(inside.upper_bound * (1.0 + error), _dissipation_bound(part, top))
-    return replace(inside, upper_bound=upper, method=f"{inside.method}; dissipation above {top:.3g} rad/s")
-
-
-@dataclass(frozen=True)
-class _Realized:
-    """A small model in state space: over its undamped modes, or without them over its own coordinates.
-
-    The response at its peak comes from its matrices, which is more accurate than any state space.  One whose poles lie too
-    ``wide`` apart has no state space that holds them all.
-    """
-
-    system: Lti
-    respond: Response
-    stages: tuple[str, ...]
-    wide: bool = False
-
-    @classmethod
-    def of(cls, small: SecondOrderModel) -> "_Realized":
-        respond, system, form = partial(_response, small), small._modal_form, small.structure.strain_form
-        if form is None:
-            try:
-                undamped_modes(small.structure)
-            except ValueError:
-                return cls(system, respond, ("given coordinates",))
-            return cls(system, respond, ("undamped modes",))
-        frequencies = form.own_modes[0]
-        moving = frequencies[elastic(frequencies)]
-        fastest = max(float(frequencies[-1]), float(np.abs(system.A.diagonal()).max()))
-        return cls(system, respond, ("undamped modes",), len(moving) > 0 and fastest > _HELD * moving[0])
-
-    def norm(self, axis: MarginalPoles | None = None) -> NormBounds:
-        """Return the norm between its bounds; ``axis`` is what is known of its poles."""
-        return replace(matrices_norm(self.system, self.respond, axis), stages=self.stages)
-
-
-def _norms_of_small(systems: tuple["_Realized", ...]) -> list[NormBounds]:
-    """Return the norms of small parts; of one proved to stay below another's norm, the other's bound alone."""
-    axes = [marginal_poles(part.system) for part in systems]
-    order = sorted(range(len(systems)), key=lambda i: -axes[i].bound)
-    first = systems[order[0]].norm(axes[order[0]])
-    result = {order[0]: first}
-    for i in order[1:]:
-        below = axes[i].bound <= first.lower_bound
-        bound = NormBounds(0.0, first.upper_bound, first.peak_omega, first.method, systems[i].stages)
-        result[i] = bound if below else systems[i].norm(axes[i])
-    return [result[i] for i in range(len(systems))]
+def _coordinates_of(part: SecondOrderModel) -> str:
+    """Return over which coordinates the state space of a structure is."""
+    try:
+        _ = part.structure.strain_form or undamped_modes(part.structure)
+    except ValueError:
+        return "given coordinates"
+    return "undamped modes"
 
 
 def _response(small: SecondOrderModel, omega: Array) -> Array:
@@ -403,18 +232,3 @@ def _response(small: SecondOrderModel, omega: Array) -> Array:
         if len(seen) > 1:
             return np.concatenate([_response(small, seen[k : k + 1]) for k in range(len(seen))], axis=2)
     return direct_response(small.structure, small.ports, beside(seen))
-
-
-def _dissipation_bound(model: SecondOrderModel, omega: float) -> float:
-    """Return a bound of the response at all frequencies from ``omega`` on; ``inf`` where there is none."""
-    form, ports = model.structure.strain_form, model.ports
-    if ports.B[2].any() or any(line.any() for line in ports.L[1:]) or any(e.any() for e in ports.E[1:]):
-        return inf
-    C, (B, L) = (model.C, (ports.B, ports.L)) if form is None else (form.C, form.seen(ports))
-    try:
-        half = linalg.cholesky(0.5 * (C + C.T), lower=True)  # gyroscopic terms dissipate nothing
-    except linalg.LinAlgError:
-        return inf
-    weighed = (linalg.solve_triangular(half, columns, lower=True) for columns in (L[0].T, B[0], B[1]))
-    reading, *acting = (float(np.linalg.norm(columns, 2)) for columns in weighed)
-    return reading * (acting[0] / omega + acting[1]) + float(np.linalg.norm(ports.E[0], 2))

@@ -1,18 +1,18 @@
 """``prove``: what a result says of stability and norms, proved of the numbers that were handed in."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from math import inf
-from typing import TYPE_CHECKING, Protocol
+from math import hypot, inf
 
+from boomctl.analysis.claim import Claim, Claiming
 from boomctl.checks import positive
+from boomctl.exact_roots import OPERATIONS, UndecidedError
 from boomctl.exceptions import CertificateError
+from boomctl.lti.inequality import PRECISION
+from boomctl.lti.proof import Exact
 from boomctl.lti.rounding import SUMMED
-from boomctl.lti.system import ClosedLoop, Lti
+from boomctl.lti.system import ClosedLoop
 from boomctl.threads import one_blas_thread
-
-if TYPE_CHECKING:
-    from boomctl.lti.proof import Exact
 
 _LEAST = 1e-300  # level of a bound that is zero: its square is a rational number still
 
@@ -43,49 +43,6 @@ class Proof:
         return (
             f"Proof: {verdict} in ball arithmetic ({self.bits} bits, {self.operations:.2g} operations)\n  {self.claim}"
         )
-
-
-@dataclass(frozen=True)
-class Claim:
-    """A statement about a system, a loop, or the difference of two systems.
-
-    Attributes
-    ----------
-    what : str
-        What it is about, as messages call it.
-    system : Lti
-        As it was handed in.
-    controller : Lti or None
-        ``u = K y``, around the last signals of the system.
-    minus : Lti or None
-        What is taken from it.
-    stable : bool or None
-        Whether all poles decay; None where only the response is spoken of.
-    norm : (float, float, float) or None
-        Two bounds of the H-infinity norm, and the frequency of the peak [rad/s].
-    energy : (float, float) or None
-        Two bounds of the H2 norm.
-    band : (float, float) or None
-        Frequencies within which the norm is meant [rad/s].
-    rounded : str
-        What the system stands for, where it is not itself what was handed in: then nothing is refuted.
-    """
-
-    what: str
-    system: Lti
-    controller: Lti | None = None
-    minus: Lti | None = None
-    stable: bool | None = None
-    norm: tuple[float, float, float] | None = None
-    energy: tuple[float, float] | None = None
-    band: tuple[float, float] | None = None
-    rounded: str = ""
-
-
-class Claiming(Protocol):
-    """A result that says what can be proved of it."""
-
-    def __claims__(self) -> "Iterator[Claim]": ...
 
 
 @one_blas_thread
@@ -122,9 +79,6 @@ def prove(result: Claiming, *, max_operations: float = 1.2e10) -> Proof:
     >>> bc.prove(bc.hinf_norm(swing)).proved
     True
     """
-    from boomctl.exact_roots import UndecidedError
-    from boomctl.lti.proof import Exact
-
     limit = positive("max_operations", max_operations)
     if not hasattr(result, "__claims__"):
         raise TypeError(
@@ -136,22 +90,37 @@ def prove(result: Claiming, *, max_operations: float = 1.2e10) -> Proof:
         raise ValueError(
             "result: it does not hold the system that it speaks of; prove the norm of that system's StateSpace"
         )
-    spent, sure, said, bits = 0.0, True, [], 0
+    return _proof(claims, limit)
+
+
+def is_proved(claims: Iterable[Claim]) -> bool:
+    """Return whether statements are proved within a second or two; those that are refuted are not."""
+    try:
+        return bool(_proof(list(claims), OPERATIONS).proved)
+    except CertificateError:
+        return False
+
+
+def _proof(claims: list[Claim], limit: float) -> Proof:
+    from boomctl.lti.proof import Exact
+
+    spent, sure, said, bits = 0.0, bool(claims), [], 0
     for claim in claims:
-        text, exact = claim.what, None
+        given = claim.system if claim.controller is None else ClosedLoop(claim.system, claim.controller)
+        text, exact = claim.what, []
         try:
-            given = claim.system if claim.controller is None else ClosedLoop(claim.system, claim.controller)
-            exact = Exact.of(given, limit - spent, claim.minus)
+            for system in (given, *claim.beside):
+                exact.append(Exact.of(system, limit - spent, claim.minus))
             text = f"{text}: {', '.join(_shown(claim, exact))}"
-            bits = max(bits, exact.bits)
+            bits = max(bits, *(PRECISION if part.is_large else part.bits for part in exact))
         except UndecidedError as reason:
             sure, text = False, f"{text}: not decided{f' ({reason})' if str(reason) else ' within the limit'}"
-        spent += exact.work.spent if exact is not None else 0.0
+        spent += sum(part.work.spent for part in exact)
         said.append(text)
     return Proof(True if sure else None, "; ".join(said), bits, spent)
 
 
-def _shown(claim: Claim, exact: "Exact") -> Iterator[str]:
+def _shown(claim: Claim, parts: list[Exact]) -> Iterator[str]:
     """Yield what was proved of a claim.
 
     Raises
@@ -162,68 +131,98 @@ def _shown(claim: Claim, exact: "Exact") -> Iterator[str]:
         Neither.
     """
     if claim.stable is not None:
-        growing, on_axis, _ = exact.sides
-        if (growing or on_axis) and claim.stable:
-            where = f"a pole at {exact.slowest:.6g}"
-            _refute(claim, f"{growing} poles grow, {len(on_axis)} lie on the boundary of stability, {where}")
+        for exact in parts:
+            if exact.is_large and claim.stable and exact.inequality(1.0).is_stable():
+                continue
+            growing, on_axis, _ = exact.sides
+            if (growing or on_axis) and claim.stable:
+                where = f"a pole at {exact.slowest:.6g}"
+                _refute(claim, f"{growing} poles grow, {len(on_axis)} lie on the boundary of stability, {where}")
         yield "stable"
     if claim.norm is not None and claim.norm[0] == inf:
-        growing, _, shown = exact.sides
+        growing, shown = (any(exact.sides[k] for exact in parts) for k in (0, 2))
         if not (growing or shown):  # a pole that grows and does not show counts too
             _refute(claim, "all poles decay or do not show")
         yield "not stable" if growing else "a pole on the boundary of stability shows"
     elif claim.norm is not None:
-        yield _norm_shown(claim, exact, *claim.norm)
+        yield _norm_shown(claim, parts, *claim.norm)
     if claim.energy is not None:
-        yield _energy_shown(claim, exact, *claim.energy)
+        yield _energy_shown(claim, parts, *claim.energy)
 
 
-def _norm_shown(claim: Claim, exact: "Exact", low: float, high: float, omega: float) -> str:
+def _norm_shown(claim: Claim, parts: list[Exact], low: float, high: float, omega: float) -> str:
     """Return what was proved of two bounds of a norm; where there is no upper one, what the norm of the stored numbers is."""
     over, band = "", (0.0, inf)
     if claim.band is not None:
         over = f" between {claim.band[0]:.6g} and {claim.band[1]:.6g} rad/s"
-        band = exact.square(claim.band[0]), exact.square(claim.band[1])
-    elif claim.stable is None:
-        growing, _, shown = exact.sides
-        if growing or shown:
-            if high < inf:
-                _refute(claim, f"a pole at {exact.slowest:.6g} makes the norm infinite")
-            return "not stable as stored; the result says that the last digits of the entries decide"
-    guess = exact.square(omega)
+        band = parts[0].square(claim.band[0]), parts[0].square(claim.band[1])
     if high == inf:
-        lowest, highest, _ = exact.norm(guess)
+        if any(exact.sides[0] or exact.sides[2] for exact in parts):
+            return "not stable as stored; the result says that the last digits of the entries decide"
+        lowest, highest, _ = max(exact.norm(exact.square(omega)) for exact in parts)
         return f"norm between {lowest:.9g} and {highest:.9g} as stored, where the result vouches for no upper bound"
-    # a bound is the rounded result of a few operations, and is given so much way
-    inside = 0.5 * (band[0] + band[1]) if band[1] < inf else band[0] + 1.0
-    places, stays = exact.crossings(max(high * (1.0 + SUMMED), _LEAST), inside)
-    reached = [float(x) for x in places if band[0] < float(x) < band[1]]
-    if reached or not stays:
-        at = f" at {exact.omega(reached[0]):.9g} rad/s" if reached else ""
-        _refute(claim, f"a gain of {high:.9g} is exceeded{at}")
-    if low > 0.0 and not (guess < inf and exact.gain(guess) >= low):
-        places, stays = exact.crossings(low * (1.0 - SUMMED), inside)
-        if stays and not any(band[0] < float(x) < band[1] for x in places):
-            _refute(claim, f"no gain reaches {low:.9g}")
+    level, least = max(high * (1.0 + SUMMED), _LEAST), low * (1.0 - SUMMED)  # bounds are rounded results
+    reached = low <= 0.0
+    for exact in parts:
+        if exact.is_large and claim.band is None:
+            inequality = exact.inequality(max(low, _LEAST))
+            if not inequality.stays_below(level, max(low, _LEAST)):
+                raise UndecidedError("the inequality of the bounded real lemma does not hold in 128 bits")
+            reached = reached or bool(inequality.gain(omega) >= least)
+        else:
+            reached = _exact_bounds_shown(claim, exact, (least, level), omega, band) or reached
+    if not reached:
+        if any(exact.is_large for exact in parts):
+            raise UndecidedError(f"no gain of {low:.9g} was found at {omega:.9g} rad/s")
+        _refute(claim, f"no gain reaches {low:.9g}")
     return f"norm from {low:.9g} to {high:.9g}{over}"
 
 
-def _energy_shown(claim: Claim, exact: "Exact", low: float, high: float) -> str:
+def _exact_bounds_shown(
+    claim: Claim, exact: Exact, bounds: tuple[float, float], omega: float, band: tuple[float, float]
+) -> bool:
+    """Prove in exact arithmetic that the upper bound is not reached; return whether the lower one is."""
+    low, level = bounds
+    if claim.band is None and claim.stable is None:
+        growing, _, shown = exact.sides
+        if growing or shown:
+            _refute(claim, f"a pole at {exact.slowest:.6g} makes the norm infinite")
+    inside = 0.5 * (band[0] + band[1]) if band[1] < inf else band[0] + 1.0
+    places, stays = exact.crossings(level, inside)
+    reached = [float(x) for x in places if band[0] < float(x) < band[1]]
+    if reached or not stays:
+        at = f" at {exact.omega(reached[0]):.9g} rad/s" if reached else ""
+        _refute(claim, f"a gain of {level:.9g} is exceeded{at}")
+    guess = exact.square(omega)
+    if low <= 0.0 or exact.gain(guess) >= low:
+        return True
+    places, stays = exact.crossings(low, inside)
+    return not stays or any(band[0] < float(x) < band[1] for x in places)
+
+
+def _energy_shown(claim: Claim, parts: list[Exact], low: float, high: float) -> str:
     """Return what was proved of two bounds of an H2 norm."""
-    growing, _, shown = exact.sides
-    if growing or shown:
-        if high < inf:
-            _refute(claim, f"the H2 norm is infinite, not {high:.9g}")
-        return "H2 norm infinite as stored"
-    result = exact.energy().sqrt()
-    if result > high * (1.0 + SUMMED) or result < low * (1.0 - SUMMED):
-        _refute(claim, f"the H2 norm is {float(result):.9g}, not from {low:.9g} to {high:.9g}")
-    return f"H2 norm {float(result):.9g}"
+    lowest = highest = 0.0
+    for exact in parts:
+        if exact.is_large:
+            below, above = exact.inequality(1.0).energy()
+        else:
+            growing, _, shown = exact.sides
+            if growing or shown:
+                if high < inf:
+                    _refute(claim, f"the H2 norm is infinite, not {high:.9g}")
+                return "H2 norm infinite as stored"
+            energy = exact.energy().sqrt()
+            below, above = float(energy.lower()), float(energy.upper())
+        lowest, highest = hypot(lowest, below), hypot(highest, above)
+    if lowest > high * (1.0 + SUMMED) or highest < low * (1.0 - SUMMED):
+        _refute(claim, f"the H2 norm is {lowest:.9g}, not from {low:.9g} to {high:.9g}")
+    if high < inf and not (lowest >= low * (1.0 - SUMMED) and highest <= high * (1.0 + SUMMED)):
+        raise UndecidedError(f"the H2 norm lies between {lowest:.9g} and {highest:.9g}")
+    return f"H2 norm from {lowest:.9g} to {highest:.9g}"
 
 
 def _refute(claim: Claim, counterexample: str) -> None:
-    from boomctl.exact_roots import UndecidedError
-
     if claim.rounded:
         raise UndecidedError(f"{claim.rounded}: {counterexample}")
     raise CertificateError(f"{claim.what}: {counterexample}")

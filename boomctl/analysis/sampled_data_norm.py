@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import linalg
 
-from boomctl.analysis.norm import NormBounds, matrices_norm
+from boomctl.analysis.norm import NormBounds, agree, matrices_norm
 from boomctl.arrays import Array, blocks
 from boomctl.checks import names
 from boomctl.lti.modal import sides
@@ -96,7 +96,7 @@ def sampled_data_norm(
     >>> mass = control.ss([[0.0, 1.0], [0.0, 0.0]], [[0.0, 0.0], [1.0, 1.0]], [[1.0, 0.0]], 0.0, **signals)
     >>> lead = control.ss([[-20.0]], [[1.0]], [[360.0]], -20.0, inputs="place", outputs="force")
     >>> norm = bc.analysis.sampled_data_norm(mass, bc.discretize(lead, 0.05), delay=0.03)
-    >>> round(norm.lower_bound, 3), bool(norm.certified)
+    >>> round(norm.lower_bound, 3), bool(norm.verified)
     (0.904, True)
     """
     from boomctl.analysis.loops import signals_of
@@ -268,26 +268,27 @@ class SampledLoop:
             step = _step(part, duration, level)
             total = step if total is None or step is None else total.then(step)
             if total is None:
-                return NormBounds(inf, inf, 0.0, NOT_STABLE)
+                return NormBounds(inf, inf, 0.0, NOT_STABLE, verified=True)
         assert total is not None
         A, B = self.queue.A.copy(), self.queue.B[:, -len(self.controller.C) :].copy()
         A[:n], B[:n] = total.Phi[:n] @ self.from_states, total.Phi[:n] @ self.from_given
         result = self._closed(A, B, _root(total.W)[:n], _root(total.X).T)
         if (sides(result.poles, self.controller.dt) >= 0).any():
-            return NormBounds(inf, inf, 0.0, NOT_STABLE)
+            return NormBounds(inf, inf, 0.0, NOT_STABLE, verified=True)
         return matrices_norm(result.balanced())
 
     def norm(self) -> NormBounds:
         """Return the norm between two bounds."""
         level = max(self.gain(share * np.pi / self.controller.dt, _PARTS[0]) for share in _GUESS)
         if level == 0.0:
-            return NormBounds(0.0, 0.0, 0.0, "no disturbance shows")
+            return NormBounds(0.0, 0.0, 0.0, "no disturbance shows", verified=True)
         level, omega = self._crossing(level)
         for above in _ABOVE:
             result = self.of_level(level * (1.0 + above))
             if result.upper_bound < 1.0:
                 omega = result.peak_omega
-                return NormBounds(self._reached(omega, level), level * (1.0 + above), omega, LIFTED)
+                lower, upper = self._reached(omega, level), level * (1.0 + above)
+                return NormBounds(lower, upper, omega, LIFTED, verified=result.verified and agree(lower, upper))
         return NormBounds(self._reached(omega, level), inf, omega, NOT_TOLD)
 
     def _crossing(self, level: float) -> tuple[float, float]:

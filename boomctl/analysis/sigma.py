@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from boomctl.analysis.claim import Claim
 from boomctl.analysis.model_norm import SplitModel
 from boomctl.analysis.norm import UNSTABLE, NormBounds, matrices_norm, norm_of_data
-from boomctl.analysis.prove import Claim
 from boomctl.arrays import Array
 from boomctl.checks import exactly, frequencies, known, mapping, names, up_to
 from boomctl.lti.frequency import NARROWEST, Resonances, singular_values
@@ -89,8 +89,8 @@ class SigmaResult:
     peak, peak_omega : float
         Largest singular value and its frequency: the H-infinity norm of a model or state-space system (``inf`` with
         undamped, integrating or unstable modes that show), the largest value on the grid of measured data.
-    certified : bool
-        Whether ``peak`` lies between two bounds computed apart from each other; see ``certificate``.
+    verified, certified : bool
+        Whether an independent computation confirms ``peak``, and whether it is proved; see `NormBounds`.
     frequency_unit : str
         Unit in which the frequencies were asked for, "Hz" where none were; pictures use it.
     magnitude_unit : str
@@ -115,7 +115,7 @@ class SigmaResult:
         span = f"{len(self.omega)} frequencies, {self.omega[0]:.4g} to {self.omega[-1]:.4g} rad/s"
         if isinstance(self._of, NormBounds) or "certificate" in self.__dict__:
             at = f" at {self.peak_omega:.6g} rad/s" if isfinite(self.peak_omega) else ""
-            peak = f"peak {self.peak:.6g}{at}, {'certified' if self.certified else 'not certified'}"
+            peak = f"peak {self.peak:.6g}{at}, {self.certificate.status}"
         else:  # printing must not cost what the norm costs
             peak = f"largest of these {self.sigma.max():.6g}; the norm is computed when .peak is asked for"
             if isinstance(self._of, SplitModel) and self._of.model.ncoordinates > _PRINTED:
@@ -138,7 +138,7 @@ class SigmaResult:
 
     def __figures__(self) -> dict[str, float]:
         """Return what a comparison shows."""
-        return {"H-infinity norm" if self.certified else "largest singular value": self.peak}
+        return {"H-infinity norm" if self.verified else "largest singular value": self.peak}
 
     @property
     def peak(self) -> float:
@@ -151,8 +151,13 @@ class SigmaResult:
         return self.certificate.peak_omega
 
     @property
+    def verified(self) -> bool:
+        """Whether the peak is verified."""
+        return self.certificate.verified
+
+    @property
     def certified(self) -> bool:
-        """Whether the peak is certified."""
+        """Whether the peak is certified; a proof may run when this is first read."""
         return self.certificate.certified
 
     @property
@@ -330,7 +335,7 @@ class SigmaComparison:
     def __repr__(self) -> str:
         heads = [f"SigmaComparison: {listed(list(self.curves))}"]
         for name, curve in list(self.curves.items())[:3]:
-            state = ", unstable" if not curve.stable else "" if curve.certified else ", not certified"
+            state = ", unstable" if not curve.stable else "" if curve.verified else ", not verified"
             signals = between(curve.input_labels, curve.output_labels)
             heads.append(f"  {name}: {signals}, peak {curve.peak:.6g} at {curve.peak_omega:.6g} rad/s{state}")
         more = len(self.curves) - 3

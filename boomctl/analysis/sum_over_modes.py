@@ -5,6 +5,7 @@ error ``E`` of the eigenvectors, and rounding, may add.  :func:`bounds` says how
 :func:`stays_below` proves that the sum stays below a level.
 """
 
+from dataclasses import dataclass
 from math import inf
 
 import numpy as np
@@ -14,10 +15,10 @@ from boomctl.arrays import Array, squared
 from boomctl.lti.frequency import singular_values
 from boomctl.lti.modal import ModalSystem
 from boomctl.lti.rounding import CANCELLED, EPS, TINY
-from boomctl.lti.system import Lti
-from boomctl.lti.verified_modal_form import INVERSE
+from boomctl.lti.system import System
 
-_TWICE = 2.0  # of a bound that is itself computed in floats, from an inverse that is off by INVERSE at most
+_INVERSE = 0.1  # Distance from one of the inverse of the eigenvectors times them, beyond which they bound nothing.
+_TWICE = 2.0  # of a bound that is itself computed in floats, from an inverse that is off by _INVERSE at most
 
 # Ends of the first cells, from which others are made where these say nothing (choices, but for what they say):
 _SPREAD = 24  # over all frequencies, evenly in the logarithm
@@ -35,29 +36,50 @@ _CELLS, _CELLS_OF_MODE = 400, 10  # tried at most, and for each mode: more cost 
 _ENTRIES = 6
 
 
-def bounds(system: Lti, made: Lti, decay: Array) -> tuple[float, float] | None:
-    """Return what no singular value exceeds, and by how much entries that are off in their last place change one at most.
+@dataclass(frozen=True)
+class Bounded:
+    """What the eigenvectors of a system bound, rounding of its entries included.
 
-    By as much, at most, the sum over the modes of :func:`boomctl.lti.modal.partial_fractions` is off, too.  None where
-    eigenvectors do not show that all poles decay, with such entries too.  In the coordinates of the eigenvectors the matrix
-    is diagonal but for an error, ``|E| <= F``.  Where ``diag(decay) - F`` is an M-matrix, the system is stable, and the
-    inverse of that matrix is larger than the resolvent at every frequency, entry by entry.  Infinite and zero where some
-    poles grow: the discs around them, as large as the rows of ``F``, lie beyond the boundary and touch no others
-    (Gershgorin).  Of a pair of modes all sizes are those of the first, for which both count.
+    Attributes
+    ----------
+    norm : float
+        No singular value is larger at any frequency; ``inf`` where the eigenvectors do not show that all poles decay.
+    doubt : float
+        No singular value changes by more where entries are off in their last places, nor is the sum over the modes off by
+        more; ``inf`` likewise.
+    unstable : bool
+        Whether some poles are unstable, for certain.
     """
+
+    norm: float = inf
+    doubt: float = inf
+    unstable: bool = False
+
+
+def bounds(given: System) -> Bounded:
+    """Bound the response of a balanced system, and what rounding may change of it; of a loop, as its parts are stored.
+
+    In the coordinates of the eigenvectors the matrix is diagonal but for an error, ``|E| <= F``.  Where ``diag(decay) - F``
+    is an M-matrix, the system is stable, and the inverse of that matrix is larger than the resolvent at every frequency,
+    entry by entry.  Poles are unstable for certain where the discs around them, as large as the rows of ``F``, lie beyond
+    the boundary and touch no others (Gershgorin).  Of a pair of modes all sizes are those of the first, for which both
+    count.
+    """
+    system, made = given.system, given.magnitudes
     poles, inverse, right = system.eigensystem
+    decay = -poles.real if system.dt == 0.0 else 1.0 - np.abs(poles)
     one = (poles.imag >= 0.0).nonzero()[0]
     twice, lost = 1.0 + (poles.imag[one] > 0.0), len(poles) * EPS + CANCELLED
     count, acting = len(one), len(one) + system.B.shape[1]
     inverse, moving = inverse[one], right[:, one]
     reads, size = np.abs(inverse), np.abs(moving)
     if not lost * reads.max() < 1.0:  # they lose all digits, or are no numbers
-        return None
+        return Bounded()
     missed = np.abs(inverse @ right - np.eye(len(poles))[one])
     off = np.add.reduceat(missed, one, axis=1) + lost * twice * (reads @ size)  # both columns of a pair
     apart = off.sum(axis=1)
-    if not apart.max() <= INVERSE:
-        return None
+    if not apart.max() <= _INVERSE:
+        return Bounded()
     residual = np.abs(system.A @ moving - moving * poles[one]) + lost * (made.A @ size + size * np.abs(poles[one]))
     acts = np.abs(inverse @ system.B)
     blur = lost * (reads @ made.B) + off @ acts
@@ -69,19 +91,19 @@ def bounds(system: Lti, made: Lti, decay: Array) -> tuple[float, float] | None:
         radius = F.sum(axis=1)
         grows = decay < -radius
         gaps = np.abs(poles[grows, None] - poles[~grows]) - radius[grows, None] - radius[~grows]
-        return (inf, 0.0) if grows.any() and (gaps > 0.0).all() else None
+        return Bounded(unstable=bool(grows.any() and (gaps > 0.0).all()))
     sought = np.concatenate([np.ones((count, 1)), three[:, count:acting]], axis=1)
     factors, order, states, singular = lapack.dgesv(np.diag(decay) - F, sought)
     if singular or not (states[:, 0] > 0.0).all():
-        return None
+        return Bounded()
     states, blurred = states[:, 1:], twice * lost * (made.C @ size)
     reading = twice * np.abs(system.C @ moving) + blurred
     largest = reading @ states + made.D
     change = reading @ lapack.dgetrs(factors, order, F @ states + blur)[0] + blurred @ states + lost * made.D
     if not largest.size:
-        return 0.0, 0.0
-    room = 1.0 + INVERSE  # for what floats lose on the way
-    return float(room * blas.dnrm2(largest.ravel())), float(room * blas.dnrm2(change.ravel()))
+        return Bounded(0.0, 0.0)
+    room = 1.0 + _INVERSE  # for what floats lose on the way
+    return Bounded(float(room * blas.dnrm2(largest.ravel())), float(room * blas.dnrm2(change.ravel())))
 
 
 @np.errstate(divide="ignore", over="ignore", invalid="ignore")  # of squares that are no numbers
@@ -145,11 +167,6 @@ def stays_below(modes: ModalSystem, level: float, at: float) -> tuple[bool, Arra
         ends[:, -1] = high[open_]
         low, high = ends[:, :-1].ravel(), ends[:, 1:].ravel()
     return False, np.zeros(0)
-
-
-def lost_by_floats(modes: ModalSystem) -> float:
-    """Return how much of the sum over the modes, at any frequency, may be rounding."""
-    return _sizes(modes.terms, -modes.poles.real)[1]
 
 
 def _sizes(terms: Array, decay: Array) -> tuple[Array, float]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import TypeVar
 
 import numpy as np
@@ -13,7 +12,7 @@ from scipy import linalg
 from scipy.linalg import lapack
 
 from boomctl.arrays import Array, squared
-from boomctl.lti.modal import UNDAMPED, ModalSystem, partial_fractions
+from boomctl.lti.modal import UNDAMPED, ModalSystem
 from boomctl.lti.rounding import CERTIFIED, EPS, ROOT, SOLVED
 from boomctl.lti.system import SLOWEST, Lti
 
@@ -244,15 +243,12 @@ def _narrowed(value: Callable[[Array], Array], omega: Array, heights: Array, hal
     return places[row, around], values[row, around]
 
 
-def largest_gain(system: Lti, respond: Response | None = None, modes: ModalSystem | None = None) -> tuple[float, float]:
+def largest_gain(modes: ModalSystem, respond: Response) -> tuple[float, float]:
     """Return the largest singular value near the poles and at the ends of the axis, and its frequency.
 
-    Its place is searched for in the coordinates of the eigenvectors, its height is the system's own there, or that of
-    ``respond``, a more accurate response of it.  Where the two heights differ, eigenvectors are nearly dependent, and the
-    place is searched for anew in the system's own response.  ``modes`` are its partial fractions, where they are known.
+    Its place is searched for in the coordinates of the eigenvectors, its height is that of ``respond``.  Where the two
+    heights differ, eigenvectors are nearly dependent, and the place is searched for anew in the response.
     """
-    exact = partial(system.response, quiet=True) if respond is None else respond
-    modes = partial_fractions(system) if modes is None else modes
     poles, size = modes.poles, np.abs(modes.poles)
     fastest = float(size.max())
     seen = size[size > SOLVED * fastest]
@@ -265,7 +261,7 @@ def largest_gain(system: Lti, respond: Response | None = None, modes: ModalSyste
         also=[0.0] if len(seen) == len(size) else (),
     )
     result = _peak_of_modes(modes, grid)
-    return confirmed_peak(result, lambda omega: singular_values(exact(omega))[0], grid)
+    return confirmed_peak(result, lambda omega: singular_values(respond(omega))[0], grid)
 
 
 @np.errstate(divide="ignore", invalid="ignore", over="ignore")  # of eigenvectors that lose all digits

@@ -26,6 +26,10 @@ from boomctl.printing import compact
 UNDAMPED = 1e-10
 _CLUSTER = 10.0  # poles of such a block differ in size by less than this factor (a choice)
 _BLOCK_NOISE = 1e2 * EPS  # share of the fastest pole that belongs to such a block in any case
+# Largest coupling of two modes, relative to the distance of their poles, that is corrected to first order, and states up to
+# which that is done in extended precision: beyond, it takes seconds.
+_FIRST_ORDER = 0.01
+_EXTENDED = 400
 _CONDITION = 1e9  # of the eigenvectors: modal coordinates of a worse one keep fewer than seven digits
 _CLUSTERED = 1e6  # times rounding, whose root times the norm of A is the distance of poles in a cluster
 _OFF = 1e-3  # of the radius of a cluster, up to which its mean lies on the boundary
@@ -213,21 +217,37 @@ def continuous_image_of_modes(modes: ModalSystem, dt: float) -> tuple[ModalSyste
 def diagonalized(system: Lti) -> ModalSystem | None:
     """Return a system in modal coordinates, or None where it has no well-conditioned ones.
 
-    Each mode is scaled so that its row of ``B`` and its column of ``C`` are of equal length.
+    Eigenvectors are corrected once, to first order of their residual in extended precision, where poles are apart.  Each
+    mode is scaled so that its row of ``B`` and its column of ``C`` are of equal length.
     """
     if not len(system.A):
         return partial_fractions(system)
-    poles, V = linalg.eig(system.A)
-    if np.linalg.cond(V) > _CONDITION:
+    poles, _, V = system.eigensystem
+    first, single = np.flatnonzero(poles.imag > 0.0), poles.imag == 0.0
+    wide = np.clongdouble if len(poles) <= _EXTENDED else np.complex128
+    try:
+        W = np.linalg.inv(V)
+        E = W @ (system.A @ V.astype(wide) - V * poles.astype(wide)).astype(complex)
+        if np.linalg.cond(V) > _CONDITION or np.abs(E).max() > ALIKE * np.abs(system.A).max():
+            return None
+        apart = poles - poles[:, None]
+        weak = (np.abs(E) * len(poles) <= _FIRST_ORDER * np.abs(apart)) & (apart != 0.0)
+        poles = poles + np.diag(E)
+        V = V.astype(wide) @ (np.eye(len(poles)) + np.where(weak, E / np.where(weak, apart, 1.0), 0.0))
+        W = np.linalg.inv(V.astype(complex))
+    except np.linalg.LinAlgError:
         return None
-    residual = np.abs(system.A @ V - V * poles).max()
-    if residual > ALIKE * np.abs(system.A).max():  # these are no eigenvectors
-        return None
-    B, C = np.linalg.solve(V, system.B.astype(complex)), system.C @ V
+    B, C = (W @ system.B).astype(wide), (system.C @ V).astype(complex)
+    B = (B + W @ (system.B - V @ B).astype(complex)).astype(complex)
     reads, acts = np.linalg.norm(C, axis=0), np.linalg.norm(B, axis=1)
     with np.errstate(divide="ignore", invalid="ignore"):
         scale = np.where((reads > 0.0) & (acts > 0.0), np.sqrt(reads / acts), 1.0)
-    return ModalSystem(poles, B * scale[:, None], C / scale, system.D)
+    B, C = B * scale[:, None], C / scale
+    if (poles.imag[first] <= 0.0).any():  # Two equal real poles.
+        return None
+    poles[first + 1], B[first + 1], C[:, first + 1] = poles[first].conj(), B[first].conj(), C[:, first].conj()
+    poles[single], B[single], C[:, single] = poles[single].real, B[single].real, C[:, single].real
+    return ModalSystem(poles, B, C, system.D)
 
 
 @dataclass(frozen=True)

@@ -37,7 +37,8 @@ from boomctl.exact_roots import (
 )
 from boomctl.lti.bilinear import image_of_omega, omega_of_image
 from boomctl.lti.frequency import RAISED
-from boomctl.lti.rounding import LEVEL, TINY
+from boomctl.lti.inequality import Inequality
+from boomctl.lti.rounding import EXACT_STATES, LEVEL, TINY
 from boomctl.lti.system import Lti, System, closed
 
 _MOST_BITS = 2**15  # beyond which no enclosure is tried: far above what stored doubles need (measured: 1,500)
@@ -97,6 +98,16 @@ class Exact:
     def omega(self, square: float) -> float:
         """Return the frequency [rad/s] of ``omega^2`` of the image."""
         return square**0.5 if self.dt == 0.0 else float(omega_of_image(square**0.5, 2.0)) / (0.5 * self.dt)
+
+    @property
+    def is_large(self) -> bool:
+        """Whether an inequality takes less time than polynomials."""
+        return self.A.nrows() > EXACT_STATES
+
+    def inequality(self, peak: float) -> Inequality:
+        """Return the system in coordinates for inequalities of levels near ``peak``."""
+        self.work.charge_entries(self.A.nrows(), 1)
+        return Inequality.of(self.A, self.B, self.C, self.D, self.dt, peak)
 
     @cached_property
     def bits(self) -> int:
@@ -227,14 +238,18 @@ class Exact:
         )
 
     def gain(self, square: float) -> arb:
-        """Return a gain in one direction at ``omega^2``, enclosed: the largest but for rounding, never above it."""
+        """Return a gain in one direction at ``omega^2``, which may be infinite, enclosed: the largest but for rounding."""
         a, N = self.response
+        n = a.degree()
         for _ in self._digits():
-            s = acb(0, 1) * arb(square).sqrt()
-            over = _value(a, s)
-            if over.contains(0):
-                continue
-            G = [[_value(entry, s) / over for entry in row] for row in N]
+            if square == inf:
+                G = [[acb(entry[n] / a[n]) for entry in row] for row in N]
+            else:
+                s = acb(0, 1) * arb(square).sqrt()
+                over = _value(a, s)
+                if over.contains(0):
+                    continue
+                G = [[_value(entry, s) / over for entry in row] for row in N]
             middle = np.array([[complex(entry) for entry in row] for row in G])
             v = [acb(x.real, x.imag) for x in np.linalg.svd(middle)[2][0].conj().tolist()]
             moved = [sum((g * x for g, x in zip(row, v, strict=True)), acb(0)) for row in G]

@@ -10,7 +10,6 @@ from boomctl.checks import warn_user
 from boomctl.exceptions import AccuracyWarning
 
 EPS = float(np.finfo(float).eps)  # the unit of rounding: distance of one from the next number
-TERMS = 16.0  # units of a term of a sum over modes, beside one for each that it is added to
 # of a few operations, of their result; of a solver, of the norm of its matrix (measured: below one unit)
 DIGIT = 4.0 * EPS
 TINY = float(np.finfo(float).tiny)  # the least number of full precision
@@ -21,6 +20,7 @@ SUMMED = 1e-12  # of its terms, up to which an entry of products of whole matric
 ALIKE = 1e-9  # of its size, up to which a number from data or an assembly is another one: far above rounding (a choice)
 ROOT = 1e-7  # the root of rounding, with room: by so much of the largest one rounding moves a double value
 
+EXACT_STATES = 40  # up to which exact polynomials prove norms; an inequality takes less time beyond (measured)
 CERTIFIED = 1e-5  # relative distance of two bounds up to which a norm is certified (a choice)
 LEVEL = 1e-6  # how far above the largest gain known a level is tried, relative: a tenth of what a norm is certified to
 VISIBLE = 1e-4  # of the largest response: what would show in a plot

@@ -121,7 +121,7 @@ def _around(ax: Any, curve: Array, disk: "DiskMargin | None", said: str, name: s
     half = half if fresh else max(half, ax.get_xlim()[1])
     _arrows(ax, curve, half, look["color"])
     if disk is not None and fresh:
-        doubt = "" if disk.certified else ", not certified"
+        doubt = "" if disk.verified else ", not verified"
         ax.plot([], [], color=SHADE, linewidth=6, label=f"critical disk: margin {disk.alpha:.3g}{doubt}")
     ax.set(xlim=(-half, half), ylim=(-half, half), aspect="equal", xlabel=f"Re({name})", ylabel=f"Im({name})")
     legend(ax, "above left", fontsize=7, alignment="left")

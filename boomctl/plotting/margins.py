@@ -119,7 +119,7 @@ def _marks(loop: "LoopMargin", omega: Array, curve: Array) -> list[tuple[str, li
         if np.isfinite(loop.delay_margin)
         else "delay: any"
     )
-    doubt = "" if loop.disk_margin.certified else ", not certified"
+    doubt = "" if loop.disk_margin.verified else ", not verified"
     return [
         (f"gain {loop.gain_margin[0]:.3g} to {high}", gains, "s", COLORS[1]),
         (phase, place(loop.phase_margin_omega), "o", COLORS[2]),

@@ -60,7 +60,7 @@ def _draw(result: "SigmaResult", ax: Any, frequency_unit: str | None, style: dic
         said = f"{label or 'unstable'}: no response to sines, which would grow"
         place = 1.02 + 0.06 * len(ax.texts)  # of the axes: beside all curves, above what is said of other systems
         ax.text(0.5, place, said, transform=ax.transAxes, ha="center", va="bottom", color=color, fontweight="bold")
-    if result.certified and np.isfinite(result.peak) and result.peak_omega > 0.0:
+    if result.verified and np.isfinite(result.peak) and result.peak_omega > 0.0:
         said = None if _PEAK in ax.get_legend_handles_labels()[1] else _PEAK
         x, y = result.peak_omega / scale, result.peak
         ax.plot(x, y, "o", color=color, markersize=4, fillstyle="none", label=said)

@@ -1,30 +1,15 @@
-"""``reduce``: one door to all methods; every result is verified before it is returned."""
+"""``reduce``: a smaller system by one of five methods, its error verified before it is returned."""
 
 from dataclasses import replace
 from math import inf
 from typing import TYPE_CHECKING
 
-import numpy as np
-
-from boomctl.analysis.norm import (
-    NO_CIRCLE_CROSSING,
-    NO_RESPONSE,
-    NormBounds,
-    matrices_norm,
-    proved_norm,
-    stays_below_on_circle,
-)
-from boomctl.arrays import Array
+from boomctl.analysis.norm import NO_RESPONSE, NormBounds
 from boomctl.checks import finite_array, known, positive, up_to, warn_user, whole
 from boomctl.exceptions import LowerOrderWarning, ReductionError
-from boomctl.lti.bilinear import continuous_image, discrete_image, image_of_omega, omega_of_image
-from boomctl.lti.frequency import singular_values
-from boomctl.lti.modal import sides, split
-from boomctl.lti.rounding import CERTIFIED
+from boomctl.lti.bilinear import image_of_omega, omega_of_image
 from boomctl.lti.system import Lti, of
-from boomctl.lti.verified_modal_form import rounding_doubt
 from boomctl.progress import Listener, computing, tell
-from boomctl.reduction.core import core_of
 from boomctl.reduction.reducers import (
     MINIMAL,
     BalancedTruncation,
@@ -35,7 +20,7 @@ from boomctl.reduction.reducers import (
     StrongestModes,
 )
 from boomctl.reduction.result import ReductionResult
-from boomctl.reduction.verify import SLACK, START, Band, Verified, band_norm, difference
+from boomctl.reduction.verify import Band, SystemParts, Verified
 from boomctl.structure.model import SecondOrderModel
 from boomctl.threads import one_blas_thread
 
@@ -50,15 +35,9 @@ METHODS = {
     "second-order": StrongestModes,
 }
 _WITHOUT_RANGE = ("hankel", "modal")  # Methods that accept no frequency range.
-AS_GIVEN = "the system itself"  # of all its states: no system differs less
-NO_ERROR = NormBounds(0.0, 0.0, 0.0, NO_RESPONSE)
-_MODES = 14  # of a structure, beyond the order, that the first core has: enough for most booms (a choice)
-_TAIL_SHARE = 0.02  # share of the error that a core may leave out; if it is more, the core grows (a choice)
-_ROUNDING = 1e-8  # of the largest Hankel singular value: what a core leaves out below that is rounding (a choice)
-_SPLIT = (
-    1e-6  # distance up to which rounding takes a double pole on the circle apart: its root, with room (measured: 4e-8)
-)
-_LARGEST_CORE = 500  # modes beyond which no core grows: its balancing takes a minute (a choice)
+AS_GIVEN = "the system itself"  # Of all its states: no system differs less.
+_NO_ERROR = NormBounds(0.0, 0.0, 0.0, NO_RESPONSE, verified=True)
+_NYQUIST = 1e-6  # Distance, relative, at which a band ends below half the sampling rate, whose image is at infinity.
 
 
 @one_blas_thread
@@ -79,8 +58,7 @@ def reduce(
     ----------
     system : control.StateSpace, control.TransferFunction or SecondOrderModel
         A discrete one is reduced as its continuous image by the bilinear map, which has the same norms and Hankel singular
-        values; the error is verified anew on the unit circle.  Of a large structure a core of its undamped modes is
-        reduced, and what the other modes contribute is bounded in closed form.
+        values.
     order : int, optional
         Number of states wanted, the kept ones included.  Fewer come back, with a warning, where fewer suffice for
         rounding, or where "modal" would have to split a pair of poles.
@@ -88,8 +66,8 @@ def reduce(
         Balanced truncation (exact at infinite frequency), singular perturbation (exact at zero frequency), optimal
         Hankel norm approximation (the Hankel norm of the error is the smallest of that order, its H-infinity norm is
         not), the strongest modes with the static gain of the others; of a structure, likewise
-        with undamped modes, which gives a smaller structure (an even order, two states a coordinate; the bound is
-        ``inf`` for undamped modes, or other outputs than displacements).
+        with undamped modes, which gives a smaller structure (an even order, two states a coordinate, and no bound known
+        beforehand: ``inf``).
     max_error : float, optional
         Instead of ``order``: the lowest order whose verified error is not above this (absolute).  Where none is, the system
         itself comes back, with an error of zero.
@@ -145,8 +123,7 @@ def reduce(
     if method == "second-order" and isinstance(given, Lti):
         raise TypeError(f"method 'second-order': expected a SecondOrderModel, got {type(system).__name__}")
     with computing("reduction", progress):
-        reduced = _by_image if isinstance(given, Lti) and given.dt != 0.0 else _by_cores
-        result = reduced(given, order, wanted, method, limits)  # type: ignore[arg-type]
+        result = _reduced(given, order, wanted, method, limits)
     if order is not None and result.order < order:
         reason = (
             "a pair of poles stays whole"
@@ -157,177 +134,55 @@ def reduce(
     return result
 
 
-def _by_cores(
+def _reduced(
     given: Lti | SecondOrderModel, order: int | None, wanted: float | None, method: str, band: Band | None
 ) -> ReductionResult:
-    """Return the reduction to an order or within an error, of the first core large enough."""
-    stages: list[str] = []
-    modes, size, truncated = _MODES + (order or 0), _states(given), 0.0
-    while True:
-        tell(f"core of up to {modes} modes")
-        core = core_of(given, modes)
-        stages.append(core.way)
-        reducer = METHODS[method](given, core, band, modes)
-        last, floor = modes >= _LARGEST_CORE, _ROUNDING * float(reducer.values.max(initial=0.0))
-        modes *= 2  # of the next core, where this one does not do
-        if not (core.complete or last) and wanted is not None and core.tail > max(_TAIL_SHARE * wanted, floor):
-            continue  # what this core leaves out alone is more than may be
-        try:
-            smaller, result = reducer.reduced(order) if wanted is None else _within(reducer, wanted)  # type: ignore[arg-type]
-        except ReductionError:
-            if not (reducer.complete or last):
-                continue
-            if wanted is None and (order != size or not isinstance(given, Lti)):
-                raise
-            smaller, result = None, None
-        if result is None or (isinstance(given, Lti) and _states(smaller) >= size):  # type: ignore[arg-type]
-            # no system differs less from one than itself
-            smaller, result = _as_given(given, method), Verified(0.0, 0.0, NO_ERROR, 0.0)
-            stages.append(AS_GIVEN)
-            break
-        if core.complete or last or core.tail <= max(_TAIL_SHARE * result.measured, floor):
-            truncated = result.truncation
-            break
+    """Return the reduction to an order, or of the lowest order within an error."""
+    system, size = given if isinstance(given, Lti) else given._modal_form, _states(given)
+    limits = None if band is None else _band_of_image(system, band)
+    parts = SystemParts.of(system, limits or (0.0, inf))
+    reducer = METHODS[method](given, parts, limits)
+    try:
+        smaller, result = reducer.reduced(order) if order is not None else _within(reducer, wanted)  # type: ignore[arg-type]
+    except ReductionError:
+        if wanted is None and order != size:
+            raise
+        smaller, result = None, Verified(0.0, 0.0, _NO_ERROR)
+    stages: tuple[str, ...] = ("modal coordinates" if parts.modal is not None else "given coordinates",)
+    if smaller is None or (isinstance(given, Lti) and _states(smaller) >= size):
+        smaller = given if isinstance(given, Lti) or method == "second-order" else system
+        result, stages = Verified(0.0, 0.0, _NO_ERROR), (*stages, AS_GIVEN)
     if isinstance(smaller, Lti):
-        scales = getattr(given, "scales", {})  # a structure is in the units of the machine
+        scales = getattr(given, "scales", {})  # A structure is in the units of the machine.
         smaller = replace(
             smaller, input_labels=given.input_labels, output_labels=given.output_labels, state_labels=(), scales=scales
         ).without_dots()
     return ReductionResult(
         _full=given,
-        _reduced=smaller,  # type: ignore[arg-type]
-        order=_states(smaller),  # type: ignore[arg-type]
+        _reduced=smaller,
+        order=_states(smaller),
         requested_order=order,
         error_bound=result.bound,
-        error_norm=result.measured,
+        error_norm=result.error,
         method=method,
-        certificate=result.certificate,
-        core_error_bound=truncated,
+        certificate=replace(
+            result.certificate, peak_omega=float(omega_of_image(result.certificate.peak_omega, system.dt))
+        ),
         hankel_singular_values=reducer.values,
-        retained_order=len(core.kept.A),
-        stages=tuple(stages),
+        retained_order=len(parts.kept.A),
+        stages=stages,
         omega_range=band,
         full_order=size,
     )
 
 
-def _by_image(given: Lti, order: int | None, wanted: float | None, method: str, band: Band | None) -> ReductionResult:
-    """Return the reduction of a discrete system, by orders of its image until the error on the circle is small enough."""
-    inside = None if band is None else _band_of_image(given, band)
-    # what the discrete error is proved to stay below is a little more than that of the image
-    within = None if wanted is None else wanted * (1.0 - CERTIFIED)
-    image = continuous_image(given)
-    while True:
-        found = _by_cores(image, order, within, method, inside)
-        try:
-            result = _on_circle(given, found, band)
-        except ReductionError:
-            if wanted is None:
-                raise
-        else:
-            if wanted is None or result.error_norm <= wanted:
-                return result
-        within = found.error_norm * (1.0 - CERTIFIED)  # the next order
-
-
-def _band_of_image(full: Lti, band: Band) -> Band:
-    if band[1] > full.nyquist:
+def _band_of_image(system: Lti, band: Band) -> Band:
+    if band[1] > system.nyquist:
         raise ValueError(
-            f"`omega_range` must end at or below half the sampling rate, {up_to(full.nyquist)} rad/s, got {band[1]:g}."
+            f"`omega_range` must end at or below half the sampling rate, {up_to(system.nyquist)} rad/s, got {band[1]:g}."
         )
-    end = min(band[1], full.nyquist * (1.0 - START))  # the image of half the sampling rate is at infinity
-    return float(image_of_omega(min(band[0], end), full.dt)), float(image_of_omega(end, full.dt))
-
-
-def _as_given(given: Lti | SecondOrderModel, method: str) -> Lti | SecondOrderModel:
-    """Return the given system as what a method returns."""
-    if isinstance(given, Lti) or method == "second-order":
-        return given
-    return given._modal_form
-
-
-def _kept(system: Lti) -> Array:
-    """Return which poles of a discrete system do not decay: both halves of a double one, which rounding takes apart."""
-    poles = system.poles
-    beyond = sides(poles, system.dt) >= 0
-    return np.any((np.abs(poles[:, None] - poles) <= _SPLIT) & beyond, axis=1)
-
-
-def _on_circle(full: Lti, found: ReductionResult, band: Band | None) -> ReductionResult:
-    """Return the reduction of the image of a discrete system as that of the system itself, its error verified anew.
-
-    Raises
-    ------
-    ReductionError
-        The error on the unit circle is another, or could not be verified.
-    """
-    if found.order >= len(full.A):
-        small = replace(full, state_labels=()).without_dots()
-        return replace(found, _full=full, _reduced=small, certificate=NO_ERROR, omega_range=band)
-    image = found._reduced
-    assert isinstance(image, Lti)
-    small, dt, kept = discrete_image(image, full.dt), full.dt, "unstable, undamped or rigid-body poles"
-    small = replace(
-        small, input_labels=full.input_labels, output_labels=full.output_labels, state_labels=(), scales=full.scales
-    ).without_dots()
-    # a system without such poles stays as it is: rounding of other coordinates moves what is slow by more than the error
-    apart, ours, own = [full.balanced(), small.balanced()], [], 0.0
-    for k, system in enumerate(apart):
-        if (far := _kept(system)).any():
-            one, apart[k], doubt = split(system, far, kept)
-            ours.append(one)
-            own += rounding_doubt(apart[k], doubt)
-    if len(ours) == 2:  # what is kept is the same but for rounding, of the map there and back too
-        omega = np.unique(np.concatenate([[0.0, full.nyquist], *(np.abs(one.rates.imag) for one in ours)]))
-        first, second = (one.response(omega, quiet=True) for one in ours)
-        own += float(singular_values(first - second)[0].max())
-    if own == inf:
-        raise ReductionError(
-            "rounding of the system's matrices may change its response without bound: nothing is verified"
-        )
-    gap = replace(difference(*apart), dt=dt)
-    largest = matrices_norm(apart[0].balanced()).lower_bound
-    floor = _ROUNDING * largest
-    everywhere = matrices_norm(gap)
-    level = max(found.error_norm, everywhere.lower_bound) * (1.0 + SLACK) + floor
-    if everywhere.upper_bound == inf and len(gap.A) and stays_below_on_circle(gap, level):
-        everywhere = replace(everywhere, upper_bound=level, method=NO_CIRCLE_CROSSING)
-    norm = everywhere if band is None else _in_band(gap, band, floor)
-    if norm.lower_bound > found.error_bound * (1.0 + SLACK) + floor:
-        raise ReductionError(
-            f"the error on the unit circle, {norm.lower_bound:.4g} at {norm.peak_omega:.4g} rad/s, exceeds its bound "
-            f"{found.error_bound:.4g}: rounding of the bilinear map is larger"
-        )
-    if norm.upper_bound == inf:
-        raise ReductionError(f"the error on the unit circle could not be verified ({norm.method})")
-    return replace(
-        found,
-        _full=full,
-        _reduced=small,
-        error_bound=max(
-            found.error_bound, everywhere.upper_bound + own
-        ),  # which knows of rounding, and of that of the map
-        error_norm=norm.upper_bound + own,
-        certificate=norm,
-        omega_range=band,
-    )
-
-
-def _in_band(gap: Lti, band: Band, floor: float) -> NormBounds:
-    """Compute the largest error of a discrete system in a band: its own response, below levels that its image proves.
-
-    Where rounding hides these, in exact arithmetic.
-    """
-
-    def respond(v: Array) -> Array:
-        return gap.response(omega_of_image(v, gap.dt), quiet=True)
-
-    result = band_norm(continuous_image(gap), respond, _band_of_image(gap, band), floor)
-    result = replace(result, peak_omega=float(omega_of_image(result.peak_omega, gap.dt)))
-    if result.upper_bound <= result.lower_bound * (1.0 + CERTIFIED):
-        return result
-    exact = proved_norm(gap, result.lower_bound, result.peak_omega, band=band)
-    return exact if exact.upper_bound < inf else result
+    end = min(band[1], system.nyquist * (1.0 - _NYQUIST))
+    return float(image_of_omega(min(band[0], end), system.dt)), float(image_of_omega(end, system.dt))
 
 
 def _states(system: Lti | SecondOrderModel) -> int:
@@ -366,7 +221,7 @@ def _within(reducer: StateReducer | StrongestModes, error: float) -> tuple[Lti |
             ReductionError,
         ):  # a Hankel singular value repeated across the cut, or not verified: the next
             continue
-        best = min(best, result.measured)
-        if result.measured <= error:
+        best = min(best, result.error)
+        if result.error <= error:
             return smaller, result
     raise ReductionError(f"max_error = {error:g}: the smallest verified error of any order is {best:.4g}")

@@ -17,13 +17,10 @@ from scipy import linalg
 from boomctl.arrays import Array
 from boomctl.exceptions import ReductionError
 from boomctl.lti.gramians import band_integral, factors
-from boomctl.lti.modal import ModalSystem, residualised, spectral_parts
+from boomctl.lti.modal import ModalSystem, diagonalized, residualised, spectral_parts
 from boomctl.lti.rounding import ALIKE, ROOT, SUMMED
 from boomctl.lti.system import Lti, append
-from boomctl.lti.verified_modal_form import verified_modal_form
-from boomctl.reduction.core import SystemCore
-from boomctl.reduction.tail_bounds import Loads, loads_of, truncation_bound
-from boomctl.reduction.verify import GRAMIANS, Band, Verified, verified
+from boomctl.reduction.verify import GRAMIANS, Band, SystemParts, Verified, on_circle, verified
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.ports import evaluate
 from boomctl.structure.response.modal_form import elastic
@@ -66,16 +63,13 @@ class StateReducer(ABC):
     ----------
     values : (n,) ndarray
         Hankel singular values of what is reduced, descending.
-    complete : bool
-        Whether no larger core would allow a smaller error.
     """
 
     values: Array
 
-    def __init__(self, system: Lti | SecondOrderModel, core: SystemCore, band: Band | None, modes: int) -> None:
-        del system, modes  # all that is needed is in the core
-        self.core, self.band = core, band
-        self.complete = core.complete
+    def __init__(self, system: Lti | SecondOrderModel, parts: SystemParts, band: Band | None) -> None:
+        del system  # All that is needed is in its parts.
+        self.parts, self.band = parts, band
 
     @abstractmethod
     def shortened(self, order: int) -> tuple[Lti, float]:
@@ -83,7 +77,7 @@ class StateReducer(ABC):
 
     def orders(self, error: float) -> Iterator[int]:
         """Yield the orders, ascending, kept part included, that may have an error not above one wanted."""
-        yield from range(len(self.core.kept.A) + self.fewest(error), len(self.core.kept.A) + len(self.values) + 1)
+        yield from range(len(self.parts.kept.A) + self.fewest(error), len(self.parts.kept.A) + len(self.values) + 1)
 
     def fewest(self, error: float) -> int:
         """Return the number of Hankel singular values above an error: no system of fewer states has a smaller error.
@@ -103,33 +97,33 @@ class StateReducer(ABC):
         ReductionError
             The error exceeds its bound, or could not be verified.
         """
-        kept = self.core.kept
+        kept = self.parts.kept
         if order < len(kept.A):
             raise ValueError(
                 f"order = {order}: {len(kept.A)} unstable, undamped or rigid-body states are kept, so at least that"
             )
         try:
-            stable, bound = self.shortened(min(order - len(kept.A), len(self.core.stable.A)))
+            stable, bound = self.shortened(min(order - len(kept.A), len(self.parts.stable.A)))
         except np.linalg.LinAlgError:
             raise ReductionError(
                 f"order {order}: the states that go cannot rest, for they have no static answer; use 'balanced'"
             ) from None
         try:
-            result = verified(self.core, stable, bound, self.band)
+            result = verified(self.parts, stable, bound, self.band)
         except ReductionError as reason:
             raise ReductionError(f"order {order - len(kept.A)}: {reason}") from None
-        if not len(kept.A):
-            return stable, result
-        A = append(kept, stable).A
-        return Lti(A, np.vstack([kept.B, stable.B]), np.hstack([kept.C, stable.C]), stable.D), result
+        if len(kept.A):
+            A = append(kept, stable).A
+            stable = Lti(A, np.vstack([kept.B, stable.B]), np.hstack([kept.C, stable.C]), stable.D)
+        return on_circle(self.parts, stable, result) if self.parts.whole.dt != 0.0 else (stable, result)
 
 
 class GramianReducer(StateReducer):
     """A method that needs the balanced form, of the stable part itself or as a band sees it."""
 
-    def __init__(self, system: Lti | SecondOrderModel, core: SystemCore, band: Band | None, modes: int) -> None:
-        super().__init__(system, core, band, modes)
-        self.seen = weighted(core.stable, core.modal, band)
+    def __init__(self, system: Lti | SecondOrderModel, parts: SystemParts, band: Band | None) -> None:
+        super().__init__(system, parts, band)
+        self.seen = weighted(parts.stable, parts.modal, band)
         self.form = balance(self.seen.system, self.seen.modal)
         self.values = self.form.values
 
@@ -189,7 +183,7 @@ class HankelApproximation(GramianReducer):
         if r >= n:
             return balanced.system, balanced.lost
         distinct = np.concatenate([[0], np.flatnonzero(values[:-1] > values[1:] * (1.0 + ROOT)) + 1, [n]])
-        kept = len(self.core.kept.A)
+        kept = len(self.parts.kept.A)
         if r not in distinct:
             place = int(np.searchsorted(distinct, r))
             low, high = int(distinct[place - 1]), int(distinct[place])
@@ -255,22 +249,19 @@ class ModalTruncation(StateReducer):
     A pair of poles is kept whole, so that the order may come out one less than asked for.
     """
 
-    def __init__(self, system: Lti | SecondOrderModel, core: SystemCore, band: Band | None, modes: int) -> None:
-        super().__init__(system, core, band, modes)
-        # modes that keep fewer digits than the states given will do here: what they are off is added to the bound
-        result = verified_modal_form(core.stable) if core.modal is None else None
-        modal = core.modal if result is None else result.modal
-        self.lost = 0.0 if result is None else result.gap
-        if modal is None or self.lost == inf:
+    def __init__(self, system: Lti | SecondOrderModel, parts: SystemParts, band: Band | None) -> None:
+        super().__init__(system, parts, band)
+        modal = parts.modal or diagonalized(parts.given)
+        if modal is None:
             raise ValueError(
                 "method 'modal': the stable poles are defective (Jordan blocks) or nearly so, use 'balanced'"
             )
         self.modal = modal
-        self.values = balance(core.stable, core.modal).values
+        self.values = balance(parts.stable, parts.modal).values
 
     def orders(self, error: float) -> Iterator[int]:
         """Yield orders up to all modes: those whose Hankel singular values are rounding may yet have strong peaks."""
-        kept = len(self.core.kept.A)
+        kept = len(self.parts.kept.A)
         yield from range(kept + self.fewest(error), kept + len(self.modal.poles) + 1)
 
     def shortened(self, order: int) -> tuple[Lti, float]:
@@ -287,7 +278,7 @@ class ModalTruncation(StateReducer):
                 kept[i : i + pair] = True
         gone, chosen = modal.only(~kept), modal.only(kept).blocks
         static = np.real((gone.C / -gone.poles) @ gone.B)
-        return replace(chosen, D=modal.D + static), float(gone.sizes.sum()) + self.lost
+        return replace(chosen, D=modal.D + static), float(gone.sizes.sum())
 
 
 def _middle(band: Band) -> float:
@@ -308,13 +299,12 @@ class StrongestModes:
         Matrices without real modes.
     """
 
-    def __init__(self, model: SecondOrderModel, core: SystemCore, band: Band | None, modes: int) -> None:
-        self.model, self.core, self.band, self.complete = model, core, band, modes >= model.ncoordinates
-        self.all_frequencies, self.all_modes = undamped_modes(model.structure)
-        self.frequencies, self.modes = self.all_frequencies[:modes], self.all_modes[:, :modes]
+    def __init__(self, model: SecondOrderModel, parts: SystemParts, band: Band | None) -> None:
+        self.model, self.parts, self.band = model, parts, band
+        self.frequencies, self.modes = undamped_modes(model.structure)
         floating = ~elastic(self.frequencies)
         self.rigid, self.ranking = int(floating.sum()), self._ranking(floating)
-        self.values = balance(core.stable, core.modal).values
+        self.values = balance(parts.stable, parts.modal).values
 
     def orders(self, error: float) -> Iterator[int]:
         """Yield the orders: two states a mode."""
@@ -329,12 +319,12 @@ class StrongestModes:
         smaller = self._projected(chosen)
         parts = spectral_parts(realize(smaller.structure, smaller.ports).balanced())
         stable, kept = parts.fast, parts.kept
-        if not _same(self.core.kept, kept):
+        if not _same(self.parts.kept, kept):
             raise ReductionError(
-                f"{len(self.core.kept.A)} unstable, undamped or rigid-body states do not come out as they went in "
+                f"{len(self.parts.kept.A)} unstable, undamped or rigid-body states do not come out as they went in "
                 f"({len(kept.A)} in the reduced structure): damping couples them to modes that are left out"
             )
-        return smaller, verified(self.core, stable, self._bound(smaller, chosen) + self.core.tail, self.band)
+        return smaller, verified(self.parts, stable, inf, self.band)
 
     def _ranking(self, floating: Array) -> Array:
         """Return the modes, strongest first: by the height of their peak, or by the most they reach within the band."""
@@ -369,22 +359,6 @@ class StrongestModes:
         E[0] += static
         names = tuple(f"mode{i + 1}" for i in kept)
         return SecondOrderModel.of(model.structure.projected(V[:, kept], names), replace(ports, E=E))
-
-    def _bound(self, smaller: SecondOrderModel, chosen: Array) -> float:
-        """Return a bound of the error: what the other modes add at most, and the static share that stands for them.
-
-        ``inf`` for a structure too large for all of its modes, or one that reads more than displacements.
-        """
-        model, modes = self.model, self.all_modes
-        loads = loads_of(model)
-        if loads is None or modes.shape[1] < model.ncoordinates:
-            return inf
-        kept = np.zeros(model.ncoordinates, dtype=bool)
-        kept[chosen] = True
-        C = model.structure.projected(modes).C
-        on_modes = Loads(modes.T @ loads.B0, modes.T @ loads.B1, loads.L @ modes)
-        static = smaller.ports.E[0] - model.ports.E[0]
-        return truncation_bound(self.all_frequencies**2, C, on_modes, kept) + float(np.linalg.norm(static, 2))
 
 
 def _same(one: Lti, other: Lti) -> bool:

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from boomctl.analysis.claim import Claim
 from boomctl.analysis.model_norm import SplitModel
 from boomctl.analysis.norm import NormBounds
-from boomctl.analysis.prove import Claim
 from boomctl.analysis.sigma import drawn_grid
 from boomctl.arrays import Array
 from boomctl.lti.frequency import ABOVE, Resonances, singular_values
@@ -71,17 +71,13 @@ class ReductionResult:
         A priori bound of the largest singular value of the difference at any frequency; ``inf`` where none is known.
         Never below the verified error, in which rounding counts.
     error_norm : float
-        H-infinity norm of the difference, within `omega_range` if there is one: a level proven not to be reached,
-        the bound of the modes left out of the core included.  Kept states are the system's own but for rounding, which
-        beside an undamped pole changes the response by any amount: that is not in it.
+        H-infinity norm of the difference, within `omega_range` if there is one: a level 1 % above the largest error found
+        that is verified not to be reached, and rounding.  Kept states are the system's own but for rounding, which beside an
+        undamped pole changes the response by any amount: that is not in it.
     method : str
         How the system was reduced.
     certificate : NormBounds
-        Bounds of the H-infinity norm of the difference between the core and the reduced system; of discrete systems,
-        between their stable parts on the unit circle.
-    core_error_bound : float
-        Bound, in closed form, of what the core leaves out of the full system, and of what rounding changed in its
-        coordinates; part of both errors in continuous time.  Zero if the error was computed in exact arithmetic.
+        Bounds of the H-infinity norm of the difference between the stable parts.
     hankel_singular_values : (n,) ndarray
         Hankel singular values of the stable part, descending; weighted by `omega_range` if there is one.
     retained_order : int
@@ -89,7 +85,7 @@ class ReductionResult:
     requested_order : int or None
         Number of states asked for; None where an error was.
     stages : tuple of str
-        What stood for the system, smaller cores first: each larger one was needed.
+        In which coordinates the stable part was reduced.
     omega_range : (float, float) or None
         Frequency range [rad/s] of ``error_norm``; ``error_bound`` holds at all frequencies.  None for all.
     full_system : control.StateSpace or SecondOrderModel
@@ -105,7 +101,6 @@ class ReductionResult:
     error_norm: float
     method: str
     certificate: NormBounds
-    core_error_bound: float
     hankel_singular_values: Array = field(repr=False)
     retained_order: int = 0
     requested_order: int | None = None

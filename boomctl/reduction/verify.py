@@ -1,136 +1,149 @@
-"""Verified errors: a level that the difference of two systems reaches at no frequency, or none within a band."""
+"""What is reduced of a system, and how the error of a reduction is verified: by a level that it reaches at no frequency."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import inf
 
 import numpy as np
 from scipy import linalg
 
-from boomctl.analysis.norm import (
-    NO_CROSSING,
-    NO_RESPONSE,
-    NOT_TOLD,
-    PROVED,
-    STATIC_GAIN,
-    UNSTABLE,
-    NormBounds,
-    hamiltonian_matrix,
-    level_norm,
-    level_shows,
-    near_axis,
-    proved_norm,
-    stays_below,
-)
+from boomctl.analysis.norm import STATIC_GAIN, UNSTABLE, NormBounds, exact_norm, level_norm, lightest, rounding_of
 from boomctl.arrays import Array
 from boomctl.exceptions import ReductionError
-from boomctl.lti.frequency import (
-    RAISED,
-    SEARCHED,
-    Response,
-    highest_peak,
-    largest_of,
-    resonance_grid,
-    singular_values,
-    triangular,
-)
-from boomctl.lti.modal import ModalSystem, resolved, side_of_axis
-from boomctl.lti.rounding import ALIKE, CANCELLED, DIGIT, LEVEL, TINY
+from boomctl.lti.bilinear import continuous_image, discrete_image, omega_of_image
+from boomctl.lti.frequency import Response, largest_of, singular_values, triangular
+from boomctl.lti.modal import ModalSystem, diagonalized, side_of_axis, spectral_parts
+from boomctl.lti.rounding import DIGIT, EXACT_STATES
 from boomctl.lti.system import Lti
-from boomctl.lti.verified_modal_form import in_verified_modal_form
-from boomctl.reduction.core import SystemCore
 
 Band = tuple[float, float]
 
-# Times the largest value found at which a level is tried, and times the size below which errors are rounding: where rounding
-# hides the nearer levels, the error is stated so much more coarsely, or not at all (choices)
-_ABOVE = (1.0 + LEVEL, 1.001, 1.1, 2.0)
-_ABOVE_ROUNDING = (1.0, 10.0, 100.0, 1000.0)
-START = 1e-6  # where the grid of a band from zero begins, relative to its end (a choice)
-_LARGE = 100  # states beyond which a Schur form, once made, answers faster than solving (measured: ten times at 480)
-SLACK = 1e-3  # share by which an error may exceed its bound, or one found otherwise, for rounding on the way (a choice)
-# Of the largest response: an error below that may exceed its bound, since Hankel singular values are products of factors of
+# Above the largest error found, at which a level is checked: eigenvalues of full and reduced system nearly coincide, and hide
+# levels that are closer.
+_ABOVE = 1e-2
+_SLACK = 1e-3  # Share by which an error may exceed its a priori bound, for rounding on the way.
+# Share of the largest response below which an error may exceed its bound: Hankel singular values are products of factors of
 # Gramians, which keep the square root of rounding.
 GRAMIANS = float(np.sqrt(DIGIT))
-_ROUNDING = 1e-2  # relative uncertainty of an error, by rounding or between its bounds, above which a proof is computed
+_LOST = 1e-7  # Share of the largest response that modal coordinates may lose; otherwise the given ones are taken.
+_LARGE = 100  # States beyond which a Schur form answers faster than solving (measured: ten times at 480).
+
+
+@dataclass(frozen=True)
+class SystemParts:
+    """A continuous system, or the image of a discrete one, as a stable part and a part that is kept.
+
+    Attributes
+    ----------
+    whole : Lti
+        The system itself, balanced.
+    given : Lti
+        The stable part in the coordinates given; ``D`` of the system included.
+    stable : Lti
+        The same in real modal coordinates, where these keep its digits.
+    modal : ModalSystem or None
+        The same in complex modal coordinates.
+    kept : Lti
+        Unstable, undamped and rigid-body states, without ``D``.
+    largest : float
+        The largest response of the stable part that was seen.
+    rounding : float
+        How much of its response may be rounding of its matrices, of modal coordinates included.
+    """
+
+    whole: Lti
+    given: Lti
+    stable: Lti
+    modal: ModalSystem | None
+    kept: Lti
+    largest: float
+    rounding: float
+
+    @classmethod
+    def of(cls, system: Lti, band: Band = (0.0, inf)) -> "SystemParts":
+        """Return the parts of a system, balanced; in discrete time, of its image, as is the band that is looked at."""
+        whole = system.balanced()
+        parts = spectral_parts(continuous_image(whole).balanced())
+        given = parts.fast
+        if not (len(given.A) and given.D.size):
+            return cls(whole, given, given, None, parts.kept, largest_of(given.D), 0.0)
+        omega = _looked_at(given, band)
+        response = given.response(omega, quiet=True)
+        largest = max(float(singular_values(response)[0].max()), largest_of(given.D))
+        rounding = rounding_of(given, omega, parts.doubt)
+        modal = diagonalized(given)
+        lost = inf if modal is None else float(singular_values(response - modal.response(omega))[0].max())
+        if modal is None or not lost <= _LOST * largest:
+            return cls(whole, given, given, None, parts.kept, largest, rounding)
+        return cls(whole, given, modal.blocks, modal, parts.kept, largest, rounding + lost)
 
 
 @dataclass(frozen=True)
 class Verified:
-    """The bound of a reduction and its verified error, both with ``truncation``, what the core leaves out."""
+    """A bound of the error of a reduction known beforehand, and its verified error."""
 
     bound: float
-    measured: float
+    error: float
     certificate: NormBounds
-    truncation: float
 
 
-def verified(core: SystemCore, reduced: Lti, bound: float, band: Band | None) -> Verified:
-    """Return how a reduced stable part compares with that of the core.
+def verified(parts: SystemParts, reduced: Lti, bound: float, band: Band | None) -> Verified:
+    """Return how a reduced stable part compares with the full one.
 
     Raises
     ------
     ReductionError
-        Its error exceeds its bound, or could not be verified.
+        The error exceeds its bound, or could not be verified.
     """
-    D, modal = core.stable.D, core.modal
-    own_form, own = in_verified_modal_form(reduced)
-    first = (0.0, 0.0)  # the largest error at the poles and where it lies: what is far off is told at once
-    if modal is not None:
-        sharpness = np.abs(modal.poles) / np.abs(modal.poles.real)  # a pole that moves takes its peak along
-        largest = float((modal.sizes * np.maximum(1.0, CANCELLED / ALIKE * sharpness)).max(initial=0.0))
-    else:
-        largest, first = _at_poles(core.stable, reduced, band)
-    largest = max(largest_of(D), largest)
-    floor, rounding = ALIKE * largest, own + core.tail
-
-    def compare(error: float, omega: float) -> None:
-        if error > max((bound + own) * (1.0 + SLACK) + floor, GRAMIANS * largest):
-            raise ReductionError(
-                f"the error, {error:.4g} at {omega:.4g} rad/s, exceeds its bound {bound:.4g}: the Gramians were not "
-                "solved accurately"
-            )
-
-    compare(first[0] - core.tail, first[1])
-
-    def error(within: Band | None) -> NormBounds:
-        return verified_norm(core.stable, modal, reduced, within, floor, own_form, given=core.given, rounding=rounding)
-
-    result = error(band)
-    exact = core.given is not None and result.method == PROVED
-    compare(result.lower_bound, result.peak_omega)
-    if result.upper_bound == inf:
+    norm = error_norm(parts, reduced, band)
+    rounding = parts.rounding + rounding_of(reduced, np.array([norm.peak_omega if norm.peak_omega < inf else 0.0]))
+    own = not len(parts.kept.A)  # The stable part is the system itself.
+    if len(parts.given.A) + len(reduced.A) <= EXACT_STATES and not (
+        norm.verified and (rounding <= _ABOVE * norm.upper_bound or not own)
+    ):
+        exact = exact_norm(parts.given, norm.lower_bound, norm.peak_omega, reduced, band)
+        norm, rounding = (exact, 0.0 if own else rounding) if exact.verified else (norm, rounding)
+    if norm.lower_bound > max(bound * (1.0 + _SLACK) + rounding, GRAMIANS * parts.largest):
         raise ReductionError(
-            f"the error, at least {result.lower_bound:.4g} at {result.peak_omega:.4g} rad/s, could not be verified "
-            f"({result.method})"
+            f"the error, {norm.lower_bound:.4g} at {norm.peak_omega:.4g} rad/s, exceeds its bound {bound:.4g}: the Gramians"
+            " were not solved accurately"
         )
-    if rounding == inf and not exact:
+    if not norm.verified or rounding == inf:
         raise ReductionError(
-            "rounding of the system's matrices may change its response without bound: nothing is verified"
+            f"the error, at least {norm.lower_bound:.4g} at {norm.peak_omega:.4g} rad/s, could not be verified"
+            f" ({norm.method if rounding < inf else 'rounding of the matrices may change the response without bound'})"
         )
-    if (
-        band is not None and len(core.stable.A) and D.size
-    ):  # the bound has the digits of the Gramians: it may be too low elsewhere
-        omega = np.unique(np.abs(core.stable.poles.imag))
-        full, small = core.stable if modal is None else modal, reduced if own_form is None else own_form
-        if singular_values(full.response(omega) - small.response(omega))[0].max(initial=0.0) > bound:
-            bound = error(None).upper_bound
-    # a bound knows neither of rounding nor of the distance of the proved level from the largest value
-    if not exact:
-        return Verified(max(bound, result.upper_bound) + rounding, result.upper_bound + rounding, result, core.tail)
-    beyond = 0.0 if band is None else rounding  # outside of the band nothing was proved
-    return Verified(max(bound + beyond, result.upper_bound), result.upper_bound, result, 0.0)
+    error = norm.upper_bound + rounding
+    everywhere = error if band is None else min(bound, error_norm(parts, reduced, None).upper_bound + rounding)
+    return Verified(max(bound, everywhere, error), error, norm)
 
 
-def _at_poles(system: Lti, reduced: Lti, band: Band | None) -> tuple[float, tuple[float, float]]:
-    """Return the largest response at the poles, without modal coordinates; the largest error there in a band, and where."""
-    if not len(system.A) or not system.D.size:
-        return 0.0, (0.0, 0.0)
-    omega = np.unique(np.abs(system.poles))
-    G = system.response(omega, quiet=True)
-    off = singular_values(G - reduced.response(omega, quiet=True))[0]
-    if band is not None:
-        off = np.where((band[0] <= omega) & (omega <= band[1]), off, 0.0)
-    return float(singular_values(G)[0].max()), (float(off.max()), float(omega[off.argmax()]))
+def error_norm(parts: SystemParts, reduced: Lti, band: Band | None) -> NormBounds:
+    """Return the norm of the difference of a stable system and a reduced one, over a band if there is one."""
+    gap = difference(parts.given if parts.modal is None else parts.stable, reduced)
+    if not (len(gap.A) and gap.D.size):
+        value = largest_of(gap.D)
+        return NormBounds(value, value, 0.0, STATIC_GAIN, verified=True)
+    if (side_of_axis(gap.poles) >= 0).any():
+        return NormBounds(inf, inf, float("nan"), UNSTABLE, verified=True)
+    full: ModalSystem | Lti = parts.given if parts.modal is None else parts.modal
+    respond_full: Response = full.response if len(gap.A) <= _LARGE or parts.modal else triangular(parts.given).response
+
+    def respond(omega: Array) -> Array:
+        return respond_full(omega) - reduced.response(omega, quiet=True)
+
+    return level_norm(gap, respond, above=_ABOVE, band=(0.0, inf) if band is None else band)
+
+
+def on_circle(parts: SystemParts, image: Lti, result: Verified) -> tuple[Lti, Verified]:
+    """Return the discrete system of a reduced image; what the map there and back changes is added to its errors."""
+    dt = parts.whole.dt
+    small = discrete_image(image, dt)
+    seen = _looked_at(parts.given, (0.0, inf))
+    omega = omega_of_image(seen, dt)
+    there = parts.whole.response(omega, quiet=True) - small.response(omega, quiet=True)
+    before = continuous_image(parts.whole).response(seen, quiet=True) - image.response(seen, quiet=True)
+    lost = float(singular_values(there - before)[0].max()) if there.size else 0.0
+    return small, Verified(result.bound + lost, result.error + lost, result.certificate)
 
 
 def difference(full: Lti, reduced: Lti) -> Lti:
@@ -140,96 +153,7 @@ def difference(full: Lti, reduced: Lti) -> Lti:
     return Lti(A, B, C, full.D - reduced.D).balanced()
 
 
-def verified_norm(
-    full: Lti,
-    modal: ModalSystem | None,
-    reduced: Lti,
-    band: Band | None = None,
-    floor: float = 0.0,
-    small: ModalSystem | None = None,
-    *,
-    given: Lti | None = None,
-    rounding: float = 0.0,
-) -> NormBounds:
-    """Return the norm of the difference of two stable systems, over all frequencies or over a band.
-
-    ``modal`` and ``small`` are the two in modal coordinates, where these keep their digits.
-
-    A level barely above the largest value found is tried first; where rounding hides it, or poles lie too far apart, a proof
-    in exact arithmetic, of ``given`` in place of ``full`` where there is one; then higher levels.  The proof of ``given`` is
-    also computed where ``rounding`` of ``full`` and ``small`` is not small beside the error.  Errors below ``floor`` are
-    rounding.  The upper bound is a level proven not to be reached; ``inf`` where none could be proven.
-    """
-    gap = difference(full, reduced if small is None else small.blocks)
-    whole = modal if modal is not None else triangular(full) if len(full.A) > _LARGE else full
-
-    def respond(omega: Array) -> Array:
-        first = whole.response(omega)
-        return first - (reduced.response(omega) if small is None else small.response(omega))
-
-    if (side_of_axis(gap.poles) >= 0).any():
-        return NormBounds(inf, inf, float("nan"), UNSTABLE)
-    if not (len(gap.A) and gap.D.size):
-        value = float(np.linalg.norm(gap.D, 2)) if gap.D.size else 0.0
-        return NormBounds(value, value, 0.0, STATIC_GAIN)
-    result = level_norm(gap, respond) if band is None else band_norm(gap, respond, band, floor)
-    # matrices do not show what is slower than rounding of the fastest pole
-    seen = band is not None or bool(resolved(gap.poles).all())
-    near = result.upper_bound <= result.lower_bound * (1.0 + _ROUNDING) and (
-        given is None or rounding <= _ROUNDING * result.lower_bound
-    )
-    if seen and near:
-        return result
-    minus = None if given is None else reduced
-    exact = proved_norm(gap if given is None else given, result.lower_bound, result.peak_omega, minus, band)
-    if exact.upper_bound < inf or not seen:
-        return exact
-    least = float(np.linalg.norm(gap.D, 2))
-    for level in _levels(result.lower_bound, floor) if result.upper_bound == inf and band is None else []:
-        if level > least and stays_below(gap, level, result.peak_omega, respond):
-            result = NormBounds(result.lower_bound, level, result.peak_omega, NO_CROSSING)
-            break
-    # eigenvalues show a peak above the level unless it is much nearer to it than the level to the largest value
-    return replace(
-        result, upper_bound=result.upper_bound * min(result.upper_bound / max(result.lower_bound, TINY), _ABOVE[2])
-    )
-
-
-def _levels(peak: float, floor: float) -> list[float]:
-    """Return the levels that are tried above the largest value found, in this order: the closest that rounding allows."""
-    levels = {max(factor * peak, floor) for factor in _ABOVE} | {factor * floor for factor in _ABOVE_ROUNDING}
-    return sorted(level for level in levels if level > peak)
-
-
-def band_norm(gap: Lti, respond: Response, band: Band, floor: float = 0.0) -> NormBounds:
-    """Return the largest singular value within a band: attained, and not crossed by any Hamiltonian eigenvalue there.
-
-    The level may lie below the largest singular value of ``D``: within the band none equals it, and at one frequency
-    all are below.  Levels below ``floor`` are not tried.
-    """
-    low, high = band
-    if (side_of_axis(gap.poles) >= 0).any():
-        return NormBounds(inf, inf, float("nan"), UNSTABLE)
-    grid = resonance_grid(gap.poles, max(low, START * high), high, points=SEARCHED, also=[low, high])
-    peak, at = highest_peak(lambda omega: singular_values(respond(omega))[0], grid)
-    if max(peak, floor) == 0.0:
-        return NormBounds(0.0, 0.0, at, NO_RESPONSE)
-    for _ in range(RAISED):
-        for level in _levels(peak, floor):
-            try:
-                H = hamiltonian_matrix(gap, level)
-            except np.linalg.LinAlgError:  # a singular value of D to the last digit, of which the matrix is not defined
-                continue
-            near = (result.imag for result in near_axis(H[0]))
-            crossings, beside = (result[(result > low) & (result < high)] for result in near)
-            seen = np.sort(np.concatenate([[low], crossings, beside, [high]]))
-            tried = np.concatenate([seen[1:-1], 0.5 * (seen[1:] + seen[:-1])])
-            values = singular_values(respond(tried))[0]
-            if values.max() > level:
-                peak, at = float(values.max()), float(tried[int(np.argmax(values))])
-                break
-            if not len(crossings) and level_shows(gap, level, peak, at, H):
-                return NormBounds(peak, level, at, f"{NO_CROSSING} in the band")
-        else:
-            break
-    return NormBounds(peak, inf, at, NOT_TOLD)
+def _looked_at(system: Lti, band: Band) -> Array:
+    """Return the frequencies of the resonances of least damping in a band, and its ends [rad/s]; zero for an infinite one."""
+    inside = system.poles[(np.abs(system.poles.imag) >= band[0]) & (np.abs(system.poles.imag) <= band[1])]
+    return np.unique(np.append(lightest(inside), [band[0], band[1] if band[1] < inf else 0.0]))

@@ -213,7 +213,7 @@ class MachineResult(Evaluation):
 
 
 def _peak(found: SigmaResult) -> dict[str, Any]:
-    """Return a certified peak, None for what is not finite."""
+    """Return a peak, None for what is not finite."""
     peaks = {"peak": found.peak, "peak_omega": found.peak_omega}
     finite = {name: value if isfinite(value) else None for name, value in peaks.items()}
-    return {**finite, "certified": bool(found.certified)}
+    return {**finite, "verified": found.verified}

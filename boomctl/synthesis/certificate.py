@@ -35,7 +35,7 @@ def norm_there(norm: NormBounds, lead: str) -> str:
 
 def trust(norm: NormBounds) -> str:
     """Return how much a norm can be trusted, as text."""
-    return "verified" if norm.certified else "not certified"
+    return "verified" if norm.verified else "not verified"
 
 
 class Design:

@@ -6,7 +6,7 @@ from functools import cached_property
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from boomctl.analysis.prove import Claim
+from boomctl.analysis.claim import Claim
 from boomctl.analysis.sigma import sigma
 from boomctl.lti.system import Lti
 from boomctl.printing import Summarized, count, listed, system

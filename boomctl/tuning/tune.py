@@ -599,7 +599,7 @@ def _peaks(task: _Task, problem: Problem, point: Point) -> tuple[tuple[ActivePea
 def _statement(
     c: DesignCertificate, top: ChannelNorm, models: int, least: float, found: Search, edges: list[str]
 ) -> str:
-    kind = "verified" if top.norm.certified else f"between {top.norm.lower_bound:.6g} and {top.norm.upper_bound:.6g}"
+    kind = "verified" if top.norm.verified else f"between {top.norm.lower_bound:.6g} and {top.norm.upper_bound:.6g}"
     over = f", the largest of {models} models" if models > 1 else ""
     said = f"{top.channel.text} {top.value:.6g}{over}, {kind}"
     if c.lower_bound > 0.0 and c.optimality_gap <= _TELLING:

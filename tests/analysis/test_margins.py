@@ -313,5 +313,5 @@ def test_margins_table_uncertified_disk_prints_lower_bound():
     assert one[1:6] == ["0", "10.01", "-inf", "20.01", f"{np.pi / 0.1:.4g}"]
     assert one[-2] == f"{found['u'].delay_margin:.4g}"
     assert f"delay {found['u'].delay_margin:.4g} s" in repr(found)
-    assert replace(found["u"].disk_margin, certified=False)._text.startswith(">= ")
+    assert replace(found["u"].disk_margin, verified=False)._text.startswith(">= ")
     assert found["u"].plot().get_lines()

@@ -130,7 +130,7 @@ def test_controls_may_count_and_wrong_loops_are_refused():
     said = {"P": direct, "boomctl": bc, "control": control}
     exec(str(refused.value).partition("before it: ")[2], said)  # what the message says to write
     weak = control.ss([], [], [], [[-0.1]], _DT, inputs="y", outputs="u")
-    assert bc.analysis.sampled_data_norm(said["P"], weak, "filtered").certified
+    assert bc.analysis.sampled_data_norm(said["P"], weak, "filtered").verified
 
 
 @pytest.mark.slow

@@ -66,30 +66,30 @@ def test_findings_become_words_numbers_and_tables():
 def test_peak_and_margins_without_certificate_say_so():
     """Of a suspension whose peaks, and whose disk margin, could not be shown to be as large as that."""
     norm = NormBounds(2.0, np.inf, 1.0, "not found")
-    assert [_peak("", each, "").text for each in (norm, replace(norm, upper_bound=2.0))] == [
-        "2.000, NOT certified",
+    assert [_peak("", each, "").text for each in (norm, replace(norm, upper_bound=2.0, verified=True))] == [
+        "2.000, NOT verified",
         "2.000",
     ]
     true = bc.margins(SPRUNG, DAMPER)
     doubted = replace(
-        true, loops=tuple(replace(loop, disk_margin=replace(loop.disk_margin, certified=False)) for loop in true.loops)
+        true, loops=tuple(replace(loop, disk_margin=replace(loop.disk_margin, verified=False)) for loop in true.loops)
     )
     found = [assurance.margins_finding(each) for each in (true, doubted)]
     assert [each.proved for each in found] == [True, None]
-    assert [each.text.rpartition("(")[2] for each in found] == ["certified)", "NOT certified)"]
+    assert [each.text.rpartition("(")[2] for each in found] == ["verified)", "NOT verified)"]
 
 
 @pytest.mark.parametrize("doubted", ["passive", "active", ""])
-def test_suspension_verdict_is_certified_if_both_peaks_are(doubted):
+def test_suspension_verdict_is_verified_if_both_peaks_are(doubted):
     run = evaluate_suspension("", FieldScenario(warmup_time=0.0, duration=0.5, elements=2), bc.BoomParameters())
     peak = run.sigma.certificate
     assert run.yaw.lower_bound == pytest.approx(peak.lower_bound, rel=1e-4)
     assert run.jolt.lower_bound < 0.1 * run.yaw.lower_bound
     both = dict.fromkeys(("passive", "active"), run)
     if doubted:
-        both[doubted] = replace(run, sigma=replace(run.sigma, _of=replace(peak, upper_bound=2.0 * peak.lower_bound)))
+        both[doubted] = replace(run, sigma=replace(run.sigma, _of=replace(peak, verified=False)))
     found = SuspensionResult(SuspensionDesign("", ""), FieldScenario(), both["passive"], both["active"], (), None, ())
-    assert found.verdict.startswith("Peak, NOT certified, from" if doubted else "Certified peak from")
+    assert found.verdict.startswith("Peak, NOT verified, from" if doubted else "Verified peak from")
     assert not found.better  # than itself
 
 

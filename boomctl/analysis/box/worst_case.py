@@ -276,7 +276,7 @@ def hindrance(
             if not value_at(part.pencils, point).stable:
                 return "a pole that does not decay hides from these signals"
             here, there = at(middle + reach * point), matrices_norm(part.at(point))
-            known = [(x.lower_bound, x.upper_bound if x.certified else x.lower_bound) for x in (here, there)]
+            known = [(x.lower_bound, x.upper_bound if x.verified else x.lower_bound) for x in (here, there)]
             if max(low for low, _ in known) > min(high for _, high in known) * (1.0 + _SAME):
                 return f"two routes to the norm differ: {here.lower_bound:.9g} and {there.lower_bound:.9g}"
     return "" if at(delta).lower_bound > 0.0 else "nothing comes through at any point tried"

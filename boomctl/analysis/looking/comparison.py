@@ -261,7 +261,7 @@ def _naming(name: str) -> Iterator[None]:
 
 def _of_system(given: Any, system: Any, found: Lti, curves: SigmaResult) -> dict[str, float]:
     """Return what a linear system has to show, besides its singular values."""
-    figures = {"H-infinity norm" + ("" if curves.certified else ", not certified"): curves.peak}
+    figures = {"H-infinity norm" + ("" if curves.verified else ", not verified"): curves.peak}
     figures["H2 norm"] = h2_norm(system).value
     rates = found.rates[np.isfinite(found.rates)]
     if len(rates):

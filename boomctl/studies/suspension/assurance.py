@@ -195,9 +195,9 @@ def margins_finding(found: Margins) -> Finding:
     )
     phase = f"phase {loop.phase_margin_deg:.0f} degrees" if loop.phase_margin_deg < inf else "any phase"
     late = f"delay {1e3 * loop.delay_margin:.0f} ms" if loop.delay_margin < inf else "any delay"
-    certified = "certified" if loop.disk_margin.certified else "NOT certified"
-    text = f"{gains}, {phase}, {late}; disk margin {loop.disk_margin.alpha:.2f} ({certified})"
-    return Finding("margins at the actuator", text, found, loop.disk_margin.certified or None)
+    verified = "verified" if loop.disk_margin.verified else "NOT verified"
+    text = f"{gains}, {phase}, {late}; disk margin {loop.disk_margin.alpha:.2f} ({verified})"
+    return Finding("margins at the actuator", text, found, loop.disk_margin.verified or None)
 
 
 def _over_the_box(

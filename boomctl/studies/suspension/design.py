@@ -144,7 +144,7 @@ class SuspensionResult(Evaluation):
     @property
     def better(self) -> bool:
         """Whether certified peak and deposit CV are below those of the passive boom, within the limits."""
-        lower = self.active.sigma.certified and self.active.sigma.peak < self.passive.sigma.peak
+        lower = self.active.sigma.verified and self.active.sigma.peak < self.passive.sigma.peak
         return lower and self.active.spray.cv < self.passive.spray.cv and self.within_limits
 
     @property
@@ -177,7 +177,7 @@ class SuspensionResult(Evaluation):
     def verdict(self) -> str:
         """The result in a sentence."""
         a, b, scene = self.active, self.passive, self.scene
-        peak = "Certified peak" if a.sigma.certified and b.sigma.certified else "Peak, NOT certified,"
+        peak = "Verified peak" if a.sigma.verified and b.sigma.verified else "Peak, NOT verified,"
         held = "within" if self.within_limits else "NOT within"
         return (
             f"{peak} from {b.sigma.peak:.4g} to {a.sigma.peak:.4g} (the yaw by {self.yaw_reduction_db:.1f} dB),"

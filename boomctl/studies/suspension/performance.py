@@ -126,8 +126,8 @@ class Performance:
 
 
 def _peak(name: str, found: NormBounds, key: str) -> Finding:
-    text = number(found.lower_bound, PEAK_DIGITS) + ("" if found.certified else ", NOT certified")
-    return Finding(name, text, found.lower_bound, found.certified, key)
+    text = number(found.lower_bound, PEAK_DIGITS) + ("" if found.verified else ", NOT verified")
+    return Finding(name, text, found.lower_bound, found.verified, key)
 
 
 def _share(name: str, value: float, key: str = "") -> Finding:

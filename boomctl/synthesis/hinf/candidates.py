@@ -170,7 +170,7 @@ def verified_candidate(plant: GeneralizedPlant, K: Lti, limit: float) -> Candida
     if abscissa >= 0.0:
         return f"its loop has a pole with real part {abscissa:.3g} rad/s"
     norm = matrices_norm(parts)
-    if not norm.certified:
+    if not norm.verified:
         return f"the norm of its loop could not be verified ({norm.method})"
     if norm.upper_bound > limit or norm.lower_bound == np.inf:
         return f"its loop has norm {norm.lower_bound:.6g}, more than {limit:.6g}"

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from boomctl.analysis.prove import Claim
+from boomctl.analysis.claim import Claim
 from boomctl.analysis.sigma import sigma
 from boomctl.checks import positive, within
 from boomctl.exceptions import SynthesisError

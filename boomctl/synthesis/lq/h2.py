@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import linalg
 
-from boomctl.analysis.prove import Claim
+from boomctl.analysis.claim import Claim
 from boomctl.arrays import Array, blocks
 from boomctl.exceptions import SynthesisError
 from boomctl.lti.system import Lti, lower_lft

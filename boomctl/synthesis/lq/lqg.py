@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from boomctl.analysis.prove import Claim
+from boomctl.analysis.claim import Claim
 from boomctl.arrays import Array, blocks
 from boomctl.checks import exactly, nonnegative, warn_user
 from boomctl.lti.gramians import square_root

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from math import inf
 from typing import TYPE_CHECKING
 
@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import linalg
 
+from boomctl.analysis.claim import Claim
 from boomctl.analysis.norm import NormBounds
-from boomctl.analysis.prove import Claim
 from boomctl.arrays import Array, blocks
 from boomctl.checks import finite_array, sequence
 from boomctl.exceptions import SynthesisError
@@ -21,6 +21,7 @@ from boomctl.lti.bilinear import continuous_image, omega_of_image
 from boomctl.lti.frequency import largest_gain
 from boomctl.lti.gramians import square_root
 from boomctl.lti.hidden_modes import HiddenMode, unmoved
+from boomctl.lti.modal import partial_fractions
 from boomctl.lti.system import Lti, static
 from boomctl.printing import between, count
 from boomctl.synthesis.assumptions import check_stabilizable, check_weighted
@@ -249,7 +250,8 @@ def _certify(problem: RiccatiProblem, solution: RiccatiSolution) -> DesignCertif
     wide = L if problem.dt == 0.0 else linalg.cholesky(problem.R + B.T @ solution.X @ B, lower=True)
     acting, direct = (linalg.solve_triangular(wide, item, lower=True).T for item in (B.T, L))
     inverse = Lti(problem.A - B @ solution.gain, acting, -L.T @ solution.gain, direct, dt=problem.dt).balanced()
-    peak, omega = largest_gain(continuous_image(inverse))
+    image = continuous_image(inverse)
+    peak, omega = largest_gain(partial_fractions(image), partial(image.response, quiet=True))
     peak, omega = (peak, float(omega_of_image(omega, problem.dt))) if peak > 1.0 else (1.0, inf)
     least = 1.0 / peak
     if not problem.N.any() and least < 1.0 - _RETURN_DIFFERENCE_ATOL:

@@ -8,23 +8,23 @@ computed too.
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from math import inf, nan
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from boomctl.analysis.h2 import matrices_h2_norm
-from boomctl.analysis.norm import UNSTABLE, NormBounds, axis_eigenvalues, matrices_norm
+from boomctl.analysis.norm import UNSTABLE, NormBounds, axis_eigenvalues, level_norm, matrices_norm
 from boomctl.arrays import blocks
 from boomctl.checks import warn_user
 from boomctl.exceptions import ReductionWarning
 from boomctl.lti.bilinear import continuous_image
 from boomctl.lti.frequency import largest_gain, singular_values
-from boomctl.lti.modal import sides
+from boomctl.lti.modal import partial_fractions, sides
 from boomctl.lti.system import ClosedLoop, Lti, of
 from boomctl.printing import compact
 from boomctl.reduction.result import ReductionResult
-from boomctl.reduction.verify import band_norm
 from boomctl.synthesis.certificate import NOT_COMPUTED, UNDEFINED, DesignCertificate, norm_there
 from boomctl.synthesis.plants.partition import GeneralizedPlant, cancelled
 
@@ -81,7 +81,8 @@ def warn_of_lost_channels(plant: Any, channels: dict[str, tuple[tuple[str, ...],
     system, lost = of(plant.system, sampled=True), []
     for name, signals in channels.items():
         if all(signals) and len(system.A):
-            peak, _ = largest_gain(continuous_image(system.select(*signals)))
+            image = continuous_image(system.select(*signals))
+            peak, _ = largest_gain(partial_fractions(image), partial(image.response, quiet=True))
             lost += [f"from {name}, {peak:.3g}"] if peak <= plant.error_norm else []
     if lost:
         warn_user(
@@ -121,7 +122,7 @@ def judged_on_full_plant(
             stable = {-1: True, 0: stable, 1: False}[side]  # the small gain decides for poles on the axis
             stages.append("poles")
             if stable is False:
-                norm = replace(norm, lower_bound=inf, method=UNSTABLE)
+                norm = replace(norm, lower_bound=inf, method=UNSTABLE, verified=True)
             elif stable and reduced is not None and size <= _MAX_NORM:
                 norm = matrices_h2_norm(cancelled(loop, full.D11)) if reduced.kind == "h2" else matrices_norm(parts)
                 stages.append(f"norm: {norm.method}")
@@ -171,7 +172,7 @@ def _share(reduction: ReductionResult, plant: GeneralizedPlant, K: Lti) -> float
     everywhere = largest * reduction.error_bound
     if everywhere < 1.0 or KS.dt != 0.0:  # not refined on the unit circle
         return everywhere
-    inside = band_norm(KS, KS.response, reduction.omega_range).upper_bound * reduction.error_norm
+    inside = level_norm(KS, band=reduction.omega_range).upper_bound * reduction.error_norm
     low, high = reduction.omega_range
     outside = np.array([0.0, 0.5 * low, _BEYOND * high] if low > 0.0 else [_BEYOND * high])
     values = np.append(singular_values(KS.response(outside, quiet=True))[0], np.linalg.norm(KS.D, 2))

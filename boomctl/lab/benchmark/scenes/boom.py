@@ -98,7 +98,7 @@ def boom_peak() -> Scene:
 
     def peak(model: SecondOrderModel) -> float:
         result = hinf_norm(model.between())
-        if not result.certified:
+        if not result.verified:
             raise RuntimeError(f"not certified: {result.method}")
         return result.value
 
