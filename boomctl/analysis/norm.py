@@ -211,7 +211,7 @@ def matrices_norm(given: System, response: Response | None = None, bounded: Boun
         return respond(omega_of_image(v, system.dt))
 
     last = system.D if system.dt == 0.0 else system.response(np.array([system.nyquist]), quiet=True)[:, :, 0]
-    peak, at, upper = _by_modes(modes, at_image, bounded.doubt + mapped, largest_of(last))
+    peak, at, upper = peak_by_modes(modes, at_image, bounded.doubt + mapped, largest_of(last))
     omega = float(omega_of_image(at, system.dt))
     if peak == 0.0:
         return NormBounds(0.0, 0.0, 0.0, NO_RESPONSE, verified=True, _proved=not hidden, _given=given)
@@ -289,7 +289,7 @@ def level_norm(
     respond = partial(_response, system) if response is None else response
     low, high = band
     if peak is None and band == (0.0, inf):
-        peak = _by_modes(partial_fractions(system), respond, inf, largest_of(system.D))[:2]
+        peak = peak_by_modes(partial_fractions(system), respond, inf, largest_of(system.D))[:2]
     elif peak is None:
         grid = resonance_grid(system.poles, max(low, _BAND_START * high), high, points=SEARCHED, also=[low, high])
         peak = highest_peak(lambda omega: singular_values(respond(omega))[0], grid)
@@ -314,12 +314,14 @@ def level_norm(
     return NormBounds(value, inf, at, NOT_TOLD)
 
 
-def _by_modes(modes: ModalSystem, respond: Response, doubt: float, last: float) -> tuple[float, float, float]:
+def peak_by_modes(
+    modes: ModalSystem, respond: Response, doubt: float, last: float, above: float = LEVEL
+) -> tuple[float, float, float]:
     """Return the largest singular value near the modes, its frequency, and a bound that the sum over the modes proves.
 
     ``last`` is that at infinite frequency.  The sum, and the response itself where entries are off in their last places, are
     off by ``doubt`` at most; the bound is infinite where the sum proves none.  Nearly always the mode that is highest alone
-    is at the peak: where the proof says so, no other is searched for.
+    is at the peak: where the proof says so, no other is searched for.  The bound is ``above`` the peak, relative.
     """
 
     def highest(omega: Array) -> Array:
@@ -329,7 +331,7 @@ def _by_modes(modes: ModalSystem, respond: Response, doubt: float, last: float) 
         """Return a proved bound, infinite without one, and frequencies at which the sum is higher."""
         if not (doubt <= _DOUBT * peak < inf and isfinite(at)):
             return inf, np.zeros(0)
-        level = peak * (1.0 + LEVEL)
+        level = peak * (1.0 + above)
         told, higher = sum_over_modes.stays_below(modes, level, at)
         return level + _TWICE * doubt if told else inf, higher
 

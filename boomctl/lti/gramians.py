@@ -57,6 +57,13 @@ def _hammarling(A: Array, B: Array) -> Array:
     return U[:n, :n].T / scale
 
 
+def gramian(A: Array, B: Array, steps: bool = False) -> Array:
+    """Return the solution of ``A P + P A^T + B B^T = 0``, of ``steps`` ``A P A^T - P + B B^T = 0``."""
+    if steps:
+        return linalg.solve_discrete_lyapunov(A, B @ B.T, method="bilinear")
+    return linalg.solve_continuous_lyapunov(A, -B @ B.T)
+
+
 def refined_gramian(A: Array, B: Array, steps: bool = False) -> Array:
     """Return the solution of ``A P + P A^T + B B^T = 0``, of ``steps`` ``A P A^T - P + B B^T = 0``, in extended precision."""
     wide = np.longdouble if len(A) <= EXTENDED else np.float64

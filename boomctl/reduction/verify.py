@@ -6,12 +6,22 @@ from math import inf
 import numpy as np
 from scipy import linalg
 
-from boomctl.analysis.norm import STATIC_GAIN, UNSTABLE, NormBounds, exact_norm, level_norm, lightest, rounding_of
+from boomctl.analysis.norm import (
+    IN_MODES,
+    STATIC_GAIN,
+    UNSTABLE,
+    NormBounds,
+    exact_norm,
+    level_norm,
+    lightest,
+    peak_by_modes,
+    rounding_of,
+)
 from boomctl.arrays import Array
 from boomctl.exceptions import ReductionError
 from boomctl.lti.bilinear import continuous_image, discrete_image, omega_of_image
 from boomctl.lti.frequency import Response, largest_of, singular_values, triangular
-from boomctl.lti.modal import ModalSystem, diagonalized, side_of_axis, spectral_parts
+from boomctl.lti.modal import ModalSystem, diagonalized, partial_fractions, side_of_axis, spectral_parts
 from boomctl.lti.rounding import DIGIT, EXACT_STATES
 from boomctl.lti.system import Lti
 
@@ -70,8 +80,10 @@ class SystemParts:
         response = given.response(omega, quiet=True)
         largest = max(float(singular_values(response)[0].max()), largest_of(given.D))
         rounding = rounding_of(given, omega, parts.doubt)
-        modal = diagonalized(given)
-        lost = inf if modal is None else float(singular_values(response - modal.response(omega))[0].max())
+        modal, lost = diagonalized(given), inf
+        if modal is not None:
+            off = response - modal.response(omega)
+            lost = float(singular_values(off)[0].max()) if np.isfinite(off).all() else inf
         if modal is None or not lost <= _LOST * largest:
             return cls(whole, given, given, None, parts.kept, largest, rounding)
         return cls(whole, given, modal.blocks, modal, parts.kept, largest, rounding + lost)
@@ -131,7 +143,16 @@ def error_norm(parts: SystemParts, reduced: Lti, band: Band | None) -> NormBound
     def respond(omega: Array) -> Array:
         return respond_full(omega) - reduced.response(omega, quiet=True)
 
-    return level_norm(gap, respond, above=_ABOVE, band=(0.0, inf) if band is None else band)
+    if band is not None or parts.modal is None:
+        return level_norm(gap, respond, above=_ABOVE, band=(0.0, inf) if band is None else band)
+    modes, own = parts.modal, partial_fractions(reduced)
+    both = ModalSystem(
+        np.append(modes.poles, own.poles), np.vstack([modes.B, own.B]), np.hstack([modes.C, -own.C]), gap.D
+    )
+    peak, at, upper = peak_by_modes(both, respond, 0.0, largest_of(gap.D), _ABOVE)
+    if 0.0 < upper < inf:
+        return NormBounds(peak, upper, at, IN_MODES, verified=True)
+    return level_norm(gap, respond, (peak, at), above=_ABOVE)
 
 
 def on_circle(parts: SystemParts, image: Lti, result: Verified) -> tuple[Lti, Verified]:
