@@ -72,7 +72,9 @@ class SystemParts:
     def of(cls, system: Lti, band: Band = (0.0, inf)) -> "SystemParts":
         """Return the parts of a system, balanced; in discrete time, of its image, as is the band that is looked at."""
         whole = system.balanced()
-        parts = spectral_parts(continuous_image(whole).balanced())
+        image = continuous_image(whole).balanced()
+        _ = image.eigensystem  # Whose eigenvalues tell the parts apart, and whose vectors are their modes.
+        parts = spectral_parts(image)
         given = parts.fast
         if not (len(given.A) and given.D.size):
             return cls(whole, given, given, None, parts.kept, largest_of(given.D), 0.0)
@@ -135,7 +137,7 @@ def error_norm(parts: SystemParts, reduced: Lti, band: Band | None) -> NormBound
     if not (len(gap.A) and gap.D.size):
         value = largest_of(gap.D)
         return NormBounds(value, value, 0.0, STATIC_GAIN, verified=True)
-    if (side_of_axis(gap.poles) >= 0).any():
+    if (side_of_axis(reduced.poles) >= 0).any():
         return NormBounds(inf, inf, float("nan"), UNSTABLE, verified=True)
     full: ModalSystem | Lti = parts.given if parts.modal is None else parts.modal
     respond_full: Response = full.response if len(gap.A) <= _LARGE or parts.modal else triangular(parts.given).response
