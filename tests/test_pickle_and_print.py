@@ -246,3 +246,38 @@ def test_systems_of_a_result_are_made_once_when_read_and_survive_pickle_before_a
         for again in (getattr(fresh, system), getattr(pickle.loads(pickle.dumps(result)), system)):
             assert alike(again, made)
     assert repr(result) == repr(fresh) == printed
+
+
+@pytest.fixture
+def no_proofs(monkeypatch):
+    """Let proofs raise."""
+    from boomctl.lti.inequality import Inequality
+    from boomctl.lti.proof import Exact
+
+    def started(*_, **__):
+        raise AssertionError("a proof was started")
+
+    monkeypatch.setattr(Exact, "of", started)
+    monkeypatch.setattr(Inequality, "of", started)
+
+
+def test_printing_drawing_comparing_and_searching_start_no_proof(no_proofs):
+    rng = np.random.default_rng(1)
+    A, B = np.diag(-rng.uniform(0.1, 10.0, 20)), rng.normal(size=(20, 12))
+    flat = control.ss(A, B, B.T, 0.0)  # too many signals for the sum over the modes
+    curves = bc.sigma(flat)
+    for result in (bc.hinf_norm(flat), bc.h2_norm(one.mass()), curves, bc.margins(one.yaw(), one.suspension())):
+        assert repr(result)
+        assert str(result)
+        assert alike(pickle.loads(pickle.dumps(result)), result)
+    assert bc.hinf_norm(flat).status == "verified"
+    curves.plot()
+    compared = bc.compare({"flat": flat, "half": control.ss(A, 0.5 * B, B.T, 0.0)})
+    compared.to_dict()
+    compared.plot()
+    print(compared, bc.compare_sigma({"flat": flat}))
+    bc.h_infinity(one.generalized(), 1, 1)
+    bc.reduce(one.boom().select(("actuator_left",), ("tip_left",)), max_error=10.0)
+    one.tuned.__wrapped__()
+    with pytest.raises(AssertionError, match="proof"):
+        _ = bc.hinf_norm(flat).certified
