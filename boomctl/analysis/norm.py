@@ -28,6 +28,7 @@ from boomctl.lti.bilinear import continuous_image, omega_of_image
 from boomctl.lti.frequency import (
     RAISED,
     SEARCHED,
+    Resonances,
     Response,
     highest_peak,
     largest_gain,
@@ -427,7 +428,8 @@ def at_boundary(given: System, bounded: Bounded) -> tuple[NormBounds | None, boo
             return _infinite(given, complex(rates[worst]), proved=False), False
         return None, True
     said = f"a mode at {abs(rates[worst]):.6g} rad/s {doubtful(system)}"
-    return NormBounds(0.0, inf, abs(float(rates[worst].imag)), said, _given=given), False
+    peak, at = _largest_beyond_rounding(given)
+    return NormBounds(peak, inf, at, said, _given=given), False
 
 
 def doubtful(system: Lti) -> str:
@@ -503,6 +505,17 @@ def rounding_of(given: System, omega: Array, doubt: float = 0.0) -> float:
             return inf
         worst = max(worst, rounding)
     return worst
+
+
+def _largest_beyond_rounding(given: System) -> tuple[float, float]:
+    """Return the largest singular value that is not rounding, near the poles and between them, and its frequency."""
+    grid = Resonances.of_system(given.system).curve()
+    values = singular_values(given.system.response(grid, quiet=True))[0]
+    for k in values.argsort()[::-1]:
+        value = float(values[k]) - rounding_of(given, grid[k : k + 1])
+        if value > 0.5 * values[k]:
+            return value, float(grid[k])
+    return 0.0, 0.0
 
 
 def _response(system: Lti, omega: Array) -> Array:

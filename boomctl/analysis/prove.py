@@ -93,6 +93,7 @@ def prove(result: Claiming, *, max_operations: float = 1.2e10) -> Proof:
     return _proof(claims, limit)
 
 
+@one_blas_thread
 def is_proved(claims: Iterable[Claim]) -> bool:
     """Return whether statements are proved within a second or two; those that are refuted are not."""
     try:
