@@ -361,20 +361,26 @@ def _infinite(given: System, pole: complex | None, proved: bool) -> NormBounds:
     return NormBounds(inf, inf, abs(pole.imag), method, verified=True, _proved=proved, _given=given)
 
 
+def _distances(system: Lti) -> tuple[Array, Array]:
+    """Return how far poles are inside the boundary of stability, and how far rounding of ``A`` moves them, to first order."""
+    poles, reads, right = system.eigensystem
+    with np.errstate(invalid="ignore", over="ignore"):
+        moved = CANCELLED * np.einsum("ji,ij->j", np.abs(reads), np.abs(system.A) @ np.abs(right)) + TINY
+    return -poles.real if system.dt == 0.0 else 1.0 - np.abs(poles), moved
+
+
 def _movable(system: Lti, times: float) -> Array:
     """Return which poles rounding of the entries of ``A``, so many times, may move across the boundary of stability.
 
     To first order, by the eigenvectors; of those, no change of ``|E| <= e |A|`` moves one across where ``e |s - A|^-1 |A|``
     has a spectral radius below one there.
     """
-    poles, reads, right = system.eigensystem
-    decay = -poles.real if system.dt == 0.0 else 1.0 - np.abs(poles)
-    with np.errstate(invalid="ignore", over="ignore"):
-        moved = times * CANCELLED * np.einsum("ji,ij->j", np.abs(reads), np.abs(system.A) @ np.abs(right)) + TINY
-    movable = ~(decay > moved)
-    if not movable.any() or (decay <= 0.0).any():
+    inside, moved = _distances(system)
+    movable = ~(inside > times * moved)
+    if not movable.any() or (inside <= 0.0).any():
         return movable
-    beside = 1j * poles[movable].imag if system.dt == 0.0 else np.exp(1j * np.angle(poles[movable]))
+    poles = system.eigensystem[0][movable]
+    beside = 1j * poles.imag if system.dt == 0.0 else np.exp(1j * np.angle(poles))
     try:
         resolvents = np.abs(np.linalg.inv(beside[:, None, None] * np.eye(len(system.A)) - system.A))
         reach = np.abs(np.linalg.eigvals(times * CANCELLED * resolvents @ np.abs(system.A))).max(axis=1)
@@ -388,48 +394,64 @@ def at_boundary(given: System, bounded: Bounded) -> tuple[NormBounds | None, boo
     """Return what poles near the boundary of stability make of a norm, None if they decay, and whether some do not show.
 
     Exact arithmetic decides of up to `EXACT_STATES` states, of the numbers as they are stored.  A pole that it does not
-    find on the boundary, and that its damping does not tell from there, is reported and leaves no upper bound.
+    find on the boundary, and that rounding of the entries may move across, is reported and leaves no upper bound.
     """
+    system = given.system
+    if bounded.unstable:
+        return _infinite(given, None, proved=True), False
+    if bounded.doubt < inf or not _movable(system, _NEAR).any():
+        return None, False
+    decided = _exact_sides(given) if len(system.A) <= EXACT_STATES else _sides_in_floats(given)
+    if decided is not None:
+        return decided
+    rates = system.rates
+    worst = int(np.argmax(rates.real))
+    peak, at = _largest_beyond_rounding(given)
+    return NormBounds(peak, inf, at, f"a mode at {abs(rates[worst]):.6g} rad/s {doubtful(system)}", _given=given), False
+
+
+def _exact_sides(given: System) -> tuple[NormBounds | None, bool] | None:
+    """Return what exact arithmetic says of poles near the boundary, as :func:`at_boundary`; None where rounding decides."""
     from boomctl.exact_roots import OPERATIONS, UndecidedError
     from boomctl.lti.proof import Exact
 
     system = given.system
-    if bounded.unstable:
-        return _infinite(given, None, proved=True), False
-    poles, rates = system.poles, system.rates
-    if bounded.doubt < inf or not _movable(system, _NEAR).any():
-        return None, False
-    side = sides(poles, system.dt)
-    worst = int(np.argmax(rates.real))
-    on_axis: list[complex] = []
-    if len(poles) <= EXACT_STATES:
-        try:
-            growing, on_axis, shown = Exact.of(given, OPERATIONS).sides
-        except UndecidedError:
-            return NormBounds(0.0, inf, 0.0, NOT_PROVED, _given=given), False
-        if growing and (side > 0).any():
-            return _infinite(given, None, proved=True), False
-        if shown and not growing:
-            slowest = min(rates_of(np.array(shown), system.dt), key=lambda rate: abs(rate.imag))
-            return _infinite(given, complex(slowest), proved=True), False
-        movable, hidden = _movable(system, 1.0), np.zeros(len(poles), bool)
-        for pole in on_axis:
-            hidden[np.where(hidden, inf, np.abs(poles - pole)).argmin()] = True
-        if not growing and not (movable & ~hidden).any():
-            return None, bool(on_axis)
-    elif (side > 0).any():
+    try:
+        growing, on_axis, shown = Exact.of(given, OPERATIONS).sides
+    except UndecidedError:
+        return NormBounds(0.0, inf, 0.0, NOT_PROVED, _given=given), False
+    if growing:
+        clear = (sides(system.poles, system.dt) > 0).any()
+        return (_infinite(given, None, proved=True), False) if clear else None
+    if shown:
+        slowest = min(rates_of(np.array(shown), system.dt), key=lambda rate: abs(rate.imag))
+        return _infinite(given, complex(slowest), proved=True), False
+    hidden = np.zeros(len(system.A), bool)
+    for pole in on_axis:
+        hidden[np.where(hidden, inf, np.abs(system.poles - pole)).argmin()] = True
+    return None if (_movable(system, 1.0) & ~hidden).any() else (None, bool(on_axis))
+
+
+def _sides_in_floats(given: System) -> tuple[NormBounds | None, bool] | None:
+    """Return what is clear of poles near the boundary in floats, as :func:`at_boundary`; None where rounding decides.
+
+    Clear are poles that are unstable by more than rounding may move them, and those of undamped modes and integrators, which
+    are on the boundary but for rounding.
+    """
+    system = given.system
+    side = sides(system.poles, system.dt)
+    inside, moved = _distances(system)
+    if (-inside > _NEAR * moved).any():
         return _infinite(given, None, proved=False), False
-    elif (side == 0).any():
-        worst = int(np.argmin(np.where(side == 0, np.abs(rates.imag), inf)))
-        _, reads, right = system.eigensystem
-        acts, read = np.abs(reads[worst] @ system.B), np.abs(system.C @ right[:, worst])
-        sizes = np.abs(reads[worst]) @ np.abs(system.B), np.abs(system.C) @ np.abs(right[:, worst])
-        if not ((acts <= SUMMED * sizes[0]).all() or (read <= SUMMED * sizes[1]).all()):
-            return _infinite(given, complex(rates[worst]), proved=False), False
+    if (side > 0).any() or not (side == 0).any():
+        return None
+    rates, (_, reads, right) = system.rates, system.eigensystem
+    undamped = int(np.argmin(np.where(side == 0, np.abs(rates.imag), inf)))
+    acts, read = np.abs(reads[undamped] @ system.B), np.abs(system.C @ right[:, undamped])
+    sizes = np.abs(reads[undamped]) @ np.abs(system.B), np.abs(system.C) @ np.abs(right[:, undamped])
+    if (acts <= SUMMED * sizes[0]).all() or (read <= SUMMED * sizes[1]).all():
         return None, True
-    said = f"a mode at {abs(rates[worst]):.6g} rad/s {doubtful(system)}"
-    peak, at = _largest_beyond_rounding(given)
-    return NormBounds(peak, inf, at, said, _given=given), False
+    return _infinite(given, complex(rates[undamped]), proved=False), False
 
 
 def doubtful(system: Lti) -> str:
