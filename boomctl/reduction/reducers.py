@@ -27,7 +27,7 @@ from boomctl.structure.response.modal_form import elastic
 from boomctl.structure.response.poles import undamped_modes
 from boomctl.structure.response.realization import realize
 
-MINIMAL = 1e-11  # share of the largest Hankel singular value up to which a state does nothing but add rounding
+MINIMAL = 1e-10  # share of the largest Hankel singular value up to which a state does nothing but add rounding
 _SEEN = 1e-6  # share of its inputs and outputs that a band may miss of a system (a choice)
 _CENTER = 0.01  # least low end of a band, relative to its high end, of which the middle is taken (a choice)
 _SAME = 1e-6  # relative difference up to which Markov parameters are the same, those of a double integrator included
@@ -115,7 +115,7 @@ class StateReducer(ABC):
         if len(kept.A):
             A = append(kept, stable).A
             stable = Lti(A, np.vstack([kept.B, stable.B]), np.hstack([kept.C, stable.C]), stable.D)
-        return on_circle(self.parts, stable, result) if self.parts.whole.dt != 0.0 else (stable, result)
+        return on_circle(self.parts, stable, result, self.band) if self.parts.whole.dt != 0.0 else (stable, result)
 
 
 class GramianReducer(StateReducer):

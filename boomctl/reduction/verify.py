@@ -1,6 +1,6 @@
 """What is reduced of a system, and how the error of a reduction is verified: by a level that it reaches at no frequency."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf
 
 import numpy as np
@@ -13,16 +13,15 @@ from boomctl.analysis.norm import (
     NormBounds,
     exact_norm,
     level_norm,
-    lightest,
     peak_by_modes,
     rounding_of,
 )
 from boomctl.arrays import Array
 from boomctl.exceptions import ReductionError
-from boomctl.lti.bilinear import continuous_image, discrete_image, omega_of_image
+from boomctl.lti.bilinear import continuous_image, discrete_image, image_of_omega, omega_of_image
 from boomctl.lti.frequency import Response, largest_of, singular_values, triangular
 from boomctl.lti.modal import ModalSystem, diagonalized, partial_fractions, side_of_axis, spectral_parts
-from boomctl.lti.rounding import DIGIT, EXACT_STATES
+from boomctl.lti.rounding import ALIKE, DIGIT, EXACT_STATES, TINY
 from boomctl.lti.system import Lti
 
 Band = tuple[float, float]
@@ -35,6 +34,7 @@ _SLACK = 1e-3  # Share by which an error may exceed its a priori bound, for roun
 # Gramians, which keep the square root of rounding.
 GRAMIANS = float(np.sqrt(DIGIT))
 _LOST = 1e-7  # Share of the largest response that modal coordinates may lose; otherwise the given ones are taken.
+_LIGHTEST = 10  # Poles of least damping at which rounding is estimated.
 _LARGE = 100  # States beyond which a Schur form answers faster than solving (measured: ten times at 480).
 
 
@@ -110,7 +110,7 @@ def verified(parts: SystemParts, reduced: Lti, bound: float, band: Band | None) 
     """
     norm = error_norm(parts, reduced, band)
     rounding = parts.rounding + rounding_of(reduced, np.array([norm.peak_omega if norm.peak_omega < inf else 0.0]))
-    own = not len(parts.kept.A)  # The stable part is the system itself.
+    own = not len(parts.kept.A) and parts.whole.dt == 0.0  # The stable part is the system itself.
     if len(parts.given.A) + len(reduced.A) <= EXACT_STATES and not (
         norm.verified and (rounding <= _ABOVE * norm.upper_bound or not own)
     ):
@@ -127,8 +127,11 @@ def verified(parts: SystemParts, reduced: Lti, bound: float, band: Band | None) 
             f" ({norm.method if rounding < inf else 'rounding of the matrices may change the response without bound'})"
         )
     error = norm.upper_bound + rounding
-    everywhere = error if band is None else min(bound, error_norm(parts, reduced, None).upper_bound + rounding)
-    return Verified(max(bound, everywhere, error), error, norm)
+    if band is not None:  # Weighted Gramians may have lost digits elsewhere.
+        everywhere, elsewhere = error_norm(parts, reduced, None), rounding_of(parts.given, _looked_at(parts.given))
+        if everywhere.lower_bound + elsewhere > bound:
+            bound = everywhere.upper_bound + elsewhere
+    return Verified(max(bound, error), error, norm)
 
 
 def error_norm(parts: SystemParts, reduced: Lti, band: Band | None) -> NormBounds:
@@ -154,18 +157,35 @@ def error_norm(parts: SystemParts, reduced: Lti, band: Band | None) -> NormBound
     peak, at, upper = peak_by_modes(both, respond, 0.0, largest_of(gap.D), _ABOVE)
     if 0.0 < upper < inf:
         return NormBounds(peak, upper, at, IN_MODES, verified=True)
-    return level_norm(gap, respond, (peak, at), above=_ABOVE)
+    result = level_norm(gap, respond, (peak, at), above=_ABOVE)
+    if result.verified or not peak < ALIKE * parts.largest:
+        return result
+    result = level_norm(gap, respond, (ALIKE * parts.largest, at), above=_ABOVE)  # Errors below are rounding.
+    return replace(result, lower_bound=min(peak, result.lower_bound))
 
 
-def on_circle(parts: SystemParts, image: Lti, result: Verified) -> tuple[Lti, Verified]:
-    """Return the discrete system of a reduced image; what the map there and back changes is added to its errors."""
+def on_circle(parts: SystemParts, image: Lti, result: Verified, band: Band | None) -> tuple[Lti, Verified]:
+    """Return the discrete system of a reduced image; what the map there and back changes is added to its errors.
+
+    Where that is not little, up to `EXACT_STATES` states of both are compared in exact arithmetic.
+    """
     dt = parts.whole.dt
     small = discrete_image(image, dt)
-    seen = _looked_at(parts.given, (0.0, inf))
+    poles = parts.given.poles[parts.given.poles.imag >= 0.0]
+    beside = (poles.imag[:, None] + poles.real[:, None] * np.array([-1.0, 0.0, 1.0])).ravel()
+    seen = np.append(beside[beside >= 0.0], 0.0)
     omega = omega_of_image(seen, dt)
     there = parts.whole.response(omega, quiet=True) - small.response(omega, quiet=True)
     before = continuous_image(parts.whole).response(seen, quiet=True) - image.response(seen, quiet=True)
     lost = float(singular_values(there - before)[0].max()) if there.size else 0.0
+    norm = result.certificate
+    clear = result.error - norm.upper_bound + lost <= _ABOVE * norm.upper_bound
+    if not clear and not len(parts.kept.A) and len(parts.whole.A) + len(small.A) <= EXACT_STATES:
+        ends = None if band is None else tuple(map(float, omega_of_image(band, dt)))
+        exact = exact_norm(parts.whole, norm.lower_bound, float(omega_of_image(norm.peak_omega, dt)), small, ends)
+        if exact.verified:
+            exact = replace(exact, peak_omega=float(image_of_omega(exact.peak_omega, dt)))
+            return small, Verified(max(result.bound + lost, exact.upper_bound), exact.upper_bound, exact)
     return small, Verified(result.bound + lost, result.error + lost, result.certificate)
 
 
@@ -176,7 +196,10 @@ def difference(full: Lti, reduced: Lti) -> Lti:
     return Lti(A, B, C, full.D - reduced.D).balanced()
 
 
-def _looked_at(system: Lti, band: Band) -> Array:
-    """Return the frequencies of the resonances of least damping in a band, and its ends [rad/s]; zero for an infinite one."""
-    inside = system.poles[(np.abs(system.poles.imag) >= band[0]) & (np.abs(system.poles.imag) <= band[1])]
-    return np.unique(np.append(lightest(inside), [band[0], band[1] if band[1] < inf else 0.0]))
+def _looked_at(system: Lti, band: Band = (0.0, inf)) -> Array:
+    """Return the frequencies of the poles of least damping in a band, and its ends [rad/s]; zero for an infinite one."""
+    poles = system.poles[system.poles.imag >= 0.0]
+    size = np.abs(poles)
+    omega = np.where(poles.imag > 0.0, poles.imag, size)[np.argsort(-poles.real / np.maximum(size, TINY))]
+    inside = omega[(omega >= band[0]) & (omega <= band[1])][:_LIGHTEST]
+    return np.unique(np.append(inside, [band[0], band[1] if band[1] < inf else 0.0]))
