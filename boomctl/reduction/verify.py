@@ -21,7 +21,7 @@ from boomctl.exceptions import ReductionError
 from boomctl.lti.bilinear import continuous_image, discrete_image, image_of_omega, omega_of_image
 from boomctl.lti.frequency import Response, largest_of, singular_values, triangular
 from boomctl.lti.modal import ModalSystem, diagonalized, partial_fractions, side_of_axis, spectral_parts
-from boomctl.lti.rounding import ALIKE, DIGIT, EXACT_STATES, TINY
+from boomctl.lti.rounding import DIGIT, EXACT_STATES, TINY
 from boomctl.lti.system import Lti
 
 Band = tuple[float, float]
@@ -29,6 +29,7 @@ Band = tuple[float, float]
 # Above the largest error found, at which a level is checked: eigenvalues of full and reduced system nearly coincide, and hide
 # levels that are closer.
 _ABOVE = 1e-2
+_COARSE = 2.0  # Times the error, a level that is checked where rounding hides the first.
 _SLACK = 1e-3  # Share by which an error may exceed its a priori bound, for rounding on the way.
 # Share of the largest response below which an error may exceed its bound: Hankel singular values are products of factors of
 # Gramians, which keep the square root of rounding.
@@ -55,7 +56,7 @@ class SystemParts:
     kept : Lti
         Unstable, undamped and rigid-body states, without ``D``.
     largest : float
-        The largest response of the stable part that was seen.
+        The largest response of the stable part, or of one of its modes.
     rounding : float
         How much of its response may be rounding of its matrices, of modal coordinates included.
     """
@@ -88,6 +89,7 @@ class SystemParts:
             lost = float(singular_values(off)[0].max()) if np.isfinite(off).all() else inf
         if modal is None or not lost <= _LOST * largest:
             return cls(whole, given, given, None, parts.kept, largest, rounding)
+        largest = max(largest, float(modal.sizes.max()))  # Modes that cancel are larger than the response.
         return cls(whole, given, modal.blocks, modal, parts.kept, largest, rounding + lost)
 
 
@@ -112,7 +114,9 @@ def verified(parts: SystemParts, reduced: Lti, bound: float, band: Band | None) 
     rounding = parts.rounding + rounding_of(reduced, np.array([norm.peak_omega if norm.peak_omega < inf else 0.0]))
     own = not len(parts.kept.A) and parts.whole.dt == 0.0  # The stable part is the system itself.
     if len(parts.given.A) + len(reduced.A) <= EXACT_STATES and not (
-        norm.verified and (rounding <= _ABOVE * norm.upper_bound or not own)
+        norm.verified
+        and norm.upper_bound <= norm.lower_bound * (1.0 + 2.0 * _ABOVE)
+        and (rounding <= _ABOVE * norm.upper_bound or not own)
     ):
         exact = exact_norm(parts.given, norm.lower_bound, norm.peak_omega, reduced, band)
         norm, rounding = (exact, 0.0 if own else rounding) if exact.verified else (norm, rounding)
@@ -158,10 +162,10 @@ def error_norm(parts: SystemParts, reduced: Lti, band: Band | None) -> NormBound
     if 0.0 < upper < inf:
         return NormBounds(peak, upper, at, IN_MODES, verified=True)
     result = level_norm(gap, respond, (peak, at), above=_ABOVE)
-    if result.verified or not peak < ALIKE * parts.largest:
+    if result.verified:
         return result
-    result = level_norm(gap, respond, (ALIKE * parts.largest, at), above=_ABOVE)  # Errors below are rounding.
-    return replace(result, lower_bound=min(peak, result.lower_bound))
+    coarse = max(_COARSE * result.lower_bound, GRAMIANS * parts.largest)  # Errors below are rounding.
+    return replace(level_norm(gap, respond, (coarse, at), above=_ABOVE), lower_bound=result.lower_bound)
 
 
 def on_circle(parts: SystemParts, image: Lti, result: Verified, band: Band | None) -> tuple[Lti, Verified]:
