@@ -185,7 +185,7 @@ def on_circle(parts: SystemParts, image: Lti, result: Verified, band: Band | Non
     norm = result.certificate
     clear = result.error - norm.upper_bound + lost <= _ABOVE * norm.upper_bound
     if not clear and not len(parts.kept.A) and len(parts.whole.A) + len(small.A) <= EXACT_STATES:
-        ends = None if band is None else tuple(map(float, omega_of_image(band, dt)))
+        ends = None if band is None else (float(omega_of_image(band[0], dt)), float(omega_of_image(band[1], dt)))
         exact = exact_norm(parts.whole, norm.lower_bound, float(omega_of_image(norm.peak_omega, dt)), small, ends)
         if exact.verified:
             exact = replace(exact, peak_omega=float(image_of_omega(exact.peak_omega, dt)))
