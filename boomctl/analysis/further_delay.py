@@ -11,12 +11,11 @@ from math import ceil, floor, inf, nan
 
 import numpy as np
 
+from boomctl.analysis.crossings import unit_crossings
 from boomctl.analysis.loops import joined, signals_of
-from boomctl.analysis.norm import axis_eigenvalues
 from boomctl.arrays import Array
 from boomctl.lti.bilinear import continuous_image, omega_of_image
 from boomctl.lti.modal import sides
-from boomctl.lti.rounding import SUMMED
 from boomctl.lti.sampled import sampled_plant, whole_samples
 from boomctl.lti.system import Lti
 
@@ -24,8 +23,9 @@ _PARTS = 32  # of a sample: delays of the grid
 _BESIDE = 1e-6  # of a sample, beside a jump
 _FOUND = 1e-8  # relative width of the last bracket
 _HALVINGS = 40  # of a bracket at most
-_AT_ONE = 1e-6  # distance from a gain of one within which an eigenvalue is a crossing
-_SLOPE = 1e-6  # relative change of a frequency over which the gain rises or falls
+_BESIDE_CROSSING = np.array(
+    [1.0 - 1e-6, 1.0, 1.0 + 1e-6]
+)  # relative change of a frequency over which the gain rises or falls
 _SAMPLES = 1000  # whole samples after the first crossing at which poles outside the circle are counted
 
 
@@ -95,22 +95,19 @@ class FurtherDelay:
             return 0.0, float(abs(np.angle(poles[np.argmax(np.abs(poles))])))
         at = self.index + (0 if self.acting else len(delays))
         S = continuous_image(loop.sensitivity.between([at], [at]))
-        d = float(S.D[0, 0])
-        L = None if abs(d) <= SUMMED else Lti(S.A - S.B @ S.C / d, S.B / d, S.C / d, np.array([[1.0 - 1.0 / d]]))
-        if L is None or abs(L.D[0, 0]) >= 1.0:  # the gain at z = -1: one sample adds a pole beyond it
+        if float(S.D[0, 0]) <= 0.5:  # the gain at z = -1 is one or more: one sample adds a pole beyond it
             return 1.0, np.pi
 
-        def opened(omega: Array) -> Array:
-            return 1.0 - 1.0 / S.response(omega, quiet=True)[0, 0]
+        def respond(omega: Array) -> Array:
+            return S.response(omega, quiet=True)[0, 0]
 
-        omega = axis_eigenvalues(L, 1.0)
+        omega = unit_crossings(S, respond)
         omega = omega[omega > 0.0]
-        omega = omega[np.abs(np.abs(opened(omega)) - 1.0) < _AT_ONE]
         if not len(omega):
             return inf, nan
         turn = omega_of_image(omega, dt) * dt
-        at_one = np.angle(opened(omega)) % (2.0 * np.pi) / turn
-        leaving = np.sign(np.abs(opened(omega * (1.0 - _SLOPE))) - np.abs(opened(omega * (1.0 + _SLOPE))))
+        below, at_crossing, above = (1.0 - 1.0 / respond(np.outer(_BESIDE_CROSSING, omega).ravel())).reshape(3, -1)
+        at_one, leaving = np.angle(at_crossing) % (2.0 * np.pi) / turn, np.sign(np.abs(below) - np.abs(above))
         # with each more turn of a crossing, two poles leave the circle where the gain falls, and return where it rises
         samples = ceil(at_one.min()) + np.arange(_SAMPLES)
         crossed = np.maximum(np.floor((samples[:, None] - at_one) * turn / (2.0 * np.pi)) + 1.0, 0.0)

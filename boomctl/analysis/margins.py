@@ -9,39 +9,27 @@ A sampled loop is looked at through the bilinear map: on the imaginary axis of t
 circle, so that gains, angles and disks are the same; frequencies are mapped back, and delays are of those.
 """
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache, partial
 from importlib import import_module
 from math import inf, isfinite, isnan, log10, nan
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy import linalg
 
 from boomctl.analysis.claim import Claim
+from boomctl.analysis.crossings import real_crossings, unit_crossings
 from boomctl.analysis.further_delay import FurtherDelay
 from boomctl.analysis.loops import joined, sign_advice, signals_of, unsampled
-from boomctl.analysis.norm import NormBounds, axis_eigenvalues, matrices_norm
-from boomctl.arrays import Array, blocks
+from boomctl.analysis.norm import NormBounds, lightest, matrices_norm, rounding_of
+from boomctl.arrays import Array
 from boomctl.checks import known, warn_user
 from boomctl.exceptions import MarginAccuracyWarning, MarginLossWarning
 from boomctl.lti.bilinear import continuous_image, omega_of_image
-from boomctl.lti.frequency import (
-    BEYOND,
-    CURVE,
-    DRAWN,
-    EMPTY,
-    Refined,
-    Response,
-    Triangular,
-    resonance_grid,
-    singular_values,
-    smooth_curve,
-    triangular,
-)
-from boomctl.lti.modal import resolved, side_of_axis, sides
-from boomctl.lti.rounding import ALIKE, CERTIFIED, DIGIT, EPS, LEVEL, SOLVED, SUMMED, TINY
+from boomctl.lti.frequency import BEYOND, CURVE, DRAWN, EMPTY, SEARCHED, resonance_grid, singular_values, smooth_curve
+from boomctl.lti.modal import resolved, sides
+from boomctl.lti.rounding import ALIKE, CERTIFIED, EPS, LEVEL, SUMMED
 from boomctl.lti.system import Lti, controller_of, of
 from boomctl.printing import listed, table_html
 from boomctl.threads import one_blas_thread
@@ -55,16 +43,11 @@ if TYPE_CHECKING:
 
 _COSTLY = 10.0 ** (-3.0 / 20.0)  # share of a disk margin that sampling must leave: 3 dB (a choice)
 _FAINTEST = 1e-9  # of L = 1 - 1/S: a factor above 1e9 or below 1e-9 is none
-_AT_ONE = 1e-6  # distance from a gain of one within which a Hamiltonian eigenvalue is a crossing, not another level's
 # share of its size that the imaginary part of a real value may have, at a crossing found by its sign: a resonance so narrow
 # that the last digit of a frequency turns it by more is not told from a pole on the axis
 _REAL = 1e-3
 _PER_DECADE = 30  # of these at least, where the poles are spread wide (a choice)
-_FLANK = 0.1  # share of its frequency up to which a resonance has points of its own (a choice)
 _NARROWEST = 1e-14  # share of its frequency below which the width of a resonance is rounding
-_FURTHER = 4  # points a decade of the distance from a resonance, from where DRAWN ends to where the grid is as fine
-_LOOKED_AT = 32  # least damped resonances at which rounding is looked for (a choice)
-_WAY = 9  # frequencies from rest to a crossing at which the gain is looked at; near rest it is a parabola (a choice)
 _ACTIVE = 24  # frequencies at which a scaling is made good, those of the largest values found so far (a choice)
 _ROUNDS = 12  # of adding those where it is not; two or three do
 _SWEEPS = 50  # over rows and columns, to make them alike; few do, for the start of a search
@@ -192,14 +175,14 @@ class LoopMargin:
         S = self._sensitivity
         assert S is not None
         image = continuous_image(S)
-        opened = _opened(image)
+        gain = opened(image)
         limits = [
             *self.gain_margin_omega,
             self.phase_margin_omega,
             self.delay_margin_omega,
             self.disk_margin.omega,
         ]
-        grids = [grid_of_loop(image), [] if opened is None else grid_of_loop(opened)]
+        grids = [grid_of_loop(image), [] if gain is None else grid_of_loop(gain)]
         asked = np.concatenate([*(omega_of_image(grid, S.dt) for grid in grids), limits])
         return smooth_curve(partial(_loop_response, S), np.unique(asked[np.isfinite(asked)]))
 
@@ -397,9 +380,6 @@ def margins(
         advice = sign_advice(P, K, delay)
         raise ValueError(f"The loop is not stable (pole at {at}): it has no margins. {advice}".rstrip())
     S = loop.sensitivity
-    refined, image = Refined(S, *S.eigensystem), continuous_image(S)
-    quick, grid = triangular(image), grid_of_loop(image)
-    G = quick.response(grid)
     m, total = len(loop.controls), len(S.D)
     places, rounding = ["control"] * m + ["measurement"] * (total - m), _rounding(S)
     if (most := float(rounding.max(initial=0.0))) > CERTIFIED:
@@ -412,21 +392,12 @@ def margins(
             name,
             place,
             S.between([i], [i]),
-            image=image.between([i], [i]),
-            quick=quick.only([i]),
-            refined=refined.only(i),
-            known=(grid, G[i, i]),
-            rounding=float(rounding[i, i]),
-            further=FurtherDelay.of(P, K, delay, name) if dt != 0.0 and P.dt == 0.0 else None,
+            float(rounding[i]),
+            FurtherDelay.of(P, K, delay, name) if dt != 0.0 and P.dt == 0.0 else None,
         )
         for i, (name, place) in enumerate(zip(loop.controls + loop.measurements, places, strict=True))
     )
-    first, second, every = (
-        loops[rows[0]].disk_margin
-        if len(rows) == 1
-        else _disk(S.between(rows, rows), G[np.ix_(rows, rows)], float(rounding[np.ix_(rows, rows)].max(initial=0.0)))
-        for rows in (range(m), range(m, total), range(total))
-    )
+    first, second, every = _disks(S, [range(m), range(m, total), range(total)])
     if dt != 0.0:
         before = _of_continuous(P, K)
         costs = [
@@ -450,71 +421,62 @@ def _of_continuous(P: Lti, K: Lti) -> list[DiskMargin]:
     if loop is None or (sides(loop.system.poles, 0.0) >= 0).any():
         return []
     S, m = loop.sensitivity, len(loop.controls)
-    G = triangular(S).response(grid_of_loop(S))
-    groups = list(range(m)), list(range(m, len(S.D)))
-    return [_disk(S.between(rows, rows), G[np.ix_(rows, rows)], 0.0) for rows in groups]
+    return _disks(S, [range(m), range(m, len(S.D))])
 
 
 def _rounding(S: Lti) -> Array:
-    """Return by how much of its size, or of one, rounding of ``A`` may change each entry of a response: first order.
+    """Return by how much rounding of the entries may change each signal's sensitivity at the least damped resonances."""
+    omega = np.append(0.0, lightest(S.rates[np.isfinite(S.rates)]))
+    size = np.abs(S.response(omega, quiet=True).diagonal()).max(axis=0)
+    off = [rounding_of(S.between([i], [i]), omega) for i in range(len(S.D))]
+    return np.array(off) / np.maximum(size, 1.0)
 
-    With every entry of ``A`` off by its last digit, ``|C R| |dA| |R B|``, ``R`` the resolvent, at the least damped poles.
+
+def _disks(S: Lti, groups: Sequence[Sequence[int]]) -> list[DiskMargin]:
+    """Return the disk margins of groups of signals."""
+    poles = S.rates[resolved(S.rates) & np.isfinite(S.rates)]
+    size = np.abs(poles) if len(poles) else np.array(EMPTY)
+    grid = resonance_grid(
+        poles[poles.imag > 0.0], size.min() / BEYOND, min(size.max() * BEYOND, S.nyquist), points=SEARCHED, also=[0.0]
+    )
+    G = S.response(grid, quiet=True) if len(S.D) > 1 else np.ones((1, 1, 1))
+    return [_disk(S.between(rows, rows), G[np.ix_(rows, rows)]) for rows in groups]
+
+
+def _disk(S: Lti, G: Array) -> DiskMargin:
+    """Return the disk margin of a sensitivity of response ``G`` at some frequencies; ``S - T = 2 S - 1``.
+
+    The largest singular value is convex in the logarithm of a diagonal scaling.  It is minimized over the frequencies at
+    which it is largest, and those added at which the scaling found makes it larger still, until there are none.  With very
+    many signals rows and columns are only made alike: whatever the scaling, the margin holds.
     """
-    poles, n = S.rates[(S.rates.imag >= 0.0) & np.isfinite(S.rates.real)], len(S.A)
-    if not len(poles):
-        return np.zeros_like(S.D)
-    size = np.abs(poles)
-    chosen = poles[np.argsort(np.abs(poles.real) / np.where(size > 0.0, size, 1.0))[:_LOOKED_AT]]
-    pencils = S.boundary(np.abs(np.imag(chosen)))[:, None, None] * np.eye(n) - S.A
-    try:
-        acts = np.linalg.solve(pencils, S.B.astype(complex))
-        reads = np.linalg.solve(np.moveaxis(pencils, 1, 2), S.C.T.astype(complex))
-    except np.linalg.LinAlgError:  # a pole that rounding alone keeps from the axis
-        return np.full_like(S.D, inf)
-    values = np.abs(S.C @ acts + S.D)
-    changes = np.moveaxis(np.abs(reads), 1, 2) @ (EPS * np.abs(S.A)) @ np.abs(acts)
-    return (changes / np.maximum(values, 1.0)).max(axis=0)
-
-
-def _disk(S: Lti, G: Array, rounding: float) -> DiskMargin:
-    """Return the disk margin of a sensitivity of response ``G`` on a grid; ``S - T = 2 S - 1``."""
-    eye = np.eye(len(S.D))
-    scale = _scaling(2.0 * G - eye[:, :, None])
-    C, D = scale[:, None] * 2.0 * S.C, scale[:, None] * (2.0 * S.D - eye) / scale
-    norm = matrices_norm(Lti(S.A, S.B / scale, C, D, dt=S.dt))
-    return DiskMargin(2.0 / max(norm.upper_bound, 1.0), norm.peak_omega, norm.verified and rounding <= CERTIFIED, norm)
+    n, eye = len(S.D), np.eye(len(S.D))
+    T = replace(S, C=2.0 * S.C, D=2.0 * S.D - eye)
+    log = np.zeros(0) if n == 1 else _leveled(G := 2.0 * G - eye[:, :, None])
+    best = norm = _scaled_norm(T, log)
+    if 1 < n <= _SEARCHED:
+        G = G[:, :, np.argsort(-_scaled_values(log, G))[:_ACTIVE]]
+        for _ in range(_ROUNDS):
+            at = T.response(np.array([norm.peak_omega]), quiet=True) if isfinite(norm.peak_omega) else T.D[:, :, None]
+            G = np.append(G, at, axis=2)
+            log, reached = _least(G, log)
+            norm = _scaled_norm(T, log)
+            best = min(best, norm, key=lambda norm: norm.upper_bound)
+            if norm.lower_bound <= reached * (1.0 + LEVEL):
+                break
+    return DiskMargin(2.0 / max(best.upper_bound, 1.0), best.peak_omega, best.verified, best)
 
 
 def single_disk(S: Lti) -> DiskMargin:
     """Return the disk margin of a loop of one signal, whose sensitivity is given."""
-    return _disk(S, np.ones((1, 1, 1), dtype=complex), float(_rounding(S).max(initial=0.0)))
+    return _disk(S, np.ones((1, 1, 1)))
 
 
-def _scaling(G: Array) -> Array:
-    """Return a constant diagonal scaling that makes the largest singular value of a response small.
-
-    It is convex in the scaling's logarithm.  It is minimized over the frequencies at which it was found largest, and
-    those added at which the scaling found makes it larger still, until there are none.  With very many signals rows and
-    columns are only made alike: whatever the scaling, the margin holds.
-    """
-    n = len(G)
-    if n == 1:
-        return np.ones(1)
-    best = _leveled(G)
-    if n > _SEARCHED:
-        return np.exp(np.append(best, 0.0))
-    values = _scaled_values(best, G)
-    lowest, active = float(values.max()), np.argsort(-values)[:_ACTIVE]
-    log = best
-    for _ in range(_ROUNDS):
-        log, reached = _least(G[:, :, active], log)
-        values = _scaled_values(log, G)
-        if values.max() < lowest:
-            lowest, best = float(values.max()), log
-        if values.max() <= reached * (1.0 + LEVEL):
-            break
-        active = np.union1d(active, np.argsort(-values)[:_ACTIVE])
-    return np.exp(np.append(best, 0.0))
+def _scaled_norm(system: Lti, log: Array) -> NormBounds:
+    """Return the norm of a system whose outputs are scaled, and its inputs by the inverse."""
+    d = np.exp(np.append(log, 0.0))
+    D = d[:, None] * system.D / d
+    return matrices_norm(Lti(system.A, system.B / d, d[:, None] * system.C, D, dt=system.dt))
 
 
 def _leveled(G: Array) -> Array:
@@ -570,154 +532,16 @@ def _least(G: Array, start: Array) -> tuple[Array, float]:
 
 
 def grid_of_loop(system: Lti) -> Array:
-    """Return frequencies that show a system's resonances and anti-resonances, however narrow, from all sides.
-
-    A loop crosses a level or an axis anywhere on the flank of a resonance, so that the places around it reach from
-    within its width to where they are no closer than the rest of the grid.
-    """
+    """Return frequencies that show a system's resonances, however narrow."""
     poles = system.poles
-    if not len(poles):
-        return np.array([0.0])
-    around: Array = np.concatenate([poles, _zeros(system)])
-    around = around[(np.imag(around) >= 0.0) & (np.abs(around) <= np.abs(poles).max() * BEYOND)]
     size = np.abs(poles[resolved(poles)])
     low, high = (size.min() / BEYOND, size.max() * BEYOND) if len(size) else EMPTY
     points = max(CURVE, int(_PER_DECADE * np.log10(high / low)))
-    flanks = [
-        pole.imag + side * np.geomspace(start, end, 1 + int(_FURTHER * np.log10(end / start)))
-        for pole in around
-        if (end := _FLANK * pole.imag) > (start := max(DRAWN[-1] * abs(pole.real), _NARROWEST * abs(pole)))
-        for side in (-1.0, 1.0)
-    ]
-    further = np.concatenate([[0.0], *flanks])
-    return resonance_grid(around, low, high, points=points, places=DRAWN, narrowest=_NARROWEST, also=further)
+    around = poles[poles.imag >= 0.0]
+    return resonance_grid(around, low, high, points=points, places=DRAWN, narrowest=_NARROWEST, also=[0.0])
 
 
-def _zeros(system: Lti) -> Array:
-    """Return the finite transmission zeros of a system of one input and one output; of others none."""
-    if system.D.shape != (1, 1):
-        return np.zeros(0, complex)
-    pencil = blocks([[system.A, system.B], [system.C, system.D]])
-    result = linalg.eigvals(pencil, np.diag(np.append(np.ones(len(system.A)), 0.0)))
-    return result[np.isfinite(result)]
-
-
-def _loop_response(S: Lti, omega: Array) -> Array:
-    """Return ``L = 1 - 1/S``."""
-    return _opened_at(S.response(omega)[0, 0])
-
-
-def _opened_at(sensitivity: Array) -> Array:
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return 1.0 - 1.0 / sensitivity
-
-
-def _loop_margin(
-    signal: str,
-    place: str,
-    S: Lti,
-    *,
-    image: Lti,
-    quick: Triangular,
-    refined: Refined,
-    known: tuple[Array, Array],
-    rounding: float,
-    further: FurtherDelay | None,
-) -> LoopMargin:
-    """Return the margins of the loop whose sensitivity is ``S = 1/(1 - L)``, known at some frequencies.
-
-    ``image`` is ``S`` itself in continuous time; in discrete time its continuous image, whose frequencies are meant below.
-    ``further`` knows what a delay does to a sampled loop around a continuous plant.
-    """
-    disk, dt = _disk(S, known[1][None, None], rounding), S.dt
-    open_loop = _opened(image)
-    more = np.setdiff1d(grid_of_loop(image if open_loop is None else open_loop), known[0])
-    grid = np.concatenate([known[0], more])
-    values = np.concatenate([known[1], quick.response(more)[0, 0]])[order := np.argsort(grid)]
-    grid = grid[order]
-    there = np.abs(values) > SUMMED  # of one; less is a pole of the loop, of infinite gain
-    grid, values = grid[there], 1.0 - 1.0 / values[there]
-
-    computed: dict[float, complex] = {}
-
-    def response(omega: Array) -> Array:
-        new = [w for w in omega.tolist() if w not in computed]
-        if new:
-            result = refined.response(omega_of_image(np.array(new), dt))[0]
-            computed.update(zip(new, _opened_at(result).tolist(), strict=True))
-        return np.array([computed[w] for w in omega.tolist()])
-
-    (low, low_omega), (high, high_omega) = _gain_limits(response, grid, values, open_loop)
-    (phase, phase_omega), delays = _phase_limits(response, grid, values, open_loop, dt)
-    delay, delay_omega = min(delays, default=(inf, nan))
-    if further is not None:
-        delay, delay_omega = further.least()
-    low_omega, high_omega, phase_omega = omega_of_image([low_omega, high_omega, phase_omega], dt).tolist()
-    return LoopMargin(
-        signal=signal,
-        location=place,
-        gain_margin=(low, high),
-        gain_margin_omega=(low_omega, high_omega),
-        phase_margin_deg=phase,
-        phase_margin_omega=phase_omega,
-        delay_margin=delay,
-        delay_margin_omega=delay_omega,
-        disk_margin=disk,
-        rounding_error=rounding,
-        _sensitivity=S,
-    )
-
-
-def _crossings(response: Response, grid: Array, values: Array, height: Callable[[Array], Array]) -> list[float]:
-    """Return the frequencies at which ``height`` of the response is zero: on a grid, or where its sign changes between.
-
-    ``values`` are the response on the grid but for rounding; beside the changes, and at rest, where it is real, it is
-    asked anew.
-    """
-    values, asked = values.copy(), grid == 0.0
-    values[asked] = response(grid[asked])
-    while True:
-        signs = np.sign(height(values))
-        flips = np.flatnonzero(signs[:-1] * signs[1:] < 0.0)
-        beside = np.unique(np.concatenate([flips, flips + 1]))
-        fresh = beside[~asked[beside]]
-        if not len(fresh):
-            break
-        values[fresh], asked[fresh] = response(grid[fresh]), True
-
-    def at(omega: Array) -> Array:
-        return np.nan_to_num(height(response(omega)), nan=0.0)  # NaN: a pole of L, through which the sign changes
-
-    ends = height(values)
-    roots = _roots(at, (grid[flips], grid[flips + 1]), (ends[flips], ends[flips + 1]))
-    return [*map(float, grid[signs == 0.0]), *roots.tolist()]
-
-
-def _roots(function: Callable[[Array], Array], ends: tuple[Array, Array], values: tuple[Array, Array]) -> Array:
-    """Return zeros of a function in brackets at whose ends its signs differ: Chandrupatla's method, all at once."""
-    (x, y), (f, g) = (np.array(ends), np.array(values))
-    z, h = y.copy(), g.copy()
-    step, result, active = np.full(len(x), 0.5), x.copy(), np.arange(len(x))
-    while len(active):
-        new = x + step * (y - x)
-        at = function(new)
-        same = np.sign(at) == np.sign(f)
-        z, h = np.where(same, x, y), np.where(same, f, g)
-        y, g = np.where(same, y, x), np.where(same, g, f)
-        x, f = new, at
-        result[active] = best = np.where(np.abs(f) < np.abs(g), x, y)
-        width, least = np.abs(y - x), DIGIT * np.abs(best) + TINY
-        left = (width > least) & (f != 0.0)
-        active, x, y, z, f, g, h, width, least = (a[left] for a in (active, x, y, z, f, g, h, width, least))
-        with np.errstate(all="ignore"):  # without a third value of its own a bracket is halved
-            place, height = (x - y) / (z - y), (f - g) / (h - g)
-            inverse = f / (f - g) * h / (h - g) - (z - x) / (y - x) * f / (h - f) * g / (g - h)
-            smooth = (height**2 < place) & ((1.0 - height) ** 2 < 1.0 - place)
-        step = np.clip(np.where(smooth, inverse, 0.5), 0.5 * least / width, 1.0 - 0.5 * least / width)
-    return result
-
-
-def _opened(S: Lti) -> Lti | None:
+def opened(S: Lti) -> Lti | None:
     """Return ``L = 1 - 1/S``; None where ``S`` is zero at infinite frequency, and ``L`` infinite."""
     d = float(S.D[0, 0])
     if abs(d) <= SUMMED:
@@ -725,76 +549,76 @@ def _opened(S: Lti) -> Lti | None:
     return Lti(S.A - S.B @ S.C / d, S.B / d, S.C / d, np.array([[1.0 - 1.0 / d]]))
 
 
-def _gain_limits(
-    response: Response, grid: Array, values: Array, L: Lti | None
-) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Return the limits of the factor, each with its frequency: where ``L`` is real and positive, it is ``1/L``.
+def _loop_response(S: Lti, omega: Array) -> Array:
+    """Return ``L = 1 - 1/S``."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return 1.0 - 1.0 / S.response(omega, quiet=True)[0, 0]
 
-    Beside a pole of ``L`` on the axis, or one that rounding may have moved off it, its sign tells nothing.
+
+def _loop_margin(signal: str, place: str, S: Lti, rounding: float, further: FurtherDelay | None) -> LoopMargin:
+    """Return the margins of the loop whose sensitivity is ``S = 1/(1 - L)``.
+
+    ``further`` knows what a delay does to a sampled loop around a continuous plant.
     """
-    D = inf if L is None else float(L.D[0, 0])
-    crossings = np.array(_crossings(response, grid, values, lambda x: x.imag))
-    if L is not None and len(L.A):
-        undamped = L.poles[side_of_axis(L.poles) == 0]
-        doubt = SOLVED * np.abs(L.poles).max()
-        crossings = crossings[(np.abs(crossings[:, None] - np.abs(undamped.imag)) > doubt).all(axis=1)]
-    low, high = (0.0, float("nan")), (inf, float("nan"))
-    result = [(1.0 / float(x.real), w) for w in crossings if _positive(x := response(np.array([w]))[0])]
-    if _FAINTEST < D < inf:
-        result.append((1.0 / D, inf))
-    for factor, omega in result:
-        if factor > 1.0 and factor < high[0]:
-            high = (factor, omega)
-        elif low[0] < factor < 1.0:
-            low = (factor, omega)
+    image, dt = continuous_image(S), S.dt
+    d = float(S.D[0, 0] if dt == 0.0 else image.D[0, 0])
+    last = 1.0 - 1.0 / d if abs(d) > SUMMED else inf  # L at infinite frequency of the image
+
+    def respond(omega: Array) -> Array:
+        return S.response(omega_of_image(omega, dt), quiet=True)[0, 0]
+
+    low, high = _gain_limits(image, respond, last)
+    phase, delays = _phase_limits(image, respond, last, dt)
+    delay = min(delays, default=(inf, nan)) if further is None else further.least()
+    low_omega, high_omega, phase_omega = omega_of_image([low[1], high[1], phase[1]], dt).tolist()
+    return LoopMargin(
+        signal=signal,
+        location=place,
+        gain_margin=(low[0], high[0]),
+        gain_margin_omega=(low_omega, high_omega),
+        phase_margin_deg=phase[0],
+        phase_margin_omega=phase_omega,
+        delay_margin=delay[0],
+        delay_margin_omega=delay[1],
+        disk_margin=single_disk(S),
+        rounding_error=rounding,
+        _sensitivity=S,
+    )
+
+
+def _gain_limits(
+    S: Lti, respond: Callable[[Array], Array], last: float
+) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Return the limits of the factor, each with its frequency: where ``L`` is real and positive, it is ``1/L``."""
+    omega = np.append(0.0, real_crossings(S, respond))
+    values = respond(omega)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        L = 1.0 - 1.0 / values
+        real = (np.abs(L.imag) < _REAL * np.abs(L)) & (L.real > _FAINTEST) & (L.real < 1.0 / _FAINTEST)
+    result = [*zip((1.0 / L.real[real]).tolist(), omega[real].tolist(), strict=True)]
+    if _FAINTEST < last < inf:
+        result.append((1.0 / last, inf))
+    low = max((limit for limit in result if limit[0] < 1.0), key=lambda limit: limit[0], default=(0.0, nan))
+    high = min((limit for limit in result if limit[0] > 1.0), key=lambda limit: limit[0], default=(inf, nan))
     return low, high
 
 
-def _positive(value: complex) -> bool:
-    """Return whether a value is a positive real number, not the other side of a pole, and not rounding."""
-    between = _FAINTEST < value.real < 1.0 / _FAINTEST
-    return bool(np.isfinite(value)) and between and abs(value.imag) < _REAL * abs(value)
-
-
 def _phase_limits(
-    response: Response, grid: Array, values: Array, L: Lti | None, dt: float
+    S: Lti, respond: Callable[[Array], Array], last: float, dt: float
 ) -> tuple[tuple[float, float], list[tuple[float, float]]]:
     """Return the least angle [degrees] from ``L`` to one, where ``|L| = 1``, and the delays [s], each with its frequency.
 
     Of an image, the angle with its frequency in the image, and the delay with that of the loop itself.
     """
-    crossings = [
-        0.0 if _at_rest(response, w, ALIKE) else w
-        for w in _crossings(response, grid, values, lambda x: np.abs(x) - 1.0)
-    ]
-    if _at_rest(response, 0.0, ALIKE):
-        crossings.append(0.0)
-    D = inf if L is None else float(L.D[0, 0])
-    phase, delays = (inf, float("nan")), []
-    if dt != 0.0 and abs(D) >= 1.0 - ALIKE:
-        # With `P` poles of `L` outside the unit circle, a stable loop has winding number `P` of `1 - L`. If the gain at
-        # z = -1 is not below one, one sample of delay adds a real pole beyond it.
-        delays.append((dt, np.pi / dt))
-    if abs(abs(D) - 1.0) <= ALIKE:
-        phase = (float(np.degrees(abs(np.angle(D)))), inf)
-    elif L is not None and len(L.A):
-        extra = [float(w) for w in axis_eigenvalues(L, 1.0)]
-        close = [w for w in extra if abs(abs(response(np.array([w]))[0]) - 1.0) < _AT_ONE]
-        crossings += [w for w in close if not _at_rest(response, w, _AT_ONE)]
-    for omega in crossings:
-        angle = float(np.angle(response(np.array([omega]))[0]))
-        if abs(angle) < np.radians(phase[0]):
-            phase = (float(np.degrees(abs(angle))), omega)
-        turning = float(omega_of_image(omega, dt))
-        if omega > 0.0:
-            delays.append(((angle % (2.0 * np.pi)) / turning, turning))
-    if abs(D) >= 1.0 - ALIKE and dt == 0.0:  # a delay turns the phase by any angle at some high frequency
-        delays = [(0.0, inf)]
-    return phase, delays
-
-
-def _at_rest(response: Response, omega: float, doubt: float) -> bool:
-    """Return whether a crossing of gain one is that at rest, which rounding has moved: the gain is one all the way."""
-    way = omega * np.linspace(0.0, 1.0, _WAY)
-    middle = way[_WAY // 2 : _WAY // 2 + 1]  # first: at a crossing elsewhere it is enough
-    return all(bool((np.abs(np.abs(response(part)) - 1.0) <= doubt).all()) for part in (middle, way))
+    omega = unit_crossings(S, respond)
+    angles, turning = np.angle(1.0 - 1.0 / respond(omega)).tolist(), omega_of_image(omega, dt).tolist()
+    phases = [(float(np.degrees(abs(angle))), at) for angle, at in zip(angles, omega.tolist(), strict=True)]
+    # A delay does nothing at rest.
+    delays = [(angle % (2.0 * np.pi) / at, at) for angle, at in zip(angles, turning, strict=True) if at > 0.0]
+    if abs(abs(last) - 1.0) <= ALIKE:
+        phases.append((float(np.degrees(abs(np.angle(last)))), inf))
+    if abs(last) >= 1.0 - ALIKE:
+        # Continuous: a delay turns the phase by any angle at some high frequency. Discrete: with `P` poles of `L` outside the
+        # unit circle, a stable loop has winding number `P` of `1 - L`; one sample of delay adds a real pole beyond z = -1.
+        delays = [(0.0, inf)] if dt == 0.0 else [*delays, (dt, np.pi / dt)]
+    return min(phases, key=lambda limit: limit[0], default=(inf, nan)), delays

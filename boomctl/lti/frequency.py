@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TypeVar
 
 import numpy as np
@@ -20,7 +20,6 @@ Response = Callable[[Array], Array]  # from frequencies (N,) to responses (outpu
 Value = TypeVar("Value", float, Array)  # one frequency or height, or many
 
 _AROUND = np.array([-1, 0, 1])  # a point and its neighbors
-_BACKWARD = 2.0 * EPS  # of each entry: error of a refined response; elimination leaves ten times as much, and more
 _CLOSED_FROM = 12  # frequencies from which on a closed form takes less time than LAPACK (measured)
 _COLUMNS = 256  # right-hand sides substituted at once: what stays in the cache
 _PLACED = 1e-10  # of a peak's frequency: how finely it is searched for; its height is then right to rounding
@@ -36,7 +35,6 @@ _REFINED = 3
 # band; of a search that goes on to the top of a peak
 CURVE = 240
 SEARCHED = 60
-_CORRECTIONS = 4  # of a response in modal coordinates at most; two reach the last digits of most
 _STEPS = 12  # of Newton's method to a peak at most: three or four do (measured)
 _TOPS = 3  # rounds in which a peak is placed on a grid: each leaves the square of what was missing (a choice)
 _SMOOTH = 0.05  # share of its distance from zero, plus one, by which a step of a Nyquist curve may move (a choice)
@@ -392,10 +390,6 @@ class Triangular:
             x[i] = (self.B[i][:, None] + known) * shares[i]
         return (self.C @ flat).reshape(len(self.C), m, len(s)) + self.D[:, :, None]
 
-    def only(self, chosen: list[int]) -> Triangular:
-        """Return the system from some inputs to the outputs of the same numbers."""
-        return Triangular(self.T, self.B[:, chosen], self.C[chosen], self.D[np.ix_(chosen, chosen)])
-
 
 def triangular(system: Lti) -> Triangular:
     """Return a system in the coordinates of its Schur form."""
@@ -403,48 +397,3 @@ def triangular(system: Lti) -> Triangular:
         return Triangular(system.A.astype(complex), system.B.astype(complex), system.C.astype(complex), system.D)
     T, Q = linalg.schur(system.A, output="complex")
     return Triangular(T, Q.conj().T @ system.B, system.C @ Q, system.D)
-
-
-@dataclass(frozen=True)
-class Refined:
-    """A system whose response is computed in modal coordinates and refined to that of its own matrices.
-
-    Each step solves for the residual of the last one.  It ends where the state is that of matrices which differ by a few
-    units of rounding in each of their entries; where it does not get there, the equations are solved by elimination.
-
-    Attributes
-    ----------
-    system : Lti
-        The system, of one input.
-    poles, reads, right : ndarray
-        Its eigensystem, as `Lti.eigensystem`.
-    """
-
-    system: Lti
-    poles: Array
-    reads: Array
-    right: Array
-
-    def only(self, signal: int) -> Refined:
-        """Return the system from one input to the output of the same number."""
-        return replace(self, system=self.system.between([signal], [signal]))
-
-    def response(self, omega: Array) -> Array:
-        """Return the frequency response, shape (outputs, frequencies), in discrete time at ``exp(j omega dt)``."""
-        A, b, s = self.system.A, self.system.B[:, :1], self.system.boundary(omega)
-        x, residual, size = np.zeros((len(A), len(s)), complex), b.astype(complex), np.abs(A)
-        exact = np.zeros(len(s), bool)
-        with np.errstate(all="ignore"):  # values that are not finite are solved by elimination
-            shares = 1.0 / (s - self.poles[:, None])
-            for _ in range(_CORRECTIONS):
-                x += self.right @ (shares * (self.reads @ residual))
-                residual = b - s * x + (A @ x.view(float)).view(complex)
-                largest = np.abs(s) * np.abs(x) + size @ np.abs(x) + np.abs(b)
-                exact = (np.abs(residual) <= _BACKWARD * largest).all(axis=0)
-                if exact.all():
-                    break
-        result = self.system.C @ x + self.system.D[:, :1]
-        result[:, s.imag == 0.0] = np.real(result[:, s.imag == 0.0])  # at rest a response is real
-        if not exact.all():
-            result[:, ~exact] = self.system.response(omega[~exact])[:, 0]
-        return result
