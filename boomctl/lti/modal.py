@@ -74,8 +74,8 @@ def sides(poles: Array, dt: float) -> Array:
     return side
 
 
-def boundary_poles(system: Lti) -> tuple[Array, Array]:
-    """Return on which side of the boundary of stability poles lie, as :func:`sides` does, and the poles with clusters moved.
+def boundary_sides(system: Lti) -> Array:
+    """Return on which side of the boundary of stability poles lie, as :func:`sides` does, clusters as one.
 
     Rounding moves a pole of multiplicity ``k`` by the ``k``-th root of its own size, on a circle around it.  A cluster of
     poles lies on the boundary if its mean does and ``A`` less that point is singular to within rounding.
@@ -84,20 +84,13 @@ def boundary_poles(system: Lti) -> tuple[Array, Array]:
     ----------
     system : Lti
         Balanced.
-
-    Returns
-    -------
-    side : (n,) ndarray of int
-        -1 decays, 1 is unstable, 0 is on the boundary.
-    points : (n,) complex ndarray
-        The poles; those of side 0 are on the boundary exactly, those of a cluster at one point.
     """
     from scipy.cluster import hierarchy  # imports scipy.spatial and scipy.special: only where poles are clustered
 
     A, dt, poles, side = system.A, system.dt, system.poles, sides(system.poles, system.dt)
     points = np.where(side == 0, _on_boundary(poles, dt), poles)
     if len(points) < 2:
-        return side, points
+        return side
     norm, clustered, members = float(np.linalg.norm(A)), np.zeros(len(A), bool), [[k] for k in range(len(A))]
     apart = np.abs(points[:, None] - points)[np.triu_indices(len(A), 1)]
     for first, second, distance, _ in hierarchy.linkage(apart, "single"):
@@ -112,8 +105,8 @@ def boundary_poles(system: Lti) -> tuple[Array, Array]:
             and not ((side[chosen] == 0).all() and clustered[chosen].any())
             and linalg.svdvals(A - point * np.eye(len(A)))[-1] <= len(A) * CANCELLED * norm
         ):
-            side[chosen], points[chosen], clustered[chosen] = 0, point, True
-    return side, points
+            side[chosen], clustered[chosen] = 0, True
+    return side
 
 
 def _on_boundary(poles: Any, dt: float) -> Any:
