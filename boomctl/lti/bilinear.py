@@ -64,11 +64,6 @@ def continuous_image(system: Lti) -> Lti:
     )
 
 
-def image_of_poles(poles: Array, dt: float) -> Array:
-    """Return the poles ``(2/dt) (z - 1)/(z + 1)`` of the image of a discrete system that has none at ``z = -1``."""
-    return poles.copy() if dt == 0.0 else (2.0 / dt) * (poles - 1.0) / (poles + 1.0)
-
-
 def discrete_image(system: Lti, dt: float) -> Lti:
     """Return the Tustin discretisation of a continuous system: the discrete one whose continuous image it is.
 
