@@ -22,6 +22,7 @@ from scipy import linalg
 from boomctl.analysis.norm import NormBounds, agree, matrices_norm
 from boomctl.arrays import Array, blocks
 from boomctl.checks import names
+from boomctl.lti.frequency import BEYOND, SEARCHED, highest_peak, resonance_grid
 from boomctl.lti.modal import sides
 from boomctl.lti.sampled import Held, time_of_loop, whole_samples
 from boomctl.lti.system import Lti, controller_of, lower_lft, of
@@ -39,13 +40,14 @@ _SMALL = 0.5  # size of a first step times its Hamiltonian matrix, whose series 
 _TERMS = 14  # of that series: 0.5^15/15! is below rounding
 _SHORT = 0.25  # of a level, that can be gained at most within the first step: far from any limit (a choice)
 _DOUBLINGS = 60  # of the first step at most: more is a mistake of unit (a choice)
-_CLOSE = 1e-7  # relative distance of a level from the norm at which the search ends: far below 1e-5
-_ABOVE = (2e-6, 4e-6, 6e-6, 8e-6, 3e-5, 1e-4, 1e-3)  # above it, at which a level is proved: norms are certified to 1e-5
-_ROUNDS = 60  # levels tried at most; a dozen does
-_FACTOR = 2.0  # from one level to the next, until one is above the norm and one below
-_WANTED = 5e-6  # relative gap of the bounds at which no more parts are taken: half of what certifies a norm
-_PARTS = (4, 16, 64, 192)  # of a sample, in the order tried; what is lost falls with their fourth power (a choice)
-_GUESS = (0.1, 0.3, 0.7)  # shares of half the sampling rate at which the search begins (a choice)
+_SLOWEST = 1e-9  # Share of the sampling rate below which a pole is at rest (a choice).
+_LOWEST = 0.1  # Likewise, below which the search begins at least (a choice).
+_ABOVE = 4e-6  # Above the gain reached, at which a level is proved: norms are certified to 1e-5.
+_FAR_ABOVE = (3e-5, 1e-4, 1e-3)  # Likewise, where more parts of a sample would be needed than are taken.
+_MOVES = 4  # To frequencies at which the loop of a level is higher; one or two do.
+_WANTED = 1e-6  # Share by which more parts raise the gain at most where no more are taken (a choice).
+# Of a sample, in the order tried: what is lost falls with their fourth power, and vibrations that are faster show in more.
+_PARTS = (4, 16, 64, 192)
 
 
 @one_blas_thread
@@ -278,50 +280,40 @@ class SampledLoop:
         return matrices_norm(result.balanced())
 
     def norm(self) -> NormBounds:
-        """Return the norm between two bounds."""
-        level = max(self.gain(share * np.pi / self.controller.dt, _PARTS[0]) for share in _GUESS)
-        if level == 0.0:
-            return NormBounds(0.0, 0.0, 0.0, "no disturbance shows", verified=True)
-        level, omega = self._crossing(level)
-        for above in _ABOVE:
-            result = self.of_level(level * (1.0 + above))
-            if result.upper_bound < 1.0:
-                omega = result.peak_omega
-                lower, upper = self._reached(omega, level), level * (1.0 + above)
-                return NormBounds(lower, upper, omega, LIFTED, verified=result.verified and agree(lower, upper))
-        return NormBounds(self._reached(omega, level), inf, omega, NOT_TOLD)
+        """Return the norm between two bounds: the largest gain that is reached, and a level just above it that is not."""
+        rates, top = self.at_samples.rates, self.at_samples.nyquist
+        rates = rates[(np.abs(rates) <= top) & (np.abs(rates) > _SLOWEST * top)]
+        low = min(np.abs(rates).min(initial=top), _LOWEST * top) / BEYOND
+        grid = resonance_grid(rates[rates.imag > 0.0], low, top, points=SEARCHED, also=[0.0])
+        lower, omega = 0.0, 0.0
+        for parts in _PARTS[:2]:
+            _, at = highest_peak(lambda omega, parts=parts: self.gain(omega, parts), grid)
+            for _ in range(_MOVES):
+                lower, omega = max((lower, omega), (self._reached(at), at))
+                if lower == 0.0:
+                    return NormBounds(0.0, 0.0, 0.0, "no disturbance shows", verified=True)
+                result, upper = self.of_level(lower * (1.0 + _ABOVE)), lower * (1.0 + _ABOVE)
+                if result.upper_bound < 1.0:
+                    return NormBounds(lower, upper, omega, LIFTED, verified=result.verified and agree(lower, upper))
+                if not np.isfinite(result.lower_bound):
+                    break
+                at = result.peak_omega
+        for above in _FAR_ABOVE:
+            if self.of_level(lower * (1.0 + above)).upper_bound < 1.0:
+                return NormBounds(lower, lower * (1.0 + above), omega, LIFTED)
+        return NormBounds(lower, inf, omega, NOT_TOLD)
 
-    def _crossing(self, level: float) -> tuple[float, float]:
-        """Return the level the loop of which has the norm one, by secants between a level below and one above."""
-        low, high, omega = 0.0, inf, 0.0
-        points: list[tuple[float, float]] = []  # levels and the norms of their loops
-        for _ in range(_ROUNDS):
-            result = self.of_level(level)
-            if np.isfinite(result.lower_bound):
-                omega = result.peak_omega
-                points = [*points[-1:], (level, result.lower_bound)]
-            if result.lower_bound < 1.0:
-                high = level
-            else:
-                low = level
-            if len(points) and abs(points[-1][1] - 1.0) <= _CLOSE:
-                return level, omega
-            if high < inf and high - low <= _CLOSE * high:
-                return high, omega
-            level = _next(points, low, high)
-        return high, omega
-
-    def _reached(self, omega: float, level: float) -> float:
+    def _reached(self, omega: float) -> float:
         """Return the largest gain that is reached at a frequency."""
         best = 0.0
         for parts in _PARTS:
-            best = max(best, self.gain(omega, parts))
-            if best >= level * (1.0 - _WANTED):
+            before, best = best, max(best, float(self.gain(np.array([omega]), parts)[0]))
+            if best <= before * (1.0 + _WANTED):
                 break
         return best
 
-    def gain(self, omega: float, parts: int) -> float:
-        """Return the largest gain of disturbances that are straight in each part of a sample, and turn by ``omega dt``.
+    def gain(self, omega: Array, parts: int) -> Array:
+        """Return the largest gains of disturbances that are straight in each part of a sample, and turn by ``omega dt``.
 
         In a part they are ``c + sqrt(3) s d``, ``s`` from -1 to 1, of the energy ``|c|^2 + |d|^2`` times its length.
         """
@@ -361,10 +353,10 @@ class SampledLoop:
             reach = (moved @ here)[:ends]
         inputs = size - ends
         closed = self._closed(self.queue.A, self.queue.B[:, -m:], reach[:n, ends:], np.eye(ends))
-        start = closed.balanced().response(np.array([omega]), quiet=True)[:, :, 0]
-        whole = np.vstack([start, np.eye(inputs)])
-        values = linalg.eigvalsh(whole.conj().T @ energy @ whole, subset_by_index=[inputs - 1, inputs - 1])
-        return float(np.sqrt(max(values[-1], 0.0)))
+        start = closed.balanced().response(omega, quiet=True).transpose(2, 0, 1)
+        whole = np.concatenate([start, np.broadcast_to(np.eye(inputs), (len(omega), inputs, inputs))], axis=1)
+        values = np.linalg.eigvalsh(whole.conj().swapaxes(1, 2) @ energy @ whole)[:, -1]
+        return np.sqrt(np.maximum(values, 0.0))
 
 
 def _moved_and_energy(F: Array, C: Array, duration: float) -> tuple[Array, Array]:
@@ -377,16 +369,3 @@ def _moved_and_energy(F: Array, C: Array, duration: float) -> tuple[Array, Array
     for _ in range(count):
         energy, moved = energy + moved.T @ energy @ moved, moved @ moved
     return moved, 0.5 * (energy + energy.T)
-
-
-def _next(points: list[tuple[float, float]], low: float, high: float) -> float:
-    """Return the level to try next: by the secant of logarithms through the last two, between those known, else halfway."""
-    if high == inf:
-        return low * _FACTOR
-    if len(points) == 2:
-        with np.errstate(all="ignore"):
-            (x0, y0), (x1, y1) = np.log(points)
-            crossing = float(np.exp(x1 - y1 * (x1 - x0) / (y1 - y0)))
-        if low < crossing < high:  # no number is not
-            return crossing
-    return high / _FACTOR if low == 0.0 else float(np.sqrt(low * high))
