@@ -223,8 +223,8 @@ def diagonalized(system: Lti) -> ModalSystem | None:
     apart = poles - poles[:, None]
     weak = (np.abs(E) * len(poles) <= _FIRST_ORDER * np.abs(apart)) & (apart != 0.0)
     wide = V + (V @ np.where(weak, E / np.where(weak, apart, 1.0), 0.0)).astype(np.clongdouble)
-    poles = poles + np.diag(E)
-    if (poles.imag[first] <= 0.0).any():  # Two equal real poles.
+    moved: Array = poles + np.diag(E)
+    if (moved.imag[first] <= 0.0).any():  # Two equal real poles.
         return None
     try:
         W = np.linalg.inv(wide.astype(complex))
@@ -235,10 +235,15 @@ def diagonalized(system: Lti) -> ModalSystem | None:
     reads, acts = np.linalg.norm(C, axis=0), np.linalg.norm(B, axis=1)
     with np.errstate(divide="ignore", invalid="ignore"):
         scale = np.where((reads > 0.0) & (acts > 0.0), np.sqrt(reads / acts), 1.0)
-    B, C = B * scale[:, None], C / scale
-    poles[first + 1], B[first + 1], C[:, first + 1] = poles[first].conj(), B[first].conj(), C[:, first].conj()
-    poles[single], B[single], C[:, single] = poles[single].real, B[single].real, C[:, single].real
-    return ModalSystem(poles, B, C, system.D)
+    rows: Array = B * scale[:, None]
+    columns: Array = C / scale
+    moved[first + 1], rows[first + 1], columns[:, first + 1] = (
+        moved[first].conj(),
+        rows[first].conj(),
+        columns[:, first].conj(),
+    )
+    moved[single], rows[single], columns[:, single] = moved[single].real, rows[single].real, columns[:, single].real
+    return ModalSystem(moved, rows, columns, system.D)
 
 
 def _residual(A: Array, V: Array, poles: Array) -> Array:
