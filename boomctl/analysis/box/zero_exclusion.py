@@ -16,8 +16,9 @@ eigenvectors follow the parameters to first order, so that the couplings are of 
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from itertools import product
-from math import comb
+from math import comb, prod
 
 import numpy as np
 from numpy.typing import NDArray
@@ -128,16 +129,27 @@ def value_at(terms: Terms, delta: Array) -> LoopPencil:
 
 def about(terms: Terms, middle: Array) -> dict[tuple[int, ...], LoopPencil]:
     """Return the same polynomial in the distances of the parameters from another middle."""
-    result: dict[tuple[int, ...], LoopPencil] = {}
-    for power, pencil in terms.items():
-        often = [power.count(i) for i in range(len(middle))]
-        for kept in product(*(range(count + 1) for count in often)):
-            share = float(np.prod([comb(n, k) * m ** (n - k) for n, k, m in zip(often, kept, middle, strict=True)]))
-            here = tuple(i for i, k in enumerate(kept) for _ in range(k))
-            if share or not here:
-                E, A = (result[here].E, result[here].A) if here in result else (0.0, 0.0)
-                result[here] = LoopPencil(E + share * pencil.E, A + share * pencil.A)
-    return result
+    kept, rows, columns, ways, left = _factors(tuple(terms), len(middle))
+    shares = np.zeros((len(kept), len(terms)))
+    shares[rows, columns] = ways * (middle**left).prod(axis=1)
+    E, A = (np.tensordot(shares, np.array([getattr(x, name) for x in terms.values()]), 1) for name in "EA")
+    return {power: LoopPencil(E[j], A[j]) for j, power in enumerate(kept) if not power or shares[j].any()}
+
+
+@lru_cache(maxsize=8)
+def _factors(
+    powers: tuple[tuple[int, ...], ...], size: int
+) -> tuple[list[tuple[int, ...]], Array, Array, Array, Array]:
+    """Return the products that shifted ones expand into; of each pair row, column, binomial coefficient and powers left."""
+    places: dict[tuple[int, ...], int] = {}
+    pairs, left = [], []
+    for column, power in enumerate(powers):
+        often = [power.count(i) for i in range(size)]
+        for here in product(*(range(count + 1) for count in often)):
+            row = places.setdefault(tuple(i for i, count in enumerate(here) for _ in range(count)), len(places))
+            pairs.append((row, column, prod(map(comb, often, here))))
+            left.append([n - count for n, count in zip(often, here, strict=True)])
+    return list(places), *np.array(pairs).T, np.array(left)
 
 
 def prove_cell(terms: Terms, cell: Cell, missed: Array | None = None) -> CellProof:
