@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from boomctl.analysis.box.level import DrivenLoops
 from boomctl.analysis.box.sampled_level import SampledLoops, sampled_loops
+from boomctl.analysis.box.zero_exclusion import Cell
 from boomctl.arrays import balance
 from boomctl.lti.system import of
 from tests.analysis.loop_cases import Walls
@@ -32,9 +33,13 @@ def cells_of(case):
     return loops.responses(), gain_at
 
 
+def whole_box(size):
+    return Cell(np.zeros(size), np.ones(size))
+
+
 def cut(box, rng, times):
     """Return cells of the box cut as a proof cuts them, and now and then anywhere."""
-    cells = box.start()
+    cells = box.start(whole_box(box.size))
     for _ in range(times):
         here = rng.random(len(cells)) < 0.5
         here[rng.integers(len(cells))] = True
@@ -90,7 +95,7 @@ def test_cells_cover_every_point_of_the_box_at_every_frequency(seed, parameters)
 def test_a_bound_of_a_small_cell_is_near_its_largest_gain():
     rng = np.random.default_rng(4)
     box, gain_at = cells_of(Walls(rng, 2))
-    cells = box.start()[:1]
+    cells = box.start(whole_box(box.size))[:1]
     for size, near in ((1e-2, 1e-2), (1e-3, 1e-4)):
         ends = np.zeros((1, 2, 3))
         ends[0, :, 0] = 1.3 * (1.0 - size), 1.3 * (1.0 + size)

@@ -1,6 +1,5 @@
 """Worst cases from both sides: bounds that nothing exceeds, near the worst that is found, and said where there are none."""
 
-import re
 import warnings
 
 import control
@@ -178,7 +177,7 @@ def test_a_hardly_damped_box_is_told_of_in_a_line():
     nothing = control.ss([], [], [], [[0.0]], inputs="y", outputs="u")
     found = bc.worst_case(family, nothing, "push", "z", rtol=1e-4)
     assert found.upper_bound == np.inf
-    assert re.search(r"about \de\+\d\d cells, more than max_cells = 60000", found.message)
+    assert "more than max_cells = 60000" in found.message
 
 
 @pytest.mark.slow

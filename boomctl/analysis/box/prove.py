@@ -3,8 +3,10 @@
 Cells of parameters (:mod:`boomctl.analysis.box.zero_exclusion`) see all frequencies at once, and bear many lightly damped
 poles; cells of parameters and frequencies (:mod:`boomctl.analysis.box.response_cells`) bear strongly coupled ones and many
 parameters.  Both show that no pole, or no singular value at the level, is on the axis anywhere in them.  A box is connected,
-so that the statement holds throughout if it does at one point.  Which way a loop is for shows soon: each tells from a taste
-how many cells it would take.
+so that the statement holds throughout if it does at one point.
+
+One rule: a cell of parameters is proved or halved.  At every third halving, and before it is given up, it is tried by cells
+of parameters and frequencies, as many as take as long as the cells of parameters since.
 """
 
 from collections.abc import Callable, Sequence
@@ -14,29 +16,17 @@ from typing import Protocol
 
 import numpy as np
 
-from boomctl.analysis.box.response_cells import ROUNDING, Frontier, ResponseCells
+from boomctl.analysis.box.response_cells import ROUNDING, ResponseCells
 from boomctl.analysis.box.zero_exclusion import Cell, CellProof, Terms, about, prove_pencil, value_at
 from boomctl.arrays import Array
-from boomctl.chebyshev import FEW_PARAMETERS
 from boomctl.progress import tell
 
 WORTH = 150  # cells of parameters and frequencies that take as long as one of parameters alone (measured: 100 to 300)
-# share of the cells allowed that either way tastes first, the dear ones before the cheap ones (measured)
-_TASTES = (0.1, 0.02)
 # Parameters up to which cells of parameters and frequencies are tried: what one costs grows with the square of their number,
 # and beyond some 16 it is that of a cell of parameters alone.
 _MOST_PARAMETERS = 16
-_ON = 2.0 / 3.0  # share of what waited that may wait after a taste if the dear ones are to go on at once (measured)
-_LITTLE = 1e-2  # share of a part that counts as some progress at least: nothing is told from less (a choice)
-_HOPELESS = 2.0  # times as many cheap cells as allowed: it is given up, for an estimate may be off by some (a choice)
-# cheap cells that take as long as a dear one, to tell which way ends sooner (measured: 17 to 60, and dear ones are rather
-# underestimated: the hardest come last)
-_RATE = 100.0
-_TURN = 0.25  # share of the cells allowed after which it is told anew which way ends sooner (a choice)
-_LOOKED_AT = 16  # cells left over, the hardest, in whose middles the statement is tried (a choice)
-# dear cells that the ways share at first, if more are allowed, and times as many whenever they come round again (choices:
-# a way that needs few is not kept waiting by the other)
-_FIRST, _LATER = 500, 8
+_HALVINGS = 3  # of a cell until those of frequencies are tried: of every eight cells one wastes them (measured: 1 to 4)
+_SHARE = 4  # times `WORTH` that are tried then: as long as the cells of parameters since take (measured: 1 to 4)
 
 
 class Part(Protocol):
@@ -138,8 +128,6 @@ class BoxProof:
         The middle of a cell of parameters that resisted.
     small : bool
         Whether that is as small as cells get.
-    needed : float
-        About how many cells of parameters and frequencies it would still take; infinite where it was not estimated.
     """
 
     proved: bool
@@ -148,34 +136,12 @@ class BoxProof:
     refuted: Array | None = None
     left: Array | None = None
     small: bool = False
-    needed: float = inf
 
     @property
     def method(self) -> str:
         """How many cells of which kind proved it; empty where it is not proved."""
         kinds = ((self.dear, "of parameters"), (self.cheap, "of parameters and frequencies"))
         return " and ".join(f"{count} {kind}" for count, kind in kinds if count) if self.proved else ""
-
-
-@dataclass(frozen=True)
-class _Cover:
-    """Cells of parameters that wait, how many were proved and tried, a refuting point met, whether the last is too small."""
-
-    waiting: tuple[Cell, ...]
-    proved: int = 0
-    tried: int = 0
-    refuted: Array | None = None
-    small: bool = False
-
-    @property
-    def left(self) -> float:
-        """Share of the part that waits."""
-        return float(sum(np.prod(cell.reach) for cell in self.waiting))
-
-    @property
-    def over(self) -> bool:
-        """Whether there is nothing to go on with."""
-        return not self.waiting or self.small or self.refuted is not None
 
 
 def prove_box(parts: Sequence[Part], statement: Statement, limit: float) -> BoxProof:
@@ -188,8 +154,7 @@ def prove_box(parts: Sequence[Part], statement: Statement, limit: float) -> BoxP
     statement : Statement
         What is to be proved.
     limit : float
-        Most cells of parameters in each part at a level, one at least; of those with frequencies there may be `WORTH` times
-        as many.
+        Most cells of parameters in each part at a level, one at least; none is smaller than that share of the part.
     """
     result = BoxProof(True)
     for part in parts:
@@ -201,88 +166,44 @@ def prove_box(parts: Sequence[Part], statement: Statement, limit: float) -> BoxP
 
 
 def _proved(part: Part, statement: Statement, limit: float) -> BoxProof:
-    """Prove a part: taste both ways, go on with the one that is to end sooner, told anew at each turn; shares grow."""
-    size = len(part.cell.middle)
-    few = size <= _MOST_PARAMETERS
-    dear_taste = _TASTES[0] * (1.0 if few else (FEW_PARAMETERS / size) ** 2)
-    cells, frontier, cheap = part.responses(), None, 0
-    cover, allowed = _Cover((Cell(np.zeros(size), np.ones(size)),)), min(limit, _FIRST)
-    while True:
-        # Dear ones tried, cheap ones: of many parameters these cost as much, and there would be far more of them.
-        most = max(1, int(2 * allowed)), max(1, int(WORTH * allowed)) if few else 0
-        start, began, before = cover.tried, cover.left, inf
-        cover = replace(cover, small=False)
-        while not cover.over and cover.left <= _ON * before and cover.tried - start < most[0]:
-            before = cover.left
-            cover = _covered(part, statement, cover, allowed, max(1, int(dear_taste * allowed)))
-        if cover.refuted is not None or not cover.waiting:
-            return BoxProof(not cover.waiting, cover.proved, cheap, cover.refuted)
-        frontier = cells.start(cover.waiting) if frontier is None else frontier
-        if few:
-            frontier, more = _responded(part, statement, cells, frontier, max(1, int(_TASTES[1] * most[1])))
-            cheap += more
-        tried = cover.tried - start
-        to_go = tried * cover.left / max(began - cover.left, _LITTLE)
-        needed = (cells.still_needed(frontier, statement.level()) if few else inf) if len(frontier) else 0.0
-        dear_left = 0 if cover.small or cover.left > began * (1.0 - _LITTLE) else most[0] - tried
-        cheap_left = 0 if needed > _HOPELESS * most[1] else most[1]
-        while len(frontier) and statement.level() < inf and (dear_left > 0 or cheap_left > 0):
-            if cheap_left > 0 and (dear_left <= 0 or needed < _RATE * to_go):
-                turn = min(cheap_left, max(1, int(_TURN * most[1])))
-                frontier, more = _responded(part, statement, cells, frontier, turn)
-                cheap, cheap_left = cheap + more, cheap_left - turn
-                needed = cells.still_needed(frontier, statement.level()) if len(frontier) and cheap_left > 0 else needed
-                cheap_left = 0 if needed > _HOPELESS * most[1] else cheap_left
-                continue
-            turn, before = min(dear_left, max(1, int(_TURN * most[0]))), cover.left
-            cover = _covered(part, statement, cover, allowed, turn)
-            if cover.refuted is not None or not cover.waiting:
-                return BoxProof(not cover.waiting, cover.proved, cheap, cover.refuted)
-            dear_left = 0 if cover.small else dear_left - turn
-            to_go = turn * cover.left / max(before - cover.left, _LITTLE)
-        if statement.level() == inf:
-            return BoxProof(False, cover.proved, cheap)
-        if not len(frontier):
-            return BoxProof(True, cover.proved, cheap)
-        middles = (part.cell.middle + part.cell.reach * middle for middle in frontier.middle[-_LOOKED_AT:])
-        refuted = next((middle for middle in middles if not statement.holds(middle)), None)
-        if refuted is not None or (allowed == limit and not statement.looser()):
-            last = cover.waiting[-1]
-            left = part.cell.middle + part.cell.reach * last.middle
-            return BoxProof(False, cover.proved, cheap, refuted, left, cover.small, needed)
-        allowed = min(limit, _FIRST if allowed == limit else _LATER * allowed)
-
-
-def _covered(part: Part, statement: Statement, cover: _Cover, allowed: float, tries: int) -> _Cover:
-    """Try so many more cells of parameters, none of them below the share of the part that one in so many would have."""
-    waiting, proved, tried, level = list(cover.waiting), cover.proved, 0, statement.level()
-    prove = part.prover(level)
-    while waiting and tried < tries and level < inf:
-        tell("cells of the box proved", proved)
-        cell, tried = waiting[-1], tried + 1
-        result = prove(cell)
-        if result.proved:
-            waiting, proved = waiting[:-1], proved + 1
-            continue
-        middle = part.cell.middle + part.cell.reach * cell.middle
-        if not statement.holds(middle):
-            return _Cover(tuple(waiting), proved, cover.tried + tried, middle)
-        if statement.level() > level:
-            level = statement.level()
-            prove = part.prover(level)
-        if cell.reach.max() < 1.0 / allowed:
-            return _Cover(tuple(waiting), proved, cover.tried + tried, small=True)
-        waiting = [*waiting[:-1], *cell.halves(result.axis)]
-    return _Cover(tuple(waiting), proved, cover.tried + tried)
-
-
-def _responded(
-    part: Part, statement: Statement, cells: ResponseCells, frontier: Frontier, limit: int
-) -> tuple[Frontier, int]:
-    """Go on with cells of parameters and frequencies."""
+    """Prove a part: cells that wait are proved in either way, or halved."""
+    size, responses = len(part.cell.middle), None
+    most = int(min(_SHARE, limit) * WORTH)
 
     def met(gain: float, point: Array) -> float:
         statement.met(gain, part.cell.middle + part.cell.reach * point)
         return statement.level()
 
-    return cells.prove(frontier, statement.level(), limit, met)
+    waiting, tried, dear, cheap = [Cell(np.zeros(size), np.ones(size))], 0, 0, 0
+    level = statement.level()
+    prove = part.prover(level)
+    while waiting:
+        tell("cells of the box proved", dear + cheap)
+        cell, tried = waiting.pop(), tried + 1
+        result = prove(cell)
+        if result.proved:
+            dear += 1
+            continue
+        middle = part.cell.middle + part.cell.reach * cell.middle
+        if not statement.holds(middle):
+            return BoxProof(False, dear, cheap, middle)
+        small = cell.reach.max() < 1.0 / limit
+        last = small or tried >= 2.0 * limit  # halves of halves: twice as many are tried as are proved
+        if size <= _MOST_PARAMETERS and (last or round(-np.log2(cell.reach.prod())) % _HALVINGS == _HALVINGS - 1):
+            responses = responses or part.responses()
+            left, count = responses.prove(responses.start(cell), statement.level(), most, met)
+            if statement.level() == inf:
+                return BoxProof(False, dear, cheap)
+            if not len(left):
+                cheap += count
+                continue
+        if not last:
+            waiting += cell.halves(result.axis)
+        elif statement.looser():
+            waiting, tried = [*waiting, cell], 0
+        else:
+            return BoxProof(False, dear, cheap, None, middle, small)
+        if statement.level() > level:
+            level = statement.level()
+            prove = part.prover(level)
+    return BoxProof(True, dear, cheap)

@@ -15,7 +15,7 @@ between two such surfaces that follow each other in the chain from zero to the l
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations_with_replacement
@@ -30,7 +30,6 @@ from boomctl.analysis.box.zero_exclusion import BELOW, TOP, Cell, evened
 from boomctl.arrays import Array, balance
 from boomctl.chebyshev import FEW_PARAMETERS
 from boomctl.lti.rounding import EPS
-from boomctl.progress import tell
 
 
 def _hull(count: int) -> Array:
@@ -56,8 +55,6 @@ _FIRST = 0.5  # share of the slowest pole at which the chain of frequencies begi
 _CORNERS = 6  # Variables of a larger box whose corners are combined: memory grows with three to their number.
 _HULLS = (_hull(5), _hull(3), _hull(2))  # of the frequency, of few parameters, of many: corners multiply (a choice)
 _FEW = 4  # variables, the frequency among them, that are few: 6 times 4 times 4 times 4 corners (a choice)
-_DESCENTS = 200  # by which it is estimated how many cells a proof takes: an order of magnitude (a choice)
-_DEEPEST = 60  # cuts of a descent at most: a millionth of a box in three parameters
 _BATCH = 2**18  # entries of the matrices handled at once: what stays in the cache (measured)
 
 
@@ -169,16 +166,15 @@ class ResponseCells:
         rounding = sizes[0], sizes[1], off
         return cls(powers, W @ stack(E) @ V, W @ stack(A) @ V, pushed, rates, C @ V, D, rounding, poles, size)
 
-    def start(self, boxes: Sequence[Cell] = ()) -> Frontier:
-        """Return parts of the box, by default the whole, over all frequencies."""
+    def start(self, box: Cell) -> Frontier:
+        """Return a part of the box over all frequencies."""
         low, high = _FIRST * float(np.abs(self.poles).min()), TOP * float(np.abs(self.poles).max())
         chain = np.concatenate([[0.0], np.geomspace(low, high, 2 + int(np.log2(high / low)))])
-        ends = np.zeros((len(chain), 2, 1 + self.size))
+        count = len(chain)
+        ends = np.zeros((count, 2, 1 + self.size))
         ends[:-1, 0, 0], ends[:-1, 1, 0], ends[-1, 1, 0] = chain[:-1], chain[1:], 1.0 / high
-        count = len(ends)
-        boxes = boxes or (Cell(np.zeros(self.size), np.ones(self.size)),)
-        middle, reach = (np.repeat([getattr(x, name) for x in boxes], count, axis=0) for name in ("middle", "reach"))
-        return Frontier(middle, reach, np.tile(ends, (len(boxes), 1, 1)), np.arange(len(middle)) % count == count - 1)
+        middle, reach = np.tile(box.middle, (count, 1)), np.tile(box.reach, (count, 1))
+        return Frontier(middle, reach, ends, np.arange(count) == count - 1)
 
     @cached_property
     def sizes(self) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
@@ -210,16 +206,14 @@ class ResponseCells:
         level : float
             The level.
         limit : int
-            Largest number of cells looked at.
+            Largest number of cells looked at; it is given up where more wait.
         seen : callable
             Is told the largest gain met among each batch's middles and the point; returns the level from there on, infinite
             where there is none.
         """
         tried, proved = 0, 0
-        while len(cells) and tried < limit and level < np.inf:
-            cut = max(0, len(cells) - min(self.batch, limit - tried))
-            here, cells = cells[cut:], cells[:cut]
-            tell("cells of the box proved", proved)
+        while len(cells) and tried + len(cells) <= limit and level < np.inf:
+            here, cells = cells[-self.batch :], cells[: -self.batch]
             bound, gain, axes, between = self.look(here)
             tried += len(here)
             worst = int(np.argmax(gain))
@@ -228,27 +222,6 @@ class ResponseCells:
             proved += int((~open_).sum())
             cells = cells.with_halves(here[open_], axes[open_], between[open_])
         return cells, proved
-
-    def still_needed(self, cells: Frontier, level: float) -> float:
-        """Return about how many cells a proof of what waits would take: by descents in which one of two halves is gone into.
-
-        A cell at which a descent ends after so many cuts stands for two to the power of these (Knuth 1975, Mathematics of
-        Computation 29).  The number is right on average; where few descents are long, it is too small.
-        """
-        rng = np.random.default_rng(3)
-        total, share, here = 0.0, len(cells) / _DESCENTS, cells[rng.integers(0, len(cells), _DESCENTS)]
-        for _ in range(_DEEPEST):
-            bound, _, axes, between = self.look(here)
-            open_ = ~(bound < level * _LEVEL)
-            total += share * float((~open_).sum())
-            here = here[open_]
-            if not len(here):
-                return total
-            share *= 2.0
-            both = here[:0].with_halves(here, axes[open_], between[open_])
-            count = len(here)
-            here = both[np.arange(count) + count * rng.integers(0, 2, count)]
-        return total + share * len(here)
 
 
 @dataclass(frozen=True)

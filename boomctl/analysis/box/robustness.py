@@ -9,7 +9,7 @@ import numpy as np
 
 from boomctl.analysis.box.loops import BoxLoops, checked_controller, joined_at
 from boomctl.analysis.box.points import listed_values, pattern_search
-from boomctl.analysis.box.prove import BoxProof, StablePart, Statement, prove_box
+from boomctl.analysis.box.prove import WORTH, BoxProof, StablePart, Statement, prove_box
 from boomctl.analysis.box.sampled_level import SampledLoops, sampled_loops
 from boomctl.arrays import Array
 from boomctl.checks import positive, whole
@@ -17,7 +17,7 @@ from boomctl.lti.controllers.scheduled import ScheduledController
 from boomctl.lti.system import Lti, of, rates_of
 from boomctl.printing import count, sentence
 from boomctl.progress import Listener, computing, tell
-from boomctl.structure.families import Family
+from boomctl.structure.families import Family, PolynomialFamily, Slope
 from boomctl.threads import one_blas_thread
 
 if TYPE_CHECKING:
@@ -27,8 +27,7 @@ if TYPE_CHECKING:
 
 _CELLS = 500  # most cells of a proof (a choice of patience: seconds to a minute)
 _MARGIN_CELLS = 100  # most cells of each of the proofs of a margin (a choice)
-_PROOFS = 12  # at most, of a margin
-_FINER = 0.1  # share of the tolerance to which the factor of known instability is narrowed down, before proofs begin
+_PROOFS = 24  # at most, of a margin: enough for bounds 1e-5 apart (a choice)
 
 
 @dataclass(frozen=True)
@@ -144,11 +143,6 @@ class RobustStabilityMargin:
         return f"{proved}; unstable at {self.upper_bound:.4g} times: {listed_values(self.destabilizing_values)}"
 
 
-def _most_unstable(loops: BoxLoops, factor: float) -> tuple[Array, float]:
-    """Return the point of the box with the largest real part of a pole, by corners, faces and a pattern search."""
-    return pattern_search(loops.abscissa, loops.family.nparameters, factor)[:2]
-
-
 @one_blas_thread
 def robust_stability(
     family: Family,
@@ -222,7 +216,9 @@ def robust_stability(
     if additive_uncertainty is not None:
         of(additive_uncertainty, "additive_uncertainty", "StateSpace")
         if K is None:
-            raise ValueError("additive_uncertainty: expected none beside a controller that follows a parameter")
+            raise ValueError(
+                "`additive_uncertainty` must be None beside a controller that follows a parameter, got a bound."
+            )
     if K is not None and K.dt != 0.0:
         loops = _Sampled(family, K, late, sampled_loops(family, K, (), (), late))
     else:
@@ -250,14 +246,15 @@ def robust_stability(
             return alone
         from boomctl.analysis.box.unmodelled import small_gain  # which brings worst cases
 
-        gain, at, proof, refused = small_gain(family, K, additive_uncertainty, delay, limit)
+        around = small_gain(family, K, additive_uncertainty, delay, WORTH * limit)
+    gain, below = around.lower_bound, around.upper_bound < 1.0
     if gain >= 1.0:
-        reason = f"gain {gain:.4g} around what is not modeled at {listed_values(family.denormalize(at))}"
+        reason = f"gain {gain:.4g} around what is not modeled at {listed_values(around.worst_values)}"
     else:
-        reason = "" if proof.proved else refused or f"gain not proved below one with max_cells = {limit}"
-    cells += proof.dear + proof.cheap
-    method = f"{alone.method}; {proof.method} with what is not modeled" if proof.proved else ""
-    return replace(alone, proved=proof.proved, cells=cells, message=reason, method=method, small_gain=gain)
+        reason = "" if below else f"gain around what is not modeled: {around.message}"
+    method = f"{alone.method}; {around.method} with what is not modeled" if below else ""
+    cells += around.cells
+    return replace(alone, proved=below, cells=cells, message=reason, method=method, small_gain=gain)
 
 
 @dataclass(frozen=True)
@@ -306,7 +303,7 @@ def robust_stability_margin(
 ) -> RobustStabilityMargin:
     """Return how many times the box may grow about its middle before the loop ``u = K y`` becomes unstable.
 
-    It is found by bisection: from above by unstable points, from below by proof.
+    It is found by bisection over :func:`robust_stability` of the enlarged box.
 
     Parameters
     ----------
@@ -341,37 +338,33 @@ def robust_stability_margin(
     (2.8, 2.9)
     """
     top, close, limit = positive("max_factor", max_factor), positive("rtol", rtol), whole("max_cells", max_cells)
-    loops = BoxLoops.of(family, controller)
-    if not loops.at(np.zeros(family.nparameters)).stable:
-        return RobustStabilityMargin(0.0, 0.0, family.denormalize(np.zeros(family.nparameters)))
+    middle = np.zeros(family.nparameters)
+    if not BoxLoops.of(family, controller).stable(middle):
+        return RobustStabilityMargin(0.0, 0.0, family.denormalize(middle))
+    # factors up to which it is proved, from which on it is not, at which no instability was found, and at which one was
+    good, ceiling, calm, bad, where, tried = 0.0, top, 0.0, inf, None, top
     with computing("structured margin", progress):
-        tell("unstable points")
-        bad, where = _unstable_factor(loops, top, close)
-        good, ceiling = 0.0, min(bad, top)
-        tried = ceiling * (1.0 - 0.5 * close) if bad < inf else ceiling
         for _ in range(_PROOFS):
-            result = prove_box(loops.parts(tried), Statement.stable(loops.stable), limit)
-            if result.refuted is not None:
-                bad, where = float(np.abs(result.refuted).max()), result.refuted
-            good, ceiling = (tried, ceiling) if result.proved else (good, tried)
-            if good >= ceiling * (1.0 - close):
+            found = robust_stability(_enlarged(family, tried), controller, limit)
+            if found.destabilizing_values is None:
+                calm = max(calm, tried)
+            else:
+                where = found.destabilizing_values
+                bad = float(np.abs(family.normalize(where)).max())
+            good, ceiling = (tried, ceiling) if found.proved else (good, min(ceiling, tried, bad))
+            unproved, unknown = ceiling - good, bad - calm if bad < inf else 0.0
+            if max(unproved, unknown) <= 0.5 * close * ceiling:
                 break
-            tried = 0.5 * (good + ceiling)
-    return RobustStabilityMargin(good, bad, None if where is None else family.denormalize(where))
+            tried = good + 0.5 * unproved if unproved >= unknown else calm + 0.5 * unknown
+    return RobustStabilityMargin(good, bad, where)
 
 
-def _unstable_factor(loops: BoxLoops, top: float, close: float) -> tuple[float, Array | None]:
-    """Return the smallest factor found at which a point of the box is unstable."""
-    where, _ = _most_unstable(loops, top)
-    if loops.at(where).stable:
-        return inf, None
-    good, bad = 0.0, float(np.abs(where).max())
-    while bad - good > _FINER * close * bad:
-        middle = 0.5 * (good + bad)
-        along = where * middle / np.abs(where).max()
-        unstable = next((at for at in (_most_unstable(loops, middle)[0], along) if not loops.at(at).stable), None)
-        if unstable is None:
-            good = middle
-        else:
-            bad, where = min(middle, float(np.abs(unstable).max())), unstable
-    return bad, where
+def _enlarged(family: Family, factor: float) -> Family:
+    """Return a family over its box enlarged by a factor about its middle."""
+    middle, reach = 0.5 * (family.low + family.high), 0.5 * factor * (family.high - family.low)
+    changes = tuple(
+        (power, Slope(*(factor ** len(power) * getattr(change, letter) for letter in "MCKBL")))
+        for power, change in family._terms
+    )
+    free = tuple(family.nominal.coordinates[i] for i in family._unfelt)
+    return PolynomialFamily(family.names, middle - reach, middle + reach, family.nominal, changes, free)

@@ -326,5 +326,4 @@ def _bounded(
         return delta, level, result, ""
     if result.refuted is not None or level == inf:
         return (delta if result.refuted is None else result.refuted), inf, result, _LOST
-    about = f"about {result.needed:.0e} cells, more than" if limit < result.needed < inf else "more than"
-    return delta, inf, result, f"it would take {about} max_cells = {limit} at {level:.5g}"
+    return delta, inf, result, f"it would take more than max_cells = {limit} at {level:.5g}"
