@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from boomctl import gain_schedule
 from boomctl.analysis import robust_stability, robust_stability_margin, worst_case
 from boomctl.analysis.box.loops import BoxLoops
 from boomctl.analysis.loops import feedback_loop
@@ -123,14 +124,14 @@ def loop_with_filtered_accelerations(rng):
     return boom_family(subsystem="yaw", accelerometer_bandwidth_hz=20.0), K
 
 
-def loop_with_changing_sensors(rng):
+def loop_with_changing_sensors(rng, read=("y0", "y1")):
     """Return a loop with a parameter that changes springs, what the forces act on and what the outputs read at once."""
     base, stiff, lines, pushes = chain(int(rng.integers(1000))), *(rng.uniform(0.0, 1.0, (4, 2)) for _ in range(3))
 
     def make(v):
         K = base.K + 0.3 * v["k"] * stiff @ stiff.T
         forces = {f"u{i}": base.ports.B[0][:, 2 * i] + 0.2 * v["b"] * pushes[:, i] for i in range(2)}
-        outputs = {f"y{i}": base.ports.L[0][2 * i] + 0.2 * v["k"] * lines[:, i] for i in range(2)}
+        outputs = {name: base.ports.L[0][2 * i] + 0.2 * v["k"] * lines[:, i] for i, name in enumerate(read)}
         return SecondOrderModel(base.M, base.C, K, forces, outputs)
 
     return AffineFamily.from_function({"k": (-1.0, 1.0), "b": (-1.0, 1.0)}, make), velocity_feedback(0.1, 3.0)
@@ -150,6 +151,21 @@ def test_loops_of_a_box_have_poles_of_state_space(make, digits, seed):
         true = feedback_loop(family.at(delta), K, injection_points=K.output_labels).poles()
         assert len(mine) == len(true)
         assert (np.abs(mine[:, None] - true).min(axis=0) <= digits * np.abs(true)).all()
+
+
+def test_a_scheduled_loop_has_poles_of_the_loop_frozen_at_each_value():
+    """The parameter that the controller follows changes what the forces act on and what the outputs read, too."""
+    family, K = loop_with_changing_sensors(np.random.default_rng(0), ("k", "b"))
+    K = control.ss(K.A, K.B, K.C, K.D, inputs=["k", "b"], outputs=K.output_labels)
+    stronger = control.ss(K.A, K.B, 3.0 * K.C, 2.0 * K.D, inputs=K.input_labels, outputs=K.output_labels)
+    for signal in family.names:
+        loops = BoxLoops.of(family, gain_schedule([K, stronger], [-1.0, 1.0], signal))
+        for delta in np.random.default_rng(1).uniform(-1.0, 1.0, (3, 2)):
+            share = 0.5 * (1.0 + delta[family.names.index(signal)])
+            B, C, D = K.B, (1.0 + 2.0 * share) * K.C, (1.0 + share) * K.D
+            frozen = control.ss(K.A, B, C, D, inputs=K.input_labels, outputs=K.output_labels)
+            true = feedback_loop(family.at(delta), frozen, injection_points=K.output_labels).poles()
+            assert (np.abs(loops.at(delta).poles[:, None] - true).min(axis=0) <= 1e-7 * np.abs(true)).all()
 
 
 def test_feedthrough_that_controller_inverts_is_refused():

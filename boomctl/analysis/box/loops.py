@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from itertools import pairwise, product
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from boomctl.analysis.box.loop_pencil import LoopPencil, closed_pencil
+from boomctl.analysis.box.loop_pencil import LoopPencil
 from boomctl.analysis.box.prove import StablePart
 from boomctl.analysis.box.zero_exclusion import Cell, Terms, value_at
 from boomctl.analysis.loops import Loop, joined, signals_of
@@ -18,8 +18,8 @@ from boomctl.lti.controllers.scheduled import ScheduledController, frozen
 from boomctl.lti.sampled import time_of_loop
 from boomctl.lti.system import Lti, controller_of, lower_lft, of
 from boomctl.structure.families import Family
-from boomctl.structure.matrices import Structure
 from boomctl.structure.model import SecondOrderModel
+from boomctl.structure.ports import FILTER_DAMPING
 
 if TYPE_CHECKING:
     import control
@@ -189,49 +189,65 @@ def _combined(systems: tuple[Lti, Lti], shares: tuple[float, float]) -> Lti:
 
 
 def _terms(family: Family, K: Lti, slope: Lti | None, axis: int) -> Terms:
-    """Return the loop with ``K + delta slope``, ``delta`` that of one parameter, as a polynomial of the parameters."""
+    """Return the loop with ``K + delta slope``, ``delta`` that of one parameter, as a polynomial of the parameters.
+
+    States are coordinates, velocities, two of each output's filter, and those of the controller.
+
+    Raises
+    ------
+    ValueError
+        An input that imposes motion, or that an output feels at once.
+    """
     center = family.nominal.select(K.output_labels, K.input_labels)
     acting = [family.nominal.input_labels.index(name) for name in K.output_labels]
     read = [family.nominal.output_labels.index(name) for name in K.input_labels]
-    empty = np.zeros((center.ncoordinates, center.ncoordinates))
-    bare = Structure.of(empty, empty, empty, center.coordinates)
-    unforced, unread = np.zeros_like(center.ports.B), np.zeros_like(center.ports.L)
+    ports, n = center.ports, center.ncoordinates
+    for i, name in enumerate(K.output_labels):
+        late = [ports.B[1:, :, i], ports.E[:, :, i], *(change.B[1:, :, acting[i]] for _, change in family._terms)]
+        if ports.moved[i] or any(X.any() for X in late):
+            raise ValueError(
+                f"`controller` must drive forces, got {name!r}, an input that imposes motion or is felt at once."
+            )
+    filtered = [(o, b, 2 * (n + j)) for j, (o, b) in enumerate((o, b) for o, b in enumerate(ports.bandwidths) if b)]
+    size = 2 * n + 2 * len(filtered) + len(K.A)
+    places, speeds, own = slice(n), slice(n, 2 * n), slice(size - len(K.A), size)
+    result: dict[tuple[int, ...], LoopPencil] = {}
 
-    def pencil(B: Array, L: Array, structure: Structure = bare) -> LoopPencil:
-        return closed_pencil(SecondOrderModel.of(structure, replace(center.ports, B=B, L=L)), K)
+    def part(*powers: tuple[int, ...]) -> LoopPencil:
+        power = tuple(sorted(sum(powers, ())))
+        return result.setdefault(power, LoopPencil(np.zeros((size, size)), np.zeros((size, size))))
 
-    result: dict[tuple[int, ...], LoopPencil] = {(): closed_pencil(center, K)}
-
-    def add(power: tuple[int, ...], *parts: LoopPencil) -> None:
-        """Add one pencil less others."""
-        more = parts[0]
-        for part in parts[1:]:
-            more = LoopPencil(more.E - part.E, more.A - part.A)
-        before = result.get(power := tuple(sorted(power)))
-        result[power] = more if before is None else LoopPencil(before.E + more.E, before.A + more.A)
-
-    B0, L0, changes = center.ports.B, center.ports.L, family._terms
-    rest = pencil(unforced, unread)
-    columns = {power: change.B[:, :, acting] for power, change in changes if change.B[:, :, acting].any()}
-    lines = {power: change.L[:, read] for power, change in changes if change.L.any() and change.L[:, read].any()}
-    if slope is not None and (columns or lines):
-        raise ValueError(
-            "controller: expected no schedule over a family in which the controls act otherwise from point to point, or the"
-            " outputs read otherwise"
-        )
-    for power, change in changes:
-        B = columns.get(power, unforced)
-        moved = Structure.of(change.M, change.C, change.K, center.coordinates)
-        add(power, pencil(B, L0, moved), pencil(unforced, L0))
-        if power in lines:
-            add(power, pencil(B0, lines[power]), pencil(B0, unread))
-    for (p, B), (q, L) in product(columns.items(), lines.items()):  # what acts times what is read
-        both = pencil(B, L)
-        acted, seen = pencil(B, unread), pencil(unforced, L)
-        add((*p, *q), LoopPencil(both.E + rest.E, both.A + rest.A), acted, seen)
-    if slope is not None:
-        plain = SecondOrderModel.of(bare, center.ports)
-        add((axis,), closed_pencil(plain, slope), closed_pencil(plain, _combined((slope, slope), (1.0, -1.0))))
+    here = part(())
+    np.fill_diagonal(here.E, 1.0)
+    here.E[speeds, speeds], here.A[places, speeds] = 0.0, np.eye(n)
+    for _, b, first in filtered:
+        here.A[first, first + 1], here.A[first + 1, first] = 1.0, -(b**2)
+        here.A[first + 1, first + 1] = -2.0 * FILTER_DAMPING * b
+    for power, X in (((), center), *family._terms):
+        part(power).E[speeds, speeds] += X.M
+        part(power).A[speeds, places] -= X.K
+        part(power).A[speeds, speeds] -= X.C
+    columns = {(): ports.B[0]} | {power: X.B[0][:, acting] for power, X in family._terms if X.B[:, :, acting].any()}
+    lines = {(): ports.L} | {power: X.L[:, read] for power, X in family._terms if X.L.any()}
+    controllers = {(): K} if slope is None else {(): K, (axis,): slope}
+    for power, law in controllers.items():
+        part(power).A[own, own] += law.A
+        for p, B in columns.items():
+            part(power, p).A[speeds, own] += B @ law.C
+    for q, L in lines.items():
+        reading, rate = np.zeros((len(read), size)), np.zeros((len(read), size))
+        reading[:, places], reading[:, speeds], rate[:, speeds] = L
+        for o, b, first in filtered:
+            part(q).A[first + 1] += b**2 * reading[o]
+            part(q).E[first + 1] -= b**2 * rate[o]
+            reading[o], rate[o] = 0.0, 0.0
+            reading[o, first] = float(not q)
+        for power, law in controllers.items():
+            part(power, q).A[own] += law.B @ reading
+            part(power, q).E[own] -= law.B @ rate
+            for p, B in columns.items():
+                part(power, p, q).A[speeds] += B @ law.D @ reading
+                part(power, p, q).E[speeds] -= B @ law.D @ rate
     return without(result, family._unfelt)
 
 
