@@ -113,7 +113,7 @@ REFUSED = [
     ),
     (
         lambda: bc.robust_stability(family(), SLOW, delay=0.1),
-        r"delay = 0\.1: expected 0 with a controller in continuous",
+        r"`delay` must be 0 with a controller in continuous time, got 0\.1 s",
     ),
     (lambda: bc.robust_stability(family(), K, delay=1e4), "at most 1000 samples"),
     (

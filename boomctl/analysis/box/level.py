@@ -77,16 +77,14 @@ class DrivenLoops:
         asked = sorted({*rows, *judged})
         if any(change.L.any() and change.L[:, asked].any() for _, change in family._terms):
             raise ValueError(
-                "family: outputs that change with the parameters, of which sampled loops alone have a bound"
+                "`outputs` must not change with the parameters in continuous time; of sampled loops they may."
             )
         plain = [[o for o in group if ports.bandwidths[o] is None] for group in (rows, judged)]
         columns = (ports.B, *(change.B for _, change in family._terms))
         derived = [X[1 + k :, group] for k, group in ((1, plain[0]), (0, plain[1])) for X in (ports.L, ports.E)]
         late = (*(X[2] @ at_plant for X in columns), *(X[1:, :, controls] for X in columns))
         if any(X.any() for X in (*derived, *late)):
-            raise ValueError(
-                "family: expected outputs that are places, or accelerations behind a filter; measured ones may be speeds"
-            )
+            raise ValueError("`outputs` must be places, or accelerations behind a filter; measured ones may be speeds.")
         read, direct = np.zeros((len(center.output_labels), size)), ports.E[0] @ at_plant
         read[:, :n] = ports.L[0]
         unfiltered = np.array([b is None for b in ports.bandwidths])
@@ -111,28 +109,25 @@ class DrivenLoops:
         impulse, impulse_direct = K.D @ sped[rows], K.D @ sped_direct[rows]  # whose derivative it sends besides
         sent = [K.output_labels.index(name) for name in outputs if name not in center.output_labels]
         if impulse[sent].any() or impulse_direct[sent].any():
-            raise ValueError("controller: expected one that sends no speed on at once, where what it sends is judged")
+            raise ValueError("`controller` must send no speed on at once where what it sends is judged.")
         A[own, own] = K.A
         A[own] += K.B @ read[rows] + K.A @ K.B @ sped[rows]
         B[own] = K.B @ heard + K.A @ K.B @ sped_direct[rows]
-        E0 = np.eye(size)
-        E0[:n, :n] = center.M
-        A[:n, :n], A[:n, n : 2 * n] = -center.C, np.eye(n)
-        A[n : 2 * n, :n] = -center.K
-        A[n : 2 * n] += ports.B[0][:, controls] @ force
-        A[:n] += ports.B[0][:, controls] @ impulse
-        B[:n] = ports.B[1] @ at_plant + ports.B[0][:, controls] @ impulse_direct
-        B[n : 2 * n] = ports.B[0] @ at_plant + ports.B[0][:, controls] @ at_once
-        result: tuple[Polynomial, Polynomial, Polynomial] = {(): E0}, {(): A}, {(): B}
-        for power, change in family._terms:
-            e, a, b = np.zeros((size, size)), np.zeros((size, size)), np.zeros_like(B)
-            e[:n, :n], a[:n, :n], a[n : 2 * n, :n] = change.M, -change.C, -change.K
-            a[n : 2 * n] += change.B[0][:, controls] @ force
-            a[:n] += change.B[0][:, controls] @ impulse
-            b[:n] = change.B[1] @ at_plant + change.B[0][:, controls] @ impulse_direct
-            b[n : 2 * n] = change.B[0] @ at_plant + change.B[0][:, controls] @ at_once
+        E = np.diag(np.r_[np.zeros(n), np.ones(size - n)])
+        A[:n, n : 2 * n] = np.eye(n)
+        result: tuple[Polynomial, Polynomial, Polynomial] = {}, {}, {}
+        for power, X, (acting, pushing, _) in (
+            ((), center, ports.B),
+            *((power, change, change.B) for power, change in family._terms),
+        ):
+            e, a, b = (np.zeros_like(item) if power else item for item in (E, A, B))
+            e[:n, :n], a[:n, :n], a[n : 2 * n, :n] = X.M, -X.C, -X.K
+            a[n : 2 * n] += acting[:, controls] @ force
+            a[:n] += acting[:, controls] @ impulse
+            b[:n] = pushing @ at_plant + acting[:, controls] @ impulse_direct
+            b[n : 2 * n] = acting @ at_plant + acting[:, controls] @ at_once
             for total, item in zip(result, (e, a, b), strict=True):
-                if item.any():
+                if not power or item.any():
                     total[power] = item
         order = np.argsort([name not in center.output_labels for name in outputs], kind="stable").argsort()
         whole = Cell(np.zeros(family.nparameters), np.ones(family.nparameters))

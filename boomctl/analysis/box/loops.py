@@ -74,14 +74,14 @@ class BoxLoops:
             K = of(controller_at(family, controller, np.zeros(family.nparameters)), any_time=True)
             if K.dt != 0.0:
                 raise ValueError(
-                    f"controller: expected continuous time, got a sampling time of {exactly(K.dt)} s; of sampled loops "
-                    "boomctl.robust_stability and boomctl.worst_case have proofs"
+                    f"`controller` must be in continuous time, got a sampling time of {exactly(K.dt)} s. Of sampled loops "
+                    "boomctl.robust_stability and boomctl.worst_case have proofs."
                 )
             signals_of(K, family.nominal.input_labels, family.nominal.output_labels)
             family, K = without_feedthrough(family, K)
             return cls(family, 0, (Stretch(-np.inf, np.inf, _terms(family, K, None, 0)),))
         if controller.dt != 0.0:
-            raise ValueError(f"controller: expected continuous time, got a sampling time of {controller.dt:g} s")
+            raise ValueError(f"`controller` must be in continuous time, got a sampling time of {controller.dt:g} s.")
         known("parameter that the controller follows", controller.signal, family.names)
         signals_of(controller.systems[0], family.nominal.input_labels, family.nominal.output_labels)
         axis = family.names.index(controller.signal)
@@ -138,7 +138,7 @@ def checked_controller(
         signals_of(K, family.nominal.input_labels, family.nominal.output_labels)
         time_of_loop(Lti(K.A, K.B, K.C, K.D), K, late)  # what a delay may be
     elif late:
-        raise ValueError(f"delay = {exactly(delay)}: expected 0 with a controller in continuous time")
+        raise ValueError(f"`delay` must be 0 with a controller in continuous time, got {exactly(delay)} s.")
     return K, late
 
 

@@ -171,7 +171,7 @@ def robust_stability(
         does not cover a changing one.
     max_cells : int
         Largest number of cells of a part of the box, of which most boxes are one; after so many neither stability nor
-        instability is claimed.  Of those of parameters and frequencies, which are smaller, there may be 150 times as many.
+        instability is claimed.  Of those of parameters and frequencies, which are smaller, some 150 times as many are tried.
     delay : float, optional
         Time between a sample and the moment its control acts [s]; only with a discrete controller.
     additive_uncertainty : control.StateSpace, optional
@@ -251,7 +251,7 @@ def robust_stability(
     if gain >= 1.0:
         reason = f"gain {gain:.4g} around what is not modeled at {listed_values(around.worst_values)}"
     else:
-        reason = "" if below else f"gain around what is not modeled: {around.message}"
+        reason = "" if below else f"gain around what is not modeled not proved below one; worst_case: {around.message}"
     method = f"{alone.method}; {around.method} with what is not modeled" if below else ""
     cells += around.cells
     return replace(alone, proved=below, cells=cells, message=reason, method=method, small_gain=gain)

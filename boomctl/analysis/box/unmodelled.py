@@ -27,7 +27,7 @@ from boomctl.analysis.norm import matrices_norm
 from boomctl.arrays import Array, balance
 from boomctl.checks import known
 from boomctl.lti.hold import zero_order_hold
-from boomctl.lti.rounding import ALIKE, SOLVED
+from boomctl.lti.rounding import ALIKE, ROOT, SOLVED
 from boomctl.lti.system import Lti, of, series
 from boomctl.structure.families import Family, PolynomialFamily, Slope
 from boomctl.structure.model import SecondOrderModel
@@ -72,9 +72,9 @@ def small_gain(family: Family, K: Lti, unmodelled: control.StateSpace, delay: fl
         )
 
     found = worst(None)
-    if not 0.0 < found.lower_bound < 1.0:
+    if found.lower_bound >= 1.0 - ROOT:
         return found
-    return worst(min((1.0 - ALIKE) / found.lower_bound - 1.0, 1.0))
+    return worst((1.0 - ALIKE) / max(found.lower_bound, 0.5) - 1.0)  # a level of one, or twice the largest gain found
 
 
 def _bounds(K: Lti, unmodelled: control.StateSpace) -> list[Lti]:

@@ -133,7 +133,7 @@ def worst_case(
 
     From below, the box's middle, faces and corners are tried, then the neighborhood of the worst of them, and the middles of
     cells that resist a proof.  From above, the box is cut until in each cell no singular value can reach the level: cells of
-    parameters first, and what they leave in smaller ones of parameters and frequencies (:mod:`boomctl.analysis.box.prove`).
+    parameters, and at every third halving smaller ones of parameters and frequencies (:mod:`boomctl.analysis.box.prove`).
     A bound proves besides that the loop is stable over the box.
 
     A discrete controller makes sampled loops, as :func:`boomctl.feedback_loop` has them: disturbances are held from sample to
@@ -156,8 +156,8 @@ def worst_case(
         How far the bound may lie above the worst point found, relative.  Where that would take too many cells, ten and a
         hundred times as much is tried.  None: no bound is asked for.
     max_cells : int
-        Largest number of cells of parameters and frequencies tried at one level in a part of the box, of which most boxes
-        are one; of parameters alone, which take longer, are at most one in 150 of it.
+        About the largest number of cells of parameters and frequencies tried at one level in a part of the box, of which
+        most boxes are one; of parameters alone, which take longer, are at most one in 150 of it.
     delay : float, optional
         Time between a sample and the moment its control acts [s]; only with a discrete controller.
     injection_points : str or sequence of str, optional
@@ -192,7 +192,7 @@ def worst_case(
     limit = whole("max_cells", max_cells)
     wanted = None if rtol is None else positive("rtol", rtol)
     if wanted is not None and wanted > _LARGEST:
-        raise ValueError(f"rtol = {wanted:g}: expected at most {_LARGEST:g}")
+        raise ValueError(f"`rtol` must be at most {_LARGEST:g}, got {wanted:g}.")
     known("norm", norm, NAMES)
     K, late = checked_controller(family, controller, delay)
     if K is None or K.dt == 0.0:
