@@ -9,7 +9,7 @@ units do not count.  With one entry the condition is necessary, too.
 Of a sampled loop ``D`` is met through the hold and at the samples: its response is a sum of aliases, ``sum_k D(j w_k) h_k``
 with ``w_k = w + 2 pi k/dt``.  The squares of the hold's ``|h_k|`` add up to one, so that the response is below
 ``(sum_k |W(j w_k)|^2)^(1/2)`` (Cauchy & Schwarz): the spectrum at the samples of white noise filtered by ``W``.  That is
-within a tenth of the least bound for a ``W`` that falls below half the sampling rate, and up to five times it for one beyond.
+within a tenth of the least bound where ``W`` falls below half the sampling rate; what folds from beyond counts undamped.
 """
 
 from __future__ import annotations
