@@ -151,7 +151,7 @@ compared = bc.compare_sigma({"passive": yaw, **loops}, inputs=disturbance, outpu
 ax = compared.plot()
 curves = compared.curves
 for name, curve in curves.items():
-    print(f"{name:10} certified peak {curve.peak:7.2f}")
+    print(f"{name:10} verified peak {curve.peak:7.2f}")
 ax.set(xlim=(0.03, 10), ylim=(1e-2, 4e3), title="Yaw: platform to tip")
 
 assert curves["H-infinity"].certified

@@ -67,7 +67,7 @@ def test_the_examples_of_a_page_run(name, blocks, tmp_path, monkeypatch):
             exec(compile(block, name, "exec"), names)
     plt.close("all")
     results = [value for value in names.values() if hasattr(value, "certificate")]
-    assert all(getattr(value.certificate, "certified", True) for value in results)
+    assert all(getattr(value.certificate, "verified", True) for value in results)
     assert set(names) > {"__builtins__"}
 
 

@@ -140,6 +140,7 @@ def _reduced(
     """Return the reduction to an order, or of the lowest order within an error."""
     system, size = given if isinstance(given, Lti) else given._modal_form, _states(given)
     limits = None if band is None else _band_of_image(system, band)
+    tell("modal coordinates")
     parts = SystemParts.of(system, limits or (0.0, inf))
     reducer = METHODS[method](given, parts, limits)
     try:
