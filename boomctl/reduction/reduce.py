@@ -106,7 +106,7 @@ def reduce(
     >>> full = control.ss([[-1.0, 0.0], [0.0, -50.0]], [[1.0], [1.0]], [[1.0, 1.0]], 0.0, inputs="u", outputs="y")
     >>> smaller = bc.reduce(full, order=1)
     >>> smaller.order, round(smaller.error_norm, 3)
-    (1, 0.018)
+    (1, 0.019)
     """
     given = system if isinstance(system, SecondOrderModel) else of(system, sampled=True)
     known("method", method, tuple(METHODS))
