@@ -22,7 +22,7 @@ from boomctl.analysis.claim import Claim
 from boomctl.analysis.crossings import real_crossings, unit_crossings
 from boomctl.analysis.further_delay import FurtherDelay
 from boomctl.analysis.loops import joined, sign_advice, signals_of, unsampled
-from boomctl.analysis.norm import NormBounds, lightest, matrices_norm, rounding_of
+from boomctl.analysis.norm import NormBounds, least_damped, matrices_norm, rounding_of
 from boomctl.arrays import Array
 from boomctl.checks import known, warn_user
 from boomctl.exceptions import MarginAccuracyWarning, MarginLossWarning
@@ -426,7 +426,7 @@ def _of_continuous(P: Lti, K: Lti) -> list[DiskMargin]:
 
 def _rounding(S: Lti) -> Array:
     """Return by how much rounding of the entries may change each signal's sensitivity at the least damped resonances."""
-    omega = np.append(0.0, lightest(S.rates[np.isfinite(S.rates)]))
+    omega = np.append(0.0, least_damped(S.rates))
     size = np.abs(S.response(omega, quiet=True).diagonal()).max(axis=0)
     off = [rounding_of(S.between([i], [i]), omega) for i in range(len(S.D))]
     return np.array(off) / np.maximum(size, 1.0)

@@ -46,7 +46,7 @@ if TYPE_CHECKING:
     from boomctl.structure.model import SecondOrderModel
 
 _ROUNDING = 1e2 * EPS  # Share of the norm of the Hamiltonian matrix by which its eigenvalues may be off the axis.
-_LIGHTEST = 10  # Resonances of least damping at which rounding of the response is estimated.
+_LEAST_DAMPED = 10  # Poles at which rounding of the response is estimated.
 # Times the change that rounding of the entries makes of the poles: nearer to the boundary of stability, exact arithmetic
 # decides on which side they lie.
 _NEAR = 100.0
@@ -94,9 +94,10 @@ class NormBounds:
     kind : str
         "hinf", the largest singular value over frequency, or "h2", the RMS of the outputs to white noise.
     verified : bool
-        Whether an independent numerical method confirms that the bounds agree to one part in 1e5, or the norm is infinite.
+        Whether an independent numerical method confirms both bounds, or that the norm is infinite.  The bounds of a norm then
+        agree to one part in 1e5, those of a reduction error to one in a hundred.
     certified : bool
-        Whether both bounds are proved and agree to one part in 1e5.  A proof may run when this is first read.
+        Whether both bounds are proved.  A proof may run when this is first read.
     """
 
     lower_bound: float
@@ -149,9 +150,9 @@ class NormBounds:
 
     @cached_property
     def certified(self) -> bool:
-        """Whether both bounds are proved and agree to one part in 1e5.  A proof may run when this is first read."""
+        """Whether both bounds are proved.  A proof may run when this is first read."""
         if not self.verified or self._proved:
-            return self._proved
+            return self.verified
         from boomctl.analysis.prove import is_proved
 
         return is_proved(self.__claims__())
@@ -221,7 +222,7 @@ def matrices_norm(given: System, response: Response | None = None, bounded: Boun
     if upper < inf and peak >= _TINY:
         lower = max(peak - rounding_of(given, _finite(omega)), 0.0)
         return NormBounds(lower, upper, omega, IN_MODES, verified=True, _proved=True, _given=given)
-    seen = _finite(omega) if bounded.doubt <= _DOUBT * peak else np.append(_finite(omega), lightest(system.rates))
+    seen = _finite(omega) if bounded.doubt <= _DOUBT * peak else np.append(_finite(omega), least_damped(system.rates))
     rounding = rounding_of(given, seen)
     lower = max(peak - rounding, 0.0)
     if not hidden and rounding <= LEVEL * peak and peak >= _TINY:
@@ -485,25 +486,16 @@ def _at_level(system: Lti, level: float, least: float = inf) -> tuple[Array, Arr
     return up * B, C / up, system.D / level
 
 
-def circle_pencil(A: Array, B: Array, C: Array, D: Array) -> tuple[Array, Array]:
-    """Return ``L, R``, affine in ``A`` and ``B``: ``z L - R`` is singular on the circle where a singular value is one."""
-    n, m = B.shape
-    left, right = np.zeros((2 * n + m, 2 * n + m)), np.zeros((2 * n + m, 2 * n + m))
-    left[:n, :n], left[n : 2 * n, n : 2 * n], left[2 * n :, n : 2 * n] = np.eye(n), A.T, B.T
-    right[:n, :n], right[:n, 2 * n :] = A, B
-    right[n : 2 * n, :n], right[n : 2 * n, n : 2 * n], right[n : 2 * n, 2 * n :] = -C.T @ C, np.eye(n), -C.T @ D
-    right[2 * n :, :n], right[2 * n :, 2 * n :] = -D.T @ C, np.eye(m) - D.T @ D
-    return left, right
-
-
 def _finite(omega: float) -> Array:
     return np.array([omega if isfinite(omega) else 0.0])
 
 
-def lightest(rates: Array) -> Array:
-    """Return the frequencies of the resonances of least damping, of poles as rates [rad/s]."""
-    poles = rates[rates.imag > 0.0]
-    return poles[np.argsort(np.abs(poles.real) / np.abs(poles))[:_LIGHTEST]].imag
+def least_damped(rates: Array, band: tuple[float, float] = (0.0, inf)) -> Array:
+    """Return the frequencies of the poles of least damping, of poles as rates, within a band, all [rad/s]."""
+    poles = rates[np.isfinite(rates) & (rates.imag >= 0.0)]
+    size = np.abs(poles)
+    omega = np.where(poles.imag > 0.0, poles.imag, size)[np.argsort(np.abs(poles.real) / np.maximum(size, TINY))]
+    return omega[(omega >= band[0]) & (omega <= band[1])][:_LEAST_DAMPED]
 
 
 def rounding_of(given: System, omega: Array, doubt: float = 0.0) -> float:

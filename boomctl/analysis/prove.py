@@ -103,8 +103,6 @@ def is_proved(claims: Iterable[Claim]) -> bool:
 
 
 def _proof(claims: list[Claim], limit: float) -> Proof:
-    from boomctl.lti.proof import Exact
-
     spent, sure, said, bits = 0.0, bool(claims), [], 0
     for claim in claims:
         given = claim.system if claim.controller is None else ClosedLoop(claim.system, claim.controller)

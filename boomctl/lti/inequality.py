@@ -208,7 +208,8 @@ class Inequality:
                 raise UndecidedError
             total = self.C * moved * self.C.transpose() + self.D * self.D.transpose()
             result.append(sum((total[i, i] for i in range(total.nrows())), arb(0)).sqrt())
-        return float(result[0].lower()), float(result[1].upper())
+        low, high = float(result[0].lower()), float(result[1].upper())
+        return float(np.nextafter(low, 0.0)), float(np.nextafter(high, inf))  # Of conversions to floats.
 
 
 def _coordinates(system: Lti, peak: float) -> tuple[Array, Array]:

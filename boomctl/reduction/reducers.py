@@ -27,7 +27,9 @@ from boomctl.structure.response.modal_form import elastic
 from boomctl.structure.response.poles import undamped_modes
 from boomctl.structure.response.realization import realize
 
-MINIMAL = 1e-10  # share of the largest Hankel singular value up to which a state does nothing but add rounding
+# Share of the largest Hankel singular value up to which a state adds nothing but rounding (measured: of a ladder of 100
+# states a tenth of it leaves reduced systems that are not stable).
+MINIMAL = 1e-10
 _SEEN = 1e-6  # share of its inputs and outputs that a band may miss of a system (a choice)
 _CENTER = 0.01  # least low end of a band, relative to its high end, of which the middle is taken (a choice)
 _SAME = 1e-6  # relative difference up to which Markov parameters are the same, those of a double integrator included

@@ -1,4 +1,4 @@
-"""What is reduced of a system, and how the error of a reduction is verified: by a level that it reaches at no frequency."""
+"""Split a system into the part that is reduced and the rest, and verify the error of a reduction by a level above it."""
 
 from dataclasses import dataclass, replace
 from math import inf
@@ -12,6 +12,7 @@ from boomctl.analysis.norm import (
     UNSTABLE,
     NormBounds,
     exact_norm,
+    least_damped,
     level_norm,
     peak_by_modes,
     rounding_of,
@@ -21,7 +22,7 @@ from boomctl.exceptions import ReductionError
 from boomctl.lti.bilinear import continuous_image, discrete_image, image_of_omega, omega_of_image
 from boomctl.lti.frequency import Response, largest_of, singular_values, triangular
 from boomctl.lti.modal import ModalSystem, diagonalized, partial_fractions, side_of_axis, spectral_parts
-from boomctl.lti.rounding import DIGIT, EXACT_STATES, TINY
+from boomctl.lti.rounding import DIGIT, EXACT_STATES
 from boomctl.lti.system import Lti
 
 Band = tuple[float, float]
@@ -35,7 +36,8 @@ _SLACK = 1e-3  # Share by which an error may exceed its a priori bound, for roun
 # Gramians, which keep the square root of rounding.
 GRAMIANS = float(np.sqrt(DIGIT))
 _LOST = 1e-7  # Share of the largest response that modal coordinates may lose; otherwise the given ones are taken.
-_LIGHTEST = 10  # Poles of least damping at which rounding is estimated.
+# Times what the bilinear map is seen to change of a response at some frequencies, for what it changes between them.
+_BETWEEN = 2.0
 _LARGE = 100  # States beyond which a Schur form answers faster than solving (measured: ten times at 480).
 
 
@@ -119,10 +121,8 @@ def verified(parts: SystemParts, reduced: Lti, bound: float, band: Band | None) 
         and (rounding <= _ABOVE * norm.upper_bound or not own)
     ):
         exact = exact_norm(parts.given, norm.lower_bound, norm.peak_omega, reduced, band)
-        if exact.verified and own:
-            norm, rounding = exact, 0.0
-        elif exact.verified:  # What splitting the other part off may change is not in it.
-            norm = replace(exact, upper_bound=exact.upper_bound * (1.0 + _ABOVE))
+        if exact.verified:
+            norm, rounding = exact, 0.0 if own else rounding
     if norm.lower_bound > max(bound * (1.0 + _SLACK) + rounding, GRAMIANS * parts.largest):
         raise ReductionError(
             f"the error, {norm.lower_bound:.4g} at {norm.peak_omega:.4g} rad/s, exceeds its bound {bound:.4g}: the Gramians"
@@ -155,20 +155,22 @@ def error_norm(parts: SystemParts, reduced: Lti, band: Band | None) -> NormBound
     def respond(omega: Array) -> Array:
         return respond_full(omega) - reduced.response(omega, quiet=True)
 
-    if band is not None or parts.modal is None:
-        return level_norm(gap, respond, above=_ABOVE, band=(0.0, inf) if band is None else band)
-    modes, own = parts.modal, partial_fractions(reduced)
-    both = ModalSystem(
-        np.append(modes.poles, own.poles), np.vstack([modes.B, own.B]), np.hstack([modes.C, -own.C]), gap.D
-    )
-    peak, at, upper = peak_by_modes(both, respond, 0.0, largest_of(gap.D), _ABOVE)
-    if 0.0 < upper < inf:
-        return NormBounds(peak, upper, at, IN_MODES, verified=True)
-    result = level_norm(gap, respond, (peak, at), above=_ABOVE)
+    peak, limits = None, (0.0, inf) if band is None else band
+    if band is None and parts.modal is not None:
+        modes, own = parts.modal, partial_fractions(reduced)
+        both = ModalSystem(
+            np.append(modes.poles, own.poles), np.vstack([modes.B, own.B]), np.hstack([modes.C, -own.C]), gap.D
+        )
+        value, at, upper = peak_by_modes(both, respond, 0.0, largest_of(gap.D), _ABOVE)
+        if 0.0 < upper < inf:
+            return NormBounds(value, upper, at, IN_MODES, verified=True)
+        peak = value, at
+    result = level_norm(gap, respond, peak, above=_ABOVE, band=limits)
     if result.verified:
         return result
     coarse = max(_COARSE * result.lower_bound, GRAMIANS * parts.largest)  # Errors below are rounding.
-    return replace(level_norm(gap, respond, (coarse, at), above=_ABOVE), lower_bound=result.lower_bound)
+    looser = level_norm(gap, respond, (coarse, result.peak_omega), above=_ABOVE, band=limits)
+    return replace(looser, lower_bound=result.lower_bound)
 
 
 def on_circle(parts: SystemParts, image: Lti, result: Verified, band: Band | None) -> tuple[Lti, Verified]:
@@ -185,8 +187,7 @@ def on_circle(parts: SystemParts, image: Lti, result: Verified, band: Band | Non
     omega = omega_of_image(seen, dt)
     there = parts.whole.response(omega, quiet=True) - small.response(omega, quiet=True)
     before = continuous_image(parts.whole).response(seen, quiet=True) - image.response(seen, quiet=True)
-    # Twice, for what it is between these frequencies.
-    lost = 2.0 * float(singular_values(there - before)[0].max()) if there.size else 0.0
+    lost = _BETWEEN * float(singular_values(there - before)[0].max()) if there.size else 0.0
     norm = result.certificate
     clear = result.error - norm.upper_bound + lost <= _ABOVE * norm.upper_bound
     if not clear and not len(parts.kept.A) and len(parts.whole.A) + len(small.A) <= EXACT_STATES:
@@ -206,9 +207,5 @@ def difference(full: Lti, reduced: Lti) -> Lti:
 
 
 def _looked_at(system: Lti, band: Band = (0.0, inf)) -> Array:
-    """Return the frequencies of the poles of least damping in a band, and its ends [rad/s]; zero for an infinite one."""
-    poles = system.poles[system.poles.imag >= 0.0]
-    size = np.abs(poles)
-    omega = np.where(poles.imag > 0.0, poles.imag, size)[np.argsort(-poles.real / np.maximum(size, TINY))]
-    inside = omega[(omega >= band[0]) & (omega <= band[1])][:_LIGHTEST]
-    return np.unique(np.append(inside, [band[0], band[1] if band[1] < inf else 0.0]))
+    """Return the frequencies of the least damped poles in a band, and its ends [rad/s]; zero for an infinite one."""
+    return np.unique(np.append(least_damped(system.poles, band), [band[0], band[1] if band[1] < inf else 0.0]))

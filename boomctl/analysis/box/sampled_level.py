@@ -23,7 +23,6 @@ from boomctl.analysis.box.prove import with_rounding
 from boomctl.analysis.box.response_cells import Polynomial, ResponseCells
 from boomctl.analysis.box.zero_exclusion import Cell, CellProof, Terms, prove_pencil, value_at
 from boomctl.analysis.loops import joined
-from boomctl.analysis.norm import circle_pencil
 from boomctl.arrays import Array, balance
 from boomctl.chebyshev import FEW_PARAMETERS, Functions, fitted, points_along, tried_points
 from boomctl.lti.frequency import singular_values
@@ -152,7 +151,7 @@ class SampledLoops:
     def even(self, level: float) -> tuple[Terms, Array]:
         """Return the even pencil at a level, and by how much entries of both its matrices may be off.
 
-        The pencil ``z L - R`` (:func:`boomctl.analysis.norm.circle_pencil`) is affine in ``A`` and ``B``; with
+        The pencil ``z L - R`` (:func:`circle_pencil`) is affine in ``A`` and ``B``; with
         ``z = (1 + s)/(1 - s)`` it is ``s (L + R) - (R - L)``.
         """
         B_size, C_size = (float(np.linalg.norm(X)) for X in (self.B[()], self.C))
@@ -302,3 +301,14 @@ def _matrices(raw: Callable[[Array], Lti], cell: Cell) -> Functions:
 
 def _negligible(stacks: Mapping[str, Array]) -> dict[str, float]:
     return {letter: SOLVED * float(np.abs(stack).max(initial=0.0)) for letter, stack in stacks.items()}
+
+
+def circle_pencil(A: Array, B: Array, C: Array, D: Array) -> tuple[Array, Array]:
+    """Return ``L, R``, affine in ``A`` and ``B``: ``z L - R`` is singular on the circle where a singular value is one."""
+    n, m = B.shape
+    left, right = np.zeros((2 * n + m, 2 * n + m)), np.zeros((2 * n + m, 2 * n + m))
+    left[:n, :n], left[n : 2 * n, n : 2 * n], left[2 * n :, n : 2 * n] = np.eye(n), A.T, B.T
+    right[:n, :n], right[:n, 2 * n :] = A, B
+    right[n : 2 * n, :n], right[n : 2 * n, n : 2 * n], right[n : 2 * n, 2 * n :] = -C.T @ C, np.eye(n), -C.T @ D
+    right[2 * n :, :n], right[2 * n :, 2 * n :] = -D.T @ C, np.eye(m) - D.T @ D
+    return left, right

@@ -86,7 +86,7 @@ def _bounds(K: Lti, unmodelled: control.StateSpace) -> list[Lti]:
         ("output", K.input_labels, W.output_labels),
     ):
         for name in wanted:
-            known(f"{what} of unmodelled (the controller has it)", name, there)
+            known(f"{what} of additive_uncertainty (the controller has it)", name, there)
     if (W.poles.real >= 0.0).any():
         raise ValueError(
             f"`additive_uncertainty` must be stable, got a pole with real part {W.poles.real.max():.4g} rad/s."
