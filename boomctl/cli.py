@@ -132,7 +132,7 @@ def _write(report: "Report", folder: Path) -> None:
 
 
 def sigma(asked: Namespace) -> dict[str, Any]:
-    """Compute the boom's singular values from platform actuators to tips, with a certified peak."""
+    """Compute the boom's singular values from platform actuators to tips, with a verified peak."""
     if asked.out is not None and asked.out.suffix not in (".png", ".svg"):
         raise ValueError(f"--out {asked.out}: expected a name that ends in .png or .svg")
     if asked.out is not None and asked.out.is_dir():

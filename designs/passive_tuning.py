@@ -1,4 +1,4 @@
-"""Passive tuning: springs, cradle damper and hinge damper that make the certified peak from platform to tips least.
+"""Passive tuning: springs, cradle damper and hinge damper that make the verified peak from platform to tips least.
 
 By symmetry the peak is the larger of two: that of the jolt depends on spring and cradle damper, that of the yaw on spring
 and hinge damper; each is tuned for itself, spring by spring. The peak falls with the spring's stiffness all the way, for
@@ -21,7 +21,7 @@ ELEMENTS = 10
 
 
 def peaks(p: bc.BoomParameters) -> tuple[float, float]:
-    """Return the certified peaks of jolt and yaw."""
+    """Return the verified peaks of jolt and yaw."""
     jolt, yaw = bc.split_symmetric(bc.spray_boom(p, elements=ELEMENTS))
     found = [bc.sigma(half, inputs=f"actuator_{s}", outputs=f"tip_{s}") for half, s in ((jolt, "sym"), (yaw, "anti"))]
     return found[0].peak, found[1].peak

@@ -44,7 +44,7 @@ def weighted(plant, side):
 
 
 def half_design(model, side):
-    """Design the controller of a subsystem; return it with the certified norms of its loops."""
+    """Design the controller of a subsystem; return it with the verified norms of its loops."""
     scales, name = {f"{stem}_{side}": size for stem, size in SCALES.items()}, NAMES[side]
     plant = bc.scale_signals(model, scales)
     sampled = bc.analysis.sample_plant(plant, SAMPLE_TIME, f"suspension_{side}", delay=DELAY)
@@ -59,7 +59,7 @@ def half_design(model, side):
         f"{name}: verified gamma": synthesis.certificate.summary,
         f"{name}: proved in ball arithmetic": bc.prove(synthesis).claim,
         f"{name}: smaller controller": f"{smaller.order} of {synthesis.controller.nstates} states, gamma {smaller.gamma:.4g}",
-        f"{name}: whole mesh": f"stable at the samples, certified norm {mesh.lower_bound:.4g} with {sampled.nstates} states",
+        f"{name}: whole mesh": f"stable at the samples, verified norm {mesh.lower_bound:.4g} with {sampled.nstates} states",
         f"{name}: between samples": f"from the track behind its filter to weighted tip and stroke a gain of "
         f"{between.lower_bound:.4g} is reached, and none above {between.upper_bound:.6g}",
     }

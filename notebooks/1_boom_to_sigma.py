@@ -145,7 +145,7 @@ plt.show()
 G = boom.to_statespace(["actuator_left", "actuator_right"], ["tip_left", "tip_right"])
 on_grid = np.max(np.abs(control.singular_values_response(G).frdata))
 print(
-    f"largest value on the default grid {on_grid:.0f}, certified peak {s.peak:.0f}: {s.peak / on_grid:.1f} times larger"
+    f"largest value on the default grid {on_grid:.0f}, verified peak {s.peak:.0f}: {s.peak / on_grid:.1f} times larger"
 )
 
 # %% [markdown]

@@ -174,7 +174,7 @@ for name in (before, after):
 plt.show()
 
 # %% [markdown]
-# **Seen:** a damper in the hinge brings the certified peak from 2459.9 down to 48.8, and the CV only from 3.14 to
+# **Seen:** a damper in the hinge brings the verified peak from 2459.9 down to 48.8, and the CV only from 3.14 to
 # 2.77 %. A stronger damper in the cradle brings it to 2.72 %. Both together give 2.29 %, with less stroke.
 #
 # ## The trade-off

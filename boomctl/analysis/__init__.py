@@ -1,4 +1,4 @@
-"""Frequency-domain analysis of any linear system: singular values, certified norms, modes, margins, robustness."""
+"""Frequency-domain analysis of any linear system: singular values, verified norms, modes, margins, robustness."""
 
 from boomctl.lazy import loader
 

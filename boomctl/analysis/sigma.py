@@ -239,7 +239,7 @@ def sigma(
         values = _finite(asked, given.singular_values(asked))
         return SigmaResult(asked, values, chosen.input_labels, chosen.output_labels, given, unit, _unit_of(chosen))
     with computing("singular values"):
-        tell("certified peak")
+        tell("verified peak")
         certificate = given.norm()
         tell("resonances")
         grid = drawn_grid(given.resonances(), [certificate.peak_omega])

@@ -10,12 +10,12 @@ if TYPE_CHECKING:
     from boomctl.analysis.measured import MeasuredFrequencyResponse
     from boomctl.analysis.sigma import SigmaComparison, SigmaResult
 
-_PEAK = "certified peak"
+_PEAK = "verified peak"
 _SIZE = (6.4, 4.2)  # in: a column and a half of a paper
 
 
 def plot_sigma(result: "SigmaResult", ax: Any = None, *, frequency_unit: str | None = None, **style: Any) -> Any:
-    """Draw singular values over frequency, both axes logarithmic, and mark a certified peak.
+    """Draw singular values over frequency, both axes logarithmic, and mark a verified peak.
 
     Of an unstable system, which answers no sine so, the curves are dotted and the picture says why.
 

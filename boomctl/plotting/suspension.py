@@ -55,7 +55,7 @@ def draw_suspension_sigma(
                 ax.loglog(exact.omega / (2 * np.pi), line, ".", label=label, **dots)
         ax.set_xlim(0.03, 20.0)
         ax.set_ylim(1e-3, max((1.6 * item.peak for item in (passive, active) if np.isfinite(item.peak)), default=None))
-        ax.set_title("Platform to tips; circles: certified peaks")
+        ax.set_title("Platform to tips; circles: verified peaks")
         ax.legend(loc="lower left")
     return figure
 

@@ -1,4 +1,4 @@
-"""A controller for a machine of one's own: certified peaks before and after, margins, stability over a family; a report."""
+"""A controller for a machine of one's own: verified peaks before and after, margins, stability over a family; a report."""
 
 from __future__ import annotations
 
@@ -136,7 +136,7 @@ class MachineResult(Evaluation):
     design : MachineDesign
         The design that was evaluated.
     before, after : SigmaResult
-        Singular values without and with the controller, with certified peaks.
+        Singular values without and with the controller, with verified peaks.
     margins : Margins or None
         Margins of the loop; None where it is unstable.
     stable : bool
@@ -160,7 +160,7 @@ class MachineResult(Evaluation):
     def verdict(self) -> str:
         """The result in a sentence."""
         peaks = [f"{s.peak:.4g}" if isfinite(s.peak) else "infinite" for s in (self.before, self.after)]
-        proof = "certified" if self.after.certified else "NOT certified"
+        proof = "verified" if self.after.verified else "NOT verified"
         held = "The loop is stable" if self.stable else "The loop is NOT stable"
         told = f"{held}; largest singular value from {peaks[0]} to {peaks[1]}, {proof}."
         if self.robust is None:

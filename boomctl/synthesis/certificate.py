@@ -71,7 +71,7 @@ class Design:
 
 @dataclass(frozen=True)
 class ChannelNorm:
-    """A certified norm of one channel of one loop.
+    """A verified norm of one channel of one loop.
 
     Attributes
     ----------

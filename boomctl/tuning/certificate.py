@@ -65,7 +65,7 @@ def edge_of(plant: GeneralizedPlant, loop: Lti) -> str:
 
 
 def channel_norm(loop: Lti, plant: GeneralizedPlant, K: Lti, channel: Channel) -> NormBounds:
-    """Return the certified norm of a channel of a loop."""
+    """Return the verified norm of a channel of a loop."""
     columns, rows = places(plant, channel)
     if channel.norm == "hinf":
         (p, m), system = loop.D.shape, plant.system

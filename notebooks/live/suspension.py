@@ -107,8 +107,8 @@ def _(SAMPLE_TIME, SCALES, bc, effort, motion, np, platform, small, sprayed, str
 def _(active, design, margins, mo, np, passive, passive_spray, run, seconds_design, seconds_machine, spray):
     _worth = {
         "verified norm of the loop": f"{design.gamma:.4g}",
-        "certified peak, passive": f"{passive.peak:.4g} m/m",
-        "certified peak, controlled": f"{active.peak:.4g} m/m",
+        "verified peak, passive": f"{passive.peak:.4g} m/m",
+        "verified peak, controlled": f"{active.peak:.4g} m/m",
         "disk margin, alpha": f"{margins.multiloop_input.alpha:.3g}",
         "deposit CV, passive": f"{100.0 * passive_spray.cv:.3g} %",
         "deposit CV, controlled": f"{100.0 * spray.cv:.3g} %",

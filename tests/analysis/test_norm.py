@@ -1,4 +1,4 @@
-"""Certified norms: against closed forms, against another solver, and never below an attained value."""
+"""Verified norms: against closed forms, against another solver, and never below an attained value."""
 
 import control
 import numpy as np

@@ -131,7 +131,7 @@ REFUSED = [
     (lambda: sampled_data_norm(sample_plant(PLANT, 0.1), K), "continuous time"),
     (lambda: sampled_data_norm(PLANT, K, "y"), "unknown disturbance"),
     (lambda: sample_plant(PLANT, 1e-3, delay=2.0), "at most 1000 samples"),
-    (lambda: unmodelled(siso(outputs="x")), r"unknown output of unmodelled \(the controller has it\) 'y'"),
+    (lambda: unmodelled(siso(outputs="x")), r"unknown output of additive_uncertainty \(the controller has it\) 'y'"),
     (lambda: unmodelled(siso(1.0)), "`additive_uncertainty` must be stable, got a pole"),
     (lambda: unmodelled(DISCRETE), "additive_uncertainty: expected continuous time"),
     (

@@ -275,7 +275,7 @@ def test_compare_sigma_grid_resolves_peaks_of_all_systems():
     with pytest.raises(TypeError, match=r"systems\['mine'\]: .*expected SecondOrderModel"):
         bc.compare_sigma({"mine": 3.0})
     ax = bc.compare_sigma({"slow": slow, "fast": fast}).plot(Figure().subplots())
-    assert [text.get_text() for text in ax.get_legend().get_texts()] == ["slow", "fast", "certified peak"]
+    assert [text.get_text() for text in ax.get_legend().get_texts()] == ["slow", "fast", "verified peak"]
 
 
 def test_an_unstable_system_says_so_in_a_comparison_too():

@@ -18,7 +18,7 @@ from boomctl.structure.model import SecondOrderModel
 from tests.stress.cases import EPS, mass_on_spring, named, oscillator, over, over_each, repeated_pole
 from tests.stress.references import DIGITS, state_space_gain
 
-LIMITS = {"peak": 1.1e-5, "H2": 1.1e-6}  # what certified norms promise, with a tenth for their own rounding
+LIMITS = {"peak": 1.1e-5, "H2": 1.1e-6}  # what verified norms promise, with a tenth for their own rounding
 DAMPINGS = (1e-4, 0.0, 1e-12, 1e-10, 1e-8, 0.5, 1.0, 1.0 + 1e-8, 1e2, 1e6)  # relative, from none to overcritical
 norms = pytest.mark.parametrize("norm", LIMITS)
 

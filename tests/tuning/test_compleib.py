@@ -58,7 +58,7 @@ GOALS = (
     Goal("AC10", 0, 13.24, within=0.0),
     Goal("AC10", 1, None, published=10.21),
 )
-"""What is measured against a number; all other plants are asked for a certified norm."""
+"""What is measured against a number; all other plants are asked for a verified norm."""
 
 
 def closed(part, K):

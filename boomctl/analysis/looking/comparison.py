@@ -1,7 +1,7 @@
 """Several loops, designs or runs in one table and in one picture.
 
 What a result has to show beside others is what its method ``__figures__`` returns: numbers by name, units in brackets.  Of a
-linear system it is the certified peak, the H2 norm and the slowest pole.
+linear system it is the verified peak, the H2 norm and the slowest pole.
 """
 
 from __future__ import annotations
@@ -164,7 +164,7 @@ def compare(
     ----------
     results : mapping of str to system or result, or to a sequence of these
         By name: simulated loops (rms and peak of outputs and of controls), other runs, linear systems such as closed loops
-        (certified peak, H2 norm, slowest pole, least damping; of a boom model from platform actuators to tips), designs (of
+        (verified peak, H2 norm, slowest pole, least damping; of a boom model from platform actuators to tips), designs (of
         their closed loops, and the controller's states), margins, worst cases, sprays, slews, performances.  A sequence
         gives all figures of its members.
     omega : array_like, optional

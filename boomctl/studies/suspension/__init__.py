@@ -1,4 +1,4 @@
-"""Horizontal suspensions of the boom, judged: certified peaks, uncertainty, a run over the field, a report."""
+"""Horizontal suspensions of the boom, judged: verified peaks, uncertainty, a run over the field, a report."""
 
 from boomctl.lazy import loader
 

@@ -133,7 +133,7 @@ class SuspensionResult(Evaluation):
 
     @property
     def yaw_reduction_db(self) -> float:
-        """By how much the certified peak of the yaw comes down [dB]."""
+        """By how much the verified peak of the yaw comes down [dB]."""
         return 20.0 * log10(self.passive.yaw.lower_bound / self.active.yaw.lower_bound)
 
     @property
@@ -143,7 +143,7 @@ class SuspensionResult(Evaluation):
 
     @property
     def better(self) -> bool:
-        """Whether certified peak and deposit CV are below those of the passive boom, within the limits."""
+        """Whether verified peak and deposit CV are below those of the passive boom, within the limits."""
         lower = self.active.sigma.verified and self.active.sigma.peak < self.passive.sigma.peak
         return lower and self.active.spray.cv < self.passive.spray.cv and self.within_limits
 
@@ -233,7 +233,7 @@ class SuspensionResult(Evaluation):
             drawn = draw_weights(design.weights, np.geomspace(0.05, 500.0, 400))
             yield Section("Weights", pictures=(picture("weights", drawn, "Weights, in the units of the design."),))
         caption = (
-            "Singular values from platform actuators to tips; circles: certified peaks. Dots: the exact Euler-Bernoulli boom."
+            "Singular values from platform actuators to tips; circles: verified peaks. Dots: the exact Euler-Bernoulli boom."
             " Faint: other springs and boom masses of the box. A sampled loop is shown at its samples."
         )
         drawn = draw_suspension_sigma(before.sigma, after.sigma, titles, self.exact_sigma, self.family_sigma)

@@ -1,4 +1,4 @@
-"""What one suspension does: singular values with a certified peak, a run over the field, the spray it leaves."""
+"""What one suspension does: singular values with a verified peak, a run over the field, the spray it leaves."""
 
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -37,10 +37,10 @@ class Performance:
     title : str
         What the suspension is called.
     sigma : SigmaResult
-        Singular values from platform actuators to tips; the peak is certified.  With a discrete controller those at the
+        Singular values from platform actuators to tips; the peak is verified.  With a discrete controller those at the
         samples, of a platform that is held from one to the next.
     jolt, yaw : NormBounds
-        Certified peaks of the symmetric and the antisymmetric part.
+        Verified peaks of the symmetric and the antisymmetric part.
     run : LoopResult
         The run over the field, run-in, limits, sampling, delay and quantization included.
     spray, spray_by_jolt, spray_by_yaw : SprayResult
@@ -63,13 +63,13 @@ class Performance:
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        """The results for tables: certified peaks, spray, and from the largest stroke on the run."""
+        """The results for tables: verified peaks, spray, and from the largest stroke on the run."""
         spray, shares = self.spray, self.run.saturation_fraction
         force, rate = (f"{self.force:.1f}", f"{self.force_rate:.0f}") if shares else ("-", "-")
         return (
-            _peak("certified peak, platform to tips", self.sigma.certificate, "peak"),
-            _peak("certified peak of the yaw", self.yaw, "yaw_peak"),
-            _peak("certified peak of the jolt", self.jolt, "jolt_peak"),
+            _peak("verified peak, platform to tips", self.sigma.certificate, "peak"),
+            _peak("verified peak of the yaw", self.yaw, "yaw_peak"),
+            _peak("verified peak of the jolt", self.jolt, "jolt_peak"),
             _share("deposit CV [%]", spray.cv, "deposit_cv"),
             _share("share outside ±10 % [%]", spray.share_outside_10, "share_outside_10"),
             _share("share outside ±20 % [%]", spray.share_outside_20, "share_outside_20"),
@@ -165,7 +165,7 @@ def evaluate_suspension(
     Returns
     -------
     Performance
-        Certified peaks of the whole and of jolt and yaw alone, the run, and the spray.
+        Verified peaks of the whole and of jolt and yaw alone, the run, and the spray.
 
     Raises
     ------
@@ -177,7 +177,7 @@ def evaluate_suspension(
     >>> import boomctl as bc
     >>> field = bc.studies.FieldScenario(warmup_time=5.0, duration=10.0)
     >>> passive = bc.studies.evaluate_suspension("as published", field, bc.BoomParameters())
-    >>> round(float(passive.sigma.peak)), bool(passive.stroke < 0.05)  # certified peak; largest stroke [m]
+    >>> round(float(passive.sigma.peak)), bool(passive.stroke < 0.05)  # verified peak; largest stroke [m]
     (2458, True)
     """
     late = scenario.delay if delay is None else nonnegative("delay", delay)
@@ -264,6 +264,6 @@ def _loop_sigma(loop: control.StateSpace) -> SigmaResult:
 
 
 def _half_norm(loop: control.StateSpace, parity: float) -> NormBounds:
-    """Return the certified peak of the jolt, whose left side moves as the right one, or of the yaw, against it: -1."""
+    """Return the verified peak of the jolt, whose left side moves as the right one, or of the yaw, against it: -1."""
     half = np.sqrt(0.5) * np.array([parity, 1.0])
     return hinf_norm(control.ss(loop.A, loop.B @ half[:, None], half @ loop.C, half @ loop.D @ half[:, None], loop.dt))

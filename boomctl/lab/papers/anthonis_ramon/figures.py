@@ -41,7 +41,7 @@ _GEOMETRICAL = (
     " tried."
 )
 _FIGURE_3 = (
-    "Singular values from the two platform actuators to the two tips. Two certified peaks are marked: no singular value"
+    "Singular values from the two platform actuators to the two tips. Two verified peaks are marked: no singular value"
     " at any frequency exceeds them. The measured curve of the paper is not available in numbers; its eigenfrequencies"
     " are marked."
 )
