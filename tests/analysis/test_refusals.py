@@ -111,6 +111,7 @@ REFUSED = [
         lambda: bc.analysis.robust_stability_margin(family(), K),
         r"boomctl.robust_stability and boomctl.worst_case have proofs",
     ),
+    (lambda: bc.analysis.robust_stability_margin(0, K), "^family = 0: expected AffineFamily or PolynomialFamily"),
     (
         lambda: bc.robust_stability(family(), SLOW, delay=0.1),
         r"`delay` must be 0 with a controller in continuous time, got 0\.1 s",

@@ -338,8 +338,9 @@ def robust_stability_margin(
     (2.8, 2.9)
     """
     top, close, limit = positive("max_factor", max_factor), positive("rtol", rtol), whole("max_cells", max_cells)
+    loops = BoxLoops.of(family, controller)
     middle = np.zeros(family.nparameters)
-    if not BoxLoops.of(family, controller).stable(middle):
+    if not loops.stable(middle):
         return RobustStabilityMargin(0.0, 0.0, family.denormalize(middle))
     # factors up to which it is proved, from which on it is not, at which no instability was found, and at which one was
     good, ceiling, calm, bad, where, tried = 0.0, top, 0.0, inf, None, top
