@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache, partial
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, final
@@ -20,7 +20,7 @@ from boomctl.rotating_beam.exact.beam import GeometricallyExactBeam
 from boomctl.rotating_beam.modal import energy
 from boomctl.rotating_beam.modal.cfoam import cfoam
 from boomctl.rotating_beam.modal.equations import Equations, block_diagonal
-from boomctl.rotating_beam.modal.first_order import FirstOrderEquations, foam, sfoam, tlam
+from boomctl.rotating_beam.modal.first_order import FirstOrderEquations, foam, sfoam, tlam, without_axial_modes
 from boomctl.rotating_beam.modal.integrals import MassPoints, ModalIntegrals, mass_points, modal_integrals
 from boomctl.rotating_beam.modal.shapes import axial_modes, transverse_modes
 from boomctl.rotating_beam.motion.run import Scene, motion_of
@@ -67,6 +67,7 @@ class AssumedModesBeam(HubBeam):
     model: str
     modes: int
     selection: ModelChoice | None = field(default=None, compare=False)
+    _stretches: bool = True  # Whether axial modes move where the model has them.
 
     def __post_init__(self) -> None:
         if self.model not in ASSUMED_MODES:
@@ -84,23 +85,27 @@ class AssumedModesBeam(HubBeam):
 
     @cached_property
     def _points(self) -> MassPoints:
-        return mass_points(self.parameters, self.modes)
+        points = mass_points(self.parameters, self.modes)
+        return points if self._stretches else replace(points, f1=points.f1[:, :0])
 
     @cached_property
     def equations(self) -> Equations:
         """Equations of motion in closed form."""
         m = self._integrals
-        if self.model == "tlam":
-            return tlam(m)
-        if self.model == "foam":
-            return foam(m)
         if self.model == "cfoam":
             return cfoam(m, self._points, self.parameters.hub_inertia)
-        return sfoam(m, consistent=self.model == "sfoam-consistent")
+        if self.model in ("sfoam", "sfoam-consistent"):
+            return sfoam(m, consistent=self.model == "sfoam-consistent")
+        whole = tlam(m) if self.model == "tlam" else foam(m)
+        return whole if self._stretches else without_axial_modes(whole)
 
     @property
     def has_axial_modes(self) -> bool:
-        return self.model not in ("sfoam", "sfoam-consistent")
+        return self.model not in ("sfoam", "sfoam-consistent") and self._stretches
+
+    def _without_axial_modes(self) -> AssumedModesBeam:
+        """Return the model of a beam that does not stretch."""
+        return replace(self, _stretches=False) if self.has_axial_modes else self
 
     @property
     def state_labels(self) -> tuple[str, ...]:
@@ -258,7 +263,7 @@ class AssumedModesBeam(HubBeam):
         if self.model == "cfoam":
             kinetic = partial(energy.complete_energy, self._points, self.parameters.hub_inertia)
             return energy.Lagrangian(kinetic, stiffness, damping, self.equations.tip.transverse, True)
-        return _lagrangian(self.model, m, stiffness, damping, self.equations.tip.transverse)
+        return _lagrangian(self.model, m, stiffness, damping, self.equations.tip.transverse, axial)
 
     def to_casadi(self) -> casadi.Function:
         """Return the model as a CasADi function ``(x, torque) -> (xdot, y)``, derived from its energies.
@@ -413,10 +418,9 @@ def _part(equations: Equations, maneuver: Maneuver, timepts: Array, y: Array, ra
     return Dynamics(turning, torque, equations.inertia_torque(y, rate), total, momenta[:, 0], inertia.margin())
 
 
-def _lagrangian(model: str, integrals: Any, stiffness: Any, damping: Any, tip: Any) -> energy.Lagrangian:
+def _lagrangian(model: str, integrals: Any, stiffness: Any, damping: Any, tip: Any, axial: bool) -> energy.Lagrangian:
     """Energies of a first-order model, from numbers or symbols."""
-    axial, stiffening = not model.startswith("sfoam"), model != "tlam"
-    kinetic = partial(energy.first_order_energy, integrals, stiffening=stiffening, axial=axial)
+    kinetic = partial(energy.first_order_energy, integrals, stiffening=model != "tlam", axial=axial)
     return energy.Lagrangian(kinetic, stiffness, damping, tip, model != "sfoam")
 
 
@@ -425,4 +429,6 @@ def _equations(model: str, names: tuple[str, ...], places: tuple[Places, ...]) -
     """Equations of all beams with matrices that are filled at the same places."""
     vector, matrices = symbols(places)
     integrals = SimpleNamespace(**dict(zip(names, matrices, strict=False)))
-    return energy.state_function(_lagrangian(model, integrals, *matrices[len(names) :]), "equations", vector)
+    stiffness, damping, tip = matrices[len(names) :]
+    lagrangian = _lagrangian(model, integrals, stiffness, damping, tip, "M1" in names)
+    return energy.state_function(lagrangian, "equations", vector)

@@ -1,9 +1,7 @@
 """Equations of motion of a slew as CasADi functions, and one explicit step of them.
 
-A step takes the linear part by its exact flow, the remainder by a Runge-Kutta scheme. Lawson's (1967) takes the remainder
-into the frame that moves with the linear flow; it costs least where a step follows every mode. Krogstad's (2005) integrates
-a parabola through the remainder's values against the flow; it serves where modes that the torque does not move, the axial
-ones, turn many times in a step. Both are of fourth order. The implicit steps, by collocation, are in `nlp.transcription`.
+A step takes the linear part by its exact flow, the remainder by a Runge-Kutta scheme of fourth order in the frame that
+moves with that flow (Lawson 1967). The implicit steps, by collocation, are in `nlp.transcription`.
 """
 
 from functools import lru_cache
@@ -15,7 +13,6 @@ import numpy as np
 from numpy.polynomial.polynomial import polyder, polyval
 
 from boomctl.arrays import Array
-from boomctl.simulation.machine.exponential_step import krogstad, pushing, stumpff
 from boomctl.slew.plant import SlewPlant
 from boomctl.slew.torque import TorqueProfile, lines_between
 from boomctl.symbolic import Places, lifted, symbols
@@ -34,8 +31,6 @@ class Kind(NamedTuple):
     ----------
     n : int
         Number of states.
-    followed : bool
-        Whether the torque moves all modes.
     places : tuple of Places
         Of linear part and push; of a machine also of the changes of coordinates and of its frequencies.
     equations : casadi.Function or None
@@ -43,7 +38,6 @@ class Kind(NamedTuple):
     """
 
     n: int
-    followed: bool
     places: tuple[Places, ...]
     equations: ca.Function | None
 
@@ -63,7 +57,7 @@ def kind_of(plant: SlewPlant) -> tuple[Kind, Array]:
         equations, constants = plant.machine._casadi_equations()
         given += [plant.to_state, plant.from_state, plant.frequencies]
     places, own = lifted(given)
-    kind = Kind(plant.n, bool(plant.controllable.all()), places, equations)
+    kind = Kind(plant.n, places, equations)
     return _KIND_OF.setdefault(plant, (kind, np.concatenate([own, constants])))
 
 
@@ -182,7 +176,7 @@ def step_of(kind: Kind) -> ca.Function:
     """``(z, u0, u1, h, constants) -> z`` after a step h [s] on which the torque goes straight from u0 to u1."""
     z, u0, u1, h = ca.SX.sym("z", kind.n), ca.SX.sym("u0"), ca.SX.sym("u1"), ca.SX.sym("h")
     plant = _Symbols(kind)
-    scheme = _flow if kind.equations is None else _lawson if kind.followed else _krogstad
+    scheme = _flow if kind.equations is None else _lawson
     return ca.Function("step", [z, u0, u1, h, plant.constants], [scheme(plant, z, u0, (u1 - u0) / h, h)])
 
 
@@ -204,16 +198,6 @@ def _lawson(plant: _Symbols, z: ca.SX, u: ca.SX, slope: ca.SX, h: ca.SX) -> ca.S
     end = _flow(plant, drifted, middle, slope, 0.5 * h)
     k4 = changed(end + h * carried(k3), u + h * slope)
     return end + h / 6.0 * (carried(pushed + 2.0 * (k2 + k3)) + k4)
-
-
-def _krogstad(plant: _Symbols, z: ca.SX, u: ca.SX, slope: ca.SX, h: ca.SX) -> ca.SX:
-    """One step; the oscillators' motion under a remainder that is a power of time is exact."""
-    torques = u, u + 0.5 * h * slope, u + h * slope
-    half, whole = (
-        (_flow(plant, z, u, slope, part), pushing(stumpff(ca.densify(plant.frequencies * part) ** 2), part))
-        for part in (0.5 * h, h)
-    )
-    return krogstad(lambda at, stage: plant.remainder(at, torques[stage]), z, half, whole)
 
 
 def _flow(plant: _Symbols, z: ca.SX, u: ca.SX | None, slope: ca.SX | None, h: ca.SX) -> ca.SX:

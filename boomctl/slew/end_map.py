@@ -20,7 +20,6 @@ from boomctl.slew.torque import TorqueProfile
 STEP_SHARE = 0.5  # of the tolerance, for what half as long steps change; what remains is a sixteenth of it
 _AT_ONCE = 3 * 10**7  # instructions of CasADi between two looks at a deadline: a tenth of a second (a choice)
 MOST_STEPS = 20000  # of a motion: a safeguard, for rounding grows with them
-_FOLLOWED = 0.5  # steps a radian for a mode that the torque does not move: its own scheme is exact in the linear part
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,17 +165,8 @@ class EndMap:
 
     @cached_property
     def step_frequency(self) -> float:
-        """Frequency that steps are to turn by about one radian, rad/s.
-
-        That of the fastest mode that the torque moves; of the others the slowest is followed in steps of two.
-        """
-        fastest = 0.0
-        for plant in self.problem.plants:
-            moved = plant.controllable
-            fastest = max(fastest, float(np.abs(np.linalg.eigvals(plant.A[np.ix_(moved, moved)])).max()))
-            if plant.frequencies is not None and not moved.all():
-                fastest = max(fastest, _FOLLOWED * float(plant.frequencies[~moved[: plant.n // 2]].min()))
-        return fastest
+        """Frequency of the fastest mode, which steps turn by about one radian [rad/s]."""
+        return max(float(np.abs(np.linalg.eigvals(plant.A)).max()) for plant in self.problem.plants)
 
     def steps(self, sign: float, durations: Array, counts: Array) -> Steps:
         """Cut arcs into equal steps: the sign of the first torque, and of each arc its duration [s] and how many steps."""

@@ -73,6 +73,10 @@ class SlewMachine(Protocol):
         """The same model with its bending stiffness multiplied by a factor."""
         ...
 
+    def _without_axial_modes(self) -> SlewMachine:
+        """The same model of a beam that does not stretch."""
+        ...
+
     def with_model(self, model: str, modes: int | None = None) -> Any:
         """The same machine in another model."""
         ...

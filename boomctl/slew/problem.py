@@ -33,6 +33,10 @@ from boomctl.slew.deadline import SlewDeadline
 from boomctl.slew.objectives import OBJECTIVES
 from boomctl.slew.plant import LABELS, SlewPlant, is_machine, plant_of
 
+_RTOL, _RTOL_AXIAL = (
+    1e-6,
+    1e-4,
+)  # Errors of the end by default: of models with axial modes, the least that planning keeps.
 MESHES = (50, 100, 200, 400, 800)  # intervals tried, the coarsest and the finest a choice; each halves those before
 MESH_GAP = 1e-4  # relative change of the cost by a halved mesh that is accepted: what a user would see
 ROUNDS = 10  # solutions on a mesh at most, with a higher order or tighter limits each; a safeguard
@@ -220,7 +224,7 @@ def slew_problem(
     initial_state: ArrayLike | None = None,
     final_state: ArrayLike | None = None,
     tip_masses: tuple[float, ...] = (),
-    rtol: float = 1e-6,
+    rtol: float | None = None,
     intervals: int | None = None,
     deadline: SlewDeadline | None = None,
 ) -> SlewProblem:
@@ -252,13 +256,34 @@ def slew_problem(
         target=target,
         ends=ends,
         waits=waits,
-        rtol=positive("rtol", rtol),
+        rtol=(_RTOL_AXIAL if any(map(has_axial_modes, plants)) else _RTOL) if rtol is None else positive("rtol", rtol),
         intervals=None if intervals is None else whole("intervals", intervals, 4),
         tip_masses=masses,
         deadline=SlewDeadline() if deadline is None else deadline,
     )
     _refuse(problem)
     return problem
+
+
+def has_axial_modes(plant: SlewPlant) -> bool:
+    """Return whether a beam has modes that the torque does not move in the linear part."""
+    return not plant.controllable.all()
+
+
+def planned_problem(problem: SlewProblem) -> SlewProblem:
+    """Return the problem that is planned: of beams with axial modes, that of beams which do not stretch."""
+    if not any(map(has_axial_modes, problem.plants)):
+        return problem
+    machines = [plant.machine for plant in problem.plants if plant.machine is not None]
+    moved = np.concatenate([plant.controllable for plant in problem.plants])
+    return replace(
+        problem,
+        plants=tuple(plant_of(machine._without_axial_modes()) for machine in machines),
+        start=problem.start[moved],
+        target=problem.target[moved],
+        ends=problem.ends[:, moved],
+        rtol=min(problem.rtol, _RTOL),
+    )
 
 
 def changed(problem: SlewProblem, angle: float | None, torque_limit: float | None) -> SlewProblem:

@@ -98,7 +98,7 @@ def test_out_of_time_the_best_verified_slew_is_returned(late):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("objective", "limit"), [("tip", 1.0), ("tip", 10.0), ("time", 4.0), ("time", 10.0)])
+@pytest.mark.parametrize(("objective", "limit"), [("tip", 1.0), ("tip", 6.0), ("time", 1.0), ("time", 4.0)])
 def test_optimal_slew_ends_near_time_limit(objective, limit, monkeypatch):
     """In processor time, which other processes do not take; IPOPT's own limit is of wall time, which is not less."""
     beam, duration = bc.hub_beam(model="cfoam", modes=3), None if objective == "time" else 3.0
@@ -149,7 +149,7 @@ def test_the_end_error_is_of_all_coordinates(torque, tip_mass):
     assert left > 1e-3
     assert found.terminal_error >= 0.3 * left
     assert found.certificate.terminal_error == found.terminal_error
-    assert found.certificate.prescribed_terminal_error <= 1e-6
+    assert found.certificate.prescribed_terminal_error <= 1e-4
     assert max(found.certificate.free_terminal_errors.values()) == found.terminal_error
     assert "without axial motion" in repr(found)
 

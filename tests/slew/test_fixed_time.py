@@ -207,7 +207,7 @@ _SLOW = pytest.mark.slow
         (LIMIT, ANGLE, None, {}, {}),
         (145.0, ANGLE, None, {}, {}),
         (2000.0, 3.0, {"tip_mass": 0.5}, {}, {}),  # the tip goes out to nearly half of the length
-        pytest.param(145.0, ANGLE, {"model": "foam"}, {}, {}, marks=_SLOW),
+        pytest.param(145.0, ANGLE, {"model": "sfoam-consistent"}, {}, {}, marks=_SLOW),
         (LIMIT, ANGLE, {}, {"speed": 0.66}, {}),
         (LIMIT, ANGLE, None, {"speed": 0.66, "tip": 0.84}, {}),
         pytest.param(LIMIT, ANGLE, {}, {"tip": 0.8}, {}, marks=_SLOW),

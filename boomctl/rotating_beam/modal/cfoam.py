@@ -7,7 +7,7 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.rotating_beam.modal.equations import Equations, Inertia, Tangents, Tip
-from boomctl.rotating_beam.modal.first_order import foam
+from boomctl.rotating_beam.modal.first_order import foam, without_axial_modes
 from boomctl.rotating_beam.modal.integrals import MassPoints, ModalIntegrals
 
 
@@ -124,8 +124,9 @@ class CompleteEquations(Equations):
         result = np.zeros((force.shape[0], self.size, self.size))
         result[:, 0, 1:] = np.einsum("kpi,kp->ki", moving.J[:, 0, :, 1:], force[:, 1])
         result[:, 0, 1:] -= np.einsum("kpi,kp->ki", moving.J[:, 1, :, 1:], force[:, 0])
-        flat = self.points.S.reshape(force.shape[2], n * n)
-        result[:, n + 1 :, n + 1 :] = -(force[:, 0] @ flat).reshape(-1, n, n)
+        transverse = self.points.f2.shape[1]
+        flat = self.points.S.reshape(force.shape[2], transverse**2)
+        result[:, n + 1 :, n + 1 :] = -(force[:, 0] @ flat).reshape(-1, transverse, transverse)
         return result
 
 
@@ -136,11 +137,13 @@ def cfoam(integrals: ModalIntegrals, points: MassPoints, hub_inertia: float) -> 
     ----------
     integrals : ModalIntegrals
     points : MassPoints
-        Of the same parameters and number of modes.
+        Of the same parameters and number of modes; without axial ones the beam does not stretch.
     hub_inertia : float
         J_h, kg m^2.
     """
     linear = foam(integrals)
+    if not points.f1.size:
+        linear = without_axial_modes(linear)
     return CompleteEquations(hub_inertia, points, linear.M, linear.C, linear.K, linear.tip)
 
 

@@ -191,20 +191,20 @@ def sfoam(integrals: ModalIntegrals, *, consistent: bool = False) -> FirstOrderE
     consistent : bool
         Keep ``Q_theta`` of Eq. (32), which Eq. (40) leaves out: energy and angular momentum are then conserved.
     """
-    m = integrals
-    zero = np.zeros_like(m.M2)
-    return FirstOrderEquations(
-        rigid_inertia=m.inertia,
-        M=m.M2,
-        N=m.M2 - m.D,
-        B=zero,
-        C=m.C2,
-        K=m.K2,
-        V=np.zeros_like(m.V2),
-        W=m.V2,
-        keeps_inertia_torque=consistent,
+    return replace(without_axial_modes(foam(integrals)), keeps_inertia_torque=consistent)
+
+
+def without_axial_modes(equations: FirstOrderEquations) -> FirstOrderEquations:
+    """Return the equations of a beam that does not stretch: those of the transverse coordinates, which are the last half."""
+    n = len(equations.M) // 2
+    tip = equations.tip
+    return replace(
+        equations,
+        **{name: getattr(equations, name)[n:, n:] for name in "MNBCK"},
+        V=equations.V[n:],
+        W=equations.W[n:],
         has_axial=False,
-        tip=Tip(transverse=m.tip2, axial=np.zeros_like(m.tip2), shortening=m.S_tip),
+        tip=Tip(transverse=tip.transverse[n:], axial=tip.axial[n:], shortening=tip.shortening[n:, n:]),
     )
 
 

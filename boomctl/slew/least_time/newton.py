@@ -2,8 +2,8 @@
 
 ``min sum d_i`` such that the end conditions hold, with the durations d_i of the arcs as only unknowns. Its multipliers give
 the costate; carried back along the motion it gives the switching function, whose sign must be the torque's. Where it is
-not, the torque has too few arcs: linear programmes along the motion then tell how many there are. Smaller problems with the
-same slew, or nearly, come first: its first half, and beams without modes that no torque moves.
+not, the torque has too few arcs: linear programmes along the motion then tell how many there are. Of a slew whose second half
+mirrors the first, only that is sought.
 """
 
 from dataclasses import dataclass, field, replace
@@ -15,8 +15,8 @@ from boomctl.lti.rounding import ALIKE, SUMMED
 from boomctl.slew.dynamics import kind_of, rates_of
 from boomctl.slew.end_map import MOST_STEPS, STEP_SHARE, EndMap, end_map
 from boomctl.slew.least_time.arc_count import ArcOverflowError, counted
-from boomctl.slew.plant import SlewPlant, plant_of
-from boomctl.slew.problem import SlewProblem, end_conditions
+from boomctl.slew.plant import SlewPlant
+from boomctl.slew.problem import SlewProblem
 from boomctl.slew.torque import TorqueProfile, bang_bang, held
 
 _GRIDS = (200, 600, 1800)  # intervals on which arcs are counted, the next where the switching function is still wrong
@@ -28,15 +28,12 @@ _EMPTY = 3e-6  # share of the duration below which an arc is left out; _NOTHING 
 _NOTHING = 1e-11  # share of the duration that is rounding
 _FOURTH_ORDER = 15.0  # 2^4 - 1: halved steps change the end by so many times what they leave in error
 _CHORDS = 6  # corrections with derivatives of coarser steps at most: with more Newton's method is as fast
-_FINER = 2  # times the usual steps for durations taken over from the beam without axial modes; a choice
 _SERVES = 0.2  # shrinking of the moves by which a Hessian that is kept still serves
 _SETTLED = 1e-11  # scaled defect of the end, and move over the duration, at which durations are exact: rounding
-_FLAT = 1e-12  # share of the duration that other durations may promise; _ROUGH with axial vibration
-_ROUGH = 1e-8  # axial vibration ripples second derivatives: no smaller promise is met
+_FLAT = 1e-12  # share of the duration that other durations may promise
 _ENOUGH = 0.1  # of the tolerance, for what a switching function of the wrong sign promises
 _POSITIVE, _ROOM = 0.8, 0.1  # share of an arc that a move may take away; share of the duration that it may change
 _CURVED = 1e-8  # least curvature over the largest: keeps flat directions finite
-_WITHOUT_AXIAL = "sfoam-consistent"  # the model in which axial motion follows the transverse at once
 _PROBES = 3  # random states at which the equations are mirrored: one would do but for chance
 
 
@@ -96,26 +93,25 @@ class _Arcs:
 def least_time_arcs(problem: SlewProblem, first: TorqueProfile) -> ArcSlew | None:
     """Lead a bang-bang torque to the end in least time; None if none is found; raise where motions overflow.
 
-    Beams with axial modes start from the answer without them, which serves as it is where it is accurate enough. Where the
-    second half of the slew mirrors the first, only that is sought.
+    Where the second half of the slew mirrors the first, only that is sought.
     """
-    smaller = without_axial_modes(problem)
-    near = None if smaller is None else least_time_arcs(smaller, first)
-    stages: tuple[str, ...] = ()
-    if near is not None:
-        first, stages = near.history, ("started from the beam without axial modes", *near.stages)
-    half = halved(problem)  # none of a beam with axial modes
+    half = halved(problem)
     ends = end_map(half or problem, first)
-    if near is not None:
-        result = _refined(ends, _weighed(ends, _Arcs.of(first), _FINER), finer=_FINER, exact=False)
-        if result is not None and result.gain < problem.rtol:
-            return replace(result, stages=(*stages, "durations led to the end, not to the least sum"))
     arcs, counting = _with_right_signs(ends, first_half(first) if half else first)
     answer = None if arcs is None else _refined(ends, arcs)
     if answer is None:
         return None
-    history, stages = (doubled(answer.history), (*stages, "first half")) if half else (answer.history, stages)
-    return replace(answer, history=history, stages=(*stages, *counting))
+    if half:
+        return replace(answer, history=doubled(answer.history), stages=("first half", *counting))
+    return replace(answer, stages=counting)
+
+
+def led_to_end(ends: EndMap, history: TorqueProfile, defect: Array) -> TorqueProfile | None:
+    """Change the durations of a torque's arcs by what removes a defect of the scaled end; None if an arc would vanish."""
+    arcs = _Arcs.of(history)
+    steps = ends.steps(arcs.sign, arcs.durations, _counts(ends, arcs.durations))
+    d = arcs.durations - np.linalg.lstsq(ends.sensitivity(steps).by_duration, defect, rcond=None)[0]
+    return replace(arcs, durations=d).history(ends.problem.limits.torque) if d.min() > _shortest(ends, d) else None
 
 
 def _with_right_signs(ends: EndMap, start: TorqueProfile) -> tuple[_Arcs | None, tuple[str, ...]]:
@@ -143,37 +139,23 @@ def _with_right_signs(ends: EndMap, start: TorqueProfile) -> tuple[_Arcs | None,
     return best, stages
 
 
-def _refined(ends: EndMap, found: _Arcs, finer: int = 1, exact: bool = True) -> ArcSlew | None:
-    """Halve the steps until the end stays where it is; if not exact, durations are led to the end, not to the least sum."""
-    tolerance, error = ends.problem.rtol, np.inf
+def _refined(ends: EndMap, found: _Arcs) -> ArcSlew | None:
+    """Halve the steps until the end stays where it is."""
+    tolerance, error, finer = ends.problem.rtol, np.inf, 1
     while error > STEP_SHARE * tolerance and finer * _counts(ends, found.durations).sum() < MOST_STEPS:
         finer *= 2
         near, error = _corrected(ends, found, finer)
-        if near is None and exact:
+        if near is None:
             near = _stationary(ends, found, finer)
         if near is None:
             return None
         found = near
-    settled = _stationary(ends, found, finer) if exact else _weighed(ends, found, finer)
+    settled = _stationary(ends, found, finer)
     if settled is None:
         return None
     history = settled.history(ends.problem.limits.torque)
     worth = float(np.abs(settled.weights).sum()) * error / _FOURTH_ORDER
     return ArcSlew(history, (settled.wrong_sign + settled.promised + worth) / history.duration, ())
-
-
-def _weighed(ends: EndMap, found: _Arcs, finer: int) -> _Arcs:
-    """Multipliers of durations that are all but the best; the switching function tells what others promise.
-
-    Where it is p at a switch, and p' its slope, the switch moved to its zero would gain the time ``limit p^2 / |p'|``.
-    """
-    steps = ends.steps(found.sign, found.durations, finer * _counts(ends, found.durations))
-    reached = ends.sensitivity(steps)
-    h, p, k = steps.h, reached.switching_function, np.flatnonzero(np.diff(steps.u))
-    middle, change = 0.5 * (p[k] + p[k + 1]), 2.0 * (p[k + 1] - p[k]) / (h[k] + h[k + 1])
-    promised = ends.problem.limits.torque * float(np.sum(middle**2 / np.maximum(np.abs(change), 1e-300)))
-    slope, weights = reached.by_duration, reached.multipliers
-    return replace(found, slope=slope, weights=weights, promised=promised, wrong_sign=reached.wrong_sign)
 
 
 def _corrected(ends: EndMap, found: _Arcs, finer: int) -> tuple[_Arcs | None, float]:
@@ -214,9 +196,8 @@ def _stationary(ends: EndMap, found: _Arcs, finer: int) -> _Arcs | None:
 def _newton(ends: EndMap, found: _Arcs, counts: Array) -> _Arcs | None:
     """Durations of least sum: Newton's method. An arc that would vanish is returned as it vanishes.
 
-    The Hessian is kept as long as it serves. Axial vibration ripples it: there a small promise is enough.
+    The Hessian is kept as long as it serves.
     """
-    smooth = all(plant.controllable.all() for plant in ends.problem.plants)
     size, before, total, count = np.inf, np.inf, float(found.durations.sum()), found.durations.size
     least, patience = np.inf, _PATIENCE
     for _ in range(_NEWTON):
@@ -232,7 +213,7 @@ def _newton(ends: EndMap, found: _Arcs, counts: Array) -> _Arcs | None:
             found = replace(found, hessian=ends.hessian(reached, reached.multipliers))
         onto, beside, promised = _newton_step(defect, slope, found.hessian)
         before, size = size, float(np.abs(onto + beside).max() / total)
-        flat = promised < (_FLAT if smooth else _ROUGH) * total
+        flat = promised < _FLAT * total
         if flat and np.abs(onto).max() < _SETTLED * total:
             return replace(found, promised=promised, wrong_sign=reached.wrong_sign)
         d = _moved(found.durations, onto)
@@ -276,23 +257,10 @@ def halved(problem: SlewProblem) -> SlewProblem | None:
     for k, (plant, own) in enumerate(problem.parts):
         half = plant.n // 2
         start, end = problem.start[own], problem.target[own]
-        if not plant.controllable.all() or np.any(start[half:] != end[half:]) or not _reversible(plant, start + end):
+        if np.any(start[half:] != end[half:]) or not _reversible(plant, start + end):
             return None
         rows.append(np.eye(target.size)[own.start + np.arange(1 if k else 0, half)])
     return replace(problem, ends=np.vstack(rows), target=target)
-
-
-def without_axial_modes(problem: SlewProblem) -> SlewProblem | None:
-    """The same slew from rest of beams whose axial motion follows at once; None where there are none, or given states."""
-    machines = [plant.machine for plant in problem.plants]
-    if None in machines or np.any(problem.start) or all(plant.controllable.all() for plant in problem.plants):
-        return None
-    asked = problem.plants[0].rest(problem.angle or 0.0, problem.final_speed)
-    if np.any(asked != problem.target[: asked.size]):
-        return None
-    plants = tuple(plant_of(machine.with_model(_WITHOUT_AXIAL)) for machine in machines if machine is not None)
-    start, target, ends, waits = end_conditions(plants, problem.angle, problem.final_speed)
-    return replace(problem, plants=plants, start=start, target=target, ends=ends, waits=waits)
 
 
 def _reversible(plant: SlewPlant, twice: Array) -> bool:
