@@ -25,7 +25,7 @@ from boomctl.structure.beams.exact import ExactLayout, ExactModel
 from boomctl.structure.beams.mesh import BeamMesh
 from boomctl.structure.elimination import eliminate
 from boomctl.structure.kinematics import Kinematics, Row, attachments, kinematics
-from boomctl.structure.layout import KEPT, Layout, Weights, squared_sums
+from boomctl.structure.layout import KEPT, Layout, Weights
 from boomctl.structure.matrices import Structure
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.outline import Line, Outline
@@ -151,14 +151,15 @@ class Assembly:
         BoomctlWarning
             If the joints leave no motion of a point in the direction of a force, a link or an output.
         """
-        mechanism, outline = _mechanism(self, exact=False), Outline(self)
+        mechanism = _mechanism(self, exact=False)
         layout, ports, weights = mechanism.layout, mechanism.ports, mechanism.weights(self)
-        massless = np.flatnonzero(squared_sums(layout.N, weights.m) == 0.0)
+        structure = Structure(layout, weights, Outline(self))
+        massless = np.flatnonzero(~layout.N[weights.m > 0.0].any(axis=0))
         if len(massless):
-            T, kept = _condensation(Structure.weighed(layout, weights), ports, massless)
+            T, kept = _condensation(structure, ports, massless)
             layout, ports = layout.congruent(T, tuple(layout.coordinates[i] for i in kept)), ports.restricted(T)
-            outline = Outline(self, (T,))
-        return SecondOrderModel.of(Structure.weighed(layout, weights, outline=outline), ports)
+            structure = Structure(layout, weights, Outline(self, (T,)))
+        return SecondOrderModel.of(structure, ports)
 
     def lines(self) -> tuple[Line, ...]:
         """Return where the bodies are, and how they move with the coordinates that the joints leave.

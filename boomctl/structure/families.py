@@ -176,7 +176,8 @@ class Family:
             np.asarray(sum((shares[i] * change for i, change in acting if shares[i]), getattr(middle, letter)))
             for acting, letter, middle in zip(self._acting, "MCKBL", (c, c, c, c.ports, c.ports), strict=True)
         )
-        structure = Structure(c.coordinates, (M, C, K), mirror=c._mirror, outline=c.structure.outline)
+        structure = Structure.of(M, C, K, c.coordinates, c._mirror)
+        structure = replace(structure, outline=c.structure.outline)
         return SecondOrderModel.of(structure, replace(c.ports, B=B, L=L))
 
     def _delta(self, delta: ArrayLike) -> Array:

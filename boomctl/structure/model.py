@@ -541,7 +541,7 @@ def split_symmetric(model: SecondOrderModel) -> tuple[SecondOrderModel, SecondOr
     if model._mirror is None:
         raise ValueError("the model is not symmetric about x = 0 (mesh or machine), so it does not split")
     for name, matrix in (("M", model.M), ("C", model.C), ("K", model.K)):
-        if model._mirror.change(matrix) > ALIKE:
+        if model._mirror.change(matrix @ model._mirror.probe) > ALIKE:
             raise ValueError(f"the model is not symmetric about x = 0: its reflection changes {name}")
     jolt, yaw = (half(model.structure, model.ports, parity) for parity in (1, -1))
     if jolt is None or yaw is None:

@@ -12,6 +12,7 @@ from scipy import linalg
 from boomctl.arrays import Array, balance, combined
 from boomctl.lti.rounding import EPS, ROOT, VISIBLE, warn_of_rounding
 from boomctl.lti.system import Lti
+from boomctl.structure.layout import weigh
 from boomctl.structure.matrices import Structure, is_symmetric
 from boomctl.structure.ports import Ports
 from boomctl.structure.response.direct import direct_response
@@ -115,12 +116,9 @@ def _near(structure: Structure, shift: float, count: int) -> tuple[Array, Array]
     mass = np.einsum("ij,ij->j", vectors, M @ vectors)
     if not (mass > 0.0).all():
         raise ValueError("undamped modes need a positive definite M")
-    shapes, rows = vectors / np.sqrt(mass), structure.elastic
-    if rows is None:
-        stiffness = np.einsum("ij,ij->j", shapes, K @ shapes)
-    else:
-        strain = rows.R @ shapes
-        stiffness = np.einsum("ij,i,ij->j", strain, rows.k, strain)
+    shapes = vectors / np.sqrt(mass)
+    strain = structure.layout.R @ shapes
+    stiffness = np.einsum("ij,ij->j", strain, weigh(structure.weights.k, strain))
     order = np.argsort(stiffness)
     return stiffness[order], shapes[:, order]
 
@@ -149,20 +147,21 @@ def over_modes(structure: Structure, ports: Ports, frequencies: Array, V: Array)
     M, bending = moved.M.copy(), np.setdiff1d(np.arange(len(frequencies)), rigid)
     M[np.ix_(rigid, bending)], M[np.ix_(bending, rigid)] = 0.0, 0.0
     K[rigid], K[:, rigid] = 0.0, 0.0
-    return Structure(moved.coordinates, (M, C, K)), ports.felt(V, rigid)
+    return Structure.of(M, C, K, moved.coordinates), ports.felt(V, rigid)
 
 
 def _resisted(structure: Structure, V: Array, moved: Structure, rigid: Array) -> tuple[Array, Array, Array]:
     """Return modes, damping and stiffness with rigid motions that dampers resist apart from those that nothing resists."""
-    V, C, K, rows = V.copy(), moved.C.copy(), moved.K.copy(), structure.elastic
-    if rows is not None:
-        strain, still = rows.R @ V, rows.k == 0.0
-        dampers = np.sqrt(rows.c[still])[:, None] * rows.R[still]
+    V, C, K = V.copy(), moved.C.copy(), moved.K.copy()
+    if structure.has_strains:
+        R, c = structure.layout.R, structure.weights.c
+        strain, still = R @ V, structure.weights.k == 0.0
+        dampers = np.sqrt(c[still])[:, None] * R[still]
         apart, free = parted(combined(dampers, V[:, rigid]))
         V[:, rigid] = V[:, rigid] @ apart
-        strain[:, rigid], strain[still] = 0.0, combined(rows.R[still], V)
+        strain[:, rigid], strain[still] = 0.0, combined(R[still], V)
         strain[:, rigid[len(rigid) - free :]] = 0.0
-        return V, strain.T @ (rows.c[:, None] * strain), K
+        return V, strain.T @ (c[:, None] * strain), K
     turning = np.zeros_like(C) if is_symmetric(C) else 0.5 * (C - C.T)  # gyroscopic terms: they resist nothing
     apart, C = np.eye(len(C)), C - turning
     apart[np.ix_(rigid, rigid)] = linalg.eigh(C[np.ix_(rigid, rigid)])[1]
@@ -194,7 +193,7 @@ def handed_out(structure: Structure, ports: Ports, states: str | None) -> Lti:
         return _warned(realize(structure, ports), structure, ports, VISIBLE)
     if states is None and structure.settled:
         return realize(structure, ports)
-    if states is None and structure.layout is None:
+    if states is None and not structure.has_strains:
         own = realize(structure, ports)
         scale = balance(own.A)[1]
         if scale.max() <= _EVEN * scale.min():

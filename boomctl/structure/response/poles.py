@@ -5,8 +5,9 @@ from scipy import linalg
 
 from boomctl.arrays import Array, blocks
 from boomctl.lti.rounding import ALIKE, DIGIT, ROOT, SUMMED
-from boomctl.structure.damping import common_ratio
+from boomctl.structure.damping import uneven_damping
 from boomctl.structure.elimination import DEPENDENT
+from boomctl.structure.layout import weigh
 from boomctl.structure.matrices import Structure, is_symmetric
 from boomctl.structure.response.modal_form import GRADED, undamped_modes
 
@@ -62,7 +63,7 @@ def poles_and_rounding(structure: Structure, count: int) -> tuple[Array, float]:
     frequencies, basis = result
     floats = frequencies[0] <= ROOT * frequencies[-1]  # all poles: those of rigid motions are exactly zero then
     moving = frequencies[frequencies > 0.0]
-    noisy = structure.elastic is not None and len(moving) and structure.noise > GRADED * moving[0] ** 2
+    noisy = structure.has_strains and len(moving) and structure.noise > GRADED * moving[0] ** 2
     if (floats or noisy) and structure.strain_form is not None:
         return _lowest(structure.strain_form.poles(), count), 0.0
     small = structure.projected(basis)
@@ -150,14 +151,8 @@ def _orthonormal(M: Array, block: Array, against: Array) -> Array:
 
 def damper_forces(structure: Structure, shapes: Array) -> Array:
     """Return forces of the dampers that are not in proportion to stiffness, as columns, for motions."""
-    rows = structure.elastic
-    if rows is None:
-        K, C = structure.K, structure.C
-        loaded = (C - common_ratio(C.diagonal(), K.diagonal()) * K) @ shapes
-    else:  # through strains, whose differences keep the digits that those of two matrices lose
-        common = common_ratio(rows.c, rows.k) * rows.k
-        apart = np.where(np.abs(rows.c - common) > SUMMED * np.maximum(rows.c, common), rows.c - common, 0.0)
-        loaded = rows.R.T @ (apart[:, None] * (rows.R @ shapes))
+    R, excess = structure.layout.R, uneven_damping(structure)[1]  # through strains, whose differences keep digits
+    loaded = R.T @ weigh(excess, R @ shapes)
     left, size, _ = linalg.svd(loaded, full_matrices=False)
     least = max(1e-9 * size.max(initial=1e-300), SUMMED * float(np.linalg.norm(structure.C @ shapes)))
     return left[:, size > least]
