@@ -284,7 +284,7 @@ class SecondOrderModel:
         ValueError
             An output that needs a derivative of an input.
         """
-        return modal_form(self.structure, self.ports).balanced()
+        return modal_form(self.structure, self.ports)
 
     def __getitem__(self, signals: tuple[Any, Any]) -> SecondOrderModel:
         """Return the model between signals, outputs first, as systems of python-control take them: ``m["tip", "force"]``."""

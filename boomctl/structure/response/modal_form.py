@@ -31,8 +31,8 @@ _ALIKE = 10.0  # Ratio of the lowest elastic mode's stiffness to the shift, up t
 # Ratio to the largest root of a damping up to which that of a rigid-body mode is rounding: strains of such a mode are
 # some units of rounding, and a rotation of such modes mixes in the root of rounding.
 _UNDAMPED = 1e-8
+_OVERDAMPED = 1e3  # Rate of damping over the slowest frequency from which on a state space over modes is checked.
 _EVEN = 2.0**10  # Ratio of the balancing scales of a state matrix up to which given matrices keep their coordinates.
-_OVERDAMPED = 1e3  # Rate of damping over the slowest frequency above which the accuracy of a state space is checked.
 _CHECKED = np.array([0.01, 0.7])  # Times the slowest frequency: where it is checked, between no resonances.
 _MAX_ROUNDING = 1e-6  # Of a response: rounding of a state space over modes above which a warning is given.
 
@@ -173,7 +173,7 @@ def _resisted(structure: Structure, V: Array, moved: Structure, rigid: Array) ->
 
 
 def modal_form(structure: Structure, ports: Ports) -> Lti:
-    """Return a state-space system of a structure over all its undamped modes, or, without them, its own coordinates.
+    """Return a state space over all undamped modes, or, without such modes, over the coordinates; its states are scaled.
 
     Raises
     ------
@@ -183,14 +183,14 @@ def modal_form(structure: Structure, ports: Ports) -> Lti:
     try:
         frequencies, V = undamped_modes(structure)
     except ValueError:
-        return realize(structure, ports)
-    return in_modes(structure, ports, frequencies, V)
+        return realize(structure, ports).balanced()
+    return _scaled(in_modes(structure, ports, frequencies, V), ports, frequencies)
 
 
 def handed_out(structure: Structure, ports: Ports, states: str | None) -> Lti:
     """Return a structure in state space as its user gets it: see :meth:`SecondOrderModel.to_statespace`."""
     if states == COORDINATES:
-        return _warned(realize(structure, ports), structure, ports, VISIBLE)
+        return _warned(realize(structure, ports), structure, ports, 0.0, VISIBLE)
     if states is None and structure.settled:
         return realize(structure, ports)
     if states is None and not structure.has_strains:
@@ -198,25 +198,22 @@ def handed_out(structure: Structure, ports: Ports, states: str | None) -> Lti:
         scale = balance(own.A)[1]
         if scale.max() <= _EVEN * scale.min():
             return own
-    try:
-        frequencies, V = undamped_modes(structure)
-    except ValueError:
-        return realize(structure, ports).balanced()
-    system, n = _scaled(realize(*over_modes(structure, ports, frequencies, V)), ports, frequencies), len(frequencies)
-    slowest = frequencies[frequencies > 0.0].min(initial=np.inf)
-    overdamped = np.abs(system.A[n : 2 * n, n : 2 * n]).max(initial=0.0) > _OVERDAMPED * slowest
-    return _warned(system, structure, ports, _MAX_ROUNDING) if overdamped else system
+    return _warned(modal_form(structure, ports), structure, ports, _OVERDAMPED, _MAX_ROUNDING)
 
 
-def _warned(system: Lti, structure: Structure, ports: Ports, promised: float) -> Lti:
+def _warned(system: Lti, structure: Structure, ports: Ports, least: float, promised: float) -> Lti:
     """Return a system of a small structure with rows; a user is warned where its matrices do not hold the slow motions.
 
     Beside stiff elements over coordinates, or beside dampers that let a motion creep, a slow motion is a small difference.
+    Only systems with damping of ``least`` times the slowest frequency are checked.
     """
-    form = structure.strain_form if structure.n <= SMALL else None
+    form, n = structure.strain_form if structure.n <= SMALL else None, structure.n
     if form is None or not form.strains:
         return system
-    omega = _CHECKED * form.own_modes[0][form.rigid]
+    slowest = form.own_modes[0][form.rigid]
+    if np.abs(system.A[n : 2 * n, n : 2 * n]).max() < least * slowest:
+        return system
+    omega = _CHECKED * slowest
     true = direct_response(structure, ports, omega)
     off, size = (np.abs(values).max(axis=2) for values in (system.response(omega, quiet=True) - true, true))
     size = np.maximum(size, VISIBLE * size.max(axis=1, keepdims=True, initial=0.0))
