@@ -24,7 +24,7 @@ from boomctl.checks import (
     whole,
 )
 from boomctl.lti.hold import zero_order_hold
-from boomctl.lti.rounding import ALIKE, warn_of_rounding
+from boomctl.lti.rounding import ALIKE
 from boomctl.lti.system import Lti
 from boomctl.printing import count, signals
 from boomctl.structure.matrices import Structure, check_size, half, halves
@@ -32,7 +32,7 @@ from boomctl.structure.ports import Ports
 from boomctl.structure.response.direct import respond
 from boomctl.structure.response.modal_form import COORDINATES, MODES, handed_out, modal_form
 from boomctl.structure.response.mode_shapes import ModeShapes, mode_shapes
-from boomctl.structure.response.poles import PROMISED, poles_and_rounding
+from boomctl.structure.response.poles import damped_poles
 from boomctl.structure.symmetry import Mirror
 from boomctl.threads import one_blas_thread
 from boomctl.units import warn_of_units
@@ -366,9 +366,7 @@ class SecondOrderModel:
         BoomctlWarning
             The lowest is below 1e-4 Hz and none is above 0.01 Hz, or the lowest is above 1e5 Hz: units that are not SI.
         """
-        poles, rounding = poles_and_rounding(self.structure, whole("count", count))
-        warn_of_rounding("the highest eigenfrequency", rounding, PROMISED)
-        result = np.sort(poles.imag)[:count] / (2.0 * np.pi)
+        result = damped_poles(self.structure, whole("count", count)).imag / (2.0 * np.pi)
         warn_of_units(result)
         return result
 
@@ -430,7 +428,7 @@ class SecondOrderModel:
         from boomctl.lti.python_control import control
 
         grid, ports = frequencies("omega", omega), self._ports(inputs, outputs)
-        values = respond(self.structure, ports, grid, available=self.ports).values
+        values = respond(self.structure, ports, grid, available=self.ports)
         return control.frd(values, grid, inputs=list(ports.inputs), outputs=list(ports.outputs), name=self._name)
 
     @one_blas_thread

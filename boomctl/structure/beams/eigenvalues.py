@@ -19,6 +19,7 @@ _SLOWEST = 1e-30  # of the frequencies of the longest segment: slower than that,
 _CONVERGED = (
     1e-11  # last step over the eigenvalue; Newton's method squares it, so that what is left is rounding (a choice)
 )
+_START = 1e-3  # relative error of a start up to which Newton's method finds the eigenvalue next to it
 _NEWTON_STEPS = 30  # from starts good to 1e-3 some five are taken; many more mean that it does not converge (a choice)
 
 
@@ -104,7 +105,7 @@ def damped_eigenvalues(model: ExactModel, start: SecondOrderModel, moved: Sequen
     ArithmeticError
         An iteration did not converge, left its start, or two of them met.
     """
-    first = damped_poles(prescribe_displacement(start, moved).structure, count)
+    first = damped_poles(prescribe_displacement(start, moved).structure, count, _START)
     s = np.array(first, dtype=complex)
     step = np.full(len(s), np.inf + 0j)
     rounding = np.zeros(len(s))
@@ -117,7 +118,7 @@ def damped_eigenvalues(model: ExactModel, start: SecondOrderModel, moved: Sequen
     worst = int(np.argmax(missed))
     if not missed[worst] <= _CONVERGED:
         raise ArithmeticError(f"Newton's method for the eigenvalue near {first[worst]:.6g} did not converge")
-    if (np.abs(s - first) > 1e-3 * np.abs(first)).any():
+    if (np.abs(s - first) > _START * np.abs(first)).any():
         raise ArithmeticError("Newton's method left its start: refine the starting discretisation")
     if len(s) > 1 and np.abs(np.diff(np.sort_complex(s))).min() < 1e-9 * np.abs(s).max() * 1e-3:
         raise ArithmeticError("two iterations came to the same eigenvalue")
