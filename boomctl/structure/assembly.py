@@ -351,7 +351,7 @@ def _find_mechanism(assembly: Assembly, exact: bool) -> Mechanism:
     described += [f"output {output.name!r} along {output.direction!r}" for output in assembly.outputs]
     largest = [np.abs(x).max(axis=axis, initial=0.0) for x, axis in ((links, 1), (ports.B[0], 0), (ports.L, (0, 2)))]
     idle = [text for text, size in zip(described, np.concatenate(largest), strict=True) if size <= CANCELLED]
-    return Mechanism(meshes, layout, ExactLayout(layout, S, ports), ports, lengths, tuple(idle))
+    return Mechanism(meshes, layout, ExactLayout.of(layout, S, ports), ports, lengths, tuple(idle))
 
 
 def _moving(assembly: Assembly, exact: bool) -> tuple[Kinematics, Array, tuple[str, ...]]:

@@ -51,7 +51,7 @@ def undamped_frequencies(model: ExactModel, count: int) -> Array:
         k, last = np.arange(count), (values >= 0.0).sum(axis=0) - 1  # they fall from above zero to below it
         last = np.clip(last, 0, len(x) - 2)
         a, b, at_a, at_b = x[last, k], x[last + 1, k], values[last, k], values[last + 1, k]
-    lost = model.strains.unit_rounding * model.layout.n
+    lost = model.strains.at_rest.unit_rounding * model.layout.n
     with np.errstate(divide="ignore"):
         rounding = np.where(slope > 0.0, lost / slope, 0.0)
     _warn_of_worst(0.5 * (a + b), rounding)
@@ -80,7 +80,7 @@ def _bracket(model: ExactModel, count: int) -> tuple[float, float, int]:
     """Return a frequency below all elastic ones, one above ``count`` of them, and how many are zero."""
     longest = max(segment.length for segment in model.segments)
     scale = max(np.sqrt(s.bending_stiffness / s.mass_per_length) for s in model.segments) / longest**2
-    low, high, rigid = 1e-6 * scale, scale, model.strains.rigid
+    low, high, rigid = 1e-6 * scale, scale, model.strains.at_rest.rigid
     while low > _SLOWEST * scale and int(model.count_below(np.array([low]))[0]) > rigid:
         low *= 1e-3
     while int(model.count_below(np.array([high]))[0]) < rigid + count:

@@ -15,7 +15,7 @@ from scipy import linalg
 from boomctl.arrays import Array
 from boomctl.lti.rounding import EPS, SUMMED
 from boomctl.structure.beams.dynamic_stiffness import strain_functions, strain_lines, strain_terms
-from boomctl.structure.beams.terms import Lines, Terms, kinds_of
+from boomctl.structure.beams.terms import Lines, kinds_of, term_weights, unit_terms
 from boomctl.structure.layout import Weights
 from boomctl.structure.parts import BeamSegment
 
@@ -69,9 +69,8 @@ class StrainEquations:
         short : (segments,) ndarray of bool
             Segments whose strains become coordinates.
         """
-        kinds, shares = kinds_of(segments)
         N, R, S = left
-        n, m, stiffness = N.shape[1], forces.shape[1], shares.sum(axis=0)
+        n, stiffness = N.shape[1], np.array([part.bending_stiffness / part.length**3 for part in segments])
         lines = strain_lines(S)
         imposed = right[0], right[1], strain_lines(right[2])
         scale = np.sqrt(np.stack([stiffness, 3.0 * stiffness], axis=1)).ravel()
@@ -91,9 +90,9 @@ class StrainEquations:
             own = size(N) @ T, np.where(stiff[:, None], moved[count:] / unit[:, None], size(R) @ T), ends
             both = beside(own, (size(imposed[0]), size(imposed[1]), size(imposed[2])))
             loads = np.hstack([np.zeros((n, n)), T.T @ size(forces)])
-            return Terms.of(own, both, loads, strain_terms).weighed(weights, shares).reshape(-1, n, n + m)
+            return np.tensordot(term_weights(weights, segments), unit_terms(own, both, loads, strain_terms), 1)
 
-        return cls(V, rigid, kinds, numbers(np.asarray), numbers(np.abs))
+        return cls(V, rigid, kinds_of(segments), numbers(np.asarray), numbers(np.abs))
 
     def functions(self, s: Array) -> tuple[Array, Array]:
         """Return ``1, s, s^2`` and six strain functions a kind of segment at each ``s``, and their size."""
@@ -168,14 +167,9 @@ class StrainSystem:
     _known: dict[bytes, StrainEquations] = field(default_factory=dict, init=False, repr=False)
 
     @property
-    def rigid(self) -> int:
-        """Number of motions that strain nothing."""
-        return self._equations(np.ones(len(self.segments), dtype=bool)).rigid
-
-    @property
-    def unit_rounding(self) -> float:
-        """That of the equations."""
-        return self._equations(np.ones(len(self.segments), dtype=bool)).unit_rounding
+    def at_rest(self) -> StrainEquations:
+        """The equations over the strains of all segments."""
+        return self._equations(np.ones(len(self.segments), dtype=bool))
 
     def _equations(self, short: Array) -> StrainEquations:
         """Return the equations over the strains of the segments that are short, found once."""
