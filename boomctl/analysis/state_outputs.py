@@ -72,8 +72,6 @@ def with_state_outputs(plant: Any) -> "control.StateSpace | AffineFamily | Polyn
         def wider(slope: Slope) -> Slope:
             return replace(slope, L=np.pad(slope.L, more)) if slope.L.any() else replace(slope, L=np.zeros(()))
 
-        if isinstance(plant, AffineFamily):
-            return replace(plant, nominal=center, coefficients=tuple(map(wider, plant.coefficients)))
         return replace(
             plant, nominal=center, coefficients=tuple((power, wider(slope)) for power, slope in plant.coefficients)
         )
