@@ -227,7 +227,9 @@ def _terms(family: Family, K: Lti, slope: Lti | None, axis: int) -> Terms:
         part(power).E[speeds, speeds] += X.M
         part(power).A[speeds, places] -= X.K
         part(power).A[speeds, speeds] -= X.C
-    columns = {(): ports.B[0]} | {power: X.B[0][:, acting] for power, X in family.coefficients if X.B[:, :, acting].any()}
+    columns = {(): ports.B[0]} | {
+        power: X.B[0][:, acting] for power, X in family.coefficients if X.B[:, :, acting].any()
+    }
     lines = {(): ports.L} | {power: X.L[:, read] for power, X in family.coefficients if X.L.any()}
     controllers = {(): K} if slope is None else {(): K, (axis,): slope}
     for power, law in controllers.items():
