@@ -28,7 +28,7 @@ from boomctl.lti.frequency import (
 from boomctl.lti.system import beside, is_frequency_response, of
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.response.direct import direct_response, respond, respond_whole
-from boomctl.structure.response.modal_form import elastic, undamped_modes
+from boomctl.structure.response.modal_form import undamped_modes
 from boomctl.structure.response.poles import first_order_poles
 from boomctl.threads import one_blas_thread
 
@@ -169,7 +169,7 @@ def _modal_band(*parts: SecondOrderModel) -> tuple[float, float] | None:
     except ValueError:
         return None
     frequencies = np.sort(np.concatenate(result))
-    shown = frequencies[elastic(frequencies)][:MODES]
+    shown = frequencies[frequencies > 0.0][:MODES]
     shown = shown[shown <= _WIDE * shown[:1]]
     return (float(shown[0]), float(shown[-1])) if len(shown) else None
 
@@ -190,7 +190,7 @@ def _is_wide(part: SecondOrderModel) -> bool:
     if form is None:
         return False
     frequencies = form.own_modes[0]
-    moving = frequencies[elastic(frequencies)]
+    moving = frequencies[frequencies > 0.0]
     fastest = max(float(frequencies[-1]), float(np.abs(part._modal_form.A.diagonal()).max()))
     return len(moving) > 0 and fastest > _HELD * moving[0]
 

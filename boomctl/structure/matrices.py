@@ -146,14 +146,12 @@ class Structure:
         return Structure.of(0.5 * (M + M.T), C, K, names)
 
     def mirrored(self, mirror: Mirror | None) -> "Structure":
-        """Return the structure with a mirror, if that leaves its matrices as they are; otherwise as it is."""
-        if mirror is None or self.graded:
-            return self
+        """Return the structure with a mirror, if that leaves its matrices as they are; otherwise without."""
         N, R, weights = self.layout.N, self.layout.R, self.weights
         for rows, weight in ((N, weights.m), (R, weights.c), (R, weights.k)):
-            if mirror.change(rows.T @ weigh(weight, rows @ mirror.probe)) > ALIKE:
-                return self
-        return replace(self, layout=_mirrored(self.layout, mirror))
+            if mirror is not None and mirror.change(rows.T @ weigh(weight, rows @ mirror.probe)) > ALIKE:
+                mirror = None
+        return replace(self, layout=_mirrored(self.layout, None if self.graded else mirror))
 
     @cached_property
     def halves(self) -> "dict[int, tuple[Array, Structure]]":
@@ -165,8 +163,8 @@ class Structure:
 
 
 @lru_cache(maxsize=KEPT)
-def _mirrored(layout: Layout, mirror: Mirror) -> Layout:
-    """Return a layout with a mirror; one for all structures that share the layout."""
+def _mirrored(layout: Layout, mirror: Mirror | None) -> Layout:
+    """Return a layout with a mirror or without; one for all structures that share the layout."""
     return replace(layout, mirror=mirror)
 
 

@@ -24,7 +24,6 @@ from boomctl.checks import (
     whole,
 )
 from boomctl.lti.hold import zero_order_hold
-from boomctl.lti.rounding import ALIKE
 from boomctl.lti.system import Lti
 from boomctl.printing import count, signals
 from boomctl.structure.matrices import Structure, check_size, half, halves
@@ -39,24 +38,6 @@ from boomctl.units import warn_of_units
 
 if TYPE_CHECKING:
     import control
-
-
-_OF_STATES = (
-    "A",
-    "B",
-    "D",
-    "zeros",
-    "damp",
-    "dcgain",
-    "feedback",
-    "sample",
-    "ninputs",
-    "noutputs",
-    "nstates",
-    "plot_phase",  # what control.bode asks for
-    "input_labels",
-)
-"""What users of python-control look for at a system, and a structure does not have."""
 
 
 @dataclass(frozen=True, init=False, eq=False)
@@ -306,12 +287,8 @@ class SecondOrderModel:
     def __getattr__(self, name: str) -> Any:
         """Say where something is that state spaces have."""
         said = f"{type(self).__name__!r} object has no attribute {name!r}"
-        hint = (
-            "; its .to_statespace() has, and boomctl.sigma, bode, step, ... take the model (its own C is damping)"
-            if name in _OF_STATES
-            else ""
-        )
-        raise AttributeError(f"{said}{hint}", name=name, obj=self)
+        hint = "; its .to_statespace() has those of systems, and boomctl.sigma, bode, step, ... take the model"
+        raise AttributeError(said if name.startswith("_") else f"{said}{hint}", name=name, obj=self)
 
     def _combined(self, *others: Any) -> NoReturn:
         """Say how structures are combined with systems."""
@@ -536,12 +513,10 @@ def split_symmetric(model: SecondOrderModel) -> tuple[SecondOrderModel, SecondOr
     (array([0.587]), array([0.245]))
     """
     instance("model", model, SecondOrderModel)
-    if model._mirror is None:
+    structure = model.structure.mirrored(model._mirror)
+    if structure.mirror is None:
         raise ValueError("the model is not symmetric about x = 0 (mesh or machine), so it does not split")
-    for name, matrix in (("M", model.M), ("C", model.C), ("K", model.K)):
-        if model._mirror.change(matrix @ model._mirror.probe) > ALIKE:
-            raise ValueError(f"the model is not symmetric about x = 0: its reflection changes {name}")
-    jolt, yaw = (half(model.structure, model.ports, parity) for parity in (1, -1))
+    jolt, yaw = (half(structure, model.ports, parity) for parity in (1, -1))
     if jolt is None or yaw is None:
         raise ValueError(f"inputs {model.input_labels} or outputs {model.output_labels} are not pairs of mirror images")
     return SecondOrderModel.of(jolt.structure, jolt.ports), SecondOrderModel.of(yaw.structure, yaw.ports)

@@ -329,9 +329,9 @@ class RigidBody:
 class CrossSection:
     """What bending knows of a beam's cross section; `BeamSegment.from_cross_section` makes a stretch of a beam of it.
 
-    Functions return those of tubes, bars, rods and I sections, bent in the plane of the machine: the depth is measured in that
-    plane, the width across it.  They are sums of parts that are all positive, so that thin walls lose no digits; corners
-    are sharp.
+    Functions return those of tubes, bars, rods and I sections, bent in the plane of the machine: the depth is measured in
+    that plane, the width across it.  They are sums of parts that are all positive, so that thin walls lose no digits;
+    corners are sharp.
 
     Attributes
     ----------

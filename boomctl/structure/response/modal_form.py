@@ -54,17 +54,12 @@ def undamped_modes(structure: Structure, count: int | None = None) -> tuple[Arra
     """
     wanted = structure.n if count is None else min(count, structure.n)
     form = structure.strain_form if structure.n <= SMALL or structure.graded else None
-    result = _inverted_modes(structure, wanted) if form is None else None
-    if result is None:
-        form = structure.strain_form
-        assert form is not None
-        frequencies, shapes = form.modes()
-        result = frequencies[:wanted], shapes[:, :wanted]
-    return result
+    frequencies, shapes = _inverted_modes(structure, wanted) if form is None else form.modes()
+    return frequencies[:wanted], shapes[:, :wanted]
 
 
-def _inverted_modes(structure: Structure, count: int) -> tuple[Array, Array] | None:
-    """Return the lowest modes from the inverted pencil; None where rounding spoils them and rows are known."""
+def _inverted_modes(structure: Structure, count: int) -> tuple[Array, Array]:
+    """Return the lowest modes from the inverted pencil; where rounding spoils them, all from strains if these are known."""
     M, _, K = structure.matrices
     for name, matrix in (("M", M), ("K", K)):
         if abs(matrix - matrix.T).max() > 1e-9 * abs(matrix).max():
@@ -75,13 +70,13 @@ def _inverted_modes(structure: Structure, count: int) -> tuple[Array, Array] | N
     stiffness, shapes = _near(structure, shift, count)
     for _ in range(_PASSES):
         elastic = stiffness[stiffness > 0.1 * noise]
-        even = len(elastic) == len(stiffness) and stiffness[-1] <= _SPREAD * elastic[0] and not structure.graded
+        even = len(elastic) == len(stiffness) and stiffness[-1] <= _SPREAD * elastic[0]
         if even or not len(elastic) or shift / _ALIKE <= elastic[0] <= _ALIKE * shift:
             break
         shift = float(elastic[0])
         stiffness, shapes = _near(structure, shift, count)
     if noise > GRADED * max(float(stiffness[0]), 0.0) and structure.strain_form is not None:
-        return None
+        return structure.strain_form.modes()
     return _with_rigid_motions(structure, np.sqrt(np.maximum(stiffness, 0.0)), shapes)
 
 
@@ -121,11 +116,6 @@ def _near(structure: Structure, shift: float, count: int) -> tuple[Array, Array]
     stiffness = np.einsum("ij,ij->j", strain, weigh(structure.weights.k, strain))
     order = np.argsort(stiffness)
     return stiffness[order], shapes[:, order]
-
-
-def elastic(frequencies: Array) -> Array:
-    """Return which undamped modes are elastic and not rigid-body ones."""
-    return frequencies > 0.0
 
 
 def in_modes(structure: Structure, ports: Ports, frequencies: Array, V: Array) -> Lti:
