@@ -80,9 +80,9 @@ def prescribe_displacement(
     if not both:
         return model
     if any(model.ports.moved):
-        there = [name for name, is_moved in zip(model.input_labels, model.ports.moved, strict=True) if is_moved]
-        raise ValueError(f"inputs {there} impose motion already: prescribe all displacements in one call")
-    J = np.column_stack([model.ports.force_column(name) for name in both])
+        already = [name for name, is_moved in zip(there, model.ports.moved, strict=True) if is_moved]
+        raise ValueError(f"inputs {already} impose motion already: prescribe all displacements in one call")
+    J = np.ascontiguousarray(model.ports.B[0][:, [there.index(name) for name in both]])
     if len(both) >= model.ncoordinates:
         raise ValueError(
             f"{len(both)} displacements are prescribed in a model of {model.ncoordinates} coordinates: nothing moves"

@@ -213,13 +213,10 @@ class SecondOrderModel:
         TypeError, ValueError
             Unknown names, or one asked for twice.
         """
-        return SecondOrderModel.of(self.structure, self._ports(inputs, outputs), self.selection)
-
-    def _ports(self, inputs: str | Sequence[str] | None, outputs: str | Sequence[str] | None) -> Ports:
         for what, wanted, available in (("input", inputs, self.ports.inputs), ("output", outputs, self.ports.outputs)):
             if wanted is not None:
                 some_names(what, wanted, available)
-        return self.ports.select(inputs, outputs)
+        return SecondOrderModel.of(self.structure, self.ports.select(inputs, outputs), self.selection)
 
     @cached_property
     def _primary(self) -> SecondOrderModel:
@@ -404,7 +401,7 @@ class SecondOrderModel:
         """
         from boomctl.lti.python_control import control
 
-        grid, ports = frequencies("omega", omega), self._ports(inputs, outputs)
+        grid, ports = frequencies("omega", omega), self.select(inputs, outputs).ports
         values = respond(self.structure, ports, grid, available=self.ports)
         return control.frd(values, grid, inputs=list(ports.inputs), outputs=list(ports.outputs), name=self._name)
 
@@ -466,7 +463,7 @@ class SecondOrderModel:
         """
         if states is not None and not (isinstance(states, str) and states in (MODES, COORDINATES)):
             raise ValueError(f"states = {states!r}: expected {MODES!r}, {COORDINATES!r} or None")
-        result = handed_out(self.structure, self._ports(inputs, outputs), states)
+        result = handed_out(self.structure, self.select(inputs, outputs).ports, states)
         if dt is not None:
             Phi, G = zero_order_hold(result.A, result.B, positive("dt", dt))
             result = replace(result, A=Phi, B=G, dt=float(dt))

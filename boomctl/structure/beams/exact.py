@@ -79,7 +79,7 @@ class ExactLayout:
 @lru_cache(maxsize=KEPT)
 def _prescribed(layout: ExactLayout, inputs: tuple[str, ...]) -> ExactLayout:
     """Return the layout with the motion of the points of the force inputs named imposed."""
-    choice = eliminate(np.column_stack([layout.ports.force_column(name) for name in inputs]), inputs)
+    choice = eliminate(layout.ports.select(inputs, None).B[0], inputs)
     T_q, T_d = choice.T_q, choice.T_d
     return ExactLayout(
         layout.rigid.eliminated(choice),

@@ -92,13 +92,13 @@ def direct_response(structure: Structure, ports: Ports, omega: Array) -> Array:
         _warn_of_rounding(structure, ports, np.eye(structure.n) if form is None else form.V, s)
     pieces = np.array_split(s, max(1, min(len(s), len(s) * structure.n**2 // _ENTRIES)))
     try:
-        X = np.concatenate([np.linalg.solve(structure.at(part), evaluate(B, part, ports.acting)) for part in pieces])
+        X = np.concatenate([np.linalg.solve(structure.at(part), evaluate(B, part)) for part in pieces])
     except np.linalg.LinAlgError:
         raise ValueError(
             "omega hits an undamped resonance (or a rigid-body mode at 0): the response is infinite"
         ) from None
-    Y = evaluate(L, s, ports.read) @ X
-    return ports.conditioned(s, (Y + evaluate(ports.E, s) if ports.E.any() else Y).transpose(1, 2, 0))
+    Y = evaluate(L, s) @ X + evaluate(ports.E, s)
+    return ports.conditioned(s, Y.transpose(1, 2, 0))
 
 
 def _warn_of_rounding(structure: Structure, ports: Ports, V: Array, s: Array) -> None:

@@ -27,10 +27,10 @@ _FLOOR = 1e-6  # Of the largest value of a row: smaller values are compared with
 def respond_by_modes(structure: Structure, ports: Ports, omega: Array) -> Array | None:
     """Return the response (outputs, inputs, frequencies); None where modes are not accurate enough."""
     p, m, n = len(ports.outputs), len(ports.inputs), structure.n
-    if not ports.acting or not ports.read or (ports.tensions is not None and ports.tensions.any()):
+    acting, read = (np.flatnonzero(terms.any(axis=(1, 2))).tolist() for terms in (ports.B, ports.L))
+    if not acting or not read or (ports.tensions is not None and ports.tensions.any()):
         return None  # Reactions need strains.
-    columns = ports.B[ports.acting].transpose(1, 0, 2).reshape(n, -1)
-    lines = ports.L[ports.read].reshape(-1, n)
+    columns, lines = ports.B[acting].transpose(1, 0, 2).reshape(n, -1), ports.L[read].reshape(-1, n)
     with np.errstate(divide="ignore", invalid="ignore"):
         try:
             modes = _Modes.of(structure)
@@ -46,8 +46,8 @@ def respond_by_modes(structure: Structure, ports: Ports, omega: Array) -> Array 
     for k, E in enumerate(ports.E):
         if E.any():
             Y += E[:, :, None] * s**k
-    for a, power_L in enumerate(ports.read):
-        for b, power_B in enumerate(ports.acting):
+    for a, power_L in enumerate(read):
+        for b, power_B in enumerate(acting):
             part = sums[a * p : (a + 1) * p, b * m : (b + 1) * m]
             Y += part * s ** (power_L + power_B) if power_L + power_B else part
     return ports.conditioned(s, Y)
