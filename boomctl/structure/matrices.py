@@ -117,7 +117,7 @@ class Structure:
     def _squares(self) -> Array:
         """Stiffness over mass of the coordinates that have mass, ascending [rad^2/s^2]."""
         pairs = (self.layout.R, self.weights.k), (self.layout.N, self.weights.m)
-        stiffness, mass = (np.einsum("ij,ij->j", rows, weigh(weight, rows)) for rows, weight in pairs)
+        stiffness, mass = ((rows * weigh(weight, rows)).sum(axis=0) for rows, weight in pairs)
         return np.sort(np.abs(stiffness[mass > 0.0]) / mass[mass > 0.0])
 
     @property

@@ -25,7 +25,7 @@ FILTER_DAMPING = np.sqrt(0.5)  # of the outputs' low-pass filters: the flattest 
 
 def evaluate(terms: Array, s: Array) -> Array:
     """Return ``X0 + s X1 + s^2 X2`` for each ``s``, shape (len(s), rows, columns)."""
-    powers, (count, rows, columns) = np.stack([np.ones_like(s), s, s * s], axis=1), terms.shape
+    powers, (count, rows, columns) = np.array([np.ones_like(s), s, s * s]).T, terms.shape
     return (powers @ terms.reshape(count, rows * columns)).reshape(len(s), rows, columns)
 
 
@@ -181,5 +181,6 @@ class Ports:
         for i, count in enumerate(self.integrators):
             if count and (s == 0).any():
                 raise ValueError(f"input {self.inputs[i]!r} is integrated: its response at omega = 0 is not finite")
-            result[:, i] *= s**-count if count else 1.0
+            if count:
+                result[:, i] *= s**-count
         return result

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.linalg import lapack
 
 from boomctl.arrays import Array
-from boomctl.lti.rounding import SOLVED
+from boomctl.lti.rounding import EPS, SOLVED
 from boomctl.structure.damping import uneven_damping
 from boomctl.structure.layout import weigh
 from boomctl.structure.matrices import Structure
@@ -78,11 +78,13 @@ class _Modes:
         beta, excess = uneven_damping(structure)
         dampers = np.flatnonzero(excess.any(axis=tuple(range(1, excess.ndim))))
         excess = excess[np.ix_(*[dampers] * excess.ndim)]
-        Q, size, mix = np.linalg.svd((R[dampers] @ V).T, full_matrices=False)
-        rows = mix.T * size
-        gamma, u = np.linalg.eigh(rows.T @ weigh(excess, rows))
+        rows = (R[dampers] @ V).T
+        square, mix, _ = lapack.dsyev(rows.T @ rows)  # rows alike, as of mirror images, are one damper
+        size = np.sqrt(np.maximum(square, EPS * square.max(initial=0.0)))
+        gamma, u, _ = lapack.dsyev(size[:, None] * (mix.T @ weigh(excess, mix)) * size)
         uneven = np.abs(gamma) > SOLVED * np.abs(gamma).max(initial=0.0)
-        return cls(V, mass, beta, Q @ u[:, uneven], gamma[uneven]) if uneven.sum() <= _MAX_DAMPERS else None
+        u = rows @ (mix / size) @ u[:, uneven]
+        return cls(V, mass, beta, u, gamma[uneven]) if uneven.sum() <= _MAX_DAMPERS else None
 
     def receptance(self, lines: Array, columns: Array, omega: Array) -> Array:
         """Return the receptance between lines and columns in modes, (lines, columns, frequencies)."""
