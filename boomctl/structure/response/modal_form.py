@@ -17,7 +17,6 @@ from boomctl.structure.matrices import Structure, is_symmetric
 from boomctl.structure.ports import Ports
 from boomctl.structure.response.direct import direct_response
 from boomctl.structure.response.realization import realize
-from boomctl.structure.strain_coordinates import parted
 
 MODES, COORDINATES = "modes", "coordinates"  # Values of `states`.
 
@@ -119,12 +118,7 @@ def _near(structure: Structure, shift: float, count: int) -> tuple[Array, Array]
 
 
 def in_modes(structure: Structure, ports: Ports, frequencies: Array, V: Array) -> Lti:
-    """Return the state-space form of a structure over undamped modes."""
-    return realize(*over_modes(structure, ports, frequencies, V))
-
-
-def over_modes(structure: Structure, ports: Ports, frequencies: Array, V: Array) -> tuple[Structure, Ports]:
-    """Return a structure and its ports over undamped modes, projected through its strain rows if it has them.
+    """Return the state-space form of a structure over undamped modes, projected through its strain rows if it has them.
 
     What a rigid-body mode strains, what inertia it shares with elastic ones, and where nothing else damps it its damping,
     is zero and not rounding.  Gyroscopic terms stay.
@@ -132,26 +126,22 @@ def over_modes(structure: Structure, ports: Ports, frequencies: Array, V: Array)
     moved = structure.projected(V, tuple(f"mode{i + 1}" for i in range(V.shape[1])))
     rigid = np.flatnonzero(frequencies == 0.0)
     if not len(rigid):
-        return moved, ports.congruent(V)
-    V, C, K = _resisted(structure, V, moved, rigid)
-    M, bending = moved.M.copy(), np.setdiff1d(np.arange(len(frequencies)), rigid)
+        return realize(moved, ports.congruent(V))
+    M, C, K = (matrix.copy() for matrix in moved.matrices)
+    if structure.has_strains:  # its rigid motions that dampers resist are apart from those that nothing resists
+        strain, still = structure.layout.R @ V, structure.weights.k == 0.0
+        strain[:, rigid], strain[still] = 0.0, combined(structure.layout.R[still], V)
+        C = strain.T @ weigh(structure.weights.c, strain)
+    else:
+        V, C = _resisted(V, C, rigid)
+    bending = np.setdiff1d(np.arange(len(frequencies)), rigid)
     M[np.ix_(rigid, bending)], M[np.ix_(bending, rigid)] = 0.0, 0.0
     K[rigid], K[:, rigid] = 0.0, 0.0
-    return Structure.of(M, C, K, moved.coordinates), ports.felt(V, rigid)
+    return realize(Structure.of(M, C, K, moved.coordinates), ports.felt(V, rigid))
 
 
-def _resisted(structure: Structure, V: Array, moved: Structure, rigid: Array) -> tuple[Array, Array, Array]:
-    """Return modes, damping and stiffness with rigid motions that dampers resist apart from those that nothing resists."""
-    V, C, K = V.copy(), moved.C.copy(), moved.K.copy()
-    if structure.has_strains:
-        R, c = structure.layout.R, structure.weights.c
-        strain, still = R @ V, structure.weights.k == 0.0
-        dampers = np.sqrt(c[still])[:, None] * R[still]
-        apart, free = parted(combined(dampers, V[:, rigid]))
-        V[:, rigid] = V[:, rigid] @ apart
-        strain[:, rigid], strain[still] = 0.0, combined(R[still], V)
-        strain[:, rigid[len(rigid) - free :]] = 0.0
-        return V, strain.T @ (c[:, None] * strain), K
+def _resisted(V: Array, C: Array, rigid: Array) -> tuple[Array, Array]:
+    """Return modes and damping with rigid motions that dampers resist apart from those that nothing resists."""
     turning = np.zeros_like(C) if is_symmetric(C) else 0.5 * (C - C.T)  # gyroscopic terms: they resist nothing
     apart, C = np.eye(len(C)), C - turning
     apart[np.ix_(rigid, rigid)] = linalg.eigh(C[np.ix_(rigid, rigid)])[1]
@@ -159,7 +149,7 @@ def _resisted(structure: Structure, V: Array, moved: Structure, rigid: Array) ->
     size = np.sqrt(np.abs(np.diag(C)))
     undamped = rigid[size[rigid] <= _UNDAMPED * size.max()]
     C[undamped], C[:, undamped] = 0.0, 0.0
-    return V, C + turning, K
+    return V, C + turning
 
 
 def modal_form(structure: Structure, ports: Ports) -> Lti:
