@@ -96,23 +96,22 @@ class Assembly:
             for name in seen:
                 if seen.count(name) > 1:
                     raise ValueError(f"two of the assembly's {what} names are {name!r}")
-        there = {Ground.name}
-        for body in self.bodies:
-            self._require(body.parent, there, f"body {body.name!r}")
-            there.add(body.name)
-        for point in self.points():
-            self._require(point, there, "a link, force, output or cut joint")
+        there = [Ground.name]
+        users = [(body.parent, f"body {body.name!r}", [body.name]) for body in self.bodies]
+        for point, user, names in users + [
+            (point, "a link, force, output or cut joint", []) for point in self.points()
+        ]:
+            if point.body.name not in there:
+                raise ValueError(
+                    f"{user} refers to body {point.body.name!r}; expected one listed before: {sorted(there)}"
+                )
+            there += names
 
     def __repr__(self) -> str:
         joints = f", {count(len(self.cut_joints), 'cut joint')}" if self.cut_joints else ""
         ports = signals([force.name for force in self.forces], [output.name for output in self.outputs])
         bodies = listed([body.name for body in self.bodies], 50)
         return f"Assembly: {bodies}; {count(len(self.springs), 'link')}{joints}\n{ports}"
-
-    @staticmethod
-    def _require(point: Point, there: set[str], user: str) -> None:
-        if point.body.name not in there:
-            raise ValueError(f"{user} refers to body {point.body.name!r}; expected one listed before: {sorted(there)}")
 
     def points(self) -> list[Point]:
         """Return every point that something is attached to.

@@ -188,13 +188,8 @@ def half(structure: Structure, ports: Ports, parity: int) -> Half | None:
     ins, outs = mirror.signals(ports.inputs, parity), mirror.signals(ports.outputs, parity)
     if ins is None or outs is None:
         return None
-    primary = None
-    if ports.primary is not None:
-        pair = [mirror.signals(names, parity) for names in ports.primary]
-        if pair[0] is not None and pair[1] is not None:
-            primary = tuple(n for n in pair[0][1] if n in ins[1]), tuple(n for n in pair[1][1] if n in outs[1])
     P, part = structure.halves[parity]
-    return Half(part, ports.mixed(P, ins, outs, primary), ins[0], outs[0])
+    return Half(part, ports.mixed(P, ins, outs), ins[0], outs[0])
 
 
 def halves(structure: Structure, ports: Ports) -> tuple[Half, ...] | None:

@@ -142,21 +142,22 @@ class Ports:
         seen.B[0, rigid[:, None], np.flatnonzero(self.moved)] = 0.0
         return seen
 
-    def mixed(
-        self,
-        P: Array,
-        ins: tuple[Array, tuple[str, ...]],
-        outs: tuple[Array, tuple[str, ...]],
-        primary: tuple[tuple[str, ...], tuple[str, ...]] | None,
-    ) -> "Ports":
+    def mixed(self, P: Array, ins: tuple[Array, tuple[str, ...]], outs: tuple[Array, tuple[str, ...]]) -> "Ports":
         """Return the ports over ``z`` with ``q = P z`` whose inputs ``v`` and outputs are ``d = W_in v``, ``W_out^T y``.
 
         ``ins`` and ``outs`` are ``W_in`` and ``W_out``, each with the names of the new signals.
         """
         (W_in, inputs), (W_out, outputs) = ins, outs
         first_in, first_out = np.abs(W_in).argmax(axis=0).tolist(), np.abs(W_out).argmax(axis=0).tolist()
-        sources = [self.inputs[k] for k in first_in] + [self.outputs[k] for k in first_out]
-        pairs = [(new, old, self.units.get(old, "")) for new, old in zip(inputs + outputs, sources, strict=True)]
+        into = list(zip(inputs, (self.inputs[k] for k in first_in), strict=True))
+        out = list(zip(outputs, (self.outputs[k] for k in first_out), strict=True))
+        pairs, primary = [(new, old, self.units.get(old, "")) for new, old in into + out], None
+        if self.primary is not None:
+            ins_wanted, outs_wanted = self.primary
+            primary = (
+                tuple(new for new, old in into if old in ins_wanted),
+                tuple(n for n, old in out if old in outs_wanted),
+            )
         return Ports(
             inputs=inputs,
             outputs=outputs,
