@@ -249,7 +249,7 @@ FACTORIES = {
     "SecondOrderModel, by accuracy": lambda: bc.spray_boom(accuracy=0.01, max_frequency_hz=2.0),
     "SecondOrderModel, user's": mass,
     "Assembly": machine,
-    "CrossSection": lambda: bc.structure.rectangular_tube_section(0.06, 0.02, 0.002),
+    "CrossSection": lambda: bc.structure.rectangular_section(0.06, 0.02, 0.002),
     "AffineFamily": family,
     "PolynomialFamily": lambda: hub_beam().family((0.0, 2.0)),
     "ScheduledController": drive,

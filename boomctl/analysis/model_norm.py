@@ -4,7 +4,6 @@ A symmetric structure stands as its two halves, whose singular values together a
 of its undamped modes, where it has them, or of its own coordinates; the response at its peak comes from its matrices.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from math import inf
@@ -28,8 +27,8 @@ from boomctl.lti.frequency import (
 )
 from boomctl.lti.system import beside, is_frequency_response, of
 from boomctl.structure.model import SecondOrderModel
-from boomctl.structure.response.direct import direct_response, respond, respond_parts
-from boomctl.structure.response.modal_form import elastic, undamped_modes
+from boomctl.structure.response.direct import direct_response, respond, respond_whole
+from boomctl.structure.response.modal_form import undamped_modes
 from boomctl.structure.response.poles import first_order_poles
 from boomctl.threads import one_blas_thread
 
@@ -109,20 +108,16 @@ class SplitModel:
     def singular_values(self, omega: Array, quiet: bool = False) -> Array:
         """Return the singular values, descending, shape (min(outputs, inputs), frequencies)."""
         del quiet  # nothing is answered from beside a frequency: an infinite response is refused
-        return singular_values_together([self], omega)[0]
-
-    def _from_parts(self, answers: Sequence[Array], points: int) -> Array:
-        """Return the singular values, descending, from the responses of the parts."""
         count = min(len(self.model.input_labels), len(self.model.output_labels))
-        result = [singular_values(answer) for answer in answers]
+        result = [singular_values(respond_whole(part.structure, part.ports, omega)) for part in self.parts]
         if [len(values) for values in result] == [1, 1]:
             return np.array([np.maximum(*result)[0], np.minimum(*result)[0]])[:count]
-        return -np.sort(-np.vstack([*result, np.zeros((count, points))]), axis=0)[:count]
+        return -np.sort(-np.vstack([*result, np.zeros((count, len(omega)))]), axis=0)[:count]
 
     def response(self, omega: Array, quiet: bool = False) -> Array:
         """Return the frequency response, shape (outputs, inputs, frequencies)."""
         del quiet
-        return respond(self.model.structure, self.model.ports, omega).values
+        return respond(self.model.structure, self.model.ports, omega)
 
     def resonances(self, high: float | None = None) -> Resonances:
         """Return the poles up to a few times the eighth mode, or up to ``high`` [rad/s], and a band that shows them."""
@@ -167,13 +162,6 @@ class SplitModel:
         )
 
 
-def singular_values_together(given: Sequence[SplitModel], omega: Array) -> list[Array]:
-    """Return the singular values of each model; small parts of one size are computed in one call."""
-    parts = [(part.structure, part.ports) for item in given for part in item.parts]
-    answers = iter(respond_parts(parts, omega))
-    return [item._from_parts([next(answers).values for _ in item.parts], len(omega)) for item in given]
-
-
 def _modal_band(*parts: SecondOrderModel) -> tuple[float, float] | None:
     """Return the lowest and the eighth elastic frequency of all [rad/s]; None for matrices that have no real modes."""
     try:
@@ -181,7 +169,7 @@ def _modal_band(*parts: SecondOrderModel) -> tuple[float, float] | None:
     except ValueError:
         return None
     frequencies = np.sort(np.concatenate(result))
-    shown = frequencies[elastic(frequencies)][:MODES]
+    shown = frequencies[frequencies > 0.0][:MODES]
     shown = shown[shown <= _WIDE * shown[:1]]
     return (float(shown[0]), float(shown[-1])) if len(shown) else None
 
@@ -202,7 +190,7 @@ def _is_wide(part: SecondOrderModel) -> bool:
     if form is None:
         return False
     frequencies = form.own_modes[0]
-    moving = frequencies[elastic(frequencies)]
+    moving = frequencies[frequencies > 0.0]
     fastest = max(float(frequencies[-1]), float(np.abs(part._modal_form.A.diagonal()).max()))
     return len(moving) > 0 and fastest > _HELD * moving[0]
 

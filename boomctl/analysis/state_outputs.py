@@ -72,8 +72,6 @@ def with_state_outputs(plant: Any) -> "control.StateSpace | AffineFamily | Polyn
         def wider(slope: Slope) -> Slope:
             return replace(slope, L=np.pad(slope.L, more)) if slope.L.any() else replace(slope, L=np.zeros(()))
 
-        if isinstance(plant, AffineFamily):
-            return replace(plant, nominal=center, coefficients=tuple(map(wider, plant.coefficients)))
         return replace(
             plant, nominal=center, coefficients=tuple((power, wider(slope)) for power, slope in plant.coefficients)
         )
@@ -114,7 +112,7 @@ def _unread(states: Sequence[str], outputs: Sequence[str], same: Callable[[int, 
 def _center_with_state_outputs(model: SecondOrderModel) -> SecondOrderModel:
     """Return a structure whose states, as sums of places, speeds and displacements, are outputs too."""
     ports, n, m = model.ports, model.ncoordinates, len(model.input_labels)
-    if not ports.plain:
+    if any(ports.integrators) or any(bandwidth is not None for bandwidth in ports.bandwidths):
         filtered = [name for name, b in zip(model.output_labels, ports.bandwidths, strict=True) if b is not None]
         which = f"a filter behind {filtered[0]!r}" if filtered else "an input that is integrated"
         raise ValueError(f"plant: expected a family without filters and integrators, got {which}")

@@ -136,7 +136,7 @@ def _error_of(
     allowed = sizes(wanted)
 
     def error(model: SecondOrderModel) -> float:
-        result = respond(model.structure, model.ports, omega, available=model.ports).values
+        result = respond(model.structure, model.ports, omega, available=model.ports)
         return float((sizes(result - wanted) / allowed).max())
 
     return error

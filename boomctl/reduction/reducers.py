@@ -23,7 +23,6 @@ from boomctl.lti.system import Lti, append
 from boomctl.reduction.verify import GRAMIANS, Band, SystemParts, Verified, on_circle, verified
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.ports import evaluate
-from boomctl.structure.response.modal_form import elastic
 from boomctl.structure.response.poles import undamped_modes
 from boomctl.structure.response.realization import realize
 
@@ -304,7 +303,7 @@ class StrongestModes:
     def __init__(self, model: SecondOrderModel, parts: SystemParts, band: Band | None) -> None:
         self.model, self.parts, self.band = model, parts, band
         self.frequencies, self.modes = undamped_modes(model.structure)
-        floating = ~elastic(self.frequencies)
+        floating = self.frequencies == 0.0
         self.rigid, self.ranking = int(floating.sum()), self._ranking(floating)
         self.values = balance(parts.stable, parts.modal).values
 

@@ -188,4 +188,4 @@ class ReductionResult:
 def _response(system: Lti | SecondOrderModel, omega: Array) -> Array:
     if isinstance(system, Lti):
         return np.asarray(system.response(omega, quiet=True))
-    return respond(system.structure, system.ports, omega).values
+    return respond(system.structure, system.ports, omega)

@@ -20,13 +20,11 @@ from boomctl.structure.parts import Point as Point
 from boomctl.structure.parts import RigidBody as RigidBody
 from boomctl.structure.parts import SpringDamper as SpringDamper
 from boomctl.structure.parts import circular_section as circular_section
-from boomctl.structure.parts import circular_tube_section as circular_tube_section
 from boomctl.structure.parts import fixed as fixed
 from boomctl.structure.parts import i_section as i_section
 from boomctl.structure.parts import planar as planar
 from boomctl.structure.parts import prismatic as prismatic
 from boomctl.structure.parts import rectangular_section as rectangular_section
-from boomctl.structure.parts import rectangular_tube_section as rectangular_tube_section
 from boomctl.structure.parts import revolute as revolute
 from boomctl.structure.response.mode_shapes import BodyShape as BodyShape
 from boomctl.structure.response.mode_shapes import ModeShapes as ModeShapes

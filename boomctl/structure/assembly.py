@@ -25,7 +25,7 @@ from boomctl.structure.beams.exact import ExactLayout, ExactModel
 from boomctl.structure.beams.mesh import BeamMesh
 from boomctl.structure.elimination import eliminate
 from boomctl.structure.kinematics import Kinematics, Row, attachments, kinematics
-from boomctl.structure.layout import KEPT, Layout, Weights, squared_sums
+from boomctl.structure.layout import KEPT, Layout, Weights
 from boomctl.structure.matrices import Structure
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.outline import Line, Outline
@@ -96,23 +96,22 @@ class Assembly:
             for name in seen:
                 if seen.count(name) > 1:
                     raise ValueError(f"two of the assembly's {what} names are {name!r}")
-        there = {Ground.name}
-        for body in self.bodies:
-            self._require(body.parent, there, f"body {body.name!r}")
-            there.add(body.name)
-        for point in self.points():
-            self._require(point, there, "a link, force, output or cut joint")
+        there = [Ground.name]
+        users = [(body.parent, f"body {body.name!r}", [body.name]) for body in self.bodies]
+        for point, user, names in users + [
+            (point, "a link, force, output or cut joint", []) for point in self.points()
+        ]:
+            if point.body.name not in there:
+                raise ValueError(
+                    f"{user} refers to body {point.body.name!r}; expected one listed before: {sorted(there)}"
+                )
+            there += names
 
     def __repr__(self) -> str:
         joints = f", {count(len(self.cut_joints), 'cut joint')}" if self.cut_joints else ""
         ports = signals([force.name for force in self.forces], [output.name for output in self.outputs])
         bodies = listed([body.name for body in self.bodies], 50)
         return f"Assembly: {bodies}; {count(len(self.springs), 'link')}{joints}\n{ports}"
-
-    @staticmethod
-    def _require(point: Point, there: set[str], user: str) -> None:
-        if point.body.name not in there:
-            raise ValueError(f"{user} refers to body {point.body.name!r}; expected one listed before: {sorted(there)}")
 
     def points(self) -> list[Point]:
         """Return every point that something is attached to.
@@ -151,14 +150,15 @@ class Assembly:
         BoomctlWarning
             If the joints leave no motion of a point in the direction of a force, a link or an output.
         """
-        mechanism, outline = _mechanism(self, exact=False), Outline(self)
+        mechanism = _mechanism(self, exact=False)
         layout, ports, weights = mechanism.layout, mechanism.ports, mechanism.weights(self)
-        massless = np.flatnonzero(squared_sums(layout.N, weights.m) == 0.0)
+        structure = Structure(layout, weights, Outline(self))
+        massless = np.flatnonzero(~layout.N[weights.m > 0.0].any(axis=0))
         if len(massless):
-            T, kept = _condensation(Structure.weighed(layout, weights), ports, massless)
+            T, kept = _condensation(structure, ports, massless)
             layout, ports = layout.congruent(T, tuple(layout.coordinates[i] for i in kept)), ports.restricted(T)
-            outline = Outline(self, (T,))
-        return SecondOrderModel.of(Structure.weighed(layout, weights, outline=outline), ports)
+            structure = Structure(layout, weights, Outline(self, (T,)))
+        return SecondOrderModel.of(structure, ports)
 
     def lines(self) -> tuple[Line, ...]:
         """Return where the bodies are, and how they move with the coordinates that the joints leave.
@@ -350,7 +350,7 @@ def _find_mechanism(assembly: Assembly, exact: bool) -> Mechanism:
     described += [f"output {output.name!r} along {output.direction!r}" for output in assembly.outputs]
     largest = [np.abs(x).max(axis=axis, initial=0.0) for x, axis in ((links, 1), (ports.B[0], 0), (ports.L, (0, 2)))]
     idle = [text for text, size in zip(described, np.concatenate(largest), strict=True) if size <= CANCELLED]
-    return Mechanism(meshes, layout, ExactLayout(layout, S, ports), ports, lengths, tuple(idle))
+    return Mechanism(meshes, layout, ExactLayout.of(layout, S, ports), ports, lengths, tuple(idle))
 
 
 def _moving(assembly: Assembly, exact: bool) -> tuple[Kinematics, Array, tuple[str, ...]]:

@@ -12,7 +12,7 @@ import numpy as np
 from boomctl.arrays import Array, combined
 from boomctl.checks import instance, known, mapping, names, truth
 from boomctl.structure.elimination import Elimination, eliminate
-from boomctl.structure.layout import KEPT, Layout
+from boomctl.structure.layout import KEPT, Layout, Weights, weigh
 from boomctl.structure.matrices import Structure
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.outline import mapped
@@ -80,27 +80,20 @@ def prescribe_displacement(
     if not both:
         return model
     if any(model.ports.moved):
-        there = [name for name, is_moved in zip(model.input_labels, model.ports.moved, strict=True) if is_moved]
-        raise ValueError(f"inputs {there} impose motion already: prescribe all displacements in one call")
-    J = np.column_stack([model.ports.force_column(name) for name in both])
+        already = [name for name, is_moved in zip(there, model.ports.moved, strict=True) if is_moved]
+        raise ValueError(f"inputs {already} impose motion already: prescribe all displacements in one call")
+    J = np.ascontiguousarray(model.ports.B[0][:, [there.index(name) for name in both]])
     if len(both) >= model.ncoordinates:
         raise ValueError(
             f"{len(both)} displacements are prescribed in a model of {model.ncoordinates} coordinates: nothing moves"
         )
-    old, ports = model.structure, model.ports
-    if old.layout is None or old.weights is None:
-        choice = eliminate(J, both)
-        M, C, K = (choice.T_q.T @ (matrix @ choice.T_q) for matrix in old.matrices)
-        names_left = tuple(old.coordinates[i] for i in choice.independent)
-        mirror = None if old.mirror is None else old.mirror.restricted(choice)
-        structure = Structure(names_left, (M, C, K), mirror=mirror, outline=mapped(old.outline, choice.T_q))
-        imposed = None
-    else:
-        choice, layout, imposed = _eliminated(old.layout, both, J.tobytes())
-        mirror = None if old.mirror is None else layout.mirror
-        structure = Structure.weighed(layout, old.weights, mirror, mapped(old.outline, choice.T_q))
-    forces = _imposing_forces(old, choice, structure.layout, imposed)
-    return SecondOrderModel.of(structure, _prescribed(ports, choice, imposed, forces, moved, held, orders, reactions))
+    old = model.structure
+    choice, layout, imposed = _eliminated(old.layout, both, J.tobytes())
+    structure = Structure(layout, old.weights, mapped(old.outline, choice.T_q))
+    forces = _imposing_forces(old.weights, layout, imposed)
+    strains = imposed.R if old.has_strains else None
+    ports = _prescribed(model.ports, choice, strains, forces, moved, held, orders, reactions)
+    return SecondOrderModel.of(structure, ports)
 
 
 @lru_cache(maxsize=KEPT)
@@ -119,22 +112,12 @@ def _orders(moved: tuple[str, ...], motion: str | Mapping[str, str]) -> dict[str
     return {name: MOTIONS.index(known("motion", motion.get(name, "displacement"), MOTIONS)) for name in moved}
 
 
-def _imposing_forces(
-    old: Structure, choice: Elimination, moving: Layout | None, imposed: Layout | None
-) -> tuple[Array, Array]:
-    """Return blocks ``K, C, M`` of all coordinates: moving by imposed, and imposed by imposed.
-
-    They are computed from rows where these are known, so that rounding is small.
-    """
-    weights = old.weights
-    if weights is None or moving is None or imposed is None:
-        loads = np.array([matrix @ choice.T_d for matrix in old.matrices[::-1]])
-        return choice.T_q.T @ loads, choice.T_d.T @ loads
-    pairs = (imposed.R, weights.k, "R"), (imposed.R, weights.c, "R"), (imposed.N, weights.m, "N")
-    loads = [weight[:, None] * rows for rows, weight, _ in pairs]
+def _imposing_forces(weights: Weights, moving: Layout, imposed: Layout) -> tuple[Array, Array]:
+    """Return blocks ``K, C, M`` of all coordinates: moving by imposed, and imposed by imposed."""
+    pairs = (moving.R, imposed.R, weights.k), (moving.R, imposed.R, weights.c), (moving.N, imposed.N, weights.m)
+    loads = [weigh(weight, rows) for _, rows, weight in pairs]
     across, among = (
-        np.array([getattr(side, name).T @ load for load, (_, _, name) in zip(loads, pairs, strict=True)])
-        for side in (moving, imposed)
+        np.array([pair[side].T @ load for pair, load in zip(pairs, loads, strict=True)]) for side in (0, 1)
     )
     return across, among
 
@@ -142,14 +125,17 @@ def _imposing_forces(
 def _prescribed(
     old: Ports,
     choice: Elimination,
-    imposed: Layout | None,
+    imposed: Array | None,
     forces: tuple[Array, Array],
     moved: tuple[str, ...],
     held: tuple[str, ...],
     orders: Mapping[str, int],
     reactions: bool,
 ) -> Ports:
-    """Return the ports of the displacement-driven structure: ``moved`` become motions, ``held`` go, the order stays."""
+    """Return the ports of the displacement-driven structure: ``moved`` become motions, ``held`` go, the order stays.
+
+    ``imposed`` are elastic rows over the imposed displacements, ``forces`` those of :func:`_imposing_forces`.
+    """
     kept, T_d, both = tuple(name for name in old.inputs if name not in held), choice.T_d, moved + held
     stay = old if kept == old.inputs else old.select(kept, None)
     force = stay.restricted(choice.T_q)
@@ -162,15 +148,15 @@ def _prescribed(
     direct = old.E[0][:, [old.inputs.index(name) for name in both]]
     tensions, strains = old.tensions, None
     if imposed is not None:
-        strains = np.zeros((len(imposed.R), len(kept)))
-        strains[:, places] = imposed.R[:, : len(places)]
+        strains = np.zeros((len(imposed), len(kept)))
+        strains[:, places] = imposed[:, : len(places)]
     if reactions or direct.any():  # Rows of Eq. (7), upper part: f_p = M_dd d'' + M_dq q'' + ... - F_d f.
         force_L, force_E = across.transpose(0, 2, 1), -(T_d.T @ stay.B)
         force_E[:, :, places] = among[:, :, : len(places)]
         L, E = L + direct @ force_L, E + direct @ force_E
         if imposed is not None:
-            tensions = direct @ imposed.R.T + (0.0 if tensions is None else tensions)
-            tensions = np.concatenate([tensions, imposed.R.T]) if reactions else tensions
+            tensions = direct @ imposed.T + (0.0 if tensions is None else tensions)
+            tensions = np.concatenate([tensions, imposed.T]) if reactions else tensions
         if reactions:
             L, E = np.concatenate([L, force_L], axis=1), np.concatenate([E, force_E], axis=1)
             outputs, bandwidths = outputs + tuple(f"{name}_force" for name in both), bandwidths + (None,) * len(both)

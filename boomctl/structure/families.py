@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from boomctl.arrays import Array
 from boomctl.chebyshev import fitted, points_along, tried_points
-from boomctl.checks import finite_array, instance, known, mapping, real, sequence, signal_name, whole
+from boomctl.checks import finite_array, instance, known, mapping, real, sequence, shown, signal_name, whole
 from boomctl.lti.rounding import ALIKE, SUMMED
 from boomctl.printing import compact, listed, signals
 from boomctl.structure.matrices import Structure
@@ -54,7 +54,8 @@ class Family:
     low: Array
     high: Array
     nominal: SecondOrderModel
-    coefficients: tuple[Any, ...]
+    coefficients: tuple[tuple[tuple[int, ...], Slope], ...]
+    ignorable_coordinates: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         count = len([signal_name("parameter", name) for name in sequence("names", self.names, "names of parameters")])
@@ -66,6 +67,15 @@ class Family:
             object.__setattr__(self, name, ends)
         if not (self.low < self.high).all():
             raise ValueError(f"low = {self.low.tolist()}, high = {self.high.tolist()}: expected low below high")
+        for entry in sequence("coefficients", self.coefficients, "pairs of factors and Slope"):
+            pair = sequence("coefficients", entry, "pairs of factors and Slope")
+            if len(pair) != 2 or not sequence("factors", pair[0], "int"):
+                raise ValueError(f"coefficients: expected pairs of factors, one or more, and Slope, got {shown(pair)}")
+            instance("change", pair[1], Slope)
+            for factor in pair[0]:
+                whole("factor", factor, 0, count - 1)
+        for name in sequence("ignorable_coordinates", self.ignorable_coordinates, "str"):
+            known("coordinate", name, self.nominal.coordinates)
 
     def __repr__(self) -> str:
         box = (
@@ -75,14 +85,9 @@ class Family:
         return f"{type(self).__name__}: {self.nominal.ncoordinates} coordinates; {listed(list(box), 50)}\n{ports}"
 
     @property
-    def _terms(self) -> tuple[tuple[tuple[int, ...], Slope], ...]:
-        """What each product of ``delta``s, such as ``(0, 0, 1)`` for ``d0^2 d1``, brings to the matrices."""
-        raise NotImplementedError
-
-    @property
     def _unfelt(self) -> tuple[int, ...]:
         """Coordinates whose position nothing in the structure feels: left out of a loop that does not read them."""
-        return ()
+        return tuple(self.nominal.coordinates.index(name) for name in self.ignorable_coordinates)
 
     @property
     def nparameters(self) -> int:
@@ -92,13 +97,15 @@ class Family:
     @cached_property
     def _often(self) -> Array:
         """How often each term has each parameter as a factor."""
-        often = [[power.count(i) for i in range(self.nparameters)] for power, _ in self._terms]
+        often = [[power.count(i) for i in range(self.nparameters)] for power, _ in self.coefficients]
         return np.array(often).reshape(len(often), self.nparameters)
 
     @cached_property
     def _acting(self) -> list[list[tuple[int, Array]]]:
         """Of each matrix the terms that change it, and by what."""
-        changes = [[(i, getattr(slope, letter)) for i, (_, slope) in enumerate(self._terms)] for letter in "MCKBL"]
+        changes = [
+            [(i, getattr(slope, letter)) for i, (_, slope) in enumerate(self.coefficients)] for letter in "MCKBL"
+        ]
         return [[(i, X) for i, X in item if abs(X).sum()] for item in changes]
 
     @property
@@ -176,7 +183,8 @@ class Family:
             np.asarray(sum((shares[i] * change for i, change in acting if shares[i]), getattr(middle, letter)))
             for acting, letter, middle in zip(self._acting, "MCKBL", (c, c, c, c.ports, c.ports), strict=True)
         )
-        structure = Structure(c.coordinates, (M, C, K), mirror=c._mirror, outline=c.structure.outline)
+        structure = Structure.of(M, C, K, c.coordinates, c._mirror)
+        structure = replace(structure, outline=c.structure.outline)
         return SecondOrderModel.of(structure, replace(c.ports, B=B, L=L))
 
     def _delta(self, delta: ArrayLike) -> Array:
@@ -185,29 +193,21 @@ class Family:
             raise ValueError(f"delta has {len(d)} entries; expected {len(self.names)}: {', '.join(self.names)}")
         return d
 
-    def _check(self, made: Sequence[SecondOrderModel], sizes: Mapping[str, Array]) -> None:
-        """Raise if the family differs from what a function makes at a corner of the box or a point drawn inside it.
-
-        ``sizes`` are those of entries over the box, for what vanishes at a point of it.
-        """
-        for delta, exact in zip(tried_points(self.nparameters), made, strict=True):
-            mine = self.at(delta)
-            pairs = [(name, getattr(mine, name), getattr(exact, name)) for name in "MCK"]
-            pairs += [
-                (f"{name}{k}", getattr(mine.ports, name)[k], getattr(exact.ports, name)[k])
-                for name in "BLE"
-                for k in range(3)
-            ]
-            for name, a, b in pairs:
-                size = np.maximum(np.maximum(np.abs(a), np.abs(b)), sizes.get(name, 0.0))
-                if name in "MCK":  # An entry may cancel, and is then as exact as the diagonals beside it.
-                    along = np.sqrt(np.diag(size))
-                    size = np.maximum(size, np.outer(along, along))
-                if (np.abs(a - b) > ALIKE * (size if name in "MCK" else size.max(initial=0.0))).any():
-                    where = ", ".join(f"{key} = {value:.6g}" for key, value in self.denormalize(delta).items())
-                    raise ValueError(
-                        f"{name} is {self._no} {', '.join(self.names)}: the family misses what was made at {where}"
-                    )
+    def _check(self, made: Sequence[SecondOrderModel]) -> None:
+        """Raise if the family differs from what a function makes at a corner of the box or a point drawn inside it."""
+        points = tried_points(self.nparameters)
+        wanted, mine = (_matrices(made[0], models, "MCKBLE") for models in (made, [self.at(delta) for delta in points]))
+        sizes = _sizes(wanted)
+        for letter in "MCKBLE":
+            # an entry of a signal is compared with the largest of its derivative
+            size = sizes[letter] if letter in "MCK" else sizes[letter].max(axis=(1, 2), initial=0.0)[:, None, None]
+            off = np.argwhere(np.abs(mine[letter] - wanted[letter]) > ALIKE * size)
+            if len(off):
+                name = letter if letter in "MCK" else f"{letter}{off[0][1]}"
+                where = ", ".join(f"{key} = {value:.6g}" for key, value in self.denormalize(points[off[0][0]]).items())
+                raise ValueError(
+                    f"{name} is {self._no} {', '.join(self.names)}: the family misses what was made at {where}"
+                )
 
 
 @dataclass(frozen=True, repr=False)
@@ -225,13 +225,17 @@ class AffineFamily(Family):
         Lower and upper ends of their ranges, in the parameters' units.
     nominal : SecondOrderModel
         The structure in the middle of the box.
-    coefficients : tuple of Slope
-        For each parameter, how the matrices change from the middle of its range to the upper end.
+    coefficients : tuple of (tuple of int, Slope)
+        For each parameter its number from zero, as ``(0,)``, and how the matrices change from the middle of its range to
+        the upper end.
+    ignorable_coordinates : tuple of str
+        As of `PolynomialFamily`.
 
     Raises
     ------
     TypeError, ValueError
-        Not as many ends and slopes as names; ends that do not ascend; a center that is not a SecondOrderModel.
+        Not as many ends as names; ends that do not ascend; an unknown parameter; unknown coordinates; a center that is not
+        a SecondOrderModel.
 
     Examples
     --------
@@ -244,16 +248,6 @@ class AffineFamily(Family):
     """
 
     _no: ClassVar[str] = "not affine in"
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        slopes = [instance("slope", slope, Slope) for slope in sequence("coefficients", self.coefficients, "Slope")]
-        if len(slopes) != self.nparameters:
-            raise ValueError(f"slopes: expected {self.nparameters}, one a parameter, got {len(slopes)}")
-
-    @property
-    def _terms(self) -> tuple[tuple[tuple[int, ...], Slope], ...]:
-        return tuple(((i,), slope) for i, slope in enumerate(self.coefficients))
 
     @classmethod
     @one_blas_thread
@@ -285,8 +279,9 @@ class AffineFamily(Family):
         names, low, high, at = _box(ranges, function)
         center = at(np.zeros(len(names)))
         ends = [at(unit) for unit in np.eye(len(names))]
-        family = cls(names, low, high, center, tuple(_slope(center, end) for end in ends))
-        family._check([at(delta) for delta in tried_points(len(names))], {})
+        slopes = tuple(((i,), _slope(center, end)) for i, end in enumerate(ends))
+        family = cls(names, low, high, center, slopes)
+        family._check([at(delta) for delta in tried_points(len(names))])
         return family
 
 
@@ -328,30 +323,6 @@ class PolynomialFamily(Family):
     """
 
     _no: ClassVar[str] = "no polynomial of"
-    ignorable_coordinates: tuple[str, ...] = ()
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        for entry in sequence("coefficients", self.coefficients, "pairs of factors and Slope"):
-            pair = sequence("coefficients", entry, "pairs of factors and Slope")
-            if len(pair) != 2:
-                raise ValueError(f"changes: expected pairs of factors and Slope, got {len(pair)} of them together")
-            power, slope = pair
-            instance("change", slope, Slope)
-            if not sequence("factors", power, "int"):
-                raise ValueError("changes: expected products of one parameter or more, got none")
-            for factor in power:
-                whole("factor", factor, 0, self.nparameters - 1)
-        for name in sequence("ignorable_coordinates", self.ignorable_coordinates, "str"):
-            known("coordinate", name, self.nominal.coordinates)
-
-    @property
-    def _terms(self) -> tuple[tuple[tuple[int, ...], Slope], ...]:
-        return self.coefficients
-
-    @property
-    def _unfelt(self) -> tuple[int, ...]:
-        return tuple(self.nominal.coordinates.index(name) for name in self.ignorable_coordinates)
 
     @classmethod
     @one_blas_thread
@@ -407,18 +378,18 @@ class PolynomialFamily(Family):
         )
         structure = Structure.of(M, C, K, tried[0].coordinates)
         center = SecondOrderModel.of(structure, replace(tried[0].ports, B=B, L=L, strains=None, tensions=None))
-        family, sizes = cls(names, low, high, center, changes, tuple(free)), _sizes(samples)
-        family._check(tried, {letter: sizes[letter] for letter in "MCK"})
+        family = cls(names, low, high, center, changes, tuple(free))
+        family._check(tried)
         return family
 
 
-def _matrices(first: SecondOrderModel, made: Sequence[SecondOrderModel]) -> dict[str, Array]:
-    """Return matrices and columns of inputs of structures, stacked; refused where signals are not those of the first."""
+def _matrices(first: SecondOrderModel, made: Sequence[SecondOrderModel], letters: str = "MCKBL") -> dict[str, Array]:
+    """Return matrices of structures and of their signals, stacked; refused where signals are not those of the first."""
     for item in made:
         _check_alike(first, item)
     return {
         letter: np.array([getattr(item if letter in "MCK" else item.ports, letter) for item in made])
-        for letter in "MCKBL"
+        for letter in letters
     }
 
 

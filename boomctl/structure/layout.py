@@ -4,6 +4,8 @@ With rows ``N`` and ``R`` over the coordinates and weights ``m, c, k``, none of 
 
     M = N^T diag(m) N,   C = R^T diag(c) R,   K = R^T diag(k) R.
 
+Matrices given are weights of the coordinates themselves.
+
 Rows say where things are, weights what they are made of.  Structures that differ in weights alone share one
 :class:`Layout`, and with it all that follows from rows: coordinates eliminated, halves.
 
@@ -17,7 +19,6 @@ from functools import cached_property
 import numpy as np
 
 from boomctl.arrays import Array, combined
-from boomctl.lti.rounding import ALIKE
 from boomctl.printing import compact
 from boomctl.structure.elimination import Elimination
 from boomctl.structure.symmetry import Mirror
@@ -29,13 +30,21 @@ _SMALL = 64  # Coordinates up to which one product of matrices is as fast.
 
 @dataclass(frozen=True)
 class Weights:
-    """What the rows of a layout weigh: ``m`` the mass rows [kg, kg m^2], ``c`` and ``k`` the elastic rows."""
+    """Weights of the rows of a layout: ``m`` of the mass rows [kg, kg m^2], ``c`` and ``k`` of the elastic rows.
+
+    One number a row.  Of matrices given, whose rows are the coordinates, they are these matrices.
+    """
 
     m: Array
     c: Array
     k: Array
 
     __repr__ = compact
+
+
+def weigh(weight: Array, rows: Array) -> Array:
+    """Return rows times their weights."""
+    return weight @ rows if weight.ndim == 2 else weight[:, None] * rows
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +60,7 @@ class Layout:
     R : (rows, n) ndarray
         Rows of the stiffness and damping matrix.
     mirror : Mirror or None
-        How the reflection about ``x = 0`` acts, where one is known; weights may still break it.
+        The reflection about ``x = 0`` that leaves the matrices as they are, where there is one.
     """
 
     coordinates: tuple[str, ...]
@@ -84,13 +93,12 @@ class Layout:
         """Products of pairs of entries of the rows ``N`` and ``R``, where these have few entries."""
         return _products(self.N), _products(self.R)
 
-    def mass(self, m: Array) -> Array:
-        """Return ``N^T diag(m) N``."""
-        return _gram(self.N, self._products[0], m)
-
-    def stiffness(self, k: Array) -> Array:
-        """Return ``R^T diag(k) R``."""
-        return _gram(self.R, self._products[1], k)
+    def matrices(self, weights: Weights) -> tuple[Array, Array, Array]:
+        """Return mass, damping and stiffness matrix."""
+        if weights.k.ndim == 2:
+            return self.N.T @ weights.m @ self.N, self.R.T @ weights.c @ self.R, self.R.T @ weights.k @ self.R
+        inertia, elastic = self._products
+        return _gram(self.N, inertia, weights.m), _gram(self.R, elastic, weights.c), _gram(self.R, elastic, weights.k)
 
     @cached_property
     def halves(self) -> "dict[int, tuple[Array, Layout]]":
@@ -102,20 +110,6 @@ class Layout:
             P = self.mirror.basis(parity)
             result[parity] = P, self.congruent(P, self.mirror.half_coordinates(self.coordinates, parity))
         return result
-
-    def keeps_mirror(self, mirror: Mirror, weights: Weights) -> bool:
-        """Return whether a reflection leaves mass, damping and stiffness as they are.
-
-        They are asked for the forces that a motion without any symmetry needs, reflected before and after.
-        """
-        for rows, item in ((self.N, (weights.m,)), (self.R, (weights.c, weights.k))):
-            strains = rows @ mirror.probe
-            for weight in item:
-                forces, reflected = (rows.T @ (weight[:, None] * strains)).T
-                largest = squared_sums(rows, weight).max(initial=0.0)
-                if np.abs(mirror.reflect(reflected) - forces).max(initial=0.0) > ALIKE * largest:
-                    return False
-        return True
 
 
 def _products(rows: Array) -> tuple[Array, Array] | None:
@@ -137,10 +131,5 @@ def _gram(rows: Array, products: tuple[Array, Array] | None, weight: Array) -> A
     n = rows.shape[1]
     if products is not None:
         return np.bincount(products[0], (weight[:, None, None] * products[1]).ravel(), n * n).reshape(n, n)
-    total = rows.T @ (weight[:, None] * rows)
+    total = rows.T @ weigh(weight, rows)
     return 0.5 * (total + total.T)
-
-
-def squared_sums(rows: Array, weight: Array) -> Array:
-    """Return the diagonal of ``rows^T diag(weight) rows``."""
-    return weight @ rows**2

@@ -13,7 +13,7 @@ import numpy as np
 from boomctl.arrays import Array
 from boomctl.lti.rounding import ALIKE, EPS, SUMMED
 from boomctl.printing import compact
-from boomctl.structure.layout import KEPT, Layout, Weights, squared_sums
+from boomctl.structure.layout import KEPT, Layout, Weights, weigh
 from boomctl.structure.outline import Outline, mapped
 from boomctl.structure.ports import Ports
 from boomctl.structure.strain_coordinates import StrainForm, strain_form
@@ -25,42 +25,24 @@ _LARGEST = 1000  # coordinates of a model
 _GRADED = 1e14
 
 
-@dataclass(frozen=True)
-class ElasticRows:
-    """Stiffness and damping as sums over rows: ``K = R^T diag(k) R``, ``C = R^T diag(c) R``."""
-
-    R: Array
-    k: Array
-    c: Array
-
-    __repr__ = compact
-
-
 @dataclass(frozen=True, eq=False)
 class Structure:
-    """``s^2 M + s C + K`` over named coordinates: matrices given, or rows and what they weigh.
+    """``s^2 M + s C + K`` over named coordinates: rows and their weights.
 
     Attributes
     ----------
-    coordinates : tuple of str
-        Names.
-    given : triple of (n, n) ndarray, or None
-        Mass, damping and stiffness matrix; None: they follow from rows.
-    layout, weights : Layout, Weights, or None
-        Rows over the coordinates and their weights, where they are known.
-    mirror : Mirror or None
-        The reflection about ``x = 0`` that leaves the matrices as they are, where there is one.
+    layout : Layout
+        Rows over the coordinates.
+    weights : Weights
+        Their weights; those of given matrices are these matrices.
     outline : Outline or None
         Where the parts are and how they move with the coordinates, where that is known.
     settled : bool
         Whether its state space is over these very coordinates, so that structures beside it have the same states.
     """
 
-    coordinates: tuple[str, ...]
-    given: tuple[Array, Array, Array] | None = None
-    layout: Layout | None = None
-    weights: Weights | None = None
-    mirror: Mirror | None = None
+    layout: Layout
+    weights: Weights
     outline: Outline | None = field(default=None, repr=False)
     settled: bool = field(default=False, repr=False)
 
@@ -71,32 +53,37 @@ class Structure:
         cls, M: Array, C: Array, K: Array, coordinates: tuple[str, ...], mirror: Mirror | None = None
     ) -> "Structure":
         """Return a structure of matrices known to be sound."""
-        return cls(coordinates, (M, C, K), mirror=mirror)
-
-    @classmethod
-    def weighed(
-        cls, layout: Layout, weights: Weights, mirror: Mirror | None = None, outline: Outline | None = None
-    ) -> "Structure":
-        """Return a structure of rows and what they weigh; its matrices are computed on first access."""
-        return cls(layout.coordinates, None, layout, weights, mirror, outline)
+        rows = np.eye(len(coordinates))
+        return cls(Layout(coordinates, rows, rows, mirror), Weights(M, C, K))
 
     def __getstate__(self) -> dict[str, object]:
         """Pickle what it is made of; what was computed when asked for can be computed again."""
         return {field.name: getattr(self, field.name) for field in fields(self)}
 
     @property
+    def coordinates(self) -> tuple[str, ...]:
+        """Names of the coordinates."""
+        return self.layout.coordinates
+
+    @property
     def n(self) -> int:
         """Number of coordinates."""
-        return len(self.coordinates)
+        return len(self.layout.coordinates)
+
+    @property
+    def mirror(self) -> Mirror | None:
+        """The reflection about ``x = 0`` that leaves the matrices as they are, where there is one."""
+        return self.layout.mirror
+
+    @property
+    def has_strains(self) -> bool:
+        """Whether stiffness and damping are known as sums over strains, and not as matrices alone."""
+        return self.weights.k.ndim == 1
 
     @cached_property
     def matrices(self) -> tuple[Array, Array, Array]:
         """Mass, damping and stiffness matrix."""
-        if self.layout is None or self.weights is None:
-            assert self.given is not None
-            return self.given
-        layout, weights = self.layout, self.weights
-        return layout.mass(weights.m), layout.stiffness(weights.c), layout.stiffness(weights.k)
+        return self.layout.matrices(self.weights)
 
     @property
     def M(self) -> Array:
@@ -114,16 +101,9 @@ class Structure:
         return self.matrices[2]
 
     @cached_property
-    def elastic(self) -> ElasticRows | None:
-        """Stiffness and damping once more, as sums over strains, where they are known."""
-        if self.layout is None or self.weights is None:
-            return None
-        return ElasticRows(self.layout.R, self.weights.k, self.weights.c)
-
-    @cached_property
     def strain_form(self) -> StrainForm | None:
-        """The structure in strain coordinates; None without rows."""
-        return None if self.layout is None or self.weights is None else strain_form(self.layout, self.weights)
+        """The structure in strain coordinates; None of matrices given."""
+        return strain_form(self.layout, self.weights) if self.has_strains else None
 
     @cached_property
     def in_strains(self) -> "Structure":
@@ -131,17 +111,14 @@ class Structure:
         form = self.strain_form
         if form is None:
             return self
-        names = tuple(f"z{i}" for i in range(self.n))
-        return Structure(names, (form.N.T @ form.N, form.C, form.K))
+        return Structure.of(form.N.T @ form.N, form.C, form.K, tuple(f"z{i}" for i in range(self.n)))
 
     @cached_property
     def _squares(self) -> Array:
         """Stiffness over mass of the coordinates that have mass, ascending [rad^2/s^2]."""
-        if self.layout is None or self.weights is None:
-            stiffness, mass = np.abs(self.K.diagonal()), self.M.diagonal()
-        else:
-            stiffness, mass = squared_sums(self.layout.R, self.weights.k), squared_sums(self.layout.N, self.weights.m)
-        return np.sort(stiffness[mass > 0.0] / mass[mass > 0.0])
+        pairs = (self.layout.R, self.weights.k), (self.layout.N, self.weights.m)
+        stiffness, mass = ((rows * weigh(weight, rows)).sum(axis=0) for rows, weight in pairs)
+        return np.sort(np.abs(stiffness[mass > 0.0]) / mass[mass > 0.0])
 
     @property
     def noise(self) -> float:
@@ -152,7 +129,7 @@ class Structure:
     def graded(self) -> bool:
         """Whether rows are known and some elements are so much shorter than most that displacements lose their strains."""
         square = self._squares
-        return self.layout is not None and len(square) > 0 and bool(square[-1] > _GRADED * square[len(square) // 2])
+        return self.has_strains and len(square) > 0 and bool(square[-1] > _GRADED * square[len(square) // 2])
 
     def at(self, s: Array) -> Array:
         """Return ``s^2 M + s C + K`` at each imaginary ``s``, shape (len(s), n, n)."""
@@ -160,53 +137,34 @@ class Structure:
         full.real, full.imag = self.K - omega**2 * self.M, omega * self.C
         return full
 
-    def force(self, motion: Array, s: Array) -> Array:
-        """Return ``(s^2 M + s C + K) q`` of motions in columns, each with its ``s``; elastic forces through strains."""
-        inertia, rows = s**2 * (self.M @ motion), self.elastic
-        if rows is None:
-            return inertia + self.K @ motion + s * (self.C @ motion)
-        return inertia + rows.R.T @ ((rows.k[:, None] + rows.c[:, None] * s) * (rows.R @ motion))
-
     def projected(self, V: Array, coordinates: tuple[str, ...] | None = None) -> "Structure":
         """Return the structure that moves only as the columns of ``V``, ``q = V v``, through its strain rows."""
         names = tuple(f"v{i}" for i in range(V.shape[1])) if coordinates is None else coordinates
-        if self.layout is None or self.weights is None:
-            M, C, K = (V.T @ (matrix @ V) for matrix in (self.M, self.C, self.K))
-        else:
-            moving, strain, weights = self.layout.N @ V, self.layout.R @ V, self.weights
-            M = moving.T @ (weights.m[:, None] * moving)
-            C, K = (strain.T @ (weight[:, None] * strain) for weight in (weights.c, weights.k))
-        return Structure(names, (0.5 * (M + M.T), C, K))
+        moving, strain, weights = self.layout.N @ V, self.layout.R @ V, self.weights
+        M = moving.T @ weigh(weights.m, moving)
+        C, K = (strain.T @ weigh(weight, strain) for weight in (weights.c, weights.k))
+        return Structure.of(0.5 * (M + M.T), C, K, names)
 
     def mirrored(self, mirror: Mirror | None) -> "Structure":
-        """Return the structure with a mirror, if that leaves its matrices as they are; otherwise as it is."""
-        if mirror is None:
-            return self
-        if self.layout is None or self.weights is None:
-            broken = any(mirror.change(matrix) > ALIKE for matrix in self.matrices)
-            return self if broken else replace(self, mirror=mirror)
-        if self.graded or not self.layout.keeps_mirror(mirror, self.weights):
-            return self
-        return replace(self, layout=_mirrored(self.layout, mirror), mirror=mirror)
+        """Return the structure with a mirror, if that leaves its matrices as they are; otherwise without."""
+        N, R, weights = self.layout.N, self.layout.R, self.weights
+        for rows, weight in ((N, weights.m), (R, weights.c), (R, weights.k)):
+            if mirror is not None and mirror.change(rows.T @ weigh(weight, rows @ mirror.probe)) > ALIKE:
+                mirror = None
+        return replace(self, layout=_mirrored(self.layout, None if self.graded else mirror))
 
     @cached_property
     def halves(self) -> "dict[int, tuple[Array, Structure]]":
         """Of a structure with a mirror: the motions of each parity, ``q = P q_half``, and the structure over them."""
-        return {parity: self._half(parity) for parity in (1, -1)}
-
-    def _half(self, parity: int) -> "tuple[Array, Structure]":
-        assert self.mirror is not None
-        if self.layout is not None and self.weights is not None:
-            P, layout = self.layout.halves[parity]
-            return P, Structure.weighed(layout, self.weights, None, mapped(self.outline, P, parity))
-        P, names = self.mirror.basis(parity), self.mirror.half_coordinates(self.coordinates, parity)
-        M, C, K = (P.T @ (matrix @ P) for matrix in self.matrices)
-        return P, Structure(names, (M, C, K), outline=mapped(self.outline, P, parity), settled=self.settled)
+        return {
+            parity: (P, replace(self, layout=layout, outline=mapped(self.outline, P, parity)))
+            for parity, (P, layout) in self.layout.halves.items()
+        }
 
 
 @lru_cache(maxsize=KEPT)
-def _mirrored(layout: Layout, mirror: Mirror) -> Layout:
-    """Return a layout with a mirror; one for all structures that share the layout."""
+def _mirrored(layout: Layout, mirror: Mirror | None) -> Layout:
+    """Return a layout with a mirror or without; one for all structures that share the layout."""
     return replace(layout, mirror=mirror)
 
 
@@ -230,13 +188,8 @@ def half(structure: Structure, ports: Ports, parity: int) -> Half | None:
     ins, outs = mirror.signals(ports.inputs, parity), mirror.signals(ports.outputs, parity)
     if ins is None or outs is None:
         return None
-    primary = None
-    if ports.primary is not None:
-        pair = [mirror.signals(names, parity) for names in ports.primary]
-        if pair[0] is not None and pair[1] is not None:
-            primary = tuple(n for n in pair[0][1] if n in ins[1]), tuple(n for n in pair[1][1] if n in outs[1])
     P, part = structure.halves[parity]
-    return Half(part, ports.mixed(P, ins, outs, primary), ins[0], outs[0])
+    return Half(part, ports.mixed(P, ins, outs), ins[0], outs[0])
 
 
 def halves(structure: Structure, ports: Ports) -> tuple[Half, ...] | None:

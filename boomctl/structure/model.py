@@ -24,7 +24,6 @@ from boomctl.checks import (
     whole,
 )
 from boomctl.lti.hold import zero_order_hold
-from boomctl.lti.rounding import ALIKE, warn_of_rounding
 from boomctl.lti.system import Lti
 from boomctl.printing import count, signals
 from boomctl.structure.matrices import Structure, check_size, half, halves
@@ -32,31 +31,13 @@ from boomctl.structure.ports import Ports
 from boomctl.structure.response.direct import respond
 from boomctl.structure.response.modal_form import COORDINATES, MODES, handed_out, modal_form
 from boomctl.structure.response.mode_shapes import ModeShapes, mode_shapes
-from boomctl.structure.response.poles import PROMISED, poles_and_rounding
+from boomctl.structure.response.poles import damped_poles
 from boomctl.structure.symmetry import Mirror
 from boomctl.threads import one_blas_thread
 from boomctl.units import warn_of_units
 
 if TYPE_CHECKING:
     import control
-
-
-_OF_STATES = (
-    "A",
-    "B",
-    "D",
-    "zeros",
-    "damp",
-    "dcgain",
-    "feedback",
-    "sample",
-    "ninputs",
-    "noutputs",
-    "nstates",
-    "plot_phase",  # what control.bode asks for
-    "input_labels",
-)
-"""What users of python-control look for at a system, and a structure does not have."""
 
 
 @dataclass(frozen=True, init=False, eq=False)
@@ -232,13 +213,10 @@ class SecondOrderModel:
         TypeError, ValueError
             Unknown names, or one asked for twice.
         """
-        return SecondOrderModel.of(self.structure, self._ports(inputs, outputs), self.selection)
-
-    def _ports(self, inputs: str | Sequence[str] | None, outputs: str | Sequence[str] | None) -> Ports:
         for what, wanted, available in (("input", inputs, self.ports.inputs), ("output", outputs, self.ports.outputs)):
             if wanted is not None:
                 some_names(what, wanted, available)
-        return self.ports.select(inputs, outputs)
+        return SecondOrderModel.of(self.structure, self.ports.select(inputs, outputs), self.selection)
 
     @cached_property
     def _primary(self) -> SecondOrderModel:
@@ -284,7 +262,7 @@ class SecondOrderModel:
         ValueError
             An output that needs a derivative of an input.
         """
-        return modal_form(self.structure, self.ports).balanced()
+        return modal_form(self.structure, self.ports)
 
     def __getitem__(self, signals: tuple[Any, Any]) -> SecondOrderModel:
         """Return the model between signals, outputs first, as systems of python-control take them: ``m["tip", "force"]``."""
@@ -306,12 +284,8 @@ class SecondOrderModel:
     def __getattr__(self, name: str) -> Any:
         """Say where something is that state spaces have."""
         said = f"{type(self).__name__!r} object has no attribute {name!r}"
-        hint = (
-            "; its .to_statespace() has, and boomctl.sigma, bode, step, ... take the model (its own C is damping)"
-            if name in _OF_STATES
-            else ""
-        )
-        raise AttributeError(f"{said}{hint}", name=name, obj=self)
+        hint = "; its .to_statespace() has those of systems, and boomctl.sigma, bode, step, ... take the model"
+        raise AttributeError(said if name.startswith("_") else f"{said}{hint}", name=name, obj=self)
 
     def _combined(self, *others: Any) -> NoReturn:
         """Say how structures are combined with systems."""
@@ -366,9 +340,7 @@ class SecondOrderModel:
         BoomctlWarning
             The lowest is below 1e-4 Hz and none is above 0.01 Hz, or the lowest is above 1e5 Hz: units that are not SI.
         """
-        poles, rounding = poles_and_rounding(self.structure, whole("count", count))
-        warn_of_rounding("the highest eigenfrequency", rounding, PROMISED)
-        result = np.sort(poles.imag)[:count] / (2.0 * np.pi)
+        result = damped_poles(self.structure, whole("count", count)).imag / (2.0 * np.pi)
         warn_of_units(result)
         return result
 
@@ -429,8 +401,8 @@ class SecondOrderModel:
         """
         from boomctl.lti.python_control import control
 
-        grid, ports = frequencies("omega", omega), self._ports(inputs, outputs)
-        values = respond(self.structure, ports, grid, available=self.ports).values
+        grid, ports = frequencies("omega", omega), self.select(inputs, outputs).ports
+        values = respond(self.structure, ports, grid, available=self.ports)
         return control.frd(values, grid, inputs=list(ports.inputs), outputs=list(ports.outputs), name=self._name)
 
     @one_blas_thread
@@ -491,7 +463,7 @@ class SecondOrderModel:
         """
         if states is not None and not (isinstance(states, str) and states in (MODES, COORDINATES)):
             raise ValueError(f"states = {states!r}: expected {MODES!r}, {COORDINATES!r} or None")
-        result = handed_out(self.structure, self._ports(inputs, outputs), states)
+        result = handed_out(self.structure, self.select(inputs, outputs).ports, states)
         if dt is not None:
             Phi, G = zero_order_hold(result.A, result.B, positive("dt", dt))
             result = replace(result, A=Phi, B=G, dt=float(dt))
@@ -538,12 +510,10 @@ def split_symmetric(model: SecondOrderModel) -> tuple[SecondOrderModel, SecondOr
     (array([0.587]), array([0.245]))
     """
     instance("model", model, SecondOrderModel)
-    if model._mirror is None:
+    structure = model.structure.mirrored(model._mirror)
+    if structure.mirror is None:
         raise ValueError("the model is not symmetric about x = 0 (mesh or machine), so it does not split")
-    for name, matrix in (("M", model.M), ("C", model.C), ("K", model.K)):
-        if model._mirror.change(matrix) > ALIKE:
-            raise ValueError(f"the model is not symmetric about x = 0: its reflection changes {name}")
-    jolt, yaw = (half(model.structure, model.ports, parity) for parity in (1, -1))
+    jolt, yaw = (half(structure, model.ports, parity) for parity in (1, -1))
     if jolt is None or yaw is None:
         raise ValueError(f"inputs {model.input_labels} or outputs {model.output_labels} are not pairs of mirror images")
     return SecondOrderModel.of(jolt.structure, jolt.ports), SecondOrderModel.of(yaw.structure, yaw.ports)

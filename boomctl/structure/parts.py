@@ -329,9 +329,9 @@ class RigidBody:
 class CrossSection:
     """What bending knows of a beam's cross section; `BeamSegment.from_cross_section` makes a stretch of a beam of it.
 
-    Functions return those of tubes, bars and I sections, bent in the plane of the machine: the depth is measured in that
-    plane, the width across it.  They are sums of parts that are all positive, so that thin walls lose no digits; corners
-    are sharp.
+    Functions return those of tubes, bars, rods and I sections, bent in the plane of the machine: the depth is measured in
+    that plane, the width across it.  They are sums of parts that are all positive, so that thin walls lose no digits;
+    corners are sharp.
 
     Attributes
     ----------
@@ -357,10 +357,7 @@ class CrossSection:
     0.0003
     """
 
-    _made_by = (
-        "rectangular_section(...), circular_section(...), rectangular_tube_section(...), circular_tube_section(...) or "
-        "i_section(...)"
-    )
+    _made_by = "rectangular_section(...), circular_section(...) or i_section(...)"
 
     area: float
     second_moment: float
@@ -370,16 +367,16 @@ class CrossSection:
         positive("second_moment", self.second_moment)
 
 
-def rectangular_tube_section(width: float, depth: float, wall: float | tuple[float, float]) -> CrossSection:
-    """Return the section of a rectangular tube.
+def rectangular_section(width: float, depth: float, wall: float | tuple[float, float] | None = None) -> CrossSection:
+    """Return the section of a rectangular tube or of a solid rectangular bar.
 
     Parameters
     ----------
     width, depth : float
         Outer sides [m]: across the plane of bending, and in it.
-    wall : float or (float, float)
+    wall : float or (float, float), optional
         Thickness of the walls [m].  Of two, the first is that of the walls left and right of the width, the second that
-        of the walls on both sides of the depth.
+        of the walls on both sides of the depth.  If None, the section is solid.
 
     Returns
     -------
@@ -394,28 +391,31 @@ def rectangular_tube_section(width: float, depth: float, wall: float | tuple[flo
     Examples
     --------
     >>> import boomctl as bc
-    >>> tube = bc.structure.rectangular_tube_section(0.0603, 0.02, (0.00215, 0.0021))  # of the spray boom
+    >>> tube = bc.structure.rectangular_section(0.0603, 0.02, (0.00215, 0.0021))  # of the spray boom
     >>> round(tube.area * 1e6, 2), round(tube.second_moment * 1e12, 1)  # mm^2, mm^4
     (321.2, 21793.2)
+    >>> round(bc.structure.rectangular_section(0.03, 0.01).second_moment * 1e12, 6)
+    2500.0
     """
-    sides, covers = wall if isinstance(wall, tuple) and len(wall) == 2 else (wall, wall)
-    b, h, s, t = positive("width", width), positive("depth", depth), positive("wall", sides), positive("wall", covers)
-    _room("wall", s, b, "width")
-    _room("wall", t, h, "depth")
+    b, h = positive("width", width), positive("depth", depth)
+    s, t = 0.5 * b, 0.5 * h
+    if wall is not None:
+        sides, covers = wall if isinstance(wall, tuple) and len(wall) == 2 else (wall, wall)
+        s, t = _wall("wall", sides, b, "width"), _wall("wall", covers, h, "depth")
     inside = b - 2.0 * s
     area = 2.0 * (s * h + inside * t)
     return CrossSection(area, s * h**3 / 6.0 + inside * t * (t * t / 6.0 + 0.5 * (h - t) ** 2))
 
 
-def circular_tube_section(diameter: float, wall: float) -> CrossSection:
-    """Return the section of a round tube.
+def circular_section(diameter: float, wall: float | None = None) -> CrossSection:
+    """Return the section of a round tube or of a solid round rod.
 
     Parameters
     ----------
     diameter : float
         Outer diameter [m].
-    wall : float
-        Thickness of the wall [m].
+    wall : float, optional
+        Thickness of the wall [m].  If None, the section is solid.
 
     Returns
     -------
@@ -430,69 +430,15 @@ def circular_tube_section(diameter: float, wall: float) -> CrossSection:
     Examples
     --------
     >>> import boomctl as bc
-    >>> round(bc.structure.circular_tube_section(0.06, 0.002).area * 1e6, 3)  # mm^2
+    >>> round(bc.structure.circular_section(0.06, 0.002).area * 1e6, 3)  # mm^2
     364.425
-    """
-    d, t = positive("diameter", diameter), positive("wall", wall)
-    _room("wall", t, d, "diameter")
-    area = pi * t * (d - t)
-    return CrossSection(area, area * (d * d + (d - 2.0 * t) ** 2) / 16.0)
-
-
-def rectangular_section(width: float, depth: float) -> CrossSection:
-    """Return the section of a solid rectangular bar.
-
-    Parameters
-    ----------
-    width, depth : float
-        Sides [m]: across the plane of bending, and in it.
-
-    Returns
-    -------
-    CrossSection
-        Area [m^2] and second moment of area [m^4].
-
-    Raises
-    ------
-    TypeError, ValueError
-        Numbers that are not above zero.
-
-    Examples
-    --------
-    >>> import boomctl as bc
-    >>> round(bc.structure.rectangular_section(0.03, 0.01).second_moment * 1e12, 6)  # mm^4
-    2500.0
-    """
-    b, h = positive("width", width), positive("depth", depth)
-    return CrossSection(b * h, b * h**3 / 12.0)
-
-
-def circular_section(diameter: float) -> CrossSection:
-    """Return the section of a solid round rod.
-
-    Parameters
-    ----------
-    diameter : float
-        Diameter [m].
-
-    Returns
-    -------
-    CrossSection
-        Area [m^2] and second moment of area [m^4].
-
-    Raises
-    ------
-    TypeError, ValueError
-        A diameter that is not above zero.
-
-    Examples
-    --------
-    >>> import boomctl as bc
-    >>> round(bc.structure.circular_section(0.02).area * 1e6, 3)  # mm^2
+    >>> round(bc.structure.circular_section(0.02).area * 1e6, 3)
     314.159
     """
     d = positive("diameter", diameter)
-    return CrossSection(0.25 * pi * d * d, pi * d**4 / 64.0)
+    t = 0.5 * d if wall is None else _wall("wall", wall, d, "diameter")
+    area = pi * t * (d - t)
+    return CrossSection(area, area * (d * d + (d - 2.0 * t) ** 2) / 16.0)
 
 
 def i_section(width: float, depth: float, web: float, flange: float) -> CrossSection:
@@ -521,8 +467,8 @@ def i_section(width: float, depth: float, web: float, flange: float) -> CrossSec
     >>> round(bc.structure.i_section(0.1, 0.2, 0.0056, 0.0085).area * 1e6)  # mm^2
     2725
     """
-    b, h, s, t = positive("width", width), positive("depth", depth), positive("web", web), positive("flange", flange)
-    _room("flange", t, h, "depth")
+    b, h, s = positive("width", width), positive("depth", depth), positive("web", web)
+    t = _wall("flange", flange, h, "depth")
     if s > b:
         raise ValueError(f"web = {exactly(s)}: expected at most the width, {up_to(b)} m")
     tall = h - 2.0 * t
@@ -530,9 +476,11 @@ def i_section(width: float, depth: float, web: float, flange: float) -> CrossSec
     return CrossSection(flanges + s * tall, flanges * (t * t / 12.0 + 0.25 * (h - t) ** 2) + s * tall**3 / 12.0)
 
 
-def _room(what: str, wall: float, size: float, of: str) -> None:
-    if 2.0 * wall >= size:
-        raise ValueError(f"{what} = {exactly(wall)}: expected less than half the {of}, {up_to(0.5 * size)} m")
+def _wall(name: str, wall: float, size: float, of: str) -> float:
+    """Return the thickness of one of two walls that leave room between them."""
+    if 2.0 * positive(name, wall) >= size:
+        raise ValueError(f"{name} = {exactly(wall)}: expected less than half the {of}, {up_to(0.5 * size)} m")
+    return wall
 
 
 @dataclass(frozen=True)
@@ -586,8 +534,7 @@ class BeamSegment:
         length : float
             Length of the stretch [m].
         section : CrossSection
-            What `rectangular_section`, `circular_section`, `rectangular_tube_section`, `circular_tube_section` or
-            `i_section` returns.
+            Result of `rectangular_section`, `circular_section` or `i_section`.
         youngs_modulus, density : float
             Young's modulus [Pa] and density [kg/m^3] of the material.
         damping : float

@@ -12,34 +12,21 @@ An output may pass a second-order low-pass filter (damping ratio ``1/sqrt 2``) o
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 
 import numpy as np
 
 from boomctl.arrays import Array, combined
-from boomctl.checks import known, names
+from boomctl.checks import names
 from boomctl.printing import compact
 from boomctl.units import half_unit
 
 FILTER_DAMPING = np.sqrt(0.5)  # of the outputs' low-pass filters: the flattest pass band (Butterworth)
 
 
-def _there(terms: Array) -> list[int]:
-    """Return which terms of a polynomial are not zero."""
-    return [k for k, term in enumerate(terms) if term.any()]
-
-
-def evaluate(terms: Array, s: Array, used: list[int] | None = None) -> Array:
-    """Return ``X0 + s X1 + s^2 X2`` for each ``s``, shape (len(s), rows, columns); zero terms cost nothing.
-
-    ``used`` are the terms that are not zero, where that is known.
-    """
-    used = _there(terms) if used is None else used
-    if used in ([], [0]):
-        return np.full((len(s), *terms[0].shape), terms[0], complex)
-    powers = np.array([np.ones_like(s), s, s * s])[used].T
-    _, rows, columns = terms.shape
-    return (powers @ terms[used].reshape(len(used), rows * columns)).reshape(len(s), rows, columns)
+def evaluate(terms: Array, s: Array) -> Array:
+    """Return ``X0 + s X1 + s^2 X2`` for each ``s``, shape (len(s), rows, columns)."""
+    powers, (count, rows, columns) = np.array([np.ones_like(s), s, s * s]).T, terms.shape
+    return (powers @ terms.reshape(count, rows * columns)).reshape(len(s), rows, columns)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -110,21 +97,6 @@ class Ports:
             units=units or {},
         )
 
-    @cached_property
-    def acting(self) -> list[int]:
-        """The derivatives of inputs that act."""
-        return _there(self.B)
-
-    @cached_property
-    def read(self) -> list[int]:
-        """The derivatives of the motion that outputs read."""
-        return _there(self.L)
-
-    @cached_property
-    def plain(self) -> bool:
-        """Whether no output is filtered and no input integrated."""
-        return not any(self.integrators) and all(bandwidth is None for bandwidth in self.bandwidths)
-
     def select(self, inputs: str | Sequence[str] | None, outputs: str | Sequence[str] | None) -> "Ports":
         """Return the ports named, in the order asked for; ``None`` means all.  Who names some means these first of all."""
         if inputs is None and outputs is None:
@@ -170,21 +142,22 @@ class Ports:
         seen.B[0, rigid[:, None], np.flatnonzero(self.moved)] = 0.0
         return seen
 
-    def mixed(
-        self,
-        P: Array,
-        ins: tuple[Array, tuple[str, ...]],
-        outs: tuple[Array, tuple[str, ...]],
-        primary: tuple[tuple[str, ...], tuple[str, ...]] | None,
-    ) -> "Ports":
+    def mixed(self, P: Array, ins: tuple[Array, tuple[str, ...]], outs: tuple[Array, tuple[str, ...]]) -> "Ports":
         """Return the ports over ``z`` with ``q = P z`` whose inputs ``v`` and outputs are ``d = W_in v``, ``W_out^T y``.
 
         ``ins`` and ``outs`` are ``W_in`` and ``W_out``, each with the names of the new signals.
         """
         (W_in, inputs), (W_out, outputs) = ins, outs
         first_in, first_out = np.abs(W_in).argmax(axis=0).tolist(), np.abs(W_out).argmax(axis=0).tolist()
-        sources = [self.inputs[k] for k in first_in] + [self.outputs[k] for k in first_out]
-        pairs = [(new, old, self.units.get(old, "")) for new, old in zip(inputs + outputs, sources, strict=True)]
+        into = list(zip(inputs, (self.inputs[k] for k in first_in), strict=True))
+        out = list(zip(outputs, (self.outputs[k] for k in first_out), strict=True))
+        pairs, primary = [(new, old, self.units.get(old, "")) for new, old in into + out], None
+        if self.primary is not None:
+            ins_wanted, outs_wanted = self.primary
+            primary = (
+                tuple(new for new, old in into if old in ins_wanted),
+                tuple(n for n, old in out if old in outs_wanted),
+            )
         return Ports(
             inputs=inputs,
             outputs=outputs,
@@ -200,25 +173,15 @@ class Ports:
             units={new: unit if new == old else half_unit(unit, new) for new, old, unit in pairs},
         )
 
-    def force_column(self, name: str) -> Array:
-        """Return the column of a force input; a displacement input is an error."""
-        i = self.inputs.index(known("input", name, self.inputs))
-        if self.moved[i]:
-            raise ValueError(f"input {name!r} is a displacement already")
-        return self.B[0][:, i]
-
     def conditioned(self, s: Array, Y: Array) -> Array:
         """Return a response, (outputs, inputs, len(s)), behind the filters of outputs and integrators of inputs."""
-        if self.plain:
-            return Y
-        after = np.ones((len(self.outputs), 1, len(s)), dtype=complex)
+        result = Y.copy()
         for i, bandwidth in enumerate(self.bandwidths):
             if bandwidth is not None:
-                after[i] = bandwidth**2 / (s**2 + 2 * FILTER_DAMPING * bandwidth * s + bandwidth**2)
-        before = np.ones((len(self.inputs), len(s)), dtype=complex)
+                result[i] *= bandwidth**2 / (s**2 + 2 * FILTER_DAMPING * bandwidth * s + bandwidth**2)
         for i, count in enumerate(self.integrators):
+            if count and (s == 0).any():
+                raise ValueError(f"input {self.inputs[i]!r} is integrated: its response at omega = 0 is not finite")
             if count:
-                if (s == 0).any():
-                    raise ValueError(f"input {self.inputs[i]!r} is integrated: its response at omega = 0 is not finite")
-                before[i] = s**-count
-        return after * Y * before
+                result[:, i] *= s**-count
+        return result

@@ -73,11 +73,10 @@ class Mirror:
         """Return a motion, one number a coordinate, as it looks in the mirror."""
         return self.sign * motion[self.partner]
 
-    def change(self, matrix: Array) -> float:
-        """Return how much a matrix changes under the reflection, relative to its largest entry."""
-        reflected = self.sign[:, None] * matrix[np.ix_(self.partner, self.partner)] * self.sign
-        largest = np.abs(matrix).max(initial=0.0)
-        return float(np.abs(reflected - matrix).max(initial=0.0) / largest) if largest else 0.0
+    def change(self, forces: Array) -> float:
+        """Return how much forces of the motions of :attr:`probe` differ from their reflection, of the largest force."""
+        largest, reflected = np.abs(forces).max(initial=0.0), self.reflect(forces[:, 1])
+        return float(np.abs(reflected - forces[:, 0]).max(initial=0.0) / largest) if largest else 0.0
 
     def completed(self, wanted: Sequence[str], available: Sequence[str]) -> tuple[str, ...]:
         """Return the signals wanted and, behind them, the mirror images that they lack."""

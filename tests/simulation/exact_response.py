@@ -20,7 +20,7 @@ def _exact(matrix):
 
 def _matrices(structure, ports):
     """Return mass, damping, stiffness and the loads of displacements."""
-    if structure.layout is None:
+    if not structure.has_strains:
         return *(_exact(matrix) for matrix in (structure.M, structure.C, structure.K)), _exact(ports.B[0])
     N, R, weights = _exact(structure.layout.N), _exact(structure.layout.R), structure.weights
     M, C, K = (

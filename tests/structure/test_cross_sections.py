@@ -12,10 +12,8 @@ import boomctl as bc
 from boomctl.structure import (
     BeamSegment,
     circular_section,
-    circular_tube_section,
     i_section,
     rectangular_section,
-    rectangular_tube_section,
 )
 from tests.profiles import examples
 
@@ -41,7 +39,7 @@ def test_sections_of_straight_walls_are_their_integrals(b, h, sides, covers):
     inner = 0.5 * h - t
     tube = integrals(lambda y: b if abs(y) > inner else 2.0 * s, h, [inner])
     beam = integrals(lambda y: b if abs(y) > inner else s, h, [inner])
-    assert of(rectangular_tube_section(b, h, (s, t))) == pytest.approx(tube, rel=1e-8)
+    assert of(rectangular_section(b, h, (s, t))) == pytest.approx(tube, rel=1e-8)
     assert of(i_section(b, h, s, t)) == pytest.approx(beam, rel=1e-8)
     assert of(rectangular_section(b, h)) == pytest.approx(integrals(lambda y: b, h), rel=1e-8)
 
@@ -57,7 +55,7 @@ def test_round_sections_are_their_integrals(d, share):
         p - q
         for p, q in zip(integrals(lambda y: chord(y, d), d), integrals(lambda y: chord(y, hollow), hollow), strict=True)
     ]
-    assert of(circular_tube_section(d, share * d)) == pytest.approx(ring, rel=1e-6)
+    assert of(circular_section(d, share * d)) == pytest.approx(ring, rel=1e-6)
     assert of(circular_section(d)) == pytest.approx(integrals(lambda y: chord(y, d), d), rel=1e-6)
 
 
@@ -66,17 +64,17 @@ def test_round_sections_are_their_integrals(d, share):
 def test_thin_walls_lose_no_digits(b, h, share):
     """To the first order in the wall, area and second moment are those of lines; the error is of the next order."""
     t = share * min(b, h)
-    found = rectangular_tube_section(b, h, t)
+    found = rectangular_section(b, h, t)
     assert found.area == pytest.approx(2.0 * t * (b + h), rel=2.0 * share + 1e-14)
     assert found.second_moment == pytest.approx(t * h * h * (h / 6.0 + b / 2.0), rel=4.0 * share + 1e-13)
-    ring = circular_tube_section(h, share * h)
+    ring = circular_section(h, share * h)
     assert ring.second_moment == pytest.approx(np.pi * share * h**4 / 8.0, rel=3.0 * share + 1e-13)
 
 
 def test_the_boom_is_made_of_its_tube():
     p = bc.BoomParameters()
     walls = 0.5 * (p.outer_height - p.inner_height), 0.5 * (p.outer_width - p.inner_width)
-    section = rectangular_tube_section(p.outer_height, p.outer_width, walls)
+    section = rectangular_section(p.outer_height, p.outer_width, walls)
     beam = BeamSegment.from_cross_section(p.length, section, p.youngs_modulus, p.density, p.stiffness_damping)
     assert beam.bending_stiffness == pytest.approx(p.bending_stiffness, rel=1e-13)
     assert beam.mass_per_length == pytest.approx(p.mass_per_length, rel=1e-13)

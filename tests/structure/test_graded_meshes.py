@@ -9,7 +9,19 @@ from hypothesis import given
 import boomctl as bc
 from boomctl.analysis.norm import LOST
 from boomctl.exceptions import AccuracyWarning
-from boomctl.structure import GROUND, Assembly, Beam, BeamSegment, FiniteElements, Force, Output, fixed
+from boomctl.structure import (
+    GROUND,
+    Assembly,
+    Beam,
+    BeamSegment,
+    FiniteElements,
+    Force,
+    Output,
+    SpringDamper,
+    fixed,
+    planar,
+    revolute,
+)
 from boomctl.structure.response.modal_form import undamped_modes
 from boomctl.structure.response.poles import damped_poles
 from tests.profiles import examples
@@ -99,3 +111,24 @@ def test_frequencies_of_unlike_sections_and_tiny_elements_are_right_or_said_to_b
                 assert truth[count - 1] > 1e9 * truth[0], error  # noqa: PT017
                 break
         assert said or found == pytest.approx(truth[:count], rel=1e-8)
+
+
+@given(seeds)
+@examples(60)
+def test_tiny_elements_of_unlike_stiffness_leave_as_many_rigid_motions(seed):
+    """Rows of strains up to 1e20 apart: a spring holds a clamped or hinged beam, and leaves a free one its rotation."""
+    rng = np.random.default_rng(seed)
+    lengths = rng.uniform(0.2, 1.0, int(rng.integers(2, 6))).tolist()
+    sections = [BeamSegment(length, 10.0 ** rng.uniform(-2, 2), 10.0 ** rng.uniform(-4, 8)) for length in lengths]
+    inner = np.sort(rng.uniform(0.01, 0.99, 5)) * sum(lengths)
+    nodes = np.unique([0.0, sum(lengths), *inner, *(inner[:2] + 10.0 ** rng.uniform(-11.0, -3.0, 2))])
+    joint, rigid = [(fixed(), 0), (planar("y", "theta"), 1), (revolute(), 0)][int(rng.integers(3))]
+    beam = Beam("beam", GROUND.at(0.0), joint, (0.0, 0.0), sections, FiniteElements(tuple(nodes)))
+    place = float(inner[2])
+    spring = SpringDamper(beam.at(place), GROUND.at(place), "y", 10.0 ** rng.uniform(-2, 10))
+    try:
+        model = Assembly([beam], [spring]).assemble()
+    except ValueError as error:
+        assert "one node for both" in str(error)  # noqa: PT017
+        return
+    assert (undamped_modes(model.structure)[0] == 0.0).sum() == rigid

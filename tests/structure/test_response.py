@@ -1,7 +1,5 @@
 """Frequency responses of large structures equal the direct solution, and say where rounding ends them."""
 
-import re
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -47,8 +45,7 @@ def test_unsymmetric_chains_respond_as_the_direct_solution(seed):
     model = random_chain(seed, 70, symmetric=False)
     found, truth = respond(model.structure, model.ports, omega), direct(model, omega)
     worst = max(np.linalg.cond(dense(model.K) + 1j * w * dense(model.C) - w * w * dense(model.M)) for w in omega)
-    assert np.abs(found.values - truth).max() < 1e-15 * worst * np.abs(truth).max()
-    assert found.stages == ("dense solutions",)
+    assert np.abs(found - truth).max() < 1e-15 * worst * np.abs(truth).max()
 
 
 @given(st.sampled_from([40, 80]), st.floats(0.05, 1.5))
@@ -107,18 +104,3 @@ def test_direct_response_in_pieces_is_the_whole(monkeypatch, frequencies):
     whole = direct_response(model.structure, model.ports, omega)
     monkeypatch.setattr("boomctl.structure.response.direct._ENTRIES", 90 * 90 * 3)
     assert np.array_equal(direct_response(model.structure, model.ports, omega), whole)
-
-
-@pytest.mark.parametrize(
-    ("elements", "points", "path"),
-    [
-        (6, 300, r"halves, undamped modes, undamped modes"),
-        (6, 3, r"halves, dense solutions, dense solutions"),
-        (190, 300, r"halves, undamped modes, undamped modes"),
-        (190, 3, r"halves, dense solutions, dense solutions"),
-    ],
-)
-def test_a_response_names_the_ways_that_led_to_it(elements, points, path):
-    model = bc.spray_boom(elements=elements)
-    found = respond(model.structure, model.ports, np.geomspace(0.5, 60.0, points))
-    assert re.fullmatch(path, ", ".join(found.stages))

@@ -15,7 +15,8 @@ BASES = {"jolt": (1.0, "sym"), "yaw": (-1.0, "anti")}
 
 def plain(model):
     """Return the same model without its mirror: what is not known to be symmetric is not split."""
-    return SecondOrderModel.of(replace(model.structure, mirror=None), replace(model.ports, primary=None))
+    structure = replace(model.structure, layout=replace(model.structure.layout, mirror=None))
+    return SecondOrderModel.of(structure, replace(model.ports, primary=None))
 
 
 @pytest.mark.parametrize("discretization", ["finite", "high-order", "discrete-hermite", "discrete-geometric"])

@@ -75,12 +75,12 @@ class DrivenLoops:
         rows = [center.output_labels.index(name) for name in K.input_labels]
         judged = [center.output_labels.index(name) for name in outputs if name in center.output_labels]
         asked = sorted({*rows, *judged})
-        if any(change.L.any() and change.L[:, asked].any() for _, change in family._terms):
+        if any(change.L.any() and change.L[:, asked].any() for _, change in family.coefficients):
             raise ValueError(
                 "`outputs` must not change with the parameters in continuous time; of sampled loops they may."
             )
         plain = [[o for o in group if ports.bandwidths[o] is None] for group in (rows, judged)]
-        columns = (ports.B, *(change.B for _, change in family._terms))
+        columns = (ports.B, *(change.B for _, change in family.coefficients))
         derived = [X[1 + k :, group] for k, group in ((1, plain[0]), (0, plain[1])) for X in (ports.L, ports.E)]
         late = (*(X[2] @ at_plant for X in columns), *(X[1:, :, controls] for X in columns))
         if any(X.any() for X in (*derived, *late)):
@@ -118,7 +118,7 @@ class DrivenLoops:
         result: tuple[Polynomial, Polynomial, Polynomial] = {}, {}, {}
         for power, X, (acting, pushing, _) in (
             ((), center, ports.B),
-            *((power, change, change.B) for power, change in family._terms),
+            *((power, change, change.B) for power, change in family.coefficients),
         ):
             e, a, b = (np.zeros_like(item) if power else item for item in (E, A, B))
             e[:n, :n], a[:n, :n], a[n : 2 * n, :n] = X.M, -X.C, -X.K

@@ -203,7 +203,7 @@ def _terms(family: Family, K: Lti, slope: Lti | None, axis: int) -> Terms:
     read = [family.nominal.output_labels.index(name) for name in K.input_labels]
     ports, n = center.ports, center.ncoordinates
     for i, name in enumerate(K.output_labels):
-        late = [ports.B[1:, :, i], ports.E[:, :, i], *(change.B[1:, :, acting[i]] for _, change in family._terms)]
+        late = [ports.B[1:, :, i], ports.E[:, :, i], *(change.B[1:, :, acting[i]] for _, change in family.coefficients)]
         if ports.moved[i] or any(X.any() for X in late):
             raise ValueError(
                 f"`controller` must drive forces, got {name!r}, an input that imposes motion or is felt at once."
@@ -223,12 +223,14 @@ def _terms(family: Family, K: Lti, slope: Lti | None, axis: int) -> Terms:
     for _, b, first in filtered:
         here.A[first, first + 1], here.A[first + 1, first] = 1.0, -(b**2)
         here.A[first + 1, first + 1] = -2.0 * FILTER_DAMPING * b
-    for power, X in (((), center), *family._terms):
+    for power, X in (((), center), *family.coefficients):
         part(power).E[speeds, speeds] += X.M
         part(power).A[speeds, places] -= X.K
         part(power).A[speeds, speeds] -= X.C
-    columns = {(): ports.B[0]} | {power: X.B[0][:, acting] for power, X in family._terms if X.B[:, :, acting].any()}
-    lines = {(): ports.L} | {power: X.L[:, read] for power, X in family._terms if X.L.any()}
+    columns = {(): ports.B[0]} | {
+        power: X.B[0][:, acting] for power, X in family.coefficients if X.B[:, :, acting].any()
+    }
+    lines = {(): ports.L} | {power: X.L[:, read] for power, X in family.coefficients if X.L.any()}
     controllers = {(): K} if slope is None else {(): K, (axis,): slope}
     for power, law in controllers.items():
         part(power).A[own, own] += law.A

@@ -365,7 +365,7 @@ def _enlarged(family: Family, factor: float) -> Family:
     middle, reach = 0.5 * (family.low + family.high), 0.5 * factor * (family.high - family.low)
     changes = tuple(
         (power, Slope(*(factor ** len(power) * getattr(change, letter) for letter in "MCKBL")))
-        for power, change in family._terms
+        for power, change in family.coefficients
     )
     free = tuple(family.nominal.coordinates[i] for i in family._unfelt)
     return PolynomialFamily(family.names, middle - reach, middle + reach, family.nominal, changes, free)

@@ -203,7 +203,7 @@ def _groups(family: Family) -> list[list[int]]:
         return []
     matrices = [getattr(family.nominal, letter) for letter in "MCK"]
     owners: list[set[int]] = [set() for _ in range(family.nominal.ncoordinates)]
-    for power, change in family._terms:
+    for power, change in family.coefficients:
         if change.B.any() or change.L.any():
             return []
         for X in (getattr(change, letter) for letter in "MCK"):
@@ -250,7 +250,7 @@ def sampled_loops(
             V.T @ change.B[:, :, columns],
             change.L[:, lines] @ V if change.L.any() else np.zeros_like(ports.L),
         )
-        for _, change in family._terms
+        for _, change in family.coefficients
     ]
     stacks = [np.array([change[i] for change in changes]).reshape(len(changes), *X.shape) for i, X in enumerate(middle)]
 

@@ -154,7 +154,7 @@ def _joined(family: Family, K: Lti, bounds: Sequence[Lti], unit: Array) -> tuple
         strains=None if ports.strains is None else ports.strains * share,
         tensions=None if ports.tensions is None else wider(ports.tensions),
     )
-    changes = tuple((power, Slope(x.M, x.C, x.K, x.B * share, wider(x.L))) for power, x in family._terms)
+    changes = tuple((power, Slope(x.M, x.C, x.K, x.B * share, wider(x.L))) for power, x in family.coefficients)
     structure = SecondOrderModel.of(center.structure, wide)
     free = tuple(center.coordinates[i] for i in family._unfelt)
     rows = np.kron(np.eye(p), np.ones(m)) * unit.ravel()  # which output an entry adds to, in its unit

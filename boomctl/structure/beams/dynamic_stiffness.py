@@ -69,10 +69,7 @@ def end_functions(x: Array) -> Array:
     if small.all():
         return _by_series(_SERIES, x)
     values = np.empty((6, len(x)), dtype=complex)
-    if small.any():
-        values[:, small] = _by_series(_SERIES, x[small])
-    if not small.all():
-        values[:, ~small] = _by_exponentials(x[~small])
+    values[:, small], values[:, ~small] = _by_series(_SERIES, x[small]), _by_exponentials(x[~small])
     return values
 
 
@@ -83,12 +80,9 @@ def strain_functions(x: Array) -> tuple[Array, Array]:
     """
     small = np.abs(x) < _SERIES_LIMIT**4
     values, sizes = np.empty((6, len(x)), dtype=complex), np.empty((6, len(x)))
-    if small.any():
-        values[:, small] = _by_series(_STRAIN_SERIES, x[small])
-        sizes[:, small] = np.abs(values[:, small])
-    if not small.all():
-        ends = _by_exponentials(x[~small])
-        values[:, ~small], sizes[:, ~small] = _STRAINS @ ends, np.abs(_STRAINS) @ np.abs(ends)
+    values[:, small], ends = _by_series(_STRAIN_SERIES, x[small]), _by_exponentials(x[~small])
+    sizes[:, small] = np.abs(values[:, small])
+    values[:, ~small], sizes[:, ~small] = _STRAINS @ ends, np.abs(_STRAINS) @ np.abs(ends)
     return values, sizes
 
 

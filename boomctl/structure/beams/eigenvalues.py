@@ -19,6 +19,7 @@ _SLOWEST = 1e-30  # of the frequencies of the longest segment: slower than that,
 _CONVERGED = (
     1e-11  # last step over the eigenvalue; Newton's method squares it, so that what is left is rounding (a choice)
 )
+_START = 1e-3  # relative error of a start up to which Newton's method finds the eigenvalue next to it
 _NEWTON_STEPS = 30  # from starts good to 1e-3 some five are taken; many more mean that it does not converge (a choice)
 
 
@@ -50,7 +51,7 @@ def undamped_frequencies(model: ExactModel, count: int) -> Array:
         k, last = np.arange(count), (values >= 0.0).sum(axis=0) - 1  # they fall from above zero to below it
         last = np.clip(last, 0, len(x) - 2)
         a, b, at_a, at_b = x[last, k], x[last + 1, k], values[last, k], values[last + 1, k]
-    lost = model.strains.unit_rounding * model.layout.n
+    lost = model.strains.at_rest.unit_rounding * model.layout.n
     with np.errstate(divide="ignore"):
         rounding = np.where(slope > 0.0, lost / slope, 0.0)
     _warn_of_worst(0.5 * (a + b), rounding)
@@ -79,7 +80,7 @@ def _bracket(model: ExactModel, count: int) -> tuple[float, float, int]:
     """Return a frequency below all elastic ones, one above ``count`` of them, and how many are zero."""
     longest = max(segment.length for segment in model.segments)
     scale = max(np.sqrt(s.bending_stiffness / s.mass_per_length) for s in model.segments) / longest**2
-    low, high, rigid = 1e-6 * scale, scale, model.strains.rigid
+    low, high, rigid = 1e-6 * scale, scale, model.strains.at_rest.rigid
     while low > _SLOWEST * scale and int(model.count_below(np.array([low]))[0]) > rigid:
         low *= 1e-3
     while int(model.count_below(np.array([high]))[0]) < rigid + count:
@@ -104,7 +105,7 @@ def damped_eigenvalues(model: ExactModel, start: SecondOrderModel, moved: Sequen
     ArithmeticError
         An iteration did not converge, left its start, or two of them met.
     """
-    first = damped_poles(prescribe_displacement(start, moved).structure, count)
+    first = damped_poles(prescribe_displacement(start, moved).structure, count, _START)
     s = np.array(first, dtype=complex)
     step = np.full(len(s), np.inf + 0j)
     rounding = np.zeros(len(s))
@@ -117,7 +118,7 @@ def damped_eigenvalues(model: ExactModel, start: SecondOrderModel, moved: Sequen
     worst = int(np.argmax(missed))
     if not missed[worst] <= _CONVERGED:
         raise ArithmeticError(f"Newton's method for the eigenvalue near {first[worst]:.6g} did not converge")
-    if (np.abs(s - first) > 1e-3 * np.abs(first)).any():
+    if (np.abs(s - first) > _START * np.abs(first)).any():
         raise ArithmeticError("Newton's method left its start: refine the starting discretisation")
     if len(s) > 1 and np.abs(np.diff(np.sort_complex(s))).min() < 1e-9 * np.abs(s).max() * 1e-3:
         raise ArithmeticError("two iterations came to the same eigenvalue")

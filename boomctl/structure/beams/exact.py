@@ -10,7 +10,7 @@ from boomctl.arrays import Array, combined
 from boomctl.lti.rounding import ALIKE, warn_of_rounding
 from boomctl.structure.beams.dynamic_stiffness import clamped_count, end_functions
 from boomctl.structure.beams.strains import StrainSystem, beside, wave_numbers
-from boomctl.structure.beams.terms import Lines, Terms, kinds_of
+from boomctl.structure.beams.terms import Lines, kinds_of, term_weights, unit_terms
 from boomctl.structure.elimination import eliminate
 from boomctl.structure.layout import KEPT, Layout, Weights
 from boomctl.structure.parts import BeamSegment
@@ -39,20 +39,26 @@ class ExactLayout:
         End displacements and rotations ``w1, l phi1, w2, l phi2`` of each segment of the beams, of length ``l``.
     ports : Ports
         Inputs and outputs over the coordinates.
-    moved : tuple of str
-        Inputs that impose motion; the others are forces.
     imposed : tuple of ndarray
         ``N, R, S`` over the imposed displacements.
     direct : (outputs, moved) ndarray
         What the outputs read of the imposed displacements.
+    moved : tuple of str
+        Inputs that impose motion; the others are forces.
     """
 
     rigid: Layout
     S: Array
     ports: Ports
+    imposed: Lines
+    direct: Array
     moved: tuple[str, ...] = ()
-    imposed: tuple[Array, Array, Array] | None = None
-    direct: Array | None = None
+
+    @classmethod
+    def of(cls, rigid: Layout, S: Array, ports: Ports) -> "ExactLayout":
+        """Return the layout of a structure driven by forces."""
+        N, R, S_d = (np.zeros((len(rows), 0)) for rows in (rigid.N, rigid.R, S))
+        return cls(rigid, S, ports, (N, R, S_d), np.zeros((len(ports.outputs), 0)))
 
     @property
     def n(self) -> int:
@@ -60,10 +66,10 @@ class ExactLayout:
         return self.rigid.n
 
     @cached_property
-    def terms(self) -> "Terms":
+    def terms(self) -> Array:
         """What each weight adds to the dynamic stiffness of all coordinates."""
-        rows = self.rows(np.eye(self.n))
-        return Terms.of(rows, rows, np.zeros((self.n, self.n)))
+        rows = self.rigid.N, self.rigid.R, self.S
+        return unit_terms(rows, rows, np.zeros((self.n, self.n)))
 
     def rows(self, P: Array) -> tuple[Array, Array, Array]:
         """Return ``N, R, S`` over coordinates ``z`` with ``q = P z``."""
@@ -73,15 +79,15 @@ class ExactLayout:
 @lru_cache(maxsize=KEPT)
 def _prescribed(layout: ExactLayout, inputs: tuple[str, ...]) -> ExactLayout:
     """Return the layout with the motion of the points of the force inputs named imposed."""
-    choice = eliminate(np.column_stack([layout.ports.force_column(name) for name in inputs]), inputs)
+    choice = eliminate(layout.ports.select(inputs, None).B[0], inputs)
     T_q, T_d = choice.T_q, choice.T_d
     return ExactLayout(
         layout.rigid.eliminated(choice),
         combined(layout.S, T_q),
         layout.ports.restricted(T_q),
-        inputs,
         layout.rows(T_d),
         layout.ports.L[0] @ T_d,
+        inputs,
     )
 
 
@@ -97,14 +103,11 @@ class ExactModel:
         Of everything but the beams' bending.
     segments : tuple of BeamSegment
         The beams, segment by segment.
-    mirror : Mirror or None
-        The reflection about ``x = 0`` that leaves the structure as it is, if there is one.
     """
 
     layout: ExactLayout
     weights: Weights
     segments: tuple[BeamSegment, ...]
-    mirror: Mirror | None = None
 
     @property
     def ports(self) -> Ports:
@@ -118,28 +121,24 @@ class ExactModel:
 
     def prescribed(self, inputs: Sequence[str]) -> "ExactModel":
         """Return the structure with the motion of the points of the force inputs named imposed."""
-        layout = _prescribed(self.layout, tuple(inputs))
-        return replace(self, layout=layout, mirror=None if self.mirror is None else layout.rigid.mirror)
+        return replace(self, layout=_prescribed(self.layout, tuple(inputs)))
 
     def mirrored(self, mirror: Mirror | None) -> "ExactModel":
-        """Return the structure with a reflection, if it leaves the structure as it is; otherwise without."""
+        """Return the structure with a reflection, if it leaves the structure as it is; otherwise as it is."""
         if mirror is None:
-            return replace(self, mirror=None)
-        n = self.layout.n
-        D = self.layout.terms.weighed(self.weights, kinds_of(self.segments)[1]).reshape(-1, n, n)
+            return self
+        D = np.tensordot(term_weights(self.weights, self.segments), self.layout.terms, 1)
         change = np.abs(mirror.sign[:, None] * D[:, mirror.partner][:, :, mirror.partner] * mirror.sign - D)
         if (change.max(axis=(1, 2)) > ALIKE * np.abs(D).max(axis=(1, 2))).any():
-            return replace(self, mirror=None)
-        return replace(self, layout=_mirrored(self.layout, mirror), mirror=mirror)
+            return self
+        return replace(self, layout=_mirrored(self.layout, mirror))
 
     def prepared(self, inputs: Sequence[str], outputs: Sequence[str]) -> "PreparedResponse":
         """Return what of the frequency response does not depend on frequency; symmetric structures in halves."""
-        groups, direct = _arranged(self.layout, self.mirror, tuple(inputs), tuple(outputs))
-        kinds, shares = kinds_of(self.segments)
-        coefficients = [
-            np.stack([part.terms.weighed(self.weights, shares).T for part in parts], axis=1) for parts in groups
-        ]
-        return PreparedResponse(groups, direct, self.weights, self.segments, kinds, tuple(coefficients), self._even)
+        groups, direct = _arranged(self.layout, self.layout.rigid.mirror, tuple(inputs), tuple(outputs))
+        weights = term_weights(self.weights, self.segments)
+        coefficients = [np.stack([(weights @ part.terms).T for part in parts], axis=1) for parts in groups]
+        return PreparedResponse(groups, direct, self.weights, self.segments, tuple(coefficients), self._even)
 
     @property
     def _even(self) -> bool:
@@ -174,7 +173,7 @@ class ExactModel:
     def strains(self) -> StrainSystem:
         """The free coordinates' rows, ready for strain coordinates."""
         n = self.layout.n
-        left = self.layout.rows(np.eye(n))
+        left = self.layout.rigid.N, self.layout.rigid.R, self.layout.S
         N, R, S = (np.zeros((len(rows), 0)) for rows in left)
         return StrainSystem(left, (N, R, S), np.zeros((n, 0)), self.weights, self.segments)
 
@@ -205,15 +204,13 @@ class _Part:
     """Equations of a structure or one of its halves, and the contribution of its unknowns to the requested response.
 
     ``terms`` are what each weight adds to the entries of ``D`` at ``places``, to the sums of its columns, weighted, to
-    ``B`` and to its sums.  ``mixing`` takes the unknowns ``shown``, each with its input, to outputs times inputs.
-    ``W_out`` and ``W_in`` are the part's outputs and inputs over those requested, ``L`` its outputs over its unknowns;
-    ``left`` and ``right`` the rows ``N, R, S`` over coordinates and inputs, ``forces`` the columns of the forces.
+    ``B`` and to its sums.  ``W_out`` and ``W_in`` are the part's outputs and inputs over those requested, ``L`` its outputs
+    over its unknowns; ``left`` and ``right`` the rows ``N, R, S`` over coordinates and inputs, ``forces`` the columns of
+    the forces.
     """
 
     places: tuple[tuple[int, int], ...]
-    terms: Terms
-    mixing: Array
-    shown: tuple[tuple[int, int], ...]
+    terms: Array
     W_out: Array
     W_in: Array
     L: Array
@@ -233,44 +230,18 @@ class _Part:
         moved = [[name == item for name in ports.inputs] for item in layout.moved]
         which = np.array(moved, dtype=float).reshape(-1, len(ports.inputs)) @ W_in
         forces = P.T @ np.where(np.any(moved, axis=0), 0.0, ports.B[0]) @ W_in
-        left = layout.rows(P)
-        if layout.imposed is None:
-            right = np.zeros((len(left[0]), m)), np.zeros((len(left[1]), m)), np.zeros((len(left[2]), m))
-        else:
-            N_d, R_d, S_d = layout.imposed
-            right = -(N_d @ which), -(R_d @ which), -(S_d @ which)
-        if layout.direct is None:
-            direct = np.zeros((W_out.shape[1], m))
-        else:
-            direct = W_out.T @ layout.direct[[layout.ports.outputs.index(name) for name in ports.outputs]] @ which
-        terms = Terms.of(left, beside(left, right), np.hstack([np.zeros((n, n)), forces]))
-        occupied = np.eye(n, dtype=bool)
-        for item in (terms.elastic, terms.inertia, terms.bending):
-            occupied |= (np.abs(item[..., :n]).reshape(-1, n, n) > 0.0).any(axis=0)
-        i, j = np.nonzero(np.tril(occupied))
+        left, (N_d, R_d, S_d) = layout.rows(P), layout.imposed
+        right = -(N_d @ which), -(R_d @ which), -(S_d @ which)
+        direct = W_out.T @ layout.direct[[layout.ports.outputs.index(name) for name in ports.outputs]] @ which
+        entries = unit_terms(left, beside(left, right), np.hstack([np.zeros((n, n)), forces]))
+        D, B = entries[..., :n], entries[..., n:]
+        i, j = np.nonzero(np.tril(D.any(axis=0) | np.eye(n, dtype=bool)))
         weights = 1.0 + 0.5 * np.cos(np.arange(n))
-
-        def numbers(entries: Array) -> Array:
-            D, B = entries[..., :n], entries[..., n:]
-            flat = (*entries.shape[:-2], n * m)
-            return np.concatenate([D[..., i, j], weights @ D, B.reshape(flat), weights @ B], axis=-1)
-
+        flat = B.reshape(len(B), n * m)
+        terms = np.concatenate([D[:, i, j], weights @ D, flat, weights @ B], axis=1)
         L, W_out, W_in = W_out.T @ ports.L[0] @ P, W_out[: shape[0]], W_in[: shape[1]]
-        mixing = np.einsum("ou,uk,iv->oikv", W_out, L, W_in).reshape(-1, n * m)
-        shown = np.flatnonzero(mixing.any(axis=0))
-        part = cls(
-            places=tuple(zip(i.tolist(), j.tolist(), strict=True)),
-            terms=terms.mapped(numbers),
-            mixing=mixing[:, shown],
-            shown=tuple(divmod(k, m) for k in shown.tolist()),
-            W_out=W_out,
-            W_in=W_in,
-            L=L,
-            left=left,
-            right=right,
-            forces=forces,
-        )
-        return part, W_out @ direct @ W_in.T
+        places = tuple(zip(i.tolist(), j.tolist(), strict=True))
+        return cls(places, terms, W_out, W_in, L, left, right, forces), W_out @ direct @ W_in.T
 
 
 Parts = tuple[_Part, ...]
@@ -315,14 +286,13 @@ class PreparedResponse:
     """The frequency response of a structure with exact beams, but for frequency.
 
     ``coefficients`` are, for each group of parts of one pattern, those of its numbers over ``1, s, s^2`` and the functions
-    of the ``kinds`` of segments; ``even`` is whether no segment is short.
+    of the kinds of segments; ``even`` is whether no segment is short.
     """
 
     groups: tuple[Parts, ...]
     direct: Array
     weights: Weights
     segments: tuple[BeamSegment, ...]
-    kinds: tuple[BeamSegment, ...]
     coefficients: tuple[Array, ...]
     even: bool
 
@@ -341,16 +311,14 @@ class PreparedResponse:
         AccuracyWarning
             Rounding may exceed 1e-9 of the largest output to an input.
         """
-        if (omega == 0.0).any() and any(system.rigid for _, system in self._strained):
+        if (omega == 0.0).any() and any(system.at_rest.rigid for _, system in self._strained):
             raise ValueError("omega = 0: the structure moves freely (a rigid-body mode), its response is infinite")
         if not self.even:
             return self._in_strains(omega)
-        total = np.empty((self.direct.size, len(omega)), dtype=complex)
-        total[:] = self.direct.reshape(-1, 1)
-        functions, lost = _functions(self.kinds, 1j * omega), np.zeros(len(omega), dtype=bool)
+        response = np.tile(self.direct[:, :, None].astype(complex), len(omega))
+        functions, lost = _functions(kinds_of(self.segments), 1j * omega), np.zeros(len(omega), dtype=bool)
         for parts, coefficients in zip(self.groups, self.coefficients, strict=True):
-            lost |= _add(parts, coefficients, functions, total)
-        response = total.reshape(*self.direct.shape, -1)
+            lost |= _add(parts, coefficients, functions, response)
         if lost.any():
             response[:, :, lost] = self._in_strains(omega[lost])
         return response
@@ -381,7 +349,7 @@ class PreparedResponse:
 
 
 def _add(parts: Parts, coefficients: Array, functions: Array, total: Array) -> Array:
-    """Add the response of parts of one pattern, (outputs * inputs, frequencies); return where it lost too many digits.
+    """Add the response of parts of one pattern, (outputs, inputs, frequencies); return where it lost too many digits.
 
     All parts are solved at once, the frequencies of one after those of another.
     """
@@ -389,16 +357,16 @@ def _add(parts: Parts, coefficients: Array, functions: Array, total: Array) -> A
     values = _combined(coefficients.reshape(-1, coefficients.shape[2]), functions).reshape(-1, count * points)
     D, check, B, check_B = np.split(values, np.cumsum([len(parts[0].places), n, n * m]))
     entries = dict(zip(parts[0].places, D, strict=True))
-    X, lost = solve_symmetric(n, entries, list(B.reshape(n, m, -1)), check, check_B)
+    X, lost = _eliminate(n, entries, list(B.reshape(n, m, -1)))
     for k, part in enumerate(parts):
-        if part.shown:
-            rows = np.array([X[i][v, k * points : (k + 1) * points] for i, v in part.shown])
-            total += _combined(part.mixing, rows)
+        unknowns = np.ascontiguousarray(X[:, :, k * points : (k + 1) * points]).reshape(n, m * points)
+        total += part.W_in @ _combined(part.W_out @ part.L, unknowns).reshape(-1, m, points)
+    lost |= ~(_residual(X, check, check_B) <= _RESIDUAL)
     return np.asarray(lost.reshape(count, points).any(axis=0))
 
 
-def solve_symmetric(n: int, D: Entries, B: list[Array], check: Array, check_B: Array) -> tuple[list[Array], Array]:
-    """Solve ``D(f) X(f) = B(f)`` for each frequency ``f``, and tell where too many digits are lost, (N,) bool.
+def _eliminate(n: int, D: Entries, B: list[Array]) -> tuple[Array, Array]:
+    """Solve ``D(f) X(f) = B(f)`` for each frequency ``f``, and tell where a pivot may be the rounding of its entry.
 
     Parameters
     ----------
@@ -408,16 +376,12 @@ def solve_symmetric(n: int, D: Entries, B: list[Array], check: Array, check_B: A
         Lower triangle of a complex symmetric matrix at ``N`` frequencies; entries not there are zero.
     B : list of (m, N) arrays
         Right-hand sides, one item an equation.
-    check : (n, N) array
-    check_B : (m, N) array
-        A weighted sum of all equations, left and right side.
+
+    Returns
+    -------
+    X : (n, m, N) ndarray
+    lost : (N,) ndarray of bool
     """
-    X, lost = _eliminate(n, D, B)
-    return X, lost | ~(_residual(X, check, check_B) <= _RESIDUAL)
-
-
-def _eliminate(n: int, D: Entries, B: list[Array]) -> tuple[list[Array], Array]:
-    """Return the solution, and where a pivot is what little is left of its entry: there, what was left may be rounding."""
     A, rhs = dict(D), list(B)
     inverse: list[Array] = []
     factors: list[list[tuple[int, Array]]] = []
@@ -444,14 +408,16 @@ def _eliminate(n: int, D: Entries, B: list[Array]) -> tuple[list[Array], Array]:
         lost = np.zeros(left.shape[1] // 2, dtype=bool)
         if not left.max(initial=0.0) <= _CANCELLED:
             lost = ~(left.reshape(n, -1, 2).max(axis=(0, 2)) <= _CANCELLED)
-    return rhs, lost
+    return np.array(rhs), lost
 
 
-def _residual(X: list[Array], check: Array, check_B: Array) -> Array:
-    """Return, for each frequency, by how much the weighted sum of equations is missed, relative to its terms."""
+def _residual(X: Array, check: Array, check_B: Array) -> Array:
+    """Return, for each frequency, by how much the weighted sum of equations is missed, relative to its terms.
+
+    ``check`` and ``check_B`` are weighted sums of all equations, left (n, N) and right side (m, N).
+    """
     with np.errstate(invalid="ignore", over="ignore"):
-        terms = np.array(X)
-        terms *= check[:, None, :]
+        terms = X * check[:, None, :]
         size = _size(check_B) + _size(terms).sum(axis=0) + np.finfo(float).tiny
         gap = terms.sum(axis=0)
         gap -= check_B

@@ -15,7 +15,7 @@ from scipy import linalg
 from boomctl.arrays import Array
 from boomctl.lti.rounding import EPS, SUMMED
 from boomctl.structure.beams.dynamic_stiffness import strain_functions, strain_lines, strain_terms
-from boomctl.structure.beams.terms import Lines, Terms, kinds_of
+from boomctl.structure.beams.terms import Lines, kinds_of, term_weights, unit_terms
 from boomctl.structure.layout import Weights
 from boomctl.structure.parts import BeamSegment
 
@@ -51,50 +51,6 @@ class StrainEquations:
     coefficients: Array
     sizes: Array
 
-    @classmethod
-    def of(
-        cls, left: Lines, right: Lines, forces: Array, weights: Weights, segments: Sequence[BeamSegment], short: Array
-    ) -> "StrainEquations":
-        """Return the equations over coordinates of which rows are given.
-
-        Parameters
-        ----------
-        left : tuple of ndarray
-            ``N, R, S`` over the ``n`` coordinates.
-        right : tuple of ndarray
-            The same over the ``m`` inputs, with the sign of a load.
-        forces : (n, m) ndarray
-            Loads themselves.
-        weights, segments : Weights, sequence of BeamSegment
-        short : (segments,) ndarray of bool
-            Segments whose strains become coordinates.
-        """
-        kinds, shares = kinds_of(segments)
-        N, R, S = left
-        n, m, stiffness = N.shape[1], forces.shape[1], shares.sum(axis=0)
-        lines = strain_lines(S)
-        imposed = right[0], right[1], strain_lines(right[2])
-        scale = np.sqrt(np.stack([stiffness, 3.0 * stiffness], axis=1)).ravel()
-        strains = lines.reshape(-1, 4, n)[:, 2:].reshape(-1, n) * scale[:, None]
-        stiff = weights.k > _SOFTEST * max(float(stiffness.max(initial=0.0)), float(weights.k.max(initial=0.0)))
-        rows = np.concatenate([strains, np.sqrt(weights.k)[:, None] * R])
-        used = np.concatenate([np.repeat(short, 2), stiff]) & rows.any(axis=1)
-        V, strained, rigid = _coordinates(rows[used])
-        unit, count = np.sqrt(np.where(stiff, weights.k, 1.0)), len(strains)
-
-        def numbers(size: Callable[[Array], Array]) -> Array:
-            """Return what multiplies the functions, of the numbers themselves or of their absolute values."""
-            T = size(V)
-            moved, ends = size(rows) @ T, size(lines) @ T
-            moved[used] = size(strained)
-            ends.reshape(-1, 4, n)[:, 2:] = (moved[:count] / scale[:, None]).reshape(-1, 2, n)
-            own = size(N) @ T, np.where(stiff[:, None], moved[count:] / unit[:, None], size(R) @ T), ends
-            both = beside(own, (size(imposed[0]), size(imposed[1]), size(imposed[2])))
-            loads = np.hstack([np.zeros((n, n)), T.T @ size(forces)])
-            return Terms.of(own, both, loads, strain_terms).weighed(weights, shares).reshape(-1, n, n + m)
-
-        return cls(V, rigid, kinds, numbers(np.asarray), numbers(np.abs))
-
     def functions(self, s: Array) -> tuple[Array, Array]:
         """Return ``1, s, s^2`` and six strain functions a kind of segment at each ``s``, and their size."""
         values = np.empty((len(self.coefficients), len(s)), dtype=complex)
@@ -110,11 +66,11 @@ class StrainEquations:
 
     def at(self, values: Array) -> Array:
         """Return ``[D, B]`` at frequencies of these function values, (frequencies, n, n + m)."""
-        return _summed(self.coefficients, values)
+        return np.tensordot(values.T, self.coefficients, 1)
 
     def size(self, sizes: Array) -> Array:
         """Return how large the terms are that ``[D, B]`` is summed from, functions being of these sizes."""
-        return _summed(self.sizes, sizes)
+        return np.tensordot(sizes.T, self.sizes, 1)
 
     def scale(self, sizes: Array) -> Array:
         """Return by what lines and columns are scaled, so that no term of the diagonal exceeds one, (frequencies, n)."""
@@ -125,10 +81,6 @@ class StrainEquations:
     def unit_rounding(self) -> float:
         """What sum and elimination of an equation lose at most, of the size of its terms (Higham 2002, section 3.1)."""
         return (len(self.coefficients) + self.V.shape[0]) * EPS
-
-
-def _summed(coefficients: Array, values: Array) -> Array:
-    return (coefficients.reshape(len(coefficients), -1).T @ values).T.reshape(-1, *coefficients.shape[1:])
 
 
 def beside(left: Lines, right: Lines) -> Lines:
@@ -158,7 +110,18 @@ def _coordinates(rows: Array) -> tuple[Array, Array, int]:
 
 @dataclass(frozen=True, eq=False)
 class StrainSystem:
-    """Rows of a structure with exact beams, ready for strain coordinates at any frequency; arguments as there."""
+    """Rows of a structure with exact beams, ready for strain coordinates at any frequency.
+
+    Attributes
+    ----------
+    left : tuple of ndarray
+        ``N, R, S`` over the ``n`` coordinates.
+    right : tuple of ndarray
+        The same over the ``m`` inputs, with the sign of a load.
+    forces : (n, m) ndarray
+        Loads themselves.
+    weights, segments : Weights, tuple of BeamSegment
+    """
 
     left: Lines
     right: Lines
@@ -168,22 +131,39 @@ class StrainSystem:
     _known: dict[bytes, StrainEquations] = field(default_factory=dict, init=False, repr=False)
 
     @property
-    def rigid(self) -> int:
-        """Number of motions that strain nothing."""
-        return self._equations(np.ones(len(self.segments), dtype=bool)).rigid
-
-    @property
-    def unit_rounding(self) -> float:
-        """That of the equations."""
-        return self._equations(np.ones(len(self.segments), dtype=bool)).unit_rounding
+    def at_rest(self) -> StrainEquations:
+        """The equations over the strains of all segments."""
+        return self._equations(np.ones(len(self.segments), dtype=bool))
 
     def _equations(self, short: Array) -> StrainEquations:
         """Return the equations over the strains of the segments that are short, found once."""
         key = short.tobytes()
-        if key not in self._known:
-            self._known[key] = StrainEquations.of(
-                self.left, self.right, self.forces, self.weights, self.segments, short
-            )
+        if key in self._known:
+            return self._known[key]
+        (N, R, S), weights, segments = self.left, self.weights, self.segments
+        n, stiffness = N.shape[1], np.array([part.bending_stiffness / part.length**3 for part in segments])
+        lines = strain_lines(S)
+        imposed = self.right[0], self.right[1], strain_lines(self.right[2])
+        scale = np.sqrt(np.stack([stiffness, 3.0 * stiffness], axis=1)).ravel()
+        strains = lines.reshape(-1, 4, n)[:, 2:].reshape(-1, n) * scale[:, None]
+        stiff = weights.k > _SOFTEST * max(float(stiffness.max(initial=0.0)), float(weights.k.max(initial=0.0)))
+        rows = np.concatenate([strains, np.sqrt(weights.k)[:, None] * R])
+        used = np.concatenate([np.repeat(short, 2), stiff]) & rows.any(axis=1)
+        V, strained, rigid = _coordinates(rows[used])
+        unit, count = np.sqrt(np.where(stiff, weights.k, 1.0)), len(strains)
+
+        def numbers(size: Callable[[Array], Array]) -> Array:
+            """Return what multiplies the functions, of the numbers themselves or of their absolute values."""
+            T = size(V)
+            moved, ends = size(rows) @ T, size(lines) @ T
+            moved[used] = size(strained)
+            ends.reshape(-1, 4, n)[:, 2:] = (moved[:count] / scale[:, None]).reshape(-1, 2, n)
+            own = size(N) @ T, np.where(stiff[:, None], moved[count:] / unit[:, None], size(R) @ T), ends
+            both = beside(own, (size(imposed[0]), size(imposed[1]), size(imposed[2])))
+            loads = np.hstack([np.zeros((n, n)), T.T @ size(self.forces)])
+            return np.tensordot(term_weights(weights, segments), unit_terms(own, both, loads, strain_terms), 1)
+
+        self._known[key] = StrainEquations(V, rigid, kinds_of(segments), numbers(np.asarray), numbers(np.abs))
         return self._known[key]
 
     def groups(self, s: Array) -> list[tuple[Array, StrainEquations]]:

@@ -12,11 +12,11 @@ from scipy import linalg
 from boomctl.arrays import Array, balance, combined
 from boomctl.lti.rounding import EPS, ROOT, VISIBLE, warn_of_rounding
 from boomctl.lti.system import Lti
+from boomctl.structure.layout import weigh
 from boomctl.structure.matrices import Structure, is_symmetric
 from boomctl.structure.ports import Ports
 from boomctl.structure.response.direct import direct_response
 from boomctl.structure.response.realization import realize
-from boomctl.structure.strain_coordinates import parted
 
 MODES, COORDINATES = "modes", "coordinates"  # Values of `states`.
 
@@ -30,8 +30,8 @@ _ALIKE = 10.0  # Ratio of the lowest elastic mode's stiffness to the shift, up t
 # Ratio to the largest root of a damping up to which that of a rigid-body mode is rounding: strains of such a mode are
 # some units of rounding, and a rotation of such modes mixes in the root of rounding.
 _UNDAMPED = 1e-8
+_OVERDAMPED = 1e3  # Rate of damping over the slowest frequency from which on a state space over modes is checked.
 _EVEN = 2.0**10  # Ratio of the balancing scales of a state matrix up to which given matrices keep their coordinates.
-_OVERDAMPED = 1e3  # Rate of damping over the slowest frequency above which the accuracy of a state space is checked.
 _CHECKED = np.array([0.01, 0.7])  # Times the slowest frequency: where it is checked, between no resonances.
 _MAX_ROUNDING = 1e-6  # Of a response: rounding of a state space over modes above which a warning is given.
 
@@ -53,17 +53,12 @@ def undamped_modes(structure: Structure, count: int | None = None) -> tuple[Arra
     """
     wanted = structure.n if count is None else min(count, structure.n)
     form = structure.strain_form if structure.n <= SMALL or structure.graded else None
-    result = _inverted_modes(structure, wanted) if form is None else None
-    if result is None:
-        form = structure.strain_form
-        assert form is not None
-        frequencies, shapes = form.modes()
-        result = frequencies[:wanted], shapes[:, :wanted]
-    return result
+    frequencies, shapes = _inverted_modes(structure, wanted) if form is None else form.modes()
+    return frequencies[:wanted], shapes[:, :wanted]
 
 
-def _inverted_modes(structure: Structure, count: int) -> tuple[Array, Array] | None:
-    """Return the lowest modes from the inverted pencil; None where rounding spoils them and rows are known."""
+def _inverted_modes(structure: Structure, count: int) -> tuple[Array, Array]:
+    """Return the lowest modes from the inverted pencil; where rounding spoils them, all from strains if these are known."""
     M, _, K = structure.matrices
     for name, matrix in (("M", M), ("K", K)):
         if abs(matrix - matrix.T).max() > 1e-9 * abs(matrix).max():
@@ -74,13 +69,13 @@ def _inverted_modes(structure: Structure, count: int) -> tuple[Array, Array] | N
     stiffness, shapes = _near(structure, shift, count)
     for _ in range(_PASSES):
         elastic = stiffness[stiffness > 0.1 * noise]
-        even = len(elastic) == len(stiffness) and stiffness[-1] <= _SPREAD * elastic[0] and not structure.graded
+        even = len(elastic) == len(stiffness) and stiffness[-1] <= _SPREAD * elastic[0]
         if even or not len(elastic) or shift / _ALIKE <= elastic[0] <= _ALIKE * shift:
             break
         shift = float(elastic[0])
         stiffness, shapes = _near(structure, shift, count)
     if noise > GRADED * max(float(stiffness[0]), 0.0) and structure.strain_form is not None:
-        return None
+        return structure.strain_form.modes()
     return _with_rigid_motions(structure, np.sqrt(np.maximum(stiffness, 0.0)), shapes)
 
 
@@ -115,28 +110,15 @@ def _near(structure: Structure, shift: float, count: int) -> tuple[Array, Array]
     mass = np.einsum("ij,ij->j", vectors, M @ vectors)
     if not (mass > 0.0).all():
         raise ValueError("undamped modes need a positive definite M")
-    shapes, rows = vectors / np.sqrt(mass), structure.elastic
-    if rows is None:
-        stiffness = np.einsum("ij,ij->j", shapes, K @ shapes)
-    else:
-        strain = rows.R @ shapes
-        stiffness = np.einsum("ij,i,ij->j", strain, rows.k, strain)
+    shapes = vectors / np.sqrt(mass)
+    strain = structure.layout.R @ shapes
+    stiffness = np.einsum("ij,ij->j", strain, weigh(structure.weights.k, strain))
     order = np.argsort(stiffness)
     return stiffness[order], shapes[:, order]
 
 
-def elastic(frequencies: Array) -> Array:
-    """Return which undamped modes are elastic and not rigid-body ones."""
-    return frequencies > 0.0
-
-
 def in_modes(structure: Structure, ports: Ports, frequencies: Array, V: Array) -> Lti:
-    """Return the state-space form of a structure over undamped modes."""
-    return realize(*over_modes(structure, ports, frequencies, V))
-
-
-def over_modes(structure: Structure, ports: Ports, frequencies: Array, V: Array) -> tuple[Structure, Ports]:
-    """Return a structure and its ports over undamped modes, projected through its strain rows if it has them.
+    """Return the state-space form of a structure over undamped modes, projected through its strain rows if it has them.
 
     What a rigid-body mode strains, what inertia it shares with elastic ones, and where nothing else damps it its damping,
     is zero and not rounding.  Gyroscopic terms stay.
@@ -144,25 +126,22 @@ def over_modes(structure: Structure, ports: Ports, frequencies: Array, V: Array)
     moved = structure.projected(V, tuple(f"mode{i + 1}" for i in range(V.shape[1])))
     rigid = np.flatnonzero(frequencies == 0.0)
     if not len(rigid):
-        return moved, ports.congruent(V)
-    V, C, K = _resisted(structure, V, moved, rigid)
-    M, bending = moved.M.copy(), np.setdiff1d(np.arange(len(frequencies)), rigid)
+        return realize(moved, ports.congruent(V))
+    M, C, K = (matrix.copy() for matrix in moved.matrices)
+    if structure.has_strains:  # its rigid motions that dampers resist are apart from those that nothing resists
+        strain, still = structure.layout.R @ V, structure.weights.k == 0.0
+        strain[:, rigid], strain[still] = 0.0, combined(structure.layout.R[still], V)
+        C = strain.T @ weigh(structure.weights.c, strain)
+    else:
+        V, C = _resisted(V, C, rigid)
+    bending = np.setdiff1d(np.arange(len(frequencies)), rigid)
     M[np.ix_(rigid, bending)], M[np.ix_(bending, rigid)] = 0.0, 0.0
     K[rigid], K[:, rigid] = 0.0, 0.0
-    return Structure(moved.coordinates, (M, C, K)), ports.felt(V, rigid)
+    return realize(Structure.of(M, C, K, moved.coordinates), ports.felt(V, rigid))
 
 
-def _resisted(structure: Structure, V: Array, moved: Structure, rigid: Array) -> tuple[Array, Array, Array]:
-    """Return modes, damping and stiffness with rigid motions that dampers resist apart from those that nothing resists."""
-    V, C, K, rows = V.copy(), moved.C.copy(), moved.K.copy(), structure.elastic
-    if rows is not None:
-        strain, still = rows.R @ V, rows.k == 0.0
-        dampers = np.sqrt(rows.c[still])[:, None] * rows.R[still]
-        apart, free = parted(combined(dampers, V[:, rigid]))
-        V[:, rigid] = V[:, rigid] @ apart
-        strain[:, rigid], strain[still] = 0.0, combined(rows.R[still], V)
-        strain[:, rigid[len(rigid) - free :]] = 0.0
-        return V, strain.T @ (rows.c[:, None] * strain), K
+def _resisted(V: Array, C: Array, rigid: Array) -> tuple[Array, Array]:
+    """Return modes and damping with rigid motions that dampers resist apart from those that nothing resists."""
     turning = np.zeros_like(C) if is_symmetric(C) else 0.5 * (C - C.T)  # gyroscopic terms: they resist nothing
     apart, C = np.eye(len(C)), C - turning
     apart[np.ix_(rigid, rigid)] = linalg.eigh(C[np.ix_(rigid, rigid)])[1]
@@ -170,11 +149,11 @@ def _resisted(structure: Structure, V: Array, moved: Structure, rigid: Array) ->
     size = np.sqrt(np.abs(np.diag(C)))
     undamped = rigid[size[rigid] <= _UNDAMPED * size.max()]
     C[undamped], C[:, undamped] = 0.0, 0.0
-    return V, C + turning, K
+    return V, C + turning
 
 
 def modal_form(structure: Structure, ports: Ports) -> Lti:
-    """Return a state-space system of a structure over all its undamped modes, or, without them, its own coordinates.
+    """Return a state space over all undamped modes, or, without such modes, over the coordinates; its states are scaled.
 
     Raises
     ------
@@ -184,40 +163,37 @@ def modal_form(structure: Structure, ports: Ports) -> Lti:
     try:
         frequencies, V = undamped_modes(structure)
     except ValueError:
-        return realize(structure, ports)
-    return in_modes(structure, ports, frequencies, V)
+        return realize(structure, ports).balanced()
+    return _scaled(in_modes(structure, ports, frequencies, V), ports, frequencies)
 
 
 def handed_out(structure: Structure, ports: Ports, states: str | None) -> Lti:
     """Return a structure in state space as its user gets it: see :meth:`SecondOrderModel.to_statespace`."""
     if states == COORDINATES:
-        return _warned(realize(structure, ports), structure, ports, VISIBLE)
+        return _warned(realize(structure, ports), structure, ports, 0.0, VISIBLE)
     if states is None and structure.settled:
         return realize(structure, ports)
-    if states is None and structure.layout is None:
+    if states is None and not structure.has_strains:
         own = realize(structure, ports)
         scale = balance(own.A)[1]
         if scale.max() <= _EVEN * scale.min():
             return own
-    try:
-        frequencies, V = undamped_modes(structure)
-    except ValueError:
-        return realize(structure, ports).balanced()
-    system, n = _scaled(realize(*over_modes(structure, ports, frequencies, V)), ports, frequencies), len(frequencies)
-    slowest = frequencies[frequencies > 0.0].min(initial=np.inf)
-    overdamped = np.abs(system.A[n : 2 * n, n : 2 * n]).max(initial=0.0) > _OVERDAMPED * slowest
-    return _warned(system, structure, ports, _MAX_ROUNDING) if overdamped else system
+    return _warned(modal_form(structure, ports), structure, ports, _OVERDAMPED, _MAX_ROUNDING)
 
 
-def _warned(system: Lti, structure: Structure, ports: Ports, promised: float) -> Lti:
+def _warned(system: Lti, structure: Structure, ports: Ports, least: float, promised: float) -> Lti:
     """Return a system of a small structure with rows; a user is warned where its matrices do not hold the slow motions.
 
     Beside stiff elements over coordinates, or beside dampers that let a motion creep, a slow motion is a small difference.
+    Only systems with damping of ``least`` times the slowest frequency are checked.
     """
-    form = structure.strain_form if structure.n <= SMALL else None
+    form, n = structure.strain_form if structure.n <= SMALL else None, structure.n
     if form is None or not form.strains:
         return system
-    omega = _CHECKED * form.own_modes[0][form.rigid]
+    slowest = form.own_modes[0][form.rigid]
+    if np.abs(system.A[n : 2 * n, n : 2 * n]).max() < least * slowest:
+        return system
+    omega = _CHECKED * slowest
     true = direct_response(structure, ports, omega)
     off, size = (np.abs(values).max(axis=2) for values in (system.response(omega, quiet=True) - true, true))
     size = np.maximum(size, VISIBLE * size.max(axis=1, keepdims=True, initial=0.0))

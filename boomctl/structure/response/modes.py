@@ -12,8 +12,9 @@ import numpy as np
 from scipy.linalg import lapack
 
 from boomctl.arrays import Array
-from boomctl.lti.rounding import SOLVED
-from boomctl.structure.damping import separated_damping
+from boomctl.lti.rounding import EPS, SOLVED
+from boomctl.structure.damping import uneven_damping
+from boomctl.structure.layout import weigh
 from boomctl.structure.matrices import Structure
 from boomctl.structure.ports import Ports
 
@@ -26,10 +27,10 @@ _FLOOR = 1e-6  # Of the largest value of a row: smaller values are compared with
 def respond_by_modes(structure: Structure, ports: Ports, omega: Array) -> Array | None:
     """Return the response (outputs, inputs, frequencies); None where modes are not accurate enough."""
     p, m, n = len(ports.outputs), len(ports.inputs), structure.n
-    if not ports.acting or not ports.read or (ports.tensions is not None and ports.tensions.any()):
+    acting, read = (np.flatnonzero(terms.any(axis=(1, 2))).tolist() for terms in (ports.B, ports.L))
+    if not acting or not read or (ports.tensions is not None and ports.tensions.any()):
         return None  # Reactions need strains.
-    columns = ports.B[ports.acting].transpose(1, 0, 2).reshape(n, -1)
-    lines = ports.L[ports.read].reshape(-1, n)
+    columns, lines = ports.B[acting].transpose(1, 0, 2).reshape(n, -1), ports.L[read].reshape(-1, n)
     with np.errstate(divide="ignore", invalid="ignore"):
         try:
             modes = _Modes.of(structure)
@@ -45,8 +46,8 @@ def respond_by_modes(structure: Structure, ports: Ports, omega: Array) -> Array 
     for k, E in enumerate(ports.E):
         if E.any():
             Y += E[:, :, None] * s**k
-    for a, power_L in enumerate(ports.read):
-        for b, power_B in enumerate(ports.acting):
+    for a, power_L in enumerate(read):
+        for b, power_B in enumerate(acting):
             part = sums[a * p : (a + 1) * p, b * m : (b + 1) * m]
             Y += part * s ** (power_L + power_B) if power_L + power_B else part
     return ports.conditioned(s, Y)
@@ -68,24 +69,22 @@ class _Modes:
     @classmethod
     def of(cls, structure: Structure) -> "_Modes | None":
         """Return the modes; None if dampers are many.  A floating structure is a ``LinAlgError``."""
-        M, K, rows = structure.M, structure.K, structure.elastic
-        damping = None if rows is None else separated_damping(structure)
-        if rows is not None and (damping is None or len(damping.gamma) > _MAX_DAMPERS):
-            return None
-        _, V, failed = lapack.dsygvd(M, K)
+        R, weights = structure.layout.R, structure.weights
+        _, V, failed = lapack.dsygvd(structure.M, structure.K)
         if failed:
             raise np.linalg.LinAlgError("a stiffness matrix is not positive definite")
-        if rows is None:
-            stiffness = V.T @ K @ V
-        else:
-            strain = rows.R @ V
-            stiffness = strain.T @ (rows.k[:, None] * strain)
-        mass, V = _refined(V, M, stiffness)
-        if damping is None:
-            beta, u, gamma = _modal_damping(V, structure.C)
-        else:
-            beta, u, gamma = damping.beta, V.T @ damping.U, damping.gamma
-        return cls(V, mass, beta, u, gamma) if len(gamma) <= _MAX_DAMPERS else None
+        strain = R @ V
+        mass, V = _refined(V, structure.M, strain.T @ weigh(weights.k, strain))
+        beta, excess = uneven_damping(structure)
+        dampers = np.flatnonzero(excess.any(axis=tuple(range(1, excess.ndim))))
+        excess = excess[np.ix_(*[dampers] * excess.ndim)]
+        rows = (R[dampers] @ V).T
+        square, mix, _ = lapack.dsyev(rows.T @ rows)  # rows alike, as of mirror images, are one damper
+        size = np.sqrt(np.maximum(square, EPS * square.max(initial=0.0)))
+        gamma, u, _ = lapack.dsyev(size[:, None] * (mix.T @ weigh(excess, mix)) * size)
+        uneven = np.abs(gamma) > SOLVED * np.abs(gamma).max(initial=0.0)
+        u = rows @ (mix / size) @ u[:, uneven]
+        return cls(V, mass, beta, u, gamma[uneven]) if uneven.sum() <= _MAX_DAMPERS else None
 
     def receptance(self, lines: Array, columns: Array, omega: Array) -> Array:
         """Return the receptance between lines and columns in modes, (lines, columns, frequencies)."""
@@ -146,23 +145,16 @@ def _refined(V: Array, M: Array, stiffness: Array) -> tuple[Array, Array]:
     return mass, V + V @ change
 
 
-def _modal_damping(V: Array, C: Array) -> tuple[float, Array, Array]:
-    """Return the damping among modes of unit stiffness as ``beta I + u diag(gamma) u^T``, computed from the matrix."""
-    damping = V.T @ C @ V
-    size, u = np.linalg.eigh(0.5 * (damping + damping.T))
-    beta = float(size[len(size) // 2])  # that of most modes
-    gamma = size - beta
-    apart = np.abs(gamma) > SOLVED * np.abs(gamma).max(initial=0.0)
-    return beta, u[:, apart], gamma[apart]
-
-
 def _is_accurate(structure: Structure, modes: _Modes, sums: Array, lines: Array, columns: Array, omega: Array) -> bool:
     """Return whether residual forces change no output, at both ends of the frequencies and where outputs are largest."""
     peaks = np.abs(sums).max(axis=1).argmax(axis=1)
     check = sorted({0, len(omega) - 1, *peaks.ravel().tolist()})
     s, (n, m) = 1j * omega[check], columns.shape
     X = modes.receptance(modes.V, modes.V.T @ columns, omega[check]).reshape(n, -1)
-    residual = columns[:, :, None] - structure.force(X, np.tile(s, m)).reshape(n, m, -1)
+    strain, powers = structure.layout.R @ X, np.tile(s, m)
+    elastic = weigh(structure.weights.k, strain) + powers * weigh(structure.weights.c, strain)
+    forces = powers**2 * (structure.M @ X) + structure.layout.R.T @ elastic
+    residual = columns[:, :, None] - forces.reshape(n, m, -1)
     change = np.abs(lines @ np.linalg.solve(structure.at(s), residual.transpose(2, 0, 1)))
     size = np.abs(sums[:, :, check].transpose(2, 0, 1))
     size = np.maximum(size, _FLOOR * size.max(axis=2, keepdims=True))

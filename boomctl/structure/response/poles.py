@@ -4,9 +4,10 @@ import numpy as np
 from scipy import linalg
 
 from boomctl.arrays import Array, blocks
-from boomctl.lti.rounding import ALIKE, DIGIT, ROOT, SUMMED
-from boomctl.structure.damping import common_ratio
+from boomctl.lti.rounding import ALIKE, DIGIT, SUMMED, warn_of_rounding
+from boomctl.structure.damping import uneven_damping
 from boomctl.structure.elimination import DEPENDENT
+from boomctl.structure.layout import weigh
 from boomctl.structure.matrices import Structure, is_symmetric
 from boomctl.structure.response.modal_form import GRADED, undamped_modes
 
@@ -38,35 +39,33 @@ def first_order_poles(M: Array, C: Array, K: Array) -> Array:
     return np.linalg.eigvals(blocks([[np.zeros((n, n)), np.eye(n)], [-scaled_K.T, -scaled_C]]))
 
 
-def damped_poles(structure: Structure, count: int) -> Array:
+def damped_poles(structure: Structure, count: int, promised: float = PROMISED) -> Array:
     """Return the ``count`` poles of lowest positive imaginary part.
 
     Raises
     ------
     ValueError
         There are fewer.
+
+    Warns
+    -----
+    AccuracyWarning
+        Rounding of the last one may be more than is ``promised``, relative.
     """
-    return poles_and_rounding(structure, count)[0]
-
-
-def poles_and_rounding(structure: Structure, count: int) -> tuple[Array, float]:
-    """Return the ``count`` poles of lowest positive imaginary part, and what share of the last one rounding may be."""
-    all_of_them = structure.graded or structure.n <= max(2 * count + 20, _WHOLE)
-    if all_of_them and structure.strain_form is not None:
-        poles = structure.strain_form.poles()
-        lowest, slowest = _lowest(poles, count), np.abs(poles[poles != 0.0]).min()
-        return lowest, DIGIT * float(np.abs(lowest[-1]) / slowest)
-    result = _pole_basis(structure, count) if structure.n > 2 * count + 20 else None
-    if result is None:
-        return _lowest(first_order_poles(structure.M, structure.C, structure.K), count), 0.0
-    frequencies, basis = result
-    floats = frequencies[0] <= ROOT * frequencies[-1]  # all poles: those of rigid motions are exactly zero then
-    moving = frequencies[frequencies > 0.0]
-    noisy = structure.elastic is not None and len(moving) and structure.noise > GRADED * moving[0] ** 2
-    if (floats or noisy) and structure.strain_form is not None:
-        return _lowest(structure.strain_form.poles(), count), 0.0
-    small = structure.projected(basis)
-    return _lowest(first_order_poles(small.M, small.C, small.K), count), 0.0
+    n, form, moving = structure.n, None, structure
+    if structure.graded or n <= max(2 * count + 20, _WHOLE):
+        form = structure.strain_form
+    basis = _pole_basis(structure, count) if form is None and n > 2 * count + 20 else None
+    if basis is not None:
+        if structure.noise > GRADED * basis[0][0] ** 2:  # poles of rigid motions are then exactly zero
+            form = structure.strain_form
+        moving = structure if form is not None else structure.projected(basis[1])
+    if form is None:
+        return _lowest(first_order_poles(*moving.matrices), count)
+    poles = form.poles()
+    lowest, slowest = _lowest(poles, count), np.abs(poles[poles != 0.0]).min()
+    warn_of_rounding("the highest eigenfrequency", DIGIT * float(np.abs(lowest[-1]) / slowest), promised)
+    return lowest
 
 
 def _lowest(poles: Array, count: int) -> Array:
@@ -82,21 +81,10 @@ def _pole_basis(structure: Structure, count: int) -> tuple[Array, Array] | None:
     None for matrices without real modes.
     """
     try:
-        frequencies, shapes = undamped_modes(structure, min(structure.n, 2 * count + _SPARE))
+        frequencies, shapes = undamped_modes(structure, 2 * count + _SPARE)
+        return with_statics(structure, frequencies, shapes, damper_forces(structure, shapes))
     except ValueError:
         return None
-    shift = max(1e-3 * float(frequencies[-1]) ** 2, 1e-2)
-    forces = damper_forces(structure, shapes)
-    if not forces.shape[1]:
-        return frequencies, shapes
-    try:
-        still = linalg.cho_solve(linalg.cho_factor(structure.K + shift * structure.M), forces)
-    except linalg.LinAlgError:
-        raise ValueError(
-            f"poles: the stiffness matrix of {structure.n} coordinates is singular to rounding: expected elements that differ"
-            " less, or a description from which its rows are known"
-        ) from None
-    return frequencies, np.hstack([shapes, _orthonormal(structure.M, still, shapes)])
 
 
 def with_statics(
@@ -127,7 +115,7 @@ def with_statics(
             basis, loads = np.hstack([basis, statics]), structure.M @ statics
         if basis.shape[1] < structure.n:
             added = basis[:, len(frequencies) :]
-            squares, mix = linalg.eigh(structure.projected(added).K)
+            squares, mix = np.linalg.eigh(structure.projected(added).K)
             above = np.sqrt(np.maximum(squares, frequencies[-1] ** 2))
             return np.concatenate([frequencies, above]), np.hstack([shapes, added @ mix])
     return undamped_modes(structure)
@@ -150,14 +138,8 @@ def _orthonormal(M: Array, block: Array, against: Array) -> Array:
 
 def damper_forces(structure: Structure, shapes: Array) -> Array:
     """Return forces of the dampers that are not in proportion to stiffness, as columns, for motions."""
-    rows = structure.elastic
-    if rows is None:
-        K, C = structure.K, structure.C
-        loaded = (C - common_ratio(C.diagonal(), K.diagonal()) * K) @ shapes
-    else:  # through strains, whose differences keep the digits that those of two matrices lose
-        common = common_ratio(rows.c, rows.k) * rows.k
-        apart = np.where(np.abs(rows.c - common) > SUMMED * np.maximum(rows.c, common), rows.c - common, 0.0)
-        loaded = rows.R.T @ (apart[:, None] * (rows.R @ shapes))
+    R, excess = structure.layout.R, uneven_damping(structure)[1]  # through strains, whose differences keep digits
+    loaded = R.T @ weigh(excess, R @ shapes)
     left, size, _ = linalg.svd(loaded, full_matrices=False)
     least = max(1e-9 * size.max(initial=1e-300), SUMMED * float(np.linalg.norm(structure.C @ shapes)))
     return left[:, size > least]
