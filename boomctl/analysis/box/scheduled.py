@@ -125,7 +125,7 @@ class ScheduledController:
         from boomctl.lti.python_control import control
 
         wanted = names("reference", references, self.input_labels)
-        places, p, zero = [self.input_labels.index(name) for name in wanted], len(self.input_labels), np.zeros(0)
+        places, p = [self.input_labels.index(name) for name in wanted], len(self.input_labels)
 
         def split(u: Any) -> tuple[Lti, Array]:
             read = np.array(u[:p], dtype=float)
@@ -135,17 +135,16 @@ class ScheduledController:
 
         def update(t: float, x: Any, u: Any, params: Any) -> Array:
             here, read = split(u)
-            return here.A @ x + here.B @ read if len(here.A) else zero
+            return here.A @ x + here.B @ read
 
         def output(t: float, x: Any, u: Any, params: Any) -> Array:
             here, read = split(u)
-            return here.C @ x + here.D @ read if len(here.A) else here.D @ read
+            return here.C @ x + here.D @ read
 
         inputs = [*self.input_labels, *(f"{name}_reference" for name in wanted)]
-        n = self.A.shape[1]
-        states = list(self.state_labels) if len(self.state_labels) == n else [f"x{i}" for i in range(n)]
+        states = list(self.state_labels) or self.A.shape[1]
         given = {"inputs": inputs, "outputs": list(self.output_labels), "states": states, "dt": self.dt}
-        return control.nlsys(update if n else None, output, **given, name="scheduled_controller")
+        return control.nlsys(update, output, **given, name="scheduled_controller")
 
 
 def frozen(controller: ScheduledController, value: float) -> Lti:
