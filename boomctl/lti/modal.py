@@ -15,9 +15,9 @@ import numpy as np
 from scipy import linalg
 
 from boomctl.arrays import Array
-from boomctl.lti.integrators import doubt_of_split, without_integrators
+from boomctl.lti.integrators import SpectralParts, without_integrators
 from boomctl.lti.rounding import ALIKE, CANCELLED, DIGIT, EPS, ROOT, SOLVED
-from boomctl.lti.system import Lti, append, rates_of
+from boomctl.lti.system import Lti, rates_of
 from boomctl.printing import compact
 
 # Relative damping |Re p|/|p| up to which a pole counts as undamped.  Rounding alone leaves up to 5e-12 in the computed
@@ -267,25 +267,6 @@ def _leading(M: Array, axis: int, bits: int) -> Array:
     return M + far - far
 
 
-@dataclass(frozen=True)
-class SpectralParts:
-    """A system as a sum.
-
-    Attributes
-    ----------
-    fast : Lti
-        The stable part, with ``D``.
-    kept : Lti
-        The unstable, undamped and rigid-body part, without ``D``.
-    doubt : float
-        How far rounding may have moved the entries of the stable part's ``A``, to first order; 0 where nothing was split.
-    """
-
-    fast: Lti
-    kept: Lti
-    doubt: float
-
-
 def spectral_parts(system: Lti) -> SpectralParts:
     """Return the stable part (with ``D``) and the kept part (unstable, undamped, rigid-body; without ``D``).
 
@@ -297,35 +278,23 @@ def spectral_parts(system: Lti) -> SpectralParts:
     ValueError
         The two parts cannot be told apart.
     """
-    deflated = without_integrators(system)
-    if not len(deflated.chain.A):
-        return _split_by_axis(system)
-    rest, chain = _split_by_axis(deflated.rest), deflated.chain
-    slow = rest.kept
-    joined = Lti(
-        append(chain, slow).A, np.vstack([chain.B, slow.B]), np.hstack([chain.C, slow.C]), np.zeros_like(system.D)
-    )
-    return SpectralParts(rest.fast, joined, deflated.doubt + rest.doubt)
-
-
-def _split_by_axis(system: Lti) -> SpectralParts:
-    """Return the poles that decay, and all others."""
-    kept = side_of_axis(system.poles) >= 0
+    chain = without_integrators(system)
+    kept, size = side_of_axis(chain.rest.poles) >= 0, np.abs(chain.rest.poles)
     if not kept.any():
-        return SpectralParts(system, Lti(np.zeros((0, 0)), system.B[:0], system.C[:, :0], np.zeros_like(system.D)), 0.0)
-    size = np.abs(system.poles)
+        return chain
     near = kept & (size <= ROOT * size.max())
     if near.any():
         kept |= size <= max(_CLUSTER * float(size[near].max()), _BLOCK_NOISE * float(size.max()))
-    slow, fast, doubt = split(system, kept, "unstable, undamped or rigid-body poles")
-    return SpectralParts(fast, slow, doubt)
+    parts = split(chain.rest, kept, "unstable, undamped or rigid-body poles")
+    first, second = chain.kept, parts.kept
+    A, B, C = linalg.block_diag(first.A, second.A), np.vstack([first.B, second.B]), np.hstack([first.C, second.C])
+    return SpectralParts(parts.rest, replace(first, A=A, B=B, C=C), chain.doubt + parts.doubt)
 
 
-def split(system: Lti, chosen: Array, what: str = "poles") -> tuple[Lti, Lti, float]:
-    """Return a system as the sum of two, and how far rounding may have moved the entries of the second one's ``A``.
+def split(system: Lti, chosen: Array, what: str = "poles") -> SpectralParts:
+    """Return a system as the sum of a part kept, which has the poles chosen, and the rest.
 
-    The first has the poles chosen (without ``D``), the second all others (with ``D``).  By an ordered Schur form and a
-    Sylvester equation.
+    By an ordered Schur form and a Sylvester equation.
 
     Parameters
     ----------
@@ -352,11 +321,7 @@ def split(system: Lti, chosen: Array, what: str = "poles") -> tuple[Lti, Lti, fl
             f"{len(ours)} {what} do not separate from the others ({count} found in the Schur form): "
             "too close to tell them apart"
         )
-    X = linalg.solve_sylvester(T[:count, :count], -T[count:, count:], -T[:count, count:])
-    B, C = Z.T @ system.B, system.C @ Z
-    one = Lti(T[:count, :count], B[:count] - X @ B[count:], C[:, :count], np.zeros_like(system.D), dt=system.dt)
-    other = Lti(T[count:, count:], B[count:], C[:, :count] @ X + C[:, count:], system.D, dt=system.dt)
-    return one, other, doubt_of_split(system.A, X)
+    return SpectralParts.of(system, T, Z, count)
 
 
 def residualised(system: Lti, count: int) -> Lti:

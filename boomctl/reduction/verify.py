@@ -77,7 +77,7 @@ class SystemParts:
         image = continuous_image(whole).balanced()
         _ = image.eigensystem  # Whose eigenvalues tell the parts apart, and whose vectors are their modes.
         parts = spectral_parts(image)
-        given = parts.fast
+        given = parts.rest
         if not (len(given.A) and given.D.size):
             return cls(whole, given, given, None, parts.kept, largest_of(given.D), 0.0)
         omega = _looked_at(given, band)
