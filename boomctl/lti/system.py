@@ -368,20 +368,36 @@ def signal_scales(A: Array, B: Array, C: Array) -> Array:
 
 
 def well_posed_inverse(matrix: Array) -> Array:
-    """Return the inverse of ``I - D_K D22``, judged and computed after balancing, so that units do not matter.
+    """Return the inverse of ``I - D_K D22``; it has four digits or more.
 
     Raises
     ------
     ValueError
         The loop is not well-posed.
     """
+    refusal = "the loop is not well-posed: the feedthroughs of plant and controller cancel one another"
+    return balanced_inverse(matrix, SUMMED, refusal)
+
+
+def balanced_inverse(matrix: Array, rounding: float, refusal: str) -> Array:
+    """Return the inverse of one plus a matrix, judged and computed after balancing, so that units do not matter.
+
+    Raises
+    ------
+    ValueError
+        ``refusal``, where its smallest singular value is rounding of one or of the largest.
+    """
     if not len(matrix):
         return matrix
     balanced, scale = balance(matrix)
     values = linalg.svdvals(balanced)
-    if values[-1] <= SUMMED * max(1.0, values[0]):  # its inverse has four digits or fewer
-        raise ValueError("the loop is not well-posed: the feedthroughs of plant and controller cancel one another")
-    return linalg.inv(balanced) * scale[:, None] / scale
+    if values[-1] <= rounding * max(1.0, values[0]):
+        raise ValueError(refusal)
+    result = linalg.inv(balanced)
+    result += result @ (
+        np.eye(len(matrix)) - balanced @ result
+    )  # to componentwise accuracy: zeros of a chain stay zero
+    return result * scale[:, None] / scale
 
 
 def _labels(kind: str, *systems: Lti) -> tuple[str, ...]:
