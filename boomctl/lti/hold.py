@@ -2,7 +2,7 @@
 
 A signal that is held or runs straight between its samples moves a linear system exactly from sample to sample; the maps
 of one step are blocks of one matrix exponential, and of two where a held signal changes within the step.  Many steps are
-taken in blocks: :func:`recursion` returns all states, :func:`lifted_response` the outputs, where products take the place of
+taken in blocks: :func:`recursion` returns all states, :func:`lifted_motion` the outputs, where products take the place of
 steps.
 """
 
@@ -13,14 +13,12 @@ from dataclasses import dataclass, replace
 from math import isqrt
 
 import numpy as np
-from numpy.typing import ArrayLike
 from scipy import linalg
 from scipy.linalg import lapack
 
 from boomctl.arrays import Array, balance
-from boomctl.checks import finite_array, positive
 from boomctl.lti.rounding import EPS
-from boomctl.lti.system import Lti, of
+from boomctl.lti.system import Lti
 
 BLOCK = 64  # steps in a block: the fastest, for systems of some 20 to 50 states
 _GROUP = 4  # Least number of steps that one product moves, of large systems: more cost accuracy, fewer cost time.
@@ -103,31 +101,6 @@ def linear_hold(A: Array, B: Array, step: float) -> tuple[Array, Array, Array]:
     return upper[:, :n] + np.eye(n), upper[:, n : n + m], upper[:, n + m :]
 
 
-@dataclass(frozen=True)
-class Step:
-    """Exact motion over one step: ``x+ = Phi x + before u_old + after u_new + first d + last d+``.
-
-    ``u`` is held and changes once within the step; ``d`` runs along a straight line from ``d`` to ``d+``.
-    """
-
-    h: float
-    Phi: Array
-    before: Array
-    after: Array
-    first: Array
-    last: Array
-
-    @property
-    def of_signals(self) -> tuple[Array, Array, Array]:
-        """``Phi``, ``first`` and ``last``."""
-        return self.Phi, self.first, self.last
-
-    @property
-    def held(self) -> Array:
-        """What an input held over the whole step adds."""
-        return self.before + self.after
-
-
 def changing(
     hold: Callable[[float, Array], tuple[Array, Array]], whole: Array, duration: float, changes: Array
 ) -> tuple[Array, Array]:
@@ -178,54 +151,27 @@ def recursion(Phi: Array, forcing: Array, start: Array) -> Array:
     return states[: count + 1].T
 
 
-def linear_hold_response(system: object, inputs: ArrayLike, step: float, initial: ArrayLike | None = None) -> Array:
+def linear_hold_response(system: Lti, inputs: Array, step: float, start: Array) -> Array:
     """Return the outputs of a continuous system at the samples of its inputs, which run straight between them.
 
     Parameters
     ----------
-    system : StateSpace
+    system : Lti
         Continuous; ``m`` inputs, ``p`` outputs.
-    inputs : (m, N) array_like
+    inputs : (m, N) ndarray
     step : float
         Time between samples [s].
-    initial : (n,) array_like, optional
-        State at the first sample; by default zero.
+    start : (n,) ndarray
+        State at the first sample.
 
     Returns
     -------
     (p, N) ndarray
         Exact but for rounding.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Shapes that do not fit, values that are not finite, a step not above zero, a discrete system, another kind of
-        system; an unstable one whose outputs grow beyond all numbers.
-
-    Notes
-    -----
-    Nothing is diagonalised, so that defective systems are served as well.
     """
-    linear, to_form = motion_coordinates(of(system, expected="StateSpace"))
-    u = finite_array("inputs", inputs, ndim=2)
-    h = positive("step", step)
-    A, B, C, D = linear.A, linear.B, linear.C, linear.D
-    if len(u) != B.shape[1] or not u.shape[1]:
-        raise ValueError(f"inputs: expected {B.shape[1]} rows and at least one column, got shape {u.shape}")
-    start = np.zeros(len(A)) if initial is None else finite_array("initial", initial, ndim=1)
-    if len(start) != len(A):
-        raise ValueError(f"initial: expected {len(A)} values, got {len(start)}")
-    if not len(A):
-        return D @ u
-    with np.errstate(over="ignore", invalid="ignore"):
-        Phi, G, H = linear_hold(A, B, h)
-        result = lifted_response((Phi, G - H, H), C, D, u, to_form @ start)
-    if not np.isfinite(result).all():
-        raise ValueError(
-            f"system: its outputs grow beyond all numbers within {u.shape[1]} samples, {h:g} s apart; it is unstable, "
-            "or step is too long for its numbers"
-        )
-    return result
+    form, to_form = motion_coordinates(system)
+    Phi, G, H = linear_hold(form.A, form.B, step)
+    return lifted_motion((Phi, G - H, H), form.C, form.D, inputs, to_form @ start)[0]
 
 
 @dataclass(frozen=True)
@@ -292,19 +238,12 @@ def recursion_without_lead(Phi: Array, first: Array, last: Array, C: Array, D: A
     return first + Phi @ last, D + C @ last
 
 
-def lifted_response(
-    maps: tuple[Array, Array, Array], C: Array, D: Array, U: Array, start: Array | float = 0.0
-) -> Array:
-    """Return ``y = C z + D u`` at each step, (outputs, steps + 1), for ``z+ = Phi z + first u + last u+``, ``z = start``."""
-    return lifted_motion(maps, C, D, U, start)[0]
-
-
 def lifted_motion(
     maps: tuple[Array, Array, Array], C: Array, D: Array, U: Array, start: Array | float = 0.0
 ) -> tuple[Array, Array]:
-    """Return the outputs of :func:`lifted_response`, and the states ``z`` at the beginnings of blocks, (blocks, n).
+    """Return ``y = C z + D u`` at each step, (outputs, steps + 1), for ``z+ = Phi z + first u + last u+``, ``z = start``.
 
-    Only these states are found one after the other.
+    The second value are the states ``z`` at the beginnings of blocks, (blocks, n).  Only these are found one after the other.
     """
     Phi, first, last = maps
     G, through = recursion_without_lead(Phi, first, last, C, D)
