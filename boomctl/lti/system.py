@@ -12,12 +12,11 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeAlias, TypeGuard
 
 import numpy as np
 from scipy import linalg
-from scipy.linalg import lapack
 
 from boomctl.arrays import Array, balance, blocks, scaled_to_one
 from boomctl.checks import finite_array, names, warn_user
 from boomctl.exceptions import SingularFrequencyWarning
-from boomctl.lti.rounding import ALIKE, CANCELLED, ROOT, SUMMED
+from boomctl.lti.rounding import ALIKE, CANCELLED, ROOT, SUMMED, TINY
 from boomctl.lti.transfer_functions import realized
 from boomctl.printing import compact
 
@@ -113,11 +112,8 @@ class Lti:
         growth = poles.real if self.dt == 0.0 else np.abs(poles) - 1.0
         if growth.max() <= ROOT * np.abs(poles).max():
             return poles
-        result, reads, right = self.eigensystem
-        growth = result.real if self.dt == 0.0 else np.abs(result) - 1.0
-        with np.errstate(invalid="ignore", over="ignore"):
-            moved = CANCELLED * np.einsum("ji,ij->j", np.abs(reads), np.abs(self.A) @ np.abs(right))
-        if ((growth <= 0.0) | (moved < growth)).all():
+        inside, moved = self.distances
+        if ((inside >= 0.0) | (moved < -inside)).all():
             return poles
         from boomctl.exact_roots import OPERATIONS, UndecidedError, Work, eigenvalues, rational_matrix
 
@@ -132,20 +128,21 @@ class Lti:
 
         The inverse is no number where there is none, as of equal poles in a chain.
         """
-        n = len(self.A)
-        if not n:
-            return np.zeros(0, complex), np.zeros((0, 0)), np.zeros((0, 0))
         A, power = scaled_to_one(self.A)
-        re, im, _, vectors, failed = lapack.dgeev(A, compute_vl=0, lwork=int(lapack.dgeev_lwork(n, compute_vl=0)[0]))
-        if failed:
-            raise linalg.LinAlgError("eigenvalues were not found")
-        inverse, singular = lapack.dgetri(*lapack.dgetrf(vectors)[:2])
-        first = (im > 0.0).nonzero()[0]  # of a pair real and imaginary part stand side by side
-        right, reads = vectors.astype(complex), (np.full((n, n), np.nan) if singular else inverse).astype(complex)
-        right[:, first] += 1j * vectors[:, first + 1]
-        reads[first] = 0.5 * (reads[first] - 1j * reads[first + 1])
-        right[:, first + 1], reads[first + 1] = right[:, first].conj(), reads[first].conj()
-        return np.ldexp(re, power) + 1j * np.ldexp(im, power), reads, right
+        poles, right = (item.astype(complex) for item in np.linalg.eig(A))
+        try:
+            reads = np.linalg.inv(right)
+        except np.linalg.LinAlgError:
+            reads = np.full_like(right, np.nan)
+        return 2.0**power * poles, reads, right
+
+    @property
+    def distances(self) -> tuple[Array, Array]:
+        """How far poles are inside the boundary of stability, and how far rounding of ``A`` moves them, to first order."""
+        poles, reads, right = self.eigensystem
+        with np.errstate(invalid="ignore", over="ignore"):
+            moved = CANCELLED * np.einsum("ji,ij->j", np.abs(reads), np.abs(self.A) @ np.abs(right)) + TINY
+        return -poles.real if self.dt == 0.0 else 1.0 - np.abs(poles), moved
 
     def response(self, omega: Array, *, quiet: bool = False) -> Array:
         """Return the frequency response, shape (outputs, inputs, frequencies); in discrete time at ``exp(j omega dt)``.
@@ -300,19 +297,14 @@ class ClosedLoop:
         return closed(self.plant, self.controller, self._solved)
 
     @cached_property
-    def _balance(self) -> tuple[Array, Array]:
-        return balance(self.whole.A)
-
-    @cached_property
     def system(self) -> Lti:
         """The loop, balanced, its states without names."""
-        A, scale = self._balance
-        return replace(self.whole, A=A, B=self.whole.B / scale[:, None], C=self.whole.C * scale, state_labels=())
+        return replace(self.whole.balanced(), state_labels=())
 
     @cached_property
     def magnitudes(self) -> Lti:
         """How large the numbers are that the entries of ``system`` were made of."""
-        scale = self._balance[1]
+        scale = balance(self.whole.A)[1]
         made = closed(self.plant.magnitudes, self.controller.magnitudes, np.abs(self._solved))
         return replace(made, A=made.A / scale[:, None] * scale, B=made.B / scale[:, None], C=made.C * scale)
 
