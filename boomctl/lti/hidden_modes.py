@@ -80,9 +80,7 @@ def unmoved(
     acting = acting / np.where(lengths > 0.0, lengths, 1.0)
     poles, left, right = linalg.eig(balanced, left=True, right=True)  # type: ignore[misc]
     doubt = _doubt(balanced, left, right)
-    side = (
-        side_of_axis(poles, doubt) if dt == 0.0 else np.where(np.abs(np.abs(poles) - 1.0) <= doubt, 0, sides(poles, dt))
-    )
+    side = sides(poles, dt, doubt)
     chosen = (poles.imag >= 0.0) & (stable | ((side == 0) if axis_only else (side >= 0)))
     result = []
     for cluster in _clusters(poles, doubt, chosen):

@@ -58,19 +58,17 @@ def side_of_axis(poles: Array, doubt: Array | float = 0.0) -> Array:
     return side
 
 
-def sides(poles: Array, dt: float) -> Array:
+def sides(poles: Array, dt: float, doubt: Array | float = 0.0) -> Array:
     """Return on which side of the boundary of stability poles lie, as :func:`side_of_axis` says it.
 
     In discrete time the boundary is the unit circle; what is nearer to it than rounding moves a pole of size one is undamped.
     """
     if dt == 0.0:
-        return side_of_axis(poles)
+        return side_of_axis(poles, doubt)
     rates = rates_of(poles, dt)
-    fastest = (
-        np.log(EPS) / dt
-    )  # a pole at z = 0 has an infinite rate, and is not told from one that rounding leaves there
-    side = side_of_axis(np.maximum(rates.real, fastest) + 1j * rates.imag)
-    side[np.abs(np.abs(poles) - 1.0) <= CANCELLED] = 0
+    # a pole at z = 0 has an infinite rate, and is not told from one that rounding leaves there
+    side = side_of_axis(np.maximum(rates.real, np.log(EPS) / dt) + 1j * rates.imag)
+    side[np.abs(np.abs(poles) - 1.0) <= np.maximum(CANCELLED, doubt)] = 0
     return side
 
 
