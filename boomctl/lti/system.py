@@ -476,16 +476,18 @@ def of(
     for letter in "ABCD":
         matrix = getattr(result, letter)
         largest = float(np.abs(matrix).max(initial=0.0))
-        if not np.isfinite(largest):
-            row, column = np.argwhere(~np.isfinite(matrix))[0]
-            value = matrix[row, column]
-            raise ValueError(f"{what}: expected finite numbers, got {letter}[{row}, {column}] = {value}")
-        if largest > _SIZES[1] or (letter == "A" and 0.0 < largest < _SIZES[0]):
+        if not largest <= _SIZES[1] or (letter == "A" and 0.0 < largest < _SIZES[0]):
+            row, column = np.unravel_index(int(np.abs(matrix).argmax()), matrix.shape)
             raise ValueError(
-                f"{what}: the largest entry of {letter} is {largest:g} in size; expected from {_SIZES[0]:g} to {_SIZES[1]:g}:"
-                " choose other units"
+                f"{what}: expected finite numbers, the largest from {_SIZES[0]:g} to {_SIZES[1]:g} in the units chosen, got"
+                f" {letter}[{row}, {column}] = {matrix[row, column]}"
             )
-    _check_names(what, result)
+    for kind, labels, count in (
+        ("input", result.input_labels, result.D.shape[1]),
+        ("output", result.output_labels, len(result.D)),
+    ):
+        if labels and len(set(labels)) < count:  # python-control holds names that are there twice once
+            raise ValueError(f"{what}: expected another name for each of {count} {kind}s, got {', '.join(labels)}")
     return result
 
 
@@ -544,25 +546,16 @@ def check_scales(controller: Lti, plant: Mapping[str, float] | None = None) -> N
         If a signal of the controller has another scale than that of the plant.
     """
     own, others = controller.scales, plant or {}
-    if own is None:
-        return
-    for label in (*controller.input_labels, *controller.output_labels):
-        mine, theirs = own.get(label, 1.0), others.get(label, 1.0)
-        if mine == theirs:
-            continue
-        if not others:
-            raise ValueError(
-                f"`controller` must be in the units of the machine, got one in scaled signals ({label!r} by {mine:g}). Pass"
-                " the `.controller` of the design, or boomctl.unscale_controller(controller)."
+    for label in () if own is None else (*controller.input_labels, *controller.output_labels):
+        if own.get(label, 1.0) != others.get(label, 1.0):
+            wanted, got = (
+                f"scaled signals ({label!r} by {scales.get(label, 1.0):g})" if scales else "the units of the machine"
+                for scales in (others, own)
             )
-        if not own:
             raise ValueError(
-                f"`controller` must be in the scaled signals of the plant ({label!r} by {theirs:g}), got one in the units of"
-                " the machine. Pass the plant without scales, or the `.scaled_controller` of the design."
+                f"`controller` must be in {wanted}, got one in {got}. A design's `.controller` is in the units of the"
+                " machine, its `.scaled_controller` in the scaled signals of its plant; boomctl.unscale_controller converts."
             )
-        raise ValueError(
-            f"`controller` must have the scales of the plant, got {mine:g} for {label!r} where the plant has {theirs:g}."
-        )
 
 
 def _instead(system: object, models: bool) -> str:
@@ -585,35 +578,15 @@ def _instead(system: object, models: bool) -> str:
     return f"; {ready}control.ss(A, B, C, D) makes one"
 
 
-def _check_names(what: str, found: Lti) -> None:
-    """Raise ``ValueError`` where signals have the same name."""
-    for kind, listed, count in (
-        ("input", found.input_labels, found.D.shape[1]),
-        ("output", found.output_labels, len(found.D)),
-    ):
-        if len(set(listed)) < len(listed):
-            twice = next(label for label in listed if listed.count(label) > 1)
-            raise ValueError(f"{what}: {kind} {twice!r} is there twice")
-        if listed and len(listed) < count:  # python-control holds names that are there twice once
-            raise ValueError(
-                f"{what}: expected a name for each of {count} {kind}s, got {len(listed)}: some are there twice"
-            )
-
-
 def _check_time(what: str, dt: float, discrete: bool, sampled: bool) -> None:
     """Raise ``ValueError`` where a system has the wrong kind of time."""
     continuous = dt == 0.0
-    if sampled and np.isnan(dt):
-        raise ValueError(
-            f"{what}: expected continuous time or a sampling time in seconds, got dt = True, which names none"
-        )
-    if sampled and not (continuous or _TIMES[0] <= dt <= _TIMES[1]):
-        raise ValueError(f"{what}: expected a sampling time from {_TIMES[0]:g} to {_TIMES[1]:g} s, got {dt:g} s")
-    if not sampled and continuous == discrete:
-        wanted = "a sampling time" if discrete else "continuous time"
-        length = "a length not said" if np.isnan(dt) else f"{dt:g} s"
-        got = "continuous time" if continuous else f"a sampling time of {length}"
-        raise ValueError(f"{what}: expected {wanted}, got {got}")
+    if (continuous or _TIMES[0] <= dt <= _TIMES[1]) if sampled else continuous != discrete:
+        return
+    in_range = f"continuous time or a sampling time in seconds from {_TIMES[0]:g} to {_TIMES[1]:g}"
+    wanted = in_range if sampled else "a sampling time" if discrete else "continuous time"
+    length = "dt = True, which names no sampling time" if np.isnan(dt) else f"a sampling time of {dt:g} s"
+    raise ValueError(f"{what}: expected {wanted}, got {'continuous time' if continuous else length}")
 
 
 def _plain(system: "control.StateSpace") -> Lti:
