@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from operator import itemgetter
 from typing import TypeVar
 
 import numpy as np
@@ -23,7 +24,6 @@ _CLOSED_FROM = 12  # frequencies from which on a closed form takes less time tha
 _PLACED = 1e-10  # of a peak's frequency: how finely it is searched for; its height is then right to rounding
 # share of a bracket, asked beside its parabola's top to close it in from both sides (measured: few steps)
 _CLOSE = 0.03
-_SLOW = 0.25  # share of a bracket that is left after a slow step, which middles then follow (a choice)
 # highest points of a grid around which a peak is searched for: the highest peak may be at the second (a choice)
 _REFINED = 3
 # Frequencies between the resonances (choices): of what is drawn, or looked at without proof, about 100 a decade on a boom's
@@ -115,13 +115,7 @@ def resonance_grid(
     width = np.maximum(np.abs(poles.real), narrowest * np.abs(poles))
     near = (np.abs(poles.imag)[:, None] + width[:, None] * np.asarray(places)).ravel()
     near = near[(near >= low) & (near <= high)]
-    spread = low * (high / low) ** (np.arange(points) / (points - 1.0))
-    spread[-1] = high  # which rounding may miss
-    result = np.concatenate([spread, near, np.asarray(also, float).ravel()])
-    result.sort()
-    new = np.empty(len(result), bool)
-    new[0], new[1:] = True, result[1:] > result[:-1]
-    return result[new]
+    return np.unique(np.concatenate([np.geomspace(low, high, points), near, np.asarray(also, float).ravel()]))
 
 
 @np.errstate(divide="ignore", invalid="ignore", over="ignore")  # of values at a pole, and of brackets that are flat
@@ -137,21 +131,16 @@ def highest_peak(value: Callable[[Array], Array], grid: Array) -> tuple[float, f
     values = value(grid)
     around = _tops(values)
     omega, heights = grid[around], values[around]
-    best, slow = heights[:, 1].argmax(), np.ones(len(omega), bool)
-    peak, at = float(heights[best, 1]), float(omega[best, 1])
+    peak = max(zip(heights[:, 1].tolist(), omega[:, 1].tolist(), strict=True), key=itemgetter(0))
     while len(omega):
-        finer, result = _narrowed(value, omega, heights, halved=bool(slow.any()))
-        best = result[:, 1].argmax()
-        if result[best, 1] > peak:
-            peak, at = float(result[best, 1]), float(finer[best, 1])
-        width, top = finer[:, 2] - finer[:, 0], result[:, 1]
-        slow = width > _SLOW * (omega[:, 2] - omega[:, 0])
+        omega, finer = _narrowed(value, omega, heights)
+        peak = max(peak, *zip(finer[:, 1].tolist(), omega[:, 1].tolist(), strict=True), key=itemgetter(0))
         # a step has raised the peak by rounding only, and the ends lie so little below it that the top of a parabola
         # through them misses it by the square of that
-        flat = (top <= heights[:, 1] * (1.0 + SOLVED)) & (result.min(axis=1) >= top * (1.0 - ROOT))
-        going = (width > _PLACED * finer[:, 2]) & ~flat
-        omega, heights, slow = finer[going], result[going], slow[going]
-    return peak, at
+        flat = (finer[:, 1] <= heights[:, 1] * (1.0 + SOLVED)) & (finer.min(axis=1) >= finer[:, 1] * (1.0 - ROOT))
+        going = (omega[:, 2] - omega[:, 0] > _PLACED * omega[:, 2]) & ~flat
+        omega, heights = omega[going], finer[going]
+    return peak
 
 
 def _tops(values: Array) -> Array:
@@ -220,18 +209,16 @@ def smooth_curve(respond: Callable[[Array], Array], omega: Array) -> tuple[Array
     return omega[there], values[there]
 
 
-def _narrowed(value: Callable[[Array], Array], omega: Array, heights: Array, halved: bool) -> tuple[Array, Array]:
+def _narrowed(value: Callable[[Array], Array], omega: Array, heights: Array) -> tuple[Array, Array]:
     """Return narrower brackets of peaks, and the values there, in the order of the frequencies.
 
     A row is a bracket: its ends and, between or at one of them, its highest point.  Each is asked at the top of the
-    resonance through its three points, close to either side of it, and with ``halved`` in the middles too; all at once.
+    resonance through its three points, close to either side of it, and in the middles; all at once.
     """
     (low, middle, high), (left, top, right) = omega.T, heights.T
     vertex = top_of_resonance(low, middle, high, left, top, right)
     vertex, beside = np.where((vertex > low) & (vertex < high), vertex, middle), _CLOSE * (high - low)
-    asked = [vertex - beside, vertex, vertex + beside]
-    if halved:
-        asked += [0.5 * (low + middle), 0.5 * (middle + high)]
+    asked = [vertex - beside, vertex, vertex + beside, 0.5 * (low + middle), 0.5 * (middle + high)]
     new = np.minimum(np.maximum(np.array(asked), low), high).T
     places = np.concatenate([omega, new], axis=1)
     values = np.concatenate([heights, value(new.ravel()).reshape(new.shape)], axis=1)
