@@ -32,7 +32,6 @@ _CONDITION = 1e9  # of the eigenvectors: modal coordinates of a worse one keep f
 _CLUSTERED = 1e6  # times rounding, whose root times the norm of A is the distance of poles in a cluster
 _OFF = 1e-3  # of the radius of a cluster, up to which its mean lies on the boundary
 _MAPPED = 16.0  # roundings of a mode on its way to its image
-_DOUBLE = EPS**0.5  # share of a pair's real part below which it may be a double real pole
 _WORST = EPS**-0.5  # condition of the change to a block-diagonal form: half of all digits are left
 
 
@@ -224,10 +223,7 @@ def diagonalized(system: Lti) -> ModalSystem | None:
     moved: Array = poles + np.diag(E)
     if (moved.imag[first] <= 0.0).any():  # Two equal real poles.
         return None
-    try:
-        W = np.linalg.inv(wide.astype(complex))
-    except np.linalg.LinAlgError:
-        return None
+    W = np.linalg.inv(wide.astype(complex))
     B, C = (W @ system.B).astype(np.clongdouble), (system.C @ wide).astype(complex)
     B = (B + W @ (system.B - wide @ B).astype(complex)).astype(complex)
     reads, acts = np.linalg.norm(C, axis=0), np.linalg.norm(B, axis=1)
@@ -235,12 +231,8 @@ def diagonalized(system: Lti) -> ModalSystem | None:
         scale = np.where((reads > 0.0) & (acts > 0.0), np.sqrt(reads / acts), 1.0)
     rows: Array = B * scale[:, None]
     columns: Array = C / scale
-    moved[first + 1], rows[first + 1], columns[:, first + 1] = (
-        moved[first].conj(),
-        rows[first].conj(),
-        columns[:, first].conj(),
-    )
-    moved[single], rows[single], columns[:, single] = moved[single].real, rows[single].real, columns[:, single].real
+    for item in (moved, rows, columns.T):  # exactly in pairs
+        item[first + 1], item[single] = item[first].conj(), item[single].real
     return ModalSystem(moved, rows, columns, system.D)
 
 
@@ -345,28 +337,14 @@ def residualised(system: Lti, count: int) -> Lti:
 def block_diagonal(A: Array, condition: float = _WORST) -> tuple[Array, Array, list[int]]:
     """Return a block-diagonal matrix, the columns that bring ``A`` to it, and the widths of its blocks.
 
-    Where poles lie apart, one call of SLICOT's MB03RD is enough.  Where they do not, ``control.bdschur`` searches for the
-    smallest blocks with columns of the condition allowed; that is the answer in the first case too.
-
     Parameters
     ----------
     A : (n, n) ndarray
         Real.
     condition : float
-        Largest condition of the columns.
+        Largest condition of the columns; the blocks are the smallest that it allows.
     """
-    import slycot
+    from boomctl.lti.python_control import control
 
-    if not len(A):
-        return A, A, []
-    form, vectors = linalg.schur(A)
-    # elements of the transformations up to the root of the condition, with which that search begins
-    blocks, columns, widths, poles = slycot.mb03rd(len(A), form, vectors, pmax=condition**0.5)
-    starts = np.cumsum(widths) - widths
-    pairs = poles[starts[widths == 2]]
-    apart = (widths <= 2).all() and (np.abs(pairs.imag) >= _DOUBLE * np.abs(pairs.real)).all()
-    if not apart or np.linalg.cond(columns) >= condition:
-        from boomctl.lti.python_control import control  # two seconds that poles apart do not wait for
-
-        blocks, columns, widths = control.bdschur(A, condmax=condition)
-    return np.asarray(blocks), np.asarray(columns), [int(width) for width in widths]
+    blocks, columns, widths = control.bdschur(A, condmax=condition)
+    return blocks, columns, [int(width) for width in widths]
