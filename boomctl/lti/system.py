@@ -487,7 +487,8 @@ def of(
         ("output", result.output_labels, len(result.D)),
     ):
         if labels and len(set(labels)) < count:  # python-control holds names that are there twice once
-            raise ValueError(f"{what}: expected another name for each of {count} {kind}s, got {', '.join(labels)}")
+            got = f"{len(set(labels))}: {', '.join(labels)}"
+            raise ValueError(f"{what}: expected a name of its own for each of {count} {kind}s, got {got}")
     return result
 
 
@@ -545,8 +546,9 @@ def check_scales(controller: Lti, plant: Mapping[str, float] | None = None) -> N
     ValueError
         If a signal of the controller has another scale than that of the plant.
     """
-    own, others = controller.scales, plant or {}
-    for label in () if own is None else (*controller.input_labels, *controller.output_labels):
+    others = plant or {}
+    own = others if controller.scales is None else controller.scales
+    for label in (*controller.input_labels, *controller.output_labels):
         if own.get(label, 1.0) != others.get(label, 1.0):
             wanted, got = (
                 f"scaled signals ({label!r} by {scales.get(label, 1.0):g})" if scales else "the units of the machine"
