@@ -215,16 +215,16 @@ class Lti:
         from boomctl.lti.python_control import UNSCALED, ScaledStateSpace, control
 
         named = self.without_dots()
-        labels = {"inputs": named.input_labels, "outputs": named.output_labels}
-        given = {kind: list(names) for kind, names in labels.items() if names}
-        states = list(self.state_labels) or None
-        time = {} if self.dt == 0.0 else {"dt": True if np.isnan(self.dt) else self.dt}
+        labels = {"inputs": named.input_labels, "outputs": named.output_labels, "states": self.state_labels}
+        given: dict[str, Any] = {kind: list(names) for kind, names in labels.items() if names} | {"name": name}
+        if self.dt != 0.0:
+            given["dt"] = True if np.isnan(self.dt) else self.dt
         signals = named.input_labels + named.output_labels
         scales = {label: value for label, value in (self.scales or {}).items() if label in signals}
         matrices = (self.A, self.B, self.C, self.D)
         if scales:
-            return ScaledStateSpace(*matrices, name=name, states=states, scales=scales, **given, **time)
-        system = control.ss(*matrices, name=name, states=states, **given, **time)
+            return ScaledStateSpace(*matrices, scales=scales, **given)
+        system = control.ss(*matrices, **given)
         if self.scales is not None:
             setattr(system, UNSCALED, True)
         return system
@@ -464,13 +464,9 @@ def of(
     else:
         if models and hasattr(system, "to_statespace"):
             given = given.to_statespace()
-        if is_transfer_function(given):
-            matrices = realized(given, what)
-            result = Lti(*matrices, *_names(given), tuple(f"x[{i}]" for i in range(len(matrices[0]))), _time(given))
-        elif is_statespace(given):
-            result = _plain(given)
-        else:
+        if not (is_transfer_function(given) or is_statespace(given)):
             raise TypeError(f"{what}: expected {expected}, got {type(system).__name__}{_instead(system, models)}")
+        result = _plain(given, what)
     if not any_time:
         _check_time(what, result.dt, discrete, sampled)
     for letter in "ABCD":
@@ -591,20 +587,18 @@ def _check_time(what: str, dt: float, discrete: bool, sampled: bool) -> None:
     raise ValueError(f"{what}: expected {wanted}, got {'continuous time' if continuous else length}")
 
 
-def _plain(system: "control.StateSpace") -> Lti:
+def _plain(system: Any, what: str) -> Lti:
     """Return the matrices, names and time of a python-control system."""
     from boomctl.lti.python_control import UNSCALED
 
-    A, B, C, D = (np.asarray(getattr(system, letter), dtype=float) for letter in "ABCD")
+    if is_statespace(system):
+        A, B, C, D = (np.asarray(getattr(system, letter), dtype=float) for letter in "ABCD")
+        states = tuple(system.state_labels)
+    else:
+        A, B, C, D = realized(system, what)
+        states = tuple(f"x[{i}]" for i in range(len(A)))
+    dt = 0.0 if system.isctime() else float("nan") if system.dt is True else float(system.dt)
     scales = getattr(system, "scales", {} if hasattr(system, UNSCALED) else None)
     if scales:
         scales = {label: value for label, value in scales.items() if value != 1.0}
-    return Lti(A, B, C, D, *_names(system), tuple(system.state_labels), _time(system), scales)
-
-
-def _names(system: "control.StateSpace | control.TransferFunction") -> tuple[tuple[str, ...], tuple[str, ...]]:
-    return tuple(system.input_labels), tuple(system.output_labels)
-
-
-def _time(system: "control.StateSpace | control.TransferFunction") -> float:
-    return 0.0 if system.isctime() else float("nan") if system.dt is True else float(system.dt)
+    return Lti(A, B, C, D, tuple(system.input_labels), tuple(system.output_labels), states, dt, scales)
