@@ -23,7 +23,7 @@ from math import inf
 
 import flint
 import numpy as np
-from flint import acb, arb, arb_mat, fmpq, fmpq_mat, fmpq_poly
+from flint import acb, acb_poly, arb, arb_mat, fmpq, fmpq_mat, fmpq_poly
 
 from boomctl.arrays import blocks
 from boomctl.exact_roots import (
@@ -246,10 +246,10 @@ class Exact:
                 G = [[acb(entry[n] / a[n]) for entry in row] for row in N]
             else:
                 s = acb(0, 1) * arb(square).sqrt()
-                over = _value(a, s)
+                over = acb_poly(a)(s)
                 if over.contains(0):
                     continue
-                G = [[_value(entry, s) / over for entry in row] for row in N]
+                G = [[acb_poly(entry)(s) / over for entry in row] for row in N]
             middle = np.array([[complex(entry) for entry in row] for row in G])
             v = [acb(x.real, x.imag) for x in np.linalg.svd(middle)[2][0].conj().tolist()]
             moved = [sum((g * x for g, x in zip(row, v, strict=True)), acb(0)) for row in G]
@@ -349,13 +349,6 @@ def _squares(p: fmpq_poly) -> fmpq_poly:
     c = p.coeffs()
     first = next((k for k, x in enumerate(c) if x), 0)
     return fmpq_poly([-x if k % 2 else x for k, x in enumerate(c[first::2])])
-
-
-def _value(p: fmpq_poly, s: acb) -> acb:
-    result = acb(0)
-    for c in reversed(p.coeffs()):
-        result = result * s + arb(c)
-    return result
 
 
 def _rational(system: Lti) -> Lti:

@@ -51,28 +51,19 @@ def time_of_loop(plant: Lti, controller: Lti, delay: float) -> tuple[float, floa
         the plant is discrete; a discrete plant with a controller of another sampling time.
     """
     late, dt = nonnegative("delay", delay), controller.dt
-    if dt == 0.0:
-        if plant.dt != 0.0:
-            raise ValueError(
-                f"controller: expected the plant's sampling time, {exactly(plant.dt)} s, got continuous time; "
-                "boomctl.discretize samples it"
-            )
-        if late:
-            raise ValueError(
-                f"delay = {exactly(late)}: expected 0 with a controller in continuous time; boomctl.discretize samples it"
-            )
-        return 0.0, 0.0
+    if plant.dt != 0.0 and not (dt and same_time(plant.dt, dt)):
+        got = f"{exactly(dt)} s" if dt else "continuous time; boomctl.discretize samples it"
+        raise ValueError(f"controller: expected the plant's sampling time, {exactly(plant.dt)} s, got {got}")
+    if late and not dt:
+        raise ValueError(
+            f"delay = {exactly(late)}: expected 0 with a controller in continuous time; boomctl.discretize samples it"
+        )
     _check_samples(late, dt)
-    if plant.dt != 0.0:
-        if not same_time(plant.dt, dt):
-            raise ValueError(
-                f"controller: expected the plant's sampling time, {exactly(plant.dt)} s, got {exactly(dt)} s"
-            )
-        if whole_samples(late, dt)[1]:
-            raise ValueError(
-                f"delay = {exactly(late)}: expected whole samples of {exactly(dt)} s, as the plant is discrete: "
-                "between its samples it is not known"
-            )
+    if plant.dt != 0.0 and whole_samples(late, dt)[1]:
+        raise ValueError(
+            f"delay = {exactly(late)}: expected whole samples of {exactly(dt)} s, as the plant is discrete: "
+            "between its samples it is not known"
+        )
     return dt, late
 
 
@@ -131,7 +122,7 @@ def sample_plant(
 
 
 def _check_samples(late: float, dt: float) -> None:
-    if late / dt > _MOST_SAMPLES:
+    if late > _MOST_SAMPLES * dt:
         raise ValueError(f"delay = {exactly(late)}: expected at most {_MOST_SAMPLES} samples of {exactly(dt)} s")
 
 
