@@ -40,9 +40,8 @@ BELOW, ABOVE = 0.25, 1.5
 BEYOND = 100.0  # times below the slowest pole and above the fastest, how far a loop is looked at (a choice)
 RAISED = 30  # levels tried before giving up: each rises to a higher peak, so that a few do
 _RESTING = 1e-9  # share of the fastest pole up to which a slow one is no reason to show so low frequencies (a choice)
-_LOWEST_SHOWN = (
-    0.1  # share of half the sampling rate from which a picture begins at least, where no pole says so (a choice)
-)
+# Share of half the sampling rate from which a picture begins at least, where no pole says so.
+_LOWEST_SHOWN = 0.1
 EMPTY = (0.1, 100.0)  # [rad/s], what a picture shows of a system without dynamics (a choice)
 NARROWEST = 1e-6  # share of its frequency as which a narrower resonance is drawn: no eye tells them apart (a choice)
 

@@ -20,9 +20,8 @@ _FARTHEST = 1e-6  # of the norm of the matrix: no pole is in more doubt than tha
 _WEAK = 1e-9  # cosine between a mode and the columns of B up to which they do not reach it (a choice above rounding)
 # share of the largest singular value below which eigenvectors of a cluster add no direction (a choice)
 _PARALLEL = 1e-6
-_PASSED = (
-    10.0  # times the doubt of its poles, up to which what a cluster passes on within itself is rounding (a choice)
-)
+# Times the doubt of its poles, up to which what a cluster passes on within itself is rounding.
+_PASSED = 10.0
 
 
 @dataclass(frozen=True)

@@ -386,9 +386,8 @@ def balanced_inverse(matrix: Array, rounding: float, refusal: str) -> Array:
     if values[-1] <= rounding * max(1.0, values[0]):
         raise ValueError(refusal)
     result = linalg.inv(balanced)
-    result += result @ (
-        np.eye(len(matrix)) - balanced @ result
-    )  # to componentwise accuracy: zeros of a chain stay zero
+    # To componentwise accuracy: zeros of a chain stay zero.
+    result += result @ (np.eye(len(matrix)) - balanced @ result)
     return result * scale[:, None] / scale
 
 
