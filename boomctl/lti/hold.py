@@ -8,7 +8,6 @@ steps.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from math import isqrt
 
@@ -16,7 +15,7 @@ import numpy as np
 from scipy import linalg
 from scipy.linalg import lapack
 
-from boomctl.arrays import Array, balance
+from boomctl.arrays import Array, balance, blocks
 from boomctl.lti.rounding import EPS
 from boomctl.lti.system import Lti
 
@@ -91,25 +90,20 @@ def zero_order_hold(A: Array, B: Array, step: float) -> tuple[Array, Array]:
 def linear_hold(A: Array, B: Array, step: float) -> tuple[Array, Array, Array]:
     """Return ``Phi, G, H`` of ``x[k+1] = Phi x[k] + G u[k] + H (u[k+1] - u[k])``, exact for inputs straight in between.
 
-    They are the upper rows of the exponential of ``[[A step, B step, 0], [0, 0, I], [0, 0, 0]]``.
+    It is a hold of the inputs' slopes, with the inputs among the states.
     """
     n, m = B.shape
-    generator = np.zeros((n + 2 * m, n + 2 * m))
-    generator[:n, :n], generator[:n, n : n + m] = step * A, step * B
-    generator[n : n + m, n + m :] = np.eye(m)
-    upper = matrix_expm1(generator)[:n]
-    return upper[:, :n] + np.eye(n), upper[:, n : n + m], upper[:, n + m :]
+    ramps = blocks([[A, B], [np.zeros((m, n + m))]])
+    Phi, H = zero_order_hold(ramps, np.eye(n + m, m, -n) / step, step)
+    return Phi[:n, :n], Phi[:n, n:], H[:n]
 
 
-def changing(
-    hold: Callable[[float, Array], tuple[Array, Array]], whole: Array, duration: float, changes: Array
-) -> tuple[Array, Array]:
+def changing(A: Array, B: Array, whole: Array, duration: float, changes: Array) -> tuple[Array, Array]:
     """Return what inputs add to the state in a while, (n, m): before each changes, and after.
 
     Parameters
     ----------
-    hold : function of a time [s] and a choice of inputs
-        What the state, and these inputs where they are held, become in that time.
+    A, B : (n, n) and (n, m) ndarray
     whole : (n, m) ndarray
         What inputs add that are held throughout.
     duration : float
@@ -118,15 +112,13 @@ def changing(
         How long after the beginning each input changes [s].
     """
     before, after = np.zeros_like(whole), np.zeros_like(whole)
-    for change in sorted(set(changes.tolist())):
+    for change in set(changes.tolist()):
         these = changes == change
-        if change <= 0.0:
-            after[:, these] = whole[:, these]
-        elif change >= duration:
-            before[:, these] = whole[:, these]
-        else:  # two holds, one after the other
-            rest, after[:, these] = hold(duration - change, these)
-            before[:, these] = rest @ hold(change, these)[1]
+        if 0.0 < change < duration:  # two holds, one after the other
+            rest, after[:, these] = zero_order_hold(A, B[:, these], duration - change)
+            before[:, these] = rest @ zero_order_hold(A, B[:, these], change)[1]
+        else:
+            (after if change <= 0.0 else before)[:, these] = whole[:, these]
     return before, after
 
 

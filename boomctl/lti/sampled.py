@@ -193,7 +193,7 @@ class Held:
         if self.plant.dt != 0.0:
             return A, np.zeros_like(B), B
         Phi, whole = zero_order_hold(A, B, duration)
-        return Phi, *changing(lambda t, these: zero_order_hold(A, B[:, these], t), whole, duration, self.changes)
+        return Phi, *changing(A, B, whole, duration, self.changes)
 
     def state(self, Phi: Array, before: Array, after: Array) -> tuple[Array, Array]:
         """Return the plant's state after a motion, of all states at the sample and of the inputs given there."""

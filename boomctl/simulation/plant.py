@@ -73,7 +73,7 @@ class ModalPlant(Lti):
     def step(self, h: float, switch: float = 0.0) -> Step:
         """Return the motion over a step of ``h`` [s] in which the controls change ``switch`` [s] after its beginning."""
         Phi, whole, ramp = linear_hold(self.A, self.B, h)
-        before, after = changing(self.hold, whole, h, np.full(self.B.shape[1], switch))
+        before, after = changing(self.A, self.B, whole, h, np.full(self.B.shape[1], switch))
         return Step(h=h, Phi=Phi, before=before, after=after, first=whole - ramp, last=ramp)
 
 
