@@ -15,9 +15,6 @@ from boomctl.lti.hold import zero_order_hold
 from boomctl.lti.rounding import DIGIT, SUMMED
 from boomctl.lti.system import Lti, balanced_inverse
 
-# share of the largest singular value of A + 1 (of 1 - A/g) below which a pole lies at z = -1 (at w = g) but for rounding
-_SINGULAR = 1e-15
-
 
 def image_of_omega(omega: ArrayLike, dt: float) -> Array:
     """Return the frequencies ``(2/dt) tan(omega dt/2)`` of the image; ``inf`` for ``pi/dt``.
@@ -79,7 +76,7 @@ def _moved(system: Lti, coefficients: tuple[float, float, float], dt: float, ref
     One factor goes to each side, so that Gramians stay those of the system up to no more than that.
     """
     (a, b, c), eye = coefficients, np.eye(len(system.A))
-    inverse, moved = balanced_inverse(eye + c * system.A, _SINGULAR, refusal), b * eye + a * system.A
+    inverse, moved = balanced_inverse(eye + c * system.A, DIGIT, refusal), b * eye + a * system.A
     A, B, C, side = inverse @ moved, inverse @ system.B, system.C @ inverse, np.sqrt(a - b * c)
     # of a pole that goes to zero nothing is left but rounding
     A[np.abs(A) <= DIGIT * (np.abs(inverse) @ (np.abs(b) * eye + np.abs(a * system.A)))] = 0.0

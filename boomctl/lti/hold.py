@@ -209,9 +209,9 @@ class Lifted:
         flat = blocks.transpose(1, 2, 0).reshape(count, size * inputs)
         return flat @ self.reached.reshape(size * inputs, self.reached.shape[2])
 
-    def forced(self, blocks: Array, outputs: slice | None = None) -> Array:
+    def forced(self, blocks: Array, outputs: slice = slice(None)) -> Array:
         """Return outputs within each block from its inputs alone, (outputs, blocks, size)."""
-        pulse = self.pulse if outputs is None else self.pulse[outputs]
+        pulse = self.pulse[outputs]
         y = np.zeros((len(pulse), *blocks.shape[1:]))
         for o in range(len(pulse)):
             for i in range(len(blocks)):
@@ -219,10 +219,9 @@ class Lifted:
                     y[o] += blocks[i] @ _toeplitz(pulse[o, i]).T
         return y
 
-    def free(self, starts: Array, outputs: slice | None = None) -> Array:
+    def free(self, starts: Array, outputs: slice = slice(None)) -> Array:
         """Return outputs within each block from the states (blocks, n) at its beginning, (outputs, blocks, size)."""
-        seen = self.seen if outputs is None else self.seen[:, outputs]
-        return starts @ seen.transpose(1, 2, 0)
+        return starts @ self.seen[:, outputs].transpose(1, 2, 0)
 
 
 def recursion_without_lead(Phi: Array, first: Array, last: Array, C: Array, D: Array) -> tuple[Array, Array]:

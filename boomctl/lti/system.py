@@ -8,6 +8,7 @@ import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import chain
 from typing import TYPE_CHECKING, Any, Protocol, TypeAlias, TypeGuard
 
 import numpy as np
@@ -393,14 +394,10 @@ def balanced_inverse(matrix: Array, rounding: float, refusal: str) -> Array:
 
 def _labels(kind: str, *systems: Lti) -> tuple[str, ...]:
     """Return the names of systems one after the other; none where one of them does not name its own."""
-    sizes = {"input": "B", "output": "C", "state": "A"}
-    listed: list[str] = []
-    for system in systems:
-        labels = getattr(system, f"{kind}_labels")
-        if len(labels) != getattr(system, sizes[kind]).shape[1 if kind == "input" else 0]:
-            return ()
-        listed += labels
-    return tuple(listed)
+    matrix, axis = {"input": ("B", 1), "output": ("C", 0), "state": ("A", 0)}[kind]
+    labels = [getattr(system, f"{kind}_labels") for system in systems]
+    sizes = [getattr(system, matrix).shape[axis] for system in systems]
+    return tuple(chain(*labels)) if [len(names) for names in labels] == sizes else ()
 
 
 def is_statespace(system: object) -> bool:
