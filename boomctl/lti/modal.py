@@ -177,8 +177,6 @@ def partial_fractions(system: Lti) -> ModalSystem:
 
     Its response is fast to evaluate, and exact enough to see where the peaks are; :func:`diagonalized` is for numbers.
     """
-    if not len(system.A):
-        return ModalSystem(np.zeros(0, complex), system.B.astype(complex), system.C.astype(complex), system.D)
     poles, reads, right = system.eigensystem
     with np.errstate(over="ignore", invalid="ignore"):  # equal poles in a chain have no eigenvectors of their own
         return ModalSystem(poles, reads @ system.B, system.C @ right, system.D)

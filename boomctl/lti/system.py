@@ -106,12 +106,10 @@ class Lti:
 
         Where rounding may have made one unstable, they are computed in exact arithmetic, of the numbers as they are stored.
         """
-        if not len(self.A):
-            return np.zeros(0, complex)
         cached = "eigensystem" in self.__dict__
         poles: Array = self.eigensystem[0] if cached else np.linalg.eigvals(self.A).astype(complex)
         growth = poles.real if self.dt == 0.0 else np.abs(poles) - 1.0
-        if growth.max() <= ROOT * np.abs(poles).max():
+        if growth.max(initial=-np.inf) <= ROOT * np.abs(poles).max(initial=0.0):
             return poles
         inside, moved = self.distances
         if ((inside >= 0.0) | (moved < -inside)).all():
