@@ -216,17 +216,11 @@ def gain_schedule(
         raise ValueError(f"values = {shown(places.tolist())}: expected ascending ones")
     first, followed = given[0], signal_name("signal", signal)
     for i, item in enumerate(given):
-        for what in ("input_labels", "output_labels", "dt"):
-            if getattr(item, what) != getattr(first, what):
-                raise ValueError(
-                    f"controllers[{i}]: expected the {what} of the first, {getattr(first, what)}, got {getattr(item, what)}"
-                )
-        if len(item.A) != len(first.A):
-            raise ValueError(
-                f"controllers[{i}]: expected {count(len(first.A), 'state')}, as the first, got {len(item.A)}"
-            )
+        for what in ("input_labels", "output_labels", "dt", "nstates"):
+            own, wanted = (len(K.A) if what == "nstates" else getattr(K, what) for K in (item, first))
+            if own != wanted:
+                raise ValueError(f"controllers[{i}]: expected the {what} of the first, {wanted}, got {own}")
     inputs = first.input_labels if followed in first.input_labels else (*first.input_labels, followed)
     A, B, C, D = (np.array([getattr(item, letter) for item in given]) for letter in "ABCD")
-    if len(inputs) > len(first.input_labels):
-        B, D = (np.concatenate([X, np.zeros((*X.shape[:2], 1))], axis=2) for X in (B, D))
+    B, D = (np.pad(X, ((0, 0), (0, 0), (0, len(inputs) - X.shape[2]))) for X in (B, D))
     return ScheduledController(followed, places, A, B, C, D, inputs, first.output_labels, first.state_labels, first.dt)
