@@ -279,32 +279,16 @@ class ClosedLoop:
     controller: Lti
 
     @cached_property
-    def _solved(self) -> Array:
-        K, D = self.controller, self.plant.D
-        D22 = D[len(D) - K.B.shape[1] :, D.shape[1] - len(K.C) :]
-        return well_posed_inverse(np.eye(len(K.D)) - K.D @ D22)
-
-    @cached_property
-    def whole(self) -> Lti:
-        """Between the plant's other signals; the plant's states, then the controller's.
-
-        Raises
-        ------
-        ValueError
-            The loop is not well-posed: ``I - D_K D22`` is singular.
-        """
-        return closed(self.plant, self.controller, self._solved)
-
-    @cached_property
     def system(self) -> Lti:
         """The loop, balanced, its states without names."""
-        return replace(self.whole.balanced(), state_labels=())
+        return replace(lower_lft(self.plant, self.controller).balanced(), state_labels=())
 
     @cached_property
     def magnitudes(self) -> Lti:
         """How large the numbers are that the entries of ``system`` were made of."""
-        scale = balance(self.whole.A)[1]
-        made = closed(self.plant.magnitudes, self.controller.magnitudes, np.abs(self._solved))
+        scale = balance(lower_lft(self.plant, self.controller).A)[1]
+        solved = np.abs(_solved(self.plant, self.controller))
+        made = closed(self.plant.magnitudes, self.controller.magnitudes, solved)
         return replace(made, A=made.A / scale[:, None] * scale, B=made.B / scale[:, None], C=made.C * scale)
 
 
@@ -331,7 +315,13 @@ def lower_lft(plant: Lti, controller: Lti) -> Lti:
     ValueError
         The loop is not well-posed: ``I - D_K D22`` is singular.
     """
-    return ClosedLoop(plant, controller).whole
+    return closed(plant, controller, _solved(plant, controller))
+
+
+def _solved(plant: Lti, K: Lti) -> Array:
+    """Return the inverse of ``I - D_K D22``."""
+    D22 = plant.D[len(plant.D) - K.B.shape[1] :, plant.D.shape[1] - len(K.C) :]
+    return well_posed_inverse(np.eye(len(K.D)) - K.D @ D22)
 
 
 def closed(plant: Lti, K: Lti, solved: Array) -> Lti:
