@@ -7,7 +7,6 @@ still to act, and measurements still on their way, are states.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -215,10 +214,9 @@ class Held:
         n, m, size = len(Phi), after.shape[1], int(self.starts[-1])
         A, B = np.zeros((size, size)), np.zeros((size, m))
         A[:n], B[:n] = self.state(Phi, before, after)
-        for i, (start, end) in enumerate(pairwise(self.starts)):
-            A[start + 1 : end, start : end - 1] = np.eye(max(end - start - 1, 0))
-            if end > start:
-                B[start, i] = 1.0
+        A[n:, n:] = np.eye(size - n, k=-1)
+        queued = np.flatnonzero(np.diff(self.starts))  # Nothing follows into the first place of a queue.
+        A[self.starts[queued]], B[self.starts[queued], queued] = 0.0, 1.0
         return A, B
 
     def sampled(self, dt: float) -> Lti:
