@@ -477,7 +477,6 @@ def controller_of(
     expected: str = "StateSpace",
     *,
     what: str = "controller",
-    any_time: bool = False,
     scales: Mapping[str, float] | None = None,
     **time: bool,
 ) -> Lti:
@@ -486,7 +485,7 @@ def controller_of(
     ``scales`` are those of the plant: a scaled plant takes the controller of a design in scaled signals.
     """
     held = "scaled_controller" if scales and hasattr(given, "scaled_controller") else "controller"
-    return of(getattr(given, held, given), what, expected, any_time=any_time, **time)
+    return of(getattr(given, held, given), what, expected, **time)
 
 
 def rescale(system: Lti, scales: Mapping[str, float]) -> Lti:
