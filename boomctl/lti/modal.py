@@ -88,7 +88,7 @@ def boundary_sides(system: Lti) -> Array:
     points = np.where(side == 0, _on_boundary(poles, dt), poles)
     if len(points) < 2:
         return side
-    norm, clustered, members = float(np.linalg.norm(A)), np.zeros(len(A), bool), [[k] for k in range(len(A))]
+    norm, members = float(np.linalg.norm(A)), [[k] for k in range(len(A))]
     apart = np.abs(points[:, None] - points)[np.triu_indices(len(A), 1)]
     for first, second, distance, _ in hierarchy.linkage(apart, "single"):
         chosen = members[int(first)] + members[int(second)]
@@ -99,10 +99,9 @@ def boundary_sides(system: Lti) -> Array:
         if (
             distance <= (_CLUSTERED * EPS) ** (1.0 / len(chosen)) * norm
             and abs(growth) <= _OFF * np.abs(offset[side[chosen] != 0]).sum() + len(chosen) * CANCELLED * norm
-            and not ((side[chosen] == 0).all() and clustered[chosen].any())
             and linalg.svdvals(A - point * np.eye(len(A)))[-1] <= len(A) * CANCELLED * norm
         ):
-            side[chosen], clustered[chosen] = 0, True
+            side[chosen] = 0
     return side
 
 
