@@ -32,7 +32,6 @@ _CONDITION = 1e9  # of the eigenvectors: modal coordinates of a worse one keep f
 _CLUSTERED = 1e6  # times rounding, whose root times the norm of A is the distance of poles in a cluster
 _OFF = 1e-3  # of the radius of a cluster, up to which its mean lies on the boundary
 _MAPPED = 16.0  # roundings of a mode on its way to its image
-_WORST = EPS**-0.5  # condition of the change to a block-diagonal form: half of all digits are left
 
 
 def side_of_axis(poles: Array, doubt: Array | float = 0.0) -> Array:
@@ -331,15 +330,15 @@ def residualised(system: Lti, count: int) -> Lti:
     )  # fmt: skip
 
 
-def block_diagonal(A: Array, condition: float = _WORST) -> tuple[Array, Array, list[int]]:
+def block_diagonal(A: Array, condition: float | None = None) -> tuple[Array, Array, list[int]]:
     """Return a block-diagonal matrix, the columns that bring ``A`` to it, and the widths of its blocks.
 
     Parameters
     ----------
     A : (n, n) ndarray
         Real.
-    condition : float
-        Largest condition of the columns; the blocks are the smallest that it allows.
+    condition : float, optional
+        Largest condition of the columns; the blocks are the smallest that it allows. By default half of all digits are left.
     """
     from boomctl.lti.python_control import control
 
