@@ -23,7 +23,7 @@ from math import inf
 
 import flint
 import numpy as np
-from flint import acb, acb_poly, arb, arb_mat, fmpq, fmpq_mat, fmpq_poly
+from flint import acb, acb_mat, acb_poly, arb, arb_mat, fmpq, fmpq_mat, fmpq_poly
 
 from boomctl.arrays import blocks
 from boomctl.exact_roots import (
@@ -37,7 +37,7 @@ from boomctl.exact_roots import (
 )
 from boomctl.lti.bilinear import image_of_omega, omega_of_image
 from boomctl.lti.frequency import RAISED
-from boomctl.lti.inequality import Inequality
+from boomctl.lti.inequality import Inequality, enclosed_gain
 from boomctl.lti.rounding import EXACT_STATES, LEVEL, TINY
 from boomctl.lti.system import Lti, System, closed
 
@@ -250,11 +250,7 @@ class Exact:
                 if over.contains(0):
                     continue
                 G = [[acb_poly(entry)(s) / over for entry in row] for row in N]
-            middle = np.array([[complex(entry) for entry in row] for row in G])
-            v = [acb(x.real, x.imag) for x in np.linalg.svd(middle)[2][0].conj().tolist()]
-            moved = [sum((g * x for g, x in zip(row, v, strict=True)), acb(0)) for row in G]
-            squares = [sum((abs(x) ** 2 for x in item), arb(0)) for item in (moved, v)]
-            result = (squares[0] / squares[1]).sqrt()
+            result = enclosed_gain(acb_mat(G))
             if result.rad() <= _DIGITS * result.mid():
                 return result
         raise UndecidedError
