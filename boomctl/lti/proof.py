@@ -82,14 +82,8 @@ class Exact:
             other, corner = _rational(minus), np.zeros((len(M.A), len(minus.A)), int)
             A = blocks([[M.A, corner], [corner.T, other.A]])
             M = replace(M, A=A, B=np.vstack([M.B, other.B]), C=np.hstack([M.C, -other.C]), D=M.D - other.D)
-        return cls(
-            rational_matrix(M.A),
-            rational_matrix(M.B),
-            rational_matrix(M.C),
-            rational_matrix(M.D),
-            M.dt,
-            Work(operations),
-        )
+        A, B, C, D = map(rational_matrix, (M.A, M.B, M.C, M.D))
+        return cls(A, B, C, D, M.dt, Work(operations))
 
     def square(self, omega: float) -> float:
         """Return ``omega^2`` of the image at a frequency [rad/s]: it is ``tan(omega dt/2)`` in discrete time."""
