@@ -1,6 +1,7 @@
 # The public names and where each is defined: `__init__.py` loads them from there when they are first used.
 
 from boomctl.analysis.box.robustness import robust_stability as robust_stability
+from boomctl.analysis.box.scheduled import gain_schedule as gain_schedule
 from boomctl.analysis.box.worst_case import worst_case as worst_case
 from boomctl.analysis.h2 import h2_norm as h2_norm
 from boomctl.analysis.looking.bode import bode as bode
@@ -36,7 +37,6 @@ from boomctl.exchange.controller_files import write_controller as write_controll
 from boomctl.identification.fit import fit as fit
 from boomctl.identification.identify import identify as identify
 from boomctl.identification.response import estimate_frequency_response as estimate_frequency_response
-from boomctl.lti.controllers.scheduled import gain_schedule as gain_schedule
 from boomctl.lti.python_control import ScaledStateSpace as ScaledStateSpace
 from boomctl.maneuvers import sine_torque as sine_torque
 from boomctl.maneuvers import spin_up as spin_up

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from boomctl import HubBeamParameters, gain_schedule, hub_beam, lqg, simulate_loop, spin_up
-from boomctl.lti.controllers.scheduled import ScheduledController
+from boomctl.analysis.box.scheduled import ScheduledController
 from boomctl.plotting.canvas import figure_of, panels, picture
 from boomctl.report import Section, Table
 from boomctl.rotating_beam import HubBeam

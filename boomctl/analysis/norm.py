@@ -362,21 +362,13 @@ def _infinite(given: System, pole: complex | None, proved: bool) -> NormBounds:
     return NormBounds(inf, inf, abs(pole.imag), method, verified=True, _proved=proved, _given=given)
 
 
-def _distances(system: Lti) -> tuple[Array, Array]:
-    """Return how far poles are inside the boundary of stability, and how far rounding of ``A`` moves them, to first order."""
-    poles, reads, right = system.eigensystem
-    with np.errstate(invalid="ignore", over="ignore"):
-        moved = CANCELLED * np.einsum("ji,ij->j", np.abs(reads), np.abs(system.A) @ np.abs(right)) + TINY
-    return -poles.real if system.dt == 0.0 else 1.0 - np.abs(poles), moved
-
-
 def _movable(system: Lti, times: float) -> Array:
     """Return which poles rounding of the entries of ``A``, so many times, may move across the boundary of stability.
 
     To first order, by the eigenvectors; of those, no change of ``|E| <= e |A|`` moves one across where ``e |s - A|^-1 |A|``
     has a spectral radius below one there.
     """
-    inside, moved = _distances(system)
+    inside, moved = system.distances
     movable = ~(inside > times * moved)
     if not movable.any() or (inside <= 0.0).any():
         return movable
@@ -441,7 +433,7 @@ def _sides_in_floats(given: System) -> tuple[NormBounds | None, bool] | None:
     """
     system = given.system
     side = sides(system.poles, system.dt)
-    inside, moved = _distances(system)
+    inside, moved = system.distances
     if (-inside > _NEAR * moved).any():
         return _infinite(given, None, proved=False), False
     if (side > 0).any() or not (side == 0).any():

@@ -9,15 +9,11 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy import linalg
 
-from boomctl.arrays import Array, balance
+from boomctl.arrays import Array
 from boomctl.lti.hold import zero_order_hold
 from boomctl.lti.rounding import DIGIT, SUMMED
-from boomctl.lti.system import Lti
-
-# share of the largest singular value of A + 1 (of 1 - A/g) below which a pole lies at z = -1 (at w = g) but for rounding
-_SINGULAR = 1e-15
+from boomctl.lti.system import Lti, balanced_inverse
 
 
 def image_of_omega(omega: ArrayLike, dt: float) -> Array:
@@ -52,16 +48,8 @@ def continuous_image(system: Lti) -> Lti:
     """
     if system.dt == 0.0:
         return system
-    g, eye = 2.0 / system.dt, np.eye(len(system.A))
-    inverse = _inverse(system.A + eye, "system: it has a pole at z = -1, and so no image in continuous time")
-    A = g * (inverse @ (system.A - eye))
-    B, C = inverse @ system.B, system.C @ inverse
-    # one factor of 2 g to each side, so that Gramians are those of the discrete system up to no more than that
-    side = np.sqrt(2.0 * g)
-    D = system.D - system.C @ B
-    return Lti(
-        A, side * B, side * C, D, system.input_labels, system.output_labels, system.state_labels, scales=system.scales
-    )
+    g = 2.0 / system.dt
+    return _moved(system, (g, -g, 1.0), 0.0, "system: it has a pole at z = -1, and so no image in continuous time")
 
 
 def discrete_image(system: Lti, dt: float) -> Lti:
@@ -76,16 +64,24 @@ def discrete_image(system: Lti, dt: float) -> Lti:
     """
     if dt == 0.0:
         return system
-    g, eye = 2.0 / dt, np.eye(len(system.A))
-    inverse = _inverse(eye - system.A / g, f"system: it has a pole at 2/dt = {g:.6g} rad/s, and so no image")
-    B, C, side = inverse @ system.B, system.C @ inverse, np.sqrt(2.0 / g)
-    moved = eye + system.A / g
-    A, D = inverse @ moved, system.D + system.C @ B / g
-    # of a pole at -2/dt nothing is left but rounding
-    A[np.abs(A) <= DIGIT * (np.abs(inverse) @ (eye + np.abs(system.A) / g))] = 0.0
-    return Lti(
-        A, side * B, side * C, D, system.input_labels, system.output_labels, system.state_labels, dt, system.scales
+    g = 2.0 / dt
+    return _moved(
+        system, (1.0 / g, 1.0, -1.0 / g), dt, f"system: it has a pole at 2/dt = {g:.6g} rad/s, and so no image"
     )
+
+
+def _moved(system: Lti, coefficients: tuple[float, float, float], dt: float, refusal: str) -> Lti:
+    """Return the system over ``(a x + b)/(c x + 1)`` instead of ``x``, which is ``s`` or ``z``.
+
+    One factor goes to each side, so that Gramians stay those of the system up to no more than that.
+    """
+    (a, b, c), eye = coefficients, np.eye(len(system.A))
+    inverse, moved = balanced_inverse(eye + c * system.A, DIGIT, refusal), b * eye + a * system.A
+    A, B, C, side = inverse @ moved, inverse @ system.B, system.C @ inverse, np.sqrt(a - b * c)
+    # of a pole that goes to zero nothing is left but rounding
+    A[np.abs(A) <= DIGIT * (np.abs(inverse) @ (np.abs(b) * eye + np.abs(a * system.A)))] = 0.0
+    D = system.D - c * (system.C @ B)
+    return replace(system, A=A, B=side * B, C=side * C, D=D, dt=dt)
 
 
 def discretized(system: Lti, dt: float, method: str, warped: float | None = None) -> Lti:
@@ -99,17 +95,3 @@ def discretized(system: Lti, dt: float, method: str, warped: float | None = None
         )
     A, B = zero_order_hold(system.A, system.B, dt)
     return replace(system, A=A, B=B, dt=dt)
-
-
-def _inverse(matrix: Array, refusal: str) -> Array:
-    if not len(matrix):
-        return matrix
-    balanced, scale = balance(matrix)
-    values = linalg.svdvals(balanced)
-    if values[-1] <= _SINGULAR * values[0]:
-        raise ValueError(refusal)
-    result = linalg.inv(balanced)
-    result += result @ (
-        np.eye(len(matrix)) - balanced @ result
-    )  # to componentwise accuracy: zeros of a chain stay zero
-    return result * scale[:, None] / scale

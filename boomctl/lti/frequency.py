@@ -1,14 +1,14 @@
-"""Many frequencies at once: singular values, grids around resonances, the highest peak, responses from one Schur form."""
+"""Many frequencies at once: singular values, grids around resonances, the highest peak."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from operator import itemgetter
 from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy import linalg
 from scipy.linalg import lapack
 
 from boomctl.arrays import Array, squared
@@ -21,14 +21,9 @@ Value = TypeVar("Value", float, Array)  # one frequency or height, or many
 
 _AROUND = np.array([-1, 0, 1])  # a point and its neighbors
 _CLOSED_FROM = 12  # frequencies from which on a closed form takes less time than LAPACK (measured)
-_COLUMNS = 256  # right-hand sides substituted at once: what stays in the cache
 _PLACED = 1e-10  # of a peak's frequency: how finely it is searched for; its height is then right to rounding
 # share of a bracket, asked beside its parabola's top to close it in from both sides (measured: few steps)
 _CLOSE = 0.03
-_SLOW = 0.25  # share of a bracket that is left after a slow step, which middles then follow (a choice)
-# share of the largest value on such a grid that a point next to the highest peak has: half a half-width from it nine tenths,
-# beside other resonances less (a choice)
-_WORTH = 0.8
 # highest points of a grid around which a peak is searched for: the highest peak may be at the second (a choice)
 _REFINED = 3
 # Frequencies between the resonances (choices): of what is drawn, or looked at without proof, about 100 a decade on a boom's
@@ -45,9 +40,8 @@ BELOW, ABOVE = 0.25, 1.5
 BEYOND = 100.0  # times below the slowest pole and above the fastest, how far a loop is looked at (a choice)
 RAISED = 30  # levels tried before giving up: each rises to a higher peak, so that a few do
 _RESTING = 1e-9  # share of the fastest pole up to which a slow one is no reason to show so low frequencies (a choice)
-_LOWEST_SHOWN = (
-    0.1  # share of half the sampling rate from which a picture begins at least, where no pole says so (a choice)
-)
+# Share of half the sampling rate from which a picture begins at least, where no pole says so.
+_LOWEST_SHOWN = 0.1
 EMPTY = (0.1, 100.0)  # [rad/s], what a picture shows of a system without dynamics (a choice)
 NARROWEST = 1e-6  # share of its frequency as which a narrower resonance is drawn: no eye tells them apart (a choice)
 
@@ -55,7 +49,6 @@ NARROWEST = 1e-6  # share of its frequency as which a narrower resonance is draw
 # for a curve, dense at the peak and up to 23 half-widths to either side; for a search, which narrows in on the highest
 DRAWN = np.sinh(np.linspace(-4.0, 4.0, 33)) / np.sinh(1.0)
 SOUGHT = np.array([-3.0, -1.0, -0.5, -0.2, 0.0, 0.2, 0.5, 1.0, 3.0])
-_STARTS = np.array([-1.0, 0.0, 1.0])  # likewise, from where Newton's method goes on
 _LIGHT = 0.1  # share of its frequency up to which a mode's decay leaves it a resonance to itself (a choice)
 
 
@@ -121,13 +114,7 @@ def resonance_grid(
     width = np.maximum(np.abs(poles.real), narrowest * np.abs(poles))
     near = (np.abs(poles.imag)[:, None] + width[:, None] * np.asarray(places)).ravel()
     near = near[(near >= low) & (near <= high)]
-    spread = low * (high / low) ** (np.arange(points) / (points - 1.0))
-    spread[-1] = high  # which rounding may miss
-    result = np.concatenate([spread, near, np.asarray(also, float).ravel()])
-    result.sort()
-    new = np.empty(len(result), bool)
-    new[0], new[1:] = True, result[1:] > result[:-1]
-    return result[new]
+    return np.unique(np.concatenate([np.geomspace(low, high, points), near, np.asarray(also, float).ravel()]))
 
 
 @np.errstate(divide="ignore", invalid="ignore", over="ignore")  # of values at a pole, and of brackets that are flat
@@ -141,24 +128,26 @@ def highest_peak(value: Callable[[Array], Array], grid: Array) -> tuple[float, f
         Ascending, so fine that the highest peak is among the highest points.
     """
     values = value(grid)
-    order = values.argsort()[::-1][:_REFINED]
-    around = np.minimum(np.maximum(order[:, None] + _AROUND, 0), len(grid) - 1)
+    around = _tops(values)
     omega, heights = grid[around], values[around]
-    best, slow = heights[:, 1].argmax(), np.ones(len(omega), bool)
-    peak, at = float(heights[best, 1]), float(omega[best, 1])
+    peak = max(zip(heights[:, 1].tolist(), omega[:, 1].tolist(), strict=True), key=itemgetter(0))
     while len(omega):
-        finer, result = _narrowed(value, omega, heights, halved=bool(slow.any()))
-        best = result[:, 1].argmax()
-        if result[best, 1] > peak:
-            peak, at = float(result[best, 1]), float(finer[best, 1])
-        width, top = finer[:, 2] - finer[:, 0], result[:, 1]
-        slow = width > _SLOW * (omega[:, 2] - omega[:, 0])
+        omega, finer = _narrowed(value, omega, heights)
+        peak = max(peak, *zip(finer[:, 1].tolist(), omega[:, 1].tolist(), strict=True), key=itemgetter(0))
         # a step has raised the peak by rounding only, and the ends lie so little below it that the top of a parabola
         # through them misses it by the square of that
-        flat = (top <= heights[:, 1] * (1.0 + SOLVED)) & (result.min(axis=1) >= top * (1.0 - ROOT))
-        going = (width > _PLACED * finer[:, 2]) & ~flat
-        omega, heights, slow = finer[going], result[going], slow[going]
-    return peak, at
+        flat = (finer[:, 1] <= heights[:, 1] * (1.0 + SOLVED)) & (finer.min(axis=1) >= finer[:, 1] * (1.0 - ROOT))
+        going = (omega[:, 2] - omega[:, 0] > _PLACED * omega[:, 2]) & ~flat
+        omega, heights = omega[going], finer[going]
+    return peak
+
+
+def _tops(values: Array) -> Array:
+    """Return the places of the highest local maxima and their neighbors, (tops, 3); at an end it is its own neighbor."""
+    before, after = np.append(-np.inf, values[:-1]), np.append(values[1:], -np.inf)
+    tops = np.flatnonzero(~((before > values) | (after > values)))
+    tops = tops[values[tops].argsort()[::-1][:_REFINED]]
+    return np.minimum(np.maximum(tops[:, None] + _AROUND, 0), len(values) - 1)
 
 
 def top_of_resonance(low: Value, middle: Value, high: Value, left: Value, top: Value, right: Value) -> Value:
@@ -219,18 +208,16 @@ def smooth_curve(respond: Callable[[Array], Array], omega: Array) -> tuple[Array
     return omega[there], values[there]
 
 
-def _narrowed(value: Callable[[Array], Array], omega: Array, heights: Array, halved: bool) -> tuple[Array, Array]:
+def _narrowed(value: Callable[[Array], Array], omega: Array, heights: Array) -> tuple[Array, Array]:
     """Return narrower brackets of peaks, and the values there, in the order of the frequencies.
 
     A row is a bracket: its ends and, between or at one of them, its highest point.  Each is asked at the top of the
-    resonance through its three points, close to either side of it, and with ``halved`` in the middles too; all at once.
+    resonance through its three points, close to either side of it, and in the middles; all at once.
     """
     (low, middle, high), (left, top, right) = omega.T, heights.T
     vertex = top_of_resonance(low, middle, high, left, top, right)
     vertex, beside = np.where((vertex > low) & (vertex < high), vertex, middle), _CLOSE * (high - low)
-    asked = [vertex - beside, vertex, vertex + beside]
-    if halved:
-        asked += [0.5 * (low + middle), 0.5 * (middle + high)]
+    asked = [vertex - beside, vertex, vertex + beside, 0.5 * (low + middle), 0.5 * (middle + high)]
     new = np.minimum(np.maximum(np.array(asked), low), high).T
     places = np.concatenate([omega, new], axis=1)
     values = np.concatenate([heights, value(new.ravel()).reshape(new.shape)], axis=1)
@@ -255,29 +242,16 @@ def largest_gain(modes: ModalSystem, respond: Response) -> tuple[float, float]:
         0.1 * max(float(seen.min(initial=fastest)), SLOWEST),
         10.0 * max(fastest, SLOWEST),
         points=SEARCHED,
-        places=_STARTS,
+        places=_AROUND,
         also=[0.0] if len(seen) == len(size) else (),
     )
-    result = _peak_of_modes(modes, grid)
-    return confirmed_peak(result, lambda omega: singular_values(respond(omega))[0], grid)
-
-
-@np.errstate(divide="ignore", invalid="ignore", over="ignore")  # of eigenvectors that lose all digits
-def _peak_of_modes(modes: ModalSystem, grid: Array) -> tuple[float, float]:
-    """Return the largest singular value around the points of a grid that may be the highest, and its frequency.
-
-    No singular value is larger than the root of the sum of their squares, which tells where they are worth computing.
-    """
-    terms, last = modes.terms, len(grid) - 1
-    G = terms.T @ modes.shares(grid) + modes.D.reshape(-1, 1)
-    size = np.sqrt(squared(G).sum(axis=0))
-    high = (size >= _WORTH * size.max() / max(1, min(modes.D.shape)) ** 0.5).nonzero()[0]
-    heights = np.full(last + 3, -1.0)
-    heights[1 + high] = singular_values(G[:, high].reshape(*modes.D.shape, -1))[0]
-    tops = high[(heights[1 + high] >= heights[high]) & (heights[1 + high] >= heights[2 + high])]
-    tops = tops[heights[1 + tops].argsort()[-_REFINED:]]
-    near = ((grid[max(k - 1, 0)], grid[k], grid[min(k + 1, last)]) for k in tops)
-    return max((_climbed(modes, *map(float, places)) for places in near), default=(0.0, float(grid[size.argmax()])))
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # of eigenvectors that lose all digits
+        response = modes.response(grid)
+    peak = np.inf, 0.0
+    if np.isfinite(response).all():
+        near = grid[_tops(singular_values(response)[0])]
+        peak = max(_climbed(modes, *places) for places in near.tolist())
+    return confirmed_peak(peak, lambda omega: singular_values(respond(omega))[0], grid)
 
 
 @np.errstate(invalid="ignore", over="ignore")  # of modes whose squares are no numbers
@@ -353,47 +327,3 @@ class Resonances:
     def curve(self, also: ArrayLike = ()) -> Array:
         """Return frequencies through which a curve shows the poles in the band, and others wherever they lie."""
         return resonance_grid(self.poles, self.low, self.high, places=DRAWN, narrowest=NARROWEST, also=also)
-
-
-@dataclass(frozen=True)
-class Triangular:
-    """A system with an upper triangular state matrix ``T``: ``C (s - T)^-1 B + D``.
-
-    Its coordinates are a unitary change of the given ones, so that its response is as exact as solving, but faster.  No
-    frequency asked for may be that of a pole on the imaginary axis.
-    """
-
-    T: Array
-    B: Array
-    C: Array
-    D: Array
-
-    def response(self, omega: Array) -> Array:
-        """Return the frequency response, shape (outputs, inputs, frequencies)."""
-        return self.at(1j * omega)
-
-    def at(self, s: Array) -> Array:
-        """Return the response anywhere in the complex plane, likewise, by substitution from the last state."""
-        p, m = self.D.shape
-        if not (len(self.T) and m and p):
-            return np.repeat(self.D[:, :, None].astype(complex), len(s), axis=2)
-        step = max(1, _COLUMNS // m)
-        parts = [self._part(s[i : i + step]) for i in range(0, len(s), step)]
-        return np.concatenate(parts, axis=2) if parts else np.zeros((p, m, 0), complex)
-
-    def _part(self, s: Array) -> Array:
-        n, m = self.B.shape
-        x, shares = np.empty((n, m, len(s)), complex), 1.0 / (s - np.diagonal(self.T)[:, None])
-        flat = x.reshape(n, -1)
-        for i in range(n - 1, -1, -1):
-            known = (self.T[i, i + 1 :] @ flat[i + 1 :]).reshape(m, len(s))
-            x[i] = (self.B[i][:, None] + known) * shares[i]
-        return (self.C @ flat).reshape(len(self.C), m, len(s)) + self.D[:, :, None]
-
-
-def triangular(system: Lti) -> Triangular:
-    """Return a system in the coordinates of its Schur form."""
-    if not len(system.A):
-        return Triangular(system.A.astype(complex), system.B.astype(complex), system.C.astype(complex), system.D)
-    T, Q = linalg.schur(system.A, output="complex")
-    return Triangular(T, Q.conj().T @ system.B, system.C @ Q, system.D)

@@ -59,9 +59,7 @@ def _hammarling(A: Array, B: Array) -> Array:
 
 def gramian(A: Array, B: Array, steps: bool = False) -> Array:
     """Return the solution of ``A P + P A^T + B B^T = 0``, of ``steps`` ``A P A^T - P + B B^T = 0``."""
-    if steps:
-        return linalg.solve_discrete_lyapunov(A, B @ B.T, method="bilinear")
-    return linalg.solve_continuous_lyapunov(A, -B @ B.T)
+    return _lyapunov(A, B @ B.T, steps)
 
 
 def refined_gramian(A: Array, B: Array, steps: bool = False) -> Array:
@@ -71,14 +69,16 @@ def refined_gramian(A: Array, B: Array, steps: bool = False) -> Array:
     P, BB = np.zeros(A.shape, dtype=wide), B_ @ B_.T
     left = BB
     for _ in range(_SOLVED):
-        if steps:
-            P = P + linalg.solve_discrete_lyapunov(A, left.astype(float), method="bilinear")
-        else:
-            P = P + linalg.solve_continuous_lyapunov(A, -left.astype(float))
+        P = P + _lyapunov(A, left.astype(float), steps)
         P = wide(0.5) * (P + P.T)
         AP = A_ @ P
         left = (AP @ A_.T - P if steps else AP + AP.T) + BB
     return P
+
+
+def _lyapunov(A: Array, Q: Array, steps: bool) -> Array:
+    """Return the solution of ``A P + P A^T + Q = 0``, of ``steps`` ``A P A^T - P + Q = 0``."""
+    return linalg.solve_discrete_lyapunov(A, Q, "bilinear") if steps else linalg.solve_continuous_lyapunov(A, -Q)
 
 
 def band_integral(system: Lti, modal: ModalSystem | None, band: tuple[float, float]) -> Array:

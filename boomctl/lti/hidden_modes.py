@@ -20,9 +20,8 @@ _FARTHEST = 1e-6  # of the norm of the matrix: no pole is in more doubt than tha
 _WEAK = 1e-9  # cosine between a mode and the columns of B up to which they do not reach it (a choice above rounding)
 # share of the largest singular value below which eigenvectors of a cluster add no direction (a choice)
 _PARALLEL = 1e-6
-_PASSED = (
-    10.0  # times the doubt of its poles, up to which what a cluster passes on within itself is rounding (a choice)
-)
+# Times the doubt of its poles, up to which what a cluster passes on within itself is rounding.
+_PASSED = 10.0
 
 
 @dataclass(frozen=True)
@@ -74,24 +73,22 @@ def unmoved(
         Sampling time [s]; 0 in continuous time.
     """
     balanced, scale = balance(A)
-    acting = B / np.asarray(scale)[:, None]
-    acting = acting if acting.shape[1] else np.zeros((len(A), 1))
+    acting = B / scale[:, None]
     lengths = np.linalg.norm(acting, axis=0)
     acting = acting / np.where(lengths > 0.0, lengths, 1.0)
     poles, left, right = linalg.eig(balanced, left=True, right=True)  # type: ignore[misc]
-    doubt = _doubt(balanced, left, right)
-    side = (
-        side_of_axis(poles, doubt) if dt == 0.0 else np.where(np.abs(np.abs(poles) - 1.0) <= doubt, 0, sides(poles, dt))
-    )
+    # rounding may have moved a pole by the more, the smaller the angle of its two eigenvectors
+    size, cosine = float(np.linalg.norm(balanced, 2)), np.abs(np.einsum("ij,ij->j", left.conj(), right))
+    doubt = np.minimum(DIGIT * size / np.maximum(cosine, TINY), _FARTHEST * size)
+    side = sides(poles, dt, doubt)
     chosen = (poles.imag >= 0.0) & (stable | ((side == 0) if axis_only else (side >= 0)))
     result = []
     for cluster in _clusters(poles, doubt, chosen):
         U, values, _ = linalg.svd(left[:, cluster], full_matrices=False)
         basis = U[:, values > _PARALLEL * values[0]]
         pole = complex(poles[cluster].mean())
-        passed = basis.conj().T @ balanced @ basis - pole * np.eye(
-            basis.shape[1]
-        )  # to one another, as a place to a speed
+        # to one another, as a place to a speed
+        passed = basis.conj().T @ balanced @ basis - pole * np.eye(basis.shape[1])
         rounding = _PASSED * (2.0 * doubt[cluster].max() + SUMMED * abs(pole))
         passed *= _WEAK / max(rounding, TINY)
         directions, cosines, _ = linalg.svd(np.hstack([basis.conj().T @ acting, passed]))
@@ -103,21 +100,11 @@ def unmoved(
     return tuple(result)
 
 
-def _doubt(A: Array, left: Array, right: Array) -> Array:
-    """Return how far rounding may have moved each pole: by the more, the smaller the angle of its two eigenvectors."""
-    size = float(np.linalg.norm(A, 2))
-    cosine = np.abs(np.einsum("ij,ij->j", left.conj(), right))
-    return np.minimum(DIGIT * size / np.maximum(cosine, TINY), _FARTHEST * size)
-
-
-def _clusters(poles: Array, doubt: Array, chosen: Array) -> list[list[int]]:
+def _clusters(poles: Array, doubt: Array, chosen: Array) -> list[Array]:
     """Return groups of poles that rounding cannot tell apart, each with at least one of those chosen."""
-    left = [int(i) for i in np.flatnonzero(chosen)]
-    groups = []
-    while left:
+    left, groups = np.flatnonzero(chosen), []
+    while len(left):
         seed = left[0]
-        near = np.abs(poles - poles[seed]) <= doubt + doubt[seed] + SUMMED * np.abs(poles)
-        group = [int(i) for i in np.flatnonzero(near)]
-        groups.append([seed, *(i for i in group if i != seed)])
-        left = [i for i in left if i not in group and i != seed]
+        groups.append(np.flatnonzero(np.abs(poles - poles[seed]) <= doubt + doubt[seed] + SUMMED * np.abs(poles)))
+        left = np.setdiff1d(left, groups[-1])
     return groups

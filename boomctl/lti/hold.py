@@ -2,25 +2,22 @@
 
 A signal that is held or runs straight between its samples moves a linear system exactly from sample to sample; the maps
 of one step are blocks of one matrix exponential, and of two where a held signal changes within the step.  Many steps are
-taken in blocks: :func:`recursion` returns all states, :func:`lifted_response` the outputs, where products take the place of
+taken in blocks: :func:`recursion` returns all states, :func:`lifted_motion` the outputs, where products take the place of
 steps.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from math import isqrt
 
 import numpy as np
-from numpy.typing import ArrayLike
 from scipy import linalg
 from scipy.linalg import lapack
 
-from boomctl.arrays import Array, balance
-from boomctl.checks import finite_array, positive
+from boomctl.arrays import Array, balance, blocks
 from boomctl.lti.rounding import EPS
-from boomctl.lti.system import Lti, of
+from boomctl.lti.system import Lti
 
 BLOCK = 64  # steps in a block: the fastest, for systems of some 20 to 50 states
 _GROUP = 4  # Least number of steps that one product moves, of large systems: more cost accuracy, fewer cost time.
@@ -93,50 +90,20 @@ def zero_order_hold(A: Array, B: Array, step: float) -> tuple[Array, Array]:
 def linear_hold(A: Array, B: Array, step: float) -> tuple[Array, Array, Array]:
     """Return ``Phi, G, H`` of ``x[k+1] = Phi x[k] + G u[k] + H (u[k+1] - u[k])``, exact for inputs straight in between.
 
-    They are the upper rows of the exponential of ``[[A step, B step, 0], [0, 0, I], [0, 0, 0]]``.
+    It is a hold of the inputs' slopes, with the inputs among the states.
     """
     n, m = B.shape
-    generator = np.zeros((n + 2 * m, n + 2 * m))
-    generator[:n, :n], generator[:n, n : n + m] = step * A, step * B
-    generator[n : n + m, n + m :] = np.eye(m)
-    upper = matrix_expm1(generator)[:n]
-    return upper[:, :n] + np.eye(n), upper[:, n : n + m], upper[:, n + m :]
+    ramps = blocks([[A, B], [np.zeros((m, n + m))]])
+    Phi, H = zero_order_hold(ramps, np.eye(n + m, m, -n) / step, step)
+    return Phi[:n, :n], Phi[:n, n:], H[:n]
 
 
-@dataclass(frozen=True)
-class Step:
-    """Exact motion over one step: ``x+ = Phi x + before u_old + after u_new + first d + last d+``.
-
-    ``u`` is held and changes once within the step; ``d`` runs along a straight line from ``d`` to ``d+``.
-    """
-
-    h: float
-    Phi: Array
-    before: Array
-    after: Array
-    first: Array
-    last: Array
-
-    @property
-    def of_signals(self) -> tuple[Array, Array, Array]:
-        """``Phi``, ``first`` and ``last``."""
-        return self.Phi, self.first, self.last
-
-    @property
-    def held(self) -> Array:
-        """What an input held over the whole step adds."""
-        return self.before + self.after
-
-
-def changing(
-    hold: Callable[[float, Array], tuple[Array, Array]], whole: Array, duration: float, changes: Array
-) -> tuple[Array, Array]:
+def changing(A: Array, B: Array, whole: Array, duration: float, changes: Array) -> tuple[Array, Array]:
     """Return what inputs add to the state in a while, (n, m): before each changes, and after.
 
     Parameters
     ----------
-    hold : function of a time [s] and a choice of inputs
-        What the state, and these inputs where they are held, become in that time.
+    A, B : (n, n) and (n, m) ndarray
     whole : (n, m) ndarray
         What inputs add that are held throughout.
     duration : float
@@ -145,15 +112,13 @@ def changing(
         How long after the beginning each input changes [s].
     """
     before, after = np.zeros_like(whole), np.zeros_like(whole)
-    for change in sorted(set(changes.tolist())):
+    for change in set(changes.tolist()):
         these = changes == change
-        if change <= 0.0:
-            after[:, these] = whole[:, these]
-        elif change >= duration:
-            before[:, these] = whole[:, these]
-        else:  # two holds, one after the other
-            rest, after[:, these] = hold(duration - change, these)
-            before[:, these] = rest @ hold(change, these)[1]
+        if 0.0 < change < duration:  # two holds, one after the other
+            rest, after[:, these] = zero_order_hold(A, B[:, these], duration - change)
+            before[:, these] = rest @ zero_order_hold(A, B[:, these], change)[1]
+        else:
+            (after if change <= 0.0 else before)[:, these] = whole[:, these]
     return before, after
 
 
@@ -178,54 +143,27 @@ def recursion(Phi: Array, forcing: Array, start: Array) -> Array:
     return states[: count + 1].T
 
 
-def linear_hold_response(system: object, inputs: ArrayLike, step: float, initial: ArrayLike | None = None) -> Array:
+def linear_hold_response(system: Lti, inputs: Array, step: float, start: Array) -> Array:
     """Return the outputs of a continuous system at the samples of its inputs, which run straight between them.
 
     Parameters
     ----------
-    system : StateSpace
+    system : Lti
         Continuous; ``m`` inputs, ``p`` outputs.
-    inputs : (m, N) array_like
+    inputs : (m, N) ndarray
     step : float
         Time between samples [s].
-    initial : (n,) array_like, optional
-        State at the first sample; by default zero.
+    start : (n,) ndarray
+        State at the first sample.
 
     Returns
     -------
     (p, N) ndarray
         Exact but for rounding.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Shapes that do not fit, values that are not finite, a step not above zero, a discrete system, another kind of
-        system; an unstable one whose outputs grow beyond all numbers.
-
-    Notes
-    -----
-    Nothing is diagonalised, so that defective systems are served as well.
     """
-    linear, to_form = motion_coordinates(of(system, expected="StateSpace"))
-    u = finite_array("inputs", inputs, ndim=2)
-    h = positive("step", step)
-    A, B, C, D = linear.A, linear.B, linear.C, linear.D
-    if len(u) != B.shape[1] or not u.shape[1]:
-        raise ValueError(f"inputs: expected {B.shape[1]} rows and at least one column, got shape {u.shape}")
-    start = np.zeros(len(A)) if initial is None else finite_array("initial", initial, ndim=1)
-    if len(start) != len(A):
-        raise ValueError(f"initial: expected {len(A)} values, got {len(start)}")
-    if not len(A):
-        return D @ u
-    with np.errstate(over="ignore", invalid="ignore"):
-        Phi, G, H = linear_hold(A, B, h)
-        result = lifted_response((Phi, G - H, H), C, D, u, to_form @ start)
-    if not np.isfinite(result).all():
-        raise ValueError(
-            f"system: its outputs grow beyond all numbers within {u.shape[1]} samples, {h:g} s apart; it is unstable, "
-            "or step is too long for its numbers"
-        )
-    return result
+    form, to_form = motion_coordinates(system)
+    Phi, G, H = linear_hold(form.A, form.B, step)
+    return lifted_motion((Phi, G - H, H), form.C, form.D, inputs, to_form @ start)[0]
 
 
 @dataclass(frozen=True)
@@ -271,9 +209,9 @@ class Lifted:
         flat = blocks.transpose(1, 2, 0).reshape(count, size * inputs)
         return flat @ self.reached.reshape(size * inputs, self.reached.shape[2])
 
-    def forced(self, blocks: Array, outputs: slice | None = None) -> Array:
+    def forced(self, blocks: Array, outputs: slice = slice(None)) -> Array:
         """Return outputs within each block from its inputs alone, (outputs, blocks, size)."""
-        pulse = self.pulse if outputs is None else self.pulse[outputs]
+        pulse = self.pulse[outputs]
         y = np.zeros((len(pulse), *blocks.shape[1:]))
         for o in range(len(pulse)):
             for i in range(len(blocks)):
@@ -281,10 +219,9 @@ class Lifted:
                     y[o] += blocks[i] @ _toeplitz(pulse[o, i]).T
         return y
 
-    def free(self, starts: Array, outputs: slice | None = None) -> Array:
+    def free(self, starts: Array, outputs: slice = slice(None)) -> Array:
         """Return outputs within each block from the states (blocks, n) at its beginning, (outputs, blocks, size)."""
-        seen = self.seen if outputs is None else self.seen[:, outputs]
-        return starts @ seen.transpose(1, 2, 0)
+        return starts @ self.seen[:, outputs].transpose(1, 2, 0)
 
 
 def recursion_without_lead(Phi: Array, first: Array, last: Array, C: Array, D: Array) -> tuple[Array, Array]:
@@ -292,19 +229,12 @@ def recursion_without_lead(Phi: Array, first: Array, last: Array, C: Array, D: A
     return first + Phi @ last, D + C @ last
 
 
-def lifted_response(
-    maps: tuple[Array, Array, Array], C: Array, D: Array, U: Array, start: Array | float = 0.0
-) -> Array:
-    """Return ``y = C z + D u`` at each step, (outputs, steps + 1), for ``z+ = Phi z + first u + last u+``, ``z = start``."""
-    return lifted_motion(maps, C, D, U, start)[0]
-
-
 def lifted_motion(
     maps: tuple[Array, Array, Array], C: Array, D: Array, U: Array, start: Array | float = 0.0
 ) -> tuple[Array, Array]:
-    """Return the outputs of :func:`lifted_response`, and the states ``z`` at the beginnings of blocks, (blocks, n).
+    """Return ``y = C z + D u`` at each step, (outputs, steps + 1), for ``z+ = Phi z + first u + last u+``, ``z = start``.
 
-    Only these states are found one after the other.
+    The second value are the states ``z`` at the beginnings of blocks, (blocks, n).  Only these are found one after the other.
     """
     Phi, first, last = maps
     G, through = recursion_without_lead(Phi, first, last, C, D)

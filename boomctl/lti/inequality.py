@@ -156,12 +156,7 @@ class Inequality:
                 return arb(0)
         else:
             G = D
-        middle = np.array([complex(x) for x in G.entries()]).reshape(self.near.D.shape)
-        if not np.isfinite(middle).all():
-            return arb(0)
-        v = acb_mat([[acb(x.real, x.imag)] for x in np.linalg.svd(middle)[2][0].conj().tolist()])
-        moved, unit = (sum((abs(x) ** 2 for x in vector.entries()), arb(0)) for vector in (G * v, v))
-        return (moved / unit).sqrt()
+        return enclosed_gain(G) if all(x.is_finite() for x in G.entries()) else arb(0)
 
     def is_stable(self) -> bool:
         """Return whether it is proved that all poles decay: by the Gramian of states that are excited by their decay."""
@@ -210,6 +205,14 @@ class Inequality:
             result.append(sum((total[i, i] for i in range(total.nrows())), arb(0)).sqrt())
         low, high = float(result[0].lower()), float(result[1].upper())
         return float(np.nextafter(low, 0.0)), float(np.nextafter(high, inf))  # Of conversions to floats.
+
+
+def enclosed_gain(G: acb_mat) -> arb:
+    """Return the gain of a matrix in one direction, enclosed: the largest but for rounding, never above it."""
+    middle = np.array([complex(x) for x in G.entries()]).reshape(G.nrows(), G.ncols())
+    v = acb_mat([[acb(x.real, x.imag)] for x in np.linalg.svd(middle)[2][0].conj().tolist()])
+    moved, unit = (sum((abs(x) ** 2 for x in vector.entries()), arb(0)) for vector in (G * v, v))
+    return (moved / unit).sqrt()
 
 
 def _coordinates(system: Lti, peak: float) -> tuple[Array, Array]:

@@ -20,34 +20,55 @@ _SPREAD = 10.0  # times the root of rounding, of the norm of A, that poles of a 
 
 
 @dataclass(frozen=True)
-class Deflated:
-    """A system as a chain of integrators and the rest, which is without poles at zero, in discrete time at one.
+class SpectralParts:
+    """A system as the sum of two.
 
     Attributes
     ----------
     rest : Lti
         With ``D``.
-    chain : Lti
-        Upper triangular ``A`` with zeros, in discrete time ones, on its diagonal; without ``D``.
+    kept : Lti
+        The part that is split off, without ``D``.
     doubt : float
-        How far rounding may have moved the entries of the rest's ``A``, to first order.
+        How far rounding may have moved the entries of the rest's ``A``, to first order; 0 where nothing was split.
     """
 
     rest: Lti
-    chain: Lti
-    doubt: float = 0.0
+    kept: Lti
+    doubt: float
+
+    @classmethod
+    def whole(cls, system: Lti) -> "SpectralParts":
+        """Return a system of which nothing is split off."""
+        B, C = system.B[:0], system.C[:, :0]
+        return cls(system, Lti(np.zeros((0, 0)), B, C, np.zeros_like(system.D), dt=system.dt), 0.0)
+
+    @classmethod
+    def of(cls, system: Lti, A: Array, Z: Array, count: int) -> "SpectralParts":
+        """Return the sum of the first ``count`` states and the others of ``A``, block triangular, in columns ``Z``."""
+        N, rest = A[:count, :count], A[count:, count:]
+        X = linalg.solve_sylvester(N, -rest, -A[:count, count:]) if 0 < count < len(A) else np.zeros((count, len(rest)))
+        B, C = Z.T @ system.B, system.C @ Z
+        norm = 1.0 + (float(np.linalg.norm(X, 2)) if X.size else 0.0)
+        return cls(
+            Lti(rest, B[count:], C[:, :count] @ X + C[:, count:], system.D, dt=system.dt),
+            Lti(N, B[:count] - X @ B[count:], C[:, :count], np.zeros_like(system.D), dt=system.dt),
+            CANCELLED * float(np.linalg.norm(system.A)) * norm,
+        )
 
 
-def without_integrators(system: Lti) -> Deflated:
-    """Return a system as the sum of its integrators, Jordan chains whole, and all else."""
+def without_integrators(system: Lti) -> SpectralParts:
+    """Return a system as the sum of its integrators, Jordan chains whole, and all else.
+
+    What is kept has an upper triangular ``A`` with zeros, in discrete time ones, on its diagonal.
+    """
     n, one = len(system.A), 0.0 if system.dt == 0.0 else 1.0
     scaled = system.balanced()
     T, Z, size, count, carried = scaled.A - one * np.eye(n), np.eye(n), np.abs(scaled.A), 0, 0.0
     if one:  # what sampling makes of small entries are sums of terms as large as the largest
         size[:] = size.max(initial=0.0)
-    none = Lti(np.zeros((0, 0)), system.B[:0], system.C[:, :0], np.zeros_like(system.D), dt=system.dt)
-    if not n or _least_stretch(T) > n * CANCELLED * float(np.linalg.norm(size)):
-        return Deflated(system, none)
+    if not n or linalg.svdvals(T)[-1] > n * CANCELLED * float(np.linalg.norm(size)):
+        return SpectralParts.whole(system)
     while count < n:
         block = T[count:, count:]
         U, values, Vt = linalg.svd(block)
@@ -65,30 +86,8 @@ def without_integrators(system: Lti) -> Deflated:
         T, Z, size = Q.T @ T @ Q, Z @ Q, np.abs(Q).T @ size @ np.abs(Q)
         T[count:, count] = 0.0
         count += 1
-    if not count:
-        return Deflated(system, none)
     sizes = np.sort(np.abs(system.poles - one))
-    moved = _SPREAD * EPS ** (1.0 / count) * float(np.linalg.norm(scaled.A - one * np.eye(n), 2))
-    if sizes[count - 1] > max(_RIGID * sizes[-1], moved):
-        return Deflated(system, none)
-    N, rest = T[:count, :count], T[count:, count:]
-    X = linalg.solve_sylvester(N, -rest, -T[:count, count:]) if count < n else np.zeros((count, 0))
-    B, C = Z.T @ scaled.B, scaled.C @ Z
-    return Deflated(
-        Lti(rest + one * np.eye(n - count), B[count:], C[:, :count] @ X + C[:, count:], system.D, dt=system.dt),
-        Lti(N + one * np.eye(count), B[:count] - X @ B[count:], C[:, :count], np.zeros_like(system.D), dt=system.dt),
-        doubt_of_split(scaled.A, X),
-    )
-
-
-def _least_stretch(A: Array) -> float:
-    """Return what the smallest singular value of a matrix is at least: that of a singular one is zero."""
-    try:
-        return 1.0 / float(np.linalg.norm(np.linalg.inv(A)))
-    except np.linalg.LinAlgError:
-        return 0.0
-
-
-def doubt_of_split(A: Array, X: Array) -> float:
-    """Return how far rounding may have moved the entries of a part that was split off: ``X`` decouples it."""
-    return CANCELLED * float(np.linalg.norm(A)) * (1.0 + (float(np.linalg.norm(X, 2)) if X.size else 0.0))
+    moved = _SPREAD * EPS ** (1.0 / max(count, 1)) * float(np.linalg.norm(scaled.A - one * np.eye(n), 2))
+    if not count or sizes[count - 1] > max(_RIGID * sizes[-1], moved):
+        return SpectralParts.whole(system)
+    return SpectralParts.of(scaled, T + one * np.eye(n), Z, count)

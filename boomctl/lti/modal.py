@@ -15,9 +15,9 @@ import numpy as np
 from scipy import linalg
 
 from boomctl.arrays import Array
-from boomctl.lti.integrators import doubt_of_split, without_integrators
+from boomctl.lti.integrators import SpectralParts, without_integrators
 from boomctl.lti.rounding import ALIKE, CANCELLED, DIGIT, EPS, ROOT, SOLVED
-from boomctl.lti.system import Lti, append, rates_of
+from boomctl.lti.system import Lti, rates_of
 from boomctl.printing import compact
 
 # Relative damping |Re p|/|p| up to which a pole counts as undamped.  Rounding alone leaves up to 5e-12 in the computed
@@ -32,8 +32,6 @@ _CONDITION = 1e9  # of the eigenvectors: modal coordinates of a worse one keep f
 _CLUSTERED = 1e6  # times rounding, whose root times the norm of A is the distance of poles in a cluster
 _OFF = 1e-3  # of the radius of a cluster, up to which its mean lies on the boundary
 _MAPPED = 16.0  # roundings of a mode on its way to its image
-_DOUBLE = EPS**0.5  # share of a pair's real part below which it may be a double real pole
-_WORST = EPS**-0.5  # condition of the change to a block-diagonal form: half of all digits are left
 
 
 def side_of_axis(poles: Array, doubt: Array | float = 0.0) -> Array:
@@ -58,19 +56,17 @@ def side_of_axis(poles: Array, doubt: Array | float = 0.0) -> Array:
     return side
 
 
-def sides(poles: Array, dt: float) -> Array:
+def sides(poles: Array, dt: float, doubt: Array | float = 0.0) -> Array:
     """Return on which side of the boundary of stability poles lie, as :func:`side_of_axis` says it.
 
     In discrete time the boundary is the unit circle; what is nearer to it than rounding moves a pole of size one is undamped.
     """
     if dt == 0.0:
-        return side_of_axis(poles)
+        return side_of_axis(poles, doubt)
     rates = rates_of(poles, dt)
-    fastest = (
-        np.log(EPS) / dt
-    )  # a pole at z = 0 has an infinite rate, and is not told from one that rounding leaves there
-    side = side_of_axis(np.maximum(rates.real, fastest) + 1j * rates.imag)
-    side[np.abs(np.abs(poles) - 1.0) <= CANCELLED] = 0
+    # a pole at z = 0 has an infinite rate, and is not told from one that rounding leaves there
+    side = side_of_axis(np.maximum(rates.real, np.log(EPS) / dt) + 1j * rates.imag)
+    side[np.abs(np.abs(poles) - 1.0) <= np.maximum(CANCELLED, doubt)] = 0
     return side
 
 
@@ -91,7 +87,7 @@ def boundary_sides(system: Lti) -> Array:
     points = np.where(side == 0, _on_boundary(poles, dt), poles)
     if len(points) < 2:
         return side
-    norm, clustered, members = float(np.linalg.norm(A)), np.zeros(len(A), bool), [[k] for k in range(len(A))]
+    norm, members = float(np.linalg.norm(A)), [[k] for k in range(len(A))]
     apart = np.abs(points[:, None] - points)[np.triu_indices(len(A), 1)]
     for first, second, distance, _ in hierarchy.linkage(apart, "single"):
         chosen = members[int(first)] + members[int(second)]
@@ -102,10 +98,9 @@ def boundary_sides(system: Lti) -> Array:
         if (
             distance <= (_CLUSTERED * EPS) ** (1.0 / len(chosen)) * norm
             and abs(growth) <= _OFF * np.abs(offset[side[chosen] != 0]).sum() + len(chosen) * CANCELLED * norm
-            and not ((side[chosen] == 0).all() and clustered[chosen].any())
             and linalg.svdvals(A - point * np.eye(len(A)))[-1] <= len(A) * CANCELLED * norm
         ):
-            side[chosen], clustered[chosen] = 0, True
+            side[chosen] = 0
     return side
 
 
@@ -180,8 +175,6 @@ def partial_fractions(system: Lti) -> ModalSystem:
 
     Its response is fast to evaluate, and exact enough to see where the peaks are; :func:`diagonalized` is for numbers.
     """
-    if not len(system.A):
-        return ModalSystem(np.zeros(0, complex), system.B.astype(complex), system.C.astype(complex), system.D)
     poles, reads, right = system.eigensystem
     with np.errstate(over="ignore", invalid="ignore"):  # equal poles in a chain have no eigenvectors of their own
         return ModalSystem(poles, reads @ system.B, system.C @ right, system.D)
@@ -226,10 +219,7 @@ def diagonalized(system: Lti) -> ModalSystem | None:
     moved: Array = poles + np.diag(E)
     if (moved.imag[first] <= 0.0).any():  # Two equal real poles.
         return None
-    try:
-        W = np.linalg.inv(wide.astype(complex))
-    except np.linalg.LinAlgError:
-        return None
+    W = np.linalg.inv(wide.astype(complex))
     B, C = (W @ system.B).astype(np.clongdouble), (system.C @ wide).astype(complex)
     B = (B + W @ (system.B - wide @ B).astype(complex)).astype(complex)
     reads, acts = np.linalg.norm(C, axis=0), np.linalg.norm(B, axis=1)
@@ -237,12 +227,8 @@ def diagonalized(system: Lti) -> ModalSystem | None:
         scale = np.where((reads > 0.0) & (acts > 0.0), np.sqrt(reads / acts), 1.0)
     rows: Array = B * scale[:, None]
     columns: Array = C / scale
-    moved[first + 1], rows[first + 1], columns[:, first + 1] = (
-        moved[first].conj(),
-        rows[first].conj(),
-        columns[:, first].conj(),
-    )
-    moved[single], rows[single], columns[:, single] = moved[single].real, rows[single].real, columns[:, single].real
+    for item in (moved, rows, columns.T):  # exactly in pairs
+        item[first + 1], item[single] = item[first].conj(), item[single].real
     return ModalSystem(moved, rows, columns, system.D)
 
 
@@ -267,25 +253,6 @@ def _leading(M: Array, axis: int, bits: int) -> Array:
     return M + far - far
 
 
-@dataclass(frozen=True)
-class SpectralParts:
-    """A system as a sum.
-
-    Attributes
-    ----------
-    fast : Lti
-        The stable part, with ``D``.
-    kept : Lti
-        The unstable, undamped and rigid-body part, without ``D``.
-    doubt : float
-        How far rounding may have moved the entries of the stable part's ``A``, to first order; 0 where nothing was split.
-    """
-
-    fast: Lti
-    kept: Lti
-    doubt: float
-
-
 def spectral_parts(system: Lti) -> SpectralParts:
     """Return the stable part (with ``D``) and the kept part (unstable, undamped, rigid-body; without ``D``).
 
@@ -297,35 +264,23 @@ def spectral_parts(system: Lti) -> SpectralParts:
     ValueError
         The two parts cannot be told apart.
     """
-    deflated = without_integrators(system)
-    if not len(deflated.chain.A):
-        return _split_by_axis(system)
-    rest, chain = _split_by_axis(deflated.rest), deflated.chain
-    slow = rest.kept
-    joined = Lti(
-        append(chain, slow).A, np.vstack([chain.B, slow.B]), np.hstack([chain.C, slow.C]), np.zeros_like(system.D)
-    )
-    return SpectralParts(rest.fast, joined, deflated.doubt + rest.doubt)
-
-
-def _split_by_axis(system: Lti) -> SpectralParts:
-    """Return the poles that decay, and all others."""
-    kept = side_of_axis(system.poles) >= 0
+    chain = without_integrators(system)
+    kept, size = side_of_axis(chain.rest.poles) >= 0, np.abs(chain.rest.poles)
     if not kept.any():
-        return SpectralParts(system, Lti(np.zeros((0, 0)), system.B[:0], system.C[:, :0], np.zeros_like(system.D)), 0.0)
-    size = np.abs(system.poles)
+        return chain
     near = kept & (size <= ROOT * size.max())
     if near.any():
         kept |= size <= max(_CLUSTER * float(size[near].max()), _BLOCK_NOISE * float(size.max()))
-    slow, fast, doubt = split(system, kept, "unstable, undamped or rigid-body poles")
-    return SpectralParts(fast, slow, doubt)
+    parts = split(chain.rest, kept, "unstable, undamped or rigid-body poles")
+    first, second = chain.kept, parts.kept
+    A, B, C = linalg.block_diag(first.A, second.A), np.vstack([first.B, second.B]), np.hstack([first.C, second.C])
+    return SpectralParts(parts.rest, replace(first, A=A, B=B, C=C), chain.doubt + parts.doubt)
 
 
-def split(system: Lti, chosen: Array, what: str = "poles") -> tuple[Lti, Lti, float]:
-    """Return a system as the sum of two, and how far rounding may have moved the entries of the second one's ``A``.
+def split(system: Lti, chosen: Array, what: str = "poles") -> SpectralParts:
+    """Return a system as the sum of a part kept, which has the poles chosen, and the rest.
 
-    The first has the poles chosen (without ``D``), the second all others (with ``D``).  By an ordered Schur form and a
-    Sylvester equation.
+    By an ordered Schur form and a Sylvester equation.
 
     Parameters
     ----------
@@ -352,11 +307,7 @@ def split(system: Lti, chosen: Array, what: str = "poles") -> tuple[Lti, Lti, fl
             f"{len(ours)} {what} do not separate from the others ({count} found in the Schur form): "
             "too close to tell them apart"
         )
-    X = linalg.solve_sylvester(T[:count, :count], -T[count:, count:], -T[:count, count:])
-    B, C = Z.T @ system.B, system.C @ Z
-    one = Lti(T[:count, :count], B[:count] - X @ B[count:], C[:, :count], np.zeros_like(system.D), dt=system.dt)
-    other = Lti(T[count:, count:], B[count:], C[:, :count] @ X + C[:, count:], system.D, dt=system.dt)
-    return one, other, doubt_of_split(system.A, X)
+    return SpectralParts.of(system, T, Z, count)
 
 
 def residualised(system: Lti, count: int) -> Lti:
@@ -379,31 +330,17 @@ def residualised(system: Lti, count: int) -> Lti:
     )  # fmt: skip
 
 
-def block_diagonal(A: Array, condition: float = _WORST) -> tuple[Array, Array, list[int]]:
+def block_diagonal(A: Array, condition: float | None = None) -> tuple[Array, Array, list[int]]:
     """Return a block-diagonal matrix, the columns that bring ``A`` to it, and the widths of its blocks.
-
-    Where poles lie apart, one call of SLICOT's MB03RD is enough.  Where they do not, ``control.bdschur`` searches for the
-    smallest blocks with columns of the condition allowed; that is the answer in the first case too.
 
     Parameters
     ----------
     A : (n, n) ndarray
         Real.
-    condition : float
-        Largest condition of the columns.
+    condition : float, optional
+        Largest condition of the columns; the blocks are the smallest that it allows. By default half of all digits are left.
     """
-    import slycot
+    from boomctl.lti.python_control import control
 
-    if not len(A):
-        return A, A, []
-    form, vectors = linalg.schur(A)
-    # elements of the transformations up to the root of the condition, with which that search begins
-    blocks, columns, widths, poles = slycot.mb03rd(len(A), form, vectors, pmax=condition**0.5)
-    starts = np.cumsum(widths) - widths
-    pairs = poles[starts[widths == 2]]
-    apart = (widths <= 2).all() and (np.abs(pairs.imag) >= _DOUBLE * np.abs(pairs.real)).all()
-    if not apart or np.linalg.cond(columns) >= condition:
-        from boomctl.lti.python_control import control  # two seconds that poles apart do not wait for
-
-        blocks, columns, widths = control.bdschur(A, condmax=condition)
-    return np.asarray(blocks), np.asarray(columns), [int(width) for width in widths]
+    blocks, columns, widths = control.bdschur(A, condmax=condition)
+    return blocks, columns, [int(width) for width in widths]

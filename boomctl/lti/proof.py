@@ -23,7 +23,7 @@ from math import inf
 
 import flint
 import numpy as np
-from flint import acb, arb, arb_mat, fmpq, fmpq_mat, fmpq_poly
+from flint import acb, acb_mat, acb_poly, arb, arb_mat, fmpq, fmpq_mat, fmpq_poly
 
 from boomctl.arrays import blocks
 from boomctl.exact_roots import (
@@ -37,7 +37,7 @@ from boomctl.exact_roots import (
 )
 from boomctl.lti.bilinear import image_of_omega, omega_of_image
 from boomctl.lti.frequency import RAISED
-from boomctl.lti.inequality import Inequality
+from boomctl.lti.inequality import Inequality, enclosed_gain
 from boomctl.lti.rounding import EXACT_STATES, LEVEL, TINY
 from boomctl.lti.system import Lti, System, closed
 
@@ -82,14 +82,8 @@ class Exact:
             other, corner = _rational(minus), np.zeros((len(M.A), len(minus.A)), int)
             A = blocks([[M.A, corner], [corner.T, other.A]])
             M = replace(M, A=A, B=np.vstack([M.B, other.B]), C=np.hstack([M.C, -other.C]), D=M.D - other.D)
-        return cls(
-            rational_matrix(M.A),
-            rational_matrix(M.B),
-            rational_matrix(M.C),
-            rational_matrix(M.D),
-            M.dt,
-            Work(operations),
-        )
+        A, B, C, D = map(rational_matrix, (M.A, M.B, M.C, M.D))
+        return cls(A, B, C, D, M.dt, Work(operations))
 
     def square(self, omega: float) -> float:
         """Return ``omega^2`` of the image at a frequency [rad/s]: it is ``tan(omega dt/2)`` in discrete time."""
@@ -246,15 +240,11 @@ class Exact:
                 G = [[acb(entry[n] / a[n]) for entry in row] for row in N]
             else:
                 s = acb(0, 1) * arb(square).sqrt()
-                over = _value(a, s)
+                over = acb_poly(a)(s)
                 if over.contains(0):
                     continue
-                G = [[_value(entry, s) / over for entry in row] for row in N]
-            middle = np.array([[complex(entry) for entry in row] for row in G])
-            v = [acb(x.real, x.imag) for x in np.linalg.svd(middle)[2][0].conj().tolist()]
-            moved = [sum((g * x for g, x in zip(row, v, strict=True)), acb(0)) for row in G]
-            squares = [sum((abs(x) ** 2 for x in item), arb(0)) for item in (moved, v)]
-            result = (squares[0] / squares[1]).sqrt()
+                G = [[acb_poly(entry)(s) / over for entry in row] for row in N]
+            result = enclosed_gain(acb_mat(G))
             if result.rad() <= _DIGITS * result.mid():
                 return result
         raise UndecidedError
@@ -349,13 +339,6 @@ def _squares(p: fmpq_poly) -> fmpq_poly:
     c = p.coeffs()
     first = next((k for k, x in enumerate(c) if x), 0)
     return fmpq_poly([-x if k % 2 else x for k, x in enumerate(c[first::2])])
-
-
-def _value(p: fmpq_poly, s: acb) -> acb:
-    result = acb(0)
-    for c in reversed(p.coeffs()):
-        result = result * s + arb(c)
-    return result
 
 
 def _rational(system: Lti) -> Lti:

@@ -69,9 +69,8 @@ def _parts(system: control.StateSpace) -> tuple[Any, tuple[Any, ...], dict[str, 
     }
     if isinstance(system, ScaledStateSpace):
         names["scales"] = system.scales
-    ours = {
-        name: value for name, value in vars(system).items() if name.startswith("_boomctl_")
-    }  # what boomctl adds to it
+    # What boomctl adds to it.
+    ours = {name: value for name, value in vars(system).items() if name.startswith("_boomctl_")}
     return _state_space, ((system.A, system.B, system.C, system.D), system.dt, names), ours or None
 
 

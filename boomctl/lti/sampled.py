@@ -7,10 +7,10 @@ still to act, and measurements still on their way, are states.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy import linalg
 
 from boomctl.arrays import Array
 from boomctl.checks import exactly, names, nonnegative, positive
@@ -50,28 +50,19 @@ def time_of_loop(plant: Lti, controller: Lti, delay: float) -> tuple[float, floa
         the plant is discrete; a discrete plant with a controller of another sampling time.
     """
     late, dt = nonnegative("delay", delay), controller.dt
-    if dt == 0.0:
-        if plant.dt != 0.0:
-            raise ValueError(
-                f"controller: expected the plant's sampling time, {exactly(plant.dt)} s, got continuous time; "
-                "boomctl.discretize samples it"
-            )
-        if late:
-            raise ValueError(
-                f"delay = {exactly(late)}: expected 0 with a controller in continuous time; boomctl.discretize samples it"
-            )
-        return 0.0, 0.0
+    if plant.dt != 0.0 and not (dt and same_time(plant.dt, dt)):
+        got = f"{exactly(dt)} s" if dt else "continuous time; boomctl.discretize samples it"
+        raise ValueError(f"controller: expected the plant's sampling time, {exactly(plant.dt)} s, got {got}")
+    if late and not dt:
+        raise ValueError(
+            f"delay = {exactly(late)}: expected 0 with a controller in continuous time; boomctl.discretize samples it"
+        )
     _check_samples(late, dt)
-    if plant.dt != 0.0:
-        if not same_time(plant.dt, dt):
-            raise ValueError(
-                f"controller: expected the plant's sampling time, {exactly(plant.dt)} s, got {exactly(dt)} s"
-            )
-        if whole_samples(late, dt)[1]:
-            raise ValueError(
-                f"delay = {exactly(late)}: expected whole samples of {exactly(dt)} s, as the plant is discrete: "
-                "between its samples it is not known"
-            )
+    if plant.dt != 0.0 and whole_samples(late, dt)[1]:
+        raise ValueError(
+            f"delay = {exactly(late)}: expected whole samples of {exactly(dt)} s, as the plant is discrete: "
+            "between its samples it is not known"
+        )
     return dt, late
 
 
@@ -130,7 +121,7 @@ def sample_plant(
 
 
 def _check_samples(late: float, dt: float) -> None:
-    if late / dt > _MOST_SAMPLES:
+    if late > _MOST_SAMPLES * dt:
         raise ValueError(f"delay = {exactly(late)}: expected at most {_MOST_SAMPLES} samples of {exactly(dt)} s")
 
 
@@ -201,7 +192,7 @@ class Held:
         if self.plant.dt != 0.0:
             return A, np.zeros_like(B), B
         Phi, whole = zero_order_hold(A, B, duration)
-        return Phi, *changing(lambda t, these: zero_order_hold(A, B[:, these], t), whole, duration, self.changes)
+        return Phi, *changing(A, B, whole, duration, self.changes)
 
     def state(self, Phi: Array, before: Array, after: Array) -> tuple[Array, Array]:
         """Return the plant's state after a motion, of all states at the sample and of the inputs given there."""
@@ -223,32 +214,21 @@ class Held:
         n, m, size = len(Phi), after.shape[1], int(self.starts[-1])
         A, B = np.zeros((size, size)), np.zeros((size, m))
         A[:n], B[:n] = self.state(Phi, before, after)
-        for i, (start, end) in enumerate(pairwise(self.starts)):
-            A[start + 1 : end, start : end - 1] = np.eye(max(end - start - 1, 0))
-            if end > start:
-                B[start, i] = 1.0
+        A[n:, n:] = np.eye(size - n, k=-1)
+        queued = np.flatnonzero(np.diff(self.starts))  # Nothing follows into the first place of a queue.
+        A[self.starts[queued]], B[self.starts[queued], queued] = 0.0, 1.0
         return A, B
 
     def sampled(self, dt: float) -> Lti:
         """Return the plant from sample to sample."""
-        plant, lengths = self.plant, np.diff(self.starts)
-        queues = [
-            f"{plant.input_labels[i]}_held_{k + 1}" for i in np.flatnonzero(self.controls) for k in range(lengths[i])
-        ]
-        states = (*plant.state_labels, *queues)
-        return Lti(
-            *self.matrices(*self.motion(dt)),
-            *self.answers(0.0),
-            plant.input_labels,
-            plant.output_labels,
-            states,
-            dt,
-            plant.scales,
-        )
+        lengths = zip(self.plant.input_labels, np.diff(self.starts), strict=False)
+        queues = [f"{name}_held_{k + 1}" for name, length in lengths for k in range(length)]
+        (A, B), (C, D) = self.matrices(*self.motion(dt)), self.answers(0.0)
+        return replace(self.plant, A=A, B=B, C=C, D=D, state_labels=(*self.plant.state_labels, *queues), dt=dt)
 
 
 def sampled_plant(
-    plant: Lti, acting: Sequence[int], dt: float, delays: Sequence[float], readings: Sequence[float] | None = None
+    plant: Lti, acting: Sequence[int], dt: float, delays: Sequence[float], readings: Sequence[float] = ()
 ) -> Lti:
     """Return a plant from sample to sample, exactly.
 
@@ -273,34 +253,19 @@ def sampled_plant(
     """
     held = Held.of(plant, acting, [whole_samples(delay, dt) for delay in delays])
     result = held.sampled(plant.dt or dt)
-    size = len(result.A)
-    for output, age in enumerate(readings or ()):
+    for output, age in enumerate(readings):
         whole, rest = whole_samples(age, dt)
-        if rest:  # read between two samples, and known at the later one
-            rows, given = held.answers(dt - rest)
-            result = _read(result, output, (rows[output], given[output]), whole + 1)
-        elif whole:
-            result = _read(result, output, (result.C[output, :size], result.D[output]), whole)
+        if samples := whole + (rest > 0.0):  # read between two samples, and known at the later one
+            rows, given = held.answers(dt - rest if rest else 0.0)
+            result = _late(result, output, rows[output], given[output], samples)
     return result
 
 
-def _read(system: Lti, output: int, reading: tuple[Array, Array], samples: int) -> Lti:
-    """Return a system one output of which is a reading, of states and inputs, that comes so many samples late."""
-    A, B, C, D, place = system.A, system.B, system.C.copy(), system.D.copy(), len(system.A)
-    A, B, C = (
-        np.pad(A, ((0, samples), (0, samples))),
-        np.pad(B, ((0, samples), (0, 0))),
-        np.pad(C, ((0, 0), (0, samples))),
-    )
-    A[place, : len(reading[0])], B[place] = reading
-    A[place + 1 :, place : place + samples - 1] = np.eye(samples - 1)
-    C[output], D[output] = 0.0, 0.0
-    C[output, place + samples - 1] = 1.0
-    return replace(
-        system,
-        A=A,
-        B=B,
-        C=C,
-        D=D,
-        state_labels=(*system.state_labels, *(f"read_late_{place + k}" for k in range(samples))),
-    )
+def _late(system: Lti, output: int, states: Array, inputs: Array, samples: int) -> Lti:
+    """Return a system one output of which is what states and inputs were so many samples before."""
+    n, line = len(system.A), np.eye(samples, k=-1)
+    A = linalg.block_diag(system.A, line)
+    B, C = np.pad(system.B, ((0, samples), (0, 0))), np.pad(system.C, ((0, 0), (0, samples)))
+    A[n, : len(states)], B[n] = states, inputs
+    C[output], D = np.eye(len(A))[-1], np.where(np.arange(len(C))[:, None] == output, 0.0, system.D)
+    return replace(system, A=A, B=B, C=C, D=D, state_labels=())

@@ -8,16 +8,16 @@ import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import chain
 from typing import TYPE_CHECKING, Any, Protocol, TypeAlias, TypeGuard
 
 import numpy as np
 from scipy import linalg
-from scipy.linalg import lapack
 
 from boomctl.arrays import Array, balance, blocks, scaled_to_one
 from boomctl.checks import finite_array, names, warn_user
 from boomctl.exceptions import SingularFrequencyWarning
-from boomctl.lti.rounding import ALIKE, CANCELLED, ROOT, SUMMED
+from boomctl.lti.rounding import ALIKE, CANCELLED, ROOT, SUMMED, TINY
 from boomctl.lti.transfer_functions import realized
 from boomctl.printing import compact
 
@@ -106,18 +106,13 @@ class Lti:
 
         Where rounding may have made one unstable, they are computed in exact arithmetic, of the numbers as they are stored.
         """
-        if not len(self.A):
-            return np.zeros(0, complex)
         cached = "eigensystem" in self.__dict__
         poles: Array = self.eigensystem[0] if cached else np.linalg.eigvals(self.A).astype(complex)
         growth = poles.real if self.dt == 0.0 else np.abs(poles) - 1.0
-        if growth.max() <= ROOT * np.abs(poles).max():
+        if growth.max(initial=-np.inf) <= ROOT * np.abs(poles).max(initial=0.0):
             return poles
-        result, reads, right = self.eigensystem
-        growth = result.real if self.dt == 0.0 else np.abs(result) - 1.0
-        with np.errstate(invalid="ignore", over="ignore"):
-            moved = CANCELLED * np.einsum("ji,ij->j", np.abs(reads), np.abs(self.A) @ np.abs(right))
-        if ((growth <= 0.0) | (moved < growth)).all():
+        inside, moved = self.distances
+        if ((inside >= 0.0) | (moved < -inside)).all():
             return poles
         from boomctl.exact_roots import OPERATIONS, UndecidedError, Work, eigenvalues, rational_matrix
 
@@ -132,20 +127,21 @@ class Lti:
 
         The inverse is no number where there is none, as of equal poles in a chain.
         """
-        n = len(self.A)
-        if not n:
-            return np.zeros(0, complex), np.zeros((0, 0)), np.zeros((0, 0))
         A, power = scaled_to_one(self.A)
-        re, im, _, vectors, failed = lapack.dgeev(A, compute_vl=0, lwork=int(lapack.dgeev_lwork(n, compute_vl=0)[0]))
-        if failed:
-            raise linalg.LinAlgError("eigenvalues were not found")
-        inverse, singular = lapack.dgetri(*lapack.dgetrf(vectors)[:2])
-        first = (im > 0.0).nonzero()[0]  # of a pair real and imaginary part stand side by side
-        right, reads = vectors.astype(complex), (np.full((n, n), np.nan) if singular else inverse).astype(complex)
-        right[:, first] += 1j * vectors[:, first + 1]
-        reads[first] = 0.5 * (reads[first] - 1j * reads[first + 1])
-        right[:, first + 1], reads[first + 1] = right[:, first].conj(), reads[first].conj()
-        return np.ldexp(re, power) + 1j * np.ldexp(im, power), reads, right
+        poles, right = (item.astype(complex) for item in np.linalg.eig(A))
+        try:
+            reads = np.linalg.inv(right)
+        except np.linalg.LinAlgError:
+            reads = np.full_like(right, np.nan)
+        return 2.0**power * poles, reads, right
+
+    @property
+    def distances(self) -> tuple[Array, Array]:
+        """How far poles are inside the boundary of stability, and how far rounding of ``A`` moves them, to first order."""
+        poles, reads, right = self.eigensystem
+        with np.errstate(invalid="ignore", over="ignore"):
+            moved = CANCELLED * np.einsum("ji,ij->j", np.abs(reads), np.abs(self.A) @ np.abs(right)) + TINY
+        return -poles.real if self.dt == 0.0 else 1.0 - np.abs(poles), moved
 
     def response(self, omega: Array, *, quiet: bool = False) -> Array:
         """Return the frequency response, shape (outputs, inputs, frequencies); in discrete time at ``exp(j omega dt)``.
@@ -218,16 +214,16 @@ class Lti:
         from boomctl.lti.python_control import UNSCALED, ScaledStateSpace, control
 
         named = self.without_dots()
-        labels = {"inputs": named.input_labels, "outputs": named.output_labels}
-        given = {kind: list(names) for kind, names in labels.items() if names}
-        states = list(self.state_labels) or None
-        time = {} if self.dt == 0.0 else {"dt": True if np.isnan(self.dt) else self.dt}
+        labels = {"inputs": named.input_labels, "outputs": named.output_labels, "states": self.state_labels}
+        given: dict[str, Any] = {kind: list(names) for kind, names in labels.items() if names} | {"name": name}
+        if self.dt != 0.0:
+            given["dt"] = True if np.isnan(self.dt) else self.dt
         signals = named.input_labels + named.output_labels
         scales = {label: value for label, value in (self.scales or {}).items() if label in signals}
         matrices = (self.A, self.B, self.C, self.D)
         if scales:
-            return ScaledStateSpace(*matrices, name=name, states=states, scales=scales, **given, **time)
-        system = control.ss(*matrices, name=name, states=states, **given, **time)
+            return ScaledStateSpace(*matrices, scales=scales, **given)
+        system = control.ss(*matrices, **given)
         if self.scales is not None:
             setattr(system, UNSCALED, True)
         return system
@@ -283,37 +279,16 @@ class ClosedLoop:
     controller: Lti
 
     @cached_property
-    def _solved(self) -> Array:
-        K, D = self.controller, self.plant.D
-        D22 = D[len(D) - K.B.shape[1] :, D.shape[1] - len(K.C) :]
-        return well_posed_inverse(np.eye(len(K.D)) - K.D @ D22)
-
-    @cached_property
-    def whole(self) -> Lti:
-        """Between the plant's other signals; the plant's states, then the controller's.
-
-        Raises
-        ------
-        ValueError
-            The loop is not well-posed: ``I - D_K D22`` is singular.
-        """
-        return closed(self.plant, self.controller, self._solved)
-
-    @cached_property
-    def _balance(self) -> tuple[Array, Array]:
-        return balance(self.whole.A)
-
-    @cached_property
     def system(self) -> Lti:
         """The loop, balanced, its states without names."""
-        A, scale = self._balance
-        return replace(self.whole, A=A, B=self.whole.B / scale[:, None], C=self.whole.C * scale, state_labels=())
+        return replace(lower_lft(self.plant, self.controller).balanced(), state_labels=())
 
     @cached_property
     def magnitudes(self) -> Lti:
         """How large the numbers are that the entries of ``system`` were made of."""
-        scale = self._balance[1]
-        made = closed(self.plant.magnitudes, self.controller.magnitudes, np.abs(self._solved))
+        scale = balance(lower_lft(self.plant, self.controller).A)[1]
+        solved = np.abs(_solved(self.plant, self.controller))
+        made = closed(self.plant.magnitudes, self.controller.magnitudes, solved)
         return replace(made, A=made.A / scale[:, None] * scale, B=made.B / scale[:, None], C=made.C * scale)
 
 
@@ -340,7 +315,13 @@ def lower_lft(plant: Lti, controller: Lti) -> Lti:
     ValueError
         The loop is not well-posed: ``I - D_K D22`` is singular.
     """
-    return ClosedLoop(plant, controller).whole
+    return closed(plant, controller, _solved(plant, controller))
+
+
+def _solved(plant: Lti, K: Lti) -> Array:
+    """Return the inverse of ``I - D_K D22``."""
+    D22 = plant.D[len(plant.D) - K.B.shape[1] :, plant.D.shape[1] - len(K.C) :]
+    return well_posed_inverse(np.eye(len(K.D)) - K.D @ D22)
 
 
 def closed(plant: Lti, K: Lti, solved: Array) -> Lti:
@@ -368,32 +349,43 @@ def signal_scales(A: Array, B: Array, C: Array) -> Array:
 
 
 def well_posed_inverse(matrix: Array) -> Array:
-    """Return the inverse of ``I - D_K D22``, judged and computed after balancing, so that units do not matter.
+    """Return the inverse of ``I - D_K D22``; it has four digits or more.
 
     Raises
     ------
     ValueError
         The loop is not well-posed.
     """
+    refusal = "the loop is not well-posed: the feedthroughs of plant and controller cancel one another"
+    return balanced_inverse(matrix, SUMMED, refusal)
+
+
+def balanced_inverse(matrix: Array, rounding: float, refusal: str) -> Array:
+    """Return the inverse of one plus a matrix, judged and computed after balancing, so that units do not matter.
+
+    Raises
+    ------
+    ValueError
+        ``refusal``, where its smallest singular value is rounding of one or of the largest.
+    """
     if not len(matrix):
         return matrix
     balanced, scale = balance(matrix)
     values = linalg.svdvals(balanced)
-    if values[-1] <= SUMMED * max(1.0, values[0]):  # its inverse has four digits or fewer
-        raise ValueError("the loop is not well-posed: the feedthroughs of plant and controller cancel one another")
-    return linalg.inv(balanced) * scale[:, None] / scale
+    if values[-1] <= rounding * max(1.0, values[0]):
+        raise ValueError(refusal)
+    result = linalg.inv(balanced)
+    # To componentwise accuracy: zeros of a chain stay zero.
+    result += result @ (np.eye(len(matrix)) - balanced @ result)
+    return result * scale[:, None] / scale
 
 
 def _labels(kind: str, *systems: Lti) -> tuple[str, ...]:
     """Return the names of systems one after the other; none where one of them does not name its own."""
-    sizes = {"input": "B", "output": "C", "state": "A"}
-    listed: list[str] = []
-    for system in systems:
-        labels = getattr(system, f"{kind}_labels")
-        if len(labels) != getattr(system, sizes[kind]).shape[1 if kind == "input" else 0]:
-            return ()
-        listed += labels
-    return tuple(listed)
+    matrix, axis = {"input": ("B", 1), "output": ("C", 0), "state": ("A", 0)}[kind]
+    labels = [getattr(system, f"{kind}_labels") for system in systems]
+    sizes = [getattr(system, matrix).shape[axis] for system in systems]
+    return tuple(chain(*labels)) if [len(names) for names in labels] == sizes else ()
 
 
 def is_statespace(system: object) -> bool:
@@ -456,28 +448,27 @@ def of(
     else:
         if models and hasattr(system, "to_statespace"):
             given = given.to_statespace()
-        if is_transfer_function(given):
-            matrices = realized(given, what)
-            result = Lti(*matrices, *_names(given), tuple(f"x[{i}]" for i in range(len(matrices[0]))), _time(given))
-        elif is_statespace(given):
-            result = _plain(given)
-        else:
+        if not (is_transfer_function(given) or is_statespace(given)):
             raise TypeError(f"{what}: expected {expected}, got {type(system).__name__}{_instead(system, models)}")
+        result = _plain(given, what)
     if not any_time:
         _check_time(what, result.dt, discrete, sampled)
     for letter in "ABCD":
         matrix = getattr(result, letter)
         largest = float(np.abs(matrix).max(initial=0.0))
-        if not np.isfinite(largest):
-            row, column = np.argwhere(~np.isfinite(matrix))[0]
-            value = matrix[row, column]
-            raise ValueError(f"{what}: expected finite numbers, got {letter}[{row}, {column}] = {value}")
-        if largest > _SIZES[1] or (letter == "A" and 0.0 < largest < _SIZES[0]):
+        if not largest <= _SIZES[1] or (letter == "A" and 0.0 < largest < _SIZES[0]):
+            row, column = np.unravel_index(int(np.abs(matrix).argmax()), matrix.shape)
             raise ValueError(
-                f"{what}: the largest entry of {letter} is {largest:g} in size; expected from {_SIZES[0]:g} to {_SIZES[1]:g}:"
-                " choose other units"
+                f"{what}: expected finite numbers, the largest from {_SIZES[0]:g} to {_SIZES[1]:g} in the units chosen, got"
+                f" {letter}[{row}, {column}] = {matrix[row, column]}"
             )
-    _check_names(what, result)
+    for kind, labels, count in (
+        ("input", result.input_labels, result.D.shape[1]),
+        ("output", result.output_labels, len(result.D)),
+    ):
+        if labels and len(set(labels)) < count:  # python-control holds names that are there twice once
+            got = f"{len(set(labels))}: {', '.join(labels)}"
+            raise ValueError(f"{what}: expected a name of its own for each of {count} {kind}s, got {got}")
     return result
 
 
@@ -486,7 +477,6 @@ def controller_of(
     expected: str = "StateSpace",
     *,
     what: str = "controller",
-    any_time: bool = False,
     scales: Mapping[str, float] | None = None,
     **time: bool,
 ) -> Lti:
@@ -495,7 +485,7 @@ def controller_of(
     ``scales`` are those of the plant: a scaled plant takes the controller of a design in scaled signals.
     """
     held = "scaled_controller" if scales and hasattr(given, "scaled_controller") else "controller"
-    return of(getattr(given, held, given), what, expected, any_time=any_time, **time)
+    return of(getattr(given, held, given), what, expected, **time)
 
 
 def rescale(system: Lti, scales: Mapping[str, float]) -> Lti:
@@ -535,26 +525,18 @@ def check_scales(controller: Lti, plant: Mapping[str, float] | None = None) -> N
     ValueError
         If a signal of the controller has another scale than that of the plant.
     """
-    own, others = controller.scales, plant or {}
-    if own is None:
-        return
+    others = plant or {}
+    own = others if controller.scales is None else controller.scales
     for label in (*controller.input_labels, *controller.output_labels):
-        mine, theirs = own.get(label, 1.0), others.get(label, 1.0)
-        if mine == theirs:
-            continue
-        if not others:
-            raise ValueError(
-                f"`controller` must be in the units of the machine, got one in scaled signals ({label!r} by {mine:g}). Pass"
-                " the `.controller` of the design, or boomctl.unscale_controller(controller)."
+        if own.get(label, 1.0) != others.get(label, 1.0):
+            wanted, got = (
+                f"scaled signals ({label!r} by {scales.get(label, 1.0):g})" if scales else "the units of the machine"
+                for scales in (others, own)
             )
-        if not own:
             raise ValueError(
-                f"`controller` must be in the scaled signals of the plant ({label!r} by {theirs:g}), got one in the units of"
-                " the machine. Pass the plant without scales, or the `.scaled_controller` of the design."
+                f"`controller` must be in {wanted}, got one in {got}. A design's `.controller` is in the units of the"
+                " machine, its `.scaled_controller` in the scaled signals of its plant; boomctl.unscale_controller converts."
             )
-        raise ValueError(
-            f"`controller` must have the scales of the plant, got {mine:g} for {label!r} where the plant has {theirs:g}."
-        )
 
 
 def _instead(system: object, models: bool) -> str:
@@ -577,51 +559,29 @@ def _instead(system: object, models: bool) -> str:
     return f"; {ready}control.ss(A, B, C, D) makes one"
 
 
-def _check_names(what: str, found: Lti) -> None:
-    """Raise ``ValueError`` where signals have the same name."""
-    for kind, listed, count in (
-        ("input", found.input_labels, found.D.shape[1]),
-        ("output", found.output_labels, len(found.D)),
-    ):
-        if len(set(listed)) < len(listed):
-            twice = next(label for label in listed if listed.count(label) > 1)
-            raise ValueError(f"{what}: {kind} {twice!r} is there twice")
-        if listed and len(listed) < count:  # python-control holds names that are there twice once
-            raise ValueError(
-                f"{what}: expected a name for each of {count} {kind}s, got {len(listed)}: some are there twice"
-            )
-
-
 def _check_time(what: str, dt: float, discrete: bool, sampled: bool) -> None:
     """Raise ``ValueError`` where a system has the wrong kind of time."""
     continuous = dt == 0.0
-    if sampled and np.isnan(dt):
-        raise ValueError(
-            f"{what}: expected continuous time or a sampling time in seconds, got dt = True, which names none"
-        )
-    if sampled and not (continuous or _TIMES[0] <= dt <= _TIMES[1]):
-        raise ValueError(f"{what}: expected a sampling time from {_TIMES[0]:g} to {_TIMES[1]:g} s, got {dt:g} s")
-    if not sampled and continuous == discrete:
-        wanted = "a sampling time" if discrete else "continuous time"
-        length = "a length not said" if np.isnan(dt) else f"{dt:g} s"
-        got = "continuous time" if continuous else f"a sampling time of {length}"
-        raise ValueError(f"{what}: expected {wanted}, got {got}")
+    if (continuous or _TIMES[0] <= dt <= _TIMES[1]) if sampled else continuous != discrete:
+        return
+    in_range = f"continuous time or a sampling time in seconds from {_TIMES[0]:g} to {_TIMES[1]:g}"
+    wanted = in_range if sampled else "a sampling time" if discrete else "continuous time"
+    length = "dt = True, which names no sampling time" if np.isnan(dt) else f"a sampling time of {dt:g} s"
+    raise ValueError(f"{what}: expected {wanted}, got {'continuous time' if continuous else length}")
 
 
-def _plain(system: "control.StateSpace") -> Lti:
+def _plain(system: Any, what: str) -> Lti:
     """Return the matrices, names and time of a python-control system."""
     from boomctl.lti.python_control import UNSCALED
 
-    A, B, C, D = (np.asarray(getattr(system, letter), dtype=float) for letter in "ABCD")
+    if is_statespace(system):
+        A, B, C, D = (np.asarray(getattr(system, letter), dtype=float) for letter in "ABCD")
+        states = tuple(system.state_labels)
+    else:
+        A, B, C, D = realized(system, what)
+        states = tuple(f"x[{i}]" for i in range(len(A)))
+    dt = 0.0 if system.isctime() else float("nan") if system.dt is True else float(system.dt)
     scales = getattr(system, "scales", {} if hasattr(system, UNSCALED) else None)
     if scales:
         scales = {label: value for label, value in scales.items() if value != 1.0}
-    return Lti(A, B, C, D, *_names(system), tuple(system.state_labels), _time(system), scales)
-
-
-def _names(system: "control.StateSpace | control.TransferFunction") -> tuple[tuple[str, ...], tuple[str, ...]]:
-    return tuple(system.input_labels), tuple(system.output_labels)
-
-
-def _time(system: "control.StateSpace | control.TransferFunction") -> float:
-    return 0.0 if system.isctime() else float("nan") if system.dt is True else float(system.dt)
+    return Lti(A, B, C, D, tuple(system.input_labels), tuple(system.output_labels), states, dt, scales)

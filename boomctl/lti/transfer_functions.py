@@ -1,11 +1,12 @@
 """Transfer functions as state-space systems, their response compared with that of the polynomials.
 
-Entries with the same denominator and input, or the same denominator and output, become one companion form, balanced, which
-has the coefficients as they are; an entry that is zero has no state.  States that the response of a matrix does not have are
-removed by SLICOT's staircase algorithm.  Polynomials lose digits where modes are many or lightly damped: the response of the
-realization is compared with that of the polynomials around every pole and zero.
+Entries with the same denominator and input become one companion form, balanced, which has the coefficients as they are; of
+fewer outputs than inputs those with the same denominator and output.  An entry that is zero has no state.  States that the
+response of a matrix does not have are removed by SLICOT's staircase algorithm.  Polynomials lose digits where modes are many
+or lightly damped: the response of the realization is compared with that of the polynomials around every pole and zero.
 """
 
+from itertools import chain
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -34,7 +35,7 @@ def realized(given: "control.TransferFunction", what: str) -> tuple[Array, Array
     """
     entries = [
         (np.asarray(n, dtype=float), np.asarray(d, dtype=float))
-        for n, d in zip(_listed(given.num), _listed(given.den), strict=True)
+        for n, d in zip(chain(*given.num), chain(*given.den), strict=True)
     ]
     for n, d in entries:
         if not (np.isfinite(n).all() and np.isfinite(d).all()):
@@ -79,33 +80,30 @@ def realized(given: "control.TransferFunction", what: str) -> tuple[Array, Array
 
 
 def _companions(entries: list[tuple[Array, Array]], shape: tuple[int, int]) -> tuple[Array, Array, Array, Array]:
-    """Return balanced companion forms: one for entries of the same denominator and input, or denominator and output."""
+    """Return balanced companion forms: one for entries of the same denominator and input.
+
+    Of fewer outputs than inputs it is one for entries of the same denominator and output.
+    """
+    p, m = shape
+    if p < m:
+        A, B, C, D = _companions([entries[i * m + j] for j in range(m) for i in range(p)], (m, p))
+        return A.T, C.T, B.T, D.T
     D, groups = np.zeros(shape), {}
     for k, (num, den) in enumerate(entries):
         n, d = np.trim_zeros(num, "f"), np.trim_zeros(den, "f")
         if len(n):
-            i, j = divmod(k, shape[1])
+            i, j = divmod(k, m)
             n, d = np.pad(n, (len(d) - len(n), 0)) / d[0], d / d[0]
             D[i, j] = n[0]
-            groups.setdefault(tuple(d[1:]), []).append((i, j, n[1:] - n[0] * d[1:]))
-    parts = [(np.zeros((0, 0)), np.zeros((0, shape[1])), np.zeros((shape[0], 0)))]
-    for d, group in groups.items():
-        a = np.eye(len(d), k=-1)
-        a[:1] = -np.array(d)
-        a, scale = balance(a)
-        by_input = len({j for _, j, _ in group}) <= len({i for i, _, _ in group})
-        for signal in sorted({j if by_input else i for i, j, _ in group}):
-            B, C = np.zeros((len(d), shape[1])), np.zeros((shape[0], len(d)))
-            if by_input:
-                B[:1, signal] = 1.0 / scale[:1]
-            else:
-                C[signal, :1] = 1.0 / scale[:1]
-            for i, j, n in group:
-                if by_input and j == signal:
-                    C[i] = n * scale
-                elif not by_input and i == signal:
-                    B[:, j] = n * scale
-            parts.append((a if by_input else a.T, B, C))
+            groups.setdefault((j, *d[1:]), {})[i] = n[1:] - n[0] * d[1:]
+    parts = [(np.zeros((0, 0)), np.zeros((0, m)), np.zeros((p, 0)))]
+    for (j, *d), rows in groups.items():
+        A, B, C = np.eye(len(d), k=-1), np.zeros((len(d), m)), np.zeros((p, len(d)))
+        A[:1] = -np.array(d)
+        A, scale = balance(A)
+        B[:1, j] = 1.0 / scale[:1]
+        C[list(rows)] = np.array(list(rows.values())) * scale
+        parts.append((A, B, C))
     A, B, C = zip(*parts, strict=True)
     return linalg.block_diag(*A), np.vstack(B), np.hstack(C), D
 
@@ -128,8 +126,3 @@ def _signal_scales(sizes: Array) -> tuple[Array, Array]:
     inverse = np.divide(1.0, sizes, out=np.zeros_like(sizes), where=sizes > 0.0)
     scale = balance(blocks([[np.zeros((p, p)), sizes], [inverse.T, np.zeros((m, m))]]))[1]
     return scale[:p], scale[p:]
-
-
-def _listed(table: Array) -> list[Array]:
-    """Return the polynomials of a transfer function row by row."""
-    return [polynomial for row in table for polynomial in row]

@@ -20,7 +20,7 @@ from boomctl.analysis.norm import (
 from boomctl.arrays import Array
 from boomctl.exceptions import ReductionError
 from boomctl.lti.bilinear import continuous_image, discrete_image, image_of_omega, omega_of_image
-from boomctl.lti.frequency import Response, largest_of, singular_values, triangular
+from boomctl.lti.frequency import largest_of, singular_values
 from boomctl.lti.modal import ModalSystem, diagonalized, partial_fractions, side_of_axis, spectral_parts
 from boomctl.lti.rounding import DIGIT, EXACT_STATES
 from boomctl.lti.system import Lti
@@ -38,7 +38,6 @@ GRAMIANS = float(np.sqrt(DIGIT))
 _LOST = 1e-7  # Share of the largest response that modal coordinates may lose; otherwise the given ones are taken.
 # Times what the bilinear map is seen to change of a response at some frequencies, for what it changes between them.
 _BETWEEN = 2.0
-_LARGE = 100  # States beyond which a Schur form answers faster than solving (measured: ten times at 480).
 
 
 @dataclass(frozen=True)
@@ -78,7 +77,7 @@ class SystemParts:
         image = continuous_image(whole).balanced()
         _ = image.eigensystem  # Whose eigenvalues tell the parts apart, and whose vectors are their modes.
         parts = spectral_parts(image)
-        given = parts.fast
+        given = parts.rest
         if not (len(given.A) and given.D.size):
             return cls(whole, given, given, None, parts.kept, largest_of(given.D), 0.0)
         omega = _looked_at(given, band)
@@ -150,10 +149,9 @@ def error_norm(parts: SystemParts, reduced: Lti, band: Band | None) -> NormBound
     if (side_of_axis(reduced.poles) >= 0).any():
         return NormBounds(inf, inf, float("nan"), UNSTABLE, verified=True)
     full: ModalSystem | Lti = parts.given if parts.modal is None else parts.modal
-    respond_full: Response = full.response if len(gap.A) <= _LARGE or parts.modal else triangular(parts.given).response
 
     def respond(omega: Array) -> Array:
-        return respond_full(omega) - reduced.response(omega, quiet=True)
+        return full.response(omega) - reduced.response(omega, quiet=True)
 
     peak, limits = None, (0.0, inf) if band is None else band
     if band is None and parts.modal is not None:

@@ -6,17 +6,17 @@ from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
+from boomctl.analysis.box.scheduled import ScheduledController
 from boomctl.analysis.loops import signals_of
 from boomctl.arrays import Array, blocks
 from boomctl.checks import exactly, known, up_to
 from boomctl.lti.bilinear import discretized
-from boomctl.lti.controllers.scheduled import ScheduledController
-from boomctl.lti.controllers.time_varying import TimeVaryingController
 from boomctl.lti.machine_modes import MachineModes
 from boomctl.lti.sampled import same_time
 from boomctl.lti.system import Lti, controller_of
 from boomctl.simulation.conditioning import bounded_correction, correction
 from boomctl.simulation.plant import ModalPlant
+from boomctl.simulation.time_varying import TimeVaryingController
 
 if TYPE_CHECKING:
     from boomctl.lti.system import Controller as Fixed
@@ -155,10 +155,10 @@ def _time_varying(
 ) -> SampledController:
     """Return a controller whose matrices change from sample to sample."""
     _check_time(controller.dt, sample_time)
-    A, B, C, D, L = controller.A, controller.B, controller.C, controller.D, controller._correction
+    A, B, C, D, L = controller.A, controller.B, controller.C, controller.D, np.asarray(controller.anti_windup_gain)
     first = Lti(A[0], B[0], C[0], D[0], tuple(controller.input_labels), tuple(controller.output_labels))
     driven, measured = signals_of(first, plant.input_labels, plant.output_labels)
-    laws = Laws(controller._laws, L, None, np.zeros(0))
+    laws = Laws(np.block([[D, C], [B, A]]), L, None, np.zeros(0))
     return SampledController.of(first, L[0], driven, measured, laws)
 
 

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 
 from boomctl.arrays import Array
 from boomctl.checks import known, names, positive
-from boomctl.lti.hold import lifted_motion, lifted_response
+from boomctl.lti.hold import lifted_motion
 from boomctl.lti.rounding import EPS, ROOT, SOLVED, SUMMED
 from boomctl.lti.system import Lti, of
 from boomctl.lti.time_series import TimeSeries
@@ -164,7 +164,7 @@ def forced_response(
         read = names("output", outputs, system.output_labels)
         places = [system.output_labels.index(name) for name in read]
         y, nearby = (
-            lifted_response(modal.step(h).of_signals, modal.C, modal.D, rows)[places]
+            lifted_motion(modal.step(h).of_signals, modal.C, modal.D, rows)[0][places]
             for modal in map(ModalPlant.of, (system, _rounded(system)))
         )
         if not np.isfinite(y).all():

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.lti.hold import Step, changing, linear_hold, motion_coordinates, zero_order_hold
+from boomctl.lti.hold import changing, linear_hold, motion_coordinates, zero_order_hold
 from boomctl.lti.rounding import ALIKE, TINY
 from boomctl.lti.system import Lti, of
 from boomctl.structure.model import SecondOrderModel
@@ -21,6 +21,31 @@ if TYPE_CHECKING:
     import control
 
 _MODES = 60  # largest number of undamped modes of a structure: five times those in the band of a suspension
+
+
+@dataclass(frozen=True)
+class Step:
+    """Exact motion over one step: ``x+ = Phi x + before u_old + after u_new + first d + last d+``.
+
+    ``u`` is held and changes once within the step; ``d`` runs along a straight line from ``d`` to ``d+``.
+    """
+
+    h: float
+    Phi: Array
+    before: Array
+    after: Array
+    first: Array
+    last: Array
+
+    @property
+    def of_signals(self) -> tuple[Array, Array, Array]:
+        """``Phi``, ``first`` and ``last``."""
+        return self.Phi, self.first, self.last
+
+    @property
+    def held(self) -> Array:
+        """What an input held over the whole step adds."""
+        return self.before + self.after
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +73,7 @@ class ModalPlant(Lti):
     def step(self, h: float, switch: float = 0.0) -> Step:
         """Return the motion over a step of ``h`` [s] in which the controls change ``switch`` [s] after its beginning."""
         Phi, whole, ramp = linear_hold(self.A, self.B, h)
-        before, after = changing(self.hold, whole, h, np.full(self.B.shape[1], switch))
+        before, after = changing(self.A, self.B, whole, h, np.full(self.B.shape[1], switch))
         return Step(h=h, Phi=Phi, before=before, after=after, first=whole - ramp, last=ramp)
 
 

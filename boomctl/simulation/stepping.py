@@ -7,12 +7,11 @@ from functools import cached_property
 import numpy as np
 
 from boomctl.arrays import Array, blocks
-from boomctl.lti.hold import Step
 from boomctl.lti.sampled import Held, whole_samples
 from boomctl.lti.system import Lti, closed
 from boomctl.simulation.contact.contacts import Contacts
 from boomctl.simulation.controller import SampledController
-from boomctl.simulation.plant import ModalPlant
+from boomctl.simulation.plant import ModalPlant, Step
 from boomctl.simulation.signals import TimeGrid
 
 _MOST_STEPS = 1e9  # of a delay: more than any run has (a choice)

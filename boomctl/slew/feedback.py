@@ -12,11 +12,11 @@ import numpy as np
 from scipy.linalg import LinAlgError, solve_discrete_are
 
 from boomctl.arrays import Array
-from boomctl.lti.controllers.time_varying import TimeVaryingController
 from boomctl.lti.sampled import sampled_plant
 from boomctl.lti.system import Lti, lower_lft
 from boomctl.simulation.machine.exponential_step import exponential_step
 from boomctl.simulation.machine.run import moved_by, steps_for
+from boomctl.simulation.time_varying import TimeVaryingController
 
 if TYPE_CHECKING:
     from boomctl.lti.machine_modes import MachineModes

@@ -22,7 +22,6 @@ from boomctl.checks import (
     whole,
     within,
 )
-from boomctl.lti.controllers.time_varying import TimeVaryingController
 from boomctl.lti.rounding import ALIKE
 from boomctl.printing import listed
 from boomctl.progress import computing, tell
@@ -30,6 +29,7 @@ from boomctl.simulation.loop import simulate_loop
 from boomctl.simulation.machine.machine import Machine, RubbingMachine, reading_states
 from boomctl.simulation.result import LoopResult
 from boomctl.simulation.signals import Levels, per_signal
+from boomctl.simulation.time_varying import TimeVaryingController
 from boomctl.slew.feedback import (
     Tuning,
     controller_along,

@@ -8,8 +8,8 @@ from contextlib import suppress
 from dataclasses import KW_ONLY, dataclass, field
 from typing import Any, ClassVar
 
+from boomctl.analysis.box.scheduled import ScheduledController
 from boomctl.exchange.controller_files import controller_contents
-from boomctl.lti.controllers.scheduled import ScheduledController
 from boomctl.printing import compact, table_html
 from boomctl.report import Report, Section, Table, number
 

@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 
 from boomctl.analysis.box.robustness import RobustStability, robust_stability
+from boomctl.analysis.box.scheduled import ScheduledController
 from boomctl.analysis.loops import joined
 from boomctl.analysis.margins import Margins, margins
 from boomctl.analysis.sigma import SigmaComparison, SigmaResult, sigma
 from boomctl.checks import instance, known, names, positive, signal_name
-from boomctl.lti.controllers.scheduled import ScheduledController
 from boomctl.lti.modal import side_of_axis
 from boomctl.lti.python_control import control
 from boomctl.printing import compact

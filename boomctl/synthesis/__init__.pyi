@@ -1,7 +1,7 @@
 # The public names and where each is defined: `__init__.py` loads them from there when they are first used.
 
-from boomctl.lti.controllers.scheduled import ScheduledController as ScheduledController
-from boomctl.lti.controllers.scheduled import gain_schedule as gain_schedule
+from boomctl.analysis.box.scheduled import ScheduledController as ScheduledController
+from boomctl.analysis.box.scheduled import gain_schedule as gain_schedule
 from boomctl.synthesis.certificate import DesignCertificate as DesignCertificate
 from boomctl.synthesis.discretise import discretize as discretize
 from boomctl.synthesis.hinf.h_infinity import HInfinityResult as HInfinityResult

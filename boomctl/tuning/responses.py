@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.lti.frequency import Triangular, top_of_resonance
+from boomctl.lti.frequency import top_of_resonance
 from boomctl.tuning.problem import Closed
 
 _POINTS = 24  # spread evenly in the logarithm, beside the resonances (a choice)
@@ -64,7 +64,11 @@ class Response:
     def response(self, omega: Array) -> Array:
         """Return the frequency response, shape (outputs, inputs, frequencies)."""
         if self.A.ndim == 2:  # without independent eigenvectors, as is rare
-            return Triangular(self.A, self.B, self.C, self.D).response(omega)
+            x = np.zeros((*self.B.shape, len(omega)), complex)
+            for i in range(len(x) - 1, -1, -1):  # by substitution from the last state
+                known = np.tensordot(self.A[i, i + 1 :], x[i + 1 :], 1)
+                x[i] = (self.B[i][:, None] + known) / (1j * omega - self.A[i, i])
+            return np.tensordot(self.C, x, 1) + self.D[:, :, None]
         G = self._residues @ (1.0 / (1j * omega - self.A[:, None]))
         return G.reshape(*self.D.shape, len(omega)) + self.D[:, :, None]
 

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 import boomctl as bc
 from boomctl.analysis.box.unmodelled import _folded
-from boomctl.lti.overbound import overbound
+from boomctl.identification.uncertainty_weight import overbound
 from boomctl.lti.system import of
 from boomctl.structure import AffineFamily, SecondOrderModel
 from tests.profiles import examples

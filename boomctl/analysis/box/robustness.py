@@ -11,9 +11,9 @@ from boomctl.analysis.box.loops import BoxLoops, checked_controller, joined_at
 from boomctl.analysis.box.points import listed_values, pattern_search
 from boomctl.analysis.box.prove import WORTH, BoxProof, StablePart, Statement, prove_box
 from boomctl.analysis.box.sampled_level import SampledLoops, sampled_loops
+from boomctl.analysis.box.scheduled import ScheduledController
 from boomctl.arrays import Array
 from boomctl.checks import positive, whole
-from boomctl.lti.controllers.scheduled import ScheduledController
 from boomctl.lti.system import Lti, of, rates_of
 from boomctl.printing import count, sentence
 from boomctl.progress import Listener, computing, tell

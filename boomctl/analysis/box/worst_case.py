@@ -12,13 +12,13 @@ from boomctl.analysis.box.loops import BoxLoops, checked_controller, joined_at
 from boomctl.analysis.box.points import listed_values, pattern_search
 from boomctl.analysis.box.prove import WORTH, BoxProof, Statement, prove_box
 from boomctl.analysis.box.sampled_level import SampledLoops
+from boomctl.analysis.box.scheduled import ScheduledController
 from boomctl.analysis.box.zero_exclusion import value_at
 from boomctl.analysis.h2 import matrices_h2_norm
 from boomctl.analysis.loops import sign_advice
 from boomctl.analysis.norm import NAMES, NormBounds, matrices_norm
 from boomctl.arrays import Array
 from boomctl.checks import from_on, known, positive, whole
-from boomctl.lti.controllers.scheduled import ScheduledController
 from boomctl.lti.system import Lti, of
 from boomctl.printing import count, sentence
 from boomctl.progress import Listener, computing, tell

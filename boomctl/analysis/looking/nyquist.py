@@ -23,8 +23,8 @@ from boomctl.analysis.margins import DiskMargin, grid_of_loop, single_disk
 from boomctl.arrays import Array
 from boomctl.checks import no_signals, nonnegative
 from boomctl.lti.bilinear import continuous_image, omega_of_image
-from boomctl.lti.frequency import smooth_curve, triangular
-from boomctl.lti.modal import boundary_sides, sides
+from boomctl.lti.frequency import smooth_curve
+from boomctl.lti.modal import boundary_sides, diagonalized, sides
 from boomctl.lti.system import Lti, controller_of, of, well_posed_inverse
 from boomctl.printing import count, listed
 from boomctl.threads import one_blas_thread
@@ -173,12 +173,12 @@ def nyquist(
         )
     unstable, closed = int((boundary_sides(opened) > 0).sum()), int((sides(S.poles, S.dt) > 0).sum())
     image = continuous_image(S)
-    form, grid = triangular(image), np.union1d(grid_of_loop(image), grid_of_loop(continuous_image(opened)))
+    quick, grid = diagonalized(image) or image, np.union1d(grid_of_loop(image), grid_of_loop(continuous_image(opened)))
 
     def determinant(omega: Array) -> Array:
         """Return ``det(I + L) - 1``."""
         with np.errstate(divide="ignore", invalid="ignore"):
-            return 1.0 / np.linalg.det(form.response(omega).transpose(2, 0, 1)) - 1.0
+            return 1.0 / np.linalg.det(quick.response(omega).transpose(2, 0, 1)) - 1.0
 
     omega, curve = smooth_curve(determinant, grid[grid > 0.0])
     return NyquistResult(

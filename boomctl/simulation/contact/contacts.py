@@ -7,10 +7,9 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.checks import known, positive
-from boomctl.lti.hold import Step
 from boomctl.simulation.contact.friction import CoulombFriction
 from boomctl.simulation.contact.stops import StopMaps
-from boomctl.simulation.plant import ModalPlant
+from boomctl.simulation.plant import ModalPlant, Step
 
 StrokeLimit = float | Mapping[str, "float | tuple[float, str]"] | None
 

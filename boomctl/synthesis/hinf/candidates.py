@@ -151,7 +151,8 @@ def largest_pole(K: Lti) -> float:
 def without_fast_poles(K: Lti, fastest: float) -> Lti | None:
     """Return a controller with the poles above a magnitude [rad/s] replaced by their static gain; None if inseparable."""
     try:
-        fast, slow, _ = split(K, np.abs(K.poles) > fastest)
+        parts = split(K, np.abs(K.poles) > fastest)
+        fast, slow = parts.kept, parts.rest
         D = slow.D - fast.C @ np.linalg.solve(fast.A, fast.B)
     except (np.linalg.LinAlgError, ValueError):
         return None

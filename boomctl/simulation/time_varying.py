@@ -65,9 +65,8 @@ class TimeVaryingController:
         for letter in "ABCD":
             object.__setattr__(self, letter, finite_array(letter, getattr(self, letter), ndim=3))
         (k, n), p, m = self.A.shape[:2], len(self.input_labels), len(self.output_labels)
-        if self.anti_windup_gain is None:
-            object.__setattr__(self, "anti_windup_gain", np.zeros((k, n, m)))
-        object.__setattr__(self, "anti_windup_gain", finite_array("anti_windup_gain", self._correction, ndim=3))
+        gain = np.zeros((k, n, m)) if self.anti_windup_gain is None else self.anti_windup_gain
+        object.__setattr__(self, "anti_windup_gain", finite_array("anti_windup_gain", gain, ndim=3))
         wanted = {"A": (k, n, n), "B": (k, n, p), "C": (k, m, n), "D": (k, m, p), "anti_windup_gain": (k, n, m)}
         for letter, shape in wanted.items():
             if k < 1 or getattr(self, letter).shape != shape:
@@ -80,14 +79,3 @@ class TimeVaryingController:
         signals = between(self.input_labels, self.output_labels)
         first = f"{count(self.A.shape[1], 'state')}, every {exactly(self.dt)} s, {signals}"
         return f"TimeVaryingController: {first}\n  {count(len(self.A), 'sample')}, the last matrices stay"
-
-    @property
-    def _correction(self) -> Array:
-        """``L_k`` of all samples."""
-        assert self.anti_windup_gain is not None
-        return self.anti_windup_gain
-
-    @property
-    def _laws(self) -> Array:
-        """``[[D, C], [B, A]]`` of all samples, (k, m + n, p + n)."""
-        return np.block([[self.D, self.C], [self.B, self.A]])

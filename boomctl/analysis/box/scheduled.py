@@ -125,7 +125,7 @@ class ScheduledController:
         from boomctl.lti.python_control import control
 
         wanted = names("reference", references, self.input_labels)
-        places, p, zero = [self.input_labels.index(name) for name in wanted], len(self.input_labels), np.zeros(0)
+        places, p = [self.input_labels.index(name) for name in wanted], len(self.input_labels)
 
         def split(u: Any) -> tuple[Lti, Array]:
             read = np.array(u[:p], dtype=float)
@@ -135,17 +135,16 @@ class ScheduledController:
 
         def update(t: float, x: Any, u: Any, params: Any) -> Array:
             here, read = split(u)
-            return here.A @ x + here.B @ read if len(here.A) else zero
+            return here.A @ x + here.B @ read
 
         def output(t: float, x: Any, u: Any, params: Any) -> Array:
             here, read = split(u)
-            return here.C @ x + here.D @ read if len(here.A) else here.D @ read
+            return here.C @ x + here.D @ read
 
         inputs = [*self.input_labels, *(f"{name}_reference" for name in wanted)]
-        n = self.A.shape[1]
-        states = list(self.state_labels) if len(self.state_labels) == n else [f"x{i}" for i in range(n)]
+        states = list(self.state_labels) or self.A.shape[1]
         given = {"inputs": inputs, "outputs": list(self.output_labels), "states": states, "dt": self.dt}
-        return control.nlsys(update if n else None, output, **given, name="scheduled_controller")
+        return control.nlsys(update, output, **given, name="scheduled_controller")
 
 
 def frozen(controller: ScheduledController, value: float) -> Lti:
@@ -217,17 +216,11 @@ def gain_schedule(
         raise ValueError(f"values = {shown(places.tolist())}: expected ascending ones")
     first, followed = given[0], signal_name("signal", signal)
     for i, item in enumerate(given):
-        for what in ("input_labels", "output_labels", "dt"):
-            if getattr(item, what) != getattr(first, what):
-                raise ValueError(
-                    f"controllers[{i}]: expected the {what} of the first, {getattr(first, what)}, got {getattr(item, what)}"
-                )
-        if len(item.A) != len(first.A):
-            raise ValueError(
-                f"controllers[{i}]: expected {count(len(first.A), 'state')}, as the first, got {len(item.A)}"
-            )
+        for what in ("input_labels", "output_labels", "dt", "nstates"):
+            own, wanted = (len(K.A) if what == "nstates" else getattr(K, what) for K in (item, first))
+            if own != wanted:
+                raise ValueError(f"controllers[{i}]: expected the {what} of the first, {wanted}, got {own}")
     inputs = first.input_labels if followed in first.input_labels else (*first.input_labels, followed)
     A, B, C, D = (np.array([getattr(item, letter) for item in given]) for letter in "ABCD")
-    if len(inputs) > len(first.input_labels):
-        B, D = (np.concatenate([X, np.zeros((*X.shape[:2], 1))], axis=2) for X in (B, D))
+    B, D = (np.pad(X, ((0, 0), (0, 0), (0, len(inputs) - X.shape[2]))) for X in (B, D))
     return ScheduledController(followed, places, A, B, C, D, inputs, first.output_labels, first.state_labels, first.dt)
