@@ -31,7 +31,7 @@ from boomctl.lti.frequency import BEYOND, CURVE, DRAWN, EMPTY, SEARCHED, resonan
 from boomctl.lti.modal import resolved, sides
 from boomctl.lti.rounding import ALIKE, CERTIFIED, EPS, LEVEL, SUMMED
 from boomctl.lti.system import Lti, controller_of, of
-from boomctl.printing import listed, table_html
+from boomctl.printing import listed, table_html, table_text
 from boomctl.threads import one_blas_thread
 
 if TYPE_CHECKING:
@@ -243,10 +243,7 @@ class Margins:
         str
             A table, one line for each loop.
         """
-        table = self._table()
-        first, *widths = (max(map(len, column)) for column in zip(*table, strict=True))
-        rows = [[name.ljust(first), *map(str.rjust, cells, widths)] for name, *cells in table]
-        return "\n".join(" ".join(row).rstrip() for row in rows)
+        return table_text(self._table(), " ")
 
     def plot(self, ax: Any = None, **style: Any) -> Array:
         """Draw each loop's Nyquist curve around the critical point, and its margins.

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from boomctl.analysis.looking.given import matrices
+from boomctl.analysis.sigma import Signals
 from boomctl.arrays import Array, blocks
 from boomctl.checks import finite_array, known, no_signals, plain_array, positive
 from boomctl.lti.hold import BLOCK, matrix_expm1, motion_coordinates, observability
@@ -90,16 +91,13 @@ class TimeResponse:
         """The same as python-control's named time response."""
         from boomctl.lti.python_control import control
 
-        acting = np.zeros((len(self.input_labels), len(self.input_labels), len(self.time)))
-        own = np.arange(len(self.input_labels))
-        if self.kind == "step":
-            acting[own, own] = 1.0
-        elif self.dt:
-            acting[own, own, 0] = 1.0 / self.dt
+        height = np.full(len(self.time), float(self.kind == "step"))
+        if self.kind == "impulse" and self.dt:
+            height[0] = 1.0 / self.dt
         return control.TimeResponseData(
             self.time,
             self.outputs,
-            inputs=acting,
+            inputs=np.eye(len(self.input_labels))[:, :, None] * height,
             output_labels=list(self.output_labels),
             input_labels=list(self.input_labels),
             trace_labels=[f"From {name}" for name in self.input_labels],
@@ -168,11 +166,7 @@ def step(
     >>> round(float(bc.step(swing)["place"].max()), 2)
     1.85
     """
-    given, L = _matrices(system, inputs, outputs)
-    n, m = L.B.shape
-    held = np.eye(m) if L.dt else np.zeros((m, m))  # the input stays: as a state, its rate is zero
-    A = blocks([[L.A, L.B], [np.zeros((m, n)), held]])
-    return _moved("step", given, timepts, (A, np.vstack([np.zeros((n, m)), np.eye(m)]), np.hstack([L.C, L.D])))
+    return _moved("step", system, timepts, inputs, outputs)
 
 
 @one_blas_thread
@@ -210,49 +204,39 @@ def impulse(
     >>> round(float(bc.impulse(swing)["place"].max()), 2)
     0.93
     """
-    given, L = _matrices(system, inputs, outputs)
-    if not L.dt:
-        return _moved("impulse", given, timepts, (L.A, L.B, L.C))
-    n, m = L.B.shape  # the input is a state that lasts for one sample
-    A = blocks([[L.A, L.B], [np.zeros((m, n + m))]])
-    return _moved(
-        "impulse", given, timepts, (A, np.vstack([np.zeros((n, m)), np.eye(m)]) / L.dt, np.hstack([L.C, L.D]))
-    )
-
-
-def _matrices(
-    system: object, inputs: str | Sequence[str] | None, outputs: str | Sequence[str] | None
-) -> tuple[Lti, Lti]:
-    """Return the matrices of a system between signals, and those of a continuous one in coordinates of its motion."""
-    L = matrices(system, inputs, outputs)
-    return L, L if L.dt else motion_coordinates(L)[0]
+    return _moved("impulse", system, timepts, inputs, outputs)
 
 
 def _moved(
-    kind: str, system: Lti, timepts: ArrayLike | float | None, motion: tuple[Array, Array, Array]
+    kind: str, system: object, timepts: ArrayLike | float | None, inputs: Signals, outputs: Signals
 ) -> TimeResponse:
-    """Return the free motion ``C A^k X`` of a system that starts with the columns of ``X``."""
-    A, X, C = motion
-    time = _instants(system, timepts)
-    count = len(time)
+    """Return the free motion of a system and of its inputs, which are states too: they stay, or last for one sample."""
+    given = matrices(system, inputs, outputs)
+    L = given if given.dt else motion_coordinates(given)[0]
+    time = _instants(given, timepts)
+    (n, m), count, unit = L.B.shape, len(time), np.eye(L.B.shape[1])
+    A = blocks([[L.A, L.B], [np.zeros((m, n)), unit if kind == "step" and L.dt else 0.0 * unit]])
+    if kind == "step" or L.dt:
+        X = np.vstack([0.0 * L.B, unit if kind == "step" else unit / L.dt])
+    else:
+        X = np.vstack([L.B, 0.0 * unit])
     with np.errstate(over="ignore", invalid="ignore"):
-        Phi = A if system.dt else np.eye(len(A)) + matrix_expm1(A * (time[1] - time[0]))
-        n = len(system.A)
+        Phi = A if L.dt else np.eye(n + m) + matrix_expm1(A * (time[1] - time[0]))
         radius = np.abs(np.linalg.eigvals(Phi[:n, :n])).max(initial=0.0) if np.isfinite(Phi).all() else np.inf
-        if radius**count > _GROWN and (sides(system.poles, system.dt) < 0).all():
+        if radius**count > _GROWN and (sides(given.poles, given.dt) < 0).all():
             raise ArithmeticError(
                 "system: rounding of its entries makes its response grow although all poles are stable. Use another"
                 " realization, such as a modal one."
             )
-        seen, power = observability(Phi, C, min(BLOCK, count))
-        blocks = []
+        seen, power = observability(Phi, np.hstack([L.C, L.D]), min(BLOCK, count))
+        parts = []
         for _ in range(-(-count // len(seen))):
-            blocks.append(seen @ X)
+            parts.append(seen @ X)
             X = power @ X
-        values = np.concatenate(blocks)[:count].transpose(1, 2, 0)
+        values = np.concatenate(parts)[:count].transpose(1, 2, 0)
     if not np.isfinite(values).all():
         raise ValueError(f"system: its outputs grow beyond all numbers within {time[-1]:g} s; it is unstable")
-    return TimeResponse(kind, time, values, system.input_labels, system.output_labels, system.dt, system)
+    return TimeResponse(kind, time, values, given.input_labels, given.output_labels, given.dt, given)
 
 
 def _instants(system: Lti, timepts: ArrayLike | float | None) -> Array:
@@ -260,8 +244,7 @@ def _instants(system: Lti, timepts: ArrayLike | float | None) -> Array:
     no_signals("timepts", timepts, "instants [s]")
     if timepts is None or plain_array("timepts", timepts).ndim == 0:
         span, width = _shown(system)
-        if timepts is not None:
-            span = positive("timepts", timepts)
+        span = span if timepts is None else positive("timepts", timepts)
         if system.dt:
             return system.dt * np.arange(max(2, 1 + min(int(np.ceil(span / system.dt - ALIKE)), _MOST)))
         return np.linspace(0.0, span, 1 + int(np.clip(np.ceil(span / width), _FEWEST, _MOST)))
