@@ -12,7 +12,6 @@ from numpy.typing import ArrayLike
 from boomctl.arrays import Array
 from boomctl.checks import frequencies, known, names, warn_user
 from boomctl.exceptions import FeedbackSignWarning
-from boomctl.lti.bilinear import continuous_image
 from boomctl.lti.modal import sides
 from boomctl.lti.sampled import sampled_plant, time_of_loop
 from boomctl.lti.system import Lti, check_scales, controller_of, is_frequency_response, lower_lft, of
@@ -121,33 +120,18 @@ def joined(
     if dt:
         P = sampled_plant(P, acting, dt, [late] * len(acting))
     others = [i for i in range(len(P.input_labels)) if i not in acting]
-    m, p, outputs = len(acting), len(measured), len(P.C)
-    driven, between = P.D[:, acting], P.D[np.ix_(measured, acting)]
-    read = np.hstack([P.D[np.ix_(measured, others)], between, np.eye(p), between])
-    D = np.vstack(
-        [
-            np.hstack([P.D[:, others], driven, np.zeros((outputs, p)), driven]),
-            np.hstack([np.zeros((m, len(others))), np.eye(m), np.zeros((m, p)), np.eye(m)]),
-            read,
-            read,
-        ]
-    )
-    B = np.hstack([P.B[:, others], P.B[:, acting], np.zeros((len(P.A), p)), P.B[:, acting]])
-    C = np.vstack([P.C, np.zeros((m, len(P.A))), P.C[measured], P.C[measured]])
     disturbances = tuple(P.input_labels[i] for i in others)
+    first, m, p, size = len(others), len(acting), len(measured), len(P.C)
+    unit, rows = np.eye(P.B.shape[1])[:, [*others, *acting]], np.eye(size)
+    into = np.hstack([unit, np.zeros((len(unit), p)), unit[:, first:]])
+    out_of = np.vstack([rows, np.zeros((m, size)), rows[measured], rows[measured]])
+    D = out_of @ P.D @ into
+    D[size : size + m, first : first + m] = D[size : size + m, first + m + p :] = np.eye(m)
+    D[size + m :, first + m : first + m + p] = np.tile(np.eye(p), (2, 1))
     inputs = (*disturbances, *map(injected, K.output_labels + K.input_labels), *K.output_labels)
+    outputs = P.output_labels + K.output_labels + K.input_labels + K.input_labels
     scales = P.scales and {**P.scales, **{injected(name): value for name, value in P.scales.items()}}
-    open_loop = Lti(
-        P.A,
-        B,
-        C,
-        D,
-        inputs,
-        P.output_labels + K.output_labels + K.input_labels + K.input_labels,
-        P.state_labels,
-        dt,
-        scales,
-    )
+    open_loop = Lti(P.A, P.B @ into, out_of @ P.C, D, inputs, outputs, P.state_labels, dt, scales)
     return Loop(disturbances, K.output_labels, K.input_labels, P.output_labels, lower_lft(open_loop, K))
 
 
@@ -164,19 +148,6 @@ def warn_of_sign(advice: str) -> None:
     """Issue the advice on the sign of a controller, if any, as a warning."""
     if advice:
         warn_user(f"The loop is unstable. {advice}", FeedbackSignWarning)
-
-
-def unsampled(P: Lti, K: Lti) -> Loop | None:
-    """Return the continuous loop of which a sampled one is left: with the controller whose Tustin discretisation ``K`` is.
-
-    None where there is none: a discrete plant, a pole of the controller at ``z = -1``, a loop that is not well-posed.
-    """
-    if P.dt != 0.0:
-        return None
-    try:
-        return joined(P, continuous_image(K))
-    except ValueError:
-        return None
 
 
 def signals_of(

@@ -106,30 +106,6 @@ class NyquistStability:
         return f"NyquistStability: {verdict}\n  {near}\n  {beyond}; {self.nfev} frequencies asked"
 
 
-@dataclass(frozen=True)
-class _LoopGain:
-    """``L = G K``, from frequencies to a stack of matrices (frequency first)."""
-
-    plant: Callable[[Array], control.FrequencyResponseData]
-    controller: Lti
-
-    def parts(self, omega: Array) -> tuple[Array, Array]:
-        data = named_response(self.plant, omega)
-        i, o = signals_of(self.controller, data.input_labels, data.output_labels)
-        G = np.asarray(data.frdata)[np.ix_(o, i)]
-        return G.transpose(2, 0, 1), self.controller.response(omega).transpose(2, 0, 1)
-
-    def difference(self, omega: Array) -> Array:
-        """Return ``I - G K``."""
-        G, K = self.parts(omega)
-        return np.eye(G.shape[1]) - G @ K
-
-    def size(self, omega: Array) -> Array:
-        """Return the largest singular value of ``K G``, whose units are those of the controls."""
-        G, K = self.parts(omega)
-        return np.min([singular_values(L.transpose(1, 2, 0))[0] for L in (K @ G, G @ K)], axis=0)
-
-
 @one_blas_thread
 def nyquist_stability(
     plant: Callable[[Array], control.FrequencyResponseData],
@@ -188,16 +164,20 @@ def nyquist_stability(
     own, side = K.poles, side_of_axis(K.poles)
     if (side == 0).any():
         raise ValueError("controller: expected no pole on the imaginary axis (an integrator, an undamped mode)")
-    gain = _LoopGain(plant, K)
     near: Array = np.concatenate([_estimates(plant_poles), own])
     near = near[np.abs(near) > 0.0]
-    near = np.where(near.imag < 0.0, near.conj(), near)
-    reach = float(np.abs(near).max(initial=1.0))
+    near = near.real + 1j * np.abs(near.imag)
     if gain_bound is not None:
         function_of("gain_bound", gain_bound, "the frequency")
-    end = _top(gain, K, 2.0 * reach if omega_max is None else positive("omega_max", omega_max), gain_bound)
+    start = 2.0 * float(np.abs(near).max(initial=1.0)) if omega_max is None else positive("omega_max", omega_max)
+    end = _end(plant, K, start, gain_bound)
     low = float(np.abs(near).min(initial=1.0)) / BEYOND
-    omega, values = followed(gain.difference, Resonances(near, low, end).curve([0.0, end]), limit)
+
+    def difference(omega: Array) -> Array:
+        G, gain = _gains(plant, K, omega)
+        return np.eye(G.shape[1]) - G @ gain
+
+    omega, values = followed(difference, Resonances(near, low, end).curve([0.0, end]), limit)
     determinants = np.linalg.det(values)
     turned = float(np.angle(determinants[1:] / determinants[:-1]).sum())
     rest = float(np.angle(np.linalg.eigvals(values[-1])).sum())
@@ -229,28 +209,36 @@ def _estimates(poles: ArrayLike) -> Array:
     array = np.atleast_1d(plain_array("plant_poles", poles))
     if array.dtype.kind not in "iufc" or array.ndim != 1:
         raise TypeError(f"plant_poles: expected numbers in one dimension, got shape {array.shape} of {array.dtype}")
-    if not np.isfinite(array).all():
-        raise ValueError(f"plant_poles: expected finite numbers, got {array[~np.isfinite(array)][0]}")
     if array.size:
-        frequencies("sizes of poles", np.abs(array))
+        frequencies("sizes of plant_poles", np.abs(array))
     return array.astype(complex)
 
 
-def _top(gain: _LoopGain, K: Lti, start: float, bound: Callable[[float], float] | None) -> float:
+def _gains(plant: Callable[[Array], control.FrequencyResponseData], K: Lti, omega: Array) -> tuple[Array, Array]:
+    """Return the responses ``G`` and ``K`` between the controller's signals, stacks (frequency first)."""
+    data = named_response(plant, omega)
+    acting, measured = signals_of(K, data.input_labels, data.output_labels)
+    return np.asarray(data.frdata)[np.ix_(measured, acting)].transpose(2, 0, 1), K.response(omega).transpose(2, 0, 1)
+
+
+def _end(
+    plant: Callable[[Array], control.FrequencyResponseData],
+    controller: Lti,
+    start: float,
+    bound: Callable[[float], float] | None,
+) -> float:
     """Return a frequency beyond which the loop gain stays below one."""
-    end = start
-    for _ in range(_TRIES):
-        ahead = end * np.logspace(0.0, _DECADES, CURVE)
+    for end in (start * _WIDER ** np.arange(_TRIES)).tolist():
         if bound is None:
-            small = bool((gain.size(ahead) < _SMALL).all())
+            G, K = _gains(plant, controller, end * np.logspace(0.0, _DECADES, CURVE))
+            # in the units of the controls, or in those of the measurements
+            small = (np.minimum(*(np.linalg.norm(L, 2, axis=(1, 2)) for L in (K @ G, G @ K))) < _SMALL).all()
         else:
-            far = end * np.logspace(0.0, _FAR, 4 * CURVE)
-            peak = float(singular_values(K.response(far))[0].max())
-            small = nonnegative("plant_bound(top)", bound(end)) * peak * _SAFE < 1.0
+            peak = float(singular_values(controller.response(end * np.logspace(0.0, _FAR, 4 * CURVE)))[0].max())
+            small = nonnegative("gain_bound(omega)", bound(end)) * peak * _SAFE < 1.0
         if small:
-            return float(end)
-        end *= _WIDER
-    raise ValueError("the loop gain does not fall below one: give plant_bound, or let the controller roll off")
+            return end
+    raise ValueError("the loop gain does not fall below one: give `gain_bound`, or let the controller roll off")
 
 
 def followed(difference: Callable[[Array], Array], grid: Array, limit: int) -> tuple[Array, Array]:
@@ -268,14 +256,9 @@ def followed(difference: Callable[[Array], Array], grid: Array, limit: int) -> t
         a, b, m = (np.linalg.det(x) for x in (values[open_], values[open_ + 1], result))
         if (np.abs(m) == 0.0).any():
             break
-        small = (
-            (np.abs(np.angle(m / a)) < _STEP) & (np.abs(np.angle(b / m)) < _STEP) & (np.abs(np.angle(b / a)) < _STEP)
-        )
-        straight = np.abs(m - 0.5 * (a + b)) < _STRAIGHT * np.minimum(np.abs(a), np.abs(b))
-        fine = small & straight
+        fine = np.abs(m - 0.5 * (a + b)) < _STRAIGHT * np.minimum(np.abs(a), np.abs(b))
+        fine &= (np.abs(np.angle([m / a, b / m, b / a])) < _STEP).all(axis=0)
         omega, values = np.insert(omega, open_ + 1, middle), np.insert(values, open_ + 1, result, axis=0)
-        halves = np.repeat(settled, np.where(settled, 1, 2))
-        places = open_ + np.arange(len(open_))
-        halves[places], halves[places + 1] = fine, fine
-        settled = halves
+        settled[open_] = fine
+        settled = np.insert(settled, open_ + 1, fine)
     raise ArithmeticError("the loop's phase could not be followed: it has a pole on the imaginary axis, or close to it")
