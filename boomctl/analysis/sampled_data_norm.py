@@ -317,44 +317,29 @@ class SampledLoop:
 
         In a part they are ``c + sqrt(3) s d``, ``s`` from -1 to 1, of the energy ``|c|^2 + |d|^2`` times its length.
         """
-        m, n, ends, nw = len(self.controller.C), len(self.plant.A), *self.parts[0][1].B.shape
-        pieces: list[tuple[float, int]] = []
-        for place, (duration, _) in enumerate(self.parts):
-            count = int(np.ceil(parts * duration / self.controller.dt))
-            pieces += [(duration / count, place)] * count
-        size = ends + 2 * nw * len(pieces)
+        m, n, (ends, nw) = len(self.controller.C), len(self.plant.A), self.parts[0][1].B.shape
+        counts = [int(np.ceil(parts * duration / self.controller.dt)) for duration, _ in self.parts]
+        size, own = ends + 2 * nw * sum(counts), ends
         reach, energy = (
             np.eye(ends, size),
             np.zeros((size, size)),
         )  # of what there is at the sample, and all parts' c, d
-        known: dict[tuple[float, int], tuple[Array, Array]] = {}
-        for k, (length, place) in enumerate(pieces):
-            if (length, place) not in known:
-                # the states of the part, the disturbance, and its slope
-                part = self.parts[place][1]
-                F, C = (
-                    np.zeros((ends + 2 * nw, ends + 2 * nw)),
-                    np.hstack([part.C, part.D, np.zeros((len(part.C), nw))]),
-                )
-                F[:ends, : ends + nw] = np.hstack([part.A, part.B])
-                F[ends : ends + nw, ends + nw :] = np.eye(nw) / length
-                known[length, place] = _moved_and_energy(F, C, length)
-            moved, gramian = known[length, place]
-            here = np.zeros((ends + 2 * nw, size))
-            own = ends + 2 * nw * k
-            unit = np.eye(nw) / np.sqrt(length)
-            here[:ends] = reach
-            here[ends : ends + nw, own : own + nw], here[ends : ends + nw, own + nw : own + 2 * nw] = (
-                unit,
-                -np.sqrt(3.0) * unit,
-            )
-            here[ends + nw :, own + nw : own + 2 * nw] = 2.0 * np.sqrt(3.0) * unit
-            energy += here.T @ gramian @ here
-            reach = (moved @ here)[:ends]
-        inputs = size - ends
+        none, unit = np.zeros((nw, ends)), np.eye(nw)
+        for (duration, part), count in zip(self.parts, counts, strict=True):
+            h = duration / count
+            # the states of the part, the disturbance, and its slope; these at the beginning, of c and d
+            F = blocks([[part.A, part.B, none.T], [none, 0.0 * unit, unit / h], [none, 0.0 * unit, 0.0 * unit]])
+            moved, gramian = _moved_and_energy(F, np.hstack([part.C, part.D, 0.0 * part.D]), h)
+            begun = linalg.block_diag(np.eye(ends), np.kron([[1.0, -(3.0**0.5)], [0.0, 2.0 * 3.0**0.5]], unit) / h**0.5)
+            moved, gramian = moved[:ends] @ begun, begun.T @ gramian @ begun
+            for _ in range(count):
+                here = np.vstack([reach, np.eye(2 * nw, size, own)])
+                energy += here.T @ gramian @ here
+                reach, own = moved @ here, own + 2 * nw
         closed = self._closed(self.queue.A, self.queue.B[:, -m:], reach[:n, ends:], np.eye(ends))
         start = closed.balanced().response(omega, quiet=True).transpose(2, 0, 1)
-        whole = np.concatenate([start, np.broadcast_to(np.eye(inputs), (len(omega), inputs, inputs))], axis=1)
+        inputs = np.broadcast_to(np.eye(size - ends), (len(omega), size - ends, size - ends))
+        whole = np.concatenate([start, inputs], axis=1)
         values = np.linalg.eigvalsh(whole.conj().swapaxes(1, 2) @ energy @ whole)[:, -1]
         return np.sqrt(np.maximum(values, 0.0))
 

@@ -247,10 +247,9 @@ def _of_system(given: Any, asked: AskedSystem, curve: SigmaResult) -> dict[str, 
 def _of_kind(kind: str, parts: tuple[Any, ...]) -> Any:
     """Return the first part that a picture of a kind is drawn of; None without one."""
     for part in parts:
-        if kind == TIME and isinstance(part, TimeSeries):
-            return {**part._outputs(), **part._inputs()}, part.time
-        if kind == TIME and isinstance(getattr(part, "run", None), TimeSeries):
-            return {**part.run._outputs(), **part.run._inputs()}, part.run.time
+        run = getattr(part, "run", part)
+        if kind == TIME and isinstance(run, TimeSeries):
+            return {**run._outputs(), **run._inputs()}, run.time
         if kind == FREQUENCY and hasattr(part, "sigma"):
             return part if hasattr(part, "omega") else part.sigma
         if kind == MARGINS and isinstance(part, Margins):
