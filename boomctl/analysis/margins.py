@@ -557,8 +557,8 @@ def _loop_margin(signal: str, place: str, S: Lti, rounding: float, further: tupl
     ``further`` is the delay margin of a sampled loop around a continuous plant, and its frequency.
     """
     image, dt = continuous_image(S), S.dt
-    d = float(S.D[0, 0] if dt == 0.0 else image.D[0, 0])
-    last = 1.0 - 1.0 / d if abs(d) > SUMMED else inf  # L at infinite frequency of the image
+    gain = opened(image)
+    last = inf if gain is None else float(gain.D[0, 0])  # at infinite frequency of the image
 
     def respond(omega: Array) -> Array:
         return S.response(omega_of_image(omega, dt), quiet=True)[0, 0]
