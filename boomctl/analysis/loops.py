@@ -40,6 +40,8 @@ class Loop:
         From the disturbances, the signal injected at each control, and the signal injected at each measurement, to the
         plant's outputs, the controls as the plant feels them, and the measurements as the controller reads them.  Plant
         states come first, then the controller's.  In discrete time where the controller is.
+    plant, controller : Lti
+        From the controls to the measurements, sampled where the controller is; from these to those.
     """
 
     disturbances: tuple[str, ...]
@@ -47,6 +49,8 @@ class Loop:
     measurements: tuple[str, ...]
     outputs: tuple[str, ...]
     system: Lti
+    plant: Lti
+    controller: Lti
 
     __repr__ = compact
 
@@ -132,7 +136,8 @@ def joined(
     outputs = P.output_labels + K.output_labels + K.input_labels + K.input_labels
     scales = P.scales and {**P.scales, **{injected(name): value for name, value in P.scales.items()}}
     open_loop = Lti(P.A, P.B @ into, out_of @ P.C, D, inputs, outputs, P.state_labels, dt, scales)
-    return Loop(disturbances, K.output_labels, K.input_labels, P.output_labels, lower_lft(open_loop, K))
+    closed, plant = lower_lft(open_loop, K), P.between(acting, measured)
+    return Loop(disturbances, K.output_labels, K.input_labels, P.output_labels, closed, plant, K)
 
 
 def sign_advice(plant: Lti, controller: Lti, delay: float) -> str:

@@ -21,7 +21,7 @@ import numpy as np
 from boomctl.analysis.claim import Claim
 from boomctl.analysis.crossings import real_crossings, unit_crossings
 from boomctl.analysis.further_delay import least_further_delay
-from boomctl.analysis.loops import joined, sign_advice, signals_of
+from boomctl.analysis.loops import joined, sign_advice
 from boomctl.analysis.norm import NormBounds, least_damped, matrices_norm, rounding_of
 from boomctl.arrays import Array
 from boomctl.checks import known, warn_user
@@ -398,10 +398,8 @@ def margins(
         if costs:
             said = f"sampling every {dt:g} s with a delay of {delay:g} s takes the disk margin {', and '.join(costs)}"
             warn_user(said, MarginLossWarning)
-    handed: tuple[Lti, Lti | None] = loop.system, None
-    if P.dt == K.dt and not delay:
-        handed = P.between(*signals_of(K, P.input_labels, P.output_labels, P.state_labels, P.scales)), K
-    return Margins(tuple(loops), *disks, handed)
+    handed = (loop.plant, K) if P.dt == K.dt and not delay else (loop.system, None)
+    return Margins(tuple(loops), disks[0], disks[1], disks[2], handed)
 
 
 def _of_continuous(P: Lti, K: Lti) -> list[DiskMargin]:
