@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from boomctl.arrays import Array
-from boomctl.checks import frequencies, known, names, warn_user
+from boomctl.checks import frequencies, function_of, known, names, warn_user
 from boomctl.exceptions import FeedbackSignWarning
 from boomctl.lti.modal import sides
 from boomctl.lti.sampled import sampled_plant, time_of_loop
@@ -330,19 +330,17 @@ def named_response(
     omega: ArrayLike | None,
 ) -> control.FrequencyResponseData:
     """Return the frequency response of a plant, whether it is data or a function of frequency; refused if not finite."""
+    data: Any = plant
     if is_frequency_response(plant):
         if omega is not None:
             raise ValueError("omega: frequency response data have their own frequencies; leave it out")
-        data: Any = plant
-    elif callable(plant):
+    else:
+        ask = function_of("plant", plant, "the frequency, or FrequencyResponseData")
         if omega is None:
             raise ValueError("omega: expected frequencies at which to ask the plant's response")
-        data = plant(frequencies("omega", omega))
+        data = ask(frequencies("omega", omega))
         if not is_frequency_response(data):
             raise TypeError(f"plant: expected a function that returns FrequencyResponseData, got {type(data).__name__}")
-    else:
-        kind = type(plant).__name__
-        raise TypeError(f"plant: expected FrequencyResponseData or a function of frequency, got {kind}")
     if not np.isfinite(np.asarray(data.frdata)).all():
         raise ValueError("plant: expected a finite frequency response")
     return data
