@@ -142,7 +142,7 @@ def wrapped(name: str, words: Iterable[str]) -> str:
 
 
 def table_text(rows: Sequence[Sequence[str]], gap: str = "  ", first: int = 0) -> str:
-    """Return a table as lines: the first column, of at least ``first`` letters, to the left, all others to the right."""
+    """Return a table as text, the first column, of at least ``first`` letters, left-aligned, the others right-aligned."""
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     widths[0] = max(widths[0], first)
     lines = ([name.ljust(widths[0]), *map(str.rjust, cells, widths[1:])] for name, *cells in rows)

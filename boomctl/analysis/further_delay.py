@@ -29,7 +29,7 @@ _SAMPLES = 1000  # whole samples after the first crossing at which poles outside
 
 
 def least_further_delay(plant: Lti, controller: Lti, delay: float, place: int) -> tuple[float, float]:
-    """Return the least further delay [s] that makes a loop unstable, and its frequency [rad/s]; ``inf`` and NaN without.
+    """Compute the least further delay [s] that makes a loop unstable, and its frequency [rad/s]; ``inf`` and NaN without.
 
     Parameters
     ----------

@@ -43,8 +43,8 @@ _BESIDE = 0.1  # share of it beside an undamped mode that is not drawn: half of 
 
 
 @dataclass(frozen=True)
-class AskedSystem:
-    """A system between signals, and the frequencies at which it is asked.
+class SelectedSystem:
+    """A system between selected signals, and the frequencies of its curves.
 
     Attributes
     ----------
@@ -53,7 +53,7 @@ class AskedSystem:
     omega : (n,) ndarray or None
         Angular frequencies [rad/s], those of the data themselves; None for those that show the system.
     unit : str
-        Unit in which the frequencies were asked for, "Hz" where none were.
+        Unit in which the frequencies were given, "Hz" without any.
     """
 
     chosen: Any
@@ -61,8 +61,8 @@ class AskedSystem:
     unit: str = "Hz"
 
     @classmethod
-    def of(cls, system: Any, omega: Any, frequency_hz: Any, inputs: Signals, outputs: Signals) -> AskedSystem:
-        """Return a system, asked at frequencies in rad/s, in Hz, or at those that show it.
+    def of(cls, system: Any, omega: Any, frequency_hz: Any, inputs: Signals, outputs: Signals) -> SelectedSystem:
+        """Select signals, and check frequencies in rad/s or Hz.
 
         Raises
         ------
@@ -80,7 +80,7 @@ class AskedSystem:
                 raise ValueError("omega: frequency response data have their own frequencies; leave it out")
             ins, outs = names("input", inputs, system.input_labels), names("output", outputs, system.output_labels)
             result = cls(system[list(outs), list(ins)], np.asarray(system.omega, dtype=float))
-            _ = result.norm  # refuses data that are not finite
+            _ = result.norm  # raises for data that are not finite
             return result
         chosen = between_signals(system, inputs, outputs)
         if grid is None:
@@ -93,7 +93,7 @@ class AskedSystem:
 
     @cached_property
     def split(self) -> SplitModel:
-        """A structure, seen through its halves."""
+        """The structure with its halves."""
         return SplitModel.of(self.chosen)
 
     @property
@@ -133,7 +133,7 @@ class AskedSystem:
 
     @property
     def unstable(self) -> bool | None:
-        """Whether the system has an unstable pole; None where only the norm tells: of data, of a model too large to print."""
+        """Whether the system has an unstable pole; None if only its norm can tell, as of data or of a large model."""
         given = self.chosen
         if "norm" in self.__dict__:
             return self.norm.method == UNSTABLE
@@ -193,7 +193,7 @@ class SigmaResult:
     sigma: Array
     input_labels: tuple[str, ...]
     output_labels: tuple[str, ...]
-    _of: AskedSystem
+    _of: SelectedSystem
     frequency_unit: str = "Hz"
     magnitude_unit: str = ""
 
@@ -316,41 +316,42 @@ def sigma(
     >>> round(float(found.peak)), bool(found.certified)
     (2473, True)
     """
-    return curves_of({"system": AskedSystem.of(system, omega, frequency_hz, inputs, outputs)})["system"]
+    return curves_of({"system": SelectedSystem.of(system, omega, frequency_hz, inputs, outputs)})["system"]
 
 
-def curves_of(systems: Mapping[_Key, AskedSystem]) -> dict[_Key, SigmaResult]:
-    """Return the singular values of each system, those that name no frequencies at the same ones, which show all."""
-    shown = [asked for asked in systems.values() if asked.omega is None]
+def curves_of(systems: Mapping[_Key, SelectedSystem]) -> dict[_Key, SigmaResult]:
+    """Compute the singular values of systems, at common frequencies where none are given."""
+    shown = [selected for selected in systems.values() if selected.omega is None]
     grid = _common_grid(shown) if shown else np.zeros(0)
     result = {}
-    for name, asked in systems.items():
-        omega = grid if asked.omega is None else asked.omega
-        values = finite(omega, asked.singular_values(omega, quiet=asked.omega is None))
-        units = getattr(asked.chosen, "units", None)
-        unit = "" if units is None else gain_unit(units, *asked.labels)
-        result[name] = SigmaResult(omega, values, *asked.labels, asked, asked.unit, unit)
+    for name, selected in systems.items():
+        omega = grid if selected.omega is None else selected.omega
+        values = finite(omega, selected.singular_values(omega, quiet=selected.omega is None))
+        units = getattr(selected.chosen, "units", None)
+        unit = "" if units is None else gain_unit(units, *selected.labels)
+        result[name] = SigmaResult(omega, values, *selected.labels, selected, selected.unit, unit)
     return result
 
 
-def _common_grid(systems: Sequence[AskedSystem]) -> Array:
-    """Return frequencies that show the resonances and peaks of all systems, as far as all of them have these."""
+def _common_grid(systems: Sequence[SelectedSystem]) -> Array:
+    """Return frequencies up to the lowest Nyquist frequency that show the resonances and peaks of all systems."""
     with computing("singular values"):
         tell("verified peak")
-        peaks = [asked.norm.peak_omega for asked in systems]
+        peaks = [selected.norm.peak_omega for selected in systems]
         tell("resonances")
-        bands = [asked.resonances() for asked in systems]
+        bands = [selected.resonances() for selected in systems]
         low, high = min(band.low for band in bands), max(band.high for band in bands)
         poles = [
-            a.resonances(high).poles if band.high < high else band.poles for a, band in zip(systems, bands, strict=True)
+            band.poles if band.high == high else selected.resonances(high).poles
+            for selected, band in zip(systems, bands, strict=True)
         ]
         grid = drawn_grid(Resonances(np.concatenate(poles), low, high), peaks)
         tell(f"{len(grid)} frequencies")
-    return grid[grid <= min(_nyquist(asked.chosen) for asked in systems)]
+    return grid[grid <= min(_nyquist(selected.chosen) for selected in systems)]
 
 
 def finite(omega: Array, values: Array) -> Array:
-    """Return values over frequency; those that are not finite are refused."""
+    """Return values over frequency; raise ``ValueError`` if one is not finite."""
     bad = ~np.isfinite(values).all(axis=tuple(range(values.ndim - 1)))
     if bad.any():
         raise ValueError(
@@ -463,17 +464,17 @@ def compare_sigma(
     mapping("systems", systems, "systems by name")
     if not systems:
         raise ValueError("systems: expected at least one")
-    asked: dict[str, AskedSystem] = {}
+    selected: dict[str, SelectedSystem] = {}
     for name, system in systems.items():
         where = (None, None) if is_frequency_response(system) else (omega, frequency_hz)
         with naming(f"systems[{name!r}]"):
-            asked[name] = AskedSystem.of(system, *where, inputs, outputs)
-    return SigmaComparison(curves_of(asked))
+            selected[name] = SelectedSystem.of(system, *where, inputs, outputs)
+    return SigmaComparison(curves_of(selected))
 
 
 @contextmanager
 def naming(place: str) -> Iterator[None]:
-    """Say in an error of which system it is."""
+    """Prefix the message of an error with a place."""
     try:
         yield
     except (TypeError, ValueError) as error:

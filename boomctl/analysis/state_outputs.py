@@ -84,9 +84,12 @@ def _with_state_outputs(plant: Lti) -> Lti:
 
 
 def _joined(plant: Lti, outputs: tuple[str, ...], read: Array, states: Array) -> tuple[tuple[str, ...], Array]:
-    """Return outputs and what they read, its last but one axis, and behind them the states that are no outputs yet.
+    """Append states that are no outputs yet: return all names, and rows, the last but one axis, of what each reads.
 
-    An output of a state's name that reads something else is refused.
+    Raises
+    ------
+    ValueError
+        Two states of one name, or an output with the name of a state that it does not read.
     """
     labels, new = [label.replace(".", "_") for label in plant.state_labels], []
     for i, label in enumerate(labels):

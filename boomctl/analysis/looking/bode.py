@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from boomctl.analysis.looking.given import looked_at
-from boomctl.analysis.sigma import NO_SINES, AskedSystem, beside_undamped, drawn_grid, finite
+from boomctl.analysis.sigma import NO_SINES, SelectedSystem, beside_undamped, drawn_grid, finite
 from boomctl.arrays import Array
 from boomctl.checks import known
 from boomctl.lti.frequency import ABOVE, with_peaks
@@ -45,7 +45,7 @@ class BodeResult:
     input_labels: tuple[str, ...]
     output_labels: tuple[str, ...]
     frequency_unit: str = "Hz"
-    _of: AskedSystem | None = field(default=None, repr=False, compare=False)
+    _of: SelectedSystem | None = field(default=None, repr=False, compare=False)
 
     def __repr__(self) -> str:
         span = f"{len(self.omega)} frequencies, {self.omega[0]:.4g} to {self.omega[-1]:.4g} rad/s"
@@ -171,15 +171,15 @@ def bode(
             f"{name} = {value!r}: unknown to bode; bode(system).plot() draws, its magnitude on a logarithmic axis, and "
             f"bode(system).response.plot({name}={value!r}) is python-control's picture"
         )
-    asked = AskedSystem.of(looked_at(system), omega, frequency_hz, inputs, outputs)
-    grid = asked.omega
+    selected = SelectedSystem.of(looked_at(system), omega, frequency_hz, inputs, outputs)
+    grid = selected.omega
     if grid is not None:
-        values = asked.response(grid)
+        values = selected.response(grid)
     else:
-        band, peak = asked.resonances(), asked.norm.peak_omega
+        band, peak = selected.resonances(), selected.norm.peak_omega
         if band.high < ABOVE * peak < np.inf:
-            band = asked.resonances(ABOVE * peak)
+            band = selected.resonances(ABOVE * peak)
         grid, values = with_peaks(
-            lambda w: asked.response(w, quiet=True), drawn_grid(band, [peak]), lambda w: beside_undamped(band, w)
+            lambda w: selected.response(w, quiet=True), drawn_grid(band, [peak]), lambda w: beside_undamped(band, w)
         )
-    return BodeResult(grid, finite(grid, values), *asked.labels, asked.unit, asked)
+    return BodeResult(grid, finite(grid, values), *selected.labels, selected.unit, selected)

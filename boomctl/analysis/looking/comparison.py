@@ -18,7 +18,7 @@ import numpy as np
 from boomctl.analysis.h2 import h2_norm
 from boomctl.analysis.looking.given import EXPECTED, looked_at, matrices
 from boomctl.analysis.margins import Margins
-from boomctl.analysis.sigma import AskedSystem, SigmaResult, between_signals, curves_of, naming
+from boomctl.analysis.sigma import SelectedSystem, SigmaResult, between_signals, curves_of, naming
 from boomctl.checks import known, mapping, shown
 from boomctl.lti.modal import resolved
 from boomctl.lti.system import Lti
@@ -187,7 +187,7 @@ def compare(
     if not results:
         raise ValueError("results: expected at least one")
     parts: dict[str, tuple[Any, ...]] = {}
-    systems: dict[tuple[str, int], AskedSystem] = {}  # those that give no figures themselves, by their places
+    systems: dict[tuple[str, int], SelectedSystem] = {}  # those that give no figures themselves, by their places
     for name, given in results.items():
         if not isinstance(name, str):
             raise TypeError(f"name of a result = {shown(name)}: expected a string, got {type(name).__name__}")
@@ -198,7 +198,7 @@ def compare(
             if not hasattr(type(member), "__figures__"):
                 with naming(f"results[{name!r}]"):
                     chosen = between_signals(looked_at(member), inputs, outputs, EXPECTED)
-                    systems[name, k] = AskedSystem.of(chosen, omega, None, None, None)
+                    systems[name, k] = SelectedSystem.of(chosen, omega, None, None, None)
     _check_same_scales(systems.values())
     curves = curves_of(systems)
     values: dict[str, dict[str, float]] = {}
@@ -213,12 +213,12 @@ def compare(
     return Comparison(tuple(results), tuple(metrics), values, parts)
 
 
-def _check_same_scales(systems: Iterable[AskedSystem]) -> None:
+def _check_same_scales(systems: Iterable[SelectedSystem]) -> None:
     """Check that signals of one name have one scale in all systems."""
     scales: dict[str, float] = {}
-    for asked in systems:
-        own = getattr(asked.chosen, "scales", None) or {}
-        for label in chain(*asked.labels):
+    for selected in systems:
+        own = getattr(selected.chosen, "scales", None) or {}
+        for label in chain(*selected.labels):
             scale = own.get(label, 1.0)
             if scales.setdefault(label, scale) != scale:
                 raise ValueError(
@@ -227,11 +227,11 @@ def _check_same_scales(systems: Iterable[AskedSystem]) -> None:
                 )
 
 
-def _of_system(given: Any, asked: AskedSystem, curve: SigmaResult) -> dict[str, float]:
+def _of_system(given: Any, selected: SelectedSystem, curve: SigmaResult) -> dict[str, float]:
     """Return what a linear system has to show."""
     figures = {"H-infinity norm" + ("" if curve.verified else ", not verified"): curve.peak}
-    figures["H2 norm"] = h2_norm(asked.chosen).value
-    rates = matrices(asked.chosen).rates
+    figures["H2 norm"] = h2_norm(selected.chosen).value
+    rates = matrices(selected.chosen).rates
     rates = rates[np.isfinite(rates)]
     if len(rates):
         figures["slowest pole [rad/s]"] = float(rates.real.max())

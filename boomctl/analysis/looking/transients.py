@@ -16,7 +16,7 @@ from boomctl.arrays import Array, blocks
 from boomctl.checks import finite_array, known, no_signals, plain_array, positive
 from boomctl.lti.hold import BLOCK, matrix_expm1, motion_coordinates, observability
 from boomctl.lti.modal import partial_fractions, side_of_axis, sides
-from boomctl.lti.rounding import ALIKE, ROOT, TINY
+from boomctl.lti.rounding import ALIKE, ROOT
 from boomctl.lti.system import Lti
 from boomctl.printing import between
 from boomctl.threads import one_blas_thread
@@ -210,7 +210,7 @@ def impulse(
 def _moved(
     kind: str, system: object, timepts: ArrayLike | float | None, inputs: Signals, outputs: Signals
 ) -> TimeResponse:
-    """Return the free motion of a system and of its inputs, which are states too: they stay, or last for one sample."""
+    """Compute the free motion of a system whose inputs are states too: constant, or zero after one sample."""
     given = matrices(system, inputs, outputs)
     L = given if given.dt else motion_coordinates(given)[0]
     time = _instants(given, timepts)
@@ -264,23 +264,18 @@ def _shown(system: Lti) -> tuple[float, float]:
     rates = _seen(system)
     if not len(rates):
         return _LONG, _LONG / _FEWEST
-    side, decay, turning = side_of_axis(rates), np.abs(rates.real), np.abs(rates.imag)
-    swings = turning > decay
+    side, swings = side_of_axis(rates), np.abs(rates.imag) > np.abs(rates.real)
+    with np.errstate(divide="ignore"):
+        constants, periods = 1.0 / np.abs(rates.real), 2.0 * np.pi / np.abs(rates.imag)
     if (side > 0).any():
-        span = _EXPLODED / float(rates.real[side > 0].max())
+        span = _EXPLODED * constants[side > 0].min()
     else:
-        settled = _SETTLED / decay[side < 0].min(initial=np.inf)
-        creeping = _SETTLED / decay[(side < 0) & ~swings].min(initial=np.inf)
-        periods = 2.0 * np.pi * _PERIODS / turning[swings].min() if swings.any() else np.inf
-        span = float(min(settled if settled > 0.0 else np.inf, max(periods, creeping)))
+        settled, creeping = (constants[which].max(initial=0.0) for which in (side < 0, (side < 0) & ~swings))
+        slowest = periods[swings].max(initial=0.0)
+        span = min(_SETTLED * settled or np.inf, max(_PERIODS * slowest or np.inf, _SETTLED * creeping))
         if not swings.any() and (side == 0).any():  # what integrates goes on for good
             span = max(span if np.isfinite(span) else 0.0, _LONG / float(np.abs(rates).max() or 1.0))
-    width = min(
-        span / _FEWEST,
-        2.0 * np.pi / _PER_PERIOD / max(turning.max(), TINY),
-        1.0 / _PER_CONSTANT / max(decay.max(), TINY),
-    )
-    return float(span), float(width)
+    return float(span), float(min(span / _FEWEST, periods.min() / _PER_PERIOD, constants.min() / _PER_CONSTANT))
 
 
 def _seen(system: Lti) -> Array:
