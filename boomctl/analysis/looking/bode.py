@@ -125,7 +125,6 @@ def bode(
     outputs: str | Sequence[str] | None = None,
     *,
     frequency_hz: ArrayLike | None = None,
-    **style: Any,
 ) -> BodeResult:
     """Return size and phase of a system's responses over frequency.
 
@@ -144,8 +143,6 @@ def bode(
         Between which signals.  By default all; of a boom model, platform actuators and tips.
     frequency_hz : array_like, optional
         Frequencies in Hz, in place of ``omega``.
-    **style
-        None: what a picture looks like (python-control's ``dB=True``) is said to ``.plot()``.
 
     Returns
     -------
@@ -165,12 +162,6 @@ def bode(
     >>> round(float(found.magnitude.max())), round(bc.sigma(bc.spray_boom(), None, "actuator_left", "tip_left").peak)
     (1236, 1236)
     """
-    if style:
-        name, value = next(iter(style.items()))
-        raise TypeError(
-            f"{name} = {value!r}: unknown to bode; bode(system).plot() draws, its magnitude on a logarithmic axis, and "
-            f"bode(system).response.plot({name}={value!r}) is python-control's picture"
-        )
     selected = SelectedSystem.of(looked_at(system), omega, frequency_hz, inputs, outputs)
     grid = selected.omega
     if grid is not None:
