@@ -13,6 +13,7 @@ angle from sample to sample, leave outputs whose energy is a Gramian.  Whatever 
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import reduce
 from math import inf
 from typing import TYPE_CHECKING
 
@@ -144,14 +145,17 @@ class _Step:
     W: Array
     X: Array
 
-    def then(self, other: "_Step") -> "_Step | None":
-        """Return this step and another after it; None where the level can be reached within the two."""
+    def then(self, other: "_Step") -> "_Step":
+        """Return this step and another after it.
+
+        Raises
+        ------
+        LinAlgError
+            The level can be reached within the two.
+        """
         L = _root(self.W)
         inner = np.eye(L.shape[1]) - L.T @ other.X @ L
-        try:
-            factor = linalg.cho_factor(0.5 * (inner + inner.T))
-        except linalg.LinAlgError:
-            return None
+        factor = linalg.cho_factor(0.5 * (inner + inner.T))
         # x1 = (I - W1 X2)^-1 (Phi1 x + W1 Phi2^T p), with (I - W1 X2)^-1 = I + L inner^-1 L^T X2
         spread = L @ linalg.cho_solve(factor, L.T)
         reach = self.Phi + spread @ (other.X @ self.Phi)
@@ -166,12 +170,18 @@ def _root(matrix: Array) -> Array:
     return vectors * np.sqrt(np.maximum(values, 0.0))
 
 
-def _step(system: Lti, duration: float, level: float) -> _Step | None:
-    """Return what a system does in a while at a level; None where it can be reached within."""
+def _step(system: Lti, duration: float, level: float) -> _Step:
+    """Return what a system does in a while at a level.
+
+    Raises
+    ------
+    LinAlgError
+        The level can be reached within that time.
+    """
     A, B, C, D, n = system.A, system.B, system.C, system.D, len(system.A)
     direct = float(np.linalg.norm(D, 2))
     if direct >= level:
-        return None
+        raise linalg.LinAlgError("the level is reached at once")
     inverse = linalg.inv(np.eye(B.shape[1]) - D.T @ D / level**2)
     moved = A + B @ inverse @ D.T @ C / level**2
     weighed = C + D @ (inverse @ (D.T @ C)) / level**2
@@ -191,9 +201,9 @@ def _step(system: Lti, duration: float, level: float) -> _Step | None:
         E = E + term
     back = linalg.inv(E[n:, n:])
     W, X = E[:n, n:] @ back, -back @ E[n:, :n]
-    result: _Step | None = _Step(back.T, 0.5 * (W + W.T), 0.5 * (X + X.T))
+    result = _Step(back.T, 0.5 * (W + W.T), 0.5 * (X + X.T))
     for _ in range(count):
-        result = None if result is None else result.then(result)
+        result = result.then(result)
     return result
 
 
@@ -265,19 +275,16 @@ class SampledLoop:
         Its states are those of ``at_samples``.  Signals are in units in which the level is one.  Where the level can be
         gained within a sample there is no such loop; below the norm it need not be stable.
         """
-        n, total = len(self.plant.A), None
-        for duration, part in self.parts:
-            step = _step(part, duration, level)
-            total = step if total is None or step is None else total.then(step)
-            if total is None:
-                return NormBounds(inf, inf, 0.0, NOT_STABLE, verified=True)
-        assert total is not None
+        n, unstable = len(self.plant.A), NormBounds(inf, inf, 0.0, NOT_STABLE, verified=True)
+        try:
+            total = reduce(_Step.then, [_step(part, duration, level) for duration, part in self.parts])
+        except linalg.LinAlgError:  # reached within a sample
+            return unstable
         A, B = self.queue.A.copy(), self.queue.B[:, -len(self.controller.C) :].copy()
         A[:n], B[:n] = total.Phi[:n] @ self.from_states, total.Phi[:n] @ self.from_given
         result = self._closed(A, B, _root(total.W)[:n], _root(total.X).T)
-        if (sides(result.poles, self.controller.dt) >= 0).any():
-            return NormBounds(inf, inf, 0.0, NOT_STABLE, verified=True)
-        return matrices_norm(result.balanced())
+        is_stable = (sides(result.poles, self.controller.dt) < 0).all()
+        return matrices_norm(result.balanced()) if is_stable else unstable
 
     def norm(self) -> NormBounds:
         """Return the norm between two bounds: the largest gain that is reached, and a level just above it that is not."""
