@@ -11,9 +11,9 @@ The lower bound is found apart from that: disturbances that run along straight l
 angle from sample to sample, leave outputs whose energy is a Gramian.  Whatever the number of parts, the gain is reached.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import reduce
+from functools import cache, partial, reduce
 from math import inf
 from typing import TYPE_CHECKING
 
@@ -292,11 +292,11 @@ class SampledLoop:
         rates = rates[(np.abs(rates) <= top) & (np.abs(rates) > _SLOWEST * top)]
         low = min(np.abs(rates).min(initial=top), _LOWEST * top) / BEYOND
         grid = resonance_grid(rates[rates.imag > 0.0], low, top, points=SEARCHED, also=[0.0])
-        lower, omega = 0.0, 0.0
+        lower, omega, lifted = 0.0, 0.0, cache(self.lifted)
         for parts in _PARTS[:2]:
-            _, at = highest_peak(lambda omega, parts=parts: self.gain(omega, parts), grid)
+            _, at = highest_peak(partial(_gain, *lifted(parts)), grid)
             for _ in range(_MOVES):
-                lower, omega = max((lower, omega), (self._reached(at), at))
+                lower, omega = max((lower, omega), (_reached(lifted, at), at))
                 if lower == 0.0:
                     return NormBounds(0.0, 0.0, 0.0, "no disturbance shows", verified=True)
                 result, upper = self.of_level(lower * (1.0 + _ABOVE)), lower * (1.0 + _ABOVE)
@@ -310,27 +310,17 @@ class SampledLoop:
                 return NormBounds(lower, lower * (1.0 + above), omega, LIFTED)
         return NormBounds(lower, inf, omega, NOT_TOLD)
 
-    def _reached(self, omega: float) -> float:
-        """Return the largest gain that is reached at a frequency."""
-        best = 0.0
-        for parts in _PARTS:
-            before, best = best, max(best, float(self.gain(np.array([omega]), parts)[0]))
-            if best <= before * (1.0 + _WANTED):
-                break
-        return best
+    def lifted(self, parts: int) -> tuple[Lti, Array]:
+        """Return the loop for disturbances that are straight in each part of a sample, and the energy of its outputs.
 
-    def gain(self, omega: Array, parts: int) -> Array:
-        """Return the largest gains of disturbances that are straight in each part of a sample, and turn by ``omega dt``.
-
-        In a part they are ``c + sqrt(3) s d``, ``s`` from -1 to 1, of the energy ``|c|^2 + |d|^2`` times its length.
+        In a part the disturbances are ``c + sqrt(3) s d``, ``s`` from -1 to 1, of the energy ``|c|^2 + |d|^2`` times its
+        length.  The loop leads from all ``c`` and ``d`` to what there is at the sample; the energy is a form in both.
         """
         m, n, (ends, nw) = len(self.controller.C), len(self.plant.A), self.parts[0][1].B.shape
         counts = [int(np.ceil(parts * duration / self.controller.dt)) for duration, _ in self.parts]
         size, own = ends + 2 * nw * sum(counts), ends
-        reach, energy = (
-            np.eye(ends, size),
-            np.zeros((size, size)),
-        )  # of what there is at the sample, and all parts' c, d
+        # of what there is at the sample, and all parts' c, d
+        reach, energy = np.eye(ends, size), np.zeros((size, size))
         none, unit = np.zeros((nw, ends)), np.eye(nw)
         for (duration, part), count in zip(self.parts, counts, strict=True):
             h = duration / count
@@ -344,11 +334,25 @@ class SampledLoop:
                 energy += here.T @ gramian @ here
                 reach, own = moved @ here, own + 2 * nw
         closed = self._closed(self.queue.A, self.queue.B[:, -m:], reach[:n, ends:], np.eye(ends))
-        start = closed.balanced().response(omega, quiet=True).transpose(2, 0, 1)
-        inputs = np.broadcast_to(np.eye(size - ends), (len(omega), size - ends, size - ends))
-        whole = np.concatenate([start, inputs], axis=1)
-        values = np.linalg.eigvalsh(whole.conj().swapaxes(1, 2) @ energy @ whole)[:, -1]
-        return np.sqrt(np.maximum(values, 0.0))
+        return closed.balanced(), energy
+
+
+def _gain(lifted: Lti, energy: Array, omega: Array) -> Array:
+    """Return the largest gains of disturbances that turn by ``omega dt`` from sample to sample."""
+    start, size = lifted.response(omega, quiet=True).transpose(2, 0, 1), lifted.B.shape[1]
+    whole = np.concatenate([start, np.broadcast_to(np.eye(size), (len(omega), size, size))], axis=1)
+    values = np.linalg.eigvalsh(whole.conj().swapaxes(1, 2) @ energy @ whole)[:, -1]
+    return np.sqrt(np.maximum(values, 0.0))
+
+
+def _reached(lifted: Callable[[int], tuple[Lti, Array]], omega: float) -> float:
+    """Return the largest gain that is reached at a frequency."""
+    best = 0.0
+    for parts in _PARTS:
+        before, best = best, max(best, float(_gain(*lifted(parts), np.array([omega]))[0]))
+        if best <= before * (1.0 + _WANTED):
+            break
+    return best
 
 
 def _moved_and_energy(F: Array, C: Array, duration: float) -> tuple[Array, Array]:

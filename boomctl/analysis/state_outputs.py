@@ -68,7 +68,7 @@ def with_state_outputs(plant: Any) -> "control.StateSpace | AffineFamily | Polyn
         def wider(term: Any) -> Any:  # what states read stays
             if isinstance(term, tuple):
                 return term[0], wider(term[1])
-            return replace(term, L=np.pad(term.L, ((0, 0), (0, more), (0, 0)))) if term.L.ndim else term
+            return replace(term, L=np.pad(term.L, ((0, 0), (0, more), (0, 0))) if term.L.any() else np.zeros(()))
 
         return replace(plant, nominal=center, coefficients=tuple(map(wider, plant.coefficients)))
     given = of(plant, "plant", "SecondOrderModel, a family, StateSpace or TransferFunction", any_time=True)
