@@ -247,7 +247,7 @@ def _instants(system: Lti, timepts: ArrayLike | float | None) -> Array:
         span = span if timepts is None else positive("timepts", timepts)
         if system.dt:
             return system.dt * np.arange(max(2, 1 + min(int(np.ceil(span / system.dt - ALIKE)), _MOST)))
-        return np.linspace(0.0, span, 1 + int(np.clip(np.ceil(span / width), _FEWEST, _MOST)))
+        return np.linspace(0.0, span, 1 + int(np.clip(np.ceil(span / width - ALIKE), _FEWEST, _MOST)))
     time = finite_array("timepts", timepts, ndim=1)
     if len(time) < 2 or time[0] != 0.0:
         raise ValueError("timepts: expected two instants or more, from 0 on")
