@@ -22,9 +22,8 @@ _PARTS = 32  # of a sample: delays of the grid
 _BESIDE = 1e-6  # of a sample, beside a jump
 _FOUND = 1e-8  # relative width of the last bracket
 _HALVINGS = 40  # of a bracket at most
-_BESIDE_CROSSING = np.array(
-    [1.0 - 1e-6, 1.0, 1.0 + 1e-6]
-)  # relative change of a frequency over which the gain rises or falls
+# relative change of a frequency over which the gain rises or falls
+_BESIDE_CROSSING = np.array([1.0 - 1e-6, 1.0, 1.0 + 1e-6])
 _SAMPLES = 1000  # whole samples after the first crossing at which poles outside the circle are counted
 
 

@@ -34,9 +34,8 @@ _PER_CONSTANT = 10  # instants in its time constant (a choice)
 _SEEN = 1e-3  # share of the largest modal part of a response up to which one does not show (a choice)
 _GROWN = 2.0  # growth of a stable system within the time simulated, above which rounding decides its response
 _FEWEST, _MOST = 200, 20_000  # instants of a picture (a choice)
-_LONG = (
-    10.0  # fastest time constants, shown of a system that only integrates besides; seconds of one without (a choice)
-)
+# fastest time constants, shown of a system that only integrates besides; seconds of one without (a choice)
+_LONG = 10.0
 
 
 @dataclass(frozen=True)
