@@ -91,7 +91,7 @@ class SelectedSystem:
             raise ValueError(f"{name}: expected at most half the sampling rate, {said}")
         return cls(chosen, np.minimum(grid, top), unit)
 
-    @cached_property
+    @property
     def split(self) -> SplitModel:
         """The structure with its halves."""
         return SplitModel.of(self.chosen)
