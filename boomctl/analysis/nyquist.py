@@ -210,7 +210,7 @@ def _end(plant: Callable[[Array], control.FrequencyResponseData], controller: Lt
     for end in (start * _WIDER ** np.arange(_TRIES)).tolist():
         G, K = _gains(plant, controller, end * np.logspace(0.0, _DECADES, CURVE))
         # in the units of the controls, or in those of the measurements
-        sizes = np.minimum(*(np.linalg.norm(L, 2, axis=(1, 2)) for L in (K @ G, G @ K)))
+        sizes = np.minimum(*(singular_values(L.transpose(1, 2, 0))[0] for L in (K @ G, G @ K)))
         if (sizes < _SMALL).all():
             return end
     raise ValueError("the loop gain does not fall below one: let the controller roll off")
