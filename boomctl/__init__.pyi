@@ -12,7 +12,6 @@ from boomctl.analysis.looking.transients import impulse as impulse
 from boomctl.analysis.looking.transients import step as step
 from boomctl.analysis.loops import feedback_loop as feedback_loop
 from boomctl.analysis.margins import margins as margins
-from boomctl.analysis.measured import read_frequency_response as read_frequency_response
 from boomctl.analysis.model_norm import hinf_norm as hinf_norm
 from boomctl.analysis.modes import mode_table as mode_table
 from boomctl.analysis.prove import prove as prove
@@ -34,6 +33,7 @@ from boomctl.boom.tracks import bump_track as bump_track
 from boomctl.boom.tracks import iso_track as iso_track
 from boomctl.exchange.controller_files import read_controller as read_controller
 from boomctl.exchange.controller_files import write_controller as write_controller
+from boomctl.identification.files.frequency_response import read_frequency_response as read_frequency_response
 from boomctl.identification.fit import fit as fit
 from boomctl.identification.identify import identify as identify
 from boomctl.identification.response import estimate_frequency_response as estimate_frequency_response

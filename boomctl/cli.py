@@ -140,12 +140,12 @@ def sigma(asked: Namespace) -> dict[str, Any]:
     exact, elements = asked.discretization == "exact", 6 if asked.elements is None else asked.elements
     if exact and asked.elements is not None:
         raise ValueError(f"--elements {asked.elements}: leave it out; expected none for --discretization exact")
-    from boomctl.analysis.measured import read_frequency_response
     from boomctl.analysis.sigma import sigma as singular_values
     from boomctl.boom.factory import spray_boom
     from boomctl.boom.model import ACTUATORS, TIPS
     from boomctl.boom.parameters import BoomParameters
     from boomctl.checks import known
+    from boomctl.identification.files.frequency_response import read_frequency_response
 
     known("discretization", asked.discretization, _DISCRETIZATIONS)
     curve = read_frequency_response(asked.measured) if asked.measured else None
@@ -250,8 +250,8 @@ def reproduce(asked: Namespace) -> dict[str, Any]:
 
 def _boom_paper(asked: Namespace) -> Any:
     """Return the work for a paper, and the function that makes the report of its results."""
-    from boomctl.analysis.measured import read_frequency_response
     from boomctl.boom.parameters import BoomParameters
+    from boomctl.identification.files.frequency_response import read_frequency_response
     from boomctl.lab.papers.anthonis_ramon.report import jobs, report
 
     p = BoomParameters.from_toml(asked.parameters) if asked.parameters else None

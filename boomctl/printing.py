@@ -141,6 +141,14 @@ def wrapped(name: str, words: Iterable[str]) -> str:
     return "\n".join(textwrap.wrap(text, WIDTH, subsequent_indent="  ", break_long_words=False))
 
 
+def table_text(rows: Sequence[Sequence[str]], gap: str = "  ", first: int = 0) -> str:
+    """Return a table as text, the first column, of at least ``first`` letters, left-aligned, the others right-aligned."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    widths[0] = max(widths[0], first)
+    lines = ([name.ljust(widths[0]), *map(str.rjust, cells, widths[1:])] for name, *cells in rows)
+    return "\n".join(gap.join(line).rstrip() for line in lines)
+
+
 def table_html(caption: str, heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     """Return a table in HTML."""
     head = "".join(f"<th>{escape(cell)}</th>" for cell in heads)

@@ -127,7 +127,7 @@ BESIDE = {
     **dict.fromkeys(("step", "impulse"), lambda: {"timepts": _TIMES}),
     "bode": lambda: {"omega": [0.5, 2.0]},
     "sigma": lambda: {"omega": [0.5, 2.0], "frequency_hz": None},
-    "analysis.nyquist_stability": lambda: {"plant_poles": [-1.0], "omega_max": 50.0, "max_nfev": 200},
+    "analysis.nyquist_stability": lambda: {"plant_poles": [-1.0], "max_nfev": 200},
     "identify": lambda: {
         **dict(zip(("inputs", "outputs", "sample_time"), one.record(), strict=True)),
         "modes": 1,

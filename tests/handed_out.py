@@ -6,8 +6,8 @@ import control
 import numpy as np
 
 import boomctl as bc
-from boomctl.analysis import MeasuredFrequencyResponse
 from boomctl.exchange import ControllerMetadata
+from boomctl.identification import MeasuredFrequencyResponse
 from boomctl.slew import SlewComparison, SlewRow, SwitchingFunction
 from boomctl.structure import (
     GROUND,

@@ -24,7 +24,7 @@ _VAGUE = {"chance", "each", "path", "place", "share", "statement"}
 _NOUNS = {"assembly", "damping", "family", "foreshortening", "seed", "spacing", "speed", "to_string", "warning"}
 _ADJECTIVES = {
     "certified", "closely_spaced", "commanded", "completed", "converged", "decentralized", "elapsed", "error_std_estimated",
-    "fixed", "followed", "proved", "recovered", "reduced", "scaled", "tail_bounded", "verified",
+    "fixed", "followed", "proved", "recovered", "reduced", "scaled", "verified",
 }  # fmt: skip
 
 # where the models and results that users are handed are exported; their members are listed under the bare class name

@@ -24,8 +24,6 @@ from boomctl.analysis.margins import DiskMargin as DiskMargin
 from boomctl.analysis.margins import LoopMargin as LoopMargin
 from boomctl.analysis.margins import Margins as Margins
 from boomctl.analysis.margins import margins as margins
-from boomctl.analysis.measured import MeasuredFrequencyResponse as MeasuredFrequencyResponse
-from boomctl.analysis.measured import read_frequency_response as read_frequency_response
 from boomctl.analysis.model_norm import hinf_norm as hinf_norm
 from boomctl.analysis.modes import Mode as Mode
 from boomctl.analysis.modes import ModeTable as ModeTable

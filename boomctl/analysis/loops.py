@@ -10,9 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from boomctl.arrays import Array
-from boomctl.checks import frequencies, known, names, warn_user
+from boomctl.checks import frequencies, function_of, known, names, warn_user
 from boomctl.exceptions import FeedbackSignWarning
-from boomctl.lti.bilinear import continuous_image
 from boomctl.lti.modal import sides
 from boomctl.lti.sampled import sampled_plant, time_of_loop
 from boomctl.lti.system import Lti, check_scales, controller_of, is_frequency_response, lower_lft, of
@@ -41,6 +40,8 @@ class Loop:
         From the disturbances, the signal injected at each control, and the signal injected at each measurement, to the
         plant's outputs, the controls as the plant feels them, and the measurements as the controller reads them.  Plant
         states come first, then the controller's.  In discrete time where the controller is.
+    plant, controller : Lti
+        From the controls to the measurements, sampled where the controller is; from these to those.
     """
 
     disturbances: tuple[str, ...]
@@ -48,6 +49,8 @@ class Loop:
     measurements: tuple[str, ...]
     outputs: tuple[str, ...]
     system: Lti
+    plant: Lti
+    controller: Lti
 
     __repr__ = compact
 
@@ -121,34 +124,20 @@ def joined(
     if dt:
         P = sampled_plant(P, acting, dt, [late] * len(acting))
     others = [i for i in range(len(P.input_labels)) if i not in acting]
-    m, p, outputs = len(acting), len(measured), len(P.C)
-    driven, between = P.D[:, acting], P.D[np.ix_(measured, acting)]
-    read = np.hstack([P.D[np.ix_(measured, others)], between, np.eye(p), between])
-    D = np.vstack(
-        [
-            np.hstack([P.D[:, others], driven, np.zeros((outputs, p)), driven]),
-            np.hstack([np.zeros((m, len(others))), np.eye(m), np.zeros((m, p)), np.eye(m)]),
-            read,
-            read,
-        ]
-    )
-    B = np.hstack([P.B[:, others], P.B[:, acting], np.zeros((len(P.A), p)), P.B[:, acting]])
-    C = np.vstack([P.C, np.zeros((m, len(P.A))), P.C[measured], P.C[measured]])
     disturbances = tuple(P.input_labels[i] for i in others)
+    first, m, p, size = len(others), len(acting), len(measured), len(P.C)
+    unit, rows = np.eye(P.B.shape[1])[:, [*others, *acting]], np.eye(size)
+    into = np.hstack([unit, np.zeros((len(unit), p)), unit[:, first:]])
+    out_of = np.vstack([rows, np.zeros((m, size)), rows[measured], rows[measured]])
+    D = out_of @ P.D @ into
+    D[size : size + m, first : first + m] = D[size : size + m, first + m + p :] = np.eye(m)
+    D[size + m :, first + m : first + m + p] = np.tile(np.eye(p), (2, 1))
     inputs = (*disturbances, *map(injected, K.output_labels + K.input_labels), *K.output_labels)
+    outputs = P.output_labels + K.output_labels + K.input_labels + K.input_labels
     scales = P.scales and {**P.scales, **{injected(name): value for name, value in P.scales.items()}}
-    open_loop = Lti(
-        P.A,
-        B,
-        C,
-        D,
-        inputs,
-        P.output_labels + K.output_labels + K.input_labels + K.input_labels,
-        P.state_labels,
-        dt,
-        scales,
-    )
-    return Loop(disturbances, K.output_labels, K.input_labels, P.output_labels, lower_lft(open_loop, K))
+    open_loop = Lti(P.A, P.B @ into, out_of @ P.C, D, inputs, outputs, P.state_labels, dt, scales)
+    closed, plant = lower_lft(open_loop, K), P.between(acting, measured)
+    return Loop(disturbances, K.output_labels, K.input_labels, P.output_labels, closed, plant, K)
 
 
 def sign_advice(plant: Lti, controller: Lti, delay: float) -> str:
@@ -164,19 +153,6 @@ def warn_of_sign(advice: str) -> None:
     """Issue the advice on the sign of a controller, if any, as a warning."""
     if advice:
         warn_user(f"The loop is unstable. {advice}", FeedbackSignWarning)
-
-
-def unsampled(P: Lti, K: Lti) -> Loop | None:
-    """Return the continuous loop of which a sampled one is left: with the controller whose Tustin discretisation ``K`` is.
-
-    None where there is none: a discrete plant, a pole of the controller at ``z = -1``, a loop that is not well-posed.
-    """
-    if P.dt != 0.0:
-        return None
-    try:
-        return joined(P, continuous_image(K))
-    except ValueError:
-        return None
 
 
 def signals_of(
@@ -354,19 +330,17 @@ def named_response(
     omega: ArrayLike | None,
 ) -> control.FrequencyResponseData:
     """Return the frequency response of a plant, whether it is data or a function of frequency; refused if not finite."""
+    data: Any = plant
     if is_frequency_response(plant):
         if omega is not None:
             raise ValueError("omega: frequency response data have their own frequencies; leave it out")
-        data: Any = plant
-    elif callable(plant):
+    else:
+        ask = function_of("plant", plant, "the frequency, or FrequencyResponseData")
         if omega is None:
             raise ValueError("omega: expected frequencies at which to ask the plant's response")
-        data = plant(frequencies("omega", omega))
+        data = ask(frequencies("omega", omega))
         if not is_frequency_response(data):
             raise TypeError(f"plant: expected a function that returns FrequencyResponseData, got {type(data).__name__}")
-    else:
-        kind = type(plant).__name__
-        raise TypeError(f"plant: expected FrequencyResponseData or a function of frequency, got {kind}")
     if not np.isfinite(np.asarray(data.frdata)).all():
         raise ValueError("plant: expected a finite frequency response")
     return data

@@ -20,8 +20,8 @@ import numpy as np
 
 from boomctl.analysis.claim import Claim
 from boomctl.analysis.crossings import real_crossings, unit_crossings
-from boomctl.analysis.further_delay import FurtherDelay
-from boomctl.analysis.loops import joined, sign_advice, signals_of, unsampled
+from boomctl.analysis.further_delay import least_further_delay
+from boomctl.analysis.loops import joined, sign_advice
 from boomctl.analysis.norm import NormBounds, least_damped, matrices_norm, rounding_of
 from boomctl.arrays import Array
 from boomctl.checks import known, warn_user
@@ -31,7 +31,7 @@ from boomctl.lti.frequency import BEYOND, CURVE, DRAWN, EMPTY, SEARCHED, resonan
 from boomctl.lti.modal import resolved, sides
 from boomctl.lti.rounding import ALIKE, CERTIFIED, EPS, LEVEL, SUMMED
 from boomctl.lti.system import Lti, controller_of, of
-from boomctl.printing import listed, table_html
+from boomctl.printing import listed, table_html, table_text
 from boomctl.threads import one_blas_thread
 
 if TYPE_CHECKING:
@@ -166,7 +166,7 @@ class LoopMargin:
 
     @property
     def _gains_db(self) -> list[str]:
-        return [f"{20.0 * log10(gain) if gain > 0.0 else -inf:.4g}" for gain in self.gain_margin]
+        return [f"{_decibels(gain):.4g}" for gain in self.gain_margin]
 
     @cached_property
     @one_blas_thread
@@ -243,10 +243,7 @@ class Margins:
         str
             A table, one line for each loop.
         """
-        table = self._table()
-        first, *widths = (max(map(len, column)) for column in zip(*table, strict=True))
-        rows = [[name.ljust(first), *map(str.rjust, cells, widths)] for name, *cells in table]
-        return "\n".join(" ".join(row).rstrip() for row in rows)
+        return table_text(self._table(), " ")
 
     def plot(self, ax: Any = None, **style: Any) -> Array:
         """Draw each loop's Nyquist curve around the critical point, and its margins.
@@ -265,24 +262,25 @@ class Margins:
         """
         return import_module("boomctl.plotting.margins").plot_margins(self, ax, **style)
 
+    @property
+    def _disks(self) -> dict[str, DiskMargin]:
+        """The disk margins by where all loops are opened at once."""
+        named = "at all controls", "at all measurements", "everywhere"
+        return dict(zip(named, (self.multiloop_input, self.multiloop_output, self.multiloop_io), strict=True))
+
     def __repr__(self) -> str:
-        disks = (
-            f"disk {self.multiloop_input._text} at all controls, {self.multiloop_output._text} at all measurements, "
-            f"{self.multiloop_io._text} everywhere"
-        )
-        phase, delay = min(x.phase_margin_deg for x in self.loops), min(x.delay_margin for x in self.loops)
+        disks = ", ".join(f"{disk._text} {where}" for where, disk in self._disks.items())
+        phase, delay, *_ = self.__figures__().values()
         least = f"phase {phase:.4g} deg, delay {delay:.4g} s"
-        return f"Margins: opened at {listed([x.signal for x in self.loops])}\n  least: {least}\n  {disks}"
+        return f"Margins: opened at {listed([x.signal for x in self.loops])}\n  least: {least}\n  disk {disks}"
 
     def __figures__(self) -> dict[str, float]:
         """Return what a comparison shows."""
-        return {
+        figures = {
             "phase margin, least [deg]": min(x.phase_margin_deg for x in self.loops),
             "delay margin, least [s]": min(x.delay_margin for x in self.loops),
-            "disk margin, all controls": self.multiloop_input.alpha,
-            "disk margin, all measurements": self.multiloop_output.alpha,
-            "disk margin, everywhere": self.multiloop_io.alpha,
         }
+        return figures | {f"disk margin, {where.removeprefix('at ')}": d.alpha for where, d in self._disks.items()}
 
     def _repr_html_(self) -> str:
         heads, *rows = self._table()
@@ -298,17 +296,16 @@ class Margins:
             gains = (*(f"{gain:.4g}" for gain in x.gain_margin), *x._gains_db, _frequency(nearest))
             phase = (f"{x.phase_margin_deg:.4g}", _frequency(x.phase_margin_omega))
             table.append((x.signal, *gains, *phase, f"{x.delay_margin:.4g}", x.disk_margin._text))
-        disks = {
-            "controls": self.multiloop_input,
-            "measurements": self.multiloop_output,
-            "everywhere": self.multiloop_io,
-        }
-        for name, disk in disks.items():
+        for where, disk in self._disks.items():
             factors = 1.0 / disk.gain_margin, disk.gain_margin
-            gains = [f"{x:.4g}" for x in (*factors, *(20.0 * log10(x) if x > 0.0 else -inf for x in factors))]
+            gains = (f"{x:.4g}" for x in (*factors, *map(_decibels, factors)))
             ends = ("", f"{disk.phase_margin_deg:.4g}", _frequency(disk.omega), "", disk._text)
-            table.append((f"all at once: {name}", *gains, *ends))
+            table.append((f"all at once: {where.removeprefix('at all ')}", *gains, *ends))
         return table
+
+
+def _decibels(gain: float) -> float:
+    return 20.0 * log10(gain) if gain > 0.0 else -inf
 
 
 def _frequency(omega: float) -> str:
@@ -380,44 +377,41 @@ def margins(
         advice = sign_advice(P, K, delay)
         raise ValueError(f"The loop is not stable (pole at {at}): it has no margins. {advice}".rstrip())
     S = loop.sensitivity
-    m, total = len(loop.controls), len(S.D)
-    places, rounding = ["control"] * m + ["measurement"] * (total - m), _rounding(S)
+    m, total, rounding = len(loop.controls), len(S.D), _rounding(S)
     if (most := float(rounding.max(initial=0.0))) > CERTIFIED:
         said = (
             f"rounding of the loop's matrices alone may change its response by {most:.1g} of its size; scale the states"
         )
         warn_user(said, MarginAccuracyWarning)
-    loops = tuple(
-        _loop_margin(
-            name,
-            place,
-            S.between([i], [i]),
-            float(rounding[i]),
-            FurtherDelay.of(P, K, delay, name) if dt != 0.0 and P.dt == 0.0 else None,
-        )
-        for i, (name, place) in enumerate(zip(loop.controls + loop.measurements, places, strict=True))
-    )
-    first, second, every = _disks(S, [range(m), range(m, total), range(total)])
+    loops = []
+    for i, name in enumerate(loop.controls + loop.measurements):
+        further = least_further_delay(P, K, delay, i) if dt != 0.0 and P.dt == 0.0 else None
+        place = "control" if i < m else "measurement"
+        loops.append(_loop_margin(name, place, S.between([i], [i]), float(rounding[i]), further))
+    disks = _disks(S, [range(m), range(m, total), range(total)])
     if dt != 0.0:
-        before = _of_continuous(P, K)
         costs = [
             f"from {of.alpha:.3g} to {now.alpha:.3g} at all {where}"
-            for where, now, of in zip(("controls", "measurements"), (first, second), before, strict=False)
+            for where, now, of in zip(("controls", "measurements"), disks, _of_continuous(P, K), strict=False)
             if now.alpha < of.alpha * _COSTLY
         ]
         if costs:
             said = f"sampling every {dt:g} s with a delay of {delay:g} s takes the disk margin {', and '.join(costs)}"
             warn_user(said, MarginLossWarning)
-    if P.dt == K.dt and not delay:
-        handed = P.between(*signals_of(K, P.input_labels, P.output_labels, P.state_labels, P.scales)), K
-    else:
-        handed = loop.system, None
-    return Margins(loops, first, second, every, handed)
+    handed = (loop.plant, K) if P.dt == K.dt and not delay else (loop.system, None)
+    return Margins(tuple(loops), disks[0], disks[1], disks[2], handed)
 
 
 def _of_continuous(P: Lti, K: Lti) -> list[DiskMargin]:
-    """Return the disk margins at all controls and at all measurements before sampling; none where that cannot be said."""
-    loop = unsampled(P, K)
+    """Return the disk margins at all controls and at all measurements before sampling; none where that cannot be said.
+
+    Before sampling the controller is the one whose Tustin discretisation is given.  None of a discrete plant, of a pole of
+    the controller at ``z = -1``, and of a loop that is not well-posed or not stable.
+    """
+    try:
+        loop = joined(P, continuous_image(K)) if P.dt == 0.0 else None
+    except ValueError:
+        return []
     if loop is None or (sides(loop.system.poles, 0.0) >= 0).any():
         return []
     S, m = loop.sensitivity, len(loop.controls)
@@ -555,21 +549,21 @@ def _loop_response(S: Lti, omega: Array) -> Array:
         return 1.0 - 1.0 / S.response(omega, quiet=True)[0, 0]
 
 
-def _loop_margin(signal: str, place: str, S: Lti, rounding: float, further: FurtherDelay | None) -> LoopMargin:
+def _loop_margin(signal: str, place: str, S: Lti, rounding: float, further: tuple[float, float] | None) -> LoopMargin:
     """Return the margins of the loop whose sensitivity is ``S = 1/(1 - L)``.
 
-    ``further`` knows what a delay does to a sampled loop around a continuous plant.
+    ``further`` is the delay margin of a sampled loop around a continuous plant, and its frequency.
     """
     image, dt = continuous_image(S), S.dt
-    d = float(S.D[0, 0] if dt == 0.0 else image.D[0, 0])
-    last = 1.0 - 1.0 / d if abs(d) > SUMMED else inf  # L at infinite frequency of the image
+    gain = opened(image)
+    last = inf if gain is None else float(gain.D[0, 0])  # at infinite frequency of the image
 
     def respond(omega: Array) -> Array:
         return S.response(omega_of_image(omega, dt), quiet=True)[0, 0]
 
     low, high = _gain_limits(image, respond, last)
     phase, delays = _phase_limits(image, respond, last, dt)
-    delay = min(delays, default=(inf, nan)) if further is None else further.least()
+    delay = min(delays, default=(inf, nan)) if further is None else further
     low_omega, high_omega, phase_omega = omega_of_image([low[1], high[1], phase[1]], dt).tolist()
     return LoopMargin(
         signal=signal,

@@ -10,6 +10,7 @@ and integrators are undamped modes at zero; several of them show together, for n
 
 from dataclasses import dataclass
 from importlib import import_module
+from itertools import repeat
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -219,13 +220,18 @@ def mode_table(system: "SecondOrderModel | control.StateSpace | control.Transfer
     residues = np.abs(modal.C[:, chosen]).T[:, :, None] * np.abs(modal.B[chosen])[:, None, :]
     poles, undamped = modal.poles[chosen], (sides(modal.poles, dt) == 0)[chosen, None, None]
     decay = np.abs(poles.real) if dt == 0.0 else np.abs(1.0 - np.abs(poles))
-    peaks = residues / np.where(undamped, 1.0, decay[:, None, None])
     shown = residues > _HIDDEN * residues.max(axis=0, initial=TINY)
-    peaks = np.where(undamped, np.where(shown, np.inf, 0.0), peaks)
+    peaks = np.where(undamped, np.where(shown, np.inf, 0.0), residues / np.where(undamped, 1.0, decay[:, None, None]))
+    largest = peaks.max(axis=0, initial=0.0)
+    # free bodies come first, and do not count as the highest mode
     count = len(chain)
-    peaks = np.concatenate([np.repeat(np.where(chain.any(axis=0), np.inf, 0.0)[None], count, axis=0), peaks])
+    peaks = np.concatenate([np.tile(np.where(chain.any(axis=0), np.inf, 0.0), (count, 1, 1)), peaks])
+    with np.errstate(invalid="ignore", divide="ignore"):
+        shares = np.where(np.isinf(peaks), 1.0, np.where(largest > 0.0, peaks / largest, 0.0))
+    inputs, outputs = (shares.max(axis=axis, initial=0.0) for axis in (1, 2))
     rates, poles = np.concatenate([np.zeros(count), rates[chosen]]), np.concatenate([np.ones(count), poles])
-    return ModeTable(given.input_labels, given.output_labels, _rows(rates, peaks, None if dt == 0.0 else poles, count))
+    rows = zip(map(complex, rates), inputs, outputs, peaks, map(complex, poles) if dt else repeat(None), strict=False)
+    return ModeTable(given.input_labels, given.output_labels, tuple(Mode(*row) for row in rows))
 
 
 def _rigid(system: Lti) -> tuple[Array, Lti]:
@@ -242,20 +248,3 @@ def _rigid(system: Lti) -> tuple[Array, Lti]:
     powers = [np.linalg.matrix_power(N, k) for k in range(len(N))]
     shown = [np.abs(C @ power @ B) > _HIDDEN * np.linalg.norm(N) ** k * lengths for k, power in enumerate(powers)]
     return np.array(shown), parts.rest
-
-
-def _rows(poles: Array, peaks: Array, z: Array | None, free: int) -> tuple[Mode, ...]:
-    """Return the modes, the first of which are ``free`` bodies."""
-    largest = peaks[free:].max(axis=0, initial=0.0)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        shares = np.where(np.isinf(peaks), 1.0, np.where(largest > 0.0, peaks / largest, 0.0))
-    return tuple(
-        Mode(
-            complex(pole),
-            share.max(axis=0, initial=0.0),
-            share.max(axis=1, initial=0.0),
-            peak,
-            None if z is None else complex(z[k]),
-        )
-        for k, (pole, share, peak) in enumerate(zip(poles, shares, peaks, strict=True))
-    )

@@ -11,8 +11,9 @@ The lower bound is found apart from that: disturbances that run along straight l
 angle from sample to sample, leave outputs whose energy is a Gramian.  Whatever the number of parts, the gain is reached.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cache, partial, reduce
 from math import inf
 from typing import TYPE_CHECKING
 
@@ -144,14 +145,17 @@ class _Step:
     W: Array
     X: Array
 
-    def then(self, other: "_Step") -> "_Step | None":
-        """Return this step and another after it; None where the level can be reached within the two."""
+    def then(self, other: "_Step") -> "_Step":
+        """Return this step and another after it.
+
+        Raises
+        ------
+        LinAlgError
+            The level can be reached within the two.
+        """
         L = _root(self.W)
         inner = np.eye(L.shape[1]) - L.T @ other.X @ L
-        try:
-            factor = linalg.cho_factor(0.5 * (inner + inner.T))
-        except linalg.LinAlgError:
-            return None
+        factor = linalg.cho_factor(0.5 * (inner + inner.T))
         # x1 = (I - W1 X2)^-1 (Phi1 x + W1 Phi2^T p), with (I - W1 X2)^-1 = I + L inner^-1 L^T X2
         spread = L @ linalg.cho_solve(factor, L.T)
         reach = self.Phi + spread @ (other.X @ self.Phi)
@@ -166,12 +170,18 @@ def _root(matrix: Array) -> Array:
     return vectors * np.sqrt(np.maximum(values, 0.0))
 
 
-def _step(system: Lti, duration: float, level: float) -> _Step | None:
-    """Return what a system does in a while at a level; None where it can be reached within."""
+def _step(system: Lti, duration: float, level: float) -> _Step:
+    """Return what a system does in a while at a level.
+
+    Raises
+    ------
+    LinAlgError
+        The level can be reached within that time.
+    """
     A, B, C, D, n = system.A, system.B, system.C, system.D, len(system.A)
     direct = float(np.linalg.norm(D, 2))
     if direct >= level:
-        return None
+        raise linalg.LinAlgError("the level is reached at once")
     inverse = linalg.inv(np.eye(B.shape[1]) - D.T @ D / level**2)
     moved = A + B @ inverse @ D.T @ C / level**2
     weighed = C + D @ (inverse @ (D.T @ C)) / level**2
@@ -191,9 +201,9 @@ def _step(system: Lti, duration: float, level: float) -> _Step | None:
         E = E + term
     back = linalg.inv(E[n:, n:])
     W, X = E[:n, n:] @ back, -back @ E[n:, :n]
-    result: _Step | None = _Step(back.T, 0.5 * (W + W.T), 0.5 * (X + X.T))
+    result = _Step(back.T, 0.5 * (W + W.T), 0.5 * (X + X.T))
     for _ in range(count):
-        result = None if result is None else result.then(result)
+        result = result.then(result)
     return result
 
 
@@ -265,19 +275,16 @@ class SampledLoop:
         Its states are those of ``at_samples``.  Signals are in units in which the level is one.  Where the level can be
         gained within a sample there is no such loop; below the norm it need not be stable.
         """
-        n, total = len(self.plant.A), None
-        for duration, part in self.parts:
-            step = _step(part, duration, level)
-            total = step if total is None or step is None else total.then(step)
-            if total is None:
-                return NormBounds(inf, inf, 0.0, NOT_STABLE, verified=True)
-        assert total is not None
+        n, unstable = len(self.plant.A), NormBounds(inf, inf, 0.0, NOT_STABLE, verified=True)
+        try:
+            total = reduce(_Step.then, [_step(part, duration, level) for duration, part in self.parts])
+        except linalg.LinAlgError:  # reached within a sample
+            return unstable
         A, B = self.queue.A.copy(), self.queue.B[:, -len(self.controller.C) :].copy()
         A[:n], B[:n] = total.Phi[:n] @ self.from_states, total.Phi[:n] @ self.from_given
         result = self._closed(A, B, _root(total.W)[:n], _root(total.X).T)
-        if (sides(result.poles, self.controller.dt) >= 0).any():
-            return NormBounds(inf, inf, 0.0, NOT_STABLE, verified=True)
-        return matrices_norm(result.balanced())
+        is_stable = (sides(result.poles, self.controller.dt) < 0).all()
+        return matrices_norm(result.balanced()) if is_stable else unstable
 
     def norm(self) -> NormBounds:
         """Return the norm between two bounds: the largest gain that is reached, and a level just above it that is not."""
@@ -285,11 +292,11 @@ class SampledLoop:
         rates = rates[(np.abs(rates) <= top) & (np.abs(rates) > _SLOWEST * top)]
         low = min(np.abs(rates).min(initial=top), _LOWEST * top) / BEYOND
         grid = resonance_grid(rates[rates.imag > 0.0], low, top, points=SEARCHED, also=[0.0])
-        lower, omega = 0.0, 0.0
+        lower, omega, lifted = 0.0, 0.0, cache(self.lifted)
         for parts in _PARTS[:2]:
-            _, at = highest_peak(lambda omega, parts=parts: self.gain(omega, parts), grid)
+            _, at = highest_peak(partial(_gain, *lifted(parts)), grid)
             for _ in range(_MOVES):
-                lower, omega = max((lower, omega), (self._reached(at), at))
+                lower, omega = max((lower, omega), (_reached(lifted, at), at))
                 if lower == 0.0:
                     return NormBounds(0.0, 0.0, 0.0, "no disturbance shows", verified=True)
                 result, upper = self.of_level(lower * (1.0 + _ABOVE)), lower * (1.0 + _ABOVE)
@@ -303,60 +310,49 @@ class SampledLoop:
                 return NormBounds(lower, lower * (1.0 + above), omega, LIFTED)
         return NormBounds(lower, inf, omega, NOT_TOLD)
 
-    def _reached(self, omega: float) -> float:
-        """Return the largest gain that is reached at a frequency."""
-        best = 0.0
-        for parts in _PARTS:
-            before, best = best, max(best, float(self.gain(np.array([omega]), parts)[0]))
-            if best <= before * (1.0 + _WANTED):
-                break
-        return best
+    def lifted(self, parts: int) -> tuple[Lti, Array]:
+        """Return the loop for disturbances that are straight in each part of a sample, and the energy of its outputs.
 
-    def gain(self, omega: Array, parts: int) -> Array:
-        """Return the largest gains of disturbances that are straight in each part of a sample, and turn by ``omega dt``.
-
-        In a part they are ``c + sqrt(3) s d``, ``s`` from -1 to 1, of the energy ``|c|^2 + |d|^2`` times its length.
+        In a part the disturbances are ``c + sqrt(3) s d``, ``s`` from -1 to 1, of the energy ``|c|^2 + |d|^2`` times its
+        length.  The loop leads from all ``c`` and ``d`` to what there is at the sample; the energy is a form in both.
         """
-        m, n, ends, nw = len(self.controller.C), len(self.plant.A), *self.parts[0][1].B.shape
-        pieces: list[tuple[float, int]] = []
-        for place, (duration, _) in enumerate(self.parts):
-            count = int(np.ceil(parts * duration / self.controller.dt))
-            pieces += [(duration / count, place)] * count
-        size = ends + 2 * nw * len(pieces)
-        reach, energy = (
-            np.eye(ends, size),
-            np.zeros((size, size)),
-        )  # of what there is at the sample, and all parts' c, d
-        known: dict[tuple[float, int], tuple[Array, Array]] = {}
-        for k, (length, place) in enumerate(pieces):
-            if (length, place) not in known:
-                # the states of the part, the disturbance, and its slope
-                part = self.parts[place][1]
-                F, C = (
-                    np.zeros((ends + 2 * nw, ends + 2 * nw)),
-                    np.hstack([part.C, part.D, np.zeros((len(part.C), nw))]),
-                )
-                F[:ends, : ends + nw] = np.hstack([part.A, part.B])
-                F[ends : ends + nw, ends + nw :] = np.eye(nw) / length
-                known[length, place] = _moved_and_energy(F, C, length)
-            moved, gramian = known[length, place]
-            here = np.zeros((ends + 2 * nw, size))
-            own = ends + 2 * nw * k
-            unit = np.eye(nw) / np.sqrt(length)
-            here[:ends] = reach
-            here[ends : ends + nw, own : own + nw], here[ends : ends + nw, own + nw : own + 2 * nw] = (
-                unit,
-                -np.sqrt(3.0) * unit,
-            )
-            here[ends + nw :, own + nw : own + 2 * nw] = 2.0 * np.sqrt(3.0) * unit
-            energy += here.T @ gramian @ here
-            reach = (moved @ here)[:ends]
-        inputs = size - ends
+        m, n, (ends, nw) = len(self.controller.C), len(self.plant.A), self.parts[0][1].B.shape
+        counts = [int(np.ceil(parts * duration / self.controller.dt)) for duration, _ in self.parts]
+        size, own = ends + 2 * nw * sum(counts), ends
+        # of what there is at the sample, and all parts' c, d
+        reach, energy = np.eye(ends, size), np.zeros((size, size))
+        none, unit = np.zeros((nw, ends)), np.eye(nw)
+        for (duration, part), count in zip(self.parts, counts, strict=True):
+            h = duration / count
+            # the states of the part, the disturbance, and its slope; these at the beginning, of c and d
+            F = blocks([[part.A, part.B, none.T], [none, 0.0 * unit, unit / h], [none, 0.0 * unit, 0.0 * unit]])
+            moved, gramian = _moved_and_energy(F, np.hstack([part.C, part.D, 0.0 * part.D]), h)
+            begun = linalg.block_diag(np.eye(ends), np.kron([[1.0, -(3.0**0.5)], [0.0, 2.0 * 3.0**0.5]], unit) / h**0.5)
+            moved, gramian = moved[:ends] @ begun, begun.T @ gramian @ begun
+            for _ in range(count):
+                here = np.vstack([reach, np.eye(2 * nw, size, own)])
+                energy += here.T @ gramian @ here
+                reach, own = moved @ here, own + 2 * nw
         closed = self._closed(self.queue.A, self.queue.B[:, -m:], reach[:n, ends:], np.eye(ends))
-        start = closed.balanced().response(omega, quiet=True).transpose(2, 0, 1)
-        whole = np.concatenate([start, np.broadcast_to(np.eye(inputs), (len(omega), inputs, inputs))], axis=1)
-        values = np.linalg.eigvalsh(whole.conj().swapaxes(1, 2) @ energy @ whole)[:, -1]
-        return np.sqrt(np.maximum(values, 0.0))
+        return closed.balanced(), energy
+
+
+def _gain(lifted: Lti, energy: Array, omega: Array) -> Array:
+    """Return the largest gains of disturbances that turn by ``omega dt`` from sample to sample."""
+    start, size = lifted.response(omega, quiet=True).transpose(2, 0, 1), lifted.B.shape[1]
+    whole = np.concatenate([start, np.broadcast_to(np.eye(size), (len(omega), size, size))], axis=1)
+    values = np.linalg.eigvalsh(whole.conj().swapaxes(1, 2) @ energy @ whole)[:, -1]
+    return np.sqrt(np.maximum(values, 0.0))
+
+
+def _reached(lifted: Callable[[int], tuple[Lti, Array]], omega: float) -> float:
+    """Return the largest gain that is reached at a frequency."""
+    best = 0.0
+    for parts in _PARTS:
+        before, best = best, max(best, float(_gain(*lifted(parts), np.array([omega]))[0]))
+        if best <= before * (1.0 + _WANTED):
+            break
+    return best
 
 
 def _moved_and_energy(F: Array, C: Array, duration: float) -> tuple[Array, Array]:

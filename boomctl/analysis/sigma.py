@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cached_property
 from importlib import import_module
-from math import isfinite
-from typing import TYPE_CHECKING, Any
+from math import inf, isfinite
+from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -29,46 +30,136 @@ from boomctl.threads import one_blas_thread
 from boomctl.units import gain_unit
 
 if TYPE_CHECKING:
-    import control
     from matplotlib.axes import Axes
 
     from boomctl.analysis.model_norm import LinearSystem
 
+Signals: TypeAlias = str | Sequence[str] | None  # names, None for all
+
+_Key = TypeVar("_Key")
+_EXPECTED = "SecondOrderModel, StateSpace or FrequencyResponseData"
 _PRINTED = 100  # coordinates up to which printing waits for the poles: tens of milliseconds (measured)
 _BESIDE = 0.1  # share of it beside an undamped mode that is not drawn: half of the way to the next place (`DRAWN`)
 
 
 @dataclass(frozen=True)
-class GivenSystem:
-    """A state-space system, asked the same as a :class:`SplitModel`."""
+class SelectedSystem:
+    """A system between selected signals, and the frequencies of its curves.
 
-    system: Lti
+    Attributes
+    ----------
+    chosen : SecondOrderModel, Lti or FrequencyResponseData
+        Between the signals.
+    omega : (n,) ndarray or None
+        Angular frequencies [rad/s], those of the data themselves; None for those that show the system.
+    unit : str
+        Unit in which the frequencies were given, "Hz" without any.
+    """
+
+    chosen: Any
+    omega: Array | None = None
+    unit: str = "Hz"
+
+    @classmethod
+    def of(cls, system: Any, omega: Any, frequency_hz: Any, inputs: Signals, outputs: Signals) -> SelectedSystem:
+        """Select signals, and check frequencies in rad/s or Hz.
+
+        Raises
+        ------
+        TypeError, ValueError
+            As for :func:`sigma`.
+        """
+        if omega is not None and frequency_hz is not None:
+            raise ValueError("omega, frequency_hz: expected one of them, got both")
+        name, asked, unit, scale = "frequency_hz", frequency_hz, "Hz", 2.0 * np.pi
+        if omega is not None:
+            name, asked, unit, scale = "omega", omega, "rad/s", 1.0
+        grid = None if asked is None else scale * frequencies(name, asked)
+        if is_frequency_response(system):
+            if grid is not None:
+                raise ValueError("omega: frequency response data have their own frequencies; leave it out")
+            ins, outs = names("input", inputs, system.input_labels), names("output", outputs, system.output_labels)
+            result = cls(system[list(outs), list(ins)], np.asarray(system.omega, dtype=float))
+            _ = result.norm  # raises for data that are not finite
+            return result
+        chosen = between_signals(system, inputs, outputs)
+        if grid is None:
+            return cls(chosen)
+        high, top = float(grid.max()), _nyquist(chosen)
+        if high > top * (1.0 + ALIKE):
+            said = f"{up_to(top / scale)} {unit}, got {exactly(high / scale)} {unit}"
+            raise ValueError(f"{name}: expected at most half the sampling rate, {said}")
+        return cls(chosen, np.minimum(grid, top), unit)
+
+    @property
+    def split(self) -> SplitModel:
+        """The structure with its halves."""
+        return SplitModel.of(self.chosen)
+
+    @property
+    def labels(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
+        """Names of inputs and outputs."""
+        return tuple(self.chosen.input_labels), tuple(self.chosen.output_labels)
+
+    def response(self, omega: Array, quiet: bool = False) -> Array:
+        """Return the frequency response, shape (outputs, inputs, frequencies); ``quiet`` as in :meth:`Lti.response`."""
+        if isinstance(self.chosen, Lti):
+            return self.chosen.response(omega, quiet=quiet)
+        if isinstance(self.chosen, SecondOrderModel):
+            return self.split.response(omega)
+        return np.asarray(self.chosen.frdata)
 
     def singular_values(self, omega: Array, quiet: bool = False) -> Array:
         """Return the singular values, descending; ``quiet`` as in :meth:`Lti.response`."""
-        return singular_values(self.system.response(omega, quiet=quiet))
-
-    def response(self, omega: Array, quiet: bool = False) -> Array:
-        """Return the frequency response, shape (outputs, inputs, frequencies)."""
-        return self.system.response(omega, quiet=quiet)
+        if isinstance(self.chosen, SecondOrderModel):
+            return self.split.singular_values(omega)
+        return singular_values(self.response(omega, quiet))
 
     def resonances(self, high: float | None = None) -> Resonances:
         """Return the lowest resonances, or those up to ``high`` [rad/s], and a band that shows them."""
-        return Resonances.of_system(self.system, high)
+        if isinstance(self.chosen, Lti):
+            return Resonances.of_system(self.chosen, high)
+        return self.split.resonances(high)
 
+    @cached_property
     @one_blas_thread
     def norm(self) -> NormBounds:
-        """Return the certified H-infinity norm."""
-        return replace(matrices_norm(self.system), _given=self.system)
+        """The H-infinity norm."""
+        if isinstance(self.chosen, Lti):
+            return replace(matrices_norm(self.chosen), _given=self.chosen)
+        if isinstance(self.chosen, SecondOrderModel):
+            return self.split.norm()
+        return norm_of_data(np.asarray(self.chosen.omega, dtype=float), np.asarray(self.chosen.frdata))
+
+    @property
+    def unstable(self) -> bool | None:
+        """Whether the system has an unstable pole; None if only its norm can tell, as of data or of a large model."""
+        given = self.chosen
+        if "norm" in self.__dict__:
+            return self.norm.method == UNSTABLE
+        if isinstance(given, Lti):
+            return bool((sides(given.poles, given.dt) > 0).any())
+        if not isinstance(given, SecondOrderModel) or given.ncoordinates > _PRINTED:
+            return None
+        return bool((side_of_axis(first_order_poles(given.M, given.C, given.K)) > 0).any())
 
 
-def has_unstable_pole(given: SplitModel | GivenSystem) -> bool | None:
-    """Return whether a system has an unstable pole; None where the model is too large to be asked while it is printed."""
-    if isinstance(given, GivenSystem):
-        return bool((sides(given.system.poles, given.system.dt) > 0).any())
-    m = given.model
-    poles = first_order_poles(m.M, m.C, m.K) if m.ncoordinates <= _PRINTED else None
-    return None if poles is None else bool((side_of_axis(poles) > 0).any())
+def between_signals(
+    system: object, inputs: Signals, outputs: Signals, expected: str = _EXPECTED
+) -> SecondOrderModel | Lti:
+    """Return a system between the chosen signals; of a boom model by default platform actuators and tips."""
+    if isinstance(system, SecondOrderModel):
+        result: SecondOrderModel | Lti = system.between(inputs, outputs)
+    else:
+        result = of(system, expected=expected, sampled=True).select(inputs, outputs).balanced()
+    for kind, there in (("inputs", result.input_labels), ("outputs", result.output_labels)):
+        if not there:
+            raise ValueError(f"system: expected a system with {kind}, got none")
+    return result
+
+
+def _nyquist(chosen: SecondOrderModel | Lti) -> float:
+    return chosen.nyquist if isinstance(chosen, Lti) else inf
 
 
 NO_SINES = "unstable: these are no responses to sines, which would grow without bound"
@@ -102,35 +193,30 @@ class SigmaResult:
     sigma: Array
     input_labels: tuple[str, ...]
     output_labels: tuple[str, ...]
-    _of: SplitModel | GivenSystem | NormBounds  # what the norm is of; the norm itself where it is known
+    _of: SelectedSystem
     frequency_unit: str = "Hz"
     magnitude_unit: str = ""
 
-    @cached_property
+    @property
     def certificate(self) -> NormBounds:
         """The norm and its bounds, computed when first asked for."""
-        return self._of if isinstance(self._of, NormBounds) else self._of.norm()
+        return self._of.norm
 
     def __repr__(self) -> str:
-        span = f"{len(self.omega)} frequencies, {self.omega[0]:.4g} to {self.omega[-1]:.4g} rad/s"
-        if isinstance(self._of, NormBounds) or "certificate" in self.__dict__:
+        lines = [f"{len(self.omega)} frequencies, {self.omega[0]:.4g} to {self.omega[-1]:.4g} rad/s"]
+        lines += [NO_SINES] if self._of.unstable else []
+        if "norm" in self._of.__dict__:
             at = f" at {self.peak_omega:.6g} rad/s" if isfinite(self.peak_omega) else ""
-            peak = f"peak {self.peak:.6g}{at}, {self.certificate.status}"
+            lines.append(f"peak {self.peak:.6g}{at}, {self.certificate.status}")
         else:  # printing must not cost what the norm costs
-            peak = f"largest of these {self.sigma.max():.6g}; the norm is computed when .peak is asked for"
-            if isinstance(self._of, SplitModel) and self._of.model.ncoordinates > _PRINTED:
-                return f"SigmaResult: {between(self.input_labels, self.output_labels)}\n  {span}\n  {peak}"
-        if not self.stable:
-            span += f"\n  {NO_SINES}"
-        return f"SigmaResult: {between(self.input_labels, self.output_labels)}\n  {span}\n  {peak}"
+            lines.append(f"largest of these {self.sigma.max():.6g}; the norm is computed when .peak is asked for")
+        return "\n  ".join([f"SigmaResult: {between(self.input_labels, self.output_labels)}", *lines])
 
-    @cached_property
+    @property
     def stable(self) -> bool:
         """Whether no pole is unstable: otherwise no response to a sine is as large as its singular value."""
-        if "certificate" in self.__dict__ or isinstance(self._of, NormBounds):
-            return self.certificate.method != UNSTABLE
-        result = has_unstable_pole(self._of)
-        return self.certificate.method != UNSTABLE if result is None else not result
+        unstable = self._of.unstable
+        return self.certificate.method != UNSTABLE if unstable is None else not unstable
 
     def __claims__(self) -> Iterator[Claim]:
         """Yield what can be proved of the peak."""
@@ -230,75 +316,49 @@ def sigma(
     >>> round(float(found.peak)), bool(found.certified)
     (2473, True)
     """
-    asked, unit = asked_frequencies(omega, frequency_hz)
-    if is_frequency_response(system):
-        return _of_data(system, asked, inputs, outputs)
-    chosen, given = between_signals(system, inputs, outputs)
-    if asked is not None:
-        asked = below_nyquist(asked, given, "omega" if frequency_hz is None else "frequency_hz")
-        values = _finite(asked, given.singular_values(asked))
-        return SigmaResult(asked, values, chosen.input_labels, chosen.output_labels, given, unit, _unit_of(chosen))
+    return curves_of({"system": SelectedSystem.of(system, omega, frequency_hz, inputs, outputs)})["system"]
+
+
+def curves_of(systems: Mapping[_Key, SelectedSystem]) -> dict[_Key, SigmaResult]:
+    """Compute the singular values of systems, at common frequencies where none are given."""
+    shown = [selected for selected in systems.values() if selected.omega is None]
+    grid = _common_grid(shown) if shown else np.zeros(0)
+    result = {}
+    for name, selected in systems.items():
+        omega = grid if selected.omega is None else selected.omega
+        values = finite(omega, selected.singular_values(omega, quiet=selected.omega is None))
+        units = getattr(selected.chosen, "units", None)
+        unit = "" if units is None else gain_unit(units, *selected.labels)
+        result[name] = SigmaResult(omega, values, *selected.labels, selected, selected.unit, unit)
+    return result
+
+
+def _common_grid(systems: Sequence[SelectedSystem]) -> Array:
+    """Return frequencies up to the lowest Nyquist frequency that show the resonances and peaks of all systems."""
     with computing("singular values"):
         tell("verified peak")
-        certificate = given.norm()
+        peaks = [selected.norm.peak_omega for selected in systems]
         tell("resonances")
-        grid = drawn_grid(given.resonances(), [certificate.peak_omega])
+        bands = [selected.resonances() for selected in systems]
+        low, high = min(band.low for band in bands), max(band.high for band in bands)
+        poles = [
+            band.poles if band.high == high else selected.resonances(high).poles
+            for selected, band in zip(systems, bands, strict=True)
+        ]
+        grid = drawn_grid(Resonances(np.concatenate(poles), low, high), peaks)
         tell(f"{len(grid)} frequencies")
-        values = _finite(grid, given.singular_values(grid, quiet=True))
-    return SigmaResult(
-        grid, values, chosen.input_labels, chosen.output_labels, certificate, magnitude_unit=_unit_of(chosen)
-    )
+    return grid[grid <= min(_nyquist(selected.chosen) for selected in systems)]
 
 
-def asked_frequencies(omega: ArrayLike | None, frequency_hz: ArrayLike | None) -> tuple[Array | None, str]:
-    """Return the frequencies asked for [rad/s], None for none, and the unit in which they were."""
-    if frequency_hz is None:
-        return (None, "Hz") if omega is None else (frequencies("omega", omega), "rad/s")
-    if omega is not None:
-        raise ValueError("omega, frequency_hz: expected one of them, got both")
-    return 2.0 * np.pi * frequencies("frequency_hz", frequency_hz), "Hz"
-
-
-def between_signals(
-    system: SecondOrderModel | control.StateSpace | control.TransferFunction,
-    inputs: str | Sequence[str] | None,
-    outputs: str | Sequence[str] | None,
-) -> tuple[SecondOrderModel | Lti, SplitModel | GivenSystem]:
-    """Return a system between the chosen signals, and what answers for it."""
-    if isinstance(system, SecondOrderModel):
-        model = system.between(inputs, outputs)
-        for kind, there in (("inputs", model.input_labels), ("outputs", model.output_labels)):
-            if not there:
-                raise ValueError(f"system: expected a model with {kind}, got none")
-        return model, SplitModel.of(model)
-    expected = "SecondOrderModel, StateSpace or FrequencyResponseData"
-    chosen = of(system, expected=expected, sampled=True).select(inputs, outputs).balanced()
-    return chosen, GivenSystem(chosen)
-
-
-def _unit_of(chosen: SecondOrderModel | Lti) -> str:
-    """Return the unit of a gain between the signals of a structure; other systems do not say theirs."""
-    return (
-        gain_unit(chosen.units, chosen.input_labels, chosen.output_labels)
-        if isinstance(chosen, SecondOrderModel)
-        else ""
-    )
-
-
-def _nyquist(given: SplitModel | GivenSystem) -> float:
-    return given.system.nyquist if isinstance(given, GivenSystem) else float("inf")
-
-
-def below_nyquist(omega: Array, given: SplitModel | GivenSystem, what: str) -> Array:
-    """Return frequencies that a system has; above half the sampling rate it has none."""
-    top = _nyquist(given)
-    high = float(omega.max(initial=0.0))
-    if high > top * (1.0 + ALIKE):
-        unit, per = ("Hz", 2.0 * np.pi) if what.endswith("frequency_hz") else ("rad/s", 1.0)
+def finite(omega: Array, values: Array) -> Array:
+    """Return values over frequency; raise ``ValueError`` if one is not finite."""
+    bad = ~np.isfinite(values).all(axis=tuple(range(values.ndim - 1)))
+    if bad.any():
         raise ValueError(
-            f"{what}: expected at most half the sampling rate, {up_to(top / per)} {unit}, got {exactly(high / per)} {unit}"
+            f"system: its response at {omega[bad][0]:g} rad/s is not finite; leave this frequency out, or choose units in"
+            " which it is"
         )
-    return np.minimum(omega, top)
+    return values
 
 
 def drawn_grid(found: Resonances, also: Sequence[float] = ()) -> Array:
@@ -404,59 +464,18 @@ def compare_sigma(
     mapping("systems", systems, "systems by name")
     if not systems:
         raise ValueError("systems: expected at least one")
-    asked, unit = asked_frequencies(omega, frequency_hz)
-    done: dict[str, SigmaResult] = {}
-    models: dict[str, Any] = {}
+    selected: dict[str, SelectedSystem] = {}
     for name, system in systems.items():
-        try:
-            if is_frequency_response(system):
-                done[name] = _of_data(system, None, inputs, outputs)
-            else:
-                models[name] = between_signals(system, inputs, outputs)
-        except (TypeError, ValueError) as error:
-            raise type(error)(f"systems[{name!r}]: {error}") from None
-    norms: dict[str, Any] = {}
-    grid = np.zeros(0) if asked is None else asked
-    if asked is None and models:
-        norms = {name: given.norm() for name, (_, given) in models.items()}
-        bands = [given.resonances() for _, given in models.values()]
-        low, high = min(result.low for result in bands), max(result.high for result in bands)
-        poles = np.concatenate([given.resonances(high).poles for _, given in models.values()])
-        grid = drawn_grid(Resonances(poles, low, high), [norm.peak_omega for norm in norms.values()])
-        grid = grid[grid <= min(_nyquist(given) for _, given in models.values())]  # what all of them have
-    for name, (chosen, given) in models.items():
-        if asked is not None:
-            grid = below_nyquist(
-                asked, given, f"systems[{name!r}]: {'omega' if frequency_hz is None else 'frequency_hz'}"
-            )
-        values = _finite(grid, given.singular_values(grid, quiet=asked is None))
-        done[name] = SigmaResult(
-            grid, values, chosen.input_labels, chosen.output_labels, norms.get(name, given), unit, _unit_of(chosen)
-        )
-    return SigmaComparison({name: done[name] for name in systems})
+        where = (None, None) if is_frequency_response(system) else (omega, frequency_hz)
+        with naming(f"systems[{name!r}]"):
+            selected[name] = SelectedSystem.of(system, *where, inputs, outputs)
+    return SigmaComparison(curves_of(selected))
 
 
-def _finite(omega: Array, values: Array) -> Array:
-    """Return singular values; those beyond all floating-point numbers are refused."""
-    told = np.isfinite(values)
-    if told.all():
-        return values
-    raise ValueError(
-        f"system: its response at {omega[~told.all(axis=0)][0]:g} rad/s is beyond all floating-point numbers;"
-        " expected a system in units in which it is not"
-    )
-
-
-def _of_data(
-    data: control.FrequencyResponseData,
-    omega: Array | None,
-    inputs: str | Sequence[str] | None,
-    outputs: str | Sequence[str] | None,
-) -> SigmaResult:
-    if omega is not None:
-        raise ValueError("omega: frequency response data have their own frequencies; leave it out")
-    ins, outs = names("input", inputs, data.input_labels), names("output", outputs, data.output_labels)
-    o, i = [data.output_labels.index(n) for n in outs], [data.input_labels.index(n) for n in ins]
-    response: Array = np.asarray(data.frdata)[np.ix_(o, i)]
-    grid, values = np.asarray(data.omega, dtype=float), singular_values(response)
-    return SigmaResult(grid, values, ins, outs, norm_of_data(grid, response))
+@contextmanager
+def naming(place: str) -> Iterator[None]:
+    """Prefix the message of an error with a place."""
+    try:
+        yield
+    except (TypeError, ValueError) as error:
+        raise type(error)(f"{place}: {error}") from None

@@ -1,13 +1,13 @@
 """Plants whose states are outputs too, for controllers that read states."""
 
-from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 
+from boomctl.arrays import Array
 from boomctl.lti.system import Lti, of
-from boomctl.structure.families import AffineFamily, PolynomialFamily, Slope
+from boomctl.structure.families import AffineFamily, PolynomialFamily
 from boomctl.structure.model import SecondOrderModel
 
 if TYPE_CHECKING:
@@ -63,50 +63,42 @@ def with_state_outputs(plant: Any) -> "control.StateSpace | AffineFamily | Polyn
     """
     if isinstance(plant, AffineFamily | PolynomialFamily):
         center = _center_with_state_outputs(plant.nominal)
-        more = (
-            (0, 0),
-            (0, len(center.output_labels) - len(plant.nominal.output_labels)),
-            (0, 0),
-        )  # what states read stays
+        more = len(center.output_labels) - len(plant.nominal.output_labels)
 
-        def wider(slope: Slope) -> Slope:
-            return replace(slope, L=np.pad(slope.L, more)) if slope.L.any() else replace(slope, L=np.zeros(()))
+        def wider(slope: Slope) -> Slope:  # what states read stays
+            return replace(slope, L=np.pad(slope.L, ((0, 0), (0, more), (0, 0))) if slope.L.any() else np.zeros(()))
 
-        return replace(
-            plant, nominal=center, coefficients=tuple((power, wider(slope)) for power, slope in plant.coefficients)
-        )
+        coefficients = tuple((power, wider(slope)) for power, slope in plant.coefficients)
+        return replace(plant, nominal=center, coefficients=coefficients)
     given = of(plant, "plant", "SecondOrderModel, a family, StateSpace or TransferFunction", any_time=True)
     name = getattr(plant, "name", None)
     return _with_state_outputs(given).statespace(name if isinstance(name, str) else "plant")
 
 
 def _with_state_outputs(plant: Lti) -> Lti:
-    plain, eye = plant.without_dots(), np.eye(len(plant.A))
-    labels = tuple(label.replace(".", "_") for label in plant.state_labels)
-
-    def same(output: int, state: int) -> bool:
-        return bool((plain.C[output] == eye[state]).all() and not plain.D[output].any())
-
-    new = _unread(labels, plain.output_labels, same)
-    return replace(
-        plain,
-        C=np.vstack([plain.C, eye[new]]),
-        D=np.vstack([plain.D, np.zeros((len(new), plain.D.shape[1]))]),
-        output_labels=(*plain.output_labels, *(labels[i] for i in new)),
-    )
+    plain, n = plant.without_dots(), len(plant.A)
+    labels, rows = _joined(plant, plain.output_labels, np.hstack([plain.C, plain.D]), np.eye(n, n + plain.B.shape[1]))
+    C, D = np.hsplit(rows, [n])
+    return replace(plain, C=C, D=D, output_labels=labels)
 
 
-def _unread(states: Sequence[str], outputs: Sequence[str], same: Callable[[int, int], bool]) -> list[int]:
-    """Return which states are no outputs yet; an output of a state's name that is not the ``same`` is refused."""
-    new = []
-    for i, label in enumerate(states):
-        if label in states[:i]:
+def _joined(plant: Lti, outputs: tuple[str, ...], read: Array, states: Array) -> tuple[tuple[str, ...], Array]:
+    """Append states that are no outputs yet: return all names, and rows, the last but one axis, of what each reads.
+
+    Raises
+    ------
+    ValueError
+        Two states of one name, or an output with the name of a state that it does not read.
+    """
+    labels, new = [label.replace(".", "_") for label in plant.state_labels], []
+    for i, label in enumerate(labels):
+        if label in labels[:i]:
             raise ValueError(f"plant: expected states of different names, got {label!r} twice")
         if label not in outputs:
             new.append(i)
-        elif not same(outputs.index(label), i):
+        elif not np.array_equal(read[..., outputs.index(label), :], states[..., i, :]):
             raise ValueError(f"plant: expected output {label!r} to be the state of this name; rename one of them")
-    return new
+    return (*outputs, *(labels[i] for i in new)), np.concatenate([read, states[..., new, :]], axis=-2)
 
 
 def _center_with_state_outputs(model: SecondOrderModel) -> SecondOrderModel:
@@ -116,34 +108,21 @@ def _center_with_state_outputs(model: SecondOrderModel) -> SecondOrderModel:
         filtered = [name for name, b in zip(model.output_labels, ports.bandwidths, strict=True) if b is not None]
         which = f"a filter behind {filtered[0]!r}" if filtered else "an input that is integrated"
         raise ValueError(f"plant: expected a family without filters and integrators, got {which}")
+    none = np.zeros((n, n))
     places = replace(
         ports,
         outputs=model.coordinates,
-        L=np.stack([np.eye(n), *np.zeros((2, n, n))]),
+        L=np.stack([np.eye(n), none, none]),
         E=np.zeros((3, n, m)),
         bandwidths=(None,) * n,
         primary=None,
     )
     x = of(SecondOrderModel.of(model.structure, places), "plant")
-    # q = C1 x1 + D d, and x1' = A11 x1 + A12 x2 + B1 d
-    C1, D, A11, A12, B1 = x.C[:, :n], x.D, x.A[:n, :n], x.A[:n, n:], x.B[:n]
-    if x.C[:, n:].any():
-        raise ArithmeticError("with_state_outputs: expected places that are sums of the first half of the states")
-    T, inner = np.linalg.inv(C1), np.linalg.inv(A12)
-    L, E = np.zeros((3, 2 * n, n)), np.zeros((3, 2 * n, m))
-    L[0], L[1, n:] = np.vstack([T, -inner @ A11 @ T]), inner @ T
-    E[0], E[1, n:] = np.vstack([-T @ D, inner @ (A11 @ T @ D - B1)]), -inner @ T @ D
-    labels = tuple(label.replace(".", "_") for label in x.state_labels)
-
-    def same(output: int, state: int) -> bool:
-        return bool((ports.L[:, output] == L[:, state]).all() and (ports.E[:, output] == E[:, state]).all())
-
-    new = _unread(labels, model.output_labels, same)
-    read = replace(
-        ports,
-        outputs=(*model.output_labels, *(labels[i] for i in new)),
-        L=np.concatenate([ports.L, L[:, new]], axis=1),
-        E=np.concatenate([ports.E, E[:, new]], axis=1),
-        bandwidths=(None,) * (len(model.output_labels) + len(new)),
-    )
-    return SecondOrderModel.of(model.structure, read)
+    # q = C x + D d, and q' = C (A x + B d) + D d'
+    place, speed = np.hsplit(np.linalg.inv(np.vstack([x.C, x.C @ x.A])), [n])
+    at_rest, moving = -place @ x.D - speed @ (x.C @ x.B), -speed @ x.D
+    states = np.stack([np.hstack([place, at_rest]), np.hstack([speed, moving]), np.zeros((2 * n, n + m))])
+    labels, read = _joined(x, model.output_labels, np.concatenate([ports.L, ports.E], axis=2), states)
+    L, E = np.split(read, [n], axis=2)
+    wider = replace(ports, outputs=labels, L=L, E=E, bandwidths=(None,) * len(labels))
+    return SecondOrderModel.of(model.structure, wider)

@@ -1,6 +1,8 @@
 # The public names and where each is defined: `__init__.py` loads them from there when they are first used.
 
 from boomctl.identification.certificate import FitCertificate as FitCertificate
+from boomctl.identification.files.frequency_response import MeasuredFrequencyResponse as MeasuredFrequencyResponse
+from boomctl.identification.files.frequency_response import read_frequency_response as read_frequency_response
 from boomctl.identification.fit import fit as fit
 from boomctl.identification.identifiability import ParameterCombination as ParameterCombination
 from boomctl.identification.identify import IdentificationResult as IdentificationResult

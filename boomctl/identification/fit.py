@@ -25,7 +25,7 @@ from boomctl.threads import one_blas_thread
 if TYPE_CHECKING:
     import control
 
-    from boomctl.analysis.measured import MeasuredFrequencyResponse
+    from boomctl.identification.files.frequency_response import MeasuredFrequencyResponse
 
     Range = tuple[float, float]
     One = ArrayLike | control.FrequencyResponseData | MeasuredFrequencyResponse

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from boomctl.analysis.measured import MeasuredFrequencyResponse
 from boomctl.analysis.sigma import sigma
 from boomctl.arrays import Array
 from boomctl.checks import (
@@ -21,6 +20,7 @@ from boomctl.checks import (
     some_names,
     whole,
 )
+from boomctl.identification.files.frequency_response import MeasuredFrequencyResponse
 from boomctl.lti.frequency import singular_values
 from boomctl.lti.rounding import ALIKE
 from boomctl.lti.system import is_frequency_response, is_statespace, of

@@ -70,6 +70,20 @@ def sides(poles: Array, dt: float, doubt: Array | float = 0.0) -> Array:
     return side
 
 
+def transmission_zeros(system: Lti) -> Array:
+    """Return the finite transmission zeros [rad/s]; in discrete time without a unit."""
+    from slycot import ab08nd  # long to import
+
+    n, (p, m) = len(system.A), system.D.shape
+    if not n:
+        return np.zeros(0, complex)
+    # slycot's own length of the work array is too small for many signals of few states
+    result = ab08nd(n, m, p, system.A, system.B, system.C, system.D, ldwork=n + 4 * max(m, p, 1))
+    E, F = (matrix[: result[0], : result[0]] for matrix in result[8:10])
+    zeros = linalg.eigvals(E, F).astype(complex)
+    return zeros[np.isfinite(zeros)]
+
+
 def boundary_sides(system: Lti) -> Array:
     """Return on which side of the boundary of stability poles lie, as :func:`sides` does, clusters as one.
 

@@ -11,8 +11,8 @@ from boomctl.arrays import Array
 from boomctl.plotting.canvas import COLORS, new_figure, style
 
 if TYPE_CHECKING:
-    from boomctl.analysis.measured import MeasuredFrequencyResponse
     from boomctl.analysis.sigma import SigmaResult
+    from boomctl.identification.files.frequency_response import MeasuredFrequencyResponse
 
 _LINES = {"finite": "--", "discrete": ":", "exact": "-"}
 

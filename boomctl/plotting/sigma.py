@@ -7,8 +7,8 @@ import numpy as np
 from boomctl.plotting.canvas import few_labels, frequency_axis, labeled, legend, line_look, panels
 
 if TYPE_CHECKING:
-    from boomctl.analysis.measured import MeasuredFrequencyResponse
     from boomctl.analysis.sigma import SigmaComparison, SigmaResult
+    from boomctl.identification.files.frequency_response import MeasuredFrequencyResponse
 
 _PEAK = "verified peak"
 _SIZE = (6.4, 4.2)  # in: a column and a half of a paper

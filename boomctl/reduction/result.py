@@ -7,18 +7,14 @@ from importlib import import_module
 from math import inf
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from boomctl.analysis.claim import Claim
-from boomctl.analysis.model_norm import SplitModel
 from boomctl.analysis.norm import NormBounds
-from boomctl.analysis.sigma import drawn_grid
+from boomctl.analysis.sigma import SelectedSystem, drawn_grid
 from boomctl.arrays import Array
-from boomctl.lti.frequency import ABOVE, Resonances, singular_values
+from boomctl.lti.frequency import ABOVE, singular_values
 from boomctl.lti.system import Lti, of
 from boomctl.printing import between, compact
 from boomctl.structure.model import SecondOrderModel
-from boomctl.structure.response.direct import respond
 from boomctl.threads import one_blas_thread
 
 if TYPE_CHECKING:
@@ -151,17 +147,11 @@ class ReductionResult:
     @one_blas_thread
     def curves(self) -> ReductionCurves:
         """Singular values of the full system, of the reduced one and of their difference, computed when first asked for."""
-        full, worst = self._full, self.certificate.peak_omega
+        full, reduced, worst = SelectedSystem(self._full), SelectedSystem(self._reduced), self.certificate.peak_omega
         top = ABOVE * max(worst if worst < inf else 0.0, 0.0 if self.omega_range is None else self.omega_range[1])
-        if isinstance(full, Lti):
-            result = Resonances.of_system(full)
-            result = Resonances.of_system(full, top) if top > result.high else result
-        else:
-            split = SplitModel.of(full)
-            result = split.resonances()
-            result = split.resonances(top) if top > result.high else result
-        omega = drawn_grid(result, [worst])
-        before, after = (_response(system, omega) for system in (full, self._reduced))
+        band = full.resonances()
+        omega = drawn_grid(full.resonances(top) if top > band.high else band, [worst])
+        before, after = (system.response(omega, quiet=True) for system in (full, reduced))
         error = singular_values(before - after)[0]
         return ReductionCurves(omega, singular_values(before), singular_values(after), error)
 
@@ -183,9 +173,3 @@ class ReductionResult:
             Those drawn on.
         """
         return import_module("boomctl.plotting.design").plot_reduction(self, ax, frequency_unit=frequency_unit, **style)
-
-
-def _response(system: Lti | SecondOrderModel, omega: Array) -> Array:
-    if isinstance(system, Lti):
-        return np.asarray(system.response(omega, quiet=True))
-    return respond(system.structure, system.ports, omega)

@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from boomctl.analysis.measured import read_frequency_response
 from boomctl.arrays import Array
 from boomctl.checks import known, positive
 from boomctl.files import json_text, read_numbers
+from boomctl.identification.files.frequency_response import read_frequency_response
 from boomctl.identification.identify import IdentificationResult, identify
 from boomctl.identification.response import FrequencyResponseEstimate, estimate_frequency_response
 from boomctl.plotting.canvas import figure_of, picture

@@ -132,6 +132,20 @@ def test_zeros_stop_the_response_and_poles_are_those_of_the_state_matrix(seed):
     assert found.response.poles is found.poles
 
 
+@pytest.mark.parametrize(("n", "m"), [(1, 1), (1, 3), (4, 2), (2, 5)])
+@examples(20)
+@given(seeds)
+def test_zeros_with_an_invertible_feedthrough_are_the_poles_of_the_inverse(n, m, seed):
+    """Also of more signals than states."""
+    rng = np.random.default_rng(seed)
+    A, B, C = (rng.standard_normal(size) for size in ((n, n), (n, m), (m, n)))
+    D = np.linalg.qr(rng.standard_normal((m, m)))[0]
+    want = np.linalg.eigvals(A - B @ D.T @ C)
+    found = bc.pzmap(control.ss(A, B, C, D)).zeros
+    assert len(found) == n
+    assert np.abs(found[:, None] - want).min(axis=0).max() < 1e-6 * max(1.0, np.abs(want).max())
+
+
 def dyadic_gain(seed):
     """Return the gain of a loop with or without poles on the boundary of stability, most of them repeated; all dyadic."""
     rng = np.random.default_rng(seed)

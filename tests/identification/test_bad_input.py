@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 import boomctl as bc
-from boomctl.analysis import MeasuredFrequencyResponse
-from boomctl.identification import uncertainty_weight
+from boomctl.identification import MeasuredFrequencyResponse, uncertainty_weight
 from boomctl.structure import SecondOrderModel
 from tests.identification.chain import CHAIN, OMEGA, frequencies, three_masses
 from tests.identification.rig import RIG, START, measured, rig

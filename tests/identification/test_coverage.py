@@ -10,7 +10,7 @@ import pytest
 from scipy import signal, stats
 
 import boomctl as bc
-from boomctl.analysis import MeasuredFrequencyResponse
+from boomctl.identification import MeasuredFrequencyResponse
 from tests.identification.chain import CHAIN, OMEGA, frequencies, response
 from tests.profiles import is_hunt
 

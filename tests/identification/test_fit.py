@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from scipy import stats
 
 import boomctl as bc
-from boomctl.analysis import MeasuredFrequencyResponse
+from boomctl.identification import MeasuredFrequencyResponse
 from boomctl.structure import GROUND, Assembly, Beam, BeamSegment, FiniteElements, Output, fixed
 from tests.identification.chain import CHAIN, OMEGA, frequencies, response
 from tests.profiles import examples

@@ -24,7 +24,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 import boomctl as bc
-from boomctl.analysis import MeasuredFrequencyResponse
+from boomctl.identification import MeasuredFrequencyResponse
 from boomctl.plotting import figure_bytes, figure_of, style
 from tests import handed_out as one
 from tests.handed_out import FACTORIES

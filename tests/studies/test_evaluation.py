@@ -87,7 +87,7 @@ def test_suspension_verdict_is_verified_if_both_peaks_are(doubted):
     assert run.jolt.lower_bound < 0.1 * run.yaw.lower_bound
     both = dict.fromkeys(("passive", "active"), run)
     if doubted:
-        both[doubted] = replace(run, sigma=replace(run.sigma, _of=replace(peak, verified=False)))
+        both[doubted] = replace(run, sigma=replace(run.sigma, _of=SimpleNamespace(norm=replace(peak, verified=False))))
     found = SuspensionResult(SuspensionDesign("", ""), FieldScenario(), both["passive"], both["active"], (), None, ())
     assert found.verdict.startswith("Peak, NOT verified, from" if doubted else "Verified peak from")
     assert not found.better  # than itself

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -12,21 +11,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from boomctl.analysis.looking.given import looked_at
-from boomctl.analysis.model_norm import SplitModel
-from boomctl.analysis.sigma import (
-    NO_SINES,
-    GivenSystem,
-    asked_frequencies,
-    below_nyquist,
-    beside_undamped,
-    between_signals,
-    drawn_grid,
-    has_unstable_pole,
-)
+from boomctl.analysis.sigma import NO_SINES, SelectedSystem, beside_undamped, drawn_grid, finite
 from boomctl.arrays import Array
-from boomctl.checks import known, names
+from boomctl.checks import known
 from boomctl.lti.frequency import ABOVE, with_peaks
-from boomctl.lti.system import is_frequency_response
 from boomctl.printing import between
 from boomctl.threads import one_blas_thread
 
@@ -57,7 +45,7 @@ class BodeResult:
     input_labels: tuple[str, ...]
     output_labels: tuple[str, ...]
     frequency_unit: str = "Hz"
-    _of: SplitModel | GivenSystem | None = field(default=None, repr=False, compare=False)  # None: measured data
+    _of: SelectedSystem | None = field(default=None, repr=False, compare=False)
 
     def __repr__(self) -> str:
         span = f"{len(self.omega)} frequencies, {self.omega[0]:.4g} to {self.omega[-1]:.4g} rad/s"
@@ -69,10 +57,10 @@ class BodeResult:
         span += f"\n  {NO_SINES}" if self._unstable else ""
         return f"BodeResult: {between(self.input_labels, self.output_labels)}\n  {span}\n  largest {peak}"
 
-    @cached_property
+    @property
     def _unstable(self) -> bool | None:
         """Whether the system has an unstable pole; None where that is not known."""
-        return None if self._of is None else has_unstable_pole(self._of)
+        return None if self._of is None else self._of.unstable
 
     def __getitem__(self, pair: tuple[str, str]) -> Array:
         """Return the complex response of an output to an input: ``result["output", "input"]``."""
@@ -137,7 +125,6 @@ def bode(
     outputs: str | Sequence[str] | None = None,
     *,
     frequency_hz: ArrayLike | None = None,
-    **style: Any,
 ) -> BodeResult:
     """Return size and phase of a system's responses over frequency.
 
@@ -156,8 +143,6 @@ def bode(
         Between which signals.  By default all; of a boom model, platform actuators and tips.
     frequency_hz : array_like, optional
         Frequencies in Hz, in place of ``omega``.
-    **style
-        None: what a picture looks like (python-control's ``dB=True``) is said to ``.plot()``.
 
     Returns
     -------
@@ -177,42 +162,15 @@ def bode(
     >>> round(float(found.magnitude.max())), round(bc.sigma(bc.spray_boom(), None, "actuator_left", "tip_left").peak)
     (1236, 1236)
     """
-    if style:
-        name, value = next(iter(style.items()))
-        raise TypeError(
-            f"{name} = {value!r}: unknown to bode; bode(system).plot() draws, its magnitude on a logarithmic axis, and "
-            f"bode(system).response.plot({name}={value!r}) is python-control's picture"
+    selected = SelectedSystem.of(looked_at(system), omega, frequency_hz, inputs, outputs)
+    grid = selected.omega
+    if grid is not None:
+        values = selected.response(grid)
+    else:
+        band, peak = selected.resonances(), selected.norm.peak_omega
+        if band.high < ABOVE * peak < np.inf:
+            band = selected.resonances(ABOVE * peak)
+        grid, values = with_peaks(
+            lambda w: selected.response(w, quiet=True), drawn_grid(band, [peak]), lambda w: beside_undamped(band, w)
         )
-    asked, unit = asked_frequencies(omega, frequency_hz)
-    system = looked_at(system)
-    if is_frequency_response(system):
-        if asked is not None:
-            raise ValueError("omega: frequency response data have their own frequencies; leave it out")
-        ins, outs = names("input", inputs, system.input_labels), names("output", outputs, system.output_labels)
-        o, i = ([there.index(name) for name in wanted] for there, wanted in
-                ((system.output_labels, outs), (system.input_labels, ins)))  # fmt: skip
-        grid = np.asarray(system.omega, dtype=float)
-        return BodeResult(grid, _finite(grid, np.asarray(system.frdata)[np.ix_(o, i)]), ins, outs)
-    chosen, given = between_signals(system, inputs, outputs)
-    for kind, there in (("inputs", chosen.input_labels), ("outputs", chosen.output_labels)):
-        if not there:
-            raise ValueError(f"system: expected a system with {kind}, got none")
-    if asked is not None:
-        grid = below_nyquist(asked, given, "omega" if frequency_hz is None else "frequency_hz")
-        return BodeResult(
-            grid, _finite(grid, given.response(grid)), chosen.input_labels, chosen.output_labels, unit, given
-        )
-    result, peak = given.resonances(), given.norm().peak_omega
-    if result.high < ABOVE * peak < np.inf:
-        result = given.resonances(ABOVE * peak)
-    grid, values = with_peaks(
-        lambda w: given.response(w, quiet=True), drawn_grid(result, [peak]), lambda w: beside_undamped(result, w)
-    )
-    return BodeResult(grid, _finite(grid, values), chosen.input_labels, chosen.output_labels, _of=given)
-
-
-def _finite(omega: Array, values: Array) -> Array:
-    bad = ~np.isfinite(values).all(axis=(0, 1))
-    if bad.any():
-        raise ValueError(f"system: its response at {omega[bad][0]:g} rad/s is not finite; leave this frequency out")
-    return values
+    return BodeResult(grid, finite(grid, values), *selected.labels, selected.unit, selected)

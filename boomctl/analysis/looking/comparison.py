@@ -6,25 +6,24 @@ linear system it is the verified peak, the H2 norm and the slowest pole.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from html import escape
 from importlib import import_module
+from itertools import chain
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from boomctl.analysis.h2 import h2_norm
-from boomctl.analysis.looking.given import looked_at, matrices
+from boomctl.analysis.looking.given import EXPECTED, looked_at, matrices
 from boomctl.analysis.margins import Margins
-from boomctl.analysis.sigma import SigmaResult, compare_sigma
+from boomctl.analysis.sigma import SelectedSystem, SigmaResult, between_signals, curves_of, naming
 from boomctl.checks import known, mapping, shown
 from boomctl.lti.modal import resolved
 from boomctl.lti.system import Lti
 from boomctl.lti.time_series import TimeSeries
-from boomctl.printing import DataFrame, between, count, data_frame, listed, table_html
-from boomctl.structure.model import SecondOrderModel
+from boomctl.printing import DataFrame, between, count, data_frame, listed, table_html, table_text
 from boomctl.threads import one_blas_thread
 
 if TYPE_CHECKING:
@@ -77,14 +76,7 @@ class Comparison:
             A table, one line a figure, one column a name; below it, between which signals linear systems are compared, and
             which of them are unstable.
         """
-        table = self._table()
-        first = max(_SHOWN, *(len(row[0]) for row in table))
-        wide = [max(len(row[k]) for row in table) for k in range(1, len(self.names) + 1)]
-        lines = [
-            "  ".join([f"{row[0]:{first}}", *(f"{cell:>{w}}" for cell, w in zip(row[1:], wide, strict=True))])
-            for row in table
-        ]
-        return "\n".join([*lines, *self._signals()])
+        return "\n".join([table_text(self._table(), first=_SHOWN), *self._signals()])
 
     def _signals(self) -> list[str]:
         """Return between which signals the singular values and norms of each are, and which of them are unstable."""
@@ -194,48 +186,40 @@ def compare(
     mapping("results", results, "systems or results by name")
     if not results:
         raise ValueError("results: expected at least one")
-    values: dict[str, dict[str, float]] = {}
     parts: dict[str, tuple[Any, ...]] = {}
+    systems: dict[tuple[str, int], SelectedSystem] = {}  # those that give no figures themselves, by their places
     for name, given in results.items():
         if not isinstance(name, str):
             raise TypeError(f"name of a result = {shown(name)}: expected a string, got {type(name).__name__}")
-        members = tuple(given) if isinstance(given, list | tuple) else (given,)
-        if not members:
+        parts[name] = tuple(given) if isinstance(given, list | tuple) else (given,)
+        if not parts[name]:
             raise ValueError(f"results[{name!r}]: expected at least one")
-        parts[name] = members
-    linear: dict[str, Any] = {}
-    systems: dict[str, tuple[Any, Lti]] = {}
-    for name, members in parts.items():
-        for k, member in enumerate(members):
+        for k, member in enumerate(parts[name]):
             if not hasattr(type(member), "__figures__"):
-                with _naming(name):
-                    system = _between(looked_at(member), inputs, outputs)
-                    systems[f"{name} {k}"] = system, matrices(system)
-                    linear[f"{name} {k}"] = system.statespace("system") if isinstance(system, Lti) else system
-    _check_same_scales(systems)
-    curves = compare_sigma(linear, omega) if linear else {}  # all on one grid
+                with naming(f"results[{name!r}]"):
+                    chosen = between_signals(looked_at(member), inputs, outputs, EXPECTED)
+                    systems[name, k] = SelectedSystem.of(chosen, omega, None, None, None)
+    _check_same_scales(systems.values())
+    curves = curves_of(systems)
+    values: dict[str, dict[str, float]] = {}
     for name, members in parts.items():
-        values[name], kept = {}, []
+        values[name] = {}
         for k, member in enumerate(members):
-            own = f"{name} {k}" in linear
-            with _naming(name):
-                values[name] |= (
-                    _of_system(member, *systems[f"{name} {k}"], curves[f"{name} {k}"]) if own else member.__figures__()
-                )
-            kept.append(curves[f"{name} {k}"] if own else member)
-        parts[name] = tuple(kept)
-    order: dict[str, None] = {}
-    for figures in values.values():
-        order |= dict.fromkeys(figures)
-    return Comparison(tuple(results), tuple(order), values, parts)
+            with naming(f"results[{name!r}]"):
+                curve = curves.get((name, k))
+                values[name] |= member.__figures__() if curve is None else _of_system(member, systems[name, k], curve)
+        parts[name] = tuple(curves.get((name, k), member) for k, member in enumerate(members))
+    metrics = dict.fromkeys(figure for figures in values.values() for figure in figures)
+    return Comparison(tuple(results), tuple(metrics), values, parts)
 
 
-def _check_same_scales(systems: Mapping[str, tuple[Any, Lti]]) -> None:
+def _check_same_scales(systems: Iterable[SelectedSystem]) -> None:
     """Check that signals of one name have one scale in all systems."""
     scales: dict[str, float] = {}
-    for _, system in systems.values():
-        for label in (*system.input_labels, *system.output_labels):
-            scale = (system.scales or {}).get(label, 1.0)
+    for selected in systems:
+        own = getattr(selected.chosen, "scales", None) or {}
+        for label in chain(*selected.labels):
+            scale = own.get(label, 1.0)
             if scales.setdefault(label, scale) != scale:
                 raise ValueError(
                     f"`results` must be in the same scales, got {label!r} divided by {scales[label]:g} and by {scale:g}."
@@ -243,32 +227,17 @@ def _check_same_scales(systems: Mapping[str, tuple[Any, Lti]]) -> None:
                 )
 
 
-def _between(system: Any, inputs: str | Sequence[str] | None, outputs: str | Sequence[str] | None) -> Any:
-    """Return a system between the signals that all figures are of: of a boom by default platform actuators and tips."""
-    if isinstance(system, SecondOrderModel):
-        return system.between(inputs, outputs)
-    return system if inputs is None and outputs is None else matrices(system, inputs, outputs)
-
-
-@contextmanager
-def _naming(name: str) -> Iterator[None]:
-    """Say in an error of which result it is."""
-    try:
-        yield
-    except (TypeError, ValueError) as error:
-        raise type(error)(f"results[{name!r}]: {error}") from None
-
-
-def _of_system(given: Any, system: Any, found: Lti, curves: SigmaResult) -> dict[str, float]:
-    """Return what a linear system has to show, besides its singular values."""
-    figures = {"H-infinity norm" + ("" if curves.verified else ", not verified"): curves.peak}
-    figures["H2 norm"] = h2_norm(system).value
-    rates = found.rates[np.isfinite(found.rates)]
+def _of_system(given: Any, selected: SelectedSystem, curve: SigmaResult) -> dict[str, float]:
+    """Return what a linear system has to show."""
+    figures = {"H-infinity norm" + ("" if curve.verified else ", not verified"): curve.peak}
+    figures["H2 norm"] = h2_norm(selected.chosen).value
+    rates = matrices(selected.chosen).rates
+    rates = rates[np.isfinite(rates)]
     if len(rates):
         figures["slowest pole [rad/s]"] = float(rates.real.max())
-        turning = rates[resolved(rates) & (rates.imag > 0.0)]
-        if len(turning):
-            figures["least damping [%]"] = float(100.0 * (-turning.real / np.abs(turning)).min())
+    turning = rates[resolved(rates) & (rates.imag > 0.0)]
+    if len(turning):
+        figures["least damping [%]"] = float(100.0 * (-turning.real / np.abs(turning)).min())
     controller = getattr(given, "_controller", None)
     if isinstance(controller, Lti):
         figures["states of the controller"] = float(len(controller.A))
@@ -278,10 +247,9 @@ def _of_system(given: Any, system: Any, found: Lti, curves: SigmaResult) -> dict
 def _of_kind(kind: str, parts: tuple[Any, ...]) -> Any:
     """Return the first part that a picture of a kind is drawn of; None without one."""
     for part in parts:
-        if kind == TIME and isinstance(part, TimeSeries):
-            return {**part._outputs(), **part._inputs()}, part.time
-        if kind == TIME and isinstance(getattr(part, "run", None), TimeSeries):
-            return {**part.run._outputs(), **part.run._inputs()}, part.run.time
+        run = getattr(part, "run", part)
+        if kind == TIME and isinstance(run, TimeSeries):
+            return {**run._outputs(), **run._inputs()}, run.time
         if kind == FREQUENCY and hasattr(part, "sigma"):
             return part if hasattr(part, "omega") else part.sigma
         if kind == MARGINS and isinstance(part, Margins):

@@ -25,7 +25,7 @@ from boomctl.checks import no_signals, nonnegative
 from boomctl.lti.bilinear import continuous_image, omega_of_image
 from boomctl.lti.frequency import smooth_curve
 from boomctl.lti.modal import boundary_sides, diagonalized, sides
-from boomctl.lti.system import Lti, controller_of, of, well_posed_inverse
+from boomctl.lti.system import Lti, controller_of, of, series, well_posed_inverse
 from boomctl.printing import count, listed
 from boomctl.threads import one_blas_thread
 
@@ -205,11 +205,6 @@ def _of_gain(L: Lti) -> tuple[Lti, Lti, tuple[str, ...]]:
 
 def _of_loop(P: Lti, K: Lti, delay: float) -> tuple[Lti, Lti, tuple[str, ...]]:
     """Return the open loop, the sensitivity at the controls, and these, of ``u = K y``."""
-    loop = joined(P, K, delay)
-    opened = joined(P, replace(K, C=0.0 * K.C, D=0.0 * K.D), delay)  # states of the plant, then of the controller
-    first, m, measured = len(loop.disturbances), len(loop.controls), len(opened.outputs) + len(loop.controls)
-    G = opened.system.between(range(first, first + m), range(measured, measured + len(loop.measurements)))
-    C = K.D @ G.C
-    C[:, C.shape[1] - K.C.shape[1] :] += K.C
-    L = replace(G, C=-C, D=-K.D @ G.D, output_labels=loop.controls)
+    loop, m = joined(P, K, delay), len(K.C)
+    L = series(loop.plant, replace(K, C=-K.C, D=-K.D))
     return L.balanced(), loop.sensitivity.between(range(m), range(m)), loop.controls

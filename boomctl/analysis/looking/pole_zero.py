@@ -11,7 +11,7 @@ import numpy as np
 
 from boomctl.analysis.looking.given import matrices
 from boomctl.arrays import Array
-from boomctl.lti.modal import sides
+from boomctl.lti.modal import sides, transmission_zeros
 from boomctl.printing import between, count
 from boomctl.threads import one_blas_thread
 
@@ -113,11 +113,8 @@ def pzmap(
     (array([ 1.54, 17.51]), array([4.66]))
     """
     result = matrices(system, inputs, outputs)
-    zeros = result.statespace("system").zeros() if len(result.A) else np.zeros(0)
-    zeros = np.asarray(zeros, dtype=complex)
-    zeros = zeros[np.isfinite(zeros)]
-    poles = np.asarray(result.poles, dtype=complex)
-    return PoleZeroResult(_ascending(poles), _ascending(zeros), result.input_labels, result.output_labels, result.dt)
+    poles, zeros = _ascending(result.poles), _ascending(transmission_zeros(result))
+    return PoleZeroResult(poles, zeros, result.input_labels, result.output_labels, result.dt)
 
 
 def _ascending(values: Array) -> Array:

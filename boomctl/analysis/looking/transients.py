@@ -11,11 +11,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from boomctl.analysis.looking.given import matrices
+from boomctl.analysis.sigma import Signals
 from boomctl.arrays import Array, blocks
 from boomctl.checks import finite_array, known, no_signals, plain_array, positive
 from boomctl.lti.hold import BLOCK, matrix_expm1, motion_coordinates, observability
 from boomctl.lti.modal import partial_fractions, side_of_axis, sides
-from boomctl.lti.rounding import ALIKE, ROOT, TINY
+from boomctl.lti.rounding import ALIKE, ROOT
 from boomctl.lti.system import Lti
 from boomctl.printing import between
 from boomctl.threads import one_blas_thread
@@ -33,9 +34,8 @@ _PER_CONSTANT = 10  # instants in its time constant (a choice)
 _SEEN = 1e-3  # share of the largest modal part of a response up to which one does not show (a choice)
 _GROWN = 2.0  # growth of a stable system within the time simulated, above which rounding decides its response
 _FEWEST, _MOST = 200, 20_000  # instants of a picture (a choice)
-_LONG = (
-    10.0  # fastest time constants, shown of a system that only integrates besides; seconds of one without (a choice)
-)
+# fastest time constants, shown of a system that only integrates besides; seconds of one without (a choice)
+_LONG = 10.0
 
 
 @dataclass(frozen=True)
@@ -90,16 +90,13 @@ class TimeResponse:
         """The same as python-control's named time response."""
         from boomctl.lti.python_control import control
 
-        acting = np.zeros((len(self.input_labels), len(self.input_labels), len(self.time)))
-        own = np.arange(len(self.input_labels))
-        if self.kind == "step":
-            acting[own, own] = 1.0
-        elif self.dt:
-            acting[own, own, 0] = 1.0 / self.dt
+        height = np.full(len(self.time), float(self.kind == "step"))
+        if self.kind == "impulse" and self.dt:
+            height[0] = 1.0 / self.dt
         return control.TimeResponseData(
             self.time,
             self.outputs,
-            inputs=acting,
+            inputs=np.eye(len(self.input_labels))[:, :, None] * height,
             output_labels=list(self.output_labels),
             input_labels=list(self.input_labels),
             trace_labels=[f"From {name}" for name in self.input_labels],
@@ -168,11 +165,7 @@ def step(
     >>> round(float(bc.step(swing)["place"].max()), 2)
     1.85
     """
-    given, L = _matrices(system, inputs, outputs)
-    n, m = L.B.shape
-    held = np.eye(m) if L.dt else np.zeros((m, m))  # the input stays: as a state, its rate is zero
-    A = blocks([[L.A, L.B], [np.zeros((m, n)), held]])
-    return _moved("step", given, timepts, (A, np.vstack([np.zeros((n, m)), np.eye(m)]), np.hstack([L.C, L.D])))
+    return _moved("step", system, timepts, inputs, outputs)
 
 
 @one_blas_thread
@@ -210,49 +203,39 @@ def impulse(
     >>> round(float(bc.impulse(swing)["place"].max()), 2)
     0.93
     """
-    given, L = _matrices(system, inputs, outputs)
-    if not L.dt:
-        return _moved("impulse", given, timepts, (L.A, L.B, L.C))
-    n, m = L.B.shape  # the input is a state that lasts for one sample
-    A = blocks([[L.A, L.B], [np.zeros((m, n + m))]])
-    return _moved(
-        "impulse", given, timepts, (A, np.vstack([np.zeros((n, m)), np.eye(m)]) / L.dt, np.hstack([L.C, L.D]))
-    )
-
-
-def _matrices(
-    system: object, inputs: str | Sequence[str] | None, outputs: str | Sequence[str] | None
-) -> tuple[Lti, Lti]:
-    """Return the matrices of a system between signals, and those of a continuous one in coordinates of its motion."""
-    L = matrices(system, inputs, outputs)
-    return L, L if L.dt else motion_coordinates(L)[0]
+    return _moved("impulse", system, timepts, inputs, outputs)
 
 
 def _moved(
-    kind: str, system: Lti, timepts: ArrayLike | float | None, motion: tuple[Array, Array, Array]
+    kind: str, system: object, timepts: ArrayLike | float | None, inputs: Signals, outputs: Signals
 ) -> TimeResponse:
-    """Return the free motion ``C A^k X`` of a system that starts with the columns of ``X``."""
-    A, X, C = motion
-    time = _instants(system, timepts)
-    count = len(time)
+    """Compute the free motion of a system whose inputs are states too: constant, or zero after one sample."""
+    given = matrices(system, inputs, outputs)
+    L = given if given.dt else motion_coordinates(given)[0]
+    time = _instants(given, timepts)
+    (n, m), count, unit = L.B.shape, len(time), np.eye(L.B.shape[1])
+    A = blocks([[L.A, L.B], [np.zeros((m, n)), unit if kind == "step" and L.dt else 0.0 * unit]])
+    if kind == "step" or L.dt:
+        X = np.vstack([0.0 * L.B, unit if kind == "step" else unit / L.dt])
+    else:
+        X = np.vstack([L.B, 0.0 * unit])
     with np.errstate(over="ignore", invalid="ignore"):
-        Phi = A if system.dt else np.eye(len(A)) + matrix_expm1(A * (time[1] - time[0]))
-        n = len(system.A)
+        Phi = A if L.dt else np.eye(n + m) + matrix_expm1(A * (time[1] - time[0]))
         radius = np.abs(np.linalg.eigvals(Phi[:n, :n])).max(initial=0.0) if np.isfinite(Phi).all() else np.inf
-        if radius**count > _GROWN and (sides(system.poles, system.dt) < 0).all():
+        if radius**count > _GROWN and (sides(given.poles, given.dt) < 0).all():
             raise ArithmeticError(
                 "system: rounding of its entries makes its response grow although all poles are stable. Use another"
                 " realization, such as a modal one."
             )
-        seen, power = observability(Phi, C, min(BLOCK, count))
-        blocks = []
+        seen, power = observability(Phi, np.hstack([L.C, L.D]), min(BLOCK, count))
+        parts = []
         for _ in range(-(-count // len(seen))):
-            blocks.append(seen @ X)
+            parts.append(seen @ X)
             X = power @ X
-        values = np.concatenate(blocks)[:count].transpose(1, 2, 0)
+        values = np.concatenate(parts)[:count].transpose(1, 2, 0)
     if not np.isfinite(values).all():
         raise ValueError(f"system: its outputs grow beyond all numbers within {time[-1]:g} s; it is unstable")
-    return TimeResponse(kind, time, values, system.input_labels, system.output_labels, system.dt, system)
+    return TimeResponse(kind, time, values, given.input_labels, given.output_labels, given.dt, given)
 
 
 def _instants(system: Lti, timepts: ArrayLike | float | None) -> Array:
@@ -260,11 +243,10 @@ def _instants(system: Lti, timepts: ArrayLike | float | None) -> Array:
     no_signals("timepts", timepts, "instants [s]")
     if timepts is None or plain_array("timepts", timepts).ndim == 0:
         span, width = _shown(system)
-        if timepts is not None:
-            span = positive("timepts", timepts)
+        span = span if timepts is None else positive("timepts", timepts)
         if system.dt:
             return system.dt * np.arange(max(2, 1 + min(int(np.ceil(span / system.dt - ALIKE)), _MOST)))
-        return np.linspace(0.0, span, 1 + int(np.clip(np.ceil(span / width), _FEWEST, _MOST)))
+        return np.linspace(0.0, span, 1 + int(np.clip(np.ceil(span / width - ALIKE), _FEWEST, _MOST)))
     time = finite_array("timepts", timepts, ndim=1)
     if len(time) < 2 or time[0] != 0.0:
         raise ValueError("timepts: expected two instants or more, from 0 on")
@@ -281,23 +263,18 @@ def _shown(system: Lti) -> tuple[float, float]:
     rates = _seen(system)
     if not len(rates):
         return _LONG, _LONG / _FEWEST
-    side, decay, turning = side_of_axis(rates), np.abs(rates.real), np.abs(rates.imag)
-    swings = turning > decay
+    side, swings = side_of_axis(rates), np.abs(rates.imag) > np.abs(rates.real)
+    with np.errstate(divide="ignore"):
+        constants, periods = 1.0 / np.abs(rates.real), 2.0 * np.pi / np.abs(rates.imag)
     if (side > 0).any():
-        span = _EXPLODED / float(rates.real[side > 0].max())
+        span = _EXPLODED * constants[side > 0].min()
     else:
-        settled = _SETTLED / decay[side < 0].min(initial=np.inf)
-        creeping = _SETTLED / decay[(side < 0) & ~swings].min(initial=np.inf)
-        periods = 2.0 * np.pi * _PERIODS / turning[swings].min() if swings.any() else np.inf
-        span = float(min(settled if settled > 0.0 else np.inf, max(periods, creeping)))
+        settled, creeping = (constants[which].max(initial=0.0) for which in (side < 0, (side < 0) & ~swings))
+        slowest = periods[swings].max(initial=0.0)
+        span = min(_SETTLED * settled or np.inf, max(_PERIODS * slowest or np.inf, _SETTLED * creeping))
         if not swings.any() and (side == 0).any():  # what integrates goes on for good
             span = max(span if np.isfinite(span) else 0.0, _LONG / float(np.abs(rates).max() or 1.0))
-    width = min(
-        span / _FEWEST,
-        2.0 * np.pi / _PER_PERIOD / max(turning.max(), TINY),
-        1.0 / _PER_CONSTANT / max(decay.max(), TINY),
-    )
-    return float(span), float(width)
+    return float(span), float(min(span / _FEWEST, periods.min() / _PER_PERIOD, constants.min() / _PER_CONSTANT))
 
 
 def _seen(system: Lti) -> Array:

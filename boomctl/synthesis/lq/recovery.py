@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from boomctl.arrays import Array
 from boomctl.checks import finite_array, frequencies, positive
 from boomctl.lti.frequency import singular_values
+from boomctl.lti.modal import transmission_zeros
 from boomctl.lti.system import Lti
 from boomctl.printing import count, listed
 from boomctl.synthesis.lq.lqg import LqgResult, lqg
@@ -163,7 +164,7 @@ def loop_transfer_recovery(
     response = inner.response(omega)
     controllers = [design._controller.balanced().response(omega) for design in designs]
     loops = [singular_values(np.einsum("ijw,jkw->ikw", K, response)) for K in controllers]
-    zeros = inner.balanced().statespace("plant").zeros()
+    zeros = transmission_zeros(inner.balanced())
     return RecoveryResult(
         noise_intensities=intensities,
         recovery_errors=np.array([float((np.abs(loop - target) / target).max()) for loop in loops]),

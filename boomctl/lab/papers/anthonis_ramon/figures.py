@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 
-from boomctl.analysis.measured import MeasuredFrequencyResponse
 from boomctl.analysis.sigma import SigmaResult, sigma
 from boomctl.arrays import Array
 from boomctl.boom.exact import exact_eigenfrequencies_hz, exact_frequency_response
@@ -13,6 +12,7 @@ from boomctl.boom.factory import spray_boom
 from boomctl.boom.model import ACTUATORS, TIPS, boom_assembly
 from boomctl.boom.parameters import BoomParameters
 from boomctl.boom.published import COMPUTED_HZ, MEASURED_HZ
+from boomctl.identification.files.frequency_response import MeasuredFrequencyResponse
 from boomctl.lab.papers.jobs import Chapter
 from boomctl.report import Section, Table
 from boomctl.structure.beams.elements import DiscreteElements

@@ -3,8 +3,8 @@
 from collections.abc import Mapping
 from functools import partial
 
-from boomctl.analysis.measured import MeasuredFrequencyResponse
 from boomctl.boom.parameters import BoomParameters
+from boomctl.identification.files.frequency_response import MeasuredFrequencyResponse
 from boomctl.lab.papers.anthonis_ramon.figures import figures_chapter
 from boomctl.lab.papers.anthonis_ramon.friction import POINTS, friction_chapter
 from boomctl.lab.papers.anthonis_ramon.updating import updating_chapter

@@ -1,9 +1,11 @@
 """Measured curves from CSV files, complex frequency responses from CSV files and universal files (UFF)."""
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from importlib import import_module
+from itertools import product
 from math import tau
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -68,12 +70,8 @@ class MeasuredFrequencyResponse:
             return None
         from boomctl.lti.python_control import control
 
-        names: dict[str, Any] = {
-            "inputs": list(self.input_labels),
-            "outputs": list(self.output_labels),
-            "name": "measured",
-        }
-        return control.frd(self.frdata, tau * self.frequency_hz, **names)
+        names: dict[str, Any] = {"inputs": list(self.input_labels), "outputs": list(self.output_labels)}
+        return control.frd(self.frdata, tau * self.frequency_hz, **names, name="measured")
 
     def plot(self, ax: "Axes | None" = None, *, frequency_unit: str | None = None, **style: Any) -> "Axes":
         """Draw the curve over frequency, on a sigma plot over the computed ones.
@@ -143,43 +141,42 @@ def read_frequency_response(path: str | Path) -> MeasuredFrequencyResponse:
     """
     file = checked_path("path", path)
     if file.suffix.lower() in _UNIVERSAL:
-        from boomctl.analysis.universal_files import read_responses
+        from boomctl.identification.files.universal import read_responses
 
         return _of_response(*read_responses(file))
     table = read_numbers(path)
-    header, values = table.header, table.values
+    header, freq, values = table.header, table.values[:, 0], table.values[:, 1:]
+    heads = f"{path}, line {table.header_line}"
     if header[0] not in _FREQUENCY or len(header) < 2:
-        raise ValueError(
-            f"{path}, line {table.header_line}: expected columns freq_hz and at least one more, got {list(header)}"
-        )
-    freq = values[:, 0]
-    if (freq < 0).any() or not (np.diff(freq) > 0).all():
-        bad = int(np.argmax(np.concatenate([[freq[0] < 0], ~(np.diff(freq) > 0)])))
-        raise ValueError(
-            f"{path}, line {table.lines[bad]}: expected freq_hz not below zero and ascending, got {freq[bad]:g}"
-        )
+        raise ValueError(f"{heads}: expected columns freq_hz and at least one more, got {list(header)}")
+    wrong = np.flatnonzero(~(np.diff(freq, prepend=-1.0) > 0.0) | (freq < 0.0))
+    if len(wrong):
+        line, got = table.lines[wrong[0]], freq[wrong[0]]
+        raise ValueError(f"{path}, line {line}: expected freq_hz not below zero and ascending, got {got:g}")
     twice = next((name for i, name in enumerate(header) if name in header[:i]), None)
     if twice is not None:
-        raise ValueError(f"{path}, line {table.header_line}: column {twice!r} is there twice")
+        raise ValueError(f"{heads}: column {twice!r} is there twice")
     if any(name.startswith(("re_", "im_")) for name in header):
-        response = _complex_response(path, table.header_line, header, values)
-        p, m, _ = response.shape
-        names = tuple(f"in_{i + 1}" for i in range(m)), tuple(f"out_{o + 1}" for o in range(p))
-        return _of_response(freq, response, *names)
+        response = _complex_response(heads, header[1:], values)
+        outputs, inputs = (
+            tuple(f"{word}_{k + 1}" for k in range(size))
+            for word, size in zip(("out", "in"), response.shape, strict=False)
+        )
+        return _of_response(freq, response, inputs, outputs)
     for name in header[1:]:
         words = " ".join(re.findall(r"[a-z]+", name.lower()))
         for what, said in _NO_MAGNITUDES.items():
             if re.fullmatch(said, words):
                 raise ValueError(
-                    f"{path}, line {table.header_line}: expected columns of magnitudes, got {name!r}, the name of {what};"
+                    f"{heads}: expected columns of magnitudes, got {name!r}, the name of {what};"
                     " leave it out, or give complex responses as re_OUT_IN, im_OUT_IN"
                 )
-    if (values[:, 1:] < 0).any():
-        line, column = (int(i) for i in np.argwhere(values[:, 1:] < 0)[0])
+    if (values < 0).any():
+        row, column = np.argwhere(values < 0)[0]
         raise ValueError(
-            f"{path}, line {table.lines[line]}: expected a magnitude not below zero in {header[1 + column]!r}"
+            f"{path}, line {table.lines[row]}: expected a magnitude not below zero in {header[1 + column]!r}"
         )
-    return MeasuredFrequencyResponse(freq, values[:, 1:].T.copy(), header[1:])
+    return MeasuredFrequencyResponse(freq, values.T.copy(), header[1:])
 
 
 def _of_response(
@@ -191,24 +188,19 @@ def _of_response(
     return MeasuredFrequencyResponse(freq_hz, curves, labels, response, inputs, outputs)
 
 
-def _complex_response(path: str | Path, line: int, header: tuple[str, ...], table: Array) -> Array:
-    entries = {}
-    for column, name in enumerate(header[1:], 1):
-        part, *place = name.split("_")
-        if part not in ("re", "im") or len(place) != 2 or not all(text.isdigit() and int(text) > 0 for text in place):
-            raise ValueError(
-                f"{path}, line {line}: expected columns re_OUT_IN and im_OUT_IN with numbers from 1, got {name!r}"
-            )
-        key = part, int(place[0]) - 1, int(place[1]) - 1
-        if key in entries:  # re_1_1 and re_01_1
-            raise ValueError(f"{path}: column {name} is there twice")
-        entries[key] = table[:, column]
-    p, m = 1 + max(key[1] for key in entries), 1 + max(key[2] for key in entries)
-    if 2 * p * m > len(entries):  # before an array of that size is made: numbers may be any
-        parts = ((part, o, i) for o in range(p) for i in range(m) for part in ("re", "im"))
-        part, o, i = next(key for key in parts if key not in entries)
-        raise ValueError(f"{path}: column {part}_{o + 1}_{i + 1} is missing")
-    response = np.zeros((p, m, len(table)), dtype=complex)
-    for (part, o, i), column in entries.items():
-        response[o, i] += column if part == "re" else 1j * column
-    return response
+def _complex_response(place: str, header: Sequence[str], values: Array) -> Array:
+    """Return the response whose real and imaginary parts stand in columns."""
+    columns = {}
+    for name, column in zip(header, values.T, strict=True):
+        word = re.fullmatch(r"(re|im)_0*([1-9][0-9]*)_0*([1-9][0-9]*)", name)
+        if word is None:
+            raise ValueError(f"{place}: expected columns re_OUT_IN and im_OUT_IN with numbers from 1, got {name!r}")
+        key = word[1], int(word[2]), int(word[3])
+        if key in columns:  # re_1_1 and re_01_1
+            raise ValueError(f"{place}: column {name!r} is there twice")
+        columns[key] = column
+    outputs, inputs = (range(1, 1 + max(key[k] for key in columns)) for k in (1, 2))
+    missing = next((key for key in product(("re", "im"), outputs, inputs) if key not in columns), None)
+    if missing is not None:
+        raise ValueError(f"{place}: column {missing[0]}_{missing[1]}_{missing[2]} is missing")
+    return np.array([[columns["re", o, i] + 1j * columns["im", o, i] for i in inputs] for o in outputs])

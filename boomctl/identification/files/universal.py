@@ -1,6 +1,7 @@
 """Frequency responses from universal files (UFF), data sets 58; the package pyuff, an extra, reads them."""
 
 import re
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -31,10 +32,8 @@ def read_responses(path: Path) -> tuple[Array, Array, tuple[str, ...], tuple[str
     """
     result: dict[tuple[tuple[int, int], tuple[int, int]], Array] = {}
     grid = None
-    kinds, sets = _data_sets(path)
-    for k, item in sets:
-        if int(item["func_type"]) not in _RESPONSES or int(item["abscissa_spec_data_type"]) != _FREQUENCY:
-            continue  # coherences, spectra and time histories may stand beside them
+    kinds, responses = _data_sets(path)
+    for k, item in responses.items():
         place = f"{path}, data set {k + 1}"
         out, into = ((int(item[f"{side}_node"]), int(item[f"{side}_dir"])) for side in ("rsp", "ref"))
         freq, values = _curve(place, item)
@@ -45,26 +44,24 @@ def read_responses(path: Path) -> tuple[Array, Array, tuple[str, ...], tuple[str
             raise ValueError(f"{place}: the response of {_signal(out)} to {_signal(into)} is there twice")
         result[out, into] = values
     if grid is None:
-        there = ", ".join(str(kind) for kind in sorted(set(kinds))) or "none"
+        there = ", ".join(map(str, sorted(kinds))) or "none"
         raise ValueError(f"{path}: expected data sets 58 with frequency responses, got data sets {there}")
     outputs, inputs = (sorted({key[side] for key in result}) for side in (0, 1))
-    hole = next(((out, into) for out in outputs for into in inputs if (out, into) not in result), None)
-    if hole is not None:
-        raise ValueError(f"{path}: the response of {_signal(hole[0])} to {_signal(hole[1])} is missing")
+    missing = next((key for key in product(outputs, inputs) if key not in result), None)
+    if missing is not None:
+        raise ValueError(f"{path}: the response of {_signal(missing[0])} to {_signal(missing[1])} is missing")
     response = np.array([[result[out, into] for into in inputs] for out in outputs])
     return grid, response, tuple(map(_signal, inputs)), tuple(map(_signal, outputs))
 
 
-def _data_sets(path: Path) -> tuple[list[int], list[tuple[int, dict[str, Any]]]]:
-    """Return the kinds of all data sets, and the data sets 58 with their numbers."""
+def _data_sets(path: Path) -> tuple[set[int], dict[int, dict[str, Any]]]:
+    """Return the kinds of all data sets, and the frequency responses by their place in the file."""
     try:
         import pyuff  # an extra of its own
     except ImportError:
         raise ImportError(
             f"{path}: universal files are read by the package pyuff: pip install 'boomctl[uff]'"
         ) from None
-    if path.is_dir():
-        raise ValueError(f"{path}: expected a file, got a folder")
     lines = path.read_bytes().splitlines()  # pyuff's own message for a file that is not there names no file
     if sum(line.rstrip() == _MARK for line in lines) % 2:
         raise ValueError(
@@ -73,17 +70,13 @@ def _data_sets(path: Path) -> tuple[list[int], list[tuple[int, dict[str, Any]]]]
     try:
         file = pyuff.UFF(str(path))
         kinds = [int(kind) for kind in file.get_set_types()]
-        sets = [(k, file.read_sets(k)) for k, kind in enumerate(kinds) if kind == 58]
-        units = [file.read_sets(k) for k, kind in enumerate(kinds) if kind == 164]
-        factors = [(name, float(item[name])) for item in units for name in ("length", "force")]
-        for _, item in sets:
-            _ = (
-                int(item["func_type"]),
-                int(item["abscissa_spec_data_type"]),
-                int(item["num_pts"]),
-                item["x"],
-                item["data"],
-            )
+        sets = {k: file.read_sets(k) for k, kind in enumerate(kinds) if kind in (58, 164)}
+        factors = [(name, float(sets[k][name])) for k in sets if kinds[k] == 164 for name in ("length", "force")]
+        responses = {}
+        for k in (k for k in sets if kinds[k] == 58):
+            kind, _ = int(sets[k]["func_type"]), (int(sets[k]["num_pts"]), sets[k]["x"], sets[k]["data"])
+            if int(sets[k]["abscissa_spec_data_type"]) == _FREQUENCY and kind in _RESPONSES:
+                responses[k] = sets[k]  # coherences, spectra and time histories may stand beside them
     except Exception as error:  # of a broken file it may raise anything
         raise ValueError(f"{path}: not a universal file that pyuff can read: {error}") from None
     if 0 in kinds:
@@ -93,20 +86,20 @@ def _data_sets(path: Path) -> tuple[list[int], list[tuple[int, dict[str, Any]]]]
             raise ValueError(
                 f"{path}: expected SI units, got a file whose unit of {name} is 1/{factor:g} of that (data set 164)"
             )
-    return kinds, sets
+    return set(kinds), responses
 
 
-def _curve(place: str, each: dict[str, Any]) -> tuple[Array, Array]:
+def _curve(place: str, item: dict[str, Any]) -> tuple[Array, Array]:
     """Return frequencies and complex values of one data set, checked."""
-    freq, values = np.asarray(each["x"], dtype=float), np.asarray(each["data"])
+    freq, values = np.asarray(item["x"], dtype=float), np.asarray(item["data"])
     if not np.iscomplexobj(values):
         raise ValueError(f"{place}: expected a complex frequency response, got real numbers")
     if not (np.isfinite(freq).all() and np.isfinite(values).all() and len(freq) and freq.shape == values.shape):
         raise ValueError(f"{place}: expected finite numbers, one a frequency")
-    if len(freq) != int(each["num_pts"]):
-        raise ValueError(f"{place}: expected {int(each['num_pts'])} values, as it says itself, got {len(freq)}")
+    if len(freq) != int(item["num_pts"]):
+        raise ValueError(f"{place}: expected {int(item['num_pts'])} values, as it says itself, got {len(freq)}")
     for axis, others in _OTHER_UNITS.items():
-        unit = str(each.get(f"{axis}_axis_units_lab", ""))
+        unit = str(item.get(f"{axis}_axis_units_lab", ""))
         if others.intersection(re.findall(r"[a-z]+", unit.lower())):
             raise ValueError(f"{place}: expected SI units and frequencies in Hz, got the unit {unit!r}")
     if (freq < 0.0).any() or not (np.diff(freq) > 0.0).all():
