@@ -230,6 +230,14 @@ def finite_array(name: str, value: ArrayLike, ndim: int | None = None) -> Array:
     return numbers
 
 
+def span(name: str, value: ArrayLike) -> tuple[float, float]:
+    """Return ``value`` as two finite numbers, nonnegative and ascending."""
+    ends = finite_array(name, value)
+    if ends.shape != (2,) or not 0.0 <= ends[0] < ends[1]:
+        raise ValueError(f"`{name}` must be two nonnegative numbers, ascending, got {value!r}.")
+    return float(ends[0]), float(ends[1])
+
+
 def no_signals(name: str, value: object, expected: str) -> None:
     """Refuse names of signals where a grid or a controller stands.
 
