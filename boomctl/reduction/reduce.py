@@ -5,7 +5,7 @@ from math import inf
 from typing import TYPE_CHECKING
 
 from boomctl.analysis.norm import NO_RESPONSE, NormBounds
-from boomctl.checks import finite_array, known, positive, up_to, warn_user, whole
+from boomctl.checks import known, positive, span, up_to, warn_user, whole
 from boomctl.exceptions import LowerOrderWarning, ReductionError
 from boomctl.lti.bilinear import image_of_omega, omega_of_image
 from boomctl.lti.system import Lti, of
@@ -119,7 +119,10 @@ def reduce(
         raise ValueError("order, error: expected exactly one of them")
     if order is not None and whole("order", order, 0) > _states(given):
         raise ValueError(f"order = {order}: the system has only {_states(given)} states")
-    wanted, limits = None if max_error is None else positive("max_error", max_error), _checked_range(omega_range)
+    wanted, limits = (
+        None if max_error is None else positive("max_error", max_error),
+        None if omega_range is None else span("omega_range", omega_range),
+    )
     if method == "second-order" and isinstance(given, Lti):
         raise TypeError(f"method 'second-order': expected a SecondOrderModel, got {type(system).__name__}")
     with computing("reduction", progress):
@@ -191,17 +194,6 @@ def _states(system: Lti | SecondOrderModel) -> int:
         return len(system.A)
     filters = 2 * sum(bandwidth is not None for bandwidth in system.ports.bandwidths)
     return 2 * system.ncoordinates + sum(system.ports.integrators) + filters
-
-
-def _checked_range(omega_range: object) -> Band | None:
-    if omega_range is None:
-        return None
-    limits = finite_array("omega_range", omega_range)  # type: ignore[arg-type]
-    if limits.shape != (2,) or not 0.0 <= limits[0] < limits[1]:
-        raise ValueError(
-            f"`omega_range` must be two frequencies [rad/s], nonnegative and ascending, got {omega_range!r}."
-        )
-    return float(limits[0]), float(limits[1])
 
 
 def _within(reducer: StateReducer | StrongestModes, error: float) -> tuple[Lti | SecondOrderModel, Verified]:

@@ -101,7 +101,7 @@ REFUSED = [
         lambda: bc.lqg(UNSEEN, 1.0, 1.0, 1.0, 1.0, ltr_intensity=0.5),
         "`ltr_intensity` must be 0 for a discrete system",
     ),
-    (lambda: recovered(band=(3.0, 1.0)), "`omega_range` must be two positive frequencies"),
+    (lambda: recovered(band=(3.0, 1.0)), "`omega_range` must be two nonnegative numbers, ascending"),
     (lambda: recovered(strengths=[]), "`noise_intensities` must be one number or more"),
     (lambda: recovered(control.ss(LAG), 0.0), "must yield a regulator with a loop to recover"),
     (lambda: recovered(MODES, measurements="y"), "`measurements` must be at least as many as the controls"),

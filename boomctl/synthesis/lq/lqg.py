@@ -153,14 +153,19 @@ def lqg(
             " `controls` to exclude them."
         )
     measured = chosen("measurements", measurements, plant.output_labels)
-    problem = regulator_problem(plant, driven, Q, R, output_weight)
-    noise = noise_of(plant, process_noise, measurement_noise, measurements=measured, disturbances=disturbances)
-    way = plant.select(driven, measured)
     if nonnegative("ltr_intensity", ltr_intensity) and plant.dt:
         raise ValueError(
             f"`ltr_intensity` must be 0 for a discrete system, whose loop is not recovered, got {exactly(ltr_intensity)}."
         )
-    noise = _with_recovery(noise, way, ltr_intensity)
+
+    def parts(plant: Lti, Q: Weight | None) -> tuple[Lti, RiccatiProblem, Noise]:
+        """Return a plant from controls to measurements, its regulator problem, and its noise."""
+        problem = regulator_problem(plant, driven, Q, R, output_weight)
+        noise = noise_of(plant, process_noise, measurement_noise, measurements=measured, disturbances=disturbances)
+        way = plant.select(driven, measured)
+        return way, problem, _with_recovery(noise, way, ltr_intensity)
+
+    way, problem, noise = parts(plant, Q)
     regulator = solved_regulator(problem, driven, plant.state_labels)
     estimator = solved_filter(plant, noise, measured)
     K = observer(way, regulator.gain, estimator.gain.T)
@@ -175,12 +180,7 @@ def lqg(
 
         def with_cost(full: Lti) -> Lti:
             given = around(full).select(plant.input_labels, plant.output_labels)
-            if by_states:
-                return _between_all(given, driven, measured)
-            task = regulator_problem(given, driven, 0.0, R, output_weight)
-            noise = noise_of(given, process_noise, measurement_noise, measurements=measured, disturbances=disturbances)
-            way = given.select(driven, measured)
-            return _weighted(way, task, _with_recovery(noise, way, ltr_intensity))
+            return _between_all(given, driven, measured) if by_states else _weighted(*parts(given, 0.0))
 
         origin = ReducedPlant(origin.reduction, with_cost)
     certificate = certify(loop, K, least, regulator, estimator, plant=P, origin=origin, by_states=by_states)

@@ -15,12 +15,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from boomctl.analysis.h2 import matrices_h2_norm
-from boomctl.analysis.norm import UNSTABLE, NormBounds, axis_eigenvalues, level_norm, matrices_norm
+from boomctl.analysis.norm import UNSTABLE, NormBounds, matrices_norm
 from boomctl.arrays import blocks
 from boomctl.checks import warn_user
 from boomctl.exceptions import ReductionWarning
 from boomctl.lti.bilinear import continuous_image
-from boomctl.lti.frequency import largest_gain, singular_values
+from boomctl.lti.frequency import largest_gain
 from boomctl.lti.modal import partial_fractions, sides
 from boomctl.lti.system import ClosedLoop, Lti, of
 from boomctl.printing import compact
@@ -35,7 +35,6 @@ _ORIGIN = "_boomctl_reduced_plant"  # Attribute of a generalized plant with its 
 _MAX_POLES = 800  # States of a full loop whose poles are computed, in two seconds.
 _MAX_NORM = 200  # States of a full loop whose norm is computed, in a second.
 _WARNING_FACTOR = 1.1  # Norm on the full plant, relative to that on the reduced one, from which on to warn.
-_BEYOND = 2.0  # A frequency beyond a range, relative to its end.
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,22 +161,7 @@ def _share(reduction: ReductionResult, plant: GeneralizedPlant, K: Lti) -> float
         blocks([[np.zeros((m, p)), np.eye(m)], [np.eye(p), plant.D22]]),
         dt=plant.system.dt,
     )
-    parts = ClosedLoop(added, K)
-    KS = parts.system
     if reduction.error_norm == 0.0:
         return 0.0
-    largest = matrices_norm(parts).upper_bound
-    if reduction.omega_range is None:
-        return largest * min(reduction.error_norm, reduction.error_bound)
-    everywhere = largest * reduction.error_bound
-    if everywhere < 1.0 or KS.dt != 0.0:  # not refined on the unit circle
-        return everywhere
-    inside = level_norm(KS, band=reduction.omega_range).upper_bound * reduction.error_norm
-    low, high = reduction.omega_range
-    outside = np.array([0.0, 0.5 * low, _BEYOND * high] if low > 0.0 else [_BEYOND * high])
-    values = np.append(singular_values(KS.response(outside, quiet=True))[0], np.linalg.norm(KS.D, 2))
-    if values.max() * reduction.error_bound >= 1.0:
-        return max(inside, float(values.max()) * reduction.error_bound)
-    crossings = axis_eigenvalues(KS, 1.0 / reduction.error_bound)
-    # if all are within the range, the level is not reached outside of it
-    return inside if ((crossings > low) & (crossings < high)).all() else max(inside, everywhere)
+    everywhere = reduction.error_bound if reduction.omega_range else min(reduction.error_norm, reduction.error_bound)
+    return matrices_norm(ClosedLoop(added, K)).upper_bound * everywhere
