@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from importlib import import_module
 from math import inf
 from typing import TYPE_CHECKING, Any
@@ -120,21 +120,12 @@ class ReductionResult:
 
     def __claims__(self) -> Iterator[Claim]:
         """Yield what can be proved."""
-        full, reduced, upper = of(self._full, sampled=True), of(self._reduced, sampled=True), self.error_norm
-        structure = isinstance(self._full, SecondOrderModel)
-        stands = "the state space that stands for the structure" if structure else ""
-        if self.retained_order:  # the response near their poles is what it is, whatever happens to the last digits
+        full, reduced = of(self._full, sampled=True), of(self._reduced, sampled=True)
+        stands = "the state space that stands for the structure" if isinstance(self._full, SecondOrderModel) else ""
+        if self.retained_order:  # The response near their poles is exact, regardless of the last digits.
             stands = "states that are kept as they are, but for rounding"
-        norm = (0.0, upper, self.certificate.peak_omega)
-        yield Claim(
-            "the error",
-            full,
-            minus=reduced,
-            stable=None if self.retained_order else True,
-            norm=norm,
-            band=self.omega_range,
-            rounded=stands,
-        )
+        norm, stable = (0.0, self.error_norm, self.certificate.peak_omega), None if self.retained_order else True
+        yield Claim("the error", full, None, reduced, stable, norm, band=self.omega_range, rounded=stands)
 
     def __repr__(self) -> str:
         ends = between(self._reduced.input_labels, self._reduced.output_labels)
@@ -153,14 +144,9 @@ class ReductionResult:
         """Singular values of the full system, of the reduced one and of their difference, computed when first asked for."""
         full, worst = self._full, self.certificate.peak_omega
         top = ABOVE * max(worst if worst < inf else 0.0, 0.0 if self.omega_range is None else self.omega_range[1])
-        if isinstance(full, Lti):
-            result = Resonances.of_system(full)
-            result = Resonances.of_system(full, top) if top > result.high else result
-        else:
-            split = SplitModel.of(full)
-            result = split.resonances()
-            result = split.resonances(top) if top > result.high else result
-        omega = drawn_grid(result, [worst])
+        resonances = partial(Resonances.of_system, full) if isinstance(full, Lti) else SplitModel.of(full).resonances
+        result = resonances()
+        omega = drawn_grid(resonances(top) if top > result.high else result, [worst])
         before, after = (_response(system, omega) for system in (full, self._reduced))
         error = singular_values(before - after)[0]
         return ReductionCurves(omega, singular_values(before), singular_values(after), error)

@@ -189,17 +189,16 @@ def _clusters(K: Lti) -> list[Lti]:
 
 def _minimal(part: Lti, read: Array, drive: Array) -> Lti:
     """Return the reachable and observable states of a part between the signals of a subsystem."""
-    inputs, outputs = (
-        np.linalg.norm(part.B) * np.linalg.norm(read, axis=0),
-        np.linalg.norm(part.C) * np.linalg.norm(drive, axis=1),
-    )
-    inputs, outputs = np.where(inputs > 0.0, inputs, 1.0), np.where(outputs > 0.0, outputs, 1.0)
-    B, C = part.B @ read / inputs, drive @ part.C / outputs[:, None]
-    (n, m), p = B.shape, len(C)
-    wide = np.zeros((n, max(m, p))), np.zeros((max(m, p), n))
-    wide[0][:, :m], wide[1][:p] = B, C
-    A, B, C, order = slycot.tb01pd(n, m, p, part.A, *wide, equil="N", tol=_RANK_RTOL)
-    return Lti(A[:order, :order], B[:order, :m] * inputs, C[:p, :order] * outputs[:, None], np.zeros((p, m)))
+    inputs, outputs = np.linalg.norm(read, axis=0), np.linalg.norm(drive, axis=1)[:, None]
+    sizes = [
+        np.where(size > 0.0, size, 1.0) for size in (np.linalg.norm(part.B) * inputs, np.linalg.norm(part.C) * outputs)
+    ]
+    n, m, p = len(part.A), read.shape[1], len(drive)
+    A, B, C, order = np.zeros((0, 0)), np.zeros((n, max(m, p))), np.zeros((max(m, p), n)), 0
+    B[:, :m], C[:p] = part.B @ read / sizes[0], drive @ part.C / sizes[1]
+    if n and m and p:
+        A, B, C, order = slycot.tb01pd(n, m, p, part.A, B, C, "M", "N", _RANK_RTOL)
+    return Lti(A[:order, :order], B[:order, :m] * sizes[0], C[:p, :order] * sizes[1], np.zeros((p, m)))
 
 
 def _mirror(model: SecondOrderModel) -> Mirror:
@@ -224,5 +223,5 @@ def _signals(
                 raise ValueError(f"{label!r} of the {side} controller must be an {kind} of that subsystem of `model`.")
             columns.append(matrix[:, stems.index(label)])
     both = np.reshape(columns, (-1, len(machine))).T
-    used = both.any(axis=1)
-    return [name for name, uses in zip(machine, used, strict=True) if uses], both[used]
+    used = np.flatnonzero(both.any(axis=1))
+    return [machine[k] for k in used], both[used]
