@@ -78,9 +78,9 @@ def _checked(what: str, value: Weight, signals: Sequence[str], kind: str, limit:
     safe = np.where(size > 0.0, size, np.where(coupled, np.sqrt(np.abs(matrix).max(initial=0.0)), 1.0))
     lowest = float(linalg.eigvalsh(matrix / np.outer(safe, safe)).min(initial=np.inf))
     if lowest < limit or (kind == "definite" and lowest == limit):
-        plain = float(linalg.eigvalsh(matrix)[0])
-        lowest = plain if (plain < 0.0) == (lowest < 0.0) else lowest
-        raise ValueError(f"`{what}` must be positive {kind}, got an eigenvalue of {lowest:.4g}.")
+        raise ValueError(
+            f"`{what}` must be positive {kind}, got an eigenvalue of {lowest:.4g}, scaled to a unit diagonal."
+        )
     return matrix
 
 
