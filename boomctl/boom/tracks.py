@@ -36,6 +36,7 @@ from boomctl.checks import (
     truth,
     up_to,
     whole,
+    within,
 )
 from boomctl.lti.rounding import ALIKE
 from boomctl.threads import one_blas_thread
@@ -420,14 +421,9 @@ def bump_track(
            [0.  ]])
     """
     known("side", side, ("left", "right", "both"))
-    peak, extent, begin = real("height", height), positive("bump_length", bump_length), positive("position", position)
-    spacing, whole_length = positive("spacing", spacing), positive("length", length)
-    if begin + extent > whole_length:
-        raise ValueError(
-            f"position = {exactly(begin)}: expected the bump to end before the track does, at {up_to(whole_length)} m"
-        )
-    if extent < 10.0 * spacing:
-        raise ValueError(f"bump_length = {exactly(extent)}: expected at least ten steps, {from_on(10 * spacing)} m")
+    peak, spacing, whole_length = real("height", height), positive("spacing", spacing), positive("length", length)
+    extent = within("bump_length", bump_length, 10.0 * spacing, whole_length, "m")
+    begin = within("position", position, 0.0, whole_length - extent, "m")
     s = (spacing * np.arange(step_count("length", whole_length, spacing, "m") + 1) - begin) / extent
     raised = np.where((s > 0.0) & (s < 1.0), 0.5 * peak * (1.0 - np.cos(2.0 * np.pi * s)), 0.0)
     level = np.zeros_like(raised)

@@ -29,7 +29,7 @@ import numpy as np
 from boomctl.boom.model import ACTUATORS
 from boomctl.boom.parameters import BoomParameters
 from boomctl.boom.tracks import SPEEDS
-from boomctl.checks import exactly, nonnegative, positive, within
+from boomctl.checks import nonnegative, positive, within
 from boomctl.lti.system import Lti
 from boomctl.parameters import Parameters, or_default
 from boomctl.threads import one_blas_thread
@@ -113,11 +113,7 @@ class TractorParameters(Parameters):
             check = nonnegative if field.name in _MAY_BE_ZERO else positive
             check(field.name, getattr(self, field.name))
         self._plain()
-        if self.cg_to_rear_axle >= self.wheelbase:
-            raise ValueError(
-                f"cg_to_rear_axle = {exactly(self.cg_to_rear_axle)}: expected less than the wheelbase, "
-                f"{exactly(self.wheelbase)}"
-            )
+        within("cg_to_rear_axle", self.cg_to_rear_axle, 0.0, self.wheelbase, "m")
 
     @property
     def axle_positions(self) -> tuple[float, float]:
