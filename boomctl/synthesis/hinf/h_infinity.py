@@ -61,9 +61,9 @@ class HInfinityResult(Summarized, Design):
     gamma: float
     certificate: DesignCertificate
     gamma_bounds: Bounds
-    _plant: Lti | None = field(default=None, repr=False, compare=False)
-    _rtol: float = field(default=np.inf, repr=False, compare=False)
-    elapsed: float = field(default=0.0, repr=False, compare=False)
+    _plant: Lti = field(repr=False, compare=False)
+    _rtol: float = field(repr=False, compare=False)
+    elapsed: float = field(repr=False, compare=False)
 
     @property
     def success(self) -> bool:
@@ -74,10 +74,8 @@ class HInfinityResult(Summarized, Design):
 
     def __claims__(self) -> Iterator[Claim]:
         """Yield the claims about the loop of the plant that can be proved."""
-        if self._plant is not None:
-            yield replace(
-                self.certificate.norm_bounds._claim("the closed loop", self._plant, self._controller), stable=True
-            )
+        claim = self.certificate.norm_bounds._claim("the closed loop", self._plant, self._controller)
+        yield replace(claim, stable=True)
 
     def plot(self, ax: Any = None, *, frequency_unit: str | None = None, **style: Any) -> Any:
         """Plot the singular values of the closed loop, its norm and the lower bound for all controllers.

@@ -66,12 +66,11 @@ class H2Result(Design):
     optimal_norm: float
     poles: Array = field(repr=False)
     certificate: DesignCertificate
-    _plant: Lti | None = field(default=None, repr=False, compare=False)
+    _plant: Lti = field(repr=False, compare=False)
 
     def __claims__(self) -> Iterator[Claim]:
         """Yield the claims about the loop of the plant that can be proved."""
-        if self._plant is not None:
-            yield Claim("the closed loop", self._plant, self._controller, stable=True)
+        yield Claim("the closed loop", self._plant, self._controller, stable=True)
 
     def __repr__(self) -> str:
         c = self.certificate

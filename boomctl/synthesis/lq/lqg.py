@@ -63,12 +63,11 @@ class LqgResult(Design):
     poles: Array = field(repr=False)
     cost: float
     certificate: DesignCertificate
-    _plant: Lti | None = field(default=None, repr=False, compare=False)
+    _plant: Lti = field(repr=False, compare=False)
 
     def __claims__(self) -> Iterator[Claim]:
         """Yield the claims about the loop of the plant that can be proved."""
-        if self._plant is not None:
-            yield Claim("the closed loop", self._plant, self._controller, stable=True)
+        yield Claim("the closed loop", self._plant, self._controller, stable=True)
 
     @property
     def h2_norm(self) -> float:

@@ -77,7 +77,7 @@ class LqrResult(Design):
     poles: Array = field(repr=False)
     uncontrollable_modes: tuple[HiddenMode, ...]
     certificate: DesignCertificate
-    _plant: Lti | None = field(default=None, repr=False, compare=False)
+    _plant: Lti = field(repr=False, compare=False)
 
     def __iter__(self) -> Iterator[Array]:
         """Yield gain, cost and poles: ``K, S, E = lqr(...)``, as python-control's ``lqr`` returns them."""
@@ -85,8 +85,7 @@ class LqrResult(Design):
 
     def __claims__(self) -> Iterator[Claim]:
         """Yield the claims about the loop of the plant that can be proved."""
-        if self._plant is not None:
-            yield Claim("the closed loop", self._plant, static(-self.gain), stable=True)
+        yield Claim("the closed loop", self._plant, static(-self.gain), stable=True)
 
     @cached_property
     def control_loop(self) -> control.StateSpace:

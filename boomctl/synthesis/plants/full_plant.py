@@ -9,7 +9,7 @@ computed too.
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
-from math import inf, nan
+from math import inf, isfinite, nan
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -25,7 +25,7 @@ from boomctl.lti.modal import partial_fractions, sides
 from boomctl.lti.system import ClosedLoop, Lti, of
 from boomctl.printing import compact
 from boomctl.reduction.result import ReductionResult
-from boomctl.synthesis.certificate import NOT_COMPUTED, UNDEFINED, DesignCertificate, norm_there
+from boomctl.synthesis.certificate import NOT_COMPUTED, UNDEFINED, DesignCertificate, trust
 from boomctl.synthesis.plants.partition import GeneralizedPlant, cancelled
 
 if TYPE_CHECKING:
@@ -148,7 +148,20 @@ def _summary(reduction: ReductionResult, stable: bool | None, share: float, slow
             f"stability is not proved {plant}; {gain}, where less than 1 proves it; increase the order of the reduction"
         )
     how = f"proved: {gain}" if share < 1.0 else f"by its poles, the slowest at {slowest:.3g} rad/s"
-    return f"stable {plant} ({how}){norm_there(norm, '; its ')}"
+    return f"stable {plant} ({how}){_norm_text(norm)}"
+
+
+def _norm_text(norm: NormBounds) -> str:
+    """Return a norm on a full plant as text, empty if it was not computed."""
+    if norm.method == NOT_COMPUTED:
+        return ""
+    if norm.method == UNDEFINED:
+        return f"; its cost there is {UNDEFINED}"
+    if norm.kind == "h2":
+        return f"; its H2 norm there is {norm.value:.6g}, a cost of {norm.value**2:.6g} ({trust(norm)})"
+    if isfinite(norm.upper_bound):
+        return f"; its norm there is {norm.upper_bound:.6g}"
+    return f"; its norm there is at least {norm.lower_bound:.6g} ({norm.method})"
 
 
 def _share(reduction: ReductionResult, plant: GeneralizedPlant, K: Lti) -> float:
