@@ -126,11 +126,8 @@ def judged_on_full_plant(
                 norm = matrices_h2_norm(cancelled(loop, full.D11)) if reduced.kind == "h2" else matrices_norm(parts)
                 stages.append(f"norm: {norm.method}")
     summary = _summary(reduction, stable, share, slowest, norm)
-    worse = False
-    if stable and reduced is not None and norm.method != NOT_COMPUTED:
-        now, before = (norm.value, reduced.value) if norm.kind == "h2" else (norm.upper_bound, reduced.upper_bound)
-        worse = now > _WARNING_FACTOR * before
-    if not stable or worse:
+    known = inf if reduced is None or norm.method == NOT_COMPUTED else reduced.value
+    if not stable or norm.value > _WARNING_FACTOR * known:
         warn_user(f"The controller was designed on a reduced plant: {summary}.", ReductionWarning)
     fastest, source = float(np.abs(K.poles).max(initial=0.0)), "none: computed for the reduced plant"
     return DesignCertificate(norm, slowest, fastest, 0.0, source, tuple(stages), summary, stable, small_gain=share)
@@ -139,16 +136,13 @@ def judged_on_full_plant(
 def _summary(reduction: ReductionResult, stable: bool | None, share: float, slowest: float, norm: NormBounds) -> str:
     plant = f"on the full plant of {reduction.full_order} states"
     gain = f"K S times the reduction's error of {reduction.error_norm:.3g} is up to {share:.3g}"
+    if stable:
+        how = f"proved: {gain}" if share < 1.0 else f"by its poles, the slowest at {slowest:.3g} rad/s"
+        return f"stable {plant} ({how}){_norm_text(norm)}"
+    result = f"stability is not proved {plant}; {gain}, where less than 1 proves it"
     if stable is False:
-        return (
-            f"UNSTABLE {plant} (a pole with real part {slowest:.3g} rad/s); {gain}; increase the order of the reduction"
-        )
-    if stable is None:
-        return (
-            f"stability is not proved {plant}; {gain}, where less than 1 proves it; increase the order of the reduction"
-        )
-    how = f"proved: {gain}" if share < 1.0 else f"by its poles, the slowest at {slowest:.3g} rad/s"
-    return f"stable {plant} ({how}){_norm_text(norm)}"
+        result = f"UNSTABLE {plant} (a pole with real part {slowest:.3g} rad/s); {gain}"
+    return f"{result}; increase the order of the reduction"
 
 
 def _norm_text(norm: NormBounds) -> str:
