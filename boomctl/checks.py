@@ -308,7 +308,7 @@ def some_names(what: str, wanted: str | Sequence[str] | None, choices: Sequence[
     """Return the wanted names as `names` does; none at all are refused."""
     result = names(what, wanted, choices)
     if not result:
-        raise ValueError(f"{what}s: expected at least one name, got none")
+        raise ValueError(f"`{what}s` must have at least one name, got none.")
     return result
 
 

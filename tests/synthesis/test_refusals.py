@@ -123,7 +123,7 @@ REFUSED = [
     (lambda: fed_through(0.5), "not well-posed"),
     (lambda: bc.lft(P, control.ss([], [], [], 1.0, inputs="z_q", outputs="u")), "'z_q' is an output of P"),
     (lambda: bc.lft(SAMPLED, LAG), "`controller` must have a sampling time of 0.1 s, as P has, got continuous"),
-    (lambda: select_channels(P, []), "inputs: expected at least one"),
+    (lambda: select_channels(P, []), "`inputs` must have at least one name"),
     (lambda: bc.h_infinity("P", 1, 1), "`P` must be a generalized plant.*generalized_plant"),
     (
         lambda: bc.h2(control.rss(2, 3, 3), 3, 1),

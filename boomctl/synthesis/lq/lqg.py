@@ -10,7 +10,7 @@ import numpy as np
 
 from boomctl.analysis.claim import Claim
 from boomctl.arrays import Array, blocks
-from boomctl.checks import exactly, nonnegative, warn_user
+from boomctl.checks import exactly, nonnegative, some_names, warn_user
 from boomctl.lti.gramians import square_root
 from boomctl.lti.system import Lti, lower_lft
 from boomctl.printing import system
@@ -19,7 +19,7 @@ from boomctl.synthesis.certificate import Design, DesignCertificate, trust
 from boomctl.synthesis.lq.kalman import solved_filter
 from boomctl.synthesis.lq.lqr import regulator_problem, solved_regulator
 from boomctl.synthesis.lq.output_feedback import certify, least_cost, observer
-from boomctl.synthesis.lq.problem import Noise, Weight, chosen, noise_of, plant_of, semidefinite
+from boomctl.synthesis.lq.problem import Noise, Weight, noise_of, plant_of, semidefinite
 from boomctl.synthesis.lq.riccati import RiccatiProblem
 from boomctl.synthesis.plants.full_plant import ReducedPlant, origin_of
 from boomctl.synthesis.plants.partition import GeneralizedPlant
@@ -144,14 +144,14 @@ def lqg(
     (8.4853, 2)
     """
     plant = plant_of(system.system if isinstance(system, ReductionResult) else system, sampled=True)
-    driven = chosen("controls", controls, plant.input_labels)
+    driven = some_names("control", controls, plant.input_labels)
     noisy = [name for name in plant.input_labels if isinstance(process_noise, Mapping) and name in process_noise]
     if controls is None and noisy and len(noisy) < len(plant.input_labels):
         warn_user(
             f"The controller drives all inputs, also those with process noise, {', '.join(noisy)}. Pass"
             " `controls` to exclude them."
         )
-    measured = chosen("measurements", measurements, plant.output_labels)
+    measured = some_names("measurement", measurements, plant.output_labels)
     if nonnegative("ltr_intensity", ltr_intensity) and plant.dt:
         raise ValueError(
             f"`ltr_intensity` must be 0 for a discrete system, whose loop is not recovered, got {exactly(ltr_intensity)}."

@@ -15,7 +15,7 @@ from scipy import linalg
 from boomctl.analysis.claim import Claim
 from boomctl.analysis.norm import NormBounds
 from boomctl.arrays import Array, blocks
-from boomctl.checks import finite_array, names
+from boomctl.checks import finite_array, names, some_names
 from boomctl.exceptions import SynthesisError
 from boomctl.lti.bilinear import continuous_image, omega_of_image
 from boomctl.lti.frequency import largest_gain
@@ -27,7 +27,7 @@ from boomctl.printing import between, count
 from boomctl.synthesis.assumptions import check_stabilizable, check_weighted
 from boomctl.synthesis.certificate import Design, DesignCertificate
 from boomctl.synthesis.lq.discrete_riccati import solution_of
-from boomctl.synthesis.lq.problem import Weight, chosen, definite, plant_of, semidefinite
+from boomctl.synthesis.lq.problem import Weight, definite, plant_of, semidefinite
 from boomctl.synthesis.lq.riccati import RiccatiProblem, RiccatiSolution, even
 from boomctl.threads import one_blas_thread
 
@@ -153,7 +153,7 @@ def lqr(
     array([[1.    , 1.4142]])
     """
     plant = plant_of(system, sampled=True)
-    driven = chosen("controls", controls, plant.input_labels)
+    driven = some_names("control", controls, plant.input_labels)
     listed = tuple(integral_action) if isinstance(integral_action, Mapping) else integral_action
     integrated = names("integral_action", listed, plant.output_labels)
     integrals = integral_action if isinstance(integral_action, Mapping) else dict.fromkeys(integrated, 1.0)

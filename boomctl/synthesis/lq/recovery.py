@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from boomctl.arrays import Array
-from boomctl.checks import finite_array, positive, span
+from boomctl.checks import finite_array, positive, some_names, span
 from boomctl.lti.frequency import singular_values
 from boomctl.lti.system import Lti
 from boomctl.printing import count, listed
 from boomctl.synthesis.lq.lqg import LqgResult, lqg
-from boomctl.synthesis.lq.problem import Weight, chosen, plant_of
+from boomctl.synthesis.lq.problem import Weight, plant_of
 from boomctl.threads import one_blas_thread
 
 if TYPE_CHECKING:
@@ -136,8 +136,8 @@ def loop_transfer_recovery(
     array([0.97, 0.87, 0.3 ])
     """
     plant = plant_of(system)
-    driven = chosen("controls", controls, plant.input_labels)
-    measured = chosen("measurements", measurements, plant.output_labels)
+    driven = some_names("control", controls, plant.input_labels)
+    measured = some_names("measurement", measurements, plant.output_labels)
     if len(measured) < len(driven):
         raise ValueError(
             f"`measurements` must be at least as many as the controls ({len(driven)}), got {len(measured)}."
