@@ -28,7 +28,6 @@ from boomctl.checks import (
     exactly,
     finite_array,
     frequencies,
-    from_on,
     known,
     positive,
     real,
@@ -281,8 +280,8 @@ def iso_track(
     Raises
     ------
     TypeError, ValueError
-        A class that does not exist, a length that is longer than the ground or does not hold the shortest wave, a step
-        too long for that, a band without a wave.
+        If `road_class` is unknown, if `length` exceeds the ground, if `spacing` is too long for the shortest wave, or if the
+        track has no wave within `wave_number_range`.
 
     Notes
     -----
@@ -305,10 +304,6 @@ def iso_track(
             f"spacing = {exactly(spacing)}: expected less than {up_to(0.5 / high)} m, half the shortest wave of the band"
         )
     count = step_count("length", longest, spacing, "m")
-    if count < 2 or count * spacing * high < 1.0:
-        raise ValueError(
-            f"length = {exactly(longest)}: expected at least the shortest wave of the band, {from_on(1 / high)} m"
-        )
     round_trip = truth("periodic", periodic)
     period = count * spacing if round_trip else GROUND_LENGTH
     if not round_trip:

@@ -67,7 +67,10 @@ REFUSED = [
     # tracks
     (lambda: road("I"), "unknown road_class 'I'"),
     (lambda: road(8), "road_class = 8: expected a whole number of at most 7"),
-    (lambda: road(length=0.2), r"length = 0\.2: expected at least the shortest wave"),
+    (
+        lambda: road(length=0.2, periodic=True),
+        r"`wave_number_range` must contain a multiple of 5 /m, got 0\.01 to 3 /m",
+    ),
     (lambda: road(spacing=0.5), r"spacing = 0\.5: expected less than 0\.16"),
     (
         lambda: road(wave_number_range=(3.0, 1.0)),
