@@ -234,7 +234,7 @@ def span(name: str, value: ArrayLike) -> tuple[float, float]:
     """Return ``value`` as two finite numbers, nonnegative and ascending."""
     ends = finite_array(name, value)
     if ends.shape != (2,) or not 0.0 <= ends[0] < ends[1]:
-        raise ValueError(f"`{name}` must be two nonnegative numbers, ascending, got {value!r}.")
+        raise ValueError(f"`{name}` must be two nonnegative numbers, ascending, got {shown(value)}.")
     return float(ends[0]), float(ends[1])
 
 

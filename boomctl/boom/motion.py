@@ -30,7 +30,7 @@ _SIDES, _MOTIONS = ("time_s", "left_m", "right_m"), ("time_s", "jolt_m", "yaw_ra
 _SWEEPS = {"jolt": (1.0, 1.0), "yaw": (-1.0, 1.0), "left": (1.0, 0.0), "right": (0.0, 1.0)}
 _STATED = "actuator_distance_m"  # the comment "# actuator_distance_m = 1.78" of a file of motion
 _MEANT = re.compile(rf"{_STATED}|(?=.*actuator)(?=.*distance)(?=.*\d)", re.IGNORECASE)  # A comment on that distance.
-_COMMENT = re.compile(rf"{_STATED}\s*=\s*([0-9]+\.?[0-9]*(?:e[+-]?[0-9]+)?)", re.IGNORECASE)
+_COMMENT = re.compile(rf"{_STATED}\s*=\s*((?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:e[+-]?[0-9]+)?)", re.IGNORECASE)
 
 
 @dataclass(frozen=True, eq=False)
@@ -237,7 +237,7 @@ def _driven_before(system: Lti, track: Track, speed: float, h: float, wheelbase:
     if slowest <= _DRIFTING:
         return 0, None
     settling, once = -np.log(_SETTLED) / slowest, track.length / speed
-    step_count("run-in", min(settling, once), h, "s")
+    step_count("run-in", max(min(settling, once), h), h, "s")
     if settling <= once:
         return int(np.ceil(settling / h)), None
     steps = int(np.ceil(once / h))

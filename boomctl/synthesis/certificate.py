@@ -20,11 +20,6 @@ NOT_COMPUTED = "not computed"
 UNDEFINED = "not defined, because states of the reduced plant have weights or noise"
 
 
-def trust(norm: NormBounds) -> str:
-    """Return how much a norm can be trusted, as text."""
-    return "verified" if norm.verified else "not verified"
-
-
 class Design:
     """Controller and closed loop of a design, converted to python-control systems on first access.
 

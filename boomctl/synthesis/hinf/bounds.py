@@ -148,10 +148,9 @@ def _bisected(
             continue
         if growth > _MAX_GROWTH:
             raise SynthesisError(f"No level up to {gamma:.3g} is reached: {level.reason}.")
+        first = secant if len(levels) == 2 and secant > low else np.nan
         # The radius of a level that only the coupling excludes is reached.
-        gamma = float(
-            np.nanmin([growth * base, level.radius * (1.0 + _COUPLED_RTOL), secant if secant > low else np.nan])
-        )
+        gamma = float(np.nanmin([growth * base, level.radius * (1.0 + _COUPLED_RTOL), first]))
         growth **= 2
     return levels
 

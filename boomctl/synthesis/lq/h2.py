@@ -17,7 +17,7 @@ from boomctl.exceptions import SynthesisError
 from boomctl.lti.system import Lti, lower_lft
 from boomctl.printing import system
 from boomctl.synthesis.assumptions import check_modes, check_ranks, check_zeros
-from boomctl.synthesis.certificate import Design, DesignCertificate, trust
+from boomctl.synthesis.certificate import Design, DesignCertificate
 from boomctl.synthesis.hinf.normal_form import normalized
 from boomctl.synthesis.lq.discrete_riccati import solution_of
 from boomctl.synthesis.lq.output_feedback import certify, least_cost, observer
@@ -74,7 +74,7 @@ class H2Result(Design):
 
     def __repr__(self) -> str:
         c = self.certificate
-        norms = f"H2 norm of the closed loop {self.norm:.6g}, {trust(c.norm_bounds)}; least possible {self.optimal_norm:.6g}"
+        norms = f"H2 norm of the closed loop {self.norm:.6g}, {c.norm_bounds.status}; least possible {self.optimal_norm:.6g}"
         return f"H2Result: controller of {system(self._controller)}\n  {norms}{c._on_full_plant}"
 
 

@@ -15,7 +15,7 @@ from boomctl.lti.gramians import square_root
 from boomctl.lti.system import Lti, lower_lft
 from boomctl.printing import system
 from boomctl.reduction.result import ReductionResult
-from boomctl.synthesis.certificate import Design, DesignCertificate, trust
+from boomctl.synthesis.certificate import Design, DesignCertificate
 from boomctl.synthesis.lq.kalman import solved_filter
 from boomctl.synthesis.lq.lqr import regulator_problem, solved_regulator
 from boomctl.synthesis.lq.output_feedback import certify, least_cost, observer
@@ -76,7 +76,7 @@ class LqgResult(Design):
 
     def __repr__(self) -> str:
         c = self.certificate
-        costs = f"cost {self.cost:.6g}, {trust(c.norm_bounds)}; least possible {c.lower_bound**2:.6g}{c._on_full_plant}"
+        costs = f"cost {self.cost:.6g}, {c.norm_bounds.status}; least possible {c.lower_bound**2:.6g}{c._on_full_plant}"
         return f"LqgResult: controller of {system(self._controller)}\n  {costs}"
 
 

@@ -25,7 +25,7 @@ from boomctl.lti.modal import partial_fractions, sides
 from boomctl.lti.system import ClosedLoop, Lti, of
 from boomctl.printing import compact
 from boomctl.reduction.result import ReductionResult
-from boomctl.synthesis.certificate import NOT_COMPUTED, UNDEFINED, DesignCertificate, trust
+from boomctl.synthesis.certificate import NOT_COMPUTED, UNDEFINED, DesignCertificate
 from boomctl.synthesis.plants.partition import GeneralizedPlant, cancelled
 
 if TYPE_CHECKING:
@@ -152,7 +152,7 @@ def _norm_text(norm: NormBounds) -> str:
     if norm.method == UNDEFINED:
         return f"; its cost there is {UNDEFINED}"
     if norm.kind == "h2":
-        return f"; its H2 norm there is {norm.value:.6g}, a cost of {norm.value**2:.6g} ({trust(norm)})"
+        return f"; its H2 norm there is {norm.value:.6g}, a cost of {norm.value**2:.6g} ({norm.status})"
     if isfinite(norm.upper_bound):
         return f"; its norm there is {norm.upper_bound:.6g}"
     return f"; its norm there is at least {norm.lower_bound:.6g} ({norm.method})"
