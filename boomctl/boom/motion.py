@@ -296,12 +296,9 @@ def sine_sweep(
     (30.0, 0.0)
     """
     low, high = positive("start_hz", start_hz), positive("stop_hz", stop_hz)
-    T, h, size = positive("duration", duration), positive("sample_time", sample_time), real("amplitude", amplitude)
+    T, size, half_period = positive("duration", duration), real("amplitude", amplitude), 0.5 / max(low, high)
+    h = within("sample_time", positive("sample_time", sample_time), 0.0, half_period, "s")
     left, right = _SWEEPS[known("motion", motion, _SWEEPS)]
-    if max(low, high) * h >= 0.5:
-        raise ValueError(
-            f"sample_time = {exactly(h)}: expected less than {up_to(0.5 / max(low, high))} s, half the shortest period"
-        )
     time = h * np.arange(step_count("duration", T, h, "s") + 1)
     if truth("logarithmic", logarithmic) and low != high:
         rate = (np.log(high) - np.log(low)) / T

@@ -140,7 +140,7 @@ REFUSED = [
     (lambda: bc.h2(control.rss(2, 3, 3)), "`nmeas` must be given unless the labels of P begin with z_"),
     (lambda: bc.tune(P, bc.tunable.gain()), "nmeas: expected a whole number, got a structure"),
     (lambda: bc.low_pass(1.0, 0.0), "corner"),
-    (lambda: bc.synthesis.high_pass(1.0, 1.0, order=3), "`order` must be 1 or 2, got 3"),
+    (lambda: bc.synthesis.high_pass(1.0, 1.0, order=3), "order = 3: expected a whole number of at most 2"),
     (lambda: bc.synthesis.band_pass(1.0, 2.0, 1.0), "`low` must be less than `high`"),
     # assumptions
     (lambda: bc.h2(integrator(((3, 0, 0), (0, 0, 1), (0, 1, 0))), 1, 1), r"'w0' has a feedthrough 3 to .* 'z0'"),
